@@ -1,0 +1,172 @@
+"""The STM32 in Python: PWM outputs, arming, watchdog, counters. No I/O and no clock of its own.
+
+What the outputs do:
+
+    power-up    neutral (1500 us), disarmed
+    command     applied if it has one pulse width a thruster and is not late; its `armed` decides whether
+                the outputs take its pulse widths or stay neutral. Arming needs no ritual: whoever sends
+                an armed command means it, and the watchdog ends it when he stops
+    watchdog    no command applied for `watchdog_ns`, armed or not: neutral, disarmed, `timed_out`, one trip
+                counted, reported at once. The next command clears `timed_out` and is applied as any other
+
+Sequence numbers: the same one again is applied again (a host without a counter sends 0 for ever); one
+up to `LATE_WINDOW` behind the last is late (a datagram that was overtaken) and refused; one further
+behind is a host that started again, and applied. After a watchdog trip every number is.
+"""
+
+from hil.links.contract import (
+    PWM_MAX_US,
+    PWM_MIN_US,
+    PWM_NEUTRAL_US,
+    Message,
+    ThrusterCommand,
+    ThrusterLink,
+    ThrusterTelemetry,
+)
+
+WATCHDOG_NS = 200_000_000  # four commands missed at 20 Hz, ten at 50 Hz
+TELEMETRY_PERIOD_NS = 20_000_000
+LATE_WINDOW = 32  # sequence numbers
+NO_PULSE_US = 0
+NEVER_US = 0xFFFF_FFFF  # the age of a command that never came
+WRAP = 0xFFFF  # sequence numbers and counters have 16 bits
+
+
+class Stm32:
+    """The board: `pwm_us` are the compare values of its PWM timers in microseconds, one a thruster.
+
+    channels: number of thrusters, 1 to 16. watchdog_ns: the longest silence before the outputs go to
+    neutral. telemetry_period_ns: the longest time between two reports. All instants are nanoseconds of
+    one clock that never runs backwards, from 0 up; which one is the caller's choice.
+
+    Not modelled: the time that decoding takes the STM32, and the wait for the next PWM period (2.5 to
+    20 ms on a real one) until a new pulse width shows on the pin.
+    """
+
+    def __init__(
+        self, channels: int, watchdog_ns: int = WATCHDOG_NS, telemetry_period_ns: int = TELEMETRY_PERIOD_NS
+    ) -> None:
+        self.channels = channels
+        self.watchdog_ns = watchdog_ns
+        self.telemetry_period_ns = telemetry_period_ns
+        self.pwm_us = [PWM_NEUTRAL_US] * channels
+        self.armed = False
+        self.timed_out = False
+        self.sequence = 0  # of the last command applied
+        self.applied_ns = -1  # when; -1: never
+        self.frames = 0  # commands applied
+        self.refused = 0  # commands with a wrong number of channels, or late
+        self.line_errors = 0  # frames that were damaged on the way; set by whoever reads the line
+        self.watchdog_trips = 0
+        self._silence_ends_ns = -1  # when the watchdog trips; -1: it has, or has not been started
+        self._telemetry_due_ns = 0
+
+    @property
+    def deadline_ns(self) -> int:
+        """When `tick` has to be called next, unless a command comes before."""
+        if self._silence_ends_ns < 0:
+            return self._telemetry_due_ns
+        return min(self._silence_ends_ns, self._telemetry_due_ns)
+
+    def command(self, command: ThrusterCommand, now_ns: int) -> bool:
+        """Apply a command; whether it was (else it is counted in `refused`, and the watchdog goes on)."""
+        if len(command.pwm_us) != self.channels or self._is_late(command.sequence):
+            self.refused += 1
+            return False
+        self.armed = command.armed
+        self.pwm_us = [_pulse(width) for width in command.pwm_us] if command.armed else self._neutral()
+        self.timed_out = False
+        self.sequence = command.sequence & WRAP
+        self.applied_ns = now_ns
+        self.frames += 1
+        self._silence_ends_ns = now_ns + self.watchdog_ns
+        return True
+
+    def tick(self, now_ns: int) -> bool:
+        """Let time pass: trips the watchdog when it is due. Whether telemetry is to be sent now."""
+        if 0 <= self._silence_ends_ns <= now_ns:
+            self.disarm()
+            self.timed_out = True
+            self.watchdog_trips += 1
+            self._silence_ends_ns = -1
+            self._telemetry_due_ns = now_ns
+        return now_ns >= self._telemetry_due_ns
+
+    def telemetry(self, now_ns: int) -> ThrusterTelemetry:
+        """The report of this instant. The next one is due a period later; missed ones are skipped."""
+        late_ns = now_ns - self._telemetry_due_ns
+        on_time = 0 <= late_ns < self.telemetry_period_ns
+        self._telemetry_due_ns = now_ns + self.telemetry_period_ns - (late_ns if on_time else 0)
+        return ThrusterTelemetry(
+            sequence=self.sequence,
+            armed=self.armed,
+            timed_out=self.timed_out,
+            pwm_us=tuple(self.pwm_us),
+            age_us=NEVER_US if self.applied_ns < 0 else min((now_ns - self.applied_ns) // 1000, NEVER_US),
+            frames=self.frames & WRAP,
+            errors=(self.refused + self.line_errors) & WRAP,
+            watchdog_trips=self.watchdog_trips & WRAP,
+        )
+
+    def disarm(self) -> None:
+        """All outputs to neutral, now."""
+        self.armed = False
+        self.pwm_us = self._neutral()
+
+    def _neutral(self) -> list[int]:
+        return [PWM_NEUTRAL_US] * self.channels
+
+    def _is_late(self, sequence: int) -> bool:
+        return self._silence_ends_ns >= 0 and 0 < (self.sequence - sequence) & WRAP <= LATE_WINDOW
+
+
+def _pulse(width_us: int) -> int:
+    return width_us if PWM_MIN_US <= width_us <= PWM_MAX_US else NO_PULSE_US
+
+
+class Stm32End:
+    """An STM32 on its end of a link: wait on `fileno()` until `deadline_ns`, then call `service`."""
+
+    def __init__(self, stm32: Stm32, link: ThrusterLink) -> None:
+        self.stm32 = stm32
+        self.link = link
+
+    @property
+    def deadline_ns(self) -> int:
+        """When `service` has to be called even if no byte came: watchdog or telemetry."""
+        return self.stm32.deadline_ns
+
+    def fileno(self) -> int:
+        """The descriptor to wait on for commands."""
+        return self.link.wire.fileno()
+
+    def service(self, now_ns: int) -> int:
+        """Apply the commands that have come, answer each, then let time pass; how many were applied.
+
+        A command that lies there is read before the watchdog is looked at, so that a machine that wakes
+        us late does not count as a silent host. Raises DeviceError when the wire is gone.
+        """
+        applied = 0
+        for message in self.link.receive():
+            if self._apply(message, now_ns):
+                applied += 1
+                self._report(now_ns)
+        if self.stm32.tick(now_ns):
+            self._report(now_ns)
+        return applied
+
+    def close(self) -> None:
+        """Outputs to neutral, and the wire closed."""
+        self.stm32.disarm()
+        self.link.close()
+
+    def _apply(self, message: Message, now_ns: int) -> bool:
+        if isinstance(message, ThrusterCommand):
+            return self.stm32.command(message, now_ns)
+        self.link.counters.malformed += 1  # telemetry is what we say, not what we are told
+        return False
+
+    def _report(self, now_ns: int) -> None:
+        counters = self.link.counters
+        self.stm32.line_errors = counters.checksum_errors + counters.malformed
+        self.link.send(self.stm32.telemetry(now_ns))

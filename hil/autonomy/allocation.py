@@ -1,0 +1,139 @@
+"""From one wrench to the thrust of each thruster.
+
+Within the limits this is the least-squares answer of the smallest norm, by the pseudo-inverse of the
+thruster matrix (Fossen, "Marine Craft Hydrodynamics and Motion Control", on control allocation). The
+inverse is computed once, by a singular value decomposition in plain Python, so that a vehicle which cannot
+make some wrench (six thrusters, no pitch) is no exception.
+Beyond the limits forces give way in a stated order, see `Allocator`.
+"""
+
+from collections.abc import Sequence
+from math import copysign, sqrt
+from operator import gt, lt, mul, sub
+
+from hil.errors import ConfigError
+
+Wrench = tuple[float, float, float, float, float, float]
+Matrix = list[list[float]]
+
+# What cannot be had is shared by weight: a roll or pitch moment never costs surge, sway, heave or yaw.
+_WEIGHTS = (1.0, 1.0, 1.0, 0.01, 0.01, 1.0)
+# Combinations weaker than this share of the strongest count as "cannot": a lever arm of some millimetres.
+_RANK_TOLERANCE = 1e-4
+# Convergence is quadratic: 6 rows take about 5 sweeps.
+_MOST_SWEEPS = 30
+
+
+class Allocator:
+    """Shares a wrench among n thrusters.
+
+    `matrix` has 6 rows (X Y Z K M N along FRD) and n columns: the wrench of 1 N of each thruster, in N and
+    N m. `max_forward` and `max_reverse` are n positive limits in N. Raises ConfigError if the sizes do not
+    agree, a limit is not positive or no thruster pushes.
+
+    When a thruster would be beyond its limit, moments are served first, then heave, then the horizontal
+    force; each of the three is scaled as a whole, so what is left of the horizontal force keeps its
+    direction. Freedom left by more thrusters than needed is not used to put off saturation.
+    """
+
+    def __init__(
+        self, matrix: Sequence[Sequence[float]], max_forward: Sequence[float], max_reverse: Sequence[float]
+    ) -> None:
+        _check(matrix, max_forward, max_reverse)
+        self._matrix = [list(row) for row in matrix]
+        self._forward = list(max_forward)
+        self._reverse = [-limit for limit in max_reverse]
+        self._inverse, self.rank = pseudo_inverse(self._matrix)
+
+    def allocate(self, wrench: Sequence[float]) -> tuple[list[float], Wrench]:
+        """The n thrusts (N) for `wrench` (X Y Z N, K M N N m, along FRD), and the wrench they fall short of it."""
+        thrusts = _product(self._inverse, wrench)
+        if any(map(gt, thrusts, self._forward)) or any(map(lt, thrusts, self._reverse)):
+            thrusts = self._within_limits(wrench)
+        x, y, z, k, m, n = map(sub, wrench, _product(self._matrix, thrusts))
+        return thrusts, (x, y, z, k, m, n)
+
+    def _within_limits(self, wrench: Sequence[float]) -> list[float]:
+        x, y, z, k, m, n = wrench
+        thrusts = [0.0] * len(self._forward)
+        for part in ((0.0, 0.0, 0.0, k, m, n), (0.0, 0.0, z, 0.0, 0.0, 0.0), (x, y, 0.0, 0.0, 0.0, 0.0)):
+            self._add_what_fits(thrusts, _product(self._inverse, part))
+        return thrusts
+
+    def _add_what_fits(self, thrusts: list[float], extra: list[float]) -> None:
+        """Add the largest share, 0 to 1, of `extra` to `thrusts` that keeps every thruster in its limits."""
+        share = 1.0
+        for now, more, forward, reverse in zip(thrusts, extra, self._forward, self._reverse, strict=True):
+            if now + share * more > forward:
+                share = (forward - now) / more
+            elif now + share * more < reverse:
+                share = (reverse - now) / more
+        for index, more in enumerate(extra):
+            # the clip takes away the last bit of rounding only
+            wanted = thrusts[index] + share * more
+            thrusts[index] = min(self._forward[index], max(self._reverse[index], wanted))
+
+
+def pseudo_inverse(matrix: Sequence[Sequence[float]]) -> tuple[Matrix, int]:
+    """The weighted pseudo-inverse (n rows of 6) of a 6 x n thruster matrix, and the matrix's rank.
+
+    One-sided Jacobi (Golub & Van Loan 2013, section 8.6): rotations make the rows orthogonal to each
+    other, after which each row is a singular value times a right singular vector.
+    """
+    rows = [[weight * value for value in row] for weight, row in zip(_WEIGHTS, matrix, strict=True)]
+    size = len(rows)
+    basis = [[float(i == j) for j in range(size)] for i in range(size)]
+    negligible = 1e-14 * sum(_dot(row, row) for row in rows)
+    for _ in range(_MOST_SWEEPS):
+        if not _sweep(rows, basis, negligible):
+            break
+    energies = [_dot(row, row) for row in rows]
+    least = max(energies) * _RANK_TOLERANCE**2
+    strong = [i for i, energy in enumerate(energies) if energy > least]
+    inverse = [
+        [weight * sum(rows[i][column] * basis[i][axis] / energies[i] for i in strong)
+         for axis, weight in enumerate(_WEIGHTS)]
+        for column in range(len(rows[0]))
+    ]  # fmt: skip
+    return inverse, len(strong)
+
+
+def _sweep(rows: Matrix, basis: Matrix, negligible: float) -> bool:
+    """Rotate every pair of rows once; False when all were orthogonal already."""
+    rotated = False
+    for i in range(len(rows)):
+        for j in range(i + 1, len(rows)):
+            overlap = _dot(rows[i], rows[j])
+            if abs(overlap) > negligible:
+                _rotate(rows, basis, i, j, overlap)
+                rotated = True
+    return rotated
+
+
+def _rotate(rows: Matrix, basis: Matrix, i: int, j: int, overlap: float) -> None:
+    zeta = (_dot(rows[j], rows[j]) - _dot(rows[i], rows[i])) / (2.0 * overlap)
+    tangent = copysign(1.0, zeta) / (abs(zeta) + sqrt(1.0 + zeta * zeta))
+    c = 1.0 / sqrt(1.0 + tangent * tangent)
+    s = c * tangent
+    for table in (rows, basis):
+        first, second = table[i], table[j]
+        table[i] = [c * a - s * b for a, b in zip(first, second, strict=True)]
+        table[j] = [s * a + c * b for a, b in zip(first, second, strict=True)]
+
+
+def _product(matrix: Matrix, vector: Sequence[float]) -> list[float]:
+    return [sum(map(mul, row, vector)) for row in matrix]
+
+
+def _dot(a: list[float], b: list[float]) -> float:
+    return sum(x * y for x, y in zip(a, b, strict=True))
+
+
+def _check(matrix: Sequence[Sequence[float]], forward: Sequence[float], reverse: Sequence[float]) -> None:
+    count = len(forward)
+    if len(matrix) != 6 or any(len(row) != count for row in matrix) or len(reverse) != count:
+        raise ConfigError(f"thrusters: {count} limits need a matrix of 6 rows and {count} columns")
+    if not all(limit > 0.0 for limit in (*forward, *reverse)):
+        raise ConfigError("thrusters: every thrust limit must be above 0 N")
+    if not any(value for row in matrix for value in row):
+        raise ConfigError("thrusters: none of them pushes anywhere; give their directions")

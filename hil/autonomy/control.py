@@ -1,0 +1,204 @@
+"""The vehicle's controller: a cascade from what a planner asks to the wrench the thrusters should make.
+
+    depth ────P──> heave ──┐
+    surge, sway ───────────┴─PI──> linear acceleration ── x inertia ──> X Y Z
+    heading ──P──> turn rate ┐
+    roll, pitch ──P──────────┴─> p q r ──PID──> angular acceleration ── x inertia ──> K M N
+
+The shape is that of "Design and Implementation of a Modular UUV Simulation Platform", Sensors 2022, 22, 8043
+(position, velocity, attitude, angular rate; P, PI, PD or PID an axis); the position loop is the planner's.
+All loops work in accelerations, so that one set of gains serves vehicles of any size: the vehicle's own
+inertia, rigid plus added, turns them into newtons. Weight, buoyancy, drag and Coriolis forces are not fed
+forward: the integrators find them.
+"""
+
+from math import asin, atan2, cos, pi, sin
+from typing import Annotated, NamedTuple
+
+from hil.schema import Range
+
+Vector3 = tuple[float, float, float]
+Quaternion = tuple[float, float, float, float]
+Wrench = tuple[float, float, float, float, float, float]
+
+NO_RESIDUAL: Wrench = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+# Below this share of "upright" a depth error is no longer turned into heave alone.
+_LEAST_UPRIGHT = 0.5
+
+
+class AxisGains(NamedTuple):
+    """One velocity or angular-rate loop. Output: m/s² or rad/s², never beyond ±`limit`.
+
+    `p` in 1/s, `i` in 1/s², `d` without unit; `feedforward` in 1/s multiplies the commanded rate (linear
+    damping over inertia is a good value); `filter` is the time constant of the derivative's low-pass, s.
+    """
+
+    p: Annotated[float, Range(0.0, 100.0)]
+    i: Annotated[float, Range(0.0, 100.0)] = 0.0
+    d: Annotated[float, Range(0.0, 10.0)] = 0.0
+    limit: Annotated[float, Range(1e-3, 1e3)] = 10.0
+    feedforward: Annotated[float, Range(0.0, 100.0)] = 0.0
+    filter: Annotated[float, Range(0.0, 1.0, "s")] = 0.02
+
+
+class HoldGains(NamedTuple):
+    """One outer loop, which turns an error in m or rad into a rate: `p` in 1/s, `limit` in m/s or rad/s."""
+
+    p: Annotated[float, Range(0.0, 20.0)]
+    limit: Annotated[float, Range(1e-3, 10.0)]
+
+
+class Gains(NamedTuple):
+    """All loops of the cascade; the defaults suit a vehicle whose thrusters follow within about 0.1 s."""
+
+    surge: AxisGains = AxisGains(p=4.0, i=4.0)
+    sway: AxisGains = AxisGains(p=4.0, i=4.0)
+    heave: AxisGains = AxisGains(p=4.0, i=4.0)
+    roll_rate: AxisGains = AxisGains(p=6.0, i=4.0, limit=20.0)
+    pitch_rate: AxisGains = AxisGains(p=6.0, i=4.0, limit=20.0)
+    yaw_rate: AxisGains = AxisGains(p=6.0, i=4.0, limit=20.0)
+    depth: HoldGains = HoldGains(p=0.8, limit=0.5)
+    heading: HoldGains = HoldGains(p=1.0, limit=0.6)
+    roll: HoldGains = HoldGains(p=2.0, limit=1.0)
+    pitch: HoldGains = HoldGains(p=2.0, limit=1.0)
+
+
+class VelocityCommand(NamedTuple):
+    """What a planner asks of the vehicle. Roll and pitch are always asked to be level.
+
+    `surge`, `sway`, `heave` in m/s along FRD; `yaw_rate` in rad/s about the vertical, clockwise seen from
+    above. With `depth` (m below the surface) `heave` is ignored; with `heading` (rad from north, clockwise)
+    `yaw_rate` only leads the heading loop.
+    """
+
+    surge: float = 0.0
+    sway: float = 0.0
+    heave: float = 0.0
+    yaw_rate: float = 0.0
+    depth: float | None = None
+    heading: float | None = None
+
+
+class Navigation(NamedTuple):
+    """What the vehicle knows of itself.
+
+    `orientation` (w, x, y, z) of FRD in NED; `angular_velocity` p q r in rad/s and `velocity` u v w over
+    ground in m/s, both along FRD; `depth` in m.
+    """
+
+    orientation: Quaternion
+    angular_velocity: Vector3
+    velocity: Vector3
+    depth: float
+
+
+class CascadedController:
+    """Turns a `VelocityCommand` into a wrench, one call a control period.
+
+    `inertia` is the diagonal of rigid-body plus added mass: kg for X Y Z, kg m² for K M N. Coupling between
+    the axes is not modelled. On a vehicle that cannot roll or pitch by its thrusters these moments are
+    computed all the same and are left to the allocator to drop.
+    """
+
+    def __init__(self, gains: Gains, inertia: Wrench) -> None:
+        self._gains = gains
+        self._inertia = inertia
+        self._loops = [_Loop(axis) for axis in gains[:6]]
+
+    def reset(self) -> None:
+        """Forget all integrals and slopes: for taking over from a pause or from another controller."""
+        for loop in self._loops:
+            loop.reset()
+
+    def update(
+        self, command: VelocityCommand, navigation: Navigation, dt: float, residual: Wrench = NO_RESIDUAL
+    ) -> Wrench:
+        """The wrench (X, Y, Z in N; K, M, N in N m; along FRD) for the next `dt` seconds, `dt` > 0.
+
+        `residual` is what the allocator could not deliver of the last wrench (asked minus delivered): an
+        axis that lacks force does not go on integrating towards it.
+        """
+        down = _down_in_body(navigation.orientation)
+        heave = command.heave if command.depth is None else self._heave(command.depth, navigation, down)
+        targets = (command.surge, command.sway, heave, *self._rates(command, navigation.orientation, down))
+        measured = navigation.velocity + navigation.angular_velocity
+        x, y, z, k, m, n = (
+            inertia * loop.update(target, value, dt, lack)
+            for inertia, loop, target, value, lack in zip(
+                self._inertia, self._loops, targets, measured, residual, strict=True
+            )
+        )
+        return x, y, z, k, m, n
+
+    def _heave(self, depth: float, navigation: Navigation, down: Vector3) -> float:
+        """The heave, m/s, that gives the wanted rate of depth at the present attitude, surge and sway."""
+        hold = self._gains.depth
+        rate = _clamp(hold.p * (depth - navigation.depth), hold.limit)
+        u, v, _ = navigation.velocity
+        heave = (rate - down[0] * u - down[1] * v) / max(down[2], _LEAST_UPRIGHT)
+        return _clamp(heave, hold.limit / _LEAST_UPRIGHT)
+
+    def _rates(self, command: VelocityCommand, orientation: Quaternion, down: Vector3) -> Vector3:
+        """The p, q, r, rad/s, that level the vehicle and turn it about the vertical."""
+        gains = self._gains
+        roll, pitch = atan2(down[1], down[2]), -asin(_clamp(down[0], 1.0))
+        roll_rate = _clamp(-gains.roll.p * roll, gains.roll.limit)
+        pitch_rate = _clamp(-gains.pitch.p * pitch, gains.pitch.limit)
+        turn = command.yaw_rate
+        if command.heading is not None:
+            error = wrap(command.heading - heading_of(orientation))
+            turn = _clamp(turn + gains.heading.p * error, gains.heading.limit)
+        return (
+            roll_rate + turn * down[0],
+            pitch_rate * cos(roll) + turn * down[1],
+            -pitch_rate * sin(roll) + turn * down[2],
+        )
+
+
+class _Loop:
+    """PID with the derivative taken on the measurement and an integral that stops where force ends."""
+
+    __slots__ = ("_gains", "_integral", "_last", "_slope")
+
+    def __init__(self, gains: AxisGains) -> None:
+        self._gains = gains
+        self.reset()
+
+    def reset(self) -> None:
+        self._integral = 0.0
+        self._slope = 0.0
+        self._last: float | None = None
+
+    def update(self, target: float, measured: float, dt: float, lack: float) -> float:
+        p, i, d, limit, feedforward, time_constant = self._gains
+        error = target - measured
+        if self._last is not None:
+            self._slope += ((measured - self._last) / dt - self._slope) * dt / (time_constant + dt)
+        self._last = measured
+        wanted = p * error + feedforward * target - d * self._slope
+        integral = self._integral + i * error * dt
+        blocked = lack * error > 0.0 or (abs(wanted + integral) > limit and (wanted + integral) * error > 0.0)
+        if not blocked:
+            self._integral = _clamp(integral, limit)
+        return _clamp(wanted + self._integral, limit)
+
+
+def wrap(angle: float) -> float:
+    """`angle` (rad) brought into [-pi, pi)."""
+    return (angle + pi) % (2.0 * pi) - pi
+
+
+def heading_of(orientation: Quaternion) -> float:
+    """The heading (rad from north, clockwise, -pi to pi) of a body with this orientation FRD in NED."""
+    w, x, y, z = orientation
+    return atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+
+
+def _down_in_body(orientation: Quaternion) -> Vector3:
+    """The unit vector to the centre of the earth, along FRD: the last row of the rotation matrix."""
+    w, x, y, z = orientation
+    return 2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)
+
+
+def _clamp(value: float, limit: float) -> float:
+    return min(limit, max(-limit, value))

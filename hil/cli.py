@@ -1,0 +1,64 @@
+"""The one command, `uuv-hil`: a table of subcommands, each imported when it is called."""
+
+import sys
+from collections.abc import Callable
+from importlib import import_module
+
+from hil.errors import HilError
+
+# name -> module with `main(arguments) -> exit code`, and what it does
+COMMANDS = {
+    "demo": ("hil.commands.demo", "slave and master on this machine, one run, the HIL table"),
+    "slave": ("hil.commands.slave", "be the vehicle: the daemon on the card computer"),
+    "master": ("hil.commands.master", "plan and fly a scenario with a slave somewhere on the network"),
+    "stm32": ("firmware_stub.serve", "be only the STM32, on a pty or a serial port"),
+}
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run one subcommand; its exit code. Errors a person can mend are one line on standard error."""
+    arguments = sys.argv[1:] if arguments is None else arguments
+    name = arguments[0] if arguments else "--help"
+    if name in ("-h", "--help"):
+        print(_help())
+        return 0
+    if name == "--version":
+        from hil import __version__
+
+        print(f"uuv-hil {__version__}")
+        return 0
+    if name not in COMMANDS:
+        print(f"uuv-hil: no command {name!r}; there are: {', '.join(COMMANDS)} (see uuv-hil --help)", file=sys.stderr)
+        return 2
+    run: Callable[[list[str]], int] = import_module(COMMANDS[name][0]).main
+    try:
+        return run(arguments[1:])
+    except HilError as error:
+        print(f"uuv-hil {name}: {error}", file=sys.stderr)
+        return error.exit_code
+    except KeyboardInterrupt:
+        return 130
+    except BrokenPipeError:  # `uuv-hil ... | head`
+        sys.stderr.close()
+        return 141
+
+
+def _help() -> str:
+    rows = "\n".join(f"  {name:8} {text}" for name, (_, text) in COMMANDS.items())
+    return f"""usage: uuv-hil COMMAND [OPTIONS]
+
+Hardware-in-the-loop bridge and simulator for unmanned underwater vehicles.
+
+commands:
+{rows}
+
+examples:
+  uuv-hil demo                                            everything on this machine
+  uuv-hil slave paper_field --listen tcp/0.0.0.0:7447     on the card computer
+  uuv-hil master paper_field --connect tcp/192.168.3.116:7447
+
+uuv-hil COMMAND --help tells each command's options."""
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,154 @@
+"""Monotonic instants, the absolute-time rate keeper, and what makes a process real-time.
+
+Time is integer nanoseconds of the monotonic clock. On the network it is the same clock shifted once,
+at start, to the wall clock: two processes of one machine agree, and a wall clock that is stepped while
+they run does not bend a measured delay.
+"""
+
+import gc
+import os
+import time
+from time import CLOCK_MONOTONIC, clock_gettime_ns
+
+NS_PER_S = 1_000_000_000
+NS_PER_MS = 1_000_000
+NS_PER_US = 1_000
+
+_WALL_OFFSET_NS = time.time_ns() - clock_gettime_ns(CLOCK_MONOTONIC)
+
+
+def now_ns() -> int:
+    """The monotonic clock (ns); the same clock in every process of one machine."""
+    return clock_gettime_ns(CLOCK_MONOTONIC)
+
+
+def to_wall_ns(monotonic_ns: int) -> int:
+    """A monotonic instant as nanoseconds since 1970, by the offset the two clocks had at start."""
+    return monotonic_ns + _WALL_OFFSET_NS
+
+
+def from_wall_ns(wall_ns: int) -> int:
+    """The inverse of `to_wall_ns`."""
+    return wall_ns - _WALL_OFFSET_NS
+
+
+def seconds_ns(seconds: float) -> int:
+    """Seconds as whole nanoseconds."""
+    return round(seconds * NS_PER_S)
+
+
+def process_start_ns() -> int:
+    """The monotonic instant at which this process was executed.
+
+    From the variable UUV_HIL_EXEC_NS when the parent set it just before the exec, else from
+    /proc/self/stat, whose resolution is one clock tick (10 ms).
+    """
+    told = os.environ.get("UUV_HIL_EXEC_NS", "")
+    if told.isdigit():
+        return int(told)
+    with open("/proc/self/stat", "rb") as file:
+        ticks = int(file.read().rpartition(b")")[2].split()[19])
+    boot_to_monotonic = time.clock_gettime_ns(time.CLOCK_BOOTTIME) - now_ns()
+    return ticks * NS_PER_S // os.sysconf("SC_CLK_TCK") - boot_to_monotonic
+
+
+class Histogram:
+    """Counts of non-negative integers in bins 12 % to 25 % wide: constant memory, no allocation.
+
+    Quantiles are the upper edge of the bin they fall in, so they never flatter.
+    """
+
+    __slots__ = ("bins", "count", "maximum")
+
+    def __init__(self) -> None:
+        self.bins = [0] * 256
+        self.count = 0
+        self.maximum = 0
+
+    def add(self, value: int) -> None:
+        """Count one value; negative ones count as 0."""
+        value = max(value, 0)
+        self.count += 1
+        if value > self.maximum:
+            self.maximum = value
+        shift = value.bit_length() - 3  # the first three bits choose the bin within an octave
+        self.bins[value if shift <= 0 else shift * 4 + (value >> shift)] += 1
+
+    def quantile(self, share: float) -> int:
+        """The value that `share` (0..1) of all values do not exceed; 0 when there are none."""
+        wanted = share * self.count
+        seen = 0
+        for index, number in enumerate(self.bins):
+            seen += number
+            if number and seen >= wanted:
+                return min(self._upper_edge(index), self.maximum)
+        return self.maximum
+
+    @staticmethod
+    def _upper_edge(index: int) -> int:
+        if index < 8:
+            return index
+        shift = index // 4 - 1
+        return (((index % 4) + 5) << shift) - 1
+
+
+class RateKeeper:
+    """Says how many periods are due, on an absolute schedule that never drifts.
+
+    A loop that comes late catches up, but not by more than `most_due` periods at once: what is beyond
+    is skipped and counted in `skipped`. `lateness` holds how late each wake-up found the schedule (ns).
+    """
+
+    __slots__ = ("deadline_ns", "due_total", "lateness", "most_due", "period_ns", "skipped")
+
+    def __init__(self, period_ns: int, start_ns: int, most_due: int = 40) -> None:
+        self.period_ns = period_ns
+        self.deadline_ns = start_ns + period_ns
+        self.most_due = most_due
+        self.due_total = 0
+        self.skipped = 0
+        self.lateness = Histogram()
+
+    def due(self, now: int) -> int:
+        """How many periods have ended by `now` (monotonic ns) and not yet been reported."""
+        late = now - self.deadline_ns
+        if late < 0:
+            return 0
+        self.lateness.add(late)
+        number = 1 + late // self.period_ns
+        self.deadline_ns += number * self.period_ns
+        if number > self.most_due:
+            self.skipped += number - self.most_due
+            number = self.most_due
+        self.due_total += number
+        return number
+
+
+def schedule_fifo(priority: int) -> str:
+    """Real-time scheduling for this thread and those it makes from now on; a line that says whether it holds."""
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
+    except PermissionError:
+        return f"scheduling: normal; SCHED_FIFO not permitted (allow it with `ulimit -r {priority}` or CAP_SYS_NICE)"
+    return f"scheduling: SCHED_FIFO priority {priority}"
+
+
+def lock_memory() -> str:
+    """Keep the process's memory from being paged out; a line that says whether it holds."""
+    import ctypes  # 3 ms, so only here, after the process is ready
+
+    mcl_current, mcl_future, mcl_onfault = 1, 2, 4
+    libc = ctypes.CDLL(None, use_errno=True)
+    # ONFAULT: lock what is touched; without it the threads' untouched stacks would become resident.
+    if libc.mlockall(mcl_current | mcl_future | mcl_onfault) != 0:
+        reason = os.strerror(ctypes.get_errno())
+        return f"memory: not locked; mlockall: {reason} (allow it with `ulimit -l unlimited` or CAP_IPC_LOCK)"
+    return "memory: locked as it is touched"
+
+
+def quiet_garbage_collector() -> str:
+    """Take the collector out of the loop's way: what is there now is kept, the rest is collected by the health thread."""
+    gc.collect()
+    gc.freeze()
+    gc.disable()
+    return "garbage collector: off, run by the health thread"

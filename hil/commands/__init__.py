@@ -1,0 +1,1 @@
+"""The subcommands of `uuv-hil`, one file each."""

@@ -1,0 +1,102 @@
+"""`uuv-hil master`: plan and fly a scenario with a slave somewhere on the network."""
+
+import argparse
+import json
+import os
+
+from hil.bench import picture, table
+from hil.clock import NS_PER_S, now_ns
+from hil.config import Scenario, load_scenario
+from hil.errors import MissingExtraError, NetworkError
+from hil.master.client import VehicleClient
+from hil.master.mission import Mission, Outcome, Plan, prepare, require_success
+from hil.master.progress import Progress
+from hil.master.recorder import Recorder, make_folder, new_folder
+from hil.stop import StopSignals
+
+EXAMPLES = """\
+Start it before the slave and the start-up time is measured too.
+
+examples:
+  uuv-hil master paper_field --connect tcp/192.168.3.116:7447
+  uuv-hil master mine.toml --connect tcp/127.0.0.1:7447 --run-dir runs/today
+
+The folder of the run then holds trajectory.png, table.json, track.csv and master.log.
+"""
+
+
+def main(arguments: list[str]) -> int:
+    """Fly one mission; the exit code."""
+    parser = argparse.ArgumentParser(
+        prog="uuv-hil master",
+        description=__doc__,
+        epilog=EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("scenario", metavar="SCENARIO")
+    parser.add_argument("--connect", metavar="ENDPOINT", required=True, help="the slave, tcp/ADDRESS:PORT")
+    parser.add_argument("--wait", metavar="S", type=float, default=60.0, help="how long to wait for it [%(default)s s]")
+    parser.add_argument("--run-dir", metavar="DIR", help="where to put the results [runs/SCENARIO-TIME]")
+    parser.add_argument("--ready-fd", metavar="N", type=int, help="write a line to this descriptor when dialling")
+    options = parser.parse_args(arguments)
+    scenario = load_scenario(options.scenario)
+    folder = make_folder(options.run_dir) if options.run_dir else new_folder(options.scenario)
+    plan = prepare(scenario)
+    progress = Progress(os.path.join(folder, "master.log"))
+    progress.say(f"A* found a way of {len(plan.path)} points in {plan.duration:.2f} s")
+    with StopSignals() as stop_fd, VehicleClient(options.connect, scenario.slave.node) as client:
+        progress.say(f"waiting for {scenario.slave.node} at {options.connect}")
+        if options.ready_fd is not None:
+            os.write(options.ready_fd, b"\n")
+            os.close(options.ready_fd)
+        _wait(client, options.wait, stop_fd)
+        outcome, result = _fly(scenario, plan, client, folder, progress, stop_fd)
+    _report(scenario, plan, outcome, result, folder, progress)
+    require_success(outcome)
+    return 0
+
+
+def _wait(client: VehicleClient, seconds: float, stop_fd: int) -> None:
+    import select
+
+    deadline = now_ns() + round(seconds * NS_PER_S)
+    while not client.wait_for_vehicle(0.1):
+        if select.select((stop_fd,), (), (), 0)[0]:
+            raise KeyboardInterrupt
+        if now_ns() > deadline:
+            raise NetworkError(
+                f"no vehicle {client.node!r} answered at {client.endpoint} within {seconds:g} s; is `uuv-hil slave` "
+                "running there, with --listen on an address this machine reaches, and the same [slave] node?"
+            )
+    while not client.diagnostics() and now_ns() < deadline:
+        select.select((stop_fd,), (), (), 0.02)
+
+
+def _fly(
+    scenario: Scenario, plan: Plan, client: VehicleClient, folder: str, progress: Progress, stop_fd: int
+) -> tuple[Outcome, table.HilTable]:
+    health = client.diagnostics()
+    first_cpu = (float(health.get("cpu_s", 0.0)), client.latest["diagnostics"].received_ns / NS_PER_S)
+    progress.say(f"flying: {scenario.description}")
+    with Recorder(folder) as recorder:
+        outcome = Mission(scenario, plan, client, recorder, progress).fly(stop_fd)
+    return outcome, table.build(client, outcome, first_cpu)
+
+
+def _report(
+    scenario: Scenario, plan: Plan, outcome: Outcome, result: table.HilTable, folder: str, progress: Progress
+) -> None:
+    progress.say(
+        f"{outcome.reason} after {outcome.duration:.1f} s: {outcome.travelled:.1f} m travelled on a path of "
+        f"{outcome.path_length:.1f} m, {outcome.goal_error:.2f} m from the goal, at most {outcome.cross_track_max:.2f} m "
+        f"off the path, never nearer than {outcome.least_clearance:.2f} m to an obstacle"
+    )
+    progress.say("\n" + table.render(result) + "\n")
+    with open(os.path.join(folder, "table.json"), "w") as file:
+        json.dump(table.to_json(result, outcome), file, indent=2)
+    try:
+        picture.draw(folder, scenario, plan)
+    except MissingExtraError as error:
+        progress.say(f"no picture: {error}")
+    progress.say(f"results in {folder}/: {', '.join(sorted(os.listdir(folder)))}")
+    progress.close()

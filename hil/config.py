@@ -1,0 +1,133 @@
+"""The scenario file: what is flown, where, over which link, by whom."""
+
+import os
+from typing import Annotated, Literal, NamedTuple
+
+from hil.errors import ConfigError
+from hil.schema import Range, find_preset, parse, preset_names, read_table
+from sim.simulation import SensorSuite
+
+SCENARIOS = "hil/scenarios"
+VECTOR_M = tuple[Annotated[float, Range(-1e5, 1e5, "m")], Annotated[float, Range(-1e5, 1e5, "m")]]
+
+
+class Link(NamedTuple):
+    """The thruster link between the vehicle's computer and its STM32.
+
+    `wire = "pty"` makes a pseudo terminal; `device` is then an optional link to it, for other programs
+    to open. `wire = "uart"` opens `device`, by default the board's UART, at `baud`.
+    """
+
+    wire: Literal["pty", "uart"] = "pty"
+    protocol: Literal["frame"] = "frame"
+    frame: str = "uuv_hil"
+    device: str = ""
+    baud: Annotated[int, Range(1200, 12_000_000)] = 115_200
+    watchdog: Annotated[float, Range(0.02, 10.0, "s")] = 0.2
+
+
+class Slave(NamedTuple):
+    """The daemon on the card computer.
+
+    `step` is the integration step; `control_period` the controller's. Without a new command for
+    `deadman` the thrusters go to neutral. A command older than `command_age_limit` is dropped.
+    """
+
+    node: str = "uuv1"
+    listen: str = "tcp/127.0.0.1:7447"
+    step: Annotated[float, Range(0.0002, 0.02, "s")] = 0.0025
+    control_period: Annotated[float, Range(0.001, 0.2, "s")] = 0.02
+    deadman: Annotated[float, Range(0.05, 10.0, "s")] = 0.5
+    command_age_limit: Annotated[float, Range(0.01, 10.0, "s")] = 0.5
+    realtime: bool = True
+
+    def problem(self) -> str | None:
+        """Names are parts of network keys."""
+        ok = self.node.replace("_", "").isalnum() and self.node.isascii() and not self.node[0].isdigit()
+        return None if ok else f"node: {self.node!r} must be letters, digits and _, not starting with a digit"
+
+
+class Start(NamedTuple):
+    """Where the vehicle is at the beginning, NED."""
+
+    north: Annotated[float, Range(-1e5, 1e5, "m")] = 0.0
+    east: Annotated[float, Range(-1e5, 1e5, "m")] = 0.0
+    depth: Annotated[float, Range(0.0, 11_000.0, "m")] = 5.0
+    heading: Annotated[float, Range(-6.3, 6.3, "rad")] = 0.0
+
+
+class Master(NamedTuple):
+    """The planner: to `goal` (north, east) at `depth`, along an A* path, by pure pursuit.
+
+    The map has cells of `resolution`; obstacles are inflated by half the vehicle's horizontal diagonal
+    plus `margin`. The run fails when the goal is not reached within `time_limit`.
+    """
+
+    goal: VECTOR_M
+    depth: Annotated[float, Range(0.0, 11_000.0, "m")] = 5.0
+    speed: Annotated[float, Range(0.05, 5.0, "m/s")] = 1.0
+    lookahead: Annotated[float, Range(0.2, 50.0, "m")] = 2.0
+    tolerance: Annotated[float, Range(0.05, 10.0, "m")] = 0.5
+    resolution: Annotated[float, Range(0.02, 10.0, "m")] = 0.25
+    margin: Annotated[float, Range(0.0, 20.0, "m")] = 0.4
+    command_period: Annotated[float, Range(0.01, 1.0, "s")] = 0.05
+    time_limit: Annotated[float, Range(1.0, 86_400.0, "s")] = 300.0
+
+
+class Scenario(NamedTuple):
+    """One run. `stm32` says who plays the STM32, `controller` who sends it commands.
+
+    stm32: "python" inside the slave, "process" the same firmware in a process of its own, "device" a
+    real one on a UART. controller: "builtin", or "external": the link's host end is left to the user's
+    own vehicle software.
+    """
+
+    vehicle: str
+    world: str
+    master: Master
+    description: str = ""
+    seed: Annotated[int, Range(0, 2**63 - 1)] = 1
+    stm32: Literal["python", "process", "device"] = "python"
+    controller: Literal["builtin", "external"] = "builtin"
+    slave: Slave = Slave()
+    link: Link = Link()
+    start: Start = Start()
+    sensors: SensorSuite = SensorSuite()
+
+    def problem(self) -> str | None:
+        """The words that do not go together."""
+        if self.controller == "external" and self.stm32 != "python":
+            return (
+                f'controller = "external" needs stm32 = "python": with {self.stm32!r} the slave could not see the thrusters'
+            )
+        if (self.stm32 == "device") != (self.link.wire == "uart"):
+            return 'stm32 = "device" and [link] wire = "uart" go together'
+        if self.slave.deadman < 2 * self.slave.control_period:
+            return "slave: deadman must be at least twice control_period"
+        if self.link.watchdog < 2 * self.slave.control_period:
+            return "link: watchdog must be at least twice [slave] control_period"
+        return None
+
+
+def load_scenario(name: str) -> Scenario:
+    """The scenario at a path ending in `.toml`, or one of the installed ones by its name.
+
+    Paths in it (vehicle, world) are relative to the file. Raises ConfigError.
+    """
+    try:
+        path = find_preset(SCENARIOS, name)
+    except ConfigError as error:
+        if os.path.sep in name or os.path.exists(name):
+            raise ConfigError(f"{name}: a scenario is a file that ends in .toml, or one of: {_names()}") from None
+        raise ConfigError(f"no scenario {name!r}; give a .toml file or one of: {_names()}") from error
+    scenario = parse(read_table(path), Scenario, path)
+    folder = os.path.dirname(path)
+    return scenario._replace(vehicle=_relative(scenario.vehicle, folder), world=_relative(scenario.world, folder))
+
+
+def _names() -> str:
+    return ", ".join(preset_names(SCENARIOS))
+
+
+def _relative(name: str, folder: str) -> str:
+    return os.path.join(folder, name) if name.endswith(".toml") else name

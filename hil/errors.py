@@ -1,0 +1,48 @@
+"""The errors a person can meet, and what each one means.
+
+    HilError                  anything of ours; the command line prints it as one line
+    ├── ConfigError           a file or an option says something that cannot be meant
+    ├── DeviceError           a serial port, pty or bus cannot be opened, is busy, or went away
+    ├── NetworkError          a session cannot listen or connect, or the other side went away
+    ├── MissingExtraError     a package that this feature needs is not installed
+    └── MissionError          the run ended without reaching what the scenario asked for
+
+Each message names the file, key or port it is about and ends with the remedy. What arrives over a wire
+never raises any of these: it is decoded, or counted and dropped.
+"""
+
+
+class HilError(Exception):
+    """Base of all errors of this project. `str(error)` is one line that names the cause and the remedy."""
+
+    exit_code = 1
+
+
+class ConfigError(HilError):
+    """A scenario, vehicle, world, board or frame file, or a command-line option, is wrong."""
+
+    exit_code = 2
+
+
+class DeviceError(HilError):
+    """A device of this machine (serial port, pty, bus) cannot be used."""
+
+    exit_code = 3
+
+
+class NetworkError(HilError):
+    """The network session cannot be opened, or the peer it was opened for is not there."""
+
+    exit_code = 4
+
+
+class MissingExtraError(HilError):
+    """An optional package is needed; the message gives the pip command."""
+
+    exit_code = 5
+
+
+class MissionError(HilError):
+    """The mission was run and did not end as the scenario asked."""
+
+    exit_code = 6

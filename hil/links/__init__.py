@@ -1,0 +1,1 @@
+"""Thruster links: a wire (what carries bytes) times a protocol (what the bytes mean)."""

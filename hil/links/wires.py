@@ -1,0 +1,292 @@
+"""Wires of this machine: pseudo terminals and serial devices.
+
+    PtyWire      the STM32's end of a pseudo terminal; any program opens the other end by its path
+    PtyHostWire  the host's end of such a pty, without pyserial: for a controller of our own
+    UartWire     either end of a real serial device, or of a pty, through pyserial
+
+None of them blocks, and none tells noise from data: they carry bytes.
+"""
+
+import errno
+import fcntl
+import os
+import struct
+import termios
+import tty
+from typing import Any
+
+from hil.errors import ConfigError, DeviceError, MissingExtraError
+from hil.links.contract import Wire
+
+WIRES = {"pty": "hil.links.wires:PtyWire", "uart": "hil.links.wires:UartWire"}
+
+READ_SIZE = 4096  # what a terminal holds for its reader, and so the most that one read can give
+UNREAD_LIMIT = 2048  # bytes; at 20 ms and 32 bytes a frame, 1.3 s that nobody has read
+TCGETS2 = 0x802C542A  # asm-generic/ioctls.h: termios with the speed as a number, odd speeds too
+TERMIOS2_OSPEED = 40  # byte offset in struct termios2, asm-generic/termbits.h
+
+REMEDIES = {
+    errno.ENOENT: "no such device",
+    errno.EACCES: "permission denied; add this user to its group: sudo usermod -aG dialout $USER, then log in again",
+    errno.EAGAIN: "already in use by another process; end that one first (fuser -v names it)",
+    errno.EBUSY: "already in use by another process; end that one first (fuser -v names it)",
+    errno.ENOTTY: "is not a serial device",
+    errno.ENOTDIR: "no such device",
+    errno.ENXIO: "the driver knows no such device; is it plugged in?",
+    errno.EIO: "no device answers; is it plugged in, and does its other end run?",
+}
+
+
+def open_wire(kind: str, **settings: Any) -> Wire:
+    """The wire of that name in `WIRES`, opened with the arguments of its class.
+
+    Raises ConfigError if there is no such kind, and whatever opening it raises.
+    """
+    if kind not in WIRES:
+        raise ConfigError(f"wire: {kind!r} is not one of {', '.join(WIRES)}")
+    import importlib
+
+    module, _, name = WIRES[kind].partition(":")
+    wire: Wire = getattr(importlib.import_module(module), name)(**settings)
+    return wire
+
+
+class DescriptorWire(Wire):
+    """A wire on one non-blocking file descriptor, which it owns."""
+
+    def __init__(self, fd: int, name: str) -> None:
+        self._fd = fd
+        self.name = name
+
+    def fileno(self) -> int:
+        """The descriptor to wait on for incoming bytes; -1 once closed."""
+        return self._fd
+
+    def read(self) -> bytes:
+        """The bytes that have come in (4096 at most), or b"". Raises DeviceError when the device is gone."""
+        try:
+            data = os.read(self._fd, READ_SIZE)
+        except BlockingIOError:
+            return b""
+        except OSError as error:
+            raise self._gone(error.strerror) from None
+        if not data:  # in raw mode only a hang-up reads as nothing
+            raise self._gone("the other end closed")
+        return data
+
+    def write(self, data: bytes) -> int:
+        """Send `data`; the number of bytes taken. Raises DeviceError when the device is gone."""
+        try:
+            return os.write(self._fd, data)
+        except BlockingIOError:
+            return 0
+        except OSError as error:
+            raise self._gone(error.strerror) from None
+
+    def close(self) -> None:
+        """Give the device back. Closing twice is harmless."""
+        fd, self._fd = self._fd, -1
+        if fd >= 0:
+            os.close(fd)
+
+    def _gone(self, reason: str | None) -> DeviceError:
+        if self._fd < 0:
+            return DeviceError(f"{self.name}: is closed; open it again")
+        return DeviceError(f"{self.name}: went away ({reason}); reconnect it and start again")
+
+
+class PtyWire(DescriptorWire):
+    """The STM32's end of a new pseudo terminal; other programs open `path` as if it were a serial port.
+
+    `link_path` is a second name for it that stays the same from run to run, a symbolic link such as
+    "/tmp/uuv-hil-stm32". One process at a time can hold that name. A link left by a run that was killed
+    is replaced; a file that is not a link to a pty is never touched.
+
+    Programs come and go at the other end without this one noticing. As on a UART, what nobody reads is
+    lost: at most about `UNREAD_LIMIT` bytes are kept, so that a program that opens the port (and, as
+    pyserial does, discards what was waiting) never reads old telemetry.
+
+    Raises DeviceError if the name is taken or cannot be made, or no pty is left. Not modelled: the time
+    that bytes take at a baud rate, parity, modem lines.
+    """
+
+    def __init__(self, link_path: str = "") -> None:
+        try:
+            master, self._slave = os.openpty()
+        except OSError as error:
+            raise DeviceError(f"pty: {error.strerror}; raise kernel.pty.max or close other terminals") from None
+        self.path = os.ttyname(self._slave)
+        self._alias: _Alias | None = None
+        super().__init__(master, link_path or self.path)
+        os.set_blocking(master, False)
+        tty.setraw(self._slave)  # both ends share these settings
+        if link_path:
+            try:
+                self._alias = _Alias(link_path, self.path)
+            except DeviceError:
+                self.close()
+                raise
+
+    @property
+    def baud(self) -> int:
+        """The speed that the program at the other end asked for, in bit/s (38400 if it has not)."""
+        ospeed: int = struct.unpack_from("I", fcntl.ioctl(self._fd, TCGETS2, bytes(44)), TERMIOS2_OSPEED)[0]
+        return ospeed
+
+    def write(self, data: bytes) -> int:
+        """Send `data`, or nothing of it if the other end has stopped reading; the number of bytes taken."""
+        return 0 if self._fd >= 0 and self._unread() >= UNREAD_LIMIT else super().write(data)
+
+    def close(self) -> None:
+        """Remove the link and the pty. Closing twice is harmless."""
+        if self._alias:
+            self._alias.remove()
+            self._alias = None
+        if self._fd >= 0:
+            os.close(self._slave)
+        super().close()
+
+    def _unread(self) -> int:
+        unread: int = struct.unpack("i", fcntl.ioctl(self._slave, termios.FIONREAD, bytes(4)))[0]
+        return unread
+
+
+class PtyHostWire(DescriptorWire):
+    """The host's end of the pty at `path`, held alone. Discards what was waiting there.
+
+    Raises DeviceError if there is no such pty, it is not a terminal, or another program holds it.
+    """
+
+    def __init__(self, path: str) -> None:
+        try:
+            fd = os.open(path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+        except OSError as error:
+            raise _cannot_open(path, error) from None
+        try:
+            fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)  # what pyserial's exclusive mode takes too
+            tty.setraw(fd)
+        except (OSError, termios.error) as error:
+            os.close(fd)
+            raise _cannot_open(path, error) from None
+        super().__init__(fd, path)
+
+
+class UartWire(DescriptorWire):
+    """A serial device, or the host's end of a pty: 8 data bits, no parity, 1 stop bit, held alone.
+
+    `device` is its path (prefer /dev/serial/by-id/..., which stays the same), `baud` in bit/s. Where
+    the driver can, it is told to hand over each byte at once (on FTDI adapters 1 ms instead of 16 ms).
+    Raises DeviceError if there is no such device (lists those there are), this user may not open it, or
+    another process holds it; MissingExtraError without pyserial.
+    """
+
+    def __init__(self, device: str, baud: int = 115_200) -> None:
+        try:
+            import serial
+        except ImportError:
+            raise MissingExtraError("a uart needs pyserial: pip install pyserial") from None
+        try:
+            self._port = serial.Serial(device, baud, timeout=0, write_timeout=0, exclusive=True)
+        except OSError as error:  # SerialException is one
+            raise _cannot_open(device, error, _ports() if error.errno == errno.ENOENT else "") from None
+        except ValueError as error:
+            raise DeviceError(f"{device}: cannot run at {baud} bit/s ({error}); choose another baud") from None
+        # pyserial opens and sets up; reading and writing the descriptor ourselves costs a third of its way.
+        super().__init__(self._port.fileno(), device)
+        self.baud = baud
+        self._wait_for_a_byte()
+        self._ask_low_latency()
+
+    def close(self) -> None:
+        """Give the device back. Closing twice is harmless."""
+        self._fd = -1
+        self._port.close()
+
+    def _wait_for_a_byte(self) -> None:
+        """With pyserial's VMIN = 0 a quiet line and a hang-up both read as b""; with 1 only a hang-up does."""
+        settings = termios.tcgetattr(self._fd)
+        settings[6][termios.VMIN] = 1
+        termios.tcsetattr(self._fd, termios.TCSANOW, settings)
+
+    def _ask_low_latency(self) -> bool:
+        try:
+            self._port.set_low_latency_mode(True)
+        except (OSError, ValueError, NotImplementedError):
+            return False  # ptys and many drivers have no such mode
+        return True
+
+
+class _Alias:
+    """A symbolic link to a pty, held by at most one process through a locked file beside it."""
+
+    def __init__(self, path: str, target: str) -> None:
+        self._path, self._target = path, target
+        self._lock_path = f"{path}.lock"
+        try:
+            self._lock = self._take_lock()
+        except OSError as error:
+            raise DeviceError(f"{path}: cannot be made: {error.strerror}; choose another device path") from None
+        try:
+            self._publish()
+        except DeviceError:
+            self._release()
+            raise
+
+    def remove(self) -> None:
+        """Remove the link, if it is still ours, and the lock."""
+        if os.path.islink(self._path) and os.readlink(self._path) == self._target:
+            os.unlink(self._path)
+        self._release()
+
+    def _take_lock(self) -> int:
+        while True:
+            fd = os.open(self._lock_path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o644)
+            try:
+                fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                os.close(fd)
+                raise DeviceError(
+                    f"{self._path}: already served by another process; end that one or choose another device path"
+                ) from None
+            if _is_still(fd, self._lock_path):
+                return fd
+            os.close(fd)  # its owner removed it between our open and our lock: that lock guards nothing
+
+    def _publish(self) -> None:
+        path, fresh = self._path, f"{self._path}.new"
+        if os.path.lexists(path) and not _links_to_pty(path):
+            raise DeviceError(f"{path}: exists and is not a link to a pty; remove it or choose another device path")
+        try:
+            if os.path.islink(fresh):  # left by a run that was killed here
+                os.unlink(fresh)
+            os.symlink(self._target, fresh)
+            os.replace(fresh, path)
+        except OSError as error:
+            raise DeviceError(f"{path}: cannot be made: {error.strerror}; choose another device path") from None
+
+    def _release(self) -> None:
+        os.unlink(self._lock_path)  # before the lock goes, so that nobody can lock what is about to vanish
+        os.close(self._lock)
+
+
+def _is_still(fd: int, path: str) -> bool:
+    try:
+        return os.path.samestat(os.fstat(fd), os.stat(path))
+    except FileNotFoundError:
+        return False
+
+
+def _links_to_pty(path: str) -> bool:
+    return os.path.islink(path) and os.readlink(path).startswith("/dev/pts/")
+
+
+def _cannot_open(path: str, error: OSError | termios.error, there_are: str = "") -> DeviceError:
+    code = error.errno if isinstance(error, OSError) else error.args[0]  # termios.error has no errno
+    return DeviceError(f"{path}: {REMEDIES.get(code or 0, str(error))}{there_are}")
+
+
+def _ports() -> str:
+    from serial.tools import list_ports
+
+    names = ", ".join(sorted(port.device for port in list_ports.comports()))
+    return f"; serial ports here: {names or 'none'}"

@@ -1,0 +1,59 @@
+"""What a process costs: memory and processor time, from /proc, without a library."""
+
+import os
+import time
+
+
+def pss_mib(pid: int | str = "self") -> float:
+    """Proportional set size of a process (MiB): its own pages, and its share of those it shares.
+
+    0 when the process is gone or not ours to look at.
+    """
+    try:
+        with open(f"/proc/{pid}/smaps_rollup", "rb") as file:
+            for line in file:
+                if line.startswith(b"Pss:"):
+                    return int(line.split()[1]) / 1024
+    except OSError:
+        pass
+    return 0.0
+
+
+def cpu_s(pid: int) -> float:
+    """Processor time (s, user and system, to one clock tick) that another process has used; 0 when it is gone."""
+    try:
+        with open(f"/proc/{pid}/stat", "rb") as file:
+            fields = file.read().rpartition(b")")[2].split()
+    except OSError:
+        return 0.0
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def own_cpu_s(children: tuple[int, ...] = ()) -> float:
+    """Processor time (s) of this process with all its threads, and of its children."""
+    return time.process_time() + sum(map(cpu_s, children))
+
+
+def own_pss_mib(children: tuple[int, ...] = ()) -> float:
+    """Proportional set size (MiB) of this process and of its children."""
+    return pss_mib() + sum(map(pss_mib, children))
+
+
+def ram_mib() -> float:
+    """All memory of this machine, as the kernel sees it (MiB)."""
+    return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") / 2**20
+
+
+def boot_id() -> str:
+    """Names this boot of this machine: processes that see the same one share a clock."""
+    with open("/proc/sys/kernel/random/boot_id") as file:
+        return file.read().strip()
+
+
+def bytecode_compiled(package: str) -> bool:
+    """Whether every module of an imported package that is loaded came from compiled bytecode on disk."""
+    import sys
+
+    modules = [m for name, m in sys.modules.items() if name == package or name.startswith(package + ".")]
+    cached = [getattr(module, "__cached__", None) for module in modules]
+    return bool(cached) and all(path is not None and os.path.exists(path) for path in cached)

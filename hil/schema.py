@@ -1,0 +1,212 @@
+"""TOML files into frozen records, with every mistake named: file, key, what was expected, nearest right key.
+
+A record is a `typing.NamedTuple` whose annotations are the schema:
+
+    class Link(NamedTuple):
+        baud: Annotated[int, Range(1200, 12_000_000)] = 115_200
+        watchdog: Annotated[float, Range(0.02, 10.0, "s")] = 0.2
+        wire: Literal["pty", "uart"] = "pty"
+
+A number with a unit may be written as an SI number (`watchdog = 0.2`) or as text with its unit
+(`watchdog = "200 ms"`); text without a unit and numbers outside the range are refused. A record may
+have a method `problem(self) -> str | None` for what concerns several keys at once.
+
+NamedTuples and not dataclasses, because `import dataclasses` alone (it pulls in `inspect` and `ast`)
+costs a lean process a fifth of its start-up time.
+"""
+
+import math
+import os
+import tomllib
+import types
+from typing import Annotated, Any, Literal, NamedTuple, TypeVar, Union, get_args, get_origin
+
+from hil.errors import ConfigError
+
+Record = TypeVar("Record", bound=tuple[Any, ...])
+
+# unit -> (the SI unit it measures, factor to it)
+UNITS: dict[str, tuple[str, float]] = {
+    "s": ("s", 1.0), "ms": ("s", 1e-3), "us": ("s", 1e-6), "min": ("s", 60.0),
+    "Hz": ("Hz", 1.0), "kHz": ("Hz", 1e3),
+    "m": ("m", 1.0), "cm": ("m", 1e-2), "mm": ("m", 1e-3),
+    "m/s": ("m/s", 1.0), "kn": ("m/s", 1852.0 / 3600.0),
+    "rad": ("rad", 1.0), "deg": ("rad", math.pi / 180.0),
+    "rad/s": ("rad/s", 1.0), "deg/s": ("rad/s", math.pi / 180.0),
+    "kg": ("kg", 1.0), "g": ("kg", 1e-3),
+    "N": ("N", 1.0), "kgf": ("N", 9.80665), "Pa": ("Pa", 1.0), "kPa": ("Pa", 1e3),
+    "MiB": ("MiB", 1.0), "GiB": ("MiB", 1024.0),
+}  # fmt: skip
+
+
+class Range(NamedTuple):
+    """The closed interval a number must lie in, and its SI unit (empty: a pure number)."""
+
+    low: float
+    high: float
+    unit: str = ""
+
+
+def read_table(path: str) -> dict[str, Any]:
+    """The TOML file at `path` as nested dicts. Raises ConfigError if it is missing or is not TOML."""
+    try:
+        with open(path, "rb") as file:
+            return tomllib.load(file)
+    except FileNotFoundError:
+        raise ConfigError(f"{path}: no such file") from None
+    except IsADirectoryError:
+        raise ConfigError(f"{path}: is a folder, not a file") from None
+    except PermissionError:
+        raise ConfigError(f"{path}: not readable by this user") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise ConfigError(f"{path}: not valid TOML: {error}") from None
+
+
+def load(path: str, record: type[Record]) -> Record:
+    """The file at `path` as a `record`. Raises ConfigError naming the file and the key."""
+    return parse(read_table(path), record, path)
+
+
+def parse(table: dict[str, Any], record: type[Record], where: str) -> Record:
+    """`table` as a `record`; `where` (file and section) opens every error message."""
+    annotations, defaults = _fields(record)
+    for key in table:
+        if key not in annotations:
+            raise ConfigError(f"{where}: no key {key!r}{_nearest(key, list(annotations))}")
+    values: dict[str, Any] = {}
+    for key, annotation in annotations.items():
+        if key in table:
+            values[key] = _convert(table[key], annotation, f"{where}: {key}")
+        elif key not in defaults:
+            raise ConfigError(f"{where}: key {key!r} is missing")
+    made = record(**values)
+    check = getattr(made, "problem", None)
+    problem = check() if check else None
+    if problem:
+        raise ConfigError(f"{where}: {problem}")
+    return made
+
+
+def find_preset(folder: str, name: str) -> str:
+    """The path of a preset file.
+
+    `name` is a path to a TOML file if it ends in `.toml`, else the name of a file in the installed
+    `folder` ("sim/vehicles"). Raises ConfigError that lists the presets there are.
+    """
+    if name.endswith(".toml"):
+        return name
+    path = os.path.join(preset_folder(folder), f"{name}.toml")
+    if not os.path.exists(path):
+        names = preset_names(folder)
+        raise ConfigError(f"{folder}: no preset {name!r}{_nearest(name, names)}; there are: {', '.join(names)}")
+    return path
+
+
+def preset_folder(folder: str) -> str:
+    """The installed place of one of our data folders, e.g. "firmware_stub/frames"."""
+    root = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
+    return os.path.join(root, *folder.split("/"))
+
+
+def preset_names(folder: str) -> list[str]:
+    """The names of the presets in one of our data folders, sorted."""
+    return sorted(entry[:-5] for entry in os.listdir(preset_folder(folder)) if entry.endswith(".toml"))
+
+
+def _fields(record: type[Any]) -> tuple[dict[str, Any], dict[str, Any]]:
+    return record.__annotations__, record._field_defaults
+
+
+def _convert(value: Any, annotation: Any, where: str) -> Any:
+    origin = get_origin(annotation)
+    if origin is Annotated:
+        plain, limit = get_args(annotation)[:2]
+        return _number(value, plain, limit, where)
+    if origin is Literal:
+        return _choice(value, [str(choice) for choice in get_args(annotation)], where)
+    if origin in (types.UnionType, Union):
+        plain = next(arg for arg in get_args(annotation) if arg is not type(None))
+        return _convert(value, plain, where)
+    if origin is tuple:
+        return _array(value, get_args(annotation), where)
+    if origin is dict:
+        return _table(value, get_args(annotation)[1], where)
+    if isinstance(annotation, type) and issubclass(annotation, tuple):
+        if not isinstance(value, dict):
+            raise ConfigError(f"{where}: expected a table, found {_describe(value)}")
+        return parse(value, annotation, where)
+    if annotation in (float, int):
+        return _number(value, annotation, Range(-math.inf, math.inf), where)
+    if not isinstance(value, annotation):
+        raise ConfigError(f"{where}: expected {_NAMES[annotation]}, found {_describe(value)}")
+    return value
+
+
+_NAMES = {str: "text", bool: "true or false"}
+
+
+def _choice(value: Any, choices: list[str], where: str) -> str:
+    if not isinstance(value, str):
+        raise ConfigError(f"{where}: expected one of {', '.join(choices)}, found {_describe(value)}")
+    if value not in choices:
+        raise ConfigError(f"{where}: {value!r} is not one of {', '.join(choices)}{_nearest(value, choices)}")
+    return value
+
+
+def _table(value: Any, annotation: Any, where: str) -> dict[str, Any]:
+    if not isinstance(value, dict):
+        raise ConfigError(f"{where}: expected a table, found {_describe(value)}")
+    return {key: _convert(item, annotation, f"{where}.{key}") for key, item in value.items()}
+
+
+def _array(value: Any, items: tuple[Any, ...], where: str) -> tuple[Any, ...]:
+    if not isinstance(value, list):
+        raise ConfigError(f"{where}: expected an array, found {_describe(value)}")
+    if items[-1] is Ellipsis:
+        items = (items[0],) * len(value)
+    elif len(value) != len(items):
+        raise ConfigError(f"{where}: expected {len(items)} values, found {len(value)}")
+    return tuple(_convert(item, kind, f"{where}[{i}]") for i, (item, kind) in enumerate(zip(value, items, strict=True)))
+
+
+def _number(value: Any, kind: Any, limit: Range, where: str) -> Any:
+    if isinstance(value, str) and limit.unit:
+        value = _with_unit(value, limit.unit, where)
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        unit = f" in {limit.unit}" if limit.unit else ""
+        raise ConfigError(f"{where}: expected a number{unit}, found {_describe(value)}")
+    if kind is int and not isinstance(value, int):
+        raise ConfigError(f"{where}: expected a whole number, found {value!r}")
+    if not limit.low <= value <= limit.high:  # also refuses nan
+        unit = f" {limit.unit}" if limit.unit else ""
+        raise ConfigError(f"{where}: {value:g}{unit} is outside {limit.low:g} to {limit.high:g}{unit}")
+    return kind(value)
+
+
+def _with_unit(text: str, si_unit: str, where: str) -> float:
+    known = [unit for unit, (si, _) in UNITS.items() if si == si_unit]
+    number, _, unit = text.strip().partition(" ")
+    unit = unit.strip()
+    try:
+        magnitude = float(number)
+    except ValueError:
+        raise ConfigError(f'{where}: expected a number and a unit like "1 {si_unit}", found {text!r}') from None
+    if unit not in known:
+        fault = f"has no unit: {text!r}" if not unit else f"has the unit {unit!r}"
+        raise ConfigError(f"{where}: {fault}; expected one of {', '.join(known)}")
+    return magnitude * UNITS[unit][1]
+
+
+def _describe(value: Any) -> str:
+    if isinstance(value, (dict, list)):
+        return "a table" if isinstance(value, dict) else "an array"
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    return f"the {'text' if isinstance(value, str) else 'value'} {value!r}"
+
+
+def _nearest(name: str, names: list[str]) -> str:
+    import difflib  # only on the way to an error
+
+    close = difflib.get_close_matches(name, names, n=1, cutoff=0.5)
+    return f"; did you mean {close[0]!r}?" if close else ""

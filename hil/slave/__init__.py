@@ -1,0 +1,1 @@
+"""The daemon on the card computer: it stands in for the vehicle."""

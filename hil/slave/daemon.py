@@ -1,0 +1,103 @@
+"""Putting the slave together, and taking it apart with the thrusters neutral."""
+
+import sys
+from collections.abc import Callable
+from contextlib import ExitStack
+
+from boards import Board, detect
+from hil import clock
+from hil.autonomy.control import Gains
+from hil.clock import now_ns, seconds_ns, to_wall_ns
+from hil.config import Scenario
+from hil.schema import parse
+from hil.slave.health import Health, Log
+from hil.slave.inbox import Inbox
+from hil.slave.loop import Loop
+from hil.slave.outbox import Outbox
+from hil.slave.pilot import Pilot
+from hil.slave.stm32 import open_driver, stop_thrusters
+from hil.stop import StopSignals
+from hil.transport import session as network
+from sim.simulation import Simulation
+from sim.vehicle import load_vehicle
+from sim.world import load_world
+
+LOOP_PRIORITY = 40  # SCHED_FIFO, below the kernel's interrupt threads (50)
+
+
+def run(scenario: Scenario, board: Board | None, startup: dict[str, int]) -> None:
+    """Be the slave until SIGINT or SIGTERM.
+
+    `startup` are instants (monotonic ns) of the start so far, "exec" among them; more are added here.
+    Raises ConfigError, DeviceError, NetworkError.
+    """
+    board = board or detect()
+    log = Log("slave")
+    with ExitStack() as stack:
+        stop_fd = stack.enter_context(StopSignals())
+        stack.callback(log.flush)
+        notes = [clock.schedule_fifo(LOOP_PRIORITY)] if scenario.slave.realtime else ["real-time: off by the scenario"]
+        loop = _assemble(scenario, board, stack, log.say, startup)
+        loop.advance(1)
+        startup["ready"] = now_ns()
+        log.say(_ready(scenario, loop, startup))
+        if scenario.slave.realtime:
+            notes += [clock.lock_memory(), clock.quiet_garbage_collector()]
+            sys.setswitchinterval(0.0005)  # the loop gets the interpreter back at once from the other threads
+        for note in notes:
+            log.say(note)
+        with Health(loop, log, startup, notes, board.name if board else "this machine"):
+            try:
+                loop.run(stop_fd)
+                log.say("stopping")
+            finally:
+                neutral = stop_thrusters(loop.driver, loop.pilot.next_sequence() if loop.pilot else 0)
+                log.say("thrusters neutral" if neutral else "WARNING: the STM32 did not confirm neutral thrusters")
+
+
+def _assemble(
+    scenario: Scenario, board: Board | None, stack: ExitStack, report: Callable[[str], None], startup: dict[str, int]
+) -> Loop:
+    slave = scenario.slave
+    vehicle, control = load_vehicle(scenario.vehicle)
+    world = load_world(scenario.world)
+    start = scenario.start
+    simulation = Simulation(
+        vehicle,
+        world,
+        scenario.sensors,
+        scenario.seed,
+        seconds_ns(slave.step),
+        (start.north, start.east, start.depth),
+        start.heading,
+    )
+    startup["simulator"] = now_ns()
+    link = scenario.link
+    if not link.device and board and link.wire == "uart":
+        link = link._replace(device=board.uart)
+    builtin = scenario.controller == "builtin"
+    driver = open_driver(scenario.stm32, link, len(vehicle.thrusters), host=builtin)
+    stack.callback(driver.close)
+    startup["link"] = now_ns()
+    inbox = Inbox(seconds_ns(slave.command_age_limit))
+    stack.callback(inbox.close)
+    session = stack.enter_context(network.listen(slave.listen))
+    startup["session"] = now_ns()
+    outbox = Outbox(session, slave.node, to_wall_ns(now_ns()) - simulation.time_ns)
+    pilot = None
+    if builtin:
+        gains = parse(control, Gains, f"{scenario.vehicle}: control")
+        water = world.density * world.gravity
+        pilot = Pilot(vehicle, gains, simulation.inertia_diagonal(), water, seconds_ns(slave.deadman))
+        subscription = network.Subscription(session, slave.node, "cmd_vel", inbox.deliver, depth=8)
+        stack.callback(subscription.close)
+    return Loop(simulation, driver, pilot, inbox, outbox, seconds_ns(slave.control_period), report)
+
+
+def _ready(scenario: Scenario, loop: Loop, startup: dict[str, int]) -> str:
+    milliseconds = (startup["ready"] - startup["exec"]) / clock.NS_PER_MS
+    hands = "" if loop.pilot else f"; waiting for your software on {loop.driver.port}"
+    return (
+        f"ready {milliseconds:.0f} ms after exec: node {scenario.slave.node}, listening on {scenario.slave.listen}, "
+        f"STM32 {scenario.stm32} on {loop.driver.port}{hands}"
+    )

@@ -1,0 +1,130 @@
+"""How the slave is doing: measured and told by a thread of low priority, so that the loop never waits for it."""
+
+import gc
+import os
+import sys
+import threading
+from collections import deque
+
+from hil import process
+from hil.clock import NS_PER_MS, NS_PER_S, NS_PER_US, now_ns, to_wall_ns
+from hil.slave.loop import Loop
+
+REPORT_PERIOD_S = 0.1
+DIAGNOSE_EVERY = 10  # report periods
+COLLECT_EVERY = 300
+OK, WARNING = 0, 1
+
+
+class Log:
+    """Lines for a person, on standard error. `say` only notes the line; `flush` writes it.
+
+    Writing may block (a slow terminal, a full disk); noting never does.
+    """
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+        self._start_ns = now_ns()
+        self._lines: deque[str] = deque(maxlen=1000)
+
+    def say(self, text: str) -> None:
+        """Note a line with its time since the start."""
+        self._lines.append(f"[{(now_ns() - self._start_ns) / NS_PER_S:9.3f}] {self._name}: {text}\n")
+
+    def flush(self) -> None:
+        """Write what was noted."""
+        while self._lines:
+            sys.stderr.write(self._lines.popleft())
+        sys.stderr.flush()
+
+
+class Health:
+    """Publishes one diagnostic status a second and writes the log.
+
+    `startup` are monotonic instants by name, "exec" first. Use as a context: leaving it says the last word.
+    """
+
+    def __init__(self, loop: Loop, log: Log, startup: dict[str, int], notes: list[str], board: str) -> None:
+        self._loop = loop
+        self._log = log
+        self._startup = startup
+        self._fixed = {
+            "board": board,
+            "boot_id": process.boot_id(),
+            "cores": str(os.cpu_count()),
+            "ram_mib": f"{process.ram_mib():.0f}",
+            "python": sys.version.split()[0],
+            "bytecode_compiled": str(process.bytecode_compiled("hil")).lower(),
+            "exec_wall_ns": str(to_wall_ns(startup["exec"])),
+            "realtime": "; ".join(notes),
+            **{f"startup_{name}_ms": f"{(t - startup['exec']) / NS_PER_MS:.1f}" for name, t in startup.items()},
+        }
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="health", daemon=True)
+
+    def __enter__(self) -> None:
+        self._thread.start()
+
+    def __exit__(self, *_: object) -> None:
+        self._stop.set()
+        self._thread.join()
+        self._publish()
+        self._log.flush()
+
+    def values(self) -> dict[str, str]:
+        """The figures of this moment, as they are published."""
+        loop, link = self._loop, self._loop.driver
+        lateness, wall_ns = loop.schedule.lateness, max(now_ns() - loop.started_ns, 1)
+        values = self._fixed | {
+            "cpu_s": f"{process.own_cpu_s(link.children):.4f}",
+            "pss_mib": f"{process.own_pss_mib(link.children):.2f}",
+            "processes": str(1 + len(link.children)),
+            "real_time_factor": f"{loop.schedule.due_total * loop.schedule.period_ns / wall_ns:.4f}",
+            "loop_rate_hz": f"{NS_PER_S / loop.schedule.period_ns:.0f}",
+            "lateness_p50_us": f"{lateness.quantile(0.5) / NS_PER_US:.0f}",
+            "lateness_p99_us": f"{lateness.quantile(0.99) / NS_PER_US:.0f}",
+            "lateness_max_us": f"{lateness.maximum / NS_PER_US:.0f}",
+            "steps_skipped": str(loop.schedule.skipped),
+            "samples_published": str(loop.outbox.published),
+            "contacts": str(loop.simulation.contacts),
+        }
+        return values | self._command_figures() | self._link_figures()
+
+    def _command_figures(self) -> dict[str, str]:
+        loop, inbox = self._loop, self._loop.inbox
+        return {
+            "commands_received": str(inbox.received),
+            "commands_taken": str(loop.commands),
+            "commands_malformed": str(inbox.malformed),
+            "commands_stale": str(inbox.stale),
+            "commands_disordered": str(inbox.disordered),
+            "commands_superseded": str(inbox.superseded),
+            "commands_unanswered": str(loop.unanswered),
+            "deadman_trips": str(loop.pilot.deadman_trips if loop.pilot else 0),
+            "watchdog_trips": str(loop.watchdog_trips),
+        }
+
+    def _link_figures(self) -> dict[str, str]:
+        driver = self._loop.driver
+        figures = {"link_port": driver.port, "pwm_us": " ".join(map(str, driver.pwm_us))}
+        if driver.host:
+            counters = driver.host.counters
+            figures |= {f"link_{name}": str(getattr(counters, name)) for name in counters.__slots__}
+        return figures
+
+    def _publish(self) -> None:
+        pilot = self._loop.pilot
+        waiting = pilot is not None and not pilot.active
+        text = "waiting for commands, thrusters neutral" if waiting else "running"
+        self._loop.outbox.diagnostics("slave", WARNING if waiting else OK, text, self.values())
+
+    def _run(self) -> None:
+        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+        turn = 0
+        while not self._stop.wait(REPORT_PERIOD_S):
+            self._log.flush()
+            if turn % DIAGNOSE_EVERY == 0:
+                self._publish()
+            turn += 1
+            if turn % COLLECT_EVERY == 0:
+                gc.collect()  # the loop has switched automatic collection off

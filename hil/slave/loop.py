@@ -1,0 +1,133 @@
+"""The real-time loop: commands when they come, physics on an absolute schedule, samples when they are due."""
+
+import select
+from collections.abc import Callable
+from typing import NamedTuple
+
+from hil.clock import NS_PER_S, RateKeeper, now_ns, to_wall_ns
+from hil.links.contract import ThrusterTelemetry
+from hil.slave.inbox import Inbox, Received
+from hil.slave.outbox import Outbox
+from hil.slave.pilot import Pilot
+from hil.slave.stm32 import ThrusterDriver
+from sim.simulation import Simulation
+
+UNANSWERED_NS = NS_PER_S  # a command whose echo has not come by then is counted as lost on the link
+
+
+class Trace(NamedTuple):
+    """The way of one command: its network sequence number, then instants in ns since 1970.
+
+    `published_ns` is by the master's clock, all others by the slave's: received by the network thread,
+    taken up by the loop, written to the thruster link, applied by the STM32.
+    """
+
+    sequence: int
+    published_ns: int
+    received_ns: int
+    taken_ns: int
+    written_ns: int
+    applied_ns: int
+
+
+class Loop:
+    """Runs one vehicle. All parts are given; nothing is opened or closed here."""
+
+    def __init__(
+        self,
+        simulation: Simulation,
+        driver: ThrusterDriver,
+        pilot: Pilot | None,
+        inbox: Inbox,
+        outbox: Outbox,
+        control_period_ns: int,
+        report: Callable[[str], None],
+    ) -> None:
+        self.simulation = simulation
+        self.driver = driver
+        self.pilot = pilot
+        self.inbox = inbox
+        self.outbox = outbox
+        self._control_period_ns = control_period_ns
+        self._report = report
+        self._awaited: dict[int, tuple[Received, int, int]] = {}
+        self._controlled_ns = 0
+        self._control_due_ns = 0
+        self._timed_out = False
+        self.schedule = RateKeeper(simulation.dt_ns, now_ns())
+        self.commands = 0
+        self.unanswered = 0
+        self.watchdog_trips = 0
+        self.started_ns = now_ns()
+
+    def run(self, stop_fd: int) -> None:
+        """Loop until `stop_fd` becomes readable. Raises DeviceError when the thruster link goes away."""
+        inbox_fd = self.inbox.fileno()
+        waited = [stop_fd, inbox_fd, *self.driver.descriptors()]
+        self.started_ns = now_ns()
+        self.schedule = RateKeeper(self.simulation.dt_ns, self.started_ns)
+        while True:
+            wait_ns = self.schedule.deadline_ns - now_ns()
+            ready = select.select(waited, (), (), wait_ns / NS_PER_S if wait_ns > 0 else 0.0)[0]
+            now = now_ns()
+            if inbox_fd in ready:
+                self._take_command(now)
+            if stop_fd in ready:
+                return
+            self._service_link(now)
+            self.advance(self.schedule.due(now))
+            if self.pilot and now >= self._control_due_ns:
+                self._control(self.pilot, now)
+
+    def advance(self, steps: int) -> None:
+        """Let the vehicle move by so many steps, and publish what its sensors then say."""
+        for _ in range(steps):
+            for topic, sample in self.simulation.step(self.driver.pwm_us):
+                if self.pilot:
+                    self.pilot.sense(topic, sample)
+                self.outbox.sample(topic, sample)
+
+    def _take_command(self, now: int) -> None:
+        received = self.inbox.take()
+        if received is None or self.pilot is None:
+            return
+        self.commands += 1
+        if not self.pilot.active:
+            self._report("commands arrive: thrusters armed")
+        self.pilot.command(received.command, now)
+        sequence = self._control(self.pilot, now)
+        self._awaited[sequence] = (received, now, now_ns())
+
+    def _control(self, pilot: Pilot, now: int) -> int:
+        """One controller update, sent to the thrusters at once; its sequence number on the link."""
+        dt_ns = min(now - self._controlled_ns, 2 * self._control_period_ns)
+        self._controlled_ns = now
+        self._control_due_ns = now + self._control_period_ns
+        command, tripped = pilot.update(now, max(dt_ns, 1000) / NS_PER_S)
+        self.driver.send(command)
+        if tripped:
+            self._report("deadman: no command in time, thrusters neutral")
+        return command.sequence
+
+    def _service_link(self, now: int) -> None:
+        for telemetry in self.driver.service(now):
+            if telemetry.timed_out and not self._timed_out:
+                self._report("the STM32's watchdog tripped: thrusters neutral")
+            self._timed_out = telemetry.timed_out
+            self.watchdog_trips = telemetry.watchdog_trips
+            if self._awaited:
+                self._trace(telemetry, now)
+
+    def _trace(self, telemetry: ThrusterTelemetry, now: int) -> None:
+        awaited = self._awaited.pop(telemetry.sequence, None)
+        if awaited:
+            received, taken_ns, written_ns = awaited
+            applied_ns = self.driver.applied_ns(telemetry, now)
+            instants = map(to_wall_ns, (received.received_ns, taken_ns, written_ns, applied_ns))
+            self.outbox.trace(Trace(received.sequence, received.published_ns, *instants))
+        lost = [sequence for sequence, (_, _, written) in self._awaited.items() if now - written > UNANSWERED_NS]
+        for sequence in lost:
+            del self._awaited[sequence]
+        self.unanswered += len(lost)
+
+

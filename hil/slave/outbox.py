@@ -1,0 +1,43 @@
+"""Where samples leave: simulator samples to ROS messages, each on its topic."""
+
+from typing import Any
+
+import zenoh
+
+from hil.clock import now_ns, to_wall_ns
+from hil.topics import TOPICS
+from hil.transport import ros
+from hil.transport.session import Publisher
+
+
+class Outbox:
+    """Publishes what the slave has to say as one node.
+
+    `epoch_ns` is the wall time (ns since 1970) of simulation time 0; message stamps count from it.
+    """
+
+    def __init__(self, session: zenoh.Session, node: str, epoch_ns: int) -> None:
+        self._epoch_ns = epoch_ns
+        self._publishers = {
+            name: Publisher(session, node, topic) for name, topic in TOPICS.items() if not topic.from_master
+        }
+        self.published = 0
+
+    def sample(self, topic: str, sample: Any) -> None:
+        """Publish one sensor sample (NED, FRD) under the simulator's name for it."""
+        stamped = sample._replace(time_ns=sample.time_ns + self._epoch_ns)
+        for name, payload in ros.ENCODERS[topic](stamped):
+            self._put(name, payload)
+
+    def trace(self, instants: tuple[int, ...]) -> None:
+        """Publish the instants of one command's way, see `hil.slave.loop.Trace`."""
+        self._put("trace", ros.encode_int64_array(instants))
+
+    def diagnostics(self, name: str, level: int, message: str, values: dict[str, str]) -> None:
+        """Publish the state of health; `level` 0 ok, 1 warning, 2 error."""
+        now = to_wall_ns(now_ns())
+        self._put("diagnostics", ros.encode_diagnostics(now, [(name, level, message, values)]))
+
+    def _put(self, name: str, payload: bytes) -> None:
+        self._publishers[name].put(payload, to_wall_ns(now_ns()))
+        self.published += 1

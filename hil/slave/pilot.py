@@ -1,0 +1,83 @@
+"""The vehicle's own computer: velocity command and sensors in, thruster command out."""
+
+from collections.abc import Sequence
+from typing import Any
+
+from hil.autonomy.allocation import Allocator
+from hil.autonomy.control import NO_RESIDUAL, CascadedController, Gains, Navigation, VelocityCommand
+from hil.links.contract import PWM_NEUTRAL_US, ThrusterCommand
+from sim.thrusters import pwm_for, wrench_matrix
+from sim.vehicle import Vehicle
+
+# An isothermal column of water: pressure to depth with the vehicle's own constants, as a real pilot has.
+ATMOSPHERE_PA = 101_325.0
+
+
+class Pilot:
+    """Controller, allocation and thruster curves of one vehicle, with the deadman in front.
+
+    Feedback comes from the sensors only: attitude and rates from "imu", velocity from "odom", depth from
+    "pressure", each held until its next sample.
+    """
+
+    def __init__(
+        self, vehicle: Vehicle, gains: Gains, inertia: Sequence[float], water_weight: float, deadman_ns: int
+    ) -> None:
+        x, y, z, k, m, n = inertia
+        self._controller = CascadedController(gains, (x, y, z, k, m, n))
+        self._thrusters = vehicle.thrusters
+        self._allocator = Allocator(
+            wrench_matrix(vehicle),
+            [thruster.max_forward for thruster in vehicle.thrusters],
+            [thruster.max_reverse for thruster in vehicle.thrusters],
+        )
+        self._neutral = (PWM_NEUTRAL_US,) * len(vehicle.thrusters)
+        self._water_weight = water_weight  # density times gravity, N/m3
+        self._deadman_ns = deadman_ns
+        self._command = VelocityCommand()
+        self._commanded_ns = 0
+        self._residual = NO_RESIDUAL
+        self._navigation = Navigation((1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0)
+        self._sequence = 0
+        self.active = False
+        self.deadman_trips = 0
+
+    def sense(self, topic: str, sample: Any) -> None:
+        """Take in one sensor sample (NED, FRD)."""
+        if topic == "imu":
+            self._navigation = self._navigation._replace(
+                orientation=sample.orientation, angular_velocity=sample.angular_velocity
+            )
+        elif topic == "odom":
+            self._navigation = self._navigation._replace(velocity=sample.nu[:3])
+        elif topic == "pressure":
+            depth = (sample.pascal - ATMOSPHERE_PA) / self._water_weight
+            self._navigation = self._navigation._replace(depth=depth)
+
+    def command(self, command: VelocityCommand, now: int) -> None:
+        """A new command came at `now` (monotonic ns)."""
+        self._command = command
+        self._commanded_ns = now
+        if not self.active:
+            self._controller.reset()
+            self._residual = NO_RESIDUAL
+            self.active = True
+
+    def update(self, now: int, dt: float) -> tuple[ThrusterCommand, bool]:
+        """The thruster command for the next `dt` seconds, and whether the deadman has just tripped."""
+        tripped = self.active and now - self._commanded_ns > self._deadman_ns
+        if tripped:
+            self.active = False
+            self.deadman_trips += 1
+        sequence = self.next_sequence()
+        if not self.active:
+            return ThrusterCommand(sequence, False, self._neutral), tripped
+        wrench = self._controller.update(self._command, self._navigation, dt, self._residual)
+        thrusts, self._residual = self._allocator.allocate(wrench)
+        pwm = tuple(map(pwm_for, self._thrusters, thrusts))
+        return ThrusterCommand(sequence, True, pwm), False
+
+    def next_sequence(self) -> int:
+        """The number of the next command on the thruster link."""
+        self._sequence = (self._sequence + 1) & 0xFFFF
+        return self._sequence

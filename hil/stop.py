@@ -1,0 +1,29 @@
+"""Ending cleanly: SIGINT and SIGTERM as something a loop can wait on."""
+
+import os
+import signal
+from types import FrameType
+
+
+class StopSignals:
+    """Inside the `with`, SIGINT and SIGTERM only make a descriptor readable: no wait can miss one.
+
+    The value of the `with` is that descriptor; it stays readable from the first signal on.
+    """
+
+    def __enter__(self) -> int:
+        self._read_fd, self._write_fd = os.pipe2(os.O_NONBLOCK | os.O_CLOEXEC)
+        self._wakeup_before = signal.set_wakeup_fd(self._write_fd)
+        self._before = {number: signal.signal(number, _ignore) for number in (signal.SIGINT, signal.SIGTERM)}
+        return self._read_fd
+
+    def __exit__(self, *_: object) -> None:
+        for number, handler in self._before.items():
+            signal.signal(number, handler)
+        signal.set_wakeup_fd(self._wakeup_before)
+        os.close(self._read_fd)
+        os.close(self._write_fd)
+
+
+def _ignore(_number: int, _frame: FrameType | None) -> None:
+    """The interpreter has written to the descriptor already."""

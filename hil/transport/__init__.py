@@ -1,0 +1,1 @@
+"""The network: zenoh sessions, ROS 2 names, CDR."""

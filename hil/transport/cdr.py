@@ -1,0 +1,140 @@
+"""Common Data Representation, the bytes of ROS 2 messages: little-endian XCDR1 (OMG DDS-XTypes 1.3, 7.4.1).
+
+A message is four bytes that say so, then its fields, each aligned to its own size counted from the fifth
+byte. Where only the lengths of strings vary, `Layout` compiles the whole message into one `struct` for each
+set of lengths; `Writer` and `Reader` go field by field for what holds sequences of strings.
+"""
+
+from collections.abc import Callable
+from struct import Struct, calcsize, pack, unpack_from
+from struct import error as MalformedError
+from typing import Any, TypeVar
+
+HEADER = b"\x00\x01\x00\x00"  # plain CDR, little-endian, no options
+_MOST_COMPILED = 64  # string lengths come off the wire: the caches must not grow with them
+_COUNT = Struct("<I")
+
+T = TypeVar("T")
+
+
+def tolerant(decode: Callable[[bytes], T]) -> Callable[[bytes], T | None]:
+    """`decode`, giving None for a payload that ends early or contradicts itself instead of raising."""
+
+    def decode_or_none(data: bytes) -> T | None:
+        try:
+            return decode(data)
+        except MalformedError:
+            return None
+
+    decode_or_none.__doc__ = decode.__doc__
+    return decode_or_none
+
+
+class Layout:
+    """A message of numbers and strings. `fields` are `struct` items ("I", "4d", "72s") or the word "string".
+
+    A string is two values of the compiled struct: its length and its bytes, both with the closing zero.
+    The first value is always `HEADER`.
+    """
+
+    def __init__(self, fields: str) -> None:
+        self._fields = fields.split()
+        self._strings = range(self._fields.count("string"))
+        self._structs: dict[tuple[int, ...], Struct] = {}
+
+    def struct(self, *lengths: int) -> Struct:
+        """The message whose strings take `lengths` bytes; with too few of them, up to the next string's length."""
+        found = self._structs.get(lengths)
+        if found is None:
+            if len(self._structs) >= _MOST_COMPILED:
+                self._structs.clear()
+            found = self._structs[lengths] = Struct(self._format(lengths))
+        return found
+
+    def unpack(self, data: bytes) -> tuple[Any, ...]:
+        """The values of a payload, `HEADER` first. Raises MalformedError; use under `tolerant`."""
+        check_header(data)
+        lengths: tuple[int, ...] = ()
+        for _ in self._strings:
+            (length,) = _COUNT.unpack_from(data, self.struct(*lengths).size - _COUNT.size)
+            if length > len(data):
+                raise MalformedError("a string longer than the message")
+            lengths += (length,)
+        return self.struct(*lengths).unpack_from(data)
+
+    def _format(self, lengths: tuple[int, ...]) -> str:
+        """The `struct` format, padding included."""
+        remaining = list(lengths)
+        out = "<4s"
+        for field in self._fields:
+            item = "I" if field == "string" else field
+            # a run of bytes (72s: nine float64 made elsewhere) is aligned by the field before it
+            out += f"{-(calcsize(out) - len(HEADER)) % calcsize('<' + item[-1])}x{item}"
+            if field == "string":
+                if not remaining:
+                    break
+                out += f"{remaining.pop(0)}s"
+        return out
+
+
+class Writer:
+    """Builds a message field by field; `data` is what has been written."""
+
+    def __init__(self) -> None:
+        self.data = bytearray(HEADER)
+
+    def numbers(self, code: str, *values: float) -> None:
+        """Write values of one `struct` type, aligned."""
+        if values:
+            self.data += bytes(-(len(self.data) - len(HEADER)) % calcsize(f"<{code}"))
+            self.data += pack(f"<{len(values)}{code}", *values)
+
+    def string(self, text: str) -> None:
+        """Write a string with its length."""
+        raw = zero_terminated(text)
+        self.numbers("I", len(raw))
+        self.data += raw
+
+
+class Reader:
+    """Takes a message apart field by field. Every method raises MalformedError; use under `tolerant`."""
+
+    def __init__(self, data: bytes) -> None:
+        check_header(data)
+        self._data = data
+        self._at = len(HEADER)
+
+    def numbers(self, code: str, count: int = 1) -> tuple[Any, ...]:
+        """The next `count` values of one `struct` type."""
+        size = calcsize(f"<{code}")
+        if count:
+            self._at += -(self._at - len(HEADER)) % size
+        if count * size > len(self._data) - self._at:
+            raise MalformedError("fewer values than announced")
+        start, self._at = self._at, self._at + count * size
+        return unpack_from(f"<{count}{code}", self._data, start)
+
+    def count(self) -> int:
+        """The next unsigned number: how many elements follow."""
+        return int(self.numbers("I")[0])
+
+    def string(self) -> str:
+        """The next string."""
+        return text(bytes(self.numbers("B", self.count())))
+
+
+def zero_terminated(text: str) -> bytes:
+    """The bytes of a string on the wire, without its length."""
+    return text.encode() + b"\0"
+
+
+def text(raw: bytes) -> str:
+    """The string in the bytes of `zero_terminated`; what is not UTF-8 shows as U+FFFD."""
+    return raw.rstrip(b"\0").decode(errors="replace")
+
+
+def check_header(data: bytes) -> None:
+    """Raises MalformedError unless `data` begins as little-endian plain CDR."""
+    if data[:2] != HEADER[:2] or len(data) < len(HEADER):
+        raise MalformedError("not little-endian CDR")
+

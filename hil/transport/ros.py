@@ -1,0 +1,329 @@
+"""ROS 2 messages as rmw_zenoh carries them: payloads, type hashes, keys and attachments.
+
+This is the one place where our frames (world NED, body FRD) and those of ROS (world ENU, body FLU, REP 103)
+meet: every encoder takes ours and sends theirs, every decoder gives ours back, or None for a malformed
+payload. Covariances are diagonals of equal variances; 0 says "unknown", as in ROS.
+"""
+
+from collections.abc import Callable, Iterable, Sequence
+from math import inf, isfinite, nan, sqrt
+from struct import Struct
+from typing import Any, NamedTuple
+
+from hil.transport.cdr import HEADER, Layout, MalformedError, Reader, Writer, text, tolerant, zero_terminated
+from sim.sensors.samples import DvlSample, ImuSample, OdometrySample, PressureSample
+
+Vector3 = tuple[float, float, float]
+Quaternion = tuple[float, float, float, float]
+Status = tuple[str, int, str, dict[str, str]]  # name, level (0 ok, 1 warning, 2 error, 3 stale), message, values
+
+# REP 2016 hashes of the definitions in ROS 2 Jazzy; Humble's are the same but for Range, which had no variance.
+TYPE_HASHES = {
+    "geometry_msgs/msg/Twist": "RIHS01_9c45bf16fe0983d80e3cfe750d6835843d265a9a6c46bd2e609fcddde6fb8d2a",
+    "geometry_msgs/msg/TwistWithCovarianceStamped": (
+        "RIHS01_77b67434531e6529b7a0091357b186b6ebdb17fd9ffd3e0c7ce9d3fb11a44563"
+    ),
+    "sensor_msgs/msg/Imu": "RIHS01_7d9a00ff131080897a5ec7e26e315954b8eae3353c3f995c55faf71574000b5b",
+    "sensor_msgs/msg/FluidPressure": "RIHS01_22dfb2b145a0bd5a31a1ac3882a1b32148b51d9b2f3bab250290d66f3595bc32",
+    "sensor_msgs/msg/Range": "RIHS01_b42b62562e93cbfe9d42b82fe5994dfa3d63d7d5c90a317981703f7388adff3a",
+    "nav_msgs/msg/Odometry": "RIHS01_3cc97dc7fb7502f8714462c526d369e35b603cfc34d946e3f2eda2766dfec6e0",
+    "std_msgs/msg/Int64MultiArray": "RIHS01_e60f9fe34d697f0939ad49d33158693c1277fbac0e2f04b7c2995dc21c89b422",
+    "diagnostic_msgs/msg/DiagnosticArray": "RIHS01_5a8a36efb05fb25070fa0fb3810290c0e6cd4862b54a8fb975a1ee8dc55a333e",
+}
+
+_NS_PER_S = 1_000_000_000
+_HALF_SQRT = sqrt(0.5)
+_NO_DATA = -1.0  # first element of a covariance whose measurement is missing, as sensor_msgs/Imu has it
+
+_TWIST = Layout("6d")
+_IMU = Layout("i I string 4d 72s 3d 72s 3d 72s")
+_ODOMETRY = Layout("i I string string 7d 288s 6d 288s")
+_TWIST_STAMPED = Layout("i I string 6d 288s")
+_PRESSURE = Layout("i I string 2d")
+_RANGE = Layout("i I string B 5f")
+_RANGE_HUMBLE = Layout("i I string B 4f")
+_ATTACHMENT = Struct("<qqB16s")
+
+
+class Attachment(NamedTuple):
+    """What rmw_zenoh adds to every message: its number from its publisher `gid`, and when it was sent (ns, wall)."""
+
+    sequence: int
+    time_ns: int
+    gid: bytes
+
+
+# --- frames; each of these is its own inverse -------------------------------------------------------------------------
+
+
+def swap_world(vector: Sequence[float]) -> Vector3:
+    """NED to ENU, or ENU to NED."""
+    x, y, z = vector
+    return y, x, -z
+
+
+def swap_body(vector: Sequence[float]) -> Vector3:
+    """FRD to FLU, or FLU to FRD; for velocities, angular velocities and accelerations alike."""
+    x, y, z = vector
+    return x, -y, -z
+
+
+def swap_attitude(quaternion: Sequence[float]) -> Quaternion:
+    """The attitude (w, x, y, z) of FRD in NED to that of FLU in ENU, or back.
+
+    The half turn of the world about its north-east diagonal, the attitude, the half turn of the body about
+    its x axis: three quaternions multiplied out.
+    """
+    w, x, y, z = quaternion
+    return _HALF_SQRT * (w + z), _HALF_SQRT * (x + y), _HALF_SQRT * (x - y), _HALF_SQRT * (w - z)
+
+
+# --- commands ---------------------------------------------------------------------------------------------------------
+
+
+def encode_twist(linear: Sequence[float], angular: Sequence[float]) -> bytes:
+    """geometry_msgs/Twist of body velocities: `linear` m/s and `angular` rad/s along FRD."""
+    return _TWIST.struct().pack(HEADER, *swap_body(linear), *swap_body(angular))
+
+
+@tolerant
+def decode_twist(data: bytes) -> tuple[Vector3, Vector3]:
+    """Linear (m/s) and angular (rad/s) velocity along FRD. What is not finite counts as malformed."""
+    values = _TWIST.unpack(data)[1:]
+    if not all(map(isfinite, values)):
+        raise MalformedError("not a velocity")
+    return swap_body(values[:3]), swap_body(values[3:])
+
+
+# --- sensors ----------------------------------------------------------------------------------------------------------
+
+
+def encode_imu(
+    sample: ImuSample, frame: str = "imu_link", variances: tuple[float, float, float] = (0.0, 0.0, 0.0)
+) -> bytes:
+    """sensor_msgs/Imu. `variances`: of attitude rad², angular velocity (rad/s)², acceleration (m/s²)²."""
+    time_ns, orientation, angular_velocity, acceleration = sample
+    w, x, y, z = swap_attitude(orientation)
+    name = zero_terminated(frame)
+    attitude, rate, force = variances
+    return _IMU.struct(len(name)).pack(
+        HEADER, *divmod(time_ns, _NS_PER_S), len(name), name,
+        x, y, z, w, _covariance(3, attitude, attitude),
+        *swap_body(angular_velocity), _covariance(3, rate, rate),
+        *swap_body(acceleration), _covariance(3, force, force),
+    )  # fmt: skip
+
+
+@tolerant
+def decode_imu(data: bytes) -> ImuSample:
+    """The sample in NED and FRD; covariances are left."""
+    _, seconds, ns, _, _, x, y, z, w, _, p, q, r, _, ax, ay, az, _ = _IMU.unpack(data)
+    return ImuSample(
+        seconds * _NS_PER_S + ns, swap_attitude((w, x, y, z)), swap_body((p, q, r)), swap_body((ax, ay, az))
+    )
+
+
+def encode_dvl(sample: DvlSample, frame: str = "dvl_link", variance: float = 0.0) -> bytes:
+    """geometry_msgs/TwistWithCovarianceStamped of a velocity log. `variance`: of the velocity, (m/s)².
+
+    Without bottom lock the velocity is NaN and the first covariance -1. The angular part is always empty.
+    """
+    velocity = swap_body(sample.velocity) if sample.locked else (nan, nan, nan)
+    name = zero_terminated(frame)
+    return _TWIST_STAMPED.struct(len(name)).pack(
+        HEADER, *divmod(sample.time_ns, _NS_PER_S), len(name), name,
+        *velocity, 0.0, 0.0, 0.0, _covariance(6, variance if sample.locked else _NO_DATA, 0.0),
+    )  # fmt: skip
+
+
+@tolerant
+def decode_dvl(data: bytes) -> DvlSample:
+    """The velocity along FRD and whether it is locked. The altitude is NaN: it travels as a Range."""
+    _, seconds, ns, _, _, u, v, w, _, _, _, covariance = _TWIST_STAMPED.unpack(data)
+    locked = isfinite(u + v + w) and Struct("<d").unpack_from(covariance)[0] >= 0.0
+    return DvlSample(seconds * _NS_PER_S + ns, swap_body((u, v, w)), nan, locked)
+
+
+def encode_range(
+    sample: DvlSample, frame: str = "dvl_link", limits: tuple[float, float] = (0.05, 50.0), variance: float = 0.0
+) -> bytes:
+    """sensor_msgs/Range of the altitude, `limits` m of the device; +inf (REP 117) without bottom lock.
+
+    `variance` in m². The field of view is sent as 0: the mean of narrow beams.
+    """
+    altitude = sample.altitude if sample.locked else inf
+    name = zero_terminated(frame)
+    return _RANGE.struct(len(name)).pack(
+        HEADER, *divmod(sample.time_ns, _NS_PER_S), len(name), name, 0, 0.0, *limits, altitude, variance
+    )
+
+
+@tolerant
+def decode_range(data: bytes) -> tuple[int, float]:
+    """Time (ns) and range (m); reads the message of Jazzy and the shorter one of Humble."""
+    _, seconds, ns, _, _, _, _, _, _, distance = _RANGE_HUMBLE.unpack(data)
+    return seconds * _NS_PER_S + ns, distance
+
+
+def encode_pressure(sample: PressureSample, frame: str = "pressure_link", variance: float = 0.0) -> bytes:
+    """sensor_msgs/FluidPressure: absolute pressure. `variance` in Pa²."""
+    name = zero_terminated(frame)
+    return _PRESSURE.struct(len(name)).pack(
+        HEADER, *divmod(sample.time_ns, _NS_PER_S), len(name), name, sample.pascal, variance
+    )
+
+
+@tolerant
+def decode_pressure(data: bytes) -> PressureSample:
+    """The absolute pressure in Pa."""
+    _, seconds, ns, _, _, pascal, _ = _PRESSURE.unpack(data)
+    return PressureSample(seconds * _NS_PER_S + ns, pascal)
+
+
+def encode_odometry(
+    sample: OdometrySample,
+    frame: str = "odom",
+    child: str = "base_link",
+    variances: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0),
+) -> bytes:
+    """nav_msgs/Odometry: pose in the world `frame`, velocities along the body `child`.
+
+    `variances`: of position m², attitude rad², velocity (m/s)², angular velocity (rad/s)².
+    """
+    w, x, y, z = swap_attitude(sample.orientation)
+    name, body = zero_terminated(frame), zero_terminated(child)
+    position, attitude, velocity, rate = variances
+    return _ODOMETRY.struct(len(name), len(body)).pack(
+        HEADER, *divmod(sample.time_ns, _NS_PER_S), len(name), name, len(body), body,
+        *swap_world(sample.position), x, y, z, w, _covariance(6, position, attitude),
+        *swap_body(sample.nu[:3]), *swap_body(sample.nu[3:]), _covariance(6, velocity, rate),
+    )  # fmt: skip
+
+
+@tolerant
+def decode_odometry(data: bytes) -> OdometrySample:
+    """The sample in NED and FRD; covariances are left."""
+    _, seconds, ns, _, _, _, _, *pose, _, u, v, w, p, q, r, _ = _ODOMETRY.unpack(data)
+    east, north, up, qx, qy, qz, qw = pose
+    return OdometrySample(
+        seconds * _NS_PER_S + ns,
+        swap_world((east, north, up)),
+        swap_attitude((qw, qx, qy, qz)),
+        swap_body((u, v, w)) + swap_body((p, q, r)),
+    )
+
+
+# --- traces and health ------------------------------------------------------------------------------------------------
+
+
+def encode_int64_array(values: Sequence[int]) -> bytes:
+    """std_msgs/Int64MultiArray of one plain row."""
+    writer = Writer()
+    writer.numbers("I", 0, 0, len(values))  # no dimensions named, no offset
+    writer.numbers("q", *values)
+    return bytes(writer.data)
+
+
+@tolerant
+def decode_int64_array(data: bytes) -> tuple[int, ...]:
+    """The values; the names of dimensions are left."""
+    reader = Reader(data)
+    for _ in range(reader.count()):
+        reader.string()
+        reader.numbers("I", 2)
+    reader.count()
+    return reader.numbers("q", reader.count())
+
+
+def encode_diagnostics(time_ns: int, statuses: Sequence[Status], hardware_id: str = "") -> bytes:
+    """diagnostic_msgs/DiagnosticArray."""
+    seconds, ns = divmod(time_ns, _NS_PER_S)
+    writer = Writer()
+    writer.numbers("i", seconds)
+    writer.numbers("I", ns)
+    writer.string("")
+    writer.numbers("I", len(statuses))
+    for name, level, message, values in statuses:
+        writer.numbers("B", level)
+        for words in (name, message, hardware_id):
+            writer.string(words)
+        writer.numbers("I", len(values))
+        for pair in values.items():
+            for words in pair:
+                writer.string(words)
+    return bytes(writer.data)
+
+
+@tolerant
+def decode_diagnostics(data: bytes) -> list[Status]:
+    """The statuses; stamp and hardware are left."""
+    reader = Reader(data)
+    reader.numbers("I", 2)
+    reader.string()
+    return [_status(reader) for _ in range(reader.count())]
+
+
+def _status(reader: Reader) -> Status:
+    (level,) = reader.numbers("B")
+    name, message, _ = reader.string(), reader.string(), reader.string()
+    return name, level, message, {reader.string(): reader.string() for _ in range(reader.count())}
+
+
+# --- rmw_zenoh --------------------------------------------------------------------------------------------------------
+
+
+def data_key(domain: int, topic: str, type_name: str, type_hash: str) -> str:
+    """The zenoh key of a topic: data_key(0, "/imu", "sensor_msgs/msg/Imu", "RIHS01_…")."""
+    package, kind, name = type_name.split("/")
+    return f"{domain}/{topic.strip('/')}/{package}::{kind}::dds_::{name}_/{type_hash}"
+
+
+def pack_attachment(sequence: int, time_ns: int, gid: bytes) -> bytes:
+    """The 33 bytes beside a message; `sequence` from 1, `time_ns` of the wall clock, `gid` 16 bytes."""
+    return _ATTACHMENT.pack(sequence, time_ns, 16, gid)
+
+
+def unpack_attachment(data: bytes) -> Attachment | None:
+    """What `pack_attachment` packed, or None if that is not it."""
+    if len(data) != _ATTACHMENT.size:
+        return None
+    sequence, time_ns, length, gid = _ATTACHMENT.unpack(data)
+    return Attachment(sequence, time_ns, gid) if length == 16 else None
+
+
+# --- all of them, by the name of the topic in `hil.topics` ------------------------------------------------------------
+
+Encoded = Iterable[tuple[str, bytes]]
+# from the simulator's name of a sample to the topics it goes out on
+ENCODERS: dict[str, Callable[[Any], Encoded]] = {
+    "imu": lambda sample: [("imu", encode_imu(sample))],
+    "dvl": lambda sample: [("dvl", encode_dvl(sample)), ("altitude", encode_range(sample))],
+    "pressure": lambda sample: [("pressure", encode_pressure(sample))],
+    "odom": lambda sample: [("odom", encode_odometry(sample))],
+    "ground_truth": lambda sample: [("ground_truth", encode_odometry(sample, frame="map"))],
+}
+DECODERS: dict[str, Callable[[bytes], Any]] = {
+    "cmd_vel": decode_twist,
+    "trace": decode_int64_array,
+    "imu": decode_imu,
+    "dvl": decode_dvl,
+    "altitude": decode_range,
+    "pressure": decode_pressure,
+    "odom": decode_odometry,
+    "ground_truth": decode_odometry,
+    "diagnostics": decode_diagnostics,
+}
+
+_covariances: dict[tuple[int, float, float], bytes] = {}
+
+
+def _covariance(size: int, first: float, second: float) -> bytes:
+    """A size x size diagonal, row by row: `first` in its upper half (or in all of 3), `second` in the lower."""
+    key = (size, first, second)
+    found = _covariances.get(key)
+    if found is None:
+        rows = [[0.0] * size for _ in range(size)]
+        for axis in range(size):
+            rows[axis][axis] = first if axis < 3 else second
+        found = _covariances[key] = Struct(f"<{size * size}d").pack(*(value for row in rows for value in row))
+    return found

@@ -1,0 +1,149 @@
+"""One zenoh session a process, with the settings that keep a command ahead of an image.
+
+The slave listens, the master dials, never both. Two TCP links by priority with small send buffers: a
+command never waits behind a picture in the kernel's buffer. Multicast discovery is off; loss of the
+peer is noticed after one second; a reader is a thread of ours on a channel, because an open session
+with a Python callback hangs the interpreter at exit.
+"""
+
+import os
+import threading
+from collections.abc import Callable
+from typing import Any
+
+import zenoh
+
+from hil.errors import NetworkError
+from hil.topics import Priority, Topic
+from hil.transport import ros
+
+LEASE_MS = 1000
+RETRY_MS = (20, 200)  # first and longest pause between attempts to connect
+SEND_BUFFER = 16384
+BATCH = 8192
+
+_PRIORITIES: dict[Priority, zenoh.Priority] = {
+    "real_time": zenoh.Priority.REAL_TIME,
+    "data": zenoh.Priority.DATA,
+    "background": zenoh.Priority.BACKGROUND,
+}
+
+
+def endpoints(endpoint: str) -> list[str]:
+    """The two links of an endpoint "tcp/HOST:PORT": urgent traffic on PORT, the rest on PORT + 1.
+
+    Raises NetworkError when the endpoint is not of this form.
+    """
+    scheme, _, address = endpoint.partition("/")
+    host, _, port = address.rpartition(":")
+    if scheme != "tcp" or not host or not port.isdigit() or not 0 < int(port) < 65535:
+        raise NetworkError(f"endpoint {endpoint!r} is not of the form tcp/HOST:PORT, for example tcp/127.0.0.1:7447")
+    buffer = f"#so_sndbuf={SEND_BUFFER}"
+    return [f"tcp/{host}:{port}?prio=1-3{buffer}", f"tcp/{host}:{int(port) + 1}?prio=4-7{buffer}"]
+
+
+def _configuration(listen: list[str], connect: list[str]) -> zenoh.Config:
+    import json
+
+    first, longest = RETRY_MS
+    return zenoh.Config.from_json5(
+        json.dumps(
+            {
+                "mode": "peer",
+                "listen": {"endpoints": listen},
+                "connect": {
+                    "endpoints": connect,
+                    "retry": {"period_init_ms": first, "period_max_ms": longest, "period_increase_factor": 2},
+                },
+                "scouting": {"delay": 0, "multicast": {"enabled": False}, "gossip": {"enabled": False}},
+                "transport": {
+                    "unicast": {"max_links": 2, "open_timeout": 500, "accept_timeout": 500},
+                    "link": {"tx": {"lease": LEASE_MS, "keep_alive": 4, "batch_size": BATCH}},
+                    "shared_memory": {"enabled": False},
+                },
+            }
+        )
+    )
+
+
+def listen(endpoint: str) -> zenoh.Session:
+    """A session that waits for masters at `endpoint`. Raises NetworkError, also when the port is taken."""
+    links = endpoints(endpoint)
+    try:
+        return zenoh.open(_configuration(listen=links, connect=[]))
+    except zenoh.ZError as error:
+        raise NetworkError(f"cannot listen on {endpoint}: {_reason(str(error))}") from None
+
+
+def dial(endpoint: str) -> zenoh.Session:
+    """A session that connects to a slave at `endpoint` as soon as it is there, and again after each loss."""
+    links = endpoints(endpoint)
+    try:
+        return zenoh.open(_configuration(listen=[], connect=links))
+    except zenoh.ZError as error:
+        raise NetworkError(f"cannot dial {endpoint}: {_reason(str(error))}") from None
+
+
+def _reason(text: str) -> str:
+    if "Address already in use" in text:
+        return "the port (or the next one) is in use; is another slave running there? Choose another with --listen"
+    if "Cannot assign requested address" in text or "os error 99" in text:
+        return "this machine does not have that address"
+    return text.split(" at /")[0]  # without the place in the library's source
+
+
+class Publisher:
+    """Publishes one topic of one node; counts and stamps what it sends."""
+
+    def __init__(self, session: zenoh.Session, node: str, topic: Topic) -> None:
+        self._publisher = session.declare_publisher(
+            ros.data_key(0, f"{node}/{topic.name}", topic.type, ros.TYPE_HASHES[topic.type]),
+            priority=_PRIORITIES[topic.priority],
+            express=topic.express,
+            congestion_control=zenoh.CongestionControl.DROP,
+            allowed_destination=zenoh.Locality.REMOTE,
+        )
+        self._gid = os.urandom(16)
+        self.sequence = 0
+
+    def put(self, payload: bytes, wall_ns: int) -> int:
+        """Send `payload` with its time (ns since 1970); the sequence number it went out with."""
+        self.sequence += 1
+        self._publisher.put(payload, attachment=ros.pack_attachment(self.sequence, wall_ns, self._gid))
+        return self.sequence
+
+
+class Subscription:
+    """Calls `deliver(topic name, payload, attachment)` in a thread of its own for what a node publishes.
+
+    `topic` may be "*": all topics of the node. The thread ends when the session is closed; `deliver`
+    must be quick and must not raise.
+    """
+
+    def __init__(
+        self, session: zenoh.Session, node: str, topic: str, deliver: Callable[[str, bytes, bytes], None], depth: int
+    ) -> None:
+        key = f"0/{node}/{topic}/*/*"
+        self._channel: Any = session.declare_subscriber(key, zenoh.handlers.RingChannel(depth))
+        self._deliver = deliver
+        self._thread = threading.Thread(target=self._run, name=f"reader {topic}", daemon=True)
+        self._thread.start()
+
+    def _run(self) -> None:
+        receive, deliver = self._channel.recv, self._deliver
+        while True:
+            try:
+                sample = receive()
+            except zenoh.ZError:  # the session was closed
+                return
+            attachment = sample.attachment
+            deliver(
+                str(sample.key_expr).split("/", 3)[2],
+                sample.payload.to_bytes(),
+                attachment.to_bytes() if attachment is not None else b"",
+            )
+
+    def close(self) -> None:
+        """Stop listening and wait for the thread to end."""
+        self._channel.undeclare()
+        self._thread.join(1.0)

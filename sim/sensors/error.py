@@ -1,0 +1,71 @@
+"""The one error model that all sensors share.
+
+    measured = true * (1 + scale) + offset + turn-on + bias(t) + noise
+
+The bias is an Ornstein-Uhlenbeck (first-order Gauss-Markov) process, b' = -b / tau + noise, in its exact
+discrete form (Gillespie 1996, Phys. Rev. E 54:2084): its size does not depend on how often it is sampled.
+"""
+
+from collections.abc import Iterable, Sequence
+from math import exp, sqrt
+from random import Random
+from typing import Annotated, NamedTuple
+
+from hil.schema import Range
+
+Size = Annotated[float, Range(0.0, 1e6)]
+
+
+class ErrorModel(NamedTuple):
+    """The errors of one measured quantity, in its own SI unit; a standard deviation (sd) is 1 sigma.
+
+    `offset`: a constant that is known; `turn_on`: sd of a constant drawn when the run starts; `bias`: sd
+    of the wandering bias and `bias_time` its time constant; `noise`: sd of white noise on each sample;
+    `noise_density`: white noise per square root of Hz, as data sheets give it, which grows with the
+    sampling rate; `scale`: sd of the scale factor's error, drawn when the run starts.
+    """
+
+    offset: Annotated[float, Range(-1e6, 1e6)] = 0.0
+    turn_on: Size = 0.0
+    bias: Size = 0.0
+    bias_time: Annotated[float, Range(1e-3, 1e6, "s")] = 300.0
+    noise: Size = 0.0
+    noise_density: Size = 0.0
+    scale: Annotated[float, Range(0.0, 1.0)] = 0.0
+
+
+class ErrorProcess:
+    """One quantity's errors in time, sampled every `period` s with numbers drawn from `random`."""
+
+    def __init__(self, model: ErrorModel, period: float, random: Random) -> None:
+        self._gauss = random.gauss
+        self._gain = 1.0 + self._draw(model.scale)
+        self._constant = model.offset + self._draw(model.turn_on)
+        self._bias = self._draw(model.bias)  # it has wandered for long before the run
+        self._keep = exp(-period / model.bias_time)
+        self._kick = model.bias * sqrt(1.0 - self._keep * self._keep)
+        self._noise = sqrt(model.noise**2 + model.noise_density**2 / period)
+
+    def measure(self, true: float) -> float:
+        """One measurement of `true`; the bias moves on by one period."""
+        self._bias = self._keep * self._bias + self._draw(self._kick)
+        return self._gain * true + self._constant + self._bias + self._draw(self._noise)
+
+    def _draw(self, sd: float) -> float:
+        return self._gauss(0.0, sd) if sd else 0.0
+
+
+def errors(model: ErrorModel, period: float, random: Random, count: int = 3) -> list[ErrorProcess]:
+    """`count` independent processes of one model: the three axes of a vector, the beams of a sonar."""
+    return [ErrorProcess(model, period, random) for _ in range(count)]
+
+
+def measure3(processes: Iterable[ErrorProcess], true: Sequence[float]) -> tuple[float, float, float]:
+    """One measurement of a vector of three."""
+    x, y, z = (process.measure(value) for process, value in zip(processes, true, strict=True))
+    return x, y, z
+
+
+def sensor_random(seed: int, sensor: str) -> Random:
+    """The random numbers of one sensor: the same for the same seed and name, whichever other sensors there are."""
+    return Random(f"{seed}/{sensor}")  # a text seed is hashed with SHA-512, the same in every process

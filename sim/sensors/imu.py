@@ -1,0 +1,70 @@
+"""An inertial measurement unit with an attitude filter."""
+
+from typing import Annotated, NamedTuple
+
+from hil.schema import Range
+from sim.dynamics import State
+from sim.rotations import integrate, rotate_inverse
+from sim.sensors.error import ErrorModel, errors, measure3, sensor_random
+from sim.sensors.samples import IMU, ImuSample, Vector3, period_ns
+from sim.vehicle import Point
+
+
+class ImuModel(NamedTuple):
+    """Rate in Hz (0: none), place in the vehicle, and errors.
+
+    Rates and accelerations: ADIS16448 as set in uuv_simulator (Manhães 2016), whose random walks are
+    turned into the sd they settle at, random walk * sqrt(tau / 2). Attitude: the 0.01 rad that
+    uuv_simulator gives it, here wandering slowly as a filter's error does (our choice) under a little noise.
+    """
+
+    rate: Annotated[float, Range(0.0, 2000.0, "Hz")] = 100.0
+    position: Point = (0.0, 0.0, 0.0)
+    orientation: ErrorModel = ErrorModel(bias=0.01, bias_time=600.0, noise=0.001)
+    angular_velocity: ErrorModel = ErrorModel(
+        turn_on=0.0087, bias=8.67e-4, bias_time=1000.0, noise_density=3.394e-4
+    )  # fmt: skip
+    acceleration: ErrorModel = ErrorModel(turn_on=0.196, bias=0.0735, bias_time=300.0, noise_density=0.004)
+
+
+class Imu:
+    """One unit, its axes along the vehicle's, under `gravity` m/s²."""
+
+    def __init__(self, model: ImuModel, seed: int, gravity: float) -> None:
+        self.period_ns = period_ns(model.rate)
+        self._position = model.position
+        self._gravity = gravity
+        random, period = sensor_random(seed, IMU), 1.0 / model.rate
+        self._orientation = errors(model.orientation, period, random)
+        self._angular_velocity = errors(model.angular_velocity, period, random)
+        self._acceleration = errors(model.acceleration, period, random)
+
+    def sample(self, time_ns: int, state: State) -> ImuSample:
+        """The measurement of `state`; attitude errors are small turns about the body axes."""
+        turn = measure3(self._orientation, (0.0, 0.0, 0.0))
+        return ImuSample(
+            time_ns,
+            integrate(state.quaternion, turn, 1.0),
+            measure3(self._angular_velocity, state.nu[3:]),
+            measure3(self._acceleration, specific_force(state, self._position, self._gravity)),
+        )
+
+
+def specific_force(state: State, position: Point, gravity: float) -> Vector3:
+    """Acceleration less gravity (m/s², body axes) at `position` m from the origin: what an accelerometer feels.
+
+    The acceleration of a point of a turning body: v' + omega x v + omega' x r + omega x (omega x r).
+    """
+    u, v, w, p, q, r = state.nu
+    du, dv, dw, dp, dq, dr = state.nu_dot
+    x, y, z = position
+    # velocity of the point, whose turning with the body is the two centripetal terms together
+    u += q * z - r * y
+    v += r * x - p * z
+    w += p * y - q * x
+    gx, gy, gz = rotate_inverse(state.quaternion, (0.0, 0.0, gravity))
+    return (
+        du + dq * z - dr * y + q * w - r * v - gx,
+        dv + dr * x - dp * z + r * u - p * w - gy,
+        dw + dp * y - dq * x + p * v - q * u - gz,
+    )

@@ -1,0 +1,131 @@
+"""One vehicle in one world: pulses in, sensor samples out, time as an argument of nobody but the caller."""
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+from hil.errors import ConfigError
+from sim.contact import Contact, starts_inside
+from sim.dynamics import Dynamics, Integrator, State
+from sim.rotations import from_euler
+from sim.sensors.dvl import Dvl, DvlModel
+from sim.sensors.imu import Imu, ImuModel
+from sim.sensors.odometry import GroundTruth, GroundTruthModel, Odometry, OdometryModel, ground_truth
+from sim.sensors.pressure import Pressure, PressureModel
+from sim.sensors.samples import DVL, GROUND_TRUTH, IMU, ODOMETRY, PRESSURE, OdometrySample, Sample, Sensor
+from sim.thrusters import ThrusterSet
+from sim.vehicle import Vehicle
+from sim.world import World
+
+STEP_NS = 2_500_000  # 400 Hz
+
+
+class SensorSuite(NamedTuple):
+    """The sensors of a vehicle; one whose rate is 0 is not there."""
+
+    imu: ImuModel = ImuModel()
+    dvl: DvlModel = DvlModel()
+    pressure: PressureModel = PressureModel()
+    odometry: OdometryModel = OdometryModel()
+    ground_truth: GroundTruthModel = GroundTruthModel()
+
+
+class Simulation:
+    """A vehicle from rest at `position` (NED, m) with its bow at `heading` (rad from north, clockwise).
+
+    The same arguments and the same pulses give the same numbers to the last bit. `step_ns` is how much
+    each step advances; a sensor cannot be faster. `contacts` counts the touches of seabed and obstacles,
+    `touching` tells of the last step. Raises ConfigError if the vehicle would start inside something.
+    """
+
+    def __init__(
+        self,
+        vehicle: Vehicle,
+        world: World,
+        sensors: SensorSuite = SensorSuite(),
+        seed: int = 0,
+        step_ns: int = STEP_NS,
+        position: Sequence[float] = (0.0, 0.0, 0.0),
+        heading: float = 0.0,
+        integrator: Integrator = "semi_implicit_euler",
+    ) -> None:
+        if starts_inside(vehicle, world, position):
+            at = ", ".join(f"{x:g}" for x in position)
+            raise ConfigError(f"{vehicle.name} cannot start at ({at}) m: an obstacle or the seabed of {world.name} is there")
+        self.vehicle = vehicle
+        self.world = world
+        self.time_ns = 0
+        self.state = State(position, from_euler(0.0, 0.0, heading))
+        self._step_ns = step_ns
+        self._dt = step_ns * 1e-9
+        self._dynamics = Dynamics(vehicle, world.density, world.gravity, integrator)
+        self._thrusters = ThrusterSet(vehicle, self._dt)
+        self._contact = Contact(vehicle, world, self._dynamics.inverse_mass)
+        self._schedule = [_Slot(topic, sensor, step_ns) for topic, sensor in _sensors(sensors, world, seed)]
+        self._next_due_ns = 0
+
+    @property
+    def contacts(self) -> int:
+        """How often the vehicle has touched something."""
+        return self._contact.count
+
+    @property
+    def touching(self) -> bool:
+        """True if it touched something in the last step."""
+        return self._contact.touching
+
+    @property
+    def thrusts(self) -> list[float]:
+        """The present thrust of each thruster in N."""
+        return self._thrusters.thrusts
+
+    def truth(self) -> OdometrySample:
+        """Where the vehicle really is, now."""
+        return ground_truth(self.time_ns, self.state)
+
+    def step(self, pwm_us: Sequence[int]) -> list[tuple[str, Sample]]:
+        """Advance by one step under these pulses (us, one a thruster); the samples that fell due, by topic."""
+        state = self.state
+        wrench = self._thrusters.step(pwm_us)
+        before = state.nu
+        self._dynamics.step(state, wrench, self.world.current, self._dt)
+        if self._contact.resolve(state):
+            state.nu_dot = [(new - old) / self._dt for new, old in zip(state.nu, before, strict=True)]
+        self.time_ns += self._step_ns
+        return self._samples() if self.time_ns >= self._next_due_ns else []
+
+    def _samples(self) -> list[tuple[str, Sample]]:
+        now, state = self.time_ns, self.state
+        samples = [(slot.topic, slot.sensor.sample(now, state)) for slot in self._schedule if slot.take(now)]
+        self._next_due_ns = min((slot.due_ns for slot in self._schedule), default=1 << 63)
+        return samples
+
+
+class _Slot:
+    """When a sensor is due next: whole multiples of its period, so that nothing drifts."""
+
+    def __init__(self, topic: str, sensor: Sensor, step_ns: int) -> None:
+        if sensor.period_ns < step_ns:
+            raise ConfigError(f"sensor {topic!r}: its rate is above {1e9 / step_ns:g} Hz, the rate of the simulation")
+        self.topic = topic
+        self.sensor = sensor
+        self.due_ns = sensor.period_ns
+
+    def take(self, now_ns: int) -> bool:
+        """True once when it is due."""
+        if now_ns < self.due_ns:
+            return False
+        self.due_ns += self.sensor.period_ns
+        return True
+
+
+def _sensors(suite: SensorSuite, world: World, seed: int) -> Iterator[tuple[str, Sensor]]:
+    if suite.imu.rate:
+        yield IMU, Imu(suite.imu, seed, world.gravity)
+    if suite.dvl.rate:
+        yield DVL, Dvl(suite.dvl, seed, world.depth)
+    if suite.pressure.rate:
+        yield PRESSURE, Pressure(suite.pressure, seed, world.density, world.gravity)
+    if suite.odometry.rate:
+        yield ODOMETRY, Odometry(suite.odometry, seed)
+    if suite.ground_truth.rate:
+        yield GROUND_TRUTH, GroundTruth(suite.ground_truth)

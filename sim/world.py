@@ -1,0 +1,72 @@
+"""The water a vehicle is in, its seabed and what stands on it, read from TOML."""
+
+from math import inf
+from typing import Annotated, NamedTuple
+
+from hil.schema import Range, find_preset, load
+from sim.obstacles import Box, Cylinder, Obstacle, Wall
+
+Edge = Annotated[float, Range(-1e5, 1e5, "m")]
+Speed = Annotated[float, Range(-5.0, 5.0, "m/s")]
+
+
+class World(NamedTuple):
+    """One place. `source` says where it comes from.
+
+    `extent` is north_min, north_max, east_min, east_max in m: what a map shows, and where with `walls`
+    four walls stand. `depth` is that of the flat seabed, `density` of the water in kg/m³, `gravity` in
+    m/s², `current` the velocity of the water north, east, down: steady, the same everywhere.
+    Not modelled: relief, layers and eddies, the water's calm in the lee of an obstacle.
+    """
+
+    name: str
+    source: str
+    extent: tuple[Edge, Edge, Edge, Edge]
+    depth: Annotated[float, Range(0.1, 11_000.0, "m")]
+    walls: bool = False
+    density: Annotated[float, Range(900.0, 1200.0)] = 1025.0
+    gravity: Annotated[float, Range(0.1, 30.0)] = 9.80665
+    current: tuple[Speed, Speed, Speed] = (0.0, 0.0, 0.0)
+    cylinder: tuple[Cylinder, ...] = ()
+    box: tuple[Box, ...] = ()
+
+    def problem(self) -> str | None:
+        """What is wrong between the keys, if anything."""
+        north_min, north_max, east_min, east_max = self.extent
+        if north_min >= north_max or east_min >= east_max:
+            return "extent: give north_min, north_max, east_min, east_max, each pair growing"
+        for obstacle in (*self.cylinder, *self.box):
+            at = f"({obstacle.north:g}, {obstacle.east:g})"
+            if not (north_min <= obstacle.north <= north_max and east_min <= obstacle.east <= east_max):
+                return f"the obstacle at {at} is outside the extent"
+            if obstacle.top >= self.depth:
+                return f"the obstacle at {at} has its top in the seabed"
+        return None
+
+    def obstacles(self) -> tuple[Obstacle, ...]:
+        """Everything that stands in the water, walls included."""
+        return (*self.cylinder, *self.box, *self._walls())
+
+    def clearance(self, north: float, east: float, depth: float = inf) -> float:
+        """Distance in m from a point to the nearest obstacle's side, negative inside it, inf if there is none.
+
+        Only obstacles that reach up to `depth` m count: all of them if it is left out.
+        """
+        near = (o.separation(north, east)[0] for o in self.obstacles() if o.top < depth)
+        return min(near, default=inf)
+
+    def _walls(self) -> tuple[Wall, ...]:
+        if not self.walls:
+            return ()
+        north_min, north_max, east_min, east_max = self.extent
+        return (
+            Wall(1.0, 0.0, north_min),
+            Wall(-1.0, 0.0, -north_max),
+            Wall(0.0, 1.0, east_min),
+            Wall(0.0, -1.0, -east_max),
+        )
+
+
+def load_world(name_or_path: str) -> World:
+    """A preset of `sim/worlds`, or a file ending in `.toml`. Raises ConfigError."""
+    return load(find_preset("sim/worlds", name_or_path), World)
