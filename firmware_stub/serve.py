@@ -1,23 +1,22 @@
 """`uuv-hil stm32`: the STM32 in a process of its own, for software that expects one on a serial port."""
 
 import argparse
-import os
 import select
-import signal
 import sys
 from collections.abc import Callable
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, NamedTuple
 
 from firmware_stub.stub import Stm32, Stm32End
-from hil.clock import NS, now_ns
+from hil.clock import NS_PER_S, now_ns
 from hil.errors import ConfigError, HilError
 from hil.links.contract import MAX_THRUSTERS, ThrusterLink
 from hil.links.frame import FrameProtocol
 from hil.links.wires import open_wire
 from hil.schema import Range, find_preset, parse
+from hil.stop import StopSignals
 
 NAME = "uuv-hil stm32"
-REPORT_PERIOD_NS = 5 * NS
+REPORT_PERIOD_NS = 5 * NS_PER_S
 EXAMPLES = """\
 examples:
   uuv-hil stm32                                     a pty; open /tmp/uuv-hil-stm32 as your serial port
@@ -42,7 +41,7 @@ def main(argv: list[str] | None = None) -> int:
     """Run until SIGINT or SIGTERM; the exit code. `argv` is without the command's name."""
     try:
         options = parse(vars(_parser().parse_args(argv)), Options, NAME)
-        with _StopSignals() as stop_fd:
+        with StopSignals() as stop_fd:
             _run(options, stop_fd)
     except HilError as error:
         print(f"{NAME}: {error}".replace(f"{NAME}: {NAME}", NAME), file=sys.stderr)
@@ -64,7 +63,7 @@ def serve(end: Stm32End, stop_fd: int, report: Callable[[Stm32End], None] | None
                 report(end)
                 report_ns = now + REPORT_PERIOD_NS
             wait_ns = max(0, min(end.deadline_ns, report_ns) - now_ns())
-            if stop_fd in select.select((end, stop_fd), (), (), wait_ns / NS)[0]:
+            if stop_fd in select.select((end, stop_fd), (), (), wait_ns / NS_PER_S)[0]:
                 return
     finally:
         end.close()
@@ -79,7 +78,7 @@ def _run(options: Options, stop_fd: int) -> None:
         wire = open_wire("uart", device=options.uart, baud=options.baud)
     else:
         wire = open_wire("pty", link_path=options.device)
-    stm32 = Stm32(options.channels, round(options.watchdog * NS))
+    stm32 = Stm32(options.channels, round(options.watchdog * NS_PER_S))
     _say(
         f"STM32 with {options.channels} thrusters on {wire.name}: frame {options.frame}, "
         f"watchdog {options.watchdog * 1e3:g} ms; Ctrl-C ends it"
@@ -101,27 +100,6 @@ def _status(end: Stm32End) -> str:
 
 def _say(line: str) -> None:
     print(line, flush=True)
-
-
-class _StopSignals:
-    """Inside the `with`, SIGINT and SIGTERM only make a descriptor readable: no wait can miss one."""
-
-    def __enter__(self) -> int:
-        self._read_fd, self._write_fd = os.pipe2(os.O_NONBLOCK | os.O_CLOEXEC)
-        self._wakeup_before = signal.set_wakeup_fd(self._write_fd)
-        self._before = {number: signal.signal(number, _ignore) for number in (signal.SIGINT, signal.SIGTERM)}
-        return self._read_fd
-
-    def __exit__(self, *_: object) -> None:
-        for number, handler in self._before.items():
-            signal.signal(number, handler)
-        signal.set_wakeup_fd(self._wakeup_before)
-        os.close(self._read_fd)
-        os.close(self._write_fd)
-
-
-def _ignore(*_: Any) -> None:
-    """The interpreter has written to the descriptor already."""
 
 
 def _parser() -> argparse.ArgumentParser:

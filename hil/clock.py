@@ -147,7 +147,7 @@ def lock_memory() -> str:
 
 
 def quiet_garbage_collector() -> str:
-    """Take the collector out of the loop's way: what is there now is kept, the rest is collected by the health thread."""
+    """Take the collector out of the loop's way: what is there now is kept for good, the rest is collected on request."""
     gc.collect()
     gc.freeze()
     gc.disable()

@@ -97,9 +97,7 @@ class Scenario(NamedTuple):
     def problem(self) -> str | None:
         """The words that do not go together."""
         if self.controller == "external" and self.stm32 != "python":
-            return (
-                f'controller = "external" needs stm32 = "python": with {self.stm32!r} the slave could not see the thrusters'
-            )
+            return f'controller = "external" needs stm32 = "python": {self.stm32!r} would hide the thrusters from us'
         if (self.stm32 == "device") != (self.link.wire == "uart"):
             return 'stm32 = "device" and [link] wire = "uart" go together'
         if self.slave.deadman < 2 * self.slave.control_period:

@@ -16,7 +16,7 @@ from sim.thrusters import ThrusterSet
 from sim.vehicle import Vehicle
 from sim.world import World
 
-STEP_NS = 2_500_000  # 400 Hz
+DT_NS = 2_500_000  # 400 Hz
 
 
 class SensorSuite(NamedTuple):
@@ -32,7 +32,7 @@ class SensorSuite(NamedTuple):
 class Simulation:
     """A vehicle from rest at `position` (NED, m) with its bow at `heading` (rad from north, clockwise).
 
-    The same arguments and the same pulses give the same numbers to the last bit. `step_ns` is how much
+    The same arguments and the same pulses give the same numbers to the last bit. `dt_ns` is how much
     each step advances; a sensor cannot be faster. `contacts` counts the touches of seabed and obstacles,
     `touching` tells of the last step. Raises ConfigError if the vehicle would start inside something.
     """
@@ -43,24 +43,26 @@ class Simulation:
         world: World,
         sensors: SensorSuite = SensorSuite(),
         seed: int = 0,
-        step_ns: int = STEP_NS,
+        dt_ns: int = DT_NS,
         position: Sequence[float] = (0.0, 0.0, 0.0),
         heading: float = 0.0,
         integrator: Integrator = "semi_implicit_euler",
     ) -> None:
         if starts_inside(vehicle, world, position):
             at = ", ".join(f"{x:g}" for x in position)
-            raise ConfigError(f"{vehicle.name} cannot start at ({at}) m: an obstacle or the seabed of {world.name} is there")
+            raise ConfigError(
+                f"{vehicle.name} cannot start at ({at}) m: an obstacle or the seabed of {world.name} is there"
+            )
         self.vehicle = vehicle
         self.world = world
         self.time_ns = 0
         self.state = State(position, from_euler(0.0, 0.0, heading))
-        self._step_ns = step_ns
-        self._dt = step_ns * 1e-9
+        self._dt_ns = dt_ns
+        self._dt = dt_ns * 1e-9
         self._dynamics = Dynamics(vehicle, world.density, world.gravity, integrator)
         self._thrusters = ThrusterSet(vehicle, self._dt)
         self._contact = Contact(vehicle, world, self._dynamics.inverse_mass)
-        self._schedule = [_Slot(topic, sensor, step_ns) for topic, sensor in _sensors(sensors, world, seed)]
+        self._schedule = [_Slot(topic, sensor, dt_ns) for topic, sensor in _sensors(sensors, world, seed)]
         self._next_due_ns = 0
 
     @property
@@ -90,7 +92,7 @@ class Simulation:
         self._dynamics.step(state, wrench, self.world.current, self._dt)
         if self._contact.resolve(state):
             state.nu_dot = [(new - old) / self._dt for new, old in zip(state.nu, before, strict=True)]
-        self.time_ns += self._step_ns
+        self.time_ns += self._dt_ns
         return self._samples() if self.time_ns >= self._next_due_ns else []
 
     def _samples(self) -> list[tuple[str, Sample]]:
@@ -103,9 +105,9 @@ class Simulation:
 class _Slot:
     """When a sensor is due next: whole multiples of its period, so that nothing drifts."""
 
-    def __init__(self, topic: str, sensor: Sensor, step_ns: int) -> None:
-        if sensor.period_ns < step_ns:
-            raise ConfigError(f"sensor {topic!r}: its rate is above {1e9 / step_ns:g} Hz, the rate of the simulation")
+    def __init__(self, topic: str, sensor: Sensor, dt_ns: int) -> None:
+        if sensor.period_ns < dt_ns:
+            raise ConfigError(f"sensor {topic!r}: its rate is above {1e9 / dt_ns:g} Hz, the rate of the simulation")
         self.topic = topic
         self.sensor = sensor
         self.due_ns = sensor.period_ns

@@ -104,5 +104,7 @@ class ThrusterSet:
             raise ConfigError(
                 f"{len(pwm_us)} pulses for a vehicle of {len(self._thrusters)} thrusters: give one a thruster"
             )
-        self._targets = [steady_thrust(thruster, pulse) for thruster, pulse in zip(self._thrusters, pwm_us, strict=True)]
+        self._targets = [
+            steady_thrust(thruster, pulse) for thruster, pulse in zip(self._thrusters, pwm_us, strict=True)
+        ]
         self._pwm_us = pwm_us

@@ -35,7 +35,8 @@ class World(NamedTuple):
         north_min, north_max, east_min, east_max = self.extent
         if north_min >= north_max or east_min >= east_max:
             return "extent: give north_min, north_max, east_min, east_max, each pair growing"
-        for obstacle in (*self.cylinder, *self.box):
+        placed: tuple[Cylinder | Box, ...] = (*self.cylinder, *self.box)
+        for obstacle in placed:
             at = f"({obstacle.north:g}, {obstacle.east:g})"
             if not (north_min <= obstacle.north <= north_max and east_min <= obstacle.east <= east_max):
                 return f"the obstacle at {at} is outside the extent"

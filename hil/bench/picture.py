@@ -20,9 +20,7 @@ def draw(folder: str, scenario: Scenario, plan: Plan) -> str:
 
     with open(os.path.join(folder, "track.csv"), newline="") as file:
         rows = [{key: float(value) for key, value in row.items()} for row in csv.DictReader(file)]
-    figure, (field, depth, speed) = plt.subplots(
-        3, 1, figsize=(8, 11), height_ratios=(6, 1, 1), layout="constrained"
-    )
+    figure, (field, depth, speed) = plt.subplots(3, 1, figsize=(8, 11), height_ratios=(6, 1, 1), layout="constrained")
     _draw_map(field, scenario, plan, rows)
     time = [row["time_s"] for row in rows]
     depth.plot(time, [row["true_depth_m"] for row in rows], color="C0")

@@ -69,9 +69,7 @@ def _start_slave(scenario: str, log: object) -> subprocess.Popen[bytes]:
     return subprocess.Popen(command, stderr=log, env=environment, start_new_session=True)  # type: ignore[call-overload, no-any-return]
 
 
-def _watch(
-    master: subprocess.Popen[bytes], slave: subprocess.Popen[bytes], stop_fd: int, log_path: str
-) -> int:
+def _watch(master: subprocess.Popen[bytes], slave: subprocess.Popen[bytes], stop_fd: int, log_path: str) -> int:
     while master.poll() is None:
         if select.select((stop_fd,), (), (), 0.1)[0]:
             return 130
@@ -90,5 +88,3 @@ def _end(process: subprocess.Popen[bytes]) -> None:
     except subprocess.TimeoutExpired:
         process.kill()
         process.wait()
-
-

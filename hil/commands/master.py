@@ -88,8 +88,8 @@ def _report(
 ) -> None:
     progress.say(
         f"{outcome.reason} after {outcome.duration:.1f} s: {outcome.travelled:.1f} m travelled on a path of "
-        f"{outcome.path_length:.1f} m, {outcome.goal_error:.2f} m from the goal, at most {outcome.cross_track_max:.2f} m "
-        f"off the path, never nearer than {outcome.least_clearance:.2f} m to an obstacle"
+        f"{outcome.path_length:.1f} m, {outcome.goal_error:.2f} m from the goal, at most "
+        f"{outcome.cross_track_max:.2f} m off the path, never nearer than {outcome.least_clearance:.2f} m to an obstacle"
     )
     progress.say("\n" + table.render(result) + "\n")
     with open(os.path.join(folder, "table.json"), "w") as file:

@@ -3,15 +3,13 @@
 import threading
 from typing import Any, NamedTuple
 
-import zenoh
-
 from hil.autonomy.control import VelocityCommand
 from hil.clock import NS_PER_S, now_ns, to_wall_ns
 from hil.errors import NetworkError
 from hil.master.delay import DelayMeter
 from hil.topics import TOPICS
 from hil.transport import ros
-from hil.transport.session import Publisher, Subscription, dial
+from hil.transport.session import dial
 
 QUEUE = 256  # messages that may wait for the reader; beyond it the oldest are dropped
 
@@ -44,10 +42,10 @@ class VehicleClient:
         self.delays = DelayMeter()
         self.first_sample_wall_ns = 0
         self._first_sample = threading.Event()
-        self._session: zenoh.Session = dial(endpoint)
+        self._session = dial(endpoint)
         self.dialled_wall_ns = to_wall_ns(now_ns())
-        self._commands = Publisher(self._session, node, TOPICS["cmd_vel"])
-        self._subscription = Subscription(self._session, node, "*", self._deliver, QUEUE)
+        self._commands = self._session.publisher(node, TOPICS["cmd_vel"])
+        self._session.subscribe(node, "*", self._deliver, QUEUE)
 
     def __enter__(self) -> "VehicleClient":
         return self
@@ -58,7 +56,6 @@ class VehicleClient:
     def close(self) -> None:
         """Command standstill and close the session."""
         self.command(VelocityCommand())
-        self._subscription.close()
         self._session.close()
 
     def command(self, command: VelocityCommand) -> int:

@@ -2,6 +2,7 @@
 
 import select
 import time
+from itertools import pairwise
 from typing import NamedTuple
 
 from hil.autonomy.astar import plan, smooth
@@ -133,7 +134,7 @@ class Mission:
         error = float("nan")
         if self._last:
             error = ((goal[0] - self._last[0]) ** 2 + (goal[1] - self._last[1]) ** 2) ** 0.5
-        legs = zip(path, path[1:], strict=False)
+        legs = pairwise(path)
         length = sum(((b[0] - a[0]) ** 2 + (b[1] - a[1]) ** 2) ** 0.5 for a, b in legs)
         return Outcome(
             self._pursuit.done,
@@ -158,4 +159,3 @@ def require_success(outcome: Outcome) -> None:
     """Raise MissionError unless the goal was reached."""
     if not outcome.reached:
         raise MissionError(f"{outcome.reason} after {outcome.duration:.1f} s, {outcome.goal_error:.1f} m from the goal")
-

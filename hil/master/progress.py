@@ -69,4 +69,3 @@ def _line(elapsed: float, truth: OdometrySample, share: float, client: VehicleCl
         f"{elapsed:6.1f} s  {share:4.0%}  N {north:5.1f} E {east:5.1f} depth {depth:4.2f} m  {truth.nu[0]:4.2f} m/s  "
         f"real time x{health.get('real_time_factor', '-')}  delay {delay}  link {frames}"
     )
-

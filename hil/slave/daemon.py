@@ -88,10 +88,10 @@ def _assemble(
     if builtin:
         gains = parse(control, Gains, f"{scenario.vehicle}: control")
         water = world.density * world.gravity
-        pilot = Pilot(vehicle, gains, simulation.inertia_diagonal(), water, seconds_ns(slave.deadman))
-        subscription = network.Subscription(session, slave.node, "cmd_vel", inbox.deliver, depth=8)
-        stack.callback(subscription.close)
-    return Loop(simulation, driver, pilot, inbox, outbox, seconds_ns(slave.control_period), report)
+        pilot = Pilot(vehicle, gains, water, seconds_ns(slave.deadman))
+        session.subscribe(slave.node, "cmd_vel", inbox.deliver, depth=8)
+    steps = seconds_ns(slave.step), seconds_ns(slave.control_period)
+    return Loop(simulation, driver, pilot, inbox, outbox, *steps, report)
 
 
 def _ready(scenario: Scenario, loop: Loop, startup: dict[str, int]) -> str:

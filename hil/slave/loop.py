@@ -40,6 +40,7 @@ class Loop:
         pilot: Pilot | None,
         inbox: Inbox,
         outbox: Outbox,
+        step_ns: int,
         control_period_ns: int,
         report: Callable[[str], None],
     ) -> None:
@@ -54,7 +55,7 @@ class Loop:
         self._controlled_ns = 0
         self._control_due_ns = 0
         self._timed_out = False
-        self.schedule = RateKeeper(simulation.dt_ns, now_ns())
+        self.schedule = RateKeeper(step_ns, now_ns())
         self.commands = 0
         self.unanswered = 0
         self.watchdog_trips = 0
@@ -65,7 +66,7 @@ class Loop:
         inbox_fd = self.inbox.fileno()
         waited = [stop_fd, inbox_fd, *self.driver.descriptors()]
         self.started_ns = now_ns()
-        self.schedule = RateKeeper(self.simulation.dt_ns, self.started_ns)
+        self.schedule = RateKeeper(self.schedule.period_ns, self.started_ns)
         while True:
             wait_ns = self.schedule.deadline_ns - now_ns()
             ready = select.select(waited, (), (), wait_ns / NS_PER_S if wait_ns > 0 else 0.0)[0]
@@ -129,5 +130,3 @@ class Loop:
         for sequence in lost:
             del self._awaited[sequence]
         self.unanswered += len(lost)
-
-

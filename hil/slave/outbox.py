@@ -2,12 +2,10 @@
 
 from typing import Any
 
-import zenoh
-
 from hil.clock import now_ns, to_wall_ns
 from hil.topics import TOPICS
 from hil.transport import ros
-from hil.transport.session import Publisher
+from hil.transport.session import Session
 
 
 class Outbox:
@@ -16,10 +14,10 @@ class Outbox:
     `epoch_ns` is the wall time (ns since 1970) of simulation time 0; message stamps count from it.
     """
 
-    def __init__(self, session: zenoh.Session, node: str, epoch_ns: int) -> None:
+    def __init__(self, session: Session, node: str, epoch_ns: int) -> None:
         self._epoch_ns = epoch_ns
         self._publishers = {
-            name: Publisher(session, node, topic) for name, topic in TOPICS.items() if not topic.from_master
+            name: session.publisher(node, topic) for name, topic in TOPICS.items() if not topic.from_master
         }
         self.published = 0
 

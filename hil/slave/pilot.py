@@ -1,13 +1,12 @@
 """The vehicle's own computer: velocity command and sensors in, thruster command out."""
 
-from collections.abc import Sequence
 from typing import Any
 
 from hil.autonomy.allocation import Allocator
 from hil.autonomy.control import NO_RESIDUAL, CascadedController, Gains, Navigation, VelocityCommand
 from hil.links.contract import PWM_NEUTRAL_US, ThrusterCommand
 from sim.thrusters import pwm_for, wrench_matrix
-from sim.vehicle import Vehicle
+from sim.vehicle import Vehicle, mass_matrix
 
 # An isothermal column of water: pressure to depth with the vehicle's own constants, as a real pilot has.
 ATMOSPHERE_PA = 101_325.0
@@ -20,10 +19,9 @@ class Pilot:
     "pressure", each held until its next sample.
     """
 
-    def __init__(
-        self, vehicle: Vehicle, gains: Gains, inertia: Sequence[float], water_weight: float, deadman_ns: int
-    ) -> None:
-        x, y, z, k, m, n = inertia
+    def __init__(self, vehicle: Vehicle, gains: Gains, water_weight: float, deadman_ns: int) -> None:
+        mass = mass_matrix(vehicle)
+        x, y, z, k, m, n = (mass[axis][axis] for axis in range(6))
         self._controller = CascadedController(gains, (x, y, z, k, m, n))
         self._thrusters = vehicle.thrusters
         self._allocator = Allocator(

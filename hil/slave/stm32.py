@@ -1,8 +1,8 @@
 """Who plays the STM32, as the slave sees it: something on a link that turns commands into pulse widths.
 
-    "python"   the firmware's Python twin in this process, on a pty
-    "process"  the same in a process of its own
-    "device"   a real STM32 on a UART; the pulse widths are what its telemetry says it applies
+"python"   the firmware's Python twin in this process, on a pty
+"process"  the same in a process of its own
+"device"   a real STM32 on a UART; the pulse widths are what its telemetry says it applies
 """
 
 import os

@@ -39,7 +39,7 @@ class Layout:
 
     def __init__(self, fields: str) -> None:
         self._fields = fields.split()
-        self._strings = range(self._fields.count("string"))
+        self.strings = self._fields.count("string")
         self._structs: dict[tuple[int, ...], Struct] = {}
 
     def struct(self, *lengths: int) -> Struct:
@@ -55,7 +55,7 @@ class Layout:
         """The values of a payload, `HEADER` first. Raises MalformedError; use under `tolerant`."""
         check_header(data)
         lengths: tuple[int, ...] = ()
-        for _ in self._strings:
+        for _ in range(self.strings):
             (length,) = _COUNT.unpack_from(data, self.struct(*lengths).size - _COUNT.size)
             if length > len(data):
                 raise MalformedError("a string longer than the message")
@@ -138,3 +138,19 @@ def check_header(data: bytes) -> None:
     if data[:2] != HEADER[:2] or len(data) < len(HEADER):
         raise MalformedError("not little-endian CDR")
 
+
+def diagonal(size: int, first: float, last: float) -> bytes:
+    """The bytes of a size x size covariance matrix: `first` on axes 0 to 2 of its diagonal, `last` on the others."""
+    key = (size, first, last)
+    found = _diagonals.get(key)
+    if found is None:
+        if len(_diagonals) >= _MOST_COMPILED:
+            _diagonals.clear()
+        values = [0.0] * (size * size)
+        for axis in range(size):
+            values[axis * (size + 1)] = first if axis < 3 else last
+        found = _diagonals[key] = pack(f"<{size * size}d", *values)
+    return found
+
+
+_diagonals: dict[tuple[int, float, float], bytes] = {}

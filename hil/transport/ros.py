@@ -10,7 +10,7 @@ from math import inf, isfinite, nan, sqrt
 from struct import Struct
 from typing import Any, NamedTuple
 
-from hil.transport.cdr import HEADER, Layout, MalformedError, Reader, Writer, text, tolerant, zero_terminated
+from hil.transport.cdr import HEADER, Layout, MalformedError, Reader, Writer, diagonal, tolerant, zero_terminated
 from sim.sensors.samples import DvlSample, ImuSample, OdometrySample, PressureSample
 
 Vector3 = tuple[float, float, float]
@@ -42,6 +42,7 @@ _TWIST_STAMPED = Layout("i I string 6d 288s")
 _PRESSURE = Layout("i I string 2d")
 _RANGE = Layout("i I string B 5f")
 _RANGE_HUMBLE = Layout("i I string B 4f")
+_FLOAT64 = Struct("<d")
 _ATTACHMENT = Struct("<qqB16s")
 
 
@@ -104,23 +105,20 @@ def encode_imu(
     """sensor_msgs/Imu. `variances`: of attitude rad², angular velocity (rad/s)², acceleration (m/s²)²."""
     time_ns, orientation, angular_velocity, acceleration = sample
     w, x, y, z = swap_attitude(orientation)
-    name = zero_terminated(frame)
     attitude, rate, force = variances
-    return _IMU.struct(len(name)).pack(
-        HEADER, *divmod(time_ns, _NS_PER_S), len(name), name,
-        x, y, z, w, _covariance(3, attitude, attitude),
-        *swap_body(angular_velocity), _covariance(3, rate, rate),
-        *swap_body(acceleration), _covariance(3, force, force),
+    return _pack(
+        _IMU, time_ns, (frame,),
+        x, y, z, w, diagonal(3, attitude, attitude),
+        *swap_body(angular_velocity), diagonal(3, rate, rate),
+        *swap_body(acceleration), diagonal(3, force, force),
     )  # fmt: skip
 
 
 @tolerant
 def decode_imu(data: bytes) -> ImuSample:
     """The sample in NED and FRD; covariances are left."""
-    _, seconds, ns, _, _, x, y, z, w, _, p, q, r, _, ax, ay, az, _ = _IMU.unpack(data)
-    return ImuSample(
-        seconds * _NS_PER_S + ns, swap_attitude((w, x, y, z)), swap_body((p, q, r)), swap_body((ax, ay, az))
-    )
+    time_ns, (x, y, z, w, _, p, q, r, _, ax, ay, az, _) = _unpack(_IMU, data)
+    return ImuSample(time_ns, swap_attitude((w, x, y, z)), swap_body((p, q, r)), swap_body((ax, ay, az)))
 
 
 def encode_dvl(sample: DvlSample, frame: str = "dvl_link", variance: float = 0.0) -> bytes:
@@ -129,55 +127,46 @@ def encode_dvl(sample: DvlSample, frame: str = "dvl_link", variance: float = 0.0
     Without bottom lock the velocity is NaN and the first covariance -1. The angular part is always empty.
     """
     velocity = swap_body(sample.velocity) if sample.locked else (nan, nan, nan)
-    name = zero_terminated(frame)
-    return _TWIST_STAMPED.struct(len(name)).pack(
-        HEADER, *divmod(sample.time_ns, _NS_PER_S), len(name), name,
-        *velocity, 0.0, 0.0, 0.0, _covariance(6, variance if sample.locked else _NO_DATA, 0.0),
-    )  # fmt: skip
+    covariance = diagonal(6, variance if sample.locked else _NO_DATA, 0.0)
+    return _pack(_TWIST_STAMPED, sample.time_ns, (frame,), *velocity, 0.0, 0.0, 0.0, covariance)
 
 
 @tolerant
 def decode_dvl(data: bytes) -> DvlSample:
     """The velocity along FRD and whether it is locked. The altitude is NaN: it travels as a Range."""
-    _, seconds, ns, _, _, u, v, w, _, _, _, covariance = _TWIST_STAMPED.unpack(data)
-    locked = isfinite(u + v + w) and Struct("<d").unpack_from(covariance)[0] >= 0.0
-    return DvlSample(seconds * _NS_PER_S + ns, swap_body((u, v, w)), nan, locked)
+    time_ns, (u, v, w, _, _, _, covariance) = _unpack(_TWIST_STAMPED, data)
+    locked = isfinite(u + v + w) and _FLOAT64.unpack_from(covariance)[0] >= 0.0
+    return DvlSample(time_ns, swap_body((u, v, w)), nan, locked)
 
 
 def encode_range(
-    sample: DvlSample, frame: str = "dvl_link", limits: tuple[float, float] = (0.05, 50.0), variance: float = 0.0
+    sample: DvlSample, frame: str = "dvl_link", limits: tuple[float, float] = (0.2, 75.0), variance: float = 0.0
 ) -> bytes:
     """sensor_msgs/Range of the altitude, `limits` m of the device; +inf (REP 117) without bottom lock.
 
     `variance` in m². The field of view is sent as 0: the mean of narrow beams.
     """
     altitude = sample.altitude if sample.locked else inf
-    name = zero_terminated(frame)
-    return _RANGE.struct(len(name)).pack(
-        HEADER, *divmod(sample.time_ns, _NS_PER_S), len(name), name, 0, 0.0, *limits, altitude, variance
-    )
+    return _pack(_RANGE, sample.time_ns, (frame,), 0, 0.0, *limits, altitude, variance)
 
 
 @tolerant
 def decode_range(data: bytes) -> tuple[int, float]:
     """Time (ns) and range (m); reads the message of Jazzy and the shorter one of Humble."""
-    _, seconds, ns, _, _, _, _, _, _, distance = _RANGE_HUMBLE.unpack(data)
-    return seconds * _NS_PER_S + ns, distance
+    time_ns, (_, _, _, _, distance) = _unpack(_RANGE_HUMBLE, data)
+    return time_ns, distance
 
 
 def encode_pressure(sample: PressureSample, frame: str = "pressure_link", variance: float = 0.0) -> bytes:
     """sensor_msgs/FluidPressure: absolute pressure. `variance` in Pa²."""
-    name = zero_terminated(frame)
-    return _PRESSURE.struct(len(name)).pack(
-        HEADER, *divmod(sample.time_ns, _NS_PER_S), len(name), name, sample.pascal, variance
-    )
+    return _pack(_PRESSURE, sample.time_ns, (frame,), sample.pascal, variance)
 
 
 @tolerant
 def decode_pressure(data: bytes) -> PressureSample:
     """The absolute pressure in Pa."""
-    _, seconds, ns, _, _, pascal, _ = _PRESSURE.unpack(data)
-    return PressureSample(seconds * _NS_PER_S + ns, pascal)
+    time_ns, (pascal, _) = _unpack(_PRESSURE, data)
+    return PressureSample(time_ns, pascal)
 
 
 def encode_odometry(
@@ -191,26 +180,35 @@ def encode_odometry(
     `variances`: of position m², attitude rad², velocity (m/s)², angular velocity (rad/s)².
     """
     w, x, y, z = swap_attitude(sample.orientation)
-    name, body = zero_terminated(frame), zero_terminated(child)
     position, attitude, velocity, rate = variances
-    return _ODOMETRY.struct(len(name), len(body)).pack(
-        HEADER, *divmod(sample.time_ns, _NS_PER_S), len(name), name, len(body), body,
-        *swap_world(sample.position), x, y, z, w, _covariance(6, position, attitude),
-        *swap_body(sample.nu[:3]), *swap_body(sample.nu[3:]), _covariance(6, velocity, rate),
+    return _pack(
+        _ODOMETRY, sample.time_ns, (frame, child),
+        *swap_world(sample.position), x, y, z, w, diagonal(6, position, attitude),
+        *swap_body(sample.nu[:3]), *swap_body(sample.nu[3:]), diagonal(6, velocity, rate),
     )  # fmt: skip
 
 
 @tolerant
 def decode_odometry(data: bytes) -> OdometrySample:
     """The sample in NED and FRD; covariances are left."""
-    _, seconds, ns, _, _, _, _, *pose, _, u, v, w, p, q, r, _ = _ODOMETRY.unpack(data)
-    east, north, up, qx, qy, qz, qw = pose
+    time_ns, (east, north, up, x, y, z, w, _, *nu, _) = _unpack(_ODOMETRY, data)
     return OdometrySample(
-        seconds * _NS_PER_S + ns,
-        swap_world((east, north, up)),
-        swap_attitude((qw, qx, qy, qz)),
-        swap_body((u, v, w)) + swap_body((p, q, r)),
+        time_ns, swap_world((east, north, up)), swap_attitude((w, x, y, z)), swap_body(nu[:3]) + swap_body(nu[3:])
     )
+
+
+def _pack(layout: Layout, time_ns: int, names: tuple[str, ...], *values: Any) -> bytes:
+    """A message that begins with a std_msgs/Header: the stamp, then frame names, then `values`."""
+    strings: list[Any] = []
+    for name in map(zero_terminated, names):
+        strings += len(name), name
+    return layout.struct(*strings[::2]).pack(HEADER, *divmod(time_ns, _NS_PER_S), *strings, *values)
+
+
+def _unpack(layout: Layout, data: bytes) -> tuple[int, tuple[Any, ...]]:
+    """Time in ns and the values behind the frame names."""
+    values = layout.unpack(data)
+    return values[1] * _NS_PER_S + values[2], values[3 + 2 * layout.strings :]
 
 
 # --- traces and health ------------------------------------------------------------------------------------------------
@@ -313,17 +311,3 @@ DECODERS: dict[str, Callable[[bytes], Any]] = {
     "ground_truth": decode_odometry,
     "diagnostics": decode_diagnostics,
 }
-
-_covariances: dict[tuple[int, float, float], bytes] = {}
-
-
-def _covariance(size: int, first: float, second: float) -> bytes:
-    """A size x size diagonal, row by row: `first` in its upper half (or in all of 3), `second` in the lower."""
-    key = (size, first, second)
-    found = _covariances.get(key)
-    if found is None:
-        rows = [[0.0] * size for _ in range(size)]
-        for axis in range(size):
-            rows[axis][axis] = first if axis < 3 else second
-        found = _covariances[key] = Struct(f"<{size * size}d").pack(*(value for row in rows for value in row))
-    return found

@@ -22,6 +22,8 @@ RETRY_MS = (20, 200)  # first and longest pause between attempts to connect
 SEND_BUFFER = 16384
 BATCH = 8192
 
+Deliver = Callable[[str, bytes, bytes], None]
+
 _PRIORITIES: dict[Priority, zenoh.Priority] = {
     "real_time": zenoh.Priority.REAL_TIME,
     "data": zenoh.Priority.DATA,
@@ -66,22 +68,21 @@ def _configuration(listen: list[str], connect: list[str]) -> zenoh.Config:
     )
 
 
-def listen(endpoint: str) -> zenoh.Session:
+def listen(endpoint: str) -> "Session":
     """A session that waits for masters at `endpoint`. Raises NetworkError, also when the port is taken."""
-    links = endpoints(endpoint)
-    try:
-        return zenoh.open(_configuration(listen=links, connect=[]))
-    except zenoh.ZError as error:
-        raise NetworkError(f"cannot listen on {endpoint}: {_reason(str(error))}") from None
+    return _open(endpoint, "listen on", _configuration(listen=endpoints(endpoint), connect=[]))
 
 
-def dial(endpoint: str) -> zenoh.Session:
+def dial(endpoint: str) -> "Session":
     """A session that connects to a slave at `endpoint` as soon as it is there, and again after each loss."""
-    links = endpoints(endpoint)
+    return _open(endpoint, "dial", _configuration(listen=[], connect=endpoints(endpoint)))
+
+
+def _open(endpoint: str, action: str, configuration: zenoh.Config) -> "Session":
     try:
-        return zenoh.open(_configuration(listen=[], connect=links))
+        return Session(zenoh.open(configuration))
     except zenoh.ZError as error:
-        raise NetworkError(f"cannot dial {endpoint}: {_reason(str(error))}") from None
+        raise NetworkError(f"cannot {action} {endpoint}: {_reason(str(error))}") from None
 
 
 def _reason(text: str) -> str:
@@ -89,7 +90,7 @@ def _reason(text: str) -> str:
         return "the port (or the next one) is in use; is another slave running there? Choose another with --listen"
     if "Cannot assign requested address" in text or "os error 99" in text:
         return "this machine does not have that address"
-    return text.split(" at /")[0]  # without the place in the library's source
+    return text.partition(" at /")[0]  # without the place in the library's source
 
 
 class Publisher:
@@ -113,37 +114,50 @@ class Publisher:
         return self.sequence
 
 
-class Subscription:
-    """Calls `deliver(topic name, payload, attachment)` in a thread of its own for what a node publishes.
+class Session:
+    """The process's one session. Use as a context; leaving it ends the readers."""
 
-    `topic` may be "*": all topics of the node. The thread ends when the session is closed; `deliver`
-    must be quick and must not raise.
-    """
+    def __init__(self, session: zenoh.Session) -> None:
+        self._session = session
+        self._readers: list[threading.Thread] = []
 
-    def __init__(
-        self, session: zenoh.Session, node: str, topic: str, deliver: Callable[[str, bytes, bytes], None], depth: int
-    ) -> None:
-        key = f"0/{node}/{topic}/*/*"
-        self._channel: Any = session.declare_subscriber(key, zenoh.handlers.RingChannel(depth))
-        self._deliver = deliver
-        self._thread = threading.Thread(target=self._run, name=f"reader {topic}", daemon=True)
-        self._thread.start()
+    def __enter__(self) -> "Session":
+        return self
 
-    def _run(self) -> None:
-        receive, deliver = self._channel.recv, self._deliver
-        while True:
-            try:
-                sample = receive()
-            except zenoh.ZError:  # the session was closed
-                return
-            attachment = sample.attachment
-            deliver(
-                str(sample.key_expr).split("/", 3)[2],
-                sample.payload.to_bytes(),
-                attachment.to_bytes() if attachment is not None else b"",
-            )
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def publisher(self, node: str, topic: Topic) -> Publisher:
+        """A publisher of one topic of one node."""
+        return Publisher(self._session, node, topic)
+
+    def subscribe(self, node: str, topic: str, deliver: Deliver, depth: int) -> None:
+        """Call `deliver(topic name, payload, attachment)` for what a node publishes, in a thread of its own.
+
+        `topic` may be "*": all topics of the node. At most `depth` messages wait; beyond it the oldest are
+        dropped. `deliver` must be quick and must not raise.
+        """
+        channel = self._session.declare_subscriber(f"0/{node}/{topic}/*/*", zenoh.handlers.RingChannel(depth))
+        reader = threading.Thread(target=_read, args=(channel, deliver), name=f"reader {topic}", daemon=True)
+        reader.start()
+        self._readers.append(reader)
 
     def close(self) -> None:
-        """Stop listening and wait for the thread to end."""
-        self._channel.undeclare()
-        self._thread.join(1.0)
+        """Close the session and wait for its readers to end. Closing twice is harmless."""
+        self._session.close()  # which also wakes the readers
+        for reader in self._readers:
+            reader.join(1.0)
+
+
+def _read(channel: Any, deliver: Deliver) -> None:
+    while True:
+        try:
+            sample = channel.recv()
+        except zenoh.ZError:  # the session was closed
+            return
+        attachment = sample.attachment
+        deliver(
+            str(sample.key_expr).split("/", 3)[2],
+            sample.payload.to_bytes(),
+            attachment.to_bytes() if attachment is not None else b"",
+        )

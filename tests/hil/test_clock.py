@@ -1,0 +1,78 @@
+"""The rate keeper's schedule, the histogram's promises, instants across processes."""
+
+import math
+import os
+import subprocess
+import sys
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hil import clock
+from hil.clock import Histogram, RateKeeper
+
+
+def test_schedule_is_absolute() -> None:
+    keeper = RateKeeper(1000, start_ns=0)
+    assert keeper.due(999) == 0
+    assert keeper.due(1400) == 1
+    assert keeper.deadline_ns == 2000, "a late wake-up does not move the schedule"
+    assert keeper.due(1999) == 0
+    assert keeper.due(4100) == 3
+    assert keeper.deadline_ns == 5000
+    assert keeper.due_total == 4
+    assert keeper.skipped == 0
+
+
+def test_a_long_stall_is_skipped_and_counted() -> None:
+    keeper = RateKeeper(1000, start_ns=0, most_due=5)
+    assert keeper.due(100_500) == 5
+    assert keeper.skipped == 95
+    assert keeper.deadline_ns == 101_000
+    assert keeper.lateness.maximum == 99_500
+
+
+@given(st.lists(st.integers(0, 10**15), min_size=1, max_size=200), st.floats(0.01, 1.0))
+def test_quantiles_never_flatter_and_are_close(values: list[int], share: float) -> None:
+    histogram = Histogram()
+    for value in values:
+        histogram.add(value)
+    exact = sorted(values)[math.ceil(share * len(values)) - 1]
+    found = histogram.quantile(share)
+    assert exact <= found <= max(exact * 1.25, 7)
+    assert histogram.quantile(1.0) == max(values)
+
+
+def test_empty_histogram() -> None:
+    assert Histogram().quantile(0.5) == 0
+
+
+def test_wall_clock_there_and_back() -> None:
+    now = clock.now_ns()
+    assert clock.from_wall_ns(clock.to_wall_ns(now)) == now
+
+
+def test_start_of_a_process_is_known_to_a_tick() -> None:
+    code = "from hil.clock import *; print(process_start_ns(), now_ns())"
+    environment = {name: value for name, value in os.environ.items() if name != "UUV_HIL_EXEC_NS"}
+    before = clock.now_ns()
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment)
+    start, ready = map(int, done.stdout.split())
+    tick_ns = 10**9 // os.sysconf("SC_CLK_TCK")
+    assert before - tick_ns <= start <= ready
+
+
+def test_parent_may_tell_the_start(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("UUV_HIL_EXEC_NS", "123456789")
+    assert clock.process_start_ns() == 123456789
+
+
+def test_each_realtime_setting_says_whether_it_holds() -> None:
+    names = ("schedule_fifo(10)", "lock_memory()", "quiet_garbage_collector()")
+    code = "from hil import clock\n" + "\n".join(f"print(clock.{name})" for name in names)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    scheduling, memory, collector = done.stdout.splitlines()
+    assert "SCHED_FIFO" in scheduling
+    assert "lock" in memory
+    assert collector.startswith("garbage collector: off")
