@@ -75,7 +75,7 @@ class Loop:
                 self._take_command(now)
             if stop_fd in ready:
                 return
-            self._service_link(now)
+            self._service_link(now_ns())  # the answer to a command just sent may be there already
             self.advance(self.schedule.due(now))
             if self.pilot and now >= self._control_due_ns:
                 self._control(self.pilot, now)

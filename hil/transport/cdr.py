@@ -6,8 +6,7 @@ set of lengths; `Writer` and `Reader` go field by field for what holds sequences
 """
 
 from collections.abc import Callable
-from struct import Struct, calcsize, pack, unpack_from
-from struct import error as MalformedError
+from struct import Struct, calcsize, error, pack, unpack_from
 from typing import Any, TypeVar
 
 HEADER = b"\x00\x01\x00\x00"  # plain CDR, little-endian, no options
@@ -17,13 +16,17 @@ _COUNT = Struct("<I")
 T = TypeVar("T")
 
 
+class MalformedError(Exception):
+    """A payload that cannot be the message it is taken for. Goes no further than `tolerant`."""
+
+
 def tolerant(decode: Callable[[bytes], T]) -> Callable[[bytes], T | None]:
     """`decode`, giving None for a payload that ends early or contradicts itself instead of raising."""
 
     def decode_or_none(data: bytes) -> T | None:
         try:
             return decode(data)
-        except MalformedError:
+        except (MalformedError, error):
             return None
 
     decode_or_none.__doc__ = decode.__doc__
@@ -125,7 +128,7 @@ class Reader:
 
 def zero_terminated(text: str) -> bytes:
     """The bytes of a string on the wire, without its length."""
-    return text.encode() + b"\0"
+    return text.encode(errors="replace") + b"\0"
 
 
 def text(raw: bytes) -> str:

@@ -54,11 +54,8 @@ class Attachment(NamedTuple):
     gid: bytes
 
 
-# --- frames; each of these is its own inverse -------------------------------------------------------------------------
-
-
 def swap_world(vector: Sequence[float]) -> Vector3:
-    """NED to ENU, or ENU to NED."""
+    """NED to ENU, or ENU to NED: like the other two swaps its own inverse."""
     x, y, z = vector
     return y, x, -z
 
@@ -79,9 +76,6 @@ def swap_attitude(quaternion: Sequence[float]) -> Quaternion:
     return _HALF_SQRT * (w + z), _HALF_SQRT * (x + y), _HALF_SQRT * (x - y), _HALF_SQRT * (w - z)
 
 
-# --- commands ---------------------------------------------------------------------------------------------------------
-
-
 def encode_twist(linear: Sequence[float], angular: Sequence[float]) -> bytes:
     """geometry_msgs/Twist of body velocities: `linear` m/s and `angular` rad/s along FRD."""
     return _TWIST.struct().pack(HEADER, *swap_body(linear), *swap_body(angular))
@@ -94,9 +88,6 @@ def decode_twist(data: bytes) -> tuple[Vector3, Vector3]:
     if not all(map(isfinite, values)):
         raise MalformedError("not a velocity")
     return swap_body(values[:3]), swap_body(values[3:])
-
-
-# --- sensors ----------------------------------------------------------------------------------------------------------
 
 
 def encode_imu(
@@ -211,9 +202,6 @@ def _unpack(layout: Layout, data: bytes) -> tuple[int, tuple[Any, ...]]:
     return values[1] * _NS_PER_S + values[2], values[3 + 2 * layout.strings :]
 
 
-# --- traces and health ------------------------------------------------------------------------------------------------
-
-
 def encode_int64_array(values: Sequence[int]) -> bytes:
     """std_msgs/Int64MultiArray of one plain row."""
     writer = Writer()
@@ -267,9 +255,6 @@ def _status(reader: Reader) -> Status:
     return name, level, message, {reader.string(): reader.string() for _ in range(reader.count())}
 
 
-# --- rmw_zenoh --------------------------------------------------------------------------------------------------------
-
-
 def data_key(domain: int, topic: str, type_name: str, type_hash: str) -> str:
     """The zenoh key of a topic: data_key(0, "/imu", "sensor_msgs/msg/Imu", "RIHS01_…")."""
     package, kind, name = type_name.split("/")
@@ -289,8 +274,7 @@ def unpack_attachment(data: bytes) -> Attachment | None:
     return Attachment(sequence, time_ns, gid) if length == 16 else None
 
 
-# --- all of them, by the name of the topic in `hil.topics` ------------------------------------------------------------
-
+# By the names of the topics in `hil.topics`.
 Encoded = Iterable[tuple[str, bytes]]
 # from the simulator's name of a sample to the topics it goes out on
 ENCODERS: dict[str, Callable[[Any], Encoded]] = {

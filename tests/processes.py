@@ -1,0 +1,113 @@
+"""Our programs as a user runs them: real processes, real ptys, real sockets."""
+
+import os
+import re
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import TypeVar
+
+T = TypeVar("T")
+ROOT = Path(__file__).parent.parent
+
+SCENARIO = """
+vehicle = "paper_six"
+world = "pool"
+{top}
+[start]
+north = 4
+east = 4
+depth = 2
+[slave]
+listen = "tcp/127.0.0.1:{port}"
+{slave}
+[link]
+{link}
+[master]
+goal = [8, 7]
+depth = 2
+speed = 0.8
+time_limit = 40
+"""
+
+
+def free_port() -> int:
+    """A port whose neighbour is free too."""
+    while True:
+        with socket.socket() as first, socket.socket() as second:
+            first.bind(("127.0.0.1", 0))
+            port = int(first.getsockname()[1])
+            try:
+                second.bind(("127.0.0.1", port + 1))
+            except OSError:
+                continue
+            return port
+
+
+def write_scenario(folder: Path, top: str = "", slave: str = "", link: str = "") -> tuple[Path, int]:
+    """A short mission in the pool; the file and its port."""
+    port = free_port()
+    path = folder / "short.toml"
+    path.write_text(SCENARIO.format(top=top, slave=slave, link=link, port=port))
+    return path, port
+
+
+class Program:
+    """`uuv-hil ...` in a process; its output collected in a file. Use as a context, which ends it."""
+
+    def __init__(self, folder: Path, *arguments: object) -> None:
+        self._output = folder / f"output-{time.monotonic_ns()}"
+        with self._output.open("w") as file:
+            self.process = subprocess.Popen(
+                [sys.executable, "-m", "hil.cli", *map(str, arguments)],
+                stdout=file,
+                stderr=subprocess.STDOUT,
+                cwd=ROOT,
+                env={**os.environ, "PYTHONUNBUFFERED": "1"},
+                start_new_session=True,
+            )
+
+    def __enter__(self) -> "Program":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self.process.poll() is None:
+            self.process.terminate()
+            try:
+                self.process.wait(10)
+            except subprocess.TimeoutExpired:
+                self.process.kill()
+                self.process.wait()
+
+    @property
+    def output(self) -> str:
+        """What it has printed so far."""
+        return self._output.read_text()
+
+    def expect(self, pattern: str, seconds: float = 15.0) -> re.Match[str]:
+        """Wait until the output matches; fails with the whole output if it does not."""
+        found = wait_for(lambda: re.search(pattern, self.output), seconds)
+        assert found, f"no {pattern!r} in:\n{self.output}"
+        return found
+
+    def wait(self, seconds: float = 15.0) -> int:
+        """The exit code."""
+        return self.process.wait(seconds)
+
+    def stop(self, number: int) -> int:
+        """Send a signal and wait; the exit code."""
+        self.process.send_signal(number)
+        return self.wait()
+
+
+def wait_for(condition: Callable[[], T | None], seconds: float) -> T | None:
+    """The first true value of `condition` within the time, else its last."""
+    deadline = time.monotonic() + seconds
+    while True:
+        value = condition()
+        if value or time.monotonic() > deadline:
+            return value
+        time.sleep(0.02)

@@ -1,0 +1,135 @@
+"""Writes cdr_golden.json: ROS 2 messages as another implementation serialises them, and its type hashes.
+
+Run by hand after `pip install rosbags` (Ternaris, https://gitlab.com/ternaris/rosbags); the tests read the file.
+"""
+
+import importlib
+import json
+import os
+from typing import Any
+
+STAMP = {"sec": 1_700_000_000, "nanosec": 123_456_789}
+HALF = 0.5**0.5
+DIAGONAL_3 = [[float(v) if i == j else 0.0 for j in range(3) for i in range(3)] for v in (1, 2, 3)]
+
+
+def diagonal_6(first: float, last: float) -> list[float]:
+    return [(first if i < 3 else last) if i == j else 0.0 for i in range(6) for j in range(6)]
+
+
+def header(frame: str) -> dict[str, Any]:
+    return {"stamp": STAMP, "frame_id": frame}
+
+
+def xyz(x: float, y: float, z: float) -> dict[str, float]:
+    return {"x": x, "y": y, "z": z}
+
+
+def imu(frame: str, attitude: tuple[float, float, float, float]) -> dict[str, Any]:
+    w, x, y, z = attitude
+    return {
+        "header": header(frame),
+        "orientation": {"x": x, "y": y, "z": z, "w": w},
+        "orientation_covariance": DIAGONAL_3[0],
+        "angular_velocity": xyz(0.1, -0.2, 0.3),
+        "angular_velocity_covariance": DIAGONAL_3[1],
+        "linear_acceleration": xyz(-0.4, 0.5, 9.75),
+        "linear_acceleration_covariance": DIAGONAL_3[2],
+    }
+
+
+def odometry(frame: str, child: str) -> dict[str, Any]:
+    return {
+        "header": header(frame),
+        "child_frame_id": child,
+        "pose": {
+            "pose": {"position": xyz(10.5, -20.25, -3.125), "orientation": {"x": 0.0, "y": 0.0, "z": HALF, "w": HALF}},
+            "covariance": diagonal_6(0.25, 0.5),
+        },
+        "twist": {
+            "twist": {"linear": xyz(1.5, -0.25, 0.125), "angular": xyz(0.01, -0.02, 0.03)},
+            "covariance": diagonal_6(0.75, 1.25),
+        },
+    }
+
+
+def statuses() -> list[dict[str, Any]]:
+    return [
+        {
+            "level": 1,
+            "name": "slave",
+            "message": "CPU über 80 %",
+            "hardware_id": "pi4b",
+            "values": [
+                {"key": "cpu", "value": "81"},
+                {"key": "", "value": ""},
+                {"key": "temperature", "value": "66.5"},
+            ],
+        },
+        {"level": 0, "name": "", "message": "", "hardware_id": "pi4b", "values": []},
+    ]
+
+
+def ranges() -> dict[str, Any]:
+    return {"header": header("dvl_link"), "radiation_type": 0, "field_of_view": 0.0, "min_range": 0.5,
+            "max_range": 75.0, "range": 12.375, "variance": 0.0625}  # fmt: skip
+
+
+CASES: list[tuple[str, dict[str, Any]]] = [
+    ("geometry_msgs/msg/Twist", {"linear": xyz(1.5, -0.5, 0.25), "angular": xyz(0.125, -0.25, 0.75)}),
+    ("sensor_msgs/msg/Imu", imu("imu_link", (HALF, 0.0, 0.0, HALF))),
+    ("sensor_msgs/msg/Imu", imu("vehicle_1/imu", (0.1, -0.5, 0.7, 0.5))),
+    ("nav_msgs/msg/Odometry", odometry("odom", "base_link")),
+    ("nav_msgs/msg/Odometry", odometry("map", "a")),
+    ("sensor_msgs/msg/FluidPressure", {"header": header("p"), "fluid_pressure": 201_325.5, "variance": 4.0}),
+    ("geometry_msgs/msg/TwistWithCovarianceStamped", {
+        "header": header("dvl_link"),
+        "twist": {"twist": {"linear": xyz(0.5, -0.25, 0.125), "angular": xyz(0.0, 0.0, 0.0)},
+                  "covariance": diagonal_6(0.0625, 0.0)}}),
+    ("sensor_msgs/msg/Range", ranges()),
+    ("std_msgs/msg/Int64MultiArray", {"layout": {"dim": [], "data_offset": 0}, "data": [1, -2, 1_700_000_000_123_456_789]}),
+    ("std_msgs/msg/Int64MultiArray", {"layout": {"dim": [], "data_offset": 0}, "data": []}),
+    ("std_msgs/msg/Int64MultiArray", {
+        "layout": {"dim": [{"label": "rows", "size": 1, "stride": 2}, {"label": "c", "size": 2, "stride": 2}],
+                   "data_offset": 0},
+        "data": [7, 8]}),
+    ("diagnostic_msgs/msg/DiagnosticArray", {"header": header(""), "status": statuses()}),
+    ("diagnostic_msgs/msg/DiagnosticArray", {"header": header(""), "status": []}),
+]  # fmt: skip
+
+
+def build(store: Any, typename: str, fields: dict[str, Any]) -> Any:
+    """The message object of `typename` from nested dicts, as the definition of the type says."""
+    values = {name: convert(store, kind, fields[name]) for name, kind in store.fielddefs[typename][1]}
+    return store.types[typename](**values)
+
+
+def convert(store: Any, kind: Any, value: Any) -> Any:
+    node, detail = kind
+    if node.name == "NAME":
+        return build(store, detail, value)
+    if node.name == "BASE":
+        return value
+    (inner, of), _ = detail
+    if inner.name == "NAME":
+        return [build(store, of, item) for item in value]
+    return importlib.import_module("numpy").array(value, dtype=of[0])
+
+
+def golden() -> dict[str, Any]:
+    typesys = importlib.import_module("rosbags.typesys")
+    store = typesys.get_typestore(typesys.Stores.ROS2_JAZZY)
+    return {
+        "source": "rosbags 0.11.9, typestore ROS2_JAZZY",
+        "hashes": {name: store.hash_rihs01(name) for name in sorted({name for name, _ in CASES})},
+        "messages": [
+            {"type": name, "fields": fields, "hex": bytes(store.serialize_cdr(build(store, name, fields), name)).hex()}
+            for name, fields in CASES
+        ],
+    }
+
+
+if __name__ == "__main__":
+    with open(os.path.join(os.path.dirname(__file__), "cdr_golden.json"), "w", encoding="utf-8") as file:
+        json.dump(golden(), file, indent=1, ensure_ascii=False)
+        file.write("\n")
