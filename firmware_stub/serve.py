@@ -40,11 +40,11 @@ class Options(NamedTuple):
 def main(argv: list[str] | None = None) -> int:
     """Run until SIGINT or SIGTERM; the exit code. `argv` is without the command's name."""
     try:
-        options = parse(vars(_parser().parse_args(argv)), Options, NAME)
+        options = parse(vars(_parser().parse_args(argv)), Options, "command line")
         with StopSignals() as stop_fd:
             _run(options, stop_fd)
     except HilError as error:
-        print(f"{NAME}: {error}".replace(f"{NAME}: {NAME}", NAME), file=sys.stderr)
+        print(f"{NAME}: {error}", file=sys.stderr)
         return error.exit_code
     return 0
 
@@ -63,7 +63,7 @@ def serve(end: Stm32End, stop_fd: int, report: Callable[[Stm32End], None] | None
                 report(end)
                 report_ns = now + REPORT_PERIOD_NS
             wait_ns = max(0, min(end.deadline_ns, report_ns) - now_ns())
-            if stop_fd in select.select((end, stop_fd), (), (), wait_ns / NS_PER_S)[0]:
+            if stop_fd in select.select((end.fileno(), stop_fd), (), (), wait_ns / NS_PER_S)[0]:
                 return
     finally:
         end.close()
@@ -72,8 +72,8 @@ def serve(end: Stm32End, stop_fd: int, report: Callable[[Stm32End], None] | None
 def _run(options: Options, stop_fd: int) -> None:
     protocol = FrameProtocol(find_preset("firmware_stub/frames", options.frame))
     if options.channels not in protocol.channels:
-        carried = f"{protocol.channels[0]} to {protocol.channels[-1]}"
-        raise ConfigError(f"{NAME}: channels: frame {options.frame} carries {carried}, not {options.channels}")
+        carried = " to ".join(map(str, sorted({protocol.channels[0], protocol.channels[-1]})))
+        raise ConfigError(f"command line: channels: frame {options.frame} carries {carried}, not {options.channels}")
     if options.uart:
         wire = open_wire("uart", device=options.uart, baud=options.baud)
     else:
@@ -93,7 +93,7 @@ def _status(end: Stm32End) -> str:
     state = "armed" if stm32.armed else "timed out" if stm32.timed_out else "disarmed"
     return (
         f"{stm32.frames} commands, {stm32.refused} refused, {counters.checksum_errors} checksum errors, "
-        f"{counters.malformed} malformed, {counters.dropped_bytes} bytes dropped, "
+        f"{counters.malformed} malformed, {counters.dropped_bytes} bytes dropped (noise, or nobody reads), "
         f"{stm32.watchdog_trips} watchdog trips; {state}, pwm {' '.join(map(str, stm32.pwm_us))}"
     )
 

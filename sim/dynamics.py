@@ -141,7 +141,11 @@ class Dynamics:
         return [a + b for a, b in zip(linear, _times(self._quadratic, *squares), strict=True)]
 
     def _euler(self, state: State, wrench: Sequence[float], current: Sequence[float], dt: float) -> None:
-        """Velocities first, then the pose with the new velocities: bounded energy where plain Euler gains it."""
+        """Velocities first, then the pose with the new velocities: bounded energy where plain Euler gains it.
+
+        Coriolis terms are those of the step's start: a body that tumbles at omega without any drag gains energy
+        at about omega² dt a second. What drag there is in water is far more; Runge-Kutta has no such gain.
+        """
         rotation = rotations.matrix(state.quaternion)
         nu_dot = self.acceleration(state.position[2], rotation, state.nu, wrench, current)
         state.nu_dot = nu_dot

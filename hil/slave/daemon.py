@@ -1,5 +1,6 @@
 """Putting the slave together, and taking it apart with the thrusters neutral."""
 
+import gc
 import sys
 from collections.abc import Callable
 from contextlib import ExitStack
@@ -17,18 +18,19 @@ from hil.slave.outbox import Outbox
 from hil.slave.pilot import Pilot
 from hil.slave.stm32 import open_driver, stop_thrusters
 from hil.stop import StopSignals
-from hil.transport import session as network
+from hil.transport.session import Listening
 from sim.simulation import Simulation
 from sim.vehicle import load_vehicle
 from sim.world import load_world
 
-LOOP_PRIORITY = 40  # SCHED_FIFO, below the kernel's interrupt threads (50)
 
-
-def run(scenario: Scenario, board: Board | None, startup: dict[str, int]) -> None:
+def run(
+    scenario: Scenario, board: Board | None, network: Listening, startup: dict[str, int], notes: list[str]
+) -> None:
     """Be the slave until SIGINT or SIGTERM.
 
-    `startup` are instants (monotonic ns) of the start so far, "exec" among them; more are added here.
+    `network` is the session being opened. `startup` are instants (monotonic ns) of the start so far,
+    "exec" among them; more are added here. `notes` say what was settled about real time so far.
     Raises ConfigError, DeviceError, NetworkError.
     """
     board = board or detect()
@@ -36,14 +38,16 @@ def run(scenario: Scenario, board: Board | None, startup: dict[str, int]) -> Non
     with ExitStack() as stack:
         stop_fd = stack.enter_context(StopSignals())
         stack.callback(log.flush)
-        notes = [clock.schedule_fifo(LOOP_PRIORITY)] if scenario.slave.realtime else ["real-time: off by the scenario"]
-        loop = _assemble(scenario, board, stack, log.say, startup)
+        loop = _assemble(scenario, board, network, stack, log.say, startup)
         loop.advance(1)
         startup["ready"] = now_ns()
         log.say(_ready(scenario, loop, startup))
+        log.flush()
         if scenario.slave.realtime:
-            notes += [clock.lock_memory(), clock.quiet_garbage_collector()]
+            notes = [*notes, clock.lock_memory(), clock.quiet_garbage_collector()]
             sys.setswitchinterval(0.0005)  # the loop gets the interpreter back at once from the other threads
+        else:
+            gc.enable()
         for note in notes:
             log.say(note)
         with Health(loop, log, startup, notes, board.name if board else "this machine"):
@@ -56,7 +60,12 @@ def run(scenario: Scenario, board: Board | None, startup: dict[str, int]) -> Non
 
 
 def _assemble(
-    scenario: Scenario, board: Board | None, stack: ExitStack, report: Callable[[str], None], startup: dict[str, int]
+    scenario: Scenario,
+    board: Board | None,
+    network: Listening,
+    stack: ExitStack,
+    report: Callable[[str], None],
+    startup: dict[str, int],
 ) -> Loop:
     slave = scenario.slave
     vehicle, control = load_vehicle(scenario.vehicle)
@@ -81,7 +90,7 @@ def _assemble(
     startup["link"] = now_ns()
     inbox = Inbox(seconds_ns(slave.command_age_limit))
     stack.callback(inbox.close)
-    session = stack.enter_context(network.listen(slave.listen))
+    session = stack.enter_context(network.session())
     startup["session"] = now_ns()
     outbox = Outbox(session, slave.node, to_wall_ns(now_ns()) - simulation.time_ns)
     pilot = None

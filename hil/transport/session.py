@@ -45,27 +45,23 @@ def endpoints(endpoint: str) -> list[str]:
 
 
 def _configuration(listen: list[str], connect: list[str]) -> zenoh.Config:
-    import json
-
     first, longest = RETRY_MS
-    return zenoh.Config.from_json5(
-        json.dumps(
-            {
-                "mode": "peer",
-                "listen": {"endpoints": listen},
-                "connect": {
-                    "endpoints": connect,
-                    "retry": {"period_init_ms": first, "period_max_ms": longest, "period_increase_factor": 2},
-                },
-                "scouting": {"delay": 0, "multicast": {"enabled": False}, "gossip": {"enabled": False}},
-                "transport": {
-                    "unicast": {"max_links": 2, "open_timeout": 500, "accept_timeout": 500},
-                    "link": {"tx": {"lease": LEASE_MS, "keep_alive": 4, "batch_size": BATCH}},
-                    "shared_memory": {"enabled": False},
-                },
-            }
-        )
-    )
+    settings = {
+        "mode": "peer",
+        "listen": {"endpoints": listen},
+        "connect": {
+            "endpoints": connect,
+            "retry": {"period_init_ms": first, "period_max_ms": longest, "period_increase_factor": 2},
+        },
+        "scouting": {"delay": 0, "multicast": {"enabled": False}, "gossip": {"enabled": False}},
+        "transport": {
+            "unicast": {"max_links": 2, "open_timeout": 500, "accept_timeout": 500},
+            "link": {"tx": {"lease": LEASE_MS, "keep_alive": 4, "batch_size": BATCH}},
+            "shared_memory": {"enabled": False},
+        },
+    }
+    # Python's text of it is JSON5 but for the two words; the json module would cost 2 ms of every start.
+    return zenoh.Config.from_json5(repr(settings).replace("False", "false").replace("True", "true"))
 
 
 def listen(endpoint: str) -> "Session":
@@ -76,6 +72,37 @@ def listen(endpoint: str) -> "Session":
 def dial(endpoint: str) -> "Session":
     """A session that connects to a slave at `endpoint` as soon as it is there, and again after each loss."""
     return _open(endpoint, "dial", _configuration(listen=[], connect=endpoints(endpoint)))
+
+
+class Listening:
+    """A session that is being opened in a thread, while the caller does something else."""
+
+    def __init__(self, endpoint: str) -> None:
+        self._endpoint = endpoint
+        self._session: Session | None = None
+        self._error: NetworkError | None = None
+        self._thread = threading.Thread(target=self._run, name="open session")
+        self._thread.start()
+
+    def _run(self) -> None:
+        try:
+            self._session = listen(self._endpoint)
+        except NetworkError as error:
+            self._error = error
+
+    def session(self) -> "Session":
+        """The open session. Raises NetworkError as `listen` does."""
+        self._thread.join()
+        if self._error:
+            raise self._error
+        assert self._session
+        return self._session
+
+    def cancel(self) -> None:
+        """Close it, if it came to be open: for the case that something else failed meanwhile."""
+        self._thread.join()
+        if self._session:
+            self._session.close()
 
 
 def _open(endpoint: str, action: str, configuration: zenoh.Config) -> "Session":

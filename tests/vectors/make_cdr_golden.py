@@ -10,6 +10,7 @@ from typing import Any
 
 STAMP = {"sec": 1_700_000_000, "nanosec": 123_456_789}
 HALF = 0.5**0.5
+PLAIN: dict[str, Any] = {"dim": [], "data_offset": 0}
 DIAGONAL_3 = [[float(v) if i == j else 0.0 for j in range(3) for i in range(3)] for v in (1, 2, 3)]
 
 
@@ -87,8 +88,8 @@ CASES: list[tuple[str, dict[str, Any]]] = [
         "twist": {"twist": {"linear": xyz(0.5, -0.25, 0.125), "angular": xyz(0.0, 0.0, 0.0)},
                   "covariance": diagonal_6(0.0625, 0.0)}}),
     ("sensor_msgs/msg/Range", ranges()),
-    ("std_msgs/msg/Int64MultiArray", {"layout": {"dim": [], "data_offset": 0}, "data": [1, -2, 1_700_000_000_123_456_789]}),
-    ("std_msgs/msg/Int64MultiArray", {"layout": {"dim": [], "data_offset": 0}, "data": []}),
+    ("std_msgs/msg/Int64MultiArray", {"layout": PLAIN, "data": [1, -2, 1_700_000_000_123_456_789]}),
+    ("std_msgs/msg/Int64MultiArray", {"layout": PLAIN, "data": []}),
     ("std_msgs/msg/Int64MultiArray", {
         "layout": {"dim": [{"label": "rows", "size": 1, "stride": 2}, {"label": "c", "size": 2, "stride": 2}],
                    "data_offset": 0},
@@ -129,7 +130,14 @@ def golden() -> dict[str, Any]:
     }
 
 
+def write(path: str) -> None:
+    """One message a line, so that a change shows which."""
+    found = golden()
+    lines = ",\n".join(json.dumps(message, ensure_ascii=False) for message in found.pop("messages"))
+    head = json.dumps(found, indent=1)[:-2]
+    with open(path, "w", encoding="utf-8") as file:
+        file.write(f'{head},\n "messages": [\n{lines}\n ]\n}}\n')
+
+
 if __name__ == "__main__":
-    with open(os.path.join(os.path.dirname(__file__), "cdr_golden.json"), "w", encoding="utf-8") as file:
-        json.dump(golden(), file, indent=1, ensure_ascii=False)
-        file.write("\n")
+    write(os.path.join(os.path.dirname(__file__), "cdr_golden.json"))

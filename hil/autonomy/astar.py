@@ -1,0 +1,191 @@
+"""The shortest way over an occupancy grid: A* with jump points, then the corners pulled tight.
+
+Moves go to the 8 neighbours at cost 1 and sqrt(2); a diagonal one needs both cells beside it free, so that
+no corner is cut. Of the many equally long ways A* would look at, jump-point search keeps one: diagonal moves
+first, and a turn only where an obstacle allows it (Harabor & Grastien, "Online graph pruning for pathfinding
+on grid maps", AAAI 2011; the variant without corner cutting, SoCS 2012). The next turn in the four straight
+directions is looked up in tables that numpy fills for the whole map at once.
+"""
+
+import heapq
+from collections.abc import Callable, Sequence
+from math import ceil, hypot, inf, sqrt
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.autonomy.occupancy import Cell, OccupancyGrid, Point
+from hil.errors import MissionError
+
+# What a diagonal move saves against two straight ones.
+_SAVING = 2.0 - sqrt(2.0)
+# (rows, columns) of a move, all round from the east over the north: even ones straight, odd ones diagonal.
+_DIRECTIONS = ((0, 1), (1, 1), (1, 0), (1, -1), (0, -1), (-1, -1), (-1, 0), (-1, 1))
+_ALL = tuple(range(8))
+# How a way may go on after a move: a straight one up to a right angle, a diagonal one up to half of it.
+_ONWARD = [tuple((d + turn) % 8 for turn in (range(-1, 2) if d % 2 else range(-2, 3))) for d in range(8)]
+# The map as a move to the east, north, west or south sees it: going to growing columns.
+_VIEWS: tuple[Callable[[NDArray[Any]], NDArray[Any]], ...] = (
+    lambda cells: cells,
+    lambda cells: cells.T,
+    lambda cells: cells[:, ::-1],
+    lambda cells: cells.T[:, ::-1],
+)
+
+
+def plan(grid: OccupancyGrid, start: Point, goal: Point) -> list[Point]:
+    """The shortest 8-connected way from `start` to `goal` (m north, m east), as the points where it turns.
+
+    It leads over centres of cells; `start` and `goal` themselves are its ends. Vehicle size is not
+    modelled: inflate the grid. Raises MissionError if an end is off the map or in an obstacle (naming the
+    nearest free point) or if no way exists.
+    """
+    _check(grid, start, "start")
+    _check(grid, goal, "goal")
+    cells = _search(~grid.cells, grid.cell(start), grid.cell(goal))
+    if cells is None:
+        raise MissionError(f"no way from {_text(start)} to {_text(goal)}: obstacles part them; try a smaller inflation")
+    points = [start, *map(grid.centre, cells), goal]
+    return [points[0], *(b for a, b in zip(points, points[1:], strict=False) if a != b)]
+
+
+def smooth(grid: OccupancyGrid, path: Sequence[Point]) -> list[Point]:
+    """`path` with every detour left out that a straight line over free cells can replace.
+
+    From each point the line goes to the last point in a row that can be seen; the result is short, not
+    shortest. The ends stay.
+    """
+    points = _densify(path, grid.resolution)
+    kept = points[:1]
+    for point, following in zip(points[1:], points[2:], strict=False):
+        if not grid.line_is_free(kept[-1], following):
+            kept.append(point)
+    return [*kept, *points[-1:]] if len(points) > 1 else kept
+
+
+def path_length(path: Sequence[Point]) -> float:
+    """The length of a way in m."""
+    return sum(hypot(b[0] - a[0], b[1] - a[1]) for a, b in zip(path, path[1:], strict=False))
+
+
+def _check(grid: OccupancyGrid, point: Point, what: str) -> None:
+    if grid.is_free(point):
+        return
+    fault = "inside an obstacle" if grid.contains(point) else "outside the map"
+    nearest = grid.nearest_free(point)
+    remedy = f"the nearest free point is {_text(nearest)}" if nearest else "the map has no free cell"
+    raise MissionError(f"the {what} {_text(point)} is {fault}; {remedy}")
+
+
+def _text(point: Point) -> str:
+    return f"({point[0]:.2f} m north, {point[1]:.2f} m east)"
+
+
+def _densify(path: Sequence[Point], step: float) -> list[Point]:
+    points = list(path[:1])
+    for (north, east), (to_north, to_east) in zip(path, path[1:], strict=False):
+        parts = max(1, ceil(hypot(to_north - north, to_east - east) / step))
+        for part in range(1, parts):
+            share = part / parts
+            points.append((north + share * (to_north - north), east + share * (to_east - east)))
+        points.append((to_north, to_east))
+    return points
+
+
+def _search(free: NDArray[np.bool_], start: Cell, goal: Cell) -> list[Cell] | None:
+    """The cells of a shortest way where it turns or might, ends included; None if there is no way."""
+    walled = np.pad(free, 1)  # so that no move needs to ask for the edge
+    width = walled.shape[1]
+    source, target = ((row + 1) * width + column + 1 for row, column in (start, goal))
+    jumps = _Jumps(walled, target)
+    costs, parents = {source: 0.0}, {source: source}
+    queue = [(0.0, source, _ALL)]
+    closed = set()
+    while queue:
+        _, cell, directions = heapq.heappop(queue)
+        if cell == target:
+            return [divmod(index - width - 1, width) for index in _trace(parents, cell)]
+        if cell in closed:
+            continue
+        closed.add(cell)
+        for direction in directions:
+            found = jumps.next(cell, direction)
+            reached = costs[cell] + _octile(cell, found, width)
+            if found and reached < costs.get(found, inf):
+                costs[found] = reached
+                parents[found] = cell
+                heapq.heappush(queue, (reached + _octile(found, target, width), found, _ONWARD[direction]))
+    return None
+
+
+def _octile(a: int, b: int, width: int) -> float:
+    """The length, in cells, of the shortest way from `a` to `b` without obstacles."""
+    row, column = divmod(a, width)
+    other_row, other_column = divmod(b, width)
+    rows, columns = abs(row - other_row), abs(column - other_column)
+    return rows + columns - _SAVING * (rows if rows < columns else columns)
+
+
+def _trace(parents: dict[int, int], cell: int) -> list[int]:
+    """The cells from the start to `cell`."""
+    way = [cell]
+    while parents[cell] != cell:
+        cell = parents[cell]
+        way.append(cell)
+    return way[::-1]
+
+
+class _Jumps:
+    """Where a move in one direction ends: at the next cell where a shortest way may turn, or at the goal.
+
+    Cells are numbered row by row; 0 (a cell of the wall) stands for "nowhere".
+    """
+
+    def __init__(self, free: NDArray[np.bool_], goal: int) -> None:
+        index = np.arange(free.size, dtype=np.int32).reshape(free.shape)
+        self._goal = goal
+        self._straight: list[memoryview] = []
+        for view in _VIEWS:
+            table = np.empty_like(index)
+            view(table)[...] = _next_turns(view(free), view(index), goal)
+            self._straight.append(memoryview(table.ravel()))
+        self._diagonal = []
+        for direction in range(1, 8, 2):
+            (rows, columns), width = _DIRECTIONS[direction], free.shape[1]
+            passable = free & _ahead(free, rows, 0) & _ahead(free, 0, columns) & _ahead(free, rows, columns)
+            beside = self._straight[direction // 2], self._straight[(direction // 2 + 1) % 4]
+            self._diagonal.append((rows * width + columns, passable.tobytes(), *beside))
+
+    def next(self, cell: int, direction: int) -> int:
+        """The end of a move from `cell`."""
+        if direction % 2 == 0:
+            return self._straight[direction // 2][cell]
+        step, passable, first, second = self._diagonal[direction // 2]
+        goal = self._goal
+        while passable[cell]:
+            cell += step
+            if first[cell] or second[cell] or cell == goal:
+                return cell
+        return 0
+
+
+def _next_turns(free: NDArray[np.bool_], index: NDArray[np.int32], goal: int) -> NDArray[np.int32]:
+    """For moves to growing columns: the next cell of each row where a way may turn, 0 where a wall comes first.
+
+    A way turns beside an obstacle it has just passed: where the neighbour is free and the one behind it is not.
+    """
+    wall = ~free
+    opening = [_ahead(free, side, 0) & _ahead(wall, side, -1) for side in (-1, 1)]
+    turn = free & (opening[0] | opening[1] | (index == goal))
+    columns = np.arange(free.shape[1])
+    stops = np.where(turn | wall, columns, columns[-1])
+    at_or_after = np.minimum.accumulate(stops[:, ::-1], axis=1)[:, ::-1]
+    after = np.append(at_or_after[:, 1:], at_or_after[:, -1:], axis=1)
+    found: NDArray[np.int32] = np.take_along_axis(index * turn, after, axis=1)
+    return found
+
+
+def _ahead(cells: NDArray[np.bool_], rows: int, columns: int) -> NDArray[np.bool_]:
+    """The cells so many rows and columns further on; what wraps round lies in the wall."""
+    return np.roll(cells, (-rows, -columns), axis=(0, 1))

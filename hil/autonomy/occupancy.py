@@ -1,0 +1,224 @@
+"""Occupancy grids: which cells of a map a vehicle must keep out of, and the files ROS keeps them in."""
+
+import os
+from collections.abc import Callable
+from math import ceil, floor, hypot
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.errors import ConfigError
+
+Point = tuple[float, float]  # north, east in m
+Cell = tuple[int, int]  # row, column: counted to the north and to the east
+
+_FREE, _OCCUPIED = 254, 0  # grey levels as ROS map_saver writes them
+# Lines are looked at this far (in cells) to both sides, so that none slips between two cells at a corner.
+_HALF_WIDTH = 1e-6
+
+
+class Extent(NamedTuple):
+    """A rectangle of the map, in m north and east of the world's origin."""
+
+    south: float
+    west: float
+    north: float
+    east: float
+
+
+class OccupancyGrid:
+    """Square cells, each free or occupied. What is outside of the map counts as occupied.
+
+    `cells`: bool array, True where occupied; row 0 is the southernmost, column 0 the westernmost.
+    `resolution`: the side of a cell, m. `origin`: north and east (m) of the south-west corner of the map.
+    """
+
+    def __init__(self, cells: NDArray[np.bool_], resolution: float, origin: Point) -> None:
+        self.cells = cells
+        self.resolution = resolution
+        self.origin = origin
+
+    @classmethod
+    def rasterise(
+        cls,
+        clearance: Callable[[Any, Any], Any],
+        extent: Extent,
+        resolution: float,
+        margin: float = 0.0,
+        vectorised: bool = False,
+    ) -> "OccupancyGrid":
+        """The map of `extent`: a cell is occupied where the clearance at its centre is `margin` or less.
+
+        `clearance(north, east)` gives m to the nearest obstacle (below 0 inside); with `vectorised` it takes
+        and gives arrays. What is smaller than a cell may fall between the centres: for a true distance a
+        margin of 0.71 cells prevents that. Raises ConfigError if the extent holds no cell.
+        """
+        rows = ceil((extent.north - extent.south) / resolution - 1e-9)
+        columns = ceil((extent.east - extent.west) / resolution - 1e-9)
+        if rows < 1 or columns < 1:
+            raise ConfigError(f"map: an extent of {extent} m holds no cell of {resolution} m")
+        north = extent.south + resolution * (np.arange(rows) + 0.5)
+        east = extent.west + resolution * (np.arange(columns) + 0.5)
+        function = clearance if vectorised else np.vectorize(clearance, otypes=[float])
+        free = np.asarray(function(*np.meshgrid(north, east, indexing="ij"))) > margin
+        return cls(~free, resolution, (extent.south, extent.west))
+
+    def inflate(self, radius: float) -> "OccupancyGrid":
+        """The map with every cell occupied whose centre is within `radius` m of an occupied cell's centre."""
+        reach = radius / self.resolution + 1e-9
+        rows, columns = self.cells.shape
+        grown = self.cells.copy()
+        # how many occupied cells lie west of each column: a disc is a stack of runs, each the difference of two sums
+        sums = np.zeros((rows, columns + 1), np.int32)
+        np.cumsum(self.cells, axis=1, out=sums[:, 1:])
+        index = np.arange(columns)
+        for shift in range(-min(floor(reach), rows - 1), min(floor(reach), rows - 1) + 1):
+            run = floor((reach * reach - shift * shift) ** 0.5)
+            hit = sums[:, np.minimum(index + run + 1, columns)] > sums[:, np.maximum(index - run, 0)]
+            grown[max(shift, 0) : rows + min(shift, 0)] |= hit[max(-shift, 0) : rows + min(-shift, 0)]
+        return OccupancyGrid(grown, self.resolution, self.origin)
+
+    def cell(self, point: Point) -> Cell:
+        """The cell around `point`, which may lie outside of the map."""
+        north, east = self._scaled(point)
+        return floor(north), floor(east)
+
+    def centre(self, cell: Cell) -> Point:
+        """The middle of `cell`."""
+        return (
+            self.origin[0] + (cell[0] + 0.5) * self.resolution,
+            self.origin[1] + (cell[1] + 0.5) * self.resolution,
+        )
+
+    def contains(self, point: Point) -> bool:
+        """Whether `point` is on the map."""
+        row, column = self.cell(point)
+        return 0 <= row < self.cells.shape[0] and 0 <= column < self.cells.shape[1]
+
+    def is_free(self, point: Point) -> bool:
+        """Whether `point` is on the map and in a free cell."""
+        return self.contains(point) and not self.cells[self.cell(point)]
+
+    def nearest_free(self, point: Point) -> Point | None:
+        """The centre of the free cell nearest to `point`, or None if there is none."""
+        free = np.argwhere(~self.cells)
+        if not len(free):
+            return None
+        distances = np.hypot(*(free + 0.5 - self._scaled(point)).T)
+        row, column = free[int(np.argmin(distances))]
+        return self.centre((int(row), int(column)))
+
+    def line_is_free(self, start: Point, end: Point) -> bool:
+        """Whether the straight line touches free cells only; touching the corner of an occupied one counts."""
+        (north, east), (to_north, to_east) = self._scaled(start), self._scaled(end)
+        d_north, d_east = to_north - north, to_east - east
+        length = hypot(d_north, d_east)
+        if length == 0.0:
+            return self.is_free(start)
+        aside_north, aside_east = -d_east / length * _HALF_WIDTH, d_north / length * _HALF_WIDTH
+        return all(
+            self._strip_is_free(north + side * aside_north, east + side * aside_east, d_north, d_east)
+            for side in (-1.0, 1.0)
+        )
+
+    def _strip_is_free(self, north: float, east: float, d_north: float, d_east: float) -> bool:
+        """As `line_is_free`, in cells: between two crossings of grid lines the line is in one cell."""
+        cuts = np.sort(np.concatenate(([0.0, 1.0], _crossings(north, d_north), _crossings(east, d_east))))
+        middles = 0.5 * (cuts[1:] + cuts[:-1])
+        rows = np.floor(north + middles * d_north).astype(np.intp)
+        columns = np.floor(east + middles * d_east).astype(np.intp)
+        height, width = self.cells.shape
+        if rows.min() < 0 or columns.min() < 0 or rows.max() >= height or columns.max() >= width:
+            return False
+        return not self.cells[rows, columns].any()
+
+    def _scaled(self, point: Point) -> Point:
+        return (point[0] - self.origin[0]) / self.resolution, (point[1] - self.origin[1]) / self.resolution
+
+    def write_pgm(self, path: str) -> None:
+        """Write the map as ROS `map_server` reads it: a P5 image at `path` ("x.pgm") and "x.yaml" beside it.
+
+        ROS has x to the east and y to the north (REP 103): the image's first row is the north edge, the
+        origin the south-west corner. Raises ConfigError if the files cannot be written.
+        """
+        image = np.where(self.cells, _OCCUPIED, _FREE).astype(np.uint8)[::-1]
+        rows, columns = image.shape
+        north, east = self.origin
+        description = (
+            f"image: {os.path.basename(path)}\n"
+            f"mode: trinary\n"
+            f"resolution: {self.resolution:.9f}\n"
+            f"origin: [{east:.9f}, {north:.9f}, 0.0]\n"
+            f"negate: 0\n"
+            f"occupied_thresh: 0.65\n"
+            f"free_thresh: 0.196\n"
+        )
+        try:
+            with open(path, "wb") as file:
+                file.write(b"P5\n%d %d\n255\n" % (columns, rows) + image.tobytes())
+            with open(os.path.splitext(path)[0] + ".yaml", "w", encoding="utf-8") as text:
+                text.write(description)
+        except OSError as error:
+            raise ConfigError(f"{path}: the map cannot be written: {error.strerror}") from None
+
+    @classmethod
+    def read(cls, path: str) -> "OccupancyGrid":
+        """The map described by the map_server YAML file at `path`; unknown cells count as occupied.
+
+        Raises ConfigError for anything but an 8-bit P5 image and an unturned origin.
+        """
+        settings = _read_settings(path)
+        try:
+            resolution, negate = float(settings["resolution"]), settings.get("negate", "0") not in ("0", "false")
+            east, north, yaw = (float(word) for word in settings["origin"].strip("[]").split(","))
+            threshold = float(settings["free_thresh"])
+            image = _read_pgm(os.path.join(os.path.dirname(path), settings["image"].strip("\"'")))
+        except (KeyError, ValueError) as error:
+            raise ConfigError(f"{path}: not a map of map_server: {error}") from None
+        if yaw != 0.0 or resolution <= 0.0:
+            raise ConfigError(f"{path}: a turned map or a resolution of {resolution} m cannot be used")
+        occupancy = (image if negate else 255.0 - image) / 255.0
+        return cls(np.ascontiguousarray(occupancy[::-1] >= threshold), resolution, (north, east))
+
+
+def _crossings(start: float, change: float) -> NDArray[np.float64]:
+    """Where, as shares of the way, a coordinate that goes from `start` by `change` passes whole numbers."""
+    if change == 0.0:
+        return np.empty(0)
+    low, high = min(start, start + change), max(start, start + change)
+    return (np.arange(ceil(low), floor(high) + 1) - start) / change
+
+
+def _read_settings(path: str) -> dict[str, str]:
+    try:
+        with open(path, encoding="utf-8") as file:
+            lines = [line.split("#")[0].partition(":") for line in file]
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigError(f"{path}: the map cannot be read: {error}") from None
+    return {key.strip(): value.strip() for key, colon, value in lines if colon}
+
+
+def _read_pgm(path: str) -> NDArray[np.uint8]:
+    """The grey levels of a P5 file, row 0 at its top. Raises ConfigError or ValueError."""
+    try:
+        with open(path, "rb") as file:
+            data = file.read()
+    except OSError as error:
+        raise ConfigError(f"{path}: the map's image cannot be read: {error.strerror}") from None
+    words: list[bytes] = []
+    rest = data
+    while len(words) < 4:
+        rest = rest.lstrip()
+        if rest.startswith(b"#"):
+            rest = rest.partition(b"\n")[2]
+        elif not rest:
+            raise ValueError("the image ends in its header")
+        else:
+            word = rest.split(maxsplit=1)[0]
+            words.append(word)
+            rest = rest[len(word) :]
+    if words[0] != b"P5" or words[3] != b"255":
+        raise ValueError("the image is not an 8-bit P5")
+    columns, rows = int(words[1]), int(words[2])
+    return np.frombuffer(rest, np.uint8, rows * columns, offset=1).reshape(rows, columns)

@@ -1,0 +1,208 @@
+"""What only ptys and serial devices do: names, locks, speeds, and every way they cannot be opened."""
+
+import os
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+import serial
+
+from hil.errors import ConfigError, DeviceError
+from hil.links.contract import Wire
+from hil.links.wires import UNREAD_LIMIT, PtyHostWire, PtyWire, UartWire, open_wire
+from tests.links.link_contract import nothing_leaks, read_bytes
+
+
+@pytest.fixture(autouse=True)
+def _no_leaks() -> Iterator[None]:
+    with nothing_leaks():
+        yield
+
+
+@pytest.fixture
+def link_path(tmp_path: Path) -> Path:
+    return tmp_path / "stm32"
+
+
+def test_the_link_is_another_name_of_the_pty(link_path: Path) -> None:
+    wire = PtyWire(str(link_path))
+    assert wire.name == str(link_path)
+    assert os.readlink(link_path) == wire.path
+    host = PtyHostWire(str(link_path))
+    host.write(b"hello")
+    assert read_bytes(wire, 5) == b"hello"
+    host.close()
+    wire.close()
+    assert os.listdir(link_path.parent) == []
+
+
+def test_one_process_at_a_time_holds_a_name(link_path: Path) -> None:
+    first = PtyWire(str(link_path))
+    with pytest.raises(DeviceError) as caught:
+        PtyWire(str(link_path))
+    assert str(link_path) in str(caught.value)
+    assert "already served" in str(caught.value)
+    assert os.readlink(link_path) == first.path, "the loser must not harm the winner"
+    first.close()
+    PtyWire(str(link_path)).close()
+
+
+def test_the_name_is_never_held_twice(link_path: Path) -> None:
+    """Many come and go at once: removing the lock file must not let two of them in."""
+    holders, most, opened = 0, 0, 0
+    guard = threading.Lock()
+
+    def come_and_go() -> None:
+        nonlocal holders, most, opened
+        for _ in range(60):
+            try:
+                wire = PtyWire(str(link_path))
+            except DeviceError:
+                continue
+            with guard:
+                holders, opened = holders + 1, opened + 1
+                most = max(most, holders)
+            with guard:
+                holders -= 1
+            wire.close()
+
+    threads = [threading.Thread(target=come_and_go) for _ in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert opened > 0
+    assert most == 1
+    assert os.listdir(link_path.parent) == []
+
+
+def test_what_a_killed_run_left_is_replaced(link_path: Path) -> None:
+    link_path.symlink_to("/dev/pts/987654")
+    link_path.with_name("stm32.new").symlink_to("/dev/pts/987653")
+    link_path.with_name("stm32.lock").touch()
+    wire = PtyWire(str(link_path))
+    assert os.readlink(link_path) == wire.path
+    wire.close()
+    assert os.listdir(link_path.parent) == []
+
+
+def test_what_is_not_ours_is_not_touched(link_path: Path) -> None:
+    link_path.write_text("my thesis")
+    with pytest.raises(DeviceError, match="not a link to a pty"):
+        PtyWire(str(link_path))
+    assert link_path.read_text() == "my thesis"
+    link_path.unlink()
+    link_path.symlink_to("/dev/null")  # as a udev name of a real port would be
+    with pytest.raises(DeviceError, match="not a link to a pty"):
+        PtyWire(str(link_path))
+    assert os.readlink(link_path) == "/dev/null"
+    assert os.listdir(link_path.parent) == ["stm32"]
+
+
+def test_a_link_that_another_took_over_stays(link_path: Path) -> None:
+    wire = PtyWire(str(link_path))
+    link_path.unlink()
+    link_path.write_text("not ours any more")
+    wire.close()
+    assert link_path.read_text() == "not ours any more"
+
+
+def test_a_link_in_a_folder_that_is_not_there(tmp_path: Path) -> None:
+    path = str(tmp_path / "nowhere" / "stm32")
+    with pytest.raises(DeviceError, match="cannot be made: No such file or directory; choose another") as caught:
+        PtyWire(path)
+    assert str(caught.value).startswith(path)
+
+
+@pytest.mark.parametrize("baud", [9600, 115_200, 921_600, 250_000, 123_456])
+def test_the_device_sees_the_speed_the_host_asked_for(baud: int) -> None:
+    wire = PtyWire()
+    with serial.Serial(wire.path, baud):
+        assert wire.baud == baud
+    wire.close()
+
+
+def test_programs_come_and_go_unnoticed() -> None:
+    wire = PtyWire()
+    for word in (b"one", b"two"):
+        with serial.Serial(wire.path, 115_200, timeout=0.2) as program:
+            program.write(word)
+            assert read_bytes(wire, 3) == word
+            wire.write(word)
+            assert program.read(3) == word
+        assert wire.read() == b""
+    wire.close()
+
+
+@pytest.mark.parametrize("open_host", [PtyHostWire, UartWire])
+def test_a_program_that_opens_the_port_reads_nothing_old(open_host: Callable[[str], Wire]) -> None:
+    wire = PtyWire()
+    written = 0
+    for _ in range(200):
+        written += wire.write(b"o" * 32)
+        time.sleep(0.0002)  # what the kernel takes to hand it to the other side
+    assert UNREAD_LIMIT <= written < 4096, "kept while nobody reads"
+    host = open_host(wire.path)
+    wire.write(b"new")
+    assert read_bytes(host, 3) == b"new"
+    host.close()
+    wire.close()
+
+
+@pytest.mark.parametrize("open_host", [PtyHostWire, UartWire])
+class TestCannotOpen:
+    """Each message is one line that names the device and what to do."""
+
+    def failure(self, open_host: Callable[[str], Wire], path: object) -> str:
+        with pytest.raises(DeviceError) as caught:
+            open_host(str(path))
+        message = str(caught.value)
+        assert message.startswith(f"{path}: ")
+        assert "\n" not in message
+        return message
+
+    def test_no_such_device(self, open_host: Callable[[str], Wire], tmp_path: Path) -> None:
+        message = self.failure(open_host, tmp_path / "ttyUSB7")
+        assert "no such device" in message
+        assert ("serial ports here: " in message) == (open_host is UartWire)
+
+    def test_not_a_terminal(self, open_host: Callable[[str], Wire], tmp_path: Path) -> None:
+        file = tmp_path / "notes.txt"
+        file.write_text("kept")
+        self.failure(open_host, file)
+        assert file.read_text() == "kept"
+
+    @pytest.mark.parametrize("holder", [PtyHostWire, UartWire])
+    def test_busy(self, open_host: Callable[[str], Wire], holder: Callable[[str], Wire]) -> None:
+        device = PtyWire()
+        first = holder(device.path)
+        assert "already in use by another process" in self.failure(open_host, device.path)
+        first.close()
+        open_host(device.path).close()
+        device.close()
+
+    def test_not_permitted(self, open_host: Callable[[str], Wire], tmp_path: Path) -> None:
+        device = tmp_path / "ttyACM0"
+        device.touch(mode=0)
+        user = os.geteuid()
+        os.seteuid(user or 65534)  # root may open anything
+        try:
+            message = self.failure(open_host, device)
+        finally:
+            os.seteuid(user)
+        assert "permission denied" in message
+        assert "dialout" in message
+
+
+def test_wires_by_name(link_path: Path) -> None:
+    device = open_wire("pty", link_path=str(link_path))
+    host = open_wire("uart", device=str(link_path), baud=57_600)
+    assert isinstance(device, PtyWire)
+    assert isinstance(host, UartWire)
+    assert device.baud == host.baud == 57_600
+    host.close()
+    device.close()
+    with pytest.raises(ConfigError, match="'usart' is not one of pty, uart"):
+        open_wire("usart")

@@ -1,0 +1,56 @@
+from math import cos, pi, sin
+
+import pytest
+from sim import rotations
+from sim.rotations import from_euler, integrate, matrix, multiply, normalise, rotate, rotate_inverse, to_euler
+
+
+def test_the_frames() -> None:
+    """Yaw 90 deg turns the bow east; a positive pitch lifts it (z down); a positive roll lowers starboard."""
+    assert rotate(from_euler(0, 0, pi / 2), (1, 0, 0)) == pytest.approx((0, 1, 0))
+    assert rotate(from_euler(0, pi / 6, 0), (1, 0, 0)) == pytest.approx((cos(pi / 6), 0, -0.5))
+    assert rotate(from_euler(pi / 6, 0, 0), (0, 1, 0)) == pytest.approx((0, cos(pi / 6), 0.5))
+
+
+def test_matrix_equals_octave() -> None:
+    """Rzyx and the quaternion of the MSS toolbox (MIT, Fossen), run in GNU Octave 7.3."""
+    q = from_euler(0.1, -0.2, 0.3)
+    assert q == pytest.approx((0.981856172866081, 0.06407134770607116, -0.09115754934299071, 0.1534393020242226))
+    assert matrix(q) == pytest.approx(
+        (0.9362933635841992, -0.31299182578546797, -0.1593450793079779,
+         0.28962947762551555, 0.9447024859948943, -0.1537919979889642,
+         0.19866933079506122, 0.09784339500725571, 0.975170327201816)
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("euler", [(0.1, -0.2, 0.3), (-3.0, 1.5, -3.0), (2.0, -1.5, 1.0), (0.0, 0.0, 3.1)])
+def test_euler_and_back(euler: tuple[float, float, float]) -> None:
+    assert to_euler(from_euler(*euler)) == pytest.approx(euler)
+
+
+def test_inverse_undoes_and_keeps_length() -> None:
+    q = from_euler(0.4, -1.1, 2.2)
+    turned = rotate(q, (1.0, -2.0, 3.0))
+    assert rotate_inverse(q, turned) == pytest.approx((1.0, -2.0, 3.0))
+    assert sum(x * x for x in turned) == pytest.approx(14.0)
+
+
+def test_multiply_composes() -> None:
+    a, b, v = from_euler(0.4, -1.1, 2.2), from_euler(-1.0, 0.3, 0.9), (1.0, -2.0, 3.0)
+    assert rotate(multiply(a, b), v) == pytest.approx(rotate(a, rotate(b, v)))
+
+
+def test_integrate_turns_about_body_axes() -> None:
+    """A second at 2 rad/s about a slanted body axis against the exact quaternion of that rotation."""
+    start, axis = from_euler(0.4, -1.1, 2.2), (0.6, 0.0, 0.8)
+    q = start
+    for _ in range(400):
+        q = integrate(q, [2.0 * x for x in axis], 0.0025)
+    exact = multiply(start, (cos(1.0), *(sin(1.0) * x for x in axis)))
+    assert q == pytest.approx(exact, abs=3e-6)
+    assert sum(x * x for x in q) == pytest.approx(1.0, abs=1e-15)
+
+
+def test_normalise() -> None:
+    assert normalise((2.0, 0.0, 0.0, 0.0)) == (1.0, 0.0, 0.0, 0.0)
+    assert rotations.matrix((1.0, 0.0, 0.0, 0.0)) == (1, 0, 0, 0, 1, 0, 0, 0, 1)

@@ -1,0 +1,99 @@
+from math import exp, sqrt
+from random import Random
+from statistics import fmean, pstdev
+
+import pytest
+from sim.sensors.error import ErrorModel, ErrorProcess, errors, measure3, sensor_random
+
+RATES = [10.0, 100.0, 1000.0]
+TAU, SD = 0.5, 2.0
+
+
+def series(model: ErrorModel, rate: float, seconds: float, true: float = 0.0) -> list[float]:
+    process = ErrorProcess(model, 1.0 / rate, Random(7))
+    return [process.measure(true) for _ in range(round(seconds * rate))]
+
+
+def hector(rate: float, seconds: float) -> list[float]:
+    """The drift of hector_gazebo's sensor_model.h: its noise is scaled with dt where it should be sqrt(dt)."""
+    random, dt, frequency, drift, values = Random(7), 1.0 / rate, 1.0 / TAU, 0.0, []
+    for _ in range(round(seconds * rate)):
+        drift = exp(-dt * frequency) * drift + dt * random.gauss(0.0, sqrt(2.0 * frequency) * SD)
+        values.append(drift)
+    return values
+
+
+def uuv_simulator(rate: float, seconds: float) -> list[float]:
+    """GaussMarkovProcess.cc of uuv_simulator: noise not scaled with dt at all."""
+    random, dt, value, values = Random(7), 1.0 / rate, 0.0, []
+    for _ in range(round(seconds * rate)):
+        value = (1.0 - dt / TAU) * value + SD * dt**0.5 * 0.0 + random.uniform(-0.25, 0.25)
+        values.append(value)
+    return values
+
+
+def test_bias_has_its_size_at_every_rate() -> None:
+    """Red: the formulae of others give a size that depends on the rate. Green: the exact process does not."""
+    assert pstdev(hector(100.0, 400.0)) == pytest.approx(0.103 * SD, rel=0.15)
+    assert pstdev(hector(1000.0, 200.0)) == pytest.approx(0.032 * SD, rel=0.15)
+    others = [pstdev(uuv_simulator(rate, 200.0)) for rate in (10.0, 100.0)]
+    assert others[1] > 2.5 * others[0]
+    for rate in RATES:
+        assert pstdev(series(ErrorModel(bias=SD, bias_time=TAU), rate, 300.0)) == pytest.approx(SD, rel=0.1)
+
+
+@pytest.mark.parametrize("rate", RATES)
+def test_bias_wanders_as_fast_at_every_rate(rate: float) -> None:
+    """Its change over 0.1 s: variance 2 sd² (1 - exp(-0.1 / tau))."""
+    values = series(ErrorModel(bias=SD, bias_time=TAU), rate, 300.0)[:: round(0.1 * rate)]
+    changes = [b - a for a, b in zip(values, values[1:], strict=False)]
+    assert pstdev(changes) == pytest.approx(SD * sqrt(2.0 * (1.0 - exp(-0.1 / TAU))), rel=0.06)
+
+
+def test_bias_has_its_size_from_the_start() -> None:
+    random = Random(3)
+    first = [ErrorProcess(ErrorModel(bias=SD, bias_time=1e6), 0.01, random).measure(0.0) for _ in range(4000)]
+    assert pstdev(first) == pytest.approx(SD, rel=0.05)
+    assert fmean(first) == pytest.approx(0.0, abs=0.1)
+
+
+@pytest.mark.parametrize("rate", RATES)
+def test_noise_density_is_rate_independent_in_the_mean(rate: float) -> None:
+    """Averaged over a second white noise of density d has sd d: the Allan deviation at 1 s."""
+    values = series(ErrorModel(noise_density=0.3), rate, 900.0 if rate < 500 else 300.0)
+    count = round(rate)
+    means = [fmean(values[i : i + count]) for i in range(0, len(values), count)]
+    allan = sqrt(0.5 * fmean([(b - a) ** 2 for a, b in zip(means, means[1:], strict=False)]))
+    assert allan == pytest.approx(0.3, rel=0.12)
+    assert pstdev(values) == pytest.approx(0.3 * sqrt(rate), rel=0.05)
+
+
+def test_noise_is_two_sided_and_of_its_size() -> None:
+    values = series(ErrorModel(noise=0.5), 100.0, 200.0, true=3.0)
+    assert fmean(values) == pytest.approx(3.0, abs=0.02)
+    assert pstdev(values) == pytest.approx(0.5, rel=0.03)
+    assert min(values) < 2.0
+    assert max(values) > 4.0
+
+
+def test_constants() -> None:
+    assert series(ErrorModel(), 10.0, 1.0, true=5.0) == [5.0] * 10
+    assert series(ErrorModel(offset=0.25), 10.0, 1.0, true=5.0) == [5.25] * 10
+    random = Random(5)
+    constant = [ErrorProcess(ErrorModel(turn_on=0.2), 0.1, random) for _ in range(2000)]
+    assert constant[0].measure(1.0) == constant[0].measure(1.0)
+    assert pstdev([process.measure(1.0) for process in constant]) == pytest.approx(0.2, rel=0.06)
+    scaled = [ErrorProcess(ErrorModel(scale=0.01), 0.1, random).measure(100.0) for _ in range(2000)]
+    assert pstdev(scaled) == pytest.approx(1.0, rel=0.06)
+
+
+def test_axes_are_independent() -> None:
+    axes = errors(ErrorModel(turn_on=1.0), 0.1, Random(1))
+    assert len(set(measure3(axes, (0.0, 0.0, 0.0)))) == 3
+
+
+def test_seeds() -> None:
+    """The same in every process and for ever: what other sensors there are does not matter."""
+    assert sensor_random(42, "imu").random() == 0.7353594258338493
+    assert sensor_random(42, "dvl").random() != sensor_random(42, "imu").random()
+    assert sensor_random(43, "imu").random() != sensor_random(42, "imu").random()
