@@ -1,4 +1,4 @@
-"""One vehicle in one world: pulses in, sensor samples out, time as an argument of nobody but the caller."""
+"""One vehicle in one world: pulses in, sensor samples out, each call one step of simulated time."""
 
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple

@@ -52,7 +52,7 @@ def imported(path: Path) -> Iterator[str]:
             yield from (f"{node.module}.{alias.name}" for alias in node.names)
 
 
-@pytest.mark.parametrize(("module", "path"), modules(), ids=lambda value: str(value) if isinstance(value, str) else "")
+@pytest.mark.parametrize(("module", "path"), [pytest.param(*row, id=row[0]) for row in modules()])
 def test_imports_go_down(module: str, path: Path) -> None:
     if module == "hil":
         assert not list(imported(path)), "importing a part of hil must not cost more than that part"

@@ -9,6 +9,7 @@ directions is looked up in tables that numpy fills for the whole map at once.
 
 import heapq
 from collections.abc import Callable, Sequence
+from itertools import pairwise
 from math import ceil, hypot, inf, sqrt
 from typing import Any
 
@@ -47,26 +48,38 @@ def plan(grid: OccupancyGrid, start: Point, goal: Point) -> list[Point]:
     if cells is None:
         raise MissionError(f"no way from {_text(start)} to {_text(goal)}: obstacles part them; try a smaller inflation")
     points = [start, *map(grid.centre, cells), goal]
-    return [points[0], *(b for a, b in zip(points, points[1:], strict=False) if a != b)]
+    return [points[0], *(b for a, b in pairwise(points) if a != b)]
 
 
 def smooth(grid: OccupancyGrid, path: Sequence[Point]) -> list[Point]:
     """`path` with every detour left out that a straight line over free cells can replace.
 
-    From each point the line goes to the last point in a row that can be seen; the result is short, not
-    shortest. The ends stay.
+    From each point the line goes as far along the path as can be seen; the result is short, not shortest.
+    The ends stay.
     """
     points = _densify(path, grid.resolution)
-    kept = points[:1]
-    for point, following in zip(points[1:], points[2:], strict=False):
-        if not grid.line_is_free(kept[-1], following):
-            kept.append(point)
-    return [*kept, *points[-1:]] if len(points) > 1 else kept
+    kept, here = points[:1], 0
+    while here < len(points) - 1:
+        here = _last_seen(grid, points, here)
+        kept.append(points[here])
+    return kept
+
+
+def _last_seen(grid: OccupancyGrid, points: list[Point], here: int) -> int:
+    """A point that can be seen from `here` while the one after it cannot: by doubling, then by halving."""
+    seen, unseen = here + 1, len(points)  # the next point is on the path: it needs no look
+    while unseen - seen > 1:
+        looked_for = min(2 * seen - here, unseen - 1) if unseen == len(points) else (seen + unseen) // 2
+        if grid.line_is_free(points[here], points[looked_for]):
+            seen = looked_for
+        else:
+            unseen = looked_for
+    return seen
 
 
 def path_length(path: Sequence[Point]) -> float:
     """The length of a way in m."""
-    return sum(hypot(b[0] - a[0], b[1] - a[1]) for a, b in zip(path, path[1:], strict=False))
+    return sum(hypot(b[0] - a[0], b[1] - a[1]) for a, b in pairwise(path))
 
 
 def _check(grid: OccupancyGrid, point: Point, what: str) -> None:
@@ -84,7 +97,7 @@ def _text(point: Point) -> str:
 
 def _densify(path: Sequence[Point], step: float) -> list[Point]:
     points = list(path[:1])
-    for (north, east), (to_north, to_east) in zip(path, path[1:], strict=False):
+    for (north, east), (to_north, to_east) in pairwise(path):
         parts = max(1, ceil(hypot(to_north - north, to_east - east) / step))
         for part in range(1, parts):
             share = part / parts
@@ -149,7 +162,7 @@ class _Jumps:
         for view in _VIEWS:
             table = np.empty_like(index)
             view(table)[...] = _next_turns(view(free), view(index), goal)
-            self._straight.append(memoryview(table.ravel()))
+            self._straight.append(memoryview(table.tobytes()).cast("i"))
         self._diagonal = []
         for direction in range(1, 8, 2):
             (rows, columns), width = _DIRECTIONS[direction], free.shape[1]

@@ -94,11 +94,12 @@ class OccupancyGrid:
     def contains(self, point: Point) -> bool:
         """Whether `point` is on the map."""
         row, column = self.cell(point)
-        return 0 <= row < self.cells.shape[0] and 0 <= column < self.cells.shape[1]
+        rows, columns = self.cells.shape
+        return bool(0 <= row < rows and 0 <= column < columns)
 
     def is_free(self, point: Point) -> bool:
         """Whether `point` is on the map and in a free cell."""
-        return self.contains(point) and not self.cells[self.cell(point)]
+        return self.contains(point) and not bool(self.cells[self.cell(point)])
 
     def nearest_free(self, point: Point) -> Point | None:
         """The centre of the free cell nearest to `point`, or None if there is none."""
@@ -176,7 +177,7 @@ class OccupancyGrid:
             image = _read_pgm(os.path.join(os.path.dirname(path), settings["image"].strip("\"'")))
         except (KeyError, ValueError) as error:
             raise ConfigError(f"{path}: not a map of map_server: {error}") from None
-        if yaw != 0.0 or resolution <= 0.0:
+        if yaw != 0.0 or not resolution > 0.0:
             raise ConfigError(f"{path}: a turned map or a resolution of {resolution} m cannot be used")
         occupancy = (image if negate else 255.0 - image) / 255.0
         return cls(np.ascontiguousarray(occupancy[::-1] >= threshold), resolution, (north, east))
@@ -187,7 +188,7 @@ def _crossings(start: float, change: float) -> NDArray[np.float64]:
     if change == 0.0:
         return np.empty(0)
     low, high = min(start, start + change), max(start, start + change)
-    return (np.arange(ceil(low), floor(high) + 1) - start) / change
+    return (np.arange(ceil(low), floor(high) + 1, dtype=np.float64) - start) / change
 
 
 def _read_settings(path: str) -> dict[str, str]:

@@ -40,12 +40,8 @@ def draw(folder: str, scenario: Scenario, plan: Plan) -> str:
 def _draw_map(axes: Any, scenario: Scenario, plan: Plan, rows: list[dict[str, float]]) -> None:
     grid = plan.grid
     rows_n, columns_n = grid.cells.shape
-    extent = (
-        grid.origin_east,
-        grid.origin_east + columns_n * grid.resolution,
-        grid.origin_north,
-        grid.origin_north + rows_n * grid.resolution,
-    )
+    south, west = grid.origin
+    extent = (west, west + columns_n * grid.resolution, south, south + rows_n * grid.resolution)
     inflated = grid.inflate(plan.clearance).cells
     shade = 1.0 - 0.12 * inflated - 0.55 * grid.cells
     axes.imshow(shade, origin="lower", extent=extent, cmap="gray", vmin=0, vmax=1, interpolation="nearest")

@@ -265,7 +265,8 @@ class _Alias:
             raise DeviceError(f"{path}: cannot be made: {error.strerror}; choose another device path") from None
 
     def _release(self) -> None:
-        os.unlink(self._lock_path)  # before the lock goes, so that nobody can lock what is about to vanish
+        if _is_still(self._lock, self._lock_path):  # someone may have cleaned up /tmp
+            os.unlink(self._lock_path)  # before the lock goes, so that nobody can lock what is about to vanish
         os.close(self._lock)
 
 

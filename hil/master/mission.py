@@ -2,12 +2,11 @@
 
 import select
 import time
-from itertools import pairwise
 from typing import NamedTuple
 
-from hil.autonomy.astar import plan, smooth
+from hil.autonomy.astar import path_length, plan, smooth
 from hil.autonomy.control import VelocityCommand, heading_of
-from hil.autonomy.occupancy import OccupancyGrid
+from hil.autonomy.occupancy import Extent, OccupancyGrid
 from hil.autonomy.pursuit import PurePursuit
 from hil.clock import NS_PER_S, RateKeeper, now_ns, seconds_ns
 from hil.config import Scenario
@@ -55,7 +54,10 @@ def make_plan(scenario: Scenario, vehicle: Vehicle, world: World) -> Plan:
     master = scenario.master
     length, width = vehicle.dimensions[:2]
     clearance = (length**2 + width**2) ** 0.5 / 2 + master.margin
-    grid = OccupancyGrid.rasterise(world.clearance, world.extent, master.resolution)
+    south, north, west, east = world.extent
+    grid = OccupancyGrid.rasterise(
+        lambda n, e: world.clearance(n, e, master.depth), Extent(south, west, north, east), master.resolution
+    )
     start = (scenario.start.north, scenario.start.east)
     inflated = grid.inflate(clearance)
     path = smooth(inflated, plan(inflated, start, master.goal))
@@ -130,17 +132,15 @@ class Mission:
         self._least_clearance = min(self._least_clearance, self._world.clearance(north, east))
 
     def _outcome(self, reason: str, duration: float, cpu_s: float) -> Outcome:
-        goal, path = self._master.goal, self._plan.path
+        goal = self._master.goal
         error = float("nan")
         if self._last:
             error = ((goal[0] - self._last[0]) ** 2 + (goal[1] - self._last[1]) ** 2) ** 0.5
-        legs = pairwise(path)
-        length = sum(((b[0] - a[0]) ** 2 + (b[1] - a[1]) ** 2) ** 0.5 for a, b in legs)
         return Outcome(
             self._pursuit.done,
             reason,
             duration,
-            length,
+            path_length(self._plan.path),
             self._travelled,
             error,
             self._cross_track_max,

@@ -54,6 +54,7 @@ class Loop:
         self._awaited: dict[int, tuple[Received, int, int]] = {}
         self._controlled_ns = 0
         self._control_due_ns = 0
+        self._sent = False
         self._timed_out = False
         self.schedule = RateKeeper(step_ns, now_ns())
         self.commands = 0
@@ -63,8 +64,8 @@ class Loop:
 
     def run(self, stop_fd: int) -> None:
         """Loop until `stop_fd` becomes readable. Raises DeviceError when the thruster link goes away."""
-        inbox_fd = self.inbox.fileno()
-        waited = [stop_fd, inbox_fd, *self.driver.descriptors()]
+        inbox_fd, link_fds = self.inbox.fileno(), self.driver.descriptors()
+        waited = [stop_fd, inbox_fd, *link_fds]
         self.started_ns = now_ns()
         self.schedule = RateKeeper(self.schedule.period_ns, self.started_ns)
         while True:
@@ -75,10 +76,11 @@ class Loop:
                 self._take_command(now)
             if stop_fd in ready:
                 return
-            self._service_link(now_ns())  # the answer to a command just sent may be there already
-            self.advance(self.schedule.due(now))
             if self.pilot and now >= self._control_due_ns:
                 self._control(self.pilot, now)
+            if self._sent or now >= self.driver.deadline_ns or any(fd in ready for fd in link_fds):
+                self._service_link(now_ns())  # the answer to a command just sent may be there already
+            self.advance(self.schedule.due(now))
 
     def advance(self, steps: int) -> None:
         """Let the vehicle move by so many steps, and publish what its sensors then say."""
@@ -106,11 +108,13 @@ class Loop:
         self._control_due_ns = now + self._control_period_ns
         command, tripped = pilot.update(now, max(dt_ns, 1000) / NS_PER_S)
         self.driver.send(command)
+        self._sent = True
         if tripped:
             self._report("deadman: no command in time, thrusters neutral")
         return command.sequence
 
     def _service_link(self, now: int) -> None:
+        self._sent = False
         for telemetry in self.driver.service(now):
             if telemetry.timed_out and not self._timed_out:
                 self._report("the STM32's watchdog tripped: thrusters neutral")

@@ -36,6 +36,11 @@ class ThrusterDriver(ABC):
     def pwm_us(self) -> Sequence[int]:
         """Pulse widths in effect, microseconds, one a thruster."""
 
+    @property
+    @abstractmethod
+    def deadline_ns(self) -> int:
+        """When (monotonic ns) `service` has to be called even if no byte came."""
+
     @abstractmethod
     def descriptors(self) -> list[int]:
         """What to wait on for incoming bytes."""
@@ -82,6 +87,11 @@ class InSlave(ThrusterDriver):
         """Straight from the timers."""
         return self.end.stm32.pwm_us
 
+    @property
+    def deadline_ns(self) -> int:
+        """Watchdog or telemetry of the firmware."""
+        return self.end.deadline_ns
+
     def descriptors(self) -> list[int]:
         """Both ends of the pty."""
         fds = [self.end.fileno()]
@@ -123,6 +133,11 @@ class OnWire(ThrusterDriver):
     def pwm_us(self) -> Sequence[int]:
         """As the last telemetry said."""
         return self._pwm_us
+
+    @property
+    def deadline_ns(self) -> int:
+        """When its silence has to be noticed."""
+        return self._heard_ns + self._silence_ns
 
     def descriptors(self) -> list[int]:
         """The host's end."""

@@ -171,7 +171,7 @@ class Session:
 
     def close(self) -> None:
         """Close the session and wait for its readers to end. Closing twice is harmless."""
-        self._session.close()  # which also wakes the readers
+        self._session.close()  # type: ignore[no-untyped-call]  # zenoh leaves it unannotated; it wakes the readers
         for reader in self._readers:
             reader.join(1.0)
 

@@ -21,9 +21,7 @@ class ImuModel(NamedTuple):
     rate: Annotated[float, Range(0.0, 2000.0, "Hz")] = 100.0
     position: Point = (0.0, 0.0, 0.0)
     orientation: ErrorModel = ErrorModel(bias=0.01, bias_time=600.0, noise=0.001)
-    angular_velocity: ErrorModel = ErrorModel(
-        turn_on=0.0087, bias=8.67e-4, bias_time=1000.0, noise_density=3.394e-4
-    )  # fmt: skip
+    angular_velocity: ErrorModel = ErrorModel(turn_on=0.0087, bias=8.67e-4, bias_time=1000.0, noise_density=3.394e-4)
     acceleration: ErrorModel = ErrorModel(turn_on=0.196, bias=0.0735, bias_time=300.0, noise_density=0.004)
 
 

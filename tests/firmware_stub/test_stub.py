@@ -56,6 +56,7 @@ def test_a_wrong_number_of_channels_is_refused(stm32: Stm32, pwm_us: tuple[int, 
 def test_the_watchdog_trips_at_its_instant_and_once(stm32: Stm32) -> None:
     stm32.command(armed(1), 1000)
     stm32.tick(1000 + 200 * MS - 1)
+    stm32.telemetry(1000 + 200 * MS - 1)
     assert stm32.pwm_us == list(FULL)
     assert stm32.tick(1000 + 200 * MS), "a trip is reported at once"
     report = stm32.telemetry(1000 + 200 * MS)

@@ -109,6 +109,20 @@ def test_a_link_that_another_took_over_stays(link_path: Path) -> None:
     assert link_path.read_text() == "not ours any more"
 
 
+def test_a_lock_that_was_cleaned_away_is_not_taken_from_the_next(link_path: Path) -> None:
+    first = PtyWire(str(link_path))
+    lock = link_path.with_name("stm32.lock")
+    lock.unlink()
+    second = PtyWire(str(link_path))
+    first.close()
+    assert os.readlink(link_path) == second.path
+    with pytest.raises(DeviceError, match="already served"):
+        PtyWire(str(link_path))
+    lock.unlink()
+    second.close()
+    assert os.listdir(link_path.parent) == []
+
+
 def test_a_link_in_a_folder_that_is_not_there(tmp_path: Path) -> None:
     path = str(tmp_path / "nowhere" / "stm32")
     with pytest.raises(DeviceError, match="cannot be made: No such file or directory; choose another") as caught:

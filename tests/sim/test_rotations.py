@@ -1,6 +1,7 @@
 from math import cos, pi, sin
 
 import pytest
+
 from sim import rotations
 from sim.rotations import from_euler, integrate, matrix, multiply, normalise, rotate, rotate_inverse, to_euler
 

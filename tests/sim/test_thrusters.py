@@ -1,6 +1,7 @@
 from math import exp
 
 import pytest
+
 from hil.errors import ConfigError
 from sim.thrusters import ThrusterSet, pwm_for, steady_thrust, wrench_matrix
 from sim.vehicle import Thruster, load_vehicle
@@ -74,6 +75,15 @@ def test_lists_and_tuples_of_pulses_and_their_number() -> None:
         one.step([1600] * 5)
 
 
+def test_wrench_of_one_thruster() -> None:
+    """Force, and moment = position x force: down at the starboard bow rolls to starboard and lowers the bow."""
+    vehicle = load_vehicle("paper_six")[0]
+    at = (0.1, 0.2, 0.3)
+    thrusters = tuple(SQUARE._replace(position=at, direction=d) for d in ((2, 0, 0), (0, 3, 0), (0, 0, 4)))
+    columns = list(zip(*wrench_matrix(vehicle._replace(thrusters=thrusters)), strict=True))
+    assert columns == [(1, 0, 0, 0, 0.3, -0.2), (0, 1, 0, -0.3, 0, 0.1), (0, 0, 1, 0.2, -0.1, 0)]
+
+
 def test_wrench_matrix_of_the_paper_vehicle() -> None:
     rows = wrench_matrix(load_vehicle("paper_six")[0])
     c, arm = 0.5**0.5, 0.25 * 0.5**0.5
@@ -91,7 +101,7 @@ def test_wrench_matrix_against_the_published_one() -> None:
     """The authors' matrix (von Benzon 2022, TAM.mat). Its vertical columns are ours up to port and starboard,
     and with two thrusters reversed: there only sizes can be compared."""
     rows = wrench_matrix(load_vehicle("bluerov2_heavy")[0])
-    published = [
+    published: list[list[float]] = [
         [0.707107, 0.707107, -0.707107, -0.707107, 0, 0, 0, 0],
         [-0.707107, 0.707107, -0.707107, 0.707107, 0, 0, 0, 0],
         [0, 0, 0, 0, -1, 1, 1, -1],

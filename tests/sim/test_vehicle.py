@@ -2,6 +2,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+
 from hil.errors import ConfigError
 from hil.schema import parse, preset_names
 from sim.matrices import inverse, is_positive_definite, product
@@ -73,7 +74,7 @@ def test_control_table_and_common_thruster_keys(tmp_path: Path) -> None:
     ],
 )
 def test_wrong_vehicles_are_named(changes: dict[str, Any], words: str) -> None:
-    with pytest.raises(ConfigError, match="test.toml") as caught:
+    with pytest.raises(ConfigError, match=r"test\.toml") as caught:
         build(**changes)
     assert words in str(caught.value)
 

@@ -1,0 +1,155 @@
+"""Following a path: steer for a point a little ahead on it (Coulter 1992, CMU-RI-TR-92-01).
+
+Coulter's curvature 2 sin(error) / lookahead at the cruising speed is a turn rate of 2 speed / lookahead for
+each radian of heading error. That gain is kept while the vehicle slows down, so that it turns on the spot
+where the path bends sharply. Currents are not modelled: the velocity controller holds speed over ground.
+"""
+
+from collections.abc import Sequence
+from itertools import pairwise
+from math import atan2, cos, dist, pi
+from typing import NamedTuple
+
+from hil.autonomy.control import VelocityCommand, wrap
+from hil.errors import MissionError
+
+Point = tuple[float, float]  # north, east in m
+
+# A bend beyond this angle is a place to stop and turn at; a smaller one is rounded off.
+_SHARP = 100.0 * pi / 180.0
+
+
+class PurePursuit:
+    """Leads a vehicle along `path` (points in m north, m east) and stops it at the end.
+
+    `lookahead` m: how far ahead on the path to steer for; it sets how much corners are cut (up to about a
+    third of it). `speed` m/s is slowed by the heading error and within one lookahead of a stop. The turn rate
+    stays within `max_yaw_rate` rad/s. A stop, and with it the end, counts as reached within `tolerance` m.
+    `depth` (m) is passed on with every command. Raises MissionError if the path is empty or a parameter is
+    not positive.
+    """
+
+    def __init__(
+        self,
+        path: Sequence[Point],
+        lookahead: float,
+        speed: float,
+        max_yaw_rate: float = 0.5,
+        tolerance: float = 0.5,
+        depth: float | None = None,
+    ) -> None:
+        if not path:
+            raise MissionError("the path to follow is empty; plan one first")
+        if not min(lookahead, speed, max_yaw_rate, tolerance) > 0.0:
+            raise MissionError("path following needs a lookahead, speed, turn rate and tolerance above 0")
+        self._lookahead = lookahead
+        self._speed = speed
+        self._max_yaw_rate = max_yaw_rate
+        self._tolerance = tolerance
+        self._depth = depth
+        self._path = _Path(path)
+        self._stops = self._path.stops()
+        self._stop = self._stops.pop(0)
+        self._passed = 0.0  # where the last stop was
+        self._along = 0.0
+        self.cross_track = 0.0
+        self.done = False
+
+    @property
+    def progress(self) -> float:
+        """The share of the path that lies behind, 0 to 1."""
+        return 1.0 if self.done else self._along / self._path.length if self._path.length else 0.0
+
+    def update(self, position: Sequence[float], heading: float) -> VelocityCommand:
+        """The command at `position` (m north, m east; more is ignored) and `heading` (rad from north, clockwise).
+
+        `cross_track` is then the distance from the path in m, positive to its starboard; `done` turns true
+        for good once the end is reached.
+        """
+        here = position[0], position[1]
+        self._locate(here)
+        if not self.done:
+            self._pass_stops(here)
+        if self.done:
+            return VelocityCommand(depth=self._depth)
+        aim_north, aim_east = self._path.at(min(self._along + self._lookahead, self._stop))
+        error = wrap(atan2(aim_east - here[1], aim_north - here[0]) - heading)
+        gain = 2.0 * self._speed / self._lookahead
+        turn = min(self._max_yaw_rate, max(-self._max_yaw_rate, gain * error))
+        return VelocityCommand(surge=self._surge(here, error), yaw_rate=turn, depth=self._depth)
+
+    def _locate(self, here: Point) -> None:
+        """Move to the nearest place of the path, not far from the last: a path may come near itself."""
+        low = max(self._passed, self._along - self._lookahead)
+        high = min(self._stop, self._along + self._lookahead)
+        self._along, self.cross_track = self._path.nearest(here, low, high)
+
+    def _pass_stops(self, here: Point) -> None:
+        near_in_path = self._along >= self._stop - max(self._lookahead, self._tolerance)
+        if near_in_path and dist(here, self._path.at(self._stop)) <= self._tolerance:
+            self._passed = self._along = self._stop
+            self.done = not self._stops
+            self._stop = self._stops.pop(0) if self._stops else self._stop
+
+    def _surge(self, here: Point, error: float) -> float:
+        remaining = max(self._stop - self._along, dist(here, self._path.at(self._stop)))
+        return self._speed * max(0.0, cos(error)) * min(1.0, remaining / self._lookahead)
+
+
+class _Leg(NamedTuple):
+    """A straight piece of the path: its start, its direction as a unit vector, and where it lies along the path."""
+
+    start: Point
+    direction: Point
+    begins: float
+    ends: float
+
+    def at(self, along: float) -> Point:
+        """The point so many metres along the path."""
+        distance = along - self.begins
+        return self.start[0] + distance * self.direction[0], self.start[1] + distance * self.direction[1]
+
+
+class _Path:
+    """A path measured by the way along it, in m from its start."""
+
+    def __init__(self, points: Sequence[Point]) -> None:
+        self._legs: list[_Leg] = []
+        self.length = 0.0
+        for start, end in pairwise(points):
+            size = dist(start, end)
+            if size > 0.0:
+                direction = (end[0] - start[0]) / size, (end[1] - start[1]) / size
+                self._legs.append(_Leg(start, direction, self.length, self.length + size))
+                self.length += size
+        if not self._legs:
+            self._legs.append(_Leg((points[0][0], points[0][1]), (1.0, 0.0), 0.0, 0.0))
+
+    def stops(self) -> list[float]:
+        """Where to stop: at the sharp bends and at the end."""
+        bends = [
+            leg.ends
+            for leg, after in pairwise(self._legs)
+            if leg.direction[0] * after.direction[0] + leg.direction[1] * after.direction[1] < cos(_SHARP)
+        ]
+        return [*bends, self.length]
+
+    def at(self, along: float) -> Point:
+        """The point so many metres along."""
+        leg = next((leg for leg in self._legs if along < leg.ends), self._legs[-1])
+        return leg.at(along)
+
+    def nearest(self, point: Point, low: float, high: float) -> tuple[float, float]:
+        """The place between `low` and `high` that is nearest to `point`, and how far that is to starboard of it."""
+        found, least, side = low, float("inf"), 1.0
+        for leg in self._legs:
+            if leg.begins > high or leg.ends < low:
+                continue
+            north, east = point[0] - leg.start[0], point[1] - leg.start[1]
+            ahead = leg.begins + north * leg.direction[0] + east * leg.direction[1]
+            along = min(max(ahead, low, leg.begins), high, leg.ends)
+            distance = dist(point, leg.at(along))
+            if distance < least:
+                starboard = east * leg.direction[0] - north * leg.direction[1]
+                found, least, side = along, distance, 1.0 if starboard >= 0.0 else -1.0
+        return found, side * least
