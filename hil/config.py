@@ -65,11 +65,11 @@ class Master(NamedTuple):
 
     goal: VECTOR_M
     depth: Annotated[float, Range(0.0, 11_000.0, "m")] = 5.0
-    speed: Annotated[float, Range(0.05, 5.0, "m/s")] = 1.0
-    lookahead: Annotated[float, Range(0.2, 50.0, "m")] = 2.0
+    speed: Annotated[float, Range(0.05, 5.0, "m/s")] = 0.5
+    lookahead: Annotated[float, Range(0.2, 50.0, "m")] = 1.5
     tolerance: Annotated[float, Range(0.05, 10.0, "m")] = 0.5
     resolution: Annotated[float, Range(0.02, 10.0, "m")] = 0.25
-    margin: Annotated[float, Range(0.0, 20.0, "m")] = 0.4
+    margin: Annotated[float, Range(0.0, 20.0, "m")] = 0.6
     command_period: Annotated[float, Range(0.01, 1.0, "s")] = 0.05
     time_limit: Annotated[float, Range(1.0, 86_400.0, "s")] = 300.0
 

@@ -85,8 +85,9 @@ class ThrusterSet:
 
         Raises ConfigError if there is not one pulse a thruster.
         """
-        if pwm_us != self._pwm_us:
-            self._command(tuple(pwm_us))
+        pulses = tuple(pwm_us)
+        if pulses != self._pwm_us:
+            self._command(pulses)
         rows = zip(self.thrusts, self._targets, self._gains, strict=True)
         self.thrusts = [thrust + gain * (target - thrust) for thrust, target, gain in rows]
         x = y = z = k = m = n = 0.0

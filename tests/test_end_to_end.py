@@ -144,7 +144,9 @@ def test_foreign_vehicle_software_drives_the_thrusters(tmp_path: Path) -> None:
 def test_the_master_says_when_nobody_answers(tmp_path: Path) -> None:
     scenario, port = write_scenario(tmp_path)
     endpoint = f"tcp/127.0.0.1:{port}"
-    with Program(tmp_path, "master", scenario, "--connect", endpoint, "--wait", 0.5, "--run-dir", tmp_path / "r") as master:
+    with Program(
+        tmp_path, "master", scenario, "--connect", endpoint, "--wait", 0.5, "--run-dir", tmp_path / "r"
+    ) as master:
         assert master.wait() == 4
     assert endpoint in master.output
     assert "uuv-hil slave" in master.output
@@ -183,8 +185,14 @@ def test_ctrl_c_ends_the_demo(tmp_path: Path) -> None:
         ("vehicle = 3\n", ["vehicle", "text"]),
         ('vehicel = "paper_six"\n', ["vehicel", "vehicle"]),
         ('vehicle = "paper_sex"\nworld = "pool"\n[master]\ngoal = [1, 1]\n', ["paper_six"]),
-        ('vehicle = "paper_six"\nworld = "pool"\n[master]\ngoal = [1, 1]\n[slave]\ndeadman = 500\n', ["deadman", "500 s"]),
-        ('vehicle = "paper_six"\nworld = "pool"\n[master]\ngoal = [1, 1]\n[slave]\ndeadman = "x"\n', ["deadman", "1 s"]),
+        (
+            'vehicle = "paper_six"\nworld = "pool"\n[master]\ngoal = [1, 1]\n[slave]\ndeadman = 500\n',
+            ["deadman", "500 s"],
+        ),
+        (
+            'vehicle = "paper_six"\nworld = "pool"\n[master]\ngoal = [1, 1]\n[slave]\ndeadman = "x"\n',
+            ["deadman", "1 s"],
+        ),
         ("vehicle = ", ["TOML"]),
         ('vehicle = "paper_six"\nworld = "pool"\n[master]\ngoal = [1, 1]\n[start]\ndepth = 90\n', ["seabed"]),
         ('vehicle = "paper_six"\nworld = "pool"\nstm32 = "device"\n[master]\ngoal = [1, 1]\n', ["uart"]),

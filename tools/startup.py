@@ -26,6 +26,7 @@ MOST_OF_FLOOR = 0.6
 MOST_MIB = 40.0
 FLOOR = [sys.executable, "-c", "import numpy, zenoh"]
 
+
 def time_floor() -> float:
     """Seconds that the floor takes."""
     began = time.perf_counter()

@@ -119,7 +119,9 @@ class CascadedController:
         axis that lacks force does not go on integrating towards it.
         """
         down = _down_in_body(navigation.orientation)
-        heave = command.heave if command.depth is None else self._heave(command.depth, navigation, down)
+        heave = command.heave
+        if command.depth is not None:
+            heave = heave_for_depth(command.depth, navigation, self._gains.depth)
         targets = (command.surge, command.sway, heave, *self._rates(command, navigation.orientation, down))
         measured = navigation.velocity + navigation.angular_velocity
         x, y, z, k, m, n = (
@@ -129,14 +131,6 @@ class CascadedController:
             )
         )
         return x, y, z, k, m, n
-
-    def _heave(self, depth: float, navigation: Navigation, down: Vector3) -> float:
-        """The heave, m/s, that gives the wanted rate of depth at the present attitude, surge and sway."""
-        hold = self._gains.depth
-        rate = _clamp(hold.p * (depth - navigation.depth), hold.limit)
-        u, v, _ = navigation.velocity
-        heave = (rate - down[0] * u - down[1] * v) / max(down[2], _LEAST_UPRIGHT)
-        return _clamp(heave, hold.limit / _LEAST_UPRIGHT)
 
     def _rates(self, command: VelocityCommand, orientation: Quaternion, down: Vector3) -> Vector3:
         """The p, q, r, rad/s, that level the vehicle and turn it about the vertical."""
@@ -153,6 +147,18 @@ class CascadedController:
             pitch_rate * cos(roll) + turn * down[1],
             -pitch_rate * sin(roll) + turn * down[2],
         )
+
+
+def heave_for_depth(depth: float, navigation: Navigation, hold: HoldGains) -> float:
+    """The heave (m/s along FRD) that leads to `depth` (m) at the present attitude, surge and sway.
+
+    A vehicle that pitches by some degrees at speed dives or climbs by its surge; that is countered too.
+    """
+    down = _down_in_body(navigation.orientation)
+    rate = _clamp(hold.p * (depth - navigation.depth), hold.limit)
+    u, v, _ = navigation.velocity
+    heave = (rate - down[0] * u - down[1] * v) / max(down[2], _LEAST_UPRIGHT)
+    return _clamp(heave, hold.limit / _LEAST_UPRIGHT)
 
 
 class _Loop:

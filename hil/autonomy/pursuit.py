@@ -53,25 +53,23 @@ class PurePursuit:
         self._passed = 0.0  # where the last stop was
         self._along = 0.0
         self.cross_track = 0.0
+        self.progress = 0.0
         self.done = False
-
-    @property
-    def progress(self) -> float:
-        """The share of the path that lies behind, 0 to 1."""
-        return 1.0 if self.done else self._along / self._path.length if self._path.length else 0.0
 
     def update(self, position: Sequence[float], heading: float) -> VelocityCommand:
         """The command at `position` (m north, m east; more is ignored) and `heading` (rad from north, clockwise).
 
-        `cross_track` is then the distance from the path in m, positive to its starboard; `done` turns true
-        for good once the end is reached.
+        `cross_track` is then the distance from the path in m, positive to its starboard; `progress` the share
+        of the path that has been reached, 0 to 1; `done` turns true for good at the end.
         """
         here = position[0], position[1]
         self._locate(here)
         if not self.done:
             self._pass_stops(here)
         if self.done:
+            self.progress = 1.0
             return VelocityCommand(depth=self._depth)
+        self.progress = max(self.progress, self._along / self._path.length if self._path.length else 0.0)
         aim_north, aim_east = self._path.at(min(self._along + self._lookahead, self._stop))
         error = wrap(atan2(aim_east - here[1], aim_north - here[0]) - heading)
         gain = 2.0 * self._speed / self._lookahead

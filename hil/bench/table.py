@@ -145,10 +145,22 @@ def _details(table: HilTable) -> list[str]:
         f"loop: {table.slave.get('loop_rate_hz', '-')} Hz, late by p50 {table.slave.get('lateness_p50_us', '-')} us, "
         f"p99 {table.slave.get('lateness_p99_us', '-')} us, max {table.slave.get('lateness_max_us', '-')} us; "
         f"real time x{table.slave.get('real_time_factor', '-')}",
+        f"wire: {_wire(table.slave)}",
         f"bytecode compiled before the start: {'yes' if table.bytecode_compiled else 'NO (python -m compileall)'}; "
         f"slave: {table.slave.get('board', '-')}, Python {table.slave.get('python', '-')}",
     ]
     return lines + [f"note: {note}" for note in table.notes]
+
+
+def _wire(slave: dict[str, str]) -> str:
+    if "link_bytes_out" not in slave or slave.get("link_wire") != "pty":
+        return slave.get("link_port", "-")
+    frame = int(slave["link_bytes_out"]) / max(int(slave["link_messages_out"]), 1)
+    added = frame * 10 / int(slave["link_baud"]) * 1e3
+    return (
+        f"{slave['link_port']}, a pseudo terminal, which carries a frame of {frame:.0f} bytes at once; "
+        f"a UART at {slave['link_baud']} baud would add {added:.1f} ms"
+    )
 
 
 def to_json(table: HilTable, outcome: Outcome) -> dict[str, Any]:

@@ -5,7 +5,7 @@ import time
 from typing import NamedTuple
 
 from hil.autonomy.astar import path_length, plan, smooth
-from hil.autonomy.control import VelocityCommand, heading_of
+from hil.autonomy.control import HoldGains, Navigation, VelocityCommand, heading_of, heave_for_depth
 from hil.autonomy.occupancy import Extent, OccupancyGrid
 from hil.autonomy.pursuit import PurePursuit
 from hil.clock import NS_PER_S, RateKeeper, now_ns, seconds_ns
@@ -17,8 +17,7 @@ from hil.master.recorder import Recorder
 from sim.vehicle import Vehicle, load_vehicle
 from sim.world import World, load_world
 
-DEPTH_GAIN = 0.8  # 1/s: heave per metre of depth error
-HEAVE_LIMIT = 0.4  # m/s
+DEPTH_HOLD = HoldGains(p=0.8, limit=0.4)
 GONE_AFTER_S = 1.0
 GIVE_UP_AFTER_S = 10.0
 
@@ -114,8 +113,9 @@ class Mission:
             return ""
         north, east, depth = odometry.value.position
         command = self._pursuit.update((north, east), heading_of(odometry.value.orientation))
-        heave = DEPTH_GAIN * (self._master.depth - depth)
-        self._client.command(command._replace(heave=max(-HEAVE_LIMIT, min(HEAVE_LIMIT, heave))))
+        orientation, nu = odometry.value.orientation, odometry.value.nu
+        navigation = Navigation(orientation, nu[3:], nu[:3], depth)
+        self._client.command(command._replace(heave=heave_for_depth(self._master.depth, navigation, DEPTH_HOLD)))
         self._measure(truth.value.position[:2])
         self._recorder.row(elapsed, truth.value, odometry.value, command)
         self._progress.show(elapsed, truth.value, self._pursuit.progress, self._client)
@@ -128,7 +128,7 @@ class Mission:
         if self._last:
             self._travelled += ((north - self._last[0]) ** 2 + (east - self._last[1]) ** 2) ** 0.5
         self._last = (north, east)
-        self._cross_track_max = max(self._cross_track_max, abs(self._pursuit.cross_track_error))
+        self._cross_track_max = max(self._cross_track_max, abs(self._pursuit.cross_track))
         self._least_clearance = min(self._least_clearance, self._world.clearance(north, east))
 
     def _outcome(self, reason: str, duration: float, cpu_s: float) -> Outcome:

@@ -24,9 +24,7 @@ from sim.vehicle import load_vehicle
 from sim.world import load_world
 
 
-def run(
-    scenario: Scenario, board: Board | None, network: Listening, startup: dict[str, int], notes: list[str]
-) -> None:
+def run(scenario: Scenario, board: Board | None, network: Listening, startup: dict[str, int], notes: list[str]) -> None:
     """Be the slave until SIGINT or SIGTERM.
 
     `network` is the session being opened. `startup` are instants (monotonic ns) of the start so far,
@@ -50,7 +48,7 @@ def run(
             gc.enable()
         for note in notes:
             log.say(note)
-        with Health(loop, log, startup, notes, board.name if board else "this machine"):
+        with Health(loop, log, startup, notes, board.name if board else "this machine", scenario.link):
             try:
                 loop.run(stop_fd)
                 log.say("stopping")

@@ -8,6 +8,7 @@ from collections import deque
 
 from hil import process
 from hil.clock import NS_PER_MS, NS_PER_S, NS_PER_US, now_ns, to_wall_ns
+from hil.config import Link
 from hil.slave.loop import Loop
 
 REPORT_PERIOD_S = 0.1
@@ -44,7 +45,7 @@ class Health:
     `startup` are monotonic instants by name, "exec" first. Use as a context: leaving it says the last word.
     """
 
-    def __init__(self, loop: Loop, log: Log, startup: dict[str, int], notes: list[str], board: str) -> None:
+    def __init__(self, loop: Loop, log: Log, startup: dict[str, int], notes: list[str], board: str, link: Link) -> None:
         self._loop = loop
         self._log = log
         self._startup = startup
@@ -57,6 +58,8 @@ class Health:
             "bytecode_compiled": str(process.bytecode_compiled("hil")).lower(),
             "exec_wall_ns": str(to_wall_ns(startup["exec"])),
             "realtime": "; ".join(notes),
+            "link_wire": link.wire,
+            "link_baud": str(link.baud),
             **{f"startup_{name}_ms": f"{(t - startup['exec']) / NS_PER_MS:.1f}" for name, t in startup.items()},
         }
         self._stop = threading.Event()

@@ -3,8 +3,9 @@
 import math
 from collections.abc import Sequence
 
+import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from hil.autonomy.allocation import Allocator, pseudo_inverse
@@ -79,19 +80,20 @@ def test_rank(matrix: list[list[float]], rank: int) -> None:
     assert allocator(matrix).rank == rank
 
 
-@given(st.lists(st.lists(st.floats(-1, 1), min_size=6, max_size=6), min_size=1, max_size=9))
-def test_pseudo_inverse_of_any_matrix(columns: list[list[float]]) -> None:
-    """B B⁺ B = B (to the tolerance that the rank is judged with), and B⁺ B projects."""
-    matrix = [list(row) for row in zip(*columns, strict=True)]
-    inverse, rank = pseudo_inverse(matrix) if any(map(any, matrix)) else ([[0.0] * 6] * len(columns), 0)
-    assert rank <= min(6, len(columns))
-    size = max((abs(value) for row in matrix for value in row), default=0.0)
-    for thruster in range(len(columns)):
-        wrench = [row[thruster] for row in matrix]
-        back = made(matrix, [sum(a * b for a, b in zip(row, wrench, strict=True)) for row in inverse])
-        # a roll or pitch moment weighs a hundredth, so its tolerance is a hundred times that of a force
-        for axis, (value, found) in enumerate(zip(wrench, back, strict=True)):
-            assert found == pytest.approx(value, abs=size * (0.1 if axis in (3, 4) else 1e-3))
+HUNDREDTHS = st.integers(-100, 100).map(lambda number: number / 100.0)
+
+
+@given(st.lists(st.lists(HUNDREDTHS, min_size=6, max_size=6), min_size=1, max_size=9))
+def test_pseudo_inverse_agrees_with_lapack(columns: list[list[float]]) -> None:
+    assume(any(map(any, columns)))
+    weights = np.array([1.0, 1.0, 1.0, 0.01, 0.01, 1.0])
+    weighted = np.array(columns).T * weights[:, None]
+    values = np.linalg.svd(weighted, compute_uv=False)
+    assume(not np.any((values > 0.9e-4 * values[0]) & (values < 1.1e-4 * values[0])))  # on the edge of the rank
+    inverse, rank = pseudo_inverse([list(row) for row in zip(*columns, strict=True)])
+    assert rank == np.sum(values > 1e-4 * values[0])
+    expected = np.linalg.pinv(weighted, rcond=1e-4) * weights
+    assert np.array(inverse) == pytest.approx(expected, rel=1e-6, abs=1e-8 * np.abs(expected).max())
 
 
 @given(WRENCHES)
