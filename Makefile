@@ -23,13 +23,15 @@ lint: $(VENV)/.dev
 	$(BIN)/mypy
 
 # Bytecode is compiled at install: the start-up time of the first run is that of every run.
+$(VENV)/.run: EXTRA = master
+$(VENV)/.dev: EXTRA = dev
 $(VENV)/.run $(VENV)/.dev: pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
 	  || { echo "Python 3.11 or later is needed; name one with: make PYTHON=/path/to/python3.11"; exit 1; }
 	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV) \
 	  || { echo "no virtual environment: sudo apt install python3-venv"; rm -rf $(VENV); exit 1; }
 	@echo "installing into $(VENV) (once)"
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[$(if $(findstring dev,$@),dev,master)]'
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[$(EXTRA)]'
 	@$(BIN)/python -m compileall -q $(PACKAGES)
 	@touch $@
 

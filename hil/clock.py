@@ -53,7 +53,7 @@ def process_start_ns() -> int:
 
 
 class Histogram:
-    """Counts of non-negative integers in bins 12 % to 25 % wide: constant memory, no allocation.
+    """Counts of non-negative integers in bins at most 25 % wide: constant memory, no allocation.
 
     Quantiles are the upper edge of the bin they fall in, so they never flatter.
     """
@@ -147,7 +147,7 @@ def lock_memory() -> str:
 
 
 def quiet_garbage_collector() -> str:
-    """Take the collector out of the loop's way: what is there now is kept for good, the rest is collected on request."""
+    """Take the collector out of the loop's way: what is there now stays, the rest is collected on request."""
     gc.collect()
     gc.freeze()
     gc.disable()

@@ -100,6 +100,10 @@ class Scenario(NamedTuple):
             return f'controller = "external" needs stm32 = "python": {self.stm32!r} would hide the thrusters from us'
         if (self.stm32 == "device") != (self.link.wire == "uart"):
             return 'stm32 = "device" and [link] wire = "uart" go together'
+        if self.controller == "builtin":
+            blind = [name for name in ("imu", "odometry", "pressure") if not getattr(self.sensors, name).rate]
+            if blind:
+                return f"sensors: the builtin controller needs {blind[0]}: its rate must be above 0"
         if self.slave.deadman < 2 * self.slave.control_period:
             return "slave: deadman must be at least twice control_period"
         if self.link.watchdog < 2 * self.slave.control_period:

@@ -36,7 +36,7 @@ def pulses(client: VehicleClient) -> list[int]:
 
 @pytest.mark.parametrize("stm32", ["python", "process"])
 def test_a_mission(tmp_path: Path, stm32: str) -> None:
-    scenario, port = write_scenario(tmp_path, top=f'stm32 = "{stm32}"')
+    scenario, _ = write_scenario(tmp_path, top=f'stm32 = "{stm32}"')
     folder = tmp_path / "run"
     with Program(tmp_path, "demo", scenario, "--run-dir", folder) as demo:
         assert demo.wait(90) == 0, demo.output
@@ -126,19 +126,44 @@ def test_foreign_vehicle_software_drives_the_thrusters(tmp_path: Path) -> None:
     with Program(tmp_path, "slave", scenario) as slave:
         slave.expect("waiting for your software")
         ours = protocol()
-        with serial.Serial(str(device), 115_200, timeout=0.1, exclusive=True) as wire:
-            with VehicleClient(f"tcp/127.0.0.1:{port}", "uuv1") as client:
-                assert client.wait_for_vehicle(10)
-                heard: list[ThrusterTelemetry] = []
-                for sequence in range(1, 60):
-                    command = ThrusterCommand(sequence, True, (1600, 1600, 1600, 1600, 1500, 1500))
-                    wire.write(ours.encode(command))
-                    time.sleep(0.05)
-                    heard += [m for m in ours.feed(wire.read(wire.in_waiting)) if isinstance(m, ThrusterTelemetry)]
-                assert client.get("ground_truth").nu[0] > 0.3, "the vehicle moves forward"
+        client = VehicleClient(f"tcp/127.0.0.1:{port}", "uuv1")
+        with client, serial.Serial(str(device), 115_200, timeout=0.1, exclusive=True) as wire:
+            assert client.wait_for_vehicle(10)
+            heard: list[ThrusterTelemetry] = []
+            for sequence in range(1, 60):
+                command = ThrusterCommand(sequence, True, (1600, 1600, 1600, 1600, 1500, 1500))
+                wire.write(ours.encode(command))
+                time.sleep(0.05)
+                heard += [m for m in ours.feed(wire.read(wire.in_waiting)) if isinstance(m, ThrusterTelemetry)]
+            assert client.get("ground_truth").nu[0] > 0.3, "the vehicle moves forward"
         assert heard[-1].armed
         assert heard[-1].sequence >= 58
         assert heard[-1].pwm_us[:4] == (1600,) * 4
+
+
+def test_a_device_on_a_serial_port(tmp_path: Path) -> None:
+    """stm32 = "device" with pyserial; at the other end of the line the firmware's twin, then nothing."""
+    device = tmp_path / "ttyUSB0"
+    top, link = 'stm32 = "device"', f'wire = "uart"\ndevice = "{device}"'
+    scenario, port = write_scenario(tmp_path, top=top, link=link)
+    with Program(tmp_path, "slave", scenario) as slave:
+        assert slave.wait() == 3
+        assert str(device) in slave.output
+    with Program(tmp_path, "stm32", "--device", device) as stm32:
+        stm32.expect("Ctrl-C")
+        with Program(tmp_path, "slave", scenario) as slave:
+            slave.expect("ready")
+            with VehicleClient(f"tcp/127.0.0.1:{port}", "uuv1") as client:
+                assert client.wait_for_vehicle(10)
+                for _ in range(40):
+                    client.command(VelocityCommand(surge=0.5))
+                    time.sleep(0.05)
+                assert client.get("ground_truth").nu[0] == pytest.approx(0.5, abs=0.15)
+                assert len(client.delays) > 30
+            stm32.stop(signal.SIGTERM)
+            assert slave.wait() == 3
+            assert f"{device}: went away" in slave.output
+            assert "Traceback" not in slave.output
 
 
 def test_the_master_says_when_nobody_answers(tmp_path: Path) -> None:
@@ -168,6 +193,24 @@ def test_the_master_survives_a_slave_that_comes_back(tmp_path: Path) -> None:
             assert master.wait(60) == 0, master.output
 
 
+def test_a_goal_that_cannot_be_reached(tmp_path: Path) -> None:
+    scenario, _ = write_scenario(tmp_path)
+    scenario.write_text(scenario.read_text().replace("goal = [8, 7]", "goal = [80, 7]"))
+    with Program(tmp_path, "demo", scenario, "--run-dir", tmp_path / "run") as demo:
+        assert demo.wait() == 6, demo.output
+    assert "80" in demo.output
+    assert "Traceback" not in demo.output
+
+
+def test_a_time_limit_that_is_too_short(tmp_path: Path) -> None:
+    scenario, _ = write_scenario(tmp_path)
+    scenario.write_text(scenario.read_text().replace("time_limit = 40", "time_limit = 2"))
+    with Program(tmp_path, "demo", scenario, "--run-dir", tmp_path / "run") as demo:
+        assert demo.wait(60) == 6, demo.output
+    assert "time limit" in demo.output
+    assert (tmp_path / "run" / "table.json").exists(), "what was measured is not lost"
+
+
 def test_ctrl_c_ends_the_demo(tmp_path: Path) -> None:
     scenario, _ = write_scenario(tmp_path)
     folder = tmp_path / "run"
@@ -195,6 +238,10 @@ def test_ctrl_c_ends_the_demo(tmp_path: Path) -> None:
         ),
         ("vehicle = ", ["TOML"]),
         ('vehicle = "paper_six"\nworld = "pool"\n[master]\ngoal = [1, 1]\n[start]\ndepth = 90\n', ["seabed"]),
+        (
+            'vehicle = "paper_six"\nworld = "pool"\n[sensors]\nimu = { rate = 0 }\n[master]\ngoal = [1, 1]\n',
+            ["imu", "controller"],
+        ),
         ('vehicle = "paper_six"\nworld = "pool"\nstm32 = "device"\n[master]\ngoal = [1, 1]\n', ["uart"]),
     ],
 )

@@ -4,7 +4,8 @@
 
 The two run in turn. The slave is timed from its exec until its first line arrives, which says that the
 session is open and the first step is made; the floor, as a command, until it has ended. The budgets: ready
-in at most 0.6 times the floor, at most 40 MiB. Exit code 1 when one is missed. Compile bytecode first (`make` has), and leave the machine alone.
+in at most 0.6 times the floor, at most 40 MiB. Exit code 1 when one is missed. Compile bytecode first
+(`make` has), and leave the machine alone.
 """
 
 import argparse

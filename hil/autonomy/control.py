@@ -51,9 +51,9 @@ class HoldGains(NamedTuple):
 class Gains(NamedTuple):
     """All loops of the cascade; the defaults suit a vehicle whose thrusters follow within about 0.1 s."""
 
-    surge: AxisGains = AxisGains(p=4.0, i=4.0)
-    sway: AxisGains = AxisGains(p=4.0, i=4.0)
-    heave: AxisGains = AxisGains(p=4.0, i=4.0)
+    surge: AxisGains = AxisGains(p=4.0, i=6.0)
+    sway: AxisGains = AxisGains(p=4.0, i=6.0)
+    heave: AxisGains = AxisGains(p=4.0, i=6.0)
     roll_rate: AxisGains = AxisGains(p=6.0, i=4.0, limit=20.0)
     pitch_rate: AxisGains = AxisGains(p=6.0, i=4.0, limit=20.0)
     yaw_rate: AxisGains = AxisGains(p=6.0, i=4.0, limit=20.0)
@@ -116,7 +116,8 @@ class CascadedController:
         """The wrench (X, Y, Z in N; K, M, N in N m; along FRD) for the next `dt` seconds, `dt` > 0.
 
         `residual` is what the allocator could not deliver of the last wrench (asked minus delivered): an
-        axis that lacks force does not go on integrating towards it.
+        axis that lacks force does not go on integrating towards it. An axis whose measurement is not a number
+        holds its integral.
         """
         down = _down_in_body(navigation.orientation)
         heave = command.heave
@@ -178,6 +179,8 @@ class _Loop:
     def update(self, target: float, measured: float, dt: float, lack: float) -> float:
         p, i, d, limit, feedforward, time_constant = self._gains
         error = target - measured
+        if error != error:  # not a number: without a measurement the loop holds what it had
+            return self._integral
         if self._last is not None:
             self._slope += ((measured - self._last) / dt - self._slope) * dt / (time_constant + dt)
         self._last = measured
@@ -207,4 +210,4 @@ def _down_in_body(orientation: Quaternion) -> Vector3:
 
 
 def _clamp(value: float, limit: float) -> float:
-    return min(limit, max(-limit, value))
+    return min(max(value, -limit), limit)  # in this order what is not a number stays so

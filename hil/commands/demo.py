@@ -39,7 +39,8 @@ def main(arguments: list[str]) -> int:
         master, ready_fd = _start_master(options.scenario, endpoint, folder)
         slave = None
         try:
-            _await_ready(ready_fd, stop_fd)
+            if not _dials(ready_fd, stop_fd):
+                return master.wait(GRACE_S)
             print(f"starting the slave (its log: {log_path})", flush=True)
             slave = _start_slave(options.scenario, log)
             return _watch(master, slave, stop_fd, log_path)
@@ -57,10 +58,17 @@ def _start_master(scenario: str, endpoint: str, folder: str) -> tuple[subprocess
     return master, read_fd
 
 
-def _await_ready(ready_fd: int, stop_fd: int) -> None:
-    """Until the master dials: only then is the slave's start-up time the slave's alone."""
-    select.select((ready_fd, stop_fd), (), ())
-    os.close(ready_fd)
+def _dials(ready_fd: int, stop_fd: int) -> bool:
+    """Wait until the master dials: only then is the slave's start-up time the slave's alone.
+
+    False if the master ended instead. Raises KeyboardInterrupt when the user ends us.
+    """
+    try:
+        if stop_fd in select.select((ready_fd, stop_fd), (), ())[0]:
+            raise KeyboardInterrupt
+        return os.read(ready_fd, 1) != b""
+    finally:
+        os.close(ready_fd)
 
 
 def _start_slave(scenario: str, log: object) -> subprocess.Popen[bytes]:
@@ -72,7 +80,7 @@ def _start_slave(scenario: str, log: object) -> subprocess.Popen[bytes]:
 def _watch(master: subprocess.Popen[bytes], slave: subprocess.Popen[bytes], stop_fd: int, log_path: str) -> int:
     while master.poll() is None:
         if select.select((stop_fd,), (), (), 0.1)[0]:
-            return 130
+            raise KeyboardInterrupt
         if slave.poll() is not None and master.poll() is None:
             with open(log_path) as log:
                 last = (log.read().strip().splitlines() or ["no message"])[-1]

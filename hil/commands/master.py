@@ -89,7 +89,7 @@ def _report(
     progress.say(
         f"{outcome.reason} after {outcome.duration:.1f} s: {outcome.travelled:.1f} m travelled on a path of "
         f"{outcome.path_length:.1f} m, {outcome.goal_error:.2f} m from the goal, at most "
-        f"{outcome.cross_track_max:.2f} m off the path, never nearer than {outcome.least_clearance:.2f} m to an obstacle"
+        f"{outcome.cross_track_max:.2f} m off the path, at least {outcome.least_clearance:.2f} m from every obstacle"
     )
     progress.say("\n" + table.render(result) + "\n")
     with open(os.path.join(folder, "table.json"), "w") as file:

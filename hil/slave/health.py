@@ -70,7 +70,7 @@ class Health:
 
     def __exit__(self, *_: object) -> None:
         self._stop.set()
-        self._thread.join()
+        self._thread.join(1.0)  # it may be stuck in writing to a terminal that nobody reads
         self._publish()
         self._log.flush()
 

@@ -6,6 +6,7 @@
 """
 
 import os
+import select
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 
@@ -209,8 +210,13 @@ SETTLE_NS = NS_PER_S // 10
 
 def stop_thrusters(driver: ThrusterDriver, sequence: int) -> bool:
     """Disarm and wait up to 0.1 s until every thruster is neutral; whether it came to that."""
-    import select
+    try:
+        return _stop_thrusters(driver, sequence)
+    except DeviceError:  # the link is gone: the STM32's watchdog does it, unseen
+        return False
 
+
+def _stop_thrusters(driver: ThrusterDriver, sequence: int) -> bool:
     channels = len(driver.pwm_us)
     deadline = now_ns() + SETTLE_NS
     if driver.host:

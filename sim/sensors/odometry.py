@@ -14,12 +14,13 @@ Rate = Annotated[float, Range(0.0, 1000.0, "Hz")]
 class OdometryModel(NamedTuple):
     """Rate in Hz (0: none) and errors of a navigation solution aided by DVL and acoustic positions.
 
-    The sizes are our choice: position within 0.1 m over a minute, attitude within half a degree, velocity
-    within 1 cm/s. They stand for a whole navigation filter, which is not modelled.
+    The sizes are our choice: position within 0.1 m over a minute, depth (by pressure) within 2 cm, attitude
+    within half a degree, velocity within 1 cm/s. They stand for a whole navigation filter, which is not modelled.
     """
 
     rate: Rate = 20.0
-    position: ErrorModel = ErrorModel(bias=0.1, bias_time=60.0, noise=0.02)
+    horizontal: ErrorModel = ErrorModel(bias=0.1, bias_time=60.0, noise=0.02)
+    depth: ErrorModel = ErrorModel(bias=0.02, bias_time=60.0, noise=0.005)
     orientation: ErrorModel = ErrorModel(bias=0.008, bias_time=300.0, noise=0.001)
     velocity: ErrorModel = ErrorModel(noise=0.01)
     angular_velocity: ErrorModel = ErrorModel(noise=0.002)
@@ -37,7 +38,7 @@ class Odometry:
     def __init__(self, model: OdometryModel, seed: int) -> None:
         self.period_ns = period_ns(model.rate)
         random, period = sensor_random(seed, ODOMETRY), 1.0 / model.rate
-        self._position = errors(model.position, period, random)
+        self._position = errors(model.horizontal, period, random, 2) + errors(model.depth, period, random, 1)
         self._orientation = errors(model.orientation, period, random)
         self._velocity = errors(model.velocity, period, random)
         self._angular_velocity = errors(model.angular_velocity, period, random)

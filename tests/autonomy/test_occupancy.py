@@ -171,7 +171,7 @@ def test_read_a_file_of_another_hand(tmp_path: Any) -> None:
         image.write(b"P5\n# CREATOR: map_saver.cpp 0.050 m/pix\n3 2\n255\n" + bytes([32, 254, 254, 205, 0, 254]))
     with open(os.path.join(tmp_path, "m.yaml"), "w", encoding="utf-8") as text:
         text.write(
-            'image: "m.pgm"  # beside\nresolution: 0.05\norigin: [-2.3, -1.69, 0]\nnegate: 0\nfree_thresh: 0.25\n'
+            'image: "m.pgm"  # beside\nresolution: 0.05\norigin: [-2.3, -1.69, 0]\nnegate: 0\nfree_thresh: 0.196\n'
         )
     grid = OccupancyGrid.read(os.path.join(tmp_path, "m.yaml"))
     assert picture_of(grid) == ("#..", "##.")

@@ -22,7 +22,7 @@ class Thing(NamedTuple):
     link: Link = Link()
     offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
     links: tuple[Link, ...] = ()
-    gains: dict[str, float] = {}
+    gains: dict[str, float] | None = None
     limit: float | None = None
     on: bool = True
 

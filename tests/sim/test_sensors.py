@@ -140,7 +140,7 @@ def test_odometry_is_near_the_truth_and_ground_truth_is_it() -> None:
     state = State((1.0, 2.0, 3.0), from_euler(0.1, 0.2, 0.3), NU)
     exact = GroundTruth(GroundTruthModel()).sample(7, state)
     assert exact == (7, (1.0, 2.0, 3.0), from_euler(0.1, 0.2, 0.3), NU)
-    assert Odometry(OdometryModel(20.0, EXACT, EXACT, EXACT, EXACT), 1).sample(7, state) == exact
+    assert Odometry(OdometryModel(20.0, EXACT, EXACT, EXACT, EXACT, EXACT), 1).sample(7, state) == exact
     odometry = Odometry(OdometryModel(), 1)
     samples = [odometry.sample(i, state) for i in range(20_000)]  # 1000 s
     north = [sample.position[0] for sample in samples]

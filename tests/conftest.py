@@ -1,0 +1,5 @@
+"""What is shared by tests but is no test module itself explains its assertions too."""
+
+import pytest
+
+pytest.register_assert_rewrite("tests.links.link_contract", "tests.processes")
