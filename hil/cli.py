@@ -1,5 +1,6 @@
 """The one command, `uuv-hil`: a table of subcommands, each imported when it is called."""
 
+import gc
 import sys
 from collections.abc import Callable
 from importlib import import_module
@@ -30,7 +31,9 @@ def main(arguments: list[str] | None = None) -> int:
     if name not in COMMANDS:
         print(f"uuv-hil: no command {name!r}; there are: {', '.join(COMMANDS)} (see uuv-hil --help)", file=sys.stderr)
         return 2
+    gc.disable()  # nothing that modules leave while they load is garbage
     run: Callable[[list[str]], int] = import_module(COMMANDS[name][0]).main
+    gc.enable()
     try:
         return run(arguments[1:])
     except HilError as error:

@@ -4,7 +4,8 @@ import os
 from typing import Annotated, Literal, NamedTuple
 
 from hil.errors import ConfigError
-from hil.schema import Range, find_preset, parse, preset_names, read_table
+from hil.schema import Range, find_preset, parse, preset_names
+from hil.tables import read_table
 from sim.simulation import SensorSuite
 
 SCENARIOS = "hil/scenarios"

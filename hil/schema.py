@@ -17,11 +17,11 @@ costs a lean process a fifth of its start-up time.
 
 import math
 import os
-import tomllib
 import types
 from typing import Annotated, Any, Literal, NamedTuple, TypeVar, Union, get_args, get_origin
 
 from hil.errors import ConfigError
+from hil.tables import read_table
 
 Record = TypeVar("Record", bound=tuple[Any, ...])
 
@@ -45,21 +45,6 @@ class Range(NamedTuple):
     low: float
     high: float
     unit: str = ""
-
-
-def read_table(path: str) -> dict[str, Any]:
-    """The TOML file at `path` as nested dicts. Raises ConfigError if it is missing or is not TOML."""
-    try:
-        with open(path, "rb") as file:
-            return tomllib.load(file)
-    except FileNotFoundError:
-        raise ConfigError(f"{path}: no such file") from None
-    except IsADirectoryError:
-        raise ConfigError(f"{path}: is a folder, not a file") from None
-    except PermissionError:
-        raise ConfigError(f"{path}: not readable by this user") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{path}: not valid TOML: {error}") from None
 
 
 def load(path: str, record: type[Record]) -> Record:

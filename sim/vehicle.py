@@ -6,7 +6,8 @@ damping are about that origin and written positive: the force is minus coefficie
 
 from typing import Annotated, Any, NamedTuple
 
-from hil.schema import Range, find_preset, parse, read_table
+from hil.schema import Range, find_preset, parse
+from hil.tables import read_table
 from sim.matrices import Matrix, cross_matrix, is_positive_definite, is_symmetric, product, square, total, transpose
 
 Metres = Annotated[float, Range(-50.0, 50.0, "m")]

@@ -138,7 +138,7 @@ def render(table: HilTable) -> str:
 
 def _details(table: HilTable) -> list[str]:
     total = table.delay.p50_ms
-    hops = ", ".join(f"{name} {hop.p50_ms:.2f} ms ({hop.p50_ms / total:.0%})" for name, hop in table.hops.items())
+    hops = ", ".join(f"{name} {hop.p50_ms:.3f} ms ({hop.p50_ms / total:.0%})" for name, hop in table.hops.items())
     clock = "one clock" if not table.clock_uncertainty_ms else "two clocks, offset estimated"
     lines = [
         f"delay by hop (medians of {table.commands} commands, {clock}): {hops}",

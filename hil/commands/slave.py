@@ -34,7 +34,7 @@ class Options(NamedTuple):
 def main(arguments: list[str]) -> int:
     """Run the slave until it is told to stop; the exit code."""
     startup = {"exec": process_start_ns(), "python": now_ns()}
-    gc.disable()  # nothing to collect while modules load; the daemon says how it goes on
+    gc.disable()  # most modules are still to come; the daemon says how it goes on
     _run(_quick(arguments) or _parse(arguments), startup)
     return 0
 

@@ -11,8 +11,8 @@ from hil.autonomy.control import Gains
 from hil.clock import now_ns, seconds_ns, to_wall_ns
 from hil.config import Scenario
 from hil.schema import parse
-from hil.slave.health import Health, Log
 from hil.slave.inbox import Inbox
+from hil.slave.log import Log
 from hil.slave.loop import Loop
 from hil.slave.outbox import Outbox
 from hil.slave.pilot import Pilot
@@ -48,6 +48,8 @@ def run(scenario: Scenario, board: Board | None, network: Listening, startup: di
             gc.enable()
         for note in notes:
             log.say(note)
+        from hil.slave.health import Health  # the vehicle is ready before this is loaded
+
         with Health(loop, log, startup, notes, board.name if board else "this machine", scenario.link):
             try:
                 loop.run(stop_fd)

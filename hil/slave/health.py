@@ -4,39 +4,17 @@ import gc
 import os
 import sys
 import threading
-from collections import deque
 
 from hil import process
 from hil.clock import NS_PER_MS, NS_PER_S, NS_PER_US, now_ns, to_wall_ns
 from hil.config import Link
+from hil.slave.log import Log
 from hil.slave.loop import Loop
 
 REPORT_PERIOD_S = 0.1
 DIAGNOSE_EVERY = 10  # report periods
 COLLECT_EVERY = 300
 OK, WARNING = 0, 1
-
-
-class Log:
-    """Lines for a person, on standard error. `say` only notes the line; `flush` writes it.
-
-    Writing may block (a slow terminal, a full disk); noting never does.
-    """
-
-    def __init__(self, name: str) -> None:
-        self._name = name
-        self._start_ns = now_ns()
-        self._lines: deque[str] = deque(maxlen=1000)
-
-    def say(self, text: str) -> None:
-        """Note a line with its time since the start."""
-        self._lines.append(f"[{(now_ns() - self._start_ns) / NS_PER_S:9.3f}] {self._name}: {text}\n")
-
-    def flush(self) -> None:
-        """Write what was noted."""
-        while self._lines:
-            sys.stderr.write(self._lines.popleft())
-        sys.stderr.flush()
 
 
 class Health:

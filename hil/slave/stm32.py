@@ -8,7 +8,7 @@
 import os
 import select
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from hil.clock import NS_PER_S, NS_PER_US, now_ns, seconds_ns
 from hil.config import Link
@@ -75,7 +75,7 @@ def _telemetry(link: ThrusterLink) -> list[ThrusterTelemetry]:
 class InSlave(ThrusterDriver):
     """The STM32's Python twin in this process. With `host` false the port is left to another program."""
 
-    def __init__(self, link: Link, channels: int, host: bool) -> None:
+    def __init__(self, link: Link, channels: int, host: bool = True) -> None:
         from firmware_stub.stub import Stm32, Stm32End
 
         wire = PtyWire(link.device)
@@ -194,15 +194,26 @@ class InProcess(OnWire):
             self._process.stdout.close()
 
 
-def open_driver(kind: str, link: Link, channels: int, host: bool) -> ThrusterDriver:
-    """The STM32 of that kind (see the module) for `channels` thrusters. Raises DeviceError."""
-    if kind == "python":
-        return InSlave(link, channels, host)
-    if kind == "process":
-        return InProcess(link, channels)
+def _on_uart(link: Link, channels: int) -> ThrusterDriver:
     if not link.device:
         raise DeviceError('no serial device: set [link] device = "/dev/..." or name the board with --board')
     return OnWire(ThrusterLink(UartWire(link.device, link.baud), _protocol(link)), link, channels)
+
+
+# the word in the scenario -> who then plays the STM32
+DRIVERS: dict[str, Callable[[Link, int], ThrusterDriver]] = {
+    "python": InSlave,
+    "process": InProcess,
+    "device": _on_uart,
+}
+
+
+def open_driver(kind: str, link: Link, channels: int, host: bool) -> ThrusterDriver:
+    """The STM32 of that kind (see the module) for `channels` thrusters. Raises DeviceError.
+
+    With `host` false the host's end of the link is left to another program; only "python" can do that.
+    """
+    return DRIVERS[kind](link, channels) if host else InSlave(link, channels, host=False)
 
 
 SETTLE_NS = NS_PER_S // 10

@@ -18,7 +18,7 @@ from hil.topics import Priority, Topic
 from hil.transport import ros
 
 LEASE_MS = 1000
-RETRY_MS = (20, 200)  # first and longest pause between attempts to connect
+RETRY_MS = (20, 50)  # first and longest pause between attempts to connect
 SEND_BUFFER = 16384
 BATCH = 8192
 
