@@ -1,6 +1,5 @@
 """`uuv-hil demo`: slave and master on this machine, one run, the HIL table."""
 
-import argparse
 import os
 import select
 import signal
@@ -8,6 +7,7 @@ import subprocess
 import sys
 
 from hil.clock import now_ns
+from hil.commands.parser import new_parser
 from hil.config import load_scenario
 from hil.errors import NetworkError
 from hil.master.recorder import make_folder, new_folder
@@ -23,12 +23,7 @@ GRACE_S = 10.0
 
 def main(arguments: list[str]) -> int:
     """Run slave and master as two processes; the master's exit code."""
-    parser = argparse.ArgumentParser(
-        prog="uuv-hil demo",
-        description=__doc__,
-        epilog=EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+    parser = new_parser("demo", __doc__, EXAMPLES)
     parser.add_argument("scenario", metavar="SCENARIO", nargs="?", default="paper_field")
     parser.add_argument("--run-dir", metavar="DIR", help="where to put the results [runs/SCENARIO-TIME]")
     options = parser.parse_args(arguments)

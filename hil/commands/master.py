@@ -1,11 +1,12 @@
 """`uuv-hil master`: plan and fly a scenario with a slave somewhere on the network."""
 
-import argparse
 import json
 import os
+import select
 
 from hil.bench import picture, table
 from hil.clock import NS_PER_S, now_ns
+from hil.commands.parser import new_parser
 from hil.config import Scenario, load_scenario
 from hil.errors import MissingExtraError, NetworkError
 from hil.master.client import VehicleClient
@@ -14,6 +15,7 @@ from hil.master.progress import Progress
 from hil.master.recorder import Recorder, make_folder, new_folder
 from hil.stop import StopSignals
 
+WAIT_STEP_S = 0.02
 EXAMPLES = """\
 Start it before the slave and the start-up time is measured too.
 
@@ -27,12 +29,7 @@ The folder of the run then holds trajectory.png, table.json, track.csv and maste
 
 def main(arguments: list[str]) -> int:
     """Fly one mission; the exit code."""
-    parser = argparse.ArgumentParser(
-        prog="uuv-hil master",
-        description=__doc__,
-        epilog=EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+    parser = new_parser("master", __doc__, EXAMPLES)
     parser.add_argument("scenario", metavar="SCENARIO")
     parser.add_argument("--connect", metavar="ENDPOINT", required=True, help="the slave, tcp/ADDRESS:PORT")
     parser.add_argument("--wait", metavar="S", type=float, default=60.0, help="how long to wait for it [%(default)s s]")
@@ -57,19 +54,16 @@ def main(arguments: list[str]) -> int:
 
 
 def _wait(client: VehicleClient, seconds: float, stop_fd: int) -> None:
-    import select
-
+    """Until the vehicle has sent a sample and its figures of health."""
     deadline = now_ns() + round(seconds * NS_PER_S)
-    while not client.wait_for_vehicle(0.1):
-        if select.select((stop_fd,), (), (), 0)[0]:
+    while not (client.first_sample_wall_ns and client.diagnostics()):
+        if select.select((stop_fd,), (), (), WAIT_STEP_S)[0]:
             raise KeyboardInterrupt
         if now_ns() > deadline:
             raise NetworkError(
                 f"no vehicle {client.node!r} answered at {client.endpoint} within {seconds:g} s; is `uuv-hil slave` "
                 "running there, with --listen on an address this machine reaches, and the same [slave] node?"
             )
-    while not client.diagnostics() and now_ns() < deadline:
-        select.select((stop_fd,), (), (), 0.02)
 
 
 def _fly(

@@ -50,14 +50,9 @@ def _quick(arguments: list[str]) -> Options | None:
 
 
 def _parse(arguments: list[str]) -> Options:
-    import argparse
+    from hil.commands.parser import new_parser
 
-    parser = argparse.ArgumentParser(
-        prog="uuv-hil slave",
-        description=__doc__,
-        epilog=EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+    parser = new_parser("slave", __doc__, EXAMPLES)
     parser.add_argument("scenario", metavar="SCENARIO")
     parser.add_argument("--listen", metavar="ENDPOINT", help="where masters connect, tcp/ADDRESS:PORT [the scenario's]")
     parser.add_argument("--board", metavar="NAME", help="the card computer this is [recognised by its device tree]")
