@@ -1,0 +1,42 @@
+"""Figures of a process against what the kernel says elsewhere."""
+
+import os
+import subprocess
+import sys
+import time
+
+from hil import process
+
+
+def test_memory_grows_with_what_is_touched() -> None:
+    before = process.pss_mib()
+    held = bytearray(os.urandom(2**20) * 32)
+    grown = process.pss_mib() - before
+    assert 31 < grown < 40, len(held)
+
+
+def test_a_process_that_is_gone_costs_nothing() -> None:
+    child = subprocess.Popen([sys.executable, "-c", ""])
+    child.wait()
+    assert process.pss_mib(child.pid) == 0.0
+    assert process.cpu_s(child.pid) == 0.0
+
+
+def test_processor_time_of_a_child() -> None:
+    code = "import time\nwhile time.process_time() < 0.3: pass\nprint(flush=True)\ninput()"
+    with subprocess.Popen([sys.executable, "-c", code], stdin=subprocess.PIPE, stdout=subprocess.PIPE) as child:
+        assert child.stdout
+        child.stdout.readline()
+        assert 0.28 <= process.cpu_s(child.pid) < 1.0
+        assert process.own_cpu_s((child.pid,)) >= process.cpu_s(child.pid) + time.process_time() - 0.1
+        child.communicate(b"\n")
+
+
+def test_the_machine() -> None:
+    assert process.ram_mib() > 100
+    assert len(process.boot_id()) == 36
+    assert process.boot_id() == process.boot_id()
+
+
+def test_bytecode_of_what_is_not_loaded() -> None:
+    assert not process.bytecode_compiled("no_such_package")
