@@ -1,6 +1,6 @@
 """The one error model that all sensors share.
 
-    measured = true * (1 + scale) + offset + turn-on + bias(t) + noise
+    measured = true * (1 + scale) + offset + turn-on + bias(t) + noise, then rounded and limited
 
 The bias is an Ornstein-Uhlenbeck (first-order Gauss-Markov) process, b' = -b / tau + noise, in its exact
 discrete form (Gillespie 1996, Phys. Rev. E 54:2084): its size does not depend on how often it is sampled.
@@ -22,7 +22,8 @@ class ErrorModel(NamedTuple):
     `offset`: a constant that is known; `turn_on`: sd of a constant drawn when the run starts; `bias`: sd
     of the wandering bias and `bias_time` its time constant; `noise`: sd of white noise on each sample;
     `noise_density`: white noise per square root of Hz, as data sheets give it, which grows with the
-    sampling rate; `scale`: sd of the scale factor's error, drawn when the run starts.
+    sampling rate; `scale`: sd of the scale factor's error, drawn when the run starts; `resolution`: the
+    step of the digital output, and `limit` its largest magnitude (0: none of either).
     """
 
     offset: Annotated[float, Range(-1e6, 1e6)] = 0.0
@@ -32,6 +33,8 @@ class ErrorModel(NamedTuple):
     noise: Size = 0.0
     noise_density: Size = 0.0
     scale: Annotated[float, Range(0.0, 1.0)] = 0.0
+    resolution: Size = 0.0
+    limit: Size = 0.0
 
 
 class ErrorProcess:
@@ -45,11 +48,18 @@ class ErrorProcess:
         self._keep = exp(-period / model.bias_time)
         self._kick = model.bias * sqrt(1.0 - self._keep * self._keep)
         self._noise = sqrt(model.noise**2 + model.noise_density**2 / period)
+        self._resolution = model.resolution
+        self._limit = model.limit
 
     def measure(self, true: float) -> float:
         """One measurement of `true`; the bias moves on by one period."""
         self._bias = self._keep * self._bias + self._draw(self._kick)
-        return self._gain * true + self._constant + self._bias + self._draw(self._noise)
+        value = self._gain * true + self._constant + self._bias + self._draw(self._noise)
+        if self._resolution:
+            value = round(value / self._resolution) * self._resolution
+        if self._limit:
+            value = min(self._limit, max(-self._limit, value))
+        return value
 
     def _draw(self, sd: float) -> float:
         return self._gauss(0.0, sd) if sd else 0.0

@@ -99,3 +99,17 @@ def test_seeds() -> None:
     assert sensor_random(42, "imu").random() == 0.11237544680163525
     assert sensor_random(42, "dvl").random() != sensor_random(42, "imu").random()
     assert sensor_random(43, "imu").random() != sensor_random(42, "imu").random()
+
+
+def test_resolution_rounds_to_steps() -> None:
+    process = ErrorProcess(ErrorModel(resolution=0.25), 0.01, Random(1))
+    assert [process.measure(true) for true in (0.0, 0.1, 0.13, -0.9, 10.12)] == [0.0, 0.0, 0.25, -1.0, 10.0]
+
+
+def test_limit_is_what_the_device_can_say() -> None:
+    process = ErrorProcess(ErrorModel(noise=1.0, limit=5.0), 0.01, Random(1))
+    values = [process.measure(true) for true in (100.0, -100.0)]
+    assert values == [5.0, -5.0]
+    held = [process.measure(4.9) for _ in range(200)]
+    assert max(held) == 5.0
+    assert min(held) < 4.0
