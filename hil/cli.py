@@ -12,6 +12,7 @@ COMMANDS = {
     "demo": ("hil.commands.demo", "slave and master on this machine, one run, the HIL table"),
     "slave": ("hil.commands.slave", "be the vehicle: the daemon on the card computer"),
     "master": ("hil.commands.master", "plan and fly a scenario with a slave somewhere on the network"),
+    "sim": ("hil.commands.sim", "the same mission without network and clock, as fast as it goes"),
     "stm32": ("firmware_stub.serve", "be only the STM32, on a pty or a serial port"),
 }
 

@@ -3,10 +3,13 @@
 import os
 from typing import Annotated, Literal, NamedTuple
 
+from hil.clock import seconds_ns
 from hil.errors import ConfigError
 from hil.schema import Range, find_preset, parse, preset_names
 from hil.tables import read_table
-from sim.simulation import SensorSuite
+from sim.simulation import SensorSuite, Simulation
+from sim.vehicle import Vehicle
+from sim.world import World
 
 SCENARIOS = "hil/scenarios"
 VECTOR_M = tuple[Annotated[float, Range(-1e5, 1e5, "m")], Annotated[float, Range(-1e5, 1e5, "m")]]
@@ -126,6 +129,20 @@ def load_scenario(name: str) -> Scenario:
     scenario = parse(read_table(path), Scenario, path)
     folder = os.path.dirname(path)
     return scenario._replace(vehicle=_relative(scenario.vehicle, folder), world=_relative(scenario.world, folder))
+
+
+def build_simulation(scenario: Scenario, vehicle: Vehicle, world: World) -> Simulation:
+    """The simulation a scenario describes, at time 0. Raises ConfigError."""
+    start = scenario.start
+    return Simulation(
+        vehicle,
+        world,
+        scenario.sensors,
+        scenario.seed,
+        seconds_ns(scenario.slave.step),
+        (start.north, start.east, start.depth),
+        start.heading,
+    )
 
 
 def _names() -> str:

@@ -211,6 +211,19 @@ def test_a_time_limit_that_is_too_short(tmp_path: Path) -> None:
     assert (tmp_path / "run" / "table.json").exists(), "what was measured is not lost"
 
 
+def test_simulated_time_repeats_to_the_bit(tmp_path: Path) -> None:
+    scenario, _ = write_scenario(tmp_path)
+    outputs = []
+    for seed in (5, 5, 6):
+        with Program(tmp_path, "sim", scenario, "--seed", seed) as sim:
+            assert sim.wait(60) == 0, sim.output
+            assert "goal reached" in sim.output
+            outputs.append(sim.output.splitlines()[-1])
+    assert outputs[0].startswith("final state 0x")
+    assert outputs[0] == outputs[1]
+    assert outputs[0] != outputs[2]
+
+
 def test_ctrl_c_ends_the_demo(tmp_path: Path) -> None:
     scenario, _ = write_scenario(tmp_path)
     folder = tmp_path / "run"
@@ -268,6 +281,7 @@ def test_a_wrong_scenario_is_one_clear_line(tmp_path: Path, text: str, words: li
         (["master", "--help"], 0, "examples"),
         (["demo", "--help"], 0, "examples"),
         (["stm32", "--help"], 0, "examples"),
+        (["sim", "--help"], 0, "examples"),
     ],
 )
 def test_the_command_line(tmp_path: Path, arguments: list[str], code: int, word: str) -> None:

@@ -6,7 +6,7 @@ from typing import Any
 
 from hil.config import Scenario
 from hil.errors import MissingExtraError
-from hil.master.mission import Plan
+from hil.master.planner import Plan
 
 
 def draw(folder: str, scenario: Scenario, plan: Plan) -> str:

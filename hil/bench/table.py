@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 from hil.master.client import VehicleClient
 from hil.master.delay import HOPS, Quantiles, quantiles
-from hil.master.mission import Outcome
+from hil.master.planner import Outcome
 from hil.process import boot_id
 
 # "Modular UUV Simulation Platform", JMSE 2022, HIL table: a Raspberry Pi 4B and a Jetson Nano.

@@ -10,7 +10,8 @@ from hil.commands.parser import new_parser
 from hil.config import Scenario, load_scenario
 from hil.errors import MissingExtraError, NetworkError
 from hil.master.client import VehicleClient
-from hil.master.mission import Mission, Outcome, Plan, prepare, require_success
+from hil.master.mission import Mission
+from hil.master.planner import Navigator, Outcome, Plan, prepare, require_success
 from hil.master.progress import Progress
 from hil.master.recorder import Recorder, make_folder, new_folder
 from hil.stop import StopSignals
@@ -73,7 +74,8 @@ def _fly(
     first_cpu = (float(health.get("cpu_s", 0.0)), client.latest["diagnostics"].received_ns / NS_PER_S)
     progress.say(f"flying: {scenario.description}")
     with Recorder(folder) as recorder:
-        outcome = Mission(scenario, plan, client, recorder, progress).fly(stop_fd)
+        navigator = Navigator(scenario, plan)
+        outcome = Mission(navigator, scenario.master.command_period, client, recorder, progress).fly(stop_fd)
     return outcome, table.build(client, outcome, first_cpu)
 
 

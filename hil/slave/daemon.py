@@ -9,7 +9,7 @@ from boards import Board, detect
 from hil import clock
 from hil.autonomy.control import Gains
 from hil.clock import now_ns, seconds_ns, to_wall_ns
-from hil.config import Scenario
+from hil.config import Scenario, build_simulation
 from hil.schema import parse
 from hil.slave.inbox import Inbox
 from hil.slave.log import Log
@@ -19,7 +19,6 @@ from hil.slave.pilot import Pilot
 from hil.slave.stm32 import open_driver, stop_thrusters
 from hil.stop import StopSignals
 from hil.transport.session import Listening
-from sim.simulation import Simulation
 from sim.vehicle import load_vehicle
 from sim.world import load_world
 
@@ -70,16 +69,7 @@ def _assemble(
     slave = scenario.slave
     vehicle, control = load_vehicle(scenario.vehicle)
     world = load_world(scenario.world)
-    start = scenario.start
-    simulation = Simulation(
-        vehicle,
-        world,
-        scenario.sensors,
-        scenario.seed,
-        seconds_ns(slave.step),
-        (start.north, start.east, start.depth),
-        start.heading,
-    )
+    simulation = build_simulation(scenario, vehicle, world)
     startup["simulator"] = now_ns()
     link = scenario.link
     if not link.device and board and link.wire == "uart":

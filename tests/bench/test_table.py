@@ -6,7 +6,7 @@ import math
 from hil.bench import table
 from hil.master.client import Stamped
 from hil.master.delay import DelayMeter
-from hil.master.mission import Outcome
+from hil.master.planner import Outcome
 from hil.process import boot_id
 
 OUTCOME = Outcome(True, "goal reached", 100.0, 70.0, 71.0, 0.3, 0.2, 0.8, cpu_s=2.0)
