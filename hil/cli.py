@@ -13,6 +13,7 @@ COMMANDS = {
     "slave": ("hil.commands.slave", "be the vehicle: the daemon on the card computer"),
     "master": ("hil.commands.master", "plan and fly a scenario with a slave somewhere on the network"),
     "sim": ("hil.commands.sim", "the same mission without network and clock, as fast as it goes"),
+    "campaign": ("hil.commands.campaign", "many such runs with other seeds and parameters, on all cores"),
     "stm32": ("firmware_stub.serve", "be only the STM32, on a pty or a serial port"),
 }
 
@@ -48,7 +49,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _help() -> str:
-    rows = "\n".join(f"  {name:8} {text}" for name, (_, text) in COMMANDS.items())
+    rows = "\n".join(f"  {name:9} {text}" for name, (_, text) in COMMANDS.items())
     return f"""usage: uuv-hil COMMAND [OPTIONS]
 
 Hardware-in-the-loop bridge and simulator for unmanned underwater vehicles.

@@ -1,7 +1,7 @@
 """The scenario file: what is flown, where, over which link, by whom."""
 
 import os
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 from hil.clock import seconds_ns
 from hil.errors import ConfigError
@@ -115,10 +115,11 @@ class Scenario(NamedTuple):
         return None
 
 
-def load_scenario(name: str) -> Scenario:
+def load_scenario(name: str, changes: dict[str, Any] | None = None) -> Scenario:
     """The scenario at a path ending in `.toml`, or one of the installed ones by its name.
 
-    Paths in it (vehicle, world) are relative to the file. Raises ConfigError.
+    Paths in it (vehicle, world) are relative to the file. `changes` replace values before they are checked:
+    {"master.speed": 0.5}. Raises ConfigError.
     """
     try:
         path = find_preset(SCENARIOS, name)
@@ -126,9 +127,21 @@ def load_scenario(name: str) -> Scenario:
         if os.path.sep in name or os.path.exists(name):
             raise ConfigError(f"{name}: a scenario is a file that ends in .toml, or one of: {_names()}") from None
         raise ConfigError(f"no scenario {name!r}; give a .toml file or one of: {_names()}") from error
-    scenario = parse(read_table(path), Scenario, path)
+    table = read_table(path)
+    for key, value in (changes or {}).items():
+        _change(table, key, value, path)
+    scenario = parse(table, Scenario, path)
     folder = os.path.dirname(path)
     return scenario._replace(vehicle=_relative(scenario.vehicle, folder), world=_relative(scenario.world, folder))
+
+
+def _change(table: dict[str, Any], key: str, value: Any, path: str) -> None:
+    *sections, last = key.split(".")
+    for section in sections:
+        table = table.setdefault(section, {})
+        if not isinstance(table, dict):
+            raise ConfigError(f"{path}: {key}: {section!r} is a value, not a table")
+    table[last] = value
 
 
 def build_simulation(scenario: Scenario, vehicle: Vehicle, world: World) -> Simulation:
