@@ -25,7 +25,7 @@ lint: $(VENV)/.dev
 # Bytecode is compiled at install: the start-up time of the first run is that of every run.
 $(VENV)/.run: EXTRA = master
 $(VENV)/.dev: EXTRA = dev
-$(VENV)/.run $(VENV)/.dev: pyproject.toml
+$(VENV)/.run $(VENV)/.dev: pyproject.toml hatch_build.py $(wildcard sim/native/*.[ch])
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
 	  || { echo "Python 3.11 or later is needed; name one with: make PYTHON=/path/to/python3.11"; exit 1; }
 	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV) \
@@ -36,4 +36,4 @@ $(VENV)/.run $(VENV)/.dev: pyproject.toml
 	@touch $@
 
 clean:
-	rm -rf $(VENV) runs .mypy_cache .ruff_cache .pytest_cache
+	rm -rf $(VENV) sim/native/*.so runs .mypy_cache .ruff_cache .pytest_cache

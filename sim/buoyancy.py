@@ -35,6 +35,11 @@ class Hull:
         self._submerged: Lift = (self.full, self.full * x, self.full * y, self.full * z)
         self._reach = up + max(sqrt(a * a + b * b + c * c) for a, b, c in self.points)
 
+    def numbers(self) -> list[float]:
+        """All that `lift` uses, in a row: points, share of each, filling, lift when submerged, reach."""
+        points = [x for point in self.points for x in point]
+        return [*points, self._share, self._filling, *self._submerged, self._reach]
+
     def lift(self, depth: float, rotation: Rotation) -> Lift:
         """The lift (N) and lift times the centre of buoyancy (N m, body axes), origin `depth` m under the surface."""
         if depth >= self._reach:

@@ -10,11 +10,11 @@ from the momentum (l, h) = M nu_r, whatever M couples (Kirchhoff's equations):
 
     C(nu_r) nu_r = (omega x l,  v_r x l + omega x h)
 
-Only + - * / and sqrt, in an order that a C twin can repeat to the bit.
+Only + - * / and sqrt, in an order that the C twin (sim/native/_native.c) repeats to the bit.
 """
 
 from collections.abc import Callable, Sequence
-from typing import Literal
+from typing import Literal, NamedTuple
 
 from sim import rotations
 from sim.buoyancy import Hull
@@ -46,6 +46,21 @@ class State:
         self.nu_dot = [0.0] * 6
 
 
+class Forces(NamedTuple):
+    """What acts on a vehicle, term by term: force (N) and moment (N m) about the origin along the body axes.
+
+    `coriolis` is that of rigid body and added mass; `total`, the sum of the others, is M nu_r'. The sign is
+    that of the force: damping is against the motion.
+    """
+
+    coriolis: list[float]
+    linear_damping: list[float]
+    quadratic_damping: list[float]
+    restoring: list[float]
+    thrusters: list[float]
+    total: list[float]
+
+
 class Dynamics:
     """The equations of one vehicle in water of `density` kg/m³ under `gravity` m/s²."""
 
@@ -59,11 +74,12 @@ class Dynamics:
         self._weight_moment = [self.weight * x for x in vehicle.center_of_gravity]
         self._linear = square(vehicle.linear_damping, 6)
         self._quadratic = square(vehicle.quadratic_damping, 6)
-        diagonal = is_diagonal(self._linear) and is_diagonal(self._quadratic)
-        self._damping = self._diagonal_damping if diagonal else self._full_damping
+        self._diagonal = is_diagonal(self._linear) and is_diagonal(self._quadratic)
+        self._damping = self._diagonal_damping if self._diagonal else self._full_damping
         self._linear_diagonal = [self._linear[i][i] for i in range(6)]
         self._quadratic_diagonal = [self._quadratic[i][i] for i in range(6)]
         steps: dict[Integrator, Callable[..., None]] = {"semi_implicit_euler": self._euler, "rk4": self._rk4}
+        self._integrator = integrator
         self._advance = steps[integrator]
 
     def step(self, state: State, wrench: Sequence[float], current: Sequence[float], dt: float) -> None:
@@ -104,6 +120,34 @@ class Dynamics:
         nu_dot[1] += p * water_w - r * water_u
         nu_dot[2] += q * water_u - p * water_v
         return nu_dot
+
+    def forces(self, state: State, wrench: Sequence[float], current: Sequence[float]) -> Forces:
+        """The forces that `acceleration` adds up, apart; arguments as in `step`. For whoever wants to look."""
+        rotation = rotations.matrix(state.quaternion)
+        water = rotations.rotate_inverse(state.quaternion, current)
+        u, v, w = (x - y for x, y in zip(state.nu[:3], water, strict=True))
+        p, q, r = state.nu[3:]
+        lx, ly, lz, hx, hy, hz = _times(self.mass, u, v, w, p, q, r)
+        coriolis = [
+            r * ly - q * lz,
+            p * lz - r * lx,
+            q * lx - p * ly,
+            w * ly - v * lz + r * hy - q * hz,
+            u * lz - w * lx + p * hz - r * hx,
+            v * lx - u * ly + q * hx - p * hy,
+        ]
+        linear = [-x for x in _times(self._linear, u, v, w, p, q, r)]
+        quadratic = [-x for x in _times(self._quadratic, *(abs(x) * x for x in (u, v, w, p, q, r)))]
+        restoring = list(self._restoring(state.position[2], rotation))
+        terms = (coriolis, linear, quadratic, restoring, list(wrench))
+        return Forces(*terms, total=[sum(row) for row in zip(*terms, strict=True)])
+
+    def numbers(self) -> list[float]:
+        """All that `step` uses, in a row: what the C twin is made of."""
+        matrices = (self.mass, self.inverse_mass, self._linear, self._quadratic)
+        flat = [x for matrix in matrices for row in matrix for x in row]
+        kind = [float(self._diagonal), float(self._integrator == "rk4")]
+        return [*flat, self.weight, *self._weight_moment, *self.hull.numbers(), *kind]
 
     def _restoring(self, depth: float, rotation: Rotation) -> tuple[float, float, float, float, float, float]:
         """Weight down and lift up, each at its own centre."""

@@ -5,7 +5,8 @@ from typing import NamedTuple
 
 from hil.errors import ConfigError
 from sim.contact import Contact, starts_inside
-from sim.dynamics import Dynamics, Integrator, State
+from sim.dynamics import Integrator, State
+from sim.native import make_dynamics
 from sim.rotations import from_euler
 from sim.sensors.dvl import Dvl, DvlModel
 from sim.sensors.imu import Imu, ImuModel
@@ -59,7 +60,7 @@ class Simulation:
         self.state = State(position, from_euler(0.0, 0.0, heading))
         self._dt_ns = dt_ns
         self._dt = dt_ns * 1e-9
-        self._dynamics = Dynamics(vehicle, world.density, world.gravity, integrator)
+        self._dynamics = make_dynamics(vehicle, world.density, world.gravity, integrator)
         self._thrusters = ThrusterSet(vehicle, self._dt)
         self._contact = Contact(vehicle, world, self._dynamics.inverse_mass)
         self._schedule = [_Slot(topic, sensor, dt_ns) for topic, sensor in _sensors(sensors, world, seed)]

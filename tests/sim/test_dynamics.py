@@ -245,3 +245,42 @@ def test_free_body_keeps_energy_and_momentum() -> None:
         dynamics.step(state, NOTHING, STILL, 0.01)
     assert momentum()[0] == pytest.approx(energy, rel=1e-8)
     assert momentum()[1] == pytest.approx(linear, rel=1e-6)
+
+
+@pytest.mark.parametrize("depth", [DEEP, 0.05])
+@pytest.mark.parametrize("full", [False, True])
+def test_forces_are_the_terms_of_the_equation(full: bool, depth: float) -> None:
+    """They sum to M nu_r', where nu_r' is nu' less the rate of the water seen from turning axes."""
+    linear = list(HEAVY.linear_damping)
+    if full:
+        linear = [x for row in square(linear, 6) for x in row]
+        linear[1 * 6 + 5] = linear[5 * 6 + 1] = 0.7
+    vehicle = HEAVY._replace(linear_damping=tuple(linear), center_of_gravity=(0.02, 0.01, 0.03))
+    dynamics = Dynamics(vehicle, 1025.0, 9.82)
+    state = State((1.0, 2.0, depth), from_euler(0.4, -0.3, 2.0), (0.8, -0.5, 0.3, 0.6, -0.4, 0.9))
+    wrench, current = [30.0, -12.0, 7.0, 1.0, -2.0, 0.5], (0.3, -0.2, 0.1)
+    forces = dynamics.forces(state, wrench, current)
+    rotation = rotations.matrix(state.quaternion)
+    nu_dot = dynamics.acceleration(depth, rotation, state.nu, wrench, current)
+    water = [[x] for x in rotate_inverse(state.quaternion, current)]
+    turning = [-row[0] for row in product(cross_matrix(state.nu[3:]), water)] + [0.0] * 3
+    relative = [[a - b] for a, b in zip(nu_dot, turning, strict=True)]
+    assert forces.total == pytest.approx([row[0] for row in product(dynamics.mass, relative)], rel=1e-12, abs=1e-12)
+    assert forces.total == [sum(row) for row in zip(*forces[:-1], strict=True)]
+    assert forces.thrusters == wrench
+    assert all(any(term) for term in forces)
+
+
+def test_each_force_does_its_own_work() -> None:
+    """Coriolis does none, damping takes energy whatever the motion; level and deep, weight is along z alone."""
+    dynamics = Dynamics(HEAVY, 1025.0, 9.82)
+    for nu in ([0.8, -0.5, 0.3, 0.6, -0.4, 0.9], [-1.0, 0.2, -0.7, -0.1, 0.5, -0.3]):
+        forces = dynamics.forces(State((0.0, 0.0, DEEP), nu=nu), NOTHING, STILL)
+        power = [sum(f * v for f, v in zip(term, nu, strict=True)) for term in forces]
+        assert power[0] == pytest.approx(0.0, abs=1e-12)
+        assert power[1] < 0.0
+        assert power[2] < 0.0
+        x, y, z, k, m, n = forces.restoring
+        assert (x, y, n) == (0.0, 0.0, 0.0)
+        assert z == pytest.approx(HEAVY.mass * 9.82 - dynamics.hull.full)
+        assert k == m == 0.0  # both centres are on the z axis

@@ -1,0 +1,57 @@
+"""The step in C where it was compiled, else in Python: the same numbers to the last bit.
+
+`UUV_HIL_NATIVE=0` in the environment takes the Python, `UUV_HIL_NATIVE=1` insists on the C.
+"""
+
+import os
+from struct import pack
+
+from hil.errors import ConfigError
+from sim.dynamics import Dynamics, Integrator
+from sim.vehicle import Vehicle
+
+SWITCH = "UUV_HIL_NATIVE"
+
+
+class NativeDynamics(Dynamics):
+    """`Dynamics` with its step in C. Raises ImportError where there is none."""
+
+    def __init__(
+        self, vehicle: Vehicle, density: float, gravity: float, integrator: Integrator = "semi_implicit_euler"
+    ) -> None:
+        from sim.native._native import Kernel
+
+        super().__init__(vehicle, density, gravity, integrator)
+        numbers = self.numbers()
+        self._advance = Kernel(pack(f"{len(numbers)}d", *numbers)).step
+
+
+def choose() -> tuple[type[Dynamics], str]:
+    """The class with the step that the environment asks for, and why it is this one, in words.
+
+    Raises ConfigError if what it asks for cannot be had.
+    """
+    wish = os.environ.get(SWITCH, "")
+    if wish not in ("", "0", "1"):
+        raise ConfigError(f"{SWITCH}={wish!r}: write 0 for the step in Python, 1 for the one in C, or leave it out")
+    if wish == "0":
+        return Dynamics, f"Python, as {SWITCH}=0 says"
+    try:
+        import sim.native._native as binary
+    except ImportError as error:
+        reason = f"the step in C is not there: {error} (make it with: python -m sim.native.build)"
+        if wish == "1":
+            raise ConfigError(f"{SWITCH}=1, but {reason}") from None
+        return Dynamics, f"Python; {reason}"
+    return NativeDynamics, f"C, {binary.__file__}"
+
+
+def make_dynamics(
+    vehicle: Vehicle, density: float, gravity: float, integrator: Integrator = "semi_implicit_euler"
+) -> Dynamics:
+    """The equations of one vehicle in water of `density` kg/m³ under `gravity` m/s², with the quickest step there is.
+
+    Raises ConfigError as `choose` does.
+    """
+    dynamics, _ = choose()
+    return dynamics(vehicle, density, gravity, integrator)

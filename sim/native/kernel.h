@@ -1,0 +1,206 @@
+/* The step of sim/dynamics.py once more, to the last bit: same operations, same order, same names.
+ *
+ * sim/dynamics.py is the specification and says what the equations are; here is only what makes it fast.
+ * Compile with -ffp-contract=off: a fused multiply-add rounds once where Python rounds twice. Nothing of
+ * Python is in this file.
+ */
+
+#include <float.h>
+#include <math.h>
+
+#if FLT_EVAL_METHOD != 0 || defined(__FAST_MATH__)
+#error "doubles must be computed as doubles, in the order written"
+#endif
+
+/* What a vehicle in its water is, as Dynamics.numbers() lists it: doubles alone, so there is no padding. */
+typedef struct {
+    double mass[6][6], inverse_mass[6][6], linear[6][6], quadratic[6][6];
+    double weight, weight_moment[3];
+    double points[8][3], share, filling, submerged[4], reach; /* the hull */
+    double diagonal, rk4;                                      /* 1 or 0 */
+} Body;
+
+/* A state is 13 numbers in a row: position, quaternion, nu. */
+enum { POSITION = 0, QUATERNION = 3, NU = 7, SIZE = 13 };
+
+/* sim/rotations.py */
+
+static void matrix(const double *quaternion, double *rotation)
+{
+    double w = quaternion[0], x = quaternion[1], y = quaternion[2], z = quaternion[3];
+    double xx = x * x, yy = y * y, zz = z * z;
+    double xy = x * y, xz = x * z, yz = y * z;
+    double wx = w * x, wy = w * y, wz = w * z;
+    rotation[0] = 1.0 - 2.0 * (yy + zz), rotation[1] = 2.0 * (xy - wz), rotation[2] = 2.0 * (xz + wy);
+    rotation[3] = 2.0 * (xy + wz), rotation[4] = 1.0 - 2.0 * (xx + zz), rotation[5] = 2.0 * (yz - wx);
+    rotation[6] = 2.0 * (xz - wy), rotation[7] = 2.0 * (yz + wx), rotation[8] = 1.0 - 2.0 * (xx + yy);
+}
+
+static void multiply(const double *first, double w, double x, double y, double z, double *out)
+{
+    double a = first[0], b = first[1], c = first[2], d = first[3];
+    out[0] = a * w - b * x - c * y - d * z;
+    out[1] = a * x + b * w + c * z - d * y;
+    out[2] = a * y - b * z + c * w + d * x;
+    out[3] = a * z + b * y - c * x + d * w;
+}
+
+/* 0 if there is no direction to keep, where Python raises ZeroDivisionError. */
+static int normalise(const double *quaternion, double *out)
+{
+    double w = quaternion[0], x = quaternion[1], y = quaternion[2], z = quaternion[3];
+    double length = sqrt(w * w + x * x + y * y + z * z), scale = 1.0 / length;
+    out[0] = w * scale, out[1] = x * scale, out[2] = y * scale, out[3] = z * scale;
+    return length != 0.0;
+}
+
+/* sim/buoyancy.py */
+
+static void hull_lift(const Body *body, double depth, const double *rotation, double *out)
+{
+    double zx = rotation[6], zy = rotation[7], zz = rotation[8];
+    double lift = 0.0, lift_x = 0.0, lift_y = 0.0, lift_z = 0.0;
+    if (depth >= body->reach) {
+        for (int i = 0; i < 4; i++)
+            out[i] = body->submerged[i];
+        return;
+    }
+    for (int i = 0; i < 8; i++) {
+        double x = body->points[i][0], y = body->points[i][1], z = body->points[i][2];
+        double filled = 0.5 + body->filling * (depth + zx * x + zy * y + zz * z), part;
+        if (filled <= 0.0)
+            continue;
+        part = filled >= 1.0 ? body->share : body->share * filled;
+        lift += part;
+        lift_x += part * x;
+        lift_y += part * y;
+        lift_z += part * z;
+    }
+    out[0] = lift, out[1] = lift_x, out[2] = lift_y, out[3] = lift_z;
+}
+
+/* sim/dynamics.py */
+
+static void times(const double matrix[6][6], const double *x, double *out)
+{
+    for (int i = 0; i < 6; i++) {
+        const double *row = matrix[i];
+        out[i] = row[0] * x[0] + row[1] * x[1] + row[2] * x[2] + row[3] * x[3] + row[4] * x[4] + row[5] * x[5];
+    }
+}
+
+static void over_ground(const double *rotation, const double *nu, double *out)
+{
+    for (int i = 0; i < 3; i++)
+        out[i] = rotation[3 * i] * nu[0] + rotation[3 * i + 1] * nu[1] + rotation[3 * i + 2] * nu[2];
+}
+
+static void damping(const Body *body, const double *nu, double *out)
+{
+    double squares[6], quadratic[6];
+    if (body->diagonal) {
+        for (int i = 0; i < 6; i++)
+            out[i] = (body->linear[i][i] + body->quadratic[i][i] * fabs(nu[i])) * nu[i];
+        return;
+    }
+    for (int i = 0; i < 6; i++)
+        squares[i] = fabs(nu[i]) * nu[i];
+    times(body->linear, nu, out);
+    times(body->quadratic, squares, quadratic);
+    for (int i = 0; i < 6; i++)
+        out[i] = out[i] + quadratic[i];
+}
+
+static void restoring(const Body *body, double depth, const double *rotation, double *out)
+{
+    double zx = rotation[6], zy = rotation[7], zz = rotation[8];
+    double lift[4], heavy, moment_x, moment_y, moment_z;
+    hull_lift(body, depth, rotation, lift);
+    heavy = body->weight - lift[0];
+    moment_x = body->weight_moment[0] - lift[1];
+    moment_y = body->weight_moment[1] - lift[2];
+    moment_z = body->weight_moment[2] - lift[3];
+    out[0] = heavy * zx;
+    out[1] = heavy * zy;
+    out[2] = heavy * zz;
+    out[3] = moment_y * zz - moment_z * zy;
+    out[4] = moment_z * zx - moment_x * zz;
+    out[5] = moment_x * zy - moment_y * zx;
+}
+
+static void acceleration(const Body *body, double depth, const double *rotation, const double *nu,
+                         const double *wrench, const double *current, double *nu_dot)
+{
+    double water[3], through[6], momentum[6], d[6], g[6], force[6];
+    for (int i = 0; i < 3; i++) {
+        water[i] = rotation[i] * current[0] + rotation[3 + i] * current[1] + rotation[6 + i] * current[2];
+        through[i] = nu[i] - water[i];
+        through[3 + i] = nu[3 + i];
+    }
+    double u = through[0], v = through[1], w = through[2], p = nu[3], q = nu[4], r = nu[5];
+    times(body->mass, through, momentum);
+    double lx = momentum[0], ly = momentum[1], lz = momentum[2];
+    double hx = momentum[3], hy = momentum[4], hz = momentum[5];
+    damping(body, through, d);
+    restoring(body, depth, rotation, g);
+    force[0] = wrench[0] + g[0] - d[0] - (q * lz - r * ly);
+    force[1] = wrench[1] + g[1] - d[1] - (r * lx - p * lz);
+    force[2] = wrench[2] + g[2] - d[2] - (p * ly - q * lx);
+    force[3] = wrench[3] + g[3] - d[3] - (v * lz - w * ly + q * hz - r * hy);
+    force[4] = wrench[4] + g[4] - d[4] - (w * lx - u * lz + r * hx - p * hz);
+    force[5] = wrench[5] + g[5] - d[5] - (u * ly - v * lx + p * hy - q * hx);
+    times(body->inverse_mass, force, nu_dot);
+    nu_dot[0] += r * water[1] - q * water[2];
+    nu_dot[1] += p * water[2] - r * water[0];
+    nu_dot[2] += q * water[0] - p * water[1];
+}
+
+static int euler(const Body *body, double *at, double *nu_dot, const double *wrench, const double *current, double dt)
+{
+    double rotation[9], velocity[3], turned[4], half = 0.5 * dt;
+    matrix(at + QUATERNION, rotation);
+    acceleration(body, at[2], rotation, at + NU, wrench, current, nu_dot);
+    for (int i = 0; i < 6; i++)
+        at[NU + i] = at[NU + i] + dt * nu_dot[i];
+    over_ground(rotation, at + NU, velocity);
+    for (int i = 0; i < 3; i++)
+        at[i] = at[i] + dt * velocity[i];
+    multiply(at + QUATERNION, 1.0, half * at[10], half * at[11], half * at[12], turned);
+    return normalise(turned, at + QUATERNION);
+}
+
+static int slope(const Body *body, const double *at, const double *wrench, const double *current, double *out)
+{
+    double rotation[9], unit[4];
+    int ok = normalise(at + QUATERNION, unit);
+    matrix(unit, rotation);
+    over_ground(rotation, at + NU, out);
+    multiply(at + QUATERNION, 0.0, 0.5 * at[10], 0.5 * at[11], 0.5 * at[12], out + QUATERNION);
+    acceleration(body, at[2], rotation, at + NU, wrench, current, out + NU);
+    return ok;
+}
+
+static int rk4(const Body *body, double *at, double *nu_dot, const double *wrench, const double *current, double dt)
+{
+    double k[4][SIZE], next[SIZE], mean[SIZE];
+    const double reach[3] = {0.5 * dt, 0.5 * dt, dt};
+    int ok = slope(body, at, wrench, current, k[0]);
+    for (int stage = 0; stage < 3; stage++) {
+        for (int i = 0; i < SIZE; i++)
+            next[i] = at[i] + reach[stage] * k[stage][i];
+        ok &= slope(body, next, wrench, current, k[stage + 1]);
+    }
+    for (int i = 0; i < SIZE; i++) {
+        mean[i] = (k[0][i] + 2.0 * (k[1][i] + k[2][i]) + k[3][i]) / 6.0;
+        at[i] = at[i] + dt * mean[i];
+    }
+    for (int i = 0; i < 6; i++)
+        nu_dot[i] = mean[NU + i];
+    return normalise(at + QUATERNION, at + QUATERNION) && ok;
+}
+
+/* Moves `at` on by `dt`; 0 if its quaternion is zero. */
+static int step(const Body *body, double *at, double *nu_dot, const double *wrench, const double *current, double dt)
+{
+    return (body->rk4 ? rk4 : euler)(body, at, nu_dot, wrench, current, dt);
+}

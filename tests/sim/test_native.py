@@ -1,0 +1,281 @@
+"""The step in C gives the very bytes of the step in Python; and which of the two is taken."""
+
+import os
+import random
+import shutil
+import subprocess
+import sys
+import zipfile
+from collections.abc import Callable, Sequence
+from importlib.machinery import ExtensionFileLoader
+from importlib.util import module_from_spec, spec_from_file_location
+from pathlib import Path
+from struct import pack
+from typing import NamedTuple
+
+import pytest
+
+import sim.native
+from hil.errors import ConfigError
+from hil.schema import preset_names
+from sim import rotations
+from sim.dynamics import Dynamics, Integrator, State
+from sim.matrices import square
+from sim.native import NativeDynamics, build, choose, make_dynamics
+from sim.vehicle import Vehicle, load_vehicle
+
+ROOT = Path(__file__).parents[2]
+BINARY = "sim.native._native"
+INTEGRATORS: tuple[Integrator, ...] = ("semi_implicit_euler", "rk4")
+STEPS = 2000
+DT = 0.0025
+
+
+@pytest.fixture(scope="module")
+def binary(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The C as it stands now, compiled; never a binary left over from an older source."""
+    if reason := build.obstacle():
+        pytest.skip(f"no step in C: {reason}")
+    folder = tmp_path_factory.mktemp("native")
+    assert build.build(str(folder)) is None
+    return folder / build.BINARY
+
+
+@pytest.fixture
+def native(binary: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """`import sim.native._native` finds that binary."""
+    spec = spec_from_file_location(BINARY, binary, loader=ExtensionFileLoader(BINARY, str(binary)))
+    assert spec is not None
+    assert spec.loader is not None
+    module = module_from_spec(spec)
+    spec.loader.exec_module(module)
+    monkeypatch.setitem(sys.modules, BINARY, module)
+    monkeypatch.setattr(sim.native, "_native", module, raising=False)
+    monkeypatch.delenv("UUV_HIL_NATIVE", raising=False)
+
+
+@pytest.fixture
+def no_native(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, BINARY, None)
+    monkeypatch.delattr(sim.native, "_native", raising=False)
+    monkeypatch.delenv("UUV_HIL_NATIVE", raising=False)
+
+
+def coupled() -> Vehicle:
+    """A vehicle whose matrices are all full, and which floats."""
+    chance = random.Random(5)
+    vehicle, _ = load_vehicle("bluerov2_heavy")
+
+    def full(diagonal: tuple[float, ...]) -> tuple[float, ...]:
+        matrix = square(diagonal, 6)
+        for i in range(6):
+            for j in range(i):
+                matrix[i][j] = matrix[j][i] = chance.uniform(-0.02, 0.02)
+        return tuple(x for row in matrix for x in row)
+
+    return vehicle._replace(
+        name="coupled", neutrally_buoyant=False, volume=1.1 * vehicle.mass / 1000.0,
+        center_of_gravity=(0.01, -0.02, 0.03), added_mass=full(vehicle.added_mass),
+        linear_damping=full(vehicle.linear_damping), quadratic_damping=full(vehicle.quadratic_damping),
+    )  # fmt: skip
+
+
+VEHICLES = [*(load_vehicle(name)[0] for name in preset_names("sim/vehicles")), coupled()]
+
+
+class Flight(NamedTuple):
+    """A start and what acts on each step."""
+
+    position: tuple[float, ...]
+    quaternion: tuple[float, ...]
+    nu: tuple[float, ...]
+    inputs: list[tuple[list[float], tuple[float, ...]]]
+
+    def state(self) -> State:
+        return State(self.position, self.quaternion, self.nu)
+
+
+def flight(seed: int, depth: float, steps: int = STEPS) -> Flight:
+    """Random attitude, speeds, currents, and wrenches that hold for a while; from `depth` m."""
+    chance = random.Random(seed)
+
+    def numbers(count: int, size: float) -> tuple[float, ...]:
+        return tuple(chance.uniform(-size, size) for _ in range(count))
+
+    inputs = []
+    for i in range(steps):
+        if i % 50 == 0:
+            wrench, current = [*numbers(3, 60.0), *numbers(3, 8.0)], numbers(3, 0.6)
+        inputs.append((wrench, current))
+    return Flight((*numbers(2, 9.0), depth), rotations.normalise(numbers(4, 1.0)), numbers(6, 1.5), inputs)
+
+
+def packed(numbers: Sequence[float]) -> bytes:
+    return pack(f"{len(numbers)}d", *numbers)
+
+
+def surface(state: State) -> None:
+    """Keep it near the surface, so that the waterline goes through the hull again and again."""
+    north, east, down = state.position
+    if abs(down) > 0.3:
+        state.position = [north, east, 0.1 * down]
+
+
+def nowhere(state: State) -> None:
+    """Let it go where it goes."""
+
+
+def fly(dynamics: Dynamics, path: Flight, keep: Callable[[State], None] = nowhere) -> tuple[bytes, int]:
+    """All 19 numbers of each step as bytes, and in how many steps the hull stood partly out of the water."""
+    state, chunks, crossing = path.state(), [], 0
+    for wrench, current in path.inputs:
+        keep(state)
+        lift = dynamics.hull.lift(state.position[2], rotations.matrix(state.quaternion))[0]
+        crossing += 0.0 < lift < dynamics.hull.full
+        dynamics.step(state, wrench, current, DT)
+        chunks.append(packed([*state.position, *state.quaternion, *state.nu, *state.nu_dot]))
+    return b"".join(chunks), crossing
+
+
+@pytest.mark.parametrize("vehicle", VEHICLES, ids=lambda vehicle: vehicle.name)
+@pytest.mark.parametrize("integrator", INTEGRATORS)
+@pytest.mark.usefixtures("native")
+def test_every_bit_is_equal(vehicle: Vehicle, integrator: Integrator) -> None:
+    python, native = Dynamics(vehicle, 1025.0, 9.81, integrator), NativeDynamics(vehicle, 1025.0, 9.81, integrator)
+    deep, shallow = flight(7, 500.0), flight(8, 0.05)
+    expected, crossing = fly(python, deep)
+    assert crossing == 0
+    assert fly(native, deep) == (expected, 0)
+    expected, crossing = fly(python, shallow, surface)
+    assert crossing > STEPS / 4
+    assert fly(native, shallow, surface) == (expected, crossing)
+
+
+AARCH64 = ("aarch64-linux-gnu-gcc", "qemu-aarch64")
+needs_aarch64 = [
+    pytest.mark.aarch64,
+    pytest.mark.skipif(not all(map(shutil.which, AARCH64)), reason=f"needs {' and '.join(AARCH64)}"),
+]
+
+
+@pytest.mark.parametrize("integrator", INTEGRATORS)
+@pytest.mark.parametrize(
+    ("compiler", "emulator", "flags"),
+    [
+        pytest.param("cc", [], ["-O2"], id="this-machine"),
+        pytest.param("cc", [], ["-O3", "-march=native"], id="this-machine-O3"),
+        pytest.param(AARCH64[0], [AARCH64[1]], ["-O2"], id="aarch64", marks=needs_aarch64),
+        pytest.param(AARCH64[0], [AARCH64[1]], ["-O3", "-mcpu=cortex-a72"], id="cortex-a72", marks=needs_aarch64),
+    ],
+)
+def test_the_kernel_alone_is_equal_on_each_machine(
+    compiler: str, emulator: list[str], flags: list[str], integrator: Integrator, tmp_path: Path
+) -> None:
+    """A C program without Python around the same kernel, against Python on this machine."""
+    if not shutil.which(compiler):
+        pytest.skip(f"no {compiler}")
+    program = tmp_path / "kernel"
+    source = [str(Path(__file__).with_name("kernel_main.c")), f"-I{ROOT / 'sim/native'}"]
+    common = [flag for flag in build.FLAGS if not flag.startswith("-O") and flag not in ("-fPIC", "-shared")]
+    subprocess.run([compiler, *common, *flags, *source, "-static", "-o", str(program), "-lm"], check=True)
+    python = Dynamics(VEHICLES[-1], 1025.0, 9.81, integrator)
+    path = flight(9, -0.1)
+    start = (*path.position, *path.quaternion, *path.nu, DT, float(len(path.inputs)))
+    inputs = [x for wrench, current in path.inputs for x in (*wrench, *current)]
+    done = subprocess.run(
+        [*emulator, str(program)], input=packed([*python.numbers(), *start, *inputs]), capture_output=True
+    )
+    expected, crossing = fly(python, path)
+    assert crossing > 100
+    assert done.returncode == 0
+    assert done.stdout == expected
+
+
+@pytest.mark.usefixtures("native")
+def test_who_kept_the_old_lists_keeps_the_old_numbers() -> None:
+    path = flight(3, 500.0)
+    state = path.state()
+    position, quaternion, nu = state.position, state.quaternion, state.nu
+    NativeDynamics(VEHICLES[0], 1025.0, 9.81).step(state, *path.inputs[0], DT)
+    assert (tuple(position), tuple(quaternion), tuple(nu)) == (path.position, path.quaternion, path.nu)
+    assert state.nu != nu
+
+
+@pytest.mark.parametrize("dynamics", [Dynamics, NativeDynamics])
+@pytest.mark.usefixtures("native")
+def test_what_cannot_be_stepped_is_refused(dynamics: type[Dynamics]) -> None:
+    """The same error from either: too few numbers, no numbers, no attitude."""
+    for integrator in INTEGRATORS:
+        one = dynamics(VEHICLES[0], 1025.0, 9.81, integrator)
+        for wrench, current in (([0.0] * 5, (0.0,) * 3), ([0.0] * 7, (0.0,) * 3), ([0.0] * 6, (0.0,) * 2)):
+            with pytest.raises(ValueError, match=r"\d"):
+                one.step(State(), wrench, current, DT)
+        with pytest.raises(TypeError):
+            one.step(State(), ["x"] * 6, (0.0,) * 3, DT)  # type: ignore[list-item]
+        with pytest.raises(ZeroDivisionError):
+            one.step(State(quaternion=(0.0,) * 4), [0.0] * 6, (0.0,) * 3, DT)
+
+
+@pytest.mark.usefixtures("native")
+def test_a_step_leaks_nothing() -> None:
+    dynamics, state = NativeDynamics(VEHICLES[0], 1025.0, 9.81), State()
+    wrench, current = [1.0] * 6, (0.1, 0.2, 0.3)
+    counts = []
+    for _ in range(3):
+        for _ in range(1000):
+            dynamics.step(state, wrench, current, DT)
+        counts.append((sys.getrefcount(state), sys.getrefcount(wrench), sys.getallocatedblocks()))
+    assert abs(counts[2][2] - counts[1][2]) < 100
+    assert counts[2][:2] == counts[1][:2]
+
+
+@pytest.mark.usefixtures("native")
+def test_the_binary_checks_its_parameters() -> None:
+    kernel = sys.modules[BINARY].Kernel
+    with pytest.raises(ValueError, match="bytes of parameters"):
+        kernel(b"\0" * 8)
+
+
+@pytest.mark.usefixtures("native")
+def test_c_is_taken_where_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    for wish in ("", "1"):
+        monkeypatch.setenv("UUV_HIL_NATIVE", wish)
+        assert type(make_dynamics(VEHICLES[0], 1025.0, 9.81)) is NativeDynamics
+        assert choose()[1].startswith("C, ")
+    monkeypatch.setenv("UUV_HIL_NATIVE", "0")
+    assert type(make_dynamics(VEHICLES[0], 1025.0, 9.81, "rk4")) is Dynamics
+    monkeypatch.setenv("UUV_HIL_NATIVE", "yes")
+    with pytest.raises(ConfigError, match="UUV_HIL_NATIVE='yes'"):
+        choose()
+
+
+@pytest.mark.usefixtures("no_native")
+def test_python_is_taken_where_c_is_not(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert type(make_dynamics(VEHICLES[0], 1025.0, 9.81)) is Dynamics
+    assert "python -m sim.native.build" in choose()[1]
+    monkeypatch.setenv("UUV_HIL_NATIVE", "1")
+    with pytest.raises(ConfigError, match="UUV_HIL_NATIVE=1, but"):
+        choose()
+
+
+def test_build_says_what_is_missing(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    if reason := build.obstacle():
+        pytest.skip(f"no step in C: {reason}")
+    monkeypatch.setattr(build, "compiler", lambda: None)
+    assert "no C compiler" in str(build.build(str(tmp_path)))
+    monkeypatch.setattr(build, "compiler", lambda: ["cc", "-include", "no_such_header.h"])
+    assert "no_such_header.h" in str(build.build(str(tmp_path)))
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("wish", ["", "0"])
+def test_wheel(wish: str, tmp_path: Path) -> None:
+    """With a compiler one wheel for all Pythons from 3.11 on this platform; without, or if told so, a pure one."""
+    command = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(tmp_path)]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, env=os.environ | {"UUV_HIL_NATIVE": wish})
+    assert done.returncode == 0, done.stderr
+    (path,) = tmp_path.iterdir()
+    inside = f"sim/native/{build.BINARY}" in zipfile.ZipFile(path).namelist()
+    assert inside == (wish == "" and build.obstacle() is None)
+    assert ("-cp311-abi3-linux_" in path.name) == inside
+    assert path.name.endswith("-py3-none-any.whl") != inside
