@@ -58,7 +58,7 @@ def write_scenario(folder: Path, top: str = "", slave: str = "", link: str = "")
 class Program:
     """`uuv-hil ...` in a process; its output collected in a file. Use as a context, which ends it."""
 
-    def __init__(self, folder: Path, *arguments: object) -> None:
+    def __init__(self, folder: Path, *arguments: object, environment: dict[str, str] | None = None) -> None:
         self._output = folder / f"output-{time.monotonic_ns()}"
         with self._output.open("w") as file:
             self.process = subprocess.Popen(
@@ -66,7 +66,7 @@ class Program:
                 stdout=file,
                 stderr=subprocess.STDOUT,
                 cwd=ROOT,
-                env={**os.environ, "PYTHONUNBUFFERED": "1"},
+                env={**os.environ, "PYTHONUNBUFFERED": "1", **(environment or {})},
                 start_new_session=True,
             )
 

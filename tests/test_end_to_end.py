@@ -15,6 +15,7 @@ from hil.links.contract import ThrusterCommand, ThrusterTelemetry
 from hil.links.frame import FrameProtocol
 from hil.master.client import VehicleClient
 from hil.schema import find_preset
+from sim.native import NativeDynamics, choose
 from tests.processes import Program, wait_for, write_scenario
 
 
@@ -211,17 +212,26 @@ def test_a_time_limit_that_is_too_short(tmp_path: Path) -> None:
     assert (tmp_path / "run" / "table.json").exists(), "what was measured is not lost"
 
 
+def final_state(folder: Path, scenario: Path, seed: int, native: bool) -> str:
+    environment = {"UUV_HIL_NATIVE": str(int(native))}
+    with Program(folder, "sim", scenario, "--seed", seed, environment=environment) as sim:
+        assert sim.wait(60) == 0, sim.output
+        assert "goal reached" in sim.output
+        return sim.output.splitlines()[-1]
+
+
 def test_simulated_time_repeats_to_the_bit(tmp_path: Path) -> None:
     scenario, _ = write_scenario(tmp_path)
-    outputs = []
-    for seed in (5, 5, 6):
-        with Program(tmp_path, "sim", scenario, "--seed", seed) as sim:
-            assert sim.wait(60) == 0, sim.output
-            assert "goal reached" in sim.output
-            outputs.append(sim.output.splitlines()[-1])
-    assert outputs[0].startswith("final state 0x")
-    assert outputs[0] == outputs[1]
-    assert outputs[0] != outputs[2]
+    first = final_state(tmp_path, scenario, 5, native=False)
+    assert first.startswith("final state 0x")
+    assert first == final_state(tmp_path, scenario, 5, native=False)
+    assert first != final_state(tmp_path, scenario, 6, native=False)
+
+
+@pytest.mark.skipif(choose()[0] is not NativeDynamics, reason="no C step here: python -m sim.native.build")
+def test_a_whole_mission_is_the_same_in_c_to_the_bit(tmp_path: Path) -> None:
+    scenario, _ = write_scenario(tmp_path)
+    assert final_state(tmp_path, scenario, 5, native=True) == final_state(tmp_path, scenario, 5, native=False)
 
 
 def test_ctrl_c_ends_the_demo(tmp_path: Path) -> None:
