@@ -1,7 +1,7 @@
 """One vehicle in one world: pulses in, sensor samples out, each call one step of simulated time."""
 
-from collections.abc import Iterator, Sequence
-from typing import NamedTuple
+from collections.abc import Callable, Iterator, Sequence
+from typing import TYPE_CHECKING, NamedTuple
 
 from hil.errors import ConfigError
 from sim.contact import Contact, starts_inside
@@ -16,6 +16,9 @@ from sim.sensors.samples import DVL, GROUND_TRUTH, IMU, ODOMETRY, PRESSURE, Odom
 from sim.thrusters import ThrusterSet
 from sim.vehicle import Vehicle
 from sim.world import World
+
+if TYPE_CHECKING:
+    from sim.water import MovingWater
 
 DT_NS = 2_500_000  # 400 Hz
 
@@ -63,6 +66,7 @@ class Simulation:
         self._dynamics = make_dynamics(vehicle, world.density, world.gravity, integrator)
         self._thrusters = ThrusterSet(vehicle, self._dt)
         self._contact = Contact(vehicle, world, self._dynamics.inverse_mass)
+        self._water = _moving_water(vehicle, world, seed)
         self._schedule = [_Slot(topic, sensor, dt_ns) for topic, sensor in _sensors(sensors, world, seed)]
         self._next_due_ns = 0
 
@@ -88,9 +92,12 @@ class Simulation:
     def step(self, pwm_us: Sequence[int]) -> list[tuple[str, Sample]]:
         """Advance by one step under these pulses (us, one a thruster); the samples that fell due, by topic."""
         state = self.state
-        wrench = self._thrusters.step(pwm_us)
+        wrench: Sequence[float] = self._thrusters.step(pwm_us)
+        current = self.world.current
+        if self._water is not None:
+            current, wrench = self._water.act(self.time_ns, state, wrench)
         before = state.nu
-        self._dynamics.step(state, wrench, self.world.current, self._dt)
+        self._dynamics.step(state, wrench, current, self._dt)
         if self._contact.resolve(state):
             state.nu_dot = [(new - old) / self._dt for new, old in zip(state.nu, before, strict=True)]
         self.time_ns += self._dt_ns
@@ -127,8 +134,26 @@ def _sensors(suite: SensorSuite, world: World, seed: int) -> Iterator[tuple[str,
     if suite.dvl.rate:
         yield DVL, Dvl(suite.dvl, seed, world.depth)
     if suite.pressure.rate:
-        yield PRESSURE, Pressure(suite.pressure, seed, world.density, world.gravity)
+        yield PRESSURE, Pressure(suite.pressure, seed, world.density, world.gravity, _column(world))
     if suite.odometry.rate:
         yield ODOMETRY, Odometry(suite.odometry, seed)
     if suite.ground_truth.rate:
         yield GROUND_TRUTH, GroundTruth(suite.ground_truth)
+
+
+def _moving_water(vehicle: Vehicle, world: World, seed: int) -> "MovingWater | None":
+    """What moves the water besides the steady current; None if nothing does, and then nothing is loaded for it."""
+    if not (world.ocean and world.ocean.moves):
+        return None
+    from sim.water import MovingWater
+
+    return MovingWater(vehicle, world, seed)
+
+
+def _column(world: World) -> Callable[[float], float] | None:
+    """The pressure of water whose density changes with depth; None if it is the same everywhere."""
+    if not (world.ocean and world.ocean.profile):
+        return None
+    from sim.water import WaterColumn
+
+    return WaterColumn(world.ocean.profile, world.gravity).pressure

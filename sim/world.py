@@ -1,10 +1,14 @@
 """The water a vehicle is in, its seabed and what stands on it, read from TOML."""
 
 from math import inf
-from typing import Annotated, NamedTuple
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
-from hil.schema import Range, find_preset, load
+from hil.schema import Range, find_preset, parse
+from hil.tables import read_table
 from sim.obstacles import Box, Cylinder, Obstacle, Wall
+
+if TYPE_CHECKING:
+    from sim.ocean import Ocean
 
 Edge = Annotated[float, Range(-1e5, 1e5, "m")]
 Speed = Annotated[float, Range(-5.0, 5.0, "m/s")]
@@ -15,8 +19,9 @@ class World(NamedTuple):
 
     `extent` is north_min, north_max, east_min, east_max in m: what a map shows, and where with `walls`
     four walls stand. `depth` is that of the flat seabed, `density` of the water in kg/m³, `gravity` in
-    m/s², `current` the velocity of the water north, east, down: steady, the same everywhere.
-    Not modelled: relief, layers and eddies, the water's calm in the lee of an obstacle.
+    m/s², `current` the velocity of the water north, east, down: steady, the same everywhere. `ocean` is what
+    comes on top of that: currents that change, waves, layers of density.
+    Not modelled: relief, eddies, the water's calm in the lee of an obstacle.
     """
 
     name: str
@@ -29,6 +34,7 @@ class World(NamedTuple):
     current: tuple[Speed, Speed, Speed] = (0.0, 0.0, 0.0)
     cylinder: tuple[Cylinder, ...] = ()
     box: tuple[Box, ...] = ()
+    ocean: "Ocean | None" = None  # read by load_world, with a schema of its own
 
     def problem(self) -> str | None:
         """What is wrong between the keys, if anything."""
@@ -70,4 +76,12 @@ class World(NamedTuple):
 
 def load_world(name_or_path: str) -> World:
     """A preset of `sim/worlds`, or a file ending in `.toml`. Raises ConfigError."""
-    return load(find_preset("sim/worlds", name_or_path), World)
+    path = find_preset("sim/worlds", name_or_path)
+    table = read_table(path)
+    ocean = table.pop("ocean", None)
+    world = parse(table, World, path)
+    if ocean is None:
+        return world
+    from sim.ocean import read_ocean  # most worlds do without, and start sooner
+
+    return world._replace(ocean=read_ocean(ocean, path))

@@ -1,5 +1,6 @@
 """A pressure sensor, which is how a vehicle knows its depth."""
 
+from collections.abc import Callable
 from typing import Annotated, NamedTuple
 
 from hil.schema import Range
@@ -26,16 +27,28 @@ class PressureModel(NamedTuple):
 
 
 class Pressure:
-    """One sensor in water of `density` kg/m³ under `gravity` m/s². Not modelled: waves, stagnation pressure."""
+    """One sensor in water of `density` kg/m³ under `gravity` m/s².
 
-    def __init__(self, model: PressureModel, seed: int, density: float, gravity: float) -> None:
+    Where density changes with depth, `column` gives the pressure of the water (Pa) at a depth (m) instead.
+    Not modelled: waves, stagnation pressure.
+    """
+
+    def __init__(
+        self,
+        model: PressureModel,
+        seed: int,
+        density: float,
+        gravity: float,
+        column: Callable[[float], float] | None = None,
+    ) -> None:
         self.period_ns = period_ns(model.rate)
         self._model = model
         self._per_metre = density * gravity
+        self._column = column
         self._error = ErrorProcess(model.error, 1.0 / model.rate, sensor_random(seed, PRESSURE))
 
     def sample(self, time_ns: int, state: State) -> PressureSample:
         """The measurement of `state`; in the air that of the air."""
         depth = state.position[2] + rotate(state.quaternion, self._model.position)[2]
-        true = self._model.atmosphere + self._per_metre * max(0.0, depth)
-        return PressureSample(time_ns, self._error.measure(true))
+        water = self._column(depth) if self._column else self._per_metre * max(0.0, depth)
+        return PressureSample(time_ns, self._error.measure(self._model.atmosphere + water))
