@@ -15,6 +15,8 @@ COMMANDS = {
     "sim": ("hil.commands.sim", "the same mission without network and clock, as fast as it goes"),
     "campaign": ("hil.commands.campaign", "many such runs with other seeds and parameters, on all cores"),
     "stm32": ("firmware_stub.serve", "be only the STM32, on a pty or a serial port"),
+    "vehicle": ("hil.commands.vehicle", "what a vehicle is and can do; import one from a URDF"),
+    "doctor": ("hil.commands.doctor", "what this machine has of what a run wants"),
 }
 
 

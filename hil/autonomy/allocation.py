@@ -17,9 +17,11 @@ Wrench = tuple[float, float, float, float, float, float]
 Matrix = list[list[float]]
 
 # What cannot be had is shared by weight: a roll or pitch moment never costs surge, sway, heave or yaw.
-_WEIGHTS = (1.0, 1.0, 1.0, 0.01, 0.01, 1.0)
+AXIS_WEIGHTS = (1.0, 1.0, 1.0, 0.01, 0.01, 1.0)
 # Combinations weaker than this share of the strongest count as "cannot": a lever arm of some millimetres.
 _RANK_TOLERANCE = 1e-4
+# The cosine between two rows that counts as none: some roundings.
+_ORTHOGONAL = 1e-14
 # Convergence is quadratic: 6 rows take about 5 sweeps.
 _MOST_SWEEPS = 30
 
@@ -34,16 +36,23 @@ class Allocator:
     When a thruster would be beyond its limit, moments are served first, then heave, then the horizontal
     force; each of the three is scaled as a whole, so what is left of the horizontal force keeps its
     direction. Freedom left by more thrusters than needed is not used to put off saturation.
+
+    `axis_weights` and `thruster_weights` are those of `pseudo_inverse`.
     """
 
     def __init__(
-        self, matrix: Sequence[Sequence[float]], max_forward: Sequence[float], max_reverse: Sequence[float]
+        self,
+        matrix: Sequence[Sequence[float]],
+        max_forward: Sequence[float],
+        max_reverse: Sequence[float],
+        axis_weights: Sequence[float] = AXIS_WEIGHTS,
+        thruster_weights: Sequence[float] | None = None,
     ) -> None:
         _check(matrix, max_forward, max_reverse)
         self._matrix = [list(row) for row in matrix]
         self._forward = list(max_forward)
         self._reverse = [-limit for limit in max_reverse]
-        self._inverse, self.rank = pseudo_inverse(self._matrix)
+        self._inverse, self.rank = pseudo_inverse(self._matrix, axis_weights, thruster_weights)
 
     def allocate(self, wrench: Sequence[float]) -> tuple[list[float], Wrench]:
         """The n thrusts (N) for `wrench` (X Y Z N, K M N N m, along FRD), and the wrench they fall short of it."""
@@ -74,37 +83,73 @@ class Allocator:
             thrusts[index] = min(self._forward[index], max(self._reverse[index], wanted))
 
 
-def pseudo_inverse(matrix: Sequence[Sequence[float]]) -> tuple[Matrix, int]:
+def pseudo_inverse(
+    matrix: Sequence[Sequence[float]],
+    axis_weights: Sequence[float] = AXIS_WEIGHTS,
+    thruster_weights: Sequence[float] | None = None,
+) -> tuple[Matrix, int]:
     """The weighted pseudo-inverse (n rows of 6) of a 6 x n thruster matrix, and the matrix's rank.
 
-    One-sided Jacobi (Golub & Van Loan 2013, section 8.6): rotations make the rows orthogonal to each
-    other, after which each row is a singular value times a right singular vector.
+    Of all thrusts f with the least error, the sum of (axis weight x error)² over X Y Z K M N, it gives those
+    with the least cost, the sum of thruster weight x f²; the weights are six and n positive numbers, the
+    latter all 1 if None. So an axis weight says what an axis matters where not everything can be had, and a
+    thruster of weight 4 does a quarter of the work where another can do it: for one that is weak, worn or
+    better left alone. Raises ConfigError if there are not as many weights or one is not positive.
+
+    With D and W diagonal matrices of the axis and thruster weights it is W^-1/2 (D T W^-1/2)+ D (Fossen
+    2021, section 11.2.2, which has it for full rank). One-sided Jacobi (Golub & Van Loan 2013, section 8.6):
+    rotations make the rows orthogonal to each other, after which each row is a singular value times a right
+    singular vector.
     """
-    rows = [[weight * value for value in row] for weight, row in zip(_WEIGHTS, matrix, strict=True)]
+    eases = _eases(thruster_weights, len(matrix[0]))
+    _check_weights("axis", axis_weights, len(matrix))
+    rows = [
+        [weight * value * ease for value, ease in zip(row, eases, strict=True)]
+        for weight, row in zip(axis_weights, matrix, strict=True)
+    ]
     size = len(rows)
     basis = [[float(i == j) for j in range(size)] for i in range(size)]
-    negligible = 1e-14 * sum(_dot(row, row) for row in rows)
+    dust = _RANK_TOLERANCE**2 * sum(_dot(row, row) for row in rows)
     for _ in range(_MOST_SWEEPS):
-        if not _sweep(rows, basis, negligible):
+        if not _sweep(rows, basis, dust):
             break
     energies = [_dot(row, row) for row in rows]
     least = max(energies) * _RANK_TOLERANCE**2
     strong = [i for i, energy in enumerate(energies) if energy > least]
     inverse = [
-        [weight * sum(rows[i][column] * basis[i][axis] / energies[i] for i in strong)
-         for axis, weight in enumerate(_WEIGHTS)]
-        for column in range(len(rows[0]))
+        [ease * weight * sum(rows[i][column] * basis[i][axis] / energies[i] for i in strong)
+         for axis, weight in enumerate(axis_weights)]
+        for column, ease in enumerate(eases)
     ]  # fmt: skip
     return inverse, len(strong)
 
 
-def _sweep(rows: Matrix, basis: Matrix, negligible: float) -> bool:
-    """Rotate every pair of rows once; False when all were orthogonal already."""
+def four_vectored(surge: float, sway: float, yaw: float, lever: float) -> tuple[float, float, float, float]:
+    """The thrusts (N) of four horizontal thrusters at 90 degrees to each other, in closed form.
+
+    This is the arrangement the source paper decomposes in its eqs 12 and 13: one thruster at each corner, at
+    45 degrees to the axes, the four of them mirror images, each pushing forward with a positive thrust; in
+    the order front right, front left, rear right, rear left. `surge` and `sway` in N, `yaw` in N m along
+    FRD. `lever` in m is the distance from each line of thrust to the vertical axis, (x + y) / sqrt(2) for a
+    thruster at (x, y): a true moment arm, where eq. 12 mixes arm and angle.
+
+    The three patterns are orthogonal to each other, so it equals the pseudo-inverse for this arrangement. For
+    levers that differ front and rear (BlueROV2: 0.164 and 0.171 m) it does not: a sway force then turns the
+    vehicle, 5 N m for each kN. It knows no limits and no other thrusters; `Allocator` does.
+    """
+    x, y, n = surge / sqrt(8.0), sway / sqrt(8.0), yaw / (4.0 * lever)
+    return x - y - n, x + y + n, x + y - n, x - y + n
+
+
+def _sweep(rows: Matrix, basis: Matrix, dust: float) -> bool:
+    """Rotate every pair of rows once; False when all were orthogonal already, rows weaker than `dust` aside."""
     rotated = False
     for i in range(len(rows)):
         for j in range(i + 1, len(rows)):
             overlap = _dot(rows[i], rows[j])
-            if abs(overlap) > negligible:
+            lengths = sqrt(_dot(rows[i], rows[i]) * _dot(rows[j], rows[j]))
+            # each pair by its own size, or a weak row beside a strong one stays askew
+            if abs(overlap) > _ORTHOGONAL * max(lengths, dust):
                 _rotate(rows, basis, i, j, overlap)
                 rotated = True
     return rotated
@@ -127,6 +172,19 @@ def _product(matrix: Matrix, vector: Sequence[float]) -> list[float]:
 
 def _dot(a: list[float], b: list[float]) -> float:
     return sum(x * y for x, y in zip(a, b, strict=True))
+
+
+def _eases(thruster_weights: Sequence[float] | None, count: int) -> list[float]:
+    """One over the root of each thruster's weight."""
+    if thruster_weights is None:
+        return [1.0] * count
+    _check_weights("thruster", thruster_weights, count)
+    return [1.0 / sqrt(weight) for weight in thruster_weights]
+
+
+def _check_weights(kind: str, weights: Sequence[float], count: int) -> None:
+    if len(weights) != count or not all(weight > 0.0 for weight in weights):
+        raise ConfigError(f"thrusters: {kind} weights must be {count} numbers above 0")
 
 
 def _check(matrix: Sequence[Sequence[float]], forward: Sequence[float], reverse: Sequence[float]) -> None:

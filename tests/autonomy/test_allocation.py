@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import pytest
-from hypothesis import assume, given
+from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
 from hil.autonomy.allocation import Allocator, pseudo_inverse
@@ -84,6 +84,7 @@ HUNDREDTHS = st.integers(-100, 100).map(lambda number: number / 100.0)
 
 
 @given(st.lists(st.lists(HUNDREDTHS, min_size=6, max_size=6), min_size=1, max_size=9))
+@example([[0.01, 0, 0.01, 0, 0, 0], [0.01, 0.01, 0, 0, 0, 0.01], [0.01, 0.01, 0, 0, 0.01, 0.01]])  # weak beside strong
 def test_pseudo_inverse_agrees_with_lapack(columns: list[list[float]]) -> None:
     assume(any(map(any, columns)))
     weights = np.array([1.0, 1.0, 1.0, 0.01, 0.01, 1.0])
@@ -143,3 +144,47 @@ def test_what_cannot_be_a_vehicle_is_refused() -> None:
         Allocator(HEAVY, [1.0] * 8, [0.0, *[1.0] * 7])
     with pytest.raises(ConfigError, match="pushes"):
         Allocator([[0.0]] * 6, [1.0], [1.0])
+
+
+@given(WRENCHES, st.lists(st.floats(0.1, 10.0), min_size=8, max_size=8))
+def test_thruster_weights_give_the_least_cost(wrench: tuple[float, ...], weights: list[float]) -> None:
+    """Still exact; and of all exact answers that with the least sum of weight x thrust²."""
+    plain = Allocator(HEAVY, [1e6] * 8, [1e6] * 8, thruster_weights=weights)
+    thrusts, _ = plain.allocate(wrench)
+    assert made(HEAVY, thrusts) == pytest.approx(wrench, abs=1e-7)
+    vanishing = np.linalg.svd(np.array(HEAVY))[2][6:]  # what thrusts can do without effect
+    slope = 2.0 * np.array(weights) * np.array(thrusts)
+    assert vanishing @ slope == pytest.approx(np.zeros(2), abs=1e-6)
+
+
+def test_a_thruster_of_weight_four_does_a_quarter_of_the_work() -> None:
+    """Two side by side on one axis; and equal weights, however large, change nothing."""
+    side_by_side = [[1.0, 1.0], *[[0.0, 0.0]] * 5]
+    spared = Allocator(side_by_side, [90.0] * 2, [90.0] * 2, thruster_weights=[1.0, 4.0])
+    assert spared.allocate((50.0, 0, 0, 0, 0, 0))[0] == pytest.approx([40.0, 10.0])
+    assert np.array(pseudo_inverse(HEAVY, thruster_weights=[7.0] * 8)[0]) == pytest.approx(
+        np.array(pseudo_inverse(HEAVY)[0]), abs=1e-12
+    )
+
+
+def test_axis_weights_say_what_matters_where_not_all_can_be_had() -> None:
+    """One thruster a metre to starboard: surge comes with yaw. Least squares by hand: f = w² / (w² + v²) X."""
+    lone = [[1.0], [0.0], [0.0], [0.0], [0.0], [-1.0]]
+    for surge, yaw in ((1.0, 1.0), (1.0, 0.01), (0.01, 1.0)):
+        one = Allocator(lone, [900.0], [900.0], axis_weights=[surge, 1.0, 1.0, 1.0, 1.0, yaw])
+        thrusts, residual = one.allocate((100.0, 0, 0, 0, 0, 0))
+        assert thrusts[0] == pytest.approx(100.0 * surge**2 / (surge**2 + yaw**2))
+        assert residual == pytest.approx((100.0 - thrusts[0], 0, 0, 0, 0, thrusts[0]))
+
+
+@given(WRENCHES, st.lists(st.floats(0.1, 10.0), min_size=6, max_size=6))
+def test_axis_weights_do_not_matter_where_all_can_be_had(wrench: tuple[float, ...], weights: list[float]) -> None:
+    thrusts, _ = Allocator(HEAVY, [1e6] * 8, [1e6] * 8, axis_weights=weights).allocate(wrench)
+    assert thrusts == pytest.approx(allocator(HEAVY, 1e6, 1e6).allocate(wrench)[0], abs=1e-6)
+
+
+def test_wrong_weights_are_refused() -> None:
+    with pytest.raises(ConfigError, match="thruster weights must be 8 numbers above 0"):
+        Allocator(HEAVY, [1.0] * 8, [1.0] * 8, thruster_weights=[1.0] * 7)
+    with pytest.raises(ConfigError, match="axis weights must be 6 numbers above 0"):
+        Allocator(HEAVY, [1.0] * 8, [1.0] * 8, axis_weights=[1.0, 1.0, 1.0, 0.0, 1.0, 1.0])

@@ -1,0 +1,149 @@
+"""The picture of a vehicle: its box and thrusters from above, from starboard and from ahead, and its top speeds."""
+
+import os
+from typing import Any, NamedTuple
+
+from hil.errors import ConfigError, MissingExtraError
+from sim.terminal_speed import Reach
+from sim.vehicle import Vehicle
+
+BODY, ARROW, GRAVITY, BUOYANCY = "#e3e8ed", "#c2410c", "#1f2937", "#2563eb"
+# A thruster that points out of the paper or into it is a circle with a dot or a cross.
+_FACING = 0.9
+
+
+class View(NamedTuple):
+    """How a side is drawn: FRD components and signs of right, up and towards the eye."""
+
+    title: str
+    right: tuple[int, int, str]
+    up: tuple[int, int, str]
+    eye: tuple[int, int]
+
+    def flat(self, vector: tuple[float, float, float]) -> tuple[float, float]:
+        """Right and up of a vector along FRD."""
+        return self.right[1] * vector[self.right[0]], self.up[1] * vector[self.up[0]]
+
+
+VIEWS = (
+    View("from above", (1, 1, "y, starboard (m)"), (0, 1, "x, forward (m)"), (2, -1)),
+    View("from starboard", (0, 1, "x, forward (m)"), (2, -1, "-z, up (m)"), (1, 1)),
+    View("from ahead", (1, -1, "-y, port (m)"), (2, -1, "-z, up (m)"), (0, 1)),
+)
+
+
+def draw(vehicle: Vehicle, found: tuple[Reach, ...], path: str) -> None:
+    """Draw `vehicle` and what it can do into the image file `path`. Raises MissingExtraError, ConfigError."""
+    try:
+        import matplotlib as mpl
+    except ImportError:
+        raise MissingExtraError("the picture needs matplotlib: pip install 'uuv-hil[master]'") from None
+    mpl.use("Agg")
+    import matplotlib.pyplot as plt
+
+    figure, axes = plt.subplots(2, 2, figsize=(12, 10), layout="constrained")
+    try:
+        for view, place in zip(VIEWS, axes.flat, strict=False):
+            _draw_view(place, vehicle, view)
+        _draw_speeds(axes[1][1], found)
+        figure.suptitle(f"{vehicle.name}: {vehicle.mass:g} kg, {len(vehicle.thrusters)} thrusters", fontsize=15)
+        _name_thrusters(figure, vehicle)
+        figure.savefig(path, dpi=110)
+    except (OSError, ValueError) as error:
+        text = error.strerror if isinstance(error, OSError) else str(error).splitlines()[0]
+        raise ConfigError(f"{os.path.abspath(path)}: cannot be drawn: {text}") from None
+    finally:
+        plt.close(figure)
+
+
+def _draw_view(axes: Any, vehicle: Vehicle, view: View) -> None:
+    from matplotlib.patches import Rectangle
+
+    wide, high = vehicle.dimensions[view.right[0]], vehicle.dimensions[view.up[0]]
+    axes.add_patch(Rectangle((-wide / 2, -high / 2), wide, high, facecolor=BODY, edgecolor="0.55", zorder=0))
+    reach = 0.2 * max(vehicle.dimensions)
+    for spot, numbers in _stacks(vehicle, view).items():
+        for number in numbers:
+            _draw_thruster(axes, vehicle, view, number, reach)
+        axes.annotate(
+            ",".join(str(number + 1) for number in numbers), spot, xytext=_behind(vehicle, view, numbers),
+            textcoords="offset points", fontsize=10, fontweight="bold", color=ARROW, ha="center", va="center", zorder=5,
+        )  # fmt: skip
+    for point, colour, name in (
+        (vehicle.center_of_gravity, GRAVITY, "centre of gravity"),
+        (vehicle.center_of_buoyancy, BUOYANCY, "centre of buoyancy"),
+    ):
+        axes.plot(*view.flat(point), marker="+", markersize=11, markeredgewidth=2, color=colour, label=name, zorder=4,
+                  linestyle="none")  # fmt: skip
+    half = [0.5 * max(size, 0.6 * max(wide, high)) + 1.25 * reach for size in (wide, high)]
+    axes.set(title=view.title, xlabel=view.right[2], ylabel=view.up[2], aspect="equal",
+             xlim=(-half[0], half[0]), ylim=(-half[1], half[1]))  # fmt: skip
+    axes.grid(color="0.92", linewidth=0.6)
+    axes.set_axisbelow(True)
+    if view is VIEWS[0]:
+        axes.legend(loc="upper right", fontsize=8, framealpha=0.9)
+
+
+def _stacks(vehicle: Vehicle, view: View) -> dict[tuple[float, float], list[int]]:
+    """Thrusters by the place where they are drawn: seen from one side, some hide others."""
+    stacks: dict[tuple[float, float], list[int]] = {}
+    for number, thruster in enumerate(vehicle.thrusters):
+        across, up = view.flat(thruster.position)
+        stacks.setdefault((round(across, 3) + 0.0, round(up, 3) + 0.0), []).append(number)
+    return stacks
+
+
+def _behind(vehicle: Vehicle, view: View, numbers: list[int]) -> tuple[float, float]:
+    """Where the numbers go, in points from their thrusters: where no arrow lies, behind them or else below."""
+    along = [view.flat(vehicle.thrusters[number].unit_direction) for number in numbers]
+    x, y = sum(arrow[0] for arrow in along), sum(arrow[1] for arrow in along)
+    length = (x * x + y * y) ** 0.5
+    return (0.0, -17.0) if length < 2.0 * (1.0 - _FACING) else (-19.0 * x / length, -17.0 * y / length)
+
+
+def _draw_thruster(axes: Any, vehicle: Vehicle, view: View, number: int, reach: float) -> None:
+    thruster = vehicle.thrusters[number]
+    x, y = view.flat(thruster.position)
+    along = view.flat(thruster.unit_direction)
+    towards = view.eye[1] * thruster.unit_direction[view.eye[0]]
+    if abs(towards) < 1.0 - 1e-6:
+        axes.annotate(
+            "", (x + reach * along[0], y + reach * along[1]), (x, y), zorder=3,
+            arrowprops={"arrowstyle": "-|>", "color": ARROW, "linewidth": 2.0, "shrinkA": 0, "shrinkB": 0},
+        )  # fmt: skip
+    facing = abs(towards) > _FACING
+    axes.plot(x, y, marker="o", markersize=13 if facing else 6, markerfacecolor="white" if facing else ARROW,
+              markeredgecolor=ARROW, markeredgewidth=1.6, zorder=3.5)  # fmt: skip
+    if facing:
+        axes.plot(
+            x, y, marker="." if towards > 0.0 else "x", markersize=6, color=ARROW, markeredgewidth=1.6, zorder=3.6
+        )
+
+
+def _draw_speeds(axes: Any, found: tuple[Reach, ...]) -> None:
+    """Bars for the four axes a pilot commands, m/s and rad/s on one scale."""
+    shown = [reach for reach in found if reach.axis in ("surge", "sway", "heave", "yaw")]
+    ticks = {"surge": ("ahead", "astern"), "sway": ("starboard", "port"), "heave": ("down", "up"),
+             "yaw": ("to starboard", "to port")}  # fmt: skip
+    names, speeds, units = [], [], []
+    for reach in shown:
+        for way, speed in zip(ticks[reach.axis], reach.speed, strict=True):
+            names.append(f"{reach.axis} {way}")
+            speeds.append(abs(speed) if reach.driven and abs(speed) < float("inf") else 0.0)
+            units.append(("rad/s" if reach.axis == "yaw" else "m/s") if reach.driven else "")
+    colours = ["#0f766e" if unit != "rad/s" else "#7c8ba1" for unit in units]
+    bars = axes.barh(range(len(names)), speeds, color=colours, height=0.7)
+    labels = [f"{speed:.2f} {unit}" if unit else "cannot" for speed, unit in zip(speeds, units, strict=True)]
+    axes.bar_label(bars, labels, padding=4, fontsize=9)
+    axes.set_yticks(range(len(names)), names)
+    axes.invert_yaxis()
+    axes.set(title="top speeds, one axis at a time", xlabel="m/s (yaw: rad/s)")
+    axes.margins(x=0.18)
+    axes.spines[["top", "right"]].set_visible(False)
+
+
+def _name_thrusters(figure: Any, vehicle: Vehicle) -> None:
+    names = [f"{number} {thruster.name}" for number, thruster in enumerate(vehicle.thrusters, 1)]
+    lines = ["    ".join(names[start : start + 4]) for start in range(0, len(names), 4)]
+    note = "arrows: positive thrust;  circle with dot: towards you, with cross: away from you"
+    figure.supxlabel("\n".join([*lines, note]), fontsize=10, color="0.25")

@@ -1,0 +1,89 @@
+"""How fast a vehicle goes: the steady speed at which drag takes up all that its thrusters give."""
+
+from math import inf, sqrt
+from typing import NamedTuple
+
+from sim.matrices import Matrix, square
+from sim.thrusters import wrench_matrix
+from sim.vehicle import Vehicle, displaced_volume
+
+AXES = ("surge", "sway", "heave", "roll", "pitch", "yaw")
+_ROLL, _PITCH = 3, 4
+# What may come along on the other axes, as a share of the wrench asked for, where an axis counts as driven.
+_MOST_ASTRAY = 0.01
+
+
+class Reach(NamedTuple):
+    """What the thrusters can do along one axis, each number for the positive way, then for the negative way.
+
+    `force` is in N (surge, sway, heave) or N m, `speed` in m/s or rad/s, both signed along the FRD body
+    axes. Both forces are 0 where the thrusters cannot push along this axis without pushing elsewhere.
+    """
+
+    axis: str
+    force: tuple[float, float]
+    speed: tuple[float, float]
+
+    @property
+    def driven(self) -> bool:
+        """True if the thrusters can push along this axis alone."""
+        return self.force[0] > 0.0
+
+
+def terminal_speed(force: float, linear: float, quadratic: float) -> float:
+    """The speed v in m/s (rad/s) with linear v + quadratic v |v| = `force` N (N m); it has the force's sign.
+
+    `linear` in N s/m (N m s), `quadratic` in N s²/m² (N m s²), neither negative; infinite if both are 0.
+    """
+    size = abs(force)
+    if size == 0.0:
+        return 0.0
+    divisor = linear + sqrt(linear * linear + 4.0 * quadratic * size)  # the root that stays exact for quadratic 0
+    speed = 2.0 * size / divisor if divisor else inf
+    return speed if force > 0.0 else -speed
+
+
+def reaches(vehicle: Vehicle, inverse: Matrix, density: float = 1000.0, gravity: float = 9.80665) -> tuple[Reach, ...]:
+    """What `vehicle` can do along each of the six axes, one at a time, all of its thrusters within their limits.
+
+    `inverse` says how thrust is shared: n rows of 6, the thrusts (N) for 1 N or 1 N m along each axis, as
+    `hil.autonomy.allocation.pseudo_inverse` gives for the vehicle's wrench matrix. What the vehicle weighs in
+    water of `density` kg/m³ under `gravity` m/s² helps it down and hinders it up. Not modelled, as in the
+    vehicle: loss of thrust with speed. Left out: damping that couples axes, and, for roll and pitch, the
+    righting moment of weight and buoyancy, which stops most vehicles from turning over at all.
+    """
+    matrix = wrench_matrix(vehicle)
+    linear, quadratic = square(vehicle.linear_damping, 6), square(vehicle.quadratic_damping, 6)
+    sinks = (vehicle.mass - density * displaced_volume(vehicle, density)) * gravity
+    found = []
+    for axis, name in enumerate(AXES):
+        ahead, astern = _most(vehicle, matrix, [row[axis] for row in inverse], axis)
+        own_weight = sinks if name == "heave" else 0.0
+        drag = linear[axis][axis], quadratic[axis][axis]
+        speeds = terminal_speed(ahead + own_weight, *drag), terminal_speed(astern + own_weight, *drag)
+        found.append(Reach(name, (ahead, astern), speeds if ahead else (0.0, 0.0)))
+    return tuple(found)
+
+
+def _most(vehicle: Vehicle, matrix: Matrix, thrusts: list[float], axis: int) -> tuple[float, float]:
+    """The greatest force both ways, when `thrusts` (N) are what a unit force along `axis` takes."""
+    made = [sum(a * f for a, f in zip(row, thrusts, strict=True)) for row in matrix]
+    if _astray(made, axis) > _MOST_ASTRAY:
+        return 0.0, 0.0
+    ahead = astern = inf
+    for thruster, thrust in zip(vehicle.thrusters, thrusts, strict=True):
+        if abs(thrust) < 1e-9:
+            continue
+        with_it, against_it = thruster.max_forward / abs(thrust), thruster.max_reverse / abs(thrust)
+        ahead = min(ahead, with_it if thrust > 0.0 else against_it)
+        astern = min(astern, against_it if thrust > 0.0 else with_it)
+    return ahead * made[axis], -astern * made[axis]
+
+
+def _astray(made: list[float], axis: int) -> float:
+    """How far the wrench `made` is from a unit one along `axis`.
+
+    A roll or pitch moment that comes with another axis does not count: weight and buoyancy hold those.
+    """
+    counts = [i for i in range(6) if i == axis or i not in (_ROLL, _PITCH)]
+    return max(abs(made[i] - float(i == axis)) for i in counts)

@@ -1,0 +1,247 @@
+"""A vehicle out of a URDF: masses and thruster poses from its tree, hydrodynamics from its simulator's tags.
+
+URDF's axes are x forward, y to port, z up (FLU), ours x forward, y to starboard, z down (FRD): half a turn
+about x, done in `to_frd` and `to_frd_matrix` and nowhere else. Read are, besides plain URDF,
+
+* the plugins of uuv_simulator: `<hydrodynamic_model>` with its volume, centre of buoyancy and box, thrusters;
+* the systems of Gazebo (gz-sim): hydrodynamics (`xDotU`, `xU`, `xUabsU` ...) and thruster, and SDFormat's
+  `<fluid_added_mass>` of a link.
+
+A URDF without such tags says nothing of water; what is missing is asked for by name, never guessed.
+"""
+
+import os
+from math import cos, sin
+from typing import Any, NamedTuple
+
+from hil.errors import ConfigError
+from hil.schema import parse
+from sim.matrices import Matrix, cross_matrix, product, square, total, transpose
+from sim.urdf_text import (
+    Element,
+    attribute,
+    child_text,
+    number_of,
+    numbers_of,
+    plain,
+    read_xml,
+    to_frd,
+    to_frd_matrix,
+)
+from sim.vehicle import Vehicle
+
+_REQUIRED = ("volume", "dimensions", "center_of_buoyancy", "added_mass", "linear_damping", "quadratic_damping")
+_IDENTITY = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
+_ROWS, _COLUMNS, _ADDED = "xyzkmn", "UVWPQR", "xyzpqr"
+
+
+class Pose(NamedTuple):
+    """Where a frame is in the base link's: `rotation` 3x3 from it to the base, `position` in m."""
+
+    rotation: Matrix = _IDENTITY
+    position: tuple[float, ...] = (0.0, 0.0, 0.0)
+
+    def turn(self, vector: tuple[float, ...]) -> tuple[float, ...]:
+        """A direction of this frame in the base's axes."""
+        return tuple(sum(a * x for a, x in zip(row, vector, strict=True)) for row in self.rotation)
+
+    def then(self, inner: "Pose") -> "Pose":
+        """The pose of a frame that is at `inner` in this one."""
+        moved = zip(self.position, self.turn(inner.position), strict=True)
+        return Pose(product(self.rotation, inner.rotation), tuple(a + b for a, b in moved))
+
+
+def read_urdf(path: str, extra: dict[str, Any] | None = None) -> tuple[Vehicle, list[str]]:
+    """The vehicle of the URDF at `path`, and notes of what was assumed.
+
+    `extra` holds keys of a vehicle file that the URDF lacks; they win over what it has, `[every_thruster]`
+    for each thruster. The origin is the root link's. Raises ConfigError if the file is no URDF, still is xacro,
+    declares entities, or if keys are missing from both: it lists them.
+    """
+    robot = read_xml(path)
+    notes: list[str] = []
+    poses = _link_poses(robot, path)
+    table: dict[str, Any] = {
+        "name": plain(robot.get("name") or "vehicle"),
+        "source": f"imported from {plain(os.path.basename(path))}",
+    }
+    table |= _mass(robot, poses, path) | _water(robot, path)
+    if table.pop("neutral", False):
+        table["neutrally_buoyant"] = True
+        table.setdefault("volume", table["mass"] / 1000.0)
+    given = dict(extra or {})
+    common = given.pop("every_thruster", {})
+    thrusters = [thruster | common for thruster in _thrusters(robot, poses, path, notes)]
+    table = {**table, "thrusters": thrusters, **given}
+    _refuse_missing(table, path)
+    return parse(table, Vehicle, path), notes
+
+
+def _link_poses(robot: Element, path: str) -> dict[str, Pose]:
+    """Each link's pose in the root link, all joints at zero."""
+    links = [link.get("name", "") for link in robot.findall("link")]
+    joints = {_target(joint, "child"): joint for joint in robot.findall("joint")}
+    roots = [link for link in links if link not in joints]
+    if len(roots) != 1:
+        raise ConfigError(f"{path}: the links make no tree: {len(roots)} of them hang on no other")
+    poses = {roots[0]: Pose()}
+    for link in links:
+        chain = []
+        while link not in poses:
+            if link in chain or link not in joints:
+                raise ConfigError(f"{path}: link {link!r} does not hang on {roots[0]!r}")
+            chain.append(link)
+            link = _target(joints[link], "parent")
+        for below in reversed(chain):
+            poses[below] = poses[_target(joints[below], "parent")].then(_origin(joints[below], path))
+    return poses
+
+
+def _mass(robot: Element, poses: dict[str, Pose], path: str) -> dict[str, Any]:
+    """Mass, centre of gravity and inertia about it, of all links together."""
+    parts = []
+    for link in robot.findall("link"):
+        inertial = link.find("inertial")
+        if inertial is not None:
+            at = poses[link.get("name", "")].then(_origin(inertial, path))
+            mass = number_of(attribute(inertial, "mass", "value"), path)
+            parts.append((mass, at.position, _turned(_inertia(inertial, path), at.rotation)))
+    mass = sum(part[0] for part in parts)
+    if mass <= 0.0:
+        raise ConfigError(f"{path}: no link has a mass")
+    centre = [sum(part[0] * part[1][axis] for part in parts) / mass for axis in range(3)]
+    inertia = square([0.0] * 3, 3)
+    for part_mass, position, own in parts:
+        lever = cross_matrix([a - b for a, b in zip(position, centre, strict=True)])
+        inertia = total(total(inertia, own), product(lever, lever), -part_mass)  # parallel axes
+    return {"mass": mass, "center_of_gravity": to_frd(centre), "inertia": to_frd_matrix(inertia)}
+
+
+def _inertia(inertial: Element, path: str) -> Matrix:
+    xx, yy, zz, xy, xz, yz = (
+        number_of(attribute(inertial, "inertia", f"i{key}", "0"), path) for key in ("xx", "yy", "zz", "xy", "xz", "yz")
+    )
+    return [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]
+
+
+def _turned(inertia: Matrix, rotation: Matrix) -> Matrix:
+    return product(product(rotation, inertia), transpose(rotation))
+
+
+def _thrusters(robot: Element, poses: dict[str, Pose], path: str, notes: list[str]) -> list[dict[str, Any]]:
+    """A thruster for each thruster plugin; failing those, for each turning joint of a link called so."""
+    joints = {joint.get("name", ""): joint for joint in robot.findall("joint")}
+    found = []
+    for plugin in robot.iter("plugin"):
+        name = child_text(plugin, "jointName", "joint_name")
+        if "thruster" not in plugin.get("filename", "") or not name:
+            continue
+        if name not in joints:
+            raise ConfigError(f"{path}: a thruster plugin names the joint {name!r}, which is not there")
+        found.append(_thruster_pose(joints[name], poses, path) | _thruster_limits(plugin, path))
+    if not found:
+        turning = [joint for joint in joints.values() if joint.get("type") == "continuous"]
+        named = [joint for joint in turning if "thruster" in _target(joint, "child")]
+        found = [_thruster_pose(joint, poses, path) for joint in named]
+        notes += ["No thruster plugin: every turning joint of a link named thruster is one."] if found else []
+    return found
+
+
+def _thruster_pose(joint: Element, poses: dict[str, Pose], path: str) -> dict[str, Any]:
+    pose = poses.get(_target(joint, "child"))
+    if pose is None:
+        raise ConfigError(f"{path}: the link {_target(joint, 'child')!r} of a thruster is not there")
+    axis = numbers_of(attribute(joint, "axis", "xyz", "1 0 0"), path, 3)
+    return {
+        "name": plain(_target(joint, "child").rsplit("/", 1)[-1]),
+        "position": to_frd(pose.position),
+        "direction": to_frd(pose.turn(tuple(axis))),
+    }
+
+
+def _thruster_limits(plugin: Element, path: str) -> dict[str, float]:
+    most, least = child_text(plugin, "thrust_max", "max_thrust_cmd"), child_text(plugin, "thrust_min", "min_thrust_cmd")
+    lag = plugin.findtext("dynamics/timeConstant")
+    found = {"max_forward": most, "max_reverse": least, "time_constant": lag}
+    return {key: abs(number_of(text, path)) for key, text in found.items() if text is not None}
+
+
+def _water(robot: Element, path: str) -> dict[str, Any]:
+    """What the tags of a simulator say of volume, box, added mass and damping."""
+    found: dict[str, Any] = {}
+    for inertial in robot.iter("inertial"):
+        added = inertial.find("fluid_added_mass")
+        if added is not None:
+            found["added_mass"] = to_frd_matrix(_fluid_added_mass(added, path))
+    for element in robot.iter():
+        if element.tag == "hydrodynamics" or "hydrodynamics" in element.get("filename", ""):
+            found = _gazebo_water(element, path) | found
+        elif element.tag == "link" and element.find("hydrodynamic_model") is not None:
+            found |= _uuv_water(element, path)
+    return found
+
+
+def _fluid_added_mass(added: Element, path: str) -> Matrix:
+    """SDFormat 1.10: the upper triangle as <xx> <xy> ... <rr>, positive."""
+
+    def entry(i: int, j: int) -> float:
+        return number_of(added.findtext(_ADDED[min(i, j)] + _ADDED[max(i, j)]) or "0", path)
+
+    return [[entry(i, j) for j in range(6)] for i in range(6)]
+
+
+def _gazebo_water(element: Element, path: str) -> dict[str, Any]:
+    """Stability derivatives by Fossen's names, negative where they brake; a kind not there at all is left out."""
+    forms = {"added_mass": "{0}Dot{1}", "linear_damping": "{0}{1}", "quadratic_damping": "{0}{1}abs{1}"}
+    found = {}
+    for key, form in forms.items():
+        texts = [[element.findtext(form.format(row, column)) for column in _COLUMNS] for row in _ROWS]
+        if any(text is not None for row in texts for text in row):
+            found[key] = to_frd_matrix([[-number_of(text or "0", path) for text in row] for row in texts])
+    return found
+
+
+def _uuv_water(link: Element, path: str) -> dict[str, Any]:
+    """uuv_simulator: added mass positive, damping negative, each as 6 or 36 numbers."""
+    model = link.find("hydrodynamic_model")
+    found: dict[str, Any] = {}
+    for key, sign in (("added_mass", 1.0), ("linear_damping", -1.0), ("quadratic_damping", -1.0)):
+        text = model.findtext(key) if model is not None else None
+        if text is not None:
+            numbers = [sign * number for number in numbers_of(text, path, 6, 36)]
+            found[key] = to_frd_matrix(square(numbers, 6))
+    box = [link.findtext(f"box/{side}") for side in ("length", "width", "height")]
+    if None not in box:
+        found["dimensions"] = [number_of(text or "", path) for text in box]
+    volume, centre = link.findtext("volume"), link.findtext("center_of_buoyancy")
+    if volume is not None:
+        found["volume"] = number_of(volume, path)
+    if centre is not None:
+        found["center_of_buoyancy"] = to_frd(numbers_of(centre, path, 3))
+    found["neutral"] = (link.findtext("neutrally_buoyant") or "0").strip() in ("1", "true")
+    return found
+
+
+def _refuse_missing(table: dict[str, Any], path: str) -> None:
+    missing = [key for key in _REQUIRED if key not in table]
+    if not table["thrusters"]:
+        missing.append("[[thrusters]]")
+    limits = [key for key in ("max_forward", "max_reverse") if any(key not in t for t in table["thrusters"])]
+    missing += [f"[every_thruster] {key}" for key in limits]
+    if missing:
+        raise ConfigError(f"{path}: does not say {', '.join(missing)}: write them in a TOML file and --add it")
+
+
+def _origin(element: Element, path: str) -> Pose:
+    roll, pitch, yaw = numbers_of(attribute(element, "origin", "rpy", "0 0 0"), path, 3)
+    cr, sr, cp, sp, cy, sy = cos(roll), sin(roll), cos(pitch), sin(pitch), cos(yaw), sin(yaw)
+    rotation = [
+        [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
+        [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
+        [-sp, cp * sr, cp * cr],
+    ]
+    return Pose(rotation, tuple(numbers_of(attribute(element, "origin", "xyz", "0 0 0"), path, 3)))
+
+
+def _target(joint: Element, side: str) -> str:
+    return attribute(joint, side, "link")
