@@ -1,7 +1,7 @@
 """The scenario file: what is flown, where, over which link, by whom."""
 
 import os
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
 from hil.clock import seconds_ns
 from hil.errors import ConfigError
@@ -10,6 +10,9 @@ from hil.tables import read_table
 from sim.simulation import SensorSuite, Simulation
 from sim.vehicle import Vehicle
 from sim.world import World
+
+if TYPE_CHECKING:
+    from sim.failures import Failure
 
 SCENARIOS = "hil/scenarios"
 VECTOR_M = tuple[Annotated[float, Range(-1e5, 1e5, "m")], Annotated[float, Range(-1e5, 1e5, "m")]]
@@ -83,7 +86,7 @@ class Scenario(NamedTuple):
 
     stm32: "python" inside the slave, "process" the same firmware in a process of its own, "device" a
     real one on a UART. controller: "builtin", or "external": the link's host end is left to the user's
-    own vehicle software.
+    own vehicle software. Each [[failure]] is one of a thruster, at its time.
     """
 
     vehicle: str
@@ -97,6 +100,7 @@ class Scenario(NamedTuple):
     link: Link = Link()
     start: Start = Start()
     sensors: SensorSuite = SensorSuite()
+    failure: "tuple[Failure, ...]" = ()
 
     def problem(self) -> str | None:
         """The words that do not go together."""
@@ -130,9 +134,24 @@ def load_scenario(name: str, changes: dict[str, Any] | None = None) -> Scenario:
     table = read_table(path)
     for key, value in (changes or {}).items():
         _change(table, key, value, path)
+    failures = table.pop("failure", ())
     scenario = parse(table, Scenario, path)
     folder = os.path.dirname(path)
-    return scenario._replace(vehicle=_relative(scenario.vehicle, folder), world=_relative(scenario.world, folder))
+    return scenario._replace(
+        vehicle=_relative(scenario.vehicle, folder),
+        world=_relative(scenario.world, folder),
+        failure=_failures(failures, path),
+    )
+
+
+def _failures(tables: Any, path: str) -> "tuple[Failure, ...]":
+    if not tables:
+        return ()
+    from sim.failures import Failure  # most runs do without, and start sooner
+
+    if not isinstance(tables, list):
+        raise ConfigError(f"{path}: failure: expected tables, each under [[failure]]")
+    return tuple(parse(table, Failure, f"{path}: failure[{i}]") for i, table in enumerate(tables))
 
 
 def _change(table: dict[str, Any], key: str, value: Any, path: str) -> None:
@@ -155,6 +174,7 @@ def build_simulation(scenario: Scenario, vehicle: Vehicle, world: World) -> Simu
         seconds_ns(scenario.slave.step),
         (start.north, start.east, start.depth),
         start.heading,
+        failures=scenario.failure,
     )
 
 

@@ -7,17 +7,19 @@ from hil.errors import ConfigError
 from sim.contact import Contact, starts_inside
 from sim.dynamics import Integrator, State
 from sim.native import make_dynamics
-from sim.rotations import from_euler
+from sim.rotations import from_euler, rotate_inverse
 from sim.sensors.dvl import Dvl, DvlModel
 from sim.sensors.imu import Imu, ImuModel
 from sim.sensors.odometry import GroundTruth, GroundTruthModel, Odometry, OdometryModel, ground_truth
 from sim.sensors.pressure import Pressure, PressureModel
 from sim.sensors.samples import DVL, GROUND_TRUTH, IMU, ODOMETRY, PRESSURE, OdometrySample, Sample, Sensor
-from sim.thrusters import ThrusterSet
+from sim.thrusters import make_thrusters
 from sim.vehicle import Vehicle
 from sim.world import World
 
 if TYPE_CHECKING:
+    from sim.battery import BatteryState
+    from sim.failures import Failure
     from sim.water import MovingWater
 
 DT_NS = 2_500_000  # 400 Hz
@@ -38,7 +40,8 @@ class Simulation:
 
     The same arguments and the same pulses give the same numbers to the last bit. `dt_ns` is how much
     each step advances; a sensor cannot be faster. `contacts` counts the touches of seabed and obstacles,
-    `touching` tells of the last step. Raises ConfigError if the vehicle would start inside something.
+    `touching` tells of the last step. `failures` are what befalls the thrusters, and when. Raises ConfigError
+    if the vehicle would start inside something, or has not the thruster that fails.
     """
 
     def __init__(
@@ -51,6 +54,7 @@ class Simulation:
         position: Sequence[float] = (0.0, 0.0, 0.0),
         heading: float = 0.0,
         integrator: Integrator = "semi_implicit_euler",
+        failures: "Sequence[Failure]" = (),
     ) -> None:
         if starts_inside(vehicle, world, position):
             at = ", ".join(f"{x:g}" for x in position)
@@ -64,7 +68,8 @@ class Simulation:
         self._dt_ns = dt_ns
         self._dt = dt_ns * 1e-9
         self._dynamics = make_dynamics(vehicle, world.density, world.gravity, integrator)
-        self._thrusters = ThrusterSet(vehicle, self._dt)
+        self._thrusters = make_thrusters(vehicle, self._dt, failures, seed)
+        self._flow: Sequence[float] = world.current
         self._contact = Contact(vehicle, world, self._dynamics.inverse_mass)
         self._water = _moving_water(vehicle, world, seed)
         self._schedule = [_Slot(topic, sensor, dt_ns) for topic, sensor in _sensors(sensors, world, seed)]
@@ -85,6 +90,18 @@ class Simulation:
         """The present thrust of each thruster in N."""
         return self._thrusters.thrusts
 
+    @property
+    def battery(self) -> "BatteryState | None":
+        """What a battery monitor would read now; None if the vehicle has none."""
+        return self._thrusters.battery
+
+    def fail(self, *failures: "Failure") -> None:
+        """Let thrusters fail, each at its time; one whose time has passed fails with the next step.
+
+        Raises ConfigError for an unknown thruster.
+        """
+        self._thrusters.fail(failures)
+
     def truth(self) -> OdometrySample:
         """Where the vehicle really is, now."""
         return ground_truth(self.time_ns, self.state)
@@ -92,16 +109,27 @@ class Simulation:
     def step(self, pwm_us: Sequence[int]) -> list[tuple[str, Sample]]:
         """Advance by one step under these pulses (us, one a thruster); the samples that fell due, by topic."""
         state = self.state
-        wrench: Sequence[float] = self._thrusters.step(pwm_us)
+        wrench: Sequence[float] = self._push(pwm_us)
         current = self.world.current
         if self._water is not None:
             current, wrench = self._water.act(self.time_ns, state, wrench)
+            self._flow = current
         before = state.nu
         self._dynamics.step(state, wrench, current, self._dt)
         if self._contact.resolve(state):
             state.nu_dot = [(new - old) / self._dt for new, old in zip(state.nu, before, strict=True)]
         self.time_ns += self._dt_ns
         return self._samples() if self.time_ns >= self._next_due_ns else []
+
+    def _push(self, pwm_us: Sequence[int]) -> Sequence[float]:
+        """The wrench of the thrusters, which meet the water as it flowed a step ago."""
+        thrusters, state = self._thrusters, self.state
+        if not thrusters.feels_water:
+            return thrusters.step(pwm_us)
+        water = rotate_inverse(state.quaternion, self._flow)
+        return thrusters.step(
+            pwm_us, [speed - flow for speed, flow in zip(state.nu, (*water, 0.0, 0.0, 0.0), strict=True)]
+        )
 
     def _samples(self) -> list[tuple[str, Sample]]:
         now, state = self.time_ns, self.state

@@ -1,33 +1,38 @@
 """From pulse widths to thrust, and from the thrust of all thrusters to one wrench on the vehicle."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from math import exp, sqrt
+from typing import TYPE_CHECKING
 
 from hil.errors import ConfigError
 from sim.matrices import Matrix
-from sim.vehicle import Thruster, Vehicle
+from sim.thruster_model import Thruster
+from sim.vehicle import Vehicle
+
+if TYPE_CHECKING:
+    from sim.battery import BatteryState
+    from sim.failures import Failure, Failures
 
 # A pulse outside is no pulse: the motor controller stops the motor. 0 stands for "output off".
 PULSE_MIN_US, PULSE_MAX_US = 800, 2200
+
+AT_REST = (0.0,) * 6
 
 
 def steady_thrust(thruster: Thruster, pwm_us: int) -> float:
     """The thrust in N that a pulse of `pwm_us` microseconds settles at; negative is reverse.
 
-    Beyond the dead band the deflection x runs from 0 to 1 at the end of the pulse range, and thrust is
-    (k x + (1 - k) x²) of the maximum, k = `linear_share`. Pulses beyond the range count as its end;
-    outside 800..2200 us there is no thrust.
+    Without a curve of its own: beyond the dead band the deflection x runs from 0 to 1 at the end of the pulse
+    range, and thrust is (k x + (1 - k) x²) of the maximum, k = `linear_share`. Pulses beyond the range count as
+    its end; outside 800..2200 us there is no thrust.
     """
     if not PULSE_MIN_US <= pwm_us <= PULSE_MAX_US:
         return 0.0
-    offset = pwm_us - thruster.pwm_neutral_us
-    beyond = abs(offset) - thruster.dead_band_us
-    if beyond <= 0.0:
-        return 0.0
-    span, limit, sign = _side(thruster, forward=offset > 0)
-    x = min(1.0, beyond / span)
+    if thruster.curve is not None:
+        return thruster.clamp(thruster.curve.thrust(thruster, pwm_us))
+    x = thruster.deflection(pwm_us)
     share = thruster.linear_share
-    return sign * limit * x * (share + (1.0 - share) * x)
+    return (thruster.max_forward if x > 0.0 else thruster.max_reverse) * x * (share + (1.0 - share) * abs(x))
 
 
 def pwm_for(thruster: Thruster, thrust: float) -> int:
@@ -38,18 +43,12 @@ def pwm_for(thruster: Thruster, thrust: float) -> int:
     """
     if thrust == 0.0:
         return thruster.pwm_neutral_us
-    span, limit, sign = _side(thruster, forward=thrust > 0.0)
-    y = min(1.0, abs(thrust) / limit)
+    if thruster.curve is not None:
+        return thruster.curve.pulse(thruster, thruster.clamp(thrust))
+    y = min(1.0, abs(thrust) / (thruster.max_forward if thrust > 0.0 else thruster.max_reverse))
     share = thruster.linear_share
     x = 2.0 * y / (share + sqrt(share * share + 4.0 * (1.0 - share) * y))  # the root that stays exact for share 1
-    return round(thruster.pwm_neutral_us + sign * (thruster.dead_band_us + x * span))
-
-
-def _side(thruster: Thruster, forward: bool) -> tuple[float, float, float]:
-    """Width of the driven pulse range in us, greatest thrust in N, and sign of one side."""
-    if forward:
-        return thruster.pwm_max_us - thruster.pwm_neutral_us - thruster.dead_band_us, thruster.max_forward, 1.0
-    return thruster.pwm_neutral_us - thruster.pwm_min_us - thruster.dead_band_us, thruster.max_reverse, -1.0
+    return thruster.pulse_at(x if thrust > 0.0 else -x)
 
 
 def wrench_matrix(vehicle: Vehicle) -> Matrix:
@@ -66,30 +65,59 @@ def wrench_matrix(vehicle: Vehicle) -> Matrix:
 
 
 class ThrusterSet:
-    """All thrusters of a vehicle: each follows its steady thrust with its time constant.
+    """All thrusters of a vehicle: each follows its steady thrust with its time constant, and may fail.
 
     The lag is first order in thrust and solved exactly for a pulse that holds during the step, so it does
-    not depend on the step's length. `thrusts` holds the present thrust of each in N.
+    not depend on the step's length. `thrusts` holds the present thrust of each in N. `make_thrusters` gives
+    one that knows the models of the vehicle.
     """
 
-    def __init__(self, vehicle: Vehicle, dt: float) -> None:
+    feels_water = False  # True if `step` needs the speed through the water
+
+    def __init__(self, vehicle: Vehicle, dt: float, seed: int = 0) -> None:
         self._thrusters = vehicle.thrusters
         self._columns = list(zip(*wrench_matrix(vehicle), strict=True))
+        self._dt = dt
+        self._seed = seed
         self._gains = [1.0 - exp(-dt / t.time_constant) if t.time_constant else 1.0 for t in vehicle.thrusters]
         self._pwm_us: tuple[int, ...] = ()
         self._targets = [0.0] * len(self._thrusters)
-        self.thrusts = [0.0] * len(self._thrusters)
+        self._lagged = self.thrusts = [0.0] * len(self._thrusters)
+        self._failures: Failures | None = None
+        self._steps = 0
 
-    def step(self, pwm_us: Sequence[int]) -> tuple[float, float, float, float, float, float]:
+    @property
+    def battery(self) -> "BatteryState | None":
+        """The battery's state; None if there is none."""
+        return None
+
+    def fail(self, failures: "Iterable[Failure]") -> None:
+        """Plan these failures, by their time since the first step. Raises ConfigError for an unknown thruster."""
+        if self._failures is None:
+            from sim.failures import Failures
+
+            names = [thruster.name for thruster in self._thrusters]
+            self._failures = Failures(names, self._dt, self._seed, self._steps, self._pwm_us)
+        self._failures.add(failures)
+
+    def step(
+        self, pwm_us: Sequence[int], nu_r: Sequence[float] = AT_REST
+    ) -> tuple[float, float, float, float, float, float]:
         """One step of `dt` with these pulses (us, one a thruster): the wrench X Y Z (N) K M N (N m) at its end.
 
-        Raises ConfigError if there is not one pulse a thruster.
+        `nu_r` is the velocity through the water u v w (m/s) p q r (rad/s) along the body axes; only a set that
+        `feels_water` looks at it. Raises ConfigError if there is not one pulse a thruster.
         """
         pulses = tuple(pwm_us)
+        self._steps += 1
+        failures = self._failures
+        if failures is not None:
+            pulses = failures.pulses(pulses)
         if pulses != self._pwm_us:
             self._command(pulses)
-        rows = zip(self.thrusts, self._targets, self._gains, strict=True)
-        self.thrusts = [thrust + gain * (target - thrust) for thrust, target, gain in rows]
+        self._lagged = self.thrusts = self._follow(nu_r)
+        if failures is not None:
+            self.thrusts = failures.thrusts(self._lagged)
         x = y = z = k = m = n = 0.0
         for thrust, (cx, cy, cz, ck, cm, cn) in zip(self.thrusts, self._columns, strict=True):
             x += cx * thrust
@@ -100,6 +128,11 @@ class ThrusterSet:
             n += cn * thrust
         return x, y, z, k, m, n
 
+    def _follow(self, nu_r: Sequence[float]) -> list[float]:
+        """The thrusts (N) at the end of the step, before failures."""
+        rows = zip(self._lagged, self._targets, self._gains, strict=True)
+        return [thrust + gain * (target - thrust) for thrust, target, gain in rows]
+
     def _command(self, pwm_us: tuple[int, ...]) -> None:
         if len(pwm_us) != len(self._thrusters):
             raise ConfigError(
@@ -109,3 +142,20 @@ class ThrusterSet:
             steady_thrust(thruster, pulse) for thruster, pulse in zip(self._thrusters, pwm_us, strict=True)
         ]
         self._pwm_us = pwm_us
+
+
+def make_thrusters(vehicle: Vehicle, dt: float, failures: "Iterable[Failure]" = (), seed: int = 0) -> ThrusterSet:
+    """The thrusters of `vehicle`, stepped every `dt` s, with these failures planned. Raises ConfigError.
+
+    Models beyond a lagged quadratic curve are loaded only for a vehicle that has one.
+    """
+    if vehicle.battery or any(t.curve or t.dynamics for t in vehicle.thrusters):
+        from sim.propulsion import Propulsion
+
+        thrusters: ThrusterSet = Propulsion(vehicle, dt, seed)
+    else:
+        thrusters = ThrusterSet(vehicle, dt, seed)
+    planned = tuple(failures)
+    if planned:
+        thrusters.fail(planned)
+    return thrusters

@@ -4,57 +4,21 @@ Every length is from the body origin along the body axes (x forward, y starboard
 damping are about that origin and written positive: the force is minus coefficient times velocity.
 """
 
-from typing import Annotated, Any, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 from hil.schema import Range, find_preset, parse
 from hil.tables import read_table
 from sim.matrices import Matrix, cross_matrix, is_positive_definite, is_symmetric, product, square, total, transpose
+from sim.thruster_model import Point, Thruster, with_models
 
-Metres = Annotated[float, Range(-50.0, 50.0, "m")]
-Point = tuple[Metres, Metres, Metres]
+if TYPE_CHECKING:
+    from sim.battery import Battery
+
+__all__ = ["Point", "Thruster", "Vehicle", "displaced_volume", "load_vehicle", "mass_matrix", "rigid_mass_matrix"]
+
 Size = Annotated[float, Range(0.01, 50.0, "m")]
-Pulse = Annotated[int, Range(800, 2200)]
 
 MAX_THRUSTERS = 16
-
-
-class Thruster(NamedTuple):
-    """One thruster: where it sits, which way it pushes and how a pulse becomes thrust.
-
-    `direction` is that of positive thrust, of any length; `unit_direction` has length 1. Thrust grows
-    from the edge of the dead band (`dead_band_us` each side of neutral) to `max_forward` at
-    `pwm_max_us` and `max_reverse` (both positive) at `pwm_min_us`, a share `linear_share` of it in
-    proportion to the pulse and the rest with its square. `time_constant` is the lag of the thrust.
-    Not modelled: loss of thrust with speed through the water, reaction torque, supply voltage.
-    """
-
-    name: str
-    position: Point
-    direction: tuple[float, float, float]
-    max_forward: Annotated[float, Range(1e-3, 1e5, "N")]
-    max_reverse: Annotated[float, Range(1e-3, 1e5, "N")]
-    dead_band_us: Annotated[float, Range(0.0, 300.0)] = 0.0
-    linear_share: Annotated[float, Range(0.0, 1.0)] = 0.0
-    time_constant: Annotated[float, Range(0.0, 10.0, "s")] = 0.0
-    pwm_neutral_us: Pulse = 1500
-    pwm_min_us: Pulse = 1100
-    pwm_max_us: Pulse = 1900
-
-    @property
-    def unit_direction(self) -> tuple[float, float, float]:
-        """The direction of positive thrust with length 1."""
-        x, y, z = self.direction
-        length = (x * x + y * y + z * z) ** 0.5
-        return x / length, y / length, z / length
-
-    def problem(self) -> str | None:
-        """What is wrong between the keys, if anything."""
-        if not any(self.direction):
-            return f"thruster {self.name!r}: direction is zero"
-        low, high = self.pwm_min_us + self.dead_band_us, self.pwm_max_us - self.dead_band_us
-        if not low < self.pwm_neutral_us < high:
-            return f"thruster {self.name!r}: neutral and dead band leave no pulse to drive it both ways"
-        return None
 
 
 class Vehicle(NamedTuple):
@@ -65,6 +29,7 @@ class Vehicle(NamedTuple):
     `inertia` is about the centre of gravity, kg m²: three diagonal numbers, or all nine row after row.
     `added_mass` (kg, kg m, kg m²), `linear_damping` (N s/m ...) and `quadratic_damping` (N s²/m² ...):
     six diagonal numbers for surge, sway, heave, roll, pitch, yaw, or all 36 row after row.
+    `battery` feeds those thrusters whose curve knows its current (sim/battery.py); without one their supply holds.
     """
 
     name: str
@@ -80,6 +45,7 @@ class Vehicle(NamedTuple):
     thrusters: tuple[Thruster, ...]
     center_of_gravity: Point = (0.0, 0.0, 0.0)
     neutrally_buoyant: bool = False
+    battery: "Battery | None" = None
 
     def problem(self) -> str | None:
         """What is wrong between the keys, if anything."""
@@ -124,10 +90,27 @@ def load_vehicle(name_or_path: str) -> tuple[Vehicle, dict[str, Any]]:
     path = find_preset("sim/vehicles", name_or_path)
     table = read_table(path)
     control = table.pop("control", {})
-    common = table.pop("every_thruster", {})
-    if common and isinstance(table.get("thrusters"), list):
-        table["thrusters"] = [{**common, **thruster} for thruster in table["thrusters"]]
-    return parse(table, Vehicle, path), control
+    battery = table.pop("battery", None)
+    rows = _thruster_rows(table)
+    models: list[dict[str, Any]] = [{key: row.pop(key) for key in ("curve", "dynamics") if key in row} for row in rows]
+    vehicle = parse(table, Vehicle, path)
+    if any(models):
+        named = zip(vehicle.thrusters, models, strict=True)
+        vehicle = vehicle._replace(thrusters=tuple([with_models(t, m, f"{path}: {t.name}") for t, m in named]))
+    if battery is not None:
+        from sim.battery import with_battery  # most vehicles do without
+
+        vehicle = with_battery(vehicle, battery, path)
+    return vehicle, control
+
+
+def _thruster_rows(table: dict[str, Any]) -> list[dict[str, Any]]:
+    """The tables of the thrusters, each with what all have in common; put back into `table`."""
+    common, rows = table.pop("every_thruster", {}), table.get("thrusters")
+    if not (isinstance(rows, list) and isinstance(common, dict) and all(isinstance(row, dict) for row in rows)):
+        return []  # parse says what is wrong
+    table["thrusters"] = rows = [{**common, **row} for row in rows]
+    return rows
 
 
 def rigid_mass_matrix(vehicle: Vehicle) -> Matrix:

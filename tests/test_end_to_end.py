@@ -194,6 +194,23 @@ def test_the_master_survives_a_slave_that_comes_back(tmp_path: Path) -> None:
             assert master.wait(60) == 0, master.output
 
 
+def test_a_thruster_that_fails(tmp_path: Path) -> None:
+    scenario, _ = write_scenario(tmp_path)
+    whole = scenario.read_text()
+    scenario.write_text(whole + '\n[[failure]]\nthruster = "front_left"\nkind = "off"\ntime = 1\n')
+    with Program(tmp_path, "sim", scenario) as lame:
+        lame.wait(60)
+    scenario.write_text(whole)
+    with Program(tmp_path, "sim", scenario) as sound:
+        assert sound.wait(60) == 0
+    assert lame.output.splitlines()[-1] != sound.output.splitlines()[-1]
+    scenario.write_text(whole + '\n[[failure]]\nthruster = "front_lft"\nkind = "off"\ntime = 1\n')
+    with Program(tmp_path, "sim", scenario) as wrong:
+        assert wrong.wait() == 2
+    assert "front_left" in wrong.output
+    assert "Traceback" not in wrong.output
+
+
 def test_a_goal_that_cannot_be_reached(tmp_path: Path) -> None:
     scenario, _ = write_scenario(tmp_path)
     scenario.write_text(scenario.read_text().replace("goal = [8, 7]", "goal = [80, 7]"))
