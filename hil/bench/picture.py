@@ -4,20 +4,14 @@ import csv
 import os
 from typing import Any
 
+from hil.bench.plotting import pyplot
 from hil.config import Scenario
-from hil.errors import MissingExtraError
 from hil.master.planner import Plan
 
 
 def draw(folder: str, scenario: Scenario, plan: Plan) -> str:
     """Draw `track.csv` of a run's folder as `trajectory.png`; its path. Raises MissingExtraError."""
-    try:
-        import matplotlib as mpl
-    except ImportError:
-        raise MissingExtraError("the picture needs matplotlib: pip install 'uuv-hil[master]'") from None
-    mpl.use("Agg")
-    import matplotlib.pyplot as plt
-
+    plt = pyplot()
     with open(os.path.join(folder, "track.csv"), newline="") as file:
         rows = [{key: float(value) for key, value in row.items()} for row in csv.DictReader(file)]
     figure, (field, depth, speed) = plt.subplots(3, 1, figsize=(8, 11), height_ratios=(6, 1, 1), layout="constrained")

@@ -3,7 +3,8 @@
 import os
 from typing import Any, NamedTuple
 
-from hil.errors import ConfigError, MissingExtraError
+from hil.bench.plotting import pyplot
+from hil.errors import ConfigError
 from sim.terminal_speed import Reach
 from sim.vehicle import Vehicle
 
@@ -34,13 +35,7 @@ VIEWS = (
 
 def draw(vehicle: Vehicle, found: tuple[Reach, ...], path: str) -> None:
     """Draw `vehicle` and what it can do into the image file `path`. Raises MissingExtraError, ConfigError."""
-    try:
-        import matplotlib as mpl
-    except ImportError:
-        raise MissingExtraError("the picture needs matplotlib: pip install 'uuv-hil[master]'") from None
-    mpl.use("Agg")
-    import matplotlib.pyplot as plt
-
+    plt = pyplot()
     figure, axes = plt.subplots(2, 2, figsize=(12, 10), layout="constrained")
     try:
         for view, place in zip(VIEWS, axes.flat, strict=False):

@@ -3,13 +3,11 @@
 import sys
 import time
 
-from hil.autonomy.control import Gains
 from hil.clock import NS_PER_S, seconds_ns
 from hil.commands.parser import new_parser
 from hil.config import Scenario, build_simulation, load_scenario
 from hil.master.planner import Navigator, Outcome, Plan, prepare, require_success
-from hil.schema import parse
-from hil.slave.pilot import Pilot
+from hil.slave.pilot import build_pilot
 from sim.sensors.samples import ODOMETRY, OdometrySample
 from sim.simulation import Simulation
 from sim.vehicle import load_vehicle
@@ -60,8 +58,7 @@ def fly(scenario: Scenario, plan: Plan, show: bool = False) -> tuple[Outcome, st
     vehicle, control = load_vehicle(scenario.vehicle)
     world = load_world(scenario.world)
     simulation = build_simulation(scenario, vehicle, world)
-    gains = parse(control, Gains, f"{scenario.vehicle}: control")
-    pilot = Pilot(vehicle, gains, world.density * world.gravity, seconds_ns(scenario.slave.deadman))
+    pilot = build_pilot(scenario, vehicle, control, world)
     navigator = Navigator(scenario, plan)
     control_ns, command_ns = seconds_ns(scenario.slave.control_period), seconds_ns(scenario.master.command_period)
     pulses, _ = pilot.update(0, scenario.slave.control_period)

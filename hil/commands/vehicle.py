@@ -5,6 +5,7 @@ import json
 from typing import Any
 
 from hil.autonomy.allocation import pseudo_inverse
+from hil.commands.parser import new_parser
 from hil.errors import ConfigError
 from hil.schema import preset_names
 from sim.matrices import Matrix, square
@@ -47,12 +48,7 @@ def main(arguments: list[str]) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog="uuv-hil vehicle",
-        description=__doc__,
-        epilog=EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+    parser = new_parser("vehicle", __doc__, EXAMPLES)
     parser.add_argument("vehicle", metavar="NAME|FILE", nargs="?", help="a preset, or a .toml file")
     parser.add_argument("--picture", metavar="FILE.png", help="draw it from three sides, with its top speeds")
     parser.add_argument("--json", action="store_true", help="everything as one JSON object")

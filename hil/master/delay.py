@@ -70,10 +70,10 @@ class DelayMeter:
         best = min(self._samples, key=lambda sample: sample.round_trip_ns)
         return best.offset_ns, best.round_trip_ns // 2
 
-    def totals_ns(self) -> list[int]:
-        """Publish to applied, one a command, by one clock."""
+    def totals_ns(self, newest: int = 0) -> list[int]:
+        """Publish to applied, one a command, by one clock; of the `newest` commands only (0: of all)."""
         offset, _ = self.offset_ns()
-        return [sample.total_ns - offset for sample in self._samples]
+        return [sample.total_ns - offset for sample in self._samples[-newest:]]
 
     def hop_ns(self, hop: int) -> list[int]:
         """One hop of `HOPS`, one value a command."""

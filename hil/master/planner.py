@@ -19,8 +19,9 @@ Point = tuple[float, float]
 
 
 class Plan(NamedTuple):
-    """The map the planner used, the way it found (north, east in m), and what finding it took (s)."""
+    """The map the planner made of the world, the way it found (north, east in m), and what finding it took (s)."""
 
+    world: World
     grid: OccupancyGrid
     path: list[Point]
     clearance: float
@@ -54,7 +55,7 @@ def make_plan(scenario: Scenario, vehicle: Vehicle, world: World) -> Plan:
     start = (scenario.start.north, scenario.start.east)
     inflated = grid.inflate(clearance)
     path = smooth(inflated, plan(inflated, start, master.goal))
-    return Plan(grid, path, clearance, time.monotonic() - began)
+    return Plan(world, grid, path, clearance, time.monotonic() - began)
 
 
 class Navigator:
@@ -63,7 +64,7 @@ class Navigator:
     def __init__(self, scenario: Scenario, plan: Plan) -> None:
         self._master = scenario.master
         self._plan = plan
-        self._world = load_world(scenario.world)
+        self._world = plan.world
         self._pursuit = PurePursuit(
             plan.path, lookahead=self._master.lookahead, speed=self._master.speed, tolerance=self._master.tolerance
         )

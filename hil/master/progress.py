@@ -61,7 +61,7 @@ class Progress:
 def _line(elapsed: float, truth: OdometrySample, share: float, client: VehicleClient) -> str:
     north, east, depth = truth.position
     health = client.diagnostics()
-    totals = client.delays.totals_ns()[-100:]
+    totals = client.delays.totals_ns(newest=100)
     delay = f"{quantiles(totals).p50_ms:.2f} ms" if totals else "-"
     errors = int(health.get("link_checksum_errors", 0)) + int(health.get("link_malformed", 0))
     frames = f"{health.get('link_messages_out', '-')} out {health.get('link_messages_in', '-')} in {errors} bad"

@@ -7,15 +7,13 @@ from contextlib import ExitStack
 
 from boards import Board, detect
 from hil import clock
-from hil.autonomy.control import Gains
 from hil.clock import now_ns, seconds_ns, to_wall_ns
 from hil.config import Scenario, build_simulation
-from hil.schema import parse
 from hil.slave.inbox import Inbox
 from hil.slave.log import Log
 from hil.slave.loop import Loop
 from hil.slave.outbox import Outbox
-from hil.slave.pilot import Pilot
+from hil.slave.pilot import build_pilot
 from hil.slave.stm32 import open_driver, stop_thrusters
 from hil.stop import StopSignals
 from hil.transport.session import Listening
@@ -85,9 +83,7 @@ def _assemble(
     outbox = Outbox(session, slave.node, to_wall_ns(now_ns()) - simulation.time_ns)
     pilot = None
     if builtin:
-        gains = parse(control, Gains, f"{scenario.vehicle}: control")
-        water = world.density * world.gravity
-        pilot = Pilot(vehicle, gains, water, seconds_ns(slave.deadman))
+        pilot = build_pilot(scenario, vehicle, control, world)
         session.subscribe(slave.node, "cmd_vel", inbox.deliver, depth=8)
     steps = seconds_ns(slave.step), seconds_ns(slave.control_period)
     return Loop(simulation, driver, pilot, inbox, outbox, *steps, report)

@@ -4,12 +4,22 @@ from typing import Any
 
 from hil.autonomy.allocation import Allocator
 from hil.autonomy.control import NO_RESIDUAL, CascadedController, Gains, Navigation, VelocityCommand
+from hil.clock import seconds_ns
+from hil.config import Scenario
 from hil.links.contract import PWM_NEUTRAL_US, ThrusterCommand
+from hil.schema import parse
 from sim.thrusters import pwm_for, wrench_matrix
 from sim.vehicle import Vehicle, mass_matrix
+from sim.world import World
 
 # An isothermal column of water: pressure to depth with the vehicle's own constants, as a real pilot has.
 ATMOSPHERE_PA = 101_325.0
+
+
+def build_pilot(scenario: Scenario, vehicle: Vehicle, control: dict[str, Any], world: World) -> "Pilot":
+    """The pilot of a scenario; `control` is the vehicle file's [control] table. Raises ConfigError."""
+    gains = parse(control, Gains, f"{scenario.vehicle}: control")
+    return Pilot(vehicle, gains, world.density * world.gravity, seconds_ns(scenario.slave.deadman))
 
 
 class Pilot:
