@@ -133,8 +133,8 @@ class Stm32End:
 
     @property
     def deadline_ns(self) -> int:
-        """When `service` has to be called even if no byte came: watchdog or telemetry."""
-        return self.stm32.deadline_ns
+        """When `service` has to be called even if no byte came: watchdog, telemetry, or the protocol's own."""
+        return min(self.stm32.deadline_ns, self.link.protocol.deadline_ns)
 
     def fileno(self) -> int:
         """The descriptor to wait on for commands."""
@@ -153,6 +153,7 @@ class Stm32End:
                 self._report(now_ns)
         if self.stm32.tick(now_ns):
             self._report(now_ns)
+        self.link.tick(now_ns)
         return applied
 
     def close(self) -> None:

@@ -94,6 +94,7 @@ class Protocol(ABC):
     """One end's encoder and decoder of messages; keeps what is left of an unfinished frame."""
 
     counters: Counters
+    deadline_ns = 1 << 63  # when (monotonic ns) `tick` wants to be called
 
     @abstractmethod
     def encode(self, message: Message) -> bytes:
@@ -102,6 +103,42 @@ class Protocol(ABC):
     @abstractmethod
     def feed(self, data: bytes) -> list[Message]:
         """The messages completed by `data`, in order. Never raises: noise is counted and dropped."""
+
+    def replies(self) -> bytes:
+        """What the protocol itself answers to what it was fed since the last call: acknowledgements and the like."""
+        return b""
+
+    def tick(self, now_ns: int) -> bytes:
+        """What the protocol itself has to say at `now_ns` (monotonic): heartbeats and the like."""
+        return b""
+
+
+class SentCommands:
+    """Which command a report answers, for protocols whose reports do not say.
+
+    It is the youngest command sent whose pulses the report shows; a report that shows none of the last
+    `DEPTH` leaves the answer at what it was. Commands of equal pulses cannot be told apart.
+    """
+
+    DEPTH = 64
+
+    def __init__(self) -> None:
+        self._sent: list[tuple[tuple[int, ...], int]] = []
+        self.answered = 0  # sequence of the last command that a report has shown
+
+    def remember(self, pulses: tuple[int, ...], sequence: int) -> None:
+        """A command that shows as `pulses` (us, as the report rounds them) goes out."""
+        self._sent.append((pulses, sequence))
+        del self._sent[: -self.DEPTH]
+
+    def match(self, pulses: tuple[int, ...]) -> int:
+        """The sequence of the command that a report of `pulses` (us) answers."""
+        for place in range(len(self._sent) - 1, -1, -1):
+            if self._sent[place][0] == pulses:
+                self.answered = self._sent[place][1]
+                del self._sent[:place]  # older ones will not be seen any more
+                break
+        return self.answered
 
 
 class ThrusterLink:
@@ -114,12 +151,8 @@ class ThrusterLink:
 
     def send(self, message: Message) -> None:
         """Encode `message` and write it. Raises DeviceError when the wire is gone."""
-        data = self.protocol.encode(message)
-        taken = self.wire.write(data)
-        counters = self.counters
-        counters.messages_out += 1
-        counters.bytes_out += taken
-        counters.dropped_bytes += len(data) - taken
+        self.counters.messages_out += 1
+        self._write(self.protocol.encode(message))
 
     def receive(self) -> list[Message]:
         """All messages that have come in. Raises DeviceError when the wire is gone."""
@@ -129,8 +162,21 @@ class ThrusterLink:
         self.counters.bytes_in += len(data)
         messages = self.protocol.feed(data)
         self.counters.messages_in += len(messages)
+        replies = self.protocol.replies()
+        if replies:
+            self._write(replies)
         return messages
+
+    def tick(self, now_ns: int) -> None:
+        """Let the protocol say what is due at `now_ns` (monotonic). Raises DeviceError when the wire is gone."""
+        if now_ns >= self.protocol.deadline_ns:
+            self._write(self.protocol.tick(now_ns))
 
     def close(self) -> None:
         """Close the wire."""
         self.wire.close()
+
+    def _write(self, data: bytes) -> None:
+        taken = self.wire.write(data)
+        self.counters.bytes_out += taken
+        self.counters.dropped_bytes += len(data) - taken

@@ -18,7 +18,8 @@ from typing import Any, NamedTuple
 from hil.errors import ConfigError
 from hil.links.contract import MAX_THRUSTERS, Counters, Message, Protocol, ThrusterCommand, ThrusterTelemetry
 from hil.links.frame_layout import TYPES, Field, FrameLayout, MessageLayout, fit
-from hil.schema import load
+from hil.links.protocols import Role
+from hil.schema import find_preset, load
 
 ORDERS = {"little": "<", "big": ">"}
 CRC_START = 0xFFFF
@@ -215,3 +216,15 @@ class FrameProtocol(Protocol):
             self.counters.malformed += 1
         else:
             messages.append(message)
+
+
+def open_frame(role: Role, channels: int, frame: str = "uuv_hil") -> FrameProtocol:
+    """The protocol of the frame of that name, or of the TOML file of that path; it is the same at both ends.
+
+    Raises ConfigError if the frame cannot carry so many thrusters.
+    """
+    protocol = FrameProtocol(find_preset("firmware_stub/frames", frame))
+    if channels not in protocol.channels:
+        carried = " to ".join(map(str, sorted({protocol.channels[0], protocol.channels[-1]})))
+        raise ConfigError(f"frame {frame} carries {carried} thrusters, not {channels}")
+    return protocol

@@ -13,12 +13,9 @@ from collections.abc import Callable, Sequence
 from hil.clock import NS_PER_S, NS_PER_US, now_ns, seconds_ns
 from hil.config import Link
 from hil.errors import DeviceError
-from hil.links.contract import PWM_NEUTRAL_US, ThrusterCommand, ThrusterLink, ThrusterTelemetry
-from hil.links.frame import FrameProtocol
+from hil.links.contract import PWM_NEUTRAL_US, Protocol, ThrusterCommand, ThrusterLink, ThrusterTelemetry
+from hil.links.protocols import Role, open_protocol
 from hil.links.wires import PtyHostWire, PtyWire, UartWire
-from hil.schema import find_preset
-
-FRAMES = "firmware_stub/frames"
 
 
 class ThrusterDriver(ABC):
@@ -64,8 +61,8 @@ class ThrusterDriver(ABC):
         """End it and give the devices back."""
 
 
-def _protocol(link: Link) -> FrameProtocol:
-    return FrameProtocol(find_preset(FRAMES, link.frame))
+def _protocol(link: Link, role: Role, channels: int) -> Protocol:
+    return open_protocol(link.protocol, role, channels, **({"frame": link.frame} if link.protocol == "frame" else {}))
 
 
 def _telemetry(link: ThrusterLink) -> list[ThrusterTelemetry]:
@@ -79,9 +76,11 @@ class InSlave(ThrusterDriver):
         from firmware_stub.stub import Stm32, Stm32End
 
         wire = PtyWire(link.device)
-        self.end = Stm32End(Stm32(channels, seconds_ns(link.watchdog)), ThrusterLink(wire, _protocol(link)))
+        self.end = Stm32End(
+            Stm32(channels, seconds_ns(link.watchdog)), ThrusterLink(wire, _protocol(link, "device", channels))
+        )
         self.port = wire.name
-        self.host = ThrusterLink(PtyHostWire(wire.path), _protocol(link)) if host else None
+        self.host = ThrusterLink(PtyHostWire(wire.path), _protocol(link, "host", channels)) if host else None
 
     @property
     def pwm_us(self) -> Sequence[int]:
@@ -178,7 +177,7 @@ class InProcess(OnWire):
         if not self._first_line():
             self._process.wait()
             raise DeviceError("the STM32 process ended before it served; its message stands above")
-        super().__init__(ThrusterLink(PtyHostWire(path), _protocol(link)), link, channels)
+        super().__init__(ThrusterLink(PtyHostWire(path), _protocol(link, "host", channels)), link, channels)
 
     def _first_line(self) -> bytes:
         assert self._process.stdout is not None
@@ -197,7 +196,7 @@ class InProcess(OnWire):
 def _on_uart(link: Link, channels: int) -> ThrusterDriver:
     if not link.device:
         raise DeviceError('no serial device: set [link] device = "/dev/..." or name the board with --board')
-    return OnWire(ThrusterLink(UartWire(link.device, link.baud), _protocol(link)), link, channels)
+    return OnWire(ThrusterLink(UartWire(link.device, link.baud), _protocol(link, "host", channels)), link, channels)
 
 
 # the word in the scenario -> who then plays the STM32

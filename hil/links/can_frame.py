@@ -1,0 +1,38 @@
+"""CAN frames on a wire of bytes: each is the 16 bytes of Linux's `struct can_frame` (linux/can.h), one after another.
+
+So a CAN bus is a `Wire` like any other: a `Protocol` for CAN encodes to such records and is fed with them, whole
+ones. Classic CAN only: up to 8 bytes of data.
+"""
+
+from collections.abc import Iterator
+from struct import Struct
+from typing import NamedTuple
+
+EXTENDED = 0x8000_0000  # CAN_EFF_FLAG: the identifier has 29 bits
+REMOTE = 0x4000_0000  # CAN_RTR_FLAG
+ERROR = 0x2000_0000  # CAN_ERR_FLAG
+ID_MASK = 0x1FFF_FFFF
+
+_RECORD = Struct("=IB3x8s")
+RECORD_SIZE = _RECORD.size
+MAX_DATA = 8
+
+
+class CanFrame(NamedTuple):
+    """One data frame; `id` has 29 bits if `extended`, else 11."""
+
+    id: int
+    data: bytes
+    extended: bool = True
+
+
+def pack_frame(frame: CanFrame) -> bytes:
+    """The record of a frame."""
+    return _RECORD.pack(frame.id | EXTENDED if frame.extended else frame.id, len(frame.data), frame.data)
+
+
+def unpack_frames(records: bytes) -> Iterator[CanFrame]:
+    """The data frames of whole records; remote and error frames, and what is no frame at all, are passed over."""
+    for marked_id, size, data in _RECORD.iter_unpack(records[: len(records) - len(records) % RECORD_SIZE]):
+        if size <= MAX_DATA and not marked_id & (REMOTE | ERROR):
+            yield CanFrame(marked_id & ID_MASK, data[:size], bool(marked_id & EXTENDED))

@@ -1,0 +1,31 @@
+"""The protocols a thruster link can speak, by name; each is imported when a link speaks it."""
+
+from typing import Any, Literal
+
+from hil.errors import ConfigError
+from hil.links.contract import Protocol
+
+Role = Literal["host", "device"]  # the vehicle's computer, the STM32
+
+# A factory takes the end's role, the number of thrusters, and settings of its own by keyword.
+PROTOCOLS = {
+    "frame": "hil.links.frame:open_frame",
+    "mavlink": "hil.links.mavlink:open_mavlink",
+    "dronecan": "hil.links.dronecan:open_dronecan",
+    "vesc": "hil.links.vesc:open_vesc",
+}
+ON_CAN = ("dronecan", "vesc")  # these are fed with CAN frames, see `hil.links.can_frame`; the others with bytes
+
+
+def open_protocol(kind: str, role: Role, channels: int, **settings: Any) -> Protocol:
+    """One end's protocol of that name in `PROTOCOLS`, for so many thrusters.
+
+    Raises ConfigError if there is no such protocol or it cannot carry so many; MissingExtraError.
+    """
+    if kind not in PROTOCOLS:
+        raise ConfigError(f"protocol: {kind!r} is not one of {', '.join(PROTOCOLS)}")
+    import importlib
+
+    module, _, name = PROTOCOLS[kind].partition(":")
+    protocol: Protocol = getattr(importlib.import_module(module), name)(role, channels, **settings)
+    return protocol
