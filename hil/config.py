@@ -1,13 +1,17 @@
 """The scenario file: what is flown, where, over which link, by whom."""
 
 import os
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
 from hil.clock import seconds_ns
 from hil.errors import ConfigError
+from hil.plugins import load_class
 from hil.schema import Range, find_preset, parse, preset_names
 from hil.tables import read_table
-from sim.simulation import SensorSuite, Simulation
+from sim.forces import Force
+from sim.sensors.suite import Suite, read_suite
+from sim.simulation import Simulation
 from sim.vehicle import Vehicle
 from sim.world import World
 
@@ -15,6 +19,7 @@ if TYPE_CHECKING:
     from sim.failures import Failure
 
 SCENARIOS = "hil/scenarios"
+FEEDBACK = ("imu", "odometry", "pressure")  # what the builtin controller lives on
 VECTOR_M = tuple[Annotated[float, Range(-1e5, 1e5, "m")], Annotated[float, Range(-1e5, 1e5, "m")]]
 
 
@@ -86,7 +91,8 @@ class Scenario(NamedTuple):
 
     stm32: "python" inside the slave, "process" the same firmware in a process of its own, "device" a
     real one on a UART. controller: "builtin", or "external": the link's host end is left to the user's
-    own vehicle software. Each [[failure]] is one of a thruster, at its time.
+    own vehicle software. Each [[failure]] is one of a thruster, at its time; each [[force]] a class of the
+    user's own (sim/forces.py).
     """
 
     vehicle: str
@@ -99,8 +105,10 @@ class Scenario(NamedTuple):
     slave: Slave = Slave()
     link: Link = Link()
     start: Start = Start()
-    sensors: SensorSuite = SensorSuite()
+    # These are read by load_scenario, which knows their schemas.
+    sensors: Suite = MappingProxyType({})
     failure: "tuple[Failure, ...]" = ()
+    force: tuple[Force, ...] = ()
 
     def problem(self) -> str | None:
         """The words that do not go together."""
@@ -108,10 +116,6 @@ class Scenario(NamedTuple):
             return f'controller = "external" needs stm32 = "python": {self.stm32!r} would hide the thrusters from us'
         if (self.stm32 == "device") != (self.link.wire == "uart"):
             return 'stm32 = "device" and [link] wire = "uart" go together'
-        if self.controller == "builtin":
-            blind = [name for name in ("imu", "odometry", "pressure") if not getattr(self.sensors, name).rate]
-            if blind:
-                return f"sensors: the builtin controller needs {blind[0]}: its rate must be above 0"
         if self.slave.deadman < 2 * self.slave.control_period:
             return "slave: deadman must be at least twice control_period"
         if self.link.watchdog < 2 * self.slave.control_period:
@@ -134,24 +138,39 @@ def load_scenario(name: str, changes: dict[str, Any] | None = None) -> Scenario:
     table = read_table(path)
     for key, value in (changes or {}).items():
         _change(table, key, value, path)
-    failures = table.pop("failure", ())
+    sensors, failures, forces = table.pop("sensors", {}), table.pop("failure", []), table.pop("force", [])
     scenario = parse(table, Scenario, path)
     folder = os.path.dirname(path)
-    return scenario._replace(
+    scenario = scenario._replace(
         vehicle=_relative(scenario.vehicle, folder),
         world=_relative(scenario.world, folder),
-        failure=_failures(failures, path),
+        sensors=read_suite(sensors, f"{path}: sensors"),
+        failure=_failures(failures, f"{path}: failure"),
+        force=_forces(forces, f"{path}: force"),
     )
+    blind = [name for name in FEEDBACK if name not in scenario.sensors]
+    if blind and scenario.controller == "builtin":
+        raise ConfigError(f"{path}: sensors: the builtin controller needs {blind[0]}: its rate must be above 0")
+    return scenario
 
 
-def _failures(tables: Any, path: str) -> "tuple[Failure, ...]":
-    if not tables:
+def _failures(tables: Any, where: str) -> "tuple[Failure, ...]":
+    rows = _rows(tables, where)
+    if not rows:
         return ()
     from sim.failures import Failure  # most runs do without, and start sooner
 
-    if not isinstance(tables, list):
-        raise ConfigError(f"{path}: failure: expected tables, each under [[failure]]")
-    return tuple(parse(table, Failure, f"{path}: failure[{i}]") for i, table in enumerate(tables))
+    return tuple([parse(row, Failure, f"{where}[{i}]") for i, row in enumerate(rows)])
+
+
+def _forces(tables: Any, where: str) -> tuple[Force, ...]:
+    return tuple([load_class(row, Force, f"{where}[{i}]") for i, row in enumerate(_rows(tables, where))])
+
+
+def _rows(tables: Any, where: str) -> list[dict[str, Any]]:
+    if not isinstance(tables, list) or not all(isinstance(row, dict) for row in tables):
+        raise ConfigError(f"{where}: expected tables, each under [[{where.rpartition(' ')[2]}]]")
+    return tables
 
 
 def _change(table: dict[str, Any], key: str, value: Any, path: str) -> None:
@@ -175,6 +194,7 @@ def build_simulation(scenario: Scenario, vehicle: Vehicle, world: World) -> Simu
         (start.north, start.east, start.depth),
         start.heading,
         failures=scenario.failure,
+        forces=scenario.force,
     )
 
 

@@ -57,7 +57,7 @@ def parse(table: dict[str, Any], record: type[Record], where: str) -> Record:
     annotations, defaults = _fields(record)
     for key in table:
         if key not in annotations:
-            raise ConfigError(f"{where}: no key {key!r}{_nearest(key, list(annotations))}")
+            raise ConfigError(f"{where}: no key {key!r}{nearest(key, list(annotations))}")
     values: dict[str, Any] = {}
     for key, annotation in annotations.items():
         if key in table:
@@ -83,7 +83,7 @@ def find_preset(folder: str, name: str) -> str:
     path = os.path.join(preset_folder(folder), f"{name}.toml")
     if not os.path.exists(path):
         names = preset_names(folder)
-        raise ConfigError(f"{folder}: no preset {name!r}{_nearest(name, names)}; there are: {', '.join(names)}")
+        raise ConfigError(f"{folder}: no preset {name!r}{nearest(name, names)}; there are: {', '.join(names)}")
     return path
 
 
@@ -134,7 +134,7 @@ def _choice(value: Any, choices: list[str], where: str) -> str:
     if not isinstance(value, str):
         raise ConfigError(f"{where}: expected one of {', '.join(choices)}, found {_describe(value)}")
     if value not in choices:
-        raise ConfigError(f"{where}: {value!r} is not one of {', '.join(choices)}{_nearest(value, choices)}")
+        raise ConfigError(f"{where}: {value!r} is not one of {', '.join(choices)}{nearest(value, choices)}")
     return value
 
 
@@ -190,7 +190,8 @@ def _describe(value: Any) -> str:
     return f"the {'text' if isinstance(value, str) else 'value'} {value!r}"
 
 
-def _nearest(name: str, names: list[str]) -> str:
+def nearest(name: str, names: list[str]) -> str:
+    """The end of an error message: the one of `names` that may have been meant, if any comes near."""
     import difflib  # only on the way to an error
 
     close = difflib.get_close_matches(name, names, n=1, cutoff=0.5)

@@ -18,6 +18,7 @@ from typing import Literal, NamedTuple
 
 from sim import rotations
 from sim.buoyancy import Hull
+from sim.forces import Force
 from sim.matrices import Matrix, inverse, is_diagonal, square
 from sim.rotations import Rotation
 from sim.vehicle import Vehicle, mass_matrix
@@ -49,8 +50,8 @@ class State:
 class Forces(NamedTuple):
     """What acts on a vehicle, term by term: force (N) and moment (N m) about the origin along the body axes.
 
-    `coriolis` is that of rigid body and added mass; `total`, the sum of the others, is M nu_r'. The sign is
-    that of the force: damping is against the motion.
+    `coriolis` is that of rigid body and added mass, `others` that of everything in `sim.forces`; `total`, the
+    sum of the others, is M nu_r'. The sign is that of the force: damping is against the motion.
     """
 
     coriolis: list[float]
@@ -58,15 +59,22 @@ class Forces(NamedTuple):
     quadratic_damping: list[float]
     restoring: list[float]
     thrusters: list[float]
+    others: list[float]
     total: list[float]
 
 
 class Dynamics:
-    """The equations of one vehicle in water of `density` kg/m³ under `gravity` m/s²."""
+    """The equations of one vehicle in water of `density` kg/m³ under `gravity` m/s², pushed by `forces` too."""
 
     def __init__(
-        self, vehicle: Vehicle, density: float, gravity: float, integrator: Integrator = "semi_implicit_euler"
+        self,
+        vehicle: Vehicle,
+        density: float,
+        gravity: float,
+        integrator: Integrator = "semi_implicit_euler",
+        forces: Sequence[Force] = (),
     ) -> None:
+        self._forces = forces
         self.mass = mass_matrix(vehicle)
         self.inverse_mass = inverse(self.mass)
         self.hull = Hull(vehicle, density, gravity)
@@ -122,11 +130,10 @@ class Dynamics:
         return nu_dot
 
     def forces(self, state: State, wrench: Sequence[float], current: Sequence[float]) -> Forces:
-        """The forces that `acceleration` adds up, apart; arguments as in `step`. For whoever wants to look."""
+        """The forces that make a step, apart; arguments as in `step`. For whoever wants to look."""
         rotation = rotations.matrix(state.quaternion)
-        water = rotations.rotate_inverse(state.quaternion, current)
-        u, v, w = (x - y for x, y in zip(state.nu[:3], water, strict=True))
-        p, q, r = state.nu[3:]
+        nu_r = _through_water(rotation, state.nu, current)
+        u, v, w, p, q, r = nu_r
         lx, ly, lz, hx, hy, hz = _times(self.mass, u, v, w, p, q, r)
         coriolis = [
             r * ly - q * lz,
@@ -139,8 +146,24 @@ class Dynamics:
         linear = [-x for x in _times(self._linear, u, v, w, p, q, r)]
         quadratic = [-x for x in _times(self._quadratic, *(abs(x) * x for x in (u, v, w, p, q, r)))]
         restoring = list(self._restoring(state.position[2], rotation))
-        terms = (coriolis, linear, quadratic, restoring, list(wrench))
+        others = self.push(state.position, rotation, state.nu, (0.0,) * 6, current)
+        terms = (coriolis, linear, quadratic, restoring, list(wrench), list(others))
         return Forces(*terms, total=[sum(row) for row in zip(*terms, strict=True)])
+
+    def push(
+        self,
+        position: Sequence[float],
+        rotation: Rotation,
+        nu: Sequence[float],
+        wrench: Sequence[float],
+        current: Sequence[float],
+    ) -> Sequence[float]:
+        """`wrench` with that of all other forces added."""
+        nu_r = _through_water(rotation, nu, current)
+        for force in self._forces:
+            added = force.wrench(position, rotation, nu_r)
+            wrench = [a + b for a, b in zip(wrench, added, strict=True)]
+        return wrench
 
     def numbers(self) -> list[float]:
         """All that `step` uses, in a row: what the C twin is made of."""
@@ -191,6 +214,8 @@ class Dynamics:
         at about omega² dt a second. What drag there is in water is far more; Runge-Kutta has no such gain.
         """
         rotation = rotations.matrix(state.quaternion)
+        if self._forces:
+            wrench = self.push(state.position, rotation, state.nu, wrench, current)
         nu_dot = self.acceleration(state.position[2], rotation, state.nu, wrench, current)
         state.nu_dot = nu_dot
         state.nu = nu = [x + dt * dx for x, dx in zip(state.nu, nu_dot, strict=True)]
@@ -205,10 +230,11 @@ class Dynamics:
             """The rate of the 13 numbers; `at` may be a quaternion not quite of length 1."""
             rotation = rotations.matrix(rotations.normalise(at[3:7]))
             nu = at[7:]
+            pushed = self.push(at[:3], rotation, nu, wrench, current) if self._forces else wrench
             return [
                 *_over_ground(rotation, nu),
                 *rotations.multiply(at[3:7], (0.0, 0.5 * nu[3], 0.5 * nu[4], 0.5 * nu[5])),
-                *self.acceleration(at[2], rotation, nu, wrench, current),
+                *self.acceleration(at[2], rotation, nu, pushed, current),
             ]
 
         k1 = slope(start)
@@ -230,3 +256,17 @@ def _over_ground(rotation: Rotation, nu: Sequence[float]) -> tuple[float, float,
     xx, xy, xz, yx, yy, yz, zx, zy, zz = rotation
     u, v, w = nu[0], nu[1], nu[2]
     return xx * u + xy * v + xz * w, yx * u + yy * v + yz * w, zx * u + zy * v + zz * w
+
+
+def _through_water(rotation: Rotation, nu: Sequence[float], current: Sequence[float]) -> list[float]:
+    xx, xy, xz, yx, yy, yz, zx, zy, zz = rotation
+    north, east, down = current
+    u, v, w, p, q, r = nu
+    return [
+        u - (xx * north + yx * east + zx * down),
+        v - (xy * north + yy * east + zy * down),
+        w - (xz * north + yz * east + zz * down),
+        p,
+        q,
+        r,
+    ]

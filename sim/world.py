@@ -8,6 +8,8 @@ from hil.tables import read_table
 from sim.obstacles import Box, Cylinder, Obstacle, Wall
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from sim.ocean import Ocean
 
 Edge = Annotated[float, Range(-1e5, 1e5, "m")]
@@ -85,3 +87,13 @@ def load_world(name_or_path: str) -> World:
     from sim.ocean import read_ocean  # most worlds do without, and start sooner
 
     return world._replace(ocean=read_ocean(ocean, path))
+
+
+def water_pressure(world: World) -> "Callable[[float], float]":
+    """What the water of `world` adds to the pressure of the air, in Pa, at a depth in m; 0 in the air."""
+    if world.ocean and world.ocean.profile:
+        from sim.water import WaterColumn
+
+        return WaterColumn(world.ocean.profile, world.gravity).pressure
+    per_metre = world.density * world.gravity
+    return lambda depth: per_metre * max(0.0, depth)

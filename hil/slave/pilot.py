@@ -8,6 +8,8 @@ from hil.clock import seconds_ns
 from hil.config import Scenario
 from hil.links.contract import PWM_NEUTRAL_US, ThrusterCommand
 from hil.schema import parse
+from sim.rotations import multiply, rotate
+from sim.sensors.mounting import Mounting
 from sim.thrusters import pwm_for, wrench_matrix
 from sim.vehicle import Vehicle, mass_matrix
 from sim.world import World
@@ -19,17 +21,25 @@ ATMOSPHERE_PA = 101_325.0
 def build_pilot(scenario: Scenario, vehicle: Vehicle, control: dict[str, Any], world: World) -> "Pilot":
     """The pilot of a scenario; `control` is the vehicle file's [control] table. Raises ConfigError."""
     gains = parse(control, Gains, f"{scenario.vehicle}: control")
-    return Pilot(vehicle, gains, world.density * world.gravity, seconds_ns(scenario.slave.deadman))
+    imu = scenario.sensors["imu"].mounting
+    return Pilot(vehicle, gains, world.density * world.gravity, seconds_ns(scenario.slave.deadman), imu)
 
 
 class Pilot:
     """Controller, allocation and thruster curves of one vehicle, with the deadman in front.
 
-    Feedback comes from the sensors only: attitude and rates from "imu", velocity from "odom", depth from
-    "pressure", each held until its next sample.
+    Feedback comes from the sensors only: attitude and rates from "imu", whose mounting it knows, velocity from
+    "odom", depth from "pressure", each held until its next sample.
     """
 
-    def __init__(self, vehicle: Vehicle, gains: Gains, water_weight: float, deadman_ns: int) -> None:
+    def __init__(
+        self,
+        vehicle: Vehicle,
+        gains: Gains,
+        water_weight: float,
+        deadman_ns: int,
+        imu: Mounting = Mounting(),
+    ) -> None:
         mass = mass_matrix(vehicle)
         x, y, z, k, m, n = (mass[axis][axis] for axis in range(6))
         self._controller = CascadedController(gains, (x, y, z, k, m, n))
@@ -42,6 +52,7 @@ class Pilot:
         self._neutral = (PWM_NEUTRAL_US,) * len(vehicle.thrusters)
         self._water_weight = water_weight  # density times gravity, N/m3
         self._deadman_ns = deadman_ns
+        self._imu_turn = imu.quaternion if imu.turned else None
         self._command = VelocityCommand()
         self._commanded_ns = 0
         self._residual = NO_RESIDUAL
@@ -53,9 +64,11 @@ class Pilot:
     def sense(self, topic: str, sample: Any) -> None:
         """Take in one sensor sample (NED, FRD)."""
         if topic == "imu":
-            self._navigation = self._navigation._replace(
-                orientation=sample.orientation, angular_velocity=sample.angular_velocity
-            )
+            attitude, rate = sample.orientation, sample.angular_velocity
+            if self._imu_turn:
+                w, x, y, z = self._imu_turn
+                attitude, rate = multiply(attitude, (w, -x, -y, -z)), rotate(self._imu_turn, rate)
+            self._navigation = self._navigation._replace(orientation=attitude, angular_velocity=rate)
         elif topic == "odom":
             self._navigation = self._navigation._replace(velocity=sample.nu[:3])
         elif topic == "pressure":

@@ -4,26 +4,45 @@
 """
 
 import os
+from collections.abc import Sequence
 from struct import pack
 
 from hil.errors import ConfigError
-from sim.dynamics import Dynamics, Integrator
+from sim.dynamics import Dynamics, Integrator, State
+from sim.forces import Force
+from sim.rotations import matrix
 from sim.vehicle import Vehicle
 
 SWITCH = "UUV_HIL_NATIVE"
 
 
 class NativeDynamics(Dynamics):
-    """`Dynamics` with its step in C. Raises ImportError where there is none."""
+    """`Dynamics` with its step in C. Raises ImportError where there is none.
+
+    Other forces stay in Python: semi-implicit Euler asks them once a step, before the C; Runge-Kutta needs
+    them between its stages and then is that of Python.
+    """
 
     def __init__(
-        self, vehicle: Vehicle, density: float, gravity: float, integrator: Integrator = "semi_implicit_euler"
+        self,
+        vehicle: Vehicle,
+        density: float,
+        gravity: float,
+        integrator: Integrator = "semi_implicit_euler",
+        forces: Sequence[Force] = (),
     ) -> None:
         from sim.native._native import Kernel
 
-        super().__init__(vehicle, density, gravity, integrator)
+        super().__init__(vehicle, density, gravity, integrator, forces)
+        if forces and integrator == "rk4":
+            return
         numbers = self.numbers()
-        self._advance = Kernel(pack(f"{len(numbers)}d", *numbers)).step
+        self._kernel_step = Kernel(pack(f"{len(numbers)}d", *numbers)).step
+        self._advance = self._pushed_step if forces else self._kernel_step
+
+    def _pushed_step(self, state: State, wrench: Sequence[float], current: Sequence[float], dt: float) -> None:
+        pushed = self.push(state.position, matrix(state.quaternion), state.nu, wrench, current)
+        self._kernel_step(state, pushed, current, dt)
 
 
 def choose() -> tuple[type[Dynamics], str]:
@@ -47,11 +66,15 @@ def choose() -> tuple[type[Dynamics], str]:
 
 
 def make_dynamics(
-    vehicle: Vehicle, density: float, gravity: float, integrator: Integrator = "semi_implicit_euler"
+    vehicle: Vehicle,
+    density: float,
+    gravity: float,
+    integrator: Integrator = "semi_implicit_euler",
+    forces: Sequence[Force] = (),
 ) -> Dynamics:
     """The equations of one vehicle in water of `density` kg/m³ under `gravity` m/s², with the quickest step there is.
 
     Raises ConfigError as `choose` does.
     """
     dynamics, _ = choose()
-    return dynamics(vehicle, density, gravity, integrator)
+    return dynamics(vehicle, density, gravity, integrator, forces)

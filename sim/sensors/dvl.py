@@ -6,24 +6,23 @@ from typing import Annotated, NamedTuple
 from hil.schema import Range
 from sim.dynamics import State
 from sim.matrices import Matrix, inverse, product, transpose
-from sim.rotations import matrix
-from sim.sensors.error import ErrorModel, errors, sensor_random
-from sim.sensors.samples import DVL, DvlSample, Vector3, period_ns
-from sim.vehicle import Point
+from sim.rotations import matrix, rotate
+from sim.sensors.error import ErrorBank, ErrorModel, sensor_random
+from sim.sensors.mounting import Mounting
+from sim.sensors.samples import DVL, DvlSample, Scene, Vector3
 
 _BEAMS = 4
 _LEAST_BEAMS = 3  # for three components of velocity
 
 
 class DvlModel(NamedTuple):
-    """Rate in Hz (0: none), place in the vehicle, slant of the beams from straight down, reach and errors.
+    """Rate in Hz (0: none), slant of the beams from straight down, reach and errors.
 
     Nortek DVL1000 300 m as set in DAVE (Field Robotics Lab): 8 Hz, 25 deg, 0.2 to 75 m, 0.015 m/s; here
     that is the noise of each beam. Range noise: uuv_simulator's 0.005 m.
     """
 
     rate: Annotated[float, Range(0.0, 100.0, "Hz")] = 8.0
-    position: Point = (0.0, 0.0, 0.0)
     tilt: Annotated[float, Range(0.087, 1.05, "rad")] = 0.4363323
     min_range: Annotated[float, Range(0.0, 10.0, "m")] = 0.2
     max_range: Annotated[float, Range(0.1, 1000.0, "m")] = 75.0
@@ -36,33 +35,33 @@ class DvlModel(NamedTuple):
 
 
 class Dvl:
-    """One log over a flat seabed at `seabed` m depth, its axes along the vehicle's, beams at 45, 135 ... deg.
+    """One log over a flat seabed, its beams at 45, 135 ... deg about its own z axis.
 
     A beam is locked while the seabed is within its reach and the sensor is under water. From three or four
     locked beams velocity is the least-squares solution, and altitude the distance to the plane through the
     points where they meet the seabed, so that neither needs the attitude. Obstacles are not seen.
     """
 
-    def __init__(self, model: DvlModel, seed: int, seabed: float) -> None:
-        self.period_ns = period_ns(model.rate)
+    Model = DvlModel
+    topic = DVL
+
+    def __init__(self, model: DvlModel, mounting: Mounting, seed: int, scene: Scene) -> None:
         self._model = model
-        self._seabed = seabed
-        random, period = sensor_random(seed, DVL), 1.0 / model.rate
-        self._velocity_errors = errors(model.velocity, period, random, _BEAMS)
-        self._range_errors = errors(model.range, period, random, _BEAMS)
+        self._mounting = mounting
+        self._seabed = scene.world.depth
+        self._errors = ErrorBank([model.velocity, model.range] * _BEAMS, 1.0 / model.rate, sensor_random(seed, DVL))
         self._beams = _janus(model.tilt)
+        # the same in body axes
+        self._body_beams = [rotate(mounting.quaternion, beam) for beam in self._beams]
 
     def sample(self, time_ns: int, state: State) -> DvlSample:
         """The measurement of `state`."""
         distances = self._ranges(state)
-        speeds = self._speeds(state)
-        measured = [
-            (beam, speed_error.measure(speed), range_error.measure(distance or 0.0), distance is not None)
-            for beam, speed_error, speed, range_error, distance in zip(
-                self._beams, self._velocity_errors, speeds, self._range_errors, distances, strict=True
-            )
-        ]  # every error moves on, locked or not: time passes for all
-        locked = [(beam, speed, distance) for beam, speed, distance, lock in measured if lock]
+        pairs = zip(self._speeds(state), distances, strict=True)
+        # every error moves on, locked or not: time passes for all
+        values = self._errors.measure([x for speed, distance in pairs for x in (speed, distance or 0.0)])
+        measured = zip(self._beams, values[::2], values[1::2], distances, strict=True)
+        locked = [(beam, speed, distance) for beam, speed, distance, lock in measured if lock is not None]
         if len(locked) < _LEAST_BEAMS:
             return DvlSample(time_ns, (nan, nan, nan), nan, False)
         velocity = _least_squares([list(beam) for beam, _, _ in locked], [speed for _, speed, _ in locked])
@@ -72,11 +71,10 @@ class Dvl:
     def _ranges(self, state: State) -> list[float | None]:
         """True distance to the seabed along each beam in m, None where it is not locked."""
         _, _, _, _, _, _, zx, zy, zz = matrix(state.quaternion)
-        x, y, z = self._model.position
-        depth = state.position[2] + zx * x + zy * y + zz * z
+        depth = self._mounting.depth(state)
         height = self._seabed - depth
         found: list[float | None] = []
-        for bx, by, bz in self._beams:
+        for bx, by, bz in self._body_beams:
             down = zx * bx + zy * by + zz * bz
             distance = height / down if down > 0.0 else -1.0
             locked = depth > 0.0 and self._model.min_range <= distance <= self._model.max_range
@@ -85,12 +83,8 @@ class Dvl:
 
     def _speeds(self, state: State) -> list[float]:
         """True velocity over ground of the sensor along each beam in m/s."""
-        u, v, w, p, q, r = state.nu
-        x, y, z = self._model.position
-        u += q * z - r * y
-        v += r * x - p * z
-        w += p * y - q * x
-        return [bx * u + by * v + bz * w for bx, by, bz in self._beams]
+        u, v, w = self._mounting.velocity(state.nu)
+        return [bx * u + by * v + bz * w for bx, by, bz in self._body_beams]
 
 
 def _janus(tilt: float) -> list[Vector3]:

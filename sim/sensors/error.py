@@ -65,15 +65,15 @@ class ErrorProcess:
         return self._gauss(0.0, sd) if sd else 0.0
 
 
-def errors(model: ErrorModel, period: float, random: Random, count: int = 3) -> list[ErrorProcess]:
-    """`count` independent processes of one model: the three axes of a vector, the beams of a sonar."""
-    return [ErrorProcess(model, period, random) for _ in range(count)]
+class ErrorBank:
+    """The errors of all quantities of one sensor, which measures them together, every `period` s."""
 
+    def __init__(self, models: Iterable[ErrorModel], period: float, random: Random) -> None:
+        self._processes = [ErrorProcess(model, period, random) for model in models]
 
-def measure3(processes: Iterable[ErrorProcess], true: Sequence[float]) -> tuple[float, float, float]:
-    """One measurement of a vector of three."""
-    x, y, z = (process.measure(value) for process, value in zip(processes, true, strict=True))
-    return x, y, z
+    def measure(self, true: Sequence[float]) -> list[float]:
+        """One measurement of as many values as there are models, in their order; time moves on by one period."""
+        return [process.measure(value) for process, value in zip(self._processes, true, strict=True)]
 
 
 def sensor_random(seed: int, sensor: str) -> Random:

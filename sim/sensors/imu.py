@@ -1,17 +1,19 @@
 """An inertial measurement unit with an attitude filter."""
 
+from collections.abc import Sequence
 from typing import Annotated, NamedTuple
 
 from hil.schema import Range
 from sim.dynamics import State
-from sim.rotations import integrate, rotate_inverse
-from sim.sensors.error import ErrorModel, errors, measure3, sensor_random
-from sim.sensors.samples import IMU, ImuSample, Vector3, period_ns
+from sim.rotations import integrate, multiply, rotate_inverse
+from sim.sensors.error import ErrorBank, ErrorModel, sensor_random
+from sim.sensors.mounting import Mounting
+from sim.sensors.samples import IMU, ImuSample, Scene, Vector3
 from sim.vehicle import Point
 
 
 class ImuModel(NamedTuple):
-    """Rate in Hz (0: none), place in the vehicle, and errors.
+    """Rate in Hz (0: none) and errors.
 
     Rates and accelerations: ADIS16448 as set in uuv_simulator (Manhães 2016), whose random walks are
     turned into the sd they settle at, random walk * sqrt(tau / 2). Attitude: the 0.01 rad that
@@ -19,33 +21,34 @@ class ImuModel(NamedTuple):
     """
 
     rate: Annotated[float, Range(0.0, 2000.0, "Hz")] = 100.0
-    position: Point = (0.0, 0.0, 0.0)
-    orientation: ErrorModel = ErrorModel(bias=0.01, bias_time=600.0, noise=0.001)
+    attitude: ErrorModel = ErrorModel(bias=0.01, bias_time=600.0, noise=0.001)
     angular_velocity: ErrorModel = ErrorModel(turn_on=0.0087, bias=8.67e-4, bias_time=1000.0, noise_density=3.394e-4)
     acceleration: ErrorModel = ErrorModel(turn_on=0.196, bias=0.0735, bias_time=300.0, noise_density=0.004)
 
 
 class Imu:
-    """One unit, its axes along the vehicle's, under `gravity` m/s²."""
+    """One unit; what it measures is along its own axes."""
 
-    def __init__(self, model: ImuModel, seed: int, gravity: float) -> None:
-        self.period_ns = period_ns(model.rate)
-        self._position = model.position
-        self._gravity = gravity
-        random, period = sensor_random(seed, IMU), 1.0 / model.rate
-        self._orientation = errors(model.orientation, period, random)
-        self._angular_velocity = errors(model.angular_velocity, period, random)
-        self._acceleration = errors(model.acceleration, period, random)
+    Model = ImuModel
+    topic = IMU
+
+    def __init__(self, model: ImuModel, mounting: Mounting, seed: int, scene: Scene) -> None:
+        self._position = mounting.position
+        self._turn = mounting.quaternion if mounting.turned else None
+        self._gravity = scene.world.gravity
+        models = [model.attitude] * 3 + [model.angular_velocity] * 3 + [model.acceleration] * 3
+        self._errors = ErrorBank(models, 1.0 / model.rate, sensor_random(seed, IMU))
 
     def sample(self, time_ns: int, state: State) -> ImuSample:
-        """The measurement of `state`; attitude errors are small turns about the body axes."""
-        turn = measure3(self._orientation, (0.0, 0.0, 0.0))
-        return ImuSample(
-            time_ns,
-            integrate(state.quaternion, turn, 1.0),
-            measure3(self._angular_velocity, state.nu[3:]),
-            measure3(self._acceleration, specific_force(state, self._position, self._gravity)),
-        )
+        """The measurement of `state`; attitude errors are small turns about the unit's axes."""
+        attitude: Sequence[float] = state.quaternion
+        rate: Sequence[float] = state.nu[3:]
+        force: Sequence[float] = specific_force(state, self._position, self._gravity)
+        if self._turn:
+            attitude = multiply(attitude, self._turn)
+            rate, force = rotate_inverse(self._turn, rate), rotate_inverse(self._turn, force)
+        a, b, c, p, q, r, x, y, z = self._errors.measure((0.0, 0.0, 0.0, *rate, *force))
+        return ImuSample(time_ns, integrate(attitude, (a, b, c), 1.0), (p, q, r), (x, y, z))
 
 
 def specific_force(state: State, position: Point, gravity: float) -> Vector3:

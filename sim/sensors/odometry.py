@@ -5,8 +5,9 @@ from typing import Annotated, NamedTuple
 from hil.schema import Range
 from sim.dynamics import State
 from sim.rotations import integrate
-from sim.sensors.error import ErrorModel, errors, measure3, sensor_random
-from sim.sensors.samples import ODOMETRY, OdometrySample, period_ns
+from sim.sensors.error import ErrorBank, ErrorModel, sensor_random
+from sim.sensors.mounting import Mounting
+from sim.sensors.samples import GROUND_TRUTH, ODOMETRY, OdometrySample, Scene
 
 Rate = Annotated[float, Range(0.0, 1000.0, "Hz")]
 
@@ -21,7 +22,7 @@ class OdometryModel(NamedTuple):
     rate: Rate = 20.0
     horizontal: ErrorModel = ErrorModel(bias=0.1, bias_time=60.0, noise=0.02)
     depth: ErrorModel = ErrorModel(bias=0.02, bias_time=60.0, noise=0.005)
-    orientation: ErrorModel = ErrorModel(bias=0.008, bias_time=300.0, noise=0.001)
+    attitude: ErrorModel = ErrorModel(bias=0.008, bias_time=300.0, noise=0.001)
     velocity: ErrorModel = ErrorModel(noise=0.01)
     angular_velocity: ErrorModel = ErrorModel(noise=0.002)
 
@@ -33,31 +34,33 @@ class GroundTruthModel(NamedTuple):
 
 
 class Odometry:
-    """One navigation solution."""
+    """One navigation solution, always that of the body origin."""
 
-    def __init__(self, model: OdometryModel, seed: int) -> None:
-        self.period_ns = period_ns(model.rate)
-        random, period = sensor_random(seed, ODOMETRY), 1.0 / model.rate
-        self._position = errors(model.horizontal, period, random, 2) + errors(model.depth, period, random, 1)
-        self._orientation = errors(model.orientation, period, random)
-        self._velocity = errors(model.velocity, period, random)
-        self._angular_velocity = errors(model.angular_velocity, period, random)
+    Model = OdometryModel
+    topic = ODOMETRY
+
+    def __init__(self, model: OdometryModel, mounting: Mounting, seed: int, scene: Scene) -> None:
+        pose = [model.horizontal] * 2 + [model.depth] + [model.attitude] * 3
+        models = pose + [model.velocity] * 3 + [model.angular_velocity] * 3
+        self._errors = ErrorBank(models, 1.0 / model.rate, sensor_random(seed, ODOMETRY))
 
     def sample(self, time_ns: int, state: State) -> OdometrySample:
         """The solution for `state`; attitude errors are small turns about the body axes."""
+        found = self._errors.measure((*state.position, 0.0, 0.0, 0.0, *state.nu))
+        north, east, down, a, b, c, u, v, w, p, q, r = found
         return OdometrySample(
-            time_ns,
-            measure3(self._position, state.position),
-            integrate(state.quaternion, measure3(self._orientation, (0.0, 0.0, 0.0)), 1.0),
-            measure3(self._velocity, state.nu[:3]) + measure3(self._angular_velocity, state.nu[3:]),
+            time_ns, (north, east, down), integrate(state.quaternion, (a, b, c), 1.0), (u, v, w, p, q, r)
         )
 
 
 class GroundTruth:
     """The state itself."""
 
-    def __init__(self, model: GroundTruthModel) -> None:
-        self.period_ns = period_ns(model.rate)
+    Model = GroundTruthModel
+    topic = GROUND_TRUTH
+
+    def __init__(self, model: GroundTruthModel, mounting: Mounting, seed: int, scene: Scene) -> None:
+        pass
 
     def sample(self, time_ns: int, state: State) -> OdometrySample:
         """The truth."""

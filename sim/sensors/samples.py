@@ -1,8 +1,15 @@
 """What the sensors send. Vectors in body axes are FRD, positions NED, quaternions (w, x, y, z) body to world."""
 
-from typing import NamedTuple, Protocol
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 from sim.dynamics import State
+
+if TYPE_CHECKING:
+    from sim.battery import BatteryState
+    from sim.sensors.mounting import Mounting
+    from sim.vehicle import Vehicle
+    from sim.world import World
 
 Vector3 = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
@@ -52,13 +59,42 @@ class OdometrySample(NamedTuple):
 Sample = ImuSample | DvlSample | PressureSample | OdometrySample
 
 
+class Scene(Protocol):
+    """What there is for a sensor to look at. The simulation is one."""
+
+    state: State
+    vehicle: "Vehicle"
+    world: "World"
+
+    @property
+    def flow(self) -> Sequence[float]:
+        """The velocity of the water where the vehicle is, NED in m/s."""
+
+    @property
+    def touching(self) -> bool:
+        """True if the vehicle touched something in the last step."""
+
+    @property
+    def battery(self) -> "BatteryState | None":
+        """The battery's state; None if there is none."""
+
+
 class Sensor(Protocol):
-    """What the simulation asks of a sensor; `period_ns` is the time between samples."""
+    """What the simulation asks of a sensor.
 
-    period_ns: int
+    `Model` is the record of its keys, one of them its `rate` in Hz; `topic` what its samples go out as.
+    """
 
-    def sample(self, time_ns: int, state: State) -> Sample:
-        """The measurement of `state` at `time_ns`. To be called once a period: errors move on with it."""
+    Model: Any
+    topic: str
+
+    def __init__(self, model: Any, mounting: "Mounting", seed: int, scene: Scene) -> None: ...
+
+    def sample(self, time_ns: int, state: State) -> Sample | None:
+        """The measurement of `state` at `time_ns`; None if there is none.
+
+        To be called once a period: errors move on with it.
+        """
 
 
 def period_ns(rate: float) -> int:

@@ -7,7 +7,8 @@ from sim.contact import Contact, starts_inside
 from sim.dynamics import Dynamics, State
 from sim.obstacles import Box, Cylinder
 from sim.rotations import normalise, rotate, to_euler
-from sim.simulation import SensorSuite, Simulation
+from sim.sensors.suite import Suite
+from sim.simulation import Simulation
 from sim.vehicle import Vehicle, load_vehicle
 from sim.world import World
 
@@ -16,11 +17,7 @@ SEA = World(
     "sea", "test", (-10.0, 10.0, -10.0, 10.0), 10.0,
     cylinder=(Cylinder(3.0, 0.0, 1.0), Cylinder(-5.0, 0.0, 1.5, top=6.0)), box=(Box(0.0, 4.0, 3.0, 1.0, 0.5),),
 )  # fmt: skip
-SUITE = SensorSuite()
-QUIET = SensorSuite(
-    SUITE.imu._replace(rate=0.0), SUITE.dvl._replace(rate=0.0), SUITE.pressure._replace(rate=0.0),
-    SUITE.odometry._replace(rate=0.0), SUITE.ground_truth._replace(rate=0.0),
-)  # fmt: skip
+QUIET: Suite = {}
 
 
 def kinetic(mass: list[list[float]], nu: list[float]) -> float:

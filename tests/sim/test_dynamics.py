@@ -1,6 +1,7 @@
 """The equations of motion against numbers that others computed, and against what physics conserves."""
 
 import csv
+from collections.abc import Sequence
 from itertools import pairwise
 from math import inf, sqrt
 from pathlib import Path
@@ -256,19 +257,54 @@ def test_forces_are_the_terms_of_the_equation(full: bool, depth: float) -> None:
         linear = [x for row in square(linear, 6) for x in row]
         linear[1 * 6 + 5] = linear[5 * 6 + 1] = 0.7
     vehicle = HEAVY._replace(linear_damping=tuple(linear), center_of_gravity=(0.02, 0.01, 0.03))
-    dynamics = Dynamics(vehicle, 1025.0, 9.82)
+    dynamics = Dynamics(vehicle, 1025.0, 9.82, forces=[Tow()])
     state = State((1.0, 2.0, depth), from_euler(0.4, -0.3, 2.0), (0.8, -0.5, 0.3, 0.6, -0.4, 0.9))
     wrench, current = [30.0, -12.0, 7.0, 1.0, -2.0, 0.5], (0.3, -0.2, 0.1)
     forces = dynamics.forces(state, wrench, current)
     rotation = rotations.matrix(state.quaternion)
-    nu_dot = dynamics.acceleration(depth, rotation, state.nu, wrench, current)
+    pushed = dynamics.push(state.position, rotation, state.nu, wrench, current)
+    nu_dot = dynamics.acceleration(depth, rotation, state.nu, pushed, current)
     water = [[x] for x in rotate_inverse(state.quaternion, current)]
     turning = [-row[0] for row in product(cross_matrix(state.nu[3:]), water)] + [0.0] * 3
     relative = [[a - b] for a, b in zip(nu_dot, turning, strict=True)]
     assert forces.total == pytest.approx([row[0] for row in product(dynamics.mass, relative)], rel=1e-12, abs=1e-12)
     assert forces.total == [sum(row) for row in zip(*forces[:-1], strict=True)]
     assert forces.thrusters == wrench
+    assert list(forces.others) == Tow().wrench(state.position, rotation, _relative(state, current))
     assert all(any(term) for term in forces)
+
+
+class Tow:
+    """A spring to the origin, and a drag of its own."""
+
+    def begin(self, time_ns: int) -> None:
+        """Nothing changes with time."""
+
+    def wrench(self, position: Sequence[float], rotation: rotations.Rotation, nu_r: Sequence[float]) -> list[float]:
+        north, east, down = position
+        xx, xy, _, yx, yy, _, zx, zy, _ = rotation
+        pull = [-(xx * north + yx * east + zx * down), -(xy * north + yy * east + zy * down), 0.0]
+        return [*(pull[i] - 5.0 * nu_r[i] for i in range(3)), 0.0, 0.1, 0.0]
+
+
+def _relative(state: State, current: Sequence[float]) -> list[float]:
+    water = [*rotate_inverse(state.quaternion, current), 0.0, 0.0, 0.0]
+    return [a - b for a, b in zip(state.nu, water, strict=True)]
+
+
+@pytest.mark.parametrize(("integrator", "order"), [("semi_implicit_euler", 1), ("rk4", 4)])
+def test_a_force_is_integrated_like_the_rest(integrator: Integrator, order: int) -> None:
+    """Halving the step divides the error by two to the order of the method, or more."""
+
+    def end(steps: int) -> list[float]:
+        dynamics, state = Dynamics(HEAVY, 1025.0, 9.82, integrator, [Tow()]), State((2.0, 1.0, 30.0), nu=[0.5] * 6)
+        for _ in range(steps):
+            dynamics.step(state, NOTHING, (0.2, 0.1, 0.0), 2.0 / steps)
+        return [*state.position, *state.nu]
+
+    true = end(3200)
+    errors = [max(abs(a - b) for a, b in zip(end(steps), true, strict=True)) for steps in (50, 100)]
+    assert errors[0] / errors[1] > 0.75 * 2**order
 
 
 def test_each_force_does_its_own_work() -> None:

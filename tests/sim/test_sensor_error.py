@@ -5,7 +5,7 @@ from statistics import fmean, pstdev
 
 import pytest
 
-from sim.sensors.error import ErrorModel, ErrorProcess, errors, measure3, sensor_random
+from sim.sensors.error import ErrorBank, ErrorModel, ErrorProcess, sensor_random
 
 RATES = [10.0, 100.0, 1000.0]
 TAU, SD = 0.5, 2.0
@@ -90,8 +90,8 @@ def test_constants() -> None:
 
 
 def test_axes_are_independent() -> None:
-    axes = errors(ErrorModel(turn_on=1.0), 0.1, Random(1))
-    assert len(set(measure3(axes, (0.0, 0.0, 0.0)))) == 3
+    axes = ErrorBank([ErrorModel(turn_on=1.0)] * 3, 0.1, Random(1))
+    assert len(set(axes.measure((0.0, 0.0, 0.0)))) == 3
 
 
 def test_seeds() -> None:

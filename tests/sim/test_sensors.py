@@ -10,21 +10,30 @@ from sim.rotations import from_euler, rotate, rotate_inverse
 from sim.sensors.dvl import Dvl, DvlModel
 from sim.sensors.error import ErrorModel
 from sim.sensors.imu import Imu, ImuModel, specific_force
+from sim.sensors.mounting import Mounting
 from sim.sensors.odometry import GroundTruth, GroundTruthModel, Odometry, OdometryModel
 from sim.sensors.pressure import Pressure, PressureModel
+from sim.simulation import Simulation
 from sim.vehicle import load_vehicle
+from sim.world import World
 
 EXACT = ErrorModel()
-EXACT_IMU = ImuModel(orientation=EXACT, angular_velocity=EXACT, acceleration=EXACT)
+EXACT_IMU = ImuModel(attitude=EXACT, angular_velocity=EXACT, acceleration=EXACT)
 EXACT_DVL = DvlModel(velocity=EXACT, range=EXACT)
+PLAIN = Mounting()
+SEA = World("sea", "test", (-100.0, 100.0, -100.0, 100.0), 20.0, gravity=9.8)
+SCENE = Simulation(load_vehicle("bluerov2_heavy")[0], SEA, {}, position=(0.0, 0.0, 5.0))
+PLAIN = Mounting()
+SEA = World("sea", "test", (-100.0, 100.0, -100.0, 100.0), 20.0, gravity=9.8)
+SCENE = Simulation(load_vehicle("bluerov2_heavy")[0], SEA, {}, position=(0.0, 0.0, 5.0))
 NU = (0.8, -0.3, 0.2, 0.4, -0.5, 0.6)
 
 
 def test_imu_at_rest_feels_its_support() -> None:
-    sample = Imu(EXACT_IMU, 1, 9.8).sample(5, State())
+    sample = Imu(EXACT_IMU, PLAIN, 1, SCENE).sample(5, State())
     assert sample == (5, (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, -9.8))
     nose_up = State(quaternion=from_euler(0.0, radians(90), 0.0))
-    assert Imu(EXACT_IMU, 1, 9.8).sample(5, nose_up).acceleration == pytest.approx((9.8, 0.0, 0.0))
+    assert Imu(EXACT_IMU, PLAIN, 1, SCENE).sample(5, nose_up).acceleration == pytest.approx((9.8, 0.0, 0.0))
 
 
 def test_imu_off_the_axis_feels_the_turn() -> None:
@@ -60,7 +69,7 @@ def test_specific_force_is_the_acceleration_of_the_place() -> None:
 
 
 def test_imu_noise_is_on_by_default_and_of_its_size() -> None:
-    imu, state = Imu(ImuModel(), 3, 9.8), State()
+    imu, state = Imu(ImuModel(), PLAIN, 3, SCENE), State()
     samples = [imu.sample(i, state) for i in range(2000)]
     rates = [sample.angular_velocity[0] for sample in samples]
     changes = [b - a for a, b in pairwise(rates)]
@@ -74,7 +83,7 @@ def test_dvl_is_exact_without_errors() -> None:
     """Tilted, turning, off the origin: velocity is that of its place, altitude that over the seabed."""
     q, place = from_euler(0.15, -0.2, 2.0), (0.3, -0.1, 0.2)
     state = State((1.0, 2.0, 3.0), q, NU)
-    sample = Dvl(EXACT_DVL._replace(position=place), 1, 20.0).sample(9, state)
+    sample = Dvl(EXACT_DVL, Mounting(place), 1, SCENE).sample(9, state)
     u, v, w, p, q_, r = NU
     x, y, z = place
     assert sample.locked
@@ -87,7 +96,7 @@ def test_dvl_is_exact_without_errors() -> None:
 def test_dvl_beams_have_their_own_noise() -> None:
     """Least squares over four beams: sd of u is the beam's over sqrt(2) sin(tilt), of w over 2 cos(tilt)."""
     model = DvlModel(velocity=ErrorModel(noise=0.02), range=ErrorModel(noise=0.05))
-    dvl, state = Dvl(model, 1, 20.0), State((0.0, 0.0, 5.0), nu=NU)
+    dvl, state = Dvl(model, PLAIN, 1, SCENE), State((0.0, 0.0, 5.0), nu=NU)
     samples = [dvl.sample(i, state) for i in range(1500)]
     along, down = [s.velocity[0] for s in samples], [s.velocity[2] for s in samples]
     assert fmean(along) == pytest.approx(0.8, abs=0.003)
@@ -107,7 +116,7 @@ def test_dvl_beams_have_their_own_noise() -> None:
     ],
 )
 def test_dvl_lock(depth: float, roll: float, locked: bool) -> None:
-    sample = Dvl(DvlModel(), 1, 20.0).sample(0, State((0.0, 0.0, depth), from_euler(roll, 0.0, 0.0), NU))
+    sample = Dvl(DvlModel(), PLAIN, 1, SCENE).sample(0, State((0.0, 0.0, depth), from_euler(roll, 0.0, 0.0), NU))
     assert sample.locked is locked
     assert isnan(sample.altitude) is not locked
     assert all(isnan(x) is not locked for x in sample.velocity)
@@ -117,7 +126,7 @@ def test_dvl_with_three_beams() -> None:
     """Over a slant one beam loses the seabed; three still give velocity and altitude."""
     model = EXACT_DVL._replace(max_range=23.0)
     state = State((0.0, 0.0, 0.5), from_euler(0.11, 0.11, 0.0), NU)
-    dvl = Dvl(model, 1, 20.0)
+    dvl = Dvl(model, PLAIN, 1, SCENE)
     assert sum(distance is None for distance in dvl._ranges(state)) == 1
     sample = dvl.sample(0, state)
     assert sample.velocity == pytest.approx(NU[:3])
@@ -125,23 +134,22 @@ def test_dvl_with_three_beams() -> None:
 
 
 def test_pressure() -> None:
-    model = PressureModel(position=(0.1, 0.0, 0.2), error=EXACT)
-    sensor = Pressure(model, 1, 1025.0, 9.8)
+    sensor = Pressure(PressureModel(error=EXACT), Mounting((0.1, 0.0, 0.2)), 1, SCENE)
     assert sensor.sample(3, State((0, 0, 10.0))).time_ns == 3
     assert sensor.sample(3, State((0, 0, 10.0))).pascal == pytest.approx(101_325.0 + 1025.0 * 9.8 * 10.2)
     assert sensor.sample(3, State((0, 0, -1.0))).pascal == 101_325.0
     tipped = State((0, 0, 10.0), from_euler(0.0, radians(-90), 0.0))
     assert sensor.sample(3, tipped).pascal == pytest.approx(101_325.0 + 1025.0 * 9.8 * 10.1)
-    noisy = Pressure(PressureModel(), 1, 1025.0, 9.8)
+    noisy = Pressure(PressureModel(), PLAIN, 1, SCENE)
     assert pstdev([noisy.sample(i, State()).pascal for i in range(500)]) == pytest.approx(20.0, rel=0.5)
 
 
 def test_odometry_is_near_the_truth_and_ground_truth_is_it() -> None:
     state = State((1.0, 2.0, 3.0), from_euler(0.1, 0.2, 0.3), NU)
-    exact = GroundTruth(GroundTruthModel()).sample(7, state)
+    exact = GroundTruth(GroundTruthModel(), PLAIN, 1, SCENE).sample(7, state)
     assert exact == (7, (1.0, 2.0, 3.0), from_euler(0.1, 0.2, 0.3), NU)
-    assert Odometry(OdometryModel(20.0, EXACT, EXACT, EXACT, EXACT, EXACT), 1).sample(7, state) == exact
-    odometry = Odometry(OdometryModel(), 1)
+    assert Odometry(OdometryModel(20.0, EXACT, EXACT, EXACT, EXACT, EXACT), PLAIN, 1, SCENE).sample(7, state) == exact
+    odometry = Odometry(OdometryModel(), PLAIN, 1, SCENE)
     samples = [odometry.sample(i, state) for i in range(20_000)]  # 1000 s
     north = [sample.position[0] for sample in samples]
     assert pstdev(north) == pytest.approx((0.1**2 + 0.02**2) ** 0.5, rel=0.3)

@@ -8,10 +8,13 @@ from pathlib import Path
 import pytest
 
 from hil.errors import ConfigError
-from hil.schema import parse
+from sim.sensors.dvl import Dvl, DvlModel
 from sim.sensors.imu import ImuModel
+from sim.sensors.mounting import Mounting
+from sim.sensors.odometry import OdometryModel
 from sim.sensors.samples import OdometrySample
-from sim.simulation import SensorSuite, Simulation
+from sim.sensors.suite import Fitted, Suite, fit, read_suite
+from sim.simulation import Simulation
 from sim.vehicle import load_vehicle
 from sim.world import load_world
 
@@ -51,21 +54,18 @@ def test_same_seed_same_bits_in_another_process_too() -> None:
 
 
 def test_a_sensor_does_not_change_its_neighbours() -> None:
-    def imu(suite: SensorSuite) -> list[object]:
+    def imu(suite: Suite) -> list[object]:
         simulation = Simulation(VEHICLE, FIELD, suite, seed=3, position=(0, 0, 3))
         return [sample for _ in range(200) for topic, sample in simulation.step(IDLE) if topic == "imu"]
 
-    suite = SensorSuite()
-    alone = suite._replace(dvl=suite.dvl._replace(rate=0.0), odometry=suite.odometry._replace(rate=3.0))
-    assert imu(suite) == imu(alone)
-    assert len(imu(suite)) == 50
+    alone = fit(dvl=None, odometry=OdometryModel(rate=3.0))
+    assert imu(fit()) == imu(alone)
+    assert len(imu(fit())) == 50
 
 
 def test_rates_do_not_drift() -> None:
     """7 Hz does not divide 400 Hz: over 20 s there are 7 a second and each comes with the first step due."""
-    suite = SensorSuite()
-    suite = suite._replace(dvl=suite.dvl._replace(rate=7.0))
-    simulation = Simulation(VEHICLE, FIELD, suite, position=(0, 0, 3))
+    simulation = Simulation(VEHICLE, FIELD, fit(dvl=DvlModel(rate=7.0)), position=(0, 0, 3))
     counts: Counter[str] = Counter()
     for step in range(1, 8001):
         for topic, sample in simulation.step(IDLE):
@@ -129,16 +129,48 @@ def test_what_cannot_be() -> None:
     with pytest.raises(ConfigError, match="paper_six cannot start at"):
         Simulation(VEHICLE, FIELD, position=(6.5, 7.5, 3.0))
     with pytest.raises(ConfigError, match="'imu': its rate is above 400 Hz"):
-        Simulation(VEHICLE, FIELD, SensorSuite(imu=ImuModel(rate=500.0)))
+        Simulation(VEHICLE, FIELD, fit(imu=ImuModel(rate=500.0)))
 
 
 def test_sensors_from_a_scenario() -> None:
     table = {"imu": {"rate": "50 Hz", "acceleration": {"noise": 0.1}}, "dvl": {"rate": 0}, "odometry": {"rate": 10}}
-    suite = parse(table, SensorSuite, "scenario.toml: sensors")
-    assert suite.imu.acceleration.noise == 0.1
-    assert suite.imu.angular_velocity == ImuModel().angular_velocity
+    suite = read_suite(table, "scenario.toml: sensors")
+    assert suite["imu"].model.acceleration.noise == 0.1
+    assert suite["imu"].model.angular_velocity == ImuModel().angular_velocity
     simulation = Simulation(VEHICLE, FIELD, suite, position=(0, 0, 3))
     counts = Counter(topic for _ in range(400) for topic, _ in simulation.step(IDLE))
     assert counts == {"imu": 50, "pressure": 20, "odom": 10, "ground_truth": 20}
-    with pytest.raises(ConfigError, match="no key 'gps'"):
-        parse({"gps": {}}, SensorSuite, "scenario.toml: sensors")
+
+
+@pytest.mark.parametrize(
+    ("sections", "words"),
+    [
+        ({"imy": {}}, "no sensor 'imy'; did you mean 'imu'?"),
+        ({"imu": 7}, "imu: expected a table, such as [sensors.imu]"),
+        ({"imu": {"latancy": 1}}, "imu: no key 'latancy'; did you mean 'latency'?"),
+        ({"imu": {"drop_out": 2}}, "imu: drop_out: 2 is outside 0 to 1"),
+        ({"dvl": {"velocity": {"nois": 1}}}, "dvl: velocity: no key 'nois'; did you mean 'noise'?"),
+        ([], "expected a table for each sensor, such as [sensors.imu]"),
+    ],
+)
+def test_wrong_sensors_are_named(sections: object, words: str) -> None:
+    with pytest.raises(ConfigError, match=r"mine\.toml: sensors") as caught:
+        read_suite(sections, "mine.toml: sensors")
+    assert words in str(caught.value)
+
+
+def test_latency_delays_and_drop_out_loses() -> None:
+    """A late sample keeps the instant it was measured; a lost one leaves the others as they are."""
+
+    def dvl(mounting: Mounting) -> list[tuple[int, object]]:
+        suite = fit(dvl=Fitted(Dvl, DvlModel(rate=10.0), mounting))
+        simulation = Simulation(VEHICLE, FIELD, suite, seed=2, position=(0, 0, 3))
+        stream = ((simulation.time_ns, pair) for _ in range(8000) for pair in simulation.step(IDLE))
+        return [(now, sample) for now, (topic, sample) in stream if topic == "dvl"]
+
+    prompt, late, lossy = dvl(Mounting()), dvl(Mounting(latency=0.33)), dvl(Mounting(drop_out=0.25))
+    assert [now for now, _ in prompt] == [k * 100_000_000 for k in range(1, 201)]
+    assert [now for now, _ in late] == [now + 330_000_000 for now, _ in prompt[:-4]]
+    assert [sample for _, sample in late] == [sample for _, sample in prompt[:-4]]
+    assert set(lossy) < set(prompt)
+    assert 25 < len(prompt) - len(lossy) < 75

@@ -13,7 +13,8 @@ from sim.rotations import from_euler, rotate
 from sim.sensors.error import ErrorModel
 from sim.sensors.pressure import STANDARD_ATMOSPHERE, PressureModel
 from sim.sensors.samples import PressureSample
-from sim.simulation import SensorSuite, Simulation
+from sim.sensors.suite import fit
+from sim.simulation import Simulation
 from sim.vehicle import Vehicle, load_vehicle
 from sim.water import HeldSea, MovingWater, WaterColumn, pushed_mass
 from sim.waves import Sea
@@ -22,11 +23,11 @@ from sim.world import World, load_world
 G = 9.80665
 VEHICLE = load_vehicle("bluerov2_heavy")[0]._replace(neutrally_buoyant=True)
 SEA = World("sea", "test", (-100.0, 100.0, -100.0, 100.0), 60.0, gravity=G)
-QUIET = SensorSuite()._replace(
-    imu=SensorSuite().imu._replace(rate=0.0),
-    dvl=SensorSuite().dvl._replace(rate=0.0),
+QUIET = fit(
+    imu=None,
+    dvl=None,
     pressure=PressureModel(error=ErrorModel()),
-    odometry=SensorSuite().odometry._replace(rate=0.0),
+    odometry=None,
 )
 # A swell of one wave: 1 m high from trough to crest is Hs = 4 sqrt(a²/2) with a = 0.5 m.
 SWELL = Waves(significant_height=2.0 * 2.0**0.5 * 0.5, peak_period=9.0, components=1, direction=0.4, hold=0.0)

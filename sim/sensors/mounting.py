@@ -1,0 +1,47 @@
+"""How any sensor sits in the vehicle and how its samples come out of it."""
+
+from collections.abc import Sequence
+from math import pi
+from typing import Annotated, NamedTuple
+
+from hil.schema import Range
+from sim.dynamics import State
+from sim.rotations import from_euler, rotate
+from sim.sensors.samples import Quaternion, Vector3
+from sim.vehicle import Point
+
+Angle = Annotated[float, Range(-2.0 * pi, 2.0 * pi, "rad")]
+
+
+class Mounting(NamedTuple):
+    """Keys that every sensor has beside its own.
+
+    `position` in m from the body origin along the body axes; `orientation` the roll, pitch and yaw (rad) of the
+    sensor's axes in the body's; `latency` s from measuring to delivering; `drop_out` the share of samples
+    that is lost, each by its own luck.
+    """
+
+    position: Point = (0.0, 0.0, 0.0)
+    orientation: tuple[Angle, Angle, Angle] = (0.0, 0.0, 0.0)
+    latency: Annotated[float, Range(0.0, 10.0, "s")] = 0.0
+    drop_out: Annotated[float, Range(0.0, 1.0)] = 0.0
+
+    @property
+    def turned(self) -> bool:
+        """True if the sensor's axes are not the vehicle's."""
+        return any(self.orientation)
+
+    @property
+    def quaternion(self) -> Quaternion:
+        """From the sensor's axes to the body's."""
+        return from_euler(*self.orientation)
+
+    def depth(self, state: State) -> float:
+        """Depth of the sensor in m."""
+        return state.position[2] + rotate(state.quaternion, self.position)[2]
+
+    def velocity(self, nu: Sequence[float]) -> Vector3:
+        """Velocity (m/s, body axes) of the sensor's place when the vehicle moves with `nu`."""
+        u, v, w, p, q, r = nu
+        x, y, z = self.position
+        return u + q * z - r * y, v + r * x - p * z, w + p * y - q * x

@@ -1,0 +1,148 @@
+"""Which sensors a vehicle carries, and when their samples come out.
+
+[sensors.imu]                  # one of the usual ones, with other values
+rate = "200 Hz"
+latency = "5 ms"
+
+[sensors.gps]                  # one that is not usual, as it is
+
+[sensors.dvl]
+rate = 0                       # none
+"""
+
+from collections.abc import Iterator, Mapping
+from heapq import heappop, heappush
+from importlib import import_module
+from typing import Any, NamedTuple
+
+from hil.errors import ConfigError
+from hil.schema import nearest, parse
+from sim.sensors.error import sensor_random
+from sim.sensors.mounting import Mounting
+from sim.sensors.samples import Sample, Scene, Sensor, period_ns
+
+# The name of a sensor's section -> its class, imported when a vehicle carries it.
+SENSORS = {
+    "imu": "sim.sensors.imu:Imu",
+    "dvl": "sim.sensors.dvl:Dvl",
+    "pressure": "sim.sensors.pressure:Pressure",
+    "odometry": "sim.sensors.odometry:Odometry",
+    "ground_truth": "sim.sensors.odometry:GroundTruth",
+}
+USUAL = ("imu", "dvl", "pressure", "odometry", "ground_truth")
+
+
+class Fitted(NamedTuple):
+    """A sensor as it is fitted: its class, the record of its own keys, and how it sits."""
+
+    sensor: type[Sensor]
+    model: Any
+    mounting: Mounting = Mounting()
+
+
+Suite = Mapping[str, Fitted]  # by the sensor's name
+
+
+def read_suite(sections: Any, where: str) -> Suite:
+    """The sensors that the `[sensors]` table says, and the usual ones. Raises ConfigError."""
+    if not isinstance(sections, dict):
+        raise ConfigError(f"{where}: expected a table for each sensor, such as [sensors.imu]")
+    for name, section in sections.items():
+        if name not in SENSORS:
+            raise ConfigError(f"{where}: no sensor {name!r}{nearest(name, list(SENSORS))}; there are: {_names()}")
+        if not isinstance(section, dict):
+            raise ConfigError(f"{where}: {name}: expected a table, such as [sensors.{name}]")
+    names = [*USUAL, *(name for name in sections if name not in USUAL)]
+    fitted = {name: _read_sensor(name, sections.get(name, {}), f"{where}: {name}") for name in names}
+    return {name: each for name, each in fitted.items() if each.model.rate}
+
+
+def fit(**models: Any) -> Suite:
+    """The usual sensors, with these instead or besides: by name the record of its keys, a Fitted, or None for none."""
+    chosen = {name: _load(name).Model() for name in USUAL} | models
+    present = {name: model for name, model in chosen.items() if model is not None}
+    fitted = {name: m if isinstance(m, Fitted) else Fitted(_load(name), m) for name, m in present.items()}
+    return {name: each for name, each in fitted.items() if each.model.rate}
+
+
+class Schedule:
+    """Lets every sensor of a suite measure when it is due, and hands its samples out when they arrive.
+
+    Instants are whole multiples of a sensor's period, so that nothing drifts; each falls on the first step of
+    `dt_ns` at or after it. Raises ConfigError for a sensor that is faster than the steps.
+    """
+
+    def __init__(self, suite: Suite, scene: Scene, seed: int, dt_ns: int) -> None:
+        self._slots = [_Slot(name, fitted, scene, seed, dt_ns) for name, fitted in suite.items()]
+        self._under_way: list[tuple[int, int, str, Sample]] = []  # arrival, number, topic, sample
+        self._number = 0
+        self.due_ns = 0  # nothing happens before
+
+    def take(self, now_ns: int, scene: Scene) -> list[tuple[str, Sample]]:
+        """The samples that arrive by `now_ns`, with their topics."""
+        arrived: list[tuple[str, Sample]] = []
+        state = scene.state
+        for slot in self._slots:
+            if now_ns < slot.due_ns:
+                continue
+            slot.due_ns += slot.period_ns
+            sample = slot.sensor.sample(now_ns, state)
+            if sample is None or slot.drops():
+                continue
+            if slot.latency_ns:
+                self._number += 1
+                heappush(self._under_way, (now_ns + slot.latency_ns, self._number, slot.topic, sample))
+            else:
+                arrived.append((slot.topic, sample))
+        while self._under_way and self._under_way[0][0] <= now_ns:
+            _, _, topic, sample = heappop(self._under_way)
+            arrived.append((topic, sample))
+        self.due_ns = min(self._instants(), default=1 << 63)
+        return arrived
+
+    def _instants(self) -> Iterator[int]:
+        yield from [slot.due_ns for slot in self._slots]
+        if self._under_way:
+            yield self._under_way[0][0]
+
+
+class _Slot:
+    """One sensor, when it is due next, and what becomes of its samples."""
+
+    __slots__ = ("_drop_out", "_luck", "due_ns", "latency_ns", "period_ns", "sensor", "topic")
+
+    def __init__(self, name: str, fitted: Fitted, scene: Scene, seed: int, dt_ns: int) -> None:
+        self.period_ns = period_ns(fitted.model.rate)
+        if self.period_ns < dt_ns:
+            raise ConfigError(f"sensor {name!r}: its rate is above {1e9 / dt_ns:g} Hz, the rate of the simulation")
+        self.sensor = fitted.sensor(fitted.model, fitted.mounting, seed, scene)
+        self.topic = fitted.sensor.topic
+        self.due_ns = self.period_ns
+        self.latency_ns = round(fitted.mounting.latency * 1e9)
+        self._drop_out = fitted.mounting.drop_out
+        self._luck = sensor_random(seed, f"{name}/drop_out") if self._drop_out else None
+
+    def drops(self) -> bool:
+        """True if this sample is lost on its way."""
+        return self._luck is not None and self._luck.random() < self._drop_out
+
+
+def _read_sensor(name: str, section: dict[str, Any], where: str) -> Fitted:
+    sensor = _load(name)
+    common, own = Mounting._fields, sensor.Model._fields
+    for key in section:
+        if key not in (*common, *own):
+            raise ConfigError(f"{where}: no key {key!r}{nearest(key, [*own, *common])}")
+    sits = {key: value for key, value in section.items() if key in common}
+    rest = {key: value for key, value in section.items() if key not in common}
+    return Fitted(sensor, parse(rest, sensor.Model, where), parse(sits, Mounting, where))
+
+
+def _load(name: str) -> type[Sensor]:
+    module, _, attribute = SENSORS[name].partition(":")
+    sensor: type[Sensor] = getattr(import_module(module), attribute)
+    return sensor
+
+
+def _names() -> str:
+    return ", ".join(sorted(SENSORS))
