@@ -12,7 +12,7 @@ COMMANDS = {
     "demo": ("hil.commands.demo", "slave and master on this machine, one run, the HIL table"),
     "slave": ("hil.commands.slave", "be the vehicle: the daemon on the card computer"),
     "master": ("hil.commands.master", "plan and fly a scenario with a slave somewhere on the network"),
-    "sim": ("hil.commands.sim", "the same mission without network and clock, as fast as it goes"),
+    "sim": ("hil.commands.sim", "the same mission in one process, in real time or as fast as it goes"),
     "campaign": ("hil.commands.campaign", "many such runs with other seeds and parameters, on all cores"),
     "stm32": ("firmware_stub.serve", "be only the STM32, on a pty or a serial port"),
     "vehicle": ("hil.commands.vehicle", "what a vehicle is and can do; import one from a URDF"),

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 from hil.errors import ConfigError
 from sim.contact import Contact, starts_inside
-from sim.dynamics import Integrator, State
+from sim.dynamics import Forces, Integrator, State
 from sim.forces import Force
 from sim.native import make_dynamics
 from sim.rotations import from_euler, rotate_inverse
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from sim.battery import BatteryState
     from sim.failures import Failure
     from sim.water import MovingWater
+    from sim.waves import Sea
 
 DT_NS = 2_500_000  # 400 Hz
 
@@ -62,6 +63,7 @@ class Simulation:
         self._forces = forces
         self._thrusters = make_thrusters(vehicle, self._dt, failures, seed)
         self._flow: Sequence[float] = world.current
+        self._wrench: Sequence[float] = (0.0,) * 6
         self._contact = Contact(vehicle, world, self._dynamics.inverse_mass)
         self._water = _moving_water(vehicle, world, seed)
         self._schedule = Schedule(fit() if sensors is None else sensors, self, seed, dt_ns)
@@ -87,6 +89,15 @@ class Simulation:
         return self._flow
 
     @property
+    def sea(self) -> "Sea | None":
+        """The waves; None if there are none."""
+        return self._water.sea if self._water else None
+
+    def flow_at(self, place: Sequence[float]) -> Sequence[float]:
+        """The velocity of the water at a place (m, NED) now, NED in m/s."""
+        return self._water.velocity(self.time_ns, place) if self._water else self.world.current
+
+    @property
     def battery(self) -> "BatteryState | None":
         """What a battery monitor would read now; None if the vehicle has none."""
         return self._thrusters.battery
@@ -97,6 +108,10 @@ class Simulation:
         Raises ConfigError for an unknown thruster.
         """
         self._thrusters.fail(failures)
+
+    def forces(self) -> Forces:
+        """The forces on it now, term by term, under the thrust and in the water of the last step."""
+        return self._dynamics.forces(self.state, self._wrench, self._flow)
 
     def truth(self) -> OdometrySample:
         """Where the vehicle really is, now."""
@@ -112,6 +127,7 @@ class Simulation:
             self._flow = current
         for force in self._forces:
             force.begin(self.time_ns)
+        self._wrench = wrench
         before = state.nu
         self._dynamics.step(state, wrench, current, self._dt)
         if self._contact.resolve(state):

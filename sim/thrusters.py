@@ -115,9 +115,13 @@ class ThrusterSet:
             pulses = failures.pulses(pulses)
         if pulses != self._pwm_us:
             self._command(pulses)
+        return self._advance(nu_r)
+
+    def _advance(self, nu_r: Sequence[float]) -> tuple[float, float, float, float, float, float]:
+        """One step of all thrusts towards their targets; the wrench at its end."""
         self._lagged = self.thrusts = self._follow(nu_r)
-        if failures is not None:
-            self.thrusts = failures.thrusts(self._lagged)
+        if self._failures is not None:
+            self.thrusts = self._failures.thrusts(self._lagged)
         x = y = z = k = m = n = 0.0
         for thrust, (cx, cy, cz, ck, cm, cn) in zip(self.thrusts, self._columns, strict=True):
             x += cx * thrust
@@ -127,6 +131,10 @@ class ThrusterSet:
             m += cm * thrust
             n += cn * thrust
         return x, y, z, k, m, n
+
+    def numbers(self) -> list[float]:
+        """All that a step without failures uses but the state, in a row: what the C twin is made of."""
+        return [x for gain, column in zip(self._gains, self._columns, strict=True) for x in (gain, *column)]
 
     def _follow(self, nu_r: Sequence[float]) -> list[float]:
         """The thrusts (N) at the end of the step, before failures."""
@@ -149,12 +157,14 @@ def make_thrusters(vehicle: Vehicle, dt: float, failures: "Iterable[Failure]" = 
 
     Models beyond a lagged quadratic curve are loaded only for a vehicle that has one.
     """
+    from sim.native import make_thruster_set  # it builds on this module
+
     if vehicle.battery or any(t.curve or t.dynamics for t in vehicle.thrusters):
         from sim.propulsion import Propulsion
 
         thrusters: ThrusterSet = Propulsion(vehicle, dt, seed)
     else:
-        thrusters = ThrusterSet(vehicle, dt, seed)
+        thrusters = make_thruster_set(vehicle, dt, seed)
     planned = tuple(failures)
     if planned:
         thrusters.fail(planned)

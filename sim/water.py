@@ -47,6 +47,19 @@ class MovingWater:
         pushed = [force + x * a + y * b + z * c for force, (x, y, z) in zip(wrench, self._mass, strict=True)]
         return (north + orbital[0], east + orbital[1], down + orbital[2]), pushed
 
+    @property
+    def sea(self) -> Sea | None:
+        """The waves; None if there are none."""
+        return self._sea.sea if self._sea else None
+
+    def velocity(self, time_ns: int, place: Sequence[float]) -> Velocity:
+        """The water's velocity (m/s, NED) at a place (m, NED), which need not be the vehicle's."""
+        north, east, down = self._current(time_ns, place[2])
+        if self._sea is None:
+            return north, east, down
+        x, y, z = self._sea.sea.motion(time_ns * 1e-9, *place).velocity
+        return north + x, east + y, down + z
+
 
 class HeldSea:
     """A sea whose motion is computed every `hold` s where the vehicle is then, and kept in between."""

@@ -6,12 +6,13 @@ With z the depth, h that of the seabed, and theta = k . (north, east) - omega t 
     elevation            a cos(theta)
     horizontal velocity  a omega cosh(k (h - z)) / sinh(k h) cos(theta), along k
     upward velocity      a omega sinh(k (h - z)) / sinh(k h) sin(theta)
+    pressure             rho g a cosh(k (h - z)) / cosh(k h) cos(theta), on top of that of calm water
     omega² = g k tanh(k h)
 
 which in deep water is a motion in circles that dies away as exp(-k z). The drift of what goes along with the
 water comes by itself. Not modelled: what is of second order in the height of the single waves (sharper crests,
 bound waves), breaking, wave and current together, the sea's calm behind obstacles, motion above the mean
-surface: there that at the surface is given.
+surface: there that at the surface is given. Pressure alone follows the surface up and down.
 """
 
 from itertools import pairwise
@@ -124,6 +125,23 @@ class Sea:
             wave.amplitude * cos(kn * north + ke * east - omega * time + phase)
             for wave, (kn, ke, _, omega, phase, *_) in zip(self.components, self._rows, strict=True)
         )
+
+    def pressure_depth(self, time: float, north: float, east: float, depth: float) -> float:
+        """The depth (m) in calm water at which the pressure is what it is at this place (m, NED) at `time` s.
+
+        The theory is for places below the mean surface. By Wheeler's stretching (1970, J. Petroleum Technology
+        22:359) it is read at z' = h (z + eta) / (h + eta) instead of z, eta being the elevation: so the result is
+        0 just where the wave's surface is, in crests and troughs, and goes over from air to water without a
+        jump. Negative in the air.
+        """
+        elevation = self.elevation(time, north, east)
+        under = max(0.0, depth + elevation) * self.depth / (self.depth + elevation)
+        head = 0.0
+        for wave, (kn, ke, k, omega, phase, _, echo, *_) in zip(self.components, self._rows, strict=True):
+            decay = exp(-k * under)
+            share = (decay + echo / decay) / (1.0 + echo) if echo else decay
+            head += wave.amplitude * share * cos(kn * north + ke * east - omega * time + phase)
+        return depth + head
 
     def motion(self, time: float, north: float, east: float, depth: float) -> WaterMotion:
         """How the water moves at a place (m, NED) at `time` s.

@@ -1,6 +1,6 @@
 """The water a vehicle is in, its seabed and what stands on it, read from TOML."""
 
-from math import inf
+from math import inf, pi
 from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 from hil.schema import Range, find_preset, parse
@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
 Edge = Annotated[float, Range(-1e5, 1e5, "m")]
 Speed = Annotated[float, Range(-5.0, 5.0, "m/s")]
+Angle = Annotated[float, Range(-pi, pi, "rad")]
 
 
 class World(NamedTuple):
@@ -22,7 +23,10 @@ class World(NamedTuple):
     `extent` is north_min, north_max, east_min, east_max in m: what a map shows, and where with `walls`
     four walls stand. `depth` is that of the flat seabed, `density` of the water in kg/m³, `gravity` in
     m/s², `current` the velocity of the water north, east, down: steady, the same everywhere. `ocean` is what
-    comes on top of that: currents that change, waves, layers of density.
+    comes on top of that: currents that change, waves, layers of density. `origin` is where on the earth north and
+    east are 0, latitude and longitude in degrees (WGS 84), and `origin_altitude` in m how far above the ellipsoid
+    the water's mean surface is there. `magnetic_field` is the earth's: intensity in tesla, inclination (down is
+    positive) and declination (east is positive); the default is about that of central Europe.
     Not modelled: relief, eddies, the water's calm in the lee of an obstacle.
     """
 
@@ -34,6 +38,9 @@ class World(NamedTuple):
     density: Annotated[float, Range(900.0, 1200.0)] = 1025.0
     gravity: Annotated[float, Range(0.1, 30.0)] = 9.80665
     current: tuple[Speed, Speed, Speed] = (0.0, 0.0, 0.0)
+    origin: tuple[Annotated[float, Range(-90.0, 90.0)], Annotated[float, Range(-180.0, 180.0)]] | None = None
+    origin_altitude: Annotated[float, Range(-500.0, 9000.0, "m")] = 0.0
+    magnetic_field: tuple[Annotated[float, Range(0.0, 1e-3)], Angle, Angle] = (49e-6, 1.15, 0.0)
     cylinder: tuple[Cylinder, ...] = ()
     box: tuple[Box, ...] = ()
     ocean: "Ocean | None" = None  # read by load_world, with a schema of its own

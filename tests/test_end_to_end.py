@@ -198,14 +198,14 @@ def test_a_thruster_that_fails(tmp_path: Path) -> None:
     scenario, _ = write_scenario(tmp_path)
     whole = scenario.read_text()
     scenario.write_text(whole + '\n[[failure]]\nthruster = "front_left"\nkind = "off"\ntime = 1\n')
-    with Program(tmp_path, "sim", scenario) as lame:
+    with Program(tmp_path, "sim", scenario, "--fast") as lame:
         lame.wait(60)
     scenario.write_text(whole)
-    with Program(tmp_path, "sim", scenario) as sound:
+    with Program(tmp_path, "sim", scenario, "--fast") as sound:
         assert sound.wait(60) == 0
     assert lame.output.splitlines()[-1] != sound.output.splitlines()[-1]
     scenario.write_text(whole + '\n[[failure]]\nthruster = "front_lft"\nkind = "off"\ntime = 1\n')
-    with Program(tmp_path, "sim", scenario) as wrong:
+    with Program(tmp_path, "sim", scenario, "--fast") as wrong:
         assert wrong.wait() == 2
     assert "front_left" in wrong.output
     assert "Traceback" not in wrong.output
@@ -231,7 +231,7 @@ def test_a_time_limit_that_is_too_short(tmp_path: Path) -> None:
 
 def final_state(folder: Path, scenario: Path, seed: int, native: bool) -> str:
     environment = {"UUV_HIL_NATIVE": str(int(native))}
-    with Program(folder, "sim", scenario, "--seed", seed, environment=environment) as sim:
+    with Program(folder, "sim", scenario, "--fast", "--seed", seed, environment=environment) as sim:
         assert sim.wait(60) == 0, sim.output
         assert "goal reached" in sim.output
         return sim.output.splitlines()[-1]

@@ -1,16 +1,19 @@
-"""The step in C where it was compiled, else in Python: the same numbers to the last bit.
+"""What every step needs, in C where it was compiled, else in Python: the same numbers to the last bit.
 
 `UUV_HIL_NATIVE=0` in the environment takes the Python, `UUV_HIL_NATIVE=1` insists on the C.
 """
 
 import os
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from random import Random
 from struct import pack
 
 from hil.errors import ConfigError
 from sim.dynamics import Dynamics, Integrator, State
 from sim.forces import Force
 from sim.rotations import matrix
+from sim.sensors.error import ErrorBank, ErrorModel
+from sim.thrusters import ThrusterSet
 from sim.vehicle import Vehicle
 
 SWITCH = "UUV_HIL_NATIVE"
@@ -43,6 +46,40 @@ class NativeDynamics(Dynamics):
     def _pushed_step(self, state: State, wrench: Sequence[float], current: Sequence[float], dt: float) -> None:
         pushed = self.push(state.position, matrix(state.quaternion), state.nu, wrench, current)
         self._kernel_step(state, pushed, current, dt)
+
+
+class NativeThrusterSet(ThrusterSet):
+    """`ThrusterSet` with its lags and sums in C; while thrusters fail, in Python. Raises ImportError."""
+
+    def __init__(self, vehicle: Vehicle, dt: float, seed: int = 0) -> None:
+        from sim.native._native import Mixer
+
+        super().__init__(vehicle, dt, seed)
+        numbers = self.numbers()
+        self._mix = Mixer(pack(f"{len(numbers)}d", *numbers)).step
+
+    def _advance(self, nu_r: Sequence[float]) -> tuple[float, float, float, float, float, float]:
+        if self._failures is not None:
+            return super()._advance(nu_r)
+        self._lagged, wrench = self._mix(self._lagged, self._targets)
+        self.thrusts = self._lagged
+        return wrench
+
+
+class NativeErrorBank(ErrorBank):
+    """`ErrorBank` in C, with random numbers of its own that go on where `random` stood. Raises ImportError."""
+
+    def __init__(self, models: Iterable[ErrorModel], period: float, random: Random) -> None:
+        from sim.native._native import Errors
+
+        super().__init__(models, period, random)
+        numbers = [x for process in self._processes for x in process.numbers()]
+        _, key, second = random.getstate()
+        self._measure = Errors(pack(f"{len(numbers)}d", *numbers), pack("625I", *key), second).measure
+
+    def measure(self, true: Sequence[float]) -> list[float]:
+        """As the one it stands for."""
+        return self._measure(true)
 
 
 def choose() -> tuple[type[Dynamics], str]:
@@ -78,3 +115,17 @@ def make_dynamics(
     """
     dynamics, _ = choose()
     return dynamics(vehicle, density, gravity, integrator, forces)
+
+
+def make_thruster_set(vehicle: Vehicle, dt: float, seed: int = 0) -> ThrusterSet:
+    """The thrusters of a vehicle that has only lagged quadratic ones, the quickest there are; else as `choose`."""
+    return (NativeThrusterSet if _has_native() else ThrusterSet)(vehicle, dt, seed)
+
+
+def make_error_bank(models: Iterable[ErrorModel], period: float, random: Random) -> ErrorBank:
+    """The errors of one sensor, sampled every `period` s, the quickest there are; else as `choose`."""
+    return (NativeErrorBank if _has_native() else ErrorBank)(models, period, random)
+
+
+def _has_native() -> bool:
+    return choose()[0] is NativeDynamics

@@ -1,10 +1,11 @@
-/* Shows the step of kernel.h to Python: sim.native._native.Kernel. */
+/* Shows kernel.h and errors.h to Python: sim.native._native.Kernel, Mixer and Errors. */
 
 #define PY_SSIZE_T_CLEAN
 #define Py_LIMITED_API 0x030B0000
 #include <Python.h>
 #include <string.h>
 
+#include "errors.h"
 #include "kernel.h"
 
 typedef struct {
@@ -42,8 +43,7 @@ static int get_numbers(PyObject *object, PyObject *name, double *out, Py_ssize_t
     return ok;
 }
 
-/* A new list each time, as in Python: who kept the old one keeps the old numbers. */
-static int set_numbers(PyObject *object, PyObject *name, const double *numbers, Py_ssize_t size)
+static PyObject *new_list(const double *numbers, Py_ssize_t size)
 {
     PyObject *list = PyList_New(size);
     for (Py_ssize_t i = 0; list != NULL && i < size; i++) {
@@ -53,6 +53,13 @@ static int set_numbers(PyObject *object, PyObject *name, const double *numbers, 
         else
             PyList_SetItem(list, i, number);
     }
+    return list;
+}
+
+/* A new list each time, as in Python: who kept the old one keeps the old numbers. */
+static int set_numbers(PyObject *object, PyObject *name, const double *numbers, Py_ssize_t size)
+{
+    PyObject *list = new_list(numbers, size);
     int ok = list != NULL && PyObject_SetAttr(object, name, list) == 0;
     Py_XDECREF(list);
     return ok;
@@ -94,7 +101,7 @@ static PyObject *kernel_new(PyTypeObject *type, PyObject *arguments, PyObject *k
     return self;
 }
 
-static void kernel_dealloc(PyObject *self)
+static void deallocate(PyObject *self)
 {
     PyTypeObject *type = Py_TYPE(self);
     PyObject_Free(self);
@@ -110,7 +117,7 @@ static PyMethodDef kernel_methods[] = {
 static PyType_Slot kernel_slots[] = {
     {Py_tp_doc, "The step of one vehicle: Kernel(bytes of Dynamics.numbers())."},
     {Py_tp_new, kernel_new},
-    {Py_tp_dealloc, kernel_dealloc},
+    {Py_tp_dealloc, deallocate},
     {Py_tp_methods, kernel_methods},
     {0, NULL},
 };
@@ -118,6 +125,152 @@ static PyType_Slot kernel_slots[] = {
 static PyType_Spec kernel_spec = {
     "sim.native._native.Kernel", sizeof(Kernel), 0, Py_TPFLAGS_DEFAULT | Py_TPFLAGS_IMMUTABLETYPE, kernel_slots,
 };
+
+/* An object of `type` with a copy of the records of `size` bytes each that `numbers` holds; their count in `count`. */
+static PyObject *new_with_records(PyTypeObject *type, const char *numbers, Py_ssize_t bytes, size_t size, size_t most,
+                                  void *(*records)(PyObject *), Py_ssize_t *count)
+{
+    *count = bytes / (Py_ssize_t)size;
+    if (bytes % (Py_ssize_t)size != 0 || *count > (Py_ssize_t)most)
+        return PyErr_Format(PyExc_ValueError, "up to %zu records of %zu bytes are needed, found %zd bytes", most, size, bytes);
+    PyObject *self = PyType_GenericAlloc(type, 0);
+    if (self != NULL)
+        memcpy(records(self), numbers, (size_t)bytes);
+    return self;
+}
+
+enum { MOST_THRUSTERS = 16, MOST_CHANNELS = 32 };
+
+typedef struct {
+    PyObject_HEAD
+    Py_ssize_t count;
+    Thruster thrusters[MOST_THRUSTERS];
+} Mixer;
+
+static void *mixer_records(PyObject *self)
+{
+    return ((Mixer *)self)->thrusters;
+}
+
+static PyObject *mixer_new(PyTypeObject *type, PyObject *arguments, PyObject *keywords)
+{
+    const char *numbers;
+    Py_ssize_t bytes, count;
+    (void)keywords;
+    if (!PyArg_ParseTuple(arguments, "y#", &numbers, &bytes))
+        return NULL;
+    PyObject *self = new_with_records(type, numbers, bytes, sizeof(Thruster), MOST_THRUSTERS, mixer_records, &count);
+    if (self != NULL)
+        ((Mixer *)self)->count = count;
+    return self;
+}
+
+static PyObject *mixer_step(PyObject *self, PyObject *const *arguments, Py_ssize_t count)
+{
+    const Mixer *mixer = (const Mixer *)self;
+    double thrusts[MOST_THRUSTERS], targets[MOST_THRUSTERS], wrench[6];
+    if (count != 2)
+        return PyErr_Format(PyExc_TypeError, "step() takes thrusts and targets");
+    if (!read_numbers(arguments[0], thrusts, mixer->count) || !read_numbers(arguments[1], targets, mixer->count))
+        return NULL;
+    follow(mixer->thrusters, (int)mixer->count, thrusts, targets, wrench);
+    PyObject *list = new_list(thrusts, mixer->count);
+    if (list == NULL)
+        return NULL;
+    return Py_BuildValue("N(dddddd)", list, wrench[0], wrench[1], wrench[2], wrench[3], wrench[4], wrench[5]);
+}
+
+static PyMethodDef mixer_methods[] = {
+    {"step", (PyCFunction)(void (*)(void))mixer_step, METH_FASTCALL,
+     "step(thrusts, targets): the thrusts a step later, and their wrench."},
+    {NULL, NULL, 0, NULL},
+};
+
+static PyType_Slot mixer_slots[] = {
+    {Py_tp_doc, "The thrusters of one vehicle: Mixer(bytes of ThrusterSet.numbers())."},
+    {Py_tp_new, mixer_new},
+    {Py_tp_dealloc, deallocate},
+    {Py_tp_methods, mixer_methods},
+    {0, NULL},
+};
+
+static PyType_Spec mixer_spec = {
+    "sim.native._native.Mixer", sizeof(Mixer), 0, Py_TPFLAGS_DEFAULT | Py_TPFLAGS_IMMUTABLETYPE, mixer_slots,
+};
+
+typedef struct {
+    PyObject_HEAD
+    Py_ssize_t count;
+    Random random;
+    Channel channels[MOST_CHANNELS];
+} Errors;
+
+static void *errors_records(PyObject *self)
+{
+    return ((Errors *)self)->channels;
+}
+
+static PyObject *errors_new(PyTypeObject *type, PyObject *arguments, PyObject *keywords)
+{
+    const char *numbers, *key;
+    Py_ssize_t bytes, key_bytes, count;
+    PyObject *second;
+    (void)keywords;
+    if (!PyArg_ParseTuple(arguments, "y#y#O", &numbers, &bytes, &key, &key_bytes, &second))
+        return NULL;
+    if (key_bytes != (TWISTER_SIZE + 1) * (Py_ssize_t)sizeof(uint32_t))
+        return PyErr_Format(PyExc_ValueError, "a state of %d numbers is needed", TWISTER_SIZE + 1);
+    PyObject *self = new_with_records(type, numbers, bytes, sizeof(Channel), MOST_CHANNELS, errors_records, &count);
+    if (self == NULL)
+        return NULL;
+    Errors *errors = (Errors *)self;
+    uint32_t place;
+    errors->count = count;
+    memcpy(errors->random.key, key, sizeof errors->random.key);
+    memcpy(&place, key + sizeof errors->random.key, sizeof place);
+    errors->random.place = place < TWISTER_SIZE ? (int)place : TWISTER_SIZE;
+    errors->random.has_second = second != Py_None;
+    errors->random.second = errors->random.has_second ? PyFloat_AsDouble(second) : 0.0;
+    if (PyErr_Occurred())
+        Py_CLEAR(self);
+    return self;
+}
+
+static PyObject *errors_measure(PyObject *self, PyObject *true_values)
+{
+    Errors *errors = (Errors *)self;
+    double values[MOST_CHANNELS];
+    if (!read_numbers(true_values, values, errors->count))
+        return NULL;
+    for (Py_ssize_t i = 0; i < errors->count; i++)
+        values[i] = measure(&errors->channels[i], &errors->random, values[i]);
+    return new_list(values, errors->count);
+}
+
+static PyMethodDef errors_methods[] = {
+    {"measure", errors_measure, METH_O, "measure(true): one measurement of each value, as ErrorBank.measure does."},
+    {NULL, NULL, 0, NULL},
+};
+
+static PyType_Slot errors_slots[] = {
+    {Py_tp_doc, "The errors of one sensor: Errors(bytes of their numbers(), bytes of random's key, its second number)."},
+    {Py_tp_new, errors_new},
+    {Py_tp_dealloc, deallocate},
+    {Py_tp_methods, errors_methods},
+    {0, NULL},
+};
+
+static PyType_Spec errors_spec = {
+    "sim.native._native.Errors", sizeof(Errors), 0, Py_TPFLAGS_DEFAULT | Py_TPFLAGS_IMMUTABLETYPE, errors_slots,
+};
+
+static int add_type(PyObject *module, PyType_Spec *spec, const char *name)
+{
+    PyObject *type = PyType_FromSpec(spec);
+    int failed = type == NULL || PyModule_AddObjectRef(module, name, type) != 0;
+    Py_XDECREF(type);
+    return !failed;
+}
 
 static int module_exec(PyObject *module)
 {
@@ -127,10 +280,8 @@ static int module_exec(PyObject *module)
     nu_dot_name = PyUnicode_InternFromString("nu_dot");
     if (position_name == NULL || quaternion_name == NULL || nu_name == NULL || nu_dot_name == NULL)
         return -1;
-    PyObject *type = PyType_FromSpec(&kernel_spec);
-    int failed = type == NULL || PyModule_AddObjectRef(module, "Kernel", type) != 0;
-    Py_XDECREF(type);
-    return failed ? -1 : 0;
+    return add_type(module, &kernel_spec, "Kernel") && add_type(module, &mixer_spec, "Mixer")
+        && add_type(module, &errors_spec, "Errors") ? 0 : -1;
 }
 
 static PyModuleDef_Slot module_slots[] = {{Py_mod_exec, module_exec}, {0, NULL}};

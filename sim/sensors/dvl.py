@@ -6,8 +6,9 @@ from typing import Annotated, NamedTuple
 from hil.schema import Range
 from sim.dynamics import State
 from sim.matrices import Matrix, inverse, product, transpose
+from sim.native import make_error_bank
 from sim.rotations import matrix, rotate
-from sim.sensors.error import ErrorBank, ErrorModel, sensor_random
+from sim.sensors.error import ErrorModel, sensor_random
 from sim.sensors.mounting import Mounting
 from sim.sensors.samples import DVL, DvlSample, Scene, Vector3
 
@@ -49,24 +50,38 @@ class Dvl:
         self._model = model
         self._mounting = mounting
         self._seabed = scene.world.depth
-        self._errors = ErrorBank([model.velocity, model.range] * _BEAMS, 1.0 / model.rate, sensor_random(seed, DVL))
+        models = [model.velocity, model.range] * _BEAMS
+        self._errors = make_error_bank(models, 1.0 / model.rate, sensor_random(seed, DVL))
         self._beams = _janus(model.tilt)
-        # the same in body axes
-        self._body_beams = [rotate(mounting.quaternion, beam) for beam in self._beams]
+        self._body_beams = [rotate(mounting.quaternion, beam) for beam in self._beams]  # the same in body axes
+        self._solutions: dict[tuple[int, ...], Matrix] = {}
 
     def sample(self, time_ns: int, state: State) -> DvlSample:
         """The measurement of `state`."""
-        distances = self._ranges(state)
-        pairs = zip(self._speeds(state), distances, strict=True)
-        # every error moves on, locked or not: time passes for all
-        values = self._errors.measure([x for speed, distance in pairs for x in (speed, distance or 0.0)])
-        measured = zip(self._beams, values[::2], values[1::2], distances, strict=True)
-        locked = [(beam, speed, distance) for beam, speed, distance, lock in measured if lock is not None]
+        true: list[float] = []
+        locked: list[int] = []
+        speeds = self._speeds(state)
+        for beam, distance in enumerate(self._ranges(state)):
+            true += (speeds[beam], distance or 0.0)
+            if distance is not None:
+                locked.append(beam)
+        measured = self._errors.measure(true)  # every error moves on, locked or not: time passes for all
         if len(locked) < _LEAST_BEAMS:
             return DvlSample(time_ns, (nan, nan, nan), nan, False)
-        velocity = _least_squares([list(beam) for beam, _, _ in locked], [speed for _, speed, _ in locked])
-        x, y, z = _least_squares([[distance * b for b in beam] for beam, _, distance in locked], [1.0] * len(locked))
-        return DvlSample(time_ns, velocity, 1.0 / (x * x + y * y + z * z) ** 0.5, True)
+        u, v, w = [
+            sum([a * measured[2 * beam] for a, beam in zip(row, locked, strict=True)])
+            for row in self._solution(tuple(locked))
+        ]
+        ends = [[measured[2 * beam + 1] * x for x in self._beams[beam]] for beam in locked]
+        return DvlSample(time_ns, (u, v, w), _distance_to_plane(ends), True)
+
+    def _solution(self, locked: tuple[int, ...]) -> Matrix:
+        """The 3 x n that turns speeds along these beams into the velocity, by least squares; made once for each set."""
+        if locked not in self._solutions:
+            rows = [list(self._beams[beam]) for beam in locked]
+            columns = transpose(rows)
+            self._solutions[locked] = product(inverse(product(columns, rows)), columns)
+        return self._solutions[locked]
 
     def _ranges(self, state: State) -> list[float | None]:
         """True distance to the seabed along each beam in m, None where it is not locked."""
@@ -88,14 +103,29 @@ class Dvl:
 
 
 def _janus(tilt: float) -> list[Vector3]:
-    """Unit vectors of the beams in body axes, `tilt` rad from straight down, between the body axes seen from above."""
+    """Unit vectors of the beams, `tilt` rad from straight down, between the axes seen from above."""
     angles = [pi / 4.0 + k * pi / 2.0 for k in range(_BEAMS)]
     return [(sin(tilt) * cos(angle), sin(tilt) * sin(angle), cos(tilt)) for angle in angles]
 
 
-def _least_squares(rows: Matrix, values: list[float]) -> Vector3:
-    """The x of three numbers for which |rows x - values| is least."""
-    columns = transpose(rows)
-    solution = product(inverse(product(columns, rows)), product(columns, [[value] for value in values]))
-    (x,), (y,), (z,) = solution
-    return x, y, z
+def _distance_to_plane(points: list[list[float]]) -> float:
+    """From the origin to the plane n p = 1 that fits three or more points (m) by least squares: 1 / |n|.
+
+    The normal equations of three unknowns, by Cramer's rule.
+    """
+    xx = xy = xz = yy = yz = zz = x = y = z = 0.0
+    for a, b, c in points:
+        xx += a * a
+        xy += a * b
+        xz += a * c
+        yy += b * b
+        yz += b * c
+        zz += c * c
+        x += a
+        y += b
+        z += c
+    i, j, k = yy * zz - yz * yz, yz * xz - xy * zz, xy * yz - yy * xz
+    ll, m, n = xx * zz - xz * xz, xy * xz - xx * yz, xx * yy - xy * xy
+    a, b, c = i * x + j * y + k * z, j * x + ll * y + m * z, k * x + m * y + n * z
+    determinant = xx * i + xy * j + xz * k
+    return float(abs(determinant) / (a * a + b * b + c * c) ** 0.5)

@@ -61,12 +61,20 @@ class ErrorProcess:
             value = min(self._limit, max(-self._limit, value))
         return value
 
+    def numbers(self) -> list[float]:
+        """All that `measure` uses but the random numbers, in a row: what the C twin is made of."""
+        random = [self._gain, self._constant, self._bias, self._keep, self._kick, self._noise]
+        return [*random, self._resolution, self._limit]
+
     def _draw(self, sd: float) -> float:
         return self._gauss(0.0, sd) if sd else 0.0
 
 
 class ErrorBank:
-    """The errors of all quantities of one sensor, which measures them together, every `period` s."""
+    """The errors of all quantities of one sensor, which measures them together, every `period` s.
+
+    `sim.native.make_error_bank` gives the quickest there is.
+    """
 
     def __init__(self, models: Iterable[ErrorModel], period: float, random: Random) -> None:
         self._processes = [ErrorProcess(model, period, random) for model in models]
@@ -79,3 +87,8 @@ class ErrorBank:
 def sensor_random(seed: int, sensor: str) -> Random:
     """The random numbers of one sensor: the same for the same seed and name, whichever other sensors there are."""
     return Random(f"{seed}/{sensor}")  # a text seed is hashed with SHA-512, the same in every process
+
+
+def variance(model: ErrorModel, period: float) -> float:
+    """What a device may say of itself: the variance of its errors, but for that of its scale."""
+    return model.turn_on**2 + model.bias**2 + model.noise**2 + model.noise_density**2 / period

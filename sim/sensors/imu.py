@@ -5,8 +5,9 @@ from typing import Annotated, NamedTuple
 
 from hil.schema import Range
 from sim.dynamics import State
+from sim.native import make_error_bank
 from sim.rotations import integrate, multiply, rotate_inverse
-from sim.sensors.error import ErrorBank, ErrorModel, sensor_random
+from sim.sensors.error import ErrorModel, sensor_random
 from sim.sensors.mounting import Mounting
 from sim.sensors.samples import IMU, ImuSample, Scene, Vector3
 from sim.vehicle import Point
@@ -37,7 +38,7 @@ class Imu:
         self._turn = mounting.quaternion if mounting.turned else None
         self._gravity = scene.world.gravity
         models = [model.attitude] * 3 + [model.angular_velocity] * 3 + [model.acceleration] * 3
-        self._errors = ErrorBank(models, 1.0 / model.rate, sensor_random(seed, IMU))
+        self._errors = make_error_bank(models, 1.0 / model.rate, sensor_random(seed, IMU))
 
     def sample(self, time_ns: int, state: State) -> ImuSample:
         """The measurement of `state`; attitude errors are small turns about the unit's axes."""

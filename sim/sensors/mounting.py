@@ -6,7 +6,7 @@ from typing import Annotated, NamedTuple
 
 from hil.schema import Range
 from sim.dynamics import State
-from sim.rotations import from_euler, rotate
+from sim.rotations import from_euler, multiply, rotate
 from sim.sensors.samples import Quaternion, Vector3
 from sim.vehicle import Point
 
@@ -35,6 +35,16 @@ class Mounting(NamedTuple):
     def quaternion(self) -> Quaternion:
         """From the sensor's axes to the body's."""
         return from_euler(*self.orientation)
+
+    def attitude(self, state: State) -> Quaternion:
+        """From the sensor's axes to the world's."""
+        return multiply(state.quaternion, self.quaternion)
+
+    def place(self, state: State) -> Vector3:
+        """Where the sensor is, NED in m."""
+        north, east, down = state.position
+        x, y, z = rotate(state.quaternion, self.position)
+        return north + x, east + y, down + z
 
     def depth(self, state: State) -> float:
         """Depth of the sensor in m."""

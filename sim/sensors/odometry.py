@@ -4,8 +4,9 @@ from typing import Annotated, NamedTuple
 
 from hil.schema import Range
 from sim.dynamics import State
+from sim.native import make_error_bank
 from sim.rotations import integrate
-from sim.sensors.error import ErrorBank, ErrorModel, sensor_random
+from sim.sensors.error import ErrorModel, sensor_random
 from sim.sensors.mounting import Mounting
 from sim.sensors.samples import GROUND_TRUTH, ODOMETRY, OdometrySample, Scene
 
@@ -42,7 +43,7 @@ class Odometry:
     def __init__(self, model: OdometryModel, mounting: Mounting, seed: int, scene: Scene) -> None:
         pose = [model.horizontal] * 2 + [model.depth] + [model.attitude] * 3
         models = pose + [model.velocity] * 3 + [model.angular_velocity] * 3
-        self._errors = ErrorBank(models, 1.0 / model.rate, sensor_random(seed, ODOMETRY))
+        self._errors = make_error_bank(models, 1.0 / model.rate, sensor_random(seed, ODOMETRY))
 
     def sample(self, time_ns: int, state: State) -> OdometrySample:
         """The solution for `state`; attitude errors are small turns about the body axes."""

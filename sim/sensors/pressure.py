@@ -4,7 +4,8 @@ from typing import Annotated, NamedTuple
 
 from hil.schema import Range
 from sim.dynamics import State
-from sim.sensors.error import ErrorBank, ErrorModel, sensor_random
+from sim.native import make_error_bank
+from sim.sensors.error import ErrorModel, sensor_random
 from sim.sensors.mounting import Mounting
 from sim.sensors.samples import PRESSURE, PressureSample, Scene
 from sim.world import water_pressure
@@ -34,7 +35,7 @@ class Pressure:
         self._atmosphere = model.atmosphere
         self._mounting = mounting
         self._water = water_pressure(scene.world)
-        self._errors = ErrorBank([model.error], 1.0 / model.rate, sensor_random(seed, PRESSURE))
+        self._errors = make_error_bank([model.error], 1.0 / model.rate, sensor_random(seed, PRESSURE))
 
     def sample(self, time_ns: int, state: State) -> PressureSample:
         """The measurement of `state`; in the air that of the air."""

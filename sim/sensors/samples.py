@@ -1,4 +1,8 @@
-"""What the sensors send. Vectors in body axes are FRD, positions NED, quaternions (w, x, y, z) body to world."""
+"""What a sensor is, and what the usual ones send; sim.sensors.extra_samples has what the others send.
+
+Vectors are along the sensor's axes, which are the vehicle's (FRD) unless it is mounted askew; positions are NED,
+quaternions (w, x, y, z) from the sensor's axes to the world's.
+"""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
@@ -9,6 +13,7 @@ if TYPE_CHECKING:
     from sim.battery import BatteryState
     from sim.sensors.mounting import Mounting
     from sim.vehicle import Vehicle
+    from sim.waves import Sea
     from sim.world import World
 
 Vector3 = tuple[float, float, float]
@@ -56,7 +61,12 @@ class OdometrySample(NamedTuple):
     nu: Nu
 
 
-Sample = ImuSample | DvlSample | PressureSample | OdometrySample
+class Sample(Protocol):
+    """What any sensor sends: a record."""
+
+    @property
+    def time_ns(self) -> int:
+        """When it was measured, in simulation time."""
 
 
 class Scene(Protocol):
@@ -67,12 +77,19 @@ class Scene(Protocol):
     world: "World"
 
     @property
-    def flow(self) -> Sequence[float]:
-        """The velocity of the water where the vehicle is, NED in m/s."""
+    def sea(self) -> "Sea | None":
+        """The waves; None if there are none, ever."""
+
+    def flow_at(self, place: Sequence[float]) -> Sequence[float]:
+        """The velocity of the water at a place (m, NED) now, NED in m/s."""
 
     @property
     def touching(self) -> bool:
         """True if the vehicle touched something in the last step."""
+
+    @property
+    def contacts(self) -> int:
+        """How often it has touched something so far."""
 
     @property
     def battery(self) -> "BatteryState | None":
@@ -82,7 +99,8 @@ class Scene(Protocol):
 class Sensor(Protocol):
     """What the simulation asks of a sensor.
 
-    `Model` is the record of its keys, one of them its `rate` in Hz; `topic` what its samples go out as.
+    `Model` is the record of its keys, one of them its `rate` in Hz; `topic` what its samples go out as. A sensor
+    whose samples travel before they arrive, each for a time of its own, says how long the last one does as `delay_ns`.
     """
 
     Model: Any

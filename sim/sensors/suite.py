@@ -28,6 +28,16 @@ SENSORS = {
     "pressure": "sim.sensors.pressure:Pressure",
     "odometry": "sim.sensors.odometry:Odometry",
     "ground_truth": "sim.sensors.odometry:GroundTruth",
+    "ahrs": "sim.sensors.ahrs:Ahrs",
+    "altimeter": "sim.sensors.altimeter:Altimeter",
+    "battery": "sim.sensors.battery:BatteryMonitor",
+    "contact": "sim.sensors.contact:ContactSwitch",
+    "current_meter": "sim.sensors.current_meter:CurrentMeter",
+    "dvl_water": "sim.sensors.dvl_water:DvlWater",
+    "gps": "sim.sensors.gps:Gps",
+    "leak": "sim.sensors.leak:Leak",
+    "magnetometer": "sim.sensors.magnetometer:Magnetometer",
+    "usbl": "sim.sensors.usbl:Usbl",
 }
 USUAL = ("imu", "dvl", "pressure", "odometry", "ground_truth")
 
@@ -89,9 +99,10 @@ class Schedule:
             sample = slot.sensor.sample(now_ns, state)
             if sample is None or slot.drops():
                 continue
-            if slot.latency_ns:
+            delay_ns = slot.delay_ns
+            if delay_ns:
                 self._number += 1
-                heappush(self._under_way, (now_ns + slot.latency_ns, self._number, slot.topic, sample))
+                heappush(self._under_way, (now_ns + delay_ns, self._number, slot.topic, sample))
             else:
                 arrived.append((slot.topic, sample))
         while self._under_way and self._under_way[0][0] <= now_ns:
@@ -109,7 +120,7 @@ class Schedule:
 class _Slot:
     """One sensor, when it is due next, and what becomes of its samples."""
 
-    __slots__ = ("_drop_out", "_luck", "due_ns", "latency_ns", "period_ns", "sensor", "topic")
+    __slots__ = ("_drop_out", "_latency_ns", "_luck", "due_ns", "period_ns", "sensor", "topic")
 
     def __init__(self, name: str, fitted: Fitted, scene: Scene, seed: int, dt_ns: int) -> None:
         self.period_ns = period_ns(fitted.model.rate)
@@ -118,9 +129,14 @@ class _Slot:
         self.sensor = fitted.sensor(fitted.model, fitted.mounting, seed, scene)
         self.topic = fitted.sensor.topic
         self.due_ns = self.period_ns
-        self.latency_ns = round(fitted.mounting.latency * 1e9)
+        self._latency_ns = round(fitted.mounting.latency * 1e9)
         self._drop_out = fitted.mounting.drop_out
         self._luck = sensor_random(seed, f"{name}/drop_out") if self._drop_out else None
+
+    @property
+    def delay_ns(self) -> int:
+        """How long after its instant the last sample arrives."""
+        return self._latency_ns + int(getattr(self.sensor, "delay_ns", 0))
 
     def drops(self) -> bool:
         """True if this sample is lost on its way."""

@@ -20,8 +20,20 @@ from hil.errors import ConfigError
 from hil.schema import preset_names
 from sim import rotations
 from sim.dynamics import Dynamics, Integrator, State
+from sim.failures import Failure
 from sim.matrices import square
-from sim.native import NativeDynamics, build, choose, make_dynamics
+from sim.native import (
+    NativeDynamics,
+    NativeErrorBank,
+    NativeThrusterSet,
+    build,
+    choose,
+    make_dynamics,
+    make_error_bank,
+    make_thruster_set,
+)
+from sim.sensors.error import ErrorBank, ErrorModel
+from sim.thrusters import ThrusterSet
 from sim.vehicle import Vehicle, load_vehicle
 
 ROOT = Path(__file__).parents[2]
@@ -220,13 +232,87 @@ def test_what_cannot_be_stepped_is_refused(dynamics: type[Dynamics]) -> None:
 def test_a_step_leaks_nothing() -> None:
     dynamics, state = NativeDynamics(VEHICLES[0], 1025.0, 9.81), State()
     wrench, current = [1.0] * 6, (0.1, 0.2, 0.3)
+    thrusters, bank = NativeThrusterSet(VEHICLES[0], DT), NativeErrorBank(MODELS, DT, random.Random(1))
+    pulses, true = [1600] * len(VEHICLES[0].thrusters), [1.0] * len(MODELS)
     counts = []
     for _ in range(3):
         for _ in range(1000):
             dynamics.step(state, wrench, current, DT)
+            thrusters.step(pulses)
+            bank.measure(true)
         counts.append((sys.getrefcount(state), sys.getrefcount(wrench), sys.getallocatedblocks()))
     assert abs(counts[2][2] - counts[1][2]) < 100
     assert counts[2][:2] == counts[1][:2]
+
+
+MODELS = [
+    ErrorModel(),
+    ErrorModel(noise=0.3),
+    ErrorModel(bias=0.2, bias_time=3.0),
+    ErrorModel(offset=-1.0, turn_on=0.5, bias=0.1, noise=0.02, noise_density=0.01, scale=0.05),
+    ErrorModel(noise=2.0, resolution=0.25),
+    ErrorModel(noise=3.0, resolution=0.5, limit=4.0),
+]
+
+
+@pytest.mark.parametrize("drawn", [0, 1, 2, 777])
+@pytest.mark.usefixtures("native")
+def test_every_error_is_equal(drawn: int) -> None:
+    """Whatever was drawn before: in the middle of a pair of normal numbers, before and after a new twist."""
+    banks = []
+    for kind in (ErrorBank, NativeErrorBank):
+        chance = random.Random(f"9/{drawn}")
+        for _ in range(drawn):
+            chance.gauss(0.0, 1.0)
+        banks.append(kind(MODELS, 0.01, chance))
+    python, native = banks
+    chance = random.Random(3)
+    for _ in range(2000):
+        true = [chance.uniform(-5.0, 5.0) for _ in MODELS]
+        first, second = python.measure(true), native.measure(tuple(true))
+        assert packed(first) == packed(second)  # == would take -0.0 for 0.0
+
+
+@pytest.mark.usefixtures("native")
+def test_every_thrust_is_equal() -> None:
+    """While nothing fails, and from the moment something does."""
+    vehicle, _ = load_vehicle("bluerov2_heavy")
+    python, native = (kind(vehicle, DT, 4) for kind in (ThrusterSet, NativeThrusterSet))
+    chance = random.Random(3)
+    for step in range(1000):
+        if step % 40 == 0:
+            pulses = [chance.choice((0, 1100, 1480, 1500, 1650, 1900, 2500)) for _ in vehicle.thrusters]
+        if step == 700:
+            for thrusters in (python, native):
+                thrusters.fail([Failure("front_left", "efficiency", 1.8, efficiency=0.5)])
+        assert packed(python.step(pulses)) == packed(native.step(pulses))
+        assert packed(python.thrusts) == packed(native.thrusts)
+
+
+@pytest.mark.usefixtures("native")
+def test_what_cannot_be_measured_is_refused() -> None:
+    bank = NativeErrorBank(MODELS, 0.01, random.Random(1))
+    with pytest.raises(ValueError, match="6 numbers are needed, found 2"):
+        bank.measure([1.0, 2.0])
+    with pytest.raises(TypeError):
+        bank.measure(["1"] * 6)  # type: ignore[list-item]
+    module = sys.modules[BINARY]
+    with pytest.raises(ValueError, match="up to 32 records of 64 bytes are needed, found 3"):
+        module.Errors(b"123", bytes(2500), None)
+    with pytest.raises(ValueError, match="a state of 625 numbers"):
+        module.Errors(bytes(64), bytes(9), None)
+    with pytest.raises(ValueError, match="up to 16 records of 56 bytes are needed, found 952"):
+        module.Mixer(bytes(17 * 56))
+
+
+@pytest.mark.usefixtures("native")
+def test_the_quickest_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+    vehicle, _ = load_vehicle("bluerov2_heavy")
+    assert type(make_thruster_set(vehicle, DT)) is NativeThrusterSet
+    assert type(make_error_bank(MODELS, DT, random.Random(1))) is NativeErrorBank
+    monkeypatch.setenv("UUV_HIL_NATIVE", "0")
+    assert type(make_thruster_set(vehicle, DT)) is ThrusterSet
+    assert type(make_error_bank(MODELS, DT, random.Random(1))) is ErrorBank
 
 
 @pytest.mark.usefixtures("native")
