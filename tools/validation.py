@@ -70,15 +70,29 @@ def derivatives(axes: Any) -> str:
     )
 
 
-def fly(name: str, integrator: Integrator, dt: float) -> list[tuple[float, State]]:
-    """A trajectory of the vector file, by our step."""
-    rows = rows_of(name)
+def trajectory(case: str) -> list[Row]:
+    """One case of the vector file, a row a second."""
+    with (VECTORS / "vonbenzon_fossen_trajectories.csv").open() as file:
+        rows = [row for row in csv.DictReader(line for line in file if not line.startswith("#"))]
+    return [{key: float(value) for key, value in row.items() if key != "case"} for row in rows if row["case"] == case]
+
+
+def wrench_of(case: str, t: float) -> tuple[float, ...]:
+    """The wrench (N, N m) of a case at `t` s; what its name says begins after a second."""
+    if t < 1.0 - 1e-9:
+        return NOTHING
+    return {"surge_yaw_40N_3Nm": (40.0, 0.0, 0.0, 0.0, 0.0, 3.0)}.get(case, NOTHING)
+
+
+def fly(case: str, integrator: Integrator, dt: float) -> list[tuple[float, State]]:
+    """That trajectory, by our step."""
+    rows = trajectory(case)
     dynamics = Dynamics(HEAVY, DENSITY, GRAVITY, integrator)
     state = State((0.0, 0.0, DEEP), from_euler(*pick(rows[0], "phi theta psi")), pick(rows[0], "u v w p q r"))
     states = [(0.0, _copy(state))]
     for row, after in pairwise(rows):
         for _ in range(round((after["t"] - row["t"]) / dt)):
-            dynamics.step(state, pick(row, "tauX tauY tauZ tauK tauM tauN"), STILL, dt)
+            dynamics.step(state, wrench_of(case, row["t"]), STILL, dt)
         states.append((after["t"], _copy(state)))
     return states
 
@@ -89,7 +103,7 @@ def _copy(state: State) -> State:
 
 def roll_release(axes: Any) -> str:
     """BlueROV2 Heavy let go at 20 degrees of roll."""
-    rows, ours = rows_of("vonbenzon_fossen_roll_release.csv"), fly("vonbenzon_fossen_roll_release.csv", "rk4", 0.02)
+    rows, ours = trajectory("roll_release_20deg"), fly("roll_release_20deg", "rk4", 0.02)
     rolls = [to_euler(state.quaternion)[0] for _, state in ours]
     axes.plot([t for t, _ in ours], [roll * 180 / pi for roll in rolls], label="ours")
     axes.plot(
@@ -102,7 +116,7 @@ def roll_release(axes: Any) -> str:
 
 def surge_and_yaw(axes: Any) -> str:
     """BlueROV2 Heavy under a constant surge force and yaw moment."""
-    rows, ours = rows_of("vonbenzon_fossen_surge_yaw.csv"), fly("vonbenzon_fossen_surge_yaw.csv", "rk4", 0.02)
+    rows, ours = trajectory("surge_yaw_40N_3Nm"), fly("surge_yaw_40N_3Nm", "rk4", 0.02)
     axes.plot([s.position[1] for _, s in ours], [s.position[0] for _, s in ours], label="ours")
     axes.plot([row["y"] for row in rows], [row["x"] for row in rows], "k.", label="von Benzon 2022 in Octave")
     axes.set(xlabel="east (m)", ylabel="north (m)", aspect="equal")
@@ -114,7 +128,7 @@ def surge_and_yaw(axes: Any) -> str:
 
 def convergence(axes: Any) -> str:
     """Error of both integrators beside the step, in the surge and yaw run."""
-    name, rows = "vonbenzon_fossen_surge_yaw.csv", rows_of("vonbenzon_fossen_surge_yaw.csv")
+    name, rows = "surge_yaw_40N_3Nm", trajectory("surge_yaw_40N_3Nm")
     exact = fly(name, "rk4", 0.0025)[-1][1]
     steps = [0.1, 0.05, 0.025, 0.0125]
     orders = []

@@ -1,10 +1,7 @@
 """The equations of motion against numbers that others computed, and against what physics conserves."""
 
-import csv
 from collections.abc import Sequence
-from itertools import pairwise
 from math import inf, sqrt
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -15,22 +12,11 @@ from sim.matrices import cross_matrix, product, square
 from sim.rotations import from_euler, rotate, rotate_inverse
 from sim.vehicle import Vehicle, load_vehicle
 
-VECTORS = Path(__file__).parents[1] / "vectors"
 LEVEL = rotations.matrix((1.0, 0.0, 0.0, 0.0))
 STILL = (0.0, 0.0, 0.0)
 NOTHING = (0.0,) * 6
 DEEP = 1000.0
 HEAVY, _ = load_vehicle("bluerov2_heavy")
-
-
-def rows_of(name: str) -> list[dict[str, float]]:
-    with (VECTORS / name).open() as file:
-        lines = [line for line in file if not line.startswith("#")]
-    return [{key: float(value) for key, value in row.items()} for row in csv.DictReader(lines)]
-
-
-def pick(row: dict[str, float], keys: str) -> list[float]:
-    return [row[key] for key in keys.split()]
 
 
 def bare(matrix: list[float], **changes: Any) -> Vehicle:
@@ -64,73 +50,6 @@ def test_coriolis_anchor() -> None:
     mine = coriolis(bare([1.0, 2.0, 3.0, 4.0, 5.0, 6.0]), nu)
     assert mine == pytest.approx([sum(c * x for c, x in zip(row, nu, strict=True)) for row in C])
     assert sum(c * x for c, x in zip(mine, nu, strict=True)) == pytest.approx(0.0, abs=1e-12)
-
-
-def test_coriolis_of_a_full_matrix() -> None:
-    """m2c of the MSS toolbox (MIT, Fossen), run in GNU Octave 7.3."""
-    M = [10, 1, 0, 0, 0, 0.5, 1, 20, 2, 0, 0, 0, 0, 2, 30, 0, 0, 0,
-         0, 0, 0, 5, 0.3, 0, 0, 0, 0, 0.3, 15, 1, 0.5, 0, 0, 0, 1, 25]  # fmt: skip
-    C = [
-        [0, 0, 0, 0, 20.4, 3.1],
-        [0, 0, 0, -20.4, 0, 14.9],
-        [0, 0, 0, -3.1, -14.9, 0],
-        [0, 20.4, 3.1, 0, 10.55, 2.57],
-        [-20.4, 0, 14.9, -10.55, 0, 0.44],
-        [-3.1, -14.9, 0, -2.57, -0.44, 0],
-    ]
-    nu = [1.5, -0.3, 0.7, 0.1, -0.2, 0.4]
-    mine = coriolis(bare([float(x) for x in M]), nu)
-    assert mine == pytest.approx([sum(c * x for c, x in zip(row, nu, strict=True)) for row in C])
-
-
-def test_restoring_equals_octave() -> None:
-    """gvect of the MSS toolbox: W 1000 N, B 1010 N, both centres off the origin."""
-    vehicle = bare(
-        [500.0] * 3 + [50.0] * 3, mass=100.0, volume=0.101, neutrally_buoyant=False,
-        center_of_gravity=(0.01, 0.02, 0.03), center_of_buoyancy=(0.0, 0.0, -0.01),
-    )  # fmt: skip
-    dynamics = Dynamics(vehicle, 1000.0, 10.0)
-    rotation = rotations.matrix(from_euler(0.2, 0.1, 0.0))
-    nu_dot = dynamics.acceleration(DEEP, rotation, NOTHING, NOTHING, STILL)
-    g = [-row[0] for row in product(dynamics.mass, [[x] for x in nu_dot])]
-    octave = [-0.9983341664682815, 1.9767681165408388, 9.75170327201816,
-              -11.576566396707555, 13.755023279555969, -3.973436449477402]  # fmt: skip
-    assert g == pytest.approx(octave)
-
-
-@pytest.mark.parametrize("row", rows_of("vonbenzon_fossen_xdot.csv"))
-def test_state_derivative_against_von_benzon(row: dict[str, float]) -> None:
-    """To 1e-8 in still water. With a current those authors leave out that in turning axes the water's own
-    velocity turns: M_A times -omega x (R' current). Taken out of ours, the rest agrees to 1e-8 as well."""
-    dynamics = Dynamics(HEAVY, 1000.0, 9.82)
-    q = from_euler(*pick(row, "phi theta psi"))
-    nu, current = pick(row, "u v w p q r"), pick(row, "vcN vcE vcD")
-    mine = dynamics.acceleration(
-        DEEP, rotations.matrix(q), nu, pick(row, "tauX tauY tauZ tauK tauM tauN"), current
-    )  # fmt: skip
-    water = [[x] for x in rotate_inverse(q, current)]
-    turning = [-row[0] for row in product(cross_matrix(nu[3:]), water)] + [0.0] * 3
-    left_out = product(product(dynamics.inverse_mass, square(HEAVY.added_mass, 6)), [[x] for x in turning])
-    theirs = pick(row, "du dv dw dp dq dr")
-    for a, b, c in zip(mine, left_out, theirs, strict=True):
-        assert a - b[0] == pytest.approx(c, rel=1e-8, abs=1e-8)
-    assert rotate(q, nu[:3]) == pytest.approx(pick(row, "dx dy dz"), abs=1e-8)
-
-
-@pytest.mark.parametrize("name", ["vonbenzon_fossen_roll_release.csv", "vonbenzon_fossen_surge_yaw.csv"])
-@pytest.mark.parametrize(("integrator", "dt", "within"), [("rk4", 0.02, 1e-7), ("semi_implicit_euler", 0.001, 1e-3)])
-def test_trajectory_against_von_benzon(name: str, integrator: Integrator, dt: float, within: float) -> None:
-    rows = rows_of(name)
-    dynamics = Dynamics(HEAVY, 1000.0, 9.82, integrator)
-    first = rows[0]
-    state = State((0.0, 0.0, DEEP), from_euler(*pick(first, "phi theta psi")), pick(first, "u v w p q r"))
-    for row, after in pairwise(rows):
-        wrench = pick(row, "tauX tauY tauZ tauK tauM tauN")
-        for _ in range(round((after["t"] - row["t"]) / dt)):
-            dynamics.step(state, wrench, STILL, dt)
-        north, east, down = state.position
-        assert state.nu == pytest.approx(pick(after, "u v w p q r"), abs=within)
-        assert [north, east, down - DEEP] == pytest.approx(pick(after, "x y z"), abs=within)
 
 
 @pytest.mark.parametrize(
