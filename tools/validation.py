@@ -73,7 +73,7 @@ def derivatives(axes: Any) -> str:
 def trajectory(case: str) -> list[Row]:
     """One case of the vector file, a row a second."""
     with (VECTORS / "vonbenzon_fossen_trajectories.csv").open() as file:
-        rows = [row for row in csv.DictReader(line for line in file if not line.startswith("#"))]
+        rows = list(csv.DictReader(line for line in file if not line.startswith("#")))
     return [{key: float(value) for key, value in row.items() if key != "case"} for row in rows if row["case"] == case]
 
 
