@@ -51,14 +51,15 @@ class Pose(NamedTuple):
         return Pose(product(self.rotation, inner.rotation), tuple(a + b for a, b in moved))
 
 
-def read_urdf(path: str, extra: dict[str, Any] | None = None) -> tuple[Vehicle, list[str]]:
+def read_urdf(path: str, extra: dict[str, Any] | None = None, text: bytes | None = None) -> tuple[Vehicle, list[str]]:
     """The vehicle of the URDF at `path`, and notes of what was assumed.
 
     `extra` holds keys of a vehicle file that the URDF lacks; they win over what it has, `[every_thruster]`
-    for each thruster. The origin is the root link's. Raises ConfigError if the file is no URDF, still is xacro,
-    declares entities, or if keys are missing from both: it lists them.
+    for each thruster. `text` is read in place of the file, as when xacro has expanded it. The origin is the root
+    link's. Raises ConfigError if the file is no URDF, still is xacro, declares entities, or if keys are missing
+    from both: it lists them.
     """
-    robot = read_xml(path)
+    robot = read_xml(path, text)
     notes: list[str] = []
     poses = _link_poses(robot, path)
     table: dict[str, Any] = {

@@ -1,6 +1,5 @@
 """What reading a URDF takes: the file, its numbers, and the turn from its axes to ours."""
 
-import os
 from collections.abc import Iterable
 from math import isfinite, nan
 from typing import Any
@@ -14,14 +13,13 @@ Element = ElementTree.Element
 _FRD = (1.0, -1.0, -1.0)
 
 
-def read_xml(path: str) -> Element:
-    """The `<robot>` of the file. Raises ConfigError.
+def read_xml(path: str, text: bytes | None = None) -> Element:
+    """The `<robot>` of the file, or of `text` in its place. Raises ConfigError.
 
     An XML entity may stand for another file or for gigabytes: none is ever expanded.
     """
     try:
-        with open(path, "rb") as file:
-            data = file.read()
+        data = _read(path) if text is None else text
         guard = expat.ParserCreate()
         guard.EntityDeclHandler = _refuse_entity
         guard.Parse(data, True)
@@ -34,10 +32,15 @@ def read_xml(path: str) -> Element:
         raise ConfigError(f"{path}: {error}") from None
     for element in robot.iter():
         if "xacro" in element.tag or any("${" in text or "$(" in text for text in element.attrib.values()):
-            raise ConfigError(f"{path}: is xacro, to be expanded first: xacro {os.path.basename(path)} > model.urdf")
+            raise ConfigError(f"{path}: is xacro, to be expanded first: name it .xacro, or declare its namespace")
     if robot.tag != "robot":
         raise ConfigError(f"{path}: a URDF begins with <robot>, this one with <{robot.tag}>")
     return robot
+
+
+def _read(path: str) -> bytes:
+    with open(path, "rb") as file:
+        return file.read()
 
 
 def _refuse_entity(name: str, *_: Any) -> None:

@@ -18,7 +18,7 @@ examples:
   uuv-hil vehicle                                     the presets there are
   uuv-hil vehicle bluerov2 --picture bluerov2.png     numbers, and a drawing of them
   uuv-hil vehicle mine.toml --json                    for other programs
-  uuv-hil vehicle --import robot.urdf -o mine.toml    from a URDF, FLU there, FRD here
+  uuv-hil vehicle --import robot.urdf -o mine.toml    from a URDF or xacro, FLU there, FRD here
   uuv-hil vehicle --import robot.urdf --add rest.toml -o mine.toml
 """
 GRAVITY = 9.80665
@@ -34,7 +34,7 @@ def main(arguments: list[str]) -> int:
     if options.urdf:
         from hil.commands.vehicle_import import convert
 
-        return convert(options.urdf, options.add, options.output)
+        return convert(options.urdf, options.add, options.output, options.xacro)
     if options.vehicle is None:
         print(listing())
         return 0
@@ -55,6 +55,9 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--density", metavar="KG/M3", type=float, default=1000.0, help="of the water [1000]")
     parser.add_argument("--import", metavar="MODEL.urdf", dest="urdf", help="make a vehicle file of a URDF")
     parser.add_argument("--add", metavar="FILE.toml", help="with --import: keys that the URDF lacks")
+    parser.add_argument(
+        "--xacro", metavar="NAME=VALUE", action="append", default=[], help="with --import: an argument of a xacro file"
+    )
     parser.add_argument("-o", "--output", metavar="OUT.toml", help="with --import: where to write it [to the screen]")
     return parser
 

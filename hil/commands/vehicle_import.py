@@ -1,27 +1,29 @@
-"""`uuv-hil vehicle --import`: a vehicle file out of a URDF."""
+"""`uuv-hil vehicle --import`: a vehicle file out of a URDF or xacro."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
+from hil.commands.xacro_expand import expand, is_xacro
 from hil.errors import ConfigError
 from hil.tables import read_table
 from sim.urdf import read_urdf
 from sim.vehicle import Vehicle
 
 
-def convert(urdf: str, add: str | None, output: str | None) -> int:
+def convert(urdf: str, add: str | None, output: str | None, arguments: Sequence[str] = ()) -> int:
     """Write the vehicle of the file `urdf`, completed by the TOML file `add`, to `output` or the screen; 0.
 
-    Raises ConfigError.
+    A xacro file is expanded first, with these `arguments` NAME=VALUE. Raises ConfigError, MissingExtraError.
     """
-    vehicle, notes = read_urdf(urdf, read_table(add) if add else {})
-    text = to_toml(vehicle, notes)
+    text = expand(urdf, arguments) if is_xacro(urdf) else None
+    vehicle, notes = read_urdf(urdf, read_table(add) if add else {}, text)
+    toml = to_toml(vehicle, notes)
     if output is None:
-        print(text, end="")
+        print(toml, end="")
         return 0
     try:
         with open(output, "w", encoding="utf-8") as file:
-            file.write(text)
+            file.write(toml)
     except OSError as error:
         raise ConfigError(f"{output}: cannot be written: {error.strerror}") from None
     print(f"{output}: {vehicle.name}, {vehicle.mass:g} kg, {len(vehicle.thrusters)} thrusters")

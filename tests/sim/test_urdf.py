@@ -134,7 +134,7 @@ BASE = '<link name="b"><inertial><mass value="1"/></inertial></link>'
         ("<sdf version='1.9'/>", "begins with <robot>, this one with <sdf>"),
         ('<!DOCTYPE r [<!ENTITY a "ha">]><robot name="&a;"/>', "declares the XML entity 'a'"),
         ('<!DOCTYPE r [<!ENTITY a SYSTEM "file:///etc/hostname">]><robot name="x">&a;</robot>', "the XML entity 'a'"),
-        ('<robot xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:property name="m"/></robot>', "xacro m.urdf >"),
+        ('<robot xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:property name="m"/></robot>', "is xacro"),
         ('<robot><link name="b"><inertial><mass value="${m}"/></inertial></link></robot>', "is xacro"),
         ("<robot/>", "0 of them hang on no other"),
         (f'<robot>{BASE}<link name="c"/></robot>', "2 of them hang on no other"),
