@@ -11,6 +11,7 @@ command delay  from the master's publish until the STM32 end has applied the pul
 import os
 from typing import Any, NamedTuple
 
+from hil.columns import aligned
 from hil.master.client import VehicleClient
 from hil.master.delay import HOPS, Quantiles, quantiles
 from hil.master.planner import Outcome
@@ -130,10 +131,7 @@ def render(table: HilTable) -> str:
         ),
         ("slave CPU", "-", f"{table.slave_cpu_core:.1%} of a core, {table.slave_cpu_machine:.1%} of the machine", ""),
     ]
-    widths = [max(len(row[column]) for row in rows) for column in range(4)]
-    lines = ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
-    lines.insert(1, "  ".join("-" * width for width in widths))
-    return "\n".join([*lines, "", *_details(table)])
+    return "\n".join([*aligned(rows, rule=True), "", *_details(table)])
 
 
 def _details(table: HilTable) -> list[str]:

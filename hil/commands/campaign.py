@@ -6,8 +6,11 @@ import statistics
 import sys
 import time
 import tomllib
+from contextlib import AbstractContextManager, nullcontext
+from importlib import import_module
 from typing import Any
 
+from hil.columns import aligned
 from hil.commands.parser import new_parser
 from hil.commands.sim import fly
 from hil.config import load_scenario
@@ -23,8 +26,10 @@ examples:
   uuv-hil campaign paper_field --seeds 10 --vary master.speed=0.5,0.7,0.9 -o speeds.csv
   uuv-hil campaign paper_field --vary sensors.odometry.horizontal.bias=0.1,0.5,1.0 --seeds 5
 
-joblib runs it; with `dask` or `ray` installed, --backend names theirs and the runs go to that cluster.
+joblib runs it. With dask or ray installed, `--backend dask` sends the runs to the cluster that
+DASK_SCHEDULER_ADDRESS names (else one on this machine), `--backend ray` to the one of RAY_ADDRESS.
 """
+_CLUSTERS = {"dask": "'dask[distributed]'", "ray": "ray"}
 METRICS = ("duration", "travelled", "goal_error", "cross_track_max", "least_clearance")
 
 Changes = dict[str, Any]
@@ -89,17 +94,38 @@ def run_all(tasks: list[tuple[str, Changes, int]], jobs: int, backend: str) -> l
     except ImportError:
         raise MissingExtraError("a campaign needs joblib: pip install 'uuv-hil[master]'") from None
     began = time.monotonic()
-    rows: list[Row] = []
-    try:
-        parallel = joblib.Parallel(n_jobs=jobs, backend=backend, return_as="generator")
-    except ValueError as error:
-        raise ConfigError(f"--backend {backend!r}: {error}") from None
-    for row in parallel(joblib.delayed(run_one)(*task) for task in tasks):
-        rows.append(row)
-        left = (time.monotonic() - began) / len(rows) * (len(tasks) - len(rows))
-        print(f"\r{len(rows)}/{len(tasks)} runs, {left:.0f} s left ", end="", file=sys.stderr, flush=True)
+    rows: dict[int, Row] = {}
+    with _cluster(backend):
+        try:
+            chosen = joblib.parallel_config(backend=backend, n_jobs=jobs)
+        except ValueError as error:
+            raise ConfigError(f"--backend {backend!r}: {error}") from None
+        runs = [joblib.delayed(_numbered)(*task) for task in enumerate(tasks)]
+        with chosen:
+            done = joblib.Parallel(return_as="generator_unordered")(runs)
+        for place, row in done:
+            rows[place] = row
+            left = (time.monotonic() - began) / len(rows) * (len(tasks) - len(rows))
+            print(f"\r{len(rows)}/{len(tasks)} runs, {left:.0f} s left ", end="", file=sys.stderr, flush=True)
     print(file=sys.stderr)
-    return rows
+    return [rows[place] for place in range(len(tasks))]
+
+
+def _numbered(place: int, task: tuple[str, Changes, int]) -> tuple[int, Row]:
+    return place, run_one(*task)
+
+
+def _cluster(backend: str) -> AbstractContextManager[Any]:
+    """What has to be open while runs go to a cluster. Raises MissingExtraError."""
+    try:
+        if backend == "dask":
+            client: AbstractContextManager[Any] = import_module("distributed").Client()
+            return client
+        if backend == "ray":
+            import_module("ray.util.joblib").register_ray()
+    except ImportError:
+        raise MissingExtraError(f"--backend {backend} needs its package: pip install {_CLUSTERS[backend]}") from None
+    return nullcontext()
 
 
 def write_csv(path: str, rows: list[Row]) -> None:
@@ -118,10 +144,8 @@ def summary(rows: list[Row], sets: list[Changes]) -> str:
     """A line a parameter set: how many runs reached the goal, mean and standard deviation of each figure."""
     header = ["", "reached", *METRICS]
     lines = [header, *[_line(changes, [r for r in rows if changes.items() <= r.items()]) for changes in sets]]
-    widths = [max(len(line[column]) for line in lines) for column in range(len(header))]
-    text = ["  ".join(cell.rjust(width) for cell, width in zip(line, widths, strict=True)) for line in lines]
     reasons = sorted({row["reason"] for row in rows if not row["reached"]})
-    return "\n".join([*text, *(f"not reached: {reason}" for reason in reasons)])
+    return "\n".join([*aligned(lines, right=True), *(f"not reached: {reason}" for reason in reasons)])
 
 
 def _line(changes: Changes, rows: list[Row]) -> list[str]:

@@ -5,6 +5,7 @@ import json
 from typing import Any
 
 from hil.autonomy.allocation import pseudo_inverse
+from hil.columns import aligned
 from hil.commands.parser import new_parser
 from hil.errors import ConfigError
 from hil.schema import preset_names
@@ -192,6 +193,4 @@ def _finite(values: tuple[float, float]) -> list[float | None]:
 
 
 def _columns(rows: list[tuple[str, ...]]) -> str:
-    widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
-    lines = ["  " + "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)) for row in rows]
-    return "\n".join(line.rstrip() for line in lines)
+    return "\n".join([f"  {line}" for line in aligned(rows)])
