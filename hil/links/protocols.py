@@ -11,7 +11,7 @@ Role = Literal["host", "device"]  # the vehicle's computer, the STM32
 PROTOCOLS = {
     "frame": "hil.links.frame:open_frame",
     "mavlink": "hil.links.mavlink:open_mavlink",
-    "dronecan": "hil.links.dronecan:open_dronecan",
+    "dronecan": "hil.links.dronecan_link:open_dronecan",
     "vesc": "hil.links.vesc:open_vesc",
 }
 ON_CAN = ("dronecan", "vesc")  # these are fed with CAN frames, see `hil.links.can_frame`; the others with bytes

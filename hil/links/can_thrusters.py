@@ -1,0 +1,119 @@
+"""Thrusters behind motor controllers on a CAN bus: what DroneCAN and VESC have in common.
+
+Motor controllers take a signed fraction of their full output and not a pulse: 1100, 1500 and 1900 us are
+-1, 0 and +1, as on the Blue Robotics Basic ESC. They report one by one, and their reports carry neither
+sequence number nor arming: the host infers both from what it has sent.
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+from hil.links.contract import PWM_MAX_US, PWM_MIN_US, PWM_NEUTRAL_US, SentCommands, ThrusterCommand
+
+SPAN_US = 400  # from neutral to full output
+WRAP = 0xFFFF  # counters of the telemetry have 16 bits
+
+
+class MotorValues(NamedTuple):
+    """What a motor controller measures besides its speed."""
+
+    voltage_v: float
+    current_a: float
+    temperature_k: float
+
+
+# The values of a thruster (number from 0) at a pulse (us).
+MotorHook = Callable[[int, int], MotorValues]
+
+
+def propeller_load(_thruster: int, pulse_us: int) -> MotorValues:
+    """A made-up motor, plausible for a thruster of the size of a T200 on 16 V.
+
+    Speed is taken to be proportional to the command, so power goes with its cube (propeller law); full
+    output draws 24 A and warms the electronics by 30 K over water of 288 K. Not modelled: sagging supply,
+    dead band, time.
+    """
+    power = min(abs(deflection(pulse_us)) / SPAN_US, 1.0) ** 3
+    return MotorValues(voltage_v=16.0, current_a=24.0 * power, temperature_k=288.0 + 30.0 * power)
+
+
+def has_output(pulse_us: int) -> bool:
+    """Whether a pulse (us) is one at all."""
+    return PWM_MIN_US <= pulse_us <= PWM_MAX_US
+
+
+def deflection(pulse_us: int) -> int:
+    """Microseconds from neutral that a pulse asks for; no pulse asks for none."""
+    return pulse_us - PWM_NEUTRAL_US if has_output(pulse_us) else 0
+
+
+def pulse_at(microseconds: float) -> int:
+    """The pulse (us) so far from neutral, within what is a pulse."""
+    return min(max(PWM_NEUTRAL_US + round(microseconds), PWM_MIN_US), PWM_MAX_US)
+
+
+def askable(command: ThrusterCommand) -> tuple[int, ...]:
+    """The pulses (us) a motor controller can be asked for instead: full output at most, and no pulse is neutral."""
+    if not command.armed:
+        return (PWM_NEUTRAL_US,) * len(command.pwm_us)
+    low, high = -SPAN_US, SPAN_US
+    return tuple([PWM_NEUTRAL_US + min(max(deflection(pulse), low), high) for pulse in command.pwm_us])
+
+
+class Rounds:
+    """Makes reports of all thrusters of those that motor controllers send each for itself.
+
+    Controllers on one node report in turn, 0 to the last: a round is one such turn without a gap, so a
+    lost report costs its round and never mixes two. Controllers on nodes of their own may keep no order:
+    after `PATIENCE` rounds' worth of reports without a whole turn, a round is whatever holds one of each.
+    """
+
+    PATIENCE = 3
+
+    def __init__(self, channels: int) -> None:
+        self._channels = channels
+        self._pulses = [PWM_NEUTRAL_US] * channels
+        self._missing = set(range(channels))  # in this round
+        self._next = 0  # in turn
+        self._since_turn = 0  # reports since the last whole turn
+
+    def hear(self, thruster: int, pulse_us: int) -> tuple[int, ...] | None:
+        """A report of one thruster; the pulses (us) of all if it ends a round."""
+        self._pulses[thruster] = pulse_us
+        self._missing.discard(thruster)
+        self._next = self._next + 1 if thruster == self._next else int(thruster == 0)
+        self._since_turn += 1
+        if self._next == self._channels:
+            self._next = self._since_turn = 0
+        elif self._missing or self._since_turn <= self.PATIENCE * self._channels:
+            return None
+        self._missing.update(range(self._channels))
+        return tuple(self._pulses)
+
+
+class Answers:
+    """Which command a round of reports answers, and how many were."""
+
+    def __init__(self, channels: int) -> None:
+        self.frames = 0  # commands that reports have shown
+        self.answered = ThrusterCommand(0, False, (PWM_NEUTRAL_US,) * channels)
+        self._sent = SentCommands()
+        self._commands: dict[int, ThrusterCommand] = {}  # by the count of commands, as SentCommands knows them
+        self._count = 0
+
+    def ask(self, command: ThrusterCommand) -> tuple[int, ...]:
+        """A command goes out; the pulses (us) to ask the controllers for."""
+        asked = askable(command)
+        self._count += 1
+        self._sent.remember(asked, self._count)
+        self._commands[self._count] = ThrusterCommand(command.sequence, command.armed, asked)
+        self._commands.pop(self._count - SentCommands.DEPTH, None)
+        return asked
+
+    def hear(self, pulses: tuple[int, ...]) -> ThrusterCommand:
+        """The command that a round of these pulses (us) answers, with the pulses it asked for."""
+        command = self._commands.get(self._sent.match(pulses))
+        if command is not None and command is not self.answered:
+            self.answered = command
+            self.frames = (self.frames + 1) & WRAP
+        return self.answered
