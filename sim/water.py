@@ -36,6 +36,10 @@ class MovingWater:
         self._sea = HeldSea(waves, world, seed) if waves else None
         self._mass = pushed_mass(vehicle, world.density)
 
+    def carry(self, vehicle: Vehicle, density: float) -> None:
+        """Push `vehicle` from now on: what it was, without what it has dropped."""
+        self._mass = pushed_mass(vehicle, density)
+
     def act(self, time_ns: int, state: State, wrench: Sequence[float]) -> tuple[Velocity, Sequence[float]]:
         """The water's velocity (m/s, NED), and `wrench` (N, N m, body axes) with the push of the waves added."""
         velocity = self._current(time_ns, state.position[2])

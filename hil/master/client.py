@@ -84,7 +84,7 @@ class VehicleClient:
 
     def _deliver(self, topic: str, payload: bytes, attachment: bytes) -> None:
         received_ns = now_ns()
-        decode = ros.DECODERS.get(topic)
+        decode = ros.decoder(topic)
         value = decode(payload) if decode else None
         if value is None:
             self.malformed += 1

@@ -5,7 +5,7 @@ from typing import Any
 from hil.clock import now_ns, to_wall_ns
 from hil.topics import TOPICS
 from hil.transport import ros
-from hil.transport.session import Session
+from hil.transport.session import Publisher, Session
 
 
 class Outbox:
@@ -15,16 +15,16 @@ class Outbox:
     """
 
     def __init__(self, session: Session, node: str, epoch_ns: int) -> None:
+        self._session = session
+        self._node = node
         self._epoch_ns = epoch_ns
-        self._publishers = {
-            name: session.publisher(node, topic) for name, topic in TOPICS.items() if not topic.from_master
-        }
+        self._publishers: dict[str, Publisher] = {}  # of the topics there was something to say on so far
         self.published = 0
 
     def sample(self, topic: str, sample: Any) -> None:
         """Publish one sensor sample (NED, FRD) under the simulator's name for it."""
         stamped = sample._replace(time_ns=sample.time_ns + self._epoch_ns)
-        for name, payload in ros.ENCODERS[topic](stamped):
+        for name, payload in ros.encoder(topic)(stamped):
             self._put(name, payload)
 
     def trace(self, instants: tuple[int, ...]) -> None:
@@ -37,5 +37,8 @@ class Outbox:
         self._put("diagnostics", ros.encode_diagnostics(now, [(name, level, message, values)]))
 
     def _put(self, name: str, payload: bytes) -> None:
-        self._publishers[name].put(payload, to_wall_ns(now_ns()))
+        publisher = self._publishers.get(name)
+        if publisher is None:
+            publisher = self._publishers[name] = self._session.publisher(self._node, TOPICS[name])
+        publisher.put(payload, to_wall_ns(now_ns()))
         self.published += 1

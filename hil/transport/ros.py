@@ -11,36 +11,20 @@ from struct import Struct
 from typing import Any, NamedTuple
 
 from hil.transport.cdr import HEADER, Layout, MalformedError, Reader, Writer, diagonal, tolerant, zero_terminated
-from sim.sensors.samples import DvlSample, ImuSample, OdometrySample, PressureSample
+from sim.sensors.samples import DvlSample, ImuSample, OdometrySample, PressureSample, Quaternion, Vector3
 
-Vector3 = tuple[float, float, float]
-Quaternion = tuple[float, float, float, float]
 Status = tuple[str, int, str, dict[str, str]]  # name, level (0 ok, 1 warning, 2 error, 3 stale), message, values
-
-# REP 2016 hashes of the definitions in ROS 2 Jazzy; Humble's are the same but for Range, which had no variance.
-TYPE_HASHES = {
-    "geometry_msgs/msg/Twist": "RIHS01_9c45bf16fe0983d80e3cfe750d6835843d265a9a6c46bd2e609fcddde6fb8d2a",
-    "geometry_msgs/msg/TwistWithCovarianceStamped": (
-        "RIHS01_77b67434531e6529b7a0091357b186b6ebdb17fd9ffd3e0c7ce9d3fb11a44563"
-    ),
-    "sensor_msgs/msg/Imu": "RIHS01_7d9a00ff131080897a5ec7e26e315954b8eae3353c3f995c55faf71574000b5b",
-    "sensor_msgs/msg/FluidPressure": "RIHS01_22dfb2b145a0bd5a31a1ac3882a1b32148b51d9b2f3bab250290d66f3595bc32",
-    "sensor_msgs/msg/Range": "RIHS01_b42b62562e93cbfe9d42b82fe5994dfa3d63d7d5c90a317981703f7388adff3a",
-    "nav_msgs/msg/Odometry": "RIHS01_3cc97dc7fb7502f8714462c526d369e35b603cfc34d946e3f2eda2766dfec6e0",
-    "std_msgs/msg/Int64MultiArray": "RIHS01_e60f9fe34d697f0939ad49d33158693c1277fbac0e2f04b7c2995dc21c89b422",
-    "diagnostic_msgs/msg/DiagnosticArray": "RIHS01_5a8a36efb05fb25070fa0fb3810290c0e6cd4862b54a8fb975a1ee8dc55a333e",
-}
 
 _NS_PER_S = 1_000_000_000
 _HALF_SQRT = sqrt(0.5)
-_NO_DATA = -1.0  # first element of a covariance whose measurement is missing, as sensor_msgs/Imu has it
+NO_DATA = -1.0  # first element of a covariance whose measurement is missing, as sensor_msgs/Imu has it
 
 _TWIST = Layout("6d")
 _IMU = Layout("i I string 4d 72s 3d 72s 3d 72s")
 _ODOMETRY = Layout("i I string string 7d 288s 6d 288s")
-_TWIST_STAMPED = Layout("i I string 6d 288s")
+_TWIST_COVARIANCE = Layout("i I string 6d 288s")
 _PRESSURE = Layout("i I string 2d")
-_RANGE = Layout("i I string B 5f")
+RANGE = Layout("i I string B 5f")
 _RANGE_HUMBLE = Layout("i I string B 4f")
 _FLOAT64 = Struct("<d")
 _ATTACHMENT = Struct("<qqB16s")
@@ -97,7 +81,7 @@ def encode_imu(
     time_ns, orientation, angular_velocity, acceleration = sample
     w, x, y, z = swap_attitude(orientation)
     attitude, rate, force = variances
-    return _pack(
+    return pack_stamped(
         _IMU, time_ns, (frame,),
         x, y, z, w, diagonal(3, attitude, attitude),
         *swap_body(angular_velocity), diagonal(3, rate, rate),
@@ -108,7 +92,7 @@ def encode_imu(
 @tolerant
 def decode_imu(data: bytes) -> ImuSample:
     """The sample in NED and FRD; covariances are left."""
-    time_ns, (x, y, z, w, _, p, q, r, _, ax, ay, az, _) = _unpack(_IMU, data)
+    time_ns, (x, y, z, w, _, p, q, r, _, ax, ay, az, _) = unpack_stamped(_IMU, data)
     return ImuSample(time_ns, swap_attitude((w, x, y, z)), swap_body((p, q, r)), swap_body((ax, ay, az)))
 
 
@@ -118,14 +102,14 @@ def encode_dvl(sample: DvlSample, frame: str = "dvl_link", variance: float = 0.0
     Without bottom lock the velocity is NaN and the first covariance -1. The angular part is always empty.
     """
     velocity = swap_body(sample.velocity) if sample.locked else (nan, nan, nan)
-    covariance = diagonal(6, variance if sample.locked else _NO_DATA, 0.0)
-    return _pack(_TWIST_STAMPED, sample.time_ns, (frame,), *velocity, 0.0, 0.0, 0.0, covariance)
+    covariance = diagonal(6, variance if sample.locked else NO_DATA, 0.0)
+    return pack_stamped(_TWIST_COVARIANCE, sample.time_ns, (frame,), *velocity, 0.0, 0.0, 0.0, covariance)
 
 
 @tolerant
 def decode_dvl(data: bytes) -> DvlSample:
     """The velocity along FRD and whether it is locked. The altitude is NaN: it travels as a Range."""
-    time_ns, (u, v, w, _, _, _, covariance) = _unpack(_TWIST_STAMPED, data)
+    time_ns, (u, v, w, _, _, _, covariance) = unpack_stamped(_TWIST_COVARIANCE, data)
     locked = isfinite(u + v + w) and _FLOAT64.unpack_from(covariance)[0] >= 0.0
     return DvlSample(time_ns, swap_body((u, v, w)), nan, locked)
 
@@ -138,25 +122,25 @@ def encode_range(
     `variance` in m². The field of view is sent as 0: the mean of narrow beams.
     """
     altitude = sample.altitude if sample.locked else inf
-    return _pack(_RANGE, sample.time_ns, (frame,), 0, 0.0, *limits, altitude, variance)
+    return pack_stamped(RANGE, sample.time_ns, (frame,), 0, 0.0, *limits, altitude, variance)
 
 
 @tolerant
 def decode_range(data: bytes) -> tuple[int, float]:
     """Time (ns) and range (m); reads the message of Jazzy and the shorter one of Humble."""
-    time_ns, (_, _, _, _, distance) = _unpack(_RANGE_HUMBLE, data)
+    time_ns, (_, _, _, _, distance) = unpack_stamped(_RANGE_HUMBLE, data)
     return time_ns, distance
 
 
 def encode_pressure(sample: PressureSample, frame: str = "pressure_link", variance: float = 0.0) -> bytes:
     """sensor_msgs/FluidPressure: absolute pressure. `variance` in Pa²."""
-    return _pack(_PRESSURE, sample.time_ns, (frame,), sample.pascal, variance)
+    return pack_stamped(_PRESSURE, sample.time_ns, (frame,), sample.pascal, variance)
 
 
 @tolerant
 def decode_pressure(data: bytes) -> PressureSample:
     """The absolute pressure in Pa."""
-    time_ns, (pascal, _) = _unpack(_PRESSURE, data)
+    time_ns, (pascal, _) = unpack_stamped(_PRESSURE, data)
     return PressureSample(time_ns, pascal)
 
 
@@ -172,7 +156,7 @@ def encode_odometry(
     """
     w, x, y, z = swap_attitude(sample.orientation)
     position, attitude, velocity, rate = variances
-    return _pack(
+    return pack_stamped(
         _ODOMETRY, sample.time_ns, (frame, child),
         *swap_world(sample.position), x, y, z, w, diagonal(6, position, attitude),
         *swap_body(sample.nu[:3]), *swap_body(sample.nu[3:]), diagonal(6, velocity, rate),
@@ -182,13 +166,13 @@ def encode_odometry(
 @tolerant
 def decode_odometry(data: bytes) -> OdometrySample:
     """The sample in NED and FRD; covariances are left."""
-    time_ns, (east, north, up, x, y, z, w, _, *nu, _) = _unpack(_ODOMETRY, data)
+    time_ns, (east, north, up, x, y, z, w, _, *nu, _) = unpack_stamped(_ODOMETRY, data)
     return OdometrySample(
         time_ns, swap_world((east, north, up)), swap_attitude((w, x, y, z)), swap_body(nu[:3]) + swap_body(nu[3:])
     )
 
 
-def _pack(layout: Layout, time_ns: int, names: tuple[str, ...], *values: Any) -> bytes:
+def pack_stamped(layout: Layout, time_ns: int, names: tuple[str, ...], *values: Any) -> bytes:
     """A message that begins with a std_msgs/Header: the stamp, then frame names, then `values`."""
     strings: list[Any] = []
     for name in map(zero_terminated, names):
@@ -196,7 +180,7 @@ def _pack(layout: Layout, time_ns: int, names: tuple[str, ...], *values: Any) ->
     return layout.struct(*strings[::2]).pack(HEADER, *divmod(time_ns, _NS_PER_S), *strings, *values)
 
 
-def _unpack(layout: Layout, data: bytes) -> tuple[int, tuple[Any, ...]]:
+def unpack_stamped(layout: Layout, data: bytes) -> tuple[int, tuple[Any, ...]]:
     """Time in ns and the values behind the frame names."""
     values = layout.unpack(data)
     return values[1] * _NS_PER_S + values[2], values[3 + 2 * layout.strings :]
@@ -274,17 +258,35 @@ def unpack_attachment(data: bytes) -> Attachment | None:
     return Attachment(sequence, time_ns, gid) if length == 16 else None
 
 
-# By the names of the topics in `hil.topics`.
 Encoded = Iterable[tuple[str, bytes]]
-# from the simulator's name of a sample to the topics it goes out on
-ENCODERS: dict[str, Callable[[Any], Encoded]] = {
+Encoder = Callable[[Any], Encoded]
+Decoder = Callable[[bytes], Any]
+
+
+def encoder(topic: str) -> Encoder:
+    """What turns the simulator's samples called `topic` into messages, each with the topic it goes out on."""
+    return _ENCODERS.get(topic) or _sensors().ENCODERS[topic]
+
+
+def decoder(topic: str) -> Decoder | None:
+    """What turns a message on one of the topics of `hil.topics` into our records; None for another topic."""
+    return _DECODERS.get(topic) or _sensors().DECODERS.get(topic)
+
+
+def _sensors() -> Any:
+    from hil.transport import ros_sensors  # most vehicles do without, and start sooner
+
+    return ros_sensors
+
+
+_ENCODERS: dict[str, Encoder] = {
     "imu": lambda sample: [("imu", encode_imu(sample))],
     "dvl": lambda sample: [("dvl", encode_dvl(sample)), ("altitude", encode_range(sample))],
     "pressure": lambda sample: [("pressure", encode_pressure(sample))],
     "odom": lambda sample: [("odom", encode_odometry(sample))],
     "ground_truth": lambda sample: [("ground_truth", encode_odometry(sample, frame="map"))],
 }
-DECODERS: dict[str, Callable[[bytes], Any]] = {
+_DECODERS: dict[str, Decoder] = {
     "cmd_vel": decode_twist,
     "trace": decode_int64_array,
     "imu": decode_imu,

@@ -14,7 +14,7 @@ from typing import Any
 import zenoh
 
 from hil.errors import NetworkError
-from hil.topics import Priority, Topic
+from hil.topics import TYPE_HASHES, Priority, Topic
 from hil.transport import ros
 
 LEASE_MS = 1000
@@ -125,7 +125,7 @@ class Publisher:
 
     def __init__(self, session: zenoh.Session, node: str, topic: Topic) -> None:
         self._publisher = session.declare_publisher(
-            ros.data_key(0, f"{node}/{topic.name}", topic.type, ros.TYPE_HASHES[topic.type]),
+            ros.data_key(0, f"{node}/{topic.name}", topic.type, TYPE_HASHES[topic.type]),
             priority=_PRIORITIES[topic.priority],
             express=topic.express,
             congestion_control=zenoh.CongestionControl.DROP,

@@ -26,7 +26,7 @@ class PressureModel(NamedTuple):
 
 
 class Pressure:
-    """One sensor. Not modelled: waves, stagnation pressure."""
+    """One sensor; it feels the waves above it. Not modelled: stagnation pressure."""
 
     Model = PressureModel
     topic = PRESSURE
@@ -35,9 +35,13 @@ class Pressure:
         self._atmosphere = model.atmosphere
         self._mounting = mounting
         self._water = water_pressure(scene.world)
+        self._sea = scene.sea
         self._errors = make_error_bank([model.error], 1.0 / model.rate, sensor_random(seed, PRESSURE))
 
     def sample(self, time_ns: int, state: State) -> PressureSample:
         """The measurement of `state`; in the air that of the air."""
-        (pascal,) = self._errors.measure([self._atmosphere + self._water(self._mounting.depth(state))])
+        north, east, depth = self._mounting.place(state)
+        if self._sea is not None:
+            depth = self._sea.pressure_depth(time_ns * 1e-9, north, east, depth)
+        (pascal,) = self._errors.measure([self._atmosphere + self._water(depth)])
         return PressureSample(time_ns, pascal)

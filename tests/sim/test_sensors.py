@@ -23,9 +23,6 @@ EXACT_DVL = DvlModel(velocity=EXACT, range=EXACT)
 PLAIN = Mounting()
 SEA = World("sea", "test", (-100.0, 100.0, -100.0, 100.0), 20.0, gravity=9.8)
 SCENE = Simulation(load_vehicle("bluerov2_heavy")[0], SEA, {}, position=(0.0, 0.0, 5.0))
-PLAIN = Mounting()
-SEA = World("sea", "test", (-100.0, 100.0, -100.0, 100.0), 20.0, gravity=9.8)
-SCENE = Simulation(load_vehicle("bluerov2_heavy")[0], SEA, {}, position=(0.0, 0.0, 5.0))
 NU = (0.8, -0.3, 0.2, 0.4, -0.5, 0.6)
 
 

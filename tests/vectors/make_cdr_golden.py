@@ -76,6 +76,32 @@ def ranges() -> dict[str, Any]:
             "max_range": 75.0, "range": 12.375, "variance": 0.0625}  # fmt: skip
 
 
+def battery() -> dict[str, Any]:
+    return {"header": header("battery_link"), "voltage": 15.5, "temperature": None, "current": -12.25, "charge": 4.5,
+            "capacity": 18.0, "design_capacity": 18.0, "percentage": 0.25, "power_supply_status": 2,
+            "power_supply_health": 1, "power_supply_technology": 2, "present": True, "cell_voltage": [],
+            "cell_temperature": [], "location": "", "serial_number": ""}  # fmt: skip
+
+
+def fix(status: int, place: tuple[float | None, float | None, float | None], variances: list[float]) -> dict[str, Any]:
+    covariance = [variances[i] if i == j else 0.0 for i in range(3) for j in range(3)]
+    return {"header": header("gps_link"), "status": {"status": status, "service": 1}, "latitude": place[0],
+            "longitude": place[1], "altitude": place[2], "position_covariance": covariance,
+            "position_covariance_type": 2 if status >= 0 else 0}  # fmt: skip
+
+
+def position() -> dict[str, Any]:
+    rows = [[4.0, 0.5, -0.25], [0.5, 2.0, 0.125], [-0.25, 0.125, 1.0]]
+    covariance = [rows[i][j] if max(i, j) < 3 else -1.0 if i == j else 0.0 for i in range(6) for j in range(6)]
+    pose = {"position": xyz(120.5, -30.25, -8.0), "orientation": {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}}
+    return {"header": header("map"), "pose": {"pose": pose, "covariance": covariance}}
+
+
+def field() -> dict[str, Any]:
+    return {"header": header("magnetometer_link"), "magnetic_field": xyz(2.0e-5, -1.5e-6, -4.5e-5),
+            "magnetic_field_covariance": [1e-12 if i == j else 0.0 for i in range(3) for j in range(3)]}  # fmt: skip
+
+
 CASES: list[tuple[str, dict[str, Any]]] = [
     ("geometry_msgs/msg/Twist", {"linear": xyz(1.5, -0.5, 0.25), "angular": xyz(0.125, -0.25, 0.75)}),
     ("sensor_msgs/msg/Imu", imu("imu_link", (HALF, 0.0, 0.0, HALF))),
@@ -96,6 +122,16 @@ CASES: list[tuple[str, dict[str, Any]]] = [
         "data": [7, 8]}),
     ("diagnostic_msgs/msg/DiagnosticArray", {"header": header(""), "status": statuses()}),
     ("diagnostic_msgs/msg/DiagnosticArray", {"header": header(""), "status": []}),
+    ("std_msgs/msg/Bool", {"data": True}),
+    ("std_msgs/msg/Bool", {"data": False}),
+    ("sensor_msgs/msg/NavSatFix", fix(0, (57.70889, 11.97456, 36.25), [4.5, 4.5, 10.25])),
+    ("sensor_msgs/msg/NavSatFix", fix(-1, (None, None, None), [0.0, 0.0, 0.0])),
+    ("sensor_msgs/msg/MagneticField", field()),
+    ("geometry_msgs/msg/PoseWithCovarianceStamped", position()),
+    ("geometry_msgs/msg/TwistStamped", {
+        "header": header("current_meter_link"),
+        "twist": {"linear": xyz(-0.5, 0.25, 0.125), "angular": xyz(0.0, 0.0, 0.0)}}),
+    ("sensor_msgs/msg/BatteryState", battery()),
 ]  # fmt: skip
 
 
@@ -110,7 +146,7 @@ def convert(store: Any, kind: Any, value: Any) -> Any:
     if node.name == "NAME":
         return build(store, detail, value)
     if node.name == "BASE":
-        return value
+        return float("nan") if value is None else value  # what JSON cannot say
     (inner, of), _ = detail
     if inner.name == "NAME":
         return [build(store, of, item) for item in value]

@@ -1,0 +1,67 @@
+"""An altimeter: one narrow sonar beam to the seabed."""
+
+from math import inf
+from typing import Annotated, NamedTuple
+
+from hil.schema import Range
+from sim.dynamics import State
+from sim.native import make_error_bank
+from sim.rotations import rotate
+from sim.sensors.error import ErrorModel, sensor_random
+from sim.sensors.extra_samples import RangeSample
+from sim.sensors.mounting import Mounting
+from sim.sensors.samples import Scene
+from sim.sensors.surface import submersion
+
+
+class AltimeterModel(NamedTuple):
+    """Rate in Hz (0: none), reach and error of the range.
+
+    Blue Robotics Ping2 (user manual): 0.3 to 100 m. Noise: the 5 mm of uuv_simulator's sonar beams; scale: a speed
+    of sound that is 7 m/s off, our choice.
+    """
+
+    rate: Annotated[float, Range(0.0, 100.0, "Hz")] = 10.0
+    min_range: Annotated[float, Range(0.0, 10.0, "m")] = 0.3
+    max_range: Annotated[float, Range(0.1, 1000.0, "m")] = 100.0
+    error: ErrorModel = ErrorModel(noise=0.005, scale=0.005)
+
+    def problem(self) -> str | None:
+        """What is wrong between the keys, if anything."""
+        return "min_range is not below max_range" if self.min_range >= self.max_range else None
+
+
+class Altimeter:
+    """One beam along the sensor's z axis: straight down from a level vehicle, unless mounted askew.
+
+    Not modelled: obstacles, the width of the beam, a second echo, the weaker echo at a slant.
+    """
+
+    Model = AltimeterModel
+    topic = "altimeter"
+
+    def __init__(self, model: AltimeterModel, mounting: Mounting, seed: int, scene: Scene) -> None:
+        self._limits = model.min_range, model.max_range
+        self._mounting = mounting
+        self._scene = scene
+        self._beam = rotate(mounting.quaternion, (0.0, 0.0, 1.0))  # along the body axes
+        self._errors = make_error_bank([model.error], 1.0 / model.rate, sensor_random(seed, self.topic))
+
+    def sample(self, time_ns: int, state: State) -> RangeSample:
+        """The measurement of `state`."""
+        distance = self._distance(time_ns, state)
+        near, far = self._limits
+        (measured,) = self._errors.measure([distance if distance <= far else far])
+        if distance > far:
+            measured = inf
+        elif distance < near:
+            measured = -inf
+        return RangeSample(time_ns, measured, self._limits)
+
+    def _distance(self, time_ns: int, state: State) -> float:
+        """To the seabed along the beam in m; inf if it does not get there."""
+        place = self._mounting.place(state)
+        down = rotate(state.quaternion, self._beam)[2]
+        if down <= 0.0 or submersion(self._scene, time_ns, place) <= 0.0:
+            return inf
+        return (self._scene.world.depth - place[2]) / down

@@ -1,0 +1,70 @@
+"""What the sensors send that only some vehicles carry. Conventions are those of sim.sensors.samples."""
+
+from typing import NamedTuple
+
+from sim.sensors.samples import Vector3
+
+# A symmetric 3 x 3 matrix, row after row.
+Covariance = tuple[float, float, float, float, float, float, float, float, float]
+
+
+class RangeSample(NamedTuple):
+    """Distance in m; inf without an echo, -inf if what is there is too close. `limits` m are the device's reach."""
+
+    time_ns: int
+    distance: float
+    limits: tuple[float, float]
+
+
+class FieldSample(NamedTuple):
+    """Magnetic flux density in tesla."""
+
+    time_ns: int
+    field: Vector3
+
+
+class VelocitySample(NamedTuple):
+    """Velocity in m/s."""
+
+    time_ns: int
+    velocity: Vector3
+
+
+class FixSample(NamedTuple):
+    """Latitude and longitude in degrees, altitude in m above the ellipsoid (WGS 84); all nan without a `fix`.
+
+    `variances` (m²) are of north and east each, and of altitude.
+    """
+
+    time_ns: int
+    latitude: float
+    longitude: float
+    altitude: float
+    variances: tuple[float, float]
+    fix: bool
+
+
+class PositionSample(NamedTuple):
+    """A position (m) and its covariance (m²)."""
+
+    time_ns: int
+    position: Vector3
+    covariance: Covariance
+
+
+class BatterySample(NamedTuple):
+    """Volts, amperes that are drawn, charge that is left and charge when full (Ah), and whether it has switched off."""
+
+    time_ns: int
+    voltage: float
+    current: float
+    charge: float
+    capacity: float
+    cut_off: bool
+
+
+class FlagSample(NamedTuple):
+    """A switch."""
+
+    time_ns: int
+    on: bool

@@ -1,0 +1,59 @@
+"""From the local map to latitude and longitude."""
+
+from collections.abc import Sequence
+from math import atan2, cos, degrees, hypot, radians, sin, sqrt
+
+SEMI_MAJOR_AXIS = 6_378_137.0  # m; WGS 84: NIMA TR8350.2, table 3.1
+FLATTENING = 1.0 / 298.257223563
+_E2 = FLATTENING * (2.0 - FLATTENING)  # the square of the first eccentricity
+
+Vector3 = tuple[float, float, float]
+
+
+class TangentPlane:
+    """The plane that touches the ellipsoid's parallel surface at a point: what north, east and down are measured in.
+
+    `latitude` and `longitude` in degrees, `altitude` in m above the ellipsoid.
+    """
+
+    def __init__(self, latitude: float, longitude: float, altitude: float = 0.0) -> None:
+        phi, lam = radians(latitude), radians(longitude)
+        self._origin = earth_centred(latitude, longitude, altitude)
+        north = (-sin(phi) * cos(lam), -sin(phi) * sin(lam), cos(phi))
+        east = (-sin(lam), cos(lam), 0.0)
+        down = (-cos(phi) * cos(lam), -cos(phi) * sin(lam), -sin(phi))
+        self._axes = list(zip(north, east, down, strict=True))
+
+    def geodetic(self, place: Sequence[float]) -> Vector3:
+        """Latitude and longitude (degrees) and altitude (m) of a place (m, NED from the origin)."""
+        north, east, down = place
+        x, y, z = [
+            start + a * north + b * east + c * down
+            for start, (a, b, c) in zip(self._origin, self._axes, strict=True)
+        ]  # fmt: skip
+        return geodetic(x, y, z)
+
+
+def earth_centred(latitude: float, longitude: float, altitude: float) -> Vector3:
+    """Geodetic (degrees, m) to Cartesian, earth-centred and earth-fixed, in m."""
+    phi, lam = radians(latitude), radians(longitude)
+    normal = SEMI_MAJOR_AXIS / sqrt(1.0 - _E2 * sin(phi) ** 2)
+    out = (normal + altitude) * cos(phi)
+    return out * cos(lam), out * sin(lam), (normal * (1.0 - _E2) + altitude) * sin(phi)
+
+
+def geodetic(x: float, y: float, z: float) -> Vector3:
+    """Cartesian, earth-centred and earth-fixed (m) to latitude and longitude (degrees) and altitude (m).
+
+    tan(phi) = (z + e² N sin(phi)) / p, iterated (Hofmann-Wellenhof and Moritz 2006, Physical Geodesy, 5.6.1):
+    each turn leaves a 150th of the error, which between the deepest sea and the highest mountain begins below 1e-5
+    rad, so five leave less than a float can hold.
+    """
+    p = hypot(x, y)
+    phi = atan2(z, p * (1.0 - _E2))
+    for _ in range(5):
+        sine = sin(phi)
+        phi = atan2(z + _E2 * SEMI_MAJOR_AXIS / sqrt(1.0 - _E2 * sine * sine) * sine, p)
+    # the distance along the normal, which unlike p / cos(phi) - N also stands at the poles
+    altitude = p * cos(phi) + z * sin(phi) - SEMI_MAJOR_AXIS * sqrt(1.0 - _E2 * sin(phi) ** 2)
+    return degrees(phi), degrees(atan2(y, x)), altitude

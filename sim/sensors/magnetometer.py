@@ -1,0 +1,64 @@
+"""A magnetometer, and the field of the earth it measures."""
+
+from math import cos, sin
+from typing import Annotated, NamedTuple
+
+from hil.schema import Range
+from sim.dynamics import State
+from sim.native import make_error_bank
+from sim.rotations import rotate_inverse
+from sim.sensors.error import ErrorModel, sensor_random
+from sim.sensors.extra_samples import FieldSample
+from sim.sensors.mounting import Mounting
+from sim.sensors.samples import Scene, Vector3
+from sim.world import World
+
+Tesla = Annotated[float, Range(-1e-2, 1e-2)]
+Share = Annotated[float, Range(-10.0, 10.0)]
+Matrix3 = tuple[Share, Share, Share, Share, Share, Share, Share, Share, Share]
+
+UNDISTURBED = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
+
+
+class MagnetometerModel(NamedTuple):
+    """Rate in Hz (0: none), what the vehicle's iron does to the field, and errors in T.
+
+    The sensor feels `soft_iron` (3 x 3, row after row) times the earth's field plus `hard_iron` (T), both along its
+    own axes. Errors: Bosch BMX055 as set in uuv_simulator (Manhães 2016), with 1 µT of noise along x and y, 1.4 µT
+    along z, and 2 µT that a calibration leaves.
+    """
+
+    rate: Annotated[float, Range(0.0, 1000.0, "Hz")] = 50.0
+    hard_iron: tuple[Tesla, Tesla, Tesla] = (0.0, 0.0, 0.0)
+    soft_iron: Matrix3 = UNDISTURBED
+    error_xy: ErrorModel = ErrorModel(turn_on=2e-6, noise=1e-6)
+    error_z: ErrorModel = ErrorModel(turn_on=2e-6, noise=1.4e-6)
+
+
+class Magnetometer:
+    """One sensor. Not modelled: currents in the vehicle's wires, iron in the seabed and in obstacles."""
+
+    Model = MagnetometerModel
+    topic = "magnetometer"
+
+    def __init__(self, model: MagnetometerModel, mounting: Mounting, seed: int, scene: Scene) -> None:
+        self._mounting = mounting
+        self._earth = earth_field(scene.world)
+        self._hard = model.hard_iron
+        self._soft = [model.soft_iron[i : i + 3] for i in (0, 3, 6)]
+        models = [model.error_xy, model.error_xy, model.error_z]
+        self._errors = make_error_bank(models, 1.0 / model.rate, sensor_random(seed, self.topic))
+
+    def sample(self, time_ns: int, state: State) -> FieldSample:
+        """The measurement of `state`."""
+        x, y, z = rotate_inverse(self._mounting.attitude(state), self._earth)
+        felt = [a * x + b * y + c * z + own for (a, b, c), own in zip(self._soft, self._hard, strict=True)]
+        a, b, c = self._errors.measure(felt)
+        return FieldSample(time_ns, (a, b, c))
+
+
+def earth_field(world: World) -> Vector3:
+    """The magnetic field of `world`, NED in T."""
+    intensity, inclination, declination = world.magnetic_field
+    level = intensity * cos(inclination)
+    return level * cos(declination), level * sin(declination), intensity * sin(inclination)

@@ -1,0 +1,12 @@
+"""Where the water ends, for sensors that only work on one side of it."""
+
+from collections.abc import Sequence
+
+from sim.sensors.samples import Scene
+
+
+def submersion(scene: Scene, time_ns: int, place: Sequence[float]) -> float:
+    """How far in m a place (m, NED) is below the surface, its waves included; negative in the air."""
+    north, east, depth = place
+    sea = scene.sea
+    return depth + sea.elevation(time_ns * 1e-9, north, east) if sea else depth

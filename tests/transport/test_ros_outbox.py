@@ -1,0 +1,51 @@
+"""Samples on their way through a session: each on its topic, stamped, and nothing declared that is not said."""
+
+import math
+import socket
+import time
+
+from hil.slave.outbox import Outbox
+from hil.transport import ros
+from hil.transport.session import dial, listen
+from sim.sensors.extra_samples import FixSample, FlagSample, PositionSample
+from sim.sensors.samples import DvlSample
+
+EPOCH_NS = 1_700_000_000_000_000_000
+
+
+def free_endpoint() -> str:
+    """A port that is free now, with the next one."""
+    for port in range(27447, 28000, 2):
+        with socket.socket() as first, socket.socket() as second:
+            try:
+                first.bind(("127.0.0.1", port))
+                second.bind(("127.0.0.1", port + 1))
+            except OSError:
+                continue
+            return f"tcp/127.0.0.1:{port}"
+    raise AssertionError("no free ports")
+
+
+def test_samples_arrive_on_their_topics() -> None:
+    endpoint, received = free_endpoint(), dict[str, bytes]()
+    with listen(endpoint) as slave, dial(endpoint) as master:
+        master.subscribe("uuv1", "*", lambda topic, payload, _: received.update({topic: payload}), depth=64)
+        outbox = Outbox(slave, "uuv1", EPOCH_NS)
+        said = {"gps", "leak", "usbl", "dvl", "altitude", "diagnostics"}
+        deadline = time.monotonic() + 5.0
+        while set(received) != said and time.monotonic() < deadline:  # until the sessions have met
+            outbox.sample("gps", FixSample(5, 57.7, 11.9, 36.0, (1.0, 2.0), True))
+            outbox.sample("leak", FlagSample(5, True))
+            outbox.sample("usbl", PositionSample(5, (1.0, 2.0, 3.0), (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)))
+            outbox.sample("dvl", DvlSample(5, (1.0, 2.0, 3.0), 7.5, True))
+            outbox.diagnostics("slave", 0, "well", {"cpu": "3"})
+            time.sleep(0.01)
+    assert set(received) == said == set(outbox._publishers)
+    assert outbox.published % len(said) == 0
+    decoded = {topic: decoder(received[topic]) for topic in said if (decoder := ros.decoder(topic))}
+    assert decoded["gps"] == (EPOCH_NS + 5, 57.7, 11.9, 36.0, (1.0, 2.0), True)
+    assert decoded["leak"] is True
+    assert decoded["usbl"].position == (1.0, 2.0, 3.0)
+    assert decoded["altitude"] == (EPOCH_NS + 5, 7.5)
+    assert decoded["dvl"].velocity == (1.0, 2.0, 3.0)
+    assert math.isnan(decoded["dvl"].altitude)
