@@ -2,4 +2,4 @@
 
 import pytest
 
-pytest.register_assert_rewrite("tests.links.link_contract", "tests.processes")
+pytest.register_assert_rewrite("tests.links.link_contract", "tests.links.mavlink_peer", "tests.processes")

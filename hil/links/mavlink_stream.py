@@ -1,0 +1,175 @@
+"""MAVLink 2 packets in a stream of bytes: found, checked, signed and packed.
+
+pymavlink decodes and encodes; what it is not used for is
+
+    finding packets   its parser waits for the end of whatever looks like a beginning, and so loses the packets
+                      behind a cut one. Here a sound packet is delivered as soon as its last byte is there, and
+                      at most one unfinished packet (280 bytes) is kept.
+    signatures        its check stores a packet's timestamp before it has looked at the signature, so that one
+                      forged packet silences a stream for good. Here a timestamp counts when the signature holds.
+"""
+
+import hashlib
+from collections.abc import Callable
+from hmac import compare_digest
+from typing import Any
+
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from hil.links.contract import Counters
+
+MARKER = b"\xfd"
+HEADER_SIZE = 10
+CRC_SIZE = 2
+SIGNED = 0x01  # the one incompatibility flag there is
+SIGNATURE_SIZE = 13  # link id, timestamp, hash
+HASH_SIZE = 6
+TIMESTAMP_START_NS = 1_420_070_400 * 10**9  # 2015-01-01, ns since 1970
+TIMESTAMP_NS = 10_000  # a timestamp counts 10 us
+NEW_STREAM_SLACK = 6_000_000  # timestamps; a new sender may be a minute behind
+
+# message id -> the byte that its layout adds to the checksum
+CRC_EXTRA = {number: bytes([kind.crc_extra]) for number, kind in dialect.mavlink_map.items() if number >= 0}
+
+
+def signing_secret(text: str) -> bytes:
+    """The 32 bytes of a key written as 64 hexadecimal digits, or the SHA-256 of a passphrase."""
+    try:
+        if len(text) == 64:
+            return bytes.fromhex(text)
+    except ValueError:
+        pass
+    return hashlib.sha256(text.encode()).digest()
+
+
+class _SafeMavlink(dialect.MAVLink):  # type: ignore[misc]  # pymavlink has no type information
+    """pymavlink's encoder and decoder of one end, with our check of signatures."""
+
+    def sign(self, secret: bytes, wall_clock: Callable[[], int]) -> None:
+        """Sign what goes out, and refuse what comes in unsigned or wrongly signed; RADIO_STATUS never is signed."""
+        self._wall_clock = wall_clock
+        self.signing.secret_key = secret
+        self.signing.sign_outgoing = True
+        self.signing.allow_unsigned_callback = _may_be_unsigned
+
+    def advance(self) -> None:
+        """Bring the timestamp up to the wall clock; it never goes back, whatever the clock does."""
+        now = (self._wall_clock() - TIMESTAMP_START_NS) // TIMESTAMP_NS
+        self.signing.timestamp = max(self.signing.timestamp, now)
+
+    def check_signature(self, packet: bytearray, system: int, component: int) -> bool:
+        """Whether the signature is right and its timestamp newer than all before it of that sender and link."""
+        signing = self.signing
+        wanted = hashlib.sha256(signing.secret_key + packet[:-HASH_SIZE]).digest()[:HASH_SIZE]
+        if not compare_digest(wanted, bytes(packet[-HASH_SIZE:])):
+            return False
+        self.advance()
+        timestamp = int.from_bytes(packet[-12:-HASH_SIZE], "little")
+        sender = (packet[-SIGNATURE_SIZE], system, component)
+        if timestamp <= signing.stream_timestamps.get(sender, signing.timestamp - NEW_STREAM_SLACK - 1):
+            return False
+        signing.stream_timestamps[sender] = timestamp
+        signing.timestamp = max(signing.timestamp, timestamp)
+        return True
+
+
+def _may_be_unsigned(_: Any, message_id: int) -> bool:
+    return message_id == int(dialect.MAVLINK_MSG_ID_RADIO_STATUS)
+
+
+class MavlinkStream:
+    """One end's packets; `counters` learns what was dropped, damaged or refused."""
+
+    def __init__(self, system: int, component: int, counters: Counters) -> None:
+        self._mavlink = _SafeMavlink(None, system, component)
+        self._counters = counters
+        self._signs = False
+        self._rest = b""  # the beginning of a packet whose end has not come
+
+    def sign(self, secret: bytes, wall_clock: Callable[[], int]) -> None:
+        """From now on sign and demand signatures; `wall_clock` gives ns since 1970."""
+        self._mavlink.sign(secret, wall_clock)
+        self._signs = True
+
+    def pack(self, message: Any) -> bytes:
+        """The packet of a message of the dialect, with the next number."""
+        mavlink = self._mavlink
+        if self._signs:
+            mavlink.advance()
+        packet: bytes = message.pack(mavlink)
+        mavlink.seq = (mavlink.seq + 1) & 0xFF
+        return packet
+
+    def unpack(self, data: bytes) -> list[Any]:
+        """The messages whose packets `data` completes, in order. Never raises.
+
+        Every byte ends up in a packet, in `dropped_bytes`, or in the unfinished packet that is kept.
+        """
+        messages = []
+        for packet in self._cut(data):
+            try:
+                messages.append(self._mavlink.decode(bytearray(packet)))
+            except dialect.MAVError:  # sound, but its signature is not
+                self._counters.malformed += 1
+        return messages
+
+    def _cut(self, data: bytes) -> list[bytes]:
+        """The sound packets in what is there."""
+        buffer = self._rest + data
+        counters = self._counters
+        packets = []
+        position = 0
+        while (start := _find_header(buffer, position)) < len(buffer):
+            size = _packet_size(buffer, start)
+            if start + size > len(buffer):
+                behind = _find_sound(buffer, start + 1)
+                if behind < 0:
+                    break
+                start, size = behind, _packet_size(buffer, behind)
+            counters.dropped_bytes += start - position
+            if _is_sound(buffer, start, size):
+                packets.append(buffer[start : start + size])
+                position = start + size
+            else:
+                counters.checksum_errors += 1
+                counters.dropped_bytes += 1
+                position = start + 1  # not past it all: a packet may begin inside a damaged one
+        counters.dropped_bytes += start - position
+        self._rest = buffer[start:]
+        return packets
+
+
+def _find_header(buffer: bytes, position: int) -> int:
+    """Where the next header may begin, as far as can be seen; the buffer's length if nowhere."""
+    while (start := buffer.find(MARKER, position)) >= 0:
+        header = buffer[start : start + HEADER_SIZE]
+        flags_fit = len(header) < 3 or header[2] & ~SIGNED == 0
+        if flags_fit and (len(header) < HEADER_SIZE or int.from_bytes(header[7:], "little") in CRC_EXTRA):
+            return start
+        position = start + 1
+    return len(buffer)
+
+
+def _packet_size(buffer: bytes, start: int) -> int:
+    """Bytes of the packet whose header begins at `start`; of a header in parts, those of a header."""
+    if len(buffer) - start < HEADER_SIZE:
+        return HEADER_SIZE
+    signature = SIGNATURE_SIZE if buffer[start + 2] & SIGNED else 0
+    return HEADER_SIZE + buffer[start + 1] + CRC_SIZE + signature
+
+
+def _is_sound(buffer: bytes, start: int, size: int) -> bool:
+    message_id = int.from_bytes(buffer[start + 7 : start + 10], "little")
+    end = start + HEADER_SIZE + buffer[start + 1]
+    wanted = int.from_bytes(buffer[end : end + CRC_SIZE], "little")
+    return bool(dialect.x25crc(buffer[start + 1 : end] + CRC_EXTRA[message_id]).crc == wanted)
+
+
+def _find_sound(buffer: bytes, position: int) -> int:
+    """Where the first whole sound packet begins, or -1: one behind a cut packet need not wait for its end."""
+    while (start := _find_header(buffer, position)) < len(buffer):
+        size = _packet_size(buffer, start)
+        if start + size <= len(buffer) and _is_sound(buffer, start, size):
+            return start
+        position = start + 1
+    return -1
