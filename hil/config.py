@@ -1,11 +1,14 @@
 """The scenario file: what is flown, where, over which link, by whom."""
 
 import os
+from collections.abc import Mapping
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
 from hil.clock import seconds_ns
 from hil.errors import ConfigError
+from hil.links.address import parse_address
+from hil.links.protocols import ON_CAN
 from hil.plugins import load_class
 from hil.schema import Range, find_preset, parse, preset_names
 from hil.tables import read_table
@@ -16,6 +19,8 @@ from sim.vehicle import Vehicle
 from sim.world import World
 
 if TYPE_CHECKING:
+    from hil.links.faults import Faults
+    from sim.ballast import Release
     from sim.failures import Failure
 
 SCENARIOS = "hil/scenarios"
@@ -26,16 +31,32 @@ VECTOR_M = tuple[Annotated[float, Range(-1e5, 1e5, "m")], Annotated[float, Range
 class Link(NamedTuple):
     """The thruster link between the vehicle's computer and its STM32.
 
-    `wire = "pty"` makes a pseudo terminal; `device` is then an optional link to it, for other programs
-    to open. `wire = "uart"` opens `device`, by default the board's UART, at `baud`.
+    `port` is where it is, as hil/links/address.py writes it: "pty:" makes a pseudo terminal, "pty:/tmp/name" one
+    that other programs find there; a real STM32 is on "/dev/ttyUSB0" or the like, by default the board's UART.
+    `baud` (bit/s) is that of a serial device, `bitrate` (bit/s) that of a CAN bus where the system does not set
+    it. `frame` names the layout if the protocol is "frame", `options` are the settings of any other. `watchdog`
+    is the STM32's. `faults` are done to what crosses, on purpose.
     """
 
-    wire: Literal["pty", "uart"] = "pty"
-    protocol: Literal["frame"] = "frame"
+    port: str = "pty:"
+    protocol: Literal["frame", "mavlink", "dronecan", "vesc"] = "frame"
     frame: str = "uuv_hil"
-    device: str = ""
     baud: Annotated[int, Range(1200, 12_000_000)] = 115_200
+    bitrate: Annotated[int, Range(10_000, 1_000_000)] = 1_000_000
     watchdog: Annotated[float, Range(0.02, 10.0, "s")] = 0.2
+    options: Mapping[str, Any] = MappingProxyType({})  # these two are read by load_scenario
+    faults: "Faults | None" = None
+
+    def problem(self) -> str | None:
+        """An address that is none, or that carries something else than the protocol."""
+        try:
+            carries_can = parse_address(self.port).carries_can
+        except ConfigError as error:
+            return f"port: {error}"
+        if carries_can != (self.protocol in ON_CAN):
+            needed = "a CAN bus, can:INTERFACE:CHANNEL" if self.protocol in ON_CAN else "a wire of bytes, no CAN bus"
+            return f"protocol {self.protocol!r} needs {needed}, and the port is {self.port!r}"
+        return None
 
 
 class Slave(NamedTuple):
@@ -89,10 +110,11 @@ class Master(NamedTuple):
 class Scenario(NamedTuple):
     """One run. `stm32` says who plays the STM32, `controller` who sends it commands.
 
-    stm32: "python" inside the slave, "process" the same firmware in a process of its own, "device" a
-    real one on a UART. controller: "builtin", or "external": the link's host end is left to the user's
+    stm32: "python" the firmware's twin inside the slave, "process" that in a process of its own; "native" the
+    firmware in C; "unicorn" (inside the slave) and "qemu" its image on an emulated processor; "device" a real
+    one. controller: "builtin", or "external": the link's host end is left to the user's
     own vehicle software. Each [[failure]] is one of a thruster, at its time; each [[force]] a class of the
-    user's own (sim/forces.py).
+    user's own (sim/forces.py); each [[release]] drops a weight of the vehicle's, at its time (sim/ballast.py).
     """
 
     vehicle: str
@@ -100,7 +122,7 @@ class Scenario(NamedTuple):
     master: Master
     description: str = ""
     seed: Annotated[int, Range(0, 2**63 - 1)] = 1
-    stm32: Literal["python", "process", "device"] = "python"
+    stm32: Literal["python", "process", "native", "unicorn", "qemu", "device"] = "python"
     controller: Literal["builtin", "external"] = "builtin"
     slave: Slave = Slave()
     link: Link = Link()
@@ -109,18 +131,33 @@ class Scenario(NamedTuple):
     sensors: Suite = MappingProxyType({})
     failure: "tuple[Failure, ...]" = ()
     force: tuple[Force, ...] = ()
+    release: "tuple[Release, ...]" = ()
 
     def problem(self) -> str | None:
         """The words that do not go together."""
-        if self.controller == "external" and self.stm32 != "python":
-            return f'controller = "external" needs stm32 = "python": {self.stm32!r} would hide the thrusters from us'
-        if (self.stm32 == "device") != (self.link.wire == "uart"):
-            return 'stm32 = "device" and [link] wire = "uart" go together'
+        if self.controller == "external" and self.stm32 not in ("python", "unicorn"):
+            return (
+                f'controller = "external" needs stm32 = "python" or "unicorn": {self.stm32!r} would hide the thrusters'
+            )
+        unspoken = self._unspoken()
+        if unspoken:
+            return f"stm32 = {self.stm32!r} does not speak [link] {unspoken}"
         if self.slave.deadman < 2 * self.slave.control_period:
             return "slave: deadman must be at least twice control_period"
         if self.link.watchdog < 2 * self.slave.control_period:
             return "link: watchdog must be at least twice [slave] control_period"
         return None
+
+    def _unspoken(self) -> str:
+        """What of the link the firmware in C has not learnt."""
+        link = self.link
+        if self.stm32 not in ("native", "unicorn", "qemu"):
+            return ""
+        if link.protocol == "frame":
+            return "" if link.frame == "uuv_hil" else f"frame = {link.frame!r}"
+        if link.protocol == "mavlink" or (link.protocol == "vesc" and self.stm32 == "unicorn"):
+            return "options" if link.options else ""
+        return f"protocol = {link.protocol!r}"
 
 
 def load_scenario(name: str, changes: dict[str, Any] | None = None) -> Scenario:
@@ -139,6 +176,9 @@ def load_scenario(name: str, changes: dict[str, Any] | None = None) -> Scenario:
     for key, value in (changes or {}).items():
         _change(table, key, value, path)
     sensors, failures, forces = table.pop("sensors", {}), table.pop("failure", []), table.pop("force", [])
+    releases = table.pop("release", [])
+    link = table["link"] = dict(table.get("link", {}))
+    options, faults = link.pop("options", {}), link.pop("faults", None)
     scenario = parse(table, Scenario, path)
     folder = os.path.dirname(path)
     scenario = scenario._replace(
@@ -147,11 +187,22 @@ def load_scenario(name: str, changes: dict[str, Any] | None = None) -> Scenario:
         sensors=read_suite(sensors, f"{path}: sensors"),
         failure=_failures(failures, f"{path}: failure"),
         force=_forces(forces, f"{path}: force"),
+        release=_releases(releases, f"{path}: release"),
+        link=scenario.link._replace(options=options, faults=_faults(faults, f"{path}: link.faults")),
     )
     blind = [name for name in FEEDBACK if name not in scenario.sensors]
     if blind and scenario.controller == "builtin":
         raise ConfigError(f"{path}: sensors: the builtin controller needs {blind[0]}: its rate must be above 0")
     return scenario
+
+
+def with_port(scenario: Scenario, port: str) -> Scenario:
+    """`scenario` with its thruster link at that address. Raises ConfigError."""
+    changed = scenario._replace(link=scenario.link._replace(port=port))
+    problem = changed.link.problem()
+    if problem:
+        raise ConfigError(f"--port: {problem}")
+    return changed
 
 
 def _failures(tables: Any, where: str) -> "tuple[Failure, ...]":
@@ -161,6 +212,25 @@ def _failures(tables: Any, where: str) -> "tuple[Failure, ...]":
     from sim.failures import Failure  # most runs do without, and start sooner
 
     return tuple([parse(row, Failure, f"{where}[{i}]") for i, row in enumerate(rows)])
+
+
+def _faults(table: Any, where: str) -> "Faults | None":
+    if table is None:
+        return None
+    if not isinstance(table, dict):
+        raise ConfigError(f"{where}: expected a table")
+    from hil.links.faults import Faults
+
+    return parse(table, Faults, where)
+
+
+def _releases(tables: Any, where: str) -> "tuple[Release, ...]":
+    rows = _rows(tables, where)
+    if not rows:
+        return ()
+    from sim.ballast import Release  # most runs do without
+
+    return tuple([parse(row, Release, f"{where}[{i}]") for i, row in enumerate(rows)])
 
 
 def _forces(tables: Any, where: str) -> tuple[Force, ...]:
@@ -195,6 +265,7 @@ def build_simulation(scenario: Scenario, vehicle: Vehicle, world: World) -> Simu
         start.heading,
         failures=scenario.failure,
         forces=scenario.force,
+        releases=scenario.release,
     )
 
 

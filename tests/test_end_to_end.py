@@ -99,10 +99,10 @@ def test_a_second_slave_on_the_same_port_says_so(slave: tuple[Program, str], tmp
 
 def test_a_second_slave_on_the_same_device_says_so(tmp_path: Path) -> None:
     device = tmp_path / "stm32"
-    first, _ = write_scenario(tmp_path, link=f'device = "{device}"')
+    first, _ = write_scenario(tmp_path, link=f'port = "pty:{device}"')
     with Program(tmp_path, "slave", first) as slave:
         slave.expect("ready")
-        second, _ = write_scenario(tmp_path, link=f'device = "{device}"')
+        second, _ = write_scenario(tmp_path, link=f'port = "pty:{device}"')
         with Program(tmp_path, "slave", second) as other:
             assert other.wait() == 3
             assert str(device) in other.output
@@ -123,7 +123,7 @@ def test_garbage_from_the_network_is_counted_and_harmless(slave: tuple[Program, 
 def test_foreign_vehicle_software_drives_the_thrusters(tmp_path: Path) -> None:
     """With controller = "external" any program that opens the port is the vehicle's computer."""
     device = tmp_path / "stm32"
-    scenario, port = write_scenario(tmp_path, top='controller = "external"', link=f'device = "{device}"')
+    scenario, port = write_scenario(tmp_path, top='controller = "external"', link=f'port = "pty:{device}"')
     with Program(tmp_path, "slave", scenario) as slave:
         slave.expect("waiting for your software")
         ours = protocol()
@@ -145,12 +145,12 @@ def test_foreign_vehicle_software_drives_the_thrusters(tmp_path: Path) -> None:
 def test_a_device_on_a_serial_port(tmp_path: Path) -> None:
     """stm32 = "device" with pyserial; at the other end of the line the firmware's twin, then nothing."""
     device = tmp_path / "ttyUSB0"
-    top, link = 'stm32 = "device"', f'wire = "uart"\ndevice = "{device}"'
+    top, link = 'stm32 = "device"', f'port = "{device}"'
     scenario, port = write_scenario(tmp_path, top=top, link=link)
     with Program(tmp_path, "slave", scenario) as slave:
         assert slave.wait() == 3
         assert str(device) in slave.output
-    with Program(tmp_path, "stm32", "--device", device) as stm32:
+    with Program(tmp_path, "stm32", "--port", f"pty:{device}") as stm32:
         stm32.expect("Ctrl-C")
         with Program(tmp_path, "slave", scenario) as slave:
             slave.expect("ready")
@@ -161,9 +161,20 @@ def test_a_device_on_a_serial_port(tmp_path: Path) -> None:
                     time.sleep(0.05)
                 assert client.get("ground_truth").nu[0] == pytest.approx(0.5, abs=0.15)
                 assert len(client.delays) > 30
-            stm32.stop(signal.SIGTERM)
-            assert slave.wait() == 3
-            assert f"{device}: went away" in slave.output
+                stm32.stop(signal.SIGTERM)
+                slave.expect("thruster link lost, thrusters neutral")
+                assert f"{device}: went away" in slave.output
+                assert wait_for(lambda: client.diagnostics()["pwm_us"] == " ".join(["1500"] * 6), 5)
+                with Program(tmp_path, "stm32", "--port", f"pty:{device}") as again:
+                    again.expect("Ctrl-C")
+                    slave.expect("thruster link back")
+                    delays = len(client.delays)
+                    for _ in range(20):
+                        client.command(VelocityCommand(surge=0.5))
+                        time.sleep(0.05)
+                    assert len(client.delays) > delays + 10
+                    slave.stop(signal.SIGTERM)
+            assert slave.output.count("thruster link lost") == slave.output.count("thruster link back") == 1
             assert "Traceback" not in slave.output
 
 
@@ -282,7 +293,7 @@ def test_ctrl_c_ends_the_demo(tmp_path: Path) -> None:
             'vehicle = "paper_six"\nworld = "pool"\n[sensors]\nimu = { rate = 0 }\n[master]\ngoal = [1, 1]\n',
             ["imu", "controller"],
         ),
-        ('vehicle = "paper_six"\nworld = "pool"\nstm32 = "device"\n[master]\ngoal = [1, 1]\n', ["uart"]),
+        ('vehicle = "paper_six"\nworld = "pool"\nstm32 = "device"\n[start]\ndepth = 2\n[master]\ngoal = [1, 1]\n', ["--board"]),
     ],
 )
 def test_a_wrong_scenario_is_one_clear_line(tmp_path: Path, text: str, words: list[str]) -> None:

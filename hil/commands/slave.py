@@ -28,7 +28,7 @@ class Options(NamedTuple):
     scenario: str
     listen: str | None = None
     board: str | None = None
-    device: str | None = None
+    port: str | None = None
 
 
 def main(arguments: list[str]) -> int:
@@ -42,7 +42,7 @@ def main(arguments: list[str]) -> int:
 def _quick(arguments: list[str]) -> Options | None:
     """What a plain command line says, without argparse (8 ms of a start of 40); None for any other."""
     words, values = list(arguments), {}
-    while len(words) > 1 and words[-2] in ("--listen", "--board", "--device"):
+    while len(words) > 1 and words[-2] in ("--listen", "--board", "--port"):
         value, name = words.pop(), words.pop()
         values[name[2:]] = value
     plain = len(words) == 1 and not any(word.startswith("-") for word in (*words, *values.values()))
@@ -56,19 +56,19 @@ def _parse(arguments: list[str]) -> Options:
     parser.add_argument("scenario", metavar="SCENARIO")
     parser.add_argument("--listen", metavar="ENDPOINT", help="where masters connect, tcp/ADDRESS:PORT [the scenario's]")
     parser.add_argument("--board", metavar="NAME", help="the card computer this is [recognised by its device tree]")
-    parser.add_argument("--device", metavar="PATH", help="serial device of the thruster link, or link to its pty")
+    parser.add_argument("--port", metavar="ADDRESS", help="of the thruster link: /dev/ttyUSB0, pty:/tmp/name, can:...")
     return Options(**vars(parser.parse_args(arguments)))
 
 
 def _run(options: Options, startup: dict[str, int]) -> None:
     """Open the network while the rest is loaded: that way it costs the start nothing."""
-    from hil.config import load_scenario
+    from hil.config import load_scenario, with_port
 
     scenario = load_scenario(options.scenario)
     if options.listen:
         scenario = scenario._replace(slave=scenario.slave._replace(listen=options.listen))
-    if options.device:
-        scenario = scenario._replace(link=scenario.link._replace(device=options.device))
+    if options.port:
+        scenario = with_port(scenario, options.port)
     startup["scenario"] = now_ns()
     from hil.transport.session import Listening
 

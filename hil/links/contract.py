@@ -102,7 +102,7 @@ class Protocol(ABC):
 
     @abstractmethod
     def feed(self, data: bytes) -> list[Message]:
-        """The messages completed by `data`, in order. Never raises: noise is counted and dropped."""
+        """The messages that `data`, or time, completes, in order. Never raises: noise is counted and dropped."""
 
     def replies(self) -> bytes:
         """What the protocol itself answers to what it was fed since the last call: acknowledgements and the like."""
@@ -156,9 +156,7 @@ class ThrusterLink:
 
     def receive(self) -> list[Message]:
         """All messages that have come in. Raises DeviceError when the wire is gone."""
-        data = self.wire.read()
-        if not data:
-            return []
+        data = self.wire.read()  # fed even if it is nothing: a protocol may be waiting for an instant
         self.counters.bytes_in += len(data)
         messages = self.protocol.feed(data)
         self.counters.messages_in += len(messages)

@@ -17,6 +17,7 @@ from typing import Any
 
 from hil.errors import ConfigError, DeviceError, MissingExtraError
 from hil.links.contract import Wire
+from hil.links.pty_name import PtyName
 
 WIRES = {"pty": "hil.links.wires:PtyWire", "uart": "hil.links.wires:UartWire"}
 
@@ -116,13 +117,13 @@ class PtyWire(DescriptorWire):
         except OSError as error:
             raise DeviceError(f"pty: {error.strerror}; raise kernel.pty.max or close other terminals") from None
         self.path = os.ttyname(self._slave)
-        self._alias: _Alias | None = None
+        self._second_name: PtyName | None = None
         super().__init__(master, link_path or self.path)
         os.set_blocking(master, False)
         tty.setraw(self._slave)  # both ends share these settings
         if link_path:
             try:
-                self._alias = _Alias(link_path, self.path)
+                self._second_name = PtyName(link_path, self.path)
             except DeviceError:
                 self.close()
                 raise
@@ -139,9 +140,9 @@ class PtyWire(DescriptorWire):
 
     def close(self) -> None:
         """Remove the link and the pty. Closing twice is harmless."""
-        if self._alias:
-            self._alias.remove()
-            self._alias = None
+        if self._second_name:
+            self._second_name.remove()
+            self._second_name = None
         if self._fd >= 0:
             os.close(self._slave)
         super().close()
@@ -174,13 +175,15 @@ class PtyHostWire(DescriptorWire):
 class UartWire(DescriptorWire):
     """A serial device, or the host's end of a pty: 8 data bits, no parity, 1 stop bit, held alone.
 
-    `device` is its path (prefer /dev/serial/by-id/..., which stays the same), `baud` in bit/s. Where
-    the driver can, it is told to hand over each byte at once (on FTDI adapters 1 ms instead of 16 ms).
-    Raises DeviceError if there is no such device (lists those there are), this user may not open it, or
-    another process holds it; MissingExtraError without pyserial.
+    `device` is its path (prefer /dev/serial/by-id/..., which stays the same), `baud` in bit/s. With
+    `rs485` its driver switches the direction of a two-wire bus (RTS high while it sends); what the
+    others then say on that bus is all read. Where the driver can, it is told to hand over each byte at
+    once (on FTDI adapters 1 ms instead of 16 ms).
+    Raises DeviceError if there is no such device (lists those there are), this user may not open it,
+    another process holds it, or it knows no RS-485; MissingExtraError without pyserial.
     """
 
-    def __init__(self, device: str, baud: int = 115_200) -> None:
+    def __init__(self, device: str, baud: int = 115_200, rs485: bool = False) -> None:
         try:
             import serial
         except ImportError:
@@ -196,6 +199,8 @@ class UartWire(DescriptorWire):
         self.baud = baud
         self._wait_for_a_byte()
         self._ask_low_latency()
+        if rs485:
+            self._switch_direction()
 
     def close(self) -> None:
         """Give the device back. Closing twice is harmless."""
@@ -208,77 +213,24 @@ class UartWire(DescriptorWire):
         settings[6][termios.VMIN] = 1
         termios.tcsetattr(self._fd, termios.TCSANOW, settings)
 
+    def _switch_direction(self) -> None:
+        from serial.rs485 import RS485Settings
+
+        try:
+            self._port.rs485_mode = RS485Settings()
+        except (OSError, ValueError):  # the driver knows no such request
+            self.close()
+            raise DeviceError(
+                f"{self.name}: its driver has no RS-485 mode; use an adapter that switches direction by itself, "
+                f"and name it without rs485:"
+            ) from None
+
     def _ask_low_latency(self) -> bool:
         try:
             self._port.set_low_latency_mode(True)
         except (OSError, ValueError, NotImplementedError):
             return False  # ptys and many drivers have no such mode
         return True
-
-
-class _Alias:
-    """A symbolic link to a pty, held by at most one process through a locked file beside it."""
-
-    def __init__(self, path: str, target: str) -> None:
-        self._path, self._target = path, target
-        self._lock_path = f"{path}.lock"
-        try:
-            self._lock = self._take_lock()
-        except OSError as error:
-            raise DeviceError(f"{path}: cannot be made: {error.strerror}; choose another device path") from None
-        try:
-            self._publish()
-        except DeviceError:
-            self._release()
-            raise
-
-    def remove(self) -> None:
-        """Remove the link, if it is still ours, and the lock."""
-        if os.path.islink(self._path) and os.readlink(self._path) == self._target:
-            os.unlink(self._path)
-        self._release()
-
-    def _take_lock(self) -> int:
-        while True:
-            fd = os.open(self._lock_path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o644)
-            try:
-                fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except BlockingIOError:
-                os.close(fd)
-                raise DeviceError(
-                    f"{self._path}: already served by another process; end that one or choose another device path"
-                ) from None
-            if _is_still(fd, self._lock_path):
-                return fd
-            os.close(fd)  # its owner removed it between our open and our lock: that lock guards nothing
-
-    def _publish(self) -> None:
-        path, fresh = self._path, f"{self._path}.new"
-        if os.path.lexists(path) and not _links_to_pty(path):
-            raise DeviceError(f"{path}: exists and is not a link to a pty; remove it or choose another device path")
-        try:
-            if os.path.islink(fresh):  # left by a run that was killed here
-                os.unlink(fresh)
-            os.symlink(self._target, fresh)
-            os.replace(fresh, path)
-        except OSError as error:
-            raise DeviceError(f"{path}: cannot be made: {error.strerror}; choose another device path") from None
-
-    def _release(self) -> None:
-        if _is_still(self._lock, self._lock_path):  # someone may have cleaned up /tmp
-            os.unlink(self._lock_path)  # before the lock goes, so that nobody can lock what is about to vanish
-        os.close(self._lock)
-
-
-def _is_still(fd: int, path: str) -> bool:
-    try:
-        return os.path.samestat(os.fstat(fd), os.stat(path))
-    except FileNotFoundError:
-        return False
-
-
-def _links_to_pty(path: str) -> bool:
-    return os.path.islink(path) and os.readlink(path).startswith("/dev/pts/")
 
 
 def _cannot_open(path: str, error: OSError | termios.error, there_are: str = "") -> DeviceError:

@@ -70,10 +70,10 @@ def _assemble(
     simulation = build_simulation(scenario, vehicle, world)
     startup["simulator"] = now_ns()
     link = scenario.link
-    if not link.device and board and link.wire == "uart":
-        link = link._replace(device=board.uart)
+    if board and scenario.stm32 == "device" and link.port == "pty:":
+        link = link._replace(port=board.uart)
     builtin = scenario.controller == "builtin"
-    driver = open_driver(scenario.stm32, link, len(vehicle.thrusters), host=builtin)
+    driver = open_driver(scenario.stm32, link, len(vehicle.channels), builtin, scenario.seed, report)
     stack.callback(driver.close)
     startup["link"] = now_ns()
     inbox = Inbox(seconds_ns(slave.command_age_limit))

@@ -36,7 +36,7 @@ class Health:
             "bytecode_compiled": str(process.bytecode_compiled("hil")).lower(),
             "exec_wall_ns": str(to_wall_ns(startup["exec"])),
             "realtime": "; ".join(notes),
-            "link_wire": link.wire,
+            "link_protocol": link.protocol,
             "link_baud": str(link.baud),
             **{f"startup_{name}_ms": f"{(t - startup['exec']) / NS_PER_MS:.1f}" for name, t in startup.items()},
         }

@@ -12,6 +12,7 @@ from hil.slave.pilot import Pilot
 from hil.slave.stm32 import ThrusterDriver
 from sim.simulation import Simulation
 
+WRAP = 0x10000  # of what telemetry counts
 UNANSWERED_NS = NS_PER_S  # a command whose echo has not come by then is counted as lost on the link
 
 
@@ -56,6 +57,7 @@ class Loop:
         self._control_due_ns = 0
         self._sent = False
         self._timed_out = False
+        self._frames = 0  # that the STM32 has counted
         self.schedule = RateKeeper(step_ns, now_ns())
         self.commands = 0
         self.unanswered = 0
@@ -63,14 +65,14 @@ class Loop:
         self.started_ns = now_ns()
 
     def run(self, stop_fd: int) -> None:
-        """Loop until `stop_fd` becomes readable. Raises DeviceError when the thruster link goes away."""
-        inbox_fd, link_fds = self.inbox.fileno(), self.driver.descriptors()
-        waited = [stop_fd, inbox_fd, *link_fds]
+        """Loop until `stop_fd` becomes readable."""
+        inbox_fd = self.inbox.fileno()
         self.started_ns = now_ns()
         self.schedule = RateKeeper(self.schedule.period_ns, self.started_ns)
         while True:
             wait_ns = self.schedule.deadline_ns - now_ns()
-            ready = select.select(waited, (), (), wait_ns / NS_PER_S if wait_ns > 0 else 0.0)[0]
+            link_fds = self.driver.descriptors()
+            ready = select.select([stop_fd, inbox_fd, *link_fds], (), (), wait_ns / NS_PER_S if wait_ns > 0 else 0.0)[0]
             now = now_ns()
             if inbox_fd in ready:
                 self._take_command(now)
@@ -119,6 +121,9 @@ class Loop:
             if telemetry.timed_out and not self._timed_out:
                 self._report("the STM32's watchdog tripped: thrusters neutral")
             self._timed_out = telemetry.timed_out
+            if 0 < self._frames - telemetry.frames < WRAP // 2:
+                self._report("the STM32 has started anew")
+            self._frames = telemetry.frames
             self.watchdog_trips = telemetry.watchdog_trips
             if self._awaited:
                 self._trace(telemetry, now)

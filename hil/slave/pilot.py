@@ -1,6 +1,6 @@
 """The vehicle's own computer: velocity command and sensors in, thruster command out."""
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from hil.autonomy.allocation import Allocator
 from hil.autonomy.control import NO_RESIDUAL, CascadedController, Gains, Navigation, VelocityCommand
@@ -14,22 +14,29 @@ from sim.thrusters import pwm_for, wrench_matrix
 from sim.vehicle import Vehicle, mass_matrix
 from sim.world import World
 
+if TYPE_CHECKING:
+    from hil.autonomy.fin_control import FinAllocator
+
 # An isothermal column of water: pressure to depth with the vehicle's own constants, as a real pilot has.
 ATMOSPHERE_PA = 101_325.0
 
 
 def build_pilot(scenario: Scenario, vehicle: Vehicle, control: dict[str, Any], world: World) -> "Pilot":
     """The pilot of a scenario; `control` is the vehicle file's [control] table. Raises ConfigError."""
-    gains = parse(control, Gains, f"{scenario.vehicle}: control")
+    where = f"{scenario.vehicle}: control"
+    gains = parse({key: value for key, value in control.items() if key != "fins"}, Gains, where)
     imu = scenario.sensors["imu"].mounting
-    return Pilot(vehicle, gains, world.density * world.gravity, seconds_ns(scenario.slave.deadman), imu)
+    pilot = Pilot(vehicle, gains, world.density * world.gravity, seconds_ns(scenario.slave.deadman), imu)
+    if vehicle.fins:
+        pilot.steer_by_fins(gains, control.get("fins", {}), f"{where}.fins", world.density)
+    return pilot
 
 
 class Pilot:
     """Controller, allocation and thruster curves of one vehicle, with the deadman in front.
 
     Feedback comes from the sensors only: attitude and rates from "imu", whose mounting it knows, velocity from
-    "odom", depth from "pressure", each held until its next sample.
+    "odom", depth from "pressure", each held until its next sample. A buoyancy engine is left neutral, weights aboard.
     """
 
     def __init__(
@@ -42,14 +49,17 @@ class Pilot:
     ) -> None:
         mass = mass_matrix(vehicle)
         x, y, z, k, m, n = (mass[axis][axis] for axis in range(6))
-        self._controller = CascadedController(gains, (x, y, z, k, m, n))
+        self._inertia = x, y, z, k, m, n
+        self._controller = CascadedController(gains, self._inertia)
         self._thrusters = vehicle.thrusters
         self._allocator = Allocator(
-            wrench_matrix(vehicle),
+            wrench_matrix(vehicle, torque=False),  # which the roll loop meets, not a trade of thrust against roll
             [thruster.max_forward for thruster in vehicle.thrusters],
             [thruster.max_reverse for thruster in vehicle.thrusters],
         )
-        self._neutral = (PWM_NEUTRAL_US,) * len(vehicle.thrusters)
+        self._fins = vehicle.fins
+        self._fin_allocator: FinAllocator | None = None
+        self._neutral = (PWM_NEUTRAL_US,) * len(vehicle.channels)
         self._water_weight = water_weight  # density times gravity, N/m3
         self._deadman_ns = deadman_ns
         self._imu_turn = imu.quaternion if imu.turned else None
@@ -60,6 +70,16 @@ class Pilot:
         self._sequence = 0
         self.active = False
         self.deadman_trips = 0
+
+    def steer_by_fins(self, gains: Gains, table: dict[str, Any], where: str, density: float) -> None:
+        """Move as a vehicle with fins has to, by `[control.fins]`, in water of `density` kg/m³. Raises ConfigError."""
+        from hil.autonomy.fin_control import FinAllocator, FinController, FinGains
+        from sim.surfaces import fin_matrix
+
+        fins = parse(table, FinGains, where)
+        self._controller = FinController(gains, fins, self._inertia)
+        limits = [fin.max_deflection for fin in self._fins]
+        self._fin_allocator = FinAllocator(fin_matrix(self._fins, density), limits, fins.least_speed)
 
     def sense(self, topic: str, sample: Any) -> None:
         """Take in one sensor sample (NED, FRD)."""
@@ -96,7 +116,10 @@ class Pilot:
         wrench = self._controller.update(self._command, self._navigation, dt, self._residual)
         thrusts, self._residual = self._allocator.allocate(wrench)
         pwm = tuple(map(pwm_for, self._thrusters, thrusts))
-        return ThrusterCommand(sequence, True, pwm), False
+        if self._fin_allocator is not None:
+            angles, self._residual = self._fin_allocator.allocate(self._residual, self._navigation.velocity[0])
+            pwm += tuple([fin.pulse(angle) for fin, angle in zip(self._fins, angles, strict=True)])
+        return ThrusterCommand(sequence, True, pwm + self._neutral[len(pwm) :]), False
 
     def next_sequence(self) -> int:
         """The number of the next command on the thruster link."""

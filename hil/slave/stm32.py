@@ -1,28 +1,45 @@
 """Who plays the STM32, as the slave sees it: something on a link that turns commands into pulse widths.
 
-"python"   the firmware's Python twin in this process, on a pty
-"process"  the same in a process of its own
-"device"   a real STM32 on a UART; the pulse widths are what its telemetry says it applies
+"python"   the firmware's Python twin in this process
+"unicorn"  the firmware's own image on an emulated STM32F405 in this process
+"process"  the Python twin in a process of its own
+"native"   the firmware in C as a process of this machine
+"qemu"     the firmware's own image on QEMU's STM32F405
+"device"   a real STM32; the pulse widths are what its telemetry says it applies
 """
 
-import os
 import select
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
+from importlib import import_module
 
-from hil.clock import NS_PER_S, NS_PER_US, now_ns, seconds_ns
+from hil.clock import NS_PER_S, now_ns
 from hil.config import Link
 from hil.errors import DeviceError
-from hil.links.contract import PWM_NEUTRAL_US, Protocol, ThrusterCommand, ThrusterLink, ThrusterTelemetry
+from hil.links.contract import PWM_NEUTRAL_US, Protocol, ThrusterCommand, ThrusterLink, ThrusterTelemetry, Wire
 from hil.links.protocols import Role, open_protocol
-from hil.links.wires import PtyHostWire, PtyWire, UartWire
+
+# the word in the scenario -> what opens it, given the link, the number of channels, the seed, and whether the host's
+# end of the link is ours
+DRIVERS = {
+    "python": "hil.slave.stm32_inside:open_python",
+    "unicorn": "hil.slave.stm32_inside:open_unicorn",
+    "process": "hil.slave.stm32_outside:open_process",
+    "native": "hil.slave.stm32_outside:open_native",
+    "qemu": "hil.slave.stm32_outside:open_qemu",
+    "device": "hil.slave.stm32_outside:open_device",
+}
+SETTLE_NS = NS_PER_S // 10
+RETRY_NS = NS_PER_S // 4  # between two attempts to open a link that went away
+
+Report = Callable[[str], None]
 
 
 class ThrusterDriver(ABC):
     """The STM32 at the end of the slave's link.
 
-    `pwm_us` is what the thrusters get now; `port` the path another program may open to command them;
-    `children` the process ids that belong to it.
+    `pwm_us` is what the thrusters get now; `port` the path or address at which another program may command
+    them; `children` the process ids that belong to it.
     """
 
     port: str
@@ -32,7 +49,7 @@ class ThrusterDriver(ABC):
     @property
     @abstractmethod
     def pwm_us(self) -> Sequence[int]:
-        """Pulse widths in effect, microseconds, one a thruster."""
+        """Pulse widths in effect, microseconds, one a channel."""
 
     @property
     @abstractmethod
@@ -41,7 +58,7 @@ class ThrusterDriver(ABC):
 
     @abstractmethod
     def descriptors(self) -> list[int]:
-        """What to wait on for incoming bytes."""
+        """What to wait on for incoming bytes; it changes when a lost link comes back."""
 
     @abstractmethod
     def service(self, now: int) -> list[ThrusterTelemetry]:
@@ -61,161 +78,128 @@ class ThrusterDriver(ABC):
         """End it and give the devices back."""
 
 
-def _protocol(link: Link, role: Role, channels: int) -> Protocol:
-    return open_protocol(link.protocol, role, channels, **({"frame": link.frame} if link.protocol == "frame" else {}))
+class Mended(ThrusterDriver):
+    """A driver whose link may go away: then the thrusters are neutral, and it is opened again until that works.
 
-
-def _telemetry(link: ThrusterLink) -> list[ThrusterTelemetry]:
-    return [message for message in link.receive() if isinstance(message, ThrusterTelemetry)]
-
-
-class InSlave(ThrusterDriver):
-    """The STM32's Python twin in this process. With `host` false the port is left to another program."""
-
-    def __init__(self, link: Link, channels: int, host: bool = True) -> None:
-        from firmware_stub.stub import Stm32, Stm32End
-
-        wire = PtyWire(link.device)
-        self.end = Stm32End(
-            Stm32(channels, seconds_ns(link.watchdog)), ThrusterLink(wire, _protocol(link, "device", channels))
-        )
-        self.port = wire.name
-        self.host = ThrusterLink(PtyHostWire(wire.path), _protocol(link, "host", channels)) if host else None
-
-    @property
-    def pwm_us(self) -> Sequence[int]:
-        """Straight from the timers."""
-        return self.end.stm32.pwm_us
-
-    @property
-    def deadline_ns(self) -> int:
-        """Watchdog or telemetry of the firmware."""
-        return self.end.deadline_ns
-
-    def descriptors(self) -> list[int]:
-        """Both ends of the pty."""
-        fds = [self.end.fileno()]
-        return [*fds, self.host.wire.fileno()] if self.host else fds
-
-    def service(self, now: int) -> list[ThrusterTelemetry]:
-        """Let the firmware read, apply and answer; then read its answer."""
-        self.end.service(now)
-        return _telemetry(self.host) if self.host else []
-
-    def applied_ns(self, telemetry: ThrusterTelemetry, now: int) -> int:
-        """The twin knows the instant itself, for its last command."""
-        stm32 = self.end.stm32
-        return stm32.applied_ns if telemetry.sequence == stm32.sequence else now - telemetry.age_us * NS_PER_US
-
-    def close(self) -> None:
-        """Close both ends; the link to the pty is removed."""
-        if self.host:
-            self.host.close()
-        self.end.close()
-
-
-class OnWire(ThrusterDriver):
-    """An STM32 that is seen only through its link: a real one, or the twin in another process.
-
-    Silent for longer than its watchdog, it is taken to have gone to neutral, which is what the watchdog
-    does. `applied_ns` is an upper bound: it includes the way of the telemetry back.
+    `report` is told once when it goes, with the reason, and once when it is back.
     """
 
-    def __init__(self, host: ThrusterLink, link: Link, channels: int) -> None:
-        self.host: ThrusterLink = host
-        self.port = host.wire.name
+    def __init__(self, open_driver: Callable[[], ThrusterDriver], channels: int, report: Report) -> None:
+        self._open = open_driver
         self._neutral = (PWM_NEUTRAL_US,) * channels
-        self._pwm_us: tuple[int, ...] = self._neutral
-        self._silence_ns = seconds_ns(link.watchdog)
-        self._heard_ns = now_ns()
+        self._report = report
+        self._driver: ThrusterDriver | None = open_driver()
+        self._last = self._driver
+        self._lost_ns = self._retry_ns = 0
+        self.losses = 0
+
+    @property
+    def port(self) -> str:  # type: ignore[override]
+        """Of the driver there is, or was last."""
+        return self._last.port
+
+    @property
+    def host(self) -> ThrusterLink | None:  # type: ignore[override]
+        """Of the driver there is, or was last."""
+        return self._last.host
+
+    @property
+    def children(self) -> tuple[int, ...]:  # type: ignore[override]
+        """Of the driver there is."""
+        return self._driver.children if self._driver else ()
 
     @property
     def pwm_us(self) -> Sequence[int]:
-        """As the last telemetry said."""
-        return self._pwm_us
+        """Neutral while there is no link: that is what the STM32's watchdog does with a silent one."""
+        return self._driver.pwm_us if self._driver else self._neutral
 
     @property
     def deadline_ns(self) -> int:
-        """When its silence has to be noticed."""
-        return self._heard_ns + self._silence_ns
+        """The driver's, or that of the next attempt."""
+        return self._driver.deadline_ns if self._driver else self._retry_ns
 
     def descriptors(self) -> list[int]:
-        """The host's end."""
-        return [self.host.wire.fileno()]
+        """The driver's."""
+        return self._driver.descriptors() if self._driver else []
 
     def service(self, now: int) -> list[ThrusterTelemetry]:
-        """Read telemetry, or notice its absence."""
-        heard = [t for t in _telemetry(self.host) if len(t.pwm_us) == len(self._neutral)]
-        if heard:
-            self._pwm_us = heard[-1].pwm_us
-            self._heard_ns = now
-        elif now - self._heard_ns > self._silence_ns:
-            self._pwm_us = self._neutral
-        return heard
+        """What the driver does, or an attempt to open the link again."""
+        if self._driver is None and now >= self._retry_ns:
+            self._try(now)
+        if self._driver is None:
+            return []
+        try:
+            return self._driver.service(now)
+        except DeviceError as error:
+            self._lose(error, now)
+            return []
+
+    def send(self, command: ThrusterCommand) -> None:
+        """To the driver if there is one; a command for a lost link is lost."""
+        if self._driver is None:
+            return
+        try:
+            self._driver.send(command)
+        except DeviceError as error:
+            self._lose(error, now_ns())
 
     def applied_ns(self, telemetry: ThrusterTelemetry, now: int) -> int:
-        """Received, minus the age the STM32 gives."""
-        return now - telemetry.age_us * NS_PER_US
+        """As the driver has it."""
+        return self._last.applied_ns(telemetry, now)
 
     def close(self) -> None:
-        """Close the wire."""
-        self.host.close()
+        """Close the driver, if there is one."""
+        if self._driver:
+            self._driver.close()
+
+    def _lose(self, error: DeviceError, now: int) -> None:
+        assert self._driver is not None
+        self._report(f"thruster link lost, thrusters neutral: {error}")
+        self.losses += 1
+        driver, self._driver = self._driver, None
+        self._lost_ns, self._retry_ns = now, now + RETRY_NS
+        driver.close()
+
+    def _try(self, now: int) -> None:
+        self._retry_ns = now + RETRY_NS
+        try:
+            self._driver = self._last = self._open()
+        except DeviceError:  # it has been reported; the reason may change, the remedy does not
+            return
+        self._report(f"thruster link back after {(now - self._lost_ns) / NS_PER_S:.1f} s: {self._last.port}")
 
 
-class InProcess(OnWire):
-    """The STM32's Python twin as a process of its own, reached by a pty it makes."""
+def open_driver(kind: str, link: Link, channels: int, host: bool, seed: int, report: Report) -> ThrusterDriver:
+    """The STM32 of that kind (see the module) for so many channels. Raises DeviceError, MissingExtraError.
 
-    def __init__(self, link: Link, channels: int) -> None:
-        import subprocess
-        import sys
-
-        path = link.device or os.path.join(os.environ.get("XDG_RUNTIME_DIR", "/tmp"), f"uuv-hil-stm32-{os.getpid()}")
-        command = [sys.executable, "-m", "firmware_stub.serve", "--device", path, "--frame", link.frame]
-        command += ["--channels", str(channels), "--watchdog", f"{link.watchdog} s"]
-        self._process = subprocess.Popen(command, stdout=subprocess.PIPE, start_new_session=True)
-        self.children = (self._process.pid,)
-        if not self._first_line():
-            self._process.wait()
-            raise DeviceError("the STM32 process ended before it served; its message stands above")
-        super().__init__(ThrusterLink(PtyHostWire(path), _protocol(link, "host", channels)), link, channels)
-
-    def _first_line(self) -> bytes:
-        assert self._process.stdout is not None
-        line: bytes = self._process.stdout.readline()
-        return line
-
-    def close(self) -> None:
-        """Close the wire and end the process."""
-        super().close()
-        self._process.terminate()
-        self._process.wait(5)
-        if self._process.stdout:
-            self._process.stdout.close()
-
-
-def _on_uart(link: Link, channels: int) -> ThrusterDriver:
-    if not link.device:
-        raise DeviceError('no serial device: set [link] device = "/dev/..." or name the board with --board')
-    return OnWire(ThrusterLink(UartWire(link.device, link.baud), _protocol(link, "host", channels)), link, channels)
-
-
-# the word in the scenario -> who then plays the STM32
-DRIVERS: dict[str, Callable[[Link, int], ThrusterDriver]] = {
-    "python": InSlave,
-    "process": InProcess,
-    "device": _on_uart,
-}
-
-
-def open_driver(kind: str, link: Link, channels: int, host: bool) -> ThrusterDriver:
-    """The STM32 of that kind (see the module) for `channels` thrusters. Raises DeviceError.
-
-    With `host` false the host's end of the link is left to another program; only "python" can do that.
+    With `host` false the host's end of the link is left to another program; only what runs in this process can
+    do that. `seed` is that of the link's faults, if it has any. `report` is told when the link goes and comes.
     """
-    return DRIVERS[kind](link, channels) if host else InSlave(link, channels, host=False)
+    module, _, name = DRIVERS[kind].partition(":")
+    opener: Callable[[Link, int, int, bool], ThrusterDriver] = getattr(import_module(module), name)
+    return Mended(lambda: opener(link, channels, seed, host), channels, report)
 
 
-SETTLE_NS = NS_PER_S // 10
+def end_protocol(link: Link, role: Role, channels: int) -> Protocol:
+    """That end's protocol of the link. Raises ConfigError, MissingExtraError."""
+    settings = dict(link.options)
+    if link.protocol == "frame":
+        settings["frame"] = link.frame
+    return open_protocol(link.protocol, role, channels, **settings)
+
+
+def with_faults(wire: Wire, link: Link, seed: int) -> Wire:
+    """`wire` with the faults that the scenario has in mind for the link."""
+    if link.faults is None:
+        return wire
+    from hil.links.faults import FaultyWire
+
+    return FaultyWire(wire, link.faults, seed)
+
+
+def telemetry_of(link: ThrusterLink) -> list[ThrusterTelemetry]:
+    """The telemetry among what has come in. Raises DeviceError."""
+    return [message for message in link.receive() if isinstance(message, ThrusterTelemetry)]
 
 
 def stop_thrusters(driver: ThrusterDriver, sequence: int) -> bool:

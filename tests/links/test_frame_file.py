@@ -17,7 +17,7 @@ FIXED = """
 byte_order = "big"
 sync = [0x47]
 header = [{ name = "id", type = "u16" }]
-crc = { start = "sync", byte_order = "little" }
+checksum = { start = "sync", byte_order = "little" }
 [command]
 id = 0x0102
 fields = [{ name = "pwm_us", type = "i16", channels = 2 }, { name = "sequence", type = "u8" }, { name = "pad" }]
@@ -34,9 +34,8 @@ fields = [
 COUNTED = """
 byte_order = "big"
 sync = [0xFA, 0xFB, 0xFC]
-header = [{ name = "id" }, { name = "length", type = "u16" }]
-length_adds = 5
-crc = { start = "payload" }
+header = [{ name = "id" }, { name = "length", type = "u16", adds = 5 }]
+checksum = { start = "payload" }
 [command]
 id = 7
 fields = [{ name = "pwm_us", type = "u32" }]
@@ -55,10 +54,13 @@ def protocol(folder: Path, text: str) -> FrameProtocol:
 def test_a_fixed_size_frame(tmp_path: Path) -> None:
     lab = protocol(tmp_path, FIXED)
     assert lab.channels == [2]
-    data = lab.encode(ThrusterCommand(513, False, (1500, -2)))
+    data = lab.encode(ThrusterCommand(513, True, (1500, -2)))
     assert data[:-2].hex(" ") == "47 01 02 05 dc ff fe 01 00"
     (heard,) = lab.feed(data)
     assert heard == ThrusterCommand(1, True, (1500, -2)), "no bit for it: armed; eight bits of sequence"
+    assert lab.encode(ThrusterCommand(0, False, (1, 2))) == lab.encode(ThrusterCommand(0, True, (1500, 1500))), (
+        "nothing else can say disarmed"
+    )
     data = lab.encode(ThrusterTelemetry(9, False, True, (1, 65535), 40_000, 1, 2, 3))
     assert data[:-2].hex(" ") == "47 01 03 80 00 00 00 01 ff ff 7f ff"
     assert lab.feed(b"\x47\x47" + data) == [ThrusterTelemetry(0, True, True, (1, 65535), 32767, 0, 0, 0)]
@@ -88,13 +90,12 @@ def test_every_frame_that_is_shipped_loads(name: str) -> None:
         ('"little"', '"middle"', ["byte_order", "'middle'", "little, big"]),
         ("sync = [0xA5, 0x5A]", "sync = []", ["sync", "at least one"]),
         ("sync = [0xA5, 0x5A]", "sync = [0x1A5]", ["sync[0]", "421", "0 to 255"]),
-        ('"crc16-ccitt-false"', '"crc16-modbus"', ["crc: type", "crc16-modbus", "crc16-ccitt-false"]),
+        ('"crc16-ccitt-false"', '"crc16-modbuss"', ["checksum: type", "'crc16-modbuss'", "crc16-modbus, "]),
         ('{ name = "id", type = "u8" },', "", ["header", "'id'"]),
-        ('{ name = "id", type = "u8" }', '{ name = "flags" }', ["header", "'id'"]),
-        ('{ name = "length", type = "u8" },', "", ["command", "number of channels", "no length"]),
+        ('{ name = "id", type = "u8" }', '{ name = "age_us" }', ["header", "'age_us'", "id, "]),
         ("id = 0x02", "id = 0x01", ["same id"]),
         ("id = 0x02", "id = 0x102", ["id must hold 258", "u8"]),
-        ('name = "pwm_us", type = "u16"', 'name = "pwm", type = "u16"', ["fields[3]", "'pwm'", "'pwm_us'"]),
+        ('name = "pwm_us", type = "u16"', 'name = "pwm", type = "u16"', ["command: 'pwm'", "pwm_us", "extra = true"]),
         ('{ name = "pwm_us", type = "u16" },', "", ["command", "has no pwm_us"]),
         ('type = "u16" },\n  { name = "flags"', 'type = "f16" },\n  { name = "flags"', ["fields[0]: type", "u16"]),
         ("{ armed = 0 }", "{ armd = 0 }", ["'armd'", "did you mean 'armed'"]),

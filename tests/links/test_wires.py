@@ -1,10 +1,13 @@
 """What only ptys and serial devices do: names, locks, speeds, and every way they cannot be opened."""
 
+import fcntl
 import os
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 import serial
@@ -220,3 +223,33 @@ def test_wires_by_name(link_path: Path) -> None:
     device.close()
     with pytest.raises(ConfigError, match="'usart' is not one of pty, uart"):
         open_wire("usart")
+
+
+def test_rs485_where_the_driver_has_none() -> None:
+    device = PtyWire()
+    with pytest.raises(DeviceError, match=rf"^{device.path}: its driver has no RS-485 mode; use an adapter"):
+        UartWire(device.path, rs485=True)
+    UartWire(device.path).close()
+    device.close()
+
+
+def test_rs485_asks_the_driver_to_switch_direction(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A pty's driver cannot; this one says yes to TIOCGRS485 and TIOCSRS485 and is otherwise the pty's."""
+    asked: list[tuple[int, bytes]] = []
+
+    def driver(fd: int, request: int, *arguments: Any) -> Any:
+        if request not in (0x542E, 0x542F):
+            return ioctl(fd, request, *arguments)
+        asked.append((request, bytes(arguments[0])))
+        return 0
+
+    ioctl = fcntl.ioctl
+    monkeypatch.setattr(fcntl, "ioctl", driver)
+    device = PtyWire()
+    UartWire(device.path, rs485=True).close()
+    device.close()
+    request, settings = asked[-1]
+    flags = int.from_bytes(settings[:4], sys.byteorder)
+    enabled, rts_on_send, rts_after_send = 1, 2, 4  # linux/serial.h: struct serial_rs485
+    assert request == 0x542F
+    assert flags & (enabled | rts_on_send | rts_after_send) == enabled | rts_on_send

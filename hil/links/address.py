@@ -1,0 +1,104 @@
+"""How a person names a wire, and how either end of it is opened by that name.
+
+pty:/tmp/uuv-hil-stm32            a pseudo terminal: the STM32's end makes it, with this second name (or none:
+                                  "pty:"), the host's end opens it
+/dev/ttyUSB0                      a serial device, or any pty by its path
+rs485:/dev/ttyUSB0                the same with a driver that switches the direction of an RS-485 bus
+tcp://127.0.0.1:5760              the STM32's end listens there, the host's end connects
+udp://127.0.0.1:5760              likewise with datagrams; 0.0.0.0 listens to other machines too
+can:socketcan:can0                a CAN interface of the kernel
+can:slcan:/dev/ttyACM0            a CAN adapter that speaks the Lawicel text protocol
+can:virtual:bus0                  a bus within this process
+can:udp_multicast:239.74.163.2    a bus between the processes of this machine
+can:INTERFACE:CHANNEL             any other interface of the python-can package
+"""
+
+from typing import Literal, NamedTuple
+
+from hil.errors import ConfigError
+from hil.links.contract import Wire
+from hil.links.protocols import Role
+
+FORMS = "pty:/tmp/name, /dev/ttyUSB0, rs485:/dev/ttyUSB0, tcp://host:port, udp://host:port, can:interface:channel"
+
+Kind = Literal["pty", "uart", "rs485", "tcp", "udp", "can"]
+
+
+class Address(NamedTuple):
+    """An address taken apart: `place` is a path, a host, or a CAN channel; `interface` that of a CAN bus."""
+
+    kind: Kind
+    place: str
+    port: int = 0
+    interface: str = ""
+
+    @property
+    def carries_can(self) -> bool:
+        """Whether it carries CAN frames and not bytes: which protocols fit, see `hil.links.protocols.ON_CAN`."""
+        return self.kind == "can"
+
+
+def parse_address(text: str) -> Address:
+    """The parts of an address. Raises ConfigError that lists the forms there are."""
+    scheme, _, rest = text.partition(":")
+    if text.startswith("/"):
+        return Address("uart", text)
+    if scheme == "pty" and rest[:1] in ("", "/"):
+        return Address("pty", rest)
+    if scheme == "rs485" and rest.startswith("/"):
+        return Address("rs485", rest)
+    if scheme in ("tcp", "udp") and rest.startswith("//"):
+        host, _, port = rest[2:].rpartition(":")
+        if host and port.isascii() and port.isdigit() and int(port) < 65_536:
+            return Address("tcp" if scheme == "tcp" else "udp", host.strip("[]"), int(port))
+    if scheme == "can":
+        interface, _, channel = rest.partition(":")
+        if interface and channel:
+            return Address("can", channel, interface=interface)
+    raise ConfigError(f"{text!r} is not the address of a wire; there are {FORMS}")
+
+
+def open_address(text: str, role: Role, baud: int = 115_200, bitrate: int = 1_000_000) -> Wire:
+    """That end of the wire at `text`: "device" is the STM32's, "host" the vehicle's computer's.
+
+    baud: of a serial device or slcan adapter, bit/s; bitrate: of a CAN bus, bit/s, where it is not the
+    system that sets it. Raises ConfigError if the address is none, DeviceError if it cannot be opened,
+    MissingExtraError.
+    """
+    address = parse_address(text)
+    if address.kind == "can":
+        return _open_can(address, baud, bitrate)
+    if address.kind in ("tcp", "udp"):
+        return _open_net(address, role)
+    from hil.links.wires import PtyHostWire, PtyWire, UartWire
+
+    if address.kind != "pty":
+        return UartWire(address.place, baud, rs485=address.kind == "rs485")
+    if role == "device":
+        return PtyWire(address.place)
+    if not address.place:
+        raise ConfigError(f"{text!r}: the host's end of a pty needs its path, as in pty:/tmp/name")
+    return PtyHostWire(address.place)
+
+
+def _open_net(address: Address, role: Role) -> Wire:
+    from hil.links.net_wires import TcpHostWire, TcpWire, UdpHostWire, UdpWire
+
+    if address.kind == "tcp":
+        return (TcpWire if role == "device" else TcpHostWire)(address.place, address.port)
+    return (UdpWire if role == "device" else UdpHostWire)(address.place, address.port)
+
+
+def _open_can(address: Address, baud: int, bitrate: int) -> Wire:
+    if address.interface == "socketcan":
+        from hil.links.can_wire import open_socketcan
+
+        return open_socketcan(address.place)
+    if address.interface == "slcan":
+        from hil.links.can_wire import SlcanWire
+        from hil.links.wires import UartWire
+
+        return SlcanWire(UartWire(address.place, baud), bitrate)
+    from hil.links.python_can_wire import PythonCanWire
+
+    return PythonCanWire(address.interface, address.place, bitrate)

@@ -1,0 +1,74 @@
+"""A name for a pseudo terminal that stays the same from run to run."""
+
+import fcntl
+import os
+
+from hil.errors import DeviceError
+
+
+class PtyName:
+    """The symbolic link `path` to the pty `target`, held by at most one process through a locked file beside it.
+
+    Raises DeviceError if another process holds it, it cannot be made, or `path` is something else.
+    """
+
+    def __init__(self, path: str, target: str) -> None:
+        self._path, self._target = path, target
+        self._lock_path = f"{path}.lock"
+        try:
+            self._lock = self._take_lock()
+        except OSError as error:
+            raise DeviceError(f"{path}: cannot be made: {error.strerror}; choose another device path") from None
+        try:
+            self._publish()
+        except DeviceError:
+            self._release()
+            raise
+
+    def remove(self) -> None:
+        """Remove the link, if it is still ours, and the lock."""
+        if os.path.islink(self._path) and os.readlink(self._path) == self._target:
+            os.unlink(self._path)
+        self._release()
+
+    def _take_lock(self) -> int:
+        while True:
+            fd = os.open(self._lock_path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o644)
+            try:
+                fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                os.close(fd)
+                raise DeviceError(
+                    f"{self._path}: already served by another process; end that one or choose another device path"
+                ) from None
+            if _is_still(fd, self._lock_path):
+                return fd
+            os.close(fd)  # its owner removed it between our open and our lock: that lock guards nothing
+
+    def _publish(self) -> None:
+        path, fresh = self._path, f"{self._path}.new"
+        if os.path.lexists(path) and not _links_to_pty(path):
+            raise DeviceError(f"{path}: exists and is not a link to a pty; remove it or choose another device path")
+        try:
+            if os.path.islink(fresh):  # left by a run that was killed here
+                os.unlink(fresh)
+            os.symlink(self._target, fresh)
+            os.replace(fresh, path)
+        except OSError as error:
+            raise DeviceError(f"{path}: cannot be made: {error.strerror}; choose another device path") from None
+
+    def _release(self) -> None:
+        if _is_still(self._lock, self._lock_path):  # someone may have cleaned up /tmp
+            os.unlink(self._lock_path)  # before the lock goes, so that nobody can lock what is about to vanish
+        os.close(self._lock)
+
+
+def _is_still(fd: int, path: str) -> bool:
+    try:
+        return os.path.samestat(os.fstat(fd), os.stat(path))
+    except FileNotFoundError:
+        return False
+
+
+def _links_to_pty(path: str) -> bool:
+    return os.path.islink(path) and os.readlink(path).startswith("/dev/pts/")

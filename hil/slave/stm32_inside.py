@@ -1,0 +1,110 @@
+"""An STM32 in the slave's own process: the firmware's Python twin, or its image on an emulated processor."""
+
+from collections.abc import Sequence
+from typing import Protocol
+
+from hil.clock import NS_PER_US, seconds_ns
+from hil.config import Link
+from hil.links.address import open_address, parse_address
+from hil.links.contract import ThrusterLink, ThrusterTelemetry, Wire
+from hil.slave.stm32 import ThrusterDriver, end_protocol, telemetry_of, with_faults
+
+
+class DeviceEnd(Protocol):
+    """The STM32's end of a link: firmware_stub's Stm32End, UnicornEnd."""
+
+    @property
+    def deadline_ns(self) -> int:
+        """When `service` has to be called even if no byte came."""
+
+    @property
+    def pwm_us(self) -> Sequence[int]:
+        """Pulse widths in effect, us."""
+
+    def fileno(self) -> int:
+        """The descriptor to wait on."""
+
+    def service(self, now_ns: int) -> int:
+        """Let it read, apply and answer."""
+
+    def close(self) -> None:
+        """Outputs neutral, wire closed."""
+
+
+class InSlave(ThrusterDriver):
+    """The device's end and, if the controller is ours, the host's end, on a real wire between them."""
+
+    def __init__(self, end: DeviceEnd, wire: Wire, host: ThrusterLink | None) -> None:
+        self.end = end
+        self.port = wire.name
+        self.host = host
+        self._descriptors = [end.fileno()] + ([host.wire.fileno()] if host else [])
+
+    @property
+    def pwm_us(self) -> Sequence[int]:
+        """Straight from the timers."""
+        return self.end.pwm_us
+
+    @property
+    def deadline_ns(self) -> int:
+        """Of the firmware, or of what the host's protocol says by itself."""
+        return min(self.end.deadline_ns, self.host.protocol.deadline_ns) if self.host else self.end.deadline_ns
+
+    def descriptors(self) -> list[int]:
+        """Both ends of the wire."""
+        return self._descriptors
+
+    def service(self, now: int) -> list[ThrusterTelemetry]:
+        """Let the firmware read, apply and answer; then read its answer."""
+        self.end.service(now)
+        if self.host is None:
+            return []
+        self.host.tick(now)
+        return telemetry_of(self.host)
+
+    def applied_ns(self, telemetry: ThrusterTelemetry, now: int) -> int:
+        """The twin knows the instant itself, for its last command; else received, minus the age in the telemetry."""
+        stm32 = getattr(self.end, "stm32", None)
+        if stm32 is not None and telemetry.sequence == stm32.sequence:
+            return int(stm32.applied_ns)
+        return now - telemetry.age_us * NS_PER_US
+
+    def close(self) -> None:
+        """Close both ends."""
+        if self.host:
+            self.host.close()
+        self.end.close()
+
+
+def open_python(link: Link, channels: int, seed: int, host: bool) -> ThrusterDriver:
+    """The Python twin, with its watchdog. Raises DeviceError, MissingExtraError."""
+    from firmware_stub.stub import Stm32, Stm32End
+
+    wire, faulty = _device_wire(link, seed, host)
+    end = Stm32End(
+        Stm32(channels, seconds_ns(link.watchdog)), ThrusterLink(faulty, end_protocol(link, "device", channels))
+    )
+    return InSlave(end, wire, _host(link, channels, seed, wire) if host else None)
+
+
+def open_unicorn(link: Link, channels: int, seed: int, host: bool) -> ThrusterDriver:
+    """The firmware's image on an emulated processor. Raises DeviceError, MissingExtraError."""
+    from firmware_stub.unicorn_board import UnicornBoard, UnicornEnd, shipped_image
+
+    board = UnicornBoard(shipped_image(), channels, seconds_ns(link.watchdog))
+    wire, faulty = _device_wire(link, seed, host)
+    end = UnicornEnd(board, faulty, can=parse_address(link.port).carries_can)
+    return InSlave(end, wire, _host(link, channels, seed, wire) if host else None)
+
+
+def _device_wire(link: Link, seed: int, host: bool) -> tuple[Wire, Wire]:
+    """The device's end, plain and as the firmware gets it: faults are at our host's end if we have one."""
+    wire = open_address(link.port, "device", link.baud, link.bitrate)
+    return wire, wire if host else with_faults(wire, link, seed)
+
+
+def _host(link: Link, channels: int, seed: int, device: Wire) -> ThrusterLink:
+    """The host's end of the wire that the device's end has just made."""
+    path = getattr(device, "path", None)
+    wire = open_address(f"pty:{path}" if path else device.name, "host", link.baud, link.bitrate)
+    return ThrusterLink(with_faults(wire, link, seed), end_protocol(link, "host", channels))

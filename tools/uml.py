@@ -1,0 +1,274 @@
+"""Run a command under a Linux kernel of its own, which is a process: User Mode Linux.
+
+    python tools/uml.py --module vcan --module can-raw -- sh -c 'ip link add vcan0 type vcan; ip link'
+
+For what this machine's kernel lacks or must not be touched for: CAN interfaces, network faults, namespaces.
+The command is root in there. It sees this machine's files, programs and devices' names at this machine's
+speed, on one CPU; what it writes is gone afterwards, except in the folder shared with --share. There is no
+network but its own. Takes a second to start and to end. Nobody needs to be root out here.
+
+Needs: apt install user-mode-linux busybox-static gcc libc6-dev (x86 only). Exit code: the command's.
+"""
+
+import argparse
+import hashlib
+import os
+import platform
+import secrets
+import shlex
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+ROOT = Path(__file__).parent.parent
+sys.path.insert(0, str(ROOT))
+
+from firmware_stub.native import cache_folder  # noqa: E402 - works from a bare checkout too
+from hil.errors import DeviceError  # noqa: E402
+
+SHIM = ROOT / "tools" / "uml_ptrace.c"
+MODULES = Path("/usr/lib/uml/modules")
+MEMORY_MIB = 512
+SHARED_MEMORY = "/dev/shm"
+
+# Process 1. The whole of this machine's files is the lower, unwritable half of what is seen.
+INIT = """#!{busybox} sh
+export PATH={path}
+b={busybox}
+begin() {{
+  set -e
+  $b mount -t proc proc /proc
+  for module in {modules}; do $b insmod $module; done
+  $b mount -t tmpfs tmpfs /mnt
+  $b mkdir /mnt/written /mnt/work /mnt/root
+  $b mount -t overlay -o lowerdir=/,upperdir=/mnt/written,workdir=/mnt/work overlay /mnt/root
+  cd /mnt/root
+  $b mount -t proc proc proc
+  $b mount -t sysfs sysfs sys
+  $b mount -t devtmpfs dev dev
+  $b mkdir -p dev/pts dev/shm
+  $b mount -t devpts -o ptmxmode=0666 devpts dev/pts
+  $b mount -t tmpfs tmpfs dev/shm
+  $b mount -t tmpfs tmpfs run
+  {share}
+  $b ip link set lo up
+}}
+begin
+set +e
+echo {mark} begin
+$b chroot . /bin/sh -c {command} </dev/null 2>&1
+echo {mark} end $?
+echo o >/proc/sysrq-trigger
+$b sleep 10
+"""
+
+
+class Outcome(NamedTuple):
+    """How a command ended, and what it printed."""
+
+    status: int
+    output: str
+
+
+def obstacle() -> str:
+    """Why User Mode Linux does not run here, and the remedy; "" if nothing speaks against it."""
+    for program, package in (("linux.uml", "user-mode-linux"), ("busybox", "busybox-static"), ("cc", "gcc libc6-dev")):
+        if not shutil.which(program):
+            return f"there is no {program}: sudo apt install {package} (packages of Debian, for x86 only)"
+    trace_me = "import ctypes, sys; sys.exit(ctypes.CDLL(None).ptrace(0, 0, 0, 0) != 0)"
+    if subprocess.run([sys.executable, "-c", trace_me]).returncode:
+        return "ptrace is not permitted here; in a container: docker run --cap-add SYS_PTRACE"
+    return ""
+
+
+def run(
+    command: Sequence[str],
+    modules: Sequence[str] = (),
+    share: str = "",
+    environment: Mapping[str, str] | None = None,
+    seconds: float = 60.0,
+    memory_mib: int = MEMORY_MIB,
+    cpu: int | None = None,
+    tell: Callable[[str], None] = lambda line: None,
+) -> Outcome:
+    """Run `command` in there, in the present folder.
+
+    modules: of its kernel, loaded first with those they need. share: a folder that it writes through to.
+    environment: variables, besides PATH, HOME and LANG. seconds: after which all of it is killed. cpu: the one
+    it runs on [the last of this process]. tell: called with each line as it is printed.
+    Raises DeviceError if it does not start, with the kernel's last words, or does not end in time.
+    """
+    reason = obstacle()
+    if reason:
+        raise DeviceError(f"User Mode Linux: {reason}")
+    mark = f"uml-{secrets.token_hex(8)}"
+    with tempfile.TemporaryDirectory(prefix="uml-") as folder:
+        init = Path(folder, "init")
+        init.write_text(_init(mark, command, modules, share, environment or {}))
+        init.chmod(0o755)
+        cpu = max(os.sched_getaffinity(0)) if cpu is None else cpu
+        limits = ["timeout", "--signal=KILL", str(seconds), "taskset", "-c", str(cpu)]
+        return _Console(mark, tell).follow([*limits, *_kernel(str(init), memory_mib)], seconds)
+
+
+def module_files(names: Sequence[str]) -> list[str]:
+    """The files of the kernel's modules of these names and of all they need, in the order to load them.
+
+    Raises DeviceError if there is no such module.
+    """
+    (release,) = MODULES.iterdir()  # the package holds those of one kernel
+    needs = {}
+    for line in (release / "modules.dep").read_text().splitlines():
+        file, _, needed = line.partition(":")
+        needs[Path(file).stem.replace("_", "-")] = [*reversed(needed.split()), file]
+    unknown = [name for name in names if name.replace("_", "-") not in needs]
+    if unknown:
+        raise DeviceError(f"User Mode Linux: no module {', '.join(unknown)} in {release}; see its modules.dep")
+    files = [str(release / file) for name in names for file in needs[name.replace("_", "-")]]
+    return list(dict.fromkeys(files))
+
+
+def _init(mark: str, command: Sequence[str], modules: Sequence[str], share: str, environment: Mapping[str, str]) -> str:
+    """The text of process 1."""
+    inherited = {name: os.environ[name] for name in ("PATH", "HOME") if name in os.environ}
+    variables = {**inherited, "LANG": "C.UTF-8", **environment}
+    exports = [f"export {name}={shlex.quote(value)}" for name, value in variables.items()]
+    steps = [f"cd {shlex.quote(os.getcwd())}", *exports, f"exec {shlex.join(command)}"]
+    folder = os.path.realpath(share)
+    mount = f"$b mount -t hostfs -o {shlex.quote(folder)} share {shlex.quote(folder.lstrip('/'))}" if share else ""
+    return INIT.format(
+        busybox=shutil.which("busybox"),
+        path=shlex.quote(os.environ.get("PATH", os.defpath)),
+        modules=" ".join(module_files(["overlay", *modules])),
+        share=mount,
+        mark=mark,
+        command=shlex.quote("\n".join(steps)),
+    )
+
+
+def _kernel(init: str, memory_mib: int) -> list[str]:
+    """The kernel as a command; it prints on its standard output alone."""
+    return [
+        *("env", f"LD_PRELOAD={_shim()}", f"TMPDIR={_memory_folder(memory_mib)}"),
+        *("linux.uml", f"mem={memory_mib}M", "rootfstype=hostfs", "rootflags=/", "ro", f"init={init}"),
+        *("con=null", "con0=null,fd:1", "con1=null", "ssl=null", "quiet", "panic=1"),
+        *("umid=guest", f"uml_dir={os.path.dirname(init)}/"),
+    ]
+
+
+def _memory_folder(memory_mib: int) -> str:
+    """Where the file is that serves as its memory: in memory, if so much is left there."""
+    if os.path.isdir(SHARED_MEMORY):
+        free = os.statvfs(SHARED_MEMORY)
+        if free.f_bavail * free.f_frsize > memory_mib << 20:
+            return SHARED_MEMORY
+    return tempfile.gettempdir()
+
+
+def _shim() -> str:
+    """The library to preload, compiled once. Raises DeviceError if it cannot be."""
+    key = hashlib.sha256(SHIM.read_bytes() + platform.machine().encode()).hexdigest()[:16]
+    library = os.path.join(cache_folder(), f"uml-ptrace-{key}.so")
+    if os.path.exists(library):
+        return library
+    os.makedirs(cache_folder(), exist_ok=True)
+    new = f"{library}.{os.getpid()}"  # renamed when complete: two that compile at once do not disturb each other
+    done = subprocess.run(["cc", "-O2", "-shared", "-fPIC", "-o", new, str(SHIM), "-ldl"], capture_output=True, text=True)
+    if done.returncode:
+        raise DeviceError(f"User Mode Linux: {SHIM} does not compile: {done.stderr.strip()}")
+    os.replace(new, library)
+    return library
+
+
+class _Console:
+    """Tells the command's output from the kernel's own."""
+
+    def __init__(self, mark: str, tell: Callable[[str], None]) -> None:
+        self._mark = mark
+        self._tell = tell
+        self._boot: list[str] = []
+        self._output: list[str] = []
+        self._status: int | None = None
+
+    def follow(self, command: Sequence[str], seconds: float) -> Outcome:
+        """Start the kernel and stay until it is gone."""
+        with subprocess.Popen(
+            command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, errors="replace"
+        ) as process:
+            assert process.stdout is not None
+            try:
+                self._sort(line.rstrip("\r\n") for line in process.stdout)
+            finally:
+                _end_group(process)
+        output = "\n".join(self._output)
+        if self._status is not None:
+            return Outcome(self._status, output)
+        if process.returncode in (-signal.SIGKILL, 128 + signal.SIGKILL):
+            raise DeviceError(f"User Mode Linux: killed after {seconds:g} s; it had printed: {output or self._last_words()}")
+        raise DeviceError(f"User Mode Linux: ended before the command did: {output or self._last_words()}")
+
+    def _sort(self, lines: Iterator[str]) -> None:
+        begin, end = f"{self._mark} begin", f"{self._mark} end "
+        begun = False
+        for line in lines:
+            before, marked, status = line.partition(end)
+            if line == begin:
+                begun = True
+            elif marked:
+                if before:  # the command's last line had no end
+                    self._say(before)
+                self._status = int(status)
+            elif self._status is None and begun:
+                self._say(line)
+            else:
+                self._boot.append(line)
+
+    def _say(self, line: str) -> None:
+        self._output.append(line)
+        self._tell(line)
+
+    def _last_words(self) -> str:
+        return " | ".join(filter(None, map(str.strip, self._boot[-8:])))
+
+
+def _end_group(process: "subprocess.Popen[str]") -> None:
+    """`timeout` leads a group of all processes of the kernel."""
+    try:
+        os.killpg(process.pid, signal.SIGKILL)
+    except ProcessLookupError:
+        pass
+    process.wait()
+
+
+def main() -> int:
+    """The command line."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("command", nargs="+")
+    parser.add_argument("--module", action="append", default=[], metavar="NAME", help="of the kernel, to be loaded")
+    parser.add_argument("--share", default="", metavar="FOLDER", help="what is written there stays")
+    parser.add_argument("--seconds", type=float, default=60.0, help="then all of it is killed [%(default)s]")
+    parser.add_argument("--memory", type=int, default=MEMORY_MIB, metavar="MIB", help="[%(default)s]")
+    parser.add_argument("--cpu", type=int, help="[the last]")
+    chosen = parser.parse_args()
+    try:
+        return run(
+            chosen.command,
+            chosen.module,
+            chosen.share,
+            seconds=chosen.seconds,
+            memory_mib=chosen.memory,
+            cpu=chosen.cpu,
+            tell=lambda line: print(line, flush=True),
+        ).status
+    except DeviceError as error:
+        print(error, file=sys.stderr)
+        return error.exit_code
+
+
+if __name__ == "__main__":
+    sys.exit(main())
