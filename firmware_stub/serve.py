@@ -1,18 +1,18 @@
-"""`uuv-hil stm32`: the STM32 in a process of its own, for software that expects one on a serial port."""
+"""`uuv-hil stm32`: the STM32 in a process of its own, for software that expects one on its link."""
 
 import argparse
 import select
 import sys
 from collections.abc import Callable
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 from firmware_stub.stub import Stm32, Stm32End
 from hil.clock import NS_PER_S, now_ns
 from hil.errors import ConfigError, HilError
+from hil.links.address import FORMS, open_address, parse_address
 from hil.links.contract import MAX_THRUSTERS, ThrusterLink
-from hil.links.frame import FrameProtocol
-from hil.links.wires import open_wire
-from hil.schema import Range, find_preset, parse
+from hil.links.protocols import ON_CAN, open_protocol
+from hil.schema import Range, parse
 from hil.stop import StopSignals
 
 NAME = "uuv-hil stm32"
@@ -21,20 +21,30 @@ EXAMPLES = """\
 examples:
   uuv-hil stm32                                     a pty; open /tmp/uuv-hil-stm32 as your serial port
   uuv-hil stm32 --channels 8 --watchdog "500 ms"    eight thrusters, a patient watchdog
-  uuv-hil stm32 --uart /dev/ttyUSB0 --baud 921600   at the far end of a real cable
+  uuv-hil stm32 --port /dev/ttyUSB0 --baud 921600   at the far end of a real cable
   uuv-hil stm32 --frame my_lab.toml                 another lab's frame (see firmware_stub/frames/uuv_hil.toml)
+  uuv-hil stm32 --protocol mavlink --port udp://127.0.0.1:14550
+  uuv-hil stm32 --protocol dronecan --port can:socketcan:can0 --option node_id=25
 """
 
 
 class Options(NamedTuple):
     """What the command line may say, checked like any file."""
 
-    device: str
-    uart: str
+    port: str
+    protocol: Literal["frame", "mavlink", "dronecan", "vesc"]
+    frame: str
     baud: Annotated[int, Range(1200, 12_000_000, "bit/s")]
+    bitrate: Annotated[int, Range(10_000, 1_000_000, "bit/s")]
     channels: Annotated[int, Range(1, MAX_THRUSTERS)]
     watchdog: Annotated[float, Range(0.01, 60.0, "s")]
-    frame: str
+    option: tuple[str, ...]
+
+    def problem(self) -> str | None:
+        """Protocols for CAN need a CAN bus, and the others none."""
+        if parse_address(self.port).carries_can != (self.protocol in ON_CAN):
+            return f"protocol {self.protocol} does not go with port {self.port}"
+        return None
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -70,22 +80,33 @@ def serve(end: Stm32End, stop_fd: int, report: Callable[[Stm32End], None] | None
 
 
 def _run(options: Options, stop_fd: int) -> None:
-    protocol = FrameProtocol(find_preset("firmware_stub/frames", options.frame))
-    if options.channels not in protocol.channels:
-        carried = " to ".join(map(str, sorted({protocol.channels[0], protocol.channels[-1]})))
-        raise ConfigError(f"command line: channels: frame {options.frame} carries {carried}, not {options.channels}")
-    if options.uart:
-        wire = open_wire("uart", device=options.uart, baud=options.baud)
-    else:
-        wire = open_wire("pty", link_path=options.device)
+    settings: dict[str, Any] = dict(map(_setting, options.option))
+    if options.protocol == "frame":
+        settings["frame"] = options.frame
+    protocol = open_protocol(options.protocol, "device", options.channels, **settings)
+    wire = open_address(options.port, "device", options.baud, options.bitrate)
     stm32 = Stm32(options.channels, round(options.watchdog * NS_PER_S))
+    spoken = f"frame {options.frame}" if options.protocol == "frame" else options.protocol
     _say(
-        f"STM32 with {options.channels} thrusters on {wire.name}: frame {options.frame}, "
+        f"STM32 with {options.channels} thrusters on {wire.name}: {spoken}, "
         f"watchdog {options.watchdog * 1e3:g} ms; Ctrl-C ends it"
     )
     end = Stm32End(stm32, ThrusterLink(wire, protocol))
     serve(end, stop_fd, lambda end: _say(_status(end)))
     _say("stopped: " + _status(end))
+
+
+def _setting(text: str) -> tuple[str, Any]:
+    """A setting of the protocol: NAME=VALUE, the value as in TOML or plain text."""
+    import tomllib
+
+    name, equals, value = text.partition("=")
+    if not name or not equals:
+        raise ConfigError(f"command line: option: {text!r} is not NAME=VALUE")
+    try:
+        return name, tomllib.loads(f"value = {value}")["value"]
+    except tomllib.TOMLDecodeError:
+        return name, value
 
 
 def _status(end: Stm32End) -> str:
@@ -110,13 +131,14 @@ def _parser() -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add = parser.add_argument
-    where = parser.add_mutually_exclusive_group()
-    where.add_argument("--device", default="/tmp/uuv-hil-stm32", help="path of the pty to make [%(default)s]")
-    where.add_argument("--uart", default="", metavar="PATH", help="a serial device to use instead of a pty")
-    add("--baud", type=int, default=115_200, help="speed of the uart, bit/s [%(default)s]")
+    add("--port", default="pty:/tmp/uuv-hil-stm32", metavar="ADDRESS", help=f"{FORMS} [%(default)s]")
+    add("--protocol", default="frame", help="frame, mavlink, dronecan or vesc [%(default)s]")
+    add("--frame", default="uuv_hil", help="name of a frame, or path of a frame's TOML file [%(default)s]")
+    add("--baud", type=int, default=115_200, help="speed of a serial device, bit/s [%(default)s]")
+    add("--bitrate", type=int, default=1_000_000, help="of a CAN bus, bit/s, where it is ours to set [%(default)s]")
     add("--channels", type=int, default=6, help="number of thrusters, 1 to 16 [%(default)s]")
     add("--watchdog", default="200 ms", help="longest silence before all thrusters stop [%(default)s]")
-    add("--frame", default="uuv_hil", help="name of a frame, or path of a frame's TOML file [%(default)s]")
+    add("--option", action="append", default=[], metavar="NAME=VALUE", help="a setting of the protocol")
     return parser
 
 

@@ -136,6 +136,11 @@ class Stm32End:
         """When `service` has to be called even if no byte came: watchdog, telemetry, or the protocol's own."""
         return min(self.stm32.deadline_ns, self.link.protocol.deadline_ns)
 
+    @property
+    def pwm_us(self) -> list[int]:
+        """Pulse widths in effect, us."""
+        return self.stm32.pwm_us
+
     def fileno(self) -> int:
         """The descriptor to wait on for commands."""
         return self.link.wire.fileno()

@@ -48,7 +48,7 @@ def device(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def stm32(device: Path) -> Iterator[subprocess.Popen[str]]:
-    process = start("--device", device, "--watchdog", "150 ms")
+    process = start("--port", f"pty:{device}", "--watchdog", "150 ms")
     assert process.stdout is not None
     assert str(device) in process.stdout.readline()
     yield process
@@ -109,7 +109,7 @@ def test_a_signal_ends_it_cleanly(stm32: subprocess.Popen[str], device: Path, nu
 
 
 def test_a_second_one_on_the_same_path_says_so(stm32: subprocess.Popen[str], device: Path) -> None:
-    code, out, err = finish(start("--device", device))
+    code, out, err = finish(start("--port", f"pty:{device}"))
     assert code == DeviceError.exit_code
     assert out == ""
     (line,) = err.splitlines()
@@ -123,7 +123,7 @@ def test_after_a_kill_the_next_one_starts(stm32: subprocess.Popen[str], device: 
     stm32.kill()
     stm32.wait(PATIENCE_S)
     assert os.readlink(device) == left
-    second = start("--device", device)
+    second = start("--port", f"pty:{device}")
     assert second.stdout is not None
     assert str(device) in second.stdout.readline()
     program = ForeignProgram(device)
@@ -141,7 +141,12 @@ def test_after_a_kill_the_next_one_starts(stm32: subprocess.Popen[str], device: 
         (["--channels", "17"], 2, ["channels", "17 is outside 1 to 16"]),
         (["--frame", "uuv_hill"], 2, ["'uuv_hill'", "did you mean 'uuv_hil'"]),
         (["--frame", "/nowhere/lab.toml"], 2, ["/nowhere/lab.toml", "no such file"]),
-        (["--uart", "/dev/ttyNOWHERE"], 3, ["/dev/ttyNOWHERE", "no such device", "serial ports here"]),
+        (["--protocol", "vesc"], 2, ["protocol vesc does not go with port pty:"]),
+        (["--port", "can:virtual:a"], 2, ["protocol frame does not go with port can:virtual:a"]),
+        (["--port", "com3"], 2, ["'com3' is not the address of a wire"]),
+        (["--protocol", "mavlink", "--option", "sistem=1"], 2, ["mavlink", "'sistem'", "did you mean 'system'"]),
+        (["--protocol", "mavlink", "--option", "system"], 2, ["option", "'system' is not NAME=VALUE"]),
+        (["--port", "/dev/ttyNOWHERE"], 3, ["/dev/ttyNOWHERE", "no such device", "serial ports here"]),
     ],
 )
 def test_a_mistake_is_one_line(options: list[str], code: int, words: list[str]) -> None:
@@ -158,7 +163,7 @@ def test_a_frame_that_cannot_carry_so_many_thrusters(tmp_path: Path) -> None:
     frame.write_text(ours.replace('name = "pwm_us", type = "u16"', 'name = "pwm_us", type = "u16", channels = 4'))
     code, _, err = finish(start("--frame", frame))
     assert code == 2
-    assert re.search(rf"channels: frame {re.escape(str(frame))} carries 4, not 6", err)
+    assert re.search(rf"frame {re.escape(str(frame))} carries 4 thrusters, not 6", err)
 
 
 def test_serve_ends_when_told_and_reports(monkeypatch: pytest.MonkeyPatch) -> None:

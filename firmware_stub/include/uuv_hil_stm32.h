@@ -1,0 +1,244 @@
+/* The STM32 that drives the thrusters: what it does with the bytes it hears. This header is its manual.
+ *
+ * It is the twin in C of firmware_stub/stub.py, byte for byte. It allocates nothing, keeps nothing outside
+ * the structures its caller gives it, and needs nothing but the functions of UuvHilPlatform:
+ *
+ *     static UuvHilFirmware firmware;
+ *     uuv_hil_start(&firmware, &platform, 6, 200000);
+ *     for (;;)
+ *         uuv_hil_service(&firmware, bytes, count);      // whenever bytes came, or uuv_hil_deadline_us passed
+ *
+ *     power-up    all outputs 1500 us, disarmed
+ *     command     applied if it has one pulse width a thruster and is not late; its `armed` decides whether
+ *                 the outputs take its pulse widths or stay at 1500 us
+ *     watchdog    no command applied for watchdog_us, armed or not: all outputs 1500 us, disarmed, timed_out,
+ *                 reported at once. The next command clears timed_out and is applied as any other
+ *     report      after each command applied, and at least every 20 ms
+ *
+ * A sequence number up to 32 behind the last is late (overtaken on the way) and refused; the same again,
+ * or one further behind (a host that started again), is applied. After a watchdog trip every one is.
+ *
+ * Two protocols are understood on the UART, the frame of frames/uuv_hil.toml and MAVLink 2, and on CAN that of
+ * VESC motor controllers. Reports are in the protocol of the last sound message; before the first one, in the frame.
+ */
+#ifndef UUV_HIL_STM32_H
+#define UUV_HIL_STM32_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "uuv_hil_frame.h"
+
+#define UUV_HIL_MAX_CHANNELS 16u
+#define UUV_HIL_PWM_NEUTRAL_US 1500u
+#define UUV_HIL_PWM_MIN_US 800u  /* a pulse below, or above the next, is "no pulse": 0 */
+#define UUV_HIL_PWM_MAX_US 2200u
+#define UUV_HIL_NO_PULSE_US 0u
+#define UUV_HIL_WATCHDOG_US 200000u
+#define UUV_HIL_TELEMETRY_PERIOD_US 20000u
+#define UUV_HIL_LATE_WINDOW 32u          /* sequence numbers */
+#define UUV_HIL_NEVER_US UINT32_MAX      /* the age of a command that never came, or came too long ago */
+#define UUV_HIL_NEVER_DUE_US UINT64_MAX
+
+typedef struct {
+    uint16_t sequence;
+    bool armed;
+    uint8_t channels;
+    uint16_t pwm_us[UUV_HIL_MAX_CHANNELS];
+} UuvHilCommand;
+
+typedef struct {
+    uint16_t sequence; /* of the last command applied */
+    bool armed;
+    bool timed_out;
+    uint8_t channels;
+    uint32_t age_us; /* from applying that command to this report */
+    uint16_t frames; /* commands applied; the three counters wrap */
+    uint16_t errors; /* commands refused, frames damaged */
+    uint16_t watchdog_trips;
+    uint16_t pwm_us[UUV_HIL_MAX_CHANNELS];
+} UuvHilTelemetry;
+
+/* ---- board.c: outputs, arming, watchdog, counters. No I/O. Instants are microseconds of one clock that
+ * never runs backwards. ---- */
+
+typedef struct {
+    uint8_t channels;
+    bool armed;
+    bool timed_out;
+    uint16_t pwm_us[UUV_HIL_MAX_CHANNELS];
+    uint16_t sequence;
+    uint16_t frames;
+    uint16_t refused;
+    uint16_t line_errors; /* set by whoever reads the line */
+    uint16_t watchdog_trips;
+    uint32_t watchdog_us;
+    uint64_t applied_us;       /* UUV_HIL_NEVER_DUE_US: never */
+    uint64_t silence_ends_us;  /* when the watchdog trips; UUV_HIL_NEVER_DUE_US: it has, or was not started */
+    uint64_t telemetry_due_us;
+} UuvHilBoard;
+
+/* channels: 1 to UUV_HIL_MAX_CHANNELS. */
+void uuv_hil_board_start(UuvHilBoard *board, uint8_t channels, uint32_t watchdog_us);
+
+/* Apply a command; whether it was (else it counts as refused, and the watchdog goes on). */
+bool uuv_hil_board_command(UuvHilBoard *board, const UuvHilCommand *command, uint64_t now_us);
+
+/* Let time pass: trips the watchdog when it is due. Whether telemetry is to be sent now. */
+bool uuv_hil_board_tick(UuvHilBoard *board, uint64_t now_us);
+
+/* The report of this instant. The next one is due a period later; missed ones are skipped. */
+UuvHilTelemetry uuv_hil_board_telemetry(UuvHilBoard *board, uint64_t now_us);
+
+/* All outputs to 1500 us, now. */
+void uuv_hil_board_disarm(UuvHilBoard *board);
+
+/* When uuv_hil_board_tick has to be called next, unless a command comes before. */
+uint64_t uuv_hil_board_deadline_us(const UuvHilBoard *board);
+
+/* ---- stream.c: sound packets in a stream of bytes. One is seen with its last byte, whatever came before it:
+ * neither a cut packet nor a damaged length holds back the one behind it. ---- */
+
+#define UUV_HIL_PACKET_LONGEST 280u /* a signed MAVLink 2 packet; the frame has 261 at most */
+
+typedef struct {
+    /* The size of the packet that begins with these bytes, as far as can be seen: more than `seen` until
+     * enough is; 0 if none begins so. */
+    size_t (*size)(const uint8_t *bytes, size_t seen);
+    bool (*is_sound)(const uint8_t *packet, size_t size);
+} UuvHilFormat;
+
+typedef struct {
+    uint8_t bytes[UUV_HIL_PACKET_LONGEST]; /* the beginning of a packet whose end has not come */
+    uint16_t length;
+    uint16_t checksum_errors; /* both counters wrap */
+    uint16_t dropped_bytes;
+} UuvHilStream;
+
+/* Takes one byte off the line; the sound packet that it completes, there until the next call, or NULL.
+ * A stream starts as all zeros. */
+const uint8_t *uuv_hil_stream_feed(UuvHilStream *stream, const UuvHilFormat *format, uint8_t byte);
+
+/* ---- frame.c: the bytes of frames/uuv_hil.toml. ---- */
+
+extern const UuvHilFormat uuv_hil_frame_format;
+
+/* CRC-16/CCITT-FALSE of size bytes. */
+uint16_t uuv_hil_crc16(const uint8_t *data, size_t size);
+
+/* Whether a sound frame is a command, and then what it says. */
+bool uuv_hil_frame_decode(const uint8_t *frame, UuvHilCommand *command);
+
+/* Writes the frame of a report, at most UUV_HIL_FRAME_TELEMETRY_FRAME_SIZE_MAX bytes; its size. */
+size_t uuv_hil_frame_encode(const UuvHilTelemetry *telemetry, uint8_t *out);
+
+/* ---- What the core needs of a machine. ---- */
+
+typedef struct {
+    uint32_t id; /* of 29 bits */
+    uint8_t size;
+    uint8_t data[8];
+} UuvHilCanFrame;
+
+typedef struct {
+    void *context; /* given back to each function */
+    uint64_t (*now_us)(void *context);
+    /* Sends all of data or, where there is no room for it, nothing. Never blocks. */
+    void (*uart_write)(void *context, const uint8_t *data, size_t size);
+    void (*can_write)(void *context, const UuvHilCanFrame *frame); /* likewise */
+    void (*pwm_set)(void *context, const uint16_t *pulse_us, uint8_t channels);
+    void (*watchdog_kick)(void *context); /* the one in hardware: called once in each uuv_hil_service */
+} UuvHilPlatform;
+
+typedef enum {
+    UUV_HIL_NOTHING,
+    UUV_HIL_SOUND,   /* a sound packet, answered or passed over */
+    UUV_HIL_COMMAND, /* a sound packet, and *command is what the board is to do */
+} UuvHilHeard;
+
+/* ---- mavlink.c: the device's end of hil/links/mavlink.py, on the headers that pymavlink generates. It obeys
+ * SERVO_OUTPUT_RAW, RC_CHANNELS_OVERRIDE and, as COMMAND_LONG, COMPONENT_ARM_DISARM and DO_SET_SERVO; it says
+ * SERVO_OUTPUT_RAW as report, HEARTBEAT and SYS_STATUS once a second and when armed or timed out change,
+ * COMMAND_ACK, and TIMESYNC to whoever asks. It is component 1 of system 1, and checks no signatures.
+ * without_mavlink.c stands in for it where there is no pymavlink. ---- */
+
+typedef struct {
+    UuvHilStream packets;
+    uint8_t packets_sent; /* wraps: the number of the next packet */
+    uint64_t heartbeat_due_us;
+    UuvHilTelemetry told;  /* the last report */
+    UuvHilCommand ordered; /* the last command, and the state that the next one changes */
+    int32_t commander;     /* who sent it, system << 8 | component; -1: nobody has */
+    uint8_t number;        /* of its packet; `ordered.sequence` is this, continued to 16 bits */
+} UuvHilMavlink;
+
+void uuv_hil_mavlink_start(UuvHilMavlink *mavlink, uint8_t channels);
+
+/* Takes one byte off the line; says on the platform what the packet it completes has to be answered. */
+UuvHilHeard uuv_hil_mavlink_feed(UuvHilMavlink *mavlink, const UuvHilPlatform *platform, uint8_t byte, uint64_t now_us,
+                                 UuvHilCommand *command);
+
+void uuv_hil_mavlink_report(UuvHilMavlink *mavlink, const UuvHilPlatform *platform, const UuvHilTelemetry *telemetry,
+                            uint64_t now_us);
+
+/* HEARTBEAT and SYS_STATUS, if they are due. */
+void uuv_hil_mavlink_tick(UuvHilMavlink *mavlink, const UuvHilPlatform *platform, uint64_t now_us);
+
+/* ---- vesc.c: the device's end of hil/links/vesc.py, as controllers 1 to `channels` at once. It obeys SET_DUTY,
+ * SET_CURRENT_REL and SET_CURRENT 0, which lets go; commands to all controllers, or one that comes again before
+ * that, make one command of the board. It says STATUS. ---- */
+
+typedef struct {
+    uint16_t held_us;    /* what it does; UUV_HIL_NO_PULSE_US: nothing */
+    uint16_t waiting_us; /* what it is to do with the command that is being gathered */
+    bool waits;
+    uint64_t heard_us;
+} UuvHilVescMotor;
+
+typedef struct {
+    uint8_t channels;
+    uint8_t waiting; /* motors that wait */
+    UuvHilVescMotor motors[UUV_HIL_MAX_CHANNELS];
+    uint16_t malformed; /* frames to us that are not obeyed; wraps */
+} UuvHilVesc;
+
+void uuv_hil_vesc_start(UuvHilVesc *vesc, uint8_t channels);
+
+UuvHilHeard uuv_hil_vesc_hear(UuvHilVesc *vesc, const UuvHilCanFrame *frame, uint64_t now_us, UuvHilCommand *command);
+
+/* What the controller of a thruster, counted from 0, says of itself. */
+UuvHilCanFrame uuv_hil_vesc_status(uint8_t thruster, uint16_t pulse_us);
+
+/* ---- firmware.c: the whole, on a platform. ---- */
+
+typedef enum { UUV_HIL_SPEAKS_FRAME, UUV_HIL_SPEAKS_MAVLINK, UUV_HIL_SPEAKS_VESC } UuvHilProtocol;
+
+
+typedef struct {
+    const UuvHilPlatform *platform;
+    UuvHilBoard board;
+    UuvHilStream frames;
+    uint16_t malformed; /* sound frames that are no command; wraps */
+    UuvHilMavlink mavlink;
+    UuvHilVesc vesc;
+    UuvHilProtocol speaks;
+} UuvHilFirmware;
+
+/* Power-up: outputs neutral. The platform stays the caller's and must outlive the firmware. */
+void uuv_hil_start(UuvHilFirmware *firmware, const UuvHilPlatform *platform, uint8_t channels, uint32_t watchdog_us);
+
+/* Take a frame off the CAN bus: apply and answer the command that it completes. */
+void uuv_hil_hear_can(UuvHilFirmware *firmware, const UuvHilCanFrame *frame);
+
+/* Take the bytes that came (0 of them is fine), apply and answer each command in them, then let time pass.
+ * They are taken before the watchdog is looked at: a machine that is late is not a silent host. */
+void uuv_hil_service(UuvHilFirmware *firmware, const uint8_t *bytes, size_t size);
+
+/* When uuv_hil_service has to be called even if no byte came. */
+uint64_t uuv_hil_deadline_us(const UuvHilFirmware *firmware);
+
+/* Outputs to neutral, before the end. */
+void uuv_hil_stop(UuvHilFirmware *firmware);
+
+#endif

@@ -1,0 +1,73 @@
+"""The C headers of the MAVLink messages that the firmware speaks, made by pymavlink's generator.
+
+A dialect of just these messages is cut out of pymavlink's own definitions: that keeps the firmware small.
+"""
+
+import os
+import subprocess
+import sys
+import xml.etree.ElementTree as ElementTree
+
+from hil.errors import MissingExtraError
+
+DIALECT = "uuv_hil"
+VERSION = "3"  # of the common messages; HEARTBEAT tells it
+DEFINITIONS = ("minimal.xml", "common.xml")
+MESSAGES = {
+    "HEARTBEAT", "SYS_STATUS", "SERVO_OUTPUT_RAW", "RC_CHANNELS_OVERRIDE", "COMMAND_LONG", "COMMAND_ACK", "TIMESYNC",
+}  # fmt: skip
+ENTRIES = {
+    "MAV_AUTOPILOT_GENERIC", "MAV_CMD_COMPONENT_ARM_DISARM", "MAV_CMD_DO_SET_SERVO", "MAV_MODE_FLAG_SAFETY_ARMED",
+    "MAV_RESULT_ACCEPTED", "MAV_RESULT_DENIED", "MAV_RESULT_TEMPORARILY_REJECTED", "MAV_RESULT_UNSUPPORTED",
+    "MAV_STATE_ACTIVE", "MAV_STATE_CRITICAL", "MAV_STATE_STANDBY", "MAV_SYS_STATUS_SENSOR_MOTOR_OUTPUTS",
+    "MAV_TYPE_SUBMARINE",
+}  # fmt: skip
+
+
+def version() -> str | None:
+    """The version of pymavlink that is installed, if one is."""
+    from importlib import metadata
+
+    try:
+        return metadata.version("pymavlink")
+    except metadata.PackageNotFoundError:
+        return None
+
+
+def make_headers(folder: str) -> None:
+    """Write the headers into `folder`, to be included as <uuv_hil/mavlink.h>.
+
+    Raises MissingExtraError without pymavlink.
+    """
+    if version() is None:
+        raise MissingExtraError("the firmware's MAVLink is made with pymavlink: pip install pymavlink")
+    path = os.path.join(folder, f"{DIALECT}.xml")
+    _write_dialect(path)
+    command = [sys.executable, "-m", "pymavlink.tools.mavgen", "--no-validate", "--lang", "C"]
+    command += ["--wire-protocol", "2.0", "--output", folder, path]
+    subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+
+
+def _write_dialect(path: str) -> None:
+    root = ElementTree.Element("mavlink")
+    ElementTree.SubElement(root, "version").text = VERSION
+    ElementTree.SubElement(root, "dialect").text = "0"
+    enums, messages = ElementTree.SubElement(root, "enums"), ElementTree.SubElement(root, "messages")
+    for definitions in map(_definitions, DEFINITIONS):
+        enums.extend(filter(_keep_entries, definitions.iter("enum")))
+        messages.extend(message for message in definitions.iter("message") if message.get("name") in MESSAGES)
+    ElementTree.ElementTree(root).write(path)
+
+
+def _definitions(name: str) -> ElementTree.Element:
+    import pymavlink
+
+    return ElementTree.parse(os.path.join(os.path.dirname(pymavlink.__file__), "dialects", "v20", name)).getroot()
+
+
+def _keep_entries(enum: ElementTree.Element) -> bool:
+    """Drop the entries that the firmware does not name; whether any is left."""
+    for entry in enum.findall("entry"):
+        if entry.get("name") not in ENTRIES:
+            enum.remove(entry)
+    return enum.find("entry") is not None

@@ -1,0 +1,139 @@
+"""The shipped image on QEMU's STM32F405: a second opinion on the firmware, by an emulator that others wrote.
+
+QEMU 7.2's machine netduinoplus2 has the USARTs, SysTick and the registers of the timers, but no clock control, no
+watchdog in hardware, no pins and no CAN. It sends bytes at once, whatever the baud rate. When the machine is busy it
+loses SysTicks: the firmware's time is then slower than the wall's, and its watchdog later.
+"""
+
+import json
+import os
+import shutil
+import socket
+import subprocess
+import tempfile
+import time
+from typing import Any
+
+from firmware_stub.image import IMAGE, PARAMETERS_ADDRESS, parameters
+from hil.errors import DeviceError
+from hil.links.wires import DescriptorWire
+
+PROGRAM = "qemu-system-arm"
+PATIENCE_S = 10.0
+PULSE_REGISTERS = (0x4000_0434, 0x4000_0834)  # CCR1 to CCR4 of TIM3, then of TIM4
+
+
+class QemuStm32:
+    """The process, its firmware running when this returns; end it with `close`.
+
+    channels: 1 to 8. watchdog: the longest silence before all thrusters stop, s of the firmware's time. cpu: the one
+    processor it may run on; on the same one as its host the delay is a quarter of that across two.
+
+    `wire` is the host's end of its USART. Read it: QEMU holds the firmware while a report waits to be taken.
+
+    Raises DeviceError without QEMU, or if the firmware says nothing.
+    """
+
+    def __init__(self, channels: int = 6, watchdog: float = 0.2, cpu: int | None = None) -> None:
+        if not shutil.which(PROGRAM):
+            raise DeviceError(f"no {PROGRAM}: sudo apt install --no-install-recommends {PROGRAM}")
+        in_flash = parameters(channels, watchdog)
+        self._folder = tempfile.TemporaryDirectory(prefix="uuv-hil-qemu-")
+        self._uart, self._monitor = (os.path.join(self._folder.name, name) for name in ("uart", "qmp"))
+        with open(os.path.join(self._folder.name, "parameters"), "wb") as file:
+            file.write(in_flash)
+        self._channels = channels
+        self._qmp: _Qmp | None = None
+        self._process = subprocess.Popen(
+            self._command(file.name), stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, start_new_session=True
+        )
+        self.pid = self._process.pid
+        try:
+            if cpu is not None:
+                os.sched_setaffinity(self.pid, {cpu})
+            self.wire = DescriptorWire(self._connect(self._uart).detach(), f"{PROGRAM} {self._uart}")
+            os.set_blocking(self.wire.fileno(), False)
+            self._wait_for_its_first_byte()
+        except BaseException:
+            self.close()
+            raise
+
+    def pwm_us(self) -> tuple[int, ...]:
+        """What stands in the timers' compare registers (us), read by QEMU and not by the firmware."""
+        if self._qmp is None:
+            self._qmp = _Qmp(self._connect(self._monitor))
+        words = [word for address in PULSE_REGISTERS for word in self._qmp.words(address, 4)]
+        return tuple(words[: self._channels])
+
+    def close(self) -> None:
+        """End it and remove its files. Closing twice is harmless."""
+        if hasattr(self, "wire"):
+            self.wire.close()
+        if self._qmp is not None:
+            self._qmp.close()
+            self._qmp = None
+        self._process.kill()  # it holds nothing that could be lost
+        self._process.communicate()
+        self._folder.cleanup()
+
+    def _command(self, parameters_path: str) -> list[str]:
+        # wait=on: the firmware starts when we are connected, so that its first words are not lost
+        return [
+            PROGRAM, "-M", "netduinoplus2", "-display", "none", "-monitor", "none", "-kernel", IMAGE,
+            "-device", f"loader,file={parameters_path},addr={PARAMETERS_ADDRESS:#x},force-raw=on",
+            "-qmp", f"unix:{self._monitor},server=on,wait=off",
+            "-serial", f"unix:{self._uart},server=on,wait=on",
+        ]  # fmt: skip
+
+    def _connect(self, path: str) -> socket.socket:
+        deadline = time.monotonic() + PATIENCE_S
+        while True:
+            connection = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+            try:
+                connection.connect(path)
+                return connection
+            except OSError:
+                connection.close()
+            if self._process.poll() is not None or time.monotonic() > deadline:
+                raise DeviceError(f"{PROGRAM}: did not come up: {self._complaint()}")
+            time.sleep(0.002)
+
+    def _complaint(self) -> str:
+        self._process.kill()
+        text: str = self._process.communicate()[1].decode(errors="replace").strip()
+        return text or "it says nothing"
+
+    def _wait_for_its_first_byte(self) -> None:
+        import select
+
+        if not select.select([self.wire.fileno()], [], [], PATIENCE_S)[0]:
+            raise DeviceError(f"{PROGRAM}: the firmware says nothing; is {IMAGE} whole?")
+
+
+class _Qmp:
+    """QEMU's machine protocol: one JSON object a line, https://www.qemu.org/docs/master/interop/qmp-spec.html."""
+
+    def __init__(self, connection: socket.socket) -> None:
+        connection.settimeout(PATIENCE_S)
+        self._connection = connection
+        self._lines = connection.makefile("r")
+        self._lines.readline()  # its greeting
+        self._ask("qmp_capabilities")
+
+    def words(self, address: int, count: int) -> list[int]:
+        """Words of the machine's memory: the answer to `xp` is "40000434: 0x000005dc 0x000005dc ..."."""
+        answer = self._ask("human-monitor-command", **{"command-line": f"xp /{count}wx {address:#x}"})
+        return [int(word, 16) for word in str(answer).split()[1:]]
+
+    def close(self) -> None:
+        self._lines.close()
+        self._connection.close()
+
+    def _ask(self, command: str, **arguments: Any) -> Any:
+        self._connection.sendall(json.dumps({"execute": command, "arguments": arguments}).encode() + b"\n")
+        while True:
+            message = json.loads(self._lines.readline())
+            if "return" in message:
+                return message["return"]
+            if "error" in message:
+                raise DeviceError(f"{PROGRAM}: {command}: {message['error']['desc']}")

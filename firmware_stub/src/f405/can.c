@@ -1,0 +1,123 @@
+/* CAN1 at 500 kbit/s, the VESCs' default: extended data frames, with a ring of them each way. */
+
+#include "f405.h"
+#include "registers.h"
+
+#define RING_SIZE 32u /* a power of two; a report is 8 */
+#define PATIENCE 10000u /* polls; it takes one frame's time, and for ever without a controller */
+#define EXTENDED BIT(2)
+#define REMOTE BIT(1)
+#define TRANSMIT_REQUEST BIT(0)
+
+typedef struct {
+    UuvHilCanFrame frames[RING_SIZE];
+    volatile uint32_t head; /* the indices run on for ever; one side writes `head`, the other `tail` */
+    volatile uint32_t tail;
+} Ring;
+
+static Ring received, to_send;
+
+static void put(Ring *ring, const UuvHilCanFrame *frame)
+{
+    if (ring->head - ring->tail == RING_SIZE)
+        return;
+    ring->frames[ring->head % RING_SIZE] = *frame;
+    ring->head++;
+}
+
+static bool get(Ring *ring, UuvHilCanFrame *frame)
+{
+    if (ring->head == ring->tail)
+        return false;
+    *frame = ring->frames[ring->tail % RING_SIZE];
+    ring->tail++;
+    return true;
+}
+
+static uint32_t word(const uint8_t *bytes)
+{
+    return bytes[0] | (uint32_t)bytes[1] << 8 | (uint32_t)bytes[2] << 16 | (uint32_t)bytes[3] << 24;
+}
+
+static void put_word(uint8_t *bytes, uint32_t value)
+{
+    for (uint32_t i = 0; i < 4; i++)
+        bytes[i] = (uint8_t)(value >> 8 * i);
+}
+
+static void load(uint32_t mailbox, const UuvHilCanFrame *frame)
+{
+    CAN_TDTR(mailbox) = frame->size;
+    CAN_TDLR(mailbox) = word(frame->data);
+    CAN_TDHR(mailbox) = word(frame->data + 4);
+    CAN_TIR(mailbox) = frame->id << 3 | EXTENDED | TRANSMIT_REQUEST;
+}
+
+/* Fill the empty mailboxes; each one that is sent raises the interrupt again. */
+static void send_on(void)
+{
+    UuvHilCanFrame frame;
+    for (uint32_t mailbox = 0; mailbox < 3; mailbox++)
+        if ((CAN_TSR & CAN_TSR_EMPTY(mailbox)) && get(&to_send, &frame))
+            load(mailbox, &frame);
+}
+
+void CAN1_TX_Handler(void)
+{
+    CAN_TSR = CAN_TSR_DONE;
+    send_on();
+}
+
+/* One frame an interrupt; it stays raised while there are more. */
+void CAN1_RX0_Handler(void)
+{
+    uint32_t id = CAN_RI0R;
+    UuvHilCanFrame frame = {.id = id >> 3, .size = (uint8_t)(CAN_RDT0R & 15u)};
+    put_word(frame.data, CAN_RDL0R);
+    put_word(frame.data + 4, CAN_RDH0R);
+    CAN_RF0R = CAN_RF0R_RELEASE;
+    if ((id & EXTENDED) && !(id & REMOTE))
+        put(&received, &frame);
+}
+
+static void accept_all(void)
+{
+    CAN_FMR |= BIT(0);
+    CAN_FS1R = 1;
+    CAN_FILTER(0) = 0;
+    CAN_FILTER(1) = 0;
+    CAN_FA1R = 1;
+    CAN_FMR &= ~BIT(0);
+}
+
+void can_start(void)
+{
+    GPIO_AFR(GPIOA, 11) |= 9u << 12 | 9u << 16; /* PA11, PA12 */
+    GPIO_MODER(GPIOA) |= 2u << 22 | 2u << 24;
+    CAN_MCR = CAN_MCR_INRQ;
+    for (uint32_t i = 0; i < PATIENCE && !(CAN_MSR & BIT(0)); i++) {
+    }
+    CAN_BTR = 1u << 20 | 10u << 16 | 5u; /* 42 MHz / 6 / (1 + 11 + 2), sampled at 86 % */
+    accept_all();
+    CAN_IER = CAN_IER_TMEIE | CAN_IER_FMPIE0;
+    CAN_MCR = CAN_MCR_ABOM | CAN_MCR_TXFP; /* off the bus after errors: back by itself; first in, first out */
+    NVIC_ISER(CAN1_TX_INTERRUPT) = BIT(CAN1_TX_INTERRUPT % 32) | BIT(CAN1_RX0_INTERRUPT % 32);
+}
+
+bool can_idle(void)
+{
+    return received.head == received.tail;
+}
+
+bool can_read(UuvHilCanFrame *frame)
+{
+    return get(&received, frame);
+}
+
+void can_write(const UuvHilCanFrame *frame)
+{
+    put(&to_send, frame);
+    interrupts_off();
+    send_on();
+    interrupts_on();
+}

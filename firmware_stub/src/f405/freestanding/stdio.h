@@ -1,0 +1,1 @@
+/* pymavlink's headers include this and use nothing of it. */

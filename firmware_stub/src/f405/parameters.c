@@ -1,0 +1,23 @@
+/* What this board drives, from its own flash sector: the program stays the same for every vehicle. */
+
+#include "f405.h"
+
+#define PARAMETERS_ADDRESS 0x08004000u
+
+static uint32_t within(uint32_t value, uint32_t least, uint32_t most, uint32_t otherwise)
+{
+    return value >= least && value <= most ? value : otherwise;
+}
+
+Parameters parameters_read(void)
+{
+    const volatile Parameters *stored = (const volatile Parameters *)PARAMETERS_ADDRESS;
+    bool valid = stored->magic == PARAMETERS_MAGIC;
+    return (Parameters){
+        .magic = PARAMETERS_MAGIC,
+        .channels = within(valid ? stored->channels : 0, 1, F405_CHANNELS, 6),
+        .watchdog_ms = within(valid ? stored->watchdog_ms : 0, 10, 60000, 200),
+        .pwm_hz = within(valid ? stored->pwm_hz : 0, 50, 400, 50),
+        .baud = within(valid ? stored->baud : 0, 9600, 5250000, 115200),
+    };
+}

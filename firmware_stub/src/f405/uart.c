@@ -1,0 +1,92 @@
+/* USART1 with a ring of bytes each way, both turned by its interrupt. */
+
+#include "f405.h"
+#include "registers.h"
+
+#define RING_SIZE 512u /* a power of two; at 115200 bit/s 44 ms */
+
+/* The indices run on for ever; one side writes `head`, the other `tail`. */
+typedef struct {
+    uint8_t bytes[RING_SIZE];
+    volatile uint32_t head;
+    volatile uint32_t tail;
+} Ring;
+
+static Ring received, to_send;
+
+static uint32_t held(const Ring *ring)
+{
+    return ring->head - ring->tail;
+}
+
+static void put(Ring *ring, uint8_t byte)
+{
+    if (held(ring) == RING_SIZE)
+        return;
+    ring->bytes[ring->head % RING_SIZE] = byte;
+    ring->head++;
+}
+
+static uint8_t get(Ring *ring)
+{
+    uint8_t byte = ring->bytes[ring->tail % RING_SIZE];
+    ring->tail++;
+    return byte;
+}
+
+/* What the line takes now; its interrupt asks for the rest. Emulators raise none, but take all at once. */
+static void send_on(void)
+{
+    while (held(&to_send) > 0 && (USART1_SR & USART_SR_TXE))
+        USART1_DR = get(&to_send);
+    if (held(&to_send) > 0)
+        USART1_CR1 |= USART_CR1_TXEIE;
+    else
+        USART1_CR1 &= ~USART_CR1_TXEIE;
+}
+
+/* An overrun asks for the interrupt too, and goes on asking until the data register is read. */
+void USART1_Handler(void)
+{
+    uint32_t status = USART1_SR;
+    if (status & (USART_SR_RXNE | USART_SR_ORE)) {
+        uint8_t byte = (uint8_t)USART1_DR;
+        if (status & USART_SR_RXNE)
+            put(&received, byte);
+    }
+    send_on();
+}
+
+void uart_start(uint32_t baud)
+{
+    GPIO_AFR(GPIOA, 9) |= 7u << 4 | 7u << 8; /* PA9, PA10 */
+    GPIO_PUPDR(GPIOA) |= BIT(20);            /* an open line reads as idle */
+    GPIO_MODER(GPIOA) |= 2u << 18 | 2u << 20;
+    USART1_BRR = (APB2_HZ + baud / 2) / baud;
+    USART1_CR1 = USART_CR1_UE | USART_CR1_TE | USART_CR1_RE | USART_CR1_RXNEIE;
+    NVIC_ISER(USART1_INTERRUPT) = BIT(USART1_INTERRUPT % 32);
+}
+
+bool uart_idle(void)
+{
+    return held(&received) == 0;
+}
+
+size_t uart_read(uint8_t *out, size_t most)
+{
+    size_t count = 0;
+    while (count < most && held(&received) > 0)
+        out[count++] = get(&received);
+    return count;
+}
+
+void uart_write(const uint8_t *data, size_t size)
+{
+    if (RING_SIZE - held(&to_send) < size)
+        return;
+    for (size_t i = 0; i < size; i++)
+        put(&to_send, data[i]);
+    interrupts_off();
+    send_on();
+    interrupts_on();
+}

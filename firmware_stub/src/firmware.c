@@ -1,0 +1,143 @@
+/* Bytes and CAN frames in, pulses and reports out. */
+
+#include "uuv_hil_stm32.h"
+
+static void put_outputs(const UuvHilFirmware *firmware)
+{
+    const UuvHilPlatform *platform = firmware->platform;
+    platform->pwm_set(platform->context, firmware->board.pwm_us, firmware->board.channels);
+}
+
+static uint16_t line_errors(const UuvHilFirmware *firmware)
+{
+    switch (firmware->speaks) {
+    case UUV_HIL_SPEAKS_MAVLINK:
+        return firmware->mavlink.packets.checksum_errors;
+    case UUV_HIL_SPEAKS_VESC:
+        return firmware->vesc.malformed;
+    default:
+        return (uint16_t)(firmware->frames.checksum_errors + firmware->malformed);
+    }
+}
+
+static void report_in_frame(const UuvHilPlatform *platform, const UuvHilTelemetry *telemetry)
+{
+    uint8_t bytes[UUV_HIL_FRAME_TELEMETRY_FRAME_SIZE_MAX];
+    size_t size = uuv_hil_frame_encode(telemetry, bytes);
+    platform->uart_write(platform->context, bytes, size);
+}
+
+static void report_as_vescs(const UuvHilPlatform *platform, const UuvHilTelemetry *telemetry)
+{
+    for (uint8_t i = 0; i < telemetry->channels; i++) {
+        UuvHilCanFrame status = uuv_hil_vesc_status(i, telemetry->pwm_us[i]);
+        platform->can_write(platform->context, &status);
+    }
+}
+
+static void report(UuvHilFirmware *firmware, uint64_t now_us)
+{
+    firmware->board.line_errors = line_errors(firmware);
+    UuvHilTelemetry telemetry = uuv_hil_board_telemetry(&firmware->board, now_us);
+    if (firmware->speaks == UUV_HIL_SPEAKS_MAVLINK)
+        uuv_hil_mavlink_report(&firmware->mavlink, firmware->platform, &telemetry, now_us);
+    else if (firmware->speaks == UUV_HIL_SPEAKS_VESC)
+        report_as_vescs(firmware->platform, &telemetry);
+    else
+        report_in_frame(firmware->platform, &telemetry);
+}
+
+void uuv_hil_start(UuvHilFirmware *firmware, const UuvHilPlatform *platform, uint8_t channels, uint32_t watchdog_us)
+{
+    *firmware = (UuvHilFirmware){.platform = platform};
+    uuv_hil_board_start(&firmware->board, channels, watchdog_us);
+    uuv_hil_mavlink_start(&firmware->mavlink, channels);
+    uuv_hil_vesc_start(&firmware->vesc, channels);
+    put_outputs(firmware);
+}
+
+static UuvHilHeard hear_frame(UuvHilFirmware *firmware, uint8_t byte, UuvHilCommand *command)
+{
+    const uint8_t *frame = uuv_hil_stream_feed(&firmware->frames, &uuv_hil_frame_format, byte);
+    if (frame == NULL)
+        return UUV_HIL_NOTHING;
+    if (uuv_hil_frame_decode(frame, command))
+        return UUV_HIL_COMMAND;
+    firmware->malformed++;
+    return UUV_HIL_SOUND;
+}
+
+static void speak(UuvHilFirmware *firmware, UuvHilProtocol protocol)
+{
+    if (protocol != UUV_HIL_SPEAKS_MAVLINK)
+        firmware->mavlink.ordered.armed = false; /* who comes back to MAVLink arms anew */
+    firmware->speaks = protocol;
+}
+
+static UuvHilHeard hear_byte(UuvHilFirmware *firmware, uint8_t byte, uint64_t now_us, UuvHilCommand *command)
+{
+    UuvHilHeard frame = hear_frame(firmware, byte, command);
+    if (frame != UUV_HIL_NOTHING) {
+        speak(firmware, UUV_HIL_SPEAKS_FRAME);
+        return frame;
+    }
+    UuvHilHeard packet = uuv_hil_mavlink_feed(&firmware->mavlink, firmware->platform, byte, now_us, command);
+    if (packet != UUV_HIL_NOTHING)
+        speak(firmware, UUV_HIL_SPEAKS_MAVLINK);
+    return packet;
+}
+
+static void obey(UuvHilFirmware *firmware, const UuvHilCommand *command, uint64_t now_us)
+{
+    if (!uuv_hil_board_command(&firmware->board, command, now_us))
+        return;
+    put_outputs(firmware);
+    report(firmware, now_us);
+}
+
+void uuv_hil_hear_can(UuvHilFirmware *firmware, const UuvHilCanFrame *frame)
+{
+    uint64_t now_us = firmware->platform->now_us(firmware->platform->context);
+    UuvHilCommand command;
+    UuvHilHeard heard = uuv_hil_vesc_hear(&firmware->vesc, frame, now_us, &command);
+    if (heard != UUV_HIL_NOTHING)
+        speak(firmware, UUV_HIL_SPEAKS_VESC);
+    if (heard == UUV_HIL_COMMAND)
+        obey(firmware, &command, now_us);
+}
+
+static void let_time_pass(UuvHilFirmware *firmware, uint64_t now_us)
+{
+    if (uuv_hil_board_tick(&firmware->board, now_us)) {
+        put_outputs(firmware);
+        report(firmware, now_us);
+    }
+    if (firmware->speaks == UUV_HIL_SPEAKS_MAVLINK)
+        uuv_hil_mavlink_tick(&firmware->mavlink, firmware->platform, now_us);
+}
+
+void uuv_hil_service(UuvHilFirmware *firmware, const uint8_t *bytes, size_t size)
+{
+    const UuvHilPlatform *platform = firmware->platform;
+    uint64_t now_us = platform->now_us(platform->context);
+    for (size_t i = 0; i < size; i++) {
+        UuvHilCommand command;
+        if (hear_byte(firmware, bytes[i], now_us, &command) == UUV_HIL_COMMAND)
+            obey(firmware, &command, now_us);
+    }
+    let_time_pass(firmware, now_us);
+    platform->watchdog_kick(platform->context);
+}
+
+uint64_t uuv_hil_deadline_us(const UuvHilFirmware *firmware)
+{
+    uint64_t board_us = uuv_hil_board_deadline_us(&firmware->board);
+    uint64_t heartbeat_us = firmware->mavlink.heartbeat_due_us;
+    return firmware->speaks == UUV_HIL_SPEAKS_MAVLINK && heartbeat_us < board_us ? heartbeat_us : board_us;
+}
+
+void uuv_hil_stop(UuvHilFirmware *firmware)
+{
+    uuv_hil_board_disarm(&firmware->board);
+    put_outputs(firmware);
+}

@@ -1,0 +1,146 @@
+#define _XOPEN_SOURCE 700
+#define _DEFAULT_SOURCE /* flock, cfmakeraw, FIONREAD */
+
+#include "pty.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/file.h>
+#include <sys/ioctl.h>
+#include <sys/stat.h>
+#include <termios.h>
+#include <unistd.h>
+
+#define UNREAD_LIMIT 2048 /* bytes: as on a UART, what nobody reads is lost, not saved for later */
+
+static bool fail(Pty *pty, const char *format, ...)
+{
+    va_list arguments;
+    va_start(arguments, format);
+    vsnprintf(pty->problem, sizeof pty->problem, format, arguments);
+    va_end(arguments);
+    return false;
+}
+
+static bool fail_to_make(Pty *pty)
+{
+    return fail(pty, "%s: cannot be made: %s; choose another device path", pty->link_path, strerror(errno));
+}
+
+static bool set_raw(int fd)
+{
+    struct termios settings;
+    if (tcgetattr(fd, &settings) != 0)
+        return false;
+    cfmakeraw(&settings);
+    return tcsetattr(fd, TCSANOW, &settings) == 0;
+}
+
+static bool open_terminal(Pty *pty)
+{
+    pty->master_fd = posix_openpt(O_RDWR | O_NOCTTY | O_CLOEXEC);
+    if (pty->master_fd < 0 || grantpt(pty->master_fd) != 0 || unlockpt(pty->master_fd) != 0)
+        return false;
+    const char *path = ptsname(pty->master_fd);
+    if (path == NULL || strlen(path) >= sizeof pty->slave_path)
+        return false;
+    strcpy(pty->slave_path, path);
+    pty->slave_fd = open(path, O_RDWR | O_NOCTTY | O_CLOEXEC);
+    return pty->slave_fd >= 0 && set_raw(pty->slave_fd) && fcntl(pty->master_fd, F_SETFL, O_NONBLOCK) == 0;
+}
+
+static bool is_still(int fd, const char *path)
+{
+    struct stat held, found;
+    return fstat(fd, &held) == 0 && stat(path, &found) == 0 && held.st_dev == found.st_dev
+        && held.st_ino == found.st_ino;
+}
+
+static bool take_lock(Pty *pty)
+{
+    for (;;) {
+        pty->lock_fd = open(pty->lock_path, O_RDWR | O_CREAT | O_NOFOLLOW | O_CLOEXEC, 0644);
+        if (pty->lock_fd < 0)
+            return fail_to_make(pty);
+        if (flock(pty->lock_fd, LOCK_EX | LOCK_NB) != 0)
+            return fail(pty, "%s: already served by another process; end that one or choose another device path",
+                        pty->link_path);
+        if (is_still(pty->lock_fd, pty->lock_path))
+            return true;
+        close(pty->lock_fd); /* its owner removed it between our open and our lock: that lock guards nothing */
+    }
+}
+
+static bool links_to(const char *path, const char *beginning)
+{
+    char target[256] = "";
+    return readlink(path, target, sizeof target - 1) > 0 && strncmp(target, beginning, strlen(beginning)) == 0;
+}
+
+static bool publish(Pty *pty)
+{
+    char fresh_path[PTY_PATH_SIZE + 8];
+    struct stat found;
+    snprintf(fresh_path, sizeof fresh_path, "%s.new", pty->link_path);
+    if (lstat(pty->link_path, &found) == 0 && !links_to(pty->link_path, "/dev/pts/"))
+        return fail(pty, "%s: exists and is not a link to a pty; remove it or choose another device path",
+                    pty->link_path);
+    if (lstat(fresh_path, &found) == 0 && S_ISLNK(found.st_mode))
+        unlink(fresh_path); /* left by a run that was killed here */
+    if (symlink(pty->slave_path, fresh_path) != 0 || rename(fresh_path, pty->link_path) != 0)
+        return fail_to_make(pty);
+    return true;
+}
+
+bool pty_open(Pty *pty, const char *link_path)
+{
+    *pty = (Pty){.master_fd = -1, .slave_fd = -1, .lock_fd = -1};
+    if (strlen(link_path) >= sizeof pty->link_path)
+        return fail(pty, "the device path is too long; choose another one");
+    strcpy(pty->link_path, link_path);
+    snprintf(pty->lock_path, sizeof pty->lock_path, "%s.lock", link_path);
+    bool opened = open_terminal(pty)
+        || fail(pty, "pty: %s; raise kernel.pty.max or close other terminals", strerror(errno));
+    if (opened && take_lock(pty) && publish(pty))
+        return true;
+    pty_close(pty);
+    return false;
+}
+
+size_t pty_read(Pty *pty, uint8_t *out, size_t most)
+{
+    ssize_t count = read(pty->master_fd, out, most);
+    return count > 0 ? (size_t)count : 0;
+}
+
+void pty_write(Pty *pty, const uint8_t *data, size_t size)
+{
+    int unread = 0;
+    if (ioctl(pty->slave_fd, FIONREAD, &unread) == 0 && unread >= UNREAD_LIMIT)
+        return;
+    ssize_t taken = write(pty->master_fd, data, size);
+    (void)taken; /* a full line loses bytes, as a UART does */
+}
+
+static void close_if_open(int *fd)
+{
+    if (*fd >= 0)
+        close(*fd);
+    *fd = -1;
+}
+
+void pty_close(Pty *pty)
+{
+    if (pty->lock_fd >= 0 && is_still(pty->lock_fd, pty->lock_path)) {
+        if (links_to(pty->link_path, pty->slave_path))
+            unlink(pty->link_path);
+        unlink(pty->lock_path); /* before the lock goes, so that nobody can lock what is about to vanish */
+    }
+    close_if_open(&pty->lock_fd);
+    close_if_open(&pty->slave_fd);
+    close_if_open(&pty->master_fd);
+}

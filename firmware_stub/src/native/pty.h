@@ -1,0 +1,32 @@
+/* A pseudo terminal with a name that stays: what hil/links/wires.py calls PtyWire, with the same rules. */
+#ifndef UUV_HIL_NATIVE_PTY_H
+#define UUV_HIL_NATIVE_PTY_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#define PTY_PATH_SIZE 4096
+
+typedef struct {
+    int master_fd;
+    int slave_fd; /* kept open, so that programs come and go without a hang-up */
+    int lock_fd;
+    char link_path[PTY_PATH_SIZE]; /* a symbolic link to slave_path */
+    char lock_path[PTY_PATH_SIZE + 8];
+    char slave_path[256];
+    char problem[PTY_PATH_SIZE + 256]; /* why opening failed, in words for a person */
+} Pty;
+
+/* Whether it worked; else `problem` says why. The name is held by one process at a time. */
+bool pty_open(Pty *pty, const char *link_path);
+
+/* The bytes that came in: 0 if none. */
+size_t pty_read(Pty *pty, uint8_t *out, size_t most);
+
+/* All of data or, where the other end has stopped reading, nothing. */
+void pty_write(Pty *pty, const uint8_t *data, size_t size);
+
+void pty_close(Pty *pty);
+
+#endif

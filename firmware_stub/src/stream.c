@@ -1,0 +1,41 @@
+/* Packets in a stream of bytes: what hil/links/frame.py does, one byte at a time. */
+
+#include "uuv_hil_stm32.h"
+
+static void drop(UuvHilStream *stream, size_t count)
+{
+    stream->dropped_bytes = (uint16_t)(stream->dropped_bytes + count);
+    stream->length = (uint16_t)(stream->length - count);
+    for (size_t i = 0; i < stream->length; i++)
+        stream->bytes[i] = stream->bytes[i + count];
+}
+
+static const uint8_t *take(UuvHilStream *stream, size_t start)
+{
+    stream->dropped_bytes = (uint16_t)(stream->dropped_bytes + start);
+    stream->length = 0;
+    return stream->bytes + start;
+}
+
+const uint8_t *uuv_hil_stream_feed(UuvHilStream *stream, const UuvHilFormat *format, uint8_t byte)
+{
+    stream->bytes[stream->length++] = byte;
+    size_t length = stream->length;
+    size_t kept_from = length; /* where the first packet begins whose end has not come */
+    for (size_t start = 0; start < length; start++) {
+        const uint8_t *packet = stream->bytes + start;
+        size_t size = format->size(packet, length - start);
+        if (size == 0)
+            continue;
+        if (start + size == length && format->is_sound(packet, size))
+            return take(stream, start);
+        if (kept_from < length)
+            continue; /* it comes to its turn when what stands before it has */
+        if (start + size > length)
+            kept_from = start;
+        else
+            stream->checksum_errors++;
+    }
+    drop(stream, kept_from);
+    return NULL;
+}

@@ -1,0 +1,21 @@
+"""The core in C, compiled once for all tests of it."""
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from firmware_stub import build
+
+SANITIZED = ["gcc", "-O1", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all", "--coverage"]
+TOOLS = ("gcc", "gcov")
+
+
+@pytest.fixture(scope="session")
+def core(tmp_path_factory: pytest.TempPathFactory) -> str:
+    """The core with MAVLink as the program of core_main.c: under sanitizers, and counting the lines it runs through."""
+    if missing := [tool for tool in TOOLS if not shutil.which(tool)]:
+        pytest.skip(f"needs {' and '.join(missing)}")
+    pytest.importorskip("pymavlink", reason="the core's MAVLink is made with pymavlink")
+    target = str(tmp_path_factory.mktemp("core") / "core")
+    return build.compile_core(target, [str(Path(__file__).with_name("core_main.c"))], SANITIZED, mavlink=True)
