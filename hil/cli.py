@@ -14,6 +14,8 @@ COMMANDS = {
     "master": ("hil.commands.master", "plan and fly a scenario with a slave somewhere on the network"),
     "sim": ("hil.commands.sim", "the same mission in one process, in real time or as fast as it goes"),
     "campaign": ("hil.commands.campaign", "many such runs with other seeds and parameters, on all cores"),
+    "loopback": ("hil.commands.loopback", "test a thruster link: losses, errors, round trips"),
+    "frame": ("hil.commands.frame", "what a thruster frame says byte by byte; take bytes of a line apart"),
     "stm32": ("firmware_stub.serve", "be only the STM32, on a pty or a serial port"),
     "vehicle": ("hil.commands.vehicle", "what a vehicle is and can do; import one from a URDF"),
     "doctor": ("hil.commands.doctor", "what this machine has of what a run wants"),

@@ -1,14 +1,17 @@
 """The picture of a vehicle: its box and thrusters from above, from starboard and from ahead, and its top speeds."""
 
 import os
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from hil.bench.plotting import pyplot
 from hil.errors import ConfigError
 from sim.terminal_speed import Reach
-from sim.vehicle import Vehicle
+from sim.vehicle import Point, Vehicle
 
-BODY, ARROW, GRAVITY, BUOYANCY = "#e3e8ed", "#c2410c", "#1f2937", "#2563eb"
+if TYPE_CHECKING:
+    from sim.surfaces import Fin
+
+BODY, ARROW, GRAVITY, BUOYANCY, FIN, BALLAST = "#e3e8ed", "#c2410c", "#1f2937", "#2563eb", "#0f766e", "#7c3aed"
 # A thruster that points out of the paper or into it is a circle with a dot or a cross.
 _FACING = 0.9
 
@@ -41,7 +44,7 @@ def draw(vehicle: Vehicle, found: tuple[Reach, ...], path: str) -> None:
         for view, place in zip(VIEWS, axes.flat, strict=False):
             _draw_view(place, vehicle, view)
         _draw_speeds(axes[1][1], found)
-        figure.suptitle(f"{vehicle.name}: {vehicle.mass:g} kg, {len(vehicle.thrusters)} thrusters", fontsize=15)
+        figure.suptitle(f"{vehicle.name}: {vehicle.mass:g} kg, {_parts(vehicle)}", fontsize=15)
         _name_thrusters(figure, vehicle)
         figure.savefig(path, dpi=110)
     except (OSError, ValueError) as error:
@@ -52,10 +55,13 @@ def draw(vehicle: Vehicle, found: tuple[Reach, ...], path: str) -> None:
 
 
 def _draw_view(axes: Any, vehicle: Vehicle, view: View) -> None:
-    from matplotlib.patches import Rectangle
+    from matplotlib.patches import Polygon, Rectangle
 
     wide, high = vehicle.dimensions[view.right[0]], vehicle.dimensions[view.up[0]]
     axes.add_patch(Rectangle((-wide / 2, -high / 2), wide, high, facecolor=BODY, edgecolor="0.55", zorder=0))
+    for fin in vehicle.fins:
+        axes.add_patch(Polygon([view.flat(corner) for corner in _corners(fin)], facecolor=FIN, edgecolor=FIN, zorder=2))
+    _draw_ballast(axes, vehicle, view)
     reach = 0.2 * max(vehicle.dimensions)
     for spot, numbers in _stacks(vehicle, view).items():
         for number in numbers:
@@ -77,6 +83,26 @@ def _draw_view(axes: Any, vehicle: Vehicle, view: View) -> None:
     axes.set_axisbelow(True)
     if view is VIEWS[0]:
         axes.legend(loc="upper right", fontsize=8, framealpha=0.9)
+
+
+def _corners(fin: "Fin") -> list[Point]:
+    """The corners of a rectangle of the fin's area about the place where its force acts."""
+    length = sum(x * x for x in fin.axis) ** 0.5
+    span = (fin.area * (fin.aspect_ratio or 1.0)) ** 0.5
+    along, chord = [0.5 * span * x / length for x in fin.axis], [0.5 * fin.area / span * x for x in fin.frame[0]]
+    corners = []
+    for i, j in ((1, 1), (1, -1), (-1, -1), (-1, 1)):
+        x, y, z = (p + i * a + j * c for p, a, c in zip(fin.position, along, chord, strict=True))
+        corners.append((x, y, z))
+    return corners
+
+
+def _draw_ballast(axes: Any, vehicle: Vehicle, view: View) -> None:
+    marks = [(weight.position, "v", weight.name) for weight in vehicle.drop_weights]
+    if vehicle.buoyancy_engine:
+        marks.append((vehicle.buoyancy_engine.position, "s", "buoyancy engine"))
+    for place, marker, name in marks:
+        axes.plot(*view.flat(place), marker=marker, markersize=7, color=BALLAST, label=name, linestyle="none", zorder=2)
 
 
 def _stacks(vehicle: Vehicle, view: View) -> dict[tuple[float, float], list[int]]:
@@ -137,8 +163,15 @@ def _draw_speeds(axes: Any, found: tuple[Reach, ...]) -> None:
     axes.spines[["top", "right"]].set_visible(False)
 
 
+def _parts(vehicle: Vehicle) -> str:
+    counts = ((len(vehicle.thrusters), "thruster"), (len(vehicle.fins), "fin"))
+    return ", ".join(f"{count} {name}{'s' if count > 1 else ''}" for count, name in counts if count)
+
+
 def _name_thrusters(figure: Any, vehicle: Vehicle) -> None:
     names = [f"{number} {thruster.name}" for number, thruster in enumerate(vehicle.thrusters, 1)]
     lines = ["    ".join(names[start : start + 4]) for start in range(0, len(names), 4)]
     note = "arrows: positive thrust;  circle with dot: towards you, with cross: away from you"
+    if vehicle.fins:
+        lines.append("fins: " + ", ".join(fin.name for fin in vehicle.fins))
     figure.supxlabel("\n".join([*lines, note]), fontsize=10, color="0.25")

@@ -87,7 +87,11 @@ class Health:
 
     def _link_figures(self) -> dict[str, str]:
         driver = self._loop.driver
-        figures = {"link_port": driver.port, "pwm_us": " ".join(map(str, driver.pwm_us))}
+        figures = {
+            "link_port": driver.port,
+            "link_losses": str(driver.losses),
+            "pwm_us": " ".join(map(str, driver.pwm_us)),
+        }
         if driver.host:
             counters = driver.host.counters
             figures |= {f"link_{name}": str(getattr(counters, name)) for name in counters.__slots__}

@@ -39,8 +39,10 @@ class ThrusterDriver(ABC):
     """The STM32 at the end of the slave's link.
 
     `pwm_us` is what the thrusters get now; `port` the path or address at which another program may command
-    them; `children` the process ids that belong to it.
+    them; `children` the process ids that belong to it; `losses` how often its link has gone away.
     """
+
+    losses = 0
 
     port: str
     host: ThrusterLink | None
@@ -91,7 +93,6 @@ class Mended(ThrusterDriver):
         self._driver: ThrusterDriver | None = open_driver()
         self._last = self._driver
         self._lost_ns = self._retry_ns = 0
-        self.losses = 0
 
     @property
     def port(self) -> str:  # type: ignore[override]

@@ -1,0 +1,245 @@
+"""The loopback test of a thruster link: commands out, echoes back, what was lost, and how long it took.
+
+A round trip is from writing a command until its echo has been decoded. The wire time is what the bits of the
+command and of its answer take at the line's speed: no link can be faster, and a good one is little slower.
+"""
+
+import select
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator
+from typing import Any, NamedTuple
+
+from hil.clock import NS_PER_MS, NS_PER_S, RateKeeper, now_ns
+from hil.config import Link
+from hil.links.address import open_address, parse_address
+from hil.links.contract import Counters, ThrusterCommand, ThrusterLink, ThrusterTelemetry
+from hil.slave.stm32 import ThrusterDriver, end_protocol, open_driver, with_faults
+
+BITS_A_BYTE = 10  # start bit, eight of data, stop bit
+LOST_NS = NS_PER_S  # an echo that has not come by then will not come
+CALM_PULSES, WIDEST = 1500, 200  # us: pulses differ from command to command, so that echoes tell them apart
+
+
+class Plan(NamedTuple):
+    """What is tested: who answers, over which link, how often, for how long.
+
+    stm32: one of hil.slave.stm32's, or "jumper" for a wire that leads straight back. rate: commands a second, 0
+    for the next one as soon as the last is answered. spin: whether commands are armed; a disarmed one moves nothing.
+    """
+
+    stm32: str
+    link: Link
+    channels: int
+    rate: float
+    seconds: float
+    spin: bool
+    seed: int = 1
+
+
+class Result(NamedTuple):
+    """What came of it. Times are in ms; `wire_ms` is nan where the line has no speed of its own."""
+
+    port: str
+    sent: int
+    answered: int
+    lost: int
+    seconds: float
+    p50_ms: float
+    p99_ms: float
+    max_ms: float
+    wire_ms: float
+    counters: dict[str, int]
+
+    @property
+    def loss(self) -> float:
+        """The share of commands without an answer."""
+        return self.lost / self.sent if self.sent else 1.0
+
+    @property
+    def errors(self) -> int:
+        """Frames that came in damaged."""
+        return self.counters["checksum_errors"] + self.counters["malformed"]
+
+    @property
+    def bytes_per_second(self) -> tuple[float, float]:
+        """What went out and what came in."""
+        return self.counters["bytes_out"] / self.seconds, self.counters["bytes_in"] / self.seconds
+
+
+class _Far(ABC):
+    """The other end as this test sees it."""
+
+    port: str
+    counters: Counters
+
+    @abstractmethod
+    def descriptors(self) -> list[int]:
+        """What to wait on."""
+
+    @abstractmethod
+    def deadline_ns(self) -> int:
+        """When `answers` has to be called even if nothing came."""
+
+    @abstractmethod
+    def send(self, command: ThrusterCommand) -> None:
+        """Send a command."""
+
+    @abstractmethod
+    def answers(self, now: int) -> Iterator[int]:
+        """The sequence numbers of the commands that have been answered."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Give the devices back."""
+
+
+class _Stm32(_Far):
+    """An STM32 of any kind."""
+
+    def __init__(self, plan: Plan, report: Callable[[str], None]) -> None:
+        self._driver: ThrusterDriver = open_driver(plan.stm32, plan.link, plan.channels, True, plan.seed, report)
+        self.port = self._driver.port
+
+    @property
+    def counters(self) -> Counters:  # type: ignore[override]
+        assert self._driver.host is not None
+        return self._driver.host.counters
+
+    def descriptors(self) -> list[int]:
+        return self._driver.descriptors()
+
+    def deadline_ns(self) -> int:
+        return self._driver.deadline_ns
+
+    def send(self, command: ThrusterCommand) -> None:
+        self._driver.send(command)
+
+    def answers(self, now: int) -> Iterator[int]:
+        return (telemetry.sequence for telemetry in self._driver.service(now))
+
+    def close(self) -> None:
+        self._driver.close()
+
+
+class _Jumper(_Far):
+    """TX led to RX: what we send is what we hear."""
+
+    def __init__(self, plan: Plan) -> None:
+        link = plan.link
+        wire = with_faults(open_address(link.port, "host", link.baud, link.bitrate), link, plan.seed)
+        self.port = wire.name
+        self._out = ThrusterLink(wire, end_protocol(link, "host", plan.channels))
+        self._in = ThrusterLink(wire, end_protocol(link, "device", plan.channels))
+
+    @property
+    def counters(self) -> Counters:  # type: ignore[override]
+        self._in.counters.bytes_out = self._out.counters.bytes_out
+        return self._in.counters
+
+    def descriptors(self) -> list[int]:
+        return [self._in.wire.fileno()]
+
+    def deadline_ns(self) -> int:
+        return 1 << 63
+
+    def send(self, command: ThrusterCommand) -> None:
+        self._out.send(command)
+
+    def answers(self, now: int) -> Iterator[int]:
+        return (m.sequence for m in self._in.receive() if isinstance(m, ThrusterCommand))
+
+    def close(self) -> None:
+        self._in.close()
+
+
+def run(plan: Plan, report: Callable[[str], None], progress: Callable[[int, int], None] | None = None) -> Result:
+    """Test the link. `progress` is told the commands sent and answered once a second.
+
+    Ends early with what there is on KeyboardInterrupt. Raises ConfigError, DeviceError, MissingExtraError.
+    """
+    far: _Far = _Jumper(plan) if plan.stm32 == "jumper" else _Stm32(plan, report)
+    test = _Test(plan, far)
+    try:
+        test.go(progress)
+    except KeyboardInterrupt:
+        report("interrupted")
+    finally:
+        far.close()
+    return test.result()
+
+
+class _Test:
+    """One run: what is on its way, and what has come back."""
+
+    def __init__(self, plan: Plan, far: _Far) -> None:
+        self._plan = plan
+        self._far = far
+        self._waiting: dict[int, int] = {}  # sequence -> when it was sent
+        self._trips_ns: list[int] = []
+        self._sent = 0
+        self._began = now_ns()
+
+    def go(self, progress: Callable[[int, int], None] | None) -> None:
+        """Send and listen for the plan's time, then listen until all is answered or lost."""
+        period = round(NS_PER_S / self._plan.rate) if self._plan.rate else 1
+        self._began = now_ns()
+        schedule, end = RateKeeper(period, self._began), self._began + round(self._plan.seconds * NS_PER_S)
+        shown = self._began
+        while (now := now_ns()) < end or (self._waiting and now < end + LOST_NS):
+            if now < end and (schedule.due(now) if self._plan.rate else not self._waiting):
+                self._send()
+            wake = min(schedule.deadline_ns if now < end else end + LOST_NS, self._far.deadline_ns())
+            if not self._plan.rate and self._waiting:
+                wake = min(now + LOST_NS, self._far.deadline_ns())
+            select.select(self._far.descriptors(), (), (), max(0, wake - now_ns()) / NS_PER_S)
+            self._listen()
+            if progress and now - shown > NS_PER_S:
+                shown = now
+                progress(self._sent, len(self._trips_ns))
+
+    def _send(self) -> None:
+        self._sent += 1
+        sequence = self._sent & 0xFFFF
+        first = CALM_PULSES - WIDEST + self._sent % (2 * WIDEST)
+        pulses = (first, *[CALM_PULSES] * (self._plan.channels - 1))
+        self._waiting[sequence] = now_ns()
+        self._far.send(ThrusterCommand(sequence, self._plan.spin, pulses))
+
+    def _listen(self) -> None:
+        answered = list(self._far.answers(now_ns()))
+        now = now_ns()
+        for sequence in answered:
+            if sequence in self._waiting:
+                self._trips_ns.append(now - self._waiting.pop(sequence))
+        for sequence in [s for s, sent in self._waiting.items() if now - sent > LOST_NS]:
+            del self._waiting[sequence]
+
+    def result(self) -> Result:
+        """The figures, of what was sent so far."""
+        trips, counters = sorted(self._trips_ns), self._far.counters
+        seconds = max(now_ns() - self._began, 1) / NS_PER_S
+
+        def quantile(share: float) -> float:
+            return trips[min(len(trips) - 1, int(share * len(trips)))] / NS_PER_MS if trips else float("nan")
+
+        return Result(
+            self._far.port, self._sent, len(trips), self._sent - len(trips), seconds,
+            quantile(0.5), quantile(0.99), quantile(1.0), wire_ms(self._plan),
+            {name: getattr(counters, name) for name in counters.__slots__},
+        )  # fmt: skip
+
+
+def wire_ms(plan: Plan) -> float:
+    """The time that the bits of a command and of its answer take on the line, ms; nan where it has no speed."""
+    link = plan.link
+    address = parse_address(link.port)
+    baud = (
+        link.faults.baud if link.faults and link.faults.baud else link.baud if address.kind in ("uart", "rs485") else 0
+    )
+    if not baud or address.carries_can:
+        return float("nan")
+    command = ThrusterCommand(1, plan.spin, (CALM_PULSES,) * plan.channels)
+    answer: Any = ThrusterTelemetry(1, plan.spin, False, command.pwm_us, 0, 0, 0, 0)
+    there = len(end_protocol(link, "host", plan.channels).encode(command))
+    back = 0 if plan.stm32 == "jumper" else len(end_protocol(link, "device", plan.channels).encode(answer))
+    return (there + back) * BITS_A_BYTE / baud * 1e3

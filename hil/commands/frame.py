@@ -1,0 +1,197 @@
+"""`uuv-hil frame`: what a frame file says, byte by byte, and what bytes from a line say by it."""
+
+import argparse
+import re
+import sys
+from collections.abc import Iterator
+
+from hil.columns import aligned
+from hil.commands.parser import new_parser
+from hil.errors import ConfigError
+from hil.links.contract import PWM_NEUTRAL_US, Message, ThrusterCommand, ThrusterTelemetry
+from hil.links.frame import FrameProtocol
+from hil.links.frame_check import WRONG, Part, Row, table, taken_apart
+from hil.links.frame_forms import checksum_of
+from hil.links.frame_layout import ChecksumRule, FrameLayout, MessageLayout, Other
+from hil.schema import find_preset, preset_names
+
+EXAMPLES = """\
+The exit code is 1 if some of the bytes are damaged, dropped, malformed or left over.
+
+examples:
+  uuv-hil frame list
+  uuv-hil frame check aa55                                  its byte tables and wire times
+  uuv-hil frame check my_lab.toml --thrusters 8 --rate 100
+  uuv-hil frame check aa55 AA 55 05 10 07 01 f4 01 12       what these bytes say
+  xxd -p capture.bin | uuv-hil frame check my_lab.toml -    the same of a file
+"""
+FRAMES = "firmware_stub/frames"
+BAUDS = (9_600, 57_600, 115_200, 460_800, 921_600, 2_000_000)
+BITS_PER_BYTE = 10  # 8N1: start, eight, stop
+BYTES_PER_LINE = 16
+CRC_PARAMETERS = ("polynomial", "start_value", "reflected", "final_xor")
+
+
+def main(arguments: list[str]) -> int:
+    """List the frames there are, or explain one and the bytes given; the exit code. Raises HilError."""
+    options = _parser().parse_args(arguments)
+    if options.what == "list":
+        print("\n".join(listing()))
+        return 0
+    if not 1e-3 <= options.rate <= 1e5:
+        raise ConfigError(f"--rate: {options.rate:g} Hz is outside 0.001 to 100000")
+    data = read_hex(options.hex)
+    protocol = FrameProtocol(find_preset(FRAMES, options.file), options.role)
+    if not options.hex:
+        print("\n".join(description(protocol, _channels(protocol, options), options.rate)))
+        return 0
+    parts = taken_apart(protocol, data)
+    for part in parts:
+        print("\n".join(_part(part)))
+    wrong = sum(len(part.data) for part in parts if part.kind in WRONG)
+    print(f"{len(data)} bytes, {sum(part.kind == 'message' for part in parts)} messages, {wrong} bytes wrong")
+    return int(wrong > 0)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = new_parser("frame", __doc__, EXAMPLES)
+    what = parser.add_subparsers(dest="what", required=True, metavar="list | check")
+    what.add_parser("list", help="the frames there are")
+    check = what.add_parser("check", help="explain a frame file, or bytes by it")
+    check.add_argument("file", metavar="NAME|FILE", help="a frame there is, or a .toml file")
+    check.add_argument(
+        "hex", metavar="HEX", nargs="*", help="bytes, with or without spaces, commas and 0x; - reads them"
+    )
+    check.add_argument("--thrusters", metavar="N", type=int, help="how many there are [6, or what the frame carries]")
+    check.add_argument("--rate", metavar="HZ", type=float, default=50.0, help="of the messages [50]")
+    check.add_argument("--role", choices=["host", "device"], help="decode only what this end hears [both]")
+    return parser
+
+
+def listing() -> list[str]:
+    """One line a frame: bytes of command and telemetry for six thrusters, checksum, stuffing."""
+    rows = [["frame", "command", "telemetry", "checksum", "stuffing"]]
+    for name in preset_names(FRAMES):
+        protocol = FrameProtocol(find_preset(FRAMES, name))
+        channels = 6 if 6 in protocol.channels else protocol.channels[0]
+        sizes = [f"{_size(protocol, kind, channels)} B" for kind in (ThrusterCommand, ThrusterTelemetry)]
+        rows.append([name, *sizes, protocol.layout.checksum.type, protocol.layout.stuffing.type])
+    return aligned(rows)
+
+
+def description(protocol: FrameProtocol, channels: int, rate: float) -> Iterator[str]:
+    """The byte tables of a frame for so many thrusters, and what its messages take of a line at `rate` Hz."""
+    layout = protocol.layout
+    yield f"{channels} thruster{'s' * (channels > 1)}, {layout.byte_order}-endian; {_checksum(layout.checksum, layout)}"
+    if layout.stuffing.type != "none":
+        yield f"stuffing: {layout.stuffing.type}; offsets are those before it, sizes on the line of a message at rest"
+    for name, message in (("command", layout.command), ("telemetry", layout.telemetry)):
+        yield ""
+        yield from _message(name, layout, message, channels)
+    for other in layout.other:
+        yield ""
+        yield from _message(f"{other.name}, {_sender(other)}", layout, other, channels)
+    yield ""
+    yield from _wire_times(protocol, channels, rate)
+
+
+def read_hex(words: list[str]) -> bytes:
+    """The bytes of a hex dump; "-" is what stands on standard input. Raises ConfigError naming what is none."""
+    text = sys.stdin.read() if words == ["-"] else " ".join(words)
+    data = b""
+    for word in re.split(r"[\s,;:]+|\\x|0[xX]", text):
+        digits = word.zfill(2) if len(word) == 1 else word
+        try:
+            data += bytes.fromhex(digits)
+        except ValueError:
+            raise ConfigError(f"HEX: {word!r} is no hexadecimal bytes: give pairs of 0-9 and a-f") from None
+    return data
+
+
+def _channels(protocol: FrameProtocol, options: argparse.Namespace) -> int:
+    wanted: int = options.thrusters or (6 if 6 in protocol.channels else protocol.channels[0])
+    if wanted not in protocol.channels:
+        carried = " to ".join(map(str, sorted({protocol.channels[0], protocol.channels[-1]})))
+        raise ConfigError(f"--thrusters: this frame carries {carried} thrusters, not {wanted}")
+    return wanted
+
+
+def _size(protocol: FrameProtocol, kind: type[Message], channels: int) -> int:
+    """The bytes on the wire of a message at rest."""
+    pulses = (PWM_NEUTRAL_US,) * channels
+    if kind is ThrusterCommand:
+        return len(protocol.encode(ThrusterCommand(1, True, pulses)))
+    return len(protocol.encode(ThrusterTelemetry(1, True, False, pulses, 1, 1, 1, 1)))
+
+
+def _checksum(rule: ChecksumRule, layout: FrameLayout) -> str:
+    order = {"little": "low", "big": "high"}[rule.byte_order or layout.byte_order]
+    own = [f"{name} 0x{value:X}" for name in CRC_PARAMETERS if (value := getattr(rule, name)) is not None]
+    words = f"{' '.join([rule.type, *own])} from byte {layout.checksum_start} up to itself"
+    words += f" less {rule.omit_last}" if rule.omit_last else ""
+    return words if checksum_of(rule).size == 1 else f"{words}, {order} byte first"
+
+
+def _sender(other: Other) -> str:
+    who = {"host": "from the host", "device": "from the STM32", "both": "from both"}[other.sent_by]
+    if not other.period:
+        return f"{who}, passed over"
+    return (
+        f"{who} {'after' if other.when_silent else 'every'} {other.period * 1e3:g} ms"
+        + " of silence" * other.when_silent
+    )
+
+
+def _message(name: str, layout: FrameLayout, message: MessageLayout | Other, channels: int) -> Iterator[str]:
+    rows = table(layout, message, channels)
+    last = rows[-1]
+    yield f"{name}, {last.offset + int(last.type[1:]) // 8} bytes"
+    cells = [["offset", "type", "field", "meaning"]]
+    for row in rows:
+        kind = row.type if row.numbers == 1 else f"{row.type}[{row.numbers}]"
+        cells.append([str(row.offset), kind, row.name, _meaning(row)])
+    yield from ("  " + line for line in aligned(cells))
+
+
+def _meaning(row: Row) -> str:
+    field = row.field
+    if row.value is not None:
+        return f"0x{row.value:02X}" + (f" = {row.value}" if field and row.name != "id" else "")
+    if field is None:
+        return ""
+    words = [f"bit {bit} {name}" for name, bit in field.bits._asdict().items() if bit is not None]
+    if field.name in ("pwm_us", "age_us") or field.extra:
+        words.append(_quantity(row))
+    if field.full_scale or field.unit == "normalised":
+        words.append(f"1900 us is {field.full_scale or 1:g} {field.unit}")
+    return ", ".join(words)
+
+
+def _quantity(row: Row) -> str:
+    field = row.field
+    assert field
+    unit = field.unit or ("us" if field.name in ("pwm_us", "age_us") else "")
+    scale = "" if field.scale == 1.0 else f"{field.scale:g} "
+    return f"{scale}{unit}" + (f" {field.offset:+g}" if field.offset else "") + ", ignored" * field.extra
+
+
+def _wire_times(protocol: FrameProtocol, channels: int, rate: float) -> Iterator[str]:
+    sizes = [_size(protocol, kind, channels) for kind in (ThrusterCommand, ThrusterTelemetry)]
+    yield f"at {rate:g} Hz: {sizes[0] * rate:g} bytes/s of commands, {sizes[1] * rate:g} of telemetry; 8N1:"
+    rows = [["baud", "command", "of the line", "telemetry", "of the line"]]
+    for baud in BAUDS:
+        times = [size * BITS_PER_BYTE / baud for size in sizes]
+        rows.append([str(baud), *(cell for t in times for cell in (f"{t * 1e3:.2f} ms", f"{100 * t * rate:.1f} %"))])
+    yield from ("  " + line for line in aligned(rows, right=True))
+
+
+def _part(part: Part) -> Iterator[str]:
+    text = part.text if part.kind in ("message", "other", "delimiter") else f"{part.kind}: {part.text}"
+    yield f"{part.start:6}  {text}"
+    if part.message:
+        for name, value in part.message._asdict().items():
+            yield f"        {name:15} {' '.join(map(str, value)) if name == 'pwm_us' else value}"
+    elif part.kind in WRONG:
+        yield from (
+            f"        {part.data[i : i + BYTES_PER_LINE].hex(' ')}" for i in range(0, len(part.data), BYTES_PER_LINE)
+        )

@@ -1,0 +1,148 @@
+"""`uuv-hil loopback`: test a thruster link, both ends or one, and say what it loses and how long it takes."""
+
+import json
+import sys
+from typing import Any
+
+from hil.bench.loopback import Plan, Result, run
+from hil.clock import NS_PER_MS
+from hil.commands.parser import new_parser
+from hil.config import Link
+from hil.errors import ConfigError
+from hil.links.address import FORMS
+from hil.schema import parse
+from hil.slave.stm32 import DRIVERS
+
+EXAMPLES = """\
+Without a port both ends are here, on a pseudo terminal. At a port of its own one end is here: at the other is an
+STM32 (`--stm32 device`), or TX leads to RX (`--stm32 jumper`). A real STM32 gets disarmed commands, which move
+nothing, unless --spin is given; propellers off then.
+
+examples:
+  uuv-hil loopback                                               both ends, a pty
+  uuv-hil loopback --fault baud=115200 --rate 0                  as slow as a UART, as many as it carries
+  uuv-hil loopback --protocol mavlink --stm32 unicorn            the firmware's image, MAVLink
+  uuv-hil loopback --protocol vesc --port can:virtual:bus0
+  uuv-hil loopback --fault drop=0.05 --fault delay="20 ms" --max-loss 0.12
+  uuv-hil loopback --stm32 device --port /dev/ttyUSB0 --baud 921600 --max-p99 "5 ms"
+  uuv-hil loopback --stm32 jumper --port /dev/serial0 --json
+"""
+LIMIT_BROKEN = 1
+
+
+def main(arguments: list[str]) -> int:
+    """Test one link; 0, or 1 if a limit is broken. Raises HilError."""
+    options = _parser().parse_args(arguments)
+    plan = Plan(
+        options.stm32, _link(options), options.channels, options.rate, options.seconds,
+        options.spin or options.stm32 not in ("device",), options.seed,
+    )  # fmt: skip
+    show = sys.stderr.isatty()
+    result = run(plan, lambda text: print(text, file=sys.stderr), _show if show else None)
+    if show:
+        print("\r\x1b[K", end="", file=sys.stderr)
+    broken = _broken(result, options)
+    print(json.dumps(_record(result, broken), indent=2) if options.json else _text(result, plan, broken))
+    return LIMIT_BROKEN if broken else 0
+
+
+def _parser() -> Any:
+    parser = new_parser("loopback", __doc__, EXAMPLES)
+    add = parser.add_argument
+    add("--port", default="pty:", metavar="ADDRESS", help=f"{FORMS} [%(default)s]")
+    add("--protocol", default="frame", help="frame, mavlink, dronecan or vesc [%(default)s]")
+    add("--frame", default="uuv_hil", help="name of a frame, or path of a frame's TOML file [%(default)s]")
+    add("--option", action="append", default=[], metavar="NAME=VALUE", help="a setting of the protocol")
+    add("--stm32", default="python", choices=[*DRIVERS, "jumper"], help="what answers [%(default)s]")
+    add("--baud", type=int, default=115_200, help="speed of a serial device, bit/s [%(default)s]")
+    add("--bitrate", type=int, default=1_000_000, help="of a CAN bus, bit/s, where it is ours to set [%(default)s]")
+    add("--channels", type=int, default=6, metavar="N", help="number of thrusters [%(default)s]")
+    add("--rate", type=float, default=50.0, metavar="HZ", help="commands a second; 0: one at a time [%(default)s]")
+    add("--seconds", type=float, default=5.0, metavar="S", help="how long [%(default)s]")
+    add("--fault", action="append", default=[], metavar="NAME=VALUE", help="baud, drop, corrupt, delay ... on our end")
+    add("--seed", type=int, default=1, metavar="N", help="of the faults [%(default)s]")
+    add("--spin", action="store_true", help="arm a real STM32: its thrusters will turn")
+    add("--max-loss", type=float, default=0.0, metavar="SHARE", help="commands without an answer [%(default)s]")
+    add("--max-errors", type=int, default=0, metavar="N", help="damaged frames [%(default)s]")
+    add("--max-p99", metavar="TIME", help='round trip of 99 %% of the answered, such as "5 ms" [any]')
+    add("--json", action="store_true", help="for other programs")
+    return parser
+
+
+def _link(options: Any) -> Link:
+    from hil.links.faults import Faults
+
+    if options.rate < 0.0 or not 0.0 < options.seconds < 1e6:
+        raise ConfigError("command line: --rate is not negative, and --seconds is more than 0")
+    table = {key: getattr(options, key) for key in ("port", "protocol", "frame", "baud", "bitrate")}
+    link = parse(table, Link, "command line")
+    faults = parse(settings(options.fault, "--fault"), Faults, "command line: --fault") if options.fault else None
+    return link._replace(options=settings(options.option, "--option"), faults=faults)
+
+
+def settings(texts: list[str], name: str) -> dict[str, Any]:
+    """NAME=VALUE texts as a table, values as in TOML or plain text. Raises ConfigError."""
+    import tomllib
+
+    table: dict[str, Any] = {}
+    for text in texts:
+        key, equals, value = text.partition("=")
+        if not key or not equals:
+            raise ConfigError(f"command line: {name} {text!r} is not NAME=VALUE")
+        try:
+            table[key] = tomllib.loads(f"value = {value}")["value"]
+        except tomllib.TOMLDecodeError:
+            table[key] = value
+    return table
+
+
+def _broken(result: Result, options: Any) -> list[str]:
+    """The limits that were not kept, in words."""
+    broken = []
+    if result.loss > options.max_loss:
+        broken.append(f"loss {result.loss:.2%} is above {options.max_loss:.2%}")
+    if result.errors > options.max_errors:
+        broken.append(f"{result.errors} damaged frames are above {options.max_errors}")
+    if options.max_p99 is not None:
+        limit = _milliseconds(options.max_p99)
+        if not result.p99_ms <= limit:
+            broken.append(f"p99 {result.p99_ms:.2f} ms is above {limit:g} ms")
+    return broken
+
+
+def _milliseconds(text: str) -> float:
+    from typing import Annotated, NamedTuple
+
+    from hil.schema import Range
+
+    class Limit(NamedTuple):
+        """One time."""
+
+        max_p99: Annotated[float, Range(0.0, 1e3, "s")]
+
+    return parse({"max_p99": text}, Limit, "command line").max_p99 * 1e9 / NS_PER_MS
+
+
+def _record(result: Result, broken: list[str]) -> dict[str, Any]:
+    record = result._asdict() | {"loss": result.loss, "errors": result.errors, "broken_limits": broken}
+    return {key: None if value != value else value for key, value in record.items()}
+
+
+def _text(result: Result, plan: Plan, broken: list[str]) -> str:
+    out, back = result.bytes_per_second
+    counters = result.counters
+    wire = f", of which the wire takes {result.wire_ms:.2f} ms" if result.wire_ms == result.wire_ms else ""
+    lines = [
+        f"{plan.link.protocol} on {result.port}, {plan.stm32}, {plan.channels} thrusters, {result.seconds:.1f} s",
+        f"commands    {result.sent} sent, {result.answered} answered, {result.lost} lost ({result.loss:.2%})",
+        f"came in     {counters['messages_in']} messages, {counters['checksum_errors']} with a wrong checksum, "
+        f"{counters['malformed']} malformed, {counters['dropped_bytes']} bytes dropped",
+        f"throughput  {out:.0f} B/s out, {back:.0f} B/s in, {result.answered / result.seconds:.0f} round trips/s",
+        f"round trip  p50 {result.p50_ms:.2f} ms, p99 {result.p99_ms:.2f} ms, max {result.max_ms:.2f} ms{wire}",
+        *(f"LIMIT BROKEN: {text}" for text in broken),
+    ]
+    return "\n".join(lines)
+
+
+def _show(sent: int, answered: int) -> None:
+    print(f"\r{sent} sent, {answered} answered", end="", file=sys.stderr, flush=True)

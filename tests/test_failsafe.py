@@ -1,0 +1,225 @@
+"""What happens to the thrusters when a part of the chain fails, measured at the STM32's end of a real pty.
+
+The slave is a process of its own; the STM32's end is here, where it can be silenced, reset and unplugged.
+"""
+
+import random
+import select
+import signal
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from firmware_stub.stub import Stm32, Stm32End
+from hil.autonomy.control import VelocityCommand
+from hil.clock import now_ns
+from hil.errors import DeviceError
+from hil.links.contract import ThrusterLink
+from hil.links.protocols import open_protocol
+from hil.links.wires import PtyWire
+from hil.master.client import VehicleClient
+from tests.processes import Program, wait_for, write_scenario
+
+WATCHDOG_S, DEADMAN_S = 0.2, 0.5
+SLACK_S = 0.15  # a shared machine wakes processes late
+NEUTRAL = [1500] * 6
+
+
+class Bench:
+    """An STM32 on a pty of a fixed name, served by a thread, and a record of when its outputs changed."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.changes: list[tuple[float, bool]] = []  # when, and whether neutral from then on
+        self.silent = False
+        self._running = True
+        self.plug()
+        self._thread = threading.Thread(target=self._serve)
+        self._thread.start()
+
+    def plug(self) -> None:
+        self.end = Stm32End(Stm32(6), ThrusterLink(PtyWire(str(self.path)), open_protocol("frame", "device", 6)))
+
+    def unplug(self) -> None:
+        end, self.silent = self.end, True
+        time.sleep(0.05)  # the thread is through with it
+        end.close()
+
+    def replug(self) -> None:
+        self.plug()
+        self.silent = False
+
+    def reset(self) -> None:
+        """As by its reset pin: everything it knew is gone."""
+        self.end.stm32 = Stm32(6)
+
+    @property
+    def spinning(self) -> bool:
+        return self.end.stm32.pwm_us != NEUTRAL
+
+    def neutral_after(self, since: float) -> float:
+        """Seconds from `since` until the outputs were neutral for good."""
+        assert wait_for(lambda: not self.spinning, 3.0), "the thrusters still turn"
+        time.sleep(0.1)
+        assert not self.spinning
+        return next(t for t, neutral in reversed(self.changes) if neutral) - since
+
+    def close(self) -> None:
+        self._running = False
+        self._thread.join(5.0)
+        self.end.close()
+
+    def _serve(self) -> None:
+        was = None
+        while self._running:
+            if self.silent:
+                time.sleep(0.005)
+                continue
+            try:
+                select.select([self.end.fileno()], [], [], 0.005)
+                self.end.service(now_ns())
+            except (DeviceError, ValueError):
+                continue
+            neutral = not self.spinning
+            if neutral != was:
+                self.changes.append((time.monotonic(), neutral))
+                was = neutral
+
+
+class Master:
+    """A planner that sends a command 20 times a second until told to stop."""
+
+    def __init__(self, client: VehicleClient) -> None:
+        self.client = client
+        self.speaking = True
+        self._running = True
+        self._thread = threading.Thread(target=self._speak)
+        self._thread.start()
+
+    def _speak(self) -> None:
+        while self._running:
+            if self.speaking:
+                self.client.command(VelocityCommand(surge=0.4))
+            time.sleep(0.05)
+
+    def close(self) -> None:
+        self._running = False
+        self._thread.join(5.0)
+
+
+@pytest.fixture
+def rig(tmp_path: Path) -> Iterator[tuple[Program, Bench, Master]]:
+    bench = Bench(tmp_path / "ttySTM32")
+    scenario, port = write_scenario(tmp_path, top='stm32 = "device"', link=f'port = "{bench.path}"')
+    try:
+        with Program(tmp_path, "slave", scenario) as slave:
+            slave.expect("ready")
+            with VehicleClient(f"tcp/127.0.0.1:{port}", "uuv1") as client:
+                assert client.wait_for_vehicle(10)
+                master = Master(client)
+                try:
+                    assert wait_for(lambda: bench.spinning, 5)
+                    time.sleep(0.3)
+                    yield slave, bench, master
+                finally:
+                    master.close()
+    finally:
+        bench.close()
+
+
+def again(bench: Bench, slave: Program, within: float) -> None:
+    """The thrusters turn again, by themselves, and the slave is still the same process."""
+    began = time.monotonic()
+    assert wait_for(lambda: bench.spinning, 5.0), slave.output
+    assert time.monotonic() - began < within
+    assert slave.process.poll() is None, slave.output
+    assert "Traceback" not in slave.output
+
+
+def test_the_master_falls_silent(rig: tuple[Program, Bench, Master]) -> None:
+    slave, bench, master = rig
+    for turn in (1, 2):
+        master.speaking = False
+        silent = time.monotonic()
+        assert bench.neutral_after(silent) < DEADMAN_S + SLACK_S
+        assert slave.output.count("deadman: no command in time, thrusters neutral") == turn
+        master.speaking = True
+        again(bench, slave, 0.5)
+
+
+def test_the_slave_is_killed(rig: tuple[Program, Bench, Master]) -> None:
+    slave, bench, _ = rig
+    slave.process.send_signal(signal.SIGKILL)
+    killed = time.monotonic()
+    assert bench.neutral_after(killed) < WATCHDOG_S + SLACK_S
+    assert bench.end.stm32.watchdog_trips == 1
+
+
+def test_the_slave_is_stopped_and_goes_on(rig: tuple[Program, Bench, Master]) -> None:
+    slave, bench, _ = rig
+    slave.process.send_signal(signal.SIGSTOP)
+    stopped = time.monotonic()
+    assert bench.neutral_after(stopped) < WATCHDOG_S + SLACK_S
+    time.sleep(1.0)
+    slave.process.send_signal(signal.SIGCONT)
+    again(bench, slave, 1.0)
+    assert slave.output.count("the STM32's watchdog tripped") == 1
+
+
+def test_the_stm32_falls_silent(rig: tuple[Program, Bench, Master]) -> None:
+    """The vehicle in the simulator stops being pushed, as its watchdog would see to; then all goes on."""
+    slave, bench, master = rig
+    bench.silent = True
+    assert wait_for(lambda: master.client.diagnostics().get("pwm_us") == " ".join(map(str, NEUTRAL)), 4), slave.output
+    bench.silent = False
+    again(bench, slave, 1.0)
+
+
+def test_the_stm32_is_reset(rig: tuple[Program, Bench, Master]) -> None:
+    slave, bench, _ = rig
+    bench.reset()
+    again(bench, slave, 0.5)
+    slave.expect("the STM32 has started anew")
+    time.sleep(0.5)
+    assert slave.output.count("the STM32 has started anew") == 1
+
+
+def test_a_flood_of_garbage(rig: tuple[Program, Bench, Master]) -> None:
+    """A second of noise at 921 600 bit/s from a broken driver: counted, and the vehicle is still under command."""
+    slave, bench, master = rig
+    noise, end = random.Random(1), time.monotonic() + 1.0
+    written = 0
+    while time.monotonic() < end:
+        written += bench.end.link.wire.write(noise.randbytes(900))
+        time.sleep(0.01)
+    assert written > 40_000
+    again(bench, slave, 0.5)
+
+    def dropped() -> bool:
+        figures = master.client.diagnostics()
+        return int(figures.get("link_dropped_bytes", 0)) > 20_000 and int(figures.get("link_checksum_errors", 0)) >= 0
+
+    assert wait_for(dropped, 4), master.client.diagnostics()
+    master.speaking = False
+    assert bench.neutral_after(time.monotonic()) < DEADMAN_S + SLACK_S
+
+
+def test_the_port_is_unplugged_and_comes_back(rig: tuple[Program, Bench, Master]) -> None:
+    slave, bench, master = rig
+
+    def told(text: str, times: int) -> bool:
+        return bool(wait_for(lambda: slave.output.count(text) == times, 2.0))
+
+    for turn in (1, 2):
+        bench.unplug()
+        assert bench.end.stm32.pwm_us == NEUTRAL
+        assert told("thruster link lost, thrusters neutral", turn), slave.output
+        time.sleep(0.7)
+        bench.replug()
+        again(bench, slave, 1.0)
+        assert told("thruster link back after", turn), slave.output
+    assert f"{bench.path}: went away" in slave.output
+    assert wait_for(lambda: master.client.diagnostics().get("link_losses") == "2", 4)
