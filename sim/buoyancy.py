@@ -6,7 +6,8 @@ proportion to its depth. So lift is continuous, the centre of buoyancy moves to 
 tilted hull rights itself, and as the lift of a point depends on its own depth alone there is a potential:
 energy is neither made nor lost. For a level hull the lift is exactly that of a box.
 
-Not modelled: the hull's true form, waves, loss of added mass and damping out of the water.
+Waves and layers come on top (sim/stratification.py). Not modelled: the hull's true form, loss of added mass and
+damping out of the water.
 """
 
 from math import sqrt
@@ -19,7 +20,7 @@ Lift = tuple[float, float, float, float]
 
 
 class Hull:
-    """The lift on one vehicle in water of `density` kg/m³ under `gravity` m/s²."""
+    """The lift on one vehicle in water of `density` kg/m³ under `gravity` m/s²; all of it from `reach` m down."""
 
     def __init__(self, vehicle: Vehicle, density: float, gravity: float) -> None:
         length, width, height = vehicle.dimensions
@@ -33,16 +34,16 @@ class Hull:
         self._share = self.full / len(self.points)
         self._filling = 0.5 / up
         self._submerged: Lift = (self.full, self.full * x, self.full * y, self.full * z)
-        self._reach = up + max(sqrt(a * a + b * b + c * c) for a, b, c in self.points)
+        self.reach = up + max(sqrt(a * a + b * b + c * c) for a, b, c in self.points)
 
     def numbers(self) -> list[float]:
         """All that `lift` uses, in a row: points, share of each, filling, lift when submerged, reach."""
         points = [x for point in self.points for x in point]
-        return [*points, self._share, self._filling, *self._submerged, self._reach]
+        return [*points, self._share, self._filling, *self._submerged, self.reach]
 
     def lift(self, depth: float, rotation: Rotation) -> Lift:
         """The lift (N) and lift times the centre of buoyancy (N m, body axes), origin `depth` m under the surface."""
-        if depth >= self._reach:
+        if depth >= self.reach:
             return self._submerged
         _, _, _, _, _, _, zx, zy, zz = rotation
         lift = lift_x = lift_y = lift_z = 0.0
@@ -56,3 +57,10 @@ class Hull:
             lift_y += part * y
             lift_z += part * z
         return lift, lift_x, lift_y, lift_z
+
+
+def lift_wrench(lift: Lift, rotation: Rotation) -> tuple[float, float, float, float, float, float]:
+    """`lift` as force (N) and moment (N m) about the origin along the body axes, at this attitude (body to world)."""
+    force, x, y, z = lift
+    _, _, _, _, _, _, zx, zy, zz = rotation
+    return -force * zx, -force * zy, -force * zz, z * zy - y * zz, x * zz - z * zx, y * zx - x * zy

@@ -22,7 +22,7 @@ from sim.world import World
 class Contact:
     """Keeps one vehicle out of one world. `touching` tells the last step, `count` the blows so far.
 
-    `inverse_mass` is the inverse of M = M_RB + M_A, 6x6.
+    `inverse_mass` is the inverse of M = M_RB + M_A, 6x6; it changes with what the vehicle drops.
     """
 
     def __init__(self, vehicle: Vehicle, world: World, inverse_mass: Matrix) -> None:
@@ -31,7 +31,7 @@ class Contact:
         self.half_height = 0.5 * height
         self.count = 0
         self.touching = False
-        self._inverse_mass = inverse_mass
+        self.inverse_mass = inverse_mass
         self._seabed = world.depth
         self._obstacles = world.obstacles()
         # As long as the vehicle is within `_free` m of this place it cannot touch anything.
@@ -74,7 +74,7 @@ class Contact:
         closing = x * state.nu[0] + y * state.nu[1] + z * state.nu[2]
         if closing >= 0.0:
             return
-        answer = [row[0] * x + row[1] * y + row[2] * z for row in self._inverse_mass]  # M^-1 n
+        answer = [row[0] * x + row[1] * y + row[2] * z for row in self.inverse_mass]  # M^-1 n
         impulse = -closing / (x * answer[0] + y * answer[1] + z * answer[2])
         state.nu = [v + impulse * a for v, a in zip(state.nu, answer, strict=True)]
 

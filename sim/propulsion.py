@@ -8,7 +8,7 @@ from sim.t200 import VOLTS
 from sim.thruster_curves import T200, Advance
 from sim.thruster_lags import Lag
 from sim.thruster_model import Thruster
-from sim.thrusters import ThrusterSet
+from sim.thrusters import ThrusterSet, wrench_matrix
 from sim.vehicle import Vehicle
 
 
@@ -23,7 +23,10 @@ class Propulsion(ThrusterSet):
         self._lags = [_lag(thruster, dt) for thruster in vehicle.thrusters]
         self._pack = BatteryPack(vehicle.battery) if vehicle.battery else None
         self._fed = [i for i, t in enumerate(vehicle.thrusters) if self._pack and isinstance(t.curve, T200)]
-        self._advancing = [(i, t.curve) for i, t in enumerate(vehicle.thrusters) if isinstance(t.curve, Advance)]
+        ways = list(zip(*wrench_matrix(vehicle, torque=False), strict=True))
+        self._advancing = [
+            (i, ways[i], t.curve) for i, t in enumerate(vehicle.thrusters) if isinstance(t.curve, Advance)
+        ]
         self.feels_water = bool(self._advancing)
         self._fed_thrusts: list[list[float]] = [[0.0] * len(VOLTS) for _ in self._fed]
         self._amperes = [0.0] * len(VOLTS)
@@ -37,8 +40,8 @@ class Propulsion(ThrusterSet):
         if self._pack:
             self._feed(self._pack)
         thrusts = [lag.step(target) for lag, target in zip(self._lags, self._targets, strict=True)]
-        for index, curve in self._advancing:
-            speed = sum([a * b for a, b in zip(self._columns[index], nu_r, strict=True)])
+        for index, way, curve in self._advancing:
+            speed = sum([a * b for a, b in zip(way, nu_r, strict=True)])
             thrusts[index] -= curve.loss(thrusts[index], speed)
         return thrusts
 

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 from hil.errors import ConfigError
 from sim.contact import Contact, starts_inside
-from sim.dynamics import Forces, Integrator, State
+from sim.dynamics import Dynamics, Forces, Integrator, State
 from sim.forces import Force
 from sim.native import make_dynamics
 from sim.rotations import from_euler, rotate_inverse
@@ -17,7 +17,9 @@ from sim.vehicle import Vehicle
 from sim.world import World
 
 if TYPE_CHECKING:
+    from sim.ballast import DropWeight, Release
     from sim.battery import BatteryState
+    from sim.equipment import Equipment
     from sim.failures import Failure
     from sim.water import MovingWater
     from sim.waves import Sea
@@ -30,9 +32,10 @@ class Simulation:
 
     The same arguments and the same pulses give the same numbers to the last bit. `dt_ns` is how much
     each step advances; a sensor cannot be faster. `sensors` are the usual ones if left out. `failures` are what
-    befalls the thrusters, and when; `forces` what pushes the vehicle besides them. `contacts` counts the
-    touches of seabed and obstacles, `touching` tells of the last step. Raises ConfigError if the vehicle would
-    start inside something, or has not the thruster that fails.
+    befalls the thrusters, and when; `forces` what pushes the vehicle besides them; `releases` say when it drops its
+    weights. `contacts` counts the touches of seabed and obstacles, `touching` tells of the last step; `equipment` is
+    what sim/equipment.py says, None for a vehicle of hull and thrusters. Raises ConfigError if the vehicle would
+    start inside something, or has not the thruster that fails or the weight that goes.
     """
 
     def __init__(
@@ -47,6 +50,7 @@ class Simulation:
         integrator: Integrator = "semi_implicit_euler",
         failures: "Sequence[Failure]" = (),
         forces: Sequence[Force] = (),
+        releases: "Sequence[Release]" = (),
     ) -> None:
         if starts_inside(vehicle, world, position):
             at = ", ".join(f"{x:g}" for x in position)
@@ -59,13 +63,15 @@ class Simulation:
         self.state = State(position, from_euler(0.0, 0.0, heading))
         self._dt_ns = dt_ns
         self._dt = dt_ns * 1e-9
-        self._dynamics = make_dynamics(vehicle, world.density, world.gravity, integrator, forces)
-        self._forces = forces
+        self._integrator: Integrator = integrator
+        self._water = _moving_water(vehicle, world, seed)
+        self.equipment = _equipment(vehicle, world, self._dt, releases)
+        self._own_forces = forces
+        self._dynamics = self._build()
         self._thrusters = make_thrusters(vehicle, self._dt, failures, seed)
         self._flow: Sequence[float] = world.current
         self._wrench: Sequence[float] = (0.0,) * 6
         self._contact = Contact(vehicle, world, self._dynamics.inverse_mass)
-        self._water = _moving_water(vehicle, world, seed)
         self._schedule = Schedule(fit() if sensors is None else sensors, self, seed, dt_ns)
 
     @property
@@ -82,11 +88,6 @@ class Simulation:
     def thrusts(self) -> list[float]:
         """The present thrust of each thruster in N."""
         return self._thrusters.thrusts
-
-    @property
-    def flow(self) -> Sequence[float]:
-        """The velocity of the water where the vehicle is, NED in m/s, as of the last step."""
-        return self._flow
 
     @property
     def sea(self) -> "Sea | None":
@@ -109,6 +110,12 @@ class Simulation:
         """
         self._thrusters.fail(failures)
 
+    def release(self, name: str) -> None:
+        """Let the drop weight `name` go. Raises ConfigError if it is not there, or no more."""
+        if self.equipment is None:
+            raise ConfigError(f"release: {self.vehicle.name} has no drop weight {name!r}, nor any other")
+        self._drop(self.equipment.take(name))
+
     def forces(self) -> Forces:
         """The forces on it now, term by term, under the thrust and in the water of the last step."""
         return self._dynamics.forces(self.state, self._wrench, self._flow)
@@ -118,8 +125,10 @@ class Simulation:
         return ground_truth(self.time_ns, self.state)
 
     def step(self, pwm_us: Sequence[int]) -> list[tuple[str, Sample]]:
-        """Advance by one step under these pulses (us, one a thruster); the samples that fell due, by topic."""
+        """Advance by one step under these pulses (us, one a channel); the samples that fell due, by topic."""
         state = self.state
+        if self.equipment is not None:
+            pwm_us = self._equip(self.equipment, pwm_us)
         wrench: Sequence[float] = self._push(pwm_us)
         current = self.world.current
         if self._water is not None:
@@ -134,6 +143,36 @@ class Simulation:
             state.nu_dot = [(new - old) / self._dt for new, old in zip(state.nu, before, strict=True)]
         self.time_ns += self._dt_ns
         return self._schedule.take(self.time_ns, self) if self.time_ns >= self._schedule.due_ns else []
+
+    def _equip(self, equipment: "Equipment", pwm_us: Sequence[int]) -> Sequence[int]:
+        """One step of the equipment under its part of these pulses; the thrusters' part."""
+        count, channels = len(self.vehicle.thrusters), len(self.vehicle.channels)
+        if len(pwm_us) != channels:
+            raise ConfigError(f"{len(pwm_us)} pulses for a vehicle of {channels} channels: give one a channel")
+        for weight in equipment.step(self.time_ns, pwm_us[count:]):
+            self._drop(weight)
+        return pwm_us[:count]
+
+    def _drop(self, weight: "DropWeight") -> None:
+        """Go on as fast as before without `weight`, which takes its own momentum along."""
+        from sim.ballast import without
+
+        self.vehicle = without(self.vehicle, weight, self.world.density)
+        self._dynamics = self._build()
+        self._contact.inverse_mass = self._dynamics.inverse_mass
+        if self._water is not None:
+            self._water.carry(self.vehicle, self.world.density)
+
+    def _build(self) -> Dynamics:
+        """The equations of the vehicle as it is now, with all that pushes it."""
+        vehicle, world = self.vehicle, self.world
+        forces = [*self.equipment.forces, *self._own_forces] if self.equipment else list(self._own_forces)
+        if world.ocean and (world.ocean.profile or world.ocean.waves):
+            from sim.stratification import surface_and_layers
+
+            forces += surface_and_layers(vehicle, world, self.sea)
+        self._forces = forces
+        return make_dynamics(vehicle, world.density, world.gravity, self._integrator, forces)
 
     def _push(self, pwm_us: Sequence[int]) -> Sequence[float]:
         """The wrench of the thrusters, which meet the water as it flowed a step ago."""
@@ -153,3 +192,12 @@ def _moving_water(vehicle: Vehicle, world: World, seed: int) -> "MovingWater | N
     from sim.water import MovingWater
 
     return MovingWater(vehicle, world, seed)
+
+
+def _equipment(vehicle: Vehicle, world: World, dt: float, releases: "Sequence[Release]") -> "Equipment | None":
+    """The equipment of `vehicle`; None if it has none, and then nothing is loaded for it. Raises ConfigError."""
+    if not (vehicle.equipped or releases):
+        return None
+    from sim.equipment import Equipment
+
+    return Equipment(vehicle, world.density, world.gravity, dt, releases)

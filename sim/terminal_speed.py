@@ -4,6 +4,7 @@ from math import inf, sqrt
 from typing import NamedTuple
 
 from sim.matrices import Matrix, square
+from sim.thruster_curves import Advance
 from sim.thrusters import wrench_matrix
 from sim.vehicle import Vehicle, displaced_volume
 
@@ -48,19 +49,25 @@ def reaches(vehicle: Vehicle, inverse: Matrix, density: float = 1000.0, gravity:
 
     `inverse` says how thrust is shared: n rows of 6, the thrusts (N) for 1 N or 1 N m along each axis, as
     `hil.autonomy.allocation.pseudo_inverse` gives for the vehicle's wrench matrix. What the vehicle weighs in
-    water of `density` kg/m³ under `gravity` m/s² helps it down and hinders it up. Not modelled, as in the
-    vehicle: loss of thrust with speed. Left out: damping that couples axes, and, for roll and pitch, the
-    righting moment of weight and buoyancy, which stops most vehicles from turning over at all.
+    water of `density` kg/m³ under `gravity` m/s² helps it down and hinders it up; propellers lose thrust with speed
+    where their curve says so, and hull and fins drag as sim/equipment.py says. Left out: damping that couples axes,
+    lift of fins, and, for roll and pitch, the righting moment of weight and buoyancy, which stops most vehicles from
+    turning over at all.
     """
     matrix = wrench_matrix(vehicle)
     linear, quadratic = square(vehicle.linear_damping, 6), square(vehicle.quadratic_damping, 6)
     sinks = (vehicle.mass - density * displaced_volume(vehicle, density)) * gravity
     found = []
     for axis, name in enumerate(AXES):
-        ahead, astern = _most(vehicle, matrix, [row[axis] for row in inverse], axis)
+        shares = [row[axis] for row in inverse]
+        ahead, astern = _most(vehicle, matrix, shares, axis)
         own_weight = sinks if name == "heave" else 0.0
-        drag = linear[axis][axis], quadratic[axis][axis]
-        speeds = terminal_speed(ahead + own_weight, *drag), terminal_speed(astern + own_weight, *drag)
+        drag = quadratic[axis][axis] + _equipment_drag(vehicle, density, axis)
+        losses = [linear[axis][axis] + _loss(vehicle, matrix, shares, force, axis) for force in (ahead, astern)]
+        speeds = (
+            terminal_speed(ahead + own_weight, losses[0], drag),
+            terminal_speed(astern + own_weight, losses[1], drag),
+        )
         found.append(Reach(name, (ahead, astern), speeds if ahead else (0.0, 0.0)))
     return tuple(found)
 
@@ -78,6 +85,32 @@ def _most(vehicle: Vehicle, matrix: Matrix, thrusts: list[float], axis: int) -> 
         ahead = min(ahead, with_it if thrust > 0.0 else against_it)
         astern = min(astern, against_it if thrust > 0.0 else with_it)
     return ahead * made[axis], -astern * made[axis]
+
+
+def _loss(vehicle: Vehicle, matrix: Matrix, shares: list[float], force: float, axis: int) -> float:
+    """The force (N) that propellers lose along `axis` for each m/s, while they make `force` N there."""
+    made = sum(a * f for a, f in zip(matrix[axis], shares, strict=True))
+    lost = 0.0
+    for thruster, share, along in zip(vehicle.thrusters, shares, matrix[axis], strict=True):
+        if isinstance(thruster.curve, Advance) and force:
+            lost += along * along * thruster.curve.loss(share * force / made, 1.0)
+    return lost
+
+
+def _equipment_drag(vehicle: Vehicle, density: float, axis: int) -> float:
+    """What equipment adds to the quadratic damping along surge, sway or heave, N s²/m²."""
+    if axis == 0:
+        damping = square(vehicle.forward_speed_damping or (0.0,) * 6, 6)[0][0]
+        areas = sum(fin.area * fin.parasitic_drag for fin in vehicle.fins)
+        if vehicle.lift:
+            areas += vehicle.lift.area * vehicle.lift.parasitic_drag
+        return damping + 0.5 * density * areas
+    flow = vehicle.cross_flow
+    if flow is None or axis > 2:
+        return 0.0
+    length, width, height = vehicle.dimensions
+    side = (flow.height or height) if axis == 1 else (flow.width or width)
+    return 0.5 * density * flow.drag[-1] * (flow.length or length) * side
 
 
 def _astray(made: list[float], axis: int) -> float:

@@ -24,7 +24,8 @@ class Thruster(NamedTuple):
     (sim/thruster_curves.py); `max_forward` and `max_reverse` limit that one too.
 
     Thrust follows the curve at once if `time_constant` is 0, else with this first-order lag, or as the table
-    `dynamics` and its `kind` say (sim/thruster_lags.py). Not modelled: reaction torque, ventilation.
+    `dynamics` and its `kind` say (sim/thruster_lags.py). The propeller turns the vehicle by `torque` N m for each N
+    of thrust, right-handed about `direction`. Not modelled: torque that is not in proportion, ventilation.
     """
 
     name: str
@@ -40,6 +41,7 @@ class Thruster(NamedTuple):
     pwm_max_us: Pulse = 1900
     curve: "Curve | None" = None
     dynamics: "Lagging | None" = None
+    torque: Annotated[float, Range(-10.0, 10.0, "m")] = 0.0
 
     @property
     def unit_direction(self) -> tuple[float, float, float]:

@@ -51,16 +51,18 @@ def pwm_for(thruster: Thruster, thrust: float) -> int:
     return thruster.pulse_at(x if thrust > 0.0 else -x)
 
 
-def wrench_matrix(vehicle: Vehicle) -> Matrix:
-    """The 6 x n matrix whose column i is the wrench of 1 N of thruster i.
+def wrench_matrix(vehicle: Vehicle, torque: bool = True) -> Matrix:
+    """The 6 x n matrix whose column i is the wrench of 1 N of thruster i, with or without its propeller's torque.
 
-    Rows: X Y Z (N) and K M N (N m) about the body origin along the body axes. Always from the poses.
+    Rows: X Y Z (N) and K M N (N m) about the body origin along the body axes. Always from the poses. Without torque
+    it also turns velocities of the vehicle into speeds along the thrusters: its columns are what a thruster sees.
     """
     columns = []
     for thruster in vehicle.thrusters:
         x, y, z = thruster.position
         a, b, c = thruster.unit_direction
-        columns.append((a, b, c, y * c - z * b, z * a - x * c, x * b - y * a))
+        t = thruster.torque if torque else 0.0
+        columns.append((a, b, c, y * c - z * b + t * a, z * a - x * c + t * b, x * b - y * a + t * c))
     return [list(row) for row in zip(*columns, strict=True)]
 
 

@@ -12,13 +12,18 @@ from sim.matrices import Matrix, cross_matrix, is_positive_definite, is_symmetri
 from sim.thruster_model import Point, Thruster, with_models
 
 if TYPE_CHECKING:
+    from sim.ballast import BuoyancyEngine, DropWeight
     from sim.battery import Battery
+    from sim.body_lift import CrossFlow, Lift
+    from sim.surfaces import Fin
 
 __all__ = ["Point", "Thruster", "Vehicle", "displaced_volume", "load_vehicle", "mass_matrix", "rigid_mass_matrix"]
 
 Size = Annotated[float, Range(0.01, 50.0, "m")]
 
-MAX_THRUSTERS = 16
+MAX_CHANNELS = 16
+# What of a vehicle's file is read by sim/equipment.py: most vehicles do without.
+EQUIPMENT = ("fins", "lift", "cross_flow", "forward_speed_damping", "buoyancy_engine", "drop_weights")
 
 
 class Vehicle(NamedTuple):
@@ -30,6 +35,7 @@ class Vehicle(NamedTuple):
     `added_mass` (kg, kg m, kg m²), `linear_damping` (N s/m ...) and `quadratic_damping` (N s²/m² ...):
     six diagonal numbers for surge, sway, heave, roll, pitch, yaw, or all 36 row after row.
     `battery` feeds those thrusters whose curve knows its current (sim/battery.py); without one their supply holds.
+    `fins` and all below are described in sim/equipment.py; mass, volume and inertia include the `drop_weights`.
     """
 
     name: str
@@ -46,10 +52,28 @@ class Vehicle(NamedTuple):
     center_of_gravity: Point = (0.0, 0.0, 0.0)
     neutrally_buoyant: bool = False
     battery: "Battery | None" = None
+    fins: "tuple[Fin, ...]" = ()
+    lift: "Lift | None" = None
+    cross_flow: "CrossFlow | None" = None
+    forward_speed_damping: tuple[float, ...] = ()
+    buoyancy_engine: "BuoyancyEngine | None" = None
+    drop_weights: "tuple[DropWeight, ...]" = ()
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Whose pulse each output of the STM32 is: thrusters, then fins, buoyancy engine, drop weights."""
+        engine = ("buoyancy engine",) if self.buoyancy_engine else ()
+        thrusters, fins = [t.name for t in self.thrusters], [fin.name for fin in self.fins]
+        return (*thrusters, *fins, *engine, *(weight.name for weight in self.drop_weights))
+
+    @property
+    def equipped(self) -> bool:
+        """True if it has anything of sim/equipment.py."""
+        return any(getattr(self, key) for key in EQUIPMENT)
 
     def problem(self) -> str | None:
         """What is wrong between the keys, if anything."""
-        return self._shape_problem() or self._mass_problem() or self._thruster_problem()
+        return self._shape_problem() or self._mass_problem() or self.channel_problem()
 
     def _shape_problem(self) -> str | None:
         for key, size in (("inertia", 3), ("added_mass", 6), ("linear_damping", 6), ("quadratic_damping", 6)):
@@ -72,12 +96,16 @@ class Vehicle(NamedTuple):
             return "mass plus added mass is not positive definite: write added mass positive"
         return None
 
-    def _thruster_problem(self) -> str | None:
-        names = [thruster.name for thruster in self.thrusters]
-        if not 1 <= len(names) <= MAX_THRUSTERS:
-            return f"a vehicle has 1 to {MAX_THRUSTERS} thrusters, found {len(names)}"
+    def channel_problem(self) -> str | None:
+        """What is wrong with the thrusters and all else that takes pulses, if anything."""
+        if not 1 <= len(self.thrusters) <= MAX_CHANNELS:
+            return f"a vehicle has 1 to {MAX_CHANNELS} thrusters, found {len(self.thrusters)}"
+        names = self.channels
+        if len(names) > MAX_CHANNELS:
+            return f"an STM32 has {MAX_CHANNELS} outputs, found {len(names)} to drive: {', '.join(names)}"
         if len(set(names)) < len(names):
-            return f"two thrusters have the same name: {', '.join(names)}"
+            what = "channels" if self.equipped else "thrusters"
+            return f"two {what} have the same name: {', '.join(names)}"
         return None
 
 
@@ -85,13 +113,15 @@ def load_vehicle(name_or_path: str) -> tuple[Vehicle, dict[str, Any]]:
     """A preset of `sim/vehicles`, or a file ending in `.toml`: the vehicle, and its `[control]` table.
 
     The table belongs to whoever controls the vehicle and is handed on as it is, {} if absent. What all
-    thrusters have in common may stand once, in `[every_thruster]`. Raises ConfigError.
+    thrusters have in common may stand once, in `[every_thruster]`, and for fins in `[every_fin]`. Raises ConfigError.
     """
     path = find_preset("sim/vehicles", name_or_path)
     table = read_table(path)
     control = table.pop("control", {})
     battery = table.pop("battery", None)
-    rows = _thruster_rows(table)
+    rows = _with_common(table, "thrusters", "every_thruster")
+    _with_common(table, "fins", "every_fin")
+    equipment = {key: table.pop(key) for key in EQUIPMENT if key in table}
     models: list[dict[str, Any]] = [{key: row.pop(key) for key in ("curve", "dynamics") if key in row} for row in rows]
     vehicle = parse(table, Vehicle, path)
     if any(models):
@@ -101,15 +131,19 @@ def load_vehicle(name_or_path: str) -> tuple[Vehicle, dict[str, Any]]:
         from sim.battery import with_battery  # most vehicles do without
 
         vehicle = with_battery(vehicle, battery, path)
+    if equipment:
+        from sim.equipment import with_equipment
+
+        vehicle = with_equipment(vehicle, equipment, path)
     return vehicle, control
 
 
-def _thruster_rows(table: dict[str, Any]) -> list[dict[str, Any]]:
-    """The tables of the thrusters, each with what all have in common; put back into `table`."""
-    common, rows = table.pop("every_thruster", {}), table.get("thrusters")
+def _with_common(table: dict[str, Any], key: str, every: str) -> list[dict[str, Any]]:
+    """The tables under `key`, each with what all have in common, under `every`; put back into `table`."""
+    common, rows = table.pop(every, {}), table.get(key)
     if not (isinstance(rows, list) and isinstance(common, dict) and all(isinstance(row, dict) for row in rows)):
         return []  # parse says what is wrong
-    table["thrusters"] = rows = [{**common, **row} for row in rows]
+    table[key] = rows = [{**common, **row} for row in rows]
     return rows
 
 

@@ -25,8 +25,8 @@ class MovingWater:
     accelerates pushes besides, on what it would itself fill of the hull and on the added mass:
     (M_A + rho V) a, in which rho V acts at the centre of buoyancy (Newman 1977, Marine Hydrodynamics, 4.17);
     a vehicle that weighs nothing and does not drag goes with the water. Waves push so; currents change too
-    slowly for it. Not modelled: waves at a hull that pierces the surface, whose lift is that of calm water;
-    differences of the water's velocity along the hull, so a wave should be several vehicles long.
+    slowly for it. A hull that pierces the surface feels the height of the waves by sim/stratification.py.
+    Not modelled: differences of the water's velocity along the hull, so a wave should be several vehicles long.
     """
 
     def __init__(self, vehicle: Vehicle, world: World, seed: int) -> None:
@@ -93,7 +93,7 @@ def pushed_mass(vehicle: Vehicle, density: float) -> list[list[float]]:
 class WaterColumn:
     """Density, speed of sound and pressure by depth, from the rows of a profile, under `gravity` m/s².
 
-    Buoyancy does not follow the profile: it is that of the world's own `density`.
+    What a hull's lift makes of it is in sim/stratification.py.
     """
 
     def __init__(self, profile: Profile, gravity: float) -> None:

@@ -104,6 +104,7 @@ class CascadedController:
         self._gains = gains
         self._inertia = inertia
         self._loops = [_Loop(axis) for axis in gains[:6]]
+        self._pitch = 0.0  # rad, what it holds
 
     def reset(self) -> None:
         """Forget all integrals and slopes: for taking over from a pause or from another controller."""
@@ -119,7 +120,7 @@ class CascadedController:
         axis that lacks force does not go on integrating towards it. An axis whose measurement is not a number
         holds its integral.
         """
-        down = _down_in_body(navigation.orientation)
+        down = down_in_body(navigation.orientation)
         heave = command.heave
         if command.depth is not None:
             heave = heave_for_depth(command.depth, navigation, self._gains.depth)
@@ -136,13 +137,13 @@ class CascadedController:
     def _rates(self, command: VelocityCommand, orientation: Quaternion, down: Vector3) -> Vector3:
         """The p, q, r, rad/s, that level the vehicle and turn it about the vertical."""
         gains = self._gains
-        roll, pitch = atan2(down[1], down[2]), -asin(_clamp(down[0], 1.0))
-        roll_rate = _clamp(-gains.roll.p * roll, gains.roll.limit)
-        pitch_rate = _clamp(-gains.pitch.p * pitch, gains.pitch.limit)
+        roll, pitch = atan2(down[1], down[2]), -asin(clamp(down[0], 1.0))
+        roll_rate = clamp(-gains.roll.p * roll, gains.roll.limit)
+        pitch_rate = clamp(gains.pitch.p * (self._pitch - pitch), gains.pitch.limit)
         turn = command.yaw_rate
         if command.heading is not None:
             error = wrap(command.heading - heading_of(orientation))
-            turn = _clamp(turn + gains.heading.p * error, gains.heading.limit)
+            turn = clamp(turn + gains.heading.p * error, gains.heading.limit)
         return (
             roll_rate + turn * down[0],
             pitch_rate * cos(roll) + turn * down[1],
@@ -155,11 +156,11 @@ def heave_for_depth(depth: float, navigation: Navigation, hold: HoldGains) -> fl
 
     A vehicle that pitches by some degrees at speed dives or climbs by its surge; that is countered too.
     """
-    down = _down_in_body(navigation.orientation)
-    rate = _clamp(hold.p * (depth - navigation.depth), hold.limit)
+    down = down_in_body(navigation.orientation)
+    rate = clamp(hold.p * (depth - navigation.depth), hold.limit)
     u, v, _ = navigation.velocity
     heave = (rate - down[0] * u - down[1] * v) / max(down[2], _LEAST_UPRIGHT)
-    return _clamp(heave, hold.limit / _LEAST_UPRIGHT)
+    return clamp(heave, hold.limit / _LEAST_UPRIGHT)
 
 
 class _Loop:
@@ -188,8 +189,8 @@ class _Loop:
         integral = self._integral + i * error * dt
         blocked = lack * error > 0.0 or (abs(wanted + integral) > limit and (wanted + integral) * error > 0.0)
         if not blocked:
-            self._integral = _clamp(integral, limit)
-        return _clamp(wanted + self._integral, limit)
+            self._integral = clamp(integral, limit)
+        return clamp(wanted + self._integral, limit)
 
 
 def wrap(angle: float) -> float:
@@ -203,11 +204,12 @@ def heading_of(orientation: Quaternion) -> float:
     return atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
 
 
-def _down_in_body(orientation: Quaternion) -> Vector3:
+def down_in_body(orientation: Quaternion) -> Vector3:
     """The unit vector to the centre of the earth, along FRD: the last row of the rotation matrix."""
     w, x, y, z = orientation
     return 2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)
 
 
-def _clamp(value: float, limit: float) -> float:
+def clamp(value: float, limit: float) -> float:
+    """`value` within ±`limit`."""
     return min(max(value, -limit), limit)  # in this order what is not a number stays so

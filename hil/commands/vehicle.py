@@ -70,7 +70,7 @@ def listing() -> str:
         vehicle, _ = load_vehicle(name)
         found = top(vehicle)
         rows.append((
-            name, f"{vehicle.mass:g} kg", str(len(vehicle.thrusters)), f"{found[0].speed[0]:.2f} m/s",
+            name, f"{vehicle.mass:.4g} kg", _drives(vehicle), f"{found[0].speed[0]:.2f} m/s",
             ", ".join(reach.axis for reach in found if not reach.driven) or "-", vehicle.source,
         ))  # fmt: skip
     return _columns(rows)
@@ -83,11 +83,13 @@ def describe(vehicle: Vehicle, density: float = 1000.0) -> str:
     found = top(vehicle, density)
     idle = [reach.axis for reach in found if not reach.driven]
     names = [thruster.name for thruster in vehicle.thrusters]
+    equipment = [f"{title}\n{_columns(rows)}" for title, rows in _equipment(vehicle)]
     parts = [
         f"{vehicle.name}\nsource: {vehicle.source}",
         _columns(_body_rows(vehicle, density)),
         "surge to yaw, about the origin\n" + _columns(_coefficient_rows(vehicle)),
         f"thrusters: {len(names)} (m, FRD)\n" + _columns(_thruster_rows(vehicle)),
+        *equipment,
         f"wrench of 1 N of each thruster (N, N m), rank {rank} of 6; "
         + (f"cannot be driven alone: {', '.join(idle)}" if idle else "every axis can be driven")
         + "\n"
@@ -104,7 +106,9 @@ def to_json(vehicle: Vehicle, density: float = 1000.0) -> dict[str, Any]:
     found = top(vehicle, density)
     return {
         **vehicle._asdict(),
-        "thrusters": [thruster._asdict() for thruster in vehicle.thrusters],
+        **{key: [row._asdict() for row in getattr(vehicle, key)] for key in ("thrusters", "fins", "drop_weights")},
+        **{key: _plain(getattr(vehicle, key)) for key in ("lift", "cross_flow", "buoyancy_engine")},
+        "channels": vehicle.channels,
         "net_weight": net_weight(vehicle, density),
         "wrench_matrix": matrix,
         "rank": pseudo_inverse(matrix)[1],
@@ -156,6 +160,23 @@ def _thruster_rows(vehicle: Vehicle) -> list[tuple[str, ...]]:
         for t in vehicle.thrusters
     ]  # fmt: skip
     return rows
+
+
+def _drives(vehicle: Vehicle) -> str:
+    fins = f", {len(vehicle.fins)} fins" if vehicle.fins else ""
+    return f"{len(vehicle.thrusters)}{fins}"
+
+
+def _equipment(vehicle: Vehicle) -> list[tuple[str, list[tuple[str, ...]]]]:
+    if not vehicle.equipped:
+        return []
+    from hil.commands.vehicle_equipment import tables
+
+    return tables(vehicle)
+
+
+def _plain(record: Any) -> dict[str, Any] | None:
+    return record._asdict() if record else None
 
 
 def _reach_rows(found: tuple[Reach, ...]) -> list[tuple[str, ...]]:

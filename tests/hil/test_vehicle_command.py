@@ -32,9 +32,10 @@ def test_a_preset_as_text(name: str, capsys: pytest.CaptureFixture[str]) -> None
     vehicle, _ = load_vehicle(name)
     assert code == 0
     assert vehicle.source in out
-    assert all(thruster.name in out for thruster in vehicle.thrusters)
+    assert all(channel in out for channel in vehicle.channels)
     assert f"{top(vehicle)[0].speed[0]:.3f} m/s" in out
-    assert ("cannot be driven alone: pitch" in out) == (not top(vehicle)[4].driven)
+    idle = [reach.axis for reach in top(vehicle) if not reach.driven]
+    assert (f"cannot be driven alone: {', '.join(idle)}\n" in out) == bool(idle)
 
 
 def test_what_is_printed_of_one(capsys: pytest.CaptureFixture[str]) -> None:

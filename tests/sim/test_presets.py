@@ -59,9 +59,9 @@ def test_it_holds_still_and_moves_ahead(name: str) -> None:
     world = load_world("paper_field")._replace(cylinder=(), box=())
     still = Simulation(vehicle, world, position=(5.0, 5.0, 4.0))
     for _ in range(400):
-        still.step([1500] * len(vehicle.thrusters))
+        still.step([1500] * len(vehicle.channels))
     assert all(abs(x) < 0.3 for x in still.state.nu)
-    for pulses in ([1900] * len(vehicle.thrusters), [1100] * len(vehicle.thrusters)):
+    for pulses in ([1900] * len(vehicle.channels), [1100] * len(vehicle.channels)):
         busy = Simulation(vehicle, world, position=(5.0, 5.0, 4.0))
         for _ in range(800):
             busy.step(pulses)

@@ -16,8 +16,8 @@ HEAVY, _ = load_vehicle("bluerov2_heavy")
 NET_WEIGHT = (13.5 - 13.4) * 9.82  # N in fresh water, von Benzon's gravity
 
 
-def top(vehicle: Vehicle) -> tuple[Reach, ...]:
-    return reaches(vehicle, pseudo_inverse(wrench_matrix(vehicle))[0])
+def top(vehicle: Vehicle, density: float = 1000.0) -> tuple[Reach, ...]:
+    return reaches(vehicle, pseudo_inverse(wrench_matrix(vehicle))[0], density)
 
 
 @pytest.mark.parametrize(
@@ -125,7 +125,14 @@ def test_axes_that_cannot_be_driven() -> None:
     idle = {name: [r.axis for r in top(load_vehicle(name)[0]) if not r.driven] for name in preset_names("sim/vehicles")}
     assert {name: axes for name, axes in idle.items() if axes} == {
         "bluerov2": ["pitch"], "bluerov2_blue": ["pitch"], "paper_six": ["pitch"],
+        **{name: list(AXES[1:]) for name in ("eca_a9", "lauv", "remus100", "tethys")},  # which have fins
     }  # fmt: skip
+
+
+def test_a_propeller_loses_thrust_and_a_hull_drags() -> None:
+    """REMUS at 1525 rpm does what its source says, 2.540 m/s; the others what their sources' drag allows."""
+    speeds = {name: top(load_vehicle(name)[0], 1026.0)[0].speed[0] for name in ("remus100", "eca_a9", "lauv")}
+    assert speeds == pytest.approx({"remus100": 2.540, "eca_a9": (53.0 / 8.0) ** 0.5, "lauv": 2.0495}, abs=5e-4)
 
 
 def test_a_lone_thruster_off_the_middle_drives_nothing_alone() -> None:
