@@ -57,7 +57,7 @@ def slave_command(folder: str) -> list[str]:
         port = probe.getsockname()[1]
     program = os.path.join(os.path.dirname(sys.executable), "uuv-hil")
     start = [program] if os.path.exists(program) else [sys.executable, "-m", "hil.cli"]
-    return [*start, "slave", "paper_field", "--listen", f"tcp/127.0.0.1:{port}", "--device", f"{folder}/stm32"]
+    return [*start, "slave", "paper_field", "--listen", f"tcp/127.0.0.1:{port}", "--port", f"pty:{folder}/stm32"]
 
 
 def main() -> int:
