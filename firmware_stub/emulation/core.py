@@ -1,0 +1,170 @@
+"""The core's exceptions and its sleep, by the rules of the ARMv7-M Architecture Reference Manual, part B1.5.
+
+Not modelled: the time that instructions take, handlers of the program for faults (a fault ends the emulation with a
+message), the memory protection unit, unprivileged mode.
+"""
+
+from mmap import mmap
+from struct import Struct
+
+from firmware_stub.emulation.chip import Chip
+from firmware_stub.emulation.engine import (
+    EXCEPTION_RETURN,
+    EXHAUSTED,
+    SUPERVISOR_CALL,
+    WAIT_FOR_EVENT,
+    WAIT_FOR_INTERRUPT,
+    Engine,
+    Registers,
+)
+from firmware_stub.emulation.memory import FLASH, Memory
+from firmware_stub.emulation.nvic import SVCALL
+
+TURNS = 512  # exceptions in a row before time goes on
+
+THUMB, FRAME_IS_ALIGNED = 1 << 24, 1 << 9  # bits of the program status
+FLAGS = 0xF80F_0000
+RETURN, ON_PROCESS_STACK, TO_THREAD, NO_FLOAT = 0xFFFF_FFE1, 4, 8, 16  # the value that returns from an exception
+PROCESS_STACK, FLOAT_IN_USE = 2, 4  # bits of CONTROL
+FRAME = Struct("<8I")
+FLOAT_FRAME = Struct("<8QI4x")  # S0 to S15, FPSCR, a reserved word
+
+
+class Core:
+    """The core with its memory. It is `sleeping` until an exception comes that it would take.
+
+    image: the content of the flash from its start, vector table first. Raises MissingExtraError without Unicorn.
+    """
+
+    def __init__(self, chip: Chip, image: bytes) -> None:
+        self._chip = chip
+        self._nvic = chip.nvic
+        self._memory = Memory(image)
+        self._engine = Engine(chip, self._memory, self._would_interrupt, self._is_masked)
+        self.sleeping = False
+        self._event = False  # an exception has returned: the next wait for an event does not wait
+
+    @property
+    def pc(self) -> int:
+        """Address of the next instruction."""
+        return self._engine.pc
+
+    def read_memory(self, address: int, size: int) -> bytes:
+        """As a debug probe reads it. Raises DeviceError where there is none."""
+        memory, start = self._find(address, size)
+        return memory[start : start + size]
+
+    def write_memory(self, address: int, data: bytes) -> None:
+        """As a debug probe writes it, the flash too. Raises DeviceError where there is none."""
+        self._find(address, len(data))
+        self._engine.write_memory(address, data)
+
+    def reset(self) -> None:
+        """Begin at the reset vector; RAM keeps its content."""
+        self._engine.reset(self._vector(1), self._vector(0), THUMB)
+        self.sleeping = self._event = False
+
+    def run(self, instructions: int) -> None:
+        """Execute until the core sleeps, has had that many instructions at a stretch, or a reset is asked for.
+
+        Raises DeviceError when the program does what no program can.
+        """
+        if self.sleeping and not self._nvic.urgent:
+            return
+        self.sleeping = False
+        for _ in range(TURNS):
+            if self._nvic.urgent:
+                self._take()
+            reason = self._engine.run(instructions)
+            self._obey(reason)
+            if self.sleeping or reason == EXHAUSTED or self._chip.reset_by:
+                return
+
+    def _obey(self, reason: int) -> None:
+        """Do what the program stopped for."""
+        if reason == WAIT_FOR_INTERRUPT:
+            self.sleeping = not self._nvic.urgent
+        elif reason == EXCEPTION_RETURN:
+            self._return(self._engine.pc | 1)
+        elif reason == SUPERVISOR_CALL:
+            self._nvic.pend(1 << SVCALL)
+        elif reason == WAIT_FOR_EVENT:
+            self.sleeping, self._event = not (self._event or self._nvic.urgent), False
+
+    def _would_interrupt(self) -> bool:
+        return self._nvic.urgent or bool(self._chip.reset_by)
+
+    def _is_masked(self, registers: Registers) -> bool:
+        if self._chip.reset_by:
+            return False
+        if registers.primask or registers.faultmask:
+            return self._nvic.next_priority >= 0
+        return bool(registers.basepri) and self._nvic.next_priority >= registers.basepri
+
+    def _take(self) -> None:
+        """Take the next exception, unless it is masked."""
+        registers = self._engine.registers()
+        if self._is_masked(registers):
+            return
+        returns_with = RETURN | NO_FLOAT
+        if registers.control & FLOAT_IN_USE:
+            returns_with = RETURN
+        if not self._nvic.active:
+            returns_with |= TO_THREAD | (ON_PROCESS_STACK if registers.control & PROCESS_STACK else 0)
+        self._enter(self._push(registers), registers.xpsr, returns_with)
+
+    def _return(self, returns_with: int) -> None:
+        """From an exception: to the next one, if there is any to take, else to what it interrupted."""
+        nvic = self._nvic
+        nvic.leave()
+        self._event = True
+        registers = self._engine.registers()
+        if nvic.urgent and not self._is_masked(registers):
+            self._enter(registers.sp, registers.xpsr, returns_with)
+            return
+        self._pop(returns_with, registers)
+        if returns_with & TO_THREAD and self._chip.system.sleep_on_exit:
+            self.sleeping = not nvic.urgent
+
+    def _enter(self, sp: int, status: int, returns_with: int) -> None:
+        number = self._nvic.enter()
+        self._engine.enter(self._vector(number), sp, status & FLAGS | THUMB | number, returns_with)
+
+    def _vector(self, number: int) -> int:
+        return self._memory.word((self._chip.system.vector_table or FLASH) + 4 * number)
+
+    def _push(self, registers: Registers) -> int:
+        """Save what a handler may change; the new stack pointer."""
+        floats = registers.control & FLOAT_IN_USE
+        top = registers.sp - FRAME.size - (FLOAT_FRAME.size if floats else 0)
+        frame = top & ~7
+        status = registers.xpsr & ~FRAME_IS_ALIGNED | (FRAME_IS_ALIGNED if frame != top else 0)
+        memory, start = self._find(frame, registers.sp - frame)
+        FRAME.pack_into(memory, start, *registers[:6], self._engine.pc, status)
+        if floats:
+            FLOAT_FRAME.pack_into(memory, start + FRAME.size, *self._engine.floats())
+            self._engine.set_control(registers.control & ~FLOAT_IN_USE)
+        return frame
+
+    def _pop(self, returns_with: int, registers: Registers) -> None:
+        """Restore what `_push` saved."""
+        on_process_stack = returns_with & ON_PROCESS_STACK
+        sp = self._engine.process_stack() if on_process_stack else registers.sp
+        frame = FRAME.unpack_from(*self._find(sp, FRAME.size))
+        sp += FRAME.size
+        control = registers.control & ~(PROCESS_STACK | FLOAT_IN_USE) | (PROCESS_STACK if on_process_stack else 0)
+        if not returns_with & NO_FLOAT:
+            self._engine.set_floats(FLOAT_FRAME.unpack_from(*self._find(sp, FLOAT_FRAME.size)))
+            sp += FLOAT_FRAME.size
+            control |= FLOAT_IN_USE
+        if control != registers.control:
+            self._engine.set_control(control)
+        status = frame[-1]
+        sp += 4 if status & FRAME_IS_ALIGNED else 0
+        self._engine.leave((*frame[:-1], status & ~FRAME_IS_ALIGNED), sp)
+
+    def _find(self, address: int, size: int) -> tuple[mmap, int]:
+        found = self._memory.find(address, size)
+        if found is None:
+            raise self._engine.failure(f"has no memory at 0x{address & 0xFFFF_FFFF:08x}")
+        return found

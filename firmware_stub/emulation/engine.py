@@ -1,0 +1,278 @@
+"""Unicorn, told where to stop: it executes instructions, and knows nothing of exceptions, sleep or peripherals.
+
+It is stopped wherever an exception may have to be taken: after a store to a peripheral, after an instruction that
+lifts a mask, at a return from an exception, and before the core sleeps. Unicorn 2.1 has one core of the M profile, a
+Cortex-M33: it executes all that a Cortex-M4 does, and more.
+
+Not modelled: masks lifted, and sleep, by code in RAM: what is pending is taken at the next of the other stops, and
+the core stays awake.
+"""
+
+import importlib
+from collections.abc import Callable
+from ctypes import addressof, c_int, c_uint32, c_void_p
+from struct import Struct
+from typing import Any, NamedTuple
+
+from firmware_stub.emulation.chip import CORE_REGISTERS, CORE_REGISTERS_SIZE, PERIPHERALS, PERIPHERALS_SIZE, Chip
+from firmware_stub.emulation.memory import FLASH, Memory
+from hil.errors import DeviceError, MissingExtraError
+
+# What stopped it. The positive ones are Unicorn's own numbers.
+EXHAUSTED, INTERRUPTED, WAIT_FOR_INTERRUPT, WAIT_FOR_EVENT = 0, -1, -2, -3
+SUPERVISOR_CALL, BREAKPOINT, EXCEPTION_RETURN = 2, 7, 8
+
+NOWHERE = 0xFFFF_FFFE  # an address that is never reached
+WFI, WFE, YIELD = b"\x30\xbf", b"\x20\xbf", b"\x10\xbf"
+WRONG = {19: "read", 20: "wrote", 21: "executed", 22: "wrote", 23: "read", 24: "executed"}  # Unicorn's kinds of access
+
+READ = ("R0", "R1", "R2", "R3", "R12", "LR", "PC", "XPSR", "SP", "PRIMASK", "BASEPRI", "FAULTMASK", "CONTROL")
+ENTER = ("SP", "XPSR_NZCVQG", "LR")  # in this order: the status chooses the stack pointer
+LEAVE = ("XPSR_NZCVQG", "SP", "R0", "R1", "R2", "R3", "R12", "LR")
+FLOAT = ("D0", "D1", "D2", "D3", "D4", "D5", "D6", "D7", "FPSCR")
+
+
+class Registers(NamedTuple):
+    """Of the core, those that exceptions need."""
+
+    r0: int
+    r1: int
+    r2: int
+    r3: int
+    r12: int
+    lr: int
+    pc: int
+    xpsr: int
+    sp: int
+    primask: int
+    basepri: int
+    faultmask: int
+    control: int
+
+
+class _Batch:
+    """Some registers, read or written at once. Unicorn's own batches cost ten times as much: new arrays each time."""
+
+    def __init__(self, uc: Any, numbers: list[int]) -> None:
+        self._uc = uc
+        self._numbers = (c_int * len(numbers))(*numbers)
+        self._values = (c_uint32 * len(numbers))()
+        self._size = c_int(len(numbers))
+        start = addressof(self._values)
+        self._places = (c_void_p * len(numbers))(*(start + 4 * i for i in range(len(numbers))))
+
+    def read(self) -> list[int]:
+        self._uc._do_reg_read_batch(self._numbers, self._places, self._size)
+        return self._values[:]
+
+    def write(self, *values: int) -> None:
+        self._values[:] = list(values)
+        self._uc._do_reg_write_batch(self._numbers, self._places, self._size)
+
+
+class Engine:
+    """Executes from `pc`, which is where it stopped last.
+
+    would_interrupt: whether an exception is to be taken, were it not for masks; is_masked: whether these registers
+    hold it back. Raises MissingExtraError without Unicorn.
+    """
+
+    def __init__(
+        self, chip: Chip, memory: Memory, would_interrupt: Callable[[], bool], is_masked: Callable[[Registers], bool]
+    ) -> None:
+        self._unicorn, names = _load_unicorn()
+        self._chip = chip
+        self._memory = memory
+        self._would_interrupt = would_interrupt
+        self._is_masked = is_masked
+        self._uc = uc = self._unicorn.Uc(
+            self._unicorn.UC_ARCH_ARM, self._unicorn.UC_MODE_THUMB | self._unicorn.UC_MODE_MCLASS
+        )
+        self._register = {name: getattr(names, f"UC_ARM_REG_{name}") for name in (*READ, *LEAVE, *FLOAT, "PSP")}
+        self._read, self._enter, self._leave, self._where = (
+            _Batch(uc, [self._register[name] for name in some]) for some in (READ, ENTER, LEAVE, ("PC",))
+        )
+        self._map()
+        self._hook()
+        self._at_power_up = uc.context_save()
+        self._stopped_by = EXHAUSTED
+        self._fault = ""
+        self.pc = 0
+
+    def reset(self, pc: int, sp: int, status: int) -> None:
+        """All registers as after a reset, but these three."""
+        self._uc.context_restore(self._at_power_up)
+        self.enter(pc, sp, status, 0xFFFF_FFFF)
+
+    def run(self, instructions: int) -> int:
+        """Execute at most that many; what stopped it. Raises DeviceError when the program does what it cannot."""
+        self._stopped_by = EXHAUSTED
+        try:
+            self._uc.emu_start(self.pc | 1, NOWHERE, 0, instructions)
+        except self._unicorn.UcError as error:
+            raise self.failure(self._fault or f"stopped ({error})") from None
+        if self._fault:
+            raise self.failure(self._fault)
+        self.pc = self._where.read()[0]
+        if self._stopped_by == WAIT_FOR_INTERRUPT:
+            self.pc += len(WFI)  # it is stopped in front of it
+        return self._stopped_by
+
+    def registers(self) -> Registers:
+        """As they are."""
+        return Registers._make(self._read.read())
+
+    def enter(self, pc: int, sp: int, status: int, lr: int) -> None:
+        """Go on there: the beginning of a handler."""
+        self._enter.write(sp, status, lr)
+        self.pc = pc & ~1
+
+    def leave(self, frame: tuple[int, ...], sp: int) -> None:
+        """Go on where a frame was saved: r0 to r3, r12, lr, pc, status."""
+        *low, lr, pc, status = frame
+        self._leave.write(status, sp, *low, lr)
+        self.pc = pc & ~1
+
+    def floats(self) -> list[int]:
+        """S0 to S15 in pairs, and their status."""
+        return [self._uc.reg_read(self._register[name]) for name in FLOAT]
+
+    def set_floats(self, values: tuple[int, ...]) -> None:
+        """The same."""
+        for name, value in zip(FLOAT, values, strict=True):
+            self._uc.reg_write(self._register[name], value)
+
+    def process_stack(self) -> int:
+        """The stack pointer that handlers do not use."""
+        sp: int = self._uc.reg_read(self._register["PSP"])
+        return sp
+
+    def set_control(self, value: int) -> None:
+        """Which stack pointer a program uses, and whether it uses floats."""
+        self._uc.reg_write(self._register["CONTROL"], value)
+
+    def write_memory(self, address: int, data: bytes) -> None:
+        """Even where the program may not; what was translated of it is forgotten."""
+        self._uc.mem_write(address, data)
+        self._uc.ctl_remove_cache(address & ~1, address + len(data))
+
+    def failure(self, what: str) -> DeviceError:
+        """An error that tells where the program is."""
+        self._fault = ""
+        r = self.registers()
+        return DeviceError(
+            f"the emulated STM32 {what} at pc 0x{r.pc:08x} (lr 0x{r.lr:08x}, sp 0x{r.sp:08x}, r0 to r3 "
+            f"0x{r.r0:x} 0x{r.r1:x} 0x{r.r2:x} 0x{r.r3:x}); look pc and lr up with arm-none-eabi-addr2line"
+        )
+
+    # ---- what Unicorn calls while it runs. An exception here would be printed and lost: faults are kept for `run`.
+
+    def _load(self, _: Any, offset: int, size: int, base: int) -> int:
+        try:
+            return self._chip.read(base + offset, size)
+        except DeviceError as error:
+            self._break(f"read {size} bytes: {error}")
+            return 0
+
+    def _store(self, _: Any, offset: int, size: int, value: int, base: int) -> None:
+        try:
+            self._chip.write(base + offset, size, value)
+        except DeviceError as error:
+            self._break(f"wrote 0x{value:x}: {error}")
+        if self._would_interrupt():
+            self._stop_after_store()
+
+    def _stop_after_store(self) -> None:
+        """Stop behind the store (Unicorn by itself would repeat it). If it does more, run on to the next stop."""
+        registers = self.registers()
+        size = plain_store_size(self._memory.code(registers.pc, 4))
+        if size and not self._is_masked(registers):
+            self._uc.reg_write(self._register["PC"], registers.pc + size | 1)
+            self._stop(INTERRUPTED)
+
+    def _mask_lifted(self, *_: Any) -> None:
+        if self._would_interrupt() and not self._is_masked(self.registers()):
+            self._stop(INTERRUPTED)
+
+    def _waits(self, *_: Any) -> None:
+        self._stop(WAIT_FOR_INTERRUPT)
+
+    def _exception(self, _: Any, number: int, __: Any) -> None:
+        self._stop(number)
+        if number not in (EXCEPTION_RETURN, SUPERVISOR_CALL):
+            self._fault = "executed a breakpoint" if number == BREAKPOINT else f"raised exception {number}"
+
+    def _odd_instruction(self, _: Any, __: Any) -> bool:
+        """Unicorn knows not what to do with a wait for an event. Whether this was one, and no wrong instruction."""
+        code = self._memory.code(self._where.read()[0] - 2, 2)
+        if code == WFE:
+            self._stop(WAIT_FOR_EVENT)
+        elif code != YIELD:
+            self._fault = "executed what is no instruction"
+        return code in (WFE, YIELD)
+
+    def _wrong_access(self, _: Any, access: int, address: int, size: int, value: int, __: Any) -> bool:
+        what = f" (0x{value:x})" if WRONG[access] == "wrote" else ""
+        self._fault = f"{WRONG[access]} {size} bytes{what} at 0x{address:08x}, where it cannot,"
+        return False
+
+    def _break(self, fault: str) -> None:
+        self._fault = fault
+        self._uc.emu_stop()
+
+    def _stop(self, reason: int) -> None:
+        self._stopped_by = reason
+        self._uc.emu_stop()
+
+    # ---- opening
+
+    def _map(self) -> None:
+        uc = self._uc
+        for start, size, rights, place in self._memory.places():
+            uc.mem_map_ptr(start, size, rights, place)
+        for start, size in ((PERIPHERALS, PERIPHERALS_SIZE), (CORE_REGISTERS, CORE_REGISTERS_SIZE)):
+            uc.mmio_map(start, size, self._load, start, self._store, start)
+
+    def _hook(self) -> None:
+        uc, kinds = self._uc, self._unicorn
+        uc.hook_add(kinds.UC_HOOK_INTR, self._exception)
+        uc.hook_add(kinds.UC_HOOK_INSN_INVALID, self._odd_instruction)
+        uc.hook_add(kinds.UC_HOOK_MEM_INVALID, self._wrong_access)
+        lifts, waits = places_to_stop(self._memory.image)
+        for places, callback in ((lifts, self._mask_lifted), (waits, self._waits)):
+            for place in places:
+                uc.hook_add(kinds.UC_HOOK_CODE, callback, None, FLASH + place, FLASH + place)
+
+
+def _load_unicorn() -> tuple[Any, Any]:
+    try:
+        return importlib.import_module("unicorn"), importlib.import_module("unicorn.arm_const")
+    except ImportError:
+        raise MissingExtraError(
+            "an emulated STM32 (stm32 = \"unicorn\") needs Unicorn: pip install 'uuv-hil[unicorn]'"
+        ) from None
+
+
+def places_to_stop(program: bytes) -> tuple[list[int], list[int]]:
+    """Offsets behind each CPSIE and each MSR to a mask, and of each WFI. Data that looks like one does no harm."""
+    halves = Struct(f"<{len(program) // 2}H").unpack_from(program)
+    lifts, waits = [], []
+    for i, half in enumerate(halves[:-1]):
+        if half & 0xFFFC == 0xB660:  # CPSIE
+            lifts.append(2 * i + 2)
+        elif half & 0xFFF0 == 0xF380 and halves[i + 1] in (0x8810, 0x8811, 0x8812, 0x8813):
+            lifts.append(2 * i + 4)
+        elif half == 0xBF30:
+            waits.append(2 * i)
+    return lifts, waits
+
+
+def plain_store_size(code: bytes) -> int:
+    """Size in bytes of a store that changes no register; 0 if it is another instruction (ARMv7-M, A5.2 and A5.3.10)."""
+    first, second = int.from_bytes(code[:2], "little"), int.from_bytes(code[2:4], "little")
+    if first >> 11 in (0b01100, 0b01110, 0b10000, 0b10010) or first >> 9 in (0b0101000, 0b0101001, 0b0101010):
+        return 2
+    if first & 0xFFF0 in (0xF8C0, 0xF880, 0xF8A0):
+        return 4
+    writes_back = second & 0x0800 and second & 0x0100
+    return 4 if first & 0xFFF0 in (0xF840, 0xF800, 0xF820) and not writes_back else 0

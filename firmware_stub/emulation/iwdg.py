@@ -1,0 +1,55 @@
+"""The independent watchdog (RM0090, section 21)."""
+
+from collections.abc import Callable
+from typing import ClassVar
+
+from firmware_stub.emulation.peripheral import NEVER_NS, Peripheral, Ticks, Time
+
+KR, PR, RLR = 0x00, 0x04, 0x08
+UNLOCK, RELOAD, START = 0x5555, 0xAAAA, 0xCCCC
+LSI_HZ = 32_000
+
+
+class Iwdg(Peripheral):
+    """Resets the chip unless it is wound in time. Once started only a reset stops it.
+
+    on_expiry is called then. The oscillator has its nominal 32 kHz (17 to 47 kHz on real chips).
+    """
+
+    RESET: ClassVar[dict[int, int]] = {RLR: 0xFFF}
+
+    def __init__(self, time: Time, on_expiry: Callable[[], None]) -> None:
+        super().__init__()
+        self._time = time
+        self._on_expiry = on_expiry
+        self.reset()
+
+    def reset(self) -> None:
+        """As after a reset of the chip: stopped."""
+        super().reset()
+        self._runs = False
+        self._unlocked = False
+
+    def read(self, offset: int) -> int:
+        """The key reads as 0; no update is ever under way."""
+        return self.words.get(offset, 0) if offset in (PR, RLR) else 0
+
+    def write(self, offset: int, value: int) -> None:
+        """A key, or one of the two settings while they are unlocked; those hold from the next reload."""
+        if offset == KR:
+            self._key(value & 0xFFFF)
+        elif self._unlocked:
+            self.words[offset] = value & (7 if offset == PR else 0xFFF)
+
+    def tick(self) -> None:
+        """It has counted to zero."""
+        self.due_ns = NEVER_NS
+        self._on_expiry()
+
+    def _key(self, key: int) -> None:
+        self._unlocked = key == UNLOCK
+        if key == START:
+            self._runs = True
+        if self._runs and key in (START, RELOAD):
+            prescaler = 4 << min(self.words.get(PR, 0), 6)
+            self.due_ns = Ticks(self._time, LSI_HZ).instant_ns((self.words[RLR] + 1) * prescaler)

@@ -1,0 +1,64 @@
+"""Flash and RAM of the STM32F405 (RM0090, section 2.3), seen by Python and by Unicorn alike."""
+
+from ctypes import addressof, c_char
+from mmap import mmap
+from struct import Struct
+from typing import NamedTuple
+
+FLASH, FLASH_SIZE = 0x0800_0000, 0x10_0000
+SYSTEM_MEMORY, UNIQUE_ID, FLASH_KIBIBYTES = 0x1FFF_0000, 0x7A10, 0x7A22
+READ, WRITE, EXECUTE = 1, 2, 4
+
+_WORD = Struct("<I")
+
+
+class Region(NamedTuple):
+    """A piece of memory; `rights` of the program, of the bits above."""
+
+    start: int
+    size: int
+    rights: int
+
+
+REGIONS = (
+    Region(FLASH, FLASH_SIZE, READ | EXECUTE),
+    Region(0x2000_0000, 0x2_0000, READ | WRITE | EXECUTE),
+    Region(0x1000_0000, 0x1_0000, READ | WRITE),  # the core's own
+    Region(SYSTEM_MEMORY, 0x8000, READ | EXECUTE),
+)
+
+
+class Memory:
+    """The bytes, by address. `image` is what the flash begins with; the rest of it is erased."""
+
+    def __init__(self, image: bytes) -> None:
+        self.image = image
+        self.pieces = [(region.start, region.size, mmap(-1, region.size)) for region in REGIONS]
+        self.pieces[0][2][:] = image[:FLASH_SIZE].ljust(FLASH_SIZE, b"\xff")
+        system = self.pieces[-1][2]
+        system[UNIQUE_ID : UNIQUE_ID + 12] = b"uuv-hil\0f405"
+        system[FLASH_KIBIBYTES : FLASH_KIBIBYTES + 2] = (FLASH_SIZE // 1024).to_bytes(2, "little")
+
+    def find(self, address: int, size: int) -> tuple[mmap, int] | None:
+        """The piece that holds these bytes, and where in it they begin; None if there is none."""
+        for start, length, piece in self.pieces:
+            if start <= address and address + size <= start + length:
+                return piece, address - start
+        return None
+
+    def word(self, address: int) -> int:
+        """The 32 bits there, 0 where no memory is."""
+        found = self.find(address, 4)
+        word: int = _WORD.unpack_from(*found)[0] if found else 0
+        return word
+
+    def code(self, address: int, size: int) -> bytes:
+        """Up to that many bytes of a program."""
+        found = self.find(address, 2)
+        return found[0][found[1] : found[1] + size] if found else b""
+
+    def places(self) -> list[tuple[int, int, int, int]]:
+        """Start, size and rights of each region, and where it is in this process; the flash is also at 0."""
+        here = [addressof(c_char.from_buffer(piece)) for _, _, piece in self.pieces]
+        found = [(*region, place) for region, place in zip(REGIONS, here, strict=True)]
+        return [*found, (0, FLASH_SIZE, READ | EXECUTE, here[0])]

@@ -1,0 +1,97 @@
+"""Which exception the core takes next: pending, enabled, active, priorities (ARMv7-M, B1.5 and B3.4).
+
+Exceptions go by their number: 11 SVCall, 14 PendSV, 15 SysTick, 16 + n interrupt n of the chip.
+Not modelled: priority groups (every bit of a priority preempts, as ST's own start-up code sets it).
+"""
+
+SVCALL, PENDSV, SYSTICK, FIRST_INTERRUPT = 11, 14, 15, 16
+INTERRUPTS = 82  # RM0090, table 62
+NMI = 2
+PRIORITY_BITS = 0xF0  # the four upper ones exist
+LEAST_URGENT = 0x100  # of a program that handles no exception
+ALWAYS_ENABLED = (1 << FIRST_INTERRUPT) - 1
+THEM_ALL = (1 << FIRST_INTERRUPT + INTERRUPTS) - 1
+
+
+class Nvic:
+    """`next` is the exception to take (0: none), `urgent` whether it may interrupt what runs, masks aside."""
+
+    def __init__(self) -> None:
+        self.reset()
+
+    def reset(self) -> None:
+        """As after a reset of the chip; lines are for the peripherals to drop."""
+        self.enabled = ALWAYS_ENABLED
+        self.pending = 0
+        self.active: list[int] = []  # the innermost last
+        self.priorities = [0] * (FIRST_INTERRUPT + INTERRUPTS)
+        self.priorities[NMI] = -2
+        self._lines = 0
+        self._choose()
+
+    def set_line(self, number: int, asserted: bool) -> None:
+        """A peripheral raises or drops its request. Raising it makes the exception pending."""
+        bit = 1 << number
+        if asserted:
+            if not self._lines & bit:
+                self._lines |= bit
+                self.pend(bit)
+        else:
+            self._lines &= ~bit
+
+    def pend(self, bits: int) -> None:
+        """Make exceptions pending, one a bit."""
+        self.pending |= bits & THEM_ALL
+        self._choose()
+
+    def unpend(self, bits: int) -> None:
+        """Forget pending ones; a line that is still raised makes its own pending again."""
+        self.pending = self.pending & ~bits | self._lines & bits & ~self._active_bits()
+        self._choose()
+
+    def enable(self, bits: int, wanted: bool) -> None:
+        """Let exceptions come, or hold them back."""
+        self.enabled = (self.enabled | bits if wanted else self.enabled & ~bits) & THEM_ALL | ALWAYS_ENABLED
+        self._choose()
+
+    def set_priority(self, number: int, priority: int) -> None:
+        """0 is the most urgent, 0xF0 the least."""
+        if number < len(self.priorities):
+            self.priorities[number] = priority & PRIORITY_BITS
+            self._choose()
+
+    def enter(self) -> int:
+        """The next exception becomes active; its number."""
+        number = self.next
+        self.pending &= ~(1 << number)
+        self.active.append(number)
+        self._choose()
+        return number
+
+    def leave(self) -> None:
+        """The innermost active exception returns; if its line is still raised, it is pending again."""
+        bit = 1 << self.active.pop()
+        self.pending |= self._lines & bit
+        self._choose()
+
+    def active_word(self, word: int) -> int:
+        """32 interrupts of the chip, a bit each, set where active."""
+        return self._active_bits() >> FIRST_INTERRUPT + 32 * word & 0xFFFF_FFFF
+
+    def _active_bits(self) -> int:
+        return sum(1 << number for number in set(self.active))
+
+    def _choose(self) -> None:
+        waiting = self.pending & self.enabled
+        if not waiting:
+            self.next, self.next_priority, self.urgent = 0, LEAST_URGENT, False
+            return
+        priorities = self.priorities
+        self.next_priority = LEAST_URGENT
+        while waiting:
+            number = (waiting & -waiting).bit_length() - 1
+            waiting &= waiting - 1
+            if priorities[number] < self.next_priority:
+                self.next, self.next_priority = number, priorities[number]
+        running = min([priorities[number] for number in self.active]) if self.active else LEAST_URGENT
+        self.urgent = self.next_priority < running

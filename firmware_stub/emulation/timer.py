@@ -1,0 +1,139 @@
+"""Timers 1 to 8 (RM0090, sections 17, 18 and 20): counting up, update interrupt, PWM pulses."""
+
+from collections.abc import Callable
+from typing import ClassVar
+
+from firmware_stub.emulation.peripheral import NEVER_NS, Peripheral, Ticks, Time
+
+CR1, DIER, SR, EGR, CCMR1, CCER, CNT, PSC, ARR, CCR1, BDTR = (
+    0x00,
+    0x0C,
+    0x10,
+    0x14,
+    0x18,
+    0x20,
+    0x24,
+    0x28,
+    0x2C,
+    0x34,
+    0x44,
+)
+CEN, UIE, UIF, UG, MOE = 1, 1, 1, 1, 1 << 15
+PWM_MODE_1, PWM_MODE_2 = 6, 7
+US_PER_S = 1_000_000
+
+
+class Timer(Peripheral):
+    """A timer with up to four outputs.
+
+    clock_hz: the frequency it is fed with now. interrupt: called with whether it asks for one. gated: whether its
+    outputs need the main switch of the advanced timers (BDTR.MOE). bits: width of the counter.
+    Not modelled: counting down, one-pulse mode, slave modes, capture, compare interrupts, DMA; new settings hold
+    at once instead of from the next period.
+    """
+
+    RESET: ClassVar[dict[int, int]] = {ARR: 0xFFFF}
+
+    def __init__(
+        self, time: Time, clock_hz: Callable[[], int], interrupt: Callable[[bool], None], gated: bool, bits: int
+    ) -> None:
+        super().__init__()
+        self._time = time
+        self._clock_hz = clock_hz
+        self._interrupt = interrupt
+        self._gated = gated
+        self._mask = (1 << bits) - 1
+        self.reset()
+
+    def reset(self) -> None:
+        """As after a reset of the chip: stopped."""
+        super().reset()
+        self.words[ARR] = self._mask
+        self._restart(0)
+        self._interrupt(False)
+
+    def pulse_us(self, channel: int) -> int:
+        """Width in microseconds of the pulses on output 0 to 3, to the nearest; 0 if there are none."""
+        words = self.words
+        if not words.get(CR1, 0) & CEN or (self._gated and not words.get(BDTR, 0) & MOE):
+            return 0
+        if not words.get(CCER, 0) >> 4 * channel & 1:
+            return 0
+        mode = words.get(CCMR1 + 4 * (channel // 2), 0) >> 8 * (channel % 2)
+        width, period = words.get(CCR1 + 4 * channel, 0), words[ARR] + 1
+        if mode & 3 or width >= period or mode >> 4 & 7 not in (PWM_MODE_1, PWM_MODE_2):
+            return 0  # an input, a level that never falls, or no PWM
+        if mode >> 4 & 7 == PWM_MODE_2:
+            width = period - width
+        hz = self._clock_hz()
+        return (width * (words.get(PSC, 0) + 1) * US_PER_S + hz // 2) // hz
+
+    def read(self, offset: int) -> int:
+        """The counter and the update flag are those of now."""
+        if offset == CNT:
+            return self._count() % (self.words[ARR] + 1)
+        if offset == SR:
+            self._notice_updates()
+        return self.words.get(offset, 0)
+
+    def write(self, offset: int, value: int) -> None:
+        """What changes the counting goes on from the present count."""
+        if offset == SR:
+            self._notice_updates()
+            self.words[SR] = self.words.get(SR, 0) & value
+        elif offset == EGR:
+            self._generate(value)
+        elif offset in (CR1, PSC, ARR, CNT):
+            count = self._count() % (self.words[ARR] + 1)
+            self._notice_updates()
+            self.words[offset] = value & self._mask
+            self._restart(value if offset == CNT else count)
+        else:
+            self.words[offset] = value
+        self._plan()
+
+    def tick(self) -> None:
+        """The counter has come round."""
+        self._notice_updates()
+        self._plan()
+
+    def retime(self) -> None:
+        """Go on at the new clock from the present count."""
+        count = self._count() % (self.words[ARR] + 1)
+        self._notice_updates()
+        self._restart(count)
+        self._plan()
+
+    def _generate(self, value: int) -> None:
+        if value & UG:
+            self._restart(0)
+            if not self.words.get(CR1, 0) & 4:  # URS: only overflows count
+                self.words[SR] = self.words.get(SR, 0) | UIF
+
+    def _restart(self, count: int) -> None:
+        self._first = count & self._mask
+        self._updates_seen = 0
+        self._ticks = Ticks(self._time, self._clock_hz())
+
+    def _count(self) -> int:
+        """Steps since it was last at zero or set, without coming round."""
+        if not self.words.get(CR1, 0) & CEN:
+            return self._first
+        return self._first + self._ticks.count() // (self.words.get(PSC, 0) + 1)
+
+    def _notice_updates(self) -> None:
+        updates = self._count() // (self.words[ARR] + 1)
+        if updates > self._updates_seen:
+            self._updates_seen = updates
+            self.words[SR] = self.words.get(SR, 0) | UIF
+
+    def _plan(self) -> None:
+        """Interrupt line and next instant."""
+        words = self.words
+        wanted = bool(words.get(DIER, 0) & UIE)
+        self._interrupt(wanted and bool(words.get(SR, 0) & UIF))
+        if wanted and words.get(CR1, 0) & CEN and words[ARR]:
+            steps = (self._updates_seen + 1) * (words[ARR] + 1) - self._first
+            self.due_ns = self._ticks.instant_ns(steps * (words.get(PSC, 0) + 1))
+        else:
+            self.due_ns = NEVER_NS

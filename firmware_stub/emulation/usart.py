@@ -1,0 +1,188 @@
+"""Serial ports (RM0090, section 30): bytes by register, with interrupts."""
+
+from collections import deque
+from collections.abc import Callable
+from typing import ClassVar
+
+from firmware_stub.emulation.peripheral import NEVER_NS, Peripheral, Time
+from hil.clock import NS_PER_S
+
+SR, DR, BRR, CR1, CR2 = 0x00, 0x04, 0x08, 0x0C, 0x10
+ORE, IDLE, RXNE, TC, TXE = 1 << 3, 1 << 4, 1 << 5, 1 << 6, 1 << 7
+RE, TE, IDLEIE, RXNEIE, TCIE, TXEIE, M, UE, OVER8 = (
+    1 << 2,
+    1 << 3,
+    1 << 4,
+    1 << 5,
+    1 << 6,
+    1 << 7,
+    1 << 12,
+    1 << 13,
+    1 << 15,
+)
+TWO_STOP_BITS = 1 << 13  # of CR2
+LINE_HOLDS = 4096  # bytes under way, as in a terminal's buffer; more are lost
+AT_ONCE = 16  # unpaced bytes that a program may read before it has to sleep: less than anybody's buffer
+
+
+class Usart(Peripheral):
+    """A serial port and the line on it: bytes in by `hear`, bytes out by `said`.
+
+    bus_hz: the frequency of its bus now. interrupt: called with whether it asks for one. With `paced` every byte
+    takes its time on the line, one start bit to the last stop bit, at the rate its registers set; else none.
+    Counts `lost` bytes: those that came while it was not receiving, overran the one before, or overfilled the line.
+    Not modelled: DMA, parity and framing errors, break, hardware flow control, wake-up; it talks 8 bits.
+    """
+
+    RESET: ClassVar[dict[int, int]] = {SR: TXE | TC}
+
+    def __init__(self, time: Time, bus_hz: Callable[[], int], interrupt: Callable[[bool], None], paced: bool) -> None:
+        super().__init__()
+        self._time = time
+        self._bus_hz = bus_hz
+        self._interrupt = interrupt
+        self._paced = paced
+        self._on_line: deque[int] = deque()  # towards the port
+        self._sent = bytearray()  # by the port, and fully out
+        self.lost = 0
+        self.reset()
+
+    def reset(self) -> None:
+        """As after a reset of the chip. What is on the line stays there."""
+        super().reset()
+        self._heard = 0  # the data register, as read
+        self._clears = False  # the status was read: reading the data clears ORE and IDLE
+        self._at_once = 0
+        self._shifted: int | None = None  # the byte going out, paced
+        self._next: int | None = None  # the byte after it
+        self._sent_ns = NEVER_NS
+        self._heard_ns = NEVER_NS  # when the byte that is coming in is complete
+        self._idle_ns = NEVER_NS
+        self._update()
+
+    def hear(self, data: bytes) -> None:
+        """Bytes begin to come, now or behind those that are still coming."""
+        taken = data[: LINE_HOLDS - len(self._on_line)]
+        self.lost += len(data) - len(taken)
+        self._on_line.extend(taken)
+        if self._paced:
+            if self._heard_ns == NEVER_NS and data:
+                self._heard_ns = self._time.now_ns + self._byte_ns()
+                self._idle_ns = NEVER_NS
+            self._update()
+
+    def said(self) -> bytes:
+        """The bytes that have gone out since the last call."""
+        data = bytes(self._sent)
+        self._sent.clear()
+        return data
+
+    def deliver(self) -> bool:
+        """Let the next unpaced bytes in, one after another as the program reads them; whether there were any."""
+        if self._paced or not self._on_line:
+            return False
+        self._at_once = AT_ONCE
+        self._take_byte()
+        self._update()
+        return True
+
+    def read(self, offset: int) -> int:
+        """Reading the data makes room for the next byte."""
+        if offset == DR:
+            return self._read_data()
+        if offset == SR:
+            self._clears = True
+        return self.words.get(offset, 0)
+
+    def write(self, offset: int, value: int) -> None:
+        """Writing the data sends it."""
+        if offset == DR:
+            self._send(value & 0xFF)
+        elif offset == SR:
+            self.words[SR] &= value | ~(RXNE | TC)  # these two are cleared by writing 0
+        else:
+            self.words[offset] = value
+        self._update()
+
+    def tick(self) -> None:
+        """A byte is out, a byte is in, or the line has fallen silent."""
+        now = self._time.now_ns
+        if self._sent_ns <= now:
+            self._finish_sending()
+        if self._heard_ns <= now:
+            self._take_byte()
+            self._heard_ns = now + self._byte_ns() if self._on_line else NEVER_NS
+            self._idle_ns = NEVER_NS if self._on_line else now + self._byte_ns()
+        if self._idle_ns <= now:
+            self._idle_ns = NEVER_NS
+            self.words[SR] |= IDLE
+        self._update()
+
+    def _read_data(self) -> int:
+        data, fresh = self._heard, self.words[SR] & RXNE
+        self.words[SR] &= ~(RXNE | ORE | IDLE if self._clears else RXNE)
+        self._clears = False
+        if fresh and not self._paced:
+            self._go_on()
+        self._update()
+        return data
+
+    def _go_on(self) -> None:
+        """Unpaced: the program has read a byte, so the next one comes, or the line falls silent."""
+        if not self._on_line:
+            self.words[SR] |= IDLE
+        elif self._at_once > 1:
+            self._at_once -= 1
+            self._take_byte()
+
+    def _take_byte(self) -> None:
+        byte = self._on_line.popleft()
+        if self.words.get(CR1, 0) & (UE | RE) != UE | RE:
+            self.lost += 1
+        elif self.words[SR] & RXNE:
+            self.lost += 1
+            self.words[SR] |= ORE
+        else:
+            self._heard = byte
+            self.words[SR] |= RXNE
+
+    def _send(self, byte: int) -> None:
+        if self.words.get(CR1, 0) & (UE | TE) != UE | TE:
+            return
+        if not self._paced:
+            self._sent.append(byte)
+        elif self._shifted is None:
+            self._shifted = byte
+            self._sent_ns = self._time.now_ns + self._byte_ns()
+            self.words[SR] &= ~TC
+        else:
+            self._next = byte
+            self.words[SR] &= ~(TXE | TC)
+
+    def _finish_sending(self) -> None:
+        if self._shifted is not None:
+            self._sent.append(self._shifted)
+        self._shifted, self._next = self._next, None
+        self.words[SR] |= TXE
+        if self._shifted is None:
+            self._sent_ns = NEVER_NS
+            self.words[SR] |= TC
+        else:
+            self._sent_ns = self._time.now_ns + self._byte_ns()
+
+    def _byte_ns(self) -> int:
+        """RM0090 30.3.4: the baud rate is the bus's frequency by the divider, whose last bits count eighths."""
+        cr1, divider = self.words.get(CR1, 0), self.words.get(BRR, 0)
+        bits = 10 + bool(cr1 & M) + bool(self.words.get(CR2, 0) & TWO_STOP_BITS)
+        if cr1 & OVER8:
+            divider = (divider & 0xFFF0) // 2 + (divider & 7)
+        return max(1, bits * divider * NS_PER_S // self._bus_hz())
+
+    def _update(self) -> None:
+        """Interrupt line and, paced, the next instant."""
+        status, enabled = self.words[SR], self.words.get(CR1, 0)
+        # each flag stands at its enable's place; overrun shares RXNE's
+        flags = status & enabled & (IDLEIE | RXNEIE | TCIE | TXEIE)
+        self._interrupt(bool(enabled & UE and (flags or (status & ORE and enabled & RXNEIE))))
+        if self._paced:
+            self.due_ns = min(self._sent_ns, self._heard_ns, self._idle_ns)

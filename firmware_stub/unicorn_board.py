@@ -1,0 +1,218 @@
+"""`stm32 = "unicorn"`: the firmware's own image on an STM32F405 emulated in this process.
+
+Deterministic and in step with its caller: simulated time passes only in `UnicornBoard.run_until`, and the same
+calls give the same bits. Instructions take no time: between two events (a byte, a millisecond, a watchdog) the core
+runs until it sleeps. A core that does not sleep gets `BUSY_INSTRUCTIONS` each `BUSY_NS`.
+"""
+
+from collections.abc import Iterable
+
+from firmware_stub.emulation.chip import Chip
+from firmware_stub.emulation.core import Core
+from firmware_stub.emulation.memory import FLASH
+from firmware_stub.emulation.rcc import PIN_RESET, POWER_RESET, WATCHDOG_RESET
+from firmware_stub.image import IMAGE, PARAMETERS_ADDRESS, parameters
+from hil.clock import NS_PER_MS, NS_PER_S
+from hil.errors import DeviceError
+from hil.links.can_frame import RECORD_SIZE, CanFrame, pack_frame, unpack_frames
+from hil.links.contract import Wire
+
+BUSY_NS = NS_PER_MS
+BUSY_INSTRUCTIONS = 16_000  # what the core's own 16 MHz oscillator would let it do in a millisecond
+OUTPUTS = ("TIM3", "TIM4")  # their four channels each are thrusters 1 to 4 and 5 to 8
+PORT = "USART1"
+WATCHDOG_NS = 200 * NS_PER_MS
+
+
+def shipped_image() -> bytes:
+    """The firmware that comes with this package. Raises DeviceError if the file is not there."""
+    try:
+        with open(IMAGE, "rb") as file:
+            return file.read()
+    except OSError as error:
+        raise DeviceError(f"{IMAGE}: {error.strerror}; make it: python -m firmware_stub.build") from None
+
+
+class UnicornBoard:
+    """An STM32F405 with its firmware: bytes and frames in and out, and pulses.
+
+    image: what is in its flash, vector table first. channels: number of thrusters, 1 to 8. watchdog_ns: the longest
+    silence before the firmware stops them; like `channels` it is told to the firmware through its parameters in
+    flash, unless the image itself reaches that far. paced: whether bytes take their time on the serial line.
+
+    Raises DeviceError for a number of thrusters that it has no outputs for and, naming program counter and address,
+    when the firmware does what no program can; MissingExtraError without Unicorn.
+    Not modelled: pins, analogue inputs, the time the chip takes to start.
+    """
+
+    def __init__(self, image: bytes, channels: int = 8, watchdog_ns: int = WATCHDOG_NS, *, paced: bool = False) -> None:
+        self.channels = channels
+        self.resets = 0  # by the watchdog
+        self._chip = Chip(paced)
+        self._core = Core(self._chip, _with_parameters(image, channels, watchdog_ns))
+        self._port = self._chip.usarts[PORT]
+        self._busy_ns = BUSY_NS
+        self._start(POWER_RESET)
+
+    @property
+    def now_ns(self) -> int:
+        """Simulated time since power-up."""
+        return self._chip.time.now_ns
+
+    @property
+    def due_ns(self) -> int:
+        """When (simulated time) the chip has something to do next, if nothing comes in before."""
+        return self._chip.due_ns if self._core.sleeping else min(self._chip.due_ns, self._busy_ns)
+
+    @property
+    def pwm_us(self) -> list[int]:
+        """Pulse widths in microseconds, one a thruster, from the timers' registers; 0: no pulses come out."""
+        return [self._chip.timers[OUTPUTS[i // 4]].pulse_us(i % 4) for i in range(self.channels)]
+
+    @property
+    def lost(self) -> int:
+        """Bytes that came while the port was off, or faster than the firmware or the line could take them."""
+        return self._port.lost
+
+    def receive(self, data: bytes) -> None:
+        """Bytes arrive at the serial port, now."""
+        self._port.hear(data)
+        self._run()
+
+    def transmitted(self) -> bytes:
+        """The bytes sent since the last call."""
+        return self._port.said()
+
+    def receive_can(self, frames: Iterable[CanFrame]) -> None:
+        """Frames are on the CAN bus, now."""
+        self._chip.can.hear(list(frames))
+        self._run()
+
+    def transmitted_can(self) -> list[CanFrame]:
+        """The frames sent since the last call."""
+        return self._chip.can.said()
+
+    def run_until(self, time_ns: int) -> None:
+        """Let simulated time pass until then."""
+        time = self._chip.time
+        while (due_ns := self.due_ns) <= time_ns:
+            time.now_ns = due_ns
+            self._chip.tick()
+            self._run()
+        time.now_ns = max(time.now_ns, time_ns)
+
+    def reset(self) -> None:
+        """Press the reset button. RAM keeps its content."""
+        self._start(PIN_RESET)
+
+    def read_memory(self, address: int, size: int) -> bytes:
+        """As a debug probe reads it. Raises DeviceError where there is no memory."""
+        return self._core.read_memory(address, size)
+
+    def write_memory(self, address: int, data: bytes) -> None:
+        """As a debug probe writes it, the flash too. Raises DeviceError where there is no memory."""
+        self._core.write_memory(address, data)
+
+    @property
+    def pc(self) -> int:
+        """Address of the next instruction."""
+        return self._core.pc
+
+    def _start(self, cause: int) -> None:
+        self._chip.reset_by = cause
+        self._restart()
+        self._run()
+
+    def _restart(self) -> None:
+        if self._chip.reset_by == WATCHDOG_RESET:
+            self.resets += 1
+        self._chip.reset()
+        self._core.reset()
+
+    def _run(self) -> None:
+        """Let the core do all it has to do at this instant. A reset that it asks for now comes with the next event."""
+        core, chip = self._core, self._chip
+        if chip.reset_by:
+            self._restart()
+        core.run(BUSY_INSTRUCTIONS)
+        while core.sleeping and (self._port.deliver() or chip.can.deliver()):
+            core.run(BUSY_INSTRUCTIONS)
+        self._busy_ns = chip.time.now_ns + BUSY_NS
+
+
+class UnicornEnd:
+    """An emulated STM32 on its end of a wire: wait on `fileno()` until `deadline_ns`, then call `service`.
+
+    can: whether the wire carries CAN frames (records of hil.links.can_frame) instead of bytes. The firmware alone
+    decides what they mean. Time is the caller's clock (ns); when he comes later than `PATIENCE_NS` the board has
+    stood still meanwhile, so that a machine that slept does not look like a silent host to the firmware.
+    """
+
+    PERIOD_NS = 5 * NS_PER_MS  # the longest time that a report is late on the wire
+    PATIENCE_NS = 100 * NS_PER_MS
+    AT_ONCE = 16 * RECORD_SIZE  # bytes that one service hands over; the rest follows in the next
+
+    def __init__(self, board: UnicornBoard, wire: Wire, *, can: bool = False) -> None:
+        self.board = board
+        self.wire = wire
+        self._unit = RECORD_SIZE if can else 1
+        self._serviced_ns = -self.PERIOD_NS  # by the caller's clock; never yet
+        self._held = b""  # off the wire, not yet handed over
+
+    @property
+    def pwm_us(self) -> list[int]:
+        """Pulse widths in microseconds, one a thruster, from the timers' registers."""
+        return self.board.pwm_us
+
+    @property
+    def deadline_ns(self) -> int:
+        """When `service` has to be called even if no byte came."""
+        return self._serviced_ns + (self.PERIOD_NS if len(self._held) < self._unit else 0)
+
+    def fileno(self) -> int:
+        """The descriptor to wait on for commands."""
+        return self.wire.fileno()
+
+    def service(self, now_ns: int) -> int:
+        """Let the board's time pass until `now_ns`, then carry what came in, and out; how many bytes came in.
+
+        Raises DeviceError when the wire is gone, or the firmware does what no program can.
+        """
+        passed_ns = now_ns - self._serviced_ns if self._serviced_ns >= 0 else 0
+        self._serviced_ns = now_ns
+        self.board.run_until(self.board.now_ns + min(max(passed_ns, 0), self.PATIENCE_NS))
+        data = self._take()
+        said = self._exchange_bytes(data) if self._unit == 1 else self._exchange_frames(data)
+        if said:
+            self.wire.write(said)
+        return len(data)
+
+    def close(self) -> None:
+        """Reset the board, which stops the thrusters, and close the wire."""
+        self.board.reset()
+        self.wire.close()
+
+    def _take(self) -> bytes:
+        """The next bytes for the board, whole records on CAN."""
+        if len(self._held) < self.AT_ONCE:
+            self._held += self.wire.read()
+        size = min(len(self._held), self.AT_ONCE) // self._unit * self._unit
+        data, self._held = self._held[:size], self._held[size:]
+        return data
+
+    def _exchange_bytes(self, data: bytes) -> bytes:
+        if data:
+            self.board.receive(data)
+        return self.board.transmitted()
+
+    def _exchange_frames(self, data: bytes) -> bytes:
+        if data:
+            self.board.receive_can(unpack_frames(data))
+        return b"".join(map(pack_frame, self.board.transmitted_can()))
+
+
+def _with_parameters(image: bytes, channels: int, watchdog_ns: int) -> bytes:
+    start = PARAMETERS_ADDRESS - FLASH
+    if len(image) > start:
+        return image
+    return image.ljust(start, b"\xff") + parameters(channels, watchdog_ns / NS_PER_S)
