@@ -11,16 +11,19 @@ A URDF without such tags says nothing of water; what is missing is asked for by 
 """
 
 import os
-from math import cos, sin
+from collections.abc import Iterator, Sequence
+from math import asin, atan2, cos, sin
 from typing import Any, NamedTuple
 
 from hil.errors import ConfigError
 from hil.schema import parse
 from sim.matrices import Matrix, cross_matrix, product, square, total, transpose
+from sim.meshes import Mesh
 from sim.urdf_text import (
     Element,
     attribute,
     child_text,
+    find_mesh,
     number_of,
     numbers_of,
     plain,
@@ -72,10 +75,11 @@ def read_urdf(path: str, extra: dict[str, Any] | None = None, text: bytes | None
         table.setdefault("volume", table["mass"] / 1000.0)
     given = dict(extra or {})
     common = given.pop("every_thruster", {})
+    meshes = list(_meshes(robot, poses, path))
     thrusters = [thruster | common for thruster in _thrusters(robot, poses, path, notes)]
     table = {**table, "thrusters": thrusters, **given}
     _refuse_missing(table, path)
-    return parse(table, Vehicle, path), notes
+    return parse(table, Vehicle, path)._replace(meshes=tuple(meshes)), notes
 
 
 def _link_poses(robot: Element, path: str) -> dict[str, Pose]:
@@ -221,6 +225,29 @@ def _uuv_water(link: Element, path: str) -> dict[str, Any]:
         found["center_of_buoyancy"] = to_frd(numbers_of(centre, path, 3))
     found["neutral"] = (link.findtext("neutrally_buoyant") or "0").strip() in ("1", "true")
     return found
+
+
+def _meshes(robot: Element, poses: dict[str, Pose], path: str) -> Iterator[Mesh]:
+    """What the links look like; a mesh keeps its own axes, so its orientation is that of a FLU mesh in FRD."""
+    for link in robot.findall("link"):
+        for visual in link.findall("visual"):
+            shape = visual.find("geometry/mesh")
+            if shape is None:
+                continue
+            pose = poses[link.get("name", "")].then(_origin(visual, path))
+            (xx, _, _), (yx, _, _), (zx, zy, zz) = pose.rotation  # to FLU; with the last two rows negative to FRD
+            scale = numbers_of(shape.get("scale") or "1 1 1", path, 3)
+            yield Mesh(
+                find_mesh(shape.get("filename") or "", path),
+                _three(to_frd(pose.position)),
+                (atan2(-zy, -zz), asin(max(-1.0, min(1.0, zx))), atan2(-yx, xx)),
+                _three(scale),
+            )
+
+
+def _three(numbers: Sequence[float]) -> tuple[float, float, float]:
+    x, y, z = numbers
+    return x, y, z
 
 
 def _refuse_missing(table: dict[str, Any], path: str) -> None:

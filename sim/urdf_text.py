@@ -1,5 +1,6 @@
 """What reading a URDF takes: the file, its numbers, and the turn from its axes to ours."""
 
+import os
 from collections.abc import Iterable
 from math import isfinite, nan
 from typing import Any
@@ -94,3 +95,20 @@ def number_of(text: str, path: str) -> float:
 def plain(name: str) -> str:
     """A name without control characters, which a vehicle file could not hold."""
     return "".join(letter for letter in name if letter.isprintable())
+
+
+def find_mesh(name: str, path: str) -> str:
+    """The path of a mesh that the file at `path` names; package:// is looked for in the folders above that file.
+
+    What cannot be found is given back as it is written.
+    """
+    if name.startswith("package://"):
+        inside = name.removeprefix("package://").partition("/")[2]
+        folder = os.path.dirname(os.path.abspath(path))
+        while folder != os.path.dirname(folder):
+            if os.path.exists(os.path.join(folder, inside)):
+                return os.path.join(folder, inside)
+            folder = os.path.dirname(folder)
+        return name
+    plain_name = name.removeprefix("file://")
+    return plain_name if os.path.isabs(plain_name) else os.path.join(os.path.dirname(os.path.abspath(path)), plain_name)

@@ -6,6 +6,7 @@ damping are about that origin and written positive: the force is minus coefficie
 
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
+from hil.errors import ConfigError
 from hil.schema import Range, find_preset, parse
 from hil.tables import read_table
 from sim.matrices import Matrix, cross_matrix, is_positive_definite, is_symmetric, product, square, total, transpose
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
     from sim.ballast import BuoyancyEngine, DropWeight
     from sim.battery import Battery
     from sim.body_lift import CrossFlow, Lift
+    from sim.meshes import Mesh
     from sim.surfaces import Fin
 
 __all__ = ["Point", "Thruster", "Vehicle", "displaced_volume", "load_vehicle", "mass_matrix", "rigid_mass_matrix"]
@@ -35,6 +37,7 @@ class Vehicle(NamedTuple):
     `added_mass` (kg, kg m, kg m²), `linear_damping` (N s/m ...) and `quadratic_damping` (N s²/m² ...):
     six diagonal numbers for surge, sway, heave, roll, pitch, yaw, or all 36 row after row.
     `battery` feeds those thrusters whose curve knows its current (sim/battery.py); without one their supply holds.
+    `meshes` are for pictures alone (sim/meshes.py).
     `fins` and all below are described in sim/equipment.py; mass, volume and inertia include the `drop_weights`.
     """
 
@@ -58,6 +61,7 @@ class Vehicle(NamedTuple):
     forward_speed_damping: tuple[float, ...] = ()
     buoyancy_engine: "BuoyancyEngine | None" = None
     drop_weights: "tuple[DropWeight, ...]" = ()
+    meshes: "tuple[Mesh, ...]" = ()
 
     @property
     def channels(self) -> tuple[str, ...]:
@@ -118,7 +122,7 @@ def load_vehicle(name_or_path: str) -> tuple[Vehicle, dict[str, Any]]:
     path = find_preset("sim/vehicles", name_or_path)
     table = read_table(path)
     control = table.pop("control", {})
-    battery = table.pop("battery", None)
+    battery, meshes = table.pop("battery", None), table.pop("meshes", [])
     rows = _with_common(table, "thrusters", "every_thruster")
     _with_common(table, "fins", "every_fin")
     equipment = {key: table.pop(key) for key in EQUIPMENT if key in table}
@@ -131,11 +135,25 @@ def load_vehicle(name_or_path: str) -> tuple[Vehicle, dict[str, Any]]:
         from sim.battery import with_battery  # most vehicles do without
 
         vehicle = with_battery(vehicle, battery, path)
+    if meshes:
+        vehicle = vehicle._replace(meshes=_read_meshes(meshes, path))
     if equipment:
         from sim.equipment import with_equipment
 
         vehicle = with_equipment(vehicle, equipment, path)
     return vehicle, control
+
+
+def _read_meshes(rows: Any, path: str) -> "tuple[Mesh, ...]":
+    """The meshes of the file at `path`, their paths complete."""
+    import os
+
+    from sim.meshes import Mesh
+
+    if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
+        raise ConfigError(f"{path}: meshes: expected tables, each under [[meshes]]")
+    meshes = [parse(row, Mesh, f"{path}: meshes[{i}]") for i, row in enumerate(rows)]
+    return tuple([mesh._replace(file=os.path.join(os.path.dirname(path), mesh.file)) for mesh in meshes])
 
 
 def _with_common(table: dict[str, Any], key: str, every: str) -> list[dict[str, Any]]:

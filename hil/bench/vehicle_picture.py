@@ -4,11 +4,14 @@ import os
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from hil.bench.plotting import pyplot
+from hil.bench.stl import read_stl
 from hil.errors import ConfigError
+from sim.rotations import from_euler, matrix
 from sim.terminal_speed import Reach
 from sim.vehicle import Point, Vehicle
 
 if TYPE_CHECKING:
+    from sim.meshes import Mesh
     from sim.surfaces import Fin
 
 BODY, ARROW, GRAVITY, BUOYANCY, FIN, BALLAST = "#e3e8ed", "#c2410c", "#1f2937", "#2563eb", "#0f766e", "#7c3aed"
@@ -59,6 +62,8 @@ def _draw_view(axes: Any, vehicle: Vehicle, view: View) -> None:
 
     wide, high = vehicle.dimensions[view.right[0]], vehicle.dimensions[view.up[0]]
     axes.add_patch(Rectangle((-wide / 2, -high / 2), wide, high, facecolor=BODY, edgecolor="0.55", zorder=0))
+    for mesh in vehicle.meshes:
+        _draw_mesh(axes, mesh, view)
     for fin in vehicle.fins:
         axes.add_patch(Polygon([view.flat(corner) for corner in _corners(fin)], facecolor=FIN, edgecolor=FIN, zorder=2))
     _draw_ballast(axes, vehicle, view)
@@ -83,6 +88,19 @@ def _draw_view(axes: Any, vehicle: Vehicle, view: View) -> None:
     axes.set_axisbelow(True)
     if view is VIEWS[0]:
         axes.legend(loc="upper right", fontsize=8, framealpha=0.9)
+
+
+def _draw_mesh(axes: Any, mesh: "Mesh", view: View) -> None:
+    """The silhouette of an STL mesh, or of the STL beside one of another format; without a file there is none."""
+    from matplotlib.collections import PolyCollection
+
+    path = os.path.splitext(mesh.file)[0] + ".stl"
+    if not os.path.exists(path):
+        return
+    xx, xy, xz, yx, yy, yz, zx, zy, zz = matrix(from_euler(*mesh.orientation))
+    turned = (read_stl(path) * mesh.scale) @ [[xx, yx, zx], [xy, yy, zy], [xz, yz, zz]] + mesh.position
+    flat = turned[:, :, [view.right[0], view.up[0]]] * [view.right[1], view.up[1]]
+    axes.add_collection(PolyCollection(flat, facecolor="0.78", edgecolor="none", zorder=0.5), autolim=False)
 
 
 def _corners(fin: "Fin") -> list[Point]:

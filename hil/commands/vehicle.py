@@ -155,7 +155,7 @@ def _thruster_rows(vehicle: Vehicle) -> list[tuple[str, ...]]:
     rows += [
         (
             t.name, _point(t.position), " ".join(f"{x:.3f}" for x in t.unit_direction), f"{t.max_forward:.4g} N",
-            f"{t.max_reverse:.4g} N", f"±{t.dead_band_us:g} us", f"{t.time_constant * 1e3:.3g} ms",
+            f"{t.max_reverse:.4g} N", f"±{t.dead_band_us:g} us", f"{t.time_constant * 1e3:.4g} ms",
         )
         for t in vehicle.thrusters
     ]  # fmt: skip

@@ -43,7 +43,7 @@ def _fins(vehicle: Vehicle) -> Table:
         (
             fin.name, _vector(fin.position), _vector(fin.axis), f"{fin.area * 1e4:.4g} cm²",
             f"{fin.polar.lift_slope:.3g} /rad", f"±{degrees(fin.max_deflection):.3g} deg",
-            f"{degrees(fin.stall_angle):.3g} deg", f"{fin.time_constant * 1e3:.3g} ms",
+            f"{degrees(fin.stall_angle):.3g} deg", f"{fin.time_constant * 1e3:.4g} ms",
         )
         for fin in vehicle.fins
     ]  # fmt: skip

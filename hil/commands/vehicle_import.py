@@ -35,9 +35,11 @@ def convert(urdf: str, add: str | None, output: str | None, arguments: Sequence[
 def to_toml(vehicle: Vehicle, notes: list[str]) -> str:
     """`vehicle` as the text of a vehicle file; `notes` stand at its head as comments."""
     head = [f"# {note}" for note in ("Body axes: x forward, y starboard, z down.", *notes)]
-    lines = [*head, *_toml_keys(vehicle, skip=("thrusters",))]
+    lines = [*head, *_toml_keys(vehicle, skip=("thrusters", "meshes"))]
     for thruster in vehicle.thrusters:
         lines += ["", "[[thrusters]]", *_toml_keys(thruster, skip=())]
+    for mesh in vehicle.meshes:
+        lines += ["", "[[meshes]]", *_toml_keys(mesh, skip=())]
     return "\n".join(lines) + "\n"
 
 

@@ -1,0 +1,31 @@
+"""Triangles out of an STL file, binary or text."""
+
+import struct
+from typing import Any
+
+from hil.errors import ConfigError, MissingExtraError
+
+_HEADER, _TRIANGLE = 84, 50  # bytes: 80 of text and the count; normal, three corners, attribute
+
+
+def read_stl(path: str) -> Any:
+    """The n x 3 x 3 corners of the triangles in the file's own axes and unit. Raises ConfigError, MissingExtraError."""
+    try:
+        import numpy as np
+    except ImportError:
+        raise MissingExtraError("reading a mesh needs numpy: pip install 'uuv-hil[master]'") from None
+    try:
+        with open(path, "rb") as file:
+            data = file.read()
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be read: {error.strerror}") from None
+    count = struct.unpack_from("<I", data, 80)[0] if len(data) >= _HEADER else 0
+    if count and len(data) == _HEADER + _TRIANGLE * count:
+        rows = np.frombuffer(data, np.uint8, offset=_HEADER).reshape(count, _TRIANGLE)
+        return rows[:, 12:48].copy().view("<f4").reshape(count, 3, 3).astype(float)
+    words = [line.split() for line in data.decode("ascii", "replace").splitlines()]
+    try:
+        corners = np.array([line[1:] for line in words if line[:1] == ["vertex"]], float)
+        return corners.reshape(-1, 3, 3)
+    except ValueError:
+        raise ConfigError(f"{path}: is no STL file: its triangles are not whole") from None

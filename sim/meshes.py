@@ -1,0 +1,22 @@
+"""What a vehicle looks like: surface meshes in files of their own, which nothing but pictures needs."""
+
+from math import pi
+from typing import Annotated, NamedTuple
+
+from hil.schema import Range
+from sim.thruster_model import Point
+
+Angle = Annotated[float, Range(-2.0 * pi, 2.0 * pi, "rad")]
+
+
+class Mesh(NamedTuple):
+    """One mesh file. `file` is a path, beside the vehicle's file or absolute.
+
+    `position` is that of the mesh's origin from the body origin (m, FRD), `orientation` the roll, pitch and yaw
+    (rad) of the mesh's axes in the body's, `scale` what its numbers are multiplied with, to be metres.
+    """
+
+    file: str
+    position: Point = (0.0, 0.0, 0.0)
+    orientation: tuple[Angle, Angle, Angle] = (0.0, 0.0, 0.0)
+    scale: tuple[float, float, float] = (1.0, 1.0, 1.0)
