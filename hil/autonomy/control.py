@@ -22,6 +22,7 @@ Quaternion = tuple[float, float, float, float]
 Wrench = tuple[float, float, float, float, float, float]
 
 NO_RESIDUAL: Wrench = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+_ROUNDING = 1e-6  # N, N m: what an allocator lacks of a wrench that it has met
 # Below this share of "upright" a depth error is no longer turned into heave alone.
 _LEAST_UPRIGHT = 0.5
 
@@ -187,7 +188,8 @@ class _Loop:
         self._last = measured
         wanted = p * error + feedforward * target - d * self._slope
         integral = self._integral + i * error * dt
-        blocked = lack * error > 0.0 or (abs(wanted + integral) > limit and (wanted + integral) * error > 0.0)
+        lacks = abs(lack) > _ROUNDING and lack * error > 0.0
+        blocked = lacks or (abs(wanted + integral) > limit and (wanted + integral) * error > 0.0)
         if not blocked:
             self._integral = clamp(integral, limit)
         return clamp(wanted + self._integral, limit)
