@@ -2,4 +2,6 @@
 
 import pytest
 
-pytest.register_assert_rewrite("tests.links.link_contract", "tests.links.mavlink_peer", "tests.processes")
+pytest.register_assert_rewrite(
+    "tests.links.link_contract", "tests.links.mavlink_peer", "tests.processes", "tests.slave.stm32_contract"
+)

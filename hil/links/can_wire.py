@@ -84,6 +84,9 @@ def open_socketcan(interface: str) -> SocketCanWire:
         opened.bind((interface,))
         opened.setsockopt(socket.SOL_CAN_RAW, CAN_RAW_ERR_FILTER, CAN_ERR_BUSOFF)
         opened.setblocking(False)
+        down = opened.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR)  # what binding to one that is down leaves
+        if down:
+            raise OSError(down, os.strerror(down))
     except OSError as error:
         opened.close()
         fault = "no such interface" if error.errno == errno.ENODEV else error.strerror

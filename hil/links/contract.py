@@ -72,6 +72,7 @@ class Wire(ABC):
     """A two-way stream of bytes. Never blocks: what cannot be written now is dropped and counted."""
 
     name: str  # how a person calls it: a device path or an address
+    record_size = 1  # bytes; it reads and takes multiples of this many
 
     @abstractmethod
     def fileno(self) -> int:

@@ -88,7 +88,7 @@ class FaultyWire(Wire):
 
     def __init__(self, wire: Wire, faults: Faults = CLEAR, seed: int = 0) -> None:
         self.name = wire.name
-        self.record_size: int = getattr(wire, "record_size", 1)
+        self.record_size = wire.record_size
         self._wire = wire
         self._outward = _Lane(Random(f"{seed} sent"), self.record_size)
         self._inward = _Lane(Random(f"{seed} received"), self.record_size)
@@ -124,8 +124,9 @@ class FaultyWire(Wire):
             if data:
                 self._inward.offer(data, now)
                 self._share_disconnect()
-        due = self._inward.due(now)
-        self._flush(now)
+        horizon = self._timer.horizon(now)
+        due = self._inward.due(horizon)
+        self._flush(horizon)
         self._settle(now)
         return b"".join(due)
 
@@ -161,8 +162,8 @@ class FaultyWire(Wire):
         end = max(self._outward.silent_until_ns, self._inward.silent_until_ns)
         self._outward.silent_until_ns = self._inward.silent_until_ns = end
 
-    def _flush(self, now: int) -> None:
-        for piece in self._outward.due(now):
+    def _flush(self, horizon: int) -> None:
+        for piece in self._outward.due(horizon):
             self.sent.refused_bytes += len(piece) - self._wire.write(piece)
 
     def _settle(self, now: int) -> None:
@@ -187,7 +188,7 @@ class _Lane:
         self.silent_until_ns = 0
         self._random = random
         self._on_can = record_size == RECORD_SIZE
-        self._waiting: deque[tuple[int, bytes]] = deque()  # when it is due, what
+        self._waiting: deque[tuple[int, bytes]] = deque()  # when it is due (not before what is ahead of it), what
         self._swapped: tuple[int, bytes] | None = None  # until when it waits for the next chunk, what
         self._line_free_ns = 0  # when the line will have carried all that came
 
@@ -283,10 +284,7 @@ class _Lane:
             piece = chunk[start : start + size]
             if faults.baud:
                 self._line_free_ns += self._bits(piece) * NS_PER_S // faults.baud
-            due = self._line_free_ns + later
-            if self._waiting and due < self._waiting[-1][0]:
-                due = self._waiting[-1][0]
-            self._waiting.append((due, piece))
+            self._waiting.append((self._line_free_ns + later, piece))
 
     def _bits(self, piece: bytes) -> int:
         if not self._on_can:

@@ -4,17 +4,23 @@ import os
 from struct import Struct
 from time import CLOCK_MONOTONIC
 
-from hil.clock import NS_PER_S
+from hil.clock import NS_PER_S, NS_PER_US
 from hil.errors import DeviceError
 
 NEVER_NS = 1 << 63
 
 
 class Timer:
-    """A descriptor that becomes readable at an instant: Linux's timerfd, which Python 3.11 does not have."""
+    """A descriptor that becomes readable about an instant: Linux's timerfd, which Python 3.11 does not have.
+
+    A process wakes some 50 to 150 us after its timer. `lead_ns` is how much that is, learned from each
+    wake-up, and by so much the timer is early: half of the wake-ups come before the instant, half after.
+    """
 
     SPEC = Struct("4l")  # struct itimerspec: interval s, ns; value s, ns
     ABSOLUTE = 1  # TFD_TIMER_ABSTIME, sys/timerfd.h
+    LEARN_NS = 2 * NS_PER_US  # a step towards the median, which rare long delays do not move
+    MOST_LEAD_NS = 200 * NS_PER_US
 
     def __init__(self) -> None:
         import ctypes  # only who asks for faults pays for it
@@ -23,15 +29,27 @@ class Timer:
         self.fd: int = self._libc.timerfd_create(CLOCK_MONOTONIC, os.O_NONBLOCK | os.O_CLOEXEC)
         if self.fd < 0:
             raise DeviceError(f"timerfd: {os.strerror(ctypes.get_errno())}; raise the limit of open files: ulimit -n")
-        self._armed_ns = NEVER_NS
+        self.lead_ns = 50 * NS_PER_US
+        self._wanted_ns = NEVER_NS
+        self._set_ns = NEVER_NS
 
     def arm(self, at_ns: int) -> None:
-        """Become readable at `at_ns` (monotonic) and stay so until armed anew; `NEVER_NS`: never."""
-        if at_ns == self._armed_ns:
+        """Become readable about `at_ns` (monotonic) and stay so until armed for another instant; `NEVER_NS`: never."""
+        if at_ns == self._wanted_ns:
             return
-        self._armed_ns = at_ns
-        seconds, rest = (0, 0) if at_ns == NEVER_NS else divmod(max(1, at_ns), NS_PER_S)
+        self._wanted_ns = at_ns
+        self._set_ns = at_ns if at_ns == NEVER_NS else max(1, at_ns - self.lead_ns)
+        seconds, rest = (0, 0) if at_ns == NEVER_NS else divmod(self._set_ns, NS_PER_S)
         self._libc.timerfd_settime(self.fd, self.ABSOLUTE, self.SPEC.pack(0, 0, seconds, rest), None)
+
+    def horizon(self, now: int) -> int:
+        """Up to when things count as due at `now` (monotonic ns), when the loop has woken."""
+        if now >= self._set_ns:
+            late = now - self._set_ns > self.lead_ns
+            lead_ns = self.lead_ns + (self.LEARN_NS if late else -self.LEARN_NS)
+            self.lead_ns = min(max(lead_ns, 0), self.MOST_LEAD_NS)
+            return max(now, self._wanted_ns)
+        return now
 
     def close(self) -> None:
         """Give the descriptor back."""

@@ -13,13 +13,10 @@ import os
 import struct
 import termios
 import tty
-from typing import Any
 
-from hil.errors import ConfigError, DeviceError, MissingExtraError
+from hil.errors import DeviceError, MissingExtraError
 from hil.links.contract import Wire
 from hil.links.pty_name import PtyName
-
-WIRES = {"pty": "hil.links.wires:PtyWire", "uart": "hil.links.wires:UartWire"}
 
 READ_SIZE = 4096  # what a terminal holds for its reader, and so the most that one read can give
 UNREAD_LIMIT = 2048  # bytes; at 20 ms and 32 bytes a frame, 1.3 s that nobody has read
@@ -36,20 +33,6 @@ REMEDIES = {
     errno.ENXIO: "the driver knows no such device; is it plugged in?",
     errno.EIO: "no device answers; is it plugged in, and does its other end run?",
 }
-
-
-def open_wire(kind: str, **settings: Any) -> Wire:
-    """The wire of that name in `WIRES`, opened with the arguments of its class.
-
-    Raises ConfigError if there is no such kind, and whatever opening it raises.
-    """
-    if kind not in WIRES:
-        raise ConfigError(f"wire: {kind!r} is not one of {', '.join(WIRES)}")
-    import importlib
-
-    module, _, name = WIRES[kind].partition(":")
-    wire: Wire = getattr(importlib.import_module(module), name)(**settings)
-    return wire
 
 
 class DescriptorWire(Wire):

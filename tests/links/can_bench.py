@@ -3,11 +3,10 @@
 import random
 from collections.abc import Callable, Iterable
 
-from firmware_stub.stub import Stm32, Stm32End
 from hil.links.can_frame import CanFrame, pack_frame, unpack_frames
-from hil.links.contract import MAX_THRUSTERS, Message, Protocol, ThrusterTelemetry, Wire
+from hil.links.contract import Message, Protocol, Wire
 from tests.links.can_pairs import virtual_pair
-from tests.links.link_contract import CanLinkContract, Ends, command, read_messages, wait_readable
+from tests.links.link_contract import CanLinkContract
 
 
 class MemoryBus:
@@ -77,26 +76,6 @@ def noise(count: int, sound: list[CanFrame], seed: int = 1) -> Iterable[bytes]:
 
 
 class VirtualCanContract(CanLinkContract):
-    """The contract on a bus of python-can, whose reading thread hands over the frames of a command one by one."""
+    """The contract on a bus of python-can within this process."""
 
     open_wires = staticmethod(virtual_pair)
-
-    def test_all_come_in_order(self, ends: Ends) -> None:
-        """Each waits for the one before: the thread is slower than a loop that only writes."""
-        for sequence in range(1, 51):
-            order = command(sequence, MAX_THRUSTERS)
-            ends.host.send(order)
-            self.assert_same(read_messages(ends.device, 1), [order])
-
-    def test_stm32_on_the_link(self, ends: Ends) -> None:
-        stm32 = Stm32(MAX_THRUSTERS, telemetry_period_ns=10**9)
-        end = Stm32End(stm32, ends.device)
-        assert end.service(1) == 0
-        assert len(read_messages(ends.host, 1)) == 1
-        order = command(99, MAX_THRUSTERS)
-        ends.host.send(order)
-        while not stm32.frames:
-            assert wait_readable(ends.device.wire)
-            end.service(5_000)
-        self.assert_same(read_messages(ends.host, 1), [ThrusterTelemetry(99, True, False, order.pwm_us, 0, 1, 0, 0)])
-        assert stm32.pwm_us == list(order.pwm_us)

@@ -117,7 +117,7 @@ class TestSlcan:
         noise=st.lists(st.one_of(st.binary(max_size=40), st.sampled_from([b"t123", b"T00000FFF8", b"t12381", b"tz"])))
     )
     def test_noise_never_raises_and_costs_no_frame_behind_it(self, noise: list[bytes]) -> None:
-        line = Canned([*noise, b"\r\x07tF23", b"\rT1FFFFFFF8000102030405", b"0607\r"])
+        line = Canned([*noise, b"\rtF23", b"\x07T1FFFFFFF8000102030405", b"0607\r"])
         wire = SlcanWire(line)
         heard = b"".join(wire.read() for _ in line.parts)
         assert list(unpack_frames(heard))[-1] == EXTENDED
@@ -182,6 +182,18 @@ class TestPythonCan:
             took.append(time.perf_counter() - began)
             assert device.read() == pack_frame(EXTENDED)
         assert sorted(took)[10] < 0.002
+        device.close()
+        host.close()
+
+    def test_a_bus_that_nobody_reads_for_a_while_loses_nothing_that_it_took(self) -> None:
+        device, host = virtual_pair()
+        wanted = records(bytes(8 * 1000), 0)
+        sent = 0
+        for _ in range(4):
+            sent += host.write(wanted[sent:])
+            time.sleep(0.03)  # longer than the reading thread's period
+        assert 0 < sent < len(wanted)
+        assert read_bytes(device, sent) == wanted[:sent]
         device.close()
         host.close()
 

@@ -12,9 +12,9 @@ from typing import Any
 import pytest
 import serial
 
-from hil.errors import ConfigError, DeviceError
+from hil.errors import DeviceError
 from hil.links.contract import Wire
-from hil.links.wires import UNREAD_LIMIT, PtyHostWire, PtyWire, UartWire, open_wire
+from hil.links.wires import UNREAD_LIMIT, PtyHostWire, PtyWire, UartWire
 from tests.links.link_contract import nothing_leaks, read_bytes
 
 
@@ -211,18 +211,6 @@ class TestCannotOpen:
             os.seteuid(user)
         assert "permission denied" in message
         assert "dialout" in message
-
-
-def test_wires_by_name(link_path: Path) -> None:
-    device = open_wire("pty", link_path=str(link_path))
-    host = open_wire("uart", device=str(link_path), baud=57_600)
-    assert isinstance(device, PtyWire)
-    assert isinstance(host, UartWire)
-    assert device.baud == host.baud == 57_600
-    host.close()
-    device.close()
-    with pytest.raises(ConfigError, match="'usart' is not one of pty, uart"):
-        open_wire("usart")
 
 
 def test_rs485_where_the_driver_has_none() -> None:
