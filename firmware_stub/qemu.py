@@ -16,7 +16,7 @@ from typing import Any
 
 from firmware_stub.image import IMAGE, PARAMETERS_ADDRESS, parameters
 from hil.errors import DeviceError
-from hil.links.wires import DescriptorWire
+from hil.links.wires.terminal import DescriptorWire
 
 PROGRAM = "qemu-system-arm"
 PATIENCE_S = 10.0

@@ -14,8 +14,8 @@ from firmware_stub.emulation.rcc import PIN_RESET, POWER_RESET, WATCHDOG_RESET
 from firmware_stub.image import IMAGE, PARAMETERS_ADDRESS, parameters
 from hil.clock import NS_PER_MS, NS_PER_S
 from hil.errors import DeviceError
-from hil.links.can_frame import RECORD_SIZE, CanFrame, pack_frame, unpack_frames
 from hil.links.contract import Wire
+from hil.links.wires.can_frame import RECORD_SIZE, CanFrame, pack_frame, unpack_frames
 
 BUSY_NS = NS_PER_MS
 BUSY_INSTRUCTIONS = 16_000  # what the core's own 16 MHz oscillator would let it do in a millisecond
@@ -143,7 +143,7 @@ class UnicornBoard:
 class UnicornEnd:
     """An emulated STM32 on its end of a wire: wait on `fileno()` until `deadline_ns`, then call `service`.
 
-    can: whether the wire carries CAN frames (records of hil.links.can_frame) instead of bytes. The firmware alone
+    can: whether the wire carries CAN frames (records of hil.links.wires.can_frame) instead of bytes. The firmware alone
     decides what they mean. Time is the caller's clock (ns); when he comes later than `PATIENCE_NS` the board has
     stood still meanwhile, so that a machine that slept does not look like a silent host to the firmware.
     """

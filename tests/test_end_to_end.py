@@ -12,7 +12,7 @@ import serial
 
 from hil.autonomy.control import VelocityCommand
 from hil.links.contract import ThrusterCommand, ThrusterTelemetry
-from hil.links.frame import FrameProtocol
+from hil.links.frame.protocol import FrameProtocol
 from hil.master.client import VehicleClient
 from hil.schema import find_preset
 from sim.native import NativeDynamics, choose

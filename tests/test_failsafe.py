@@ -19,7 +19,7 @@ from hil.clock import now_ns
 from hil.errors import DeviceError
 from hil.links.contract import ThrusterLink
 from hil.links.protocols import open_protocol
-from hil.links.wires import PtyWire
+from hil.links.wires.terminal import PtyWire
 from hil.master.client import VehicleClient
 from tests.processes import Program, wait_for, write_scenario
 

@@ -13,9 +13,9 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent.parent))
 
-from hil.links.checksums import CHECK_BYTES, CRCS, crc_checksum
 from hil.links.contract import MAX_THRUSTERS
-from hil.links.frame_layout import Field, FrameLayout, MessageLayout, type_size
+from hil.links.frame.checksums import CHECK_BYTES, CRCS, crc_checksum
+from hil.links.frame.layout import Field, FrameLayout, MessageLayout, type_size
 from hil.schema import load
 
 ROOT = Path(__file__).parent.parent

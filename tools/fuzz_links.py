@@ -19,9 +19,9 @@ from typing import NamedTuple, get_args
 
 sys.path.insert(0, str(Path(__file__).parent.parent))
 
-from hil.links.can_frame import RECORD_SIZE
 from hil.links.contract import Message, Protocol, ThrusterCommand, ThrusterTelemetry
 from hil.links.protocols import ON_CAN, PROTOCOLS, Role, open_protocol
+from hil.links.wires.can_frame import RECORD_SIZE
 
 CHANNELS = 4
 LONGEST = 120  # bytes of a string

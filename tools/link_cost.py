@@ -29,9 +29,9 @@ sys.path.insert(0, str(Path(__file__).parent.parent))
 from firmware_stub.stub import Stm32, Stm32End
 from hil.clock import NS_PER_S, now_ns
 from hil.links.contract import ThrusterCommand, ThrusterLink, ThrusterTelemetry
-from hil.links.faults import Faults, FaultyWire
 from hil.links.protocols import open_protocol
-from hil.links.wires import PtyHostWire, PtyWire
+from hil.links.wires.faults import Faults, FaultyWire
+from hil.links.wires.terminal import PtyHostWire, PtyWire
 
 ROUND = 50  # frames of one kind before the next kind's turn
 MOST_MS, MOST_ADDED_MS, MOST_SHARE = 0.3, 0.15, 0.03

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from typing import ClassVar
 
 from firmware_stub.emulation.peripheral import WORD, Peripheral
-from hil.links.can_frame import CanFrame
+from hil.links.wires.can_frame import CanFrame
 
 MCR, MSR, TSR, RF0R, RF1R, IER, ESR, BTR = 0x00, 0x04, 0x08, 0x0C, 0x10, 0x14, 0x18, 0x1C
 TRANSMIT, MAILBOX_SIZE, MAILBOXES = 0x180, 0x10, 3

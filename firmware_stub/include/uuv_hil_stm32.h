@@ -157,7 +157,7 @@ typedef enum {
     UUV_HIL_COMMAND, /* a sound packet, and *command is what the board is to do */
 } UuvHilHeard;
 
-/* ---- mavlink.c: the device's end of hil/links/mavlink.py, on the headers that pymavlink generates. It obeys
+/* ---- mavlink.c: the device's end of hil/links/mavlink/link.py, on the headers that pymavlink generates. It obeys
  * SERVO_OUTPUT_RAW, RC_CHANNELS_OVERRIDE and, as COMMAND_LONG, COMPONENT_ARM_DISARM and DO_SET_SERVO; it says
  * SERVO_OUTPUT_RAW as report, HEARTBEAT and SYS_STATUS once a second and when armed or timed out change,
  * COMMAND_ACK, and TIMESYNC to whoever asks. It is component 1 of system 1, and checks no signatures.
@@ -185,7 +185,7 @@ void uuv_hil_mavlink_report(UuvHilMavlink *mavlink, const UuvHilPlatform *platfo
 /* HEARTBEAT and SYS_STATUS, if they are due. */
 void uuv_hil_mavlink_tick(UuvHilMavlink *mavlink, const UuvHilPlatform *platform, uint64_t now_us);
 
-/* ---- vesc.c: the device's end of hil/links/vesc.py, as controllers 1 to `channels` at once. It obeys SET_DUTY,
+/* ---- vesc.c: the device's end of hil/links/vesc/link.py, as controllers 1 to `channels` at once. It obeys SET_DUTY,
  * SET_CURRENT_REL and SET_CURRENT 0, which lets go; commands to all controllers, or one that comes again before
  * that, make one command of the board. It says STATUS. ---- */
 

@@ -1,4 +1,4 @@
-/* The binary frame: hil/links/frame.py for the one layout of frames/uuv_hil.toml. */
+/* The binary frame: hil/links/frame/protocol.py for the one layout of frames/uuv_hil.toml. */
 
 #include "uuv_hil_stm32.h"
 

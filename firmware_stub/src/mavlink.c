@@ -1,4 +1,4 @@
-/* The device's end of a MAVLink thruster link: a part of what hil/links/mavlink_device.py does. */
+/* The device's end of a MAVLink thruster link: a part of what hil/links/mavlink/device.py does. */
 
 #define MAVLINK_NO_CONVERSION_HELPERS
 #define MAVLINK_NO_SIGN_PACKET

@@ -1,4 +1,4 @@
-/* Packets in a stream of bytes: what hil/links/frame.py does, one byte at a time. */
+/* Packets in a stream of bytes: what hil/links/frame/protocol.py does, one byte at a time. */
 
 #include "uuv_hil_stm32.h"
 

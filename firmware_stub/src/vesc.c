@@ -1,4 +1,4 @@
-/* VESC motor controllers on CAN, all of them at once: the device's end of hil/links/vesc.py. */
+/* VESC motor controllers on CAN, all of them at once: the device's end of hil/links/vesc/link.py. */
 
 #include "uuv_hil_stm32.h"
 

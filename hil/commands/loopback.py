@@ -70,7 +70,7 @@ def _parser() -> Any:
 
 
 def _link(options: Any) -> Link:
-    from hil.links.faults import Faults
+    from hil.links.wires.faults import Faults
 
     if options.rate < 0.0 or not 0.0 < options.seconds < 1e6:
         raise ConfigError("command line: --rate is not negative, and --seconds is more than 0")

@@ -13,8 +13,9 @@ from hil.master.client import VehicleClient
 from hil.master.mission import Mission
 from hil.master.planner import Navigator, Outcome, Plan, prepare, require_success
 from hil.master.progress import Progress
-from hil.master.recorder import Recorder, make_folder, new_folder
+from hil.master.recorder import RecordedClient, TrackWriter, make_folder, new_folder, recorded
 from hil.stop import StopSignals
+from hil.transport.recording import require_library
 
 WAIT_STEP_S = 0.02
 EXAMPLES = """\
@@ -38,11 +39,13 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--ready-fd", metavar="N", type=int, help="write a line to this descriptor when dialling")
     options = parser.parse_args(arguments)
     scenario = load_scenario(options.scenario)
+    if scenario.recording.master:
+        require_library()
     folder = make_folder(options.run_dir) if options.run_dir else new_folder(options.scenario)
     plan = prepare(scenario)
     progress = Progress(os.path.join(folder, "master.log"))
     progress.say(f"A* found a way of {len(plan.path)} points in {plan.duration:.2f} s")
-    with StopSignals() as stop_fd, VehicleClient(options.connect, scenario.slave.node) as client:
+    with StopSignals() as stop_fd, RecordedClient(options.connect, scenario.slave.node) as client:
         progress.say(f"waiting for {scenario.slave.node} at {options.connect}")
         if options.ready_fd is not None:
             os.write(options.ready_fd, b"\n")
@@ -68,14 +71,14 @@ def _wait(client: VehicleClient, seconds: float, stop_fd: int) -> None:
 
 
 def _fly(
-    scenario: Scenario, plan: Plan, client: VehicleClient, folder: str, progress: Progress, stop_fd: int
+    scenario: Scenario, plan: Plan, client: RecordedClient, folder: str, progress: Progress, stop_fd: int
 ) -> tuple[Outcome, table.HilTable]:
     health = client.diagnostics()
     first_cpu = (float(health.get("cpu_s", 0.0)), client.latest["diagnostics"].received_ns / NS_PER_S)
     progress.say(f"flying: {scenario.description}")
-    with Recorder(folder) as recorder:
+    with TrackWriter(folder) as track, recorded(client, scenario, folder, progress.note):
         navigator = Navigator(scenario, plan)
-        outcome = Mission(navigator, scenario.master.command_period, client, recorder, progress).fly(stop_fd)
+        outcome = Mission(navigator, scenario.master.command_period, client, track, progress).fly(stop_fd)
     return outcome, table.build(client, outcome, first_cpu)
 
 

@@ -70,7 +70,7 @@ def open_address(text: str, role: Role, baud: int = 115_200, bitrate: int = 1_00
         return _open_can(address, baud, bitrate)
     if address.kind in ("tcp", "udp"):
         return _open_net(address, role)
-    from hil.links.wires import PtyHostWire, PtyWire, UartWire
+    from hil.links.wires.terminal import PtyHostWire, PtyWire, UartWire
 
     if address.kind != "pty":
         return UartWire(address.place, baud, rs485=address.kind == "rs485")
@@ -82,7 +82,7 @@ def open_address(text: str, role: Role, baud: int = 115_200, bitrate: int = 1_00
 
 
 def _open_net(address: Address, role: Role) -> Wire:
-    from hil.links.net_wires import TcpHostWire, TcpWire, UdpHostWire, UdpWire
+    from hil.links.wires.net import TcpHostWire, TcpWire, UdpHostWire, UdpWire
 
     if address.kind == "tcp":
         return (TcpWire if role == "device" else TcpHostWire)(address.place, address.port)
@@ -91,14 +91,14 @@ def _open_net(address: Address, role: Role) -> Wire:
 
 def _open_can(address: Address, baud: int, bitrate: int) -> Wire:
     if address.interface == "socketcan":
-        from hil.links.can_wire import open_socketcan
+        from hil.links.wires.can_bus import open_socketcan
 
         return open_socketcan(address.place)
     if address.interface == "slcan":
-        from hil.links.can_wire import SlcanWire
-        from hil.links.wires import UartWire
+        from hil.links.wires.can_bus import SlcanWire
+        from hil.links.wires.terminal import UartWire
 
         return SlcanWire(UartWire(address.place, baud), bitrate)
-    from hil.links.python_can_wire import PythonCanWire
+    from hil.links.wires.python_can_bus import PythonCanWire
 
     return PythonCanWire(address.interface, address.place, bitrate)

@@ -9,12 +9,12 @@ Role = Literal["host", "device"]  # the vehicle's computer, the STM32
 
 # A factory takes the end's role, the number of thrusters, and settings of its own by keyword.
 PROTOCOLS = {
-    "frame": "hil.links.frame:open_frame",
-    "mavlink": "hil.links.mavlink:open_mavlink",
-    "dronecan": "hil.links.dronecan_link:open_dronecan",
-    "vesc": "hil.links.vesc:open_vesc",
+    "frame": "hil.links.frame.protocol:open_frame",
+    "mavlink": "hil.links.mavlink.link:open_mavlink",
+    "dronecan": "hil.links.dronecan.link:open_dronecan",
+    "vesc": "hil.links.vesc.link:open_vesc",
 }
-ON_CAN = ("dronecan", "vesc")  # these are fed with CAN frames, see `hil.links.can_frame`; the others with bytes
+ON_CAN = ("dronecan", "vesc")  # these are fed with CAN frames, see `hil.links.wires.can_frame`; the others with bytes
 
 
 def open_protocol(kind: str, role: Role, channels: int, **settings: Any) -> Protocol:

@@ -45,9 +45,11 @@ def run(scenario: Scenario, board: Board | None, network: Listening, startup: di
             gc.enable()
         for note in notes:
             log.say(note)
-        from hil.slave.health import Health  # the vehicle is ready before this is loaded
+        from hil.slave.contacts import Contacts
+        from hil.slave.health import Health  # the vehicle is ready before these are loaded
 
-        with Health(loop, log, startup, notes, board.name if board else "this machine", scenario.link):
+        contacts = Contacts(network.session(), scenario.slave.node, loop.inbox, log.say, scenario.security)
+        with Health(loop, log, startup, notes, board.name if board else "this machine", scenario.link, contacts):
             try:
                 loop.run(stop_fd)
                 log.say("stopping")
@@ -76,17 +78,25 @@ def _assemble(
     driver = open_driver(scenario.stm32, link, len(vehicle.channels), builtin, scenario.seed, report)
     stack.callback(driver.close)
     startup["link"] = now_ns()
-    inbox = Inbox(seconds_ns(slave.command_age_limit))
+    limits = seconds_ns(slave.command_age_limit), seconds_ns(slave.deadman), scenario.network.command_rate
+    inbox = Inbox(*limits)
     stack.callback(inbox.close)
     session = stack.enter_context(network.session())
     startup["session"] = now_ns()
-    outbox = Outbox(session, slave.node, to_wall_ns(now_ns()) - simulation.time_ns)
+    epoch_ns = to_wall_ns(now_ns()) - simulation.time_ns
+    tape = None
+    if scenario.recording.slave:
+        from hil.slave.tape import open_tape  # most runs do without
+
+        tape = open_tape(scenario, board.name if board else "this machine", epoch_ns, report, stack)
+    outbox = (tape.outbox if tape else Outbox)(session, slave.node, epoch_ns)
     pilot = None
     if builtin:
         pilot = build_pilot(scenario, vehicle, control, world)
-        session.subscribe(slave.node, "cmd_vel", inbox.deliver, depth=8)
+        deliver = tape.hearing(inbox.deliver) if tape else inbox.deliver
+        session.subscribe(slave.node, "cmd_vel", deliver, depth=8)
     steps = seconds_ns(slave.step), seconds_ns(slave.control_period)
-    return Loop(simulation, driver, pilot, inbox, outbox, *steps, report)
+    return (tape.loop if tape else Loop)(simulation, driver, pilot, inbox, outbox, *steps, report)
 
 
 def _ready(scenario: Scenario, loop: Loop, startup: dict[str, int]) -> str:

@@ -8,6 +8,7 @@ import threading
 from hil import process
 from hil.clock import NS_PER_MS, NS_PER_S, NS_PER_US, now_ns, to_wall_ns
 from hil.config import Link
+from hil.slave.contacts import Contacts
 from hil.slave.log import Log
 from hil.slave.loop import Loop
 
@@ -23,8 +24,18 @@ class Health:
     `startup` are monotonic instants by name, "exec" first. Use as a context: leaving it says the last word.
     """
 
-    def __init__(self, loop: Loop, log: Log, startup: dict[str, int], notes: list[str], board: str, link: Link) -> None:
+    def __init__(
+        self,
+        loop: Loop,
+        log: Log,
+        startup: dict[str, int],
+        notes: list[str],
+        board: str,
+        link: Link,
+        contacts: Contacts,
+    ) -> None:
         self._loop = loop
+        self._contacts = contacts
         self._log = log
         self._startup = startup
         self._fixed = {
@@ -69,7 +80,7 @@ class Health:
             "samples_published": str(loop.outbox.published),
             "contacts": str(loop.simulation.contacts),
         }
-        return values | self._command_figures() | self._link_figures()
+        return values | self._command_figures() | self._link_figures() | self._contacts.figures()
 
     def _command_figures(self) -> dict[str, str]:
         loop, inbox = self._loop, self._loop.inbox
@@ -80,6 +91,8 @@ class Health:
             "commands_stale": str(inbox.stale),
             "commands_disordered": str(inbox.disordered),
             "commands_superseded": str(inbox.superseded),
+            "commands_refused": str(inbox.refused),
+            "commands_flooded": str(inbox.flooded),
             "commands_unanswered": str(loop.unanswered),
             "deadman_trips": str(loop.pilot.deadman_trips if loop.pilot else 0),
             "watchdog_trips": str(loop.watchdog_trips),
@@ -108,7 +121,8 @@ class Health:
         turn = 0
         while not self._stop.wait(REPORT_PERIOD_S):
             self._log.flush()
-            if turn % DIAGNOSE_EVERY == 0:
+            if turn % DIAGNOSE_EVERY == 0 or self._loop.inbox.news:
+                self._loop.inbox.news = False
                 self._publish()
             turn += 1
             if turn % COLLECT_EVERY == 0:

@@ -1,13 +1,24 @@
-"""Where commands arrive: decoded in the reader's thread, judged for age, handed to the loop at once."""
+"""Where commands arrive: decoded in the reader's thread, judged for age and right, handed to the loop at once.
+
+A vehicle obeys one master at a time: the first whose command comes, until it leaves or is silent for the deadman's
+time. Another is refused meanwhile, unless it has a higher rank: then it takes over, and the former is refused.
+"""
 
 import os
+import time
 from collections import deque
+from typing import TYPE_CHECKING
 
 from hil.autonomy.control import VelocityCommand
 from hil.clock import NS_PER_S, now_ns, to_wall_ns
 from hil.transport import ros
 
+if TYPE_CHECKING:
+    from hil.transport.clock_offset import ClockOffset
+
 _DRIFT_PER_S = 50_000  # ns: how fast two clocks may run apart (50 ppm)
+_MOST_SENDERS = 32  # whose sequence numbers are remembered
+_BURST_S = 0.1  # how long commands may come faster than their limit
 
 
 class Received:
@@ -39,30 +50,53 @@ class AgeFilter:
         if self._least is None:
             self._least = difference
         else:
-            self._least += (received_wall_ns - self._last) * _DRIFT_PER_S // NS_PER_S
+            grown = (received_wall_ns - self._last) * _DRIFT_PER_S // NS_PER_S
+            self._least = min(self._least + grown, difference)
         self._last = received_wall_ns
-        self._least = min(self._least, difference)
         return difference - self._least
+
+
+class _Sender:
+    """What is remembered of one who commands."""
+
+    __slots__ = ("ages", "sequence")
+
+    def __init__(self) -> None:
+        self.sequence = 0
+        self.ages = AgeFilter()
 
 
 class Inbox:
     """Holds the newest command; `fileno` becomes readable when there is one.
 
-    Counts what it drops: `malformed`, `stale` (older than the limit), `disordered` (overtaken by a newer
-    one of the same sender) and `superseded` (replaced before the loop took it).
+    `clocks` and `ranks`, by sender, are filled in by `hil.slave.contacts`; a sender without them (a ROS 2 node) is
+    judged by its fastest message and has rank 0. `master` is who is obeyed, b"" at first; `news` is set when that
+    changes.
+
+    Counts what it drops: `malformed`, `stale` (older than the limit), `disordered` (overtaken by a newer one of the
+    same sender), `refused` (another master is obeyed), `flooded` (times the rate was above its limit, when the
+    reader rests and the network keeps but the newest) and `superseded` (replaced before the loop took it).
     """
 
-    def __init__(self, age_limit_ns: int) -> None:
+    def __init__(self, age_limit_ns: int, hold_ns: int = NS_PER_S // 2, rate: float = 200.0) -> None:
         self._age_limit_ns = age_limit_ns
+        self._hold_ns = hold_ns
+        self._period_ns = round(NS_PER_S / rate)
         self._event = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
         self._newest: deque[Received] = deque(maxlen=1)  # its append and popleft are atomic
-        self._sender = b""
-        self._sequence = 0
-        self._ages = AgeFilter()
+        self._senders: dict[bytes, _Sender] = {}
+        self._obeyed_ns = 0
+        self._allowed_ns = 0  # by when as many commands as have come may have come
+        self.clocks: dict[bytes, ClockOffset] = {}
+        self.ranks: dict[bytes, int] = {}
+        self.master = b""
+        self.news = False
         self.received = 0
         self.malformed = 0
         self.stale = 0
         self.disordered = 0
+        self.refused = 0
+        self.flooded = 0
         self.superseded = 0
 
     def fileno(self) -> int:
@@ -77,22 +111,13 @@ class Inbox:
         stamp = ros.unpack_attachment(attachment)
         if twist is None or stamp is None:
             self.malformed += 1
-            return
-        sequence, published_ns, sender = stamp
-        if sender != self._sender:
-            self._sender, self._sequence, self._ages = sender, 0, AgeFilter()
-        if sequence <= self._sequence:
-            self.disordered += 1
-            return
-        self._sequence = sequence
-        if self._ages.age_ns(published_ns, to_wall_ns(received_ns)) > self._age_limit_ns:
-            self.stale += 1
-            return
-        linear, angular = twist
-        command = VelocityCommand(*linear, yaw_rate=angular[2])
-        self.superseded += len(self._newest)
-        self._newest.append(Received(command, sequence, published_ns, received_ns))
-        os.eventfd_write(self._event, 1)
+        elif self._is_new(*stamp, received_ns) and self._may_command(stamp.gid, received_ns):
+            linear, angular = twist
+            command = VelocityCommand(*linear, yaw_rate=angular[2])
+            self.superseded += len(self._newest)
+            self._newest.append(Received(command, stamp.sequence, stamp.time_ns, received_ns))
+            os.eventfd_write(self._event, 1)
+        self._rest(received_ns)
 
     def take(self) -> Received | None:
         """The newest command not yet taken; None if there is none."""
@@ -102,6 +127,57 @@ class Inbox:
         except (BlockingIOError, IndexError):  # nothing came, or it was taken with the one before
             return None
 
+    @property
+    def silent(self) -> bool:
+        """Whether the master that is obeyed has not been heard for so long that any other may command."""
+        return now_ns() - self._obeyed_ns > self._hold_ns
+
+    def forget(self, sender: bytes) -> None:
+        """A master has left: another may command at once."""
+        self.ranks.pop(sender, None)
+        self.clocks.pop(sender, None)
+        if sender == self.master:
+            self.master = b""
+            self.news = True
+
     def close(self) -> None:
         """Give the descriptor back. The reader must have ended."""
         os.close(self._event)
+
+    def _is_new(self, sequence: int, published_ns: int, sender: bytes, received_ns: int) -> bool:
+        known = self._senders.get(sender)
+        if known is None:
+            if len(self._senders) >= _MOST_SENDERS:
+                del self._senders[next(iter(self._senders))]
+            known = self._senders[sender] = _Sender()
+        if sequence <= known.sequence:
+            self.disordered += 1
+            return False
+        known.sequence = sequence
+        received_wall_ns = to_wall_ns(received_ns)
+        age_ns = known.ages.age_ns(published_ns, received_wall_ns)
+        clock = self.clocks.get(sender)
+        estimate = clock.at(received_wall_ns) if clock else None
+        if estimate:
+            age_ns = received_wall_ns + estimate.offset_ns - published_ns
+        if age_ns > self._age_limit_ns:
+            self.stale += 1
+            return False
+        return True
+
+    def _may_command(self, sender: bytes, now: int) -> bool:
+        if sender != self.master:
+            if self.master and not self.silent and self.ranks.get(sender, 0) <= self.ranks.get(self.master, 0):
+                self.refused += 1
+                return False
+            self.master = sender
+            self.news = True
+        self._obeyed_ns = now
+        return True
+
+    def _rest(self, now: int) -> None:
+        """Let the reader sleep when more comes than may: the network's ring then drops all but the newest."""
+        self._allowed_ns = max(self._allowed_ns + self._period_ns, now - round(_BURST_S * NS_PER_S))
+        if self._allowed_ns > now:
+            self.flooded += 1
+            time.sleep((self._allowed_ns - now) / NS_PER_S)

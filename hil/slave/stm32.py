@@ -193,7 +193,7 @@ def with_faults(wire: Wire, link: Link, seed: int) -> Wire:
     """`wire` with the faults that the scenario has in mind for the link."""
     if link.faults is None:
         return wire
-    from hil.links.faults import FaultyWire
+    from hil.links.wires.faults import FaultyWire
 
     return FaultyWire(wire, link.faults, seed)
 

@@ -8,8 +8,8 @@ from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 from firmware_stub.stub import Stm32, Stm32End
-from hil.links.can_frame import CanFrame
 from hil.links.contract import Protocol, ThrusterCommand, ThrusterLink, ThrusterTelemetry, Wire
+from hil.links.wires.can_frame import CanFrame
 from tests.links.link_contract import uuv_hil
 
 MAX_CHANNELS = 16

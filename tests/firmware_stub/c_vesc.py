@@ -4,8 +4,8 @@ import random
 import struct
 from collections.abc import Iterator
 
-from hil.links.can_frame import CanFrame
-from hil.links.vesc_end import SET_CURRENT, SET_CURRENT_REL, SET_DUTY
+from hil.links.vesc.end import SET_CURRENT, SET_CURRENT_REL, SET_DUTY
+from hil.links.wires.can_frame import CanFrame
 from tests.firmware_stub.c_core import Script, Step, instants
 
 PER_US = 250  # of 100 000, for 400 us

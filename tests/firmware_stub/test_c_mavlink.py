@@ -13,7 +13,7 @@ pytest.importorskip("pymavlink")
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from hil.links import mavlink_stream
+from hil.links.mavlink import stream as mavlink_stream
 from tests.firmware_stub.c_mavlink import KNOWN, mavlink_script
 
 

@@ -5,11 +5,11 @@ import struct
 import pytest
 
 from firmware_stub.stub import Stm32
-from hil.links.can_frame import CanFrame, pack_frame, unpack_frames
 from hil.links.can_thrusters import MotorValues
 from hil.links.contract import ThrusterCommand, ThrusterTelemetry
 from hil.links.protocols import open_protocol
-from hil.links.vesc_end import STATUS
+from hil.links.vesc.end import STATUS
+from hil.links.wires.can_frame import CanFrame, pack_frame, unpack_frames
 from tests.firmware_stub.c_core import Done, Script, run_c
 from tests.firmware_stub.c_vesc import vesc_script
 from tests.links.link_contract import uuv_hil

@@ -15,7 +15,7 @@ from firmware_stub.native import NAME, NativeStm32, build_native, cache_folder
 from hil.errors import DeviceError
 from hil.links.contract import Protocol, ThrusterCommand, ThrusterLink, ThrusterTelemetry
 from hil.links.protocols import open_protocol
-from hil.links.wires import PtyHostWire
+from hil.links.wires.terminal import PtyHostWire
 from tests.links.link_contract import nothing_leaks, uuv_hil, wait_readable
 
 FULL = (1900, 1100, 1600, 1400, 1500, 1501)

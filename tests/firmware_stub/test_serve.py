@@ -17,7 +17,7 @@ from firmware_stub.serve import serve
 from firmware_stub.stub import Stm32, Stm32End
 from hil.errors import DeviceError
 from hil.links.contract import ThrusterCommand, ThrusterLink, ThrusterTelemetry
-from hil.links.wires import PtyHostWire, PtyWire, UartWire
+from hil.links.wires.terminal import PtyHostWire, PtyWire, UartWire
 from tests.links.link_contract import nothing_leaks, read_messages, uuv_hil
 
 ROOT = Path(__file__).parents[2]

@@ -7,7 +7,7 @@ import pytest
 from firmware_stub.stub import Stm32, Stm32End
 from hil.errors import DeviceError
 from hil.links.contract import ThrusterCommand, ThrusterLink, ThrusterTelemetry
-from hil.links.wires import PtyHostWire, PtyWire
+from hil.links.wires.terminal import PtyHostWire, PtyWire
 from tests.links.link_contract import nothing_leaks, read_messages, uuv_hil, wait_readable
 
 MS = 1_000_000

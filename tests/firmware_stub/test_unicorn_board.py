@@ -10,9 +10,9 @@ import pytest
 from firmware_stub.stub import Stm32, Stm32End
 from firmware_stub.unicorn_board import UnicornBoard, shipped_image
 from hil.errors import DeviceError
-from hil.links.can_frame import pack_frame, unpack_frames
 from hil.links.contract import ThrusterCommand, ThrusterLink, ThrusterTelemetry, Wire
 from hil.links.protocols import open_protocol
+from hil.links.wires.can_frame import pack_frame, unpack_frames
 from tests.links.link_contract import uuv_hil
 
 MS = 1_000_000

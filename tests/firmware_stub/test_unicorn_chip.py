@@ -6,7 +6,7 @@ from firmware_stub.emulation.chip import PLACES, Chip
 from firmware_stub.emulation.nvic import FIRST_INTERRUPT, SYSTICK
 from firmware_stub.emulation.rcc import WATCHDOG_RESET
 from hil.errors import DeviceError
-from hil.links.can_frame import CanFrame
+from hil.links.wires.can_frame import CanFrame
 
 MS = 1_000_000
 RCC, USART1, TIM3, TIM1, IWDG, CAN1, GPIOA = (

@@ -10,10 +10,10 @@ import pytest
 
 from firmware_stub.unicorn_board import UnicornBoard, UnicornEnd, shipped_image
 from hil.errors import DeviceError
-from hil.links.can_frame import CanFrame, pack_frame, unpack_frames
 from hil.links.contract import ThrusterCommand, ThrusterLink, ThrusterTelemetry
-from hil.links.vesc_end import SET_DUTY
-from hil.links.wires import DescriptorWire, PtyHostWire, PtyWire
+from hil.links.vesc.end import SET_DUTY
+from hil.links.wires.can_frame import CanFrame, pack_frame, unpack_frames
+from hil.links.wires.terminal import DescriptorWire, PtyHostWire, PtyWire
 from tests.links.link_contract import nothing_leaks, read_messages, uuv_hil, wait_readable
 
 MS = 1_000_000

@@ -3,8 +3,8 @@
 import random
 from collections.abc import Callable, Iterable
 
-from hil.links.can_frame import CanFrame, pack_frame, unpack_frames
 from hil.links.contract import Message, Protocol, Wire
+from hil.links.wires.can_frame import CanFrame, pack_frame, unpack_frames
 from tests.links.can_pairs import virtual_pair
 from tests.links.link_contract import CanLinkContract
 

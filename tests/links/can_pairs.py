@@ -5,10 +5,10 @@ import socket
 import time
 from collections.abc import Callable
 
-from hil.links.can_wire import SlcanWire, SocketCanWire
 from hil.links.contract import Wire
-from hil.links.python_can_wire import PythonCanWire
-from hil.links.wires import UartWire
+from hil.links.wires.can_bus import SlcanWire, SocketCanWire
+from hil.links.wires.python_can_bus import PythonCanWire
+from hil.links.wires.terminal import UartWire
 from tests.links.link_contract import read_bytes
 from tests.links.slcan_adapter import SlcanBus
 

@@ -18,7 +18,6 @@ import pytest
 
 from firmware_stub.stub import Stm32, Stm32End
 from hil.errors import DeviceError
-from hil.links.can_frame import RECORD_SIZE, CanFrame, pack_frame
 from hil.links.contract import (
     MAX_THRUSTERS,
     Message,
@@ -29,6 +28,7 @@ from hil.links.contract import (
     Wire,
 )
 from hil.links.protocols import Role, open_protocol
+from hil.links.wires.can_frame import RECORD_SIZE, CanFrame, pack_frame
 
 PATIENCE_S = 2.0
 EVERY_BYTE = bytes(range(256))

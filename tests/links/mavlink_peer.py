@@ -6,9 +6,9 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from firmware_stub.stub import Stm32
 from hil.links.contract import Message, ThrusterCommand
-from hil.links.mavlink import open_mavlink
-from hil.links.mavlink_device import MavlinkDevice
-from hil.links.mavlink_host import MavlinkHost
+from hil.links.mavlink.device import MavlinkDevice
+from hil.links.mavlink.host import MavlinkHost
+from hil.links.mavlink.link import open_mavlink
 
 MS = 1_000_000
 KEY = bytes(range(32))

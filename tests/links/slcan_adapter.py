@@ -5,7 +5,7 @@ import select
 import threading
 
 from hil.links.contract import Wire
-from hil.links.wires import PtyWire
+from hil.links.wires.terminal import PtyWire
 
 ACKNOWLEDGED = {b"t": b"z\r", b"T": b"Z\r", b"r": b"z\r", b"R": b"Z\r"}
 

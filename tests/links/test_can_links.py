@@ -2,9 +2,9 @@
 
 from typing import ClassVar
 
-from hil.links.can_frame import RECORD_SIZE
 from hil.links.contract import Wire
-from hil.links.faults import FaultyWire
+from hil.links.wires.can_frame import RECORD_SIZE
+from hil.links.wires.faults import FaultyWire
 from tests.links.can_pairs import multicast_pair, slcan_pair, socket_pair, virtual_pair
 from tests.links.link_contract import CanLinkContract, WireContract
 

@@ -12,12 +12,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hil.errors import ConfigError, DeviceError, MissingExtraError
-from hil.links.can_frame import ERROR, REMOTE, CanFrame, pack_frame, unpack_frames
-from hil.links.can_wire import SlcanWire, SocketCanWire, open_socketcan
 from hil.links.contract import Wire
-from hil.links.faults import FaultyWire
-from hil.links.python_can_wire import PythonCanWire
-from hil.links.wires import PtyHostWire, PtyWire, UartWire
+from hil.links.wires.can_bus import SlcanWire, SocketCanWire, open_socketcan
+from hil.links.wires.can_frame import ERROR, REMOTE, CanFrame, pack_frame, unpack_frames
+from hil.links.wires.faults import FaultyWire
+from hil.links.wires.python_can_bus import PythonCanWire
+from hil.links.wires.terminal import PtyHostWire, PtyWire, UartWire
 from tests.links.can_pairs import GROUP, socket_pair, until, virtual_pair
 from tests.links.link_contract import EVERY_BYTE, nothing_leaks, read_bytes, records, wait_readable
 from tests.links.slcan_adapter import SlcanBus
@@ -225,9 +225,8 @@ class TestPythonCan:
             PythonCanWire("virtual", "x")
 
     def test_it_is_not_loaded_before_it_is_used(self) -> None:
-        code = (
-            "import sys, hil.links.address, hil.links.can_wire, hil.links.python_can_wire; print('can' in sys.modules)"
-        )
+        modules = "hil.links.address, hil.links.wires.can_bus, hil.links.wires.python_can_bus"
+        code = f"import sys, {modules}; print('can' in sys.modules)"
         assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout == "False\n"
 
 

@@ -9,10 +9,10 @@ import pytest
 
 from firmware_stub.stub import Stm32, Stm32End
 from hil import __version__
-from hil.links.can_frame import CanFrame
 from hil.links.contract import ThrusterCommand, ThrusterLink, ThrusterTelemetry
-from hil.links.dronecan_host import DroneCanHost
-from hil.links.dronecan_link import open_dronecan
+from hil.links.dronecan.host import DroneCanHost
+from hil.links.dronecan.link import open_dronecan
+from hil.links.wires.can_frame import CanFrame
 from tests.links.can_bench import MemoryBus, MemoryWire, frames, records
 
 dronecan: Any = import_module("dronecan")

@@ -6,11 +6,10 @@ import pytest
 
 from firmware_stub.stub import Stm32, Stm32End
 from hil.errors import ConfigError
-from hil.links import dronecan_types as types
-from hil.links.can_frame import CanFrame, unpack_frames
 from hil.links.can_thrusters import MotorValues
 from hil.links.contract import MAX_THRUSTERS, PWM_NEUTRAL_US, Protocol, ThrusterCommand, ThrusterLink, ThrusterTelemetry
-from hil.links.dronecan_allocation import (
+from hil.links.dronecan import types
+from hil.links.dronecan.allocation import (
     FOLLOWUP_DELAY_NS,
     FOLLOWUP_TIMEOUT_NS,
     MAX_DYNAMIC_ID,
@@ -18,12 +17,12 @@ from hil.links.dronecan_allocation import (
     Allocatee,
     Allocator,
 )
-from hil.links.dronecan_device import DroneCanDevice
-from hil.links.dronecan_host import DroneCanHost
-from hil.links.dronecan_link import open_dronecan
-from hil.links.dronecan_node import STATUS_PERIOD_NS
-from hil.links.dronecan_transfer import DataType, Receiver, Transfer, message_key
-from hil.links.dronecan_types import (
+from hil.links.dronecan.device import DroneCanDevice
+from hil.links.dronecan.host import DroneCanHost
+from hil.links.dronecan.link import open_dronecan
+from hil.links.dronecan.node import STATUS_PERIOD_NS
+from hil.links.dronecan.transfer import DataType, Receiver, Transfer, message_key
+from hil.links.dronecan.types import (
     Allocation,
     BatteryInfo,
     EscStatus,
@@ -32,6 +31,7 @@ from hil.links.dronecan_types import (
     unpack_node_status,
 )
 from hil.links.protocols import Role
+from hil.links.wires.can_frame import CanFrame, unpack_frames
 from tests.links.can_bench import MemoryBus, VirtualCanContract, exchange, frames, noise, records
 from tests.links.can_pairs import socket_pair
 from tests.links.link_contract import CanLinkContract

@@ -7,9 +7,8 @@ from typing import Any
 
 import pytest
 
-from hil.links.can_frame import CanFrame
 from hil.links.contract import Counters
-from hil.links.dronecan_transfer import (
+from hil.links.dronecan.transfer import (
     END,
     START,
     TOGGLE,
@@ -22,7 +21,8 @@ from hil.links.dronecan_transfer import (
     pack_transfer,
     service_key,
 )
-from hil.links.dronecan_types import ALLOCATION, ESC_STATUS, GET_NODE_INFO_RESPONSE, RAW_COMMAND
+from hil.links.dronecan.types import ALLOCATION, ESC_STATUS, GET_NODE_INFO_RESPONSE, RAW_COMMAND
+from hil.links.wires.can_frame import CanFrame
 from tests.links.can_bench import frames, noise
 from tests.links.test_dronecan_types import KINDS
 

@@ -8,10 +8,10 @@ from typing import Any
 
 import pytest
 
-from hil.links import dronecan_types as types
 from hil.links.can_thrusters import SPAN_US
-from hil.links.dronecan_transfer import CRC_START, data_type
-from hil.links.dronecan_types import (
+from hil.links.dronecan import types
+from hil.links.dronecan.transfer import CRC_START, data_type
+from hil.links.dronecan.types import (
     Allocation,
     BatteryInfo,
     EscStatus,

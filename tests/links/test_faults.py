@@ -12,11 +12,11 @@ import pytest
 
 from hil.clock import NS_PER_S, now_ns
 from hil.errors import ConfigError, DeviceError
-from hil.links.can_frame import RECORD_SIZE, CanFrame, pack_frame, unpack_frames
 from hil.links.contract import Wire
-from hil.links.faults import BACKLOG, Faults, FaultyWire, Tally
-from hil.links.timer import Timer
-from hil.links.wires import DescriptorWire, PtyHostWire, PtyWire
+from hil.links.wires.can_frame import RECORD_SIZE, CanFrame, pack_frame, unpack_frames
+from hil.links.wires.faults import BACKLOG, Faults, FaultyWire, Tally
+from hil.links.wires.terminal import DescriptorWire, PtyHostWire, PtyWire
+from hil.links.wires.timer import Timer
 from hil.schema import parse
 from tests.links.can_pairs import socket_pair
 from tests.links.link_contract import EVERY_BYTE, nothing_leaks, read_bytes, records, wait_readable

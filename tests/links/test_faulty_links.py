@@ -1,8 +1,8 @@
 """The contract on a wire with faults around it that has none: it must be as if it were not there."""
 
 from hil.links.contract import Wire
-from hil.links.faults import FaultyWire
-from hil.links.wires import PtyHostWire, PtyWire
+from hil.links.wires.faults import FaultyWire
+from hil.links.wires.terminal import PtyHostWire, PtyWire
 from tests.links.link_contract import LinkContract
 
 

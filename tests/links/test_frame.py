@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hil.links.contract import Counters, Message, ThrusterCommand, ThrusterTelemetry
-from hil.links.frame import FrameProtocol
+from hil.links.frame.protocol import FrameProtocol
 from hil.schema import find_preset
 from tests.links.link_contract import command
 

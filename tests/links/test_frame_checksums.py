@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hil.links.checksums import CHECK_BYTES, CRCS, SUMS, Crc, crc_checksum
+from hil.links.frame.checksums import CHECK_BYTES, CRCS, SUMS, Crc, crc_checksum
 from tests.links.frame_peers import crc_bit_by_bit
 
 # reveng.sourceforge.io/crc-catalogue: SMBUS, DVB-S2, MAXIM-DOW, SAE-J1850; ARC, IBM-3740, KERMIT, MCRF4XX, MODBUS,

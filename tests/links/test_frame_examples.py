@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from firmware_stub.stub import Stm32
 from hil.links.contract import Message, ThrusterCommand, ThrusterTelemetry
-from hil.links.frame import FrameProtocol, open_frame
+from hil.links.frame.protocol import FrameProtocol, open_frame
 from hil.schema import find_preset, preset_names
 from tests.links.frame_peers import PEERS, cobs, crc32
 

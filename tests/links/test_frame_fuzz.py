@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hil.links.contract import ThrusterCommand
-from hil.links.frame import open_frame
+from hil.links.frame.protocol import open_frame
 from hil.links.protocols import Role
 from hil.schema import preset_names
 from tools.fuzz_links import fuzz

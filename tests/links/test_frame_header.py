@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 from hil.links.contract import ThrusterCommand, ThrusterTelemetry
-from hil.links.frame import FrameProtocol
+from hil.links.frame.protocol import FrameProtocol
 from hil.schema import find_preset
 
 ROOT = Path(__file__).parents[2]

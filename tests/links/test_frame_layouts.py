@@ -6,7 +6,7 @@ import pytest
 
 from hil.errors import ConfigError
 from hil.links.contract import ThrusterCommand, ThrusterTelemetry
-from hil.links.frame import FrameProtocol
+from hil.links.frame.protocol import FrameProtocol
 from hil.links.protocols import Role
 
 PULSES = '{ name = "pwm_us", type = "u16" }'

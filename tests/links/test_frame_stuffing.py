@@ -4,8 +4,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hil.links.frame_layout import Stuffing
-from hil.links.frame_stuffing import Stuffer, open_stuffer
+from hil.links.frame.layout import Stuffing
+from hil.links.frame.stuffing import Stuffer, open_stuffer
 
 RULES = {
     "cobs": Stuffing("cobs"),

@@ -12,7 +12,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from firmware_stub.stub import Stm32
 from hil.errors import ConfigError, MissingExtraError
 from hil.links.contract import MAX_THRUSTERS, ThrusterCommand, ThrusterTelemetry
-from hil.links.mavlink import EscReading, open_mavlink
+from hil.links.mavlink.link import EscReading, open_mavlink
 from hil.links.protocols import open_protocol
 from tests.links.mavlink_peer import MS, Board, Clock, Peer, device_end, host_end
 
@@ -315,9 +315,9 @@ def test_without_pymavlink_the_remedy_is_named(monkeypatch: pytest.MonkeyPatch) 
 
 LOADED = """
 import sys
-import hil.links.mavlink
+import hil.links.mavlink.link
 assert not [name for name in sys.modules if name.startswith("pymavlink")]
-hil.links.mavlink.open_mavlink("device", 6)
+hil.links.mavlink.link.open_mavlink("device", 6)
 print(*sorted({"numpy", "pymavlink.mavutil", "dataclasses", "asyncio", "lxml"} & set(sys.modules)))
 """
 

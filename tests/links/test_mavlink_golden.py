@@ -9,10 +9,10 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from hil.links.contract import ThrusterCommand, ThrusterTelemetry
-from hil.links.mavlink import EscReading
-from hil.links.mavlink_end import MavlinkEnd
-from hil.links.mavlink_reports import RPM
-from hil.links.mavlink_stream import TIMESTAMP_NS, TIMESTAMP_START_NS
+from hil.links.mavlink.end import MavlinkEnd
+from hil.links.mavlink.link import EscReading
+from hil.links.mavlink.reports import RPM
+from hil.links.mavlink.stream import TIMESTAMP_NS, TIMESTAMP_START_NS
 from tests.links.mavlink_peer import Board, Clock, Peer, device_end, host_end
 
 VECTORS = os.path.join(os.path.dirname(__file__), "..", "vectors")

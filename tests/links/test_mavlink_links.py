@@ -13,7 +13,7 @@ from firmware_stub.serve import serve
 from firmware_stub.stub import Stm32, Stm32End
 from hil.links.contract import Protocol, ThrusterCommand, ThrusterLink, ThrusterTelemetry, Wire
 from hil.links.protocols import Role, open_protocol
-from hil.links.wires import PtyHostWire, PtyWire
+from hil.links.wires.terminal import PtyHostWire, PtyWire
 from tests.links.link_contract import PATIENCE_S, Ends, LinkContract, command, read_messages
 from tests.links.mavlink_peer import KEY, MS, Peer
 

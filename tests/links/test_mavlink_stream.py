@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from hil.links.contract import Counters, ThrusterCommand
-from hil.links.mavlink_end import MavlinkEnd
-from hil.links.mavlink_stream import TIMESTAMP_NS, TIMESTAMP_START_NS, MavlinkStream, signing_secret
+from hil.links.mavlink.end import MavlinkEnd
+from hil.links.mavlink.stream import TIMESTAMP_NS, TIMESTAMP_START_NS, MavlinkStream, signing_secret
 from tests.links.mavlink_peer import KEY, Board, Clock, Peer, device_end, host_end
 
 LONGEST = 280  # bytes of a packet

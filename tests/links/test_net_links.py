@@ -1,7 +1,7 @@
 """The contract on TCP and UDP."""
 
 from hil.links.contract import Wire
-from hil.links.net_wires import TcpHostWire, TcpWire, UdpHostWire, UdpWire
+from hil.links.wires.net import TcpHostWire, TcpWire, UdpHostWire, UdpWire
 from tests.links.link_contract import LinkContract, wait_readable
 
 

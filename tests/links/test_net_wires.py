@@ -6,8 +6,8 @@ from collections.abc import Iterator
 import pytest
 
 from hil.errors import DeviceError
-from hil.links import net_wires
-from hil.links.net_wires import TcpHostWire, TcpWire, UdpHostWire, UdpWire
+from hil.links.wires import net
+from hil.links.wires.net import TcpHostWire, TcpWire, UdpHostWire, UdpWire
 from tests.links.link_contract import EVERY_BYTE, nothing_leaks, read_bytes, wait_readable
 
 HERE = "127.0.0.1"
@@ -136,7 +136,7 @@ class TestUdp:
         assert udp.read() == b""
         udp.write(b"for the first")
         assert read_bytes(first, 13) == b"for the first"
-        monkeypatch.setattr(net_wires, "SILENCE_S", 0.0)
+        monkeypatch.setattr(net, "SILENCE_S", 0.0)
         second.write(b"c")
         assert read_bytes(udp, 1) == b"c"
         udp.write(b"for the second")

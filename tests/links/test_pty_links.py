@@ -1,7 +1,7 @@
 """The contract on pseudo terminals, with each of the two ways a host opens one."""
 
 from hil.links.contract import Wire
-from hil.links.wires import PtyHostWire, PtyWire, UartWire
+from hil.links.wires.terminal import PtyHostWire, PtyWire, UartWire
 from tests.links.link_contract import LinkContract
 
 

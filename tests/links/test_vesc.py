@@ -9,12 +9,12 @@ import pytest
 
 from firmware_stub.stub import Stm32, Stm32End
 from hil.errors import ConfigError
-from hil.links.can_frame import CanFrame
 from hil.links.can_thrusters import MotorValues
 from hil.links.contract import MAX_THRUSTERS, PWM_NEUTRAL_US, ThrusterCommand, ThrusterLink, ThrusterTelemetry
-from hil.links.vesc import open_vesc
-from hil.links.vesc_device import VescDevice
-from hil.links.vesc_host import VescHost
+from hil.links.vesc.device import VescDevice
+from hil.links.vesc.host import VescHost
+from hil.links.vesc.link import open_vesc
+from hil.links.wires.can_frame import CanFrame
 from tests.links.can_bench import MemoryBus, VirtualCanContract, exchange, frames, noise, records
 from tests.links.can_pairs import socket_pair
 from tests.links.link_contract import CanLinkContract

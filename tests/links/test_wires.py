@@ -14,7 +14,7 @@ import serial
 
 from hil.errors import DeviceError
 from hil.links.contract import Wire
-from hil.links.wires import UNREAD_LIMIT, PtyHostWire, PtyWire, UartWire
+from hil.links.wires.terminal import UNREAD_LIMIT, PtyHostWire, PtyWire, UartWire
 from tests.links.link_contract import nothing_leaks, read_bytes
 
 

@@ -1,4 +1,4 @@
-/* A pseudo terminal with a name that stays: what hil/links/wires.py calls PtyWire, with the same rules. */
+/* A pseudo terminal with a name that stays: what hil/links/wires/terminal.py calls PtyWire, with the same rules. */
 #ifndef UUV_HIL_NATIVE_PTY_H
 #define UUV_HIL_NATIVE_PTY_H
 

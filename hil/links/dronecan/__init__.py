@@ -1,0 +1,1 @@
+"""Thrusters as the ESCs of a DroneCAN node."""

@@ -1,0 +1,123 @@
+"""Dynamic allocation of DroneCAN node numbers: the node that asks, and a small allocator.
+
+Source: the rules A to E and the times in the definition of uavcan.protocol.dynamic_node_id.Allocation
+(github.com/dronecan/DSDL), and the specification, 6. Application level functions. A request carries only 6
+bytes of the node's 16-byte unique id, so it takes three; the allocator answers each with what it knows.
+"""
+
+import os
+from collections.abc import Callable
+
+from hil.links.dronecan.transfer import MAX_NODE_ID
+from hil.links.dronecan.types import UNIQUE_ID_SIZE, Allocation
+
+MS = 1_000_000
+REQUEST_PERIOD_NS = (600 * MS, 1000 * MS)
+FOLLOWUP_DELAY_NS = (0, 400 * MS)
+FOLLOWUP_TIMEOUT_NS = 500 * MS
+MAX_PART = 6  # bytes of unique id in a request
+MAX_DYNAMIC_ID = MAX_NODE_ID - 2  # the last two are for tools
+NEVER_NS = 1 << 63
+
+
+def _random_unit() -> float:
+    return int.from_bytes(os.urandom(4), "little") / 2**32
+
+
+class Allocatee:
+    """Asks for a node number until `node_id` is one. `random_unit` gives numbers from 0 up to 1."""
+
+    def __init__(self, unique_id: bytes, preferred: int, random_unit: Callable[[], float] = _random_unit) -> None:
+        self.node_id = 0
+        self.due_ns = 0  # when `request` wants to be called
+        self._unique_id = unique_id
+        self._preferred = preferred
+        self._random_unit = random_unit
+        self._confirmed = 0  # bytes of the unique id that the allocator knows
+        self._delay: tuple[int, int] | None = REQUEST_PERIOD_NS  # to be drawn from at the next call
+
+    def hear(self, source: int, heard: Allocation) -> None:
+        """An Allocation message of a node (0: another one that asks)."""
+        self._confirmed, self._delay, self.due_ns = 0, REQUEST_PERIOD_NS, 0  # rule C
+        if not source or not self._unique_id.startswith(heard.unique_id):
+            return
+        if len(heard.unique_id) < UNIQUE_ID_SIZE:  # rule D
+            self._confirmed = len(heard.unique_id)
+            self._delay = FOLLOWUP_DELAY_NS
+        elif heard.node_id:  # rule E
+            self.node_id = heard.node_id
+            self.due_ns = NEVER_NS
+
+    def request(self, now_ns: int) -> Allocation | None:
+        """The request that is due at `now_ns`, if one is."""
+        if self._delay is not None:
+            self._wait(now_ns, self._delay)
+            return None
+        if now_ns < self.due_ns:
+            return None
+        first = self._confirmed
+        self._confirmed = 0
+        self._wait(now_ns, REQUEST_PERIOD_NS)  # rule B
+        return Allocation(self._preferred, first == 0, self._unique_id[first : first + MAX_PART])
+
+    def _wait(self, now_ns: int, delay: tuple[int, int]) -> None:
+        low, high = delay
+        self.due_ns = now_ns + low + int(self._random_unit() * (high - low))
+        self._delay = None
+
+
+class Allocator:
+    """Gives out node numbers, each unique id always the same as long as the allocator runs.
+
+    It never gives a number that it has seen in use. It does not ask nodes it has only seen for their unique
+    ids, so it is for a bus on which nothing else has a dynamic number; the specification asks more of a
+    bus-wide one.
+    """
+
+    def __init__(self) -> None:
+        self.due_ns = NEVER_NS  # when `expire` wants to be called
+        self._known = b""  # of the unique id whose node is asking
+        self._fresh = False  # the part came after the last call of `expire`
+        self._given: dict[bytes, int] = {}
+        self._taken: set[int] = set()
+
+    def see(self, node_id: int) -> None:
+        """A node of that number is on the bus."""
+        self._taken.add(node_id)
+
+    def answer(self, request: Allocation) -> Allocation | None:
+        """What to answer to an anonymous request."""
+        if request.first_part:
+            self._known = b""
+        elif not self._known:
+            return None
+        if len(request.unique_id) != min(MAX_PART, UNIQUE_ID_SIZE - len(self._known)):
+            return None
+        self._known += request.unique_id
+        self._fresh, self.due_ns = True, 0
+        if len(self._known) < UNIQUE_ID_SIZE:
+            return Allocation(0, False, self._known)
+        unique_id, self._known = self._known, b""
+        node_id = self._node_id(unique_id, request.node_id)
+        return Allocation(node_id, False, unique_id) if node_id else None
+
+    def expire(self, now_ns: int) -> None:
+        """Forget an exchange that has not gone on for too long."""
+        if self._fresh:
+            self._fresh = False
+            self.due_ns = now_ns + FOLLOWUP_TIMEOUT_NS
+        elif now_ns >= self.due_ns:
+            self._known = b""
+            self.due_ns = NEVER_NS
+
+    def _node_id(self, unique_id: bytes, preferred: int) -> int:
+        """The number of that node: as before, or the first free one, searched as the definition says; 0: none."""
+        if unique_id not in self._given:
+            start = preferred if 0 < preferred <= MAX_DYNAMIC_ID else MAX_DYNAMIC_ID
+            order = (*range(start, MAX_DYNAMIC_ID + 1), *range(start - 1, 0, -1))
+            free = next((number for number in order if number not in self._taken), 0)
+            if not free:
+                return 0
+            self._taken.add(free)
+            self._given[unique_id] = free
+        return self._given[unique_id]

@@ -1,0 +1,121 @@
+"""The host's end of thrusters on DroneCAN; what it says and hears is in `hil.links.dronecan.link`."""
+
+from hil.links.can_thrusters import SPAN_US, WRAP, Answers, Rounds, pulse_at
+from hil.links.contract import PWM_NEUTRAL_US, Message, ThrusterCommand, ThrusterTelemetry
+from hil.links.dronecan.allocation import Allocator
+from hil.links.dronecan.node import PRIORITY_HIGH, PRIORITY_LOW, DroneCanNode
+from hil.links.dronecan.settings import ARMED, ARMING_PERIOD_NS, SOFTWARE, TIMED_OUT, TRIPS_SHIFT, HostSettings
+from hil.links.dronecan.transfer import Transfer
+from hil.links.dronecan.types import (
+    ALLOCATION,
+    ARMING_STATUS,
+    BATTERY_INFO,
+    DISARMED,
+    ESC_STATUS,
+    FULL_RAW,
+    FULLY_ARMED,
+    NODE_STATUS,
+    RAW_COMMAND,
+    BatteryInfo,
+    NodeInfo,
+    pack_allocation,
+    pack_raw_command,
+    unpack_allocation,
+    unpack_battery_info,
+    unpack_esc_status,
+    unpack_node_status,
+)
+
+
+class DroneCanHost(DroneCanNode):
+    """The vehicle's computer. `battery` is the last BatteryInfo heard of any node."""
+
+    def __init__(self, channels: int, settings: HostSettings) -> None:
+        info = NodeInfo("org.uuv-hil.host", bytes.fromhex(settings.unique_id), SOFTWARE, (0, 0))
+        super().__init__(settings.node_id, info)
+        self.battery: BatteryInfo | None = None
+        self._us_per_rpm = SPAN_US / settings.full_rpm
+        self._own_device = settings.own_device
+        self._answers = Answers(channels)
+        self._rounds = Rounds(channels)
+        self._errors = [0] * channels  # the error count of each controller
+        self._codes: dict[int, int] = {}  # a node's vendor-specific status code, by number
+        self._armed = False
+        self._repeat("arming", ARMING_PERIOD_NS, self._arming)
+        self._listen(ESC_STATUS, self._hear_esc)
+        self._listen(NODE_STATUS, self._hear_node)
+        self._listen(BATTERY_INFO, self._hear_battery)
+        self._allocator = Allocator() if settings.allocate else None
+        if self._allocator:
+            self._allocator.see(self.node_id)
+            self._listen(ALLOCATION, self._hear_allocation)
+
+    def encode(self, message: Message) -> bytes:
+        """A command as RawCommand, behind ArmingStatus if that changes. Telemetry is not a host's to say."""
+        assert isinstance(message, ThrusterCommand)
+        pulses = self._answers.ask(message)
+        said = b""
+        if message.armed != self._armed:
+            self._armed = message.armed
+            said = self._arming()
+        raw = [round((pulse - PWM_NEUTRAL_US) * FULL_RAW / SPAN_US) for pulse in pulses]
+        return said + self._broadcast(RAW_COMMAND, PRIORITY_HIGH, pack_raw_command(raw))
+
+    def tick(self, now_ns: int) -> bytes:
+        """NodeStatus and ArmingStatus."""
+        said = super().tick(now_ns)
+        if self._allocator:
+            self._allocator.expire(now_ns)
+            self.deadline_ns = min(self.deadline_ns, self._allocator.due_ns)
+        return said
+
+    def _arming(self) -> bytes:
+        status = FULLY_ARMED if self._armed else DISARMED
+        return self._broadcast(ARMING_STATUS, PRIORITY_HIGH, bytes((status,)))
+
+    def _hear_esc(self, transfer: Transfer) -> ThrusterTelemetry | None:
+        status = unpack_esc_status(transfer.payload)
+        if status is None:
+            self.counters.malformed += 1
+            return None
+        if status.esc_index >= len(self._errors):
+            return None  # not one of ours
+        self._errors[status.esc_index] = status.error_count
+        pulses = self._rounds.hear(status.esc_index, pulse_at(status.rpm * self._us_per_rpm))
+        return None if pulses is None else self._telemetry(pulses, transfer.source)
+
+    def _telemetry(self, pulses: tuple[int, ...], source: int) -> ThrusterTelemetry:
+        command = self._answers.hear(pulses)
+        if self._own_device:
+            code = self._codes.get(source, 0)
+            armed, timed_out, trips = bool(code & ARMED), bool(code & TIMED_OUT), code >> TRIPS_SHIFT
+        else:
+            armed, timed_out, trips = command.armed, False, 0
+        errors = max(self._errors) & WRAP
+        return ThrusterTelemetry(command.sequence, armed, timed_out, pulses, 0, self._answers.frames, errors, trips)
+
+    def _hear_node(self, transfer: Transfer) -> None:
+        status = unpack_node_status(transfer.payload)
+        if status is None:
+            self.counters.malformed += 1
+            return
+        self._codes[transfer.source] = status.vendor_code
+        if self._allocator:
+            self._allocator.see(transfer.source)
+
+    def _hear_battery(self, transfer: Transfer) -> None:
+        battery = unpack_battery_info(transfer.payload)
+        if battery is None:
+            self.counters.malformed += 1
+        else:
+            self.battery = battery
+
+    def _hear_allocation(self, transfer: Transfer) -> None:
+        request = unpack_allocation(transfer.payload)
+        if request is None:
+            self.counters.malformed += 1
+        elif self._allocator and not transfer.source:
+            answer = self._allocator.answer(request)
+            self.deadline_ns = 0
+            if answer:
+                self._replies.append(self._broadcast(ALLOCATION, PRIORITY_LOW, pack_allocation(answer)))

@@ -1,0 +1,142 @@
+"""What every DroneCAN node does, whatever else it is for: it says that it lives, and who it is.
+
+Source: dronecan.github.io, Specification, 5. Application level conventions and 6. Application level functions.
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+from hil.clock import NS_PER_S
+from hil.links.contract import Counters, Message, Protocol
+from hil.links.dronecan.transfer import (
+    TRANSFER_ID,
+    DataType,
+    Receiver,
+    Transfer,
+    frame_id,
+    message_key,
+    pack_transfer,
+    service_key,
+)
+from hil.links.dronecan.types import (
+    GET_NODE_INFO,
+    HEALTH_OK,
+    MODE_OPERATIONAL,
+    NODE_STATUS,
+    NodeInfo,
+    NodeStatus,
+    pack_node_info,
+    pack_node_status,
+)
+from hil.links.wires.can_frame import RECORD_SIZE, unpack_frames
+
+STATUS_PERIOD_NS = NS_PER_S
+# As libcanard names them: lower goes first on the bus.
+PRIORITY_HIGH, PRIORITY_MEDIUM, PRIORITY_LOW = 8, 16, 24
+
+
+class Periodic(NamedTuple):
+    """Something a node says every so often."""
+
+    period_ns: int
+    say: Callable[[], bytes]
+
+
+class DroneCanNode(Protocol):
+    """A node with the number `node_id`; 0: none yet, and then it only listens.
+
+    Its clock is that of `tick`, which has to be called whenever `deadline_ns` says: the time-outs of
+    unfinished transfers are as coarse as that.
+    """
+
+    def __init__(self, node_id: int, info: NodeInfo) -> None:
+        self.counters = Counters()
+        self.deadline_ns = 0
+        self.info = info
+        self.node_id = 0
+        self.health = HEALTH_OK
+        self.vendor_code = 0
+        self._now_ns = 0
+        self._started_ns = -1
+        self._receiver = Receiver(self.counters)
+        self._handlers: dict[int, Callable[[Transfer], Message | None]] = {}
+        self._transfer_ids: dict[int, int] = {}
+        self._replies: list[bytes] = []
+        self._periodic: dict[str, Periodic] = {}
+        self._due_ns: dict[str, int] = {}
+        self._repeat("status", STATUS_PERIOD_NS, self._status)
+        if node_id:
+            self._enter(node_id)
+
+    def feed(self, data: bytes) -> list[Message]:
+        """The messages completed by whole records of CAN frames. Never raises."""
+        self.counters.dropped_bytes += len(data) % RECORD_SIZE
+        messages = []
+        for frame in unpack_frames(data):
+            transfer = self._receiver.take(frame, self._now_ns) if frame.extended else None
+            if transfer is not None:
+                message = self._handlers[transfer.key](transfer)
+                if message is not None:
+                    messages.append(message)
+        return messages
+
+    def replies(self) -> bytes:
+        """Answers to what was asked of this node."""
+        said = b"".join(self._replies)
+        self._replies.clear()
+        return said
+
+    def tick(self, now_ns: int) -> bytes:
+        """All that is due at `now_ns` (monotonic)."""
+        self._now_ns = now_ns
+        if self._started_ns < 0:
+            self._started_ns = now_ns
+        said = []
+        for name, periodic in self._periodic.items():
+            if now_ns >= self._due_ns[name]:
+                self._due_ns[name] = now_ns + periodic.period_ns
+                said.append(periodic.say())
+        self.deadline_ns = min(self._due_ns.values())
+        return b"".join(said)
+
+    def _enter(self, node_id: int) -> None:
+        """From now on the node has a number, and says so at once."""
+        self.node_id = node_id
+        self._due_ns["status"] = self.deadline_ns = 0
+        self._serve(service_key(GET_NODE_INFO, node_id, request=True), GET_NODE_INFO, self._tell_info)
+
+    def _repeat(self, name: str, period_ns: int, say: Callable[[], bytes]) -> None:
+        self._periodic[name] = Periodic(period_ns, say)
+        self._due_ns[name] = 0
+
+    def _listen(self, kind: DataType, handler: Callable[[Transfer], Message | None]) -> None:
+        """Let `handler` have the messages of that kind."""
+        self._serve(message_key(kind), kind, handler)
+
+    def _serve(self, key: int, kind: DataType, handler: Callable[[Transfer], Message | None]) -> None:
+        self._receiver.kinds[key] = kind
+        self._handlers[key] = handler
+
+    def _broadcast(self, kind: DataType, priority: int, payload: bytes) -> bytes:
+        """The frames of a message; none if the node has no number."""
+        if not self.node_id:
+            return b""
+        can_id = frame_id(message_key(kind), priority, self.node_id)
+        return pack_transfer(can_id, payload, self._next_transfer_id(kind), kind.seed)
+
+    def _next_transfer_id(self, kind: DataType) -> int:
+        number = self._transfer_ids.get(kind.id, 0)
+        self._transfer_ids[kind.id] = number + 1 & TRANSFER_ID
+        return number
+
+    def _node_status(self) -> NodeStatus:
+        uptime_s = max(self._now_ns - self._started_ns, 0) // NS_PER_S
+        return NodeStatus(uptime_s, self.health, MODE_OPERATIONAL, self.vendor_code)
+
+    def _status(self) -> bytes:
+        return self._broadcast(NODE_STATUS, PRIORITY_LOW, pack_node_status(self._node_status()))
+
+    def _tell_info(self, request: Transfer) -> None:
+        can_id = frame_id(service_key(GET_NODE_INFO, request.source, request=False), request.priority, self.node_id)
+        payload = pack_node_info(self._node_status(), self.info)
+        self._replies.append(pack_transfer(can_id, payload, request.transfer_id, GET_NODE_INFO.seed))

@@ -1,0 +1,57 @@
+"""What a DroneCAN thruster link can be set to, and what both of its ends have to agree on."""
+
+from typing import Annotated, NamedTuple
+
+from hil import __version__
+from hil.clock import NS_PER_S
+from hil.links.dronecan.transfer import MAX_NODE_ID
+from hil.links.dronecan.types import UNIQUE_ID_SIZE, BatteryInfo
+from hil.schema import Range
+
+HOST_ID, DEVICE_ID = 10, 20  # 10 is ArduPilot's too
+FULL_RPM = 3500.0  # a T200 on 16 V at full output (Blue Robotics, T200 public performance data, 2019)
+ARMING_PERIOD_NS = NS_PER_S // 2
+ARMED, TIMED_OUT, TRIPS_SHIFT = 1, 2, 2  # of the vendor-specific status code
+SOFTWARE = (int(__version__.split(".")[0]), int(__version__.split(".")[1]))
+
+# From below, 1 us is 2 rev/min; from above, 2200 us still is an int18.
+FullRpm = Annotated[float, Range(800.0, 74_000.0)]
+NodeId = Annotated[int, Range(0, MAX_NODE_ID)]
+
+
+class HostSettings(NamedTuple):
+    """`own_device` false: the thrusters are others', whose NodeStatus says nothing of arming."""
+
+    node_id: Annotated[int, Range(1, MAX_NODE_ID)] = HOST_ID
+    full_rpm: FullRpm = FULL_RPM
+    own_device: bool = True
+    allocate: bool = False  # give node numbers to those who ask
+    unique_id: str = "7575762d68696c20686f737400000000"
+
+    def problem(self) -> str | None:
+        """What is wrong with the unique id."""
+        return _unique_id_problem(self.unique_id)
+
+
+class DeviceSettings(NamedTuple):
+    """`node_id` 0 asks an allocator for a number. Two devices on a bus need two unique ids."""
+
+    node_id: NodeId = DEVICE_ID
+    preferred_node_id: NodeId = 0
+    full_rpm: FullRpm = FULL_RPM
+    require_arming: bool = True
+    battery: BatteryInfo | None = None
+    battery_period: Annotated[float, Range(0.1, 60.0, "s")] = 1.0
+    unique_id: str = "7575762d68696c2073746d3332000001"
+
+    def problem(self) -> str | None:
+        """What is wrong with the unique id."""
+        return _unique_id_problem(self.unique_id)
+
+
+def _unique_id_problem(unique_id: str) -> str | None:
+    try:
+        value = bytes.fromhex(unique_id)
+    except ValueError:
+        value = b""
+    return None if len(value) == UNIQUE_ID_SIZE and any(value) else "unique_id: 32 hex digits, not all 0, are needed"

@@ -1,0 +1,217 @@
+"""The DroneCAN data types that a thruster link speaks, packed and unpacked by hand.
+
+Source of numbers, fields and units: the definitions in github.com/dronecan/DSDL; of the signatures: its
+algorithm (specification, chapter 3), applied to them. A number of more than a byte goes low byte first and
+each byte, also the shortened last one, highest bit first; an array at the very end has no length.
+
+A decoder answers None to what cannot be of its type.
+"""
+
+from struct import Struct
+from typing import NamedTuple
+
+from hil.links.dronecan.transfer import DataType, data_type
+
+ALLOCATION = data_type(1, 0x0B2A_8126_20A1_1D40, 17)
+NODE_STATUS = data_type(341, 0x0F08_68D0_C1A7_C6F1, 7)
+RAW_COMMAND = data_type(1030, 0x217F_5C87_D7EC_951D, 35)
+ESC_STATUS = data_type(1034, 0xA9AF_28AE_A2FB_B254, 14)
+BATTERY_INFO = data_type(1092, 0x249C_2654_8A71_1966, 54)
+ARMING_STATUS = data_type(1100, 0x8700_F375_556A_8003, 1)
+GET_NODE_INFO = data_type(1, 0xEE46_8A81_21C4_6A9E, 0)  # the request is empty; a response has up to 377 bytes
+GET_NODE_INFO_RESPONSE = DataType(GET_NODE_INFO.id, GET_NODE_INFO.seed, 377)
+
+FULL_RAW = 8191
+MAX_RPM = (1 << 17) - 1
+DISARMED, FULLY_ARMED = 0, 255  # of ArmingStatus
+HEALTH_OK, HEALTH_WARNING = 0, 1
+MODE_OPERATIONAL, MODE_INITIALIZATION = 0, 1
+BATTERY_IN_USE = 1
+HEALTH_UNKNOWN_PCT = 127
+UNIQUE_ID_SIZE = 16
+MAX_NAME = 80
+MAX_HALF = 65504.0  # the largest float16
+
+_RAW_BITS, _RAW_MASK = 14, 0x3FFF
+_STATUS = Struct("<I3e")
+_NODE_STATUS = Struct("<IBH")
+_VERSIONS = Struct("<BBBIQBB16sB")
+_BATTERY = Struct("<7e")
+_BATTERY_TAIL = Struct("<BI")
+
+
+class EscStatus(NamedTuple):
+    """uavcan.equipment.esc.Status: volts, amperes, kelvin, signed revolutions per minute, percent of full power."""
+
+    error_count: int
+    voltage_v: float
+    current_a: float
+    temperature_k: float
+    rpm: int
+    power_pct: int
+    esc_index: int
+
+
+class NodeStatus(NamedTuple):
+    """uavcan.protocol.NodeStatus."""
+
+    uptime_s: int
+    health: int
+    mode: int
+    vendor_code: int
+
+
+class NodeInfo(NamedTuple):
+    """What a node answers to uavcan.protocol.GetNodeInfo, besides its status."""
+
+    name: str
+    unique_id: bytes
+    software: tuple[int, int]
+    hardware: tuple[int, int]
+
+
+class BatteryInfo(NamedTuple):
+    """uavcan.equipment.power.BatteryInfo; a measurement that is not known is NaN."""
+
+    voltage_v: float = 16.0
+    current_a: float = 0.0
+    temperature_k: float = 293.0
+    average_power_w: float = 0.0  # of the last 10 s
+    remaining_wh: float = 266.0
+    full_wh: float = 266.0
+    hours_to_full: float = 0.0
+    status_flags: int = BATTERY_IN_USE
+    state_of_health_pct: int = HEALTH_UNKNOWN_PCT
+    state_of_charge_pct: int = 100
+    state_of_charge_deviation_pct: int = 5
+    battery_id: int = 0
+    model_instance_id: int = 0
+    model_name: str = "4S LiPo"
+
+
+class Allocation(NamedTuple):
+    """uavcan.protocol.dynamic_node_id.Allocation; `unique_id` may be the part of it that is known so far."""
+
+    node_id: int
+    first_part: bool
+    unique_id: bytes
+
+
+def _half(value: float) -> float:
+    """A float that a float16 can hold; NaN stays."""
+    return -MAX_HALF if value < -MAX_HALF else MAX_HALF if value > MAX_HALF else value
+
+
+def pack_raw_command(raw: list[int]) -> bytes:
+    """uavcan.equipment.esc.RawCommand: a signed output a motor controller, at most +-8191; 0 stands still."""
+    stream = 0
+    for value in raw:
+        value &= _RAW_MASK
+        stream = stream << _RAW_BITS | (value & 0xFF) << 6 | value >> 8
+    bits = _RAW_BITS * len(raw)
+    return (stream << -bits % 8).to_bytes((bits + 7) // 8, "big")
+
+
+def unpack_raw_command(payload: bytes) -> list[int]:
+    """The outputs, -8192 to 8191; what is left of the last byte is padding."""
+    count = len(payload) * 8 // _RAW_BITS
+    stream = int.from_bytes(payload, "big") >> len(payload) * 8 - count * _RAW_BITS
+    raw = []
+    for shift in range((count - 1) * _RAW_BITS, -1, -_RAW_BITS):
+        bits = stream >> shift & _RAW_MASK
+        value = (bits & 0x3F) << 8 | bits >> 6
+        raw.append(value - 0x4000 if value > FULL_RAW else value)
+    return raw
+
+
+def pack_esc_status(status: EscStatus) -> bytes:
+    """A number too large for its field stops at the field's limit; the error count wraps."""
+    errors, volts, amperes, kelvin, rpm, percent, esc_index = status
+    rpm = min(max(rpm, -MAX_RPM - 1), MAX_RPM) & 0x3FFFF
+    percent = min(max(percent, 0), 127)
+    end = (rpm & 0xFF) << 24 | (rpm & 0xFF00) << 8 | rpm >> 16 << 14 | percent << 7 | (esc_index & 31) << 2
+    return _STATUS.pack(errors & 0xFFFF_FFFF, _half(volts), _half(amperes), _half(kelvin)) + end.to_bytes(4, "big")
+
+
+def unpack_esc_status(payload: bytes) -> EscStatus | None:
+    """The status of one motor controller."""
+    if len(payload) != ESC_STATUS.max_size:
+        return None
+    end = int.from_bytes(payload[10:], "big")
+    rpm = end >> 24 | end >> 8 & 0xFF00 | (end >> 14 & 3) << 16
+    rpm = rpm - 0x40000 if rpm > MAX_RPM else rpm
+    errors, volts, amperes, kelvin = _STATUS.unpack_from(payload)
+    return EscStatus(errors, volts, amperes, kelvin, rpm, end >> 7 & 127, end >> 2 & 31)
+
+
+def pack_node_status(status: NodeStatus) -> bytes:
+    """Its sub-mode is not in use and 0."""
+    return _NODE_STATUS.pack(
+        status.uptime_s & 0xFFFF_FFFF, status.health << 6 | status.mode << 3, status.vendor_code & 0xFFFF
+    )
+
+
+def unpack_node_status(payload: bytes) -> NodeStatus | None:
+    """The status of a node."""
+    if len(payload) != NODE_STATUS.max_size:
+        return None
+    uptime_s, health_mode, vendor_code = _NODE_STATUS.unpack(payload)
+    return NodeStatus(uptime_s, health_mode >> 6, health_mode >> 3 & 7, vendor_code)
+
+
+def pack_node_info(status: NodeStatus, info: NodeInfo) -> bytes:
+    """The response to GetNodeInfo, without optional fields: commit, image CRC, certificate."""
+    versions = _VERSIONS.pack(*info.software, 0, 0, 0, *info.hardware, info.unique_id, 0)
+    return pack_node_status(status) + versions + info.name.encode("ascii")
+
+
+def unpack_node_info(payload: bytes) -> NodeInfo | None:
+    """What a node says of itself; its certificate is passed over."""
+    begin = NODE_STATUS.max_size + _VERSIONS.size
+    if len(payload) < begin:
+        return None
+    major, minor, _, _, _, *hardware, unique_id, certificate_size = _VERSIONS.unpack_from(
+        payload, begin - _VERSIONS.size
+    )
+    name = payload[begin + certificate_size :]
+    if len(name) > MAX_NAME:
+        return None
+    return NodeInfo(name.decode("ascii", "replace"), unique_id, (major, minor), (hardware[0], hardware[1]))
+
+
+def pack_battery_info(battery: BatteryInfo) -> bytes:
+    """Percentages and flags are cut to the bits of their fields, the model's name to 31 bytes."""
+    b = battery
+    flags = b.status_flags & 0x7FF
+    bits = (flags & 0xFF) << 24 | flags >> 8 << 21
+    bits |= (b.state_of_health_pct & 127) << 14 | (b.state_of_charge_pct & 127) << 7
+    bits |= b.state_of_charge_deviation_pct & 127
+    watts = (b.average_power_w, b.remaining_wh, b.full_wh, b.hours_to_full)
+    halves = [_half(value) for value in (b.temperature_k, b.voltage_v, b.current_a, *watts)]
+    tail = _BATTERY_TAIL.pack(b.battery_id & 0xFF, b.model_instance_id & 0xFFFF_FFFF)
+    return _BATTERY.pack(*halves) + bits.to_bytes(4, "big") + tail + b.model_name.encode("ascii", "replace")[:31]
+
+
+def unpack_battery_info(payload: bytes) -> BatteryInfo | None:
+    """The state of a battery."""
+    if not 23 <= len(payload) <= BATTERY_INFO.max_size:
+        return None
+    kelvin, volts, amperes, watts, remaining, full, hours = _BATTERY.unpack_from(payload)
+    bits = int.from_bytes(payload[14:18], "big")
+    number, instance = _BATTERY_TAIL.unpack_from(payload, 18)
+    flags = bits >> 24 | (bits >> 21 & 7) << 8
+    percents = (bits >> 14 & 127, bits >> 7 & 127, bits & 127)
+    name = payload[23:].decode("ascii", "replace")
+    return BatteryInfo(volts, amperes, kelvin, watts, remaining, full, hours, flags, *percents, number, instance, name)
+
+
+def pack_allocation(allocation: Allocation) -> bytes:
+    """A request for a node number, or an allocator's answer."""
+    return bytes((allocation.node_id << 1 | allocation.first_part,)) + allocation.unique_id
+
+
+def unpack_allocation(payload: bytes) -> Allocation | None:
+    """A request for a node number, or an allocator's answer."""
+    if not 0 < len(payload) <= ALLOCATION.max_size:
+        return None
+    return Allocation(payload[0] >> 1, bool(payload[0] & 1), payload[1:])

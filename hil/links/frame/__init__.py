@@ -1,0 +1,1 @@
+"""Thruster frames that a TOML file describes."""

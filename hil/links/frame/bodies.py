@@ -1,0 +1,169 @@
+"""The numbers of one message for so many thrusters, and the message they mean."""
+
+import struct
+from collections.abc import Iterator, Sequence
+from typing import Any, NamedTuple
+
+from hil.links.contract import PWM_NEUTRAL_US, Message, ThrusterCommand, ThrusterTelemetry
+from hil.links.frame.layout import (
+    ORDERS,
+    TYPES,
+    Field,
+    FrameLayout,
+    MessageLayout,
+    Other,
+    fields_size,
+    limits,
+    type_size,
+    unrolled,
+)
+
+Kind = type[ThrusterCommand] | type[ThrusterTelemetry]
+SATURATING = ("pwm_us", "age_us")  # the other numbers are counters, and wrap
+NEVER_SAID = {"armed": True, "timed_out": False, "pwm_us": ()}  # what a frame without such a field says; else 0
+
+
+class Line(NamedTuple):
+    """quantity = gain * number + bias; the numbers of the wire stop at `low` and `high`."""
+
+    gain: float
+    inverse: float  # of the gain
+    bias: float
+    low: float
+    high: float
+    is_whole: bool
+
+    def number(self, quantity: float) -> float:
+        """The number that comes nearest to `quantity`."""
+        number = (quantity - self.bias) * self.inverse
+        return min(max(round(number) if self.is_whole else number, self.low), self.high)
+
+    def quantity(self, number: float) -> int:
+        """Rounded. Raises ValueError or OverflowError for what is no finite number."""
+        return round(self.gain * number + self.bias)
+
+
+class Body:
+    """The `fields` of a message, number by number, less the first `constant_bytes` of them.
+
+    `kind` None: it carries no thrusters. `packer` packs what `pack` and `template` give.
+    """
+
+    def __init__(
+        self, layout: FrameLayout, message: MessageLayout | Other, kind: Kind | None, channels: int, constant_bytes: int
+    ) -> None:
+        rows = list(numbers_of(layout, message, channels))
+        while constant_bytes > 0:
+            constant_bytes -= type_size(rows.pop(0)[0].type)
+        self.fields = [field for field, _, _ in rows]
+        self.packer = struct.Struct(ORDERS[layout.byte_order] + "".join(TYPES[field.type] for field in self.fields))
+        self.template: list[float] = [value or field.value or 0 for field, _, value in rows]
+        self._constants = [(place, value) for place, (_, _, value) in enumerate(rows) if value is not None]
+        self._neutral = [PWM_NEUTRAL_US] * channels
+        if kind:
+            self._place(kind)
+
+    def _place(self, kind: Kind) -> None:
+        """Where the numbers of the message stand."""
+        self._kind = kind
+        names = [field.name for field in self.fields]
+        lines = {field.name: _line(field) for field in self.fields}
+        known = [(names.index(name), kind._fields.index(name), lines[name]) for name in kind._fields if name in names]
+        single = [row for row in known if kind._fields[row[1]] != "pwm_us"]
+        self._plain = [(place, index) for place, index, line in single if line is None]
+        self._lined = [(place, index, line) for place, index, line in single if line]
+        self._flags = names.index("flags") if "flags" in names else 0
+        bits = self.fields[self._flags].bits._asdict() if "flags" in names else {}
+        self._bits = [
+            (1 << bit, kind._fields.index(n)) for n, bit in bits.items() if bit is not None and n in kind._fields
+        ]
+        self._says_armed = kind is ThrusterTelemetry or bits.get("armed") is not None
+        pulses = [place for place, name in enumerate(names) if name == "pwm_us"]
+        step = pulses[1] - pulses[0] if len(pulses) > 1 else 1
+        self._pulses = slice(pulses[0], pulses[-1] + 1, step)
+        self._pulse_index, self._pulse_line = kind._fields.index("pwm_us"), lines["pwm_us"]
+        self._blank: list[Any] = [NEVER_SAID.get(name, 0) for name in kind._fields]
+
+    def pack(self, message: Message) -> bytes:
+        """The numbers of `message`; one too big wraps if it counts, else stops at the limit."""
+        numbers = self.template[:]
+        values: tuple[Any, ...] = message
+        for place, index in self._plain:
+            numbers[place] = values[index]
+        for place, index, line in self._lined:
+            numbers[place] = line.number(values[index])
+        for mask, index in self._bits:
+            if values[index]:
+                numbers[self._flags] += mask
+        pulses: Sequence[float] = message.pwm_us
+        if not (message.armed or self._says_armed):
+            pulses = self._neutral
+        if self._pulse_line:
+            pulses = [self._pulse_line.number(width) for width in pulses]
+        numbers[self._pulses] = pulses
+        try:
+            return self.packer.pack(*numbers)
+        except struct.error:
+            return self.packer.pack(*[_fitted(v, field) for v, field in zip(numbers, self.fields, strict=True)])
+
+    def message(self, numbers: tuple[Any, ...]) -> Message | None:
+        """The message of the numbers that `packer` unpacked, or None if one of them is not what it must be."""
+        for place, value in self._constants:
+            if numbers[place] != value:
+                return None
+        values = self._blank[:]
+        for place, index in self._plain:
+            values[index] = numbers[place]
+        for mask, index in self._bits:
+            values[index] = numbers[self._flags] & mask != 0
+        values[self._pulse_index] = numbers[self._pulses]
+        try:
+            for place, index, line in self._lined:
+                values[index] = line.quantity(numbers[place])
+            if self._pulse_line:
+                values[self._pulse_index] = tuple([self._pulse_line.quantity(n) for n in numbers[self._pulses]])
+        except (ValueError, OverflowError):  # a float that is no number
+            return None
+        return self._kind._make(values)
+
+    def fits(self, numbers: tuple[Any, ...]) -> bool:
+        """Whether the constants among the numbers are what they must be."""
+        return all(numbers[place] == value for place, value in self._constants)
+
+
+def numbers_of(
+    layout: FrameLayout, message: MessageLayout | Other, channels: int
+) -> Iterator[tuple[Field, int, int | None]]:
+    """Every number between sync and checksum: its field, which of its list it is, and its value if that is constant."""
+    behind = fields_size(message.fields, channels)
+    for field in layout.header:
+        yield field, 0, _constant(field, message.id, channels, behind)
+    interleaved = isinstance(message, MessageLayout) and message.interleaved
+    for field, channel in unrolled(message.fields, channels, interleaved):
+        behind -= type_size(field.type)
+        yield field, channel, _constant(field, message.id, channels, behind)
+
+
+def _constant(field: Field, message_id: int | None, channels: int, behind: int) -> int | None:
+    """What stands in a field whatever the message says; `behind`: the bytes that a length there counts."""
+    if field.name == "id":
+        return message_id
+    if field.name in ("length", "count"):
+        return (behind if field.name == "length" else channels) + field.adds
+    return None if field.extra else field.value
+
+
+def _line(field: Field) -> Line | None:
+    """None where the number is the quantity itself."""
+    gain, bias = field.line
+    if (gain, bias) == (1.0, 0.0) and field.type != "f32":
+        return None
+    return Line(gain, 1.0 / gain, bias, *limits(field.type), field.type != "f32")
+
+
+def _fitted(number: float, field: Field) -> float:
+    """A whole number as its field can carry it: pulse widths and ages stop at the limit, counters wrap."""
+    low, high = limits(field.type)
+    if field.name in SATURATING or field.type == "f32":
+        return min(max(number, low), high)
+    return (number - low) % (high - low + 1) + low

@@ -1,0 +1,76 @@
+"""What one end of a frame link adds to the bare messages: keep-alives, and which command a report answers."""
+
+from hil.links.contract import (
+    PWM_MAX_US,
+    PWM_MIN_US,
+    PWM_NEUTRAL_US,
+    SentCommands,
+    ThrusterCommand,
+    ThrusterTelemetry,
+)
+from hil.links.frame.forms import Form
+from hil.links.frame.layout import Other
+
+NO_PULSE_US = 0
+
+
+class KeepAlive:
+    """A constant message, sent every period of its `rule`: always, or only while nothing else is.
+
+    Silence is looked for twice a period, so that it never lasts longer than one.
+    """
+
+    def __init__(self, rule: Other, data: bytes) -> None:
+        self._data, self._when_silent = data, rule.when_silent
+        self._interval_ns = round((rule.period or 0.0) * (0.5e9 if rule.when_silent else 1e9))
+        self.due_ns = 0
+        self.is_needless = False  # something was sent since the last look
+
+    def tick(self, now_ns: int) -> bytes:
+        """What is to be sent at `now_ns` (monotonic)."""
+        if now_ns < self.due_ns:
+            return b""
+        late_ns = now_ns - self.due_ns
+        self.due_ns = now_ns + self._interval_ns - (late_ns if late_ns < self._interval_ns else 0)
+        is_due = not (self._when_silent and self.is_needless)
+        self.is_needless = is_due  # it breaks the silence itself
+        return self._data if is_due else b""
+
+
+class Echo:
+    """Tells the host which command a report answers, where the frame carries less than 16 bits of that.
+
+    With some `bits`, it is the last command sent that ends in them. With none, it is found by its pulses.
+    """
+
+    def __init__(self, command: Form, report: Form, bits: int) -> None:
+        self._command, self._report = command, report
+        self._mask = (1 << bits) - 1
+        self._sent = SentCommands()
+        self._last = 0
+
+    def remember(self, command: ThrusterCommand) -> None:
+        """A command goes out."""
+        self._last = command.sequence
+        if not self._mask:
+            self._sent.remember(self._shown(command), command.sequence)
+
+    def answering(self, report: ThrusterTelemetry) -> ThrusterTelemetry:
+        """The report with the sequence number of the command that it answers."""
+        if self._mask:
+            return report._replace(sequence=self._last - ((self._last - report.sequence) & self._mask) & 0xFFFF)
+        return report._replace(sequence=self._sent.match(report.pwm_us))
+
+    def _shown(self, command: ThrusterCommand) -> tuple[int, ...]:
+        """The pulses in the report of an STM32 that applies `command`, as both messages round them."""
+        heard = _crossed(self._command, command)
+        widths = heard.pwm_us if heard.armed else (PWM_NEUTRAL_US,) * self._command.channels
+        pulses = tuple([width if PWM_MIN_US <= width <= PWM_MAX_US else NO_PULSE_US for width in widths])
+        return _crossed(self._report, ThrusterTelemetry(0, heard.armed, False, pulses, 0, 0, 0, 0)).pwm_us
+
+
+def _crossed(form: Form, message: ThrusterCommand | ThrusterTelemetry) -> ThrusterCommand | ThrusterTelemetry:
+    """`message` as the other end hears it."""
+    heard = form.body.message(form.body.packer.unpack(form.body.pack(message)))
+    assert heard, "what we pack is sound"
+    return heard

@@ -1,0 +1,89 @@
+"""A frame file compiled: for each message and number of thrusters a form, with all that is then constant."""
+
+import struct
+
+from hil.links.contract import ThrusterCommand, ThrusterTelemetry
+from hil.links.frame.bodies import Body, Kind, numbers_of
+from hil.links.frame.checksums import CRCS, SUMS, Checksum, crc_checksum
+from hil.links.frame.layout import (
+    ORDERS,
+    TYPES,
+    ChecksumRule,
+    FrameLayout,
+    MessageLayout,
+    Other,
+    fields_size,
+    type_size,
+)
+
+NAMES: dict[Kind | None, str] = {ThrusterCommand: "command", ThrusterTelemetry: "telemetry"}
+
+
+class Seal:
+    """The end of a frame: its checksum and tail, `size` bytes."""
+
+    def __init__(self, layout: FrameLayout) -> None:
+        rule = layout.checksum
+        checksum = checksum_of(rule)
+        self.update, self.empty = checksum.update, checksum.empty
+        self.stored = struct.Struct(ORDERS[rule.byte_order or layout.byte_order] + "BHxI"[checksum.size - 1])
+        self.start, self.omit_last = layout.checksum_start, rule.omit_last
+        self.tail = bytes(layout.tail)
+        self.size = checksum.size + len(self.tail)
+
+    def is_sound(self, buffer: bytes, start: int, size: int) -> bool:
+        """Whether the `size` bytes from `start` end as a frame must."""
+        end = start + size - self.size
+        wanted = self.stored.unpack_from(buffer, end)[0]
+        if self.update(buffer[start + self.start : end - self.omit_last], self.empty) != wanted:
+            return False
+        return not self.tail or buffer.startswith(self.tail, end + self.stored.size)
+
+
+class Form:
+    """One kind of message for `channels` thrusters. `kind` None: it carries no thrusters, and is passed over.
+
+    `size` is that of the whole frame before stuffing. `head` are all its bytes before the first list of
+    numbers, None where they vary; `prefix` those before the first that varies.
+    """
+
+    def __init__(
+        self, layout: FrameLayout, message: MessageLayout | Other, kind: Kind | None, channels: int, seal: Seal
+    ) -> None:
+        self.kind, self.channels = kind, channels
+        self.name = message.name if isinstance(message, Other) else NAMES[kind]
+        self.head = tuple(_head(layout, message, channels))
+        start = self.head.index(None) if None in self.head else len(self.head)
+        self.prefix = bytes(byte or 0 for byte in self.head[:start])
+        end = layout.payload_start + fields_size(message.fields, channels)
+        self.size = end + seal.size
+        self.checksum = seal.update(self.prefix[seal.start :], seal.empty)  # of the prefix
+        self.covered = slice(max(0, seal.start - start), max(0, end - start - seal.omit_last))  # of the rest
+        self._made_of = (layout, message, kind, channels, start - len(layout.sync))
+        self._body: Body | None = None
+
+    @property
+    def body(self) -> Body:
+        """What is behind the prefix; made when it is first wanted, as most numbers of thrusters never are."""
+        if self._body is None:
+            self._body = Body(*self._made_of)
+        return self._body
+
+
+def checksum_of(rule: ChecksumRule) -> Checksum:
+    """The checksum that a frame file asks for."""
+    if rule.type in SUMS:
+        return SUMS[rule.type]
+    crc = CRCS[rule.type]
+    own = {name: getattr(rule, name) for name in ("polynomial", "start_value", "reflected", "final_xor")}
+    return crc_checksum(crc._replace(**{name: value for name, value in own.items() if value is not None}))
+
+
+def _head(layout: FrameLayout, message: MessageLayout | Other, channels: int) -> list[int | None]:
+    order = ORDERS[layout.byte_order]
+    head: list[int | None] = list(layout.sync)
+    for field, _, value in numbers_of(layout, message, channels):
+        if field.is_list:
+            break
+        head += [None] * type_size(field.type) if value is None else struct.pack(order + TYPES[field.type], value)
+    return head

@@ -1,0 +1,226 @@
+"""What a frame file may say. `frame_rules.py` knows what cannot be meant, `frame.py` puts it to work.
+
+    sync | header | the message's fields | checksum | tail          and around it all, perhaps, byte stuffing
+
+    byte_order = "little"                    of all numbers, or "big"
+    sync = [0xA5, 0x5A]                      what every frame begins with; may be left out where there is stuffing
+    tail = [0x0D]                            what every frame ends with, behind the checksum; usually nothing
+    header = [ ... ]                         the fields that both messages begin with
+    [checksum]                               which, from where to where: `ChecksumRule`
+    [stuffing]                               cobs, slip or hdlc: `Stuffing`
+    [command], [telemetry]                   the two messages: `id`, `fields`, `interleaved`
+    [[other]]                                messages without thrusters: keep-alives, polls, acknowledgements
+
+A field is one row of a byte table, `{ name = "sequence", type = "u16" }`:
+
+    id             the `id` of the message, in the header. Without one, messages are told apart by their
+                   lengths and constants, or if they look alike, by who hears them
+    length         in the header: bytes from the header to the checksum; in a message: bytes from itself to
+                   the checksum; more by `adds`
+    count          the number of thrusters; more by `adds`
+    sequence, flags (with `bits`), age_us, frames, errors, watchdog_trips     as in `hil.links.contract`
+    pwm_us         the thrusters, one number each
+    pad            sent as 0, ignored when received
+    any name       with `value`: a constant, sent and expected. With `extra = true`: something else that is
+                   there, ignored when received, sent as `value` or 0; with `per_channel`, one a thruster
+
+What a message lacks reads as 0, `armed` as true; a command without `armed` bit that is not armed carries
+neutral pulses. Numbers on the wire may be scaled: quantity = number * scale + offset. The quantity of `age_us`
+is microseconds; that of `pwm_us` is in its `unit`:
+
+    "us"           the pulse width itself, microseconds
+    "normalised"   pulse = 1500 us + 400 us * quantity / full_scale, full_scale 1 unless given
+    "rpm", "N"     the same, where full_scale is what 1900 us stands for. Linear: what the thruster then
+                   really does is its own affair
+"""
+
+import struct
+from collections.abc import Iterator
+from typing import Annotated, Literal, NamedTuple
+
+from hil.links.contract import MAX_THRUSTERS, PWM_NEUTRAL_US
+from hil.schema import Range
+
+TYPES = {"u8": "B", "u16": "H", "u32": "I", "i8": "b", "i16": "h", "i32": "i", "f32": "f"}
+ORDERS = {"little": "<", "big": ">"}
+UNITS = ("us", "normalised", "rpm", "N")
+PULSE_SPAN_US = 400.0  # from stop to full thrust
+SIZES = {name: struct.calcsize("=" + code) for name, code in TYPES.items()}  # bytes
+FLOAT_MAX = 3.4028234663852886e38
+
+Bit = Annotated[int, Range(0, 31)]
+Byte = Annotated[int, Range(0, 255)]
+Factor = Annotated[float, Range(-1e9, 1e9)]
+Order = Literal["little", "big"]
+
+
+class Bits(NamedTuple):
+    """Which bit of the `flags` field is what; bit 0 is the lowest."""
+
+    armed: Bit | None = None
+    timed_out: Bit | None = None
+
+
+class Field(NamedTuple):
+    """One row of a byte table: what stands there, as a number of which type and meaning."""
+
+    name: str
+    type: Literal["u8", "u16", "u32", "i8", "i16", "i32", "f32"] = "u8"
+    bits: Bits = Bits()  # of `flags`
+    channels: Annotated[int, Range(0, MAX_THRUSTERS)] = 0  # of `pwm_us`; 0: a length or a count says how many
+    adds: Annotated[int, Range(-64, 64)] = 0  # of `length` and `count`: what they count beyond bytes and thrusters
+    unit: str = ""  # of `pwm_us`, see above; of an extra field, for people
+    scale: Factor = 1.0
+    offset: Factor = 0.0
+    full_scale: Annotated[float, Range(1e-6, 1e6)] | None = None
+    value: Annotated[int, Range(-(2**31), 2**32 - 1)] | None = None
+    extra: bool = False
+    per_channel: bool = False  # of an extra field
+
+    @property
+    def is_list(self) -> bool:
+        """Whether there is one number a thruster."""
+        return self.per_channel or self.name == "pwm_us"
+
+    @property
+    def line(self) -> tuple[float, float]:
+        """Gain and bias: what the field means = gain * number + bias, of `pwm_us` microseconds of pulse width."""
+        if self.name != "pwm_us" or self.unit in ("", "us"):
+            return self.scale, self.offset
+        us = PULSE_SPAN_US / (self.full_scale or 1.0)
+        return self.scale * us, self.offset * us + PWM_NEUTRAL_US
+
+
+class MessageLayout(NamedTuple):
+    """One kind of message. `interleaved`: neighbouring lists alternate, thruster by thruster."""
+
+    fields: tuple[Field, ...]
+    id: Annotated[int, Range(0, 2**32 - 1)] | None = None
+    interleaved: bool = False
+
+
+class Other(NamedTuple):
+    """A message without thrusters. Received, it is passed over; with a `period`, it is sent.
+
+    `sent_by` that end when it has said nothing for the period (s), or with `when_silent` false, always.
+    """
+
+    fields: tuple[Field, ...] = ()
+    id: Annotated[int, Range(0, 2**32 - 1)] | None = None
+    name: str = "other"
+    sent_by: Literal["host", "device", "both"] = "both"
+    period: Annotated[float, Range(0.001, 3600.0, "s")] | None = None
+    when_silent: bool = True
+
+
+class ChecksumRule(NamedTuple):
+    """The checksum: which, what it covers, and its own byte order if that is not the frame's.
+
+    `type` is a name of `hil.links.frame.checksums`; the other parameters of a CRC replace those of that name. It
+    covers all from the sync, the header, a field of the header or the payload on, up to itself, less
+    `omit_last` bytes. Stuffing comes after it.
+    """
+
+    type: str = "crc16-ccitt-false"
+    start: str = "header"  # "sync", "header", "payload", or the name of a field of the header
+    omit_last: Annotated[int, Range(0, 64)] = 0
+    byte_order: Order | None = None
+    polynomial: Annotated[int, Range(0, 2**32 - 1)] | None = None
+    start_value: Annotated[int, Range(0, 2**32 - 1)] | None = None
+    reflected: bool | None = None
+    final_xor: Annotated[int, Range(0, 2**32 - 1)] | None = None
+
+
+class Stuffing(NamedTuple):
+    """How a frame is kept free of the byte that delimits it.
+
+    "cobs" (Cheshire and Baker 1999) delimits by 0; "slip" is RFC 1055; "hdlc" (RFC 1662) escapes `delimiter`,
+    `escape` and the bytes `also`: each becomes `escape` and itself xor `xor`. `delimit` "both": one before
+    the frame too, which ends whatever noise there was.
+    """
+
+    type: Literal["none", "cobs", "slip", "hdlc"] = "none"
+    delimit: Literal["end", "both"] = "end"
+    delimiter: Byte = 0x7E
+    escape: Byte = 0x7D
+    xor: Byte = 0x20
+    also: tuple[Byte, ...] = ()
+
+
+class FrameLayout(NamedTuple):
+    """A frame file."""
+
+    byte_order: Order
+    command: MessageLayout
+    telemetry: MessageLayout
+    header: tuple[Field, ...] = ()
+    sync: tuple[Byte, ...] = ()
+    tail: tuple[Byte, ...] = ()
+    checksum: ChecksumRule = ChecksumRule()
+    stuffing: Stuffing = Stuffing()
+    other: tuple[Other, ...] = ()
+
+    @property
+    def payload_start(self) -> int:
+        """The bytes before the payload: sync and header."""
+        return len(self.sync) + sum(type_size(field.type) for field in self.header)
+
+    @property
+    def checksum_start(self) -> int:
+        """The first byte that the checksum covers, counted from the first of the frame."""
+        offset, start = len(self.sync), self.checksum.start
+        if start in ("sync", "payload"):
+            return 0 if start == "sync" else self.payload_start
+        for field in self.header:
+            if start in ("header", field.name):
+                break
+            offset += type_size(field.type)
+        return offset
+
+    @property
+    def sequence_bits(self) -> int:
+        """How much of the sequence number a command and its report both carry."""
+        rows = [(*self.header, *message.fields) for message in (self.command, self.telemetry)]
+        return min(sum(8 * SIZES[field.type] for field in row if field.name == "sequence") for row in rows)
+
+    def problem(self) -> str | None:
+        """What makes the file impossible, or None."""
+        from hil.links.frame.rules import problem_of
+
+        return problem_of(self)
+
+
+def type_size(type_name: str) -> int:
+    """The bytes of a number of that type."""
+    return SIZES[type_name]
+
+
+def limits(type_name: str) -> tuple[float, float]:
+    """The least and the greatest number that a type holds; ints, but for f32."""
+    if type_name == "f32":
+        return -FLOAT_MAX, FLOAT_MAX
+    span = 1 << (8 * type_size(type_name))
+    return (0, span - 1) if type_name.startswith("u") else (-span // 2, span // 2 - 1)
+
+
+def unrolled(fields: tuple[Field, ...], channels: int, interleaved: bool = False) -> Iterator[tuple[Field, int]]:
+    """The numbers of a message in their order on the wire: their field, and which of its list they are."""
+    place = 0
+    while place < len(fields):
+        end = place + 1
+        while interleaved and end < len(fields) and fields[place].is_list and fields[end].is_list:
+            end += 1
+        for channel in range(channels if fields[place].is_list else 1):
+            yield from ((field, channel) for field in fields[place:end])
+        place = end
+
+
+def fields_size(fields: tuple[Field, ...], channels: int) -> int:
+    """The bytes of these fields for so many thrusters."""
+    single = lists = 0
+    for field in fields:
+        if field.is_list:
+            lists += SIZES[field.type]
+        else:
+            single += SIZES[field.type]
+    return single + lists * channels

@@ -1,0 +1,162 @@
+"""Thruster messages as a binary frame that a TOML file describes; no lab's frame needs code.
+
+`frame_layout.py` tells what such a file may say. It is read once and compiled to `struct` tables
+(`frame_forms.py`), with which frames are packed here and found again in `frame_readers.py`.
+"""
+
+from typing import TYPE_CHECKING
+
+from hil.errors import ConfigError
+from hil.links.contract import (
+    MAX_THRUSTERS,
+    Counters,
+    Message,
+    Protocol,
+    ThrusterCommand,
+    ThrusterTelemetry,
+)
+from hil.links.frame.bodies import Kind
+from hil.links.frame.forms import Form, Seal
+from hil.links.frame.layout import FrameLayout, MessageLayout, Other
+from hil.links.frame.readers import Reader, SyncReader
+from hil.links.protocols import Role
+from hil.schema import find_preset, load
+
+if TYPE_CHECKING:  # loaded for the frames that need them
+    from hil.links.frame.ends import Echo, KeepAlive
+    from hil.links.frame.stuffing import Stuffer
+
+
+class FrameProtocol(Protocol):
+    """Encodes and decodes the frame that the TOML file at `path` describes.
+
+    `channels` are the numbers of thrusters that the frame can carry. `role` is the end that this is: it
+    decides which message is heard where none has an id, who sends a keep-alive, and it lets the host know
+    which command a report answers where the report does not say. Without a role there is nothing of that.
+    The argument `channels` is for keep-alives that tell how many thrusters there are.
+    Raises ConfigError naming the file and the key if the file is wrong.
+    """
+
+    def __init__(self, path: str, role: Role | None = None, channels: int = MAX_THRUSTERS) -> None:
+        layout = load(path, FrameLayout)
+        self.counters = Counters()
+        self.layout, self.role = layout, role
+        self._seal = Seal(layout)
+        self._stuffer = _stuffer(layout)
+        commands = self._forms(layout.command, ThrusterCommand)
+        reports = self._forms(layout.telemetry, ThrusterTelemetry)
+        self.channels = sorted({form.channels for form in commands} & {form.channels for form in reports})
+        if not self.channels:
+            raise ConfigError(f"{path}: command and telemetry never have the same number of channels")
+        others = [(other, self._other_forms(other)) for other in layout.other]
+        try:
+            self.reader = self._open_reader(commands, reports, others)
+        except ConfigError as error:
+            raise ConfigError(f"{path}: {error}") from None
+        self._to_send = {(form.kind, form.channels): form for form in commands + reports}
+        self._keep_alives = self._open_keep_alives(others, channels)
+        self._echoes = self._open_echoes(commands, reports)
+        self.deadline_ns = 0 if self._keep_alives else Protocol.deadline_ns
+
+    def encode(self, message: Message) -> bytes:
+        """The frame of `message`.
+
+        A number too big for its field wraps if it is a counter, and stops at the field's limit if it is
+        a pulse width or an age. Raises ValueError for a number of channels that the frame cannot carry.
+        """
+        form = self._to_send.get((type(message), len(message.pwm_us)))
+        if form is None:
+            raise ValueError(f"this frame carries {self.channels} channels, not {len(message.pwm_us)}")
+        if self._echoes and isinstance(message, ThrusterCommand):
+            self._echoes[form.channels].remember(message)
+        for keep_alive in self._keep_alives:
+            keep_alive.is_needless = True
+        return self._finish(form, form.body.pack(message))
+
+    def feed(self, data: bytes) -> list[Message]:
+        """The messages completed by `data`, in order. Never raises; see `Reader.feed` for what is counted."""
+        messages = self.reader.feed(data)
+        return [self._answering(message) for message in messages] if self._echoes else messages
+
+    def tick(self, now_ns: int) -> bytes:
+        """The keep-alives that are due at `now_ns` (monotonic)."""
+        data = b"".join([keep_alive.tick(now_ns) for keep_alive in self._keep_alives])
+        self.deadline_ns = min([keep_alive.due_ns for keep_alive in self._keep_alives], default=Protocol.deadline_ns)
+        return data
+
+    def _answering(self, message: Message) -> Message:
+        echo = self._echoes.get(len(message.pwm_us))
+        return echo.answering(message) if echo and isinstance(message, ThrusterTelemetry) else message
+
+    def _finish(self, form: Form, packed: bytes) -> bytes:
+        """What goes onto the wire: with checksum, tail and stuffing."""
+        seal = self._seal
+        checksum = seal.update(packed[form.covered], form.checksum)
+        frame = form.prefix + packed + seal.stored.pack(checksum) + seal.tail
+        return self._stuffer.wrap(frame) if self._stuffer else frame
+
+    def _forms(self, message: MessageLayout, kind: Kind) -> list[Form]:
+        only = next(field.channels for field in message.fields if field.name == "pwm_us")
+        counts = range(only, only + 1) if only else range(1, MAX_THRUSTERS + 1)
+        return [Form(self.layout, message, kind, channels, self._seal) for channels in counts]
+
+    def _other_forms(self, other: Other) -> list[Form]:
+        """One, or if it counts the thrusters, one for each number of them."""
+        counts = range(1, MAX_THRUSTERS + 1) if any(field.name == "count" for field in other.fields) else range(1)
+        return [Form(self.layout, other, None, channels, self._seal) for channels in counts]
+
+    def _open_reader(self, commands: list[Form], reports: list[Form], others: list[tuple[Other, list[Form]]]) -> Reader:
+        """It knows both messages, as an end should not mistake its own echo; without an id, only the other end's."""
+        has_id = any(field.name == "id" for field in self.layout.header)
+        forms = [] if self.role == "host" and not has_id else list(commands)
+        forms += [] if self.role == "device" and not has_id else reports
+        forms += [form for other, its_forms in others if other.sent_by != self.role for form in its_forms]
+        if self._stuffer:
+            from hil.links.frame.stuffing import StuffedReader
+
+            return StuffedReader(self._stuffer, forms, self._seal, self.counters)
+        return SyncReader(self.layout, forms, self._seal, self.counters)
+
+    def _open_keep_alives(self, others: list[tuple[Other, list[Form]]], channels: int) -> list["KeepAlive"]:
+        mine = [row for row in others if row[0].period and self.role and row[0].sent_by in ("both", self.role)]
+        if not mine:
+            return []
+        from hil.links.frame.ends import KeepAlive
+
+        data = [self._unchanging(forms[min(channels, len(forms)) - 1]) for _, forms in mine]
+        return [KeepAlive(other, frame) for (other, _), frame in zip(mine, data, strict=True)]
+
+    def _unchanging(self, form: Form) -> bytes:
+        return self._finish(form, form.body.packer.pack(*form.body.template))
+
+    def _open_echoes(self, commands: list[Form], reports: list[Form]) -> dict[int, "Echo"]:
+        """By number of channels; none where the frame carries all of the sequence number."""
+        bits = self.layout.sequence_bits
+        if self.role != "host" or bits >= 16:
+            return {}
+        from hil.links.frame.ends import Echo
+
+        answers = {form.channels: form for form in reports}
+        return {
+            form.channels: Echo(form, answers[form.channels], bits) for form in commands if form.channels in answers
+        }
+
+
+def _stuffer(layout: FrameLayout) -> "Stuffer | None":
+    if layout.stuffing.type == "none":
+        return None
+    from hil.links.frame.stuffing import open_stuffer
+
+    return open_stuffer(layout.stuffing)
+
+
+def open_frame(role: Role, channels: int, frame: str = "uuv_hil") -> FrameProtocol:
+    """That end's protocol of the frame of that name, or of the TOML file of that path.
+
+    Raises ConfigError if the frame cannot carry so many thrusters.
+    """
+    protocol = FrameProtocol(find_preset("firmware_stub/frames", frame), role, channels)
+    if channels not in protocol.channels:
+        carried = " to ".join(map(str, sorted({protocol.channels[0], protocol.channels[-1]})))
+        raise ConfigError(f"frame {frame} carries {carried} thrusters, not {channels}")
+    return protocol

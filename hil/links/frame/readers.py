@@ -1,0 +1,200 @@
+"""From bytes to messages: what every reader does, and the one for frames that begin with a sync.
+
+That for frames between delimiters is in `frame_stuffing.py`. Both are built for a noisy line: a sound frame
+is delivered as soon as its last byte is there, whatever came before. Neither a cut frame nor a damaged length
+holds back the frame behind it. What is not understood is counted, and at most one frame is ever kept back.
+"""
+
+import struct
+from abc import ABC, abstractmethod
+from collections.abc import Iterable
+from operator import and_
+
+from hil.errors import ConfigError
+from hil.links.contract import Counters, Message
+from hil.links.frame.forms import Form, Seal
+from hil.links.frame.layout import ORDERS, TYPES, FrameLayout, type_size
+
+MAX_FOREIGN_PAYLOAD = 255  # bytes; a longer frame of an unknown message is taken for noise
+
+
+class Reader(ABC):
+    """Decodes the frames of one end; `unfinished` is the beginning of a frame whose end has not come."""
+
+    def __init__(self, seal: Seal, counters: Counters) -> None:
+        self.unfinished = b""
+        self.seal, self.counters = seal, counters
+
+    @abstractmethod
+    def feed(self, data: bytes) -> list[Message]:
+        """The messages completed by `data`, in order. Never raises.
+
+        Every byte ends up in a message, in a sound frame that is passed over or counted as malformed, in
+        `dropped_bytes`, in `unfinished`, or is a delimiter.
+        """
+
+    @abstractmethod
+    def unwrapped(self, data: bytes) -> bytes | None:
+        """The frame in these bytes of the wire, without stuffing and delimiters; None if that is damaged."""
+
+    @abstractmethod
+    def form_of(self, frame: bytes) -> Form | None:
+        """The form of a frame, None if it is of no message there is."""
+
+    def take(self, form: Form | None, frame: bytes, start: int, messages: list[Message]) -> None:
+        """A sound frame begins at `start` of `frame`; `form` is None if nobody knows its message."""
+        message = None
+        if form:
+            body = form.body
+            numbers = body.packer.unpack_from(frame, start + len(form.prefix))
+            if form.kind is None and body.fits(numbers):
+                return
+            message = body.message(numbers) if form.kind else None
+        if message is None:
+            self.counters.malformed += 1
+        else:
+            messages.append(message)
+
+
+class SyncReader(Reader):
+    """Finds frames by their sync. As their heads are known byte strings, this is a look-up in a table."""
+
+    def __init__(self, layout: FrameLayout, forms: Iterable[Form], seal: Seal, counters: Counters) -> None:
+        super().__init__(seal, counters)
+        self.sync = bytes(layout.sync)
+        self._header_end = layout.payload_start
+        self._keys = _Keys(list(forms), layout.payload_start)
+        self._length = _length_field(layout)
+
+    def feed(self, data: bytes) -> list[Message]:
+        """See `Reader`."""
+        buffer = self.unfinished + data
+        counters = self.counters
+        messages: list[Message] = []
+        position = 0
+        while (start := self._find_sync(buffer, position)) < len(buffer):
+            form, size = self.frame_at(buffer, start)
+            if start + size > len(buffer):
+                behind = self._find_sound(buffer, start + 1)
+                if behind < 0:
+                    break
+                start = behind
+                form, size = self.frame_at(buffer, start)
+            counters.dropped_bytes += start - position
+            if size and self.seal.is_sound(buffer, start, size):
+                self.take(form, buffer, start, messages)
+                position = start + size
+            else:
+                counters.checksum_errors += size > 0
+                counters.dropped_bytes += 1
+                position = start + 1  # not past it all: a frame may begin inside a damaged one
+        counters.dropped_bytes += start - position
+        self.unfinished = buffer[start:]
+        return messages
+
+    def frame_at(self, buffer: bytes, start: int) -> tuple[Form | None, int]:
+        """Form and size of the frame that begins at `start`, as far as can be seen; size 0: none begins there."""
+        form = self._keys.form_at(buffer, start)
+        return form, form.size if form else self._unknown_size(buffer, start)
+
+    def unwrapped(self, data: bytes) -> bytes | None:
+        """There is no stuffing."""
+        return data
+
+    def form_of(self, frame: bytes) -> Form | None:
+        """By its first bytes."""
+        return self._keys.form_at(frame, 0)
+
+    def _find_sync(self, buffer: bytes, position: int) -> int:
+        """Where the next frame may begin: at a sync, or at a part of one that ends the buffer."""
+        sync = self.sync
+        found = buffer.find(sync, position)
+        if found >= 0:
+            return found
+        for start in range(max(position, len(buffer) - len(sync) + 1), len(buffer)):
+            if sync.startswith(buffer[start:]):
+                return start
+        return len(buffer)
+
+    def _unknown_size(self, buffer: bytes, start: int) -> int:
+        """The size of a frame that no form is found for: a cut one, or one whose header tells its length."""
+        seen = len(buffer) - start
+        if self._length and seen < self._header_end:
+            return self._header_end
+        if self._keys.may_begin(buffer[start : start + self._keys.longest]):
+            return seen + 1
+        if self._length:
+            offset, packer, adds = self._length
+            payload: int = packer.unpack_from(buffer, start + offset)[0] - adds
+            if 0 <= payload <= MAX_FOREIGN_PAYLOAD:
+                return self._header_end + payload + self.seal.size
+        return 0
+
+    def _find_sound(self, buffer: bytes, position: int) -> int:
+        """Where the first whole sound frame begins, or -1: one behind a cut frame need not wait for its end."""
+        while (start := self._find_sync(buffer, position)) < len(buffer):
+            _, size = self.frame_at(buffer, start)
+            if size and start + size <= len(buffer) and self.seal.is_sound(buffer, start, size):
+                return start
+            position = start + 1
+        return -1
+
+
+class _Keys:
+    """Finds the form of a frame by its first bytes.
+
+    Those of the constants at the beginning are enough if they reach beyond the header and no two forms
+    share them; else all constants before the first list count, and what varies between them is masked.
+    """
+
+    def __init__(self, forms: list[Form], header_end: int) -> None:
+        prefixes = {form.prefix for form in forms}
+        enough = len(prefixes) == len(forms) and all(len(form.prefix) >= header_end for form in forms)
+        self._heads = [tuple(form.prefix) if enough else form.head for form in forms]
+        self.longest = max(map(len, self._heads))
+        tables: dict[bytes, dict[bytes, Form]] = {}
+        for form, head in zip(forms, self._heads, strict=True):
+            mask = bytes(0 if byte is None else 0xFF for byte in head)
+            known = tables.setdefault(mask, {}).setdefault(bytes(byte or 0 for byte in head), form)
+            if known is not form:
+                raise ConfigError(_alike(form, known))
+        self._tables = [
+            (len(mask), mask if 0 in mask else b"", tables[mask]) for mask in sorted(tables, key=len, reverse=True)
+        ]
+
+    def form_at(self, buffer: bytes, start: int) -> Form | None:
+        """The form of the frame that begins at `start`."""
+        for length, mask, table in self._tables:
+            head = buffer[start : start + length]
+            form = table.get(bytes(map(and_, head, mask)) if mask else head)
+            if form:
+                return form
+        return None
+
+    def may_begin(self, seen: bytes) -> bool:
+        """Whether these bytes are the beginning of a head, but not all of it."""
+        return any(len(seen) < len(head) and begins_like(head, seen) for head in self._heads)
+
+
+def begins_like(head: tuple[int | None, ...], frame: bytes) -> bool:
+    """Whether a frame is what its head says, as far as both go."""
+    return all(wanted in (None, byte) for wanted, byte in zip(head, frame, strict=False))
+
+
+def _alike(form: Form, other: Form) -> str:
+    if form.kind and form.kind is other.kind:
+        name = form.name
+        return f"{name}: pwm_us needs its number of channels, as there is no length or count before it that tells"
+    return (
+        f"{other.name} and {form.name} look alike: give them an id or constants that differ, or say which end this is"
+    )
+
+
+def _length_field(layout: FrameLayout) -> tuple[int, struct.Struct, int] | None:
+    """Where the header's length stands, how to unpack it, and what it counts beyond the payload."""
+    offset = len(layout.sync)
+    for field in layout.header:
+        if field.name == "length":
+            return offset, struct.Struct(ORDERS[layout.byte_order] + TYPES[field.type]), field.adds
+        offset += type_size(field.type)
+    return None

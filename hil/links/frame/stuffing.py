@@ -1,0 +1,185 @@
+"""Byte stuffing: a frame without the byte that delimits it, and the reader that finds frames between those.
+
+Loaded for frames that have it.
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterable, Iterator
+
+from hil.links.contract import Counters, Message
+from hil.links.frame.forms import Form, Seal
+from hil.links.frame.layout import Stuffing
+from hil.links.frame.readers import Reader, begins_like
+
+COBS_RUN = 254  # the longest run without a zero that one code byte can tell
+
+
+class Stuffer(ABC):
+    """Takes the byte `delimiter` out of a frame, and puts it back. `opening`: what goes before a frame."""
+
+    delimiter: bytes
+    opening = b""
+
+    def wrap(self, frame: bytes) -> bytes:
+        """What goes onto the wire for `frame`."""
+        return self.opening + self.stuff(frame) + self.delimiter
+
+    @abstractmethod
+    def stuff(self, frame: bytes) -> bytes:
+        """`frame` without a delimiter in it."""
+
+    @abstractmethod
+    def unstuff(self, piece: bytes) -> bytes | None:
+        """The frame between two delimiters, or None if there can be none."""
+
+    @abstractmethod
+    def longest(self, size: int) -> int:
+        """The most bytes that a frame of `size` bytes can be stuffed to."""
+
+    @abstractmethod
+    def endings(self, piece: bytes, size: int) -> Iterator[bytes]:
+        """The frames of `size` bytes that `piece` may end with, where noise precedes one without a delimiter."""
+
+
+class Cobs(Stuffer):
+    """Consistent Overhead Byte Stuffing (Cheshire and Baker 1999): each zero tells where the next one is."""
+
+    delimiter = b"\0"
+
+    def stuff(self, frame: bytes) -> bytes:
+        """One byte more than `frame`, and another for each run of 254 without a zero."""
+        out = bytearray()
+        runs = frame.split(b"\0")
+        for behind, run in zip(range(len(runs) - 1, -1, -1), runs, strict=True):
+            while len(run) > COBS_RUN or (len(run) == COBS_RUN and behind):
+                out += b"\xff" + run[:COBS_RUN]
+                run = run[COBS_RUN:]
+            out.append(len(run) + 1)
+            out += run
+        return bytes(out)
+
+    def unstuff(self, piece: bytes) -> bytes | None:
+        """None if a code byte points behind the end."""
+        out = bytearray()
+        place, end = 0, len(piece)
+        while place < end:
+            code = piece[place]
+            out += piece[place + 1 : place + code]
+            place += code
+            if place < end and code <= COBS_RUN:
+                out.append(0)
+        return bytes(out) if place == end else None
+
+    def longest(self, size: int) -> int:
+        """One code byte a run."""
+        return size + 1 + size // COBS_RUN
+
+    def endings(self, piece: bytes, size: int) -> Iterator[bytes]:
+        """At most a few lengths are possible."""
+        for length in range(size + 1, min(self.longest(size), len(piece)) + 1):
+            frame = self.unstuff(piece[-length:])
+            if frame is not None and len(frame) == size:
+                yield frame
+
+
+class Escapes(Stuffer):
+    """An escape byte before a substitute stands for each byte that must not be there (SLIP, HDLC)."""
+
+    def __init__(self, delimiter: int, escape: int, substitutes: dict[int, int]) -> None:
+        self.delimiter = bytes([delimiter])
+        # The escape byte itself is put in first and taken out last.
+        order = sorted(substitutes, key=lambda byte: byte != escape)
+        self._pairs = [(bytes([byte]), bytes([escape, substitutes[byte]])) for byte in order]
+
+    def stuff(self, frame: bytes) -> bytes:
+        """At most twice as long."""
+        for byte, pair in self._pairs:
+            frame = frame.replace(byte, pair)
+        return frame
+
+    def unstuff(self, piece: bytes) -> bytes | None:
+        """An escape byte before anything but a substitute stays as it is."""
+        for byte, pair in reversed(self._pairs):
+            piece = piece.replace(pair, byte)
+        return piece
+
+    def longest(self, size: int) -> int:
+        """Every byte escaped."""
+        return 2 * size
+
+    def endings(self, piece: bytes, size: int) -> Iterator[bytes]:
+        """The last `size` bytes, unescaped."""
+        frame = self.unstuff(piece)
+        if frame is not None and len(frame) >= size:
+            yield frame[-size:]
+
+
+class StuffedReader(Reader):
+    """Finds frames between delimiters; behind noise that none separates from it, by the sizes there are."""
+
+    def __init__(self, stuffer: Stuffer, forms: Iterable[Form], seal: Seal, counters: Counters) -> None:
+        super().__init__(seal, counters)
+        self._stuffer = stuffer
+        self._by_size: dict[int, list[Form]] = {}
+        for form in forms:
+            self._by_size.setdefault(form.size, []).append(form)
+        self._longest = stuffer.longest(max(self._by_size))
+
+    def feed(self, data: bytes) -> list[Message]:
+        """See `Reader`."""
+        messages: list[Message] = []
+        *pieces, rest = (self.unfinished + data).split(self._stuffer.delimiter)
+        for piece in pieces:
+            if piece:
+                self._read(piece, messages)
+        surplus = max(0, len(rest) - self._longest)
+        self.counters.dropped_bytes += surplus
+        self.unfinished = rest[surplus:]
+        return messages
+
+    def unwrapped(self, data: bytes) -> bytes | None:
+        """Between delimiters, or with them."""
+        return self._stuffer.unstuff(data.strip(self._stuffer.delimiter))
+
+    def form_of(self, frame: bytes) -> Form | None:
+        """By its size and first bytes."""
+        for form in self._by_size.get(len(frame), ()):
+            if begins_like(form.head, frame):
+                return form
+        return None
+
+    def _read(self, piece: bytes, messages: list[Message]) -> None:
+        frame = self._stuffer.unstuff(piece)
+        if frame is None or len(frame) <= self.seal.size or not self.seal.is_sound(frame, 0, len(frame)):
+            known = self._at_end(piece)
+            self.counters.checksum_errors += known is None and frame is not None and len(frame) > self.seal.size
+            self.counters.dropped_bytes += max(0, len(piece) - (len(self._stuffer.stuff(known)) if known else 0))
+            if known is None:
+                return
+            frame = known
+        self.take(self.form_of(frame), frame, 0, messages)
+
+    def _at_end(self, piece: bytes) -> bytes | None:
+        """The known sound frame that `piece` ends with."""
+        for size in self._by_size:
+            for frame in self._stuffer.endings(piece, size):
+                if self.form_of(frame) and self.seal.is_sound(frame, 0, size):
+                    return frame
+        return None
+
+
+def open_stuffer(rule: Stuffing) -> Stuffer:
+    """The stuffer that a frame file asks for."""
+    stuffer = _stuffer(rule)
+    if rule.delimit == "both":
+        stuffer.opening = stuffer.delimiter
+    return stuffer
+
+
+def _stuffer(rule: Stuffing) -> Stuffer:
+    if rule.type == "cobs":
+        return Cobs()
+    if rule.type == "slip":
+        return Escapes(0xC0, 0xDB, {0xC0: 0xDC, 0xDB: 0xDD})
+    escaped = (rule.delimiter, rule.escape, *rule.also)
+    return Escapes(rule.delimiter, rule.escape, {byte: byte ^ rule.xor for byte in escaped})

@@ -1,0 +1,1 @@
+"""Thruster messages as MAVLink 2."""

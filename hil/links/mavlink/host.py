@@ -1,0 +1,143 @@
+"""The vehicle computer's end of a MAVLink thruster link: commands out, reports in."""
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from hil.clock import NS_PER_US
+from hil.links.contract import PWM_NEUTRAL_US, Message, SentCommands, ThrusterCommand, ThrusterTelemetry
+from hil.links.mavlink.end import (
+    BEAT_NS,
+    NO_PULSE_US,
+    PORT,
+    SERVOS,
+    U32,
+    MavlinkEnd,
+    is_pulse,
+    next_due,
+    sender,
+    servos,
+    share_to_pulse,
+)
+from hil.links.mavlink.link import EscReading, MavlinkSettings
+from hil.links.mavlink.reports import ESC_GROUPS, esc_readings, host_heartbeat
+
+NOT_A_PULSE_US = 1  # for RC_CHANNELS_OVERRIDE, where 0 gives the channel back
+IGNORED = 0xFFFF  # the same for a channel that is not meant
+
+
+class MavlinkHost(MavlinkEnd):
+    """`esc` holds what the device last said about each ESC, None where it has said nothing."""
+
+    def __init__(
+        self, channels: int, settings: MavlinkSettings, clock: Callable[[], int], wall_clock: Callable[[], int]
+    ) -> None:
+        super().__init__(channels, settings, settings.host_component, clock, wall_clock)
+        self.esc: list[EscReading | None] = [None] * channels
+        self._device = settings.system, settings.component
+        self._encode_pulses = {
+            "servo_output_raw": self._servo_output_raw,
+            "hil_actuator_controls": self._hil_actuator_controls,
+            "rc_channels_override": self._rc_channels_override,
+        }[settings.command]
+        self._sent = SentCommands()
+        self._answered = -1  # sequence of the command that the last report showed
+        self._shown_us = 0  # when the first report showed it, on the device's clock
+        self._device_armed: bool | None = None  # None: it has not said
+        self._timed_out = False
+        self._errors = self._trips = self._frames = 0
+        self._attempts = 0  # to arm or disarm, since the device last was as we want it
+        self.handlers = {
+            dialect.MAVLINK_MSG_ID_TIMESYNC: self.timesync,
+            dialect.MAVLINK_MSG_ID_HEARTBEAT: self._heartbeat,
+            dialect.MAVLINK_MSG_ID_SYS_STATUS: self._sys_status,
+            dialect.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW: self._report,
+            **dict.fromkeys(ESC_GROUPS, self._esc_telemetry),
+        }
+
+    def encode(self, message: Message) -> bytes:
+        """The packets of a command. Raises ValueError for another number of channels, or for a report."""
+        if not isinstance(message, ThrusterCommand):
+            raise ValueError("the host's end sends commands")
+        self.check_channels(message.pwm_us)
+        pulses = [PWM_NEUTRAL_US] * self.channels
+        if message.armed:
+            pulses = [width if is_pulse(width) else NO_PULSE_US for width in message.pwm_us]
+        shown, packets = self._encode_pulses(pulses, message.armed)
+        self._sent.remember(tuple(shown), message.sequence)
+        return packets
+
+    def tick(self, now_ns: int) -> bytes:
+        """The heartbeat of an onboard controller."""
+        self.deadline_ns = next_due(self.deadline_ns, BEAT_NS, now_ns)
+        return self.pack(host_heartbeat())
+
+    def _servo_output_raw(self, pulses: list[int], armed: bool) -> tuple[list[int], bytes]:
+        return pulses, self._arming(armed) + self.servo_output_raw(pulses)
+
+    def _rc_channels_override(self, pulses: list[int], armed: bool) -> tuple[list[int], bytes]:
+        channels = [width or NOT_A_PULSE_US for width in pulses] + [IGNORED] * (18 - len(pulses))
+        message = dialect.MAVLink_rc_channels_override_message(*self._device, *channels)
+        return pulses, self._arming(armed) + self.pack(message)
+
+    def _hil_actuator_controls(self, pulses: list[int], armed: bool) -> tuple[list[int], bytes]:
+        span = self.settings.span_us
+        shares = [max(-1.0, min((width - PWM_NEUTRAL_US) / span, 1.0)) if width else math.nan for width in pulses]
+        controls = shares + [0.0] * (SERVOS - len(shares))
+        mode = dialect.MAV_MODE_FLAG_SAFETY_ARMED if armed else 0
+        message = dialect.MAVLink_hil_actuator_controls_message(self._clock() // NS_PER_US, controls, mode, 0)
+        return [share_to_pulse(share, span) for share in shares], self.pack(message)
+
+    def _arming(self, armed: bool) -> bytes:
+        """COMPONENT_ARM_DISARM, if the device has not said that it is as we want it."""
+        if armed == self._device_armed:
+            self._attempts = 0
+            return b""
+        arm = dialect.MAVLink_command_long_message(
+            *self._device,
+            dialect.MAV_CMD_COMPONENT_ARM_DISARM,
+            confirmation=min(self._attempts, 255),
+            param1=float(armed),
+            **{f"param{i}": 0.0 for i in range(2, 8)},
+        )
+        self._attempts += 1
+        return self.pack(arm)
+
+    def _heartbeat(self, packet: Any) -> None:
+        if sender(packet) == self._device:
+            self._device_armed = packet.base_mode & dialect.MAV_MODE_FLAG_SAFETY_ARMED != 0
+            self._timed_out = packet.system_status == dialect.MAV_STATE_CRITICAL
+
+    def _sys_status(self, packet: Any) -> None:
+        if sender(packet) == self._device:
+            self._errors, self._trips, self._frames = packet.errors_comm, packet.errors_count1, packet.errors_count2
+
+    def _esc_telemetry(self, packet: Any) -> None:
+        if sender(packet) == self._device:
+            first = ESC_GROUPS[packet.get_msgId()]
+            for i, reading in enumerate(esc_readings(packet)[: max(0, self.channels - first)]):
+                self.esc[first + i] = reading
+
+    def _report(self, packet: Any) -> ThrusterTelemetry | None:
+        if sender(packet) != self._device or packet.port != PORT:
+            return None
+        pulses = tuple(servos(packet, self.channels))
+        sequence = self._sent.match(pulses)
+        return ThrusterTelemetry(
+            sequence=sequence,
+            armed=bool(self._device_armed),
+            timed_out=self._timed_out,
+            pwm_us=pulses,
+            age_us=self._age_us(sequence, packet.time_usec),
+            frames=self._frames,
+            errors=self._errors,
+            watchdog_trips=self._trips,
+        )
+
+    def _age_us(self, sequence: int, device_us: int) -> int:
+        """Since the first report that showed this command, on the device's clock."""
+        if sequence != self._answered:
+            self._answered, self._shown_us = sequence, device_us
+        return device_us - self._shown_us & U32

@@ -1,0 +1,1 @@
+"""Thrusters on VESC motor controllers, in their CAN protocol."""

@@ -1,0 +1,147 @@
+"""The STM32's end of thrusters on VESC controllers; the protocol is described in `hil.links.vesc.link`."""
+
+from hil.clock import NS_PER_S
+from hil.links.can_thrusters import SPAN_US, MotorHook, deflection, propeller_load
+from hil.links.contract import PWM_NEUTRAL_US, Message, ThrusterCommand, ThrusterTelemetry
+from hil.links.vesc.end import (
+    ARGUMENT,
+    EVERY_ID,
+    FULL_STATUS_DUTY,
+    HW_TYPE_VESC,
+    PING,
+    PONG,
+    SET_CURRENT,
+    STATUS,
+    STATUS_4,
+    STATUS_4_DATA,
+    STATUS_5,
+    STATUS_5_DATA,
+    STATUS_DATA,
+    TIMEOUT_NS,
+    VescProtocol,
+    VescSettings,
+)
+from hil.links.wires.can_frame import CanFrame, pack_frame
+
+KELVIN = 273.15
+NS_PER_MIN = 60 * NS_PER_S
+
+
+def _int16(value: float) -> int:
+    return min(max(int(value), -0x8000), 0x7FFF)  # cut off, as the firmware does
+
+
+class VescDevice(VescProtocol):
+    """The STM32's end, as all controllers at once. `motor_values` says what they measure."""
+
+    def __init__(self, channels: int, settings: VescSettings, motor_values: MotorHook = propeller_load) -> None:
+        super().__init__(channels, settings)
+        self._us = {command: SPAN_US / full for command, full in self._full.items()}
+        self._motor_values = motor_values
+        self._waiting: dict[int, int] = {}  # pulses (us) by thruster; 0 is let go
+        self._held = [0] * channels
+        self._heard_ns = [0] * channels
+        self._now_ns = 0
+        self._period_ns = round(settings.status_period * NS_PER_S)
+        self._pulses: tuple[int, ...] = (PWM_NEUTRAL_US,) * channels
+        self._tachometers = [0.0] * channels
+        self._turned_ns = -1
+        self._replies: list[bytes] = []
+        self.deadline_ns = 0
+
+    def encode(self, message: Message) -> bytes:
+        """A report as one STATUS a thruster. A command is not a device's to say."""
+        assert isinstance(message, ThrusterTelemetry)
+        self._pulses = message.pwm_us
+        return b"".join([self._status(thruster, pulse) for thruster, pulse in enumerate(message.pwm_us)])
+
+    def replies(self) -> bytes:
+        """Answers to PING."""
+        said = b"".join(self._replies)
+        self._replies.clear()
+        return said
+
+    def tick(self, now_ns: int) -> bytes:
+        """STATUS_4 and STATUS_5 of each thruster, if they are due."""
+        self._now_ns = now_ns
+        if now_ns < self.deadline_ns:
+            return b""
+        self.deadline_ns = now_ns + self._period_ns
+        self._turn(now_ns)
+        return b"".join([self._slow_status(thruster, pulse) for thruster, pulse in enumerate(self._pulses)])
+
+    def _hear(self, command: int, controller: int, data: bytes) -> list[Message]:
+        thruster = controller - self._settings.first_id
+        mine = range(self._channels) if controller == EVERY_ID else (thruster,)
+        if mine[0] not in range(self._channels):
+            return []
+        if command == PING:
+            self._answer(mine, data)
+            return []
+        pulse = self._pulse(command, data)
+        if pulse is None:
+            self.counters.malformed += 1
+            return []
+        return [message for each in mine for message in self._take(each, pulse)]
+
+    def _pulse(self, command: int, data: bytes) -> int | None:
+        """The pulse (us) that a command asks for, 0 to let go; None if it is none that is obeyed here."""
+        if len(data) < ARGUMENT.size:
+            return None
+        argument: int = ARGUMENT.unpack_from(data)[0]
+        if command == SET_CURRENT:
+            return None if argument else 0
+        us = self._us.get(command)
+        if us is None:
+            return None
+        return PWM_NEUTRAL_US + round(min(max(argument * us, -SPAN_US), SPAN_US))
+
+    def _take(self, thruster: int, pulse: int) -> list[ThrusterCommand]:
+        whole = [self._apply()] if thruster in self._waiting else []
+        self._waiting[thruster] = pulse
+        self._heard_ns[thruster] = self._now_ns
+        if len(self._waiting) == self._channels:
+            whole.append(self._apply())
+        return whole
+
+    def _apply(self) -> ThrusterCommand:
+        """What has come is one command."""
+        for thruster in range(self._channels):
+            late = self._now_ns - self._heard_ns[thruster] > TIMEOUT_NS
+            self._held[thruster] = self._waiting.get(thruster, 0 if late else self._held[thruster])
+        self._waiting.clear()
+        if any(self._held):
+            return ThrusterCommand(0, True, tuple(self._held))
+        return ThrusterCommand(0, False, (PWM_NEUTRAL_US,) * self._channels)
+
+    def _answer(self, thrusters: range | tuple[int, ...], data: bytes) -> None:
+        if not data:
+            self.counters.malformed += 1
+            return
+        for thruster in thrusters:
+            answer = bytes((self._settings.first_id + thruster, HW_TYPE_VESC))
+            self._replies.append(pack_frame(CanFrame(PONG << 8 | data[0], answer)))
+
+    def _status(self, thruster: int, pulse: int) -> bytes:
+        fraction = deflection(pulse) / SPAN_US
+        current = self._motor_values(thruster, pulse).current_a
+        erpm = round(fraction * self._settings.full_erpm)
+        return self._frame(
+            STATUS, thruster, STATUS_DATA.pack(erpm, _int16(current * 10), _int16(fraction * FULL_STATUS_DUTY))
+        )
+
+    def _slow_status(self, thruster: int, pulse: int) -> bytes:
+        values = self._motor_values(thruster, pulse)
+        celsius = _int16((values.temperature_k - KELVIN) * 10)
+        tachometer = (int(self._tachometers[thruster]) + 0x8000_0000 & 0xFFFF_FFFF) - 0x8000_0000
+        status_4 = STATUS_4_DATA.pack(celsius, celsius, _int16(values.current_a * 10), 0)
+        status_5 = STATUS_5_DATA.pack(tachometer, _int16(values.voltage_v * 10), 0)
+        return self._frame(STATUS_4, thruster, status_4) + self._frame(STATUS_5, thruster, status_5)
+
+    def _turn(self, now_ns: int) -> None:
+        """Let the motors turn on, at the speed of their pulses, up to `now_ns`."""
+        minutes = (now_ns - self._turned_ns) / NS_PER_MIN if self._turned_ns >= 0 else 0.0
+        self._turned_ns = now_ns
+        per_us = 6 * self._settings.full_erpm / SPAN_US
+        for thruster, pulse in enumerate(self._pulses[: self._channels]):
+            self._tachometers[thruster] += deflection(pulse) * per_us * minutes

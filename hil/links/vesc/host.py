@@ -1,0 +1,96 @@
+"""The host's end of thrusters on VESC controllers; the protocol is described in `hil.links.vesc.link`."""
+
+from typing import NamedTuple
+
+from hil.links.can_thrusters import SPAN_US, WRAP, Answers, Rounds, has_output, pulse_at
+from hil.links.contract import PWM_NEUTRAL_US, Message, ThrusterCommand, ThrusterTelemetry
+from hil.links.vesc.end import (
+    ARGUMENT,
+    COMMANDS,
+    FULL_STATUS_DUTY,
+    SET_CURRENT,
+    SET_RPM,
+    STATUS,
+    STATUS_4,
+    STATUS_4_DATA,
+    STATUS_5,
+    STATUS_5_DATA,
+    STATUS_DATA,
+    VescProtocol,
+    VescSettings,
+)
+
+
+class Motor(NamedTuple):
+    """What a controller said last of its motor; zeros before."""
+
+    erpm: int = 0
+    current_a: float = 0.0
+    duty: float = 0.0
+    fet_c: float = 0.0
+    input_a: float = 0.0
+    tachometer: int = 0
+    voltage_v: float = 0.0
+
+
+class VescHost(VescProtocol):
+    """The vehicle's computer. `motors` are the thrusters' last values."""
+
+    def __init__(self, channels: int, settings: VescSettings) -> None:
+        super().__init__(channels, settings)
+        self.motors = [Motor()] * channels
+        self._command = COMMANDS[settings.command]
+        self._per_us = self._full[self._command] / SPAN_US
+        self._rounds = Rounds(channels)
+        self._answers = Answers(channels)
+        self._timed_out = False
+        self._trips = 0
+
+    def encode(self, message: Message) -> bytes:
+        """A command as one frame a thruster. Telemetry is not a host's to say."""
+        assert isinstance(message, ThrusterCommand)
+        asked = self._answers.ask(message)
+        said = []
+        for thruster, pulse in enumerate(asked):
+            if message.armed and has_output(message.pwm_us[thruster]):
+                argument = ARGUMENT.pack(round((pulse - PWM_NEUTRAL_US) * self._per_us))
+                said.append(self._frame(self._command, thruster, argument))
+            else:
+                said.append(self._frame(SET_CURRENT, thruster, ARGUMENT.pack(0)))
+        return b"".join(said)
+
+    def _hear(self, command: int, controller: int, data: bytes) -> list[Message]:
+        thruster = controller - self._settings.first_id
+        if command not in (STATUS, STATUS_4, STATUS_5) or not 0 <= thruster < self._channels:
+            return []
+        if len(data) < (6 if command == STATUS_5 else 8):  # older firmware leaves the reserved end out
+            self.counters.malformed += 1
+            return []
+        motor = self.motors[thruster]
+        if command == STATUS_4:
+            fet, _, current, _ = STATUS_4_DATA.unpack(data)
+            self.motors[thruster] = motor._replace(fet_c=fet / 10, input_a=current / 10)
+            return []
+        if command == STATUS_5:
+            tachometer, volts, _ = STATUS_5_DATA.unpack(data[:6] + b"\0\0")
+            self.motors[thruster] = motor._replace(tachometer=tachometer, voltage_v=volts / 10)
+            return []
+        return self._hear_status(thruster, motor, data)
+
+    def _hear_status(self, thruster: int, motor: Motor, data: bytes) -> list[Message]:
+        erpm, current, duty = STATUS_DATA.unpack(data)
+        self.motors[thruster] = motor._replace(erpm=erpm, current_a=current / 10, duty=duty / FULL_STATUS_DUTY)
+        by_speed = self._command == SET_RPM
+        fraction = erpm / self._settings.full_erpm if by_speed else duty / FULL_STATUS_DUTY
+        pulses = self._rounds.hear(thruster, pulse_at(fraction * SPAN_US))
+        return [] if pulses is None else [self._telemetry(pulses)]
+
+    def _telemetry(self, pulses: tuple[int, ...]) -> ThrusterTelemetry:
+        command = self._answers.hear(pulses)
+        stopped = all(pulse == PWM_NEUTRAL_US for pulse in pulses)
+        timed_out = command.armed and stopped and command.pwm_us != pulses
+        if timed_out and not self._timed_out:
+            self._trips = (self._trips + 1) & WRAP
+        self._timed_out = timed_out
+        armed = command.armed and not timed_out
+        return ThrusterTelemetry(command.sequence, armed, timed_out, pulses, 0, self._answers.frames, 0, self._trips)

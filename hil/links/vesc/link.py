@@ -1,0 +1,50 @@
+"""Thrusters on VESC motor controllers, in their own CAN protocol.
+
+Source: github.com/vedderb/bldc, documentation/comm_can.md and comm/comm_can.c. An identifier of 29 bits is
+command << 8 | controller; a command takes one frame, with one big-endian int32. Thruster i is controller
+`first_id` + i.
+
+    SET_DUTY         0   duty x 100 000         STATUS     9   ERPM i32, current x 10 i16, duty x 1000 i16
+    SET_CURRENT      1   A x 1000               STATUS_4  16   two temperatures x 10, input current x 10, position
+    SET_RPM          3   ERPM x 1               STATUS_5  27   tachometer (6 a turn of the field), volts x 10
+    SET_CURRENT_REL 10   fraction x 100 000     PING 17, PONG 18
+
+(The document's table says that SET_RPM is in 1/1000; its own example and the firmware take whole ERPM.)
+
+1100 to 1900 us are -1 to +1 of the quantity that `command` chooses, exact to 1 us; beyond is clamped.
+"No pulse", and all thrusters if not armed, are SET_CURRENT 0: it lets the motor go, where duty 0 brakes it.
+
+The device is all controllers in one. It takes the commands to them for one ThrusterCommand when every one
+has come, or when one comes again before; then those that were left out go on as they were, for as long as
+a VESC would (0.5 s, in steps of `status_period`), and then let go. All let go is a disarmed command. It
+sends STATUS of each for each report, STATUS_4 and STATUS_5 every `status_period`. Its duty tells the pulse
+exactly; on true controllers ruled by speed (`rpm`) the host goes by ERPM instead.
+
+A status carries neither sequence number nor arming nor time-out, so the host infers them from what it has
+sent. `timed_out` is a neutral report after one that showed a command which was not, if nothing neutral was
+sent: a time-out at neutral cannot be seen. `age_us` and `errors` are 0.
+"""
+
+from typing import Any
+
+from hil.errors import ConfigError
+from hil.links.contract import MAX_THRUSTERS, Protocol
+from hil.links.protocols import Role
+from hil.links.vesc.device import VescDevice
+from hil.links.vesc.end import EVERY_ID, VescSettings
+from hil.links.vesc.host import VescHost
+from hil.schema import parse
+
+
+def open_vesc(role: Role, channels: int, **settings: Any) -> Protocol:
+    """One end's protocol. `settings` are those of VescSettings, and the device's hook `motor_values`.
+
+    Raises ConfigError if a setting is wrong or there are more thrusters than a link carries.
+    """
+    if not 0 < channels <= MAX_THRUSTERS:
+        raise ConfigError(f"protocol vesc: carries 1 to {MAX_THRUSTERS} thrusters, not {channels}")
+    hooks = {name: settings.pop(name) for name in ("motor_values",) if name in settings}
+    own = parse(settings, VescSettings, "protocol vesc")
+    if own.first_id + channels > EVERY_ID:
+        raise ConfigError(f"protocol vesc: first_id {own.first_id} leaves no room for {channels}; 254 is the last")
+    return VescHost(channels, own) if role == "host" else VescDevice(channels, own, **hooks)

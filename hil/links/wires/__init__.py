@@ -1,0 +1,1 @@
+"""What carries a link's bytes or CAN frames: terminals, sockets, buses, and faults made on purpose."""

@@ -1,0 +1,293 @@
+"""Faults of a link, made on purpose: a wire around any wire that slows, loses, damages and cuts what crosses it.
+
+    wire = FaultyWire(PtyHostWire(path), Faults(baud=115_200, drop=0.01), seed=7)
+    wire.faults = wire.faults._replace(drop=0.2)    # at any time
+
+Faults strike *chunks*: on the way out what one `write` is given, which is one message of a `ThrusterLink`; on
+the way in what one `read` of the wire beneath gives, which is one message unless the reader was late; on a CAN
+bus always one frame. The same seed and the same chunks give the same faults; the two directions draw from
+sequences of their own. Whatever waits here is due at an instant, and `fileno` becomes readable then; a loop
+that waits on it and then calls `read`, as all loops do, moves both directions on.
+"""
+
+import select
+import sys
+from collections import deque
+from random import Random
+from typing import Annotated, Literal, NamedTuple
+
+from hil.clock import NS_PER_S, now_ns
+from hil.errors import DeviceError
+from hil.links.contract import Wire
+from hil.links.wires.can_frame import EXTENDED, RECORD_SIZE
+from hil.links.wires.timer import NEVER_NS, Timer
+from hil.schema import Range
+
+BITS_A_BYTE = 10  # start bit, eight of data, stop bit
+CAN_BITS, CAN_BITS_EXTENDED = 47, 67  # of a frame without its data: ISO 11898-1, interframe space included
+CAN_DATA = 8  # where a record's data begins; its size stands at 4
+PIECE = 32  # bytes; a longer chunk comes in pieces, like from the buffer of a UART
+BACKLOG = 4096  # bytes that wait for a paced line; Linux keeps as many for a serial port
+REORDER_WAIT_NS = NS_PER_S // 10  # for a chunk to change places with
+
+Share = Annotated[float, Range(0.0, 1.0)]
+
+
+class Faults(NamedTuple):
+    """What the wire does; nothing by default.
+
+    `baud`, bit/s: bytes take ten bits each, frames of a CAN bus their bits without stuffing (0: no time).
+    `delay` comes on top, and `jitter` up to so much more, evenly spread; a wire does not overtake itself.
+    Chances, each from 0 to 1: `drop`, `duplicate` of a chunk; `reorder`: it changes places with the next;
+    `corrupt` of each byte (in CAN frames: of data) that one of its bits flips; `stall` of a chunk that it
+    and all behind it wait `stall_time`; `disconnect` of a chunk that from it on all is lost, both ways, for
+    `disconnect_time`. `unplugged` makes the wire raise DeviceError until it is false again, as a device
+    that is pulled out does. `direction`: which way the faults strike, seen from the end that has this wire.
+    """
+
+    baud: Annotated[int, Range(0, 12_000_000)] = 0
+    delay: Annotated[float, Range(0.0, 10.0, "s")] = 0.0
+    jitter: Annotated[float, Range(0.0, 10.0, "s")] = 0.0
+    drop: Share = 0.0
+    corrupt: Share = 0.0
+    duplicate: Share = 0.0
+    reorder: Share = 0.0
+    stall: Share = 0.0
+    stall_time: Annotated[float, Range(0.0, 10.0, "s")] = 0.2
+    disconnect: Share = 0.0
+    disconnect_time: Annotated[float, Range(0.0, 60.0, "s")] = 1.0
+    unplugged: bool = False
+    direction: Literal["both", "sent", "received"] = "both"
+
+
+CLEAR = Faults()
+
+
+class Tally:
+    """What was done to what crossed in one direction: chunks, unless it says bytes."""
+
+    __slots__ = (
+        "chunks", "corrupted_bytes", "disconnects", "dropped", "duplicated", "lost", "refused_bytes", "reordered",
+        "stalls",
+    )  # fmt: skip
+
+    def __init__(self) -> None:
+        self.chunks = 0  # that came
+        self.dropped = 0
+        self.lost = 0  # during a disconnect
+        self.corrupted_bytes = 0
+        self.duplicated = 0
+        self.reordered = 0  # that changed places with the one behind
+        self.stalls = 0
+        self.disconnects = 0
+        self.refused_bytes = 0  # by the wire beneath, when they were due
+
+
+class FaultyWire(Wire):
+    """`wire`, which it owns, with `faults`. `sent` and `received` tell what they did. Raises what `wire` raises."""
+
+    def __init__(self, wire: Wire, faults: Faults = CLEAR, seed: int = 0) -> None:
+        self.name = wire.name
+        self.record_size = wire.record_size
+        self._wire = wire
+        self._outward = _Lane(Random(f"{seed} sent"), self.record_size)
+        self._inward = _Lane(Random(f"{seed} received"), self.record_size)
+        self.sent, self.received = self._outward.tally, self._inward.tally
+        self._timer = Timer()
+        self._epoll = select.epoll()
+        self._epoll.register(self._timer.fd, select.EPOLLIN)
+        self._listening = False
+        self.faults = faults
+
+    @property
+    def faults(self) -> Faults:
+        """What the wire does from now on; what waits already stays as it is."""
+        return self._faults
+
+    @faults.setter
+    def faults(self, faults: Faults) -> None:
+        self._faults = faults
+        self._outward.faults = faults if faults.direction != "received" else CLEAR
+        self._inward.faults = faults if faults.direction != "sent" else CLEAR
+        self._settle(now_ns())
+
+    def fileno(self) -> int:
+        """The descriptor that wakes for bytes beneath and for bytes that are due; -1 once closed."""
+        return -1 if self._epoll.closed else self._epoll.fileno()
+
+    def read(self) -> bytes:
+        """The bytes that have come in and are due. Raises DeviceError when the device is gone, or unplugged."""
+        self._check_plugged()
+        now = now_ns()
+        if self._inward.backlog(now) < BACKLOG:
+            data = self._wire.read()
+            if data:
+                self._inward.offer(data, now)
+                self._share_disconnect()
+        horizon = self._timer.horizon(now)
+        due = self._inward.due(horizon)
+        self._flush(horizon)
+        self._settle(now)
+        return b"".join(due)
+
+    def write(self, data: bytes) -> int:
+        """Send `data`; the number of bytes taken, lost ones included. Raises DeviceError when the device is gone."""
+        self._check_plugged()
+        if self._epoll.closed or self._outward.is_clear:
+            taken_now = self._wire.write(data)
+            self.sent.chunks += len(self._outward.chunks(data[:taken_now]))
+            return taken_now
+        now = now_ns()
+        room = max(0, BACKLOG - self._outward.backlog(now))
+        taken = data[: room - room % self.record_size]
+        if taken:
+            self._outward.offer(taken, now)
+            self._share_disconnect()
+        self._flush(now)
+        self._settle(now)
+        return len(taken)
+
+    def close(self) -> None:
+        """Give the device back; what waits is lost. Closing twice is harmless."""
+        if not self._epoll.closed:
+            self._epoll.close()
+            self._timer.close()
+        self._wire.close()
+
+    def _check_plugged(self) -> None:
+        if self._faults.unplugged and not self._epoll.closed:
+            raise DeviceError(f"{self.name}: went away (unplugged by the faults of this link); plug it in again")
+
+    def _share_disconnect(self) -> None:
+        end = max(self._outward.silent_until_ns, self._inward.silent_until_ns)
+        self._outward.silent_until_ns = self._inward.silent_until_ns = end
+
+    def _flush(self, horizon: int) -> None:
+        for piece in self._outward.due(horizon):
+            self.sent.refused_bytes += len(piece) - self._wire.write(piece)
+
+    def _settle(self, now: int) -> None:
+        """Wake for what is due next; and for bytes beneath, unless enough of them wait here."""
+        if self._epoll.closed:
+            return
+        self._timer.arm(now if self._faults.unplugged else min(self._inward.next_ns, self._outward.next_ns))
+        wanted = self._inward.backlog(now) < BACKLOG and not self._faults.unplugged
+        if wanted and not self._listening:
+            self._epoll.register(self._wire.fileno(), select.EPOLLIN)
+        elif self._listening and not wanted:
+            self._epoll.unregister(self._wire.fileno())
+        self._listening = wanted
+
+
+class _Lane:
+    """One direction: strikes chunks with `faults` and keeps what is not yet due, in order."""
+
+    def __init__(self, random: Random, record_size: int) -> None:
+        self.faults = CLEAR
+        self.tally = Tally()
+        self.silent_until_ns = 0
+        self._random = random
+        self._on_can = record_size == RECORD_SIZE
+        self._waiting: deque[tuple[int, bytes]] = deque()  # when it is due (not before what is ahead of it), what
+        self._swapped: tuple[int, bytes] | None = None  # until when it waits for the next chunk, what
+        self._line_free_ns = 0  # when the line will have carried all that came
+
+    @property
+    def is_clear(self) -> bool:
+        """Whether chunks pass as if this were not there."""
+        return self.next_ns == NEVER_NS and self.faults == CLEAR
+
+    @property
+    def next_ns(self) -> int:
+        """When something is due."""
+        next_ns = self._waiting[0][0] if self._waiting else NEVER_NS
+        return min(next_ns, self._swapped[0]) if self._swapped else next_ns
+
+    def backlog(self, now: int) -> int:
+        """Bytes that the line has still to carry (records: what their data counts)."""
+        waits = max(0, self._line_free_ns - now)
+        return waits * self.faults.baud // (BITS_A_BYTE * NS_PER_S)
+
+    def offer(self, data: bytes, now: int) -> None:
+        """Bytes come that the line is to carry."""
+        for chunk in self.chunks(data):
+            self._strike(chunk, now)
+
+    def chunks(self, data: bytes) -> list[bytes]:
+        """What faults strike each for itself."""
+        size = RECORD_SIZE if self._on_can else max(len(data), 1)
+        return [data[start : start + size] for start in range(0, len(data), size)]
+
+    def due(self, now: int) -> list[bytes]:
+        """What has arrived by `now`."""
+        if self._swapped and self._swapped[0] <= now:
+            self._pass_swapped(now)
+        arrived = []
+        while self._waiting and self._waiting[0][0] <= now:
+            arrived.append(self._waiting.popleft()[1])
+        return arrived
+
+    def _strike(self, chunk: bytes, now: int) -> None:
+        faults, tally, happens = self.faults, self.tally, self._happens
+        tally.chunks += 1
+        if happens(faults.disconnect) and now >= self.silent_until_ns:
+            tally.disconnects += 1
+            self.silent_until_ns = now + round(faults.disconnect_time * NS_PER_S)
+        if now < self.silent_until_ns:
+            tally.lost += 1
+            return
+        if happens(faults.drop):
+            tally.dropped += 1
+            return
+        if faults.corrupt:
+            chunk = self._corrupted(chunk)
+        if happens(faults.stall):
+            tally.stalls += 1
+            self._line_free_ns = max(now, self._line_free_ns) + round(faults.stall_time * NS_PER_S)
+        if happens(faults.reorder) and not self._swapped:
+            tally.reordered += 1
+            self._swapped = now + REORDER_WAIT_NS, chunk
+            return
+        self._carry(chunk, now)
+        if happens(faults.duplicate):
+            tally.duplicated += 1
+            self._carry(chunk, now)
+        if self._swapped:
+            self._pass_swapped(now)
+
+    def _happens(self, chance: float) -> bool:
+        return chance > 0.0 and self._random.random() < chance
+
+    def _corrupted(self, chunk: bytes) -> bytes:
+        """`chunk` with some bits flipped. A CAN frame keeps identifier and size, or the bus would not carry it."""
+        first, last = (CAN_DATA, CAN_DATA + min(chunk[4], 8)) if self._on_can else (0, len(chunk))
+        damaged = bytearray(chunk)
+        for place in range(first, last):
+            if self._happens(self.faults.corrupt):
+                damaged[place] ^= 1 << self._random.randrange(8)
+                self.tally.corrupted_bytes += 1
+        return bytes(damaged)
+
+    def _pass_swapped(self, now: int) -> None:
+        assert self._swapped
+        (_, chunk), self._swapped = self._swapped, None
+        self._carry(chunk, now)
+
+    def _carry(self, chunk: bytes, now: int) -> None:
+        faults = self.faults
+        if now > self._line_free_ns:
+            self._line_free_ns = now
+        wait = faults.delay + (faults.jitter * self._random.random() if faults.jitter else 0.0)
+        later = round(wait * NS_PER_S)
+        size = PIECE if faults.baud and not self._on_can else len(chunk)
+        for start in range(0, len(chunk), size):
+            piece = chunk[start : start + size]
+            if faults.baud:
+                self._line_free_ns += self._bits(piece) * NS_PER_S // faults.baud
+            self._waiting.append((self._line_free_ns + later, piece))
+
+    def _bits(self, piece: bytes) -> int:
+        if not self._on_can:
+            return len(piece) * BITS_A_BYTE
+        extended = int.from_bytes(piece[:4], sys.byteorder) & EXTENDED
+        return (CAN_BITS_EXTENDED if extended else CAN_BITS) + 8 * min(piece[4], 8)

@@ -1,0 +1,197 @@
+"""CAN buses as wires through the python-can package, see `hil.links.wires.can_bus`.
+
+"virtual" joins the ends within one process, "udp_multicast" (which needs msgpack too) those of one machine;
+python-can has drivers for the adapters of many makers. The package costs 130 ms and 18 MiB when it is first used.
+"""
+
+import contextlib
+import errno
+import os
+import queue
+import threading
+from collections import deque
+from typing import TYPE_CHECKING, Any
+
+from hil.errors import DeviceError, MissingExtraError
+from hil.links.contract import Wire
+from hil.links.wires.can_bus import BITRATE, MOST_FRAMES
+from hil.links.wires.can_frame import RECORD_SIZE, CanFrame, pack_frame, unpack_frames
+
+if TYPE_CHECKING:
+    from can import BusABC, Message
+
+
+class PythonCanWire(Wire):
+    """A bus of the python-can package: `interface` and `channel` as there, `bitrate` in bit/s.
+
+    Of "udp_multicast", frames stay on this machine, and one that another sends with the very contents of
+    one of ours that was lost on the way to ourselves is lost too. Raises DeviceError if the bus cannot be
+    opened; MissingExtraError without the package.
+    """
+
+    record_size = RECORD_SIZE
+    MOST_ECHOES = 1024  # more than its socket holds
+
+    def __init__(self, interface: str, channel: str, bitrate: int = BITRATE) -> None:
+        self.name = f"can:{interface}:{channel}"
+        self._bus: BusABC | None = _open_bus(self.name, interface, channel, bitrate)
+        # This bus alone gives back what we send, unmarked.
+        self._echoes: deque[bytes] | None = deque(maxlen=self.MOST_ECHOES) if interface == "udp_multicast" else None
+        self._reader: _Reader | None = None
+        try:
+            self._fd = self._bus.fileno()
+        except NotImplementedError:
+            self._reader = _Reader(self._bus)
+            self._fd = self._reader.fd
+
+    def fileno(self) -> int:
+        """The descriptor to wait on for frames; -1 once closed."""
+        return self._fd
+
+    def read(self) -> bytes:
+        """The frames that have come in (256 at most), or b"". Raises DeviceError when the bus is gone."""
+        bus = self._opened()
+        records = []
+        for message in self._reader.take() if self._reader else self._messages(bus):
+            record = _record_of_message(message)
+            if not self._is_echo(record):
+                records.append(record)
+        if self._reader and self._reader.failure:
+            raise self._gone(self._reader.failure)
+        return b"".join(records)
+
+    def write(self, data: bytes) -> int:
+        """Send whole records; the bytes of those the bus took. Raises DeviceError when the bus is gone."""
+        bus = self._opened()
+        for start in range(0, len(data), RECORD_SIZE):
+            for frame in unpack_frames(data[start : start + RECORD_SIZE]):
+                if not self._send(bus, frame):
+                    return start
+        return len(data)
+
+    def close(self) -> None:
+        """Leave the bus. Closing twice is harmless."""
+        bus, self._bus, self._fd = self._bus, None, -1
+        if bus:
+            if self._reader:
+                self._reader.stop()
+            bus.shutdown()
+
+    def _opened(self) -> "BusABC":
+        if self._bus is None:
+            raise DeviceError(f"{self.name}: is closed; open it again")
+        return self._bus
+
+    def _messages(self, bus: "BusABC") -> "list[Message]":
+        from can import CanError
+
+        messages: list[Message] = []
+        for _ in range(MOST_FRAMES):
+            try:
+                message = bus.recv(0)
+            except (CanError, OSError) as error:
+                if self._echoes is not None and not isinstance(error.__cause__, OSError):
+                    continue  # a datagram on its group that is no frame
+                raise self._gone(error) from None
+            if message is None:
+                break
+            messages.append(message)
+        return messages
+
+    def _send(self, bus: "BusABC", frame: CanFrame) -> bool:
+        from can import CanError, Message
+
+        if self._echoes is not None:
+            self._echoes.append(pack_frame(frame))
+        try:
+            bus.send(Message(arbitration_id=frame.id, data=frame.data, is_extended_id=frame.extended), timeout=0)
+        except (CanError, OSError) as error:
+            cause = error if isinstance(error, OSError) else error.__cause__
+            if isinstance(cause, OSError) and cause.errno not in (errno.EAGAIN, errno.ENOBUFS):
+                raise self._gone(error) from None
+            self._is_echo(pack_frame(frame))
+            return False
+        return True
+
+    def _is_echo(self, record: bytes) -> bool:
+        if not self._echoes or record not in self._echoes:
+            return False
+        self._echoes.remove(record)
+        return True
+
+    def _gone(self, reason: Exception) -> DeviceError:
+        return DeviceError(f"{self.name}: went away ({reason}); reconnect it and start again")
+
+
+class _Reader:
+    """A thread that reads a bus without a descriptor and makes one, `fd`, readable. `failure`: what ended it."""
+
+    PERIOD_S = 0.02  # how soon it notices that it is to stop
+
+    def __init__(self, bus: "BusABC") -> None:
+        self.fd = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
+        self.failure: Exception | None = None
+        self._bus = bus
+        self._messages: queue.Queue[Message] = queue.Queue(MOST_FRAMES)
+        self._stopped = threading.Event()
+        self._thread = threading.Thread(target=self._run, name=f"reader of {bus}", daemon=True)
+        self._thread.start()
+
+    def take(self) -> "list[Message]":
+        """What has come since."""
+        with contextlib.suppress(BlockingIOError):
+            os.eventfd_read(self.fd)
+        return [self._messages.get_nowait() for _ in range(self._messages.qsize())]
+
+    def stop(self) -> None:
+        """End the thread and close the descriptor."""
+        self._stopped.set()
+        self._thread.join()
+        os.close(self.fd)
+
+    def _run(self) -> None:
+        from can import CanError
+
+        try:
+            while not self._stopped.is_set():
+                message = self._bus.recv(self.PERIOD_S)
+                if message:
+                    self._keep(message)
+        except (CanError, OSError) as error:
+            self.failure = error
+            os.eventfd_write(self.fd, 1)
+
+    def _keep(self, message: "Message") -> None:
+        while not self._stopped.is_set():
+            try:
+                self._messages.put(message, timeout=self.PERIOD_S)
+            except queue.Full:  # nobody reads: the bus's own queue fills now, and refuses
+                continue
+            os.eventfd_write(self.fd, 1)
+            return
+
+
+def _open_bus(name: str, interface: str, channel: str, bitrate: int) -> "BusABC":
+    try:
+        import can
+    except ImportError:
+        raise MissingExtraError(f"{name} needs python-can: pip install 'uuv-hil[can]'") from None
+    own: dict[str, dict[str, Any]] = {
+        "virtual": {"rx_queue_size": MOST_FRAMES},
+        "udp_multicast": {"hop_limit": 0, "fd": False},
+    }
+    if interface not in can.VALID_INTERFACES:
+        raise DeviceError(f"{name}: python-can has no such interface; it has {', '.join(sorted(can.VALID_INTERFACES))}")
+    try:
+        return can.Bus(channel, interface, ignore_config=True, **own.get(interface, {"bitrate": bitrate}))
+    except can.CanInterfaceNotImplementedError as error:
+        raise MissingExtraError(f"{name}: {error}; pip install 'uuv-hil[can]'") from None
+    except (can.CanError, OSError, ValueError) as error:
+        raise DeviceError(f"{name}: {error}; check the channel, and that its adapter is plugged in") from None
+
+
+def _record_of_message(message: "Message") -> bytes:
+    """The record of a classic data frame; b"" for any other."""
+    if message.is_remote_frame or message.is_error_frame or message.is_fd:
+        return b""
+    return pack_frame(CanFrame(message.arbitration_id, bytes(message.data), message.is_extended_id))

@@ -1,0 +1,228 @@
+"""Wires of this machine: pseudo terminals and serial devices.
+
+    PtyWire      the STM32's end of a pseudo terminal; any program opens the other end by its path
+    PtyHostWire  the host's end of such a pty, without pyserial: for a controller of our own
+    UartWire     either end of a real serial device, or of a pty, through pyserial
+
+None of them blocks, and none tells noise from data: they carry bytes.
+"""
+
+import errno
+import fcntl
+import os
+import struct
+import termios
+import tty
+
+from hil.errors import DeviceError, MissingExtraError
+from hil.links.contract import Wire
+from hil.links.wires.pty_name import PtyName
+
+READ_SIZE = 4096  # what a terminal holds for its reader, and so the most that one read can give
+UNREAD_LIMIT = 2048  # bytes; at 20 ms and 32 bytes a frame, 1.3 s that nobody has read
+TCGETS2 = 0x802C542A  # asm-generic/ioctls.h: termios with the speed as a number, odd speeds too
+TERMIOS2_OSPEED = 40  # byte offset in struct termios2, asm-generic/termbits.h
+
+REMEDIES = {
+    errno.ENOENT: "no such device",
+    errno.EACCES: "permission denied; add this user to its group: sudo usermod -aG dialout $USER, then log in again",
+    errno.EAGAIN: "already in use by another process; end that one first (fuser -v names it)",
+    errno.EBUSY: "already in use by another process; end that one first (fuser -v names it)",
+    errno.ENOTTY: "is not a serial device",
+    errno.ENOTDIR: "no such device",
+    errno.ENXIO: "the driver knows no such device; is it plugged in?",
+    errno.EIO: "no device answers; is it plugged in, and does its other end run?",
+}
+
+
+class DescriptorWire(Wire):
+    """A wire on one non-blocking file descriptor, which it owns."""
+
+    def __init__(self, fd: int, name: str) -> None:
+        self._fd = fd
+        self.name = name
+
+    def fileno(self) -> int:
+        """The descriptor to wait on for incoming bytes; -1 once closed."""
+        return self._fd
+
+    def read(self) -> bytes:
+        """The bytes that have come in (4096 at most), or b"". Raises DeviceError when the device is gone."""
+        try:
+            data = os.read(self._fd, READ_SIZE)
+        except BlockingIOError:
+            return b""
+        except OSError as error:
+            raise self._gone(error.strerror) from None
+        if not data:  # in raw mode only a hang-up reads as nothing
+            raise self._gone("the other end closed")
+        return data
+
+    def write(self, data: bytes) -> int:
+        """Send `data`; the number of bytes taken. Raises DeviceError when the device is gone."""
+        try:
+            return os.write(self._fd, data)
+        except BlockingIOError:
+            return 0
+        except OSError as error:
+            raise self._gone(error.strerror) from None
+
+    def close(self) -> None:
+        """Give the device back. Closing twice is harmless."""
+        fd, self._fd = self._fd, -1
+        if fd >= 0:
+            os.close(fd)
+
+    def _gone(self, reason: str | None) -> DeviceError:
+        if self._fd < 0:
+            return DeviceError(f"{self.name}: is closed; open it again")
+        return DeviceError(f"{self.name}: went away ({reason}); reconnect it and start again")
+
+
+class PtyWire(DescriptorWire):
+    """The STM32's end of a new pseudo terminal; other programs open `path` as if it were a serial port.
+
+    `link_path` is a second name for it that stays the same from run to run, a symbolic link such as
+    "/tmp/uuv-hil-stm32". One process at a time can hold that name. A link left by a run that was killed
+    is replaced; a file that is not a link to a pty is never touched.
+
+    Programs come and go at the other end without this one noticing. As on a UART, what nobody reads is
+    lost: at most about `UNREAD_LIMIT` bytes are kept, so that a program that opens the port (and, as
+    pyserial does, discards what was waiting) never reads old telemetry.
+
+    Raises DeviceError if the name is taken or cannot be made, or no pty is left. Not modelled: the time
+    that bytes take at a baud rate, parity, modem lines.
+    """
+
+    def __init__(self, link_path: str = "") -> None:
+        try:
+            master, self._slave = os.openpty()
+        except OSError as error:
+            raise DeviceError(f"pty: {error.strerror}; raise kernel.pty.max or close other terminals") from None
+        self.path = os.ttyname(self._slave)
+        self._second_name: PtyName | None = None
+        super().__init__(master, link_path or self.path)
+        os.set_blocking(master, False)
+        tty.setraw(self._slave)  # both ends share these settings
+        if link_path:
+            try:
+                self._second_name = PtyName(link_path, self.path)
+            except DeviceError:
+                self.close()
+                raise
+
+    @property
+    def baud(self) -> int:
+        """The speed that the program at the other end asked for, in bit/s (38400 if it has not)."""
+        ospeed: int = struct.unpack_from("I", fcntl.ioctl(self._fd, TCGETS2, bytes(44)), TERMIOS2_OSPEED)[0]
+        return ospeed
+
+    def write(self, data: bytes) -> int:
+        """Send `data`, or nothing of it if the other end has stopped reading; the number of bytes taken."""
+        return 0 if self._fd >= 0 and self._unread() >= UNREAD_LIMIT else super().write(data)
+
+    def close(self) -> None:
+        """Remove the link and the pty. Closing twice is harmless."""
+        if self._second_name:
+            self._second_name.remove()
+            self._second_name = None
+        if self._fd >= 0:
+            os.close(self._slave)
+        super().close()
+
+    def _unread(self) -> int:
+        unread: int = struct.unpack("i", fcntl.ioctl(self._slave, termios.FIONREAD, bytes(4)))[0]
+        return unread
+
+
+class PtyHostWire(DescriptorWire):
+    """The host's end of the pty at `path`, held alone. Discards what was waiting there.
+
+    Raises DeviceError if there is no such pty, it is not a terminal, or another program holds it.
+    """
+
+    def __init__(self, path: str) -> None:
+        try:
+            fd = os.open(path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+        except OSError as error:
+            raise _cannot_open(path, error) from None
+        try:
+            fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)  # what pyserial's exclusive mode takes too
+            tty.setraw(fd)
+        except (OSError, termios.error) as error:
+            os.close(fd)
+            raise _cannot_open(path, error) from None
+        super().__init__(fd, path)
+
+
+class UartWire(DescriptorWire):
+    """A serial device, or the host's end of a pty: 8 data bits, no parity, 1 stop bit, held alone.
+
+    `device` is its path (prefer /dev/serial/by-id/..., which stays the same), `baud` in bit/s. With
+    `rs485` its driver switches the direction of a two-wire bus (RTS high while it sends); what the
+    others then say on that bus is all read. Where the driver can, it is told to hand over each byte at
+    once (on FTDI adapters 1 ms instead of 16 ms).
+    Raises DeviceError if there is no such device (lists those there are), this user may not open it,
+    another process holds it, or it knows no RS-485; MissingExtraError without pyserial.
+    """
+
+    def __init__(self, device: str, baud: int = 115_200, rs485: bool = False) -> None:
+        try:
+            import serial
+        except ImportError:
+            raise MissingExtraError("a uart needs pyserial: pip install pyserial") from None
+        try:
+            self._port = serial.Serial(device, baud, timeout=0, write_timeout=0, exclusive=True)
+        except OSError as error:  # SerialException is one
+            raise _cannot_open(device, error, _ports() if error.errno == errno.ENOENT else "") from None
+        except ValueError as error:
+            raise DeviceError(f"{device}: cannot run at {baud} bit/s ({error}); choose another baud") from None
+        # pyserial opens and sets up; reading and writing the descriptor ourselves costs a third of its way.
+        super().__init__(self._port.fileno(), device)
+        self.baud = baud
+        self._wait_for_a_byte()
+        self._ask_low_latency()
+        if rs485:
+            self._switch_direction()
+
+    def close(self) -> None:
+        """Give the device back. Closing twice is harmless."""
+        self._fd = -1
+        self._port.close()
+
+    def _wait_for_a_byte(self) -> None:
+        """With pyserial's VMIN = 0 a quiet line and a hang-up both read as b""; with 1 only a hang-up does."""
+        settings = termios.tcgetattr(self._fd)
+        settings[6][termios.VMIN] = 1
+        termios.tcsetattr(self._fd, termios.TCSANOW, settings)
+
+    def _switch_direction(self) -> None:
+        from serial.rs485 import RS485Settings
+
+        try:
+            self._port.rs485_mode = RS485Settings()
+        except (OSError, ValueError):  # the driver knows no such request
+            self.close()
+            raise DeviceError(
+                f"{self.name}: its driver has no RS-485 mode; use an adapter that switches direction by itself, "
+                f"and name it without rs485:"
+            ) from None
+
+    def _ask_low_latency(self) -> bool:
+        try:
+            self._port.set_low_latency_mode(True)
+        except (OSError, ValueError, NotImplementedError):
+            return False  # ptys and many drivers have no such mode
+        return True
+
+
+def _cannot_open(path: str, error: OSError | termios.error, there_are: str = "") -> DeviceError:
+    code = error.errno if isinstance(error, OSError) else error.args[0]  # termios.error has no errno
+    return DeviceError(f"{path}: {REMEDIES.get(code or 0, str(error))}{there_are}")
+
+
+def _ports() -> str:
+    from serial.tools import list_ports
+
+    names = ", ".join(sorted(port.device for port in list_ports.comports()))
+    return f"; serial ports here: {names or 'none'}"
