@@ -1,0 +1,100 @@
+"""A hull at the surface: bobbing, and lift without jumps."""
+
+from collections.abc import Sequence
+from itertools import pairwise
+from math import cos, pi, sqrt
+
+from matplotlib.axes import Axes
+
+from sim.buoyancy import Hull
+from sim.dynamics import Dynamics, State
+from sim.rotations import from_euler, matrix
+from tests.sim import test_buoyancy as floats
+from tools.validations.sheet import SHADES, WRONG, Finding, Sheet, above, below, label, ours, theirs
+
+HEIGHT, AMPLITUDE, DT = 0.234, 0.02, 0.001
+
+
+def surface(panels: Sequence[Axes]) -> list[Finding]:
+    """A box that floats half out of the water, without drag. Let go 2 cm too deep it bobs with a period of
+    2π √((m + m_a) / (ρ g A)) and keeps its energy. A much used simulator has half the lift just below the surface and
+    none at it; here lift is continuous in every attitude."""
+    trace, periods, lift = panels
+    return [*_bobbing(trace, periods), _bobbing_energy(), *_lift(lift)]
+
+
+def _theory(added: float) -> float:
+    vehicle = floats.float_()
+    return 2.0 * pi * sqrt((vehicle.mass + added) / (floats.RHO * floats.G * vehicle.volume / HEIGHT))
+
+
+def _bob(added: float) -> list[float]:
+    """Depths (m) every millisecond for 6 s."""
+    vehicle = floats.float_(added_mass=(5.0, 5.0, added, 0.1, 0.1, 0.1))
+    dynamics, state, depths = Dynamics(vehicle, floats.RHO, floats.G), State((0.0, 0.0, AMPLITUDE)), [AMPLITUDE]
+    for _ in range(6000):
+        dynamics.step(state, floats.NOTHING, floats.STILL, DT)
+        depths.append(state.position[2])
+    return depths
+
+
+def _period(depths: list[float]) -> float:
+    crossings = [(i + a / (a - b)) * DT for i, (a, b) in enumerate(pairwise(depths)) if a > 0.0 >= b]
+    return (crossings[-1] - crossings[0]) / (len(crossings) - 1)
+
+
+def _bobbing(trace: Axes, periods: Axes) -> list[Finding]:
+    masses = [0.0, 9.24, 20.0, 40.0, 60.0]
+    runs = {added: _bob(added) for added in masses}
+    found = {added: _period(depths) for added, depths in runs.items()}
+    for added, color in ((9.24, SHADES[0]), (60.0, SHADES[2])):
+        ours(trace, [i * DT for i in range(2501)], [1e3 * z for z in runs[added][:2501]], f"ours, {added:g} kg", color)
+        times = [0.05 * i for i in range(51)]
+        cosine = [1e3 * AMPLITUDE * cos(2.0 * pi * t / _theory(added)) for t in times]
+        theirs(trace, times, cosine, "theory" if added == 60.0 else "_")
+    trace.set_ylim(-24.0, 40.0)
+    label(trace, "time (s)", "depth (mm)", "bobbing, by added mass", legend="upper right")
+    ours(periods, masses, list(found.values()))
+    theirs(periods, masses, [_theory(added) for added in masses], "theory", size=8.0)
+    label(periods, "added mass (kg)", "period (s)")
+    away = max(abs(found[added] / _theory(added) - 1.0) for added in (0.0, 9.24, 60.0))
+    test = "sim/test_buoyancy.py::test_bobbing_period"
+    return [below("bobbing: period away from theory (share)", away, 1e-4, test)]
+
+
+def _bobbing_energy() -> Finding:
+    """Over 100 s with the default integrator."""
+    vehicle = floats.float_(linear_damping=(0.0, 0.0, 0.0, 0.5, 0.5, 0.5))
+    dynamics, state, worst = Dynamics(vehicle, floats.RHO, floats.G), State((0.0, 0.0, 0.08)), 0.0
+    rest = floats.energy(dynamics, State())
+    first = floats.energy(dynamics, state) - rest
+    for _ in range(100):
+        for _ in range(400):
+            dynamics.step(state, floats.NOTHING, floats.STILL, 0.0025)
+        worst = max(worst, abs((floats.energy(dynamics, state) - rest) / first - 1.0))
+    test = "sim/test_buoyancy.py::test_bobbing_energy_does_not_grow"
+    return below("energy gained or lost in 100 s (share)", worst, 0.01, test)
+
+
+def _lift(axes: Axes) -> list[Finding]:
+    hull = Hull(floats.float_(), floats.RHO, floats.G)
+    depths = [-0.3 + 0.0001 * i for i in range(6001)]
+    red, jumps = [floats.others_lift(depth, HEIGHT, 1.0) for depth in depths], []
+    axes.plot(depths, red, color=WRONG, linewidth=3.0, alpha=0.7, label="others")
+    for attitude, name, color in (
+        (floats.LEVEL, "ours, level", SHADES[0]),
+        (matrix(from_euler(0.7, -0.4, 0.2)), "ours, heeled 40°", SHADES[2]),
+    ):
+        shares = [hull.lift(depth, attitude)[0] / hull.full for depth in depths]
+        ours(axes, depths, shares, name, color)
+        jumps.append(floats.largest_jump(shares))
+    axes.set_xlim(-0.25, 0.25)
+    label(axes, "depth of the middle (m)", "lift (share of full)", "lift", legend="upper left")
+    test = "sim/test_buoyancy.py::test_lift_is_continuous"
+    return [
+        below("largest jump of lift in 0.1 mm, ours (share of full)", max(jumps), 0.002, test),
+        above("the same, others", floats.largest_jump(red), 0.49, test),
+    ]
+
+
+SHEETS = [Sheet("Afloat: bobbing and lift", surface, columns=3, size=(9.0, 2.8))]

@@ -1,0 +1,79 @@
+"""How a wrench is shared among thrusters that cannot make it."""
+
+from collections.abc import Sequence
+from math import atan2, cos, degrees, pi, radians, remainder, sin
+from random import Random
+
+from matplotlib.axes import Axes
+
+from hil.autonomy.allocation import pseudo_inverse
+from tests.autonomy import test_allocation as sharing
+from tools.validations.sheet import OURS, WRONG, Finding, Sheet, above, below, label, theirs
+
+FILE = "autonomy/test_allocation.py"
+ASKED = 200.0  # N: more than the thrusters have
+
+
+def allocation(panels: Sequence[Axes]) -> list[Finding]:
+    """Eight thrusters with 50 N forward and 40 N in reverse, asked for 200 N all around. Where not all can be had the
+    force is scaled as a whole and keeps its direction; with each thrust clipped by itself it turns."""
+    rays, turn = panels
+    headings = [2.0 * i for i in range(181)]
+    inverse, _ = pseudo_inverse(sharing.HEAVY)
+    scaled = [_made(sharing.allocator(sharing.HEAVY).allocate(_asked(heading))[0]) for heading in headings]
+    clipped = [_made(clip(inverse, _asked(heading))) for heading in headings]
+    for made, color, name in ((clipped, WRONG, "each thrust clipped"), (scaled, OURS, "ours")):
+        for m in made[10:180:20]:
+            rays.plot([0.0, m[1]], [0.0, m[0]], color=color, marker="o", markersize=3)
+        turn.plot(headings, [_turned(m, h) for m, h in zip(made, headings, strict=True)], color=color, label=name)
+    asked = [_asked(heading) for heading in headings[10:180:20]]
+    theirs(rays, [0.9 * w[1] for w in asked], [0.9 * w[0] for w in asked], "direction asked for", size=7.0)
+    theirs(turn, headings[::6], [0.0] * 31, "asked for")
+    rays.set_aspect("equal", "datalim")
+    turn.set_ylim(-26.0, 45.0)
+    label(rays, "sway force (N)", "surge force (N)", legend="")
+    label(turn, "heading of the force asked for (deg)", "made, away from it (deg)", legend="upper right")
+    return _allocation_findings(headings, scaled, clipped)
+
+
+def _allocation_findings(headings: list[float], scaled: list[list[float]], clipped: list[list[float]]) -> list[Finding]:
+    aside = [abs(m[0] * sin(radians(h)) - m[1] * cos(radians(h))) for m, h in zip(scaled, headings, strict=True)]
+    turned = [abs(_turned(m, h)) for m, h in zip(clipped, headings, strict=True)]
+    direction = f"{FILE}::test_saturated_horizontal_force_keeps_its_direction"
+    exact = f"{FILE}::test_what_fits_is_made_exactly"
+    clipping = "tools/test_validation.py::test_clipping_each_thrust_turns_the_force"
+    return [
+        below("beyond the limits: force across that asked for", max(aside), 5e-9, direction, "N"),
+        below("within them: wrench away from that asked for (N, N m)", _residual(), 1e-9, exact),
+        above("each thrust clipped: turned by up to", max(turned), 20.0, clipping, "deg"),
+    ]
+
+
+def clip(inverse: Sequence[Sequence[float]], wrench: Sequence[float]) -> list[float]:
+    """The thrusts (N) for `wrench`, each kept within its limits by itself."""
+    thrusts = [sum(a * b for a, b in zip(row, wrench, strict=True)) for row in inverse]
+    return [max(-40.0, min(50.0, thrust)) for thrust in thrusts]
+
+
+def _asked(heading: float) -> list[float]:
+    return [ASKED * cos(radians(heading)), ASKED * sin(radians(heading)), 0.0, 0.0, 0.0, 0.0]
+
+
+def _made(thrusts: Sequence[float]) -> list[float]:
+    return sharing.made(sharing.HEAVY, thrusts)
+
+
+def _turned(made: Sequence[float], heading: float) -> float:
+    return degrees(remainder(atan2(made[1], made[0]) - radians(heading), 2.0 * pi))
+
+
+def _residual() -> float:
+    random, allocator, worst = Random(1), sharing.allocator(sharing.HEAVY, 1e6, 1e6), 0.0
+    for _ in range(500):
+        wrench = [random.uniform(-x, x) for x in (400.0, 400.0, 400.0, 30.0, 30.0, 30.0)]
+        thrusts, _ = allocator.allocate(wrench)
+        worst = max(worst, *(abs(a - b) for a, b in zip(_made(thrusts), wrench, strict=True)))
+    return worst
+
+
+SHEETS = [Sheet("Allocation beyond the limits", allocation, size=(7.0, 3.0))]

@@ -1,0 +1,230 @@
+"""BlueROV2 Heavy beside von Benzon et al. 2022, whose model others' code runs: tests/vectors/vonbenzon_*.csv."""
+
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
+from math import degrees, log2, pi
+
+from matplotlib.axes import Axes
+
+from sim import rotations
+from sim.dynamics import Dynamics, Integrator, State
+from sim.rotations import from_euler, to_euler
+from sim.vehicle import Vehicle
+from tests.sim.test_dynamics import Tow
+from tests.sim.test_von_benzon import CASES, CURRENT, DEEP, DENSITY, GRAVITY, HEAVY, LeftOut, Row, pick, rows_of
+from tools.validations.sheet import SHADES, WRONG, Finding, Sheet, above, below, label, near, ours, theirs, ticks
+
+STILL, NOTHING = (0.0, 0.0, 0.0), (0.0,) * 6
+REFERENCE = "others' code, Octave"
+VON_BENZON = "sim/test_von_benzon.py"
+
+
+def difference(found: Sequence[float], expected: Sequence[float]) -> float:
+    """The largest, as a share of what is above 1: as the tests have it."""
+    return max(abs(a - b) / max(1.0, abs(b)) for a, b in zip(found, expected, strict=True))
+
+
+# -- derivatives ------------------------------------------------------------------------------------------------------
+
+
+def apart(row: Row, like_them: bool) -> float:
+    """How far our state derivative is from theirs, with or without what they leave out in a current."""
+    current = pick(row, "vcN vcE vcD")
+    dynamics = Dynamics(HEAVY, DENSITY, GRAVITY, forces=[LeftOut(current)] if like_them else [])
+    rotation, nu = rotations.matrix(from_euler(*pick(row, "phi theta psi"))), pick(row, "u v w p q r")
+    wrench = dynamics.push((0.0, 0.0, DEEP), rotation, nu, pick(row, "tauX tauY tauZ tauK tauM tauN"), current)
+    return difference(dynamics.acceleration(DEEP, rotation, nu, wrench, current), pick(row, "du dv dw dp dq dr"))
+
+
+def derivatives(panels: Sequence[Axes]) -> list[Finding]:
+    """State derivatives at 300 random states, wrenches and currents. In a current the reference leaves out that the
+    water's own velocity turns in axes that turn. With that taken away ours are the same to the last digits of the
+    reference; with it they differ by what the picture shows in red, which Galileo's principle decides."""
+    rows = list(rows_of("vonbenzon_fossen_xdot.csv"))
+    still = sorted(apart(row, False) for row in rows if not any(pick(row, "vcN vcE vcD")))
+    flowing = [row for row in rows if any(pick(row, "vcN vcE vcD"))]
+    same, whole = (sorted(apart(row, like_them) for row in flowing) for like_them in (True, False))
+    (axes,) = panels
+    for values, color, name in (
+        (still, SHADES[0], "still water"),
+        (same, SHADES[2], "current, turning left out as there"),
+        (whole, WRONG, "current, what the reference leaves out"),
+    ):
+        shares = [100.0 * (i + 1) / len(values) for i in range(len(values))]
+        axes.semilogy(shares, values, ".", color=color, markersize=4, label=name)
+    axes.axhline(1e-8, color="k", linewidth=0.8, linestyle=":", label="bound of the test")
+    label(axes, "states, sorted (%)", "difference from theirs\n(m/s², rad/s², or share)", legend="center right")
+    test = f"{VON_BENZON}::test_state_derivatives"
+    return [
+        below(f"worst of {len(still)} in still water", still[-1], 1e-8, test),
+        below(f"worst of {len(same)} in a current, turning left out", same[-1], 1e-8, test),
+    ]
+
+
+# -- trajectories -----------------------------------------------------------------------------------------------------
+
+TRACK = "track"
+SHOWN = {
+    "surge_85N": ("85 N ahead", "u"), "sway_85N": ("85 N aside", "v"), "heave_120N": ("120 N down", "w"),
+    "yaw_10Nm": ("10 N m of yaw", "r"), "roll_release_20deg": ("let go at 20° of roll", "phi"),
+    "all_axes_sines": ("sines on all axes", "w"), "surge_yaw_40N_3Nm": ("40 N ahead, 3 N m of yaw", TRACK),
+    "current_drift_0p3_0p2": ("adrift, 0.3 m/s N, 0.2 m/s E", TRACK),
+}  # fmt: skip
+KEYS = ("x", "y", "z", "phi", "theta", "psi", "u", "v", "w", "p", "q", "r")
+UNITS = {"u": "m/s", "v": "m/s", "w": "m/s", "r": "rad/s", "phi": "deg"}
+
+
+def fly(name: str, integrator: Integrator, splits: int) -> Iterator[tuple[float, State]]:
+    """The state every 0.1 s, by `splits` steps to each of theirs, which are of 0.02 s."""
+    current = CURRENT if name.startswith("current") else STILL
+    dynamics = Dynamics(HEAVY, DENSITY, GRAVITY, integrator, [LeftOut(current)] if any(current) else [])
+    rows = reference(name)
+    state = State((0.0, 0.0, DEEP), from_euler(*pick(rows[0], "phi theta psi")), pick(rows[0], "u v w p q r"))
+    yield 0.0, state
+    for step in range(50 * (len(rows) - 1)):
+        for _ in range(splits):
+            dynamics.step(state, CASES[name](0.02 * step), current, 0.02 / splits)
+        if step % 5 == 4:
+            yield 0.02 * (step + 1), state
+
+
+def reference(name: str) -> list[Row]:
+    """Their trajectory, a row a second."""
+    return [row for row in rows_of("vonbenzon_fossen_trajectories.csv") if row["case"] == name]
+
+
+def numbers(state: State) -> dict[str, float]:
+    """The state by the names of their columns."""
+    values = [*state.position[:2], state.position[2] - DEEP, *to_euler(state.quaternion), *state.nu]
+    return dict(zip(KEYS, values, strict=True))
+
+
+def furthest(name: str, flown: list[tuple[float, dict[str, float]]]) -> float:
+    """The largest difference of all twelve numbers, each second."""
+    worst = 0.0
+    for (_, found), row in zip(flown[::10], reference(name), strict=True):
+        for key, value in found.items():
+            off = value - float(row[key])
+            if key in ("phi", "theta", "psi"):
+                worst = max(worst, abs((off + pi) % (2.0 * pi) - pi))
+            else:
+                worst = max(worst, abs(off) / max(1.0, abs(float(row[key]))))
+    return worst
+
+
+def trajectories(panels: Sequence[Axes]) -> list[Finding]:
+    """Eight runs of 15 to 40 s from others' Runge-Kutta code (steps of 0.02 s, a dot a second), and ours with both
+    integrators. The difference is the largest in position, attitude and speeds."""
+    same_steps = fine = 0.0
+    for axes, (name, (title, key)) in zip(panels, SHOWN.items(), strict=True):
+        flown = [(t, numbers(state)) for t, state in fly(name, "rk4", 1)]
+        same_steps = max(same_steps, furthest(name, flown))
+        fine = max(fine, furthest(name, [(t, numbers(state)) for t, state in fly(name, "semi_implicit_euler", 20)]))
+        _panel(axes, name, title, key, flown)
+    test = f"{VON_BENZON}::test_trajectories"
+    return [
+        below("Runge-Kutta, the same steps", same_steps, 1e-4, test),
+        below("semi-implicit Euler, 1 ms", fine, 5e-3, test),
+    ]
+
+
+def _panel(axes: Axes, name: str, title: str, key: str, flown: list[tuple[float, dict[str, float]]]) -> None:
+    rows = reference(name)
+    if key == TRACK:
+        ours(axes, [s["y"] for _, s in flown], [s["x"] for _, s in flown])
+        theirs(axes, [float(row["y"]) for row in rows], [float(row["x"]) for row in rows], REFERENCE)
+        axes.set_aspect("equal", "datalim")
+        label(axes, "east (m)", "north (m)", title, legend="")
+        return
+    scale = degrees(1.0) if key == "phi" else 1.0
+    ours(axes, [t for t, _ in flown], [scale * s[key] for _, s in flown])
+    theirs(axes, [float(row["t"]) for row in rows], [scale * float(row[key]) for row in rows], REFERENCE)
+    shown = {"phi": "roll"}.get(key, key)
+    label(axes, "time (s)", f"{shown} ({UNITS[key]})", title, legend="center" if key == "r" else "")
+
+
+# -- published speeds -------------------------------------------------------------------------------------------------
+
+
+def published_speeds(panels: Sequence[Axes]) -> list[Finding]:
+    """Speeds under a constant force, and those of table 4 of the paper. Its own damping, (13.7 + 141 u) u = 85 N, gives
+    0.729 m/s where it prints 0.72."""
+    (axes,) = panels
+    findings = []
+    rows = (("surge", 85.0, 0.72, 0.015), ("sway", 85.0, 0.63, 0.01), ("heave", 120.0, 0.71, 0.01))
+    for axis, (name, force, published, rel) in enumerate(rows):
+        times, speeds = _speeds(axis, force)
+        ours(axes, times, speeds, f"ours, {name} {force:g} N", SHADES[axis])
+        theirs(axes, [1.7 + 0.1 * axis], [published], "_" if axis else "table 4", size=10.0)
+        axes.annotate(name, (1.7 + 0.1 * axis, published), (0, -13), textcoords="offset points", ha="center")
+        what = f"{name} at {force:g} N"
+        findings.append(near(what, speeds[-1], published, f"{VON_BENZON}::test_published_speeds", "m/s", rel))
+    axes.set(xlim=(0.0, 2.0), ylim=(0.4, 0.78))
+    label(axes, "time (s)", "speed (m/s)", legend="lower right")
+    return findings
+
+
+def _speeds(axis: int, force: float) -> tuple[list[float], list[float]]:
+    dynamics = Dynamics(HEAVY._replace(neutrally_buoyant=axis != 2), DENSITY, GRAVITY)
+    wrench = [force if i == axis else 0.0 for i in range(6)]
+    state, times, speeds = State((0.0, 0.0, DEEP)), [0.0], [0.0]
+    for step in range(1, 2401):
+        dynamics.step(state, wrench, STILL, 0.0025)
+        state.quaternion = [1.0, 0.0, 0.0, 0.0]
+        times.append(0.0025 * step)
+        speeds.append(state.nu[axis])
+    return times, speeds
+
+
+# -- convergence ------------------------------------------------------------------------------------------------------
+
+COUNTS = (25, 50, 100, 200, 400)
+LINEAR = HEAVY._replace(quadratic_damping=(0.0,) * 6, linear_damping=(40.0, 40.0, 40.0, 1.5, 1.5, 1.5))
+
+
+def convergence(panels: Sequence[Axes]) -> list[Finding]:
+    """The error after 2 s beside the length of the step: a vehicle thrown into a turn in a current, on a spring.
+    Halving the step divides it by two to the order of the integrator. Below 1e-6 the order of Runge-Kutta falls to
+    about three: drag goes with v|v|, whose slope has a kink where v changes its sign. With linear drag alone it is
+    four all the way."""
+    (axes,) = panels
+    findings, steps = [], [2e3 / count for count in COUNTS]
+    orders: dict[Integrator, tuple[int, str]] = {"semi_implicit_euler": (1, "semi-implicit Euler"), "rk4": (4, "RK4")}
+    test = "sim/test_dynamics.py::test_a_force_is_integrated_like_the_rest"
+    for (integrator, (order, name)), color in zip(orders.items(), SHADES, strict=False):
+        errors = errors_by_step(HEAVY, integrator)
+        axes.loglog(steps, errors, "o-", color=color, markersize=3, label=f"ours, {name}")
+        guide = [errors[2] * (step / steps[2]) ** order for step in steps]
+        theirs(axes, steps, guide, "theory: step, step⁴" if order == 1 else "_")
+        ratio = errors[1] / errors[2]
+        what = f"{name}: error over that by half the step (order {log2(ratio):.2f})"
+        findings.append(above(what, ratio, 0.75 * 2**order, test))
+    linear = errors_by_step(LINEAR, "rk4")
+    ours(axes, steps, linear, "ours, RK4, linear drag alone", SHADES[2])
+    ticks(axes.xaxis, steps)
+    label(axes, "step (ms)", "error after 2 s (m, m/s, rad/s)")
+    four = "tools/test_validation.py::test_runge_kutta_is_of_fourth_order_with_linear_drag"
+    what = "RK4, linear drag alone: least order of all halvings"
+    return [*findings, above(what, min(log2(a / b) for a, b in pairwise(linear)), 3.95, four)]
+
+
+def errors_by_step(vehicle: Vehicle, integrator: Integrator) -> list[float]:
+    """The largest of position and speeds (m, m/s, rad/s) after 2 s, for each of COUNTS."""
+    true = _thrown(vehicle, "rk4", 3200)
+    runs = [_thrown(vehicle, integrator, count) for count in COUNTS]
+    return [max(abs(a - b) for a, b in zip(run, true, strict=True)) for run in runs]
+
+
+def _thrown(vehicle: Vehicle, integrator: Integrator, steps: int) -> list[float]:
+    dynamics, state = Dynamics(vehicle, 1025.0, 9.82, integrator, [Tow()]), State((2.0, 1.0, 30.0), nu=[0.5] * 6)
+    for _ in range(steps):
+        dynamics.step(state, NOTHING, (0.2, 0.1, 0.0), 2.0 / steps)
+    return [*state.position, *state.nu]
+
+
+SHEETS = [
+    Sheet("BlueROV2 Heavy: derivatives", derivatives, columns=1, size=(6.0, 3.0)),
+    Sheet("BlueROV2 Heavy: eight trajectories", trajectories, rows=2, columns=4, size=(9.0, 4.2)),
+    Sheet("BlueROV2 Heavy: published speeds", published_speeds, columns=1, size=(5.0, 3.0)),
+    Sheet("Convergence of the integrators", convergence, columns=1, size=(5.0, 3.0)),
+]

@@ -1,0 +1,237 @@
+"""The rigid body: energy of what turns, heavy added mass, blows against obstacles."""
+
+from collections.abc import Sequence
+from itertools import pairwise
+from math import inf, sqrt
+
+from matplotlib.axes import Axes
+
+from sim.contact import Contact
+from sim.dynamics import Dynamics, Integrator, State
+from sim.forces import Force
+from sim.matrices import Matrix
+from sim.rotations import Rotation, from_euler
+from sim.simulation import Simulation
+from sim.vehicle import load_vehicle
+from tests.sim import test_contact as contacts
+from tests.sim import test_surfaces as surfaces
+from tests.sim.test_dynamics import DEEP, HEAVY, NOTHING, STILL, bare
+from tools.validations.sheet import SHADES, Finding, Sheet, above, below, label, near, ours, theirs, ticks, wrong
+
+Energies = list[float]
+
+
+def kinetic(mass: Matrix, nu: Sequence[float]) -> float:
+    """In J."""
+    return 0.5 * sum(v * sum(m * x for m, x in zip(row, nu, strict=True)) for row, v in zip(mass, nu, strict=True))
+
+
+# -- energy -----------------------------------------------------------------------------------------------------------
+
+UNEVEN = [10.0, 1, 0, 0, 0, 0.5, 1, 20, 2, 0, 0, 0, 0, 2, 30, 0, 0, 0,
+          0, 0, 0, 5, 0.3, 0, 0, 0, 0, 0.3, 15, 1, 0.5, 0, 0, 0, 1, 25]  # fmt: skip
+
+
+class WrongSign:
+    """What a wrong sign in the Coriolis matrix of the added mass adds: X gets -A22 v r where +A22 v r is right."""
+
+    def __init__(self, sway_mass: float) -> None:
+        self._twice = 2.0 * sway_mass
+
+    def begin(self, time_ns: int) -> None:
+        """Nothing changes with time."""
+
+    def wrench(self, position: Sequence[float], rotation: Rotation, nu_r: Sequence[float]) -> list[float]:
+        """The difference."""
+        return [-self._twice * nu_r[1] * nu_r[5], 0.0, 0.0, 0.0, 0.0, 0.0]
+
+
+def energy(panels: Sequence[Axes]) -> list[Finding]:
+    """Left a body with an uneven mass matrix that turns without any drag: Runge-Kutta keeps its energy; the
+    semi-implicit step gains about ω² dt a second, which is far less than drag in water takes. In red the same body
+    with the sign that gz-sim had wrong in its Coriolis matrix until April 2026. Right the torpedoes, thrown with their
+    fins askew: energy falls in every step."""
+    free, thrown = panels
+    return [*_free_body(free), _thrown(thrown)]
+
+
+def _turning(integrator: Integrator, dt: float, forces: Sequence[Force] = ()) -> Energies:
+    """Kinetic energy over that of the start, every 0.1 s for 10 s, or until it is a hundredfold."""
+    dynamics = Dynamics(bare(UNEVEN), 1000.0, 9.8, integrator, forces)
+    state = State((0.0, 0.0, DEEP), from_euler(0.3, 0.2, 0.1), (1.5, -0.3, 0.7, 0.4, -0.9, 1.4))
+    start, shares = kinetic(dynamics.mass, state.nu), [1.0]
+    for _ in range(100):
+        for _ in range(round(0.1 / dt)):
+            dynamics.step(state, NOTHING, STILL, dt)
+        shares.append(kinetic(dynamics.mass, state.nu) / start)
+        if shares[-1] > 100.0:
+            break
+    return shares
+
+
+def _free_body(axes: Axes) -> list[Finding]:
+    times = [0.1 * i for i in range(101)]
+    kept = _turning("rk4", 0.01)
+    ours(axes, times, kept, "ours, RK4, 10 ms", SHADES[0])
+    ours(axes, times, _turning("semi_implicit_euler", 0.0025), "ours, semi-implicit, 2.5 ms", SHADES[2])
+    theirs(axes, times[::5], [1.0] * len(times[::5]), "theory")
+    red = _turning("rk4", 0.01, [WrongSign(19.5)])
+    wrong(axes, times[: len(red)], red, "a wrong sign in C")
+    axes.set_ylim(0.4, 2.2)
+    label(axes, "time (s)", "kinetic energy over the start's", "free body", legend="upper right")
+    nu = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]
+    power = abs(WrongSign(2.0).wrench((), (0.0,) * 9, nu)[0] * nu[0])
+    test = "sim/test_dynamics.py::test_free_body_keeps_energy_and_momentum"
+    return [
+        below("free body, RK4: energy gained or lost in 10 s (share)", abs(kept[-1] - 1.0), 1e-8, test),
+        above(
+            "power made by the wrong sign, M_A = diag(1..6), nu = (1..6)",
+            power,
+            40.0,
+            "sim/test_known_defects.py::test_coriolis_is_skew_symmetric",
+            "W",
+        ),
+    ]
+
+
+def _thrown(axes: Axes) -> Finding:
+    worst = 0.0
+    for name, color in zip(surfaces.TORPEDOES, SHADES, strict=True):
+        energies = _left_alone(name)
+        times = [0.005 * i for i in range(len(energies))]
+        axes.semilogy(times, [e / energies[0] for e in energies], color=color, label=f"ours, {name}")
+        worst = max(worst, *(after / before for before, after in pairwise(energies)))
+    ticks(axes.yaxis, (0.05, 0.1, 0.2, 0.5, 1.0))
+    label(axes, "time (s)", "kinetic energy over the start's", "left alone", legend="lower left")
+    what = "torpedoes left alone: energy after a step over that before, largest"
+    shown = Finding(what, f"1 - {1.0 - worst:.1e}", "< 1", "", worst < 1.0)
+    return shown._replace(test="sim/test_surfaces.py::test_a_vehicle_left_alone_comes_to_rest")
+
+
+def _left_alone(name: str) -> Energies:
+    """As the test throws it."""
+    vehicle, _ = load_vehicle(name)
+    vehicle = vehicle._replace(neutrally_buoyant=True, center_of_buoyancy=vehicle.center_of_gravity)
+    vehicle = vehicle._replace(fins=tuple([fin._replace(straightening=1.0) for fin in vehicle.fins]))
+    simulation = Simulation(
+        vehicle, surfaces.SEA, {}, dt_ns=5_000_000, position=surfaces.DEEP, integrator="rk4"
+    )  # fmt: skip
+    simulation.state.nu = [1.5, 0.3, -0.2, 0.1, 0.05, -0.1]
+    mass = Dynamics(vehicle, surfaces.RHO, 9.8).mass
+    pulses = [1500] * len(vehicle.thrusters) + [1700] * len(vehicle.fins)
+    pulses += [1500] * (len(vehicle.channels) - len(pulses))
+    energies = [kinetic(mass, simulation.state.nu)]
+    for _ in range(1000):
+        simulation.step(pulses)
+        energies.append(kinetic(mass, simulation.state.nu))
+    return energies
+
+
+# -- added mass -------------------------------------------------------------------------------------------------------
+
+
+def added_mass(panels: Sequence[Axes]) -> list[Finding]:
+    """10 kg with six times that in added mass, pushed with 10 N, steps of 10 ms. Taken as a force by the acceleration
+    of the last step, as some simulators do, added mass above the mass makes the acceleration grow without bounds. Here
+    the whole mass matrix is solved."""
+    acceleration, speed = panels
+    steps = list(range(1, 16))
+    red = {added: _explicit(10.0, added, 15) for added in (14.57, 60.0)}
+    for added, style in ((14.57, "--"), (60.0, "-")):
+        wrong(acceleration, steps, red[added], f"as a force, {added:g} kg", style)
+    found, speeds = _pushed()
+    acceleration.set_yscale("log")
+    ours(acceleration, steps, found[:15], "ours, 60 kg")
+    theirs(acceleration, [1], [10.0 / 70.0], "theory: 10 N / 70 kg", size=9.0)
+    label(acceleration, "step", "size of the acceleration (m/s²)", legend="upper left")
+    ours(speed, [0.01 * i for i in range(1, 1501)], speeds)
+    settled = sqrt(10.0 / 30.0 + (1.0 / 60.0) ** 2) - 1.0 / 60.0
+    speed.axhline(settled, color="k", linestyle=":", label="theory: where drag is 10 N")
+    label(speed, "time (s)", "speed ahead (m/s)", legend="lower right")
+    test = "sim/test_dynamics.py::test_added_mass_six_times_the_mass_is_stable"
+    return [
+        near("acceleration of the first step", found[0], 10.0 / 70.0, test, "m/s²", rel=1e-3),
+        below("largest speed in 30 s of pushes on all axes", _largest_speed(), 1.0, test, "m/s"),
+        above("as a force, 14.57 kg: largest acceleration in 1 s", max(_explicit(10.0, 14.57, 100)), 1e6, test, "m/s²"),
+    ]
+
+
+def _explicit(mass: float, added: float, steps: int) -> list[float]:
+    """The size of the acceleration, step by step."""
+    acceleration, sizes = 0.0, []
+    for _ in range(steps):
+        acceleration = (10.0 - added * acceleration) / mass
+        sizes.append(abs(acceleration))
+    return sizes
+
+
+def _heavy_water() -> Dynamics:
+    vehicle = HEAVY._replace(
+        mass=10.0, neutrally_buoyant=True, added_mass=(60.0, 60.0, 60.0, 3.0, 3.0, 3.0),
+        linear_damping=(1.0,) * 6, quadratic_damping=(30.0,) * 3 + (1.0,) * 3,
+    )  # fmt: skip
+    return Dynamics(vehicle, 1000.0, 9.8)
+
+
+def _pushed() -> tuple[list[float], list[float]]:
+    dynamics, state, found, speeds = _heavy_water(), State((0.0, 0.0, DEEP)), [], []
+    for _ in range(1500):
+        dynamics.step(state, (10.0, 0.0, 0.0, 0.0, 0.0, 0.0), STILL, 0.01)
+        found.append(state.nu_dot[0])
+        speeds.append(state.nu[0])
+    return found, speeds
+
+
+def _largest_speed() -> float:
+    dynamics, state, largest = _heavy_water(), State((0.0, 0.0, DEEP)), 0.0
+    for _ in range(3000):
+        dynamics.step(state, (10.0, 5.0, -5.0, 0.2, -0.2, 0.3), STILL, 0.01)
+        largest = max(largest, *map(abs, state.nu))
+    return largest
+
+
+# -- blows ------------------------------------------------------------------------------------------------------------
+
+PLACES = {
+    "on the seabed": (-8.0, -8.0, 2.0), "on a stump": (-5.0, 0.1, 2.0), "on its edge": (-5.0, 1.6, 2.0),
+    "along a box": (0.0, 4.9, 2.0),
+}  # fmt: skip
+
+
+def blows(panels: Sequence[Axes]) -> list[Finding]:
+    """A vehicle that is 5 kg too heavy falls, without drag, on what is below. A blow takes energy and never gives any,
+    whatever the step: it is one plastic impulse, not a stiff spring."""
+    depth, total = panels
+    rise = -inf
+    for (name, place), color in zip(PLACES.items(), SHADES, strict=True):
+        depths, energies = _fall(place)
+        times = [0.0025 * i for i in range(len(depths))]
+        ours(depth, times, depths, f"ours, {name}", color)
+        ours(total, times, energies, color=color)
+        rise = max(rise, *(after - before for before, after in pairwise(energies)))
+    depth.invert_yaxis()
+    label(depth, "time (s)", "depth of the middle (m)", legend="upper right")
+    label(total, "time (s)", "kinetic and potential energy (J)", legend="")
+    test = "sim/test_contact.py::test_falling_never_gains_energy"
+    return [below("largest rise of energy in a step", rise, 1e-9, test, "J")]
+
+
+def _fall(place: Sequence[float]) -> tuple[list[float], Energies]:
+    vehicle, sea = contacts.sinking(), contacts.SEA
+    dynamics = Dynamics(vehicle, sea.density, sea.gravity, "rk4")
+    contact = Contact(vehicle, sea, dynamics.inverse_mass)
+    state, depths, energies = State(place, nu=(0.3, -0.4, 0.0, 0.0, 0.0, 0.0)), [], []
+    heavy = dynamics.weight - dynamics.hull.full
+    for _ in range(4000):
+        dynamics.step(state, NOTHING, STILL, 0.0025)
+        contact.resolve(state)
+        depths.append(state.position[2])
+        energies.append(kinetic(dynamics.mass, state.nu) - heavy * (state.position[2] - sea.depth))
+    return depths, energies
+
+
+SHEETS = [
+    Sheet("Energy of what turns", energy),
+    Sheet("Added mass beyond the mass", added_mass),
+    Sheet("Blows", blows),
+]

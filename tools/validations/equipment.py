@@ -1,0 +1,257 @@
+"""Fins, hull lift, cross flow, drop weights and the buoyancy engine, beside theory."""
+
+from collections.abc import Sequence
+from math import atan2, cos, degrees, pi, sin, sqrt
+from random import Random
+
+from matplotlib.axes import Axes
+
+from sim.body_lift import CrossFlow, CrossFlowDrag, HullLift, Lift
+from sim.dynamics import Dynamics, State
+from sim.surfaces import lift_slope
+from sim.vehicle import Vehicle, load_vehicle
+from tests.sim import test_ballast as ballast
+from tests.sim import test_surfaces as held
+from tests.sim.test_surfaces import RHO, RUDDER, wrench
+from tools.validations.sheet import SHADES, Finding, Sheet, below, label, near, ours, theirs
+
+FILE, BALLAST = "sim/test_surfaces.py", "sim/test_ballast.py"
+BROADSIDE = 1.17  # Hoerner's square plate
+
+
+# -- fins -------------------------------------------------------------------------------------------------------------
+
+
+def fins(panels: Sequence[Axes]) -> list[Finding]:
+    """A rudder of aspect ratio 2: Helmbold's lift slope and the drag it induces until it stalls at 17°, those of a flat
+    plate from 29° on. Right the lift slope from a stub (Jones) to an endless wing."""
+    polar, slopes = panels
+    return [*_polar(polar), *_slopes(slopes), _power()]
+
+
+def _polar(axes: Axes) -> list[Finding]:
+    polar = RUDDER.polar
+    angles = [0.005 * i for i in range(315)]
+    found = [polar.at(angle) for angle in angles]
+    ours(axes, [degrees(a) for a in angles], [lift for lift, _ in found], "ours, lift", SHADES[0])
+    ours(axes, [degrees(a) for a in angles], [drag for _, drag in found], "ours, drag", SHADES[2])
+    wing, plate = [0.05 * i for i in range(7)], [0.5 + 0.05 * i for i in range(22)]
+    lift = [polar.lift_slope * a for a in wing] + [0.5 * BROADSIDE * sin(2.0 * a) for a in plate]
+    drag = [0.01 + (polar.lift_slope * a) ** 2 / (pi * 0.9 * 2.0) for a in wing]
+    drag += [0.01 + BROADSIDE * sin(a) ** 2 for a in plate]
+    theirs(axes, [degrees(a) for a in wing + plate], lift, "theory: wing, flat plate")
+    theirs(axes, [degrees(a) for a in wing + plate], drag, "_")
+    label(axes, "angle of attack (deg)", "coefficient", legend="upper left")
+    test, highest = f"{FILE}::test_stall", 0.6 * pi / (1.0 + sqrt(2.0))
+    return [
+        near("lift coefficient at 0.3 rad", polar.at(0.3)[0], highest, test, rel=1e-6),
+        near("stalled, at 0.55 rad", polar.at(0.55)[0], 0.5 * BROADSIDE * sin(1.1), test, rel=1e-6),
+    ]
+
+
+def _slopes(axes: Axes) -> list[Finding]:
+    ratios = [0.05 * 1.15**i for i in range(72)]
+    ours(axes, ratios, [lift_slope(ratio) for ratio in ratios])
+    stubs, wings = [r for r in ratios[::3] if r < 0.5], [r for r in ratios[::3] if r > 200.0]
+    theirs(axes, stubs, [0.5 * pi * ratio for ratio in stubs], "theory: short (Jones), thin aerofoil")
+    theirs(axes, wings, [2.0 * pi for _ in wings], "_")
+    axes.set_xscale("log")
+    label(axes, "aspect ratio", "lift slope (1/rad)", legend="upper left")
+    test = f"{FILE}::test_lift_slope_of_known_wings"
+    return [
+        near("lift slope of aspect ratio 10 000 (2π)", lift_slope(1e4), 2.0 * pi, test, "1/rad", rel=1e-3),
+        near("lift slope of aspect ratio 0.1 (Jones)", lift_slope(0.1), 0.05 * pi, test, "1/rad", rel=1e-2),
+    ]
+
+
+def _power() -> Finding:
+    """As a share of the sizes of its parts, over random fins in flows from everywhere."""
+    random, worst = Random(5), -1.0
+    for make in held.forces():
+        for _ in range(400):
+            scale = 10.0 ** random.uniform(-6.0, 1.0)
+            nu = [scale * random.gauss(0.0, 1.0) for _ in range(6)]
+            parts = [a * b for a, b in zip(wrench(make(random), *nu), nu, strict=True)]
+            worst = max(worst, sum(parts) / sum(map(abs, parts)))
+    what = "power of fins, hulls and cross flow in 2000 random flows, largest (share; never above 0)"
+    return below(what, worst, 1e-12, f"{FILE}::test_no_surface_makes_energy")
+
+
+# -- hull -------------------------------------------------------------------------------------------------------------
+
+HULL = Lift(0.2, aspect_ratio=0.2, parasitic_drag=0.05, position=(-0.3, 0.0, 0.0))
+
+
+def hull(panels: Sequence[Axes]) -> list[Finding]:
+    """A slender hull at 2 m/s: lift and drag by its angle to the flow, up to the stall at 34°; the Munk moment, of
+    which a flow that separates leaves a share; and the drag of strips in cross flow, whose yaw moment goes with L⁴."""
+    lift, munk, cross = panels
+    return [*_lift(lift), _munk(munk), *_cross_flow(cross)]
+
+
+def _lift(axes: Axes) -> list[Finding]:
+    angles = [0.01 * i for i in range(90)]
+    across, along = zip(*(_hull_force(angle) for angle in angles), strict=True)
+    ours(axes, [degrees(a) for a in angles], across, "ours, lift", SHADES[0])
+    ours(axes, [degrees(a) for a in angles], along, "ours, drag", SHADES[2])
+    dots = [0.06 * i for i in range(11)]
+    expected = [_hull_theory(angle) for angle in dots]
+    for values, name in zip(zip(*expected, strict=True), ("theory, before stall", "_"), strict=True):
+        theirs(axes, [degrees(a) for a in dots], values, name)
+    label(axes, "angle of the flow (deg)", "force (N)", "hull lift", legend="upper left")
+    found, (up, drag) = _hull_force(0.1), _hull_theory(0.1)
+    test = f"{FILE}::test_hull_lift_at_an_angle"
+    return [
+        near("lift of the hull at 0.1 rad", found[0], up, test, "N", rel=1e-6),
+        near("its drag", found[1], drag, test, "N", rel=1e-6),
+    ]
+
+
+def _hull_force(angle: float) -> tuple[float, float]:
+    """Across and along the flow, N."""
+    u, w = 2.0 * cos(angle), 2.0 * sin(angle)
+    x, _, z, *_ = wrench(HullLift(HULL, (0.0,) * 6, RHO), u, 0.0, w)
+    turn = atan2(w, u)
+    return x * sin(turn) - z * cos(turn), -x * cos(turn) - z * sin(turn)
+
+
+def _hull_theory(angle: float) -> tuple[float, float]:
+    size, lift = 0.5 * RHO * 4.0 * 0.2, lift_slope(0.2) * angle
+    return size * lift, size * (0.05 + lift**2 / (pi * 0.3 * 0.2))
+
+
+def _munk(axes: Axes) -> Finding:
+    vehicle, _ = load_vehicle("remus100")
+    assert vehicle.lift
+    bare = vehicle.lift._replace(lift_slope=0.0, induced_drag=0.0, parasitic_drag=0.0)
+    ideal = vehicle.added_mass[1] - vehicle.added_mass[0]
+    sways, worst = [0.05 * i for i in range(9)], 0.0
+    for share, color in zip((1.0, 0.4, 0.0), SHADES, strict=False):
+        hull_lift = HullLift(bare._replace(munk_share=share), vehicle.added_mass, RHO)
+        dynamics = Dynamics(vehicle, RHO, 9.8, forces=[hull_lift])
+        found = [_moment_to_broadside(dynamics, 1.5, sway) for sway in sways]
+        theory = [share * ideal * 1.5 * sway for sway in sways]
+        worst = max(worst, *(abs(a - b) / (ideal * 1.5 * sways[-1]) for a, b in zip(found, theory, strict=True)))
+        ours(axes, sways, found, f"ours, share {share:g}", color)
+        theirs(axes, sways, theory, "theory" if share == 0.0 else "_")
+    label(axes, "sway at 1.5 m/s ahead (m/s)", "moment to broadside (N m)", "Munk moment", legend="upper left")
+    test = f"{FILE}::test_munk_moment_goes_with_its_share"
+    return below("Munk moment away from its share of the ideal one (share)", worst, 1e-6, test)
+
+
+def _moment_to_broadside(dynamics: Dynamics, surge: float, sway: float) -> float:
+    state = State((0.0, 0.0, 50.0), nu=(surge, sway, 0.0, 0.0, 0.0, 0.0))
+    forces = dynamics.forces(state, (0.0,) * 6, (0.0, 0.0, 0.0))
+    return -(forces.coriolis[5] + forces.others[5])
+
+
+def _cross_flow(axes: Axes) -> list[Finding]:
+    drag = CrossFlowDrag(CrossFlow((1.1,)), (2.0, 0.2, 0.3), RHO)
+    rates = [0.05 * i for i in range(21)]
+    yaw = [-wrench(drag, 0.0, 0.0, 0.0, 0.0, 0.0, r)[5] for r in rates]
+    side = [-wrench(drag, 1.0, v)[1] for v in rates]
+    ours(axes, rates, yaw, "ours, moment by yaw rate", SHADES[0])
+    ours(axes, rates, [0.1 * y for y in side], "ours, force by sway / 10", SHADES[2])
+    theory = [0.5 * RHO * 1.1 * 0.3 * r * r * 2.0**4 / 32.0 for r in rates]
+    sideways = [0.5 * RHO * 1.1 * 0.3 * 2.0 * v * v for v in rates]
+    theirs(axes, rates[::2], theory[::2], "theory")
+    theirs(axes, rates[::2], [0.1 * y for y in sideways[::2]], "_")
+    label(axes, "yaw rate (rad/s) or sway (m/s)", "drag (N m or N / 10)", "cross flow", legend="upper left")
+    test = f"{FILE}::test_cross_flow_of_sway_and_of_yaw"
+    return [
+        near("yaw drag of the strips at 0.7 rad/s", yaw[14], theory[14], test, "N m", rel=0.005),
+        near("sway drag at 0.4 m/s", side[8], sideways[8], test, "N", rel=1e-6),
+    ]
+
+
+# -- ballast ----------------------------------------------------------------------------------------------------------
+
+DRAG = 601.27  # N s²/m² of Tethys' hull in heave
+WATER = 1025.0 * 9.8
+
+
+def ballast_and_weights(panels: Sequence[Axes]) -> list[Finding]:
+    """Tethys drops 2 kg and rises until its drag is their weight; pumps its bladder full, then empty, and rises and
+    sinks at the speed of that lift; and bobs afloat on it with the period of its water plane."""
+    drop, engine, bob = panels
+    return [*_drop(drop), *_engine(engine), _bobbing(bob)]
+
+
+def _heave(vehicle: Vehicle, pulses: Sequence[tuple[int, float]], name: str) -> tuple[list[float], list[float]]:
+    """Times (s) and speeds down (m/s) under pulses on the channel `name`, each for some seconds."""
+    simulation = ballast.at_sea(vehicle, 200.0)
+    times, speeds = [0.0], [0.0]
+    for pulse, seconds in pulses:
+        command = ballast.idle(vehicle, **{name: pulse})
+        for _ in range(round(5.0 * seconds)):
+            for _ in range(20):
+                simulation.step(command)
+            times.append(1e-9 * simulation.time_ns)
+            speeds.append(simulation.state.nu[2])
+    return times, speeds
+
+
+def _drop(axes: Axes) -> list[Finding]:
+    weight = ballast.WEIGHT._replace(position=(0.0, 0.0, 0.0), volume=0.0)
+    vehicle = ballast.BARE._replace(drop_weights=(weight,))
+    times, speeds = _heave(vehicle, [(1500, 5.0), (1900, 85.0)], "keel")
+    terminal = sqrt(2.0 * 9.8 / DRAG)
+    ours(axes, times[:151], [-w for w in speeds[:151]])
+    axes.axhline(terminal, color="k", linestyle=":", label="theory: √(2 kg g / drag)")
+    label(axes, "time (s)", "speed up (m/s)", "2 kg dropped at 5 s", legend="lower right")
+    test = f"{BALLAST}::test_after_release_it_rises_as_fast_as_the_mass_left_allows"
+    simulation = ballast.at_sea(vehicle, 50.0)
+    simulation.step(ballast.idle(vehicle, keel=1701))
+    start = -2.0 * 9.8 / (vehicle.mass - 2.0 + vehicle.added_mass[2])
+    return [
+        near("2 kg dropped: speed of rising", -speeds[-1], terminal, test, "m/s", rel=0.01),
+        near("acceleration at once", simulation.state.nu_dot[2], start, test, "m/s²", rel=1e-6),
+    ]
+
+
+def _engine(axes: Axes) -> list[Finding]:
+    vehicle = ballast.BARE._replace(buoyancy_engine=ballast.ENGINE._replace(rate=1e-4))
+    times, speeds = _heave(vehicle, [(1900, 120.0), (1100, 120.0)], "buoyancy_engine")
+    ours(axes, times, [-w for w in speeds])
+    test = f"{BALLAST}::test_engine_makes_it_rise_and_sink_at_the_speed_of_its_lift"
+    findings = []
+    for volume, sign, second, name in ((455e-6, 1.0, 120, "full"), (420e-6, -1.0, 240, "empty")):
+        theory = sign * sqrt(WATER * volume / DRAG)
+        axes.plot([second - 70, second], [theory, theory], "k:", label="theory: √(lift / drag)" if sign > 0 else "_")
+        findings.append(near(f"bladder {name}: speed up", -speeds[5 * second], theory, test, "m/s", rel=1e-3))
+    label(axes, "time (s)", "speed up (m/s)", "bladder full, then empty", legend="upper right")
+    axes.set_ylim(-0.11, 0.15)
+    return findings
+
+
+def _bobbing(axes: Axes) -> Finding:
+    engine = ballast.ENGINE._replace(rate=1.0, max_volume=30_500e-6)
+    vehicle = ballast.BARE._replace(buoyancy_engine=engine, quadratic_damping=(0.0,) * 6)
+    simulation, height = ballast.at_sea(vehicle, 0.0), vehicle.dimensions[2]
+    afloat = height * (0.5 - 30e-3 * 1025.0 / vehicle.mass) + 0.007
+    simulation.state.position[2] = afloat + 0.01
+    times, depths, crossings = [0.0], [0.01], []
+    for _ in range(1500):
+        simulation.step(ballast.idle(vehicle, buoyancy_engine=1900))
+        times.append(1e-9 * simulation.time_ns)
+        depths.append(simulation.state.position[2] - afloat)
+        if depths[-2] < 0.0 <= depths[-1]:
+            crossings.append(times[-1])
+    inertia, plane = vehicle.mass + vehicle.added_mass[2], vehicle.mass / 1025.0 / height
+    theory = 2.0 * pi * sqrt(inertia / (WATER * plane))
+    ours(axes, times[:601], [1e3 * z for z in depths[:601]])
+    dots = [crossings[0] + 0.15 * i for i in range(-8, 31)]
+    size = 1e3 * max(depths)
+    theirs(axes, dots, [size * sin(2.0 * pi * (t - crossings[0]) / theory) for t in dots], "theory")
+    axes.set_ylim(-12.0, 17.0)
+    label(axes, "time (s)", "depth about its draught (mm)", "afloat on 30 l", legend="upper right")
+    period = (crossings[-1] - crossings[0]) / (len(crossings) - 1)
+    test = f"{BALLAST}::test_it_bobs_at_the_surface_with_the_period_of_its_water_plane"
+    return near("period of bobbing", period, theory, test, "s", rel=0.01)
+
+
+SHEETS = [
+    Sheet("Fins", fins),
+    Sheet("Slender hulls", hull, columns=3, size=(9.5, 2.9)),
+    Sheet("Drop weight and buoyancy engine", ballast_and_weights, columns=3, size=(9.5, 2.8)),
+]

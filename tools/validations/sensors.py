@@ -1,0 +1,178 @@
+"""Errors of sensors beside theory, and beside what others make of them."""
+
+from collections.abc import Sequence
+from math import cos, degrees, exp, radians, sqrt
+from random import Random
+from statistics import fmean, pstdev
+
+import allantools
+from matplotlib.axes import Axes
+
+from sim.dynamics import State
+from sim.rotations import from_euler
+from sim.sensors.dvl import Dvl, DvlModel
+from sim.sensors.error import ErrorModel, ErrorProcess
+from sim.sensors.mounting import Mounting
+from sim.simulation import Simulation
+from sim.vehicle import load_vehicle
+from sim.world import World
+from tests.sim import test_sensor_error as errors
+from tests.sim.test_sensor_allan import RATE, SECONDS
+from tools.validations.sheet import (
+    OURS,
+    SHADES,
+    WRONG,
+    Finding,
+    Sheet,
+    above,
+    below,
+    label,
+    near,
+    ours,
+    theirs,
+    ticks,
+    wrong,
+)
+
+ERROR, ALLAN = "sim/test_sensor_error.py", "sim/test_sensor_allan.py"
+
+
+def sensor_bias(panels: Sequence[Axes]) -> list[Finding]:
+    """The size of a wandering bias beside the sampling rate. hector_gazebo scales its noise with dt where it should be
+    the root, uuv_simulator not at all. Right, the white noise of a given density: averaged over a second it is the
+    same at every rate."""
+    size, density = panels
+    return [*_bias(size), _density(density)]
+
+
+def _bias(axes: Axes) -> list[Finding]:
+    rates = [10.0, 30.0, 100.0, 300.0, 1000.0]
+    model = ErrorModel(bias=errors.SD, bias_time=errors.TAU)
+    own = [pstdev(errors.series(model, rate, 300.0)) / errors.SD for rate in rates]
+    hector = [pstdev(errors.hector(rate, 400.0 if rate < 500.0 else 200.0)) / errors.SD for rate in rates]
+    uuv = [pstdev(errors.uuv_simulator(rate, 200.0)) for rate in rates]
+    grown = [x / uuv[0] for x in uuv]
+    axes.loglog(rates, grown, "s--", color=WRONG, markersize=3, label="uuv_simulator (over that at 10 Hz)")
+    axes.loglog(rates, hector, "o-", color=WRONG, markersize=3, label="hector_gazebo")
+    axes.loglog(rates, own, "o-", color=OURS, markersize=3, label="ours")
+    theirs(axes, rates, [1.0] * 5, "asked for", size=3.0)
+    axes.set_ylim(0.02, 60.0)
+    label(axes, "sampling rate (Hz)", "sd of the bias over that asked for", legend="upper left")
+    test = f"{ERROR}::test_bias_has_its_size_at_every_rate"
+    return [
+        near("size of the bias at 10 Hz", own[0], 1.0, test, rel=0.1),
+        near("at 1000 Hz", own[4], 1.0, test, rel=0.1),
+        near("hector_gazebo's at 100 Hz", hector[2], 0.103, test, rel=0.15),
+        near("hector_gazebo's at 1000 Hz", hector[4], 0.032, test, rel=0.15),
+        above("uuv_simulator's at 100 Hz over that at 10 Hz", grown[2], 2.5, test),
+    ]
+
+
+def _density(axes: Axes) -> Finding:
+    rates, found = [10.0, 30.0, 100.0, 300.0, 1000.0], []
+    for rate in rates:
+        values = errors.series(ErrorModel(noise_density=0.3), rate, 300.0)
+        found.append(pstdev(values))
+    axes.loglog(rates, found, "o-", color=OURS, markersize=3, label="ours")
+    theirs(axes, rates, [0.3 * sqrt(rate) for rate in rates], "theory: density × √rate", size=3.0)
+    ticks(axes.yaxis, (1.0, 2.0, 5.0, 10.0))
+    label(axes, "sampling rate (Hz)", "sd of a sample, density 0.3 /√Hz", legend="upper left")
+    away = max(abs(x / (0.3 * sqrt(rate)) - 1.0) for x, rate in zip(found, rates, strict=True))
+    test = f"{ERROR}::test_noise_density_is_rate_independent_in_the_mean"
+    return below("white noise: sd of a sample away from theory (share)", away, 0.05, test)
+
+
+# -- Allan deviation --------------------------------------------------------------------------------------------------
+
+DENSITY, SIZE, TIME = 3.394e-4, 0.0735, 10.0
+
+
+def allan(panels: Sequence[Axes]) -> list[Finding]:
+    """The Allan deviation of 8000 s at 50 Hz, computed by allantools, beside theory (IEEE Std 952): white noise, a
+    wandering bias of 10 s, and both as in an IMU."""
+    white, bias = panels
+    taus = [0.04 * 1.5**i for i in range(22)]
+    found = _deviation(ErrorModel(noise_density=DENSITY), taus)
+    ours(white, taus, found)
+    theirs(white, taus, [_white(tau) for tau in taus], "theory: N / √τ")
+    away = {"white": [abs(a / _white(tau) - 1.0) for a, tau in zip(found, taus, strict=True) if 0.08 < tau < 11.0]}
+    for density, color, name in ((0.0, SHADES[0], "bias"), (0.05, SHADES[2], "bias and noise")):
+        found = _deviation(ErrorModel(bias=SIZE, bias_time=TIME, noise_density=density), taus)
+        theory = [sqrt(_gauss_markov(tau) ** 2 + density**2 / tau) for tau in taus]
+        ours(bias, taus, found, f"ours, {name}", color)
+        theirs(bias, taus, theory, "_" if density else "theory: Gauss-Markov, and N / √τ")
+        away[name] = [abs(a / b - 1.0) for a, b, tau in zip(found, theory, taus, strict=True) if 0.5 < tau < 60.0]
+    for axes in panels:
+        axes.loglog()
+    label(white, "averaging time τ (s)", "Allan deviation (rad/s)", "white noise", legend="upper right")
+    label(bias, "averaging time τ (s)", "Allan deviation (m/s²)", "wandering bias", legend="lower right")
+    noise = f"{ALLAN}::test_white_noise_falls_with_the_root_of_time"
+    wander = f"{ALLAN}::test_wandering_bias_has_the_deviation_of_a_gauss_markov_process"
+    return [
+        below("white noise, 0.1 to 10 s, away from theory (share)", max(away["white"]), 0.06, noise),
+        below("bias, 0.5 to 60 s", max(away["bias"]), 0.12, wander),
+    ]
+
+
+def _deviation(model: ErrorModel, taus: list[float]) -> list[float]:
+    process = ErrorProcess(model, 1.0 / RATE, Random(11))
+    values = [process.measure(0.0) for _ in range(round(SECONDS * RATE))]
+    used, deviations, _, _ = allantools.oadev(values, rate=RATE, data_type="freq", taus=taus)
+    taus[:] = [float(tau) for tau in used]
+    return [float(x) for x in deviations]
+
+
+def _white(tau: float) -> float:
+    return DENSITY / sqrt(tau)
+
+
+def _gauss_markov(tau: float) -> float:
+    shape = 1.0 - TIME / (2.0 * tau) * (3.0 - 4.0 * exp(-tau / TIME) + exp(-2.0 * tau / TIME))
+    return SIZE * sqrt(2.0 * TIME / tau * shape)
+
+
+# -- DVL --------------------------------------------------------------------------------------------------------------
+
+
+def dvl(panels: Sequence[Axes]) -> list[Finding]:
+    """A DVL 20 m above the seabed, tilted: its altitude is the distance to the plane through the beams' ends. The mean
+    of the slant ranges, which uuv_simulator gives, is 10 % too much at best."""
+    (axes,) = panels
+    log = _log()
+    tilts = [radians(0.5 * i) for i in range(61)]
+    red = [_mean_slant(log, _tilted(tilt, 0.0)) for tilt in tilts]
+    found = [log.sample(0, _tilted(tilt, 0.0)).altitude for tilt in tilts]
+    wrong(axes, [degrees(tilt) for tilt in tilts], red, "mean slant range (uuv_simulator)")
+    ours(axes, [degrees(tilt) for tilt in tilts], found, "ours, altitude")
+    theirs(axes, [degrees(tilt) for tilt in tilts[::4]], [20.0] * 16, "true height")
+    slant = 20.0 / cos(radians(25.0))
+    axes.axhline(slant, color="k", linestyle=":", linewidth=0.8, label="20 m / cos 25°")
+    axes.set_ylim(18.0, 34.0)
+    label(axes, "roll (deg)", "distance (m)", legend="upper left")
+    askew = _tilted(radians(8.0), radians(-6.0))
+    test = "sim/test_known_defects.py::test_dvl_altitude_is_not_the_mean_of_the_slants"
+    return [
+        near("altitude at 8 deg of roll, -6 deg of pitch", log.sample(0, askew).altitude, 20.0, test, "m", rel=1e-6),
+        above("mean slant range there", _mean_slant(log, askew), 1.09 * 20.0, test, "m"),
+    ]
+
+
+def _log() -> Dvl:
+    sea = World("sea", "made for this", (-9.0, 9.0, -9.0, 9.0), 25.0)
+    scene = Simulation(load_vehicle("bluerov2_heavy")[0], sea, {}, position=(0.0, 0.0, 5.0))
+    return Dvl(DvlModel(velocity=ErrorModel(), range=ErrorModel()), Mounting(), 1, scene)
+
+
+def _tilted(roll: float, pitch: float) -> State:
+    return State((0.0, 0.0, 5.0), from_euler(roll, pitch, 0.4), (0.7, -0.2, 0.1, 0.0, 0.0, 0.0))
+
+
+def _mean_slant(log: Dvl, state: State) -> float:
+    return fmean([distance for distance in log._ranges(state) if distance is not None])
+
+
+SHEETS = [
+    Sheet("Sensors: noise and bias at any rate", sensor_bias),
+    Sheet("Sensors: Allan deviation", allan),
+    Sheet("Sensors: DVL altitude", dvl, columns=1, size=(5.0, 3.0)),
+]

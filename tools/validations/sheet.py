@@ -1,0 +1,99 @@
+"""What every picture of docs/validation.md is made of: panels, and findings that a test holds."""
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+from matplotlib.axes import Axes
+from matplotlib.axis import Axis
+from matplotlib.ticker import NullLocator
+
+OURS, WRONG = "tab:blue", "tab:red"
+# Several lines of ours in one panel.
+SHADES = ("#08306b", "#2171b5", "#6baed6", "#9ecae1")
+
+
+class Finding(NamedTuple):
+    """A figure found in this run: what it is of, the bound, the test that holds it, and whether it is within.
+
+    `test` is a pytest address below tests/: "sim/test_buoyancy.py::test_bobbing_period".
+    """
+
+    what: str
+    found: str
+    bound: str
+    test: str
+    holds: bool
+
+
+class Sheet(NamedTuple):
+    """One picture: `draw` fills `rows` x `columns` panels; its docstring is the text, its first finding the main one.
+
+    `size` is in inches.
+    """
+
+    title: str
+    draw: Callable[[Sequence[Axes]], list[Finding]]
+    rows: int = 1
+    columns: int = 2
+    size: tuple[float, float] = (8.0, 3.2)
+
+    @property
+    def name(self) -> str:
+        """That of its file, without .png."""
+        return self.draw.__name__
+
+
+def below(what: str, value: float, bound: float, test: str, unit: str = "") -> Finding:
+    """A difference or error, which has to be below `bound`; the other formula's is found with `above`."""
+    return Finding(what, _text(value, unit), f"< {_text(bound, unit)}", test, value < bound)
+
+
+def above(what: str, value: float, bound: float, test: str, unit: str = "") -> Finding:
+    """Something that has to be above `bound`."""
+    return Finding(what, _text(value, unit), f"> {_text(bound, unit)}", test, value > bound)
+
+
+def near(
+    what: str, value: float, expected: float, test: str, unit: str = "", rel: float = 0.0, within: float = 0.0
+) -> Finding:
+    """Something that has to be `expected`, to a share of `rel` or to `within`, in its unit."""
+    most = max(rel * abs(expected), within)
+    margin = _text(within, unit) if within else f"{100.0 * rel:g} %"
+    found = _text(value, unit, 4)
+    return Finding(what, found, f"{_text(expected, unit, 4)} ± {margin}", test, abs(value - expected) <= most)
+
+
+def _text(value: float, unit: str, digits: int = 3) -> str:
+    return f"{value:.{digits}g} {unit}".rstrip()
+
+
+def ours(axes: Axes, x: Sequence[float], y: Sequence[float], label: str = "ours", color: str = OURS) -> None:
+    """A line of this simulator."""
+    axes.plot(x, y, color=color, label=label)
+
+
+def theirs(axes: Axes, x: Sequence[float], y: Sequence[float], label: str, size: float = 4.0) -> None:
+    """What it is held against, others' numbers or theory: black dots."""
+    axes.plot(x, y, "k.", markersize=size, label=label)
+
+
+def wrong(axes: Axes, x: Sequence[float], y: Sequence[float], label: str, style: str = "-") -> None:
+    """What a formula of others that does not hold gives."""
+    axes.plot(x, y, style, color=WRONG, label=label)
+
+
+def ticks(axis: Axis, values: Sequence[float]) -> None:
+    """Plain numbers on a logarithmic axis."""
+    axis.set_ticks(list(values), [f"{value:g}" for value in values])
+    axis.set_minor_locator(NullLocator())
+
+
+def label(axes: Axes, x: str, y: str, title: str = "", legend: str = "best") -> None:
+    """Name the axes, with units; `legend` is its place, "" for none."""
+    axes.set_xlabel(x)
+    axes.set_ylabel(y)
+    if title:
+        axes.set_title(title)
+    axes.grid(alpha=0.3)
+    if legend:
+        axes.legend(loc=legend)  # type: ignore[call-overload]

@@ -1,0 +1,272 @@
+"""Currents, tides and waves, and what a current does to a vehicle."""
+
+from collections.abc import Sequence
+from math import cos, cosh, dist, exp, radians, sin, sinh, tanh
+from statistics import fmean, pstdev
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from sim.currents import TIDAL_SPEEDS, Wandering, tidal
+from sim.dynamics import Dynamics, Integrator, State
+from sim.ocean import Tide
+from sim.rotations import from_euler, rotate, rotate_inverse
+from sim.waves import Sea, components, spectral_density, wave_number
+from tests.sim import test_currents as flows
+from tests.sim import test_waves as swell
+from tests.sim.test_dynamics import DEEP, HEAVY, NOTHING, STILL
+from tests.sim.test_von_benzon import LeftOut
+from tools.validations.sheet import (
+    OURS,
+    SHADES,
+    WRONG,
+    Finding,
+    Sheet,
+    above,
+    below,
+    label,
+    near,
+    ours,
+    theirs,
+    ticks,
+    wrong,
+)
+
+CURRENTS, WAVES = "sim/test_currents.py", "sim/test_waves.py"
+
+
+# -- currents ---------------------------------------------------------------------------------------------------------
+
+
+def currents(panels: Sequence[Axes]) -> list[Finding]:
+    """A current that wanders (Gauss-Markov) has the size and the mean asked for at any step; in the formula of
+    uuv_simulator and DAVE the size goes with one over the root of the step, and the mean dies away. A tide turns about
+    twice a day; in DAVE heading and velocity both change their sign, so its ebb flows where its flood did."""
+    size, path, tide = panels
+    return [*_sizes(size), *_means(path), *_tide(tide)]
+
+
+def _sizes(axes: Axes) -> list[Finding]:
+    red = {dt: flows.gazebo_spread(0.1, 0.1, dt) for dt in (0.001, 0.003, 0.01, 0.03, 0.1)}
+    seconds = {0.001: 300.0, 0.01: 1500.0, 0.1: 1500.0}
+    found = {dt: pstdev(_path(dt, time)) for dt, time in seconds.items()}
+    for sizes, color, name in ((red, WRONG, "uuv_simulator, DAVE"), (found, OURS, "ours")):
+        axes.loglog([1e3 * dt for dt in sizes], list(sizes.values()), "o-", color=color, markersize=3, label=name)
+    theirs(axes, [1.0, 3.0, 10.0, 30.0, 100.0], [flows.SD] * 5, "asked for, ours")
+    axes.set_ylim(0.1, 5.0)
+    ticks(axes.yaxis, (0.1, 0.2, 0.5, 1.0, 2.0))
+    ticks(axes.xaxis, (1.0, 3.0, 10.0, 30.0, 100.0))
+    label(axes, "step (ms)", "sd of the current (m/s)", legend="upper right")
+    test = f"{CURRENTS}::test_the_formula_of_others_depends_on_the_step_and_forgets_its_mean"
+    own = f"{CURRENTS}::test_a_wandering_current_keeps_its_mean_and_size_at_every_step"
+    return [
+        near("wandering current: sd at 10 ms", found[0.01], flows.SD, own, "m/s", rel=0.07),
+        near("sd at 100 ms", found[0.1], flows.SD, own, "m/s", rel=0.07),
+        near("others' formula: sd at 1 ms", red[0.001], 2.04, test, "m/s", rel=0.005),
+        near("the same at 100 ms", red[0.1], 0.205, test, "m/s", rel=0.005),
+    ]
+
+
+def _path(dt: float, seconds: float) -> list[float]:
+    return flows.sampled(Wandering(flows.MODEL, 3), round(1e9 * dt), seconds)
+
+
+def _means(axes: Axes) -> list[Finding]:
+    times = [0.1 * i for i in range(600)]
+    red = flows.gazebo_path(0.1, 0.1, 0.1, 1.0, 20_000.0)
+    path = _path(0.1, 1500.0)
+    wrong(axes, times, red[:600], "others, mean 1 m/s")
+    ours(axes, times, path[:600], "ours, mean 0.5 m/s")
+    axes.axhline(1.0, color=WRONG, linestyle=":", linewidth=0.8)
+    axes.axhline(flows.MEAN, color=OURS, linestyle=":", linewidth=0.8)
+    axes.set_ylim(-1.2, 2.2)
+    label(axes, "time (s)", "current (m/s)", legend="upper right")
+    test = f"{CURRENTS}::test_the_formula_of_others_depends_on_the_step_and_forgets_its_mean"
+    own = f"{CURRENTS}::test_a_wandering_current_keeps_its_mean_and_size_at_every_step"
+    return [
+        near("mean of ours", fmean(path), flows.MEAN, own, "m/s", within=0.03),
+        below("mean of others', asked to be 1 m/s", abs(fmean(red)), 0.05, test, "m/s"),
+    ]
+
+
+def _tide(axes: Axes) -> list[Finding]:
+    hours = [0.25 * i for i in range(101)]
+    heading = radians(75.0)
+    current = tidal([Tide("M2", 0.6, heading)])
+
+    def along(velocity: Sequence[float], angle: float) -> float:
+        return velocity[0] * cos(angle) + velocity[1] * sin(angle)
+
+    levels = [0.6 * cos(radians(TIDAL_SPEEDS["M2"] * hour)) for hour in hours]
+    found = [along(current(round(hour * flows.HOUR), 0.0), heading) for hour in hours]
+    wrong(axes, hours, [along(flows.dave_tide(level, 255.0, 69.0), heading) for level in levels], "DAVE")
+    ours(axes, hours, found)
+    theirs(axes, hours[::3], levels[::3], "M2, 0.6 m/s")
+    axes.set_ylim(-0.7, 1.0)
+    label(axes, "time (h)", "along the flood (m/s)", legend="upper right")
+    flood, ebb = flows.dave_tide(1.0, 255.0, 69.0), flows.dave_tide(-1.0, 255.0, 69.0)
+    half = round(180.0 / TIDAL_SPEEDS["M2"] * flows.HOUR)
+    turned = max(abs(a + b) for a, b in zip(current(0, 3.0), current(half, 3.0), strict=True))
+    test = f"{CURRENTS}::test_the_tide_turns"
+    return [
+        below("tide and that of half a period later, added", turned, 1e-9, test, "m/s"),
+        above("DAVE: cosine between flood and ebb", flood[0] * ebb[0] + flood[1] * ebb[1], 0.99, test),
+    ]
+
+
+# -- a current and a vehicle ------------------------------------------------------------------------------------------
+
+CURRENT = (0.4, -0.3, 0.1)
+
+
+def carried(panels: Sequence[Axes]) -> list[Finding]:
+    """Galileo: in a steady current all happens as in still water, seen from the water. Left the same run in both, a
+    vehicle that is thrown, turns and pushes; in red without what the water's velocity does in turning axes. Right a
+    vehicle adrift: it takes the current's speed, where HoloOcean's stays."""
+    apart, adrift = panels
+    ends = {}
+    runs: tuple[tuple[Integrator, bool, str, str], ...] = (
+        ("rk4", True, "turning left out (RK4)", WRONG),
+        ("semi_implicit_euler", False, "ours, semi-implicit, 2 ms", SHADES[2]),
+        ("rk4", False, "ours, RK4, 2 ms", SHADES[0]),
+    )
+    for integrator, left_out, name, color in runs:
+        away = _apart(integrator, left_out)
+        apart.semilogy([0.1 * (i + 1) for i in range(len(away))], away, color=color, label=name)
+        ends[name] = away[-1]
+    label(apart, "time (s)", "distance of the two (m)", legend="center right")
+    test = "sim/test_dynamics.py::test_a_current_carries_everything_along"
+    return [
+        below("seen from the water, RK4, 4 s: distance", ends["ours, RK4, 2 ms"], 1e-8, test, "m"),
+        below("the same, semi-implicit", ends["ours, semi-implicit, 2 ms"], 5e-3, test, "m"),
+        _adrift(adrift),
+    ]
+
+
+def _apart(integrator: Integrator, left_out: bool) -> list[float]:
+    """How far the carried vehicle is from where the calm one is, each 0.1 s of 4 s."""
+    q, nu = from_euler(0.3, -0.2, 0.9), [0.5, -0.2, 0.1, 0.4, -0.3, 0.8]
+    moving = [a + b for a, b in zip(nu[:3], rotate_inverse(q, CURRENT), strict=True)] + nu[3:]
+    calm, moved = State((0.0, 0.0, DEEP), q, nu), State((0.0, 0.0, DEEP), q, moving)
+    still = Dynamics(HEAVY, 1000.0, 9.82, integrator)
+    flowing = Dynamics(HEAVY, 1000.0, 9.82, integrator, [LeftOut(CURRENT)] if left_out else [])
+    wrench, away = (20.0, 5.0, 0.0, 0.0, 0.0, 1.0), []
+    for step in range(1, 2001):
+        still.step(calm, wrench, STILL, 0.002)
+        flowing.step(moved, wrench, CURRENT, 0.002)
+        if step % 50 == 0:
+            drifted = [x - c * 0.002 * step for x, c in zip(moved.position, CURRENT, strict=True)]
+            away.append(max(dist(drifted, calm.position), 1e-16))
+    return away
+
+
+def _adrift(axes: Axes) -> Finding:
+    current, state = (0.3, -0.2, 0.0), State((0.0, 0.0, DEEP), from_euler(0.0, 0.0, 1.0))
+    dynamics = Dynamics(HEAVY._replace(neutrally_buoyant=True), 1000.0, 9.82)
+    speeds = [(0.0, 0.0, 0.0)]
+    for _ in range(120):
+        for _ in range(200):
+            dynamics.step(state, NOTHING, current, 0.0025)
+        speeds.append(rotate(state.quaternion, state.nu[:3]))
+    times = [0.5 * i for i in range(121)]
+    for axis, name, color in ((0, "ours, north", SHADES[0]), (1, "ours, east", SHADES[2])):
+        ours(axes, times, [speed[axis] for speed in speeds], name, color)
+        theirs(axes, times[::8], [current[axis]] * len(times[::8]), "the water" if axis else "_")
+    wrong(axes, times, [0.0] * len(times), "HoloOcean")
+    axes.set_ylim(-0.25, 0.6)
+    label(axes, "time (s)", "speed over ground (m/s)", legend="upper right")
+    away = max(abs(a - b) for a, b in zip(speeds[-1], current, strict=True))
+    test = "sim/test_known_defects.py::test_a_current_acts"
+    return below("adrift for a minute: speed away from the water's", away, 0.02, test, "m/s")
+
+
+# -- waves ------------------------------------------------------------------------------------------------------------
+
+
+def waves(panels: Sequence[Axes]) -> list[Finding]:
+    """An irregular sea of 1.5 m and 7 s: the spectrum of its elevation at one place beside JONSWAP, orbital speeds over
+    depth beside Airy's theory in deep water and over a seabed at 5 m, and the dispersion."""
+    spectrum, orbits, dispersion = panels
+    return [*_spectrum(spectrum), *_orbits(orbits), _dispersion(dispersion)]
+
+
+def _spectrum(axes: Axes) -> list[Finding]:
+    waves = swell.SEA
+    sea = Sea(waves._replace(components=400), 30.0, swell.G, 5)
+    omegas, density = _estimate([sea.elevation(0.5 * i, 3.0, -4.0) for i in range(16_384)], 0.5)
+    ours(axes, omegas, density, "ours, 2.3 h of elevation")
+    dots = [0.3 + 0.05 * i for i in range(50)]
+    theirs(axes, dots, [spectral_density(waves, omega) for omega in dots], "JONSWAP")
+    axes.set_xlim(0.0, 2.6)
+    label(axes, "angular frequency (rad/s)", "spectrum (m² s/rad)", legend="upper right")
+    tested = Sea(waves, 30.0, swell.G, 5)
+    heights = [tested.elevation(0.7 * i, 3.0, -4.0) for i in range(10_000)]
+    energy = sum(0.5 * wave.amplitude**2 for wave in components(waves, 50.0, swell.G, 3)) / (1.5**2 / 16.0)
+    size, share = f"{WAVES}::test_variance_of_the_elevation", f"{WAVES}::test_components_carry_the_energy"
+    return [
+        near("significant height of two hours", 4.0 * pstdev(heights), 1.5, size, "m", rel=0.04),
+        below("energy of the components away from Hs²/16 (share)", abs(energy - 1.0), 1e-12, share),
+    ]
+
+
+def _estimate(values: list[float], dt: float, length: int = 512) -> tuple[list[float], list[float]]:
+    """One-sided spectrum by Welch's method: Hann windows that overlap by half."""
+    window = np.hanning(length)
+    series = np.array(values)
+    parts = [series[i : i + length] * window for i in range(0, len(values) - length + 1, length // 2)]
+    power = np.mean([np.abs(np.fft.rfft(part)) ** 2 for part in parts], axis=0)
+    density = power * dt / np.sum(window**2) / np.pi
+    return (2.0 * np.pi * np.fft.rfftfreq(length, dt)).tolist(), density.tolist()
+
+
+def _orbits(axes: Axes) -> list[Finding]:
+    worst = []
+    for depth, deepest, color in ((4000.0, 25.0, SHADES[0]), (5.0, 5.0, SHADES[2])):
+        sea = swell.single(depth)
+        places = [deepest * i / 25.0 for i in range(26)]
+        found = [swell.orbit(sea, z) for z in places]
+        theory = [_airy(sea, z) for z in places]
+        differences = [dist(f, t) for f, t in zip(found, theory, strict=True)]
+        worst.append(max(differences) / theory[0][0])
+        name = "deep" if depth > 100.0 else "5 m"
+        axes.plot([h for h, _ in found], places, color=color, label=f"ours, {name}, level")
+        axes.plot([v for _, v in found], places, "--", color=color, label=f"ours, {name}, upright")
+        theirs(axes, [h for h, _ in theory[::2]], places[::2], "_")
+        theirs(axes, [v for _, v in theory[::2]], places[::2], "Airy" if depth < 100.0 else "_")
+    axes.invert_yaxis()
+    label(axes, "greatest orbital speed (m/s)", "depth (m)", legend="lower right")
+    deep, near_seabed = f"{WAVES}::test_decay_in_deep_water", f"{WAVES}::test_decay_over_a_near_seabed"
+    return [
+        below("orbital speed in deep water away from Airy (share of the surface's)", worst[0], 1e-3, deep),
+        below("over a seabed at 5 m", worst[1], 1e-3, near_seabed),
+    ]
+
+
+def _airy(sea: Sea, z: float) -> tuple[float, float]:
+    wave = sea.components[0]
+    k, size = wave.wave_number, wave.amplitude * wave.omega
+    if sea.depth > 1000.0:
+        return size * exp(-k * z), size * exp(-k * z)
+    below_it = k * (sea.depth - z)
+    return size * cosh(below_it) / sinh(k * sea.depth), size * sinh(below_it) / sinh(k * sea.depth)
+
+
+def _dispersion(axes: Axes) -> Finding:
+    omegas, worst = [0.05 * 1.1**i for i in range(51)], 0.0
+    for depth, color in zip((0.1, 5.0, 30.0, 11_000.0), reversed(SHADES), strict=True):
+        numbers = [wave_number(omega, depth, swell.G) for omega in omegas]
+        squares = [swell.G * k * tanh(k * depth) for k in numbers]
+        worst = max(worst, *(abs(square / w**2 - 1.0) for square, w in zip(squares, omegas, strict=True)))
+        axes.loglog(omegas, numbers, color=color, label=f"ours, {depth:g} m")
+    theirs(axes, omegas[::4], [w * w / swell.G for w in omegas[::4]], "deep: ω² / g")
+    shallow = [w for w in omegas[::4] if w < 2.5]
+    axes.plot(shallow, [w / (swell.G * 0.1) ** 0.5 for w in shallow], "k+", label="0.1 m: ω / √(g h)")
+    label(axes, "angular frequency (rad/s)", "wave number (rad/m)", legend="lower right")
+    return below("dispersion away from g k tanh(k h) (share)", worst, 1e-12, f"{WAVES}::test_dispersion")
+
+
+SHEETS = [
+    Sheet("Currents and tides", currents, columns=3, size=(9.5, 2.9)),
+    Sheet("Carried by a current", carried),
+    Sheet("Waves", waves, columns=3, size=(9.5, 3.1)),
+]
