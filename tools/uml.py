@@ -11,6 +11,7 @@ Needs: apt install user-mode-linux busybox-static gcc libc6-dev (x86 only). Exit
 """
 
 import argparse
+import contextlib
 import hashlib
 import os
 import platform
@@ -21,6 +22,8 @@ import signal
 import subprocess
 import sys
 import tempfile
+import threading
+import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -38,7 +41,6 @@ SHARED_MEMORY = "/dev/shm"
 
 # Process 1. The whole of this machine's files is the lower, unwritable half of what is seen.
 INIT = """#!{busybox} sh
-export PATH={path}
 b={busybox}
 begin() {{
   set -e
@@ -60,8 +62,9 @@ begin() {{
 }}
 begin
 set +e
+($b sleep {orphan}; echo o >/proc/sysrq-trigger) & # in case that whoever started it cannot kill it any more
 echo {mark} begin
-$b chroot . /bin/sh -c {command} </dev/null 2>&1
+$b chroot . /bin/sh -c {steps} </dev/null 2>&1
 echo {mark} end $?
 echo o >/proc/sysrq-trigger
 $b sleep 10
@@ -81,7 +84,7 @@ def obstacle() -> str:
         if not shutil.which(program):
             return f"there is no {program}: sudo apt install {package} (packages of Debian, for x86 only)"
     trace_me = "import ctypes, sys; sys.exit(ctypes.CDLL(None).ptrace(0, 0, 0, 0) != 0)"
-    if subprocess.run([sys.executable, "-c", trace_me]).returncode:
+    if subprocess.run([sys.executable, "-c", trace_me], check=False).returncode:
         return "ptrace is not permitted here; in a container: docker run --cap-add SYS_PTRACE"
     return ""
 
@@ -94,13 +97,15 @@ def run(
     seconds: float = 60.0,
     memory_mib: int = MEMORY_MIB,
     cpu: int | None = None,
+    cwd: str = "",
     tell: Callable[[str], None] = lambda line: None,
 ) -> Outcome:
-    """Run `command` in there, in the present folder.
+    """Run `command` in there.
 
     modules: of its kernel, loaded first with those they need. share: a folder that it writes through to.
     environment: variables, besides PATH, HOME and LANG. seconds: after which all of it is killed. cpu: the one
-    it runs on [the last of this process]. tell: called with each line as it is printed.
+    it runs on [the last of this process]. cwd: the folder it starts in [the present one]. tell: called with
+    each line as it is printed.
     Raises DeviceError if it does not start, with the kernel's last words, or does not end in time.
     """
     reason = obstacle()
@@ -109,11 +114,11 @@ def run(
     mark = f"uml-{secrets.token_hex(8)}"
     with tempfile.TemporaryDirectory(prefix="uml-") as folder:
         init = Path(folder, "init")
-        init.write_text(_init(mark, command, modules, share, environment or {}))
+        steps = _steps(command, environment or {}, cwd or os.getcwd())
+        init.write_text(_init(mark, steps, modules, share, seconds))
         init.chmod(0o755)
         cpu = max(os.sched_getaffinity(0)) if cpu is None else cpu
-        limits = ["timeout", "--signal=KILL", str(seconds), "taskset", "-c", str(cpu)]
-        return _Console(mark, tell).follow([*limits, *_kernel(str(init), memory_mib)], seconds)
+        return _Console(mark, tell).follow(["taskset", "-c", str(cpu), *_kernel(str(init), memory_mib)], seconds)
 
 
 def module_files(names: Sequence[str]) -> list[str]:
@@ -133,21 +138,25 @@ def module_files(names: Sequence[str]) -> list[str]:
     return list(dict.fromkeys(files))
 
 
-def _init(mark: str, command: Sequence[str], modules: Sequence[str], share: str, environment: Mapping[str, str]) -> str:
-    """The text of process 1."""
-    inherited = {name: os.environ[name] for name in ("PATH", "HOME") if name in os.environ}
-    variables = {**inherited, "LANG": "C.UTF-8", **environment}
+def _steps(command: Sequence[str], environment: Mapping[str, str], cwd: str) -> str:
+    """What a shell has to do to run the command as it would out here."""
+    path = os.environ.get("PATH", os.defpath) + ":/usr/sbin:/sbin"  # it is root
+    variables = {"PATH": path, "HOME": os.environ.get("HOME", "/"), "LANG": "C.UTF-8", **environment}
     exports = [f"export {name}={shlex.quote(value)}" for name, value in variables.items()]
-    steps = [f"cd {shlex.quote(os.getcwd())}", *exports, f"exec {shlex.join(command)}"]
+    return "\n".join([f"cd {shlex.quote(cwd)}", *exports, f"exec {shlex.join(command)}"])
+
+
+def _init(mark: str, steps: str, modules: Sequence[str], share: str, seconds: float) -> str:
+    """The text of process 1."""
     folder = os.path.realpath(share)
     mount = f"$b mount -t hostfs -o {shlex.quote(folder)} share {shlex.quote(folder.lstrip('/'))}" if share else ""
     return INIT.format(
         busybox=shutil.which("busybox"),
-        path=shlex.quote(os.environ.get("PATH", os.defpath)),
         modules=" ".join(module_files(["overlay", *modules])),
         share=mount,
+        orphan=round(seconds) + 5,
         mark=mark,
-        command=shlex.quote("\n".join(steps)),
+        steps=shlex.quote(steps),
     )
 
 
@@ -178,7 +187,8 @@ def _shim() -> str:
         return library
     os.makedirs(cache_folder(), exist_ok=True)
     new = f"{library}.{os.getpid()}"  # renamed when complete: two that compile at once do not disturb each other
-    done = subprocess.run(["cc", "-O2", "-shared", "-fPIC", "-o", new, str(SHIM), "-ldl"], capture_output=True, text=True)
+    compiler = ["cc", "-O2", "-shared", "-fPIC", "-o", new, str(SHIM), "-ldl"]
+    done = subprocess.run(compiler, capture_output=True, text=True, check=False)
     if done.returncode:
         raise DeviceError(f"User Mode Linux: {SHIM} does not compile: {done.stderr.strip()}")
     os.replace(new, library)
@@ -193,56 +203,65 @@ class _Console:
         self._tell = tell
         self._boot: list[str] = []
         self._output: list[str] = []
+        self._begun = False
         self._status: int | None = None
 
     def follow(self, command: Sequence[str], seconds: float) -> Outcome:
         """Start the kernel and stay until it is gone."""
-        with subprocess.Popen(
-            command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, errors="replace"
-        ) as process:
+        process = subprocess.Popen(
+            command,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            errors="replace",
+            start_new_session=True,  # all its processes stay in this group
+        )
+        limit = threading.Timer(seconds, _kill, [process])
+        limit.start()
+        began = time.monotonic()
+        try:
             assert process.stdout is not None
-            try:
-                self._sort(line.rstrip("\r\n") for line in process.stdout)
-            finally:
-                _end_group(process)
-        output = "\n".join(self._output)
+            self._sort(line.rstrip("\r\n") for line in process.stdout)
+        finally:
+            limit.cancel()
+            _kill(process)
+            process.communicate()
         if self._status is not None:
-            return Outcome(self._status, output)
-        if process.returncode in (-signal.SIGKILL, 128 + signal.SIGKILL):
-            raise DeviceError(f"User Mode Linux: killed after {seconds:g} s; it had printed: {output or self._last_words()}")
-        raise DeviceError(f"User Mode Linux: ended before the command did: {output or self._last_words()}")
+            return Outcome(self._status, "\n".join(self._output))
+        late = time.monotonic() - began >= seconds
+        end = f"killed after {seconds:g} s" if late else "ended before its time"
+        raise DeviceError(f"User Mode Linux: {end}{self._last_words()}")
 
     def _sort(self, lines: Iterator[str]) -> None:
-        begin, end = f"{self._mark} begin", f"{self._mark} end "
-        begun = False
+        """Up to the first mark the kernel speaks, up to the second the command."""
+        end = f"{self._mark} end "
         for line in lines:
-            before, marked, status = line.partition(end)
-            if line == begin:
-                begun = True
-            elif marked:
-                if before:  # the command's last line had no end
-                    self._say(before)
+            self._begun = line.endswith(f"{self._mark} begin")
+            if self._begun:
+                break
+            self._boot.append(line.strip())
+        for line in lines:
+            said, ended, status = line.partition(end)
+            if said or not ended:  # its last line may have had no end
+                self._output.append(said)
+                self._tell(said)
+            if ended:
                 self._status = int(status)
-            elif self._status is None and begun:
-                self._say(line)
-            else:
-                self._boot.append(line)
-
-    def _say(self, line: str) -> None:
-        self._output.append(line)
-        self._tell(line)
+                break
+        for _ in lines:  # until it is gone
+            pass
 
     def _last_words(self) -> str:
-        return " | ".join(filter(None, map(str.strip, self._boot[-8:])))
+        if self._begun:
+            return "\n".join(["; the command had printed:", *self._output])
+        return f", before the command began: {' | '.join(filter(None, self._boot[-8:]))}"
 
 
-def _end_group(process: "subprocess.Popen[str]") -> None:
-    """`timeout` leads a group of all processes of the kernel."""
-    try:
+def _kill(process: "subprocess.Popen[str]") -> None:
+    """The kernel and all its helpers."""
+    with contextlib.suppress(ProcessLookupError):
         os.killpg(process.pid, signal.SIGKILL)
-    except ProcessLookupError:
-        pass
-    process.wait()
 
 
 def main() -> int:

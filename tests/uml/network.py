@@ -1,0 +1,66 @@
+"""Interfaces, namespaces and faults of the network, for tests that are root in a kernel of their own."""
+
+import ctypes
+import os
+import subprocess
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+
+def ip(words: str) -> None:
+    """`ip` of iproute2, which says what is wrong."""
+    _run(f"ip {words}")
+
+
+@contextmanager
+def interface(name: str, kind: str) -> Iterator[None]:
+    """An interface that is up, as `ip link add` takes it: "vcan", or "vxcan peer name b"."""
+    ip(f"link add {name} type {kind}")
+    try:
+        ip(f"link set {name} up")
+        yield
+    finally:
+        ip(f"link delete {name}")
+
+
+@contextmanager
+def shaped(device: str, how: str, namespace: str = "") -> Iterator[None]:
+    """Does to all that leaves by `device` what `tc qdisc` is told: "netem delay 20ms loss 5%", say."""
+    tc = f"ip netns exec {namespace} tc" if namespace else "tc"
+    _run(f"{tc} qdisc add dev {device} root {how}")
+    try:
+        yield
+    finally:
+        _run(f"{tc} qdisc delete dev {device} root")
+
+
+@contextmanager
+def namespace(name: str) -> Iterator[None]:
+    """Another computer, as far as the network goes."""
+    ip(f"netns add {name}")
+    try:
+        yield
+    finally:
+        ip(f"netns delete {name}")
+
+
+@contextmanager
+def within(name: str) -> Iterator[None]:
+    """What this thread opens is opened in that namespace."""
+    with open("/proc/thread-self/ns/net") as home, open(f"/run/netns/{name}") as away:
+        _enter(away.fileno())
+        try:
+            yield
+        finally:
+            _enter(home.fileno())
+
+
+def _enter(descriptor: int) -> None:
+    libc = ctypes.CDLL(None, use_errno=True)  # os.setns is Python 3.12's
+    if libc.setns(descriptor, 0):
+        raise OSError(ctypes.get_errno(), os.strerror(ctypes.get_errno()))
+
+
+def _run(command: str) -> None:
+    done = subprocess.run(command.split(), capture_output=True, text=True)
+    assert done.returncode == 0, f"{command}: {done.stderr}"
