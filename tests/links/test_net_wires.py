@@ -98,6 +98,7 @@ class TestTcp:
         first.read()
         first.close()
         again = TcpWire(HERE, first.port)
+        assert again.name == first.name
         again.close()
         host.close()
 

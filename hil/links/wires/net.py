@@ -13,6 +13,7 @@ import errno
 import os
 import select
 import socket
+from abc import abstractmethod
 from collections.abc import Callable
 from typing import Any
 
@@ -166,8 +167,9 @@ class _UdpWire(_SocketWire):
                 size += len(datagram)
         return b"".join(datagrams)
 
+    @abstractmethod
     def _is_peer(self, sender: tuple[str, int]) -> bool:
-        raise NotImplementedError
+        """Whether what `sender` says is for this wire."""
 
     def _refused(self, error: OSError) -> int:
         """0 bytes taken, if that is what `error` means: no room, nobody there, or too long for a datagram."""
