@@ -23,7 +23,7 @@ from hil.errors import MissionError
 _SAVING = 2.0 - sqrt(2.0)
 # (rows, columns) of a move, all round from the east over the north: even ones straight, odd ones diagonal.
 _DIRECTIONS = ((0, 1), (1, 1), (1, 0), (1, -1), (0, -1), (-1, -1), (-1, 0), (-1, 1))
-_ALL = tuple(range(8))
+ALL_DIRECTIONS = tuple(range(8))
 # How a way may go on after a move: a straight one up to a right angle, a diagonal one up to half of it.
 _ONWARD = [tuple((d + turn) % 8 for turn in (range(-1, 2) if d % 2 else range(-2, 3))) for d in range(8)]
 # The map as a move to the east, north, west or south sees it: going to growing columns.
@@ -42,13 +42,11 @@ def plan(grid: OccupancyGrid, start: Point, goal: Point) -> list[Point]:
     modelled: inflate the grid. Raises MissionError if an end is off the map or in an obstacle (naming the
     nearest free point) or if no way exists.
     """
-    _check(grid, start, "start")
-    _check(grid, goal, "goal")
+    check_ends(grid, start, goal)
     cells = _search(~grid.cells, grid.cell(start), grid.cell(goal))
     if cells is None:
-        raise MissionError(f"no way from {_text(start)} to {_text(goal)}: obstacles part them; try a smaller inflation")
-    points = [start, *map(grid.centre, cells), goal]
-    return [points[0], *(b for a, b in pairwise(points) if a != b)]
+        raise no_way(start, goal)
+    return without_repeats([start, *map(grid.centre, cells), goal])
 
 
 def smooth(grid: OccupancyGrid, path: Sequence[Point]) -> list[Point]:
@@ -82,6 +80,22 @@ def path_length(path: Sequence[Point]) -> float:
     return sum(hypot(b[0] - a[0], b[1] - a[1]) for a, b in pairwise(path))
 
 
+def check_ends(grid: OccupancyGrid, start: Point, goal: Point) -> None:
+    """Raise MissionError if an end of a way is off the map or in an obstacle, naming the nearest free point."""
+    _check(grid, start, "start")
+    _check(grid, goal, "goal")
+
+
+def no_way(start: Point, goal: Point) -> MissionError:
+    """The error to raise when no way from `start` to `goal` exists."""
+    return MissionError(f"no way from {_text(start)} to {_text(goal)}: obstacles part them; try a smaller inflation")
+
+
+def without_repeats(points: list[Point]) -> list[Point]:
+    """`points` without those that equal the one before."""
+    return [points[0], *(b for a, b in pairwise(points) if a != b)]
+
+
 def _check(grid: OccupancyGrid, point: Point, what: str) -> None:
     if grid.is_free(point):
         return
@@ -108,17 +122,15 @@ def _densify(path: Sequence[Point], step: float) -> list[Point]:
 
 def _search(free: NDArray[np.bool_], start: Cell, goal: Cell) -> list[Cell] | None:
     """The cells of a shortest way where it turns or might, ends included; None if there is no way."""
-    walled = np.pad(free, 1)  # so that no move needs to ask for the edge
-    width = walled.shape[1]
-    source, target = ((row + 1) * width + column + 1 for row, column in (start, goal))
-    jumps = _Jumps(walled, target)
+    jumps = Jumps(free, goal)
+    source, target, width = jumps.index(start), jumps.index(goal), jumps.width
     costs, parents = {source: 0.0}, {source: source}
-    queue = [(0.0, source, _ALL)]
+    queue = [(0.0, source, ALL_DIRECTIONS)]
     closed = set()
     while queue:
         _, cell, directions = heapq.heappop(queue)
         if cell == target:
-            return [divmod(index - width - 1, width) for index in _trace(parents, cell)]
+            return [jumps.cell(index) for index in trace(parents, cell)]
         if cell in closed:
             continue
         closed.add(cell)
@@ -140,7 +152,7 @@ def _octile(a: int, b: int, width: int) -> float:
     return rows + columns - _SAVING * (rows if rows < columns else columns)
 
 
-def _trace(parents: dict[int, int], cell: int) -> list[int]:
+def trace(parents: dict[int, int], cell: int) -> list[int]:
     """The cells from the start to `cell`."""
     way = [cell]
     while parents[cell] != cell:
@@ -149,26 +161,38 @@ def _trace(parents: dict[int, int], cell: int) -> list[int]:
     return way[::-1]
 
 
-class _Jumps:
+class Jumps:
     """Where a move in one direction ends: at the next cell where a shortest way may turn, or at the goal.
 
-    Cells are numbered row by row; 0 (a cell of the wall) stands for "nowhere".
+    Cells are numbered row by row on the map with a wall of one cell around it, so that no move needs to ask
+    for the edge; 0 (a cell of the wall) stands for "nowhere".
     """
 
-    def __init__(self, free: NDArray[np.bool_], goal: int) -> None:
+    def __init__(self, free: NDArray[np.bool_], goal: Cell) -> None:
+        free = np.pad(free, 1)
         index = np.arange(free.size, dtype=np.int32).reshape(free.shape)
-        self._goal = goal
+        self.width = int(free.shape[1])
+        self._goal = self.index(goal)
         self._straight: list[memoryview] = []
         for view in _VIEWS:
             table = np.empty_like(index)
-            view(table)[...] = _next_turns(view(free), view(index), goal)
+            view(table)[...] = _next_turns(view(free), view(index), self._goal)
             self._straight.append(memoryview(table.tobytes()).cast("i"))
         self._diagonal = []
         for direction in range(1, 8, 2):
-            (rows, columns), width = _DIRECTIONS[direction], free.shape[1]
+            rows, columns = _DIRECTIONS[direction]
             passable = free & _ahead(free, rows, 0) & _ahead(free, 0, columns) & _ahead(free, rows, columns)
             beside = self._straight[direction // 2], self._straight[(direction // 2 + 1) % 4]
-            self._diagonal.append((rows * width + columns, passable.tobytes(), *beside))
+            self._diagonal.append((rows * self.width + columns, passable.tobytes(), *beside))
+
+    def index(self, cell: Cell) -> int:
+        """The number of a cell of the map."""
+        return (cell[0] + 1) * self.width + cell[1] + 1
+
+    def cell(self, index: int) -> Cell:
+        """The cell with this number."""
+        row, column = divmod(index, self.width)
+        return row - 1, column - 1
 
     def next(self, cell: int, direction: int) -> int:
         """The end of a move from `cell`."""

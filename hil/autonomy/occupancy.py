@@ -40,6 +40,11 @@ class OccupancyGrid:
         self.origin = origin
 
     @classmethod
+    def empty(cls, extent: Extent, resolution: float) -> "OccupancyGrid":
+        """The map of `extent` (m) with nothing on it, for a vehicle that is to find out. Raises ConfigError."""
+        return cls.rasterise(lambda north, east: np.inf + 0.0 * north, extent, resolution, vectorised=True)
+
+    @classmethod
     def rasterise(
         cls,
         clearance: Callable[[Any, Any], Any],

@@ -52,6 +52,7 @@ class PurePursuit:
         self._stop = self._stops.pop(0)
         self._passed = 0.0  # where the last stop was
         self._along = 0.0
+        self.aim = 0.0
         self.cross_track = 0.0
         self.progress = 0.0
         self.done = False
@@ -59,8 +60,9 @@ class PurePursuit:
     def update(self, position: Sequence[float], heading: float) -> VelocityCommand:
         """The command at `position` (m north, m east; more is ignored) and `heading` (rad from north, clockwise).
 
-        `cross_track` is then the distance from the path in m, positive to its starboard; `progress` the share
-        of the path that has been reached, 0 to 1; `done` turns true for good at the end.
+        `aim` is then the heading (rad) of the point steered for; `cross_track` the distance from the path in m,
+        positive to its starboard; `progress` the share of the path that has been reached, 0 to 1; `done` turns
+        true for good at the end.
         """
         here = position[0], position[1]
         self._locate(here)
@@ -71,7 +73,8 @@ class PurePursuit:
             return VelocityCommand(depth=self._depth)
         self.progress = max(self.progress, self._along / self._path.length if self._path.length else 0.0)
         aim_north, aim_east = self._path.at(min(self._along + self._lookahead, self._stop))
-        error = wrap(atan2(aim_east - here[1], aim_north - here[0]) - heading)
+        self.aim = atan2(aim_east - here[1], aim_north - here[0])
+        error = wrap(self.aim - heading)
         gain = 2.0 * self._speed / self._lookahead
         turn = min(self._max_yaw_rate, max(-self._max_yaw_rate, gain * error))
         return VelocityCommand(surge=self._surge(here, error), yaw_rate=turn, depth=self._depth)

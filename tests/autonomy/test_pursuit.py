@@ -64,6 +64,17 @@ def test_straight_path_is_followed_and_the_end_reached() -> None:
     assert math.dist(track.points[-1], track.points[-2]) < 0.5 * 0.8 * DT  # it came slowly
 
 
+def test_a_command_by_hand() -> None:
+    """1 m to port of a path to the north, lookahead 2 m: the aim is 2 m north, 1 m east. Coulter's curvature
+    2 sin(error) / lookahead for small errors, at 0.5 m/s: a gain of 0.5 rad/s for each rad."""
+    pursuit = PurePursuit([(0.0, 0.0), (30.0, 0.0)], lookahead=2.0, speed=0.5)
+    command = pursuit.update((1.0, -1.0), 0.0)
+    assert pursuit.aim == pytest.approx(math.atan2(1.0, 2.0))
+    assert command.yaw_rate == pytest.approx(0.5 * 0.46364761)
+    assert command.surge == pytest.approx(0.5 * 2.0 / math.sqrt(5.0))
+    assert pursuit.cross_track == pytest.approx(-1.0)
+
+
 def test_stop_command_once_done_even_when_carried_away() -> None:
     pursuit = PurePursuit([(0.0, 0.0), (1.0, 0.0)], lookahead=1.0, speed=0.5, depth=4.0)
     assert pursuit.update((0.0, 0.0), 0.0).depth == 4.0

@@ -1,0 +1,140 @@
+"""Curves through the water, each measured by the way along it: what a trajectory runs over.
+
+Everything that is made of circles and straight lines is a `Chain` of `Piece`s: a straight line, a circle, a helix,
+a Dubins path (`hil.autonomy.dubins`). A spline (`hil.autonomy.spline`) passes smoothly through given points. World
+frame NED: headings in rad from north, clockwise seen from above; a slope is the angle of the way down from the
+horizontal, so that diving is positive.
+"""
+
+from bisect import bisect_right
+from collections.abc import Sequence
+from itertools import accumulate, pairwise
+from math import atan2, cos, hypot, pi, remainder, sin
+from typing import NamedTuple, Protocol
+
+from hil.errors import MissionError
+
+Position = tuple[float, float, float]  # north, east, down in m
+
+# Below this turn (rad) a piece is taken as straight: the closed form would divide two small numbers.
+_STRAIGHT = 1e-9
+# Two pieces whose directions differ by more than this (rad) meet in a corner.
+_CORNER = 1e-6
+
+
+class Place(NamedTuple):
+    """A point of a curve.
+
+    `position` m, NED; `heading` and `slope` rad; `turn` rad/m: how fast the heading changes along the curve
+    (positive to starboard), so that a vehicle at v m/s turns at v x turn rad/s.
+    """
+
+    position: Position
+    heading: float
+    slope: float
+    turn: float
+
+
+class Curve(Protocol):
+    """Anything with a `length` in m and a place for every metre of it; at a corner that of the way on."""
+
+    @property
+    def length(self) -> float:
+        """The length in m."""
+        ...
+
+    def at(self, along: float) -> Place:
+        """The place so many metres from the start."""
+        ...
+
+    def corners(self) -> list[float]:
+        """Where between its ends, in m along it, the direction jumps: the places to stop and turn at."""
+        ...
+
+
+class Piece(NamedTuple):
+    """Part of a helix: `length` m from `start` on, at a constant `slope` and `turn` (rad/m; 0 is straight)."""
+
+    start: Position
+    heading: float
+    slope: float
+    turn: float
+    length: float
+
+    def at(self, along: float) -> Place:
+        """The place so many metres from the start."""
+        north, east, down = self.start
+        level, turned = along * cos(self.slope), along * self.turn
+        # the chord of an arc: as long as the arc times sinc of half the turn, and half the turn off its start
+        chord = level * (sin(turned / 2.0) / (turned / 2.0) if abs(turned) > _STRAIGHT else 1.0)
+        course = self.heading + turned / 2.0
+        position = north + chord * cos(course), east + chord * sin(course), down + along * sin(self.slope)
+        return Place(position, self.heading + turned, self.slope, self.turn)
+
+
+class Chain:
+    """Pieces one after the other."""
+
+    def __init__(self, pieces: Sequence[Piece]) -> None:
+        if not pieces:
+            raise MissionError("a curve needs at least one piece")
+        self.pieces = tuple(pieces)
+        self._ends = list(accumulate(piece.length for piece in pieces))
+        self.length = self._ends[-1]
+
+    def at(self, along: float) -> Place:
+        """The place so many metres from the start, 0 to `length`."""
+        number = min(bisect_right(self._ends, along), len(self.pieces) - 1)
+        begins = self._ends[number - 1] if number else 0.0
+        return self.pieces[number].at(along - begins)
+
+    def corners(self) -> list[float]:
+        """Where between its ends, in m along it, the direction jumps."""
+        joints = zip(pairwise(self.pieces), self._ends, strict=False)
+        return [end for (piece, after), end in joints if _bent(piece.at(piece.length), after)]
+
+
+def _bent(before: Place, after: Piece) -> bool:
+    """Whether a vehicle that leaves one piece level cannot just go on along the next."""
+    heading = abs(remainder(after.heading - before.heading, 2.0 * pi))
+    return max(heading, abs(after.slope - before.slope)) > _CORNER
+
+
+def straight(start: Position, end: Position, heading: float = 0.0) -> Piece:
+    """The straight line between two points (m, NED). `heading` (rad) is kept on one that goes straight down."""
+    north, east, down = (b - a for a, b in zip(start, end, strict=True))
+    level = hypot(north, east)
+    if level > 0.0:
+        heading = atan2(east, north)
+    return Piece(start, heading, atan2(down, level), 0.0, hypot(level, down))
+
+
+def polyline(points: Sequence[Position]) -> Chain:
+    """Straight lines from point to point (m, NED). Raises MissionError if fewer than two differ."""
+    pieces: list[Piece] = []
+    for start, end in pairwise(points):
+        if start != end:
+            pieces.append(straight(start, end, pieces[-1].heading if pieces else 0.0))
+    if not pieces:
+        raise MissionError("a way needs at least two different points")
+    return Chain(pieces)
+
+
+def helix(centre: Position, radius: float, turns: float, dive: float = 0.0, bearing: float = 0.0) -> Chain:
+    """`turns` times round `centre` (m, NED: that of the first round), `dive` m deeper at the end.
+
+    `radius` m; it starts at `bearing` (rad from north) seen from the centre and goes clockwise seen from
+    above, with negative `turns` the other way. Raises MissionError for a radius or turns that make no helix.
+    """
+    if not radius > 0.0 or turns == 0.0:
+        raise MissionError(f"a radius of {radius:g} m and {turns:g} turns make no helix; neither may be 0")
+    side = 1.0 if turns > 0.0 else -1.0
+    level = 2.0 * pi * radius * abs(turns)
+    length = hypot(level, dive)
+    start = centre[0] + radius * cos(bearing), centre[1] + radius * sin(bearing), centre[2]
+    return Chain([Piece(start, bearing + side * pi / 2.0, atan2(dive, level), side * level / radius / length, length)])
+
+
+def circle(centre: Position, radius: float, turns: float = 1.0, bearing: float = 0.0) -> Chain:
+    """`helix` without a dive."""
+    return helix(centre, radius, turns, 0.0, bearing)

@@ -1,0 +1,154 @@
+"""Planning again and again on a map that changes: D* Lite.
+
+Koenig & Likhachev, "D* Lite", AAAI 2002, the optimised version: the search runs from the goal to the vehicle and is
+repaired where cells change. Worth it where the changes are near the vehicle and the map's other parts are searched
+already; the first plan takes longer than that of `hil.autonomy.astar`, which jumps over open water. Moves and
+corners as there. Lengths are whole numbers (a cell is 2^20): so equal ways stay equal, however they are added up.
+"""
+
+import heapq
+from math import inf, sqrt
+
+import numpy as np
+
+from hil.autonomy.astar import check_ends, no_way, without_repeats
+from hil.autonomy.occupancy import OccupancyGrid, Point
+
+_CELL = 1 << 20
+_DIAGONAL = round(sqrt(2.0) * _CELL)
+
+Key = tuple[float, float]
+
+
+class DStarLite:
+    """Keeps what it knows from one plan to the next, as long as the goal and the map's size stay.
+
+    `expanded` counts the cells gone on from since it was made: what a plan really cost.
+    """
+
+    def __init__(self) -> None:
+        self.expanded = 0
+        self._cells: np.ndarray[tuple[int, int], np.dtype[np.bool_]] = np.empty((0, 0), np.bool_)
+        self._goal = self._start = -1
+
+    def plan(self, grid: OccupancyGrid, start: Point, goal: Point) -> list[Point]:
+        """The shortest 8-connected way from `start` to `goal` (m north, m east), cell by cell.
+
+        Vehicle size is not modelled: inflate the grid. Raises MissionError as `hil.autonomy.astar.plan` does.
+        """
+        check_ends(grid, start, goal)
+        self._width = int(grid.cells.shape[1]) + 2
+        here, target = (self._index(*grid.cell(point)) for point in (start, goal))
+        if target != self._goal or grid.cells.shape != self._cells.shape:
+            self._begin(grid, here, target)
+        self._shift += self._octile(self._start, here)
+        self._start = here
+        self._repair(grid)
+        self._search()
+        if self._costs.get(here, inf) == inf:
+            raise no_way(start, goal)
+        cells = [(index // self._width - 1, index % self._width - 1) for index in self._way()]
+        return without_repeats([start, *map(grid.centre, cells), goal])
+
+    def _index(self, row: int, column: int) -> int:
+        return (row + 1) * self._width + column + 1
+
+    def _begin(self, grid: OccupancyGrid, start: int, goal: int) -> None:
+        width = self._width
+        self._cells, self._start, self._goal = grid.cells.copy(), start, goal
+        self._free = bytearray(np.pad(~grid.cells, 1).tobytes())
+        self._straight = (1, width, -1, -width)
+        self._diagonal = tuple((a + b, a, b) for a in (1, -1) for b in (width, -width))
+        self._shift = 0  # "k_m": what the vehicle's own way adds to every key
+        self._costs: dict[int, float] = {}  # "g"
+        self._ahead: dict[int, float] = {goal: 0}  # "rhs": the cost by way of the best neighbour
+        self._queue: list[tuple[Key, int]] = []
+        self._queued: dict[int, Key] = {}
+        self._put(goal)
+
+    def _repair(self, grid: OccupancyGrid) -> None:
+        """Take over the cells that changed; a cell counts for the moves around it, diagonal ones past it too."""
+        changed = [self._index(int(row), int(column)) for row, column in np.argwhere(grid.cells != self._cells)]
+        for cell in changed:
+            self._free[cell] = not self._free[cell]
+        around = [0, *self._straight, *(step for step, _, _ in self._diagonal)]
+        for cell in {cell + step for cell in changed for step in around}:
+            self._look(cell)
+        self._cells = grid.cells.copy()
+
+    def _search(self) -> None:
+        costs, ahead = self._costs, self._ahead
+        while self._queue:
+            key, cell = self._queue[0]
+            if self._queued.get(cell) != key:
+                heapq.heappop(self._queue)
+                continue
+            here = ahead.get(self._start, inf)
+            if key >= self._key(self._start) and here == costs.get(self._start, inf):
+                return
+            heapq.heappop(self._queue)
+            del self._queued[cell]
+            if key < self._key(cell):
+                self._put(cell)
+            elif costs.get(cell, inf) > ahead.get(cell, inf):
+                self._settle(cell)
+            else:
+                self._unsettle(cell)
+
+    def _settle(self, cell: int) -> None:
+        self.expanded += 1
+        cost = self._costs[cell] = self._ahead[cell]
+        for neighbour, length in self._moves(cell):
+            if cost + length < self._ahead.get(neighbour, inf):
+                self._ahead[neighbour] = cost + length
+                self._put(neighbour)
+
+    def _unsettle(self, cell: int) -> None:
+        self.expanded += 1
+        before = self._costs.pop(cell, inf)
+        for neighbour, length in self._moves(cell):
+            if self._ahead.get(neighbour, inf) == before + length:
+                self._look(neighbour)
+        self._look(cell)
+
+    def _look(self, cell: int) -> None:
+        """Find the best neighbour of a cell anew."""
+        if cell != self._goal:
+            costs = [self._costs.get(neighbour, inf) + length for neighbour, length in self._moves(cell)]
+            self._ahead[cell] = min(costs, default=inf)
+        self._put(cell)
+
+    def _put(self, cell: int) -> None:
+        """Queue a cell if it is to be gone on from, and only then."""
+        if self._costs.get(cell, inf) == self._ahead.get(cell, inf):
+            self._queued.pop(cell, None)
+            return
+        key = self._queued[cell] = self._key(cell)
+        heapq.heappush(self._queue, (key, cell))
+
+    def _key(self, cell: int) -> Key:
+        cost = min(self._costs.get(cell, inf), self._ahead.get(cell, inf))
+        return cost + self._octile(self._start, cell) + self._shift, cost
+
+    def _moves(self, cell: int) -> list[tuple[int, int]]:
+        """The neighbours and how far they are."""
+        free = self._free
+        if not free[cell]:
+            return []
+        moves = [(cell + step, _CELL) for step in self._straight if free[cell + step]]
+        for step, first, second in self._diagonal:
+            if free[cell + step] and free[cell + first] and free[cell + second]:
+                moves.append((cell + step, _DIAGONAL))
+        return moves
+
+    def _way(self) -> list[int]:
+        cell = self._start
+        way = [cell]
+        while cell != self._goal:
+            cell = min((length + self._costs.get(near, inf), near) for near, length in self._moves(cell))[1]
+            way.append(cell)
+        return way
+
+    def _octile(self, a: int, b: int) -> int:
+        rows, columns = abs(a // self._width - b // self._width), abs(a % self._width - b % self._width)
+        return _CELL * abs(rows - columns) + _DIAGONAL * min(rows, columns)

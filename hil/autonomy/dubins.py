@@ -1,0 +1,113 @@
+"""The shortest way for a vehicle that cannot turn on the spot: Dubins paths, with climb.
+
+In the plane it is one of six words of three pieces, arcs of the least radius and a straight line between or an
+arc (Dubins, American Journal of Mathematics 79, 1957; closed forms after Shkel & Lumelsky, Robotics and
+Autonomous Systems 34, 2001). The depth changes evenly along the way. Where the plane way is too short for the
+steepest slope, whole circles to starboard are added at the end, as wide as the slope allows (Chitsaz & LaValle,
+CDC 2007, for the case of high altitude). That is a good way, not always the shortest in three dimensions.
+"""
+
+from collections.abc import Callable
+from math import acos, atan2, cos, floor, hypot, pi, sin, sqrt, tan
+from typing import NamedTuple
+
+from hil.autonomy.curves import Chain, Piece, Position
+from hil.errors import MissionError
+
+_DUST = 1e-9
+
+Lengths = tuple[float, float, float]  # of the three pieces, in radii
+
+
+class Pose(NamedTuple):
+    """A position (m, NED) and a heading (rad from north, clockwise seen from above)."""
+
+    position: Position
+    heading: float
+
+
+def dubins(start: Pose, end: Pose, radius: float, steepest: float = pi / 6.0) -> Chain:
+    """The Dubins path from `start` to `end` with turns of `radius` m, nowhere steeper than `steepest` rad.
+
+    Raises MissionError for a radius that is not above 0 or a steepest slope outside 0 to 90 degrees, and if start
+    and end are the same.
+    """
+    if not radius > 0.0 or not 0.0 < steepest < pi / 2.0:
+        raise MissionError("a Dubins path needs a turning radius above 0 m and a steepest slope between 0 and 90 deg")
+    north, east, dive = (b - a for a, b in zip(start.position, end.position, strict=True))
+    turns, lengths = _shortest(start.heading, end.heading, north / radius, east / radius)
+    pieces = [(turn / radius, length * radius) for turn, length in zip(turns, lengths, strict=True)]
+    level = sum(length for _, length in pieces)
+    lacking = abs(dive) / tan(steepest) - level
+    if lacking > _DUST:
+        rounds = max(1, floor(lacking / (2.0 * pi * radius)))
+        pieces.append((1.0 / max(radius, lacking / (2.0 * pi * rounds)), max(lacking, 2.0 * pi * radius * rounds)))
+    return _laid_out(start, pieces, atan2(dive, sum(length for _, length in pieces)))
+
+
+def _laid_out(start: Pose, pieces: list[tuple[float, float]], slope: float) -> Chain:
+    """Pieces (turn per level metre, level length) one after the other, all at one slope."""
+    laid: list[Piece] = []
+    position, heading = start
+    for turn, level in pieces:
+        if level > _DUST:
+            laid.append(Piece(position, heading, slope, turn * cos(slope), level / cos(slope)))
+            position, heading = laid[-1].at(laid[-1].length)[:2]
+    if not laid:
+        raise MissionError("a Dubins path needs two poses that differ by more than their depth")
+    return Chain(laid)
+
+
+def _shortest(heading: float, end_heading: float, north: float, east: float) -> tuple[Lengths, Lengths]:
+    """The best word: the turn of each piece (1 to starboard, -1 to port, 0 straight) and its length, in radii."""
+    distance, course = hypot(north, east), atan2(east, north)
+    found: list[tuple[Lengths, Lengths]] = []
+    for side in (1.0, -1.0):  # what begins to port is the mirror image of what begins to starboard
+        a, b = side * (heading - course), side * (end_heading - course)
+        for (first, second, third), word in _WORDS:
+            lengths = word(a, b, distance)
+            if lengths is not None:
+                found.append(((side * first, side * second, side * third), lengths))
+    return min(found, key=lambda candidate: sum(candidate[1]))
+
+
+def _same_turns(a: float, b: float, distance: float) -> Lengths | None:
+    """Starboard, straight, starboard: the headings `a` and `b` against the line from start to end."""
+    ahead, aside = distance + sin(a) - sin(b), cos(b) - cos(a)
+    course = atan2(aside, ahead)
+    return _round(course - a), hypot(ahead, aside), _round(b - course)
+
+
+def _opposite_turns(a: float, b: float, distance: float) -> Lengths | None:
+    """Starboard, straight, port."""
+    ahead, aside = distance + sin(a) + sin(b), -cos(a) - cos(b)
+    square = ahead * ahead + aside * aside - 4.0
+    if square < 0.0:
+        return None
+    line = sqrt(square)
+    course = atan2(aside, ahead) + atan2(2.0, line)
+    return _round(course - a), line, _round(course - b)
+
+
+def _three_turns(a: float, b: float, distance: float) -> Lengths | None:
+    """Starboard, port, starboard: only for ends near each other."""
+    ahead, aside = distance + sin(a) - sin(b), cos(b) - cos(a)
+    cosine = 1.0 - (ahead * ahead + aside * aside) / 8.0
+    if cosine < -1.0:
+        return None
+    middle = 2.0 * pi - acos(cosine)
+    first = _round(atan2(aside, ahead) - a + middle / 2.0)
+    return first, middle, _round(b - a - first + middle)
+
+
+def _round(angle: float) -> float:
+    """`angle` in [0, 2 pi); what is less than that by rounding only is 0, not a whole circle."""
+    angle %= 2.0 * pi
+    return 0.0 if angle > 2.0 * pi - _DUST else angle
+
+
+_WORDS: tuple[tuple[Lengths, Callable[[float, float, float], Lengths | None]], ...] = (
+    ((1.0, 0.0, 1.0), _same_turns),
+    ((1.0, 0.0, -1.0), _opposite_turns),
+    ((1.0, -1.0, 1.0), _three_turns),
+)

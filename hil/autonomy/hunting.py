@@ -1,0 +1,215 @@
+"""Hunting: a formation approaches a target, opens into a ring around it, and it is judged by numbers.
+
+All is agreed on before the dive in one `HuntPlan`: where each vehicle's place is at any time of the plan. Then every
+vehicle is by itself (`Hunter`): it has its own reading of the plan's clock and slows it while it lags behind its place
+or a neighbour it hears is late (formation feedback: Ren & Beard, Journal of Guidance, Control, and Dynamics 27, 2004).
+Opening goes by bearing and distance from the target, which keeps the vehicles in order round it: no two places meet,
+and none leads through the target.
+
+Level plane; positions are north, east in m. The target does not move.
+"""
+
+from collections.abc import Sequence
+from itertools import pairwise
+from math import atan2, cos, dist, inf, pi, sin
+from typing import NamedTuple
+
+from hil.autonomy.control import VelocityCommand, wrap
+from hil.autonomy.formation import Body, FieldSettings, Vector, formation_error, resultant, separation
+from hil.errors import MissionError
+
+# The source paper's starts, its x and y taken as north and east.
+FORMATIONS: dict[str, tuple[Vector, ...]] = {
+    "line": ((0.0, 0.0), (3.0, 0.0), (6.0, 0.0), (9.0, 0.0)),
+    "diamond": ((4.5, 2.0), (3.0, 1.0), (6.0, 1.0), (4.5, 0.0)),
+}
+TARGET: Vector = (5.0, 8.0)
+
+_KEEP_OFF = 1.2  # the approach ends where the first place is so many ring radii from the target
+_WAIT = 0.5  # 1/s: how much a clock slows for each second that a neighbour's is behind
+_LAG = 0.3  # m behind its place at which a vehicle's clock goes at half its pace
+_PACE = 0.7  # share of the top speed that places move at; the rest is for catching up
+_TINY = 1e-3  # s, for velocities by differences
+
+
+class HuntPlan:
+    """Where each place is, by the plan's clock (s).
+
+    From `starts` the formation goes towards `target` as it is, then opens into a ring of `ring` m. `speed` m/s
+    is the vehicles' top speed. `approach` and `duration` are when the ring begins and is closed, in s. Raises
+    MissionError if vehicles start within the ring or there are fewer than three.
+    """
+
+    def __init__(self, starts: Sequence[Vector], target: Vector, ring: float, speed: float) -> None:
+        if len(starts) < 3:
+            raise MissionError(f"{len(starts)} vehicles cannot surround a target; it takes three")
+        if min(dist(start, target) for start in starts) < _KEEP_OFF * ring:
+            raise MissionError(f"a vehicle starts within {_KEEP_OFF * ring:.1f} m of the target; lessen the ring")
+        self.starts, self.target, self.ring = tuple(starts), target, ring
+        centre = sum(p[0] for p in starts) / len(starts), sum(p[1] for p in starts) / len(starts)
+        self._way = self._advance(centre)
+        back = atan2(centre[1] - target[1], centre[0] - target[0])
+        polar = (_polar(target, (p[0] + self._way[0], p[1] + self._way[1])) for p in starts)
+        self._polar = [(distance, back + wrap(bearing - back)) for distance, bearing in polar]
+        self._bearings = _spread([bearing for _, bearing in self._polar])
+        longest = max(
+            abs(distance - ring) + distance * abs(end - bearing)
+            for (distance, bearing), end in zip(self._polar, self._bearings, strict=True)
+        )
+        self.approach = dist((0.0, 0.0), self._way) / (_PACE * speed)
+        self.duration = self.approach + longest / (_PACE * speed)
+
+    def place(self, number: int, clock: float) -> Vector:
+        """Where vehicle `number` should be when the plan's clock shows `clock` s."""
+        if clock < self.approach:
+            share = max(0.0, clock) / self.approach
+            north, east = self.starts[number]
+            return north + share * self._way[0], east + share * self._way[1]
+        share = min(1.0, (clock - self.approach) / (self.duration - self.approach))
+        distance, bearing = self._polar[number]
+        distance += share * (self.ring - distance)
+        bearing += share * (self._bearings[number] - bearing)
+        return self.target[0] + distance * cos(bearing), self.target[1] + distance * sin(bearing)
+
+    def velocity(self, number: int, clock: float) -> Vector:
+        """How fast that place moves, m/s for each second of the plan."""
+        before, after = self.place(number, clock - _TINY), self.place(number, clock + _TINY)
+        return (after[0] - before[0]) / (2.0 * _TINY), (after[1] - before[1]) / (2.0 * _TINY)
+
+    def _advance(self, centre: Vector) -> Vector:
+        """How far the formation goes as it is: until its first place is near the ring."""
+        north, east = self.target[0] - centre[0], self.target[1] - centre[1]
+        way = 0.0, 0.0
+        for percent in range(1, 101):
+            on = 0.01 * percent * north, 0.01 * percent * east
+            if any(dist((p[0] + on[0], p[1] + on[1]), self.target) < _KEEP_OFF * self.ring for p in self.starts):
+                break
+            way = on
+        return way
+
+
+class Report(NamedTuple):
+    """What a vehicle tells its neighbours: its position (m north, m east) and its plan's clock (s)."""
+
+    position: Vector
+    clock: float
+
+
+class Hunter:
+    """One vehicle of a hunt: vehicle `number` of the `plan`.
+
+    `berth` m: how near the middles of two vehicles may come. `clock` is its reading of the plan's clock, s.
+    """
+
+    def __init__(self, plan: HuntPlan, number: int, settings: FieldSettings, berth: float) -> None:
+        self.clock = 0.0
+        self._plan = plan
+        self._number = number
+        self._settings = settings
+        self._berth = berth
+
+    def update(self, position: Vector, reports: Sequence[Report], dt: float) -> Vector:
+        """The velocity (m/s) wanted at `position`, `dt` s after the last call.
+
+        `reports` are those of other vehicles; what comes from beyond the range of communication is ignored.
+        """
+        heard = [r for r in reports if dist(r.position, position) < self._settings.communication_range]
+        lag = dist(position, self._plan.place(self._number, self.clock)) / _LAG
+        pace = 1.0 / (1.0 + lag * lag)
+        held = _WAIT * sum(max(0.0, self.clock - report.clock) for report in heard)
+        self.clock = min(self.clock + dt * max(0.0, pace - held), self._plan.duration)
+        north, east = self._plan.velocity(self._number, self.clock)
+        return resultant(
+            position,
+            self._plan.place(self._number, self.clock),
+            (pace * north, pace * east),
+            [Body(report.position, self._berth) for report in heard],
+            [Body(self._plan.target, self._berth)],
+            self._settings,
+        )
+
+    def command(self, position: Vector, heading: float, reports: Sequence[Report], dt: float) -> VelocityCommand:
+        """As `update`, for a vehicle that can move sideways: it turns its bow (`heading` rad) to the target."""
+        north, east = self.update(position, reports, dt)
+        target = self._plan.target
+        error = wrap(atan2(target[1] - position[1], target[0] - position[0]) - heading)
+        c, s = cos(heading), sin(heading)
+        return VelocityCommand(
+            surge=north * c + east * s, sway=east * c - north * s, yaw_rate=min(max(error, -0.5), 0.5)
+        )
+
+
+class Criteria(NamedTuple):
+    """When a hunt has succeeded.
+
+    Over the whole hunt no two middles nearer than `separation` m; during the approach the formation kept to
+    `formation` m; at the end everyone within `ring` m of the ring, no gap between neighbours as seen from the
+    target above `gap` rad, and neighbours' spacing right to a share of `spacing`.
+    """
+
+    separation: float
+    formation: float = 0.5
+    ring: float = 0.3
+    gap: float = 2.0
+    spacing: float = 0.25
+
+
+class Judgement(NamedTuple):
+    """What came out, in the criteria's units, and whether all of them hold. `failures` names those that do not."""
+
+    separation: float
+    formation_error: float
+    ring_error: float
+    largest_gap: float
+    spacing_error: float
+    failures: tuple[str, ...]
+
+    @property
+    def success(self) -> bool:
+        """Whether nothing failed."""
+        return not self.failures
+
+
+class Referee:
+    """Watches where the vehicles truly are, and judges."""
+
+    def __init__(self, plan: HuntPlan, criteria: Criteria) -> None:
+        self._plan = plan
+        self._criteria = criteria
+        self._separation = inf
+        self._formation_error = 0.0
+
+    def watch(self, positions: Sequence[Vector], clock: float) -> None:
+        """Take in all positions at one time; `clock` is the fastest vehicle's, s."""
+        self._separation = min(self._separation, separation(positions))
+        if clock < self._plan.approach:
+            self._formation_error = max(self._formation_error, formation_error(positions, self._plan.starts))
+
+    def judge(self, positions: Sequence[Vector]) -> Judgement:
+        """The judgement with the vehicles at their last positions."""
+        plan, criteria = self._plan, self._criteria
+        polar = sorted((_polar(plan.target, position) for position in positions), key=lambda p: p[1])
+        ring_error = max(abs(distance - plan.ring) for distance, _ in polar)
+        gaps = [(b[1] - a[1]) % (2.0 * pi) for a, b in pairwise([*polar, polar[0]])]
+        around = sorted(positions, key=lambda position: _polar(plan.target, position)[1])
+        right = 2.0 * plan.ring * sin(pi / len(positions))
+        spacing_error = max(abs(dist(a, b) / right - 1.0) for a, b in pairwise([*around, around[0]]))
+        found = self._separation, self._formation_error, ring_error, max(gaps), spacing_error
+        within = [value <= most for value, most in zip(found[1:], criteria[1:], strict=True)]
+        kept = found[0] > criteria.separation, *within
+        failures = tuple(name for name, ok in zip(Criteria._fields, kept, strict=True) if not ok)
+        return Judgement(*found, failures)
+
+
+def _polar(target: Vector, position: Vector) -> tuple[float, float]:
+    """Distance and bearing of `position` from `target`."""
+    return dist(target, position), atan2(position[1] - target[1], position[0] - target[0])
+
+
+def _spread(bearings: Sequence[float]) -> list[float]:
+    """Bearings evenly round the target, in the order of `bearings` and all in all as near to them as can be."""
+    apart = 2.0 * pi / len(bearings)
+    order = sorted(range(len(bearings)), key=lambda number: bearings[number])
+    rank = {number: place for place, number in enumerate(order)}
+    first = sum(bearing - apart * rank[number] for number, bearing in enumerate(bearings)) / len(bearings)
+    return [first + apart * rank[number] for number in range(len(bearings))]

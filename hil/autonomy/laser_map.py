@@ -1,0 +1,73 @@
+"""A map made on the way: what a scanning laser or sonar sees, put into an occupancy grid.
+
+Each cell has the logarithm of its odds of being occupied: an echo adds to it, a beam that passes takes away, and
+bounds let it change its mind (Moravec & Elfes, ICRA 1985; the numbers are OctoMap's, Hornung et al., Autonomous
+Robots 34, 2013). What a map showed before stays occupied. Errors of the vehicle's position are not modelled: they
+blur the map.
+"""
+
+from collections.abc import Sequence
+from math import isfinite
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.autonomy.occupancy import OccupancyGrid
+from hil.autonomy.vfh import Scan
+
+Floats = NDArray[np.floating]
+Cells = tuple[NDArray[np.intp], NDArray[np.intp]]  # rows and columns
+
+_HIT, _MISS = 0.85, -0.4
+_LEAST, _MOST = -2.0, 3.5
+
+
+class LaserMap:
+    """`known` with what scans add; echoes beyond `reach` m do not count. `grid` is the map so far."""
+
+    def __init__(self, known: OccupancyGrid, reach: float) -> None:
+        self.grid = OccupancyGrid(known.cells.copy(), known.resolution, known.origin)
+        self._known = known.cells
+        self._odds: NDArray[np.float32] = np.zeros(known.cells.shape, np.float32)
+        self._reach = reach
+
+    def add(self, position: Sequence[float], heading: float, scan: Scan) -> NDArray[np.intp]:
+        """Put a scan in, taken at `position` (m north, m east) and `heading` (rad from north, clockwise).
+
+        Returns the cells (rows of row and column) that were free before and are occupied now.
+        """
+        angles = heading + scan.first + scan.step * np.arange(len(scan.ranges))
+        ranges = np.array([d if isfinite(d) and d > 0.0 else np.inf for d in scan.ranges])
+        seen = ranges <= self._reach
+        hits = self._cells(position, ranges[seen], angles[seen])
+        self._pass_through(position, np.minimum(ranges, self._reach), angles, hits)
+        self._odds[hits] = np.minimum(self._odds[hits] + _HIT, _MOST)
+        occupied = self._known | (self._odds > 0.0)
+        fresh = np.argwhere(occupied & ~self.grid.cells)
+        self.grid.cells = occupied
+        return fresh
+
+    def _pass_through(
+        self,
+        position: Sequence[float],
+        ranges: Floats,
+        angles: Floats,
+        hits: Cells,
+    ) -> None:
+        """Take odds from the cells the beams passed, once a scan, those with an echo excepted."""
+        steps = np.arange(0.0, self._reach, 0.7 * self.grid.resolution)
+        along, turned = np.broadcast_arrays(steps[:, None], angles)
+        short = along < ranges - self.grid.resolution
+        passed = np.zeros(self._odds.shape, bool)
+        passed[self._cells(position, along[short], turned[short])] = True
+        passed[hits] = False
+        self._odds[passed] = np.maximum(self._odds[passed] + _MISS, _LEAST)
+
+    def _cells(self, position: Sequence[float], ranges: Floats, angles: Floats) -> Cells:
+        """The cells of the map at these distances and headings, each as often as it is met."""
+        (south, west), resolution = self.grid.origin, self.grid.resolution
+        rows = np.floor((position[0] + ranges * np.cos(angles) - south) / resolution).astype(np.intp)
+        columns = np.floor((position[1] + ranges * np.sin(angles) - west) / resolution).astype(np.intp)
+        height, width = len(self._odds), self._odds.shape[1]
+        inside = (rows >= 0) & (rows < height) & (columns >= 0) & (columns < width)
+        return rows[inside], columns[inside]

@@ -1,0 +1,184 @@
+"""The task scheduler: which task when, by time and signals; there, do it, and home at the end.
+
+A mission is a list of tasks, in Python or in a TOML file:
+
+    home = [0.0, 0.0]
+
+    [[task]]
+    name = "charging"
+    at = [5.0, 5.0]
+    duration = "60 s"
+    when = "battery < 0.3"
+    urgent = true
+    repeat = true
+
+Out of it comes a chart (`hil.autonomy.statechart`) like the source paper's template in Stateflow: idle, each task with
+its parts travel and work, home, done. Of the tasks that are ready the one of highest priority is next, of equals the
+nearest. An urgent one interrupts those of lower priority, which are begun anew later.
+"""
+
+from collections.abc import Mapping, Sequence
+from math import dist
+from typing import Annotated, NamedTuple
+
+from hil.autonomy.statechart import Chart, Condition, State, Transition
+from hil.errors import ConfigError
+from hil.schema import Range, load, nearest
+
+Metres = Annotated[float, Range(-1e5, 1e5, "m")]
+Point = tuple[float, float]
+
+_OWN = ("idle", "home", "done")
+
+
+class Task(NamedTuple):
+    """Something to do for `duration` s `at` a place (m north, m east).
+
+    Ready once `when` (comparisons of signals) is true, `after` s of the mission have passed and all that it
+    `needs` is done. `repeat`: ready again whenever `when` is; the mission does not wait for it.
+    """
+
+    name: str
+    at: tuple[Metres, Metres]
+    duration: Annotated[float, Range(0.0, 1e6, "s")]
+    when: str = ""
+    after: Annotated[float, Range(0.0, 1e7, "s")] = 0.0
+    needs: tuple[str, ...] = ()
+    priority: Annotated[int, Range(-1000, 1000)] = 0
+    urgent: bool = False
+    repeat: bool = False
+
+
+class Mission(NamedTuple):
+    """Tasks, and where to go when all are done; a place is reached within `tolerance` m."""
+
+    home: tuple[Metres, Metres]
+    task: tuple[Task, ...]
+    tolerance: Annotated[float, Range(0.01, 100.0, "m")] = 0.8
+
+
+class Order(NamedTuple):
+    """What to do now: the `task` ("" for none), its `state`, and where to be (None: stay)."""
+
+    task: str
+    state: str
+    goal: Point | None
+
+
+class Scheduler:
+    """Runs a mission. `log` has every state entered and when (ns); `done` is true at home after all tasks.
+
+    Raises ConfigError that begins with `where`.
+    """
+
+    def __init__(self, mission: Mission, where: str = "mission") -> None:
+        _check(mission, where)
+        self.log: list[tuple[int, str]] = []
+        self.finished: list[str] = []
+        self._mission = mission
+        self._tasks = {task.name: task for task in mission.task}
+        self._ready = {task.name: Condition(task.when, f"{where}: task {task.name!r}") for task in mission.task}
+        self._chart = _chart(mission, where)
+        self._began = 0
+
+    @property
+    def done(self) -> bool:
+        """Whether the mission is over."""
+        return self._chart.state == "done"
+
+    @property
+    def signals(self) -> frozenset[str]:
+        """The names of all signals that the mission asks for."""
+        return frozenset(name for condition in self._ready.values() for name in condition.signals)
+
+    def step(self, time: int, position: Sequence[float], signals: Mapping[str, float]) -> Order:
+        """The order at `time` (ns, growing) and `position` (m north, m east; more is ignored)."""
+        here = position[0], position[1]
+        if not self._chart.active:
+            self._began = time
+            self._note(time, self._chart.start(time).entered)
+        events = {self._choice(time, here, signals)}
+        if self._goal() is not None and dist(here, self._goal() or here) <= self._mission.tolerance:
+            events.add("arrived")
+        change = self._chart.step(time, signals, events)
+        if change.left and change.entered == ("idle",):
+            self.finished.append(change.left[-1])
+        self._note(time, change.entered)
+        return Order(self._task(), self._chart.state, self._goal())
+
+    def _note(self, time: int, entered: tuple[str, ...]) -> None:
+        self.log += [(time, entered[-1])] if entered else []
+
+    def _task(self) -> str:
+        return self._chart.active[0] if self._chart.active[0] in self._tasks else ""
+
+    def _goal(self) -> Point | None:
+        if self._chart.state == "home":
+            return self._mission.home
+        task = self._tasks.get(self._task())
+        return task.at if task else None
+
+    def _choice(self, time: int, here: Point, signals: Mapping[str, float]) -> str:
+        """The event that starts the task to do next, or that sends home; "" for neither."""
+        ready = [task for task in self._mission.task if self._is_ready(task, time, signals)]
+        if ready:
+            return _start(min(ready, key=lambda task: (-task.priority, dist(here, task.at))).name)
+        waiting = [task.name for task in self._mission.task if not task.repeat and task.name not in self.finished]
+        return "" if waiting else "go home"
+
+    def _is_ready(self, task: Task, time: int, signals: Mapping[str, float]) -> bool:
+        doing = self._tasks.get(self._task())
+        return (
+            (doing is None or task in _interrupting(doing, self._mission.task))
+            and (task.repeat or task.name not in self.finished)
+            and all(name in self.finished for name in task.needs)
+            and time - self._began >= round(task.after * 1e9)
+            and self._ready[task.name].holds(signals)
+        )
+
+
+def read_mission(path: str) -> Scheduler:
+    """The mission in the TOML file at `path`, ready to run. Raises ConfigError."""
+    return Scheduler(load(path, Mission), path)
+
+
+def _start(name: str) -> str:
+    return f"start {name}"
+
+
+def _interrupting(doing: Task, tasks: Sequence[Task]) -> list[Task]:
+    """The tasks that may break in on one."""
+    return [task for task in tasks if task.urgent and task.priority > doing.priority]
+
+
+def _chart(mission: Mission, where: str) -> Chart:
+    """The template: one state a task with its travel and work, idle between them."""
+    states = [State(name) for name in _OWN]
+    transitions = [Transition("idle", "home", event="go home"), Transition("home", "done", event="arrived")]
+    for task in mission.task:
+        travel, work = f"{task.name} travel", f"{task.name} work"
+        states += [State(task.name, initial=travel), State(travel, task.name), State(work, task.name)]
+        sources = ["idle", "home"]
+        sources += [other.name for other in mission.task if task in _interrupting(other, mission.task)]
+        transitions += [Transition(source, task.name, event=_start(task.name)) for source in sources]
+        transitions.append(Transition(travel, work, event="arrived"))
+        transitions.append(Transition(work, "idle", after=task.duration))
+    return Chart("idle", states, transitions, where)
+
+
+def _check(mission: Mission, where: str) -> None:
+    names = [task.name for task in mission.task]
+    for task in mission.task:
+        if task.name in _OWN or not task.name:
+            raise ConfigError(f"{where}: a task cannot be named {task.name!r}; that is a state of every mission")
+        if task.repeat and not task.when:
+            raise ConfigError(f"{where}: the task {task.name!r} would repeat for ever; give it a when")
+        for other in task.needs:
+            if other not in names or other == task.name:
+                raise ConfigError(f"{where}: the task {task.name!r} needs {other!r}{nearest(other, names)}")
+    left = list(mission.task)
+    while left:
+        waiting = [task for task in left if any(other.name in task.needs for other in left)]
+        if len(waiting) == len(left):
+            raise ConfigError(f"{where}: tasks need each other: {', '.join(task.name for task in left)}")
+        left = waiting

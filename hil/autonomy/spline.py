@@ -1,0 +1,122 @@
+"""A smooth curve through given points: the natural cubic spline."""
+
+from bisect import bisect_right
+from collections.abc import Sequence
+from itertools import accumulate, pairwise
+from math import atan2, dist, hypot
+from typing import NamedTuple
+
+from hil.autonomy.curves import Place, Position
+from hil.errors import MissionError
+
+# Gauss-Legendre on [-1, 1]: node and weight. A part's length comes out to better than 1e-6 of itself.
+_NODES = (
+    (0.0, 0.5688888888888889),
+    (-0.5384693101056831, 0.47862867049936647),
+    (0.5384693101056831, 0.47862867049936647),
+    (-0.9061798459386640, 0.23692688505618908),
+    (0.9061798459386640, 0.23692688505618908),
+)
+_PARTS = 16  # between two points the curve is measured in so many parts
+_LEVEL = 1e-9  # where it goes straight down, or stops in a cusp, no turn of the heading can be told
+
+
+class Spline:
+    """The natural cubic spline through `points` (m, NED): a batten bent through them, straight at its ends.
+
+    Its parameter is the chord length from point to point; direction and curvature have no jumps (de Boor,
+    "A Practical Guide to Splines", 2001, chapter IV), but for a cusp where the points lead straight back.
+    `length` m. Raises MissionError if fewer than two points are given or two neighbours are the same.
+    """
+
+    def __init__(self, points: Sequence[Position]) -> None:
+        chords = [dist(a, b) for a, b in pairwise(points)]
+        if not chords or min(chords) <= 0.0:
+            raise MissionError("a spline needs at least two points, each different from the one before")
+        axes = [_natural([point[axis] for point in points], chords) for axis in range(3)]
+        self._parts = [
+            _Part(cubics, chord * part / _PARTS, chord / _PARTS)
+            for chord, *cubics in zip(chords, *axes, strict=True)
+            for part in range(_PARTS)
+        ]
+        self._begins = [0.0, *accumulate(part.measure(part.size) for part in self._parts)]
+        self.length = self._begins[-1]
+
+    def at(self, along: float) -> Place:
+        """The place so many metres from the start, 0 to `length`."""
+        number = min(max(bisect_right(self._begins, along) - 1, 0), len(self._parts) - 1)
+        part, wanted = self._parts[number], along - self._begins[number]
+        t = part.size * wanted / (self._begins[number + 1] - self._begins[number])
+        for _ in range(2):  # Newton: the speed hardly changes within a part
+            t -= (part.measure(t) - wanted) / (part.speed(t) or 1.0)  # 0 where the curve turns back in a cusp
+        return part.place(t)
+
+    def corners(self) -> list[float]:
+        """Where the direction jumps: nowhere."""
+        return []
+
+
+class _Cubic(NamedTuple):
+    """a + b t + c t² + d t³."""
+
+    a: float
+    b: float
+    c: float
+    d: float
+
+    def value(self, t: float) -> float:
+        return self.a + t * (self.b + t * (self.c + t * self.d))
+
+    def slope(self, t: float) -> float:
+        return self.b + t * (2.0 * self.c + 3.0 * t * self.d)
+
+    def bend(self, t: float) -> float:
+        return 2.0 * self.c + 6.0 * t * self.d
+
+
+class _Part(NamedTuple):
+    """A piece of the curve: north, east, down as cubics, from the parameter `begin` over `size`."""
+
+    cubics: Sequence[_Cubic]
+    begin: float
+    size: float
+
+    def speed(self, t: float) -> float:
+        return hypot(*(cubic.slope(self.begin + t) for cubic in self.cubics))
+
+    def measure(self, t: float) -> float:
+        """The length in m up to `t` after the beginning."""
+        return 0.5 * t * sum(weight * self.speed(0.5 * t * (1.0 + node)) for node, weight in _NODES)
+
+    def place(self, t: float) -> Place:
+        t += self.begin
+        position = tuple(cubic.value(t) for cubic in self.cubics)
+        north, east, down = (cubic.slope(t) for cubic in self.cubics)
+        bend_north, bend_east, _ = (cubic.bend(t) for cubic in self.cubics)
+        level, whole = hypot(north, east), hypot(north, east, down)
+        turn = (north * bend_east - east * bend_north) / (level * level * whole) if level > _LEVEL else 0.0
+        return Place((position[0], position[1], position[2]), atan2(east, north), atan2(down, level), turn)
+
+
+def _natural(values: Sequence[float], chords: Sequence[float]) -> list[_Cubic]:
+    """The cubics of one coordinate: second derivatives by a tridiagonal system, 0 at both ends."""
+    slopes = [(b - a) / h for (a, b), h in zip(pairwise(values), chords, strict=True)]
+    bends = [0.0, *_tridiagonal(chords, [6.0 * (b - a) for a, b in pairwise(slopes)]), 0.0]
+    return [
+        _Cubic(value, slope - h * (2.0 * m + after) / 6.0, m / 2.0, (after - m) / (6.0 * h))
+        for value, slope, h, (m, after) in zip(values, slopes, chords, pairwise(bends), strict=False)
+    ]
+
+
+def _tridiagonal(chords: Sequence[float], right: Sequence[float]) -> list[float]:
+    """Solve h[i-1] m[i-1] + 2 (h[i-1] + h[i]) m[i] + h[i] m[i+1] = right[i] by elimination."""
+    diagonal = [2.0 * (a + b) for a, b in pairwise(chords)]
+    solved = list(right)
+    for i in range(1, len(solved)):
+        factor = chords[i] / diagonal[i - 1]
+        diagonal[i] -= factor * chords[i]
+        solved[i] -= factor * solved[i - 1]
+    for i in reversed(range(len(solved))):
+        after = chords[i + 1] * solved[i + 1] if i + 1 < len(solved) else 0.0
+        solved[i] = (solved[i] - after) / diagonal[i]
+    return solved

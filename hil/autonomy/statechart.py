@@ -1,0 +1,193 @@
+"""Hierarchical states and what leads from one to the next: events, signals, time.
+
+The semantics are Stateflow's where it offers a choice: at most one transition a step; those of outer states are tried
+before those of inner ones, of one state in the order they are written; leaving goes from the inside out, entering
+from the outside in and on to each state's `initial` one; a transition from a state to itself leaves and enters it.
+Not there: parallel states, history, actions. The caller acts on what `step` says was left and entered.
+
+A chart is made in Python or read from TOML:
+
+    initial = "dive"
+
+    [[state]]
+    name = "survey"
+    initial = "line"
+
+    [[state]]
+    name = "line"
+    parent = "survey"
+    ...
+    [[transition]]
+    source = "survey"
+    target = "surface"
+    when = "battery < 0.2 and depth > 1"      # or: event = "leak", after = "10 min"; all that is given must hold
+"""
+
+import operator
+from collections.abc import Callable, Collection, Mapping, Sequence
+from typing import Annotated, NamedTuple
+
+from hil.errors import ConfigError
+from hil.schema import Range, load, nearest
+
+_COMPARISONS: dict[str, Callable[[float, float], bool]] = {
+    "<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge, "==": operator.eq, "!=": operator.ne,
+}  # fmt: skip
+
+
+class State(NamedTuple):
+    """A state, part of its `parent` if it has one; one with parts names the `initial` of them."""
+
+    name: str
+    parent: str = ""
+    initial: str = ""
+
+
+class Transition(NamedTuple):
+    """From one state to another: on an `event`, `when` signals are so, `after` s in the source state."""
+
+    source: str
+    target: str
+    event: str = ""
+    when: str = ""
+    after: Annotated[float, Range(0.0, 1e7, "s")] | None = None
+
+
+class ChartFile(NamedTuple):
+    """A chart as its file tells it."""
+
+    initial: str
+    state: tuple[State, ...]
+    transition: tuple[Transition, ...] = ()
+
+
+class Change(NamedTuple):
+    """The states a step left and entered, in that order."""
+
+    left: tuple[str, ...] = ()
+    entered: tuple[str, ...] = ()
+
+
+class Condition:
+    """Comparisons of signals with numbers, joined by "and": `battery < 0.2 and depth > 3`.
+
+    `signals` are the names in it. Raises ConfigError that begins with `where`.
+    """
+
+    def __init__(self, text: str, where: str) -> None:
+        self._parts: list[tuple[str, Callable[[float, float], bool], float]] = []
+        for part in text.split(" and ") if text else ():
+            try:
+                name, sign, number = part.split()
+                self._parts.append((name, _COMPARISONS[sign], float(number)))
+            except (ValueError, KeyError):
+                raise ConfigError(f'{where}: {part!r} is no comparison; write "battery < 0.2 and depth > 3"') from None
+        self.signals = frozenset(name for name, _, _ in self._parts)
+
+    def holds(self, signals: Mapping[str, float]) -> bool:
+        """Whether all comparisons are true; one with a signal that has not come yet is not."""
+        return all(name in signals and compare(signals[name], number) for name, compare, number in self._parts)
+
+
+class Chart:
+    """A chart in one of its states. Time is the caller's, in ns.
+
+    Raises ConfigError that begins with `where` if names do not fit together. `signals` and `events` are all it
+    asks for.
+    """
+
+    def __init__(self, initial: str, states: Sequence[State], transitions: Sequence[Transition], where: str) -> None:
+        self._states = {state.name: state for state in states}
+        _check(initial, states, transitions, where)
+        self._initial = initial
+        self._transitions: dict[str, list[tuple[Transition, Condition]]] = {name: [] for name in self._states}
+        for transition in transitions:
+            condition = Condition(transition.when, f"{where}: transition from {transition.source!r}")
+            self._transitions[transition.source].append((transition, condition))
+        self.signals = frozenset(name for row in self._transitions.values() for _, c in row for name in c.signals)
+        self.events = frozenset(transition.event for transition in transitions if transition.event)
+        self.active: tuple[str, ...] = ()
+        self._since: dict[str, int] = {}
+
+    @property
+    def state(self) -> str:
+        """The innermost active state; empty before the start."""
+        return self.active[-1] if self.active else ""
+
+    def start(self, time: int) -> Change:
+        """Enter the initial state at `time` ns."""
+        self.active = ()
+        return self._go((), self._initial, time)
+
+    def step(self, time: int, signals: Mapping[str, float], events: Collection[str] = ()) -> Change:
+        """Make the first transition whose event, signals and time (ns) are all there; none is an empty change."""
+        for depth, name in enumerate(self.active):
+            for transition, condition in self._transitions[name]:
+                if self._due(transition, time, events) and condition.holds(signals):
+                    return self._go(self._common(depth, transition.target), transition.target, time)
+        return Change()
+
+    def _due(self, transition: Transition, time: int, events: Collection[str]) -> bool:
+        if transition.event and transition.event not in events:
+            return False
+        return transition.after is None or time - self._since[transition.source] >= round(transition.after * 1e9)
+
+    def _common(self, depth: int, target: str) -> tuple[str, ...]:
+        """The active states that stay: those that are outside of both the source, at `depth`, and the target."""
+        above = _line(self._states, target)[:-1]
+        kept = [a for a, b in zip(self.active[:depth], above, strict=False) if a == b]
+        return tuple(kept)
+
+    def _go(self, kept: tuple[str, ...], target: str, time: int) -> Change:
+        left = self.active[len(kept) :][::-1]
+        line = _line(self._states, target)
+        while self._states[line[-1]].initial:
+            line.append(self._states[line[-1]].initial)
+        entered = tuple(line[len(kept) :])
+        self.active = tuple(line)
+        self._since.update(dict.fromkeys(entered, time))
+        return Change(left, entered)
+
+
+def read_chart(path: str) -> Chart:
+    """The chart in the TOML file at `path`. Raises ConfigError."""
+    chart = load(path, ChartFile)
+    return Chart(chart.initial, chart.state, chart.transition, path)
+
+
+def _line(states: Mapping[str, State], name: str) -> list[str]:
+    """A state and all it is part of, the outermost first."""
+    line = [name]
+    while states[line[0]].parent:
+        line.insert(0, states[line[0]].parent)
+    return line
+
+
+def _check(initial: str, states: Sequence[State], transitions: Sequence[Transition], where: str) -> None:
+    names = [state.name for state in states]
+    for state in states:
+        if names.count(state.name) > 1:
+            raise ConfigError(f"{where}: two states are named {state.name!r}")
+    asked = [initial, *(t.source for t in transitions), *(t.target for t in transitions)]
+    asked += [name for state in states for name in (state.parent, state.initial) if name]
+    for name in asked:
+        if name not in names:
+            raise ConfigError(f"{where}: no state {name!r}{nearest(name, names)}")
+    for state in states:
+        _check_family(state, {state.name: state for state in states}, where)
+    for transition in transitions:
+        if not transition.event and not transition.when and transition.after is None:
+            raise ConfigError(f"{where}: the transition from {transition.source!r} needs an event, when or after")
+
+
+def _check_family(state: State, states: Mapping[str, State], where: str) -> None:
+    """Parents without circles, and an initial part for whoever has parts."""
+    above, seen = state.parent, {state.name}
+    while above:
+        if above in seen:
+            raise ConfigError(f"{where}: the state {state.name!r} is part of itself")
+        seen.add(above)
+        above = states[above].parent
+    parts = [part.name for part in states.values() if part.parent == state.name]
+    if (parts or state.initial) and state.initial not in parts:
+        raise ConfigError(f"{where}: the state {state.name!r} needs one of its own parts as its initial one: {parts}")

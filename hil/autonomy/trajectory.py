@@ -1,0 +1,194 @@
+"""Trajectories: a curve run over in time, checked against what the vehicle can do before it sets off.
+
+The speed is a trapezoid: from rest to cruising speed, and to rest at the end and at every corner, at a constant
+acceleration; at a corner the vehicle turns on the spot. World frame NED; headings in rad from north, clockwise seen
+from above; depth is down. Currents are not modelled: speeds are over ground.
+"""
+
+from collections.abc import Sequence
+from itertools import pairwise
+from math import copysign, cos, sin, sqrt
+from typing import Annotated, NamedTuple
+
+from hil.autonomy.control import VelocityCommand, wrap
+from hil.autonomy.curves import Curve, Position, polyline
+from hil.autonomy.spline import Spline
+from hil.errors import MissionError
+from hil.schema import Range, load
+
+# A curve is checked every so many metres, and at no fewer places than this.
+_SPACING = 0.05
+_LEAST_CHECKS = 200
+_BEFORE = 1e-9  # m: at a corner, the place just before it
+# Rounding is no breach of a limit.
+_SLACK = 1e-6
+
+
+class Limits(NamedTuple):
+    """What a vehicle and its water allow: m/s, m/s², rad/s, and depths in m.
+
+    `speed` is the most along the way, `vertical_speed` up or down, `yaw_rate` of turning, `acceleration`
+    along the way, `lateral_acceleration` across it.
+    """
+
+    speed: Annotated[float, Range(1e-3, 20.0, "m/s")] = 1.0
+    vertical_speed: Annotated[float, Range(1e-3, 10.0, "m/s")] = 0.4
+    yaw_rate: Annotated[float, Range(1e-3, 10.0, "rad/s")] = 0.5
+    acceleration: Annotated[float, Range(1e-3, 10.0)] = 0.2
+    lateral_acceleration: Annotated[float, Range(1e-3, 10.0)] = 0.5
+    shallowest: Annotated[float, Range(-1.0, 11_000.0, "m")] = 0.0
+    deepest: Annotated[float, Range(0.0, 11_000.0, "m")] = 11_000.0
+
+
+class Setpoint(NamedTuple):
+    """Where a vehicle should be at one instant: position m and velocity m/s, NED; heading rad; its rate rad/s."""
+
+    position: Position
+    velocity: tuple[float, float, float]
+    heading: float
+    yaw_rate: float
+
+
+class _Leg(NamedTuple):
+    """A run from rest to rest between two corners, then a turn on the spot: m along the curve, s, m/s."""
+
+    begin: float
+    length: float
+    speed: float
+    ramp: float
+    starts: float
+    turns: float  # when the run is over
+    ends: float
+
+
+class Trajectory:
+    """`curve` run over at up to `speed` m/s; it rests at both ends and at corners. `duration` in s.
+
+    Raises MissionError where it breaks one of the `limits`, with the place and the speed that would keep it.
+    """
+
+    def __init__(self, curve: Curve, speed: float, limits: Limits) -> None:
+        if not 0.0 < speed <= limits.speed * (1.0 + _SLACK):
+            raise MissionError(f"a speed of {speed:g} m/s is not between 0 and the vehicle's {limits.speed:g} m/s")
+        check(curve, speed, limits)
+        self.curve = curve
+        self._limits = limits
+        self._legs: list[_Leg] = []
+        self.duration = 0.0
+        for begin, end in pairwise([0.0, *curve.corners(), curve.length]):
+            self._legs.append(self._leg(begin, end, speed))
+            self.duration = self._legs[-1].ends
+
+    def at(self, time: float) -> Setpoint:
+        """The set point `time` s after the start; before and after the run that of its ends, at rest."""
+        time = min(max(time, 0.0), self.duration)
+        leg = next(leg for leg in self._legs if time <= leg.ends)
+        if time > leg.turns:
+            return self._turning(leg, time - leg.turns)
+        along, speed = self._progress(leg, time - leg.starts)
+        place = self.curve.at(min(leg.begin + along, leg.begin + leg.length - _BEFORE))
+        level = speed * cos(place.slope)
+        velocity = level * cos(place.heading), level * sin(place.heading), speed * sin(place.slope)
+        return Setpoint(place.position, velocity, place.heading, speed * place.turn)
+
+    def _leg(self, begin: float, end: float, speed: float) -> _Leg:
+        length, acceleration = end - begin, self._limits.acceleration
+        speed = min(speed, sqrt(length * acceleration))  # a short way has no time to reach it
+        ramp = speed / acceleration
+        turns = self.duration + ramp + length / speed
+        return _Leg(
+            begin, length, speed, ramp, self.duration, turns, turns + abs(self._turn(end)) / self._limits.yaw_rate
+        )
+
+    def _turn(self, along: float) -> float:
+        """How far (rad) the heading jumps at a corner; 0 at the end."""
+        if along >= self.curve.length:
+            return 0.0
+        return wrap(self.curve.at(along).heading - self.curve.at(along - _BEFORE).heading)
+
+    def _turning(self, leg: _Leg, time: float) -> Setpoint:
+        end = leg.begin + leg.length
+        rate = copysign(self._limits.yaw_rate, self._turn(end))
+        place = self.curve.at(end - _BEFORE)
+        return Setpoint(place.position, (0.0, 0.0, 0.0), place.heading + rate * time, rate)
+
+    def _progress(self, leg: _Leg, time: float) -> tuple[float, float]:
+        """The metres of the leg behind and the speed, `time` s after its start."""
+        acceleration, left = self._limits.acceleration, leg.turns - leg.starts - time
+        if time < leg.ramp:
+            return 0.5 * acceleration * time * time, acceleration * time
+        if left < leg.ramp:
+            return leg.length - 0.5 * acceleration * left * left, acceleration * left
+        return leg.speed * (time - 0.5 * leg.ramp), leg.speed
+
+
+def check(curve: Curve, speed: float, limits: Limits) -> None:
+    """Raise MissionError for the first place where running over `curve` at `speed` m/s breaks a limit.
+
+    It looks every 5 cm, at 200 places at least: a spline's sharpest bend may be missed by less than that.
+    """
+    count = max(_LEAST_CHECKS, int(curve.length / _SPACING))
+    for number in range(count + 1):
+        along = curve.length * number / count
+        (north, east, depth), _, slope, turn = curve.at(along)
+        where = f"{along:.1f} m along the way, at ({north:.1f} m north, {east:.1f} m east, {depth:.1f} m deep)"
+        if not limits.shallowest - _SLACK <= depth <= limits.deepest + _SLACK:
+            allowed = f"{limits.shallowest:g} to {limits.deepest:g} m"
+            raise MissionError(f"{where}: outside of the depths allowed, {allowed}; move the way")
+        most = _fastest(slope, turn, limits)
+        if speed > most * (1.0 + _SLACK):
+            raise MissionError(f"{where}: too steep or sharp for {speed:g} m/s; go at {most:.3g} m/s or widen it")
+
+
+def _fastest(slope: float, turn: float, limits: Limits) -> float:
+    """The speed in m/s that keeps all limits on a way of this slope (rad) and turn (rad/m)."""
+    speeds = [limits.speed]
+    if slope:
+        speeds.append(limits.vertical_speed / abs(sin(slope)))
+    if turn:
+        speeds.append(limits.yaw_rate / abs(turn))
+        speeds.append(sqrt(limits.lateral_acceleration / abs(turn) / cos(slope)))
+    return min(speeds)
+
+
+def track(
+    setpoint: Setpoint, position: Sequence[float], heading: float, limits: Limits, gain: float
+) -> VelocityCommand:
+    """The command that leads a vehicle at `position` (m, NED) and `heading` (rad) onto its set point.
+
+    The set point's velocity, plus `gain` (1/s) times the position error, turned into the body's axes (level: roll
+    and pitch are not modelled) and kept within the limits: the level part keeps its direction.
+    """
+    north, east, down = (
+        rate + gain * (wanted - here) for rate, wanted, here in zip(setpoint[1], setpoint[0], position, strict=True)
+    )
+    share = min(1.0, limits.speed / max(1e-12, sqrt(north * north + east * east)))
+    turn = setpoint.yaw_rate + gain * wrap(setpoint.heading - heading)
+    return VelocityCommand(
+        surge=share * (north * cos(heading) + east * sin(heading)),
+        sway=share * (east * cos(heading) - north * sin(heading)),
+        heave=min(max(down, -limits.vertical_speed), limits.vertical_speed),
+        yaw_rate=min(max(turn, -limits.yaw_rate), limits.yaw_rate),
+    )
+
+
+class Waypoint(NamedTuple):
+    """A point of a way: m north and east, and m deep."""
+
+    north: Annotated[float, Range(-1e5, 1e5, "m")]
+    east: Annotated[float, Range(-1e5, 1e5, "m")]
+    depth: Annotated[float, Range(-1.0, 11_000.0, "m")]
+
+
+class WaypointFile(NamedTuple):
+    """A way as a file tells it: [[waypoint]] tables, and whether the corners between are rounded by a spline."""
+
+    waypoint: tuple[Waypoint, ...]
+    smooth: bool = False
+
+
+def read_waypoints(path: str) -> Curve:
+    """The way in the TOML file at `path`. Raises ConfigError naming file and key, MissionError if it is no way."""
+    way = load(path, WaypointFile)
+    points: list[Position] = [(point.north, point.east, point.depth) for point in way.waypoint]
+    return Spline(points) if way.smooth else polyline(points)
