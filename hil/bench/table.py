@@ -17,7 +17,7 @@ from hil.master.delay import HOPS, Quantiles, quantiles
 from hil.master.planner import Outcome
 from hil.process import boot_id
 
-# "Modular UUV Simulation Platform", JMSE 2022, HIL table: a Raspberry Pi 4B and a Jetson Nano.
+# "Modular UUV Simulation Platform", Sensors 2022, 22(20), 8043, HIL table: a Raspberry Pi 4B and a Jetson Nano.
 PAPER_MASTER_CPU = 0.42
 PAPER_STARTUP_S = (3.2, 3.6)
 PAPER_MEMORY = (0.37, 0.59)
