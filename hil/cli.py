@@ -14,10 +14,18 @@ COMMANDS = {
     "master": ("hil.commands.master", "plan and fly a scenario with a slave somewhere on the network"),
     "sim": ("hil.commands.sim", "the same mission in one process, in real time or as fast as it goes"),
     "campaign": ("hil.commands.campaign", "many such runs with other seeds and parameters, on all cores"),
+    "record": ("hil.commands.record", "write what vehicles say to files for Foxglove, PlotJuggler and rosbag2"),
+    "replay": ("hil.commands.replay", "a recording once more: on the network, or bit for bit without a clock"),
+    "plot": ("hil.commands.plot", "the figures of a recording"),
+    "foxglove": ("hil.commands.foxglove", "vehicles live in Foxglove, over a websocket"),
     "loopback": ("hil.commands.loopback", "test a thruster link: losses, errors, round trips"),
     "frame": ("hil.commands.frame", "what a thruster frame says byte by byte; take bytes of a line apart"),
     "stm32": ("firmware_stub.serve", "be only the STM32, on a pty or a serial port"),
+    "router": ("hil.commands.router", "forward between vehicles and masters that cannot reach each other"),
+    "keys": ("hil.commands.keys", "certificates: who may command a vehicle, and who may listen"),
     "vehicle": ("hil.commands.vehicle", "what a vehicle is and can do; import one from a URDF"),
+    "topic": ("hil.commands.topic", "list, echo, hz and pub of ROS 2 topics, and calls of services, without ROS"),
+    "world": ("hil.commands.world", "seabeds out of charts and soundings; pictures, files for other simulators"),
     "doctor": ("hil.commands.doctor", "what this machine has of what a run wants"),
 }
 

@@ -18,8 +18,8 @@ FLOORS = {
     "sim": 1, "boards": 1, "hil.autonomy": 1,
     "hil.config": 2, "hil.topics": 2, "hil.links": 2, "hil.transport": 2,
     "firmware_stub": 3,
-    "hil.slave": 4, "hil.master": 4, "hil.charts": 4,
-    "hil.bench": 5, "hil.commands": 6, "hil.cli": 7,
+    "hil.slave": 4, "hil.master": 4,
+    "hil.bench": 5, "hil.charts": 5, "hil.commands": 6, "hil.cli": 7,
 }  # fmt: skip
 # Rooms on one floor that know nothing of each other.
 STRANGERS = [

@@ -1,0 +1,133 @@
+"""What a chart's areas say of every node: between which depths its bed lies, land, and where nothing is known."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.charts.grid import Depths, Grid
+from hil.charts.polygons import Mask, contains, fill
+from hil.charts.survey import Sheet, Survey
+
+Array = NDArray[np.float64]
+
+LAND_RISE = 2.0  # m above the water at a shore; the chart's beach where that is higher
+LAND_SLOPE = 0.15  # the shape of land is not on a chart: it rises so, up to
+LAND_TOP = 30.0  # m
+
+
+class Bounds(NamedTuple):
+    """Of each node, (rows, columns): shoal limit and deep limit in m, whether it is land, whether it is known."""
+
+    low: Array
+    high: Array
+    land: Mask
+    known: Mask
+
+
+def paint(survey: Survey, north: Array, east: Array) -> Bounds:
+    """The bounds at the crossings of `north` and `east` (m), the finer chart over the coarser."""
+    shape = len(north), len(east)
+    bounds = Bounds(np.full(shape, -np.inf), np.full(shape, np.inf), np.zeros(shape, bool), np.zeros(shape, bool))
+    if survey.reach > 0.0:
+        bounds.known[:] = _near(survey.soundings, north, east, survey.reach)
+        bounds.low[:], bounds.high[:] = survey.soundings[:, 2].min(), survey.soundings[:, 2].max()
+    for sheet in survey.sheets:
+        _paint_sheet(sheet, north, east, bounds)
+    return bounds
+
+
+def _paint_sheet(sheet: Sheet, north: Array, east: Array, bounds: Bounds) -> None:
+    part, valid = fill(sheet.coverage, north, east)
+    covered = np.zeros(bounds.known.shape, bool)
+    covered[part] = valid
+    bounds.low[covered], bounds.high[covered] = -np.inf, np.inf
+    bounds.land[covered], bounds.known[covered] = False, True
+    for area in sheet.areas:
+        part, inside = fill(area.edges, north, east)
+        inside &= covered[part]
+        bounds.low[part][inside], bounds.high[part][inside] = area.low, area.high
+    for mask, value, many in ((bounds.land, True, sheet.land), (bounds.known, False, sheet.unsurveyed)):
+        for edges in many:
+            part, inside = fill(edges, north, east)
+            mask[part][inside & covered[part]] = value
+
+
+def _near(points: Array, north: Array, east: Array, reach: float) -> Mask:
+    """Which nodes have one of `points` within `reach` m."""
+    from scipy.spatial import cKDTree
+
+    tree = cKDTree(points[:, :2])
+    nodes = (np.column_stack([np.full(len(east), row), east]) for row in north)
+    return np.array([np.isfinite(tree.query(row, distance_upper_bound=reach)[0]) for row in nodes])
+
+
+def limits_at(survey: Survey, points: Array) -> tuple[Array, Array]:
+    """Shoal and deep limit in m at `points` (n, 2)."""
+    low, high = np.full(len(points), -np.inf), np.full(len(points), np.inf)
+    for sheet in survey.sheets:
+        covered = contains(sheet.coverage, points)
+        low[covered], high[covered] = -np.inf, np.inf
+        for area in sheet.areas:
+            inside = covered & contains(area.edges, points)
+            low[inside], high[inside] = area.low, area.high
+    return low, high
+
+
+def clamp(depths: Array, bounds: Bounds, allowance: Array) -> Array:
+    """`depths` held between the limits: never above the shoal one, below the deep one only by `allowance` m."""
+    return np.maximum(np.minimum(depths, bounds.high + allowance), bounds.low)
+
+
+def allowance(soundings: Array, limits: Array, north: Array, east: Array, reach: float) -> Array:
+    """How far in m the bed may lie below its deep limit: as much as a sounding there does, fading over `reach` m.
+
+    `limits`: the deep limit at each sounding. Generalised charts have soundings deeper than the area they are in;
+    a sounding is a measurement and the area's limit a drawing, so the sounding is kept.
+    """
+    extra = np.zeros((len(north), len(east)))
+    for place_north, place_east, excess in np.column_stack([soundings[:, :2], soundings[:, 2] - limits]):
+        if excess <= 0.0 or not np.isfinite(excess):
+            continue
+        rows, columns = (
+            slice(*np.searchsorted(axis, (place - reach, place + reach)))
+            for axis, place in ((north, place_north), (east, place_east))
+        )
+        away = np.hypot(*np.meshgrid(north[rows] - place_north, east[columns] - place_east, indexing="ij"))
+        extra[rows, columns] = np.maximum(extra[rows, columns], excess * np.clip(1.5 - away / reach, 0.0, 1.0))
+    return extra
+
+
+def keep_shoals(grid: Grid, soundings: Array, shoalest: Array, low: Array, passes: int = 20) -> Grid:
+    """The grid lifted where, between its nodes, it would be deeper than a sounding, but never above `low`.
+
+    `shoalest`: the shoal limit of the area that each sounding is in. A shoal smaller than a cell has no node of its
+    own: around its sounding that limit holds, not the one of the deeper area where the nodes are. Each pass
+    spreads a sounding's shortfall over the four nodes around it in proportion to their say there.
+    """
+    depths, low = grid.depths.copy(), low.copy()
+    scaled = (soundings[:, :2] - (grid.north_min, grid.east_min)) / grid.resolution
+    corners = np.floor(scaled).astype(np.intp)
+    inside = ((corners >= 0) & (corners < np.array(depths.shape) - 1)).all(axis=1)
+    for (i, j), limit in zip(corners[inside], shoalest[inside], strict=True):
+        low[i : i + 2, j : j + 2] = np.minimum(low[i : i + 2, j : j + 2], limit)
+    for _ in range(passes):
+        excess = np.where(inside, grid._replace(depths=depths).at(soundings[:, :2]) - soundings[:, 2], 0.0)
+        for index in np.flatnonzero(excess > 1e-3):  # nan, beside what is unknown, is not
+            (i, j), (u, v) = corners[index], scaled[index] - corners[index]
+            say = np.outer((1 - u, u), (1 - v, v))
+            depths[i : i + 2, j : j + 2] -= (excess[index] * say / (say * say).sum()).astype(np.float32)
+        np.maximum(depths, low, out=depths, where=np.isfinite(low))
+    return grid._replace(depths=depths)
+
+
+def raise_land(depths: Depths, land: Mask, water: Mask, resolution: float) -> Depths:
+    """`depths` with a slope where there is `land`: up from its shore, or from the beach if that is higher."""
+    from scipy.ndimage import distance_transform_edt
+
+    if not land.any():
+        return depths
+    distance, nearest = distance_transform_edt(~water, sampling=resolution, return_indices=True)
+    shore = np.minimum(depths[tuple(nearest)], -LAND_RISE)
+    slope = np.maximum(shore - LAND_SLOPE * distance, np.minimum(shore, -LAND_TOP))
+    return np.where(land, slope, depths).astype(np.float32)

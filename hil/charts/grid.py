@@ -1,0 +1,94 @@
+"""The seabed as a grid of depths."""
+
+import os
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.errors import ConfigError
+from sim.world import World
+
+Array = NDArray[np.float64]
+Depths = NDArray[np.float32]
+Extent = tuple[float, float, float, float]  # north_min, north_max, east_min, east_max, m
+
+FLAT_CELLS = 100  # along the longer side of a world without relief
+
+
+class Grid(NamedTuple):
+    """Depths of the seabed at the crossings of a square grid.
+
+    `depths`: (rows, columns) float32, m, positive down; land is negative, nan where nothing is known. Row i lies at
+    `north_min` + i `resolution`, column j at `east_min` + j `resolution` (m from the world's origin).
+    """
+
+    depths: Depths
+    north_min: float
+    east_min: float
+    resolution: float
+
+    @property
+    def north(self) -> Array:
+        """The rows' places, m."""
+        return np.asarray(self.north_min + self.resolution * np.arange(self.depths.shape[0]))
+
+    @property
+    def east(self) -> Array:
+        """The columns' places, m."""
+        return np.asarray(self.east_min + self.resolution * np.arange(self.depths.shape[1]))
+
+    @property
+    def extent(self) -> Extent:
+        """From the first row and column to the last."""
+        north, east = self.north, self.east
+        return float(north[0]), float(north[-1]), float(east[0]), float(east[-1])
+
+    @property
+    def deepest(self) -> float:
+        """The greatest depth, m."""
+        return float(np.nanmax(self.depths))
+
+    def at(self, points: Array) -> Array:
+        """Depths at `points` (n, 2) north, east, bilinear in between; nan outside or beside a nan."""
+        rows, columns = self.depths.shape
+        scaled = (points - (self.north_min, self.east_min)) / self.resolution
+        cell = np.clip(np.floor(scaled).astype(np.intp), 0, (rows - 2, columns - 2))
+        (i, j), (u, v) = cell.T, (scaled - cell).T
+        d = self.depths
+        found = (1 - u) * ((1 - v) * d[i, j] + v * d[i, j + 1]) + u * ((1 - v) * d[i + 1, j] + v * d[i + 1, j + 1])
+        outside = ((scaled < 0.0) | (scaled > (rows - 1, columns - 1))).any(axis=1)
+        return np.where(outside, np.nan, found)
+
+
+def grid_of(world: World, resolution: float | None = None) -> Grid:
+    """The seabed of `world`: its terrain's own grid, or at another `resolution` (m), or a flat one over its extent."""
+    terrain = world.terrain
+    if terrain is not None and resolution in (None, terrain.grid.resolution):
+        place = terrain.grid
+        depths = np.asarray(terrain.depths, np.float32).reshape(place.rows, place.columns)
+        return Grid(depths, place.north_min, place.east_min, place.resolution)
+    south, north, west, east = world.extent
+    step = resolution or max(north - south, east - west) / FLAT_CELLS
+    rows, columns = (max(2, int((high - low) / step + 1e-9) + 1) for low, high in ((south, north), (west, east)))
+    flat = Grid(np.full((rows, columns), world.depth, np.float32), south, west, step)
+    if terrain is None:
+        return flat
+    places = np.meshgrid(flat.north, flat.east, indexing="ij")
+    found = grid_of(world).at(np.column_stack([axis.ravel() for axis in places]))
+    return flat._replace(depths=found.reshape(rows, columns).astype(np.float32))
+
+
+def write_file(path: str, data: bytes) -> None:
+    """Write a whole file or none: what was there stays until all is written. Raises ConfigError."""
+    fresh = f"{path}.{os.getpid()}"
+    try:
+        os.makedirs(os.path.dirname(path) or ".", exist_ok=True)
+        with open(fresh, "wb") as file:
+            file.write(data)
+        os.replace(fresh, path)
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be written: {error.strerror}") from None
+    finally:
+        if os.path.exists(fresh):
+            os.remove(fresh)

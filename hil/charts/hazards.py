@@ -1,0 +1,127 @@
+"""Obstructions, wrecks, rocks, piles and islets of a chart: where they stand and how high they reach.
+
+A chart gives most of them as points, without a size. The radii here are ours, on the large side of what such
+things measure. Where no depth is given, WATLEV tells how the water's level lies to them.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.charts.grid import Grid
+from hil.charts.polygons import Edges, fill
+from hil.charts.s57 import Feature
+from hil.charts.survey import Hazard
+from sim.obstacles import Box, Cylinder
+
+Array = NDArray[np.float64]
+
+RADII = {
+    "OBSTRN": 2.0, "WRECKS": 8.0, "UWTROC": 2.0, "PILPNT": 0.4, "PYLONS": 3.0, "MORFAC": 1.0, "LNDARE": 5.0,
+}  # fmt: skip
+OUT_OF_WATER = -100.0  # as sim.obstacles has it
+STANDS_UP = {"PILPNT", "PYLONS", "MORFAC", "LNDARE"}  # they come out of the water unless WATLEV says otherwise
+# Always under water (WATLEV 3) says nothing of how deep. The others (S-57 appendix A, attribute 187):
+# partly submerged at high water, always dry, covers and uncovers, awash.
+TOPS = {1.0: OUT_OF_WATER, 2.0: OUT_OF_WATER, 4.0: 0.0, 5.0: 0.0}
+FLOATING = 7.0
+BURIED = 0.01  # m: what rises less is not there
+LEAST_HEIGHT = 1.0  # m above the bed of what is only known to be there
+
+
+class Placed(NamedTuple):
+    """What became of hazards: obstacles for a world, and the grid with areas risen."""
+
+    grid: Grid
+    cylinders: tuple[Cylinder, ...]
+    boxes: tuple[Box, ...]
+
+
+def hazards_of(feature: Feature, points: Array, edges: Edges) -> list[Hazard]:
+    """The hazards that one object is, its `points` and `edges` on the plane; none for what floats."""
+    if feature.kind not in RADII or feature.number("WATLEV") == FLOATING:
+        return []
+    if feature.kind == "LNDARE" and feature.is_area:
+        return []
+    top, radius = _top(feature), RADII[feature.kind]
+    if feature.is_area:
+        return [Hazard(feature.kind, np.concatenate(edges), radius, top, edges)] if edges else []
+    places = [points[i : i + 1] for i in range(len(points))]
+    return [Hazard(feature.kind, line, radius, top) for line in (*places, *edges)]
+
+
+def _top(feature: Feature) -> float | None:
+    depth, level = feature.number("VALSOU"), feature.number("WATLEV")
+    if depth is not None:
+        return depth
+    if level in TOPS:
+        return TOPS[level]
+    return OUT_OF_WATER if feature.kind in STANDS_UP and level is None else None
+
+
+def place(hazards: tuple[Hazard, ...], grid: Grid, shoal_limit: Array) -> Placed:
+    """Stand `hazards` on the bed of `grid`; one without a known top reaches up to `shoal_limit`, (rows, columns).
+
+    That is what a chart system assumes (IHO S-52, procedure DEPVAL). Left out: what is on land, off the grid or
+    below the bed.
+    """
+    grid = grid._replace(depths=grid.depths.copy())
+    limit = Grid(shoal_limit.astype(np.float32), *grid[1:])
+    standing = [hazard for hazard in hazards if not _raise_bed(hazard, grid, shoal_limit)]
+    cylinders: list[Cylinder] = []
+    boxes: list[Box] = []
+    for hazard in standing:
+        if len(hazard.line) == 1 or hazard.edges:
+            cylinders += _cylinder(hazard, grid, limit)
+        else:
+            boxes += _boxes(hazard, grid, limit)
+    return Placed(grid, tuple(cylinders), tuple(boxes))
+
+
+def _raise_bed(hazard: Hazard, grid: Grid, shoal_limit: Array) -> bool:
+    """Raise the bed of `grid` to the top of an area; False for what has no area, or none that holds a node."""
+    part, inside = fill(hazard.edges, grid.north, grid.east)
+    if not inside.any():
+        return False
+    bed = grid.depths[part]
+    top = np.maximum(shoal_limit[part] if hazard.top is None else hazard.top, -LEAST_HEIGHT)
+    np.copyto(bed, top, where=inside & (bed > top), casting="same_kind")
+    return True
+
+
+def _height(hazard: Hazard, place: Array, grid: Grid, limit: Grid) -> float | None:
+    """The depth of its top at `place` (2,), None where it does not stand in water."""
+    bed, shoal = (float(g.at(place[None])[0]) for g in (grid, limit))
+    if not bed > 0.0:  # nan, too
+        return None
+    if hazard.top is not None:
+        return hazard.top if hazard.top < bed - BURIED else None
+    highest = bed - LEAST_HEIGHT
+    return max(0.0, min(shoal, highest) if np.isfinite(shoal) else highest)
+
+
+def _cylinder(hazard: Hazard, grid: Grid, limit: Grid) -> list[Cylinder]:
+    """A point, or an area smaller than a cell of the grid."""
+    middle = hazard.line.mean(axis=0)
+    top = _height(hazard, middle, grid, limit)
+    radius = max(hazard.radius, float(np.hypot(*(hazard.line - middle).T).max()))
+    return [] if top is None else [Cylinder(*_rounded(*middle, radius, top))]
+
+
+def _boxes(hazard: Hazard, grid: Grid, limit: Grid) -> list[Box]:
+    """A line, piece by piece."""
+    boxes = []
+    for start, end in zip(hazard.line[:-1], hazard.line[1:], strict=True):
+        middle, along = 0.5 * (start + end), end - start
+        top = _height(hazard, middle, grid, limit)
+        length, heading = float(np.hypot(*along)), float(np.arctan2(along[1], along[0]))
+        if top is not None and length > 0.0:
+            size = length + 2.0 * hazard.radius
+            north, east, size, width, heading, top = _rounded(*middle, size, 2.0 * hazard.radius, heading, top)
+            boxes.append(Box(north, east, size, width, heading, top))
+    return boxes
+
+
+def _rounded(*values: float) -> tuple[float, ...]:
+    return tuple(round(float(value), 3) for value in values)

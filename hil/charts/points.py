@@ -1,0 +1,138 @@
+"""Soundings from text: XYZ and CSV, packed or not, and what all loose depths have in common."""
+
+import csv
+import os
+from collections.abc import Sequence
+from typing import IO, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.errors import ConfigError
+
+Array = NDArray[np.float64]
+Positive = Literal["auto", "up", "down"]
+
+# What a column may be called (lower case, up to the first bracket or underscore)
+_LONGITUDE, _LATITUDE = {"lon", "long", "longitude", "lng"}, {"lat", "latitude"}
+_EAST, _NORTH = {"e", "east", "easting", "x"}, {"n", "north", "northing", "y"}
+_DEPTH = {"z", "depth", "bathymetry", "elevation", "height", "altitude", "sounding", "bottom", "topo"}
+PACKED = (".gz", ".xz", ".bz2")
+ENDINGS = (".xyz", ".csv", ".txt", ".tsv", ".dat")
+
+
+class Points(NamedTuple):
+    """Loose depths. `places`: (n, 2) latitude, longitude in degrees if `geographic`, else north, east in m.
+
+    `depths`: (n,) m, positive down. `spacing`: of a raster's pixels in m, 0 for others.
+    """
+
+    name: str
+    places: Array
+    depths: Array
+    geographic: bool
+    spacing: float = 0.0
+
+
+def downwards(values: Array, positive: Positive) -> Array:
+    """`values` as depths. With "auto" they are heights if most are below zero, because most of a seabed is."""
+    up = positive == "up" or (positive == "auto" and float(np.median(values)) < 0.0)
+    return -values if up else values
+
+
+def is_points(path: str) -> bool:
+    """Whether the name of a file says that it holds soundings as text."""
+    stem, ending = os.path.splitext(path.lower())
+    return (os.path.splitext(stem)[1] if ending in PACKED else ending) in ENDINGS
+
+
+def read_points(path: str, positive: Positive = "auto") -> Points:
+    """The soundings in the text file at `path`. Raises ConfigError.
+
+    Columns are parted by commas, semicolons, tabs or blanks. A first line names them: longitude and latitude, or
+    east and north (x and y) in m, and depth, elevation or z; without one they are longitude, latitude, depth.
+    Lines that begin with # are left out.
+    """
+    try:
+        with _open(path) as file:
+            lines = [line.strip() for line in file if line.strip() and not line.lstrip().startswith("#")]
+    except (OSError, EOFError, UnicodeDecodeError) as error:
+        raise ConfigError(f"{path}: cannot be read: {error}") from None
+    if not lines:
+        raise ConfigError(f"{path}: no soundings in it")
+    separator = next((mark for mark in ",;\t" if mark in lines[0]), None)
+    names = _cells(lines[0], separator)
+    has_names = not all(map(_is_number, names))
+    first, second, third, geographic = _columns(names, path) if has_names else (0, 1, 2, True)
+    rows = _numbers(lines[has_names:], separator, (first, second, third), path, has_names)
+    rows = rows[np.isfinite(rows).all(axis=1)]
+    if not len(rows):
+        raise ConfigError(f"{path}: no soundings in it")
+    _check_degrees(rows, geographic, path)
+    return Points(os.path.basename(path), rows[:, 1::-1], downwards(rows[:, 2], positive), geographic)
+
+
+def _open(path: str) -> IO[str]:
+    ending = os.path.splitext(path)[1].lower()
+    if ending == ".gz":
+        import gzip
+
+        return gzip.open(path, "rt", encoding="utf-8")
+    if ending == ".xz":
+        import lzma
+
+        return lzma.open(path, "rt", encoding="utf-8")
+    if ending == ".bz2":
+        import bz2
+
+        return bz2.open(path, "rt", encoding="utf-8")
+    return open(path, encoding="utf-8-sig")
+
+
+def _cells(line: str, separator: str | None) -> list[str]:
+    return line.split() if separator is None else next(csv.reader([line], delimiter=separator))
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def _columns(names: Sequence[str], path: str) -> tuple[int, int, int, bool]:
+    """Where longitude (east), latitude (north) and depth are, and whether the first two are degrees."""
+    short = [name.strip().lower().partition("(")[0].partition("_")[0].strip() for name in names]
+
+    def find(wanted: set[str]) -> int | None:
+        return next((index for index, name in enumerate(short) if name in wanted), None)
+
+    depth = find(_DEPTH)
+    for across, along, geographic in ((_LONGITUDE, _LATITUDE, True), (_EAST, _NORTH, False)):
+        first, second = find(across), find(along)
+        if None not in (first, second, depth):
+            return first, second, depth, geographic  # type: ignore[return-value] # not None, as just seen
+    raise ConfigError(
+        f"{path}: its first line names the columns {', '.join(names)}: longitude, latitude (or east, north) and "
+        "depth are wanted"
+    )
+
+
+def _numbers(lines: list[str], separator: str | None, columns: tuple[int, ...], path: str, offset: int) -> Array:
+    rows = []
+    for number, line in enumerate(lines, 1 + offset):
+        cells = _cells(line, separator) if separator is None or '"' in line else line.split(separator)
+        try:
+            rows.append([float(cells[column] or "nan") for column in columns])
+        except (ValueError, IndexError):
+            raise ConfigError(f"{path}: no sounding in row {number}: {line[:60]!r}") from None
+    return np.array(rows, float).reshape(-1, 3)
+
+
+def _check_degrees(rows: Array, geographic: bool, path: str) -> None:
+    if geographic and (np.abs(rows[:, 1]).max() > 90.0 or np.abs(rows[:, 0]).max() > 360.0):
+        raise ConfigError(
+            f"{path}: longitude and latitude are expected first, and these are no degrees; if they are metres, give "
+            'the file a first line "east,north,depth"'
+        )

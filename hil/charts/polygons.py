@@ -1,0 +1,67 @@
+"""Areas given by the edges that bound them, in any order, holes included: what is inside, by counting crossings."""
+
+from collections.abc import Iterable
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+Window = tuple[slice, slice]  # rows, columns
+Edges = tuple[Array, ...]  # each (n, 2) north, east in m
+
+
+def segments(edges: Iterable[Array]) -> tuple[Array, Array]:
+    """The starts and the ends of all straight pieces, (n, 2) each."""
+    edges = list(edges)
+    if not edges:
+        return np.empty((0, 2)), np.empty((0, 2))
+    return np.concatenate([edge[:-1] for edge in edges]), np.concatenate([edge[1:] for edge in edges])
+
+
+def fill(edges: Edges, north: Array, east: Array) -> tuple[Window, Mask]:
+    """Which crossings of the growing arrays `north` and `east` (m) are inside.
+
+    The rows and columns around the area, and of those crossings whether each is in it.
+    """
+    start, end = segments(edges)
+    if not len(start):
+        return (slice(0, 0), slice(0, 0)), np.zeros((0, 0), bool)
+    rows, columns = (_within(axis, start[:, k], end[:, k]) for k, axis in enumerate((north, east)))
+    return (rows, columns), _crossed(start, end, north[rows], east[columns])
+
+
+def _within(axis: Array, start: Array, end: Array) -> slice:
+    low, high = np.minimum(start, end).min(), np.maximum(start, end).max()
+    return slice(int(np.searchsorted(axis, low)), int(np.searchsorted(axis, high, "right")))
+
+
+def _crossed(start: Array, end: Array, north: Array, east: Array) -> Mask:
+    """Where, coming from the west along a row, an odd number of edges has been crossed."""
+    first, last = np.sort([np.searchsorted(north, start[:, 0]), np.searchsorted(north, end[:, 0])], axis=0)
+    counts = last - first  # the rows that each edge crosses
+    which = np.repeat(np.arange(len(start)), counts)
+    rows = np.arange(len(which)) - np.repeat(np.cumsum(counts) - counts, counts) + first[which]
+    share = (north[rows] - start[which, 0]) / (end[which, 0] - start[which, 0])
+    crossing = start[which, 1] + share * (end[which, 1] - start[which, 1])
+    columns = np.searchsorted(east, crossing)
+    width = len(east) + 1
+    flips = np.bincount(rows * width + columns, minlength=len(north) * width).reshape(len(north), width)
+    return np.asarray(np.cumsum(flips[:, :-1], axis=1) % 2 == 1)
+
+
+def contains(edges: Edges, points: Array) -> Mask:
+    """Which of `points` (n, 2) north, east are inside: (n,)."""
+    inside = np.zeros(len(points), bool)
+    start, end = segments(edges)
+    if not len(start):
+        return inside
+    low, high = np.minimum(start, end).min(axis=0), np.maximum(start, end).max(axis=0)
+    near = np.flatnonzero(((points >= low) & (points <= high)).all(axis=1))
+    for chunk in np.array_split(near, 1 + len(near) * len(start) // 2_000_000):
+        north, east = points[chunk, 0, None], points[chunk, 1, None]
+        spans = (start[:, 0] <= north) != (end[:, 0] <= north)
+        rise = np.where(start[:, 0] == end[:, 0], 1.0, end[:, 0] - start[:, 0])
+        crossing = start[:, 1] + (north - start[:, 0]) / rise * (end[:, 1] - start[:, 1])
+        inside[chunk] = (spans & (crossing <= east)).sum(axis=1) % 2 == 1
+    return inside

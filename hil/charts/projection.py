@@ -1,0 +1,54 @@
+"""Geographic positions on a local plane and back: the tangent plane of WGS 84 in a world's origin."""
+
+from math import cos, radians, sin
+
+import numpy as np
+from numpy.typing import NDArray
+
+# WGS 84 (NIMA TR8350.2): semi-major axis in m, flattening, and the eccentricity squared that follows
+SEMI_MAJOR_AXIS = 6_378_137.0
+FLATTENING = 1.0 / 298.257223563
+_E2 = FLATTENING * (2.0 - FLATTENING)
+
+Array = NDArray[np.float64]
+
+
+class LocalPlane:
+    """North and east in m on the plane that touches the ellipsoid at (latitude, longitude), in degrees.
+
+    A point of the ellipsoid is dropped onto the plane (ECEF, then the topocentric turn), so the distance from the
+    origin comes out short, an arc shown as its sine: 0.5 mm at 5 km, 0.1 m at 30 km. Good for worlds of some tens
+    of kilometres. That the earth falls away below the plane is not modelled: depths count from the water's surface.
+    """
+
+    def __init__(self, latitude: float, longitude: float) -> None:
+        self.latitude, self.longitude = latitude, longitude
+        phi, lam = radians(latitude), radians(longitude)
+        self._up = np.array([cos(phi) * cos(lam), cos(phi) * sin(lam), sin(phi)])
+        self._north = np.array([-sin(phi) * cos(lam), -sin(phi) * sin(lam), cos(phi)])
+        self._east = np.array([-sin(lam), cos(lam), 0.0])
+        self._origin = _ecef(np.array(phi), np.array(lam))
+
+    def to_local(self, latitude: Array, longitude: Array) -> tuple[Array, Array]:
+        """North and east in m of points in degrees, arrays of one shape."""
+        offset = _ecef(np.radians(latitude), np.radians(longitude)) - self._origin
+        return offset @ self._north, offset @ self._east
+
+    def to_geographic(self, north: Array, east: Array) -> tuple[Array, Array]:
+        """Latitude and longitude in degrees of points on the plane, m: where the plane's normal meets the ellipsoid."""
+        flat = self._origin + np.multiply.outer(np.asarray(north), self._north) + np.multiply.outer(east, self._east)
+        # |p + t up| on the ellipsoid: a quadratic equation in t, z scaled so that the ellipsoid is a sphere
+        scale = np.array([1.0, 1.0, 1.0 / (1.0 - FLATTENING)])
+        p, up = flat * scale, self._up * scale
+        b, c = p @ up, (p * p).sum(-1) - SEMI_MAJOR_AXIS**2
+        a = float(up @ up)
+        point = flat + np.multiply.outer((-b + np.sqrt(b * b - a * c)) / a, self._up)
+        x, y, z = point[..., 0], point[..., 1], point[..., 2]
+        return np.degrees(np.arctan2(z / (1.0 - _E2), np.hypot(x, y))), np.degrees(np.arctan2(y, x))
+
+
+def _ecef(phi: Array, lam: Array) -> Array:
+    """Points of the ellipsoid, (..., 3) in m."""
+    radius = SEMI_MAJOR_AXIS / np.sqrt(1.0 - _E2 * np.sin(phi) ** 2)
+    parts = radius * np.cos(phi) * np.cos(lam), radius * np.cos(phi) * np.sin(lam), radius * (1.0 - _E2) * np.sin(phi)
+    return np.stack(parts, axis=-1)

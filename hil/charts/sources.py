@@ -1,0 +1,116 @@
+"""Every kind of file that says something of a seabed, and one survey out of all that are given."""
+
+import os
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.charts import rasters
+from hil.charts.chart_survey import Box, covered, survey_charts
+from hil.charts.grid import Extent
+from hil.charts.points import Points, Positive, is_points, read_points
+from hil.charts.projection import LocalPlane
+from hil.charts.s57 import Cell, read_cell
+from hil.charts.survey import Survey, block_means
+from hil.errors import ConfigError
+
+Array = NDArray[np.float64]
+
+RASTER_REACH = 1.5  # pixels around a raster's known ones that are still known
+POINTS_REACH = 4.0  # the same around soundings, in what they are apart in the mean
+
+
+def read_sources(
+    paths: list[str], area: Box | None, resolution: float, updates: bool = True, positive: Positive = "auto",
+    reach: float | None = None,
+) -> tuple[Survey, Extent]:  # fmt: skip
+    """What the files say of `area` (all they cover if None), and where that is on the plane, m.
+
+    `resolution` (m) of the grid that is wanted; `updates` and `positive` as in the readers; `reach` (m): how far
+    from loose soundings the seabed is known. Raises ConfigError, MissingExtraError.
+    """
+    cells: list[Cell] = []
+    loose: list[Points] = []
+    for path in paths:
+        if path.lower().endswith(".000"):
+            cells.append(read_cell(path, updates))
+        else:
+            loose.append(_read_loose(path, area, positive))
+    if any(not points.geographic for points in loose):
+        return _on_a_plane(loose, cells, area, resolution, reach)
+    area = area or _around([*([covered(cells)] if cells else []), *map(_box, loose)])
+    plane = LocalPlane(*area.centre)
+    parts = [survey_charts(cells, plane, resolution)] if cells else []
+    parts += [_survey(points, _local(points, plane), resolution, reach) for points in loose]
+    return _together(parts, area.centre), _extent(area, plane)
+
+
+def _read_loose(path: str, area: Box | None, positive: Positive) -> Points:
+    if is_points(path):
+        return read_points(path, positive)
+    ending = os.path.splitext(path)[1].lower()
+    if ending in rasters.ENDINGS:
+        return rasters.read_raster(path, area, positive)
+    if ending[1:].isdigit():
+        raise ConfigError(f"{path}: is an update; name the cell itself (.000), updates beside it are found")
+    raise ConfigError(
+        f"{path}: what is {ending or 'a file without an ending'}? There are .000 (S-57), .tif, .bag, .nc, .xyz and .csv"
+    )
+
+
+def _on_a_plane(
+    loose: list[Points], cells: list[Cell], area: Box | None, resolution: float, reach: float | None
+) -> tuple[Survey, Extent]:
+    """Soundings in metres from an origin that nobody knows on the earth."""
+    if cells or area or any(points.geographic for points in loose):
+        raise ConfigError(f"{loose[0].name}: has metres, which neither --area nor files in degrees can be put to")
+    survey = _together([_survey(points, points.places, resolution, reach) for points in loose], None)
+    north, east = survey.soundings[:, 0], survey.soundings[:, 1]
+    return survey, (float(north.min()), float(north.max()), float(east.min()), float(east.max()))
+
+
+def _box(points: Points) -> Box:
+    south, west = points.places.min(axis=0)
+    north, east = points.places.max(axis=0)
+    return Box(float(south), float(west), float(north), float(east))
+
+
+def _around(boxes: list[Box]) -> Box:
+    corners = np.array(boxes)
+    return Box(*corners[:, :2].min(axis=0).tolist(), *corners[:, 2:].max(axis=0).tolist())
+
+
+def _local(points: Points, plane: LocalPlane) -> Array:
+    return np.column_stack(plane.to_local(points.places[:, 0], points.places[:, 1]))
+
+
+def _survey(points: Points, places: Array, resolution: float, reach: float | None) -> Survey:
+    """Loose soundings, their mean where several are nearer to each other than the grid's nodes."""
+    soundings = block_means(np.column_stack([places, points.depths]), resolution)
+    if reach is None:
+        size = np.ptp(soundings[:, :2], axis=0)
+        apart = float(np.sqrt(size.prod() / len(soundings)))
+        reach = RASTER_REACH * max(points.spacing, resolution) if points.spacing else POINTS_REACH * apart
+    return Survey(points.name, None, soundings, reach=reach)
+
+
+def _together(parts: list[Survey], origin: tuple[float, float] | None) -> Survey:
+    """One survey of all: areas and hazards are the charts', of which there is one part at most."""
+    return parts[0]._replace(
+        source="; ".join(part.source for part in parts),
+        origin=origin,
+        soundings=np.concatenate([part.soundings for part in parts]),
+        reach=max(part.reach for part in parts),
+    )
+
+
+def _extent(area: Box, plane: LocalPlane) -> Extent:
+    """The rectangle on the plane around an area's corners and the middles of its sides."""
+    south, west, north, east = area
+    latitude, longitude = area.centre
+    corners = np.array([
+        (south, west), (south, east), (north, west), (north, east),
+        (south, longitude), (north, longitude), (latitude, west), (latitude, east),
+    ])  # fmt: skip
+    norths, easts = plane.to_local(corners[:, 0], corners[:, 1])
+    return float(norths.min()), float(norths.max()), float(easts.min()), float(easts.max())

@@ -1,0 +1,87 @@
+"""What is known of a seabed before it is gridded, on the world's local plane, whatever file it came from."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.charts.gridding import Indices
+from hil.charts.polygons import Edges
+
+Array = NDArray[np.float64]
+
+
+class DepthArea(NamedTuple):
+    """An area whose bed lies between `low` and `high` m of depth; negative dries, inf says nothing."""
+
+    edges: Edges
+    low: float
+    high: float
+
+
+class Sheet(NamedTuple):
+    """The areas of one chart. `coverage` bounds where it is valid; nothing is known in `unsurveyed`."""
+
+    name: str
+    coverage: Edges
+    areas: tuple[DepthArea, ...]
+    land: tuple[Edges, ...]
+    unsurveyed: tuple[Edges, ...] = ()
+
+
+class Hazard(NamedTuple):
+    """Something on the seabed. `top` is the depth of its upper end in m, None if only known to be there.
+
+    A point (`line` with one place) stands with `radius` m around it, a line is as wide; an area rises from the
+    bed inside its edges.
+    """
+
+    kind: str
+    line: Array
+    radius: float
+    top: float | None
+    edges: Edges = ()
+
+
+class Survey(NamedTuple):
+    """All of it.
+
+    `soundings`: (n, 3) north, east, depth in m. `guides`: the same for places on contours, `shore` lines to draw.
+    `sheets` go from the coarsest to the finest. `reach`: how far in m the bed is known around soundings where no
+    sheet says so; 0 nowhere. `origin`: latitude and longitude in degrees of (0, 0), None where there is none.
+    `notes`: what a person should know of how the files were read.
+    """
+
+    source: str
+    origin: tuple[float, float] | None
+    soundings: Array
+    guides: Array = np.empty((0, 3))
+    sheets: tuple[Sheet, ...] = ()
+    hazards: tuple[Hazard, ...] = ()
+    contours: tuple[tuple[Array, float], ...] = ()
+    shore: tuple[Array, ...] = ()
+    bridges: tuple[Array, ...] = ()
+    reach: float = 0.0
+    notes: tuple[str, ...] = ()
+
+
+def resample(line: Array, step: float) -> Array:
+    """Places along `line` (n, 2), both ends among them, at most `step` m apart."""
+    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))])
+    wanted = np.linspace(0.0, along[-1], int(np.ceil(along[-1] / step)) + 1)
+    return np.column_stack([np.interp(wanted, along, line[:, k]) for k in (0, 1)])
+
+
+def first_in_cell(points: Array, size: float) -> Indices:
+    """The indices, growing, of the first point in each square cell of `size` m."""
+    cells = np.floor(points[:, :2] / size).astype(np.int64)
+    _, first = np.unique(cells, axis=0, return_index=True)
+    return np.sort(first)
+
+
+def block_means(points: Array, size: float) -> Array:
+    """The mean of the points (n, k) in each square cell of `size` m, (m, k)."""
+    cells = np.floor(points[:, :2] / size).astype(np.int64)
+    _, where, counts = np.unique(cells, axis=0, return_inverse=True, return_counts=True)
+    sums = [np.bincount(where.ravel(), points[:, k]) for k in range(points.shape[1])]
+    return np.asarray(np.column_stack(sums) / counts[:, None])

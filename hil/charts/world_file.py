@@ -1,0 +1,48 @@
+"""A world on disk: NAME.toml as sim.world reads it, and NAME.f32 with the depths of its seabed."""
+
+import os
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+
+from hil.charts.grid import write_file
+from hil.charts.hazards import Placed
+
+
+def write_world(
+    path: str, placed: Placed, source: str, origin: tuple[float, float] | None, notes: Sequence[str]
+) -> None:
+    """Write `placed` to `path` (`.toml`) and its depths beside it; `notes` stand at the file's head.
+
+    The depths are little-endian float32, row after row from the south-west corner, nan where nothing is known.
+    Raises ConfigError.
+    """
+    stem = os.path.splitext(os.path.basename(path))[0]
+    grid = placed.grid
+    write_file(os.path.splitext(path)[0] + ".f32", np.ascontiguousarray(grid.depths, "<f4").tobytes())
+    terrain = {
+        "file": f"{stem}.f32", "north_min": grid.north_min, "east_min": grid.east_min,
+        "resolution": grid.resolution, "rows": grid.depths.shape[0], "columns": grid.depths.shape[1],
+    }  # fmt: skip
+    world = {"name": stem, "source": source, "extent": grid.extent, "depth": max(0.1, grid.deepest)}
+    lines = [*(f"# {note}" for note in notes), *_keys(world)]
+    if origin is not None:
+        lines.append(f"origin = {_toml(origin)} # latitude, longitude")
+    lines += ["", "[terrain]", *_keys(terrain)]
+    for name, obstacles in (("cylinder", placed.cylinders), ("box", placed.boxes)):
+        for obstacle in obstacles:
+            lines += ["", f"[[{name}]]", *_keys(obstacle._asdict())]
+    write_file(path, ("\n".join(lines) + "\n").encode())
+
+
+def _keys(table: dict[str, Any]) -> Iterator[str]:
+    return (f"{key} = {_toml(value)}" for key, value in table.items())
+
+
+def _toml(value: Any) -> str:
+    if isinstance(value, str):
+        return '"' + value.replace("\\", "\\\\").replace('"', '\\"') + '"'
+    if isinstance(value, tuple):
+        return "[" + ", ".join(map(_toml, value)) + "]"
+    return str(value) if isinstance(value, int) else repr(round(float(value), 9) + 0.0)

@@ -1,0 +1,233 @@
+"""`uuv-hil world`: seabeds out of charts and soundings; their pictures, and files for other simulators."""
+
+import argparse
+import json
+import os
+import sys
+from importlib.util import find_spec
+from typing import TYPE_CHECKING, Any
+
+from hil.columns import aligned
+from hil.commands.parser import new_parser
+from hil.errors import ConfigError, MissingExtraError
+from hil.schema import preset_names
+from sim.world import World, load_world
+
+if TYPE_CHECKING:
+    from hil.charts.build import Built
+    from hil.charts.chart_survey import Box
+    from hil.charts.survey import Survey
+
+EXAMPLES = """\
+examples:
+  uuv-hil world build US5AK5SI.000 --resolution 20 -o worlds/homer --picture homer.png
+  uuv-hil world build US5AK5SI.000 US5AK5SJ.000 --area 59.58,-151.46,59.62,-151.38 -o worlds/spit
+  uuv-hil world build survey.tif -o worlds/survey        GeoTIFF, BAG, GEBCO's NetCDF, XYZ or CSV as well
+  uuv-hil world show worlds/homer.toml -o homer.png
+  uuv-hil world export worlds/homer.toml homer.glb       .glb .stl .tif, .sdf for Gazebo,
+  uuv-hil world export worlds/homer.toml homer.pgm --depth 10   or a map for planners
+  uuv-hil world list
+A scenario flies in a world with `world = "worlds/homer.toml"`. Not for navigation.
+"""
+NOTE = "Made with `uuv-hil world build`. Not for navigation. Depths count from the chart's datum (mostly low water)."
+
+BRIDGES = "; bridges are drawn, but their decks are above the water"
+
+
+def main(arguments: list[str]) -> int:
+    """Run one of build, show, export and list; 0. Raises HilError."""
+    # The systems solved are small: threads of the linear algebra would only wait for each other.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    options = _parser().parse_args(arguments)
+    if find_spec("numpy") is None:
+        raise MissingExtraError("worlds need numpy: pip install 'uuv-hil[chart]'")
+    run: Any = options.run
+    return int(run(options))
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = new_parser("world", __doc__, EXAMPLES)
+    actions = parser.add_subparsers(metavar="build|show|export|list", required=True)
+    build = actions.add_parser("build", help="a world of charts and soundings")
+    build.add_argument("files", metavar="FILE", nargs="+", help=".000 charts, .tif, .bag, .nc, .xyz, .csv; several")
+    build.add_argument("-o", "--output", metavar="WORLD", required=True, help="writes WORLD.toml and WORLD.f32")
+    build.add_argument("--resolution", metavar="M", type=float, default=5.0, help="of the grid [%(default)g]")
+    build.add_argument("--area", metavar="S,W,N,E", help="degrees; --area=-34,... for the south [all that is known]")
+    build.add_argument(
+        "--updates", action=argparse.BooleanOptionalAction, default=True, help="apply the .001... beside a chart"
+    )
+    build.add_argument(
+        "--positive",
+        choices=("auto", "up", "down"),
+        default="auto",
+        help="what soundings and rasters count as positive",
+    )
+    build.add_argument("--reach", metavar="M", type=float, help="how far from loose soundings the bed is known")
+    build.add_argument("--picture", metavar="FILE.png", help="draw it with soundings and contours")
+    build.add_argument("--json", action="store_true", help="the report as one JSON object")
+    build.set_defaults(run=_build)
+    show = actions.add_parser("show", help="a picture of a world")
+    show.add_argument("world", metavar="NAME|FILE.toml")
+    show.add_argument("-o", "--output", metavar="FILE.png", help="[NAME.png]")
+    show.add_argument("--resolution", metavar="M", type=float, help="[the world's own]")
+    show.set_defaults(run=_show)
+    export = actions.add_parser("export", help="the same world for other programs")
+    export.add_argument("world", metavar="NAME|FILE.toml")
+    export.add_argument("output", metavar="OUT.pgm|.tif|.stl|.glb|.sdf")
+    export.add_argument("--resolution", metavar="M", type=float, help="[the world's own]")
+    export.add_argument("--depth", metavar="M", type=float, help="for a .pgm: how far down a vehicle reaches")
+    export.set_defaults(run=_export)
+    listing = actions.add_parser("list", help="the worlds there are")
+    listing.add_argument("folders", metavar="FOLDER", nargs="*", help="with worlds of your own")
+    listing.set_defaults(run=_list)
+    return parser
+
+
+def _build(options: argparse.Namespace) -> int:
+    if not 0.05 <= options.resolution <= 10_000.0:
+        raise ConfigError(f"--resolution: {options.resolution:g} m: give 0.05 to 10000")
+    from hil.charts.build import build
+    from hil.charts.sources import read_sources
+    from hil.charts.world_file import write_world
+
+    path = (
+        os.path.splitext(options.output)[0] + ".toml" if options.output.endswith(".toml") else f"{options.output}.toml"
+    )
+    survey, extent = read_sources(
+        options.files, _area(options.area), options.resolution, options.updates, options.positive, options.reach
+    )
+    try:
+        built = build(survey, extent, options.resolution, _progress)
+    finally:
+        _progress(1.0)  # the line goes, also on Ctrl-C
+    head = (NOTE, *(line.strip() for line in describe(survey, built)))
+    write_world(path, built.placed, survey.source, survey.origin, head)
+    if options.picture:
+        from hil.charts.picture import Marks, draw
+
+        name = os.path.splitext(os.path.basename(path))[0]
+        marks = Marks(survey.soundings, survey.contours, survey.shore, survey.bridges)
+        title = f"{name}: {survey.source}"
+        draw(built.placed.grid, built.placed.cylinders, built.placed.boxes, marks, title, options.picture)
+    if options.json:
+        print(json.dumps({"world": path, **built.report._asdict()}))
+    else:
+        print("\n".join([f"{path}: gridded in {built.report.seconds:.1f} s", *describe(survey, built)]))
+    return 0
+
+
+def _area(text: str | None) -> "Box | None":
+    if text is None:
+        return None
+    from hil.charts.chart_survey import Box
+
+    try:
+        box = Box(*map(float, text.split(",")))
+    except (ValueError, TypeError):
+        raise ConfigError(f"--area: {text!r} is not SOUTH,WEST,NORTH,EAST in degrees") from None
+    if not (-90.0 <= box.south < box.north <= 90.0 and -180.0 <= box.west < box.east <= 180.0):
+        raise ConfigError(f"--area: {text!r}: south to north and west to east must grow, in degrees")
+    return box
+
+
+def _progress(share: float) -> None:
+    """A line on a terminal that renews itself, and goes when all is done."""
+    if sys.stderr.isatty():
+        print(
+            f"\r\033[Kgridding {100.0 * share:.0f} %" if share < 1.0 else "\r\033[K",
+            end="",
+            file=sys.stderr,
+            flush=True,
+        )
+
+
+def describe(survey: "Survey", built: "Built") -> list[str]:
+    """What a world was made of and how good it is, for a person."""
+    report, grid = built.report, built.placed.grid
+    rows, columns = grid.depths.shape
+    standing = len(built.placed.cylinders) + len(built.placed.boxes)
+    return aligned([
+        ("  source", survey.source),
+        ("  grid", f"{rows} x {columns} nodes of {grid.resolution:g} m, deepest {grid.deepest:.1f} m"),
+        ("  data", f"{report.soundings} soundings, {report.guides} places on contours"),
+        ("  area", f"{_percent(report.water)} water, {_percent(report.land)} land, {_percent(report.unknown)} unknown"),
+        ("  held out", f"error {report.rmse:.3g} m RMS of {report.held_out} soundings, "
+                       f"{report.linear_rmse:.3g} m by linear interpolation between soundings"),
+        ("  limits", f"{_percent(report.clamped)} of the water held by depth areas; "
+                     f"{report.off_limits} soundings deeper than theirs"),
+        ("  obstacles", f"{standing} standing on the bed" + (BRIDGES if survey.bridges else "")),
+    ])  # fmt: skip
+
+
+def _percent(share: float) -> str:
+    return f"{100.0 * share:.1f} %"
+
+
+def _show(options: argparse.Namespace) -> int:
+    from hil.charts.grid import grid_of
+    from hil.charts.picture import Marks, draw
+
+    world = load_world(options.world)
+    path = options.output or f"{world.name}.png"
+    draw(grid_of(world, options.resolution), world.cylinder, world.box, Marks(), f"{world.name}: {world.source}", path)
+    print(path)
+    return 0
+
+
+def _export(options: argparse.Namespace) -> int:
+    ending = os.path.splitext(options.output)[1].lower()
+    if ending not in (".pgm", ".tif", ".tiff", ".stl", ".glb", ".sdf"):
+        raise ConfigError(f"{options.output}: no format {ending or 'without an ending'}: .pgm, .tif, .stl, .glb, .sdf")
+    if (options.depth is not None) != (ending == ".pgm"):
+        raise ConfigError("--depth M goes with a map (.pgm), and a map needs it")
+    world = load_world(options.world)
+    note = _write(world, options.output, ending, options.resolution, options.depth)
+    print(f"{options.output}: {note}")
+    return 0
+
+
+def _write(world: World, path: str, ending: str, resolution: float | None, depth: float | None) -> str:
+    """Write `world` in the format that `ending` says; a line on it."""
+    from hil.charts.grid import grid_of
+
+    grid = grid_of(world, resolution)
+    if depth is not None:
+        from hil.charts.free_water import free_water
+
+        cells = free_water(world, grid_of(world), depth, grid.resolution)
+        cells.write_pgm(path)
+        return (
+            f"{_percent(1.0 - float(cells.cells.mean()))} of it free {depth:g} m down; {os.path.splitext(path)[0]}.yaml"
+        )
+    if ending in (".tif", ".tiff"):
+        from hil.charts.geotiff import write_geotiff
+
+        write_geotiff(grid, world.origin, path)
+        return "heights in m" + ("" if world.origin else ", without a place on the earth: the world has no origin")
+    if ending == ".sdf":
+        from hil.charts.gazebo import write_gazebo
+
+        return f"heights rounded by {write_gazebo(world, grid, path) * 1e3:.2g} mm"
+    from hil.charts.mesh import write_glb, write_stl
+
+    (write_stl if ending == ".stl" else write_glb)(grid, path)
+    return f"{os.path.getsize(path) / 1e6:.1f} MB; the bed alone"
+
+
+def _list(options: argparse.Namespace) -> int:
+    names = preset_names("sim/worlds")
+    for folder in options.folders:
+        if not os.path.isdir(folder):
+            raise ConfigError(f"{folder}: no such folder")
+        names += sorted(os.path.join(folder, name) for name in os.listdir(folder) if name.endswith(".toml"))
+    rows = [("world", "size", "depth", "bed", "obstacles", "source")]
+    for name in names:
+        world = load_world(name)
+        south, north, west, east = world.extent
+        bed = f"{world.terrain.grid.resolution:g} m grid" if world.terrain else "flat"
+        standing = len(world.cylinder) + len(world.box)
+        rows.append((
+            name, f"{north - south:.4g} x {east - west:.4g} m", f"{world.depth:.4g} m", bed, str(standing), world.source
+        ))  # fmt: skip
+    print("\n".join(aligned(rows)))
+    return 0
