@@ -37,8 +37,8 @@ class NativeBuildHook(BuildHookInterface[Any]):
         build_data["pure_python"] = False
         build_data["tag"] = f"cp311-abi3-{platform()}"
         if not editable:
-            binary = tools["BINARY"]
-            build_data["force_include"][os.path.join(folder, binary)] = f"{FOLDER}/{binary}"
+            for binary in tools["SOURCES"]:
+                build_data["force_include"][os.path.join(folder, binary)] = f"{FOLDER}/{binary}"
 
     def finalize(self, version: str, build_data: dict[str, Any], artifact_path: str) -> None:
         """Called by hatchling when the wheel is written."""

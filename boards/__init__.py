@@ -1,27 +1,90 @@
-"""Card computers as data: one TOML a board."""
+"""Card computers as data: one TOML a board. Adding a board is adding a file.
+
+What a file says stands beside where it was read: every table has its `source`, every number outside a table an
+entry in `sources`. A source that begins with "unverified" is what is commonly said but was not read anywhere.
+"""
 
 import os
-from typing import Annotated, NamedTuple
+from typing import Annotated, Literal, NamedTuple
 
 from hil.schema import Range, find_preset, load, preset_names
+from hil.tables import read_table
 
 FOLDER = "boards"
+MODEL_FILES = ("proc/device-tree/model", "sys/class/dmi/id/product_name")  # on most Arm boards; on PCs
+
+Memory = Annotated[float, Range(64, 1_048_576, "MiB")]
+
+
+class Serial(NamedTuple):
+    """A serial port: its device, where its wires are, and what has to be done before it can be used."""
+
+    device: str
+    at: str
+    source: str
+    needs: str = ""
+
+
+class Can(NamedTuple):
+    """A CAN interface: its name in the kernel, what drives it, and what has to be done to have it."""
+
+    interface: str
+    controller: str
+    source: str
+    needs: str = ""
+
+
+class PowerMode(NamedTuple):
+    """A setting of clocks and cores: how it is chosen, and what it leaves."""
+
+    name: str
+    command: str
+    source: str
+    cores: Annotated[int, Range(1, 256)]
+    watts: Annotated[float, Range(0.5, 1000.0)] = 0.0  # 0: not told
+
+
+class Recommended(NamedTuple):
+    """What to ask of the board: the slave's periods, and the most it may use of one core (0..1) and of the memory."""
+
+    step: Annotated[float, Range(0.0002, 0.02, "s")]
+    control_period: Annotated[float, Range(0.001, 0.2, "s")]
+    core_share: Annotated[float, Range(0.01, 1.0)]
+    memory: Memory
+    source: str
 
 
 class Board(NamedTuple):
     """A card computer.
 
-    `models` are beginnings of the text in /proc/device-tree/model by which it is recognised; `uart` is
-    the serial port on its pin header.
+    `models` are beginnings of the text in /proc/device-tree/model, or of the DMI product name, by which it is
+    recognised; the first of `serial` is the port on its pin header. `ram` are the sizes it is sold with.
+    `thermal_zones` are names of the processor's zone, whichever of them the kernel has; it slows down from
+    `throttles_at` (°C, 0: not told). `throttling` is who is asked whether it does: the firmware of a Raspberry Pi by
+    "vcgencmd", else the kernel.
     """
 
     name: str
     source: str
+    architecture: Literal["aarch64", "armv7l", "x86_64"]
     cpu: str
-    cores: Annotated[int, Range(1, 256)]
-    ram: Annotated[float, Range(64, 1_048_576, "MiB")]
+    cores: Annotated[int, Range(0, 256)]  # 0: it depends
+    recommended: Recommended
+    ram: tuple[Memory, ...] = ()
     models: tuple[str, ...] = ()
-    uart: str = ""
+    wlan: str = ""
+    thermal_zones: tuple[str, ...] = ()
+    throttles_at: Annotated[float, Range(0.0, 150.0)] = 0.0
+    throttling: Literal["kernel", "vcgencmd"] = "kernel"
+    serial: tuple[Serial, ...] = ()
+    can: tuple[Can, ...] = ()
+    power: tuple[PowerMode, ...] = ()
+    sources: dict[str, str] = {}  # noqa: RUF012 - never changed
+
+    @property
+    def uart(self) -> str:
+        """The serial port on the pin header; empty if it has none."""
+        return self.serial[0].device if self.serial else ""
 
 
 def load_board(name: str) -> Board:
@@ -29,15 +92,26 @@ def load_board(name: str) -> Board:
     return load(find_preset(FOLDER, name), Board)
 
 
+def model(root: str = "/") -> str:
+    """What the machine whose files are below `root` calls itself; empty if it does not."""
+    for name in MODEL_FILES:
+        try:
+            with open(os.path.join(root, name), "rb") as file:
+                text = file.read().rstrip(b"\0\n").decode("utf-8", "replace")
+        except OSError:
+            continue
+        if text:
+            return text
+    return ""
+
+
 def detect(root: str = "/") -> Board | None:
-    """The board this machine is, by its device tree below `root`; None when it is none of ours."""
-    try:
-        with open(os.path.join(root, "proc/device-tree/model"), "rb") as file:
-            model = file.read().rstrip(b"\0").decode("utf-8", "replace")
-    except OSError:
+    """The board this machine is, by what it calls itself below `root`; None when it is none of ours."""
+    here = model(root)
+    if not here:
         return None
     for name in preset_names(FOLDER):
-        board = load_board(name)
-        if any(model.startswith(beginning) for beginning in board.models):
-            return board
+        path = find_preset(FOLDER, name)
+        if here.startswith(tuple(read_table(path).get("models", ()))):
+            return load(path, Board)
     return None

@@ -3,6 +3,7 @@
 from math import inf, pi
 from typing import TYPE_CHECKING, Annotated, NamedTuple
 
+from hil.errors import ConfigError
 from hil.schema import Range, find_preset, parse
 from hil.tables import read_table
 from sim.obstacles import Box, Cylinder, Obstacle, Wall
@@ -11,6 +12,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from sim.ocean import Ocean
+    from sim.terrain import Terrain
 
 Edge = Annotated[float, Range(-1e5, 1e5, "m")]
 Speed = Annotated[float, Range(-5.0, 5.0, "m/s")]
@@ -21,13 +23,14 @@ class World(NamedTuple):
     """One place. `source` says where it comes from.
 
     `extent` is north_min, north_max, east_min, east_max in m: what a map shows, and where with `walls`
-    four walls stand. `depth` is that of the flat seabed, `density` of the water in kg/m³, `gravity` in
-    m/s², `current` the velocity of the water north, east, down: steady, the same everywhere. `ocean` is what
-    comes on top of that: currents that change, waves, layers of density. `origin` is where on the earth north and
-    east are 0, latitude and longitude in degrees (WGS 84), and `origin_altitude` in m how far above the ellipsoid
-    the water's mean surface is there. `magnetic_field` is the earth's: intensity in tesla, inclination (down is
-    positive) and declination (east is positive); the default is about that of central Europe.
-    Not modelled: relief, eddies, the water's calm in the lee of an obstacle.
+    four walls stand. `depth` is that of the flat seabed, `terrain` the relief there may be instead (the seabed is
+    flat beyond it). `density` is that of the water in kg/m³, `gravity` in m/s², `current` the velocity of the water
+    north, east, down: steady, the same everywhere. `ocean` is what comes on top of that: currents that change,
+    waves, layers of density. `origin` is where on the earth north and east are 0, latitude and longitude in degrees
+    (WGS 84), and `origin_altitude` in m how far above the ellipsoid the water's mean surface is there.
+    `magnetic_field` is the earth's: intensity in tesla, inclination (down is positive) and declination (east is
+    positive); the default is about that of central Europe.
+    Not modelled: eddies, the water's calm in the lee of an obstacle.
     """
 
     name: str
@@ -43,7 +46,8 @@ class World(NamedTuple):
     magnetic_field: tuple[Annotated[float, Range(0.0, 1e-3)], Angle, Angle] = (49e-6, 1.15, 0.0)
     cylinder: tuple[Cylinder, ...] = ()
     box: tuple[Box, ...] = ()
-    ocean: "Ocean | None" = None  # read by load_world, with a schema of its own
+    ocean: "Ocean | None" = None  # these two are read by load_world, each with a schema of its own
+    terrain: "Terrain | None" = None
 
     def problem(self) -> str | None:
         """What is wrong between the keys, if anything."""
@@ -55,13 +59,23 @@ class World(NamedTuple):
             at = f"({obstacle.north:g}, {obstacle.east:g})"
             if not (north_min <= obstacle.north <= north_max and east_min <= obstacle.east <= east_max):
                 return f"the obstacle at {at} is outside the extent"
-            if obstacle.top >= self.depth:
-                return f"the obstacle at {at} has its top in the seabed"
         return None
+
+    def seabed(self, north: float, east: float) -> float:
+        """The depth of the seabed at a place, in m."""
+        return self.terrain.depth(north, east) if self.terrain else self.depth
 
     def obstacles(self) -> tuple[Obstacle, ...]:
         """Everything that stands in the water, walls included."""
         return (*self.cylinder, *self.box, *self._walls())
+
+    def buried(self) -> str | None:
+        """Which obstacle could not be seen, if any."""
+        placed: tuple[Cylinder | Box, ...] = (*self.cylinder, *self.box)
+        for obstacle in placed:
+            if obstacle.top >= self.seabed(obstacle.north, obstacle.east):
+                return f"the obstacle at ({obstacle.north:g}, {obstacle.east:g}) has its top in the seabed"
+        return None
 
     def clearance(self, north: float, east: float, depth: float = inf) -> float:
         """Distance in m from a point to the nearest obstacle's side, negative inside it, inf if there is none.
@@ -87,13 +101,19 @@ def load_world(name_or_path: str) -> World:
     """A preset of `sim/worlds`, or a file ending in `.toml`. Raises ConfigError."""
     path = find_preset("sim/worlds", name_or_path)
     table = read_table(path)
-    ocean = table.pop("ocean", None)
+    ocean, terrain = table.pop("ocean", None), table.pop("terrain", None)
     world = parse(table, World, path)
-    if ocean is None:
-        return world
-    from sim.ocean import read_ocean  # most worlds do without, and start sooner
+    if terrain is not None:  # most worlds do without these two, and start sooner
+        from sim.terrain import read_terrain
 
-    return world._replace(ocean=read_ocean(ocean, path))
+        world = world._replace(terrain=read_terrain(terrain, path, world.extent, world.depth))
+    if ocean is not None:
+        from sim.ocean import read_ocean
+
+        world = world._replace(ocean=read_ocean(ocean, path))
+    if problem := world.buried():
+        raise ConfigError(f"{path}: {problem}")
+    return world
 
 
 def water_pressure(world: World) -> "Callable[[float], float]":

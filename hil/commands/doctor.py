@@ -1,139 +1,102 @@
-"""`uuv-hil doctor`: what this machine has of what a run wants. It changes nothing."""
+"""`uuv-hil doctor`: whether this machine can run a scenario, and what to do where it cannot. It changes nothing."""
 
+import argparse
+import json
 import os
-import platform
-import resource
-import subprocess
-import sys
-from collections.abc import Iterator
-from importlib import metadata
-from importlib.util import cache_from_source
+from collections.abc import Callable, Iterator
 
-from hil import __version__
+from boards import load_board
+from boards.health import recognise
+from boards.tree import Tree
+from hil.commands import doctor_board, doctor_links, doctor_network, doctor_software
+from hil.commands.doctor_case import Case, Finding, User
 from hil.commands.parser import new_parser
-from hil.commands.slave import LOOP_PRIORITY
+from hil.config import Scenario, load_scenario, with_port
 from hil.errors import ConfigError
 
 EXAMPLES = """\
-Nothing that it finds is an error: the exit code is 0.
+Each line is ok, a note, or a problem with what to do about it. Without a scenario nothing is needed and nothing is
+a problem. The exit code is 1 if there is a problem, else 0.
 
 examples:
-  uuv-hil doctor                      on the card computer, before the first run
-  UUV_HIL_NATIVE=0 uuv-hil doctor     what the step would be
+  uuv-hil doctor                            on the card computer, before the first run
+  uuv-hil doctor mine.toml                  everything that this scenario needs
+  sudo uuv-hil doctor mine.toml --user uuv  for the user who is to run it; only root sees others' open ports
+  uuv-hil doctor --root recorded/           a machine whose /proc, /sys and /dev were copied there
 """
-ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
-PACKAGES = ("hil", "sim", "boards", "firmware_stub")
-# name, distribution, what it is for
-LIBRARIES = (
-    ("zenoh", "eclipse-zenoh", "the network between slave and master"),
-    ("pyserial", "pyserial", "serial ports"),
-    ("numpy", "numpy", "the master's maps"),
-)
+Check = Callable[[Case], Iterator[Finding]]
+SOFTWARE: tuple[Check, ...] = (doctor_software.software, doctor_software.step)
+MACHINE: tuple[Check, ...] = (
+    doctor_board.machine, doctor_board.rates, doctor_links.ports, doctor_links.console, doctor_links.holders,
+    doctor_links.can_bus, doctor_board.governor, doctor_board.throttled, doctor_board.realtime_limits,
+    doctor_board.clock, doctor_network.network_ports, doctor_network.wlan,
+)  # fmt: skip
 
 
 def main(arguments: list[str]) -> int:
-    """Print one line for each thing looked at; 0."""
-    new_parser("doctor", __doc__, EXAMPLES).parse_args(arguments)
-    for name, finding in findings():
-        print(f"{name:11} {finding}", flush=True)
-    return 0
+    """Print one line for each thing looked at; 1 if one of them is a problem, else 0. Raises HilError."""
+    options = _parser().parse_args(arguments)
+    tree = Tree(options.root)
+    if not os.path.isdir(options.root):
+        raise ConfigError(f"--root: {options.root}: no such folder")
+    board = load_board(options.board) if options.board else recognise(tree)
+    case = Case(tree, board, _scenario(options), find_user(options.user))
+    found = []
+    for finding in findings(case):
+        found.append(finding)
+        if not options.json:
+            print(line(finding), flush=True)
+    if options.json:
+        print(json.dumps([finding._asdict() for finding in found]))
+    return int(any(finding.level == "problem" for finding in found))
 
 
-def findings() -> Iterator[tuple[str, str]]:
-    """What is looked at and what is found, in words."""
-    yield "uuv-hil", f"{__version__}, {ROOT}"
-    yield "Python", f"{platform.python_version()}, {sys.executable}"
-    for name, distribution, purpose in LIBRARIES:
-        yield name, library(distribution, purpose)
-    yield "step", step()
-    yield "bytecode", bytecode(ROOT)
-    yield "board", board()
-    yield from realtime()
-    yield "lock limit", lock_limit(resource.getrlimit(resource.RLIMIT_MEMLOCK)[0])
-    for port in serial_ports():
-        yield "serial port", port
+def _parser() -> argparse.ArgumentParser:
+    parser = new_parser("doctor", __doc__, EXAMPLES)
+    parser.add_argument("scenario", metavar="SCENARIO", nargs="?", help="what is to be run here")
+    parser.add_argument("--board", metavar="NAME", help="the card computer this is [recognised]")
+    parser.add_argument("--listen", metavar="ENDPOINT", help="where masters are to connect [the scenario's]")
+    parser.add_argument("--port", metavar="ADDRESS", help="of the thruster link [the scenario's]")
+    parser.add_argument("--user", metavar="NAME", help="who is to run it [you]")
+    parser.add_argument("--root", metavar="PATH", default="/", help="where the machine's /proc and /sys are [/]")
+    parser.add_argument("--json", action="store_true", help="for other programs")
+    return parser
 
 
-def library(distribution: str, purpose: str) -> str:
-    """The version of an installed distribution, or how to get it."""
+def findings(case: Case) -> Iterator[Finding]:
+    """Everything there is to find; what this process would be granted is tried only on this machine."""
+    checks = (*SOFTWARE, *MACHINE, doctor_software.granted) if case.tree.live else MACHINE
+    for check in checks:
+        yield from check(case)
+
+
+def line(finding: Finding) -> str:
+    """A finding as a line of text."""
+    remedy = f" -> {finding.remedy}" if finding.remedy else ""
+    return f"{finding.level:7}  {finding.topic:12} {finding.text}{remedy}"
+
+
+def find_user(name: str | None) -> User:
+    """The user called `name`, or who asks. Raises ConfigError when there is none of that name."""
+    import pwd
+
+    if name is None:
+        uid = os.getuid()
+        known = {entry.pw_uid: entry.pw_name for entry in pwd.getpwall()}
+        return User(known.get(uid, str(uid)), uid, (os.getgid(), *os.getgroups()))
     try:
-        return metadata.version(distribution)
-    except metadata.PackageNotFoundError:
-        return f"not installed; it is for {purpose} (pip install {distribution})"
+        entry = pwd.getpwnam(name)
+    except KeyError:
+        raise ConfigError(f"--user: there is no user {name!r} on this machine") from None
+    return User(name, entry.pw_uid, tuple(os.getgrouplist(name, entry.pw_gid)))
 
 
-def step() -> str:
-    """Which step of the dynamics is taken, and why."""
-    from sim.native import choose
-
-    try:
-        return choose()[1]
-    except ConfigError as error:
-        return str(error)
-
-
-def bytecode(root: str) -> str:
-    """Whether the modules of the packages below `root` are compiled: else the first start takes longer."""
-    missing = total = 0
-    for package in PACKAGES:
-        for folder, _, files in os.walk(os.path.join(root, package)):
-            sources = [os.path.join(folder, name) for name in files if name.endswith(".py")]
-            total += len(sources)
-            missing += sum(not _is_compiled(source) for source in sources)
-    if not missing:
-        return f"compiled, {total} modules"
-    folders = " ".join(os.path.join(root, package) for package in PACKAGES)
-    return f"{missing} of {total} modules are not compiled (python -m compileall -q {folders})"
-
-
-def _is_compiled(source: str) -> bool:
-    """By the header of the cached file: flags, then time and size of the source (PEP 552)."""
-    try:
-        with open(cache_from_source(source), "rb") as file:
-            header = file.read(16)
-        found = os.stat(source)
-    except OSError:
-        return False
-    flags, time_s, size = (int.from_bytes(header[i : i + 4], "little") for i in (4, 8, 12))
-    return bool(flags) or (time_s, size) == (int(found.st_mtime) & 0xFFFFFFFF, found.st_size & 0xFFFFFFFF)
-
-
-def board() -> str:
-    """The card computer, or what else this is."""
-    from boards import detect
-
-    here = detect()
-    if here:
-        return f"{here.name}, {here.cpu}, UART {here.uart or 'unknown'}"
-    return f"none of those known; {platform.machine()}, {os.cpu_count()} cores, Linux {platform.release()}"
-
-
-def realtime() -> Iterator[tuple[str, str]]:
-    """What the slave would be granted: asked for as the slave does, in a process of its own."""
-    code = f"from hil import clock; print(clock.schedule_fifo({LOOP_PRIORITY})); print(clock.lock_memory())"
-    done = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=False, env=os.environ | {"PYTHONPATH": ROOT}
-    )
-    for line in done.stdout.splitlines() or ["scheduling: could not be tried"]:
-        name, _, finding = line.partition(": ")
-        yield name, finding
-
-
-def lock_limit(limit: int) -> str:
-    """How much memory may be locked without the capability for it; `limit` in bytes, negative for no limit."""
-    return "unlimited" if limit < 0 else f"{limit / 2**20:g} MiB (root and CAP_IPC_LOCK have none)"
-
-
-def serial_ports() -> list[str]:
-    """The ports of this machine, and whether this user may open them."""
-    try:
-        from serial.tools.list_ports import comports
-    except ImportError:
-        return ["unknown without pyserial"]
-    return [_port(port.device, port.description) for port in sorted(comports())] or ["none found"]
-
-
-def _port(device: str, description: str) -> str:
-    known = f" ({description})" if description not in ("", "n/a") else ""
-    allowed = os.access(device, os.R_OK | os.W_OK)
-    return device + known + ("" if allowed else ": no permission (sudo usermod -aG dialout $USER, then log in again)")
+def _scenario(options: argparse.Namespace) -> Scenario | None:
+    if not options.scenario:
+        if options.listen or options.port:
+            raise ConfigError("--listen and --port go with a scenario")
+        return None
+    scenario = load_scenario(options.scenario)
+    if options.listen:
+        scenario = scenario._replace(slave=scenario.slave._replace(listen=options.listen))
+    return with_port(scenario, options.port) if options.port else scenario

@@ -4,9 +4,10 @@
 """
 
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from random import Random
 from struct import pack
+from typing import TYPE_CHECKING
 
 from hil.errors import ConfigError
 from sim.dynamics import Dynamics, Integrator, State
@@ -15,6 +16,9 @@ from sim.rotations import matrix
 from sim.sensors.error import ErrorBank, ErrorModel
 from sim.thrusters import ThrusterSet
 from sim.vehicle import Vehicle
+
+if TYPE_CHECKING:
+    from sim.rays.geometry import Geometry
 
 SWITCH = "UUV_HIL_NATIVE"
 
@@ -125,6 +129,26 @@ def make_thruster_set(vehicle: Vehicle, dt: float, seed: int = 0) -> ThrusterSet
 def make_error_bank(models: Iterable[ErrorModel], period: float, random: Random) -> ErrorBank:
     """The errors of one sensor, sampled every `period` s, the quickest there are; else as `choose`."""
     return (NativeErrorBank if _has_native() else ErrorBank)(models, period, random)
+
+
+def make_caster(geometry: "Geometry") -> "Callable[..., None] | None":
+    """What casts rays in C as sim.rays.single.cast does, without its first argument; None where there is no C.
+
+    Raises ConfigError as `choose` does.
+    """
+    if not _has_native():
+        return None
+    try:
+        from sim.native._rays import Caster
+    except ImportError:  # made before there were rays
+        return None
+    _, _, solids, nodes, triangles = geometry
+    terrain, depth = geometry.terrain, geometry.depth
+    if terrain is None:
+        return Caster((0, 0, 0.0, 0.0, 1.0, depth), b"", solids, nodes, triangles).cast
+    north_min, east_min, _, rows, columns = terrain.grid
+    ground = rows, columns, north_min, east_min, terrain.scale, terrain.outside
+    return Caster(ground, terrain.depths, solids, nodes, triangles).cast
 
 
 def _has_native() -> bool:

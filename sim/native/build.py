@@ -1,6 +1,6 @@
-"""Compile the C twin of the step: `python -m sim.native.build` puts it beside this file.
+"""Compile the C twins of the step and of the rays: `python -m sim.native.build` puts them beside this file.
 
-A C compiler and the headers of this Python are all it takes. One binary serves CPython 3.11 and later.
+A C compiler and the headers of this Python are all it takes. The binaries serve CPython 3.11 and later.
 """
 
 import os
@@ -11,8 +11,8 @@ import sys
 import sysconfig
 
 HERE = os.path.dirname(os.path.abspath(__file__))
-SOURCE = os.path.join(HERE, "_native.c")
-BINARY = "_native.abi3.so"
+BINARY, RAYS = "_native.abi3.so", "_rays.abi3.so"
+SOURCES = {BINARY: "_native.c", RAYS: "_rays.c"}
 # Bit equality with Python hangs on the second: gcc fuses multiply and add on aarch64 unless told not to.
 FLAGS = ["-O2", "-ffp-contract=off", "-fno-math-errno", "-fPIC", "-shared", "-Wall", "-Wextra"]
 
@@ -40,12 +40,17 @@ def build(folder: str) -> str | None:
     command, reason = compiler(), obstacle()
     if reason or not command:
         return reason
-    target = os.path.join(folder, BINARY)
+    for binary, source in SOURCES.items():
+        reason = reason or _compile(command, os.path.join(HERE, source), os.path.join(folder, binary))
+    return reason
+
+
+def _compile(command: list[str], source: str, target: str) -> str | None:
     # Renamed when complete: a process that runs on the old one keeps it.
     new = f"{target}.{os.getpid()}"
     include = sysconfig.get_path("include")
     done = subprocess.run(
-        [*command, *FLAGS, f"-I{include}", SOURCE, "-o", new, "-lm"], capture_output=True, text=True, check=False
+        [*command, *FLAGS, f"-I{include}", source, "-o", new, "-lm"], capture_output=True, text=True, check=False
     )
     if done.returncode:
         errors = [line for line in done.stderr.splitlines() if "error" in line] or ["no message"]

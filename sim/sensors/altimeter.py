@@ -1,6 +1,6 @@
 """An altimeter: one narrow sonar beam to the seabed."""
 
-from math import inf
+from math import inf, sqrt
 from typing import Annotated, NamedTuple
 
 from hil.schema import Range
@@ -9,6 +9,7 @@ from sim.native import make_error_bank
 from sim.rotations import rotate
 from sim.sensors.error import ErrorModel, sensor_random
 from sim.sensors.extra_samples import RangeSample
+from sim.sensors.ground import Ground
 from sim.sensors.mounting import Mounting
 from sim.sensors.samples import Scene
 from sim.sensors.surface import submersion
@@ -34,7 +35,8 @@ class AltimeterModel(NamedTuple):
 class Altimeter:
     """One beam along the sensor's z axis: straight down from a level vehicle, unless mounted askew.
 
-    Not modelled: obstacles, the width of the beam, a second echo, the weaker echo at a slant.
+    It meets the seabed and obstacles. Not modelled: the width of the beam (see sim.sensors.echosounder), a second echo,
+    the weaker echo at a slant.
     """
 
     Model = AltimeterModel
@@ -45,6 +47,7 @@ class Altimeter:
         self._mounting = mounting
         self._scene = scene
         self._beam = rotate(mounting.quaternion, (0.0, 0.0, 1.0))  # along the body axes
+        self._ground = Ground(scene.world, mounting, [self._beam], model.max_range)
         self._errors = make_error_bank([model.error], 1.0 / model.rate, sensor_random(seed, self.topic))
 
     def sample(self, time_ns: int, state: State) -> RangeSample:
@@ -59,9 +62,11 @@ class Altimeter:
         return RangeSample(time_ns, measured, self._limits)
 
     def _distance(self, time_ns: int, state: State) -> float:
-        """To the seabed along the beam in m; inf if it does not get there."""
+        """To what there is along the beam in m; inf if there is nothing within reach."""
         place = self._mounting.place(state)
-        down = rotate(state.quaternion, self._beam)[2]
-        if down <= 0.0 or submersion(self._scene, time_ns, place) <= 0.0:
+        if submersion(self._scene, time_ns, place) <= 0.0:
             return inf
-        return (self._scene.world.depth - place[2]) / down
+        down = rotate(state.quaternion, self._beam)[2]
+        distance = (self._scene.world.depth - place[2]) / down if down > 0.0 else inf
+        across = min(distance, self._limits[1]) * sqrt(max(0.0, 1.0 - down * down))
+        return distance if self._ground.is_flat(state, across) else self._ground.ranges(state)[0]

@@ -1,6 +1,7 @@
 """A Doppler velocity log: four slanted beams, each with its own velocity, range and lock."""
 
-from math import cos, nan, pi, sin
+from collections.abc import Sequence
+from math import cos, inf, nan, pi, sin, sqrt
 from typing import Annotated, NamedTuple
 
 from hil.schema import Range
@@ -9,6 +10,7 @@ from sim.matrices import Matrix, inverse, product, transpose
 from sim.native import make_error_bank
 from sim.rotations import matrix, rotate
 from sim.sensors.error import ErrorModel, sensor_random
+from sim.sensors.ground import Ground
 from sim.sensors.mounting import Mounting
 from sim.sensors.samples import DVL, DvlSample, Scene, Vector3
 
@@ -36,11 +38,11 @@ class DvlModel(NamedTuple):
 
 
 class Dvl:
-    """One log over a flat seabed, its beams at 45, 135 ... deg about its own z axis.
+    """One log, its thin beams at 45, 135 ... deg about its own z axis.
 
-    A beam is locked while the seabed is within its reach and the sensor is under water. From three or four
-    locked beams velocity is the least-squares solution, and altitude the distance to the plane through the
-    points where they meet the seabed, so that neither needs the attitude. Obstacles are not seen.
+    A beam is locked while the seabed or an obstacle is within its reach and the sensor is under water. From three or
+    four locked beams velocity is the least-squares solution, and altitude the distance to the plane that fits the
+    points where they end, so that neither needs the attitude.
     """
 
     Model = DvlModel
@@ -54,6 +56,7 @@ class Dvl:
         self._errors = make_error_bank(models, 1.0 / model.rate, sensor_random(seed, DVL))
         self._beams = _janus(model.tilt)
         self._body_beams = [rotate(mounting.quaternion, beam) for beam in self._beams]  # the same in body axes
+        self._ground = Ground(scene.world, mounting, self._body_beams, model.max_range)
         self._solutions: dict[tuple[int, ...], Matrix] = {}
 
     def sample(self, time_ns: int, state: State) -> DvlSample:
@@ -84,17 +87,26 @@ class Dvl:
         return self._solutions[locked]
 
     def _ranges(self, state: State) -> list[float | None]:
-        """True distance to the seabed along each beam in m, None where it is not locked."""
-        _, _, _, _, _, _, zx, zy, zz = matrix(state.quaternion)
+        """True distance along each beam in m, None where it is not locked."""
         depth = self._mounting.depth(state)
-        height = self._seabed - depth
-        found: list[float | None] = []
+        if depth <= 0.0:
+            return [None] * _BEAMS
+        near, far = self._model.min_range, self._model.max_range
+        distances, across = self._flat_ranges(state, self._seabed - depth)
+        if not self._ground.is_flat(state, across):
+            distances = self._ground.ranges(state)
+        return [distance if near <= distance <= far and distance > 0.0 else None for distance in distances]
+
+    def _flat_ranges(self, state: State, height: float) -> tuple[Sequence[float], float]:
+        """Distances to a flat seabed `height` m below the sensor, inf for none; and how far across the longest goes."""
+        _, _, _, _, _, _, zx, zy, zz = matrix(state.quaternion)
+        distances, across = [], 0.0
         for bx, by, bz in self._body_beams:
             down = zx * bx + zy * by + zz * bz
-            distance = height / down if down > 0.0 else -1.0
-            locked = depth > 0.0 and self._model.min_range <= distance <= self._model.max_range
-            found.append(distance if locked else None)
-        return found
+            distance = height / down if down > 0.0 else inf
+            distances.append(distance)
+            across = max(across, min(distance, self._model.max_range) * sqrt(max(0.0, 1.0 - down * down)))
+        return distances, across
 
     def _speeds(self, state: State) -> list[float]:
         """True velocity over ground of the sensor along each beam in m/s."""

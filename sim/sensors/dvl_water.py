@@ -58,7 +58,7 @@ class DvlWater:
         axis = rotate(self._mounting.attitude(state), (0.0, 0.0, 1.0))
         flow = self._scene.flow_at([at + self._middle * along for at, along in zip(place, axis, strict=True)])
         u, v, w = self._errors.measure([-x for x in relative_flow(self._mounting, state, flow)])
-        height, down = self._scene.world.depth - place[2], axis[2]
+        height, down = self._scene.world.seabed(place[0], place[1]) - place[2], axis[2]
         looks_down = down > 0.0 and self._far * down <= _CLEAR * height
         if not looks_down or submersion(self._scene, time_ns, place) <= 0.0:
             return DvlSample(time_ns, (nan, nan, nan), nan, False)

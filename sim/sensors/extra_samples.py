@@ -68,3 +68,17 @@ class FlagSample(NamedTuple):
 
     time_ns: int
     on: bool
+
+
+class LaserSample(NamedTuple):
+    """A fan of distances in m at `angle_min`, `angle_min` + `angle_increment`, ... rad; inf, -inf as in RangeSample.
+
+    For a laser and a scanning sonar the angle is about the sensor's z axis, from x (ahead) towards y (starboard); for a
+    profiler about its x axis, from z (down) towards y (starboard).
+    """
+
+    time_ns: int
+    angle_min: float
+    angle_increment: float
+    ranges: tuple[float, ...]
+    limits: tuple[float, float]

@@ -38,6 +38,10 @@ SENSORS = {
     "leak": "sim.sensors.leak:Leak",
     "magnetometer": "sim.sensors.magnetometer:Magnetometer",
     "usbl": "sim.sensors.usbl:Usbl",
+    "laser": "sim.sensors.laser:Laser",
+    "profiler": "sim.sensors.profiler:Profiler",
+    "scanning_sonar": "sim.sensors.scanning_sonar:ScanningSonar",
+    "echosounder": "sim.sensors.echosounder:Echosounder",
 }
 USUAL = ("imu", "dvl", "pressure", "odometry", "ground_truth")
 

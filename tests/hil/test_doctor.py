@@ -1,8 +1,8 @@
 """The doctor tells what is there and what is not, and changes nothing."""
 
 import compileall
+import json
 import os
-import resource
 import subprocess
 import sys
 from importlib import metadata
@@ -10,37 +10,67 @@ from pathlib import Path
 
 import pytest
 
+from boards.tree import Tree
 from hil import cli
-from hil.commands import doctor
+from hil.commands import doctor, doctor_software
+from hil.commands.doctor_case import Case, Finding
+from hil.config import load_scenario
+from hil.errors import ConfigError
 
 ROOT = Path(__file__).parents[2]
 
 
-def report(**environment: str) -> dict[str, str]:
-    done = subprocess.run(
-        [sys.executable, "-m", "hil.cli", "doctor"],
+def run(*arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "hil.cli", "doctor", *arguments],
         cwd=ROOT, capture_output=True, text=True, env=os.environ | environment,
     )  # fmt: skip
+
+
+def here(scenario: str | None = None) -> Case:
+    return Case(Tree("/"), None, load_scenario(scenario) if scenario else None, doctor.find_user(None))
+
+
+def test_every_row_without_a_scenario() -> None:
+    done = run("--json", UUV_HIL_NATIVE="0")
     assert (done.returncode, done.stderr) == (0, "")
-    return {line[:11].strip(): line[12:] for line in done.stdout.splitlines()}
+    rows = {row["topic"]: row for row in json.loads(done.stdout)}
+    assert rows["Python"]["text"].startswith(".".join(map(str, sys.version_info[:3])))
+    assert rows["zenoh"]["text"] == metadata.version("eclipse-zenoh")
+    assert rows["pyserial"]["text"] == metadata.version("pyserial")
+    assert rows["step"]["text"] == "Python, as UUV_HIL_NATIVE=0 says"
+    assert rows["step"]["level"] == "note"
+    assert "modules" in rows["bytecode"]["text"]
+    assert rows["board"]["text"]
+    assert "SCHED_FIFO" in rows["scheduling"]["text"]
+    assert "locked" in rows["memory"]["text"]
+    assert rows["clock"]["text"]
+    assert {row["level"] for row in rows.values()} <= {"ok", "note"}
 
 
-def test_every_row() -> None:
-    rows = report(UUV_HIL_NATIVE="0")
-    assert rows["Python"].startswith(".".join(map(str, sys.version_info[:3])))
-    assert rows["zenoh"] == metadata.version("eclipse-zenoh")
-    assert rows["pyserial"] == metadata.version("pyserial")
-    assert rows["step"] == "Python, as UUV_HIL_NATIVE=0 says"
-    assert "modules" in rows["bytecode"]
-    assert rows["board"]
-    assert "SCHED_FIFO" in rows["scheduling"]
-    assert "locked" in rows["memory"]
-    assert rows["lock limit"] == doctor.lock_limit(resource.getrlimit(resource.RLIMIT_MEMLOCK)[0])
-    assert rows["serial port"]
+def test_a_line_a_finding() -> None:
+    done = run()
+    assert (done.returncode, done.stderr) == (0, "")
+    lines = done.stdout.splitlines()
+    assert len(lines) == len(list(doctor.findings(here())))
+    assert all(line.split()[0] in ("ok", "note") for line in lines)
 
 
-def test_a_wish_that_cannot_be_is_a_finding() -> None:
-    assert "UUV_HIL_NATIVE='maybe'" in report(UUV_HIL_NATIVE="maybe")["step"]
+def test_a_wish_that_cannot_be_is_a_problem() -> None:
+    done = run("paper_field", UUV_HIL_NATIVE="maybe")
+    assert done.returncode == 1
+    assert "problem  step" in done.stdout
+    assert "UUV_HIL_NATIVE='maybe'" in done.stdout
+    assert run(UUV_HIL_NATIVE="maybe").returncode == 0  # nothing is needed yet
+
+
+def test_the_step_in_c_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "sim.native._native", None)
+    monkeypatch.delenv("UUV_HIL_NATIVE", raising=False)
+    found = next(doctor_software.step(here()))
+    assert (found.level, found.topic) == ("note", "step")
+    assert "Python; the step in C is not there" in found.text
+    assert "python -m sim.native.build" in found.remedy
 
 
 def test_help_by_the_one_command(capsys: pytest.CaptureFixture[str]) -> None:
@@ -56,14 +86,20 @@ def test_nothing_of_this_process_changes() -> None:
         return os.sched_getscheduler(0), [line for line in status if line.startswith("VmLck")]
 
     before = settings()
-    assert "memory" in dict(doctor.findings())
+    assert "memory" in {finding.topic for finding in doctor.findings(here())}
     assert settings() == before
 
 
 def test_what_is_not_installed() -> None:
-    assert doctor.library("no-such-distribution", "tea") == (
-        "not installed; it is for tea (pip install no-such-distribution)"
-    )
+    found = doctor_software.library("tea", "no-such-distribution", "the afternoon", "tea", "problem")
+    assert found == Finding("problem", "tea", "not installed; it is for the afternoon", "pip install tea")
+
+
+def test_packages_that_only_this_scenario_needs(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(doctor_software.WANTED, "python", ("tea", "no-such-distribution", "tea", "tea"))
+    assert "tea" not in {finding.topic for finding in doctor_software.software(here())}
+    found = {finding.topic: finding for finding in doctor_software.software(here("paper_field"))}
+    assert found["tea"].level == "problem"
 
 
 def test_bytecode(tmp_path: Path) -> None:
@@ -71,19 +107,34 @@ def test_bytecode(tmp_path: Path) -> None:
     source = tmp_path / "sim" / "deep" / "one.py"
     source.parent.mkdir(parents=True)
     source.write_text("x = 1\n")
-    assert doctor.bytecode(str(tmp_path)).startswith("1 of 1 modules are not compiled")
+    found = doctor_software.bytecode(str(tmp_path))
+    assert found.level == "note"
+    assert found.text.startswith("1 of 1 modules are not compiled")
     compileall.compile_dir(str(tmp_path), quiet=1)
-    assert doctor.bytecode(str(tmp_path)) == "compiled, 1 modules"
+    assert doctor_software.bytecode(str(tmp_path)) == Finding("ok", "bytecode", "compiled, 1 modules")
     source.write_text("x = 1000\n")
-    assert doctor.bytecode(str(tmp_path)).startswith("1 of 1 modules are not compiled")
+    assert doctor_software.bytecode(str(tmp_path)).level == "note"
 
 
-def test_ports_that_may_not_be_opened(tmp_path: Path) -> None:
-    assert "no permission" in doctor._port(str(tmp_path / "ttyUSB9"), "n/a")
-    (tmp_path / "ttyUSB1").touch()
-    assert doctor._port(str(tmp_path / "ttyUSB1"), "FT232R") == f"{tmp_path / 'ttyUSB1'} (FT232R)"
+def test_a_step_that_costs_more_than_its_share(monkeypatch: pytest.MonkeyPatch) -> None:
+    scenario = load_scenario("paper_field")
+    measured = doctor_software.step_cost_s(scenario)
+    assert 0.0 < measured < 0.1
+    monkeypatch.setattr(doctor_software, "step_cost_s", lambda _: 0.001)
+    assert doctor_software.step_cost(scenario, 0.5).level == "ok"
+    found = doctor_software.step_cost(scenario, 0.3)
+    assert (found.level, found.text) == ("problem", "1000 µs of every 2500 µs, 40.0% of a core; 30% are for it")
 
 
-def test_no_limit() -> None:
-    assert doctor.lock_limit(resource.RLIM_INFINITY) == "unlimited"
-    assert doctor.lock_limit(8 * 2**20).startswith("8 MiB")
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--root", "/no/such/folder"], "--root: /no/such/folder: no such folder"),
+        (["--user", "no-such-user"], "no user 'no-such-user'"),
+        (["--listen", "tcp/0.0.0.0:7447"], "go with a scenario"),
+        (["--board", "raspberry_pi_4c"], "did you mean 'raspberry_pi_4b'"),
+    ],
+)
+def test_options_that_cannot_be_meant(arguments: list[str], message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
+        doctor.main(arguments)

@@ -1,0 +1,107 @@
+"""What a machine tells of itself: its files, and answers to commands; of this machine, or of one recorded.
+
+A recorded machine is a folder with parts of its /proc, /sys, /dev, /etc. What a command answered stands there in
+`commands/`, in a file named like the command with _ for its spaces.
+"""
+
+import os
+
+
+class Tree:
+    """The machine whose files are below `root`. Nothing raises: what is not there is empty or None."""
+
+    def __init__(self, root: str = "/") -> None:
+        self.root = root
+        self.live = os.path.realpath(root) == "/"
+
+    def path(self, name: str) -> str:
+        """Where a file of the machine is here."""
+        return os.path.join(self.root, name.lstrip("/"))
+
+    def exists(self, name: str) -> bool:
+        """Whether there is such a file or folder."""
+        return os.path.exists(self.path(name))
+
+    def text(self, name: str) -> str:
+        """A file without the white space (and the zero bytes of device trees) around it."""
+        try:
+            with open(self.path(name), "rb") as file:
+                return file.read().decode("utf-8", "replace").strip(" \t\r\n\0")
+        except OSError:
+            return ""
+
+    def number(self, name: str) -> int | None:
+        """A file that holds one decimal number."""
+        try:
+            return int(self.text(name))
+        except ValueError:
+            return None
+
+    def names(self, folder: str) -> list[str]:
+        """What is in a folder, sorted."""
+        try:
+            return sorted(os.listdir(self.path(folder)))
+        except OSError:
+            return []
+
+    def link(self, name: str) -> str:
+        """Where a symbolic link points to; empty if it is none, or not ours to look at."""
+        try:
+            return os.readlink(self.path(name))
+        except OSError:
+            return ""
+
+    def resolve(self, name: str) -> str:
+        """The path in the machine that a device's name stands for: /dev/serial0 -> /dev/ttyS0."""
+        for _ in range(8):
+            target = self.link(name)
+            if not target:
+                break
+            name = os.path.normpath(os.path.join(os.path.dirname(name), target))
+        return name
+
+    def openers(self, target: str) -> list[tuple[int, str]]:
+        """Number and command of the other processes that have a file ("/dev/ttyS0", "socket:[123]") open.
+
+        Only root may look into the processes of other users.
+        """
+        found = []
+        for pid in filter(str.isdigit, self.names("/proc")):
+            folder = f"/proc/{pid}/fd"
+            if self.live and int(pid) == os.getpid():
+                continue
+            if any(self.link(f"{folder}/{descriptor}") == target for descriptor in self.names(folder)):
+                found.append((int(pid), self.text(f"/proc/{pid}/cmdline").replace("\0", " ") or "unknown"))
+        return found
+
+    def run(self, *command: str) -> str | None:
+        """What a command says on its standard output; None if it is not there, fails, or takes over 5 s."""
+        if not self.live:
+            recorded = f"commands/{'_'.join(command)}"
+            return self.text(recorded) if self.exists(recorded) else None
+        import subprocess
+
+        path = os.pathsep.join((os.environ.get("PATH", ""), "/usr/sbin", "/sbin"))  # where iw and ip may be
+        there = os.environ | {"PATH": path}
+        try:
+            done = subprocess.run(command, check=False, capture_output=True, text=True, timeout=5, env=there)
+        except (OSError, subprocess.TimeoutExpired):
+            return None
+        return done.stdout.strip() if done.returncode == 0 else None
+
+
+def architecture(tree: Tree) -> str:
+    """The kernel's name of the processor's architecture ("aarch64"); empty if it cannot be told.
+
+    /proc/sys/kernel/arch is there since Linux 6.1; before, /proc/cpuinfo shows which it is.
+    """
+    if tree.live:
+        return os.uname().machine
+    told = tree.text("/proc/sys/kernel/arch")
+    if told:
+        return told
+    cpuinfo = tree.text("/proc/cpuinfo")
+    for mark, name in (("vendor_id", "x86_64"), ("CPU architecture: 8", "aarch64"), ("CPU architecture: 7", "armv7l")):
+        if mark in cpuinfo:
+            return name
+    return ""

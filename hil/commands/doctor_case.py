@@ -1,0 +1,69 @@
+"""What the doctor says, and what it looks at."""
+
+import os
+from typing import Literal, NamedTuple
+
+from boards import Board
+from boards.tree import Tree
+from hil.commands.board_install import serial_device
+from hil.config import Scenario
+
+Level = Literal["ok", "note", "problem"]
+
+
+class Finding(NamedTuple):
+    """One thing looked at: how it is, and what to do about it."""
+
+    level: Level
+    topic: str
+    text: str
+    remedy: str = ""
+
+
+class User(NamedTuple):
+    """Who is to run the slave."""
+
+    name: str
+    uid: int
+    groups: tuple[int, ...]
+
+
+class Case(NamedTuple):
+    """What is looked at. Without a scenario nothing is needed, so that nothing is a problem."""
+
+    tree: Tree
+    board: Board | None
+    scenario: Scenario | None
+    user: User
+
+    @property
+    def severity(self) -> Level:
+        """Of what a run cannot do without."""
+        return "problem" if self.scenario else "note"
+
+    @property
+    def remote(self) -> bool:
+        """Whether masters on other machines are expected."""
+        scenario = self.scenario
+        return scenario is not None and bool(scenario.network.router or not _is_local(scenario.slave.listen))
+
+    @property
+    def device(self) -> str:
+        """The serial port that is used, or without a scenario could be; empty if none is."""
+        if self.scenario:
+            return serial_device(self.scenario, self.board)
+        uart = self.board.uart if self.board else ""
+        return uart if uart and self.tree.exists(self.tree.resolve(uart)) else ""
+
+
+def may_open(found: os.stat_result, user: User) -> bool:
+    """Whether `user` may read and write a file, by its mode; root may all."""
+    if user.uid == 0:
+        return True
+    shift = 6 if found.st_uid == user.uid else 3 if found.st_gid in user.groups else 0
+    return found.st_mode >> shift & 6 == 6
+
+
+def _is_local(listen: str) -> bool:
+    host = listen.partition("/")[2].rpartition(":")[0].strip("[]")
+    return host.startswith("127.") or host in ("localhost", "::1")

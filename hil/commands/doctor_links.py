@@ -1,0 +1,127 @@
+"""What the doctor looks at of the thruster link: the serial port or the CAN bus, and who else is on it."""
+
+import json
+import os
+import stat
+from collections.abc import Iterator
+from typing import Any
+
+from boards.tree import Tree
+from hil.commands.doctor_case import Case, Finding, may_open
+from hil.links.address import parse_address
+
+
+def ports(case: Case) -> Iterator[Finding]:
+    """Whether the link's serial port is there and may be opened."""
+    device, tree = case.device, case.tree
+    if not device:
+        return
+    real = tree.resolve(device)
+    name = device if real == device else f"{device} ({real})"
+    found = _status(tree, real)
+    if found is None:
+        known = [port.needs for port in case.board.serial if port.device == device] if case.board else []
+        remedy = known[0] if known and known[0] else "connect it; see: ls /dev/serial/by-id/"
+        yield Finding(case.severity, "serial port", f"{name} is not there", remedy)
+    elif not may_open(found, case.user):
+        remedy = f"sudo usermod -aG dialout {case.user.name}, then log in again"
+        mode = f"{stat.filemode(found.st_mode)}, user {found.st_uid}, group {found.st_gid}"
+        yield Finding(case.severity, "serial port", f"{name}: no permission for {case.user.name} ({mode})", remedy)
+    else:
+        yield Finding("ok", "serial port", f"{name}, {case.user.name} may open it")
+
+
+def console(case: Case) -> Iterator[Finding]:
+    """Whether the kernel or a login prompt talks on the link's serial port: thrusters would hear it."""
+    tree = case.tree
+    if not case.device:
+        return
+    real = os.path.basename(tree.resolve(case.device))
+    words = [word.removeprefix("console=").partition(",")[0] for word in tree.text("/proc/cmdline").split()
+             if word.startswith("console=")]  # fmt: skip
+    consoles = {os.path.basename(tree.resolve(f"/dev/{word}")) for word in words}
+    consoles |= set(tree.text("/sys/class/tty/console/active").split())
+    if real in consoles:
+        where = (
+            "/boot/firmware/cmdline.txt, on a Raspberry Pi" if tree.exists("/boot/firmware") else "the boot loader's"
+        )
+        remedy = f"take console={real} (or serial0) out of the kernel's command line ({where}) and restart"
+        yield Finding(case.severity, "console", f"the kernel's console is on {real}", remedy)
+    for service in _logins(tree, real):
+        text = f"a login prompt is on {real}: {service}"
+        yield Finding(case.severity, "console", text, f"sudo systemctl disable --now {service}")
+
+
+def holders(case: Case) -> Iterator[Finding]:
+    """Whether another process has the link's serial port open."""
+    if not case.device:
+        return
+    real = case.tree.resolve(case.device)
+    for pid, name in case.tree.openers(real):
+        text = f"{real} is open in process {pid}, {name}"
+        yield Finding(
+            case.severity, "port in use", text, f"end it: kill {pid}, or systemctl status {pid} and stop that"
+        )
+
+
+def can_bus(case: Case) -> Iterator[Finding]:
+    """Whether the link's CAN interface is there, up, at the right bit rate, and in a good state."""
+    address = parse_address(case.scenario.link.port) if case.scenario else None
+    if not case.scenario or not address or address.interface != "socketcan":
+        return
+    name, rate = address.place, case.scenario.link.bitrate
+    if not case.tree.exists(f"/sys/class/net/{name}"):
+        known = [bus.needs for bus in case.board.can if bus.interface == name] if case.board else []
+        yield Finding(
+            "problem", "CAN", f"{name} is not there", known[0] if known else "connect the adapter; see: ip link"
+        )
+        return
+    up = f"sudo ip link set {name} up type can bitrate {rate} restart-ms 100"
+    flags = int(case.tree.text(f"/sys/class/net/{name}/flags") or "0", 16)
+    if not flags & 1:  # IFF_UP, netdevice(7)
+        yield Finding("problem", "CAN", f"{name} is down", f"{up} (uuv-hil board install does it at each start)")
+        return
+    yield from _can_details(case.tree, name, rate, up)
+
+
+def _can_details(tree: Tree, name: str, rate: int, up: str) -> Iterator[Finding]:
+    """What the kernel's netlink tells of an interface that is up."""
+    try:
+        kind: dict[str, Any] = json.loads(tree.run("ip", "-details", "-json", "link", "show", name) or "")[0][
+            "linkinfo"
+        ]
+    except (ValueError, LookupError, TypeError):
+        yield Finding("note", "CAN", f"{name} is up; bit rate and state cannot be told", "sudo apt install iproute2")
+        return
+    if kind.get("info_kind") != "can":
+        yield Finding("ok", "CAN", f"{name} is up, {kind.get('info_kind')}: no wire, no bit rate")
+        return
+    data = kind.get("info_data", {})
+    found, state = data.get("bittiming", {}).get("bitrate"), data.get("state", "unknown")
+    if found != rate:
+        remedy = f"sudo ip link set {name} down; {up}; or [link] bitrate = {found}"
+        yield Finding("problem", "CAN", f"{name} runs at {found} bit/s, the scenario says {rate}", remedy)
+    if state != "ERROR-ACTIVE":
+        remedy = "both ends at one bit rate, CAN-H and CAN-L not swapped, 120 ohms at either end, the STM32 powered"
+        yield Finding("problem", "CAN", f"{name} is in the state {state}", remedy)
+    if found == rate and state == "ERROR-ACTIVE":
+        yield Finding("ok", "CAN", f"{name} is up at {rate} bit/s, {state}")
+
+
+def _logins(tree: Tree, tty: str) -> list[str]:
+    """Services that are enabled and open a login prompt on a serial port."""
+    wanted = [
+        name
+        for folder in tree.names("/etc/systemd/system")
+        if folder.endswith(".wants")
+        for name in tree.names(f"/etc/systemd/system/{folder}")
+    ]
+    services = [f"serial-getty@{tty}.service", *(["nvgetty.service"] if tty.startswith("ttyTHS") else [])]
+    return [service for service in services if service in wanted]
+
+
+def _status(tree: Tree, device: str) -> os.stat_result | None:
+    try:
+        return os.stat(tree.path(device))
+    except OSError:
+        return None

@@ -1,0 +1,135 @@
+"""What the doctor looks at of the installation: packages, bytecode, the step, and what a process is granted."""
+
+import os
+import platform
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from importlib import metadata
+from importlib.util import cache_from_source
+
+from hil import __version__
+from hil.commands.doctor_case import Case, Finding, Level
+from hil.commands.slave import LOOP_PRIORITY
+from hil.config import Scenario, build_simulation
+from hil.errors import ConfigError
+from hil.links.contract import PWM_NEUTRAL_US
+
+ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
+PACKAGES = ("hil", "sim", "boards", "firmware_stub")
+# name, distribution, what it is for, how to get it
+LIBRARIES = (
+    ("zenoh", "eclipse-zenoh", "the network between slave and master", "eclipse-zenoh"),
+    ("pyserial", "pyserial", "serial ports", "pyserial"),
+    ("numpy", "numpy", "the master's maps", "'uuv-hil[master]'"),
+)
+# the same for what a word in a scenario needs
+WANTED = {
+    "mavlink": ("pymavlink", "pymavlink", "[link] protocol", "'uuv-hil[mavlink]'"),
+    "unicorn": ("unicorn", "unicorn", "the scenario's stm32", "'uuv-hil[unicorn]'"),
+}
+WARM_UP, STEPS = 40, 400
+
+
+def software(case: Case) -> Iterator[Finding]:
+    """This installation, and the packages that a run needs."""
+    yield Finding("ok", "uuv-hil", f"{__version__}, {ROOT}")
+    yield Finding("ok", "Python", f"{platform.python_version()}, {sys.executable}")
+    for name, distribution, purpose, package in LIBRARIES:
+        needed: Level = case.severity if name == "zenoh" or (name == "pyserial" and case.device) else "note"
+        yield library(name, distribution, purpose, package, needed)
+    words = (case.scenario.link.protocol, case.scenario.stm32) if case.scenario else ()
+    for word in words:
+        if word in WANTED:
+            yield library(*WANTED[word], case.severity)
+    yield bytecode(ROOT)
+
+
+def step(case: Case) -> Iterator[Finding]:
+    """Which step of the dynamics is taken and why; with a scenario also what it costs here."""
+    from sim.native import SWITCH, choose
+
+    try:
+        _, text = choose()
+    except ConfigError as error:
+        yield Finding(case.severity, "step", str(error), f"leave {SWITCH} out of the environment")
+        return
+    if text.startswith("C"):
+        yield Finding("ok", "step", text)
+    else:
+        yield Finding("note", "step", text, "python -m sim.native.build (a C compiler: sudo apt install gcc)")
+    if case.scenario:
+        yield step_cost(case.scenario, case.board.recommended.core_share if case.board else 0.5)
+
+
+def step_cost(scenario: Scenario, allowed: float) -> Finding:
+    """What the simulation takes of a core here, against the share (0..1) that it may."""
+    cost, period = step_cost_s(scenario), scenario.slave.step
+    text = f"{cost * 1e6:.0f} µs of every {period * 1e6:.0f} µs, {cost / period:.1%} of a core"
+    if cost < allowed * period:
+        return Finding("ok", "step cost", text)
+    return Finding("problem", "step cost", f"{text}; {allowed:.0%} are for it", "a longer [slave] step, fewer sensors")
+
+
+def library(name: str, distribution: str, purpose: str, package: str, needed: Level) -> Finding:
+    """The version of an installed distribution, or how to get it."""
+    try:
+        return Finding("ok", name, metadata.version(distribution))
+    except metadata.PackageNotFoundError:
+        return Finding(needed, name, f"not installed; it is for {purpose}", f"pip install {package}")
+
+
+def bytecode(root: str) -> Finding:
+    """Whether the modules of the packages below `root` are compiled: else the first start takes longer."""
+    missing = total = 0
+    for package in PACKAGES:
+        for folder, _, files in os.walk(os.path.join(root, package)):
+            sources = [os.path.join(folder, name) for name in files if name.endswith(".py")]
+            total += len(sources)
+            missing += sum(not _is_compiled(source) for source in sources)
+    if not missing:
+        return Finding("ok", "bytecode", f"compiled, {total} modules")
+    folders = " ".join(os.path.join(root, package) for package in PACKAGES)
+    text = f"{missing} of {total} modules are not compiled: the first start takes longer"
+    return Finding("note", "bytecode", text, f"python -m compileall -q {folders}")
+
+
+def _is_compiled(source: str) -> bool:
+    """By the header of the cached file: flags, then time and size of the source (PEP 552)."""
+    try:
+        with open(cache_from_source(source), "rb") as file:
+            header = file.read(16)
+        found = os.stat(source)
+    except OSError:
+        return False
+    flags, time_s, size = (int.from_bytes(header[i : i + 4], "little") for i in (4, 8, 12))
+    return bool(flags) or (time_s, size) == (int(found.st_mtime) & 0xFFFFFFFF, found.st_size & 0xFFFFFFFF)
+
+
+def granted(case: Case) -> Iterator[Finding]:
+    """What the slave would be granted: asked for as the slave does, in a process of its own."""
+    code = f"from hil import clock; print(clock.schedule_fifo({LOOP_PRIORITY})); print(clock.lock_memory())"
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=False, env=os.environ | {"PYTHONPATH": ROOT}
+    )
+    for line in done.stdout.splitlines() or ["scheduling: could not be tried"]:
+        name, _, text = line.partition(": ")
+        refused = "not " in text
+        yield Finding("note" if refused else "ok", name, text, "uuv-hil board install" if refused else "")
+
+
+def step_cost_s(scenario: Scenario) -> float:
+    """Processor time (s) that one step of the scenario's simulation takes here, without its start."""
+    from sim.vehicle import load_vehicle
+    from sim.world import load_world
+
+    vehicle, _ = load_vehicle(scenario.vehicle)
+    simulation = build_simulation(scenario, vehicle, load_world(scenario.world))
+    pwm_us = (PWM_NEUTRAL_US,) * len(vehicle.channels)
+    for _ in range(WARM_UP):
+        simulation.step(pwm_us)
+    start = time.process_time()
+    for _ in range(STEPS):
+        simulation.step(pwm_us)
+    return (time.process_time() - start) / STEPS

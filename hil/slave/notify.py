@@ -1,0 +1,37 @@
+"""What systemd is told when it runs the slave: that it is ready, and that it lives. sd_notify(3), without its library.
+
+Without systemd, that is without NOTIFY_SOCKET in the environment, nothing is done and nothing is loaded.
+"""
+
+import os
+
+
+def notify(state: str) -> bool:
+    """Send one message, as "READY=1"; whether there was anybody to send it to. Never raises."""
+    address = os.environ.get("NOTIFY_SOCKET", "")
+    if address[:1] not in ("/", "@"):
+        return False
+    import socket
+
+    try:
+        with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_CLOEXEC) as wire:
+            # "@" stands for the zero byte that opens the name of an abstract socket; see unix(7).
+            wire.sendto(state.encode(), address.replace("@", "\0", 1) if address[0] == "@" else address)
+    except OSError:
+        return False
+    return True
+
+
+class Heartbeat:
+    """Feeds the watchdog while the loop goes on: a loop that hangs starves it, whoever else still lives."""
+
+    __slots__ = ("_seen",)
+
+    def __init__(self) -> None:
+        self._seen = -1
+
+    def beat(self, progress: int) -> None:
+        """`progress` is any number that changes as long as all is well."""
+        if progress != self._seen:
+            self._seen = progress
+            notify("WATCHDOG=1")

@@ -1,0 +1,220 @@
+/* Shows rays.h to Python: sim.native._rays.Caster. */
+
+#define PY_SSIZE_T_CLEAN
+#define Py_LIMITED_API 0x030B0000
+#include <Python.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "rays.h"
+
+/* The memory a caster reads belongs to others, who must not resize it meanwhile: Python sees to that. */
+enum { DEPTHS, SOLIDS, NODES, TRIANGLES, BUFFERS };
+
+typedef struct {
+    PyObject_HEAD
+    Py_buffer held[BUFFERS];
+    Geometry geometry;
+} Caster;
+
+/* A buffer of whole records; 0 with an exception set if it is none. */
+static int hold(PyObject *object, Py_buffer *view, size_t record, const char *name)
+{
+    if (PyObject_GetBuffer(object, view, PyBUF_SIMPLE) != 0)
+        return 0;
+    if ((size_t)view->len % record == 0)
+        return 1;
+    PyErr_Format(PyExc_ValueError, "%s: %zd bytes are no records of %zu bytes", name, view->len, record);
+    return 0;
+}
+
+/* One unknown number a block of cells. */
+static int make_blocks(Ground *ground)
+{
+    if (ground->rows == 0)
+        return 1;
+    long rows = (ground->rows - 2) / BLOCK + 1;
+    ground->block_columns = (ground->columns - 2) / BLOCK + 1;
+    size_t count = (size_t)rows * (size_t)ground->block_columns;
+    ground->least = malloc(count * sizeof *ground->least);
+    if (ground->least == NULL) {
+        PyErr_NoMemory();
+        return 0;
+    }
+    for (size_t i = 0; i < count; i++)
+        ground->least[i] = NAN;
+    return 1;
+}
+
+static int fill(Caster *caster, PyObject *const objects[BUFFERS])
+{
+    static const size_t records[BUFFERS] = {sizeof(float), sizeof(Solid), sizeof(Node), sizeof(Triangle)};
+    static const char *const names[BUFFERS] = {"depths", "solids", "nodes", "triangles"};
+    Geometry *geometry = &caster->geometry;
+    Ground *ground = &geometry->ground;
+    for (int i = 0; i < BUFFERS; i++)
+        if (!hold(objects[i], &caster->held[i], records[i], names[i]))
+            return 0;
+    int flat = ground->rows == 0 && ground->columns == 0;
+    if ((!flat && (ground->rows < 2 || ground->columns < 2))
+        || caster->held[DEPTHS].len / (Py_ssize_t)sizeof(float) != (Py_ssize_t)ground->rows * ground->columns) {
+        PyErr_Format(PyExc_ValueError, "depths: %zd bytes are not %ld x %ld of 4", caster->held[DEPTHS].len, ground->rows,
+                     ground->columns);
+        return 0;
+    }
+    ground->depths = caster->held[DEPTHS].buf;
+    geometry->solids = caster->held[SOLIDS].buf;
+    geometry->count = (long)(caster->held[SOLIDS].len / (Py_ssize_t)sizeof(Solid));
+    geometry->nodes = caster->held[NODES].buf;
+    geometry->triangles = caster->held[TRIANGLES].buf;
+    return make_blocks(ground);
+}
+
+static PyObject *caster_new(PyTypeObject *type, PyObject *arguments, PyObject *keywords)
+{
+    PyObject *objects[BUFFERS];
+    Ground ground = {0};
+    (void)keywords;
+    if (!PyArg_ParseTuple(arguments, "(lldddd)OOOO", &ground.rows, &ground.columns, &ground.north_min, &ground.east_min,
+                          &ground.scale, &ground.outside, &objects[DEPTHS], &objects[SOLIDS], &objects[NODES],
+                          &objects[TRIANGLES]))
+        return NULL;
+    PyObject *self = PyType_GenericAlloc(type, 0);
+    if (self == NULL)
+        return NULL;
+    ((Caster *)self)->geometry.ground = ground;
+    if (!fill((Caster *)self, objects))
+        Py_CLEAR(self);
+    return self;
+}
+
+static void caster_dealloc(PyObject *self)
+{
+    PyTypeObject *type = Py_TYPE(self);
+    Caster *caster = (Caster *)self;
+    for (int i = 0; i < BUFFERS; i++)
+        PyBuffer_Release(&caster->held[i]); /* does nothing to one that was never got */
+    free(caster->geometry.ground.least);
+    PyObject_Free(self);
+    Py_DECREF(type);
+}
+
+/* `size` numbers out of a Python sequence; 0 with an exception set if it holds anything else. */
+static int read_numbers(PyObject *sequence, double *out, Py_ssize_t size)
+{
+    Py_ssize_t count = PySequence_Size(sequence);
+    if (count >= 0 && count != size)
+        PyErr_Format(PyExc_ValueError, "%zd numbers are needed, found %zd", size, count);
+    for (Py_ssize_t i = 0; count == size && i < size; i++) {
+        PyObject *number = PySequence_GetItem(sequence, i);
+        out[i] = number == NULL ? -1.0 : PyFloat_AsDouble(number);
+        Py_XDECREF(number);
+        if (out[i] == -1.0 && PyErr_Occurred())
+            return 0;
+    }
+    return count == size;
+}
+
+/* Where the answers go: what is not asked for is NULL. */
+typedef struct {
+    double *distances, *points, *normals;
+    int32_t *objects;
+} Answers;
+
+static void answer(const Geometry *geometry, const double *origin, const double *along, double reach, Py_ssize_t ray,
+                   const Answers *to)
+{
+    Hit hit = trace(geometry, origin, along, reach);
+    to->distances[ray] = hit.distance;
+    if (to->points == NULL)
+        return;
+    double *point = to->points + 3 * ray, *out = to->normals + 3 * ray;
+    to->objects[ray] = (int32_t)hit.object;
+    set(point, NAN, NAN, NAN);
+    set(out, NAN, NAN, NAN);
+    if (hit.object == NOTHING)
+        return;
+    for (int axis = 0; axis < 3; axis++)
+        point[axis] = origin[axis] + hit.distance * along[axis];
+    normal(geometry, &hit, along, point, out);
+}
+
+enum { DIRECTIONS, DISTANCES, POINTS, NORMALS, OBJECTS, VIEWS };
+
+/* Gets the buffers, casts, and leaves the buffers to who called. */
+static int cast_views(const Geometry *geometry, PyObject *const *arguments, int count, Py_buffer *views)
+{
+    static const Py_ssize_t sizes[VIEWS] = {24, 8, 24, 24, 4}; /* bytes a ray */
+    double origin[3], rotation[9], reach = PyFloat_AsDouble(arguments[3]);
+    PyObject *const objects[VIEWS] = {arguments[2], arguments[4], count > 5 ? arguments[5] : NULL,
+                                      count > 5 ? arguments[6] : NULL, count > 5 ? arguments[7] : NULL};
+    if ((reach == -1.0 && PyErr_Occurred()) || !read_numbers(arguments[0], origin, 3) || !read_numbers(arguments[1], rotation, 9))
+        return 0;
+    for (int i = 0; i < VIEWS && objects[i] != NULL; i++) {
+        if (PyObject_GetBuffer(objects[i], &views[i], i == DIRECTIONS ? PyBUF_SIMPLE : PyBUF_WRITABLE) != 0)
+            return 0;
+        if (views[i].len % sizes[i] != 0 || views[i].len / sizes[i] != views[DIRECTIONS].len / 24) {
+            PyErr_Format(PyExc_ValueError, "buffer %d has %zd bytes, %zd a ray are needed", i, views[i].len, sizes[i]);
+            return 0;
+        }
+    }
+    const double *direction = views[DIRECTIONS].buf;
+    Answers to = {views[DISTANCES].buf, views[POINTS].buf, views[NORMALS].buf, views[OBJECTS].buf};
+    for (Py_ssize_t ray = 0, rays = views[DIRECTIONS].len / 24; ray < rays; ray++, direction += 3) {
+        double along[3];
+        turn(rotation, direction, along);
+        answer(geometry, origin, along, reach, ray, &to);
+    }
+    return 1;
+}
+
+static PyObject *caster_cast(PyObject *self, PyObject *const *arguments, Py_ssize_t count)
+{
+    Py_buffer views[VIEWS] = {{0}};
+    if (count != 5 && count != 8)
+        return PyErr_Format(PyExc_TypeError, "cast() takes origin, rotation, directions, reach, distances, and all or none "
+                                             "of points, normals, objects");
+    int ok = cast_views(&((Caster *)self)->geometry, arguments, (int)count, views);
+    for (int i = 0; i < VIEWS; i++)
+        PyBuffer_Release(&views[i]);
+    if (!ok)
+        return NULL;
+    Py_RETURN_NONE;
+}
+
+static PyMethodDef caster_methods[] = {
+    {"cast", (PyCFunction)(void (*)(void))caster_cast, METH_FASTCALL,
+     "cast(origin, rotation, directions, reach, distances[, points, normals, objects]): as sim.rays.single.cast."},
+    {NULL, NULL, 0, NULL},
+};
+
+static PyType_Slot caster_slots[] = {
+    {Py_tp_doc, "Rays: Caster((rows, columns, north_min, east_min, scale, depth), depths, solids, nodes, triangles)."},
+    {Py_tp_new, caster_new},
+    {Py_tp_dealloc, caster_dealloc},
+    {Py_tp_methods, caster_methods},
+    {0, NULL},
+};
+
+static PyType_Spec caster_spec = {
+    "sim.native._rays.Caster", sizeof(Caster), 0, Py_TPFLAGS_DEFAULT | Py_TPFLAGS_IMMUTABLETYPE, caster_slots,
+};
+
+static int module_exec(PyObject *module)
+{
+    PyObject *type = PyType_FromSpec(&caster_spec);
+    int failed = type == NULL || PyModule_AddObjectRef(module, "Caster", type) != 0;
+    Py_XDECREF(type);
+    return failed ? -1 : 0;
+}
+
+static PyModuleDef_Slot module_slots[] = {{Py_mod_exec, module_exec}, {0, NULL}};
+
+static PyModuleDef module = {
+    PyModuleDef_HEAD_INIT, "sim.native._rays", "Rays in C.", 0, NULL, module_slots, NULL, NULL, NULL,
+};
+
+PyMODINIT_FUNC PyInit__rays(void)
+{
+    return PyModuleDef_Init(&module);
+}

@@ -1,0 +1,27 @@
+from collections.abc import Sequence
+
+# Whatever the buffer protocol takes: array, memoryview, numpy.
+Buffer = object
+
+class Caster:
+    def __new__(
+        cls,
+        ground: tuple[int, int, float, float, float, float],
+        depths: Buffer,
+        solids: Buffer,
+        nodes: Buffer,
+        triangles: Buffer,
+        /,
+    ) -> Caster: ...
+    def cast(
+        self,
+        origin: Sequence[float],
+        rotation: Sequence[float],
+        directions: Buffer,
+        reach: float,
+        distances: Buffer,
+        points: Buffer = ...,
+        normals: Buffer = ...,
+        objects: Buffer = ...,
+        /,
+    ) -> None: ...

@@ -1,0 +1,244 @@
+/* The rays of sim/rays/single.py once more, to the last bit: same operations, same order, same names.
+ *
+ * That file is the specification and says how it works. Nothing of Python is in this file.
+ */
+
+#include "rays_seabed.h"
+
+enum { NOTHING = -1, SEABED = 0 };
+enum { SPHERE, CYLINDER, BOX, HALF_SPACE, MESH };
+enum { DEPTH_OF_TREE = 64 };
+
+/* Rows of sim/rays/solids.py, nodes and triangles of sim/rays/tree.py: doubles alone. */
+typedef struct {
+    double kind, reach, position[3], rotation[9], sizes[6], root;
+} Solid;
+
+typedef struct {
+    double low[3], high[3], place, count;
+} Node;
+
+typedef struct {
+    double corner[3], one[3], other[3];
+} Triangle;
+
+typedef struct {
+    Ground ground;
+    const Solid *solids;
+    long count;
+    const Node *nodes;
+    const Triangle *triangles;
+} Geometry;
+
+typedef struct {
+    double distance;
+    long object, detail;
+} Hit;
+
+static void turn(const double *r, const double *v, double *out)
+{
+    out[0] = r[0] * v[0] + r[1] * v[1] + r[2] * v[2];
+    out[1] = r[3] * v[0] + r[4] * v[1] + r[5] * v[2];
+    out[2] = r[6] * v[0] + r[7] * v[1] + r[8] * v[2];
+}
+
+static void turn_back(const double *r, const double *v, double *out)
+{
+    out[0] = r[0] * v[0] + r[3] * v[1] + r[6] * v[2];
+    out[1] = r[1] * v[0] + r[4] * v[1] + r[7] * v[2];
+    out[2] = r[2] * v[0] + r[5] * v[1] + r[8] * v[2];
+}
+
+/* --- solids */
+
+static int passes(const Solid *solid, const double *origin, const double *direction, double reach)
+{
+    double size = solid->reach, x = solid->position[0] - origin[0], y = solid->position[1] - origin[1];
+    double dx = direction[0], dy = direction[1], across = dx * y - dy * x;
+    return x * x + y * y > (size + reach) * (size + reach) || across * across > size * size * (dx * dx + dy * dy);
+}
+
+static double meet_half_space(const double *sizes, const double *origin, const double *direction, double reach)
+{
+    double height = sizes[0] * origin[0] + sizes[1] * origin[1] + sizes[2] * origin[2] - sizes[3];
+    if (height <= 0.0)
+        return 0.0;
+    double rate = sizes[0] * direction[0] + sizes[1] * direction[1] + sizes[2] * direction[2];
+    double distance = rate < 0.0 ? -height / rate : INFINITY;
+    return distance <= reach ? distance : INFINITY;
+}
+
+/* _round: a sphere (3 axes), or an endless cylinder (2). */
+static void meet_round(const double *at, const double *along, double radius, int axes, double *near, double *far)
+{
+    double a = along[0] * along[0] + along[1] * along[1], b = at[0] * along[0] + at[1] * along[1];
+    double c = at[0] * at[0] + at[1] * at[1] - radius * radius;
+    if (axes == 3)
+        a = a + along[2] * along[2], b = b + at[2] * along[2], c = c + at[2] * at[2];
+    double root = b * b - a * c;
+    if (a <= TINY ? c > 0.0 : root < 0.0) {
+        *near = INFINITY, *far = -INFINITY;
+    } else if (a > TINY) {
+        double half = sqrt(root);
+        *near = most_of(*near, (-b - half) / a);
+        *far = least_of(*far, (-b + half) / a);
+    }
+}
+
+static double meet_triangle(const Triangle *triangle, const double *at, const double *along)
+{
+    const double *e = triangle->one, *f = triangle->other, *d = along;
+    double px = d[1] * f[2] - d[2] * f[1], py = d[2] * f[0] - d[0] * f[2], pz = d[0] * f[1] - d[1] * f[0];
+    double determinant = e[0] * px + e[1] * py + e[2] * pz;
+    if (determinant == 0.0)
+        return INFINITY;
+    double slow = 1.0 / determinant;
+    double tx = at[0] - triangle->corner[0], ty = at[1] - triangle->corner[1], tz = at[2] - triangle->corner[2];
+    double u = (tx * px + ty * py + tz * pz) * slow;
+    if (!(0.0 <= u && u <= 1.0))
+        return INFINITY;
+    double qx = ty * e[2] - tz * e[1], qy = tz * e[0] - tx * e[2], qz = tx * e[1] - ty * e[0];
+    double v = (d[0] * qx + d[1] * qy + d[2] * qz) * slow;
+    double distance = (f[0] * qx + f[1] * qy + f[2] * qz) * slow;
+    return v >= 0.0 && u + v <= 1.0 && distance >= 0.0 ? distance : INFINITY;
+}
+
+static double meet_mesh(const Geometry *geometry, long root, const double *at, const double *along, double reach, long *found)
+{
+    double best = INFINITY;
+    long waiting[DEPTH_OF_TREE], count = 0;
+    waiting[count++] = root;
+    while (count > 0) {
+        const long number = waiting[--count];
+        const Node *node = geometry->nodes + number;
+        double near = 0.0, far = least_of(reach, best);
+        for (int axis = 0; axis < 3; axis++)
+            slab(at[axis], along[axis], node->low[axis], node->high[axis], &near, &far);
+        if (near > far)
+            continue;
+        long first = (long)node->place, last = first + (long)node->count;
+        if (first == last && count < DEPTH_OF_TREE - 1)
+            waiting[count++] = first, waiting[count++] = number + 1;
+        for (long i = first; i < last; i++) {
+            double distance = meet_triangle(geometry->triangles + i, at, along);
+            if (distance < best && distance <= reach)
+                best = distance, *found = i;
+        }
+    }
+    return best;
+}
+
+static double meet_solid(const Geometry *geometry, const Solid *solid, const double *origin, const double *direction,
+                         double reach, long *detail)
+{
+    int kind = (int)solid->kind;
+    const double *sizes = solid->sizes;
+    *detail = 0;
+    if (kind == HALF_SPACE)
+        return meet_half_space(sizes, origin, direction, reach);
+    double away[3], at[3], along[3], near = 0.0, far = reach;
+    for (int axis = 0; axis < 3; axis++)
+        away[axis] = origin[axis] - solid->position[axis];
+    turn_back(solid->rotation, away, at);
+    turn_back(solid->rotation, direction, along);
+    if (kind == MESH)
+        return meet_mesh(geometry, (long)solid->root, at, along, reach, detail);
+    if (kind == SPHERE) {
+        meet_round(at, along, sizes[0], 3, &near, &far);
+    } else if (kind == CYLINDER) {
+        meet_round(at, along, sizes[0], 2, &near, &far);
+        slab(at[2], along[2], sizes[1], sizes[2], &near, &far);
+    } else {
+        for (int axis = 0; axis < 3; axis++)
+            slab(at[axis], along[axis], sizes[2 * axis], sizes[2 * axis + 1], &near, &far);
+    }
+    return near <= far ? near : INFINITY;
+}
+
+static Hit trace(const Geometry *geometry, const double *origin, const double *direction, double reach)
+{
+    Hit best = {INFINITY, NOTHING, 0};
+    best.distance = meet_seabed(&geometry->ground, origin, direction, reach, &best.detail);
+    if (best.distance < INFINITY)
+        best.object = SEABED;
+    for (long i = 0; i < geometry->count; i++) {
+        const Solid *solid = geometry->solids + i;
+        if (passes(solid, origin, direction, reach))
+            continue;
+        long detail;
+        double distance = meet_solid(geometry, solid, origin, direction, least_of(reach, best.distance), &detail);
+        if (distance < best.distance)
+            best = (Hit){distance, i + 1, detail};
+    }
+    return best;
+}
+
+/* --- normals */
+
+static void unit(double x, double y, double z, double *out)
+{
+    double length = sqrt(x * x + y * y + z * z);
+    if (length > 0.0)
+        set(out, x / length, y / length, z / length);
+    else
+        set(out, 0.0, 0.0, -1.0);
+}
+
+/* Away from the nearest place of a solid without triangles; all in its own axes. */
+static void solid_normal(const Solid *solid, const double *at, double *out)
+{
+    const double *sizes = solid->sizes;
+    if (solid->kind == SPHERE) {
+        unit(at[0], at[1], at[2], out);
+        return;
+    }
+    double least = INFINITY;
+    if (solid->kind == BOX) {
+        for (int face = 0; face < 6; face++) {
+            double gap = fabs(at[face / 2] - sizes[face]);
+            if (gap < least) {
+                least = gap;
+                set(out, 0.0, 0.0, 0.0);
+                out[face / 2] = face % 2 ? 1.0 : -1.0;
+            }
+        }
+        return;
+    }
+    least = fabs(sqrt(at[0] * at[0] + at[1] * at[1]) - sizes[0]);
+    unit(at[0], at[1], 0.0, out);
+    for (int end = 1; end < 3; end++) {
+        double gap = fabs(at[2] - sizes[end]);
+        if (gap < least)
+            least = gap, set(out, 0.0, 0.0, end == 1 ? -1.0 : 1.0);
+    }
+}
+
+static void triangle_normal(const Triangle *triangle, const double *along, double *out)
+{
+    const double *e = triangle->one, *f = triangle->other;
+    unit(e[1] * f[2] - e[2] * f[1], e[2] * f[0] - e[0] * f[2], e[0] * f[1] - e[1] * f[0], out);
+    if (out[0] * along[0] + out[1] * along[1] + out[2] * along[2] > 0.0)
+        set(out, -out[0], -out[1], -out[2]);
+}
+
+static void normal(const Geometry *geometry, const Hit *hit, const double *direction, const double *point, double *out)
+{
+    if (hit->object == SEABED) {
+        seabed_normal(&geometry->ground, hit->detail, direction, point, out);
+        return;
+    }
+    const Solid *solid = geometry->solids + hit->object - 1;
+    if (solid->kind == HALF_SPACE) {
+        set(out, solid->sizes[0], solid->sizes[1], solid->sizes[2]);
+        return;
+    }
+    double away[3], at[3], own[3];
+    for (int axis = 0; axis < 3; axis++)
+        away[axis] = point[axis] - solid->position[axis];
+    turn_back(solid->rotation, solid->kind == MESH ? direction : away, at);
+    if (solid->kind == MESH)
+        triangle_normal(geometry->triangles + hit->detail, at, own);
+    else
+        solid_normal(solid, at, own);
+    turn(solid->rotation, own, out);
+}

@@ -1,0 +1,33 @@
+"""What there is to be met, and what was: the records that every engine takes and fills."""
+
+from typing import TYPE_CHECKING, NamedTuple
+
+if TYPE_CHECKING:
+    from array import array
+
+    from sim.terrain import Terrain
+
+NOTHING, SEABED = -1, 0  # objects; the solids follow from 1
+
+
+class Geometry(NamedTuple):
+    """All that rays meet: the seabed, flat at `depth` m where there is no terrain, and solids with their meshes."""
+
+    terrain: "Terrain | None"
+    depth: float
+    solids: "array[float]"
+    nodes: "array[float]"
+    triangles: "array[float]"
+
+
+class Hits(NamedTuple):
+    """What each ray met: how far (m, inf for nothing), where (NED, m), the surface's unit normal there, and what.
+
+    Three numbers a ray in `points` and `normals`, nan for nothing. An object is NOTHING, SEABED or a number of the
+    scene. Arrays of doubles and of 32-bit integers; numpy.frombuffer takes them as they are.
+    """
+
+    distances: "array[float]"
+    points: "array[float]"
+    normals: "array[float]"
+    objects: "array[int]"

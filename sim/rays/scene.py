@@ -1,0 +1,140 @@
+"""What the rays of a sensor meet: the seabed, what stands on it, and whatever else is put there."""
+
+from array import array
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any, Literal
+
+from hil.errors import ConfigError
+from sim.native import make_caster
+from sim.rays.geometry import NOTHING, SEABED, Geometry, Hits
+from sim.rays.solids import POSITION, ROW, Solid, standing
+from sim.rotations import matrix
+from sim.world import World
+
+if TYPE_CHECKING:
+    from sim.dynamics import State
+
+__all__ = ["ALONG_AXES", "NOTHING", "SEABED", "Engine", "Hits", "RayScene"]
+
+ALONG_AXES = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)  # directions that are NED already
+Engine = Literal["", "C", "numpy", "python"]
+_FEW = 32  # rays that plain Python has done before numpy has begun
+
+
+class RayScene:
+    """The seabed and the obstacles of `world`, and the solids that are added.
+
+    Objects: SEABED, then the obstacles from 1 on in the order of `world.obstacles()`, then what was added. `engine` is
+    the quickest there is, if left out; all three give the same numbers to the last bit.
+    The terrain is not copied. Not modelled: the water's surface (add a half space for that), rays that bend.
+    """
+
+    def __init__(self, world: World, engine: Engine = "") -> None:
+        self._world = world
+        self._solids = [standing(obstacle) for obstacle in world.obstacles()]
+        self._moving: list[tuple[int, State]] = []
+        self._geometry: Geometry | None = None
+        self._caster: Callable[..., None] | None = None
+        self._engine = engine
+
+    def add(self, solid: Solid, state: "State | None" = None) -> int:
+        """Put a solid there; its number. With a `state` it goes with that vehicle: its own axes are the body's."""
+        self._solids.append(solid)
+        if state is not None:
+            self._moving.append((len(self._solids), state))
+        self._geometry = None
+        return len(self._solids)
+
+    def ranges(
+        self,
+        origin: Sequence[float],
+        directions: Any,
+        reach: float,
+        rotation: Sequence[float] = ALONG_AXES,
+    ) -> "array[float]":
+        """How far it is along each ray from `origin` (NED, m): m, inf if nothing is within `reach` m.
+
+        `directions` are unit vectors, three doubles a ray, as a buffer (array("d"), numpy); `rotation` (3 x 3, row
+        after row) turns them into NED, the identity if left out. A ray that begins inside something has distance 0.
+        Raises ValueError for a buffer of anything else.
+        """
+        rays = _doubles(directions)
+        distances = array("d", bytes(rays.nbytes // 3))
+        self._cast(origin, rays, reach, rotation, distances, None)
+        return distances
+
+    def hits(
+        self,
+        origin: Sequence[float],
+        directions: Any,
+        reach: float,
+        rotation: Sequence[float] = ALONG_AXES,
+    ) -> Hits:
+        """As `ranges`, and where each ray ended, on what, and how that lies."""
+        rays = _doubles(directions)
+        count = len(rays) // 3
+        found = Hits(
+            array("d", bytes(8 * count)), array("d", bytes(24 * count)), array("d", bytes(24 * count)),
+            array("i", bytes(4 * count)),
+        )  # fmt: skip
+        self._cast(origin, rays, reach, rotation, found.distances, found)
+        return found
+
+    def _cast(
+        self,
+        origin: Sequence[float],
+        rays: "memoryview[float]",
+        reach: float,
+        rotation: Sequence[float],
+        distances: "array[float]",
+        hits: Hits | None,
+    ) -> None:
+        if self._geometry is None:
+            self._geometry = self._gather()
+            self._caster = make_caster(self._geometry) if self._engine in ("", "C") else None
+            if self._caster is None and self._engine == "C":
+                raise ConfigError("no rays in C here: python -m sim.native.build")
+        self._move(self._geometry.solids)
+        if self._caster is not None:
+            self._caster(origin, rotation, rays, reach, distances, *(hits[1:] if hits else ()))
+            return
+        if self._engine == "numpy" or (not self._engine and len(distances) > _FEW and _has_numpy()):
+            from sim.rays import batch
+
+            batch.cast(self._geometry, origin, rotation, rays, reach, distances, hits)
+        else:
+            from sim.rays import single
+
+            single.cast(self._geometry, origin, rotation, rays, reach, distances, hits)
+
+    def _move(self, solids: "array[float]") -> None:
+        """Put everything that moves where it is now."""
+        for number, state in self._moving:
+            first = (number - 1) * ROW + POSITION
+            for place, value in enumerate((*state.position, *matrix(state.quaternion)), first):
+                solids[place] = value
+
+    def _gather(self) -> Geometry:
+        numbers, nodes, triangles = array("d"), array("d"), array("d")
+        for solid in self._solids:
+            root = 0
+            if solid.triangles:
+                from sim.rays.tree import grow
+
+                root = grow(solid.triangles, nodes, triangles)
+            numbers.extend(solid.numbers(root))
+        return Geometry(self._world.terrain, self._world.depth, numbers, nodes, triangles)
+
+
+def _doubles(directions: Any) -> "memoryview[float]":
+    """The numbers of a buffer in a row. Raises ValueError if they are no doubles, or not three a ray."""
+    view = memoryview(directions)
+    if view.format != "d" or view.nbytes % 24:
+        raise ValueError(f"directions: three doubles a ray are needed, found {view.nbytes} bytes of {view.format!r}")
+    return view.cast("B").cast("d")
+
+
+def _has_numpy() -> bool:
+    from importlib.util import find_spec
+
+    return find_spec("numpy") is not None

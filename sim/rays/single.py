@@ -1,0 +1,231 @@
+"""One ray, in plain Python: the specification that sim/rays/batch.py and sim/native/rays.h repeat to the last bit.
+
+Where a ray begins inside something its distance is 0; a mesh has no inside. A hit tells where on a thing it is by a
+number, `detail`: on the seabed what sim/rays/seabed.py says, of a mesh the triangle, of the others nothing.
+"""
+
+from array import array
+from collections.abc import Sequence
+from math import inf, nan, sqrt
+from typing import NamedTuple
+
+from sim.rays.geometry import NOTHING, SEABED, Geometry, Hits
+from sim.rays.seabed import STEP_EAST, STEP_NORTH, TINY, meet_seabed, slab
+from sim.rays.solids import BOX, CYLINDER, HALF_SPACE, KIND, MESH, POSITION, REACH, ROOT, ROTATION, ROW, SIZES, SPHERE
+from sim.rays.tree import NODE, TRIANGLE
+from sim.rotations import Vector3
+
+
+class Hit(NamedTuple):
+    """How far (m), on what, and where on it."""
+
+    distance: float
+    object: int
+    detail: int
+
+
+def turn(rotation: Sequence[float], x: float, y: float, z: float) -> Vector3:
+    """A vector from the axes that `rotation` (row after row) belongs to into the world's."""
+    a, b, c, d, e, f, g, h, i = rotation
+    return a * x + b * y + c * z, d * x + e * y + f * z, g * x + h * y + i * z
+
+
+def turn_back(rotation: Sequence[float], x: float, y: float, z: float) -> Vector3:
+    """A vector of the world into the axes that `rotation` belongs to."""
+    a, b, c, d, e, f, g, h, i = rotation
+    return a * x + d * y + g * z, b * x + e * y + h * z, c * x + f * y + i * z
+
+
+def trace(geometry: Geometry, origin: Sequence[float], direction: Sequence[float], reach: float) -> Hit:
+    """The first thing within `reach` m along `direction` (a unit vector, NED) from `origin` (NED, m)."""
+    distance, detail = meet_seabed(geometry.terrain, geometry.depth, origin, direction, reach)
+    best = Hit(distance, SEABED, detail) if distance < inf else Hit(inf, NOTHING, 0)
+    solids = geometry.solids
+    for number, start in enumerate(range(0, len(solids), ROW), 1):
+        row = solids[start : start + ROW]
+        if not _passes(row, origin, direction, reach):
+            distance, detail = _meet_solid(geometry, row, origin, direction, min(reach, best.distance))
+            if distance < best.distance:
+                best = Hit(distance, number, detail)
+    return best
+
+
+def cast(
+    geometry: Geometry,
+    origin: Sequence[float],
+    rotation: Sequence[float],
+    directions: Sequence[float],
+    reach: float,
+    distances: "array[float]",
+    hits: Hits | None,
+) -> None:
+    """Fill `distances`, and `hits` where it is given, for all rays: see RayScene."""
+    x, y, z = origin
+    for ray in range(len(distances)):
+        along = turn(rotation, *directions[3 * ray : 3 * ray + 3])
+        hit = trace(geometry, origin, along, reach)
+        distances[ray] = hit.distance
+        if hits is None:
+            continue
+        hits.objects[ray] = hit.object
+        point = out = (nan, nan, nan)
+        if hit.object != NOTHING:
+            point = x + hit.distance * along[0], y + hit.distance * along[1], z + hit.distance * along[2]
+            out = normal(geometry, hit, along, point)
+        hits.points[3 * ray : 3 * ray + 3] = array("d", point)
+        hits.normals[3 * ray : 3 * ray + 3] = array("d", out)
+
+
+def normal(geometry: Geometry, hit: Hit, direction: Sequence[float], point: Sequence[float]) -> Vector3:
+    """The unit vector (NED) away from what a ray along `direction` has hit at `point`."""
+    if hit.object == SEABED:
+        if hit.detail == STEP_NORTH:
+            return (-1.0 if direction[0] > 0.0 else 1.0), 0.0, 0.0
+        if hit.detail == STEP_EAST:
+            return 0.0, (-1.0 if direction[1] > 0.0 else 1.0), 0.0
+        return geometry.terrain.normal(point[0], point[1]) if geometry.terrain else (0.0, 0.0, -1.0)
+    row = geometry.solids[(hit.object - 1) * ROW : hit.object * ROW]
+    if row[KIND] == HALF_SPACE:
+        return row[SIZES], row[SIZES + 1], row[SIZES + 2]
+    position, rotation = row[POSITION:ROTATION], row[ROTATION:SIZES]
+    x, y, z = turn_back(rotation, point[0] - position[0], point[1] - position[1], point[2] - position[2])
+    if row[KIND] == MESH:
+        own = _triangle_normal(geometry.triangles, hit.detail, turn_back(rotation, *direction))
+    else:
+        own = _solid_normal(row, x, y, z)
+    return turn(rotation, *own)
+
+
+def _passes(row: Sequence[float], origin: Sequence[float], direction: Sequence[float], reach: float) -> bool:
+    """True if, seen from above, a ray stays clear of the circle around a solid, or does not get there."""
+    size, x, y = row[REACH], row[POSITION] - origin[0], row[POSITION + 1] - origin[1]
+    dx, dy = direction[0], direction[1]
+    across = dx * y - dy * x
+    out_of_reach = x * x + y * y > (size + reach) * (size + reach)
+    return out_of_reach or across * across > size * size * (dx * dx + dy * dy)
+
+
+def _meet_solid(
+    geometry: Geometry, row: Sequence[float], origin: Sequence[float], direction: Sequence[float], reach: float
+) -> tuple[float, int]:
+    """Distance to a solid, inf if it is not within `reach`, and the detail of the hit."""
+    kind, sizes = row[KIND], row[SIZES:ROOT]
+    if kind == HALF_SPACE:
+        return _meet_half_space(sizes, origin, direction, reach), 0
+    position, rotation = row[POSITION:ROTATION], row[ROTATION:SIZES]
+    at = turn_back(rotation, origin[0] - position[0], origin[1] - position[1], origin[2] - position[2])
+    along = turn_back(rotation, direction[0], direction[1], direction[2])
+    if kind == MESH:
+        return _meet_mesh(geometry, int(row[ROOT]), at, along, reach)
+    near, far = 0.0, reach
+    if kind == SPHERE:
+        near, far = _round(at, along, sizes[0], 3, near, far)
+    elif kind == CYLINDER:
+        near, far = _round(at, along, sizes[0], 2, near, far)
+        near, far = slab(at[2], along[2], sizes[1], sizes[2], near, far)
+    elif kind == BOX:
+        for axis in range(3):
+            near, far = slab(at[axis], along[axis], sizes[2 * axis], sizes[2 * axis + 1], near, far)
+    return (near if near <= far else inf), 0
+
+
+def _meet_half_space(
+    sizes: Sequence[float], origin: Sequence[float], direction: Sequence[float], reach: float
+) -> float:
+    x, y, z, offset = sizes[0], sizes[1], sizes[2], sizes[3]
+    height = x * origin[0] + y * origin[1] + z * origin[2] - offset
+    if height <= 0.0:
+        return 0.0
+    rate = x * direction[0] + y * direction[1] + z * direction[2]
+    distance = -height / rate if rate < 0.0 else inf
+    return distance if distance <= reach else inf
+
+
+def _round(at: Vector3, along: Vector3, radius: float, axes: int, near: float, far: float) -> tuple[float, float]:
+    """The part of `near` to `far` m inside a sphere (3 axes) or an endless cylinder (2) about the origin."""
+    (x, y, z), (dx, dy, dz) = at, along
+    a, b, c = dx * dx + dy * dy, x * dx + y * dy, x * x + y * y - radius * radius
+    if axes == 3:
+        a, b, c = a + dz * dz, b + z * dz, c + z * z
+    if a <= TINY:
+        return (near, far) if c <= 0.0 else (inf, -inf)
+    root = b * b - a * c
+    if root < 0.0:
+        return inf, -inf
+    half = sqrt(root)
+    return max(near, (-b - half) / a), min(far, (-b + half) / a)
+
+
+def _solid_normal(row: Sequence[float], x: float, y: float, z: float) -> Vector3:
+    """Away from a solid without triangles, at the place of it that is nearest to (x, y, z); all in its own axes."""
+    if row[KIND] == SPHERE:
+        return _unit(x, y, z)
+    low, high = row[SIZES], row[SIZES + 1]
+    if row[KIND] == BOX:
+        faces = [
+            (abs(x - low), (-1.0, 0.0, 0.0)), (abs(x - high), (1.0, 0.0, 0.0)),
+            (abs(y - row[SIZES + 2]), (0.0, -1.0, 0.0)), (abs(y - row[SIZES + 3]), (0.0, 1.0, 0.0)),
+            (abs(z - row[SIZES + 4]), (0.0, 0.0, -1.0)), (abs(z - row[SIZES + 5]), (0.0, 0.0, 1.0)),
+        ]  # fmt: skip
+    else:
+        side = abs(sqrt(x * x + y * y) - low)
+        faces = [
+            (side, _unit(x, y, 0.0)),
+            (abs(z - high), (0.0, 0.0, -1.0)),
+            (abs(z - row[SIZES + 2]), (0.0, 0.0, 1.0)),
+        ]
+    return min(faces, key=lambda face: face[0])[1]
+
+
+def _unit(x: float, y: float, z: float) -> Vector3:
+    length = sqrt(x * x + y * y + z * z)
+    return (x / length, y / length, z / length) if length > 0.0 else (0.0, 0.0, -1.0)
+
+
+# --- meshes
+
+
+def _meet_mesh(geometry: Geometry, root: int, at: Vector3, along: Vector3, reach: float) -> tuple[float, int]:
+    nodes, triangles = geometry.nodes, geometry.triangles
+    best, found, waiting = inf, 0, [root]
+    while waiting:
+        place = waiting.pop() * NODE
+        near, far = 0.0, min(reach, best)
+        for axis in range(3):
+            near, far = slab(at[axis], along[axis], nodes[place + axis], nodes[place + 3 + axis], near, far)
+        if near > far:
+            continue
+        first, count = int(nodes[place + 6]), int(nodes[place + 7])
+        if not count:
+            waiting += (first, place // NODE + 1)
+        for number in range(first, first + count):
+            distance = _meet_triangle(triangles[number * TRIANGLE : (number + 1) * TRIANGLE], at, along)
+            if distance < best and distance <= reach:
+                best, found = distance, number
+    return best, found
+
+
+def _meet_triangle(corner: Sequence[float], at: Vector3, along: Vector3) -> float:
+    """Distance to a triangle from either side, inf beside it (Möller & Trumbore 1997, J. Graphics Tools 2(1))."""
+    ax, ay, az, ex, ey, ez, fx, fy, fz = corner
+    dx, dy, dz = along
+    px, py, pz = dy * fz - dz * fy, dz * fx - dx * fz, dx * fy - dy * fx
+    determinant = ex * px + ey * py + ez * pz
+    if determinant == 0.0:
+        return inf
+    slow = 1.0 / determinant
+    tx, ty, tz = at[0] - ax, at[1] - ay, at[2] - az
+    u = (tx * px + ty * py + tz * pz) * slow
+    if not 0.0 <= u <= 1.0:
+        return inf
+    qx, qy, qz = ty * ez - tz * ey, tz * ex - tx * ez, tx * ey - ty * ex
+    v = (dx * qx + dy * qy + dz * qz) * slow
+    distance = (fx * qx + fy * qy + fz * qz) * slow
+    return distance if v >= 0.0 and u + v <= 1.0 and distance >= 0.0 else inf
+
+
+def _triangle_normal(triangles: Sequence[float], number: int, along: Vector3) -> Vector3:
+    """Of a triangle, towards where the ray came from."""
+    _, _, _, ex, ey, ez, fx, fy, fz = triangles[number * TRIANGLE : (number + 1) * TRIANGLE]
+    x, y, z = _unit(ey * fz - ez * fy, ez * fx - ex * fz, ex * fy - ey * fx)
+    return (-x, -y, -z) if x * along[0] + y * along[1] + z * along[2] > 0.0 else (x, y, z)

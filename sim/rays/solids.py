@@ -1,0 +1,95 @@
+"""What rays can meet besides the seabed: spheres, cylinders, boxes, half spaces and meshes, each wherever it is.
+
+A solid is a row of numbers, so that C can read the same ones: they stand one after another in an array.
+"""
+
+from collections.abc import Iterable, Sequence
+from math import inf, sqrt
+from typing import TYPE_CHECKING, NamedTuple
+
+from sim.obstacles import Box, Cylinder, Obstacle, Wall
+from sim.rotations import from_euler, matrix
+
+if TYPE_CHECKING:
+    from sim.vehicle import Vehicle
+
+Point = Sequence[float]
+Triangle = Sequence[Point]
+
+SPHERE, CYLINDER, BOX, HALF_SPACE, MESH = range(5)
+# Where in a row the parts of a solid begin, and how long it is.
+KIND, REACH, POSITION, ROTATION, SIZES, ROOT, ROW = 0, 1, 2, 5, 14, 20, 21
+
+_UPRIGHT = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
+_DOWN = 20_000.0  # m: below any seabed
+
+
+class Solid(NamedTuple):
+    """One solid. `rotation` (row after row) turns its own axes into the world's, `position` (NED, m) is their origin.
+
+    `reach` (m) is how far from there it extends at most, seen from above; `sizes` depend on `kind`; `triangles` are
+    those of a mesh, in its own axes.
+    """
+
+    kind: int
+    reach: float
+    position: Point
+    rotation: Sequence[float]
+    sizes: Sequence[float]
+    triangles: tuple[Triangle, ...] = ()
+
+    def numbers(self, root: int) -> list[float]:
+        """The row; `root` is where the tree of a mesh begins."""
+        sizes = [*self.sizes, *[0.0] * (ROOT - SIZES - len(self.sizes))]
+        return [float(self.kind), self.reach, *self.position, *self.rotation, *sizes, float(root)]
+
+
+def sphere(center: Point, radius: float) -> Solid:
+    """A ball; `center` in m, NED."""
+    return Solid(SPHERE, radius, center, _UPRIGHT, (radius,))
+
+
+def cylinder(center: Point, radius: float, half_length: float, rotation: Sequence[float] = _UPRIGHT) -> Solid:
+    """A cylinder with flat ends, its axis the z of its own axes."""
+    reach = sqrt(radius * radius + half_length * half_length)
+    return Solid(CYLINDER, reach, center, rotation, (radius, -half_length, half_length))
+
+
+def box(center: Point, dimensions: Point, rotation: Sequence[float] = _UPRIGHT) -> Solid:
+    """A cuboid of `dimensions` m along its own axes."""
+    x, y, z = (0.5 * size for size in dimensions)
+    return Solid(BOX, sqrt(x * x + y * y + z * z), center, rotation, (-x, x, -y, y, -z, z))
+
+
+def half_space(normal: Point, offset: float) -> Solid:
+    """All places p (NED) where `normal` (a unit vector, into the water) p is below `offset` m: a wall, the surface."""
+    return Solid(HALF_SPACE, inf, (0.0, 0.0, 0.0), _UPRIGHT, (*normal, offset))
+
+
+def mesh(triangles: Iterable[Triangle]) -> Solid:
+    """A hull of triangles, each three corners (m) in its own axes, FRD for a vehicle's. Rays meet either side."""
+    kept = tuple(tuple(tuple(map(float, corner)) for corner in triangle) for triangle in triangles)
+    if not kept:
+        raise ValueError("a mesh needs at least one triangle")
+    reach = sqrt(max(x * x + y * y + z * z for triangle in kept for x, y, z in triangle))
+    return Solid(MESH, reach, (0.0, 0.0, 0.0), _UPRIGHT, (), kept)
+
+
+def hull(vehicle: "Vehicle") -> Solid:
+    """The box of a vehicle's length, width and height about its origin."""
+    return box((0.0, 0.0, 0.0), vehicle.dimensions)
+
+
+def standing(obstacle: Obstacle) -> Solid:
+    """An obstacle of a world: from its top down into the seabed."""
+    if isinstance(obstacle, Cylinder):
+        place = (obstacle.north, obstacle.east, obstacle.top)
+        return Solid(CYLINDER, obstacle.radius, place, _UPRIGHT, (obstacle.radius, 0.0, _DOWN))
+    if isinstance(obstacle, Box):
+        x, y = 0.5 * obstacle.size_north, 0.5 * obstacle.size_east
+        turned = matrix(from_euler(0.0, 0.0, obstacle.heading))
+        place = (obstacle.north, obstacle.east, obstacle.top)
+        return Solid(BOX, sqrt(x * x + y * y), place, turned, (-x, x, -y, y, 0.0, _DOWN))
+    if isinstance(obstacle, Wall):
+        return half_space((obstacle.inward_north, obstacle.inward_east, 0.0), obstacle.offset)
+    raise TypeError(f"rays know no {type(obstacle).__name__}")

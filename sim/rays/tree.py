@@ -1,0 +1,37 @@
+"""A mesh as a tree of boxes, so that a ray looks at few of its triangles.
+
+A node is eight numbers: the least and the greatest x, y, z of its box, a place and a count. With a count it is a leaf
+and the place is that of its first triangle; without, its children are the next node and the one at the place. A
+triangle is nine numbers: a corner and the two edges from there.
+"""
+
+from array import array
+from collections.abc import Sequence
+from operator import itemgetter
+
+from sim.rays.solids import Triangle
+
+NODE, TRIANGLE = 8, 9
+_LEAF = 4  # triangles at most
+
+
+def grow(triangles: Sequence[Triangle], nodes: "array[float]", corners: "array[float]") -> int:
+    """Append the tree of these triangles to `nodes` and `corners`; the number of its root."""
+    root = len(nodes) // NODE
+    low = [min(corner[axis] for triangle in triangles for corner in triangle) for axis in range(3)]
+    high = [max(corner[axis] for triangle in triangles for corner in triangle) for axis in range(3)]
+    if len(triangles) <= _LEAF:
+        nodes.extend((*low, *high, len(corners) // TRIANGLE, len(triangles)))
+        for a, b, c in triangles:
+            corners.extend(
+                (*a, *(y - x for x, y in zip(a, b, strict=True)), *(y - x for x, y in zip(a, c, strict=True)))
+            )
+        return root
+    nodes.extend((*low, *high, 0.0, 0.0))
+    sizes = [b - a for a, b in zip(low, high, strict=True)]
+    axis = itemgetter(sizes.index(max(sizes)))
+    ordered = sorted(triangles, key=lambda triangle: sum(map(axis, triangle)))
+    middle = len(ordered) // 2
+    grow(ordered[:middle], nodes, corners)
+    nodes[root * NODE + 6] = grow(ordered[middle:], nodes, corners)
+    return root

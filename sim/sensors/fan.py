@@ -1,0 +1,48 @@
+"""What a laser and a profiler share: a fan of thin beams in one plane, all of one instant."""
+
+from math import pi
+from typing import Annotated, Any
+
+from hil.schema import Range
+from sim.dynamics import State
+from sim.sensors.beams import Beams, RangeErrors, within
+from sim.sensors.error import sensor_random
+from sim.sensors.extra_samples import LaserSample
+from sim.sensors.mounting import Mounting
+from sim.sensors.samples import Scene, Vector3
+
+Angle = Annotated[float, Range(-2.0 * pi, 2.0 * pi, "rad")]
+DEGREE = pi / 180.0
+
+
+def fan_problem(near: float, far: float, first: float, last: float) -> str | None:
+    """What is wrong with the limits (m) and the angles (rad) of a fan, if anything."""
+    if near >= far:
+        return "min_range is not below max_range"
+    return "angle_min is not below angle_max" if first >= last else None
+
+
+class Fan:
+    """Beams at even angles, the first and the last of which the model says."""
+
+    Model: Any
+    topic: str
+
+    def __init__(self, model: Any, mounting: Mounting, seed: int, scene: Scene) -> None:
+        self._first, self._step = model.angle_min, (model.angle_max - model.angle_min) / (model.beams - 1)
+        self._limits = model.min_range, model.max_range
+        directions = [self.direction(self._first + i * self._step) for i in range(model.beams)]
+        self._beams = Beams(scene, mounting, directions, model.max_range)
+        random = sensor_random(seed, self.topic)
+        self._errors = None if model.ground_truth else RangeErrors(model.error, 1.0 / model.rate, random, self._limits)
+
+    @staticmethod
+    def direction(angle: float) -> Vector3:
+        """The unit vector (the sensor's axes) of the beam at an angle (rad)."""
+        raise NotImplementedError
+
+    def sample(self, time_ns: int, state: State) -> LaserSample:
+        """The measurement of `state`."""
+        true = self._beams.ranges(time_ns, state)
+        measured = self._errors.measure(true) if self._errors else within(true, true, self._limits)
+        return LaserSample(time_ns, self._first, self._step, measured, self._limits)

@@ -1,0 +1,61 @@
+"""What the beams of a log or an altimeter meet."""
+
+from collections.abc import Iterable, Sequence
+from math import inf, sqrt
+from typing import TYPE_CHECKING
+
+from sim.dynamics import State
+from sim.rotations import matrix
+from sim.sensors.mounting import Mounting
+from sim.sensors.samples import Vector3
+from sim.world import World
+
+if TYPE_CHECKING:
+    from sim.rays.scene import RayScene
+
+
+class Ground:
+    """The seabed and the obstacles of `world` under thin beams (unit vectors along the body axes) of `reach` m.
+
+    While there is nothing but a flat seabed within reach a sensor does without rays, by a formula of its own; they are
+    loaded when they are needed.
+    """
+
+    def __init__(self, world: World, mounting: Mounting, beams: Iterable[Vector3], reach: float) -> None:
+        self._world = world
+        self._mounting = mounting
+        self._arm = sqrt(sum([x * x for x in mounting.position]))
+        self._beams = [x for beam in beams for x in beam]
+        self._reach = reach
+        self._rays: RayScene | None = None
+        # No obstacle is within `_free` m of this place.
+        self._north = self._east = 0.0
+        self._free = 0.0 if world.obstacles() else inf
+        if world.terrain is not None:
+            self._load()
+
+    def is_flat(self, state: State, across: float) -> bool:
+        """True if beams that go `across` m from above their sensor can meet nothing but a flat seabed."""
+        if self._world.terrain is not None:
+            return False
+        north, east, _ = state.position
+        across += self._arm
+        away_north, away_east = north - self._north, east - self._east
+        if sqrt(away_north * away_north + away_east * away_east) + across < self._free:
+            return True
+        self._north, self._east, self._free = north, east, self._world.clearance(north, east)
+        return across < self._free
+
+    def ranges(self, state: State) -> Sequence[float]:
+        """True distance along each beam in m, inf if there is nothing within reach."""
+        rays = self._rays or self._load()
+        return rays.ranges(self._mounting.place(state), self._directions, self._reach, matrix(state.quaternion))
+
+    def _load(self) -> "RayScene":
+        from array import array
+
+        from sim.rays.scene import RayScene
+
+        self._directions = array("d", self._beams)
+        self._rays = RayScene(self._world)
+        return self._rays
