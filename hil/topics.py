@@ -5,11 +5,20 @@ from typing import Literal, NamedTuple
 Priority = Literal["real_time", "data", "background"]
 
 
+class Qos(NamedTuple):
+    """Quality of service, as ROS 2 calls it. Whoever comes late to a `latched` topic gets its last messages."""
+
+    reliable: bool = True
+    latched: bool = False
+    depth: int = 10
+
+
 class Topic(NamedTuple):
     """A stream between slave and master.
 
-    `type` is the ROS 2 message type; `rate_hz` the nominal rate (0: on events); `priority` the place in
-    the network's queues; `express` sends at once instead of in batches, which only commands are worth.
+    `name` is that below the node's, or with a leading slash the same for all nodes. `type` is the ROS 2 message type;
+    `rate_hz` the nominal rate (0: on events); `priority` the place in the network's queues; `express` sends at once
+    instead of in batches, which only commands are worth. `qos` is what ROS 2 is told (REP 2003: sensors are reliable).
     """
 
     name: str
@@ -18,6 +27,11 @@ class Topic(NamedTuple):
     priority: Priority
     express: bool = False
     from_master: bool = False
+    qos: Qos = Qos()
+
+    def full_name(self, node: str) -> str:
+        """What ROS calls the topic of that node."""
+        return self.name if self.name.startswith("/") else f"/{node}/{self.name}"
 
 
 TOPICS = {
@@ -26,7 +40,8 @@ TOPICS = {
         Topic("cmd_vel", "geometry_msgs/msg/Twist", 20, "real_time", express=True, from_master=True),
         Topic("trace", "std_msgs/msg/Int64MultiArray", 20, "real_time"),
         Topic("imu", "sensor_msgs/msg/Imu", 100, "data"),
-        Topic("dvl", "geometry_msgs/msg/TwistWithCovarianceStamped", 8, "data"),
+        Topic("dvl", "marine_acoustic_msgs/msg/Dvl", 8, "data"),
+        Topic("dvl_twist", "geometry_msgs/msg/TwistWithCovarianceStamped", 8, "data"),
         Topic("altitude", "sensor_msgs/msg/Range", 8, "data"),
         Topic("pressure", "sensor_msgs/msg/FluidPressure", 20, "data"),
         Topic("odom", "nav_msgs/msg/Odometry", 20, "data"),
@@ -36,12 +51,20 @@ TOPICS = {
         Topic("battery", "sensor_msgs/msg/BatteryState", 1, "data"),
         Topic("contact", "std_msgs/msg/Bool", 20, "data"),
         Topic("current_meter", "geometry_msgs/msg/TwistStamped", 4, "data"),
-        Topic("dvl_water", "geometry_msgs/msg/TwistWithCovarianceStamped", 8, "data"),
+        Topic("dvl_water", "marine_acoustic_msgs/msg/Dvl", 8, "data"),
         Topic("gps", "sensor_msgs/msg/NavSatFix", 1, "data"),
+        Topic("laser", "sensor_msgs/msg/LaserScan", 10, "data"),
+        Topic("profiler", "sensor_msgs/msg/LaserScan", 5, "data"),
+        Topic("scanning_sonar", "sensor_msgs/msg/LaserScan", 11, "data"),
+        Topic("echosounder", "sensor_msgs/msg/Range", 10, "data"),
         Topic("leak", "std_msgs/msg/Bool", 1, "data"),
         Topic("magnetometer", "sensor_msgs/msg/MagneticField", 50, "data"),
         Topic("usbl", "geometry_msgs/msg/PoseWithCovarianceStamped", 1, "data"),
+        Topic("thruster_wrench", "geometry_msgs/msg/WrenchStamped", 10, "data"),
         Topic("diagnostics", "diagnostic_msgs/msg/DiagnosticArray", 1, "background"),
+        Topic("/tf", "tf2_msgs/msg/TFMessage", 20, "data", qos=Qos(depth=100)),
+        Topic("/tf_static", "tf2_msgs/msg/TFMessage", 0, "data", qos=Qos(latched=True, depth=1)),
+        Topic("/clock", "rosgraph_msgs/msg/Clock", 20, "data", qos=Qos(reliable=False, depth=1)),
     )
 }
 
@@ -65,4 +88,18 @@ TYPE_HASHES = {
     ),
     "sensor_msgs/msg/BatteryState": "RIHS01_4bee5dfce981c98faa6828b868307a0a73f992ed0789f374ee96c8f840e69741",
     "geometry_msgs/msg/TwistStamped": "RIHS01_5f0fcd4f81d5d06ad9b4c4c63e3ea51b82d6ae4d0558f1d475229b1121db6f64",
+    "geometry_msgs/msg/WrenchStamped": "RIHS01_8dc3deaf06b2ab281f9f9a742a8961c328ca7cec16e3fd6586d3a5c83fa78f77",
+    "marine_acoustic_msgs/msg/Dvl": "RIHS01_77604ba1b113d1a39148d095ac2cb21540de83cff2bbc5443e06e25208afd421",
+    "tf2_msgs/msg/TFMessage": "RIHS01_e369d0f05a23ae52508854b66f6aa0437f3449d652e8cbf22d5abe85d020f087",
+    "rosgraph_msgs/msg/Clock": "RIHS01_692f7a66e93a3c83e71765d033b60349ba68023a8c689a79e48078bcb5c58564",
 }
+
+
+def hash_of(type_name: str) -> str:
+    """The hash of any type there is. Raises ConfigError for one that is not known here."""
+    found = TYPE_HASHES.get(type_name)
+    if found is None:
+        from hil.transport import types  # what the vehicle says stands above
+
+        found = types.type_hash(type_name)
+    return found

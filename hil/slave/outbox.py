@@ -1,44 +1,55 @@
 """Where samples leave: simulator samples to ROS messages, each on its topic."""
 
+from collections.abc import Sequence
 from typing import Any
 
 from hil.clock import now_ns, to_wall_ns
 from hil.topics import TOPICS
 from hil.transport import ros
+from hil.transport.graph import Node
 from hil.transport.session import Publisher, Session
 
 
 class Outbox:
     """Publishes what the slave has to say as one node.
 
-    `epoch_ns` is the wall time (ns since 1970) of simulation time 0; message stamps count from it.
+    `epoch_ns` is the wall time (ns since 1970) of simulation time 0; message stamps count from it. `prefix` is set
+    before the names of its frames; `silent` are topics that are left out. `graph` is the node as ROS sees it.
     """
 
-    def __init__(self, session: Session, node: str, epoch_ns: int) -> None:
+    def __init__(
+        self, session: Session, node: str, epoch_ns: int, prefix: str = "", silent: Sequence[str] = ()
+    ) -> None:
         self._session = session
         self._node = node
-        self._epoch_ns = epoch_ns
+        self._prefix = prefix
+        self._silent = silent
+        self.epoch_ns = epoch_ns
+        self.graph = Node(session, node)
         self._publishers: dict[str, Publisher] = {}  # of the topics there was something to say on so far
         self.published = 0
 
     def sample(self, topic: str, sample: Any) -> None:
         """Publish one sensor sample (NED, FRD) under the simulator's name for it."""
-        stamped = sample._replace(time_ns=sample.time_ns + self._epoch_ns)
-        for name, payload in ros.encoder(topic)(stamped):
-            self._put(name, payload)
+        stamped = sample._replace(time_ns=sample.time_ns + self.epoch_ns)
+        for name, payload in ros.encoder(topic)(stamped, self._prefix):
+            if name not in self._silent:
+                self.put(name, payload)
 
     def trace(self, instants: tuple[int, ...]) -> None:
         """Publish the instants of one command's way, see `hil.slave.loop.Trace`."""
-        self._put("trace", ros.encode_int64_array(instants))
+        self.put("trace", ros.encode_int64_array(instants))
 
     def diagnostics(self, name: str, level: int, message: str, values: dict[str, str]) -> None:
         """Publish the state of health; `level` 0 ok, 1 warning, 2 error."""
         now = to_wall_ns(now_ns())
-        self._put("diagnostics", ros.encode_diagnostics(now, [(name, level, message, values)]))
+        self.put("diagnostics", ros.encode_diagnostics(now, [(name, level, message, values)]))
 
-    def _put(self, name: str, payload: bytes) -> None:
+    def put(self, name: str, payload: bytes) -> None:
+        """Publish a message on a topic of `hil.topics`."""
         publisher = self._publishers.get(name)
         if publisher is None:
             publisher = self._publishers[name] = self._session.publisher(self._node, TOPICS[name])
+            self.graph.publishes(TOPICS[name], self._node)
         publisher.put(payload, to_wall_ns(now_ns()))
         self.published += 1

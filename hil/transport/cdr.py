@@ -44,6 +44,7 @@ class Layout:
         self._fields = fields.split()
         self.strings = self._fields.count("string")
         self._structs: dict[tuple[int, ...], Struct] = {}
+        self._named: dict[tuple[str, ...], tuple[Struct, tuple[Any, ...]]] = {}
 
     def struct(self, *lengths: int) -> Struct:
         """The message whose strings take `lengths` bytes; with too few of them, up to the next string's length."""
@@ -52,6 +53,17 @@ class Layout:
             if len(self._structs) >= _MOST_COMPILED:
                 self._structs.clear()
             found = self._structs[lengths] = Struct(self._format(lengths))
+        return found
+
+    def named(self, names: tuple[str, ...]) -> tuple[Struct, tuple[Any, ...]]:
+        """The message with these strings, and the values that they are in it."""
+        found = self._named.get(names)
+        if found is None:
+            if len(self._named) >= _MOST_COMPILED:
+                self._named.clear()
+            raw = [zero_terminated(name) for name in names]
+            strings = tuple([value for name in raw for value in (len(name), name)])
+            found = self._named[names] = self.struct(*map(len, raw)), strings
         return found
 
     def unpack(self, data: bytes) -> tuple[Any, ...]:
@@ -92,6 +104,11 @@ class Writer:
             self.data += bytes(-(len(self.data) - len(HEADER)) % calcsize(f"<{code}"))
             self.data += pack(f"<{len(values)}{code}", *values)
 
+    def raw(self, data: bytes, size: int = 1) -> None:
+        """Write bytes that are values of `size` bytes each already, aligned as such."""
+        self.data += bytes(-(len(self.data) - len(HEADER)) % size)
+        self.data += data
+
     def string(self, text: str) -> None:
         """Write a string with its length."""
         raw = zero_terminated(text)
@@ -112,18 +129,30 @@ class Reader:
         size = calcsize(f"<{code}")
         if count:
             self._at += -(self._at - len(HEADER)) % size
-        if count * size > len(self._data) - self._at:
-            raise MalformedError("fewer values than announced")
-        start, self._at = self._at, self._at + count * size
-        return unpack_from(f"<{count}{code}", self._data, start)
+        return unpack_from(f"<{count}{code}", self._data, self._advance(count * size))
 
     def count(self) -> int:
-        """The next unsigned number: how many elements follow."""
-        return int(self.numbers("I")[0])
+        """The next unsigned number: how many elements follow. None takes less than a byte, or it is malformed."""
+        count = int(self.numbers("I")[0])
+        if count > len(self._data) - self._at:
+            raise MalformedError("fewer elements than announced")
+        return count
+
+    def raw(self, count: int) -> bytes:
+        """The next `count` bytes as they are."""
+        start = self._advance(count)
+        return bytes(self._data[start : start + count])
 
     def string(self) -> str:
         """The next string."""
-        return text(bytes(self.numbers("B", self.count())))
+        return text(self.raw(self.count()))
+
+    def _advance(self, size: int) -> int:
+        """Where the next `size` bytes begin."""
+        if size > len(self._data) - self._at:
+            raise MalformedError("fewer values than announced")
+        start, self._at = self._at, self._at + size
+        return start
 
 
 def zero_terminated(text: str) -> bytes:

@@ -6,12 +6,13 @@ payload. Covariances are diagonals of equal variances; 0 says "unknown", as in R
 """
 
 from collections.abc import Callable, Iterable, Sequence
-from math import inf, isfinite, nan, sqrt
+from importlib import import_module
+from math import isfinite, sqrt
 from struct import Struct
 from typing import Any, NamedTuple
 
-from hil.transport.cdr import HEADER, Layout, MalformedError, Reader, Writer, diagonal, tolerant, zero_terminated
-from sim.sensors.samples import DvlSample, ImuSample, OdometrySample, PressureSample, Quaternion, Vector3
+from hil.transport.cdr import HEADER, Layout, MalformedError, Reader, Writer, diagonal, tolerant
+from sim.sensors.samples import ImuSample, OdometrySample, PressureSample, Quaternion, Vector3
 
 Status = tuple[str, int, str, dict[str, str]]  # name, level (0 ok, 1 warning, 2 error, 3 stale), message, values
 
@@ -22,11 +23,9 @@ NO_DATA = -1.0  # first element of a covariance whose measurement is missing, as
 _TWIST = Layout("6d")
 _IMU = Layout("i I string 4d 72s 3d 72s 3d 72s")
 _ODOMETRY = Layout("i I string string 7d 288s 6d 288s")
-_TWIST_COVARIANCE = Layout("i I string 6d 288s")
 _PRESSURE = Layout("i I string 2d")
 RANGE = Layout("i I string B 5f")
-_RANGE_HUMBLE = Layout("i I string B 4f")
-_FLOAT64 = Struct("<d")
+_TRANSFORMS = Layout("I i I string string 7d")  # of one
 _ATTACHMENT = Struct("<qqB16s")
 
 
@@ -96,42 +95,6 @@ def decode_imu(data: bytes) -> ImuSample:
     return ImuSample(time_ns, swap_attitude((w, x, y, z)), swap_body((p, q, r)), swap_body((ax, ay, az)))
 
 
-def encode_dvl(sample: DvlSample, frame: str = "dvl_link", variance: float = 0.0) -> bytes:
-    """geometry_msgs/TwistWithCovarianceStamped of a velocity log. `variance`: of the velocity, (m/s)².
-
-    Without bottom lock the velocity is NaN and the first covariance -1. The angular part is always empty.
-    """
-    velocity = swap_body(sample.velocity) if sample.locked else (nan, nan, nan)
-    covariance = diagonal(6, variance if sample.locked else NO_DATA, 0.0)
-    return pack_stamped(_TWIST_COVARIANCE, sample.time_ns, (frame,), *velocity, 0.0, 0.0, 0.0, covariance)
-
-
-@tolerant
-def decode_dvl(data: bytes) -> DvlSample:
-    """The velocity along FRD and whether it is locked. The altitude is NaN: it travels as a Range."""
-    time_ns, (u, v, w, _, _, _, covariance) = unpack_stamped(_TWIST_COVARIANCE, data)
-    locked = isfinite(u + v + w) and _FLOAT64.unpack_from(covariance)[0] >= 0.0
-    return DvlSample(time_ns, swap_body((u, v, w)), nan, locked)
-
-
-def encode_range(
-    sample: DvlSample, frame: str = "dvl_link", limits: tuple[float, float] = (0.2, 75.0), variance: float = 0.0
-) -> bytes:
-    """sensor_msgs/Range of the altitude, `limits` m of the device; +inf (REP 117) without bottom lock.
-
-    `variance` in m². The field of view is sent as 0: the mean of narrow beams.
-    """
-    altitude = sample.altitude if sample.locked else inf
-    return pack_stamped(RANGE, sample.time_ns, (frame,), 0, 0.0, *limits, altitude, variance)
-
-
-@tolerant
-def decode_range(data: bytes) -> tuple[int, float]:
-    """Time (ns) and range (m); reads the message of Jazzy and the shorter one of Humble."""
-    time_ns, (_, _, _, _, distance) = unpack_stamped(_RANGE_HUMBLE, data)
-    return time_ns, distance
-
-
 def encode_pressure(sample: PressureSample, frame: str = "pressure_link", variance: float = 0.0) -> bytes:
     """sensor_msgs/FluidPressure: absolute pressure. `variance` in Pa²."""
     return pack_stamped(_PRESSURE, sample.time_ns, (frame,), sample.pascal, variance)
@@ -172,12 +135,18 @@ def decode_odometry(data: bytes) -> OdometrySample:
     )
 
 
+def encode_transform(sample: OdometrySample, frame: str = "odom", child: str = "base_link") -> bytes:
+    """tf2_msgs/TFMessage of one transform: where `child` is in `frame`, as the sample says."""
+    struct, strings = _TRANSFORMS.named((frame, child))
+    w, x, y, z = swap_attitude(sample.orientation)
+    instant = divmod(sample.time_ns, _NS_PER_S)
+    return struct.pack(HEADER, 1, *instant, *strings, *swap_world(sample.position), x, y, z, w)
+
+
 def pack_stamped(layout: Layout, time_ns: int, names: tuple[str, ...], *values: Any) -> bytes:
     """A message that begins with a std_msgs/Header: the stamp, then frame names, then `values`."""
-    strings: list[Any] = []
-    for name in map(zero_terminated, names):
-        strings += len(name), name
-    return layout.struct(*strings[::2]).pack(HEADER, *divmod(time_ns, _NS_PER_S), *strings, *values)
+    struct, strings = layout.named(names)
+    return struct.pack(HEADER, time_ns // _NS_PER_S, time_ns % _NS_PER_S, *strings, *values)
 
 
 def unpack_stamped(layout: Layout, data: bytes) -> tuple[int, tuple[Any, ...]]:
@@ -241,8 +210,13 @@ def _status(reader: Reader) -> Status:
 
 def data_key(domain: int, topic: str, type_name: str, type_hash: str) -> str:
     """The zenoh key of a topic: data_key(0, "/imu", "sensor_msgs/msg/Imu", "RIHS01_…")."""
+    return f"{domain}/{topic.strip('/')}/{dds_name(type_name)}/{type_hash}"
+
+
+def dds_name(type_name: str) -> str:
+    """How a type is called in keys: sensor_msgs::msg::dds_::Imu_."""
     package, kind, name = type_name.split("/")
-    return f"{domain}/{topic.strip('/')}/{package}::{kind}::dds_::{name}_/{type_hash}"
+    return f"{package}::{kind}::dds_::{name}_"
 
 
 def pack_attachment(sequence: int, time_ns: int, gid: bytes) -> bytes:
@@ -259,41 +233,50 @@ def unpack_attachment(data: bytes) -> Attachment | None:
 
 
 Encoded = Iterable[tuple[str, bytes]]
-Encoder = Callable[[Any], Encoded]
+Encoder = Callable[[Any, str], Encoded]
 Decoder = Callable[[bytes], Any]
 
 
 def encoder(topic: str) -> Encoder:
-    """What turns the simulator's samples called `topic` into messages, each with the topic it goes out on."""
-    return _ENCODERS.get(topic) or _sensors().ENCODERS[topic]
+    """What turns the simulator's samples called `topic` into messages, each with the topic it goes out on.
+
+    Its second argument is set before the names of the vehicle's frames ("uuv1/imu_link"), empty for none.
+    """
+    return _ENCODERS.get(topic) or _later(topic).ENCODERS[topic]
 
 
 def decoder(topic: str) -> Decoder | None:
     """What turns a message on one of the topics of `hil.topics` into our records; None for another topic."""
-    return _DECODERS.get(topic) or _sensors().DECODERS.get(topic)
+    return _DECODERS.get(topic) or _later(topic).DECODERS.get(topic)
 
 
-def _sensors() -> Any:
-    from hil.transport import ros_sensors  # most vehicles do without, and start sooner
+def _later(topic: str) -> Any:
+    """The module that knows the topic: loaded when the vehicle is ready, or never."""
+    return import_module(f"hil.transport.{_ELSEWHERE.get(topic, 'ros_sensors')}")
 
-    return ros_sensors
+
+def _encode_odom(sample: OdometrySample, prefix: str) -> Encoded:
+    frames = f"{prefix}odom", f"{prefix}base_link"
+    return [("odom", encode_odometry(sample, *frames)), ("/tf", encode_transform(sample, *frames))]
 
 
 _ENCODERS: dict[str, Encoder] = {
-    "imu": lambda sample: [("imu", encode_imu(sample))],
-    "dvl": lambda sample: [("dvl", encode_dvl(sample)), ("altitude", encode_range(sample))],
-    "pressure": lambda sample: [("pressure", encode_pressure(sample))],
-    "odom": lambda sample: [("odom", encode_odometry(sample))],
-    "ground_truth": lambda sample: [("ground_truth", encode_odometry(sample, frame="map"))],
+    "imu": lambda sample, prefix: [("imu", encode_imu(sample, f"{prefix}imu_link"))],
+    "pressure": lambda sample, prefix: [("pressure", encode_pressure(sample, f"{prefix}pressure_link"))],
+    "odom": _encode_odom,
+    "ground_truth": lambda sample, prefix: [("ground_truth", encode_odometry(sample, "map", f"{prefix}base_link"))],
 }
 _DECODERS: dict[str, Decoder] = {
     "cmd_vel": decode_twist,
     "trace": decode_int64_array,
     "imu": decode_imu,
-    "dvl": decode_dvl,
-    "altitude": decode_range,
     "pressure": decode_pressure,
     "odom": decode_odometry,
     "ground_truth": decode_odometry,
     "diagnostics": decode_diagnostics,
+}
+_ELSEWHERE = {
+    **dict.fromkeys(("dvl", "dvl_twist", "altitude", "dvl_water"), "ros_dvl"),
+    **dict.fromkeys(("laser", "profiler", "scanning_sonar", "echosounder"), "ros_scans"),
+    **dict.fromkeys(("/tf", "/tf_static", "/clock", "thruster_wrench"), "ros_frames"),
 }

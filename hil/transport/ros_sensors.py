@@ -1,11 +1,13 @@
-"""ROS 2 messages of the sensors that only some vehicles carry; frames and rules are those of hil.transport.ros."""
+"""ROS 2 messages of all other sensors; frames and rules are those of hil.transport.ros."""
 
+from collections.abc import Callable
 from math import isfinite, nan
 from struct import Struct
+from typing import Any
 
 from hil.transport import ros
 from hil.transport.cdr import HEADER, Layout, Reader, Writer, diagonal, tolerant
-from hil.transport.ros import NO_DATA, RANGE, pack_stamped, swap_body, swap_world, unpack_stamped
+from hil.transport.ros import NO_DATA, pack_stamped, swap_body, swap_world, unpack_stamped
 from sim.sensors.extra_samples import (
     BatterySample,
     Covariance,
@@ -46,13 +48,13 @@ def decode_bool(data: bytes) -> bool:
 
 def encode_distance(sample: RangeSample, frame: str = "altimeter_link", variance: float = 0.0) -> bytes:
     """sensor_msgs/Range of one narrow sonar beam; +inf and -inf as in REP 117. `variance` in m²."""
-    return pack_stamped(RANGE, sample.time_ns, (frame,), 0, 0.0, *sample.limits, sample.distance, variance)
+    return pack_stamped(ros.RANGE, sample.time_ns, (frame,), 0, 0.0, *sample.limits, sample.distance, variance)
 
 
 @tolerant
 def decode_distance(data: bytes) -> RangeSample:
     """The distance and the limits of the device, as the 32-bit numbers they travel as."""
-    time_ns, (_, _, near, far, distance, _) = unpack_stamped(RANGE, data)
+    time_ns, (_, _, near, far, distance, _) = unpack_stamped(ros.RANGE, data)
     return RangeSample(time_ns, distance, (near, far))
 
 
@@ -166,17 +168,21 @@ def decode_battery(data: bytes) -> BatterySample:
     return BatterySample(seconds * 1_000_000_000 + ns, voltage, -current, charge, capacity, health == _DEAD)
 
 
+def _framed(topic: str, encode: Callable[[Any, str], bytes]) -> ros.Encoder:
+    """The encoder of a topic whose frame is called like it."""
+    return lambda sample, prefix: [(topic, encode(sample, f"{prefix}{topic}_link"))]
+
+
 ENCODERS: dict[str, ros.Encoder] = {
-    "ahrs": lambda sample: [("ahrs", ros.encode_imu(sample, "ahrs_link"))],
-    "altimeter": lambda sample: [("altimeter", encode_distance(sample))],
-    "battery": lambda sample: [("battery", encode_battery(sample))],
-    "contact": lambda sample: [("contact", encode_bool(sample))],
-    "current_meter": lambda sample: [("current_meter", encode_velocity(sample))],
-    "dvl_water": lambda sample: [("dvl_water", ros.encode_dvl(sample, "dvl_water_link"))],
-    "gps": lambda sample: [("gps", encode_fix(sample))],
-    "leak": lambda sample: [("leak", encode_bool(sample))],
-    "magnetometer": lambda sample: [("magnetometer", encode_field(sample))],
-    "usbl": lambda sample: [("usbl", encode_position(sample))],
+    "ahrs": _framed("ahrs", ros.encode_imu),
+    "altimeter": _framed("altimeter", encode_distance),
+    "battery": _framed("battery", encode_battery),
+    "contact": lambda sample, _: [("contact", encode_bool(sample))],
+    "current_meter": _framed("current_meter", encode_velocity),
+    "gps": _framed("gps", encode_fix),
+    "leak": lambda sample, _: [("leak", encode_bool(sample))],
+    "magnetometer": _framed("magnetometer", encode_field),
+    "usbl": lambda sample, _: [("usbl", encode_position(sample))],
 }
 DECODERS: dict[str, ros.Decoder] = {
     "ahrs": ros.decode_imu,
@@ -184,7 +190,6 @@ DECODERS: dict[str, ros.Decoder] = {
     "battery": decode_battery,
     "contact": decode_bool,
     "current_meter": decode_velocity,
-    "dvl_water": ros.decode_dvl,
     "gps": decode_fix,
     "leak": decode_bool,
     "magnetometer": decode_field,

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from hil.topics import TOPICS, TYPE_HASHES
 from hil.transport import ros
 from sim.rotations import from_euler, matrix, to_euler
-from sim.sensors.samples import DvlSample, ImuSample, OdometrySample, PressureSample
+from sim.sensors.samples import ImuSample, OdometrySample, PressureSample
 
 with open(os.path.join(os.path.dirname(__file__), "..", "vectors", "cdr_golden.json"), encoding="utf-8") as _file:
     GOLDEN = json.load(_file)
@@ -103,26 +103,13 @@ def test_pressure() -> None:
     assert ros.decode_pressure(data) == sample
 
 
-def test_dvl_velocity_and_altitude() -> None:
-    _, velocity = golden("geometry_msgs/msg/TwistWithCovarianceStamped")
-    _, altitude = golden("sensor_msgs/msg/Range")
-    sample = DvlSample(TIME_NS, (0.5, 0.25, -0.125), 12.375, True)
-    assert ros.encode_dvl(sample, variance=0.0625) == velocity
-    assert ros.encode_range(sample, limits=(0.5, 75.0), variance=0.0625) == altitude
-    assert ros.decode_range(altitude) == (TIME_NS, 12.375)
-    assert ros.decode_range(altitude[:-4]) == (TIME_NS, 12.375)  # Humble's has no variance
-    decoded = ros.decode_dvl(velocity)
-    assert decoded is not None
-    assert math.isnan(decoded.altitude)
-    assert decoded._replace(altitude=12.375) == sample
-
-
-def test_lost_bottom_lock_shows() -> None:
-    lost = DvlSample(TIME_NS, (math.nan, math.nan, math.nan), math.nan, False)
-    decoded = ros.decode_dvl(ros.encode_dvl(lost, variance=0.01))
-    assert decoded is not None
-    assert not decoded.locked
-    assert ros.decode_range(ros.encode_range(lost)) == (TIME_NS, math.inf)
+def test_the_transform_of_an_odometry_sample() -> None:
+    _, data = golden("tf2_msgs/msg/TFMessage")
+    sample = OdometrySample(TIME_NS, (-20.25, 10.5, 3.125), LEVEL_NORTH, (0.0,) * 6)
+    assert ros.encode_transform(sample) == data
+    ((topic, message), (other, transform)) = ros.encoder("odom")(sample, "uuv1/")
+    assert (topic, other) == ("odom", "/tf")
+    assert (b"uuv1/odom\0" in message, b"uuv1/base_link\0" in transform) == (True, True)
 
 
 @pytest.mark.parametrize("index", [0, 1])

@@ -5,10 +5,11 @@ import socket
 import time
 
 from hil.slave.outbox import Outbox
+from hil.topics import TYPE_HASHES
 from hil.transport import ros
 from hil.transport.session import dial, listen
 from sim.sensors.extra_samples import FixSample, FlagSample, PositionSample
-from sim.sensors.samples import DvlSample
+from sim.sensors.samples import DvlSample, OdometrySample
 
 EPOCH_NS = 1_700_000_000_000_000_000
 
@@ -31,7 +32,7 @@ def test_samples_arrive_on_their_topics() -> None:
     with listen(endpoint) as slave, dial(endpoint) as master:
         master.subscribe("uuv1", "*", lambda topic, payload, _: received.update({topic: payload}), depth=64)
         outbox = Outbox(slave, "uuv1", EPOCH_NS)
-        said = {"gps", "leak", "usbl", "dvl", "altitude", "diagnostics"}
+        said = {"gps", "leak", "usbl", "dvl", "dvl_twist", "altitude", "diagnostics"}
         deadline = time.monotonic() + 5.0
         while set(received) != said and time.monotonic() < deadline:  # until the sessions have met
             outbox.sample("gps", FixSample(5, 57.7, 11.9, 36.0, (1.0, 2.0), True))
@@ -47,5 +48,20 @@ def test_samples_arrive_on_their_topics() -> None:
     assert decoded["leak"] is True
     assert decoded["usbl"].position == (1.0, 2.0, 3.0)
     assert decoded["altitude"] == (EPOCH_NS + 5, 7.5)
-    assert decoded["dvl"].velocity == (1.0, 2.0, 3.0)
-    assert math.isnan(decoded["dvl"].altitude)
+    assert decoded["dvl"] == (EPOCH_NS + 5, (1.0, 2.0, 3.0), 7.5, True)
+    assert decoded["dvl_twist"].velocity == (1.0, 2.0, 3.0)
+    assert math.isnan(decoded["dvl_twist"].altitude)
+
+
+def test_what_is_silent_is_not_said_and_frames_have_their_prefix() -> None:
+    endpoint, received = free_endpoint(), dict[str, bytes]()
+    with listen(endpoint) as slave, dial(endpoint) as master:
+        master.overhear("0/**", lambda key, payload, _: received.update({key: payload}), depth=64)
+        outbox = Outbox(slave, "uuv1", EPOCH_NS, prefix="uuv1/", silent=("/tf",))
+        deadline = time.monotonic() + 5.0
+        while not received and time.monotonic() < deadline:
+            outbox.sample("odom", OdometrySample(5, (1.0, 2.0, 3.0), (1.0, 0.0, 0.0, 0.0), (0.0,) * 6))
+            time.sleep(0.01)
+    ((key, payload),) = received.items()
+    assert key == ros.data_key(0, "/uuv1/odom", "nav_msgs/msg/Odometry", TYPE_HASHES["nav_msgs/msg/Odometry"])
+    assert b"uuv1/odom\0" in payload

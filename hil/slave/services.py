@@ -1,0 +1,106 @@
+"""What others may ask of the vehicle: arm, reset, set_pose, and the failure of a thruster.
+
+Each is a ROS 2 service below the node's name and a small function here; it runs in the loop's thread between two
+steps. What is asked for and cannot be done is refused with a reason, in the response.
+"""
+
+from collections.abc import Callable, Mapping
+from math import isfinite, sqrt
+from typing import Any
+
+from hil.config import Start
+from hil.slave.loop import Loop
+from hil.transport import ros
+from hil.transport.ros_message import Message
+from hil.transport.services import Answer, Server
+from sim.contact import starts_inside
+from sim.failures import Failure
+from sim.rotations import from_euler, rotate_inverse
+
+SET_BOOL, TRIGGER = "std_srvs/srv/SetBool", "std_srvs/srv/Trigger"
+SET_STATE = "simulation_interfaces/srv/SetEntityState"  # of 1.x, as in ROS 2 Jazzy
+# Constants of simulation_interfaces.
+_OK, _NOT_FOUND, _FAILED, _INVALID_POSE = 1, 2, 4, 101
+_WORLD_FRAMES = ("", "map", "world")
+
+Say = Callable[[str], None]
+
+
+def offer_services(server: Server, node: str, loop: Loop, start: Start, say: Say) -> None:
+    """Offer all services of the vehicle called `node`; `say` is told of each that was done."""
+    offered: dict[str, tuple[str, Answer]] = {
+        "reset": (TRIGGER, lambda _: _told(say, "reset", reset(loop, start))),
+        "set_pose": (SET_STATE, lambda request: set_pose(loop, node, request, say)),
+    }
+    if loop.pilot:
+        offered["arm"] = (SET_BOOL, lambda request: _told(say, "arm", arm(loop, request["data"])))
+    for name in [thruster.name for thruster in loop.simulation.vehicle.thrusters]:
+        offered[f"thrusters/{plain_name(name)}/fail"] = (SET_BOOL, _failing(loop, name, say))
+    for name, (type_name, answer) in offered.items():
+        server.offer(f"/{node}/{name}", type_name, answer)
+
+
+def plain_name(name: str) -> str:
+    """A thruster's name as a part of a ROS name: letters, digits and _, no digit first."""
+    plain = "".join([c if c.isascii() and c.isalnum() else "_" for c in name])
+    return f"_{plain}" if plain[:1].isdigit() else plain
+
+
+def arm(loop: Loop, on: bool) -> str:
+    """Let commands drive the thrusters again, or make them neutral and take no more commands."""
+    loop.armed = on
+    if not on:
+        loop.rest()
+    return "armed: commands are taken" if on else "disarmed: thrusters neutral, commands are not taken"
+
+
+def reset(loop: Loop, start: Start) -> str:
+    """Back to the start, at rest, all thrusters repaired. Time, battery and dropped weights stay as they are."""
+    loop.fail(*[Failure(thruster.name, "repaired") for thruster in loop.simulation.vehicle.thrusters])
+    loop.place((start.north, start.east, start.depth), from_euler(0.0, 0.0, start.heading), (0.0,) * 6)
+    return f"at ({start.north:g}, {start.east:g}, {start.depth:g}) m, heading {start.heading:g} rad, at rest"
+
+
+def fail_thruster(loop: Loop, name: str, failing: bool) -> str:
+    """Let a thruster give no output, or end all its failures."""
+    loop.fail(Failure(name, "off" if failing else "repaired"))
+    return f"{name} is {'off' if failing else 'repaired'}"
+
+
+def set_pose(loop: Loop, node: str, request: Message, say: Say) -> dict[str, Any]:
+    """simulation_interfaces/SetEntityState: pose in the world ENU, velocity along it, acceleration left out."""
+    state, entity, frame = request["state"], request["entity"], request["state"]["header"]["frame_id"]
+    if entity not in ("", node):
+        return _result(_NOT_FOUND, f"no entity {entity!r}; there is: {node}")
+    if frame not in _WORLD_FRAMES:
+        return _result(_FAILED, f"frame {frame!r} is not known; leave it empty, for map")
+    position = ros.swap_world(_xyz(state["pose"]["position"]))
+    attitude = _xyz(state["pose"]["orientation"], "wxyz")
+    velocity = [ros.swap_world(_xyz(state["twist"][key])) for key in ("linear", "angular")]
+    size = sqrt(sum(x * x for x in attitude))
+    if not all(map(isfinite, (*position, size, *velocity[0], *velocity[1]))) or size < 1e-3:
+        return _result(_INVALID_POSE, "numbers are not finite, or the orientation is none")
+    simulation = loop.simulation
+    if starts_inside(simulation.vehicle, simulation.world, position):
+        return _result(_INVALID_POSE, f"an obstacle or the seabed of {simulation.world.name} is there")
+    quaternion = ros.swap_attitude([x / size for x in attitude])
+    loop.place(position, quaternion, [x for vector in velocity for x in rotate_inverse(quaternion, vector)])
+    say("set_pose: at ({:g}, {:g}, {:g}) m NED".format(*position))
+    return _result(_OK, "")
+
+
+def _failing(loop: Loop, name: str, say: Say) -> Answer:
+    return lambda request: _told(say, "thruster", fail_thruster(loop, name, request["data"]))
+
+
+def _told(say: Say, name: str, done: str) -> Mapping[str, Any]:
+    say(f"{name}: {done}")
+    return {"success": True, "message": done}
+
+
+def _result(code: int, message: str) -> dict[str, Any]:
+    return {"result": {"result": code, "error_message": message}}
+
+
+def _xyz(fields: Mapping[str, float], names: str = "xyz") -> list[float]:
+    return [fields[name] for name in names]

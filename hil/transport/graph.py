@@ -1,0 +1,158 @@
+"""Who is on the network, as ROS 2 sees it: nodes and what they publish, subscribe, serve and call.
+
+Each of them is a liveliness token, a key that lives as long as the session which declared it, in the form of
+rmw_zenoh (ros2/rmw_zenoh, docs/design.md and src/detail/liveliness_utils.cpp):
+
+    @ros2_lv/DOMAIN/SESSION/NODE ID/ID/KIND/ENCLAVE/NAMESPACE/NODE [/TOPIC/TYPE/HASH/QOS]
+
+A slash in a name is a % there. Not modelled: security enclaves, and deadlines, lifespans and leases in QoS. The gid of
+our messages is random, where rmw_zenoh takes a hash of the token.
+"""
+
+from typing import Any, Literal, NamedTuple, Protocol
+
+from hil.topics import Qos, Topic, hash_of
+from hil.transport.ros import dds_name
+
+ALL = "@ros2_lv/0/**"
+Kind = Literal["NN", "MP", "MS", "SS", "SC"]  # node, publisher, subscription, service, client
+KINDS: dict[str, Kind] = {"NN": "NN", "MP": "MP", "MS": "MS", "SS": "SS", "SC": "SC"}
+SERVICE_QOS = Qos()
+
+# Numbers of rmw/types.h; an empty field is rmw_zenoh's default, which is reliable, volatile, and the last 42.
+_BEST_EFFORT, _TRANSIENT_LOCAL, _KEEP_ALL, _DEFAULT_DEPTH = "2", "1", "2", 42
+_NODE_PARTS, _ENDPOINT_PARTS = 9, 13
+
+
+class Entity(NamedTuple):
+    """One node, or one endpoint of a node. `node` and `topic` are whole names ("/uuv1", "/uuv1/imu").
+
+    `session` tells sessions apart, `node_id` and `ident` what is in one. A node has no topic, type and hash.
+    """
+
+    kind: Kind
+    node: str
+    session: str
+    node_id: int
+    ident: int
+    topic: str = ""
+    type: str = ""
+    type_hash: str = ""
+    qos: Qos = Qos()
+
+
+def token(entity: Entity) -> str:
+    """The key that says so, in domain 0."""
+    namespace, _, name = entity.node.rpartition("/")
+    parts = ["@ros2_lv", "0", entity.session, str(entity.node_id), str(entity.ident), entity.kind]
+    parts += ["%", _mangle(namespace or "/"), name]
+    if entity.kind != "NN":
+        parts += [_mangle(entity.topic), dds_name(entity.type), entity.type_hash, qos_text(entity.qos)]
+    return "/".join(parts)
+
+
+def read_token(key: str) -> Entity | None:
+    """What `token` or rmw_zenoh made; None for any other key."""
+    parts = key.split("/")
+    if len(parts) < _NODE_PARTS or parts[0] != "@ros2_lv" or parts[5] not in KINDS or not all(parts):
+        return None
+    _, _, session, node_id, ident, kind, _, namespace, name = parts[:_NODE_PARTS]
+    if not (node_id.isdigit() and ident.isdigit()):
+        return None
+    whole = f"{_demangle(namespace).rstrip('/')}/{name}"
+    node = Entity(KINDS[kind], whole, session, int(node_id), int(ident))
+    if kind == "NN":
+        return node
+    return _read_endpoint(node, parts[_NODE_PARTS:]) if len(parts) == _ENDPOINT_PARTS else None
+
+
+def _read_endpoint(node: Entity, parts: list[str]) -> Entity | None:
+    topic, dds, type_hash, text = parts
+    qos, type_name = read_qos(text), ros_name(_demangle(dds))
+    if qos is None or not type_name:
+        return None
+    return node._replace(topic=_demangle(topic), type=type_name, type_hash=type_hash, qos=qos)
+
+
+def qos_text(qos: Qos) -> str:
+    """RELIABILITY:DURABILITY:HISTORY,DEPTH:deadline:lifespan:liveliness; the last three are always the default."""
+    reliability = "" if qos.reliable else _BEST_EFFORT
+    durability = _TRANSIENT_LOCAL if qos.latched else ""
+    history = "" if qos.depth else _KEEP_ALL
+    depth = "" if qos.depth in (0, _DEFAULT_DEPTH) else str(qos.depth)
+    return f"{reliability}:{durability}:{history},{depth}:,:,:,,"
+
+
+def read_qos(text: str) -> Qos | None:
+    """What `qos_text` says; None if it is not of that form."""
+    fields = text.split(":")
+    history, _, depth = fields[2].partition(",") if len(fields) == 6 else ("", "", "none")
+    if depth and not depth.isdigit():
+        return None
+    kept = 0 if history == _KEEP_ALL else int(depth or _DEFAULT_DEPTH)
+    return Qos(fields[0] != _BEST_EFFORT, fields[1] == _TRANSIENT_LOCAL, kept)
+
+
+def ros_name(dds: str) -> str:
+    """sensor_msgs/msg/Imu of sensor_msgs::msg::dds_::Imu_; empty if it is no such name."""
+    parts = dds.split("::")
+    if len(parts) != 4 or parts[2] != "dds_" or not parts[3].endswith("_"):
+        return ""
+    return f"{parts[0]}/{parts[1]}/{parts[3][:-1]}"
+
+
+class Declarer(Protocol):
+    """What a node needs of the session."""
+
+    @property
+    def zid(self) -> str:
+        """Its identity on the network."""
+
+    def declare_token(self, key: str) -> Any:
+        """A liveliness token, which lives as long as the session and the object given."""
+
+
+class Node:
+    """A node of ours in the graph: `name` is its name, "uuv1". Declares itself, and its endpoints when told to."""
+
+    def __init__(self, session: Declarer, name: str, number: int = 0) -> None:
+        self._session = session
+        self._node = Entity("NN", f"/{name}", session.zid, number, number)
+        self._count = number
+        self._tokens: list[Any] = []
+        self._declare(self._node)
+
+    def publishes(self, topic: Topic, owner: str) -> None:
+        """It publishes this topic of the node `owner`, which may be itself."""
+        self._endpoint("MP", topic.full_name(owner), topic.type, topic.qos)
+
+    def subscribes(self, topic: Topic, owner: str) -> None:
+        """It subscribes to this topic of the node `owner`."""
+        self._endpoint("MS", topic.full_name(owner), topic.type, topic.qos)
+
+    def serves(self, name: str, type_name: str) -> None:
+        """It answers calls of the service of that whole name."""
+        self._endpoint("SS", name, type_name, SERVICE_QOS)
+
+    def calls(self, name: str, type_name: str) -> None:
+        """It calls that service."""
+        self._endpoint("SC", name, type_name, SERVICE_QOS)
+
+    def _endpoint(self, kind: Kind, name: str, type_name: str, qos: Qos) -> None:
+        self._count += 1
+        self._declare(
+            self._node._replace(
+                kind=kind, ident=self._count, topic=name, type=type_name, type_hash=hash_of(type_name), qos=qos
+            )
+        )
+
+    def _declare(self, entity: Entity) -> None:
+        self._tokens.append(self._session.declare_token(token(entity)))
+
+
+def _mangle(name: str) -> str:
+    return name.replace("/", "%")
+
+
+def _demangle(name: str) -> str:
+    return name.replace("%", "/")

@@ -1,0 +1,116 @@
+"""ROS 2 services as rmw_zenoh carries them: a query with the request, an answer with the response.
+
+Both are CDR, each with the attachment of its kind; the answer repeats the number and the gid of the request
+(ros2/rmw_zenoh, src/detail/rmw_service_data.cpp).
+"""
+
+import os
+import threading
+from collections import deque
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from typing import Any
+
+import zenoh
+
+from hil.clock import now_ns, to_wall_ns
+from hil.errors import NetworkError
+from hil.topics import hash_of
+from hil.transport import ros, ros_message
+from hil.transport.graph import Node
+from hil.transport.ros_message import Message
+from hil.transport.session import Session
+
+WAITING = 16  # calls that may wait; beyond it the oldest go without an answer
+
+Answer = Callable[[Message], Mapping[str, Any]]
+
+
+class Server:
+    """Takes calls in the library's thread and answers them in ours, when `serve` is called.
+
+    `fileno` becomes readable when a call is waiting. `calls` counts what was answered, `malformed` what was no request,
+    `dropped` what did not wait its turn.
+    """
+
+    def __init__(self, session: Session, node: Node) -> None:
+        self._session = session
+        self._node = node
+        self._waiting: deque[tuple[str, zenoh.Query]] = deque(maxlen=WAITING)  # its append and popleft are atomic
+        self._event = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
+        self._lock = threading.Lock()
+        self._offered: dict[str, tuple[str, str, Answer]] = {}
+        self.calls = 0
+        self.malformed = 0
+        self.dropped = 0
+
+    def offer(self, name: str, type_name: str, answer: Answer) -> None:
+        """Offer the service of that whole name ("/uuv1/arm"): `answer` makes its response of the request.
+
+        Both are messages of hil.transport.ros_message. Raises ConfigError for an unknown type.
+        """
+        key = ros.data_key(0, name, type_name, hash_of(type_name))
+        self._offered[key] = (f"{type_name}_Request", f"{type_name}_Response", answer)
+        ros_message.empty(f"{type_name}_Request")  # its definition is read now, not at the first call
+        ros_message.empty(f"{type_name}_Response")
+        self._session.serve(key, lambda query: self._take(key, query))
+        self._node.serves(name, type_name)
+
+    def fileno(self) -> int:
+        """The descriptor that becomes readable when a call is waiting."""
+        return self._event
+
+    def serve(self) -> None:
+        """Answer what is waiting."""
+        with suppress(BlockingIOError):
+            os.eventfd_read(self._event)
+        while self._waiting:
+            key, query = self._waiting.popleft()
+            with suppress(zenoh.ZError), query:  # who called may be gone; leaving the `with` ends the call
+                self._answer(key, query)
+
+    def close(self) -> None:
+        """Give the descriptor back; calls go without an answer from now on."""
+        with self._lock:
+            os.close(self._event)
+            self._event = -1
+            self._waiting.clear()
+
+    def _take(self, key: str, query: zenoh.Query) -> None:
+        with self._lock:
+            if self._event >= 0:
+                self.dropped += len(self._waiting) == WAITING
+                self._waiting.append((key, query))
+                os.eventfd_write(self._event, 1)
+
+    def _answer(self, key: str, query: zenoh.Query) -> None:
+        request_type, response_type, answer = self._offered[key]
+        stamp = ros.unpack_attachment(query.attachment.to_bytes()) if query.attachment else None
+        request = ros_message.decode(request_type, query.payload.to_bytes()) if query.payload else None
+        if request is None or stamp is None:
+            self.malformed += 1
+            return
+        response = ros_message.encode(response_type, answer(request))
+        attachment = ros.pack_attachment(stamp.sequence, to_wall_ns(now_ns()), stamp.gid)
+        query.reply(key, response, attachment=attachment)
+        self.calls += 1
+
+
+def call(
+    session: Session, name: str, type_name: str, request: Mapping[str, Any] | None = None, seconds: float = 2.0
+) -> Message:
+    """Call the service of that whole name ("/uuv1/arm", "std_srvs/srv/SetBool"); its response.
+
+    Raises ConfigError for an unknown type or a request that does not fit it, NetworkError when no answer comes within
+    the time.
+    """
+    key = ros.data_key(0, name, type_name, hash_of(type_name))
+    payload = ros_message.encode(f"{type_name}_Request", request or {})
+    attachment = ros.pack_attachment(1, to_wall_ns(now_ns()), os.urandom(16))
+    answer = session.ask(key, payload, attachment, seconds)
+    response = ros_message.decode(f"{type_name}_Response", answer) if answer is not None else None
+    if response is None:
+        raise NetworkError(
+            f"{name} ({type_name}) did not answer within {seconds:g} s; `uuv-hil topic list` shows what is there"
+        )
+    return response

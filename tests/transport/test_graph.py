@@ -1,0 +1,152 @@
+"""Liveliness tokens, held against a reader written from rmw_zenoh's rules and against tokens of another library."""
+
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hil.topics import TOPICS, TYPE_HASHES, Qos
+from hil.transport import graph
+from hil.transport.graph import Entity, Node, read_token, token
+from hil.transport.session import dial, listen
+from tests.processes import free_port, wait_for
+
+TWIST = TYPE_HASHES["geometry_msgs/msg/Twist"]
+SETBOOL = "RIHS01_abe9e4bb6b41b40e6789712c00ec8871923e089af3f667a79992a428cff2da0a"
+# What zenoh-ros2-sdk 0.1.8 (ROBOTIS) declares, and what it means.
+OTHERS = {
+    "@ros2_lv/0/5dc6c55f2a9a8ba2ac0f2ef3ba7bc0e3/3/3/NN/%/%/talker": Entity(
+        "NN", "/talker", "5dc6c55f2a9a8ba2ac0f2ef3ba7bc0e3", 3, 3
+    ),
+    f"@ros2_lv/0/5dc6/1/2/MP/%/%/talker/%uuv1%cmd_vel/geometry_msgs::msg::dds_::Twist_/{TWIST}/::,10:,:,:,,": Entity(
+        "MP", "/talker", "5dc6", 1, 2, "/uuv1/cmd_vel", "geometry_msgs/msg/Twist", TWIST, Qos()
+    ),
+    f"@ros2_lv/0/5dc6/4/5/MS/%/%a%b/rviz/%map/nav_msgs::msg::dds_::OccupancyGrid_/{TWIST}/:1:,1:,:,:,,": Entity(
+        "MS", "/a/b/rviz", "5dc6", 4, 5, "/map", "nav_msgs/msg/OccupancyGrid", TWIST, Qos(latched=True, depth=1)
+    ),
+    f"@ros2_lv/0/5dc6/6/7/MS/%/%/view/%i/sensor_msgs::msg::dds_::Image_/{TWIST}/2::,5:,:,:,,": Entity(
+        "MS", "/view", "5dc6", 6, 7, "/i", "sensor_msgs/msg/Image", TWIST, Qos(reliable=False, depth=5)
+    ),
+    f"@ros2_lv/0/5dc6/6/7/MS/%/%/log/%i/sensor_msgs::msg::dds_::Image_/{TWIST}/::2,:,:,:,,": Entity(
+        "MS", "/log", "5dc6", 6, 7, "/i", "sensor_msgs/msg/Image", TWIST, Qos(depth=0)
+    ),
+    f"@ros2_lv/0/5dc6/8/9/SC/%/%/cli/%uuv1%arm/std_srvs::srv::dds_::SetBool_/{SETBOOL}/::,10:,:,:,,": Entity(
+        "SC", "/cli", "5dc6", 8, 9, "/uuv1/arm", "std_srvs/srv/SetBool", SETBOOL, Qos()
+    ),
+}
+NAMES = st.from_regex(r"[a-z][a-z0-9_]{0,8}", fullmatch=True)
+
+
+def read_by_the_rules(key: str) -> dict[str, Any]:
+    """As rmw_zenoh_cpp takes a token apart, in its order of parts and with its numbers (rmw/types.h)."""
+    order = (
+        "admin",
+        "domain",
+        "zid",
+        "nid",
+        "id",
+        "kind",
+        "enclave",
+        "namespace",
+        "name",
+        "topic",
+        "type",
+        "hash",
+        "qos",
+    )
+    parts = key.split("/")
+    assert all(parts), "an empty part is refused"
+    assert len(parts) in (9, 13)
+    found: dict[str, Any] = dict(zip(order, parts, strict=False))
+    for name in ("enclave", "namespace", "name", "topic", "type"):
+        if name in found:
+            found[name] = found[name].replace("%", "/")
+    if "qos" in found:
+        reliability, durability, history, deadline, lifespan, liveliness = found["qos"].split(":")
+        kept, depth = history.split(",")
+        found["reliability"] = {"": "reliable", "1": "reliable", "2": "best effort"}[reliability]
+        found["durability"] = {"": "volatile", "1": "transient local", "2": "volatile"}[durability]
+        found["history"] = {"": "keep last", "1": "keep last", "2": "keep all"}[kept]
+        found["depth"] = int(depth or 42)
+        assert [deadline, lifespan, liveliness] == [",", ",", ",,"]
+    return found
+
+
+@pytest.mark.parametrize(("key", "entity"), OTHERS.items(), ids=[entity.node for entity in OTHERS.values()])
+def test_tokens_of_others(key: str, entity: Entity) -> None:
+    assert read_token(key) == entity
+    assert token(entity) == key
+
+
+@pytest.mark.parametrize("topic", TOPICS.values(), ids=TOPICS)
+def test_each_topic_by_the_rules(topic: Any) -> None:
+    type_hash = TYPE_HASHES[topic.type]
+    full = topic.full_name("uuv1")
+    entity = Entity("MP", "/uuv1", "abc123", 0, 4, full, topic.type, type_hash, topic.qos)
+    found = read_by_the_rules(token(entity))
+    package, _, name = topic.type.split("/")
+    assert found["topic"] == (topic.name if topic.name.startswith("/") else f"/uuv1/{topic.name}")
+    assert found["type"] == f"{package}::msg::dds_::{name}_"
+    assert (found["hash"], found["name"], found["namespace"], found["enclave"]) == (type_hash, "uuv1", "/", "/")
+    assert found["reliability"] == ("reliable" if topic.qos.reliable else "best effort")
+    assert found["durability"] == ("transient local" if topic.qos.latched else "volatile")
+    assert (found["history"], found["depth"]) == ("keep last", topic.qos.depth)
+    assert read_token(token(entity)) == entity
+
+
+def test_quality_of_service_of_the_topics_that_all_nodes_share() -> None:
+    assert graph.qos_text(TOPICS["/tf_static"].qos) == ":1:,1:,:,:,,"
+    assert graph.qos_text(TOPICS["/tf"].qos) == "::,100:,:,:,,"
+    assert graph.qos_text(TOPICS["/clock"].qos) == "2::,1:,:,:,,"
+    assert graph.qos_text(TOPICS["imu"].qos) == "::,10:,:,:,,"
+
+
+@given(
+    st.sampled_from(["MP", "MS", "SS", "SC"]), st.lists(NAMES, min_size=1, max_size=3), st.lists(NAMES, min_size=1),
+    st.integers(0, 999), st.builds(Qos, st.booleans(), st.booleans(), st.integers(0, 1000)),
+)  # fmt: skip
+def test_round_trip(kind: Any, node: list[str], topic: list[str], ident: int, qos: Qos) -> None:
+    entity = Entity(kind, "/" + "/".join(node), "a1", 0, ident, "/" + "/".join(topic), "a_b/msg/C", "RIHS01_0", qos)
+    assert read_token(token(entity)) == entity
+    read_by_the_rules(token(entity))
+
+
+@given(st.text(max_size=60), st.sampled_from(list(OTHERS)), st.integers(0, 12))
+def test_noise_never_raises(noise: str, key: str, place: int) -> None:
+    read_token(noise)
+    parts = key.split("/")
+    parts[min(place, len(parts) - 1)] = noise
+    read_token("/".join(parts))
+
+
+@pytest.mark.parametrize(
+    "key",
+    ["", "@ros2_lv", "0/uuv1/imu/a/b", "@ros2_lv/0/a/0/0/XX/%/%/n", "@ros2_lv/0/a/x/0/NN/%/%/n",
+     "@ros2_lv/0/a/0/0/MP/%/%/n", "@ros2_lv/0/a/0/0/MP/%/%/n/%t/a::msg::dds_::B_/h/::,x:,:,:,,",
+     "@ros2_lv/0/a/0/0/MP/%/%/n/%t/a::msg::B/h/::,1:,:,:,,", "@ros2_lv/0/a/0/0/MP/%/%/n/%t/a::msg::dds_::B_/h/"],
+)  # fmt: skip
+def test_what_is_no_token_is_none(key: str) -> None:
+    assert read_token(key) is None
+
+
+def test_a_node_and_its_endpoints_are_seen_and_go_with_the_session() -> None:
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    with dial(endpoint) as master:
+        with listen(endpoint) as slave:
+            node = Node(slave, "uuv1")
+            node.publishes(TOPICS["imu"], "uuv1")
+            node.subscribes(TOPICS["cmd_vel"], "uuv1")
+            node.serves("/uuv1/arm", "std_srvs/srv/SetBool")
+            wait_for(lambda: len(master.tokens(graph.ALL)) == 4, 5.0)
+            found = [read_token(key) for key in master.tokens(graph.ALL)]
+            assert slave.zid != master.zid
+            assert {(e.kind, e.node, e.topic, e.type) for e in found if e} == {
+                ("NN", "/uuv1", "", ""),
+                ("MP", "/uuv1", "/uuv1/imu", "sensor_msgs/msg/Imu"),
+                ("MS", "/uuv1", "/uuv1/cmd_vel", "geometry_msgs/msg/Twist"),
+                ("SS", "/uuv1", "/uuv1/arm", "std_srvs/srv/SetBool"),
+            }
+            assert {e.session for e in found if e} == {slave.zid}
+            assert len({e.ident for e in found if e}) == 4
+        assert wait_for(lambda: not master.tokens(graph.ALL), 5.0)

@@ -1,0 +1,157 @@
+"""Service calls between two sessions: the way of rmw_zenoh, and every way they can fail."""
+
+import os
+import select
+import threading
+import time
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import pytest
+import zenoh
+
+from hil.errors import ConfigError, NetworkError
+from hil.topics import hash_of
+from hil.transport import graph, ros, services
+from hil.transport.cdr import HEADER
+from hil.transport.graph import Node
+from hil.transport.services import Server, call
+from hil.transport.session import Session, dial, listen
+from tests.processes import free_port, wait_for
+
+SET_BOOL = "std_srvs/srv/SetBool"
+
+
+class Serving:
+    """A server whose loop is a thread; `asked` is what it was asked."""
+
+    def __init__(self, session: Session) -> None:
+        self.asked: list[Mapping[str, Any]] = []
+        self.server = Server(session, Node(session, "uuv1"))
+        self.server.offer("/uuv1/arm", SET_BOOL, self._answer)
+        self.server.offer("/uuv1/reset", "std_srvs/srv/Trigger", lambda _: {"success": True, "message": "ähm"})
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run)
+        self._thread.start()
+
+    def _answer(self, request: Mapping[str, Any]) -> Mapping[str, Any]:
+        self.asked.append(request)
+        return {"success": request["data"], "message": threading.current_thread().name}
+
+    def _run(self) -> None:
+        while not self._stop.is_set():
+            if select.select((self.server.fileno(),), (), (), 0.02)[0]:
+                self.server.serve()
+
+    def close(self) -> None:
+        self._stop.set()
+        self._thread.join()
+        self.server.close()
+
+
+@pytest.fixture
+def both() -> Iterator[tuple[Serving, Session]]:
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    with listen(endpoint) as slave, dial(endpoint) as master:
+        serving = Serving(slave)
+        try:
+            assert wait_for(lambda: len(master.tokens(graph.ALL)) == 3, 5.0)
+            yield serving, master
+        finally:
+            serving.close()
+
+
+def key_of(name: str) -> str:
+    return ros.data_key(0, name, SET_BOOL, hash_of(SET_BOOL))
+
+
+def test_a_call_is_answered_in_the_servers_own_thread(both: tuple[Serving, Session]) -> None:
+    serving, master = both
+    response = call(master, "/uuv1/arm", SET_BOOL, {"data": True})
+    assert response == {"success": True, "message": serving._thread.name}
+    assert call(master, "/uuv1/arm", SET_BOOL)["success"] is False
+    assert call(master, "/uuv1/reset", "std_srvs/srv/Trigger") == {"success": True, "message": "ähm"}
+    assert serving.asked == [{"data": True}, {"data": False}]
+    assert serving.server.calls == 3
+
+
+def test_the_answer_repeats_number_and_gid_of_the_request(both: tuple[Serving, Session]) -> None:
+    _, master = both
+    gid = bytes(range(16))
+    replies = master._session.get(
+        key_of("/uuv1/arm"),
+        zenoh.handlers.FifoChannel(2),
+        target=zenoh.QueryTarget.ALL_COMPLETE,
+        payload=HEADER + b"\1",
+        attachment=ros.pack_attachment(77, 5, gid),
+    )
+    (reply,) = replies
+    assert reply.ok is not None
+    assert reply.ok.attachment is not None
+    stamp = ros.unpack_attachment(reply.ok.attachment.to_bytes())
+    assert stamp is not None
+    assert (stamp.sequence, stamp.gid) == (77, gid)
+    assert abs(stamp.time_ns - time.time_ns()) < 10**10
+    assert reply.ok.payload.to_bytes()[:5] == HEADER + b"\1"
+
+
+@pytest.mark.parametrize(
+    ("payload", "attachment"),
+    [(b"", ros.pack_attachment(1, 2, bytes(16))), (HEADER, ros.pack_attachment(1, 2, bytes(16))),
+     (b"\xff" * 9, ros.pack_attachment(1, 2, bytes(16))), (HEADER + b"\1", b""), (HEADER + b"\1", b"short")],
+)  # fmt: skip
+def test_noise_is_counted_and_ends_without_an_answer(
+    both: tuple[Serving, Session], payload: bytes, attachment: bytes
+) -> None:
+    serving, master = both
+    began = time.monotonic()
+    assert master.ask(key_of("/uuv1/arm"), payload, attachment, 5.0) is None
+    assert time.monotonic() - began < 2.0, "whoever asks is told at once that there is no answer"
+    assert serving.server.malformed == 1
+    assert serving.asked == []
+    assert call(master, "/uuv1/arm", SET_BOOL, {"data": True})["success"] is True
+
+
+def test_a_service_that_is_not_there(both: tuple[Serving, Session]) -> None:
+    _, master = both
+    with pytest.raises(NetworkError, match=r"/uuv1/arn \(std_srvs/srv/SetBool\) did not answer within 0.5 s"):
+        call(master, "/uuv1/arn", SET_BOOL, {"data": True}, 0.5)
+    with pytest.raises(ConfigError, match="no message type"):
+        call(master, "/uuv1/arm", "std_srvs/srv/SetBoolean")
+    with pytest.raises(ConfigError, match="no field 'date'; did you mean 'data'"):
+        call(master, "/uuv1/arm", SET_BOOL, {"date": True})
+
+
+def test_calls_beyond_the_queue_go_without_an_answer_and_harm_nothing() -> None:
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    with listen(endpoint) as slave, dial(endpoint) as master:
+        server = Server(slave, Node(slave, "uuv1"))
+        server.offer("/uuv1/arm", SET_BOOL, lambda request: {"success": request["data"]})
+        assert wait_for(lambda: len(master.tokens(graph.ALL)) == 2, 5.0)
+        payload, attachment = HEADER + b"\1", ros.pack_attachment(1, 2, bytes(16))
+        pending = [
+            master._session.get(
+                key_of("/uuv1/arm"),
+                zenoh.handlers.FifoChannel(2),
+                target=zenoh.QueryTarget.ALL_COMPLETE,
+                timeout=5.0,
+                payload=payload,
+                attachment=attachment,
+            )
+            for _ in range(3 * services.WAITING)
+        ]
+        assert wait_for(lambda: server.dropped == 2 * services.WAITING, 5.0)
+        server.serve()
+        assert sum(len(list(replies)) for replies in pending) == server.calls == services.WAITING
+        server.close()
+        assert master.ask(key_of("/uuv1/arm"), payload, attachment, 0.3) is None
+
+
+def test_closing_leaves_no_descriptor_behind() -> None:
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    with listen(endpoint) as slave:
+        node = Node(slave, "uuv1")
+        before = len(os.listdir("/proc/self/fd"))
+        server = Server(slave, node)
+        server.close()
+        assert len(os.listdir("/proc/self/fd")) == before
