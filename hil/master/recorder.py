@@ -2,10 +2,19 @@
 
 import os
 import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import TextIO
 
 from hil.autonomy.control import VelocityCommand, heading_of
+from hil.clock import now_ns, to_wall_ns
+from hil.config import Scenario
 from hil.errors import ConfigError
+from hil.master.client import VehicleClient
+from hil.topics import TOPICS
+from hil.transport import ros
+from hil.transport.recording import Recorder, describe
+from hil.transport.recording_file import Message
 from sim.sensors.samples import OdometrySample
 
 COLUMNS = (
@@ -30,7 +39,7 @@ def make_folder(folder: str) -> str:
     return folder
 
 
-class Recorder:
+class TrackWriter:
     """Writes `track.csv`, a row a command. Use as a context."""
 
     def __init__(self, folder: str) -> None:
@@ -38,7 +47,7 @@ class Recorder:
         self._file: TextIO = open(os.path.join(folder, "track.csv"), "w")  # noqa: SIM115 - closed by __exit__
         self._file.write(COLUMNS + "\n")
 
-    def __enter__(self) -> "Recorder":
+    def __enter__(self) -> "TrackWriter":
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -56,3 +65,48 @@ class Recorder:
             command.yaw_rate,
         )
         self._file.write(",".join(f"{figure:.4f}" for figure in figures) + "\n")
+
+
+class RecordedClient(VehicleClient):
+    """A vehicle client that hands all it hears and commands to `recorder`, once there is one."""
+
+    recorder: Recorder | None = None
+
+    def command(self, command: VelocityCommand) -> int:
+        """Send a velocity command as every client does, and note it."""
+        sequence = super().command(command)
+        linear, angular = (command.surge, command.sway, command.heave), (0.0, 0.0, command.yaw_rate)
+        now = to_wall_ns(now_ns())
+        self._note("cmd_vel", ros.encode_twist(linear, angular), sequence, now, now)
+        return sequence
+
+    def _deliver(self, topic: str, payload: bytes, attachment: bytes) -> None:
+        received_ns = to_wall_ns(now_ns())
+        super()._deliver(topic, payload, attachment)
+        stamp = ros.unpack_attachment(attachment)
+        if stamp and topic in TOPICS:
+            self._note(topic, payload, stamp.sequence, stamp.time_ns, received_ns)
+
+    def _note(self, name: str, payload: bytes, sequence: int, sent_ns: int, received_ns: int) -> None:
+        if self.recorder:
+            topic = TOPICS[name]
+            self.recorder.put(Message(topic.full_name(self.node), topic.type, sequence, sent_ns, received_ns, payload))
+
+
+@contextmanager
+def recorded(client: RecordedClient, scenario: Scenario, folder: str, report: Callable[[str], None]) -> Iterator[None]:
+    """Inside, what `client` hears and commands goes into `folder`/recording, if the scenario wants that.
+
+    `report` is told if the recording ends before the flight. Raises ConfigError, MissingExtraError.
+    """
+    if not scenario.recording.master:
+        yield
+        return
+    board = client.diagnostics().get("board", "")
+    about, files = describe(scenario, "master", board=board)
+    with Recorder(os.path.join(folder, "recording"), scenario.recording, about, files, report) as recorder:
+        client.recorder = recorder
+        try:
+            yield
+        finally:
+            client.recorder = None

@@ -16,9 +16,7 @@ from hil.slave.outbox import Outbox
 from hil.topics import TOPICS, Topic
 from hil.transport import ros
 from hil.transport.recording import Recorder, describe, new_folder
-from hil.transport.recording_file import Message
-
-PULSES = Topic("pulses", "std_msgs/msg/Int64MultiArray", 0, "data")
+from hil.transport.recording_file import PULSES, Message
 
 Deliver = Callable[[str, bytes, bytes], None]
 
@@ -83,9 +81,7 @@ class Tape:
         return loop
 
 
-def open_tape(
-    scenario: Scenario, board: str, epoch_ns: int, report: Callable[[str], None], stack: ExitStack
-) -> Tape:
+def open_tape(scenario: Scenario, board: str, epoch_ns: int, report: Callable[[str], None], stack: ExitStack) -> Tape:
     """The tape of a slave, closed with `stack`; `report` is told where it is. Raises ConfigError, MissingExtraError."""
     tape = stack.enter_context(Tape(scenario, board, epoch_ns, report))
     report(f"recording into {tape.folder}")
@@ -95,8 +91,9 @@ def open_tape(
 class _RecordedOutbox(Outbox):
     tape: Tape
 
-    def _put(self, name: str, payload: bytes) -> None:
-        super()._put(name, payload)
+    def put(self, name: str, payload: bytes) -> None:
+        """Publish a message, and note it."""
+        super().put(name, payload)
         self.tape.said(TOPICS[name], payload, self._publishers[name].sequence)
 
 

@@ -1,0 +1,215 @@
+"""The figures of a recorded run: trajectory, depth, commands against response, thrusters, delays."""
+
+import os
+from collections.abc import Sequence
+from math import cos, nan, sin
+from typing import Any
+
+from hil.bench.plotting import pyplot
+from hil.bench.run_data import Row, VehicleData, collect
+from hil.errors import ConfigError
+from hil.master.delay import HOPS, quantiles
+from hil.transport.recording_reader import read_about, read_messages
+from hil.transport.recording_run import Run, read_run
+from sim.obstacles import Box
+
+DPI = 110
+GAP_S = 1.0  # a longer silence is a gap in a line
+COMMANDED, TRUE, MEASURED = "#c2410c", "#1d4ed8", "#9ca3af"
+OBSTACLE, WATER = "#6b7280", "#f3f6f9"
+RESPONSE = (("surge (m/s)", 1, 5), ("sway (m/s)", 2, 6), ("heave (m/s)", 3, 7), ("yaw rate (rad/s)", 4, 8))
+
+
+def plot_recording(path: str, folder: str) -> list[str]:
+    """Draw what is in the recording at `path` into `folder`; the files made. Raises ConfigError, MissingExtraError."""
+    plt = pyplot()
+    about = read_about(path)
+    run = read_run(about, path)
+    vehicles = collect(read_messages(path))
+    if not vehicles:
+        raise ConfigError(f"{path}: no vehicle in it that says where it is, is commanded or tells delays")
+    for data in vehicles.values():
+        recorder = about.facts.get("boot_id", "")
+        data.delays.same_clock = not (recorder and data.boot_id and recorder != data.boot_id)
+    figures = {"trajectory": _trajectory(plt, vehicles, run)}
+    for node, data in vehicles.items():
+        suffix = f"-{node}" if len(vehicles) > 1 else ""
+        figures |= {name + suffix: figure for name, figure in _figures(plt, node, data, run)}
+    try:
+        os.makedirs(folder, exist_ok=True)
+        return [_save(plt, figure, os.path.join(folder, f"{name}.png")) for name, figure in figures.items() if figure]
+    except OSError as error:
+        raise ConfigError(f"{folder}: cannot be written: {error.strerror}; choose another folder with -o") from None
+    finally:
+        plt.close("all")
+
+
+def _save(plt: Any, figure: Any, path: str) -> str:
+    figure.savefig(path, dpi=DPI)
+    plt.close(figure)
+    return path
+
+
+def _figures(plt: Any, node: str, data: VehicleData, run: Run | None) -> list[tuple[str, Any]]:
+    return [
+        ("depth", _depth(plt, node, data, run) if data.true or data.measured else None),
+        ("commands", _commands(plt, node, data) if data.commands else None),
+        ("thrusters", _thrusters(plt, node, data, run) if data.pulses else None),
+        ("delays", _delays(plt, node, data) if len(data.delays) else None),
+    ]
+
+
+def _trajectory(plt: Any, vehicles: dict[str, VehicleData], run: Run | None) -> Any:
+    """From above; None if no vehicle says where it is."""
+    if not any(data.true or data.measured for data in vehicles.values()):
+        return None
+    figure, axes = plt.subplots(figsize=(8, 8), layout="constrained")
+    if run:
+        _draw_world(axes, run)
+    for number, (node, data) in enumerate(vehicles.items()):
+        rows = data.true or data.measured
+        if not rows:
+            continue
+        alone = len(vehicles) == 1
+        if data.true and data.measured and alone:
+            axes.plot(_column(data.measured, 2), _column(data.measured, 1), color=MEASURED, linewidth=2.5,
+                      label="odometry")  # fmt: skip
+        color = TRUE if alone else f"C{number}"
+        label = node if not alone else f"{node} (true)" if data.true else node
+        axes.plot(_column(rows, 2), _column(rows, 1), color=color, linewidth=1.3, label=label)
+        axes.plot(rows[0][2], rows[0][1], "o", color=color, markersize=7)
+        axes.plot(rows[-1][2], rows[-1][1], "s", color=color, markersize=6)
+    axes.set(
+        xlabel="east (m)", ylabel="north (m)", aspect="equal", title=_title("trajectory", run) + "\n○ start, □ end"
+    )
+    axes.grid(color="0.9", linewidth=0.6)
+    axes.set_axisbelow(True)
+    axes.legend(loc="best", fontsize=9, framealpha=0.9)
+    return figure
+
+
+def _draw_world(axes: Any, run: Run) -> None:
+    """Obstacles from above, the walls if there are any, and where the mission was to go."""
+    from matplotlib.patches import Circle, Polygon, Rectangle
+
+    world = run.world
+    south, north, west, east = world.extent
+    edge = "black" if world.walls else "0.75"
+    axes.add_patch(Rectangle((west, south), east - west, north - south, facecolor=WATER, edgecolor=edge, zorder=0))
+    for cylinder in world.cylinder:
+        axes.add_patch(Circle((cylinder.east, cylinder.north), cylinder.radius, color=OBSTACLE, zorder=1))
+    for box in world.box:
+        axes.add_patch(Polygon(_corners(box), color=OBSTACLE, zorder=1))
+    goal = run.scenario.master.goal
+    axes.plot(goal[1], goal[0], "*", color="#15803d", markersize=15, linestyle="none", label="goal")
+
+
+def _corners(box: Box) -> list[tuple[float, float]]:
+    """East and north of each."""
+    c, s = cos(box.heading), sin(box.heading)
+    halves = [(0.5 * i * box.size_north, 0.5 * j * box.size_east) for i, j in ((1, 1), (1, -1), (-1, -1), (-1, 1))]
+    return [(box.east + s * along + c * across, box.north + c * along - s * across) for along, across in halves]
+
+
+def _depth(plt: Any, node: str, data: VehicleData, run: Run | None) -> Any:
+    figure, axes = plt.subplots(figsize=(9, 4), layout="constrained")
+    if data.measured:
+        _line(axes, data.measured, 3, color=MEASURED, linewidth=2.5, label="odometry")
+    if data.true:
+        _line(axes, data.true, 3, color=TRUE, linewidth=1.3, label="true")
+    if run:
+        axes.axhline(run.scenario.master.depth, color=COMMANDED, linewidth=1.0, linestyle="--", label="commanded")
+    low, high = axes.get_ylim()
+    if high - low < 0.2:  # a hair's breadth is not to look like a dive
+        axes.set_ylim(0.5 * (low + high) - 0.1, 0.5 * (low + high) + 0.1)
+    axes.invert_yaxis()
+    _finish(axes, "depth (m)")
+    axes.set(xlabel="time (s)", title=f"{node}: depth")
+    return figure
+
+
+def _commands(plt: Any, node: str, data: VehicleData) -> Any:
+    """Each commanded velocity over the true one."""
+    figure, panels = plt.subplots(4, 1, figsize=(9, 9), sharex=True, layout="constrained")
+    response = data.true or data.measured
+    for axes, (label, commanded, true) in zip(panels, RESPONSE, strict=True):
+        _line(axes, data.commands, commanded, color=COMMANDED, linewidth=1.2, drawstyle="steps-post", label="commanded")
+        if response:
+            _line(axes, response, true, color=TRUE, linewidth=1.2, label="true" if data.true else "odometry")
+        _finish(axes, label)
+    panels[-1].set_xlabel("time (s)")
+    panels[0].set_title(f"{node}: commands and response, along the body's axes (z down)")
+    return figure
+
+
+def _thrusters(plt: Any, node: str, data: VehicleData, run: Run | None) -> Any:
+    """The pulse width of each channel, one panel a channel."""
+    count = len(data.pulses[0]) - 1
+    names = list(run.vehicle.channels) if run else []
+    if len(names) != count:
+        names = [f"channel {number}" for number in range(1, count + 1)]
+    figure, panels = plt.subplots(
+        count, 1, figsize=(9, 1.4 + 1.25 * count), sharex=True, sharey=True, squeeze=False, layout="constrained"
+    )
+    for number, (axes, name) in enumerate(zip(panels[:, 0], names, strict=True), 1):
+        _line(axes, data.pulses, number, color=TRUE, linewidth=1.0, drawstyle="steps-post")
+        axes.axhline(1500, color="0.6", linewidth=0.8, linestyle="--")
+        axes.set_ylabel(name.replace("_", "\n"), fontsize=9)
+        axes.grid(color="0.9", linewidth=0.6)
+    panels[0, 0].set_title(f"{node}: pulses of the thrusters (µs; dashed: neutral)")
+    panels[-1, 0].set_xlabel("time (s)")
+    return figure
+
+
+def _delays(plt: Any, node: str, data: VehicleData) -> Any:
+    """Each hop over time, stacked, and how the whole is distributed."""
+    figure, (over_time, spread) = plt.subplots(
+        1, 2, figsize=(11, 4.5), width_ratios=(2, 1), sharey=True, layout="constrained"
+    )
+    hops = [[max(value, 0) / 1e6 for value in data.delays.hop_ns(hop)] for hop in range(len(HOPS))]
+    over_time.stackplot(data.traced, hops, labels=HOPS, colors=("#1d4ed8", "#60a5fa", "#f59e0b", "#c2410c"))
+    totals = data.delays.totals_ns()
+    whole = quantiles(totals)
+    over_time.set(xlabel="time (s)", ylabel="delay of a command (ms)", title=f"{node}: from publish to the thrusters")
+    over_time.set_ylim(0.0, max(1.25 * whole.p99_ms, 0.01))
+    over_time.legend(loc="upper left", fontsize=9, ncols=4, framealpha=0.9)
+    over_time.grid(color="0.9", linewidth=0.6)
+    spread.hist([total / 1e6 for total in totals], bins=60, range=(0.0, max(1.25 * whole.p99_ms, 0.01)),
+                orientation="horizontal", color="#94a3b8")  # fmt: skip
+    for share, value in (("median", whole.p50_ms), ("99 %", whole.p99_ms)):
+        spread.axhline(value, color="black", linewidth=0.9, linestyle="--")
+        spread.annotate(f"{share}: {value:.2f} ms", (0.98, value), xycoords=("axes fraction", "data"), fontsize=9,
+                        xytext=(0, 6), textcoords="offset points", ha="right",
+                        bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.85, "pad": 1.5})  # fmt: skip
+    clocks = "one clock" if data.delays.same_clock else "two clocks"
+    spread.set(xlabel=f"commands, of {len(totals)}", title=f"{clocks}; longest {whole.max_ms:.2f} ms")
+    return figure
+
+
+def _line(axes: Any, rows: Sequence[Row], column: int, **style: Any) -> None:
+    """One column over time; where nothing came for a while the line is broken."""
+    times: list[float] = []
+    values: list[float] = []
+    stepped = "drawstyle" in style
+    for row in rows:
+        if times and row[0] - times[-1] > GAP_S and not stepped:
+            times.append(row[0])
+            values.append(nan)
+        times.append(row[0])
+        values.append(row[column])
+    axes.plot(times, values, **style)
+
+
+def _column(rows: Sequence[Row], column: int) -> list[float]:
+    return [row[column] for row in rows]
+
+
+def _finish(axes: Any, label: str) -> None:
+    axes.set_ylabel(label)
+    axes.set_xlim(left=0.0)
+    axes.grid(color="0.9", linewidth=0.6)
+    axes.legend(loc="best", fontsize=9, framealpha=0.9)
+
+
+def _title(what: str, run: Run | None) -> str:
+    return (run.scenario.description or f"{run.vehicle.name} in {run.world.name}") if run else what

@@ -1,0 +1,31 @@
+"""`uuv-hil plot`: the figures of a recording: trajectory, depth, commands and response, thrusters, delays."""
+
+import os
+
+from hil.commands.parser import new_parser
+
+EXAMPLES = """\
+FILE is an .mcap file or the folder of a recording. Pictures go where the recording is, unless -o says otherwise.
+
+examples:
+  uuv-hil plot recordings/dive7
+  uuv-hil plot dive7.mcap -o pictures
+
+A recording made with a scenario has the world's map in it. The pulses of the thrusters are complete in a slave's own
+recording; other recordings have those of once a second.
+"""
+
+
+def main(arguments: list[str]) -> int:
+    """Draw; the exit code."""
+    parser = new_parser("plot", __doc__, EXAMPLES)
+    parser.add_argument("recording", metavar="FILE")
+    parser.add_argument("-o", "--output", metavar="DIR", help="a folder for the pictures")
+    options = parser.parse_args(arguments)
+    from hil.bench.run_plots import plot_recording
+
+    path = options.recording
+    folder = options.output or (path if os.path.isdir(path) else os.path.dirname(os.path.abspath(path)))
+    for file in plot_recording(path, folder):
+        print(file)
+    return 0

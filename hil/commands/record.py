@@ -1,0 +1,89 @@
+"""`uuv-hil record`: write what vehicles say and are told to files that Foxglove, PlotJuggler and rosbag2 open."""
+
+import os
+import select
+import sys
+
+from hil.clock import NS_PER_S, now_ns, seconds_ns
+from hil.commands.parser import new_parser
+from hil.config import Recording, Scenario, load_scenario
+from hil.errors import ConfigError, DeviceError
+from hil.stop import StopSignals
+from hil.transport.recording import Recorder, describe, new_folder
+from hil.transport.settings import Network
+
+EXAMPLES = """\
+The folder holds MCAP files and an index; it is a rosbag2 bag. Every file is whole at any time: a recorder that is
+killed loses at most its last second. A SCENARIO tells the node's name, the keys of a secured network and the limits of
+[recording], and is kept in the files, for pictures with a map.
+
+examples:
+  uuv-hil record --connect tcp/192.168.3.116:7447                       until Ctrl-C, into recordings/
+  uuv-hil record paper_field --connect tcp/127.0.0.1:7447 -o dive7
+  uuv-hil record --connect tcp/10.0.0.1:7447 --connect tcp/10.0.0.2:7447 --seconds 60
+"""
+POLL_S = 0.1
+SAY_PERIOD_NS = NS_PER_S
+
+
+def main(arguments: list[str]) -> int:
+    """Record until told to stop; the exit code."""
+    parser = new_parser("record", __doc__, EXAMPLES)
+    parser.add_argument("scenario", metavar="SCENARIO", nargs="?")
+    parser.add_argument(
+        "--connect", metavar="ENDPOINT", action="append", help="a slave or a router, tcp/ADDRESS:PORT [the scenario's]"
+    )
+    parser.add_argument("-o", "--output", metavar="DIR", help="a folder for the recording [recordings/NAME-TIME]")
+    parser.add_argument("--seconds", metavar="S", type=float, help="for how long [until Ctrl-C]")
+    options = parser.parse_args(arguments)
+    scenario = load_scenario(options.scenario) if options.scenario else None
+    endpoints = options.connect or ([scenario.slave.listen] if scenario else [])
+    if not endpoints:
+        raise ConfigError("record: give --connect tcp/ADDRESS:PORT, or a scenario")
+    recording = scenario.recording if scenario else Recording()
+    folder = options.output or new_folder(recording.folder, scenario.slave.node if scenario else "record")
+    about, files = _about(scenario, endpoints)
+    with StopSignals() as stop_fd, Recorder(folder, recording, about, files) as recorder:
+        print(f"recording {', '.join(endpoints)} into {folder}; Ctrl-C ends it", flush=True)
+        missed = _listen(recorder, endpoints, scenario, options.seconds, stop_fd)
+    if recorder.failure:
+        raise DeviceError(recorder.failure)
+    losses = ", ".join(f"{n} {word}" for n, word in ((missed, "did not come"), (recorder.lost, "not written")) if n)
+    print(
+        f"{recorder.written} messages recorded{'; ' + losses if losses else ', none lost'}: {_size(folder)} in {folder}"
+    )
+    return 0
+
+
+def _about(scenario: Scenario | None, endpoints: list[str]) -> tuple[dict[str, str], dict[str, str]]:
+    about, files = describe(scenario, "recorder") if scenario else ({"recorded_by": "recorder"}, {})
+    return about | {"endpoints": " ".join(endpoints)}, files
+
+
+def _listen(
+    recorder: Recorder, endpoints: list[str], scenario: Scenario | None, seconds: float | None, stop_fd: int
+) -> int:
+    """Hand over what comes until it is time to end; how many messages did not come."""
+    from hil.transport.recording_tap import Tap, save_processor
+
+    save_processor()
+    network, security = (scenario.network, scenario.security) if scenario else (Network(), None)
+    end = now_ns() + seconds_ns(seconds) if seconds else None
+    said = now_ns()
+    with Tap(endpoints, network, security) as tap:
+        while not (recorder.failure or (end and now_ns() > end) or select.select((stop_fd,), (), (), POLL_S)[0]):
+            for message in tap.take():
+                recorder.put(message)
+            if sys.stdout.isatty() and now_ns() - said > SAY_PERIOD_NS:
+                said = now_ns()
+                print(f"\r{recorder.written} messages, {len(tap.connected)} connected", end="\x1b[K", flush=True)
+        for message in tap.take():
+            recorder.put(message)
+    if sys.stdout.isatty():
+        print("\r\x1b[K", end="")
+    return tap.missed
+
+
+def _size(folder: str) -> str:
+    size = sum(entry.stat().st_size for entry in os.scandir(folder))
+    return f"{size / (1 << 20):.1f} MiB"

@@ -1,0 +1,139 @@
+"""`uuv-hil replay`: a recording once more, on the network, with a fresh vehicle, or bit for bit without a clock."""
+
+import argparse
+import select
+from math import dist
+from typing import TYPE_CHECKING
+
+from hil.autonomy.control import VelocityCommand
+from hil.clock import NS_PER_S, now_ns
+from hil.commands.parser import new_parser
+from hil.config import Scenario
+from hil.errors import ConfigError, MissionError, NetworkError
+from hil.stop import StopSignals
+from hil.transport import ros
+from hil.transport.recording_file import Message
+from hil.transport.recording_reader import read_about, read_messages
+from hil.transport.recording_run import read_run
+
+if TYPE_CHECKING:
+    from hil.master.client import VehicleClient
+
+EXAMPLES = """\
+FILE is an .mcap file or the folder of a recording.
+
+examples:
+  uuv-hil replay recordings/dive7                                    for masters that dial this machine
+  uuv-hil replay dive7.mcap --listen tcp/0.0.0.0:7447 --speed 10     ten times as fast
+  uuv-hil replay dive7 --connect tcp/127.0.0.1:7447                  its commands to a slave that runs there
+  uuv-hil replay dive7 --check                                       does the vehicle do the same, bit for bit?
+
+--check needs a slave's own recording ([recording] slave = true). It runs the simulator with the pulses that the
+thrusters got, step by step, and holds every sensor message against the recorded one; exit code 6 at a difference.
+With --connect the wall clock has a say, so there the tracks are compared: start the slave with the same scenario.
+"""
+LISTEN = "tcp/127.0.0.1:7447"
+WAIT_STEP_S = 0.02
+
+
+def main(arguments: list[str]) -> int:
+    """Replay in one of the three ways; the exit code."""
+    parser = new_parser("replay", __doc__, EXAMPLES)
+    parser.add_argument("recording", metavar="FILE")
+    way = parser.add_mutually_exclusive_group()
+    way.add_argument("--listen", metavar="ENDPOINT", default=LISTEN, help="play it to those who dial [%(default)s]")
+    way.add_argument("--connect", metavar="ENDPOINT", help="send its commands to this slave")
+    way.add_argument("--check", action="store_true", help="repeat it without network and clock")
+    parser.add_argument("--speed", metavar="X", type=float, default=1.0, help="times as fast; 0: at once [%(default)g]")
+    parser.add_argument("--wait", metavar="S", type=float, default=0.0, help="for somebody to dial, at most so long")
+    options = parser.parse_args(arguments)
+    if options.speed < 0:
+        raise ConfigError("replay: --speed must not be negative")
+    if options.check:
+        return _check(options.recording)
+    with StopSignals() as stop_fd:
+        return _command(options, stop_fd) if options.connect else _play(options, stop_fd)
+
+
+def _check(path: str) -> int:
+    from hil.transport.recording_check import check
+
+    began = now_ns()
+    compared, steps, difference = check(path)
+    took = (now_ns() - began) / NS_PER_S
+    if difference:
+        raise MissionError(
+            f"{path}: {compared} messages are the same, then the vehicle does something else, {difference}"
+        )
+    print(f"the same bit for bit: {compared} messages of {steps} steps, repeated in {took:.2f} s")
+    return 0
+
+
+def _play(options: argparse.Namespace, stop_fd: int) -> int:
+    from hil.transport.recording_player import Player, pace
+    from hil.transport.session import listen
+
+    messages = read_messages(options.recording)
+    with listen(options.listen) as session:
+        print(f"playing {options.recording} at {options.listen}; Ctrl-C ends it", flush=True)
+        deadline = now_ns() + round(options.wait * NS_PER_S)
+        while not session.others() and now_ns() < deadline:
+            if select.select((stop_fd,), (), (), WAIT_STEP_S)[0]:
+                return 130
+        player = Player(session)
+        began = now_ns()
+        seconds = pace(messages, options.speed, stop_fd, player.send)
+    print(f"{player.sent} messages of {seconds:.1f} s played in {(now_ns() - began) / NS_PER_S:.1f} s")
+    if player.unknown:
+        print(f"left out, of types unknown here: {', '.join(sorted(player.unknown))}")
+    return 0
+
+
+def _command(options: argparse.Namespace, stop_fd: int) -> int:
+    """Send the commands to a slave; say how far its vehicle goes astray."""
+    from hil.master.client import VehicleClient
+    from hil.transport.recording_player import pace
+
+    scenario = _scenario(options.recording)
+    node = scenario.slave.node
+    with VehicleClient(options.connect, node, network=scenario.network, security=scenario.security) as client:
+        if not client.wait_for_vehicle(options.wait or 10.0):
+            raise NetworkError(f"no vehicle {node!r} answered at {options.connect}; start it: uuv-hil slave")
+        strayed = _Strayed(client, node)
+        seconds = pace(read_messages(options.recording), options.speed or 1.0, stop_fd, strayed.take)
+    if not strayed.commands:
+        raise ConfigError(f"{options.recording}: no commands for {node} in it")
+    print(
+        f"{strayed.commands} commands of {seconds:.1f} s sent; the vehicle was at most {strayed.most:.2f} m and at the "
+        f"end {strayed.last:.2f} m from where it was in the recording"
+    )
+    return 0
+
+
+class _Strayed:
+    """Commands out, positions in: recorded ones beside those of the vehicle now."""
+
+    def __init__(self, client: "VehicleClient", node: str) -> None:
+        self._client, self._node = client, node
+        self.commands = 0
+        self.most = self.last = 0.0
+
+    def take(self, message: Message) -> None:
+        """Send it if it is a command; if it says where the vehicle was, compare."""
+        if message.topic == f"/{self._node}/cmd_vel":
+            twist = ros.decode_twist(message.data)
+            if twist:
+                self._client.command(VelocityCommand(*twist[0], yaw_rate=twist[1][2]))
+                self.commands += 1
+        elif message.topic == f"/{self._node}/ground_truth" and self.commands:
+            then, now = ros.decode_odometry(message.data), self._client.latest.get("ground_truth")
+            if then and now:
+                self.last = dist(then.position, now.value.position)
+                self.most = max(self.most, self.last)
+
+
+def _scenario(path: str) -> Scenario:
+    run = read_run(read_about(path), path)
+    if run is None:
+        raise ConfigError(f"{path}: the recording does not say which scenario it is of")
+    return run.scenario

@@ -1,0 +1,105 @@
+"""A tap: everything that is said and told, in order, with its time; losses counted; endpoints that come and go."""
+
+import time
+from collections import Counter
+from collections.abc import Callable
+from itertools import pairwise
+
+from hil.topics import TOPICS
+from hil.transport.recording_file import Message
+from hil.transport.recording_tap import Tap
+from hil.transport.session import dial, listen
+from tests.processes import free_port, wait_for
+
+
+def collect(tap: Tap, enough: Callable[[list[Message]], object], seconds: float = 10.0) -> list[Message]:
+    messages: list[Message] = []
+
+    def poll() -> object:
+        messages.extend(tap.take())
+        return enough(messages)
+
+    wait_for(poll, seconds)
+    return messages
+
+
+def test_it_hears_the_vehicle_and_its_master() -> None:
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    with listen(endpoint) as slave, dial(endpoint) as master, Tap([endpoint]) as tap:
+        slave.subscribe("uuv1", "cmd_vel", lambda *_: None, depth=8)
+        imu, commands = slave.publisher("uuv1", TOPICS["imu"]), master.publisher("uuv1", TOPICS["cmd_vel"])
+        assert wait_for(lambda: tap.connected, 10)
+        began = time.time_ns()
+        for number in range(100):
+            imu.put(b"imu %d" % number, began + number)
+            commands.put(b"command %d" % number, began + number)
+            time.sleep(0.002)
+        heard = collect(tap, lambda messages: len(messages) >= 190)
+    topics = Counter(message.topic for message in heard)
+    assert topics["/uuv1/imu"] == 100
+    assert topics["/uuv1/cmd_vel"] >= 95, "those before the sessions had met are nobody's"
+    assert tap.missed == 0
+    first = next(message for message in heard if message.topic == "/uuv1/imu")
+    assert first[:4] == ("/uuv1/imu", "sensor_msgs/msg/Imu", 1, began)
+    assert first.data == b"imu 0"
+    assert [m.sequence for m in heard if m.topic == "/uuv1/imu"] == list(range(1, 101))
+    assert all(a.logged_ns <= b.logged_ns for a, b in pairwise(heard))
+    assert all(0 < message.logged_ns - began < 2_000_000_000 for message in heard)
+
+
+def test_latched_topics_come_late_but_once() -> None:
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    with listen(endpoint) as slave:
+        imu, tf = slave.publisher("uuv1", TOPICS["imu"]), slave.publisher("uuv1", TOPICS["/tf_static"])
+        imu.put(b"missed", 6)
+        tf.put(b"before", 7)
+        with Tap([endpoint]) as tap:
+            heard = collect(tap, lambda messages: messages)
+            tf.put(b"after", 8)
+            heard += collect(tap, lambda messages: messages)
+            time.sleep(0.2)
+            heard += tap.take()
+    assert [(message.topic, message.sequence, message.data) for message in heard] == [
+        ("/tf_static", 1, b"before"),
+        ("/tf_static", 2, b"after"),
+    ]
+    assert tap.missed == 0
+
+
+def test_a_vehicle_that_comes_late_goes_and_comes_back() -> None:
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    heard: list[Message] = []
+    with Tap([endpoint]) as tap:
+        time.sleep(0.3)
+        assert not tap.connected
+        for life in range(2):
+            with listen(endpoint) as slave:
+                imu = slave.publisher("uuv1", TOPICS["imu"])
+
+                def say(messages: list[Message], imu: object = imu, life: int = life) -> object:
+                    imu.put(b"%d" % life, 7)  # type: ignore[attr-defined]
+                    time.sleep(0.01)
+                    return [message for message in messages if message.data == b"%d" % life]
+
+                heard += collect(tap, say)
+    assert {message.data for message in heard} == {b"0", b"1"}
+
+
+def test_gaps_are_counted() -> None:
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    with listen(endpoint) as slave, Tap([endpoint]) as tap:
+        assert wait_for(lambda: tap.connected, 10)
+        imu = slave.publisher("uuv1", TOPICS["imu"])
+        imu.put(b"a", 7)
+        imu.sequence += 4
+        imu.put(b"b", 7)
+        heard = collect(tap, lambda messages: len(messages) >= 2)
+    assert [message.sequence for message in heard] == [1, 6]
+    assert tap.missed == 4
+
+
+def test_closing_does_not_wait_for_an_endpoint_that_is_not_there() -> None:
+    began = time.monotonic()
+    with Tap([f"tcp/127.0.0.1:{free_port()}"]) as tap:
+        assert tap.take() == []
+    assert time.monotonic() - began < 1.0
