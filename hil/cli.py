@@ -26,7 +26,8 @@ COMMANDS = {
     "vehicle": ("hil.commands.vehicle", "what a vehicle is and can do; import one from a URDF"),
     "topic": ("hil.commands.topic", "list, echo, hz and pub of ROS 2 topics, and calls of services, without ROS"),
     "world": ("hil.commands.world", "seabeds out of charts and soundings; pictures, files for other simulators"),
-    "doctor": ("hil.commands.doctor", "what this machine has of what a run wants"),
+    "board": ("hil.commands.board", "which card computer this is, and the slave as a service of it"),
+    "doctor": ("hil.commands.doctor", "whether this machine can run a scenario, and what to do where it cannot"),
 }
 
 

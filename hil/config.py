@@ -12,6 +12,7 @@ from hil.links.protocols import ON_CAN
 from hil.plugins import load_class
 from hil.schema import Range, find_preset, parse, preset_names
 from hil.tables import read_table
+from hil.transport.settings import Network
 from sim.forces import Force
 from sim.sensors.suite import Suite, read_suite
 from sim.simulation import Simulation
@@ -19,7 +20,8 @@ from sim.vehicle import Vehicle
 from sim.world import World
 
 if TYPE_CHECKING:
-    from hil.links.faults import Faults
+    from hil.links.wires.faults import Faults
+    from hil.transport.security import Security
     from sim.ballast import Release
     from sim.failures import Failure
 
@@ -107,6 +109,45 @@ class Master(NamedTuple):
     time_limit: Annotated[float, Range(1.0, 86_400.0, "s")] = 300.0
 
 
+class Recording(NamedTuple):
+    """What is recorded of a run, and how much of the disk it may take.
+
+    `slave` and `master` say who records: the slave into `folder`, also what makes its run repeatable to the bit
+    (`uuv-hil replay --check`), the master into the folder of the run. A file ends at `file_size`; beyond `total_size`
+    the oldest files of the recording go, and with the first one the possibility to repeat it. Recording ends when
+    less than `keep_free` is left on the disk.
+    """
+
+    slave: bool = False
+    master: bool = False
+    folder: str = "recordings"
+    file_size: Annotated[float, Range(1.0, 1e6, "MiB")] = 256.0
+    total_size: Annotated[float, Range(2.0, 1e7, "MiB")] = 4096.0
+    keep_free: Annotated[float, Range(0.0, 1e7, "MiB")] = 256.0
+    compression: Literal["zstd", "lz4", "none"] = "zstd"
+
+    def problem(self) -> str | None:
+        """Sizes that do not go together."""
+        if self.total_size < 2.0 * self.file_size:
+            return "total_size must be at least twice file_size: the file that is being written, and one more"
+        return None
+
+
+class Ros(NamedTuple):
+    """What the vehicle says to ROS 2 beyond its sensors, and lets it ask for.
+
+    `transforms`: /tf, of every odometry sample, and /tf_static, of the sensors' places. `clock` and `wrench` are the
+    rates of /clock and of the thrusters' wrench, 0 for none. `services`: arm, reset, set_pose, failures of thrusters.
+    `frame_prefix` ("uuv1/") tells the frames of vehicles apart that share one /tf; of several only one has a `clock`.
+    """
+
+    transforms: bool = True
+    services: bool = True
+    frame_prefix: str = ""
+    clock: Annotated[float, Range(0.0, 1000.0, "Hz")] = 20.0
+    wrench: Annotated[float, Range(0.0, 1000.0, "Hz")] = 0.0
+
+
 class Scenario(NamedTuple):
     """One run. `stm32` says who plays the STM32, `controller` who sends it commands.
 
@@ -127,11 +168,16 @@ class Scenario(NamedTuple):
     slave: Slave = Slave()
     link: Link = Link()
     start: Start = Start()
+    network: Network = Network()
+    ros: Ros = Ros()
+    recording: Recording = Recording()
     # These are read by load_scenario, which knows their schemas.
+    security: "Security | None" = None
     sensors: Suite = MappingProxyType({})
     failure: "tuple[Failure, ...]" = ()
     force: tuple[Force, ...] = ()
     release: "tuple[Release, ...]" = ()
+    path: str = ""  # the file it was read from
 
     def problem(self) -> str | None:
         """The words that do not go together."""
@@ -175,19 +221,23 @@ def load_scenario(name: str, changes: dict[str, Any] | None = None) -> Scenario:
     table = read_table(path)
     for key, value in (changes or {}).items():
         _change(table, key, value, path)
+    if "path" in table:
+        raise ConfigError(f"{path}: no key 'path'")
     sensors, failures, forces = table.pop("sensors", {}), table.pop("failure", []), table.pop("force", [])
-    releases = table.pop("release", [])
+    releases, security = table.pop("release", []), table.pop("security", None)
     link = table["link"] = dict(table.get("link", {}))
     options, faults = link.pop("options", {}), link.pop("faults", None)
     scenario = parse(table, Scenario, path)
     folder = os.path.dirname(path)
     scenario = scenario._replace(
+        path=path,
         vehicle=_relative(scenario.vehicle, folder),
         world=_relative(scenario.world, folder),
         sensors=read_suite(sensors, f"{path}: sensors"),
         failure=_failures(failures, f"{path}: failure"),
         force=_forces(forces, f"{path}: force"),
         release=_releases(releases, f"{path}: release"),
+        security=_security(security, f"{path}: security", folder),
         link=scenario.link._replace(options=options, faults=_faults(faults, f"{path}: link.faults")),
     )
     blind = [name for name in FEEDBACK if name not in scenario.sensors]
@@ -219,9 +269,19 @@ def _faults(table: Any, where: str) -> "Faults | None":
         return None
     if not isinstance(table, dict):
         raise ConfigError(f"{where}: expected a table")
-    from hil.links.faults import Faults
+    from hil.links.wires.faults import Faults
 
     return parse(table, Faults, where)
+
+
+def _security(table: Any, where: str, folder: str) -> "Security | None":
+    if table is None:
+        return None
+    if not isinstance(table, dict):
+        raise ConfigError(f"{where}: expected a table")
+    from hil.transport.security import Security
+
+    return parse(table, Security, where).beside(folder)
 
 
 def _releases(tables: Any, where: str) -> "tuple[Release, ...]":

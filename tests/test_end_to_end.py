@@ -293,7 +293,10 @@ def test_ctrl_c_ends_the_demo(tmp_path: Path) -> None:
             'vehicle = "paper_six"\nworld = "pool"\n[sensors]\nimu = { rate = 0 }\n[master]\ngoal = [1, 1]\n',
             ["imu", "controller"],
         ),
-        ('vehicle = "paper_six"\nworld = "pool"\nstm32 = "device"\n[start]\ndepth = 2\n[master]\ngoal = [1, 1]\n', ["--board"]),
+        (
+            'vehicle = "paper_six"\nworld = "pool"\nstm32 = "device"\n[start]\ndepth = 2\n[master]\ngoal = [1, 1]\n',
+            ["--board"],
+        ),
     ],
 )
 def test_a_wrong_scenario_is_one_clear_line(tmp_path: Path, text: str, words: list[str]) -> None:

@@ -9,10 +9,10 @@ from hil.columns import aligned
 from hil.commands.parser import new_parser
 from hil.errors import ConfigError
 from hil.links.contract import PWM_NEUTRAL_US, Message, ThrusterCommand, ThrusterTelemetry
-from hil.links.frame.protocol import FrameProtocol
 from hil.links.frame.check import WRONG, Part, Row, table, taken_apart
 from hil.links.frame.forms import checksum_of
 from hil.links.frame.layout import ChecksumRule, FrameLayout, MessageLayout, Other
+from hil.links.frame.protocol import FrameProtocol
 from hil.schema import find_preset, preset_names
 
 EXAMPLES = """\

@@ -15,15 +15,17 @@ from hil.master.planner import Navigator, Outcome, Plan, prepare, require_succes
 from hil.master.progress import Progress
 from hil.master.recorder import RecordedClient, TrackWriter, make_folder, new_folder, recorded
 from hil.stop import StopSignals
-from hil.transport.recording import require_library
+from hil.transport.recording_mcap import require_library
 
 WAIT_STEP_S = 0.02
+ASK_AFTER_S = 2.0  # without a word, look why
 EXAMPLES = """\
 Start it before the slave and the start-up time is measured too.
 
 examples:
   uuv-hil master paper_field --connect tcp/192.168.3.116:7447
   uuv-hil master mine.toml --connect tcp/127.0.0.1:7447 --run-dir runs/today
+  uuv-hil master mine.toml --connect lan               a slave with [network] discovery = true
 
 The folder of the run then holds trajectory.png, table.json, track.csv and master.log.
 """
@@ -33,7 +35,10 @@ def main(arguments: list[str]) -> int:
     """Fly one mission; the exit code."""
     parser = new_parser("master", __doc__, EXAMPLES)
     parser.add_argument("scenario", metavar="SCENARIO")
-    parser.add_argument("--connect", metavar="ENDPOINT", required=True, help="the slave, tcp/ADDRESS:PORT")
+    parser.add_argument(
+        "--connect", metavar="ENDPOINT", required=True, help="slave or router, tcp/ADDRESS:PORT; or lan"
+    )
+    parser.add_argument("--take-over", action="store_true", help="command even if another master does already")
     parser.add_argument("--wait", metavar="S", type=float, default=60.0, help="how long to wait for it [%(default)s s]")
     parser.add_argument("--run-dir", metavar="DIR", help="where to put the results [runs/SCENARIO-TIME]")
     parser.add_argument("--ready-fd", metavar="N", type=int, help="write a line to this descriptor when dialling")
@@ -45,29 +50,75 @@ def main(arguments: list[str]) -> int:
     plan = prepare(scenario)
     progress = Progress(os.path.join(folder, "master.log"))
     progress.say(f"A* found a way of {len(plan.path)} points in {plan.duration:.2f} s")
-    with StopSignals() as stop_fd, RecordedClient(options.connect, scenario.slave.node) as client:
-        progress.say(f"waiting for {scenario.slave.node} at {options.connect}")
+    where = options.connect if options.connect != "lan" else _look_around(options.wait)
+    with StopSignals() as stop_fd, _client(where, scenario, int(options.take_over), progress) as client:
+        progress.say(f"waiting for {scenario.slave.node} at {where}")
         if options.ready_fd is not None:
             os.write(options.ready_fd, b"\n")
             os.close(options.ready_fd)
-        _wait(client, options.wait, stop_fd)
+        _wait(client, options.wait, stop_fd, progress, scenario)
         outcome, result = _fly(scenario, plan, client, folder, progress, stop_fd)
     _report(scenario, plan, outcome, result, folder, progress)
     require_success(outcome)
     return 0
 
 
-def _wait(client: VehicleClient, seconds: float, stop_fd: int) -> None:
-    """Until the vehicle has sent a sample and its figures of health."""
-    deadline = now_ns() + round(seconds * NS_PER_S)
+def _client(where: str, scenario: Scenario, rank: int, progress: Progress) -> RecordedClient:
+    network, security = scenario.network, scenario.security
+    node, report = scenario.slave.node, progress.say
+    return RecordedClient(where, node, rank=rank, network=network, security=security, report=report)
+
+
+def _look_around(seconds: float) -> str:
+    """The endpoint of whoever answers by multicast. Raises NetworkError when nobody does, or several do."""
+    from hil.transport.discovery import find
+
+    found = find(seconds)
+    if len(found) == 1:
+        return found[0]
+    if found:
+        raise NetworkError(f"several answer in this network: {', '.join(found)}; choose one with --connect")
+    raise NetworkError(
+        f"nobody answered by multicast within {seconds:g} s; the slave's scenario needs discovery = true in its "
+        "[network] section and an address of this network in listen; many access points block multicast: --connect "
+        "tcp/ADDRESS:PORT always works"
+    )
+
+
+def _wait(client: VehicleClient, seconds: float, stop_fd: int, progress: Progress, scenario: Scenario) -> None:
+    """Until the vehicle has sent a sample and its figures of health, and is ours to command."""
+    began = now_ns()
+    asked, reason = False, ""
     while not (client.first_sample_wall_ns and client.diagnostics()):
         if select.select((stop_fd,), (), (), WAIT_STEP_S)[0]:
             raise KeyboardInterrupt
-        if now_ns() > deadline:
+        waited = (now_ns() - began) / NS_PER_S
+        if not asked and waited > min(ASK_AFTER_S, seconds):
+            asked, reason = True, _why_silent(client, scenario)
+            progress.say(f"no word from {client.node} yet: {reason}")
+        if waited > seconds:
             raise NetworkError(
-                f"no vehicle {client.node!r} answered at {client.endpoint} within {seconds:g} s; is `uuv-hil slave` "
-                "running there, with --listen on an address this machine reaches, and the same [slave] node?"
+                f"no vehicle {client.node!r} answered at {client.endpoint} within {seconds:g} s ({reason}); is "
+                "`uuv-hil slave` running there, with --listen on an address this machine reaches, and the same "
+                "[slave] node?"
             )
+    refusal = client.refusal()
+    if refusal:
+        raise NetworkError(refusal)
+
+
+def _why_silent(client: VehicleClient, scenario: Scenario) -> str:
+    """What stands in the way. Raises NetworkError when that does not pass by waiting."""
+    from hil.transport.diagnosis import why_not
+
+    security = scenario.security
+    fault = why_not(client.endpoint, security.folder("master") if security else "")
+    if fault and fault.lasting:
+        raise NetworkError(f"{client.endpoint}: {fault.text}")
+    if fault:
+        return fault.text
+    allowed = f", or its may_listen does not name {security.name('master')!r}" if security else ""
+    return f"{client.endpoint} answers, but there is no {client.node!r}{allowed}"
 
 
 def _fly(

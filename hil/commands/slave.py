@@ -16,8 +16,8 @@ examples:
   uuv-hil slave paper_field --listen tcp/0.0.0.0:7447         for a master on the network
   uuv-hil slave mine.toml --board raspberry_pi_4b             with that board's serial port
 
-Without authentication anyone who reaches the port can command the vehicle: listen on 0.0.0.0 only on a
-network you trust. Two ports are used, the one given and the next.
+Without a [security] section anyone who reaches the port can command the vehicle: listen on 0.0.0.0 only on a
+network you trust, or make certificates (uuv-hil keys --help). Two ports are used, the one given and the next.
 Ctrl-C and SIGTERM end it with the thrusters neutral.
 """
 
@@ -74,7 +74,7 @@ def _run(options: Options, startup: dict[str, int]) -> None:
 
     # Before the session is opened: its threads inherit the scheduling.
     notes = [schedule_fifo(LOOP_PRIORITY)] if scenario.slave.realtime else ["real-time: off by the scenario"]
-    network = Listening(scenario.slave.listen)
+    network = Listening(scenario.slave.listen, scenario.network, scenario.security)
     try:
         from boards import load_board
         from hil.slave import daemon

@@ -1,40 +1,65 @@
 """A vehicle as a planner sees it: its newest samples, and commands to it."""
 
 import threading
-from typing import Any, NamedTuple
+from collections.abc import Callable
+from typing import Any, Literal, NamedTuple, Self
 
 from hil.autonomy.control import VelocityCommand
 from hil.clock import NS_PER_S, now_ns, to_wall_ns
 from hil.errors import NetworkError
+from hil.master.contact import Contact
 from hil.master.delay import DelayMeter
+from hil.process import boot_id
 from hil.topics import TOPICS
 from hil.transport import ros
-from hil.transport.session import dial
+from hil.transport.security import Security
+from hil.transport.session import Session, dial
+from hil.transport.settings import Network
 
 QUEUE = 256  # messages that may wait for the reader; beyond it the oldest are dropped
+CLOCK_WAIT_S = 0.3  # that the last state of a vehicle may wait until its age is known
+HOLDS_ON = 2  # diagnostics in a row that name another master: it is not about to give way
 
 
 class Stamped(NamedTuple):
-    """A message and when it came (monotonic ns)."""
+    """A message, when it came and when it was sent (monotonic ns of this machine)."""
 
     value: Any
     received_ns: int
+    sent_ns: int
 
     @property
     def age_s(self) -> float:
-        """Seconds since it came."""
-        return (now_ns() - self.received_ns) / NS_PER_S
+        """Seconds since it was sent."""
+        return (now_ns() - self.sent_ns) / NS_PER_S
+
+
+def _silence(_: str) -> None:
+    """Report nothing."""
 
 
 class VehicleClient:
-    """One vehicle, over one session. Use as a context; leaving it stops the vehicle and closes the session.
+    """One vehicle, over a session. Use as a context; leaving it stops the vehicle and closes what was opened here.
+
+    `where` is the endpoint of the slave or of a router, or a session that several clients share. A `part` of
+    "observer" never commands. A master of higher `rank` (0 to 9) takes the vehicle over from another. `report` gets a
+    line when the vehicle comes and goes; the session finds it again by itself.
 
     `latest` holds the newest message of each topic, in NED and FRD; `received` counts them; `malformed`
-    counts what could not be decoded; `delays` measures the commands.
+    counts what could not be decoded; `delays` measures the commands; `contact` knows whether the vehicle is there.
     """
 
-    def __init__(self, endpoint: str, node: str) -> None:
-        self.endpoint = endpoint
+    def __init__(
+        self,
+        where: str | Session,
+        node: str,
+        *,
+        part: Literal["master", "observer"] = "master",
+        rank: int = 0,
+        network: Network = Network(),
+        security: Security | None = None,
+        report: Callable[[str], None] = _silence,
+    ) -> None:
         self.node = node
         self.latest: dict[str, Stamped] = {}
         self.received = dict.fromkeys(TOPICS, 0)
@@ -42,24 +67,36 @@ class VehicleClient:
         self.delays = DelayMeter()
         self.first_sample_wall_ns = 0
         self._first_sample = threading.Event()
-        self._session = dial(endpoint)
+        self._rank = rank
+        self._certificate = security.name("master") if security else ""
+        self._named_other = 0  # diagnostics in a row
+        self._owns_session = isinstance(where, str)
+        self._session = dial(where, network=network, security=security) if isinstance(where, str) else where
+        self.endpoint = self._session.name
         self.dialled_wall_ns = to_wall_ns(now_ns())
         self._commands = self._session.publisher(node, TOPICS["cmd_vel"])
+        self.contact = Contact(self._session, node, self.delays.clock, self._fetch_last, report, network.lease)
         self._session.subscribe(node, "*", self._deliver, QUEUE)
+        self.contact.begin(part, self._commands.gid, rank)
 
-    def __enter__(self) -> "VehicleClient":
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:
         self.close()
 
     def close(self) -> None:
-        """Command standstill and close the session."""
-        self.command(VelocityCommand())
-        self._session.close()
+        """Command standstill if we have commanded, leave, and close the session if it was opened here."""
+        if self._commands.sequence:
+            self.command(VelocityCommand())
+        self.contact.end()
+        if self._owns_session:
+            self._session.close()
 
     def command(self, command: VelocityCommand) -> int:
         """Send a velocity command (FRD, m/s, rad/s); its sequence number. `depth` and `heading` do not travel."""
+        if not self._commands.sequence:
+            self._named_other = 0
         linear = (command.surge, command.sway, command.heave)
         payload = ros.encode_twist(linear, (0.0, 0.0, command.yaw_rate))
         return self._commands.put(payload, to_wall_ns(now_ns()))
@@ -82,28 +119,53 @@ class VehicleClient:
         stamped = self.latest.get("diagnostics")
         return stamped.value if stamped else {}
 
+    def refusal(self) -> str:
+        """Why the vehicle does not obey us, and the remedy; "" while nothing says so."""
+        values = self.diagnostics()
+        may_command = values.get("may_command", "").split()
+        if self._certificate and may_command and self._certificate not in may_command:
+            return (
+                f"{self.node} obeys {', '.join(may_command)} only, and the certificate of this machine says "
+                f"{self._certificate!r}: add it to may_command in the [security] section of the slave's scenario"
+            )
+        patience = HOLDS_ON if self._commands.sequence or self._rank else 1
+        if self._named_other >= patience and (self._commands.sequence or not self._rank):
+            return (
+                f"{self.node} obeys another master, {values.get('commander') or 'a stranger'}; end that one first, "
+                "or take over with --take-over"
+            )
+        return ""
+
     def _deliver(self, topic: str, payload: bytes, attachment: bytes) -> None:
         received_ns = now_ns()
         decode = ros.decoder(topic)
         value = decode(payload) if decode else None
-        if value is None:
+        stamp = ros.unpack_attachment(attachment)
+        if value is None or stamp is None:
             self.malformed += 1
             return
         self.received[topic] += 1
         if topic == "trace":
-            self._trace(value, attachment, to_wall_ns(received_ns))
-        elif topic == "diagnostics":
-            value = value[0][3] if value else {}
-            self.latest[topic] = Stamped(value, received_ns)
-        else:
-            self.latest[topic] = Stamped(value, received_ns)
-            if not self.first_sample_wall_ns:
-                self.first_sample_wall_ns = to_wall_ns(received_ns)
-                self._first_sample.set()
-
-    def _trace(self, instants: list[int], attachment: bytes, received_wall_ns: int) -> None:
-        stamp = ros.unpack_attachment(attachment)
-        if stamp is None:
-            self.malformed += 1
+            self.delays.add(value, stamp.time_ns, to_wall_ns(received_ns))
             return
-        self.delays.add(instants, stamp[1], received_wall_ns)
+        if topic == "diagnostics":
+            value = value[0][3] if value else {}
+            self._judge(value)
+        self.latest[topic] = Stamped(value, received_ns, self.contact.sent_ns(stamp.time_ns, received_ns))
+        if not self.first_sample_wall_ns and topic != "diagnostics":
+            self.first_sample_wall_ns = to_wall_ns(received_ns)
+            self._first_sample.set()
+
+    def _judge(self, diagnostics: dict[str, str]) -> None:
+        self.contact.same_clock = diagnostics.get("boot_id") == boot_id()
+        other = diagnostics.get("commanded_by", "") not in ("", self._commands.gid.hex())
+        self._named_other = self._named_other + 1 if other else 0
+
+    def _fetch_last(self) -> None:
+        """The last state of a vehicle that has just come, so that slow topics need not be waited for."""
+        self.contact.known.wait(CLOCK_WAIT_S)
+        self._session.fetch_last(self.node, self._deliver_last)
+
+    def _deliver_last(self, topic: str, payload: bytes, attachment: bytes) -> None:
+        if topic not in self.latest and topic != "trace":
+            self._deliver(topic, payload, attachment)

@@ -2,15 +2,17 @@
 
 from typing import NamedTuple
 
+from hil.transport.clock_offset import ClockOffset, Estimate
+
 HOPS = ("network", "wake-up", "control", "link and STM32")
+HISTORY = 1 << 16  # windows of the clocks' estimate that a mission may have: 18 hours
 
 
 class Sample(NamedTuple):
-    """One command's way, all in nanoseconds: four hops by one clock or corrected to one, and the round trip."""
+    """One command's way, all in nanoseconds: when it was published, and four hops as the two clocks told them."""
 
+    published_ns: int
     hops: tuple[int, int, int, int]
-    offset_ns: int  # slave's clock minus master's, by this exchange
-    round_trip_ns: int
 
     @property
     def total_ns(self) -> int:
@@ -40,12 +42,13 @@ def quantiles(values_ns: list[int]) -> Quantiles:
 class DelayMeter:
     """Collects traces. Every trace is also a clock exchange: sent, received there, sent back, received here.
 
-    On one machine the two clocks are one and the offset is 0. Across machines it is that of the exchange
-    with the shortest round trip (the filter of NTP, RFC 5905 section 10), known to half of that round trip.
+    On one machine the two clocks are one and the offset is 0. Across machines `clock` estimates it from these
+    exchanges and from others that are added to it; each delay is corrected by the offset of its own instant.
     """
 
     def __init__(self) -> None:
         self._samples: list[Sample] = []
+        self.clock = ClockOffset(HISTORY)
         self.malformed = 0
         self.same_clock = True
 
@@ -56,26 +59,31 @@ class DelayMeter:
             return
         _, published, received, taken, written, applied = instants
         hops = (received - published, taken - received, written - taken, applied - written)
-        offset = ((received - published) + (sent_ns - received_ns)) // 2
-        round_trip = (received_ns - published) - (sent_ns - received)
-        self._samples.append(Sample(hops, offset, round_trip))
+        self._samples.append(Sample(published, hops))
+        self.clock.add(published, received, sent_ns, received_ns)
 
     def __len__(self) -> int:
         return len(self._samples)
 
+    def clock_at(self, time_ns: int) -> Estimate:
+        """The slave's clock minus the master's at a wall instant of the master; on one machine exactly 0."""
+        estimate = None if self.same_clock else self.clock.at(time_ns)
+        return estimate or Estimate(0, 0, 0.0)
+
     def offset_ns(self) -> tuple[int, int]:
-        """The slave's clock minus the master's, and how far that may be wrong (ns)."""
-        if self.same_clock or not self._samples:
+        """The slave's clock minus the master's at the newest command, and how far that may be wrong (ns)."""
+        if not self._samples:
             return 0, 0
-        best = min(self._samples, key=lambda sample: sample.round_trip_ns)
-        return best.offset_ns, best.round_trip_ns // 2
+        offset, uncertainty, _ = self.clock_at(self._samples[-1].published_ns)
+        return offset, uncertainty
 
     def totals_ns(self, newest: int = 0) -> list[int]:
         """Publish to applied, one a command, by one clock; of the `newest` commands only (0: of all)."""
-        offset, _ = self.offset_ns()
-        return [sample.total_ns - offset for sample in self._samples[-newest:]]
+        samples = self._samples[-newest:]
+        return [sample.total_ns - self.clock_at(sample.published_ns).offset_ns for sample in samples]
 
     def hop_ns(self, hop: int) -> list[int]:
         """One hop of `HOPS`, one value a command."""
-        offset = self.offset_ns()[0] if hop == 0 else 0
-        return [sample.hops[hop] - offset for sample in self._samples]
+        if hop:
+            return [sample.hops[hop] for sample in self._samples]
+        return [sample.hops[0] - self.clock_at(sample.published_ns).offset_ns for sample in self._samples]

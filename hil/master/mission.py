@@ -9,7 +9,7 @@ from hil.errors import NetworkError
 from hil.master.client import VehicleClient
 from hil.master.planner import Navigator, Outcome
 from hil.master.progress import Progress
-from hil.master.recorder import Recorder
+from hil.master.recorder import TrackWriter
 
 GONE_AFTER_S = 1.0
 GIVE_UP_AFTER_S = 10.0
@@ -23,13 +23,13 @@ class Mission:
         navigator: Navigator,
         command_period: float,
         client: VehicleClient,
-        recorder: Recorder,
+        track: TrackWriter,
         progress: Progress,
     ) -> None:
         self._navigator = navigator
         self._period_ns = seconds_ns(command_period)
         self._client = client
-        self._recorder = recorder
+        self._track = track
         self._progress = progress
 
     def fly(self, stop_fd: int) -> Outcome:
@@ -60,9 +60,12 @@ class Mission:
         if odometry.age_s > GONE_AFTER_S:
             self._progress.note(f"no word from the vehicle for {odometry.age_s:.1f} s, waiting for it")
             return ""
+        refusal = self._client.refusal()
+        if refusal:
+            raise NetworkError(refusal)
         command = self._navigator.command(odometry.value)
         self._client.command(command)
         reason = self._navigator.judge(elapsed, truth.value)
-        self._recorder.row(elapsed, truth.value, odometry.value, command)
+        self._track.row(elapsed, truth.value, odometry.value, command)
         self._progress.show(elapsed, truth.value, self._navigator.progress, self._client)
         return reason

@@ -12,10 +12,12 @@ from hil.config import Scenario, build_simulation
 from hil.slave.inbox import Inbox
 from hil.slave.log import Log
 from hil.slave.loop import Loop
+from hil.slave.notify import notify
 from hil.slave.outbox import Outbox
 from hil.slave.pilot import build_pilot
 from hil.slave.stm32 import open_driver, stop_thrusters
 from hil.stop import StopSignals
+from hil.topics import TOPICS
 from hil.transport.session import Listening
 from sim.vehicle import load_vehicle
 from sim.world import load_world
@@ -38,6 +40,7 @@ def run(scenario: Scenario, board: Board | None, network: Listening, startup: di
         startup["ready"] = now_ns()
         log.say(_ready(scenario, loop, startup))
         log.flush()
+        notify("READY=1")
         if scenario.slave.realtime:
             notes = [*notes, clock.lock_memory(), clock.quiet_garbage_collector()]
             sys.setswitchinterval(0.0005)  # the loop gets the interpreter back at once from the other threads
@@ -47,11 +50,15 @@ def run(scenario: Scenario, board: Board | None, network: Listening, startup: di
             log.say(note)
         from hil.slave.contacts import Contacts
         from hil.slave.health import Health  # the vehicle is ready before these are loaded
+        from hil.slave.ros_node import RosNode
 
+        loop.ros = RosNode(network.session(), scenario, loop, log.say)
+        stack.callback(loop.ros.close)
         contacts = Contacts(network.session(), scenario.slave.node, loop.inbox, log.say, scenario.security)
         with Health(loop, log, startup, notes, board.name if board else "this machine", scenario.link, contacts):
             try:
                 loop.run(stop_fd)
+                notify("STOPPING=1")
                 log.say("stopping")
             finally:
                 neutral = stop_thrusters(loop.driver, loop.pilot.next_sequence() if loop.pilot else 0)
@@ -72,7 +79,7 @@ def _assemble(
     simulation = build_simulation(scenario, vehicle, world)
     startup["simulator"] = now_ns()
     link = scenario.link
-    if board and scenario.stm32 == "device" and link.port == "pty:":
+    if board and board.uart and scenario.stm32 == "device" and link.port == "pty:":
         link = link._replace(port=board.uart)
     builtin = scenario.controller == "builtin"
     driver = open_driver(scenario.stm32, link, len(vehicle.channels), builtin, scenario.seed, report)
@@ -89,12 +96,14 @@ def _assemble(
         from hil.slave.tape import open_tape  # most runs do without
 
         tape = open_tape(scenario, board.name if board else "this machine", epoch_ns, report, stack)
-    outbox = (tape.outbox if tape else Outbox)(session, slave.node, epoch_ns)
+    silent = () if scenario.ros.transforms else ("/tf",)
+    outbox = (tape.outbox if tape else Outbox)(session, slave.node, epoch_ns, scenario.ros.frame_prefix, silent)
     pilot = None
     if builtin:
         pilot = build_pilot(scenario, vehicle, control, world)
         deliver = tape.hearing(inbox.deliver) if tape else inbox.deliver
         session.subscribe(slave.node, "cmd_vel", deliver, depth=8)
+        outbox.graph.subscribes(TOPICS["cmd_vel"], slave.node)
     steps = seconds_ns(slave.step), seconds_ns(slave.control_period)
     return (tape.loop if tape else Loop)(simulation, driver, pilot, inbox, outbox, *steps, report)
 

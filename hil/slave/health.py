@@ -11,6 +11,7 @@ from hil.config import Link
 from hil.slave.contacts import Contacts
 from hil.slave.log import Log
 from hil.slave.loop import Loop
+from hil.slave.notify import Heartbeat
 
 REPORT_PERIOD_S = 0.1
 DIAGNOSE_EVERY = 10  # report periods
@@ -118,9 +119,11 @@ class Health:
 
     def _run(self) -> None:
         os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
-        turn = 0
+        turn, heart = 0, Heartbeat()
         while not self._stop.wait(REPORT_PERIOD_S):
             self._log.flush()
+            if turn % DIAGNOSE_EVERY == 0:
+                heart.beat(self._loop.schedule.due_total)
             if turn % DIAGNOSE_EVERY == 0 or self._loop.inbox.news:
                 self._loop.inbox.news = False
                 self._publish()

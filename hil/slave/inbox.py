@@ -120,12 +120,16 @@ class Inbox:
         self._rest(received_ns)
 
     def take(self) -> Received | None:
-        """The newest command not yet taken; None if there is none."""
+        """The newest command not yet taken; None if there is none, or it has become old while nobody took it."""
         try:
             os.eventfd_read(self._event)
-            return self._newest.popleft()
+            newest = self._newest.popleft()
         except (BlockingIOError, IndexError):  # nothing came, or it was taken with the one before
             return None
+        if now_ns() - newest.received_ns > self._age_limit_ns:  # the process was stopped
+            self.stale += 1
+            return None
+        return newest
 
     @property
     def silent(self) -> bool:

@@ -1,8 +1,8 @@
 """The real-time loop: commands when they come, physics on an absolute schedule, samples when they are due."""
 
 import select
-from collections.abc import Callable
-from typing import NamedTuple
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, NamedTuple
 
 from hil.clock import NS_PER_S, RateKeeper, now_ns, to_wall_ns
 from hil.links.contract import ThrusterTelemetry
@@ -11,6 +11,10 @@ from hil.slave.outbox import Outbox
 from hil.slave.pilot import Pilot
 from hil.slave.stm32 import ThrusterDriver
 from sim.simulation import Simulation
+
+if TYPE_CHECKING:
+    from hil.slave.ros_node import RosNode
+    from sim.failures import Failure
 
 WRAP = 0x10000  # of what telemetry counts
 UNANSWERED_NS = NS_PER_S  # a command whose echo has not come by then is counted as lost on the link
@@ -32,7 +36,10 @@ class Trace(NamedTuple):
 
 
 class Loop:
-    """Runs one vehicle. All parts are given; nothing is opened or closed here."""
+    """Runs one vehicle. All parts are given; nothing is opened or closed here.
+
+    While it is not `armed` no command is taken. `ros` is given when the vehicle is ready.
+    """
 
     def __init__(
         self,
@@ -50,6 +57,8 @@ class Loop:
         self.pilot = pilot
         self.inbox = inbox
         self.outbox = outbox
+        self.armed = True
+        self.ros: RosNode | None = None
         self._control_period_ns = control_period_ns
         self._report = report
         self._awaited: dict[int, tuple[Received, int, int]] = {}
@@ -67,12 +76,15 @@ class Loop:
     def run(self, stop_fd: int) -> None:
         """Loop until `stop_fd` becomes readable."""
         inbox_fd = self.inbox.fileno()
+        ros_fds = [self.ros.fileno()] if self.ros else []
         self.started_ns = now_ns()
         self.schedule = RateKeeper(self.schedule.period_ns, self.started_ns)
         while True:
             wait_ns = self.schedule.deadline_ns - now_ns()
             link_fds = self.driver.descriptors()
-            ready = select.select([stop_fd, inbox_fd, *link_fds], (), (), wait_ns / NS_PER_S if wait_ns > 0 else 0.0)[0]
+            ready = select.select(
+                [stop_fd, inbox_fd, *link_fds, *ros_fds], (), (), wait_ns / NS_PER_S if wait_ns > 0 else 0.0
+            )[0]
             now = now_ns()
             if inbox_fd in ready:
                 self._take_command(now)
@@ -82,6 +94,8 @@ class Loop:
                 self._control(self.pilot, now)
             if self._sent or now >= self.driver.deadline_ns or any(fd in ready for fd in link_fds):
                 self._service_link(now_ns())  # the answer to a command just sent may be there already
+            if self.ros and self.ros.fileno() in ready:
+                self.ros.serve()
             self.advance(self.schedule.due(now))
 
     def advance(self, steps: int) -> None:
@@ -91,10 +105,28 @@ class Loop:
                 if self.pilot:
                     self.pilot.sense(topic, sample)
                 self.outbox.sample(topic, sample)
+        if self.ros:
+            self.ros.tick(self.simulation.time_ns)
+
+    def place(self, position: Sequence[float], quaternion: Sequence[float], nu: Sequence[float]) -> None:
+        """Put the vehicle somewhere (NED, body to world, FRD), between two steps; its next command begins anew."""
+        state = self.simulation.state
+        state.position, state.quaternion, state.nu = list(position), list(quaternion), list(nu)
+        state.nu_dot = [0.0] * 6
+        self.rest()
+
+    def fail(self, *failures: "Failure") -> None:
+        """Let thrusters fail, or be repaired, from the next step on. Raises ConfigError for an unknown thruster."""
+        self.simulation.fail(*failures)
+
+    def rest(self) -> None:
+        """Neutral thrusters until the next command."""
+        if self.pilot:
+            self.pilot.active = False
 
     def _take_command(self, now: int) -> None:
         received = self.inbox.take()
-        if received is None or self.pilot is None:
+        if received is None or self.pilot is None or not self.armed:
             return
         self.commands += 1
         if not self.pilot.active:

@@ -29,7 +29,7 @@ class Client:
             self.delays.add(instants, published + 420_000, published + 600_000)
         self.dialled_wall_ns = dialled_ns
         self.first_sample_wall_ns = 1_080_000_000
-        self.latest = {"diagnostics": Stamped(health, 101 * 10**9)}
+        self.latest = {"diagnostics": Stamped(health, 101 * 10**9, 101 * 10**9)}
         self._health = health
 
     def diagnostics(self) -> dict[str, str]:

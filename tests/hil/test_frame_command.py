@@ -8,8 +8,8 @@ import pytest
 from hil.commands import frame
 from hil.errors import ConfigError
 from hil.links.contract import ThrusterCommand
-from hil.links.frame.protocol import FrameProtocol
 from hil.links.frame.check import taken_apart
+from hil.links.frame.protocol import FrameProtocol
 from hil.schema import find_preset, preset_names
 
 NAMES = preset_names("firmware_stub/frames")

@@ -1,6 +1,7 @@
 """Commands: the newest counts, old and broken ones are dropped and counted."""
 
 import select
+import time
 from collections.abc import Iterator
 
 import pytest
@@ -8,8 +9,9 @@ import pytest
 from hil.clock import now_ns, to_wall_ns
 from hil.slave.inbox import AgeFilter, Inbox
 from hil.transport import ros
+from hil.transport.clock_offset import ClockOffset
 
-GID = bytes(range(16))
+GID, OTHER = bytes(range(16)), bytes(16)
 MS = 1_000_000
 
 
@@ -44,6 +46,57 @@ def test_the_newest_wins(inbox: Inbox) -> None:
     assert taken is not None
     assert taken.sequence == 3
     assert inbox.superseded == 2
+
+
+def test_a_command_that_nobody_took_in_time_is_dropped(inbox: Inbox) -> None:
+    deliver(inbox, 1)
+    time.sleep(0.12)  # longer than its limit
+    assert inbox.take() is None
+    assert inbox.stale == 1
+
+
+def test_another_master_is_refused_until_this_one_is_silent(inbox: Inbox) -> None:
+    deliver(inbox, 1)
+    deliver(inbox, 1, gid=OTHER)
+    assert (inbox.master, inbox.refused) == (GID, 1)
+    taken = inbox.take()
+    assert taken is not None
+    inbox.forget(GID)
+    deliver(inbox, 2, gid=OTHER)
+    assert inbox.master == OTHER
+    inbox.ranks[GID] = 1
+    deliver(inbox, 2)
+    assert inbox.master == GID, "a higher rank takes over at once"
+    deliver(inbox, 3, gid=OTHER)
+    assert inbox.refused == 2
+    assert inbox.news
+
+
+def test_a_stale_command_gives_no_right(inbox: Inbox) -> None:
+    deliver(inbox, 1)
+    inbox.forget(GID)
+    deliver(inbox, 2, age_ms=3000)
+    assert inbox.master == b""
+
+
+def test_an_exact_clock_judges_even_the_first_command(inbox: Inbox) -> None:
+    """Without one the fastest message so far stands for age zero, and the first has nothing before it."""
+    clock = ClockOffset()
+    now = to_wall_ns(now_ns())
+    clock.add(now, now + 3600 * 10**9, now + 3600 * 10**9, now)  # the master is an hour ahead
+    inbox.clocks[GID] = clock
+    deliver(inbox, 1, age_ms=-3_600_000 + 1000)
+    assert (inbox.stale, inbox.take()) == (1, None)
+    deliver(inbox, 2, age_ms=-3_600_000)
+    assert inbox.take() is not None
+
+
+def test_a_flood_lets_the_reader_rest(inbox: Inbox) -> None:
+    began = time.monotonic()
+    for sequence in range(1, 61):
+        deliver(inbox, sequence)
+    assert 0.15 < time.monotonic() - began < 1.0, "60 commands at 200 a second, less a burst of a tenth"
+    assert inbox.flooded > 30
 
 
 def test_overtaken_and_repeated_commands_are_dropped(inbox: Inbox) -> None:

@@ -306,7 +306,7 @@ def test_the_table_of_protocols_knows_it() -> None:
 
 
 def test_without_pymavlink_the_remedy_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    for name in [name for name in sys.modules if name.startswith(("pymavlink", "hil.links.mavlink_"))]:
+    for name in [name for name in sys.modules if name.startswith(("pymavlink", "hil.links.mavlink."))]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "pymavlink", None)
     with pytest.raises(MissingExtraError, match=r"pip install 'uuv-hil\[mavlink\]'"):

@@ -1,0 +1,104 @@
+"""`uuv-hil keys`: a small certificate authority of one's own, and a folder of certificates for each machine."""
+
+import os
+
+from hil.commands.parser import new_parser
+from hil.errors import ConfigError, MissingExtraError
+from hil.transport.security import CA, CERTIFICATE, KEY
+
+AUTHORITY = "authority"  # the folder that stays at home
+EXAMPLES = """\
+DIR/authority/ can make certificates: keep it off the vehicles. DIR/NAME/ is all that the machine NAME needs; copy it
+there, and name the folders of both machines in the scenario:
+
+  [security]
+  slave = "keys/uuv1"
+  master = "keys/laptop"
+  may_command = ["laptop"]
+
+examples:
+  uuv-hil keys init                                    once
+  uuv-hil keys add uuv1 --host 192.168.3.116           a board, with each address and name that masters dial
+  uuv-hil keys add laptop
+"""
+
+
+def main(arguments: list[str]) -> int:
+    """Make an authority, or one machine's certificates; the exit code."""
+    parser = new_parser("keys", __doc__, EXAMPLES)
+    parser.add_argument("--dir", default="keys", help="where all folders are [%(default)s]")
+    actions = parser.add_subparsers(dest="action", metavar="init|add", required=True)
+    actions.add_parser("init", help="make the authority")
+    add = actions.add_parser("add", help="make certificates for a machine")
+    add.add_argument("name", metavar="NAME", help="what the machine is called in may_command and may_listen")
+    add.add_argument("--host", action="append", default=[], help="an address or name that others dial; repeatable")
+    add.add_argument("--days", type=int, default=730, help="how long they hold from today [%(default)s]")
+    options = parser.parse_args(arguments)
+    try:
+        import cryptography  # noqa: F401 - told here, before anything is written
+    except ImportError:
+        raise MissingExtraError("certificates need cryptography: pip install 'uuv-hil[security]'") from None
+    if options.action == "init":
+        print(f"{init(options.dir)}/: the authority; next: uuv-hil keys add NAME --host ADDRESS")
+    else:
+        folder = add_machine(options.dir, options.name, options.host, options.days)
+        print(f"{folder}/: copy it to {options.name}")
+    return 0
+
+
+def init(directory: str) -> str:
+    """Make an authority in `directory`; its folder. Raises ConfigError when there is one already."""
+    from hil.transport.certificates import new_authority
+
+    authority = new_authority()
+    folder = _new_folder(directory, AUTHORITY, "a new one would make all certificates so far worthless")
+    _write(folder, CA, authority.certificate)
+    _write(folder, KEY, authority.key)
+    return folder
+
+
+def add_machine(directory: str, name: str, hosts: list[str], days: int = 730) -> str:
+    """Make certificates for a machine that others dial as one of `hosts`, or as localhost; its folder.
+
+    Raises ConfigError when there is no authority, the name cannot be one, or the machine has certificates.
+    """
+    from hil.transport.certificates import Pair, new_machine
+
+    if not all(c.isascii() and (c.isalnum() or c in "-_.") for c in name) or name in ("", ".", "..", AUTHORITY):
+        raise ConfigError(f"{name!r} cannot be a machine's name: letters, digits, - _ . only, and not {AUTHORITY!r}")
+    authority = Pair(_read(directory, CA), _read(directory, KEY))
+    hosts = list(dict.fromkeys([name, "localhost", "127.0.0.1", "::1", *hosts]))
+    machine = new_machine(authority, name, hosts, days)
+    folder = _new_folder(directory, name, "remove it first to replace it")
+    _write(folder, CA, authority.certificate)
+    _write(folder, CERTIFICATE, machine.certificate)
+    _write(folder, KEY, machine.key)
+    return folder
+
+
+def _new_folder(directory: str, name: str, reason: str) -> str:
+    path = os.path.join(directory, name)
+    try:
+        os.makedirs(directory, exist_ok=True)
+        os.mkdir(path, 0o700)
+    except FileExistsError:
+        raise ConfigError(f"{path}: exists already; {reason}") from None
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be made: {error.strerror}") from None
+    return path
+
+
+def _read(directory: str, name: str) -> bytes:
+    path = os.path.join(directory, AUTHORITY, name)
+    try:
+        with open(path, "rb") as file:
+            return file.read()
+    except OSError as error:
+        raise ConfigError(f"{path}: {error.strerror}; `uuv-hil keys init` makes the authority") from None
+
+
+def _write(folder: str, name: str, data: bytes) -> None:
+    """A new file that only its owner may read."""
+    descriptor = os.open(os.path.join(folder, name), os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+    with os.fdopen(descriptor, "wb") as file:
+        file.write(data)

@@ -1,0 +1,46 @@
+"""`uuv-hil router`: forward between vehicles and masters that cannot reach each other, or are many."""
+
+import select
+
+from hil.commands.parser import new_parser
+from hil.stop import StopSignals
+from hil.transport.session import route
+from hil.transport.settings import Network
+
+EXAMPLES = """\
+Vehicles and masters then all dial the router; their scenario says
+
+  [network]
+  mode = "routed"
+  router = "tcp/192.168.3.1:7447"
+
+examples:
+  uuv-hil router --listen tcp/0.0.0.0:7447
+  uuv-hil router mine.toml --listen tcp/0.0.0.0:7447     with the [network] and [security] of a scenario
+  uuv-hil master mine.toml --connect tcp/192.168.3.1:7447
+
+Two ports are used, the one given and the next. Without a [security] section anyone who reaches them can command.
+"""
+
+
+def main(arguments: list[str]) -> int:
+    """Forward until SIGINT or SIGTERM; the exit code."""
+    parser = new_parser("router", __doc__, EXAMPLES)
+    parser.add_argument("scenario", metavar="SCENARIO", nargs="?")
+    parser.add_argument("--listen", metavar="ENDPOINT", default="tcp/127.0.0.1:7447", help="[%(default)s]")
+    options = parser.parse_args(arguments)
+    network, security = Network(), None
+    if options.scenario:
+        from hil.config import load_scenario
+
+        scenario = load_scenario(options.scenario)
+        network, security = scenario.network, scenario.security
+    with StopSignals() as stop_fd, route(options.listen, network, security) as session:
+        print(f"forwarding between all who dial {options.listen}", flush=True)
+        known: list[str] = []
+        while not select.select((stop_fd,), (), (), 0.5)[0]:
+            others = session.others()
+            if others != known:
+                known = others
+                print(f"connected: {', '.join(known) or 'nobody'}", flush=True)
+    return 0

@@ -1,0 +1,64 @@
+"""Names on the network that are ours alone, beside the ROS 2 keys: who is there, and the clock exchange."""
+
+from struct import Struct
+from typing import Literal, NamedTuple
+
+PING = Struct("<16s3q")  # whose; when it was sent; when the pong before it was sent (slave's clock), and came (ours)
+PONG = Struct("<16s3q2qd")  # whose; the ping's instant; when it came and was answered; offset, uncertainty, drift
+Part = Literal["slave", "master", "observer"]
+
+_PARTS: dict[str, Part] = {"slave": "slave", "master": "master", "observer": "observer"}
+RANKS = 10  # 0 to 9
+
+
+class Presence(NamedTuple):
+    """One that is there for a node: the slave itself, a master, an observer.
+
+    `ident` is what its commands are signed with, in hexadecimal; a master of higher `rank` takes over. `who` is for
+    people: machine and process.
+    """
+
+    node: str
+    part: Part
+    rank: int
+    ident: str
+    who: str
+
+
+def presence_key(presence: Presence) -> str:
+    """The liveliness token that says so."""
+    node, part, rank, ident, who = presence
+    return f"uuv_hil/{node}/alive/{part}/{rank}/{ident}/{_plain(who)}"
+
+
+def read_presence(key: str) -> Presence | None:
+    """What `presence_key` made; None for any other key."""
+    parts = key.split("/")
+    if len(parts) != 7 or parts[2] != "alive" or parts[3] not in _PARTS:
+        return None
+    _, node, _, part, rank, ident, who = parts
+    if not (rank.isdigit() and int(rank) < RANKS and _hexadecimal(ident)):
+        return None
+    return Presence(node, _PARTS[part], int(rank), ident, who)
+
+
+def last_key(node: str, topic: str) -> str:
+    """Where a node tells late joiners the last message of a topic ("*": of all)."""
+    return f"uuv_hil/{node}/last/{topic}"
+
+
+def clock_keys(node: str) -> tuple[str, str]:
+    """Where masters ask a node for its time, and where it answers."""
+    return f"uuv_hil/{node}/ping", f"uuv_hil/{node}/pong"
+
+
+def _plain(text: str) -> str:
+    """`text` with what may not stand in a key replaced."""
+    return "".join([c if c.isascii() and (c.isalnum() or c in "._-:") else "_" for c in text]) or "_"
+
+
+def _hexadecimal(text: str) -> bool:
+    try:
+        return bool(bytes.fromhex(text))
+    except ValueError:
+        return False

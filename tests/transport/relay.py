@@ -1,0 +1,98 @@
+"""A network between a slave and a master, in this process: relays the two TCP links, and fails on request."""
+
+import select
+import socket
+import threading
+from types import TracebackType
+from typing import Self
+
+from tests.processes import free_port
+
+
+class Relay:
+    """Listens on `port` and the next, relays to `target` and the next. Use as a context.
+
+    `hold` lets nothing pass and loses nothing: what the sender's kernel took is delivered on `release`, as TCP does
+    after a black-out. `cut` ends all connections and refuses new ones until `mend`.
+    """
+
+    def __init__(self, target: int) -> None:
+        self.port = free_port()
+        self._target = target
+        self._listeners = [socket.create_server(("127.0.0.1", self.port + link), backlog=64) for link in (0, 1)]
+        self._pairs: dict[socket.socket, socket.socket] = {}
+        self._held = False
+        self._cut = False
+        self._ending = False
+        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._thread.start()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, _: type[BaseException] | None, __: BaseException | None, ___: TracebackType | None) -> None:
+        self._ending = True
+        self._thread.join()
+        for end in (*self._listeners, *self._pairs):
+            end.close()
+
+    @property
+    def endpoint(self) -> str:
+        """Where a master dials."""
+        return f"tcp/127.0.0.1:{self.port}"
+
+    def hold(self) -> None:
+        """From now on nothing passes."""
+        self._held = True
+
+    def release(self) -> None:
+        """What was held passes, and what follows."""
+        self._held = False
+
+    def cut(self) -> None:
+        """All connections end."""
+        self._cut = True
+
+    def mend(self) -> None:
+        """New connections are accepted again."""
+        self._cut = False
+
+    def _run(self) -> None:
+        while not self._ending:
+            if self._cut:
+                self._close(*self._pairs)
+            watched = self._listeners if self._held else [*self._listeners, *self._pairs]
+            for end in select.select(watched, (), (), 0.005)[0]:
+                if end in self._listeners:
+                    self._accept(end)
+                elif end in self._pairs:
+                    self._pass(end)
+
+    def _accept(self, listener: socket.socket) -> None:
+        near, _ = listener.accept()
+        if self._cut:
+            near.close()
+            return
+        try:
+            far = socket.create_connection(("127.0.0.1", self._target + self._listeners.index(listener)))
+        except OSError:
+            near.close()
+            return
+        for end in (near, far):
+            end.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self._pairs |= {near: far, far: near}
+
+    def _pass(self, end: socket.socket) -> None:
+        try:
+            data = end.recv(65536)
+            if data:
+                self._pairs[end].sendall(data)
+                return
+        except OSError:
+            pass
+        self._close(end, self._pairs[end])
+
+    def _close(self, *ends: socket.socket) -> None:
+        for end in ends:
+            self._pairs.pop(end, None)
+            end.close()

@@ -1,0 +1,179 @@
+"""Mutual TLS and access control: who is let in, who may command, and what the refused are told."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from hil.commands.keys import add_machine, init
+from hil.errors import ConfigError, NetworkError
+from hil.schema import parse
+from hil.topics import TOPICS
+from hil.transport.diagnosis import why_not
+from hil.transport.security import Security
+from hil.transport.session import Session, dial, listen
+from hil.transport.tokens import Presence
+from tests.processes import free_port, wait_for
+
+MACHINES = ("uuv1", "laptop", "viewer", "stranger")
+
+
+@pytest.fixture(scope="module")
+def keys(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folders of four machines of one authority, and one of another."""
+    folder = tmp_path_factory.mktemp("keys")
+    init(str(folder))
+    for name in MACHINES:
+        add_machine(str(folder), name, [])
+    init(str(folder / "other"))
+    add_machine(str(folder / "other"), "laptop", [])
+    return folder
+
+
+def security(keys: Path, master: str = "laptop", may_listen: tuple[str, ...] = ("viewer",)) -> Security:
+    return Security(str(keys / "uuv1"), str(keys / master), ("laptop",), may_listen)
+
+
+@pytest.fixture
+def slave(keys: Path) -> Iterator[tuple[Session, str, list[str]]]:
+    """A slave, its endpoint, and whose commands came."""
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    heard: list[str] = []
+    with listen(endpoint, security=security(keys)) as session:
+        session.subscribe("uuv1", "cmd_vel", lambda _, payload, __: heard.append(payload.decode()), 8)
+        session.declare_presence("uuv1", "slave")
+        yield session, endpoint, heard
+
+
+def meets(session: Session) -> list[Presence]:
+    """Who the session sees of the node; filled in while one waits."""
+    seen: list[Presence] = []
+    session.watch_presence("uuv1", lambda presence, alive: seen.append(presence) if alive else None)
+    return seen
+
+
+def test_each_may_do_what_its_certificate_says(slave: tuple[Session, str, list[str]], keys: Path) -> None:
+    session, endpoint, heard = slave
+    samples = session.publisher("uuv1", TOPICS["pressure"])
+    got: dict[str, list[str]] = {name: [] for name in MACHINES[1:]}
+    sessions = {name: dial(endpoint, security=security(keys, name)) for name in got}
+    commands = {}
+    for name, other in sessions.items():
+        other.subscribe("uuv1", "*", lambda topic, _, __, name=name: got[name].append(topic), 8)  # type: ignore[misc]
+        commands[name] = other.publisher("uuv1", TOPICS["cmd_vel"])
+
+    def everyone_speaks() -> bool:
+        samples.put(b"sample", 0)
+        for name, publisher in commands.items():
+            publisher.put(name.encode(), 0)
+        return len(heard) > 20 and len(got["laptop"]) > 20 and len(got["viewer"]) > 20
+
+    assert wait_for(everyone_speaks, 5), (heard, got)
+    assert set(heard) == {"laptop"}
+    assert set(got["laptop"]) == set(got["viewer"]) == {"pressure"}
+    assert got["stranger"] == []
+    assert sessions["laptop"].others() == ["uuv1"]
+    assert {"laptop", "viewer", "stranger"} == set(session.others())
+    for other in sessions.values():
+        other.close()
+
+
+def test_presence_is_for_those_who_may_listen(slave: tuple[Session, str, list[str]], keys: Path) -> None:
+    _, endpoint, _ = slave
+    with (
+        dial(endpoint, security=security(keys, "viewer")) as viewer,
+        dial(endpoint, security=security(keys, "stranger")) as stranger,
+    ):
+        seen, unseen = meets(viewer), meets(stranger)
+        assert wait_for(lambda: [presence.part for presence in seen], 3) == ["slave"]
+        assert not unseen
+
+
+def test_everyone_with_a_certificate_may_listen(keys: Path) -> None:
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    with (
+        listen(endpoint, security=security(keys, may_listen=("*",))) as slave,
+        dial(endpoint, security=security(keys, "stranger")) as stranger,
+    ):
+        slave.declare_presence("uuv1", "slave")
+        seen = meets(stranger)
+        assert wait_for(lambda: seen, 3)
+
+
+@pytest.mark.parametrize(
+    ("folder", "words"),
+    [("other/laptop", ["not of the authority", "ca.pem"]), ("", ["wants a certificate", "[security]"])],
+)
+def test_a_wrong_or_missing_certificate_is_refused_with_a_reason(
+    slave: tuple[Session, str, list[str]], keys: Path, folder: str, words: list[str]
+) -> None:
+    session, endpoint, heard = slave
+    with dial(endpoint, security=security(keys, folder) if folder else None) as refused:
+        publisher, seen = refused.publisher("uuv1", TOPICS["cmd_vel"]), meets(refused)
+        assert not wait_for(lambda: publisher.put(b"refused", 0) and (heard or seen or refused.others()), 1)
+    assert session.others() == []
+    fault = why_not(endpoint, str(keys / folder) if folder else "")
+    assert fault is not None
+    assert fault.lasting
+    assert all(word in fault.text for word in words), fault.text
+
+
+def test_a_certificate_that_they_do_not_know(slave: tuple[Session, str, list[str]], keys: Path, tmp_path: Path) -> None:
+    """We trust their authority, they do not know ours."""
+    for name, source in (("ca.pem", "laptop"), ("cert.pem", "other/laptop"), ("key.pem", "other/laptop")):
+        (tmp_path / name).write_bytes((keys / source / name).read_bytes())
+    fault = why_not(slave[1], str(tmp_path))
+    assert fault is not None
+    assert fault.lasting
+    assert "refuses our certificate" in fault.text, fault.text
+    assert str(tmp_path) in fault.text
+
+
+def test_a_name_that_is_not_in_the_certificate(keys: Path) -> None:
+    endpoint = f"tcp/127.0.0.2:{free_port()}"
+    with (
+        listen(endpoint, security=security(keys)) as slave,
+        dial(endpoint, security=security(keys)) as master,
+    ):
+        slave.declare_presence("uuv1", "slave")
+        seen = meets(master)
+        fault = why_not(endpoint, str(keys / "laptop"))
+        assert fault is not None
+        assert "not made for '127.0.0.2'" in fault.text
+        assert "--host 127.0.0.2" in fault.text
+        assert not wait_for(lambda: seen, 0.5)
+
+
+def test_the_right_certificate_has_no_fault(slave: tuple[Session, str, list[str]], keys: Path) -> None:
+    assert why_not(slave[1], str(keys / "laptop")) is None
+
+
+def test_open_and_secure_sides_do_not_meet(keys: Path) -> None:
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    with listen(endpoint):
+        assert why_not(endpoint) is None
+        fault = why_not(endpoint, str(keys / "laptop"))
+        assert fault is not None
+        assert "without TLS" in fault.text
+    fault = why_not(endpoint)
+    assert fault is not None
+    assert not fault.lasting
+    assert "uuv-hil slave" in fault.text
+
+
+def test_missing_files_and_sections_are_named(keys: Path, tmp_path: Path) -> None:
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    with pytest.raises(NetworkError, match=r"nowhere/ca\.pem is not there; `uuv-hil keys add nowhere`"):
+        dial(endpoint, security=Security("", str(tmp_path / "nowhere"), ("laptop",)))
+    with pytest.raises(NetworkError, match=r"names no slave"):
+        listen(endpoint, security=Security("", str(keys / "laptop"), ("laptop",)))
+    with pytest.raises(NetworkError, match=r"needs certificates"):
+        dial("tls/127.0.0.1:7447")
+    with pytest.raises(ConfigError, match="may_command"):
+        parse({"slave": "a", "master": "b"}, Security, "file: security")
+
+
+def test_folders_are_found_beside_the_scenario() -> None:
+    found = Security("keys/uuv1", "/abs/laptop", ("laptop",)).beside("/home/me")
+    assert (found.slave, found.master, found.router) == ("/home/me/keys/uuv1", "/abs/laptop", "")
+    assert found.name("slave") == "uuv1"
