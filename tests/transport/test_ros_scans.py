@@ -1,6 +1,8 @@
 """Scans as sensor_msgs/LaserScan, read by an independent library."""
 
+import json
 from math import inf, radians
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -21,6 +23,15 @@ def read(name: str, sample: Any) -> Any:
     ((topic, payload),) = ros.encoder(name)(sample, "uuv1/")
     assert topic == name
     return STORE.deserialize_cdr(payload, TOPICS[topic].type)
+
+
+def test_golden_bytes() -> None:
+    golden = json.loads((Path(__file__).parents[1] / "vectors" / "cdr_golden.json").read_text())["messages"]
+    (data,) = [bytes.fromhex(message["hex"]) for message in golden if message["type"] == "sensor_msgs/msg/LaserScan"]
+    stamp = next(m["fields"]["header"]["stamp"] for m in golden if m["type"] == "sensor_msgs/msg/LaserScan")
+    sample = LaserSample(stamp["sec"] * 10**9 + stamp["nanosec"], -0.5, 0.25, (1.0, 2.0, 3.0, 4.0, 5.0), (0.5, 20.0))
+    assert ros_scans.encode_scan(sample) == data
+    assert ros_scans.decode_scan(data) == sample
 
 
 @pytest.mark.parametrize("name", ["laser", "scanning_sonar"])

@@ -154,6 +154,10 @@ CASES: list[tuple[str, dict[str, Any]]] = [
     ("tf2_msgs/msg/TFMessage", {"transforms": [transform("map", "a"), transform("uuv1/base_link", "uuv1/b")]}),
     ("tf2_msgs/msg/TFMessage", {"transforms": []}),
     ("rosgraph_msgs/msg/Clock", {"clock": STAMP}),
+    ("sensor_msgs/msg/LaserScan", {
+        "header": header("laser_link"), "angle_min": -0.5, "angle_max": 0.5, "angle_increment": 0.25,
+        "time_increment": 0.0, "scan_time": 0.0, "range_min": 0.5, "range_max": 20.0,
+        "ranges": [5.0, 4.0, 3.0, 2.0, 1.0], "intensities": []}),
     ("geometry_msgs/msg/WrenchStamped", {
         "header": header("base_link"),
         "wrench": {"force": xyz(12.5, -3.25, 40.5), "torque": xyz(0.5, -1.25, 2.75)}}),
