@@ -58,7 +58,9 @@ def _decode(data: bytes) -> LaserSample:
     (seconds,), (ns,) = reader.numbers("i"), reader.numbers("I")
     reader.string()
     first, _, increment, _, _, near, far = reader.numbers("f", 7)
-    return LaserSample(seconds * _NS_PER_S + ns, first, increment, reader.numbers("f", reader.count()), (near, far))
+    ranges = reader.numbers("f", reader.count())
+    reader.numbers("f", reader.count())  # intensities
+    return LaserSample(seconds * _NS_PER_S + ns, first, increment, ranges, (near, far))
 
 
 ENCODERS: dict[str, ros.Encoder] = {

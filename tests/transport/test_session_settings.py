@@ -23,6 +23,8 @@ def test_an_endpoint_is_two_links_by_priority() -> None:
     assert urgent.startswith("tcp/10.0.0.1:7447?prio=1-3#so_sndbuf=")
     assert rest.startswith("tcp/10.0.0.1:7448?prio=4-7#so_sndbuf=")
     assert endpoints("tcp/[::1]:7447", secure=True)[0].startswith("tls/[::1]:7447?")
+    (only,) = endpoints("tcp/10.0.0.1:7447", one=True)
+    assert only.startswith("tcp/10.0.0.1:7447#so_sndbuf=")
 
 
 @pytest.mark.parametrize("endpoint", ["7447", "udp/1.2.3.4:7447", "tcp/:7447", "tcp/h:65535", "tcp/h:0", "tcp/h:x", ""])
