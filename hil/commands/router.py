@@ -19,7 +19,7 @@ examples:
   uuv-hil router mine.toml --listen tcp/0.0.0.0:7447     with the [network] and [security] of a scenario
   uuv-hil master mine.toml --connect tcp/192.168.3.1:7447
 
-Two ports are used, the one given and the next. Without a [security] section anyone who reaches them can command.
+Without a [security] section anyone who reaches the port can command.
 """
 
 

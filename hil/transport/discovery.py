@@ -24,7 +24,8 @@ def find(seconds: float) -> list[str]:
             if hello is None:
                 time.sleep(POLL_S)
                 continue
-            ours = [locator.partition("?")[0] for locator in hello.locators if locator.endswith("?prio=1-3")]
+            urgent = "" if hello.whatami == zenoh.WhatAmI.ROUTER else "?prio=1-3"
+            ours = [locator.removesuffix(urgent) for locator in hello.locators if locator.endswith(urgent)]
             if ours and not found:
                 deadline = min(deadline, time.monotonic() + 0.1)  # for others that answer the same question
             found |= dict.fromkeys(ours)
