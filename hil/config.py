@@ -9,11 +9,9 @@ from hil.clock import seconds_ns
 from hil.errors import ConfigError
 from hil.links.address import parse_address
 from hil.links.protocols import ON_CAN
-from hil.plugins import load_class
 from hil.schema import Range, find_preset, parse, preset_names
 from hil.tables import read_table
 from hil.transport.settings import Network
-from sim.forces import Force
 from sim.sensors.suite import Suite, read_suite
 from sim.simulation import Simulation
 from sim.vehicle import Vehicle
@@ -24,6 +22,7 @@ if TYPE_CHECKING:
     from hil.transport.security import Security
     from sim.ballast import Release
     from sim.failures import Failure
+    from sim.forces import Force
 
 SCENARIOS = "hil/scenarios"
 FEEDBACK = ("imu", "odometry", "pressure")  # what the builtin controller lives on
@@ -175,7 +174,7 @@ class Scenario(NamedTuple):
     security: "Security | None" = None
     sensors: Suite = MappingProxyType({})
     failure: "tuple[Failure, ...]" = ()
-    force: tuple[Force, ...] = ()
+    force: "tuple[Force, ...]" = ()
     release: "tuple[Release, ...]" = ()
     path: str = ""  # the file it was read from
 
@@ -293,8 +292,14 @@ def _releases(tables: Any, where: str) -> "tuple[Release, ...]":
     return tuple([parse(row, Release, f"{where}[{i}]") for i, row in enumerate(rows)])
 
 
-def _forces(tables: Any, where: str) -> tuple[Force, ...]:
-    return tuple([load_class(row, Force, f"{where}[{i}]") for i, row in enumerate(_rows(tables, where))])
+def _forces(tables: Any, where: str) -> "tuple[Force, ...]":
+    rows = _rows(tables, where)
+    if not rows:
+        return ()
+    from hil.plugins import load_class  # most runs do without
+    from sim.forces import Force
+
+    return tuple([load_class(row, Force, f"{where}[{i}]") for i, row in enumerate(rows)])
 
 
 def _rows(tables: Any, where: str) -> list[dict[str, Any]]:

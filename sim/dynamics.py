@@ -14,14 +14,16 @@ Only + - * / and sqrt, in an order that the C twin (sim/native/_native.c) repeat
 """
 
 from collections.abc import Callable, Sequence
-from typing import Literal, NamedTuple
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 from sim import rotations
 from sim.buoyancy import Hull
-from sim.forces import Force
 from sim.matrices import Matrix, inverse, is_diagonal, square
 from sim.rotations import Rotation
 from sim.vehicle import Vehicle, mass_matrix
+
+if TYPE_CHECKING:
+    from sim.forces import Force
 
 Integrator = Literal["semi_implicit_euler", "rk4"]
 
@@ -72,7 +74,7 @@ class Dynamics:
         density: float,
         gravity: float,
         integrator: Integrator = "semi_implicit_euler",
-        forces: Sequence[Force] = (),
+        forces: "Sequence[Force]" = (),
     ) -> None:
         self._forces = forces
         self.mass = mass_matrix(vehicle)

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 from hil.errors import ConfigError
 from sim.contact import Contact, starts_inside
 from sim.dynamics import Dynamics, Forces, Integrator, State
-from sim.forces import Force
 from sim.native import make_dynamics
 from sim.rotations import from_euler, rotate_inverse
 from sim.sensors.odometry import ground_truth
@@ -21,6 +20,7 @@ if TYPE_CHECKING:
     from sim.battery import BatteryState
     from sim.equipment import Equipment
     from sim.failures import Failure
+    from sim.forces import Force
     from sim.water import MovingWater
     from sim.waves import Sea
 
@@ -49,7 +49,7 @@ class Simulation:
         heading: float = 0.0,
         integrator: Integrator = "semi_implicit_euler",
         failures: "Sequence[Failure]" = (),
-        forces: Sequence[Force] = (),
+        forces: "Sequence[Force]" = (),
         releases: "Sequence[Release]" = (),
     ) -> None:
         if starts_inside(vehicle, world, position):

@@ -1,9 +1,12 @@
 """`uuv-hil slave`: be the vehicle."""
 
 import gc
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from hil.clock import now_ns, process_start_ns, schedule_fifo
+
+if TYPE_CHECKING:
+    from boards import Board
 
 LOOP_PRIORITY = 40  # SCHED_FIFO, below the kernel's interrupt threads (50)
 
@@ -76,11 +79,16 @@ def _run(options: Options, startup: dict[str, int]) -> None:
     notes = [schedule_fifo(LOOP_PRIORITY)] if scenario.slave.realtime else ["real-time: off by the scenario"]
     network = Listening(scenario.slave.listen, scenario.network, scenario.security)
     try:
-        from boards import load_board
         from hil.slave import daemon
 
         startup["imports"] = now_ns()
-        board = load_board(options.board) if options.board else None
+        board = _load_board(options.board) if options.board else None
         daemon.run(scenario, board, network, startup, notes)
     finally:
         network.cancel()
+
+
+def _load_board(name: str) -> "Board":
+    from boards import load_board
+
+    return load_board(name)

@@ -4,15 +4,14 @@ import gc
 import sys
 from collections.abc import Callable
 from contextlib import ExitStack
+from typing import TYPE_CHECKING
 
-from boards import Board, detect
 from hil import clock
 from hil.clock import now_ns, seconds_ns, to_wall_ns
 from hil.config import Scenario, build_simulation
 from hil.slave.inbox import Inbox
 from hil.slave.log import Log
 from hil.slave.loop import Loop
-from hil.slave.notify import notify
 from hil.slave.outbox import Outbox
 from hil.slave.pilot import build_pilot
 from hil.slave.stm32 import open_driver, stop_thrusters
@@ -22,15 +21,19 @@ from hil.transport.session import Listening
 from sim.vehicle import load_vehicle
 from sim.world import load_world
 
+if TYPE_CHECKING:
+    from boards import Board
 
-def run(scenario: Scenario, board: Board | None, network: Listening, startup: dict[str, int], notes: list[str]) -> None:
+
+def run(
+    scenario: Scenario, board: "Board | None", network: Listening, startup: dict[str, int], notes: list[str]
+) -> None:
     """Be the slave until SIGINT or SIGTERM.
 
     `network` is the session being opened. `startup` are instants (monotonic ns) of the start so far,
     "exec" among them; more are added here. `notes` say what was settled about real time so far.
     Raises ConfigError, DeviceError, NetworkError.
     """
-    board = board or detect()
     log = Log("slave")
     with ExitStack() as stack:
         stop_fd = stack.enter_context(StopSignals())
@@ -40,6 +43,8 @@ def run(scenario: Scenario, board: Board | None, network: Listening, startup: di
         startup["ready"] = now_ns()
         log.say(_ready(scenario, loop, startup))
         log.flush()
+        from hil.slave.notify import notify  # the vehicle is ready before these are loaded
+
         notify("READY=1")
         if scenario.slave.realtime:
             notes = [*notes, clock.lock_memory(), clock.quiet_garbage_collector()]
@@ -49,9 +54,10 @@ def run(scenario: Scenario, board: Board | None, network: Listening, startup: di
         for note in notes:
             log.say(note)
         from hil.slave.contacts import Contacts
-        from hil.slave.health import Health  # the vehicle is ready before these are loaded
+        from hil.slave.health import Health
         from hil.slave.ros_node import RosNode
 
+        board = board or _recognised()
         loop.ros = RosNode(network.session(), scenario, loop, log.say)
         stack.callback(loop.ros.close)
         contacts = Contacts(network.session(), scenario.slave.node, loop.inbox, log.say, scenario.security)
@@ -65,9 +71,16 @@ def run(scenario: Scenario, board: Board | None, network: Listening, startup: di
                 log.say("thrusters neutral" if neutral else "WARNING: the STM32 did not confirm neutral thrusters")
 
 
+def _recognised() -> "Board | None":
+    """The board that this is; asked for when it matters, as knowing the boards costs a part of the start."""
+    from boards import detect
+
+    return detect()
+
+
 def _assemble(
     scenario: Scenario,
-    board: Board | None,
+    board: "Board | None",
     network: Listening,
     stack: ExitStack,
     report: Callable[[str], None],
@@ -79,8 +92,9 @@ def _assemble(
     simulation = build_simulation(scenario, vehicle, world)
     startup["simulator"] = now_ns()
     link = scenario.link
-    if board and board.uart and scenario.stm32 == "device" and link.port == "pty:":
-        link = link._replace(port=board.uart)
+    if scenario.stm32 == "device" and link.port == "pty:":
+        board = board or _recognised()
+        link = link._replace(port=board.uart or link.port) if board else link
     builtin = scenario.controller == "builtin"
     driver = open_driver(scenario.stm32, link, len(vehicle.channels), builtin, scenario.seed, report)
     stack.callback(driver.close)
@@ -95,6 +109,7 @@ def _assemble(
     if scenario.recording.slave:
         from hil.slave.tape import open_tape  # most runs do without
 
+        board = board or _recognised()
         tape = open_tape(scenario, board.name if board else "this machine", epoch_ns, report, stack)
     silent = () if scenario.ros.transforms else ("/tf",)
     outbox = (tape.outbox if tape else Outbox)(session, slave.node, epoch_ns, scenario.ros.frame_prefix, silent)

@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING
 
 from hil.errors import ConfigError
 from sim.dynamics import Dynamics, Integrator, State
-from sim.forces import Force
 from sim.rotations import matrix
 from sim.sensors.error import ErrorBank, ErrorModel
 from sim.thrusters import ThrusterSet
 from sim.vehicle import Vehicle
 
 if TYPE_CHECKING:
+    from sim.forces import Force
     from sim.rays.geometry import Geometry
 
 SWITCH = "UUV_HIL_NATIVE"
@@ -36,7 +36,7 @@ class NativeDynamics(Dynamics):
         density: float,
         gravity: float,
         integrator: Integrator = "semi_implicit_euler",
-        forces: Sequence[Force] = (),
+        forces: "Sequence[Force]" = (),
     ) -> None:
         from sim.native._native import Kernel
 
@@ -111,7 +111,7 @@ def make_dynamics(
     density: float,
     gravity: float,
     integrator: Integrator = "semi_implicit_euler",
-    forces: Sequence[Force] = (),
+    forces: "Sequence[Force]" = (),
 ) -> Dynamics:
     """The equations of one vehicle in water of `density` kg/m³ under `gravity` m/s², with the quickest step there is.
 

@@ -11,7 +11,6 @@ rate = 0                       # none
 """
 
 from collections.abc import Iterator, Mapping
-from heapq import heappop, heappush
 from importlib import import_module
 from typing import Any, NamedTuple
 
@@ -106,11 +105,12 @@ class Schedule:
             delay_ns = slot.delay_ns
             if delay_ns:
                 self._number += 1
-                heappush(self._under_way, (now_ns + delay_ns, self._number, slot.topic, sample))
+                self._under_way.append((now_ns + delay_ns, self._number, slot.topic, sample))
+                self._under_way.sort(key=_arrival)
             else:
                 arrived.append((slot.topic, sample))
         while self._under_way and self._under_way[0][0] <= now_ns:
-            _, _, topic, sample = heappop(self._under_way)
+            _, _, topic, sample = self._under_way.pop(0)
             arrived.append((topic, sample))
         self.due_ns = min(self._instants(), default=1 << 63)
         return arrived
@@ -119,6 +119,10 @@ class Schedule:
         yield from [slot.due_ns for slot in self._slots]
         if self._under_way:
             yield self._under_way[0][0]
+
+
+def _arrival(waiting: tuple[int, int, str, Sample]) -> tuple[int, int]:
+    return waiting[:2]
 
 
 class _Slot:

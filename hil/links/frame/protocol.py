@@ -4,7 +4,8 @@
 (`frame_forms.py`), with which frames are packed here and found again in `frame_readers.py`.
 """
 
-from typing import TYPE_CHECKING
+import os
+from typing import TYPE_CHECKING, NamedTuple
 
 from hil.errors import ConfigError
 from hil.links.contract import (
@@ -38,13 +39,10 @@ class FrameProtocol(Protocol):
     """
 
     def __init__(self, path: str, role: Role | None = None, channels: int = MAX_THRUSTERS) -> None:
-        layout = load(path, FrameLayout)
+        layout, self._seal, commands, reports = _compile(path)
         self.counters = Counters()
         self.layout, self.role = layout, role
-        self._seal = Seal(layout)
         self._stuffer = _stuffer(layout)
-        commands = self._forms(layout.command, ThrusterCommand)
-        reports = self._forms(layout.telemetry, ThrusterTelemetry)
         self.channels = sorted({form.channels for form in commands} & {form.channels for form in reports})
         if not self.channels:
             raise ConfigError(f"{path}: command and telemetry never have the same number of channels")
@@ -95,11 +93,6 @@ class FrameProtocol(Protocol):
         frame = form.prefix + packed + seal.stored.pack(checksum) + seal.tail
         return self._stuffer.wrap(frame) if self._stuffer else frame
 
-    def _forms(self, message: MessageLayout, kind: Kind) -> list[Form]:
-        only = next(field.channels for field in message.fields if field.name == "pwm_us")
-        counts = range(only, only + 1) if only else range(1, MAX_THRUSTERS + 1)
-        return [Form(self.layout, message, kind, channels, self._seal) for channels in counts]
-
     def _other_forms(self, other: Other) -> list[Form]:
         """One, or if it counts the thrusters, one for each number of them."""
         counts = range(1, MAX_THRUSTERS + 1) if any(field.name == "count" for field in other.fields) else range(1)
@@ -140,6 +133,39 @@ class FrameProtocol(Protocol):
         return {
             form.channels: Echo(form, answers[form.channels], bits) for form in commands if form.channels in answers
         }
+
+
+class _Compiled(NamedTuple):
+    """A frame file at work; nothing of it changes."""
+
+    layout: FrameLayout
+    seal: Seal
+    commands: list[Form]
+    reports: list[Form]
+
+
+_compiled: dict[tuple[str, int, int], _Compiled] = {}
+
+
+def _compile(path: str) -> _Compiled:
+    """The frame of the file at `path`; both ends of a link in one process share it. Raises ConfigError."""
+    try:
+        found = os.stat(path)
+        key = (path, found.st_mtime_ns, found.st_size)
+    except OSError:  # `load` says what is wrong
+        key = (path, 0, 0)
+    if key not in _compiled:
+        layout = load(path, FrameLayout)
+        seal = Seal(layout)
+        commands = _forms(layout, layout.command, ThrusterCommand, seal)
+        _compiled[key] = _Compiled(layout, seal, commands, _forms(layout, layout.telemetry, ThrusterTelemetry, seal))
+    return _compiled[key]
+
+
+def _forms(layout: FrameLayout, message: MessageLayout, kind: Kind, seal: Seal) -> list[Form]:
+    only = next(field.channels for field in message.fields if field.name == "pwm_us")
+    counts = range(only, only + 1) if only else range(1, MAX_THRUSTERS + 1)
+    return [Form(layout, message, kind, channels, seal) for channels in counts]
 
 
 def _stuffer(layout: FrameLayout) -> "Stuffer | None":
