@@ -1,5 +1,6 @@
 """What a laser and a profiler share: a fan of thin beams in one plane, all of one instant."""
 
+from abc import ABC, abstractmethod
 from math import pi
 from typing import Annotated, Any
 
@@ -22,7 +23,7 @@ def fan_problem(near: float, far: float, first: float, last: float) -> str | Non
     return "angle_min is not below angle_max" if first >= last else None
 
 
-class Fan:
+class Fan(ABC):
     """Beams at even angles, the first and the last of which the model says."""
 
     Model: Any
@@ -37,9 +38,9 @@ class Fan:
         self._errors = None if model.ground_truth else RangeErrors(model.error, 1.0 / model.rate, random, self._limits)
 
     @staticmethod
+    @abstractmethod
     def direction(angle: float) -> Vector3:
         """The unit vector (the sensor's axes) of the beam at an angle (rad)."""
-        raise NotImplementedError
 
     def sample(self, time_ns: int, state: State) -> LaserSample:
         """The measurement of `state`."""

@@ -114,10 +114,12 @@ def test_round_trip(kind: Any, node: list[str], topic: list[str], ident: int, qo
 
 @given(st.text(max_size=60), st.sampled_from(list(OTHERS)), st.integers(0, 12))
 def test_noise_never_raises(noise: str, key: str, place: int) -> None:
-    read_token(noise)
+    """And what is read of it is an entity, whose own token says the same."""
     parts = key.split("/")
     parts[min(place, len(parts) - 1)] = noise
-    read_token("/".join(parts))
+    for text in (noise, "/".join(parts)):
+        entity = read_token(text)
+        assert entity is None or read_token(token(entity)) == entity
 
 
 @pytest.mark.parametrize(
