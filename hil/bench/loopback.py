@@ -122,7 +122,7 @@ class _Stm32(_Far):
 
 
 class _Jumper(_Far):
-    """TX led to RX: what we send is what we hear."""
+    """TX led to RX: what we send is what we hear. Commands are known again by their pulses, which every protocol has."""
 
     def __init__(self, plan: Plan) -> None:
         link = plan.link
@@ -130,6 +130,7 @@ class _Jumper(_Far):
         self.port = wire.name
         self._out = ThrusterLink(wire, end_protocol(link, "host", plan.channels))
         self._in = ThrusterLink(wire, end_protocol(link, "device", plan.channels))
+        self._sent: dict[tuple[int, ...], int] = {}
 
     @property
     def counters(self) -> Counters:  # type: ignore[override]
@@ -143,10 +144,12 @@ class _Jumper(_Far):
         return 1 << 63
 
     def send(self, command: ThrusterCommand) -> None:
+        self._sent[command.pwm_us] = command.sequence
         self._out.send(command)
 
     def answers(self, now: int) -> Iterator[int]:
-        return (m.sequence for m in self._in.receive() if isinstance(m, ThrusterCommand))
+        heard = [m.pwm_us for m in self._in.receive() if isinstance(m, ThrusterCommand)]
+        return (self._sent[pulses] for pulses in heard if pulses in self._sent)
 
     def close(self) -> None:
         self._in.close()
