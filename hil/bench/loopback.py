@@ -122,37 +122,40 @@ class _Stm32(_Far):
 
 
 class _Jumper(_Far):
-    """TX led to RX: what we send is what we hear. Commands are known again by their pulses, which every protocol has."""
+    """TX led to RX: what we send is what we hear. Its commands are known again by their pulses."""
 
     def __init__(self, plan: Plan) -> None:
         link = plan.link
         wire = with_faults(open_address(link.port, "host", link.baud, link.bitrate), link, plan.seed)
         self.port = wire.name
-        self._out = ThrusterLink(wire, end_protocol(link, "host", plan.channels))
-        self._in = ThrusterLink(wire, end_protocol(link, "device", plan.channels))
+        self._link = ThrusterLink(wire, end_protocol(link, "host", plan.channels))
+        self._ear = end_protocol(link, "device", plan.channels)  # it hears, and answers nothing
         self._sent: dict[tuple[int, ...], int] = {}
 
     @property
     def counters(self) -> Counters:  # type: ignore[override]
-        self._in.counters.bytes_out = self._out.counters.bytes_out
-        return self._in.counters
+        self._ear.counters.bytes_out = self._link.counters.bytes_out
+        return self._ear.counters
 
     def descriptors(self) -> list[int]:
-        return [self._in.wire.fileno()]
+        return [self._link.wire.fileno()]
 
     def deadline_ns(self) -> int:
         return 1 << 63
 
     def send(self, command: ThrusterCommand) -> None:
         self._sent[command.pwm_us] = command.sequence
-        self._out.send(command)
+        self._link.send(command)
 
     def answers(self, now: int) -> Iterator[int]:
-        heard = [m.pwm_us for m in self._in.receive() if isinstance(m, ThrusterCommand)]
+        data = self._link.wire.read()
+        self._ear.counters.bytes_in += len(data)
+        heard = [m.pwm_us for m in self._ear.feed(data) if isinstance(m, ThrusterCommand)]
+        self._ear.counters.messages_in += len(heard)
         return (self._sent[pulses] for pulses in heard if pulses in self._sent)
 
     def close(self) -> None:
-        self._in.close()
+        self._link.close()
 
 
 def run(plan: Plan, report: Callable[[str], None], progress: Callable[[int, int], None] | None = None) -> Result:
