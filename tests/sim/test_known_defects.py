@@ -213,3 +213,22 @@ def test_the_third_thruster_of_von_benzon() -> None:
     assert turned(1.5 * pi) == pytest.approx(directions["rear_right"])
     for name, angle in (("front_right", 0.0), ("front_left", 0.5 * pi), ("rear_left", pi)):
         assert turned(angle) == pytest.approx(directions[name])
+
+
+def test_a_torpedo_may_go_astern() -> None:
+    """remus100.m of MSS takes sqrt(u^1 + v^2) for the speed, which going astern is no real number. Ours is the
+    magnitude of the velocity: all forces are finite, and turn about with it."""
+    red = complex(-1.5 + 0.2**2) ** 0.5
+    assert abs(red.imag) > 1.0
+    vehicle, _ = load_vehicle("remus100")
+    world = World("sea", "test", (-500.0, 500.0, -500.0, 500.0), 100.0)
+    simulation = Simulation(vehicle, world, {}, position=(0.0, 0.0, 50.0))
+    slowest = 0.0
+    for _ in range(4000):
+        simulation.step((1100, 1700, 1500))  # full astern, rudder over
+        slowest = min(slowest, simulation.state.nu[0])
+    assert slowest < -1.0
+    assert all(abs(x) < 10.0 for x in (*simulation.state.nu, *simulation.state.nu_dot))
+    others = simulation.forces().others
+    assert others[0] > 1.0  # the hull's drag is ahead
+    assert abs(simulation.state.nu[5]) > 0.01  # and the rudder acts
