@@ -4,16 +4,17 @@ import argparse
 import select
 import sys
 from collections.abc import Callable
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Literal, NamedTuple
 
 from firmware_stub.stub import Stm32, Stm32End
 from hil.clock import NS_PER_S, now_ns
-from hil.errors import ConfigError, HilError
+from hil.errors import HilError
 from hil.links.address import FORMS, open_address, parse_address
 from hil.links.contract import MAX_THRUSTERS, ThrusterLink
 from hil.links.protocols import ON_CAN, open_protocol
 from hil.schema import Range, parse
 from hil.stop import StopSignals
+from hil.tables import settings
 
 NAME = "uuv-hil stm32"
 REPORT_PERIOD_NS = 5 * NS_PER_S
@@ -80,10 +81,10 @@ def serve(end: Stm32End, stop_fd: int, report: Callable[[Stm32End], None] | None
 
 
 def _run(options: Options, stop_fd: int) -> None:
-    settings: dict[str, Any] = dict(map(_setting, options.option))
+    chosen = settings(options.option, "option:")
     if options.protocol == "frame":
-        settings["frame"] = options.frame
-    protocol = open_protocol(options.protocol, "device", options.channels, **settings)
+        chosen["frame"] = options.frame
+    protocol = open_protocol(options.protocol, "device", options.channels, **chosen)
     wire = open_address(options.port, "device", options.baud, options.bitrate)
     stm32 = Stm32(options.channels, round(options.watchdog * NS_PER_S))
     spoken = f"frame {options.frame}" if options.protocol == "frame" else options.protocol
@@ -94,19 +95,6 @@ def _run(options: Options, stop_fd: int) -> None:
     end = Stm32End(stm32, ThrusterLink(wire, protocol))
     serve(end, stop_fd, lambda end: _say(_status(end)))
     _say("stopped: " + _status(end))
-
-
-def _setting(text: str) -> tuple[str, Any]:
-    """A setting of the protocol: NAME=VALUE, the value as in TOML or plain text."""
-    import tomllib
-
-    name, equals, value = text.partition("=")
-    if not name or not equals:
-        raise ConfigError(f"command line: option: {text!r} is not NAME=VALUE")
-    try:
-        return name, tomllib.loads(f"value = {value}")["value"]
-    except tomllib.TOMLDecodeError:
-        return name, value
 
 
 def _status(end: Stm32End) -> str:

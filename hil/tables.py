@@ -1,4 +1,4 @@
-"""TOML files as nested dicts, kept parsed.
+"""TOML as nested dicts: files, kept parsed, and the NAME=VALUE of a command line.
 
 As Python does with its sources, what was read is kept (in the user's cache folder) and taken from there
 while the file has the same time and size: a start then loads no TOML parser, which is a tenth of it.
@@ -7,6 +7,7 @@ while the file has the same time and size: a start then loads no TOML parser, wh
 import marshal
 import os
 import sys
+from collections.abc import Iterable
 from typing import Any
 
 from hil.errors import ConfigError
@@ -27,6 +28,27 @@ def read_table(path: str) -> dict[str, Any]:
         raise ConfigError(f"{path}: is a folder, not a file") from None
     except OSError as error:
         raise ConfigError(f"{path}: cannot be read: {error.strerror}") from None
+
+
+def value_of(text: str) -> Any:
+    """What a command line's `text` stands for: the value TOML reads in it, else the text itself."""
+    import tomllib
+
+    try:
+        return tomllib.loads(f"value = {text}")["value"]
+    except tomllib.TOMLDecodeError:
+        return text
+
+
+def settings(texts: Iterable[str], name: str) -> dict[str, Any]:
+    """NAME=VALUE texts of the command line's `name` as a table. Raises ConfigError."""
+    table = {}
+    for text in texts:
+        key, equals, value = text.partition("=")
+        if not key or not equals:
+            raise ConfigError(f"command line: {name} {text!r} is not NAME=VALUE")
+        table[key] = value_of(value)
+    return table
 
 
 def cache_path(path: str) -> str:

@@ -5,7 +5,6 @@ import itertools
 import statistics
 import sys
 import time
-import tomllib
 from contextlib import AbstractContextManager, nullcontext
 from importlib import import_module
 from typing import Any
@@ -16,6 +15,7 @@ from hil.commands.sim import fly
 from hil.config import load_scenario
 from hil.errors import ConfigError, HilError, MissingExtraError
 from hil.master.planner import prepare
+from hil.tables import value_of
 
 EXAMPLES = """\
 Every combination of the values given with --vary is run with every seed. A key is written as in the
@@ -64,15 +64,8 @@ def combinations(vary: list[str]) -> list[Changes]:
         key, equals, values = text.partition("=")
         if not equals or not key or not values:
             raise ConfigError(f"--vary {text!r} is not of the form KEY=VALUE,VALUE, for example master.speed=0.5,0.8")
-        axes.append([(key, _value(value)) for value in values.split(",")])
+        axes.append([(key, value_of(value)) for value in values.split(",")])
     return [dict(choice) for choice in itertools.product(*axes)]
-
-
-def _value(text: str) -> Any:
-    try:
-        return tomllib.loads(f"value = {text}")["value"]
-    except tomllib.TOMLDecodeError:
-        return text
 
 
 def run_one(scenario_name: str, changes: Changes, seed: int) -> Row:

@@ -12,6 +12,7 @@ from hil.errors import ConfigError
 from hil.links.address import FORMS
 from hil.schema import parse
 from hil.slave.stm32 import DRIVERS
+from hil.tables import settings
 
 EXAMPLES = """\
 Without a port both ends are here, on a pseudo terminal. At a port of its own one end is here: at the other is an
@@ -59,7 +60,8 @@ def _parser() -> Any:
     add("--channels", type=int, default=6, metavar="N", help="number of thrusters [%(default)s]")
     add("--rate", type=float, default=50.0, metavar="HZ", help="commands a second; 0: one at a time [%(default)s]")
     add("--seconds", type=float, default=5.0, metavar="S", help="how long [%(default)s]")
-    add("--fault", action="append", default=[], metavar="NAME=VALUE", help="baud, drop, corrupt, delay ... on our end")
+    fault = "baud, drop, corrupt, delay ... on our end"
+    add("--fault", "--faults", action="append", default=[], metavar="NAME=VALUE", help=fault)
     add("--seed", type=int, default=1, metavar="N", help="of the faults [%(default)s]")
     add("--spin", action="store_true", help="arm a real STM32: its thrusters will turn")
     add("--max-loss", type=float, default=0.0, metavar="SHARE", help="commands without an answer [%(default)s]")
@@ -78,22 +80,6 @@ def _link(options: Any) -> Link:
     link = parse(table, Link, "command line")
     faults = parse(settings(options.fault, "--fault"), Faults, "command line: --fault") if options.fault else None
     return link._replace(options=settings(options.option, "--option"), faults=faults)
-
-
-def settings(texts: list[str], name: str) -> dict[str, Any]:
-    """NAME=VALUE texts as a table, values as in TOML or plain text. Raises ConfigError."""
-    import tomllib
-
-    table: dict[str, Any] = {}
-    for text in texts:
-        key, equals, value = text.partition("=")
-        if not key or not equals:
-            raise ConfigError(f"command line: {name} {text!r} is not NAME=VALUE")
-        try:
-            table[key] = tomllib.loads(f"value = {value}")["value"]
-        except tomllib.TOMLDecodeError:
-            table[key] = value
-    return table
 
 
 def _broken(result: Result, options: Any) -> list[str]:

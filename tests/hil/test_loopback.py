@@ -115,6 +115,7 @@ def test_a_device_is_not_armed_unless_asked(tmp_path: Any, capsys: pytest.Captur
     ("arguments", "code", "words"),
     [
         (("--fault", "dorp=1"), 2, "no key 'dorp'; did you mean 'drop'?"),
+        (("--faults", "dorp=1"), 2, "no key 'dorp'; did you mean 'drop'?"),
         (("--fault", "drop"), 2, "--fault 'drop' is not NAME=VALUE"),
         (("--max-p99", "5"), 2, "has no unit"),
         (("--seconds", "0"), 2, "--seconds is more than 0"),
