@@ -5,6 +5,7 @@ is in `hil.transport.settings`. A reader is a thread of ours on a channel, becau
 callback hangs the interpreter at exit.
 """
 
+import atexit
 import os
 import threading
 from collections.abc import Callable
@@ -170,6 +171,8 @@ class Session:
         self._readers: list[threading.Thread] = []
         self._publishers: list[Publisher] = []
         self._tokens: list[zenoh.LivelinessToken] = []
+        # A reader that the ending interpreter catches inside the library aborts the process: they end before.
+        atexit.register(self.close)
 
     def __enter__(self) -> "Session":
         return self
@@ -319,6 +322,7 @@ class Session:
 
     def close(self) -> None:
         """Close the session and wait for its readers to end. Closing twice is harmless."""
+        atexit.unregister(self.close)
         self._session.close()  # type: ignore[no-untyped-call]  # zenoh leaves it unannotated; it wakes the readers
         for reader in self._readers:
             if reader is not threading.current_thread():
