@@ -1,0 +1,79 @@
+"""Sound on its way through the sea: how much of it is left, what else is heard, which ways it takes.
+
+Levels are dB re 1 uPa (at 1 m for a source), spectral levels dB re 1 uPa²/Hz, frequencies Hz.
+"""
+
+from collections.abc import Iterator
+from math import hypot, log10, sqrt
+from typing import NamedTuple
+
+_NEAR = 1.0  # m: what a source level refers to; nearer than that nothing is lost
+
+
+def thorp_absorption(frequency: float) -> float:
+    """dB/m at a frequency (Hz): Thorp's formula (J. Acoust. Soc. Am. 42, 1967), as Berkhovskikh & Lysanov print it.
+
+    Sea water of about 4 °C, 100 Hz to 50 kHz; above that it is used for want of a simple one that is better.
+    """
+    f2 = (frequency / 1000.0) ** 2
+    return (0.11 * f2 / (1.0 + f2) + 44.0 * f2 / (4100.0 + f2) + 2.75e-4 * f2 + 0.003) / 1000.0
+
+
+def transmission_loss(distance: float, frequency: float, spreading: float) -> float:
+    """What is lost over a way (m), dB: `spreading` 2 for spheres, 1 for cylinders, 1.5 between; and absorption."""
+    way = max(distance, _NEAR)
+    return 10.0 * spreading * log10(way) + thorp_absorption(frequency) * (way - _NEAR)
+
+
+def ambient_noise(frequency: float, wind: float, shipping: float) -> float:
+    """The sea's spectral level at a frequency (Hz) under `wind` (m/s) and `shipping` (0 none to 1 much).
+
+    Turbulence, ships, waves and heat after Wenz (J. Acoust. Soc. Am. 34, 1962), in the formulas of Coates (1990) that
+    Stojanovic (WUWNet 2006) made usual.
+    """
+    f = frequency / 1000.0
+    parts = (
+        17.0 - 30.0 * log10(f),
+        40.0 + 20.0 * (shipping - 0.5) + 26.0 * log10(f) - 60.0 * log10(f + 0.03),
+        50.0 + 7.5 * sqrt(wind) + 20.0 * log10(f) - 40.0 * log10(f + 0.4),
+        -15.0 + 20.0 * log10(f),
+    )
+    return 10.0 * log10(sum(power(part) for part in parts))
+
+
+def power(level: float) -> float:
+    """A level in dB as a ratio of powers."""
+    return float(10.0 ** (level / 10.0))
+
+
+class Path(NamedTuple):
+    """One way of the sound: its length (m), and how often it met the surface and the bottom."""
+
+    length: float
+    surface: int
+    bottom: int
+
+
+def paths(level_distance: float, source_depth: float, receiver_depth: float, depth: float, bounces: int) -> list[Path]:
+    """The direct way and those with up to `bounces` reflections, in water of `depth` m over a level bottom.
+
+    By image sources (Jensen et al., Computational Ocean Acoustics, 2.4.4): the source is mirrored at surface and
+    bottom in turn. The shortest is first.
+    """
+    found = [
+        Path(hypot(level_distance, image - receiver_depth), surface, bottom)
+        for image, surface, bottom in _images(source_depth, depth, bounces)
+        if surface + bottom <= bounces
+    ]
+    return sorted(found)
+
+
+def _images(source: float, depth: float, bounces: int) -> Iterator[tuple[float, int, int]]:
+    """Depths of the images, and how often their sound met surface and bottom."""
+    for turn in range(bounces + 1):
+        around = 2.0 * turn * depth
+        yield source + around, turn, turn  # leaves upwards, comes from below; no bounce at all for turn 0
+        yield -source - around, turn + 1, turn
+        if turn:
+            yield source - around, turn, turn
+            yield around - source, turn - 1, turn
