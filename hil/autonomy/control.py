@@ -9,10 +9,10 @@ The shape is that of the source paper ("Modular UUV Simulation Platform", Sensor
 (position, velocity, attitude, angular rate; P, PI, PD or PID an axis); the position loop is the planner's.
 All loops work in accelerations, so that one set of gains serves vehicles of any size: the vehicle's own
 inertia, rigid plus added, turns them into newtons. Weight, buoyancy, drag and Coriolis forces are not fed
-forward: the integrators find them.
+forward: the integrators find them. Other laws behind the same call: `hil.autonomy.families`.
 """
 
-from math import asin, atan2, cos, pi, sin
+from math import asin, atan2, cos, inf, pi, sin
 from typing import Annotated, NamedTuple
 
 from hil.schema import Range
@@ -23,6 +23,7 @@ Wrench = tuple[float, float, float, float, float, float]
 
 NO_RESIDUAL: Wrench = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 _ROUNDING = 1e-6  # N, N m: what an allocator lacks of a wrench that it has met
+ABSURD = 1e6  # m/s or rad/s: no measurement and no command of a vehicle, but a fault
 # Below this share of "upright" a depth error is no longer turned into heave alone.
 _LEAST_UPRIGHT = 0.5
 
@@ -31,7 +32,8 @@ class AxisGains(NamedTuple):
     """One velocity or angular-rate loop. Output: m/s² or rad/s², never beyond ±`limit`.
 
     `p` in 1/s, `i` in 1/s², `d` without unit; `feedforward` in 1/s multiplies the commanded rate (linear
-    damping over inertia is a good value); `filter` is the time constant of the derivative's low-pass, s.
+    damping over inertia is a good value); `filter` is the time constant of the derivative's low-pass, s; `slew` is
+    the most that the output changes in a second, m/s³ or rad/s³.
     """
 
     p: Annotated[float, Range(0.0, 100.0)]
@@ -40,6 +42,7 @@ class AxisGains(NamedTuple):
     limit: Annotated[float, Range(1e-3, 1e3)] = 10.0
     feedforward: Annotated[float, Range(0.0, 100.0)] = 0.0
     filter: Annotated[float, Range(0.0, 1.0, "s")] = 0.02
+    slew: Annotated[float, Range(0.01, inf)] = inf
 
 
 class HoldGains(NamedTuple):
@@ -118,14 +121,10 @@ class CascadedController:
         """The wrench (X, Y, Z in N; K, M, N in N m; along FRD) for the next `dt` seconds, `dt` > 0.
 
         `residual` is what the allocator could not deliver of the last wrench (asked minus delivered): an
-        axis that lacks force does not go on integrating towards it. An axis whose measurement is not a number
-        holds its integral.
+        axis that lacks force does not go on integrating towards it. An axis whose measurement or command is not a
+        number, or an absurd one, holds its integral.
         """
-        down = down_in_body(navigation.orientation)
-        heave = command.heave
-        if command.depth is not None:
-            heave = heave_for_depth(command.depth, navigation, self._gains.depth)
-        targets = (command.surge, command.sway, heave, *self._rates(command, navigation.orientation, down))
+        targets = velocity_targets(command, navigation, self._gains, self._pitch)
         measured = navigation.velocity + navigation.angular_velocity
         x, y, z, k, m, n = (
             inertia * loop.update(target, value, dt, lack)
@@ -135,21 +134,33 @@ class CascadedController:
         )
         return x, y, z, k, m, n
 
-    def _rates(self, command: VelocityCommand, orientation: Quaternion, down: Vector3) -> Vector3:
-        """The p, q, r, rad/s, that level the vehicle and turn it about the vertical."""
-        gains = self._gains
-        roll, pitch = atan2(down[1], down[2]), -asin(clamp(down[0], 1.0))
-        roll_rate = clamp(-gains.roll.p * roll, gains.roll.limit)
-        pitch_rate = clamp(gains.pitch.p * (self._pitch - pitch), gains.pitch.limit)
-        turn = command.yaw_rate
-        if command.heading is not None:
-            error = wrap(command.heading - heading_of(orientation))
-            turn = clamp(turn + gains.heading.p * error, gains.heading.limit)
-        return (
-            roll_rate + turn * down[0],
-            pitch_rate * cos(roll) + turn * down[1],
-            -pitch_rate * sin(roll) + turn * down[2],
-        )
+
+def velocity_targets(command: VelocityCommand, navigation: Navigation, gains: Gains, pitch: float = 0.0) -> Wrench:
+    """The outer loops: the u, v, w (m/s) and p, q, r (rad/s) along FRD that do what `command` asks.
+
+    Depth and heading are led to their set points, roll to level, pitch to `pitch` rad, by the hold gains.
+    """
+    heave = command.heave
+    if command.depth is not None:
+        heave = heave_for_depth(command.depth, navigation, gains.depth)
+    return command.surge, command.sway, heave, *_rates(command, navigation.orientation, gains, pitch)
+
+
+def _rates(command: VelocityCommand, orientation: Quaternion, gains: Gains, level: float) -> Vector3:
+    """The p, q, r, rad/s, that bring roll to 0 and pitch to `level` rad, and turn about the vertical."""
+    down = down_in_body(orientation)
+    roll, pitch = atan2(down[1], down[2]), -asin(clamp(down[0], 1.0))
+    roll_rate = clamp(-gains.roll.p * roll, gains.roll.limit)
+    pitch_rate = clamp(gains.pitch.p * (level - pitch), gains.pitch.limit)
+    turn = command.yaw_rate
+    if command.heading is not None:
+        error = wrap(command.heading - heading_of(orientation))
+        turn = clamp(turn + gains.heading.p * error, gains.heading.limit)
+    return (
+        roll_rate + turn * down[0],
+        pitch_rate * cos(roll) + turn * down[1],
+        -pitch_rate * sin(roll) + turn * down[2],
+    )
 
 
 def heave_for_depth(depth: float, navigation: Navigation, hold: HoldGains) -> float:
@@ -167,7 +178,7 @@ def heave_for_depth(depth: float, navigation: Navigation, hold: HoldGains) -> fl
 class _Loop:
     """PID with the derivative taken on the measurement and an integral that stops where force ends."""
 
-    __slots__ = ("_gains", "_integral", "_last", "_slope")
+    __slots__ = ("_behind", "_gains", "_integral", "_last", "_output", "_slope")
 
     def __init__(self, gains: AxisGains) -> None:
         self._gains = gains
@@ -176,13 +187,14 @@ class _Loop:
     def reset(self) -> None:
         self._integral = 0.0
         self._slope = 0.0
+        self._output = self._behind = 0.0  # the last output, and what the slew limit kept back of it
         self._last: float | None = None
 
     def update(self, target: float, measured: float, dt: float, lack: float) -> float:
-        p, i, d, limit, feedforward, time_constant = self._gains
+        p, i, d, limit, feedforward, time_constant, slew = self._gains
         error = target - measured
-        if error != error:  # not a number: without a measurement the loop holds what it had
-            return self._integral
+        if not (abs(measured) < ABSURD and abs(target) < ABSURD):  # without a measurement it holds what it had
+            return self._slewed(self._integral, dt)
         if self._last is not None:
             self._slope += ((measured - self._last) / dt - self._slope) * dt / (time_constant + dt)
         self._last = measured
@@ -190,9 +202,16 @@ class _Loop:
         integral = self._integral + i * error * dt
         lacks = abs(lack) > _ROUNDING and lack * error > 0.0
         blocked = lacks or (abs(wanted + integral) > limit and (wanted + integral) * error > 0.0)
-        if not blocked:
+        if not (blocked or self._behind * error > 0.0):
             self._integral = clamp(integral, limit)
-        return clamp(wanted + self._integral, limit)
+        output = clamp(wanted + self._integral, limit)
+        return output if slew == inf else self._slewed(output, dt)
+
+    def _slewed(self, output: float, dt: float) -> float:
+        most = self._gains.slew * dt
+        self._output, before = min(max(output, self._output - most), self._output + most), output
+        self._behind = before - self._output
+        return self._output
 
 
 def wrap(angle: float) -> float:

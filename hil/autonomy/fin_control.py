@@ -16,6 +16,7 @@ from typing import Annotated, NamedTuple
 
 from hil.autonomy.allocation import Allocator
 from hil.autonomy.control import (
+    ABSURD,
     NO_RESIDUAL,
     CascadedController,
     Gains,
@@ -78,7 +79,7 @@ class FinController(CascadedController):
 
     def _surge(self, command: VelocityCommand) -> float:
         least = self._fins.least_speed
-        moves = any((command.surge, command.heave, command.yaw_rate, command.depth, command.heading))
+        moves = any((command.surge, command.heave, command.yaw_rate)) or command[4:] != (None, None)
         return least if moves and -least < command.surge < least else command.surge
 
     def _pitch_for(self, command: VelocityCommand, navigation: Navigation, dt: float) -> float:
@@ -89,7 +90,8 @@ class FinController(CascadedController):
             heave = heave_for_depth(command.depth, navigation, self._gains.depth)
         u, _, w = navigation.velocity
         error = (heave - w) / max(abs(u), least)
-        if abs(u) > 0.5 * least and not (abs(self._pitch) >= limit and self._pitch * error < 0.0):
+        sound = abs(error) < ABSURD and abs(u) > 0.5 * least
+        if sound and not (abs(self._pitch) >= limit and self._pitch * error < 0.0):
             self._trim = clamp(self._trim + climb * error * dt, limit)
         steep = asin(clamp(heave / max(abs(u), least), 1.0))
         return clamp(copysign(1.0, u) * -(steep + self._trim), limit)

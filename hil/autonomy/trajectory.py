@@ -1,20 +1,19 @@
 """Trajectories: a curve run over in time, checked against what the vehicle can do before it sets off.
 
 The speed is a trapezoid: from rest to cruising speed, and to rest at the end and at every corner, at a constant
-acceleration; at a corner the vehicle turns on the spot. World frame NED; headings in rad from north, clockwise seen
-from above; depth is down. Currents are not modelled: speeds are over ground.
+acceleration; at a corner the vehicle turns on the spot, if it can. World frame NED; headings in rad from north,
+clockwise seen from above; depth is down. Currents are not modelled: speeds are over ground.
 """
 
 from collections.abc import Sequence
 from itertools import pairwise
-from math import copysign, cos, sin, sqrt
+from math import copysign, cos, degrees, inf, pi, sin, sqrt
 from typing import Annotated, NamedTuple
 
 from hil.autonomy.control import VelocityCommand, wrap
-from hil.autonomy.curves import Curve, Position, polyline
-from hil.autonomy.spline import Spline
+from hil.autonomy.curves import Curve, Place, Position
 from hil.errors import MissionError
-from hil.schema import Range, load
+from hil.schema import Range
 
 # A curve is checked every so many metres, and at no fewer places than this.
 _SPACING = 0.05
@@ -28,7 +27,8 @@ class Limits(NamedTuple):
     """What a vehicle and its water allow: m/s, m/s², rad/s, and depths in m.
 
     `speed` is the most along the way, `vertical_speed` up or down, `yaw_rate` of turning, `acceleration`
-    along the way, `lateral_acceleration` across it.
+    along the way, `lateral_acceleration` across it. Whatever the speed, the way may be no steeper than `climb_angle`
+    (rad, up or down) and bend no tighter than `turn_radius` (m): 0 is that of a vehicle that turns on the spot.
     """
 
     speed: Annotated[float, Range(1e-3, 20.0, "m/s")] = 1.0
@@ -38,6 +38,8 @@ class Limits(NamedTuple):
     lateral_acceleration: Annotated[float, Range(1e-3, 10.0)] = 0.5
     shallowest: Annotated[float, Range(-1.0, 11_000.0, "m")] = 0.0
     deepest: Annotated[float, Range(0.0, 11_000.0, "m")] = 11_000.0
+    climb_angle: Annotated[float, Range(0.01, pi / 2.0, "rad")] = pi / 2.0
+    turn_radius: Annotated[float, Range(0.0, 1000.0, "m")] = 0.0
 
 
 class Setpoint(NamedTuple):
@@ -128,16 +130,40 @@ def check(curve: Curve, speed: float, limits: Limits) -> None:
     It looks every 5 cm, at 200 places at least: a spline's sharpest bend may be missed by less than that.
     """
     count = max(_LEAST_CHECKS, int(curve.length / _SPACING))
+    corners = curve.corners()
+    if corners and limits.turn_radius > 0.0:
+        raise MissionError(
+            f"{_where(curve.at(corners[0]), corners[0])}: a corner, and the vehicle needs {limits.turn_radius:g} m to "
+            "turn; lead it by a spline or Dubins paths"
+        )
     for number in range(count + 1):
         along = curve.length * number / count
-        (north, east, depth), _, slope, turn = curve.at(along)
-        where = f"{along:.1f} m along the way, at ({north:.1f} m north, {east:.1f} m east, {depth:.1f} m deep)"
-        if not limits.shallowest - _SLACK <= depth <= limits.deepest + _SLACK:
-            allowed = f"{limits.shallowest:g} to {limits.deepest:g} m"
-            raise MissionError(f"{where}: outside of the depths allowed, {allowed}; move the way")
-        most = _fastest(slope, turn, limits)
-        if speed > most * (1.0 + _SLACK):
-            raise MissionError(f"{where}: too steep or sharp for {speed:g} m/s; go at {most:.3g} m/s or widen it")
+        place = curve.at(along)
+        problem = _problem(place, speed, limits)
+        if problem:
+            raise MissionError(f"{_where(place, along)}: {problem}")
+
+
+def _where(place: Place, along: float) -> str:
+    north, east, depth = place.position
+    return f"{along:.1f} m along the way, at ({north:.1f} m north, {east:.1f} m east, {depth:.1f} m deep)"
+
+
+def _problem(place: Place, speed: float, limits: Limits) -> str | None:
+    """Which limit it breaks to pass `place` at `speed` m/s, and what to do."""
+    (_, _, depth), _, slope, turn = place
+    if not limits.shallowest - _SLACK <= depth <= limits.deepest + _SLACK:
+        return f"outside of the depths allowed, {limits.shallowest:g} to {limits.deepest:g} m; move the way"
+    if abs(slope) > limits.climb_angle + _SLACK:
+        steep, most = degrees(abs(slope)), degrees(limits.climb_angle)
+        return f"{steep:.1f} deg steep, and the vehicle climbs at most {most:.1f} deg; make the way longer"
+    radius = cos(slope) / abs(turn) if turn else inf  # seen from above
+    if radius < limits.turn_radius * (1.0 - _SLACK):
+        return f"bends with a radius of {radius:.2f} m, and the vehicle needs {limits.turn_radius:g} m; widen it"
+    most = _fastest(slope, turn, limits)
+    if speed > most * (1.0 + _SLACK):
+        return f"too steep or sharp for {speed:g} m/s; go at {most:.3g} m/s or widen it"
+    return None
 
 
 def _fastest(slope: float, turn: float, limits: Limits) -> float:
@@ -170,25 +196,3 @@ def track(
         heave=min(max(down, -limits.vertical_speed), limits.vertical_speed),
         yaw_rate=min(max(turn, -limits.yaw_rate), limits.yaw_rate),
     )
-
-
-class Waypoint(NamedTuple):
-    """A point of a way: m north and east, and m deep."""
-
-    north: Annotated[float, Range(-1e5, 1e5, "m")]
-    east: Annotated[float, Range(-1e5, 1e5, "m")]
-    depth: Annotated[float, Range(-1.0, 11_000.0, "m")]
-
-
-class WaypointFile(NamedTuple):
-    """A way as a file tells it: [[waypoint]] tables, and whether the corners between are rounded by a spline."""
-
-    waypoint: tuple[Waypoint, ...]
-    smooth: bool = False
-
-
-def read_waypoints(path: str) -> Curve:
-    """The way in the TOML file at `path`. Raises ConfigError naming file and key, MissionError if it is no way."""
-    way = load(path, WaypointFile)
-    points: list[Position] = [(point.north, point.east, point.depth) for point in way.waypoint]
-    return Spline(points) if way.smooth else polyline(points)

@@ -7,9 +7,10 @@ import pytest
 
 from hil.autonomy.control import Gains, Navigation, VelocityCommand
 from hil.autonomy.fin_control import FinAllocator, FinController, FinGains
+from hil.cases import simulated
 from hil.config import build_simulation, load_scenario
 from hil.errors import ConfigError
-from hil.master.planner import Navigator, prepare
+from hil.master.flight import prepare
 from hil.slave.pilot import Pilot, build_pilot
 from sim.rotations import from_euler, to_euler
 from sim.simulation import Simulation
@@ -135,22 +136,9 @@ def test_it_crosses_the_open_water(name: str) -> None:
     """The scenario as it is delivered, but for a coarser step: it arrives, and nothing comes nearer than 5 m."""
     scenario = load_scenario("open_water", {"vehicle": name, "slave.step": STEP})
     plan = prepare(scenario)
-    navigator = Navigator(scenario, plan)
-    vehicle, control = load_vehicle(name)
-    simulation = build_simulation(scenario, vehicle, plan.world)
-    pilot = build_pilot(scenario, vehicle, control, plan.world)
-    reason, odometry = "", simulation.truth()
-    while not reason:
-        if simulation.time_ns % 50_000_000 == 0:
-            pilot.command(navigator.command(odometry), simulation.time_ns)
-            reason = navigator.judge(simulation.time_ns * 1e-9, simulation.truth())
-        if simulation.time_ns % 20_000_000 == 0:
-            pulses, _ = pilot.update(simulation.time_ns, 0.02)
-        for topic, sample in simulation.step(pulses.pwm_us):
-            pilot.sense(topic, sample)
-            if topic == "odom":
-                odometry = sample  # type: ignore[assignment]
-    outcome = navigator.outcome(reason, simulation.time_ns * 1e-9, 0.0)
+    boat = simulated.SimulatedVehicle(scenario, plan.world)
+    outcome, _ = simulated.fly(scenario, plan, boat)
+    simulation = boat.simulation
     assert outcome.reason == "goal reached"
     assert outcome.goal_error < 3.1
     assert outcome.least_clearance > 5.0

@@ -123,6 +123,58 @@ def test_who_is_out_of_range_is_not_known(position: Vector, neighbours: list[Vec
     )
 
 
+@given(POINTS, POINTS, st.lists(POINTS, max_size=3), st.floats(-math.pi, math.pi), POINTS)
+def test_no_direction_is_special(
+    position: Vector, place: Vector, neighbours: list[Vector], turn: float, shift: Vector
+) -> None:
+    """A world that is turned and moved turns the velocity with it."""
+    assume(all(abs(math.dist(position, n) - edge) > 1e-6 for n in neighbours for edge in (0.0, 0.5, 1.4, 4.0, 5.0)))
+
+    def turned(vector: Vector) -> Vector:
+        c, s = math.cos(turn), math.sin(turn)
+        return c * vector[0] - s * vector[1], s * vector[0] + c * vector[1]
+
+    def moved(point: Vector) -> Vector:
+        north, east = turned(point)
+        return north + shift[0], east + shift[1]
+
+    settings = FieldSettings()
+    wanted = resultant(position, place, (0.1, 0.0), [Body(n, 0.5) for n in neighbours], [], settings)
+    bodies = [Body(moved(n), 0.5) for n in neighbours]
+    found = resultant(moved(position), moved(place), turned((0.1, 0.0)), bodies, [], settings)
+    assert found == pytest.approx(turned(wanted), rel=1e-6, abs=1e-6)
+
+
+@given(POINTS, st.floats(0.0, 4.9), st.floats(0.01, 5.0), st.floats(-math.pi, math.pi))
+def test_fields_pull_and_push_the_right_way(position: Vector, near: float, more: float, bearing: float) -> None:
+    """To the place; off a body, the harder the nearer; to a neighbour about to be lost, the harder the farther."""
+
+    def ahead(distance: float) -> Vector:
+        return position[0] + distance * math.cos(bearing), position[1] + distance * math.sin(bearing)
+
+    def along(vector: Vector) -> float:
+        return vector[0] * math.cos(bearing) + vector[1] * math.sin(bearing)
+
+    far, rounding = near + more, 1e-9
+    draws = [along(attraction(position, ahead(d), 0.6, 0.5)) for d in (near, far)]
+    assert 0.0 <= draws[0] <= draws[1] + rounding
+    behind = ahead(-3.0)  # the place
+    pushes = [along(repulsion(position, behind, Body(ahead(d), 0.5), 0.12, 0.9)) for d in (near, far) if d > 0.6]
+    assert all(push <= rounding for push in pushes)
+    assert len(pushes) < 2 or pushes[0] <= pushes[1] + rounding
+    pulls = [along(communication(position, ahead(d), 0.05, 4.0, 5.0)) for d in (near, far) if d < 5.0]
+    assert min(pulls) >= -rounding
+    assert len(pulls) < 2 or pulls[0] <= pulls[1] + rounding
+
+
+@given(POINTS, st.lists(POINTS, min_size=1, max_size=3))
+def test_who_is_not_kept_does_not_pull(position: Vector, neighbours: list[Vector]) -> None:
+    """Without links it is as if the field of communication had no gain; repulsion stays."""
+    mute = FieldSettings(communication=0.0)
+    loose = resultant(position, ORIGIN, ORIGIN, [Body(n, 0.5, kept=False) for n in neighbours], [], FieldSettings())
+    assert loose == resultant(position, ORIGIN, ORIGIN, [Body(n, 0.5) for n in neighbours], [], mute)
+
+
 @pytest.mark.parametrize("seed", range(20))
 def test_four_that_change_places_crosswise_do_not_meet(seed: int) -> None:
     """Each goes to the far corner of a square, all at once, 0.05 m unsure of everyone: the fields' worst case."""

@@ -12,7 +12,7 @@ from hil.autonomy.any_angle import plan_any_angle
 from hil.autonomy.astar import plan
 from hil.autonomy.control import VelocityCommand
 from hil.autonomy.dstar import DStarLite
-from hil.autonomy.guide import Guide, GuideSettings, Planner
+from hil.autonomy.guide import Guide, GuideSettings, Search
 from hil.autonomy.laser_map import LaserMap
 from hil.autonomy.occupancy import Extent, OccupancyGrid
 from hil.autonomy.vfh import Scan, Vfh, VfhSettings
@@ -112,12 +112,12 @@ def on_map(discs: list[Disc]) -> OccupancyGrid:
     return OccupancyGrid.rasterise(lambda north, east: clearance(discs, (north, east)), FIELD, 0.25)
 
 
-@pytest.mark.parametrize(("seed", "planner"), [(0, plan), (1, plan_any_angle), (2, DStarLite().plan)])
+@pytest.mark.parametrize(("seed", "search"), [(0, plan), (1, plan_any_angle), (2, DStarLite().plan)])
 @pytest.mark.parametrize("share", [0.0, 0.5, 1.0])
-def test_with_all_half_or_nothing_on_the_map(planner: Planner, share: float, seed: int) -> None:
+def test_with_all_half_or_nothing_on_the_map(search: Search, share: float, seed: int) -> None:
     start, goal = (0.0, 0.0), (25.0, 24.0)
     discs = obstacles(100 + seed, 14, (start, goal))
-    guide = Guide(on_map(discs[: int(share * len(discs))]), start, goal, SETTINGS, planner)
+    guide = Guide(on_map(discs[: int(share * len(discs))]), start, goal, SETTINGS, search)
     boat, least = travel(guide, discs, start)
     assert guide.done
     assert not guide.stuck

@@ -108,6 +108,38 @@ def test_a_deaf_vehicle_goes_by_its_own_clock() -> None:
     assert near.clock < 0.5 * alone.clock
 
 
+REPORTS = st.lists(
+    st.builds(Report, st.tuples(st.floats(-9.0, 9.0), st.floats(-9.0, 9.0)), st.floats(0.0, 90.0), st.booleans()),
+    max_size=4,
+)
+
+
+@settings(deadline=None)
+@given(st.lists(st.tuples(st.floats(-2.0, 10.0), st.floats(-2.0, 10.0), REPORTS, st.floats(0.0, 1.0)), max_size=12))
+def test_whatever_is_heard_the_clock_goes_on_and_the_speed_is_kept(
+    steps: list[tuple[float, float, list[Report], float]],
+) -> None:
+    hunter = Hunter(plan_of("line"), 1, FIELDS, BERTH)
+    for north, east, reports, dt in steps:
+        before = hunter.clock
+        wanted = hunter.update((north, east), reports, dt)
+        assert math.hypot(*wanted) <= FIELDS.max_speed + 1e-9
+        assert before <= hunter.clock <= min(before + dt, plan_of("line").duration)
+
+
+def test_a_clock_that_stands_holds_its_place() -> None:
+    """With no time to go on, and at the end of the plan, the place does not move and neither does who is there."""
+    plan = plan_of("diamond")
+    hunter = Hunter(plan, 2, FIELDS, BERTH)
+    assert hunter.update(plan.starts[2], [], 0.0) == (0.0, 0.0)
+    hunter.clock = plan.duration
+    assert hunter.update(plan.place(2, plan.duration), [], STEP) == pytest.approx((0.0, 0.0), abs=1e-9)
+    hunter.clock = 10.0
+    late = [Report((40.0, 40.0), 0.0), Report((4.5, 1.0), 0.0)]  # the second is heard, and far behind
+    assert hunter.update(plan.place(2, 10.0), late, STEP) == pytest.approx((0.0, 0.0), abs=1e-9)
+    assert hunter.clock == 10.0
+
+
 def test_the_bow_turns_to_the_target() -> None:
     plan = plan_of("diamond")
     hunter = Hunter(plan, 0, FIELDS, BERTH)

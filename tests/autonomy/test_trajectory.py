@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 from hil.autonomy.curves import Chain, Curve, circle, helix, polyline, straight
 from hil.autonomy.dubins import Pose, dubins
 from hil.autonomy.spline import Spline
-from hil.autonomy.trajectory import Limits, Setpoint, Trajectory, read_waypoints, track
+from hil.autonomy.trajectory import Limits, Setpoint, Trajectory, track
+from hil.autonomy.waypoints import read_waypoints
 from hil.errors import ConfigError, MissionError
 
 WIDE = Limits(speed=2.0, vertical_speed=2.0, yaw_rate=2.0, acceleration=0.3, lateral_acceleration=5.0)
@@ -200,6 +201,12 @@ def test_dubins_by_hand() -> None:
         (polyline([(0.0, 0.0, 0.0), (3.0, 0.0, 4.0)]), 1.0, WIDE._replace(vertical_speed=0.4), r"go at 0\.5 m/s"),
         (CURVES["helix"], 0.5, WIDE._replace(deepest=7.0), r"0 to 7 m; move the way"),
         (CURVES["straight"], 0.5, WIDE._replace(shallowest=3.5), r"3\.0 m deep.*3\.5 to 11000 m"),
+        (polyline([(0.0, 0.0, 0.0), (3.0, 0.0, 4.0)]), 0.1, WIDE._replace(climb_angle=0.5), r"53\.1 deg.*28\.6 deg"),
+        (polyline([(0.0, 0.0, 4.0), (3.0, 0.0, 0.0)]), 0.1, WIDE._replace(climb_angle=0.5), r"53\.1 deg.*longer"),
+        (CURVES["circle"], 0.1, WIDE._replace(turn_radius=3.5), r"radius of 3\.00 m.*needs 3\.5 m"),
+        (CURVES["helix"], 0.1, WIDE._replace(turn_radius=3.01), r"radius of 3\.00 m"),
+        (CURVES["spline"], 0.1, WIDE._replace(turn_radius=30.0), r"bends with a radius"),
+        (CURVES["polyline"], 0.1, WIDE._replace(turn_radius=1.0), r"10\.2 m along.*a corner.*spline or Dubins"),
     ],
 )
 def test_what_breaks_a_limit_is_refused_with_the_remedy(
@@ -254,6 +261,21 @@ def test_track_by_hand() -> None:
     assert command.yaw_rate == pytest.approx(-0.5)  # 0.2 - 0.5 x 1.57, held at the limit
 
 
+@pytest.mark.parametrize("name", ["circle", "helix", "dubins", "straight"])
+def test_what_is_just_within_turn_radius_and_climb_angle_is_allowed(name: str) -> None:
+    """3 m round, helix and circle; 2 m of Dubins; and 0.3 rad is steeper than any of them."""
+    radius = 2.0 if name == "dubins" else 3.0
+    Trajectory(CURVES[name], 0.3, WIDE._replace(turn_radius=radius, climb_angle=0.3))
+
+
+def test_dubins_keeps_the_limits_it_was_made_for() -> None:
+    limits = WIDE._replace(turn_radius=4.0, climb_angle=0.25, vertical_speed=1.0)
+    way = dubins(Pose((0.0, 0.0, 2.0), 1.0), Pose((10.0, -6.0, 30.0), 2.5), limits.turn_radius, limits.climb_angle)
+    assert Trajectory(way, 0.5, limits).at(1e9).position == pytest.approx((10.0, -6.0, 30.0), abs=1e-6)
+    with pytest.raises(MissionError, match="bends with a radius"):
+        Trajectory(way, 0.5, limits._replace(turn_radius=12.0))
+
+
 def test_a_waypoint_file(tmp_path: Any) -> None:
     path = os.path.join(tmp_path, "way.toml")
     text = "".join(f"[[waypoint]]\nnorth = {n}\neast = {e}\ndepth = {d}\n" for n, e, d in WAY)
@@ -265,3 +287,44 @@ def test_a_waypoint_file(tmp_path: Any) -> None:
         file.write("[[waypoint]]\nnorth = 1.0\neast = 2.0\ndeep = 3.0\n")
     with pytest.raises(ConfigError, match=r"way\.toml.*'deep'"):
         read_waypoints(path)
+
+
+def write(path: str, text: str) -> str:
+    with open(path, "w", encoding="utf-8") as file:
+        file.write(text)
+    return path
+
+
+def test_a_waypoint_file_as_csv(tmp_path: Any) -> None:
+    """Columns in any order, a comment, an empty line, a byte order mark and numbers with their unit."""
+    rows = "".join(f"{d} m, {n},{e}\n" for n, e, d in WAY)
+    way = read_waypoints(write(os.path.join(tmp_path, "way.csv"), f"\ufeffdepth,north, east\n# my way\n\n{rows}"))
+    assert way.length == polyline(WAY).length
+    assert way.at(0.0).position == WAY[0]
+    assert way.at(way.length).position == pytest.approx(WAY[-1])
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("north,east\n1,2\n", r"way\.csv: line 1: name the columns north, east, depth; found north, east"),
+        ("north,east,depth\n1,2,3\n4,5\n", r"way\.csv: line 3: 3 numbers expected, found 2"),
+        ("north,east,depth\n1,2,deep\n", r"way\.csv: line 2: depth: expected a number and a unit"),
+        ("north,east,depth\n\n1,2,nan\n", r"way\.csv: line 3: depth: nan m is outside -1 to 11000 m"),
+        ("north,east,depth\n1,inf,3\n", r"way\.csv: line 2: east: inf m is outside"),
+        ("north,east,depth\n1,2,3\n", r"way\.csv: a way needs at least two different points"),
+        ("", r"way\.csv: a way needs at least two"),
+    ],
+)
+def test_a_wrong_csv_is_told_by_its_line(text: str, message: str, tmp_path: Any) -> None:
+    with pytest.raises((ConfigError, MissionError), match=message):
+        read_waypoints(write(os.path.join(tmp_path, "way.csv"), text))
+
+
+def test_a_file_that_is_not_there_or_no_text(tmp_path: Any) -> None:
+    with pytest.raises(ConfigError, match=r"none\.csv: cannot be read"):
+        read_waypoints(os.path.join(tmp_path, "none.csv"))
+    with open(os.path.join(tmp_path, "way.csv"), "wb") as file:
+        file.write(b"\xff\xfe\x00")
+    with pytest.raises(ConfigError, match=r"way\.csv: not a CSV file"):
+        read_waypoints(os.path.join(tmp_path, "way.csv"))

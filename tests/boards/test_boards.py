@@ -30,7 +30,7 @@ def test_every_board_names_the_source_of_each_number(name: str) -> None:
     if name in REAL:
         assert {key for key, value in told.items() if value} <= set(board.sources)
     sources = [row.source for row in board.serial] + [row.source for row in board.can]
-    assert all([*sources, *(mode.source for mode in board.power), board.recommended.source])
+    assert all([*sources, *(mode.source for mode in board.power), board.recommended.source, board.budgets.reason])
     assert set(board.sources) <= set(board._fields)
 
 

@@ -1,0 +1,78 @@
+"""Control laws behind one call: the contract that all follow, and the words that choose one.
+
+    [control]
+    family = "sliding_mode"       # "cascade" if left out
+    depth = { p = 0.8, limit = 0.5 }
+
+    [control.sliding_mode]        # what is left out has a default
+    surge = { strength = 1.5 }
+
+A family of a user's own is `family = "module:Class"`: a class that is made with `plant` (hil/autonomy/plant.py),
+`gains` (hil/autonomy/control.py) and the keys of `[control.options]` by keyword.
+"""
+
+from importlib import import_module
+from typing import Any, Protocol
+
+from hil.autonomy.control import NO_RESIDUAL, Gains, Navigation, VelocityCommand, Wrench
+from hil.autonomy.plant import Plant
+from hil.errors import ConfigError
+from hil.plugins import load_class
+from hil.schema import nearest, parse
+
+# The word -> a class made of a Plant, the outer loops' Gains and its own `Settings`.
+FAMILIES = {
+    "sliding_mode": "hil.autonomy.sliding_mode:SlidingMode",
+    "restoring_pd": "hil.autonomy.restoring_pd:RestoringPd",
+}
+
+
+class Controller(Protocol):
+    """What turns a velocity command into a wrench, one call a control period.
+
+    Whatever comes in, what goes out are six finite numbers; it keeps no time of its own, so that the same calls
+    give the same wrenches.
+    """
+
+    def reset(self) -> None:
+        """Forget the past: for taking over from a pause or from another controller."""
+
+    def update(
+        self, command: VelocityCommand, navigation: Navigation, dt: float, residual: Wrench = NO_RESIDUAL
+    ) -> Wrench:
+        """The wrench (X, Y, Z in N; K, M, N in N m; along FRD) for the next `dt` seconds, `dt` > 0.
+
+        `residual` is what the allocator could not deliver of the last wrench (asked minus delivered): nothing may
+        wind up against it.
+        """
+
+
+def make_controller(family: Any, control: dict[str, Any], gains: Gains, plant: Plant, where: str) -> Controller:
+    """The controller that `family` says; `control` is the `[control]` table, `where` opens messages.
+
+    Raises ConfigError for a word that is none, and for a wrong key of its table.
+    """
+    if not isinstance(family, str):
+        raise ConfigError(f"{where}: family: expected text, found {family!r}")
+    if ":" in family:
+        own = {**_table(control, "options", where), "class": family, "plant": plant, "gains": gains}
+        made: Controller = load_class(own, Controller, where)
+        return made
+    if family not in FAMILIES:
+        words = ["cascade", *FAMILIES]
+        raise ConfigError(
+            f"{where}: family: {family!r} is not one of {', '.join(words)}{nearest(family, words)}; "
+            'a class of your own is "module:Class"'
+        )
+    module, _, name = FAMILIES[family].partition(":")
+    kind = getattr(import_module(module), name)
+    settings = parse(_table(control, family, where), kind.Settings, f"{where}.{family}")
+    controller: Controller = kind(plant, gains, settings)
+    return controller
+
+
+def _table(control: dict[str, Any], key: str, where: str) -> dict[str, Any]:
+    table = control.get(key, {})
+    if not isinstance(table, dict):
+        raise ConfigError(f"{where}: {key}: expected a table, found {table!r}")
+    return table

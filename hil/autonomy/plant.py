@@ -1,0 +1,69 @@
+"""What a model-based controller knows of its vehicle: inertia, drag, weight and lift, after Fossen's model.
+
+M nu' + C(nu) nu + D(nu) nu + g(orientation) = wrench of the thrusters (Fossen 2021, "Handbook of Marine Craft
+Hydrodynamics and Motion Control", eq. 6.1). Currents are not known here, and coupling between the axes is
+left out of damping and inertia.
+"""
+
+from typing import NamedTuple
+
+from hil.autonomy.control import ABSURD, Navigation, Quaternion, Vector3, Wrench, down_in_body
+
+
+class Plant(NamedTuple):
+    """A vehicle's model about its body origin, along FRD; surge, sway, heave, roll, pitch, yaw.
+
+    `inertia` is the diagonal of rigid-body plus added mass, kg and kg m²; `linear_damping` N s/m and N m s,
+    `quadratic_damping` N s²/m² and N m s², positive where they brake; `weight` and `buoyancy` in N act at
+    `center_of_gravity` and `center_of_buoyancy`, m.
+    """
+
+    inertia: Wrench
+    linear_damping: Wrench
+    quadratic_damping: Wrench
+    weight: float
+    buoyancy: float
+    center_of_gravity: Vector3 = (0.0, 0.0, 0.0)
+    center_of_buoyancy: Vector3 = (0.0, 0.0, 0.0)
+
+    def load(self, navigation: Navigation, reference: Wrench) -> Wrench:
+        """The wrench (N, N m) that holds `reference` (m/s, rad/s) up against drag, weight, lift and turning.
+
+        Drag is that of the present speed times the reference, D(nu) nu_ref, which leaves the water's own damping
+        of an error in place (Slotine & Li 1991, "Applied Nonlinear Control", section 9.2).
+        What is not a number, or absurd, counts as 0.
+        """
+        nu = navigation.velocity + navigation.angular_velocity
+        drag = [
+            (linear + quadratic * abs(speed)) * wanted
+            for linear, quadratic, speed, wanted in zip(
+                self.linear_damping, self.quadratic_damping, nu, reference, strict=True
+            )
+        ]
+        lift, turning = self.restoring(navigation.orientation), self.coriolis(nu)
+        x, y, z, k, m, n = (
+            value if abs(value) < ABSURD * mass else 0.0
+            for value, mass in zip(map(sum, zip(drag, lift, turning, strict=True)), self.inertia, strict=True)
+        )
+        return x, y, z, k, m, n
+
+    def restoring(self, orientation: Quaternion) -> Wrench:
+        """The wrench (N, N m) that balances weight and buoyancy at this orientation (Fossen 2021, eq. 4.6)."""
+        x, y, z = down_in_body(orientation)
+        gravity, buoyancy = self.center_of_gravity, self.center_of_buoyancy
+        a, b, c = (self.weight * g - self.buoyancy * f for g, f in zip(gravity, buoyancy, strict=True))
+        heavy = self.weight - self.buoyancy
+        return -heavy * x, -heavy * y, -heavy * z, c * y - b * z, a * z - c * x, b * x - a * y
+
+    def coriolis(self, nu: Wrench) -> Wrench:
+        """C(nu) nu (N, N m) of a diagonal inertia: what keeps a turning body on its way (Fossen 2021, eq. 3.46)."""
+        u, v, w, p, q, r = nu
+        x, y, z, k, m, n = (mass * speed for mass, speed in zip(self.inertia, nu, strict=True))
+        return (
+            q * z - r * y,
+            r * x - p * z,
+            p * y - q * x,
+            v * z - w * y + q * n - r * m,
+            w * x - u * z + r * k - p * n,
+            u * y - v * x + p * m - q * k,
+        )

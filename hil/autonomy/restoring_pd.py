@@ -1,0 +1,79 @@
+"""PD with restoring compensation: a spring to the set point, a damper, and weight and lift taken off by the model.
+
+    acceleration = d (wanted velocity - velocity),    wrench = inertia x acceleration + drag, weight, turning
+
+(Takegaki & Arimoto, ASME Journal of Dynamic Systems, Measurement, and Control 103(2), 1981; Fossen 2021, section
+15.3). Depth, heading, roll and pitch errors come in through the wanted velocity, so that the outer loop's p
+times d is the spring. Nothing integrates: nothing winds up, and a push f that the model lacks leaves a velocity error
+of f / (inertia d), or that over the outer loop's p of a depth or heading.
+"""
+
+from typing import Annotated, ClassVar, NamedTuple
+
+from hil.autonomy.control import (
+    ABSURD,
+    NO_RESIDUAL,
+    Gains,
+    Navigation,
+    VelocityCommand,
+    Wrench,
+    clamp,
+    velocity_targets,
+)
+from hil.autonomy.plant import Plant
+from hil.schema import Range
+
+
+class Damper(NamedTuple):
+    """One axis: `d` in 1/s, and the most that the wrench may be over the inertia, `limit` in m/s² or rad/s²."""
+
+    d: Annotated[float, Range(0.0, 100.0)]
+    limit: Annotated[float, Range(1e-3, 1e3)] = 10.0
+
+
+class PdSettings(NamedTuple):
+    """`[control.restoring_pd]`; the defaults suit a vehicle whose thrusters follow within about 0.1 s."""
+
+    surge: Damper = Damper(5.0)
+    sway: Damper = Damper(5.0)
+    heave: Damper = Damper(5.0)
+    roll_rate: Damper = Damper(6.0, 20.0)
+    pitch_rate: Damper = Damper(6.0, 20.0)
+    yaw_rate: Damper = Damper(6.0, 20.0)
+
+
+class RestoringPd:
+    """A `Controller` (hil/autonomy/families.py) for a vehicle like `plant`; `gains` are those of the outer loops.
+
+    Not modelled: the thrusters' lag, currents, coupling of the axes by mass.
+    """
+
+    Settings: ClassVar = PdSettings
+
+    def __init__(self, plant: Plant, gains: Gains, settings: PdSettings = PdSettings()) -> None:
+        self._plant = plant
+        self._gains = gains
+        self._settings = settings
+
+    def reset(self) -> None:
+        """There is nothing to forget."""
+
+    def update(
+        self, command: VelocityCommand, navigation: Navigation, dt: float, residual: Wrench = NO_RESIDUAL
+    ) -> Wrench:
+        """The wrench (X, Y, Z in N; K, M, N in N m; along FRD); `dt` and `residual` do not matter to it."""
+        targets = velocity_targets(command, navigation, self._gains)
+        measured = navigation.velocity + navigation.angular_velocity
+        load = self._plant.load(navigation, targets)
+        x, y, z, k, m, n = (
+            clamp(inertia * _push(damper, target - value) + held, inertia * damper.limit)
+            for inertia, damper, target, value, held in zip(
+                self._plant.inertia, self._settings, targets, measured, load, strict=True
+            )
+        )
+        return x, y, z, k, m, n
+
+
+def _push(damper: Damper, error: float) -> float:
+    """The acceleration against a velocity error; none against one that is no measurement."""
+    return damper.d * error if abs(error) < ABSURD else 0.0

@@ -1,0 +1,88 @@
+"""What a vehicle's axis is like, from pushing it: a first-order lag behind a delay."""
+
+from collections.abc import Sequence
+from itertools import accumulate, pairwise
+from math import inf
+from typing import Any, NamedTuple
+
+from hil.bench.rig import CONTROL_PERIOD_S, Rig
+from hil.bench.step_response import AXES, HOLD_S, order
+from hil.errors import ConfigError
+from sim.vehicle import Vehicle
+
+_PUSH_S, _TILT_S = 3.0, 0.5  # soon after, a tilted vehicle's weight rights it
+_LEAST_POINTS = 8
+_DELAY_STEP_S, _DELAY_MOST_S = 0.005, 0.5
+
+
+class Process(NamedTuple):
+    """v' = `slope` a(t - `delay`) - `damping` v, with a the acceleration asked for (force over inertia).
+
+    `slope` is 1 for a vehicle whose inertia is known; `damping` in 1/s, `delay` in s: thrusters' lag and all else.
+    """
+
+    slope: float
+    damping: float
+    delay: float
+
+
+def push(
+    name: str, vehicle: Vehicle, control: dict[str, Any], axis: str, force: float, inertia: float, speed: float
+) -> Process:
+    """The process that the axis of the wrench under `axis` shows when `force` (N, N m) comes on top at once.
+
+    What counts are the 3 s after (roll and pitch: 0.5 s), or until it moves at `speed` (m/s, rad/s); the vehicle's
+    own controller holds the other axes meanwhile. `inertia` is what it takes it for, kg or kg m².
+    Raises ConfigError if it does not move.
+    """
+    rig, loop = Rig(name, vehicle, control), AXES[axis].loop
+    still = order(axis if axis in ("heave", "yaw") else "surge", 0.0)
+    rig.fly(HOLD_S, lambda time: still)
+    rig.recorder.nudge(loop, force)
+    moments = rig.fly(_TILT_S if axis in ("roll", "pitch") else _PUSH_S, lambda time: still)
+    values = [moment.nu[loop] - moments[0].nu[loop] for moment in moments]
+    end = next((number for number, value in enumerate(values) if abs(value) > speed), len(values))
+    return fit_lag(values[: max(end, _LEAST_POINTS)], force / inertia, CONTROL_PERIOD_S, f"{name}: {axis}")
+
+
+def fit_lag(values: Sequence[float], acceleration: float, period: float, where: str) -> Process:
+    """The process that best explains `values` (m/s, rad/s), one each `period` s after `acceleration` came at 0.
+
+    Integrated once, v = slope a (t - delay) - damping x integral of v is linear in slope and damping: least
+    squares for each delay on a grid, and the best of these (Söderström & Stoica 1989, "System Identification", on
+    least squares for integrated models). Raises ConfigError if nothing moves the right way.
+    """
+    ways = [0.0, *accumulate(period * (a + b) / 2.0 for a, b in pairwise(values))]
+    best, least = None, inf
+    for number in range(round(_DELAY_MOST_S / _DELAY_STEP_S)):
+        delay = number * _DELAY_STEP_S
+        pushes = [acceleration * max(0.0, place * period - delay) for place in range(len(values))]
+        slope, damping = _two_unknowns(pushes, [-way for way in ways], values)
+        if damping < 0.0:
+            slope, damping = _one_unknown(pushes, values), 0.0
+        off = sum((slope * a - damping * way - value) ** 2 for a, way, value in zip(pushes, ways, values, strict=True))
+        if off < least:
+            best, least = Process(slope, damping, delay), off
+    if best is None or not best.slope > 0.05:
+        raise ConfigError(
+            f"{where}: does not move as it is pushed: look at its thrusters' directions (uuv-hil vehicle)"
+        )
+    return best
+
+
+def _two_unknowns(a: Sequence[float], b: Sequence[float], y: Sequence[float]) -> tuple[float, float]:
+    """The x1, x2 of the least squares of x1 a + x2 b = y; what cannot be told apart is put on x1."""
+    aa, ab, bb, ay, by = _dot(a, a), _dot(a, b), _dot(b, b), _dot(a, y), _dot(b, y)
+    determinant = aa * bb - ab * ab
+    if determinant <= 1e-9 * aa * bb:
+        return _one_unknown(a, y), 0.0
+    return (ay * bb - by * ab) / determinant, (by * aa - ay * ab) / determinant
+
+
+def _one_unknown(a: Sequence[float], y: Sequence[float]) -> float:
+    square = _dot(a, a)
+    return _dot(a, y) / square if square else 0.0
+
+
+def _dot(a: Sequence[float], b: Sequence[float]) -> float:
+    return sum(x * y for x, y in zip(a, b, strict=True))

@@ -1,0 +1,110 @@
+"""A test rig: one vehicle with its own controller in deep open water, flown in simulated time as fast as it goes."""
+
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+from hil.autonomy.control import NO_RESIDUAL, Navigation, VelocityCommand, Wrench
+from hil.autonomy.families import Controller
+from hil.clock import NS_PER_S
+from hil.config import Master, Scenario
+from hil.slave.pilot import build_pilot
+from sim.rotations import from_euler, to_euler
+from sim.sensors.suite import fit
+from sim.simulation import DT_NS, Simulation
+from sim.vehicle import Vehicle
+from sim.world import World
+
+DEEP = World(name="deep water", source="nothing in it", extent=(-1e4, 1e4, -1e4, 1e4), depth=1000.0)
+START_DEPTH = 50.0
+CONTROL_PERIOD_S = 0.02
+_STEPS = round(CONTROL_PERIOD_S * NS_PER_S) // DT_NS
+
+Orders = Callable[[float], VelocityCommand]
+
+
+class Moment(NamedTuple):
+    """One instant of a flight: s; velocity m/s and rad/s along FRD; m, NED; rad; what the controller asks, N, N m."""
+
+    time: float
+    nu: tuple[float, ...]
+    position: tuple[float, ...]
+    attitude: tuple[float, float, float]
+    wrench: Wrench
+
+
+class Recorder:
+    """A controller that hands on what another one asks, keeps the last wrench, and may add to it."""
+
+    def __init__(self, controller: Controller) -> None:
+        self._controller = controller
+        self.last = self._held = self._added = NO_RESIDUAL
+        self._axis = -1
+
+    def nudge(self, axis: int, push: float) -> None:
+        """From now on `axis` (0 to 5) has what it last had, plus `push` (N or N m), whatever the controller says."""
+        self._axis = axis
+        self._added = tuple([push if number == axis else 0.0 for number in range(6)])  # type: ignore[assignment]
+        self._held = self.last
+
+    def reset(self) -> None:
+        """As the other one does."""
+        self._controller.reset()
+
+    def update(
+        self, command: VelocityCommand, navigation: Navigation, dt: float, residual: Wrench = NO_RESIDUAL
+    ) -> Wrench:
+        """The wrench (N, N m) for the next `dt` s."""
+        x, y, z, k, m, n = (
+            held + added if axis == self._axis else asked
+            for axis, (asked, held, added) in enumerate(
+                zip(self._controller.update(command, navigation, dt, residual), self._held, self._added, strict=True)
+            )
+        )
+        self.last = (x, y, z, k, m, n)
+        return self.last
+
+
+class Rig:
+    """`vehicle` under its `control` table, at rest 50 m deep, bow north; `name` opens messages.
+
+    `flown` is another vehicle that the same controller flies, unaware of the change; `current` m/s, NED; `tilt` roll
+    and pitch in rad to begin with. Sensors are the usual ones with their errors. Raises ConfigError.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        vehicle: Vehicle,
+        control: dict[str, Any],
+        flown: Vehicle | None = None,
+        current: tuple[float, float, float] = (0.0, 0.0, 0.0),
+        tilt: Sequence[float] = (0.0, 0.0),
+        seed: int = 1,
+    ) -> None:
+        world = DEEP._replace(current=current)
+        sensors = fit()
+        scenario = Scenario(vehicle=name, world=world.name, master=Master(goal=(0.0, 0.0)), sensors=sensors)
+        self.simulation = Simulation(flown or vehicle, world, sensors, seed, position=(0.0, 0.0, START_DEPTH))
+        self.simulation.state.quaternion = list(from_euler(tilt[0], tilt[1], 0.0))
+        self._pilot = build_pilot(scenario, vehicle, control, world)
+        self.recorder = Recorder(self._pilot.controller)
+        self._pilot.controller = self.recorder
+
+    def fly(self, seconds: float, orders: Orders) -> list[Moment]:
+        """Go on for so long, under what `orders` says for each time since this call (s); all instants of control."""
+        simulation, pilot = self.simulation, self._pilot
+        moments = []
+        for number in range(round(seconds / CONTROL_PERIOD_S)):
+            time = number * CONTROL_PERIOD_S
+            pilot.command(orders(time), simulation.time_ns)
+            pulses, _ = pilot.update(simulation.time_ns, CONTROL_PERIOD_S)
+            moments.append(self._moment(time))
+            for _ in range(_STEPS):
+                for topic, sample in simulation.step(pulses.pwm_us):
+                    pilot.sense(topic, sample)
+        return moments
+
+    def _moment(self, time: float) -> Moment:
+        state = self.simulation.state
+        attitude = to_euler(state.quaternion)
+        return Moment(time, tuple(state.nu), tuple(state.position), attitude, self.recorder.last)

@@ -1,0 +1,123 @@
+"""Step responses: one axis of a vehicle told to jump, the others to stay, and what its answer is worth."""
+
+from math import nan
+from statistics import fmean
+from typing import Any, NamedTuple
+
+from hil.autonomy.control import VelocityCommand
+from hil.bench.rig import CONTROL_PERIOD_S, START_DEPTH, Moment, Rig
+from sim.terminal_speed import Reach
+from sim.vehicle import Vehicle
+
+HOLD_S = 4.0  # at rest before the step: integrators find what the vehicle weighs
+# What a step is if the vehicle can: m/s, rad/s, m, rad; and the share of its top speed if it is weaker.
+_SPEED, _HEAVE, _TURN, _DIVE, _ROUND, _TILT, _SHARE = 0.5, 0.3, 0.4, 1.0, 0.8, 0.15, 0.4
+
+
+class Axis(NamedTuple):
+    """`unit` of the response; `loop` is the number of the wrench's axis (0 surge .. 5 yaw); `seconds` it may take."""
+
+    unit: str
+    loop: int
+    seconds: float
+
+
+AXES = {
+    "surge": Axis("m/s", 0, 10.0),
+    "sway": Axis("m/s", 1, 10.0),
+    "heave": Axis("m/s", 2, 10.0),
+    "roll": Axis("rad", 3, 10.0),
+    "pitch": Axis("rad", 4, 10.0),
+    "yaw": Axis("rad/s", 5, 10.0),
+    "depth": Axis("m", 2, 20.0),
+    "heading": Axis("rad", 5, 20.0),
+}
+
+
+class Figures(NamedTuple):
+    """What a step response is worth.
+
+    `rise` s from 10 to 90 %; `overshoot` beyond the target as a share of the step; `settling` s until it stays
+    within 5 %; `steady` the mean error of the last quarter, in the axis' unit. nan where it never gets there. `cost` s
+    is the absolute error over the step, integrated: less is better.
+    """
+
+    rise: float
+    overshoot: float
+    settling: float
+    steady: float
+    cost: float
+
+
+class Response(NamedTuple):
+    """A step of `size` at time 0: s, and the axis' value since then, 0 before; units are the axis'."""
+
+    axis: str
+    size: float
+    times: list[float]
+    values: list[float]
+
+    def figures(self) -> Figures:
+        """The numbers of this response."""
+        shares = [value / self.size for value in self.values]
+        errors = [abs(share - 1.0) for share in shares]
+        last_out = max((number for number, error in enumerate(errors) if error > 0.05), default=-1)
+        settled = last_out + 1 < len(errors)
+        return Figures(
+            rise=self._first(shares, 0.9) - self._first(shares, 0.1),
+            overshoot=max(0.0, max(shares) - 1.0),
+            settling=self.times[last_out + 1] if settled else nan,
+            steady=fmean(self.values[-len(self.values) // 4 :]) - self.size,
+            cost=sum(errors) * CONTROL_PERIOD_S,
+        )
+
+    def _first(self, shares: list[float], level: float) -> float:
+        return next((time for time, share in zip(self.times, shares, strict=True) if share >= level), nan)
+
+
+def step_size(axis: str, reach: Reach) -> float:
+    """How far `axis` is to jump on a vehicle that reaches so much along the axis of its wrench."""
+    fixed = {"depth": _DIVE, "heading": _ROUND, "roll": _TILT, "pitch": _TILT}
+    if axis in fixed:
+        return fixed[axis]
+    most = {"heave": _HEAVE, "yaw": _TURN}.get(axis, _SPEED)
+    return min(most, _SHARE * min(reach.speed[0], -reach.speed[1]))
+
+
+def fly_step(
+    name: str, vehicle: Vehicle, control: dict[str, Any], axis: str, size: float, seed: int = 1, **rig: Any
+) -> Response:
+    """The response of `vehicle` under its `[control]` table to a step of `size` along `axis`.
+
+    Roll and pitch, which nobody commands, begin that much off level. `rig` are further arguments of `Rig`. Raises
+    ConfigError.
+    """
+    tilt = (size if axis == "roll" else 0.0, size if axis == "pitch" else 0.0)
+    flight = Rig(name, vehicle, control, tilt=tilt, seed=seed, **rig)
+    still = order(axis, 0.0)
+    if axis not in ("roll", "pitch"):
+        flight.fly(HOLD_S, lambda time: still)
+    command = order(axis, size)
+    moments = flight.fly(AXES[axis].seconds, lambda time: command)
+    return Response(axis, size, [m.time for m in moments], [_value(axis, size, m) for m in moments])
+
+
+def order(axis: str, size: float) -> VelocityCommand:
+    """The command for a step along `axis`, the others held."""
+    still = VelocityCommand(depth=START_DEPTH, heading=0.0)
+    return {
+        "surge": still._replace(surge=size),
+        "sway": still._replace(sway=size),
+        "heave": still._replace(heave=size, depth=None),
+        "yaw": still._replace(yaw_rate=size, heading=None),
+        "depth": still._replace(depth=START_DEPTH + size),
+        "heading": still._replace(heading=size),
+    }.get(axis, still)
+
+
+def _value(axis: str, size: float, moment: Moment) -> float:
+    if axis in ("roll", "pitch"):
+        return size - moment.attitude[AXES[axis].loop - 3]
+    if axis == "depth":
+        return moment.position[2] - START_DEPTH
+    return moment.attitude[2] if axis == "heading" else moment.nu[AXES[axis].loop]

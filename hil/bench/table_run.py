@@ -1,0 +1,88 @@
+"""One run for the HIL table: a master process flies with a slave for some seconds, and tells what it saw.
+
+The definitions of the figures are in docs/benchmark.md.
+"""
+
+import json
+import os
+from typing import Any, NamedTuple
+
+from hil.bench.harness import READY_S, Bench
+from hil.bench.record import Better, Figure
+from hil.bench.table import PAPER_BOARD_MIB
+from hil.errors import NetworkError
+
+FLEW = (0, 6)  # exit codes of a master that flew: the goal was reached, or not in this time
+
+
+class Row(NamedTuple):
+    """One figure of the table: its name in records, what people call it, its unit, and how it is written."""
+
+    name: str
+    title: str
+    unit: str
+    form: str
+    better: Better = "lower"
+
+
+ROWS = (
+    Row("master_cpu", "master CPU", "% of a core", "{:.2f}"),
+    Row("startup", "start-up to the first sample", "s", "{:.3f}"),
+    Row("ready", "start-up to ready", "s", "{:.3f}"),
+    Row("memory", "slave memory", "MiB", "{:.1f}"),
+    Row("memory_share", "slave memory, share of the board's", "%", "{:.2f}"),
+    Row("delay_p50", "command delay p50", "ms", "{:.3f}"),
+    Row("delay_p99", "command delay p99", "ms", "{:.3f}"),
+    Row("delay_max", "command delay max", "ms", "{:.3f}"),
+    Row("slave_cpu", "slave CPU", "% of a core", "{:.2f}"),
+)
+
+
+class Run(NamedTuple):
+    """What one repetition gave: the value of each row, and what the slave told of itself."""
+
+    values: dict[str, float]
+    slave: dict[str, str]
+    notes: list[str]
+
+
+def fly(bench: Bench, number: int, endpoint: str = "") -> Run:
+    """Fly once. `endpoint` is that of a slave elsewhere; without it one is started here, after the master dials.
+
+    Raises NetworkError.
+    """
+    folder = bench.file(f"run-{number}")
+    master = bench.start_master("--run-dir", folder, endpoint=endpoint)
+    slave = None if endpoint else bench.start_slave()
+    code = master.wait(bench.scenario.master.time_limit + 2 * READY_S)
+    if slave and not slave.running:
+        raise NetworkError(f"the slave ended: {slave.last_words}")
+    if slave:
+        slave.stop()
+    if code not in FLEW:
+        raise NetworkError(f"the master ended with exit code {code}: {master.last_words}")
+    with open(os.path.join(folder, "table.json"), encoding="utf-8") as file:
+        return _read(json.load(file)["table"], bench.memory_mib)
+
+
+def figures(runs: list[Run]) -> dict[str, Figure]:
+    """The rows of the table over some repetitions."""
+    return {row.name: Figure([run.values[row.name] for run in runs], row.unit, row.better) for row in ROWS}
+
+
+def _read(table: dict[str, Any], limit_mib: float) -> Run:
+    def number(name: str, factor: float = 1.0) -> float:
+        return float("nan") if table[name] is None else table[name] * factor
+
+    ram = limit_mib or min(number("slave_ram_mib"), PAPER_BOARD_MIB)
+    values = {
+        "master_cpu": number("master_cpu_core", 100.0),
+        "startup": number("startup_s"),
+        "ready": number("slave_ready_s"),
+        "memory": number("slave_pss_mib"),
+        "memory_share": number("slave_pss_mib", 100.0) / ram,
+        "slave_cpu": number("slave_cpu_core", 100.0),
+    }
+    delay = {key: float("nan") if value is None else value for key, value in table["delay"].items()}
+    values |= {f"delay_{name}": delay[f"{name}_ms"] for name in ("p50", "p99", "max")}
+    return Run(values, table["slave"], table["notes"])

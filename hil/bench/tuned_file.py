@@ -1,0 +1,66 @@
+"""A vehicle's file with other gains: all as it was but for its [control] table."""
+
+import os
+import tomllib
+from math import inf
+from typing import Any
+
+from hil.autonomy.control import AxisGains, Gains, HoldGains
+from hil.errors import ConfigError
+from sim.vehicle import Vehicle
+
+
+def control_text(gains: Gains) -> str:
+    """`gains` as a [control] table; of a loop what differs from the defaults of its record, and always its p."""
+    rows = [f"{key} = {{ {_inline(row)} }}" for key, row in gains._asdict().items()]
+    return "\n".join(["[control]", *rows, ""])
+
+
+def with_gains(text: str, gains: Gains, note: str, where: str) -> str:
+    """The vehicle file `text` with `gains` at its end, under the comment `note`, instead of those it had.
+
+    Other families' tables stay. Raises ConfigError where the old gains stand in a way that cannot be told apart.
+    """
+    made = f"{_without_gains(text)}\n# {note}\n{control_text(gains)}"
+    try:
+        control = tomllib.loads(made)["control"]
+    except tomllib.TOMLDecodeError as error:
+        raise ConfigError(f"{where}: its gains stand outside of a [control] table: {error}; write them there") from None
+    if {key for key in control if key in Gains._fields} != set(Gains._fields):
+        raise ConfigError(f"{where}: its gains could not be replaced; write them under [control]")
+    return made
+
+
+def write_tuned(source: str, vehicle: Vehicle, gains: Gains, note: str, output: str) -> None:
+    """The vehicle file `source` with `gains`, as `output`. Raises ConfigError."""
+    if vehicle.meshes and os.path.dirname(os.path.abspath(output)) != os.path.dirname(os.path.abspath(source)):
+        raise ConfigError(f"{output}: the vehicle's meshes lie beside {source}: write the new file there too")
+    try:
+        with open(source, encoding="utf-8") as file:
+            made = with_gains(file.read(), gains, note, source)
+        with open(output, "w", encoding="utf-8") as file:
+            file.write(made)
+    except OSError as error:
+        raise ConfigError(f"{error.filename}: {error.strerror}") from None
+
+
+def _without_gains(text: str) -> str:
+    """`text` less [control] and the tables of its gains; comments just above it go with it."""
+    kept: list[str] = []
+    own = {"[control]", *(f"[control.{key}]" for key in Gains._fields)}
+    dropping = False
+    for line in text.rstrip().split("\n"):
+        header = line.partition("#")[0].strip()
+        if header.startswith("["):
+            dropping = header in own
+            while dropping and kept and kept[-1].startswith("#"):
+                kept.pop()
+        if not dropping:
+            kept.append(line)
+    return "\n".join(kept).rstrip() + "\n"
+
+
+def _inline(row: AxisGains | HoldGains) -> str:
+    defaults: dict[str, Any] = row._field_defaults
+    pairs = {key: value for key, value in row._asdict().items() if key == "p" or value != defaults.get(key)}
+    return ", ".join(f"{key} = {'inf' if value == inf else repr(float(value))}" for key, value in pairs.items())

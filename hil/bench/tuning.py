@@ -1,0 +1,170 @@
+"""Gains from step responses: push each axis, take its lag and delay, reckon gains, fly again, keep what is better.
+
+The velocity and rate loops are PI by Skogestad's rule for a lag with a delay (Journal of Process Control 13, 2003:
+SIMC); what the controller waits for samples counts as delay. Closed loops of one delay, the fastest that the rule
+calls robust, and slower ones are flown, and the best is taken. The holds in front of them are P, four times as slow as
+the loop within, which makes the two together critically damped.
+"""
+
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+from hil.autonomy.allocation import pseudo_inverse
+from hil.autonomy.control import AxisGains, Gains, HoldGains
+from hil.bench.identify import Process, push
+from hil.bench.rig import CONTROL_PERIOD_S
+from hil.bench.step_response import AXES, Figures, Response, fly_step, step_size
+from hil.errors import ConfigError
+from hil.schema import parse
+from hil.slave.pilot import OTHERS
+from sim.sensors.suite import fit
+from sim.terminal_speed import reaches
+from sim.thrusters import wrench_matrix
+from sim.vehicle import Vehicle, mass_matrix
+
+LOOPS = ("surge", "sway", "heave", "roll_rate", "pitch_rate", "yaw_rate")
+_OVERSHOOT = 0.10
+_CLOSED = (1.0, 1.5, 2.2, 3.3)  # the closed loop's time constants that are tried, in delays
+_GAIN = 0.97  # what is not better by 3 % is no reason to change
+# At most this share of an axis' force, else what takes so many s to the step's speed; less s against a righting moment.
+_PUSH, _PUSH_TIME, _TILT_TIME = 0.3, 0.8, 0.3
+_RATES = (0.3, 0.3)  # rad/s of yaw or tilt, m/s of depth: where a push has said enough
+_HOLD_TOP = 0.5  # of the top speed: more than that no hold asks for
+
+Tell = Callable[[str], None]
+
+
+class Tuned(NamedTuple):
+    """One axis: what it is like, its response with the old gains and with `gains`, by their keys in [control].
+
+    `better` is False where the old gains stay, which are then `gains`, because the proposed ones did no better.
+    """
+
+    axis: str
+    process: Process
+    before: Response
+    after: Response
+    gains: dict[str, AxisGains | HoldGains]
+    better: bool
+
+
+class Tuner:
+    """Finds gains for `vehicle`, whose file is called `name` and has the `[control]` table `control`.
+
+    Raises ConfigError for a vehicle with fins or another family than the cascade.
+    """
+
+    def __init__(self, name: str, vehicle: Vehicle, control: dict[str, Any], seed: int = 1) -> None:
+        if vehicle.fins:
+            raise ConfigError(f"{name}: steers by fins, which its speed makes strong or weak; tune is for thrusters")
+        family = control.get("family", "cascade")
+        if family != "cascade":
+            raise ConfigError(f"{name}: control: family is {family!r}; only the cascade's gains can be tuned")
+        self._name, self._vehicle, self._seed = name, vehicle, seed
+        self.control = dict(control)
+        self.gains = parse(
+            {key: value for key, value in control.items() if key not in OTHERS}, Gains, f"{name}: control"
+        )
+        self._reach = reaches(vehicle, pseudo_inverse(wrench_matrix(vehicle))[0])
+        mass = mass_matrix(vehicle)
+        self._inertia = [mass[axis][axis] for axis in range(6)]
+
+    def axes(self) -> list[str]:
+        """The axes that this vehicle's thrusters drive."""
+        return [axis for axis in AXES if self._reach[AXES[axis].loop].driven]
+
+    def tune(self, axes: Sequence[str], tell: Tell = lambda text: None) -> list[Tuned]:
+        """Each of `axes` in turn, inner loops first; `control` and `gains` then hold what was found.
+
+        `tell` hears what is being done. Raises ConfigError for an axis that the thrusters do not drive.
+        """
+        for axis in axes:
+            if axis not in self.axes():
+                raise ConfigError(
+                    f"{self._name}: its thrusters do not drive {axis}; they drive: {', '.join(self.axes())}"
+                )
+        old = dict(self.control)
+        found = []
+        for axis in (axis for axis in AXES if axis in axes):
+            tell(axis)
+            found.append(self._tune_axis(axis, old))
+        return found
+
+    def _tune_axis(self, axis: str, old: dict[str, Any]) -> Tuned:
+        size = step_size(axis, self._reach[AXES[axis].loop])
+        process = self._identify(axis, size)
+        before = self._fly(axis, size, old)
+        present = self._fly(axis, size, self.control)  # inner loops may be others by now
+        kept = {key: getattr(self.gains, key) for key in self._keys(axis)}
+        best = Tuned(axis, process, before, present, kept, False)
+        least = _GAIN * _worth(present.figures())
+        for closed in _CLOSED:
+            gains = self._propose(axis, process, closed)
+            response = self._fly(axis, size, self.control | {key: row._asdict() for key, row in gains.items()})
+            if _worth(response.figures()) < least:
+                best, least = Tuned(axis, process, before, response, gains, True), _worth(response.figures())
+        self._keep(best.gains)
+        return best
+
+    def _identify(self, axis: str, size: float) -> Process:
+        loop = AXES[axis].loop
+        speed = size if axis == LOOPS[loop] or axis == "yaw" else _RATES[loop < 3]
+        inertia = self._inertia[loop]
+        time = _TILT_TIME if axis in ("roll", "pitch") else _PUSH_TIME
+        force = min(_PUSH * self._force(loop), inertia * speed / time)
+        process = push(self._name, self._vehicle, self.control, axis, force, inertia, speed)
+        if axis in ("roll", "pitch"):
+            process = process._replace(damping=0.0)  # what stops it is weight rather than drag
+        return process._replace(delay=process.delay + _waiting(loop))
+
+    def _propose(self, axis: str, process: Process, closed: float) -> dict[str, AxisGains | HoldGains]:
+        """Gains by their keys, for a closed loop of `closed` delays."""
+        loop = AXES[axis].loop
+        time = (closed + 1.0) * process.delay
+        found: dict[str, AxisGains | HoldGains] = {}
+        for key in self._keys(axis):
+            present = getattr(self.gains, key)
+            if isinstance(present, HoldGains):
+                top = _HOLD_TOP * min(self._reach[loop].speed[0], -self._reach[loop].speed[1])
+                found[key] = HoldGains(_short(min(20.0, 1.0 / (4.0 * time))), _short(min(present.limit, top)))
+            else:
+                found[key] = present._replace(**self._pi(process, time, self._force(loop) / self._inertia[loop]))
+        return found
+
+    def _pi(self, process: Process, time: float, most: float) -> dict[str, float]:
+        p = min(100.0, 1.0 / (process.slope * time))
+        i = min(100.0, p * max(process.damping, 1.0 / (4.0 * time)))
+        return {"p": _short(p), "i": _short(i), "limit": _short(min(1e3, most))}
+
+    def _keys(self, axis: str) -> list[str]:
+        """The gains that a step along `axis` shows: roll and pitch have no step of their rate alone."""
+        if axis in ("roll", "pitch"):
+            return [f"{axis}_rate", axis]
+        return [axis if axis in Gains._fields else "yaw_rate"]
+
+    def _fly(self, axis: str, size: float, control: dict[str, Any]) -> Response:
+        return fly_step(self._name, self._vehicle, control, axis, size, self._seed)
+
+    def _keep(self, gains: dict[str, AxisGains | HoldGains]) -> None:
+        self.gains = self.gains._replace(**gains)  # type: ignore[arg-type]
+        self.control |= {key: getattr(self.gains, key)._asdict() for key in gains}
+
+    def _force(self, loop: int) -> float:
+        ahead, astern = self._reach[loop].force
+        return min(ahead, -astern)
+
+
+def _waiting(loop: int) -> float:
+    """How old, s on average, is what the loop's controller acts on: half a sample and half a control period."""
+    rate = fit()["odometry" if loop < 3 else "imu"].model.rate
+    return 0.5 / float(rate) + 0.5 * CONTROL_PERIOD_S
+
+
+def _worth(figures: Figures) -> float:
+    """Less is better: the cost, twice as much for each 10 % of overshoot beyond the first."""
+    return figures.cost * float(2.0 ** (max(0.0, figures.overshoot - _OVERSHOOT) / 0.1))
+
+
+def _short(value: float) -> float:
+    """Three digits: nobody trusts more of a gain."""
+    return float(f"{value:.3g}")

@@ -1,0 +1,33 @@
+"""The picture of a tuning: each axis' step response before and after."""
+
+from collections.abc import Sequence
+
+from hil.bench.plotting import pyplot
+from hil.bench.step_response import AXES
+from hil.bench.tuning import Tuned
+from hil.errors import ConfigError
+
+
+def draw(title: str, found: Sequence[Tuned], path: str) -> None:
+    """Write the picture to `path`. Raises ConfigError, MissingExtraError."""
+    plt = pyplot()
+    columns = min(2, len(found))
+    rows = -(-len(found) // columns)
+    figure, axes = plt.subplots(rows, columns, figsize=(6.5 * columns, 2.8 * rows), layout="constrained", squeeze=False)
+    for panel in axes.flat[len(found) :]:
+        panel.set_axis_off()
+    for panel, tuned in zip(axes.flat, found, strict=False):
+        panel.axhline(tuned.before.size, color="0.6", linewidth=0.8)
+        panel.plot(tuned.before.times, tuned.before.values, label="before", color="tab:orange")
+        panel.plot(tuned.after.times, tuned.after.values, label="after", color="tab:blue")
+        panel.set_ylabel(f"{tuned.axis} ({AXES[tuned.axis].unit})")
+        panel.set_xlabel("time since the step (s)")
+        panel.grid(alpha=0.3)
+    axes.flat[0].legend()
+    figure.suptitle(title)
+    try:
+        figure.savefig(path, dpi=100)
+    except (OSError, ValueError) as error:
+        raise ConfigError(f"{path}: cannot be written: {error}") from None
+    finally:
+        plt.close(figure)

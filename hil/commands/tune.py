@@ -1,0 +1,108 @@
+"""`uuv-hil tune`: gains for a vehicle's controller, from step responses in the simulator."""
+
+import sys
+from collections.abc import Callable
+from math import isnan
+
+from hil.autonomy.control import AxisGains, HoldGains
+from hil.bench.step_response import AXES
+from hil.bench.tuning import Tuned, Tuner
+from hil.columns import aligned
+from hil.commands.parser import new_parser
+from hil.errors import ConfigError
+from hil.schema import find_preset
+from sim.vehicle import load_vehicle
+
+EXAMPLES = """\
+Each axis that the thrusters drive is pushed, its lag and delay are read from how it answers, gains are reckoned and
+flown. Where they do no better than those it has, these stay. The table tells of a step of each axis before and
+after: the size, the rise from 10 to 90 %, overshoot, settling to 5 %, and the error that stays.
+
+examples:
+  uuv-hil tune paper_six                               what better gains would be
+  uuv-hil tune paper_six --axis surge --axis heading   only these
+  uuv-hil tune mine.toml -o tuned.toml --plot steps.png
+then, in a scenario: vehicle = "tuned.toml"
+"""
+HEADER = ("axis", "step", "", "rise", "overshoot", "settling", "steady error")
+
+
+def main(arguments: list[str]) -> int:
+    """Tune; the exit code. Raises HilError."""
+    parser = new_parser("tune", __doc__, EXAMPLES)
+    parser.add_argument("vehicle", metavar="VEHICLE", help="a preset, or a .toml file")
+    parser.add_argument(
+        "--axis", action="append", choices=list(AXES), help="only this one; again for more [all its thrusters drive]"
+    )
+    parser.add_argument("--seed", type=int, default=1, metavar="N", help="of the sensors' noise [1]")
+    parser.add_argument("-o", "--output", metavar="FILE.toml", help="write the vehicle with the new gains")
+    parser.add_argument("--plot", metavar="FILE.png", help="draw the responses")
+    options = parser.parse_args(arguments)
+    _check_output(options.output)
+    vehicle, control = load_vehicle(options.vehicle)
+    tuner = Tuner(options.vehicle, vehicle, control, options.seed)
+    axes = options.axis or tuner.axes()
+    found = tuner.tune(axes, _progress(len(set(axes))))
+    print(report(found))
+    note = "Gains (hil/autonomy/control.py) found by step responses of this model: uuv-hil tune."
+    if options.output:
+        from hil.bench.tuned_file import write_tuned
+
+        write_tuned(find_preset("sim/vehicles", options.vehicle), vehicle, tuner.gains, note, options.output)
+        print(f"written: {options.output}")
+    if options.plot:
+        from hil.bench.tuning_picture import draw
+
+        draw(f"{vehicle.name}: step responses", found, options.plot)
+    return 0
+
+
+def report(found: list[Tuned]) -> str:
+    """The table before and after, the processes, and the gains."""
+    rows = [HEADER, *(row for tuned in found for row in _rows(tuned))]
+    processes: list[tuple[str, ...]] = [("axis", "slope", "damping", "delay")]
+    processes += [
+        (tuned.axis, f"{slope:.2f}", f"{damping:.2f} 1/s", f"{delay * 1e3:.0f} ms")
+        for tuned in found
+        for slope, damping, delay in (tuned.process,)
+    ]
+    gains = [f"{key} = {{ {_gain(row)} }}" for tuned in found if tuned.better for key, row in tuned.gains.items()]
+    proposal = ["[control]", *gains] if gains else ["no better gains found: it keeps those it has"]
+    return "\n".join([*aligned(rows), "", *aligned(processes), "", *proposal])
+
+
+def _gain(row: AxisGains | HoldGains) -> str:
+    return ", ".join(f"{name} = {getattr(row, name):g}" for name in ("p", "i", "limit") if name in row._fields)
+
+
+def _rows(tuned: Tuned) -> list[tuple[str, ...]]:
+    unit = AXES[tuned.axis].unit
+    lines: list[tuple[str, ...]] = []
+    for word, response in (("before", tuned.before), ("after" if tuned.better else "kept", tuned.after)):
+        figures = response.figures()
+        first = (tuned.axis, f"{response.size:.2f} {unit}") if word == "before" else ("", "")
+        rest = (_seconds(figures.rise), f"{figures.overshoot:.1%}", _seconds(figures.settling))
+        lines.append((*first, word, *rest, f"{figures.steady:+.3f} {unit}"))
+    return lines
+
+
+def _seconds(value: float) -> str:
+    return "never" if isnan(value) else f"{value:.2f} s"
+
+
+def _check_output(path: str | None) -> None:
+    if path is not None and not path.endswith(".toml"):
+        raise ConfigError(f"--output {path!r}: a vehicle's file ends in .toml")
+
+
+def _progress(count: int) -> Callable[[str], None]:
+    """Tells on a terminal which of `count` axes is being flown."""
+    done = 0
+
+    def tell(axis: str) -> None:
+        nonlocal done
+        done += 1
+        if sys.stderr.isatty():
+            print(f"\r\x1b[K{axis} ({done} of {count})", end="\r" if done == count else "", file=sys.stderr, flush=True)
+
+    return tell

@@ -1,0 +1,24 @@
+"""A vehicle's file as the model that controllers reckon with."""
+
+from hil.autonomy.control import Wrench
+from hil.autonomy.plant import Plant
+from sim.matrices import Matrix, square
+from sim.vehicle import Vehicle, displaced_volume, mass_matrix
+
+
+def plant_of(vehicle: Vehicle, density: float, gravity: float) -> Plant:
+    """The model of `vehicle`, in water of `density` kg/m³ under `gravity` m/s²; of full matrices the diagonal."""
+    return Plant(
+        inertia=_diagonal(mass_matrix(vehicle)),
+        linear_damping=_diagonal(square(vehicle.linear_damping, 6)),
+        quadratic_damping=_diagonal(square(vehicle.quadratic_damping, 6)),
+        weight=vehicle.mass * gravity,
+        buoyancy=density * displaced_volume(vehicle, density) * gravity,
+        center_of_gravity=vehicle.center_of_gravity,
+        center_of_buoyancy=vehicle.center_of_buoyancy,
+    )
+
+
+def _diagonal(matrix: Matrix) -> Wrench:
+    x, y, z, k, m, n = (matrix[axis][axis] for axis in range(6))
+    return x, y, z, k, m, n

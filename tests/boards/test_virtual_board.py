@@ -1,0 +1,100 @@
+"""The wheel on an emulated 64-bit Arm board: the same bits, the slave with its master outside."""
+
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from hil.errors import DeviceError
+from tests.processes import ROOT, free_port, wait_for
+from tools.virtual_board.board import VirtualBoard
+from tools.virtual_board.commands import TO_BUILD, missing
+
+pytestmark = [pytest.mark.aarch64, pytest.mark.skipif(bool(missing(TO_BUILD)), reason=missing(TO_BUILD))]
+
+# Dynamics, thruster lags, errors and rays, each with its C twin; every sample counts.
+FLIGHT = """
+import hashlib, platform, sys
+from sim.native import make_dynamics
+from sim.sensors.suite import read_suite
+from sim.simulation import Simulation
+from sim.vehicle import load_vehicle
+from sim.world import load_world
+vehicle, _ = load_vehicle("bluerov2_heavy")
+suite = read_suite({"laser": {"rate": "10 Hz"}, "ahrs": {}, "scanning_sonar": {}, "echosounder": {}}, "here")
+simulation = Simulation(vehicle, load_world("harbour"), suite, seed=11, position=(20.0, 0.0, 4.0), heading=0.3)
+digest = hashlib.sha256()
+for step in range(2500):
+    pulses = [1500 + (37 * step * (channel + 1)) % 500 - 250 for channel in range(len(vehicle.channels))]
+    for topic, sample in simulation.step(pulses):
+        digest.update(f"{topic} {sample!r}".encode())
+print(platform.machine(), digest.hexdigest())
+"""
+
+
+@pytest.fixture(scope="module")
+def board() -> VirtualBoard:
+    board = VirtualBoard()
+    board.build()
+    return board
+
+
+def run(command: list[str]) -> str:
+    done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, timeout=300)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_every_bit_is_that_of_this_machine(board: VirtualBoard) -> None:
+    ours = run([sys.executable, "-c", FLIGHT]).split()
+    theirs = run(board.command("-c", FLIGHT)).split()
+    assert theirs[0] == "aarch64"
+    assert theirs[1] == ours[1]
+    assert run(board.command("-c", FLIGHT, UUV_HIL_NATIVE="0")).split() == theirs, "the same without the C"
+
+
+def test_doctor_knows_where_it_is(board: VirtualBoard) -> None:
+    done = subprocess.run(board.command("-m", "hil.cli", "doctor"), capture_output=True, text=True, timeout=60)
+    assert "Traceback" not in done.stderr
+    assert "arm64 machine" in done.stdout
+    assert "C, " in next(line for line in done.stdout.splitlines() if line.split()[1] == "step")
+
+
+@pytest.fixture
+def slave(board: VirtualBoard, tmp_path: Path) -> Iterator[int]:
+    port = free_port()
+    log = tmp_path / "slave.log"
+    with log.open("w") as file:
+        words = ("-m", "hil.cli", "slave", "paper_field", "--listen", f"tcp/127.0.0.1:{port}")
+        process = subprocess.Popen(board.command(*words), stderr=file, cwd=tmp_path)
+        try:
+            assert wait_for(lambda: "ready" in log.read_text(), 60), log.read_text()
+            yield port
+        finally:
+            process.terminate()
+            assert process.wait(30) == 0, log.read_text()
+    assert "thrusters neutral" in log.read_text()
+
+
+def test_a_master_out_here_flies_the_slave_in_there(slave: int, tmp_path: Path) -> None:
+    from hil.autonomy.control import VelocityCommand
+    from hil.master.client import VehicleClient
+
+    with VehicleClient(f"tcp/127.0.0.1:{slave}", "uuv1") as client:
+        assert client.wait_for_vehicle(20)
+        assert wait_for(lambda: "ground_truth" in client.latest, 10)
+        before = client.get("ground_truth", 5.0).position[0]
+
+        def moved() -> bool:
+            client.command(VelocityCommand(surge=0.4))
+            return bool(client.get("ground_truth", 5.0).position[0] - before > 0.5)
+
+        assert wait_for(moved, 30)
+        assert wait_for(lambda: bool(client.diagnostics()), 10)
+
+
+def test_what_is_missing_is_named(tmp_path: Path) -> None:
+    with pytest.raises(DeviceError, match="virtual_board build"):
+        VirtualBoard(str(tmp_path)).command("-c", "")

@@ -1,0 +1,142 @@
+"""`uuv-hil top` beside real slaves: the table, the pace of counters, Prometheus, and who is gone."""
+
+import re
+import signal
+import urllib.error
+import urllib.request
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from boards import load_board
+from boards.tree import Tree
+from hil.clock import now_ns
+from hil.commands.top import table
+from hil.commands.top_prometheus import METRICS, exposition
+from hil.master.health_watch import HealthWatch, Status
+from hil.slave.machine_figures import machine_figures, network_bytes
+from hil.transport.roles import dial
+from tests.processes import Program, free_port, wait_for, write_scenario
+
+
+@pytest.fixture(scope="module")
+def slave(tmp_path_factory: pytest.TempPathFactory) -> Iterator[int]:
+    folder = tmp_path_factory.mktemp("top")
+    path, port = write_scenario(folder)
+    with Program(folder, "slave", path) as program:
+        program.expect("ready")
+        yield port
+
+
+def row(text: str, name: str) -> str:
+    return next(line for line in text.splitlines() if line.startswith(name))[len(name) :].strip()
+
+
+def test_one_table_of_a_real_slave(slave: int, tmp_path: Path) -> None:
+    with Program(tmp_path, "top", "--connect", f"tcp/127.0.0.1:{slave}", "--once") as top:
+        assert top.process.wait(20) == 0, top.output
+    text = top.output
+    assert row(text, "loop (Hz)") == "400"
+    assert row(text, "state") == "waiting for commands, thrusters neutral"
+    assert 0.1 < float(row(text, "CPU (of a core)").rstrip("%")) < 100.0
+    assert 5.0 < float(row(text, "memory (PSS)").split()[0]) < 60.0
+    # IMU 100, DVL 8, its twist and altitude, pressure 20, odometry and truth 20, /tf and /clock 20: about 224 a second
+    assert 150.0 < float(row(text, "samples (1/s)")) < 300.0
+    assert row(text, "link").startswith("frame /dev/pts/")
+    assert len(row(text, "late p50 / p99 / max (us)").split("/")) == 3
+
+
+def test_nobody_is_told(tmp_path: Path) -> None:
+    with Program(tmp_path, "top", "--connect", f"tcp/127.0.0.1:{free_port()}", "--once", "--wait", "0.5") as top:
+        assert top.process.wait(20) == 4, top.output
+    assert "is `uuv-hil slave` running there" in top.output
+    assert "Traceback" not in top.output
+
+
+@pytest.mark.parametrize("where", ["here", "127.0.0.1:99999"])
+def test_a_wrong_address_is_told(where: str, tmp_path: Path) -> None:
+    with Program(tmp_path, "top", "--prometheus", where) as top:
+        assert top.process.wait(20) != 0
+    assert "expected [ADDRESS:]PORT" in top.output
+
+
+def test_prometheus_of_a_real_slave_and_when_it_is_gone(tmp_path: Path) -> None:
+    path, port = write_scenario(tmp_path)
+    with Program(tmp_path, "slave", path) as vehicle:
+        vehicle.expect("ready")
+        with Program(tmp_path, "top", "--connect", f"tcp/127.0.0.1:{port}", "--prometheus", "0") as top:
+            address = top.expect(r"serving (http://127.0.0.1:\d+/metrics)").group(1)
+
+            def page() -> str:
+                with urllib.request.urlopen(address, timeout=5) as answer:
+                    assert answer.headers["Content-Type"].startswith("text/plain; version=0.0.4")
+                    return str(answer.read().decode())
+
+            assert wait_for(lambda: "uuv_hil_cpu_share{" in page(), 10), page()
+            text = page()
+            assert re.search(r'^uuv_hil_up\{node="uuv1",board="[^"]*"\} 1$', text, re.M)
+            assert re.search(r'^uuv_hil_loop_rate_hertz\{node="uuv1",board="[^"]*"\} 400$', text, re.M)
+            assert re.search(r"^uuv_hil_pss_bytes\{[^}]*\} [1-9]\d{7}", text, re.M), "some 20 MiB"
+            with pytest.raises(urllib.error.HTTPError, match="404"):
+                urllib.request.urlopen(address.replace("metrics", "other"), timeout=5)
+            vehicle.process.kill()
+            assert wait_for(lambda: re.search(r"^uuv_hil_up\{[^}]*\} 0$", page(), re.M), 10), page()
+            assert "uuv_hil_cpu_share{" not in page(), "figures of one that is gone would be lies"
+            assert top.stop(signal.SIGTERM) in (0, 130)
+    assert "Traceback" not in top.output
+
+
+def test_every_figure_of_the_table_is_told_by_a_slave(slave: int) -> None:
+    with dial(f"tcp/127.0.0.1:{slave}") as session:
+        watch = HealthWatch(session)
+        assert wait_for(lambda: [status for status in watch.statuses() if status.paces], 10)
+        (status,) = watch.statuses()
+    known = set(status.values) | set(status.paces)
+    optional = {"temperature_c", "clock_offset_ms", "clock_uncertainty_ms"}  # a sensor and a master that may not be
+    assert {figure for figure, *_ in METRICS.values()} - optional <= known
+
+
+def told(**values: str) -> Status:
+    return Status("uuv1", 0, "running", values, {}, now_ns(), True)
+
+
+def test_what_is_wrong_stands_out() -> None:
+    text = table([told(steps_skipped="3", throttled="the clock is capped")], ["uuv2"], colour=True)
+    assert "\x1b[33msteps skipped" in text
+    assert "\x1b[31mthrottled" in text
+    assert "silent: uuv2" in text
+    assert "\x1b" not in table([told(steps_skipped="3")], [])
+
+
+def test_metrics_are_in_base_units() -> None:
+    text = exposition([told(pss_mib="2", lateness_p99_us="250", temperature_c="61.5", board='a "b"')])
+    assert 'uuv_hil_pss_bytes{node="uuv1",board="a \\"b\\""} 2097152' in text
+    assert 'uuv_hil_loop_lateness_p99_seconds{node="uuv1",board="a \\"b\\""} 0.00025' in text
+    assert "# TYPE uuv_hil_temperature_celsius gauge" in text
+    assert 'uuv_hil_temperature_celsius{node="uuv1",board="a \\"b\\""} 61.5' in text
+
+
+def test_the_figures_of_a_machine(tmp_path: Path) -> None:
+    files = {
+        "proc/net/dev": "Inter-|   Receive\n face |bytes    packets\n    lo: 100 1 0 0 0 0 0 0 100 1 0 0 0 0 0 0\n"
+        "  wlan0: 5000 9 0 0 0 0 0 0 700 9 0 0 0 0 0 0\n",
+        "proc/meminfo": "MemTotal: 4000000 kB\nMemAvailable:    2048000 kB\n",
+        "sys/class/thermal/thermal_zone0/temp": "48686\n",
+        "sys/class/thermal/thermal_zone0/type": "cpu-thermal\n",
+        "sys/class/thermal/cooling_device0/type": "cpufreq-cpu0\n",
+        "sys/class/thermal/cooling_device0/cur_state": "2\n",
+        "sys/devices/system/cpu/cpu0/cpufreq/scaling_cur_freq": "1500000\n",
+    }
+    for name, text in files.items():
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text(text)
+    tree = Tree(str(tmp_path))
+    assert network_bytes(tree) == (5100, 800)
+    figures = machine_figures(tree, load_board("raspberry_pi_4b"))
+    assert figures["temperature_c"] == "48.7"
+    assert figures["throttled"] == "the clock is capped by the temperature"
+    assert (figures["cpu_mhz"], figures["memory_available_mib"]) == ("1500", "2000")
+    bare = machine_figures(Tree(str(tmp_path / "none")), None)
+    assert bare["throttled"] == ""
+    assert "temperature_c" not in bare

@@ -1,0 +1,72 @@
+"""A card computer that is not there: this project's wheel on 64-bit Arm, emulated, with this machine as its network.
+
+    python -m tools.virtual_board build
+    python -m tools.virtual_board run -- slave paper_field
+    python -m tools.virtual_board python -- -c 'import platform; print(platform.machine())'
+    python -m tools.virtual_board boot --port 7447:7447 -- 'ip link; uuv-hil doctor'
+
+`build` makes a Debian root for arm64 (debootstrap fetches and checks the packages; they are unpacked, never run as
+root), builds the wheel with a cross compiler and installs it with its dependencies' arm64 wheels.
+
+`run` and `python` execute another processor's instructions on this kernel: a program's arithmetic and packaging. They
+cannot start another arm64 program from within. `boot` emulates a whole machine: kernel, systemd, two CAN controllers on
+one bus and vcan, a network that reaches this machine. It shows that the project works there; it tells nothing about a
+board's speed: pure Python takes about 9 times as long as on this machine with `run`, 25 times with `boot`.
+
+Needs: apt install debootstrap qemu-user qemu-system-arm gcc-aarch64-linux-gnu libc6-dev-arm64-cross, and to be root.
+"""
+
+import argparse
+import os
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import NoReturn
+
+sys.path.insert(0, str(Path(__file__).parent.parent.parent))
+
+from hil.errors import DeviceError
+from tools.virtual_board.board import VirtualBoard
+from tools.virtual_board.system import Booted
+
+
+def main() -> int:
+    """Build the board, or run something on it; its exit code."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("verb", choices=("build", "run", "python", "boot"))
+    parser.add_argument("--folder", default="", help="where the board is [in the user's cache]")
+    parser.add_argument("--package", action="append", default=[], help="build: another package, such as numpy")
+    parser.add_argument("--port", action="append", default=[], metavar="HERE:THERE", help="boot: forward a TCP port")
+    parser.add_argument("arguments", nargs="*", help="after --: of uuv-hil (run), of Python, of the shell (boot)")
+    options = parser.parse_args()
+    board = VirtualBoard(options.folder)
+    try:
+        if options.verb == "build":
+            print(f"building in {board.folder}; the first time takes a minute", flush=True)
+            board.build(options.package)
+            return 0
+        if options.verb == "boot":
+            with Booted(board, " ".join(options.arguments), _ports(options.port), print) as booted:
+                return booted.wait(float("inf"))
+        words = ["-m", "hil.cli", *options.arguments] if options.verb == "run" else options.arguments
+        _become(board.command(*words))
+    except DeviceError as error:
+        print(f"virtual_board: {error}", file=sys.stderr)
+        return error.exit_code
+    except KeyboardInterrupt:
+        return 130
+
+
+def _ports(texts: list[str]) -> Mapping[int, int]:
+    try:
+        return {int(here): int(there) for here, there in (text.split(":") for text in texts)}
+    except ValueError:
+        raise DeviceError(f"--port {' '.join(texts)}: expected HERE:THERE, such as 7447:7447") from None
+
+
+def _become(command: list[str]) -> NoReturn:
+    os.execvp(command[0], command)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

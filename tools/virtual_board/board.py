@@ -1,0 +1,96 @@
+"""The board's files, and its programs run by qemu-user: another processor's instructions on this kernel."""
+
+import glob
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+
+from firmware_stub.native import cache_folder
+from hil.errors import DeviceError
+from tools.virtual_board.commands import TO_BUILD, do, missing
+
+PROJECT = Path(__file__).parent.parent.parent
+SUITE, MIRROR = "bookworm", "http://deb.debian.org/debian"
+PACKAGES = "python3,systemd-sysv,udev,kmod,iproute2,linux-image-arm64"
+MERGED = ("bin", "sbin", "lib")  # of /, which are links into /usr
+PYTHON = "usr/bin/python3.11"
+PROCESSOR = "cortex-a72"  # of a Raspberry Pi 4B; qemu's own default sends numpy the slowest way there is
+WHEELS = ("manylinux_2_28_aarch64", "manylinux2014_aarch64", "linux_aarch64")
+
+
+class VirtualBoard:
+    """The board in `folder` (by default in the user's cache): its Debian in `root`, the project in `site`."""
+
+    def __init__(self, folder: str = "") -> None:
+        self.folder = os.path.abspath(folder or os.path.join(cache_folder(), "virtual-board-arm64"))
+        self.root, self.site = os.path.join(self.folder, "root"), os.path.join(self.folder, "site")
+
+    def build(self, packages: Sequence[str] = ()) -> None:
+        """Make what is not there yet, and install the project as it is now.
+
+        `packages`: what else from PyPI, in arm64 wheels. Raises DeviceError.
+        """
+        lack = missing(TO_BUILD)
+        if lack:
+            raise DeviceError(f"no virtual board can be built here; {lack}")
+        os.makedirs(self.folder, exist_ok=True)
+        if not os.path.exists(os.path.join(self.root, PYTHON)):
+            self._make_root()
+        with tempfile.TemporaryDirectory(dir=self.folder) as scratch:
+            self._install(scratch, packages)
+
+    def command(self, *arguments: str, **environment: str) -> list[str]:
+        """The command that runs the board's Python with these arguments. Raises DeviceError if there is no board."""
+        self.require()
+        sets = [word for name, value in environment.items() for word in ("-E", f"{name}={value}")]
+        return [
+            "qemu-aarch64", "-cpu", PROCESSOR, "-L", self.root, "-E", f"PYTHONPATH={self.site}", *sets,
+            os.path.join(self.root, PYTHON),
+            "-P", *arguments,  # what is installed, not what lies in the present folder
+        ]  # fmt: skip
+
+    def require(self) -> None:
+        """Raises DeviceError if there is no board in the folder."""
+        if not os.path.exists(os.path.join(self.root, PYTHON)) or not os.path.isdir(self.site):
+            raise DeviceError(f"{self.folder}: no virtual board; python -m tools.virtual_board build")
+
+    def _make_root(self) -> None:
+        with tempfile.TemporaryDirectory(dir=self.folder) as scratch:
+            fetched, unpacked = os.path.join(scratch, "fetched"), os.path.join(scratch, "root")
+            # Its second stage, under emulation, takes longer than all the rest; nothing of it is needed here.
+            do("debootstrap", "--download-only", "--arch=arm64", "--variant=minbase", f"--include={PACKAGES}", SUITE,
+               fetched, MIRROR)  # fmt: skip
+            for name in MERGED:
+                os.makedirs(os.path.join(unpacked, "usr", name))
+                os.symlink(f"usr/{name}", os.path.join(unpacked, name))
+            for package in sorted(glob.glob(os.path.join(fetched, "var/cache/apt/archives/*.deb"))):
+                _unpack(package, unpacked)
+            os.rename(unpacked, self.root)
+
+    def _install(self, scratch: str, packages: Sequence[str]) -> None:
+        cross = {"CC": "aarch64-linux-gnu-gcc", "_PYTHON_HOST_PLATFORM": "linux-aarch64", "UUV_HIL_NATIVE": "1"}
+        pip = (sys.executable, "-m", "pip", "--quiet", "--disable-pip-version-check")
+        do(*pip, "wheel", "--no-deps", "--no-build-isolation", "-w", scratch, str(PROJECT), environment=cross)
+        (wheel,) = glob.glob(os.path.join(scratch, "*.whl"))
+        site = os.path.join(scratch, "site")
+        platforms = [word for name in WHEELS for word in ("--platform", name)]
+        do(*pip, "install", "--target", site, *platforms, "--python-version", "3.11", "--implementation", "cp", "--abi",
+           "cp311", "--abi", "abi3", "--abi", "none", "--only-binary=:all:", wheel, *packages)  # fmt: skip
+        shutil.rmtree(self.site, ignore_errors=True)
+        os.rename(site, self.site)
+        do(*self.command("-m", "compileall", "-q", self.site))
+
+
+def _unpack(package: str, folder: str) -> None:
+    """A package's files. Not dpkg-deb -x: it would put folders in the place of the links /bin, /lib, /sbin."""
+    with subprocess.Popen(["dpkg-deb", "--fsys-tarfile", package], stdout=subprocess.PIPE) as archive:
+        done = subprocess.run(
+            ["tar", "-x", "--keep-directory-symlink", "-C", folder],
+            stdin=archive.stdout, capture_output=True, text=True, check=False,
+        )  # fmt: skip
+    if done.returncode or archive.returncode:
+        raise DeviceError(f"{package}: cannot be unpacked: {done.stderr.strip() or 'damaged'}")

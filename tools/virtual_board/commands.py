@@ -1,0 +1,34 @@
+"""Programs of this machine that the virtual board is made with."""
+
+import os
+import shutil
+import subprocess
+from collections.abc import Mapping
+
+from hil.errors import DeviceError
+
+# program -> the package that has it
+TO_BUILD = {
+    "debootstrap": "debootstrap",
+    "dpkg-deb": "dpkg",
+    "qemu-aarch64": "qemu-user",
+    "aarch64-linux-gnu-gcc": "gcc-aarch64-linux-gnu libc6-dev-arm64-cross",
+}
+TO_BOOT = TO_BUILD | {"qemu-system-aarch64": "qemu-system-arm"}
+
+
+def missing(programs: Mapping[str, str]) -> str:
+    """What this machine lacks, as a command that mends it; "" if nothing."""
+    packages = [package for program, package in programs.items() if not shutil.which(program)]
+    if packages:
+        return f"apt install {' '.join(packages)}"
+    return "" if os.geteuid() == 0 else "be root: debootstrap asks for it"
+
+
+def do(*command: str, environment: Mapping[str, str] | None = None) -> None:
+    """Run a command to its end. Raises DeviceError, with the last line it said, when it fails."""
+    more = {**os.environ, **(environment or {})}
+    done = subprocess.run(command, capture_output=True, text=True, check=False, env=more)
+    if done.returncode:
+        last = (done.stderr.strip() or done.stdout.strip() or "no message").splitlines()[-1]
+        raise DeviceError(f"{command[0]}: ended with {done.returncode}: {last}")

@@ -1,0 +1,115 @@
+"""The whole board in emulation: its own kernel, systemd, CAN interfaces and network, for a job."""
+
+import os
+import secrets
+import shutil
+import signal
+import subprocess
+import tempfile
+import threading
+import time
+from collections.abc import Callable, Mapping
+from typing import Self
+
+from hil.errors import DeviceError
+from tools.virtual_board.board import PROCESSOR, VirtualBoard
+from tools.virtual_board.commands import TO_BOOT, missing
+from tools.virtual_board.image import kernel, write_image, write_job
+
+MEMORY = "2G"
+PATIENCE_S = 300.0
+
+
+class Booted:
+    """The board, booted, with a job: a script of its shell. Use as a context, which ends it.
+
+    `ports`: of this machine (localhost) -> of the board. What the job prints is in `output`; `tell` gets each line.
+    Raises DeviceError when this machine cannot emulate it, or there is no board.
+    """
+
+    def __init__(
+        self,
+        board: VirtualBoard,
+        job: str,
+        ports: Mapping[int, int] | None = None,
+        tell: Callable[[str], None] | None = None,
+    ) -> None:
+        lack = missing(TO_BOOT)
+        if lack:
+            raise DeviceError(f"no virtual board can be booted here; {lack}")
+        board.require()
+        self._mark = secrets.token_hex(8)
+        self._tell = tell
+        self._folder = tempfile.mkdtemp(prefix="uuv-hil-board-")
+        self._images = [os.path.join(self._folder, name) for name in ("system", "job")]
+        write_image(board, self._images[0])
+        write_job(_script(job, self._mark), self._images[1])
+        whole = os.path.join(self._folder, "whole")
+        with open(whole, "wb") as file:
+            for path in self._images:
+                with open(path, "rb") as part:
+                    shutil.copyfileobj(part, file)
+        forwards = "".join(f",hostfwd=tcp:127.0.0.1:{here}-:{there}" for here, there in (ports or {}).items())
+        command = [
+            "qemu-system-aarch64", "-M", "virt", "-cpu", PROCESSOR, "-smp", "2", "-m", MEMORY, "-nographic",
+            "-no-reboot", "-kernel", kernel(board), "-initrd", whole,
+            "-append", "console=ttyAMA0 rdinit=/init quiet systemd.show_status=0",
+            "-netdev", f"user,id=net{forwards}", "-device", "virtio-net-pci,netdev=net,romfile=",
+            "-object", "can-bus,id=bus", "-device", "kvaser_pci,canbus=bus", "-device", "kvaser_pci,canbus=bus",
+        ]  # fmt: skip
+        self._lines: list[str] = []
+        self.status: int | None = None
+        self._process = subprocess.Popen(
+            command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, start_new_session=True
+        )
+        self._reader = threading.Thread(target=self._read, daemon=True)
+        self._reader.start()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._process.poll() is None:
+            self._process.send_signal(signal.SIGKILL)
+        self._process.wait()
+        self._reader.join(5.0)
+        shutil.rmtree(self._folder, ignore_errors=True)
+
+    @property
+    def output(self) -> str:
+        """What the job has printed so far."""
+        return "\n".join(self._lines)
+
+    def wait(self, seconds: float = PATIENCE_S) -> int:
+        """The job's exit status, when it has ended and the board is off. Raises DeviceError if it takes longer."""
+        end = time.monotonic() + seconds
+        while self._process.poll() is None and time.monotonic() < end:
+            time.sleep(0.1)
+        self._reader.join(1.0)
+        if self.status is None:
+            raise DeviceError(f"the board did not end its job within {seconds:g} s; it had printed:\n{self.output}")
+        return self.status
+
+    def _read(self) -> None:
+        assert self._process.stdout
+        begun = False
+        for line in self._process.stdout:
+            text = line.decode("utf-8", "replace").rstrip()
+            before, mark, rest = text.partition(self._mark)
+            if mark and rest.strip() == "begin":
+                begun = True
+            elif mark:
+                self.status, begun = int(rest), False
+            elif begun:
+                self._lines.append(text)
+                if self._tell:
+                    self._tell(text)
+            if mark and before:
+                self._lines.append(before)
+
+
+def _script(job: str, mark: str) -> str:
+    """The job, between marks; then the board is switched off."""
+    return (
+        f"#!/bin/sh\necho {mark} begin\n(\n{job}\n) 2>&1\necho {mark} $?\nsync\necho o >/proc/sysrq-trigger\nsleep 30\n"
+    )
