@@ -12,6 +12,7 @@ A family of a user's own is `family = "module:Class"`: a class that is made with
 """
 
 from importlib import import_module
+from math import isfinite, nan
 from typing import Any, Protocol
 
 from hil.autonomy.control import NO_RESIDUAL, Gains, Navigation, VelocityCommand, Wrench
@@ -56,8 +57,7 @@ def make_controller(family: Any, control: dict[str, Any], gains: Gains, plant: P
         raise ConfigError(f"{where}: family: expected text, found {family!r}")
     if ":" in family:
         own = {**_table(control, "options", where), "class": family, "plant": plant, "gains": gains}
-        made: Controller = load_class(own, Controller, where)
-        return made
+        return _Checked(load_class(own, Controller, where), family)
     if family not in FAMILIES:
         words = ["cascade", *FAMILIES]
         raise ConfigError(
@@ -69,6 +69,27 @@ def make_controller(family: Any, control: dict[str, Any], gains: Gains, plant: P
     settings = parse(_table(control, family, where), kind.Settings, f"{where}.{family}")
     controller: Controller = kind(plant, gains, settings)
     return controller
+
+
+class _Checked:
+    """A controller of a user's own, whose numbers are looked at before they become pulses."""
+
+    def __init__(self, controller: Controller, name: str) -> None:
+        self._controller, self._name = controller, name
+        self.reset = controller.reset
+
+    def update(
+        self, command: VelocityCommand, navigation: Navigation, dt: float, residual: Wrench = NO_RESIDUAL
+    ) -> Wrench:
+        """What the controller says. Raises ConfigError if that is not six finite numbers."""
+        wrench = self._controller.update(command, navigation, dt, residual)
+        try:
+            x, y, z, k, m, n = map(float, wrench)
+        except (TypeError, ValueError):
+            x = y = z = k = m = n = nan
+        if not isfinite(x + y + z + k + m + n):
+            raise ConfigError(f"{self._name}: update gave {wrench!r}: six finite numbers are needed, N and N m")
+        return x, y, z, k, m, n
 
 
 def _table(control: dict[str, Any], key: str, where: str) -> dict[str, Any]:

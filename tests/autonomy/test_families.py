@@ -274,7 +274,7 @@ class Bang:
 
     def update(self, command, navigation, dt, residual=(0.0,) * 6):
         side = 1.0 if command.surge > navigation.velocity[0] else -1.0
-        return (side * self.force, 0.0, 0.0, 0.0, 0.0, 0.0)
+        return (self.force if side > 0.0 else -self.force, 0.0, 0.0, 0.0, 0.0, 0.0)
 """
 
 
@@ -287,3 +287,7 @@ def test_a_law_of_the_users_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     assert law.update(VelocityCommand(surge=0.5), AT_REST, DT)[0] == 7.0
     with pytest.raises(ConfigError, match="does not take these keys"):
         make_controller("my_bang_law:Bang", {"options": {"farce": 7.0}}, Gains(), HEAVY, "v.toml: control")
+    for force in (float("nan"), "much"):
+        law = make_controller("my_bang_law:Bang", {"options": {"force": force}}, Gains(), HEAVY, "v.toml: control")
+        with pytest.raises(ConfigError, match="my_bang_law:Bang: update gave .* six finite numbers"):
+            law.update(VelocityCommand(surge=0.5), AT_REST, DT)
