@@ -6,6 +6,9 @@ The world is 512 m x 512 m of rough seabed in cells of 1 m, with three spheres, 
 sensors are 5 m above the seabed. Embree, where `embreex` and `trimesh` are installed, gets the same seabed as 522 242
 triangles and the solids as meshes; it computes in 32-bit floats. C and Embree run in turn; a figure is the processor
 time of the best round, as other processes can only add. Ratios are what to compare: times depend on the machine.
+
+After the rays come whole sensors: what one sample costs with the rays in C, which share of that is rays, and how many
+times the whole sample, and our rays with their normals, take what Embree takes for the distances of the same rays.
 """
 
 import argparse
@@ -20,11 +23,19 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).parent.parent))
 
+from sim.dynamics import State
 from sim.obstacles import Box, Cylinder
-from sim.rays.scene import Engine, RayScene
-from sim.rays.solids import sphere
+from sim.rays.scene import ALONG_AXES, Engine, Hits, RayScene
+from sim.rays.solids import half_space, sphere
 from sim.relief import Fractal
+from sim.sensors.camera import Camera, CameraModel
+from sim.sensors.forward_sonar import ForwardSonar, ForwardSonarModel
+from sim.sensors.mounting import Mounting
+from sim.sensors.samples import Scene, Sensor
+from sim.sensors.side_scan import SideScan, SideScanModel
+from sim.simulation import Simulation
 from sim.terrain import Terrain, covering
+from sim.vehicle import load_vehicle
 from sim.world import World
 
 EXTENT = (0.0, 511.0, 0.0, 511.0)
@@ -183,6 +194,49 @@ def figures(rays: Rays, rounds: int, engines: dict[str, Prepare], origin: Place)
     return line
 
 
+def whole_sensors() -> Iterator[tuple[str, Callable[[Scene], Sensor]]]:
+    """Name and maker of each sensor that makes images."""
+    down = Mounting(orientation=(0.0, -radians(10.0), 0.0))
+    camera = Mounting(orientation=(0.0, -radians(35.0), 0.0))
+    yield "forward-looking sonar, 512 beams", lambda scene: ForwardSonar(ForwardSonarModel(), down, 1, scene)
+    yield "side-scan sonar, 2 x 1000 bins", lambda scene: SideScan(SideScanModel(), Mounting(), 1, scene)
+    yield "camera with depth, 320 x 240", lambda scene: Camera(CameraModel(), camera, 1, scene)
+
+
+class RecordedScene(RayScene):
+    """Remembers the last rays."""
+
+    last: tuple[Any, float, Sequence[float]]
+
+    def hits(
+        self, origin: Sequence[float], directions: Any, reach: float, rotation: Sequence[float] = ALONG_AXES
+    ) -> Hits:
+        """As any other."""
+        self.last = directions, reach, rotation
+        return super().hits(origin, directions, reach, rotation)
+
+
+def sensor_figures(name: str, make: Callable[[Scene], Sensor], world: World, rounds: int, peer: Prepare | None) -> str:
+    """One line of the table of whole sensors."""
+    import numpy as np
+
+    place = (*PLACE, world.seabed(*PLACE) - ALTITUDE)
+    sensor = make(Simulation(load_vehicle("bluerov2_heavy")[0], world, {}, position=place))
+    maker = getattr(sensor, "_pinger", None) or getattr(sensor, "_eye")  # noqa: B009 - not of the Sensor protocol
+    scene = maker._rays = RecordedScene(world, "C")
+    scene.add(half_space((0.0, 0.0, 1.0), 0.0))
+    state = State(place)
+    sensor.sample(0, state)
+    directions, reach, rotation = scene.last
+    turned = directions @ np.array(rotation).reshape(3, 3).T
+    casts: list[Cast] = [lambda: (sensor.sample(0, state), [])[1], lambda: scene.hits(place, *scene.last).distances]
+    if peer:
+        casts.append(peer(place, (array("d", turned.ravel().tolist()), reach)))
+    took = race(casts, rounds)
+    line = f"{name:38}{len(directions):7}{took[0] * 1e-3:9.2f}{took[1] / took[0]:9.0%}"
+    return line + (f"{took[0] / took[2]:9.2f}{took[1] / took[2]:9.2f}" if peer else "")
+
+
 def main() -> int:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -201,6 +255,9 @@ def main() -> int:
     )
     for name, rays in cases():
         print(f"{name:38}{figures(rays, rounds, engines, (*PLACE, world.seabed(*PLACE) - ALTITUDE))}")
+    print(f"\n{'ms a sample, all of it':38}   rays       ms     rays  /Embree rays/Embree")
+    for name, make in whole_sensors():
+        print(sensor_figures(name, make, world, rounds, engines.get("Embree")))
     return 0
 
 

@@ -6,6 +6,9 @@ latency = "5 ms"
 
 [sensors.gps]                  # one that is not usual, as it is
 
+[sensors.forward_sonar]
+device = "oculus_m750d"        # values of sim/sensors/devices/oculus_m750d.toml, but for those that are given here
+
 [sensors.dvl]
 rate = 0                       # none
 """
@@ -14,8 +17,9 @@ from collections.abc import Iterator, Mapping
 from importlib import import_module
 from typing import Any, NamedTuple
 
-from hil.errors import ConfigError
-from hil.schema import nearest, parse
+from hil.errors import ConfigError, MissingExtraError
+from hil.schema import find_preset, nearest, parse
+from hil.tables import read_table
 from sim.sensors.error import sensor_random
 from sim.sensors.mounting import Mounting
 from sim.sensors.samples import Sample, Scene, Sensor, period_ns
@@ -41,7 +45,11 @@ SENSORS = {
     "profiler": "sim.sensors.profiler:Profiler",
     "scanning_sonar": "sim.sensors.scanning_sonar:ScanningSonar",
     "echosounder": "sim.sensors.echosounder:Echosounder",
+    "camera": "sim.sensors.camera:Camera",
+    "forward_sonar": "sim.sensors.forward_sonar:ForwardSonar",
+    "side_scan": "sim.sensors.side_scan:SideScan",
 }
+DEVICES = "sim/sensors/devices"
 USUAL = ("imu", "dvl", "pressure", "odometry", "ground_truth")
 
 
@@ -51,6 +59,11 @@ class Fitted(NamedTuple):
     sensor: type[Sensor]
     model: Any
     mounting: Mounting = Mounting()
+
+    @property
+    def heavy(self) -> bool:
+        """True if it makes pictures: too slow for the loop of a slave."""
+        return bool(getattr(self.sensor, "heavy", False))
 
 
 Suite = Mapping[str, Fitted]  # by the sensor's name
@@ -86,7 +99,7 @@ class Schedule:
     """
 
     def __init__(self, suite: Suite, scene: Scene, seed: int, dt_ns: int) -> None:
-        self._slots = [_Slot(name, fitted, scene, seed, dt_ns) for name, fitted in suite.items()]
+        self._slots = [Slot(name, fitted, scene, seed, dt_ns) for name, fitted in suite.items()]
         self._under_way: list[tuple[int, int, str, Sample]] = []  # arrival, number, topic, sample
         self._number = 0
         self.due_ns = 0  # nothing happens before
@@ -125,7 +138,7 @@ def _arrival(waiting: tuple[int, int, str, Sample]) -> tuple[int, int]:
     return waiting[:2]
 
 
-class _Slot:
+class Slot:
     """One sensor, when it is due next, and what becomes of its samples."""
 
     __slots__ = ("_drop_out", "_latency_ns", "_luck", "due_ns", "period_ns", "sensor", "topic")
@@ -134,6 +147,8 @@ class _Slot:
         self.period_ns = period_ns(fitted.model.rate)
         if self.period_ns < dt_ns:
             raise ConfigError(f"sensor {name!r}: its rate is above {1e9 / dt_ns:g} Hz, the rate of the simulation")
+        if fitted.heavy:
+            _require_numpy(name)
         self.sensor = fitted.sensor(fitted.model, fitted.mounting, seed, scene)
         self.topic = fitted.sensor.topic
         self.due_ns = self.period_ns
@@ -151,7 +166,16 @@ class _Slot:
         return self._luck is not None and self._luck.random() < self._drop_out
 
 
+def _require_numpy(name: str) -> None:
+    from importlib.util import find_spec  # most vehicles see nothing
+
+    if find_spec("numpy") is None:
+        raise MissingExtraError(f"sensor {name!r} makes pictures, which needs numpy: pip install 'uuv-hil[imaging]'")
+
+
 def _read_sensor(name: str, section: dict[str, Any], where: str) -> Fitted:
+    if "device" in section:
+        section = _with_device(name, section, where)
     sensor = _load(name)
     common, own = Mounting._fields, sensor.Model._fields
     for key in section:
@@ -160,6 +184,16 @@ def _read_sensor(name: str, section: dict[str, Any], where: str) -> Fitted:
     sits = {key: value for key, value in section.items() if key in common}
     rest = {key: value for key, value in section.items() if key not in common}
     return Fitted(sensor, parse(rest, sensor.Model, where), parse(sits, Mounting, where))
+
+
+def _with_device(name: str, section: dict[str, Any], where: str) -> dict[str, Any]:
+    """The section with what its `device` says, but for the keys it has itself."""
+    path = find_preset(DEVICES, str(section["device"]))
+    device = read_table(path)
+    if device.pop("sensor", None) != name:
+        raise ConfigError(f"{where}: device: {path} is no {name}; its key `sensor` says what it is")
+    device.pop("source", None)
+    return device | {key: value for key, value in section.items() if key != "device"}
 
 
 def _load(name: str) -> type[Sensor]:

@@ -1,0 +1,60 @@
+"""Where the pictures are taken, and what every entry of the gallery is made of."""
+
+from collections.abc import Callable
+from math import radians
+from typing import Any, NamedTuple
+
+from matplotlib.figure import Figure
+
+from sim.dynamics import State
+from sim.obstacles import Box, Cylinder
+from sim.rotations import from_euler
+from sim.simulation import Simulation
+from sim.vehicle import load_vehicle
+from sim.world import World, load_world
+
+VEHICLE, _ = load_vehicle("bluerov2_heavy")
+INK, SOFT, MARK = "#1f2937", "#94a3b8", "#b45309"
+ECHO = "copper"  # colour map of echo strength
+SEED = 1
+
+
+class Entry(NamedTuple):
+    """A sensor of the gallery: its name in a scenario, and the pictures; each one's docstring is what is under it."""
+
+    sensor: str
+    title: str
+    pictures: tuple[Callable[[Figure], None], ...]
+    size: tuple[float, float] = (8.0, 4.0)  # of the first; the others are as high as `heights` says
+    heights: tuple[float, ...] = ()
+
+
+def harbour() -> World:
+    """The preset: a basin with quays and piers on piles."""
+    return load_world("harbour")
+
+
+def rough_ground() -> World:
+    """The fractal preset with a wall, a block and a bollard that lie on it."""
+    world = load_world("fractal")
+    wall = Box(-12.0, -26.0, 10.0, 1.5, 0.25, top=world.seabed(-12.0, -26.0) - 2.0)
+    block = Box(8.0, 24.0, 4.0, 7.0, 0.5, top=world.seabed(8.0, 24.0) - 2.5)
+    bollard = Cylinder(14.0, -18.0, 1.0, top=world.seabed(14.0, -18.0) - 4.0)
+    return world._replace(box=(wall, block), cylinder=(bollard,))
+
+
+def looking(world: World) -> Simulation:
+    """Something to look at; the sensors are asked one by one."""
+    return Simulation(VEHICLE, world, {}, position=(30.0, 0.0, 2.0), seed=SEED)
+
+
+def at(north: float, east: float, depth: float, heading: float = 0.0, pitch: float = 0.0) -> State:
+    """At rest at a place (m), bow to `heading`, raised by `pitch` (deg)."""
+    return State((north, east, depth), from_euler(0.0, radians(pitch), radians(heading)))
+
+
+def ahead_up(axes: Any, reach: float) -> None:
+    """Metres, the bow up and starboard to the right, the vehicle in the middle."""
+    axes.set(aspect="equal", xlim=(-reach, reach), ylim=(-reach, reach))
+    axes.set(xlabel="to starboard, m", ylabel="ahead, m")
+    axes.plot(0.0, 0.0, "^", color=MARK, markersize=7)
