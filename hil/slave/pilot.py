@@ -1,11 +1,13 @@
-"""The vehicle's own computer: velocity command and sensors in, thruster command out."""
+"""The vehicle's own computer: commands and sensors in, thruster commands out."""
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from hil.autonomy.allocation import Allocator
-from hil.autonomy.control import NO_RESIDUAL, CascadedController, Gains, Navigation, VelocityCommand
+from hil.autonomy.control import NO_RESIDUAL, CascadedController, Gains, Navigation, VelocityCommand, Wrench
 from hil.clock import seconds_ns
 from hil.config import Scenario
+from hil.errors import ConfigError
 from hil.links.contract import PWM_NEUTRAL_US, ThrusterCommand
 from hil.schema import parse
 from sim.rotations import multiply, rotate
@@ -15,28 +17,45 @@ from sim.vehicle import Vehicle, mass_matrix
 from sim.world import World
 
 if TYPE_CHECKING:
+    from hil.autonomy.families import Controller
     from hil.autonomy.fin_control import FinAllocator
+    from hil.slave.inbox import Command
 
 # An isothermal column of water: pressure to depth with the vehicle's own constants, as a real pilot has.
 ATMOSPHERE_PA = 101_325.0
+# What stands in [control] besides the gains of the cascade: other families, each with a table of its name.
+OTHERS = ("family", "fins", "options", "sliding_mode", "restoring_pd")
 
 
 def build_pilot(scenario: Scenario, vehicle: Vehicle, control: dict[str, Any], world: World) -> "Pilot":
     """The pilot of a scenario; `control` is the vehicle file's [control] table. Raises ConfigError."""
     where = f"{scenario.vehicle}: control"
-    gains = parse({key: value for key, value in control.items() if key != "fins"}, Gains, where)
+    gains = parse({key: value for key, value in control.items() if key not in OTHERS}, Gains, where)
     imu = scenario.sensors["imu"].mounting
     pilot = Pilot(vehicle, gains, world.density * world.gravity, seconds_ns(scenario.slave.deadman), imu)
     if vehicle.fins:
         pilot.steer_by_fins(gains, control.get("fins", {}), f"{where}.fins", world.density)
+    if control.get("family", "cascade") != "cascade":
+        pilot.controller = _other_family(vehicle, control, gains, world, where)
     return pilot
+
+
+def _other_family(vehicle: Vehicle, control: dict[str, Any], gains: Gains, world: World, where: str) -> "Controller":
+    from hil.autonomy.families import make_controller
+    from hil.slave.plant import plant_of
+
+    family = control["family"]
+    if vehicle.fins:
+        raise ConfigError(f"{where}: family: a vehicle with fins is steered by the cascade, not by {family!r}")
+    return make_controller(family, control, gains, plant_of(vehicle, world.density, world.gravity), where)
 
 
 class Pilot:
     """Controller, allocation and thruster curves of one vehicle, with the deadman in front.
 
-    Feedback comes from the sensors only: attitude and rates from "imu", whose mounting it knows, velocity from
-    "odom", depth from "pressure", each held until its next sample. A buoyancy engine is left neutral, weights aboard.
+    Feedback comes from the sensors only: attitude and rates from "imu", whose mounting it knows, position and velocity
+    from "odom", depth from "pressure", each held until its next sample. A buoyancy engine is left neutral, weights
+    aboard.
     """
 
     def __init__(
@@ -50,7 +69,7 @@ class Pilot:
         mass = mass_matrix(vehicle)
         x, y, z, k, m, n = (mass[axis][axis] for axis in range(6))
         self._inertia = x, y, z, k, m, n
-        self._controller = CascadedController(gains, self._inertia)
+        self.controller: Controller = CascadedController(gains, self._inertia)
         self._thrusters = vehicle.thrusters
         self._allocator = Allocator(
             wrench_matrix(vehicle, torque=False),  # which the roll loop meets, not a trade of thrust against roll
@@ -63,10 +82,11 @@ class Pilot:
         self._water_weight = water_weight  # density times gravity, N/m3
         self._deadman_ns = deadman_ns
         self._imu_turn = imu.quaternion if imu.turned else None
-        self._command = VelocityCommand()
+        self._command: Command = VelocityCommand()
         self._commanded_ns = 0
         self._residual = NO_RESIDUAL
-        self._navigation = Navigation((1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0)
+        self.navigation = Navigation((1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0)
+        self.position: Sequence[float] = (0.0, 0.0, 0.0)
         self._sequence = 0
         self.active = False
         self.deadman_trips = 0
@@ -77,7 +97,7 @@ class Pilot:
         from sim.surfaces import fin_matrix
 
         fins = parse(table, FinGains, where)
-        self._controller = FinController(gains, fins, self._inertia)
+        self.controller = FinController(gains, fins, self._inertia)
         limits = [fin.max_deflection for fin in self._fins]
         self._fin_allocator = FinAllocator(fin_matrix(self._fins, density), limits, fins.least_speed)
 
@@ -88,20 +108,20 @@ class Pilot:
             if self._imu_turn:
                 w, x, y, z = self._imu_turn
                 attitude, rate = multiply(attitude, (w, -x, -y, -z)), rotate(self._imu_turn, rate)
-            self._navigation = self._navigation._replace(orientation=attitude, angular_velocity=rate)
+            self.navigation = self.navigation._replace(orientation=attitude, angular_velocity=rate)
         elif topic == "odom":
-            self._navigation = self._navigation._replace(velocity=sample.nu[:3])
+            self.navigation = self.navigation._replace(velocity=sample.nu[:3])
+            self.position = sample.position
         elif topic == "pressure":
             depth = (sample.pascal - ATMOSPHERE_PA) / self._water_weight
-            self._navigation = self._navigation._replace(depth=depth)
+            self.navigation = self.navigation._replace(depth=depth)
 
-    def command(self, command: VelocityCommand, now: int) -> None:
+    def command(self, command: "Command", now: int) -> None:
         """A new command came at `now` (monotonic ns)."""
         self._command = command
         self._commanded_ns = now
         if not self.active:
-            self._controller.reset()
-            self._residual = NO_RESIDUAL
+            self.reset()
             self.active = True
 
     def update(self, now: int, dt: float) -> tuple[ThrusterCommand, bool]:
@@ -113,13 +133,31 @@ class Pilot:
         sequence = self.next_sequence()
         if not self.active:
             return ThrusterCommand(sequence, False, self._neutral), tripped
-        wrench = self._controller.update(self._command, self._navigation, dt, self._residual)
-        thrusts, self._residual = self._allocator.allocate(wrench)
-        pwm = tuple(map(pwm_for, self._thrusters, thrusts))
-        if self._fin_allocator is not None:
-            angles, self._residual = self._fin_allocator.allocate(self._residual, self._navigation.velocity[0])
-            pwm += tuple([fin.pulse(angle) for fin, angle in zip(self._fins, angles, strict=True)])
+        command = self._command
+        pwm = self.push(self.steer(command, dt)) if isinstance(command, VelocityCommand) else command.drive(self, dt)
         return ThrusterCommand(sequence, True, pwm + self._neutral[len(pwm) :]), False
+
+    def steer(self, command: VelocityCommand, dt: float) -> Wrench:
+        """The wrench (N, N m, along FRD) that makes the vehicle move so, for the next `dt` seconds."""
+        return self.controller.update(command, self.navigation, dt, self._residual)
+
+    def push(self, wrench: Wrench) -> tuple[int, ...]:
+        """The pulses (us) of thrusters and fins that push the vehicle so, or as nearly so as they can."""
+        thrusts, self._residual = self._allocator.allocate(wrench)
+        pwm = self.pulses(thrusts)
+        if self._fin_allocator is not None:
+            angles, self._residual = self._fin_allocator.allocate(self._residual, self.navigation.velocity[0])
+            pwm += tuple([fin.pulse(angle) for fin, angle in zip(self._fins, angles, strict=True)])
+        return pwm
+
+    def pulses(self, thrusts: Sequence[float]) -> tuple[int, ...]:
+        """The pulses (us) with which the thrusters give these thrusts (N), each within its limits."""
+        return tuple(map(pwm_for, self._thrusters, thrusts))
+
+    def reset(self) -> None:
+        """Let the controller begin anew."""
+        self.controller.reset()
+        self._residual = NO_RESIDUAL
 
     def next_sequence(self) -> int:
         """The number of the next command on the thruster link."""

@@ -1,0 +1,36 @@
+"""The position loop: from where a vehicle should be to the velocity that leads it there.
+
+It is the outermost loop of the cascade, P with a limit on speed; the velocity loop within holds speed over ground, so
+that a current leaves no error. For vehicles that can move sideways and stop: one with fins needs a way to follow.
+"""
+
+from collections.abc import Sequence
+from math import cos, hypot, sin
+
+from hil.autonomy.control import HoldGains, VelocityCommand
+
+# Slow enough for the velocity loops (about 4 1/s) not to overshoot, and for vehicles that tip when fast.
+POSITION = HoldGains(p=0.5, limit=0.5)
+
+
+def approach(
+    target: Sequence[float],
+    heading: float,
+    position: Sequence[float],
+    own_heading: float,
+    gains: HoldGains = POSITION,
+) -> VelocityCommand:
+    """The command that leads a vehicle at `position` (m, NED) straight to `target` (m, NED) and keeps it there.
+
+    `heading` (rad from north, clockwise) is what it turns to meanwhile, `own_heading` what it has now; the level speed
+    is `gains.p` times the distance and at most `gains.limit` m/s. Roll and pitch are not modelled.
+    """
+    north, east = target[0] - position[0], target[1] - position[1]
+    distance = hypot(north, east)
+    share = min(gains.p, gains.limit / distance) if distance else 0.0
+    return VelocityCommand(
+        surge=share * (north * cos(own_heading) + east * sin(own_heading)),
+        sway=share * (east * cos(own_heading) - north * sin(own_heading)),
+        depth=target[2],
+        heading=heading,
+    )

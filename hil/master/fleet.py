@@ -1,0 +1,187 @@
+"""All vehicles that answer at some endpoints, found by themselves."""
+
+import atexit
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import suppress
+from typing import Literal, Self
+
+from hil.errors import NetworkError
+from hil.master.vehicle_handle import Vehicle
+from hil.schema import nearest
+from hil.transport.presence import watch_presence
+from hil.transport.roles import dial
+from hil.transport.security import Security
+from hil.transport.session import Session
+from hil.transport.settings import Network
+from hil.transport.tokens import Presence
+
+EVERYWHERE = "lan"
+
+How = tuple[Literal["master", "observer"], int, Network, Security | None]  # part, rank, and what vehicles need of these
+
+
+def connect(*endpoints: str, take_over: bool, observe: bool, routed: bool, keys: str, wait: float) -> "Fleet":
+    """See `hil.connect`."""
+    if not endpoints:
+        raise NetworkError('connect to whom? Give an endpoint, "tcp/HOST:PORT", or "lan"')
+    found = [
+        place for endpoint in endpoints for place in (_look_around(wait) if endpoint == EVERYWHERE else [endpoint])
+    ]
+    security = Security(slave="", master=keys, may_command=()) if keys else None
+    network = Network(mode="routed", router=found[0]) if routed else Network()
+    session = dial(*found, network=network, security=security)
+    how: How = ("observer" if observe else "master", int(take_over), network, security)
+    return Fleet(session, tuple(found), how, wait)
+
+
+def _look_around(seconds: float) -> list[str]:
+    from hil.transport.discovery import find  # most know where their vehicles are
+
+    found = find(seconds)
+    if not found:
+        raise NetworkError(
+            f"nobody answered by multicast within {seconds:g} s; the slave's scenario needs discovery = true in its "
+            "[network] section and an address of this network in listen; an endpoint, tcp/ADDRESS:PORT, always works"
+        )
+    return found
+
+
+class Fleet:
+    """The vehicles of one session, by name: fleet["uuv1"]. Use as a context, with `with` or `async with`.
+
+    Leaving it, or the end of the program, brings those to a standstill that were told anything.
+    """
+
+    def __init__(
+        self,
+        session: Session,
+        endpoints: tuple[str, ...],
+        how: How,
+        wait: float,
+    ) -> None:
+        self._session = session
+        self._endpoints = endpoints
+        self._how = how
+        self._security = how[3]
+        self._wait = wait
+        self._there: dict[str, set[str]] = {}  # by name, which of its slaves
+        self._known: dict[str, Vehicle] = {}
+        self._news = threading.Condition()
+        self._closed = False
+        watch_presence(session, "*", self._meet)
+        atexit.register(self.close)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    async def __aenter__(self) -> Self:
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        import asyncio
+
+        await asyncio.to_thread(self.close)
+
+    def __repr__(self) -> str:
+        return f"<fleet at {self._session.name}: {', '.join(self.names) or 'nobody there'}>"
+
+    @property
+    def names(self) -> list[str]:
+        """Who is there now, sorted."""
+        with self._news:
+            return sorted(name for name, idents in self._there.items() if idents)
+
+    @property
+    def vehicles(self) -> dict[str, Vehicle]:
+        """Those who are there now, by name; waits for the first one. Raises NetworkError if nobody comes."""
+        with self._news:
+            if not self._news.wait_for(lambda: self.names, self._wait):
+                raise NetworkError(f"no vehicle answered within {self._wait:g} s: {self._why_not()}")
+        return {name: self[name] for name in self.names}
+
+    def __iter__(self) -> Iterator[Vehicle]:
+        return iter(self.vehicles.values())
+
+    def __getitem__(self, name: str) -> Vehicle:
+        """The vehicle of that name, which is waited for. Raises NetworkError if it does not come."""
+        return self.wait_for(name, seconds=self._wait)[0]
+
+    def wait_for(self, *names: str, seconds: float = 30.0) -> list[Vehicle]:
+        """These vehicles, once each is there and has sent its state. Raises NetworkError after `seconds`."""
+        deadline = time.monotonic() + seconds
+        with self._news:
+            self._require_open()
+            here = self._news.wait_for(lambda: set(names) <= set(self.names), max(0.0, deadline - time.monotonic()))
+            if not here:
+                raise NetworkError(self._missing(next(name for name in names if name not in self.names), seconds))
+            found = [self._handle(name) for name in names]
+        for vehicle in found:
+            while not (vehicle.present and "odom" in vehicle.client.latest and vehicle.diagnostics):
+                if time.monotonic() > deadline:
+                    raise NetworkError(f"{vehicle.name} is there, but it says nothing{self._rights()}")
+                time.sleep(0.005)
+        return found
+
+    async def find(self, *names: str, seconds: float = 30.0) -> list[Vehicle]:
+        """`wait_for` for asyncio."""
+        import asyncio
+
+        return await asyncio.to_thread(lambda: self.wait_for(*names, seconds=seconds))
+
+    def stop(self) -> None:
+        """Bring every vehicle that was told anything to a standstill; those that are gone stop by themselves."""
+        for vehicle in list(self._known.values()):
+            if vehicle.client.has_commanded:
+                with suppress(NetworkError):
+                    vehicle.stop()
+
+    def close(self) -> None:
+        """Bring the vehicles to a standstill and leave them. Closing twice is harmless."""
+        with self._news:
+            if self._closed:
+                return
+            self._closed = True
+        atexit.unregister(self.close)
+        for vehicle in list(self._known.values()):
+            vehicle.close()
+        self._session.close()
+
+    def _meet(self, presence: Presence, alive: bool) -> None:
+        if presence.part != "slave":
+            return
+        with self._news:
+            idents = self._there.setdefault(presence.node, set())
+            (idents.add if alive else idents.discard)(presence.ident)
+            self._news.notify_all()
+
+    def _handle(self, name: str) -> Vehicle:
+        if name not in self._known:
+            self._known[name] = Vehicle(self._session, name, *self._how)
+        return self._known[name]
+
+    def _require_open(self) -> None:
+        if self._closed:
+            raise NetworkError("the connection was closed; connect anew")
+
+    def _missing(self, name: str, seconds: float) -> str:
+        there = self.names
+        if there:
+            return f"no vehicle {name!r} came within {seconds:g} s; there are: {', '.join(there)}{nearest(name, there)}"
+        return f"no vehicle {name!r} came within {seconds:g} s: {self._why_not()}"
+
+    def _why_not(self) -> str:
+        from hil.transport.diagnosis import why_not  # only on the way to an error
+
+        reasons = []
+        for endpoint in self._endpoints:
+            fault = why_not(endpoint, self._security.folder("master") if self._security else "")
+            reasons.append(f"{endpoint}: {fault.text}" if fault else f"{endpoint} answers, but no vehicle does")
+        return "; ".join(reasons)
+
+    def _rights(self) -> str:
+        return ": its may_listen does not name this machine" if self._security else ""

@@ -1,0 +1,177 @@
+"""What a vehicle has been told to do: repeated, as it obeys nobody who falls silent, until it is told something else.
+
+A maneuver is a small machine without a clock or a thread of its own. Poses are held by the vehicle itself; ways are
+followed from here, by velocities.
+"""
+
+import threading
+from collections.abc import Callable, Generator
+from itertools import pairwise
+from math import dist
+from typing import TYPE_CHECKING, Any, Self
+
+from hil.autonomy.control import VelocityCommand, wrap
+from hil.autonomy.pursuit import PurePursuit
+from hil.autonomy.trajectory import Limits, Trajectory, track
+from hil.clock import NS_PER_S
+from hil.errors import HilError, MissionError
+from hil.master.client import VehicleClient
+from hil.master.samples import State
+from hil.transport.ros_commands import PoseCommand, encode_pose
+
+if TYPE_CHECKING:
+    from hil.autonomy.curves import Position
+
+LOOK_S = 0.05  # how often one who awaits a maneuver looks for its end
+TRACKING_GAIN = 0.5  # 1/s, of the position error on a way
+
+Send = Callable[[VehicleClient, State], None]
+Reached = Callable[[State], bool]
+
+
+class Maneuver:
+    """Something the vehicle is doing. `done` says whether it has come to what was asked; it then goes on holding that.
+
+    It is over without being done when the vehicle was told something else, or with an error when the vehicle did not
+    obey or stayed away: `wait` raises it.
+    """
+
+    def __init__(self, send: Send, reached: Reached) -> None:
+        self._send = send
+        self._reached = reached
+        self._over = threading.Event()
+        self.error: HilError | None = None
+        self.done = False
+
+    @property
+    def over(self) -> bool:
+        """Whether it is done or will never be; `error` then says why not, if there is a reason."""
+        return self._over.is_set()
+
+    def step(self, client: VehicleClient, state: State) -> None:
+        """Say it once more; `state` is where the vehicle is. Raises HilError when it cannot go on."""
+        if not self.done and self._reached(state):
+            self.done = True
+            self._over.set()
+        self._send(client, state)
+
+    def end(self, error: HilError | None = None) -> None:
+        """It goes no further."""
+        if not self._over.is_set():
+            self.error = error
+            self._over.set()
+
+    def wait(self, timeout: float | None = None) -> Self:
+        """Wait until it is done, at most `timeout` s. Raises MissionError if it does not come to it, NetworkError."""
+        if not self._over.wait(timeout):
+            raise MissionError(f"the vehicle has not come to what was asked within {timeout:g} s; give it more time")
+        if self.error:
+            raise self.error
+        if not self.done:
+            raise MissionError("the vehicle was told something else before it came to what was asked")
+        return self
+
+    def __await__(self) -> Generator[Any, None, Self]:
+        """`await maneuver` is `wait` without keeping asyncio from other work."""
+        return self._finish().__await__()
+
+    async def _finish(self) -> Self:
+        import asyncio  # who is here has it already
+
+        while not self._over.is_set():
+            await asyncio.sleep(LOOK_S)
+        return self.wait()
+
+
+def drive(command: VelocityCommand, tolerance: float) -> Maneuver:
+    """Move so; done when depth (`tolerance` m) and heading (`tolerance` rad) are those asked for, if any are."""
+
+    def reached(state: State) -> bool:
+        deep = command.depth is None or abs(state.depth - command.depth) <= tolerance
+        turned = command.heading is None or abs(wrap(state.heading - command.heading)) <= tolerance
+        return deep and turned
+
+    return Maneuver(lambda client, _: _ignore(client.command(command)), reached)
+
+
+def repeat(topic: str, payload: bytes) -> Maneuver:
+    """Say one thing again and again; there is nothing to come to."""
+    return Maneuver(lambda client, _: _ignore(client.send(topic, payload)), lambda _: True)
+
+
+def hold_pose(pose: PoseCommand, tolerance: float) -> Maneuver:
+    """Go to a pose; done within `tolerance` m and rad of it."""
+
+    def reached(state: State) -> bool:
+        turned = abs(wrap(state.heading - pose.heading)) <= tolerance
+        return turned and dist(state.position, pose.position) <= tolerance
+
+    return Maneuver(lambda client, state: _ignore(client.send("cmd_pose", encode_pose(pose, state.time_ns))), reached)
+
+
+class _Run:
+    """A trajectory that is being run over, by the vehicle's clock; at its end the pose is held."""
+
+    def __init__(self, trajectory: Trajectory, limits: Limits, tolerance: float) -> None:
+        self._trajectory = trajectory
+        self._limits = limits
+        self._tolerance = tolerance
+        self._began_ns = 0
+        end = trajectory.at(trajectory.duration)
+        self._end = hold_pose(PoseCommand(end.position, end.heading), tolerance)
+
+    def send(self, client: VehicleClient, state: State) -> None:
+        elapsed = self._elapsed(state)
+        if elapsed > self._trajectory.duration:
+            self._end.step(client, state)
+            return
+        setpoint = self._trajectory.at(elapsed)
+        client.command(track(setpoint, state.position, state.heading, self._limits, TRACKING_GAIN))
+
+    def reached(self, state: State) -> bool:
+        return self._elapsed(state) > self._trajectory.duration and self._end.done
+
+    def _elapsed(self, state: State) -> float:
+        self._began_ns = self._began_ns or state.time_ns
+        return (state.time_ns - self._began_ns) / NS_PER_S
+
+
+def run_trajectory(trajectory: Trajectory, limits: Limits, tolerance: float) -> Maneuver:
+    """Run over a trajectory, kept within `limits`; done within `tolerance` m and rad of its end."""
+    run = _Run(trajectory, limits, tolerance)
+    return Maneuver(run.send, run.reached)
+
+
+def pursue(points: "list[Position]", speed: float, lookahead: float, tolerance: float) -> Maneuver:
+    """Sail along `points` (m, NED) as a vehicle with fins has to: ahead, by turning; done at the last within tolerance.
+
+    The depth changes evenly along the way.
+    """
+    pursuit = PurePursuit([point[:2] for point in points], lookahead, speed, tolerance=tolerance)
+    depths = _depths(points)
+
+    def send(client: VehicleClient, state: State) -> None:
+        command = pursuit.update(state.position, state.heading)
+        client.command(command._replace(depth=depths(pursuit.progress)))
+
+    return Maneuver(send, lambda _: pursuit.done)
+
+
+def _depths(points: "list[Position]") -> Callable[[float], float]:
+    """The depth (m) at each share of the level way."""
+    legs = [dist(a[:2], b[:2]) for a, b in pairwise(points)]
+    whole = sum(legs) or 1.0
+
+    def depth(progress: float) -> float:
+        left = progress * whole
+        for leg, (start, end) in zip(legs, pairwise(points), strict=True):
+            if left <= leg and leg > 0.0:
+                return start[2] + (end[2] - start[2]) * left / leg
+            left -= leg
+        return points[-1][2]
+
+    return depth
+
+
+def _ignore(_sequence: int) -> None:
+    """What was sent has a number, which nobody asks for."""

@@ -1,0 +1,167 @@
+"""What a vehicle says, as the Python API gives it: the newest sample of each sensor, and all that come."""
+
+import threading
+import weakref
+from typing import Any, Generic, Literal, Self, TypeVar, overload
+
+from hil.errors import ConfigError, NetworkError
+from hil.master import samples
+from hil.master.client import Stamped, VehicleClient
+from hil.master.samples import State
+from hil.master.stream import Stream
+from hil.schema import nearest
+from hil.topics import TOPICS
+from hil.transport.security import Security
+from hil.transport.session import Session
+from hil.transport.settings import Network
+
+FIRST_WITHIN_S = 1.0  # that a sensor which has said nothing yet is waited for
+
+T = TypeVar("T")
+
+
+class Newest(Generic[T]):
+    """A sensor as an attribute of a vehicle: its newest sample. Raises NetworkError when there is none to be had."""
+
+    def __init__(self, kind: type[T], topic: str = "") -> None:
+        self._kind = kind
+        self._topic = topic
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self._topic = self._topic or name
+
+    @overload
+    def __get__(self, vehicle: None, owner: type) -> Self: ...
+    @overload
+    def __get__(self, vehicle: "Observed", owner: type) -> T: ...
+    def __get__(self, vehicle: "Observed | None", owner: type) -> "T | Self":
+        return self if vehicle is None else vehicle.newest(self._topic)
+
+
+class Observed:
+    """What a vehicle says; what it can be told is in `hil.master.vehicle_handle.Vehicle`.
+
+    Every attribute raises NetworkError when the vehicle is gone or has no such sensor.
+    """
+
+    state = Newest(State, "odom")
+    ground_truth = Newest(State)
+    imu = Newest(samples.Imu)
+    ahrs = Newest(samples.Imu)
+    dvl = Newest(samples.Dvl)
+    dvl_water = Newest(samples.Dvl)
+    pressure = Newest(samples.Pressure)
+    altitude = Newest(samples.Altitude)
+    altimeter = Newest(samples.Distance)
+    echosounder = Newest(samples.Distance)
+    magnetometer = Newest(samples.Field)
+    current_meter = Newest(samples.Current)
+    gps = Newest(samples.Fix)
+    usbl = Newest(samples.Position)
+    battery = Newest(samples.Battery)
+    laser = Newest(samples.Scan)
+    profiler = Newest(samples.Scan)
+    scanning_sonar = Newest(samples.Scan)
+    contact = Newest(samples.Flag)
+    leak = Newest(samples.Flag)
+
+    def __init__(
+        self,
+        session: Session,
+        name: str,
+        part: Literal["master", "observer"],
+        rank: int,
+        network: Network,
+        security: Security | None,
+    ) -> None:
+        self.name = name
+        self._part = part
+        self._streams: dict[str, weakref.WeakSet[Stream]] = {}
+        self._pictures: set[str] = set()  # those that are listened to
+        self._first = threading.Condition()
+        self._closing = threading.Event()
+        self.client = VehicleClient(
+            session, name, part=part, rank=rank, network=network, security=security, heard=self._hear
+        )
+
+    def __repr__(self) -> str:
+        return f"<vehicle {self.name} at {self.client.endpoint}{'' if self.present else ', gone'}>"
+
+    @property
+    def present(self) -> bool:
+        """Whether it is there."""
+        return self.client.contact.present
+
+    @property
+    def diagnostics(self) -> dict[str, str]:
+        """The slave's figures of health, once a second; empty before the first."""
+        return self.client.diagnostics()
+
+    def newest(self, topic: str) -> Any:
+        """The newest sample of a sensor, by the name of its topic (hil.topics). Raises NetworkError, ConfigError."""
+        self._listen(topic)
+        with self._first:
+            self._first.wait_for(lambda: topic in self.client.latest or not self.present, FIRST_WITHIN_S)
+        self._require_presence()
+        stamped = self.client.latest.get(topic)
+        if stamped is None:
+            raise NetworkError(self._no_sensor(topic, FIRST_WITHIN_S))
+        return samples.aged(topic, stamped)
+
+    def samples(self, topic: str, timeout: float = 5.0, depth: int = 256) -> Stream:
+        """Each sample of a sensor from now on, for `for` and `async for`: vehicle.samples("imu").
+
+        Raises ConfigError for a topic that is none, and while iterating NetworkError, when the vehicle is gone or the
+        sensor silent for `timeout` s. At most `depth` samples wait to be taken; beyond it the oldest go.
+        """
+
+        def check(waited: float) -> None:
+            self._require_presence()
+            if waited > timeout:
+                raise NetworkError(self._no_sensor(topic, waited))
+
+        self._listen(topic)
+        stream = Stream(check, depth)
+        with self._first:
+            self._streams.setdefault(topic, weakref.WeakSet()).add(stream)
+        return stream
+
+    def close(self) -> None:
+        """Leave it. Closing twice is harmless."""
+        self._closing.set()
+        for streams in self._streams.values():
+            for stream in list(streams):
+                stream.close()
+        self.client.close()
+
+    def _listen(self, topic: str) -> None:
+        if topic not in TOPICS:
+            raise ConfigError(f"{self.name}: no topic {topic!r}{nearest(topic, list(TOPICS))}")
+        if "/" in topic and topic not in self._pictures:
+            self._pictures.add(topic)
+            self.client.listen(topic)
+
+    def _hear(self, topic: str, stamped: Stamped) -> None:
+        """A message has come; called by the session's reader."""
+        with self._first:
+            self._first.notify_all()
+            streams = list(self._streams.get(topic, ()))
+        for stream in streams:
+            stream.put(samples.aged(topic, stamped))
+
+    def _require_presence(self) -> None:
+        if self._closing.is_set():
+            raise NetworkError(f"{self.name}: the connection was closed; connect anew")
+        if not self.present:
+            silence = self.client.contact.silence_s
+            raise NetworkError(
+                f"{self.name} at {self.client.endpoint} is gone for {silence:.1f} s: its slave has ended, or the "
+                f'network between is down; it is found again by itself, fleet.wait_for("{self.name}") waits for it'
+            )
+
+    def _no_sensor(self, topic: str, waited: float) -> str:
+        there = ", ".join(sorted(name for name in self.client.latest if name.isidentifier()))
+        return (
+            f"{self.name} has sent no {topic!r} for {waited:.1f} s; it sends {there}; other sensors are sections "
+            f"[sensors.NAME] of the slave's scenario"
+        )

@@ -1,0 +1,154 @@
+"""What a vehicle says, as the Python API gives it: the sensors' own records, each knowing how old it is.
+
+Vectors are along FRD or NED and in SI units, as the records say (sim.sensors.samples, sim.sensors.extra_samples).
+`time_ns` counts from 1970 by the vehicle's clock.
+"""
+
+from math import asin, atan2, hypot
+from typing import Any, NamedTuple
+
+from hil.autonomy.control import clamp, down_in_body, heading_of
+from hil.clock import NS_PER_S, now_ns
+from hil.master.client import Stamped
+from sim.sensors import extra_samples as extra
+from sim.sensors.samples import DvlSample, ImuSample, OdometrySample, PressureSample, Vector3
+
+
+class Aged:
+    """What is added to every record."""
+
+    sent_ns = 0  # when it was sent, by the monotonic clock of this machine
+
+    @property
+    def age(self) -> float:
+        """Seconds since it was sent."""
+        return (now_ns() - self.sent_ns) / NS_PER_S
+
+
+class State(OdometrySample, Aged):
+    """Where the vehicle is and how it moves: `position` m NED, `orientation` (w, x, y, z) FRD to NED, `nu`."""
+
+    @property
+    def depth(self) -> float:
+        """Metres below the surface."""
+        return self.position[2]
+
+    @property
+    def heading(self) -> float:
+        """Radians from north, clockwise seen from above, -pi to pi."""
+        return heading_of(self.orientation)
+
+    @property
+    def roll(self) -> float:
+        """Radians, positive with starboard down."""
+        down = down_in_body(self.orientation)
+        return atan2(down[1], down[2])
+
+    @property
+    def pitch(self) -> float:
+        """Radians, positive with the bow up."""
+        return -asin(clamp(down_in_body(self.orientation)[0], 1.0))
+
+    @property
+    def velocity(self) -> Vector3:
+        """Surge, sway and heave over ground, m/s along FRD."""
+        return self.nu[:3]
+
+    @property
+    def angular_velocity(self) -> Vector3:
+        """p, q and r, rad/s about FRD."""
+        return self.nu[3:]
+
+    @property
+    def speed(self) -> float:
+        """m/s over ground, in whichever direction."""
+        return hypot(*self.nu[:3])
+
+
+class Imu(ImuSample, Aged):
+    """Attitude, turn rate (rad/s) and specific force (m/s²)."""
+
+
+class Dvl(DvlSample, Aged):
+    """Velocity (m/s) and distance to the seabed (m)."""
+
+
+class Pressure(PressureSample, Aged):
+    """Absolute pressure (Pa)."""
+
+
+class Distance(extra.RangeSample, Aged):
+    """A distance (m) and the reach of the device."""
+
+
+class AltitudeSample(NamedTuple):
+    """Distance to the seabed in m, inf if there is none within reach."""
+
+    time_ns: int
+    distance: float
+
+
+class Altitude(AltitudeSample, Aged):
+    """The distance to the seabed (m), as the velocity log has it."""
+
+
+class Field(extra.FieldSample, Aged):
+    """Magnetic flux density (T)."""
+
+
+class Current(extra.VelocitySample, Aged):
+    """Velocity of the water past the vehicle (m/s)."""
+
+
+class Fix(extra.FixSample, Aged):
+    """Latitude and longitude (degrees) at the surface."""
+
+
+class Position(extra.PositionSample, Aged):
+    """A position (m, NED) with its covariance (m²)."""
+
+
+class Battery(extra.BatterySample, Aged):
+    """Volts, amperes, ampere hours."""
+
+
+class Scan(extra.LaserSample, Aged):
+    """A fan of distances (m)."""
+
+    @property
+    def angles(self) -> list[float]:
+        """The angle (rad) of each distance."""
+        return [self.angle_min + number * self.angle_increment for number in range(len(self.ranges))]
+
+
+class Flag(extra.FlagSample, Aged):
+    """A switch, true when it is on; its message carries no time (`time_ns` 0)."""
+
+    def __bool__(self) -> bool:
+        return self.on
+
+
+KINDS: dict[str, type[Any]] = {
+    "odom": State, "ground_truth": State, "imu": Imu, "ahrs": Imu, "dvl": Dvl, "dvl_twist": Dvl, "dvl_water": Dvl,
+    "pressure": Pressure, "altitude": Altitude, "altimeter": Distance, "echosounder": Distance, "magnetometer": Field,
+    "current_meter": Current, "gps": Fix, "usbl": Position, "battery": Battery, "laser": Scan, "profiler": Scan,
+    "scanning_sonar": Scan, "contact": Flag, "leak": Flag,
+}  # fmt: skip
+_others: dict[str, type[Any]] = {}  # of sensors that are not in the table
+
+
+def aged(topic: str, stamped: Stamped) -> Any:
+    """The message of a topic as its record with an age; what is no record stays in `stamped`."""
+    value = stamped.value
+    if isinstance(value, bool):
+        value = 0, value
+    if not isinstance(value, tuple):
+        return stamped
+    kind = KINDS.get(topic) or _others.get(topic)
+    if kind is None:
+        if not hasattr(value, "_fields"):
+            return stamped
+        kind = _others[topic] = type(type(value).__name__, (type(value), Aged), {})
+    made = kind(*value)
+    made.sent_ns = stamped.sent_ns
+    return made

@@ -1,0 +1,82 @@
+"""The samples of one sensor, one after the other: for `for` and for `async for` alike."""
+
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Any, Self
+
+LOOK_S = 0.1  # how often one who waits looks whether the vehicle is still there
+
+
+class Stream:
+    """Gives each sample that comes from now on. At most `depth` wait; beyond it the oldest go, and count as `dropped`.
+
+    `check` is called while nothing comes, with the seconds since something did; it raises when nothing will.
+    """
+
+    def __init__(self, check: Callable[[float], None], depth: int) -> None:
+        self._check = check
+        self._waiting: deque[Any] = deque(maxlen=depth)
+        self._news = threading.Condition()
+        self._wake: Callable[[], object] = bool  # of a loop of asyncio that waits
+        self._closed = False
+        self.dropped = 0
+
+    def put(self, sample: Any) -> None:
+        """Another sample has come."""
+        with self._news:
+            self.dropped += len(self._waiting) == self._waiting.maxlen
+            self._waiting.append(sample)
+            self._news.notify()
+        self._wake()
+
+    def close(self) -> None:
+        """End the iteration once all that came has been given."""
+        with self._news:
+            self._closed = True
+            self._news.notify()
+        self._wake()
+
+    def __iter__(self) -> Self:
+        return self
+
+    def __next__(self) -> Any:
+        began = time.monotonic()
+        while not self._waiting:
+            if self._closed:
+                raise StopIteration
+            with self._news:
+                self._news.wait_for(self._ready, LOOK_S)
+            if not self._ready():
+                self._check(time.monotonic() - began)
+        return self._waiting.popleft()
+
+    def __aiter__(self) -> Self:
+        return self
+
+    async def __anext__(self) -> Any:
+        import asyncio  # who is here has it already
+
+        began, loop, event = time.monotonic(), asyncio.get_running_loop(), asyncio.Event()
+
+        def wake() -> None:
+            with suppress(RuntimeError):  # the loop has ended meanwhile
+                loop.call_soon_threadsafe(event.set)
+
+        self._wake = wake
+        try:
+            while not self._waiting:
+                if self._closed:
+                    raise StopAsyncIteration
+                try:
+                    await asyncio.wait_for(event.wait(), LOOK_S)
+                except TimeoutError:
+                    self._check(time.monotonic() - began)
+        finally:
+            self._wake = bool
+        return self._waiting.popleft()
+
+    def _ready(self) -> bool:
+        return bool(self._waiting) or self._closed

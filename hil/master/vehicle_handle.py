@@ -1,0 +1,236 @@
+"""One vehicle, as the Python API gives it: what it says, and what it is told."""
+
+import threading
+import time
+from collections.abc import Sequence
+from math import atan2, hypot, isfinite
+from typing import Any
+
+from hil.autonomy.control import VelocityCommand
+from hil.autonomy.curves import Curve, Position, polyline
+from hil.autonomy.spline import Spline
+from hil.autonomy.trajectory import Limits, Trajectory
+from hil.autonomy.waypoints import read_waypoints
+from hil.errors import ConfigError, HilError, MissionError, NetworkError
+from hil.master import maneuver, samples
+from hil.master.maneuver import Maneuver
+from hil.master.observed import Observed
+from hil.transport.ros_commands import (
+    MOST_DEPTH,
+    MOST_FORCE,
+    MOST_HEADING,
+    MOST_PLACE,
+    PoseCommand,
+    encode_thrusts,
+)
+from hil.transport.ros_frames import encode_wrench
+
+PERIOD_S = 0.05  # of repeating what the vehicle has been told; its deadman waits for ten of these
+GIVE_UP_AFTER_S = 10.0  # of a vehicle's silence
+TOLD_WITHIN_S = 1.3  # that the slave's next figures of health are sure to come
+LOOK_S = 0.02
+MOST_SPEED = 20.0  # m/s and rad/s
+FAR = 1.0  # m: from there on a vehicle goes to a place bow first
+
+
+class Vehicle(Observed):
+    """One vehicle. What it says are attributes; what it is told are methods, which return at once.
+
+    It does what it was told until it is told something else; this process repeats it meanwhile, and when that ends the
+    vehicle stops. All units are SI and radians; places are NED in m, with depth down; what is along the body is FRD.
+    Every attribute raises NetworkError when the vehicle is gone or has no such sensor, every command also when the
+    vehicle does not obey, and ConfigError for numbers that cannot be meant.
+    """
+
+    def __init__(self, *arguments: Any) -> None:
+        super().__init__(*arguments)
+        self._maneuver: Maneuver | None = None
+        self._turn = threading.RLock()  # of telling the vehicle
+        self._repeater = threading.Thread(target=self._repeat, name=f"commands {self.name}", daemon=True)
+
+    def drive(
+        self,
+        surge: float = 0.0,
+        sway: float = 0.0,
+        heave: float = 0.0,
+        yaw_rate: float = 0.0,
+        depth: float | None = None,
+        heading: float | None = None,
+        tolerance: float = 0.1,
+    ) -> Maneuver:
+        """Move with these velocities (m/s, rad/s), and hold a depth (m) in place of heave, a heading of yaw rate.
+
+        Done when depth and heading are within `tolerance` m and rad, at once without them.
+        """
+        if (depth is not None and heave) or (heading is not None and yaw_rate):
+            raise ConfigError(f"{self.name}: give depth or heave, and heading or yaw_rate, not both")
+        speeds = {"surge": surge, "sway": sway, "heave": heave, "yaw_rate": yaw_rate}
+        for name, value in speeds.items():
+            self._check(name, value, MOST_SPEED, "rad/s" if name == "yaw_rate" else "m/s")
+        self._check("depth", depth or 0.0, MOST_DEPTH, "m")
+        self._check("heading", heading or 0.0, MOST_HEADING, "rad")
+        return self._tell(maneuver.drive(VelocityCommand(**speeds, depth=depth, heading=heading), tolerance))
+
+    def stop(self) -> Maneuver:
+        """Stand still in the water, at whatever depth and heading it has."""
+        return self.drive()
+
+    def hold_depth(self, depth: float, tolerance: float = 0.1) -> Maneuver:
+        """Dive or rise to a depth (m) and stay there; done within `tolerance` m."""
+        return self.drive(depth=depth, tolerance=tolerance)
+
+    def hold_heading(self, heading: float, tolerance: float = 0.1) -> Maneuver:
+        """Turn to a heading (rad from north, clockwise) and keep it; done within `tolerance` rad."""
+        return self.drive(heading=heading, tolerance=tolerance)
+
+    def go_to(
+        self, north: float, east: float, depth: float, heading: float | None = None, tolerance: float = 0.3
+    ) -> Maneuver:
+        """Go straight to a place (m, NED) and stay there; done within `tolerance` m and rad.
+
+        Without a `heading` (rad) it goes bow first. Nothing is gone round: for that plan a way and `follow` it. For
+        vehicles that can move sideways and stop.
+        """
+        for name, value in (("north", north), ("east", east), ("depth", depth)):
+            self._check(name, value, MOST_PLACE, "m")
+        if heading is None:
+            state = self.state
+            level = north - state.position[0], east - state.position[1]
+            heading = atan2(level[1], level[0]) if hypot(*level) > FAR else state.heading
+        self._check("heading", heading, MOST_HEADING, "rad")
+        return self._tell(maneuver.hold_pose(PoseCommand((north, east, depth), heading), tolerance))
+
+    def follow(
+        self,
+        way: "Sequence[Position] | Curve | Trajectory | str",
+        speed: float = 0.5,
+        limits: Limits = Limits(),
+        smooth: bool = False,
+        lookahead: float = 0.0,
+        tolerance: float = 0.3,
+    ) -> Maneuver:
+        """Follow a way and stay at its end; done within `tolerance` m and rad of it.
+
+        `way`: points (m, NED), which it goes to first and from one to the next, round the corners with `smooth`; the
+        path of a waypoint file; a curve (hil.autonomy.curves); or a trajectory, whose speed it then has. Up to `speed`
+        m/s, and within `limits`. With a `lookahead` (m) points are followed by pure pursuit, as a vehicle with fins
+        has to. Raises ConfigError, MissionError when the way breaks a limit.
+        """
+        if isinstance(way, Trajectory):
+            return self._tell(maneuver.run_trajectory(way, limits, tolerance))
+        if isinstance(way, str):
+            curve = read_waypoints(way)
+        elif isinstance(way, Sequence):
+            points = self._points(way)
+            if lookahead:
+                return self._tell(maneuver.pursue(points, speed, lookahead, tolerance))
+            curve = Spline(points) if smooth else polyline(points)
+        else:
+            curve = way
+        return self._tell(maneuver.run_trajectory(Trajectory(curve, speed, limits), limits, tolerance))
+
+    def push(
+        self, x: float = 0.0, y: float = 0.0, z: float = 0.0, k: float = 0.0, m: float = 0.0, n: float = 0.0
+    ) -> Maneuver:
+        """Push with a force X Y Z (N) and a moment K M N (N m) along FRD, as far as the thrusters can."""
+        wrench = x, y, z, k, m, n
+        for name, value in zip("xyzkmn", wrench, strict=True):
+            self._check(name, value, MOST_FORCE, "N" if name in "xyz" else "N m")
+        return self._tell(maneuver.repeat("cmd_wrench", encode_wrench(0, wrench)))
+
+    def thrust(self, *newtons: float) -> Maneuver:
+        """Let each thruster push with so many N, in the order of the vehicle file, each as far as it can."""
+        count = self.diagnostics.get("thrusters", "")
+        if count and len(newtons) != int(count):
+            raise ConfigError(f"{self.name} has {count} thrusters, and {len(newtons)} thrusts were given")
+        for number, value in enumerate(newtons, 1):
+            self._check(f"thruster {number}", value, MOST_FORCE, "N")
+        return self._tell(maneuver.repeat("cmd_thrusters", encode_thrusts(newtons)))
+
+    def release(self) -> None:
+        """Tell it nothing any more: its deadman then brings the thrusters to neutral."""
+        with self._turn:
+            self._replace(None)
+
+    def close(self) -> None:
+        """Bring it to a standstill if it was told anything, and leave it. Closing twice is harmless."""
+        if self._closing.is_set():
+            return
+        self._closing.set()
+        self.release()
+        if self._repeater.is_alive():
+            self._repeater.join()
+        super().close()
+
+    def _check(self, name: str, value: float, most: float, unit: str) -> None:
+        if not (isfinite(value) and abs(value) <= most):
+            raise ConfigError(f"{self.name}: {name}: {value:g} is not between -{most:g} and {most:g} {unit}")
+
+    def _points(self, points: Sequence[Any]) -> list[Position]:
+        for point in points:
+            if len(point) != 3:
+                raise ConfigError(f"{self.name}: a waypoint is (north, east, depth) in m, found {point!r}")
+            for value in point:
+                self._check("waypoint", value, MOST_PLACE, "m")
+        return [self.state.position, *[(north, east, depth) for north, east, depth in points]]
+
+    def _tell(self, new: Maneuver) -> Maneuver:
+        """Begin a maneuver at once. Raises NetworkError when the vehicle would not obey."""
+        if self._part == "observer":
+            raise NetworkError(f"{self.name} is only observed here; connect without observe=True to command it")
+        self._require_presence()
+        obstacle = self._lasting_obstacle()
+        if obstacle:
+            raise NetworkError(obstacle)
+        with self._turn:
+            self._replace(new)
+            self._step()
+            if not self._repeater.is_alive():
+                self._repeater.start()
+        return new
+
+    def _lasting_obstacle(self) -> str:
+        """`_obstacle`, once the vehicle had the time to tell that it is over: the master before may have just left."""
+        deadline = time.monotonic() + (0.0 if self.client.has_commanded else TOLD_WITHIN_S)
+        while self.client.refusal() and time.monotonic() < deadline:
+            time.sleep(LOOK_S)
+        return self._obstacle()
+
+    def _obstacle(self) -> str:
+        """Why the vehicle does not obey, and the remedy; "" while nothing says so."""
+        figures = self.diagnostics
+        if figures.get("controller") == "external":
+            return f'{self.name} is left to software of its own (controller = "external" in its scenario)'
+        if figures.get("armed") == "false":
+            return f"{self.name} is disarmed: uuv-hil topic call /{self.name}/arm '{{data: true}}'"
+        return self.client.refusal()
+
+    def _replace(self, new: Maneuver | None) -> None:
+        if self._maneuver:
+            self._maneuver.end()
+        self._maneuver = new
+
+    def _repeat(self) -> None:
+        while not self._closing.wait(PERIOD_S):
+            with self._turn:
+                self._step()
+
+    def _step(self) -> None:
+        """Say once more what the vehicle is to do, while it is there and obeys."""
+        told, stamped = self._maneuver, self.client.latest.get("odom")
+        if told is None or stamped is None:
+            return
+        try:
+            if self.present:
+                obstacle = self._obstacle()
+                if obstacle:
+                    raise NetworkError(obstacle)
+                told.step(self.client, samples.aged("odom", stamped))
+            elif self.client.contact.silence_s > GIVE_UP_AFTER_S:
+                self._require_presence()
+        except (NetworkError, MissionError) as error:
+            self._give_up(told, error)
+
+    def _give_up(self, told: Maneuver, error: HilError) -> None:
+        told.end(error)
+        self._maneuver = None
