@@ -54,6 +54,21 @@ class Recommended(NamedTuple):
     source: str
 
 
+class Budgets(NamedTuple):
+    """What the slave may cost on the board, as `uuv-hil bench table` measures it; `reason`: where the numbers are from.
+
+    startup: from exec until the master's first sample. memory: proportional set size with the usual sensors.
+    slave_cpu: share of one core at 400 Hz. delay: of a command, from publish to applied, over a pseudo terminal.
+    """
+
+    startup: Annotated[float, Range(0.001, 100.0, "s")]
+    memory: Annotated[float, Range(1.0, 4096.0, "MiB")]
+    slave_cpu: Annotated[float, Range(0.001, 16.0)]
+    delay_p50: Annotated[float, Range(1e-5, 10.0, "s")]
+    delay_p99: Annotated[float, Range(1e-5, 10.0, "s")]
+    reason: str
+
+
 class Board(NamedTuple):
     """A card computer.
 
@@ -70,6 +85,7 @@ class Board(NamedTuple):
     cpu: str
     cores: Annotated[int, Range(0, 256)]  # 0: it depends
     recommended: Recommended
+    budgets: Budgets
     ram: tuple[Memory, ...] = ()
     models: tuple[str, ...] = ()
     wlan: str = ""

@@ -84,6 +84,11 @@ class Histogram:
                 return min(self._upper_edge(index), self.maximum)
         return self.maximum
 
+    def share_within(self, value: int) -> float:
+        """At least this share (0..1) of all values does not exceed `value`; 1 when there are none."""
+        within = sum(number for index, number in enumerate(self.bins) if number and self._upper_edge(index) <= value)
+        return 1.0 if self.maximum <= value else within / self.count
+
     @staticmethod
     def _upper_edge(index: int) -> int:
         if index < 8:
@@ -96,7 +101,7 @@ class RateKeeper:
     """Says how many periods are due, on an absolute schedule that never drifts.
 
     A loop that comes late catches up, but not by more than `most_due` periods at once: what is beyond
-    is skipped and counted in `skipped`. `lateness` holds how late each wake-up found the schedule (ns).
+    is skipped and counted in `skipped`. `lateness` holds how late each period was noticed (ns).
     """
 
     __slots__ = ("deadline_ns", "due_total", "lateness", "most_due", "period_ns", "skipped")
@@ -116,6 +121,8 @@ class RateKeeper:
             return 0
         self.lateness.add(late)
         number = 1 + late // self.period_ns
+        for missed in range(1, min(number, self.most_due)):
+            self.lateness.add(late - missed * self.period_ns)
         self.deadline_ns += number * self.period_ns
         if number > self.most_due:
             self.skipped += number - self.most_due

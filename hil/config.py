@@ -18,6 +18,7 @@ from sim.vehicle import Vehicle
 from sim.world import World
 
 if TYPE_CHECKING:
+    from hil.fleet import Hunting, Member
     from hil.links.wires.faults import Faults
     from hil.transport.security import Security
     from sim.ballast import Release
@@ -91,21 +92,30 @@ class Start(NamedTuple):
 
 
 class Master(NamedTuple):
-    """The planner: to `goal` (north, east) at `depth`, along an A* path, by pure pursuit.
+    """What is asked of the planner: to `goal` (north, east) at `depth`, at `speed`.
 
-    The map has cells of `resolution`; obstacles are inflated by half the vehicle's horizontal diagonal
-    plus `margin`. The run fails when the goal is not reached within `time_limit`.
+    `map` is what it knows before: "known" the world but for what is hidden in it, "unknown" nothing, "NAME.yaml" a map
+    of map_server's. It has cells of `resolution`; obstacles are inflated by half the vehicle's horizontal diagonal
+    plus `margin`, and the seabed is one where it leaves less than `seabed_margin` under the vehicle. `lookahead` and
+    `tolerance` are those of the path. The run fails when the planner is not done within `time_limit`.
     """
 
-    goal: VECTOR_M
+    goal: VECTOR_M | None = None
     depth: Annotated[float, Range(0.0, 11_000.0, "m")] = 5.0
     speed: Annotated[float, Range(0.05, 5.0, "m/s")] = 0.5
     lookahead: Annotated[float, Range(0.2, 50.0, "m")] = 1.5
     tolerance: Annotated[float, Range(0.05, 10.0, "m")] = 0.5
     resolution: Annotated[float, Range(0.02, 10.0, "m")] = 0.25
     margin: Annotated[float, Range(0.0, 20.0, "m")] = 0.6
+    seabed_margin: Annotated[float, Range(0.0, 100.0, "m")] = 0.3
+    map: str = "known"
     command_period: Annotated[float, Range(0.01, 1.0, "s")] = 0.05
     time_limit: Annotated[float, Range(1.0, 86_400.0, "s")] = 300.0
+
+    def problem(self) -> str | None:
+        """A map that is none."""
+        known = self.map in ("known", "unknown") or self.map.endswith(".yaml")
+        return None if known else f'map: {self.map!r} is neither "known", "unknown" nor a file that ends in .yaml'
 
 
 class Recording(NamedTuple):
@@ -138,6 +148,7 @@ class Ros(NamedTuple):
     `transforms`: /tf, of every odometry sample, and /tf_static, of the sensors' places. `clock` and `wrench` are the
     rates of /clock and of the thrusters' wrench, 0 for none. `services`: arm, reset, set_pose, failures of thrusters.
     `frame_prefix` ("uuv1/") tells the frames of vehicles apart that share one /tf; of several only one has a `clock`.
+    `images` says how a camera's pictures travel, `jpeg_quality` (of libjpeg, 1 to 95) how well as JPEG.
     """
 
     transforms: bool = True
@@ -145,6 +156,8 @@ class Ros(NamedTuple):
     frame_prefix: str = ""
     clock: Annotated[float, Range(0.0, 1000.0, "Hz")] = 20.0
     wrench: Annotated[float, Range(0.0, 1000.0, "Hz")] = 0.0
+    images: Literal["jpeg", "raw", "both"] = "jpeg"
+    jpeg_quality: Annotated[int, Range(1, 95)] = 80
 
 
 class Scenario(NamedTuple):
@@ -154,7 +167,8 @@ class Scenario(NamedTuple):
     firmware in C; "unicorn" (inside the slave) and "qemu" its image on an emulated processor; "device" a real
     one. controller: "builtin", or "external": the link's host end is left to the user's
     own vehicle software. Each [[failure]] is one of a thruster, at its time; each [[force]] a class of the
-    user's own (sim/forces.py); each [[release]] drops a weight of the vehicle's, at its time (sim/ballast.py).
+    user's own (sim/forces.py); each [[release]] drops a weight of the vehicle's, at its time (sim/ballast.py); each
+    [[member]] is one vehicle of a fleet, [hunting] what the fleet is to do (hil/fleet.py).
     """
 
     vehicle: str
@@ -172,10 +186,13 @@ class Scenario(NamedTuple):
     recording: Recording = Recording()
     # These are read by load_scenario, which knows their schemas.
     security: "Security | None" = None
+    planner: Mapping[str, Any] = MappingProxyType({})  # class and its keys (hil/master/planner.py); {} the default
     sensors: Suite = MappingProxyType({})
     failure: "tuple[Failure, ...]" = ()
     force: "tuple[Force, ...]" = ()
     release: "tuple[Release, ...]" = ()
+    member: "tuple[Member, ...]" = ()
+    hunting: "Hunting | None" = None
     path: str = ""  # the file it was read from
 
     def problem(self) -> str | None:
@@ -224,6 +241,8 @@ def load_scenario(name: str, changes: dict[str, Any] | None = None) -> Scenario:
         raise ConfigError(f"{path}: no key 'path'")
     sensors, failures, forces = table.pop("sensors", {}), table.pop("failure", []), table.pop("force", [])
     releases, security = table.pop("release", []), table.pop("security", None)
+    planner = _planner(table.pop("planner", {}), f"{path}: planner")
+    members, hunting = table.pop("member", []), table.pop("hunting", None)
     link = table["link"] = dict(table.get("link", {}))
     options, faults = link.pop("options", {}), link.pop("faults", None)
     scenario = parse(table, Scenario, path)
@@ -232,10 +251,14 @@ def load_scenario(name: str, changes: dict[str, Any] | None = None) -> Scenario:
         path=path,
         vehicle=_relative(scenario.vehicle, folder),
         world=_relative(scenario.world, folder),
+        master=scenario.master._replace(map=_relative(scenario.master.map, folder, ".yaml")),
+        planner=planner,
         sensors=read_suite(sensors, f"{path}: sensors"),
         failure=_failures(failures, f"{path}: failure"),
         force=_forces(forces, f"{path}: force"),
         release=_releases(releases, f"{path}: release"),
+        member=_members(members, f"{path}: member"),
+        hunting=_hunting(hunting, f"{path}: hunting"),
         security=_security(security, f"{path}: security", folder),
         link=scenario.link._replace(options=options, faults=_faults(faults, f"{path}: link.faults")),
     )
@@ -283,6 +306,12 @@ def _security(table: Any, where: str, folder: str) -> "Security | None":
     return parse(table, Security, where).beside(folder)
 
 
+def _planner(table: Any, where: str) -> dict[str, Any]:
+    if not isinstance(table, dict) or ("class" not in table and table):
+        raise ConfigError(f'{where}: expected a table with class = "module:Class" and the keys of that class')
+    return table
+
+
 def _releases(tables: Any, where: str) -> "tuple[Release, ...]":
     rows = _rows(tables, where)
     if not rows:
@@ -300,6 +329,23 @@ def _forces(tables: Any, where: str) -> "tuple[Force, ...]":
     from sim.forces import Force
 
     return tuple([load_class(row, Force, f"{where}[{i}]") for i, row in enumerate(rows)])
+
+
+def _members(tables: Any, where: str) -> "tuple[Member, ...]":
+    rows = _rows(tables, where)
+    if not rows:
+        return ()
+    from hil.fleet import read_members  # most runs are of one vehicle
+
+    return read_members(rows, where)
+
+
+def _hunting(table: Any, where: str) -> "Hunting | None":
+    if table is None:
+        return None
+    from hil.fleet import read_hunting
+
+    return read_hunting(table, where)
 
 
 def _rows(tables: Any, where: str) -> list[dict[str, Any]]:
@@ -338,5 +384,5 @@ def _names() -> str:
     return ", ".join(preset_names(SCENARIOS))
 
 
-def _relative(name: str, folder: str) -> str:
-    return os.path.join(folder, name) if name.endswith(".toml") else name
+def _relative(name: str, folder: str, ending: str = ".toml") -> str:
+    return os.path.join(folder, name) if name.endswith(ending) else name

@@ -38,6 +38,11 @@ TOPICS = {
     topic.name: topic
     for topic in (
         Topic("cmd_vel", "geometry_msgs/msg/Twist", 20, "real_time", express=True, from_master=True),
+        Topic("cmd_depth", "std_msgs/msg/Float64", 20, "real_time", express=True, from_master=True),
+        Topic("cmd_heading", "std_msgs/msg/Float64", 20, "real_time", express=True, from_master=True),
+        Topic("cmd_pose", "geometry_msgs/msg/PoseStamped", 20, "real_time", express=True, from_master=True),
+        Topic("cmd_wrench", "geometry_msgs/msg/WrenchStamped", 20, "real_time", express=True, from_master=True),
+        Topic("cmd_thrusters", "std_msgs/msg/Float64MultiArray", 20, "real_time", express=True, from_master=True),
         Topic("trace", "std_msgs/msg/Int64MultiArray", 20, "real_time"),
         Topic("imu", "sensor_msgs/msg/Imu", 100, "data"),
         Topic("dvl", "marine_acoustic_msgs/msg/Dvl", 8, "data"),
@@ -60,13 +65,27 @@ TOPICS = {
         Topic("leak", "std_msgs/msg/Bool", 1, "data"),
         Topic("magnetometer", "sensor_msgs/msg/MagneticField", 50, "data"),
         Topic("usbl", "geometry_msgs/msg/PoseWithCovarianceStamped", 1, "data"),
+        # Pictures have names of several parts, so that a master which asks for all of a node's topics is spared them.
+        Topic("camera/image_raw", "sensor_msgs/msg/Image", 5, "background"),
+        Topic("camera/image_raw/compressed", "sensor_msgs/msg/CompressedImage", 5, "background"),
+        Topic("camera/camera_info", "sensor_msgs/msg/CameraInfo", 5, "background"),
+        Topic("camera/depth/image_raw", "sensor_msgs/msg/Image", 5, "background"),
+        Topic("camera/depth/camera_info", "sensor_msgs/msg/CameraInfo", 5, "background"),
+        Topic("camera/labels", "sensor_msgs/msg/Image", 5, "background"),
+        Topic("forward_sonar/image", "marine_acoustic_msgs/msg/ProjectedSonarImage", 5, "background"),
+        Topic("side_scan/image", "marine_acoustic_msgs/msg/RawSonarImage", 5, "background"),
         Topic("thruster_wrench", "geometry_msgs/msg/WrenchStamped", 10, "data"),
+        Topic(
+            "formation", "trajectory_msgs/msg/MultiDOFJointTrajectoryPoint", 10, "data", express=True, from_master=True
+        ),
         Topic("diagnostics", "diagnostic_msgs/msg/DiagnosticArray", 1, "background"),
         Topic("/tf", "tf2_msgs/msg/TFMessage", 20, "data", qos=Qos(depth=100)),
         Topic("/tf_static", "tf2_msgs/msg/TFMessage", 0, "data", qos=Qos(latched=True, depth=1)),
         Topic("/clock", "rosgraph_msgs/msg/Clock", 20, "data", qos=Qos(reliable=False, depth=1)),
     )
 }
+
+COMMANDS = tuple([name for name in TOPICS if name.startswith("cmd_")])  # what a vehicle obeys
 
 # REP 2016 hashes of the definitions in ROS 2 Jazzy; Humble's are the same but for Range, which had no variance.
 TYPE_HASHES = {
@@ -80,6 +99,9 @@ TYPE_HASHES = {
     "sensor_msgs/msg/Range": "RIHS01_b42b62562e93cbfe9d42b82fe5994dfa3d63d7d5c90a317981703f7388adff3a",
     "nav_msgs/msg/Odometry": "RIHS01_3cc97dc7fb7502f8714462c526d369e35b603cfc34d946e3f2eda2766dfec6e0",
     "std_msgs/msg/Int64MultiArray": "RIHS01_e60f9fe34d697f0939ad49d33158693c1277fbac0e2f04b7c2995dc21c89b422",
+    "std_msgs/msg/Float64": "RIHS01_705ba9c3d1a09df43737eb67095534de36fd426c0587779bda2bc51fe790182a",
+    "std_msgs/msg/Float64MultiArray": "RIHS01_1025ddc6b9552d191f89ef1a8d2f60f3d373e28b283d8891ddcc974e8c55397f",
+    "geometry_msgs/msg/PoseStamped": "RIHS01_10f3786d7d40fd2b54367835614bff85d4ad3b5dab62bf8bca0cc232d73b4cd8",
     "diagnostic_msgs/msg/DiagnosticArray": "RIHS01_5a8a36efb05fb25070fa0fb3810290c0e6cd4862b54a8fb975a1ee8dc55a333e",
     "std_msgs/msg/Bool": "RIHS01_feb91e995ff9ebd09c0cb3d2aed18b11077585839fb5db80193b62d74528f6c9",
     "sensor_msgs/msg/NavSatFix": "RIHS01_62223ab3fe210a15976021da7afddc9e200dc9ec75231c1b6a557fc598a65404",
@@ -92,6 +114,9 @@ TYPE_HASHES = {
     "geometry_msgs/msg/WrenchStamped": "RIHS01_8dc3deaf06b2ab281f9f9a742a8961c328ca7cec16e3fd6586d3a5c83fa78f77",
     "marine_acoustic_msgs/msg/Dvl": "RIHS01_77604ba1b113d1a39148d095ac2cb21540de83cff2bbc5443e06e25208afd421",
     "tf2_msgs/msg/TFMessage": "RIHS01_e369d0f05a23ae52508854b66f6aa0437f3449d652e8cbf22d5abe85d020f087",
+    "trajectory_msgs/msg/MultiDOFJointTrajectoryPoint": (
+        "RIHS01_6ada1085b5ee64eaa069b074968e69f0e27c8c5e6f5bb0586dd1c834ef0e32b8"
+    ),
     "rosgraph_msgs/msg/Clock": "RIHS01_692f7a66e93a3c83e71765d033b60349ba68023a8c689a79e48078bcb5c58564",
 }
 

@@ -25,7 +25,7 @@ from hil.transport.types import PRIMITIVES, Field, definition  # noqa: E402
 FOLDER = ROOT / "hil" / "transport" / "types"
 FROM_ROSBAGS = (
     "builtin_interfaces", "diagnostic_msgs", "geometry_msgs", "nav_msgs", "rosgraph_msgs", "sensor_msgs",
-    "service_msgs", "std_msgs", "tf2_msgs",
+    "service_msgs", "std_msgs", "tf2_msgs", "trajectory_msgs",
 )  # fmt: skip
 DEFAULTS = {("geometry_msgs/msg/Quaternion", "float64 w"): "float64 w 1"}  # which rosbags leaves out
 # type_description_interfaces/msg/FieldType; of an array 48 more, of a bounded sequence 96, of another one 144.

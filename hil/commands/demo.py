@@ -1,15 +1,18 @@
 """`uuv-hil demo`: slave and master on this machine, one run, the HIL table."""
 
+import argparse
 import os
 import select
 import signal
 import subprocess
 import sys
+from collections.abc import Callable
+from importlib.util import find_spec
 
 from hil.clock import now_ns
 from hil.commands.parser import new_parser
 from hil.config import load_scenario
-from hil.errors import NetworkError
+from hil.errors import MissingExtraError, NetworkError
 from hil.master.recorder import make_folder, new_folder
 from hil.stop import StopSignals
 
@@ -17,6 +20,9 @@ EXAMPLES = """\
 examples:
   uuv-hil demo                         the source paper's field
   uuv-hil demo mine.toml --run-dir out
+  uuv-hil demo --world US5AK5SI.000    over the seabed of a chart, with laser, sonar and camera
+  uuv-hil demo --world US5AK5SI.000 --start 59.6032,-151.4117 --goal 59.6032,-151.4101 --depth 6
+A chart's folder of results also has report.md, report.html and what the vehicle saw.
 """
 GRACE_S = 10.0
 
@@ -26,19 +32,67 @@ def main(arguments: list[str]) -> int:
     parser = new_parser("demo", __doc__, EXAMPLES)
     parser.add_argument("scenario", metavar="SCENARIO", nargs="?", default="paper_field")
     parser.add_argument("--run-dir", metavar="DIR", help="where to put the results [runs/SCENARIO-TIME]")
+    over = parser.add_argument_group("over a seabed of your own")
+    over.add_argument("--world", metavar="CHART.000", help="a chart, soundings, or a world's .toml or name")
+    over.add_argument("--start", metavar="LAT,LON", type=_place, help="degrees, with --goal [where there is relief]")
+    over.add_argument("--goal", metavar="LAT,LON", type=_place, help="in sight of it: the way is planned")
+    over.add_argument("--depth", metavar="M", type=float, help="how deep to dive [over the highest place of the way]")
+    over.add_argument(
+        "--length", metavar="M", type=float, default=70.0, help="of the way if none is given [%(default)g]"
+    )
+    over.add_argument("--listen", metavar="ENDPOINT", default="tcp/127.0.0.1:7447", help="of its slave [%(default)s]")
     options = parser.parse_args(arguments)
-    endpoint = load_scenario(options.scenario).slave.listen
+    if options.world:
+        return _dive(options)
     folder = make_folder(options.run_dir) if options.run_dir else new_folder(options.scenario)
+    return _run(options.scenario, folder, lambda: None)
+
+
+def _place(text: str) -> tuple[float, float]:
+    latitude, longitude = map(float, text.split(","))
+    return latitude, longitude
+
+
+def _dive(options: argparse.Namespace) -> int:
+    """Make a world and a way, fly there, and report what was seen."""
+    _require_extras()
+    from hil.charts.dive import Wish, prepare_dive
+    from hil.charts.dive_watch import DiveWatch
+
+    folder = make_folder(options.run_dir) if options.run_dir else new_folder(options.world)
+    print(f"looking for a place to dive in {options.world}", flush=True)
+    wish = Wish(options.start, options.goal, options.depth, options.length, options.listen)
+    path = prepare_dive(options.world, wish, folder)
+    scenario = load_scenario(path)
+    with DiveWatch(scenario) as watch:
+        code = _run(path, folder, watch.look)
+    from hil.charts.dive_report import write_report
+
+    files = write_report(folder, scenario, watch.looks, watch.figures())
+    print(f"what it saw: {files[-1]}")
+    return code
+
+
+def _require_extras() -> None:
+    """Raise MissingExtraError unless there is what a dive over a chart needs."""
+    missing = [name for name in ("numpy", "scipy", "matplotlib") if find_spec(name) is None]
+    if missing:
+        raise MissingExtraError(f"a chart's seabed needs {', '.join(missing)}: pip install 'uuv-hil[master,chart]'")
+
+
+def _run(scenario: str, folder: str, look: Callable[[], None]) -> int:
+    """Run both processes; the master's exit code. `look` is called again and again meanwhile."""
+    endpoint = load_scenario(scenario).slave.listen
     log_path = os.path.join(folder, "slave.log")
     with StopSignals() as stop_fd, open(log_path, "w") as log:
-        master, ready_fd = _start_master(options.scenario, endpoint, folder)
+        master, ready_fd = _start_master(scenario, endpoint, folder)
         slave = None
         try:
             if not _dials(ready_fd, stop_fd):
                 return master.wait(GRACE_S)
             print(f"starting the slave (its log: {log_path})", flush=True)
-            slave = _start_slave(options.scenario, log)
-            return _watch(master, slave, stop_fd, log_path)
+            slave = _start_slave(scenario, log)
+            return _watch(master, slave, stop_fd, log_path, look)
         finally:
             for process in (master, slave):
                 if process:
@@ -72,8 +126,15 @@ def _start_slave(scenario: str, log: object) -> subprocess.Popen[bytes]:
     return subprocess.Popen(command, stderr=log, env=environment, start_new_session=True)  # type: ignore[call-overload, no-any-return]
 
 
-def _watch(master: subprocess.Popen[bytes], slave: subprocess.Popen[bytes], stop_fd: int, log_path: str) -> int:
+def _watch(
+    master: subprocess.Popen[bytes],
+    slave: subprocess.Popen[bytes],
+    stop_fd: int,
+    log_path: str,
+    look: Callable[[], None],
+) -> int:
     while master.poll() is None:
+        look()
         if select.select((stop_fd,), (), (), 0.1)[0]:
             raise KeyboardInterrupt
         if slave.poll() is not None and master.poll() is None:

@@ -10,8 +10,8 @@ from hil.commands.parser import new_parser
 from hil.config import Scenario, load_scenario
 from hil.errors import MissingExtraError, NetworkError
 from hil.master.client import VehicleClient
+from hil.master.flight import Flight, Outcome, Plan, prepare, require_success
 from hil.master.mission import Mission
-from hil.master.planner import Navigator, Outcome, Plan, prepare, require_success
 from hil.master.progress import Progress
 from hil.master.recorder import RecordedClient, TrackWriter, make_folder, new_folder, recorded
 from hil.stop import StopSignals
@@ -49,7 +49,8 @@ def main(arguments: list[str]) -> int:
     folder = make_folder(options.run_dir) if options.run_dir else new_folder(options.scenario)
     plan = prepare(scenario)
     progress = Progress(os.path.join(folder, "master.log"))
-    progress.say(f"A* found a way of {len(plan.path)} points in {plan.duration:.2f} s")
+    planner = plan.planner
+    progress.say(f"{type(planner).__name__} planned a way of {len(planner.path)} points in {plan.duration:.2f} s")
     where = options.connect if options.connect != "lan" else _look_around(options.wait)
     with StopSignals() as stop_fd, _client(where, scenario, int(options.take_over), progress) as client:
         progress.say(f"waiting for {scenario.slave.node} at {where}")
@@ -89,7 +90,7 @@ def _wait(client: VehicleClient, seconds: float, stop_fd: int, progress: Progres
     """Until the vehicle has sent a sample and its figures of health, and is ours to command."""
     began = now_ns()
     asked, reason = False, ""
-    while not (client.first_sample_wall_ns and client.diagnostics()):
+    while not (client.first_sample_wall_ns and client.diagnostics() and not client.in_doubt):
         if select.select((stop_fd,), (), (), WAIT_STEP_S)[0]:
             raise KeyboardInterrupt
         waited = (now_ns() - began) / NS_PER_S
@@ -128,8 +129,8 @@ def _fly(
     first_cpu = (float(health.get("cpu_s", 0.0)), client.latest["diagnostics"].received_ns / NS_PER_S)
     progress.say(f"flying: {scenario.description}")
     with TrackWriter(folder) as track, recorded(client, scenario, folder, progress.note):
-        navigator = Navigator(scenario, plan)
-        outcome = Mission(navigator, scenario.master.command_period, client, track, progress).fly(stop_fd)
+        flight = Flight(scenario, plan)
+        outcome = Mission(flight, scenario.master.command_period, client, track, progress).fly(stop_fd)
     return outcome, table.build(client, outcome, first_cpu)
 
 

@@ -5,12 +5,12 @@ import select
 from math import dist
 from typing import TYPE_CHECKING
 
-from hil.autonomy.control import VelocityCommand
 from hil.clock import NS_PER_S, now_ns
 from hil.commands.parser import new_parser
 from hil.config import Scenario
 from hil.errors import ConfigError, MissionError, NetworkError
 from hil.stop import StopSignals
+from hil.topics import COMMANDS
 from hil.transport import ros
 from hil.transport.recording_file import Message
 from hil.transport.recording_reader import read_about, read_messages
@@ -120,11 +120,10 @@ class _Strayed:
 
     def take(self, message: Message) -> None:
         """Send it if it is a command; if it says where the vehicle was, compare."""
-        if message.topic == f"/{self._node}/cmd_vel":
-            twist = ros.decode_twist(message.data)
-            if twist:
-                self._client.command(VelocityCommand(*twist[0], yaw_rate=twist[1][2]))
-                self.commands += 1
+        name = message.topic.removeprefix(f"/{self._node}/")
+        if name in COMMANDS:
+            self._client.send(name, message.data)
+            self.commands += 1
         elif message.topic == f"/{self._node}/ground_truth" and self.commands:
             then, now = ros.decode_odometry(message.data), self._client.latest.get("ground_truth")
             if then and now:

@@ -4,7 +4,7 @@ import select
 
 from hil.commands.parser import new_parser
 from hil.stop import StopSignals
-from hil.transport.session import route
+from hil.transport.roles import route
 from hil.transport.settings import Network
 
 EXAMPLES = """\

@@ -18,6 +18,7 @@ examples:
   uuv-hil slave paper_field                                   for a master on this machine
   uuv-hil slave paper_field --listen tcp/0.0.0.0:7447         for a master on the network
   uuv-hil slave mine.toml --board raspberry_pi_4b             with that board's serial port
+  uuv-hil slave target_hunting --member uuv2                  one vehicle of a fleet
 
 Without a [security] section anyone who reaches the port can command the vehicle: listen on 0.0.0.0 only on a
 network you trust, or make certificates (uuv-hil keys --help). Two ports are used, the one given and the next.
@@ -32,6 +33,7 @@ class Options(NamedTuple):
     listen: str | None = None
     board: str | None = None
     port: str | None = None
+    member: str = ""
 
 
 def main(arguments: list[str]) -> int:
@@ -45,7 +47,7 @@ def main(arguments: list[str]) -> int:
 def _quick(arguments: list[str]) -> Options | None:
     """What a plain command line says, without argparse (8 ms of a start of 40); None for any other."""
     words, values = list(arguments), {}
-    while len(words) > 1 and words[-2] in ("--listen", "--board", "--port"):
+    while len(words) > 1 and words[-2] in ("--listen", "--board", "--port", "--member"):
         value, name = words.pop(), words.pop()
         values[name[2:]] = value
     plain = len(words) == 1 and not any(word.startswith("-") for word in (*words, *values.values()))
@@ -60,6 +62,7 @@ def _parse(arguments: list[str]) -> Options:
     parser.add_argument("--listen", metavar="ENDPOINT", help="where masters connect, tcp/ADDRESS:PORT [the scenario's]")
     parser.add_argument("--board", metavar="NAME", help="the card computer this is [recognised by its device tree]")
     parser.add_argument("--port", metavar="ADDRESS", help="of the thruster link: /dev/ttyUSB0, pty:/tmp/name, can:...")
+    parser.add_argument("--member", metavar="NAME", default="", help="which vehicle of a fleet this is, or its number")
     return Options(**vars(parser.parse_args(arguments)))
 
 
@@ -68,16 +71,22 @@ def _run(options: Options, startup: dict[str, int]) -> None:
     from hil.config import load_scenario, with_port
 
     scenario = load_scenario(options.scenario)
+    if options.member or scenario.member:
+        from hil.fleet import as_member
+
+        scenario = as_member(scenario, options.member)
     if options.listen:
         scenario = scenario._replace(slave=scenario.slave._replace(listen=options.listen))
     if options.port:
         scenario = with_port(scenario, options.port)
     startup["scenario"] = now_ns()
     from hil.transport.session import Listening
+    from hil.transport.settings import LARGEST_PICTURE
 
     # Before the session is opened: its threads inherit the scheduling.
     notes = [schedule_fifo(LOOP_PRIORITY)] if scenario.slave.realtime else ["real-time: off by the scenario"]
-    network = Listening(scenario.slave.listen, scenario.network, scenario.security)
+    largest = LARGEST_PICTURE if any(fitted.heavy for fitted in scenario.sensors.values()) else 0
+    network = Listening(scenario.slave.listen, scenario.network, scenario.security, largest)
     try:
         from hil.slave import daemon
 

@@ -20,7 +20,8 @@ from hil.stop import StopSignals
 from hil.topics import TOPICS, Topic
 from hil.transport import graph, ros_message, services, types
 from hil.transport.graph import Entity, Node
-from hil.transport.session import Publisher, Session, dial
+from hil.transport.roles import visit
+from hil.transport.session import Publisher, Session
 
 EXAMPLES = """\
 examples:
@@ -47,9 +48,14 @@ def main(arguments: list[str]) -> int:
     secure: dict[str, Any] = {"network": scenario.network, "security": scenario.security} if scenario else {}
     actions = {"list": _list, "echo": _echo, "hz": _hz, "pub": _pub, "call": _call}
     interrupted = suppress(KeyboardInterrupt)  # which is how echo, hz and pub end
-    with StopSignals() as stop_fd, dial(options.connect, **secure) as session, interrupted:
-        _connected(session, options, stop_fd)
-        actions[options.action](session, options, stop_fd)
+    with StopSignals() as stop_fd, interrupted:
+
+        def pause() -> None:
+            _pause(stop_fd, POLL_S)
+
+        with visit(options.connect, **secure, seconds=options.wait, pause=pause) as session:
+            _settle(session, stop_fd)
+            actions[options.action](session, options, stop_fd)
     return 0
 
 
@@ -76,16 +82,8 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _connected(session: Session, options: argparse.Namespace, stop_fd: int) -> None:
-    """Wait until the other side is there and has told what it has."""
-    deadline = now_ns() + seconds_ns(options.wait)
-    while not session.others():
-        _pause(stop_fd, POLL_S)
-        if now_ns() > deadline:
-            raise NetworkError(
-                f"nobody answered at {options.connect} within {options.wait:g} s; is `uuv-hil slave` running there, "
-                "with --listen on an address this machine reaches?"
-            )
+def _settle(session: Session, stop_fd: int) -> None:
+    """Wait until the other side has told what it has."""
     deadline = now_ns() + seconds_ns(SETTLE_S)
     while not session.tokens(graph.ALL) and now_ns() < deadline:
         _pause(stop_fd, POLL_S)

@@ -8,6 +8,7 @@ from typing import Any
 from hil.errors import ConfigError
 
 LONGEST = 64  # elements of an array that are shown
+MOST_MESSAGES, FEW_MESSAGES = 128, 4  # of an array of messages that is longer only a few are
 _STRING = re.compile(r'"(?:[^"\\]|\\.)*"')
 _BARE = re.compile(r"[^,:\[\]{}\"']+")
 _WORDS = {"true": True, "false": False, "null": None, "~": None, "": None}
@@ -136,16 +137,19 @@ def plain_value(word: str) -> Any:
 
 
 def lines(message: Mapping[str, Any], indent: str = "") -> list[str]:
-    """A message as lines of YAML; arrays of more than 64 elements are cut short."""
+    """A message as lines of YAML; long arrays are cut short."""
     found = []
     for name, value in message.items():
         if isinstance(value, Mapping):
             found += [f"{indent}{name}:", *lines(value, f"{indent}  ")]
         elif isinstance(value, list) and value and isinstance(value[0], Mapping):
             found.append(f"{indent}{name}:")
-            for item in value:
+            long = len(value) > MOST_MESSAGES
+            for item in value[: FEW_MESSAGES if long else None]:
                 first, *others = lines(item, f"{indent}  ")
                 found += [f"{indent}- {first.strip()}", *others]
+            if long:
+                found.append(f"{indent}- ... ({len(value)} in all)")
         else:
             found.append(f"{indent}{name}: {_shown(value)}")
     return found

@@ -12,11 +12,16 @@ from hil.master.delay import DelayMeter
 from hil.process import boot_id
 from hil.topics import TOPICS
 from hil.transport import ros
+from hil.transport.graph import Node
+from hil.transport.presence import fetch_last
+from hil.transport.roles import dial
 from hil.transport.security import Security
-from hil.transport.session import Session, dial
+from hil.transport.session import Session
 from hil.transport.settings import Network
 
+PICTURES = 2  # that may wait
 QUEUE = 256  # messages that may wait for the reader; beyond it the oldest are dropped
+PICTURES = 2  # of one topic that may wait
 CLOCK_WAIT_S = 0.3  # that the last state of a vehicle may wait until its age is known
 HOLDS_ON = 2  # diagnostics in a row that name another master: it is not about to give way
 
@@ -38,12 +43,16 @@ def _silence(_: str) -> None:
     """Report nothing."""
 
 
+def _ignore(_topic: str, _: Stamped) -> None:
+    """Do nothing with a message."""
+
+
 class VehicleClient:
     """One vehicle, over a session. Use as a context; leaving it stops the vehicle and closes what was opened here.
 
     `where` is the endpoint of the slave or of a router, or a session that several clients share. A `part` of
     "observer" never commands. A master of higher `rank` (0 to 9) takes the vehicle over from another. `report` gets a
-    line when the vehicle comes and goes; the session finds it again by itself.
+    line when the vehicle comes and goes; the session finds it again by itself. `heard` gets each message that is kept.
 
     `latest` holds the newest message of each topic, in NED and FRD; `received` counts them; `malformed`
     counts what could not be decoded; `delays` measures the commands; `contact` knows whether the vehicle is there.
@@ -59,8 +68,10 @@ class VehicleClient:
         network: Network = Network(),
         security: Security | None = None,
         report: Callable[[str], None] = _silence,
+        heard: Callable[[str, Stamped], None] = _ignore,
     ) -> None:
         self.node = node
+        self._heard = heard
         self.latest: dict[str, Stamped] = {}
         self.received = dict.fromkeys(TOPICS, 0)
         self.malformed = 0
@@ -70,14 +81,19 @@ class VehicleClient:
         self._rank = rank
         self._certificate = security.name("master") if security else ""
         self._named_other = 0  # diagnostics in a row
+        self.in_doubt = False  # what it said before we came named another master, who may have left since
         self._owns_session = isinstance(where, str)
         self._session = dial(where, network=network, security=security) if isinstance(where, str) else where
         self.endpoint = self._session.name
         self.dialled_wall_ns = to_wall_ns(now_ns())
         self._commands = self._session.publisher(node, TOPICS["cmd_vel"])
+        self._publishers = {"cmd_vel": self._commands}
         self.contact = Contact(self._session, node, self.delays.clock, self._fetch_last, report, network.lease)
         self._session.subscribe(node, "*", self._deliver, QUEUE)
         self.contact.begin(part, self._commands.gid, rank)
+        self._graph = Node(self._session, f"{node}_{part}")  # as ROS sees us
+        if part == "master":
+            self._graph.publishes(TOPICS["cmd_vel"], node)
 
     def __enter__(self) -> Self:
         return self
@@ -87,19 +103,47 @@ class VehicleClient:
 
     def close(self) -> None:
         """Command standstill if we have commanded, leave, and close the session if it was opened here."""
-        if self._commands.sequence:
+        if self.has_commanded:
             self.command(VelocityCommand())
+        self._graph.leave()
         self.contact.end()
         if self._owns_session:
             self._session.close()
 
+    @property
+    def has_commanded(self) -> bool:
+        """Whether a command has been sent."""
+        return any(publisher.sequence for publisher in self._publishers.values())
+
     def command(self, command: VelocityCommand) -> int:
-        """Send a velocity command (FRD, m/s, rad/s); its sequence number. `depth` and `heading` do not travel."""
-        if not self._commands.sequence:
-            self._named_other = 0
+        """Send a velocity command (FRD, m/s, rad/s), `depth` and `heading` before it; its sequence number."""
+        for topic, value in (("cmd_depth", command.depth), ("cmd_heading", command.heading)):
+            if value is not None:
+                from hil.transport.ros_commands import encode_number  # most commands do without
+
+                self.send(topic, encode_number(value))
         linear = (command.surge, command.sway, command.heave)
-        payload = ros.encode_twist(linear, (0.0, 0.0, command.yaw_rate))
-        return self._commands.put(payload, to_wall_ns(now_ns()))
+        return self.send("cmd_vel", ros.encode_twist(linear, (0.0, 0.0, command.yaw_rate)))
+
+    def send(self, topic: str, payload: bytes) -> int:
+        """Send a message on one of the topics of commands; its sequence number there."""
+        if not self.has_commanded:
+            self._named_other = 0
+        publisher = self._publishers.get(topic)
+        if publisher is None:
+            publisher = self._publishers[topic] = self._session.publisher(self.node, TOPICS[topic])
+            publisher.gid = self._commands.gid  # by which the slave knows that they are of one master
+            self._graph.publishes(TOPICS[topic], self.node)
+        return publisher.put(payload, to_wall_ns(now_ns()))
+
+    def watch(self, *topics: str) -> None:
+        """Keep what comes on these topics too: pictures ("camera/image_raw") come only to those who ask for them."""
+        for topic in topics:
+            self._session.subscribe(self.node, topic, self._deliver, PICTURES)
+
+    def listen(self, topic: str) -> None:
+        """Hear a topic of several parts too: a picture, which costs the network too much to be sent unasked."""
+        self._session.subscribe(self.node, topic, self._deliver, PICTURES)
 
     def wait_for_vehicle(self, seconds: float) -> bool:
         """Wait for the first sample; whether it came within `seconds`."""
@@ -128,11 +172,11 @@ class VehicleClient:
                 f"{self.node} obeys {', '.join(may_command)} only, and the certificate of this machine says "
                 f"{self._certificate!r}: add it to may_command in the [security] section of the slave's scenario"
             )
-        patience = HOLDS_ON if self._commands.sequence or self._rank else 1
-        if self._named_other >= patience and (self._commands.sequence or not self._rank):
+        patience = HOLDS_ON if self.has_commanded or self._rank else 1
+        if self._named_other >= patience and (self.has_commanded or not self._rank):
             return (
                 f"{self.node} obeys another master, {values.get('commander') or 'a stranger'}; end that one first, "
-                "or take over with --take-over"
+                "or take over with --take-over (in Python take_over=True)"
             )
         return ""
 
@@ -151,7 +195,8 @@ class VehicleClient:
         if topic == "diagnostics":
             value = value[0][3] if value else {}
             self._judge(value)
-        self.latest[topic] = Stamped(value, received_ns, self.contact.sent_ns(stamp.time_ns, received_ns))
+        kept = self.latest[topic] = Stamped(value, received_ns, self.contact.sent_ns(stamp.time_ns, received_ns))
+        self._heard(topic, kept)
         if not self.first_sample_wall_ns and topic != "diagnostics":
             self.first_sample_wall_ns = to_wall_ns(received_ns)
             self._first_sample.set()
@@ -160,12 +205,15 @@ class VehicleClient:
         self.contact.same_clock = diagnostics.get("boot_id") == boot_id()
         other = diagnostics.get("commanded_by", "") not in ("", self._commands.gid.hex())
         self._named_other = self._named_other + 1 if other else 0
+        self.in_doubt = False
 
     def _fetch_last(self) -> None:
         """The last state of a vehicle that has just come, so that slow topics need not be waited for."""
         self.contact.known.wait(CLOCK_WAIT_S)
-        self._session.fetch_last(self.node, self._deliver_last)
+        fetch_last(self._session, self.node, self._deliver_last)
 
     def _deliver_last(self, topic: str, payload: bytes, attachment: bytes) -> None:
         if topic not in self.latest and topic != "trace":
             self._deliver(topic, payload, attachment)
+            if topic == "diagnostics" and self._named_other:
+                self._named_other, self.in_doubt = 0, True

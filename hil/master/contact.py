@@ -5,6 +5,7 @@ from collections.abc import Callable
 
 from hil.clock import NS_PER_S, from_wall_ns, now_ns, to_wall_ns
 from hil.transport.clock_offset import ClockOffset, Estimate
+from hil.transport.presence import declare_presence, watch_presence
 from hil.transport.session import Session
 from hil.transport.tokens import PING, PONG, Part, Presence, clock_keys
 
@@ -57,8 +58,8 @@ class Contact:
         ping, pong = clock_keys(self._node)
         self._send = self._session.sender(ping)
         self._session.receive(pong, self._take_pong, WAITING)
-        self._withdraw = self._session.declare_presence(self._node, part, gid.hex(), rank)
-        self._session.watch_presence(self._node, self._meet)
+        self._withdraw = declare_presence(self._session, self._node, part, gid.hex(), rank)
+        watch_presence(self._session, self._node, self._meet)
         self._pinger.start()
 
     def end(self) -> None:
@@ -76,6 +77,11 @@ class Contact:
             return min(from_wall_ns(their_wall_ns), received_ns)
         estimate = self._clock.at(to_wall_ns(received_ns))
         return min(from_wall_ns(their_wall_ns - estimate.offset_ns), received_ns) if estimate else received_ns
+
+    @property
+    def silence_s(self) -> float:
+        """Seconds since the vehicle was last heard of."""
+        return (now_ns() - self._heard_ns) / NS_PER_S
 
     def _ping(self) -> None:
         while not self._closing.wait(self._pause()):
@@ -126,5 +132,6 @@ class Contact:
             return
         if self._lost_ns:
             self._report(f"{self._node} is back after {(now_ns() - self._lost_ns) / NS_PER_S:.1f} s")
-        self._arrival = threading.Thread(target=self._arrived, name="arrival", daemon=True)
-        self._arrival.start()
+        arrival = threading.Thread(target=self._arrived, name="arrival", daemon=True)
+        arrival.start()
+        self._arrival = arrival  # which `end` waits for

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from hil.clock import NS_PER_MS, now_ns, to_wall_ns
 from hil.slave.inbox import Inbox
 from hil.transport.clock_offset import ClockOffset
+from hil.transport.presence import declare_presence, serve_last, watch_presence
 from hil.transport.session import Session
 from hil.transport.tokens import PING, PONG, Presence, clock_keys
 
@@ -33,9 +34,10 @@ class Contacts:
         ping, pong = clock_keys(node)
         self._answer = session.sender(pong)
         session.receive(ping, self._take_ping, WAITING)
-        session.serve_last(node)
-        session.watch_presence(node, self._meet)
-        session.declare_presence(node, "slave")
+        session.free_links()
+        serve_last(session, node)
+        watch_presence(session, node, self._meet)
+        declare_presence(session, node, "slave")
 
     def figures(self) -> dict[str, str]:
         """For the diagnostics: who is there, who is obeyed, and how that one's clock runs against ours."""

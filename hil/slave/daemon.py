@@ -23,6 +23,7 @@ from sim.world import load_world
 
 if TYPE_CHECKING:
     from boards import Board
+    from hil.slave.imaging import Imaging
 
 
 def run(
@@ -38,6 +39,9 @@ def run(
     with ExitStack() as stack:
         stop_fd = stack.enter_context(StopSignals())
         stack.callback(log.flush)
+        imaging = _imaging(scenario, log.say)
+        if imaging:
+            scenario = imaging.scenario
         loop = _assemble(scenario, board, network, stack, log.say, startup)
         loop.advance(1)
         startup["ready"] = now_ns()
@@ -61,7 +65,14 @@ def run(
         loop.ros = RosNode(network.session(), scenario, loop, log.say)
         stack.callback(loop.ros.close)
         contacts = Contacts(network.session(), scenario.slave.node, loop.inbox, log.say, scenario.security)
-        with Health(loop, log, startup, notes, board.name if board else "this machine", scenario.link, contacts):
+        if scenario.network.router:
+            from hil.slave.router_watch import watch_router
+
+            watch_router(network.session(), scenario.network.router, scenario.security, log.say)
+        if imaging:
+            imaging.start(loop.outbox.epoch_ns)
+            stack.callback(imaging.close)
+        with Health(loop, log, startup, notes, board, scenario.link, contacts, imaging):
             try:
                 loop.run(stop_fd)
                 notify("STOPPING=1")
@@ -69,6 +80,15 @@ def run(
             finally:
                 neutral = stop_thrusters(loop.driver, loop.pilot.next_sequence() if loop.pilot else 0)
                 log.say("thrusters neutral" if neutral else "WARNING: the STM32 did not confirm neutral thrusters")
+
+
+def _imaging(scenario: Scenario, report: Callable[[str], None]) -> "Imaging | None":
+    """What stands in for sensors that make pictures; None without any, and then nothing is loaded for it."""
+    if not any(fitted.heavy for fitted in scenario.sensors.values()):
+        return None
+    from hil.slave.imaging import Imaging
+
+    return Imaging(scenario, report)
 
 
 def _recognised() -> "Board | None":
@@ -100,7 +120,7 @@ def _assemble(
     stack.callback(driver.close)
     startup["link"] = now_ns()
     limits = seconds_ns(slave.command_age_limit), seconds_ns(slave.deadman), scenario.network.command_rate
-    inbox = Inbox(*limits)
+    inbox = Inbox(*limits, len(vehicle.thrusters))
     stack.callback(inbox.close)
     session = stack.enter_context(network.session())
     startup["session"] = now_ns()
@@ -117,7 +137,7 @@ def _assemble(
     if builtin:
         pilot = build_pilot(scenario, vehicle, control, world)
         deliver = tape.hearing(inbox.deliver) if tape else inbox.deliver
-        session.subscribe(slave.node, "cmd_vel", deliver, depth=8)
+        session.subscribe(slave.node, "cmd_$*", deliver, depth=8)
         outbox.graph.subscribes(TOPICS["cmd_vel"], slave.node)
     steps = seconds_ns(slave.step), seconds_ns(slave.control_period)
     return (tape.loop if tape else Loop)(simulation, driver, pilot, inbox, outbox, *steps, report)

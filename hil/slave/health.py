@@ -4,14 +4,21 @@ import gc
 import os
 import sys
 import threading
+from typing import TYPE_CHECKING
 
+from boards.tree import Tree
 from hil import process
 from hil.clock import NS_PER_MS, NS_PER_S, NS_PER_US, now_ns, to_wall_ns
 from hil.config import Link
 from hil.slave.contacts import Contacts
 from hil.slave.log import Log
 from hil.slave.loop import Loop
+from hil.slave.machine_figures import machine_figures
 from hil.slave.notify import Heartbeat
+
+if TYPE_CHECKING:
+    from boards import Board
+    from hil.slave.imaging import Imaging
 
 REPORT_PERIOD_S = 0.1
 DIAGNOSE_EVERY = 10  # report periods
@@ -31,16 +38,18 @@ class Health:
         log: Log,
         startup: dict[str, int],
         notes: list[str],
-        board: str,
+        board: "Board | None",
         link: Link,
         contacts: Contacts,
+        imaging: "Imaging | None" = None,
     ) -> None:
         self._loop = loop
+        self._imaging = imaging
         self._contacts = contacts
         self._log = log
         self._startup = startup
         self._fixed = {
-            "board": board,
+            "board": board.name if board else "this machine",
             "boot_id": process.boot_id(),
             "cores": str(os.cpu_count()),
             "ram_mib": f"{process.ram_mib():.0f}",
@@ -52,6 +61,7 @@ class Health:
             "link_baud": str(link.baud),
             **{f"startup_{name}_ms": f"{(t - startup['exec']) / NS_PER_MS:.1f}" for name, t in startup.items()},
         }
+        self._tree, self._board = Tree(), board
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="health", daemon=True)
 
@@ -66,22 +76,29 @@ class Health:
 
     def values(self) -> dict[str, str]:
         """The figures of this moment, as they are published."""
-        loop, link = self._loop, self._loop.driver
-        lateness, wall_ns = loop.schedule.lateness, max(now_ns() - loop.started_ns, 1)
+        loop = self._loop
+        children = loop.driver.children + (self._imaging.children if self._imaging else ())
+        lateness, skipped = loop.schedule.lateness, loop.schedule.skipped
+        wall_ns = max(now_ns() - loop.started_ns, 1)
         values = self._fixed | {
-            "cpu_s": f"{process.own_cpu_s(link.children):.4f}",
-            "pss_mib": f"{process.own_pss_mib(link.children):.2f}",
-            "processes": str(1 + len(link.children)),
+            "cpu_s": f"{process.own_cpu_s(children):.4f}",
+            "pss_mib": f"{process.own_pss_mib(children):.2f}",
+            "processes": str(1 + len(children)),
             "real_time_factor": f"{loop.schedule.due_total * loop.schedule.period_ns / wall_ns:.4f}",
             "loop_rate_hz": f"{NS_PER_S / loop.schedule.period_ns:.0f}",
             "lateness_p50_us": f"{lateness.quantile(0.5) / NS_PER_US:.0f}",
             "lateness_p99_us": f"{lateness.quantile(0.99) / NS_PER_US:.0f}",
+            "lateness_p999_us": f"{lateness.quantile(0.999) / NS_PER_US:.0f}",
             "lateness_max_us": f"{lateness.maximum / NS_PER_US:.0f}",
-            "steps_skipped": str(loop.schedule.skipped),
+            "within_2ms": f"{lateness.share_within(2 * NS_PER_MS):.5f}",
+            "behind_ms": f"{(wall_ns - (loop.schedule.due_total + skipped) * loop.schedule.period_ns) / NS_PER_MS:.2f}",
+            "steps_skipped": str(skipped),
             "samples_published": str(loop.outbox.published),
             "contacts": str(loop.simulation.contacts),
         }
-        return values | self._command_figures() | self._link_figures() | self._contacts.figures()
+        values |= machine_figures(self._tree, self._board)
+        pictures = self._imaging.figures() if self._imaging else {}
+        return values | self._command_figures() | self._link_figures() | self._contacts.figures() | pictures
 
     def _command_figures(self) -> dict[str, str]:
         loop, inbox = self._loop, self._loop.inbox
@@ -94,6 +111,10 @@ class Health:
             "commands_superseded": str(inbox.superseded),
             "commands_refused": str(inbox.refused),
             "commands_flooded": str(inbox.flooded),
+            "commands_fault": inbox.fault,
+            "controller": "builtin" if loop.pilot else "external",
+            "armed": str(loop.armed).lower(),
+            "thrusters": str(inbox.thrusters),
             "commands_unanswered": str(loop.unanswered),
             "deadman_trips": str(loop.pilot.deadman_trips if loop.pilot else 0),
             "watchdog_trips": str(loop.watchdog_trips),

@@ -24,7 +24,8 @@ class Trace(NamedTuple):
     """The way of one command: its network sequence number, then instants in ns since 1970.
 
     `published_ns` is by the master's clock, all others by the slave's: received by the network thread,
-    taken up by the loop, written to the thruster link, applied by the STM32.
+    taken up by the loop, written to the thruster link, applied by the STM32; and between taken up and written,
+    when the thrusts were computed.
     """
 
     sequence: int
@@ -33,6 +34,7 @@ class Trace(NamedTuple):
     taken_ns: int
     written_ns: int
     applied_ns: int
+    computed_ns: int
 
 
 class Loop:
@@ -61,10 +63,13 @@ class Loop:
         self.ros: RosNode | None = None
         self._control_period_ns = control_period_ns
         self._report = report
-        self._awaited: dict[int, tuple[Received, int, int]] = {}
+        self._awaited: dict[int, tuple[Received, int, int, int]] = {}  # taken, computed, written
         self._controlled_ns = 0
+        self._computed_ns = 0
         self._control_due_ns = 0
         self._sent = False
+        self._link_due_ns = 0  # when the driver has to be serviced even if nothing came
+        self._link_fds = driver.descriptors()
         self._timed_out = False
         self._frames = 0  # that the STM32 has counted
         self.schedule = RateKeeper(step_ns, now_ns())
@@ -76,27 +81,30 @@ class Loop:
     def run(self, stop_fd: int) -> None:
         """Loop until `stop_fd` becomes readable."""
         inbox_fd = self.inbox.fileno()
-        ros_fds = [self.ros.fileno()] if self.ros else []
+        ros_fd = self.ros.fileno() if self.ros else -1
+        own_fds = [stop_fd, inbox_fd, *([ros_fd] if self.ros else [])]
+        link_fds, fds = self._link_fds, own_fds + self._link_fds
         self.started_ns = now_ns()
-        self.schedule = RateKeeper(self.schedule.period_ns, self.started_ns)
+        schedule = self.schedule = RateKeeper(self.schedule.period_ns, self.started_ns)
         while True:
-            wait_ns = self.schedule.deadline_ns - now_ns()
-            link_fds = self.driver.descriptors()
-            ready = select.select(
-                [stop_fd, inbox_fd, *link_fds, *ros_fds], (), (), wait_ns / NS_PER_S if wait_ns > 0 else 0.0
-            )[0]
+            if link_fds is not self._link_fds:  # a lost link has gone, or come back
+                link_fds, fds = self._link_fds, own_fds + self._link_fds
+            wait_ns = schedule.deadline_ns - now_ns()
+            ready = select.select(fds, (), (), wait_ns / NS_PER_S if wait_ns > 0 else 0.0)[0]
             now = now_ns()
-            if inbox_fd in ready:
-                self._take_command(now)
-            if stop_fd in ready:
-                return
-            if self.pilot and now >= self._control_due_ns:
+            if ready:  # mostly it is only time for the next step
+                if inbox_fd in ready:
+                    self._take_command(now)
+                if stop_fd in ready:
+                    return
+            if now >= self._control_due_ns and self.pilot:
                 self._control(self.pilot, now)
-            if self._sent or now >= self.driver.deadline_ns or any(fd in ready for fd in link_fds):
+            if self._sent or now >= self._link_due_ns or (ready and any(fd in ready for fd in link_fds)):
                 self._service_link(now_ns())  # the answer to a command just sent may be there already
-            if self.ros and self.ros.fileno() in ready:
+            if ready and self.ros and ros_fd in ready:
                 self.ros.serve()
-            self.advance(self.schedule.due(now))
+            if now >= schedule.deadline_ns:
+                self.advance(schedule.due(now))
 
     def advance(self, steps: int) -> None:
         """Let the vehicle move by so many steps, and publish what its sensors then say."""
@@ -105,8 +113,9 @@ class Loop:
                 if self.pilot:
                     self.pilot.sense(topic, sample)
                 self.outbox.sample(topic, sample)
-        if self.ros:
-            self.ros.tick(self.simulation.time_ns)
+        ros = self.ros
+        if ros and self.simulation.time_ns >= ros.due_ns:
+            ros.tick(self.simulation.time_ns)
 
     def place(self, position: Sequence[float], quaternion: Sequence[float], nu: Sequence[float]) -> None:
         """Put the vehicle somewhere (NED, body to world, FRD), between two steps; its next command begins anew."""
@@ -133,7 +142,7 @@ class Loop:
             self._report("commands arrive: thrusters armed")
         self.pilot.command(received.command, now)
         sequence = self._control(self.pilot, now)
-        self._awaited[sequence] = (received, now, now_ns())
+        self._awaited[sequence] = (received, now, self._computed_ns, now_ns())
 
     def _control(self, pilot: Pilot, now: int) -> int:
         """One controller update, sent to the thrusters at once; its sequence number on the link."""
@@ -141,6 +150,7 @@ class Loop:
         self._controlled_ns = now
         self._control_due_ns = now + self._control_period_ns
         command, tripped = pilot.update(now, max(dt_ns, 1000) / NS_PER_S)
+        self._computed_ns = now_ns()
         self.driver.send(command)
         self._sent = True
         if tripped:
@@ -149,7 +159,9 @@ class Loop:
 
     def _service_link(self, now: int) -> None:
         self._sent = False
-        for telemetry in self.driver.service(now):
+        heard = self.driver.service(now)
+        self._link_due_ns, self._link_fds = self.driver.deadline_ns, self.driver.descriptors()
+        for telemetry in heard:
             if telemetry.timed_out and not self._timed_out:
                 self._report("the STM32's watchdog tripped: thrusters neutral")
             self._timed_out = telemetry.timed_out
@@ -163,11 +175,11 @@ class Loop:
     def _trace(self, telemetry: ThrusterTelemetry, now: int) -> None:
         awaited = self._awaited.pop(telemetry.sequence, None)
         if awaited:
-            received, taken_ns, written_ns = awaited
+            received, taken_ns, computed_ns, written_ns = awaited
             applied_ns = self.driver.applied_ns(telemetry, now)
-            instants = map(to_wall_ns, (received.received_ns, taken_ns, written_ns, applied_ns))
+            instants = map(to_wall_ns, (received.received_ns, taken_ns, written_ns, applied_ns, computed_ns))
             self.outbox.trace(Trace(received.sequence, received.published_ns, *instants))
-        lost = [sequence for sequence, (_, _, written) in self._awaited.items() if now - written > UNANSWERED_NS]
+        lost = [sequence for sequence, (_, _, _, written) in self._awaited.items() if now - written > UNANSWERED_NS]
         for sequence in lost:
             del self._awaited[sequence]
         self.unanswered += len(lost)

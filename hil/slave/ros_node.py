@@ -4,10 +4,12 @@ Loaded when the vehicle is ready.
 """
 
 from collections.abc import Callable
+from math import sqrt
 
 from hil.config import Ros, Scenario
 from hil.slave.loop import Loop
 from hil.slave.services import offer_services
+from hil.topics import COMMANDS, TOPICS
 from hil.transport import ros
 from hil.transport.ros_frames import Transform, encode_clock, encode_transforms, encode_wrench, mounted
 from hil.transport.services import Server
@@ -15,22 +17,35 @@ from hil.transport.session import Session
 from sim.sensors.samples import period_ns
 from sim.sensors.suite import Suite
 
+_HALF_SQRT = sqrt(0.5)
 WITHOUT_PLACE = ("odometry", "ground_truth")  # they are of the body's origin
 TURNED_UP = (0.0, 1.0, 0.0, 0.0)  # half a turn about x: from FLU to the z-down axes of a velocity log's message
+# Sensors whose messages have axes of their own: their frame, and the quaternion from its axes to the link's FLU.
+HEADS = {
+    "dvl": ("dvl_transducer_link", TURNED_UP),
+    "dvl_water": ("dvl_water_transducer_link", TURNED_UP),
+    "profiler": ("profiler_scan", (0.0, _HALF_SQRT, 0.0, -_HALF_SQRT)),  # x down, y to starboard, z astern
+    "camera": ("camera_optical_frame", (0.5, -0.5, 0.5, -0.5)),  # x to starboard, y down, z ahead
+    "forward_sonar": ("forward_sonar_fan", (0.0, _HALF_SQRT, 0.0, _HALF_SQRT)),  # x up, y to starboard, z ahead
+}
 NEVER = 1 << 63
 
 
 class RosNode:
-    """Speaks for a running loop, which waits on `fileno`, and calls `serve` and `tick`."""
+    """Speaks for a running loop, which waits on `fileno`, and calls `serve`, and `tick` when `due_ns` has come."""
 
     def __init__(self, session: Session, scenario: Scenario, loop: Loop, say: Callable[[str], None]) -> None:
         settings, node = scenario.ros, scenario.slave.node
         self._loop = loop
+        self.due_ns = 0  # of simulation time
         self._prefix = settings.frame_prefix
         self._clock = _Due(settings.clock)
         self._wrench = _Due(settings.wrench)
-        for fitted in scenario.sensors.values():
+        for fitted in [fitted for fitted in scenario.sensors.values() if not fitted.heavy]:
             ros.encoder(fitted.sensor.topic)  # loaded now, not at the first sample
+        if loop.pilot:
+            for name in [name for name in COMMANDS if name != "cmd_vel"]:  # which was there from the beginning
+                loop.outbox.graph.subscribes(TOPICS[name], node)
         self.server = Server(session, loop.outbox.graph)
         if settings.services:
             offer_services(self.server, node, loop, scenario.start, say)
@@ -55,6 +70,7 @@ class RosNode:
             wrench = self._loop.simulation.forces().thrusters
             payload = encode_wrench(time_ns + outbox.epoch_ns, wrench, f"{self._prefix}base_link")
             outbox.put("thruster_wrench", payload)
+        self.due_ns = min(self._clock.due_ns, self._wrench.due_ns)
 
     def close(self) -> None:
         """Give the descriptor back."""
@@ -66,13 +82,13 @@ class _Due:
 
     def __init__(self, rate: float) -> None:
         self._period_ns = period_ns(rate) if rate else 0
-        self._due_ns = 0 if rate else NEVER
+        self.due_ns = 0 if rate else NEVER
 
     def passes(self, time_ns: int) -> bool:
         """True once a period; what was missed is not made up for."""
-        if time_ns < self._due_ns:
+        if time_ns < self.due_ns:
             return False
-        self._due_ns = time_ns - time_ns % self._period_ns + self._period_ns
+        self.due_ns = time_ns - time_ns % self._period_ns + self._period_ns
         return True
 
 
@@ -84,7 +100,7 @@ def static_transforms(suite: Suite, settings: Ros, time_ns: int) -> list[Transfo
     for name in [name for name in suite if name not in WITHOUT_PLACE]:
         mounting, link = suite[name].mounting, f"{prefix}{name}_link"
         frames.append(mounted(time_ns, base, link, mounting.position, mounting.quaternion))
-        if name.startswith("dvl"):
-            head = f"{prefix}{name}_transducer_link"
-            frames.append(Transform(time_ns, link, head, (0.0, 0.0, 0.0), TURNED_UP))
+        if name in HEADS:
+            head, turn = HEADS[name]
+            frames.append(Transform(time_ns, link, f"{prefix}{head}", (0.0, 0.0, 0.0), turn))
     return frames

@@ -1,7 +1,8 @@
 """What a slave records of itself: all it says and is told, and what its run needs to be repeated to the bit.
 
-A run is a function of the scenario, the seed and the pulses at each step; the wall clock enters only by way of when
-the pulses change. So the topic "pulses" has, whenever they change, the number of the step from which they hold.
+A run is a function of the scenario, the seed, the pulses at each step and what is done to the vehicle by hand; the
+wall clock enters only by way of when that happens. So the topic "pulses" has, whenever they change, the number of the
+step from which they hold, and "events" that of the step before which it was put somewhere, or a thruster failed.
 """
 
 from collections.abc import Callable, Sequence
@@ -16,7 +17,9 @@ from hil.slave.outbox import Outbox
 from hil.topics import TOPICS, Topic
 from hil.transport import ros
 from hil.transport.recording import Recorder, describe, new_folder
+from hil.transport.recording_events import EVENTS, encode_failures, encode_place
 from hil.transport.recording_file import PULSES, Message
+from sim.failures import Failure
 
 Deliver = Callable[[str, bytes, bytes], None]
 
@@ -36,6 +39,7 @@ class Tape:
         self._step_ns = step_ns
         self._pulses: tuple[int, ...] = ()
         self._changes = 0
+        self._events = 0
 
     def __enter__(self) -> "Tape":
         return self
@@ -54,7 +58,9 @@ class Tape:
         def note(name: str, payload: bytes, attachment: bytes) -> None:
             now = to_wall_ns(now_ns())
             deliver(name, payload, attachment)
-            topic, stamp = TOPICS[name], ros.unpack_attachment(attachment)
+            topic, stamp = TOPICS.get(name), ros.unpack_attachment(attachment)
+            if topic is None:  # whatever it is, it was not obeyed
+                return
             sequence, sent_ns = (stamp.sequence, stamp.time_ns) if stamp else (0, now)
             self._recorder.put(Message(topic.full_name(self._node), topic.type, sequence, sent_ns, now, payload))
 
@@ -68,6 +74,18 @@ class Tape:
         self._changes += 1
         self.said(PULSES, ros.encode_int64_array([time_ns // self._step_ns, *pulses]), self._changes)
 
+    def placed(self, time_ns: int, *pose: Sequence[float]) -> None:
+        """Note that the vehicle was put somewhere at this simulation time: position, quaternion, nu."""
+        self._event(encode_place(time_ns // self._step_ns, *pose))
+
+    def failed(self, time_ns: int, failures: Sequence[Failure]) -> None:
+        """Note that thrusters were let fail, or repaired."""
+        self._event(encode_failures(time_ns // self._step_ns, failures))
+
+    def _event(self, payload: bytes) -> None:
+        self._events += 1
+        self.said(EVENTS, payload, self._events)
+
     def outbox(self, *arguments: Any) -> Outbox:
         """An outbox that is recorded."""
         outbox = _RecordedOutbox(*arguments)
@@ -75,7 +93,7 @@ class Tape:
         return outbox
 
     def loop(self, *arguments: Any) -> Loop:
-        """A loop whose pulses are recorded."""
+        """A loop whose pulses are recorded, and what is done to its vehicle."""
         loop = _RecordedLoop(*arguments)
         loop.tape = self
         return loop
@@ -105,3 +123,13 @@ class _RecordedLoop(Loop):
         for _ in range(steps):
             self.tape.step(self.simulation.time_ns, self.driver.pwm_us)
             super().advance(1)
+
+    def place(self, position: Sequence[float], quaternion: Sequence[float], nu: Sequence[float]) -> None:
+        """Put the vehicle somewhere, and note it."""
+        super().place(position, quaternion, nu)
+        self.tape.placed(self.simulation.time_ns, position, quaternion, nu)
+
+    def fail(self, *failures: Failure) -> None:
+        """Let thrusters fail, and note it."""
+        super().fail(*failures)
+        self.tape.failed(self.simulation.time_ns, failures)

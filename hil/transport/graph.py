@@ -9,7 +9,9 @@ A slash in a name is a % there. Not modelled: security enclaves, and deadlines, 
 our messages is random, where rmw_zenoh takes a hash of the token.
 """
 
-from typing import Any, Literal, NamedTuple, Protocol
+from collections.abc import Callable
+from itertools import count
+from typing import Literal, NamedTuple, Protocol
 
 from hil.topics import Qos, Topic, hash_of
 from hil.transport.ros import dds_name
@@ -22,6 +24,7 @@ SERVICE_QOS = Qos()
 # Numbers of rmw/types.h; an empty field is rmw_zenoh's default, which is reliable, volatile, and the last 42.
 _BEST_EFFORT, _TRANSIENT_LOCAL, _KEEP_ALL, _DEFAULT_DEPTH = "2", "1", "2", 42
 _NODE_PARTS, _ENDPOINT_PARTS = 9, 13
+_numbers = count()  # of this process's nodes and endpoints, so that no two of a session have the same
 
 
 class Entity(NamedTuple):
@@ -108,19 +111,28 @@ class Declarer(Protocol):
     def zid(self) -> str:
         """Its identity on the network."""
 
-    def declare_token(self, key: str) -> Any:
-        """A liveliness token, which lives as long as the session and the object given."""
+    def declare_token(self, key: str) -> Callable[[], None]:
+        """Declare a liveliness token, which lives until what this gives is called, or the session lost."""
 
 
 class Node:
-    """A node of ours in the graph: `name` is its name, "uuv1". Declares itself, and its endpoints when told to."""
+    """A node of ours in the graph: `name` is its name, "uuv1". Declares itself, and its endpoints when told to.
 
-    def __init__(self, session: Declarer, name: str, number: int = 0) -> None:
+    It is there until `leave`, or the session's end.
+    """
+
+    def __init__(self, session: Declarer, name: str) -> None:
         self._session = session
+        number = next(_numbers)
         self._node = Entity("NN", f"/{name}", session.zid, number, number)
-        self._count = number
-        self._tokens: list[Any] = []
+        self._withdraw: list[Callable[[], None]] = []
         self._declare(self._node)
+
+    def leave(self) -> None:
+        """Be there no more, nor its endpoints."""
+        for withdraw in self._withdraw:
+            withdraw()
+        self._withdraw.clear()
 
     def publishes(self, topic: Topic, owner: str) -> None:
         """It publishes this topic of the node `owner`, which may be itself."""
@@ -139,15 +151,15 @@ class Node:
         self._endpoint("SC", name, type_name, SERVICE_QOS)
 
     def _endpoint(self, kind: Kind, name: str, type_name: str, qos: Qos) -> None:
-        self._count += 1
+        ident = next(_numbers)
         self._declare(
             self._node._replace(
-                kind=kind, ident=self._count, topic=name, type=type_name, type_hash=hash_of(type_name), qos=qos
+                kind=kind, ident=ident, topic=name, type=type_name, type_hash=hash_of(type_name), qos=qos
             )
         )
 
     def _declare(self, entity: Entity) -> None:
-        self._tokens.append(self._session.declare_token(token(entity)))
+        self._withdraw.append(self._session.declare_token(token(entity)))
 
 
 def _mangle(name: str) -> str:

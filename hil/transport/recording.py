@@ -24,6 +24,7 @@ from hil.transport.recording_mcap import require_library
 DRAIN_PERIOD_S = 0.1
 FLUSH_PERIOD_NS = NS_PER_S
 MOST_WAITING = 100_000  # messages; a disk that is busy for ten seconds loses none of ten vehicles'
+MOST_WAITING_BYTES = 1 << 28  # which matters for pictures
 _MIB = 1 << 20
 _FULL = 0.85  # of a file's limit: its index comes on top of it
 
@@ -62,6 +63,7 @@ class Recorder:
         self._attachments = attachments or {}
         self._report = report
         self._waiting: deque[Message] = deque()
+        self._put = self._drained = 0  # bytes
         self._closed: list[FileSummary] = []
         self._file: RecordingFile | None = None
         self._number = 0
@@ -81,7 +83,10 @@ class Recorder:
 
     def put(self, message: Message) -> None:
         """Hand a message over; from any thread, and without waiting."""
-        if len(self._waiting) < MOST_WAITING and not self.failure:
+        size = len(message.data)
+        room = len(self._waiting) < MOST_WAITING and self._put + size - self._drained <= MOST_WAITING_BYTES
+        if room and not self.failure:
+            self._put += size
             self._waiting.append(message)
         else:
             self.lost += 1
@@ -106,7 +111,9 @@ class Recorder:
             self._begin()
         for _ in range(len(self._waiting)):
             assert self._file
-            self._file.write(self._waiting.popleft())
+            message = self._waiting.popleft()
+            self._file.write(message)
+            self._drained += len(message.data)
             self.written += 1
             if self._file.size > _FULL * self._options.file_size * _MIB:
                 self._rotate()

@@ -1,8 +1,8 @@
 """Running a slave's recording once more, without clock and network: does the vehicle do the same, bit for bit?
 
-A fresh simulation of the recorded scenario gets the recorded pulses, each from its step on. What its sensors then say
-is made into messages as the slave did, and held against the recorded ones byte by byte, in their order. Controller and
-thruster link are not run again: their part is in the pulses.
+A fresh simulation of the recorded scenario gets the recorded pulses, each from its step on, and what was done to the
+vehicle by hand is done again. What its sensors then say is made into messages as the slave did, and held against the
+recorded ones byte by byte, in their order. Controller and thruster link are not run again: their part is in the pulses.
 """
 
 from collections import deque
@@ -13,12 +13,15 @@ from hil.config import build_simulation
 from hil.errors import ConfigError
 from hil.topics import TOPICS
 from hil.transport import ros
+from hil.transport.recording_events import EVENTS, decode_event, repeat
 from hil.transport.recording_file import PULSES, Message
 from hil.transport.recording_reader import About, read_about, read_messages
 from hil.transport.recording_run import read_run
 
 LONGEST_SILENCE_S = 20.0  # of simulated time: then the sensors will say no more
-NOT_SAMPLES = {PULSES.name, "cmd_vel", "trace", "diagnostics", "/clock", "/tf_static"}
+# What a slave hears, or says of its own accord.
+COMMANDS = {topic.name for topic in TOPICS.values() if topic.from_master}
+NOT_SAMPLES = {*COMMANDS, "trace", "diagnostics", "thruster_wrench", "/clock", "/tf_static"}
 
 
 class Verdict(NamedTuple):
@@ -45,7 +48,8 @@ class _Repetition:
         if run is None:
             raise ConfigError(f"{path}: the recording does not say which scenario it is of")
         self._path = path
-        self._simulation = build_simulation(*run)
+        seen = {name: fitted for name, fitted in run.scenario.sensors.items() if not fitted.heavy}  # pictures are not
+        self._simulation = build_simulation(run.scenario._replace(sensors=seen), run.vehicle, run.world)
         self._epoch_ns = int(about.facts["epoch_ns"])
         self._step_ns = int(about.facts["step_ns"])
         self._prefix = run.scenario.ros.frame_prefix
@@ -53,7 +57,7 @@ class _Repetition:
         others = NOT_SAMPLES if run.scenario.ros.transforms else NOT_SAMPLES | {"/tf"}
         self._samples = {topic.full_name(node): name for name, topic in TOPICS.items() if name not in others}
         self._names = {name: full for full, name in self._samples.items()}
-        self._pulses_topic = PULSES.full_name(node)
+        self._pulses_topic, self._events_topic = PULSES.full_name(node), EVENTS.full_name(node)
         self._pulses: tuple[int, ...] = ()
         self._steps = 0
         self._said: deque[tuple[str, bytes]] = deque()
@@ -66,6 +70,9 @@ class _Repetition:
             if message.topic == self._pulses_topic:
                 self._check_number(message)
                 self._change_pulses(message)
+            elif message.topic == self._events_topic:
+                self._check_number(message)
+                self._repeat_event(message)
             elif message.topic in self._samples:
                 self._check_number(message)
                 expected = self._next(message)
@@ -91,11 +98,22 @@ class _Repetition:
 
     def _change_pulses(self, message: Message) -> None:
         values = ros.decode_int64_array(message.data)
-        if not values or values[0] < self._steps:
+        self._go_to(values[0] if values else -1)
+        self._pulses = tuple(values[1:]) if values else ()
+
+    def _repeat_event(self, message: Message) -> None:
+        event = decode_event(message.data)
+        self._go_to(event.get("step", -1))
+        try:
+            repeat(event, self._simulation)
+        except ConfigError as error:
+            raise ConfigError(f"{self._path}: {error}") from None
+
+    def _go_to(self, step: int) -> None:
+        if step < self._steps:
             raise ConfigError(f"{self._path}: the simulation was begun anew here; only the part before can be repeated")
-        while self._steps < values[0]:
+        while self._steps < step:
             self._step()
-        self._pulses = tuple(values[1:])
 
     def _next(self, message: Message) -> tuple[str, bytes]:
         """What the sensors say next that the slave recorded too."""

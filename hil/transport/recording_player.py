@@ -7,6 +7,7 @@ from hil.clock import NS_PER_S, now_ns, to_wall_ns
 from hil.errors import ConfigError
 from hil.topics import TOPICS, Topic
 from hil.transport import types
+from hil.transport.presence import declare_presence
 from hil.transport.recording_file import Message
 from hil.transport.session import Publisher, Session
 
@@ -61,6 +62,6 @@ class Player:
         node, _, last = name.strip("/").rpartition("/")
         if node and node not in self._nodes:
             self._nodes.add(node)
-            self._session.declare_presence(node, "slave")
+            declare_presence(self._session, node, "slave")
         like = TOPICS.get(last) or TOPICS.get(name) or Topic(last, kind, 0, "data")
         return self._session.publisher(node, like._replace(name=name, type=kind))

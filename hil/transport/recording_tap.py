@@ -1,8 +1,8 @@
 """Listening to everything that vehicles say and are told, at next to no cost, for what records and shows it.
 
-A tap is a client of each slave (or of a router), and not a peer as masters are: a slave forwards to its clients also
-the commands that it gets. Many vehicles send thousands of messages a second; a thread that wakes for each would take
-more of the processor than all the rest, so they are fetched in batches, and the library notes when each came.
+A tap visits each slave (or a router), and so hears also the commands that a slave gets from others. Many vehicles send
+thousands of messages a second; a thread that wakes for each would take more of the processor than all the rest, so they
+are fetched in batches, and the library notes when each came.
 """
 
 import os
@@ -16,6 +16,7 @@ from zenoh.ext import HistoryConfig, declare_advanced_subscriber
 from hil.clock import now_ns, to_wall_ns
 from hil.topics import TOPICS
 from hil.transport import ros
+from hil.transport.linger import watch
 from hil.transport.recording_file import Message
 from hil.transport.settings import Network, settings
 
@@ -26,12 +27,6 @@ if TYPE_CHECKING:
 ONE_THREAD = "(app: (worker_threads: 1), rx: (handover: app), net: (handover: app), tx: (handover: app))"
 DEPTH = 1 << 14  # messages of one endpoint that may wait; beyond it the oldest are dropped, and counted as missed
 RETRY_S = 0.2
-AS_CLIENT = {
-    "mode": '"client"',
-    "connect/timeout_ms": "1000",
-    "connect/exit_on_failure": "true",
-    "timestamping/enabled": "true",  # of what comes, with the time when it came
-}
 
 
 def save_processor() -> None:
@@ -48,7 +43,7 @@ class Tap:
     """
 
     def __init__(self, endpoints: list[str], network: Network = Network(), security: "Security | None" = None) -> None:
-        texts = [settings("master", (), (endpoint,), network, security) for endpoint in endpoints]
+        texts = [settings("visitor", (), (endpoint,), network, security) for endpoint in endpoints]
         self.connected: set[str] = set()
         self.missed = 0
         self._numbers: dict[bytes, int] = {}
@@ -84,12 +79,13 @@ class Tap:
     def _open(self, endpoint: str, text: str) -> None:
         """Try until the endpoint is there; from then on the library connects again after each loss."""
         config = zenoh.Config.from_json5(text)
-        for key, value in AS_CLIENT.items():
-            config.insert_json5(key, value)
+        config.insert_json5("timestamping/enabled", "true")  # of what comes, with the time when it came
         while not self._closing.is_set():
             with suppress(zenoh.ZError):
-                self._listen(zenoh.open(config))
+                session = zenoh.open(config)
+                self._listen(session)
                 self.connected.add(endpoint)
+                watch(session)
                 return
             self._closing.wait(RETRY_S)
 

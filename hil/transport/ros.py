@@ -25,6 +25,7 @@ _IMU = Layout("i I string 4d 72s 3d 72s 3d 72s")
 _ODOMETRY = Layout("i I string string 7d 288s 6d 288s")
 _PRESSURE = Layout("i I string 2d")
 RANGE = Layout("i I string B 5f")
+_ZEROS = (diagonal(3, 0.0, 0.0),) * 3
 _TRANSFORMS = Layout("I i I string string 7d")  # of one
 _ATTACHMENT = Struct("<qqB16s")
 
@@ -77,14 +78,15 @@ def encode_imu(
     sample: ImuSample, frame: str = "imu_link", variances: tuple[float, float, float] = (0.0, 0.0, 0.0)
 ) -> bytes:
     """sensor_msgs/Imu. `variances`: of attitude rad², angular velocity (rad/s)², acceleration (m/s²)²."""
-    time_ns, orientation, angular_velocity, acceleration = sample
-    w, x, y, z = swap_attitude(orientation)
-    attitude, rate, force = variances
-    return pack_stamped(
-        _IMU, time_ns, (frame,),
-        x, y, z, w, diagonal(3, attitude, attitude),
-        *swap_body(angular_velocity), diagonal(3, rate, rate),
-        *swap_body(acceleration), diagonal(3, force, force),
+    # The most frequent message: a call less is a microsecond less where the caches are cold, at 100 Hz beside a loop.
+    struct, (size, name) = _IMU.named((frame,))
+    attitude, rate, force = [diagonal(3, each, each) for each in variances] if any(variances) else _ZEROS
+    time_ns, (w, x, y, z), (p, q, r), (ax, ay, az) = sample
+    return struct.pack(
+        HEADER, time_ns // _NS_PER_S, time_ns % _NS_PER_S, size, name,
+        _HALF_SQRT * (x + y), _HALF_SQRT * (x - y), _HALF_SQRT * (w - z), _HALF_SQRT * (w + z), attitude,
+        p, -q, -r, rate,
+        ax, -ay, -az, force,
     )  # fmt: skip
 
 
@@ -276,7 +278,13 @@ _DECODERS: dict[str, Decoder] = {
     "diagnostics": decode_diagnostics,
 }
 _ELSEWHERE = {
+    **dict.fromkeys(("cmd_depth", "cmd_heading", "cmd_pose", "cmd_wrench", "cmd_thrusters"), "ros_commands"),
     **dict.fromkeys(("dvl", "dvl_twist", "altitude", "dvl_water"), "ros_dvl"),
     **dict.fromkeys(("laser", "profiler", "scanning_sonar", "echosounder"), "ros_scans"),
+    **dict.fromkeys(("camera", "forward_sonar", "side_scan"), "ros_images"),  # the sensors, and then their topics
+    **dict.fromkeys(("camera/image_raw", "camera/image_raw/compressed", "camera/camera_info"), "ros_images"),
+    **dict.fromkeys(("camera/depth/image_raw", "camera/depth/camera_info", "camera/labels"), "ros_images"),
+    **dict.fromkeys(("forward_sonar/image", "side_scan/image"), "ros_images"),
     **dict.fromkeys(("/tf", "/tf_static", "/clock", "thruster_wrench"), "ros_frames"),
+    "formation": "ros_formation",
 }

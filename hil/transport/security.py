@@ -50,7 +50,7 @@ class Security(NamedTuple):
 
     def folder(self, role: Role) -> str:
         """Where the keys of a role are. Raises NetworkError when the scenario names none."""
-        folder: str = getattr(self, role)
+        folder: str = self.master if role == "visitor" else getattr(self, role)
         if not folder:
             raise NetworkError(f"[security] names no {role}; add {role} = a folder made by `uuv-hil keys add NAME`")
         return folder

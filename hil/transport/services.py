@@ -107,7 +107,7 @@ def call(
     key = ros.data_key(0, name, type_name, hash_of(type_name))
     payload = ros_message.encode(f"{type_name}_Request", request or {})
     attachment = ros.pack_attachment(1, to_wall_ns(now_ns()), os.urandom(16))
-    answer = session.ask(key, payload, attachment, seconds)
+    answer = next((answer for _, answer, _ in session.ask(key, seconds, payload, attachment)), None)
     response = ros_message.decode(f"{type_name}_Response", answer) if answer is not None else None
     if response is None:
         raise NetworkError(

@@ -19,9 +19,12 @@ BATCH = 8192  # bytes
 KEEP_ALIVES = 4  # a lease
 FIRST_RETRY_MS = 20
 ROUTER_WAIT_MS = 5000  # that a master waits for a router to begin with
-LARGEST = {"slave": 1 << 20, "master": 1 << 26, "router": 1 << 26}  # bytes that one message to a role may have
+VISIT_WAIT_MS = 500  # that one attempt of a visitor takes at most
+# Bytes that one message to a role may have. What a slave with pictures gets from its imaging process is larger.
+LARGEST = {"slave": 1 << 20, "master": 1 << 26, "visitor": 1 << 26, "router": 1 << 26, "imaging": 1 << 20}
+LARGEST_PICTURE = 1 << 24
 
-Role = Literal["slave", "master", "router"]
+Role = Literal["slave", "master", "visitor", "router", "imaging"]
 
 
 class Network(NamedTuple):
@@ -74,9 +77,17 @@ def endpoints(endpoint: str, secure: bool = False, one: bool = False) -> list[st
 
 
 def settings(
-    role: Role, listen: tuple[str, ...], dial: tuple[str, ...], network: Network, security: "Security | None"
+    role: Role,
+    listen: tuple[str, ...],
+    dial: tuple[str, ...],
+    network: Network,
+    security: "Security | None",
+    largest: int = 0,
 ) -> str:
-    """The configuration of a session, as text for the library. Raises NetworkError."""
+    """The configuration of a session, as text for the library. Raises NetworkError.
+
+    `largest` is the limit in bytes of what comes in, if not that of the role.
+    """
     how = security is not None, role == "router" or network.mode == "routed"
     table: dict[str, Any] = {
         "mode": _mode(role, network),
@@ -92,7 +103,10 @@ def settings(
         "scouting": {
             "delay": 0,  # half a second, otherwise
             # Found, not connected to: only masters dial.
-            "multicast": {"enabled": network.discovery and role != "master", "autoconnect": {"peer": [], "router": []}},
+            "multicast": {
+                "enabled": network.discovery and role in ("slave", "router"),
+                "autoconnect": {"peer": [], "router": []},
+            },
             "gossip": {"enabled": False},
         },
         "transport": {
@@ -103,29 +117,35 @@ def settings(
             },
             "link": {
                 "tx": {"lease": _milliseconds(network.lease), "keep_alive": KEEP_ALIVES, "batch_size": BATCH},
-                "rx": {"max_message_size": LARGEST[role]},
+                "rx": {"max_message_size": largest or LARGEST[role]},
             },
             "shared_memory": {"enabled": False},
         },
     }
     if table["mode"] == "client":
-        table["connect"] |= {"timeout_ms": ROUTER_WAIT_MS, "exit_on_failure": True}
+        wait_ms = VISIT_WAIT_MS if role in ("visitor", "imaging") else ROUTER_WAIT_MS
+        table["connect"] |= {"timeout_ms": wait_ms, "exit_on_failure": True}
     if security:
         from hil.transport.security import access, tls  # no session without certificates pays for it
 
-        table["transport"]["link"] |= {"tls": tls(security.folder(role)), "protocols": ["tls"]}
-        if role != "master":
+        machine: Role = "slave" if role == "imaging" else role
+        table["transport"]["link"] |= {"tls": tls(security.folder(machine)), "protocols": ["tls"]}
+        if role == "imaging":  # it dials its own machine, whose name there need not be in the certificate
+            table["transport"]["link"]["tls"]["verify_name_on_connect"] = False
+        elif role in ("slave", "router"):
             table["access_control"] = access(security)
     return json5(table)
 
 
 def _mode(role: Role, network: Network) -> str:
-    """What the library calls it. A router forwards between peers and clients, not between peers.
+    """What the library calls it. A router forwards between peers and clients, not between peers; so does a slave.
 
     Sessions that are all routers forward too, but do not find each other again reliably after a black-out.
     """
     if role == "router":
         return "router"
+    if role == "visitor" or (role == "imaging" and network.mode == "direct"):
+        return "client"
     return "client" if network.mode == "routed" and role == "master" else "peer"
 
 

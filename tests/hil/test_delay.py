@@ -19,7 +19,7 @@ def test_one_clock() -> None:
     meter = DelayMeter()
     meter.add(trace(1, 1000 * MS, 200_000, 0), sent_ns=1001 * MS, received_ns=1002 * MS)
     assert meter.totals_ns() == [500_000]
-    assert [meter.hop_ns(hop) for hop in range(4)] == [[200_000], [20_000], [80_000], [200_000]]
+    assert [meter.hop_ns(hop) for hop in range(5)] == [[200_000], [20_000], [80_000], [0], [200_000]]
     assert meter.offset_ns() == (0, 0)
 
 

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import pytest
 
+from hil.autonomy.control import VelocityCommand
 from hil.clock import now_ns, to_wall_ns
 from hil.slave.inbox import AgeFilter, Inbox
 from hil.transport import ros
@@ -33,6 +34,7 @@ def test_a_command_wakes_and_is_taken_once(inbox: Inbox) -> None:
     assert select.select((inbox,), (), (), 0)[0]
     taken = inbox.take()
     assert taken is not None
+    assert isinstance(taken.command, VelocityCommand)
     assert taken.command.surge == pytest.approx(0.7)
     assert taken.sequence == 1
     assert inbox.take() is None

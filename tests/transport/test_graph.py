@@ -1,15 +1,21 @@
 """Liveliness tokens, held against a reader written from rmw_zenoh's rules and against tokens of another library."""
 
+import time
+from contextlib import nullcontext
 from typing import Any
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hil.topics import TOPICS, TYPE_HASHES, Qos
+from hil.errors import NetworkError
+from hil.master.client import VehicleClient
+from hil.topics import TOPICS, TYPE_HASHES, Qos, hash_of
 from hil.transport import graph
 from hil.transport.graph import Entity, Node, read_token, token
-from hil.transport.session import dial, listen
+from hil.transport.roles import dial, route, visit
+from hil.transport.session import Session, listen
+from hil.transport.settings import Network
 from tests.processes import free_port, wait_for
 
 TWIST = TYPE_HASHES["geometry_msgs/msg/Twist"]
@@ -81,7 +87,7 @@ def test_tokens_of_others(key: str, entity: Entity) -> None:
 
 @pytest.mark.parametrize("topic", TOPICS.values(), ids=TOPICS)
 def test_each_topic_by_the_rules(topic: Any) -> None:
-    type_hash = TYPE_HASHES[topic.type]
+    type_hash = hash_of(topic.type)
     full = topic.full_name("uuv1")
     entity = Entity("MP", "/uuv1", "abc123", 0, 4, full, topic.type, type_hash, topic.qos)
     found = read_by_the_rules(token(entity))
@@ -152,3 +158,52 @@ def test_a_node_and_its_endpoints_are_seen_and_go_with_the_session() -> None:
             assert {e.session for e in found if e} == {slave.zid}
             assert len({e.ident for e in found if e}) == 4
         assert wait_for(lambda: not master.tokens(graph.ALL), 5.0)
+
+
+def seen(session: Session) -> set[tuple[str, str, str]]:
+    return {(e.kind, e.node, e.topic) for key in session.tokens(graph.ALL) if (e := read_token(key))}
+
+
+@pytest.mark.parametrize("routed", [False, True])
+def test_masters_and_observers_are_nodes_too_while_they_are_there(routed: bool) -> None:
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    network = Network(mode="routed", router=endpoint) if routed else Network()
+    own = f"tcp/127.0.0.1:{free_port()}" if routed else endpoint
+    with (
+        route(endpoint) if routed else nullcontext(),
+        listen(own, network) as slave,
+        dial(endpoint, network=network) as ours,
+        visit(endpoint, network, seconds=3.0) as visitor,
+    ):
+        Node(slave, "uuv1").subscribes(TOPICS["cmd_vel"], "uuv1")
+        vehicle = {("NN", "/uuv1", ""), ("MS", "/uuv1", "/uuv1/cmd_vel")}
+        clients = [
+            VehicleClient(ours, "uuv1"),
+            VehicleClient(ours, "uuv2", part="observer"),
+            VehicleClient(ours, "uuv3"),
+        ]
+        third = {("NN", "/uuv3_master", ""), ("MP", "/uuv3_master", "/uuv3/cmd_vel")}
+        others = {
+            ("NN", "/uuv1_master", ""),
+            ("MP", "/uuv1_master", "/uuv1/cmd_vel"),
+            ("NN", "/uuv2_observer", ""),
+        }
+        assert wait_for(lambda: seen(visitor) == vehicle | others | third, 3.0), seen(visitor)
+        found = [e for key in visitor.tokens(graph.ALL) if (e := read_token(key)) and e.session == ours.zid]
+        assert len({e.ident for e in found}) == len(found) == 5, "one session, so all have numbers of their own"
+        for client in clients[:2]:
+            client.close()
+        assert wait_for(lambda: seen(visitor) == vehicle | third, 3.0), seen(visitor)
+        clients[2].close()
+
+
+def test_a_visitor_is_told_that_nobody_is_there() -> None:
+    endpoint, tries = f"tcp/127.0.0.1:{free_port()}", list[float]()
+    with pytest.raises(NetworkError, match=f"nobody answered at {endpoint} within 0.2 s; is `uuv-hil slave` running"):
+        visit(endpoint, seconds=0.2, pause=lambda: tries.append(time.monotonic()))
+    assert not tries
+    with pytest.raises(NetworkError, match="nobody answered"):
+        visit(endpoint, seconds=0.8, pause=lambda: tries.append(time.monotonic()))
+    assert tries
+    with pytest.raises(NetworkError, match="tcp/HOST:PORT"):
+        visit("7447", seconds=60.0)

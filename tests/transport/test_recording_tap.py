@@ -8,7 +8,8 @@ from itertools import pairwise
 from hil.topics import TOPICS
 from hil.transport.recording_file import Message
 from hil.transport.recording_tap import Tap
-from hil.transport.session import dial, listen
+from hil.transport.roles import dial
+from hil.transport.session import listen
 from tests.processes import free_port, wait_for
 
 

@@ -12,8 +12,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hil.topics import TOPICS, TYPE_HASHES
-from hil.transport import ros
+from hil.topics import TOPICS, TYPE_HASHES, hash_of
+from hil.transport import ros, types
 from sim.rotations import from_euler, matrix, to_euler
 from sim.sensors.samples import ImuSample, OdometrySample, PressureSample
 
@@ -47,11 +47,14 @@ def xyz(fields: dict[str, float]) -> tuple[float, float, float]:
 
 
 def test_type_hashes_are_those_of_the_other_implementation() -> None:
-    assert GOLDEN["hashes"] == TYPE_HASHES
+    """Of rosbags, as are those of the definitions, see test_ros_types."""
+    assert {name: TYPE_HASHES[name] for name in GOLDEN["hashes"]} == GOLDEN["hashes"]
+    assert {name: types.type_hash(name) for name in TYPE_HASHES} == TYPE_HASHES
 
 
 def test_each_topic_has_hash_decoder_and_encoder() -> None:
-    assert {topic.type for topic in TOPICS.values()} == set(TYPE_HASHES)
+    assert set(TYPE_HASHES) <= {topic.type for topic in TOPICS.values()}
+    assert all(hash_of(topic.type).startswith("RIHS01_") for topic in TOPICS.values())
     assert all(ros.decoder(topic) for topic in TOPICS)
     assert ros.decoder("imy") is None
 
@@ -243,7 +246,7 @@ def test_a_shortened_message_is_none(message: dict[str, Any]) -> None:
 @given(st.sampled_from(sorted(TOPICS)), st.binary(max_size=400))
 def test_noise_never_raises(topic: str, noise: bytes) -> None:
     assert decode(topic, noise) is None or noise.startswith(b"\0\1")
-    assert isinstance(decode(topic, b"\0\1\0\0" + noise), tuple | list | bool | int | None)
+    assert isinstance(decode(topic, b"\0\1\0\0" + noise), tuple | list | dict | bool | int | float | None)
 
 
 @given(st.sampled_from(range(len(GOLDEN["messages"]))), st.data())
@@ -254,7 +257,7 @@ def test_bytes_hit_by_noise_never_raise(index: int, data: st.DataObject) -> None
         payload[data.draw(st.integers(0, len(payload) - 1))] = data.draw(st.integers(0, 255))
     for name, topic in TOPICS.items():
         if topic.type == message["type"]:
-            assert isinstance(decode(name, bytes(payload)), tuple | list | bool | int | None)
+            assert isinstance(decode(name, bytes(payload)), tuple | list | dict | bool | int | float | None)
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])

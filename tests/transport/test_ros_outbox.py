@@ -7,7 +7,8 @@ import time
 from hil.slave.outbox import Outbox
 from hil.topics import TYPE_HASHES
 from hil.transport import ros
-from hil.transport.session import dial, listen
+from hil.transport.roles import dial
+from hil.transport.session import listen
 from sim.sensors.extra_samples import FixSample, FlagSample, PositionSample
 from sim.sensors.samples import DvlSample, OdometrySample
 

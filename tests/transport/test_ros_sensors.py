@@ -221,7 +221,8 @@ SAMPLES = {
 def test_there_is_a_sample_of_each() -> None:
     elsewhere = {"imu", "dvl", "dvl_water", "pressure", "odometry", "ground_truth"}  # test_ros and test_ros_dvl
     scans = {"laser", "profiler", "scanning_sonar", "echosounder"}  # test_ros_scans
-    assert set(SAMPLES) == set(SENSORS) - elsewhere - scans
+    pictures = {"camera", "forward_sonar", "side_scan"}  # test_ros_images
+    assert set(SAMPLES) == set(SENSORS) - elsewhere - scans - pictures
     assert set(SAMPLES) == set(ros_sensors.ENCODERS) == set(ros_sensors.DECODERS)
 
 

@@ -10,8 +10,10 @@ from hil.errors import ConfigError, NetworkError
 from hil.schema import parse
 from hil.topics import TOPICS
 from hil.transport.diagnosis import why_not
+from hil.transport.presence import declare_presence, watch_presence
+from hil.transport.roles import dial
 from hil.transport.security import Security
-from hil.transport.session import Session, dial, listen
+from hil.transport.session import Session, listen
 from hil.transport.tokens import Presence
 from tests.processes import free_port, wait_for
 
@@ -41,14 +43,14 @@ def slave(keys: Path) -> Iterator[tuple[Session, str, list[str]]]:
     heard: list[str] = []
     with listen(endpoint, security=security(keys)) as session:
         session.subscribe("uuv1", "cmd_vel", lambda _, payload, __: heard.append(payload.decode()), 8)
-        session.declare_presence("uuv1", "slave")
+        declare_presence(session, "uuv1", "slave")
         yield session, endpoint, heard
 
 
 def meets(session: Session) -> list[Presence]:
     """Who the session sees of the node; filled in while one waits."""
     seen: list[Presence] = []
-    session.watch_presence("uuv1", lambda presence, alive: seen.append(presence) if alive else None)
+    watch_presence(session, "uuv1", lambda presence, alive: seen.append(presence) if alive else None)
     return seen
 
 
@@ -95,7 +97,7 @@ def test_everyone_with_a_certificate_may_listen(keys: Path) -> None:
         listen(endpoint, security=security(keys, may_listen=("*",))) as slave,
         dial(endpoint, security=security(keys, "stranger")) as stranger,
     ):
-        slave.declare_presence("uuv1", "slave")
+        declare_presence(slave, "uuv1", "slave")
         seen = meets(stranger)
         assert wait_for(lambda: seen, 3)
 
@@ -135,7 +137,7 @@ def test_a_name_that_is_not_in_the_certificate(keys: Path) -> None:
         listen(endpoint, security=security(keys)) as slave,
         dial(endpoint, security=security(keys)) as master,
     ):
-        slave.declare_presence("uuv1", "slave")
+        declare_presence(slave, "uuv1", "slave")
         seen = meets(master)
         fault = why_not(endpoint, str(keys / "laptop"))
         assert fault is not None

@@ -15,8 +15,9 @@ from hil.topics import hash_of
 from hil.transport import graph, ros, services
 from hil.transport.cdr import HEADER
 from hil.transport.graph import Node
+from hil.transport.roles import dial
 from hil.transport.services import Server, call
-from hil.transport.session import Session, dial, listen
+from hil.transport.session import Session, listen
 from tests.processes import free_port, wait_for
 
 SET_BOOL = "std_srvs/srv/SetBool"
@@ -105,7 +106,7 @@ def test_noise_is_counted_and_ends_without_an_answer(
 ) -> None:
     serving, master = both
     began = time.monotonic()
-    assert master.ask(key_of("/uuv1/arm"), payload, attachment, 5.0) is None
+    assert list(master.ask(key_of("/uuv1/arm"), 5.0, payload, attachment)) == []
     assert time.monotonic() - began < 2.0, "whoever asks is told at once that there is no answer"
     assert serving.server.malformed == 1
     assert serving.asked == []
@@ -144,7 +145,7 @@ def test_calls_beyond_the_queue_go_without_an_answer_and_harm_nothing() -> None:
         server.serve()
         assert sum(len(list(replies)) for replies in pending) == server.calls == services.WAITING
         server.close()
-        assert master.ask(key_of("/uuv1/arm"), payload, attachment, 0.3) is None
+        assert list(master.ask(key_of("/uuv1/arm"), 0.3, payload, attachment)) == []
 
 
 def test_closing_leaves_no_descriptor_behind() -> None:

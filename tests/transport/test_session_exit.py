@@ -14,12 +14,13 @@ from tests.processes import ROOT, Program, free_port, wait_for
 OPEN = """
 import sys, time, threading
 from hil.master.client import VehicleClient
+from hil.transport.presence import declare_presence, serve_last, watch_presence
 from hil.transport.session import listen
 session = listen("tcp/127.0.0.1:{port}")
 session.subscribe("uuv1", "cmd_vel", print, 8)
-session.watch_presence("uuv1", lambda presence, alive: None)
-session.declare_presence("uuv1", "slave")
-session.serve_last("uuv1")
+watch_presence(session, "uuv1", lambda presence, alive: None)
+declare_presence(session, "uuv1", "slave")
+serve_last(session, "uuv1")
 session.receive("uuv_hil/uuv1/ping", lambda payload: None, 8)
 client = VehicleClient("tcp/127.0.0.1:{port}", "uuv1")
 while not client.contact.present:

@@ -11,7 +11,7 @@ from hil.commands.keys import add_machine, init
 from hil.master.client import VehicleClient
 from hil.topics import TOPICS
 from hil.transport import ros
-from hil.transport.session import dial
+from hil.transport.roles import dial
 from tests.processes import Program, wait_for, write_scenario
 
 

@@ -1,7 +1,12 @@
 """What vanishes is missed within the lease and found again at once; what is late is not obeyed."""
 
+import os
+import socket
+import struct
+import threading
 import time
 from collections.abc import Iterator
+from contextlib import suppress
 
 import pytest
 
@@ -9,7 +14,10 @@ from hil.clock import now_ns, to_wall_ns
 from hil.slave.inbox import Inbox
 from hil.topics import TOPICS
 from hil.transport import ros
-from hil.transport.session import Session, dial, listen
+from hil.transport.presence import declare_presence, fetch_last, serve_last, watch_presence
+from hil.transport.roles import dial
+from hil.transport.session import Session, listen, open_session
+from hil.transport.settings import Network, settings
 from hil.transport.tokens import Presence
 from tests.processes import free_port, wait_for
 from tests.transport.relay import Relay
@@ -23,8 +31,8 @@ class End:
     def __init__(self, session: Session, part: str, ident: str = "") -> None:
         self.session = session
         self.seen: list[tuple[float, str, bool]] = []
-        session.watch_presence("uuv1", self._meet)
-        session.declare_presence("uuv1", part, ident)  # type: ignore[arg-type]
+        watch_presence(session, "uuv1", self._meet)
+        declare_presence(session, "uuv1", part, ident)  # type: ignore[arg-type]
 
     def _meet(self, presence: Presence, alive: bool) -> None:
         self.seen.append((time.monotonic(), presence.part, alive))
@@ -104,12 +112,12 @@ def test_a_late_joiner_gets_the_last_state() -> None:
         for number in (1, 2):
             battery.put(bytes([number]) * 9, 1000 + number)
         assert silent.last is None
-        slave.serve_last("uuv1")
+        serve_last(slave, "uuv1")
         got: list[tuple[str, bytes, bytes]] = []
         with dial(f"tcp/127.0.0.1:{port}") as late:
 
             def ask() -> bool:
-                late.fetch_last("uuv1", lambda *message: got.append(message))
+                fetch_last(late, "uuv1", lambda *message: got.append(message))
                 return bool(got)
 
             assert wait_for(ask, 3)
@@ -118,3 +126,44 @@ def test_a_late_joiner_gets_the_last_state() -> None:
     stamp = ros.unpack_attachment(attachment)
     assert stamp is not None
     assert (stamp.sequence, stamp.time_ns, stamp.gid) == (2, 1002, battery.gid)
+
+
+def lingering() -> list[bool]:
+    """Of each connected TCP socket of this process."""
+    found = []
+    for name in os.listdir("/proc/self/fd"):
+        with suppress(OSError), socket.socket(fileno=os.dup(int(name))) as end:
+            if end.family == socket.AF_INET and end.getpeername():
+                on, _ = struct.unpack("ii", end.getsockopt(socket.SOL_SOCKET, socket.SO_LINGER, 8))
+                found.append(bool(on))
+    return found
+
+
+def test_no_link_lingers() -> None:
+    """Closing one whose bytes nobody acknowledges would block a thread that others need."""
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    before = len(lingering())
+    with listen(endpoint) as slave:
+        plain = settings("master", (), (endpoint,), Network(), None)
+        with open_session("dial", endpoint, plain):
+            assert wait_for(lambda: len(lingering()) == before + 4, 3)
+            assert any(lingering()), "if the library's links linger no more, ours need not be watched"
+            slave.free_links()
+            assert wait_for(lambda: not any(lingering()), 1)
+            with dial(endpoint):
+                assert wait_for(lambda: len(lingering()) == before + 8 and not any(lingering()), 3)
+    assert not [thread for thread in threading.enumerate() if thread.name == "links"]
+
+
+def test_what_was_said_last_arrives_though_links_do_not_linger() -> None:
+    endpoint, heard = f"tcp/127.0.0.1:{free_port()}", list[bytes]()
+    with listen(endpoint) as slave:
+        slave.subscribe("uuv1", "cmd_vel", lambda _, payload, __: heard.append(payload), 64)
+        slave.free_links()
+        for number in range(5):
+            with dial(endpoint) as master:
+                publisher = master.publisher("uuv1", TOPICS["cmd_vel"])
+                assert wait_for(lambda: publisher.put(b"first", 0) and b"first" in heard, 3)  # noqa: B023
+                publisher.put(b"last of %d" % number, 0)
+            assert wait_for(lambda: b"last of %d" % number in heard, 1)  # noqa: B023
+            heard.clear()

@@ -12,7 +12,9 @@ from hil.errors import ConfigError, NetworkError
 from hil.schema import parse
 from hil.topics import TOPICS
 from hil.transport.discovery import find
-from hil.transport.session import dial, listen, route
+from hil.transport.presence import declare_presence, watch_presence
+from hil.transport.roles import dial, route
+from hil.transport.session import listen
 from hil.transport.settings import BATCH, Network, endpoints, json5, settings
 from hil.transport.tokens import Presence, presence_key, read_presence
 from tests.processes import Program, free_port, wait_for, write_scenario
@@ -91,9 +93,9 @@ def test_a_router_forwards_and_keeps_the_links_apart() -> None:
     heard: list[str] = []
     with listen(own, network) as slave, route(endpoint), dial(endpoint, network=network) as master:
         slave.subscribe("uuv1", "cmd_vel", lambda _, payload, __: heard.append(payload.decode()), 8)
-        slave.declare_presence("uuv1", "slave")
+        declare_presence(slave, "uuv1", "slave")
         seen: list[Presence] = []
-        master.watch_presence("uuv1", lambda presence, _: seen.append(presence))
+        watch_presence(master, "uuv1", lambda presence, _: seen.append(presence))
         publisher = master.publisher("uuv1", TOPICS["cmd_vel"])
         assert wait_for(lambda: publisher.put(b"go", 0) and heard and seen, 3)
 

@@ -117,6 +117,8 @@ class Fault(NamedTuple):
 
 FAULTS = {
     "black hole 3 s": Fault(lambda run: run.network.unplug("slave"), lambda run: run.network.plug("slave"), 3),
+    "black hole 2 s": Fault(lambda run: run.network.unplug("slave"), lambda run: run.network.plug("slave"), 2),
+    "black hole 7 s": Fault(lambda run: run.network.unplug("slave"), lambda run: run.network.plug("slave"), 7),
     "black hole 12 s": Fault(lambda run: run.network.unplug("slave"), lambda run: run.network.plug("slave"), 12),
     "cable out 3 s": Fault(
         lambda run: run.network.set_cable("slave", False), lambda run: run.network.set_cable("slave", True), 3

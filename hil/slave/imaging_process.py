@@ -1,0 +1,165 @@
+"""The process that makes a slave's pictures: requests on its standard input, what is done on its output.
+
+    python -m hil.slave.imaging_process      started by hil.slave.imaging, which says the rest
+
+It has the world and the heavy sensors of the scenario, puts the vehicle where a request says, and publishes what the
+sensors then see as the same node, by a session of its own that goes through the slave's. It gives way to everything
+else on the machine, and leaves the first core to the loop. It ends when its input does.
+"""
+
+import os
+import pickle
+import select
+import sys
+from collections.abc import Iterator
+from typing import Any
+
+from hil.clock import NS_PER_S, now_ns, to_wall_ns
+from hil.config import Scenario, build_simulation
+from hil.errors import HilError
+from hil.slave.imaging import DONE, REQUEST
+from hil.slave.outbox import Outbox
+from hil.stop import StopSignals
+from hil.transport import ros
+from hil.transport.session import Session, open_session
+from hil.transport.settings import settings, split
+from sim.sensors.samples import Sample
+from sim.sensors.suite import Slot
+from sim.vehicle import load_vehicle
+from sim.world import load_world
+
+NICE = 10
+IN, OUT, ERRORS = 0, 1, 2
+HERE = {"0.0.0.0": "127.0.0.1", "[::]": "[::1]"}  # where to dial what listens at all addresses
+
+Message = tuple[str, bytes]
+
+
+def main() -> int:
+    """Serve requests until the input ends or a signal comes; the exit code."""
+    answers = os.dup(OUT)
+    os.dup2(ERRORS, OUT)  # whoever prints does not answer for us
+    _give_way()
+    try:
+        with StopSignals() as stop_fd:
+            scenario, epoch_ns = pickle.loads(_read_exactly(int.from_bytes(_read_exactly(4), "little")))
+            _serve(scenario, epoch_ns, answers, stop_fd)
+    except HilError as error:
+        print(error, file=sys.stderr)
+        return error.exit_code
+    except EOFError:  # the slave ended meanwhile
+        pass
+    return 0
+
+
+def _give_way() -> None:
+    os.sched_setscheduler(0, os.SCHED_BATCH, os.sched_param(0))
+    os.nice(NICE)
+    first, *others = sorted(os.sched_getaffinity(0))
+    os.sched_setaffinity(0, others or [first])
+
+
+def _read_exactly(count: int) -> bytes:
+    found = b""
+    while len(found) < count:
+        data = os.read(IN, count - len(found))
+        if not data:
+            raise EOFError
+        found += data
+    return found
+
+
+def _serve(scenario: Scenario, epoch_ns: int, answers: int, stop_fd: int) -> None:
+    studio = Studio(scenario)
+    slave = scenario.slave
+    with join(scenario) as session:
+        outbox = Outbox(session, slave.node, epoch_ns, scenario.ros.frame_prefix)
+        under_way: list[tuple[int, Message]] = []  # when it is due (wall clock), and what
+        while True:
+            wait_s = (under_way[0][0] - to_wall_ns(now_ns())) / NS_PER_S if under_way else None
+            ready = select.select((stop_fd, IN), (), (), wait_s if wait_s is None else max(0.0, wait_s))[0]
+            if stop_fd in ready:
+                return
+            requests = os.read(IN, REQUEST.size * 64) if IN in ready else None
+            if requests == b"":
+                return
+            for number, time_ns, *moving in REQUEST.iter_unpack(requests or b""):
+                began = now_ns()
+                messages = studio.take(number, time_ns, moving)
+                due_ns = epoch_ns + time_ns + studio.delay_ns(number)
+                under_way += [(due_ns, message) for message in studio.encode(messages, epoch_ns)]
+                os.write(answers, DONE.pack(number, now_ns() - began))
+            under_way.sort(key=_due)
+            _publish(outbox, under_way)
+
+
+def join(scenario: Scenario) -> Session:
+    """The session: a client of the slave's, which forwards what its clients say, and not what its peers say.
+
+    With a router it dials that, as the slave does. Raises NetworkError.
+    """
+    network = scenario.network
+    scheme, host, port = split(scenario.slave.listen)
+    where = network.router or f"{scheme}/{HERE.get(host, host)}:{port}"
+    return open_session("join", where, settings("imaging", (), (where,), network, scenario.security))
+
+
+def _publish(outbox: Outbox, under_way: list[tuple[int, Message]]) -> None:
+    """What is due, which is taken off the list."""
+    while under_way and under_way[0][0] <= to_wall_ns(now_ns()):
+        outbox.put(*under_way.pop(0)[1])
+
+
+def _due(waiting: tuple[int, Message]) -> int:
+    return waiting[0]
+
+
+class Studio:
+    """The world of a scenario, and those sensors of it that are asked for, by their number. Raises HilError.
+
+    The simulation here is never stepped: it is put where the vehicle is.
+    """
+
+    def __init__(self, scenario: Scenario) -> None:
+        vehicle, _ = load_vehicle(scenario.vehicle)
+        self._simulation = build_simulation(scenario._replace(sensors={}), vehicle, load_world(scenario.world))
+        step_ns = 1  # whatever the loop's is
+        self._slots = [
+            Slot(name, fitted, self._simulation, scenario.seed, step_ns) for name, fitted in scenario.sensors.items()
+        ]
+        self._settings = scenario.ros
+
+    def take(self, number: int, time_ns: int, moving: list[float]) -> tuple[str, Sample] | None:
+        """The sample of a sensor, with its name: None if there is none, or it is lost on its way.
+
+        `moving` is position, quaternion, nu and its rate of change.
+        """
+        simulation, slot = self._simulation, self._slots[number]
+        state = simulation.state
+        state.position, state.quaternion = moving[:3], moving[3:7]
+        state.nu, state.nu_dot = moving[7:13], moving[13:]
+        simulation.time_ns = time_ns
+        sample = slot.sensor.sample(time_ns, state)
+        return None if sample is None or slot.drops() else (slot.topic, sample)
+
+    def delay_ns(self, number: int) -> int:
+        """How long after its instant the last sample of a sensor arrives."""
+        return self._slots[number].delay_ns
+
+    def encode(self, taken: tuple[str, Any] | None, epoch_ns: int) -> Iterator[Message]:
+        """The messages of what was taken, each with its topic."""
+        if taken is None:
+            return
+        topic, sample = taken
+        stamped = sample._replace(time_ns=sample.time_ns + epoch_ns)
+        prefix, settings = self._settings.frame_prefix, self._settings
+        if topic == "camera":
+            from hil.transport.ros_images import camera_messages
+
+            yield from camera_messages(stamped, prefix, settings.images, settings.jpeg_quality)
+        else:
+            yield from ros.encoder(topic)(stamped, prefix)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

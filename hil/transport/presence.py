@@ -1,0 +1,54 @@
+"""Who is there for a node, and what a node said last, for those who come late. Loaded when the vehicle is ready."""
+
+import os
+from collections.abc import Callable
+from contextlib import suppress
+
+import zenoh
+
+from hil.transport.session import ANSWER_WITHIN_S, Deliver, Session
+from hil.transport.tokens import Part, Presence, last_key, presence_key, read_presence
+
+Watch = Callable[[Presence, bool], None]
+
+
+def declare_presence(session: Session, node: str, part: Part, ident: str = "", rank: int = 0) -> Callable[[], None]:
+    """Let others see that this process is there for a node, until what this gives is called, or the session lost.
+
+    `ident` and `rank`: see `hil.transport.tokens.Presence`; by default one of chance and 0.
+    """
+    who = f"{os.uname().nodename}:{os.getpid()}"
+    return session.declare_token(presence_key(Presence(node, part, rank, ident or os.urandom(16).hex(), who)))
+
+
+def watch_presence(session: Session, node: str, deliver: Watch) -> None:
+    """Call `deliver(presence, alive)` for each that is there for a node ("*": any), comes or goes.
+
+    One that vanishes without a word goes after the lease. Otherwise like `Session.subscribe`.
+    """
+
+    def pass_on(key: str, alive: bool) -> None:
+        presence = read_presence(key)
+        if presence:
+            deliver(presence, alive)
+
+    session.watch_tokens(f"uuv_hil/{node}/alive/**", pass_on)
+
+
+def serve_last(session: Session, node: str) -> None:
+    """Tell late joiners what this session's publishers of a node's own topics said last, see `fetch_last`."""
+
+    def answer(query: zenoh.Query) -> None:
+        with suppress(zenoh.ZError), query:  # who asked may be gone; leaving the query says that this was all
+            for publisher in list(session.publishers):
+                if publisher.last and not publisher.topic.name.startswith("/"):
+                    payload, attachment = publisher.last
+                    query.reply(last_key(node, publisher.topic.name), payload, attachment=attachment)
+
+    session.answer(last_key(node, "*"), answer)
+
+
+def fetch_last(session: Session, node: str, deliver: Deliver) -> None:
+    """Call `deliver(topic name, payload, attachment)`, here and now, for the last message of each topic of the node."""
+    for key, payload, attachment in session.ask(last_key(node, "*"), ANSWER_WITHIN_S):
+        deliver(key.rpartition("/")[2], payload, attachment)
