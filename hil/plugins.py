@@ -21,6 +21,8 @@ def load_class(table: dict[str, Any], contract: type, where: str) -> Any:
     arguments = {key: value for key, value in table.items() if key != "class"}
     try:
         made = kind(**arguments)
+    except ConfigError as error:
+        raise ConfigError(f"{where}: {error}") from None
     except (TypeError, ValueError) as error:
         raise ConfigError(f"{where}: {name} does not take these keys: {error}") from error
     missing = [method for method in _methods(contract) if not callable(getattr(made, method, None))]

@@ -27,12 +27,13 @@ class Obstacle(Protocol):
 
 
 class Cylinder(NamedTuple):
-    """A pile: the centre of its axis and its radius."""
+    """A pile: the centre of its axis and its radius. What is `hidden` is on no planner's map."""
 
     north: Coordinate
     east: Coordinate
     radius: Length
     top: Top = -100.0
+    hidden: bool = False
 
     def separation(self, north: float, east: float) -> Separation:
         """Distance from the side and the direction away from the axis; north on the axis itself."""
@@ -44,7 +45,10 @@ class Cylinder(NamedTuple):
 
 
 class Box(NamedTuple):
-    """A block: its centre and its sizes along its own two axes, the first of which points at `heading`."""
+    """A block: its centre and its sizes along its own two axes, the first of which points at `heading`.
+
+    What is `hidden` is on no planner's map.
+    """
 
     north: Coordinate
     east: Coordinate
@@ -52,6 +56,7 @@ class Box(NamedTuple):
     size_east: Length
     heading: Heading = 0.0
     top: Top = -100.0
+    hidden: bool = False
 
     def separation(self, north: float, east: float) -> Separation:
         """Distance from the nearest side or corner and the direction away from it."""

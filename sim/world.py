@@ -19,6 +19,9 @@ Speed = Annotated[float, Range(-5.0, 5.0, "m/s")]
 Angle = Annotated[float, Range(-pi, pi, "rad")]
 
 
+_RELIEF_WITHIN = 50.0  # m
+
+
 class World(NamedTuple):
     """One place. `source` says where it comes from.
 
@@ -77,13 +80,19 @@ class World(NamedTuple):
                 return f"the obstacle at ({obstacle.north:g}, {obstacle.east:g}) has its top in the seabed"
         return None
 
-    def clearance(self, north: float, east: float, depth: float = inf) -> float:
+    def clearance(self, north: float, east: float, depth: float = inf, within: float = _RELIEF_WITHIN) -> float:
         """Distance in m from a point to the nearest obstacle's side, negative inside it, inf if there is none.
 
-        Only obstacles that reach up to `depth` m count: all of them if it is left out.
+        Only obstacles that reach up to `depth` m count, and with them a relief where it does, no farther than `within`
+        m away. If `depth` is left out, all obstacles count and no relief.
         """
         near = (o.separation(north, east)[0] for o in self.obstacles() if o.top < depth)
-        return min(near, default=inf)
+        least = min(near, default=inf)
+        if self.terrain is None or depth == inf:
+            return least
+        from sim.shallows import distance_to_shallows
+
+        return min(least, distance_to_shallows(self.terrain, north, east, depth, min(least, within)))
 
     def _walls(self) -> tuple[Wall, ...]:
         if not self.walls:

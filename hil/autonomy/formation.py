@@ -54,10 +54,15 @@ class FieldSettings(NamedTuple):
 
 
 class Body(NamedTuple):
-    """Something to keep away from: its middle and how near to that (m) nobody's middle may come."""
+    """Something to keep away from: its middle and how near to that (m) nobody's middle may come.
+
+    A neighbour that is `kept` is also held within the range of communication. One that has just come into range is
+    not to be, as it would be pulled at hardest (Ji & Egerstedt add such a link only well within the range, too).
+    """
 
     position: Vector
     radius: float
+    kept: bool = True
 
 
 def attraction(position: Vector, place: Vector, gain: float, conic: float) -> Vector:
@@ -120,7 +125,9 @@ def resultant(
     parts = [place_velocity, attraction(position, place, s.attraction, s.conic)]
     parts += [repulsion(position, place, body, s.repulsion, s.repulsion_range) for body in (*known, *obstacles)]
     parts += [
-        communication(position, body.position, s.communication, s.comfortable, s.communication_range) for body in known
+        communication(position, body.position, s.communication, s.comfortable, s.communication_range)
+        for body in known
+        if body.kept
     ]
     north, east = sum(part[0] for part in parts), sum(part[1] for part in parts)
     share = min(1.0, s.max_speed / max(hypot(north, east), _NEAREST))

@@ -23,7 +23,9 @@ from hil.autonomy.vfh import Scan, Vfh, VfhSettings
 from hil.errors import MissionError
 from hil.schema import Range
 
-Planner = Callable[[OccupancyGrid, Point, Point], list[Point]]
+Search = Callable[[OccupancyGrid, Point, Point], list[Point]]
+
+_LOOK_AGAIN = 10  # scans between two looks for a way where there was none
 
 
 class GuideSettings(NamedTuple):
@@ -40,13 +42,14 @@ class GuideSettings(NamedTuple):
 class Guide:
     """Leads a vehicle from `start` to `goal` (m north, m east), scan by scan.
 
-    `planner` finds the way on an inflated map: `astar.plan`, `any_angle.plan_any_angle` or the `plan` of a
+    `search` finds the way on an inflated map: `astar.plan`, `any_angle.plan_any_angle` or the `plan` of a
     `dstar.DStarLite`. Raises MissionError if the map at the start shows no way. Afterwards `path` is the way,
-    `plans` how many were made, `done` whether the goal is reached, `stuck` why there is no way any more.
+    `plans` how many were made, `progress` the share of the way that lies behind, `done` whether the goal is reached,
+    `stuck` why there is no way any more; it looks for one again as the map changes.
     """
 
     def __init__(
-        self, known: OccupancyGrid, start: Point, goal: Point, settings: GuideSettings, planner: Planner = plan
+        self, known: OccupancyGrid, start: Point, goal: Point, settings: GuideSettings, search: Search = plan
     ) -> None:
         self.map = LaserMap(known, settings.vfh.range)
         self.plans = 0
@@ -54,7 +57,8 @@ class Guide:
         self.stuck = ""
         self._settings = settings
         self._goal = goal
-        self._planner = planner
+        self._search = search
+        self._waited = 0
         self._vfh = Vfh(settings.vfh)
         self._plan(start)
 
@@ -62,7 +66,7 @@ class Guide:
         """The command at `position` (m north, m east) and `heading` (rad), where the vehicle sees `scan`."""
         here = position[0], position[1]
         fresh = self.map.add(here, heading, scan)
-        if len(fresh) and self._in_the_way(fresh):
+        if (len(fresh) and self._in_the_way(fresh)) or self._may_be_free():
             self._plan_again(here)
         self._pursuit.update(here, heading)
         self.done = self._pursuit.done
@@ -73,13 +77,23 @@ class Guide:
         reach = left + self._settings.vfh.radius
         return self._vfh.command(scan, heading, self._pursuit.aim, speed, self._settings.max_yaw_rate, reach)
 
+    @property
+    def progress(self) -> float:
+        """The share of the present way that lies behind, 0 to 1."""
+        return self._pursuit.progress
+
+    def _may_be_free(self) -> bool:
+        """Whether it is time to look again where there was no way."""
+        self._waited = self._waited + 1 if self.stuck else 0
+        return self._waited > 0 and self._waited % _LOOK_AGAIN == 0
+
     def _plan(self, start: Point, clearance: float | None = None) -> None:
         """A way from `start` on the map so far, at least `clearance` m from what stands there."""
         vfh, margin = self._settings.vfh, self._settings.margin
         inflated = self.map.grid.inflate(vfh.radius + margin if clearance is None else clearance)
         if clearance is not None:  # the vehicle may be nearer to an obstacle than it would plan to go
             start = inflated.nearest_free(start) or start
-        self.path = smooth(inflated, self._planner(inflated, start, self._goal))
+        self.path = smooth(inflated, self._search(inflated, start, self._goal))
         self.plans += 1
         self._pursuit = PurePursuit(
             self.path,

@@ -89,10 +89,11 @@ class HuntPlan:
 
 
 class Report(NamedTuple):
-    """What a vehicle tells its neighbours: its position (m north, m east) and its plan's clock (s)."""
+    """What is known of a neighbour: its position (m north, m east), its plan's clock (s), whether to stay in touch."""
 
     position: Vector
     clock: float
+    kept: bool = True
 
 
 class Hunter:
@@ -111,19 +112,22 @@ class Hunter:
     def update(self, position: Vector, reports: Sequence[Report], dt: float) -> Vector:
         """The velocity (m/s) wanted at `position`, `dt` s after the last call.
 
-        `reports` are those of other vehicles; what comes from beyond the range of communication is ignored.
+        `reports` are those of other vehicles; what comes from beyond the range of communication is ignored. With a
+        `dt` of 0 the clock stands, and the vehicle stays where its place is.
         """
         heard = [r for r in reports if dist(r.position, position) < self._settings.communication_range]
         lag = dist(position, self._plan.place(self._number, self.clock)) / _LAG
         pace = 1.0 / (1.0 + lag * lag)
         held = _WAIT * sum(max(0.0, self.clock - report.clock) for report in heard)
-        self.clock = min(self.clock + dt * max(0.0, pace - held), self._plan.duration)
+        before = self.clock
+        self.clock = min(before + dt * max(0.0, pace - held), self._plan.duration)
+        rate = (self.clock - before) / dt if dt > 0.0 else 0.0
         north, east = self._plan.velocity(self._number, self.clock)
         return resultant(
             position,
             self._plan.place(self._number, self.clock),
-            (pace * north, pace * east),
-            [Body(report.position, self._berth) for report in heard],
+            (rate * north, rate * east),
+            [Body(report.position, self._berth, report.kept) for report in heard],
             [Body(self._plan.target, self._berth)],
             self._settings,
         )
@@ -143,13 +147,13 @@ class Criteria(NamedTuple):
     """When a hunt has succeeded.
 
     Over the whole hunt no two middles nearer than `separation` m; during the approach the formation kept to
-    `formation` m; at the end everyone within `ring` m of the ring, no gap between neighbours as seen from the
-    target above `gap` rad, and neighbours' spacing right to a share of `spacing`.
+    `formation` m; at the end everyone within `ring` of the ring, as a share of its radius, no gap between neighbours
+    as seen from the target above `gap` rad, and neighbours' spacing right to a share of `spacing`.
     """
 
     separation: float
     formation: float = 0.5
-    ring: float = 0.3
+    ring: float = 0.25
     gap: float = 2.0
     spacing: float = 0.25
 
@@ -195,7 +199,8 @@ class Referee:
         right = 2.0 * plan.ring * sin(pi / len(positions))
         spacing_error = max(abs(dist(a, b) / right - 1.0) for a, b in pairwise([*around, around[0]]))
         found = self._separation, self._formation_error, ring_error, max(gaps), spacing_error
-        within = [value <= most for value, most in zip(found[1:], criteria[1:], strict=True)]
+        most = criteria._replace(ring=criteria.ring * plan.ring)
+        within = [value <= limit for value, limit in zip(found[1:], most[1:], strict=True)]
         kept = found[0] > criteria.separation, *within
         failures = tuple(name for name, ok in zip(Criteria._fields, kept, strict=True) if not ok)
         return Judgement(*found, failures)

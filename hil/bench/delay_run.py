@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 from hil.autonomy.control import VelocityCommand
 from hil.bench.floor import Floor, wait_ns
-from hil.bench.harness import Bench, await_vehicle
+from hil.bench.harness import READY_S, Bench, await_vehicle, program
 from hil.bench.loopback import CALM_PULSES
 from hil.bench.statistics import quantile
 from hil.clock import NS_PER_MS, NS_PER_S, RateKeeper, now_ns, to_wall_ns
@@ -18,16 +18,16 @@ from hil.links.wires.faults import BITS_A_BYTE
 from hil.master.client import VehicleClient
 from hil.master.delay import DelayMeter
 from hil.slave.stm32 import end_protocol
-from hil.transport.security import Security
 from sim.vehicle import load_vehicle
 
 HOPS = ("publish", "network", "inbox", "control", "link encode", "wire", "STM32")
 COMMAND_BYTES = 52 + 33  # geometry_msgs/Twist in CDR, and what rmw_zenoh adds to it
 WARM_UP = 20  # commands that are not counted: arming, first samples
 SETTLE_S = 0.5  # for the last traces to come
+UNSURE = 0.75  # of a delay that its clocks are not known to
 STEP_S = 0.4  # a step of the motion measurement
 STEP_M_S = 0.4
-MOVED_M_S2 = 0.03  # a change of acceleration that only the thrusters make
+MOVED_M_S2 = 0.02  # a change of acceleration that only the thrusters make
 
 
 class Plan(NamedTuple):
@@ -93,7 +93,7 @@ def measure(bench: Bench, plan: Plan, endpoint: str = "", echo: tuple[str, int, 
     Raises HilError.
     """
     slave = None if endpoint else bench.start_slave()
-    with _floor(echo) as floor, _burners(plan.burners), _observer(bench, endpoint) as client:
+    with _floor(bench, echo) as floor, _burners(plan.burners), _observer(bench, endpoint) as client:
         await_vehicle(client, slave)
         client.delays.same_clock = client.contact.same_clock
         spans = _command(client, floor, plan)
@@ -120,7 +120,7 @@ def judge(meter: DelayMeter) -> list[str]:
     """Why the delays of `meter` are not to be trusted; nothing if they may be.
 
     One clock that is not one, or an offset that is not known well enough, shows in delays below zero, in exchanges
-    that contradict the offset, or in an uncertainty as large as the delay.
+    that contradict the offset, or in an uncertainty nearly as large as the delay.
     """
     if not meter.samples:
         return ["no command was answered by the STM32"]
@@ -134,22 +134,11 @@ def judge(meter: DelayMeter) -> list[str]:
         true = meter.clock.at(meter.samples[-1].published_ns)
         if true and abs(true.offset_ns) > true.uncertainty_ns:
             found.append(f"the slave's clock is {true.offset_ns / 1e6:.3f} ms off, though it should be the master's")
-    elif uncertainty >= abs(quantile(sorted(totals), 0.5)):
+    elif uncertainty > UNSURE * abs(quantile(sorted(totals), 0.5)):
         found.append(f"the clocks' offset of {offset / 1e6:.3f} ms is known only to +-{uncertainty / 1e6:.3f} ms")
     if meter.clock.steps:
         found.append(f"a clock was set {meter.clock.steps} times meanwhile")
     return found
-
-
-def secured(folder: str) -> Security:
-    """Certificates of a slave and a master of this machine, made for one measurement. Raises MissingExtraError."""
-    from hil.commands.keys import main as keys
-
-    return _make_keys(keys, folder)
-
-
-def _make_keys(keys: Any, folder: str) -> Security:
-    raise NotImplementedError
 
 
 def _command(client: Observer, floor: Floor, plan: Plan) -> list[tuple[int, int]]:
@@ -180,15 +169,29 @@ def _motion(client: Observer, steps: int) -> list[float]:
     found = []
     for number in range(steps):
         sign = 1.0 if number % 2 else -1.0
-        before = client.surge[-1][1] if client.surge else 0.0
         sent = now_ns()
         client.command(VelocityCommand(sign * STEP_M_S, 0.0, 0.0))
         wait_ns(sent + round(STEP_S * NS_PER_S))
-        shows = (came for came, surge in list(client.surge) if came > sent and sign * (surge - before) > MOVED_M_S2)
-        first = next(shows, None)
-        if first is not None and number:  # the first step is from rest
+        first = first_motion(list(client.surge), sent, sign)
+        if first and number:  # the first step is from rest
             found.append((first - sent) / NS_PER_MS)
     return found
+
+
+def first_motion(samples: Sequence[tuple[int, float]], sent: int, sign: float) -> int:
+    """When the first sample came that leaves, towards `sign`, the line through the last two before `sent`; 0: none.
+
+    samples: when each came (ns) and its acceleration (m/s²), without noise.
+    """
+    before = [value for came, value in samples if came <= sent][-2:]
+    if len(before) < 2:
+        return 0
+    slope = before[1] - before[0]
+    after = [(came, value) for came, value in samples if came > sent]
+    for number, (came, value) in enumerate(after, 1):
+        if sign * (value - before[1] - number * slope) > MOVED_M_S2:
+            return came
+    return 0
 
 
 def _result(
@@ -237,22 +240,16 @@ def _observer(bench: Bench, endpoint: str) -> Iterator[Observer]:
 
 
 @contextmanager
-def _floor(echo: tuple[str, int, int] | None) -> Iterator[Floor]:
+def _floor(bench: Bench, echo: tuple[str, int, int] | None) -> Iterator[Floor]:
     """To the echo elsewhere, or to one in a process of this machine."""
     if echo:
         with Floor(*echo, COMMAND_BYTES) as floor:
             yield floor
         return
-    command = [sys.executable, "-c", "from hil.bench.floor import answer; answer('127.0.0.1')"]
-    from hil.bench.harness import ROOT
-
-    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, cwd=ROOT) as process:
-        assert process.stdout
-        assert process.stdin
-        udp, tcp = map(int, process.stdout.readline().split())
-        with Floor("127.0.0.1", udp, tcp, COMMAND_BYTES) as floor:
+    with bench.start("echo", [*program(), "bench", "echo"]) as process:
+        host, udp, tcp = process.expect(":", READY_S).split(":")
+        with Floor(host, int(udp), int(tcp), COMMAND_BYTES) as floor:
             yield floor
-        process.stdin.close()
 
 
 @contextmanager

@@ -6,7 +6,7 @@ from typing import Any
 
 from hil.bench.plotting import pyplot
 from hil.config import Scenario
-from hil.master.planner import Plan
+from hil.master.flight import Plan
 
 
 def draw(folder: str, scenario: Scenario, plan: Plan) -> str:
@@ -32,19 +32,21 @@ def draw(folder: str, scenario: Scenario, plan: Plan) -> str:
 
 
 def _draw_map(axes: Any, scenario: Scenario, plan: Plan, rows: list[dict[str, float]]) -> None:
-    grid = plan.grid
+    grid = plan.brief.map
     rows_n, columns_n = grid.cells.shape
     south, west = grid.origin
     extent = (west, west + columns_n * grid.resolution, south, south + rows_n * grid.resolution)
-    inflated = grid.inflate(plan.clearance).cells
+    inflated = grid.inflate(plan.brief.clearance).cells
     shade = 1.0 - 0.12 * inflated - 0.55 * grid.cells
     axes.imshow(shade, origin="lower", extent=extent, cmap="gray", vmin=0, vmax=1, interpolation="nearest")
-    north, east = zip(*plan.path, strict=True)
-    axes.plot(east, north, color="C1", linewidth=1, linestyle="--", label="A* path, smoothed")
+    if plan.planner.path:
+        north, east = zip(*plan.planner.path, strict=True)
+        axes.plot(east, north, color="C1", linewidth=1, linestyle="--", label="planned")
     axes.plot(
         [row["true_east_m"] for row in rows], [row["true_north_m"] for row in rows], color="C0", label="vehicle (true)"
     )
-    axes.plot(east[0], north[0], "o", color="C2", label="start")
-    axes.plot(scenario.master.goal[1], scenario.master.goal[0], "*", color="C3", markersize=14, label="goal")
+    axes.plot(scenario.start.east, scenario.start.north, "o", color="C2", label="start")
+    if scenario.master.goal:
+        axes.plot(scenario.master.goal[1], scenario.master.goal[0], "*", color="C3", markersize=14, label="goal")
     axes.set(xlabel="east (m)", ylabel="north (m)", aspect="equal", title=scenario.description)
     axes.legend(loc="lower right", fontsize="small")

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 
-from hil.master.delay import DelayMeter
+from hil.master.delay import INSTANTS, DelayMeter
 from hil.transport import ros
 from hil.transport.recording_file import PULSES, Message
 from sim.rotations import to_euler
@@ -82,7 +82,7 @@ def _take_diagnostics(data: VehicleData, message: Message, time: float) -> None:
 
 def _take_trace(data: VehicleData, message: Message, time: float) -> None:
     instants = ros.decode_int64_array(message.data)
-    if instants and len(instants) == 6:
+    if instants and len(instants) in INSTANTS:
         data.delays.add(list(instants), message.published_ns, message.logged_ns)
         data.traced.append(time)
 

@@ -167,7 +167,7 @@ def _delays(plt: Any, node: str, data: VehicleData) -> Any:
         1, 2, figsize=(11, 4.5), width_ratios=(2, 1), sharey=True, layout="constrained"
     )
     hops = [[max(value, 0) / 1e6 for value in data.delays.hop_ns(hop)] for hop in range(len(HOPS))]
-    over_time.stackplot(data.traced, hops, labels=HOPS, colors=("#1d4ed8", "#60a5fa", "#f59e0b", "#c2410c"))
+    over_time.stackplot(data.traced, hops, labels=HOPS, colors=("#1d4ed8", "#60a5fa", "#f59e0b", "#facc15", "#c2410c"))
     totals = data.delays.totals_ns()
     whole = quantiles(totals)
     over_time.set(xlabel="time (s)", ylabel="delay of a command (ms)", title=f"{node}: from publish to the thrusters")

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 from hil.columns import aligned
 from hil.master.client import VehicleClient
 from hil.master.delay import HOPS, Quantiles, quantiles
-from hil.master.planner import Outcome
+from hil.master.flight import Outcome
 from hil.process import boot_id
 
 # "Modular UUV Simulation Platform", Sensors 2022, 22(20), 8043, HIL table: a Raspberry Pi 4B and a Jetson Nano.

@@ -56,7 +56,8 @@ class Grid(NamedTuple):
         cell = np.clip(np.floor(scaled).astype(np.intp), 0, (rows - 2, columns - 2))
         (i, j), (u, v) = cell.T, (scaled - cell).T
         d = self.depths
-        found = (1 - u) * ((1 - v) * d[i, j] + v * d[i, j + 1]) + u * ((1 - v) * d[i + 1, j] + v * d[i + 1, j + 1])
+        with np.errstate(invalid="ignore"):  # nan
+            found = (1 - u) * ((1 - v) * d[i, j] + v * d[i, j + 1]) + u * ((1 - v) * d[i + 1, j] + v * d[i + 1, j + 1])
         outside = ((scaled < 0.0) | (scaled > (rows - 1, columns - 1))).any(axis=1)
         return np.where(outside, np.nan, found)
 

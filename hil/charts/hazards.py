@@ -106,7 +106,10 @@ def _cylinder(hazard: Hazard, grid: Grid, limit: Grid) -> list[Cylinder]:
     middle = hazard.line.mean(axis=0)
     top = _height(hazard, middle, grid, limit)
     radius = max(hazard.radius, float(np.hypot(*(hazard.line - middle).T).max()))
-    return [] if top is None else [Cylinder(*_rounded(*middle, radius, top))]
+    if top is None:
+        return []
+    north, east, radius, top = _rounded(*middle, radius, top)
+    return [Cylinder(north, east, radius, top)]
 
 
 def _boxes(hazard: Hazard, grid: Grid, limit: Grid) -> list[Box]:

@@ -9,12 +9,12 @@ from contextlib import AbstractContextManager, nullcontext
 from importlib import import_module
 from typing import Any
 
+from hil.cases.simulated import fly
 from hil.columns import aligned
 from hil.commands.parser import new_parser
-from hil.commands.sim import fly
 from hil.config import load_scenario
 from hil.errors import ConfigError, HilError, MissingExtraError
-from hil.master.planner import prepare
+from hil.master.flight import prepare
 from hil.tables import value_of
 
 EXAMPLES = """\

@@ -4,15 +4,16 @@ from typing import NamedTuple
 
 from hil.transport.clock_offset import ClockOffset, Estimate
 
-HOPS = ("network", "wake-up", "control", "link and STM32")
+HOPS = ("network", "wake-up", "control", "link encode", "wire and STM32")
+INSTANTS = 6, 7  # of a trace; recordings of old have no instant of computing
 HISTORY = 1 << 16  # windows of the clocks' estimate that a mission may have: 18 hours
 
 
 class Sample(NamedTuple):
-    """One command's way, all in nanoseconds: when it was published, and four hops as the two clocks told them."""
+    """One command's way, all in nanoseconds: when it was published, and the `HOPS` as the two clocks told them."""
 
     published_ns: int
-    hops: tuple[int, int, int, int]
+    hops: tuple[int, int, int, int, int]
 
     @property
     def total_ns(self) -> int:
@@ -54,11 +55,12 @@ class DelayMeter:
 
     def add(self, instants: list[int], sent_ns: int, received_ns: int) -> None:
         """Take in one trace (see `hil.slave.loop.Trace`), sent and received at these wall instants (ns)."""
-        if len(instants) != 6:
+        if len(instants) not in INSTANTS:
             self.malformed += 1
             return
-        _, published, received, taken, written, applied = instants
-        hops = (received - published, taken - received, written - taken, applied - written)
+        _, published, received, taken, written, applied, *more = instants
+        computed = more[0] if more else written
+        hops = (received - published, taken - received, computed - taken, written - computed, applied - written)
         self._samples.append(Sample(published, hops))
         self.clock.add(published, received, sent_ns, received_ns)
 
@@ -76,6 +78,11 @@ class DelayMeter:
             return 0, 0
         offset, uncertainty, _ = self.clock_at(self._samples[-1].published_ns)
         return offset, uncertainty
+
+    @property
+    def samples(self) -> list[Sample]:
+        """What there is so far, the oldest first."""
+        return self._samples
 
     def totals_ns(self, newest: int = 0) -> list[int]:
         """Publish to applied, one a command, by one clock; of the `newest` commands only (0: of all)."""

@@ -1,18 +1,21 @@
-"""Flying a plan with a vehicle somewhere on the network."""
+"""Letting a planner fly a vehicle somewhere on the network."""
 
 import select
 import time
+from typing import Any
 
 from hil.autonomy.control import VelocityCommand
 from hil.clock import NS_PER_S, RateKeeper, now_ns, seconds_ns
 from hil.errors import NetworkError
 from hil.master.client import VehicleClient
-from hil.master.planner import Navigator, Outcome
+from hil.master.flight import Flight, Outcome
 from hil.master.progress import Progress
 from hil.master.recorder import TrackWriter
 
 GONE_AFTER_S = 1.0
 GIVE_UP_AFTER_S = 10.0
+STOPPED = "stopped by the user"
+_NOT_SENSED = ("ground_truth", "diagnostics", "cmd_vel")
 
 
 class Mission:
@@ -20,38 +23,42 @@ class Mission:
 
     def __init__(
         self,
-        navigator: Navigator,
+        flight: Flight,
         command_period: float,
         client: VehicleClient,
         track: TrackWriter,
         progress: Progress,
     ) -> None:
-        self._navigator = navigator
+        self._flight = flight
         self._period_ns = seconds_ns(command_period)
         self._client = client
         self._track = track
         self._progress = progress
 
     def fly(self, stop_fd: int) -> Outcome:
-        """Fly until the goal, the time limit or a stop signal. Raises NetworkError when the vehicle stays away."""
+        """Fly until the planner is done, the time limit or a stop signal.
+
+        Raises NetworkError when the vehicle stays away.
+        """
         began, cpu_began = now_ns(), time.process_time()
         schedule = RateKeeper(self._period_ns, began)
         reason = ""
         while not reason:
             wait = max(schedule.deadline_ns - now_ns(), 0) / NS_PER_S
             if select.select((stop_fd,), (), (), wait)[0]:
-                reason = "stopped by the user"
+                reason = STOPPED
             elif schedule.due(now_ns()):
                 elapsed = (now_ns() - began) / NS_PER_S
                 reason = self._tick(elapsed)
         self._client.command(VelocityCommand())
-        return self._navigator.outcome(reason, (now_ns() - began) / NS_PER_S, time.process_time() - cpu_began)
+        return self._flight.outcome((now_ns() - began) / NS_PER_S, time.process_time() - cpu_began, reason)
 
     def _tick(self, elapsed: float) -> str:
         """One command; why the mission ends, or "" to go on."""
-        odometry, truth = self._client.latest.get("odom"), self._client.latest.get("ground_truth")
-        if odometry is None or truth is None:
+        odometry = self._client.latest.get("odom")
+        if odometry is None:
             return ""
+        truth = self._client.latest.get("ground_truth", odometry)  # a real vehicle has none
         if odometry.age_s > GIVE_UP_AFTER_S:
             raise NetworkError(
                 f"{self._client.node} at {self._client.endpoint} is gone for {odometry.age_s:.0f} s; "
@@ -63,9 +70,13 @@ class Mission:
         refusal = self._client.refusal()
         if refusal:
             raise NetworkError(refusal)
-        command = self._navigator.command(odometry.value)
+        command = self._flight.command(elapsed, self._samples(), truth.value)
         self._client.command(command)
-        reason = self._navigator.judge(elapsed, truth.value)
         self._track.row(elapsed, truth.value, odometry.value, command)
-        self._progress.show(elapsed, truth.value, self._navigator.progress, self._client)
-        return reason
+        self._progress.show(elapsed, truth.value, self._flight.planner.progress, self._client)
+        return self._flight.reason
+
+    def _samples(self) -> dict[str, Any]:
+        """What the vehicle's sensors say; the truth and figures of health are none of a planner's business."""
+        latest = self._client.latest.copy()  # the readers add to it
+        return {topic: stamped.value for topic, stamped in latest.items() if topic not in _NOT_SENSED}

@@ -12,11 +12,15 @@ LINE_PERIOD_S = 5.0
 
 
 class Progress:
-    """One line that renews itself on a terminal; elsewhere a line every five seconds. All goes to a log as well."""
+    """One line that renews itself on a terminal; elsewhere a line every five seconds. All goes to a log as well.
 
-    def __init__(self, log_path: str) -> None:
+    When `quiet` the log is all.
+    """
+
+    def __init__(self, log_path: str, quiet: bool = False) -> None:
         self._log = open(log_path, "w")  # noqa: SIM115 - closed by close()
         self._logged_s = 0.0
+        self._quiet = quiet
         self._terminal = sys.stdout.isatty()
         self._period_s = TERMINAL_PERIOD_S if self._terminal else LINE_PERIOD_S
         self._next_s = 0.0
@@ -28,7 +32,8 @@ class Progress:
         if self._open_line:
             print()
             self._open_line = False
-        print(text, flush=True)
+        if not self._quiet:
+            print(text, flush=True)
         self._log.write(text + "\n")
 
     def close(self) -> None:
@@ -51,6 +56,8 @@ class Progress:
         if elapsed >= self._logged_s:
             self._logged_s = elapsed + 1.0
             self._log.write(line + "\n")
+        if self._quiet:
+            return
         if self._terminal:
             print("\r\x1b[K" + line, end="", flush=True)
             self._open_line = True

@@ -72,12 +72,11 @@ class RecordedClient(VehicleClient):
 
     recorder: Recorder | None = None
 
-    def command(self, command: VelocityCommand) -> int:
-        """Send a velocity command as every client does, and note it."""
-        sequence = super().command(command)
-        linear, angular = (command.surge, command.sway, command.heave), (0.0, 0.0, command.yaw_rate)
+    def send(self, topic: str, payload: bytes) -> int:
+        """Send a command as every client does, and note it."""
+        sequence = super().send(topic, payload)
         now = to_wall_ns(now_ns())
-        self._note("cmd_vel", ros.encode_twist(linear, angular), sequence, now, now)
+        self._note(topic, payload, sequence, now, now)
         return sequence
 
     def _deliver(self, topic: str, payload: bytes, attachment: bytes) -> None:

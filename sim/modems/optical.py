@@ -47,13 +47,18 @@ def bit_error(modem: OpticalModem, source: Vector3, ahead: Vector3, place: Vecto
         return 0.5
     order = -log(2.0) / log(cos(modem.half_angle)) if modem.half_angle < 0.5 * pi else 1.0
     light = _light(distance, modem.attenuation) * out**order * back
-    quality = _quality_at_reach() * light / _light(modem.reach, _CLEAR)
-    return 0.5 * exp(-0.5 * min(quality * quality, 1400.0))
+    q = _quality_at_reach() * light / _light(modem.reach, _CLEAR)
+    return 0.5 * exp(-0.5 * min(q * q, 1400.0))
 
 
 def packet_arrives(errors: float, size: int, draw: float) -> bool:
     """Whether a message of `size` bytes is whole at this share of wrong bits; `draw` is uniform in [0, 1)."""
     return draw < float((1.0 - errors) ** (8 * size))
+
+
+def quality(errors: float) -> float:
+    """q of a share of wrong bits, the ratio of signal to noise in amplitude; the inverse of ½ exp(-½ q²)."""
+    return sqrt(-2.0 * log(2.0 * max(errors, 1e-300))) if errors < 0.5 else 0.0
 
 
 def _light(distance: float, attenuation: float) -> float:
@@ -62,5 +67,4 @@ def _light(distance: float, attenuation: float) -> float:
 
 def _quality_at_reach() -> float:
     """q where half the packets of 128 bytes are whole."""
-    errors = 1.0 - 0.5 ** (1.0 / _REFERENCE_BITS)
-    return sqrt(-2.0 * log(2.0 * errors))
+    return quality(1.0 - 0.5 ** (1.0 / _REFERENCE_BITS))

@@ -6,7 +6,7 @@ import math
 from hil.bench import table
 from hil.master.client import Stamped
 from hil.master.delay import DelayMeter
-from hil.master.planner import Outcome
+from hil.master.flight import Outcome
 from hil.process import boot_id
 
 OUTCOME = Outcome(True, "goal reached", 100.0, 70.0, 71.0, 0.3, 0.2, 0.8, cpu_s=2.0)
@@ -48,7 +48,7 @@ def test_figures() -> None:
     assert result.slave_cpu_machine == 0.0125
     assert result.startup_s == 0.08
     assert result.delay.p50_ms == 0.4
-    assert [round(hop.p50_ms, 6) for hop in result.hops.values()] == [0.2, 0.05, 0.1, 0.05]
+    assert [round(hop.p50_ms, 6) for hop in result.hops.values()] == [0.2, 0.05, 0.1, 0.0, 0.05]
     assert result.notes == ()
 
 

@@ -1,0 +1,274 @@
+"""What every benchmark stands on: processes of a scenario in a folder of their own, pinned or limited, ended cleanly.
+
+with Bench("paper_field", {"link.protocol": "vesc"}, Limits(cpus=(0,))) as bench:
+    slave = bench.start_slave()
+    with bench.client() as client:
+        ...
+"""
+
+import os
+import select
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from contextlib import suppress
+from typing import Any, Self
+
+from hil.bench.limits import Confinement, Limits
+from hil.bench.scenario_file import write_changed
+from hil.clock import NS_PER_S, now_ns
+from hil.config import Scenario, load_scenario
+from hil.errors import NetworkError
+from hil.master.client import VehicleClient
+from hil.tables import cache_path
+
+GRACE_S = 10.0  # that a process may take to end
+READY_S = 60.0  # that a slave may take to start: a small board, emulated
+ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
+
+
+def program() -> list[str]:
+    """The command that is `uuv-hil`: the installed script, as a user starts it, else this checkout."""
+    installed = os.path.join(os.path.dirname(sys.executable), "uuv-hil")
+    return [installed] if os.path.exists(installed) else [sys.executable, "-m", "hil.cli"]
+
+
+class Process:
+    """A program, what it says in a file. `exec_ns` is when it was executed (monotonic ns)."""
+
+    def __init__(
+        self,
+        command: list[str],
+        log: str,
+        confinement: Confinement | None = None,
+        environment: dict[str, str] | None = None,
+        pass_fds: tuple[int, ...] = (),
+    ) -> None:
+        self.log = log
+        cpus = confinement.limits.cpus if confinement else ()
+        before = os.sched_getaffinity(0)
+        with open(log, "w") as file:
+            if cpus:
+                os.sched_setaffinity(0, cpus)  # which the new process inherits
+            try:
+                self.exec_ns = now_ns()
+                self._process = subprocess.Popen(
+                    confinement.command(command) if confinement else command,
+                    stdin=subprocess.DEVNULL,
+                    stdout=file,
+                    stderr=subprocess.STDOUT,
+                    env=_environment(self.exec_ns, environment or {}),
+                    pass_fds=pass_fds,
+                    start_new_session=True,
+                )
+            finally:
+                if cpus:
+                    os.sched_setaffinity(0, before)
+        self.pid = self._process.pid
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.stop()
+
+    @property
+    def running(self) -> bool:
+        """Whether it has not ended."""
+        return self._process.poll() is None
+
+    @property
+    def said(self) -> str:
+        """All it has said so far."""
+        with open(self.log, encoding="utf-8", errors="replace") as file:
+            return file.read()
+
+    @property
+    def last_words(self) -> str:
+        """The last line it said."""
+        return (self.said.strip().splitlines() or ["no message"])[-1]
+
+    def expect(self, word: str, seconds: float) -> str:
+        """The first line it says with `word` in it. Raises NetworkError when none comes in time, or it ends."""
+        deadline = now_ns() + round(seconds * NS_PER_S)
+        while True:
+            running = self.running  # before what it said is read
+            line = next((line for line in self.said.splitlines(keepends=True) if word in line and line[-1] == "\n"), "")
+            if line:
+                return line.strip()
+            if not running or now_ns() > deadline:
+                raise NetworkError(f"a process did not say {word!r} within {seconds:g} s, but: {self.last_words}")
+            select.select((), (), (), 0.01)
+
+    def wait(self, seconds: float) -> int:
+        """Its exit code. Raises NetworkError when it does not end in time."""
+        try:
+            return self._process.wait(seconds)
+        except subprocess.TimeoutExpired:
+            raise NetworkError(f"a process did not end within {seconds:g} s; it last said: {self.last_words}") from None
+
+    def stop(self) -> int:
+        """End it as a user would, by force if that takes too long; its exit code."""
+        if self.running:
+            self._process.send_signal(signal.SIGTERM)
+        try:
+            return self._process.wait(GRACE_S)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            return self._process.wait()
+
+    def family(self) -> list[int]:
+        """Its process id and those of the processes it has started, and they."""
+        return list(_family(self.pid))
+
+
+def _environment(exec_ns: int, more: dict[str, str]) -> dict[str, str]:
+    """Ours, and where the modules are if they are not installed."""
+    path = os.pathsep.join(filter(None, (ROOT, os.environ.get("PYTHONPATH"))))
+    checkout = {"PYTHONPATH": path} if len(program()) > 1 else {}
+    return {**os.environ, **checkout, "UUV_HIL_EXEC_NS": str(exec_ns), **more}
+
+
+def _family(pid: int) -> Iterator[int]:
+    yield pid
+    try:
+        threads = os.listdir(f"/proc/{pid}/task")
+        children = [open_text(f"/proc/{pid}/task/{thread}/children") for thread in threads]
+    except OSError:  # it has ended
+        return
+    for child in " ".join(children).split():
+        yield from _family(int(child))
+
+
+def open_text(path: str) -> str:
+    """A file of /proc as text; empty when it is gone."""
+    try:
+        with open(path) as file:
+            return file.read()
+    except OSError:
+        return ""
+
+
+class Bench:
+    """A place for one measurement. Use as a context, which ends all that was started and removes what it wrote.
+
+    scenario: name or path; `changes` to it by dotted key. `limits` bind the slave. `scenario` and `path` are the
+    changed one, `processes` what was started. A share of a processor binds no real-time process: under such a limit
+    the slave runs without. Raises ConfigError.
+    """
+
+    def __init__(self, scenario: str, changes: dict[str, Any] | None = None, limits: Limits = Limits()) -> None:
+        self.folder = tempfile.mkdtemp(prefix="uuv-hil-bench-")
+        self.processes: list[Process] = []
+        self._confinement = Confinement(limits)
+        self.endpoint = f"tcp/127.0.0.1:{free_port()}"
+        self.path = os.path.join(self.folder, "scenario.toml")
+        ours: dict[str, Any] = {"slave.listen": self.endpoint}
+        if limits.cpu_share:
+            ours["slave.realtime"] = False
+        try:
+            write_changed(scenario, ours | (changes or {}), self.path)
+            self.scenario: Scenario = load_scenario(self.path)
+        except BaseException:
+            shutil.rmtree(self.folder, ignore_errors=True)
+            raise
+
+    def __enter__(self) -> Self:
+        self._confinement.__enter__()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for process in reversed(self.processes):
+            process.stop()
+        self._confinement.__exit__()
+        shutil.rmtree(self.folder, ignore_errors=True)
+        with suppress(OSError):
+            os.remove(cache_path(self.path))
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """What figures of this place have to say of themselves."""
+        label = self._confinement.limits.label
+        by = f" ({self._confinement.by}, no real-time scheduling)" if self._confinement.by else ""
+        return (label + by,) if label else ()
+
+    @property
+    def memory_mib(self) -> float:
+        """The slave's limit of memory, 0 if it has none."""
+        return self._confinement.limits.memory_mib
+
+    def file(self, name: str) -> str:
+        """The path of a file in the folder."""
+        return os.path.join(self.folder, name)
+
+    def start_slave(self, *options: str, environment: dict[str, str] | None = None) -> Process:
+        """The scenario's slave; it is not waited for."""
+        command = [*program(), "slave", self.path, *options]
+        log = self.file(f"slave-{len(self.processes)}.log")
+        return self._start(Process(command, log, self._confinement, environment))
+
+    def start_master(self, *options: str, endpoint: str = "") -> Process:
+        """The scenario's master, which flies its mission; comes back when it dials."""
+        read_fd, write_fd = os.pipe()
+        command = [*program(), "master", self.path, "--connect", endpoint or self.endpoint, *options]
+        log = self.file(f"master-{len(self.processes)}.log")
+        try:
+            process = self._start(Process([*command, "--ready-fd", str(write_fd)], log, pass_fds=(write_fd,)))
+        finally:
+            os.close(write_fd)
+        try:
+            select.select((read_fd,), (), (), READY_S)
+            if not os.read(read_fd, 1):
+                raise NetworkError(f"the master ended before it dialled: {process.last_words}")
+        finally:
+            os.close(read_fd)
+        return process
+
+    def start(self, name: str, command: list[str]) -> Process:
+        """Any other process, ended with the rest; neither pinned nor limited."""
+        return self._start(Process(command, self.file(f"{name}-{len(self.processes)}.log")))
+
+    def client(self, endpoint: str = "", **options: Any) -> VehicleClient:
+        """A master of our own, in this process."""
+        scenario = self.scenario
+        return VehicleClient(
+            endpoint or self.endpoint,
+            scenario.slave.node,
+            network=scenario.network,
+            security=scenario.security,
+            **options,
+        )
+
+    def _start(self, process: Process) -> Process:
+        self.processes.append(process)
+        return process
+
+
+def await_vehicle(client: VehicleClient, slave: Process | None = None, seconds: float = READY_S) -> None:
+    """Until its first sample and its figures of health are here. Raises NetworkError."""
+    deadline = now_ns() + round(seconds * NS_PER_S)
+    while not (client.wait_for_vehicle(0.05) and client.diagnostics() and not client.in_doubt):
+        if slave and not slave.running:
+            raise NetworkError(f"the slave ended: {slave.last_words}")
+        if now_ns() > deadline:
+            raise NetworkError(f"no word from {client.node} at {client.endpoint} within {seconds:g} s")
+    refusal = client.refusal()
+    if refusal:
+        raise NetworkError(refusal)
+
+
+def free_port() -> int:
+    """A port of this machine that is free, and the next one too: a slave takes both."""
+    while True:
+        with socket.socket() as first, socket.socket() as second:
+            first.bind(("127.0.0.1", 0))
+            port = int(first.getsockname()[1])
+            try:
+                second.bind(("127.0.0.1", port + 1))
+            except OSError:
+                continue
+            return port

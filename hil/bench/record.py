@@ -1,0 +1,117 @@
+"""What a benchmark found, as a file: figures with all their values, and the machine they were found on."""
+
+import json
+import os
+import time
+from collections.abc import Iterable
+from math import isfinite
+from typing import Any, Literal, NamedTuple
+
+from hil.bench.machine import describe
+from hil.bench.statistics import median, quantile, spread
+from hil.errors import ConfigError
+
+FORMAT = "uuv-hil bench 1"
+Better = Literal["lower", "higher", ""]
+
+
+class Figure(NamedTuple):
+    """One quantity: all the values found, one a repetition or one a sample, and which of two would be better."""
+
+    values: list[float]
+    unit: str
+    better: Better = "lower"
+
+    @property
+    def median(self) -> float:
+        """Its middle; nan without values."""
+        return median(self.values)
+
+    @property
+    def spread(self) -> float:
+        """The range of the middle half."""
+        return spread(self.values)
+
+    def at(self, share: float) -> float:
+        """The quantile of that share (0..1)."""
+        return quantile(sorted(self.values), share)
+
+
+class Record(NamedTuple):
+    """One run of a benchmark. `kind` is its name, `settings` what was asked for, `details` whatever else it found.
+
+    `labels` say what makes its figures stand for something else than the bare machine: emulated, limited.
+    """
+
+    kind: str
+    settings: dict[str, Any]
+    figures: dict[str, Figure]
+    labels: tuple[str, ...] = ()
+    details: dict[str, Any] = {}  # noqa: RUF012 - never changed
+    machine: dict[str, Any] = {}  # noqa: RUF012 - never changed
+    made: str = ""
+
+
+def new_record(
+    kind: str,
+    settings: dict[str, Any],
+    figures: dict[str, Figure],
+    labels: Iterable[str] = (),
+    details: dict[str, Any] | None = None,
+) -> Record:
+    """A record of now and of this machine; without the values that could not be had (nan)."""
+    machine, own_labels = describe()
+    kept = {name: figure._replace(values=[x for x in figure.values if isfinite(x)]) for name, figure in figures.items()}
+    made = time.strftime("%Y-%m-%dT%H:%M:%S%z")
+    return Record(kind, settings, kept, (*own_labels, *labels), details or {}, machine, made)
+
+
+def save(record: Record, path: str) -> None:
+    """Write it as JSON. Raises ConfigError."""
+    figures = {name: figure._asdict() | _summary(figure) for name, figure in record.figures.items()}
+    text = json.dumps(plain({"format": FORMAT, **record._asdict(), "figures": figures}), indent=1)
+    write_text(path, text + "\n")
+
+
+def load(path: str) -> Record:
+    """Read what `save` wrote. Raises ConfigError."""
+    try:
+        with open(path, encoding="utf-8") as file:
+            table = json.load(file)
+        if table.pop("format") != FORMAT:
+            raise KeyError("format")
+        figures = {name: _figure(row) for name, row in table.pop("figures").items()}
+        return Record(**{**table, "labels": tuple(table["labels"])}, figures=figures)
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be read: {error.strerror}") from None
+    except (ValueError, KeyError, TypeError, AttributeError):
+        raise ConfigError(f"{path}: is not a result of `uuv-hil bench`; write one with --json FILE") from None
+
+
+def write_text(path: str, text: str) -> None:
+    """Write a text file. Raises ConfigError."""
+    try:
+        os.makedirs(os.path.dirname(os.path.abspath(path)), exist_ok=True)
+        with open(path, "w", encoding="utf-8") as file:
+            file.write(text)
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be written: {error.strerror}") from None
+
+
+def plain(value: Any) -> Any:
+    """`value` as JSON has it: what is not a finite number becomes null."""
+    if isinstance(value, dict):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, (tuple, list)):
+        return [plain(item) for item in value]
+    return value if not isinstance(value, float) or isfinite(value) else None
+
+
+def _summary(figure: Figure) -> dict[str, float]:
+    return {"count": len(figure.values), "median": figure.median, "spread": figure.spread}
+
+
+def _figure(row: dict[str, Any]) -> Figure:
+    if not all(isinstance(value, (int, float)) for value in row["values"]):
+        raise ValueError("values")
+    return Figure([float(value) for value in row["values"]], row["unit"], row["better"])

@@ -1,0 +1,48 @@
+"""Programs of ours that run together for a case, each in a process of its own with a log of its own."""
+
+import os
+import signal
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from typing import Self
+
+from hil.bench.harness import GRACE_S, Process, program
+from hil.errors import NetworkError
+
+
+class Crew:
+    """`uuv-hil ...` for each of `programs` (a name and its arguments), in processes that end with the `with`.
+
+    What one says goes into NAME.log in `folder`. Ctrl-C in the terminal reaches only the process that started them.
+    """
+
+    def __init__(self, programs: Mapping[str, Sequence[str]], folder: str) -> None:
+        self._programs = programs
+        self._folder = folder
+        self._running: dict[str, Process] = {}
+
+    def __enter__(self) -> Self:
+        for name, arguments in self._programs.items():
+            log = os.path.join(self._folder, f"{name}.log")
+            self._running[name] = Process([*program(), *arguments], log, environment={"PYTHONUNBUFFERED": "1"})
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for process in self._running.values():  # all at once, then one after the other
+            if process.running:
+                os.kill(process.pid, signal.SIGTERM)
+        for process in self._running.values():
+            with suppress(NetworkError):
+                process.wait(GRACE_S)
+            process.stop()
+
+    @property
+    def pids(self) -> list[int]:
+        """Their process ids, in the order of the programs."""
+        return [process.pid for process in self._running.values()]
+
+    def check(self) -> None:
+        """Raise NetworkError, with the last it said, if one has ended."""
+        for name, process in self._running.items():
+            if not process.running:
+                raise NetworkError(f"{name} ended with exit code {process.wait(0.0)}: {process.last_words}")

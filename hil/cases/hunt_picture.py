@@ -1,0 +1,102 @@
+"""The figures of a hunt: the paper's, ways with the formation in them, and what its numbers did over time.
+
+The ways are drawn as the paper has them, its x (our north) to the right and its y (our east) upwards.
+"""
+
+from collections.abc import Sequence
+from itertools import combinations
+from math import atan2, dist, hypot
+from typing import Any
+
+from hil.autonomy.formation import formation_error
+from hil.autonomy.hunting import HuntPlan
+from hil.bench.plotting import pyplot
+from hil.cases.pictures import save
+from hil.cases.record import Run, Track
+from hil.config import load_scenario
+from hil.fleet import hunt_plan, hunting_of
+
+SNAPSHOTS = 4  # from the start to the end
+LINES = {"sil": "-", "hil": "--"}
+
+
+def draw_hunt(title: str, runs: Sequence[Run], path: str) -> None:
+    """The ways of each run, and beside them distances and errors over time, all runs in one.
+
+    Raises MissingExtraError.
+    """
+    plt = pyplot()
+    figure = plt.figure(figsize=(6.2 * len(runs) + 5.2, 6.8), layout="constrained")
+    grid = figure.add_gridspec(3, len(runs) + 1, width_ratios=[6.2] * len(runs) + [5.2])
+    figure.suptitle(title)
+    scenario = load_scenario(runs[0].scenario)
+    plan = hunt_plan(scenario)
+    for column, run in enumerate(runs):
+        axes = figure.add_subplot(grid[:, column])
+        _draw_ways(axes, run, plan)
+        axes.set(title=f"{run.result.mode.upper()}, seed {run.result.seed}")
+    panels = [figure.add_subplot(grid[row, len(runs)]) for row in range(3)]
+    for run in runs:
+        _draw_times(panels, run, plan)
+    panels[0].axhline(hunting_of(scenario).berth, color="C3", linewidth=0.8)
+    panels[1].axvline(plan.approach, color="0.6", linewidth=0.8, linestyle=":")
+    panels[2].axhline(plan.ring, color="0.6", linewidth=0.8)
+    panels[0].set(ylabel="between two\nvehicles (m)", ylim=(0, 1.4 * panels[0].get_ylim()[1]))
+    panels[1].set(ylabel="off the formation\n(m)", ylim=(0, None))
+    panels[2].set(ylabel="from the target\n(m)", ylim=(0, None), xlabel="time (s)")
+    panels[0].legend(fontsize="small", loc="upper right")
+    save(figure, path)
+
+
+def _draw_ways(axes: Any, run: Run, plan: HuntPlan) -> None:
+    """The ways, the formation at some instants, target and ring."""
+    _draw_ring(axes, plan)
+    colours = [f"C{number}" for number in (0, 1, 2, 4, 5, 6, 8, 9)]
+    for number, track in enumerate(run.tracks):
+        colour = colours[number % len(colours)]
+        axes.plot(track.north, track.east, color=colour, linewidth=1.3, label=track.name)
+        axes.plot(track.north[0], track.east[0], "o", color=colour, fillstyle="none")
+    time = run.tracks[0].time
+    for shot in range(SNAPSHOTS):
+        at = round(shot * (len(time) - 1) / (SNAPSHOTS - 1))
+        _draw_snapshot(axes, run.tracks, plan, at, shot / (SNAPSHOTS - 1))
+    axes.set(xlabel="north, the paper's x (m)", ylabel="east, the paper's y (m)", aspect="equal")
+    axes.set(xlim=(-1, 11), ylim=(-1, 11))
+    axes.legend(loc="upper left", fontsize="small")
+
+
+def _draw_ring(axes: Any, plan: HuntPlan) -> None:
+    axes.plot(*plan.target, "*", color="C3", markersize=14, label="target")
+    axes.add_patch(pyplot().Circle(plan.target, plan.ring, fill=False, color="C3", linestyle="--", label="ring"))
+
+
+def _draw_snapshot(axes: Any, tracks: Sequence[Track], plan: HuntPlan, at: int, age: float) -> None:
+    """Where all were at one instant, joined in their order on the ring; the later the darker."""
+    shade = str(0.75 - 0.6 * age)
+    places = [(track.north[at], track.east[at]) for track in tracks]
+    order = _round_trip(plan)
+    outline = [places[number] for number in (*order, order[0])]
+    axes.plot(*zip(*outline, strict=True), color=shade, linewidth=0.8, linestyle=":")
+    axes.plot(*zip(*places, strict=True), "s", color=shade, markersize=6, zorder=3)
+    axes.annotate(f"{tracks[0].time[at]:.0f} s", max(places), xytext=(7, 3), textcoords="offset points", fontsize=8)
+
+
+def _round_trip(plan: HuntPlan) -> list[int]:
+    """The vehicles in their order on the ring."""
+    ends = [plan.place(number, plan.duration) for number in range(len(plan.starts))]
+    bearing = [atan2(end[1] - plan.target[1], end[0] - plan.target[0]) for end in ends]
+    return sorted(range(len(ends)), key=lambda number: bearing[number])
+
+
+def _draw_times(panels: Sequence[Any], run: Run, plan: HuntPlan) -> None:
+    """Least distance between two, error of the formation, distances from the target."""
+    mode = run.result.mode
+    style = {"linestyle": LINES[mode], "linewidth": 1.1}
+    time = run.tracks[0].time
+    instants = list(zip(*(track.points for track in run.tracks), strict=True))
+    nearest = [min(dist(a, b) for a, b in combinations(places, 2)) for places in instants]
+    panels[0].plot(time, nearest, color="C0", label=f"{mode.upper()}, nearest pair", **style)
+    panels[1].plot(time, [formation_error(places, plan.starts) for places in instants], color="C0", **style)
+    for number, track in enumerate(run.tracks):
+        away = [hypot(n - plan.target[0], e - plan.target[1]) for n, e in track.points]
+        panels[2].plot(time, away, color=f"C{(0, 1, 2, 4, 5, 6, 8, 9)[number % 8]}", **style)

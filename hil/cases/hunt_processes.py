@@ -1,0 +1,162 @@
+"""A hunt with every vehicle and every planner a process of its own; this process only looks on.
+
+Slaves with emulated STM32s, an agent for each, and here an observer of the truth, which none of them knows.
+"""
+
+import select
+from typing import Any, NamedTuple
+
+from hil.cases.crew import Crew
+from hil.cases.energy import EnergyMeter
+from hil.cases.hunt_watch import HuntRow, HuntWatch
+from hil.clock import NS_PER_S, RateKeeper, now_ns, seconds_ns, to_wall_ns
+from hil.config import Scenario
+from hil.errors import NetworkError
+from hil.master.delay import DelayMeter
+from hil.process import cpu_s
+from hil.stop import StopSignals
+from hil.transport import ros
+from hil.transport.roles import dial
+from hil.transport.session import Session
+from sim.vehicle import load_vehicle
+
+READY_S = 30.0  # until every vehicle has been seen and every agent heard
+GONE_AFTER_S = 5.0  # without a word from one of them
+QUEUE = 64
+_WATCHED = ("ground_truth", "formation", "diagnostics", "trace")
+
+
+class Costs(NamedTuple):
+    """What a hunt took: J of all thrusters, shares of a core of all agents and of all slaves.
+
+    `delays_ns` of commands, from an agent's publishing to applied pulses; `real_time` the slowest slave's factor.
+    """
+
+    energy: float
+    agents_cpu: float
+    slaves_cpu: float
+    delays_ns: list[int]
+    real_time: float
+
+
+def fly(scenario: Scenario, folder: str, watch: HuntWatch) -> Costs:
+    """Hunt once, in real time, until `watch` says that it is over. The processes' logs go into `folder`.
+
+    Raises KeyboardInterrupt when told to stop, NetworkError when a process ends or falls silent.
+    """
+    slaves = {f"slave_{m.node}": ["slave", scenario.path, "--member", m.node] for m in scenario.member}
+    agents = {f"agent_{m.node}": ["agent", scenario.path, "--member", m.node] for m in scenario.member}
+    endpoints = [endpoint for member in scenario.member for endpoint in (member.listen, member.agent)]
+    routed = scenario.network.mode == "routed"
+    with (
+        StopSignals() as stop_fd,
+        Crew(slaves, folder) as vehicles,
+        Crew(agents, folder) as planners,
+        dial(*([scenario.network.router] if routed else endpoints), network=scenario.network) as session,
+    ):
+        return _Observer(scenario, session, vehicles, planners, watch).follow(stop_fd)
+
+
+class _Seen:
+    """The newest of each watched topic of one vehicle, and all its traces."""
+
+    def __init__(self, session: Session, node: str) -> None:
+        self.node = node
+        self.latest: dict[str, Any] = {}
+        self.heard_ns = dict.fromkeys(_WATCHED, 0)
+        self.delays = DelayMeter()
+        for topic in _WATCHED:
+            session.subscribe(node, topic, self._take, QUEUE)
+
+    def _take(self, topic: str, payload: bytes, attachment: bytes) -> None:
+        decode = ros.decoder(topic)
+        value = decode(payload) if decode else None
+        stamp = ros.unpack_attachment(attachment)
+        if value is None or stamp is None:
+            return
+        self.heard_ns[topic] = now_ns()
+        if topic == "trace":
+            self.delays.add(value, stamp.time_ns, to_wall_ns(now_ns()))
+        else:
+            self.latest[topic] = value
+
+    @property
+    def complete(self) -> bool:
+        """Whether all that a row needs has come."""
+        return all(topic in self.latest for topic in ("ground_truth", "formation", "diagnostics"))
+
+    @property
+    def health(self) -> dict[str, str]:
+        """The slave's figures."""
+        statuses = self.latest["diagnostics"]
+        return statuses[0][3] if statuses else {}
+
+    def silent_s(self, topic: str) -> float:
+        """For how long nothing has come."""
+        return (now_ns() - self.heard_ns[topic]) / NS_PER_S
+
+
+class _Observer:
+    """Makes rows of what is seen, as often as commands are sent."""
+
+    def __init__(self, scenario: Scenario, session: Session, slaves: Crew, agents: Crew, watch: HuntWatch) -> None:
+        self._slaves, self._agents, self._watch = slaves, agents, watch
+        self._seen = [_Seen(session, member.node) for member in scenario.member]
+        self._period_ns = seconds_ns(scenario.master.command_period)
+        vehicle, _ = load_vehicle(scenario.vehicle)
+        self._meters = [EnergyMeter(vehicle) for _ in scenario.member]
+
+    def follow(self, stop_fd: int) -> Costs:
+        """To the end of the hunt."""
+        self._until_complete(stop_fd)
+        before = self._cpu()
+        began = now_ns()
+        schedule = RateKeeper(self._period_ns, began)
+        while not self._watch.reason:
+            _pause(stop_fd, schedule.deadline_ns)
+            if schedule.due(now_ns()):
+                self._note((now_ns() - began) / NS_PER_S)
+        duration = (now_ns() - began) / NS_PER_S
+        agents, slaves = ((now - then) / duration for now, then in zip(self._cpu(), before, strict=True))
+        return Costs(
+            sum(meter.joules for meter in self._meters),
+            agents,
+            slaves,
+            [delay for seen in self._seen for delay in seen.delays.totals_ns()],
+            min(float(seen.health.get("real_time_factor", "nan")) for seen in self._seen),
+        )
+
+    def _until_complete(self, stop_fd: int) -> None:
+        deadline = now_ns() + seconds_ns(READY_S)
+        while not all(seen.complete for seen in self._seen):
+            _pause(stop_fd, now_ns() + self._period_ns)
+            self._check()
+            if now_ns() > deadline:
+                missing = ", ".join(seen.node for seen in self._seen if not seen.complete)
+                raise NetworkError(f"nothing of {missing} within {READY_S:.0f} s; see the logs of slaves and agents")
+
+    def _note(self, time: float) -> None:
+        self._check()
+        for seen in self._seen:
+            for topic in ("ground_truth", "formation"):
+                if seen.silent_s(topic) > GONE_AFTER_S:
+                    raise NetworkError(f"{seen.node} says no {topic} any more; see the logs of its slave and agent")
+        positions = tuple([seen.latest["ground_truth"].position[:2] for seen in self._seen])
+        clocks = tuple([seen.latest["formation"].clock_ns / NS_PER_S for seen in self._seen])
+        self._watch.note(HuntRow(time, positions, clocks))
+        for seen, meter in zip(self._seen, self._meters, strict=True):
+            meter.add(time, [int(pulse) for pulse in seen.health.get("pwm_us", "").split()])
+
+    def _check(self) -> None:
+        self._slaves.check()
+        self._agents.check()
+
+    def _cpu(self) -> tuple[float, float]:
+        """Processor time (s) of all agents, and of all slaves."""
+        return sum(map(cpu_s, self._agents.pids)), sum(map(cpu_s, self._slaves.pids))
+
+
+def _pause(stop_fd: int, until_ns: int) -> None:
+    """Until then. Raises KeyboardInterrupt when told to stop."""
+    if select.select((stop_fd,), (), (), max(until_ns - now_ns(), 0) / NS_PER_S)[0]:
+        raise KeyboardInterrupt

@@ -1,0 +1,80 @@
+"""A hunt in simulated time: all vehicles and their planners in one process, step by step together.
+
+Planner, messages and vehicles are those of the real run; what is missing is the network: reports are there at once.
+"""
+
+import time
+
+from hil.autonomy.control import VelocityCommand
+from hil.cases.energy import EnergyMeter
+from hil.cases.hunt_watch import HuntRow, HuntWatch
+from hil.cases.simulated import SimulatedVehicle
+from hil.clock import NS_PER_S, seconds_ns
+from hil.config import Scenario
+from hil.fleet import as_member, hunting_of
+from hil.master.flight import held
+from hil.master.hunt import HuntPlanner
+from sim.sensors.samples import ODOMETRY
+from sim.world import load_world
+
+
+class SimulatedHunt:
+    """The members of a scenario at time 0, watched by `watch`. Raises ConfigError, MissionError.
+
+    `time` is simulated time in s, `planner_cpu_s` processor time of all planners.
+    """
+
+    def __init__(self, scenario: Scenario, watch: HuntWatch) -> None:
+        world = load_world(scenario.world)
+        self.nodes = [member.node for member in scenario.member]
+        self.vehicles = [SimulatedVehicle(as_member(scenario, node), world) for node in self.nodes]
+        self.planners = [HuntPlanner(scenario, number) for number in range(len(self.nodes))]
+        self.time = 0.0
+        self.planner_cpu_s = 0.0
+        self._watch = watch
+        self._meters = [EnergyMeter(vehicle.simulation.vehicle) for vehicle in self.vehicles]
+        self._command_ns = seconds_ns(scenario.master.command_period)
+        self._report_ns = seconds_ns(hunting_of(scenario).report_period)
+        self._command_due_ns, self._report_due_ns = self._command_ns, self._report_ns
+
+    @property
+    def energy(self) -> float:
+        """What all thrusters have taken, J."""
+        return sum(meter.joules for meter in self._meters)
+
+    def run(self) -> None:
+        """Until the watch says that it is over."""
+        while not self._watch.reason:
+            self.step()
+
+    def step(self) -> None:
+        """One step of all vehicles, and what falls due after it."""
+        for vehicle in self.vehicles:
+            vehicle.step()
+        now = self.vehicles[0].time_ns
+        self.time = now / NS_PER_S
+        if now >= self._command_due_ns:
+            self._command_due_ns += self._command_ns
+            self._command()
+        if now >= self._report_due_ns:
+            self._report_due_ns += self._report_ns
+            self._exchange()
+
+    def _command(self) -> None:
+        for vehicle, planner, meter in zip(self.vehicles, self.planners, self._meters, strict=True):
+            began = time.thread_time()
+            command = planner.command(self.time, vehicle.samples)
+            self.planner_cpu_s += time.thread_time() - began
+            assert isinstance(command, VelocityCommand)
+            vehicle.command(held(command, vehicle.samples[ODOMETRY]))
+            meter.add(self.time, vehicle.pwm_us)
+        positions = tuple([vehicle.simulation.truth().position[:2] for vehicle in self.vehicles])
+        self._watch.note(HuntRow(self.time, positions, tuple([planner.clock for planner in self.planners])))
+
+    def _exchange(self) -> None:
+        """What each has to say, to all others."""
+        for sender, speaker in zip(self.nodes, self.planners, strict=True):
+            report = speaker.report()
+            for node, planner in zip(self.nodes, self.planners, strict=True):
+                if report and node != sender:
+                    planner.hear(sender, report, self.time)

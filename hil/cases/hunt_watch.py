@@ -1,0 +1,120 @@
+"""Whoever watches a hunt from outside: where the vehicles truly are, when it is over, and how it went."""
+
+from collections.abc import Sequence
+from itertools import permutations
+from math import cos, dist, inf, pi, sin, sqrt
+from typing import NamedTuple
+
+from hil.autonomy.formation import Vector
+from hil.autonomy.hunting import Criteria, HuntPlan, Judgement, Referee
+from hil.config import Scenario
+from hil.fleet import hunt_plan, hunting_of
+
+SETTLE_S = 5.0  # from the end of the last vehicle's plan to the judgement
+TURNS = 180  # of the ring that the shortest way is sought with
+_ROUNDING_S = 1e-6  # of clocks in messages
+
+
+class HuntRow(NamedTuple):
+    """One instant: time (s), true positions (m north, m east), and how far each vehicle is in the plan (s)."""
+
+    time: float
+    positions: tuple[Vector, ...]
+    clocks: tuple[float, ...]
+
+
+class HuntOutcome(NamedTuple):
+    """How a hunt went; times in s, lengths in m.
+
+    `judgement` is the referee's. `closed` is when the last vehicle's plan had ended, inf if it did not. `travelled`
+    is the way of all vehicles, `optimum` the shortest, see `shortest_ways`. `target_distance` is how near a vehicle's
+    middle came to the target. `off_place_*` is how far vehicles were from where their own clocks wanted them, and
+    `end_error` the largest of these distances at the end.
+    """
+
+    success: bool
+    reason: str
+    duration: float
+    closed: float
+    judgement: Judgement
+    travelled: float
+    optimum: float
+    target_distance: float
+    off_place_rms: float
+    off_place_max: float
+    end_error: float
+
+
+class HuntWatch:
+    """Takes in rows, keeps them, and says when it is over. Raises ConfigError, MissionError."""
+
+    def __init__(self, scenario: Scenario) -> None:
+        self.plan = hunt_plan(scenario)
+        self.rows: list[HuntRow] = []
+        self.reason = ""
+        self._time_limit = scenario.master.time_limit
+        self._referee = Referee(self.plan, Criteria(hunting_of(scenario).berth))
+        self._closed = inf
+        self._travelled = 0.0
+        self._nearest = inf
+        self._off_place_max = self._off_place_squares = 0.0
+
+    def note(self, row: HuntRow) -> str:
+        """Take in the next instant; why the hunt is over, or "" while it goes on."""
+        if self.rows:
+            self._travelled += sum(map(dist, row.positions, self.rows[-1].positions))
+        self.rows.append(row)
+        self._referee.watch(row.positions, max(row.clocks))
+        self._nearest = min(self._nearest, *(dist(position, self.plan.target) for position in row.positions))
+        off = self._off_place(row)
+        self._off_place_max = max(self._off_place_max, *off)
+        self._off_place_squares += sum(each * each for each in off) / len(off)
+        if min(row.clocks) > self.plan.duration - _ROUNDING_S:
+            self._closed = min(self._closed, row.time)
+        if row.time >= self._closed + SETTLE_S:
+            self.reason = "target surrounded"
+        elif row.time > self._time_limit:
+            self.reason = "time limit"
+        return self.reason
+
+    def outcome(self) -> HuntOutcome:
+        """The account so far."""
+        last, plan = self.rows[-1], self.plan
+        judgement = self._referee.judge(last.positions)
+        closed = self._closed < inf
+        return HuntOutcome(
+            success=closed and judgement.success,
+            reason=f"failed by {', '.join(judgement.failures)}" if closed and judgement.failures else self.reason,
+            duration=last.time,
+            closed=self._closed,
+            judgement=judgement,
+            travelled=self._travelled,
+            optimum=shortest_ways(plan),
+            target_distance=self._nearest,
+            off_place_rms=sqrt(self._off_place_squares / len(self.rows)),
+            off_place_max=self._off_place_max,
+            end_error=max(self._off_place(last)),
+        )
+
+    def _off_place(self, row: HuntRow) -> list[float]:
+        places = [self.plan.place(number, clock) for number, clock in enumerate(row.clocks)]
+        return list(map(dist, row.positions, places))
+
+
+def shortest_ways(plan: HuntPlan) -> float:
+    """The least length (m) of all ways together that ends in an even ring round the target, whoever ends where.
+
+    Straight lines: no formation is kept and nobody makes way, so no hunt is that short.
+    """
+    count = len(plan.starts)
+    return min(
+        sum(map(dist, plan.starts, ends))
+        for turn in range(TURNS)
+        for ends in permutations(_ring(plan, 2.0 * pi * turn / (TURNS * count)))
+    )
+
+
+def _ring(plan: HuntPlan, first: float) -> Sequence[Vector]:
+    """Places evenly round the target, one of them at the bearing `first`."""
+    bearings = [first + 2.0 * pi * number / len(plan.starts) for number in range(len(plan.starts))]
+    return [(plan.target[0] + plan.ring * cos(b), plan.target[1] + plan.ring * sin(b)) for b in bearings]

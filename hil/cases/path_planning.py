@@ -1,0 +1,110 @@
+"""The paper's first case: across 50 m x 50 m, by A* on the map and VFH+ round what the laser sees."""
+
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+from math import cos, dist, pi, sin
+from random import Random
+from typing import Any
+
+from hil.autonomy.occupancy import Point
+from hil.cases.record import Run
+from hil.cases.single import SingleCase, shortest
+from hil.cases.variant import Table
+from hil.config import Scenario, load_scenario
+from hil.errors import ConfigError
+from hil.master.flight import Plan, prepare
+from hil.master.planner import Planner
+from sim.world import World
+
+START_SPREAD_M = 1.0
+HEADING_SPREAD = pi / 3.0  # rad
+PILES = 5  # that no map shows
+PILE_RADIUS_M = (0.3, 0.9)
+GAP_M = 2.2  # left between a pile and whatever else stands there
+CLEAR_M = 3.0  # of every pile, round start and goal
+
+
+class PathPlanning(SingleCase):
+    """Every obstacle is on the map."""
+
+    name = "path_planning"
+    scenario = "path_planning"
+    title = "Path planning with a map"
+    paper = (
+        "Figures 8 and 9: the vehicle crosses a field of 50 m x 50 m from (0, 0) to (50, 50) past obstacles, led by A* "
+        "on the map and by VFH on the laser's scan, its speed adjusted to the room there is."
+    )
+    criterion = (
+        "by its own navigation within 0.5 m of the goal, in 5 min, and never nearer to an obstacle than the vehicle's "
+        "radius"
+    )
+
+    def vary(self, seed: int) -> tuple[Mapping[str, Any], Mapping[str, Sequence[Table]]]:
+        """The start, by up to a metre, and the heading, by up to 60 degrees."""
+        if seed == 1:
+            return {}, {}
+        random = Random(f"path_planning/{seed}")
+        changes = {
+            "start.north": random.uniform(-START_SPREAD_M, START_SPREAD_M),
+            "start.east": random.uniform(-START_SPREAD_M, START_SPREAD_M),
+            "start.heading": pi / 4.0 + random.uniform(-HEADING_SPREAD, HEADING_SPREAD),
+        }
+        return changes, {}
+
+    def optimum(self, scenario: Scenario, plan: Plan) -> float:
+        """From start to goal past all that stands there, on the map or not."""
+        start, goal = (scenario.start.north, scenario.start.east), scenario.master.goal or (0.0, 0.0)
+        return shortest(plan.world, plan.brief.vehicle, scenario.master.depth, (start, goal))
+
+    def draw(self, runs: Sequence[Run], path: str) -> None:
+        """Figure 8, the tracks on the map, and figure 9, speed over time."""
+        from hil.cases.pictures import draw_field
+
+        draw_field(self.title, runs, path)
+
+
+class PathPlanningUnknown(PathPlanning):
+    """Some piles stand in the way that no map shows."""
+
+    name = "path_planning_unknown"
+    title = "Path planning past obstacles that the map lacks"
+    paper = (
+        "Not a figure of its own there: the paper names VFH for obstacles that the map lacks. Here five piles that no "
+        "map shows are put on and beside the way that A* had found; elsewhere each seed has others."
+    )
+
+    def vary(self, seed: int) -> tuple[Mapping[str, Any], Mapping[str, Sequence[Table]]]:
+        """As with a map, and the piles, a new set for each seed."""
+        changes, _ = super().vary(seed)
+        scenario = load_scenario(self.scenario, dict(changes))
+        plan = prepare(scenario)
+        ends = plan.planner.path[0], plan.planner.path[-1]
+        return changes, {"cylinder": hidden_piles(plan.world, plan.planner.path, ends, Random(f"piles/{seed}"))}
+
+    def extra(self, planner: Planner) -> Mapping[str, float]:
+        """How many ways were planned."""
+        return {"plans": float(planner.note.split()[1].rstrip(","))}
+
+
+def hidden_piles(world: World, path: Sequence[Point], ends: Sequence[Point], random: Random) -> list[Table]:
+    """Piles that no map shows, three of five on `path` and the others within 4 m of it, with ways past all of them."""
+    found: list[Table] = []
+    for _ in range(10_000):
+        if len(found) == PILES:
+            return found
+        place, radius = _beside(path, 0.4 if len(found) < 3 else 4.0, random), random.uniform(*PILE_RADIUS_M)
+        gap = min([world.clearance(*place), *(dist(place, (p["north"], p["east"])) - p["radius"] for p in found)])
+        if gap - radius >= GAP_M and all(dist(place, end) > radius + CLEAR_M for end in ends):
+            found.append({"north": place[0], "east": place[1], "radius": radius, "hidden": True})
+    raise ConfigError(f"{world.name} has no room for {PILES} piles beside the way")
+
+
+def _beside(path: Sequence[Point], most: float, random: Random) -> Point:
+    """A place up to `most` m aside of one on the path, the legs as likely as they are long."""
+    legs = list(pairwise(path))
+    (a, b), *_ = random.choices(legs, [dist(*leg) for leg in legs])
+    share, away, bearing = random.random(), random.uniform(0.0, most), random.uniform(-pi, pi)
+    return (
+        a[0] + share * (b[0] - a[0]) + away * cos(bearing),
+        a[1] + share * (b[1] - a[1]) + away * sin(bearing),
+    )

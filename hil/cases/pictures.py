@@ -1,0 +1,119 @@
+"""The pictures of a case: the paper's figures again, and how the flights of many seeds spread."""
+
+from collections.abc import Callable, Sequence
+from math import isfinite
+from typing import Any
+
+from hil.bench.plotting import pyplot
+from hil.cases.record import Result, Run
+from hil.config import load_scenario
+from hil.master.world_map import map_at
+from sim.world import World, load_world
+
+COLOURS = {"sil": "C0", "hil": "C3"}
+SPREAD: tuple[tuple[str, Callable[[Result], float]], ...] = (
+    ("path over optimum", lambda r: r.ratio),
+    ("least clearance (m)", lambda r: r.least_clearance),
+    ("time (s)", lambda r: r.duration),
+    ("energy (kJ)", lambda r: r.energy / 1e3),
+)
+
+
+def draw_field(title: str, runs: Sequence[Run], path: str) -> None:
+    """The map with the planned way and the ways flown, and the speeds over time. Raises MissingExtraError."""
+    plt = pyplot()
+    figure, (field, speed) = plt.subplots(1, 2, figsize=(13, 6.5), width_ratios=(6, 5), layout="constrained")
+    figure.suptitle(title)
+    draw_world(field, runs[0].scenario)
+    for number, run in enumerate(runs):
+        for track in run.tracks:
+            if number == 0 and track.plan:
+                north, east = zip(*track.plan, strict=True)
+                field.plot(east, north, "--", color="C1", linewidth=1.2, label="planned at the start")
+            name = run.result.mode.upper()
+            field.plot(track.east, track.north, color=COLOURS[run.result.mode], linewidth=1.4, label=name)
+    _mark(field, runs[0].scenario)
+    field.legend(loc="lower right", fontsize="small")
+    draw_speeds(speed, runs)
+    save(figure, path)
+
+
+def draw_world(axes: Any, scenario_path: str) -> None:
+    """Obstacles at the vehicle's depth: grey those of the map, red those that no map shows."""
+    scenario = load_scenario(scenario_path)
+    world = load_world(scenario.world)
+    seen = world._replace(
+        cylinder=tuple(o for o in world.cylinder if not o.hidden), box=tuple(o for o in world.box if not o.hidden)
+    )
+    hidden = world._replace(
+        cylinder=tuple(o for o in world.cylinder if o.hidden), box=tuple(o for o in world.box if o.hidden), terrain=None
+    )
+    _fill(axes, seen, scenario.master.depth, "0.55")
+    _fill(axes, hidden, scenario.master.depth, "C3")
+    south, north, west, east = world.extent
+    axes.set(xlabel="east (m)", ylabel="north (m)", aspect="equal", xlim=(west, east), ylim=(south, north))
+
+
+def _fill(axes: Any, world: World, depth: float, colour: str) -> None:
+    grid = map_at(world, depth, 0.0, 0.1)
+    if grid.cells.any():
+        (south, west), (rows, columns) = grid.origin, grid.cells.shape
+        extent = (west, west + columns * grid.resolution, south, south + rows * grid.resolution)
+        axes.contourf(grid.cells, levels=(0.5, 1.5), colors=[colour], origin="lower", extent=extent)
+
+
+def _mark(axes: Any, scenario_path: str) -> None:
+    scenario = load_scenario(scenario_path)
+    axes.plot(scenario.start.east, scenario.start.north, "o", color="C2", label="start")
+    if scenario.master.goal:
+        axes.plot(scenario.master.goal[1], scenario.master.goal[0], "*", color="C4", markersize=13, label="goal")
+    for task in scenario.planner.get("task", ()):
+        north, east = task["at"]
+        axes.plot(east, north, "s", color="C4")
+        axes.annotate(task["name"], (east, north), xytext=(6, 6), textcoords="offset points", fontsize="small")
+
+
+def draw_speeds(axes: Any, runs: Sequence[Run]) -> None:
+    """Surge over time, as commanded and as it was."""
+    for run in runs:
+        for number, track in enumerate(run.tracks):
+            colour, name = COLOURS[run.result.mode], run.result.mode.upper()
+            told = number == 0
+            axes.plot(
+                track.time,
+                track.commanded_surge,
+                color=colour,
+                linewidth=0.7,
+                alpha=0.45,
+                label=f"{name}, commanded" if told else None,
+            )
+            axes.plot(track.time, track.surge, color=colour, linewidth=1.1, label=name if told else None)
+    axes.set(xlabel="time (s)", ylabel="surge (m/s)", xlim=(0, None))
+    axes.legend(loc="lower center", fontsize="small", ncols=2)
+
+
+def draw_seeds(title: str, results: Sequence[Result], path: str) -> None:
+    """Every flight as a dot, in four of its figures: SIL and HIL beside each other. Raises MissingExtraError."""
+    plt = pyplot()
+    figure, panels = plt.subplots(1, len(SPREAD), figsize=(13, 3.2), layout="constrained")
+    good = sum(result.success for result in results)
+    figure.suptitle(f"{title}: {good} of {len(results)} flights succeed")
+    for axes, (name, value) in zip(panels, SPREAD, strict=True):
+        for mode, colour in COLOURS.items():
+            found = [(r.seed, value(r)) for r in results if r.mode == mode and isfinite(value(r))]
+            if found:
+                seeds, values = zip(*found, strict=True)
+                axes.plot(seeds, values, "o" if mode == "sil" else "x", color=colour, markersize=4, label=mode.upper())
+        failed = [(r.seed, value(r)) for r in results if not r.success and isfinite(value(r))]
+        for seed, at in failed:
+            axes.plot(seed, at, "o", color="k", fillstyle="none", markersize=9)
+        axes.set(xlabel="seed", title=name)
+        axes.title.set_fontsize("medium")
+    panels[0].legend(fontsize="small")
+    save(figure, path)
+
+
+def save(figure: Any, path: str) -> None:
+    """Write a figure as PNG and let it go."""
+    figure.savefig(path, dpi=100)
+    pyplot().close(figure)

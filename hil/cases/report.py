@@ -1,0 +1,82 @@
+"""The report of cases: what the paper shows, what we measure, and both halves of the claim side by side."""
+
+import os
+from collections.abc import Sequence
+
+from hil.cases import fidelity, table
+from hil.cases.case import Case, find_case
+from hil.cases.pictures import draw_seeds
+from hil.cases.record import Result, Run
+from hil.errors import ConfigError
+from hil.master.recorder import make_folder
+
+Flights = dict[str, list[Run]]  # by case
+
+
+def write_report(path: str, flights: Flights, pictures: str, head: str = "# Cases\n") -> list[str]:
+    """Write the report at `path` and its pictures into the folder `pictures`; the files written.
+
+    Raises ConfigError, MissingExtraError.
+    """
+    make_folder(pictures)
+    results = [run.result for runs in flights.values() for run in runs]
+    parts = [head, table.markdown(_turned(table.summary(results))), *_failures(results)]
+    files = [path]
+    beside = os.path.relpath(pictures, os.path.dirname(path) or ".")
+    for name, runs in flights.items():
+        case = find_case(name)
+        figure, seeds = (os.path.join(pictures, f"{name}{end}.png") for end in ("", "_seeds"))
+        case.draw(_pair(runs) or runs[:1], figure)
+        files.append(figure)
+        parts += [*_about(case, runs), f"![{case.title}]({os.path.join(beside, os.path.basename(figure))})"]
+        if len(runs) > 2:
+            draw_seeds(case.title, [run.result for run in runs], seeds)
+            files.append(seeds)
+            parts.append(f"![The flights of all seeds]({os.path.join(beside, os.path.basename(seeds))})")
+    try:
+        with open(path, "w", encoding="utf-8") as file:
+            file.write("\n\n".join(part.strip("\n") for part in parts) + "\n")
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be written: {error.strerror}") from None
+    return files
+
+
+def _about(case: Case, runs: Sequence[Run]) -> list[str]:
+    parts = [f"## {case.title}", f"**The paper.** {case.paper}", f"**Success here:** {case.criterion}."]
+    if case.method:
+        parts.insert(2, f"**How it is done here.** {case.method}.")
+    extra = _extra([run.result for run in runs])
+    if extra:
+        parts.append(f"**Besides:** {extra}.")
+    pair = _pair(runs)
+    if pair:
+        parts.append("**SIL and HIL side by side**, the same files, planner and seed:")
+        parts.append(table.markdown(fidelity.rows(*pair)))
+    return parts
+
+
+def _pair(runs: Sequence[Run]) -> tuple[Run, Run] | None:
+    """A SIL and a HIL flight of one seed, if there are."""
+    sil = {run.result.seed: run for run in runs if run.result.mode == "sil"}
+    pairs = [(sil[run.result.seed], run) for run in runs if run.result.mode == "hil" and run.result.seed in sil]
+    return pairs[0] if pairs else None
+
+
+def _extra(results: Sequence[Result]) -> str:
+    """The figures that only this case has, from least to most over all its flights."""
+    names = list(dict.fromkeys(name for result in results for name in result.extra))
+    texts = []
+    for name in names:
+        values = [result.extra[name] for result in results if name in result.extra]
+        low, high = f"{min(values):.3g}", f"{max(values):.3g}"
+        texts.append(f"{name} {low}" + (f" to {high}" if low != high else ""))
+    return ", ".join(texts)
+
+
+def _failures(results: Sequence[Result]) -> list[str]:
+    failed = [f"- {r.case} {r.mode.upper()}, seed {r.seed}: {r.reason}" for r in results if not r.success]
+    return ["What failed:\n\n" + "\n".join(failed)] if failed else []
+
+
+def _turned(rows: Sequence[Sequence[str]]) -> list[list[str]]:
+    return [list(column) for column in zip(*rows, strict=True)]

@@ -1,0 +1,94 @@
+"""Vehicles in simulated time: the simulation and the vehicle's own computer, without network, link or clock."""
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
+
+from hil.autonomy.control import VelocityCommand
+from hil.clock import NS_PER_S, seconds_ns
+from hil.config import Scenario, build_simulation
+from hil.master.flight import Flight, Outcome, Plan
+from hil.slave.pilot import build_pilot
+from sim.sensors.samples import GROUND_TRUTH, ODOMETRY
+from sim.simulation import Simulation
+from sim.vehicle import load_vehicle
+from sim.world import World, load_world
+
+if TYPE_CHECKING:
+    from hil.master.recorder import TrackWriter
+
+# Called after each step with the vehicle.
+Watch = Callable[["SimulatedVehicle"], None]
+
+
+class SimulatedVehicle:
+    """The vehicle of a scenario at time 0, to be stepped and commanded.
+
+    `samples` holds the newest sample of each topic, but not the truth; `pwm_us` the pulses of the last step.
+    `simulation` is the scenario's at time 0, made here if left out. Raises ConfigError.
+    """
+
+    def __init__(self, scenario: Scenario, world: World | None = None, simulation: Simulation | None = None) -> None:
+        vehicle, control = load_vehicle(scenario.vehicle)
+        world = world or load_world(scenario.world)
+        self.simulation = simulation or build_simulation(scenario, vehicle, world)
+        self.samples: dict[str, Any] = {}
+        self.pwm_us: tuple[int, ...] = ()
+        self._pilot = build_pilot(scenario, vehicle, control, self.simulation.world)
+        self._period = scenario.slave.control_period
+        self._period_ns = seconds_ns(self._period)
+        self._due_ns = 0
+
+    @property
+    def time_ns(self) -> int:
+        """Simulated time since the start."""
+        return self.simulation.time_ns
+
+    def command(self, command: VelocityCommand) -> None:
+        """A new command arrives now."""
+        self._pilot.command(command, self.time_ns)
+
+    def step(self) -> None:
+        """Advance by one step of the scenario: control if it is due, then thrusters, dynamics and sensors."""
+        if self.time_ns >= self._due_ns:
+            self._due_ns += self._period_ns
+            pulses, _ = self._pilot.update(self.time_ns, self._period)
+            self.pwm_us = pulses.pwm_us
+        for topic, sample in self.simulation.step(self.pwm_us):
+            self._pilot.sense(topic, sample)
+            if topic != GROUND_TRUTH:
+                self.samples[topic] = sample
+
+
+def fly(
+    scenario: Scenario,
+    plan: Plan,
+    vehicle: SimulatedVehicle | None = None,
+    watches: Sequence[Watch] = (),
+    track: "TrackWriter | None" = None,
+) -> tuple[Outcome, str]:
+    """Fly the scenario's mission in simulated time; its outcome, and the exact final state as text.
+
+    `vehicle` is the scenario's at time 0, made here if left out; `track` gets a row a command. Raises ConfigError.
+    """
+    vehicle = vehicle or SimulatedVehicle(scenario, plan.world)
+    flight = Flight(scenario, plan)
+    period_ns = seconds_ns(scenario.master.command_period)
+    due_ns = period_ns
+    while not flight.reason:
+        vehicle.step()
+        if vehicle.time_ns >= due_ns and ODOMETRY in vehicle.samples:
+            due_ns += period_ns
+            elapsed, truth = vehicle.time_ns / NS_PER_S, vehicle.simulation.truth()
+            command = flight.command(elapsed, vehicle.samples, truth)
+            vehicle.command(command)
+            if track:
+                track.row(elapsed, truth, vehicle.samples[ODOMETRY], command)
+        for watch in watches:
+            watch(vehicle)
+    return flight.outcome(vehicle.time_ns / NS_PER_S, 0.0), digest(vehicle.simulation)
+
+
+def digest(simulation: Simulation) -> str:
+    """The exact state of a simulation as text."""
+    truth = simulation.truth()
+    return " ".join(value.hex() for value in (*truth.position, *truth.orientation, *truth.nu))

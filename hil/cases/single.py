@@ -1,0 +1,163 @@
+"""Cases of one vehicle: the flight itself, in the simulation and over the network, the same files for both."""
+
+import os
+from abc import abstractmethod
+from collections.abc import Callable, Mapping, Sequence
+from itertools import pairwise
+from math import hypot, nan
+from typing import Any, NamedTuple
+
+from hil.autonomy.any_angle import plan_any_angle
+from hil.autonomy.astar import path_length
+from hil.autonomy.control import VelocityCommand
+from hil.autonomy.occupancy import Point
+from hil.cases.case import Case
+from hil.cases.energy import EnergyMeter
+from hil.cases.record import Mode, Result, Run, read_track
+from hil.cases.simulated import SimulatedVehicle, fly
+from hil.cases.slaves import Slaves, free_ports
+from hil.cases.variant import Table, write_variant
+from hil.config import Scenario, load_scenario
+from hil.master.client import VehicleClient
+from hil.master.delay import quantiles
+from hil.master.flight import Flight, Outcome, Plan, prepare
+from hil.master.mission import STOPPED, Mission
+from hil.master.planner import Planner
+from hil.master.progress import Progress
+from hil.master.recorder import TrackWriter
+from hil.master.world_map import map_at
+from hil.stop import StopSignals
+from sim.sensors.samples import OdometrySample
+from sim.vehicle import Vehicle
+from sim.world import World
+
+FINE_M = 0.1  # cells of the map that the shortest way is sought on
+
+
+class Measured(NamedTuple):
+    """What a flight was, whoever flew it."""
+
+    outcome: Outcome
+    energy: float
+    master_cpu: float = nan
+    delay_p50: float = nan
+    delay_p99: float = nan
+
+
+class SingleCase(Case):
+    """A case of one vehicle: what varies with the seed, and what the shortest way is, is left to write."""
+
+    @abstractmethod
+    def vary(self, seed: int) -> tuple[Mapping[str, Any], Mapping[str, Sequence[Table]]]:
+        """What a seed changes in the scenario, by key, and adds to its world, by kind; nothing for seed 1."""
+
+    @abstractmethod
+    def optimum(self, scenario: Scenario, plan: Plan) -> float:
+        """The length (m) of the shortest way that does what the case asks."""
+
+    def extra(self, planner: Planner) -> Mapping[str, float]:
+        """Figures of this case alone."""
+        return {}
+
+    def fly(self, mode: Mode, seed: int, folder: str) -> Run:
+        """Fly once, as `Case.fly` says."""
+        changes, world = self.vary(seed)
+        listen = f"tcp/127.0.0.1:{free_ports(1)[0]}"
+        file = write_variant(self.scenario, folder, {**changes, "seed": seed, "slave.listen": listen}, world)
+        scenario = load_scenario(file)
+        plan = prepare(scenario)
+        way = tuple(plan.planner.path)
+        measured = (_simulate if mode == "sil" else _fly_slave)(scenario, plan, folder)
+        track = read_track(folder, scenario.slave.node, way)
+        return Run(self._result(mode, seed, scenario, plan, measured), (track,), file)
+
+    def _result(self, mode: Mode, seed: int, scenario: Scenario, plan: Plan, measured: Measured) -> Result:
+        outcome, vehicle = measured.outcome, plan.brief.vehicle
+        optimum = self.optimum(scenario, plan)
+        collided = outcome.least_clearance <= radius_of(vehicle)
+        return Result(
+            case=self.name,
+            mode=mode,
+            seed=seed,
+            success=outcome.reached and not collided,
+            reason=outcome.reason if not collided else f"collision; {outcome.reason}",
+            duration=outcome.duration,
+            path_length=outcome.travelled,
+            optimum=optimum,
+            ratio=outcome.travelled / optimum,
+            least_clearance=outcome.least_clearance,
+            collided=collided,
+            energy=measured.energy,
+            cross_track_rms=outcome.cross_track_rms,
+            cross_track_max=outcome.cross_track_max,
+            goal_error=outcome.goal_error,
+            master_cpu=measured.master_cpu,
+            planner_cpu=outcome.planner_cpu_s / outcome.duration,
+            delay_p50=measured.delay_p50,
+            delay_p99=measured.delay_p99,
+            extra=self.extra(plan.planner),
+        )
+
+
+def radius_of(vehicle: Vehicle) -> float:
+    """The radius (m) of the upright cylinder that a vehicle touches things with (sim/contact.py)."""
+    return hypot(*vehicle.dimensions[:2]) / 2
+
+
+def shortest(world: World, vehicle: Vehicle, depth: float, places: Sequence[Point]) -> float:
+    """The length (m) of the any-angle way from place to place that the vehicle's size just allows.
+
+    Sought on cells of 0.1 m, so long by some parts in a thousand (hil/autonomy/any_angle.py).
+    """
+    inflated = map_at(world, depth, 0.5 * vehicle.dimensions[2], FINE_M).inflate(radius_of(vehicle))
+    return sum(path_length(plan_any_angle(inflated, a, b)) for a, b in pairwise(places))
+
+
+def _simulate(scenario: Scenario, plan: Plan, folder: str) -> Measured:
+    """In this process and simulated time."""
+    vehicle = SimulatedVehicle(scenario, plan.world)
+    meter = EnergyMeter(plan.brief.vehicle)
+    with _Notes(folder, meter, lambda: (vehicle.pwm_us, vehicle.samples.get("battery"))) as track:
+        outcome, _ = fly(scenario, plan, vehicle, track=track)
+    return Measured(outcome, meter.joules)
+
+
+def _fly_slave(scenario: Scenario, plan: Plan, folder: str) -> Measured:
+    """With a slave in a process of its own; this process is its master."""
+    meter = EnergyMeter(plan.brief.vehicle)
+    node, network = scenario.slave.node, scenario.network
+    progress = Progress(os.path.join(folder, "master.log"), quiet=True)
+    with (
+        StopSignals() as stop_fd,
+        Slaves([scenario.path], folder) as slaves,
+        VehicleClient(scenario.slave.listen, node, network=network) as client,
+        _Notes(folder, meter, lambda: _telemetry(client)) as track,
+    ):
+        slaves.wait([client])
+        mission = Mission(Flight(scenario, plan), scenario.master.command_period, client, track, progress)
+        outcome = mission.fly(stop_fd)
+        delay = quantiles(client.delays.totals_ns())
+    progress.close()
+    if outcome.reason == STOPPED:
+        raise KeyboardInterrupt
+    return Measured(outcome, meter.joules, outcome.cpu_s / outcome.duration, delay.p50_ms, delay.p99_ms)
+
+
+def _telemetry(client: VehicleClient) -> tuple[Sequence[int], Any]:
+    """The pulses as the slave last told them, once a second, and the newest sample of the battery."""
+    battery = client.latest.get("battery")
+    return [int(pulse) for pulse in client.diagnostics().get("pwm_us", "").split()], battery and battery.value
+
+
+class _Notes(TrackWriter):
+    """Writes the track, and feeds the meter with what the thrusters do."""
+
+    def __init__(self, folder: str, meter: EnergyMeter, telemetry: Callable[[], tuple[Sequence[int], Any]]) -> None:
+        super().__init__(folder)
+        self._meter = meter
+        self._telemetry = telemetry
+
+    def row(self, elapsed: float, truth: OdometrySample, odometry: OdometrySample, command: VelocityCommand) -> None:
+        """Note one instant, as `TrackWriter` says."""
+        super().row(elapsed, truth, odometry, command)
+        self._meter.add(elapsed, *self._telemetry())

@@ -1,0 +1,44 @@
+"""Slaves as processes of their own: the vehicles of a case in HIL."""
+
+import socket
+import time
+from collections.abc import Sequence
+
+from hil.cases.crew import Crew
+from hil.errors import NetworkError
+from hil.master.client import VehicleClient
+
+READY_S = 20.0
+WAIT_STEP_S = 0.02
+
+
+class Slaves(Crew):
+    """`uuv-hil slave` for each scenario file, in processes that end with the `with`; their logs go into `folder`."""
+
+    def __init__(self, scenarios: list[str], folder: str) -> None:
+        super().__init__({f"slave{n}": ["slave", scenario] for n, scenario in enumerate(scenarios, 1)}, folder)
+
+    def wait(self, clients: Sequence[VehicleClient], seconds: float = READY_S) -> None:
+        """Until every vehicle has sent samples and figures of health. Raises NetworkError if one does not."""
+        deadline = time.monotonic() + seconds
+        while not all(client.first_sample_wall_ns and client.diagnostics() for client in clients):
+            self.check()
+            if time.monotonic() > deadline:
+                raise NetworkError(f"a slave has sent nothing for {seconds:.0f} s; its log is in {self._folder}")
+            time.sleep(WAIT_STEP_S)
+
+
+def free_ports(count: int) -> list[int]:
+    """Ports of this machine that nobody listens on, and of each the next one too, which a slave also takes."""
+    found: list[int] = []
+    while len(found) < count:
+        with socket.socket() as first, socket.socket() as second:
+            first.bind(("127.0.0.1", 0))
+            port = int(first.getsockname()[1])
+            try:
+                second.bind(("127.0.0.1", port + 1))
+            except OSError:
+                continue
+        if not any(abs(port - other) < 2 for other in found):
+            found.append(port)
+    return found

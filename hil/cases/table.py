@@ -1,0 +1,108 @@
+"""The table of a case: a row for its simulated flights and one for those with slaves; as text, CSV and JSON."""
+
+import csv
+import json
+from collections.abc import Callable, Iterable, Sequence
+from math import isfinite
+from statistics import fmean, stdev
+from typing import Any
+
+from hil.cases.record import Result
+from hil.columns import aligned
+from hil.errors import ConfigError
+
+# heading, what of a flight, and with how many decimals its mean or which of all its values is told
+_MEAN: tuple[tuple[str, Callable[[Result], float], int], ...] = (
+    ("travelled m", lambda r: r.path_length, 1),
+    ("over optimum", lambda r: r.ratio, 3),
+    ("time s", lambda r: r.duration, 1),
+    ("energy kJ", lambda r: r.energy / 1e3, 2),
+    ("off path rms m", lambda r: r.cross_track_rms, 2),
+    ("goal error m", lambda r: r.goal_error, 2),
+)
+_WORST: tuple[tuple[str, Callable[[Result], float], Callable[[Iterable[float]], float], str], ...] = (
+    ("least clearance m", lambda r: r.least_clearance, min, "{:.2f}"),
+    ("master CPU", lambda r: r.master_cpu, max, "{:.1%}"),
+    ("planner CPU", lambda r: r.planner_cpu, max, "{:.1%}"),
+    ("delay p50 ms", lambda r: r.delay_p50, max, "{:.2f}"),
+    ("delay p99 ms", lambda r: r.delay_p99, max, "{:.2f}"),
+)
+HEADINGS = ["case", "mode", "success", "collisions", *(row[0] for row in _MEAN), *(row[0] for row in _WORST)]
+
+
+def summary(results: Sequence[Result]) -> list[list[str]]:
+    """A row for each case and mode below the headings: means with their standard deviation, and the worst."""
+    groups = list(dict.fromkeys((result.case, result.mode) for result in results))
+    return [HEADINGS, *(_row([r for r in results if (r.case, r.mode) == group]) for group in groups)]
+
+
+def _row(results: Sequence[Result]) -> list[str]:
+    first = results[0]
+    return [
+        first.case,
+        first.mode.upper(),
+        f"{sum(r.success for r in results)} of {len(results)}",
+        str(sum(r.collided for r in results)),
+        *(_spread([value(r) for r in results], digits) for _, value, digits in _MEAN),
+        *(_worst([value(r) for r in results], choose, form) for _, value, choose, form in _WORST),
+    ]
+
+
+def _spread(values: Sequence[float], digits: int) -> str:
+    found = [value for value in values if isfinite(value)]
+    if not found:
+        return "-"
+    spread = f" ± {stdev(found):.{digits}f}" if len(found) > 1 else ""
+    return f"{fmean(found):.{digits}f}{spread}"
+
+
+def _worst(values: Sequence[float], choose: Callable[[Iterable[float]], float], form: str) -> str:
+    found = [value for value in values if isfinite(value)]
+    return form.format(choose(found)) if found else "-"
+
+
+def render(results: Sequence[Result]) -> str:
+    """The table for a terminal, turned by 90 degrees: a line a figure, a column a case and mode. Failures below."""
+    lines = aligned(list(zip(*summary(results), strict=True)))
+    failures = [f"{r.case} {r.mode.upper()}, seed {r.seed}: {r.reason}" for r in results if not r.success]
+    return "\n".join([*lines, *failures])
+
+
+def markdown(rows: Sequence[Sequence[str]]) -> str:
+    """A table of Markdown, the first row its head."""
+    head, *body = ["| " + " | ".join(row) + " |" for row in rows]
+    return "\n".join([head, "|" + " --- |" * len(rows[0]), *body])
+
+
+def write_csv(path: str, results: Sequence[Result]) -> None:
+    """A line a flight, extra figures as columns of their own. Raises ConfigError if it cannot be written."""
+    flat = [_flat(result) for result in results]
+    columns = list(dict.fromkeys(key for row in flat for key in row))
+    try:
+        with open(path, "w", newline="") as file:
+            writer = csv.DictWriter(file, columns, restval="")
+            writer.writeheader()
+            writer.writerows(flat)
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be written: {error.strerror}") from None
+
+
+def write_json(path: str, results: Sequence[Result]) -> None:
+    """All flights as a list of objects; what was not measured is null. Raises ConfigError if it cannot be written."""
+    plain = [{**result._asdict(), "extra": dict(result.extra)} for result in results]
+    try:
+        with open(path, "w") as file:
+            json.dump([{key: _finite(value) for key, value in row.items()} for row in plain], file, indent=2)
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be written: {error.strerror}") from None
+
+
+def _flat(result: Result) -> dict[str, Any]:
+    row = {key: _finite(value) for key, value in result._asdict().items() if key != "extra"}
+    return row | {key: _finite(value) for key, value in result.extra.items()}
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _finite(item) for key, item in value.items()}
+    return None if isinstance(value, float) and not isfinite(value) else value

@@ -1,0 +1,173 @@
+"""The paper's third case: four vehicles surround a target, from two formations, each by what it and its neighbours say.
+
+In SIL all share one process and simulated time; in HIL there are four slaves, four agents and an observer.
+"""
+
+import csv
+import os
+from collections.abc import Mapping, Sequence
+from math import degrees, nan
+
+from hil.cases import hunt_processes
+from hil.cases.case import Case
+from hil.cases.hunt_simulated import SimulatedHunt
+from hil.cases.hunt_watch import HuntOutcome, HuntWatch
+from hil.cases.record import Mode, Result, Run, Track
+from hil.cases.single import radius_of
+from hil.cases.slaves import free_ports
+from hil.cases.variant import Table, write_variant
+from hil.config import Scenario, load_scenario
+from hil.master.delay import quantiles
+from hil.master.hunt import HuntPlanner
+from sim.vehicle import load_vehicle
+
+
+class TargetHunting(Case):
+    """From a line abreast."""
+
+    name = "target_hunting"
+    scenario = "target_hunting"
+    title = 'Target hunting from the formation "line"'
+    paper = (
+        "Figure 12: four vehicles begin at (0, 0), (3, 0), (6, 0) and (9, 0) in 10 m x 10 m, go towards the target at "
+        "(5, 8) in formation and surround it, by artificial potential fields (its eqs 4 to 9), localisation noise on."
+    )
+    method = (
+        "Every vehicle has a planner of its own, in HIL a process of its own. It knows the plan agreed on before the "
+        "dive (the virtual structure: where each place is at any time), its own position, and what the planners "
+        "within 5 m tell it ten times a second on the topic `formation`; in the line that is the next vehicle, not "
+        "the one after. Its velocity is the sum of the fields that the paper names (attraction to its place, "
+        "repulsion from vehicles and target, a field that holds neighbours within range, the velocity of the place) "
+        "in their standard forms, as the printed ones could not be compared with. Its reading of the plan's clock "
+        "slows while it or a neighbour lags. Its position is that of its navigation, whose error drifts (0.1 m), and "
+        "white noise of 5 cm each axis on top, Gaussian and zero-mean: the paper's eq. (10) as printed is never below "
+        "its amplitude and has no bound. That the target's position is known wrongly is not modelled"
+    )
+    criterion = (
+        "no two middles nearer than 0.5 m; on the approach the formation kept to 0.5 m; at the end all within a "
+        "quarter of the ring's radius (0.375 m, the length of a vehicle) of the ring, spacing even to 25 %, no gap "
+        "round the target above 115 degrees; judged by the truth"
+    )
+
+    def fly(self, mode: Mode, seed: int, folder: str) -> Run:
+        """Hunt once, as `Case.fly` says. The seed varies all noise, of sensors and of localisation."""
+        members = {"member": members_on_free_ports(self.scenario)} if mode == "hil" else {}
+        file = write_variant(self.scenario, folder, {"seed": seed, **members})
+        scenario = load_scenario(file)
+        watch = HuntWatch(scenario)
+        figures = (_simulate if mode == "sil" else _fly_processes)(scenario, folder, watch)
+        write_rows(os.path.join(folder, "track.csv"), scenario, watch)
+        return Run(self._result(mode, seed, scenario, watch.outcome(), figures), tracks_of(scenario, watch), file)
+
+    def draw(self, runs: Sequence[Run], path: str) -> None:
+        """The paper's figure again: ways, formation, target and ring; and the distances between vehicles over time."""
+        from hil.cases.hunt_picture import draw_hunt
+
+        draw_hunt(self.title, runs, path)
+
+    def _result(
+        self, mode: Mode, seed: int, scenario: Scenario, outcome: HuntOutcome, figures: Mapping[str, float]
+    ) -> Result:
+        radius = radius_of(load_vehicle(scenario.vehicle)[0])
+        clearance = min(outcome.judgement.separation - radius, outcome.target_distance)
+        collided = clearance <= radius
+        return Result(
+            case=self.name,
+            mode=mode,
+            seed=seed,
+            success=outcome.success and not collided,
+            reason=f"collision; {outcome.reason}" if collided else outcome.reason,
+            duration=outcome.duration,
+            path_length=outcome.travelled,
+            optimum=outcome.optimum,
+            ratio=outcome.travelled / outcome.optimum,
+            least_clearance=clearance,
+            collided=collided,
+            energy=figures["energy"],
+            cross_track_rms=outcome.off_place_rms,
+            cross_track_max=outcome.off_place_max,
+            goal_error=outcome.end_error,
+            master_cpu=figures.get("master_cpu", nan),
+            planner_cpu=figures.get("planner_cpu", nan),
+            delay_p50=figures.get("delay_p50", nan),
+            delay_p99=figures.get("delay_p99", nan),
+            extra=_extra(outcome, figures),
+        )
+
+
+class TargetHuntingDiamond(TargetHunting):
+    """From a diamond."""
+
+    name = "target_hunting_diamond"
+    scenario = "target_hunting_diamond"
+    title = 'Target hunting from the formation "diamond"'
+    paper = 'Figure 13: the same from the formation "diamond", (4.5, 2), (3, 1), (6, 1) and (4.5, 0).'
+    method = "As from the line, but that all four are within the range of each other from the start"
+    criterion = "as from the line"
+
+
+def members_on_free_ports(scenario: str) -> list[Table]:
+    """The [[member]] tables of a scenario, all their endpoints on free ports of this machine. Raises ConfigError."""
+    members = load_scenario(scenario).member
+    ports = iter(free_ports(2 * len(members)))
+    return [
+        {**member._asdict(), "listen": f"tcp/127.0.0.1:{next(ports)}", "agent": f"tcp/127.0.0.1:{next(ports)}"}
+        for member in members
+    ]
+
+
+def _simulate(scenario: Scenario, folder: str, watch: HuntWatch) -> dict[str, float]:
+    hunt = SimulatedHunt(scenario, watch)
+    hunt.run()
+    return {"energy": hunt.energy, "planner_cpu": hunt.planner_cpu_s / hunt.time}
+
+
+def _fly_processes(scenario: Scenario, folder: str, watch: HuntWatch) -> dict[str, float]:
+    costs = hunt_processes.fly(scenario, folder, watch)
+    delay = quantiles(costs.delays_ns)
+    return {
+        "energy": costs.energy,
+        "master_cpu": costs.agents_cpu,
+        "delay_p50": delay.p50_ms,
+        "delay_p99": delay.p99_ms,
+        "slowest slave (of real time)": costs.real_time,
+        "CPU of an agent (of a core)": costs.agents_cpu / len(scenario.member),
+        "CPU of a slave (of a core)": costs.slaves_cpu / len(scenario.member),
+    }
+
+
+def _extra(outcome: HuntOutcome, figures: Mapping[str, float]) -> dict[str, float]:
+    """The figures of this case alone, by a name that a reader understands."""
+    judgement = outcome.judgement
+    return {
+        "least distance between two vehicles (m)": judgement.separation,
+        "least distance from the target (m)": outcome.target_distance,
+        "formation error (m)": judgement.formation_error,
+        "ring error (m)": judgement.ring_error,
+        "largest gap round the target (deg)": degrees(judgement.largest_gap),
+        "spacing error on the ring (share)": judgement.spacing_error,
+        "ring closed after (s)": outcome.closed,
+        **{name: value for name, value in figures.items() if " " in name},
+    }
+
+
+def tracks_of(scenario: Scenario, watch: HuntWatch) -> tuple[Track, ...]:
+    """Where each vehicle truly was, and where its places were. Speeds are left out: these vehicles move sideways."""
+    time = [row.time for row in watch.rows]
+    tracks = []
+    for number, member in enumerate(scenario.member):
+        north, east = zip(*(row.positions[number] for row in watch.rows), strict=True)
+        tracks.append(Track(member.node, time, north, east, (), (), tuple(HuntPlanner(scenario, number).path)))
+    return tuple(tracks)
+
+
+def write_rows(path: str, scenario: Scenario, watch: HuntWatch) -> None:
+    """All rows as CSV: time, and for each vehicle its true place and its reading of the plan's clock."""
+    nodes = [member.node for member in scenario.member]
+    with open(path, "w", newline="") as file:
+        writer = csv.writer(file)
+        names = ("true_north_m", "true_east_m", "plan_s")
+        writer.writerow(["time_s", *(f"{node}_{name}" for node in nodes for name in names)])
+        for row in watch.rows:
+            figures = [x for (n, e), clock in zip(row.positions, row.clocks, strict=True) for x in (n, e, clock)]
+            writer.writerow([f"{x:.4f}" for x in (row.time, *figures)])

@@ -1,0 +1,82 @@
+"""The paper's second case: charging, acquisition and transmission in the scheduler's order, and back to the start."""
+
+from collections.abc import Mapping, Sequence
+from itertools import pairwise, permutations
+from math import pi
+from random import Random
+from typing import Any
+
+from hil.autonomy.occupancy import Point
+from hil.autonomy.scheduler import Mission
+from hil.cases.record import Run
+from hil.cases.single import SingleCase, shortest
+from hil.cases.variant import Table
+from hil.config import Scenario
+from hil.master.flight import Plan
+from hil.master.planner import Planner
+from hil.master.tasks import Tasks
+
+START_SPREAD_M = 1.0
+HEADING_SPREAD = pi  # rad
+
+
+class TaskScheduling(SingleCase):
+    """Three tasks, each of which needs the one before."""
+
+    name = "task_scheduling"
+    scenario = "task_scheduling"
+    title = "Task scheduling"
+    paper = (
+        "Figure 10: charging at (5, 5), acquisition at (53, 13) and transmission at (15, 46) are done in the order "
+        "that the scheduler, a chart in Stateflow, decides on; then the vehicle returns to its start."
+    )
+    criterion = "all three tasks done, and home, in 10 min, never nearer to an obstacle than the vehicle's radius"
+
+    def vary(self, seed: int) -> tuple[Mapping[str, Any], Mapping[str, Sequence[Table]]]:
+        """The start, by up to a metre, and the heading, any."""
+        if seed == 1:
+            return {}, {}
+        random = Random(f"task_scheduling/{seed}")
+        changes = {
+            "start.north": random.uniform(-START_SPREAD_M, START_SPREAD_M),
+            "start.east": random.uniform(-START_SPREAD_M, START_SPREAD_M),
+            "start.heading": random.uniform(-HEADING_SPREAD, HEADING_SPREAD),
+        }
+        return changes, {}
+
+    def optimum(self, scenario: Scenario, plan: Plan) -> float:
+        """Of all orders in which each task has what it needs, the shortest, from the start and home."""
+        mission = tasks_of(plan.planner).mission
+        start = scenario.start.north, scenario.start.east
+        return min(
+            shortest(plan.world, plan.brief.vehicle, scenario.master.depth, [start, *places, mission.home])
+            for places in orders(mission)
+        )
+
+    def extra(self, planner: Planner) -> Mapping[str, float]:
+        """When (s) each task was done."""
+        log = tasks_of(planner).log
+        ends = {state: end for (_, state), (end, _) in pairwise(log)}
+        return {f"{state[:-5]} done": end for state, end in ends.items() if state.endswith(" work")}
+
+    def draw(self, runs: Sequence[Run], path: str) -> None:
+        """Figure 10: the ways from task to task on the map."""
+        from hil.cases.pictures import draw_field
+
+        draw_field(self.title, runs, path)
+
+
+def tasks_of(planner: Planner) -> Tasks:
+    """The planner of this case as what it is."""
+    assert isinstance(planner, Tasks), "the scenario of this case names it"
+    return planner
+
+
+def orders(mission: Mission) -> list[list[Point]]:
+    """The places of the tasks in every order in which each comes after all that it needs."""
+    found = []
+    for order in permutations(mission.task):
+        names = [task.name for task in order]
+        if all(names.index(other) < place for place, task in enumerate(order) for other in task.needs):
+            found.append([task.at for task in order])
+    return found

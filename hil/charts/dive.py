@@ -1,0 +1,173 @@
+"""A dive over the seabed of a chart, as a scenario: the world around it, a way, and a vehicle that looks."""
+
+import os
+from collections.abc import Iterator
+from math import atan2
+from typing import NamedTuple
+
+import numpy as np
+
+from hil.charts.build import build
+from hil.charts.grid import Grid, grid_of, write_file
+from hil.charts.projection import LocalPlane
+from hil.charts.site import Point, Site, depth_between, sites
+from hil.charts.sources import read_sources
+from hil.charts.survey import Survey
+from hil.charts.world_file import write_world
+from hil.config import Scenario, load_scenario
+from hil.errors import ConfigError, MissionError
+from hil.master.flight import prepare
+from sim.world import load_world
+
+COARSE = 20.0  # m, of the grid on which the way is looked for
+FINE = 2.0  # m, of that which is dived over
+AROUND = 150.0  # m beyond the way that the world has
+SPEED = 0.7  # m/s, at which this vehicle still holds its pitch (Munk moment)
+
+SCENARIO = """\
+# Made by `uuv-hil demo --world`; fly it again with `uuv-hil demo {name}.toml`.
+description = "{description}"
+vehicle = "bluerov2_heavy"
+world = "{world}"
+seed = 1
+
+[start]
+north = {start[0]:.2f}
+east = {start[1]:.2f}
+depth = {depth:.2f}
+heading = {heading:.4f}
+
+[slave]
+listen = "{listen}"
+
+[ros]
+images = "raw" # both ends are here
+
+[sensors.altimeter]
+
+[sensors.laser]
+position = [0.25, 0.0, -0.1]
+
+[sensors.camera] # looks down ahead
+position = [0.25, 0.0, 0.05]
+orientation = ["0 deg", "-35 deg", "0 deg"]
+rate = 4.0
+
+[sensors.forward_sonar]
+position = [0.25, 0.0, 0.0]
+orientation = ["0 deg", "-12 deg", "0 deg"]
+rate = 4.0
+
+[master]
+goal = [{goal[0]:.2f}, {goal[1]:.2f}]
+depth = {depth:.2f}
+speed = {speed}
+lookahead = "3 m"
+tolerance = "1.5 m"
+resolution = "1 m"
+margin = "1 m"
+seabed_margin = "0.8 m"
+time_limit = {limit:.0f}
+"""
+
+
+class Wish(NamedTuple):
+    """What a person asks of a dive: places (latitude and longitude in degrees), depth and length in m."""
+
+    start: Point | None = None
+    goal: Point | None = None
+    depth: float | None = None
+    length: float = 70.0
+    listen: str = "tcp/127.0.0.1:7447"
+
+    def problem(self) -> str | None:
+        """What does not go together."""
+        return "--start and --goal go together" if (self.start is None) != (self.goal is None) else None
+
+
+def prepare_dive(world: str, wish: Wish, folder: str) -> str:
+    """Write a scenario into `folder`; its path.
+
+    `world` is a chart (.000), any other file that `uuv-hil world build` takes, a world's .toml, or a world's name.
+    Raises ConfigError, MissingExtraError, and MissionError when no way is found.
+    """
+    if problem := wish.problem():
+        raise ConfigError(problem)
+    if world.endswith(".toml") or not os.path.splitext(world)[1]:
+        return _over_world(world, wish, folder)
+    return _over_chart(world, wish, folder)
+
+
+def _over_chart(chart: str, wish: Wish, folder: str) -> str:
+    survey, extent = read_sources([chart], None, COARSE)
+    coarse = build(survey, extent, COARSE).placed.grid
+    name = os.path.splitext(os.path.basename(chart))[0]
+    failure: MissionError | None = None
+    for site in _wished(coarse, survey.origin, wish):
+        path = os.path.join(folder, f"{name}_world.toml")
+        _write_around(site, survey, path)
+        try:
+            return _checked(_write_scenario(site, f"{name}_world.toml", name, wish, folder))
+        except MissionError as error:
+            failure = error
+    assert failure is not None  # there is at least one site
+    raise failure
+
+
+def _over_world(world: str, wish: Wish, folder: str) -> str:
+    known = load_world(world)
+    name = known.name
+    where = os.path.abspath(world) if world.endswith(".toml") else world
+    failure: MissionError | None = None
+    for site in _wished(grid_of(known), known.origin, wish):
+        try:
+            return _checked(_write_scenario(site, where, name, wish, folder))
+        except MissionError as error:
+            failure = error
+    assert failure is not None
+    raise failure
+
+
+def _wished(grid: Grid, origin: tuple[float, float] | None, wish: Wish) -> Iterator[Site]:
+    """The way that is asked for, or those that suggest themselves."""
+    if wish.start is None or wish.goal is None:
+        yield from sites(grid, wish.length, wish.depth)
+        return
+    if origin is None:
+        raise ConfigError("--start and --goal are places on the earth, which this world is not: it has no origin")
+    plane = LocalPlane(*origin)
+    start, goal = (_local(plane, place) for place in (wish.start, wish.goal))
+    yield Site(start, goal, depth_between(grid, start, goal) if wish.depth is None else wish.depth)
+
+
+def _local(plane: LocalPlane, place: Point) -> Point:
+    north, east = plane.to_local(np.array(place[0]), np.array(place[1]))
+    return float(north), float(east)
+
+
+def _write_around(site: Site, survey: Survey, path: str) -> None:
+    """The world around a way, finer than the way was looked for."""
+    (south, north), (west, east) = (sorted(pair) for pair in zip(site.start, site.goal, strict=True))
+    extent = south - AROUND, north + AROUND, west - AROUND, east + AROUND
+    built = build(survey, extent, FINE)
+    write_world(path, built.placed, survey.source, survey.origin, ("The part of a chart around a dive.",))
+
+
+def _write_scenario(site: Site, world: str, name: str, wish: Wish, folder: str) -> str:
+    (north, east), (to_north, to_east) = site.start, site.goal
+    length = float(np.hypot(to_north - north, to_east - east))
+    text = SCENARIO.format(
+        name=name, description=f"A dive over the seabed of {name}", world=world, start=site.start, goal=site.goal,
+        depth=site.depth, heading=atan2(to_east - east, to_north - north), listen=wish.listen, speed=SPEED,
+        limit=60.0 + 3.0 * length / SPEED,
+    )  # fmt: skip
+    path = os.path.join(folder, f"{name}.toml")
+    write_file(path, text.encode())
+    return path
+
+
+def _checked(path: str) -> str:
+    """The path of a scenario for which there is a way. Raises MissionError otherwise."""
+    scenario: Scenario = load_scenario(path)
+    prepare(scenario)
+    return path

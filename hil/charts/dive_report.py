@@ -1,0 +1,233 @@
+"""What a dive over a chart has seen: pictures, and a report of them as Markdown and as HTML."""
+
+import os
+from collections.abc import Sequence
+from html import escape
+from math import cos, isfinite, sin
+from typing import Any
+
+import numpy as np
+
+from hil.bench.plotting import pyplot
+from hil.charts.dive_watch import Look
+from hil.charts.grid import grid_of, write_file
+from hil.charts.picture import LAND, hillshade
+from hil.config import Scenario
+from hil.errors import MissionError
+from sim.rotations import to_euler
+from sim.sensors.imaging_samples import SonarImageSample
+from sim.world import World, load_world
+
+DPI = 110
+FRAMES = 6  # of the camera
+TRACK, MARK = "#c2410c", "#facc15"
+AROUND = 40.0  # m of the map around the track
+
+
+def write_report(folder: str, scenario: Scenario, looks: Sequence[Look], health: dict[str, str]) -> list[str]:
+    """Draw the pictures and write report.md and report.html into `folder`; all files.
+
+    Raises MissionError when nothing was seen, ConfigError, MissingExtraError.
+    """
+    if not looks:
+        raise MissionError("the vehicle has sent no pictures, so there is nothing to report; see slave.log")
+    plt = pyplot()
+    world = load_world(scenario.world)
+    chosen = [looks[int(index)] for index in np.linspace(0, len(looks) - 1, min(FRAMES, len(looks)))]
+    figures = {
+        "map": (_map(plt, world, scenario, looks, chosen), "The track over the seabed, lit from the north-west."),
+        "altitude": (_altitude(plt, world, looks), "Seabed and vehicle from the side, and what the altimeter said."),
+        "camera": (_camera(plt, world, chosen), "The camera, at the places marked on the map."),
+        "sonar": (_sonar(plt, looks), "The forward-looking sonar, seen from above; ahead is up."),
+        "laser": (_laser(plt, looks), "What the laser met, all scans together, and the one that met most."),
+    }
+    files = []
+    for name, (figure, _) in figures.items():
+        files.append(os.path.join(folder, f"{name}.png"))
+        figure.savefig(files[-1], dpi=DPI)
+        plt.close(figure)
+    rows = _figures(world, scenario, looks, health)
+    captions = [(f"{name}.png", caption) for name, (_, caption) in figures.items()]
+    for ending, text in ((".md", _markdown), (".html", _html)):
+        files.append(os.path.join(folder, f"report{ending}"))
+        write_file(files[-1], text(scenario.description, rows, captions).encode())
+    return files
+
+
+def _figures(world: World, scenario: Scenario, looks: Sequence[Look], health: dict[str, str]) -> list[tuple[str, str]]:
+    beds = [_bed(world, look) - look.truth.position[2] for look in looks]
+    rows = [
+        ("chart", world.source),
+        ("seen for", f"{looks[-1].time:.0f} s over {_travelled(looks):.0f} m at {scenario.master.depth:g} m"),
+        ("altitude", f"{min(beds):.1f} to {max(beds):.1f} m"),
+    ]
+    for name in ("camera", "forward_sonar"):
+        asked, dropped = (int(health.get(f"{name}_{word}", "0")) for word in ("asked", "dropped"))
+        rows.append((name.replace("_", " "), f"{asked - dropped} of {asked} pictures in time"))
+    return [*rows, ("loop late, 99 %", f"{health.get('lateness_p99_us', '?')} us")]
+
+
+def _travelled(looks: Sequence[Look]) -> float:
+    places = np.array([look.truth.position[:2] for look in looks])
+    return float(np.hypot(*np.diff(places, axis=0).T).sum())
+
+
+def _bed(world: World, look: Look) -> float:
+    return world.seabed(*look.truth.position[:2])
+
+
+def _map(plt: Any, world: World, scenario: Scenario, looks: Sequence[Look], chosen: Sequence[Look]) -> Any:
+    grid = grid_of(world)
+    track = np.array([look.truth.position[:2] for look in looks])
+    figure, axes = plt.subplots(figsize=(9, 8), layout="constrained")
+    south, north, west, east = grid.extent
+    low, high = track.min(axis=0) - AROUND, track.max(axis=0) + AROUND
+    shown = grid.depths[_near(grid.north, low[0], high[0]), :][:, _near(grid.east, low[1], high[1])]
+    image = axes.imshow(
+        np.ma.masked_less_equal(grid.depths, 0.0), origin="lower", extent=(west, east, south, north), cmap="GnBu",
+        vmin=0.0, vmax=float(np.nanmax(shown)),
+    )  # fmt: skip
+    axes.imshow(
+        hillshade(grid.depths, grid.resolution), origin="lower", extent=(west, east, south, north), cmap="gray",
+        alpha=0.35, interpolation="bilinear", vmin=0.0, vmax=1.0,
+    )  # fmt: skip
+    lines = axes.contour(grid.east, grid.north, grid.depths, 14, colors="#1f2937", linewidths=0.5, alpha=0.7)
+    axes.clabel(lines, fontsize=7, fmt="%.3g m")
+    axes.plot(track[:, 1], track[:, 0], color=TRACK, linewidth=2, label="vehicle (true)")
+    axes.plot(scenario.start.east, scenario.start.north, "o", color="#15803d", markersize=8, label="start")
+    if scenario.master.goal:
+        axes.plot(scenario.master.goal[1], scenario.master.goal[0], "*", color="#b91c1c", markersize=15, label="goal")
+    for pile in world.cylinder:
+        axes.add_patch(plt.Circle((pile.east, pile.north), pile.radius, color="#c2410c"))
+    for number, look in enumerate(chosen, 1):
+        _number(axes, look.truth.position[1], look.truth.position[0], number)
+    axes.set(
+        xlim=(low[1], high[1]), ylim=(low[0], high[0]), aspect="equal", xlabel="east (m)", ylabel="north (m)",
+        title=scenario.description, facecolor=LAND,
+    )  # fmt: skip
+    figure.colorbar(image, ax=axes, label="depth (m)", shrink=0.8).ax.invert_yaxis()
+    axes.legend(loc="best", fontsize=9)
+    return figure
+
+
+def _near(places: Any, low: float, high: float) -> slice:
+    first, last = np.searchsorted(places, (low, high))
+    return slice(max(0, int(first) - 1), int(last) + 1)
+
+
+def _number(axes: Any, x: float, y: float, number: int) -> None:
+    axes.annotate(
+        str(number), (x, y), fontsize=8, ha="center", va="center",
+        bbox={"boxstyle": "circle,pad=0.25", "facecolor": MARK, "edgecolor": "black", "linewidth": 0.6},
+    )  # fmt: skip
+
+
+def _altitude(plt: Any, world: World, looks: Sequence[Look]) -> Any:
+    times = [look.time for look in looks]
+    depths = [look.truth.position[2] for look in looks]
+    beds = [_bed(world, look) for look in looks]
+    figure, axes = plt.subplots(figsize=(10, 4.5), layout="constrained")
+    bottom = max(beds) + 1.5
+    axes.fill_between(times, beds, bottom, color="#d6bf8f", label="seabed below the vehicle")
+    axes.plot(times, beds, color="#5b4a25", linewidth=1.2)
+    axes.plot(times, depths, color=TRACK, linewidth=2, label="vehicle")
+    heard = [(look.time, look.truth.position[2] + look.altitude) for look in looks if isfinite(look.altitude)]
+    if heard:
+        axes.plot(*zip(*heard, strict=True), ".", color="#1d4ed8", markersize=5, label="altimeter")
+    axes.set(xlabel="time (s)", ylabel="depth (m)", ylim=(bottom, 0.0), xlim=(times[0], times[-1] + 1e-9))
+    axes.grid(color="0.9", linewidth=0.6)
+    axes.legend(loc="best", fontsize=9)
+    return figure
+
+
+def _camera(plt: Any, world: World, chosen: Sequence[Look]) -> Any:
+    figure, panels = plt.subplots(2, 3, figsize=(11, 6.2), layout="constrained")
+    for axes in panels.flat:
+        axes.axis("off")
+    for number, (axes, look) in enumerate(zip(panels.flat, chosen, strict=False), 1):
+        picture = look.camera
+        axes.imshow(np.frombuffer(picture.data, np.uint8).reshape(picture.height, picture.width, 3))
+        altitude = _bed(world, look) - look.truth.position[2]
+        axes.set_title(f"{number}: {look.time:.0f} s, {altitude:.1f} m above the bed", fontsize=10)
+    return figure
+
+
+def _sonar(plt: Any, looks: Sequence[Look]) -> Any:
+    """Those of either half of the dive on which most stands out, on their fan."""
+    figure, panels = plt.subplots(1, 2, figsize=(12, 4.3), layout="constrained")
+    middle = (len(looks) + 1) // 2
+    for axes, half in zip(panels, (looks[:middle], looks[middle:] or looks), strict=True):
+        look = max(half, key=lambda look: float(_echoes(look.sonar).std()))
+        sonar, echoes = look.sonar, _echoes(look.sonar)
+        angles = _edges(np.array(sonar.beams))
+        ranges = sonar.first_range + sonar.range_step * np.arange(sonar.bins + 1)
+        axes.pcolormesh(
+            ranges[:, None] * np.sin(angles), ranges[:, None] * np.cos(angles), echoes, cmap="copper", rasterized=True
+        )
+        axes.set(aspect="equal", xlabel="to starboard (m)", ylabel="ahead (m)", facecolor="black")
+        axes.set_title(f"at {look.time:.0f} s", fontsize=10)
+    return figure
+
+
+def _echoes(sonar: SonarImageSample) -> Any:
+    """A row a range, a column a beam."""
+    kind = np.uint8 if sonar.encoding == "uint8" else np.float32
+    return np.frombuffer(sonar.intensities, kind).reshape(sonar.bins, len(sonar.beams))
+
+
+def _edges(middles: Any) -> Any:
+    half = 0.5 * np.diff(middles)
+    return np.concatenate([[middles[0] - half[0]], middles[:-1] + half, [middles[-1] + half[-1]]])
+
+
+def _laser(plt: Any, looks: Sequence[Look]) -> Any:
+    figure, (world, body) = plt.subplots(1, 2, figsize=(12, 5.6), layout="constrained")
+    track = np.array([look.truth.position[:2] for look in looks])
+    for look in looks:
+        north, east = _met(look)
+        world.plot(east, north, ".", color="#1d4ed8", markersize=2)
+    world.plot(track[:, 1], track[:, 0], color=TRACK, linewidth=1.5)
+    world.set(aspect="equal", xlabel="east (m)", ylabel="north (m)", title="all scans")
+    best = max(looks, key=lambda look: sum(map(isfinite, look.laser.ranges)))
+    laser = best.laser
+    angles = laser.angle_min + laser.angle_increment * np.arange(len(laser.ranges))
+    ranges = np.array(laser.ranges)
+    body.plot(ranges * np.sin(angles), ranges * np.cos(angles), ".", color="#1d4ed8", markersize=4)
+    body.plot(0.0, 0.0, "^", color=TRACK, markersize=9)
+    reach = laser.limits[1]
+    body.add_patch(plt.Circle((0.0, 0.0), reach, fill=False, color="0.7", linestyle="--"))
+    body.set(
+        aspect="equal", xlim=(-1.05 * reach, 1.05 * reach), ylim=(-1.05 * reach, 1.05 * reach),
+        xlabel="to starboard (m)", ylabel="ahead (m)", title=f"at {best.time:.0f} s; dashed: its reach",
+    )  # fmt: skip
+    for axes in (world, body):
+        axes.grid(color="0.9", linewidth=0.6)
+    return figure
+
+
+def _met(look: Look) -> tuple[list[float], list[float]]:
+    """North and east of what one scan met, the vehicle being about level."""
+    yaw, (north, east, _) = to_euler(look.truth.orientation)[2], look.truth.position
+    laser = look.laser
+    found = [(r, yaw + laser.angle_min + i * laser.angle_increment) for i, r in enumerate(laser.ranges) if isfinite(r)]
+    return [north + r * cos(a) for r, a in found], [east + r * sin(a) for r, a in found]
+
+
+def _markdown(title: str, rows: Sequence[tuple[str, str]], pictures: Sequence[tuple[str, str]]) -> str:
+    table = "\n".join(f"| {name} | {value} |" for name, value in rows)
+    shown = "\n\n".join(f"![{caption}]({file})\n\n{caption}" for file, caption in pictures)
+    return f"# {title}\n\n| | |\n|---|---|\n{table}\n\n{shown}\n\nNot for navigation.\n"
+
+
+def _html(title: str, rows: Sequence[tuple[str, str]], pictures: Sequence[tuple[str, str]]) -> str:
+    table = "".join(f"<tr><th>{escape(name)}</th><td>{escape(value)}</td></tr>" for name, value in rows)
+    shown = "".join(
+        f'<figure><img src="{file}" alt="{escape(caption)}"><figcaption>{escape(caption)}</figcaption></figure>'
+        for file, caption in pictures
+    )
+    style = "body{font-family:sans-serif;max-width:70em;margin:2em auto}img{max-width:100%}th{text-align:left}"
+    return (
+        f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{escape(title)}</title>'
+        f"<style>{style}</style></head><body><h1>{escape(title)}</h1><table>{table}</table>{shown}"
+        "<p>Not for navigation.</p></body></html>\n"
+    )

@@ -1,0 +1,58 @@
+"""Looking on while a vehicle dives: what it sees every other second, kept for the report."""
+
+from typing import Any, NamedTuple, Self
+
+from hil.clock import NS_PER_S, now_ns
+from hil.config import Scenario
+from hil.master.client import VehicleClient
+from sim.sensors.samples import OdometrySample
+
+PERIOD_NS = NS_PER_S
+CAMERA, SONAR = "camera/image_raw", "forward_sonar/image"
+
+
+class Look(NamedTuple):
+    """One instant: s since the first, where the vehicle truly was, its altimeter (m), and its newest pictures."""
+
+    time: float
+    truth: OdometrySample
+    altitude: float
+    laser: Any
+    camera: Any
+    sonar: Any
+
+
+class DiveWatch:
+    """An observer of the vehicle of `scenario`. Use as a context; `looks` are what it has seen. Raises NetworkError."""
+
+    def __init__(self, scenario: Scenario) -> None:
+        slave = scenario.slave
+        self._client = VehicleClient(
+            slave.listen, slave.node, part="observer", network=scenario.network, security=scenario.security
+        )
+        self._client.watch(CAMERA, SONAR)
+        self._due_ns = self._began_ns = 0
+        self.looks: list[Look] = []
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._client.close()
+
+    def look(self) -> None:
+        """Keep what there is now, if it is time."""
+        latest, now = self._client.latest, now_ns()
+        needed = ("ground_truth", "altimeter", "laser", CAMERA, SONAR)
+        if now < self._due_ns or not all(topic in latest for topic in needed):
+            return
+        self._began_ns = self._began_ns or now
+        self._due_ns = now + PERIOD_NS
+        truth, altimeter, laser, camera, sonar = (latest[topic].value for topic in needed)
+        self.looks.append(
+            Look((now - self._began_ns) / NS_PER_S, truth, altimeter.distance, laser, camera, sonar)
+        )  # fmt: skip
+
+    def figures(self) -> dict[str, str]:
+        """The slave's figures of health, as it last told them."""
+        return self._client.diagnostics()

@@ -1,0 +1,34 @@
+"""`uuv-hil agent`: lead one vehicle of a fleet, by what its neighbours' planners say."""
+
+from hil.commands.parser import new_parser
+from hil.config import load_scenario
+from hil.master.agent import run
+from hil.stop import StopSignals
+
+EXAMPLES = """\
+Each vehicle of a fleet has its slave and its agent. The agents find each other at the endpoints that the
+scenario names, and wait until all who begin next to them are there. Ctrl-C ends it; the vehicle then stands still.
+
+examples:
+  uuv-hil slave target_hunting --member uuv2 &
+  uuv-hil agent target_hunting --member uuv2
+
+All of them at once: uuv-hil case target_hunting --hil
+"""
+
+
+def main(arguments: list[str]) -> int:
+    """Lead the vehicle until told to stop; the exit code."""
+    parser = new_parser("agent", __doc__, EXAMPLES)
+    parser.add_argument("scenario", metavar="SCENARIO")
+    parser.add_argument("--member", metavar="NAME", default="", help="which vehicle, by its node or its number")
+    parser.add_argument("--wait", metavar="S", type=float, default=60.0, help="how long to wait for it [%(default)s s]")
+    options = parser.parse_args(arguments)
+    scenario = load_scenario(options.scenario)
+    with StopSignals() as stop_fd:
+        run(scenario, options.member, stop_fd, _say, options.wait)
+    return 0
+
+
+def _say(text: str) -> None:
+    print(text, flush=True)

@@ -1,0 +1,49 @@
+"""`uuv-hil bench`: what a board, a link or a network can do."""
+
+import sys
+from collections.abc import Callable
+from importlib import import_module
+
+# name -> module with `main(arguments) -> exit code`, and what it does
+BENCHMARKS = {
+    "table": ("hil.commands.bench_table", "master CPU, start-up, memory and command delay, beside the source paper's"),
+    "delay": ("hil.commands.bench_delay", "where a command's time goes, by load, rate, link, STM32"),
+    "echo": ("hil.commands.bench_echo", "answer bare messages beside a slave elsewhere, for the floor of delay"),
+    "startup": ("hil.commands.bench_startup", "what a start costs, cold and warm, phase by phase"),
+    "jitter": ("hil.commands.bench_jitter", "how late the loop wakes up, beside what the kernel can do"),
+    "load": ("hil.commands.bench_load", "CPU and memory over time, by sensors, rates and numbers of vehicles"),
+    "stream": ("hil.commands.bench_stream", "what reaches the master: rates, loss, age, bandwidth"),
+    "soak": ("hil.commands.bench_soak", "hours of running: growth, drift, reconnects"),
+    "compare": ("hil.commands.bench_compare", "which differences between two results are real"),
+}
+
+
+def main(arguments: list[str]) -> int:
+    """Run one benchmark; its exit code."""
+    name = arguments[0] if arguments else "--help"
+    if name in ("-h", "--help"):
+        print(_help())
+        return 0
+    if name not in BENCHMARKS:
+        print(f"uuv-hil bench: no benchmark {name!r}; there are: {', '.join(BENCHMARKS)}", file=sys.stderr)
+        return 2
+    run: Callable[[list[str]], int] = import_module(BENCHMARKS[name][0]).main
+    return run(arguments[1:])
+
+
+def _help() -> str:
+    rows = "\n".join(f"  {name:9} {text}" for name, (_, text) in BENCHMARKS.items())
+    return f"""usage: uuv-hil bench BENCHMARK [OPTIONS]
+
+What a board, a link or a network can do. Leave the machine alone meanwhile.
+
+benchmarks:
+{rows}
+
+examples:
+  uuv-hil bench table --check                       this machine, against its budgets; exit code 1 when one is missed
+  uuv-hil bench table --slave tcp/192.168.3.116:7447 --json pi.json
+  uuv-hil bench delay --protocol mavlink --stm32 native
+  uuv-hil bench compare before.json after.json --fail-on-regression
+
+uuv-hil bench BENCHMARK --help tells each one's options."""

@@ -1,0 +1,72 @@
+"""`uuv-hil bench compare`: which differences between two results are real."""
+
+import json
+import sys
+from typing import Any
+
+from hil.bench.comparison import FEWEST, Difference, compare, unlike
+from hil.bench.record import load, plain
+from hil.columns import aligned
+from hil.commands.parser import new_parser
+from hil.errors import ConfigError
+
+EXAMPLES = """\
+A difference is real when the bootstrap interval of the ratio of the two medians leaves out 1. The more figures there
+are, the more of them seem to differ by chance: of a hundred, five do at 95 %.
+
+examples:
+  uuv-hil bench compare before.json after.json
+  uuv-hil bench compare main.json branch.json --fail-on-regression --least 10%     in a continuous integration
+"""
+REGRESSION = 1
+
+
+def main(arguments: list[str]) -> int:
+    """Compare and print; 0, or 1 with --fail-on-regression when something became worse. Raises ConfigError."""
+    parser = new_parser("bench compare", __doc__, EXAMPLES)
+    parser.add_argument("before", metavar="A.json")
+    parser.add_argument("after", metavar="B.json")
+    parser.add_argument("--least", default="5%", metavar="SHARE", help="a difference that matters [%(default)s]")
+    parser.add_argument("--confidence", default="95%", metavar="SHARE", help="of the intervals [%(default)s]")
+    parser.add_argument("--fail-on-regression", action="store_true", help="exit code 1 when a figure is really worse")
+    parser.add_argument("--json", action="store_true", help="for other programs")
+    options = parser.parse_args(arguments)
+    least, confidence = _share(options.least, "--least", 0.0), _share(options.confidence, "--confidence", 0.5)
+    before, after = load(options.before), load(options.after)
+    found = compare(before, after, least, confidence)
+    if not found:
+        raise ConfigError(f"{options.before} and {options.after} have no figure in common")
+    warnings = unlike(before, after)
+    print(json.dumps(_record(found, warnings), indent=1) if options.json else _text(found, confidence))
+    for warning in warnings:
+        print(f"not alike: {warning}", file=sys.stderr)
+    worse = any(one.verdict == "worse" for one in found)
+    return REGRESSION if worse and options.fail_on_regression else 0
+
+
+def _share(text: str, name: str, low: float) -> float:
+    try:
+        share = float(text[:-1]) / 100 if text.endswith("%") else float(text)
+    except ValueError:
+        share = -1.0
+    if not low <= share < 1.0:
+        raise ConfigError(f"{name} {text!r}: expected a share from {low:.0%} to below 100%, such as 95%")
+    return share
+
+
+def _text(found: list[Difference], confidence: float) -> str:
+    rows = [["figure", "before", "after", "ratio", f"{confidence:.0%} interval", ""]]
+    for one in found:
+        interval = f"{one.interval.low:.3f} to {one.interval.high:.3f}"
+        values = (f"{value:.4g} {one.unit}" for value in (one.before, one.after))
+        rows.append([one.name, *values, f"{one.ratio:.3f}", interval, one.verdict])
+    lines = aligned(rows, rule=True)
+    if any(one.verdict == "too few" for one in found):
+        lines.append(f"too few: fewer than {FEWEST} values on a side; measure with more repetitions")
+    worse, better = (sum(one.verdict == word for one in found) for word in ("worse", "better"))
+    return "\n".join([*lines, f"{worse} worse, {better} better, of {len(found)}"])
+
+
+def _record(found: list[Difference], warnings: list[str]) -> Any:
+    rows = [one._asdict() | {"interval": list(one.interval)} for one in found]
+    return plain({"differences": rows, "not_alike": warnings})

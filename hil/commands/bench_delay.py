@@ -1,0 +1,199 @@
+"""`uuv-hil bench delay`: the delay of commands, hop by hop, beside what the machine cannot undercut."""
+
+import itertools
+import os
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any, NamedTuple
+
+from hil.bench import delay_report
+from hil.bench.delay_run import Plan, Result, measure
+from hil.bench.harness import Bench
+from hil.bench.limits import Limits
+from hil.bench.record import Figure, new_record
+from hil.commands.bench_options import add_json, add_limits, add_scenario, changes_of, keep, limits_of, show
+from hil.commands.parser import new_parser
+from hil.errors import ConfigError
+from hil.slave.stm32 import DRIVERS
+from hil.tables import value_of
+
+EXAMPLES = """\
+Options that take LIST measure every combination: --baud 0,115200 --load 0,2 are four configurations. A baud paces
+the link as a UART of that speed would; 0 lets it run as it is. The floor is bare UDP and TCP between the same
+machines in the same seconds, and the frame's time on its line.
+
+For a slave elsewhere, let `uuv-hil bench echo` run beside it and name its ports, or there is no floor.
+
+examples:
+  uuv-hil bench delay
+  uuv-hil bench delay --stm32 python,process,native,unicorn --baud 0,115200 --png delay.png
+  uuv-hil bench delay --protocol frame,mavlink --security off,on
+  uuv-hil bench delay --protocol vesc,dronecan --load 0,2
+  uuv-hil bench delay --rate 10,50,100 --payload 0,100000 --seconds 30 --json delay.json
+  uuv-hil bench delay --slave tcp/192.168.3.116:7447 --echo 192.168.3.116:40001:40002
+  uuv-hil bench delay --most-over-floor 0.8 --most-p99 3      exit code 1 when a configuration takes longer (ms)
+"""
+LIMIT_BROKEN = 1
+ON_CAN = {"dronecan": "can:virtual:bench", "vesc": "can:virtual:bench"}  # where no port is given
+
+
+class Case(NamedTuple):
+    """One configuration."""
+
+    protocol: str
+    stm32: str
+    baud: int
+    security: str
+    rate: float
+    load: int
+    payload: int
+
+    def name(self, changing: list[str]) -> str:
+        """What tells it from the others."""
+        return ", ".join(f"{key} {getattr(self, key)}" for key in changing) or "as the scenario has it"
+
+
+def main(arguments: list[str]) -> int:
+    """Measure and print; 0, or 1 when a limit is broken. Raises HilError."""
+    options = _parser().parse_args(arguments)
+    cases = _cases(options)
+    given = {key: str(getattr(options, key)) for key in Case._fields if getattr(options, key) is not None}
+    changing = [key for key, text in given.items() if "," in text] or list(given)
+    results: dict[str, Result] = {}
+    labels: tuple[str, ...] = ()
+    for number, case in enumerate(cases, 1):
+        name = case.name(changing)
+        show(f"{number} of {len(cases)}: {name}")
+        results[name], labels = _measure(case, options)
+    show("")
+    print(delay_report.text(results))
+    for label in labels:
+        print(f"label: {label}")
+    if options.png:
+        delay_report.draw(results, options.png)
+    figures = {f"{row} [{name}]": found for name, result in results.items() for row, found in _figures(result).items()}
+    settings = {key: value for key, value in vars(options).items() if key not in ("json", "png")}
+    keep(new_record("delay", settings, figures, labels, {name: r.warnings for name, r in results.items()}), options)
+    broken = [text for name, result in results.items() for text in _broken(name, result, options)]
+    for text in broken:
+        print(f"LIMIT BROKEN: {text}")
+    return LIMIT_BROKEN if broken else 0
+
+
+def _parser() -> Any:
+    parser = new_parser("bench delay", __doc__, EXAMPLES)
+    add_scenario(parser)
+    add = parser.add_argument
+    add("--protocol", metavar="LIST", help="frame, mavlink, dronecan, vesc [the scenario's]")
+    add("--stm32", metavar="LIST", help=f"{', '.join(DRIVERS)} [the scenario's]")
+    add("--baud", metavar="LIST", help="bit/s that the link is paced at, 0 for as it is [0]")
+    add("--security", metavar="LIST", help="off, on: certificates made for the purpose [the scenario's]")
+    add("--rate", metavar="LIST", help="commands a second [20]")
+    add("--load", metavar="LIST", help="processes that take all the processor they get [0]")
+    add("--payload", metavar="LIST", help="bytes that cross the network beside each command [0]")
+    add("--port", metavar="ADDRESS", help="of the thruster link")
+    add("--seconds", type=float, default=10.0, metavar="S", help="of each configuration [%(default)s]")
+    add("--steps", type=int, default=11, metavar="N", help="steps in surge, for the delay until motion [%(default)s]")
+    add("--slave", metavar="ENDPOINT", help="a slave elsewhere, as it is")
+    add("--echo", metavar="HOST:UDP:TCP", help="`uuv-hil bench echo` beside it")
+    add("--most-p50", type=float, metavar="MS", help="limit of the median")
+    add("--most-p99", type=float, metavar="MS", help="limit of 99 of 100 commands")
+    add("--most-over-floor", type=float, metavar="MS", help="limit of the median above the floor")
+    add_limits(parser)
+    add_json(parser)
+    add("--png", metavar="FILE", help="histogram, time series and hops")
+    return parser
+
+
+def _cases(options: Any) -> list[Case]:
+    """Every combination. Raises ConfigError."""
+    texts = {
+        "protocol": options.protocol or "", "stm32": options.stm32 or "", "baud": options.baud or "0",
+        "security": options.security or "", "rate": options.rate or "20", "load": options.load or "0",
+        "payload": options.payload or "0",
+    }  # fmt: skip
+    cases = [Case(*map(value_of, values)) for values in itertools.product(*(t.split(",") for t in texts.values()))]
+    for case in cases:
+        for key in ("baud", "load", "payload"):
+            if not isinstance(getattr(case, key), int) or getattr(case, key) < 0:
+                raise ConfigError(f"--{key} {texts[key]!r}: expected whole numbers from 0, with commas between")
+        if not isinstance(case.rate, (int, float)) or not 1.0 <= case.rate <= 1000.0:
+            raise ConfigError(f"--rate {texts['rate']!r}: expected numbers from 1 to 1000 Hz, with commas between")
+        if case.security not in ("", "on", "off"):
+            raise ConfigError(f"--security {texts['security']!r}: expected on or off, or off,on")
+    if not 0.1 <= options.seconds <= 86_400.0 or options.steps < 0:
+        raise ConfigError("command line: --seconds is from 0.1 to 86400, --steps not negative")
+    if options.slave and (limits_of(options) != Limits() or any((options.protocol, options.stm32, options.baud))):
+        raise ConfigError("command line: --slave is measured as it is: without limits, --protocol, --stm32, --baud")
+    return cases
+
+
+def _measure(case: Case, options: Any) -> tuple[Result, tuple[str, ...]]:
+    plan = Plan(case.rate, options.seconds, case.load, case.payload, options.steps)
+    with _keys(case.security) as security:
+        changes = {**changes_of(options), **_changes(case, options), **security}
+        with Bench(options.scenario, changes, limits_of(options)) as bench:
+            return measure(bench, plan, options.slave or "", _echo(options.echo)), bench.labels
+
+
+def _changes(case: Case, options: Any) -> dict[str, Any]:
+    """Of the scenario. Its accelerometer is made perfect, so that the first motion can be told from noise."""
+    changes: dict[str, Any] = {f"sensors.imu.{name}": {} for name in ("attitude", "angular_velocity", "acceleration")}
+    if case.rate > 100.0:
+        changes["network.command_rate"] = 2.0 * case.rate
+    if case.stm32:
+        changes["stm32"] = case.stm32
+    if case.protocol:
+        changes["link.protocol"] = case.protocol
+    port = options.port or ON_CAN.get(case.protocol)
+    if port:
+        changes["link.port"] = port
+    if case.baud:
+        changes["link.faults.baud"] = case.baud
+    return changes
+
+
+@contextmanager
+def _keys(wish: str) -> Iterator[dict[str, Any]]:
+    """The scenario's [security] section that was wished for, with certificates of its own."""
+    if wish != "on":
+        yield {} if not wish else {"security": None}
+        return
+    from hil.commands.keys import add_machine, init
+
+    with tempfile.TemporaryDirectory(prefix="uuv-hil-bench-keys-") as folder:
+        keys = os.path.join(folder, "keys")
+        init(keys)
+        machines = {f"security.{name}": add_machine(keys, name, []) for name in ("slave", "master")}
+        yield {"security": {}, **machines, "security.may_command": ["master"]}
+
+
+def _echo(text: str | None) -> tuple[str, int, int] | None:
+    if not text:
+        return None
+    host, _, ports = text.partition(":")
+    udp, _, tcp = ports.partition(":")
+    if not (host and udp.isdigit() and tcp.isdigit()):
+        raise ConfigError(f"--echo {text!r}: expected HOST:UDP:TCP, as `uuv-hil bench echo` prints it")
+    return host, int(udp), int(tcp)
+
+
+def _figures(result: Result) -> dict[str, Figure]:
+    """What goes into the record."""
+    series = {"delay": result.delay, "motion": result.motion, "udp floor": result.udp, "tcp floor": result.tcp}
+    series |= {f"hop {name}": values for name, values in result.hops.items()}
+    return {name: Figure(values, "ms") for name, values in series.items()}
+
+
+def _broken(name: str, result: Result, options: Any) -> list[str]:
+    limits = (
+        ("p50", result.at(0.5), options.most_p50),
+        ("p99", result.at(0.99), options.most_p99),
+        ("p50 above the floor", result.at(0.5) - result.floor, options.most_over_floor),
+    )
+    return [
+        f"{name}: {what} {value:.3f} ms is above {limit:g} ms"
+        for what, value, limit in limits
+        if limit is not None and not value <= limit
+    ]

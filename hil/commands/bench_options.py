@@ -1,0 +1,55 @@
+"""The options that benchmarks share."""
+
+import argparse
+import sys
+from typing import Any
+
+from hil.bench.limits import Limits, parse_cpus, parse_memory, parse_share
+from hil.bench.record import Record, save
+from hil.tables import settings
+
+
+def add_scenario(parser: argparse.ArgumentParser) -> None:
+    """SCENARIO and what is changed in it."""
+    parser.add_argument("scenario", metavar="SCENARIO", nargs="?", default="paper_field", help="[%(default)s]")
+    change = 'of the scenario, such as "slave.step=0.001"; may be given several times'
+    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help=change)
+
+
+def add_limits(parser: argparse.ArgumentParser) -> None:
+    """What makes a laptop stand for a small board."""
+    limits = parser.add_argument_group("less than the machine has, for the slave; results are labelled")
+    limits.add_argument("--cpus", metavar="LIST", help="these processors only: 0 or 0,2 or 0-3")
+    limits.add_argument("--cpu-quota", metavar="SHARE", help="so much of one core: 25%%; without real-time scheduling")
+    limits.add_argument("--memory", metavar="SIZE", help="so much memory: 512M, 1G")
+
+
+def add_json(parser: argparse.ArgumentParser) -> None:
+    """Where the record goes."""
+    parser.add_argument("--json", metavar="FILE", help="write the record, for `uuv-hil bench compare` and --against")
+
+
+def changes_of(options: Any) -> dict[str, Any]:
+    """The changes of `add_scenario`. Raises ConfigError."""
+    return settings(options.set, "--set")
+
+
+def limits_of(options: Any) -> Limits:
+    """The limits of `add_limits`. Raises ConfigError."""
+    return Limits(
+        parse_cpus(options.cpus) if options.cpus else (),
+        parse_share(options.cpu_quota) if options.cpu_quota else 0.0,
+        parse_memory(options.memory) if options.memory else 0.0,
+    )
+
+
+def keep(record: Record, options: Any) -> None:
+    """Write the record if that is asked for. Raises ConfigError."""
+    if options.json:
+        save(record, options.json)
+
+
+def show(text: str) -> None:
+    """A line of progress, for a person only."""
+    if sys.stderr.isatty():
+        print(f"\r\x1b[K{text}", end="", file=sys.stderr, flush=True)

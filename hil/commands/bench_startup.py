@@ -1,0 +1,99 @@
+"""`uuv-hil bench startup`: what a slave's start costs, cold and warm, phase by phase, beside bare interpreters."""
+
+from collections.abc import Callable
+from typing import Any
+
+from hil.bench.harness import Bench
+from hil.bench.record import Figure, new_record
+from hil.bench.startup_run import AT_MASTER, FLOORS, PHASES, Start, coldness, files_of_a_start, start, time_floor
+from hil.bench.statistics import median, spread
+from hil.columns import aligned
+from hil.commands.bench_options import add_json, add_limits, add_scenario, changes_of, keep, limits_of, show
+from hil.commands.parser import new_parser
+from hil.errors import ConfigError
+
+EXAMPLES = """\
+The slave and the interpreters start in turn. Warm: all files are in memory, from a start before. Cold: they have been
+dropped from the page cache before each start; by default only the files that a start reads, as root with
+--drop-caches all that the kernel keeps.
+
+examples:
+  uuv-hil bench startup
+  uuv-hil bench startup --runs 20 --most 0.35          exit code 1 when a warm start takes longer (s, median)
+  sudo uuv-hil bench startup --drop-caches
+  uuv-hil bench startup --cpu-quota 25% --json small.json
+"""
+LIMIT_BROKEN = 1
+
+Series = dict[str, list[float]]
+
+
+def main(arguments: list[str]) -> int:
+    """Measure and print; 0, or 1 when a limit is broken. Raises HilError."""
+    parser = new_parser("bench startup", __doc__, EXAMPLES)
+    add_scenario(parser)
+    parser.add_argument("--runs", type=int, default=10, metavar="N", help="starts of each kind [%(default)s]")
+    parser.add_argument("--warm-only", action="store_true", help="leave the cold starts out")
+    parser.add_argument("--drop-caches", action="store_true", help="cold: drop all caches of the machine, as root")
+    parser.add_argument("--most", type=float, metavar="S", help="limit of a warm start, until the first sample")
+    add_limits(parser)
+    add_json(parser)
+    options = parser.parse_args(arguments)
+    if options.runs < 1:
+        raise ConfigError("command line: --runs is at least 1")
+    found, how, labels = _measure(options)
+    print(_text(found))
+    print(f"medians of {options.runs} starts each, (range of the middle half); ms")
+    for line in (*how, *(f"label: {label}" for label in labels)):
+        print(line)
+    figures = {f"{row} [{kind}]": Figure(v, "ms") for kind, rows in found.items() for row, v in rows.items()}
+    settings = {key: getattr(options, key) for key in ("scenario", "set", "runs", "drop_caches")}
+    keep(new_record("startup", settings, figures, labels, {"cold": how}), options)
+    took = median(found["warm"]["all"]) / 1e3
+    if options.most is not None and not took <= options.most:
+        print(f"LIMIT BROKEN: a warm start takes {took:.3f} s, above {options.most:g} s")
+        return LIMIT_BROKEN
+    return 0
+
+
+def _measure(options: Any) -> tuple[dict[str, Series], list[str], tuple[str, ...]]:
+    """By kind of start; how cold was made; labels."""
+    with Bench(options.scenario, changes_of(options), limits_of(options)) as bench:
+        show("the first start")
+        files = files_of_a_start(bench)
+        found, how = {"warm": _series(bench, options.runs, _leave, "warm")}, []
+        if not options.warm_only:
+            drop, words = coldness(files, options.drop_caches)
+            how.append(f"cold: {words}")
+            found["cold"] = _series(bench, options.runs, drop, "cold")
+        show("")
+        return found, how, bench.labels
+
+
+def _series(bench: Bench, runs: int, before: Callable[[], None], kind: str) -> Series:
+    starts: list[Start] = []
+    floors: Series = {name: [] for name in FLOORS}
+    for number in range(runs):
+        show(f"{kind}: {number + 1} of {runs}")
+        before()
+        starts.append(start(bench))
+        for name, code in FLOORS.items():
+            before()
+            floors[name].append(time_floor(code))
+    phases = {name: [one.phases()[name] for one in starts] for name in (*PHASES.values(), AT_MASTER)}
+    return {**phases, "all": [one.total for one in starts], **floors}
+
+
+def _leave() -> None:
+    """Warm: nothing is dropped."""
+
+
+def _text(found: dict[str, Series]) -> str:
+    names = list(next(iter(found.values())))
+    rows = [["phase", *found]]
+    rows += [[name, *(_cell(series[name]) for series in found.values())] for name in names]
+    return "\n".join(aligned(rows, rule=True))
+
+
+def _cell(values: list[float]) -> str:
+    return f"{median(values):.1f} ({spread(values):.1f})" if len(values) > 1 else f"{median(values):.1f}"

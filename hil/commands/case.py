@@ -1,0 +1,64 @@
+"""`uuv-hil case`: the source paper's experiments, in the simulation and with slaves, measured."""
+
+import os
+
+from hil.cases import table
+from hil.cases.case import CASES, find_case
+from hil.cases.flights import fly_all
+from hil.cases.report import Flights, write_report
+from hil.commands.parser import new_parser
+from hil.errors import ConfigError, MissingExtraError
+from hil.master.recorder import make_folder, new_folder
+
+EXAMPLES = f"""\
+NAME is one of: {", ".join(CASES)}, or all.
+
+Seed 1 is the case as it stands; others have other noise, starts and, where the map lacks them, obstacles. With
+--hil every vehicle is a `uuv-hil slave` in a process of its own with an emulated STM32, and this process is the
+master, over the network: that takes as long as the mission does.
+
+examples:
+  uuv-hil case path_planning
+  uuv-hil case path_planning_unknown --seeds 50
+  uuv-hil case task_scheduling --hil                    one flight each, side by side
+  uuv-hil case all --seeds 50 --hil 2 --out runs/all
+
+DIR then holds report.md with its pictures, results.json and results.csv, and a folder for every flight.
+"""
+
+
+def main(arguments: list[str]) -> int:
+    """Fly a case; 0 when every flight succeeded, else 6."""
+    parser = new_parser("case", __doc__, EXAMPLES)
+    parser.add_argument("name", metavar="NAME")
+    parser.add_argument(
+        "--seeds", type=int, default=1, metavar="N", help="seeds 1 to N in the simulation [%(default)s]"
+    )
+    parser.add_argument(
+        "--hil", type=int, nargs="?", const=1, default=0, metavar="N", help="and seeds 1 to N in HIL [1]"
+    )
+    parser.add_argument("--jobs", type=int, default=-1, metavar="N", help="simulations at once [all cores]")
+    parser.add_argument("--out", metavar="DIR", help="where to put the results [runs/NAME-TIME]")
+    options = parser.parse_args(arguments)
+    if options.seeds < 1 or options.hil < 0:
+        raise ConfigError("--seeds must be at least 1, and --hil not negative")
+    names = list(CASES) if options.name == "all" else [find_case(options.name).name]
+    folder = make_folder(options.out) if options.out else new_folder(options.name)
+    flights: Flights = {}
+    for name in names:
+        seeds, hil_seeds = range(1, options.seeds + 1), range(1, options.hil + 1)
+        flights[name] = fly_all(name, folder, seeds, hil_seeds, options.jobs)
+    return _report(flights, folder)
+
+
+def _report(flights: Flights, folder: str) -> int:
+    results = [run.result for runs in flights.values() for run in runs]
+    table.write_json(os.path.join(folder, "results.json"), results)
+    table.write_csv(os.path.join(folder, "results.csv"), results)
+    print(table.render(results))
+    try:
+        write_report(os.path.join(folder, "report.md"), flights, folder)
+    except MissingExtraError as error:
+        print(f"no report: {error}")
+    print(f"results in {folder}/: {', '.join(sorted(n for n in os.listdir(folder) if '.' in n))}")
+    return 0 if all(result.success for result in results) else 6

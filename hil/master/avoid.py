@@ -1,0 +1,116 @@
+"""A* on what the map shows, VFH+ round what the scan shows: the source paper's path planning.
+
+    [planner]
+    class = "hil.master.avoid:Avoid"
+    scan = "laser"
+
+    [planner.vfh]
+    safety = "0.2 m"
+
+The scan also goes into the map; when something on the way comes to light, the rest is planned anew.
+"""
+
+from math import hypot
+from typing import Annotated, Any, Literal, NamedTuple
+
+from hil.autonomy.any_angle import plan_any_angle
+from hil.autonomy.astar import plan
+from hil.autonomy.control import VelocityCommand, heading_of
+from hil.autonomy.dstar import DStarLite
+from hil.autonomy.guide import Guide, GuideSettings, Search
+from hil.autonomy.occupancy import OccupancyGrid, Point
+from hil.autonomy.vfh import Scan, VfhSettings
+from hil.master.follow import goal_of
+from hil.master.planner import Brief, Done, Planner, Samples
+from hil.schema import Range, parse
+
+_NS_PER_S = 1_000_000_000
+_BLIND_AFTER_NS = _NS_PER_S  # without a scan for so long it stops
+_GIVE_UP_S = 20.0  # that it waits for a way to open
+
+
+class AvoidSettings(NamedTuple):
+    """The planner's keys.
+
+    `scan` is the topic it sees by, a sensor at the vehicle's middle and level with it. `search` finds the way on the
+    map. `max_yaw_rate` in rad/s.
+    """
+
+    scan: Literal["laser", "scanning_sonar"] = "laser"
+    search: Literal["astar", "any_angle", "dstar"] = "astar"
+    max_yaw_rate: Annotated[float, Range(0.01, 3.0, "rad/s")] = 0.5
+
+
+class Sight:
+    """The planner's eye and legs: a way to one goal after another, on one map that grows by what is seen."""
+
+    def __init__(self, settings: AvoidSettings, vfh: dict[str, Any], brief: Brief) -> None:
+        length, width = brief.vehicle.dimensions[:2]
+        radius, master = hypot(length, width) / 2, brief.master
+        self._topic = settings.scan
+        self._search: Search = {"astar": plan, "any_angle": plan_any_angle, "dstar": DStarLite().plan}[settings.search]
+        self._settings = GuideSettings(
+            parse({"radius": radius, **vfh}, VfhSettings, "[planner.vfh]"),
+            speed=master.speed,
+            lookahead=master.lookahead,
+            max_yaw_rate=settings.max_yaw_rate,
+            tolerance=master.tolerance,
+            margin=master.margin,
+        )
+        self._map: OccupancyGrid = brief.map
+        self._depth = master.depth
+        self._seen_ns = -1
+        self._command = VelocityCommand()
+        self.guide: Guide | None = None
+        self.plans = 0
+
+    def go(self, here: Point, goal: Point) -> None:
+        """From here to another goal (m north, m east). Raises MissionError if the map shows no way."""
+        if self.guide:
+            self._map = self.guide.map.grid
+        self.guide = Guide(self._map, here, goal, self._settings, self._search)
+        self._command = VelocityCommand()
+
+    def command(self, samples: Samples) -> VelocityCommand:
+        """The command by the newest scan; standstill without one."""
+        odometry, scan = samples["odom"], samples.get(self._topic)
+        if self.guide is None or scan is None or odometry.time_ns - scan.time_ns > _BLIND_AFTER_NS:
+            return VelocityCommand(depth=self._depth)
+        if scan.time_ns != self._seen_ns:
+            self._seen_ns = scan.time_ns
+            seen = Scan(scan.angle_min, scan.angle_increment, scan.ranges)
+            self._command = self.guide.update(odometry.position, heading_of(odometry.orientation), seen)
+        return self._command._replace(depth=self._depth)
+
+
+class Avoid(Planner):
+    """To the scenario's goal. `[planner.vfh]` has the keys of hil.autonomy.vfh.VfhSettings but for the radius."""
+
+    def __init__(self, vfh: dict[str, Any] | None = None, **keys: Any) -> None:
+        self._settings = parse(keys, AvoidSettings, "Avoid")
+        self._vfh = vfh or {}
+        self._stuck_since: float | None = None
+
+    def begin(self, brief: Brief) -> None:
+        """Plan the way. Raises MissionError, ConfigError."""
+        self._sight = Sight(self._settings, self._vfh, brief)
+        self._sight.go((brief.start.north, brief.start.east), goal_of(brief))
+        self._follow()
+
+    def command(self, time: float, samples: Samples) -> VelocityCommand | Done:
+        """Along the way and round what is in it; stopped where there is none, and over if none opens."""
+        command = self._sight.command(samples)
+        guide = self._follow()
+        if guide.done:
+            return Done("goal reached")
+        self._stuck_since = (time if self._stuck_since is None else self._stuck_since) if guide.stuck else None
+        if self._stuck_since is not None and time - self._stuck_since > _GIVE_UP_S:
+            return Done(guide.stuck, reached=False)
+        return command
+
+    def _follow(self) -> Guide:
+        guide = self._sight.guide
+        assert guide is not None, "begin gave it a goal"
+        self.path, self.progress = guide.path, guide.progress
+        self.note = f"plan {guide.plans}" + (f", stuck: {guide.stuck}" if guide.stuck else "")
+        return guide

@@ -1,0 +1,118 @@
+"""What a planner knows of the world before the dive: an occupancy grid at its depth."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.autonomy.occupancy import Extent, OccupancyGrid
+from hil.config import Master
+from hil.errors import ConfigError
+from sim.obstacles import Box, Cylinder, Obstacle
+from sim.terrain import NO_DATA
+from sim.vehicle import Vehicle
+from sim.world import World
+
+Array = NDArray[np.float64]
+
+HALF_DIAGONAL = 0.7072  # cells: how far a cell's corner is from its middle
+
+
+def known_map(master: Master, vehicle: Vehicle, world: World) -> OccupancyGrid:
+    """The map that the scenario's `map` asks for: of the world, of nothing, or the one in a file. Raises ConfigError.
+
+    Obstacles that are `hidden` are not on it.
+    """
+    below = 0.5 * vehicle.dimensions[2] + master.seabed_margin
+    south, north, west, east = world.extent
+    if master.map == "unknown":
+        return OccupancyGrid.empty(Extent(south, west, north, east), master.resolution)
+    if master.map != "known":
+        return OccupancyGrid.read(master.map)
+    seen = world._replace(
+        cylinder=tuple(o for o in world.cylinder if not o.hidden), box=tuple(o for o in world.box if not o.hidden)
+    )
+    if world.terrain is None and master.depth + below >= world.depth:
+        raise ConfigError(
+            f"master: depth: at {master.depth:g} m the vehicle has not its {below:.2f} m of water above the seabed of "
+            f"{world.name}, which is {world.depth:g} m deep; go higher, or lessen seabed_margin"
+        )
+    return map_at(seen, master.depth, below, master.resolution)
+
+
+def map_at(world: World, depth: float, below: float, resolution: float) -> OccupancyGrid:
+    """The map of `world` in cells of `resolution` m for a vehicle at `depth` m that needs `below` m of water under it.
+
+    Occupied is what stands up to that depth and where the seabed is shallower, by the middles of cells; an obstacle too
+    thin to be sure to cover one is widened until it is. Raises ConfigError.
+    """
+    south, north, west, east = world.extent
+
+    def clearance(norths: Array, easts: Array) -> Array:
+        free = np.full(norths.shape, np.inf)
+        for obstacle in world.obstacles():
+            if obstacle.top < depth:
+                lower(free, obstacle, norths, easts, max(0.0, HALF_DIAGONAL * resolution - _thickness(obstacle)))
+        return np.where(_seabed(world, norths, easts) > depth + below, free, -1.0)
+
+    return OccupancyGrid.rasterise(clearance, Extent(south, west, north, east), resolution, vectorised=True)
+
+
+def lower(free: Array, obstacle: Obstacle, norths: Array, easts: Array, widen: float = 0.0) -> None:
+    """Lower `free` to the distance (m) from an obstacle, made larger by `widen` m all round, where it is near.
+
+    `norths` and `easts` are the middles of a map's cells; farther than two cells away the obstacle is left out.
+    """
+    rows, columns = slice(None), slice(None)
+    if isinstance(obstacle, (Cylinder, Box)):
+        cell = abs(norths[-1, 0] - norths[0, 0]) / max(1, len(norths) - 1)
+        reach = _size(obstacle) + widen + 2.0 * cell
+        rows = slice(*np.searchsorted(norths[:, 0], (obstacle.north - reach, obstacle.north + reach)))
+        columns = slice(*np.searchsorted(easts[0], (obstacle.east - reach, obstacle.east + reach)))
+    distance = _separation(obstacle, norths[rows, columns], easts[rows, columns]) - widen
+    free[rows, columns] = np.minimum(free[rows, columns], distance)
+
+
+def _size(obstacle: Cylinder | Box) -> float:
+    """How far (m) it reaches from its middle."""
+    if isinstance(obstacle, Cylinder):
+        return obstacle.radius
+    return 0.5 * float(np.hypot(obstacle.size_north, obstacle.size_east))
+
+
+def _thickness(obstacle: Obstacle) -> float:
+    """The radius (m) of the greatest circle within it."""
+    if isinstance(obstacle, Cylinder):
+        return obstacle.radius
+    return 0.5 * min(obstacle.size_north, obstacle.size_east) if isinstance(obstacle, Box) else np.inf
+
+
+def _separation(obstacle: Obstacle, north: Array, east: Array) -> Array:
+    """As the obstacle's own `separation`, at arrays of places."""
+    if isinstance(obstacle, Cylinder):
+        return np.asarray(np.hypot(north - obstacle.north, east - obstacle.east) - obstacle.radius)
+    if isinstance(obstacle, Box):
+        c, s = np.cos(obstacle.heading), np.sin(obstacle.heading)
+        x, y = north - obstacle.north, east - obstacle.east
+        along = np.abs(c * x + s * y) - 0.5 * obstacle.size_north
+        across = np.abs(c * y - s * x) - 0.5 * obstacle.size_east
+        outside = np.hypot(np.maximum(along, 0.0), np.maximum(across, 0.0))
+        return np.asarray(outside + np.minimum(np.maximum(along, across), 0.0))
+    linear: Any = obstacle.separation  # a wall's is
+    return np.asarray(linear(north, east)[0])
+
+
+def _seabed(world: World, north: Array, east: Array) -> Any:
+    """The depth of the seabed (m) at arrays of places, as `World.seabed` has it."""
+    terrain = world.terrain
+    if terrain is None:
+        return world.depth
+    rows, columns = terrain.grid.rows, terrain.grid.columns
+    nodes = np.asarray(terrain.depths, np.float64).reshape(rows, columns)
+    x, y = (north - terrain.grid.north_min) * terrain.scale, (east - terrain.grid.east_min) * terrain.scale
+    on_grid = (x >= 0.0) & (x <= rows - 1) & (y >= 0.0) & (y <= columns - 1)
+    i, j = (np.clip(np.asarray(v, np.intp), 0, count - 2) for v, count in ((x, rows), (y, columns)))
+    u, v = x - i, y - j
+    a, b, c, d = nodes[i, j], nodes[i, j + 1], nodes[i + 1, j], nodes[i + 1, j + 1]
+    depth = a + (c - a) * u + (b - a) * v + (a - b - c + d) * u * v
+    return np.where(on_grid, np.where(np.isnan(depth), NO_DATA, depth), terrain.outside)

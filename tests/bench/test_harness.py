@@ -1,0 +1,138 @@
+"""Places for measurements: changed scenarios, limits, processes, and that nothing is left behind."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+from hil.bench.harness import Bench, Process, await_vehicle
+from hil.bench.limits import Confinement, Limits, parse_cpus, parse_memory, parse_share
+from hil.bench.machine import describe
+from hil.bench.scenario_file import write_changed
+from hil.config import load_scenario
+from hil.errors import ConfigError, NetworkError
+from hil.tables import read_table
+from tests.boards import recorded
+
+ONE = min(os.sched_getaffinity(0))
+
+
+def test_a_changed_scenario_is_the_old_one_but_for_the_changes(tmp_path: Path) -> None:
+    path = str(tmp_path / "changed.toml")
+    write_changed("paper_field", {"slave.step": 0.005, "link.options": {}, "description": 'a "b"\n\\'}, path)
+    before, after = load_scenario("paper_field"), load_scenario(path)
+    assert after.slave.step == 0.005
+    assert after.description == 'a "b"\n\\'
+    slave = before.slave._replace(step=0.005)
+    assert after == before._replace(slave=slave, description=after.description, path=path)
+
+
+def test_every_form_of_value_survives(tmp_path: Path) -> None:
+    (tmp_path / "world.toml").write_text(Path("sim/worlds/pool.toml").read_text())
+    source = tmp_path / "mine.toml"
+    source.write_text(
+        'vehicle = "paper_six"\nworld = "world.toml"\n[start]\nnorth = 4\neast = 4\n[master]\ngoal = [8, 7]\n'
+        '[[failure]]\nthruster = "T1"\ntime = 1.5\nkind = "off"\n[sensors.imu]\nrate = "200 Hz"\nacceleration = {}\n'
+        '[link.faults]\ndrop = 0.25\n'
+    )  # fmt: skip
+    names = read_table("sim/vehicles/paper_six.toml")["thrusters"]
+    source.write_text(source.read_text().replace("T1", names[0]["name"]))
+    folder = tmp_path / "elsewhere"
+    path = str(folder / "changed.toml")
+    before = load_scenario(str(source))
+    write_changed(str(source), {"link.faults.drop": None, "master.time_limit": 9.0}, path)
+    after = load_scenario(path)
+    assert after.failure == before.failure
+    assert after.sensors == before.sensors
+    assert after.link.faults is not None
+    assert after.link.faults.drop == 0.0
+    assert os.path.samefile(after.world, before.world)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [({"link.baud": 3}, "baud"), ({"vehicle.name": "x"}, "is a value"), ({"slave.setp": 1}, "did you mean 'step'")],
+)
+def test_a_change_that_cannot_be_meant(tmp_path: Path, changes: dict[str, object], words: str) -> None:
+    with pytest.raises(ConfigError, match=words):
+        write_changed("paper_field", changes, str(tmp_path / "changed.toml"))
+
+
+def test_limits_as_they_are_written() -> None:
+    assert [parse_cpus(text) for text in ("0", "0,2", "1-3,0")] == [(0,), (0, 2), (0, 1, 2, 3)]
+    assert [parse_memory(text) for text in ("512M", "1G", "64 MiB")] == [512.0, 1024.0, 64.0]
+    assert [parse_share(text) for text in ("25%", "0.5", "150%")] == [0.25, 0.5, 1.5]
+    assert Limits((0,), 0.25, 512.0).label == "limited: processor 0 only, 25% of a core, 512 MiB"
+    assert Limits().label == ""
+
+
+@pytest.mark.parametrize("text", ["", "a", "1-", "-1", "3-1"])
+def test_wrong_processors(text: str) -> None:
+    with pytest.raises(ConfigError, match="--cpus"):
+        parse_cpus(text)
+
+
+@pytest.mark.parametrize("text", ["", "512", "much", "1M", "5K"])
+def test_wrong_memory(text: str) -> None:
+    with pytest.raises(ConfigError, match="--memory"):
+        parse_memory(text)
+
+
+@pytest.mark.parametrize("text", ["", "%", "0", "-5%", "nan"])
+def test_a_wrong_share(text: str) -> None:
+    with pytest.raises(ConfigError, match="--cpu-quota"):
+        parse_share(text)
+
+
+def test_a_processor_that_is_not_there() -> None:
+    with pytest.raises(ConfigError, match="no processor 4000 here"):
+        Confinement(Limits(cpus=(4000,)))
+
+
+def test_a_pinned_process(tmp_path: Path) -> None:
+    before = os.sched_getaffinity(0)
+    with Confinement(Limits(cpus=(ONE,))) as place, Process(["sleep", "9"], str(tmp_path / "log"), place) as process:
+        assert os.sched_getaffinity(process.pid) == {ONE}
+        assert process.family() == [process.pid]
+    assert os.sched_getaffinity(0) == before
+    assert not process.running
+
+
+def test_what_a_process_says(tmp_path: Path) -> None:
+    with Process(["sh", "-c", "echo one; echo two; exit 3"], str(tmp_path / "log")) as process:
+        assert process.expect("one", 5.0) == "one"
+        assert process.wait(5.0) == 3
+        assert process.last_words == "two"
+        with pytest.raises(NetworkError, match=r"did not say 'three'.*two"):
+            process.expect("three", 5.0)
+
+
+def test_a_slave_comes_and_goes_and_leaves_nothing() -> None:
+    with Bench("paper_field", {"slave.realtime": False}, Limits(cpus=(ONE,))) as bench:
+        slave = bench.start_slave()
+        with bench.client() as client:
+            await_vehicle(client, slave)
+            assert client.diagnostics()["loop_rate_hz"] == "400"
+        assert bench.labels == (f"limited: processor {ONE} only",)
+        folder = bench.folder
+    assert not slave.running
+    assert slave.stop() == 0
+    assert not os.path.exists(folder)
+
+
+def test_a_slave_that_cannot_start_says_why() -> None:
+    with Bench("paper_field", {"stm32": "device", "link.port": "/dev/ttyNONE"}) as bench:
+        slave = bench.start_slave()
+        with bench.client() as client, pytest.raises(NetworkError, match=r"the slave ended: .*/dev/ttyNONE"):
+            await_vehicle(client, slave)
+
+
+def test_the_machine_says_what_makes_its_figures_special(tmp_path: Path) -> None:
+    recorded.plant(tmp_path, "proc/cpuinfo", "model name : Some CPU\nflags : fpu hypervisor\nhost : User Mode Linux\n")
+    (tmp_path / "proc/1").mkdir(parents=True)
+    other = {0x3E: 0xB7, 0xB7: 0x3E}.get({"x86_64": 0x3E, "aarch64": 0xB7}.get(os.uname().machine, 0), 0x3E)
+    (tmp_path / "proc/1/exe").write_bytes(b"\x7fELF" + bytes(14) + other.to_bytes(2, "little"))
+    machine, labels = describe(str(tmp_path))
+    assert machine["cpu"] == "Some CPU"
+    assert [label.partition(":")[0] for label in labels] == ["emulated", "emulated", "virtual machine"]
+    assert labels[0].startswith(f"emulated: {os.uname().machine} on ")

@@ -1,0 +1,67 @@
+"""The statistics of benchmarks, against numbers worked out by hand or by others."""
+
+import math
+import random
+import statistics
+
+import pytest
+
+from hil.bench.statistics import Interval, median, median_interval, quantile, ratio_interval, spread
+
+
+@pytest.mark.parametrize(
+    ("share", "value"),
+    [(0.0, 15.0), (0.05, 15.0), (0.3, 20.0), (0.4, 20.0), (0.5, 35.0), (1.0, 50.0)],
+)
+def test_nearest_rank(share: float, value: float) -> None:
+    assert quantile([15.0, 20.0, 35.0, 40.0, 50.0], share) == value  # the usual example of the method
+
+
+def test_quantiles_of_a_hundred() -> None:
+    values = [float(value) for value in range(1, 101)]
+    assert [quantile(values, share) for share in (0.5, 0.9, 0.99, 0.999, 1.0)] == [50.0, 90.0, 99.0, 100.0, 100.0]
+
+
+def test_median_is_the_standard_librarys() -> None:
+    generator = random.Random(4)
+    for size in (1, 2, 3, 10, 101):
+        values = [generator.gauss(0.0, 1.0) for _ in range(size)]
+        assert median(values) == statistics.median(values)
+
+
+def test_spread_is_that_of_the_middle_half() -> None:
+    assert spread([1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0]) == 6.0 - 2.0
+    assert spread([3.0]) == 0.0
+
+
+def test_nothing_has_no_median() -> None:
+    assert all(math.isnan(value) for value in (median([]), quantile([], 0.5), spread([])))
+    assert all(map(math.isnan, median_interval([])))
+    assert all(map(math.isnan, ratio_interval([], [1.0])))
+    assert all(map(math.isnan, ratio_interval([0.0] * 5, [1.0] * 5)))
+
+
+def test_the_interval_of_equal_values_is_that_value() -> None:
+    assert median_interval([7.0] * 9) == Interval(7.0, 7.0)
+    assert ratio_interval([2.0] * 9, [3.0] * 9) == Interval(1.5, 1.5)
+
+
+def test_the_interval_holds_the_true_median_as_often_as_it_says() -> None:
+    generator = random.Random(5)
+    trials, held = 120, 0
+    for seed in range(trials):
+        values = [generator.expovariate(1.0) for _ in range(25)]
+        held += median_interval(values, 0.9, seed).holds(math.log(2.0))
+    assert 0.82 <= held / trials <= 0.98
+
+
+def test_more_values_narrow_the_interval() -> None:
+    generator = random.Random(6)
+    few, many = ([generator.gauss(10.0, 1.0) for _ in range(size)] for size in (10, 400))
+    narrow, wide = (interval.high - interval.low for interval in map(median_interval, (many, few)))
+    assert narrow < wide / 3
+
+
+def test_a_seed_gives_the_same_interval_again() -> None:
+    values = [float(value % 7) for value in range(50)]
+    assert median_interval(values, seed=3) == median_interval(values, seed=3)

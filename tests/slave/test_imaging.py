@@ -1,0 +1,211 @@
+"""A slave with sensors that make pictures: a second process, and a loop that does not notice it."""
+
+import io
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from hil.master.client import VehicleClient
+from hil.transport.recording_reader import read_messages
+from sim.world import load_world
+from tests.processes import ROOT, Program, wait_for, write_scenario
+
+WIDTH, HEIGHT = 64, 48
+SENSORS = f"""
+[ros]
+images = "both"
+[sensors.camera]
+rate = 10
+width = {WIDTH}
+height = {HEIGHT}
+depth_noise = 0
+[sensors.forward_sonar]
+rate = 5
+beams = 64
+"""
+PICTURES = (
+    "camera/image_raw", "camera/image_raw/compressed", "camera/camera_info", "camera/depth/image_raw",
+    "forward_sonar/image",
+)  # fmt: skip
+
+
+def start(folder: Path, sensors: str = SENSORS, environment: dict[str, str] | None = None) -> tuple[Program, str]:
+    scenario, port = write_scenario(folder, top=sensors)
+    return Program(folder, "slave", scenario, environment=environment), f"tcp/127.0.0.1:{port}"
+
+
+@pytest.fixture
+def slave(tmp_path: Path) -> Iterator[tuple[Program, VehicleClient]]:
+    program, endpoint = start(tmp_path)
+    with program:
+        program.expect("ready")
+        with VehicleClient(endpoint, "uuv1") as client:
+            client.watch(*PICTURES)
+            yield program, client
+
+
+@pytest.fixture(scope="module")
+def watched(tmp_path_factory: pytest.TempPathFactory) -> Iterator[VehicleClient]:
+    """A master that has every picture of a slave which nobody harms."""
+    program, endpoint = start(tmp_path_factory.mktemp("watched"))
+    with program, VehicleClient(endpoint, "uuv1") as client:
+        client.watch(*PICTURES)
+        assert wait_for(lambda: has_all(client), 20), program.output
+        yield client
+
+
+def has_all(client: VehicleClient) -> bool:
+    return all(client.received[topic] > 2 for topic in PICTURES)
+
+
+def alive(pid: int) -> bool:
+    """A process that has ended and waits for its parent to notice is not."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] not in ("Z", "X")
+    except OSError:
+        return False
+
+
+def imaging_pid(client: VehicleClient) -> int:
+    return wait_for(lambda: int(client.diagnostics().get("imaging_pid", "0")), 10) or 0
+
+
+def test_pictures_arrive_as_they_were_taken(watched: VehicleClient) -> None:
+    latest: dict[str, Any] = {topic: watched.latest[topic].value for topic in PICTURES}
+    raw, packed = latest["camera/image_raw"], latest["camera/image_raw/compressed"]
+    assert (raw.width, raw.height, raw.encoding) == (WIDTH, HEIGHT, "rgb8")
+    assert Image.open(io.BytesIO(packed.data)).size == (WIDTH, HEIGHT)
+    assert len(set(raw.data)) > 10, "something is on it"
+    sonar = latest["forward_sonar/image"]
+    assert len(sonar.beams) == 64
+    assert sonar.beams[0] < 0 < sonar.beams[-1]
+    assert len(sonar.intensities) == 64 * sonar.bins
+
+
+def test_down_is_down(watched: VehicleClient) -> None:
+    """Depth along the optical axis of the pool's floor, from the middle column at the lower edge."""
+    picture, info = (watched.latest[f"camera/{name}"].value for name in ("depth/image_raw", "camera_info"))
+    depth = np.frombuffer(picture.data, "<f4").reshape(HEIGHT, WIDTH)
+    water = load_world("pool").depth - watched.latest["ground_truth"].value.position[2]
+    expected = water * info.intrinsics.fy / (HEIGHT - 1 - info.intrinsics.cy)
+    assert depth[-1, WIDTH // 2] == pytest.approx(expected, rel=0.1)
+    assert depth[-1, WIDTH // 2] < depth[HEIGHT // 2, WIDTH // 2]
+
+
+def test_stamps_are_those_of_the_simulation(watched: VehicleClient) -> None:
+    truth = watched.latest["ground_truth"].value.time_ns  # at 20 Hz
+    for topic in PICTURES:
+        stamp = watched.latest[topic].value.time_ns
+        assert (stamp - truth) % 50_000_000 == 0
+        assert abs(stamp - time.time_ns()) < 2_000_000_000
+    figures = watched.diagnostics()
+    assert int(figures["camera_asked"]) > 0
+    assert figures["imaging_restarts"] == "0"
+
+
+def test_a_killed_process_is_told_and_started_again(slave: tuple[Program, VehicleClient]) -> None:
+    program, client = slave
+    assert wait_for(lambda: has_all(client), 15), client.received
+    pid = imaging_pid(client)
+    os.kill(pid, signal.SIGKILL)
+    program.expect(r"WARNING: the imaging process ended, signal 9; started again in 0.5 s", 5)
+    before = client.received["camera/image_raw"], client.received["imu"]
+    assert wait_for(lambda: client.received["camera/image_raw"] > before[0] + 3, 15)
+    assert client.received["imu"] > before[1] + 50, "the loop goes on"
+    assert wait_for(lambda: client.diagnostics()["imaging_restarts"] == "1", 5)
+    assert imaging_pid(client) != pid
+    assert float(client.diagnostics()["real_time_factor"]) > 0.9
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGINT, signal.SIGTERM])
+def test_it_ends_with_the_slave(slave: tuple[Program, VehicleClient], number: int) -> None:
+    program, client = slave
+    pid = imaging_pid(client)
+    assert alive(pid)
+    code = program.stop(number)
+    assert code == (-9 if number == signal.SIGKILL else 0)
+    assert wait_for(lambda: not alive(pid), 6)
+    assert "Traceback" not in program.output
+    assert "the imaging process ended" not in program.output
+
+
+def test_a_slow_process_drops_pictures(tmp_path: Path) -> None:
+    program, endpoint = start(tmp_path, "[sensors.camera]\nrate = 50\nwidth = 1200\nheight = 900\ndepth = false\n")
+    with program, VehicleClient(endpoint, "uuv1") as client:
+        client.watch("camera/camera_info")
+        assert wait_for(lambda: client.received["camera/camera_info"] > 2, 20)
+        assert wait_for(lambda: int(client.diagnostics()["camera_dropped"]) > 10, 10)
+        figures = client.diagnostics()
+        assert float(figures["real_time_factor"]) > 0.9
+        assert float(figures["camera_took_ms"]) > 20.0
+        assert int(figures["camera_asked"]) > int(figures["camera_dropped"])
+
+
+def start_with_pillow(folder: Path, text: str) -> Program:
+    """A slave for which this is all that there is of Pillow."""
+    package = folder / "other" / "PIL"
+    package.mkdir(parents=True)
+    (package / "__init__.py").write_text(text)
+    return start(folder, environment={"PYTHONPATH": str(package.parent)})[0]
+
+
+def test_what_cannot_be_mended_is_told_once(tmp_path: Path) -> None:
+    with start_with_pillow(tmp_path, "raise ImportError") as program:
+        program.expect(r"no pictures: pictures as JPEG need Pillow: pip install 'uuv-hil\[imaging\]'", 10)
+        assert program.process.poll() is None
+        assert "ended" not in program.output
+
+
+def test_why_it_ended_is_told_and_it_is_started_less_and_less_often(tmp_path: Path) -> None:
+    with start_with_pillow(tmp_path, "raise RuntimeError('no lens')") as program:
+        for pause in ("0.5", "1"):
+            program.expect(
+                rf"the imaging process ended, exit code 1: RuntimeError: no lens; started again in {pause} s", 10
+            )
+        assert program.process.poll() is None
+        assert "Traceback" not in program.output
+
+
+def test_recordings(tmp_path: Path) -> None:
+    """A recorder has the pictures; the slave's own has not, and is repeated to the bit."""
+    kept = tmp_path / "tape"
+    program, endpoint = start(tmp_path, f'{SENSORS}\n[recording]\nslave = true\nfolder = "{kept}"\n')
+    with program:
+        program.expect("ready")
+        with Program(tmp_path, "record", "--connect", endpoint, "-o", tmp_path / "bag", "--seconds", "4") as recorder:
+            assert recorder.wait(20) == 0, recorder.output
+        assert program.stop(signal.SIGINT) == 0
+    topics = {message.topic for message in read_messages(str(tmp_path / "bag"))}
+    assert {f"/uuv1/{topic}" for topic in PICTURES} <= topics
+    (tape,) = kept.iterdir()
+    assert not any("camera" in message.topic for message in read_messages(str(tape)))
+    with Program(tmp_path, "replay", tape, "--check") as check:
+        assert check.wait(30) == 0, check.output
+        assert "the same bit for bit" in check.output
+
+
+LEAN = """
+import sys
+from hil.config import load_scenario
+from hil.slave.imaging import Imaging
+import hil.slave.daemon
+imaging = Imaging(load_scenario(sys.argv[1]), print)
+assert set(imaging.dropped) == {0}
+print(*sorted({"numpy", "PIL", "subprocess", "socket", "ctypes", "hil.transport.ros_images"} & set(sys.modules)))
+"""
+
+
+def test_the_loops_side_is_lean(tmp_path: Path) -> None:
+    scenario, _ = write_scenario(tmp_path, top=SENSORS)
+    done = subprocess.run([sys.executable, "-c", LEAN, scenario], capture_output=True, text=True, cwd=ROOT)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.split() == []

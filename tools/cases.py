@@ -1,0 +1,106 @@
+"""Fly the source paper's cases and write docs/cases.md with its pictures.
+
+    python tools/cases.py [--out docs] [--seeds 50] [--hil 1] [--only NAME ...]
+
+It takes the time that the HIL flights take, about ten minutes each set, and some minutes for the simulated ones; let
+nothing else run meanwhile, or the figures of processor time and delay are those of a busy machine. Exit code 1 if a
+case succeeds in fewer than 98 % of its flights, if one vehicle touches something, or if the master takes more than a
+tenth of a core in the first case. Needs what `pip install -e '.[dev]'` brings.
+"""
+
+import argparse
+import os
+import sys
+import tempfile
+from pathlib import Path
+
+from PIL import Image
+
+ROOT = Path(__file__).parent.parent
+sys.path.insert(0, str(ROOT))
+
+from hil.cases import table  # noqa: E402 - works from a bare checkout too
+from hil.cases.case import CASES  # noqa: E402
+from hil.cases.flights import fly_all  # noqa: E402
+from hil.cases.record import Result  # noqa: E402
+from hil.cases.report import Flights, write_report  # noqa: E402
+from hil.process import ram_mib  # noqa: E402
+
+COLOURS = 64
+LEAST_SUCCESS = 0.98
+MOST_CPU = 0.1  # of a core, of the master in the first case
+HEAD = """\
+# The source paper's cases, flown again
+
+Made by `python tools/cases.py`, which flies every case anew: {seeds} seeds in simulated time (SIL), {hil} with slaves
+as processes of their own, each with an emulated STM32, led by this project's masters over zenoh (HIL). `uuv-hil case`
+flies any of them. The source paper is "Design and Implementation of a Modular UUV Simulation Platform", Sensors 2022,
+22(20), 8043. Its figures are known here by their descriptions only; positions of obstacles, durations of tasks and all
+numbers that the paper leaves out are ours, and stand in the scenario files.
+
+Planner, controller, allocation, thrusters, dynamics, sensors and noise are the same code in SIL and HIL, and both
+read the same files. Seed 1 is the case as it stands; others have other noise, starts, and, where the map lacks them,
+obstacles. Means stand with their standard deviation, the others are the worst of all flights. **Over optimum** is the
+way travelled over the shortest one that the vehicle's size allows, without any margin. **Least clearance** is from the
+vehicle's middle to the nearest obstacle (in target hunting to the hull of the nearest vehicle, or to the target); a
+collision is where that is not more than the vehicle's radius, {radius:.2f} m. **Energy** is what the thrusters take,
+reckoned from their pulses as T200s of the same thrust at 16 V, without electronics, because the paper gives no figures
+of power. **Off path** is the true distance from the path (in target hunting from the place) that was being followed.
+**Master CPU** is the processor time of the master's whole process while it flies, of one core (in target hunting of
+all four agents together), **planner CPU** that of the planner alone, in SIL for a second of simulated time.
+**Delays** are from a command's publishing to its pulses being applied, by the STM32 end.
+
+HIL figures are those of {cores} cores of a shared x86-64 server with {ram:.0f} GiB, master and slaves all on it,
+over loopback: no claim about a board or a wireless network."""
+
+
+def main() -> int:
+    """Fly, write, judge."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--out", metavar="DIR", default=str(ROOT / "docs"))
+    parser.add_argument("--seeds", type=int, metavar="N", default=50)
+    parser.add_argument("--hil", type=int, metavar="N", default=1)
+    parser.add_argument("--only", nargs="+", metavar="NAME", choices=list(CASES), default=list(CASES))
+    options = parser.parse_args()
+    flights: Flights = {}
+    with tempfile.TemporaryDirectory() as folder:
+        for name in options.only:
+            flights[name] = fly_all(name, folder, range(1, options.seeds + 1), range(1, options.hil + 1))
+            print(table.render([run.result for run in flights[name]]) + "\n", flush=True)
+        pictures = os.path.join(options.out, "cases")
+        files = write_report(os.path.join(options.out, "cases.md"), flights, pictures, head(options.seeds, options.hil))
+    for path in files[1:]:
+        Image.open(path).convert("RGB").quantize(COLOURS).save(path, optimize=True)
+    problems = judge([run.result for runs in flights.values() for run in runs])
+    print("\n".join([f"wrote {files[0]} and {len(files) - 1} pictures", *problems]))
+    return 1 if problems else 0
+
+
+def head(seeds: int, hil: int) -> str:
+    """What stands above the table."""
+    from hil.cases.single import radius_of
+    from sim.vehicle import load_vehicle
+
+    radius = radius_of(load_vehicle("paper_six")[0])
+    return HEAD.format(seeds=seeds, hil=hil, radius=radius, cores=os.cpu_count(), ram=ram_mib() / 1024)
+
+
+def judge(results: list[Result]) -> list[str]:
+    """What falls short of what is asked."""
+    problems = []
+    for name in dict.fromkeys(result.case for result in results):
+        own = [result for result in results if result.case == name]
+        share = sum(result.success for result in own) / len(own)
+        if share < LEAST_SUCCESS:
+            problems.append(f"{name}: {share:.0%} of its flights succeed")
+        problems += [f"{name} {r.mode}, seed {r.seed}: collision" for r in own if r.collided]
+        problems += [
+            f"{name}, seed {r.seed}: the master takes {r.master_cpu:.1%} of a core"
+            for r in own
+            if name.startswith("path_planning") and r.master_cpu > MOST_CPU
+        ]
+    return problems
+
+
+if __name__ == "__main__":
+    sys.exit(main())
