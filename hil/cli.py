@@ -13,6 +13,7 @@ COMMANDS = {
     "slave": ("hil.commands.slave", "be the vehicle: the daemon on the card computer"),
     "master": ("hil.commands.master", "plan and fly a scenario with a slave somewhere on the network"),
     "agent": ("hil.commands.agent", "lead one vehicle of a fleet, by what its neighbours' planners say"),
+    "water": ("hil.commands.water", "be the sea between the modems of a fleet"),
     "sim": ("hil.commands.sim", "the same mission in one process, in real time or as fast as it goes"),
     "campaign": ("hil.commands.campaign", "many such runs with other seeds and parameters, on all cores"),
     "case": ("hil.commands.case", "the source paper's experiments, in the simulation and with slaves, measured"),

@@ -20,6 +20,7 @@ from sim.world import World
 if TYPE_CHECKING:
     from hil.fleet import Hunting, Member
     from hil.links.wires.faults import Faults
+    from hil.modem import Modem
     from hil.transport.security import Security
     from sim.ballast import Release
     from sim.failures import Failure
@@ -168,7 +169,8 @@ class Scenario(NamedTuple):
     one. controller: "builtin", or "external": the link's host end is left to the user's
     own vehicle software. Each [[failure]] is one of a thruster, at its time; each [[force]] a class of the
     user's own (sim/forces.py); each [[release]] drops a weight of the vehicle's, at its time (sim/ballast.py); each
-    [[member]] is one vehicle of a fleet, [hunting] what the fleet is to do (hil/fleet.py).
+    [[member]] is one vehicle of a fleet, [hunting] what the fleet is to do (hil/fleet.py), [modem] how
+    it talks (hil/modem.py).
     """
 
     vehicle: str
@@ -193,6 +195,7 @@ class Scenario(NamedTuple):
     release: "tuple[Release, ...]" = ()
     member: "tuple[Member, ...]" = ()
     hunting: "Hunting | None" = None
+    modem: "Modem | None" = None
     path: str = ""  # the file it was read from
 
     def problem(self) -> str | None:
@@ -242,7 +245,7 @@ def load_scenario(name: str, changes: dict[str, Any] | None = None) -> Scenario:
     sensors, failures, forces = table.pop("sensors", {}), table.pop("failure", []), table.pop("force", [])
     releases, security = table.pop("release", []), table.pop("security", None)
     planner = _planner(table.pop("planner", {}), f"{path}: planner")
-    members, hunting = table.pop("member", []), table.pop("hunting", None)
+    members, hunting, modem = table.pop("member", []), table.pop("hunting", None), table.pop("modem", None)
     link = table["link"] = dict(table.get("link", {}))
     options, faults = link.pop("options", {}), link.pop("faults", None)
     scenario = parse(table, Scenario, path)
@@ -259,9 +262,14 @@ def load_scenario(name: str, changes: dict[str, Any] | None = None) -> Scenario:
         release=_releases(releases, f"{path}: release"),
         member=_members(members, f"{path}: member"),
         hunting=_hunting(hunting, f"{path}: hunting"),
+        modem=_modem(modem, f"{path}: modem"),
         security=_security(security, f"{path}: security", folder),
         link=scenario.link._replace(options=options, faults=_faults(faults, f"{path}: link.faults")),
     )
+    if any("class" in section for section in sensors.values()):
+        from hil.transport.ros_own import announce  # most vehicles have no sensor of a user's own
+
+        announce(scenario.sensors, f"{path}: sensors")
     blind = [name for name in FEEDBACK if name not in scenario.sensors]
     if blind and scenario.controller == "builtin":
         raise ConfigError(f"{path}: sensors: the builtin controller needs {blind[0]}: its rate must be above 0")
@@ -346,6 +354,14 @@ def _hunting(table: Any, where: str) -> "Hunting | None":
     from hil.fleet import read_hunting
 
     return read_hunting(table, where)
+
+
+def _modem(table: Any, where: str) -> "Modem | None":
+    if table is None:
+        return None
+    from hil.modem import read_modem  # most fleets talk over the network
+
+    return read_modem(table, where)
 
 
 def _rows(tables: Any, where: str) -> list[dict[str, Any]]:

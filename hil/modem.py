@@ -2,7 +2,7 @@
 
 [modem]
 kind = "acoustic"             # or "optical"
-slot = "250 ms"               # each vehicle sends at the beginning of its slot; 0: all whenever a report is due
+slot = "250 ms"               # each vehicle sends at the beginning of its slot; 0: at random, about every report_period
 source_level = 168.0          # and any other key of sim.modems.acoustic.AcousticModem, or of optical.OpticalModem
 
 Without this table reports go over the network, at once and whole.
@@ -22,6 +22,7 @@ from hil.schema import Range, parse
 from sim.modems.acoustic import AcousticChannel, AcousticModem, Packet
 from sim.modems.optical import OpticalModem
 from sim.modems.optical_channel import OpticalChannel, Pose
+from sim.sensors.error import sensor_random
 from sim.water import WaterColumn
 from sim.world import World, load_world
 
@@ -68,7 +69,8 @@ def modem_of(scenario: Scenario) -> Modem:
 
 
 class Turns:
-    """When member `number` (from 0) sends: at the beginning of its slot, without slots every report_period.
+    """When member `number` (from 0) sends: at the beginning of its slot; without slots half to one and a half times
+    report_period after it sent last, by lot.
 
     All who take turns go by one clock (in HIL that of the machines, which have to agree to a fraction of a slot).
     """
@@ -76,12 +78,16 @@ class Turns:
     def __init__(self, scenario: Scenario, number: int) -> None:
         slot_ns = seconds_ns(modem_of(scenario).slot)
         self._offset_ns = number * slot_ns
-        self._period_ns = slot_ns * len(scenario.member) or seconds_ns(hunting_of(scenario).report_period)
+        self._frame_ns = slot_ns * len(scenario.member)
+        self._mean_ns = seconds_ns(hunting_of(scenario).report_period)
+        self._random = sensor_random(scenario.seed, f"turns/{number}")
 
     def after(self, time_ns: int) -> int:
         """Its first turn after this instant, ns."""
-        passed = (time_ns - self._offset_ns) // self._period_ns
-        return (passed + 1) * self._period_ns + self._offset_ns
+        if not self._frame_ns:
+            return time_ns + round(self._mean_ns * (0.5 + self._random.random()))
+        passed = (time_ns - self._offset_ns) // self._frame_ns
+        return (passed + 1) * self._frame_ns + self._offset_ns
 
 
 class Telegram(NamedTuple):
@@ -106,9 +112,7 @@ def decode_telegram(data: bytes) -> Telegram | None:
     if len(data) != _TELEGRAM.size:
         return None
     north, east, down, *speeds, clock = _TELEGRAM.unpack(data)
-    return Telegram(
-        (0.01 * north, 0.01 * east, 0.1 * down), (0.02 * speeds[0], 0.02 * speeds[1]), clock * NS_PER_MS
-    )
+    return Telegram((0.01 * north, 0.01 * east, 0.1 * down), (0.02 * speeds[0], 0.02 * speeds[1]), clock * NS_PER_MS)
 
 
 def _bounded(value: float, low: int, high: int) -> int:

@@ -78,6 +78,9 @@ TOPICS = {
         Topic(
             "formation", "trajectory_msgs/msg/MultiDOFJointTrajectoryPoint", 10, "data", express=True, from_master=True
         ),
+        Topic("modem_tx", "std_msgs/msg/UInt8MultiArray", 1, "data", from_master=True),
+        Topic("modem_rx", "std_msgs/msg/UInt8MultiArray", 3, "data", from_master=True),
+        Topic("modem_range", "sensor_msgs/msg/Range", 3, "data", from_master=True),
         Topic("diagnostics", "diagnostic_msgs/msg/DiagnosticArray", 1, "background"),
         Topic("/tf", "tf2_msgs/msg/TFMessage", 20, "data", qos=Qos(depth=100)),
         Topic("/tf_static", "tf2_msgs/msg/TFMessage", 0, "data", qos=Qos(latched=True, depth=1)),

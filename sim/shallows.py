@@ -16,8 +16,8 @@ def distance_to_shallows(terrain: Terrain, north: float, east: float, depth: flo
     """The distance in m from a place to the nearest one where the seabed is at `depth` m or shallower.
 
     inf if there is none within `within` m; where it is too shallow already, how deep (m, negative) the depth is in the
-    seabed. Within a cell the contour counts as a straight line between the cell's edges: right on a plane, and to a
-    small part of a cell elsewhere. A cell without data is all too shallow.
+    seabed. Within a cell the contour counts as a straight line between the cell's edges: right on a plane, and
+    elsewhere to the bend of the contour within a cell. A cell without data is all too shallow.
     """
     here = terrain.depth(north, east)
     if here <= depth:

@@ -17,7 +17,7 @@ FLOORS = {
     "hil.errors": 0, "hil.tables": 0, "hil.schema": 0, "hil.plugins": 0, "hil.columns": 0, "hil.clock": 0,
     "hil.stop": 0, "hil.process": 0,
     "sim": 1, "boards": 1, "hil.autonomy": 1,
-    "hil.config": 2, "hil.fleet": 2, "hil.topics": 2, "hil.links": 2, "hil.transport": 2,
+    "hil.config": 2, "hil.fleet": 2, "hil.modem": 2, "hil.topics": 2, "hil.links": 2, "hil.transport": 2,
     "firmware_stub": 3,
     "hil.slave": 4, "hil.master": 4,
     "hil.bench": 5, "hil.charts": 5, "hil.cases": 5, "hil.commands": 6, "hil.cli": 7,

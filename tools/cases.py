@@ -44,10 +44,11 @@ obstacles. Means stand with their standard deviation, the others are the worst o
 way travelled over the shortest one that the vehicle's size allows, without any margin. **Least clearance** is from the
 vehicle's middle to the nearest obstacle (in target hunting to the hull of the nearest vehicle, or to the target); a
 collision is where that is not more than the vehicle's radius, {radius:.2f} m. **Energy** is what the thrusters take,
-reckoned from their pulses as T200s of the same thrust at 16 V, without electronics, because the paper gives no figures
-of power. **Off path** is the true distance from the path (in target hunting from the place) that was being followed.
-**Master CPU** is the processor time of the master's whole process while it flies, of one core (in target hunting of
-all four agents together), **planner CPU** that of the planner alone, in SIL for a second of simulated time.
+reckoned from their pulses (in HIL as the slave tells them, once a second) as T200s of the same thrust at 16 V, without
+electronics, because the paper gives no figures of power. **Off path** is the true distance from the path (in target
+hunting from the place) that was being followed. **Master CPU** is the processor time of the master's whole process
+while it flies, of one core (in target hunting of all four agents together), **planner CPU** that of the planner
+alone, in SIL for a second of simulated time.
 **Delays** are from a command's publishing to its pulses being applied, by the STM32 end.
 
 HIL figures are those of {cores} cores of a shared x86-64 server with {ram:.0f} GiB, master and slaves all on it,

@@ -88,6 +88,7 @@ def draw(columns: Sequence[Column], path: str) -> None:
                 panel.bar_label(bar, [f" {row.form.format(found.median)}"], fontsize="small")
         panel.set(xscale="log", title=f"{row.title} ({row.unit})", yticks=range(len(columns)))
         panel.set_yticklabels([column.title for column in columns])
+        panel.tick_params(axis="x", which="minor", labelbottom=False)
         panel.invert_yaxis()
         panel.margins(x=0.2)
     try:

@@ -13,7 +13,7 @@ from hil.bench.loopback import CALM_PULSES
 from hil.bench.statistics import quantile
 from hil.clock import NS_PER_MS, NS_PER_S, RateKeeper, now_ns, to_wall_ns
 from hil.config import Scenario
-from hil.links.contract import ThrusterCommand
+from hil.links.contract import ThrusterCommand, ThrusterTelemetry
 from hil.links.wires.faults import BITS_A_BYTE
 from hil.master.client import VehicleClient
 from hil.master.delay import DelayMeter
@@ -47,8 +47,8 @@ class Plan(NamedTuple):
 class Result(NamedTuple):
     """What came of it, in ms; `hops` and `delay` one a command, `at_s` when it was published.
 
-    `wire` is the time of the command frame on its line, counted from its bytes and the baud, 0 where the line has no
-    speed. `warnings` say why the figures are not to be trusted.
+    `wire` is the time on the line that is in each delay, see `wire_ms`. `warnings` say why the figures are not to be
+    trusted.
     """
 
     delay: list[float]
@@ -104,7 +104,11 @@ def measure(bench: Bench, plan: Plan, endpoint: str = "", echo: tuple[str, int, 
 
 
 def wire_ms(scenario: Scenario, slave: dict[str, str]) -> float:
-    """The time of one command frame on its line, ms; 0 where the line has no speed (a pty, a socket, a virtual bus)."""
+    """The time on its line, ms, of what a measured delay holds; 0 where the line has no speed (a pty, a socket).
+
+    That is the command's frame, and unless the STM32 is in the slave and knows itself when it applied the command, the
+    answer's too: it is heard only then.
+    """
     link = scenario.link
     baud = link.faults.baud if link.faults and link.faults.baud else 0
     if not baud and slave.get("link_port", "").startswith("/dev/tty"):
@@ -112,8 +116,12 @@ def wire_ms(scenario: Scenario, slave: dict[str, str]) -> float:
     if not baud:
         return 0.0
     channels = len(load_vehicle(scenario.vehicle)[0].channels)
-    command = ThrusterCommand(1, True, (CALM_PULSES,) * channels)
-    return len(end_protocol(link, "host", channels).encode(command)) * BITS_A_BYTE / baud * 1e3
+    pulses = (CALM_PULSES,) * channels
+    size = len(end_protocol(link, "host", channels).encode(ThrusterCommand(1, True, pulses)))
+    if scenario.stm32 != "python":
+        answer = ThrusterTelemetry(1, True, False, pulses, 0, 0, 0, 0)
+        size += len(end_protocol(link, "device", channels).encode(answer))
+    return size * BITS_A_BYTE / baud * 1e3
 
 
 def judge(meter: DelayMeter) -> list[str]:

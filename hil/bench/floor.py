@@ -11,6 +11,7 @@ from hil.clock import NS_PER_S, now_ns
 from hil.errors import NetworkError
 
 MOST = 1 << 16  # bytes at once
+PIECE = 1 << 14
 ANSWER_S = 1.0
 
 
@@ -100,11 +101,14 @@ class Floor:
             self.lost += 1
 
     def load(self, size: int) -> None:
-        """Send so many bytes there and back."""
+        """Send so many bytes there and back, in pieces that no buffer on the way holds up."""
         try:
-            self._stream.sendall(bytes(size))
             while size > 0:
-                size -= len(self._stream.recv(MOST)) or size
+                piece = min(size, PIECE)
+                self._stream.sendall(bytes(piece))
+                size -= piece
+                while piece > 0:
+                    piece -= len(self._stream.recv(MOST)) or piece
         except OSError:
             self.lost += 1
 

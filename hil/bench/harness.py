@@ -162,9 +162,9 @@ class Bench:
     """
 
     def __init__(self, scenario: str, changes: dict[str, Any] | None = None, limits: Limits = Limits()) -> None:
-        self.folder = tempfile.mkdtemp(prefix="uuv-hil-bench-")
-        self.processes: list[Process] = []
         self._confinement = Confinement(limits)
+        self.processes: list[Process] = []
+        self.folder = tempfile.mkdtemp(prefix="uuv-hil-bench-")
         self.endpoint = f"tcp/127.0.0.1:{free_port()}"
         self.path = os.path.join(self.folder, "scenario.toml")
         ours: dict[str, Any] = {"slave.listen": self.endpoint}
@@ -174,20 +174,22 @@ class Bench:
             write_changed(scenario, ours | (changes or {}), self.path)
             self.scenario: Scenario = load_scenario(self.path)
         except BaseException:
-            shutil.rmtree(self.folder, ignore_errors=True)
+            self._clear()
             raise
 
     def __enter__(self) -> Self:
-        self._confinement.__enter__()
+        try:
+            self._confinement.__enter__()
+        except BaseException:
+            self._clear()
+            raise
         return self
 
     def __exit__(self, *_: object) -> None:
         for process in reversed(self.processes):
             process.stop()
         self._confinement.__exit__()
-        shutil.rmtree(self.folder, ignore_errors=True)
-        with suppress(OSError):
-            os.remove(cache_path(self.path))
+        self._clear()
 
     @property
     def labels(self) -> tuple[str, ...]:
@@ -242,6 +244,11 @@ class Bench:
             security=scenario.security,
             **options,
         )
+
+    def _clear(self) -> None:
+        shutil.rmtree(self.folder, ignore_errors=True)
+        with suppress(OSError):
+            os.remove(cache_path(self.path))
 
     def _start(self, process: Process) -> Process:
         self.processes.append(process)

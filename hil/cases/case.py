@@ -14,6 +14,7 @@ CASES = {
     "path_planning_unknown": "hil.cases.path_planning:PathPlanningUnknown",
     "task_scheduling": "hil.cases.task_scheduling:TaskScheduling",
     "target_hunting": "hil.cases.target_hunting:TargetHunting",
+    "target_hunting_acoustic": "hil.cases.target_hunting:TargetHuntingAcoustic",
     "target_hunting_diamond": "hil.cases.target_hunting:TargetHuntingDiamond",
 }
 

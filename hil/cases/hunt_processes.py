@@ -1,10 +1,12 @@
 """A hunt with every vehicle and every planner a process of its own; this process only looks on.
 
-Slaves with emulated STM32s, an agent for each, and here an observer of the truth, which none of them knows.
+Slaves with emulated STM32s, an agent for each, and here an observer of the truth, which none of them knows; where
+the vehicles have modems, it is also the water between these.
 """
 
 import select
-from typing import Any, NamedTuple
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from hil.cases.crew import Crew
 from hil.cases.energy import EnergyMeter
@@ -20,6 +22,9 @@ from hil.transport.roles import dial
 from hil.transport.session import Session
 from sim.vehicle import load_vehicle
 
+if TYPE_CHECKING:
+    from hil.master.water import Water
+
 READY_S = 30.0  # until every vehicle has been seen and every agent heard
 GONE_AFTER_S = 5.0  # without a word from one of them
 QUEUE = 64
@@ -29,7 +34,8 @@ _WATCHED = ("ground_truth", "formation", "diagnostics", "trace")
 class Costs(NamedTuple):
     """What a hunt took: J of all thrusters, shares of a core of all agents and of all slaves.
 
-    `delays_ns` of commands, from an agent's publishing to applied pulses; `real_time` the slowest slave's factor.
+    `delays_ns` of commands, from an agent's publishing to applied pulses; `real_time` the slowest slave's factor;
+    `messages` how many were sent by modem, delivered, and lost for which reason.
     """
 
     energy: float
@@ -37,6 +43,7 @@ class Costs(NamedTuple):
     slaves_cpu: float
     delays_ns: list[int]
     real_time: float
+    messages: Mapping[str, int]
 
 
 def fly(scenario: Scenario, folder: str, watch: HuntWatch) -> Costs:
@@ -105,6 +112,7 @@ class _Observer:
         self._period_ns = seconds_ns(scenario.master.command_period)
         vehicle, _ = load_vehicle(scenario.vehicle)
         self._meters = [EnergyMeter(vehicle) for _ in scenario.member]
+        self._water = _water(session, scenario)
 
     def follow(self, stop_fd: int) -> Costs:
         """To the end of the hunt."""
@@ -124,6 +132,7 @@ class _Observer:
             slaves,
             [delay for seen in self._seen for delay in seen.delays.totals_ns()],
             min(float(seen.health.get("real_time_factor", "nan")) for seen in self._seen),
+            self._water.counts if self._water else {},
         )
 
     def _until_complete(self, stop_fd: int) -> None:
@@ -154,6 +163,15 @@ class _Observer:
     def _cpu(self) -> tuple[float, float]:
         """Processor time (s) of all agents, and of all slaves."""
         return sum(map(cpu_s, self._agents.pids)), sum(map(cpu_s, self._slaves.pids))
+
+
+def _water(session: Session, scenario: Scenario) -> "Water | None":
+    """What is between modems; None where there are none."""
+    if not scenario.modem:
+        return None
+    from hil.master.water import Water  # most fleets talk over the network
+
+    return Water(session, scenario)
 
 
 def _pause(stop_fd: int, until_ns: int) -> None:

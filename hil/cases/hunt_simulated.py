@@ -1,6 +1,7 @@
 """A hunt in simulated time: all vehicles and their planners in one process, step by step together.
 
-Planner, messages and vehicles are those of the real run; what is missing is the network: reports are there at once.
+Planner, messages and vehicles are those of the real run; what is missing is the network: reports are there at once,
+or come as the modems of the scenario let them.
 """
 
 import time
@@ -14,6 +15,8 @@ from hil.config import Scenario
 from hil.fleet import as_member, hunting_of
 from hil.master.flight import held
 from hil.master.hunt import HuntPlanner
+from hil.modem import Channel, Modem, Turns, open_channel
+from sim.modems.optical_channel import Pose
 from sim.sensors.samples import ODOMETRY
 from sim.world import load_world
 
@@ -36,6 +39,10 @@ class SimulatedHunt:
         self._command_ns = seconds_ns(scenario.master.command_period)
         self._report_ns = seconds_ns(hunting_of(scenario).report_period)
         self._command_due_ns, self._report_due_ns = self._command_ns, self._report_ns
+        self.channel = open_channel(scenario) if scenario.modem else None
+        self._modem = scenario.modem
+        self._turns = [Turns(scenario, number) for number in range(len(self.nodes))] if scenario.modem else []
+        self._turns_due_ns = [turns.after(0) for turns in self._turns]
 
     @property
     def energy(self) -> float:
@@ -56,7 +63,9 @@ class SimulatedHunt:
         if now >= self._command_due_ns:
             self._command_due_ns += self._command_ns
             self._command()
-        if now >= self._report_due_ns:
+        if self._modem and self.channel:
+            self._talk(self._modem, self.channel, now)
+        elif now >= self._report_due_ns:
             self._report_due_ns += self._report_ns
             self._exchange()
 
@@ -78,3 +87,20 @@ class SimulatedHunt:
             for node, planner in zip(self.nodes, self.planners, strict=True):
                 if report and node != sender:
                     planner.hear(sender, report, self.time)
+
+    def _talk(self, modem: Modem, channel: Channel, now: int) -> None:
+        """Who has its turn sends; who has heard a message to its end takes it in."""
+        for number, due_ns in enumerate(self._turns_due_ns):
+            if now >= due_ns:
+                self._turns_due_ns[number] = self._turns[number].after(now)
+                if telegram := self.planners[number].telegram():
+                    channel.send(now, self.nodes[number], telegram, self._poses())
+        for packet in channel.receive(now):
+            sent_ns = packet.received_ns - modem.model.airtime_ns(len(packet.payload))
+            planner = self.planners[self.nodes.index(packet.receiver)]
+            planner.overhear(packet.sender, packet.payload, sent_ns / NS_PER_S)
+
+    def _poses(self) -> dict[str, Pose]:
+        """Where all truly are."""
+        truths = [vehicle.simulation.truth() for vehicle in self.vehicles]
+        return {node: Pose(t.position, t.orientation) for node, t in zip(self.nodes, truths, strict=True)}

@@ -68,6 +68,11 @@ class PathPlanningUnknown(PathPlanning):
 
     name = "path_planning_unknown"
     title = "Path planning past obstacles that the map lacks"
+    method = (
+        "Seen by the laser, they go into the map and the rest of the way is planned anew, while VFH+ bends heading and "
+        "speed. A pile in the middle of the way can be passed on either side, and which one is a matter of centimetres "
+        "of noise: two ways that part at a pile and meet again behind it are two choices of the planner"
+    )
     paper = (
         "Not a figure of its own there: the paper names VFH for obstacles that the map lacks. Here five piles that no "
         "map shows are put on and beside the way that A* had found; elsewhere each seed has others."

@@ -106,6 +106,21 @@ class TargetHuntingDiamond(TargetHunting):
     criterion = "as from the line"
 
 
+class TargetHuntingAcoustic(TargetHunting):
+    """From a line abreast, by sound."""
+
+    name = "target_hunting_acoustic"
+    scenario = "target_hunting_acoustic"
+    title = "Target hunting with acoustic modems"
+    paper = "Figure 12, as above; how its vehicles tell each other where they are, the paper does not say."
+    method = (
+        "As target_hunting, but a report is 16 bytes that go by a simulated acoustic modem (docs/modems.md) in the "
+        "vehicle's slot of time, so each vehicle is heard once a second by all others, a quarter of a second late; the "
+        "planner lets neighbours go on as fast as they said until their next report. In HIL the water between the "
+        "modems is the process that looks on: the agents hear nothing but what it delivers"
+    )
+
+
 def members_on_free_ports(scenario: str) -> list[Table]:
     """The [[member]] tables of a scenario, all their endpoints on free ports of this machine. Raises ConfigError."""
     members = load_scenario(scenario).member
@@ -119,7 +134,8 @@ def members_on_free_ports(scenario: str) -> list[Table]:
 def _simulate(scenario: Scenario, folder: str, watch: HuntWatch) -> dict[str, float]:
     hunt = SimulatedHunt(scenario, watch)
     hunt.run()
-    return {"energy": hunt.energy, "planner_cpu": hunt.planner_cpu_s / hunt.time}
+    messages = _messages(hunt.channel.counts if hunt.channel else {})
+    return {"energy": hunt.energy, "planner_cpu": hunt.planner_cpu_s / hunt.time, **messages}
 
 
 def _fly_processes(scenario: Scenario, folder: str, watch: HuntWatch) -> dict[str, float]:
@@ -133,7 +149,14 @@ def _fly_processes(scenario: Scenario, folder: str, watch: HuntWatch) -> dict[st
         "slowest slave (of real time)": costs.real_time,
         "CPU of an agent (of a core)": costs.agents_cpu / len(scenario.member),
         "CPU of a slave (of a core)": costs.slaves_cpu / len(scenario.member),
+        **_messages(costs.messages),
     }
+
+
+def _messages(counts: Mapping[str, int]) -> dict[str, float]:
+    """What became of the messages between modems, by a name that a reader understands."""
+    shown = ("sent", "delivered", "collided", "deaf", "damaged", "unheard") if counts else ()
+    return {f"modem: {fate.replace('_', ' ')}": counts.get(fate, 0) for fate in shown}
 
 
 def _extra(outcome: HuntOutcome, figures: Mapping[str, float]) -> dict[str, float]:

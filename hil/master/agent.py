@@ -1,10 +1,12 @@
 """The planner of one vehicle of a fleet as a process: it commands its own vehicle and talks with its neighbours'.
 
-No other process leads it: what it knows of the others is what their planners say on the topic `formation`.
+No other process leads it: what it knows of the others is what their planners say on the topic `formation`, or what
+the modem of a scenario that has one lets through of it; `formation` is then for those who look on.
 """
 
 import select
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 from hil.autonomy.control import VelocityCommand
 from hil.clock import NS_PER_S, RateKeeper, now_ns, seconds_ns, to_wall_ns
@@ -18,6 +20,9 @@ from hil.topics import TOPICS
 from hil.transport.graph import Node
 from hil.transport.roles import meet
 from hil.transport.session import Publisher, Session
+
+if TYPE_CHECKING:
+    from hil.master.modem_voice import ModemVoice
 
 REPORTS = TOPICS["formation"]
 QUEUE = 8  # reports of one neighbour that may wait for the reader
@@ -41,18 +46,21 @@ def run(scenario: Scenario, which: str, stop_fd: int, say: Say, wait: float = 60
     network = scenario.network
     with meet(me.agent, me.listen, *(other.agent for other in others), network=network) as session:
         began = now_ns()
+        voice = _voice(session, scenario, number, planner, began)
         _listen(session, scenario, me.node, planner, began)
         with VehicleClient(session, me.node, network=network, report=say) as client:
             say(f"{me.node}: planning, heard at {me.agent}")
             if _wait(client, stop_fd, wait):
-                _Agent(scenario, planner, client, session.publisher(me.node, REPORTS), began, say).lead(stop_fd)
+                _Agent(scenario, planner, client, session.publisher(me.node, REPORTS), began, say, voice).lead(stop_fd)
     say(f"reports: {planner.heard} heard, {planner.beyond} from out of range, {planner.malformed} malformed")
 
 
 def _listen(session: Session, scenario: Scenario, own: str, planner: HuntPlanner, began: int) -> None:
-    """Let the planner hear all others, and ROS see who says what to whom."""
+    """Let the planner hear all others, but for those with modems, and ROS see who says what to whom."""
     graph = Node(session, f"{own}_agent")
     graph.publishes(REPORTS, own)
+    if scenario.modem:
+        return
 
     def hears(node: str) -> Callable[[str, bytes, bytes], None]:
         return lambda _topic, payload, _attachment: planner.hear(node, payload, (now_ns() - began) / NS_PER_S)
@@ -61,6 +69,15 @@ def _listen(session: Session, scenario: Scenario, own: str, planner: HuntPlanner
         if member.node != own:
             graph.subscribes(REPORTS, member.node)
             session.subscribe(member.node, REPORTS.name, hears(member.node), QUEUE)
+
+
+def _voice(session: Session, scenario: Scenario, number: int, planner: HuntPlanner, began: int) -> "ModemVoice | None":
+    """Its modem, None without one."""
+    if not scenario.modem:
+        return None
+    from hil.master.modem_voice import ModemVoice  # most fleets talk over the network
+
+    return ModemVoice(session, scenario, number, planner, began)
 
 
 def _wait(client: VehicleClient, stop_fd: int, seconds: float) -> bool:
@@ -88,7 +105,9 @@ class _Agent:
         reports: Publisher,
         began: int,
         say: Say,
+        voice: "ModemVoice | None",
     ) -> None:
+        self._voice = voice
         self._planner = planner
         self._client = client
         self._reports = reports
@@ -104,6 +123,7 @@ class _Agent:
         """Until `stop_fd` becomes readable; then the vehicle is told to stand still."""
         while True:
             due = min(self._commands_due.deadline_ns, self._reports_due.deadline_ns)
+            due = min(due, self._voice.deadline_ns) if self._voice else due
             if select.select((stop_fd,), (), (), max(due - now_ns(), 0) / NS_PER_S)[0]:
                 self._client.command(VelocityCommand())
                 return
@@ -112,6 +132,8 @@ class _Agent:
                 self._command((now - self._began) / NS_PER_S)
             if self._reports_due.due(now) and (report := self._planner.report()):
                 self._reports.put(report, to_wall_ns(now))
+            if self._voice:
+                self._voice.speak()
 
     def _command(self, time: float) -> None:
         odometry = self._client.latest["odom"]

@@ -109,7 +109,6 @@ class Imaging:
             "imaging_pid": str(pid),
             "imaging_restarts": str(self.restarts),
             "imaging_cpu_s": f"{process.cpu_s(pid) if pid else 0.0:.2f}",
-            "imaging_pss_mib": f"{process.pss_mib(pid) if pid else 0.0:.2f}",
         }
         for number, name in enumerate(self._names):
             found |= {

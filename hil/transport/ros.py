@@ -252,6 +252,12 @@ def decoder(topic: str) -> Decoder | None:
     return _DECODERS.get(topic) or _later(topic).DECODERS.get(topic)
 
 
+def introduce(topic: str, encode: Encoder, decode: Decoder) -> None:
+    """Let the samples of a sensor of a user's own go out and come in as its class says (hil.transport.ros_own)."""
+    _ENCODERS[topic] = encode
+    _DECODERS[topic] = decode
+
+
 def _later(topic: str) -> Any:
     """The module that knows the topic: loaded when the vehicle is ready, or never."""
     return import_module(f"hil.transport.{_ELSEWHERE.get(topic, 'ros_sensors')}")
@@ -287,4 +293,5 @@ _ELSEWHERE = {
     **dict.fromkeys(("forward_sonar/image", "side_scan/image"), "ros_images"),
     **dict.fromkeys(("/tf", "/tf_static", "/clock", "thruster_wrench"), "ros_frames"),
     "formation": "ros_formation",
+    **dict.fromkeys(("modem_tx", "modem_rx", "modem_range"), "ros_modem"),
 }

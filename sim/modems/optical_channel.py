@@ -82,4 +82,3 @@ def _heads(pose: Pose) -> list[Vector3]:
 
 def _came(packet: Packet) -> int:
     return packet.received_ns
-

@@ -11,6 +11,10 @@ device = "oculus_m750d"        # values of sim/sensors/devices/oculus_m750d.toml
 
 [sensors.dvl]
 rate = 0                       # none
+
+[sensors.thermometer]
+class = "my_sensors:Thermometer"  # one of the user's own: sim/sensors/own.py
+rate = "2 Hz"
 """
 
 from collections.abc import Iterator, Mapping
@@ -74,10 +78,11 @@ def read_suite(sections: Any, where: str) -> Suite:
     if not isinstance(sections, dict):
         raise ConfigError(f"{where}: expected a table for each sensor, such as [sensors.imu]")
     for name, section in sections.items():
-        if name not in SENSORS:
-            raise ConfigError(f"{where}: no sensor {name!r}{nearest(name, list(SENSORS))}; there are: {_names()}")
         if not isinstance(section, dict):
             raise ConfigError(f"{where}: {name}: expected a table, such as [sensors.{name}]")
+        if name not in SENSORS and "class" not in section:
+            known = f"{nearest(name, list(SENSORS))}; there are: {_names()}"
+            raise ConfigError(f'{where}: no sensor {name!r}{known}; one of your own needs class = "module:Class"')
     names = [*USUAL, *(name for name in sections if name not in USUAL)]
     fitted = {name: _read_sensor(name, sections.get(name, {}), f"{where}: {name}") for name in names}
     return {name: each for name, each in fitted.items() if each.model.rate}
@@ -174,6 +179,10 @@ def _require_numpy(name: str) -> None:
 
 
 def _read_sensor(name: str, section: dict[str, Any], where: str) -> Fitted:
+    if name not in SENSORS:
+        from sim.sensors.own import read_own  # most vehicles have none
+
+        return Fitted(*read_own(name, section, where))
     if "device" in section:
         section = _with_device(name, section, where)
     sensor = _load(name)

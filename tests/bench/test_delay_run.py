@@ -6,8 +6,10 @@ from pathlib import Path
 import pytest
 
 from hil.bench.delay_report import text
-from hil.bench.delay_run import HOPS, Result, first_motion, judge
+from hil.bench.delay_run import HOPS, Result, first_motion, judge, wire_ms
 from hil.cli import main
+from hil.config import load_scenario
+from hil.links.wires.faults import Faults
 from hil.master.delay import DelayMeter
 
 MS = 1_000_000
@@ -129,3 +131,14 @@ def test_what_cannot_be_meant(options: list[str], words: str, capsys: pytest.Cap
     arguments = [f"{options[0]}={options[1]}", *options[2:]]
     assert main(["bench", "delay", *arguments]) == 2
     assert words in capsys.readouterr().err
+
+
+def test_the_time_on_the_line() -> None:
+    """115200 bit/s, ten bits a byte; the answer counts where it has to be heard."""
+    scenario = load_scenario("paper_field")
+    paced = scenario._replace(link=scenario.link._replace(faults=Faults(baud=115_200)))
+    assert wire_ms(scenario, {"link_port": "/dev/pts/0"}) == 0.0
+    command = wire_ms(paced, {})
+    assert command == pytest.approx(22 * 10 / 115.2)
+    assert wire_ms(scenario, {"link_port": "/dev/ttyUSB0"}) == command
+    assert wire_ms(paced._replace(stm32="native"), {}) > 2 * command

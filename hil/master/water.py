@@ -1,0 +1,81 @@
+"""The water between the modems of a fleet, on the network: it knows where all vehicles truly are, which none of them
+does, and lets each hear on `modem_rx` what reaches it of what the others give to `modem_tx`, when it does.
+"""
+
+import threading
+from collections import Counter
+
+from hil.clock import now_ns, to_wall_ns
+from hil.config import Scenario
+from hil.modem import open_channel
+from hil.topics import TOPICS
+from hil.transport import ros
+from hil.transport.ros_modem import Message, decode_message, encode_message, encode_range
+from hil.transport.session import Session
+from sim.modems.acoustic import Packet
+from sim.modems.optical_channel import Pose
+
+TICK_S = 0.005  # how exactly a message is handed over in time
+QUEUE = 16
+REACH_M = 1e4  # what a distance is said to be below
+
+
+class Water:
+    """From now on until the session is closed. Raises ConfigError.
+
+    Who has not been seen yet neither hears nor is heard. `counts` are those of the channel (sim/modems), and
+    malformed; `ranges` the last measured distance (m) from a vehicle to another.
+    """
+
+    def __init__(self, session: Session, scenario: Scenario) -> None:
+        self.ranges: dict[tuple[str, str], float] = {}
+        self._channel = open_channel(scenario)
+        self._lock = threading.Lock()
+        self._poses: dict[str, Pose] = {}
+        nodes = [member.node for member in scenario.member]
+        self._heard = {node: session.publisher(node, TOPICS["modem_rx"]) for node in nodes}
+        self._measured = {node: session.publisher(node, TOPICS["modem_range"]) for node in nodes}
+        for node in nodes:
+            self._attend(session, node)
+        session.every(TICK_S, self._deliver, "water")
+
+    @property
+    def counts(self) -> Counter[str]:
+        """What became of all messages so far."""
+        with self._lock:
+            return Counter(self._channel.counts)
+
+    def _attend(self, session: Session, node: str) -> None:
+        def see(_topic: str, payload: bytes, _attachment: bytes) -> None:
+            truth = ros.decode_odometry(payload)
+            if truth is not None:
+                self._poses[node] = Pose(truth.position, truth.orientation)
+
+        def send(_topic: str, payload: bytes, _attachment: bytes) -> None:
+            message = decode_message(payload)
+            with self._lock:
+                if message is None:
+                    self._channel.counts["malformed"] += 1
+                elif node in self._poses:
+                    self._channel.send(now_ns(), node, message.payload, dict(self._poses))
+
+        session.subscribe(node, "ground_truth", see, 1)
+        session.subscribe(node, "modem_tx", send, QUEUE)
+
+    def _deliver(self) -> None:
+        with self._lock:
+            packets = self._channel.receive(now_ns())
+        for packet in packets:
+            self._hand_over(packet)
+
+    def _hand_over(self, packet: Packet) -> None:
+        now = to_wall_ns(now_ns())
+        self._heard[packet.receiver].put(encode_message(Message(packet.sender, packet.payload)), now)
+        if packet.distance == packet.distance:  # light tells none
+            self.ranges[packet.receiver, packet.sender] = packet.distance
+            self._measured[packet.receiver].put(encode_range(now, packet.sender, packet.distance, REACH_M), now)
+
+
+def summary(counts: Counter[str]) -> str:
+    """The counts in a line."""
+    return ", ".join(f"{number} {fate.replace('_', ' ')}" for fate, number in counts.items()) or "nothing sent"

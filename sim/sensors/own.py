@@ -1,0 +1,108 @@
+"""A sensor of a user's own: a class named in the scenario, beside the keys that every sensor has and its arguments.
+
+    [sensors.thermometer]
+    class = "my_sensors:Thermometer"
+    rate = "2 Hz"
+    position = [0.3, 0.0, 0.1]
+    surface = 18.0
+
+Its samples go out on the topic of the section's name, in ROS messages of the type that the class says.
+"""
+
+from collections.abc import Mapping
+from random import Random
+from typing import Annotated, Any, NamedTuple, Protocol
+
+from hil.errors import ConfigError
+from hil.plugins import load_class
+from hil.schema import Range, parse
+from sim.dynamics import State
+from sim.sensors.error import sensor_random
+from sim.sensors.mounting import Mounting
+from sim.sensors.samples import Scene
+
+Values = Mapping[str, Any]
+
+
+class OwnSensor(Protocol):
+    """What the class has to have besides `message`, the ROS type of what it sends: "sensor_msgs/msg/Temperature".
+
+    An object is made for each simulation. It must depend on nothing but what it is given, or a run cannot be
+    repeated: all chance comes from `random`.
+    """
+
+    message: str
+
+    def begin(self, scene: Scene, mounting: Mounting, random: Random) -> None:
+        """A simulation begins: what there is to look at, how the sensor sits, and its own random numbers."""
+
+    def sample(self, time_ns: int, state: State) -> Values | None:
+        """The measurement at `time_ns` of simulation time; None if there is none.
+
+        `state.position` is NED in m, `state.quaternion` body to world, `state.nu` m/s and rad/s in FRD. Given back are
+        the fields of the message that are not 0, in ROS's units and frames: {"temperature": 17.5}. A header that is
+        left out is filled in.
+        """
+
+
+class OwnSample(NamedTuple):
+    """The fields of one message, and when it was measured."""
+
+    time_ns: int
+    values: Values
+
+
+class OwnModel(NamedTuple):
+    """The keys that such a section has but for those of the class, which are in `table` with the class's name."""
+
+    rate: Annotated[float, Range(0.0, 1000.0, "Hz")]
+    table: Mapping[str, Any] = {}
+    where: str = ""
+
+
+class OwnKind:
+    """In place of a sensor's class: makes one that goes out as `topic`, in messages of the type `message`."""
+
+    heavy = False
+    Model = OwnModel
+
+    def __init__(self, topic: str, message: str) -> None:
+        self.topic = topic
+        self.message = message
+
+    def __call__(self, model: OwnModel, mounting: Mounting, seed: int, scene: Scene) -> "_Fitted":
+        made = _make(model.table, model.where)
+        made.begin(scene, mounting, sensor_random(seed, self.topic))
+        return _Fitted(made)
+
+
+class _Fitted:
+    """One as the schedule asks it."""
+
+    def __init__(self, made: OwnSensor) -> None:
+        self._made = made
+
+    def sample(self, time_ns: int, state: State) -> OwnSample | None:
+        """The values with their time."""
+        values = self._made.sample(time_ns, state)
+        return None if values is None else OwnSample(time_ns, values)
+
+
+def read_own(name: str, section: Mapping[str, Any], where: str) -> tuple[OwnKind, OwnModel, Mounting]:
+    """Such a section: what makes the sensor, its keys, and how it sits. Raises ConfigError."""
+    if not name.isidentifier() or not name.isascii():
+        raise ConfigError(f"{where}: a sensor's name becomes a topic's: letters, digits and _, no digit first")
+    sits = {key: value for key, value in section.items() if key in Mounting._fields}
+    rest = {key: value for key, value in section.items() if key not in (*Mounting._fields, "rate")}
+    if "rate" not in section:
+        raise ConfigError(f"{where}: key 'rate' is missing")
+    rate = parse({"rate": section["rate"]}, OwnModel, where).rate
+    message = getattr(_make(rest, where), "message", None)
+    if not isinstance(message, str):
+        raise ConfigError(f'{where}: {rest["class"]} does not say its `message`, such as "std_msgs/msg/Float64"')
+    return OwnKind(name, message), OwnModel(rate, rest, where), parse(sits, Mounting, where)
+
+
+def _make(table: Mapping[str, Any], where: str) -> OwnSensor:
+    made: OwnSensor = load_class(dict(table), OwnSensor, where)
+    return made
