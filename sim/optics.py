@@ -27,7 +27,8 @@ from hil.tables import read_table
 Rgb = tuple[float, float, float]
 
 # What a camera's red, green and blue see: Gaussians of these middles and standard deviations (nm). Our choice, near the
-# mean of the 28 cameras of Jiang et al. 2013 (What is the Space of Spectral Sensitivity Functions, WACV).
+# mean of the 28 cameras of Jiang et al. 2013 (What is the Space of Spectral Sensitivity Functions, WACV), each channel
+# on its peak: Gaussians fitted to those means of its table, camspec_database.txt, have (608, 31), (534, 40), (465, 34).
 _SENSITIVITY = {"red": (600.0, 30.0), "green": (535.0, 35.0), "blue": (460.0, 28.0)}
 # The veil's radiance over that of a white, level, matt surface in the same light: light comes from all sides at once,
 # 1.25 times what falls on the surface (a mean cosine of 0.8), and goes evenly to all sides: 1.25 / 4 pi against 1 / pi.
@@ -102,7 +103,8 @@ def jerlov(water: str, depth: float = 5.0, distance: float | None = None, forwar
     exp(-K_d depth) and the veil b E / c, each channel is the mean over what it is sensitive to, of a grey scene; the
     two coefficients are those at `distance` m, by default where c distance is 1 in the green. `forward` is the share of
     scattered light that goes on so nearly straight that it still belongs to the scene, and counts as not scattered:
-    about half goes on within some 5 degrees (Petzold 1972, SIO Ref. 72-78); 0 is the paper's. Absorption is that of
+    half goes on within 5 degrees (0.52, integrated from Petzold's mean particle, Mobley 1994, Light and
+    Water, table 3.10); 0 is the paper's. Absorption is that of
     pure water plus what the type has more of in the three bands, linear between them; scattering goes by a power of the
     wavelength between the bands. The numbers and their sources are in sim/data/jerlov.toml; "clear" is no water at all.
     Raises ConfigError for an unknown type.

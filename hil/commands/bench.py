@@ -1,5 +1,6 @@
 """`uuv-hil bench`: what a board, a link or a network can do."""
 
+import signal
 import sys
 from collections.abc import Callable
 from importlib import import_module
@@ -27,6 +28,7 @@ def main(arguments: list[str]) -> int:
     if name not in BENCHMARKS:
         print(f"uuv-hil bench: no benchmark {name!r}; there are: {', '.join(BENCHMARKS)}", file=sys.stderr)
         return 2
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # so that it too ends the processes that were started
     run: Callable[[list[str]], int] = import_module(BENCHMARKS[name][0]).main
     return run(arguments[1:])
 

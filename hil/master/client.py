@@ -183,12 +183,14 @@ class VehicleClient:
     def _deliver(self, topic: str, payload: bytes, attachment: bytes) -> None:
         received_ns = now_ns()
         decode = ros.decoder(topic)
-        value = decode(payload) if decode else None
+        if decode is None:  # that of a sensor of a user's own, whose scenario was not read here
+            return
+        value = decode(payload)
         stamp = ros.unpack_attachment(attachment)
         if value is None or stamp is None:
             self.malformed += 1
             return
-        self.received[topic] += 1
+        self.received[topic] = self.received.get(topic, 0) + 1
         if topic == "trace":
             self.delays.add(value, stamp.time_ns, to_wall_ns(received_ns))
             return

@@ -1,4 +1,4 @@
-"""Sensors of a user's own on the network: their topics, and their messages, by definition (hil.transport.ros_message)."""
+"""Sensors of a user's own on the network: their topics, and their messages, made by definition."""
 
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any

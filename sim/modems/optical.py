@@ -12,9 +12,11 @@ class OpticalModem(NamedTuple):
     """A lamp and an eye on the same axis.
 
     `bit_rate` bit/s; `half_angle` (rad) at which the lamp has half its intensity, `view` (rad) the half angle of what
-    the eye sees; `attenuation` 1/m of the water (beam attenuation: 0.056 pure sea, 0.15 clear ocean, 0.4 coast, 2.2
-    harbour: Petzold's waters in Mobley, Light and Water, 1994). `reach` (m) is how far it gets in clear ocean water
-    head on, where one packet in two of 128 bytes is whole. Rates and angles are in the middle of what makers offer.
+    the eye sees; `attenuation` 1/m of the water (beam attenuation: 0.15 clear ocean, 0.4 coast, 2.2 harbour are
+    Petzold's stations AUTEC 8, HAOCE 11 and NUC 2040, SIO Ref. 72-78, 1972, read in github.com/tishibashi-cpu/jerlov;
+    0.056 for pure sea water is commonly given; not read in a source). `reach` (m) is how far it gets in clear ocean
+    water head on, where one packet in two of 128 bytes is whole. Rates and angles are in the middle of what makers
+    offer.
     """
 
     bit_rate: Annotated[float, Range(1.0, 1e9)] = 1e6

@@ -11,9 +11,11 @@ _NEAR = 1.0  # m: what a source level refers to; nearer than that nothing is los
 
 
 def thorp_absorption(frequency: float) -> float:
-    """dB/m at a frequency (Hz): Thorp's formula (J. Acoust. Soc. Am. 42, 1967), as Berkhovskikh & Lysanov print it.
+    """dB/m at a frequency (Hz): Thorp's formula (J. Acoust. Soc. Am. 42, 1967), as Brekhovskikh & Lysanov print it.
 
-    Sea water of about 4 °C, 100 Hz to 50 kHz; above that it is used for want of a simple one that is better.
+    The constants were read in ns-3 (uan-prop-model-thorp.cc), which takes them from 400 Hz on. Sea water of about 4 °C,
+    up to some 50 kHz (commonly given; not read in a source); above that it is used for want of a simple one that is
+    better.
     """
     f2 = (frequency / 1000.0) ** 2
     return (0.11 * f2 / (1.0 + f2) + 44.0 * f2 / (4100.0 + f2) + 2.75e-4 * f2 + 0.003) / 1000.0
@@ -29,7 +31,7 @@ def ambient_noise(frequency: float, wind: float, shipping: float) -> float:
     """The sea's spectral level at a frequency (Hz) under `wind` (m/s) and `shipping` (0 none to 1 much).
 
     Turbulence, ships, waves and heat after Wenz (J. Acoust. Soc. Am. 34, 1962), in the formulas of Coates (1990) that
-    Stojanovic (WUWNet 2006) made usual.
+    Stojanovic (WUWNet 2006) made usual; the constants were read in ns-3 (uan-noise-model-default.cc).
     """
     f = frequency / 1000.0
     parts = (

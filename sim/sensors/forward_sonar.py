@@ -32,9 +32,9 @@ class ForwardSonarModel(NamedTuple):
     is brighter; `tvg` is the share of the losses by range that the device makes good (1: all). With `ground_truth` it
     is the mean intensity, echo / source, without noise, speckle and error.
 
-    Defaults: Blueprint Subsea Oculus M750d at 750 kHz (data sheet: 130 x 20 deg, 512 beams 0.25 deg apart of 1 deg,
-    0.1 to 120 m, 40 Hz at most), set to 50 m and bins of 10 cm; levels, looks and the picture are our choice.
-    Seabed: Mackenzie 1961; objects 7 dB more, our choice. Scale: a speed of sound 7 m/s off.
+    Defaults: Blueprint Subsea Oculus M750d at 750 kHz (130 x 20 deg, 512 beams of 1 deg, 0.1 to 120 m, 40 Hz at most;
+    sources in sim/sensors/devices/oculus_m750d.toml), set to 50 m and bins of 10 cm; levels, looks and the picture are
+    our choice. Seabed: Mackenzie 1961; objects 7 dB more, our choice. Scale: a speed of sound 7 m/s off.
     """
 
     rate: Annotated[float, Range(0.0, 100.0, "Hz")] = 5.0

@@ -71,6 +71,7 @@ class OwnKind:
         self.message = message
 
     def __call__(self, model: OwnModel, mounting: Mounting, seed: int, scene: Scene) -> "_Fitted":
+        """The sensor of one simulation."""
         made = _make(model.table, model.where)
         made.begin(scene, mounting, sensor_random(seed, self.topic))
         return _Fitted(made)
@@ -88,8 +89,8 @@ class _Fitted:
         return None if values is None else OwnSample(time_ns, values)
 
 
-def read_own(name: str, section: Mapping[str, Any], where: str) -> tuple[OwnKind, OwnModel, Mounting]:
-    """Such a section: what makes the sensor, its keys, and how it sits. Raises ConfigError."""
+def read_own(name: str, section: Mapping[str, Any], where: str) -> tuple[Any, OwnModel, Mounting]:
+    """Such a section: an OwnKind that makes the sensor, its keys, and how it sits. Raises ConfigError."""
     if not name.isidentifier() or not name.isascii():
         raise ConfigError(f"{where}: a sensor's name becomes a topic's: letters, digits and _, no digit first")
     sits = {key: value for key, value in section.items() if key in Mounting._fields}

@@ -24,8 +24,9 @@ class SideScanModel(NamedTuple):
     `depression` rad down from the horizontal. `slices` x `rays` a side stand for it. The other keys are those of
     sim.sensors.forward_sonar.ForwardSonarModel.
 
-    Defaults: StarFish 450 (data sheet: 450 kHz, 100 m a side, transducers 30 deg down, beams of 0.8 x 60 deg); one ping
-    needs 133 ms for 100 m there and back. Levels, looks, bins and the picture are our choice.
+    Defaults: StarFish 450 (its maker: 450 kHz, transducers 30 deg down, beams 60 deg high; 0.8 deg and 100 m a side are
+    commonly given; not read in a source); one ping needs 133 ms for 100 m there and back. Levels, looks, bins and the
+    picture are our choice.
     """
 
     rate: Annotated[float, Range(0.0, 100.0, "Hz")] = 5.0

@@ -1,6 +1,8 @@
 """`bench jitter`, `load`, `stream` and `soak`: their arithmetic exactly, each once against a real slave, bad input."""
 
 import os
+import signal
+import subprocess
 from math import isnan
 from pathlib import Path
 from random import Random
@@ -16,6 +18,7 @@ from hil.bench.record import load
 from hil.bench.soak_run import trend
 from hil.cli import main
 from hil.clock import RateKeeper
+from tests.processes import Program, wait_for
 
 CYCLICTEST = """# /dev/cpu_dma_latency set to 0us
 # Histogram
@@ -159,3 +162,15 @@ def test_a_master_that_comes_after_another_is_not_refused() -> None:
 def test_bad_input_is_named(words: list[str], text: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["bench", *words]) not in (0, 1)
     assert text in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_what_was_started(number: int, tmp_path: Path) -> None:
+    with Program(tmp_path, "bench", "stream", "--seconds", "60", environment={"TMPDIR": str(tmp_path)}) as program:
+        assert wait_for(lambda: list(tmp_path.glob("uuv-hil-bench-*/slave-*.log")), 15)
+        (log,) = tmp_path.glob("uuv-hil-bench-*/slave-*.log")
+        assert wait_for(lambda: "ready" in log.read_text(), 15)
+        assert program.stop(number) == 130
+    left = subprocess.run(["pgrep", "-f", str(tmp_path)], capture_output=True, text=True)
+    assert left.stdout == ""
+    assert not list(tmp_path.glob("uuv-hil-bench-*"))

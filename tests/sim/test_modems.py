@@ -7,9 +7,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sim.modems.acoustic import NS, AcousticChannel, AcousticModem, Packet
-from sim.modems.optical import OpticalModem, bit_error, packet_arrives
+from sim.modems.optical import OpticalModem, bit_error, packet_arrives, quality
+from sim.modems.optical_channel import OpticalChannel, Pose
 from sim.modems.sound import ambient_noise, paths, thorp_absorption, transmission_loss
 from sim.ocean import Profile
+from sim.rotations import from_euler
 from sim.sensors.error import ErrorModel
 from sim.water import WaterColumn
 
@@ -206,3 +208,45 @@ def test_murky_water_swallows_light() -> None:
     assert bit_error(clear, (0.0, 0.0, 0.0), AHEAD, (10.0, 0.0, 0.0), BACK) < 1e-12
     assert bit_error(harbour, (0.0, 0.0, 0.0), AHEAD, (10.0, 0.0, 0.0), BACK) == pytest.approx(0.5, abs=0.01)
     assert OpticalModem(half_angle=pi / 3).half_angle == pytest.approx(pi / 3)
+
+
+LEVEL = from_euler(0.0, 0.0, 0.0)
+
+
+def seen(distance: float, heading: float = 0.0, count: int = 1) -> OpticalChannel:
+    """What became of `count` messages over that distance, in clear ocean water."""
+    channel = OpticalChannel(OpticalModem(), seed=2)
+    places = {"a": Pose((0.0, 0.0, 5.0), LEVEL), "b": Pose((distance, 0.0, 5.0), from_euler(0.0, 0.0, heading))}
+    for number in range(count):
+        assert channel.send(number * NS, "a", bytes(128), places) == number * NS + 1_024_000
+        packets = channel.receive(number * NS + 1_023_999)
+        assert packets == []
+        assert len(channel.receive(number * NS + 1_024_000)) <= 1
+    return channel
+
+
+def test_light_between_vehicles_goes_as_far_as_the_modem_reaches() -> None:
+    assert seen(15.0).counts == {"sent": 1, "delivered": 1}
+    assert seen(200.0).counts == {"sent": 1, "unheard": 1}
+    counts = seen(20.0, count=1000).counts  # where one packet in two is whole
+    assert counts["delivered"] / 1000 == pytest.approx(0.5, abs=0.06)
+    assert counts["delivered"] + counts["damaged"] == 1000
+
+
+def test_four_heads_see_all_round_and_worst_between_them() -> None:
+    for quarter in range(4):
+        assert seen(19.0, quarter * pi / 2.0, 50).counts["delivered"] > 45
+    assert seen(19.0, pi / 4.0, 50).counts["delivered"] < 15
+
+
+def test_light_is_half_duplex_too_and_tells_how_well_it_is_seen() -> None:
+    places = {name: Pose((float(north), 0.0, 5.0), LEVEL) for name, north in (("a", 0), ("b", 12))}
+    channel = OpticalChannel(OpticalModem(), seed=2)
+    assert channel.send(0, "a", bytes(16), places)
+    assert channel.send(1, "a", bytes(16), places) == 0
+    assert channel.counts["busy"] == 1
+    (packet,) = channel.receive(NS)
+    assert (packet.sender, packet.receiver, packet.sent_ns) == ("a", "b", 0)
+    errors = bit_error(OpticalModem(), (0.0, 0.0, 5.0), AHEAD, (12.0, 0.0, 5.0), BACK)
+    assert packet.snr == pytest.approx(20.0 * log10(quality(errors)))
+    assert 0.5 * exp(-0.5 * quality(errors) ** 2) == pytest.approx(errors)
