@@ -103,10 +103,10 @@ def jerlov(water: str, depth: float = 5.0, distance: float | None = None, forwar
     exp(-K_d depth) and the veil b E / c, each channel is the mean over what it is sensitive to, of a grey scene; the
     two coefficients are those at `distance` m, by default where c distance is 1 in the green. `forward` is the share of
     scattered light that goes on so nearly straight that it still belongs to the scene, and counts as not scattered:
-    half goes on within 5 degrees (0.52, integrated from Petzold's mean particle, Mobley 1994, Light and
-    Water, table 3.10); 0 is the paper's. Absorption is that of
-    pure water plus what the type has more of in the three bands, linear between them; scattering goes by a power of the
-    wavelength between the bands. The numbers and their sources are in sim/data/jerlov.toml; "clear" is no water at all.
+    half goes on within 5 degrees (0.52, integrated from Petzold's mean particle, Mobley 1994, Light and Water, table
+    3.10); 0 is the paper's. Absorption is that of pure water plus what the type has more of in the three bands, linear
+    between them; scattering goes by a power of the wavelength between the bands. The numbers and their sources are in
+    sim/data/jerlov.toml; "clear" is no water at all.
     Raises ConfigError for an unknown type.
     """
     if water == "clear":
