@@ -27,6 +27,18 @@ if TYPE_CHECKING:
     from sim.forces import Force
 
 SCENARIOS = "hil/scenarios"
+# Sections that most runs do without -> what reads them: a record, a class that theirs follow, or a function.
+LAZY = {
+    "failure": "sim.failures:Failure",
+    "force": "sim.forces:Force",
+    "release": "sim.ballast:Release",
+    "member": "hil.fleet:read_members",
+    "hunting": "hil.fleet:Hunting",
+    "modem": "hil.modem:read_modem",
+    "security": "hil.transport.security:Security",
+    "link.faults": "hil.links.wires.faults:Faults",
+}
+MANY = ("failure", "force", "release", "member")  # each of them a [[table]]
 FEEDBACK = ("imu", "odometry", "pressure")  # what the builtin controller lives on
 VECTOR_M = tuple[Annotated[float, Range(-1e5, 1e5, "m")], Annotated[float, Range(-1e5, 1e5, "m")]]
 
@@ -242,12 +254,12 @@ def load_scenario(name: str, changes: dict[str, Any] | None = None) -> Scenario:
         _change(table, key, value, path)
     if "path" in table:
         raise ConfigError(f"{path}: no key 'path'")
-    sensors, failures, forces = table.pop("sensors", {}), table.pop("failure", []), table.pop("force", [])
-    releases, security = table.pop("release", []), table.pop("security", None)
+    sensors = table.pop("sensors", {})
     planner = _planner(table.pop("planner", {}), f"{path}: planner")
-    members, hunting, modem = table.pop("member", []), table.pop("hunting", None), table.pop("modem", None)
     link = table["link"] = dict(table.get("link", {}))
-    options, faults = link.pop("options", {}), link.pop("faults", None)
+    options = link.pop("options", {})
+    lazy = {name: _read(name, table.pop(name), path) for name in LAZY if name in table}
+    faults = _read("link.faults", link.pop("faults"), path) if "faults" in link else None
     scenario = parse(table, Scenario, path)
     folder = os.path.dirname(path)
     scenario = scenario._replace(
@@ -257,15 +269,11 @@ def load_scenario(name: str, changes: dict[str, Any] | None = None) -> Scenario:
         master=scenario.master._replace(map=_relative(scenario.master.map, folder, ".yaml")),
         planner=planner,
         sensors=read_suite(sensors, f"{path}: sensors"),
-        failure=_failures(failures, f"{path}: failure"),
-        force=_forces(forces, f"{path}: force"),
-        release=_releases(releases, f"{path}: release"),
-        member=_members(members, f"{path}: member"),
-        hunting=_hunting(hunting, f"{path}: hunting"),
-        modem=_modem(modem, f"{path}: modem"),
-        security=_security(security, f"{path}: security", folder),
-        link=scenario.link._replace(options=options, faults=_faults(faults, f"{path}: link.faults")),
+        link=scenario.link._replace(options=options, faults=faults),
+        **lazy,
     )
+    if scenario.security:
+        scenario = scenario._replace(security=scenario.security.beside(folder))
     if any("class" in section for section in sensors.values()):
         from hil.transport.ros_own import announce  # most vehicles have no sensor of a user's own
 
@@ -285,89 +293,33 @@ def with_port(scenario: Scenario, port: str) -> Scenario:
     return changed
 
 
-def _failures(tables: Any, where: str) -> "tuple[Failure, ...]":
-    rows = _rows(tables, where)
-    if not rows:
-        return ()
-    from sim.failures import Failure  # most runs do without, and start sooner
-
-    return tuple([parse(row, Failure, f"{where}[{i}]") for i, row in enumerate(rows)])
-
-
-def _faults(table: Any, where: str) -> "Faults | None":
-    if table is None:
-        return None
-    if not isinstance(table, dict):
-        raise ConfigError(f"{where}: expected a table")
-    from hil.links.wires.faults import Faults
-
-    return parse(table, Faults, where)
-
-
-def _security(table: Any, where: str, folder: str) -> "Security | None":
-    if table is None:
-        return None
-    if not isinstance(table, dict):
-        raise ConfigError(f"{where}: expected a table")
-    from hil.transport.security import Security
-
-    return parse(table, Security, where).beside(folder)
-
-
 def _planner(table: Any, where: str) -> dict[str, Any]:
     if not isinstance(table, dict) or ("class" not in table and table):
         raise ConfigError(f'{where}: expected a table with class = "module:Class" and the keys of that class')
     return table
 
 
-def _releases(tables: Any, where: str) -> "tuple[Release, ...]":
-    rows = _rows(tables, where)
-    if not rows:
-        return ()
-    from sim.ballast import Release  # most runs do without
+def _read(section: str, value: Any, path: str) -> Any:
+    """A section of LAZY. Its module is loaded now, and a start without it is sooner."""
+    where = f"{path}: {section}"
+    if section in MANY:
+        if not isinstance(value, list) or not all(isinstance(row, dict) for row in value):
+            raise ConfigError(f"{where}: expected tables, each under [[{section}]]")
+    elif not isinstance(value, dict):
+        raise ConfigError(f"{where}: expected a table")
+    from importlib import import_module
 
-    return tuple([parse(row, Release, f"{where}[{i}]") for i, row in enumerate(rows)])
+    module, _, name = LAZY[section].partition(":")
+    reader = getattr(import_module(module), name)
+    if not isinstance(reader, type):
+        return reader(value, where)
+    if section == "force":
+        from hil.plugins import load_class
 
-
-def _forces(tables: Any, where: str) -> "tuple[Force, ...]":
-    rows = _rows(tables, where)
-    if not rows:
-        return ()
-    from hil.plugins import load_class  # most runs do without
-    from sim.forces import Force
-
-    return tuple([load_class(row, Force, f"{where}[{i}]") for i, row in enumerate(rows)])
-
-
-def _members(tables: Any, where: str) -> "tuple[Member, ...]":
-    rows = _rows(tables, where)
-    if not rows:
-        return ()
-    from hil.fleet import read_members  # most runs are of one vehicle
-
-    return read_members(rows, where)
-
-
-def _hunting(table: Any, where: str) -> "Hunting | None":
-    if table is None:
-        return None
-    from hil.fleet import read_hunting
-
-    return read_hunting(table, where)
-
-
-def _modem(table: Any, where: str) -> "Modem | None":
-    if table is None:
-        return None
-    from hil.modem import read_modem  # most fleets talk over the network
-
-    return read_modem(table, where)
-
-
-def _rows(tables: Any, where: str) -> list[dict[str, Any]]:
-    if not isinstance(tables, list) or not all(isinstance(row, dict) for row in tables):
-        raise ConfigError(f"{where}: expected tables, each under [[{where.rpartition(' ')[2]}]]")
-    return tables
+        return tuple([load_class(row, reader, f"{where}[{i}]") for i, row in enumerate(value)])
+    if section in MANY:
+        return tuple([parse(row, reader, f"{where}[{i}]") for i, row in enumerate(value)])
+    return parse(value, reader, where)
 
 
 def _change(table: dict[str, Any], key: str, value: Any, path: str) -> None:

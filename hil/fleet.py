@@ -71,13 +71,6 @@ def read_members(tables: list[dict[str, Any]], where: str) -> tuple[Member, ...]
     return members
 
 
-def read_hunting(table: Any, where: str) -> Hunting:
-    """The [hunting] table of a scenario. Raises ConfigError."""
-    if not isinstance(table, dict):
-        raise ConfigError(f"{where}: expected a table")
-    return parse(table, Hunting, where)
-
-
 def member_number(scenario: Scenario, which: str) -> int:
     """The place among the members of the one called `which`, by its node or its number from 1. Raises ConfigError."""
     nodes = [member.node for member in scenario.member]

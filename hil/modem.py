@@ -40,10 +40,8 @@ class Modem(NamedTuple):
     model: AcousticModem | OpticalModem = AcousticModem()  # read by read_modem
 
 
-def read_modem(table: Any, where: str) -> Modem:
+def read_modem(table: dict[str, Any], where: str) -> Modem:
     """The [modem] table of a scenario. Raises ConfigError."""
-    if not isinstance(table, dict):
-        raise ConfigError(f"{where}: expected a table")
     modem = parse({key: value for key, value in table.items() if key in ("kind", "slot")}, Modem, where)
     own = {key: value for key, value in table.items() if key not in ("kind", "slot")}
     return modem._replace(model=parse(own, _MODELS[modem.kind], where))

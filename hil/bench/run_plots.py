@@ -101,6 +101,8 @@ def _draw_world(axes: Any, run: Run) -> None:
     for box in world.box:
         axes.add_patch(Polygon(_corners(box), color=OBSTACLE, zorder=1))
     goal = run.scenario.master.goal
+    if goal is None:
+        return
     axes.plot(goal[1], goal[0], "*", color="#15803d", markersize=15, linestyle="none", label="goal")
 
 

@@ -93,9 +93,8 @@ def _judge(found: Soak, leak: float) -> list[str]:
 
 def _judge_returns(returns: list[float | None]) -> list[str]:
     there = [seconds for seconds in returns if seconds is not None]
-    print(
-        f"the master came {len(there)} of {len(returns)} times; first sample after {max(there, default=0.0):.3f} s at most"
-    )
+    slowest = max(there, default=0.0)
+    print(f"the master came {len(there)} of {len(returns)} times; first sample after {slowest:.3f} s at most")
     bad = [f"{len(returns) - len(there)} times the vehicle did not answer"] if len(there) < len(returns) else []
     return bad + ([f"a return took {max(there):.1f} s"] if there and max(there) > LATE_S else [])
 

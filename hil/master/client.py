@@ -81,7 +81,7 @@ class VehicleClient:
         self._rank = rank
         self._certificate = security.name("master") if security else ""
         self._named_other = 0  # diagnostics in a row
-        self.in_doubt = False  # what it said before we came named another master, who may have left since
+        self._named_before = False  # by the last diagnostics before we came
         self._owns_session = isinstance(where, str)
         self._session = dial(where, network=network, security=security) if isinstance(where, str) else where
         self.endpoint = self._session.name
@@ -163,6 +163,11 @@ class VehicleClient:
         stamped = self.latest.get("diagnostics")
         return stamped.value if stamped else {}
 
+    @property
+    def in_doubt(self) -> bool:
+        """Whether it has named another master, who may have left since: its next diagnostics tell."""
+        return not self._rank and (self._named_before or 0 < self._named_other < HOLDS_ON)
+
     def refusal(self) -> str:
         """Why the vehicle does not obey us, and the remedy; "" while nothing says so."""
         values = self.diagnostics()
@@ -172,8 +177,7 @@ class VehicleClient:
                 f"{self.node} obeys {', '.join(may_command)} only, and the certificate of this machine says "
                 f"{self._certificate!r}: add it to may_command in the [security] section of the slave's scenario"
             )
-        patience = HOLDS_ON if self.has_commanded or self._rank else 1
-        if self._named_other >= patience and (self.has_commanded or not self._rank):
+        if self._named_other >= HOLDS_ON and (self.has_commanded or not self._rank):
             return (
                 f"{self.node} obeys another master, {values.get('commander') or 'a stranger'}; end that one first, "
                 "or take over with --take-over (in Python take_over=True)"
@@ -207,7 +211,7 @@ class VehicleClient:
         self.contact.same_clock = diagnostics.get("boot_id") == boot_id()
         other = diagnostics.get("commanded_by", "") not in ("", self._commands.gid.hex())
         self._named_other = self._named_other + 1 if other else 0
-        self.in_doubt = False
+        self._named_before = False
 
     def _fetch_last(self) -> None:
         """The last state of a vehicle that has just come, so that slow topics need not be waited for."""
@@ -218,4 +222,4 @@ class VehicleClient:
         if topic not in self.latest and topic != "trace":
             self._deliver(topic, payload, attachment)
             if topic == "diagnostics" and self._named_other:
-                self._named_other, self.in_doubt = 0, True
+                self._named_other, self._named_before = 0, True

@@ -10,6 +10,7 @@ from hil.config import Scenario
 from hil.modem import open_channel
 from hil.topics import TOPICS
 from hil.transport import ros
+from hil.transport.graph import Node
 from hil.transport.ros_modem import Message, decode_message, encode_message, encode_range
 from hil.transport.session import Session
 from sim.modems.acoustic import Packet
@@ -35,8 +36,12 @@ class Water:
         nodes = [member.node for member in scenario.member]
         self._heard = {node: session.publisher(node, TOPICS["modem_rx"]) for node in nodes}
         self._measured = {node: session.publisher(node, TOPICS["modem_range"]) for node in nodes}
+        graph = Node(session, "water")
         for node in nodes:
             self._attend(session, node)
+            for topic in ("modem_rx", "modem_range"):
+                graph.publishes(TOPICS[topic], node)
+            graph.subscribes(TOPICS["modem_tx"], node)
         session.every(TICK_S, self._deliver, "water")
 
     @property

@@ -289,5 +289,5 @@ def test_a_law_of_the_users_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
         make_controller("my_bang_law:Bang", {"options": {"farce": 7.0}}, Gains(), HEAVY, "v.toml: control")
     for force in (float("nan"), "much"):
         law = make_controller("my_bang_law:Bang", {"options": {"force": force}}, Gains(), HEAVY, "v.toml: control")
-        with pytest.raises(ConfigError, match="my_bang_law:Bang: update gave .* six finite numbers"):
+        with pytest.raises(ConfigError, match=r"my_bang_law:Bang: update gave .* six finite numbers"):
             law.update(VelocityCommand(surge=0.5), AT_REST, DT)

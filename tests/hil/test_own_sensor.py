@@ -7,12 +7,14 @@ import struct
 import subprocess
 import sys
 import tomllib
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from hil.config import build_simulation, load_scenario
 from hil.errors import ConfigError
+from hil.topics import TOPICS
 from hil.transport import ros
 from hil.transport.recording_reader import read_messages
 from sim.sensors.own import OwnSample
@@ -45,6 +47,14 @@ def from_readme(language: str) -> str:
     found = re.search(rf"```{language}\n(.*?)```", section, re.DOTALL)
     assert found, f"the README shows no {language} there"
     return found[1]
+
+
+@pytest.fixture(autouse=True)
+def topics_as_before() -> Iterator[None]:
+    before = dict(TOPICS)
+    yield
+    TOPICS.clear()
+    TOPICS.update(before)
 
 
 @pytest.fixture

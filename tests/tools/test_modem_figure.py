@@ -1,10 +1,12 @@
 """The modems' figure: its curves are what messages through the channels do."""
 
+from collections import Counter
+
 import pytest
 
 from sim.modems.acoustic import AcousticModem
 from sim.modems.optical import OpticalModem
-from tools import modem_figure
+from tools import modem_figure, modem_hunts
 
 SIGMA = 0.025  # of a share of 400 messages at its widest
 
@@ -23,3 +25,11 @@ def test_light_is_lost_as_the_curve_says(distance: float) -> None:
     _, lost = modem_figure.by_light(OpticalModem(), distance)
     assert 0.1 < lost < 0.9
     assert modem_figure.lost_by_light(OpticalModem(), distance) == pytest.approx(lost, abs=3.5 * SIGMA)
+
+
+def test_the_table_counts_those_who_could_have_heard() -> None:
+    outcome, counts = modem_hunts.hunt({"master.time_limit": 6.0})
+    assert counts["delivered"] == 3 * counts["sent"] - 3 or counts["delivered"] == 3 * counts["sent"]
+    text = modem_hunts.row("mine", [outcome, outcome], Counter(sent=10, delivered=15, deaf=6, unheard=9))
+    assert text.startswith("| mine | 0 of 2 | 6.")
+    assert text.endswith("| 50.0 % | 0.0 % | 20.0 % | 0.0 % | 30.0 % |")
