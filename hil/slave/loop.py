@@ -89,9 +89,8 @@ class Loop:
         while True:
             if link_fds is not self._link_fds:  # a lost link has gone, or come back
                 link_fds, fds = self._link_fds, own_fds + self._link_fds
-            wait_ns = schedule.deadline_ns - now_ns()
-            ready = select.select(fds, (), (), wait_ns / NS_PER_S if wait_ns > 0 else 0.0)[0]
-            now = now_ns()
+            ready = select.select(fds, (), (), schedule.timeout())[0]
+            now = now_ns() if ready else schedule.woken()
             if ready:  # mostly it is only time for the next step
                 if inbox_fd in ready:
                     self._take_command(now)

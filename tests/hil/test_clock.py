@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hil import clock
-from hil.clock import Histogram, RateKeeper
+from hil.clock import LEARN_NS, MOST_LEAD_NS, Histogram, RateKeeper
 
 
 def test_schedule_is_absolute() -> None:
@@ -76,3 +76,26 @@ def test_each_realtime_setting_says_whether_it_holds() -> None:
     assert "SCHED_FIFO" in scheduling
     assert "lock" in memory
     assert collector.startswith("garbage collector: off")
+
+
+def test_a_sleeper_learns_what_waking_up_takes() -> None:
+    keeper = RateKeeper(10**9, now_ns())
+    for _ in range(100):  # each time too late
+        keeper.deadline_ns = now_ns() - 1
+        keeper.woken()
+    learnt = keeper.lead_ns
+    assert learnt == 100 * LEARN_NS
+    keeper.deadline_ns = now_ns() + 20_000
+    assert keeper.woken() >= keeper.deadline_ns, "a little early: it waits out the rest"
+    assert keeper.lead_ns in (learnt - 3 * LEARN_NS, learnt + LEARN_NS)  # the latter if we were held up meanwhile
+    keeper.deadline_ns = now_ns() + 10**9
+    before = keeper.lead_ns
+    assert keeper.woken() < keeper.deadline_ns, "far too early: something else has woken it"
+    assert keeper.lead_ns == before
+    assert 0.9 < keeper.timeout() < 1.0
+    for _ in range(1000):
+        keeper.deadline_ns = now_ns() - 1
+        keeper.woken()
+    assert keeper.lead_ns == MOST_LEAD_NS
+    keeper.deadline_ns = now_ns() - 1
+    assert keeper.timeout() == 0.0
