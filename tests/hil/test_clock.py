@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hil import clock
-from hil.clock import LEARN_NS, MOST_LEAD_NS, Histogram, RateKeeper
+from hil.clock import LEARN_NS, MOST_LEAD_NS, Histogram, RateKeeper, now_ns
 
 
 def test_schedule_is_absolute() -> None:
