@@ -73,6 +73,8 @@ class Booted:
             self._process.send_signal(signal.SIGKILL)
         self._process.wait()
         self._reader.join(5.0)
+        if self._process.stdout:
+            self._process.stdout.close()
         shutil.rmtree(self._folder, ignore_errors=True)
 
     @property
