@@ -63,6 +63,7 @@ class McapWriter:
         self._chunk = bytearray()
         self._chunk_first = self._chunk_last = 0
         self._chunk_messages = 0
+        self._chunk_channels: list[Channel] = []  # of its messages
         self._chunk_indexes: list[Any] = []
         self._other_indexes: list[Any] = []
         self._schemas: dict[str, Any] = {}
@@ -106,6 +107,8 @@ class McapWriter:
     def add_message(self, channel: Channel, sequence: int, published_ns: int, logged_ns: int, data: bytes) -> None:
         """A message; in the file when its chunk is full, or ended."""
         chunk = self._chunk
+        if not channel.entries:
+            self._chunk_channels.append(channel)
         channel.entries += _ENTRY.pack(logged_ns, len(chunk))
         chunk += _MESSAGE.pack(
             5, _MESSAGE_FIELDS + len(data), channel.number, sequence & 0xFFFFFFFF, logged_ns, published_ns
@@ -137,7 +140,7 @@ class McapWriter:
                 uncompressed_size=len(data),
             )
         )
-        offsets = self._write_message_indexes()
+        offsets, indexes_length = self._write_message_indexes(at + length)
         self._chunk_indexes.append(
             self._records.ChunkIndex(
                 message_start_time=first,
@@ -145,7 +148,7 @@ class McapWriter:
                 chunk_start_offset=at,
                 chunk_length=length,
                 message_index_offsets=offsets,
-                message_index_length=self._output.tell() - at - length,
+                message_index_length=indexes_length,
                 compression=self._compression,
                 compressed_size=len(packed),
                 uncompressed_size=len(data),
@@ -177,16 +180,22 @@ class McapWriter:
         self._write(self._records.Footer(summary_start=start, summary_offset_start=offset_start, summary_crc=checksum))
         self._output.write(MAGIC)
 
-    def _write_message_indexes(self) -> dict[int, int]:
-        """Where in the chunk the messages of each channel are; by channel the place of its index in the file."""
+    def _write_message_indexes(self, at: int) -> tuple[dict[int, int], int]:
+        """Where in the chunk the messages of each channel are, written `at` this place of the file.
+
+        By channel the place of its index in the file, and the length of them all.
+        """
         offsets = {}
-        for channel in self.channels.values():
+        indexes = bytearray()
+        for channel in self._chunk_channels:
             entries = channel.entries
-            if entries:
-                offsets[channel.number] = self._output.tell()
-                self._output.write(_INDEX.pack(7, 6 + len(entries), channel.number, len(entries)) + entries)
-                entries.clear()
-        return offsets
+            offsets[channel.number] = at + len(indexes)
+            indexes += _INDEX.pack(7, 6 + len(entries), channel.number, len(entries))
+            indexes += entries
+            entries.clear()
+        self._output.write(bytes(indexes))
+        self._chunk_channels.clear()
+        return offsets, len(indexes)
 
     def _others(self) -> Iterable[list[Any]]:
         kinds = self._records.AttachmentIndex, self._records.MetadataIndex
