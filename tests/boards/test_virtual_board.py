@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from hil.errors import DeviceError
+from tests.boards.emulated import built_board
 from tests.processes import ROOT, free_port, wait_for
 from tools.virtual_board.board import VirtualBoard
 from tools.virtual_board.commands import TO_BUILD, missing
@@ -36,9 +37,7 @@ print(platform.machine(), digest.hexdigest())
 
 @pytest.fixture(scope="module")
 def board() -> VirtualBoard:
-    board = VirtualBoard()
-    board.build()
-    return board
+    return built_board()
 
 
 def run(command: list[str]) -> str:

@@ -9,8 +9,8 @@ import pytest
 
 from hil.autonomy.control import VelocityCommand
 from hil.master.client import VehicleClient
+from tests.boards.emulated import built_board
 from tests.processes import free_port, wait_for
-from tools.virtual_board.board import VirtualBoard
 from tools.virtual_board.commands import TO_BOOT, missing
 from tools.virtual_board.system import Booted
 
@@ -71,8 +71,7 @@ ls /etc/systemd/system | grep uuv-hil || echo 'nothing is left'
 
 
 def test_the_service_on_a_whole_board() -> None:
-    board = VirtualBoard()
-    board.build()
+    board = built_board()
     port = free_port()
     with Booted(board, JOB, {port: 7447}) as booted:
         assert wait_for(lambda: "service: " in booted.output or booted.status is not None, 240), booted.output
