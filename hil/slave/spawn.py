@@ -8,12 +8,12 @@ import ctypes
 import os
 from collections.abc import Mapping, Sequence
 
-_SETPGROUP = 0x02  # POSIX_SPAWN_SETPGROUP
+_SETSID = 0x80  # POSIX_SPAWN_SETSID
 _ROOM = 1024  # bytes; glibc's and musl's structures have up to 336
 
 
 def spawn(arguments: Sequence[str], environment: Mapping[str, str], ends: Sequence[int]) -> int:
-    """Start a program in a process group of its own, the descriptors `ends` as its 0, 1, 2, ...; its pid.
+    """Start a program in a session of its own, the descriptors `ends` as its 0, 1, 2, ...; its pid.
 
     Raises OSError.
     """
@@ -21,7 +21,7 @@ def spawn(arguments: Sequence[str], environment: Mapping[str, str], ends: Sequen
     actions, attributes = ctypes.create_string_buffer(_ROOM), ctypes.create_string_buffer(_ROOM)
     libc.posix_spawn_file_actions_init(actions)
     libc.posix_spawnattr_init(attributes)
-    libc.posix_spawnattr_setflags(attributes, ctypes.c_short(_SETPGROUP))
+    libc.posix_spawnattr_setflags(attributes, ctypes.c_short(_SETSID))
     for number, end in enumerate(ends):
         libc.posix_spawn_file_actions_adddup2(actions, end, number)
     pid = ctypes.c_int()
