@@ -62,19 +62,23 @@ class Histogram:
     Quantiles are the upper edge of the bin they fall in, so they never flatter.
     """
 
-    __slots__ = ("bins", "count", "maximum")
+    __slots__ = ("bins", "maximum")
 
     def __init__(self) -> None:
         self.bins = [0] * 256
-        self.count = 0
         self.maximum = 0
+
+    @property
+    def count(self) -> int:
+        """How many values there were."""
+        return sum(self.bins)
 
     def add(self, value: int) -> None:
         """Count one value; negative ones count as 0."""
-        value = max(value, 0)
-        self.count += 1
         if value > self.maximum:
             self.maximum = value
+        elif value < 0:
+            value = 0
         shift = value.bit_length() - 3  # the first three bits choose the bin within an octave
         self.bins[value if shift <= 0 else shift * 4 + (value >> shift)] += 1
 
@@ -147,6 +151,13 @@ class RateKeeper:
         if late < 0:
             return 0
         self.lateness.add(late)
+        if late >= self.period_ns:
+            return self._catch_up(late)
+        self.deadline_ns += self.period_ns
+        self.due_total += 1
+        return 1
+
+    def _catch_up(self, late: int) -> int:
         number = 1 + late // self.period_ns
         for missed in range(1, min(number, self.most_due)):
             self.lateness.add(late - missed * self.period_ns)
@@ -178,6 +189,24 @@ def lock_memory() -> str:
         reason = os.strerror(ctypes.get_errno())
         return f"memory: not locked; mlockall: {reason} (allow it with `ulimit -l unlimited` or CAP_IPC_LOCK)"
     return "memory: locked as it is touched"
+
+
+_awake: list[int] = []  # the descriptors whose being open keeps the processors awake
+
+
+def stay_awake() -> str:
+    """Keep idle processors from sleeping deeply while this process lives; a line that says whether it holds.
+
+    By the kernel's PM QoS: without it a loop finds its processor asleep and its caches cold after each pause. It costs
+    power, most on PCs, whose shallowest idle state is to spin.
+    """
+    try:
+        descriptor = os.open("/dev/cpu_dma_latency", os.O_WRONLY | os.O_CLOEXEC)
+        os.write(descriptor, bytes(4))  # an int: at most so many us to wake up
+    except OSError as error:
+        return f"idle processors: as they are; /dev/cpu_dma_latency: {error.strerror} (`uuv-hil board install` permits it)"
+    _awake.append(descriptor)
+    return "idle processors: kept awake, which takes power; [slave] stay_awake = false lets them sleep"
 
 
 def quiet_garbage_collector() -> str:

@@ -78,7 +78,8 @@ class Slave(NamedTuple):
     """The daemon on the card computer.
 
     `step` is the integration step; `control_period` the controller's. Without a new command for
-    `deadman` the thrusters go to neutral. A command older than `command_age_limit` is dropped.
+    `deadman` the thrusters go to neutral. A command older than `command_age_limit` is dropped. With `realtime` the
+    loop goes before other programs, and with `stay_awake` too idle processors do not sleep deeply.
     """
 
     node: str = "uuv1"
@@ -88,6 +89,7 @@ class Slave(NamedTuple):
     deadman: Annotated[float, Range(0.05, 10.0, "s")] = 0.5
     command_age_limit: Annotated[float, Range(0.01, 10.0, "s")] = 0.5
     realtime: bool = True
+    stay_awake: bool = True
 
     def problem(self) -> str | None:
         """Names are parts of network keys."""

@@ -101,21 +101,20 @@ class Contact:
         self._obstacles = world.obstacles()
         # As long as the vehicle is within `_free` m of this place it cannot touch anything.
         self._north = self._east = 0.0
-        self._free = 0.0 if self._obstacles else inf
+        self._free = 0.0
 
     def resolve(self, state: State) -> bool:
         """Move `state` out of whatever it is in; True if it was in something. A new touch counts once."""
         before, self.touching = self.touching, False
         if self._footprint is not None:
             self._resolve_terrain(self._footprint, state)
-        else:
-            sunk = state.position[2] + self.half_height - self._seabed
-            if sunk > 0.0:
-                self._push(state, sunk, (0.0, 0.0, -1.0))
-        north, east, _ = state.position
-        away_north, away_east = north - self._north, east - self._east
-        if away_north * away_north + away_east * away_east >= self._free * self._free:
-            self._resolve_obstacles(state)
+        elif state.position[2] + self.half_height > self._seabed:
+            self._push(state, state.position[2] + self.half_height - self._seabed, (0.0, 0.0, -1.0))
+        if self._obstacles:
+            north, east, _ = state.position
+            away_north, away_east = north - self._north, east - self._east
+            if away_north * away_north + away_east * away_east >= self._free * self._free:
+                self._resolve_obstacles(state)
         if self.touching and not before:
             self.count += 1
         return self.touching

@@ -71,8 +71,10 @@ class Thruster(NamedTuple):
         """The pulse (us) of a deflection, which is clamped to -1 to 1; neutral for 0."""
         if deflection == 0.0:
             return self.pwm_neutral_us
-        way = max(-1.0, min(1.0, deflection)) * self._span(deflection)
-        return round(self.pwm_neutral_us + (way + (self.dead_band_us if way > 0.0 else -self.dead_band_us)))
+        neutral, dead_band = self.pwm_neutral_us, self.dead_band_us
+        if deflection > 0.0:
+            return round(neutral + (min(1.0, deflection) * (self.pwm_max_us - neutral - dead_band) + dead_band))
+        return round(neutral + (max(-1.0, deflection) * (neutral - self.pwm_min_us - dead_band) - dead_band))
 
     def clamp(self, thrust: float) -> float:
         """`thrust` (N) within what the thruster can give."""

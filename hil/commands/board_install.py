@@ -133,7 +133,7 @@ def unit(tree: Tree, service: Service, board: Board | None) -> str:
         "memory_max": f"{LEAK * (board.recommended.memory if board else 64):.0f}M",
         # Others find a pty by its name in /tmp only if it is not a /tmp of the service's own.
         "private_tmp": "no" if scenario.link.port.startswith("pty:/tmp/") else "yes",
-        "devices": "\n".join(f"DeviceAllow=char-{driver} rw" for driver in drivers(tree, scenario, board)),
+        "devices": "\n".join(_devices(tree, scenario, board)),
         "writable": f"ReadWritePaths={word('-' + recording)}" if os.path.isabs(recording) else "",
     }
     return _fill("systemd/uuv-hil.service", values)
@@ -174,6 +174,12 @@ def drivers(tree: Tree, scenario: Scenario, board: Board | None) -> tuple[str, .
         return ()
     kind = os.path.basename(tree.resolve(device)).rstrip("0123456789")
     return (kind,) if kind in SERIAL_DRIVERS else SERIAL_DRIVERS
+
+
+def _devices(tree: Tree, scenario: Scenario, board: Board | None) -> list[str]:
+    lines = [f"DeviceAllow=char-{driver} rw" for driver in drivers(tree, scenario, board)]
+    awake = scenario.slave.realtime and scenario.slave.stay_awake
+    return lines + (["DeviceAllow=/dev/cpu_dma_latency w"] if awake else [])
 
 
 def command(service: Service) -> list[str]:

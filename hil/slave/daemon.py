@@ -52,6 +52,7 @@ def run(
         notify("READY=1")
         if scenario.slave.realtime:
             notes = [*notes, clock.lock_memory(), clock.quiet_garbage_collector()]
+            notes += [clock.stay_awake()] if scenario.slave.stay_awake else []
             sys.setswitchinterval(0.0005)  # the loop gets the interpreter back at once from the other threads
         else:
             gc.enable()

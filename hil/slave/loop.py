@@ -68,6 +68,7 @@ class Loop:
         self._computed_ns = 0
         self._control_due_ns = 0
         self._sent = False
+        self.pwm_us = driver.pwm_us  # which changes only when the driver is serviced
         self._link_due_ns = 0  # when the driver has to be serviced even if nothing came
         self._link_fds = driver.descriptors()
         self._timed_out = False
@@ -108,7 +109,7 @@ class Loop:
     def advance(self, steps: int) -> None:
         """Let the vehicle move by so many steps, and publish what its sensors then say."""
         for _ in range(steps):
-            for topic, sample in self.simulation.step(self.driver.pwm_us):
+            for topic, sample in self.simulation.step(self.pwm_us):
                 if self.pilot:
                     self.pilot.sense(topic, sample)
                 self.outbox.sample(topic, sample)
@@ -160,6 +161,7 @@ class Loop:
         self._sent = False
         heard = self.driver.service(now)
         self._link_due_ns, self._link_fds = self.driver.deadline_ns, self.driver.descriptors()
+        self.pwm_us = self.driver.pwm_us
         for telemetry in heard:
             if telemetry.timed_out and not self._timed_out:
                 self._report("the STM32's watchdog tripped: thrusters neutral")

@@ -30,6 +30,7 @@ DRIVERS = {
     "device": "hil.slave.stm32_outside:open_device",
 }
 SETTLE_NS = NS_PER_S // 10
+LOOK_NS = NS_PER_S // 100  # between two looks while they settle
 RETRY_NS = NS_PER_S // 4  # between two attempts to open a link that went away
 
 Report = Callable[[str], None]
@@ -216,10 +217,11 @@ def _stop_thrusters(driver: ThrusterDriver, sequence: int) -> bool:
     deadline = now_ns() + SETTLE_NS
     if driver.host:
         driver.send(ThrusterCommand(sequence & 0xFFFF, False, (PWM_NEUTRAL_US,) * channels))
-    while any(pulse != PWM_NEUTRAL_US for pulse in driver.pwm_us):
+    while True:
+        driver.service(now_ns())
+        if all(pulse == PWM_NEUTRAL_US for pulse in driver.pwm_us):
+            return True
         left = deadline - now_ns()
         if left <= 0:
             return False
-        select.select(driver.descriptors(), [], [], left / NS_PER_S)
-        driver.service(now_ns())
-    return True
+        select.select(driver.descriptors(), [], [], min(left, LOOK_NS) / NS_PER_S)

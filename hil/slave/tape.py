@@ -121,7 +121,7 @@ class _RecordedLoop(Loop):
     def advance(self, steps: int) -> None:
         """Step by step, each with its pulses noted; nothing changes them meanwhile."""
         for _ in range(steps):
-            self.tape.step(self.simulation.time_ns, self.driver.pwm_us)
+            self.tape.step(self.simulation.time_ns, self.pwm_us)
             super().advance(1)
 
     def place(self, position: Sequence[float], quaternion: Sequence[float], nu: Sequence[float]) -> None:

@@ -69,12 +69,13 @@ def test_parent_may_tell_the_start(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_each_realtime_setting_says_whether_it_holds() -> None:
-    names = ("schedule_fifo(10)", "lock_memory()", "quiet_garbage_collector()")
+    names = ("schedule_fifo(10)", "lock_memory()", "stay_awake()", "quiet_garbage_collector()")
     code = "from hil import clock\n" + "\n".join(f"print(clock.{name})" for name in names)
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
-    scheduling, memory, collector = done.stdout.splitlines()
+    scheduling, memory, idle, collector = done.stdout.splitlines()
     assert "SCHED_FIFO" in scheduling
     assert "lock" in memory
+    assert idle.startswith("idle processors: ")
     assert collector.startswith("garbage collector: off")
 
 
