@@ -3,6 +3,7 @@
 import os
 import select
 import sys
+from typing import TYPE_CHECKING
 
 from hil.clock import NS_PER_S, now_ns, seconds_ns
 from hil.commands.parser import new_parser
@@ -11,6 +12,9 @@ from hil.errors import ConfigError, DeviceError
 from hil.stop import StopSignals
 from hil.transport.recording import Recorder, describe, new_folder
 from hil.transport.settings import Network
+
+if TYPE_CHECKING:
+    from hil.transport.recording_tap import Tap
 
 EXAMPLES = """\
 The folder holds MCAP files and an index; it is a rosbag2 bag. Every file is whole at any time: a recorder that is
@@ -43,12 +47,20 @@ def main(arguments: list[str]) -> int:
     recording = scenario.recording if scenario else Recording()
     folder = options.output or new_folder(recording.folder, scenario.slave.node if scenario else "record")
     about, files = _about(scenario, endpoints)
-    with StopSignals() as stop_fd, Recorder(folder, recording, about, files) as recorder:
+    from hil.transport.recording_tap import Tap, save_processor
+
+    save_processor()
+    network, security = (scenario.network, scenario.security) if scenario else (Network(), None)
+    with (
+        StopSignals() as stop_fd,
+        Tap(endpoints, network, security) as tap,
+        Recorder(folder, recording, about, files, source=tap.take) as recorder,
+    ):
         print(f"recording {', '.join(endpoints)} into {folder}; Ctrl-C ends it", flush=True)
-        missed = _listen(recorder, endpoints, scenario, options.seconds, stop_fd)
+        _wait(recorder, tap, options.seconds, stop_fd)
     if recorder.failure:
         raise DeviceError(recorder.failure)
-    losses = ", ".join(f"{n} {word}" for n, word in ((missed, "did not come"), (recorder.lost, "not written")) if n)
+    losses = ", ".join(f"{n} {word}" for n, word in ((tap.missed, "did not come"), (recorder.lost, "not written")) if n)
     print(
         f"{recorder.written} messages recorded{'; ' + losses if losses else ', none lost'}: {_size(folder)} in {folder}"
     )
@@ -60,28 +72,16 @@ def _about(scenario: Scenario | None, endpoints: list[str]) -> tuple[dict[str, s
     return about | {"endpoints": " ".join(endpoints)}, files
 
 
-def _listen(
-    recorder: Recorder, endpoints: list[str], scenario: Scenario | None, seconds: float | None, stop_fd: int
-) -> int:
-    """Hand over what comes until it is time to end; how many messages did not come."""
-    from hil.transport.recording_tap import Tap, save_processor
-
-    save_processor()
-    network, security = (scenario.network, scenario.security) if scenario else (Network(), None)
+def _wait(recorder: Recorder, tap: "Tap", seconds: float | None, stop_fd: int) -> None:
+    """Until it is time to end, and say meanwhile how it goes."""
     end = now_ns() + seconds_ns(seconds) if seconds else None
     said = now_ns()
-    with Tap(endpoints, network, security) as tap:
-        while not (recorder.failure or (end and now_ns() > end) or select.select((stop_fd,), (), (), POLL_S)[0]):
-            for message in tap.take():
-                recorder.put(message)
-            if sys.stdout.isatty() and now_ns() - said > SAY_PERIOD_NS:
-                said = now_ns()
-                print(f"\r{recorder.written} messages, {len(tap.connected)} connected", end="\x1b[K", flush=True)
-        for message in tap.take():
-            recorder.put(message)
+    while not (recorder.failure or (end and now_ns() > end) or select.select((stop_fd,), (), (), POLL_S)[0]):
+        if sys.stdout.isatty() and now_ns() - said > SAY_PERIOD_NS:
+            said = now_ns()
+            print(f"\r{recorder.written} messages, {len(tap.connected)} connected", end="\x1b[K", flush=True)
     if sys.stdout.isatty():
         print("\r\x1b[K", end="")
-    return tap.missed
 
 
 def _size(folder: str) -> str:

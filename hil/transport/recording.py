@@ -9,7 +9,7 @@ import os
 import threading
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from hil import __version__
 from hil.clock import NS_PER_S, now_ns
@@ -29,6 +29,7 @@ _MIB = 1 << 20
 _FULL = 0.85  # of a file's limit: its index comes on top of it
 
 Report = Callable[[str], None]
+Source = Callable[[], Sequence[Message]]
 
 
 def new_folder(root: str, name: str) -> str:
@@ -41,9 +42,10 @@ def new_folder(root: str, name: str) -> str:
 class Recorder:
     """Records into `folder`, which is made, until `close`. Use as a context.
 
-    `about` and `attachments` (name -> text) stand at the beginning of every file. `report` is told, in the recorder's
-    thread, when recording ends before it was asked to. `written` counts messages, `lost` those that came faster than
-    the disk took them; `failure` says why recording ended early. Raises ConfigError, MissingExtraError.
+    `about` and `attachments` (name -> text) stand at the beginning of every file. `source` is asked ten times a second,
+    and at the end, for what has come since, which costs less than to `put` it. `report` is told when recording ends
+    before it was asked to; both in the recorder's thread. `written` counts messages, `lost` those that came faster
+    than the disk took them; `failure` says why recording ended early. Raises ConfigError, MissingExtraError.
     """
 
     def __init__(
@@ -53,6 +55,7 @@ class Recorder:
         about: dict[str, str],
         attachments: dict[str, str] | None = None,
         report: Report = lambda text: None,
+        source: Source = tuple,
     ) -> None:
         self.folder = folder
         self.written = 0
@@ -62,6 +65,7 @@ class Recorder:
         self._about = about
         self._attachments = attachments or {}
         self._report = report
+        self._source = source
         self._waiting: deque[Message] = deque()
         self._put = self._drained = 0  # bytes
         self._closed: list[FileSummary] = []
@@ -109,20 +113,25 @@ class Recorder:
     def _drain(self, now: int) -> None:
         if self._file is None:
             self._begin()
-        for _ in range(len(self._waiting)):
-            assert self._file
-            message = self._waiting.popleft()
-            self._file.write(message)
-            self._drained += len(message.data)
-            self.written += 1
-            if self._file.size > _FULL * self._options.file_size * _MIB:
-                self._rotate()
+        waiting = [self._waiting.popleft() for _ in range(len(self._waiting))]
+        self._write(waiting)
+        self._drained += sum([len(message.data) for message in waiting])
+        self._write(self._source())
         if now >= self._flush_due_ns and self._file:
             self._flush_due_ns = now + FLUSH_PERIOD_NS
             self._file.flush()
             if self._file.topics > self._indexed_topics:  # after a crash the index has at least all topics
                 self._write_index()
             self._check_space()
+
+    def _write(self, messages: Sequence[Message]) -> None:
+        most = _FULL * self._options.file_size * _MIB
+        for message in messages:
+            assert self._file
+            self._file.write(message)
+            self.written += 1
+            if self._file.size > most:
+                self._rotate()
 
     def _begin(self) -> None:
         name = f"{os.path.basename(self.folder)}_{self._number}.mcap"

@@ -68,7 +68,7 @@ class RecordingFile:
     @property
     def size(self) -> int:
         """Bytes so far, without the chunk in the making."""
-        return self._stream.tell()
+        return self._stream.total
 
     @property
     def topics(self) -> int:
@@ -140,12 +140,14 @@ class _Stream:
         self._descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o644)
         self._pending = bytearray()
         self.size = 0  # of what is on disk, without the end
+        self.total = 0  # with what is pending
 
     def write(self, data: bytes) -> None:
         self._pending += data
+        self.total += len(data)
 
     def tell(self) -> int:
-        return self.size + len(self._pending)
+        return self.total
 
     def commit(self, end: bytes) -> None:
         """Write what is pending and `end`. Raises OSError: then what was there before is whole again."""

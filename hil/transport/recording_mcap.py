@@ -11,14 +11,13 @@ from zlib import crc32
 
 from hil.errors import MissingExtraError
 
-CHUNK = 16384  # bytes before compression: what is not yet a chunk is not yet in the file
+CHUNK = 65536  # bytes before compression; the last is ended early by every flush
 MAGIC = b"\x89MCAP0\r\n"
 SHORTEST_END = pack("<BQI", 0x0F, 4, 0) + pack("<BQQQI", 0x02, 20, 0, 0, 0) + MAGIC  # no index
 
 _MESSAGE = Struct("<BQHIQQ")  # 5, length, channel, sequence, log time, publish time
 _MESSAGE_FIELDS = 22  # bytes of it that count into the length
-_ENTRY = Struct("<QQ")  # of a message index: log time, offset in the chunk
-_INDEX = Struct("<BQHI")  # 7, length, channel, bytes of the entries
+_INDEX = Struct("<BQHI")  # 7, length, channel, bytes of the entries, which are log time and offset in the chunk
 
 
 class Output(Protocol):
@@ -32,7 +31,7 @@ class Output(Protocol):
 
 
 class Channel:
-    """One topic: its number, how many messages, and the index of those in the chunk in the making."""
+    """One topic: its number, how many messages are in the file, and log time and offset of those in the making."""
 
     __slots__ = ("count", "entries", "number", "topic", "type")
 
@@ -41,7 +40,7 @@ class Channel:
         self.topic = topic
         self.type = kind
         self.count = 0
-        self.entries = bytearray()
+        self.entries: list[int] = []
 
 
 class McapWriter:
@@ -61,8 +60,6 @@ class McapWriter:
         self._compression = "" if compression == "none" else compression
         self._compress = _compressor(compression)
         self._chunk = bytearray()
-        self._chunk_first = self._chunk_last = 0
-        self._chunk_messages = 0
         self._chunk_channels: list[Channel] = []  # of its messages
         self._chunk_indexes: list[Any] = []
         self._other_indexes: list[Any] = []
@@ -106,30 +103,26 @@ class McapWriter:
 
     def add_message(self, channel: Channel, sequence: int, published_ns: int, logged_ns: int, data: bytes) -> None:
         """A message; in the file when its chunk is full, or ended."""
-        chunk = self._chunk
-        if not channel.entries:
+        chunk, entries = self._chunk, channel.entries
+        if not entries:
             self._chunk_channels.append(channel)
-        channel.entries += _ENTRY.pack(logged_ns, len(chunk))
+        entries += logged_ns, len(chunk)
         chunk += _MESSAGE.pack(
             5, _MESSAGE_FIELDS + len(data), channel.number, sequence & 0xFFFFFFFF, logged_ns, published_ns
         )
         chunk += data
-        channel.count += 1
-        if not self._chunk_messages or logged_ns < self._chunk_first:
-            self._chunk_first = logged_ns
-        if logged_ns > self._chunk_last:
-            self._chunk_last = logged_ns
-        self._chunk_messages += 1
         if len(chunk) > CHUNK:
             self.end_chunk()
 
     def end_chunk(self) -> None:
         """Put the chunk in the making into the file, if there is a message in it."""
-        if not self._chunk_messages:
+        if not self._chunk_channels:
             return
         data = bytes(self._chunk)
         packed = self._compress(data)
-        first, last, at = self._chunk_first, self._chunk_last, self._output.tell()
+        first = min([min(channel.entries[::2]) for channel in self._chunk_channels])
+        last = max([max(channel.entries[::2]) for channel in self._chunk_channels])
+        at = self._output.tell()
         length = self._write(
             self._records.Chunk(
                 compression=self._compression,
@@ -157,7 +150,6 @@ class McapWriter:
         self.first_ns = min(self.first_ns or first, first)
         self.last_ns = max(self.last_ns, last)
         self._chunk.clear()
-        self._chunk_messages = self._chunk_last = 0
 
     def finish(self) -> None:
         """End the last chunk, and write the index and the end."""
@@ -190,8 +182,9 @@ class McapWriter:
         for channel in self._chunk_channels:
             entries = channel.entries
             offsets[channel.number] = at + len(indexes)
-            indexes += _INDEX.pack(7, 6 + len(entries), channel.number, len(entries))
-            indexes += entries
+            indexes += _INDEX.pack(7, 6 + 8 * len(entries), channel.number, 8 * len(entries))
+            indexes += pack(f"<{len(entries)}Q", *entries)
+            channel.count += len(entries) // 2
             entries.clear()
         self._output.write(bytes(indexes))
         self._chunk_channels.clear()

@@ -155,16 +155,16 @@ def test_a_torn_file_gives_what_is_before_the_tear(tmp_path: Path) -> None:
 def test_rotation_keeps_within_its_bounds_and_the_index_follows(tmp_path: Path) -> None:
     folder = tmp_path / "bag"
     with Recorder(str(folder), SMALL, {"seed": "1"}) as recorder:
-        for number in range(1, 30_001):
+        for number in range(1, 40_001):
             recorder.put(imu(number, noise=True))
-    assert (recorder.written, recorder.lost, recorder.failure) == (30_000, 0, "")
+    assert (recorder.written, recorder.lost, recorder.failure) == (40_000, 0, "")
     sizes = {name: (folder / name).stat().st_size for name in os.listdir(folder) if name.endswith(".mcap")}
     assert len(sizes) >= 2
     assert "bag_0.mcap" not in sizes, "the oldest went"
     assert max(sizes.values()) <= 1 << 20
     assert sum(sizes.values()) <= 2 << 20
     numbers = [message.sequence for message in read_messages(str(folder))]
-    assert numbers == list(range(numbers[0], 30_001)), "what stays is without a gap"
+    assert numbers == list(range(numbers[0], 40_001)), "what stays is without a gap"
     with Reader(folder) as reader:
         assert reader.message_count == len(numbers) == sum(1 for _ in reader.messages())
         assert reader.start_time == imu(numbers[0]).logged_ns
@@ -291,6 +291,18 @@ def test_what_comes_faster_than_the_disk_takes_it_is_counted(tmp_path: Path, mon
         for number in range(1, 151):
             recorder.put(imu(number))
     assert (recorder.written, recorder.lost) == (100, 50)
+
+
+def test_a_source_is_asked_until_the_end(tmp_path: Path) -> None:
+    sent = [imu(number, noise=True) for number in range(1, 2001)]
+    portions = [sent[:700], [], sent[700:1990]]
+    with Recorder(str(tmp_path / "bag"), SMALL, {}, source=lambda: portions.pop(0) if portions else []) as recorder:
+        recorder.put(imu(1, "/uuv2/imu"))
+        assert wait_for(lambda: recorder.written == 1991, 5)
+        portions.append(sent[1990:])
+    found = list(read_messages(str(tmp_path / "bag")))
+    assert [message for message in found if message.topic == "/uuv1/imu"] == sent
+    assert [message for message in found if message.topic == "/uuv2/imu"] == [imu(1, "/uuv2/imu")]
 
 
 def test_a_folder_is_used_once(tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ from hil.topics import TOPICS
 from hil.transport.recording_file import Message
 from hil.transport.recording_tap import Tap
 from hil.transport.roles import dial
-from hil.transport.session import listen
+from hil.transport.session import Publisher, listen
 from tests.processes import free_port, wait_for
 
 
@@ -24,18 +24,25 @@ def collect(tap: Tap, enough: Callable[[list[Message]], object], seconds: float 
     return messages
 
 
+def met(*publishers: Publisher) -> object:
+    """Whether each of them knows of somebody who listens: before, what it says is nobody's."""
+    return wait_for(lambda: all(publisher._publisher.matching_status.matching for publisher in publishers), 10)
+
+
 def test_it_hears_the_vehicle_and_its_master() -> None:
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     with listen(endpoint) as slave, dial(endpoint) as master, Tap([endpoint]) as tap:
         slave.subscribe("uuv1", "cmd_vel", lambda *_: None, depth=8)
         imu, commands = slave.publisher("uuv1", TOPICS["imu"]), master.publisher("uuv1", TOPICS["cmd_vel"])
         assert wait_for(lambda: tap.connected, 10)
+        assert met(imu, commands)
         began = time.time_ns()
         for number in range(100):
             imu.put(b"imu %d" % number, began + number)
             commands.put(b"command %d" % number, began + number)
             time.sleep(0.002)
-        heard = collect(tap, lambda messages: len(messages) >= 190)
+        last = {b"imu 99", b"command 99"}
+        heard = collect(tap, lambda messages: last <= {message.data for message in messages})
     topics = Counter(message.topic for message in heard)
     assert topics["/uuv1/imu"] == 100
     assert topics["/uuv1/cmd_vel"] >= 95, "those before the sessions had met are nobody's"
@@ -67,6 +74,27 @@ def test_latched_topics_come_late_but_once() -> None:
     assert tap.missed == 0
 
 
+def test_one_topic_of_two_vehicles() -> None:
+    ends = [f"tcp/127.0.0.1:{free_port()}" for _ in range(2)]
+    with listen(ends[0]) as one, listen(ends[1]) as two, Tap(ends) as tap:
+        publishers = [slave.publisher("", TOPICS["/tf"]) for slave in (one, two)]
+        imu = two.publisher("uuv2", TOPICS["imu"])
+        assert met(*publishers, imu)
+        for number in range(50):
+            publishers[0].put(b"one %d" % number, 7)
+            publishers[1].put(b"two %d" % number, 8)
+            imu.put(b"imu %d" % number, 9)
+            if number == 20:  # from here on the keys are known, and go by number
+                collect(tap, lambda messages: len(messages) >= 63)
+        heard = collect(tap, lambda messages: len(messages) >= 87)
+    for name, topic in ((b"one", "/tf"), (b"two", "/tf"), (b"imu", "/uuv2/imu")):
+        mine = [message for message in heard if message.data.startswith(name)]
+        assert [(m.topic, m.sequence, m.data) for m in mine] == [
+            (topic, n + 1, b"%s %d" % (name, n)) for n in range(21, 50)
+        ]
+    assert tap.missed == 0
+
+
 def test_a_vehicle_that_comes_late_goes_and_comes_back() -> None:
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     heard: list[Message] = []
@@ -91,6 +119,7 @@ def test_gaps_are_counted() -> None:
     with listen(endpoint) as slave, Tap([endpoint]) as tap:
         assert wait_for(lambda: tap.connected, 10)
         imu = slave.publisher("uuv1", TOPICS["imu"])
+        assert met(imu)
         imu.put(b"a", 7)
         imu.sequence += 4
         imu.put(b"b", 7)
