@@ -71,6 +71,7 @@ TOPICS = {
         Topic("camera/camera_info", "sensor_msgs/msg/CameraInfo", 5, "background"),
         Topic("camera/depth/image_raw", "sensor_msgs/msg/Image", 5, "background"),
         Topic("camera/depth/camera_info", "sensor_msgs/msg/CameraInfo", 5, "background"),
+        Topic("camera/depth/points", "sensor_msgs/msg/PointCloud2", 5, "background"),
         Topic("camera/labels", "sensor_msgs/msg/Image", 5, "background"),
         Topic("forward_sonar/image", "marine_acoustic_msgs/msg/ProjectedSonarImage", 5, "background"),
         Topic("side_scan/image", "marine_acoustic_msgs/msg/RawSonarImage", 5, "background"),

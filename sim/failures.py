@@ -46,7 +46,7 @@ class Failure(NamedTuple):
 class _Faults:
     """What is wrong with one thruster now."""
 
-    __slots__ = ("delayed", "efficiency", "noise", "off", "offset", "random", "stuck_us")
+    __slots__ = ("delayed", "efficiency", "known", "noise", "off", "offset", "random", "stuck_us")
 
     def __init__(self, random: Random) -> None:
         self.random = random
@@ -54,6 +54,7 @@ class _Faults:
 
     def repair(self) -> None:
         """Nothing is wrong."""
+        self.known: dict[Kind, Failure] = {}
         self.off = False
         self.efficiency = 1.0
         self.stuck_us: int | None = None
@@ -101,11 +102,15 @@ class Failures:
             self._due.append((int(failure.time / self._dt + 1e-6), self._count, failure))
             self._count += 1
         self._due.sort(key=lambda due: due[:2], reverse=True)
+        self._begin_due()
+
+    def of(self, name: str) -> tuple[Failure, ...]:
+        """What is wrong with the thruster `name` now, as it was said. Raises ConfigError."""
+        return tuple(self._faults[self._index(name)].known.values())
 
     def pulses(self, pwm_us: tuple[int, ...]) -> tuple[int, ...]:
         """The pulses that act in this step when these come."""
-        while self._due and self._due[-1][0] <= self._step:
-            self._begin(self._due.pop()[2])
+        self._begin_due()
         self._step += 1
         if len(pwm_us) != len(self._names):
             return pwm_us  # the thrusters refuse them
@@ -115,6 +120,11 @@ class Failures:
     def thrusts(self, thrusts: Sequence[float]) -> list[float]:
         """What is left of these thrusts (N) in this step."""
         return [thrust * faults.factor(self._decay) for thrust, faults in zip(thrusts, self._faults, strict=True)]
+
+    def _begin_due(self) -> None:
+        """Begin what is due with the next step."""
+        while self._due and self._due[-1][0] <= self._step:
+            self._begin(self._due.pop()[2])
 
     def _begin(self, failure: Failure) -> None:
         index = self._index(failure.thruster)
@@ -131,6 +141,8 @@ class Failures:
             faults.noise = failure.noise
         else:
             faults.repair()
+            return
+        faults.known[failure.kind] = failure
 
     def _index(self, name: str) -> int:
         if name in self._names:

@@ -110,6 +110,10 @@ class Simulation:
         """
         self._thrusters.fail(failures)
 
+    def failures(self, name: str) -> "tuple[Failure, ...]":
+        """What is wrong with the thruster `name` now."""
+        return self._thrusters.failures(name)
+
     def release(self, name: str) -> None:
         """Let the drop weight `name` go. Raises ConfigError if it is not there, or no more."""
         if self.equipment is None:
@@ -129,7 +133,8 @@ class Simulation:
         state = self.state
         if self.equipment is not None:
             pwm_us = self._equip(self.equipment, pwm_us)
-        wrench: Sequence[float] = self._push(pwm_us)
+        thrusters = self._thrusters
+        wrench: Sequence[float] = self._push(pwm_us) if thrusters.feels_water else thrusters.step(pwm_us)
         current = self.world.current
         if self._water is not None:
             current, wrench = self._water.act(self.time_ns, state, wrench)
@@ -175,12 +180,10 @@ class Simulation:
         return make_dynamics(vehicle, world.density, world.gravity, self._integrator, forces)
 
     def _push(self, pwm_us: Sequence[int]) -> Sequence[float]:
-        """The wrench of the thrusters, which meet the water as it flowed a step ago."""
-        thrusters, state = self._thrusters, self.state
-        if not thrusters.feels_water:
-            return thrusters.step(pwm_us)
+        """The wrench of thrusters that meet the water as it flowed a step ago."""
+        state = self.state
         water = rotate_inverse(state.quaternion, self._flow)
-        return thrusters.step(
+        return self._thrusters.step(
             pwm_us, [speed - flow for speed, flow in zip(state.nu, (*water, 0.0, 0.0, 0.0), strict=True)]
         )
 

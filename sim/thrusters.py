@@ -66,6 +66,17 @@ def wrench_matrix(vehicle: Vehicle, torque: bool = True) -> Matrix:
     return [list(row) for row in zip(*columns, strict=True)]
 
 
+class _Steady(dict[int, float]):
+    """The steady thrust (N) of one thruster by pulse (us), reckoned once for each."""
+
+    def __init__(self, thruster: Thruster) -> None:
+        self._thruster = thruster
+
+    def __missing__(self, pwm_us: int) -> float:
+        thrust = self[pwm_us] = steady_thrust(self._thruster, pwm_us)
+        return thrust
+
+
 class ThrusterSet:
     """All thrusters of a vehicle: each follows its steady thrust with its time constant, and may fail.
 
@@ -82,6 +93,7 @@ class ThrusterSet:
         self._dt = dt
         self._seed = seed
         self._gains = [1.0 - exp(-dt / t.time_constant) if t.time_constant else 1.0 for t in vehicle.thrusters]
+        self._steady = [_Steady(thruster) for thruster in vehicle.thrusters]
         self._pwm_us: tuple[int, ...] = ()
         self._targets = [0.0] * len(self._thrusters)
         self._lagged = self.thrusts = [0.0] * len(self._thrusters)
@@ -101,6 +113,10 @@ class ThrusterSet:
             names = [thruster.name for thruster in self._thrusters]
             self._failures = Failures(names, self._dt, self._seed, self._steps, self._pwm_us)
         self._failures.add(failures)
+
+    def failures(self, name: str) -> "tuple[Failure, ...]":
+        """What is wrong with the thruster `name` now."""
+        return self._failures.of(name) if self._failures else ()
 
     def step(
         self, pwm_us: Sequence[int], nu_r: Sequence[float] = AT_REST
@@ -148,9 +164,7 @@ class ThrusterSet:
             raise ConfigError(
                 f"{len(pwm_us)} pulses for a vehicle of {len(self._thrusters)} thrusters: give one a thruster"
             )
-        self._targets = [
-            steady_thrust(thruster, pulse) for thruster, pulse in zip(self._thrusters, pwm_us, strict=True)
-        ]
+        self._targets = [steady[pulse] for steady, pulse in zip(self._steady, pwm_us, strict=True)]
         self._pwm_us = pwm_us
 
 

@@ -3,8 +3,8 @@
     python tools/ros_types.py
 
 Run by hand when a package is added or ROS changes one. Messages of ROS's own packages are taken from rosbags
-(Ternaris, typestore of ROS 2 Jazzy); of all other packages the definitions are what the files say already and
-only their hashes are made anew. Hashes follow REP 2016 and rosidl_generator_type_description: SHA-256 of the
+(Ternaris, typestore of ROS 2 Jazzy); all services and the other packages are what the files say already, and only
+their hashes are made anew. Hashes follow REP 2016 and rosidl_generator_type_description: SHA-256 of the
 type's description as JSON, with the descriptions of all messages in it.
 """
 
@@ -24,8 +24,8 @@ from hil.transport.types import PRIMITIVES, Field, definition  # noqa: E402
 
 FOLDER = ROOT / "hil" / "transport" / "types"
 FROM_ROSBAGS = (
-    "builtin_interfaces", "diagnostic_msgs", "geometry_msgs", "nav_msgs", "rosgraph_msgs", "sensor_msgs",
-    "service_msgs", "std_msgs", "tf2_msgs", "trajectory_msgs",
+    "builtin_interfaces", "diagnostic_msgs", "geometry_msgs", "nav_msgs", "rcl_interfaces", "rosgraph_msgs",
+    "sensor_msgs", "service_msgs", "std_msgs", "tf2_msgs", "trajectory_msgs",
 )  # fmt: skip
 DEFAULTS = {("geometry_msgs/msg/Quaternion", "float64 w"): "float64 w 1"}  # which rosbags leaves out
 # type_description_interfaces/msg/FieldType; of an array 48 more, of a bounded sequence 96, of another one 144.
@@ -43,8 +43,8 @@ Description = dict[str, Any]
 def describe(field: Field) -> Description:
     """One field, as rosidl describes it."""
     nested = "" if field.type in PRIMITIVES else field.type
-    form = 0 if field.length is None else ARRAY if field.length else SEQUENCE
-    return _described(field.name, TYPE_IDS.get(field.type, NESTED) + form, field.length or 0, nested)
+    form = 0 if field.length is None else ARRAY if field.length else BOUNDED if field.most else SEQUENCE
+    return _described(field.name, TYPE_IDS.get(field.type, NESTED) + form, field.length or field.most, nested)
 
 
 def _described(name: str, type_id: int, capacity: int, nested: str) -> Description:
@@ -104,6 +104,11 @@ def definitions_of_rosbags(package: str) -> dict[str, str]:
     return found
 
 
+def services_here(package: str) -> dict[str, str]:
+    """The definitions of a package's services, which are kept, by name."""
+    return {name: text for name, (_, text) in types._package(package).items() if "/srv/" in name}
+
+
 def write(package: str, definitions: dict[str, str], hashes: dict[str, str]) -> None:
     """The file of one package."""
     blocks = [f"=== {name} {hashes[name]}\n{text}" for name, text in definitions.items()]
@@ -117,7 +122,7 @@ def _forget() -> None:
 
 def main() -> int:
     """Write all files anew: definitions first, then, as they can be read, with their hashes."""
-    packages = {package: definitions_of_rosbags(package) for package in FROM_ROSBAGS}
+    packages = {package: definitions_of_rosbags(package) | services_here(package) for package in FROM_ROSBAGS}
     for package, definitions in packages.items():
         write(package, definitions, dict.fromkeys(definitions, "-"))
     _forget()

@@ -19,6 +19,7 @@ from hil.clock import NS_PER_S, now_ns, to_wall_ns
 from hil.config import Scenario, build_simulation
 from hil.errors import HilError
 from hil.slave.imaging import DONE, REQUEST
+from hil.slave.neighbours import Neighbours
 from hil.slave.outbox import Outbox
 from hil.stop import StopSignals
 from hil.transport import ros
@@ -91,7 +92,7 @@ def _read_exactly(count: int) -> bytes:
 def _serve(scenario: Scenario, epoch_ns: int, answers: int, stop_fd: int) -> None:
     studio = Studio(scenario)
     slave = scenario.slave
-    with join(scenario) as session:
+    with join(scenario) as session, studio.neighbours.hear():
         outbox = Outbox(session, slave.node, epoch_ns, scenario.ros.frame_prefix)
         under_way: list[tuple[int, Message]] = []  # when it is due (wall clock), and what
         while True:
@@ -104,6 +105,7 @@ def _serve(scenario: Scenario, epoch_ns: int, answers: int, stop_fd: int) -> Non
                 return
             for number, time_ns, *moving in REQUEST.iter_unpack(requests or b""):
                 began = now_ns()
+                studio.neighbours.place(began)
                 messages = studio.take(number, time_ns, moving)
                 due_ns = epoch_ns + time_ns + studio.delay_ns(number)
                 under_way += [(due_ns, message) for message in studio.encode(messages, epoch_ns)]
@@ -136,7 +138,7 @@ def _due(waiting: tuple[int, Message]) -> int:
 class Studio:
     """The world of a scenario, and those sensors of it that are asked for, by their number. Raises HilError.
 
-    The simulation here is never stepped: it is put where the vehicle is.
+    The simulation here is never stepped: it is put where the vehicle is. `neighbours` are those of a fleet.
     """
 
     def __init__(self, scenario: Scenario) -> None:
@@ -147,6 +149,9 @@ class Studio:
             Slot(name, fitted, self._simulation, scenario.seed, step_ns) for name, fitted in scenario.sensors.items()
         ]
         self._settings = scenario.ros
+        self.neighbours = Neighbours(scenario, vehicle)
+        for slot in self._slots:
+            self.neighbours.stand_before(slot.sensor)
 
     def take(self, number: int, time_ns: int, moving: list[float]) -> tuple[str, Sample] | None:
         """The sample of a sensor, with its name: None if there is none, or it is lost on its way.

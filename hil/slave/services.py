@@ -1,7 +1,7 @@
-"""What others may ask of the vehicle: arm, reset, set_pose, and the failure of a thruster.
+"""What others may ask of the vehicle: arm, reset, set_pose, and the failures of its thrusters.
 
-Each is a ROS 2 service below the node's name and a small function here; it runs in the loop's thread between two
-steps. What is asked for and cannot be done is refused with a reason, in the response.
+Each is a ROS 2 service below the node's name and a small function here, or in hil.slave.parameters; it runs in the
+loop's thread between two steps. What is asked for and cannot be done is refused with a reason, in the response.
 """
 
 from collections.abc import Callable, Mapping
@@ -10,6 +10,7 @@ from typing import Any
 
 from hil.config import Start
 from hil.slave.loop import Loop
+from hil.slave.parameters import Parameters
 from hil.transport import ros
 from hil.transport.ros_message import Message
 from hil.transport.services import Answer, Server
@@ -34,8 +35,10 @@ def offer_services(server: Server, node: str, loop: Loop, start: Start, say: Say
     }
     if loop.pilot:
         offered["arm"] = (SET_BOOL, lambda request: _told(say, "arm", arm(loop, request["data"])))
-    for name in [thruster.name for thruster in loop.simulation.vehicle.thrusters]:
-        offered[f"thrusters/{plain_name(name)}/fail"] = (SET_BOOL, _failing(loop, name, say))
+    thrusters = {plain_name(thruster.name): thruster.name for thruster in loop.simulation.vehicle.thrusters}
+    for plain, name in thrusters.items():
+        offered[f"thrusters/{plain}/fail"] = (SET_BOOL, _failing(loop, name, say))
+    offered |= Parameters(loop, thrusters, say).services()
     for name, (type_name, answer) in offered.items():
         server.offer(f"/{node}/{name}", type_name, answer)
 

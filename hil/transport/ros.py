@@ -289,7 +289,8 @@ _ELSEWHERE = {
     **dict.fromkeys(("laser", "profiler", "scanning_sonar", "echosounder"), "ros_scans"),
     **dict.fromkeys(("camera", "forward_sonar", "side_scan"), "ros_images"),  # the sensors, and then their topics
     **dict.fromkeys(("camera/image_raw", "camera/image_raw/compressed", "camera/camera_info"), "ros_images"),
-    **dict.fromkeys(("camera/depth/image_raw", "camera/depth/camera_info", "camera/labels"), "ros_images"),
+    **dict.fromkeys(("camera/depth/image_raw", "camera/depth/camera_info", "camera/depth/points"), "ros_images"),
+    "camera/labels": "ros_images",
     **dict.fromkeys(("forward_sonar/image", "side_scan/image"), "ros_images"),
     **dict.fromkeys(("/tf", "/tf_static", "/clock", "thruster_wrench"), "ros_frames"),
     "formation": "ros_formation",

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 from hil.errors import MissingExtraError
 from hil.transport import ros
 from hil.transport.cdr import MalformedError, Reader, Writer, tolerant
+from hil.transport.ros_clouds import Cloud, coloured, decode_cloud, encode_cloud
 from sim.sensors.imaging_samples import (
     CameraSample,
     Distortion,
@@ -145,6 +146,9 @@ def camera_messages(sample: CameraSample, prefix: str, images: str = "raw", qual
     if sample.depth is not None:
         found.append(("camera/depth/camera_info", info))
         found.append(("camera/depth/image_raw", encode_image(Picture(*shape, "32FC1", sample.depth), frame)))
+    if sample.points is not None:
+        cloud = Cloud(*shape, coloured(sample.points, sample.rgb))
+        found.append(("camera/depth/points", encode_cloud(cloud, frame)))
     if sample.labels is not None:
         found.append(("camera/labels", encode_image(Picture(*shape, "32SC1", sample.labels), frame)))
     return found
@@ -281,6 +285,7 @@ DECODERS: dict[str, Any] = {
     "camera/camera_info": decode_camera_info,
     "camera/depth/image_raw": decode_image,
     "camera/depth/camera_info": decode_camera_info,
+    "camera/depth/points": decode_cloud,
     "camera/labels": decode_image,
     "forward_sonar/image": decode_sonar,
     "side_scan/image": decode_side_scan,

@@ -12,7 +12,7 @@ from struct import calcsize, error
 from typing import Any
 
 from hil.errors import ConfigError
-from hil.transport.cdr import Reader, Writer, tolerant
+from hil.transport.cdr import MalformedError, Reader, Writer, tolerant
 from hil.transport.types import PRIMITIVES, Field, definition
 
 Message = dict[str, Any]
@@ -101,6 +101,8 @@ def _write_raw(writer: Writer, field: Field, data: bytes, path: str) -> None:
 
 
 def _write_count(writer: Writer, field: Field, count: int, path: str) -> None:
+    if field.most and count > field.most:
+        raise ConfigError(f"{path}: {count} values, at most {field.most}")
     if not field.length:
         writer.numbers("I", count)
     elif field.length != count:
@@ -145,6 +147,8 @@ def _read_field(reader: Reader, field: Field) -> Any:
     if field.length is None:
         return _read_values(reader, field.type, 1)[0]
     count = field.length or reader.count()
+    if field.most and count > field.most:
+        raise MalformedError("more elements than allowed")
     if PRIMITIVES.get(field.type) == "B":
         return reader.raw(count)
     return _read_values(reader, field.type, count)

@@ -22,7 +22,7 @@ ROUTER_WAIT_MS = 5000  # that a master waits for a router to begin with
 VISIT_WAIT_MS = 500  # that one attempt of a visitor takes at most
 # Bytes that one message to a role may have. What a slave with pictures gets from its imaging process is larger.
 LARGEST = {"slave": 1 << 20, "master": 1 << 26, "visitor": 1 << 26, "router": 1 << 26, "imaging": 1 << 20}
-LARGEST_PICTURE = 1 << 24
+LARGEST_PICTURE = 1 << 26
 
 Role = Literal["slave", "master", "visitor", "router", "imaging"]
 

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 WaterType = Literal["clear", "I", "IA", "IB", "II", "III", "1C", "3C", "7C", "9C"]
 
 _DEGREE = pi / 180.0
+_MOST_POINTS = 4_000_000  # what fits a message
 _Coefficient = Annotated[float, Range(-10.0, 10.0)]
 
 
@@ -24,11 +25,12 @@ class CameraModel(NamedTuple):
     Pixels are square; the optical axis goes through the middle. `distortion` is k1, k2, p1, p2, k3 of ROS's
     "plumb_bob". `water` is a Jerlov type (see sim.optics.jerlov), or "clear" for none. `depth` asks for a depth image
     as far as `max_range` m, with `depth_noise` m standard deviation at 1 m, growing with the square of the range as
-    that of a stereo camera. `lamps` is what a white wall 1 m ahead sends back of their light, 1 being what it sends
-    back in full daylight. `exposure` is the factor from such radiances to the sensor's range, 0: found for each picture
-    so that its bright parts are near white. `full_well` is how many electrons a pixel holds and `read_noise` how many
-    reading adds (standard deviation); `vignetting` is the share of the fall of light by the fourth power of the cosine
-    off the axis that the lens has. With `ground_truth` there is no water, noise, or vignetting, and labels are given.
+    that of a stereo camera, and `points` for the same as a cloud of points. `lamps` is what a white wall 1 m ahead
+    sends back of their light, 1 being what it sends back in full daylight. `exposure` is the factor from such radiances
+    to the sensor's range, 0: found for each picture so that its bright parts are near white. `full_well` is how many
+    electrons a pixel holds and `read_noise` how many reading adds (standard deviation); `vignetting` is the share of
+    the fall of light by the fourth power of the cosine off the axis that the lens has. With `ground_truth` there is no
+    water, noise, or vignetting, and labels are given.
 
     All numbers are our choice, near those of small industrial cameras.
     """
@@ -41,6 +43,7 @@ class CameraModel(NamedTuple):
     max_range: Annotated[float, Range(0.1, 1000.0, "m")] = 30.0
     depth: bool = True
     depth_noise: Annotated[float, Range(0.0, 1.0, "m")] = 0.002
+    points: bool = False
     water: WaterType = "II"
     lamps: Annotated[float, Range(0.0, 1000.0)] = 0.0
     exposure: Annotated[float, Range(0.0, 1e6)] = 0.0
@@ -48,6 +51,14 @@ class CameraModel(NamedTuple):
     read_noise: Annotated[float, Range(0.0, 1e4)] = 8.0
     vignetting: Annotated[float, Range(0.0, 1.0)] = 0.5
     ground_truth: bool = False
+
+    def problem(self) -> str | None:
+        """Points of a camera that gives no depth, or more of them than travel at once."""
+        if self.points and not self.depth:
+            return "points = true needs depth = true"
+        if self.points and self.width * self.height > _MOST_POINTS:
+            return f"points: {self.width} x {self.height} are more than {_MOST_POINTS}; take a smaller picture"
+        return None
 
 
 class Camera:
@@ -86,4 +97,5 @@ class Camera:
         return CameraSample(
             time_ns, m.width, m.height, rgb, depth if m.depth else None,
             objects.tobytes() if m.ground_truth else None, self._intrinsics, self._distortion,
+            self._eye.points(depth) if m.points else None,
         )  # fmt: skip

@@ -62,6 +62,12 @@ class Eye:
         radiance = self._scenery.radiance(seen, water.light, self._model.lamps, water.attenuation)
         return underwater(radiance, ranges, water), ranges, objects
 
+    def points(self, depth: bytes) -> bytes:
+        """Where a picture's depths (see CameraSample) are in the sensor's axes, nan where they are inf."""
+        ahead = np.frombuffer(depth, np.float32).copy()
+        ahead[np.isinf(ahead)] = np.nan
+        return (self._toward * (ahead / self.axial)[:, None]).tobytes()
+
     def _around(self, depth: float) -> Water:
         """The water at a depth in m."""
         depth = round(depth / _DEPTH_STEP) * _DEPTH_STEP

@@ -29,7 +29,8 @@ class CameraSample(NamedTuple):
     The optical axis is the sensor's x, to the right is its y, down its z. `rgb`: three bytes a pixel. `depth`: a 32-bit
     float a pixel, m along the optical axis, inf where there is nothing within reach; None if the camera gives none.
     `labels`: a 32-bit integer a pixel, which object of sim.rays.scene.RayScene it is; only of the ground truth. The
-    lens distorts the picture by `distortion`, depth and labels with it.
+    lens distorts the picture by `distortion`, depth and labels with it. `points`: three 32-bit floats a pixel, where in
+    the sensor's axes that depth is (m; nan where there is none), the lens accounted for; None if not asked for.
     """
 
     time_ns: int
@@ -40,6 +41,7 @@ class CameraSample(NamedTuple):
     labels: bytes | None
     intrinsics: Intrinsics
     distortion: Distortion
+    points: bytes | None = None
 
 
 class SonarImageSample(NamedTuple):

@@ -309,3 +309,45 @@ def test_rays_meet_a_tilted_plane() -> None:
     seen = np.broadcast_to(steep > 0.15, (61, 81)) & (labels(sample) == SEABED)
     assert seen.sum() > 3000
     assert depths(sample)[seen] == pytest.approx(np.broadcast_to(expected, (61, 81))[seen], rel=1e-6)
+
+
+# --- points
+
+
+@pytest.mark.parametrize("distortion", [(0.0,) * 5, (-0.2, 0.05, 0.002, -0.003, 0.01)])
+def test_points_are_what_the_lens_puts_on_their_pixels(distortion: Any) -> None:
+    """Each is as deep as its pixel, and comes back to it through the lens; what is not seen is no number."""
+    model = TRUE._replace(points=True, distortion=distortion, max_range=20.0)
+    sample = camera(FLAT._replace(cylinder=(Cylinder(9.0, 3.0, 1.0),)), model).sample(0, HERE)
+    assert sample.points is not None
+    ahead, right, down = np.frombuffer(sample.points, np.float32).reshape(61, 81, 3).transpose(2, 0, 1)
+    seen = np.isfinite(depths(sample))
+    assert 1000 < seen.sum() < seen.size
+    assert (np.isnan(ahead) == ~seen).all()
+    assert (np.isnan(down) == ~seen).all()
+    assert ahead[seen] == pytest.approx(depths(sample)[seen], abs=1e-5)
+    fx, fy, cx, cy = sample.intrinsics
+    x, y = distorted((right / ahead).astype(float), (down / ahead).astype(float), distortion)
+    columns, rows = np.meshgrid(np.arange(81), np.arange(61))
+    assert (fx * x + cx)[seen] == pytest.approx(columns[seen], abs=1e-4)
+    assert (fy * y + cy)[seen] == pytest.approx(rows[seen], abs=1e-4)
+    on_seabed = labels(sample) == SEABED
+    assert down[on_seabed] == pytest.approx(np.full(on_seabed.sum(), 4.0), abs=1e-5)
+
+
+def test_points_are_of_the_depths_that_were_measured() -> None:
+    model = CameraModel(width=81, height=61, points=True, depth_noise=0.01)
+    sample = camera(FLAT, model, DOWN).sample(0, HERE)
+    assert sample.points is not None
+    assert np.frombuffer(sample.points, np.float32)[::3] == pytest.approx(depths(sample).ravel(), abs=1e-5)
+    assert depths(sample).std() > 0.01
+    assert camera(FLAT, model._replace(points=False)).sample(0, HERE).points is None
+
+
+@pytest.mark.parametrize(
+    ("keys", "words"),
+    [({"depth": False}, "needs depth = true"), ({"width": 4096, "height": 1000}, "more than 4000000")],
+)
+def test_points_that_cannot_be(keys: dict[str, Any], words: str) -> None:
+    assert words in str(CameraModel(points=True, **keys).problem())
+    assert CameraModel(**keys).problem() is None

@@ -147,3 +147,23 @@ def test_a_plain_vehicle_loads_none_of_this() -> None:
         [sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=Path(__file__).parents[2]
     )
     assert done.stdout.split() == []
+
+
+def test_what_is_wrong_is_known_from_when_it_begins() -> None:
+    weak, off = (
+        Failure("front_left", "efficiency", efficiency=0.4),
+        Failure("front_left", "off", time=0.05),
+    )
+    thrusters = make_thrusters(VEHICLE, DT, [off, weak])
+    assert thrusters.failures("front_left") == (weak,)
+    ride(thrusters, [1900] * 20)
+    assert thrusters.failures("front_left") == (weak,)
+    ride(thrusters, [1900])
+    assert thrusters.failures("front_left") == (weak, off)
+    weaker = weak._replace(efficiency=0.2)
+    thrusters.fail([weaker])
+    assert thrusters.failures("front_left") == (weaker, off), "one a kind, at once"
+    thrusters.fail([Failure("front_left", "repaired")])
+    assert thrusters.failures("front_left") == ()
+    assert thrusters.failures("front_right") == ()
+    assert make_thrusters(VEHICLE, DT).failures("front_left") == ()

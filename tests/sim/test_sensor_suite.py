@@ -65,7 +65,9 @@ def scenario(folder: Path, sections: str = "") -> Simulation:
     return build_simulation(read, load_vehicle(read.vehicle)[0], load_world(read.world))
 
 
-IF_ASKED_FOR = ("camera/image_raw/compressed", "camera/labels")  # [ros] images, ground_truth
+IF_ASKED_FOR = (  # [ros] images, points, ground_truth
+    "camera/image_raw/compressed", "camera/depth/points", "camera/labels"
+)  # fmt: skip
 
 
 def test_all_sensors_fly_at_their_rates_and_every_sample_goes_out(tmp_path: Path) -> None:

@@ -28,13 +28,14 @@ rate = 10
 width = {WIDTH}
 height = {HEIGHT}
 depth_noise = 0
+points = true
 [sensors.forward_sonar]
 rate = 5
 beams = 64
 """
 PICTURES = (
     "camera/image_raw", "camera/image_raw/compressed", "camera/camera_info", "camera/depth/image_raw",
-    "forward_sonar/image",
+    "camera/depth/points", "forward_sonar/image",
 )  # fmt: skip
 
 
@@ -99,6 +100,28 @@ def test_down_is_down(watched: VehicleClient) -> None:
     expected = water * info.intrinsics.fy / (HEIGHT - 1 - info.intrinsics.cy)
     assert depth[-1, WIDTH // 2] == pytest.approx(expected, rel=0.1)
     assert depth[-1, WIDTH // 2] < depth[HEIGHT // 2, WIDTH // 2]
+
+
+def test_points_are_those_of_the_depth_image(watched: VehicleClient) -> None:
+    """Of the same instant, through the pinhole of the same camera, in the frame that is z ahead, x right, y down."""
+
+    def both() -> tuple[Any, Any] | None:
+        cloud, picture = (watched.latest[f"camera/depth/{name}"].value for name in ("points", "image_raw"))
+        return (cloud, picture) if cloud.time_ns == picture.time_ns else None
+
+    found = wait_for(both, 5)
+    assert found
+    cloud, picture = found
+    assert (cloud.width, cloud.height) == (WIDTH, HEIGHT)
+    x, y, z, _ = np.frombuffer(cloud.data, "<f4").reshape(HEIGHT, WIDTH, 4).transpose(2, 0, 1)
+    depth = np.frombuffer(picture.data, "<f4").reshape(HEIGHT, WIDTH)
+    fx, fy, cx, cy = watched.latest["camera/camera_info"].value.intrinsics
+    columns, rows = np.meshgrid(np.arange(WIDTH), np.arange(HEIGHT))
+    seen = np.isfinite(depth)
+    assert seen.sum() > 1000
+    assert (np.isnan(z) == ~seen).all()
+    for axis, expected in ((x, (columns - cx) / fx * depth), (y, (rows - cy) / fy * depth), (z, depth)):
+        assert axis[seen] == pytest.approx(expected[seen], abs=1e-4)
 
 
 def test_stamps_are_those_of_the_simulation(watched: VehicleClient) -> None:

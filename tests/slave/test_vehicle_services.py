@@ -79,7 +79,7 @@ class Vehicle:
         for _ in range(steps):
             command, _ = self.loop.pilot.update(now_ns(), 0.0025)
             self.loop.driver.send(command)
-            self.loop.driver.service(now_ns())
+            self.loop._service_link(now_ns())
             self.loop.advance(1)
 
     def close(self) -> None:
@@ -105,6 +105,12 @@ def test_all_that_is_offered(vehicle: Vehicle) -> None:
     expected = {"/uuv1/arm": "std_srvs/srv/SetBool", "/uuv1/reset": "std_srvs/srv/Trigger"}
     expected["/uuv1/set_pose"] = "simulation_interfaces/srv/SetEntityState"
     expected |= {f"/uuv1/thrusters/{name}/fail": "std_srvs/srv/SetBool" for name in thrusters}
+    expected |= {
+        f"/uuv1/{name}": f"rcl_interfaces/srv/{name.title().replace('_', '')}"
+        for name in ("list_parameters", "get_parameters", "get_parameter_types", "describe_parameters")
+    }
+    expected["/uuv1/set_parameters"] = "rcl_interfaces/srv/SetParameters"
+    expected["/uuv1/set_parameters_atomically"] = "rcl_interfaces/srv/SetParametersAtomically"
     assert {name: type_name for name, (type_name, _) in vehicle.server.offered.items()} == expected
 
 
@@ -159,6 +165,30 @@ def test_a_thruster_fails_and_is_repaired(vehicle: Vehicle) -> None:
     vehicle.run(400)
     assert abs(vehicle.simulation.thrusts[0]) > 0.5
     assert vehicle.said == [f"thruster: {name} is off", f"thruster: {name} is repaired"]
+
+
+def test_a_parameter_lets_a_thruster_fail(vehicle: Vehicle) -> None:
+    """Half the thrust, then none, then all of it."""
+    name = vehicle.simulation.vehicle.thrusters[0].name
+
+    def thrust_with(text: str) -> float:
+        value = {"type": 4, "string_value": text}
+        answer = vehicle.server.call(
+            "/uuv1/set_parameters", {"parameters": [{"name": f"failures.{name}", "value": value}]}
+        )
+        assert answer == {"results": [{"successful": True, "reason": ""}]}
+        for _ in range(400):  # until the lag has passed
+            vehicle.simulation.step((1700,) * len(vehicle.simulation.vehicle.channels))
+        return vehicle.simulation.thrusts[0]
+
+    whole = thrust_with("")
+    assert whole > 1.0
+    assert thrust_with("kind = efficiency, efficiency = 0.5") == pytest.approx(0.5 * whole)
+    assert thrust_with("kind = off") == pytest.approx(0.0, abs=1e-6)
+    assert thrust_with("") == pytest.approx(whole)
+    assert vehicle.said[-2:] == [
+        f'parameter: failures.{name}: kind = "off"', f"parameter: failures.{name}: nothing is wrong"
+    ]  # fmt: skip
 
 
 @pytest.mark.parametrize("name", ["a", "upper starboard fin", "7", "ü-1", "T_1"])

@@ -19,8 +19,19 @@ MESSAGES = (
     "geometry_msgs/msg/Point", "geometry_msgs/msg/Pose", "geometry_msgs/msg/PoseWithCovariance",
     "geometry_msgs/msg/Transform", "geometry_msgs/msg/TransformStamped", "geometry_msgs/msg/Twist",
     "geometry_msgs/msg/TwistWithCovariance", "nav_msgs/msg/Odometry", "sensor_msgs/msg/FluidPressure",
-    "sensor_msgs/msg/Imu", "rosgraph_msgs/msg/Clock", "tf2_msgs/msg/TFMessage",
+    "sensor_msgs/msg/Imu", "rosgraph_msgs/msg/Clock", "tf2_msgs/msg/TFMessage", "rcl_interfaces/msg/ParameterValue",
+    "rcl_interfaces/msg/Parameter", "rcl_interfaces/msg/ListParametersResult", "rcl_interfaces/msg/SetParametersResult",
 )  # fmt: skip
+SERVICES = {
+    "std_srvs/srv/SetBool": "bool data\n---\nbool success\nstring message\n",
+    "rcl_interfaces/srv/ListParameters": (
+        "string[] prefixes\nuint64 depth\n---\nrcl_interfaces/ListParametersResult result\n"
+    ),
+    "rcl_interfaces/srv/GetParameters": "string[] names\n---\nrcl_interfaces/ParameterValue[] values\n",
+    "rcl_interfaces/srv/SetParameters": (
+        "rcl_interfaces/Parameter[] parameters\n---\nrcl_interfaces/SetParametersResult[] results\n"
+    ),
+}
 HEARD = {
     "/uuv1/imu": "sensor_msgs/msg/Imu",
     "/uuv1/pressure": "sensor_msgs/msg/FluidPressure",
@@ -28,6 +39,7 @@ HEARD = {
     "/tf": "tf2_msgs/msg/TFMessage",
     "/clock": "rosgraph_msgs/msg/Clock",
 }
+ARRAYS = {"byte": "u1", "bool": "?", "integer": "i8", "double": "f8"}  # of a ParameterValue
 LATCHED = ":1:,1:,:,:,,"  # transient local, the last one
 
 
@@ -37,7 +49,8 @@ def write_definitions(folder: str) -> None:
     files = {name: store.generate_msgdef(name, ros_version=2)[0].partition("=" * 80)[0] for name in MESSAGES}
     for name, text in files.items():
         _write(os.path.join(folder, f"{name}.msg"), text)
-    _write(os.path.join(folder, "std_srvs/srv/SetBool.srv"), "bool data\n---\nbool success\nstring message\n")
+    for name, text in SERVICES.items():
+        _write(os.path.join(folder, f"{name}.srv"), text)
 
 
 def _write(path: str, text: str) -> None:
@@ -106,9 +119,31 @@ class Peer:
         return float(self.newest["/uuv1/ground_truth"].twist.twist.linear.x)
 
     def arm(self, on: bool) -> list[Any]:
-        client = self._sdk.ROS2ServiceClient("/uuv1/arm", "std_srvs/srv/SetBool", router_port=self._port, timeout=5.0)
-        response = client.call(data=on)
+        response = self._client("arm", "std_srvs/srv/SetBool").call(data=on)
         return [response.success, response.message]
+
+    def parameters(self) -> dict[str, Any]:
+        """All names, what comes of a good value and a bad one, and what is read then."""
+        listed = self._client("list_parameters", "rcl_interfaces/srv/ListParameters").call(prefixes=[], depth=0)
+        name = "failures.rear_left"
+        done = [self._set(name, text) for text in ("kind = efficiency, efficiency = 0.5", "kind = of")]
+        got = self._client("get_parameters", "rcl_interfaces/srv/GetParameters").call(names=[name, "none"])
+        values = [[value.type, value.string_value] for value in got.values]
+        return {"names": list(listed.result.names), "set": done, "values": values}
+
+    def _set(self, name: str, text: str) -> list[Any]:
+        client = self._client("set_parameters", "rcl_interfaces/srv/SetParameters")  # which loads its types
+        types = self._sdk.ZenohSession.get_instance().store.types
+        value = types["rcl_interfaces/msg/ParameterValue"](
+            type=4, bool_value=False, integer_value=0, double_value=0.0, string_value=text, string_array_value=[],
+            **{f"{key}_array_value": import_module("numpy").zeros(0, code) for key, code in ARRAYS.items()},
+        )  # fmt: skip
+        parameter = types["rcl_interfaces/msg/Parameter"](name=name, value=value)
+        answer = client.call(parameters=[parameter])
+        return [[result.successful, result.reason] for result in answer.results]
+
+    def _client(self, name: str, kind: str) -> Any:
+        return self._sdk.ROS2ServiceClient(f"/uuv1/{name}", kind, router_port=self._port, timeout=5.0)
 
 
 def main() -> None:
@@ -126,6 +161,7 @@ def main() -> None:
         "speed": peer.drive(3.0),
         "disarmed": peer.arm(False),
         "armed": peer.arm(True),
+        "parameters": peer.parameters(),
     }
     print(json.dumps(found), flush=True)
     os._exit(0)  # its callbacks would keep the interpreter

@@ -2,16 +2,17 @@
 
 import io
 from array import array
-from math import cos, inf, pi, sin
+from math import cos, inf, nan, pi, sin
 from typing import Any
 
+import numpy as np
 import pytest
 from PIL import Image
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from hil.slave.ros_node import HEADS
 from hil.topics import TOPICS
-from hil.transport import ros, ros_images, types
+from hil.transport import ros, ros_clouds, ros_images, types
 from sim.rotations import rotate
 from sim.sensors.imaging_samples import CameraSample, Intrinsics, SideScanSample, SonarImageSample
 
@@ -32,6 +33,7 @@ def rgb() -> bytes:
 
 DEPTH = array("f", [1.0 + 0.01 * i for i in range(WIDTH * HEIGHT - 1)] + [inf]).tobytes()
 LABELS = array("i", [i % 3 - 1 for i in range(WIDTH * HEIGHT)]).tobytes()
+POINTS = array("f", [0.1 * i for i in range(3 * WIDTH * HEIGHT - 3)] + [nan] * 3).tobytes()  # ahead, right, down
 CAMERA = CameraSample(TIME, WIDTH, HEIGHT, rgb(), DEPTH, LABELS, Intrinsics(50.0, 51.0, 23.5, 15.5), LENS)
 BEAMS = (-0.5, 0.0, 0.25)
 ECHOES = bytes(range(12))
@@ -92,6 +94,43 @@ def test_jpeg_is_the_same_picture() -> None:
     assert small < large
 
 
+def test_a_cloud_of_points() -> None:
+    """Byte for byte what rosbags makes of the same, with the fields and the colours that depth_image_proc has."""
+    payload = dict(ros.encoder("camera")(CAMERA._replace(points=POINTS), "uuv1/"))["camera/depth/points"]
+    kind = TOPICS["camera/depth/points"].type
+    cloud = STORE.deserialize_cdr(payload, kind)
+    assert bytes(STORE.serialize_cdr(cloud, kind)) == payload
+    assert cloud.header.frame_id == "uuv1/camera_optical_frame"
+    assert (cloud.header.stamp.sec, cloud.header.stamp.nanosec) == (7, 9)
+    assert (cloud.height, cloud.width, cloud.point_step, cloud.row_step) == (HEIGHT, WIDTH, 16, 16 * WIDTH)
+    assert (cloud.is_bigendian, cloud.is_dense) == (False, False)
+    fields = [(field.name, field.offset, field.datatype, field.count) for field in cloud.fields]
+    assert fields == [("x", 0, 7, 1), ("y", 4, 7, 1), ("z", 8, 7, 1), ("rgb", 12, 7, 1)]
+    points = cloud.data.view("<f4").reshape(HEIGHT, WIDTH, 4)
+    there = np.frombuffer(POINTS, np.float32).reshape(HEIGHT, WIDTH, 3)
+    np.testing.assert_array_equal(points[..., :3], there[..., [1, 2, 0]])  # right, down, ahead
+    colour = cloud.data.view("<u4").reshape(HEIGHT, WIDTH, 4)[..., 3]
+    assert colour[10, 20] == 100 << 16 | 70 << 8 | 40
+    assert ros_clouds.decode_cloud(payload) == ros_clouds.Cloud(TIME, WIDTH, HEIGHT, cloud.data.tobytes())
+
+
+def test_a_cloud_of_others_is_none() -> None:
+    payload = ros_clouds.encode_cloud(ros_clouds.Cloud(TIME, 2, 1, bytes(32)))
+    kind = TOPICS["camera/depth/points"].type
+    others: tuple[dict[str, Any], ...] = (
+        {"width": 3},
+        {"is_bigendian": True},
+        {"fields": []},
+        {"point_step": 32},
+        {"height": 2},
+    )
+    for changes in others:
+        changed = STORE.deserialize_cdr(payload, kind)
+        for name, value in changes.items():
+            setattr(changed, name, value)
+        assert ros_clouds.decode_cloud(bytes(STORE.serialize_cdr(changed, kind))) is None
+
+
 def test_a_sonar_image() -> None:
     found = read(ros.encoder("forward_sonar")(SONAR, "uuv1/"))["forward_sonar/image"]
     assert found.header.frame_id == "uuv1/forward_sonar_fan"
@@ -143,7 +182,7 @@ def test_what_comes_back() -> None:
 
 @pytest.mark.parametrize("topic", list(ros_images.DECODERS))
 def test_what_is_cut_is_malformed(topic: str) -> None:
-    payloads = dict(ros_images.camera_messages(CAMERA, "", "both"))
+    payloads = dict(ros_images.camera_messages(CAMERA._replace(points=POINTS), "", "both"))
     payloads |= dict(ros.encoder("forward_sonar")(SONAR, "")) | dict(ros.encoder("side_scan")(SIDES, ""))
     data = payloads[topic]
     ends = [end for end in (*range(200), *range(200, len(data), 97), len(data) - 1) if end < len(data)]

@@ -62,3 +62,14 @@ def test_it_drives_the_vehicle(seen: dict[str, Any]) -> None:
 def test_it_calls_a_service(seen: dict[str, Any]) -> None:
     assert seen["disarmed"] == [True, "disarmed: thrusters neutral, commands are not taken"]
     assert seen["armed"] == [True, "armed: commands are taken"]
+
+
+def test_it_lets_a_thruster_fail_by_a_parameter(seen: dict[str, Any]) -> None:
+    found = seen["parameters"]
+    assert "failures.rear_left" in found["names"]
+    assert len(found["names"]) == 6
+    (done,), ((refused, reason),) = found["set"]
+    assert done == [True, ""]
+    assert not refused
+    assert "'of' is not one of off" in reason
+    assert found["values"] == [[4, 'kind = "efficiency", efficiency = 0.5'], [0, ""]]

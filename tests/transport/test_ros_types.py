@@ -39,6 +39,14 @@ PRINTED = {
     "service_msgs/msg/ServiceEventInfo": "RIHS01_41bcbbe07a75c9b52bc96bfd5c24d7f0fc0a08c0cb7921b3373c5732345a6f45",
     "std_srvs/srv/SetBool": "RIHS01_abe9e4bb6b41b40e6789712c00ec8871923e089af3f667a79992a428cff2da0a",
     "std_srvs/srv/Trigger": "RIHS01_eeff2cd6fa5ad9d27cdf4dec64818317839b62f212a91e6b5304b634b2062c5f",
+    "rcl_interfaces/srv/DescribeParameters": "RIHS01_845b484d71eb0673dae682f2e3ba3c4851a65a3dcfb97bddd82c5b57e91e4cff",
+    "rcl_interfaces/srv/GetParameterTypes": "RIHS01_da199c878688b3e530bdfe3ca8f74cb9fa0c303101e980a9e8f260e25e1c80ca",
+    "rcl_interfaces/srv/GetParameters": "RIHS01_bf9803d5c74cf989a5de3e0c2e99444599a627c7ff75f97b8c05b01003675cbc",
+    "rcl_interfaces/srv/ListParameters": "RIHS01_3e6062bfbb27bfb8730d4cef2558221f51a11646d78e7bb30a1e83afac3aad9d",
+    "rcl_interfaces/srv/SetParameters": "RIHS01_56eed9a67e169f9cb6c1f987bc88f868c14a8fc9f743a263bc734c154015d7e0",
+    "rcl_interfaces/srv/SetParametersAtomically": (
+        "RIHS01_0e192ef259c07fc3c07a13191d27002222e65e00ccec653ca05e856f79285fcd"
+    ),
     "std_srvs/srv/Empty": "RIHS01_5888399dedec5ccc85ea6451949fd2c9f97bfdf963f9a588821639fcd31b5d19",
 }
 ASKED_FOR = """
@@ -94,7 +102,7 @@ def random_string(source: random.Random) -> str:
 def random_value(field: Field, source: random.Random) -> tuple[Any, Any]:
     if field.length is None:
         return random_one(field.type, source)
-    count = field.length or source.choice([0, 1, 2, 3, 7])
+    count = field.length or source.choice(range(field.most + 1) if field.most else [0, 1, 2, 3, 7])
     pairs = [random_one(field.type, source) for _ in range(count)]
     ours, others = [pair[0] for pair in pairs], [pair[1] for pair in pairs]
     code = PRIMITIVES.get(field.type, "")
@@ -230,6 +238,17 @@ def test_an_image_from_an_array_of_rows() -> None:
 def test_wrong_values_are_named(values: Any, words: str) -> None:
     with pytest.raises(ConfigError, match=words):
         ros_message.encode("geometry_msgs/msg/Twist", values)
+
+
+def test_a_bounded_sequence() -> None:
+    name, one = "rcl_interfaces/msg/ParameterDescriptor", {"to_value": 3}
+    message = ros_message.decode(name, ros_message.encode(name, {"integer_range": [one]}))
+    assert message is not None
+    assert message["integer_range"] == [{"from_value": 0, "to_value": 3, "step": 0}]
+    with pytest.raises(ConfigError, match=r"ParameterDescriptor.integer_range: 2 values, at most 1"):
+        ros_message.encode(name, {"integer_range": [one, one]})
+    too_many = ros_message.encode("std_msgs/msg/UInt32", {"data": 2})[4:] + bytes(64)
+    assert ros_message.decode(name, ros_message.encode(name, {})[:-8] + bytes(4) + too_many) is None
 
 
 @pytest.mark.parametrize(

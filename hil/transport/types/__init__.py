@@ -21,13 +21,14 @@ PRIMITIVES = {
 class Field(NamedTuple):
     """One field: `type` a primitive or the full name of a message; `length` of an array, 0 of a sequence, else None.
 
-    `default` is what it is if nothing is said, where that is not 0.
+    `default` is what it is if nothing is said, where that is not 0; `most` the length of a bounded sequence, else 0.
     """
 
     name: str
     type: str
     length: int | None
     default: float = 0.0
+    most: int = 0
 
 
 class Definition(NamedTuple):
@@ -99,7 +100,7 @@ def _package(package: str) -> dict[str, tuple[str, str]]:
 
 
 def _fields(owner: str, text: str) -> tuple[Field, ...]:
-    lines = [line.split() for line in text.splitlines() if line and "=" not in line]
+    lines = [line.split() for line in text.splitlines() if line and "=" not in line.replace("<=", "")]
     return tuple([_field(owner, *words) for words in lines])
 
 
@@ -108,4 +109,6 @@ def _field(owner: str, kind: str, name: str, default: str = "0") -> Field:
     if base not in PRIMITIVES:
         package, _, last = base.rpartition("/")
         base = f"{package or owner.partition('/')[0]}/msg/{last}"
+    if count.startswith("<="):
+        return Field(name, base, 0, float(default), int(count[2:]))
     return Field(name, base, int(count or 0) if kind.endswith("]") else None, float(default))

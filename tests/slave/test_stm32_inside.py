@@ -1,0 +1,29 @@
+"""When an STM32 in the slave's own process applied a command."""
+
+import time
+
+import pytest
+
+from hil.clock import now_ns
+from hil.config import load_scenario
+from hil.links.contract import ThrusterCommand
+from hil.slave.stm32 import open_driver
+from tests.links.link_contract import nothing_leaks
+
+
+@pytest.mark.parametrize("kind", ["python", "unicorn"])
+def test_the_instant_counts_what_reading_and_obeying_took(kind: str) -> None:
+    """However old the instant is that the caller has: the outputs did not have the pulses before they were read."""
+    with nothing_leaks():
+        driver = open_driver(kind, load_scenario("paper_field").link, 6, True, 1, lambda _: None)
+        for _ in range(3):
+            driver.service(now_ns())
+        for sequence in range(1, 6):
+            stale = now_ns()
+            time.sleep(0.002)
+            driver.send(ThrusterCommand(sequence, True, (1500 + sequence,) * 6))
+            sent = now_ns()
+            heard = [telemetry for telemetry in driver.service(stale) if telemetry.sequence == sequence]
+            assert heard, "it is answered at once"
+            assert sent < driver.applied_ns(heard[0], stale) <= now_ns()
+        driver.close()
