@@ -14,6 +14,7 @@ up to `LATE_WINDOW` behind the last is late (a datagram that was overtaken) and 
 behind is a host that started again, and applied. After a watchdog trip every number is.
 """
 
+from hil import clock
 from hil.links.contract import (
     PWM_MAX_US,
     PWM_MIN_US,
@@ -130,6 +131,7 @@ class Stm32End:
     def __init__(self, stm32: Stm32, link: ThrusterLink) -> None:
         self.stm32 = stm32
         self.link = link
+        self.obeyed_ns = 0  # when (monotonic, whatever the caller's clock is) the outputs last took a command
 
     @property
     def deadline_ns(self) -> int:
@@ -154,6 +156,7 @@ class Stm32End:
         applied = 0
         for message in self.link.receive():
             if self._apply(message, now_ns):
+                self.obeyed_ns = clock.now_ns()
                 applied += 1
                 self._report(now_ns)
         if self.stm32.tick(now_ns):

@@ -70,6 +70,11 @@ class UnicornBoard:
         return [self._chip.timers[OUTPUTS[i // 4]].pulse_us(i % 4) for i in range(self.channels)]
 
     @property
+    def obeyed_ns(self) -> int:
+        """When (monotonic ns, not simulated) the program last wrote a pulse width: with each command and report."""
+        return max(self._chip.timers[name].width_set_ns for name in OUTPUTS)
+
+    @property
     def lost(self) -> int:
         """Bytes that came while the port was off, or faster than the firmware or the line could take them."""
         return self._port.lost
@@ -165,6 +170,11 @@ class UnicornEnd:
         return self.board.pwm_us
 
     @property
+    def obeyed_ns(self) -> int:
+        """When (monotonic, whatever the caller's clock is) its outputs last took a command, or were confirmed."""
+        return self.board.obeyed_ns
+
+    @property
     def deadline_ns(self) -> int:
         """When `service` has to be called even if no byte came."""
         return self._serviced_ns + (self.PERIOD_NS if len(self._held) < self._unit else 0)
@@ -174,15 +184,19 @@ class UnicornEnd:
         return self.wire.fileno()
 
     def service(self, now_ns: int) -> int:
-        """Let the board's time pass until `now_ns`, then carry what came in, and out; how many bytes came in.
+        """Carry in what came, let the board's time pass until `now_ns`, carry out; how many bytes came in.
 
-        Raises DeviceError when the wire is gone, or the firmware does what no program can.
+        What came is read before time passes, as by the firmware's twin: a command does not wait until the board has
+        caught up, and a caller who is late is no silent host. Raises DeviceError when the wire is gone, or the firmware
+        does what no program can.
         """
         passed_ns = now_ns - self._serviced_ns if self._serviced_ns >= 0 else 0
         self._serviced_ns = now_ns
-        self.board.run_until(self.board.now_ns + min(max(passed_ns, 0), self.PATIENCE_NS))
         data = self._take()
-        said = self._exchange_bytes(data) if self._unit == 1 else self._exchange_frames(data)
+        if data:
+            self._hand_over(data)
+        self.board.run_until(self.board.now_ns + min(max(passed_ns, 0), self.PATIENCE_NS))
+        said = self._said()
         if said:
             self.wire.write(said)
         return len(data)
@@ -200,14 +214,15 @@ class UnicornEnd:
         data, self._held = self._held[:size], self._held[size:]
         return data
 
-    def _exchange_bytes(self, data: bytes) -> bytes:
-        if data:
+    def _hand_over(self, data: bytes) -> None:
+        if self._unit == 1:
             self.board.receive(data)
-        return self.board.transmitted()
-
-    def _exchange_frames(self, data: bytes) -> bytes:
-        if data:
+        else:
             self.board.receive_can(unpack_frames(data))
+
+    def _said(self) -> bytes:
+        if self._unit == 1:
+            return self.board.transmitted()
         return b"".join(map(pack_frame, self.board.transmitted_can()))
 
 

@@ -4,8 +4,9 @@ from collections.abc import Callable
 from typing import ClassVar
 
 from firmware_stub.emulation.peripheral import NEVER_NS, Peripheral, Ticks, Time
+from hil.clock import now_ns
 
-CR1, DIER, SR, EGR, CCMR1, CCER, CNT, PSC, ARR, CCR1, BDTR = (
+CR1, DIER, SR, EGR, CCMR1, CCER, CNT, PSC, ARR, CCR1, CCR4, BDTR = (
     0x00,
     0x0C,
     0x10,
@@ -16,6 +17,7 @@ CR1, DIER, SR, EGR, CCMR1, CCER, CNT, PSC, ARR, CCR1, BDTR = (
     0x28,
     0x2C,
     0x34,
+    0x40,
     0x44,
 )
 CEN, UIE, UIF, UG, MOE = 1, 1, 1, 1, 1 << 15
@@ -43,6 +45,7 @@ class Timer(Peripheral):
         self._interrupt = interrupt
         self._gated = gated
         self._mask = (1 << bits) - 1
+        self.width_set_ns = 0  # when (monotonic ns, not simulated) the program last wrote the width of a pulse
         self.reset()
 
     def reset(self) -> None:
@@ -90,6 +93,9 @@ class Timer(Peripheral):
             self._restart(value if offset == CNT else count)
         else:
             self.words[offset] = value
+            if CCR1 <= offset <= CCR4:
+                self.width_set_ns = now_ns()
+                return  # which changes no counting
         self._plan()
 
     def tick(self) -> None:

@@ -98,6 +98,8 @@ class Usart(Peripheral):
         """Writing the data sends it."""
         if offset == DR:
             self._send(value & 0xFF)
+            if not self._paced:
+                return  # it is out, and there is room for the next: nothing has changed
         elif offset == SR:
             self.words[SR] &= value | ~(RXNE | TC)  # these two are cleared by writing 0
         else:
@@ -120,12 +122,21 @@ class Usart(Peripheral):
 
     def _read_data(self) -> int:
         data, fresh = self._heard, self.words[SR] & RXNE
+        if self._at_once > 1 and self._on_line and self._stays_ready():
+            self._at_once -= 1
+            self._heard = self._on_line.popleft()
+            return data
         self.words[SR] &= ~(RXNE | ORE | IDLE if self._clears else RXNE)
         self._clears = False
         if fresh and not self._paced:
             self._go_on()
         self._update()
         return data
+
+    def _stays_ready(self) -> bool:
+        """Unpaced: whether the next byte changes no flag, for it is there as soon as this one is read."""
+        status, enabled = self.words[SR], self.words.get(CR1, 0)
+        return status & (RXNE | ORE | IDLE) == RXNE and enabled & (UE | RE) == UE | RE
 
     def _go_on(self) -> None:
         """Unpaced: the program has read a byte, so the next one comes, or the line falls silent."""

@@ -107,6 +107,7 @@ typedef struct {
      * enough is; 0 if none begins so. */
     size_t (*size)(const uint8_t *bytes, size_t seen);
     bool (*is_sound)(const uint8_t *packet, size_t size);
+    uint8_t first; /* byte of every packet; any other need not be asked for its size */
 } UuvHilFormat;
 
 typedef struct {

@@ -39,7 +39,7 @@ static uint16_t checksum(const uint8_t *frame, size_t size)
 
 static size_t frame_size(const uint8_t *bytes, size_t seen)
 {
-    if (bytes[0] != UUV_HIL_FRAME_SYNC_0 || (seen > 1 && bytes[1] != UUV_HIL_FRAME_SYNC_1))
+    if (seen > 1 && bytes[1] != UUV_HIL_FRAME_SYNC_1)
         return 0;
     if (seen < FRAME_PREFIX)
         return FRAME_PREFIX;
@@ -51,7 +51,7 @@ static bool is_sound(const uint8_t *frame, size_t size)
     return checksum(frame, size) == get_u16(frame + size - UUV_HIL_FRAME_CRC_SIZE);
 }
 
-const UuvHilFormat uuv_hil_frame_format = {frame_size, is_sound};
+const UuvHilFormat uuv_hil_frame_format = {frame_size, is_sound, UUV_HIL_FRAME_SYNC_0};
 
 bool uuv_hil_frame_decode(const uint8_t *frame, UuvHilCommand *command)
 {

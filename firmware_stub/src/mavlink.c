@@ -29,7 +29,7 @@ static uint32_t message_id(const uint8_t *packet)
 
 static size_t packet_size(const uint8_t *bytes, size_t seen)
 {
-    if (bytes[0] != MAVLINK_STX || (seen > 2 && (bytes[2] & ~SIGNED) != 0))
+    if (seen > 2 && (bytes[2] & ~SIGNED) != 0)
         return 0;
     if (seen < HEADER_SIZE)
         return HEADER_SIZE;
@@ -47,7 +47,7 @@ static bool is_sound(const uint8_t *packet, size_t size)
     return crc == (packet[end] | packet[end + 1] << 8);
 }
 
-static const UuvHilFormat mavlink_format = {packet_size, is_sound};
+static const UuvHilFormat mavlink_format = {packet_size, is_sound, MAVLINK_STX};
 
 /* ---- what it says ---- */
 

@@ -24,6 +24,8 @@ const uint8_t *uuv_hil_stream_feed(UuvHilStream *stream, const UuvHilFormat *for
     size_t kept_from = length; /* where the first packet begins whose end has not come */
     for (size_t start = 0; start < length; start++) {
         const uint8_t *packet = stream->bytes + start;
+        if (*packet != format->first)
+            continue;
         size_t size = format->size(packet, length - start);
         if (size == 0)
             continue;

@@ -13,8 +13,9 @@ from hil.bench.loopback import CALM_PULSES
 from hil.bench.statistics import quantile
 from hil.clock import NS_PER_MS, NS_PER_S, RateKeeper, now_ns, to_wall_ns
 from hil.config import Scenario
+from hil.links.address import parse_address
 from hil.links.contract import ThrusterCommand, ThrusterTelemetry
-from hil.links.wires.faults import BITS_A_BYTE
+from hil.links.wires.faults import line_bits
 from hil.master.client import VehicleClient
 from hil.master.delay import DelayMeter
 from hil.slave.stm32 import end_protocol
@@ -22,6 +23,7 @@ from sim.vehicle import load_vehicle
 
 HOPS = ("publish", "network", "inbox", "control", "link encode", "wire", "STM32")
 COMMAND_BYTES = 52 + 33  # geometry_msgs/Twist in CDR, and what rmw_zenoh adds to it
+IN_SLAVE = ("python", "unicorn")  # kinds of STM32 that run in the slave's process
 WARM_UP = 20  # commands that are not counted: arming, first samples
 SETTLE_S = 0.5  # for the last traces to come
 UNSURE = 0.75  # of a delay that its clocks are not known to
@@ -106,8 +108,8 @@ def measure(bench: Bench, plan: Plan, endpoint: str = "", echo: tuple[str, int, 
 def wire_ms(scenario: Scenario, slave: dict[str, str]) -> float:
     """The time on its line, ms, of what a measured delay holds; 0 where the line has no speed (a pty, a socket).
 
-    That is the command's frame, and unless the STM32 is in the slave and knows itself when it applied the command, the
-    answer's too: it is heard only then.
+    That is the command's frame, or its frames on a CAN bus, and unless the STM32 is in the slave, where it can be seen
+    when its outputs take the command, the answer's too: it is heard only then.
     """
     link = scenario.link
     baud = link.faults.baud if link.faults and link.faults.baud else 0
@@ -117,11 +119,12 @@ def wire_ms(scenario: Scenario, slave: dict[str, str]) -> float:
         return 0.0
     channels = len(load_vehicle(scenario.vehicle)[0].channels)
     pulses = (CALM_PULSES,) * channels
-    size = len(end_protocol(link, "host", channels).encode(ThrusterCommand(1, True, pulses)))
-    if scenario.stm32 != "python":
-        answer = ThrusterTelemetry(1, True, False, pulses, 0, 0, 0, 0)
-        size += len(end_protocol(link, "device", channels).encode(answer))
-    return size * BITS_A_BYTE / baud * 1e3
+    host, device = (end_protocol(link, role, channels) for role in ("host", "device"))
+    host.encode(ThrusterCommand(0, True, pulses))  # which may announce that thrusters are armed, once
+    said = host.encode(ThrusterCommand(1, True, pulses))
+    if scenario.stm32 not in IN_SLAVE:
+        said += device.encode(ThrusterTelemetry(1, True, False, pulses, 0, 0, 0, 0))
+    return line_bits(said, on_can=parse_address(link.port).carries_can) / baud * 1e3
 
 
 def judge(meter: DelayMeter) -> list[str]:

@@ -160,6 +160,7 @@ class Loop:
     def _service_link(self, now: int) -> None:
         self._sent = False
         heard = self.driver.service(now)
+        now = now_ns() if heard else now  # reading takes its time, and what was read is as old as that
         self._link_due_ns, self._link_fds = self.driver.deadline_ns, self.driver.descriptors()
         self.pwm_us = self.driver.pwm_us
         for telemetry in heard:

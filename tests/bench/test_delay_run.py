@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from typing import Literal
 
 import pytest
 
@@ -142,3 +143,16 @@ def test_the_time_on_the_line() -> None:
     assert command == pytest.approx(22 * 10 / 115.2)
     assert wire_ms(scenario, {"link_port": "/dev/ttyUSB0"}) == command
     assert wire_ms(paced._replace(stm32="native"), {}) > 2 * command
+    assert wire_ms(paced._replace(stm32="unicorn"), {}) == command
+
+
+@pytest.mark.parametrize(("protocol", "bits"), [("vesc", 6 * (67 + 32)), ("dronecan", 2 * 67 + 64 + 56)])
+def test_a_command_on_a_can_bus_takes_the_bits_of_all_its_frames(
+    protocol: Literal["vesc", "dronecan"], bits: int
+) -> None:
+    """VESC: a frame of 4 bytes a thruster. DroneCAN: 6 x 14 bits and the checksum, with two tails in two frames."""
+    scenario = load_scenario("paper_field")
+    link = scenario.link._replace(protocol=protocol, port="can:virtual:bits", faults=Faults(baud=500_000))
+    paced = scenario._replace(link=link)
+    assert wire_ms(paced, {}) == pytest.approx(bits / 500)
+    assert wire_ms(paced._replace(stm32="process"), {}) > 2 * wire_ms(paced, {})

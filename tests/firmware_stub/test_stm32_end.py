@@ -5,6 +5,7 @@ from collections.abc import Iterator
 import pytest
 
 from firmware_stub.stub import Stm32, Stm32End
+from hil.clock import now_ns
 from hil.errors import DeviceError
 from hil.links.contract import ThrusterCommand, ThrusterLink, ThrusterTelemetry
 from hil.links.wires.terminal import PtyHostWire, PtyWire
@@ -59,6 +60,17 @@ def test_each_command_is_answered_with_its_number(bench: Bench) -> None:
         (9, FULL, 0, 3),
     ]
     assert (bench.end.stm32.sequence, bench.end.stm32.applied_ns) == (9, 1 * MS)
+
+
+def test_it_tells_on_the_machines_clock_when_its_outputs_took_a_command(bench: Bench) -> None:
+    before = now_ns()
+    bench.send(frame(7))
+    bench.end.service(1 * MS)
+    obeyed = bench.end.obeyed_ns
+    assert before < obeyed < now_ns()
+    bench.send(frame(6))
+    bench.end.service(2 * MS)
+    assert (bench.end.stm32.refused, bench.end.obeyed_ns) == (1, obeyed), "one that comes too late is none"
 
 
 def test_a_report_each_period_tells_the_age(bench: Bench) -> None:

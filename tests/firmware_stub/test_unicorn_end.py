@@ -9,6 +9,7 @@ from collections.abc import Iterator
 import pytest
 
 from firmware_stub.unicorn_board import UnicornBoard, UnicornEnd, shipped_image
+from hil.clock import now_ns
 from hil.errors import DeviceError
 from hil.links.contract import ThrusterCommand, ThrusterLink, ThrusterTelemetry
 from hil.links.vesc.end import SET_DUTY
@@ -70,6 +71,27 @@ def test_a_command_is_answered_and_moves_the_timers(bench: Bench) -> None:
     (answer,) = bench.heard(1)
     assert (answer.sequence, answer.pwm_us, answer.age_us) == (7, FULL, 0)
     assert bench.end.pwm_us == list(FULL)
+
+
+def test_it_is_seen_when_the_outputs_take_a_command(bench: Bench) -> None:
+    """On the machine's own clock, by the timers' registers; bytes that mean nothing change none."""
+    before = now_ns()
+    bench.send(command(1))
+    obeyed = bench.end.obeyed_ns
+    assert before < obeyed < now_ns()
+    bench.send(bytes(40))
+    assert bench.end.obeyed_ns == obeyed
+    bench.send(command(2))
+    assert bench.end.obeyed_ns > obeyed, "though the pulses are the same"
+
+
+def test_a_command_does_not_wait_until_the_board_has_caught_up(bench: Bench) -> None:
+    bench.host.wire.write(command(3))
+    assert wait_readable(bench.end.wire)
+    bench.now_ns += 80 * MS
+    bench.end.service(bench.now_ns)
+    reports = bench.heard(5)
+    assert [(report.sequence, report.age_us) for report in reports] == [(3, 20_000 * i) for i in range(5)]
 
 
 def test_it_reports_and_fails_safe_on_the_callers_clock(bench: Bench) -> None:

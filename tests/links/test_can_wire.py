@@ -1,8 +1,10 @@
 """What only CAN wires do: other software on the bus, adapters and their noise, and every way they cannot be opened."""
 
+import select
 import socket
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Iterator
 
@@ -172,7 +174,32 @@ class TestPythonCan:
         device.close()
         host.close()
 
-    def test_a_reader_without_descriptor_wakes_within_milliseconds(self) -> None:
+    def test_what_is_on_a_virtual_bus_can_be_read_at_once(self) -> None:
+        """No thread has to wake up in between; the descriptor says exactly whether there is something."""
+        before = threading.active_count()
+        device, host = virtual_pair()
+        assert threading.active_count() == before
+        for count in (1, 6, 256):
+            wanted = records(bytes(8 * count), 0)
+            assert host.write(wanted) == len(wanted)
+            assert select.select([device], [], [], 0)[0]
+            assert device.read() == wanted
+            assert not select.select([device, host], [], [], 0)[0]
+            assert device.read() == b""
+        device.close()
+        host.close()
+
+    def test_who_leaves_a_virtual_bus_holds_nobody_up(self) -> None:
+        device, host = virtual_pair()
+        device.close()
+        for _ in range(2):
+            assert host.write(records(bytes(8 * 300), 0)) == 300 * 16
+        host.close()
+        with pytest.raises(DeviceError, match="is closed"):
+            host.write(pack_frame(EXTENDED))
+
+    def test_a_bus_without_descriptor_is_read_by_a_thread(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setattr("hil.links.wires.virtual_bus.VirtualBus.fileno", can.BusABC.fileno)
         device, host = virtual_pair()
         took = []
         for _ in range(21):
@@ -182,6 +209,13 @@ class TestPythonCan:
             took.append(time.perf_counter() - began)
             assert device.read() == pack_frame(EXTENDED)
         assert sorted(took)[10] < 0.002
+        wanted = records(bytes(8 * 2000), 0)
+        sent = 0
+        for _ in range(4):
+            sent += host.write(wanted[sent:])
+            time.sleep(0.03)  # longer than the reading thread's period
+        assert 0 < sent < len(wanted)
+        assert read_bytes(device, sent) == wanted[:sent], "nothing is lost that the bus took"
         device.close()
         host.close()
 

@@ -45,11 +45,11 @@ static void send_on(void)
         USART1_CR1 &= ~USART_CR1_TXEIE;
 }
 
-/* An overrun asks for the interrupt too, and goes on asking until the data register is read. */
+/* All that is there. An overrun asks for the interrupt too, and goes on asking until the data register is read. */
 void USART1_Handler(void)
 {
-    uint32_t status = USART1_SR;
-    if (status & (USART_SR_RXNE | USART_SR_ORE)) {
+    uint32_t status;
+    while ((status = USART1_SR) & (USART_SR_RXNE | USART_SR_ORE)) {
         uint8_t byte = (uint8_t)USART1_DR;
         if (status & USART_SR_RXNE)
             put(&received, byte);

@@ -63,6 +63,17 @@ class Faults(NamedTuple):
 CLEAR = Faults()
 
 
+def line_bits(data: bytes, on_can: bool) -> int:
+    """How many bits `data` is on a serial line, or whole records of CAN frames are on a bus."""
+    if not on_can:
+        return len(data) * BITS_A_BYTE
+    bits = 0
+    for start in range(0, len(data), RECORD_SIZE):
+        extended = int.from_bytes(data[start : start + 4], sys.byteorder) & EXTENDED
+        bits += (CAN_BITS_EXTENDED if extended else CAN_BITS) + 8 * min(data[start + 4], 8)
+    return bits
+
+
 class Tally:
     """What was done to what crossed in one direction: chunks, unless it says bytes."""
 
@@ -283,11 +294,5 @@ class _Lane:
         for start in range(0, len(chunk), size):
             piece = chunk[start : start + size]
             if faults.baud:
-                self._line_free_ns += self._bits(piece) * NS_PER_S // faults.baud
+                self._line_free_ns += line_bits(piece, self._on_can) * NS_PER_S // faults.baud
             self._waiting.append((self._line_free_ns + later, piece))
-
-    def _bits(self, piece: bytes) -> int:
-        if not self._on_can:
-            return len(piece) * BITS_A_BYTE
-        extended = int.from_bytes(piece[:4], sys.byteorder) & EXTENDED
-        return (CAN_BITS_EXTENDED if extended else CAN_BITS) + 8 * min(piece[4], 8)

@@ -8,6 +8,7 @@ import contextlib
 import errno
 import os
 import queue
+import sys
 import threading
 from collections import deque
 from typing import TYPE_CHECKING, Any
@@ -35,6 +36,7 @@ class PythonCanWire(Wire):
     def __init__(self, interface: str, channel: str, bitrate: int = BITRATE) -> None:
         self.name = f"can:{interface}:{channel}"
         self._bus: BusABC | None = _open_bus(self.name, interface, channel, bitrate)
+        self._can = sys.modules["can"]  # importing it once more for each frame costs as much as sending one
         # This bus alone gives back what we send, unmarked.
         self._echoes: deque[bytes] | None = deque(maxlen=self.MOST_ECHOES) if interface == "udp_multicast" else None
         self._reader: _Reader | None = None
@@ -83,13 +85,11 @@ class PythonCanWire(Wire):
         return self._bus
 
     def _messages(self, bus: "BusABC") -> "list[Message]":
-        from can import CanError
-
         messages: list[Message] = []
         for _ in range(MOST_FRAMES):
             try:
                 message = bus.recv(0)
-            except (CanError, OSError) as error:
+            except (self._can.CanError, OSError) as error:
                 if self._echoes is not None and not isinstance(error.__cause__, OSError):
                     continue  # a datagram on its group that is no frame
                 raise self._gone(error) from None
@@ -99,13 +99,12 @@ class PythonCanWire(Wire):
         return messages
 
     def _send(self, bus: "BusABC", frame: CanFrame) -> bool:
-        from can import CanError, Message
-
         if self._echoes is not None:
             self._echoes.append(pack_frame(frame))
+        message = self._can.Message(arbitration_id=frame.id, data=frame.data, is_extended_id=frame.extended)
         try:
-            bus.send(Message(arbitration_id=frame.id, data=frame.data, is_extended_id=frame.extended), timeout=0)
-        except (CanError, OSError) as error:
+            bus.send(message, timeout=0)
+        except (self._can.CanError, OSError) as error:
             cause = error if isinstance(error, OSError) else error.__cause__
             if isinstance(cause, OSError) and cause.errno not in (errno.EAGAIN, errno.ENOBUFS):
                 raise self._gone(error) from None
@@ -176,10 +175,11 @@ def _open_bus(name: str, interface: str, channel: str, bitrate: int) -> "BusABC"
         import can
     except ImportError:
         raise MissingExtraError(f"{name} needs python-can: pip install 'uuv-hil[can]'") from None
-    own: dict[str, dict[str, Any]] = {
-        "virtual": {"rx_queue_size": MOST_FRAMES},
-        "udp_multicast": {"hop_limit": 0, "fd": False},
-    }
+    if interface == "virtual":
+        from hil.links.wires.virtual_bus import VirtualBus
+
+        return VirtualBus(channel, MOST_FRAMES)
+    own: dict[str, dict[str, Any]] = {"udp_multicast": {"hop_limit": 0, "fd": False}}
     if interface not in can.VALID_INTERFACES:
         raise DeviceError(f"{name}: python-can has no such interface; it has {', '.join(sorted(can.VALID_INTERFACES))}")
     try:

@@ -1,0 +1,76 @@
+"""python-can's virtual bus with a descriptor to wait on.
+
+So whoever has sent a frame can read the answer at once: no thread has to wake up in between. Other software in this
+process meets it as any virtual bus.
+"""
+
+import os
+import queue
+import time
+
+from can import CanOperationError, Message
+from can.interfaces import virtual
+
+Messages = queue.Queue[Message]
+
+
+class BelledQueue(Messages):
+    """A queue whose `fd` is readable while there is something in it. Raises queue.Full and queue.Empty as any does."""
+
+    def __init__(self, most: int) -> None:
+        super().__init__(most)
+        self.fd = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
+
+    def close(self) -> None:
+        """Give the descriptor back. A sender that still has the queue finds it silent."""
+        with self.mutex:
+            fd, self.fd = self.fd, -1
+            if fd >= 0:
+                os.close(fd)
+
+    def _put(self, item: Message) -> None:  # the mutex is held here and in `_get`
+        if self.fd >= 0 and not self._qsize():
+            os.eventfd_write(self.fd, 1)
+        super()._put(item)
+
+    def _get(self) -> Message:
+        item: Message = super()._get()
+        if self.fd >= 0 and not self._qsize():
+            os.eventfd_read(self.fd)
+        return item
+
+
+class VirtualBus(virtual.VirtualBus):
+    """One end of the virtual bus `channel` of this process; at most so many frames wait to be read."""
+
+    def __init__(self, channel: str, most_frames: int) -> None:
+        super().__init__(channel)
+        self._waiting = BelledQueue(most_frames)
+        with virtual.channels_lock:
+            self.channel[self.channel.index(self.queue)] = self.queue = self._waiting
+
+    def fileno(self) -> int:
+        """The descriptor to wait on for frames."""
+        return self._waiting.fd
+
+    def send(self, msg: Message, timeout: float | None = None) -> None:
+        """A data frame to all others, a message for each: python-can's deep copies cost most of its way.
+
+        Raises CanOperationError if one of them has not read for so long.
+        """
+        self._check_if_open()
+        now = time.time()
+        for other in self.channel:
+            if other is not self.queue:
+                copy = Message(
+                    now, msg.arbitration_id, msg.is_extended_id, channel=self.channel_id, data=bytes(msg.data)
+                )
+                try:
+                    other.put(copy, timeout=timeout)
+                except queue.Full:
+                    raise CanOperationError("an end of the bus does not read") from None
+
+    def shutdown(self) -> None:
+        """Leave the bus. Leaving twice is harmless."""
+        super().shutdown()
+        self._waiting.close()
