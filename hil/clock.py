@@ -204,7 +204,8 @@ def stay_awake() -> str:
         descriptor = os.open("/dev/cpu_dma_latency", os.O_WRONLY | os.O_CLOEXEC)
         os.write(descriptor, bytes(4))  # an int: at most so many us to wake up
     except OSError as error:
-        return f"idle processors: as they are; /dev/cpu_dma_latency: {error.strerror} (`uuv-hil board install` permits it)"
+        reason = f"/dev/cpu_dma_latency: {error.strerror} (`uuv-hil board install` permits it)"
+        return f"idle processors: as they are; {reason}"
     _awake.append(descriptor)
     return "idle processors: kept awake, which takes power; [slave] stay_awake = false lets them sleep"
 
