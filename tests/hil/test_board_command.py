@@ -222,12 +222,13 @@ def test_every_line_of_the_units_is_known(root: Path, scenario: str, text: str) 
 
 def test_what_the_unit_says(root: Path, scenario: str) -> None:
     assert install(root, scenario, "--yes", "--listen", "tcp/0.0.0.0:7447") == 0
-    values = {key: value for _, key, value in settings((root / UNIT[1:]).read_text())}
+    lines = list(settings((root / UNIT[1:]).read_text()))
+    values = {key: value for _, key, value in lines}
     assert values["ExecStart"].endswith(f"-m hil.cli slave {scenario} --listen tcp/0.0.0.0:7447")
     assert os.access(values["ExecStart"].split()[0], os.X_OK)
     assert (values["Type"], values["NotifyAccess"], values["User"]) == ("notify", "main", "uuv")
     assert values["LimitRTPRIO"] == str(LOOP_PRIORITY)
-    assert values["DeviceAllow"] == "char-ttyS rw"
+    assert [value for _, key, value in lines if key == "DeviceAllow"] == ["char-ttyS rw", "/dev/cpu_dma_latency w"]
     assert values["MemoryMax"] == "256M"
     assert float(values["WatchdogSec"]) >= 3 * 1.0  # it is fed once a second
     assert 'KERNEL=="ttyS0", GROUP="dialout", MODE="0660"' in (root / RULES[1:]).read_text()
@@ -240,7 +241,10 @@ def test_the_can_unit(root: Path, scenario: str) -> None:
     assert "link set can0 up type can bitrate 500000 restart-ms 100\n" in (root / CAN_UNIT[1:]).read_text()
     unit = (root / UNIT[1:]).read_text()
     assert "After=network-online.target time-sync.target uuv-hil-can.service\n" in unit
-    assert "DeviceAllow" not in unit
+    assert re.findall("DeviceAllow=.*", unit) == ["DeviceAllow=/dev/cpu_dma_latency w"]
+    Path(scenario).write_text(CAN + "\n[slave]\nstay_awake = false\n")
+    assert install(root, scenario, "--yes") == 0
+    assert "DeviceAllow" not in (root / UNIT[1:]).read_text()
 
 
 @pytest.mark.parametrize(
@@ -264,7 +268,7 @@ def test_every_rule_for_udev_is_well_formed(root: Path, scenario: str) -> None:
     assert install(root, scenario, "--yes") == 0
     token = r'(ACTION|SUBSYSTEM|KERNEL|DRIVER)=="[^"]+"|(GROUP|MODE|RUN|ENV\{\w+\}|ATTR\{\w+\})\+?="[^"]+"'
     lines = [line for line in (root / RULES[1:]).read_text().splitlines() if not line.startswith("#")]
-    assert len(lines) == 4
+    assert len(lines) == 5
     for line in lines:
         parts = line.split(", ")
         assert all(re.fullmatch(token, part) for part in parts), line

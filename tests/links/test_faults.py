@@ -319,7 +319,7 @@ class TestOnCan:
         far, near = can_pair(opened, Faults(baud=20_000))
         for frame, wire_time_ms in ((CanFrame(1, bytes(8)), 6.55), (CanFrame(1, b"", extended=False), 2.35)):
             took = [cross(near, far, pack_frame(frame))[1] / 1e6 for _ in range(11)]
-            assert statistics.median(took) == pytest.approx(wire_time_ms, abs=0.25)
+            assert min(took) == pytest.approx(wire_time_ms, abs=0.25)  # what is more is the machine's lateness
 
     def test_a_paced_bus_refuses_whole_frames(self, opened: ExitStack) -> None:
         _, near = can_pair(opened, Faults(baud=10_000))
