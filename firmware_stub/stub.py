@@ -30,6 +30,7 @@ TELEMETRY_PERIOD_NS = 20_000_000
 LATE_WINDOW = 32  # sequence numbers
 NO_PULSE_US = 0
 NEVER_US = 0xFFFF_FFFF  # the age of a command that never came
+NEVER_NS = 1 << 63  # an instant that does not come
 WRAP = 0xFFFF  # sequence numbers and counters have 16 bits
 
 
@@ -59,14 +60,12 @@ class Stm32:
         self.refused = 0  # commands with a wrong number of channels, or late
         self.line_errors = 0  # frames that were damaged on the way; set by whoever reads the line
         self.watchdog_trips = 0
-        self._silence_ends_ns = -1  # when the watchdog trips; -1: it has, or has not been started
+        self._silence_ends_ns = NEVER_NS  # when the watchdog trips; never: it has, or has not been started
         self._telemetry_due_ns = 0
 
     @property
     def deadline_ns(self) -> int:
         """When `tick` has to be called next, unless a command comes before."""
-        if self._silence_ends_ns < 0:
-            return self._telemetry_due_ns
         return min(self._silence_ends_ns, self._telemetry_due_ns)
 
     def command(self, command: ThrusterCommand, now_ns: int) -> bool:
@@ -75,7 +74,7 @@ class Stm32:
             self.refused += 1
             return False
         self.armed = command.armed
-        self.pwm_us = [_pulse(width) for width in command.pwm_us] if command.armed else self._neutral()
+        self.pwm_us = _pulses(command.pwm_us) if command.armed else self._neutral()
         self.timed_out = False
         self.sequence = command.sequence & WRAP
         self.applied_ns = now_ns
@@ -85,11 +84,11 @@ class Stm32:
 
     def tick(self, now_ns: int) -> bool:
         """Let time pass: trips the watchdog when it is due. Whether telemetry is to be sent now."""
-        if 0 <= self._silence_ends_ns <= now_ns:
+        if now_ns >= self._silence_ends_ns:
             self.disarm()
             self.timed_out = True
             self.watchdog_trips += 1
-            self._silence_ends_ns = -1
+            self._silence_ends_ns = NEVER_NS
             self._telemetry_due_ns = now_ns
         return now_ns >= self._telemetry_due_ns
 
@@ -99,14 +98,14 @@ class Stm32:
         on_time = 0 <= late_ns < self.telemetry_period_ns
         self._telemetry_due_ns = now_ns + self.telemetry_period_ns - (late_ns if on_time else 0)
         return ThrusterTelemetry(
-            sequence=self.sequence,
-            armed=self.armed,
-            timed_out=self.timed_out,
-            pwm_us=tuple(self.pwm_us),
-            age_us=NEVER_US if self.applied_ns < 0 else min((now_ns - self.applied_ns) // 1000, NEVER_US),
-            frames=self.frames & WRAP,
-            errors=(self.refused + self.line_errors) & WRAP,
-            watchdog_trips=self.watchdog_trips & WRAP,
+            self.sequence,
+            self.armed,
+            self.timed_out,
+            tuple(self.pwm_us),
+            NEVER_US if self.applied_ns < 0 else min((now_ns - self.applied_ns) // 1000, NEVER_US),
+            self.frames & WRAP,
+            (self.refused + self.line_errors) & WRAP,
+            self.watchdog_trips & WRAP,
         )
 
     def disarm(self) -> None:
@@ -118,11 +117,11 @@ class Stm32:
         return [PWM_NEUTRAL_US] * self.channels
 
     def _is_late(self, sequence: int) -> bool:
-        return self._silence_ends_ns >= 0 and 0 < (self.sequence - sequence) & WRAP <= LATE_WINDOW
+        return self._silence_ends_ns < NEVER_NS and 0 < (self.sequence - sequence) & WRAP <= LATE_WINDOW
 
 
-def _pulse(width_us: int) -> int:
-    return width_us if PWM_MIN_US <= width_us <= PWM_MAX_US else NO_PULSE_US
+def _pulses(widths_us: tuple[int, ...]) -> list[int]:
+    return [width if PWM_MIN_US <= width <= PWM_MAX_US else NO_PULSE_US for width in widths_us]
 
 
 class Stm32End:

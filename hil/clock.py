@@ -8,18 +8,15 @@ they run does not bend a measured delay.
 import gc
 import os
 import time
-from time import CLOCK_MONOTONIC, clock_gettime_ns
+from collections import deque
 
 NS_PER_S = 1_000_000_000
 NS_PER_MS = 1_000_000
 NS_PER_US = 1_000
 
-_WALL_OFFSET_NS = time.time_ns() - clock_gettime_ns(CLOCK_MONOTONIC)
+now_ns = time.monotonic_ns  # CLOCK_MONOTONIC: the same clock in every process of one machine
 
-
-def now_ns() -> int:
-    """The monotonic clock (ns); the same clock in every process of one machine."""
-    return clock_gettime_ns(CLOCK_MONOTONIC)
+_WALL_OFFSET_NS = time.time_ns() - now_ns()
 
 
 def to_wall_ns(monotonic_ns: int) -> int:
@@ -109,10 +106,10 @@ class RateKeeper:
     """Says how many periods are due, on an absolute schedule that never drifts.
 
     A loop that comes late catches up, but not by more than `most_due` periods at once: what is beyond
-    is skipped and counted in `skipped`. `lateness` holds how late each period was noticed (ns).
+    is skipped and counted in `skipped`.
     """
 
-    __slots__ = ("deadline_ns", "due_total", "lateness", "lead_ns", "most_due", "period_ns", "skipped")
+    __slots__ = ("_fresh", "_lateness", "deadline_ns", "due_total", "lead_ns", "most_due", "period_ns", "skipped")
 
     def __init__(self, period_ns: int, start_ns: int, most_due: int = 40) -> None:
         self.period_ns = period_ns
@@ -121,7 +118,16 @@ class RateKeeper:
         self.due_total = 0
         self.skipped = 0
         self.lead_ns = 0
-        self.lateness = Histogram()
+        self._lateness = Histogram()
+        self._fresh: deque[int] = deque()  # lateness that the histogram has not counted yet
+
+    @property
+    def lateness(self) -> Histogram:
+        """How late each period was noticed (ns). Counting is left to whoever asks: the loop has no time for it."""
+        fresh, count = self._fresh, self._lateness.add
+        while fresh:
+            count(fresh.popleft())
+        return self._lateness
 
     def timeout(self) -> float:
         """How long (s) to sleep now: until the deadline, less what waking up takes on this machine."""
@@ -150,7 +156,7 @@ class RateKeeper:
         late = now - self.deadline_ns
         if late < 0:
             return 0
-        self.lateness.add(late)
+        self._fresh.append(late)
         if late >= self.period_ns:
             return self._catch_up(late)
         self.deadline_ns += self.period_ns
@@ -160,7 +166,7 @@ class RateKeeper:
     def _catch_up(self, late: int) -> int:
         number = 1 + late // self.period_ns
         for missed in range(1, min(number, self.most_due)):
-            self.lateness.add(late - missed * self.period_ns)
+            self._fresh.append(late - missed * self.period_ns)
         self.deadline_ns += number * self.period_ns
         if number > self.most_due:
             self.skipped += number - self.most_due

@@ -65,7 +65,7 @@ class Thruster(NamedTuple):
         beyond = abs(offset) - self.dead_band_us
         if beyond <= 0.0:
             return 0.0
-        return min(1.0, beyond / self._span(offset)) if offset > 0 else -min(1.0, beyond / self._span(offset))
+        return min(1.0, beyond / self.span(offset)) if offset > 0 else -min(1.0, beyond / self.span(offset))
 
     def pulse_at(self, deflection: float) -> int:
         """The pulse (us) of a deflection, which is clamped to -1 to 1; neutral for 0."""
@@ -80,7 +80,8 @@ class Thruster(NamedTuple):
         """`thrust` (N) within what the thruster can give."""
         return max(-self.max_reverse, min(self.max_forward, thrust))
 
-    def _span(self, side: float) -> float:
+    def span(self, side: float) -> float:
+        """The microseconds from the dead band's edge to the end of the pulse range, ahead or (`side` < 0) astern."""
         end = self.pwm_max_us - self.pwm_neutral_us if side > 0 else self.pwm_neutral_us - self.pwm_min_us
         return end - self.dead_band_us
 

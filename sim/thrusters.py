@@ -1,6 +1,6 @@
 """From pulse widths to thrust, and from the thrust of all thrusters to one wrench on the vehicle."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from math import exp, sqrt
 from typing import TYPE_CHECKING
 
@@ -41,14 +41,29 @@ def pwm_for(thruster: Thruster, thrust: float) -> int:
     Any other thrust gets a pulse at or beyond the edge of the dead band, so that none of the pulse range is
     spent where nothing moves.
     """
-    if thrust == 0.0:
-        return thruster.pwm_neutral_us
-    if thruster.curve is not None:
-        return thruster.curve.pulse(thruster, thruster.clamp(thrust))
-    y = min(1.0, abs(thrust) / (thruster.max_forward if thrust > 0.0 else thruster.max_reverse))
-    share = thruster.linear_share
-    x = 2.0 * y / (share + sqrt(share * share + 4.0 * (1.0 - share) * y))  # the root that stays exact for share 1
-    return thruster.pulse_at(x if thrust > 0.0 else -x)
+    return pulse_finder(thruster)(thrust)
+
+
+def pulse_finder(thruster: Thruster) -> Callable[[float], int]:
+    """`pwm_for` of one thruster, for many thrusts: what does not change is reckoned here, once."""
+    neutral, share, curve = thruster.pwm_neutral_us, thruster.linear_share, thruster.curve
+    if curve is not None:
+        return lambda thrust: curve.pulse(thruster, thruster.clamp(thrust)) if thrust else neutral
+    squared, bend = share * share, 4.0 * (1.0 - share)
+    ahead = thruster.max_forward, thruster.span(1.0), thruster.dead_band_us
+    astern = -thruster.max_reverse, -thruster.span(-1.0), -thruster.dead_band_us
+
+    def find(thrust: float) -> int:
+        most, span, dead_band = ahead if thrust > 0.0 else astern
+        y = thrust / most
+        if y == 0.0:  # as well for a thrust too small to be divided
+            return neutral
+        if not y < 1.0:
+            y = 1.0
+        x = 2.0 * y / (share + sqrt(squared + bend * y))  # the root that stays exact for share 1
+        return round(neutral + (x * span + dead_band))
+
+    return find
 
 
 def wrench_matrix(vehicle: Vehicle, torque: bool = True) -> Matrix:

@@ -9,7 +9,7 @@ Beyond the limits forces give way in a stated order, see `Allocator`.
 
 from collections.abc import Sequence
 from math import copysign, sqrt
-from operator import gt, lt, mul, sub
+from operator import gt, lt
 
 from hil.errors import ConfigError
 
@@ -49,24 +49,42 @@ class Allocator:
         thruster_weights: Sequence[float] | None = None,
     ) -> None:
         _check(matrix, max_forward, max_reverse)
-        self._matrix = [list(row) for row in matrix]
+        self._columns = list(zip(*matrix, strict=True))
         self._forward = list(max_forward)
         self._reverse = [-limit for limit in max_reverse]
-        self._inverse, self.rank = pseudo_inverse(self._matrix, axis_weights, thruster_weights)
+        self._inverse, self.rank = pseudo_inverse(matrix, axis_weights, thruster_weights)
 
     def allocate(self, wrench: Sequence[float]) -> tuple[list[float], Wrench]:
         """The n thrusts (N) for `wrench` (X Y Z N, K M N N m, along FRD), and the wrench they fall short of it."""
-        thrusts = _product(self._inverse, wrench)
+        thrusts = self._thrusts(wrench)
         if any(map(gt, thrusts, self._forward)) or any(map(lt, thrusts, self._reverse)):
             thrusts = self._within_limits(wrench)
-        x, y, z, k, m, n = map(sub, wrench, _product(self._matrix, thrusts))
-        return thrusts, (x, y, z, k, m, n)
+        return thrusts, self._lack(wrench, thrusts)
+
+    def _thrusts(self, wrench: Sequence[float]) -> list[float]:
+        """The thrusts for `wrench` if there were no limits."""
+        x, y, z, k, m, n = wrench
+        # from 0.0, so that no thrust is -0.0
+        return [0.0 + a * x + b * y + c * z + d * k + e * m + f * n for a, b, c, d, e, f in self._inverse]
+
+    def _lack(self, wrench: Sequence[float], thrusts: list[float]) -> Wrench:
+        """What is left of `wrench` when the wrench of `thrusts` is taken away."""
+        x = y = z = k = m = n = 0.0
+        for thrust, (a, b, c, d, e, f) in zip(thrusts, self._columns, strict=True):
+            x += a * thrust
+            y += b * thrust
+            z += c * thrust
+            k += d * thrust
+            m += e * thrust
+            n += f * thrust
+        surge, sway, heave, roll, pitch, yaw = wrench
+        return surge - x, sway - y, heave - z, roll - k, pitch - m, yaw - n
 
     def _within_limits(self, wrench: Sequence[float]) -> list[float]:
         x, y, z, k, m, n = wrench
         thrusts = [0.0] * len(self._forward)
         for part in ((0.0, 0.0, 0.0, k, m, n), (0.0, 0.0, z, 0.0, 0.0, 0.0), (x, y, 0.0, 0.0, 0.0, 0.0)):
-            self._add_what_fits(thrusts, _product(self._inverse, part))
+            self._add_what_fits(thrusts, self._thrusts(part))
         return thrusts
 
     def _add_what_fits(self, thrusts: list[float], extra: list[float]) -> None:
@@ -164,10 +182,6 @@ def _rotate(rows: Matrix, basis: Matrix, i: int, j: int, overlap: float) -> None
         first, second = table[i], table[j]
         table[i] = [c * a - s * b for a, b in zip(first, second, strict=True)]
         table[j] = [s * a + c * b for a, b in zip(first, second, strict=True)]
-
-
-def _product(matrix: Matrix, vector: Sequence[float]) -> list[float]:
-    return [sum(map(mul, row, vector)) for row in matrix]
 
 
 def _dot(a: list[float], b: list[float]) -> float:

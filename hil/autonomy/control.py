@@ -126,12 +126,12 @@ class CascadedController:
         """
         targets = velocity_targets(command, navigation, self._gains, self._pitch)
         measured = navigation.velocity + navigation.angular_velocity
-        x, y, z, k, m, n = (
+        x, y, z, k, m, n = [
             inertia * loop.update(target, value, dt, lack)
             for inertia, loop, target, value, lack in zip(
                 self._inertia, self._loops, targets, measured, residual, strict=True
             )
-        )
+        ]
         return x, y, z, k, m, n
 
 
@@ -181,7 +181,7 @@ class _Loop:
     __slots__ = ("_behind", "_gains", "_integral", "_last", "_output", "_slope")
 
     def __init__(self, gains: AxisGains) -> None:
-        self._gains = gains
+        self._gains = tuple(gains)  # a plain tuple is unpacked faster than a record
         self.reset()
 
     def reset(self) -> None:
@@ -192,23 +192,32 @@ class _Loop:
 
     def update(self, target: float, measured: float, dt: float, lack: float) -> float:
         p, i, d, limit, feedforward, time_constant, slew = self._gains
-        error = target - measured
         if not (abs(measured) < ABSURD and abs(target) < ABSURD):  # without a measurement it holds what it had
             return self._slewed(self._integral, dt)
-        if self._last is not None:
-            self._slope += ((measured - self._last) / dt - self._slope) * dt / (time_constant + dt)
-        self._last = measured
-        wanted = p * error + feedforward * target - d * self._slope
+        error = target - measured
+        wanted = p * error + feedforward * target
+        if d:  # most loops do without
+            wanted -= d * self._damped(measured, dt, time_constant)
         integral = self._integral + i * error * dt
-        lacks = abs(lack) > _ROUNDING and lack * error > 0.0
-        blocked = lacks or (abs(wanted + integral) > limit and (wanted + integral) * error > 0.0)
-        if not (blocked or self._behind * error > 0.0):
+        output = wanted + integral
+        if not (  # where the loop, the thrusters or the slew limit give no more, it does not ask for more
+            (abs(output) > limit and output * error > 0.0)
+            or (abs(lack) > _ROUNDING and lack * error > 0.0)
+            or self._behind * error > 0.0
+        ):
             self._integral = clamp(integral, limit)
         output = clamp(wanted + self._integral, limit)
         return output if slew == inf else self._slewed(output, dt)
 
+    def _damped(self, measured: float, dt: float, time_constant: float) -> float:
+        """The slope of the measurement, low-passed."""
+        if self._last is not None:
+            self._slope += ((measured - self._last) / dt - self._slope) * dt / (time_constant + dt)
+        self._last = measured
+        return self._slope
+
     def _slewed(self, output: float, dt: float) -> float:
-        most = self._gains.slew * dt
+        most = self._gains[-1] * dt
         self._output, before = min(max(output, self._output - most), self._output + most), output
         self._behind = before - self._output
         return self._output
@@ -233,4 +242,6 @@ def down_in_body(orientation: Quaternion) -> Vector3:
 
 def clamp(value: float, limit: float) -> float:
     """`value` within ±`limit`."""
-    return min(max(value, -limit), limit)  # in this order what is not a number stays so
+    if value > limit:
+        return limit
+    return -limit if value < -limit else value  # what is not a number stays so

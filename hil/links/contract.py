@@ -158,10 +158,11 @@ class ThrusterLink:
     def receive(self) -> list[Message]:
         """All messages that have come in. Raises DeviceError when the wire is gone."""
         data = self.wire.read()  # fed even if it is nothing: a protocol may be waiting for an instant
-        self.counters.bytes_in += len(data)
-        messages = self.protocol.feed(data)
-        self.counters.messages_in += len(messages)
-        replies = self.protocol.replies()
+        counters, protocol = self.counters, self.protocol
+        counters.bytes_in += len(data)
+        messages = protocol.feed(data)
+        counters.messages_in += len(messages)
+        replies = protocol.replies()
         if replies:
             self._write(replies)
         return messages
@@ -178,4 +179,5 @@ class ThrusterLink:
     def _write(self, data: bytes) -> None:
         taken = self.wire.write(data)
         self.counters.bytes_out += taken
-        self.counters.dropped_bytes += len(data) - taken
+        if taken < len(data):
+            self.counters.dropped_bytes += len(data) - taken

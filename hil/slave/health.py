@@ -20,9 +20,9 @@ if TYPE_CHECKING:
     from boards import Board
     from hil.slave.imaging import Imaging
 
-REPORT_PERIOD_S = 0.1
-DIAGNOSE_EVERY = 10  # report periods
-COLLECT_EVERY = 300
+REPORT_PERIOD_S = 0.25
+DIAGNOSE_EVERY = 4  # report periods
+COLLECT_EVERY = 120
 OK, WARNING = 0, 1
 
 
@@ -62,6 +62,7 @@ class Health:
             **{f"startup_{name}_ms": f"{(t - startup['exec']) / NS_PER_MS:.1f}" for name, t in startup.items()},
         }
         self._tree, self._board = Tree(), board
+        self._memory = process.Memory()
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="health", daemon=True)
 
@@ -82,7 +83,7 @@ class Health:
         wall_ns = max(now_ns() - loop.started_ns, 1)
         values = self._fixed | {
             "cpu_s": f"{process.own_cpu_s(children):.4f}",
-            "pss_mib": f"{process.own_pss_mib(children):.2f}",
+            "pss_mib": f"{self._memory.pss_mib(children):.2f}",
             "processes": str(1 + len(children)),
             "real_time_factor": f"{loop.schedule.due_total * loop.schedule.period_ns / wall_ns:.4f}",
             "loop_rate_hz": f"{NS_PER_S / loop.schedule.period_ns:.0f}",

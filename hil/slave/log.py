@@ -23,6 +23,7 @@ class Log:
 
     def flush(self) -> None:
         """Write what was noted."""
-        while self._lines:
-            sys.stderr.write(self._lines.popleft())
-        sys.stderr.flush()
+        if self._lines:
+            while self._lines:
+                sys.stderr.write(self._lines.popleft())
+            sys.stderr.flush()

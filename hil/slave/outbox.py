@@ -27,11 +27,11 @@ class Outbox:
         self.epoch_ns = epoch_ns
         self.graph = Node(session, node)
         self._publishers: dict[str, Publisher] = {}  # of the topics there was something to say on so far
-        self.published = 0
 
     def sample(self, topic: str, sample: Any) -> None:
         """Publish one sensor sample (NED, FRD) under the simulator's name for it."""
-        stamped = sample._replace(time_ns=sample.time_ns + self.epoch_ns)
+        # What sample._replace(time_ns=...) gives, at half its price: each begins with its time.
+        stamped = tuple.__new__(type(sample), (sample.time_ns + self.epoch_ns, *sample[1:]))
         for name, payload in ros.encoder(topic)(stamped, self._prefix):
             if name not in self._silent:
                 self.put(name, payload)
@@ -47,9 +47,15 @@ class Outbox:
 
     def put(self, name: str, payload: bytes) -> None:
         """Publish a message on a topic of `hil.topics`."""
-        publisher = self._publishers.get(name)
-        if publisher is None:
-            publisher = self._publishers[name] = self._session.publisher(self._node, TOPICS[name])
-            self.graph.publishes(TOPICS[name], self._node)
+        publisher = self._publishers.get(name) or self._declare(name)
         publisher.put(payload, to_wall_ns(now_ns()))
-        self.published += 1
+
+    @property
+    def published(self) -> int:
+        """How many messages so far."""
+        return sum([publisher.sequence for publisher in list(self._publishers.values())])
+
+    def _declare(self, name: str) -> Publisher:
+        publisher = self._publishers[name] = self._session.publisher(self._node, TOPICS[name])
+        self.graph.publishes(TOPICS[name], self._node)
+        return publisher

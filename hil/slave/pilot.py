@@ -12,7 +12,7 @@ from hil.links.contract import PWM_NEUTRAL_US, ThrusterCommand
 from hil.schema import parse
 from sim.rotations import multiply, rotate
 from sim.sensors.mounting import Mounting
-from sim.thrusters import pwm_for, wrench_matrix
+from sim.thrusters import pulse_finder, wrench_matrix
 from sim.vehicle import Vehicle, mass_matrix
 from sim.world import World
 
@@ -70,7 +70,7 @@ class Pilot:
         x, y, z, k, m, n = (mass[axis][axis] for axis in range(6))
         self._inertia = x, y, z, k, m, n
         self.controller: Controller = CascadedController(gains, self._inertia)
-        self._thrusters = vehicle.thrusters
+        self._finders = [pulse_finder(thruster) for thruster in vehicle.thrusters]
         self._allocator = Allocator(
             wrench_matrix(vehicle, torque=False),  # which the roll loop meets, not a trade of thrust against roll
             [thruster.max_forward for thruster in vehicle.thrusters],
@@ -85,7 +85,9 @@ class Pilot:
         self._command: Command = VelocityCommand()
         self._commanded_ns = 0
         self._residual = NO_RESIDUAL
-        self.navigation = Navigation((1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0)
+        self._attitude = (1.0, 0.0, 0.0, 0.0)
+        self._rates = self._velocity = (0.0, 0.0, 0.0)
+        self._depth = 0.0
         self.position: Sequence[float] = (0.0, 0.0, 0.0)
         self._sequence = 0
         self.active = False
@@ -104,17 +106,21 @@ class Pilot:
     def sense(self, topic: str, sample: Any) -> None:
         """Take in one sensor sample (NED, FRD)."""
         if topic == "imu":
-            attitude, rate = sample.orientation, sample.angular_velocity
+            self._attitude, self._rates = sample.orientation, sample.angular_velocity
             if self._imu_turn:
                 w, x, y, z = self._imu_turn
-                attitude, rate = multiply(attitude, (w, -x, -y, -z)), rotate(self._imu_turn, rate)
-            self.navigation = self.navigation._replace(orientation=attitude, angular_velocity=rate)
+                self._attitude = multiply(self._attitude, (w, -x, -y, -z))
+                self._rates = rotate(self._imu_turn, self._rates)
         elif topic == "odom":
-            self.navigation = self.navigation._replace(velocity=sample.nu[:3])
+            self._velocity = sample.nu[:3]
             self.position = sample.position
         elif topic == "pressure":
-            depth = (sample.pascal - ATMOSPHERE_PA) / self._water_weight
-            self.navigation = self.navigation._replace(depth=depth)
+            self._depth = (sample.pascal - ATMOSPHERE_PA) / self._water_weight
+
+    @property
+    def navigation(self) -> Navigation:
+        """What the vehicle knows of itself now."""
+        return Navigation(self._attitude, self._rates, self._velocity, self._depth)
 
     def command(self, command: "Command", now: int) -> None:
         """A new command came at `now` (monotonic ns)."""
@@ -146,13 +152,13 @@ class Pilot:
         thrusts, self._residual = self._allocator.allocate(wrench)
         pwm = self.pulses(thrusts)
         if self._fin_allocator is not None:
-            angles, self._residual = self._fin_allocator.allocate(self._residual, self.navigation.velocity[0])
+            angles, self._residual = self._fin_allocator.allocate(self._residual, self._velocity[0])
             pwm += tuple([fin.pulse(angle) for fin, angle in zip(self._fins, angles, strict=True)])
         return pwm
 
     def pulses(self, thrusts: Sequence[float]) -> tuple[int, ...]:
         """The pulses (us) with which the thrusters give these thrusts (N), each within its limits."""
-        return tuple(map(pwm_for, self._thrusters, thrusts))
+        return tuple([find(thrust) for find, thrust in zip(self._finders, thrusts, strict=True)])
 
     def reset(self) -> None:
         """Let the controller begin anew."""

@@ -69,13 +69,14 @@ class InSlave(ThrusterDriver):
     def service(self, now: int) -> list[ThrusterTelemetry]:
         """Let the firmware read, apply and answer; then read its answer."""
         self.end.service(now)
-        if self.host is None:
+        host = self.host
+        if host is None:
             return []
-        said = self.host.counters.bytes_out
-        self.host.tick(now)
-        heard = telemetry_of(self.host)
+        said = host.counters.bytes_out
+        host.tick(now)
+        heard = telemetry_of(host)
         self._heard_ns = now_ns()
-        self._owing = self.host.counters.bytes_out != said
+        self._owing = host.counters.bytes_out != said
         return heard
 
     def applied_ns(self, telemetry: ThrusterTelemetry, now: int) -> int:

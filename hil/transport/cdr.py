@@ -57,14 +57,15 @@ class Layout:
 
     def named(self, names: tuple[str, ...]) -> tuple[Struct, tuple[Any, ...]]:
         """The message with these strings, and the values that they are in it."""
-        found = self._named.get(names)
-        if found is None:
+        try:
+            return self._named[names]
+        except KeyError:
             if len(self._named) >= _MOST_COMPILED:
                 self._named.clear()
             raw = [zero_terminated(name) for name in names]
             strings = tuple([value for name in raw for value in (len(name), name)])
             found = self._named[names] = self.struct(*map(len, raw)), strings
-        return found
+            return found
 
     def unpack(self, data: bytes) -> tuple[Any, ...]:
         """The values of a payload, `HEADER` first. Raises MalformedError; use under `tolerant`."""
@@ -112,7 +113,8 @@ class Writer:
     def string(self, text: str) -> None:
         """Write a string with its length."""
         raw = zero_terminated(text)
-        self.numbers("I", len(raw))
+        self.data += bytes(-len(self.data) % _COUNT.size)  # the header is as long as a count
+        self.data += _COUNT.pack(len(raw))
         self.data += raw
 
 
@@ -174,15 +176,16 @@ def check_header(data: bytes) -> None:
 def diagonal(size: int, first: float, last: float) -> bytes:
     """The bytes of a size x size covariance matrix: `first` on axes 0 to 2 of its diagonal, `last` on the others."""
     key = (size, first, last)
-    found = _diagonals.get(key)
-    if found is None:
+    try:
+        return _diagonals[key]
+    except KeyError:
         if len(_diagonals) >= _MOST_COMPILED:
             _diagonals.clear()
         values = [0.0] * (size * size)
         for axis in range(size):
             values[axis * (size + 1)] = first if axis < 3 else last
         found = _diagonals[key] = pack(f"<{size * size}d", *values)
-    return found
+        return found
 
 
 _diagonals: dict[tuple[int, float, float], bytes] = {}

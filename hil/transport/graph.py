@@ -60,7 +60,7 @@ def read_token(key: str) -> Entity | None:
     if len(parts) < _NODE_PARTS or parts[0] != "@ros2_lv" or parts[5] not in KINDS or not all(parts):
         return None
     _, _, session, node_id, ident, kind, _, namespace, name = parts[:_NODE_PARTS]
-    if not (node_id.isdigit() and ident.isdigit()):
+    if not (node_id.isdecimal() and ident.isdecimal()):
         return None
     whole = f"{_demangle(namespace).rstrip('/')}/{name}"
     node = Entity(KINDS[kind], whole, session, int(node_id), int(ident))
@@ -90,7 +90,7 @@ def read_qos(text: str) -> Qos | None:
     """What `qos_text` says; None if it is not of that form."""
     fields = text.split(":")
     history, _, depth = fields[2].partition(",") if len(fields) == 6 else ("", "", "none")
-    if depth and not depth.isdigit():
+    if depth and not depth.isdecimal():
         return None
     kept = 0 if history == _KEEP_ALL else int(depth or _DEFAULT_DEPTH)
     return Qos(fields[0] != _BEST_EFFORT, fields[1] == _TRANSIENT_LOCAL, kept)

@@ -14,16 +14,12 @@ from struct import pack
 import zenoh
 
 DO_NOT_LINGER = pack("ii", 0, 0)  # struct linger: not switched on
-LINKS = 64  # news of links that may wait
 
 
-def watch(session: zenoh.Session) -> None:
-    """Free each link that there is and that comes, until the session is closed; runs as long."""
-    news = session.info.declare_link_events_listener(zenoh.handlers.FifoChannel(LINKS), history=True)
-    with suppress(zenoh.ZError):  # the session was closed
-        while True:
-            if news.recv().kind == zenoh.SampleKind.PUT:
-                free_sockets()
+def free_new(link: zenoh.LinkEvent) -> None:
+    """Free a link that has come."""
+    if link.kind == zenoh.SampleKind.PUT:
+        free_sockets()
 
 
 def free_sockets() -> None:

@@ -2,7 +2,7 @@
 
 The slave listens, the master dials, never both; with a router in between both dial it. How loss is noticed and mended
 is in `hil.transport.settings`. A reader is a thread of ours on a channel, because an open session with a Python
-callback hangs the interpreter at exit.
+callback hangs the interpreter at exit. What comes seldom shares one, see `hil.transport.errands`.
 """
 
 import atexit
@@ -10,6 +10,7 @@ import os
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import suppress
+from math import inf
 from typing import TYPE_CHECKING, Any
 
 import zenoh
@@ -20,6 +21,7 @@ from hil.transport import ros
 from hil.transport.settings import Network, settings
 
 if TYPE_CHECKING:
+    from hil.transport.errands import Errands
     from hil.transport.security import Security
 
 ASKING = 8  # queries that may wait for a reader at once
@@ -120,11 +122,11 @@ class Publisher:
 
     def put(self, payload: bytes, wall_ns: int) -> int:
         """Send `payload` with its time (ns since 1970); the sequence number it went out with."""
-        self.sequence += 1
-        attachment = ros.pack_attachment(self.sequence, wall_ns, self.gid)
+        self.sequence = sequence = self.sequence + 1
+        attachment = ros.pack_attachment(sequence, wall_ns, self.gid)
         self.last = payload, attachment
         self._publisher.put(payload, attachment=attachment)
-        return self.sequence
+        return sequence
 
 
 def _declarer(topic: Topic) -> Any:
@@ -145,6 +147,7 @@ class Session:
         self.name = name
         self._session = session
         self._readers: list[threading.Thread] = []
+        self._errands: Errands | None = None
         self._closed = threading.Event()
         self.publishers: list[Publisher] = []
         self._tokens: list[zenoh.LivelinessToken] = []  # one lives as long as someone holds it
@@ -189,9 +192,12 @@ class Session:
         return send
 
     def receive(self, key: str, deliver: Callable[[bytes], None], depth: int) -> None:
-        """Call `deliver(payload)` for what comes on such a key; otherwise like `subscribe`."""
-        channel = self._session.declare_subscriber(key, zenoh.handlers.RingChannel(depth))
-        self._read(channel, lambda sample: deliver(sample.payload.to_bytes()), f"reader {key}")
+        """Call `deliver(payload)` for what comes on such a key, in one thread for all that comes seldom.
+
+        It must be quick and must not raise. What comes while `depth` messages wait is dropped.
+        """
+        handler = self._seldom(lambda sample: deliver(sample.payload.to_bytes()), depth)
+        self._session.declare_subscriber(key, handler)
 
     @property
     def zid(self) -> str:
@@ -218,14 +224,13 @@ class Session:
     def watch_tokens(self, keys: str, deliver: Callable[[str, bool], None]) -> None:
         """Call `deliver(key, alive)` for each token of others on `keys` that is there, comes or goes.
 
-        That of a session which vanishes without a word goes after the lease. Otherwise like `subscribe`.
+        That of a session which vanishes without a word goes after the lease. Otherwise like `receive`; none is dropped.
         """
-        channel = self._session.liveliness().declare_subscriber(keys, zenoh.handlers.FifoChannel(256), history=True)
 
         def pass_on(sample: zenoh.Sample) -> None:
             deliver(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
 
-        self._read(channel, pass_on, f"reader {keys}")
+        self._session.liveliness().declare_subscriber(keys, self._seldom(pass_on), history=True)
 
     def overhear(self, keys: str, deliver: Deliver, depth: int, latched: bool = False) -> None:
         """Call `deliver(key, payload, attachment)` for what anyone publishes on `keys`; otherwise like `subscribe`.
@@ -287,15 +292,26 @@ class Session:
         atexit.unregister(self.close)
         self._closed.set()
         self._session.close()  # type: ignore[no-untyped-call]  # zenoh leaves it unannotated; it wakes the readers
+        if self._errands:
+            self._errands.end()
         for reader in self._readers:
             if reader is not threading.current_thread():
                 reader.join(1.0)
 
     def free_links(self) -> None:
         """From now on let no lost link hold up the next one, see `hil.transport.linger`."""
-        from hil.transport.linger import watch  # the vehicle is ready before this is loaded
+        from hil.transport.linger import free_new  # the vehicle is ready before this is loaded
 
-        self._start(watch, self._session, name="links")
+        self._session.info.declare_link_events_listener(self._seldom(free_new), history=True)
+
+    def _seldom(self, use: Callable[[Any], None], most: float = inf) -> "zenoh.handlers.Callback[Any]":
+        """What to declare something with that `use` shall see in the thread for all such."""
+        if self._errands is None:
+            from hil.transport.errands import Errands
+
+            self._errands = Errands()
+            self._start(self._errands.run, name="errands")
+        return self._errands.handler(use, most)
 
     def _read(self, channel: Any, use: Callable[[Any], None], name: str) -> None:
         self._start(_receive, channel, use, name=name)

@@ -37,7 +37,7 @@ def read_presence(key: str) -> Presence | None:
     if len(parts) != 7 or parts[2] != "alive" or parts[3] not in _PARTS:
         return None
     _, node, _, part, rank, ident, who = parts
-    if not (rank.isdigit() and int(rank) < RANKS and _hexadecimal(ident)):
+    if not (rank.isdecimal() and int(rank) < RANKS and _hexadecimal(ident)):
         return None
     return Presence(node, _PARTS[part], int(rank), ident, who)
 

@@ -2,13 +2,14 @@
 
 from collections.abc import Sequence
 from math import cos, inf, nan, pi, sin, sqrt
+from operator import mul
 from typing import Annotated, NamedTuple
 
 from hil.schema import Range
 from sim.dynamics import State
 from sim.matrices import Matrix, inverse, product, transpose
 from sim.native import make_error_bank
-from sim.rotations import matrix, rotate
+from sim.rotations import down_axis, rotate
 from sim.sensors.error import ErrorModel, sensor_random
 from sim.sensors.ground import Ground
 from sim.sensors.mounting import Mounting
@@ -16,6 +17,9 @@ from sim.sensors.samples import DVL, DvlSample, Scene, Vector3
 
 _BEAMS = 4
 _LEAST_BEAMS = 3  # for three components of velocity
+
+# The beams, zero where not locked, and the 3 x 4 that turns speeds along them into the velocity by least squares.
+_Fit = tuple[Matrix, Matrix]
 
 
 class DvlModel(NamedTuple):
@@ -49,7 +53,7 @@ class Dvl:
     topic = DVL
 
     def __init__(self, model: DvlModel, mounting: Mounting, seed: int, scene: Scene) -> None:
-        self._model = model
+        self._limits = model.min_range, model.max_range
         self._mounting = mounting
         self._seabed = scene.world.depth
         models = [model.velocity, model.range] * _BEAMS
@@ -57,41 +61,37 @@ class Dvl:
         self._beams = _janus(model.tilt)
         self._body_beams = [rotate(mounting.quaternion, beam) for beam in self._beams]  # the same in body axes
         self._ground = Ground(scene.world, mounting, self._body_beams, model.max_range)
-        self._solutions: dict[tuple[int, ...], Matrix] = {}
+        self._fits: dict[tuple[bool, ...], _Fit] = {}
 
     def sample(self, time_ns: int, state: State) -> DvlSample:
         """The measurement of `state`."""
+        ranges = self._ranges(state)
+        u, v, w = self._mounting.velocity(state.nu)
         true: list[float] = []
-        locked: list[int] = []
-        speeds = self._speeds(state)
-        for beam, distance in enumerate(self._ranges(state)):
-            true += (speeds[beam], distance or 0.0)
-            if distance is not None:
-                locked.append(beam)
+        for (x, y, z), distance in zip(self._body_beams, ranges, strict=True):
+            true += (x * u + y * v + z * w, distance or 0.0)
         measured = self._errors.measure(true)  # every error moves on, locked or not: time passes for all
-        if len(locked) < _LEAST_BEAMS:
+        locked = tuple(map(bool, ranges))
+        if sum(locked) < _LEAST_BEAMS:
             return DvlSample(time_ns, (nan, nan, nan), nan, False)
-        u, v, w = [
-            sum([a * measured[2 * beam] for a, beam in zip(row, locked, strict=True)])
-            for row in self._solution(tuple(locked))
-        ]
-        ends = [[measured[2 * beam + 1] * x for x in self._beams[beam]] for beam in locked]
-        return DvlSample(time_ns, (u, v, w), _distance_to_plane(ends), True)
+        beams, solution = self._fits.get(locked) or self._fit(locked)
+        speeds = measured[::2]
+        u, v, w = [sum(map(mul, row, speeds)) for row in solution]
+        return DvlSample(time_ns, (u, v, w), _distance_to_plane(beams, measured[1::2]), True)
 
-    def _solution(self, locked: tuple[int, ...]) -> Matrix:
-        """The 3 x n that turns speeds along these beams into the velocity, by least squares; made once for each set."""
-        if locked not in self._solutions:
-            rows = [list(self._beams[beam]) for beam in locked]
-            columns = transpose(rows)
-            self._solutions[locked] = product(inverse(product(columns, rows)), columns)
-        return self._solutions[locked]
+    def _fit(self, locked: tuple[bool, ...]) -> _Fit:
+        """What these beams say together, made once for each set of them."""
+        rows = [list(beam) if held else [0.0, 0.0, 0.0] for beam, held in zip(self._beams, locked, strict=True)]
+        columns = transpose(rows)
+        self._fits[locked] = fit = rows, product(inverse(product(columns, rows)), columns)
+        return fit
 
     def _ranges(self, state: State) -> list[float | None]:
         """True distance along each beam in m, None where it is not locked."""
         depth = self._mounting.depth(state)
         if depth <= 0.0:
             return [None] * _BEAMS
-        near, far = self._model.min_range, self._model.max_range
+        near, far = self._limits
         distances, across = self._flat_ranges(state, self._seabed - depth)
         if not self._ground.is_flat(state, across):
             distances = self._ground.ranges(state)
@@ -99,19 +99,15 @@ class Dvl:
 
     def _flat_ranges(self, state: State, height: float) -> tuple[Sequence[float], float]:
         """Distances to a flat seabed `height` m below the sensor, inf for none; and how far across the longest goes."""
-        _, _, _, _, _, _, zx, zy, zz = matrix(state.quaternion)
+        down_x, down_y, down_z = down_axis(state.quaternion)
+        _, far = self._limits
         distances, across = [], 0.0
-        for bx, by, bz in self._body_beams:
-            down = zx * bx + zy * by + zz * bz
+        for x, y, z in self._body_beams:
+            down = down_x * x + down_y * y + down_z * z
             distance = height / down if down > 0.0 else inf
             distances.append(distance)
-            across = max(across, min(distance, self._model.max_range) * sqrt(max(0.0, 1.0 - down * down)))
+            across = max(across, min(distance, far) * sqrt(max(0.0, 1.0 - down * down)))
         return distances, across
-
-    def _speeds(self, state: State) -> list[float]:
-        """True velocity over ground of the sensor along each beam in m/s."""
-        u, v, w = self._mounting.velocity(state.nu)
-        return [bx * u + by * v + bz * w for bx, by, bz in self._body_beams]
 
 
 def _janus(tilt: float) -> list[Vector3]:
@@ -120,13 +116,15 @@ def _janus(tilt: float) -> list[Vector3]:
     return [(sin(tilt) * cos(angle), sin(tilt) * sin(angle), cos(tilt)) for angle in angles]
 
 
-def _distance_to_plane(points: list[list[float]]) -> float:
-    """From the origin to the plane n p = 1 that fits three or more points (m) by least squares: 1 / |n|.
+def _distance_to_plane(beams: Matrix, ranges: Sequence[float]) -> float:
+    """From the origin to the plane n p = 1 that fits the ends of the beams by least squares, in m: 1 / |n|.
 
-    The normal equations of three unknowns, by Cramer's rule.
+    `beams` are unit vectors, `ranges` in m. The normal equations of three unknowns, by Cramer's rule: a beam that is
+    zero adds nothing to them.
     """
     xx = xy = xz = yy = yz = zz = x = y = z = 0.0
-    for a, b, c in points:
+    for (a, b, c), distance in zip(beams, ranges, strict=True):
+        a, b, c = distance * a, distance * b, distance * c
         xx += a * a
         xy += a * b
         xz += a * c

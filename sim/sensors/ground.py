@@ -1,7 +1,7 @@
 """What the beams of a log or an altimeter meet."""
 
 from collections.abc import Iterable, Sequence
-from math import inf, sqrt
+from math import inf, nan, sqrt
 from typing import TYPE_CHECKING
 
 from sim.dynamics import State
@@ -28,9 +28,9 @@ class Ground:
         self._beams = [x for beam in beams for x in beam]
         self._reach = reach
         self._rays: RayScene | None = None
-        # No obstacle is within `_free` m of this place.
+        # The nearest obstacle was `_free` m from this place: nan where none was measured yet.
         self._north = self._east = 0.0
-        self._free = 0.0 if world.obstacles() else inf
+        self._free = nan if world.obstacles() else inf
         if world.terrain is not None:
             self._load()
 
@@ -41,8 +41,11 @@ class Ground:
         north, east, _ = state.position
         across += self._arm
         away_north, away_east = north - self._north, east - self._east
-        if sqrt(away_north * away_north + away_east * away_east) + across < self._free:
+        away = sqrt(away_north * away_north + away_east * away_east)
+        if away + across < self._free:
             return True
+        if across - away >= self._free:
+            return False
         self._north, self._east, self._free = north, east, self._world.clearance(north, east)
         return across < self._free
 

@@ -6,7 +6,7 @@ from typing import Annotated, NamedTuple
 from hil.schema import Range
 from sim.dynamics import State
 from sim.native import make_error_bank
-from sim.rotations import integrate, multiply, rotate_inverse
+from sim.rotations import down_axis, integrate, multiply, rotate_inverse
 from sim.sensors.error import ErrorModel, sensor_random
 from sim.sensors.mounting import Mounting
 from sim.sensors.samples import IMU, ImuSample, Scene, Vector3
@@ -59,14 +59,18 @@ def specific_force(state: State, position: Point, gravity: float) -> Vector3:
     """
     u, v, w, p, q, r = state.nu
     du, dv, dw, dp, dq, dr = state.nu_dot
-    x, y, z = position
-    # velocity of the point, whose turning with the body is the two centripetal terms together
-    u += q * z - r * y
-    v += r * x - p * z
-    w += p * y - q * x
-    gx, gy, gz = rotate_inverse(state.quaternion, (0.0, 0.0, gravity))
+    if any(position):
+        x, y, z = position
+        # velocity of the point, whose turning with the body is the two centripetal terms together
+        u += q * z - r * y
+        v += r * x - p * z
+        w += p * y - q * x
+        du = du + dq * z - dr * y
+        dv = dv + dr * x - dp * z
+        dw = dw + dp * y - dq * x
+    down_x, down_y, down_z = down_axis(state.quaternion)
     return (
-        du + dq * z - dr * y + q * w - r * v - gx,
-        dv + dr * x - dp * z + r * u - p * w - gy,
-        dw + dp * y - dq * x + p * v - q * u - gz,
+        du + q * w - r * v - gravity * down_x,
+        dv + r * u - p * w - gravity * down_y,
+        dw + p * v - q * u - gravity * down_z,
     )

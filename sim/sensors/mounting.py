@@ -6,7 +6,7 @@ from typing import Annotated, NamedTuple
 
 from hil.schema import Range
 from sim.dynamics import State
-from sim.rotations import from_euler, multiply, rotate
+from sim.rotations import down_axis, from_euler, multiply, rotate
 from sim.sensors.samples import Quaternion, Vector3
 from sim.vehicle import Point
 
@@ -48,7 +48,9 @@ class Mounting(NamedTuple):
 
     def depth(self, state: State) -> float:
         """Depth of the sensor in m."""
-        return state.position[2] + rotate(state.quaternion, self.position)[2]
+        x, y, z = self.position
+        down_x, down_y, down_z = down_axis(state.quaternion)
+        return state.position[2] + (down_x * x + down_y * y + down_z * z)
 
     def velocity(self, nu: Sequence[float]) -> Vector3:
         """Velocity (m/s, body axes) of the sensor's place when the vehicle moves with `nu`."""

@@ -40,8 +40,9 @@ class Pressure:
 
     def sample(self, time_ns: int, state: State) -> PressureSample:
         """The measurement of `state`; in the air that of the air."""
-        north, east, depth = self._mounting.place(state)
-        if self._sea is not None:
-            depth = self._sea.pressure_depth(time_ns * 1e-9, north, east, depth)
+        if self._sea is None:
+            depth = self._mounting.depth(state)
+        else:
+            depth = self._sea.pressure_depth(time_ns * 1e-9, *self._mounting.place(state))
         (pascal,) = self._errors.measure([self._atmosphere + self._water(depth)])
         return PressureSample(time_ns, pascal)

@@ -100,7 +100,8 @@ class Sensor(Protocol):
     """What the simulation asks of a sensor.
 
     `Model` is the record of its keys, one of them its `rate` in Hz; `topic` what its samples go out as. A sensor
-    whose samples travel before they arrive, each for a time of its own, says how long the last one does as `delay_ns`.
+    whose samples travel before they arrive, each for a time of its own, says how long the last one does as `delay_ns`,
+    which it has from the start.
     """
 
     Model: Any

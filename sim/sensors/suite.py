@@ -17,7 +17,7 @@ class = "my_sensors:Thermometer"  # one of the user's own: sim/sensors/own.py
 rate = "2 Hz"
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from importlib import import_module
 from typing import Any, NamedTuple
 
@@ -55,6 +55,7 @@ SENSORS = {
 }
 DEVICES = "sim/sensors/devices"
 USUAL = ("imu", "dvl", "pressure", "odometry", "ground_truth")
+NEVER = 1 << 63  # ns
 
 
 class Fitted(NamedTuple):
@@ -113,30 +114,39 @@ class Schedule:
         """The samples that arrive by `now_ns`, with their topics."""
         arrived: list[tuple[str, Sample]] = []
         state = scene.state
+        next_ns = NEVER
         for slot in self._slots:
-            if now_ns < slot.due_ns:
-                continue
-            slot.due_ns += slot.period_ns
-            sample = slot.sensor.sample(now_ns, state)
-            if sample is None or slot.drops():
-                continue
-            delay_ns = slot.delay_ns
-            if delay_ns:
-                self._number += 1
-                self._under_way.append((now_ns + delay_ns, self._number, slot.topic, sample))
-                self._under_way.sort(key=_arrival)
-            else:
-                arrived.append((slot.topic, sample))
+            due_ns = slot.due_ns
+            if due_ns <= now_ns:
+                slot.due_ns = due_ns = due_ns + slot.period_ns
+                sample = slot.sensor.sample(now_ns, state)
+                if slot.prompt and sample is not None:
+                    arrived.append((slot.topic, sample))
+                elif sample is not None and not slot.drops():
+                    self._send(slot, sample, now_ns, arrived)
+            if due_ns < next_ns:
+                next_ns = due_ns
+        if self._under_way:
+            next_ns = min(next_ns, self._deliver(now_ns, arrived))
+        self.due_ns = next_ns
+        return arrived
+
+    def _send(self, slot: "Slot", sample: Sample, now_ns: int, arrived: list[tuple[str, Sample]]) -> None:
+        """Let a sample set out that may take its time."""
+        delay_ns = slot.delay_ns
+        if not delay_ns:
+            arrived.append((slot.topic, sample))
+            return
+        self._number += 1
+        self._under_way.append((now_ns + delay_ns, self._number, slot.topic, sample))
+        self._under_way.sort(key=_arrival)
+
+    def _deliver(self, now_ns: int, arrived: list[tuple[str, Sample]]) -> int:
+        """Hand out what was under way until now; when the next sample arrives, in ns."""
         while self._under_way and self._under_way[0][0] <= now_ns:
             _, _, topic, sample = self._under_way.pop(0)
             arrived.append((topic, sample))
-        self.due_ns = min(self._instants(), default=1 << 63)
-        return arrived
-
-    def _instants(self) -> Iterator[int]:
-        yield from [slot.due_ns for slot in self._slots]
-        if self._under_way:
-            yield self._under_way[0][0]
+        return self._under_way[0][0] if self._under_way else NEVER
 
 
 def _arrival(waiting: tuple[int, int, str, Sample]) -> tuple[int, int]:
@@ -146,7 +156,7 @@ def _arrival(waiting: tuple[int, int, str, Sample]) -> tuple[int, int]:
 class Slot:
     """One sensor, when it is due next, and what becomes of its samples."""
 
-    __slots__ = ("_drop_out", "_latency_ns", "_luck", "due_ns", "period_ns", "sensor", "topic")
+    __slots__ = ("_drop_out", "_latency_ns", "_luck", "due_ns", "period_ns", "prompt", "sensor", "topic")
 
     def __init__(self, name: str, fitted: Fitted, scene: Scene, seed: int, dt_ns: int) -> None:
         self.period_ns = period_ns(fitted.model.rate)
@@ -160,6 +170,8 @@ class Slot:
         self._latency_ns = round(fitted.mounting.latency * 1e9)
         self._drop_out = fitted.mounting.drop_out
         self._luck = sensor_random(seed, f"{name}/drop_out") if self._drop_out else None
+        # Whether every sample arrives at its instant.
+        self.prompt = not (self._latency_ns or self._drop_out or hasattr(self.sensor, "delay_ns"))
 
     @property
     def delay_ns(self) -> int:

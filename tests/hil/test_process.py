@@ -5,6 +5,8 @@ import subprocess
 import sys
 import time
 
+import pytest
+
 from hil import process
 
 
@@ -13,6 +15,26 @@ def test_memory_grows_with_what_is_touched() -> None:
     held = bytearray(os.urandom(2**20) * 32)
     grown = process.pss_mib() - before
     assert 31 < grown < 40, len(held)
+
+
+def test_memory_that_is_asked_for_often(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is read again when it has changed, and when it has become old."""
+    resident, pss = {"self": 30.0, 7: 5.0}, [20.0, 21.0, 22.0]
+    monkeypatch.setattr(process, "resident_mib", lambda pid="self": resident[pid])
+    monkeypatch.setattr(process, "own_pss_mib", lambda children: pss.pop(0))
+    memory = process.Memory()
+    assert [memory.pss_mib((7,)) for _ in range(5)] == [20.0] * 5
+    resident[7] += 0.05
+    assert memory.pss_mib((7,)) == 20.0
+    resident[7] += 0.05
+    assert [memory.pss_mib((7,)) for _ in range(5)] == [21.0] * 5
+    monkeypatch.setattr(process.Memory, "OLDEST_S", 0.0)
+    assert memory.pss_mib((7,)) == 22.0
+
+
+def test_resident_memory_holds_all_that_is_shared() -> None:
+    assert process.pss_mib() < process.resident_mib() < process.ram_mib()
+    assert process.resident_mib(2**22 + 1) == 0.0, "beyond the largest process number there can be"
 
 
 def test_a_process_that_is_gone_costs_nothing() -> None:

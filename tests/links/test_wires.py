@@ -168,6 +168,24 @@ def test_a_program_that_opens_the_port_reads_nothing_old(open_host: Callable[[st
     wire.close()
 
 
+def test_what_has_been_read_makes_room_again() -> None:
+    wire = PtyWire()
+    host = PtyHostWire(wire.path)
+    frames = [b"%032d" % number for number in range(200)]
+    for frame in frames:
+        assert wire.write(frame) == 32, "three times the limit, but never unread at once"
+        assert read_bytes(host, 32) == frame
+    kept = 0
+    while taken := wire.write(b"o" * 32):
+        kept += taken
+        time.sleep(0.0002)
+    assert UNREAD_LIMIT <= kept < 2 * UNREAD_LIMIT
+    assert read_bytes(host, kept) == b"o" * kept
+    assert wire.write(b"new") == 3
+    host.close()
+    wire.close()
+
+
 @pytest.mark.parametrize("open_host", [PtyHostWire, UartWire])
 class TestCannotOpen:
     """Each message is one line that names the device and what to do."""

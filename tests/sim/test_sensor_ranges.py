@@ -1,6 +1,7 @@
 """Laser, profiler, echosounder, scanning sonar; and log and altimeter over relief and obstacles."""
 
 from math import atan, cos, inf, pi, radians, sin, sqrt, tan
+from random import Random
 from statistics import fmean, pstdev
 
 import pytest
@@ -259,6 +260,28 @@ def test_ground_is_flat_only_while_nothing_is_in_reach() -> None:
         state = State((north, 1.0, 5.0))
         assert ground.is_flat(state, 3.0) == (world.clearance(north, 1.0) > 3.0)
     assert not Dvl(DVL, Mounting(), 1, scene(sloping()))._ground.is_flat(State((0.0, 0.0, 5.0)), 0.0)
+
+
+def test_ground_measures_clearance_only_when_it_could_tell(monkeypatch: pytest.MonkeyPatch) -> None:
+    """On a way among obstacles the answer is always that of the clearance here, which is seldom measured."""
+    world = FLAT._replace(cylinder=(Cylinder(10.0, 0.0, 2.0),), box=(Box(-6.0, -9.0, 3.0, 3.0, 0.3, 15.0),))
+    measured: list[tuple[float, ...]] = []
+    clearance = World.clearance
+    ground = Dvl(DVL, Mounting(), 1, scene(world))._ground
+
+    def watched(world: World, *place: float) -> float:
+        measured.append(place)
+        return clearance(world, *place)
+
+    monkeypatch.setattr(World, "clearance", watched)
+    random, north, east, answers = Random(4), 0.0, 0.0, []
+    for _ in range(2000):
+        north, east = north + random.uniform(-0.1, 0.11), east + random.uniform(-0.1, 0.1)
+        across = random.uniform(2.0, 3.0)
+        answers.append(ground.is_flat(State((north, east, 5.0)), across))
+        assert answers[-1] == (clearance(world, north, east) > across)
+    assert 100 < sum(answers) < 1900
+    assert len(measured) < 500
 
 
 def test_altimeter_over_relief_and_obstacles() -> None:

@@ -1,11 +1,12 @@
 from itertools import pairwise
-from math import cos, isnan, radians, sin
+from math import cos, hypot, isnan, radians, sin
 from statistics import fmean, pstdev
 
 import pytest
 
 from sim import rotations
 from sim.dynamics import Dynamics, State
+from sim.matrices import inverse
 from sim.rotations import from_euler, rotate, rotate_inverse
 from sim.sensors.dvl import Dvl, DvlModel
 from sim.sensors.error import ErrorModel
@@ -128,6 +129,21 @@ def test_dvl_with_three_beams() -> None:
     sample = dvl.sample(0, state)
     assert sample.velocity == pytest.approx(NU[:3])
     assert sample.altitude == pytest.approx(19.5)
+
+
+def test_a_beam_without_lock_counts_for_nothing() -> None:
+    """With three beams each error is that of its own beam: the three measured speeds and ends are met exactly."""
+    model = DvlModel(max_range=23.0, velocity=ErrorModel(offset=0.1), range=ErrorModel(offset=0.5))
+    dvl = Dvl(model, PLAIN, 1, SCENE)
+    state = State((0.0, 0.0, 0.5), from_euler(0.11, 0.11, 0.0), NU)
+    sample = dvl.sample(0, state)
+    locked = [(beam, found) for beam, found in zip(dvl._beams, dvl._ranges(state), strict=True) if found is not None]
+    for (x, y, z), _ in locked:
+        u, v, w = (found - true for found, true in zip(sample.velocity, NU[:3], strict=True))
+        assert x * u + y * v + z * w == pytest.approx(0.1)
+    ends = [[(found + 0.5) * x for x in beam] for beam, found in locked]
+    normal = [sum(row) for row in inverse(ends)]  # of the plane through them: normal . end = 1
+    assert sample.altitude == pytest.approx(1.0 / hypot(*normal))
 
 
 def test_pressure() -> None:

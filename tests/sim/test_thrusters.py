@@ -3,7 +3,7 @@ from math import exp
 import pytest
 
 from hil.errors import ConfigError
-from sim.thrusters import ThrusterSet, pwm_for, steady_thrust, wrench_matrix
+from sim.thrusters import ThrusterSet, pulse_finder, pwm_for, steady_thrust, wrench_matrix
 from sim.vehicle import Thruster, load_vehicle
 
 T200 = load_vehicle("bluerov2_heavy")[0].thrusters[0]
@@ -47,6 +47,21 @@ def test_inverse_is_clamped_and_jumps_the_dead_band() -> None:
     assert pwm_for(SQUARE, 0.0) == 1500
     assert pwm_for(SQUARE, 0.01) >= 1525
     assert pwm_for(SQUARE, -0.01) <= 1475
+
+
+@pytest.mark.parametrize("share", [0.0, 0.6, 1.0])
+def test_a_thrust_too_small_to_be_divided_is_none(share: float) -> None:
+    least = 5e-324
+    assert [pwm_for(SQUARE._replace(linear_share=share), thrust) for thrust in (least, -least, -0.0)] == [1500] * 3
+
+
+@pytest.mark.parametrize("thruster", [SQUARE, T200, T200._replace(pwm_neutral_us=1480, pwm_min_us=1000)])
+def test_a_finder_knows_the_curve_backwards_and_keeps_nothing(thruster: Thruster) -> None:
+    """From the deflection x: thrust k x + (1 - k) x² of the maximum, and the pulse that has it."""
+    find, k = pulse_finder(thruster), thruster.linear_share
+    for x in (0.3, -0.9, 1.0, 0.01, -0.01, -1.0, 0.3):
+        most = thruster.max_forward if x > 0.0 else -thruster.max_reverse
+        assert find(most * (k * abs(x) + (1.0 - k) * x * x)) == thruster.pulse_at(x)
 
 
 def test_thrust_asked_for_is_thrust_had() -> None:

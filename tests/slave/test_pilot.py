@@ -1,11 +1,16 @@
 """The vehicle's computer: deadman, disarming, and a closed loop with the simulator."""
 
+from math import pi
+
 import pytest
 
 from hil.autonomy.control import Gains, VelocityCommand
 from hil.clock import NS_PER_MS
 from hil.schema import parse
-from hil.slave.pilot import Pilot
+from hil.slave.pilot import ATMOSPHERE_PA, Pilot
+from sim.rotations import from_euler
+from sim.sensors.mounting import Mounting
+from sim.sensors.samples import ImuSample, OdometrySample, PressureSample
 from sim.simulation import Simulation
 from sim.vehicle import load_vehicle
 from sim.world import load_world
@@ -48,6 +53,26 @@ def test_every_command_on_the_link_has_its_own_number() -> None:
     numbers = [pilot.update(0, 0.02)[0].sequence for _ in range(70_000)]
     assert numbers[:3] == [1, 2, 3]
     assert numbers[65_534:65_537] == [65_535, 0, 1]
+
+
+def test_each_sensor_tells_its_part_until_its_next_sample() -> None:
+    pilot, attitude = new_pilot(), from_euler(0.1, -0.2, 0.3)
+    assert pilot.navigation == ((1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0)
+    pilot.sense("pressure", PressureSample(0, ATMOSPHERE_PA + 5.0 * WORLD.density * WORLD.gravity))
+    pilot.sense("imu", ImuSample(0, attitude, (0.1, 0.2, 0.3), (0.0, 0.0, -9.8)))
+    pilot.sense("odom", OdometrySample(0, (7.0, 8.0, 9.0), (1.0, 0.0, 0.0, 0.0), (1.0, 2.0, 3.0, 4.0, 5.0, 6.0)))
+    assert pilot.navigation[:3] == (attitude, (0.1, 0.2, 0.3), (1.0, 2.0, 3.0))
+    assert pilot.navigation.depth == pytest.approx(5.0)
+    assert pilot.position == (7.0, 8.0, 9.0)
+
+
+def test_an_imu_that_sits_askew_tells_of_the_vehicle() -> None:
+    """Turned by a quarter about z: what is ahead of the vehicle is to port of the sensor."""
+    askew = Mounting(orientation=(0.0, 0.0, 0.5 * pi))
+    pilot = Pilot(VEHICLE, parse(CONTROL, Gains, "control"), WORLD.density * WORLD.gravity, NS_PER_MS, askew)
+    pilot.sense("imu", ImuSample(0, from_euler(0.0, 0.0, 0.5 * pi + 0.4), (0.0, -0.1, 0.3), (0.0, 0.0, -9.8)))
+    assert pilot.navigation.orientation == pytest.approx(from_euler(0.0, 0.0, 0.4))
+    assert pilot.navigation.angular_velocity == pytest.approx((0.1, 0.0, 0.3))
 
 
 @pytest.mark.parametrize(

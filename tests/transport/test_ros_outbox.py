@@ -9,6 +9,7 @@ from hil.topics import TYPE_HASHES
 from hil.transport import ros
 from hil.transport.roles import dial
 from hil.transport.session import listen
+from sim.sensors import extra_samples, imaging_samples, own, samples
 from sim.sensors.extra_samples import FixSample, FlagSample, PositionSample
 from sim.sensors.samples import DvlSample, OdometrySample
 
@@ -52,6 +53,15 @@ def test_samples_arrive_on_their_topics() -> None:
     assert decoded["dvl"] == (EPOCH_NS + 5, (1.0, 2.0, 3.0), 7.5, True)
     assert decoded["dvl_twist"].velocity == (1.0, 2.0, 3.0)
     assert math.isnan(decoded["dvl_twist"].altitude)
+
+
+def test_every_sample_begins_with_its_time() -> None:
+    """The outbox replaces what comes first."""
+    modules = samples, extra_samples, imaging_samples, own
+    named = [kind for module in modules for name, kind in vars(module).items() if name.endswith("Sample")]
+    kinds = [kind for kind in named if hasattr(kind, "_fields")]  # Sample itself is a protocol
+    assert len(kinds) > 12
+    assert {kind._fields[0] for kind in kinds} == {"time_ns"}
 
 
 def test_what_is_silent_is_not_said_and_frames_have_their_prefix() -> None:

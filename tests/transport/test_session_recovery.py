@@ -152,7 +152,7 @@ def test_no_link_lingers() -> None:
             assert wait_for(lambda: not any(lingering()), 1)
             with dial(endpoint):
                 assert wait_for(lambda: len(lingering()) == before + 8 and not any(lingering()), 3)
-    assert not [thread for thread in threading.enumerate() if thread.name == "links"]
+    assert not [thread for thread in threading.enumerate() if thread.name == "errands"]
 
 
 def test_what_was_said_last_arrives_though_links_do_not_linger() -> None:

@@ -1,7 +1,8 @@
 """The numbers of one message for so many thrusters, and the message they mean."""
 
 import struct
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from operator import itemgetter
 from typing import Any, NamedTuple
 
 from hil.links.contract import PWM_NEUTRAL_US, Message, ThrusterCommand, ThrusterTelemetry
@@ -57,21 +58,26 @@ class Body:
             constant_bytes -= type_size(rows.pop(0)[0].type)
         self.fields = [field for field, _, _ in rows]
         self.packer = struct.Struct(ORDERS[layout.byte_order] + "".join(TYPES[field.type] for field in self.fields))
-        self.template: list[float] = [value or field.value or 0 for field, _, value in rows]
-        self._constants = [(place, value) for place, (_, _, value) in enumerate(rows) if value is not None]
+        self.template: tuple[float, ...] = tuple([value or field.value or 0 for field, _, value in rows])
+        constants = {place: value for place, (_, _, value) in enumerate(rows) if value is not None}
+        self._constants, self._constants_of = tuple(constants.values()), _picker(tuple(constants))
         self._neutral = [PWM_NEUTRAL_US] * channels
         if kind:
             self._place(kind)
 
     def _place(self, kind: Kind) -> None:
-        """Where the numbers of the message stand."""
+        """Where the numbers of the message stand: tables that turn one row into the other in a single step."""
         self._kind = kind
         names = [field.name for field in self.fields]
         lines = {field.name: _line(field) for field in self.fields}
         known = [(names.index(name), kind._fields.index(name), lines[name]) for name in kind._fields if name in names]
         single = [row for row in known if kind._fields[row[1]] != "pwm_us"]
-        self._plain = [(place, index) for place, index, line in single if line is None]
         self._lined = [(place, index, line) for place, index, line in single if line]
+        both = list(range(len(names) + len(kind._fields)))  # numbers, then values; those in `single` change places
+        for place, index, _ in single:
+            both[place], both[len(names) + index] = len(names) + index, place
+        self._numbers_of = _picker(both[: len(names)])  # from template and message
+        self._values_of = _picker(both[len(names) :])  # from numbers and what is never said
         self._flags = names.index("flags") if "flags" in names else 0
         bits = self.fields[self._flags].bits._asdict() if "flags" in names else {}
         self._bits = [
@@ -82,14 +88,12 @@ class Body:
         step = pulses[1] - pulses[0] if len(pulses) > 1 else 1
         self._pulses = slice(pulses[0], pulses[-1] + 1, step)
         self._pulse_index, self._pulse_line = kind._fields.index("pwm_us"), lines["pwm_us"]
-        self._blank: list[Any] = [NEVER_SAID.get(name, 0) for name in kind._fields]
+        self._never_said: tuple[Any, ...] = tuple([NEVER_SAID.get(name, 0) for name in kind._fields])
 
     def pack(self, message: Message) -> bytes:
         """The numbers of `message`; one too big wraps if it counts, else stops at the limit."""
-        numbers = self.template[:]
         values: tuple[Any, ...] = message
-        for place, index in self._plain:
-            numbers[place] = values[index]
+        numbers = list(self._numbers_of(self.template + values))
         for place, index, line in self._lined:
             numbers[place] = line.number(values[index])
         for mask, index in self._bits:
@@ -108,14 +112,12 @@ class Body:
 
     def message(self, numbers: tuple[Any, ...]) -> Message | None:
         """The message of the numbers that `packer` unpacked, or None if one of them is not what it must be."""
-        for place, value in self._constants:
-            if numbers[place] != value:
-                return None
-        values = self._blank[:]
-        for place, index in self._plain:
-            values[index] = numbers[place]
+        if self._constants_of(numbers) != self._constants:
+            return None
+        values = list(self._values_of(numbers + self._never_said))
+        flags = numbers[self._flags]
         for mask, index in self._bits:
-            values[index] = numbers[self._flags] & mask != 0
+            values[index] = flags & mask != 0
         values[self._pulse_index] = numbers[self._pulses]
         try:
             for place, index, line in self._lined:
@@ -124,11 +126,11 @@ class Body:
                 values[self._pulse_index] = tuple([self._pulse_line.quantity(n) for n in numbers[self._pulses]])
         except (ValueError, OverflowError):  # a float that is no number
             return None
-        return self._kind._make(values)
+        return self._kind(*values)
 
     def fits(self, numbers: tuple[Any, ...]) -> bool:
         """Whether the constants among the numbers are what they must be."""
-        return all(numbers[place] == value for place, value in self._constants)
+        return self._constants_of(numbers) == self._constants
 
 
 def numbers_of(
@@ -151,6 +153,14 @@ def _constant(field: Field, message_id: int | None, channels: int, behind: int) 
     if field.name in ("length", "count"):
         return (behind if field.name == "length" else channels) + field.adds
     return None if field.extra else field.value
+
+
+def _picker(places: Sequence[int]) -> Callable[[tuple[Any, ...]], tuple[Any, ...]]:
+    """What gives the items at these places; a tuple of them even if there is one, or none."""
+    if len(places) > 1:
+        return itemgetter(*places)
+    start = places[0] if places else 0
+    return itemgetter(slice(start, start + len(places)))
 
 
 def _line(field: Field) -> Line | None:

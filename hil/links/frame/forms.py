@@ -34,10 +34,8 @@ class Seal:
     def is_sound(self, buffer: bytes, start: int, size: int) -> bool:
         """Whether the `size` bytes from `start` end as a frame must."""
         end = start + size - self.size
-        wanted = self.stored.unpack_from(buffer, end)[0]
-        if self.update(buffer[start + self.start : end - self.omit_last], self.empty) != wanted:
-            return False
-        return not self.tail or buffer.startswith(self.tail, end + self.stored.size)
+        checksum = self.update(buffer[start + self.start : end - self.omit_last], self.empty)
+        return buffer.startswith(self.stored.pack(checksum) + self.tail, end)
 
 
 class Form:
@@ -59,6 +57,7 @@ class Form:
         self.size = end + seal.size
         self.checksum = seal.update(self.prefix[seal.start :], seal.empty)  # of the prefix
         self.covered = slice(max(0, seal.start - start), max(0, end - start - seal.omit_last))  # of the rest
+        self.start = start  # of the body
         self._made_of = (layout, message, kind, channels, start - len(layout.sync))
         self._body: Body | None = None
 

@@ -43,17 +43,16 @@ class Reader(ABC):
 
     def take(self, form: Form | None, frame: bytes, start: int, messages: list[Message]) -> None:
         """A sound frame begins at `start` of `frame`; `form` is None if nobody knows its message."""
-        message = None
         if form:
             body = form.body
-            numbers = body.packer.unpack_from(frame, start + len(form.prefix))
-            if form.kind is None and body.fits(numbers):
+            numbers = body.packer.unpack_from(frame, start + form.start)
+            if form.kind is None:
+                if body.fits(numbers):
+                    return
+            elif message := body.message(numbers):
+                messages.append(message)
                 return
-            message = body.message(numbers) if form.kind else None
-        if message is None:
-            self.counters.malformed += 1
-        else:
-            messages.append(message)
+        self.counters.malformed += 1
 
 
 class SyncReader(Reader):
@@ -69,8 +68,18 @@ class SyncReader(Reader):
     def feed(self, data: bytes) -> list[Message]:
         """See `Reader`."""
         buffer = self.unfinished + data
-        counters = self.counters
         messages: list[Message] = []
+        form = self._keys.form_at(buffer, 0)
+        if form and form.size == len(buffer) and self.seal.is_sound(buffer, 0, form.size):  # mostly it is just that
+            self.take(form, buffer, 0, messages)
+            self.unfinished = b""
+        else:
+            self._search(buffer, messages)
+        return messages
+
+    def _search(self, buffer: bytes, messages: list[Message]) -> None:
+        """Adds the messages of the sound frames in `buffer`; keeps what may be the beginning of another."""
+        counters = self.counters
         position = 0
         while (start := self._find_sync(buffer, position)) < len(buffer):
             form, size = self.frame_at(buffer, start)
@@ -90,7 +99,6 @@ class SyncReader(Reader):
                 position = start + 1  # not past it all: a frame may begin inside a damaged one
         counters.dropped_bytes += start - position
         self.unfinished = buffer[start:]
-        return messages
 
     def frame_at(self, buffer: bytes, start: int) -> tuple[Form | None, int]:
         """Form and size of the frame that begins at `start`, as far as can be seen; size 0: none begins there."""

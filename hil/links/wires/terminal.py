@@ -101,6 +101,7 @@ class PtyWire(DescriptorWire):
             raise DeviceError(f"pty: {error.strerror}; raise kernel.pty.max or close other terminals") from None
         self.path = os.ttyname(self._slave)
         self._second_name: PtyName | None = None
+        self._room = 0  # bytes that can be written at least, until `UNREAD_LIMIT` are unread
         super().__init__(master, link_path or self.path)
         os.set_blocking(master, False)
         tty.setraw(self._slave)  # both ends share these settings
@@ -119,7 +120,12 @@ class PtyWire(DescriptorWire):
 
     def write(self, data: bytes) -> int:
         """Send `data`, or nothing of it if the other end has stopped reading; the number of bytes taken."""
-        return 0 if self._fd >= 0 and self._unread() >= UNREAD_LIMIT else super().write(data)
+        if self._room <= 0 <= self._fd:
+            self._room = UNREAD_LIMIT - self._unread()  # asking costs as much as writing: once for many frames
+            if self._room <= 0:
+                return 0
+        self._room -= len(data)
+        return super().write(data)
 
     def close(self) -> None:
         """Remove the link and the pty. Closing twice is harmless."""

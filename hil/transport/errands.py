@@ -1,0 +1,41 @@
+"""One thread for all that comes seldom: pings, presence, links.
+
+A thread that waits in a channel of the library is woken ten times a second, to look for signals; three of them cost a
+vehicle a thousandth of a processor. So here the library's own threads only queue what comes, and ours waits without
+end. Loaded when there is something to wait for.
+"""
+
+from _queue import SimpleQueue  # the whole module loads threads and heaps
+from collections.abc import Callable
+from typing import Any
+
+import zenoh
+
+Errand = tuple[Callable[[Any], None], Any]
+
+
+class Errands:
+    """Uses what was queued, one after the other, in the thread that calls `run`."""
+
+    def __init__(self) -> None:
+        self._waiting: SimpleQueue[Errand | None] = SimpleQueue()
+
+    def handler(self, use: Callable[[Any], None], most: float) -> "zenoh.handlers.Callback[Any]":
+        """What to declare something with, so that `use` sees each item of it; what comes while `most` wait is lost."""
+        waiting = self._waiting
+
+        def take(item: Any) -> None:  # in a thread of the library
+            if waiting.qsize() < most:
+                waiting.put((use, item))
+
+        return zenoh.handlers.Callback(take, indirect=False)
+
+    def run(self) -> None:
+        """Until `end` is called."""
+        while errand := self._waiting.get():
+            use, item = errand
+            use(item)
+
+    def end(self) -> None:
+        """Let `run` return once it has used what waits."""
+        self._waiting.put(None)

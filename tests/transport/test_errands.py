@@ -1,0 +1,62 @@
+"""One thread for all that comes seldom: in order, bounded, and without a wake-up while nothing comes."""
+
+import threading
+import time
+from pathlib import Path
+
+from hil.transport.errands import Errands
+from hil.transport.roles import dial
+from hil.transport.session import listen
+from tests.processes import free_port, wait_for
+
+
+def test_items_are_used_in_order_and_beyond_the_most_are_lost() -> None:
+    errands, few, all_ = Errands(), list[int](), list[int]()
+    some, every = errands.handler(few.append, 3), errands.handler(all_.append, float("inf"))
+    for number in range(5):
+        some(number)
+    for number in range(5):
+        every(number)
+    errands.end()
+    errands.run()
+    assert (few, all_) == ([0, 1, 2], [0, 1, 2, 3, 4])
+
+
+def wakeups(name: str) -> int:
+    """How often a thread of this process has slept."""
+    thread = next(thread for thread in threading.enumerate() if thread.name == name)
+    status = Path(f"/proc/self/task/{thread.native_id}/status").read_text()
+    return next(int(line.split()[1]) for line in status.splitlines() if line.startswith("voluntary_ctxt"))
+
+
+def test_pings_and_presence_share_a_thread_which_sleeps_while_nothing_comes() -> None:
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    pings, there, threads = list[bytes](), list[tuple[str, bool]](), set[str]()
+
+    def ping(payload: bytes) -> None:
+        pings.append(payload)
+        threads.add(threading.current_thread().name)
+
+    def meet(key: str, alive: bool) -> None:
+        there.append((key, alive))
+        threads.add(threading.current_thread().name)
+
+    def both() -> bool:
+        send(b"1")
+        return bool(pings and there)
+
+    with listen(endpoint) as slave, dial(endpoint) as master:
+        slave.receive("ping", ping, 16)
+        slave.watch_tokens("alive/**", meet)
+        send = master.sender("ping")
+        withdraw = master.declare_token("alive/1")
+        assert wait_for(both, 3)
+        withdraw()
+        assert wait_for(lambda: len(there) == 2, 3)
+        time.sleep(0.1)
+        before = wakeups("errands")
+        time.sleep(0.5)
+        assert wakeups("errands") - before <= 1, "a channel of the library would have woken it five times"
+    assert there == [("alive/1", True), ("alive/1", False)]
+    assert threads == {"errands"}
+    assert not [thread for thread in threading.enumerate() if thread.name == "errands"]
