@@ -20,9 +20,9 @@ if TYPE_CHECKING:
     from boards import Board
     from hil.slave.imaging import Imaging
 
-REPORT_PERIOD_S = 0.25
-DIAGNOSE_EVERY = 4  # report periods
-COLLECT_EVERY = 120
+REPORT_PERIOD_S = 0.1
+DIAGNOSE_EVERY = 10  # report periods
+COLLECT_EVERY = 300
 OK, WARNING = 0, 1
 
 
