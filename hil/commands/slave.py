@@ -1,6 +1,7 @@
 """`uuv-hil slave`: be the vehicle."""
 
 import gc
+import os
 from typing import TYPE_CHECKING, NamedTuple
 
 from hil.clock import now_ns, process_start_ns, schedule_fifo
@@ -83,6 +84,8 @@ def _run(options: Options, startup: dict[str, int]) -> None:
     from hil.transport.session import Listening
     from hil.transport.settings import LARGEST_PICTURE
 
+    # Little comes in: one thread reads it, where by default one of the library's would wake another for each message.
+    os.environ.setdefault("ZENOH_RUNTIME", "(rx: (worker_threads: 1))")
     # Before the session is opened: its threads inherit the scheduling.
     notes = [schedule_fifo(LOOP_PRIORITY)] if scenario.slave.realtime else ["real-time: off by the scenario"]
     largest = LARGEST_PICTURE if any(fitted.heavy for fitted in scenario.sensors.values()) else 0
