@@ -94,12 +94,17 @@ def measure(bench: Bench, plan: Plan, endpoint: str = "", echo: tuple[str, int, 
 
     Raises HilError.
     """
+    wire = 0.0
+    if bench.scenario.stm32 == "qemu" and not endpoint:
+        from hil.bench.bare_qemu import answer_ms
+
+        wire = answer_ms(bench.scenario)
     slave = None if endpoint else bench.start_slave()
     with _floor(bench, echo) as floor, _burners(plan.burners), _observer(bench, endpoint) as client:
         await_vehicle(client, slave)
         client.delays.same_clock = client.contact.same_clock
         spans = _command(client, floor, plan)
-        wire = wire_ms(bench.scenario, client.diagnostics())
+        wire = wire_ms(bench.scenario, client.diagnostics()) or wire
         motion = _motion(client, plan.steps)
         wait_ns(now_ns() + round(SETTLE_S * NS_PER_S))
         return _result(client.delays, spans, motion, floor, wire)
