@@ -121,7 +121,7 @@ class Witness:
         self.packets: list[Packet] = []
         self.executed: dict[int, int] = {}
         self.cpu: dict[int, list[tuple[int, int]]] = {}  # pid -> (ns since 1970, ns of processor time)
-        self.memory: dict[int, tuple[float, float, float]] = {}  # pid -> MiB: PSS of the kernel, PSS and RSS of ps
+        self.memory: dict[int, list[tuple[int, float, float]]] = {}  # pid -> ns since 1970, MiB: PSS by kernel, by ps
         self._watched: list[int] = []
         self._done = threading.Event()
         self._threads = [threading.Thread(target=work) for work in (self._hear_executions, self._watch)]
@@ -154,7 +154,7 @@ class Witness:
                 try:
                     self.cpu.setdefault(pid, []).append((time.time_ns(), _scheduled(pid)))
                     if turn % 10 == 0:
-                        self.memory[pid] = _memory(pid)
+                        self.memory.setdefault(pid, []).append((time.time_ns(), *_memory(pid)))
                 except (OSError, ValueError, subprocess.CalledProcessError):
                     continue  # it has ended
 
@@ -180,12 +180,11 @@ def _scheduled(pid: int) -> int:
     return sum(int(Path(f"{tasks}/{task}/schedstat").read_text().split()[0]) for task in os.listdir(tasks))
 
 
-def _memory(pid: int) -> tuple[float, float, float]:
+def _memory(pid: int) -> tuple[float, float]:
     rollup = Path(f"/proc/{pid}/smaps_rollup").read_text()
     pss = next(int(line.split()[1]) for line in rollup.splitlines() if line.startswith("Pss:"))
-    said = subprocess.run(["ps", "-o", "pss=,rss=", "-p", str(pid)], capture_output=True, text=True, check=True)
-    by_ps, rss = map(int, said.stdout.split())
-    return pss / 1024, by_ps / 1024, rss / 1024
+    said = subprocess.run(["ps", "-o", "pss=", "-p", str(pid)], capture_output=True, text=True, check=True)
+    return pss / 1024, int(said.stdout) / 1024
 
 
 def mission(seconds: float) -> list[Row]:
@@ -201,7 +200,7 @@ def mission(seconds: float) -> list[Row]:
     sent = commands_to(witness.packets, port)
     begin, end = sent[0].time_ns + 10**9, sent[-1].time_ns
     ours = run.values
-    pss, by_ps, _ = witness.memory[slave]
+    *_, (_, pss, by_ps) = [row for row in witness.memory[slave] if row[0] <= end]  # then the master no longer shares
     start = (first.time_ns - witness.executed[slave]) / 1e9
     return [
         Row("start-up", ours["startup"], start, "s", "process connector, packet capture"),
