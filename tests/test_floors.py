@@ -91,7 +91,7 @@ before = set(sys.modules)
 import hil.commands.slave, hil.slave.daemon, hil.slave.stm32, firmware_stub.stub, boards
 import sim.simulation
 heavy = {"numpy", "scipy", "asyncio", "can", "serial", "matplotlib", "pymavlink", "dataclasses", "inspect", "email",
-         "ssl", "logging", "psutil", "subprocess", "ctypes", "pathlib", "json",
+         "moderngl", "ssl", "logging", "psutil", "subprocess", "ctypes", "pathlib", "json",
          "hil.autonomy.astar", "hil.autonomy.families", "hil.master"}
 print(*sorted(heavy & set(sys.modules)))
 """

@@ -24,7 +24,8 @@ class Hits(NamedTuple):
     """What each ray met: how far (m, inf for nothing), where (NED, m), the surface's unit normal there, and what.
 
     Three numbers a ray in `points` and `normals`, nan for nothing. An object is NOTHING, SEABED or a number of the
-    scene. Arrays of doubles and of 32-bit integers; numpy.frombuffer takes them as they are.
+    scene. Arrays of doubles (of a PictureScene numpy's of 32-bit floats) and of 32-bit integers; numpy.asarray takes
+    them as they are.
     """
 
     distances: "array[float]"

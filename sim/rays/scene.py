@@ -89,23 +89,28 @@ class RayScene:
         distances: "array[float]",
         hits: Hits | None,
     ) -> None:
-        if self._geometry is None:
-            self._geometry = self._gather()
-            self._caster = make_caster(self._geometry) if self._engine in ("", "C") else None
-            if self._caster is None and self._engine == "C":
-                raise ConfigError("no rays in C here: python -m sim.native.build")
-        self._move(self._geometry.solids)
+        geometry = self._present()
         if self._caster is not None:
             self._caster(origin, rotation, rays, reach, distances, *(hits[1:] if hits else ()))
             return
         if self._engine == "numpy" or (not self._engine and len(distances) > _FEW and _has_numpy()):
             from sim.rays import batch
 
-            batch.cast(self._geometry, origin, rotation, rays, reach, distances, hits)
+            batch.cast(geometry, origin, rotation, rays, reach, distances, hits)
         else:
             from sim.rays import single
 
-            single.cast(self._geometry, origin, rotation, rays, reach, distances, hits)
+            single.cast(geometry, origin, rotation, rays, reach, distances, hits)
+
+    def _present(self) -> Geometry:
+        """All there is, where it is now."""
+        if self._geometry is None:
+            self._geometry = self._gather()
+            self._caster = make_caster(self._geometry) if self._engine in ("", "C") else None
+            if self._caster is None and self._engine == "C":
+                raise ConfigError("no rays in C here: python -m sim.native.build")
+        self._move(self._geometry.solids)
+        return self._geometry
 
     def _move(self, solids: "array[float]") -> None:
         """Put everything that moves where it is now."""

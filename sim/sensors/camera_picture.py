@@ -18,6 +18,7 @@ from sim.sensors.mounting import Mounting
 from sim.sensors.samples import Scene
 from sim.sensors.scenery import Scenery, Seen
 from sim.sensors.surface import submersion
+from sim.world import World
 
 Floats = NDArray[np.floating[Any]]
 
@@ -36,7 +37,7 @@ class Eye:
         self._directions = directions
         self._toward = directions.astype(np.float32)
         self._pixel = 1.0 / intrinsics.fx  # rad in the middle
-        self._rays = RayScene(scene.world)
+        self._rays = _rays(model, intrinsics.fx, scene.world)
         self._surface = self._rays.add(half_space((0.0, 0.0, 1.0), 0.0))
         self._scenery = Scenery(scene.world, self._surface)
         self._water, self._water_depth = CLEAR, -1.0
@@ -53,8 +54,8 @@ class Eye:
             return np.zeros((count, 3), np.float32), np.full(count, np.inf), np.full(count, NOTHING, np.int32)
         rotation = matrix(self._mounting.attitude(state))
         hits = self._rays.hits(place, self._directions, self._model.max_range, rotation)
-        ranges, objects = np.frombuffer(hits.distances), np.frombuffer(hits.objects, np.int32)
-        points, normals = (_rows(np.frombuffer(vectors), objects) for vectors in (hits.points, hits.normals))
+        ranges, objects = np.asarray(hits.distances), np.asarray(hits.objects)
+        points, normals = (_rows(np.asarray(vectors), objects) for vectors in (hits.points, hits.normals))
         facing = -np.einsum("ir,ri->r", np.array(rotation, np.float32).reshape(3, 3).T @ normals, self._toward)
         way = ranges.astype(np.float32)
         seen = Seen(points, normals, objects, way, facing, way * np.float32(self._pixel))
@@ -97,6 +98,15 @@ class Development:
                 noise = self._random.standard_normal(depth.shape, np.float32) * np.float32(m.depth_noise)
                 depth = np.maximum(depth * (1.0 + noise * np.minimum(depth, np.float32(m.max_range))), 0.0)
         return encode(signal).tobytes(), depth.astype(np.float32).tobytes()
+
+
+def _rays(model: CameraModel, focal: float, world: World) -> RayScene:
+    """Whatever finds what the pixels look at. Raises what PictureScene does."""
+    if model.renderer == "rays":
+        return RayScene(world)
+    from sim.rays.opengl import PictureScene
+
+    return PictureScene(world, model.width, model.height, focal)
 
 
 def _rows(vectors: Floats, objects: NDArray[np.int32]) -> NDArray[np.float32]:

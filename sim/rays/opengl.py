@@ -1,0 +1,249 @@
+"""A whole picture's rays at once by OpenGL: what sim.rays.scene finds for a camera, rasterised off the screen.
+
+For large pictures, by a graphics card or Mesa's software in its place. EGL gives the context, so no window system is
+needed. The seabed is that part of the grid which the camera may see; solids stand where they are at that instant.
+Numbers are 32-bit floats: distances are those of the rays to a part in 10 000; at the outlines of things a pixel may be
+on the other side, and of two things equally far the other may be met. A cell in view costs as much as ten pixels.
+"""
+
+from collections.abc import Sequence
+from functools import lru_cache
+from itertools import product
+from math import ceil, floor
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.errors import ConfigError, MissingExtraError
+from sim.rays import opengl_shaders as shaders
+from sim.rays.geometry import NOTHING, SEABED, Geometry, Hits
+from sim.rays.scene import ALONG_AXES, RayScene
+from sim.rays.solids import BOX, CYLINDER, HALF_SPACE, KIND, MESH, POSITION, ROOT, ROTATION, ROW, SIZES, Solid
+from sim.terrain import Terrain
+from sim.world import World
+
+if TYPE_CHECKING:
+    from moderngl import Context, VertexArray
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+_KEY = 'sensors: camera: renderer = "opengl"'
+_UNKNOWN = -1e6  # m: the depth of a node without data
+_SOLID = "3f 9f 3f 3f 3f/i"  # position, rotation, low, high; radius, kind, number
+
+
+class PictureScene(RayScene):
+    """A RayScene for one camera: `width` x `height` square pixels, `focal` of them long, the axis through the middle.
+
+    To be asked by the thread that made it. Raises MissingExtraError without moderngl, ConfigError without OpenGL.
+    """
+
+    def __init__(self, world: World, width: int, height: int, focal: float) -> None:
+        super().__init__(world)
+        self._size, self._focal = (float(width), float(height)), focal
+        right, down = np.meshgrid(np.arange(width) - 0.5 * (width - 1), np.arange(height) - 0.5 * (height - 1))
+        toward = np.stack([np.full(right.size, focal), right.ravel(), down.ravel()])
+        self._toward = (toward / np.sqrt((toward * toward).sum(axis=0))).astype(np.float32)
+        self._context = context = open_context()
+        self._planes, self._seabed, self._solid, self._mesh = (
+            context.program(*program) for program in (shaders.PLANES, shaders.SEABED, shaders.SOLIDS, shaders.MESH)
+        )
+        size = width, height
+        pictures = [context.texture(size, 4, dtype="f4"), context.texture(size, 1, dtype="i4")]
+        self._frame = context.framebuffer(pictures, context.depth_renderbuffer(size))
+        self._cube = context.buffer(_cube())
+        self._meshes: dict[int, tuple[VertexArray, int]] = {}
+
+    def hits(
+        self, origin: Sequence[float], directions: Any, reach: float, rotation: Sequence[float] = ALONG_AXES
+    ) -> Hits:
+        """As RayScene's, in arrays of 32-bit floats; `directions` must be those of the camera's pixels.
+
+        Raises ConfigError where more of a terrain is within `reach` than a texture takes.
+        """
+        geometry = self._present()
+        terrain, at = geometry.terrain, np.array(origin)
+        if (terrain.shallowest(at[0], at[1], 0.0) if terrain else geometry.depth) < at[2]:  # from under the triangles
+            return super().hits(origin, directions, reach, rotation)
+        turned = np.array(rotation).reshape(3, 3)
+        self._draw(geometry, at, turned, reach)
+        found: Any = np.empty((self._toward.shape[1], 4), np.float32)
+        objects: Any = np.empty(len(found), np.int32)
+        self._frame.read_into(found, components=4, attachment=0, dtype="f4")
+        self._frame.read_into(objects, components=1, attachment=1, dtype="i4")
+        distances = found[:, 3].copy()
+        points: Any = turned.astype(np.float32) @ self._toward
+        points *= np.where(objects == NOTHING, np.float32(np.nan), distances)
+        points += at.astype(np.float32)[:, None]
+        return Hits(distances, points.T, found[:, :3], objects)
+
+    def _draw(self, geometry: Geometry, at: Floats, turned: Floats, reach: float) -> None:
+        """What is seen from `at` into both pictures of the frame; `turned` is the camera's axes in the world's."""
+        context = self._context
+        for program in (self._planes, self._seabed, self._solid, self._mesh):
+            program["rotation"], program["reach"] = tuple(turned.T.ravel()), reach
+            program["size"], program["focal"] = self._size, self._focal
+        rows = np.frombuffer(geometry.solids).reshape(-1, ROW).copy()
+        rows[:, POSITION:ROTATION] -= at
+        self._frame.use()
+        context.enable_only(context.DEPTH_TEST)
+        context.depth_func = "1"  # the first covers all
+        self._draw_planes(geometry, rows, at)
+        context.depth_func = "<"
+        if geometry.terrain:
+            self._draw_seabed(geometry, geometry.terrain, at, turned, reach)
+        self._draw_meshes(rows)
+        chosen = np.flatnonzero((rows[:, KIND] != HALF_SPACE) & (rows[:, KIND] != MESH))
+        self._draw_solids(rows[chosen], chosen + 1)
+
+    def _draw_planes(self, geometry: Geometry, rows: Floats, at: Floats) -> None:
+        chosen = np.flatnonzero(rows[:, KIND] == HALF_SPACE)
+        planes, numbers = rows[chosen, SIZES : SIZES + 4], chosen + 1
+        planes[:, 3] = planes[:, :3] @ at - planes[:, 3]
+        if geometry.terrain is None:
+            planes = np.vstack([[0.0, 0.0, -1.0, geometry.depth - at[2]], planes])
+            numbers = np.insert(numbers, 0, SEABED)
+        texels = np.zeros((2, len(planes) + 1, 4), np.float32)  # the last is never met
+        texels[:, -1, 3] = 1.0
+        texels[0, :-1], texels[1, :-1, 0] = planes, numbers
+        texture = self._context.texture((len(planes) + 1, 2), 4, texels, dtype="f4")  # as long as it has a name
+        texture.use()
+        self._context.vertex_array(self._planes, []).render(vertices=3)
+
+    def _draw_seabed(self, geometry: Geometry, terrain: Terrain, at: Floats, turned: Floats, reach: float) -> None:
+        """The part of the grid that may be seen, and what is about it; its cells without data as solids."""
+        grid, context = terrain.grid, self._context
+        low, high = self._bounds(turned, reach)
+        x, y = terrain.coordinates(at[0], at[1])
+        rows, north = nodes(x, grid.rows, grid.resolution, low[0], high[0], 2.0 * reach)
+        columns, east = nodes(y, grid.columns, grid.resolution, low[1], high[1], 2.0 * reach)
+        most = context.info["GL_MAX_TEXTURE_SIZE"]
+        if max(len(rows), len(columns)) > most:
+            raise ConfigError(f"{_KEY} sees {most} nodes of a terrain at most: lower max_range")
+        depths = window(terrain, geometry.depth, rows, columns)
+        unknown = np.isnan(depths)
+        depths = np.where(unknown, _UNKNOWN, depths - at[2]).astype(np.float32)
+        texture = context.texture((len(columns), len(rows)), 1, depths, dtype="f4")
+        texture.use()
+        strips = np.stack([north[:-1], north[1:]], axis=1).astype(np.float32)
+        cells = np.stack([east[:-1], east[1:]], axis=1).astype(np.float32).repeat(6, axis=0)
+        content = [(context.buffer(cells), "2f", "east"), (context.buffer(strips), "2f/i", "north")]
+        context.vertex_array(self._seabed, content).render(instances=len(strips))
+        walls = columns_without_data(unknown, north, east, 2.0 * reach)
+        self._draw_solids(walls, np.full(len(walls), SEABED))
+
+    def _bounds(self, turned: Floats, reach: float) -> tuple[Floats, Floats]:
+        """The least and the greatest place (m from the camera, NED) that it may see."""
+        right, down = 0.5 * self._size[0] / self._focal, 0.5 * self._size[1] / self._focal
+        corners = [(1.0, x * right, y * down) for x, y in product((-1.0, 1.0), repeat=2)]
+        places = reach * np.array([(0.0, 0.0, 0.0), *corners]) @ turned.T
+        return places.min(axis=0).clip(-reach), places.max(axis=0).clip(max=reach)
+
+    def _draw_meshes(self, rows: Floats) -> None:
+        for place in np.flatnonzero(rows[:, KIND] == MESH).tolist():
+            if place not in self._meshes:
+                self._meshes[place] = self._load(self._solids[place])
+            mesh, vertices = self._meshes[place]
+            self._mesh["position"] = tuple(rows[place, POSITION:ROTATION])
+            self._mesh["turn"] = tuple(rows[place, ROTATION:SIZES].reshape(3, 3).T.ravel())
+            self._mesh["number"] = place + 1
+            mesh.render(vertices=vertices)
+
+    def _load(self, solid: Solid) -> "tuple[VertexArray, int]":
+        """A mesh, each corner with the triangle's normal, and how many corners."""
+        corners = np.array(solid.triangles)
+        across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        length = np.sqrt((across * across).sum(axis=1))
+        some = length > 0.0
+        normals = (across[some] / length[some, None])[:, None].repeat(3, axis=1)
+        data = np.concatenate([corners[some], normals], axis=2).astype(np.float32)
+        content = [(self._context.buffer(data), "3f 3f", "corner", "normal")]
+        return self._context.vertex_array(self._mesh, content), 3 * len(data)
+
+    def _draw_solids(self, rows: Floats, numbers: NDArray[np.int64]) -> None:
+        """Spheres, cylinders and boxes, the far sides of a box around each."""
+        if not len(rows):
+            return
+        context = self._context
+        context.enable_only(context.DEPTH_TEST | context.CULL_FACE)
+        context.cull_face = "back"
+        solids = context.buffer(instances(rows, numbers)), _SOLID, "position", "turn", "low", "high", "kind"
+        context.vertex_array(self._solid, [(self._cube, "3f", "corner"), solids]).render(instances=len(rows))
+        context.enable_only(context.DEPTH_TEST)
+
+
+def nodes(at: float, count: int, spacing: float, low: float, high: float, far: float) -> tuple[Integers, Floats]:
+    """Which nodes of an axis are about `low` to `high` m from the camera, and how far each is from it (m).
+
+    The camera is at node `at`, not rounded, of `count` every `spacing` m. Beyond the grid come two more at either end,
+    one upon the edge and one `far` m off: the step down to the flat seabed, and that.
+    """
+    first = min(max(floor(at + low / spacing), -2), count)
+    last = max(min(ceil(at + high / spacing), count + 1), -1)
+    numbers = np.arange(first, last + 1)
+    places = (numbers.clip(0, count - 1) - at) * spacing
+    if first == -2:
+        places[0] = min(-far, places[0])
+    if last == count + 1:
+        places[-1] = max(far, places[-1])
+    return numbers, places
+
+
+def window(terrain: Terrain, outside: float, rows: Integers, columns: Integers) -> Floats:
+    """The depths (m) at these nodes, `outside` beyond the grid, nan without data."""
+    grid = terrain.grid
+    depths = np.asarray(terrain.depths).reshape(grid.rows, grid.columns)
+    found: Floats = depths[np.ix_(rows.clip(0, grid.rows - 1), columns.clip(0, grid.columns - 1))].astype(np.float64)
+    found[(rows < 0) | (rows >= grid.rows)] = outside
+    found[:, (columns < 0) | (columns >= grid.columns)] = outside
+    return found
+
+
+def columns_without_data(unknown: NDArray[np.bool_], north: Floats, east: Floats, far: float) -> Floats:
+    """Boxes `far` m up and down on the cells about the `unknown` nodes, but for those among others; rows of a scene."""
+    cells = unknown[:-1, :-1] | unknown[:-1, 1:] | unknown[1:, :-1] | unknown[1:, 1:]
+    cells &= (np.diff(north) > 0.0)[:, None] & (np.diff(east) > 0.0)
+    around = np.pad(cells, 1, mode="edge")
+    row, column = np.nonzero(cells & ~(around[:-2, 1:-1] & around[2:, 1:-1] & around[1:-1, :-2] & around[1:-1, 2:]))
+    boxes = np.zeros((len(row), ROW))
+    boxes[:, KIND], boxes[:, ROTATION:SIZES] = BOX, ALONG_AXES
+    boxes[:, SIZES : SIZES + 4] = np.stack([north[row], north[row + 1], east[column], east[column + 1]], axis=1)
+    boxes[:, SIZES + 4 : SIZES + 6] = -far, far
+    return boxes
+
+
+def instances(rows: Floats, numbers: Integers) -> NDArray[np.float32]:
+    """What the program for solids takes of each: position, rotation, the box around it; radius, kind, number."""
+    sizes, kind = rows[:, SIZES:ROOT], rows[:, KIND : KIND + 1]
+    low = np.where(kind == BOX, sizes[:, 0::2], -sizes[:, :1])
+    high = np.where(kind == BOX, sizes[:, 1::2], sizes[:, :1])
+    upright = rows[:, KIND] == CYLINDER
+    low[upright, 2], high[upright, 2] = sizes[upright, 1], sizes[upright, 2]
+    return np.hstack([rows[:, POSITION:SIZES], low, high, sizes[:, :1], kind, numbers[:, None]]).astype(np.float32)
+
+
+def _cube() -> NDArray[np.float32]:
+    """Its twelve triangles, their corners clockwise as seen from outside."""
+    corners = []
+    for axis, side in product(range(3), (0.0, 1.0)):
+        square = [np.insert(np.array(pair), axis, side) for pair in ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0))]
+        corners += [square[i] for i in ((0, 1, 2, 0, 2, 3) if (side == 1.0) == (axis != 1) else (3, 2, 1, 3, 1, 0))]
+    return np.array(corners, np.float32)
+
+
+@lru_cache(maxsize=1)
+def open_context() -> "Context":
+    """One for all cameras of the process."""
+    try:
+        import moderngl
+    except ImportError:
+        raise MissingExtraError(f"{_KEY} needs moderngl: pip install 'uuv-hil[opengl]'") from None
+    try:
+        context = moderngl.create_context(require=330, standalone=True, backend="egl")  # type: ignore[arg-type]
+    except Exception as error:  # noqa: BLE001 - which is what it raises
+        remedy = 'apt install libegl1 libgl1 libgl1-mesa-dri, or renderer = "rays"'
+        raise ConfigError(f"{_KEY}: no OpenGL 3.3 by EGL here ({error}): {remedy}") from None
+    context.gc_mode = "auto"
+    return context
