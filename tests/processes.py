@@ -2,13 +2,14 @@
 
 import os
 import re
-import socket
 import subprocess
 import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import TypeVar
+
+from hil.ports import free_ports
 
 T = TypeVar("T")
 ROOT = Path(__file__).parent.parent
@@ -36,15 +37,7 @@ time_limit = 40
 
 def free_port() -> int:
     """A port whose neighbour is free too."""
-    while True:
-        with socket.socket() as first, socket.socket() as second:
-            first.bind(("127.0.0.1", 0))
-            port = int(first.getsockname()[1])
-            try:
-                second.bind(("127.0.0.1", port + 1))
-            except OSError:
-                continue
-            return port
+    return free_ports(1)[0]
 
 
 def write_scenario(folder: Path, top: str = "", slave: str = "", link: str = "") -> tuple[Path, int]:

@@ -10,7 +10,6 @@ import os
 import select
 import shutil
 import signal
-import socket
 import subprocess
 import sys
 import tempfile
@@ -24,6 +23,7 @@ from hil.clock import NS_PER_S, now_ns
 from hil.config import Scenario, load_scenario
 from hil.errors import NetworkError
 from hil.master.client import VehicleClient
+from hil.ports import free_ports
 from hil.tables import cache_path
 
 GRACE_S = 10.0  # that a process may take to end
@@ -165,7 +165,7 @@ class Bench:
         self._confinement = Confinement(limits)
         self.processes: list[Process] = []
         self.folder = tempfile.mkdtemp(prefix="uuv-hil-bench-")
-        self.endpoint = f"tcp/127.0.0.1:{free_port()}"
+        self.endpoint = f"tcp/127.0.0.1:{free_ports(1)[0]}"
         self.path = os.path.join(self.folder, "scenario.toml")
         ours: dict[str, Any] = {"slave.listen": self.endpoint}
         if limits.cpu_share:
@@ -266,16 +266,3 @@ def await_vehicle(client: VehicleClient, slave: Process | None = None, seconds: 
     refusal = client.refusal()
     if refusal:
         raise NetworkError(refusal)
-
-
-def free_port() -> int:
-    """A port of this machine that is free, and the next one too: a slave takes both."""
-    while True:
-        with socket.socket() as first, socket.socket() as second:
-            first.bind(("127.0.0.1", 0))
-            port = int(first.getsockname()[1])
-            try:
-                second.bind(("127.0.0.1", port + 1))
-            except OSError:
-                continue
-            return port

@@ -15,7 +15,7 @@ from hil.cases.case import Case
 from hil.cases.energy import EnergyMeter
 from hil.cases.record import Mode, Result, Run, read_track
 from hil.cases.simulated import SimulatedVehicle, fly
-from hil.cases.slaves import Slaves, free_ports
+from hil.cases.slaves import Slaves
 from hil.cases.variant import Table, write_variant
 from hil.config import Scenario, load_scenario
 from hil.master.client import VehicleClient
@@ -26,6 +26,7 @@ from hil.master.planner import Planner
 from hil.master.progress import Progress
 from hil.master.recorder import TrackWriter
 from hil.master.world_map import map_at
+from hil.ports import free_ports
 from hil.stop import StopSignals
 from sim.sensors.samples import OdometrySample
 from sim.vehicle import Vehicle

@@ -1,6 +1,5 @@
 """Slaves as processes of their own: the vehicles of a case in HIL."""
 
-import socket
 import time
 from collections.abc import Sequence
 
@@ -26,19 +25,3 @@ class Slaves(Crew):
             if time.monotonic() > deadline:
                 raise NetworkError(f"a slave has sent nothing for {seconds:.0f} s; its log is in {self._folder}")
             time.sleep(WAIT_STEP_S)
-
-
-def free_ports(count: int) -> list[int]:
-    """Ports of this machine that nobody listens on, and of each the next one too, which a slave also takes."""
-    found: list[int] = []
-    while len(found) < count:
-        with socket.socket() as first, socket.socket() as second:
-            first.bind(("127.0.0.1", 0))
-            port = int(first.getsockname()[1])
-            try:
-                second.bind(("127.0.0.1", port + 1))
-            except OSError:
-                continue
-        if not any(abs(port - other) < 2 for other in found):
-            found.append(port)
-    return found

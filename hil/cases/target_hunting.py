@@ -14,11 +14,11 @@ from hil.cases.hunt_simulated import SimulatedHunt
 from hil.cases.hunt_watch import HuntOutcome, HuntWatch
 from hil.cases.record import Mode, Result, Run, Track
 from hil.cases.single import radius_of
-from hil.cases.slaves import free_ports
 from hil.cases.variant import Table, write_variant
 from hil.config import Scenario, load_scenario
 from hil.master.delay import quantiles
 from hil.master.hunt import HuntPlanner
+from hil.ports import free_ports
 from sim.vehicle import load_vehicle
 
 

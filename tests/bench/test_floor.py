@@ -5,9 +5,10 @@ from pathlib import Path
 import pytest
 
 from hil.bench.floor import Floor
-from hil.bench.harness import Process, free_port, program
+from hil.bench.harness import Process, program
 from hil.cli import main
 from hil.errors import NetworkError
+from tests.processes import free_port
 
 
 def test_an_echo_in_another_process(tmp_path: Path) -> None:

@@ -1,7 +1,6 @@
 """Samples on their way through a session: each on its topic, stamped, and nothing declared that is not said."""
 
 import math
-import socket
 import time
 
 from hil.slave.outbox import Outbox
@@ -12,25 +11,13 @@ from hil.transport.session import listen
 from sim.sensors import extra_samples, imaging_samples, own, samples
 from sim.sensors.extra_samples import FixSample, FlagSample, PositionSample
 from sim.sensors.samples import DvlSample, OdometrySample
+from tests.processes import free_port
 
 EPOCH_NS = 1_700_000_000_000_000_000
 
 
-def free_endpoint() -> str:
-    """A port that is free now, with the next one."""
-    for port in range(27447, 28000, 2):
-        with socket.socket() as first, socket.socket() as second:
-            try:
-                first.bind(("127.0.0.1", port))
-                second.bind(("127.0.0.1", port + 1))
-            except OSError:
-                continue
-            return f"tcp/127.0.0.1:{port}"
-    raise AssertionError("no free ports")
-
-
 def test_samples_arrive_on_their_topics() -> None:
-    endpoint, received = free_endpoint(), dict[str, bytes]()
+    endpoint, received = f"tcp/127.0.0.1:{free_port()}", dict[str, bytes]()
     with listen(endpoint) as slave, dial(endpoint) as master:
         master.subscribe("uuv1", "*", lambda topic, payload, _: received.update({topic: payload}), depth=64)
         outbox = Outbox(slave, "uuv1", EPOCH_NS)
@@ -65,7 +52,7 @@ def test_every_sample_begins_with_its_time() -> None:
 
 
 def test_what_is_silent_is_not_said_and_frames_have_their_prefix() -> None:
-    endpoint, received = free_endpoint(), dict[str, bytes]()
+    endpoint, received = f"tcp/127.0.0.1:{free_port()}", dict[str, bytes]()
     with listen(endpoint) as slave, dial(endpoint) as master:
         master.overhear("0/**", lambda key, payload, _: received.update({key: payload}), depth=64)
         outbox = Outbox(slave, "uuv1", EPOCH_NS, prefix="uuv1/", silent=("/tf",))
