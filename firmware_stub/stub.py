@@ -30,7 +30,6 @@ TELEMETRY_PERIOD_NS = 20_000_000
 LATE_WINDOW = 32  # sequence numbers
 NO_PULSE_US = 0
 NEVER_US = 0xFFFF_FFFF  # the age of a command that never came
-NEVER_NS = 1 << 63  # an instant that does not come
 WRAP = 0xFFFF  # sequence numbers and counters have 16 bits
 
 
@@ -60,7 +59,7 @@ class Stm32:
         self.refused = 0  # commands with a wrong number of channels, or late
         self.line_errors = 0  # frames that were damaged on the way; set by whoever reads the line
         self.watchdog_trips = 0
-        self._silence_ends_ns = NEVER_NS  # when the watchdog trips; never: it has, or has not been started
+        self._silence_ends_ns = clock.NEVER_NS  # when the watchdog trips; never: it has, or has not been started
         self._telemetry_due_ns = 0
 
     @property
@@ -88,7 +87,7 @@ class Stm32:
             self.disarm()
             self.timed_out = True
             self.watchdog_trips += 1
-            self._silence_ends_ns = NEVER_NS
+            self._silence_ends_ns = clock.NEVER_NS
             self._telemetry_due_ns = now_ns
         return now_ns >= self._telemetry_due_ns
 
@@ -117,7 +116,7 @@ class Stm32:
         return [PWM_NEUTRAL_US] * self.channels
 
     def _is_late(self, sequence: int) -> bool:
-        return self._silence_ends_ns < NEVER_NS and 0 < (self.sequence - sequence) & WRAP <= LATE_WINDOW
+        return self._silence_ends_ns < clock.NEVER_NS and 0 < (self.sequence - sequence) & WRAP <= LATE_WINDOW
 
 
 def _pulses(widths_us: tuple[int, ...]) -> list[int]:

@@ -13,6 +13,7 @@ from collections import deque
 NS_PER_S = 1_000_000_000
 NS_PER_MS = 1_000_000
 NS_PER_US = 1_000
+NEVER_NS = 1 << 63  # an instant that does not come
 
 now_ns = time.monotonic_ns  # CLOCK_MONOTONIC: the same clock in every process of one machine
 

@@ -9,7 +9,6 @@ sound messages that do not come through once the line is quiet again. The exit c
 """
 
 import argparse
-import os
 import random
 import sys
 import time
@@ -22,6 +21,7 @@ sys.path.insert(0, str(Path(__file__).parent.parent))
 from hil.links.contract import Message, Protocol, ThrusterCommand, ThrusterTelemetry
 from hil.links.protocols import ON_CAN, PROTOCOLS, Role, open_protocol
 from hil.links.wires.can_frame import RECORD_SIZE
+from hil.process import resident_mib
 
 CHANNELS = 4
 LONGEST = 120  # bytes of a string
@@ -63,7 +63,8 @@ def fuzz(kind: str, role: Role, strings: int, seed: int = 1, settings: dict[str,
     rng = random.Random(seed)
     unit = RECORD_SIZE if kind in ON_CAN else 1
     faults: list[str] = []
-    size = messages = held = 0
+    size = messages = 0
+    held = 0.0
     slowest = 0.0
     begin = time.perf_counter()
     for number in range(strings):
@@ -80,9 +81,9 @@ def fuzz(kind: str, role: Role, strings: int, seed: int = 1, settings: dict[str,
         slowest = max(slowest, time.thread_time() - at)
         size += len(data)
         if number == strings // 10:
-            held = _resident()
+            held = resident_mib()
     seconds = time.perf_counter() - begin
-    growth = _resident() - held
+    growth = round((resident_mib() - held) * 2**20)
     if slowest > SLOWEST_S:
         faults.append(f"one string took {slowest:.3f} s")
     if growth > GROWTH_BYTES:
@@ -160,12 +161,6 @@ def _recovers(own: Protocol, other: Protocol, role: Role) -> bool:
     """Whether one of the next messages comes through: what hung in the air may cost the first."""
     rng = random.Random(0)
     return any(own.feed(other.encode(_message(rng, role, number))) for number in range(20))
-
-
-def _resident() -> int:
-    """The memory of this process, bytes."""
-    with open("/proc/self/statm") as file:
-        return int(file.read().split()[1]) * os.sysconf("SC_PAGE_SIZE")
 
 
 def _parser() -> argparse.ArgumentParser:

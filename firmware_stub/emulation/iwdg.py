@@ -3,7 +3,8 @@
 from collections.abc import Callable
 from typing import ClassVar
 
-from firmware_stub.emulation.peripheral import NEVER_NS, Peripheral, Ticks, Time
+from firmware_stub.emulation.peripheral import Peripheral, Ticks, Time
+from hil.clock import NEVER_NS
 
 KR, PR, RLR = 0x00, 0x04, 0x08
 UNLOCK, RELOAD, START = 0x5555, 0xAAAA, 0xCCCC

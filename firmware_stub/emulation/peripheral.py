@@ -2,9 +2,8 @@
 
 from typing import ClassVar
 
-from hil.clock import NS_PER_S
+from hil.clock import NEVER_NS, NS_PER_S
 
-NEVER_NS = 1 << 63
 WORD = 0xFFFF_FFFF
 
 

@@ -4,7 +4,8 @@ from collections.abc import Callable
 from typing import ClassVar
 
 from firmware_stub.emulation.nvic import FIRST_INTERRUPT, NMI, PENDSV, SYSTICK, Nvic
-from firmware_stub.emulation.peripheral import NEVER_NS, WORD, Peripheral, Ticks, Time
+from firmware_stub.emulation.peripheral import WORD, Peripheral, Ticks, Time
+from hil.clock import NEVER_NS
 
 SYST_CSR, SYST_RVR, SYST_CVR, SYST_CALIB = 0x10, 0x14, 0x18, 0x1C
 SYST_ENABLE, SYST_TICKINT, SYST_CLKSOURCE, SYST_COUNTFLAG = 1, 2, 4, 1 << 16

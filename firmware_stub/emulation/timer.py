@@ -3,8 +3,8 @@
 from collections.abc import Callable
 from typing import ClassVar
 
-from firmware_stub.emulation.peripheral import NEVER_NS, Peripheral, Ticks, Time
-from hil.clock import now_ns
+from firmware_stub.emulation.peripheral import Peripheral, Ticks, Time
+from hil.clock import NEVER_NS, now_ns
 
 CR1, DIER, SR, EGR, CCMR1, CCER, CNT, PSC, ARR, CCR1, CCR4, BDTR = (
     0x00,

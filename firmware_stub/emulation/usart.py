@@ -4,8 +4,8 @@ from collections import deque
 from collections.abc import Callable
 from typing import ClassVar
 
-from firmware_stub.emulation.peripheral import NEVER_NS, Peripheral, Time
-from hil.clock import NS_PER_S
+from firmware_stub.emulation.peripheral import Peripheral, Time
+from hil.clock import NEVER_NS, NS_PER_S
 
 SR, DR, BRR, CR1, CR2 = 0x00, 0x04, 0x08, 0x0C, 0x10
 ORE, IDLE, RXNE, TC, TXE = 1 << 3, 1 << 4, 1 << 5, 1 << 6, 1 << 7

@@ -9,7 +9,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
-from hil.clock import NS_PER_MS, NS_PER_S, RateKeeper, now_ns
+from hil.clock import NEVER_NS, NS_PER_MS, NS_PER_S, RateKeeper, now_ns
 from hil.config import Link
 from hil.links.address import open_address, parse_address
 from hil.links.contract import Counters, ThrusterCommand, ThrusterLink, ThrusterTelemetry
@@ -141,7 +141,7 @@ class _Jumper(_Far):
         return [self._link.wire.fileno()]
 
     def deadline_ns(self) -> int:
-        return 1 << 63
+        return NEVER_NS
 
     def send(self, command: ThrusterCommand) -> None:
         self._sent[command.pwm_us] = command.sequence

@@ -8,6 +8,8 @@ What comes off a wire never raises: it decodes, or it is counted in `Counters` a
 from abc import ABC, abstractmethod
 from typing import NamedTuple
 
+from hil.clock import NEVER_NS
+
 MAX_THRUSTERS = 16
 PWM_NEUTRAL_US = 1500
 PWM_MIN_US, PWM_MAX_US = 800, 2200  # a pulse outside is "no output", 0 included
@@ -95,7 +97,7 @@ class Protocol(ABC):
     """One end's encoder and decoder of messages; keeps what is left of an unfinished frame."""
 
     counters: Counters
-    deadline_ns = 1 << 63  # when (monotonic ns) `tick` wants to be called
+    deadline_ns = NEVER_NS  # when (monotonic ns) `tick` wants to be called
 
     @abstractmethod
     def encode(self, message: Message) -> bytes:

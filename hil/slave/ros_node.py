@@ -6,6 +6,7 @@ Loaded when the vehicle is ready.
 from collections.abc import Callable
 from math import sqrt
 
+from hil.clock import NEVER_NS
 from hil.config import Ros, Scenario
 from hil.slave.loop import Loop
 from hil.slave.services import offer_services
@@ -28,7 +29,6 @@ HEADS = {
     "camera": ("camera_optical_frame", (0.5, -0.5, 0.5, -0.5)),  # x to starboard, y down, z ahead
     "forward_sonar": ("forward_sonar_fan", (0.0, _HALF_SQRT, 0.0, _HALF_SQRT)),  # x up, y to starboard, z ahead
 }
-NEVER = 1 << 63
 
 
 class RosNode:
@@ -82,7 +82,7 @@ class _Due:
 
     def __init__(self, rate: float) -> None:
         self._period_ns = period_ns(rate) if rate else 0
-        self.due_ns = 0 if rate else NEVER
+        self.due_ns = 0 if rate else NEVER_NS
 
     def passes(self, time_ns: int) -> bool:
         """True once a period; what was missed is not made up for."""

@@ -21,6 +21,7 @@ from collections.abc import Mapping
 from importlib import import_module
 from typing import Any, NamedTuple
 
+from hil.clock import NEVER_NS
 from hil.errors import ConfigError, MissingExtraError
 from hil.schema import find_preset, nearest, parse
 from hil.tables import read_table
@@ -55,7 +56,6 @@ SENSORS = {
 }
 DEVICES = "sim/sensors/devices"
 USUAL = ("imu", "dvl", "pressure", "odometry", "ground_truth")
-NEVER = 1 << 63  # ns
 
 
 class Fitted(NamedTuple):
@@ -114,7 +114,7 @@ class Schedule:
         """The samples that arrive by `now_ns`, with their topics."""
         arrived: list[tuple[str, Sample]] = []
         state = scene.state
-        next_ns = NEVER
+        next_ns = NEVER_NS
         for slot in self._slots:
             due_ns = slot.due_ns
             if due_ns <= now_ns:
@@ -146,7 +146,7 @@ class Schedule:
         while self._under_way and self._under_way[0][0] <= now_ns:
             _, _, topic, sample = self._under_way.pop(0)
             arrived.append((topic, sample))
-        return self._under_way[0][0] if self._under_way else NEVER
+        return self._under_way[0][0] if self._under_way else NEVER_NS
 
 
 def _arrival(waiting: tuple[int, int, str, Sample]) -> tuple[int, int]:

@@ -9,6 +9,7 @@ from hil.errors import DeviceError
 from hil.links.wires import net
 from hil.links.wires.net import TcpHostWire, TcpWire, UdpHostWire, UdpWire
 from tests.links.link_contract import EVERY_BYTE, nothing_leaks, read_bytes, wait_readable
+from tests.processes import free_port
 
 HERE = "127.0.0.1"
 
@@ -189,10 +190,3 @@ class TestUdp:
     def test_no_such_host(self) -> None:
         with pytest.raises(DeviceError, match=r"^udp://no\.such\.host\.invalid:1: "):
             UdpHostWire("no.such.host.invalid", 1)
-
-
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind((HERE, 0))
-        port: int = probe.getsockname()[1]
-    return port

@@ -8,6 +8,7 @@ bytes of the node's 16-byte unique id, so it takes three; the allocator answers 
 import os
 from collections.abc import Callable
 
+from hil.clock import NEVER_NS
 from hil.links.dronecan.transfer import MAX_NODE_ID
 from hil.links.dronecan.types import UNIQUE_ID_SIZE, Allocation
 
@@ -17,7 +18,6 @@ FOLLOWUP_DELAY_NS = (0, 400 * MS)
 FOLLOWUP_TIMEOUT_NS = 500 * MS
 MAX_PART = 6  # bytes of unique id in a request
 MAX_DYNAMIC_ID = MAX_NODE_ID - 2  # the last two are for tools
-NEVER_NS = 1 << 63
 
 
 def _random_unit() -> float:

@@ -3,12 +3,11 @@
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
-from hil.clock import NS_PER_MS, seconds_ns
+from hil.clock import NEVER_NS, NS_PER_MS, seconds_ns
 from hil.links.contract import PWM_NEUTRAL_US, ThrusterCommand, ThrusterTelemetry
 from hil.links.mavlink.end import sender
 
 TEST_REPEAT_NS = 50 * NS_PER_MS
-NEVER_NS = 1 << 63
 
 
 class _MotorTest(NamedTuple):

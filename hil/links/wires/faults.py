@@ -16,11 +16,11 @@ from collections import deque
 from random import Random
 from typing import Annotated, Literal, NamedTuple
 
-from hil.clock import NS_PER_S, now_ns
+from hil.clock import NEVER_NS, NS_PER_S, now_ns
 from hil.errors import DeviceError
 from hil.links.contract import Wire
 from hil.links.wires.can_frame import EXTENDED, RECORD_SIZE
-from hil.links.wires.timer import NEVER_NS, Timer
+from hil.links.wires.timer import Timer
 from hil.schema import Range
 
 BITS_A_BYTE = 10  # start bit, eight of data, stop bit

@@ -4,10 +4,8 @@ import os
 from struct import Struct
 from time import CLOCK_MONOTONIC
 
-from hil.clock import NS_PER_S, NS_PER_US
+from hil.clock import NEVER_NS, NS_PER_S, NS_PER_US
 from hil.errors import DeviceError
-
-NEVER_NS = 1 << 63
 
 
 class Timer:
