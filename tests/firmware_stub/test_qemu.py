@@ -2,6 +2,7 @@
 
 import os
 import shutil
+import signal
 import time
 from collections.abc import Callable, Iterator
 
@@ -21,7 +22,7 @@ FULL = (1900, 1100, 1600, 1400, 1500, 1501, 800, 2200)
 
 @pytest.fixture
 def cpu() -> Iterator[int]:
-    """The one processor for both ends: across two the delay is several times that."""
+    """The one processor for both ends."""
     before = os.sched_getaffinity(0)
     cpu = max(before)
     os.sched_setaffinity(0, {cpu})
@@ -104,6 +105,20 @@ class TestQemu:
         link.send(ThrusterCommand(20, True, (1555, *FULL[1:])))
         assert wait(link, lambda report: report.sequence == 20).armed
         assert stm32.pwm_us() == (1555, *FULL[1:])
+
+    def test_every_byte_comes_through_as_it_is(self, stm32: QemuStm32) -> None:
+        """QEMU's multiplexer has a byte of its own, 0x01, for commands to itself."""
+        link = link_to(stm32)
+        link.send(ThrusterCommand(0x0101, True, (0x0401, 0x0501, 0x0601, 0x0701, 0x0101, 0x0401, 0x0501, 0x0601)))
+        answer = wait(link, lambda report: report.frames > 0)
+        assert (answer.sequence, answer.errors) == (0x0101, 0)
+        assert answer.pwm_us[:4] == (0x0401, 0x0501, 0x0601, 0x0701)
+
+    def test_a_write_tells_that_it_died(self, stm32: QemuStm32) -> None:
+        os.kill(stm32.pid, signal.SIGKILL)
+        with pytest.raises(DeviceError, match=r"qemu-system-arm udp.*went away"):
+            while True:
+                stm32.wire.write(b"?")
 
     def test_its_clock_goes_as_ours(self, stm32: QemuStm32) -> None:
         """Of one age to the next; QEMU loses ticks, it never makes up any."""
