@@ -9,7 +9,7 @@ Beyond the limits forces give way in a stated order, see `Allocator`.
 
 from collections.abc import Sequence
 from math import copysign, sqrt
-from operator import gt, lt
+from operator import gt, lt, mul
 
 from hil.errors import ConfigError
 
@@ -49,7 +49,7 @@ class Allocator:
         thruster_weights: Sequence[float] | None = None,
     ) -> None:
         _check(matrix, max_forward, max_reverse)
-        self._columns = list(zip(*matrix, strict=True))
+        self._rows = [tuple(row) for row in matrix]
         self._forward = list(max_forward)
         self._reverse = [-limit for limit in max_reverse]
         self._inverse, self.rank = pseudo_inverse(matrix, axis_weights, thruster_weights)
@@ -69,16 +69,10 @@ class Allocator:
 
     def _lack(self, wrench: Sequence[float], thrusts: list[float]) -> Wrench:
         """What is left of `wrench` when the wrench of `thrusts` is taken away."""
-        x = y = z = k = m = n = 0.0
-        for thrust, (a, b, c, d, e, f) in zip(thrusts, self._columns, strict=True):
-            x += a * thrust
-            y += b * thrust
-            z += c * thrust
-            k += d * thrust
-            m += e * thrust
-            n += f * thrust
-        surge, sway, heave, roll, pitch, yaw = wrench
-        return surge - x, sway - y, heave - z, roll - k, pitch - m, yaw - n
+        surge, sway, heave, roll, pitch, yaw = [
+            wanted - sum(map(mul, row, thrusts)) for wanted, row in zip(wrench, self._rows, strict=True)
+        ]
+        return surge, sway, heave, roll, pitch, yaw
 
     def _within_limits(self, wrench: Sequence[float]) -> list[float]:
         x, y, z, k, m, n = wrench

@@ -1,19 +1,38 @@
 """Less than the machine has, so that a laptop stands for a small board: fewer processors, a share of one, less memory.
 
-Processors are chosen by affinity. A share of one, and memory, are what a control group gives, made directly as root
-(version 2 or 1 of cgroups) or asked of systemd. Figures under limits are labelled: another processor's cache, memory
-and clock remain the laptop's.
+Processors are chosen by affinity. A share of one, and memory, are what a control group gives: where systemd keeps
+those of version 2, it is asked for one, as root or as a user; elsewhere root makes them, of version 2 or 1. What does
+not fit into the memory is not swapped out. Figures under limits are labelled: another processor's cache, memory and
+clock remain the laptop's.
+
+Files of control groups: Linux, Documentation/admin-guide/cgroup-v2.rst, cgroup-v1/memory.rst, and
+Documentation/scheduler/sched-bwc.rst. Properties of systemd: systemd.resource-control(5).
 """
 
 import os
-import shutil
+import signal
+import subprocess
+import time
+from collections.abc import Iterator
+from contextlib import suppress
 from typing import NamedTuple, Self
 
 from hil.errors import ConfigError
 
 ROOT = "/sys/fs/cgroup"
+SYSTEMD = "/run/systemd/system"  # a folder that is there if it is systemd that was booted: sd_booted(3)
 PERIOD_US = 20_000  # of the quota: a process that has used it up waits at most so long
+LEAST_QUOTA_US = 1_000  # that the kernel takes; below 5 % of a core the period is longer
+REMOVAL_S = 2.0  # that what was killed may take to be gone
 MIB = 1 << 20
+OPTIONS = {"cpu": "--cpu-quota", "memory": "--memory"}  # controller -> what asks for it
+REMEDIES = {
+    "cpu": "use a kernel with CONFIG_CFS_BANDWIDTH",
+    "memory": "on a Raspberry Pi, add cgroup_enable=memory to the line in /boot/firmware/cmdline.txt and boot anew",
+}
+DELEGATE = "put Delegate=pids memory cpu below [Service] with: sudo systemctl edit user@.service, and boot anew"
+# Names the files of the group it runs in; without a "$", which is a variable to some versions of systemd-run.
+LOOK = f"sed -n 's|^0::|{ROOT}|p' /proc/self/cgroup | xargs ls"
 
 
 class Limits(NamedTuple):
@@ -30,15 +49,20 @@ class Limits(NamedTuple):
         if self.cpus:
             words.append(f"processor {','.join(map(str, self.cpus))} only")
         if self.cpu_share:
-            words.append(f"{self.cpu_share:.0%} of a core")
+            words.append(f"{self.cpu_share * 100:g}% of a core")
         if self.memory_mib:
             words.append(f"{self.memory_mib:.0f} MiB")
         return f"limited: {', '.join(words)}" if words else ""
 
+    @property
+    def controllers(self) -> list[str]:
+        """Those of control groups that it takes."""
+        return [name for name, limit in (("cpu", self.cpu_share), ("memory", self.memory_mib)) if limit]
+
 
 class Confinement:
-    """A place for processes under `limits`. Use as a context: the place is gone when it is left, and what was in it
-    has to be too.
+    """A place for processes under `limits`. Use as a context: the place is gone when it is left, and what is still in
+    a group of ours then is killed.
 
     `by` says what does it. Raises ConfigError when this machine, or this user, cannot have such limits.
     """
@@ -54,16 +78,13 @@ class Confinement:
             raise ConfigError(f"no processor {min(wrong)} here; there are: {allowed}")
 
     def __enter__(self) -> Self:
-        if self.limits.cpu_share or self.limits.memory_mib:
+        if self.limits.controllers:
             self._confine()
         return self
 
     def __exit__(self, *_: object) -> None:
-        for group in self._groups:
-            try:
-                os.rmdir(group)
-            except OSError:  # a process in it has not been reaped yet; an empty group costs nothing
-                continue
+        while self._groups:
+            _remove(self._groups.pop())
 
     def command(self, command: list[str]) -> list[str]:
         """The same command, confined; its process id is that of the program."""
@@ -73,52 +94,110 @@ class Confinement:
         return [*self._prefix, *command]
 
     def _confine(self) -> None:
-        if os.geteuid() == 0 and (os.path.exists(f"{ROOT}/cgroup.controllers") or os.path.isdir(f"{ROOT}/cpu")):
-            try:
-                self._make_groups()
-                return
-            except OSError as error:
-                reason = f"the control group cannot be made: {error.strerror}: {error.filename}"
-        else:
-            reason = "needs root, or a systemd that runs scopes for this user (loginctl enable-linger)"
-        if not self._ask_systemd():
-            raise ConfigError(f"--cpu-quota, --memory: {reason}")
-
-    def _make_groups(self) -> None:
-        share, memory = self.limits.cpu_share, round(self.limits.memory_mib * MIB)
-        quota = round(share * PERIOD_US)
-        if os.path.exists(f"{ROOT}/cgroup.controllers"):
-            self.by = "cgroup v2"
-            _write(f"{ROOT}/cgroup.subtree_control", "+cpu +memory")
-            group = self._make("")
-            if share:
-                _write(f"{group}/cpu.max", f"{quota} {PERIOD_US}")
-            if memory:
-                _write(f"{group}/memory.max", str(memory))
+        version = 2 if os.path.exists(f"{ROOT}/cgroup.controllers") else 1
+        for name in self.limits.controllers:
+            if not _has(name, version):
+                raise ConfigError(f"{OPTIONS[name]}: no {name} controller in {ROOT}; {REMEDIES[name]}")
+        if version == 2 and os.path.isdir(SYSTEMD):
+            self._ask_systemd()
             return
-        self.by = "cgroup v1"
-        if share:
-            group = self._make("cpu")
-            _write(f"{group}/cpu.cfs_period_us", str(PERIOD_US))
-            _write(f"{group}/cpu.cfs_quota_us", str(quota))
-        if memory:
-            _write(f"{self._make('memory')}/memory.limit_in_bytes", str(memory))
+        if os.geteuid() != 0:
+            raise ConfigError("--cpu-quota, --memory: be root; no systemd keeps control groups of version 2 here")
+        try:
+            self._make_groups(version)
+        except OSError as error:
+            self.__exit__()
+            reason = f"{error.strerror}: {error.filename}"
+            raise ConfigError(f"--cpu-quota, --memory: the control group cannot be made: {reason}") from None
 
-    def _make(self, controller: str) -> str:
-        group = os.path.join(ROOT, controller, f"uuv-hil-bench-{os.getpid()}-{id(self):x}")
-        os.mkdir(group)
-        self._groups.append(group)
+    def _make_groups(self, version: int) -> None:
+        self.by = f"cgroup v{version}"
+        if version == 2:
+            _write(f"{ROOT}/cgroup.subtree_control", " ".join(f"+{name}" for name in self.limits.controllers))
+        for name, files in _settings(self.limits, version).items():
+            group = self._make("" if version == 2 else name)
+            for file, text in files.items():
+                if "swap" not in file or os.path.exists(f"{group}/{file}"):  # a kernel without swap has no such file
+                    _write(f"{group}/{file}", text)
+
+    def _make(self, hierarchy: str) -> str:
+        group = os.path.join(ROOT, hierarchy, f"uuv-hil-bench-{os.getpid()}-{id(self):x}")
+        if group not in self._groups:
+            os.mkdir(group)
+            self._groups.append(group)
         return group
 
-    def _ask_systemd(self) -> bool:
-        if not shutil.which("systemd-run") or not os.environ.get("XDG_RUNTIME_DIR"):
-            return False
-        properties = [f"CPUQuota={self.limits.cpu_share:.0%}"] if self.limits.cpu_share else []
-        properties += [f"MemoryMax={round(self.limits.memory_mib * MIB)}"] if self.limits.memory_mib else []
-        options = [word for name in properties for word in ("-p", name)]
-        self._prefix = ("systemd-run", "--user", "--scope", "--quiet", *options, "--")
+    def _ask_systemd(self) -> None:
+        """Each process gets a scope of its own. What it lacks there systemd does not say: see for ourselves."""
         self.by = "systemd"
-        return True
+        whose = () if os.geteuid() == 0 else ("--user",)
+        options = [word for name in _properties(self.limits) for word in ("-p", name)]
+        self._prefix = ("systemd-run", *whose, "--scope", "--quiet", "--collect", *options, "--")
+        try:
+            seen = subprocess.run(self.command(["sh", "-c", LOOK]), capture_output=True, text=True, check=False)
+        except OSError as error:
+            raise ConfigError(f"--cpu-quota, --memory: {error.strerror}: systemd-run") from None
+        if seen.returncode:
+            reason = (seen.stderr.strip().splitlines() or ["no message"])[-1]
+            raise ConfigError(f"--cpu-quota, --memory: {reason}; loginctl enable-linger, and log in as this user")
+        for name in self.limits.controllers:
+            if f"{name}.max" not in seen.stdout.split():
+                raise ConfigError(f"{OPTIONS[name]}: systemd keeps the {name} controller from users; {DELEGATE}")
+
+
+def _has(controller: str, version: int) -> bool:
+    if version == 1:
+        return os.path.exists(f"{ROOT}/{controller}/cgroup.procs")
+    with open(f"{ROOT}/cgroup.controllers") as file:
+        return controller in file.read().split()
+
+
+def _quota_us(share: float) -> tuple[int, int]:
+    """So much time of one core, and in which period, us."""
+    period = max(PERIOD_US, round(LEAST_QUOTA_US / share))
+    return round(share * period), period
+
+
+def _settings(limits: Limits, version: int) -> dict[str, dict[str, str]]:
+    """Controller -> files of its group -> what is written there."""
+    settings = {}
+    if limits.cpu_share:
+        quota, period = _quota_us(limits.cpu_share)
+        one = {"cpu.cfs_period_us": str(period), "cpu.cfs_quota_us": str(quota)}
+        settings["cpu"] = one if version == 1 else {"cpu.max": f"{quota} {period}"}
+    if limits.memory_mib:
+        size = str(round(limits.memory_mib * MIB))
+        one = {"memory.limit_in_bytes": size, "memory.swappiness": "0"}
+        settings["memory"] = one if version == 1 else {"memory.max": size, "memory.swap.max": "0"}
+    return settings
+
+
+def _properties(limits: Limits) -> Iterator[str]:
+    """The same for systemd, whose shares have one decimal."""
+    if limits.cpu_share:
+        yield f"CPUQuota={limits.cpu_share:.1%}"
+        yield f"CPUQuotaPeriodSec={_quota_us(limits.cpu_share)[1]}us"
+    if limits.memory_mib:
+        yield f"MemoryMax={round(limits.memory_mib * MIB)}"
+        yield "MemorySwapMax=0"
+
+
+def _remove(group: str) -> None:
+    """What is in it is killed; a group that outlives even that costs nothing."""
+    deadline = time.monotonic() + REMOVAL_S
+    while os.path.isdir(group) and time.monotonic() < deadline:
+        try:
+            os.rmdir(group)
+        except OSError:
+            _kill(group)
+            time.sleep(0.005)
+
+
+def _kill(group: str) -> None:
+    with open(f"{group}/cgroup.procs") as file:
+        for process in file.read().split():
+            with suppress(ProcessLookupError):
+                os.kill(int(process), signal.SIGKILL)
 
 
 def parse_share(text: str) -> float:

@@ -62,6 +62,7 @@ class Loop:
         self.armed = True
         self.ros: RosNode | None = None
         self._control_period_ns = control_period_ns
+        self._control_wait_ns = control_period_ns - step_ns // 2  # the step nearest to the period's end, not one later
         self._report = report
         self._awaited: dict[int, tuple[Received, int, int, int]] = {}  # taken, computed, written
         self._controlled_ns = 0
@@ -148,7 +149,7 @@ class Loop:
         """One controller update, sent to the thrusters at once; its sequence number on the link."""
         dt_ns = min(now - self._controlled_ns, 2 * self._control_period_ns)
         self._controlled_ns = now
-        self._control_due_ns = now + self._control_period_ns
+        self._control_due_ns = now + self._control_wait_ns
         command, tripped = pilot.update(now, max(dt_ns, 1000) / NS_PER_S)
         self._computed_ns = now_ns()
         self.driver.send(command)

@@ -1,4 +1,4 @@
-"""One thread for all that comes seldom: pings, presence, links.
+"""One thread for all that comes seldom: pings, presence, links, questions for what was said last.
 
 A thread that waits in a channel of the library is woken ten times a second, to look for signals; three of them cost a
 vehicle a thousandth of a processor. So here the library's own threads only queue what comes, and ours waits without

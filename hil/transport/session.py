@@ -248,9 +248,8 @@ class Session:
         self._session.declare_queryable(key, zenoh.handlers.Callback(take, indirect=False), complete=True)
 
     def answer(self, keys: str, take: Callable[[zenoh.Query], None]) -> None:
-        """Call `take` for each query of `keys`, in a thread of its own; of many at once the oldest are dropped."""
-        channel = self._session.declare_queryable(keys, zenoh.handlers.RingChannel(ASKING))
-        self._read(channel, take, f"answers {keys}")
+        """Call `take` for each query of `keys`, otherwise like `receive`; of many at once the youngest are dropped."""
+        self._session.declare_queryable(keys, self._seldom(take, ASKING))
 
     def ask(
         self, keys: str, seconds: float, payload: bytes | None = None, attachment: bytes | None = None
