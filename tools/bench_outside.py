@@ -2,7 +2,7 @@
 
     python tools/bench_outside.py [--seconds 10]
 
-Others are: the kernel's process connector (when the slave was executed) and a packet socket on the loopback (when the
+Others are: the kernel's process connector (when the slave's process was made) and a packet socket on the loopback (when the
 first sample, a command, a thruster frame and its answer passed), the scheduler's account of each thread, `ps`,
 /proc/PID/smaps_rollup and /usr/bin/time. Two runs: a mission with a master process, as `bench table` makes it; then
 commands of this process to a slave whose STM32 is on UDP, so that its frames pass the loopback too. Exit code 1 when
@@ -38,7 +38,7 @@ MARKER = b"a command goes out now"
 TICK_S = 0.02
 SHORT = 120  # bytes; pings are shorter, commands with what goes with them longer
 PACKET_OUTGOING, ETH_P_IP, SO_TIMESTAMPNS = 4, 0x0800, 35
-NETLINK_CONNECTOR, CN_IDX_PROC, PROC_EVENT_EXEC = 11, 1, 2
+NETLINK_CONNECTOR, CN_IDX_PROC, PROC_EVENT_FORK = 11, 1, 1
 
 
 class Packet(NamedTuple):
@@ -119,12 +119,12 @@ class Witness:
         assert self._capture.stdout
         self._capture.stdout.readline()
         self.packets: list[Packet] = []
-        self.executed: dict[int, int] = {}
+        self.made: dict[int, int] = {}  # pid -> ns since 1970
         self.cpu: dict[int, list[tuple[int, int]]] = {}  # pid -> (ns since 1970, ns of processor time)
         self.memory: dict[int, list[tuple[int, float, float]]] = {}  # pid -> ns since 1970, MiB: PSS by kernel, by ps
         self._watched: list[int] = []
         self._done = threading.Event()
-        self._threads = [threading.Thread(target=work) for work in (self._hear_executions, self._watch)]
+        self._threads = [threading.Thread(target=work) for work in (self._hear_forks, self._watch)]
         for thread in self._threads:
             thread.start()
         return self
@@ -158,7 +158,7 @@ class Witness:
                 except (OSError, ValueError, subprocess.CalledProcessError):
                     continue  # it has ended
 
-    def _hear_executions(self) -> None:
+    def _hear_forks(self) -> None:
         with socket.socket(socket.AF_NETLINK, socket.SOCK_DGRAM, NETLINK_CONNECTOR) as news:
             news.bind((0, CN_IDX_PROC))
             message = struct.pack("=IIIIHHI", CN_IDX_PROC, 1, 0, 0, 4, 0, 1)  # PROC_CN_MCAST_LISTEN
@@ -170,9 +170,9 @@ class Witness:
                     data = news.recv(4096)
                 except TimeoutError:
                     continue
-                what, _, instant, pid = struct.unpack_from("=IIQI", data, 36)
-                if what == PROC_EVENT_EXEC:
-                    self.executed.setdefault(pid, instant + shift)
+                what, _, instant, _, _, task, pid = struct.unpack_from("=IIQIIII", data, 36)
+                if what == PROC_EVENT_FORK and task == pid:  # else it is a thread
+                    self.made[pid] = instant + shift
 
 
 def _scheduled(pid: int) -> int:
@@ -201,7 +201,7 @@ def mission(seconds: float) -> list[Row]:
     begin, end = sent[0].time_ns + 10**9, sent[-1].time_ns
     ours = run.values
     *_, (_, pss, by_ps) = [row for row in witness.memory[slave] if row[0] <= end]  # then the master no longer shares
-    start = (first.time_ns - witness.executed[slave]) / 1e9
+    start = (first.time_ns - witness.made[slave]) / 1e9
     return [
         Row("start-up", ours["startup"], start, "s", "process connector, packet capture"),
         Row("slave memory", ours["memory"], pss, "MiB", "smaps_rollup"),
