@@ -99,13 +99,14 @@ def run(
     cpu: int | None = None,
     cwd: str = "",
     tell: Callable[[str], None] = lambda line: None,
+    options: Sequence[str] = (),
 ) -> Outcome:
     """Run `command` in there.
 
     modules: of its kernel, loaded first with those they need. share: a folder that it writes through to.
     environment: variables, besides PATH, HOME and LANG. seconds: after which all of it is killed. cpu: the one
     it runs on [the last of this process]. cwd: the folder it starts in [the present one]. tell: called with
-    each line as it is printed.
+    each line as it is printed. options: of the kernel, such as "cgroup_disable=memory".
     Raises DeviceError if it does not start, with the kernel's last words, or does not end in time.
     """
     reason = obstacle()
@@ -118,7 +119,8 @@ def run(
         init.write_text(_init(mark, steps, modules, share, seconds))
         init.chmod(0o755)
         cpu = max(os.sched_getaffinity(0)) if cpu is None else cpu
-        return _Console(mark, tell).follow(["taskset", "-c", str(cpu), *_kernel(str(init), memory_mib)], seconds)
+        kernel = ["taskset", "-c", str(cpu), *_kernel(str(init), memory_mib), *options]
+        return _Console(mark, tell).follow(kernel, seconds)
 
 
 def module_files(names: Sequence[str]) -> list[str]:

@@ -30,6 +30,7 @@ REMEDIES = {
     "cpu": "use a kernel with CONFIG_CFS_BANDWIDTH",
     "memory": "on a Raspberry Pi, add cgroup_enable=memory to the line in /boot/firmware/cmdline.txt and boot anew",
 }
+LINGER = "log in as this user, or loginctl enable-linger and set XDG_RUNTIME_DIR=/run/user/$(id -u)"
 DELEGATE = "put Delegate=pids memory cpu below [Service] with: sudo systemctl edit user@.service, and boot anew"
 # Names the files of the group it runs in; without a "$", which is a variable to some versions of systemd-run.
 LOOK = f"sed -n 's|^0::|{ROOT}|p' /proc/self/cgroup | xargs ls"
@@ -98,6 +99,7 @@ class Confinement:
         for name in self.limits.controllers:
             if not _has(name, version):
                 raise ConfigError(f"{OPTIONS[name]}: no {name} controller in {ROOT}; {REMEDIES[name]}")
+        # A group that root made beside those of systemd would lose its quota when the last unit with one ends.
         if version == 2 and os.path.isdir(SYSTEMD):
             self._ask_systemd()
             return
@@ -138,8 +140,8 @@ class Confinement:
         except OSError as error:
             raise ConfigError(f"--cpu-quota, --memory: {error.strerror}: systemd-run") from None
         if seen.returncode:
-            reason = (seen.stderr.strip().splitlines() or ["no message"])[-1]
-            raise ConfigError(f"--cpu-quota, --memory: {reason}; loginctl enable-linger, and log in as this user")
+            reason = (seen.stderr.strip().splitlines() or ["systemd starts no scope"])[-1]
+            raise ConfigError(f"--cpu-quota, --memory: {reason}; {LINGER}")
         for name in self.limits.controllers:
             if f"{name}.max" not in seen.stdout.split():
                 raise ConfigError(f"{OPTIONS[name]}: systemd keeps the {name} controller from users; {DELEGATE}")
@@ -239,5 +241,9 @@ def parse_cpus(text: str) -> tuple[int, ...]:
 
 
 def _write(path: str, text: str) -> None:
-    with open(path, "w") as file:
-        file.write(text)
+    try:
+        with open(path, "w") as file:
+            file.write(text)
+    except OSError as error:
+        error.filename = path  # a refused value names no file
+        raise

@@ -63,6 +63,7 @@ def test_limits_as_they_are_written() -> None:
     assert [parse_memory(text) for text in ("512M", "1G", "64 MiB")] == [512.0, 1024.0, 64.0]
     assert [parse_share(text) for text in ("25%", "0.5", "150%")] == [0.25, 0.5, 1.5]
     assert Limits((0,), 0.25, 512.0).label == "limited: processor 0 only, 25% of a core, 512 MiB"
+    assert Limits(cpu_share=0.125).label == "limited: 12.5% of a core"
     assert Limits().label == ""
 
 
@@ -87,6 +88,45 @@ def test_a_wrong_share(text: str) -> None:
 def test_a_processor_that_is_not_there() -> None:
     with pytest.raises(ConfigError, match="no processor 4000 here"):
         Confinement(Limits(cpus=(4000,)))
+
+
+@pytest.mark.parametrize("file", ["cgroup.controllers", "cpu/cgroup.procs"])  # of version 2, of version 1
+def test_a_kernel_without_the_memory_controller(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, file: str) -> None:
+    recorded.plant(tmp_path, file, "cpuset cpu io pids\n")
+    monkeypatch.setattr("hil.bench.limits.ROOT", str(tmp_path))
+    with pytest.raises(ConfigError, match=r"^--memory: no memory controller .* cgroup_enable=memory .*cmdline.txt"):
+        Confinement(Limits(cpu_share=0.25, memory_mib=64.0)).__enter__()
+
+
+# What a systemd-run does in place of the program that looks for the group's files.
+@pytest.mark.parametrize(
+    ("script", "words"),
+    [
+        ("echo cgroup.procs cpu.max memory.max", ""),
+        ("echo cgroup.procs memory.max", r"^--cpu-quota: .* keeps the cpu controller from users; .*Delegate=pids mem"),
+        ("echo cgroup.procs cpu.max", r"^--memory: .* keeps the memory controller from users"),
+        ("echo Failed to connect to bus >&2; exit 1", r"^--cpu-quota, .*: Failed to connect to bus; .*enable-linger"),
+    ],
+)
+def test_what_systemd_gives(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, script: str, words: str) -> None:
+    recorded.plant(tmp_path, "cgroup.controllers", "cpu memory\n")
+    recorded.plant(tmp_path, "systemd-run", f"#!/bin/sh\n{script}\n")
+    (tmp_path / "systemd-run").chmod(0o755)
+    monkeypatch.setattr("hil.bench.limits.ROOT", str(tmp_path))
+    monkeypatch.setattr("hil.bench.limits.SYSTEMD", str(tmp_path))
+    monkeypatch.setenv("PATH", str(tmp_path))
+    place = Confinement(Limits(cpu_share=0.125, memory_mib=64.0))
+    if words:
+        with pytest.raises(ConfigError, match=words):
+            place.__enter__()
+        return
+    with place:
+        said = place.command(["program", "-x"])
+    assert said[0] == "systemd-run"
+    assert ("--user" in said) == (os.geteuid() != 0)
+    given = [said[index + 1] for index, word in enumerate(said) if word == "-p"]
+    assert given == ["CPUQuota=12.5%", "CPUQuotaPeriodSec=20000us", "MemoryMax=67108864", "MemorySwapMax=0"]
+    assert said[-3:] == ["--", "program", "-x"]
 
 
 def test_a_pinned_process(tmp_path: Path) -> None:

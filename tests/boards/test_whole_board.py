@@ -69,11 +69,53 @@ python3 -m hil.cli board uninstall --yes >/dev/null
 ls /etc/systemd/system | grep uuv-hil || echo 'nothing is left'
 """
 
+# What a process gets under limits: its share of a core, how two end that take 32 and 96 MiB, and where it is.
+LIMITED = r"""
+import subprocess, sys, time
+from hil.bench.limits import Confinement, Limits
+def used_ns(pid):
+    with open(f"/proc/{pid}/schedstat") as file:
+        return int(file.read().split()[0])
+with Confinement(Limits(cpu_share=0.25, memory_mib=64.0)) as place:
+    take = [["dd", "if=/dev/zero", "of=/dev/null", "count=1", "status=none", f"bs={mib}M"] for mib in (32, 96)]
+    ends = [subprocess.run(place.command(command)).returncode for command in take]
+    busy = subprocess.Popen(place.command(["sh", "-c", "while :; do :; done"]))
+    time.sleep(1)
+    began, used = time.monotonic_ns(), used_ns(busy.pid)
+    time.sleep(1)
+    share = (used_ns(busy.pid) - used) / (time.monotonic_ns() - began)
+    group = open(f"/proc/{busy.pid}/cgroup").read().split("/")[1]
+    print("limited:", sys.argv[1], place.by, group, *ends, share, flush=True)
+    busy.kill()
+"""
+
+# As root, and as a user whose processes systemd keeps. The board has no message bus, and so nobody who logs users in.
+LIMITS = rf"""
+cat >/tmp/limited.py <<'END'
+{LIMITED}
+END
+python3 /tmp/limited.py root >/tmp/root.log 2>&1 &
+root=$!
+cd /etc/systemd/system
+mkdir user@.service.d user-runtime-dir@.service.d
+printf '[Service]\nPAMName=\nEnvironment=XDG_RUNTIME_DIR=/run/user/%%i\n' >user@.service.d/board.conf
+printf '[Service]\nExecStart=\nExecStart=install -d -o pilot /run/user/%%i\n' >user-runtime-dir@.service.d/board.conf
+systemctl daemon-reload
+systemctl start user@1000
+XDG_RUNTIME_DIR=/run/user/1000 setpriv --reuid 1000 --regid 1000 --clear-groups systemd-run --user --quiet \
+  -E PYTHONPATH -p Type=oneshot -p StandardOutput=file:/tmp/pilot.log -p StandardError=file:/tmp/pilot.log \
+  python3 /tmp/limited.py pilot || true
+cd /
+wait $root || true
+cat /tmp/root.log /tmp/pilot.log
+systemctl stop user@1000
+"""
+
 
 def test_the_service_on_a_whole_board() -> None:
     board = built_board()
     port = free_port()
-    with Booted(board, JOB, {port: 7447}) as booted:
+    with Booted(board, JOB + LIMITS, {port: 7447}) as booted:
         assert wait_for(lambda: "service: " in booted.output or booted.status is not None, 240), booted.output
         assert "service: active active" in booted.output, booted.output
         with VehicleClient(f"tcp/127.0.0.1:{port}", "uuv1") as client:
@@ -83,10 +125,15 @@ def test_the_service_on_a_whole_board() -> None:
                 return "flown" in booted.output or booted.status is not None
 
             assert wait_for(flown, 240), booted.output
-            assert client.received["imu"] > 50
+            assert client.received["imu"] > 20
             assert client.diagnostics()["cores"] == "2"
             assert client.contact.losses >= 1
-        assert booted.wait(60) == 0, booted.output
+        assert booted.wait(120) == 0, booted.output
     assert "can0: state ERROR-ACTIVE bitrate 1000000" in booted.output
     assert "watchdog: Watchdog timeout" in booted.output
     assert "nothing is left" in booted.output
+    said = [line.split() for line in booted.output.splitlines() if line.startswith("limited: ")]
+    limited = {words[1]: words[2:] for words in said}
+    assert limited["root"][:-1] == ["systemd", "system.slice", "0", "-9"]
+    assert limited["pilot"][:-1] == ["systemd", "user.slice", "0", "-9"]
+    assert [float(words[-1]) for words in limited.values()] == pytest.approx([0.25, 0.25], abs=0.04)

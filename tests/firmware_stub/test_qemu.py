@@ -115,10 +115,13 @@ class TestQemu:
         assert answer.pwm_us[:4] == (0x0401, 0x0501, 0x0601, 0x0701)
 
     def test_a_write_tells_that_it_died(self, stm32: QemuStm32) -> None:
-        os.kill(stm32.pid, signal.SIGKILL)
-        with pytest.raises(DeviceError, match=r"qemu-system-arm udp.*went away"):
+        def talk() -> None:
             while True:
                 stm32.wire.write(b"?")
+
+        os.kill(stm32.pid, signal.SIGKILL)
+        with pytest.raises(DeviceError, match=r"qemu-system-arm udp.*went away"):
+            talk()
 
     def test_its_clock_goes_as_ours(self, stm32: QemuStm32) -> None:
         """Of one age to the next; QEMU loses ticks, it never makes up any."""

@@ -73,7 +73,7 @@ def pytest_runtest_logreport(report: pytest.TestReport) -> None:
 def _why_not(config: pytest.Config) -> str:
     """Why the tests of this folder are not run; "" if they are."""
     if "uml" not in " ".join(map(str, config.invocation_params.args)):
-        return "takes 45 s; run it with: pytest -m uml"
+        return "takes a minute; run it with: pytest -m uml"
     if not shutil.which("tc", path="/usr/sbin:/sbin:" + os.environ.get("PATH", "")):
         return "there is no tc: sudo apt install iproute2"
     reason = uml.obstacle()
