@@ -4,9 +4,9 @@
 
 Others are: the kernel's process connector (when the slave's process was made) and a packet socket on the loopback
 (when the first sample, a command, a thruster frame and its answer passed), the scheduler's account of each thread,
-`ps`, /proc/PID/smaps_rollup and /usr/bin/time. Two runs: a mission with a master process, as `bench table` makes it; then
-commands of this process to a slave whose STM32 is on UDP, so that its frames pass the loopback too. Exit code 1 when
-a figure is off by more than 5 %.
+`ps`, /proc/PID/smaps_rollup and /usr/bin/time. Two runs: a mission with a master process, as `bench table` makes it;
+then commands of this process to a slave whose STM32 is on UDP, so that its frames pass the loopback too. Exit code 1
+when a figure is off by more than 5 %.
 """
 
 import argparse

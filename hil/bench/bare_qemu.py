@@ -1,6 +1,6 @@
 """What QEMU's STM32 takes by itself: the part of a command's delay that is neither the network's nor ours.
 
-Its UART has no baud and hands the firmware byte after byte, each by a turn of QEMU's own loop.
+Its UART has no baud, but hands the firmware byte after byte, and sends each of the answer's by itself.
 """
 
 import select
