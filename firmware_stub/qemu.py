@@ -107,8 +107,10 @@ class QemuStm32:
                 raise DeviceError(f"{PROGRAM}: the firmware says nothing; is {IMAGE} whole?")
 
     def _complaint(self) -> str:
-        text: str = self._process.communicate()[1].decode(errors="replace").strip()
-        return text or "it says nothing"
+        """What it said; it has ended."""
+        assert self._process.stderr
+        said = self._process.stderr.read().decode(errors="replace").splitlines()
+        return "; ".join(said) or "it says nothing"
 
 
 class _Usart(DescriptorWire):

@@ -134,6 +134,14 @@ class TestQemu:
         assert 0.3 < ratio < 1.1
 
 
+@pytest.mark.qemu
+@pytest.mark.skipif(not shutil.which(PROGRAM), reason=f"needs {PROGRAM}")
+def test_what_qemu_has_against_the_image_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(qemu, "IMAGE", "/no/such/image.bin")
+    with nothing_leaks(), pytest.raises(DeviceError, match=r"did not come up: .*/no/such/image\.bin"):
+        QemuStm32()
+
+
 def test_without_qemu_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(qemu, "PROGRAM", "no-such-emulator")
     with pytest.raises(DeviceError, match="no no-such-emulator: sudo apt install"):
