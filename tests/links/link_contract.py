@@ -110,6 +110,7 @@ class WireContract:
     record_size: ClassVar[int] = 1  # bytes that the wire keeps together: RECORD_SIZE on a CAN bus
     host_sees_hangup: ClassVar[bool] = True
     refuses_when_full: ClassVar[bool] = True  # else what nobody reads is lost on the way
+    quiet_s: ClassVar[float] = 0.05  # after which nothing more is on the way
 
     @property
     def sample(self) -> bytes:
@@ -145,7 +146,7 @@ class WireContract:
         if self.refuses_when_full:
             assert len(read_bytes(receiver, sent)) == sent
         sender.read()  # as a loop does: a wire may have kept what was cut
-        while wait_readable(receiver, 0.05):
+        while wait_readable(receiver, self.quiet_s):
             receiver.read()
             sender.read()
         after = self.sample[: 2 * self.record_size]

@@ -50,3 +50,4 @@ class TestVescOnMulticastCan(Vesc):
 class TestVescOnSlcan(Vesc):
     open_wires = staticmethod(slcan_pair)
     refuses_when_full = False
+    quiet_s = 0.5  # adapters in between hold much
