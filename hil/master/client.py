@@ -141,10 +141,6 @@ class VehicleClient:
         for topic in topics:
             self._session.subscribe(self.node, topic, self._deliver, PICTURES)
 
-    def listen(self, topic: str) -> None:
-        """Hear a topic of several parts too: a picture, which costs the network too much to be sent unasked."""
-        self._session.subscribe(self.node, topic, self._deliver, PICTURES)
-
     def wait_for_vehicle(self, seconds: float) -> bool:
         """Wait for the first sample; whether it came within `seconds`."""
         return self._first_sample.wait(seconds)

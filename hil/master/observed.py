@@ -139,7 +139,7 @@ class Observed:
             raise ConfigError(f"{self.name}: no topic {topic!r}{nearest(topic, list(TOPICS))}")
         if "/" in topic and topic not in self._pictures:
             self._pictures.add(topic)
-            self.client.listen(topic)
+            self.client.watch(topic)
 
     def _hear(self, topic: str, stamped: Stamped) -> None:
         """A message has come; called by the session's reader."""
