@@ -58,8 +58,10 @@ systemctl start uuv-hil
 echo "service: $(systemctl is-active uuv-hil uuv-hil-can | xargs)"
 until journalctl -u uuv-hil | grep -q 'commands arrive'; do sleep 1; done
 echo "can0: $(ip -s -d link show can0 | grep -o 'state ERROR-ACTIVE\|bitrate [0-9]*' | xargs)"
+before=$(systemctl show -P NRestarts uuv-hil)
+echo "restarts so far: $before"
 kill -STOP $(systemctl show -P MainPID uuv-hil)
-until test $(systemctl show -P NRestarts uuv-hil) -gt 0 && systemctl -q is-active uuv-hil; do sleep 1; done
+until test $(systemctl show -P NRestarts uuv-hil) -gt $before && systemctl -q is-active uuv-hil; do sleep 1; done
 echo "watchdog: $(journalctl -u uuv-hil | grep -o 'Watchdog timeout' | head -1)"
 until journalctl -u uuv-hil | tail -5 | grep -q 'commands arrive'; do sleep 1; done
 echo flown
