@@ -11,7 +11,7 @@ from sim.rotations import from_euler, rotate_inverse
 from sim.sensors.odometry import ground_truth
 from sim.sensors.samples import OdometrySample, Sample
 from sim.sensors.suite import Schedule, Suite, fit
-from sim.thrusters import AT_REST, make_thrusters
+from sim.thrusters import make_thrusters
 from sim.vehicle import Vehicle
 from sim.world import World
 
@@ -67,8 +67,8 @@ class Simulation:
         self._water = _moving_water(vehicle, world, seed)
         self.equipment = _equipment(vehicle, world, self._dt, releases)
         self._own_forces = forces
-        self._thrusters = make_thrusters(vehicle, self._dt, failures, seed)
         self._dynamics = self._build()
+        self._thrusters = make_thrusters(vehicle, self._dt, failures, seed)
         self._flow: Sequence[float] = world.current
         self._wrench: Sequence[float] = (0.0,) * 6
         self._contact = Contact(vehicle, world, self._dynamics.inverse_mass)
@@ -131,9 +131,19 @@ class Simulation:
     def step(self, pwm_us: Sequence[int]) -> list[tuple[str, Sample]]:
         """Advance by one step under these pulses (us, one a channel); the samples that fell due, by topic."""
         state = self.state
-        wrench = self._wrench = self._thrusters.step(pwm_us) if self._plain else self._push(state, pwm_us)
+        if self.equipment is not None:
+            pwm_us = self._equip(self.equipment, pwm_us)
+        thrusters = self._thrusters
+        wrench: Sequence[float] = self._push(pwm_us) if thrusters.feels_water else thrusters.step(pwm_us)
+        current = self.world.current
+        if self._water is not None:
+            current, wrench = self._water.act(self.time_ns, state, wrench)
+            self._flow = current
+        for force in self._forces:
+            force.begin(self.time_ns)
+        self._wrench = wrench
         before = state.nu
-        self._dynamics.step(state, wrench, self._flow, self._dt)
+        self._dynamics.step(state, wrench, current, self._dt)
         if self._contact.resolve(state):
             state.nu_dot = [(new - old) / self._dt for new, old in zip(state.nu, before, strict=True)]
         self.time_ns += self._dt_ns
@@ -167,26 +177,15 @@ class Simulation:
 
             forces += surface_and_layers(vehicle, world, self.sea)
         self._forces = forces
-        # Whether thrusters alone push it, in water that does not move them.
-        self._plain = not (forces or self.equipment or self._water or self._thrusters.feels_water)
         return make_dynamics(vehicle, world.density, world.gravity, self._integrator, forces)
 
-    def _push(self, state: State, pwm_us: Sequence[int]) -> Sequence[float]:
-        """What pushes the vehicle in this step besides its hull, where that is more than thrusters."""
-        if self.equipment is not None:
-            pwm_us = self._equip(self.equipment, pwm_us)
-        thrusters = self._thrusters
-        wrench: Sequence[float] = thrusters.step(pwm_us, self._inflow(state) if thrusters.feels_water else AT_REST)
-        if self._water is not None:
-            self._flow, wrench = self._water.act(self.time_ns, state, wrench)
-        for force in self._forces:
-            force.begin(self.time_ns)
-        return wrench
-
-    def _inflow(self, state: State) -> list[float]:
-        """The velocity through the water as it flowed a step ago."""
+    def _push(self, pwm_us: Sequence[int]) -> Sequence[float]:
+        """The wrench of thrusters that meet the water as it flowed a step ago."""
+        state = self.state
         water = rotate_inverse(state.quaternion, self._flow)
-        return [speed - flow for speed, flow in zip(state.nu, (*water, 0.0, 0.0, 0.0), strict=True)]
+        return self._thrusters.step(
+            pwm_us, [speed - flow for speed, flow in zip(state.nu, (*water, 0.0, 0.0, 0.0), strict=True)]
+        )
 
 
 def _moving_water(vehicle: Vehicle, world: World, seed: int) -> "MovingWater | None":

@@ -18,8 +18,6 @@ PULSE_MIN_US, PULSE_MAX_US = 800, 2200
 
 AT_REST = (0.0,) * 6
 
-Wrench = tuple[float, float, float, float, float, float]  # X Y Z (N) K M N (N m) about the origin, along FRD
-
 
 def steady_thrust(thruster: Thruster, pwm_us: int) -> float:
     """The thrust in N that a pulse of `pwm_us` microseconds settles at; negative is reverse.
@@ -135,7 +133,9 @@ class ThrusterSet:
         """What is wrong with the thruster `name` now."""
         return self._failures.of(name) if self._failures else ()
 
-    def step(self, pwm_us: Sequence[int], nu_r: Sequence[float] = AT_REST) -> Wrench:
+    def step(
+        self, pwm_us: Sequence[int], nu_r: Sequence[float] = AT_REST
+    ) -> tuple[float, float, float, float, float, float]:
         """One step of `dt` with these pulses (us, one a thruster): the wrench X Y Z (N) K M N (N m) at its end.
 
         `nu_r` is the velocity through the water u v w (m/s) p q r (rad/s) along the body axes; only a set that
@@ -150,7 +150,7 @@ class ThrusterSet:
             self._command(pulses)
         return self._advance(nu_r)
 
-    def _advance(self, nu_r: Sequence[float]) -> Wrench:
+    def _advance(self, nu_r: Sequence[float]) -> tuple[float, float, float, float, float, float]:
         """One step of all thrusts towards their targets; the wrench at its end."""
         self._lagged = self.thrusts = self._follow(nu_r)
         if self._failures is not None:

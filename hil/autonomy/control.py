@@ -205,9 +205,8 @@ class _Loop:
             or (abs(lack) > _ROUNDING and lack * error > 0.0)
             or self._behind * error > 0.0
         ):
-            self._integral = limit if integral > limit else -limit if integral < -limit else integral  # as `clamp` does
-        output = wanted + self._integral
-        output = limit if output > limit else -limit if output < -limit else output
+            self._integral = clamp(integral, limit)
+        output = clamp(wanted + self._integral, limit)
         return output if slew == inf else self._slewed(output, dt)
 
     def _damped(self, measured: float, dt: float, time_constant: float) -> float:

@@ -13,7 +13,7 @@ from hil.errors import ConfigError
 from sim.dynamics import Dynamics, Integrator, State
 from sim.rotations import matrix
 from sim.sensors.error import ErrorBank, ErrorModel
-from sim.thrusters import AT_REST, ThrusterSet, Wrench
+from sim.thrusters import ThrusterSet
 from sim.vehicle import Vehicle
 
 if TYPE_CHECKING:
@@ -45,7 +45,7 @@ class NativeDynamics(Dynamics):
             return
         numbers = self.numbers()
         self._kernel_step = Kernel(pack(f"{len(numbers)}d", *numbers)).step
-        self.step = self._pushed_step if forces else self._kernel_step  # type: ignore[assignment]
+        self._advance = self._pushed_step if forces else self._kernel_step
 
     def _pushed_step(self, state: State, wrench: Sequence[float], current: Sequence[float], dt: float) -> None:
         pushed = self.push(state.position, matrix(state.quaternion), state.nu, wrench, current)
@@ -62,16 +62,11 @@ class NativeThrusterSet(ThrusterSet):
         numbers = self.numbers()
         self._mix = Mixer(pack(f"{len(numbers)}d", *numbers)).step
 
-    def step(self, pwm_us: Sequence[int], nu_r: Sequence[float] = AT_REST) -> Wrench:
-        """As the one it stands for."""
+    def _advance(self, nu_r: Sequence[float]) -> tuple[float, float, float, float, float, float]:
         if self._failures is not None:
-            return super().step(pwm_us, nu_r)
-        self._steps += 1
-        pulses = tuple(pwm_us)
-        if pulses != self._pwm_us:
-            self._command(pulses)
-        self.thrusts, wrench = self._mix(self._lagged, self._targets)
-        self._lagged = self.thrusts
+            return super()._advance(nu_r)
+        self._lagged, wrench = self._mix(self._lagged, self._targets)
+        self.thrusts = self._lagged
         return wrench
 
 
@@ -84,8 +79,11 @@ class NativeErrorBank(ErrorBank):
         super().__init__(models, period, random)
         numbers = [x for process in self._processes for x in process.numbers()]
         _, key, second = random.getstate()
-        errors = Errors(pack(f"{len(numbers)}d", *numbers), pack("625I", *key), second)
-        self.measure = errors.measure  # type: ignore[assignment]
+        self._measure = Errors(pack(f"{len(numbers)}d", *numbers), pack("625I", *key), second).measure
+
+    def measure(self, true: Sequence[float]) -> list[float]:
+        """As the one it stands for."""
+        return self._measure(true)
 
 
 def choose() -> tuple[type[Dynamics], str]:
