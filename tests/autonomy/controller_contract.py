@@ -1,6 +1,7 @@
 """What every control law promises, whatever its family: one class, subclassed with the law to test."""
 
 import math
+from abc import ABC, abstractmethod
 from itertools import product
 from typing import Any, ClassVar
 
@@ -35,13 +36,14 @@ def inputs(numbers: st.SearchStrategy[float]) -> st.SearchStrategy[tuple[Velocit
     )
 
 
-class ControllerContract:
+class ControllerContract(ABC):
     """Subclass with `make`, and `limits` (N, N m) that no axis goes beyond."""
 
     limits: ClassVar[Wrench]
 
+    @abstractmethod
     def make(self) -> Controller:
-        raise NotImplementedError
+        """A new one."""
 
     @EACH
     @given(st.lists(inputs(ANY), min_size=1, max_size=4))

@@ -265,7 +265,8 @@ def test_track_by_hand() -> None:
 def test_what_is_just_within_turn_radius_and_climb_angle_is_allowed(name: str) -> None:
     """3 m round, helix and circle; 2 m of Dubins; and 0.3 rad is steeper than any of them."""
     radius = 2.0 if name == "dubins" else 3.0
-    Trajectory(CURVES[name], 0.3, WIDE._replace(turn_radius=radius, climb_angle=0.3))
+    trajectory = Trajectory(CURVES[name], 0.3, WIDE._replace(turn_radius=radius, climb_angle=0.3))
+    assert trajectory.duration == Trajectory(CURVES[name], 0.3, WIDE).duration
 
 
 def test_dubins_keeps_the_limits_it_was_made_for() -> None:

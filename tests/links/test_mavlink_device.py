@@ -36,7 +36,7 @@ class Ground(Peer):
     def set_servo(self, channel: float, width: float) -> int:
         return self.ask(dialect.MAV_CMD_DO_SET_SERVO, channel, width)
 
-    def test_motor(self, *params: float) -> int:
+    def motor_test(self, *params: float) -> int:
         return self.ask(dialect.MAV_CMD_DO_MOTOR_TEST, *params)
 
     def manual(self, x: int, y: int, z: int, r: int) -> None:
@@ -213,7 +213,7 @@ def test_actuator_controls_that_are_no_numbers_are_no_pulse() -> None:
     ("kind", "throttle", "pulse"), [(0, 0, 1100), (0, 50, 1500), (0, 75, 1700), (0, 100, 1900), (1, 1623, 1623)]
 )
 def test_a_motor_test_ends_by_itself(ground: Ground, kind: int, throttle: float, pulse: int) -> None:
-    assert ground.test_motor(3, kind, throttle, 2.0) == ACCEPTED
+    assert ground.motor_test(3, kind, throttle, 2.0) == ACCEPTED
     assert ground.board.pwm_us == [1500, 1500, pulse, 1500]
     assert ground.board.end.deadline_ns == ground.board.clock.now + 50 * MS
     ground.board.wait(1990)
@@ -226,7 +226,7 @@ def test_a_motor_test_ends_by_itself(ground: Ground, kind: int, throttle: float,
 
 def test_a_motor_test_of_an_armed_board_leaves_it_armed_and_the_others_running(armed: Ground) -> None:
     armed.set_servo(1, 1600)
-    assert armed.test_motor(2, 1, 1700, 0.125) == ACCEPTED
+    assert armed.motor_test(2, 1, 1700, 0.125) == ACCEPTED
     assert armed.board.pwm_us == [1600, 1700, 1500, 1500]
     armed.board.wait(125)
     assert (armed.board.pwm_us, armed.board.stm32.armed) == ([1600, 1500, 1500, 1500], True)
@@ -234,14 +234,14 @@ def test_a_motor_test_of_an_armed_board_leaves_it_armed_and_the_others_running(a
 
 def test_a_motor_test_of_a_running_motor_leaves_it_neutral(armed: Ground) -> None:
     armed.set_servo(2, 1600)
-    assert armed.test_motor(2, 1, 1700, 0.125) == ACCEPTED
+    assert armed.motor_test(2, 1, 1700, 0.125) == ACCEPTED
     armed.board.wait(125)
     assert armed.board.pwm_us == NEUTRAL
 
 
 def test_a_motor_test_without_a_time_lasts_half_a_second_and_can_be_repeated(ground: Ground) -> None:
     for _ in range(5):
-        assert ground.test_motor(1, 1, 1600) == ACCEPTED
+        assert ground.motor_test(1, 1, 1600) == ACCEPTED
         ground.board.wait(400)
         assert ground.board.pwm_us[0] == 1600
     ground.board.wait(100)
@@ -249,12 +249,12 @@ def test_a_motor_test_without_a_time_lasts_half_a_second_and_can_be_repeated(gro
 
 
 def test_any_other_command_ends_a_motor_test(ground: Ground) -> None:
-    ground.test_motor(1, 1, 1600, 5.0)
+    ground.motor_test(1, 1, 1600, 5.0)
     assert ground.set_servo(2, 1700) == REJECTED, "a test does not arm"
     assert ground.board.pwm_us[0] == 1600, "and what is rejected is no command"
     ground.say(Peer(1, 191).servos([1700] * 4))
     assert (ground.board.pwm_us, ground.board.stm32.armed) == (NEUTRAL, False)
-    ground.test_motor(1, 1, 1600, 5.0)
+    ground.motor_test(1, 1, 1600, 5.0)
     ground.say(ground.arm(False))
     assert ground.board.pwm_us == NEUTRAL
     ground.board.wait(5000)
@@ -262,15 +262,15 @@ def test_any_other_command_ends_a_motor_test(ground: Ground) -> None:
 
 
 def test_a_second_motor_test_takes_the_place_of_the_first(ground: Ground) -> None:
-    ground.test_motor(1, 1, 1600, 5.0)
-    ground.test_motor(2, 1, 1700, 0.25)
+    ground.motor_test(1, 1, 1600, 5.0)
+    ground.motor_test(2, 1, 1700, 0.25)
     assert ground.board.pwm_us == [1500, 1700, 1500, 1500]
     ground.board.wait(250)
     assert ground.board.pwm_us == NEUTRAL
 
 
 def test_a_motor_test_that_nobody_wakes_is_ended_by_the_watchdog(ground: Ground) -> None:
-    ground.test_motor(1, 1, 1600, 5.0)
+    ground.motor_test(1, 1, 1600, 5.0)
     for _ in range(4):
         ground.board.clock.now += 60 * MS
         ground.board.end.tick(ground.board.clock.now)  # woken, but not fed
@@ -292,7 +292,7 @@ def test_a_motor_test_that_nobody_wakes_is_ended_by_the_watchdog(ground: Ground)
     ],
 )  # fmt: skip
 def test_a_motor_test_that_cannot_be_is_denied(ground: Ground, params: tuple[float, ...]) -> None:
-    assert ground.test_motor(*params) == DENIED
+    assert ground.motor_test(*params) == DENIED
     assert ground.board.pwm_us == NEUTRAL
 
 

@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 from hil.bench.limits import ROOT, Confinement, Limits
+from hil.bench.processes import look, shares
 from hil.errors import ConfigError
 from tests.processes import wait_for
 from tools import uml
@@ -60,17 +61,12 @@ def share_of_a_core(place: Confinement) -> float:
     """That a process gets which never rests: its own time over that which passes."""
     process = subprocess.Popen(place.command(["sh", "-c", "while :; do :; done"]))
     time.sleep(0.1)
-    began, used_ns = time.monotonic_ns(), processor_time_ns(process.pid)
+    before = look([process.pid])
     time.sleep(BUSY_S)
-    share = (processor_time_ns(process.pid) - used_ns) / (time.monotonic_ns() - began)
+    (share,) = shares(before, look([process.pid])).values()
     process.kill()
     process.wait()
     return share
-
-
-def processor_time_ns(pid: int) -> int:
-    """Of a process so far, as its scheduler accounts."""
-    return int(Path(f"/proc/{pid}/schedstat").read_text().split()[0])
 
 
 def end_of_one_that_takes(mib: int, place: Confinement) -> int:
