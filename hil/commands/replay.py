@@ -45,7 +45,7 @@ def main(arguments: list[str]) -> int:
     way.add_argument("--connect", metavar="ENDPOINT", help="send its commands to this slave")
     way.add_argument("--check", action="store_true", help="repeat it without network and clock")
     parser.add_argument("--speed", metavar="X", type=float, default=1.0, help="times as fast; 0: at once [%(default)g]")
-    parser.add_argument("--wait", metavar="S", type=float, default=0.0, help="for somebody to dial, at most so long")
+    parser.add_argument("--wait", metavar="S", type=float, default=0.0, help="for somebody to listen, at most so long")
     options = parser.parse_args(arguments)
     if options.speed < 0:
         raise ConfigError("replay: --speed must not be negative")
@@ -77,7 +77,8 @@ def _play(options: argparse.Namespace, stop_fd: int) -> int:
     with listen(options.listen) as session:
         print(f"playing {options.recording} at {options.listen}; Ctrl-C ends it", flush=True)
         deadline = now_ns() + round(options.wait * NS_PER_S)
-        while not session.others() and now_ns() < deadline:
+        is_heard = session.audience("0/**")
+        while not is_heard() and now_ns() < deadline:
             if select.select((stop_fd,), (), (), WAIT_STEP_S)[0]:
                 return 130
         player = Player(session)

@@ -64,4 +64,4 @@ class Player:
             self._nodes.add(node)
             declare_presence(self._session, node, "slave")
         like = TOPICS.get(last) or TOPICS.get(name) or Topic(last, kind, 0, "data")
-        return self._session.publisher(node, like._replace(name=name, type=kind))
+        return self._session.publisher(node, like._replace(name=name, type=kind), wait=True)  # all of it, if later

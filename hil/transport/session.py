@@ -102,10 +102,11 @@ def _reason(text: str) -> str:
 class Publisher:
     """Publishes one topic of one node; counts and stamps what it sends, and keeps the last of it.
 
-    `gid` (16 bytes) tells publishers apart; `last` is payload and attachment, None before the first.
+    `gid` (16 bytes) tells publishers apart; `last` is payload and attachment, None before the first. What the network
+    cannot take in time is left out; with `wait` it is waited for.
     """
 
-    def __init__(self, session: zenoh.Session, node: str, topic: Topic) -> None:
+    def __init__(self, session: zenoh.Session, node: str, topic: Topic, wait: bool = False) -> None:
         self.topic = topic
         self.key = ros.data_key(0, topic.full_name(node), topic.type, hash_of(topic.type))
         self._publisher = _declarer(topic)(
@@ -113,7 +114,7 @@ class Publisher:
             self.key,
             priority=_PRIORITIES[topic.priority],
             express=topic.express,
-            congestion_control=zenoh.CongestionControl.DROP,
+            congestion_control=zenoh.CongestionControl.BLOCK if wait else zenoh.CongestionControl.DROP,
             allowed_destination=zenoh.Locality.REMOTE,
         )
         self.gid = os.urandom(16)
@@ -160,9 +161,9 @@ class Session:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def publisher(self, node: str, topic: Topic) -> Publisher:
-        """A publisher of one topic of one node."""
-        publisher = Publisher(self._session, node, topic)
+    def publisher(self, node: str, topic: Topic, wait: bool = False) -> Publisher:
+        """A publisher of one topic of one node; `wait` as in `Publisher`."""
+        publisher = Publisher(self._session, node, topic, wait)
         self.publishers.append(publisher)
         return publisher
 
@@ -272,6 +273,11 @@ class Session:
     def others(self) -> list[str]:
         """Who is connected: the names in their certificates, or their addresses where there are none."""
         return sorted({link.auth_identifier or link.dst.partition("?")[0] for link in self._session.info.links()})
+
+    def audience(self, keys: str) -> Callable[[], bool]:
+        """What tells whether anybody out there wants messages with such keys."""
+        publisher: Any = self._session.declare_publisher(keys, allowed_destination=zenoh.Locality.REMOTE)
+        return lambda: bool(publisher.matching_status.matching)  # whose type is not the one that zenoh says
 
     def every(self, seconds: float, run: Callable[[], None], name: str) -> None:
         """Call `run` every so many seconds until the session is closed, in a thread of its own."""

@@ -5,6 +5,7 @@ import os
 import resource
 import signal
 import struct
+import threading
 import time
 from collections import Counter
 from pathlib import Path
@@ -18,10 +19,13 @@ from hil.autonomy.control import VelocityCommand
 from hil.bench.run_data import collect
 from hil.config import Recording
 from hil.master.client import VehicleClient
+from hil.topics import TOPICS
 from hil.transport import ros
 from hil.transport.recording import Recorder
 from hil.transport.recording_file import Message
+from hil.transport.recording_player import Player
 from hil.transport.recording_reader import read_about, read_messages
+from hil.transport.session import listen
 from tests.processes import Program, free_port, wait_for, write_scenario
 
 RECORDING = '[recording]\nslave = true\nmaster = true\nfolder = "{folder}"\nkeep_free = 0\n'
@@ -163,6 +167,22 @@ def test_played_to_the_network_it_is_the_vehicle(tmp_path: Path, dive: tuple[Pat
     assert now == then
     played = [message.logged_ns for message in read_messages(str(dive[1]))]
     assert took > 0.9 * (max(played) - min(played)) / 4e9
+
+
+def test_it_is_played_whole_to_who_is_slow(tmp_path: Path) -> None:
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    with Program(tmp_path, "record", "--connect", endpoint, "-o", tmp_path / "heard") as record:
+        with listen(endpoint) as session:
+            assert wait_for(session.audience("0/uuv1/trace/**"), 10)
+            player = Player(session)
+            record.process.send_signal(signal.SIGSTOP)
+            wakes = threading.Timer(0.4, record.process.send_signal, [signal.SIGCONT])  # before it counts as lost
+            wakes.start()
+            for number in range(1000):  # much more than the sockets hold
+                player.send(Message("/uuv1/trace", TOPICS["trace"].type, number, 0, 0, bytes(20_000)))
+            wakes.join()
+        assert record.stop(signal.SIGINT) == 0
+    assert "1000 messages recorded, none lost" in record.output
 
 
 def test_its_commands_to_a_fresh_slave(tmp_path: Path, dive: tuple[Path, Path, str]) -> None:
