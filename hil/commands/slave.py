@@ -82,16 +82,14 @@ def _run(options: Options, startup: dict[str, int]) -> None:
         scenario = with_port(scenario, options.port)
     startup["scenario"] = now_ns()
     from hil.transport.session import Listening
-    from hil.transport.settings import LARGEST_PICTURE
 
     pictures = any(fitted.heavy for fitted in scenario.sensors.values())
     # Little comes in: one thread reads it, where by default one of the library's would wake another for each message.
-    # A second where there are pictures to forward: a thread that does may wait 50 ms for room on the way out.
+    # A second where there are pictures to forward: a thread that does may wait a second for room on the way out.
     os.environ.setdefault("ZENOH_RUNTIME", f"(rx: (worker_threads: {2 if pictures else 1}))")
     # Before the session is opened: its threads inherit the scheduling.
     notes = [schedule_fifo(LOOP_PRIORITY)] if scenario.slave.realtime else ["real-time: off by the scenario"]
-    largest = LARGEST_PICTURE if pictures else 0
-    network = Listening(scenario.slave.listen, scenario.network, scenario.security, largest)
+    network = Listening(scenario.slave.listen, scenario.network, scenario.security, pictures)
     try:
         from hil.slave import daemon
 

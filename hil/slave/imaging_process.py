@@ -93,7 +93,7 @@ def _serve(scenario: Scenario, epoch_ns: int, answers: int, stop_fd: int) -> Non
     studio = Studio(scenario)
     slave = scenario.slave
     with join(scenario) as session, studio.neighbours.hear():
-        outbox = Outbox(session, slave.node, epoch_ns, scenario.ros.frame_prefix)
+        outbox = Outbox(session, slave.node, epoch_ns, scenario.ros.frame_prefix, waits=True)
         under_way: list[tuple[int, Message]] = []  # when it is due (wall clock), and what
         while True:
             wait_s = (under_way[0][0] - to_wall_ns(now_ns())) / NS_PER_S if under_way else None

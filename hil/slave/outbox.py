@@ -1,5 +1,6 @@
 """Where samples leave: simulator samples to ROS messages, each on its topic."""
 
+import sys
 from collections.abc import Sequence
 from typing import Any
 
@@ -9,21 +10,31 @@ from hil.transport import ros
 from hil.transport.graph import Node
 from hil.transport.session import Publisher, Session
 
+LARGE = 4096  # bytes, from which on a message may be sent in parts, and wait for room for each
+
 
 class Outbox:
     """Publishes what the slave has to say as one node.
 
     `epoch_ns` is the wall time (ns since 1970) of simulation time 0; message stamps count from it. `prefix` is set
-    before the names of its frames; `silent` are topics that are left out. `graph` is the node as ROS sees it.
+    before the names of its frames; `silent` are topics that are left out. `graph` is the node as ROS sees it. A slow
+    network holds up nobody who calls this, but who `waits`.
     """
 
     def __init__(
-        self, session: Session, node: str, epoch_ns: int, prefix: str = "", silent: Sequence[str] = ()
+        self,
+        session: Session,
+        node: str,
+        epoch_ns: int,
+        prefix: str = "",
+        silent: Sequence[str] = (),
+        waits: bool = False,
     ) -> None:
         self._session = session
         self._node = node
         self._prefix = prefix
         self._silent = silent
+        self._whole = sys.maxsize if waits else LARGE  # bytes that are sent at once
         self.epoch_ns = epoch_ns
         self.graph = Node(session, node)
         self._publishers: dict[str, Publisher] = {}  # of the topics there was something to say on so far
@@ -48,6 +59,8 @@ class Outbox:
     def put(self, name: str, payload: bytes) -> None:
         """Publish a message on a topic of `hil.topics`."""
         publisher = self._publishers.get(name) or self._declare(name)
+        if len(payload) > self._whole and not publisher.aside:
+            self._session.send_aside(publisher)
         publisher.put(payload, to_wall_ns(now_ns()))
 
     @property

@@ -22,13 +22,17 @@ class Errands:
 
     def handler(self, use: Callable[[Any], None], most: float) -> "zenoh.handlers.Callback[Any]":
         """What to declare something with, so that `use` sees each item of it; what comes while `most` wait is lost."""
+        return zenoh.handlers.Callback(self.queue(use, most), indirect=False)  # called in a thread of the library
+
+    def queue(self, use: Callable[[Any], None], most: float) -> Callable[[Any], None]:
+        """What takes an item that `use` shall see; while `most` wait it is lost."""
         waiting = self._waiting
 
-        def take(item: Any) -> None:  # in a thread of the library
+        def take(item: Any) -> None:
             if waiting.qsize() < most:
                 waiting.put((use, item))
 
-        return zenoh.handlers.Callback(take, indirect=False)
+        return take
 
     def run(self) -> None:
         """Until `end` is called."""

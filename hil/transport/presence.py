@@ -36,12 +36,15 @@ def watch_presence(session: Session, node: str, deliver: Watch) -> None:
 
 
 def serve_last(session: Session, node: str) -> None:
-    """Tell late joiners what this session's publishers of a node's own topics said last, see `fetch_last`."""
+    """Tell late joiners what this session's publishers of a node's own topics said last, see `fetch_last`.
+
+    What is large is left out: an answer has no less priority than the samples, which would wait for it.
+    """
 
     def answer(query: zenoh.Query) -> None:
         with suppress(zenoh.ZError), query:  # who asked may be gone; leaving the query says that this was all
             for publisher in list(session.publishers):
-                if publisher.last and not publisher.topic.name.startswith("/"):
+                if publisher.last and not publisher.aside and not publisher.topic.name.startswith("/"):
                     payload, attachment = publisher.last
                     query.reply(last_key(node, publisher.topic.name), payload, attachment=attachment)
 

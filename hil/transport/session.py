@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from hil.transport.security import Security
 
 ASKING = 8  # queries that may wait for a reader at once
+WAITING = 1  # large messages that may, for the thread that sends them
 ANSWER_WITHIN_S = 1.0
 
 Deliver = Callable[[str, bytes, bytes], None]
@@ -37,14 +38,13 @@ _PRIORITIES: dict[Priority, zenoh.Priority] = {
 
 
 def listen(
-    endpoint: str, network: Network = Network(), security: "Security | None" = None, largest: int = 0
+    endpoint: str, network: Network = Network(), security: "Security | None" = None, pictures: bool = False
 ) -> "Session":
     """The session of a slave: it waits for masters at `endpoint`, and dials a router if `network` names one.
 
-    `largest` is what one message to it may have in bytes, if not the usual. Raises NetworkError, also when the port
-    is taken.
+    `pictures`: it passes on those of its imaging process. Raises NetworkError, also when the port is taken.
     """
-    text = settings("slave", (endpoint,), (network.router,) if network.router else (), network, security, largest)
+    text = settings("slave", (endpoint,), (network.router,) if network.router else (), network, security, pictures)
     return open_session("listen on", endpoint, text)
 
 
@@ -52,9 +52,9 @@ class Listening:
     """A session that is being opened in a thread, while the caller does something else."""
 
     def __init__(
-        self, endpoint: str, network: Network = Network(), security: "Security | None" = None, largest: int = 0
+        self, endpoint: str, network: Network = Network(), security: "Security | None" = None, pictures: bool = False
     ) -> None:
-        self._arguments = endpoint, network, security, largest
+        self._arguments = endpoint, network, security, pictures
         self._session: Session | None = None
         self._error: NetworkError | None = None
         self._thread = threading.Thread(target=self._run, name="open session")
@@ -103,20 +103,16 @@ class Publisher:
     """Publishes one topic of one node; counts and stamps what it sends, and keeps the last of it.
 
     `gid` (16 bytes) tells publishers apart; `last` is payload and attachment, None before the first. What the network
-    cannot take in time is left out; with `wait` it is waited for.
+    cannot take in time is left out; with `wait` it is waited for; what is sent `aside` holds up nobody.
     """
+
+    aside = False
 
     def __init__(self, session: zenoh.Session, node: str, topic: Topic, wait: bool = False) -> None:
         self.topic = topic
         self.key = ros.data_key(0, topic.full_name(node), topic.type, hash_of(topic.type))
-        self._publisher = _declarer(topic)(
-            session,
-            self.key,
-            priority=_PRIORITIES[topic.priority],
-            express=topic.express,
-            congestion_control=zenoh.CongestionControl.BLOCK if wait else zenoh.CongestionControl.DROP,
-            allowed_destination=zenoh.Locality.REMOTE,
-        )
+        self._publisher = _declare(session, self.key, topic, wait)
+        self._send: Callable[..., None] = self._publisher.put
         self.gid = os.urandom(16)
         self.sequence = 0
         self.last: tuple[bytes, bytes] | None = None
@@ -126,16 +122,37 @@ class Publisher:
         self.sequence = sequence = self.sequence + 1
         attachment = ros.pack_attachment(sequence, wall_ns, self.gid)
         self.last = payload, attachment
-        self._publisher.put(payload, attachment=attachment)
+        self._send(payload, attachment=attachment)
         return sequence
 
+    def send_aside(self, session: zenoh.Session, errands: "Errands") -> None:
+        """From now on let the thread of `errands` send; while a message waits for it the next are left out.
 
-def _declarer(topic: Topic) -> Any:
+        They go after everything else, as two who send with one priority wait for each other.
+        """
+        self.aside = True
+        publisher = self._publisher = _declare(session, self.key, self.topic._replace(priority="background"))
+
+        def send(message: tuple[bytes, bytes]) -> None:
+            with suppress(zenoh.ZError):  # the session was closed
+                publisher.put(message[0], attachment=message[1])
+
+        take = errands.queue(send, WAITING)
+        self._send = lambda payload, attachment: take((payload, attachment))
+
+
+def _declare(session: zenoh.Session, key: str, topic: Topic, wait: bool = False) -> Any:
+    declare: Any = zenoh.Session.declare_publisher
     if topic.qos.latched:
-        from hil.transport.latched import declare_publisher
-
-        return declare_publisher
-    return zenoh.Session.declare_publisher
+        from hil.transport.latched import declare_publisher as declare
+    return declare(
+        session,
+        key,
+        priority=_PRIORITIES[topic.priority],
+        express=topic.express,
+        congestion_control=zenoh.CongestionControl.BLOCK if wait else zenoh.CongestionControl.DROP,
+        allowed_destination=zenoh.Locality.REMOTE,
+    )
 
 
 class Session:
@@ -148,7 +165,8 @@ class Session:
         self.name = name
         self._session = session
         self._readers: list[threading.Thread] = []
-        self._errands: Errands | None = None
+        self._errands: Errands | None = None  # of what comes seldom
+        self._sending: Errands | None = None  # of what is large
         self._closed = threading.Event()
         self.publishers: list[Publisher] = []
         self._tokens: list[zenoh.LivelinessToken] = []  # one lives as long as someone holds it
@@ -166,6 +184,12 @@ class Session:
         publisher = Publisher(self._session, node, topic, wait)
         self.publishers.append(publisher)
         return publisher
+
+    def send_aside(self, publisher: Publisher) -> None:
+        """Let it send in another thread, for a loop with messages so large that the network takes its time."""
+        if self._sending is None:
+            self._sending = self._hire("sender")
+        publisher.send_aside(self._session, self._sending)
 
     def subscribe(self, node: str, topic: str, deliver: Deliver, depth: int) -> None:
         """Call `deliver(topic name, payload, attachment)` for what a node publishes, in a thread of its own.
@@ -297,8 +321,9 @@ class Session:
         atexit.unregister(self.close)
         self._closed.set()
         self._session.close()  # type: ignore[no-untyped-call]  # zenoh leaves it unannotated; it wakes the readers
-        if self._errands:
-            self._errands.end()
+        for errands in (self._errands, self._sending):
+            if errands:
+                errands.end()
         for reader in self._readers:
             if reader is not threading.current_thread():
                 reader.join(1.0)
@@ -312,11 +337,16 @@ class Session:
     def _seldom(self, use: Callable[[Any], None], most: float = inf) -> "zenoh.handlers.Callback[Any]":
         """What to declare something with that `use` shall see in the thread for all such."""
         if self._errands is None:
-            from hil.transport.errands import Errands
-
-            self._errands = Errands()
-            self._start(self._errands.run, name="errands")
+            self._errands = self._hire("errands")
         return self._errands.handler(use, most)
+
+    def _hire(self, name: str) -> "Errands":
+        """A thread for errands."""
+        from hil.transport.errands import Errands
+
+        errands = Errands()
+        self._start(errands.run, name=name)
+        return errands
 
     def _read(self, channel: Any, use: Callable[[Any], None], name: str) -> None:
         self._start(_receive, channel, use, name=name)

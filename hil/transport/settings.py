@@ -20,9 +20,11 @@ KEEP_ALIVES = 4  # a lease
 FIRST_RETRY_MS = 20
 ROUTER_WAIT_MS = 5000  # that a master waits for a router to begin with
 VISIT_WAIT_MS = 500  # that one attempt of a visitor takes at most
-# Bytes that one message to a role may have. What a slave with pictures gets from its imaging process is larger.
+# Bytes that one message to a role may have.
 LARGEST = {"slave": 1 << 20, "master": 1 << 26, "visitor": 1 << 26, "router": 1 << 26, "imaging": 1 << 20}
-LARGEST_PICTURE = 1 << 26
+LARGEST_PICTURE = 1 << 26  # which a slave gets from its imaging process
+# That a large message may take on a slow network (one of n batches at most 2^n ms), before the rest is left out.
+LARGE_WAIT_US = 1_000_000
 
 Role = Literal["slave", "master", "visitor", "router", "imaging"]
 
@@ -82,11 +84,11 @@ def settings(
     dial: tuple[str, ...],
     network: Network,
     security: "Security | None",
-    largest: int = 0,
+    pictures: bool = False,
 ) -> str:
     """The configuration of a session, as text for the library. Raises NetworkError.
 
-    `largest` is the limit in bytes of what comes in, if not that of the role.
+    `pictures`: a slave passes on those of its imaging process.
     """
     how = security is not None, role == "router" or network.mode == "routed"
     table: dict[str, Any] = {
@@ -117,11 +119,14 @@ def settings(
             },
             "link": {
                 "tx": {"lease": _milliseconds(network.lease), "keep_alive": KEEP_ALIVES, "batch_size": BATCH},
-                "rx": {"max_message_size": largest or LARGEST[role]},
+                "rx": {"max_message_size": LARGEST_PICTURE if pictures else LARGEST[role]},
             },
             "shared_memory": {"enabled": False},
         },
     }
+    if role in ("slave", "imaging"):  # in a router what comes behind a large message would wait too
+        drop = {"max_wait_before_drop_fragments": LARGE_WAIT_US}
+        table["transport"]["link"]["tx"]["queue"] = {"congestion_control": {"drop": drop}}
     if table["mode"] == "client":
         wait_ms = VISIT_WAIT_MS if role in ("visitor", "imaging") else ROUTER_WAIT_MS
         table["connect"] |= {"timeout_ms": wait_ms, "exit_on_failure": True}

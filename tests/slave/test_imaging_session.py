@@ -15,7 +15,7 @@ from hil.topics import TOPICS
 from hil.transport.roles import dial, route
 from hil.transport.security import Security
 from hil.transport.session import Session, listen
-from hil.transport.settings import LARGEST_PICTURE, Network
+from hil.transport.settings import Network
 from tests.processes import free_port, wait_for
 
 PICTURE = bytes(3_000_000)  # more than a slave takes from a master
@@ -50,7 +50,7 @@ def arrives(imaging: Session, *masters: Session) -> list[set[int]]:
 
 def test_masters_hear_it_through_the_slave(stack: ExitStack) -> None:
     asked = scenario(f"tcp/0.0.0.0:{free_port()}")
-    stack.enter_context(listen(asked.slave.listen, largest=LARGEST_PICTURE))
+    stack.enter_context(listen(asked.slave.listen, pictures=True))
     master = stack.enter_context(dial(asked.slave.listen.replace("0.0.0.0", "127.0.0.1")))
     assert arrives(stack.enter_context(join(asked)), master) == [{len(PICTURE)}]
 
@@ -74,7 +74,7 @@ def test_only_those_who_may_listen(stack: ExitStack, tmp_path: Path) -> None:
         return Security(str(tmp_path / "uuv1"), str(tmp_path / master), ("laptop",))
 
     asked = scenario(f"tcp/127.0.0.1:{free_port()}", security=security("laptop"))
-    stack.enter_context(listen(asked.slave.listen, security=asked.security, largest=LARGEST_PICTURE))
+    stack.enter_context(listen(asked.slave.listen, security=asked.security, pictures=True))
     masters = [
         stack.enter_context(dial(asked.slave.listen, security=security(name))) for name in ("laptop", "stranger")
     ]
