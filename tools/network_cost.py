@@ -105,12 +105,14 @@ def ask(endpoint: str, bare: bool, seconds: float) -> dict[str, float]:
     round_trip: list[float] = []
     ages: list[float] = []
     here = threading.Event()
+    began_ns = 0
 
     def take(payload: bytes) -> None:
         now = now_ns()
         there, sent = (int.from_bytes(payload[at : at + 8], "little") for at in (0, 8))
-        one_way.append((there - sent) / 1e6)
-        round_trip.append((now - sent) / 1e6)
+        if sent >= began_ns:  # not one of those that waited for the sessions to meet
+            one_way.append((there - sent) / 1e6)
+            round_trip.append((now - sent) / 1e6)
         here.set()
 
     hear("trace", take)
@@ -121,9 +123,10 @@ def ask(endpoint: str, bare: bool, seconds: float) -> dict[str, float]:
 
     while not here.wait(0.1):
         command()
+    began_ns = now_ns()
     for values in (one_way, round_trip, ages):
         values.clear()
-    sent, end = 0, now_ns() + round(seconds * 1e9)
+    sent, end = 0, began_ns + round(seconds * 1e9)
     while now_ns() < end:
         command()
         sent += 1
