@@ -9,9 +9,9 @@ from typing import Annotated, Literal, NamedTuple
 from firmware_stub.stub import Stm32, Stm32End
 from hil.clock import NS_PER_S, now_ns
 from hil.errors import HilError
-from hil.links.address import FORMS, open_address, parse_address
+from hil.links.address import FORMS, misfit, open_address
 from hil.links.contract import MAX_THRUSTERS, ThrusterLink
-from hil.links.protocols import ON_CAN, open_protocol
+from hil.links.protocols import open_protocol
 from hil.schema import Range, parse
 from hil.stop import StopSignals
 from hil.tables import settings
@@ -43,9 +43,7 @@ class Options(NamedTuple):
 
     def problem(self) -> str | None:
         """Protocols for CAN need a CAN bus, and the others none."""
-        if parse_address(self.port).carries_can != (self.protocol in ON_CAN):
-            return f"protocol {self.protocol} does not go with port {self.port}"
-        return None
+        return misfit(self.protocol, self.port)
 
 
 def main(argv: list[str] | None = None) -> int:

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
 from hil.clock import seconds_ns
 from hil.errors import ConfigError
-from hil.links.address import parse_address
-from hil.links.protocols import ON_CAN
+from hil.links.address import misfit
 from hil.schema import Range, find_preset, parse, preset_names
 from hil.tables import read_table
 from hil.transport.settings import Network
@@ -64,14 +63,7 @@ class Link(NamedTuple):
 
     def problem(self) -> str | None:
         """An address that is none, or that carries something else than the protocol."""
-        try:
-            carries_can = parse_address(self.port).carries_can
-        except ConfigError as error:
-            return f"port: {error}"
-        if carries_can != (self.protocol in ON_CAN):
-            needed = "a CAN bus, can:INTERFACE:CHANNEL" if self.protocol in ON_CAN else "a wire of bytes, no CAN bus"
-            return f"protocol {self.protocol!r} needs {needed}, and the port is {self.port!r}"
-        return None
+        return misfit(self.protocol, self.port)
 
 
 class Slave(NamedTuple):

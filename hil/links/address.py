@@ -17,7 +17,7 @@ from typing import Literal, NamedTuple
 
 from hil.errors import ConfigError
 from hil.links.contract import Wire
-from hil.links.protocols import Role
+from hil.links.protocols import ON_CAN, Role
 
 FORMS = "pty:/tmp/name, /dev/ttyUSB0, rs485:/dev/ttyUSB0, tcp://host:port, udp://host:port, can:interface:channel"
 
@@ -34,7 +34,7 @@ class Address(NamedTuple):
 
     @property
     def carries_can(self) -> bool:
-        """Whether it carries CAN frames and not bytes: which protocols fit, see `hil.links.protocols.ON_CAN`."""
+        """Whether it carries CAN frames and not bytes."""
         return self.kind == "can"
 
 
@@ -56,6 +56,18 @@ def parse_address(text: str) -> Address:
         if interface and channel:
             return Address("can", channel, interface=interface)
     raise ConfigError(f"{text!r} is not the address of a wire; there are {FORMS}")
+
+
+def misfit(protocol: str, port: str) -> str | None:
+    """Why this protocol cannot be spoken at this address, if so."""
+    try:
+        carries_can = parse_address(port).carries_can
+    except ConfigError as error:
+        return f"port: {error}"
+    if carries_can == (protocol in ON_CAN):
+        return None
+    needed = "a CAN bus, can:INTERFACE:CHANNEL" if protocol in ON_CAN else "a wire of bytes, no CAN bus"
+    return f"protocol {protocol!r} needs {needed}, and the port is {port!r}"
 
 
 def open_address(text: str, role: Role, baud: int = 115_200, bitrate: int = 1_000_000) -> Wire:
