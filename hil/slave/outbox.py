@@ -9,8 +9,9 @@ from hil.topics import TOPICS
 from hil.transport import ros
 from hil.transport.graph import Node
 from hil.transport.session import Publisher, Session
+from hil.transport.settings import BATCH
 
-LARGE = 4096  # bytes, from which on a message may be sent in parts, and wait for room for each
+LARGE = BATCH - 1024  # bytes; a longer message may go out in parts, and wait for room for each
 
 
 class Outbox:
