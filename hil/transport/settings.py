@@ -25,6 +25,9 @@ LARGEST = {"slave": 1 << 20, "master": 1 << 26, "visitor": 1 << 26, "router": 1 
 LARGEST_PICTURE = 1 << 26  # which a slave gets from its imaging process
 # That a large message may take on a slow network (one of n batches at most 2^n ms), before the rest is left out.
 LARGE_WAIT_US = 1_000_000
+# That what must not be left out, a recording that is played, waits for a network that takes nothing, before the link
+# is closed; 5 s otherwise, in which nobody could end it.
+STUCK_WAIT_US = 1_000_000
 
 Role = Literal["slave", "master", "visitor", "router", "imaging"]
 
@@ -125,8 +128,8 @@ def settings(
         },
     }
     if role in ("slave", "imaging"):  # in a router what comes behind a large message would wait too
-        drop = {"max_wait_before_drop_fragments": LARGE_WAIT_US}
-        table["transport"]["link"]["tx"]["queue"] = {"congestion_control": {"drop": drop}}
+        drop, block = {"max_wait_before_drop_fragments": LARGE_WAIT_US}, {"wait_before_close": STUCK_WAIT_US}
+        table["transport"]["link"]["tx"]["queue"] = {"congestion_control": {"drop": drop, "block": block}}
     if table["mode"] == "client":
         wait_ms = VISIT_WAIT_MS if role in ("visitor", "imaging") else ROUTER_WAIT_MS
         table["connect"] |= {"timeout_ms": wait_ms, "exit_on_failure": True}
