@@ -1,46 +1,120 @@
-"""A slow network between two programs of this machine."""
+"""A network between a slave and a master, in this process: relays the two TCP links, and fails on request."""
 
+import select
 import socket
 import threading
 import time
-from contextlib import suppress
+from types import TracebackType
+from typing import Self
 
-PIECE = 4096  # bytes
+from tests.processes import free_port
+
+PIECE = 4096  # bytes that pass at a time where there is a rate
+LAG_S = 0.02  # that is made up for, as we do not wake exactly
 
 
 class Relay:
-    """A network in between: all to `port` at once, what comes from there at `rate` bytes a second, if any is given."""
+    """Listens on `port` and the next, relays to `target` and the next. Use as a context.
 
-    def __init__(self, here: int, port: int, rate: float) -> None:
-        self._port, self._rate = port, rate
-        self._ends: list[socket.socket] = []
-        self._listener = self._small(socket.create_server(("127.0.0.1", here)))
-        threading.Thread(target=self._accept, daemon=True).start()
+    `hold` lets nothing pass and loses nothing: what the sender's kernel took is delivered on `release`, as TCP does
+    after a black-out. `cut` ends all connections and refuses new ones until `mend`. `rate` is how many bytes a second
+    pass from the target over the second link, which is not that of commands; it holds back little, as a bottleneck
+    that is near.
+    """
 
-    def close(self) -> None:
-        for end in (self._listener, *self._ends):
-            with suppress(OSError):
-                end.shutdown(socket.SHUT_RDWR)
+    def __init__(self, target: int, rate: float = 0.0) -> None:
+        self.port = free_port()
+        self._target = target
+        self._rate = rate
+        self._slow: set[socket.socket] = set()  # the ends that have this rate
+        self._due = 0.0  # when more may pass from them
+        self._listeners = [socket.create_server(("127.0.0.1", self.port + link), backlog=64) for link in (0, 1)]
+        self._pairs: dict[socket.socket, socket.socket] = {}
+        self._held = False
+        self._cut = False
+        self._ending = False
+        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._thread.start()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, _: type[BaseException] | None, __: BaseException | None, ___: TracebackType | None) -> None:
+        self._ending = True
+        self._thread.join()
+        for end in (*self._listeners, *self._pairs):
             end.close()
 
-    def _accept(self) -> None:
-        with suppress(OSError):
-            while True:
-                master = self._listener.accept()[0]
-                slave = self._small(socket.socket())
-                slave.connect(("127.0.0.1", self._port))
-                self._ends += [master, slave]
-                for ends in ((master, slave, 0.0), (slave, master, self._rate)):
-                    threading.Thread(target=self._pass_on, args=ends, daemon=True).start()
+    @property
+    def endpoint(self) -> str:
+        """Where a master dials."""
+        return f"tcp/127.0.0.1:{self.port}"
 
-    def _pass_on(self, source: socket.socket, target: socket.socket, rate: float) -> None:
-        target.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        with suppress(OSError):
-            while piece := source.recv(PIECE):
-                target.sendall(piece)
-                time.sleep(len(piece) / rate if rate else 0.0)
+    def hold(self) -> None:
+        """From now on nothing passes."""
+        self._held = True
 
-    def _small(self, end: socket.socket) -> socket.socket:
-        """Holds back little, as a bottleneck that is near."""
-        end.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 2 * PIECE)
-        return end
+    def release(self) -> None:
+        """What was held passes, and what follows."""
+        self._held = False
+
+    def cut(self) -> None:
+        """All connections end."""
+        self._cut = True
+
+    def mend(self) -> None:
+        """New connections are accepted again."""
+        self._cut = False
+
+    def _run(self) -> None:
+        while not self._ending:
+            if self._cut:
+                self._close(*self._pairs)
+            for end in select.select([*self._listeners, *self._passing()], (), (), 0.005)[0]:
+                if end in self._listeners:
+                    self._accept(end)
+                elif end in self._pairs:
+                    self._pass(end)
+
+    def _passing(self) -> list[socket.socket]:
+        """The ends from which something may pass now."""
+        if self._held:
+            return []
+        resting = self._slow if time.monotonic() < self._due else ()
+        return [end for end in self._pairs if end not in resting]
+
+    def _accept(self, listener: socket.socket) -> None:
+        near, _ = listener.accept()
+        if self._cut:
+            near.close()
+            return
+        link, far = self._listeners.index(listener), socket.socket()
+        if self._rate and link:
+            far.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 2 * PIECE)
+            self._slow.add(far)
+        try:
+            far.connect(("127.0.0.1", self._target + link))
+        except OSError:
+            self._close(near, far)
+            return
+        for end in (near, far):
+            end.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self._pairs |= {near: far, far: near}
+
+    def _pass(self, end: socket.socket) -> None:
+        try:
+            data = end.recv(PIECE if end in self._slow else 65536)
+            if data:
+                self._pairs[end].sendall(data)
+                if end in self._slow:
+                    self._due = max(self._due, time.monotonic() - LAG_S) + len(data) / self._rate
+                return
+        except OSError:
+            pass
+        self._close(end, self._pairs[end])
+
+    def _close(self, *ends: socket.socket) -> None:
+        for end in ends:
+            self._pairs.pop(end, None)
+            self._slow.discard(end)
+            end.close()

@@ -8,7 +8,7 @@ import pytest
 
 from hil.autonomy.control import VelocityCommand
 from hil.master.client import VehicleClient
-from tests.processes import Program, free_port, write_scenario
+from tests.processes import Program, write_scenario
 from tests.relay import Relay
 
 CAMERA = """
@@ -24,15 +24,11 @@ SECONDS = 4.0
 @pytest.fixture
 def client(tmp_path: Path) -> Iterator[VehicleClient]:
     scenario, port = write_scenario(tmp_path, top=CAMERA)
-    here = free_port()
     with Program(tmp_path, "slave", scenario) as slave:
         slave.expect("ready")
-        relays = [Relay(here, port, 0.0), Relay(here + 1, port + 1, BYTES_PER_S)]
-        with VehicleClient(f"tcp/127.0.0.1:{here}", "uuv1") as client:
+        with Relay(port, BYTES_PER_S) as relay, VehicleClient(relay.endpoint, "uuv1") as client:
             assert client.wait_for_vehicle(10.0)
             yield client
-        for relay in relays:
-            relay.close()
 
 
 def test_commands_do_not_wait_behind_them(client: VehicleClient) -> None:

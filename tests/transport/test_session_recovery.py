@@ -20,7 +20,7 @@ from hil.transport.session import Session, listen, open_session
 from hil.transport.settings import Network, settings
 from hil.transport.tokens import Presence
 from tests.processes import free_port, wait_for
-from tests.transport.relay import Relay
+from tests.relay import Relay
 
 AGE_LIMIT_S = 0.3
 
