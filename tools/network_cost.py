@@ -175,9 +175,9 @@ def imu_cost(count: int = 500) -> tuple[float, float]:
     with listen(endpoint) as session, subprocess.Popen([sys.executable, __file__, "--hear", endpoint]) as hearing:
         os.sched_setaffinity(hearing.pid, others or [ours])
         outbox = Outbox(session, NODE, to_wall_ns(now_ns()))
-        while not session.others():
+        is_heard = session.audience("0/**")
+        while not is_heard():
             time.sleep(0.05)
-        time.sleep(0.5)  # until its subscription has come too
 
         def once(pause: float) -> float:
             if pause:
