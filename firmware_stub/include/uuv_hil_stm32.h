@@ -103,8 +103,8 @@ uint64_t uuv_hil_board_deadline_us(const UuvHilBoard *board);
 #define UUV_HIL_PACKET_LONGEST 280u /* a signed MAVLink 2 packet; the frame has 261 at most */
 
 typedef struct {
-    /* The size of the packet that begins with these bytes, as far as can be seen: more than `seen` until
-     * enough is; 0 if none begins so. */
+    /* The size of the packet that begins with these bytes; as long as it cannot be seen, how many bytes have to be
+     * for more to be said; 0 if none begins so. */
     size_t (*size)(const uint8_t *bytes, size_t seen);
     bool (*is_sound)(const uint8_t *packet, size_t size);
     uint8_t first; /* byte of every packet; any other need not be asked for its size */
@@ -113,6 +113,7 @@ typedef struct {
 typedef struct {
     uint8_t bytes[UUV_HIL_PACKET_LONGEST]; /* the beginning of a packet whose end has not come */
     uint16_t length;
+    uint16_t look_at;         /* the length at which what is there may say more than it has so far */
     uint16_t checksum_errors; /* both counters wrap */
     uint16_t dropped_bytes;
 } UuvHilStream;

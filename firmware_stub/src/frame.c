@@ -4,13 +4,15 @@
 
 #define FRAME_PREFIX UUV_HIL_FRAME_PAYLOAD /* sync, length, id */
 
+_Static_assert(UUV_HIL_FRAME_CRC_POLYNOMIAL == 0x1021u, "eight bits at once are these shifts for no other polynomial");
+
 uint16_t uuv_hil_crc16(const uint8_t *data, size_t size)
 {
     uint32_t crc = UUV_HIL_FRAME_CRC_START_VALUE;
     for (size_t i = 0; i < size; i++) {
-        crc ^= (uint32_t)data[i] << 8;
-        for (int bit = 0; bit < 8; bit++)
-            crc = (crc & 0x8000u) ? crc << 1 ^ UUV_HIL_FRAME_CRC_POLYNOMIAL : crc << 1;
+        uint32_t byte = (crc >> 8 ^ data[i]) & 0xFFu;
+        byte ^= byte >> 4;
+        crc = crc << 8 ^ byte << 12 ^ byte << 5 ^ byte;
     }
     return (uint16_t)crc;
 }
@@ -39,7 +41,9 @@ static uint16_t checksum(const uint8_t *frame, size_t size)
 
 static size_t frame_size(const uint8_t *bytes, size_t seen)
 {
-    if (seen > 1 && bytes[1] != UUV_HIL_FRAME_SYNC_1)
+    if (seen < 2)
+        return 2;
+    if (bytes[1] != UUV_HIL_FRAME_SYNC_1)
         return 0;
     if (seen < FRAME_PREFIX)
         return FRAME_PREFIX;

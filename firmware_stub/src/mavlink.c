@@ -29,7 +29,9 @@ static uint32_t message_id(const uint8_t *packet)
 
 static size_t packet_size(const uint8_t *bytes, size_t seen)
 {
-    if (seen > 2 && (bytes[2] & ~SIGNED) != 0)
+    if (seen < 3)
+        return 3;
+    if ((bytes[2] & ~SIGNED) != 0)
         return 0;
     if (seen < HEADER_SIZE)
         return HEADER_SIZE;
@@ -304,17 +306,15 @@ static bool obey(UuvHilMavlink *mavlink, const UuvHilPlatform *platform, const m
     }
 }
 
-static mavlink_message_t unpacked(const uint8_t *packet)
+/* What the decoders read of it; clearing the rest first would take longer than all else. */
+static void unpack(const uint8_t *packet, mavlink_message_t *message)
 {
-    mavlink_message_t message = {
-        .len = packet[1],
-        .seq = packet[4],
-        .sysid = packet[5],
-        .compid = packet[6],
-        .msgid = message_id(packet) & 0xFFFFFFu,
-    };
-    memcpy(_MAV_PAYLOAD_NON_CONST(&message), packet + HEADER_SIZE, message.len);
-    return message;
+    message->len = packet[1];
+    message->seq = packet[4];
+    message->sysid = packet[5];
+    message->compid = packet[6];
+    message->msgid = message_id(packet) & 0xFFFFFFu;
+    memcpy(_MAV_PAYLOAD_NON_CONST(message), packet + HEADER_SIZE, message->len);
 }
 
 /* ---- the whole ---- */
@@ -332,7 +332,8 @@ UuvHilHeard uuv_hil_mavlink_feed(UuvHilMavlink *mavlink, const UuvHilPlatform *p
     const uint8_t *packet = uuv_hil_stream_feed(&mavlink->packets, &mavlink_format, byte);
     if (packet == NULL)
         return UUV_HIL_NOTHING;
-    mavlink_message_t message = unpacked(packet);
+    mavlink_message_t message;
+    unpack(packet, &message);
     if (message.sysid == SYSTEM && message.compid == COMPONENT)
         return UUV_HIL_SOUND; /* our own echo */
     if (!obey(mavlink, platform, &message, now_us))

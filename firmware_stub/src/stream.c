@@ -1,4 +1,8 @@
-/* Packets in a stream of bytes: what hil/links/frame/protocol.py does, one byte at a time. */
+/* Packets in a stream of bytes: what hil/links/frame/protocol.py does, one byte at a time.
+ *
+ * All packets that may have begun are looked at when one of them may tell more than before, and not with every byte:
+ * that would be most of what the firmware does between a command and its answer.
+ */
 
 #include "uuv_hil_stm32.h"
 
@@ -17,11 +21,11 @@ static const uint8_t *take(UuvHilStream *stream, size_t start)
     return stream->bytes + start;
 }
 
-const uint8_t *uuv_hil_stream_feed(UuvHilStream *stream, const UuvHilFormat *format, uint8_t byte)
+static const uint8_t *look(UuvHilStream *stream, const UuvHilFormat *format)
 {
-    stream->bytes[stream->length++] = byte;
     size_t length = stream->length;
     size_t kept_from = length; /* where the first packet begins whose end has not come */
+    size_t look_at = SIZE_MAX;
     for (size_t start = 0; start < length; start++) {
         const uint8_t *packet = stream->bytes + start;
         if (*packet != format->first)
@@ -29,15 +33,30 @@ const uint8_t *uuv_hil_stream_feed(UuvHilStream *stream, const UuvHilFormat *for
         size_t size = format->size(packet, length - start);
         if (size == 0)
             continue;
-        if (start + size == length && format->is_sound(packet, size))
+        size_t end = start + size;
+        if (end == length && format->is_sound(packet, size))
             return take(stream, start);
+        if (end > length && end < look_at)
+            look_at = end;
         if (kept_from < length)
             continue; /* it comes to its turn when what stands before it has */
-        if (start + size > length)
+        if (end > length)
             kept_from = start;
         else
             stream->checksum_errors++;
     }
     drop(stream, kept_from);
+    stream->look_at = (uint16_t)(look_at - kept_from);
     return NULL;
+}
+
+const uint8_t *uuv_hil_stream_feed(UuvHilStream *stream, const UuvHilFormat *format, uint8_t byte)
+{
+    bool may_begin = byte == format->first;
+    if (stream->length == 0 && !may_begin) {
+        stream->dropped_bytes++;
+        return NULL;
+    }
+    stream->bytes[stream->length++] = byte;
+    return stream->length < stream->look_at && !may_begin ? NULL : look(stream, format);
 }

@@ -105,7 +105,7 @@ def test_a_longer_message_of_a_later_version_is_understood() -> None:
     crc = dialect.x25crc(bytes(body[1:]) + bytes([222])).crc
     parser, counters = stream()
     (message,) = parser.unpack(bytes(body) + struct.pack("<H", crc))
-    assert message.servo16_raw == 1500
+    assert message.pulses == (1500,) * 16
     assert counters.dropped_bytes == 0
 
 

@@ -35,12 +35,12 @@ from hil.links.mavlink.end import (
     is_pulse,
     next_due,
     sender,
-    servos,
     share_to_pulse,
 )
 from hil.links.mavlink.link import EscReading, MavlinkSettings
 from hil.links.mavlink.outputs import Outputs
 from hil.links.mavlink.reports import autopilot_version, device_heartbeat, esc_telemetry, sys_status
+from hil.links.mavlink.servos import ServoOutputRaw
 
 ESC_PERIOD_NS = NS_PER_S // 5
 TEST_LIMIT_S = 30.0  # ArduPilot's longest motor test
@@ -118,10 +118,10 @@ class MavlinkDevice(MavlinkEnd):
     def _state(self) -> bytes:
         return self.pack(device_heartbeat(self._told)) + self.pack(sys_status(self._told))
 
-    def _servo_output_raw(self, packet: Any) -> ThrusterCommand | None:
-        if packet.get_srcSystem() != self.settings.system or packet.port != PORT:
+    def _servo_output_raw(self, packet: ServoOutputRaw) -> ThrusterCommand | None:
+        if packet.system != self.settings.system or packet.port != PORT:
             return None
-        return self._outputs.order(servos(packet, self.channels), self._outputs.armed, packet)
+        return self._outputs.order(packet.pulses[: self.channels], self._outputs.armed, packet)
 
     def _hil_actuator_controls(self, packet: Any) -> ThrusterCommand | None:
         if packet.get_srcSystem() != self.settings.system:

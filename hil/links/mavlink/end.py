@@ -75,7 +75,7 @@ class MavlinkEnd(Protocol):
     def servo_output_raw(self, pulses: list[int]) -> bytes:
         """The packet of SERVO_OUTPUT_RAW with these pulses (us), stamped with this end's clock (us, wraps)."""
         servos = pulses + [NO_PULSE_US] * (SERVOS - len(pulses))
-        return self.pack(dialect.MAVLink_servo_output_raw_message(self._clock() // NS_PER_US & U32, PORT, *servos))
+        return self._stream.pack_servos(self._clock() // NS_PER_US & U32, PORT, servos)
 
     def check_channels(self, pulses: tuple[int, ...]) -> None:
         """Raises ValueError if this is not one pulse a thruster."""
@@ -86,11 +86,6 @@ class MavlinkEnd(Protocol):
 def sender(packet: Any) -> tuple[int, int]:
     """System and component that sent a packet."""
     return packet.get_srcSystem(), packet.get_srcComponent()
-
-
-def servos(packet: Any, channels: int) -> list[int]:
-    """The first pulse widths (us) of a SERVO_OUTPUT_RAW."""
-    return [getattr(packet, f"servo{i}_raw") for i in range(1, channels + 1)]
 
 
 def is_pulse(width_us: float) -> bool:

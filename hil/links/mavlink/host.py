@@ -18,11 +18,11 @@ from hil.links.mavlink.end import (
     is_pulse,
     next_due,
     sender,
-    servos,
     share_to_pulse,
 )
 from hil.links.mavlink.link import EscReading, MavlinkSettings
 from hil.links.mavlink.reports import ESC_GROUPS, esc_readings, host_heartbeat
+from hil.links.mavlink.servos import ServoOutputRaw
 
 NOT_A_PULSE_US = 1  # for RC_CHANNELS_OVERRIDE, where 0 gives the channel back
 IGNORED = 0xFFFF  # the same for a channel that is not meant
@@ -120,10 +120,10 @@ class MavlinkHost(MavlinkEnd):
             for i, reading in enumerate(esc_readings(packet)[: max(0, self.channels - first)]):
                 self.esc[first + i] = reading
 
-    def _report(self, packet: Any) -> ThrusterTelemetry | None:
+    def _report(self, packet: ServoOutputRaw) -> ThrusterTelemetry | None:
         if sender(packet) != self._device or packet.port != PORT:
             return None
-        pulses = tuple(servos(packet, self.channels))
+        pulses = packet.pulses[: self.channels]
         sequence = self._sent.match(pulses)
         return ThrusterTelemetry(
             sequence=sequence,

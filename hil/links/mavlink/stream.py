@@ -1,6 +1,6 @@
 """MAVLink 2 packets in a stream of bytes: found, checked, signed and packed.
 
-pymavlink decodes and encodes; what it is not used for is
+pymavlink decodes and encodes; what it is not used for is, besides pulses (see servos.py),
 
     finding packets   its parser waits for the end of whatever looks like a beginning, and so loses the packets
                       behind a cut one. Here a sound packet is delivered as soon as its last byte is there, and
@@ -17,9 +17,9 @@ from typing import Any
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from hil.links.contract import Counters
+from hil.links.mavlink import servos
+from hil.links.mavlink.servos import HEADER_SIZE, MARKER
 
-MARKER = b"\xfd"
-HEADER_SIZE = 10
 CRC_SIZE = 2
 SIGNED = 0x01  # the one incompatibility flag there is
 SIGNATURE_SIZE = 13  # link id, timestamp, hash
@@ -100,6 +100,15 @@ class MavlinkStream:
         mavlink.seq = (mavlink.seq + 1) & 0xFF
         return packet
 
+    def pack_servos(self, time_usec: int, port: int, pulses: list[int]) -> bytes:
+        """The packet of a SERVO_OUTPUT_RAW with these 16 pulses (us), with the next number."""
+        if self._signs:
+            return self.pack(dialect.MAVLink_servo_output_raw_message(time_usec, port, *pulses))
+        mavlink = self._mavlink
+        packet = servos.encode(time_usec, port, pulses, mavlink.seq, mavlink.srcSystem, mavlink.srcComponent)
+        mavlink.seq = (mavlink.seq + 1) & 0xFF
+        return packet
+
     def unpack(self, data: bytes) -> list[Any]:
         """The messages whose packets `data` completes, in order. Never raises.
 
@@ -107,10 +116,16 @@ class MavlinkStream:
         """
         messages = []
         for packet in self._cut(data):
+            has_pulses = packet[7:HEADER_SIZE] == servos.ID_BYTES
+            if has_pulses and not self._signs:
+                messages.append(servos.decode(packet))
+                continue
             try:
-                messages.append(self._mavlink.decode(bytearray(packet)))
+                message = self._mavlink.decode(bytearray(packet))
             except dialect.MAVError:  # sound, but its signature is not
                 self._counters.malformed += 1
+            else:
+                messages.append(servos.decode(packet) if has_pulses else message)
         return messages
 
     def _cut(self, data: bytes) -> list[bytes]:
