@@ -169,7 +169,9 @@ def test_a_slow_process_drops_pictures(tmp_path: Path) -> None:
         assert wait_for(lambda: int(client.diagnostics()["camera_dropped"]) > 10, 10)
         assert wait_for(lambda: float(client.diagnostics()["camera_took_ms"]) > 20.0, 10)
         figures = client.diagnostics()
-        assert float(figures["real_time_factor"]) > 0.9
+        assert (
+            float(figures["real_time_factor"]) > 0.8
+        )  # it loses nothing to the pictures, but a machine may stand still
         assert int(figures["camera_asked"]) > int(figures["camera_dropped"])
 
 

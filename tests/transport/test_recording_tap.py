@@ -40,7 +40,9 @@ def test_it_hears_the_vehicle_and_its_master() -> None:
         for number in range(100):
             imu.put(b"imu %d" % number, began + number)
             commands.put(b"command %d" % number, began + number)
-            time.sleep(0.002)
+            time.sleep(
+                0.01
+            )  # a command that finds two others waiting to be sent is dropped, as a busy machine may let it
         last = {b"imu 99", b"command 99"}
         heard = collect(tap, lambda messages: last <= {message.data for message in messages})
     topics = Counter(message.topic for message in heard)
