@@ -306,7 +306,7 @@ static bool obey(UuvHilMavlink *mavlink, const UuvHilPlatform *platform, const m
     }
 }
 
-/* What the decoders read of it; clearing the rest first would take longer than all else. */
+/* What the decoders read of it; to clear the rest first would take longer than to decode it. */
 static void unpack(const uint8_t *packet, mavlink_message_t *message)
 {
     message->len = packet[1];

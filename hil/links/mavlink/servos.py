@@ -1,4 +1,4 @@
-"""SERVO_OUTPUT_RAW without pymavlink, which takes five times as long for it: it is every command and every report."""
+"""SERVO_OUTPUT_RAW without pymavlink, which takes three to six times as long: it is every command and every report."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -51,5 +51,5 @@ def encode(time_usec: int, port: int, pulses: Sequence[int], number: int, system
 def decode(packet: bytes) -> ServoOutputRaw:
     """What a sound packet says. Zeros at the end of the payload may be missing, and what is beyond it is newer."""
     payload = packet[HEADER_SIZE : HEADER_SIZE + packet[1]].ljust(_PAYLOAD.size, b"\0")
-    time_usec, *first, port, a, b, c, d, e, f, g, h = _PAYLOAD.unpack_from(payload)
-    return ServoOutputRaw(time_usec, (*first, a, b, c, d, e, f, g, h), port, packet[4], packet[5], packet[6])
+    fields = _PAYLOAD.unpack_from(payload)
+    return ServoOutputRaw(fields[0], fields[1:9] + fields[10:], fields[9], packet[4], packet[5], packet[6])
