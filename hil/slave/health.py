@@ -20,14 +20,14 @@ if TYPE_CHECKING:
     from boards import Board
     from hil.slave.imaging import Imaging
 
-REPORT_PERIOD_S = 0.1
-DIAGNOSE_EVERY = 10  # report periods
-COLLECT_EVERY = 300
+PERIOD_S = 1.0
+LEAST_PERIOD_S = 0.1  # when there is news all the time
+COLLECT_EVERY = 30  # reports
 OK, WARNING = 0, 1
 
 
 class Health:
-    """Publishes one diagnostic status a second and writes the log.
+    """Writes the log and publishes a diagnostic status, when there is news and once a second.
 
     `startup` are monotonic instants by name, "exec" first. Use as a context: leaving it says the last word.
     """
@@ -63,6 +63,7 @@ class Health:
         }
         self._tree, self._board = Tree(), board
         self._memory = process.Memory()
+        self._news = loop.inbox.news = log.news
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="health", daemon=True)
 
@@ -71,6 +72,7 @@ class Health:
 
     def __exit__(self, *_: object) -> None:
         self._stop.set()
+        self._news.set()
         self._thread.join(1.0)  # it may be stuck in writing to a terminal that nobody reads
         self._publish()
         self._log.flush()
@@ -141,14 +143,13 @@ class Health:
 
     def _run(self) -> None:
         os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
-        turn, heart = 0, Heartbeat()
-        while not self._stop.wait(REPORT_PERIOD_S):
+        reports, heart = 0, Heartbeat()
+        while not self._stop.wait(LEAST_PERIOD_S):
+            self._news.wait(PERIOD_S - LEAST_PERIOD_S)
+            self._news.clear()
             self._log.flush()
-            if turn % DIAGNOSE_EVERY == 0:
-                heart.beat(self._loop.schedule.due_total)
-            if turn % DIAGNOSE_EVERY == 0 or self._loop.inbox.news:
-                self._loop.inbox.news = False
-                self._publish()
-            turn += 1
-            if turn % COLLECT_EVERY == 0:
+            heart.beat(self._loop.schedule.due_total)
+            self._publish()
+            reports += 1
+            if reports % COLLECT_EVERY == 0:
                 gc.collect()  # the loop has switched automatic collection off

@@ -6,6 +6,7 @@ ROS 2, which do not say who they are, count as one master as long as each keeps 
 """
 
 import os
+import threading
 import time
 from collections import deque
 from typing import TYPE_CHECKING, Any
@@ -101,7 +102,7 @@ class Inbox:
         self.clocks: dict[bytes, ClockOffset] = {}
         self.ranks: dict[bytes, int] = {}
         self.master = b""
-        self.news = False
+        self.news = threading.Event()
         self.received = 0
         self.malformed = 0
         self.stale = 0
@@ -157,7 +158,7 @@ class Inbox:
         self.clocks.pop(sender, None)
         if sender == self.master:
             self.master = b""
-            self.news = True
+            self.news.set()
 
     def close(self) -> None:
         """Give the descriptor back. The reader must have ended."""
@@ -200,7 +201,7 @@ class Inbox:
                 self.refused += 1
                 return False
             self.master = sender
-            self.news = True
+            self.news.set()
             self._strangers.clear()
             if self._orders:
                 self._orders.forget()

@@ -71,7 +71,7 @@ def test_another_master_is_refused_until_this_one_is_silent(inbox: Inbox) -> Non
     assert inbox.master == GID, "a higher rank takes over at once"
     deliver(inbox, 3, gid=OTHER)
     assert inbox.refused == 2
-    assert inbox.news
+    assert inbox.news.is_set()
 
 
 def test_a_stale_command_gives_no_right(inbox: Inbox) -> None:

@@ -19,7 +19,7 @@ pytestmark = pytest.mark.netns
 SEEN_WITHIN_S = 1.1
 BACK_WITHIN_S = 0.5
 AGE_LIMIT_MS = 500.0
-LOG_S = 0.15  # the slave writes its log ten times a second
+LOG_S = 0.15  # the slave writes its log ten times a second at most
 PORT = 7447
 
 
