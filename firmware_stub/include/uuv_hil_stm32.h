@@ -103,8 +103,8 @@ uint64_t uuv_hil_board_deadline_us(const UuvHilBoard *board);
 #define UUV_HIL_PACKET_LONGEST 280u /* a signed MAVLink 2 packet; the frame has 261 at most */
 
 typedef struct {
-    /* The size of the packet that begins with these bytes; as long as it cannot be seen, how many bytes have to be
-     * for more to be said; 0 if none begins so. */
+    /* The size of the packet that begins with these bytes; while they are too few to see it, how many it takes to
+     * see more, before which the answer is the same; 0 if none begins so. */
     size_t (*size)(const uint8_t *bytes, size_t seen);
     bool (*is_sound)(const uint8_t *packet, size_t size);
     uint8_t first; /* byte of every packet; any other need not be asked for its size */

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 PERIOD_S = 1.0
 LEAST_PERIOD_S = 0.1  # when there is news all the time
-COLLECT_EVERY = 30  # reports
+COLLECT_PERIOD_NS = 30 * NS_PER_S
 OK, WARNING = 0, 1
 
 
@@ -63,7 +63,7 @@ class Health:
         }
         self._tree, self._board = Tree(), board
         self._memory = process.Memory()
-        self._news = loop.inbox.news = log.news
+        self._news = loop.inbox.news = log.news  # one thing to wait for
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="health", daemon=True)
 
@@ -143,13 +143,13 @@ class Health:
 
     def _run(self) -> None:
         os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
-        reports, heart = 0, Heartbeat()
+        collect_due_ns, heart = now_ns() + COLLECT_PERIOD_NS, Heartbeat()
         while not self._stop.wait(LEAST_PERIOD_S):
             self._news.wait(PERIOD_S - LEAST_PERIOD_S)
             self._news.clear()
             self._log.flush()
             heart.beat(self._loop.schedule.due_total)
             self._publish()
-            reports += 1
-            if reports % COLLECT_EVERY == 0:
+            if now_ns() >= collect_due_ns:
                 gc.collect()  # the loop has switched automatic collection off
+                collect_due_ns = now_ns() + COLLECT_PERIOD_NS

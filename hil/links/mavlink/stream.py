@@ -116,17 +116,17 @@ class MavlinkStream:
         """
         messages = []
         for packet in self._cut(data):
-            has_pulses = packet[7:HEADER_SIZE] == servos.ID_BYTES
-            if has_pulses and not self._signs:
-                messages.append(servos.decode(packet))
-                continue
             try:
-                message = self._mavlink.decode(bytearray(packet))
+                messages.append(self._read(packet))
             except dialect.MAVError:  # sound, but its signature is not
                 self._counters.malformed += 1
-            else:
-                messages.append(servos.decode(packet) if has_pulses else message)
         return messages
+
+    def _read(self, packet: bytes) -> Any:
+        """What a sound packet says. Raises MAVError if its signature is wrong, or missing."""
+        has_pulses = packet[7:HEADER_SIZE] == servos.ID_BYTES
+        message = None if has_pulses and not self._signs else self._mavlink.decode(bytearray(packet))
+        return servos.decode(packet) if has_pulses else message
 
     def _cut(self, data: bytes) -> list[bytes]:
         """The sound packets in what is there."""
