@@ -6,6 +6,7 @@
 PYTHON ?= python3
 VENV ?= .venv
 PACKAGES = hil sim boards firmware_stub
+NATIVE = sim/native hil/slave/native
 BIN = $(VENV)/bin
 
 .PHONY: demo test lint clean
@@ -25,7 +26,7 @@ lint: $(VENV)/.dev
 # Bytecode is compiled at install: the start-up time of the first run is that of every run.
 $(VENV)/.run: EXTRA = master
 $(VENV)/.dev: EXTRA = dev
-$(VENV)/.run $(VENV)/.dev: pyproject.toml hatch_build.py $(wildcard sim/native/*.[ch])
+$(VENV)/.run $(VENV)/.dev: pyproject.toml hatch_build.py $(wildcard $(NATIVE:%=%/*.[ch]))
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
 	  || { echo "Python 3.11 or later is needed; name one with: make PYTHON=/path/to/python3.11"; exit 1; }
 	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV) \
@@ -36,4 +37,4 @@ $(VENV)/.run $(VENV)/.dev: pyproject.toml hatch_build.py $(wildcard sim/native/*
 	@touch $@
 
 clean:
-	rm -rf $(VENV) sim/native/*.so runs .mypy_cache .ruff_cache .pytest_cache
+	rm -rf $(VENV) $(NATIVE:%=%/*.so) runs .mypy_cache .ruff_cache .pytest_cache

@@ -1,4 +1,4 @@
-"""Part of the build of the wheel: the step in C goes in where it can be compiled.
+"""Part of the build of the wheel: what there is in C goes in where it can be compiled.
 
 Without a compiler the wheel is pure Python and does the same, slower. `UUV_HIL_NATIVE=0` in the environment
 builds the pure wheel anyway, `UUV_HIL_NATIVE=1` fails where the C cannot be had.
@@ -12,22 +12,21 @@ from typing import Any
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 from packaging.tags import sys_tags
 
-FOLDER = "sim/native"
+BUILD = "sim/native/build.py"
 
 
 class NativeBuildHook(BuildHookInterface[Any]):
-    """Compiles sim/native for a wheel; for `pip install -e`, beside its source."""
+    """Compiles the C for a wheel; for `pip install -e`, beside its source."""
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
         """Called by hatchling before it packs; raises RuntimeError if the C is demanded and cannot be had."""
         wish = os.environ.get("UUV_HIL_NATIVE")
         if wish == "0":
             return
-        source = os.path.join(self.root, FOLDER)
-        tools = runpy.run_path(os.path.join(source, "build.py"))
+        tools = runpy.run_path(os.path.join(self.root, BUILD))
         self._scratch = tempfile.TemporaryDirectory()
         editable = version == "editable"
-        folder = source if editable else self._scratch.name
+        folder = self.root if editable else self._scratch.name
         reason = tools["build"](folder)
         if reason:
             if wish == "1":
@@ -38,7 +37,7 @@ class NativeBuildHook(BuildHookInterface[Any]):
         build_data["tag"] = f"cp311-abi3-{platform()}"
         if not editable:
             for binary in tools["SOURCES"]:
-                build_data["force_include"][os.path.join(folder, binary)] = f"{FOLDER}/{binary}"
+                build_data["force_include"][os.path.join(folder, binary)] = binary
 
     def finalize(self, version: str, build_data: dict[str, Any], artifact_path: str) -> None:
         """Called by hatchling when the wheel is written."""

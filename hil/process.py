@@ -88,9 +88,10 @@ def boot_id() -> str:
 
 
 def bytecode_compiled(package: str) -> bool:
-    """Whether every module of an imported package that is loaded came from compiled bytecode on disk."""
+    """Whether every module of an imported package that is loaded came from compiled bytecode on disk, or from C."""
     import sys
 
     modules = [m for name, m in sys.modules.items() if name == package or name.startswith(package + ".")]
-    cached = [getattr(module, "__cached__", None) for module in modules]
+    python = [module for module in modules if not (getattr(module, "__file__", None) or "").endswith(".so")]
+    cached = [getattr(module, "__cached__", None) for module in python]
     return bool(cached) and all(path is not None and os.path.exists(path) for path in cached)

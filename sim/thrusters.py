@@ -46,12 +46,11 @@ def pwm_for(thruster: Thruster, thrust: float) -> int:
 
 def pulse_finder(thruster: Thruster) -> Callable[[float], int]:
     """`pwm_for` of one thruster, for many thrusts: what does not change is reckoned here, once."""
-    neutral, share, curve = thruster.pwm_neutral_us, thruster.linear_share, thruster.curve
+    neutral, curve = thruster.pwm_neutral_us, thruster.curve
     if curve is not None:
         return lambda thrust: curve.pulse(thruster, thruster.clamp(thrust)) if thrust else neutral
-    squared, bend = share * share, 4.0 * (1.0 - share)
-    ahead = thruster.max_forward, thruster.span(1.0), thruster.dead_band_us
-    astern = -thruster.max_reverse, -thruster.span(-1.0), -thruster.dead_band_us
+    _, share, squared, bend, *sides = curve_numbers(thruster)
+    ahead, astern = sides[:3], sides[3:]
 
     def find(thrust: float) -> int:
         most, span, dead_band = ahead if thrust > 0.0 else astern
@@ -64,6 +63,14 @@ def pulse_finder(thruster: Thruster) -> Callable[[float], int]:
         return round(neutral + (x * span + dead_band))
 
     return find
+
+
+def curve_numbers(thruster: Thruster) -> list[float]:
+    """All that `pulse_finder` uses of a thruster without a curve of its own, in a row: what the C twin is made of."""
+    share = thruster.linear_share
+    ahead = thruster.max_forward, thruster.span(1.0), thruster.dead_band_us
+    astern = -thruster.max_reverse, -thruster.span(-1.0), -thruster.dead_band_us
+    return [thruster.pwm_neutral_us, share, share * share, 4.0 * (1.0 - share), *ahead, *astern]
 
 
 def wrench_matrix(vehicle: Vehicle, torque: bool = True) -> Matrix:

@@ -9,7 +9,7 @@ Beyond the limits forces give way in a stated order, see `Allocator`.
 
 from collections.abc import Sequence
 from math import copysign, sqrt
-from operator import gt, lt, mul
+from operator import gt, lt
 
 from hil.errors import ConfigError
 
@@ -49,7 +49,7 @@ class Allocator:
         thruster_weights: Sequence[float] | None = None,
     ) -> None:
         _check(matrix, max_forward, max_reverse)
-        self._rows = [tuple(row) for row in matrix]
+        self._columns = list(zip(*matrix, strict=True))
         self._forward = list(max_forward)
         self._reverse = [-limit for limit in max_reverse]
         self._inverse, self.rank = pseudo_inverse(matrix, axis_weights, thruster_weights)
@@ -69,10 +69,21 @@ class Allocator:
 
     def _lack(self, wrench: Sequence[float], thrusts: list[float]) -> Wrench:
         """What is left of `wrench` when the wrench of `thrusts` is taken away."""
-        surge, sway, heave, roll, pitch, yaw = [
-            wanted - sum(map(mul, row, thrusts)) for wanted, row in zip(wrench, self._rows, strict=True)
-        ]
-        return surge, sway, heave, roll, pitch, yaw
+        x, y, z, k, m, n = wrench
+        surge = sway = heave = roll = pitch = yaw = 0.0  # added up one by one: `sum` is another in Python 3.12
+        for thrust, (a, b, c, d, e, f) in zip(thrusts, self._columns, strict=True):
+            surge += a * thrust
+            sway += b * thrust
+            heave += c * thrust
+            roll += d * thrust
+            pitch += e * thrust
+            yaw += f * thrust
+        return x - surge, y - sway, z - heave, k - roll, m - pitch, n - yaw
+
+    def numbers(self) -> list[float]:
+        """All that it uses, thruster by thruster, in a row: what the C twin is made of."""
+        rows = zip(self._inverse, self._columns, self._forward, self._reverse, strict=True)
+        return [x for inverse, column, *limits in rows for x in (*inverse, *column, *limits)]
 
     def _within_limits(self, wrench: Sequence[float]) -> list[float]:
         x, y, z, k, m, n = wrench

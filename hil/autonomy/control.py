@@ -134,6 +134,10 @@ class CascadedController:
         ]
         return x, y, z, k, m, n
 
+    def numbers(self) -> list[float]:
+        """All that a cascade uses but its state, in a row: what the C twin is made of."""
+        return [*(number for gains in self._gains for number in gains), *self._inertia]
+
 
 def velocity_targets(command: VelocityCommand, navigation: Navigation, gains: Gains, pitch: float = 0.0) -> Wrench:
     """The outer loops: the u, v, w (m/s) and p, q, r (rad/s) along FRD that do what `command` asks.

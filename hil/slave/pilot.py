@@ -3,16 +3,16 @@
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from hil.autonomy.allocation import Allocator
-from hil.autonomy.control import NO_RESIDUAL, CascadedController, Gains, Navigation, VelocityCommand, Wrench
+from hil.autonomy.control import NO_RESIDUAL, Gains, Navigation, VelocityCommand, Wrench
 from hil.clock import seconds_ns
 from hil.config import Scenario
 from hil.errors import ConfigError
 from hil.links.contract import PWM_NEUTRAL_US, ThrusterCommand
 from hil.schema import parse
+from hil.slave.native import make_allocator, make_cascade, make_pulse_finder
 from sim.rotations import multiply, rotate
 from sim.sensors.mounting import Mounting
-from sim.thrusters import pulse_finder, wrench_matrix
+from sim.thrusters import wrench_matrix
 from sim.vehicle import Vehicle, mass_matrix
 from sim.world import World
 
@@ -69,9 +69,9 @@ class Pilot:
         mass = mass_matrix(vehicle)
         x, y, z, k, m, n = (mass[axis][axis] for axis in range(6))
         self._inertia = x, y, z, k, m, n
-        self.controller: Controller = CascadedController(gains, self._inertia)
-        self._finders = [pulse_finder(thruster) for thruster in vehicle.thrusters]
-        self._allocator = Allocator(
+        self.controller: Controller = make_cascade(gains, self._inertia)
+        self._find = make_pulse_finder(vehicle.thrusters)
+        self._allocator = make_allocator(
             wrench_matrix(vehicle, torque=False),  # which the roll loop meets, not a trade of thrust against roll
             [thruster.max_forward for thruster in vehicle.thrusters],
             [thruster.max_reverse for thruster in vehicle.thrusters],
@@ -158,7 +158,7 @@ class Pilot:
 
     def pulses(self, thrusts: Sequence[float]) -> tuple[int, ...]:
         """The pulses (us) with which the thrusters give these thrusts (N), each within its limits."""
-        return tuple([find(thrust) for find, thrust in zip(self._finders, thrusts, strict=True)])
+        return self._find(thrusts)
 
     def reset(self) -> None:
         """Let the controller begin anew."""

@@ -123,12 +123,12 @@ def make_dynamics(
 
 def make_thruster_set(vehicle: Vehicle, dt: float, seed: int = 0) -> ThrusterSet:
     """The thrusters of a vehicle that has only lagged quadratic ones, the quickest there are; else as `choose`."""
-    return (NativeThrusterSet if _has_native() else ThrusterSet)(vehicle, dt, seed)
+    return (NativeThrusterSet if has_native() else ThrusterSet)(vehicle, dt, seed)
 
 
 def make_error_bank(models: Iterable[ErrorModel], period: float, random: Random) -> ErrorBank:
     """The errors of one sensor, sampled every `period` s, the quickest there are; else as `choose`."""
-    return (NativeErrorBank if _has_native() else ErrorBank)(models, period, random)
+    return (NativeErrorBank if has_native() else ErrorBank)(models, period, random)
 
 
 def make_caster(geometry: "Geometry") -> "Callable[..., None] | None":
@@ -136,7 +136,7 @@ def make_caster(geometry: "Geometry") -> "Callable[..., None] | None":
 
     Raises ConfigError as `choose` does.
     """
-    if not _has_native():
+    if not has_native():
         return None
     try:
         from sim.native._rays import Caster
@@ -151,5 +151,6 @@ def make_caster(geometry: "Geometry") -> "Callable[..., None] | None":
     return Caster(ground, terrain.depths, solids, nodes, triangles).cast
 
 
-def _has_native() -> bool:
+def has_native() -> bool:
+    """Whether the C is there and not unwanted. Raises ConfigError as `choose` does."""
     return choose()[0] is NativeDynamics

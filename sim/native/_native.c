@@ -1,9 +1,6 @@
 /* Shows kernel.h and errors.h to Python: sim.native._native.Kernel, Mixer and Errors. */
 
-#define PY_SSIZE_T_CLEAN
-#define Py_LIMITED_API 0x030B0000
-#include <Python.h>
-#include <string.h>
+#include "numbers.h"
 
 #include "errors.h"
 #include "kernel.h"
@@ -15,45 +12,12 @@ typedef struct {
 
 static PyObject *position_name, *quaternion_name, *nu_name, *nu_dot_name;
 
-/* `size` numbers out of a Python sequence; 0 with an exception set if it holds anything else. */
-static int read_numbers(PyObject *sequence, double *out, Py_ssize_t size)
-{
-    PyObject *items = PySequence_Fast(sequence, "a sequence of numbers is needed");
-    if (items == NULL)
-        return 0;
-    PyObject *(*item)(PyObject *, Py_ssize_t) = PyList_Check(items) ? PyList_GetItem : PyTuple_GetItem;
-    Py_ssize_t count = PySequence_Size(items);
-    if (count != size)
-        PyErr_Format(PyExc_ValueError, "%zd numbers are needed, found %zd", size, count);
-    for (Py_ssize_t i = 0; count == size && i < size; i++) {
-        PyObject *number = item(items, i);
-        out[i] = number == NULL ? -1.0 : PyFloat_AsDouble(number);
-        if (out[i] == -1.0 && PyErr_Occurred())
-            count = -1;
-    }
-    Py_DECREF(items);
-    return count == size;
-}
-
 static int get_numbers(PyObject *object, PyObject *name, double *out, Py_ssize_t size)
 {
     PyObject *value = PyObject_GetAttr(object, name);
     int ok = value != NULL && read_numbers(value, out, size);
     Py_XDECREF(value);
     return ok;
-}
-
-static PyObject *new_list(const double *numbers, Py_ssize_t size)
-{
-    PyObject *list = PyList_New(size);
-    for (Py_ssize_t i = 0; list != NULL && i < size; i++) {
-        PyObject *number = PyFloat_FromDouble(numbers[i]);
-        if (number == NULL)
-            Py_CLEAR(list);
-        else
-            PyList_SetItem(list, i, number);
-    }
-    return list;
 }
 
 /* A new list each time, as in Python: who kept the old one keeps the old numbers. */
@@ -101,13 +65,6 @@ static PyObject *kernel_new(PyTypeObject *type, PyObject *arguments, PyObject *k
     return self;
 }
 
-static void deallocate(PyObject *self)
-{
-    PyTypeObject *type = Py_TYPE(self);
-    PyObject_Free(self);
-    Py_DECREF(type);
-}
-
 static PyMethodDef kernel_methods[] = {
     {"step", (PyCFunction)(void (*)(void))kernel_step, METH_FASTCALL,
      "step(state, wrench, current, dt): move the state on by dt s, as Dynamics.step does."},
@@ -126,19 +83,6 @@ static PyType_Spec kernel_spec = {
     "sim.native._native.Kernel", sizeof(Kernel), 0, Py_TPFLAGS_DEFAULT | Py_TPFLAGS_IMMUTABLETYPE, kernel_slots,
 };
 
-/* An object of `type` with a copy of the records of `size` bytes each that `numbers` holds; their count in `count`. */
-static PyObject *new_with_records(PyTypeObject *type, const char *numbers, Py_ssize_t bytes, size_t size, size_t most,
-                                  void *(*records)(PyObject *), Py_ssize_t *count)
-{
-    *count = bytes / (Py_ssize_t)size;
-    if (bytes % (Py_ssize_t)size != 0 || *count > (Py_ssize_t)most)
-        return PyErr_Format(PyExc_ValueError, "up to %zu records of %zu bytes are needed, found %zd bytes", most, size, bytes);
-    PyObject *self = PyType_GenericAlloc(type, 0);
-    if (self != NULL)
-        memcpy(records(self), numbers, (size_t)bytes);
-    return self;
-}
-
 enum { MOST_THRUSTERS = 16, MOST_CHANNELS = 32 };
 
 typedef struct {
@@ -147,22 +91,10 @@ typedef struct {
     Thruster thrusters[MOST_THRUSTERS];
 } Mixer;
 
-static void *mixer_records(PyObject *self)
-{
-    return ((Mixer *)self)->thrusters;
-}
-
 static PyObject *mixer_new(PyTypeObject *type, PyObject *arguments, PyObject *keywords)
 {
-    const char *numbers;
-    Py_ssize_t bytes, count;
     (void)keywords;
-    if (!PyArg_ParseTuple(arguments, "y#", &numbers, &bytes))
-        return NULL;
-    PyObject *self = new_with_records(type, numbers, bytes, sizeof(Thruster), MOST_THRUSTERS, mixer_records, &count);
-    if (self != NULL)
-        ((Mixer *)self)->count = count;
-    return self;
+    return new_of_records(type, arguments, sizeof(Thruster), MOST_THRUSTERS, offsetof(Mixer, thrusters));
 }
 
 static PyObject *mixer_step(PyObject *self, PyObject *const *arguments, Py_ssize_t count)
@@ -205,27 +137,21 @@ typedef struct {
     Channel channels[MOST_CHANNELS];
 } Errors;
 
-static void *errors_records(PyObject *self)
-{
-    return ((Errors *)self)->channels;
-}
-
 static PyObject *errors_new(PyTypeObject *type, PyObject *arguments, PyObject *keywords)
 {
     const char *numbers, *key;
-    Py_ssize_t bytes, key_bytes, count;
+    Py_ssize_t bytes, key_bytes;
     PyObject *second;
     (void)keywords;
     if (!PyArg_ParseTuple(arguments, "y#y#O", &numbers, &bytes, &key, &key_bytes, &second))
         return NULL;
     if (key_bytes != (TWISTER_SIZE + 1) * (Py_ssize_t)sizeof(uint32_t))
         return PyErr_Format(PyExc_ValueError, "a state of %d numbers is needed", TWISTER_SIZE + 1);
-    PyObject *self = new_with_records(type, numbers, bytes, sizeof(Channel), MOST_CHANNELS, errors_records, &count);
+    PyObject *self = new_with_records(type, numbers, bytes, sizeof(Channel), MOST_CHANNELS, offsetof(Errors, channels));
     if (self == NULL)
         return NULL;
     Errors *errors = (Errors *)self;
     uint32_t place;
-    errors->count = count;
     memcpy(errors->random.key, key, sizeof errors->random.key);
     memcpy(&place, key + sizeof errors->random.key, sizeof place);
     errors->random.place = place < TWISTER_SIZE ? (int)place : TWISTER_SIZE;
@@ -263,14 +189,6 @@ static PyType_Slot errors_slots[] = {
 static PyType_Spec errors_spec = {
     "sim.native._native.Errors", sizeof(Errors), 0, Py_TPFLAGS_DEFAULT | Py_TPFLAGS_IMMUTABLETYPE, errors_slots,
 };
-
-static int add_type(PyObject *module, PyType_Spec *spec, const char *name)
-{
-    PyObject *type = PyType_FromSpec(spec);
-    int failed = type == NULL || PyModule_AddObjectRef(module, name, type) != 0;
-    Py_XDECREF(type);
-    return !failed;
-}
 
 static int module_exec(PyObject *module)
 {

@@ -1,10 +1,8 @@
 /* Shows rays.h to Python: sim.native._rays.Caster. */
 
-#define PY_SSIZE_T_CLEAN
-#define Py_LIMITED_API 0x030B0000
-#include <Python.h>
+#include "numbers.h"
+
 #include <stdlib.h>
-#include <string.h>
 
 #include "rays.h"
 
@@ -99,22 +97,6 @@ static void caster_dealloc(PyObject *self)
     Py_DECREF(type);
 }
 
-/* `size` numbers out of a Python sequence; 0 with an exception set if it holds anything else. */
-static int read_numbers(PyObject *sequence, double *out, Py_ssize_t size)
-{
-    Py_ssize_t count = PySequence_Size(sequence);
-    if (count >= 0 && count != size)
-        PyErr_Format(PyExc_ValueError, "%zd numbers are needed, found %zd", size, count);
-    for (Py_ssize_t i = 0; count == size && i < size; i++) {
-        PyObject *number = PySequence_GetItem(sequence, i);
-        out[i] = number == NULL ? -1.0 : PyFloat_AsDouble(number);
-        Py_XDECREF(number);
-        if (out[i] == -1.0 && PyErr_Occurred())
-            return 0;
-    }
-    return count == size;
-}
-
 /* Where the answers go: what is not asked for is NULL. */
 typedef struct {
     double *distances, *points, *normals;
@@ -202,10 +184,7 @@ static PyType_Spec caster_spec = {
 
 static int module_exec(PyObject *module)
 {
-    PyObject *type = PyType_FromSpec(&caster_spec);
-    int failed = type == NULL || PyModule_AddObjectRef(module, "Caster", type) != 0;
-    Py_XDECREF(type);
-    return failed ? -1 : 0;
+    return add_type(module, &caster_spec, "Caster") ? 0 : -1;
 }
 
 static PyModuleDef_Slot module_slots[] = {{Py_mod_exec, module_exec}, {0, NULL}};

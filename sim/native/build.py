@@ -1,4 +1,4 @@
-"""Compile the C twins of the step and of the rays: `python -m sim.native.build` puts them beside this file.
+"""Compile the C twins of what runs in a slave's loop: `python -m sim.native.build` puts each beside its source.
 
 A C compiler and the headers of this Python are all it takes. The binaries serve CPython 3.11 and later.
 """
@@ -10,9 +10,9 @@ import subprocess
 import sys
 import sysconfig
 
-HERE = os.path.dirname(os.path.abspath(__file__))
-BINARY, RAYS = "_native.abi3.so", "_rays.abi3.so"
-SOURCES = {BINARY: "_native.c", RAYS: "_rays.c"}
+ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
+BINARY, RAYS, CONTROL = "sim/native/_native.abi3.so", "sim/native/_rays.abi3.so", "hil/slave/native/_control.abi3.so"
+SOURCES = {binary: f"{binary.partition('.')[0]}.c" for binary in (BINARY, RAYS, CONTROL)}  # below the project's folder
 # Bit equality with Python hangs on the second: gcc fuses multiply and add on aarch64 unless told not to.
 FLAGS = ["-O2", "-ffp-contract=off", "-fno-math-errno", "-fPIC", "-shared", "-Wall", "-Wextra"]
 
@@ -36,18 +36,19 @@ def obstacle() -> str | None:
 
 
 def build(folder: str) -> str | None:
-    """Compile into `folder`; None if that worked, else the reason in one line."""
+    """Compile into `folder`, each where it belongs; None if that worked, else the reason in one line."""
     command, reason = compiler(), obstacle()
     if reason or not command:
         return reason
     for binary, source in SOURCES.items():
-        reason = reason or _compile(command, os.path.join(HERE, source), os.path.join(folder, binary))
+        reason = reason or _compile(command, os.path.join(ROOT, source), os.path.join(folder, binary))
     return reason
 
 
 def _compile(command: list[str], source: str, target: str) -> str | None:
     # Renamed when complete: a process that runs on the old one keeps it.
     new = f"{target}.{os.getpid()}"
+    os.makedirs(os.path.dirname(target), exist_ok=True)
     include = sysconfig.get_path("include")
     done = subprocess.run(
         [*command, *FLAGS, f"-I{include}", source, "-o", new, "-lm"], capture_output=True, text=True, check=False
@@ -60,5 +61,5 @@ def _compile(command: list[str], source: str, target: str) -> str | None:
 
 
 if __name__ == "__main__":
-    problem = build(HERE)
+    problem = build(ROOT)
     sys.exit(f"not built: {problem}" if problem else 0)

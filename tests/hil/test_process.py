@@ -4,6 +4,7 @@ import os
 import subprocess
 import sys
 import time
+from types import ModuleType
 
 import pytest
 
@@ -62,3 +63,14 @@ def test_the_machine() -> None:
 
 def test_bytecode_of_what_is_not_loaded() -> None:
     assert not process.bytecode_compiled("no_such_package")
+
+
+def test_what_is_in_c_needs_no_bytecode(monkeypatch: pytest.MonkeyPatch) -> None:
+    package, twin, late = ModuleType("made_up"), ModuleType("made_up._twin"), ModuleType("made_up.late")
+    monkeypatch.setattr(package, "__cached__", __file__, raising=False)
+    twin.__file__, late.__file__ = "_twin.abi3.so", "late.py"
+    monkeypatch.setitem(sys.modules, package.__name__, package)
+    monkeypatch.setitem(sys.modules, twin.__name__, twin)
+    assert process.bytecode_compiled("made_up")
+    monkeypatch.setitem(sys.modules, late.__name__, late)
+    assert not process.bytecode_compiled("made_up")

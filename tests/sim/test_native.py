@@ -6,9 +6,7 @@ import shutil
 import subprocess
 import sys
 import zipfile
-from collections.abc import Callable, Sequence
-from importlib.machinery import ExtensionFileLoader
-from importlib.util import module_from_spec, spec_from_file_location
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from struct import pack
 from typing import NamedTuple
@@ -35,6 +33,7 @@ from sim.native import (
 from sim.sensors.error import ErrorBank, ErrorModel
 from sim.thrusters import ThrusterSet
 from sim.vehicle import Vehicle, load_vehicle
+from tests.twins import compiled, taken_from
 
 ROOT = Path(__file__).parents[2]
 BINARY = "sim.native._native"
@@ -44,26 +43,16 @@ DT = 0.0025
 
 
 @pytest.fixture(scope="module")
-def binary(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The C as it stands now, compiled; never a binary left over from an older source."""
-    if reason := build.obstacle():
-        pytest.skip(f"no step in C: {reason}")
+def binaries(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("native")
-    assert build.build(str(folder)) is None
-    return folder / build.BINARY
+    compiled(folder)
+    return folder
 
 
 @pytest.fixture
-def native(binary: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """`import sim.native._native` finds that binary."""
-    spec = spec_from_file_location(BINARY, binary, loader=ExtensionFileLoader(BINARY, str(binary)))
-    assert spec is not None
-    assert spec.loader is not None
-    module = module_from_spec(spec)
-    spec.loader.exec_module(module)
-    monkeypatch.setitem(sys.modules, BINARY, module)
-    monkeypatch.setattr(sim.native, "_native", module, raising=False)
-    monkeypatch.delenv("UUV_HIL_NATIVE", raising=False)
+def native(binaries: Path) -> Iterator[None]:
+    with taken_from(binaries):
+        yield
 
 
 @pytest.fixture
@@ -351,7 +340,7 @@ def test_build_says_what_is_missing(monkeypatch: pytest.MonkeyPatch, tmp_path: P
     assert "no C compiler" in str(build.build(str(tmp_path)))
     monkeypatch.setattr(build, "compiler", lambda: ["cc", "-include", "no_such_header.h"])
     assert "no_such_header.h" in str(build.build(str(tmp_path)))
-    assert list(tmp_path.iterdir()) == []
+    assert not [path for path in tmp_path.rglob("*") if path.is_file()]
 
 
 @pytest.mark.parametrize("wish", ["", "0"])
@@ -361,7 +350,9 @@ def test_wheel(wish: str, tmp_path: Path) -> None:
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, env=os.environ | {"UUV_HIL_NATIVE": wish})
     assert done.returncode == 0, done.stderr
     (path,) = tmp_path.iterdir()
-    inside = f"sim/native/{build.BINARY}" in zipfile.ZipFile(path).namelist()
+    names = zipfile.ZipFile(path).namelist()
+    inside = build.BINARY in names
+    assert {binary in names for binary in build.SOURCES} == {inside}
     assert inside == (wish == "" and build.obstacle() is None)
     assert ("-cp311-abi3-linux_" in path.name) == inside
     assert path.name.endswith("-py3-none-any.whl") != inside

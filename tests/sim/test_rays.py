@@ -19,7 +19,7 @@ from sim.rotations import Vector3, from_euler, matrix, rotate
 from sim.terrain import Grid, Terrain, covering
 from sim.vehicle import load_vehicle
 from sim.world import World
-from tests.sim.ray_engines import compiled, taken_from
+from tests.twins import compiled, taken_from
 
 EXTENT = (-20.0, 20.0, -25.0, 25.0)
 DEEP = World("deep", "test", EXTENT, 1000.0)

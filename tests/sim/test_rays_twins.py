@@ -20,7 +20,7 @@ from sim.relief import Fractal
 from sim.rotations import matrix, normalise
 from sim.terrain import Terrain, covering
 from sim.world import World
-from tests.sim.ray_engines import compiled, taken_from
+from tests.twins import compiled, taken_from
 
 EXTENT = (-20.0, 20.0, -25.0, 30.0)
 UPRIGHT = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)

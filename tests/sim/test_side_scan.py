@@ -23,7 +23,7 @@ from sim.simulation import Simulation
 from sim.terrain import Terrain, covering
 from sim.vehicle import load_vehicle
 from sim.world import World
-from tests.sim.ray_engines import compiled, taken_from
+from tests.twins import compiled, taken_from
 
 EXTENT = (-60.0, 60.0, -60.0, 60.0)
 VEHICLE, _ = load_vehicle("bluerov2_heavy")

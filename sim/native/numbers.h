@@ -1,0 +1,87 @@
+/* Numbers out of Python and back, and what every type of ours needs. Include it first. */
+
+#define PY_SSIZE_T_CLEAN
+#define Py_LIMITED_API 0x030B0000
+#include <Python.h>
+#include <stddef.h>
+#include <string.h>
+
+/* `size` numbers out of a Python sequence; 0 with an exception set if it holds anything else. */
+static inline int read_numbers(PyObject *sequence, double *out, Py_ssize_t size)
+{
+    PyObject *items = PySequence_Fast(sequence, "a sequence of numbers is needed");
+    if (items == NULL)
+        return 0;
+    PyObject *(*item)(PyObject *, Py_ssize_t) = PyList_Check(items) ? PyList_GetItem : PyTuple_GetItem;
+    Py_ssize_t count = PySequence_Size(items);
+    if (count != size)
+        PyErr_Format(PyExc_ValueError, "%zd numbers are needed, found %zd", size, count);
+    for (Py_ssize_t i = 0; count == size && i < size; i++) {
+        PyObject *number = item(items, i);
+        out[i] = number == NULL ? -1.0 : PyFloat_AsDouble(number);
+        if (out[i] == -1.0 && PyErr_Occurred())
+            count = -1;
+    }
+    Py_DECREF(items);
+    return count == size;
+}
+
+static inline PyObject *new_list(const double *numbers, Py_ssize_t size)
+{
+    PyObject *list = PyList_New(size);
+    for (Py_ssize_t i = 0; list != NULL && i < size; i++) {
+        PyObject *number = PyFloat_FromDouble(numbers[i]);
+        if (number == NULL)
+            Py_CLEAR(list);
+        else
+            PyList_SetItem(list, i, number);
+    }
+    return list;
+}
+
+static inline void deallocate(PyObject *self)
+{
+    PyTypeObject *type = Py_TYPE(self);
+    PyObject_Free(self);
+    Py_DECREF(type);
+}
+
+/* What every type begins with that holds records of one kind. */
+typedef struct {
+    PyObject_HEAD
+    Py_ssize_t count;
+} Records;
+
+/* An object of `type` that has, `offset` bytes from its beginning, a copy of the records of `size` bytes each that
+ * `numbers` holds. */
+static inline PyObject *new_with_records(PyTypeObject *type, const char *numbers, Py_ssize_t bytes, size_t size,
+                                         size_t most, size_t offset)
+{
+    Py_ssize_t count = bytes / (Py_ssize_t)size;
+    if (bytes % (Py_ssize_t)size != 0 || count > (Py_ssize_t)most)
+        return PyErr_Format(PyExc_ValueError, "up to %zu records of %zu bytes are needed, found %zd bytes", most, size, bytes);
+    PyObject *self = PyType_GenericAlloc(type, 0);
+    if (self != NULL) {
+        ((Records *)self)->count = count;
+        memcpy((char *)self + offset, numbers, (size_t)bytes);
+    }
+    return self;
+}
+
+/* The same for a type that is made of the bytes of its records alone. */
+static inline PyObject *new_of_records(PyTypeObject *type, PyObject *arguments, size_t size, size_t most, size_t offset)
+{
+    const char *numbers;
+    Py_ssize_t bytes;
+    if (!PyArg_ParseTuple(arguments, "y#", &numbers, &bytes))
+        return NULL;
+    return new_with_records(type, numbers, bytes, size, most, offset);
+}
+
+static inline int add_type(PyObject *module, PyType_Spec *spec, const char *name)
+{
+    PyObject *type = PyType_FromSpec(spec);
+    int failed = type == NULL || PyModule_AddObjectRef(module, name, type) != 0;
+    Py_XDECREF(type);
+    return !failed;
+}
