@@ -230,9 +230,10 @@ class Bench:
             os.close(read_fd)
         return process
 
-    def start(self, name: str, command: list[str]) -> Process:
-        """Any other process, ended with the rest; neither pinned nor limited."""
-        return self._start(Process(command, self.file(f"{name}-{len(self.processes)}.log")))
+    def start(self, name: str, command: list[str], limited: bool = False) -> Process:
+        """Any other process, ended with the rest; pinned and limited as the slave only if `limited`."""
+        log = self.file(f"{name}-{len(self.processes)}.log")
+        return self._start(Process(command, log, self._confinement if limited else None))
 
     def client(self, endpoint: str = "", **options: Any) -> VehicleClient:
         """A master of our own, in this process."""

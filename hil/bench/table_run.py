@@ -5,13 +5,19 @@ The definitions of the figures are in docs/benchmark.md.
 
 import json
 import os
+import sys
 from typing import Any, NamedTuple
 
+from hil.bench import bare_slave
 from hil.bench.harness import READY_S, Bench
 from hil.bench.record import Better, Figure
 from hil.bench.table import PAPER_BOARD_MIB
+from hil.clock import seconds_ns
 from hil.errors import NetworkError
+from hil.ports import free_ports
+from hil.transport.roles import dial
 
+BARE_S = 3.0  # that the floor of the slave's CPU is measured for
 FLEW = (0, 6)  # exit codes of a master that flew: the goal was reached, or not in this time
 
 
@@ -35,6 +41,7 @@ ROWS = (
     Row("delay_p99", "command delay p99", "ms", "{:.3f}"),
     Row("delay_max", "command delay max", "ms", "{:.3f}"),
     Row("slave_cpu", "slave CPU", "% of a core", "{:.2f}"),
+    Row("slave_cpu_floor", "waking and publishing alone", "% of a core", "{:.2f}", better=""),
 )
 
 
@@ -62,7 +69,27 @@ def fly(bench: Bench, number: int, endpoint: str = "") -> Run:
     if code not in FLEW:
         raise NetworkError(f"the master ended with exit code {code}: {master.last_words}")
     with open(os.path.join(folder, "table.json"), encoding="utf-8") as file:
-        return _read(json.load(file)["table"], bench.memory_mib)
+        run = _read(json.load(file)["table"], bench.memory_mib)
+    run.values["slave_cpu_floor"] = float("nan") if endpoint else 100.0 * _bare_share(bench, run.slave)
+    return run
+
+
+def _bare_share(bench: Bench, slave: dict[str, str]) -> float:
+    """The share of a core that waking as often and publishing as much as `slave` takes here and now, and no more.
+
+    Raises NetworkError.
+    """
+    settings = bench.scenario.slave
+    endpoint = f"tcp/127.0.0.1:{free_ports(1)[0]}"
+    rate = float(slave["samples_published"]) / float(slave["uptime_s"])
+    arguments = endpoint, seconds_ns(settings.step), rate, BARE_S, int(settings.realtime)
+    command = [sys.executable, "-m", "hil.bench.bare_slave", *map(str, arguments)]
+    process = bench.start("bare", command, limited=True)
+    with dial(endpoint) as session:
+        session.subscribe(bare_slave.NODE, "*", lambda *_: None, depth=100)
+        said = process.expect("share", READY_S + BARE_S)
+    process.wait(READY_S)
+    return float(said.split()[1])
 
 
 def figures(runs: list[Run]) -> dict[str, Figure]:

@@ -84,6 +84,7 @@ class Health:
         lateness, skipped = loop.schedule.lateness, loop.schedule.skipped
         wall_ns = max(now_ns() - loop.started_ns, 1)
         values = self._fixed | {
+            "uptime_s": f"{(now_ns() - self._startup['exec']) / NS_PER_S:.2f}",
             "cpu_s": f"{process.own_cpu_s(children):.4f}",
             "pss_mib": f"{self._memory.pss_mib(children):.2f}",
             "processes": str(1 + len(children)),

@@ -98,6 +98,7 @@ def test_one_quick_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> No
     assert 8.0 < figures["memory"]["median"] < 80.0
     assert 0.0 < figures["delay_p50"]["median"] <= figures["delay_p99"]["median"] <= figures["delay_max"]["median"]
     assert 0.0 < figures["slave_cpu"]["median"] < 90.0
+    assert 0.0 < figures["slave_cpu_floor"]["median"] < 90.0
 
 
 def test_a_missed_budget_is_an_exit_code(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

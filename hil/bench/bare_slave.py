@@ -1,0 +1,74 @@
+"""What no slave undercuts on this machine: a process that wakes as often, publishes as much, and does nothing else.
+
+    python -m hil.bench.bare_slave ENDPOINT STEP_NS MESSAGES_PER_S SECONDS REALTIME
+
+It begins when somebody listens, and says its share of a core. Messages go out a hundred times a second, as often as the
+fastest of the usual sensors measures, each as large as that one's. What is not in it: commands, and the thruster link.
+"""
+
+import os
+import select
+import sys
+import time
+from collections.abc import Callable
+
+import zenoh
+
+from hil.clock import NS_PER_S, RateKeeper, now_ns, schedule_fifo, stay_awake
+from hil.transport.settings import Network, settings
+
+NODE, KEY = "bare", "0/bare/imu/sensor_msgs::msg::dds_::Imu_/RIHS01"
+PERIOD_NS = NS_PER_S // 100
+PAYLOAD, ATTACHMENT = bytes(324), bytes(33)  # of an Imu
+PRIORITY = 40  # of real-time scheduling: that of a slave's loop
+SETTLE_NS = NS_PER_S // 2  # after somebody has come to listen
+PATIENCE_NS = 20 * NS_PER_S
+
+
+def _loop(put: Callable[[], None], step_ns: int, rate: float, seconds: float) -> None:
+    """Wake every step, and send what is due, for so many seconds."""
+    begun = send_ns = now_ns()
+    schedule, sent = RateKeeper(step_ns, begun), 0
+    while schedule.deadline_ns < begun + round(seconds * NS_PER_S):
+        select.select((), (), (), schedule.timeout())
+        now = schedule.woken()
+        schedule.due(now)
+        if now >= send_ns:
+            send_ns += PERIOD_NS
+            while sent < (now - begun) * rate / NS_PER_S:
+                put()
+                sent += 1
+
+
+def _await_listener(publisher: zenoh.Publisher) -> None:
+    deadline = now_ns() + PATIENCE_NS
+    while not publisher.matching_status.matching:  # type: ignore[attr-defined]  # its type is not the one zenoh says
+        if now_ns() > deadline:
+            sys.exit("nobody listened")
+        time.sleep(0.01)
+    time.sleep(SETTLE_NS / NS_PER_S)
+
+
+def main(arguments: list[str]) -> None:
+    """Be it once; exits with a message when nobody comes."""
+    endpoint, step_ns, rate, seconds, realtime = arguments
+    os.environ.setdefault("ZENOH_RUNTIME", "(rx: (worker_threads: 1))")  # as a slave has it
+    if realtime == "1":
+        schedule_fifo(PRIORITY)
+        stay_awake()
+    with zenoh.open(zenoh.Config.from_json5(settings("slave", (endpoint,), (), Network(), None))) as session:
+        publisher = session.declare_publisher(
+            KEY,
+            priority=zenoh.Priority.DATA,
+            congestion_control=zenoh.CongestionControl.DROP,
+            allowed_destination=zenoh.Locality.REMOTE,
+        )
+        _await_listener(publisher)
+        begun, cpu_s = now_ns(), time.process_time()
+        _loop(lambda: publisher.put(PAYLOAD, attachment=ATTACHMENT), int(step_ns), float(rate), float(seconds))
+        share = (time.process_time() - cpu_s) * NS_PER_S / (now_ns() - begun)
+    print(f"share {share:.6f}", flush=True)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
