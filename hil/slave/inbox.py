@@ -185,11 +185,12 @@ class Inbox:
             return False
         known.sequence = sequence
         received_wall_ns = to_wall_ns(received_ns)
-        age_ns = known.ages.age_ns(published_ns, received_wall_ns)
         clock = self.clocks.get(sender)
         estimate = clock.at(received_wall_ns) if clock else None
         if estimate:
             age_ns = received_wall_ns + estimate.offset_ns - published_ns
+        else:
+            age_ns = known.ages.age_ns(published_ns, received_wall_ns)
         if age_ns > self._age_limit_ns:
             self.stale += 1
             return False
@@ -228,7 +229,9 @@ class Inbox:
 def read_velocity(payload: bytes) -> VelocityCommand | None:
     """What a message on cmd_vel asks for; None if that cannot be meant."""
     twist = ros.decode_twist(payload)
-    if twist is None or max(map(abs, (*twist[0], *twist[1]))) > _MOST_SPEED:
+    if twist is None:
         return None
-    linear, angular = twist
-    return VelocityCommand(*linear, yaw_rate=angular[2])
+    (surge, sway, heave), (p, q, r) = twist
+    if max(surge, sway, heave, p, q, r) > _MOST_SPEED or min(surge, sway, heave, p, q, r) < -_MOST_SPEED:
+        return None
+    return VelocityCommand(surge, sway, heave, r)
