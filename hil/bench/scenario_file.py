@@ -25,7 +25,10 @@ def write_changed(name: str, changes: dict[str, Any], path: str) -> None:
     for key, value in changes.items():
         _change(table, key, value)
     write_text(path, "\n".join(_lines(table, "")) + "\n")
-    load_scenario(path)
+    try:
+        load_scenario(path)
+    except ConfigError as error:  # nobody knows the file
+        raise ConfigError(str(error).replace(path, f"{name}, as changed")) from None
 
 
 def _keep_paths(table: dict[str, Any], folder: str) -> None:

@@ -42,7 +42,7 @@ def run(
         imaging = _imaging(scenario, log.say)
         if imaging:
             scenario = imaging.scenario
-        loop = _assemble(scenario, board, network, stack, log.say, startup)
+        loop = _assemble(scenario, board, network, stack, log, startup)
         loop.advance(1)
         startup["ready"] = now_ns()
         log.say(_ready(scenario, loop, startup))
@@ -104,10 +104,10 @@ def _assemble(
     board: "Board | None",
     network: Listening,
     stack: ExitStack,
-    report: Callable[[str], None],
+    log: Log,
     startup: dict[str, int],
 ) -> Loop:
-    slave = scenario.slave
+    slave, report = scenario.slave, log.say
     vehicle, control = load_vehicle(scenario.vehicle)
     world = load_world(scenario.world)
     simulation = build_simulation(scenario, vehicle, world)
@@ -121,7 +121,7 @@ def _assemble(
     stack.callback(driver.close)
     startup["link"] = now_ns()
     limits = seconds_ns(slave.command_age_limit), seconds_ns(slave.deadman), scenario.network.command_rate
-    inbox = Inbox(*limits, len(vehicle.thrusters))
+    inbox = Inbox(*limits, len(vehicle.thrusters), log.news)
     stack.callback(inbox.close)
     session = stack.enter_context(network.session())
     startup["session"] = now_ns()

@@ -63,7 +63,7 @@ class Health:
         }
         self._tree, self._board = Tree(), board
         self._memory = process.Memory()
-        self._news = loop.inbox.news = log.news  # one thing to wait for
+        self._news = log.news  # the inbox's too
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="health", daemon=True)
 

@@ -86,7 +86,12 @@ class Inbox:
     """
 
     def __init__(
-        self, age_limit_ns: int, hold_ns: int = NS_PER_S // 2, rate: float = 200.0, thrusters: int = 0
+        self,
+        age_limit_ns: int,
+        hold_ns: int = NS_PER_S // 2,
+        rate: float = 200.0,
+        thrusters: int = 0,
+        news: threading.Event | None = None,
     ) -> None:
         self._age_limit_ns = age_limit_ns
         self._hold_ns = hold_ns
@@ -102,7 +107,7 @@ class Inbox:
         self.clocks: dict[bytes, ClockOffset] = {}
         self.ranks: dict[bytes, int] = {}
         self.master = b""
-        self.news = threading.Event()
+        self.news = news or threading.Event()
         self.received = 0
         self.malformed = 0
         self.stale = 0
