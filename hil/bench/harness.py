@@ -263,7 +263,8 @@ def await_vehicle(client: VehicleClient, slave: Process | None = None, seconds: 
         if slave and not slave.running:
             raise NetworkError(f"the slave ended: {slave.last_words}")
         if now_ns() > deadline:
-            raise NetworkError(f"no word from {client.node} at {client.endpoint} within {seconds:g} s")
+            said = f"; it last said: {slave.last_words}" if slave else ""
+            raise NetworkError(f"no word from {client.node} at {client.endpoint} within {seconds:g} s{said}")
     refusal = client.refusal()
     if refusal:
         raise NetworkError(refusal)

@@ -67,7 +67,7 @@ class ClockOffset:
                 self.steps += 1
                 self._points, self._drift, self._drift_error = [], 0.0, MOST_DRIFT
             self._keep(point)
-            self._best = self._best_for(self._points[-1].time_ns)
+            self._best = self._best_of(self._points, self._points[-1].time_ns)
 
     def at(self, time_ns: int) -> Estimate | None:
         """The offset at an instant of our clock; None before the first exchange."""
@@ -75,14 +75,13 @@ class ClockOffset:
         if best is None:
             return None
         if points and time_ns < points[-1].time_ns:
-            best = self._best_for(time_ns)
+            best = self._best_of(points, time_ns)
         passed = time_ns - best.time_ns
         uncertainty = best.half_ns + round(self._drift_error * abs(passed))
         return Estimate(best.offset_ns + round(self._drift * passed), uncertainty, self._drift)
 
-    def _best_for(self, time_ns: int) -> _Point:
+    def _best_of(self, points: list[_Point], time_ns: int) -> _Point:
         """The exchange that says most of an instant: after the last of them they all lose with time alike."""
-        points = self._points
         last = _after(points, time_ns) + NEAREST // 2 if time_ns < points[-1].time_ns else len(points)
         rate = self._drift_error
         near = points[max(last - NEAREST, 0) : last] or points[-1:]

@@ -34,6 +34,32 @@ for step in range(2500):
 print(platform.machine(), digest.hexdigest())
 """
 
+# The way of a command to its pulses, closed by the vehicle.
+PILOTED = """
+import hashlib, platform
+from hil.autonomy.control import VelocityCommand
+from hil.config import build_simulation, load_scenario
+from hil.slave.pilot import build_pilot
+from sim.vehicle import load_vehicle
+from sim.world import load_world
+scenario = load_scenario("paper_field")
+vehicle, control = load_vehicle(scenario.vehicle)
+world = load_world(scenario.world)
+simulation, pilot = build_simulation(scenario, vehicle, world), build_pilot(scenario, vehicle, control, world)
+digest, pulses = hashlib.sha256(), (1500,) * len(vehicle.channels)
+for step in range(8000):
+    if step % 400 == 0:
+        surge, sway, heading = step % 1200 / 500 - 0.8, step % 2000 / 1500 - 0.6, step / 700
+        wish = VelocityCommand(surge, sway, depth=5.0 + step / 4000, heading=heading)
+    if step % 8 == 0:
+        pilot.command(wish, simulation.time_ns)
+        pulses = pilot.update(simulation.time_ns, 0.02)[0].pwm_us
+        digest.update(repr(pulses).encode())
+    for topic, sample in simulation.step(pulses):
+        pilot.sense(topic, sample)
+print(platform.machine(), digest.hexdigest(), type(pilot.controller).__name__)
+"""
+
 
 @pytest.fixture(scope="module")
 def board() -> VirtualBoard:
@@ -52,6 +78,13 @@ def test_every_bit_is_that_of_this_machine(board: VirtualBoard) -> None:
     assert theirs[0] == "aarch64"
     assert theirs[1] == ours[1]
     assert run(board.command("-c", FLIGHT, UUV_HIL_NATIVE="0")).split() == theirs, "the same without the C"
+
+
+def test_every_pulse_is_that_of_this_machine(board: VirtualBoard) -> None:
+    ours = run([sys.executable, "-c", PILOTED]).split()
+    theirs = run(board.command("-c", PILOTED)).split()
+    assert theirs == ["aarch64", ours[1], "NativeCascade"]
+    assert run(board.command("-c", PILOTED, UUV_HIL_NATIVE="0")).split() == [*theirs[:2], "CascadedController"]
 
 
 def test_doctor_knows_where_it_is(board: VirtualBoard) -> None:
