@@ -1,12 +1,18 @@
-"""Ending cleanly: SIGINT and SIGTERM as something a loop can wait on."""
+"""Ending cleanly: SIGINT, SIGTERM and SIGHUP as something a loop can wait on."""
 
 import os
 import signal
 from types import FrameType
 
 
+def stop_signals() -> list[signal.Signals]:
+    """What ends a process: also that its terminal has gone, unless whoever started it had that ignored (nohup)."""
+    hung_up = [] if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN else [signal.SIGHUP]
+    return [signal.SIGINT, signal.SIGTERM, *hung_up]
+
+
 class StopSignals:
-    """Inside the `with`, SIGINT and SIGTERM only make a descriptor readable: no wait can miss one.
+    """Inside the `with`, `stop_signals` only make a descriptor readable: no wait can miss one.
 
     The value of the `with` is that descriptor; it stays readable from the first signal on.
     """
@@ -14,7 +20,7 @@ class StopSignals:
     def __enter__(self) -> int:
         self._read_fd, self._write_fd = os.pipe2(os.O_NONBLOCK | os.O_CLOEXEC)
         self._wakeup_before = signal.set_wakeup_fd(self._write_fd)
-        self._before = {number: signal.signal(number, _ignore) for number in (signal.SIGINT, signal.SIGTERM)}
+        self._before = {number: signal.signal(number, _ignore) for number in stop_signals()}
         return self._read_fd
 
     def __exit__(self, *_: object) -> None:

@@ -74,7 +74,7 @@ def test_deadman(slave: tuple[Program, str]) -> None:
         assert client.diagnostics()["deadman_trips"] == "1"
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_a_signal_ends_the_slave_with_neutral_thrusters(slave: tuple[Program, str], number: int) -> None:
     program, endpoint = slave
     with VehicleClient(endpoint, "uuv1") as client:

@@ -5,6 +5,8 @@ import sys
 from collections.abc import Callable
 from importlib import import_module
 
+from hil.stop import stop_signals
+
 # name -> module with `main(arguments) -> exit code`, and what it does
 BENCHMARKS = {
     "table": ("hil.commands.bench_table", "master CPU, start-up, memory and command delay, beside the source paper's"),
@@ -28,7 +30,8 @@ def main(arguments: list[str]) -> int:
     if name not in BENCHMARKS:
         print(f"uuv-hil bench: no benchmark {name!r}; there are: {', '.join(BENCHMARKS)}", file=sys.stderr)
         return 2
-    signal.signal(signal.SIGTERM, signal.default_int_handler)  # so that it too ends the processes that were started
+    for number in stop_signals():
+        signal.signal(number, signal.default_int_handler)  # so that each ends the processes that were started
     run: Callable[[list[str]], int] = import_module(BENCHMARKS[name][0]).main
     return run(arguments[1:])
 

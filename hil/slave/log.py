@@ -3,6 +3,7 @@
 import sys
 import threading
 from collections import deque
+from contextlib import suppress
 
 from hil.clock import NS_PER_S, now_ns
 
@@ -25,8 +26,9 @@ class Log:
         self.news.set()
 
     def flush(self) -> None:
-        """Write what was noted."""
+        """Write what was noted, as long as there is somebody to read it."""
         if self._lines:
-            while self._lines:
-                sys.stderr.write(self._lines.popleft())
-            sys.stderr.flush()
+            with suppress(OSError):  # the terminal has gone
+                while self._lines:
+                    sys.stderr.write(self._lines.popleft())
+                sys.stderr.flush()

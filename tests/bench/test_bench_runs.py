@@ -167,7 +167,7 @@ def test_bad_input_is_named(words: list[str], text: str, capsys: pytest.CaptureF
     assert text in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_a_signal_ends_what_was_started(number: int, tmp_path: Path) -> None:
     with Program(tmp_path, "bench", "stream", "--seconds", "60", environment={"TMPDIR": str(tmp_path)}) as program:
         assert wait_for(lambda: list(tmp_path.glob("uuv-hil-bench-*/slave-*.log")), 15)
