@@ -1,7 +1,7 @@
 """What a planner knows of a world: obstacles and relief at its depth, hidden things left out, files turned right."""
 
 from array import array
-from math import hypot, inf
+from math import hypot, inf, sqrt
 from pathlib import Path
 
 import numpy as np
@@ -93,18 +93,20 @@ def test_clearance_over_relief() -> None:
 def test_no_place_that_is_too_shallow_is_nearer_than_that(
     depths: list[float], north: float, east: float, depth: float, outside: float
 ) -> None:
-    """On any terrain, looked at densely: nothing too shallow is nearer, but for a contour's bend within a cell."""
+    """On any terrain, looked at densely: nothing too shallow is nearer, but for a contour's bend within a cell.
+
+    Where the seabed of a cell is too shallow anywhere, it is at a corner: no further from there than the diagonal.
+    """
     terrain = Terrain(Grid(0.0, 0.0, 2.0, 5, 6), array("f", depths), outside)
     told = distance_to_shallows(terrain, north, east, depth, 6.0)
     around = [
         (n, e) for n in np.arange(north - 6.0, north + 6.1, 0.25) for e in np.arange(east - 6.0, east + 6.1, 0.25)
-    ]
+    ] + [(2.0 * row, 2.0 * column) for row in range(5) for column in range(6)]
     found = min((hypot(n - north, e - east) for n, e in around if terrain.depth(n, e) <= depth), default=inf)
     if terrain.depth(north, east) <= depth:
         assert told == terrain.depth(north, east) - depth
-    else:
-        assert told <= found + 2.0  # a cell
-        assert told > found - 2.0 or found > 4.0
+    elif found <= 4.0:  # beyond, the other may be out of reach
+        assert found - 2.0 * sqrt(2.0) - 1e-6 < told <= found + 2.0  # a cell
 
 
 def test_a_hill_is_gone_round(tmp_path: Path) -> None:
