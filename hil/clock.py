@@ -176,6 +176,9 @@ class RateKeeper:
         return number
 
 
+LOOP_PRIORITY = 40  # SCHED_FIFO, below the kernel's interrupt threads (50)
+
+
 def schedule_fifo(priority: int) -> str:
     """Real-time scheduling for this thread and those it makes from now on; a line that says whether it holds."""
     try:

@@ -6,7 +6,6 @@ It begins when somebody listens, and says its share of a core. Messages go out a
 fastest of the usual sensors measures, each as large as that one's. What is not in it: commands, and the thruster link.
 """
 
-import os
 import select
 import sys
 import time
@@ -14,14 +13,13 @@ from collections.abc import Callable
 
 import zenoh
 
-from hil.clock import NS_PER_S, RateKeeper, now_ns, schedule_fifo, stay_awake
-from hil.transport.settings import Network, settings
+from hil.clock import LOOP_PRIORITY, NS_PER_S, RateKeeper, now_ns, schedule_fifo, stay_awake
+from hil.transport.settings import Network, read_with, settings
 
 NODE, KEY = "bare", "0/bare/imu/sensor_msgs::msg::dds_::Imu_/RIHS01"
 PERIOD_NS = NS_PER_S // 100
 PAYLOAD, ATTACHMENT = bytes(324), bytes(33)  # of an Imu
-PRIORITY = 40  # of real-time scheduling: that of a slave's loop
-SETTLE_NS = NS_PER_S // 2  # after somebody has come to listen
+SETTLE_S = 0.5  # after somebody has come to listen
 PATIENCE_NS = 20 * NS_PER_S
 
 
@@ -46,15 +44,15 @@ def _await_listener(publisher: zenoh.Publisher) -> None:
         if now_ns() > deadline:
             sys.exit("nobody listened")
         time.sleep(0.01)
-    time.sleep(SETTLE_NS / NS_PER_S)
+    time.sleep(SETTLE_S)
 
 
 def main(arguments: list[str]) -> None:
     """Be it once; exits with a message when nobody comes."""
     endpoint, step_ns, rate, seconds, realtime = arguments
-    os.environ.setdefault("ZENOH_RUNTIME", "(rx: (worker_threads: 1))")  # as a slave has it
+    read_with(1)  # as a slave
     if realtime == "1":
-        schedule_fifo(PRIORITY)
+        schedule_fifo(LOOP_PRIORITY)
         stay_awake()
     with zenoh.open(zenoh.Config.from_json5(settings("slave", (endpoint,), (), Network(), None))) as session:
         publisher = session.declare_publisher(

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 from boards import FOLDER, Board
 from boards.tree import Tree
-from hil.commands.slave import LOOP_PRIORITY
+from hil.clock import LOOP_PRIORITY
 from hil.config import Scenario
 from hil.errors import ConfigError, DeviceError
 from hil.links.address import parse_address

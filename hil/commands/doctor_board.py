@@ -5,8 +5,8 @@ from collections.abc import Iterator
 from boards import model
 from boards.health import governors, temperature, throttling
 from boards.tree import Tree, architecture
+from hil.clock import LOOP_PRIORITY
 from hil.commands.doctor_case import Case, Finding
-from hil.commands.slave import LOOP_PRIORITY
 
 CAP_IPC_LOCK, CAP_SYS_NICE = 14, 23  # capabilities(7)
 NEARLY_HOT = 5.0  # K below the temperature at which the board slows down

@@ -10,8 +10,8 @@ from importlib import metadata
 from importlib.util import cache_from_source
 
 from hil import __version__
+from hil.clock import LOOP_PRIORITY
 from hil.commands.doctor_case import Case, Finding, Level
-from hil.commands.slave import LOOP_PRIORITY
 from hil.config import Scenario, build_simulation
 from hil.errors import ConfigError
 from hil.links.contract import PWM_NEUTRAL_US

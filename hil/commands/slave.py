@@ -1,16 +1,12 @@
 """`uuv-hil slave`: be the vehicle."""
 
 import gc
-import os
 from typing import TYPE_CHECKING, NamedTuple
 
-from hil.clock import now_ns, process_start_ns, schedule_fifo
+from hil.clock import LOOP_PRIORITY, now_ns, process_start_ns, schedule_fifo
 
 if TYPE_CHECKING:
     from boards import Board
-
-LOOP_PRIORITY = 40  # SCHED_FIFO, below the kernel's interrupt threads (50)
-
 
 EXAMPLES = """\
 SCENARIO is a .toml file or the name of an installed scenario.
@@ -82,11 +78,12 @@ def _run(options: Options, startup: dict[str, int]) -> None:
         scenario = with_port(scenario, options.port)
     startup["scenario"] = now_ns()
     from hil.transport.session import Listening
+    from hil.transport.settings import read_with
 
     pictures = any(fitted.heavy for fitted in scenario.sensors.values())
     # Little comes in: one thread reads it, where by default one of the library's would wake another for each message.
     # A second where there are pictures to forward: a thread that does may wait a second for room on the way out.
-    os.environ.setdefault("ZENOH_RUNTIME", f"(rx: (worker_threads: {2 if pictures else 1}))")
+    read_with(2 if pictures else 1)
     # Before the session is opened: its threads inherit the scheduling.
     notes = [schedule_fifo(LOOP_PRIORITY)] if scenario.slave.realtime else ["real-time: off by the scenario"]
     network = Listening(scenario.slave.listen, scenario.network, scenario.security, pictures)

@@ -11,7 +11,7 @@ from math import isfinite, sqrt
 from struct import Struct, pack
 from typing import Any, NamedTuple
 
-from hil.transport.cdr import HEADER, Layout, MalformedError, Reader, Writer, diagonal, tolerant
+from hil.transport.cdr import HEADER, Layout, MalformedError, Reader, Writer, check_header, diagonal, tolerant
 from sim.sensors.samples import ImuSample, OdometrySample, PressureSample, Quaternion, Vector3
 
 Status = tuple[str, int, str, dict[str, str]]  # name, level (0 ok, 1 warning, 2 error, 3 stale), message, values
@@ -68,9 +68,7 @@ def encode_twist(linear: Sequence[float], angular: Sequence[float]) -> bytes:
 @tolerant
 def decode_twist(data: bytes) -> tuple[Vector3, Vector3]:
     """Linear (m/s) and angular (rad/s) velocity along FRD. What is not finite counts as malformed."""
-    # A command waits for this, where caches are cold: no call that can be done without.
-    if data[:2] != HEADER[:2]:
-        raise MalformedError("not little-endian CDR")
+    check_header(data)
     _, x, y, z, p, q, r = _TWIST.unpack_from(data)
     if not isfinite(abs(x) + abs(y) + abs(z) + abs(p) + abs(q) + abs(r)):
         raise MalformedError("not a velocity")

@@ -6,6 +6,7 @@ a link that loses packets); a lease under a second. Through a router it is one l
 anything any more after a router had been out of reach.
 """
 
+import os
 from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
 from hil.errors import NetworkError
@@ -155,6 +156,11 @@ def _mode(role: Role, network: Network) -> str:
     if role == "visitor" or (role == "imaging" and network.mode == "direct"):
         return "client"
     return "client" if network.mode == "routed" and role == "master" else "peer"
+
+
+def read_with(threads: int) -> None:
+    """Let so many threads of the library read from the network; before the process's first session is opened."""
+    os.environ.setdefault("ZENOH_RUNTIME", f"(rx: (worker_threads: {threads}))")
 
 
 def json5(value: Any) -> str:

@@ -11,9 +11,9 @@ from pathlib import Path
 import pytest
 
 from hil import cli
+from hil.clock import LOOP_PRIORITY
 from hil.commands import board_install
 from hil.commands.board_install import CAN_UNIT, LIMITS, MANIFEST, RULES, UNIT
-from hil.commands.slave import LOOP_PRIORITY
 from tests.boards.recorded import build, plant
 
 SERIAL = 'vehicle = "paper_six"\nworld = "pool"\nstm32 = "device"\n[master]\ngoal = [8, 7]\n'

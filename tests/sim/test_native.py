@@ -33,20 +33,13 @@ from sim.native import (
 from sim.sensors.error import ErrorBank, ErrorModel
 from sim.thrusters import ThrusterSet
 from sim.vehicle import Vehicle, load_vehicle
-from tests.twins import compiled, taken_from
+from tests.twins import taken_from
 
 ROOT = Path(__file__).parents[2]
 BINARY = "sim.native._native"
 INTEGRATORS: tuple[Integrator, ...] = ("semi_implicit_euler", "rk4")
 STEPS = 2000
 DT = 0.0025
-
-
-@pytest.fixture(scope="module")
-def binaries(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("native")
-    compiled(folder)
-    return folder
 
 
 @pytest.fixture

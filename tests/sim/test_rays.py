@@ -19,18 +19,11 @@ from sim.rotations import Vector3, from_euler, matrix, rotate
 from sim.terrain import Grid, Terrain, covering
 from sim.vehicle import load_vehicle
 from sim.world import World
-from tests.twins import compiled, taken_from
+from tests.twins import taken_from
 
 EXTENT = (-20.0, 20.0, -25.0, 25.0)
 DEEP = World("deep", "test", EXTENT, 1000.0)
 Make = Callable[[World], RayScene]
-
-
-@pytest.fixture(scope="module")
-def binaries(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("native")
-    compiled(folder)
-    return folder
 
 
 @pytest.fixture(params=[engine for engine in get_args(Engine) if engine])

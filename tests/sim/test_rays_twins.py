@@ -20,17 +20,10 @@ from sim.relief import Fractal
 from sim.rotations import matrix, normalise
 from sim.terrain import Terrain, covering
 from sim.world import World
-from tests.twins import compiled, taken_from
+from tests.twins import taken_from
 
 EXTENT = (-20.0, 20.0, -25.0, 30.0)
 UPRIGHT = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
-
-
-@pytest.fixture(scope="module")
-def binaries(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("native")
-    compiled(folder)
-    return folder
 
 
 @pytest.fixture

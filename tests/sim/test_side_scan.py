@@ -23,7 +23,7 @@ from sim.simulation import Simulation
 from sim.terrain import Terrain, covering
 from sim.vehicle import load_vehicle
 from sim.world import World
-from tests.twins import compiled, taken_from
+from tests.twins import taken_from
 
 EXTENT = (-60.0, 60.0, -60.0, 60.0)
 VEHICLE, _ = load_vehicle("bluerov2_heavy")
@@ -113,9 +113,8 @@ def test_a_device_is_of_its_sensor() -> None:
     assert read_suite({"side_scan": {"device": "starfish_450"}}, "test")["side_scan"].model.beam_width == radians(0.8)
 
 
-def test_numpys_rays_give_the_same_pictures(tmp_path: Path) -> None:
+def test_numpys_rays_give_the_same_pictures(binaries: Path) -> None:
     """As those in C, to the last byte: sonars and camera, over rough ground with things on it."""
-    compiled(tmp_path)
     grid = covering(EXTENT, 1.0)
     terrain = Terrain(grid, Fractal(15.0, 1.5, seed=4).depths(grid), 20.0)
     world = FLAT._replace(terrain=terrain, cylinder=(Cylinder(15.0, 5.0, 1.0),), box=(Box(8.0, -4.0, 2.0, 2.0, 0.4),))
@@ -126,7 +125,7 @@ def test_numpys_rays_give_the_same_pictures(tmp_path: Path) -> None:
     ]
 
     def samples(engine: Engine) -> list[Any]:
-        with pytest.MonkeyPatch.context() as patch, taken_from(tmp_path):
+        with pytest.MonkeyPatch.context() as patch, taken_from(binaries):
             patch.setattr(RayScene.__init__, "__defaults__", (engine,))
             return [make().sample(0, State((0.0, 0.0, 8.0), from_euler(0.1, -0.2, 0.3))) for make in makers]
 

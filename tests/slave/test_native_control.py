@@ -21,7 +21,7 @@ from sim.rotations import from_euler
 from sim.thrusters import pulse_finder, wrench_matrix
 from sim.vehicle import Vehicle, load_vehicle, mass_matrix
 from tests.autonomy.controller_contract import ANY, DT, ControllerContract, inputs
-from tests.twins import compiled, taken_from
+from tests.twins import taken_from
 
 BINARY = "hil.slave.native._control"
 INERTIA: Wrench = (20.0, 30.0, 40.0, 1.0, 2.0, 3.0)
@@ -33,13 +33,6 @@ EACH = settings(
     max_examples=200,
     suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.differing_executors],
 )
-
-
-@pytest.fixture(scope="module")
-def binaries(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("native")
-    compiled(folder)
-    return folder
 
 
 @pytest.fixture(autouse=True)
