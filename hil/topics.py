@@ -89,6 +89,7 @@ TOPICS = {
     )
 }
 
+ALL = "*"  # the topics of a node, but for pictures
 COMMANDS = tuple([name for name in TOPICS if name.startswith("cmd_")])  # what a vehicle obeys
 
 # REP 2016 hashes of the definitions in ROS 2 Jazzy; Humble's are the same but for Range, which had no variance.

@@ -2,8 +2,8 @@
 
     python -m hil.bench.bare_slave ENDPOINT STEP_NS MESSAGES_PER_S SECONDS REALTIME
 
-It begins when somebody listens, and says its share of a core. Messages go out a hundred times a second, as often as the
-fastest of the usual sensors measures, each as large as that one's. What is not in it: commands, and the thruster link.
+It begins when somebody listens, and says its share of a core. Messages go out twenty times a second, as often as a
+vehicle says where it is, each as large as that. What is not in it: commands, and the thruster link.
 """
 
 import select
@@ -16,9 +16,9 @@ import zenoh
 from hil.clock import LOOP_PRIORITY, NS_PER_S, RateKeeper, now_ns, schedule_fifo, stay_awake
 from hil.transport.settings import Network, read_with, settings
 
-NODE, KEY = "bare", "0/bare/imu/sensor_msgs::msg::dds_::Imu_/RIHS01"
-PERIOD_NS = NS_PER_S // 100
-PAYLOAD, ATTACHMENT = bytes(324), bytes(33)  # of an Imu
+NODE, KEY = "bare", "0/bare/odom/nav_msgs::msg::dds_::Odometry_/RIHS01"
+PERIOD_NS = NS_PER_S // 20
+PAYLOAD, ATTACHMENT = bytes(724), bytes(33)  # of an Odometry
 SETTLE_S = 0.5  # after somebody has come to listen
 PATIENCE_NS = 20 * NS_PER_S
 

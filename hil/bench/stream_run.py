@@ -44,7 +44,7 @@ class Listener:
 
     def __init__(self, endpoint: str, node: str, network: Network, security: Security | None) -> None:
         self._session = dial(endpoint, network=network, security=security)
-        self.client = VehicleClient(self._session, node, part="observer", security=security)
+        self.client = VehicleClient(self._session, node, part="observer", security=security, topics=("odom",))
         self._seen: dict[str, _Seen] = {}
         self._counting = threading.Event()
         self._began = self._ended = 0.0

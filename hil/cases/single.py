@@ -21,7 +21,7 @@ from hil.config import Scenario, load_scenario
 from hil.master.client import VehicleClient
 from hil.master.delay import quantiles
 from hil.master.flight import Flight, Outcome, Plan, prepare
-from hil.master.mission import STOPPED, Mission
+from hil.master.mission import STOPPED, Mission, topics_of
 from hil.master.planner import Planner
 from hil.master.progress import Progress
 from hil.master.recorder import TrackWriter
@@ -127,11 +127,12 @@ def _fly_slave(scenario: Scenario, plan: Plan, folder: str) -> Measured:
     """With a slave in a process of its own; this process is its master."""
     meter = EnergyMeter(plan.brief.vehicle)
     node, network = scenario.slave.node, scenario.network
+    topics = *topics_of(plan.planner), "battery"
     progress = Progress(os.path.join(folder, "master.log"), quiet=True)
     with (
         StopSignals() as stop_fd,
         Slaves([scenario.path], folder) as slaves,
-        VehicleClient(scenario.slave.listen, node, network=network) as client,
+        VehicleClient(scenario.slave.listen, node, network=network, topics=topics) as client,
         _Notes(folder, meter, lambda: _telemetry(client)) as track,
     ):
         slaves.wait([client])

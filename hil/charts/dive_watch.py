@@ -9,6 +9,7 @@ from sim.sensors.samples import OdometrySample
 
 PERIOD_NS = NS_PER_S
 CAMERA, SONAR = "camera/image_raw", "forward_sonar/image"
+SEEN = ("ground_truth", "altimeter", "laser", CAMERA, SONAR)
 
 
 class Look(NamedTuple):
@@ -28,9 +29,13 @@ class DiveWatch:
     def __init__(self, scenario: Scenario) -> None:
         slave = scenario.slave
         self._client = VehicleClient(
-            slave.listen, slave.node, part="observer", network=scenario.network, security=scenario.security
+            slave.listen,
+            slave.node,
+            part="observer",
+            network=scenario.network,
+            security=scenario.security,
+            topics=SEEN,
         )
-        self._client.watch(CAMERA, SONAR)
         self._due_ns = self._began_ns = 0
         self.looks: list[Look] = []
 
@@ -43,12 +48,11 @@ class DiveWatch:
     def look(self) -> None:
         """Keep what there is now, if it is time."""
         latest, now = self._client.latest, now_ns()
-        needed = ("ground_truth", "altimeter", "laser", CAMERA, SONAR)
-        if now < self._due_ns or not all(topic in latest for topic in needed):
+        if now < self._due_ns or not all(topic in latest for topic in SEEN):
             return
         self._began_ns = self._began_ns or now
         self._due_ns = now + PERIOD_NS
-        truth, altimeter, laser, camera, sonar = (latest[topic].value for topic in needed)
+        truth, altimeter, laser, camera, sonar = (latest[topic].value for topic in SEEN)
         self.looks.append(
             Look((now - self._began_ns) / NS_PER_S, truth, altimeter.distance, laser, camera, sonar)
         )  # fmt: skip

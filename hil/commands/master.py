@@ -11,10 +11,11 @@ from hil.config import Scenario, load_scenario
 from hil.errors import MissingExtraError, NetworkError
 from hil.master.client import VehicleClient
 from hil.master.flight import Flight, Outcome, Plan, prepare, require_success
-from hil.master.mission import Mission
+from hil.master.mission import Mission, topics_of
 from hil.master.progress import Progress
 from hil.master.recorder import RecordedClient, TrackWriter, make_folder, new_folder, recorded
 from hil.stop import StopSignals
+from hil.topics import ALL
 from hil.transport.recording_mcap import require_library
 
 WAIT_STEP_S = 0.02
@@ -52,7 +53,7 @@ def main(arguments: list[str]) -> int:
     planner = plan.planner
     progress.say(f"{type(planner).__name__} planned a way of {len(planner.path)} points in {plan.duration:.2f} s")
     where = options.connect if options.connect != "lan" else _look_around(options.wait)
-    with StopSignals() as stop_fd, _client(where, scenario, int(options.take_over), progress) as client:
+    with StopSignals() as stop_fd, _client(where, scenario, plan, int(options.take_over), progress) as client:
         progress.say(f"waiting for {scenario.slave.node} at {where}")
         if options.ready_fd is not None:
             os.write(options.ready_fd, b"\n")
@@ -64,10 +65,16 @@ def main(arguments: list[str]) -> int:
     return 0
 
 
-def _client(where: str, scenario: Scenario, rank: int, progress: Progress) -> RecordedClient:
-    network, security = scenario.network, scenario.security
-    node, report = scenario.slave.node, progress.say
-    return RecordedClient(where, node, rank=rank, network=network, security=security, report=report)
+def _client(where: str, scenario: Scenario, plan: Plan, rank: int, progress: Progress) -> RecordedClient:
+    return RecordedClient(
+        where,
+        scenario.slave.node,
+        rank=rank,
+        network=scenario.network,
+        security=scenario.security,
+        report=progress.say,
+        topics=(ALL,) if scenario.recording.master else topics_of(plan.planner),
+    )
 
 
 def _look_around(seconds: float) -> str:

@@ -97,7 +97,8 @@ def _command(options: argparse.Namespace, stop_fd: int) -> int:
 
     scenario = _scenario(options.recording)
     node = scenario.slave.node
-    with VehicleClient(options.connect, node, network=scenario.network, security=scenario.security) as client:
+    network, security, topics = scenario.network, scenario.security, ("ground_truth",)
+    with VehicleClient(options.connect, node, network=network, security=security, topics=topics) as client:
         if not client.wait_for_vehicle(options.wait or 10.0):
             raise NetworkError(f"no vehicle {node!r} answered at {options.connect}; start it: uuv-hil slave")
         strayed = _Strayed(client, node)

@@ -20,8 +20,9 @@ from hil.stop import StopSignals
 from hil.topics import TOPICS, Topic
 from hil.transport import graph, ros_message, services, types
 from hil.transport.graph import Entity, Node
+from hil.transport.publisher import Publisher
 from hil.transport.roles import visit
-from hil.transport.session import Publisher, Session
+from hil.transport.session import Session
 
 EXAMPLES = """\
 examples:

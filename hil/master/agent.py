@@ -18,8 +18,9 @@ from hil.master.flight import held
 from hil.master.hunt import HuntPlanner
 from hil.topics import TOPICS
 from hil.transport.graph import Node
+from hil.transport.publisher import Publisher
 from hil.transport.roles import meet
-from hil.transport.session import Publisher, Session
+from hil.transport.session import Session
 
 if TYPE_CHECKING:
     from hil.master.modem_voice import ModemVoice
@@ -48,7 +49,7 @@ def run(scenario: Scenario, which: str, stop_fd: int, say: Say, wait: float = 60
         began = now_ns()
         voice = _voice(session, scenario, number, planner, began)
         _listen(session, scenario, me.node, planner, began)
-        with VehicleClient(session, me.node, network=network, report=say) as client:
+        with VehicleClient(session, me.node, network=network, report=say, topics=("odom", *planner.listens)) as client:
             say(f"{me.node}: planning, heard at {me.agent}")
             if _wait(client, stop_fd, wait):
                 _Agent(scenario, planner, client, session.publisher(me.node, REPORTS), began, say, voice).lead(stop_fd)

@@ -88,6 +88,7 @@ class Avoid(Planner):
 
     def __init__(self, vfh: dict[str, Any] | None = None, **keys: Any) -> None:
         self._settings = parse(keys, AvoidSettings, "Avoid")
+        self.listens = (self._settings.scan,)
         self._vfh = vfh or {}
         self._stuck_since: float | None = None
 

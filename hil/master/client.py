@@ -1,7 +1,7 @@
 """A vehicle as a planner sees it: its newest samples, and commands to it."""
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, Literal, NamedTuple, Self
 
 from hil.autonomy.control import VelocityCommand
@@ -10,7 +10,7 @@ from hil.errors import NetworkError
 from hil.master.contact import Contact
 from hil.master.delay import DelayMeter
 from hil.process import boot_id
-from hil.topics import TOPICS
+from hil.topics import ALL, TOPICS
 from hil.transport import ros
 from hil.transport.graph import Node
 from hil.transport.presence import fetch_last
@@ -19,9 +19,9 @@ from hil.transport.security import Security
 from hil.transport.session import Session
 from hil.transport.settings import Network
 
-PICTURES = 2  # that may wait
 QUEUE = 256  # messages that may wait for the reader; beyond it the oldest are dropped
 PICTURES = 2  # of one topic that may wait
+OWN = ("diagnostics", "trace")  # what a client listens to for itself
 CLOCK_WAIT_S = 0.3  # that the last state of a vehicle may wait until its age is known
 HOLDS_ON = 2  # diagnostics in a row that name another master: it is not about to give way
 
@@ -52,7 +52,9 @@ class VehicleClient:
 
     `where` is the endpoint of the slave or of a router, or a session that several clients share. A `part` of
     "observer" never commands. A master of higher `rank` (0 to 9) takes the vehicle over from another. `report` gets a
-    line when the vehicle comes and goes; the session finds it again by itself. `heard` gets each message that is kept.
+    line when the vehicle comes and goes; the session finds it again by itself. `heard` gets each message that is kept,
+    and may be called in several threads. `topics` are those it listens to from the beginning, `watch` adds others; what
+    nobody listens to is not sent.
 
     `latest` holds the newest message of each topic, in NED and FRD; `received` counts them; `malformed`
     counts what could not be decoded; `delays` measures the commands; `contact` knows whether the vehicle is there.
@@ -69,12 +71,14 @@ class VehicleClient:
         security: Security | None = None,
         report: Callable[[str], None] = _silence,
         heard: Callable[[str, Stamped], None] = _ignore,
+        topics: Sequence[str] = (ALL,),
     ) -> None:
         self.node = node
         self._heard = heard
         self.latest: dict[str, Stamped] = {}
         self.received = dict.fromkeys(TOPICS, 0)
         self.malformed = 0
+        self._watched: set[str] = set()
         self.delays = DelayMeter()
         self.first_sample_wall_ns = 0
         self._first_sample = threading.Event()
@@ -89,7 +93,7 @@ class VehicleClient:
         self._commands = self._session.publisher(node, TOPICS["cmd_vel"])
         self._publishers = {"cmd_vel": self._commands}
         self.contact = Contact(self._session, node, self.delays.clock, self._fetch_last, report, network.lease)
-        self._session.subscribe(node, "*", self._deliver, QUEUE)
+        self.watch(*topics, *OWN)
         self.contact.begin(part, self._commands.gid, rank)
         self._graph = Node(self._session, f"{node}_{part}")  # as ROS sees us
         if part == "master":
@@ -137,9 +141,20 @@ class VehicleClient:
         return publisher.put(payload, to_wall_ns(now_ns()))
 
     def watch(self, *topics: str) -> None:
-        """Keep what comes on these topics too: pictures ("camera/image_raw") come only to those who ask for them."""
+        """Listen to these topics too; pictures ("camera/image_raw") only come to those who ask for them by name."""
         for topic in topics:
-            self._session.subscribe(self.node, topic, self._deliver, PICTURES)
+            if self._listens(topic):
+                continue
+            self._watched.add(topic)
+            self._session.subscribe(self.node, topic, self._deliver, PICTURES if "/" in topic else QUEUE)
+            if self.contact.present and "/" not in topic:
+                fetch_last(self._session, self.node, self._deliver_last, topic)  # some come once a second
+
+    def offers(self) -> set[str]:
+        """The topics it has said anything on, listened to or not; asked for here and now."""
+        topics: set[str] = set()
+        fetch_last(self._session, self.node, lambda topic, *_: topics.add(topic))
+        return topics
 
     def wait_for_vehicle(self, seconds: float) -> bool:
         """Wait for the first sample; whether it came within `seconds`."""
@@ -203,6 +218,9 @@ class VehicleClient:
             self.first_sample_wall_ns = to_wall_ns(received_ns)
             self._first_sample.set()
 
+    def _listens(self, topic: str) -> bool:
+        return topic in self._watched or (ALL in self._watched and "/" not in topic)
+
     def _judge(self, diagnostics: dict[str, str]) -> None:
         self.contact.same_clock = diagnostics.get("boot_id") == boot_id()
         other = diagnostics.get("commanded_by", "") not in ("", self._commands.gid.hex())
@@ -215,7 +233,7 @@ class VehicleClient:
         fetch_last(self._session, self.node, self._deliver_last)
 
     def _deliver_last(self, topic: str, payload: bytes, attachment: bytes) -> None:
-        if topic not in self.latest and topic != "trace":
+        if topic not in self.latest and topic != "trace" and self._listens(topic):
             self._deliver(topic, payload, attachment)
             if topic == "diagnostics" and self._named_other:
                 self._named_other, self._named_before = 0, True

@@ -13,6 +13,7 @@ from hil.errors import MissionError
 from hil.master.follow import Follow
 from hil.master.planner import Brief, Done, Planner, Point, Samples
 from hil.master.world_map import known_map
+from hil.topics import ALL
 from sim.sensors.samples import OdometrySample
 from sim.vehicle import Vehicle, load_vehicle
 from sim.world import World, load_world
@@ -108,7 +109,7 @@ class Flight:
     def command(self, elapsed: float, samples: Samples, truth: OdometrySample) -> VelocityCommand:
         """The command `elapsed` s after the start; only velocities in it. `truth` is for the account alone."""
         began = time.thread_time()
-        answer = self.planner.command(elapsed, samples)
+        answer = self.planner.command(elapsed, self._listened(samples))
         self._planner_cpu_s += time.thread_time() - began
         if isinstance(answer, Done):
             self.reason, self._reached = answer.reason, answer.reached
@@ -134,6 +135,13 @@ class Flight:
             self._off_track.rms,
             self._planner_cpu_s,
         )
+
+    def _listened(self, samples: Samples) -> Samples:
+        """What the planner listens to: with a simulator in the same process there may be more."""
+        listens = self.planner.listens
+        if ALL in listens:
+            return samples
+        return {topic: sample for topic, sample in samples.items() if topic == "odom" or topic in listens}
 
     def _note(self, truth: OdometrySample) -> None:
         north, east, depth = truth.position

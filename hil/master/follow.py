@@ -10,6 +10,8 @@ from hil.master.planner import Brief, Done, Planner, Point, Samples
 class Follow(Planner):
     """A* on the map, obstacles widened by the vehicle's size and the margin, smoothed; pure pursuit to the goal."""
 
+    listens = ()
+
     def begin(self, brief: Brief) -> None:
         """Plan the way. Raises MissionError, ConfigError."""
         master = brief.master

@@ -40,6 +40,8 @@ class HuntPlanner(Planner):
     Raises ConfigError, MissionError.
     """
 
+    listens = ()
+
     def __init__(self, scenario: Scenario, number: int) -> None:
         self._hunting = hunting_of(scenario)
         plan = hunt_plan(scenario)

@@ -9,6 +9,7 @@ from hil.clock import NS_PER_S, RateKeeper, now_ns, seconds_ns
 from hil.errors import NetworkError
 from hil.master.client import VehicleClient
 from hil.master.flight import Flight, Outcome
+from hil.master.planner import Planner
 from hil.master.progress import Progress
 from hil.master.recorder import TrackWriter
 
@@ -16,6 +17,11 @@ GONE_AFTER_S = 1.0
 GIVE_UP_AFTER_S = 10.0
 STOPPED = "stopped by the user"
 _NOT_SENSED = ("ground_truth", "diagnostics", "cmd_vel")
+
+
+def topics_of(planner: Planner) -> tuple[str, ...]:
+    """What has to be listened to for a mission with this planner."""
+    return ("odom", "ground_truth", *planner.listens)
 
 
 class Mission:

@@ -77,11 +77,10 @@ class Observed:
         self.name = name
         self._part = part
         self._streams: dict[str, weakref.WeakSet[Stream]] = {}
-        self._pictures: set[str] = set()  # those that are listened to
         self._first = threading.Condition()
         self._closing = threading.Event()
         self.client = VehicleClient(
-            session, name, part=part, rank=rank, network=network, security=security, heard=self._hear
+            session, name, part=part, rank=rank, network=network, security=security, heard=self._hear, topics=("odom",)
         )
 
     def __repr__(self) -> str:
@@ -137,9 +136,7 @@ class Observed:
     def _listen(self, topic: str) -> None:
         if topic not in TOPICS:
             raise ConfigError(f"{self.name}: no topic {topic!r}{nearest(topic, list(TOPICS))}")
-        if "/" in topic and topic not in self._pictures:
-            self._pictures.add(topic)
-            self.client.watch(topic)
+        self.client.watch(topic)
 
     def _hear(self, topic: str, stamped: Stamped) -> None:
         """A message has come; called by the session's reader."""
@@ -160,7 +157,7 @@ class Observed:
             )
 
     def _no_sensor(self, topic: str, waited: float) -> str:
-        there = ", ".join(sorted(name for name in self.client.latest if name.isidentifier()))
+        there = ", ".join(sorted(name for name in self.client.offers() if name.isidentifier()))
         return (
             f"{self.name} has sent no {topic!r} for {waited:.1f} s; it sends {there}; other sensors are sections "
             f"[sensors.NAME] of the slave's scenario"

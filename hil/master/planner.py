@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 from hil.autonomy.control import VelocityCommand
 from hil.autonomy.occupancy import OccupancyGrid
 from hil.config import Master, Start
+from hil.topics import ALL
 from sim.vehicle import Vehicle
 
 Point = tuple[float, float]  # north, east in m
@@ -51,9 +52,11 @@ class Planner(ABC):
     """A planner of your own derives from this and has one method to write, `command`.
 
     It may keep three figures up to date for others to show: `path`, the way it means to go (m north, m east);
-    `progress`, the share of it that lies behind (0 to 1); `note`, a few words on what it is doing.
+    `progress`, the share of it that lies behind (0 to 1); `note`, a few words on what it is doing. `listens` are the
+    topics of the sensors it looks at besides "odom": only those are sent and given to it. `ALL` are all but pictures.
     """
 
+    listens: Sequence[str] = (ALL,)
     path: Sequence[Point] = ()
     progress: float = 0.0
     note: str = ""

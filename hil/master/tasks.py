@@ -26,6 +26,7 @@ from hil.master.planner import Brief, Done, Planner, Samples
 from hil.schema import parse
 
 _NS_PER_S = 1_000_000_000
+SIGNALS = ("battery", "dvl", "leak")  # topics that tell what tasks may wait for
 _KEEP = 0.4  # 1/s, of station keeping
 _KEEP_LIMIT = 0.2  # m/s
 
@@ -38,6 +39,7 @@ class Tasks(Planner):
         self._settings = parse(keys, AvoidSettings, "Tasks")
         self.mission = parse(mission, Mission, "Tasks")
         self._scheduler = Scheduler(self.mission, "Tasks")
+        self.listens = (self._settings.scan, *SIGNALS)
         self._vfh = vfh or {}
         self._goal: Point | None = None
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from hil.clock import NS_PER_MS, now_ns, to_wall_ns
 from hil.slave.inbox import Inbox
+from hil.slave.outbox import Outbox
 from hil.transport.clock_offset import ClockOffset
 from hil.transport.presence import declare_presence, serve_last, watch_presence
 from hil.transport.session import Session
@@ -24,7 +25,13 @@ class Contacts:
     """Keeps an inbox informed about its senders, and those about the vehicle."""
 
     def __init__(
-        self, session: Session, node: str, inbox: Inbox, report: Callable[[str], None], security: "Security | None"
+        self,
+        session: Session,
+        node: str,
+        inbox: Inbox,
+        outbox: Outbox,
+        report: Callable[[str], None],
+        security: "Security | None",
     ) -> None:
         self._inbox = inbox
         self._rights = security.rights() if security else {}
@@ -35,7 +42,7 @@ class Contacts:
         self._answer = session.sender(pong)
         session.receive(ping, self._take_ping, WAITING)
         session.free_links()
-        serve_last(session, node)
+        serve_last(session, node, outbox.catch_up)
         watch_presence(session, node, self._meet)
         declare_presence(session, node, "slave")
 

@@ -62,14 +62,14 @@ def run(
         from hil.slave.health import Health
         from hil.slave.ros_node import RosNode
 
-        board = board or _recognised()
-        loop.ros = RosNode(network.session(), scenario, loop, log.say)
+        board, session = board or _recognised(), network.session()
+        loop.ros = RosNode(session, scenario, loop, log.say)
         stack.callback(loop.ros.close)
-        contacts = Contacts(network.session(), scenario.slave.node, loop.inbox, log.say, scenario.security)
+        contacts = Contacts(session, scenario.slave.node, loop.inbox, loop.outbox, log.say, scenario.security)
         if scenario.network.router:
             from hil.slave.router_watch import watch_router
 
-            watch_router(network.session(), scenario.network.router, scenario.security, log.say)
+            watch_router(session, scenario.network.router, scenario.security, log.say)
         if imaging:
             imaging.start(loop.outbox.epoch_ns)
             stack.callback(imaging.close)

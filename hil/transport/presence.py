@@ -35,23 +35,31 @@ def watch_presence(session: Session, node: str, deliver: Watch) -> None:
     session.watch_tokens(f"uuv_hil/{node}/alive/**", pass_on)
 
 
-def serve_last(session: Session, node: str) -> None:
+def _nothing() -> None:
+    """There is nothing to bring up to date."""
+
+
+def serve_last(session: Session, node: str, catch_up: Callable[[], None] = _nothing) -> None:
     """Tell late joiners what this session's publishers of a node's own topics said last, see `fetch_last`.
 
-    What is large is left out: an answer has no less priority than the samples, which would wait for it.
+    `catch_up` is called before: it makes the last of each be the last indeed. What is large is left out: an answer has
+    no less priority than the samples, which would wait for it.
     """
 
     def answer(query: zenoh.Query) -> None:
+        catch_up()
         with suppress(zenoh.ZError), query:  # who asked may be gone; leaving the query says that this was all
             for publisher in list(session.publishers):
-                if publisher.last and not publisher.aside and not publisher.topic.name.startswith("/"):
-                    payload, attachment = publisher.last
-                    query.reply(last_key(node, publisher.topic.name), payload, attachment=attachment)
+                name, last = publisher.topic.name, publisher.last
+                if last is None or publisher.aside or name.startswith("/"):
+                    continue
+                if query.key_expr.includes(last_key(node, name)):
+                    query.reply(last_key(node, name), last[0], attachment=last[1])
 
     session.answer(last_key(node, "*"), answer)
 
 
-def fetch_last(session: Session, node: str, deliver: Deliver) -> None:
+def fetch_last(session: Session, node: str, deliver: Deliver, topic: str = "*") -> None:
     """Call `deliver(topic name, payload, attachment)`, here and now, for the last message of each topic of the node."""
-    for key, payload, attachment in session.ask(last_key(node, "*"), ANSWER_WITHIN_S):
+    for key, payload, attachment in session.ask(last_key(node, topic), ANSWER_WITHIN_S):
         deliver(key.rpartition("/")[2], payload, attachment)

@@ -8,8 +8,9 @@ from hil.errors import ConfigError
 from hil.topics import TOPICS, Topic
 from hil.transport import types
 from hil.transport.presence import declare_presence
+from hil.transport.publisher import Publisher
 from hil.transport.recording_file import Message
-from hil.transport.session import Publisher, Session
+from hil.transport.session import Session
 
 
 def pace(messages: Iterable[Message], speed: float, stop_fd: int, use: Callable[[Message], None]) -> float:

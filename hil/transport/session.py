@@ -6,7 +6,6 @@ callback hangs the interpreter at exit. What comes seldom shares one, see `hil.t
 """
 
 import atexit
-import os
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import suppress
@@ -16,8 +15,8 @@ from typing import TYPE_CHECKING, Any
 import zenoh
 
 from hil.errors import NetworkError
-from hil.topics import Priority, Topic, hash_of
-from hil.transport import ros
+from hil.topics import Topic
+from hil.transport.publisher import Publisher, is_matched
 from hil.transport.settings import Network, settings
 
 if TYPE_CHECKING:
@@ -25,16 +24,9 @@ if TYPE_CHECKING:
     from hil.transport.security import Security
 
 ASKING = 8  # queries that may wait for a reader at once
-WAITING = 1  # large messages that may, for the thread that sends them
 ANSWER_WITHIN_S = 1.0
 
 Deliver = Callable[[str, bytes, bytes], None]
-
-_PRIORITIES: dict[Priority, zenoh.Priority] = {
-    "real_time": zenoh.Priority.REAL_TIME,
-    "data": zenoh.Priority.DATA,
-    "background": zenoh.Priority.BACKGROUND,
-}
 
 
 def listen(
@@ -99,62 +91,6 @@ def _reason(text: str) -> str:
     return text.partition(" at /")[0]  # without the place in the library's source
 
 
-class Publisher:
-    """Publishes one topic of one node; counts and stamps what it sends, and keeps the last of it.
-
-    `gid` (16 bytes) tells publishers apart; `last` is payload and attachment, None before the first. What the network
-    cannot take in time is left out; with `wait` it is waited for; what is sent `aside` holds up nobody.
-    """
-
-    aside = False
-
-    def __init__(self, session: zenoh.Session, node: str, topic: Topic, wait: bool = False) -> None:
-        self.topic = topic
-        self.key = ros.data_key(0, topic.full_name(node), topic.type, hash_of(topic.type))
-        self._publisher = _declare(session, self.key, topic, wait)
-        self._send: Callable[..., None] = self._publisher.put
-        self.gid = os.urandom(16)
-        self.sequence = 0
-        self.last: tuple[bytes, bytes] | None = None
-
-    def put(self, payload: bytes, wall_ns: int) -> int:
-        """Send `payload` with its time (ns since 1970); the sequence number it went out with."""
-        self.sequence = sequence = self.sequence + 1
-        attachment = ros.pack_attachment(sequence, wall_ns, self.gid)
-        self.last = payload, attachment
-        self._send(payload, attachment=attachment)
-        return sequence
-
-    def send_aside(self, session: zenoh.Session, errands: "Errands") -> None:
-        """From now on let the thread of `errands` send; while a message waits for it the next are left out.
-
-        They go after everything else, as two who send with one priority wait for each other.
-        """
-        self.aside = True
-        publisher = self._publisher = _declare(session, self.key, self.topic._replace(priority="background"))
-
-        def send(message: tuple[bytes, bytes]) -> None:
-            with suppress(zenoh.ZError):  # the session was closed
-                publisher.put(message[0], attachment=message[1])
-
-        take = errands.queue(send, WAITING)
-        self._send = lambda payload, attachment: take((payload, attachment))
-
-
-def _declare(session: zenoh.Session, key: str, topic: Topic, wait: bool = False) -> Any:
-    declare: Any = zenoh.Session.declare_publisher
-    if topic.qos.latched:
-        from hil.transport.latched import declare_publisher as declare
-    return declare(
-        session,
-        key,
-        priority=_PRIORITIES[topic.priority],
-        express=topic.express,
-        congestion_control=zenoh.CongestionControl.BLOCK if wait else zenoh.CongestionControl.DROP,
-        allowed_destination=zenoh.Locality.REMOTE,
-    )
-
-
 class Session:
     """The process's one session. Use as a context; leaving it ends the readers.
 
@@ -184,6 +120,10 @@ class Session:
         publisher = Publisher(self._session, node, topic, wait)
         self.publishers.append(publisher)
         return publisher
+
+    def watch_audience(self, publisher: Publisher) -> None:
+        """Let it know from now on whether anybody listens."""
+        publisher.watch_audience(self._for_errands())
 
     def send_aside(self, publisher: Publisher) -> None:
         """Let it send in another thread, for a loop with messages so large that the network takes its time."""
@@ -300,8 +240,8 @@ class Session:
 
     def audience(self, keys: str) -> Callable[[], bool]:
         """What tells whether anybody out there wants messages with such keys."""
-        publisher: Any = self._session.declare_publisher(keys, allowed_destination=zenoh.Locality.REMOTE)
-        return lambda: bool(publisher.matching_status.matching)  # whose type is not the one that zenoh says
+        publisher = self._session.declare_publisher(keys, allowed_destination=zenoh.Locality.REMOTE)
+        return lambda: is_matched(publisher)
 
     def every(self, seconds: float, run: Callable[[], None], name: str) -> None:
         """Call `run` every so many seconds until the session is closed, in a thread of its own."""
@@ -336,9 +276,13 @@ class Session:
 
     def _seldom(self, use: Callable[[Any], None], most: float = inf) -> "zenoh.handlers.Callback[Any]":
         """What to declare something with that `use` shall see in the thread for all such."""
+        return self._for_errands().handler(use, most)
+
+    def _for_errands(self) -> "Errands":
+        """The thread for all that comes seldom."""
         if self._errands is None:
             self._errands = self._hire("errands")
-        return self._errands.handler(use, most)
+        return self._errands
 
     def _hire(self, name: str) -> "Errands":
         """A thread for errands."""

@@ -141,7 +141,10 @@ def gap(a: Cylinder, b: Cylinder) -> float:
 
 
 class Sent(Planner):
-    """Passes samples on as they are after they have been bytes on the network, and compares what comes of it."""
+    """Passes samples on as they are after they have been bytes on the network, and compares what comes of it.
+
+    Only what the planner listens to is sent there.
+    """
 
     def __init__(self, here: Planner, there: Planner) -> None:
         self.here, self.there = here, there
@@ -152,11 +155,12 @@ class Sent(Planner):
         self.there.begin(brief)
 
     def command(self, time: float, samples: Samples) -> VelocityCommand | Done:
-        over = {}
+        over, listened = {}, ("odom", *self.there.listens)
         for topic, sample in samples.items():
             for name, payload in ros.encoder(topic)(sample, ""):
                 decode = ros.decoder(name)
-                over[name] = decode(payload) if decode else None
+                if name in listened:
+                    over[name] = decode(payload) if decode else None
         answer, other = self.here.command(time, samples), self.there.command(time, over)
         if isinstance(answer, VelocityCommand):
             assert isinstance(other, VelocityCommand)

@@ -132,10 +132,13 @@ def lingering() -> list[bool]:
     """Of each connected TCP socket of this process."""
     found = []
     for name in os.listdir("/proc/self/fd"):
-        with suppress(OSError), socket.socket(fileno=os.dup(int(name))) as end:
-            if end.family == socket.AF_INET and end.getpeername():
-                on, _ = struct.unpack("ii", end.getsockopt(socket.SOL_SOCKET, socket.SO_LINGER, 8))
-                found.append(bool(on))
+        with suppress(OSError):
+            if not os.readlink(f"/proc/self/fd/{name}").startswith("socket:"):
+                continue
+            with socket.socket(fileno=os.dup(int(name))) as end:
+                if end.family == socket.AF_INET and end.getpeername():
+                    on, _ = struct.unpack("ii", end.getsockopt(socket.SOL_SOCKET, socket.SO_LINGER, 8))
+                    found.append(bool(on))
     return found
 
 

@@ -1,0 +1,104 @@
+"""A master gets what it listens to, and the vehicle sends nothing else."""
+
+import json
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+import hil
+from hil.autonomy.control import VelocityCommand
+from hil.master.client import VehicleClient
+from hil.master.follow import Follow
+from hil.master.mission import topics_of
+from hil.master.planner import Planner
+from hil.master.tasks import Tasks
+from hil.topics import ALL
+from hil.transport.roles import dial
+from tests.processes import Program, wait_for, write_scenario
+
+
+@pytest.fixture
+def endpoint(tmp_path: Path) -> Iterator[str]:
+    scenario, port = write_scenario(tmp_path)
+    scenario.write_text(scenario.read_text() + "[sensors]\nleak = { rate = 0.5 }\n")
+    with Program(tmp_path, "slave", scenario) as program:
+        program.expect("ready")
+        yield f"tcp/127.0.0.1:{port}"
+    assert "Traceback" not in program.output
+
+
+def test_only_what_is_asked_for_comes(endpoint: str) -> None:
+    with VehicleClient(endpoint, "uuv1", topics=("odom",)) as client:
+        assert client.wait_for_vehicle(10)
+        assert wait_for(lambda: client.received["odom"] > 10 and client.diagnostics(), 10)
+        client.command(VelocityCommand(surge=0.1))
+        assert wait_for(lambda: len(client.delays) > 0, 5), "what it needs for itself comes besides"
+        assert set(client.latest) == {"odom", "diagnostics"}
+        assert {"imu", "pressure", "odom", "dvl"} <= client.offers(), "and it knows what there is"
+        client.watch("imu", "odom")
+        assert wait_for(lambda: client.received["imu"] > 50, 5)
+        before, began = client.received["odom"], time.monotonic()
+        time.sleep(1.0)
+        rate = (client.received["odom"] - before) / (time.monotonic() - began)
+        assert rate < 25, "listened to once"
+        assert "pressure" not in client.latest
+
+
+def test_all_comes_to_who_does_not_choose(endpoint: str) -> None:
+    with VehicleClient(endpoint, "uuv1") as client:
+        assert wait_for(lambda: {"imu", "pressure", "odom", "dvl", "ground_truth"} <= set(client.latest), 10)
+
+
+def test_a_sensor_that_is_slower_than_one_waits_is_there_at_once(endpoint: str) -> None:
+    """Once in two seconds, and listened to only now."""
+    with hil.connect(endpoint) as fleet:
+        vehicle = fleet["uuv1"]
+        assert "leak" not in vehicle.client.latest
+        time.sleep(2.1)  # so that it has measured
+        began = time.monotonic()
+        assert not vehicle.leak.on
+        assert time.monotonic() - began < 0.5
+        assert vehicle.imu.age < 0.3, "and what is fast is new"
+        assert "pressure" not in vehicle.client.latest
+
+
+def test_a_mission_spares_the_network_what_its_planner_does_not_use(tmp_path: Path) -> None:
+    """Seen from outside: two runs of the same mission, one recorded by the master, which wants all."""
+    rates: list[float] = []
+    for wish in ("", '[recording]\nmaster = true\ncompression = "none"\n'):
+        folder = tmp_path / f"run{len(rates)}"
+        scenario, _ = write_scenario(tmp_path)
+        scenario.write_text(scenario.read_text() + wish)
+        with Program(tmp_path, "demo", scenario, "--run-dir", folder) as demo:
+            assert demo.wait(90) == 0, demo.output
+        slave = json.loads((folder / "table.json").read_text())["table"]["slave"]
+        rates.append(float(slave["samples_published"]) / float(slave["uptime_s"]))
+    spared, whole = rates
+    assert whole > 200
+    assert spared < 120
+
+
+class Curious(Planner):
+    """Says nothing of what it listens to."""
+
+    def command(self, time: float, samples: object) -> VelocityCommand:
+        return VelocityCommand()
+
+
+def test_planners_say_what_they_use() -> None:
+    assert topics_of(Follow()) == ("odom", "ground_truth")
+    tasks = Tasks(home=[0.0, 0.0], scan="scanning_sonar", task=[{"name": "a", "at": [0.0, 0.0], "duration": 1.0}])
+    assert topics_of(tasks) == ("odom", "ground_truth", "scanning_sonar", "battery", "dvl", "leak")
+    assert topics_of(Curious()) == ("odom", "ground_truth", ALL), "one of a user's own gets all"
+
+
+def test_two_who_want_different_things_get_them(endpoint: str) -> None:
+    with dial(endpoint) as session, VehicleClient(session, "uuv1", topics=("imu",)) as one:
+        with VehicleClient(endpoint, "uuv1", part="observer", topics=("pressure",)) as other:
+            assert wait_for(lambda: "imu" in one.latest and "pressure" in other.latest, 10)
+            assert "imu" not in other.latest
+            assert "pressure" not in one.latest
+        before = one.received["imu"]
+        assert wait_for(lambda: one.received["imu"] > before + 50, 5), "one who leaves takes nothing from the other"
