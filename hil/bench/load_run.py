@@ -12,8 +12,10 @@ from hil.bench.limits import Limits
 from hil.bench.processes import Threads, by_name, look, shares
 from hil.bench.statistics import median
 from hil.errors import NetworkError
+from hil.topics import TOPICS
 from sim.sensors.suite import SENSORS, USUAL
 
+PICTURES = [name for name in TOPICS if "/" in name[1:]]
 COMMAND_HZ = 20.0
 EVERY_S = 1.0
 
@@ -62,6 +64,7 @@ def run(setting: Setting, scenario: str, seconds: float, limits: Limits, watch: 
         clients = [stack.enter_context(bench.client()) for bench in benches]
         for client, slave in zip(clients, slaves, strict=True):
             await_vehicle(client, slave)
+            client.watch(*PICTURES)  # which are not made for nobody
 
         def command() -> None:
             for client in clients:

@@ -26,7 +26,7 @@ from sim.sensors.suite import Fitted
 
 # What the loop asks for: the number of the sensor, the time (ns), position, quaternion, nu and its rate of change.
 REQUEST = Struct("<Bq3d4d6d6d")
-DONE = Struct("<Bq")  # what comes back: the number of the sensor, and how long its picture took (ns)
+DONE = Struct("<Bq")  # what comes back: the number of the sensor, how long its picture took (ns; 0: nobody wants it)
 FIRST_PAUSE_S, LONGEST_PAUSE_S = 0.5, 30.0
 STEADY_NS = 60 * NS_PER_S  # a process that lived so long is started again without a long pause
 GRACE_S = 2.0
@@ -133,7 +133,7 @@ class Imaging:
             answers = None
         for number, took_ns in DONE.iter_unpack(answers or b""):  # each is written at once, so none is cut
             self._busy[number] = False
-            self.took_ns[number] = took_ns
+            self.took_ns[number] = took_ns or self.took_ns[number]
 
     def _run(self, begin: bytes) -> None:
         """Keep a process alive until closed."""

@@ -3,8 +3,9 @@
     python -m hil.slave.imaging_process      started by hil.slave.imaging, which says the rest
 
 It has the world and the heavy sensors of the scenario, puts the vehicle where a request says, and publishes what the
-sensors then see as the same node, by a session of its own that goes through the slave's. It gives way to everything
-else on the machine, and leaves the first core to the loop. It ends when its input does.
+sensors then see as the same node, by a session of its own that goes through the slave's. After the first picture of a
+sensor it makes those that somebody listens to. It gives way to everything else on the machine, and leaves the first
+core to the loop. It ends when its input does.
 """
 
 import os
@@ -95,6 +96,7 @@ def _serve(scenario: Scenario, epoch_ns: int, answers: int, stop_fd: int) -> Non
     with join(scenario) as session, studio.neighbours.hear():
         outbox = Outbox(session, slave.node, epoch_ns, scenario.ros.frame_prefix, waits=True)
         under_way: list[tuple[int, Message]] = []  # when it is due (wall clock), and what
+        outlets: dict[int, list[str]] = {}  # by sensor the topics of its messages, as its first ones show them
         while True:
             wait_s = (under_way[0][0] - to_wall_ns(now_ns())) / NS_PER_S if under_way else None
             ready = select.select((stop_fd, IN), (), (), wait_s if wait_s is None else max(0.0, wait_s))[0]
@@ -104,12 +106,16 @@ def _serve(scenario: Scenario, epoch_ns: int, answers: int, stop_fd: int) -> Non
             if requests == b"":
                 return
             for number, time_ns, *moving in REQUEST.iter_unpack(requests or b""):
-                began = now_ns()
-                studio.neighbours.place(began)
-                messages = studio.take(number, time_ns, moving)
-                due_ns = epoch_ns + time_ns + studio.delay_ns(number)
-                under_way += [(due_ns, message) for message in studio.encode(messages, epoch_ns)]
-                os.write(answers, DONE.pack(number, now_ns() - began))
+                took_ns = 0
+                if number not in outlets or outbox.wants(outlets[number]):
+                    began = now_ns()
+                    studio.neighbours.place(began)
+                    messages = list(studio.encode(studio.take(number, time_ns, moving), epoch_ns))
+                    due_ns = epoch_ns + time_ns + studio.delay_ns(number)
+                    under_way += [(due_ns, message) for message in messages]
+                    outlets.setdefault(number, [name for name, _ in messages])
+                    took_ns = now_ns() - began
+                os.write(answers, DONE.pack(number, took_ns))
             under_way.sort(key=_due)
             _publish(outbox, under_way)
 

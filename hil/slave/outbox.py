@@ -90,6 +90,11 @@ class Outbox:
         send = publisher.put if publisher.wanted else publisher.keep
         send(payload, to_wall_ns(now_ns()))
 
+    def wants(self, names: Sequence[str]) -> bool:
+        """Whether anybody listens to one of these topics, or may: nothing was said on it yet."""
+        publishers = [self._publishers.get(name) for name in names]
+        return any(publisher is None or publisher.wanted for publisher in publishers)
+
     @property
     def published(self) -> int:
         """How many messages were sent so far."""

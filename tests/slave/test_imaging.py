@@ -149,6 +149,35 @@ def test_a_killed_process_is_told_and_started_again(slave: tuple[Program, Vehicl
     assert float(client.diagnostics()["real_time_factor"]) > 0.9
 
 
+def test_pictures_are_made_for_those_who_watch(tmp_path: Path) -> None:
+    """By the processor time that the process takes."""
+    program, endpoint = start(tmp_path, "[sensors.camera]\nrate = 10\nwidth = 640\nheight = 480\n")
+    with program, VehicleClient(endpoint, "uuv1") as client:
+        program.expect("ready")
+        assert wait_for(lambda: float(client.diagnostics().get("imaging_cpu_s", 0.0)) > 0.0, 10)
+        assert wait_for(lambda: takes(client, 1.5) < 0.03, 15), "nobody watches"
+        with VehicleClient(endpoint, "uuv1", part="observer") as onlooker:
+            onlooker.watch("camera/depth/image_raw")
+            assert wait_for(lambda: onlooker.received["camera/depth/image_raw"] > 3, 10)
+            seen = takes(client, 2.0)
+            assert seen > 0.1
+        assert wait_for(lambda: takes(client, 1.5) < 0.3 * seen, 10), "the onlooker has gone"
+        assert int(client.diagnostics()["camera_dropped"]) < 0.5 * int(client.diagnostics()["camera_asked"])
+
+
+def takes(client: VehicleClient, seconds: float) -> float:
+    """The processor's share that pictures take, for so long."""
+
+    def spent() -> tuple[float, float]:
+        stamped = client.latest["diagnostics"]
+        return float(stamped.value["imaging_cpu_s"]), stamped.sent_ns / 1e9
+
+    before, began = spent()
+    time.sleep(seconds + 1.0)  # diagnostics come once a second
+    after, ended = spent()
+    return (after - before) / (ended - began)
+
+
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGINT, signal.SIGTERM])
 def test_it_ends_with_the_slave(slave: tuple[Program, VehicleClient], number: int) -> None:
     program, client = slave
