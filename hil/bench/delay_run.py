@@ -9,16 +9,14 @@ from typing import Any, NamedTuple
 from hil.autonomy.control import VelocityCommand
 from hil.bench.floor import Floor, wait_ns
 from hil.bench.harness import READY_S, Bench, await_vehicle, program
-from hil.bench.loopback import CALM_PULSES
+from hil.bench.loopback import settled
 from hil.bench.statistics import quantile
 from hil.clock import NS_PER_MS, NS_PER_S, RateKeeper, now_ns, to_wall_ns
 from hil.config import Scenario
 from hil.links.address import parse_address
-from hil.links.contract import ThrusterCommand, ThrusterTelemetry
 from hil.links.wires.faults import line_bits
 from hil.master.client import VehicleClient
 from hil.master.delay import DelayMeter
-from hil.slave.stm32 import end_protocol
 from sim.vehicle import load_vehicle
 
 HOPS = ("publish", "network", "inbox", "control", "link encode", "wire", "STM32")
@@ -122,13 +120,8 @@ def wire_ms(scenario: Scenario, slave: dict[str, str]) -> float:
         baud = link.baud
     if not baud:
         return 0.0
-    channels = len(load_vehicle(scenario.vehicle)[0].channels)
-    pulses = (CALM_PULSES,) * channels
-    host, device = (end_protocol(link, role, channels) for role in ("host", "device"))
-    host.encode(ThrusterCommand(0, True, pulses))  # which may announce that thrusters are armed, once
-    said = host.encode(ThrusterCommand(1, True, pulses))
-    if scenario.stm32 not in IN_SLAVE:
-        said += device.encode(ThrusterTelemetry(1, True, False, pulses, 0, 0, 0, 0))
+    command, answer = settled(link, len(load_vehicle(scenario.vehicle)[0].channels), armed=True)
+    said = command if scenario.stm32 in IN_SLAVE else command + answer
     return line_bits(said, on_can=parse_address(link.port).carries_can) / baud * 1e3
 
 

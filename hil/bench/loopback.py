@@ -7,7 +7,7 @@ command and of its answer take at the line's speed: no link can be faster, and a
 import select
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from hil.clock import NEVER_NS, NS_PER_MS, NS_PER_S, RateKeeper, now_ns
 from hil.config import Link
@@ -244,8 +244,22 @@ def wire_ms(plan: Plan) -> float:
     )
     if not baud or address.carries_can:
         return float("nan")
-    command = ThrusterCommand(1, plan.spin, (CALM_PULSES,) * plan.channels)
-    answer: Any = ThrusterTelemetry(1, plan.spin, False, command.pwm_us, 0, 0, 0, 0)
-    there = len(end_protocol(link, "host", plan.channels).encode(command))
-    back = 0 if plan.stm32 == "jumper" else len(end_protocol(link, "device", plan.channels).encode(answer))
-    return (there + back) * BITS_A_BYTE / baud * 1e3
+    command, answer = settled(link, plan.channels, plan.spin)
+    said = command if plan.stm32 == "jumper" else command + answer
+    return len(said) * BITS_A_BYTE / baud * 1e3
+
+
+def settled(link: Link, channels: int, armed: bool) -> tuple[bytes, bytes]:
+    """A command and its answer as they go over `link` once its ends know each other.
+
+    Before that there may be more in them: MAVLink's host asks for arming with each command until that is confirmed.
+    """
+    host, device = (end_protocol(link, role, channels) for role in ("host", "device"))
+    pulses = (CALM_PULSES,) * channels
+    for number in range(3):
+        command = host.encode(ThrusterCommand(number, armed, pulses))
+        device.feed(command)
+        confirmed = device.replies() + device.tick(number * NS_PER_S)
+        answer = device.encode(ThrusterTelemetry(number, armed, False, pulses, 0, 0, 0, 0))
+        host.feed(confirmed + answer)
+    return command, answer

@@ -146,6 +146,14 @@ def test_the_time_on_the_line() -> None:
     assert wire_ms(paced._replace(stm32="unicorn"), {}) == command
 
 
+def test_on_its_line_mavlink_is_the_packet_of_pulses_alone() -> None:
+    """The host asks for arming beside it until the device has said that it is: SERVO_OUTPUT_RAW has 28 bytes here."""
+    scenario = load_scenario("paper_field")
+    link = scenario.link._replace(protocol="mavlink", faults=Faults(baud=115_200))
+    assert wire_ms(scenario._replace(link=link), {}) == pytest.approx(28 * 10 / 115.2)
+    assert wire_ms(scenario._replace(link=link, stm32="native"), {}) == pytest.approx(2 * 28 * 10 / 115.2)
+
+
 @pytest.mark.parametrize(("protocol", "bits"), [("vesc", 6 * (67 + 32)), ("dronecan", 2 * 67 + 64 + 56)])
 def test_a_command_on_a_can_bus_takes_the_bits_of_all_its_frames(
     protocol: Literal["vesc", "dronecan"], bits: int
