@@ -97,6 +97,7 @@ class Engine:
         self._at_power_up = uc.context_save()
         self._stopped_by = EXHAUSTED
         self._fault = ""
+        self._raised: BaseException | None = None  # while a peripheral was read or written
         self.pc = 0
 
     def reset(self, pc: int, sp: int, status: int) -> None:
@@ -111,6 +112,9 @@ class Engine:
             self._uc.emu_start(self.pc | 1, NOWHERE, 0, instructions)
         except self._unicorn.UcError as error:
             raise self.failure(self._fault or f"stopped ({error})") from None
+        if self._raised:
+            raised, self._raised = self._raised, None
+            raise raised
         if self._fault:
             raise self.failure(self._fault)
         self.pc = self._where.read()[0]
@@ -165,22 +169,28 @@ class Engine:
             f"0x{r.r0:x} 0x{r.r1:x} 0x{r.r2:x} 0x{r.r3:x}); look pc and lr up with arm-none-eabi-addr2line"
         )
 
-    # ---- what Unicorn calls while it runs. An exception here would be printed and lost: faults are kept for `run`.
+    # ---- what Unicorn calls while it runs. Exceptions in accesses would be printed and lost: they are kept for `run`.
 
     def _load(self, _: Any, offset: int, size: int, base: int) -> int:
         try:
             return self._chip.read(base + offset, size)
         except DeviceError as error:
             self._break(f"read {size} bytes: {error}")
-            return 0
+        except BaseException as error:  # noqa: BLE001 - `run` raises it
+            self._raised = error
+            self._uc.emu_stop()
+        return 0
 
     def _store(self, _: Any, offset: int, size: int, value: int, base: int) -> None:
         try:
             self._chip.write(base + offset, size, value)
+            if self._would_interrupt():
+                self._stop_after_store()
         except DeviceError as error:
             self._break(f"wrote 0x{value:x}: {error}")
-        if self._would_interrupt():
-            self._stop_after_store()
+        except BaseException as error:  # noqa: BLE001 - `run` raises it
+            self._raised = error
+            self._uc.emu_stop()
 
     def _stop_after_store(self) -> None:
         """Stop behind the store (Unicorn by itself would repeat it). If it does more, run on to the next stop."""
@@ -230,8 +240,14 @@ class Engine:
         uc = self._uc
         for start, size, rights, place in self._memory.places():
             uc.mem_map_ptr(start, size, rights, place)
+        # Past `Uc.mmio_map`: its two layers around each access are a quarter of what a command takes here.
+        binding = importlib.import_module("unicorn.unicorn_py3.unicorn")
+        self._accesses = binding.MMIO_READ_CFUNC(self._load), binding.MMIO_WRITE_CFUNC(self._store)  # kept alive
+        load, store = self._accesses
         for start, size in ((PERIPHERALS, PERIPHERALS_SIZE), (CORE_REGISTERS, CORE_REGISTERS_SIZE)):
-            uc.mmio_map(start, size, self._load, start, self._store, start)
+            error = binding.uclib.uc_mmio_map(uc._uch, start, size, load, start, store, start)
+            if error:
+                raise self._unicorn.UcError(error)
 
     def _hook(self) -> None:
         uc, kinds = self._uc, self._unicorn

@@ -112,6 +112,25 @@ def test_what_a_program_cannot_do_ends_it_with_a_message(board: UnicornBoard) ->
         board.run_until(2 * MS)
 
 
+@pytest.mark.parametrize("access", ["read", "write"])
+def test_what_goes_wrong_in_a_peripheral_is_raised_to_the_caller(
+    board: UnicornBoard, access: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It happens below a library that would lose it; afterwards the board goes on."""
+
+    def breaks(*_: object) -> int:
+        raise ZeroDivisionError("in the peripheral")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(board._chip.usarts["USART1"], access, breaks)
+        with pytest.raises(ZeroDivisionError, match="in the peripheral"):
+            board.receive(encode(1))
+    board.run_until(board.now_ns + 300 * MS)
+    board.transmitted()
+    board.receive(encode(2))
+    assert decode(board.transmitted())
+
+
 def test_garbage_neither_stops_it_nor_moves_a_thruster(board: UnicornBoard) -> None:
     noise = random.Random(3).randbytes(1_000_000)
     board.run_until(10 * MS)
