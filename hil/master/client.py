@@ -79,6 +79,7 @@ class VehicleClient:
         self.received = dict.fromkeys(TOPICS, 0)
         self.malformed = 0
         self._watched: set[str] = set()
+        self._watching = threading.Lock()  # two who want the same topic at once must not get it twice
         self.delays = DelayMeter()
         self.first_sample_wall_ns = 0
         self._first_sample = threading.Event()
@@ -143,10 +144,11 @@ class VehicleClient:
     def watch(self, *topics: str) -> None:
         """Listen to these topics too; pictures ("camera/image_raw") only come to those who ask for them by name."""
         for topic in topics:
-            if self._listens(topic):
-                continue
-            self._watched.add(topic)
-            self._session.subscribe(self.node, topic, self._deliver, PICTURES if "/" in topic else QUEUE)
+            with self._watching:
+                if self._listens(topic):
+                    continue
+                self._watched.add(topic)
+                self._session.subscribe(self.node, topic, self._deliver, PICTURES if "/" in topic else QUEUE)
             if self.contact.present and "/" not in topic:
                 fetch_last(self._session, self.node, self._deliver_last, topic)  # some come once a second
 

@@ -113,7 +113,8 @@ def _serve(scenario: Scenario, epoch_ns: int, answers: int, stop_fd: int) -> Non
                     messages = list(studio.encode(studio.take(number, time_ns, moving), epoch_ns))
                     due_ns = epoch_ns + time_ns + studio.delay_ns(number)
                     under_way += [(due_ns, message) for message in messages]
-                    outlets.setdefault(number, [name for name, _ in messages])
+                    if messages:  # a sample may be lost on its way
+                        outlets[number] = [name for name, _ in messages]
                     took_ns = now_ns() - began
                 os.write(answers, DONE.pack(number, took_ns))
             under_way.sort(key=_due)

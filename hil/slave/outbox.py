@@ -107,8 +107,9 @@ class Outbox:
 
     def _open(self, topic: str, sample: Any) -> list[Publisher]:
         """Where a sample goes out, by what becomes of this one."""
-        outlets = self._outlets[topic] = [self._declare(name) for name, _ in self._messages(topic, sample)]
-        return outlets
+        names = [name for name, _ in self._messages(topic, sample)]
+        self._outlets[topic] = [self._publishers.get(name) or self._declare(name) for name in names]
+        return self._outlets[topic]
 
     def _declare(self, name: str) -> Publisher:
         publisher = self._publishers[name] = self._session.publisher(self._node, TOPICS[name])

@@ -318,8 +318,14 @@ class TestOnCan:
         """At 20 kbit/s an extended frame with 8 bytes, 131 bits, takes 6.55 ms and a standard empty one 2.35 ms."""
         far, near = can_pair(opened, Faults(baud=20_000))
         for frame, wire_time_ms in ((CanFrame(1, bytes(8)), 6.55), (CanFrame(1, b"", extended=False), 2.35)):
-            took = [cross(near, far, pack_frame(frame))[1] / 1e6 for _ in range(11)]
-            assert min(took) == pytest.approx(wire_time_ms, abs=0.25)  # what is more is the machine's lateness
+            took = cross(near, far, pack_frame(frame))[1] / 1e6
+            for _ in range(100):
+                assert took > wire_time_ms - 0.05
+                if took < wire_time_ms + 0.2:  # what is more is the machine's lateness
+                    break
+                took = cross(near, far, pack_frame(frame))[1] / 1e6
+            else:
+                pytest.fail(f"never in {wire_time_ms} ms")
 
     def test_a_paced_bus_refuses_whole_frames(self, opened: ExitStack) -> None:
         _, near = can_pair(opened, Faults(baud=10_000))

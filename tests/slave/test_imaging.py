@@ -165,6 +165,14 @@ def test_pictures_are_made_for_those_who_watch(tmp_path: Path) -> None:
         assert int(client.diagnostics()["camera_dropped"]) < 0.5 * int(client.diagnostics()["camera_asked"])
 
 
+def test_a_first_picture_that_is_lost_does_not_end_them(tmp_path: Path) -> None:
+    """As the first one shows what there is to listen to."""
+    program, endpoint = start(tmp_path, "[sensors.camera]\nrate = 20\nwidth = 40\nheight = 30\ndrop_out = 0.9\n")
+    with program, VehicleClient(endpoint, "uuv1") as client:
+        client.watch("camera/camera_info")
+        assert wait_for(lambda: client.received["camera/camera_info"] > 3, 20)
+
+
 def takes(client: VehicleClient, seconds: float) -> float:
     """The processor's share that pictures take, for so long."""
 
