@@ -6,12 +6,14 @@ from typing import Any
 
 from hil.autonomy.control import VelocityCommand
 from hil.clock import NS_PER_S, RateKeeper, now_ns, seconds_ns
-from hil.errors import NetworkError
+from hil.errors import ConfigError, NetworkError
 from hil.master.client import VehicleClient
 from hil.master.flight import Flight, Outcome
 from hil.master.planner import Planner
 from hil.master.progress import Progress
 from hil.master.recorder import TrackWriter
+from hil.schema import nearest
+from hil.topics import ALL, TOPICS
 
 GONE_AFTER_S = 1.0
 GIVE_UP_AFTER_S = 10.0
@@ -20,8 +22,14 @@ _NOT_SENSED = ("ground_truth", "diagnostics", "cmd_vel")
 
 
 def topics_of(planner: Planner) -> tuple[str, ...]:
-    """What has to be listened to for a mission with this planner."""
-    return ("odom", "ground_truth", *planner.listens)
+    """What has to be listened to for a mission with this planner. Raises ConfigError for what is no topic."""
+    name, listens = type(planner).__name__, planner.listens
+    if isinstance(listens, str):
+        raise ConfigError(f"{name}: listens = {listens!r}: expected a tuple of topics, such as ({listens!r},)")
+    for topic in listens:
+        if topic != ALL and topic not in TOPICS:
+            raise ConfigError(f"{name}: listens: no topic {topic!r}{nearest(topic, list(TOPICS))}")
+    return ("odom", "ground_truth", *listens)
 
 
 class Mission:

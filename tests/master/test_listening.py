@@ -9,6 +9,7 @@ import pytest
 
 import hil
 from hil.autonomy.control import VelocityCommand
+from hil.errors import ConfigError
 from hil.master.client import VehicleClient
 from hil.master.follow import Follow
 from hil.master.mission import topics_of
@@ -92,6 +93,17 @@ def test_planners_say_what_they_use() -> None:
     tasks = Tasks(home=[0.0, 0.0], scan="scanning_sonar", task=[{"name": "a", "at": [0.0, 0.0], "duration": 1.0}])
     assert topics_of(tasks) == ("odom", "ground_truth", "scanning_sonar", "battery", "dvl", "leak")
     assert topics_of(Curious()) == ("odom", "ground_truth", ALL), "one of a user's own gets all"
+
+
+@pytest.mark.parametrize(
+    ("listens", "words"),
+    [("imu", r"expected a tuple of topics, such as \('imu',\)"), (("lasser",), "no topic 'lasser'.*laser")],
+)
+def test_what_is_no_topic_is_told(listens: str | tuple[str, ...], words: str) -> None:
+    planner = Curious()
+    planner.listens = listens
+    with pytest.raises(ConfigError, match=f"Curious: listens.*{words}"):
+        topics_of(planner)
 
 
 def test_two_who_want_different_things_get_them(endpoint: str) -> None:
