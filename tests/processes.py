@@ -5,7 +5,8 @@ import re
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TypeVar
 
@@ -94,6 +95,17 @@ class Program:
         """Send a signal and wait; the exit code."""
         self.process.send_signal(number)
         return self.wait()
+
+
+@contextmanager
+def slave_with(folder: Path, sensors: str) -> Iterator[str]:
+    """The endpoint of a slave of the short mission with these lines in [sensors]; it must not fail."""
+    scenario, port = write_scenario(folder)
+    scenario.write_text(f"{scenario.read_text()}[sensors]\n{sensors}\n")
+    with Program(folder, "slave", scenario) as program:
+        program.expect("ready")
+        yield f"tcp/127.0.0.1:{port}"
+    assert "Traceback" not in program.output
 
 
 def wait_for(condition: Callable[[], T | None], seconds: float) -> T | None:

@@ -143,7 +143,7 @@ class VehicleClient:
 
     def watch(self, *topics: str) -> None:
         """Listen to these topics too; pictures ("camera/image_raw") only come to those who ask for them by name."""
-        for topic in topics:
+        for topic in sorted(topics, key=ALL.__ne__):  # all first, which has the others in it: none is to come twice
             with self._watching:
                 if self._listens(topic):
                     continue

@@ -17,17 +17,13 @@ from hil.master.planner import Planner
 from hil.master.tasks import Tasks
 from hil.topics import ALL
 from hil.transport.roles import dial
-from tests.processes import Program, wait_for, write_scenario
+from tests.processes import Program, slave_with, wait_for, write_scenario
 
 
 @pytest.fixture
 def endpoint(tmp_path: Path) -> Iterator[str]:
-    scenario, port = write_scenario(tmp_path)
-    scenario.write_text(scenario.read_text() + "[sensors]\nleak = { rate = 0.5 }\n")
-    with Program(tmp_path, "slave", scenario) as program:
-        program.expect("ready")
-        yield f"tcp/127.0.0.1:{port}"
-    assert "Traceback" not in program.output
+    with slave_with(tmp_path, "leak = { rate = 0.5 }") as endpoint:
+        yield endpoint
 
 
 def test_only_what_is_asked_for_comes(endpoint: str) -> None:
@@ -79,6 +75,16 @@ def test_a_mission_spares_the_network_what_its_planner_does_not_use(tmp_path: Pa
     spared, whole = rates
     assert whole > 200
     assert spared < 120
+
+
+def test_what_is_listened_to_by_name_and_with_all_comes_once(endpoint: str) -> None:
+    """As for a planner that does not say what it listens to."""
+    with VehicleClient(endpoint, "uuv1", topics=("odom", "ground_truth", ALL)) as client:
+        assert wait_for(lambda: client.received["odom"] > 0, 10)
+        before = dict(client.received)
+        assert wait_for(lambda: client.received["imu"] >= before["imu"] + 200, 10)
+        for topic in ("odom", "ground_truth"):
+            assert client.received[topic] - before[topic] == pytest.approx(40, abs=8)
 
 
 class Curious(Planner):

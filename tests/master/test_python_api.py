@@ -25,19 +25,14 @@ from hil.master.vehicle_handle import Vehicle
 from hil.topics import COMMANDS, Topic
 from hil.transport.recording_reader import read_messages
 from hil.transport.ros_commands import encode_thrusts
-from tests.processes import ROOT, Program, free_port, wait_for, write_scenario
+from tests.processes import ROOT, Program, free_port, slave_with, wait_for, write_scenario
 
 
 @pytest.fixture(scope="module")
 def endpoint(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     """One slave for all tests that leave it as it was."""
-    folder = tmp_path_factory.mktemp("slave")
-    scenario, port = write_scenario(folder)
-    scenario.write_text(scenario.read_text() + "[sensors]\naltimeter = { rate = 5 }\nleak = { rate = 2 }\n")
-    with Program(folder, "slave", scenario) as program:
-        program.expect("ready")
-        yield f"tcp/127.0.0.1:{port}"
-    assert "Traceback" not in program.output
+    with slave_with(tmp_path_factory.mktemp("slave"), "altimeter = { rate = 5 }\nleak = { rate = 2 }") as endpoint:
+        yield endpoint
 
 
 @pytest.fixture
