@@ -177,8 +177,7 @@ class Engine:
         except DeviceError as error:
             self._break(f"read {size} bytes: {error}")
         except BaseException as error:  # noqa: BLE001 - `run` raises it
-            self._raised = error
-            self._uc.emu_stop()
+            self._keep(error)
         return 0
 
     def _store(self, _: Any, offset: int, size: int, value: int, base: int) -> None:
@@ -189,8 +188,7 @@ class Engine:
         except DeviceError as error:
             self._break(f"wrote 0x{value:x}: {error}")
         except BaseException as error:  # noqa: BLE001 - `run` raises it
-            self._raised = error
-            self._uc.emu_stop()
+            self._keep(error)
 
     def _stop_after_store(self) -> None:
         """Stop behind the store (Unicorn by itself would repeat it). If it does more, run on to the next stop."""
@@ -228,6 +226,10 @@ class Engine:
 
     def _break(self, fault: str) -> None:
         self._fault = fault
+        self._uc.emu_stop()
+
+    def _keep(self, error: BaseException) -> None:
+        self._raised = error
         self._uc.emu_stop()
 
     def _stop(self, reason: int) -> None:

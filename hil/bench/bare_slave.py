@@ -14,6 +14,7 @@ from collections.abc import Callable
 import zenoh
 
 from hil.clock import LOOP_PRIORITY, NS_PER_S, RateKeeper, now_ns, schedule_fifo, stay_awake
+from hil.transport.publisher import is_matched
 from hil.transport.settings import Network, read_with, settings
 
 NODE, KEY = "bare", "0/bare/odom/nav_msgs::msg::dds_::Odometry_/RIHS01"
@@ -40,7 +41,7 @@ def _loop(put: Callable[[], None], step_ns: int, rate: float, seconds: float) ->
 
 def _await_listener(publisher: zenoh.Publisher) -> None:
     deadline = now_ns() + PATIENCE_NS
-    while not publisher.matching_status.matching:  # type: ignore[attr-defined]  # its type is not the one zenoh says
+    while not is_matched(publisher):
         if now_ns() > deadline:
             sys.exit("nobody listened")
         time.sleep(0.01)

@@ -87,8 +87,11 @@ class Outbox:
         publisher = self._publishers.get(name) or self._declare(name)
         if len(payload) > self._whole and not publisher.aside:
             self._session.send_aside(publisher)
-        send = publisher.put if publisher.wanted else publisher.keep
-        send(payload, to_wall_ns(now_ns()))
+        now = to_wall_ns(now_ns())
+        if publisher.wanted:
+            publisher.put(payload, now)
+        else:
+            publisher.keep(payload, now)
 
     def wants(self, names: Sequence[str]) -> bool:
         """Whether anybody listens to one of these topics, or may: nothing was said on it yet."""

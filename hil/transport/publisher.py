@@ -52,10 +52,9 @@ class Publisher:
         self._send(payload, attachment=attachment)
         return sequence
 
-    def keep(self, payload: bytes, wall_ns: int) -> int:
-        """Keep as the last what is not sent, as nobody wants it; the number of the one before."""
+    def keep(self, payload: bytes, wall_ns: int) -> None:
+        """Keep as the last what is not sent, as nobody wants it."""
         self.last = payload, ros.pack_attachment(self.sequence, wall_ns, self.gid)
-        return self.sequence
 
     def watch_audience(self, errands: "Errands") -> None:
         """From now on know whether anybody listens; the thread of `errands` looks whenever that may have changed."""
