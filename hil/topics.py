@@ -65,7 +65,6 @@ TOPICS = {
         Topic("leak", "std_msgs/msg/Bool", 1, "data"),
         Topic("magnetometer", "sensor_msgs/msg/MagneticField", 50, "data"),
         Topic("usbl", "geometry_msgs/msg/PoseWithCovarianceStamped", 1, "data"),
-        # Pictures have names of several parts, so that a master which asks for all of a node's topics is spared them.
         Topic("camera/image_raw", "sensor_msgs/msg/Image", 5, "background"),
         Topic("camera/image_raw/compressed", "sensor_msgs/msg/CompressedImage", 5, "background"),
         Topic("camera/camera_info", "sensor_msgs/msg/CameraInfo", 5, "background"),
@@ -124,6 +123,11 @@ TYPE_HASHES = {
     ),
     "rosgraph_msgs/msg/Clock": "RIHS01_692f7a66e93a3c83e71765d033b60349ba68023a8c689a79e48078bcb5c58564",
 }
+
+
+def is_picture(topic: str) -> bool:
+    """Whether a node's topic has pictures: its name has parts, so that who asks for all topics is spared them."""
+    return "/" in topic[1:]
 
 
 def hash_of(type_name: str) -> str:

@@ -12,10 +12,10 @@ from hil.bench.limits import Limits
 from hil.bench.processes import Threads, by_name, look, shares
 from hil.bench.statistics import median
 from hil.errors import NetworkError
-from hil.topics import TOPICS
+from hil.topics import TOPICS, is_picture
 from sim.sensors.suite import SENSORS, USUAL
 
-PICTURES = [name for name in TOPICS if "/" in name[1:]]
+PICTURES = [name for name in TOPICS if is_picture(name)]
 COMMAND_HZ = 20.0
 EVERY_S = 1.0
 

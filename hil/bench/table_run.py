@@ -81,7 +81,7 @@ def _bare_share(bench: Bench, slave: dict[str, str]) -> float:
     """
     settings = bench.scenario.slave
     endpoint = f"tcp/127.0.0.1:{free_ports(1)[0]}"
-    rate = float(slave["samples_published"]) / float(slave["uptime_s"])
+    rate = float(slave["messages_sent"]) / float(slave["uptime_s"])
     arguments = endpoint, seconds_ns(settings.step), rate, BARE_S, int(settings.realtime)
     command = [sys.executable, "-m", "hil.bench.bare_slave", *map(str, arguments)]
     process = bench.start("bare", command, limited=True)

@@ -150,7 +150,7 @@ ROWS: dict[str, Callable[[Status], str]] = {
     "watchdog, deadman trips": _counts("watchdog_trips", "deadman_trips"),
     "commands (1/s)": _figure("commands_hz", "{:.1f}"),
     "stale, refused, malformed": _counts("commands_stale", "commands_refused", "commands_malformed"),
-    "messages sent (1/s)": _figure("samples_hz", "{:.1f}"),
+    "messages sent (1/s)": _figure("messages_hz", "{:.1f}"),
     "clock offset (ms)": _figure("clock_offset_ms", "{:+.3f}"),
     "machine's net in / out (kB/s)": _traffic,
     "heard (s ago)": lambda status: f"{status.age_s:.1f}",

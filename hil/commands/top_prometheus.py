@@ -19,7 +19,7 @@ METRICS = {
     "loop_lateness_max_seconds": ("lateness_max_us", "gauge", "lateness of the loop, worst since start", 1e-6),
     "loop_steps_skipped_total": ("steps_skipped", "counter", "steps the loop came too late for", 1.0),
     "real_time_factor": ("real_time_factor", "gauge", "simulated over real time", 1.0),
-    "samples_published_total": ("samples_published", "counter", "messages sent", 1.0),
+    "messages_sent_total": ("messages_sent", "counter", "messages sent", 1.0),
     "commands_received_total": ("commands_received", "counter", "commands that came", 1.0),
     "commands_stale_total": ("commands_stale", "counter", "commands dropped as too old", 1.0),
     "commands_refused_total": ("commands_refused", "counter", "commands of masters that have no right", 1.0),

@@ -10,7 +10,7 @@ from hil.errors import NetworkError
 from hil.master.contact import Contact
 from hil.master.delay import DelayMeter
 from hil.process import boot_id
-from hil.topics import ALL, TOPICS
+from hil.topics import ALL, TOPICS, is_picture
 from hil.transport import ros
 from hil.transport.graph import Node
 from hil.transport.presence import fetch_last
@@ -148,8 +148,8 @@ class VehicleClient:
                 if self._listens(topic):
                     continue
                 self._watched.add(topic)
-                self._session.subscribe(self.node, topic, self._deliver, PICTURES if "/" in topic else QUEUE)
-            if self.contact.present and "/" not in topic:
+                self._session.subscribe(self.node, topic, self._deliver, PICTURES if is_picture(topic) else QUEUE)
+            if self.contact.present and not is_picture(topic):
                 fetch_last(self._session, self.node, self._deliver_last, topic)  # some come once a second
 
     def offers(self) -> set[str]:
@@ -221,7 +221,7 @@ class VehicleClient:
             self._first_sample.set()
 
     def _listens(self, topic: str) -> bool:
-        return topic in self._watched or (ALL in self._watched and "/" not in topic)
+        return topic in self._watched or (ALL in self._watched and not is_picture(topic))
 
     def _judge(self, diagnostics: dict[str, str]) -> None:
         self.contact.same_clock = diagnostics.get("boot_id") == boot_id()

@@ -29,6 +29,7 @@ from hil.master.fleet import Fleet
 from hil.master.maneuver import Maneuver
 from hil.master.vehicle_handle import Vehicle
 from hil.schema import nearest
+from hil.topics import is_picture
 
 TOLD = ("drive", "hold_depth", "hold_heading", "go_to", "follow", "push", "thrust", "stop", "release")
 LONGEST_LINE = 1 << 16  # bytes
@@ -205,7 +206,7 @@ def _read(line: bytes) -> Request:
 
 def _sensor(request: Request) -> str:
     sensor = str(request.get("sensor", "state"))
-    if "/" in sensor:
+    if is_picture(sensor):
         raise ConfigError(f"sensor: {sensor!r} sends pictures, which do not come through here")
     return {"state": "odom"}.get(sensor, sensor)
 

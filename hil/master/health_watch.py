@@ -15,7 +15,7 @@ QUEUE = 256
 PACES = {
     "cpu": "cpu_s",  # share of a core
     "commands_hz": "commands_received",
-    "samples_hz": "samples_published",
+    "messages_hz": "messages_sent",
     "network_received_bytes_s": "network_received_bytes",
     "network_sent_bytes_s": "network_sent_bytes",
 }

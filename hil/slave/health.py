@@ -97,7 +97,7 @@ class Health:
             "within_2ms": f"{lateness.share_within(2 * NS_PER_MS):.5f}",
             "behind_ms": f"{(wall_ns - (loop.schedule.due_total + skipped) * loop.schedule.period_ns) / NS_PER_MS:.2f}",
             "steps_skipped": str(skipped),
-            "samples_published": str(loop.outbox.published),
+            "messages_sent": str(loop.outbox.sent),
             "contacts": str(loop.simulation.contacts),
         }
         values |= machine_figures(self._tree, self._board)

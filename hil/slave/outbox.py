@@ -99,7 +99,7 @@ class Outbox:
         return any(publisher is None or publisher.wanted for publisher in publishers)
 
     @property
-    def published(self) -> int:
+    def sent(self) -> int:
         """How many messages were sent so far."""
         return sum([publisher.sequence for publisher in list(self._publishers.values())])
 

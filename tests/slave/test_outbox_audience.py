@@ -46,9 +46,9 @@ class Vehicle:
         """Whether soon nothing is sent any more."""
 
         def silent() -> bool:
-            before = self.outbox.published
+            before = self.outbox.sent
             self.step()
-            return self.outbox.published == before
+            return self.outbox.sent == before
 
         return bool(wait_for(silent, 5))
 
@@ -147,9 +147,9 @@ def test_what_is_silent_is_no_outlet(endpoint: str) -> None:
         assert wait_for(session.audience("0/tf/*/*"), 5)
         outbox.sample("odom", sample)
         assert wait_for(lambda: not outbox._publishers["odom"].wanted, 5)
-        before = outbox.published
+        before = outbox.sent
         outbox.sample("odom", sample)
-        assert outbox.published == before
+        assert outbox.sent == before
         assert set(outbox._publishers) == {"odom"}
 
 
@@ -160,7 +160,7 @@ def test_a_late_joiner_gets_the_newest_though_it_was_never_sent(vehicle: Vehicle
     vehicle.run(10)
     before = to_wall_ns(now_ns())
     vehicle.step()
-    after, sent = to_wall_ns(now_ns()), vehicle.outbox.published
+    after, sent = to_wall_ns(now_ns()), vehicle.outbox.sent
     last: dict[str, tuple[bytes, bytes]] = {}
     with dial(endpoint) as late:
 
@@ -177,7 +177,7 @@ def test_a_late_joiner_gets_the_newest_though_it_was_never_sent(vehicle: Vehicle
         assert stamp is not None
         assert before <= stamp.time_ns <= after, "it is as old as it is"
         assert ask("pressure") == {"pressure"}, "only what was asked for"
-    assert vehicle.outbox.published == sent
+    assert vehicle.outbox.sent == sent
 
 
 def test_what_was_kept_does_not_come_after_what_was_sent(vehicle: Vehicle, endpoint: str) -> None:
@@ -201,7 +201,7 @@ def test_all_is_sent_where_it_has_to_be(endpoint: str) -> None:
         for number in range(30):
             outbox.sample("imu", imu(number))
             time.sleep(0.002)
-    assert outbox.published == 30
+    assert outbox.sent == 30
 
 
 def test_a_listener_behind_a_router_counts(tmp_path: Path, endpoint: str) -> None:
