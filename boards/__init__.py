@@ -4,14 +4,14 @@ What a file says stands beside where it was read: every table has its `source`, 
 entry in `sources`. A source that begins with "unverified" is what is commonly said but was not read anywhere.
 """
 
-import os
 from typing import Annotated, Literal, NamedTuple
 
+from boards.tree import Tree
 from hil.schema import Range, find_preset, load, preset_names
 from hil.tables import read_table
 
 FOLDER = "boards"
-MODEL_FILES = ("proc/device-tree/model", "sys/class/dmi/id/product_name")  # on most Arm boards; on PCs
+MODEL_FILES = ("/proc/device-tree/model", "/sys/class/dmi/id/product_name")  # on most Arm boards; on PCs
 
 Memory = Annotated[float, Range(64, 1_048_576, "MiB")]
 
@@ -26,12 +26,16 @@ class Serial(NamedTuple):
 
 
 class Can(NamedTuple):
-    """A CAN interface: its name in the kernel, what drives it, and what has to be done to have it."""
+    """A CAN interface: its name in the kernel, what drives it, and what has to be done to have it.
+
+    `module` is the kernel's module for it, where the system does not load that by itself at boot.
+    """
 
     interface: str
     controller: str
     source: str
     needs: str = ""
+    module: str = ""
 
 
 class PowerMode(NamedTuple):
@@ -73,7 +77,8 @@ class Board(NamedTuple):
     """A card computer.
 
     `models` are beginnings of the text in /proc/device-tree/model, or of the DMI product name, by which it is
-    recognised; the first of `serial` is the port on its pin header. `ram` are the sizes it is sold with.
+    recognised; the first of `serial` is the port on its pin header. `ram` are the sizes it is sold with. `system` is
+    an operating system for it with Python 3.11, or one and how to get that. The service needs systemd 239 or later.
     `thermal_zones` are names of the processor's zone, whichever of them the kernel has; it slows down from
     `throttles_at` (°C, 0: not told). `throttling` is who is asked whether it does: the firmware of a Raspberry Pi by
     "vcgencmd", else the kernel.
@@ -88,6 +93,7 @@ class Board(NamedTuple):
     budgets: Budgets
     ram: tuple[Memory, ...] = ()
     models: tuple[str, ...] = ()
+    system: str = ""
     wlan: str = ""
     thermal_zones: tuple[str, ...] = ()
     throttles_at: Annotated[float, Range(0.0, 150.0)] = 0.0
@@ -110,15 +116,8 @@ def load_board(name: str) -> Board:
 
 def model(root: str = "/") -> str:
     """What the machine whose files are below `root` calls itself; empty if it does not."""
-    for name in MODEL_FILES:
-        try:
-            with open(os.path.join(root, name), "rb") as file:
-                text = file.read().rstrip(b"\0\n").decode("utf-8", "replace")
-        except OSError:
-            continue
-        if text:
-            return text
-    return ""
+    tree = Tree(root)
+    return next(filter(None, map(tree.text, MODEL_FILES)), "")
 
 
 def detect(root: str = "/") -> Board | None:

@@ -3,6 +3,7 @@
 Cheap enough to be asked once a second, but for the command that asks a Raspberry Pi's firmware.
 """
 
+from contextlib import suppress
 from typing import NamedTuple
 
 from boards import Board, detect, load_board
@@ -11,6 +12,7 @@ from boards.tree import Tree, architecture
 THERMAL = "/sys/class/thermal"
 HWMON = "/sys/class/hwmon"
 CPUS = "/sys/devices/system/cpu"
+PLATFORM = "/sys/devices/platform"
 GENERIC = {"x86_64": "generic_x86_64", "aarch64": "generic_arm64"}
 # Bits of `vcgencmd get_throttled`; 16 higher the same since the last boot. raspberrypi.com documentation, vcgencmd.
 FIRMWARE = (
@@ -19,10 +21,14 @@ FIRMWARE = (
 
 
 class Throttling(NamedTuple):
-    """What slows the processor down now, and what did before, in words; both empty if nothing is known to."""
+    """What slows the processor down now, and what did before, in words.
+
+    `known` is whether there was somebody to ask: if not, that both are empty means nothing.
+    """
 
     now: tuple[str, ...] = ()
     before: tuple[str, ...] = ()
+    known: bool = False
 
 
 def recognise(tree: Tree) -> Board | None:
@@ -56,15 +62,35 @@ def temperature(tree: Tree, board: Board | None = None) -> float | None:
 
 
 def throttling(tree: Tree, board: Board | None = None, ask_firmware: bool = True) -> Throttling:
-    """What slows the processor down. With `ask_firmware` a Raspberry Pi's is asked, in a process of its own."""
-    now, before = _by_cooling(tree), _by_counters(tree)
-    if ask_firmware and board and board.throttling == "vcgencmd":
-        bits = _firmware_bits(tree.run("vcgencmd", "get_throttled"))
-        if bits is not None:
-            now += [text for bit, text in enumerate(FIRMWARE) if bits & 1 << bit]
-            before += [text for bit, text in enumerate(FIRMWARE) if bits & 1 << bit + 16]
-            return Throttling(tuple(now), tuple(before))
-    return Throttling((*now, *_by_voltage(tree)), tuple(before))
+    """What slows the processor down. With `ask_firmware` a Raspberry Pi's is asked, in a process of its own.
+
+    Without, or if it cannot be, what it last told the kernel counts, which asks for the present every 2 s.
+    """
+    cooling, counters = _by_cooling(tree), _by_counters(tree)
+    now, before = cooling or [], counters or []
+    if board is None or board.throttling == "kernel":
+        known = cooling is not None or counters is not None
+        return Throttling((*now, *_by_voltage(tree)), tuple(before), known)
+    bits = _firmware_bits(tree.run("vcgencmd", "get_throttled")) if ask_firmware else None
+    if bits is None:
+        bits = _bits_of_the_kernel(tree)
+    if bits is None:  # then the kernel tells only of the voltage
+        return Throttling((*now, *_by_voltage(tree)), tuple(before))
+    now += [text for bit, text in enumerate(FIRMWARE) if bits & 1 << bit]
+    before += [text for bit, text in enumerate(FIRMWARE) if bits & 1 << bit + 16]
+    return Throttling(tuple(now), tuple(before), known=True)
+
+
+def _bits_of_the_kernel(tree: Tree) -> int | None:
+    """What the kernel of a Raspberry Pi last heard from its firmware: raspberrypi/linux, pull request 2397.
+
+    It clears what was before whenever it asks, so that only the present is told.
+    """
+    for soc in [name for name in tree.names(PLATFORM) if name.startswith("soc")]:
+        for part in [name for name in tree.names(f"{PLATFORM}/{soc}") if name.endswith(":firmware")]:
+            with suppress(ValueError):
+                return int(tree.text(f"{PLATFORM}/{soc}/{part}/get_throttled"), 16) & 0xFFFF
+    return None
 
 
 def governors(tree: Tree) -> dict[str, int]:
@@ -90,19 +116,23 @@ def _by_voltage(tree: Tree) -> list[str]:
     return [FIRMWARE[0] for name in alarms if tree.number(f"{HWMON}/{name}/in0_lcrit_alarm")]
 
 
-def _by_cooling(tree: Tree) -> list[str]:
-    """Processors that the kernel holds back by their temperature: cooling devices of cpufreq above state 0."""
+def _by_cooling(tree: Tree) -> list[str] | None:
+    """Processors that the kernel holds back by their temperature: cooling devices of cpufreq above state 0.
+
+    None if it has none of these: kernels of vendors may name them otherwise.
+    """
     devices = [f"{THERMAL}/{name}" for name in tree.names(THERMAL) if name.startswith("cooling_device")]
-    held = [
-        device
-        for device in devices
-        if "cpufreq" in tree.text(f"{device}/type") and (tree.number(f"{device}/cur_state") or 0) > 0
-    ]
-    return ["the clock is capped by the temperature"] if held else []
+    states = [tree.number(f"{device}/cur_state") for device in devices if "cpufreq" in tree.text(f"{device}/type")]
+    known = [state for state in states if state is not None]
+    if not known:
+        return None
+    return ["the clock is capped by the temperature"] if max(known) > 0 else []
 
 
-def _by_counters(tree: Tree) -> list[str]:
-    """What Intel processors count since boot."""
+def _by_counters(tree: Tree) -> list[str] | None:
+    """What Intel processors count since boot; None if this one does not."""
     paths = [f"{CPUS}/{name}/thermal_throttle/core_throttle_count" for name in tree.names(CPUS) if name[3:].isdigit()]
-    count = sum(tree.number(path) or 0 for path in paths)
-    return [f"{count} times too hot"] if count else []
+    counts = [count for count in map(tree.number, paths) if count is not None]
+    if not counts:
+        return None
+    return [f"{sum(counts)} times too hot"] if sum(counts) > 0 else []

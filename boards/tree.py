@@ -1,10 +1,14 @@
 """What a machine tells of itself: its files, and answers to commands; of this machine, or of one recorded.
 
 A recorded machine is a folder with parts of its /proc, /sys, /dev, /etc. What a command answered stands there in
-`commands/`, in a file named like the command with _ for its spaces.
+`commands/`, in a file named like the command with _ for its spaces. Its symbolic links are followed as the machine
+itself would: an absolute one starts at the folder, and .. does not leave it.
 """
 
 import os
+
+LINKS = 40  # the most that are followed for one name, as in Linux: path_resolution(7)
+NOWHERE = "/dev/null/too many links"  # below what is no folder: nothing is there, and nothing can be made there
 
 
 class Tree:
@@ -15,8 +19,12 @@ class Tree:
         self.live = os.path.realpath(root) == "/"
 
     def path(self, name: str) -> str:
-        """Where a file of the machine is here."""
-        return os.path.join(self.root, name.lstrip("/"))
+        """Where a file of the machine is here; what it is if it is a link, unlike `entry`."""
+        return os.path.join(self.root, name.lstrip("/")) if self.live else self._inside(name, follow_last=True)
+
+    def entry(self, name: str) -> str:
+        """Where a file of the machine is here; the link itself if it is one."""
+        return os.path.join(self.root, name.lstrip("/")) if self.live else self._inside(name, follow_last=False)
 
     def exists(self, name: str) -> bool:
         """Whether there is such a file or folder."""
@@ -27,11 +35,11 @@ class Tree:
         try:
             with open(self.path(name), "rb") as file:
                 return file.read().decode("utf-8", "replace").strip(" \t\r\n\0")
-        except OSError:
+        except (OSError, ValueError):  # ValueError: a zero byte in the name
             return ""
 
     def number(self, name: str) -> int | None:
-        """A file that holds one decimal number."""
+        """A file that holds one decimal number; None if it holds anything else."""
         try:
             return int(self.text(name))
         except ValueError:
@@ -41,14 +49,14 @@ class Tree:
         """What is in a folder, sorted."""
         try:
             return sorted(os.listdir(self.path(folder)))
-        except OSError:
+        except (OSError, ValueError):
             return []
 
     def link(self, name: str) -> str:
         """Where a symbolic link points to; empty if it is none, or not ours to look at."""
         try:
-            return os.readlink(self.path(name))
-        except OSError:
+            return os.readlink(self.entry(name))
+        except (OSError, ValueError):
             return ""
 
     def resolve(self, name: str) -> str:
@@ -66,7 +74,7 @@ class Tree:
         Only root may look into the processes of other users.
         """
         found = []
-        for pid in filter(str.isdigit, self.names("/proc")):
+        for pid in filter(str.isdecimal, self.names("/proc")):
             folder = f"/proc/{pid}/fd"
             if self.live and int(pid) == os.getpid():
                 continue
@@ -84,10 +92,37 @@ class Tree:
         path = os.pathsep.join((os.environ.get("PATH", ""), "/usr/sbin", "/sbin"))  # where iw and ip may be
         there = os.environ | {"PATH": path}
         try:
-            done = subprocess.run(command, check=False, capture_output=True, text=True, timeout=5, env=there)
-        except (OSError, subprocess.TimeoutExpired):
+            done = subprocess.run(command, check=False, capture_output=True, timeout=5, env=there)
+        except (OSError, ValueError, subprocess.TimeoutExpired):
             return None
-        return done.stdout.strip() if done.returncode == 0 else None
+        return done.stdout.decode("utf-8", "replace").strip() if done.returncode == 0 else None
+
+    def _inside(self, name: str, follow_last: bool) -> str:
+        """The path here of a name in the machine, its links followed within the root as chroot(2) would have it."""
+        left, place, links = name.split("/"), list[str](), 0
+        while left:
+            part, *left = left
+            if part in ("", ".", ".."):
+                place = place[:-1] if part == ".." else place
+                continue
+            target = _link(os.path.join(self.root, *place, part)) if left or follow_last else ""
+            if not target:
+                place.append(part)
+                continue
+            links += 1
+            if links > LINKS:
+                return NOWHERE
+            place = [] if target.startswith("/") else place
+            left = target.split("/") + left
+        return os.path.join(self.root, *place)
+
+
+def _link(path: str) -> str:
+    """Where a symbolic link points to; empty if it is none."""
+    try:
+        return os.readlink(path)
+    except (OSError, ValueError):
+        return ""
 
 
 def architecture(tree: Tree) -> str:

@@ -143,7 +143,7 @@ ROWS: dict[str, Callable[[Status], str]] = {
     "CPU (of a core)": _figure("cpu", "{:.1%}"),
     "memory (PSS)": _memory,
     "temperature (°C)": _figure("temperature_c", "{:.1f}"),
-    "throttled": lambda status: status.values.get("throttled") or "no",
+    "throttled": lambda status: status.values.get("throttled", "-"),
     "load of the machine": _figure("load_1min", "{:.2f}"),
     "link": lambda status: f"{status.values.get('link_protocol', '-')} {status.values.get('link_port', '')}",
     "link losses, damaged frames": _counts("link_losses", "link_checksum_errors"),
@@ -169,7 +169,7 @@ def table(statuses: list[Status], silent: list[str], colour: bool = False) -> st
 
 def _coloured(line: str, statuses: list[Status]) -> str:
     gone = any(not status.present or status.age_s > STALE_S for status in statuses)
-    hot = any(status.values.get("throttled") for status in statuses)
+    hot = any(status.values.get("throttled", "no") != "no" for status in statuses)
     if (line.startswith("state") and gone) or (line.startswith("throttled") and hot):
         return f"{RED}{line}{PLAIN}"
     skipped = any((status.number("steps_skipped") or 0) > 0 for status in statuses)

@@ -47,7 +47,8 @@ def exposition(statuses: Iterable[Status]) -> str:
     lines += [f"uuv_hil_up{_labels(slave)} {int(slave.present)}" for slave in slaves]
     lines += ["# HELP uuv_hil_throttled whether the processor is slowed down", "# TYPE uuv_hil_throttled gauge"]
     there = [slave for slave in slaves if slave.present]
-    lines += [f"uuv_hil_throttled{_labels(slave)} {int(bool(slave.values.get('throttled')))}" for slave in there]
+    told = [(slave, slave.values["throttled"]) for slave in there if "throttled" in slave.values]
+    lines += [f"uuv_hil_throttled{_labels(slave)} {int(value != 'no')}" for slave, value in told]
     for metric, (figure, kind, text, factor) in METRICS.items():
         rows = [(slave, slave.number(figure)) for slave in there]
         rows = [(slave, value) for slave, value in rows if value is not None]

@@ -128,6 +128,14 @@ def test_metrics_are_in_base_units() -> None:
     assert 'uuv_hil_temperature_celsius{node="uuv1",board="a \\"b\\""} 61.5' in text
 
 
+def test_who_cannot_tell_whether_it_is_throttled_does_not_say_no() -> None:
+    for value, number in (("no", "0"), ("the clock is capped", "1")):
+        assert f'uuv_hil_throttled{{node="uuv1",board=""}} {number}\n' in exposition([told(throttled=value)])
+        assert re.search(f"^throttled +{value}$", table([told(throttled=value)], []), re.MULTILINE)
+    assert "uuv_hil_throttled{" not in exposition([told()])
+    assert "throttled" not in table([told()], [])
+
+
 def test_the_figures_of_a_machine(tmp_path: Path) -> None:
     files = {
         "proc/net/dev": "Inter-|   Receive\n face |bytes    packets\n    lo: 100 1 0 0 0 0 0 0 100 1 0 0 0 0 0 0\n"
@@ -148,6 +156,8 @@ def test_the_figures_of_a_machine(tmp_path: Path) -> None:
     assert figures["temperature_c"] == "48.7"
     assert figures["throttled"] == "the clock is capped by the temperature"
     assert (figures["cpu_mhz"], figures["memory_available_mib"]) == ("1500", "2000")
+    (tmp_path / "proc/meminfo").write_text("MemAvailable:\nMemAvailable: much\n")
+    assert "memory_available_mib" not in machine_figures(tree, None)
     bare = machine_figures(Tree(str(tmp_path / "none")), None)
-    assert bare["throttled"] == ""
+    assert "throttled" not in bare, "who cannot tell does not say no"
     assert "temperature_c" not in bare
