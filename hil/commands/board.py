@@ -1,31 +1,25 @@
 """`uuv-hil board`: which card computer this is, and the slave as a service of it."""
 
 import argparse
-import getpass
 import json
 import os
-import subprocess
-import sys
 
 from boards import Board, load_board, model
 from boards.health import Throttling, governors, recognise, temperature, throttling
 from boards.tree import Tree, architecture
 from hil.columns import aligned
-from hil.commands import board_install
-from hil.commands.board_install import Change, Service
 from hil.commands.parser import new_parser
 from hil.errors import ConfigError
 from hil.schema import preset_names
 
-Command = tuple[str, ...]
-RELOAD = ("systemctl", "daemon-reload")
-UDEV = [("udevadm", "control", "--reload"), ("udevadm", "trigger", "--subsystem-match=tty")]
 EXAMPLES = """\
-install writes a unit for systemd with a watchdog, rules for udev, limits for real-time scheduling, and for a
-CAN link the unit that sets its bit rate. It shows every change first and asks; uninstall puts back what was there.
+install tries whether the slave would start as the user, then writes a unit for systemd with a watchdog, rules for
+udev, limits for real-time scheduling, for a CAN link the unit that sets its bit rate, and where NetworkManager is, that
+it does not let the wlan save power. It shows every change first and asks; uninstall puts back what was there.
 
 examples:
   uuv-hil board                                          what this machine is
+  uuv-hil board --sources                                and where that was read
   uuv-hil board list                                     all boards that are known
   uuv-hil board install mine.toml --user uuv --dry-run   only show it
   sudo .venv/bin/uuv-hil board install mine.toml --user uuv --listen tcp/0.0.0.0:7447
@@ -39,15 +33,18 @@ def main(arguments: list[str]) -> int:
     tree = Tree(options.root)
     if not os.path.isdir(options.root):
         raise ConfigError(f"--root: {options.root}: no such folder")
-    if options.action == "install":
-        return _install(tree, options)
-    if options.action == "uninstall":
-        return _uninstall(tree, options)
+    if options.action in ("install", "uninstall"):
+        from hil.commands import board_service
+
+        return (board_service.install if options.action == "install" else board_service.uninstall)(tree, options)
     if options.action == "list":
         print(listing())
         return 0
     here = load_board(options.board) if options.board else recognise(tree)
-    print(json.dumps(to_json(tree, here)) if options.json else describe(tree, here))
+    if options.json:
+        print(json.dumps(to_json(tree, here)))
+    else:
+        print(describe(tree, here) + (sources(here) if here and options.sources else ""))
     return 0
 
 
@@ -58,8 +55,10 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--board", metavar="NAME", help="the card computer this is [recognised]")
     parser.add_argument("--root", metavar="PATH", default="/", help="where the machine's /proc, /sys, /etc are [/]")
     parser.add_argument("--json", action="store_true", help="show: for other programs")
+    parser.add_argument("--sources", action="store_true", help="show: also where each of it was read")
     parser.add_argument("--user", metavar="NAME", help="install: who runs the slave [who called sudo]")
     parser.add_argument("--listen", metavar="ENDPOINT", help="install: where masters connect [the scenario's]")
+    parser.add_argument("--member", metavar="NAME", help="install: which vehicle of a fleet this is, or its number")
     parser.add_argument("--dry-run", action="store_true", help="only show what would change")
     parser.add_argument("--yes", action="store_true", help="do not ask")
     return parser
@@ -83,6 +82,7 @@ def describe(tree: Tree, board: Board | None) -> str:
     rows = [
         ("processor", board.cpu),
         ("memory", _memory(tree, board)),
+        ("system", board.system),
         ("wlan", board.wlan),
         ("temperature", _warmth(tree, board)),
         ("throttled", _throttled(throttling(tree, board))),
@@ -98,12 +98,26 @@ def describe(tree: Tree, board: Board | None) -> str:
     for mode in board.power:
         watts = f", {mode.watts:g} W" if mode.watts else ""
         parts.append(f"power mode {mode.name}: {mode.cores} cores{watts} ({mode.command})")
-    asked = board.recommended
+    asked, most = board.recommended, board.budgets
     parts.append(
         f"recommended: step {asked.step * 1e3:g} ms, control_period {asked.control_period * 1e3:g} ms, at most "
         f"{asked.core_share:.0%} of a core and {asked.memory:g} MiB"
     )
+    parts.append(
+        f"budgets: start {most.startup:g} s, memory {most.memory:g} MiB, {most.slave_cpu:.0%} of a core, delay of a "
+        f"command {most.delay_p50 * 1e3:g} ms (median), {most.delay_p99 * 1e3:g} ms (99 %)"
+    )
     return "\n".join(parts)
+
+
+def sources(board: Board) -> str:
+    """Where each statement about a board was read, a line each."""
+    rows = [("board", board.source), *board.sources.items()]
+    rows += [(port.device, port.source) for port in board.serial]
+    rows += [(bus.interface, bus.source) for bus in board.can]
+    rows += [(f"power mode {mode.name}", mode.source) for mode in board.power]
+    rows += [("recommended", board.recommended.source), ("budgets", board.budgets.reason)]
+    return "\n".join(["\nsources:", *aligned([(f"  {name}", text) for name, text in rows])])
 
 
 def to_json(tree: Tree, board: Board | None) -> dict[str, object]:
@@ -144,7 +158,7 @@ def _warmth(tree: Tree, board: Board) -> str:
 
 def _throttled(slow: Throttling) -> str:
     before = f"since boot: {', '.join(slow.before)}" if slow.before else ""
-    return "; ".join(filter(None, (", ".join(slow.now), before))) or "no"
+    return "; ".join(filter(None, (", ".join(slow.now), before))) or ("no" if slow.known else "")
 
 
 def _there(tree: Tree, name: str) -> str:
@@ -156,67 +170,3 @@ def _there(tree: Tree, name: str) -> str:
 
 def _needs(text: str) -> str:
     return f"\n    needs {text}" if text else ""
-
-
-def _install(tree: Tree, options: argparse.Namespace) -> int:
-    from hil.config import load_scenario
-    from hil.transport.settings import split
-
-    if not options.scenario:
-        raise ConfigError("board install: which scenario is the service to run? Give its file or name")
-    if options.listen:
-        split(options.listen)
-    user = options.user or os.environ.get("SUDO_USER") or getpass.getuser()
-    here = load_board(options.board) if options.board else recognise(tree)
-    service = Service(load_scenario(options.scenario), options.scenario, user, options.listen, options.board)
-    changes = board_install.plan_install(tree, service, here)
-    if not changes:
-        print("everything is installed as it should be")
-        return 0
-    enable = ("systemctl", "enable", *board_install.units([change for change in changes if change.after is not None]))
-    after = [RELOAD, *([enable] if enable[2:] else []), *UDEV]
-    if _agreed(tree, changes, after, options):
-        board_install.install(tree, changes)
-        _run(tree, after)
-        print("installed; start it with: sudo systemctl start uuv-hil, follow it with: journalctl -fu uuv-hil")
-    return 0
-
-
-def _uninstall(tree: Tree, options: argparse.Namespace) -> int:
-    changes, changed = board_install.plan_uninstall(tree)
-    for path in changed:
-        print(f"{path}: changed since it was written; it stays")
-    names = board_install.units(changes)
-    first = [("systemctl", "disable", "--now", *names)] if names else []
-    if _agreed(tree, changes, [*first, RELOAD], options):
-        board_install.check_permission(tree, [change.path for change in changes] + [board_install.MANIFEST])
-        _run(tree, first)
-        board_install.uninstall(tree, changes)
-        _run(tree, [RELOAD])
-        print("uninstalled")
-    return 0
-
-
-def _agreed(tree: Tree, changes: list[Change], commands: list[Command], options: argparse.Namespace) -> bool:
-    """Show everything that will be done, and ask; whether it is wanted."""
-    for change in changes:
-        print(board_install.show(change), end="\n\n")
-    for command in commands if tree.live else ():
-        print("run", *command)
-    if options.dry_run or options.yes:
-        return not options.dry_run
-    if not sys.stdin.isatty():
-        raise ConfigError("nobody can be asked here: look at it with --dry-run, do it with --yes")
-    return input("do this? [y/N] ").strip().lower() in ("y", "yes")
-
-
-def _run(tree: Tree, commands: list[Command]) -> None:
-    """On the machine itself only; what fails is said and does not stop the rest."""
-    for command in commands if tree.live else ():
-        try:
-            done = subprocess.run(command, check=False)
-        except OSError as error:
-            print(f"{' '.join(command)}: {error.strerror}", file=sys.stderr)
-            continue
-        if done.returncode:
-            print(f"{' '.join(command)}: exit code {done.returncode}", file=sys.stderr)

@@ -1,43 +1,38 @@
-"""The slave as a service of the board: which files that takes, and writing and taking them away again.
+"""The slave as a service of the board: which files that takes, and what they say."""
 
-Everything that is written is planned first, shown, and noted in a manifest with what was there before; taking away
-puts that back.
-"""
-
-import hashlib
-import json
 import os
 import re
 import sys
-from contextlib import suppress
-from difflib import unified_diff
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from boards import FOLDER, Board
 from boards.tree import Tree
 from hil.clock import LOOP_PRIORITY
 from hil.config import Scenario
-from hil.errors import ConfigError, DeviceError
+from hil.errors import ConfigError
 from hil.links.address import parse_address
 from hil.schema import preset_folder
+from hil.transport.settings import split
 
-UNIT = "/etc/systemd/system/uuv-hil.service"
-CAN_UNIT = "/etc/systemd/system/uuv-hil-can.service"
-RULES = "/etc/udev/rules.d/70-uuv-hil.rules"
+UNITS = "/etc/systemd/system/"
+UNIT, CAN_UNIT, MODULE_UNIT = (f"{UNITS}uuv-hil{part}.service" for part in ("", "-can", "-module"))
+RULES = "/etc/udev/rules.d/99-uuv-hil.rules"
 LIMITS = "/etc/security/limits.d/uuv-hil.conf"
-MANIFEST = "/etc/uuv-hil/installed.json"  # not in /var/lib: the service's user could write there what root deletes
-# Kinds of serial devices as the kernel lists them, for a link whose device is not there yet.
+# Of files in this folder the last that says something counts, by name: after default-wifi-powersave-on.conf.
+MANAGER = "/etc/NetworkManager/conf.d/uuv-hil.conf"
+# Kinds of serial devices as the kernel lists them, for a link whose device is not there yet, and what drives those
+# that are plugged in.
 SERIAL_DRIVERS = ("ttyS", "ttyAMA", "ttyTHS", "ttyUSB", "ttyACM")
+USB_DRIVERS = {"ttyUSB": "usbserial", "ttyACM": "cdc_acm"}
+PI_ALIASES = ("/dev/serial0", "/dev/serial1")  # of a ttyS or a ttyAMA, as config.txt says
+# Interfaces of python-can that need no device, and the USB devices of gs_usb (Linux, drivers/net/can/usb/gs_usb.c).
+WITHOUT_DEVICE = ("socketcan", "virtual", "udp_multicast")
+GS_USB = ("1d50:606f", "1209:2323", "1cd2:606f", "16d0:10b8")
+ANYWHERE = ("0.0.0.0", "::", "::1", "localhost")
 LEAK = 4  # times the recommended memory
-NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]*")  # of users, devices and interfaces, as units and rules take them
-
-
-class Change(NamedTuple):
-    """One file: where, what it is to hold (None: it goes), and what it holds now (None: it is not there)."""
-
-    path: str
-    after: str | None
-    before: str | None
+SYSTEM_SERVICE = 239  # the version of systemd that knows @system-service; before it would be nothing that is allowed
+NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]*")  # of users and interfaces, as units take them
+DEVICE = re.compile(r"/dev/[A-Za-z0-9_#+:=@./-]+")  # as udev makes them, without what is a pattern in its rules
 
 
 class Service(NamedTuple):
@@ -48,110 +43,92 @@ class Service(NamedTuple):
     user: str
     listen: str | None = None
     board: str | None = None
+    member: str | None = None
 
 
-def plan_install(tree: Tree, service: Service, board: Board | None) -> list[Change]:
-    """The files that are missing, differ, or are of an installation before and not needed any more.
-
-    Raises ConfigError when the user cannot be meant, or a name cannot stand in a unit.
-    """
-    check_user(tree, service.user)
-    texts = {UNIT: unit(tree, service, board), RULES: rules(tree, service, board), LIMITS: limits(service)}
+def texts(tree: Tree, service: Service, board: Board | None) -> dict[str, str]:
+    """Path -> what it is to hold. Raises ConfigError when a name cannot stand in a unit or a rule."""
+    found = {UNIT: unit(tree, service, board), RULES: rules(tree, service, board), LIMITS: limits(service)}
     if _can(service.scenario):
-        texts[CAN_UNIT] = can_unit(service.scenario)
-    changes = [Change(path, text, _read(tree, path)) for path, text in sorted(texts.items())]
-    if tree.exists(MANIFEST):
-        changes += [change for change in plan_uninstall(tree)[0] if change.path not in texts]
-    return [change for change in changes if change.after != change.before]
+        module = can_module(service.scenario, board)
+        found[CAN_UNIT] = can_unit(service.scenario, module)
+        if module:
+            found[MODULE_UNIT] = _fill("systemd/uuv-hil-module.service", {"module": module})
+    if tree.exists(os.path.dirname(MANAGER)):
+        found[MANAGER] = _fill("systemd/networkmanager.conf", {})
+    return found
 
 
-def plan_uninstall(tree: Tree) -> tuple[list[Change], list[str]]:
-    """What takes away all that the manifest names, and the paths that somebody has changed since: they stay.
-
-    Raises ConfigError when nothing is installed.
-    """
-    changes, changed = [], []
-    for path, note in _manifest(tree).items():
-        now = _read(tree, path)
-        if now is None:
-            continue
-        if _digest(now) == note["sha256"]:
-            changes.append(Change(path, note["before"], now))
-        else:
-            changed.append(path)
-    return changes, changed
-
-
-def show(change: Change) -> str:
-    """A change as a unified diff."""
-    (old_name, old), (new_name, new) = (
-        (change.path, text.splitlines()) if text is not None else ("/dev/null", [])
-        for text in (change.before, change.after)
-    )
-    return "\n".join(unified_diff(old, new, old_name, new_name, lineterm=""))
-
-
-def install(tree: Tree, changes: list[Change]) -> None:
-    """Do what `plan_install` says. Raises DeviceError when that is not permitted; then nothing was written."""
-    check_permission(tree, [change.path for change in changes] + [MANIFEST])
-    notes = _manifest(tree) if tree.exists(MANIFEST) else {}
-    for change in changes:
-        if change.after is not None:
-            before = notes.get(change.path, {"before": change.before})["before"]  # that of the first time
-            notes[change.path] = {"sha256": _digest(change.after), "before": before}
-    _put(tree, MANIFEST, json.dumps(notes, indent=1, sort_keys=True) + "\n")  # first: what follows can be undone
-    for change in changes:
-        _put(tree, change.path, change.after)
-
-
-def uninstall(tree: Tree, changes: list[Change]) -> None:
-    """Do what `plan_uninstall` says. Raises DeviceError when that is not permitted; then nothing was removed."""
-    check_permission(tree, [change.path for change in changes] + [MANIFEST])
-    for change in changes:
-        _put(tree, change.path, change.after)
-    _put(tree, MANIFEST, None)
-    with suppress(OSError):  # somebody keeps something there
-        os.rmdir(os.path.dirname(tree.path(MANIFEST)))
-
-
-def units(changes: list[Change]) -> list[str]:
-    """The names of the units among `changes`."""
-    return [os.path.basename(change.path) for change in changes if change.path.endswith(".service")]
+def device_left_out(scenario: Scenario) -> str:
+    """What the service's user has to allow by hand; empty for nothing."""
+    address = parse_address(scenario.link.port)
+    if address.kind != "can" or address.interface in (*WITHOUT_DEVICE, "gs_usb") or address.place.startswith("/dev/"):
+        return ""
+    edit = "allow it with: sudo systemctl edit uuv-hil, [Service] DeviceAllow=/dev/... rw"
+    return f"which device {scenario.link.port} opens only python-can knows; {edit}"
 
 
 def unit(tree: Tree, service: Service, board: Board | None) -> str:
     """The service's unit for systemd."""
     scenario = service.scenario
     recording = scenario.recording.folder if scenario.recording.slave else ""
+    kinds = drivers(tree, serial_device(scenario, board))
+    needs = [f"modprobe@{USB_DRIVERS[kind]}.service" for kind in kinds if kind in USB_DRIVERS]
+    needs += ["network-online.target"] if waits_for_network(service) else []
+    needs += [os.path.basename(CAN_UNIT)] if _can(scenario) else []
+    version = systemd_version(tree)
     values = {
         "description": " ".join((scenario.description or service.name).split()).replace("%", "%%"),
-        "can_unit": os.path.basename(CAN_UNIT) if _can(scenario) else "",
+        "wants": f"Wants={' '.join(needs)}" if needs else "",
+        "after": " ".join(["network.target", "time-sync.target", *needs]),
         "command": " ".join(word(part).replace("$", "$$") for part in command(service)),
-        "pythonpath": word(os.path.dirname(preset_folder(FOLDER))),
+        "pythonpath": word(python_path()),
         "user": service.user,
         "rtprio": str(LOOP_PRIORITY if scenario.slave.realtime else 0),
         "memory_max": f"{LEAK * (board.recommended.memory if board else 64):.0f}M",
         # Others find a pty by its name in /tmp only if it is not a /tmp of the service's own.
-        "private_tmp": "no" if scenario.link.port.startswith("pty:/tmp/") else "yes",
-        "devices": "\n".join(_devices(tree, scenario, board)),
+        "private_tmp": "no" if parse_address(scenario.link.port).place.startswith("/tmp/") else "yes",
+        "system_calls": "SystemCallFilter=@system-service" if version is None or version >= SYSTEM_SERVICE else "",
+        "devices": "\n".join(_devices(scenario, kinds)),
         "writable": f"ReadWritePaths={word('-' + recording)}" if os.path.isabs(recording) else "",
     }
     return _fill("systemd/uuv-hil.service", values)
 
 
-def can_unit(scenario: Scenario) -> str:
-    """The unit that gives the CAN interface of the link its bit rate."""
-    values = {"interface": _can(scenario), "bitrate": str(scenario.link.bitrate), "ip": "/sbin/ip"}
+def can_unit(scenario: Scenario, module: str = "") -> str:
+    """The unit that gives the CAN interface of the link its bit rate, when `module` is loaded where that is named."""
+    name = _can(scenario)
+    values = {
+        "interface": name,
+        "device": f"sys-subsystem-net-devices-{escaped(name)}.device",
+        "module": f"Wants={os.path.basename(MODULE_UNIT)}" if module else "",
+        "bitrate": str(scenario.link.bitrate),
+        "ip": "/sbin/ip",
+    }
     return _fill("systemd/uuv-hil-can.service", values)
+
+
+def can_module(scenario: Scenario, board: Board | None) -> str:
+    """The kernel's module for the board's CAN interface, where it has to be asked for; empty for none."""
+    return next((bus.module for bus in board.can if bus.interface == _can(scenario)), "") if board else ""
 
 
 def rules(tree: Tree, service: Service, board: Board | None) -> str:
     """The rules for udev."""
     device = serial_device(service.scenario, board)
-    kernel = _name(os.path.basename(tree.resolve(device)), device) if device else ""
-    permitted = 'SUBSYSTEM=="tty", KERNEL=="{}", GROUP="dialout", MODE="0660", ENV{{ID_MM_DEVICE_IGNORE}}="1"'
-    line = permitted.format(kernel) if kernel else "# None: it is no serial port of this board."
-    return _fill("udev/70-uuv-hil.rules", {"serial": line, "iw": "/usr/sbin/iw"})
+    lines = ["# None: it is no device of a serial port."]
+    if device.startswith("/dev/"):
+        if not DEVICE.fullmatch(device):
+            raise ConfigError(f"{device!r} cannot stand in a rule: letters, digits, _ # + : = @ . / - only")
+        name = device.removeprefix("/dev/")
+        # The kernel's names are tty and more; all others are links, and matched as such: what they lead to may change.
+        own = re.fullmatch(r"tty[A-Za-z]+[0-9]+", name) and not tree.link(device)
+        match = "KERNEL" if own else "SYMLINK"
+        lines = [f'SUBSYSTEM=="tty", {match}=="{name}", GROUP="dialout", MODE="0660", ENV{{ID_MM_DEVICE_IGNORE}}="1"']
+    elif parse_address(service.scenario.link.port).interface == "gs_usb":
+        form = 'SUBSYSTEM=="usb", ATTR{{idVendor}}=="{}", ATTR{{idProduct}}=="{}", GROUP="dialout", MODE="0660"'
+        lines = [form.format(*numbers.split(":")) for numbers in GS_USB]
+    return _fill("udev/99-uuv-hil.rules", {"link": "\n".join(lines), "iw": "/usr/sbin/iw"})
 
 
 def limits(service: Service) -> str:
@@ -162,33 +139,49 @@ def limits(service: Service) -> str:
 def serial_device(scenario: Scenario, board: Board | None) -> str:
     """The serial port that a scenario's link uses on a board; empty when it uses none."""
     address = parse_address(scenario.link.port)
-    if address.kind in ("uart", "rs485") or (address.interface == "slcan"):
+    if address.kind in ("uart", "rs485") or (address.kind == "can" and address.place.startswith("/dev/")):
         return address.place
     return board.uart if board and scenario.stm32 == "device" and scenario.link.port == "pty:" else ""
 
 
-def drivers(tree: Tree, scenario: Scenario, board: Board | None) -> tuple[str, ...]:
-    """The kinds of serial devices the service may open: that of its link, or all while the link is not there."""
-    device = serial_device(scenario, board)
-    if not device:
+def drivers(tree: Tree, device: str) -> tuple[str, ...]:
+    """The kinds of serial devices that a name stands for: all it could, while it is not there."""
+    if not device.startswith("/dev/"):
         return ()
+    if device in PI_ALIASES:
+        return SERIAL_DRIVERS[:2]
     kind = os.path.basename(tree.resolve(device)).rstrip("0123456789")
-    return (kind,) if kind in SERIAL_DRIVERS else SERIAL_DRIVERS
+    if re.fullmatch("tty[A-Za-z]+", kind):
+        return (kind,)
+    return tuple(USB_DRIVERS) if device.startswith("/dev/serial/by-id/") else SERIAL_DRIVERS
 
 
-def _devices(tree: Tree, scenario: Scenario, board: Board | None) -> list[str]:
-    lines = [f"DeviceAllow=char-{driver} rw" for driver in drivers(tree, scenario, board)]
-    awake = scenario.slave.realtime and scenario.slave.stay_awake
-    return lines + (["DeviceAllow=/dev/cpu_dma_latency w"] if awake else [])
+def waits_for_network(service: Service) -> bool:
+    """Whether the slave cannot start before the network does: it listens at an address that this machine gets."""
+    if service.scenario.network.router:
+        return False
+    host = split(service.listen or service.scenario.slave.listen)[1].strip("[]")
+    return host not in ANYWHERE and not host.startswith("127.")
+
+
+def systemd_version(tree: Tree) -> int | None:
+    """The version of the machine's systemd; None if it cannot be told."""
+    found = re.match(r"systemd (\d+)", tree.run("systemctl", "--version") or "")
+    return int(found[1]) if found else None
 
 
 def command(service: Service) -> list[str]:
     """What the service executes."""
     name = os.path.abspath(service.name) if service.name.endswith(".toml") else service.name
     words = [sys.executable, "-m", "hil.cli", "slave", name]
-    for option, value in (("--listen", service.listen), ("--board", service.board)):
+    for option, value in (("--listen", service.listen), ("--board", service.board), ("--member", service.member)):
         words += [option, value] if value else []
     return words
+
+
+def python_path() -> str:
+    """The folder of the project's packages."""
+    return os.path.dirname(preset_folder(FOLDER))
 
 
 def word(text: str) -> str:
@@ -203,77 +196,33 @@ def word(text: str) -> str:
     return f'"{text}"' if re.search(r"[\s'\\;]", text) else text
 
 
-def check_user(tree: Tree, user: str) -> None:
-    """Raises ConfigError for root and for users the machine does not have."""
-    if user in ("root", "0") or not NAME.fullmatch(user):
-        raise ConfigError(
-            f"--user: {user!r} cannot be meant: name the user that the slave is to run as; it needs no root"
-        )
-    known = [line.partition(":")[0] for line in tree.text("/etc/passwd").splitlines()]
-    if known and user not in known:
-        raise ConfigError(f"--user: there is no user {user!r} here; make one: sudo useradd --system -G dialout {user}")
+def escaped(text: str) -> str:
+    """A part of a path as the name of a unit has it, see systemd-escape(1)."""
+    return re.sub(r"[^A-Za-z0-9:_.]", lambda found: f"\\x{ord(found[0]):02x}", text)
 
 
-def check_permission(tree: Tree, paths: list[str]) -> None:
-    """Raises DeviceError unless every one of `paths` can be written, its folders made where they are missing."""
-    for path in paths:
-        place = tree.path(path)
-        while not os.path.exists(place):
-            place = os.path.dirname(place) or "."
-        if not os.access(place, os.W_OK):
-            raise DeviceError(
-                f"{path}: no permission to write it; run the same command with sudo (nothing was changed)"
-            )
+def _devices(scenario: Scenario, kinds: tuple[str, ...]) -> list[str]:
+    lines = [f"DeviceAllow=char-{kind} rw" for kind in kinds]
+    if parse_address(scenario.link.port).interface == "gs_usb":
+        lines.append("DeviceAllow=char-usb_device rw")
+    awake = scenario.slave.realtime and scenario.slave.stay_awake
+    return lines + (["DeviceAllow=/dev/cpu_dma_latency w"] if awake else [])
 
 
 def _can(scenario: Scenario) -> str:
     address = parse_address(scenario.link.port)
-    real = address.interface == "socketcan" and not address.place.startswith("vcan")
-    return _name(address.place, scenario.link.port) if real else ""
-
-
-def _name(text: str, where: str) -> str:
-    if not NAME.fullmatch(text):
-        raise ConfigError(f"{where}: {text!r} cannot stand in a unit or rule: letters, digits, _ . - only")
-    return text
+    if address.interface != "socketcan" or address.place.startswith("vcan"):
+        return ""
+    if not NAME.fullmatch(address.place):
+        raise ConfigError(
+            f"{scenario.link.port}: {address.place!r} cannot stand in a unit: letters, digits, _ . - only"
+        )
+    return address.place
 
 
 def _fill(template: str, values: dict[str, str]) -> str:
-    """A file of boards/ with every @name@ replaced; @at@ is an @ itself."""
+    """A file of boards/ with every @name@ replaced."""
     with open(os.path.join(preset_folder(FOLDER), template)) as file:
         text = file.read()
-    text = re.sub(r"@([a-z_]+)@", lambda found: {"at": "@", **values}[found[1]], text)
+    text = re.sub(r"@([a-z_]+)@", lambda found: values[found[1]], text)
     return re.sub(r"[ \t]+$", "", re.sub(r"\n{3,}", "\n\n", text), flags=re.MULTILINE)
-
-
-def _manifest(tree: Tree) -> dict[str, dict[str, Any]]:
-    try:
-        notes: dict[str, dict[str, Any]] | None = json.loads(tree.text(MANIFEST) or "null")
-    except ValueError:
-        raise ConfigError(f"{MANIFEST}: is not what was written there; remove the files by hand") from None
-    if notes is None:
-        raise ConfigError(f"nothing is installed here: there is no {MANIFEST}")
-    return notes
-
-
-def _read(tree: Tree, path: str) -> str | None:
-    try:
-        with open(tree.path(path)) as file:
-            return file.read()
-    except OSError:
-        return None
-
-
-def _put(tree: Tree, path: str, text: str | None) -> None:
-    place = tree.path(path)
-    if text is None:
-        os.remove(place)
-        return
-    os.makedirs(os.path.dirname(place), exist_ok=True)
-    with open(place, "w") as file:
-        file.write(text)
-    os.chmod(place, 0o644)
-
-
-def _digest(text: str) -> str:
-    return hashlib.sha256(text.encode()).hexdigest()

@@ -21,15 +21,15 @@ a problem. The exit code is 1 if there is a problem, else 0.
 examples:
   uuv-hil doctor                            on the card computer, before the first run
   uuv-hil doctor mine.toml                  everything that this scenario needs
-  sudo uuv-hil doctor mine.toml --user uuv  for the user who is to run it; only root sees others' open ports
+  sudo uuv-hil doctor mine.toml --user uuv  for the user who is to run it; only root sees what others have open
   uuv-hil doctor --root recorded/           a machine whose /proc, /sys and /dev were copied there
 """
 Check = Callable[[Case], Iterator[Finding]]
 SOFTWARE: tuple[Check, ...] = (doctor_software.software, doctor_software.step)
 MACHINE: tuple[Check, ...] = (
-    doctor_board.machine, doctor_board.rates, doctor_links.ports, doctor_links.console, doctor_links.holders,
-    doctor_links.can_bus, doctor_board.governor, doctor_board.throttled, doctor_board.realtime_limits,
-    doctor_board.clock, doctor_network.network_ports, doctor_network.wlan,
+    doctor_board.machine, doctor_board.memory_limit, doctor_board.rates, doctor_links.ports, doctor_links.console,
+    doctor_links.holders, doctor_links.can_bus, doctor_board.governor, doctor_board.throttled,
+    doctor_board.realtime_limits, doctor_board.clock, doctor_network.network_ports, doctor_network.wlan,
 )  # fmt: skip
 
 
@@ -71,9 +71,10 @@ def findings(case: Case) -> Iterator[Finding]:
 
 
 def line(finding: Finding) -> str:
-    """A finding as a line of text."""
+    """A finding as one line of text, whatever a file of the machine or the name of a process had in it."""
     remedy = f" -> {finding.remedy}" if finding.remedy else ""
-    return f"{finding.level:7}  {finding.topic:12} {finding.text}{remedy}"
+    text = f"{finding.level:7}  {finding.topic:12} {finding.text}{remedy}"
+    return "".join(letter if letter.isprintable() else "?" for letter in text)
 
 
 def find_user(name: str | None) -> User:

@@ -1,15 +1,20 @@
 """What the doctor looks at of the board itself: clocks, heat, memory, what the kernel grants."""
 
+import shlex
 from collections.abc import Iterator
 
 from boards import model
 from boards.health import governors, temperature, throttling
-from boards.tree import Tree, architecture
+from boards.tree import architecture
+from hil.bench.limits import REMEDIES
 from hil.clock import LOOP_PRIORITY
-from hil.commands.doctor_case import Case, Finding
+from hil.commands.board_install import UNIT
+from hil.commands.doctor_case import Case, Finding, as_user, hexadecimal, number
 
 CAP_IPC_LOCK, CAP_SYS_NICE = 14, 23  # capabilities(7)
 NEARLY_HOT = 5.0  # K below the temperature at which the board slows down
+LIMITS, STATUS = "/proc/self/limits", "/proc/self/status"
+CGROUPS = "/sys/fs/cgroup"
 ACTIVE_DRIVERS = ("intel_pstate", "amd-pstate-epp")  # their "powersave" does not hold the clock down
 
 
@@ -19,11 +24,25 @@ def machine(case: Case) -> Iterator[Finding]:
     kind = architecture(case.tree) or "unknown architecture"
     text = f"{board.name}, {board.cpu}" if board else f"none of those known; {told or kind}"
     yield Finding("ok", "board", text + (f' ("{told}")' if board and told else ""))
-    for line in case.tree.text("/proc/meminfo").splitlines() if board else ():
+    for line in case.tree.text("/proc/meminfo").splitlines():
         name, _, value = line.partition(":")
-        if name == "MemAvailable" and board and int(value.split()[0]) / 1024 < board.recommended.memory:
-            few = f"{int(value.split()[0]) / 1024:.0f} MiB free, the slave may take {board.recommended.memory:g}"
+        free = number(value.removesuffix("kB")) if name == "MemAvailable" else None
+        if board and free is not None and free / 1024 < board.recommended.memory:
+            few = f"{free / 1024:.0f} MiB free, the slave may take {board.recommended.memory:g}"
             yield Finding(case.severity, "memory free", few, "end other programs; see: ps aux --sort -rss | head")
+
+
+def memory_limit(case: Case) -> Iterator[Finding]:
+    """Whether the kernel can hold the service to its MemoryMax: else a leak there ends other programs too."""
+    tree, there = case.tree, True
+    if tree.exists(f"{CGROUPS}/cgroup.controllers"):
+        there = "memory" in tree.text(f"{CGROUPS}/cgroup.controllers").split()
+    elif not tree.exists(f"{CGROUPS}/memory"):  # of version 1
+        words = tree.text("/proc/cmdline").split()
+        there = "cgroup_disable=memory" not in words or "cgroup_enable=memory" in words
+    if not there:
+        text = "the kernel's memory controller is off: MemoryMax= of the service has no effect"
+        yield Finding("note", "memory limit", text, REMEDIES["memory"])
 
 
 def rates(case: Case) -> Iterator[Finding]:
@@ -70,21 +89,31 @@ def throttled(case: Case) -> Iterator[Finding]:
 
 
 def realtime_limits(case: Case) -> Iterator[Finding]:
-    """Whether real-time scheduling and locked memory are granted, by the limits and capabilities of this process."""
+    """Whether the user is granted real-time scheduling and locked memory, by limits and capabilities."""
     tree = case.tree
     if case.scenario and not case.scenario.slave.realtime:
         yield Finding("ok", "real time", "not wanted by the scenario")
         return
-    limits, capabilities = process_limits(tree), _capabilities(tree)
-    remedy = "uuv-hil board install grants it to the service and its user; for this shell: see /etc/security/limits.d"
-    priority, memory = limits.get("Max realtime priority"), limits.get("Max locked memory")
     if tree.text("/proc/sys/kernel/sched_rt_runtime_us") == "0":
         text = "the kernel grants no time to SCHED_FIFO: sched_rt_runtime_us is 0"
         yield Finding(case.severity, "real time", text, "sudo sysctl kernel.sched_rt_runtime_us=950000")
+    process = _process(case)
+    if process is None:
+        text = f"what {case.user.name} is granted cannot be told"
+        refused = as_user(case.user)  # a session that is refused says why
+        remedy = f"see: {shlex.join([*refused, 'true'])}" if refused else f"the same with sudo, --user {case.user.name}"
+        yield Finding("note", "real time", text, remedy)
+        return
+    limits, capabilities = process_limits(process), _capabilities(process)
+    remedy = "uuv-hil board install grants it to the service and its user; for a shell: see /etc/security/limits.d"
+    priority, memory = limits.get("Max realtime priority"), limits.get("Max locked memory")
     if priority is not None and not capabilities >> CAP_SYS_NICE & 1:
         enough = priority >= LOOP_PRIORITY
         text = f"priority {priority:g} is permitted, the slave's loop wants {LOOP_PRIORITY}"
-        yield Finding("ok" if enough else case.severity, "real time", text, "" if enough else remedy)
+        severity, service = case.severity, _service_priority(case)
+        if not enough and service >= LOOP_PRIORITY:
+            severity, text = "note", f"{text}; as the installed service it has {service:g}"
+        yield Finding("ok" if enough else severity, "real time", text, "" if enough else remedy)
     if memory is not None and not capabilities >> CAP_IPC_LOCK & 1:
         enough = memory >= 128 * 2**20
         text = "unlimited" if memory == float("inf") else f"{memory / 2**20:g} MiB"
@@ -104,18 +133,33 @@ def clock(case: Case) -> Iterator[Finding]:
         yield Finding("note", "clock", "whether it is synchronised cannot be told: no answer of timedatectl")
 
 
-def process_limits(tree: Tree) -> dict[str, float]:
-    """Name -> soft limit of this process, as /proc/self/limits has it."""
+def process_limits(text: str) -> dict[str, float]:
+    """Name -> soft limit of a process, by the text of its /proc/PID/limits."""
     found = {}
-    for line in tree.text("/proc/self/limits").splitlines()[1:]:
-        name, value = line[:26].strip(), line[26:].split()
-        if value:
-            found[name] = float("inf") if value[0] == "unlimited" else float(value[0])
+    for line in text.splitlines():
+        value = line[26:].split()
+        limit = float("inf") if value[:1] == ["unlimited"] else number(value[0]) if value else None
+        if limit is not None:
+            found[line[:26].strip()] = limit
     return found
 
 
-def _capabilities(tree: Tree) -> int:
-    for line in tree.text("/proc/self/status").splitlines():
+def _process(case: Case) -> str | None:
+    """Limits and status of a process of the user's; None if we may not, or cannot, start one."""
+    prefix = as_user(case.user) if case.tree.live else []
+    if prefix:
+        return case.tree.run(*prefix, "cat", LIMITS, STATUS)
+    return None if prefix is None else f"{case.tree.text(LIMITS)}\n{case.tree.text(STATUS)}"
+
+
+def _capabilities(text: str) -> int:
+    for line in text.splitlines():
         if line.startswith("CapEff:"):
-            return int(line.split()[1], 16)
+            return hexadecimal(line.partition(":")[2]) or 0
     return 0
+
+
+def _service_priority(case: Case) -> float:
+    """What the unit grants to the user's service; 0 if none is installed for that one."""
+    settings = dict(line.partition("=")[::2] for line in case.tree.text(UNIT).splitlines())
+    return (number(settings.get("LimitRTPRIO", "")) or 0.0) if settings.get("User") == case.user.name else 0.0

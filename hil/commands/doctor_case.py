@@ -64,6 +64,33 @@ def may_open(found: os.stat_result, user: User) -> bool:
     return found.st_mode >> shift & 6 == 6
 
 
+def as_user(user: User) -> list[str] | None:
+    """What a command begins with that is to run as `user` with what that one is granted; None if we may not.
+
+    runuser and not setuid: it opens a session, in which limits.conf(5) applies.
+    """
+    if user.uid == os.getuid():
+        return []
+    return ["runuser", "-u", user.name, "--"] if os.geteuid() == 0 else None
+
+
+def number(text: str) -> float | None:
+    """A number as the kernel's files have it; None for what is none."""
+    try:
+        value = float(text)
+    except ValueError:
+        return None
+    return None if value != value else value
+
+
+def hexadecimal(text: str) -> int | None:
+    """The same for the kernel's bit fields and ports."""
+    try:
+        return int(text, 16)
+    except ValueError:
+        return None
+
+
 def _is_local(listen: str) -> bool:
     host = listen.partition("/")[2].rpartition(":")[0].strip("[]")
     return host.startswith("127.") or host in ("localhost", "::1")

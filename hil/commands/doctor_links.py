@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from boards.tree import Tree
-from hil.commands.doctor_case import Case, Finding, may_open
+from hil.commands.doctor_case import Case, Finding, User, hexadecimal, may_open
 from hil.links.address import parse_address
 
 
@@ -24,7 +24,7 @@ def ports(case: Case) -> Iterator[Finding]:
         remedy = known[0] if known and known[0] else "connect it; see: ls /dev/serial/by-id/"
         yield Finding(case.severity, "serial port", f"{name} is not there", remedy)
     elif not may_open(found, case.user):
-        remedy = f"sudo usermod -aG dialout {case.user.name}, then log in again"
+        remedy = permission(tree, found, case.user)
         mode = f"{stat.filemode(found.st_mode)}, user {found.st_uid}, group {found.st_gid}"
         yield Finding(case.severity, "serial port", f"{name}: no permission for {case.user.name} ({mode})", remedy)
     else:
@@ -38,7 +38,7 @@ def console(case: Case) -> Iterator[Finding]:
         return
     real = os.path.basename(tree.resolve(case.device))
     words = [word.removeprefix("console=").partition(",")[0] for word in tree.text("/proc/cmdline").split()
-             if word.startswith("console=")]  # fmt: skip
+             if word.startswith("console=") and word.isprintable()]  # fmt: skip
     consoles = {os.path.basename(tree.resolve(f"/dev/{word}")) for word in words}
     consoles |= set(tree.text("/sys/class/tty/console/active").split())
     if real in consoles:
@@ -57,11 +57,16 @@ def holders(case: Case) -> Iterator[Finding]:
     if not case.device:
         return
     real = case.tree.resolve(case.device)
-    for pid, name in case.tree.openers(real):
+    openers = case.tree.openers(real)
+    for pid, name in openers:
         text = f"{real} is open in process {pid}, {name}"
         yield Finding(
             case.severity, "port in use", text, f"end it: kill {pid}, or systemctl status {pid} and stop that"
         )
+    status = _status(case.tree, real)
+    if case.tree.live and os.geteuid() != 0 and not openers and status and may_open(status, case.user):
+        text = f"no process of yours has {real} open; those of other users only root can see"
+        yield Finding("note", "port in use", text, f"the same with sudo, --user {case.user.name}")
 
 
 def can_bus(case: Case) -> Iterator[Finding]:
@@ -76,8 +81,11 @@ def can_bus(case: Case) -> Iterator[Finding]:
             "problem", "CAN", f"{name} is not there", known[0] if known else "connect the adapter; see: ip link"
         )
         return
-    up = f"sudo ip link set {name} up type can bitrate {rate} restart-ms 100"
-    flags = int(case.tree.text(f"/sys/class/net/{name}/flags") or "0", 16)
+    up = f"sudo ip link set {name} up type can bitrate {rate}"
+    flags = hexadecimal(case.tree.text(f"/sys/class/net/{name}/flags"))
+    if flags is None:
+        yield Finding("note", "CAN", f"whether {name} is up cannot be told")
+        return
     if not flags & 1:  # IFF_UP, netdevice(7)
         yield Finding("problem", "CAN", f"{name} is down", f"{up} (uuv-hil board install does it at each start)")
         return
@@ -87,25 +95,46 @@ def can_bus(case: Case) -> Iterator[Finding]:
 def _can_details(tree: Tree, name: str, rate: int, up: str) -> Iterator[Finding]:
     """What the kernel's netlink tells of an interface that is up."""
     try:
-        kind: dict[str, Any] = json.loads(tree.run("ip", "-details", "-json", "link", "show", name) or "")[0][
-            "linkinfo"
-        ]
-    except (ValueError, LookupError, TypeError):
+        told = json.loads(tree.run("ip", "-details", "-json", "link", "show", name) or "")[0]
+    except (ValueError, LookupError, TypeError, RecursionError):
+        told = None
+    link = _table(told, "linkinfo")
+    kind, data = link.get("info_kind"), _table(link, "info_data")
+    if kind and kind != "can":
+        yield Finding("ok", "CAN", f"{name} is up, {kind}: no wire, no bit rate")
+        return
+    found, state = _table(data, "bittiming").get("bitrate"), data.get("state")
+    if found is None or state is None:
         yield Finding("note", "CAN", f"{name} is up; bit rate and state cannot be told", "sudo apt install iproute2")
-        return
-    if kind.get("info_kind") != "can":
-        yield Finding("ok", "CAN", f"{name} is up, {kind.get('info_kind')}: no wire, no bit rate")
-        return
-    data = kind.get("info_data", {})
-    found, state = data.get("bittiming", {}).get("bitrate"), data.get("state", "unknown")
-    if found != rate:
+    if found not in (None, rate):
         remedy = f"sudo ip link set {name} down; {up}; or [link] bitrate = {found}"
         yield Finding("problem", "CAN", f"{name} runs at {found} bit/s, the scenario says {rate}", remedy)
-    if state != "ERROR-ACTIVE":
+    if state not in (None, "ERROR-ACTIVE"):
         remedy = "both ends at one bit rate, CAN-H and CAN-L not swapped, 120 ohms at either end, the STM32 powered"
+        # Not in one with the bit rate: a driver that cannot (gs_usb) refuses the whole command, and nothing is up.
+        again = f"sudo ip link set {name} down; sudo ip link set {name} type can restart-ms 100 (not every driver can)"
+        remedy += f"; then {again}; {up}" if state == "BUS-OFF" else ""
         yield Finding("problem", "CAN", f"{name} is in the state {state}", remedy)
     if found == rate and state == "ERROR-ACTIVE":
         yield Finding("ok", "CAN", f"{name} is up at {rate} bit/s, {state}")
+
+
+def _table(value: Any, key: str) -> dict[str, Any]:
+    """An object within another one of JSON; empty if it is none."""
+    inner = value.get(key) if isinstance(value, dict) else None
+    return inner if isinstance(inner, dict) else {}
+
+
+def permission(tree: Tree, found: os.stat_result, user: User) -> str:
+    """What lets `user` open a device: its own group where that may read and write, else the rule for udev.
+
+    Not the group of root, and so not that of a device that only root's group may open.
+    """
+    rows = (line.split(":") for line in tree.text("/etc/group").splitlines())
+    names = {row[2]: row[0] for row in rows if len(row) > 2}
+    group = names.get(str(found.st_gid), "") if found.st_gid and found.st_mode >> 3 & 6 == 6 else ""
+    join = f"sudo usermod -aG {group or 'dialout'} {user.name}, then log in again"
+    return join if group else f"uuv-hil board install gives it to the group dialout, by a rule for udev; {join}"
 
 
 def _logins(tree: Tree, tty: str) -> list[str]:

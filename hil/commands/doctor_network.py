@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 
 from boards.tree import Tree
-from hil.commands.doctor_case import Case, Finding
+from hil.commands.doctor_case import Case, Finding, hexadecimal
 from hil.errors import NetworkError
 from hil.transport.settings import split
 
@@ -41,13 +41,13 @@ def wlan(case: Case) -> Iterator[Finding]:
         if not any(case.tree.exists(f"/sys/class/net/{name}/{mark}") for mark in ("wireless", "phy80211")):
             continue
         answer = case.tree.run("iw", "dev", name, "get", "power_save")
-        if answer is None:
-            yield Finding("note", "wlan", f"{name}: power saving cannot be told", "sudo apt install iw")
-        elif answer.endswith("on"):
-            remedy = f"sudo iw dev {name} set power_save off (uuv-hil board install does it at each start)"
+        if answer is not None and answer.endswith("on"):
+            remedy = f"sudo iw dev {name} set power_save off (uuv-hil board install keeps it off)"
             yield Finding(case.severity if case.remote else "note", "wlan", f"{name} saves power, and is late", remedy)
-        else:
+        elif answer is not None and answer.endswith("off"):
             yield Finding("ok", "wlan", f"{name} does not save power")
+        else:
+            yield Finding("note", "wlan", f"{name}: power saving cannot be told", "sudo apt install iw")
 
 
 def listeners(tree: Tree) -> dict[int, str]:
@@ -57,5 +57,7 @@ def listeners(tree: Tree) -> dict[int, str]:
         for line in tree.text(table).splitlines()[1:]:
             fields = line.split()
             if len(fields) > 9 and fields[3] == LISTENING:
-                found[int(fields[1].rpartition(":")[2], 16)] = fields[9]
+                port = hexadecimal(fields[1].rpartition(":")[2])
+                if port is not None:
+                    found[port] = fields[9]
     return found

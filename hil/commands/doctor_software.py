@@ -2,6 +2,7 @@
 
 import os
 import platform
+import shlex
 import subprocess
 import sys
 import time
@@ -11,7 +12,7 @@ from importlib.util import cache_from_source
 
 from hil import __version__
 from hil.clock import LOOP_PRIORITY
-from hil.commands.doctor_case import Case, Finding, Level
+from hil.commands.doctor_case import Case, Finding, Level, as_user
 from hil.config import Scenario, build_simulation
 from hil.errors import ConfigError
 from hil.links.contract import PWM_NEUTRAL_US
@@ -108,15 +109,21 @@ def _is_compiled(source: str) -> bool:
 
 
 def granted(case: Case) -> Iterator[Finding]:
-    """What the slave would be granted: asked for as the slave does, in a process of its own."""
+    """What the slave would be granted: asked for as the slave does, in a process of its user's."""
+    prefix = as_user(case.user)
+    if prefix is None:
+        return
     code = f"from hil import clock; print(clock.schedule_fifo({LOOP_PRIORITY})); print(clock.lock_memory())"
     environment = os.environ | {"PYTHONPATH": ROOT}
     try:
-        command = [sys.executable, "-c", code]
+        command = [*prefix, sys.executable, "-c", code]
         said = subprocess.run(command, capture_output=True, text=True, check=False, env=environment).stdout
-    except OSError:  # an emulated processor cannot start another program
+    except OSError:  # no runuser here, or below an emulator that cannot start another program
         said = ""
-    for line in said.splitlines() or ["scheduling: could not be tried"]:
+    if not said:
+        text = f"could not be tried: {case.user.name} cannot start {sys.executable}"
+        yield Finding("note", "scheduling", text, f"see: {shlex.join([*prefix, sys.executable, '-V'])}")
+    for line in said.splitlines():
         name, _, text = line.partition(": ")
         refused = "not " in text
         yield Finding("note" if refused else "ok", name, text, "uuv-hil board install" if refused else "")

@@ -170,10 +170,61 @@ def test_a_slave_that_cannot_start_says_why() -> None:
 
 def test_the_machine_says_what_makes_its_figures_special(tmp_path: Path) -> None:
     recorded.plant(tmp_path, "proc/cpuinfo", "model name : Some CPU\nflags : fpu hypervisor\nhost : User Mode Linux\n")
-    (tmp_path / "proc/1").mkdir(parents=True)
-    other = {0x3E: 0xB7, 0xB7: 0x3E}.get({"x86_64": 0x3E, "aarch64": 0xB7}.get(os.uname().machine, 0), 0x3E)
-    (tmp_path / "proc/1/exe").write_bytes(b"\x7fELF" + bytes(14) + other.to_bytes(2, "little"))
+    plant_first_process(tmp_path, 0x3E if os.uname().machine != "x86_64" else 0xB7)
     machine, labels = describe(str(tmp_path))
     assert machine["cpu"] == "Some CPU"
     assert [label.partition(":")[0] for label in labels] == ["emulated", "emulated", "virtual machine"]
     assert labels[0].startswith(f"emulated: {os.uname().machine} on ")
+
+
+def plant_first_process(root: Path, machine: int) -> None:
+    (root / "proc/1").mkdir(parents=True)
+    (root / "proc/1/exe").write_bytes(b"\x7fELF" + bytes(14) + machine.to_bytes(2, "little"))
+
+
+HYPERVISOR = "flags : fpu hypervisor\n"
+OF_QEMU = "emulated, or a virtual machine: QEMU"
+
+
+@pytest.mark.parametrize(
+    ("files", "architecture", "labels"),
+    [
+        ({"proc/cmdline": "quiet UUV_HIL_EMULATED=qemu-system\n"}, "aarch64", ("emulated: qemu-system",)),
+        ({"proc/sys/kernel/arch": "x86_64\n"}, "aarch64", ("emulated: aarch64 on x86_64",)),
+        ({"proc/sys/kernel/arch": "aarch64\n"}, "aarch64", ()),
+        ({"proc/sys/kernel/arch": "aarch64\n"}, "armv8l", ()),  # by setarch, on the bare processor
+        ({"proc/device-tree/model": "linux,dummy-virt\0"}, "aarch64", (OF_QEMU,)),
+        ({"sys/class/dmi/id/sys_vendor": "QEMU\n"}, "aarch64", (OF_QEMU,)),
+        ({"sys/class/dmi/id/sys_vendor": "QEMU\n", "proc/cpuinfo": HYPERVISOR}, "x86_64", ("virtual machine",)),
+        (
+            {"proc/cmdline": "UUV_HIL_EMULATED=qemu-system\n", "proc/device-tree/model": "linux,dummy-virt\0"},
+            "aarch64",
+            ("emulated: qemu-system",),
+        ),
+    ],
+)
+def test_what_is_emulated_is_labelled(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, files: dict[str, str], architecture: str, labels: tuple[str, ...]
+) -> None:
+    for path, text in files.items():
+        recorded.plant(tmp_path, path, text)
+    monkeypatch.delenv("UUV_HIL_EMULATED", raising=False)
+    kernel = os.uname()
+    monkeypatch.setattr("os.uname", lambda: os.uname_result((*kernel[:4], architecture)))
+    assert describe(str(tmp_path))[1] == labels
+
+
+def test_the_environment_says_that_it_is_emulated(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Below qemu-user, where /proc is the host's."""
+    monkeypatch.setenv("UUV_HIL_EMULATED", "qemu-aarch64")
+    recorded.plant(tmp_path, "proc/sys/kernel/arch", "riscv64\n")
+    assert describe(str(tmp_path))[1] == ("emulated: qemu-aarch64",)
+
+
+def test_a_32_bit_system_on_a_64_bit_kernel_is_not_emulated(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Raspberry Pi OS of 32 bits, before Linux 6.1."""
+    plant_first_process(tmp_path, 0x28)
+    kernel = os.uname()
+    monkeypatch.delenv("UUV_HIL_EMULATED", raising=False)
+    monkeypatch.setattr("os.uname", lambda: os.uname_result((*kernel[:4], "aarch64")))
+    assert describe(str(tmp_path))[1] == ()

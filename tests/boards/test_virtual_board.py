@@ -7,7 +7,6 @@ from pathlib import Path
 
 import pytest
 
-from hil.errors import DeviceError
 from tests.boards.emulated import built_board
 from tests.processes import ROOT, free_port, wait_for
 from tools.virtual_board.board import VirtualBoard
@@ -87,11 +86,38 @@ def test_every_pulse_is_that_of_this_machine(board: VirtualBoard) -> None:
     assert run(board.command("-c", PILOTED, UUV_HIL_NATIVE="0")).split() == [*theirs[:2], "CascadedController"]
 
 
+def test_figures_are_labelled_as_emulated(board: VirtualBoard) -> None:
+    """By the mark, and without it by the kernel, which is another processor's."""
+    code = "from hil.bench.machine import describe; print(*describe()[1], sep='; ')"
+    assert "emulated: qemu-aarch64" in run(board.command("-c", code))
+    unmarked = run(board.command("-c", f"import os; del os.environ['UUV_HIL_EMULATED']; {code}"))
+    kernel = Path("/proc/sys/kernel/arch")
+    if kernel.exists():  # since Linux 6.1
+        assert f"emulated: aarch64 on {kernel.read_text().strip()}" in unmarked
+
+
+def test_it_starts_its_own_python(board: VirtualBoard, tmp_path: Path) -> None:
+    """From within, by sys.executable, as slaves and benchmarks do; what lies in the present folder is not taken."""
+    (tmp_path / "hil.py").write_text("raise ImportError")
+    inner = "import hil, platform, sys; print(platform.machine(), hil.__file__, sys.executable)"
+    code = f"import subprocess, sys; subprocess.run([sys.executable, '-c', {inner!r}], check=True)"
+    done = subprocess.run(board.command("-c", code), capture_output=True, text=True, cwd=tmp_path, timeout=60)
+    assert done.stdout.split() == ["aarch64", f"{board.site}/hil/__init__.py", board.python], done.stderr
+
+
+def test_commands_run_the_boards_python(board: VirtualBoard) -> None:
+    first = (Path(board.site) / "bin" / "uuv-hil").read_text().splitlines()[0]
+    assert first == "#!/usr/bin/python3"
+    assert (Path(board.root) / "usr/bin/python3").exists()
+
+
 def test_doctor_knows_where_it_is(board: VirtualBoard) -> None:
     done = subprocess.run(board.command("-m", "hil.cli", "doctor"), capture_output=True, text=True, timeout=60)
     assert "Traceback" not in done.stderr
     assert "arm64 machine" in done.stdout
-    assert "C, " in next(line for line in done.stdout.splitlines() if line.split()[1] == "step")
+    lines = {line.split()[1]: line for line in done.stdout.splitlines()}
+    assert "C, " in lines["step"]
+    assert "could not be tried" not in lines["scheduling"], "another process in there can be started"
 
 
 @pytest.fixture
@@ -125,8 +151,3 @@ def test_a_master_out_here_flies_the_slave_in_there(slave: int, tmp_path: Path) 
 
         assert wait_for(moved, 30)
         assert wait_for(lambda: bool(client.diagnostics()), 10)
-
-
-def test_what_is_missing_is_named(tmp_path: Path) -> None:
-    with pytest.raises(DeviceError, match="virtual_board build"):
-        VirtualBoard(str(tmp_path)).command("-c", "")

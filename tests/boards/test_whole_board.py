@@ -24,7 +24,8 @@ def asked_for(request: pytest.FixtureRequest) -> None:
         pytest.skip("boots a whole emulated board: pytest -m board")
 
 
-# The slave as a service under a real systemd, its STM32 on the other of two CAN controllers of the board.
+# The slave as a service under a real systemd. First its device is a pty that is not there yet; then its STM32 is on the
+# other of two CAN controllers of the board.
 JOB = r"""
 set -e
 cat >/etc/board.toml <<'END'
@@ -42,7 +43,7 @@ control_period = "50 ms"
 deadman = "2 s"
 [link]
 protocol = "vesc"
-port = "can:socketcan:can0"
+port = "can:socketcan:can-a"
 watchdog = "1 s"
 [sensors.imu]
 rate = "25 Hz"
@@ -51,13 +52,31 @@ goal = [8, 7]
 END
 echo 'pilot:x:1000:1000::/tmp:/bin/sh' >>/etc/passwd
 echo 'pilot:x:1000:' >>/etc/group
+cp /etc/board.toml /root/board.toml
+chmod 700 /root
+python3 -m hil.cli board install /root/board.toml --user pilot --yes || echo "refused: $?"
+sed 's/^protocol.*//; s/^port.*/port = "\/dev\/late"/' /etc/board.toml >/etc/late.toml
+python3 -m hil.cli board install /etc/late.toml --user pilot --yes
+udevadm settle
+echo "awake: $(stat -c '%G %a' /dev/cpu_dma_latency)"
+systemctl start --no-block uuv-hil
+until test $(systemctl show -P NRestarts uuv-hil) -gt 5; do sleep 1; done
+python3 -c '
+import os, pty, time
+name = os.ttyname(pty.openpty()[1])
+os.chmod(name, 0o666)
+os.symlink(name, "/dev/late")
+time.sleep(600)' &
+until systemctl -q is-active uuv-hil; do sleep 1; done
+echo 'late: came up'
+ip link set can0 name can-a
 ip link set can1 up type can bitrate 1000000
 python3 -m hil.cli stm32 --protocol vesc --port can:socketcan:can1 --channels 6 >/tmp/stm32.log 2>&1 &
 python3 -m hil.cli board install /etc/board.toml --user pilot --yes
-systemctl start uuv-hil
+systemctl restart uuv-hil
 echo "service: $(systemctl is-active uuv-hil uuv-hil-can | xargs)"
 until journalctl -u uuv-hil | grep -q 'commands arrive'; do sleep 1; done
-echo "can0: $(ip -s -d link show can0 | grep -o 'state ERROR-ACTIVE\|bitrate [0-9]*' | xargs)"
+echo "can-a: $(ip -s -d link show can-a | grep -o 'state ERROR-ACTIVE\|bitrate [0-9]*\|qlen [0-9]*' | xargs)"
 before=$(systemctl show -P NRestarts uuv-hil)
 echo "restarts so far: $before"
 kill -STOP $(systemctl show -P MainPID uuv-hil)
@@ -67,8 +86,12 @@ until journalctl -u uuv-hil | tail -5 | grep -q 'commands arrive'; do sleep 1; d
 echo flown
 systemctl stop uuv-hil
 journalctl -u uuv-hil -o cat
-python3 -m hil.cli board uninstall --yes >/dev/null
-ls /etc/systemd/system | grep uuv-hil || echo 'nothing is left'
+python3 -m hil.cli board install /etc/late.toml --user pilot --yes >/dev/null
+systemctl start --no-block uuv-hil
+echo "dropped: $(systemctl is-active uuv-hil-can || true) $(find /etc/systemd -name '*uuv-hil-can*')"
+python3 -m hil.cli board uninstall --yes
+left=$(find /etc/systemd -name '*uuv-hil*'; systemctl list-units --all --plain --no-legend 'uuv-hil*')
+echo "${left:-nothing is left}"
 """
 
 # What a process gets under limits: its share of a core, how two end that take 32 and 96 MiB, and where it is.
@@ -118,7 +141,7 @@ def test_the_service_on_a_whole_board() -> None:
     board = built_board()
     port = free_port()
     with Booted(board, JOB + LIMITS, {port: 7447}) as booted:
-        assert wait_for(lambda: "service: " in booted.output or booted.status is not None, 240), booted.output
+        assert wait_for(lambda: "service: " in booted.output or booted.status is not None, 360), booted.output
         assert "service: active active" in booted.output, booted.output
         with VehicleClient(f"tcp/127.0.0.1:{port}", "uuv1") as client:
 
@@ -134,7 +157,13 @@ def test_the_service_on_a_whole_board() -> None:
         assert booted.wait(120) == 0, booted.output
         assert losses >= 1, booted.output
         assert "thrusters neutral" in booted.output, booted.output
-    assert "can0: state ERROR-ACTIVE bitrate 1000000" in booted.output
+    assert "uuv-hil board: the slave would not start as pilot: /root/board.toml: cannot be read" in booted.output
+    assert "refused: 2" in booted.output
+    assert "awake: dialout 660" in booted.output
+    assert "late: came up" in booted.output
+    assert "can-a: qlen 100 state ERROR-ACTIVE bitrate 1000000" in booted.output
+    assert "dropped: inactive\n" in booted.output
+    assert "take it away with: sudo rm -r /var/lib/uuv-hil /var/cache/uuv-hil" in booted.output
     assert "watchdog: Watchdog timeout" in booted.output
     assert "nothing is left" in booted.output
     said = [line.split() for line in booted.output.splitlines() if line.startswith("limited: ")]

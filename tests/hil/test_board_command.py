@@ -13,14 +13,15 @@ import pytest
 from hil import cli
 from hil.clock import LOOP_PRIORITY
 from hil.commands import board_install
-from hil.commands.board_install import CAN_UNIT, LIMITS, MANIFEST, RULES, UNIT
+from hil.commands.board_changes import MANIFEST
+from hil.commands.board_install import CAN_UNIT, LIMITS, RULES, UNIT
 from tests.boards.recorded import build, plant
 
-SERIAL = 'vehicle = "paper_six"\nworld = "pool"\nstm32 = "device"\n[master]\ngoal = [8, 7]\n'
+SERIAL = 'vehicle = "paper_six"\nworld = "pool"\nstm32 = "device"\n[start]\ndepth = 2\n[master]\ngoal = [8, 7]\n'
 CAN = SERIAL + '[link]\nport = "can:socketcan:can0"\nprotocol = "vesc"\nbitrate = 500_000\n'
 # What the unit is to have, by section; systemd ignores what it does not know, so that a slip of the pen would pass.
 KNOWN = {
-    "Unit": "Description Wants After BindsTo StartLimitIntervalSec StartLimitBurst",
+    "Unit": "Description Wants After BindsTo StartLimitIntervalSec",
     "Service": """Type NotifyAccess ExecStart ExecStartPre ExecStop RemainAfterExit Environment User SupplementaryGroups
         StateDirectory CacheDirectory WorkingDirectory WatchdogSec Restart RestartSec RestartPreventExitStatus
         TimeoutStartSec TimeoutStopSec LimitRTPRIO LimitMEMLOCK LimitCORE MemoryMax TasksMax CPUWeight OOMScoreAdjust
@@ -73,10 +74,26 @@ def test_what_is_shown_of_a_board(root: Path, capsys: pytest.CaptureFixture[str]
     assert re.search(r"memory +sold with 1, 2, 4, 8 GiB; 3\.70 GiB here\n", text)
     assert re.search(r"temperature +51\.1 °C, slows down from 80 °C\n", text)
     assert re.search(r"throttled +no\n", text)
+    assert re.search(r"system +Raspberry Pi OS 12", text)
     assert re.search(r"governor +performance \(4 processors\)\n", text)
     assert "/dev/serial0 (/dev/ttyS0): GPIO 14 and 15" in text
-    assert "/dev/ttyAMA1 (not there): GPIO 0 and 1 (uart2)" in text
+    assert "/dev/ttyAMA2 (not there): GPIO 0 and 1 (uart2)" in text
     assert "can0 (not there): MCP2515" in text
+
+
+def test_budgets_and_sources(root: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["board", "--root", str(root)]) == 0
+    short = capsys.readouterr().out
+    assert "recommended: step 2.5 ms, control_period 20 ms, at most 50% of a core and 64 MiB\n" in short
+    assert re.search(
+        r"budgets: start \S+ s, memory \S+ MiB, \d+% of a core, delay of a command \S+ ms \(median\)", short
+    )
+    assert "raspberrypi/documentation" not in short
+    assert cli.main(["board", "--sources", "--root", str(root)]) == 0
+    full = capsys.readouterr().out
+    assert full.startswith(short.rstrip("\n"))
+    for name in ("board", "cpu", "/dev/serial0", "can0", "recommended", "budgets"):
+        assert re.search(rf"^  {name} +\w+", full.partition("sources:\n")[2], re.MULTILINE), name
 
 
 def test_power_modes_and_throttling(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -92,17 +109,20 @@ def test_json(root: Path, capsys: pytest.CaptureFixture[str]) -> None:
     told = json.loads(capsys.readouterr().out)
     assert told["board"] == "Raspberry Pi 4 Model B"
     assert told["ports"]["/dev/serial0"] is True
-    assert told["ports"]["/dev/ttyAMA1"] is False
+    assert told["ports"]["/dev/ttyAMA2"] is False
     assert told["temperature"] == 51.121
     assert told["profile"]["recommended"]["step"] == 0.0025
     assert told["profile"]["serial"][0]["device"] == "/dev/serial0"
-    assert told["throttling"] == {"now": [], "before": []}
+    assert told["throttling"] == {"now": [], "before": [], "known": True}
 
 
 def test_this_machine_and_none(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["board"]) == 0
     assert cli.main(["board", "--root", str(tmp_path)]) == 0
     assert capsys.readouterr().out.endswith("none of the boards known: nameless, unknown architecture\n")
+    (tmp_path / "silent").mkdir()
+    assert cli.main(["board", "--board", "jetson_nano", "--root", str(tmp_path / "silent")]) == 0
+    assert re.search(r"throttled +not told\n", capsys.readouterr().out)  # nobody can be asked
     assert cli.main(["board", "list"]) == 0
     assert "raspberry_pi_cm4" in capsys.readouterr().out
 
@@ -228,19 +248,26 @@ def test_what_the_unit_says(root: Path, scenario: str) -> None:
     assert os.access(values["ExecStart"].split()[0], os.X_OK)
     assert (values["Type"], values["NotifyAccess"], values["User"]) == ("notify", "main", "uuv")
     assert values["LimitRTPRIO"] == str(LOOP_PRIORITY)
-    assert [value for _, key, value in lines if key == "DeviceAllow"] == ["char-ttyS rw", "/dev/cpu_dma_latency w"]
+    allowed = [value for _, key, value in lines if key == "DeviceAllow"]
+    assert allowed == ["char-ttyS rw", "char-ttyAMA rw", "/dev/cpu_dma_latency w"]
     assert values["MemoryMax"] == "256M"
     assert float(values["WatchdogSec"]) >= 3 * 1.0  # it is fed once a second
-    assert 'KERNEL=="ttyS0", GROUP="dialout", MODE="0660"' in (root / RULES[1:]).read_text()
+    assert 'SYMLINK=="serial0", GROUP="dialout", MODE="0660"' in (root / RULES[1:]).read_text()
     assert (root / UNIT[1:]).stat().st_mode & 0o777 == 0o644
 
 
 def test_the_can_unit(root: Path, scenario: str) -> None:
     Path(scenario).write_text(CAN)
     assert install(root, scenario, "--yes") == 0
-    assert "link set can0 up type can bitrate 500000 restart-ms 100\n" in (root / CAN_UNIT[1:]).read_text()
+    done = [value for _, key, value in settings((root / CAN_UNIT[1:]).read_text()) if key == "ExecStart"]
+    assert done == [
+        "/sbin/ip link set can0 type can bitrate 500000",
+        "-/sbin/ip link set can0 type can restart-ms 100",  # drivers such as gs_usb refuse it
+        "/sbin/ip link set can0 up txqueuelen 100",
+    ]
     unit = (root / UNIT[1:]).read_text()
-    assert "After=network-online.target time-sync.target uuv-hil-can.service\n" in unit
+    assert "Wants=uuv-hil-can.service\n" in unit
+    assert "After=network.target time-sync.target uuv-hil-can.service\n" in unit
     assert re.findall("DeviceAllow=.*", unit) == ["DeviceAllow=/dev/cpu_dma_latency w"]
     Path(scenario).write_text(CAN + "\n[slave]\nstay_awake = false\n")
     assert install(root, scenario, "--yes") == 0
@@ -266,9 +293,10 @@ def test_names_that_would_break_a_unit(root: Path, scenario: str, capsys: pytest
 
 def test_every_rule_for_udev_is_well_formed(root: Path, scenario: str) -> None:
     assert install(root, scenario, "--yes") == 0
-    token = r'(ACTION|SUBSYSTEM|KERNEL|DRIVER)=="[^"]+"|(GROUP|MODE|RUN|ENV\{\w+\}|ATTR\{\w+\})\+?="[^"]+"'
+    token = r'(ACTION|SUBSYSTEM|KERNEL|SYMLINK|DRIVER|ENV\{DEVTYPE\})=="[^"]+"'
+    token += r'|(GROUP|MODE|RUN|ENV\{\w+\}|ATTR\{\w+\})\+?="[^"]+"'
     lines = [line for line in (root / RULES[1:]).read_text().splitlines() if not line.startswith("#")]
-    assert len(lines) == 5
+    assert len(lines) == 4
     for line in lines:
         parts = line.split(", ")
         assert all(re.fullmatch(token, part) for part in parts), line

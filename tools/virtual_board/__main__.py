@@ -1,17 +1,20 @@
 """A card computer that is not there: this project's wheel on 64-bit Arm, emulated, with this machine as its network.
 
-    python -m tools.virtual_board build
+    python -m tools.virtual_board build --package numpy
     python -m tools.virtual_board run -- slave paper_field
+    python -m tools.virtual_board run -- bench startup --runs 3
     python -m tools.virtual_board python -- -c 'import platform; print(platform.machine())'
     python -m tools.virtual_board boot --port 7447:7447 -- 'ip link; uuv-hil doctor'
 
 `build` makes a Debian root for arm64 (debootstrap fetches and checks the packages; they are unpacked, never run as
-root), builds the wheel with a cross compiler and installs it with its dependencies' arm64 wheels.
+root), builds the wheel with a cross compiler and installs it with its dependencies' arm64 wheels. `bench startup` wants
+numpy on top, a slave does not.
 
-`run` and `python` execute another processor's instructions on this kernel: a program's arithmetic and packaging. They
-cannot start another arm64 program from within. `boot` emulates a whole machine: kernel, systemd, two CAN controllers on
-one bus and vcan, a network that reaches this machine. It shows that the project works there; it tells nothing about a
-board's speed: pure Python takes about 9 times as long as on this machine with `run`, 25 times with `boot`.
+`run` and `python` execute another processor's instructions on this kernel: a program's arithmetic and packaging. From
+within they can start the board's Python again, but no other arm64 program. `boot` emulates a whole machine: kernel,
+systemd, two CAN controllers on one bus and vcan, a network that reaches this machine. It shows that the project works
+there; it tells nothing about a board's speed, and what is measured in there is labelled as emulated: pure Python takes
+about 9 times as long as on this machine with `run`, 25 times with `boot`.
 
 Needs: apt install debootstrap qemu-user qemu-system-arm gcc-aarch64-linux-gnu libc6-dev-arm64-cross, and to be root.
 """
@@ -32,13 +35,7 @@ from tools.virtual_board.system import Booted
 
 def main() -> int:
     """Build the board, or run something on it; its exit code."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("verb", choices=("build", "run", "python", "boot"))
-    parser.add_argument("--folder", default="", help="where the board is [in the user's cache]")
-    parser.add_argument("--package", action="append", default=[], help="build: another package, such as numpy")
-    parser.add_argument("--port", action="append", default=[], metavar="HERE:THERE", help="boot: forward a TCP port")
-    parser.add_argument("arguments", nargs="*", help="after --: of uuv-hil (run), of Python, of the shell (boot)")
-    options = parser.parse_args()
+    options = parse(sys.argv[1:])
     board = VirtualBoard(options.folder)
     try:
         if options.verb == "build":
@@ -55,6 +52,24 @@ def main() -> int:
         return error.exit_code
     except KeyboardInterrupt:
         return 130
+
+
+def parse(words: list[str]) -> argparse.Namespace:
+    """The options; what is behind -- is taken away first, as argparse mixes it up with options before it."""
+    end = words.index("--") if "--" in words else len(words)
+    parser = argparse.ArgumentParser(
+        prog="python -m tools.virtual_board", usage="%(prog)s VERB [options] [-- WORD ...]", description=__doc__,
+        epilog="Behind -- stand words of uuv-hil (run), of Python (python), of the shell (boot).",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )  # fmt: skip
+    parser.add_argument("verb", metavar="VERB", choices=("build", "run", "python", "boot"), help="%(choices)s")
+    parser.add_argument("--folder", default="", help="where the board is [in the user's cache]")
+    parser.add_argument("--package", action="append", default=[], help="build: another package, such as numpy")
+    parser.add_argument("--port", action="append", default=[], metavar="HERE:THERE", help="boot: forward a TCP port")
+    options = parser.parse_args(words[:end], argparse.Namespace(arguments=words[end + 1 :]))
+    if options.verb == "boot" and not options.arguments:
+        parser.error("boot needs a job behind --, such as -- 'ip link'")
+    return options
 
 
 def _ports(texts: list[str]) -> Mapping[int, int]:

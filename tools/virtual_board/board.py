@@ -10,15 +10,25 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from firmware_stub.native import cache_folder
+from hil.bench.machine import MARK
 from hil.errors import DeviceError
 from tools.virtual_board.commands import TO_BUILD, do, missing
 
 PROJECT = Path(__file__).parent.parent.parent
 SUITE, MIRROR = "bookworm", "http://deb.debian.org/debian"
+# The board's Python on this machine. A script, so that a program in there can start another one by sys.executable.
+WRAPPER = """\
+#!/bin/sh
+export PYTHONHOME='{root}/usr' PYTHONPATH='{site}'
+export PYTHONSAFEPATH=1  # what is installed, not what lies in the present folder
+export {mark}=qemu-aarch64
+exec qemu-aarch64 -cpu {processor} -L '{root}' -0 "$0" '{root}/{python}' "$@"
+"""
 PACKAGES = "python3,systemd-sysv,udev,kmod,iproute2,linux-image-arm64"
 MERGED = ("bin", "sbin", "lib")  # of /, which are links into /usr
 PYTHON = "usr/bin/python3.11"
 PROCESSOR = "cortex-a72"  # of a Raspberry Pi 4B; qemu's own default sends numpy the slowest way there is
+PYTHON_THERE = "/usr/bin/python3"
 WHEELS = ("manylinux_2_28_aarch64", "manylinux2014_aarch64", "linux_aarch64")
 
 
@@ -28,6 +38,7 @@ class VirtualBoard:
     def __init__(self, folder: str = "") -> None:
         self.folder = os.path.abspath(folder or os.path.join(cache_folder(), "virtual-board-arm64"))
         self.root, self.site = os.path.join(self.folder, "root"), os.path.join(self.folder, "site")
+        self.python = os.path.join(self.folder, "python")
 
     def build(self, packages: Sequence[str] = ()) -> None:
         """Make what is not there yet, and install the project as it is now.
@@ -46,16 +57,11 @@ class VirtualBoard:
     def command(self, *arguments: str, **environment: str) -> list[str]:
         """The command that runs the board's Python with these arguments. Raises DeviceError if there is no board."""
         self.require()
-        sets = [word for name, value in environment.items() for word in ("-E", f"{name}={value}")]
-        return [
-            "qemu-aarch64", "-cpu", PROCESSOR, "-L", self.root, "-E", f"PYTHONPATH={self.site}", *sets,
-            os.path.join(self.root, PYTHON),
-            "-P", *arguments,  # what is installed, not what lies in the present folder
-        ]  # fmt: skip
+        return ["env", *(f"{name}={value}" for name, value in environment.items()), self.python, *arguments]
 
     def require(self) -> None:
         """Raises DeviceError if there is no board in the folder."""
-        if not os.path.exists(os.path.join(self.root, PYTHON)) or not os.path.isdir(self.site):
+        if not all(map(os.path.exists, (os.path.join(self.root, PYTHON), self.site, self.python))):
             raise DeviceError(f"{self.folder}: no virtual board; python -m tools.virtual_board build")
 
     def _make_root(self) -> None:
@@ -80,9 +86,30 @@ class VirtualBoard:
         platforms = [word for name in WHEELS for word in ("--platform", name)]
         do(*pip, "install", "--target", site, *platforms, "--python-version", "3.11", "--implementation", "cp", "--abi",
            "cp311", "--abi", "abi3", "--abi", "none", "--only-binary=:all:", wheel, *packages)  # fmt: skip
+        mend_scripts(os.path.join(site, "bin"))
         shutil.rmtree(self.site, ignore_errors=True)
         os.rename(site, self.site)
+        write_wrapper(self)
         do(*self.command("-m", "compileall", "-q", self.site))
+
+
+def write_wrapper(board: VirtualBoard) -> None:
+    """Write the script that runs the board's Python on this machine."""
+    names = {"root": board.root, "site": board.site, "mark": MARK, "processor": PROCESSOR, "python": PYTHON}
+    with open(board.python, "w") as file:
+        file.write(WRAPPER.format(**names))
+    os.chmod(board.python, 0o755)
+
+
+def mend_scripts(folder: str) -> None:
+    """Name the board's Python in the first line of commands that pip wrote: it names this machine's."""
+    for path in glob.glob(os.path.join(folder, "*")):
+        with open(path, "rb") as file:
+            first, _, rest = file.read().partition(b"\n")
+        # The second form is that of long paths: a line for the shell, which is text to Python.
+        if first.startswith(b"#!") and (b"python" in first or rest.startswith(b"'''exec'")):
+            with open(path, "wb") as file:
+                file.write(f"#!{PYTHON_THERE}\n".encode() + rest)
 
 
 def _unpack(package: str, folder: str) -> None:

@@ -56,6 +56,10 @@ FILES = {
     "etc/hosts": "127.0.0.1 localhost virtual-board\n",
     "etc/machine-id": "",
     "etc/systemd/system/job.service": UNIT,
+    **{
+        f"etc/pam.d/common-{kind}": f"{kind} required pam_unix.so\n"
+        for kind in ("auth", "account", "password", "session")
+    },
 }
 # Nobody logs in.
 MASKED = ("serial-getty@ttyAMA0.service", "getty-static.service", "systemd-binfmt.service")
@@ -147,7 +151,7 @@ def _write(file: BinaryIO, number: int, name: str, place: str) -> None:
             data = source.read()
     elif not stat.S_ISDIR(found.st_mode):
         return
-    _record(file, number, found.st_mode, name, data)
+    _record(file, number, found.st_mode, name, data, int(found.st_mtime))
 
 
 def _add(file: BinaryIO, name: str, data: bytes, mode: int = 0o644, link: bool = False) -> None:
@@ -162,10 +166,10 @@ def _end(file: BinaryIO) -> None:
     _record(file, 0, 0, "TRAILER!!!", b"")
 
 
-def _record(file: BinaryIO, number: int, mode: int, name: str, data: bytes) -> None:
+def _record(file: BinaryIO, number: int, mode: int, name: str, data: bytes, time_s: int = 0) -> None:
     """One entry: a header of hexadecimal numbers, the name, the data, each filled up to four bytes."""
     label = name.encode() + b"\0"
-    fields = (number, mode, 0, 0, 1, 0, len(data), 0, 0, 0, 0, len(label), 0)
+    fields = (number, mode, 0, 0, 1, time_s, len(data), 0, 0, 0, 0, len(label), 0)
     head = b"070701" + b"".join(b"%08X" % field for field in fields) + label
     for part in (head, data):
         file.write(part + b"\0" * (-len(part) % 4))

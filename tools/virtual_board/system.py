@@ -11,6 +11,7 @@ import time
 from collections.abc import Callable, Mapping
 from typing import Self
 
+from hil.bench.machine import MARK
 from hil.errors import DeviceError
 from tools.virtual_board.board import PROCESSOR, VirtualBoard
 from tools.virtual_board.commands import TO_BOOT, missing
@@ -49,14 +50,7 @@ class Booted:
             for path in self._images:
                 with open(path, "rb") as part:
                     shutil.copyfileobj(part, file)
-        forwards = "".join(f",hostfwd=tcp:127.0.0.1:{here}-:{there}" for here, there in (ports or {}).items())
-        command = [
-            "qemu-system-aarch64", "-M", "virt", "-cpu", PROCESSOR, "-smp", "2", "-m", MEMORY, "-nographic",
-            "-no-reboot", "-kernel", kernel(board), "-initrd", whole,
-            "-append", "console=ttyAMA0 rdinit=/init quiet systemd.show_status=0",
-            "-netdev", f"user,id=net{forwards}", "-device", "virtio-net-pci,netdev=net,romfile=",
-            "-object", "can-bus,id=bus", "-device", "kvaser_pci,canbus=bus", "-device", "kvaser_pci,canbus=bus",
-        ]  # fmt: skip
+        command = emulator(kernel(board), whole, ports or {})
         self._lines: list[str] = []
         self.status: int | None = None
         self._process = subprocess.Popen(
@@ -108,6 +102,18 @@ class Booted:
                     self._tell(text)
             if mark and before:
                 self._lines.append(before)
+
+
+def emulator(kernel: str, image: str, ports: Mapping[int, int]) -> list[str]:
+    """The command that boots `kernel` with `image`; its kernel's command line says that it is emulated."""
+    forwards = "".join(f",hostfwd=tcp:127.0.0.1:{here}-:{there}" for here, there in ports.items())
+    return [
+        "qemu-system-aarch64", "-M", "virt", "-cpu", PROCESSOR, "-smp", "2", "-m", MEMORY, "-nographic",
+        "-no-reboot", "-kernel", kernel, "-initrd", image,
+        "-append", f"console=ttyAMA0 rdinit=/init quiet systemd.show_status=0 {MARK}=qemu-system-aarch64",
+        "-netdev", f"user,id=net{forwards}", "-device", "virtio-net-pci,netdev=net,romfile=",
+        "-object", "can-bus,id=bus", "-device", "kvaser_pci,canbus=bus", "-device", "kvaser_pci,canbus=bus",
+    ]  # fmt: skip
 
 
 def _script(job: str, mark: str) -> str:

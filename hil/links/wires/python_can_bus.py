@@ -119,7 +119,7 @@ class PythonCanWire(Wire):
         return True
 
     def _gone(self, reason: Exception) -> DeviceError:
-        return DeviceError(f"{self.name}: went away ({reason}); reconnect it and start again")
+        return DeviceError(f"{self.name}: went away ({reason}); reconnect it")
 
 
 class _Reader:

@@ -76,7 +76,7 @@ class DescriptorWire(Wire):
     def _gone(self, reason: str | None) -> DeviceError:
         if self._fd < 0:
             return DeviceError(f"{self.name}: is closed; open it again")
-        return DeviceError(f"{self.name}: went away ({reason}); reconnect it and start again")
+        return DeviceError(f"{self.name}: went away ({reason}); reconnect it")
 
 
 class PtyWire(DescriptorWire):
