@@ -28,7 +28,8 @@ MIB = 1 << 20
 OPTIONS = {"cpu": "--cpu-quota", "memory": "--memory"}  # controller -> what asks for it
 REMEDIES = {
     "cpu": "use a kernel with CONFIG_CFS_BANDWIDTH",
-    "memory": "on a Raspberry Pi, add cgroup_enable=memory to the line in /boot/firmware/cmdline.txt and boot anew",
+    "memory": "take cgroup_disable=memory out of the kernel's command line; on a Raspberry Pi, add "
+    "cgroup_enable=memory to the line in /boot/firmware/cmdline.txt; and boot anew",
 }
 LINGER = "log in as this user, or loginctl enable-linger and set XDG_RUNTIME_DIR=/run/user/$(id -u)"
 DELEGATE = "put Delegate=pids memory cpu below [Service] with: sudo systemctl edit user@.service, and boot anew"

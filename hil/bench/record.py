@@ -88,6 +88,19 @@ def load(path: str) -> Record:
         raise ConfigError(f"{path}: is not a result of `uuv-hil bench`; write one with --json FILE") from None
 
 
+def check_writable(path: str) -> None:
+    """Raises ConfigError if a file cannot be written, for what takes long before it is."""
+    there = os.path.exists(path)
+    try:
+        os.makedirs(os.path.dirname(os.path.abspath(path)), exist_ok=True)
+        with open(path, "ab"):
+            pass
+        if not there:
+            os.remove(path)
+    except OSError as error:
+        raise _unwritable(path, error) from None
+
+
 def write_text(path: str, text: str) -> None:
     """Write a text file. Raises ConfigError."""
     try:
@@ -95,7 +108,7 @@ def write_text(path: str, text: str) -> None:
         with open(path, "w", encoding="utf-8") as file:
             file.write(text)
     except OSError as error:
-        raise ConfigError(f"{path}: cannot be written: {error.strerror}") from None
+        raise _unwritable(path, error) from None
 
 
 def plain(value: Any) -> Any:
@@ -105,6 +118,10 @@ def plain(value: Any) -> Any:
     if isinstance(value, (tuple, list)):
         return [plain(item) for item in value]
     return value if not isinstance(value, float) or isfinite(value) else None
+
+
+def _unwritable(path: str, error: OSError) -> ConfigError:
+    return ConfigError(f"{path}: cannot be written: {error.strerror}; name a file in a folder of yours")
 
 
 def _summary(figure: Figure) -> dict[str, float]:

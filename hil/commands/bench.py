@@ -5,6 +5,7 @@ import sys
 from collections.abc import Callable
 from importlib import import_module
 
+from hil.commands.bench_options import show
 from hil.stop import stop_signals
 
 # name -> module with `main(arguments) -> exit code`, and what it does
@@ -33,7 +34,10 @@ def main(arguments: list[str]) -> int:
     for number in stop_signals():
         signal.signal(number, signal.default_int_handler)  # so that each ends the processes that were started
     run: Callable[[list[str]], int] = import_module(BENCHMARKS[name][0]).main
-    return run(arguments[1:])
+    try:
+        return run(arguments[1:])
+    finally:
+        show("")  # an error is not to be told behind a line of progress
 
 
 def _help() -> str:

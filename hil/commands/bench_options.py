@@ -2,11 +2,18 @@
 
 import argparse
 import sys
+import time
 from typing import Any
 
 from hil.bench.limits import Limits, parse_cpus, parse_memory, parse_share
-from hil.bench.record import Record, save
+from hil.bench.plotting import pyplot
+from hil.bench.record import Record, check_writable, save
 from hil.tables import settings
+
+OUTPUTS = ("json", "csv", "markdown", "png")
+SAY_EVERY_S = 60.0  # where nobody looks on, such as in a log
+
+_said_s = time.monotonic()
 
 
 def add_scenario(parser: argparse.ArgumentParser) -> None:
@@ -43,13 +50,30 @@ def limits_of(options: Any) -> Limits:
     )
 
 
+def check_outputs(options: Any) -> None:
+    """That all files which are asked for can be written, before anything is measured.
+
+    Raises ConfigError, MissingExtraError.
+    """
+    for path in filter(None, (getattr(options, name, None) for name in OUTPUTS)):
+        check_writable(path)
+    if getattr(options, "png", None):
+        pyplot()
+
+
 def keep(record: Record, options: Any) -> None:
-    """Write the record if that is asked for. Raises ConfigError."""
+    """Say what makes the figures stand for something else, and write the record if asked. Raises ConfigError."""
+    for label in record.labels:
+        print(f"label: {label}")
     if options.json:
         save(record, options.json)
 
 
 def show(text: str) -> None:
-    """A line of progress, for a person only."""
+    """A line of progress in place of the last one; "" for none. In a log one a minute."""
+    global _said_s
     if sys.stderr.isatty():
         print(f"\r\x1b[K{text}", end="", file=sys.stderr, flush=True)
+    elif text and time.monotonic() - _said_s > SAY_EVERY_S:
+        _said_s = time.monotonic()
+        print(text, file=sys.stderr, flush=True)
