@@ -13,7 +13,7 @@ from hil.tables import settings
 OUTPUTS = ("json", "csv", "markdown", "png")
 SAY_EVERY_S = 60.0  # where nobody looks on, such as in a log
 
-_said_s = time.monotonic()
+_said_s = [time.monotonic()]  # when a line of progress was last left in a log
 
 
 def add_scenario(parser: argparse.ArgumentParser) -> None:
@@ -71,9 +71,8 @@ def keep(record: Record, options: Any) -> None:
 
 def show(text: str) -> None:
     """A line of progress in place of the last one; "" for none. In a log one a minute."""
-    global _said_s
     if sys.stderr.isatty():
         print(f"\r\x1b[K{text}", end="", file=sys.stderr, flush=True)
     elif text and time.monotonic() - _said_s > SAY_EVERY_S:
-        _said_s = time.monotonic()
+        _said_s = [time.monotonic()]  # when a line of progress was last left in a log
         print(text, file=sys.stderr, flush=True)
