@@ -73,6 +73,6 @@ def show(text: str) -> None:
     """A line of progress in place of the last one; "" for none. In a log one a minute."""
     if sys.stderr.isatty():
         print(f"\r\x1b[K{text}", end="", file=sys.stderr, flush=True)
-    elif text and time.monotonic() - _said_s > SAY_EVERY_S:
-        _said_s = [time.monotonic()]  # when a line of progress was last left in a log
+    elif text and time.monotonic() - _said_s[0] > SAY_EVERY_S:
+        _said_s[0] = time.monotonic()
         print(text, file=sys.stderr, flush=True)

@@ -80,6 +80,9 @@ def throttled(case: Case) -> Iterator[Finding]:
     for text in slow.before:
         if text not in slow.now:
             yield Finding("note", "throttled", f"since boot: {text}", remedy["voltage" in text])
+    if not slow.known and case.board and case.board.throttling == "vcgencmd":
+        text = "whether heat slows it down cannot be told: its firmware does not answer vcgencmd"
+        yield Finding("note", "throttled", text, f"sudo usermod -aG video {case.user.name}, then log in again")
     if warmth is None:
         return
     limit = case.board.throttles_at if case.board else 0.0

@@ -269,6 +269,14 @@ def test_a_kernel_that_limits_memory(
     assert [row["topic"] for row in examine(board, capsys)[1]] == ["security"]
 
 
+def test_a_firmware_that_does_not_answer_is_no_good_news(board: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (board / THROTTLED).unlink()
+    code, found = examine(board, capsys, SERIAL)
+    (note,) = [row for row in found if row["topic"] == "throttled"]
+    assert (code, note["level"]) == (0, "note")
+    assert "usermod -aG video" in note["remedy"]
+
+
 def test_notes_are_no_problems(board: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """What was, what may be, and what only matters to masters elsewhere."""
     plant(board, THROTTLED, "throttled=0x50000\n")
