@@ -61,7 +61,7 @@ class Recommended(NamedTuple):
 class Budgets(NamedTuple):
     """What the slave may cost on the board, as `uuv-hil bench table` measures it; `reason`: where the numbers are from.
 
-    startup: from exec until the master's first sample. memory: proportional set size with the usual sensors.
+    startup: from exec until the master's first sample. memory: resident, with the usual sensors.
     slave_cpu: share of one core at 400 Hz. delay: of a command, from publish to applied, over a pseudo terminal.
     """
 

@@ -95,6 +95,14 @@ class Histogram:
         within = sum(number for index, number in enumerate(self.bins) if number and self._upper_edge(index) <= value)
         return 1.0 if self.maximum <= value else within / self.count
 
+    def since(self, bins: list[int]) -> "Histogram":
+        """What was counted after its `bins` were these; the greatest of it is known to its bin."""
+        found = Histogram()
+        found.bins = [now - before for now, before in zip(self.bins, bins, strict=True)]
+        last = max((index for index, number in enumerate(found.bins) if number), default=0)
+        found.maximum = min(self._upper_edge(last), self.maximum)
+        return found
+
     @staticmethod
     def _upper_edge(index: int) -> int:
         if index < 8:

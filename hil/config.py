@@ -250,8 +250,9 @@ def load_scenario(name: str, changes: dict[str, Any] | None = None) -> Scenario:
         raise ConfigError(f"{path}: no key 'path'")
     sensors = table.pop("sensors", {})
     planner = _planner(table.pop("planner", {}), f"{path}: planner")
-    link = table["link"] = dict(table.get("link", {}))
-    options = link.pop("options", {})
+    link = table["link"] = _section(table, "link", path)
+    options = _section(link, "link.options", path)
+    link.pop("options", None)
     lazy = {name: _read(name, table.pop(name), path) for name in LAZY if name in table}
     faults = _read("link.faults", link.pop("faults"), path) if "faults" in link else None
     scenario = parse(table, Scenario, path)
@@ -285,6 +286,14 @@ def with_port(scenario: Scenario, port: str) -> Scenario:
     if problem:
         raise ConfigError(f"--port: {problem}")
     return changed
+
+
+def _section(table: dict[str, Any], name: str, path: str) -> dict[str, Any]:
+    """A copy of the section of that full name, empty if `table` has none."""
+    section = table.get(name.rpartition(".")[2], {})
+    if not isinstance(section, dict):
+        raise ConfigError(f"{path}: {name}: expected a table: write its keys under [{name}], found {section!r}")
+    return dict(section)
 
 
 def _planner(table: Any, where: str) -> dict[str, Any]:

@@ -109,6 +109,6 @@ def _read_kind(table: Any, kinds: dict[str, Any], where: str) -> Any:
     if not isinstance(table, dict):
         raise ConfigError(f'{where}: expected a table like {{ kind = "{next(iter(kinds))}" }}, found {table!r}')
     kind = table.get("kind")
-    if kind not in kinds:
+    if not isinstance(kind, str) or kind not in kinds:
         raise ConfigError(f"{where}: kind: {kind!r} is not one of {', '.join(kinds)}")
     return parse({key: value for key, value in table.items() if key != "kind"}, kinds[kind], where)

@@ -6,6 +6,7 @@ The slave is a process of its own; the STM32's end is here, where it can be sile
 import random
 import select
 import signal
+import subprocess
 import threading
 import time
 from collections.abc import Iterator
@@ -174,8 +175,12 @@ def test_the_stm32_falls_silent(rig: tuple[Program, Bench, Master]) -> None:
     slave, bench, master = rig
     bench.silent = True
     assert wait_for(lambda: master.client.diagnostics().get("pwm_us") == " ".join(map(str, NEUTRAL)), 4), slave.output
+    slave.expect(f"{bench.path}: the STM32 has not answered for 0.5 s; check wiring, baud, protocol")
+    assert wait_for(lambda: int(master.client.diagnostics()["commands_unanswered"]) > 10, 4)
     bench.silent = False
     again(bench, slave, 1.0)
+    slave.expect(f"{bench.path}: the STM32 answers, after")
+    assert slave.output.count("has not answered") == 1
 
 
 def test_the_stm32_is_reset(rig: tuple[Program, Bench, Master]) -> None:
@@ -205,6 +210,16 @@ def test_a_flood_of_garbage(rig: tuple[Program, Bench, Master]) -> None:
     assert wait_for(dropped, 4), master.client.diagnostics()
     master.speaking = False
     assert bench.neutral_after(time.monotonic()) < DEADMAN_S + SLACK_S
+
+
+def test_a_flood_towards_the_stm32_may_stop_it_as_long_as_it_lasts(rig: tuple[Program, Bench, Master]) -> None:
+    """Another program writes all that the port takes: too few commands get through, and the STM32's watchdog trips."""
+    slave, bench, _ = rig
+    with open(bench.path, "wb", buffering=0) as port, subprocess.Popen(["cat", "/dev/urandom"], stdout=port) as cat:
+        stopped = wait_for(lambda: not bench.spinning, 10.0)
+        cat.terminate()
+    assert stopped
+    again(bench, slave, 1.0)
 
 
 def test_the_port_is_unplugged_and_comes_back(rig: tuple[Program, Bench, Master]) -> None:

@@ -15,7 +15,7 @@ PACKAGES = ("hil", "sim", "boards", "firmware_stub")
 # From the ground up; a module may import what is on its own floor or below.
 FLOORS = {
     "hil.errors": 0, "hil.tables": 0, "hil.schema": 0, "hil.plugins": 0, "hil.columns": 0, "hil.clock": 0,
-    "hil.stop": 0, "hil.process": 0, "hil.ports": 0,
+    "hil.quantiles": 0, "hil.stop": 0, "hil.process": 0, "hil.ports": 0,
     "sim": 1, "boards": 1, "hil.autonomy": 1,
     "hil.config": 2, "hil.fleet": 2, "hil.modem": 2, "hil.topics": 2, "hil.links": 2, "hil.transport": 2,
     "firmware_stub": 3,

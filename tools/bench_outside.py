@@ -2,9 +2,10 @@
 
     python tools/bench_outside.py [--seconds 10]
 
-Others are: the kernel's process connector (when the slave's process was made) and a packet socket on the loopback
-(when the first sample, a command, a thruster frame and its answer passed), the scheduler's account of each thread,
-`ps`, /proc/PID/smaps_rollup and /usr/bin/time. Two runs: a mission with a master process, as `bench table` makes it;
+Others are: the kernel's process connector (when the slave's process was made), a packet socket on the loopback (when
+the first sample that the master listens to, a command, a thruster frame and its answer passed), a socket in systemd's
+place (when the slave said that it is ready), the scheduler's account of each thread, `ps`, /proc/PID/smaps_rollup and
+/usr/bin/time. Two runs: a mission with a master process, as `bench table` makes it;
 then commands of this process to a slave whose STM32 is on UDP, so that its frames pass the loopback too. Exit code 1
 when a figure is off by more than 5 %.
 """
@@ -12,6 +13,7 @@ when a figure is off by more than 5 %.
 import argparse
 import json
 import os
+import re
 import signal
 import socket
 import statistics
@@ -33,7 +35,9 @@ from hil.bench.table_run import fly  # noqa: E402
 from hil.columns import aligned  # noqa: E402
 
 AGREES = 0.05
-FRAMES = (b"imu_link", b"base_link", b"pressure_link", b"dvl_link")  # the name of a frame is in every sample
+# Where the vehicle is, or was truly: to what else is on the way before it (transforms, last samples), nobody listens.
+SAMPLE = re.compile(rb"(?:odom|map)\0+\n\0{3}base_link\0")
+NOTIFY = f"uuv-hil-outside-{os.getpid()}"
 MARKER = b"a command goes out now"
 TICK_S = 0.02
 SHORT = 120  # bytes; pings are shorter, commands with what goes with them longer
@@ -51,6 +55,15 @@ class Packet(NamedTuple):
     size: int
     sample: bool
     marker: bool
+
+
+class Memory(NamedTuple):
+    """Of a process, MiB: its PSS as the kernel and as `ps` tells it, its RSS by `ps`; and when (ns since 1970)."""
+
+    time_ns: int
+    pss: float
+    pss_by_ps: float
+    rss: float
 
 
 class Row(NamedTuple):
@@ -104,14 +117,14 @@ def _packet(data: bytes, ancillary: list[Any]) -> Packet | None:
         return None
     seconds, nanoseconds = struct.unpack("qq", ancillary[0][2])
     source, target = struct.unpack("!HH", data[header : header + 4])
-    sample = any(name in payload for name in FRAMES)
+    sample = bool(SAMPLE.search(payload))
     return Packet(
         seconds * 10**9 + nanoseconds, protocol, source, target, len(payload), sample, payload.startswith(MARKER)
     )
 
 
 class Witness:
-    """Listens on the loopback, to the process connector, and to the scheduler, while it is entered."""
+    """Listens on the loopback, to the process connector, in systemd's place, and to the scheduler, while entered."""
 
     def __enter__(self) -> "Witness":
         command = [sys.executable, __file__, "--capture"]
@@ -121,16 +134,23 @@ class Witness:
         self.packets: list[Packet] = []
         self.made: dict[int, int] = {}  # pid -> ns since 1970
         self.cpu: dict[int, list[tuple[int, int]]] = {}  # pid -> (ns since 1970, ns of processor time)
-        self.memory: dict[int, list[tuple[int, float, float]]] = {}  # pid -> ns since 1970, MiB: PSS by kernel, by ps
+        self.memory: dict[int, list[Memory]] = {}
+        self.ready: list[int] = []  # ns since 1970
         self._watched: list[int] = []
         self._done = threading.Event()
-        self._threads = [threading.Thread(target=work) for work in (self._hear_forks, self._watch)]
+        self._systemd = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+        self._systemd.setsockopt(socket.SOL_SOCKET, SO_TIMESTAMPNS, 1)
+        self._systemd.bind(f"\0{NOTIFY}")
+        os.environ["NOTIFY_SOCKET"] = f"@{NOTIFY}"  # for the processes that are started from now on
+        works = self._hear_forks, self._hear_ready, self._watch
+        self._threads = [threading.Thread(target=work) for work in works]
         for thread in self._threads:
             thread.start()
         return self
 
     def __exit__(self, *_: object) -> None:
         self._done.set()
+        del os.environ["NOTIFY_SOCKET"]
         for thread in self._threads:
             thread.join()
         said, _error = self._capture.communicate("")
@@ -154,9 +174,21 @@ class Witness:
                 try:
                     self.cpu.setdefault(pid, []).append((time.time_ns(), _scheduled(pid)))
                     if turn % 10 == 0:
-                        self.memory.setdefault(pid, []).append((time.time_ns(), *_memory(pid)))
+                        self.memory.setdefault(pid, []).append(_memory(pid))
                 except (OSError, ValueError, subprocess.CalledProcessError):
                     continue  # it has ended
+
+    def _hear_ready(self) -> None:
+        with self._systemd as wire:
+            wire.settimeout(0.1)
+            while not self._done.is_set():
+                try:
+                    said, ancillary, _, _ = wire.recvmsg(100, 64)
+                except TimeoutError:
+                    continue
+                if said == b"READY=1":
+                    seconds, nanoseconds = struct.unpack("qq", ancillary[0][2])
+                    self.ready.append(seconds * 10**9 + nanoseconds)
 
     def _hear_forks(self) -> None:
         with socket.socket(socket.AF_NETLINK, socket.SOCK_DGRAM, NETLINK_CONNECTOR) as news:
@@ -180,11 +212,12 @@ def _scheduled(pid: int) -> int:
     return sum(int(Path(f"{tasks}/{task}/schedstat").read_text().split()[0]) for task in os.listdir(tasks))
 
 
-def _memory(pid: int) -> tuple[float, float]:
+def _memory(pid: int) -> Memory:
     rollup = Path(f"/proc/{pid}/smaps_rollup").read_text()
-    pss = next(int(line.split()[1]) for line in rollup.splitlines() if line.startswith("Pss:"))
-    said = subprocess.run(["ps", "-o", "pss=", "-p", str(pid)], capture_output=True, text=True, check=True)
-    return pss / 1024, int(said.stdout) / 1024
+    kernel = next(int(line.split()[1]) for line in rollup.splitlines() if line.startswith("Pss:"))
+    said = subprocess.run(["ps", "-o", "pss=,rss=", "-p", str(pid)], capture_output=True, text=True, check=True)
+    pss, rss = map(int, said.stdout.split())
+    return Memory(time.time_ns(), kernel / 1024, pss / 1024, rss / 1024)
 
 
 def mission(seconds: float) -> list[Row]:
@@ -194,18 +227,20 @@ def mission(seconds: float) -> list[Row]:
             follower = threading.Thread(target=_follow, args=(bench, witness), daemon=True)
             follower.start()
             run = fly(bench, 0)
-        master, slave = (process.pid for process in bench.processes)
+        master, slave = _of_the_flight(bench)
         port = int(bench.endpoint.rpartition(":")[2])
     first = next(packet for packet in witness.packets if packet.sample and packet.source in (port, port + 1))
     sent = commands_to(witness.packets, port)
     begin, end = sent[0].time_ns + 10**9, sent[-1].time_ns
     ours = run.values
-    *_, (_, pss, by_ps) = [row for row in witness.memory[slave] if row[0] <= end]  # then the master no longer shares
-    start = (first.time_ns - witness.made[slave]) / 1e9
+    memory = [row for row in witness.memory[slave] if row.time_ns <= end][-1]  # then the master no longer shares
+    start, ready = ((instant - witness.made[slave]) / 1e9 for instant in (first.time_ns, witness.ready[0]))
     return [
         Row("start-up", ours["startup"], start, "s", "process connector, packet capture"),
-        Row("slave memory", ours["memory"], pss, "MiB", "smaps_rollup"),
-        Row("slave memory", ours["memory"], by_ps, "MiB", "ps -o pss"),
+        Row("ready", ours["ready"], ready, "s", "process connector, sd_notify"),
+        Row("slave memory", ours["memory"], memory.pss, "MiB", "smaps_rollup"),
+        Row("slave memory", ours["memory"], memory.pss_by_ps, "MiB", "ps -o pss"),
+        Row("slave memory, alone", ours["memory_alone"], memory.rss, "MiB", "ps -o rss"),
         Row("slave CPU", ours["slave_cpu"], 100 * witness.share(slave, begin, end), "%", "scheduler (schedstat)"),
         Row("master CPU", ours["master_cpu"], 100 * witness.share(master, begin, end), "%", "scheduler (schedstat)"),
     ]
@@ -221,7 +256,12 @@ def commands_to(packets: list[Packet], port: int) -> list[Packet]:
 def _follow(bench: Bench, witness: Witness) -> None:
     while len(bench.processes) < 2:
         time.sleep(0.001)
-    witness.watch([process.pid for process in bench.processes])
+    witness.watch(_of_the_flight(bench))
+
+
+def _of_the_flight(bench: Bench) -> list[int]:
+    """The process ids of master and slave; the floor's come after them."""
+    return [process.pid for process in bench.processes[:2]]
 
 
 def commands(seconds: float) -> list[Row]:

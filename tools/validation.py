@@ -47,7 +47,7 @@ HEAD = """\
 
 Made by `python tools/validation.py`, which computes every figure anew. Blue lines are this simulator, black dots what
 it is held against, and red a formula of others that does not hold. Each figure is held by the test that is named,
-with the bound that is given.
+with the bound that is given. The tool needs the tests and what they need: `pip install -e '.[dev]'`.
 
 | validation | found | bound held by test |
 |---|---|---|

@@ -1,15 +1,18 @@
 """What QEMU's STM32 takes by itself: the part of a command's delay that is neither the network's nor ours.
 
-Its UART has no baud, but hands the firmware byte after byte, and sends each of the answer's by itself.
+    python -m hil.bench.bare_qemu SCENARIO
+
+Its UART has no baud, but hands the firmware byte after byte, and sends each of the answer's by itself. It is asked from
+a process with the slave's scheduling, which QEMU inherits there too: without it the same takes half as long again.
 """
 
 import select
-from statistics import median
+import sys
 
 from firmware_stub.qemu import QemuStm32
-from hil.clock import NS_PER_MS, now_ns
-from hil.config import Scenario
-from hil.errors import DeviceError
+from hil.clock import LOOP_PRIORITY, NS_PER_MS, NS_PER_US, now_ns, schedule_fifo, stay_awake
+from hil.config import Scenario, load_scenario
+from hil.errors import DeviceError, HilError
 from hil.links.contract import PWM_NEUTRAL_US, ThrusterCommand, ThrusterLink, ThrusterTelemetry
 from hil.slave.stm32 import end_protocol
 from sim.vehicle import load_vehicle
@@ -20,16 +23,17 @@ QUIET_S = 0.004  # what was under way has come by then
 
 
 def answer_ms(scenario: Scenario) -> float:
-    """The median time, ms, from a command written on the line of an STM32 in QEMU to its answer read.
+    """The time, ms, from a command written on the line of an STM32 in QEMU to its answer read, at the quickest.
 
-    Command and answer are those of the scenario's link, and nothing else runs meanwhile. Raises DeviceError without
-    QEMU, or if it does not answer.
+    Not in the mean, as it is not asked in the same seconds as the slave's. Command and answer are those of the
+    scenario's link, their instants those of a slave's trace, and nothing else runs meanwhile. Raises DeviceError
+    without QEMU, or if it does not answer.
     """
     channels = len(load_vehicle(scenario.vehicle)[0].channels)
     stm32 = QemuStm32(channels, watchdog=PATIENCE_S)
     try:
         link = ThrusterLink(stm32.wire, end_protocol(scenario.link, "host", channels))
-        return median([_answer_ns(link, channels, number) for number in range(1, TIMES + 1)]) / NS_PER_MS
+        return min(_answer_ns(link, channels, number) for number in range(1, TIMES + 1)) / NS_PER_MS
     finally:
         stm32.close()
 
@@ -40,10 +44,27 @@ def _answer_ns(link: ThrusterLink, channels: int, number: int) -> int:
     link.tick(now_ns())
     # Pulses differ from one command to the next, as some protocols' reports tell only by them what they answer.
     command = ThrusterCommand(number, True, (PWM_NEUTRAL_US + number,) * channels)
-    began = now_ns()
     link.send(command)
+    written = now_ns()
     while select.select([link.wire], (), (), PATIENCE_S)[0]:
         for message in link.receive():
             if isinstance(message, ThrusterTelemetry) and message.sequence == number:
-                return now_ns() - began
+                return now_ns() - written - message.age_us * NS_PER_US
     raise DeviceError(f"{link.wire.name}: no answer to a command in {PATIENCE_S:g} s; is the machine overloaded?")
+
+
+def main(path: str) -> None:
+    """Say what it takes on the way that a slave of the scenario at `path` would run; exits with a message."""
+    try:
+        scenario = load_scenario(path)
+        if scenario.slave.realtime:
+            schedule_fifo(LOOP_PRIORITY)
+        if scenario.slave.realtime and scenario.slave.stay_awake:
+            stay_awake()
+        print(f"answer_ms {answer_ms(scenario):.6f}", flush=True)
+    except HilError as error:
+        sys.exit(str(error))
+
+
+if __name__ == "__main__":
+    main(sys.argv[1])

@@ -4,7 +4,9 @@ import csv
 import io
 import os
 from collections.abc import Sequence
-from typing import NamedTuple
+from math import ceil, floor, log10
+from textwrap import wrap
+from typing import Any, NamedTuple
 
 from boards import Budgets
 from hil.bench.plotting import pyplot
@@ -15,13 +17,28 @@ from hil.columns import aligned
 from hil.errors import ConfigError
 
 DRAWN = ("master_cpu", "startup", "memory_share", "delay_p50")  # what the paper has too
+CLOCKED = ("startup", "delay_p50", "delay_p99", "delay_max")  # between instants of two processes
+HERE = "this machine"
+NAME, LINE = 28, 190  # characters of a name and of a line below, in the picture
+MARGIN = 0.5  # decades beside the outermost points, for their numbers
 
 
 class Column(NamedTuple):
-    """One board's, or one earlier run's, figures."""
+    """One board's, or one earlier run's, figures.
+
+    `about`: which machine, and when. `labels`: what else its figures stand for. `warnings`: why those that a clock of
+    another process has a part in are not to be trusted.
+    """
 
     title: str
     figures: dict[str, Figure]
+    about: str = ""
+    labels: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
+
+    def doubts(self, row: Row) -> tuple[str, ...]:
+        """Why this figure of it is not to be trusted."""
+        return self.warnings if row.name in CLOCKED else ()
 
 
 def paper() -> list[Column]:
@@ -47,7 +64,33 @@ def columns_of(record: Record, title: str = "") -> list[Column]:
     for name, figure in record.figures.items():
         row, _, slave = name.partition(" @ ")
         found.setdefault(slave, {})[row] = figure
-    return [Column(" ".join(filter(None, (title, slave))), figures) for slave, figures in found.items()]
+    return [_column(record, slave, figures, title) for slave, figures in found.items()]
+
+
+def _column(record: Record, slave: str, figures: dict[str, Figure], title: str) -> Column:
+    """That of the slave at an endpoint, or of the one here (""). A record describes the machine of its master."""
+    detail = record.details.get(slave or HERE, {})
+    master = f"{record.machine.get('cpu') or 'unknown processor'}, {record.machine.get('cores', '?')} cores"
+    board = detail.get("slave", {}).get("board", "?")
+    about = f"board: {board}; master: {master}" if slave else master
+    labels = record.labels
+    if slave:
+        theirs = detail.get("slave", {}).get("labels", "").split("; ")
+        labels = (*(f"master: {label}" for label in labels), *(f"slave: {label}" for label in theirs if label))
+    name = " ".join(filter(None, (title, slave)))
+    return Column(name, figures, f"{about}; {record.made[:10]}", labels, tuple(detail.get("warnings", ())))
+
+
+def remarks(columns: Sequence[Column]) -> list[str]:
+    """A line a column: of which machine it is, when it was measured, and what else has to be known of it."""
+    lines = []
+    for column in columns:
+        labels = [f"label: {label}" for label in column.labels]
+        warnings = [f"WARNING: {text}" for text in column.warnings]
+        said = "; ".join(filter(None, (column.about, *labels, *warnings)))
+        if said:
+            lines.append(f"{column.title}: {said}")
+    return lines
 
 
 def text(columns: Sequence[Column]) -> str:
@@ -56,41 +99,42 @@ def text(columns: Sequence[Column]) -> str:
 
 
 def markdown(columns: Sequence[Column]) -> str:
-    """The same for a document."""
+    """The same for a document, and what has to be known of each column below it."""
     head, *body = _cells(columns)
     lines = [head, ["---"] * len(head), *body]
-    return "\n".join(f"| {' | '.join(cell.replace('|', '/') for cell in line)} |" for line in lines)
+    table = [f"| {' | '.join(cell.replace('|', '/') for cell in line)} |" for line in lines]
+    notes = [f"- {line}" for line in remarks(columns)]
+    return "\n".join([*table, *([""] if notes else []), *notes])
 
 
 def comma_separated(columns: Sequence[Column]) -> str:
-    """A line a figure and column, with the number of runs."""
+    """A line a figure and column, with the number of runs, the labels, and the warnings that are about the figure."""
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
-    writer.writerow(("column", "figure", "unit", "median", "spread", "runs"))
+    writer.writerow(("column", "figure", "unit", "median", "spread", "runs", "labels", "warnings"))
     for column in columns:
         for row in ROWS:
             figure = column.figures.get(row.name)
             if figure and figure.values:
                 spread = figure.spread if len(figure.values) > 1 else ""
-                writer.writerow((column.title, row.name, row.unit, figure.median, spread, len(figure.values)))
+                said = "; ".join(column.labels), "; ".join(column.doubts(row))
+                writer.writerow((column.title, row.name, row.unit, figure.median, spread, len(figure.values), *said))
     return out.getvalue()
 
 
 def draw(columns: Sequence[Column], path: str) -> None:
-    """The four figures of the paper as bars on a logarithmic scale. Raises ConfigError, MissingExtraError."""
+    """The four figures of the paper as points on logarithmic scales. Raises ConfigError, MissingExtraError."""
     plt = pyplot()
-    figure, axes = plt.subplots(2, 2, figsize=(11, 2.2 + 0.7 * len(columns)), layout="constrained")
+    below = [part for line in remarks(columns) for part in wrap(line, LINE, subsequent_indent="    ")]
+    names = ["\n".join(wrap(column.title, NAME)) for column in columns]
+    lines = sum(1 + name.count("\n") for name in names)
+    size = 11, 2.0 + 0.5 * lines + 0.16 * len(below)
+    figure, axes = plt.subplots(2, 2, figsize=size, layout="constrained", sharey=True)
     for panel, row in zip(axes.flat, (row for row in ROWS if row.name in DRAWN), strict=True):
-        for place, column in enumerate(columns):
-            found = column.figures.get(row.name)
-            if found and found.values:
-                bar = panel.barh(place, found.median, xerr=found.spread / 2, color=f"C{place % 10}")
-                panel.bar_label(bar, [f" {row.form.format(found.median)}"], fontsize="small")
-        panel.set(xscale="log", title=f"{row.title} ({row.unit})", yticks=range(len(columns)))
-        panel.set_yticklabels([column.title for column in columns])
-        panel.tick_params(axis="x", which="minor", labelbottom=False)
-        panel.invert_yaxis()
-        panel.margins(x=0.2)
+        _draw_row(panel, row, columns)
+        panel.set_yticks(range(len(columns)), names)
+    axes[0][0].set_ylim(len(columns) - 0.5, -0.6)  # the first on top, with room for its number
+    figure.supxlabel("\n".join(below), x=0.01, ha="left", fontsize="x-small")
     try:
         figure.savefig(path, dpi=110)
     except (OSError, ValueError) as error:
@@ -99,43 +143,74 @@ def draw(columns: Sequence[Column], path: str) -> None:
         plt.close(figure)
 
 
+def _draw_row(panel: Any, row: Row, columns: Sequence[Column]) -> None:
+    """One figure of each column: its median, the middle half, and its number above."""
+    panel.set(xscale="log", title=f"{row.title} ({row.unit})")
+    panel.grid(axis="x", alpha=0.3)
+    shown = []
+    for place, column in enumerate(columns):
+        found = column.figures.get(row.name)
+        number = _number(row, column)
+        if found and found.median > 0.0:
+            middle = found.median
+            ends = [[middle - found.at(0.25)], [found.at(0.75) - middle]]
+            panel.errorbar(middle, place, xerr=ends, fmt="o", color=f"C{place % 10}", capsize=3)
+            label = {"xy": (middle, place), "xytext": (0, 5), "textcoords": "offset points", "ha": "center"}
+            shown += [value for value in (found.at(0.25), found.at(0.75)) if value > 0.0]
+        else:  # a logarithmic scale has no place for it
+            label = {"xy": (0.02, place), "xycoords": panel.get_yaxis_transform(), "va": "center"}
+        panel.annotate(number or "not measured", fontsize="small", **label)
+    low, high = floor(log10(min(shown, default=1.0))), ceil(log10(max(shown, default=1.0)))
+    panel.set_xlim(10 ** (low - MARGIN), 10 ** (max(high, low + 1) + MARGIN))
+
+
 def missed(column: Column, budgets: Budgets) -> list[str]:
     """The budgets that the medians do not keep, in words. A figure that could not be had keeps none."""
+    resident = column.figures.get("memory_alone")
     limits = {
         "startup": budgets.startup,
-        "memory": budgets.memory,
+        # on a board there is nobody to share with; a slave that runs there tells what it takes there
+        "memory_alone" if resident and resident.values else "memory": budgets.memory,
         "slave_cpu": budgets.slave_cpu * 100.0,
         "delay_p50": budgets.delay_p50 * 1e3,
         "delay_p99": budgets.delay_p99 * 1e3,
     }
     return [
-        _miss(row, column.figures.get(row.name), limits[row.name])
+        _miss(row, column, limits[row.name])
         for row in ROWS
-        if row.name in limits and not _keeps(column.figures.get(row.name), limits[row.name])
+        if row.name in limits and not _keeps(row, column, limits[row.name])
     ]
 
 
-def _keeps(figure: Figure | None, limit: float) -> bool:
-    return figure is not None and figure.median <= limit
+def _keeps(row: Row, column: Column, limit: float) -> bool:
+    figure = column.figures.get(row.name)
+    return figure is not None and figure.median <= limit and not column.doubts(row)
 
 
-def _miss(row: Row, figure: Figure | None, limit: float) -> str:
+def _miss(row: Row, column: Column, limit: float) -> str:
+    figure = column.figures.get(row.name)
     budget = f"{row.form.format(limit)} {row.unit}"
     if figure is None or not figure.values:
         return f"{row.title}: not measured, the budget is {budget}"
-    return f"{row.title}: {row.form.format(figure.median)} {row.unit}, the budget is {budget}"
+    found = f"{row.title}: {row.form.format(figure.median)} {row.unit}"
+    doubts = column.doubts(row)
+    return f"{found} is not to be trusted: {doubts[0]}" if doubts else f"{found}, the budget is {budget}"
 
 
 def _cells(columns: Sequence[Column]) -> list[list[str]]:
-    lines = [["", *(column.title for column in columns)]]
-    for row in ROWS:
-        cells = [_cell(row, column.figures.get(row.name)) for column in columns]
-        lines.append([f"{row.title} ({row.unit})", *cells])
-    return lines
+    head = ["", *(column.title for column in columns)]
+    return [head, *([f"{row.title} ({row.unit})", *(_cell(row, column) for column in columns)] for row in ROWS)]
 
 
-def _cell(row: Row, figure: Figure | None) -> str:
+def _cell(row: Row, column: Column) -> str:
+    figure = column.figures.get(row.name)
+    spread = f" ({row.form.format(figure.spread)})" if figure and len(figure.values) > 1 else ""
+    return _number(row, column) + spread or "-"
+
+
+def _number(row: Row, column: Column) -> str:
+    """The median; "" where there is none."""
+    figure = column.figures.get(row.name)
     if figure is None or not figure.values:
-        return "-"
-    spread = f" ({row.form.format(figure.spread)})" if len(figure.values) > 1 else ""
-    return row.form.format(figure.median) + spread
+        return ""
+    return row.form.format(figure.median) + (" (!)" if column.doubts(row) else "")

@@ -1,19 +1,28 @@
-"""Which differences between two results are real: bootstrap intervals of the ratio of medians."""
+"""Which differences between two results are real: bootstrap intervals of the ratio of medians.
 
-from math import isfinite
-from typing import Literal, NamedTuple
+What one start of the programs gives is alike: where they came to lie in memory and what else ran then is in all of it.
+So a start counts as one value, its median. With few starts the commands themselves are drawn anew, in blocks as
+neighbours are alike; then two starts of one program differ as well, and no difference is called better or worse.
+"""
+
+from math import isfinite, nan
+from typing import Any, Literal, NamedTuple
 
 from hil.bench.record import Better, Figure, Record
-from hil.bench.statistics import Interval, median_interval, ratio_interval
+from hil.bench.statistics import Interval, median, median_interval, ratio_interval
 
-FEWEST = 5  # values on each side; of fewer, intervals are as narrow as chance wants
-Verdict = Literal["same", "better", "worse", "changed", "too few"]
+FEWEST = 5  # values, or starts, on each side; of fewer, intervals are as narrow as chance wants
+A_START_A_VALUE = ("table", "startup")  # benchmarks whose every value is of a start of its own
+LOADED = 1.0  # a difference of the machine's load that is told: a processor's worth
+Verdict = Literal["same", "better", "worse", "changed", "too few", "few starts"]
 
 
 class Difference(NamedTuple):
     """One figure in both results. `ratio` is after / before; `interval` is where that lies.
 
-    "same" also stands for a real difference that is smaller than what was asked to matter.
+    Both are nan where a median is not above 0: then the values are compared, not their ratio. "same" also stands for a
+    real difference that is smaller than what was asked to matter, "few starts" for one that may be between two starts
+    rather than two programs.
     """
 
     name: str
@@ -27,50 +36,53 @@ class Difference(NamedTuple):
 
 def compare(before: Record, after: Record, least: float = 0.05, confidence: float = 0.95) -> list[Difference]:
     """The figures that both have, in the order of the first. `least`: the relative difference that begins to matter."""
-    common = [name for name in before.figures if name in after.figures]
-    return [difference(name, before.figures[name], after.figures[name], least, confidence) for name in common]
+    pairs = [(name, _figure(before, name), _figure(after, name)) for name in before.figures if name in after.figures]
+    return [difference(name, old, new, least, confidence) for name, old, new in pairs]
 
 
 def difference(name: str, before: Figure, after: Figure, least: float, confidence: float) -> Difference:
     """One figure, judged: real if the interval of the ratio leaves out 1, and if the ratio is off by `least`."""
-    old, new = before.median, after.median
-    ratio = new / old if old else float("nan")
-    interval = ratio_interval(before.values, after.values, confidence)
-    verdict = _judge(before, after, ratio, interval, least, confidence)
+    few = min(len(before.runs), len(after.runs)) < FEWEST
+    sides = [figure.values if few else [median(run) for run in figure.by_run] for figure in (before, after)]
+    old, new = map(median, sides)
+    ratio = new / old if old > 0.0 else nan
+    interval = ratio_interval(sides[0], sides[1], confidence, block=few)
+    verdict: Verdict = "same"
+    if min(map(len, sides)) < FEWEST:
+        verdict = "too few"
+    elif abs(new - old) >= least * abs(old) and _apart(sides, interval, confidence, few):
+        verdict = "few starts" if few else _direction(before.better, new > old)
     return Difference(name, before.unit, old, new, ratio, interval, verdict)
 
 
 def unlike(before: Record, after: Record) -> list[str]:
-    """What makes the two hard to compare: another machine, other labels, other settings."""
+    """What makes the two hard to compare: another machine, in another state, other labels, other settings."""
     found = []
     if before.kind != after.kind:
         found.append(f"results of different benchmarks: {before.kind} and {after.kind}")
-    for key in ("name", "cpu", "cores", "kernel", "python"):
-        pair = before.machine.get(key), after.machine.get(key)
-        if pair[0] != pair[1]:
-            found.append(f"{key} of the machine: {pair[0]} and {pair[1]}")
-    if before.labels != after.labels:
-        found.append(f"labels: {', '.join(before.labels) or 'none'} and {', '.join(after.labels) or 'none'}")
-    if before.settings != after.settings:
-        keys = sorted(
-            key for key in {*before.settings, *after.settings} if before.settings.get(key) != after.settings.get(key)
-        )
-        found.append(f"settings differ: {', '.join(keys)}")
-    return found
+    for key in ("name", "cpu", "cores", "usable_cores", "kernel", "python", "governors"):
+        found += _differs(f"{key} of the machine", before.machine.get(key), after.machine.get(key))
+    loads = _number(before.machine.get("load")), _number(after.machine.get("load"))
+    if abs(loads[0] - loads[1]) >= LOADED:
+        found.append(f"load of the machine: {loads[0]:.1f} and {loads[1]:.1f}")
+    packages = _table(before.machine.get("packages")), _table(after.machine.get("packages"))
+    for name in sorted({*packages[0], *packages[1]}):
+        found += _differs(name, packages[0].get(name), packages[1].get(name))
+    found += _differs("labels", ", ".join(before.labels), ", ".join(after.labels))
+    keys = [key for key in {*before.settings, *after.settings} if before.settings.get(key) != after.settings.get(key)]
+    return [*found, *([f"settings differ: {', '.join(sorted(keys))}"] if keys else [])]
 
 
-def _judge(before: Figure, after: Figure, ratio: float, interval: Interval, least: float, confidence: float) -> Verdict:
-    if min(len(before.values), len(after.values)) < FEWEST:
-        return "too few"
-    if not isfinite(interval.low):  # a median of 0 on the way: the values themselves are compared
-        apart = _apart(median_interval(before.values, confidence), median_interval(after.values, confidence))
-        return _direction(before.better, after.median > before.median) if apart else "same"
-    if interval.holds(1.0) or abs(ratio - 1.0) < least:
-        return "same"
-    return _direction(before.better, ratio > 1.0)
+def _figure(record: Record, name: str) -> Figure:
+    figure = record.figures[name]
+    told = figure.runs or record.kind not in A_START_A_VALUE
+    return figure if told else figure._replace(runs=(1,) * len(figure.values))
 
 
-def _apart(one: Interval, other: Interval) -> bool:
+def _apart(sides: list[list[float]], interval: Interval, confidence: float, block: bool) -> bool:
+    if isfinite(interval.low):
+        return not interval.holds(1.0)
+    one, other = (median_interval(values, confidence, block=block) for values in sides)
     return one.high < other.low or other.high < one.low
 
 
@@ -78,3 +90,23 @@ def _direction(better: Better, grown: bool) -> Verdict:
     if not better:
         return "changed"
     return "better" if grown == (better == "higher") else "worse"
+
+
+def _differs(name: str, before: Any, after: Any) -> list[str]:
+    return [f"{name}: {_said(before)} and {_said(after)}"] if before != after else []
+
+
+def _said(value: Any) -> str:
+    """In words; of governors, which are counted, their names and numbers."""
+    if isinstance(value, dict):
+        value = ", ".join(f"{key} ({number})" for key, number in value.items())
+    return str(value or "none")
+
+
+def _number(value: Any) -> float:
+    """nan for what is none: it differs from nothing."""
+    return value if isinstance(value, float) else nan
+
+
+def _table(value: Any) -> dict[str, Any]:
+    return value if isinstance(value, dict) else {}

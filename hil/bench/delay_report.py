@@ -1,17 +1,26 @@
 """Command delays of several configurations, for people."""
 
 from collections.abc import Mapping
+from math import isfinite
 from typing import Any
 
 from hil.bench.delay_run import HOPS, Result
+from hil.bench.footer import footer
 from hil.bench.plotting import pyplot
-from hil.bench.statistics import median, quantile
+from hil.bench.record import Record
+from hil.bench.statistics import median
 from hil.columns import aligned
 from hil.errors import ConfigError
+from hil.quantiles import quantile
 
 SHARES = {"p50": 0.5, "p90": 0.9, "p99": 0.99, "p99.9": 0.999, "max": 1.0}
 ENOUGH = 1.0  # commands beyond a quantile, or it is only the maximum
-COLORS = ("#1e3a8a", "#1d4ed8", "#60a5fa", "#f59e0b", "#facc15", "#9ca3af", "#c2410c")
+COLORS = ("#1e3a8a", "#1d4ed8", "#60a5fa", "#f59e0b", "#facc15", "#9ca3af", "#c2410c")  # of the hops
+MOST_SHOWN = 0.98  # of the commands of each configuration are in the histogram, if the rest are far away
+FAR = 2.0  # times what the others took
+SQUEEZED = 5.0  # times as high as the histogram is wide, and time is shown with a logarithmic axis
+BINS = 60
+FEWEST_ROWS = 4  # for which there is room, so that one bar alone is not as high as the picture
 
 
 def text(results: Mapping[str, Result]) -> str:
@@ -19,18 +28,35 @@ def text(results: Mapping[str, Result]) -> str:
     return "\n".join([*_delays(results), "", *_hops(results), "", *_notes(results)])
 
 
-def draw(results: Mapping[str, Result], path: str) -> None:
-    """Histograms, time series and hops. Raises ConfigError, MissingExtraError."""
+def draw(results: Mapping[str, Result], record: Record, path: str) -> None:
+    """Histograms, time series and hops; `record` tells machine, date and labels.
+
+    Raises ConfigError, MissingExtraError.
+    """
     plt = pyplot()
-    figure, axes = plt.subplots(1, 3, figsize=(17, 5.5), layout="constrained")
+    figure, axes = plt.subplots(1, 3, figsize=(17, 6.5 + 0.12 * len(results)), layout="constrained")
     histogram, series, hops = axes
-    for name, result in results.items():
-        histogram.hist(result.delay, bins=60, histtype="step", label=name)
-        series.plot(result.at_s, result.delay, linewidth=0.8, label=name)
-    histogram.set(xlabel="command delay (ms)", ylabel="commands", xlim=(0, None))
-    series.set(xlabel="time (s)", ylabel="command delay (ms)", ylim=(0, None))
+    few = len(results) <= 10
+    colors = [plt.get_cmap("tab10")(i) if few else plt.get_cmap("turbo")(i / len(results)) for i in range(len(results))]
+    low, high = _range(results)
+    beyond = sum(value > high for result in results.values() for value in result.delay)
+    largest = max((value for result in results.values() for value in result.delay), default=high)
+    for (name, result), color in zip(results.items(), colors, strict=True):
+        histogram.hist(result.delay, bins=BINS, range=(low, high), histtype="step", color=color, label=name)
+        series.plot(result.at_s, result.delay, linewidth=0.8, color=color)
+    told = f"; {beyond} more beyond, up to {largest:.1f} ms" if beyond else ""
+    histogram.set(xlabel=f"command delay (ms){told}", ylabel="commands", xlim=(low, high), title="how often")
+    series.set(xlabel="time (s)", ylabel="command delay (ms)", title="when")
+    if low < 0.0 or largest <= SQUEEZED * high:
+        series.set_ylim(low, None)
+    else:
+        series.set_yscale("log")
+        series.yaxis.set_major_formatter("{x:g}")
     _draw_hops(hops, results)
-    histogram.legend(fontsize="small")
+    doubtful = ", with WARNINGS" if any(details["warnings"] for details in record.details.values()) else ""
+    figure.suptitle(f"Command delay{doubtful}\n{footer(record)}", fontsize="medium")
+    figure.legend(*histogram.get_legend_handles_labels(), loc="outside lower left", fontsize="small", ncols=2)
+    figure.legend(*hops.get_legend_handles_labels(), loc="outside lower right", fontsize="small", ncols=4)
     try:
         figure.savefig(path, dpi=110)
     except (OSError, ValueError) as error:
@@ -39,17 +65,26 @@ def draw(results: Mapping[str, Result], path: str) -> None:
         plt.close(figure)
 
 
+def _range(results: Mapping[str, Result]) -> tuple[float, float]:
+    """What the histogram shows: all delays, or most of them if the rest are far away."""
+    delays = [sorted(result.delay) for result in results.values() if result.delay]
+    high = max((values[-1] for values in delays), default=1.0)
+    most = max((quantile(values, MOST_SHOWN) for values in delays), default=1.0)
+    low = min((values[0] for values in delays), default=0.0)
+    return min(low, 0.0), (FAR * most if 0.0 < FAR * most < high else max(high, 0.0) or 1.0)
+
+
 def _draw_hops(axes: Any, results: Mapping[str, Result]) -> None:
     names = list(results)
     starts = [0.0] * len(names)
     for hop, color in zip(HOPS, COLORS, strict=True):
-        widths = [_median(result.hops[hop]) for result in results.values()]
+        widths = [median(result.hops[hop] or [0.0]) for result in results.values()]
         axes.barh(names, widths, left=starts, color=color, label=hop)
         starts = [start + width for start, width in zip(starts, widths, strict=True)]
-    axes.scatter([result.floor for result in results.values()], names, marker="|", s=400, color="black", label="floor")
-    axes.set(xlabel="median of each hop (ms)")
-    axes.invert_yaxis()
-    axes.legend(fontsize="small")
+    floors = [(result.floor, name) for name, result in results.items() if isfinite(result.floor)]
+    if floors:
+        axes.scatter(*zip(*floors, strict=True), marker="D", s=50, color="white", edgecolors="black", label="floor")
+    axes.set(xlabel="median of each hop (ms)", title="where", ylim=(max(len(names), FEWEST_ROWS) - 0.5, -0.5))
 
 
 def _delays(results: Mapping[str, Result]) -> list[str]:
@@ -57,11 +92,11 @@ def _delays(results: Mapping[str, Result]) -> list[str]:
     rows = [head]
     for name, result in results.items():
         quantiles = [_quantile(result.delay, share) for share in SHARES.values()]
-        bare = [f"{_median(values):.3f}" for values in (result.udp, result.tcp)]
-        above = result.at(0.5) - result.floor
+        bare = [_number(median(values)) for values in (result.udp, result.tcp)]
+        floor, above = _number(result.floor), _number(result.at(0.5) - result.floor)
         answered = f"{len(result.delay)}/{result.sent}"
         motion = f"{median(result.motion):.1f}" if result.motion else "-"
-        rows.append([name, answered, *quantiles, f"{result.floor:.3f}", f"{above:.3f}", *bare, motion])
+        rows.append([name, answered, *quantiles, floor, above, *bare, motion])
     return aligned(rows, rule=True)
 
 
@@ -70,12 +105,16 @@ def _hops(results: Mapping[str, Result]) -> list[str]:
     for name, result in results.items():
         total = median(result.delay)
         medians = [median(result.hops[hop]) for hop in HOPS]
-        rows.append([name, *(f"{value:.3f} ({value / total:.0%})" if total else "-" for value in medians)])
+        rows.append([name, *(f"{value:.3f} ({value / total:.0%})" if total > 0.0 else "-" for value in medians)])
     return aligned(rows, rule=True)
 
 
 def _notes(results: Mapping[str, Result]) -> list[str]:
-    lines = ["floor: half a round trip of bare TCP in the same seconds, and the frame's time on its line"]
+    lines = [
+        "floor: half a round trip of bare TCP in the same seconds, and the frame's time on its line, or a bare QEMU's"
+    ]
+    if all(not result.tcp for result in results.values()):
+        lines = ["no floor: let `uuv-hil bench echo` run beside the slave, and name what it says with --echo"]
     for name, result in results.items():
         if result.clock_uncertainty:
             lines.append(
@@ -86,10 +125,9 @@ def _notes(results: Mapping[str, Result]) -> list[str]:
 
 
 def _quantile(values: list[float], share: float) -> str:
-    if share < 1.0 and len(values) * (1.0 - share) < ENOUGH:
-        return "-"
-    return f"{quantile(sorted(values), share):.3f}"
+    enough = share == 1.0 or len(values) * (1.0 - share) >= ENOUGH
+    return _number(quantile(sorted(values), share)) if enough else "-"
 
 
-def _median(values: list[float]) -> float:
-    return median(values) if values else 0.0
+def _number(value: float) -> str:
+    return f"{value:.3f}" if isfinite(value) else "-"

@@ -1,22 +1,25 @@
 """The way of commands through one configuration, beside the floor of the same machines in the same seconds."""
 
+import math
 import subprocess
 import sys
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from typing import Any, NamedTuple
 
 from hil.autonomy.control import VelocityCommand
-from hil.bench.floor import Floor, wait_ns
-from hil.bench.harness import READY_S, Bench, await_vehicle, program
+from hil.bench.floor import Floor, Load, Way, wait_ns
+from hil.bench.harness import READY_S, Bench, Process, await_vehicle, labels_of, program
 from hil.bench.loopback import settled
-from hil.bench.statistics import quantile
+from hil.bench.presence import check_end, check_there
+from hil.bench.statistics import median
 from hil.clock import NS_PER_MS, NS_PER_S, RateKeeper, now_ns, to_wall_ns
-from hil.config import Scenario
+from hil.config import Link, Scenario
 from hil.links.address import parse_address
 from hil.links.wires.faults import line_bits
 from hil.master.client import VehicleClient
-from hil.master.delay import DelayMeter
+from hil.master.delay import DelayMeter, judge
+from hil.quantiles import quantile
 from sim.vehicle import load_vehicle
 
 HOPS = ("publish", "network", "inbox", "control", "link encode", "wire", "STM32")
@@ -24,7 +27,8 @@ COMMAND_BYTES = 52 + 33  # geometry_msgs/Twist in CDR, and what rmw_zenoh adds t
 IN_SLAVE = ("python", "unicorn")  # kinds of STM32 that run in the slave's process
 WARM_UP = 20  # commands that are not counted: arming, first samples
 SETTLE_S = 0.5  # for the last traces to come
-UNSURE = 0.75  # of a delay that its clocks are not known to
+OFF = 0.05  # by which a rate may differ from what was asked, and so many bare messages be lost, unsaid
+BURN = "import os; parent = os.getppid()\nwhile os.getppid() == parent: sum(range(1_000_000))"
 STEP_S = 0.4  # a step of the motion measurement
 STEP_M_S = 0.4
 MOVED_M_S2 = 0.02  # a change of acceleration that only the thrusters make
@@ -44,11 +48,15 @@ class Plan(NamedTuple):
     steps: int = 10
 
 
+Echo = tuple[str, int, int]  # host, UDP port, TCP port of a `hil.bench.floor.serve`
+
+
 class Result(NamedTuple):
     """What came of it, in ms; `hops` and `delay` one a command, `at_s` when it was published.
 
-    `wire` is the time on the line that is in each delay, see `wire_ms`. `warnings` say why the figures are not to be
-    trusted.
+    `udp` and `tcp` are empty where there is no echo beside the slave. `wire` is what no command undercuts on the line:
+    its bits, see `wire_ms`, or what a QEMU takes at the quickest. `rate` is that of the commands as they were sent, Hz.
+    `warnings` say why the figures are not to be trusted, `labels` what a slave elsewhere says of its machine.
     """
 
     delay: list[float]
@@ -59,13 +67,15 @@ class Result(NamedTuple):
     tcp: list[float]
     wire: float
     sent: int
+    rate: float
     clock_offset: float
     clock_uncertainty: float
     warnings: list[str]
+    labels: tuple[str, ...] = ()
 
     @property
     def floor(self) -> float:
-        """The median of bare TCP one way, and the frame's time on its line."""
+        """The median of bare TCP one way, and the frame's time on its line; nan without an echo that answers."""
         return quantile(sorted(self.tcp), 0.5) + self.wire
 
     def at(self, share: float) -> float:
@@ -87,73 +97,97 @@ class Observer(VehicleClient):
             self.surge.append((newest.received_ns, newest.value.acceleration[0]))
 
 
-def measure(bench: Bench, plan: Plan, endpoint: str = "", echo: tuple[str, int, int] | None = None) -> Result:
-    """Measure one configuration. `endpoint` is that of a slave elsewhere, `echo` of `hil.bench.floor` beside it.
+def pooled(runs: Sequence[Result]) -> Result:
+    """Several runs of one configuration as one, one after the other."""
+    first, *others = runs
+    if not others:
+        return first
+    at_s: list[float] = []
+    for run in runs:
+        at_s += [(at_s[-1] if at_s else 0.0) + at for at in run.at_s]
+    return first._replace(
+        delay=[x for run in runs for x in run.delay],
+        motion=[x for run in runs for x in run.motion],
+        udp=[x for run in runs for x in run.udp],
+        tcp=[x for run in runs for x in run.tcp],
+        at_s=at_s,
+        hops={hop: [x for run in runs for x in run.hops[hop]] for hop in HOPS},
+        wire=min(run.wire for run in runs),
+        sent=sum(run.sent for run in runs),
+        rate=median([run.rate for run in runs]),
+        clock_uncertainty=max(run.clock_uncertainty for run in runs),
+        warnings=[f"run {number}: {words}" for number, run in enumerate(runs, 1) for words in run.warnings],
+    )
 
-    Raises HilError.
+
+def measure(bench: Bench, plan: Plan, endpoint: str = "", echo: Echo | None = None) -> Result:
+    """Measure one configuration. `endpoint` is that of a slave elsewhere, `echo` what answers beside it.
+
+    Without `echo` a slave elsewhere has no floor, and there can be no payload. Raises HilError.
     """
-    wire = 0.0
-    if bench.scenario.stm32 == "qemu" and not endpoint:
-        from hil.bench.bare_qemu import answer_ms
-
-        wire = answer_ms(bench.scenario)
+    bare = 0.0 if endpoint or bench.scenario.stm32 != "qemu" else _bare_qemu_ms(bench)
     slave = None if endpoint else bench.start_slave()
-    with _floor(bench, echo) as floor, _burners(plan.burners), _observer(bench, endpoint) as client:
+    with ExitStack() as stack:
+        echo = echo or (None if endpoint else stack.enter_context(_own_echo(bench)))
+        floor = stack.enter_context(Floor(*echo, COMMAND_BYTES)) if echo else None
+        load = stack.enter_context(Load(echo[0], echo[2], plan.payload)) if echo and plan.payload else None
+        stack.enter_context(_burners(plan.burners))
+        client = stack.enter_context(_observer(bench, endpoint))
         await_vehicle(client, slave)
         client.delays.same_clock = client.contact.same_clock
-        spans = _command(client, floor, plan)
-        wire = wire_ms(bench.scenario, client.diagnostics()) or wire
-        motion = _motion(client, plan.steps)
+        spans = _command(client, slave, plan, floor, load)
+        counted = wire_ms(bench.scenario, client.diagnostics(), bool(endpoint))
+        motion = _motion(client, slave, plan.steps)
         wait_ns(now_ns() + round(SETTLE_S * NS_PER_S))
-        return _result(client.delays, spans, motion, floor, wire)
+        check_end(client, slave)
+        result = _result(client.delays, spans, motion, floor, counted)
+        result.warnings.extend(_doubts(result, plan, floor, load, client.contact.losses))
+        # Where the slave's own QEMU was quicker, in a calmer moment, the bare one was no floor.
+        return result._replace(
+            wire=min([bare, *result.hops["STM32"]]) if bare else counted, labels=labels_of(client) if endpoint else ()
+        )
 
 
-def wire_ms(scenario: Scenario, slave: dict[str, str]) -> float:
+def wire_ms(scenario: Scenario, slave: dict[str, str], elsewhere: bool = False) -> float:
     """The time on its line, ms, of what a measured delay holds; 0 where the line has no speed (a pty, a socket).
+
+    slave: its diagnostics. Of a slave `elsewhere` they alone tell protocol, baud and thrusters, and that a UART leads
+    to a real STM32; of a CAN bus they do not tell the speed, so that is not counted.
 
     That is the command's frame, or its frames on a CAN bus, and unless the STM32 is in the slave, where it can be seen
     when its outputs take the command, the answer's too: it is heard only then.
     """
     link = scenario.link
-    baud = link.faults.baud if link.faults and link.faults.baud else 0
-    if not baud and slave.get("link_port", "").startswith("/dev/tty"):
-        baud = link.baud
+    port = slave.get("link_port", "").removeprefix("rs485:")
+    on_uart = port.startswith("/dev/") and not port.startswith("/dev/pts/")
+    channels = len(slave.get("pwm_us", "").split()) or len(load_vehicle(scenario.vehicle)[0].channels)
+    if elsewhere:
+        if not on_uart:
+            return 0.0
+        link = _link_of(link, slave)
+    baud = link.faults.baud if link.faults and link.faults.baud else link.baud if on_uart else 0
     if not baud:
         return 0.0
-    command, answer = settled(link, len(load_vehicle(scenario.vehicle)[0].channels), armed=True)
-    said = command if scenario.stm32 in IN_SLAVE else command + answer
+    command, answer = settled(link, channels, armed=True)
+    said = command if scenario.stm32 in IN_SLAVE and not elsewhere else command + answer
     return line_bits(said, on_can=parse_address(link.port).carries_can) / baud * 1e3
 
 
-def judge(meter: DelayMeter) -> list[str]:
-    """Why the delays of `meter` are not to be trusted; nothing if they may be.
-
-    One clock that is not one, or an offset that is not known well enough, shows in delays below zero, in exchanges
-    that contradict the offset, or in an uncertainty nearly as large as the delay.
-    """
-    if not meter.samples:
-        return ["no command was answered by the STM32"]
-    found = []
-    totals, network = meter.totals_ns(), meter.hop_ns(0)
-    negative = sum(total < 0 or hop < 0 for total, hop in zip(totals, network, strict=True))
-    if negative:
-        found.append(f"{negative} of {len(totals)} commands arrived before they were sent: a clock is wrong")
-    offset, uncertainty = meter.offset_ns()
-    if meter.same_clock:
-        true = meter.clock.at(meter.samples[-1].published_ns)
-        if true and abs(true.offset_ns) > true.uncertainty_ns:
-            found.append(f"the slave's clock is {true.offset_ns / 1e6:.3f} ms off, though it should be the master's")
-    elif uncertainty > UNSURE * abs(quantile(sorted(totals), 0.5)):
-        found.append(f"the clocks' offset of {offset / 1e6:.3f} ms is known only to +-{uncertainty / 1e6:.3f} ms")
-    if meter.clock.steps:
-        found.append(f"a clock was set {meter.clock.steps} times meanwhile")
-    return found
+def _link_of(ours: Link, slave: dict[str, str]) -> Link:
+    """The UART of a slave elsewhere. How frames look it does not tell: as here, if the protocol is the same."""
+    protocol: Any = slave.get("link_protocol", ours.protocol)
+    baud = int(slave.get("link_baud", ours.baud))
+    link = ours._replace(protocol=protocol, baud=baud, port=slave["link_port"], faults=None)
+    return link if protocol == ours.protocol else link._replace(options={})
 
 
-def _command(client: Observer, floor: Floor, plan: Plan) -> list[tuple[int, int]]:
+def _command(
+    client: Observer, slave: Process | None, plan: Plan, floor: Floor | None, load: Load | None
+) -> list[tuple[int, int]]:
     """Command for the plan's time, the floor measured half a period after each; when each put began and ended (wall).
 
-    Where no half period is left, as at high rates, the floor is measured with every so many commands.
+    Where no half period is left, as at high rates, the floor is measured with every so many commands. The payload is
+    under way when the command follows it; what is left of it is moved afterwards, and the floor measured without it.
     """
     period = round(NS_PER_S / plan.rate)
     every = max(1, round(plan.rate / 50.0))
@@ -161,22 +195,27 @@ def _command(client: Observer, floor: Floor, plan: Plan) -> list[tuple[int, int]
     schedule = RateKeeper(period, now_ns())
     for number in range(WARM_UP + round(plan.seconds * plan.rate)):
         wait_ns(schedule.deadline_ns)
-        if plan.payload:
-            floor.load(plan.payload)
+        check_there(client, slave)
+        if load:
+            load.begin()
         began = now_ns()
         client.command(VelocityCommand(0.1, 0.0, 0.0, yaw_rate=0.02 if number % 2 else -0.02))
         spans.append((to_wall_ns(began), to_wall_ns(now_ns())))
-        if number >= WARM_UP and number % every == 0:
+        quiet = load is None or load.finish(began + period // 2)
+        if floor and quiet and number >= WARM_UP and number % every == 0:
             wait_ns(began + period // 2)
-            floor.measure()
+            floor.measure(began + period)
+        elif load:
+            load.finish(began + period)
         schedule.due(now_ns())
     return spans[WARM_UP:]
 
 
-def _motion(client: Observer, steps: int) -> list[float]:
+def _motion(client: Observer, slave: Process | None, steps: int) -> list[float]:
     """From the publish of a step in surge until the first acceleration that shows it is here, ms."""
     found = []
     for number in range(steps):
+        check_there(client, slave)
         sign = 1.0 if number % 2 else -1.0
         sent = now_ns()
         client.command(VelocityCommand(sign * STEP_M_S, 0.0, 0.0))
@@ -204,9 +243,9 @@ def first_motion(samples: Sequence[tuple[int, float]], sent: int, sign: float) -
 
 
 def _result(
-    meter: DelayMeter, spans: Sequence[tuple[int, int]], motion: list[float], floor: Floor, wire: float
+    meter: DelayMeter, spans: Sequence[tuple[int, int]], motion: list[float], floor: Floor | None, wire: float
 ) -> Result:
-    """The commands of `spans` only: neither the warm-up's nor the motion's."""
+    """The commands of `spans` only: neither the warm-up's nor the motion's. `wire`: ms counted on the line."""
     first, last = (spans[0][0], spans[-1][1]) if spans else (0, 0)
     ended = dict(_published(meter, spans))
     hops: dict[str, list[float]] = {name: [] for name in HOPS}
@@ -224,9 +263,38 @@ def _result(
         delay.append(total / NS_PER_MS)
         at_s.append((sample.published_ns - first) / NS_PER_S)
     offset, uncertainty = (value / NS_PER_MS for value in meter.offset_ns())
-    udp, tcp = ([value / NS_PER_MS for value in values] for values in (floor.udp_ns, floor.tcp_ns))
-    warnings = judge(meter)
-    return Result(delay, at_s, hops, motion, udp, tcp, wire, len(spans), offset, uncertainty, warnings)
+    ways = (floor.udp, floor.tcp) if floor else ()
+    udp, tcp = [[value / NS_PER_MS for value in way.taken_ns] for way in ways] or ([], [])
+    rate = (len(spans) - 1) * NS_PER_S / (spans[-1][0] - first) if len(spans) > 1 else math.nan
+    return Result(
+        delay, at_s, hops, motion, udp, tcp, wire, len(spans), rate, offset, uncertainty, judge(meter)
+    )  # fmt: skip
+
+
+def _doubts(result: Result, plan: Plan, floor: Floor | None, load: Load | None, losses: int) -> Iterator[str]:
+    """What else was not as it was meant to be. The result's `wire` is what was counted."""
+    missing = result.sent - len(result.delay)
+    if missing and result.delay:
+        yield f"{missing} of {result.sent} commands were not answered by the STM32: lost, or overtaken by the next"
+    if losses:
+        yield f"the vehicle was gone {losses} times meanwhile"
+    if abs(result.rate / plan.rate - 1.0) > OFF:
+        yield f"commands were sent at {result.rate:.1f} Hz instead of {plan.rate:g}: this machine has no time for more"
+    beyond = [wire + rest for wire, rest in zip(result.hops["wire"], result.hops["STM32"], strict=True)]
+    if result.wire and beyond and median(beyond) < result.wire:
+        yield f"the line took less than the {result.wire:.3f} ms of its bits: its baud is not what the slave says"
+    if load and load.late:
+        yield f"{load.late} times the payload was still under way when the next was due, which was left out"
+    for name, way in (("UDP", floor.udp), ("TCP", floor.tcp)) if floor else ():
+        yield from _losses(name, way)
+
+
+def _losses(name: str, way: Way) -> Iterator[str]:
+    asked = way.lost + len(way.taken_ns)
+    if not way.taken_ns:
+        yield f"the echo answered nothing by {name}; is the port right, and open in a firewall between?"
+    elif way.lost > max(OFF * asked, 1.0):
+        yield f"{way.lost} of {asked} bare messages by {name} were not answered in time; the others are the floor"
 
 
 def _published(meter: DelayMeter, spans: Sequence[tuple[int, int]]) -> Iterator[tuple[int, int]]:
@@ -249,22 +317,25 @@ def _observer(bench: Bench, endpoint: str) -> Iterator[Observer]:
 
 
 @contextmanager
-def _floor(bench: Bench, echo: tuple[str, int, int] | None) -> Iterator[Floor]:
-    """To the echo elsewhere, or to one in a process of this machine."""
-    if echo:
-        with Floor(*echo, COMMAND_BYTES) as floor:
-            yield floor
-        return
+def _own_echo(bench: Bench) -> Iterator[Echo]:
+    """An echo in a process of this machine."""
     with bench.start("echo", [*program(), "bench", "echo"]) as process:
         host, udp, tcp = process.expect(":", READY_S).split(":")
-        with Floor(host, int(udp), int(tcp), COMMAND_BYTES) as floor:
-            yield floor
+        yield host, int(udp), int(tcp)
+
+
+def _bare_qemu_ms(bench: Bench) -> float:
+    """Under the same limits as the slave. Raises NetworkError with what it said."""
+    command = [sys.executable, "-m", "hil.bench.bare_qemu", bench.path]
+    with bench.start("bare-qemu", command, limited=True) as process:
+        return float(process.expect("answer_ms", READY_S).split()[1])
 
 
 @contextmanager
 def _burners(number: int) -> Iterator[None]:
-    """Processes that do nothing but take processor time."""
-    processes = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(number)]
+    """Processes that do nothing but take processor time; a Ctrl-C at the terminal is not for them."""
+    command = [sys.executable, "-c", BURN]
+    processes = [subprocess.Popen(command, start_new_session=True) for _ in range(number)]
     try:
         yield
     finally:

@@ -5,14 +5,17 @@ One way is half a round trip: which of the two ways took longer cannot be told w
 
 import select
 import socket
+from contextlib import suppress
 from typing import Any, Self
 
 from hil.clock import NS_PER_S, now_ns
 from hil.errors import NetworkError
 
 MOST = 1 << 16  # bytes at once
-PIECE = 1 << 14
-ANSWER_S = 1.0
+ZEROS = memoryview(bytes(MOST))
+PATIENCE_S = 1.0  # with a connection, and with who asks and does not listen
+LEAST_S = 0.001  # that an answer may take, however late it was asked for
+GIVE_UP = 3  # questions without any answer, after which no more are asked
 
 
 def serve(address: str, stop_fd: int) -> None:
@@ -36,81 +39,169 @@ def serve(address: str, stop_fd: int) -> None:
                         stream.close()
                     return
                 if ready is datagrams:
-                    datagrams.sendto(*datagrams.recvfrom(MOST))
+                    with suppress(OSError):  # who asked will miss it
+                        datagrams.sendto(*datagrams.recvfrom(MOST))
                 elif ready is server:
-                    streams.append(_prompt(server.accept()[0]))
+                    with suppress(OSError):  # it has gone again
+                        streams.append(_prompt(server.accept()[0]))
                 elif not _echo(ready):
                     streams.remove(ready)
 
 
 def _prompt(stream: socket.socket) -> socket.socket:
     stream.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+    stream.settimeout(PATIENCE_S)
     return stream
 
 
 def _echo(stream: socket.socket) -> bool:
-    data = stream.recv(MOST)
-    if data:
-        stream.sendall(data)
-    else:
-        stream.close()
-    return bool(data)
+    """Whether there may be more to send back."""
+    with suppress(OSError):  # reset, or it does not read what it asked for
+        data = stream.recv(MOST)
+        if data:
+            stream.sendall(data)
+            return True
+    stream.close()
+    return False
+
+
+def _connect(host: str, port: int, kind: socket.SocketKind) -> socket.socket:
+    opened = socket.socket(socket.AF_INET, kind)
+    try:
+        opened.settimeout(PATIENCE_S)
+        opened.connect((host, port))
+        return opened if kind == socket.SOCK_DGRAM else _prompt(opened)
+    except (OSError, OverflowError, UnicodeError) as error:  # of a port or a name that cannot be
+        opened.close()
+        raise NetworkError(f"no echo at {host}:{port}: {error}; start `uuv-hil bench echo` there") from None
+
+
+class Way:
+    """Round trips of `size` bytes by one socket. `taken_ns` are half of each, `lost` those not answered in time."""
+
+    def __init__(self, opened: socket.socket, size: int) -> None:
+        self._socket = opened
+        self._size = size
+        self._asked = 0
+        self._heard = b""
+        self.taken_ns: list[int] = []
+        self.lost = 0
+
+    @property
+    def silent(self) -> bool:
+        """Whether it has never answered, and need not be asked again."""
+        return not self.taken_ns and self.lost >= GIVE_UP
+
+    def ask(self, until_ns: int) -> None:
+        """One round trip, given up at `until_ns` (monotonic)."""
+        self._asked += 1
+        message = self._asked.to_bytes(8, "big").ljust(self._size, b"\0")  # late answers are told from this one's
+        began = now_ns()
+        try:
+            self._socket.send(message)
+            while self._hear(until_ns) != message:
+                pass
+            self.taken_ns.append((now_ns() - began) // 2)
+        except OSError:
+            self.lost += 1
+
+    def _hear(self, until_ns: int) -> bytes:
+        while len(self._heard) < self._size:
+            self._socket.settimeout(max((until_ns - now_ns()) / NS_PER_S, LEAST_S))
+            data = self._socket.recv(MOST)
+            if not data:
+                raise ConnectionResetError
+            self._heard += data
+        message, self._heard = self._heard[: self._size], self._heard[self._size :]
+        return message
+
+    def close(self) -> None:
+        """Give the socket back."""
+        self._socket.close()
 
 
 class Floor:
-    """The asking end. Use as a context. `udp_ns` and `tcp_ns` are the one-way times found, `lost` those without answer.
+    """The asking end, by `udp` and by `tcp`, with messages of `size` bytes (at least 8). Use as a context.
 
     Raises NetworkError when there is nobody.
     """
 
     def __init__(self, host: str, udp: int, tcp: int, size: int) -> None:
-        self._size = size
-        self.udp_ns: list[int] = []
-        self.tcp_ns: list[int] = []
-        self.lost = 0
-        self._turn = False
-        self._datagrams = socket.socket(type=socket.SOCK_DGRAM)
-        self._datagrams.connect((host, udp))
-        self._datagrams.settimeout(ANSWER_S)
+        self.tcp = Way(_connect(host, tcp, socket.SOCK_STREAM), size)
         try:
-            self._stream = _prompt(socket.create_connection((host, tcp), ANSWER_S))
-        except OSError as error:
-            self._datagrams.close()
-            raise NetworkError(f"no echo at {host}:{tcp}: {error}; start `uuv-hil bench echo` there") from None
+            self.udp = Way(_connect(host, udp, socket.SOCK_DGRAM), size)
+        except NetworkError:
+            self.tcp.close()
+            raise
+        self._turn = False
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._datagrams.close()
+        self.udp.close()
+        self.tcp.close()
+
+    def measure(self, until_ns: int) -> None:
+        """One round trip, by UDP and by TCP in turn: each begins on a machine as idle as a command finds it.
+
+        What has not come back by `until_ns` (monotonic) is lost, so that nobody is kept waiting.
+        """
+        self._turn = not self._turn
+        way = self.udp if self._turn else self.tcp
+        if not way.silent:
+            way.ask(until_ns)
+
+
+class Load:
+    """`size` bytes at a time that cross the network to an echo and back beside something else. Use as a context.
+
+    They have a connection of their own. `late` counts how often they were still under way when the next were due,
+    which then are not sent. Raises NetworkError when there is nobody, or he goes.
+    """
+
+    def __init__(self, host: str, tcp: int, size: int) -> None:
+        self._stream = _connect(host, tcp, socket.SOCK_STREAM)
+        self._stream.setblocking(False)
+        self._where = f"{host}:{tcp}"
+        self._size = size
+        self._unsent = self._awaited = 0
+        self.late = 0
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
         self._stream.close()
 
-    def measure(self) -> None:
-        """One round trip, by UDP and by TCP in turn: each begins on a machine as idle as a command finds it."""
-        self._turn = not self._turn
-        began = now_ns()
-        if self._turn:
-            self.load(self._size)
-            self.tcp_ns.append((now_ns() - began) // 2)
-            return
-        try:
-            self._datagrams.send(bytes(self._size))
-            self._datagrams.recv(MOST)
-            self.udp_ns.append((now_ns() - began) // 2)
-        except OSError:
-            self.lost += 1
+    def begin(self) -> None:
+        """Give the network as many as it takes at once, and do not wait."""
+        if self._awaited:
+            self.late += 1
+        else:
+            self._unsent = self._awaited = self._size
+        self._move()
 
-    def load(self, size: int) -> None:
-        """Send so many bytes there and back, in pieces that no buffer on the way holds up."""
+    def finish(self, until_ns: int) -> bool:
+        """Send the rest and take in what comes back, until `until_ns` (monotonic); whether all are back."""
+        while self._awaited and (left := until_ns - now_ns()) > 0:
+            select.select((self._stream,), (self._stream,) if self._unsent else (), (), left / NS_PER_S)
+            self._move()
+        return not self._awaited
+
+    def _move(self) -> None:
         try:
-            while size > 0:
-                piece = min(size, PIECE)
-                self._stream.sendall(bytes(piece))
-                size -= piece
-                while piece > 0:
-                    piece -= len(self._stream.recv(MOST)) or piece
-        except OSError:
-            self.lost += 1
+            with suppress(BlockingIOError):
+                while self._unsent:
+                    self._unsent -= self._stream.send(ZEROS[: self._unsent])
+            with suppress(BlockingIOError):
+                while self._awaited:
+                    count = len(self._stream.recv(MOST))
+                    if not count:
+                        raise ConnectionResetError("closed")
+                    self._awaited -= count
+        except OSError as error:
+            raise NetworkError(f"the echo at {self._where} went away: {error}; start it again") from None
 
 
 def wait_ns(deadline: int) -> None:

@@ -49,6 +49,7 @@ class Process:
         pass_fds: tuple[int, ...] = (),
     ) -> None:
         self.log = log
+        self._memory_mib = confinement.limits.memory_mib if confinement else 0.0
         cpus = confinement.limits.cpus if confinement else ()
         before = os.sched_getaffinity(0)
         with open(log, "w") as file:
@@ -92,6 +93,20 @@ class Process:
         """The last line it said."""
         return (self.said.strip().splitlines() or ["no message"])[-1]
 
+    @property
+    def ending(self) -> str:
+        """How it ended, and what it said last: to be put behind its name."""
+        code = self._process.poll()
+        if code is None:
+            how = "is still running"
+        elif code >= 0:
+            how = f"ended with exit code {code}"
+        else:
+            how = f"was ended by signal {-code} ({signal_name(-code)})"
+        if code == -signal.SIGKILL and self._memory_mib:
+            how += f", perhaps as it needs more than the {self._memory_mib:.0f} MiB of --memory"
+        return f"{how}; it last said: {self.last_words}"
+
     def expect(self, word: str, seconds: float) -> str:
         """The first line it says with `word` in it. Raises NetworkError when none comes in time, or it ends."""
         deadline = now_ns() + round(seconds * NS_PER_S)
@@ -100,7 +115,9 @@ class Process:
             line = next((line for line in self.said.splitlines(keepends=True) if word in line and line[-1] == "\n"), "")
             if line:
                 return line.strip()
-            if not running or now_ns() > deadline:
+            if not running:
+                raise NetworkError(f"a process did not say {word!r}, but {self.ending}")
+            if now_ns() > deadline:
                 raise NetworkError(f"a process did not say {word!r} within {seconds:g} s, but: {self.last_words}")
             select.select((), (), (), 0.01)
 
@@ -115,6 +132,7 @@ class Process:
         """End it as a user would, by force if that takes too long; its exit code."""
         if self.running:
             self._process.send_signal(signal.SIGTERM)
+            self._process.send_signal(signal.SIGCONT)  # one that was stopped would not notice
         try:
             return self._process.wait(GRACE_S)
         except subprocess.TimeoutExpired:
@@ -194,9 +212,10 @@ class Bench:
     @property
     def labels(self) -> tuple[str, ...]:
         """What figures of this place have to say of themselves."""
-        label = self._confinement.limits.label
-        by = f" ({self._confinement.by}, no real-time scheduling)" if self._confinement.by else ""
-        return (label + by,) if label else ()
+        limits, by = self._confinement.limits, self._confinement.by
+        cached = "files in the page cache not counted" if limits.memory_mib else ""
+        how = ", ".join(filter(None, (by, cached, "no real-time scheduling" if limits.cpu_share else "")))
+        return (f"{limits.label} ({how})" if how else limits.label,) if limits.label else ()
 
     @property
     def memory_mib(self) -> float:
@@ -223,9 +242,11 @@ class Bench:
         finally:
             os.close(write_fd)
         try:
-            select.select((read_fd,), (), (), READY_S)
+            if not select.select((read_fd,), (), (), READY_S)[0]:
+                raise NetworkError(f"the master did not dial within {READY_S:g} s, but said: {process.last_words}")
             if not os.read(read_fd, 1):
-                raise NetworkError(f"the master ended before it dialled: {process.last_words}")
+                process.wait(GRACE_S)
+                raise NetworkError(f"before it dialled, the master {process.ending}")
         finally:
             os.close(read_fd)
         return process
@@ -261,10 +282,37 @@ def await_vehicle(client: VehicleClient, slave: Process | None = None, seconds: 
     deadline = now_ns() + round(seconds * NS_PER_S)
     while not (client.wait_for_vehicle(0.05) and client.diagnostics() and not client.in_doubt):
         if slave and not slave.running:
-            raise NetworkError(f"the slave ended: {slave.last_words}")
+            raise NetworkError(f"the slave {slave.ending}")
         if now_ns() > deadline:
-            said = f"; it last said: {slave.last_words}" if slave else ""
-            raise NetworkError(f"no word from {client.node} at {client.endpoint} within {seconds:g} s{said}")
+            missing = f"no vehicle {client.node!r} answered at {client.endpoint} within {seconds:g} s"
+            raise NetworkError(f"{missing}; {f'the slave {slave.ending}' if slave else _why_silent(client)}")
     refusal = client.refusal()
     if refusal:
         raise NetworkError(refusal)
+
+
+def _why_silent(client: VehicleClient) -> str:
+    """What stands in the way of a slave elsewhere, and what to do."""
+    from hil.transport.diagnosis import why_not  # only on the way to an error
+
+    fault = why_not(client.endpoint)
+    reason = f"somebody answers there, but no {client.node!r} that lets us listen"
+    if fault and not fault.lasting:  # what lasts is of certificates, and ours are not asked for here
+        reason = fault.text
+    return (
+        f"{reason}; is `uuv-hil slave` running there, with --listen on an address this machine reaches, and the same "
+        "[slave] node?"
+    )
+
+
+def signal_name(number: int) -> str:
+    """Such as KILL."""
+    try:
+        return signal.Signals(number).name.removeprefix("SIG")
+    except ValueError:
+        return "unknown"
+
+
+def labels_of(client: VehicleClient) -> tuple[str, ...]:
+    """What figures of a slave elsewhere have to say of themselves, by its own word."""
+    return tuple(f"slave: {label}" for label in client.diagnostics().get("labels", "").split("; ") if label)

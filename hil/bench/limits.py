@@ -2,8 +2,9 @@
 
 Processors are chosen by affinity. A share of one, and memory, are what a control group gives: where systemd keeps
 those of version 2, it is asked for one, as root or as a user; elsewhere root makes them, of version 2 or 1. What does
-not fit into the memory is not swapped out. Figures under limits are labelled: another processor's cache, memory and
-clock remain the laptop's.
+not fit into the memory is not swapped out. A page is charged to the group that touches it first, so files that others
+have read before, Python and its libraries mostly, are not counted. Figures under limits are labelled: another
+processor's cache, memory and clock remain the laptop's.
 
 Files of control groups: Linux, Documentation/admin-guide/cgroup-v2.rst, cgroup-v1/memory.rst, and
 Documentation/scheduler/sched-bwc.rst. Properties of systemd: systemd.resource-control(5).
@@ -25,6 +26,8 @@ PERIOD_US = 20_000  # of the quota: a process that has used it up waits at most 
 LEAST_QUOTA_US = 1_000  # that the kernel takes; below 5 % of a core the period is longer
 REMOVAL_S = 2.0  # that what was killed may take to be gone
 MIB = 1 << 20
+MOST_MIB = 1 << 30  # a PiB
+MOST_CPUS = 1 << 16  # more than any kernel knows of
 OPTIONS = {"cpu": "--cpu-quota", "memory": "--memory"}  # controller -> what asks for it
 REMEDIES = {
     "cpu": "use a kernel with CONFIG_CFS_BANDWIDTH",
@@ -222,7 +225,7 @@ def parse_memory(text: str) -> float:
         size = float(number) * {"M": 1.0, "G": 1024.0}[unit]
     except (ValueError, KeyError):
         size = 0.0
-    if size < 16.0:
+    if not 16.0 <= size <= MOST_MIB:
         raise ConfigError(f"--memory {text!r}: expected at least 16M, such as 512M or 1G")
     return size
 
@@ -233,7 +236,7 @@ def parse_cpus(text: str) -> tuple[int, ...]:
     try:
         for part in text.split(","):
             first, dash, last = part.partition("-")
-            found.update(range(int(first), int(last if dash else first) + 1))
+            found.update(range(int(first), min(int(last if dash else first), MOST_CPUS) + 1))
     except ValueError:
         found = set()
     if not found:

@@ -1,19 +1,21 @@
 """What slaves cost over time, by what they do: sensors, rates, how many vehicles."""
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import ExitStack
 from itertools import pairwise
 from typing import Any, NamedTuple
 
 from hil.autonomy.control import VelocityCommand
-from hil.bench.harness import Bench, await_vehicle
+from hil.bench.harness import Bench, Process, await_vehicle
 from hil.bench.limits import Limits
-from hil.bench.processes import Threads, by_name, look, shares
-from hil.bench.statistics import median
-from hil.errors import NetworkError
+from hil.bench.presence import check_end, check_there, simulation_of
+from hil.bench.processes import Threads, look, role, shares, thread_names
+from hil.bench.statistics import median, spread
+from hil.config import FEEDBACK, load_scenario
+from hil.errors import HilError
 from hil.topics import TOPICS, is_picture
-from sim.sensors.suite import SENSORS, USUAL
+from sim.sensors.suite import SENSORS
 
 PICTURES = [name for name in TOPICS if is_picture(name)]
 COMMAND_HZ = 20.0
@@ -28,29 +30,56 @@ class Setting(NamedTuple):
     vehicles: int = 1
 
 
-class Course(NamedTuple):
-    """CPU (share of a core) and memory (MiB) of all slaves together, a value a second; shares by thread name."""
+class Cost(NamedTuple):
+    """Of one process, a value a second: CPU (share of a core), memory (MiB), and the CPU of each of its threads."""
 
-    setting: Setting
     cpu: list[float]
     memory: list[float]
-    threads: dict[str, float]
+    threads: dict[str, list[float]]
 
 
-def settings(sensors: bool, rates: list[float], vehicles: list[int]) -> Iterator[Setting]:
-    """The scenario as it is; each sensor by itself taken out or put in; loop rates (Hz); numbers of vehicles."""
+class Course(NamedTuple):
+    """CPU (share of a core) and memory (MiB) of all processes together, a value a second, and of each by its name.
+
+    A process is called by what it does, "slave", "STM32" or "imaging", after its node where there are several. A
+    setting that could not be measured has no values, but a `failure`.
+    """
+
+    setting: Setting
+    cpu: list[float] = []  # noqa: RUF012 - never changed
+    memory: list[float] = []  # noqa: RUF012 - never changed
+    processes: dict[str, Cost] = {}  # noqa: RUF012 - never changed
+    labels: tuple[str, ...] = ()
+    failure: str = ""
+
+
+def settings(fitted: Collection[str] | None, rates: list[float], vehicles: list[int]) -> Iterator[Setting]:
+    """The scenario as it is; each sensor by itself taken out or put in; loop rates (Hz); numbers of vehicles.
+
+    fitted: the sensors it has; None to leave them all alone. At last it is as it was once more, which tells how much
+    comes and goes by itself.
+    """
     yield Setting("as it is", {})
-    if sensors:
-        for name in SENSORS:
-            key = f"sensors.{name}"
-            if name in USUAL and name not in ("imu", "odometry", "pressure"):  # which the controller lives on
-                yield Setting(f"without {name}", {f"{key}.rate": 0})
-            elif name not in USUAL:
-                yield Setting(f"with {name}", {key: {}})
+    for name in SENSORS if fitted is not None else ():
+        if name in (fitted or ()) and name not in FEEDBACK:  # which the controller lives on
+            yield Setting(f"without {name}", {f"sensors.{name}.rate": 0})
+        elif name not in (fitted or ()):
+            yield Setting(f"with {name}", {f"sensors.{name}": {}})
     for rate in rates:
         yield Setting(f"{rate:g} Hz", {"slave.step": 1.0 / rate, "slave.control_period": max(0.02, 2.0 / rate)})
     for count in vehicles:
         yield Setting(f"{count} vehicle{'s' * (count > 1)}", {}, count)
+    if fitted is not None or rates or vehicles:
+        yield Setting("as it is, again", {})
+
+
+def impossible(setting: Setting, scenario: str) -> str:
+    """Why this vehicle, world or machine cannot have that; "" if they can."""
+    try:
+        simulation_of(load_scenario(scenario, setting.changes))
+    except HilError as error:
+        return str(error)
+    return ""
 
 
 def run(setting: Setting, scenario: str, seconds: float, limits: Limits, watch: Callable[[float], None]) -> Course:
@@ -62,27 +91,41 @@ def run(setting: Setting, scenario: str, seconds: float, limits: Limits, watch: 
         ]
         slaves = [bench.start_slave() for bench in benches]
         clients = [stack.enter_context(bench.client()) for bench in benches]
-        for client, slave in zip(clients, slaves, strict=True):
+        there = list(zip(clients, slaves, strict=True))
+        for client, slave in there:
             await_vehicle(client, slave)
             client.watch(*PICTURES)  # which are not made for nobody
+        names: dict[int, str] = {}
 
         def command() -> None:
             for client in clients:
                 client.command(VelocityCommand(surge=0.3))
 
-        def pids() -> list[int]:
-            gone = next((slave for slave in slaves if not slave.running), None)
-            if gone:
-                raise NetworkError(f"a slave ended: {gone.last_words}")
-            return [pid for slave in slaves for pid in slave.family()]
+        def look_at_all() -> Threads:
+            for client, slave in there:
+                check_there(client, slave)
+            for client, slave in there:
+                _name(slave, f"{client.node} " if len(there) > 1 else "", names)
+            return look(list(names))
 
         _pace(EVERY_S, command)  # the first second is that of the start
-        looks = [look(pids())]
+        looks = [look_at_all()]
         while len(looks) <= max(round(seconds / EVERY_S), 1):
             _pace(EVERY_S, command)
-            looks.append(look(pids()))
+            looks.append(look_at_all())
             watch((len(looks) - 1) * EVERY_S / seconds)
-    return _course(setting, looks)
+        for client, slave in there:
+            check_end(client, slave)
+        return course(setting, looks, names)._replace(labels=benches[0].labels)
+
+
+def _name(slave: Process, prefix: str, names: dict[int, str]) -> None:
+    """Give each process of a slave's family a name, if it has none yet."""
+    for pid in slave.family():
+        if pid not in names:
+            name = prefix + role(pid, slave.pid)
+            same = sum(known == name or known.startswith(f"{name} #") for known in names.values())
+            names[pid] = f"{name} #{same + 1}" if same else name
 
 
 def _pace(seconds: float, command: Callable[[], None]) -> None:
@@ -92,12 +135,52 @@ def _pace(seconds: float, command: Callable[[], None]) -> None:
         time.sleep(1.0 / COMMAND_HZ)
 
 
-def _course(setting: Setting, looks: list[Threads]) -> Course:
+def course(setting: Setting, looks: list[Threads], names: dict[int, str]) -> Course:
+    """What the processes called so used between the looks."""
     steps = [shares(before, after) for before, after in pairwise(looks)]
-    whole = by_name(shares(looks[0], looks[-1]))
-    return Course(setting, [sum(step.values()) for step in steps], [each.pss_mib for each in looks[1:]], whole)
+    threads = thread_names({key for each in looks for key in each.cpu_s})
+    processes: dict[str, Cost] = {}
+    for pid, name in names.items():
+        own = {key: thread for key, thread in threads.items() if key.startswith(f"{pid}/")}
+        cost = {thread: [step.get(key, 0.0) for step in steps] for key, thread in own.items()}
+        memory = [each.memory[pid].pss_mib if pid in each.memory else 0.0 for each in looks[1:]]
+        processes[name] = Cost([sum(step.get(key, 0.0) for key in own) for step in steps], memory, cost)
+    return Course(setting, [sum(step.values()) for step in steps], [each.pss_mib for each in looks[1:]], processes)
 
 
-def middle(course: Course) -> tuple[float, float]:
-    """Median CPU (share of a core) and memory (MiB)."""
-    return median(course.cpu), median(course.memory)
+class Difference(NamedTuple):
+    """How much more a figure is than another, and how much comes and goes by itself: less than that is noise."""
+
+    more: float
+    noise: float
+
+    @property
+    def told(self) -> bool:
+        """Whether it can be told from noise."""
+        return abs(self.more) > self.noise
+
+
+def difference(values: list[float], base: list[float], again: Collection[list[float]] = ()) -> Difference:
+    """Of two series' medians. Noise is the wider of their middle halves, or how far `again`, the base's repetitions,
+    are from it."""
+    apart = [abs(median(each) - median(base)) for each in again]
+    return Difference(median(values) - median(base), max(spread(values), spread(base), *apart, 0.0))
+
+
+def groups(courses: list[Course]) -> list[str]:
+    """What processes there are, by what they do, the first setting's first."""
+    return list(dict.fromkeys(kind(name) for each in courses for name in each.processes))
+
+
+def kind(name: str) -> str:
+    """What a process does, of its name: "uuv2 STM32" is an "STM32"."""
+    words = [word for word in name.split() if not word.startswith("#")]
+    return words[-1]
+
+
+def of_group(each: Course, group: str) -> Cost:
+    """All processes of a kind together; empty lists where a setting has none."""
+    own = [cost for name, cost in each.processes.items() if kind(name) == group]
+    cpu = [sum(values) for values in zip(*[cost.cpu for cost in own], strict=True)]
+    memory = [sum(values) for values in zip(*[cost.memory for cost in own], strict=True)]
+    return Cost(cpu, memory, {})

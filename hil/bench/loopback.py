@@ -194,6 +194,7 @@ class _Test:
         while (now := now_ns()) < end or (self._waiting and now < end + LOST_NS):
             if now < end and (schedule.due(now) if self._plan.rate else not self._waiting):
                 self._send()
+                self._listen()  # an STM32 in this process answers as it is sent to, and has nothing to wait on
             wake = min(schedule.deadline_ns if now < end else end + LOST_NS, self._far.deadline_ns())
             if not self._plan.rate and self._waiting:
                 wake = min(now + LOST_NS, self._far.deadline_ns())

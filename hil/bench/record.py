@@ -4,28 +4,46 @@ import json
 import os
 import time
 from collections.abc import Iterable
+from itertools import islice
 from math import isfinite
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple, get_args
 
 from hil.bench.machine import describe
-from hil.bench.statistics import median, quantile, spread
+from hil.bench.statistics import median, spread
 from hil.errors import ConfigError
+from hil.quantiles import quantile
 
 FORMAT = "uuv-hil bench 1"
 Better = Literal["lower", "higher", ""]
 
 
 class Figure(NamedTuple):
-    """One quantity: all the values found, one a repetition or one a sample, and which of two would be better."""
+    """One quantity: all the values found, one a repetition or one a sample, and which of two would be better.
+
+    `runs`: how many of the values each start of the programs gave, in their order; empty if that is not told.
+    """
 
     values: list[float]
     unit: str
     better: Better = "lower"
+    runs: tuple[int, ...] = ()
 
     @property
     def median(self) -> float:
         """Its middle; nan without values."""
         return median(self.values)
+
+    @property
+    def by_run(self) -> list[list[float]]:
+        """The values, run by run; none if `runs` does not tell."""
+        rest = iter(self.values)
+        return [list(islice(rest, count)) for count in self.runs]
+
+    @property
+    def finite(self) -> "Figure":
+        """The same without the values that could not be had (nan), and without runs that gave no other."""
+        counts = (sum(map(isfinite, run)) for run in self.by_run)
+        return self._replace(values=list(filter(isfinite, self.values)), runs=tuple(filter(None, counts)))
 
     @property
     def spread(self) -> float:
@@ -61,7 +79,7 @@ def new_record(
 ) -> Record:
     """A record of now and of this machine; without the values that could not be had (nan)."""
     machine, own_labels = describe()
-    kept = {name: figure._replace(values=[x for x in figure.values if isfinite(x)]) for name, figure in figures.items()}
+    kept = {name: figure.finite for name, figure in figures.items()}
     made = time.strftime("%Y-%m-%dT%H:%M:%S%z")
     return Record(kind, settings, kept, (*own_labels, *labels), details or {}, machine, made)
 
@@ -80,11 +98,15 @@ def load(path: str) -> Record:
             table = json.load(file)
         if table.pop("format") != FORMAT:
             raise KeyError("format")
+        if not isinstance(table["labels"], list):
+            raise TypeError("labels")
         figures = {name: _figure(row) for name, row in table.pop("figures").items()}
-        return Record(**{**table, "labels": tuple(table["labels"])}, figures=figures)
+        record = Record(**{**table, "labels": tuple(table["labels"])}, figures=figures)
+        _check(record)
+        return record
     except OSError as error:
         raise ConfigError(f"{path}: cannot be read: {error.strerror}") from None
-    except (ValueError, KeyError, TypeError, AttributeError):
+    except (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError):
         raise ConfigError(f"{path}: is not a result of `uuv-hil bench`; write one with --json FILE") from None
 
 
@@ -121,7 +143,8 @@ def plain(value: Any) -> Any:
 
 
 def _unwritable(path: str, error: OSError) -> ConfigError:
-    return ConfigError(f"{path}: cannot be written: {error.strerror}; name a file in a folder of yours")
+    reason = "its folder is a file" if isinstance(error, FileExistsError) else error.strerror
+    return ConfigError(f"{path}: cannot be written: {reason}; name a file in a folder of yours")
 
 
 def _summary(figure: Figure) -> dict[str, float]:
@@ -129,6 +152,21 @@ def _summary(figure: Figure) -> dict[str, float]:
 
 
 def _figure(row: dict[str, Any]) -> Figure:
-    if not all(isinstance(value, (int, float)) for value in row["values"]):
+    """Raises ValueError and others."""
+    values, runs = row["values"], tuple(row.get("runs", ()))
+    if not all(type(value) in (int, float) and isfinite(value) for value in values):
         raise ValueError("values")
-    return Figure([float(value) for value in row["values"]], row["unit"], row["better"])
+    if not all(type(count) is int and count > 0 for count in runs) or (runs and sum(runs) != len(values)):
+        raise ValueError("runs")
+    if not isinstance(row["unit"], str) or row["better"] not in get_args(Better):
+        raise ValueError("unit, better")
+    return Figure([float(value) for value in values], row["unit"], row["better"], runs)
+
+
+def _check(record: Record) -> None:
+    """Raises ValueError."""
+    tables = (record.settings, record.details, record.machine)
+    if not all(isinstance(table, dict) for table in tables):
+        raise ValueError("settings, details, machine")
+    if not all(isinstance(word, str) for word in (record.kind, record.made, *record.labels)):
+        raise ValueError("kind, made, labels")

@@ -1,30 +1,43 @@
 """Hours of running, looked at every few seconds: does memory grow, does time drift, does a master always get back?"""
 
+import os
 import select
+import signal
 import time
 from collections.abc import Callable, Sequence
-from math import nan
+from contextlib import suppress
+from math import isnan, nan
 from random import Random
 from typing import NamedTuple
 
 from hil.autonomy.control import VelocityCommand
-from hil.bench.harness import Bench, Process, await_vehicle
+from hil.bench.harness import READY_S, Bench, await_vehicle
+from hil.bench.presence import silence
 from hil.bench.processes import look
-from hil.bench.statistics import Interval, quantile
+from hil.bench.statistics import Interval
 from hil.clock import NS_PER_MS
 from hil.errors import NetworkError
 from hil.master.client import VehicleClient
+from hil.quantiles import quantile
 
 COMMAND_HZ = 20.0
+QUIET_S = 1.0  # after which a vehicle that does not answer a master is told to be silent
+RETURN_S = 10.0  # that the vehicle may take to answer a master that comes back
+GLANCE_S = 0.25  # between looks for an end that is wished, while the vehicle is waited for
 BLOCKS = 20  # of the record that are drawn anew for an interval
 DRAWS = 1000
 
 
 class Look(NamedTuple):
-    """One look at the slave: `at_s` since the start, memory (MiB), threads, descriptors, what it says of itself."""
+    """One look at the slave: `at_s` since the start, threads, descriptors, what it says of itself.
+
+    Memory (MiB) is the proportional set size, `private` of it what no other process has a share in. What it says of
+    itself is nan while it says nothing.
+    """
 
     at_s: float
     memory: float
+    private: float
     threads: int
     descriptors: int
     real_time_factor: float
@@ -32,74 +45,127 @@ class Look(NamedTuple):
     delay_p50_ms: float
 
 
+class Silence(NamedTuple):
+    """The slave ended, hung or was out of reach: when (s since the start), for how long (s), and how that showed."""
+
+    at_s: float
+    seconds: float
+    reason: str
+
+
 class Soak(NamedTuple):
-    """All looks, and how long (s) each return of the master took until data flowed; None where they never did."""
+    """All looks, how long (s) each return of the master took until data flowed, None where they never did; silences.
+
+    The master's first coming, when the slave starts, is no return.
+    """
 
     looks: list[Look]
     returns: list[float | None]
+    silences: list[Silence]
 
 
-def soak(
-    bench: Bench, seconds: float, every: float, leave_every: float, watch: Callable[[Look], None], stop_fd: int = -1
-) -> Soak:
-    """Command a slave for so long; the master leaves and comes back every `leave_every` s. Raises NetworkError."""
-    slave = bench.start_slave()
-    began = time.monotonic()
-    found = Soak([], [])
-    while time.monotonic() - began < seconds:
-        dialled = time.monotonic()
-        with bench.client() as client:
+class Soaking:
+    """A slave of `bench` under command. `watch` gets each look; it ends when `stop_fd` becomes readable."""
+
+    def __init__(self, bench: Bench, every: float, watch: Callable[[Look], None], stop_fd: int = -1) -> None:
+        self._bench, self._every, self._watch, self._stop_fd = bench, every, watch, stop_fd
+        self._slave = bench.start_slave()
+        self._began = time.monotonic()
+        self._stopped = False
+        self._quiet = ""  # how it shows that the slave is silent now
+        self._found = Soak([], [], [])
+
+    def run(self, seconds: float, leave_every: float) -> Soak:
+        """Command it for so long; the master leaves and comes back every `leave_every` s.
+
+        Raises NetworkError when the slave does not start. One that ends or hangs later is a silence.
+        """
+        end, first = self._began + seconds, True
+        while time.monotonic() < end and not self._stopped and (first or self._slave.running):
+            dialled = time.monotonic()
+            with self._bench.client() as client:
+                came = self._await(client, first)
+                if not (first or self._stopped):
+                    self._found.returns.append(came)
+                if came is not None:
+                    self._stay(client, min(dialled + leave_every, end))
+            first = False
+        if not self._slave.running:
+            self._note(f"the slave {self._slave.ending}", 0.0)
+        if self._quiet:
+            self._kill()
+        return self._found
+
+    def _await(self, client: VehicleClient, first: bool) -> float | None:
+        """Seconds from the dialling until data flowed; None if they did not in time, or the end is wished."""
+        began = time.monotonic()
+        while not self._pause(0.0):
             try:
-                await_vehicle(client, slave, 10.0)
-                found.returns.append((client.first_sample_wall_ns - client.dialled_wall_ns) * 1e-9)
+                await_vehicle(client, self._slave, GLANCE_S)
+                return (client.first_sample_wall_ns - client.dialled_wall_ns) * 1e-9
             except NetworkError:
-                if not slave.running:
+                waited = time.monotonic() - began
+                if first and (waited > READY_S or not self._slave.running):
                     raise
-                found.returns.append(None)
-                continue
-            end = min(dialled + leave_every, began + seconds)
-            if not _stay(client, slave, began, end, every, found.looks, watch, stop_fd):
-                break
-    return found
+                if not first and waited > QUIET_S:
+                    self._note(f"{client.node} did not answer a master that came back", waited)
+                if not first and (waited > RETURN_S or not self._slave.running):
+                    return None
+        return None
+
+    def _stay(self, client: VehicleClient, end: float) -> None:
+        """Command until `end`, or until told to stop, and look now and then."""
+        due = time.monotonic() + self._every
+        while time.monotonic() < end and self._slave.running and not self._pause(1.0 / COMMAND_HZ):
+            client.command(VelocityCommand(surge=0.2, yaw_rate=0.2))
+            there = client.contact.present
+            gone = "" if there else f"{client.node} did not answer"
+            self._note(gone or silence(client), 0.0 if there else client.contact.silence_s)
+            if time.monotonic() >= due:
+                due += self._every
+                self._found.looks.append(self._look(client))
+                self._watch(self._found.looks[-1])
+
+    def _look(self, client: VehicleClient) -> Look:
+        """As it is now."""
+        seen, said = look(self._slave.family()), {} if self._quiet else client.diagnostics()
+        delays = sorted(client.delays.totals_ns(200)) if said else []
+        return Look(
+            time.monotonic() - self._began,
+            seen.pss_mib,
+            seen.private_mib,
+            len(seen.cpu_s),
+            seen.descriptors,
+            float(said.get("real_time_factor", nan)),
+            float(said.get("steps_skipped", nan)),
+            quantile(delays, 0.5) / NS_PER_MS if delays else nan,
+        )
+
+    def _note(self, reason: str, already_s: float) -> None:
+        """That the slave is silent now, and has been for so long; "" if it is not."""
+        at_s, silences = time.monotonic() - self._began, self._found.silences
+        if reason and not self._quiet:
+            silences.append(Silence(at_s - already_s, already_s, reason))
+        elif reason:
+            silences[-1] = Silence(silences[-1].at_s, at_s - silences[-1].at_s, reason)
+        self._quiet = reason
+
+    def _pause(self, seconds: float) -> bool:
+        """Wait; whether the end is wished."""
+        watched = [self._stop_fd] if self._stop_fd >= 0 else []
+        self._stopped = self._stopped or bool(select.select(watched, (), (), seconds)[0])
+        return self._stopped
+
+    def _kill(self) -> None:
+        """End a slave that hangs: to be asked would only take time."""
+        for pid in self._slave.family():
+            with suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGKILL)
 
 
-def _stay(
-    client: VehicleClient,
-    slave: Process,
-    began: float,
-    end: float,
-    every: float,
-    looks: list[Look],
-    watch: Callable[[Look], None],
-    stop_fd: int,
-) -> bool:
-    """Command until `end`; False if told to stop."""
-    due = time.monotonic() + every
-    while time.monotonic() < end:
-        client.command(VelocityCommand(surge=0.2, yaw_rate=0.2))
-        if select.select([stop_fd] if stop_fd >= 0 else [], (), (), 1.0 / COMMAND_HZ)[0]:
-            return False
-        if time.monotonic() >= due:
-            due += every
-            looks.append(_look(client, slave, time.monotonic() - began))
-            watch(looks[-1])
-    return True
-
-
-def _look(client: VehicleClient, slave: Process, at_s: float) -> Look:
-    if not slave.running:
-        raise NetworkError(f"the slave ended: {slave.last_words}")
-    seen, said = look(slave.family()), client.diagnostics()
-    delays = sorted(client.delays.totals_ns(200))
-    return Look(
-        at_s,
-        seen.pss_mib,
-        len(seen.cpu_s),
-        seen.descriptors,
-        float(said["real_time_factor"]),
-        float(said["steps_skipped"]),
-        quantile(delays, 0.5) / NS_PER_MS if delays else nan,
-    )
+def measured(values: Sequence[float]) -> list[float]:
+    """Those that are known."""
+    return [value for value in values if not isnan(value)]
 
 
 def trend(at_s: Sequence[float], values: Sequence[float], seed: int = 1) -> tuple[float, Interval]:

@@ -2,8 +2,10 @@
 
 import random
 from collections.abc import Sequence
-from math import isfinite, nan
+from math import ceil, isfinite, nan, sqrt
 from typing import NamedTuple
+
+from hil.quantiles import quantile
 
 RESAMPLES = 2000
 CONFIDENCE = 0.95
@@ -21,17 +23,6 @@ class Interval(NamedTuple):
         return self.low <= value <= self.high
 
 
-def quantile(ordered: Sequence[float], share: float) -> float:
-    """The smallest of the `ordered` values that at least `share` (0..1) of all do not exceed; nan of none.
-
-    Nearest rank: what is given out was measured, nothing between two values is made up.
-    """
-    if not ordered:
-        return nan
-    rank = -(-share * len(ordered) // 1)  # rounded up
-    return ordered[min(max(int(rank), 1), len(ordered)) - 1]
-
-
 def median(values: Sequence[float]) -> float:
     """The middle one, or the mean of the two middle ones; nan of none."""
     ordered = sorted(values)
@@ -47,25 +38,47 @@ def spread(values: Sequence[float]) -> float:
     return quantile(ordered, 0.75) - quantile(ordered, 0.25)
 
 
-def median_interval(values: Sequence[float], confidence: float = CONFIDENCE, seed: int = 1) -> Interval:
-    """Where the median lies, by resampling (percentile bootstrap: Efron and Tibshirani 1993, chapter 13)."""
-    return _interval(sorted(_resampled(values, random.Random(seed))), confidence)
+def median_interval(
+    values: Sequence[float], confidence: float = CONFIDENCE, seed: int = 1, block: bool = False
+) -> Interval:
+    """Where the median lies, by resampling (percentile bootstrap: Efron and Tibshirani 1993, chapter 13).
+
+    `block`: for values in the order of their time, of which neighbours are alike; else none may depend on another.
+    """
+    return _interval(sorted(_resampled(values, random.Random(seed), block)), confidence)
 
 
 def ratio_interval(
-    before: Sequence[float], after: Sequence[float], confidence: float = CONFIDENCE, seed: int = 1
+    before: Sequence[float],
+    after: Sequence[float],
+    confidence: float = CONFIDENCE,
+    seed: int = 1,
+    block: bool = False,
 ) -> Interval:
-    """Where median(after) / median(before) lies, both resampled; nan where one has no values or `before` is 0."""
+    """Where median(after) / median(before) lies, both resampled; nan where one has no values or is not above 0."""
     source = random.Random(seed)
-    pairs = zip(_resampled(before, source), _resampled(after, source), strict=True)
-    return _interval(sorted(new / old if old else nan for old, new in pairs), confidence)
+    pairs = zip(_resampled(before, source, block), _resampled(after, source, block), strict=True)
+    return _interval(sorted(new / old if old > 0.0 < new else nan for old, new in pairs), confidence)
 
 
-def _resampled(values: Sequence[float], source: random.Random) -> list[float]:
+def _resampled(values: Sequence[float], source: random.Random, block: bool) -> list[float]:
     thin = values[:: -(-len(values) // MOST_RESAMPLED) or 1]
     if not thin:
         return [nan] * RESAMPLES
-    return [median(source.choices(thin, k=len(thin))) for _ in range(RESAMPLES)]
+    draw = _drawn_by_block if block else _drawn
+    return [median(draw(thin, source)) for _ in range(RESAMPLES)]
+
+
+def _drawn(values: Sequence[float], source: random.Random) -> list[float]:
+    return source.choices(values, k=len(values))
+
+
+def _drawn_by_block(values: Sequence[float], source: random.Random) -> list[float]:
+    """As many, in blocks of neighbours, round from the last to the first (Politis and Romano 1992)."""
+    length = ceil(sqrt(len(values)))
+    ring = [*values, *values[: length - 1]]
+    starts = source.choices(range(len(values)), k=ceil(len(values) / length))
+    return [value for start in starts for value in ring[start : start + length]][: len(values)]
 
 
 def _interval(ordered: list[float], confidence: float) -> Interval:

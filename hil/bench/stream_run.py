@@ -2,31 +2,48 @@
 
 import threading
 import time
+from collections.abc import Callable
+from math import isnan, nan
 from typing import NamedTuple
 
 from hil.bench.harness import Process, await_vehicle
-from hil.bench.statistics import quantile
-from hil.clock import NS_PER_MS, now_ns
+from hil.bench.presence import check_end, check_there
+from hil.clock import NS_PER_MS, now_ns, to_wall_ns
+from hil.config import Scenario
 from hil.errors import NetworkError
 from hil.master.client import VehicleClient
-from hil.topics import TOPICS
+from hil.master.delay import UNSURE
+from hil.quantiles import quantile
+from hil.topics import TOPICS, is_picture
 from hil.transport import ros
 from hil.transport.roles import dial
-from hil.transport.security import Security
-from hil.transport.settings import Network
 
 QUEUE = 20_000
+SENSOR_TOPICS = {"odometry": ("odom",), "dvl": ("dvl", "dvl_twist", "altitude")}  # of others it is their name
 
 
 class Stream(NamedTuple):
-    """One topic as it came: `rate` Hz, `loss` 0 to 1 by sequence numbers, ages (ms) from publish, `bytes_s`."""
+    """One topic as it came.
+
+    `rate` Hz, `nominal` likewise, nan where nothing says how often it should come. `loss` 0 to 1 by sequence numbers,
+    `missing` 0 to 1 of what should have come by the nominal rate. Ages (ms) from publish, nan if unknown; `bytes_s`.
+    """
 
     topic: str
     rate: float
+    nominal: float
     loss: float
+    missing: float
     age_p50: float
     age_p99: float
     bytes_s: float
+
+
+class Heard(NamedTuple):
+    """What came in one run, by topic, and why its ages are not to be trusted."""
+
+    streams: list[Stream]
+    warnings: list[str]
 
 
 class _Seen:
@@ -36,13 +53,15 @@ class _Seen:
         self.numbers: dict[bytes, tuple[int, int]] = {}  # publisher -> first and last sequence number
         self.messages = 0
         self.bytes = 0
-        self.stamps: list[tuple[int, int]] = []  # sent by their clock, received by ours, ns
+        self.stamps: list[tuple[int, int]] = []  # sent by their clock, received by ours, wall ns
 
 
 class Listener:
-    """An observer of one node that keeps count of everything. Use as a context."""
+    """An observer of a scenario's node that keeps count of everything but pictures. Use as a context."""
 
-    def __init__(self, endpoint: str, node: str, network: Network, security: Security | None) -> None:
+    def __init__(self, endpoint: str, scenario: Scenario) -> None:
+        node, network, security = scenario.slave.node, scenario.network, scenario.security
+        self._expected = expected(scenario)
         self._session = dial(endpoint, network=network, security=security)
         self.client = VehicleClient(self._session, node, part="observer", security=security, topics=("odom",))
         self._seen: dict[str, _Seen] = {}
@@ -57,21 +76,33 @@ class Listener:
         self.client.close()
         self._session.close()
 
-    def listen(self, seconds: float, slave: Process | None = None) -> list[Stream]:
-        """What came in so long, by topic. Raises NetworkError when the vehicle is not there, or goes."""
+    def listen(self, seconds: float, slave: Process | None, watch: Callable[[float], None]) -> Heard:
+        """What came in so long; `watch` is told the share that is done.
+
+        Raises NetworkError when the vehicle is not there, goes or hangs.
+        """
         await_vehicle(self.client, slave)
+        losses = self.client.contact.losses
         self._began = time.monotonic()
         self._counting.set()
         while time.monotonic() - self._began < seconds:
             time.sleep(0.1)
-            if slave and not slave.running:
-                raise NetworkError(f"the slave ended: {slave.last_words}")
+            check_there(self.client, slave)
+            watch((time.monotonic() - self._began) / seconds)
         self._counting.clear()
         self._ended = time.monotonic()
-        return [self._stream(topic, seen) for topic, seen in sorted(self._seen.items())]
+        check_end(self.client, slave)
+        topics = sorted({*self._seen, *self._expected})
+        ages = {topic: sorted(self._ages(self._seen[topic])) for topic in topics if topic in self._seen}
+        streams = [self._stream(topic, ages.get(topic, [])) for topic in topics]
+        if not ages:
+            raise NetworkError(f"nothing came from {self.client.node} at {self.client.endpoint}")
+        lost = self.client.contact.losses - losses
+        gone = [f"the vehicle was out of reach meanwhile (times: {lost})"] if lost else []
+        return Heard(streams, gone + self._doubts([age for own in ages.values() for age in own]))
 
     def _take(self, key: str, payload: bytes, attachment: bytes) -> None:
-        received_ns = now_ns()
+        received_ns = to_wall_ns(now_ns())
         stamp = ros.unpack_attachment(attachment)
         if stamp is None or not self._counting.is_set():
             return
@@ -82,17 +113,60 @@ class Listener:
         seen.bytes += len(payload) + len(attachment)
         seen.stamps.append((stamp.time_ns, received_ns))
 
-    def _stream(self, topic: str, seen: _Seen) -> Stream:
+    def _ages(self, seen: _Seen) -> list[float]:
+        """From publish to receipt, ms, as the clocks have it: below zero where one of them is wrong."""
+        clock, same = self.client.delays.clock, self.client.contact.same_clock
+        found = []
+        for sent, came in seen.stamps:
+            estimate = None if same else clock.at(came)
+            if same or estimate:
+                found.append((came - sent + (estimate.offset_ns if estimate else 0)) / NS_PER_MS)
+        return found
+
+    def _stream(self, topic: str, ages: list[float]) -> Stream:
         seconds = self._ended - self._began
+        seen, nominal = self._seen.get(topic, _Seen()), self._expected.get(topic, nan)
         sent = sum(last - first + 1 for first, last in seen.numbers.values())
-        ages = sorted((came - self.client.contact.sent_ns(sent, came)) / NS_PER_MS for sent, came in seen.stamps)
-        loss = 1.0 - min(seen.messages / sent, 1.0) if sent else 0.0
+        loss = 1.0 - min(seen.messages / sent, 1.0) if sent else nan
+        short = missing(seen.messages, nominal, seconds)
         rate, bytes_s = seen.messages / seconds, seen.bytes / seconds
-        return Stream(topic, rate, loss, quantile(ages, 0.5), quantile(ages, 0.99), bytes_s)
+        return Stream(topic, rate, nominal, loss, short, quantile(ages, 0.5), quantile(ages, 0.99), bytes_s)
+
+    def _doubts(self, ages: list[float]) -> list[str]:
+        """Why the ages are not to be trusted, as hil.master.delay.judge says of commands; nothing if they may be."""
+        clock, same = self.client.delays.clock, self.client.contact.same_clock
+        estimate = clock.at(to_wall_ns(now_ns()))
+        found = []
+        negative = sum(age < 0.0 for age in ages)
+        if negative:
+            found.append(f"{negative} of {len(ages)} messages came before they were sent: a clock is wrong")
+        if not estimate:
+            found.append("the clocks could not be compared")
+        elif same and abs(estimate.offset_ns) > estimate.uncertainty_ns:
+            off = estimate.offset_ns / NS_PER_MS
+            found.append(f"the slave's clock is {off:.3f} ms off, though it should be ours: ages are wrong by as much")
+        elif not same and estimate.uncertainty_ns / NS_PER_MS > UNSURE * abs(quantile(sorted(ages), 0.5)):
+            off, uncertainty = estimate.offset_ns / NS_PER_MS, estimate.uncertainty_ns / NS_PER_MS
+            found.append(f"the clocks' offset of {off:.3f} ms is known only to +-{uncertainty:.3f} ms")
+        if clock.steps:
+            found.append(f"a clock was set {clock.steps} times meanwhile")
+        return found
 
 
-def nominal_hz(topic: str, rates: dict[str, float]) -> float:
-    """How often a topic should come: at its sensor's rate in the scenario, else as the topic table says."""
-    if topic in rates:
-        return rates[topic]
-    return TOPICS[topic].rate_hz if topic in TOPICS else 0.0
+def expected(scenario: Scenario) -> dict[str, float]:
+    """The topics that a slave of the scenario sends by itself, but for pictures, and how often each, Hz."""
+    found = {"diagnostics": TOPICS["diagnostics"].rate_hz}
+    for name, fitted in scenario.sensors.items():
+        if not fitted.heavy:
+            found |= dict.fromkeys(SENSOR_TOPICS.get(name, (name,)), fitted.model.rate)
+    if scenario.ros.wrench:
+        found["thruster_wrench"] = scenario.ros.wrench
+    return {topic: rate for topic, rate in found.items() if not is_picture(topic)}
+
+
+def missing(messages: int, nominal: float, seconds: float) -> float:
+    """The share (0 to 1) of what should have come that did not; one message more or less is chance."""
+    if isnan(nominal):
+        return nan
+    due = max(int(nominal * seconds), 1)
+    return max(1.0 - (messages + 1) / due, 0.0) if messages else 1.0

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 from hil.columns import aligned
 from hil.master.client import VehicleClient
-from hil.master.delay import HOPS, Quantiles, quantiles
+from hil.master.delay import HOPS, Quantiles, judge, quantiles
 from hil.master.flight import Outcome
 from hil.process import boot_id
 
@@ -26,7 +26,10 @@ PAPER_BOARD_MIB = 4096.0  # the larger memory of its two boards, to compare a sh
 
 
 class HilTable(NamedTuple):
-    """The figures of one run. Shares are 0..1; nan where a figure could not be had, `notes` say why."""
+    """The figures of one run. Shares are 0..1; nan where a figure could not be had, `notes` say why.
+
+    `warnings` say why the delays, and with them the start-up, are not to be trusted: a clock is wrong.
+    """
 
     master_cpu_core: float
     master_cpu_machine: float
@@ -35,6 +38,7 @@ class HilTable(NamedTuple):
     startup_s: float
     slave_ready_s: float
     slave_pss_mib: float
+    slave_rss_mib: float
     slave_ram_mib: float
     delay: Quantiles
     hops: dict[str, Quantiles]
@@ -43,6 +47,7 @@ class HilTable(NamedTuple):
     clock_uncertainty_ms: float
     bytecode_compiled: bool
     notes: tuple[str, ...]
+    warnings: tuple[str, ...]
     slave: dict[str, str]
 
 
@@ -71,6 +76,7 @@ def build(client: VehicleClient, outcome: Outcome, first_cpu: tuple[float, float
         startup_s=_startup_s(client, health, offset_ns, notes),
         slave_ready_s=_figure(health, "startup_ready_ms") / 1e3,
         slave_pss_mib=_figure(health, "pss_mib"),
+        slave_rss_mib=_figure(health, "rss_mib"),
         slave_ram_mib=_figure(health, "ram_mib"),
         delay=quantiles(delays.totals_ns()),
         hops={name: quantiles(delays.hop_ns(index)) for index, name in enumerate(HOPS)},
@@ -79,6 +85,7 @@ def build(client: VehicleClient, outcome: Outcome, first_cpu: tuple[float, float
         clock_uncertainty_ms=uncertainty_ns / 1e6,
         bytecode_compiled=health.get("bytecode_compiled") == "true",
         notes=tuple(notes),
+        warnings=tuple(judge(delays)),
         slave=health,
     )
 
@@ -101,7 +108,7 @@ def _startup_s(client: VehicleClient, health: dict[str, str], offset_ns: int, no
 def render(table: HilTable) -> str:
     """The table as text for a terminal."""
     ram = min(table.slave_ram_mib, PAPER_BOARD_MIB)
-    memory = table.slave_pss_mib / ram
+    memory = table.slave_rss_mib / ram  # on a machine by itself it shares nothing
     delay = table.delay
     rows = [
         ("", "paper: Pi 4B, Jetson Nano", "this run", "better"),
@@ -120,7 +127,7 @@ def render(table: HilTable) -> str:
         (
             "slave memory",
             _pair(PAPER_MEMORY, "{:.0%}"),
-            f"{table.slave_pss_mib:.1f} MiB PSS, {memory:.2%} of {ram / 1024:.0f} GiB",
+            f"{table.slave_rss_mib:.1f} MiB, {memory:.2%} of {ram / 1024:.0f} GiB ({table.slave_pss_mib:.1f} MiB PSS)",
             _times(min(PAPER_MEMORY), memory),
         ),
         (
@@ -147,7 +154,7 @@ def _details(table: HilTable) -> list[str]:
         f"bytecode compiled before the start: {'yes' if table.bytecode_compiled else 'NO (python -m compileall)'}; "
         f"slave: {table.slave.get('board', '-')}, Python {table.slave.get('python', '-')}",
     ]
-    return lines + [f"note: {note}" for note in table.notes]
+    return lines + [f"note: {note}" for note in table.notes] + [f"WARNING: {text}" for text in table.warnings]
 
 
 def _wire(slave: dict[str, str]) -> str:

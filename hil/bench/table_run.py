@@ -5,11 +5,13 @@ The definitions of the figures are in docs/benchmark.md.
 
 import json
 import os
+import re
 import sys
+from math import isfinite
 from typing import Any, NamedTuple
 
 from hil.bench import bare_slave
-from hil.bench.harness import READY_S, Bench
+from hil.bench.harness import READY_S, Bench, open_text
 from hil.bench.record import Better, Figure
 from hil.bench.table import PAPER_BOARD_MIB
 from hil.clock import seconds_ns
@@ -36,6 +38,7 @@ ROWS = (
     Row("startup", "start-up to the first sample", "s", "{:.3f}"),
     Row("ready", "start-up to ready", "s", "{:.3f}"),
     Row("memory", "slave memory", "MiB", "{:.1f}"),
+    Row("memory_alone", "slave memory, alone on its machine", "MiB", "{:.1f}"),
     Row("memory_share", "slave memory, share of the board's", "%", "{:.2f}"),
     Row("delay_p50", "command delay p50", "ms", "{:.3f}"),
     Row("delay_p99", "command delay p99", "ms", "{:.3f}"),
@@ -46,11 +49,12 @@ ROWS = (
 
 
 class Run(NamedTuple):
-    """What one repetition gave: the value of each row, and what the slave told of itself."""
+    """What one repetition gave: the value of each row, what the slave told of itself, `warnings` of wrong clocks."""
 
     values: dict[str, float]
     slave: dict[str, str]
     notes: list[str]
+    warnings: list[str]
 
 
 def fly(bench: Bench, number: int, endpoint: str = "") -> Run:
@@ -63,15 +67,22 @@ def fly(bench: Bench, number: int, endpoint: str = "") -> Run:
     slave = None if endpoint else bench.start_slave()
     code = master.wait(bench.scenario.master.time_limit + 2 * READY_S)
     if slave and not slave.running:
-        raise NetworkError(f"the slave ended: {slave.last_words}")
+        raise NetworkError(f"the slave {slave.ending}")
+    alone_mib = resident_mib(slave.family()) if slave else float("nan")
     if slave:
         slave.stop()
     if code not in FLEW:
-        raise NetworkError(f"the master ended with exit code {code}: {master.last_words}")
+        raise NetworkError(f"the master {master.ending}")
     with open(os.path.join(folder, "table.json"), encoding="utf-8") as file:
-        run = _read(json.load(file)["table"], bench.memory_mib)
+        run = _read(json.load(file)["table"], bench.memory_mib, alone_mib)
     run.values["slave_cpu_floor"] = float("nan") if endpoint else 100.0 * _bare_share(bench, run.slave)
     return run
+
+
+def resident_mib(pids: list[int]) -> float:
+    """Resident memory (MiB) of processes: what they take when nobody else uses what they share with others."""
+    found = [re.search(r"^Rss:\s*(\d+)", open_text(f"/proc/{pid}/smaps_rollup"), re.MULTILINE) for pid in pids]
+    return sum(int(match[1]) for match in found if match) / 1024 or float("nan")
 
 
 def _bare_share(bench: Bench, slave: dict[str, str]) -> float:
@@ -97,19 +108,22 @@ def figures(runs: list[Run]) -> dict[str, Figure]:
     return {row.name: Figure([run.values[row.name] for run in runs], row.unit, row.better) for row in ROWS}
 
 
-def _read(table: dict[str, Any], limit_mib: float) -> Run:
+def _read(table: dict[str, Any], limit_mib: float, alone_mib: float) -> Run:
     def number(name: str, factor: float = 1.0) -> float:
         return float("nan") if table[name] is None else table[name] * factor
 
+    if not isfinite(alone_mib):  # elsewhere it tells by itself
+        alone_mib = number("slave_rss_mib")
     ram = limit_mib or min(number("slave_ram_mib"), PAPER_BOARD_MIB)
     values = {
         "master_cpu": number("master_cpu_core", 100.0),
         "startup": number("startup_s"),
         "ready": number("slave_ready_s"),
         "memory": number("slave_pss_mib"),
-        "memory_share": number("slave_pss_mib", 100.0) / ram,
+        "memory_alone": alone_mib,
+        "memory_share": alone_mib * 100.0 / ram,
         "slave_cpu": number("slave_cpu_core", 100.0),
     }
     delay = {key: float("nan") if value is None else value for key, value in table["delay"].items()}
     values |= {f"delay_{name}": delay[f"{name}_ms"] for name in ("p50", "p99", "max")}
-    return Run(values, table["slave"], table["notes"])
+    return Run(values, table["slave"], table["notes"], table["warnings"])

@@ -25,6 +25,9 @@ ATTRIBUTES = {
     18: "CATCOV", 87: "DRVAL1", 88: "DRVAL2", 116: "OBJNAM", 174: "VALDCO", 179: "VALSOU", 181: "VERCLR", 187: "WATLEV",
 }  # fmt: skip
 _DELETED = "\x7f"  # an update's way to take an attribute away
+_WHERE = (
+    "NOAA's are free at https://charts.noaa.gov/ENCs/ENCs.shtml: unpack one, and name the file in it that ends in .000"
+)
 _WAY_OUT = "get the missing file, or read the cell as it was issued with --no-updates"
 
 # Which numbers of the head (DSSI) count the records of a kind: features, isolated and connected nodes, edges
@@ -110,8 +113,10 @@ def _bytes(path: str) -> bytes:
     try:
         with open(path, "rb") as file:
             return file.read()
+    except FileNotFoundError:
+        raise ConfigError(f"{path}: the chart cannot be read: No such file; {_WHERE}") from None
     except OSError as error:
-        raise ConfigError(f"{path}: the chart cannot be read: {error.strerror}") from None
+        raise ConfigError(f"{path}: the chart cannot be read: {error.strerror}; copy it again") from None
 
 
 def _tags(table: dict[Name, Record]) -> set[str]:

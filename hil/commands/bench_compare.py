@@ -2,23 +2,32 @@
 
 import json
 import sys
+from collections import Counter
+from math import isfinite
 from typing import Any
 
-from hil.bench.comparison import FEWEST, Difference, compare, unlike
+from hil.bench.comparison import FEWEST, Difference, Verdict, compare, unlike
 from hil.bench.record import load, plain
 from hil.columns import aligned
 from hil.commands.parser import new_parser
 from hil.errors import ConfigError
 
 EXAMPLES = """\
-A difference is real when the bootstrap interval of the ratio of the two medians leaves out 1. The more figures there
-are, the more of them seem to differ by chance: of a hundred, five do at 95 %.
+A difference is real when the bootstrap interval of the ratio of the two medians leaves out 1. Starts of the programs
+are what is counted, as the values of one start are alike: 5 of each side are needed (bench delay --repeat 5). Of a
+hundred figures that do not differ, some five seem to at 95 %; and what changed between the two hours of measuring, such
+as the machine's other work, is taken for a difference of the programs: measure both in turn.
 
 examples:
   uuv-hil bench compare before.json after.json
   uuv-hil bench compare main.json branch.json --fail-on-regression --least 10%     in a continuous integration
 """
 REGRESSION = 1
+UNSURE: dict[Verdict, str] = {
+    "too few": f"too few: fewer than {FEWEST} values on a side; measure with more repetitions",
+    "few starts": f"few starts: the two differ, but with fewer than {FEWEST} starts on a side that may be a difference "
+    "between two starts rather than two programs; measure with --repeat 5",
+}
 
 
 def main(arguments: list[str]) -> int:
@@ -34,6 +43,9 @@ def main(arguments: list[str]) -> int:
     least, confidence = _share(options.least, "--least", 0.0), _share(options.confidence, "--confidence", 0.5)
     before, after = load(options.before), load(options.after)
     found = compare(before, after, least, confidence)
+    if not found and before.kind != after.kind:
+        kinds = f"{options.before} is of `bench {before.kind}`, {options.after} of `bench {after.kind}`"
+        raise ConfigError(f"{kinds}: they have no figure in common")
     if not found:
         raise ConfigError(f"{options.before} and {options.after} have no figure in common")
     warnings = unlike(before, after)
@@ -59,12 +71,13 @@ def _text(found: list[Difference], confidence: float) -> str:
     for one in found:
         interval = f"{one.interval.low:.3f} to {one.interval.high:.3f}"
         values = (f"{value:.4g} {one.unit}" for value in (one.before, one.after))
-        rows.append([one.name, *values, f"{one.ratio:.3f}", interval, one.verdict])
-    lines = aligned(rows, rule=True)
-    if any(one.verdict == "too few" for one in found):
-        lines.append(f"too few: fewer than {FEWEST} values on a side; measure with more repetitions")
-    worse, better = (sum(one.verdict == word for one in found) for word in ("worse", "better"))
-    return "\n".join([*lines, f"{worse} worse, {better} better, of {len(found)}"])
+        ratio = [f"{one.ratio:.3f}", interval] if isfinite(one.interval.low) else ["-", "-"]
+        rows.append([one.name, *values, *ratio, one.verdict])
+    counts = Counter(one.verdict for one in found)
+    lines = [*aligned(rows, rule=True), *(text for verdict, text in UNSURE.items() if counts[verdict])]
+    unsure = sum(counts[verdict] for verdict in UNSURE)
+    untold = f", {unsure} not to be told" if unsure else ""
+    return "\n".join([*lines, f"{counts['worse']} worse, {counts['better']} better{untold}, of {len(found)}"])
 
 
 def _record(found: list[Difference], warnings: list[str]) -> Any:

@@ -8,11 +8,20 @@ from contextlib import contextmanager
 from typing import Any, NamedTuple
 
 from hil.bench import delay_report
-from hil.bench.delay_run import Plan, Result, measure
+from hil.bench.delay_run import HOPS, Echo, Plan, Result, measure, pooled
 from hil.bench.harness import Bench
 from hil.bench.limits import Limits
 from hil.bench.record import Figure, new_record
-from hil.commands.bench_options import add_json, add_limits, add_scenario, changes_of, keep, limits_of, show
+from hil.commands.bench_options import (
+    add_json,
+    add_limits,
+    add_scenario,
+    changes_of,
+    check_outputs,
+    keep,
+    limits_of,
+    show,
+)
 from hil.commands.parser import new_parser
 from hil.errors import ConfigError
 from hil.slave.stm32 import DRIVERS
@@ -23,7 +32,10 @@ Options that take LIST measure every combination: --baud 0,115200 --load 0,2 are
 the link as a UART of that speed would; 0 lets it run as it is. The floor is bare UDP and TCP between the same
 machines in the same seconds, and the frame's time on its line.
 
-For a slave elsewhere, let `uuv-hil bench echo` run beside it and name its ports, or there is no floor.
+For a slave elsewhere, let `uuv-hil bench echo` run beside it and name its ports, or there is no floor, and nobody to
+send a payload to.
+
+To compare two versions of a program, --repeat 5: two starts of one program differ too.
 
 examples:
   uuv-hil bench delay
@@ -35,6 +47,7 @@ examples:
   uuv-hil bench delay --most-over-floor 0.8 --most-p99 3      exit code 1 when a configuration takes longer (ms)
 """
 LIMIT_BROKEN = 1
+OF_A_MASTER = ("network.", "security.", "slave.node")  # what the end here makes of a scenario
 ON_CAN = {"dronecan": "can:virtual:bench", "vesc": "can:virtual:bench"}  # where no port is given
 
 
@@ -57,28 +70,44 @@ class Case(NamedTuple):
 def main(arguments: list[str]) -> int:
     """Measure and print; 0, or 1 when a limit is broken. Raises HilError."""
     options = _parser().parse_args(arguments)
-    cases = _cases(options)
+    check_outputs(options)
+    cases, echo = _cases(options), _echo(options.echo)
     given = {key: str(getattr(options, key)) for key in Case._fields if getattr(options, key) is not None}
     changing = [key for key, text in given.items() if "," in text] or list(given)
-    results: dict[str, Result] = {}
+    runs: dict[str, list[Result]] = {}
     labels: tuple[str, ...] = ()
-    for number, case in enumerate(cases, 1):
-        name = case.name(changing)
-        show(f"{number} of {len(cases)}: {name}")
-        results[name], labels = _measure(case, options)
-    show("")
+    broken: list[str] = []
+    try:
+        for number, (_, case) in enumerate(itertools.product(range(options.repeat), cases), 1):
+            name = case.name(changing)
+            show(f"{number} of {options.repeat * len(cases)}: {name}")
+            result, labels = _measure(case, options, echo)
+            runs.setdefault(name, []).append(result)
+    finally:  # what has been measured is told also when the rest cannot be
+        show("")
+        if runs:
+            broken = _report(runs, labels, options)
+    return LIMIT_BROKEN if broken else 0
+
+
+def _report(runs: dict[str, list[Result]], labels: tuple[str, ...], options: Any) -> list[str]:
+    """Print, write, draw; the limits that are broken. Raises ConfigError."""
+    results = {name: pooled(found) for name, found in runs.items()}
     print(delay_report.text(results))
-    for label in labels:
-        print(f"label: {label}")
-    if options.png:
-        delay_report.draw(results, options.png)
-    figures = {f"{row} [{name}]": found for name, result in results.items() for row, found in _figures(result).items()}
+    figures = {f"{row} [{name}]": figure for name, found in runs.items() for row, figure in _figures(found).items()}
+    details = {
+        name: {"warnings": results[name].warnings, "runs": [_details(result) for result in found]}
+        for name, found in runs.items()
+    }
     settings = {key: value for key, value in vars(options).items() if key not in ("json", "png")}
-    keep(new_record("delay", settings, figures, labels, {name: r.warnings for name, r in results.items()}), options)
+    record = new_record("delay", settings, figures, labels, details)
+    keep(record, options)
     broken = [text for name, result in results.items() for text in _broken(name, result, options)]
     for text in broken:
         print(f"LIMIT BROKEN: {text}")
-    return LIMIT_BROKEN if broken else 0
+    if options.png:
+        delay_report.draw(results, record, options.png)
+    return broken
 
 
 def _parser() -> Any:
@@ -95,6 +124,7 @@ def _parser() -> Any:
     add("--port", metavar="ADDRESS", help="of the thruster link")
     add("--seconds", type=float, default=10.0, metavar="S", help="of each configuration [%(default)s]")
     add("--steps", type=int, default=11, metavar="N", help="steps in surge, for the delay until motion [%(default)s]")
+    add("--repeat", type=int, default=1, metavar="N", help="times, with new processes each time [%(default)s]")
     add("--slave", metavar="ENDPOINT", help="a slave elsewhere, as it is")
     add("--echo", metavar="HOST:UDP:TCP", help="`uuv-hil bench echo` beside it")
     add("--most-p50", type=float, metavar="MS", help="limit of the median")
@@ -124,17 +154,44 @@ def _cases(options: Any) -> list[Case]:
             raise ConfigError(f"--security {texts['security']!r}: expected on or off, or off,on")
     if not 0.1 <= options.seconds <= 86_400.0 or options.steps < 0:
         raise ConfigError("command line: --seconds is from 0.1 to 86400, --steps not negative")
-    if options.slave and (limits_of(options) != Limits() or any((options.protocol, options.stm32, options.baud))):
-        raise ConfigError("command line: --slave is measured as it is: without limits, --protocol, --stm32, --baud")
+    if not 1 <= options.repeat <= 1000:
+        raise ConfigError("command line: --repeat is from 1 to 1000")
+    if options.slave:
+        _check_elsewhere(options, cases)
     return cases
 
 
-def _measure(case: Case, options: Any) -> tuple[Result, tuple[str, ...]]:
+def _check_elsewhere(options: Any, cases: list[Case]) -> None:
+    """That nothing is asked of a slave elsewhere which nobody there would hear of. Raises ConfigError."""
+    if limits_of(options) != Limits() or any((options.protocol, options.stm32, options.baud, options.port)):
+        raise ConfigError(
+            "command line: --slave is measured as it is: without limits, --protocol, --stm32, --baud, --port"
+        )
+    deaf = [key for key in changes_of(options) if not key.startswith(OF_A_MASTER)]
+    if deaf:
+        raise ConfigError(f"--set {deaf[0]}: --slave is measured as it is; change it in the scenario over there")
+    if any(case.security == "on" for case in cases):
+        raise ConfigError(
+            "--security on: makes keys that --slave does not have; leave it out, and name the SCENARIO with this "
+            "machine's in its [security] section"
+        )
+    if options.echo:
+        return
+    if any(case.payload for case in cases):
+        raise ConfigError("--payload: needs somebody to send it to: `uuv-hil bench echo` beside --slave, and --echo")
+    if options.most_over_floor is not None:
+        raise ConfigError(
+            "--most-over-floor: there is no floor without `uuv-hil bench echo` beside --slave, and --echo"
+        )
+
+
+def _measure(case: Case, options: Any, echo: Echo | None) -> tuple[Result, tuple[str, ...]]:
     plan = Plan(case.rate, options.seconds, case.load, case.payload, options.steps)
     with _keys(case.security) as security:
         changes = {**changes_of(options), **_changes(case, options), **security}
         with Bench(options.scenario, changes, limits_of(options)) as bench:
-            return measure(bench, plan, options.slave or "", _echo(options.echo)), bench.labels
+            result = measure(bench, plan, options.slave or "", echo)
+            return result, (*bench.labels, *result.labels)
 
 
 def _changes(case: Case, options: Any) -> dict[str, Any]:
@@ -169,21 +226,39 @@ def _keys(wish: str) -> Iterator[dict[str, Any]]:
         yield {"security": {}, **machines, "security.may_command": ["master"]}
 
 
-def _echo(text: str | None) -> tuple[str, int, int] | None:
+def _echo(text: str | None) -> Echo | None:
     if not text:
         return None
-    host, _, ports = text.partition(":")
-    udp, _, tcp = ports.partition(":")
-    if not (host and udp.isdigit() and tcp.isdigit()):
+    host, udp, tcp = ([*text.rsplit(":", 2), "", ""])[:3]
+    if not (host and all(port.isascii() and port.isdigit() and 0 < int(port) < 65_536 for port in (udp, tcp))):
         raise ConfigError(f"--echo {text!r}: expected HOST:UDP:TCP, as `uuv-hil bench echo` prints it")
     return host, int(udp), int(tcp)
 
 
-def _figures(result: Result) -> dict[str, Figure]:
-    """What goes into the record."""
-    series = {"delay": result.delay, "motion": result.motion, "udp floor": result.udp, "tcp floor": result.tcp}
-    series |= {f"hop {name}": values for name, values in result.hops.items()}
-    return {name: Figure(values, "ms") for name, values in series.items()}
+def _figures(runs: list[Result]) -> dict[str, Figure]:
+    """What goes into the record. A floor is the machine's: less of it is not our merit."""
+    series: dict[str, list[list[float]]] = {
+        "delay": [run.delay for run in runs],
+        "motion": [run.motion for run in runs],
+        "udp floor": [run.udp for run in runs],
+        "tcp floor": [run.tcp for run in runs],
+        **{f"hop {hop}": [run.hops[hop] for run in runs] for hop in HOPS},
+    }
+    return {
+        name: Figure(
+            [value for values in found for value in values],
+            "ms",
+            "" if name in ("udp floor", "tcp floor", "hop wire") else "lower",
+            tuple(map(len, found)),
+        )
+        for name, found in series.items()
+        if any(found) or name == "delay"  # what was not asked for is no figure
+    }
+
+
+def _details(run: Result) -> dict[str, Any]:
+    """Of one run: commands sent and answered, their rate in Hz, and what the floor has beside bare TCP in ms."""
+    return {"sent": run.sent, "answered": len(run.delay), "rate": run.rate, "on the line": run.wire}
 
 
 def _broken(name: str, result: Result, options: Any) -> list[str]:

@@ -1,99 +1,162 @@
-"""`uuv-hil bench jitter`: how late the loop wakes up, beside what the kernel and the bare interpreter do."""
+"""`uuv-hil bench jitter`: how late the loop wakes up, beside what the kernel and a loop with nothing to do achieve."""
 
 import os
-from typing import Any
+from contextlib import ExitStack
+from typing import Any, NamedTuple
 
-from hil.bench.jitter_run import Cycles, Lateness, bare_loop, cyclictest, slave_loop
+from hil.bench.harness import Bench
+from hil.bench.jitter_run import NOTE, Cycles, Lateness, bare_loop, changes_for, cyclictest, slave_loop
 from hil.bench.limits import Limits
+from hil.bench.presence import simulation_of
 from hil.bench.record import Figure, new_record
+from hil.bench.statistics import median
 from hil.columns import aligned
-from hil.commands.bench_options import add_json, add_limits, add_scenario, changes_of, keep, limits_of, show
+from hil.commands.bench_options import (
+    add_json,
+    add_limits,
+    add_scenario,
+    changes_of,
+    check_outputs,
+    keep,
+    limits_of,
+    show,
+)
 from hil.commands.parser import new_parser
 from hil.errors import ConfigError
 
-EXAMPLES = """\
-For each rate, one after the other on the same processor: cyclictest (rt-tests, where it is installed: what the kernel
-can do), a loop in Python that does nothing, and the slave with a master that commands it 20 times a second. Lateness
-counts every cycle: of a wake-up that comes three periods late, three. Since the start, its own included.
+EXAMPLES = f"""\
+For each rate, one after the other on the same processor: cyclictest (rt-tests, where it is installed), the slave's loop
+with nothing to do, and the slave with a master that commands it 20 times a second. Lateness counts every cycle: of a
+wake-up that comes three periods late, three. Since the start, its own included.
+
+{NOTE}
 
 examples:
   uuv-hil bench jitter                                     250 Hz, 400 Hz and 1 kHz, pinned to the last processor
   uuv-hil bench jitter --rates 400 --seconds 60 --json jitter.json
+  uuv-hil bench jitter --repeat 5 --json today.json        enough for `uuv-hil bench compare`
   uuv-hil bench jitter --cpus 0 --check                    exit code 1 when less than 99 % of cycles are within 2 ms
 """
 WITHIN = 0.99
 MISSED = 1
 
 
+class Found(NamedTuple):
+    """One rate in one run."""
+
+    kernel: Lateness | None
+    bare: Lateness
+    slave: Cycles
+
+
 def main(arguments: list[str]) -> int:
     """Measure and print; 0, or 1 with --check when cycles are missed. Raises HilError."""
-    parser = new_parser("bench jitter", __doc__, EXAMPLES)
-    add_scenario(parser)
-    parser.add_argument("--rates", default="250,400,1000", metavar="LIST", help="in Hz [%(default)s]")
-    parser.add_argument("--seconds", type=float, default=20.0, metavar="S", help="for each [%(default)s]")
-    parser.add_argument("--check", action="store_true", help="whether 99 %% of the cycles are within 2 ms")
-    add_limits(parser)
-    add_json(parser)
-    options = parser.parse_args(arguments)
+    options = _parser().parse_args(arguments)
+    check_outputs(options)
     rates = _rates(options.rates)
-    if not 1.0 <= options.seconds <= 86_400.0:
-        raise ConfigError("command line: --seconds is from 1 to 86400")
+    if not 1.0 <= options.seconds <= 86_400.0 or options.repeat < 1:
+        raise ConfigError("command line: --seconds is from 1 to 86400, --repeat at least 1")
     limits = limits_of(options)
     limits = limits if limits.cpus else limits._replace(cpus=(_last_cpu(),))
-    rows: list[list[str]] = [["", "late p50 us", "p99", "p99.9", "max", "within 2 ms", "skipped", "behind"]]
-    figures: dict[str, Figure] = {}
-    kept = True
-    for rate in rates:
-        kept &= _measure(rate, options, limits, rows, figures)
-    show("")
-    record = new_record("jitter", {"rates": rates, "seconds": options.seconds}, figures, (limits.label,))
-    print("\n".join(aligned(rows, rule=True)))
+    found: dict[float, list[Found]] = {rate: [] for rate in rates}
+    with ExitStack() as stack:
+        stack.callback(show, "")
+        benches = [_bench(rate, options, limits, stack) for rate in rates]
+        for number in range(options.repeat):
+            for rate, bench in zip(rates, benches, strict=True):
+                found[rate].append(_measure(rate, bench, options, limits.cpus[0], number))
+        labels = benches[0].labels
+    print("\n".join(_table(found)))
+    if options.repeat > 1:
+        print(f"medians of {options.repeat} runs")
     print(f"pinned to processor {','.join(map(str, limits.cpus))}; behind: cycles that the schedule lacks at the end")
-    keep(record, options)
+    print(NOTE)
+    asked = {key: getattr(options, key) for key in ("scenario", "set", "seconds", "repeat")}
+    figures = {name: figure for rate, runs in found.items() for name, figure in _figures(f"{rate:g} Hz", runs).items()}
+    keep(new_record("jitter", asked | {"rates": rates, "cpus": limits.cpus}, figures, labels), options)
+    kept = all(run.slave.within >= WITHIN for runs in found.values() for run in runs)
     if options.check and not kept:
         print(f"MISSED: less than {WITHIN:.0%} of the cycles were within 2 ms")
     return MISSED if options.check and not kept else 0
 
 
-def _measure(rate: float, options: Any, limits: Limits, rows: list[list[str]], figures: dict[str, Figure]) -> bool:
-    """One rate's rows and figures; whether its slave kept to it."""
-    cpu = limits.cpus[0]
-    show(f"{rate:g} Hz: cyclictest")
+def _parser() -> Any:
+    parser = new_parser("bench jitter", __doc__, EXAMPLES)
+    add_scenario(parser)
+    add = parser.add_argument
+    add("--rates", default="250,400,1000", metavar="LIST", help="in Hz [%(default)s]")
+    add("--seconds", type=float, default=20.0, metavar="S", help="for each [%(default)s]")
+    add("--repeat", type=int, default=1, metavar="N", help="whole runs, each with new slaves [%(default)s]")
+    add("--check", action="store_true", help="whether 99 %% of the cycles are within 2 ms")
+    add_limits(parser)
+    add_json(parser)
+    return parser
+
+
+def _bench(rate: float, options: Any, limits: Limits, stack: ExitStack) -> Bench:
+    """The place of that rate's slaves, looked at before anything is measured. Raises ConfigError."""
+    bench = stack.enter_context(Bench(options.scenario, changes_of(options) | changes_for(rate), limits))
+    simulation_of(bench.scenario)
+    return bench
+
+
+def _measure(rate: float, bench: Bench, options: Any, cpu: int, number: int) -> Found:
+    run = f"{number + 1} of {options.repeat}: " if options.repeat > 1 else ""
+
+    def watch(share: float) -> None:
+        show(f"{run}{rate:g} Hz: slave {share:4.0%}")
+
+    show(f"{run}{rate:g} Hz: cyclictest")
     kernel = cyclictest(rate, options.seconds / 2, cpu)
-    show(f"{rate:g} Hz: bare loop")
-    bare = bare_loop(rate, options.seconds / 2, cpu)
-    show(f"{rate:g} Hz: slave")
-    slave = slave_loop(rate, options.seconds, options.scenario, limits, changes_of(options))
-    name = f"{rate:g} Hz"
-    mean = f"{kernel.mean:.0f} (mean)" if kernel else ""
-    rows.append([f"{name}, cyclictest", *_cells(kernel), mean, "", ""] if kernel else
-                [f"{name}, cyclictest not installed or not permitted", *[""] * 7])  # fmt: skip
-    rows.append([f"{name}, bare loop", *_cells(bare), "", "", ""])
-    rows.append(
-        [f"{name}, slave", *_cells(slave.late), f"{slave.within:.3%}", str(slave.skipped), f"{slave.drift:.1f}"]
-    )
-    figures |= _figures(name, kernel, bare, slave)
-    return slave.within >= WITHIN
+    show(f"{run}{rate:g} Hz: bare loop")
+    slave = bench.scenario.slave
+    bare = bare_loop(rate, options.seconds / 2, cpu, slave.realtime, slave.stay_awake)
+    return Found(kernel, bare, slave_loop(bench, options.seconds, watch))
 
 
-def _cells(late: Lateness) -> list[str]:
-    return [f"{value:.0f}" for value in late[:4]]
+def _table(found: dict[float, list[Found]]) -> list[str]:
+    """Medians over the runs."""
+    rows = [["", "late p50 us", "p99", "p99.9", "max", "within 2 ms", "skipped", "behind"]]
+    for rate, runs in found.items():
+        name = f"{rate:g} Hz"
+        kernels = [run.kernel for run in runs if run.kernel]
+        if kernels:
+            mean = f"{median([kernel.mean for kernel in kernels]):.0f} (mean)"
+            rows.append([f"{name}, cyclictest", *_cells(kernels), mean, "", ""])
+        else:
+            rows.append([f"{name}, cyclictest not installed or not permitted", *[""] * 7])
+        rows.append([f"{name}, bare loop", *_cells([run.bare for run in runs]), "", "", ""])
+        slaves = [run.slave for run in runs]
+        within, skipped, drift = (
+            median([float(getattr(each, name)) for each in slaves]) for name in ("within", "skipped", "drift")
+        )
+        late = _cells([each.late for each in slaves])
+        rows.append([f"{name}, slave", *late, f"{within:.3%}", f"{skipped:g}", f"{drift:.1f}"])
+    return aligned(rows, rule=True)
 
 
-def _figures(name: str, kernel: Lateness | None, bare: Lateness, slave: Cycles) -> dict[str, Figure]:
+def _cells(late: list[Lateness]) -> list[str]:
+    return [f"{median(values):.0f}" for values in zip(*[each[:4] for each in late], strict=True)]
+
+
+def _figures(name: str, runs: list[Found]) -> dict[str, Figure]:
+    """A value for each run, which is a start of the slave."""
+    slaves, kernels = [run.slave for run in runs], [run.kernel for run in runs if run.kernel]
     found = {
-        f"{name} slave p50": Figure([slave.late.p50], "us"),
-        f"{name} slave p99": Figure([slave.late.p99], "us"),
-        f"{name} slave p99.9": Figure([slave.late.p999], "us"),
-        f"{name} slave max": Figure([slave.late.maximum], "us"),
-        f"{name} within 2 ms": Figure([100.0 * slave.within], "%", "higher"),
-        f"{name} skipped": Figure([float(slave.skipped)], "cycles"),
-        f"{name} bare p50": Figure([bare.p50], "us", ""),
+        "slave p50": Figure([each.late.p50 for each in slaves], "us"),
+        "slave p99": Figure([each.late.p99 for each in slaves], "us"),
+        "slave p99.9": Figure([each.late.p999 for each in slaves], "us"),
+        "slave max": Figure([each.late.maximum for each in slaves], "us"),
+        "within 2 ms": Figure([100.0 * each.within for each in slaves], "%", "higher"),
+        "skipped": Figure([float(each.skipped) for each in slaves], "cycles"),
+        "bare p50": Figure([run.bare.p50 for run in runs], "us", ""),
+        "bare p99": Figure([run.bare.p99 for run in runs], "us", ""),
     }
-    if kernel:
-        found[f"{name} cyclictest mean"] = Figure([kernel.mean], "us", "")
-        found[f"{name} slave p50 over cyclictest mean"] = Figure([slave.late.p50 / kernel.mean], "ratio")
-    return found
+    if kernels:
+        found["cyclictest mean"] = Figure([each.mean for each in kernels], "us", "")
+        ratios = [run.slave.late.p50 / run.kernel.mean for run in runs if run.kernel and run.kernel.mean]
+        found["slave p50 over cyclictest mean"] = Figure(ratios, "ratio")
+    return {f"{name} {row}": each._replace(runs=(1,) * len(each.values)) for row, each in found.items()}
 
 
 def _rates(text: str) -> list[float]:
@@ -103,7 +166,7 @@ def _rates(text: str) -> list[float]:
         rates = []
     if not rates or not all(50.0 <= rate <= 5000.0 for rate in rates):
         raise ConfigError(f"--rates {text!r}: expected numbers from 50 to 5000, such as 250,400,1000")
-    return rates
+    return list(dict.fromkeys(rates))
 
 
 def _last_cpu() -> int:

@@ -28,7 +28,7 @@ def add_limits(parser: argparse.ArgumentParser) -> None:
     limits = parser.add_argument_group("less than the machine has, for the slave; results are labelled")
     limits.add_argument("--cpus", metavar="LIST", help="these processors only: 0 or 0,2 or 0-3")
     limits.add_argument("--cpu-quota", metavar="SHARE", help="so much of one core: 25%%; without real-time scheduling")
-    limits.add_argument("--memory", metavar="SIZE", help="so much memory: 512M, 1G")
+    limits.add_argument("--memory", metavar="SIZE", help="so much memory: 512M, 1G; without cached files")
 
 
 def add_json(parser: argparse.ArgumentParser) -> None:

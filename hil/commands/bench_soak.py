@@ -1,34 +1,78 @@
 """`uuv-hil bench soak`: hours of running: whether memory grows, time drifts, and a master always gets back."""
 
 import os
-from math import isnan
+from math import isnan, nan
 from typing import Any
 
+from hil.bench.footer import footer
 from hil.bench.harness import Bench
 from hil.bench.plotting import pyplot
-from hil.bench.record import Figure, new_record
-from hil.bench.soak_run import Look, Soak, soak, trend
+from hil.bench.record import Figure, Record, new_record
+from hil.bench.soak_run import Look, Soak, Soaking, measured, trend
 from hil.bench.statistics import median
-from hil.commands.bench_options import add_json, add_limits, add_scenario, changes_of, keep, limits_of, show
+from hil.commands.bench_options import (
+    add_json,
+    add_limits,
+    add_scenario,
+    changes_of,
+    check_outputs,
+    keep,
+    limits_of,
+    show,
+)
 from hil.commands.parser import new_parser
 from hil.errors import ConfigError
 from hil.stop import StopSignals
 
 EXAMPLES = """\
 A slave that is commanded 20 times a second; the master leaves and comes back now and then. Growth is a straight line
-through the memory, without the first tenth, with its interval of 95 %: it is told to be one when the interval is above
-0 and the line steeper than --leak. Ctrl-C ends early and judges what there is.
+through the memory that no other process shares, without the first tenth, with its interval of 95 %: it is told to be
+one when the interval is above 0 and the line steeper than --leak, and not before half an hour. A slave that ends, hangs
+or is out of reach is a finding. Ctrl-C ends early and judges what there is.
 
 examples:
   uuv-hil bench soak --hours 8 --json soak.json --png soak.png
   uuv-hil bench soak --hours 0.05 --every 2 --leave-every 30
 """
 FOUND = 1
+STOPPED = 130
 LATE_S = 1.0  # a return that takes longer is told
+LEAK_AFTER_S = 1800.0  # before, caches and buffers that fill once look like one
+# What the record and the picture have: a field of Look, what it is called, its unit, whether it is in the picture.
+SERIES = (
+    ("private", "private memory", "MiB", True),
+    ("memory", "memory", "MiB", False),
+    ("delay_p50_ms", "delay p50", "ms", True),
+    ("real_time_factor", "real-time factor", "", True),
+    ("steps_skipped", "steps skipped", "steps", True),
+    ("threads", "threads", "", False),
+    ("descriptors", "descriptors", "", True),
+    ("at_s", "at", "s", False),
+)
 
 
 def main(arguments: list[str]) -> int:
-    """Run and judge; 0, or 1 when something grows, drifts or does not come back. Raises HilError."""
+    """Run and judge; 0, or 1 when something grows, drifts, hangs or does not come back. Raises HilError."""
+    options = _parser().parse_args(arguments)
+    check_outputs(options)
+    if not (0.001 <= options.hours <= 10_000.0 and 0.2 <= options.every <= options.leave_every):
+        raise ConfigError("command line: --hours from 0.001, --every from 0.2 and not above --leave-every")
+    with StopSignals() as stop_fd, Bench(options.scenario, changes_of(options), limits_of(options)) as bench:
+        found = Soaking(bench, options.every, _show, stop_fd).run(options.hours * 3600.0, options.leave_every)
+        labels = bench.labels
+    show("")
+    if not found.looks and not found.silences:
+        print("ended before the first look")
+        return STOPPED
+    findings = judge(found, options.leak)
+    record = _record(found, findings, options, labels)
+    keep(record, options)
+    if options.png:
+        _draw(found, record, options.png)
+    return FOUND if findings else 0
+
+
+def _parser() -> Any:
     parser = new_parser("bench soak", __doc__, EXAMPLES)
     add_scenario(parser)
     add = parser.add_argument
@@ -39,92 +83,98 @@ def main(arguments: list[str]) -> int:
     add_limits(parser)
     add_json(parser)
     add("--png", metavar="FILE", help="memory, delay and time over the run")
-    options = parser.parse_args(arguments)
-    if not (0.001 <= options.hours <= 10_000.0 and 0.2 <= options.every <= options.leave_every):
-        raise ConfigError("command line: --hours from 0.001, --every from 0.2 and not above --leave-every")
-    with StopSignals() as stop_fd, Bench(options.scenario, changes_of(options), limits_of(options)) as bench:
-        found = soak(bench, options.hours * 3600.0, options.every, options.leave_every, _show, stop_fd)
-        labels = bench.labels
-    show("")
-    if not found.looks:
-        print("ended before the first look")
-        return 130
-    findings = _judge(found, options.leak)
-    keep(_record(found, options, labels), options)
-    if options.png:
-        _draw(found, options.png)
-    return FOUND if findings else 0
+    return parser
 
 
 def _show(look: Look) -> None:
     show(
-        f"{look.at_s / 3600.0:.2f} h: {look.memory:.2f} MiB, {look.threads} threads, {look.descriptors} descriptors, "
+        f"{look.at_s / 3600.0:.2f} h: {look.private:.2f} MiB, {look.threads} threads, {look.descriptors} descriptors, "
         f"{look.steps_skipped:.0f} steps skipped, delay p50 {look.delay_p50_ms:.2f} ms"
     )
 
 
-def _judge(found: Soak, leak: float) -> list[str]:
+def judge(found: Soak, leak: float) -> list[str]:
     """Print what came out; the findings that are bad."""
     looks = found.looks[len(found.looks) // 10 :]
-    first, last = looks[0], looks[-1]
-    slope, interval = trend([look.at_s for look in looks], [look.memory for look in looks])
-    bad = []
-    print(f"{last.at_s / 3600.0:.2f} h, {len(found.looks)} looks")
-    if isnan(slope):
-        print("memory: too few looks for a line")
-    else:
-        print(f"memory: {first.memory:.2f} -> {last.memory:.2f} MiB; {slope:+.3f} MiB an hour "
-              f"({interval.low:+.3f} to {interval.high:+.3f})")  # fmt: skip
-        if slope > leak and interval.low > 0.0:
-            bad.append(f"memory grows by {slope:.2f} MiB an hour")
-    print(f"threads {first.threads} -> {last.threads}, descriptors {first.descriptors} -> {last.descriptors}")
-    if last.descriptors > first.descriptors + 5:
-        bad.append(f"descriptors grow from {first.descriptors} to {last.descriptors}")
-    print(f"real-time factor {last.real_time_factor:.5f}, {last.steps_skipped:.0f} steps skipped")
-    if abs(last.real_time_factor - 1.0) > 1e-3:
-        bad.append(f"time drifts: the real-time factor is {last.real_time_factor:.4f}")
-    delays = [look.delay_p50_ms for look in found.looks if not isnan(look.delay_p50_ms)]
-    print(f"command delay p50: median {median(delays):.3f} ms, at most {max(delays, default=float('nan')):.3f} ms")
+    print(f"{looks[-1].at_s / 3600.0 if looks else 0.0:.3f} h, {len(found.looks)} looks")
+    bad = _judge_looks(looks, leak) if looks else []
     bad += _judge_returns(found.returns)
+    for at_s, seconds, reason in found.silences:
+        bad.append(f"silence from {at_s / 3600.0:.3f} h on, for {seconds:.1f} s: {reason}")
     for text in bad:
         print(f"FOUND: {text}")
     return bad
 
 
+def _judge_looks(looks: list[Look], leak: float) -> list[str]:
+    first, last = looks[0], looks[-1]
+    bad = _judge_memory(looks, leak)
+    print(f"threads {first.threads} -> {last.threads}, descriptors {first.descriptors} -> {last.descriptors}")
+    if last.descriptors > first.descriptors + 5:
+        bad.append(f"descriptors grow from {first.descriptors} to {last.descriptors}")
+    factors, skipped = (
+        measured([getattr(look, name) for look in looks]) for name in ("real_time_factor", "steps_skipped")
+    )
+    if factors:
+        print(f"real-time factor {factors[-1]:.4f}, {skipped[-1]:.0f} steps skipped")
+        if abs(factors[-1] - 1.0) > 1e-3:
+            bad.append(f"time drifts: the real-time factor is {factors[-1]:.4f}")
+    delays = measured([look.delay_p50_ms for look in looks])
+    print(f"command delay p50: median {median(delays):.3f} ms, at most {max(delays, default=nan):.3f} ms")
+    return bad
+
+
+def _judge_memory(looks: list[Look], leak: float) -> list[str]:
+    """By what is the slave's alone: its share of the rest moves with whoever else uses it."""
+    first, last = looks[0], looks[-1]
+    slope, interval = trend([look.at_s for look in looks], [look.private for look in looks])
+    if isnan(slope):
+        print("memory: too few looks for a line")
+        return []
+    print(f"memory of its own: {first.private:.2f} -> {last.private:.2f} MiB; {slope:+.3f} MiB an hour "
+          f"({interval.low:+.3f} to {interval.high:+.3f}); in all {last.memory:.2f} MiB")  # fmt: skip
+    if last.at_s < LEAK_AFTER_S:
+        print(f"no verdict on memory: that takes {LEAK_AFTER_S / 60.0:.0f} minutes")
+        return []
+    grows = slope > leak and interval.low > 0.0
+    return [f"memory grows by {slope:.2f} MiB an hour"] if grows else []
+
+
 def _judge_returns(returns: list[float | None]) -> list[str]:
     there = [seconds for seconds in returns if seconds is not None]
-    slowest = max(there, default=0.0)
-    print(f"the master came {len(there)} of {len(returns)} times; first sample after {slowest:.3f} s at most")
-    bad = [f"{len(returns) - len(there)} times the vehicle did not answer"] if len(there) < len(returns) else []
-    return bad + ([f"a return took {max(there):.1f} s"] if there and max(there) > LATE_S else [])
+    if not returns:
+        return []
+    slowest = max(there, default=nan)
+    print(f"the master came back {len(there)} of {len(returns)} times; first sample after {slowest:.3f} s at most")
+    missed = len(returns) - len(there)
+    bad = [f"a master that came back was not answered ({missed} of {len(returns)} times)"] if missed else []
+    return bad + ([f"a return took {slowest:.1f} s"] if slowest > LATE_S else [])
 
 
-def _record(found: Soak, options: Any, labels: tuple[str, ...]) -> Any:
-    looks = found.looks
-    figures = {
-        "memory": Figure([look.memory for look in looks], "MiB"),
-        "descriptors": Figure([float(look.descriptors) for look in looks], "", ""),
-        "delay p50": Figure([look.delay_p50_ms for look in looks], "ms"),
-        "return": Figure([seconds for seconds in found.returns if seconds is not None], "s"),
-        "at": Figure([look.at_s for look in looks], "s", ""),
-    }
-    settings = {key: getattr(options, key) for key in ("scenario", "set", "hours", "every", "leave_every")}
-    return new_record("soak", settings, figures, labels)
+def _record(found: Soak, findings: list[str], options: Any, labels: tuple[str, ...]) -> Record:
+    figures: dict[str, Figure] = {}
+    for field, name, unit, _ in SERIES:
+        values = [float(getattr(look, field)) for look in found.looks]
+        figures[name] = Figure(values, unit, "lower" if unit in ("MiB", "ms") else "", (len(values),))
+    figures["return"] = Figure([seconds for seconds in found.returns if seconds is not None], "s")
+    settings = {key: getattr(options, key) for key in ("scenario", "set", "hours", "every", "leave_every", "leak")}
+    details = {"found": findings, "silences": [silence._asdict() for silence in found.silences]}
+    return new_record("soak", settings, figures, labels, details)
 
 
-def _draw(found: Soak, path: str) -> None:
+def _draw(found: Soak, record: Record, path: str) -> None:
     plt = pyplot()
-    figure, panels = plt.subplots(3, 1, figsize=(10, 8), layout="constrained", sharex=True)
+    drawn = [row for row in SERIES if row[3]]
+    figure, panels = plt.subplots(len(drawn), 1, figsize=(10, 11), layout="constrained", sharex=True)
     hours = [look.at_s / 3600.0 for look in found.looks]
-    for panel, name, label in zip(
-        panels,
-        ("memory", "delay_p50_ms", "descriptors"),
-        ("memory (MiB)", "delay p50 (ms)", "descriptors"),
-        strict=True,
-    ):
-        panel.plot(hours, [getattr(look, name) for look in found.looks])
-        panel.set(ylabel=label)
+    for panel, (field, name, unit, _) in zip(panels, drawn, strict=True):
+        panel.plot(hours, [getattr(look, field) for look in found.looks])
+        panel.set(ylabel=f"{name} ({unit})" if unit not in ("", "steps") else name)
+        panel.ticklabel_format(axis="y", useOffset=False)
+        for at_s, seconds, _ in found.silences:
+            panel.axvspan(at_s / 3600.0, (at_s + seconds) / 3600.0, color="C3", alpha=0.2)
     panels[-1].set(xlabel="time (h)")
+    figure.supxlabel(footer(record), fontsize="x-small", color="0.4")
     try:
         figure.savefig(path, dpi=110)
     except (OSError, ValueError) as error:

@@ -5,10 +5,19 @@ from typing import Any
 
 from hil.bench.harness import Bench
 from hil.bench.record import Figure, new_record
-from hil.bench.startup_run import AT_MASTER, FLOORS, PHASES, Start, coldness, files_of_a_start, start, time_floor
+from hil.bench.startup_run import AT_MASTER, PHASES, Start, coldness, files_of_a_start, floors, start, time_floor
 from hil.bench.statistics import median, spread
 from hil.columns import aligned
-from hil.commands.bench_options import add_json, add_limits, add_scenario, changes_of, keep, limits_of, show
+from hil.commands.bench_options import (
+    add_json,
+    add_limits,
+    add_scenario,
+    changes_of,
+    check_outputs,
+    keep,
+    limits_of,
+    show,
+)
 from hil.commands.parser import new_parser
 from hil.errors import ConfigError
 
@@ -39,12 +48,13 @@ def main(arguments: list[str]) -> int:
     add_limits(parser)
     add_json(parser)
     options = parser.parse_args(arguments)
+    check_outputs(options)
     if options.runs < 1:
         raise ConfigError("command line: --runs is at least 1")
     found, how, labels = _measure(options)
     print(_text(found))
     print(f"medians of {options.runs} starts each, (range of the middle half); ms")
-    for line in (*how, *(f"label: {label}" for label in labels)):
+    for line in how:
         print(line)
     figures = {f"{row} [{kind}]": Figure(v, "ms") for kind, rows in found.items() for row, v in rows.items()}
     settings = {key: getattr(options, key) for key in ("scenario", "set", "runs", "drop_caches")}
@@ -72,16 +82,16 @@ def _measure(options: Any) -> tuple[dict[str, Series], list[str], tuple[str, ...
 
 def _series(bench: Bench, runs: int, before: Callable[[], None], kind: str) -> Series:
     starts: list[Start] = []
-    floors: Series = {name: [] for name in FLOORS}
+    bare: Series = {name: [] for name in floors()}
     for number in range(runs):
         show(f"{kind}: {number + 1} of {runs}")
         before()
         starts.append(start(bench))
-        for name, code in FLOORS.items():
+        for name, code in floors().items():
             before()
-            floors[name].append(time_floor(code))
+            bare[name].append(time_floor(bench, code))
     phases = {name: [one.phases()[name] for one in starts] for name in (*PHASES.values(), AT_MASTER)}
-    return {**phases, "all": [one.total for one in starts], **floors}
+    return {**phases, "all": [one.total for one in starts], **bare}
 
 
 def _leave() -> None:

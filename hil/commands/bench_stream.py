@@ -1,90 +1,152 @@
 """`uuv-hil bench stream`: what reaches the master of every topic: rate, loss, age and bandwidth."""
 
 from contextlib import ExitStack
+from math import isnan
 from typing import Any
 
-from hil.bench.harness import Bench
-from hil.bench.record import Figure, new_record
-from hil.bench.stream_run import Listener, Stream, nominal_hz
+from hil.bench.harness import Bench, labels_of
+from hil.bench.limits import Limits
+from hil.bench.record import Better, Figure, new_record
+from hil.bench.statistics import median
+from hil.bench.stream_run import Heard, Listener, Stream
 from hil.columns import aligned
-from hil.commands.bench_options import add_json, add_limits, add_scenario, changes_of, keep, limits_of, show
+from hil.commands.bench_options import (
+    add_json,
+    add_limits,
+    add_scenario,
+    changes_of,
+    check_outputs,
+    keep,
+    limits_of,
+    show,
+)
 from hil.commands.parser import new_parser
-from hil.config import Scenario, load_scenario
+from hil.config import load_scenario
 from hil.errors import ConfigError
 
 EXAMPLES = """\
-Loss is by sequence numbers, age from publish to receipt by the estimated offset of the two clocks (0 on one machine).
-A vehicle elsewhere is only listened to; without --slave one is started here.
+Loss is by sequence numbers, "missing" what the nominal rate leaves to be wished for: what was never sent is in it too.
+Age is from publish to receipt by the estimated offset of the two clocks (0 on one machine). Topics that the scenario's
+sensors should fill and do not have a row of 0 Hz. A vehicle elsewhere is only listened to; without --slave one is
+started here.
 
 examples:
   uuv-hil bench stream --seconds 30
   uuv-hil bench stream --slave tcp/192.168.3.116:7447 --json wlan.json
   uuv-hil bench stream --set sensors.laser.rate=20 --set sensors.imu.rate=400
+  uuv-hil bench stream --repeat 5 --json today.json            enough for `uuv-hil bench compare`
 """
+# What goes into the record: a field of Stream, what it is called there, its unit, what makes it that, which is better.
+ROWS: tuple[tuple[str, str, str, float, Better], ...] = (
+    ("rate", "rate", "Hz", 1.0, "higher"),
+    ("loss", "loss", "%", 100.0, "lower"),
+    ("missing", "missing", "%", 100.0, "lower"),
+    ("age_p50", "age p50", "ms", 1.0, "lower"),
+    ("age_p99", "age p99", "ms", 1.0, "lower"),
+    ("bytes_s", "bandwidth", "bytes/s", 1.0, ""),
+)
 
 
 def main(arguments: list[str]) -> int:
     """Measure and print; the exit code. Raises HilError."""
-    parser = new_parser("bench stream", __doc__, EXAMPLES)
-    add_scenario(parser)
-    parser.add_argument("--slave", metavar="ENDPOINT", help="a slave elsewhere [one is started here]")
-    parser.add_argument("--seconds", type=float, default=10.0, metavar="S", help="[%(default)s]")
-    add_limits(parser)
-    add_json(parser)
-    options = parser.parse_args(arguments)
-    if not 1.0 <= options.seconds <= 86_400.0:
-        raise ConfigError("command line: --seconds is from 1 to 86400")
-    streams, scenario, labels = _listen(options)
-    print("\n".join(_table(streams, scenario)))
-    settings = {key: getattr(options, key) for key in ("scenario", "set", "slave", "seconds")}
-    keep(new_record("stream", settings, _figures(streams), labels), options)
+    options = _parser().parse_args(arguments)
+    check_outputs(options)
+    if not 1.0 <= options.seconds <= 86_400.0 or options.repeat < 1:
+        raise ConfigError("command line: --seconds is from 1 to 86400, --repeat at least 1")
+    if options.slave and (options.set or limits_of(options) != Limits()):
+        raise ConfigError(
+            "command line: --set, --cpus, --cpu-quota and --memory change a slave started here, not --slave; "
+            "start that one as it shall be, and give its scenario as a file"
+        )
+    runs: list[Heard] = []
+    labels: tuple[str, ...] = ()
+    for number in range(options.repeat):
+        heard, labels = _listen(options, number)
+        runs.append(heard)
+    show("")
+    streams = _by_topic(runs)
+    print("\n".join(_table(streams)))
+    if options.repeat > 1:
+        print(f"medians of {options.repeat} runs of {options.seconds:g} s")
+    dead = [topic for topic, of_runs in streams.items() if not any(stream.rate for stream in of_runs)]
+    if dead:
+        print(f"nothing came on {', '.join(dead)}, which the scenario's sensors should fill")
+    warnings = list(dict.fromkeys(warning for heard in runs for warning in heard.warnings))
+    for warning in warnings:
+        print(f"WARNING: {warning}")
+    settings = {key: getattr(options, key) for key in ("scenario", "set", "slave", "seconds", "repeat")}
+    keep(
+        new_record("stream", settings, _figures(streams, bool(options.slave)), labels, {"warnings": warnings}), options
+    )
     return 0
 
 
-def _listen(options: Any) -> tuple[list[Stream], Scenario, tuple[str, ...]]:
+def _parser() -> Any:
+    parser = new_parser("bench stream", __doc__, EXAMPLES)
+    add_scenario(parser)
+    add = parser.add_argument
+    add("--slave", metavar="ENDPOINT", help="a slave elsewhere [one is started here]")
+    add("--seconds", type=float, default=10.0, metavar="S", help="[%(default)s]")
+    add("--repeat", type=int, default=1, metavar="N", help="whole runs, each with a slave of its own [%(default)s]")
+    add_limits(parser)
+    add_json(parser)
+    return parser
+
+
+def _listen(options: Any, number: int) -> tuple[Heard, tuple[str, ...]]:
+    """One run, and the labels of its figures."""
+    run = f"{number + 1} of {options.repeat}: " if options.repeat > 1 else ""
+
+    def watch(share: float) -> None:
+        show(f"{run}listening for {options.seconds:g} s {min(share, 1.0):4.0%}")
+
     with ExitStack() as stack:
         stack.callback(show, "")
         if options.slave:
-            scenario, labels = load_scenario(options.scenario), ()
-            listener = Listener(options.slave, scenario.slave.node, scenario.network, scenario.security)
-            return stack.enter_context(listener).listen(options.seconds), scenario, labels
+            show(f"{run}waiting for {options.slave}")
+            listener = stack.enter_context(Listener(options.slave, load_scenario(options.scenario)))
+            heard = listener.listen(options.seconds, None, watch)
+            return heard, labels_of(listener.client)
         bench = stack.enter_context(Bench(options.scenario, changes_of(options), limits_of(options)))
         slave = bench.start_slave()
-        scenario = bench.scenario
-        show(f"listening for {options.seconds:g} s")
-        listener = Listener(bench.endpoint, scenario.slave.node, scenario.network, scenario.security)
-        return stack.enter_context(listener).listen(options.seconds, slave), scenario, bench.labels
+        listener = stack.enter_context(Listener(bench.endpoint, bench.scenario))
+        return listener.listen(options.seconds, slave, watch), bench.labels
 
 
-def _table(streams: list[Stream], scenario: Scenario) -> list[str]:
-    rates = {name: fitted.model.rate for name, fitted in scenario.sensors.items()} | {
-        "/clock": scenario.ros.clock, "thruster_wrench": scenario.ros.wrench,
-    }  # fmt: skip
-    rows = [["topic", "Hz", "nominal", "loss", "age p50 ms", "p99 ms", "kB/s"]]
-    for stream in streams:
-        nominal = nominal_hz(stream.topic, rates)
-        rows.append(
-            [
-                stream.topic,
-                f"{stream.rate:.1f}",
-                f"{nominal:g}" if nominal else "-",
-                f"{stream.loss:.3%}",
-                f"{stream.age_p50:.3f}",
-                f"{stream.age_p99:.3f}",
-                f"{stream.bytes_s / 1e3:.2f}",
-            ]
-        )
-    total = sum(stream.rate for stream in streams), sum(stream.bytes_s for stream in streams)
-    rows.append(["all", f"{total[0]:.1f}", "", "", "", "", f"{total[1] / 1e3:.2f}"])
+def _by_topic(runs: list[Heard]) -> dict[str, list[Stream]]:
+    found: dict[str, list[Stream]] = {}
+    for heard in runs:
+        for stream in heard.streams:
+            found.setdefault(stream.topic, []).append(stream)
+    return dict(sorted(found.items()))
+
+
+def _values(streams: list[Stream], field: str) -> list[float]:
+    """That field of each run, but for those where it could not be had."""
+    return [value for value in (getattr(stream, field) for stream in streams) if not isnan(value)]
+
+
+def _table(streams: dict[str, list[Stream]]) -> list[str]:
+    rows = [["topic", "Hz", "nominal", "loss", "missing", "age p50 ms", "p99 ms", "kB/s"]]
+    forms = {"rate": "{:.1f}", "nominal": "{:g}", "loss": "{:.3%}", "missing": "{:.3%}"}
+    forms |= {"age_p50": "{:.3f}", "age_p99": "{:.3f}"}
+    total = [0.0, 0.0]
+    for topic, of_runs in streams.items():
+        cells = [forms[field].format(median(values)) if (values := _values(of_runs, field)) else "-" for field in forms]
+        rate, bytes_s = (median(_values(of_runs, field)) for field in ("rate", "bytes_s"))
+        rows.append([topic, *cells, f"{bytes_s / 1e3:.2f}"])
+        total = [total[0] + rate, total[1] + bytes_s]
+    rows.append(["all", f"{total[0]:.1f}", *[""] * 5, f"{total[1] / 1e3:.2f}"])
     return aligned(rows, rule=True)
 
 
-def _figures(streams: list[Stream]) -> dict[str, Figure]:
+def _figures(streams: dict[str, list[Stream]], elsewhere: bool) -> dict[str, Figure]:
+    """A value for each run, which is a start of the slave unless that is `elsewhere`."""
     found: dict[str, Figure] = {}
-    for stream in streams:
-        found[f"{stream.topic} rate"] = Figure([stream.rate], "Hz", "higher")
-        found[f"{stream.topic} loss"] = Figure([100.0 * stream.loss], "%")
-        found[f"{stream.topic} age p50"] = Figure([stream.age_p50], "ms")
-        found[f"{stream.topic} age p99"] = Figure([stream.age_p99], "ms")
-        found[f"{stream.topic} bandwidth"] = Figure([stream.bytes_s], "bytes/s", "")
+    for topic, of_runs in streams.items():
+        for field, name, unit, factor, better in ROWS:
+            values = [factor * value for value in _values(of_runs, field)]
+            if values:
+                runs = (len(values),) if elsewhere else (1,) * len(values)
+                found[f"{topic} {name}"] = Figure(values, unit, better, runs)
     return found

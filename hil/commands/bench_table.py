@@ -3,17 +3,27 @@
 import os
 from typing import Any
 
-from boards import Budgets, load_board
+from boards import Board, load_board
 from boards.health import recognise
 from boards.tree import Tree
 from hil.bench import board_table
-from hil.bench.board_table import Column
+from hil.bench.board_table import HERE, Column
 from hil.bench.harness import Bench
 from hil.bench.record import Figure, Record, load, new_record, write_text
 from hil.bench.table_run import Run, figures, fly
-from hil.commands.bench_options import add_json, add_limits, add_scenario, changes_of, keep, limits_of, show
+from hil.commands.bench_options import (
+    add_json,
+    add_limits,
+    add_scenario,
+    changes_of,
+    check_outputs,
+    keep,
+    limits_of,
+    show,
+)
 from hil.commands.parser import new_parser
-from hil.errors import ConfigError
+from hil.errors import ConfigError, HilError
+from hil.process import boot_id
 from hil.schema import preset_names
 
 EXAMPLES = """\
@@ -31,36 +41,35 @@ examples:
   uuv-hil bench table --json today.json --against yesterday.json --png table.png
 """
 BUDGET_MISSED = 1
-HERE = "this machine"
 
 
 def main(arguments: list[str]) -> int:
-    """Measure and print; 0, or 1 with --check when a budget is missed. Raises HilError."""
+    """Measure and print; 0, or 1 with --check when a budget is missed. Raises HilError.
+
+    When a run fails after others, those are told all the same, and the code is that of the error.
+    """
     options = _parser().parse_args(arguments)
+    check_outputs(options)
     if options.repeat < 1 or not 1.0 <= options.seconds <= 86_400.0:
         raise ConfigError("command line: --repeat is at least 1, --seconds from 1 to 86400")
     earlier = [column for path in options.against for column in _earlier(path)]
     if options.slave and (options.cpus or options.cpu_quota or options.memory):
         raise ConfigError("command line: --cpus, --cpu-quota and --memory limit a slave started here, not --slave")
-    record, slaves = _measure(options)
+    board = _board(options)
+    record, failures = _measure(options)
     ours = board_table.columns_of(record)
     columns = [*board_table.paper(), *earlier, *(_named(column) for column in ours)]
     _write(columns, options)
-    keep(record, options)
     print(board_table.text(columns))
-    for line in (
-        f"medians of {options.repeat} runs of {options.seconds:g} s; (range of the middle half)",
-        *_said(record),
-    ):
+    runs = f"up to {options.repeat}" if failures else options.repeat
+    print(f"medians of {runs} runs of {options.seconds:g} s; (range of the middle half)")
+    for line in (*board_table.remarks(earlier), *_said(record)):
         print(line)
-    if not options.check:
-        return 0
-    broken = [text for column in ours for text in _missed(column, slaves[column.title], options.board)]
-    for text in broken:
-        print(f"BUDGET MISSED: {text}")
-    if not broken:
-        print("every budget is kept")
-    return BUDGET_MISSED if broken else 0
+    keep(record, options)
+    for place, error in failures.items():
+        print(f"RUN FAILED: {place}: {error}")
+    broken = _check(ours, record, board) if options.check else 0
+    return next((error.exit_code for error in failures.values()), broken)
 
 
 def _parser() -> Any:
@@ -83,37 +92,47 @@ def _parser() -> Any:
     return parser
 
 
-def _measure(options: Any) -> tuple[Record, dict[str, dict[str, str]]]:
-    """The record, and what each slave said of itself last."""
+def _measure(options: Any) -> tuple[Record, dict[str, HilError]]:
+    """The record, and what ended the runs of a slave before their time. Raises HilError when there is none at all."""
     changes = {"recording.master": False, **changes_of(options), "master.time_limit": options.seconds}
     found: dict[str, Figure] = {}
-    slaves: dict[str, dict[str, str]] = {}
     details: dict[str, Any] = {}
     labels: tuple[str, ...] = ()
+    failures: dict[str, HilError] = {}
     for endpoint in options.slave or [""]:
+        name = endpoint or HERE
         with Bench(options.scenario, changes, limits_of(options)) as bench:
-            runs = _repeat(bench, options.repeat, endpoint)
+            runs: list[Run] = []
+            try:
+                _repeat(bench, options.repeat, endpoint, runs)
+            except HilError as error:
+                failures[f"{name}: run {len(runs) + 1} of {options.repeat}"] = error
+            show("")
             labels = bench.labels
-        found |= {f"{name} @ {endpoint}" if endpoint else name: figure for name, figure in figures(runs).items()}
-        slaves[endpoint] = runs[-1].slave
-        details[endpoint or HERE] = {"slave": runs[-1].slave, "notes": sorted({n for run in runs for n in run.notes})}
+        if runs:
+            found |= {f"{row} @ {endpoint}" if endpoint else row: figure for row, figure in figures(runs).items()}
+            details[name] = {
+                "slave": runs[-1].slave,
+                "notes": sorted({text for run in runs for text in run.notes}),
+                "warnings": sorted({text for run in runs for text in run.warnings}),
+            }
+    if not found:
+        raise next(iter(failures.values()))
     settings = {key: getattr(options, key) for key in ("scenario", "set", "slave", "repeat", "seconds")}
-    return new_record("table", settings, found, labels, details), slaves
+    return new_record("table", settings, found, labels, details), failures
 
 
-def _repeat(bench: Bench, times: int, endpoint: str) -> list[Run]:
+def _repeat(bench: Bench, times: int, endpoint: str, runs: list[Run]) -> None:
+    """Add runs, one by one, so that those before one that fails are not lost. Raises HilError."""
     if not endpoint:
         show("warming the caches")
         warm = bench.start_slave()
         with bench.client() as client:
             client.wait_for_vehicle(60.0)
         warm.stop()
-    runs = []
     for number in range(times):
         show(f"{endpoint or HERE}: run {number + 1} of {times}")
         runs.append(fly(bench, number, endpoint))
-    show("")
-    return runs
 
 
 def _earlier(path: str) -> list[Column]:
@@ -142,7 +161,6 @@ def _said(record: Record) -> list[str]:
     lines = [
         f"master here: {machine['cpu']}, {machine['cores']} cores, {machine['kernel']}, Python {machine['python']}, "
         f"load {machine['load']:.1f}",
-        *(f"label: {label}" for label in record.labels),
     ]
     for name, detail in record.details.items():
         slave = detail["slave"]
@@ -152,22 +170,49 @@ def _said(record: Record) -> list[str]:
             f"{slave.get('loop_rate_hz', '-')} Hz, link {slave.get('link_port', '-')}{compiled}"
         )
         lines += [f"note: {note}" for note in detail["notes"]]
+        lines += [f"WARNING: (!) is not to be trusted: {text}" for text in detail["warnings"]]
     return lines
 
 
-def _missed(column: Column, slave: dict[str, str], board: str | None) -> list[str]:
-    name, budgets = _budgets(column.title, slave, board)
-    return [f"{name}: {text}" for text in board_table.missed(column, budgets)]
+def _check(columns: list[Column], record: Record, board: Board | None) -> int:
+    """Hold each against its budgets, and say which are missed. Raises ConfigError when a slave has none."""
+    broken = []
+    for column in columns:
+        its = board or _board_of(column.title, record.details[column.title or HERE]["slave"])
+        broken += [f"{its.name}: {text}" for text in board_table.missed(column, its.budgets)]
+    for text in broken:
+        print(f"BUDGET MISSED: {text}")
+    if not broken:
+        print("every budget is kept")
+    return BUDGET_MISSED if broken else 0
 
 
-def _budgets(endpoint: str, slave: dict[str, str], wish: str | None) -> tuple[str, Budgets]:
-    """Of the board wished for, of the one that a slave elsewhere says it is, or of this machine."""
-    found = load_board(wish) if wish else None
-    if found is None and endpoint:
-        boards = map(load_board, preset_names("boards"))
-        found = next((board for board in boards if board.name == slave.get("board")), None)
-    elif found is None:
+def _board(options: Any) -> Board | None:
+    """The one wished for, else this machine's if it is to be checked; None: slaves elsewhere say theirs.
+
+    Raises ConfigError.
+    """
+    if options.board:
+        return load_board(options.board)
+    if options.slave or not options.check:
+        return None
+    found = recognise(Tree())
+    if found is None:
+        raise ConfigError(f"no budgets for this machine; {_remedy()}")
+    return found
+
+
+def _board_of(endpoint: str, slave: dict[str, str]) -> Board:
+    """The board that a slave says it is, or this machine's where it runs here. Raises ConfigError."""
+    said = slave.get("board", "")
+    boards = map(load_board, preset_names("boards"))
+    found = next((board for board in boards if board.name == said), None)
+    if found is None and slave.get("boot_id") == boot_id():
         found = recognise(Tree())
     if found is None:
-        raise ConfigError(f"no budgets for {slave.get('board') or 'this machine'}; name a board with --board")
-    return found.name, found.budgets
+        raise ConfigError(f"no budgets for {endpoint}, which says that its board is {said!r}; {_remedy()}")
+    return found
+
+
+def _remedy() -> str:
+    return f"name a board with --board NAME: {', '.join(preset_names('boards'))}"

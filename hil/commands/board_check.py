@@ -30,7 +30,8 @@ def read(name: str, listen: str | None = None, member: str | None = None) -> Sce
 
 def assemble(scenario: Scenario) -> None:
     """Put together what the slave does before it opens a device. Raises HilError."""
-    settings("slave", (scenario.slave.listen,), (), scenario.network, scenario.security)
+    router = scenario.network.router
+    settings("slave", (scenario.slave.listen,), (router,) if router else (), scenario.network, scenario.security)
     if any(fitted.heavy for fitted in scenario.sensors.values()):
         scenario = Imaging(scenario, print).scenario
     vehicle, control = load_vehicle(scenario.vehicle)

@@ -1,4 +1,4 @@
-"""What the doctor looks at of the installation: packages, bytecode, the step, and what a process is granted."""
+"""What the doctor looks at of the installation: packages, bytecode, the start, the step, what a process is granted."""
 
 import os
 import platform
@@ -6,15 +6,17 @@ import shlex
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from importlib import metadata
-from importlib.util import cache_from_source
+from importlib.util import cache_from_source, find_spec
 
 from hil import __version__
 from hil.clock import LOOP_PRIORITY
-from hil.commands.doctor_case import Case, Finding, Level, as_user
-from hil.config import Scenario, build_simulation
-from hil.errors import ConfigError
+from hil.commands.board_check import assemble
+from hil.commands.doctor_case import Case, Finding, Level, User, as_user
+from hil.config import Recording, Scenario, build_simulation
+from hil.errors import ConfigError, HilError, MissingExtraError, NetworkError
+from hil.fleet import as_member
 from hil.links.contract import PWM_NEUTRAL_US
 
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
@@ -45,6 +47,99 @@ def software(case: Case) -> Iterator[Finding]:
         if word in WANTED:
             yield library(*WANTED[word], case.severity)
     yield bytecode(ROOT)
+    if case.scenario:
+        yield from start(case.scenario, case.user)
+
+
+def start(scenario: Scenario, user: User) -> Iterator[Finding]:
+    """Whether the slave would start, record as `user`, and the planner find a way: what refuses is a problem."""
+    looks: tuple[tuple[str, Callable[[], object]], ...] = (
+        ("slave", lambda: _assemble(scenario)),
+        ("link", lambda: _open_protocols(scenario)),
+        ("recording", lambda: _require_room(scenario.recording, user)),
+        ("planner", lambda: _plan(scenario)),
+    )
+    told = set()
+    for topic, look in looks:
+        fault = _fault(topic, look, scenario.path)
+        if fault and fault.text not in told:
+            told.add(fault.text)
+            yield fault
+    if not told:
+        yield Finding("ok", "start", f"{scenario.path} can be put together")
+
+
+def _fault(topic: str, look: Callable[[], object], path: str) -> Finding | None:
+    """What `look` raises, as a problem with the remedy; None if it raises nothing."""
+    try:
+        look()
+    except (NetworkError, MissingExtraError) as error:  # these tell what to do
+        return Finding("problem", topic, str(error))
+    except HilError as error:
+        return Finding("problem", topic, str(error), f"mend it in {path}")
+    except Exception as error:  # noqa: BLE001 - a class of the user's own may raise anything
+        return Finding(
+            "problem", topic, f"{type(error).__name__}: {error}", f"mend it in {path}, or in what that names"
+        )
+    return None
+
+
+def _assemble(scenario: Scenario) -> None:
+    """Raises HilError when a slave would end before it opens a device; of a fleet any."""
+    for each in [as_member(scenario, member.node) for member in scenario.member] or [scenario]:
+        assemble(each)
+
+
+def _open_protocols(scenario: Scenario) -> None:
+    """Raises ConfigError or MissingExtraError when an end of the link that is ours would not open."""
+    from hil.links.protocols import Role
+    from hil.slave.stm32 import end_protocol
+    from sim.vehicle import load_vehicle
+
+    vehicle, _ = load_vehicle(scenario.vehicle)
+    ours: tuple[Role, ...] = ("host", "device") if scenario.stm32 in ("python", "process") else ("host",)
+    for role in ours:
+        end_protocol(scenario.link, role, len(vehicle.channels))
+
+
+def _require_room(recording: Recording, user: User) -> None:
+    """Raises ConfigError or MissingExtraError when the slave is to record and could not. Nothing is made."""
+    if not recording.slave:
+        return
+    from hil.transport.recording_mcap import require_library
+
+    require_library()
+    folder = there = os.path.abspath(recording.folder)
+    while not os.path.lexists(there):
+        there = os.path.dirname(there)
+    where = f"[recording] folder {folder}"
+    if not os.path.isdir(there):
+        raise ConfigError(f"{where} cannot be made: {there} is no folder")
+    if not may_write(there, user):
+        raise ConfigError(f"{where} cannot be written: no permission for {user.name} in {there}")
+    disk = os.statvfs(there)
+    free = disk.f_bavail * disk.f_frsize / 2**20
+    if free < recording.keep_free:
+        raise ConfigError(f"{where} has {free:.0f} MiB free, and keep_free is {recording.keep_free:g} MiB")
+
+
+def may_write(folder: str, user: User) -> bool:
+    """Whether `user` may make files in a folder: of others by its mode, root may everywhere."""
+    if user.uid in (0, os.getuid()):
+        return os.access(folder, os.W_OK | os.X_OK)
+    found = os.stat(folder)
+    shift = 6 if found.st_uid == user.uid else 3 if found.st_gid in user.groups else 0
+    return found.st_mode >> shift & 3 == 3
+
+
+def _plan(scenario: Scenario) -> None:
+    """Raises HilError when the master would find no way. Without numpy this is no machine for masters."""
+    led = scenario.planner or scenario.master.goal  # else it is flown from Python, or by ROS
+    if not led or scenario.member or scenario.controller == "external" or find_spec("numpy") is None:
+        return
+    from hil.master.flight import prepare
+
+    prepare(scenario)
 
 
 def step(case: Case) -> Iterator[Finding]:
@@ -60,8 +155,15 @@ def step(case: Case) -> Iterator[Finding]:
         yield Finding("ok", "step", text)
     else:
         yield Finding("note", "step", text, "python -m sim.native.build (a C compiler: sudo apt install gcc)")
-    if case.scenario:
-        yield step_cost(case.scenario, case.board.recommended.core_share if case.board else 0.5)
+    if scenario := case.scenario:
+        share = case.board.recommended.core_share if case.board else 0.5
+        try:
+            yield step_cost(scenario, share)
+        except HilError:  # `start` has told it
+            return
+        except Exception as error:  # noqa: BLE001 - a sensor of the user's own may raise anything
+            text = f"cannot be taken: {type(error).__name__}: {error}"
+            yield Finding("problem", "step", text, "mend the sensor or force that raises it")
 
 
 def step_cost(scenario: Scenario, allowed: float) -> Finding:

@@ -120,7 +120,8 @@ def _why_silent(client: VehicleClient, scenario: Scenario) -> str:
     from hil.transport.diagnosis import why_not
 
     security = scenario.security
-    fault = why_not(client.endpoint, security.folder("master") if security else "")
+    routed = scenario.network.mode == "routed"
+    fault = why_not(client.endpoint, security.folder("master") if security else "", routed)
     if fault and fault.lasting:
         raise NetworkError(f"{client.endpoint}: {fault.text}")
     if fault:

@@ -4,21 +4,23 @@ import select
 import shutil
 import sys
 from collections.abc import Callable
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from typing import Any
 
 from hil.clock import now_ns, seconds_ns
 from hil.columns import aligned
 from hil.commands.parser import new_parser
 from hil.config import load_scenario
-from hil.errors import NetworkError
-from hil.master.health_watch import HealthWatch, Status
+from hil.errors import ConfigError, NetworkError
+from hil.master.health_watch import HealthWatch, Status, Unanswered
 from hil.stop import StopSignals
-from hil.transport.roles import dial
+from hil.transport.roles import dial, visit
+from hil.transport.session import Session
 
 EXAMPLES = """\
 Reads the diagnostics that each slave publishes once a second (diagnostic_msgs/DiagnosticArray) and nothing else, as an
-observer: it disturbs no master. --prometheus serves the same to a monitoring system.
+observer: it disturbs no master. Lateness is that of the last second, and that since the start. --prometheus serves the
+same to a monitoring system.
 
 examples:
   uuv-hil top --connect tcp/192.168.3.116:7447
@@ -28,6 +30,7 @@ examples:
 """
 DEFAULT = "tcp/127.0.0.1:7447"
 REDRAW_S = 0.5
+MOST_WAIT_S = 1e6
 STALE_S = 3.0  # after which figures are old news
 RED, YELLOW, PLAIN = "\x1b[31m", "\x1b[33m", "\x1b[0m"
 
@@ -35,23 +38,28 @@ RED, YELLOW, PLAIN = "\x1b[31m", "\x1b[33m", "\x1b[0m"
 def main(arguments: list[str]) -> int:
     """Show until told to stop; the exit code. Raises ConfigError, NetworkError."""
     options = _parser().parse_args(arguments)
+    if not 0.0 <= options.wait <= MOST_WAIT_S:
+        raise ConfigError(f"--wait {options.wait:g}: expected seconds, such as 5")
     scenario = load_scenario(options.scenario) if options.scenario else None
     endpoints = options.connect or [scenario.slave.listen if scenario else DEFAULT]
     secure: dict[str, Any] = {"network": scenario.network, "security": scenario.security} if scenario else {}
-    with StopSignals() as stop_fd, dial(*endpoints, **secure) as session, ExitStack() as stack:
+    with StopSignals() as stop_fd, _session(endpoints, secure) as session, ExitStack() as stack:
         watch = HealthWatch(session)
+        security = scenario.security if scenario else None
+        unanswered = Unanswered(session, watch, endpoints, security.folder("master") if security else "")
         if options.prometheus:
             from hil.commands.top_prometheus import Endpoint
 
             endpoint = stack.enter_context(Endpoint(options.prometheus, watch))
             print(f"serving {endpoint.address}", flush=True)
         if not options.prometheus or options.once:
-            _wait(watch, endpoints, options.wait, stop_fd)
+            _wait(watch, unanswered, endpoints, options.wait, stop_fd)
         if options.once:
             _settle(watch, options.wait, stop_fd)
-            print(table(watch.statuses(), watch.silent()))
+            unanswered.ask()
+            print("\n".join([table(watch.statuses(), watch.silent()), *unanswered.lines]))
             return 0
-        _show(watch, endpoints, stop_fd)
+        _show(watch, unanswered, endpoints, stop_fd)
     return 0
 
 
@@ -67,16 +75,24 @@ def _parser() -> Any:
     return parser
 
 
-def _wait(watch: HealthWatch, endpoints: list[str], seconds: float, stop_fd: int) -> None:
+def _session(endpoints: list[str], secure: dict[str, Any]) -> Session:
+    """A router lets only a visitor hear the others, who can be at one place only; a slave may come later."""
+    if len(endpoints) == 1:
+        with suppress(NetworkError):
+            return visit(endpoints[0], **secure)
+    return dial(*endpoints, **secure)
+
+
+def _wait(watch: HealthWatch, unanswered: Unanswered, endpoints: list[str], seconds: float, stop_fd: int) -> None:
     """Until the first slave has spoken. Raises NetworkError if none does."""
     deadline = now_ns() + seconds_ns(seconds)
     while not watch.statuses():
         _pause(stop_fd, 0.05)
         if now_ns() > deadline:
-            raise NetworkError(
-                f"nobody at {', '.join(endpoints)} told of its health within {seconds:g} s; is `uuv-hil slave` running "
-                "there, with --listen on an address this machine reaches?"
-            )
+            unanswered.ask()
+            missing = f"no slave at {', '.join(endpoints)} told of its health within {seconds:g} s"
+            remedy = "is `uuv-hil slave` running there, with --listen on an address this machine reaches?"
+            raise NetworkError("; ".join([missing, *unanswered.lines, remedy]))
 
 
 def _settle(watch: HealthWatch, seconds: float, stop_fd: int) -> None:
@@ -91,12 +107,13 @@ def _pause(stop_fd: int, seconds: float) -> None:
         raise KeyboardInterrupt
 
 
-def _show(watch: HealthWatch, endpoints: list[str], stop_fd: int) -> None:
+def _show(watch: HealthWatch, unanswered: Unanswered, endpoints: list[str], stop_fd: int) -> None:
     live = sys.stdout.isatty()
     told = ""
     while not select.select((stop_fd,), (), (), REDRAW_S)[0]:
         statuses, silent = watch.statuses(), watch.silent()
         text = table(statuses, silent, live) if statuses else f"waiting for a slave at {', '.join(endpoints)}"
+        text = "\n".join([text, *unanswered.lines])
         if live:
             width, height = shutil.get_terminal_size()
             lines = [line if "\x1b" in line else line[:width] for line in text.splitlines()]
@@ -123,8 +140,12 @@ def _memory(status: Status) -> str:
     return f"{used:.1f} MiB, {used / all_:.2%}" if used is not None and all_ else "-"
 
 
-def _lateness(status: Status) -> str:
-    return " / ".join([_figure(f"lateness_{name}_us")(status) for name in ("p50", "p99", "max")])
+def _lateness(when: str) -> Callable[[Status], str]:
+    def cell(status: Status) -> str:
+        told = [_figure(f"lateness_{when}{name}_us")(status) for name in ("p50", "p99", "max")]
+        return " / ".join(told) if set(told) != {"-"} else "-"
+
+    return cell
 
 
 def _traffic(status: Status) -> str:
@@ -134,10 +155,12 @@ def _traffic(status: Status) -> str:
 # What each row says, and of which figures; a row without any figure is left out.
 ROWS: dict[str, Callable[[Status], str]] = {
     "board": lambda status: status.values.get("board", "-"),
+    "its figures are of": lambda status: status.values.get("labels", "-"),
     "state": lambda status: status.message if status.present else "GONE",
     "commanded by": lambda status: status.values.get("commander") or "-",
     "loop (Hz)": _figure("loop_rate_hz"),
-    "late p50 / p99 / max (us)": _lateness,
+    "late p50 / p99 / max (us)": _lateness("recent_"),  # of the last second
+    "the same since its start": _lateness(""),
     "steps skipped": _counts("steps_skipped"),
     "real-time factor": _figure("real_time_factor", "{:.4f}"),
     "CPU (of a core)": _figure("cpu", "{:.1%}"),

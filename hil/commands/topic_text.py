@@ -12,6 +12,7 @@ MOST_MESSAGES, FEW_MESSAGES = 128, 4  # of an array of messages that is longer o
 _STRING = re.compile(r'"(?:[^"\\]|\\.)*"')
 _BARE = re.compile(r"[^,:\[\]{}\"']+")
 _WORDS = {"true": True, "false": False, "null": None, "~": None, "": None}
+_WORDS |= {"yes": True, "on": True, "no": False, "off": False}  # as YAML 1.1 has it, and with it ROS's own tools
 _NUMBERS = {".nan": "nan", ".inf": "inf", "-.inf": "-inf", "+.inf": "inf"}  # as YAML writes them
 
 
@@ -35,7 +36,10 @@ def parse_values(text: str) -> dict[str, Any]:
 
 def _parse_flow(text: str) -> dict[str, Any]:
     flow = _Flow(text)
-    value = flow.mapping()
+    try:
+        value = flow.mapping()
+    except RecursionError:
+        raise ConfigError("braces within braces, too deep for any message") from None
     if flow.rest():
         raise flow.error("nothing more was expected")
     return value
@@ -89,7 +93,7 @@ class _Flow:
         """A text in quotes, or a word; with `plain` always a text."""
         first = self._peek()
         if first == '"':
-            return json.loads(self._match(_STRING))
+            return self._quoted()
         if first == "'":
             self._at += 1
             end = self._text.find("'", self._at)
@@ -99,6 +103,15 @@ class _Flow:
             return text
         word = self._match(_BARE).strip()
         return word if plain else plain_value(word)
+
+    def _quoted(self) -> Any:
+        """A text in double quotes."""
+        start = self._at
+        try:
+            return json.loads(self._match(_STRING), strict=False)  # a text may have line breaks in it
+        except json.JSONDecodeError as error:
+            self._at = start
+            raise self.error(error.msg) from None
 
     def _match(self, pattern: re.Pattern[str]) -> str:
         found = pattern.match(self._text, self._at)
@@ -123,7 +136,7 @@ class _Flow:
 
 
 def plain_value(word: str) -> Any:
-    """A word without quotes: a number, true, false, null, or itself."""
+    """A word without quotes: a number, true (yes, on), false (no, off), null, or itself."""
     if word.lower() in _WORDS:
         return _WORDS[word.lower()]
     try:

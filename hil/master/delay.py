@@ -2,11 +2,13 @@
 
 from typing import NamedTuple
 
+from hil.quantiles import quantile
 from hil.transport.clock_offset import ClockOffset, Estimate
 
 HOPS = ("network", "wake-up", "control", "link encode", "wire and STM32")
 INSTANTS = 6, 7  # of a trace; recordings of old have no instant of computing
 HISTORY = 1 << 16  # windows of the clocks' estimate that a mission may have: 18 hours
+UNSURE = 0.75  # of a delay that its clocks are not known to
 
 
 class Sample(NamedTuple):
@@ -32,12 +34,8 @@ class Quantiles(NamedTuple):
 
 def quantiles(values_ns: list[int]) -> Quantiles:
     """Nearest-rank quantiles of durations in ns; all nan when there are none."""
-    if not values_ns:
-        nan = float("nan")
-        return Quantiles(nan, nan, nan, nan)
     ordered = sorted(values_ns)
-    p50, p90, p99 = (ordered[min(int(share * len(ordered)), len(ordered) - 1)] / 1e6 for share in (0.5, 0.9, 0.99))
-    return Quantiles(p50, p90, p99, ordered[-1] / 1e6)
+    return Quantiles(*(quantile(ordered, share) / 1e6 for share in (0.5, 0.9, 0.99, 1.0)))
 
 
 class DelayMeter:
@@ -94,3 +92,28 @@ class DelayMeter:
         if hop:
             return [sample.hops[hop] for sample in self._samples]
         return [sample.hops[0] - self.clock_at(sample.published_ns).offset_ns for sample in self._samples]
+
+
+def judge(meter: DelayMeter) -> list[str]:
+    """Why the delays of `meter` are not to be trusted; nothing if they may be.
+
+    One clock that is not one, or an offset that is not known well enough, shows in delays below zero, in exchanges
+    that contradict the offset, or in an uncertainty nearly as large as the delay.
+    """
+    if not meter.samples:
+        return ["no command was answered by the STM32"]
+    found = []
+    totals, network = meter.totals_ns(), meter.hop_ns(0)
+    negative = sum(total < 0 or hop < 0 for total, hop in zip(totals, network, strict=True))
+    if negative:
+        found.append(f"{negative} of {len(totals)} commands arrived before they were sent: a clock is wrong")
+    offset, uncertainty = meter.offset_ns()
+    if meter.same_clock:
+        true = meter.clock.at(meter.samples[-1].published_ns)
+        if true and abs(true.offset_ns) > true.uncertainty_ns:
+            found.append(f"the slave's clock is {true.offset_ns / 1e6:.3f} ms off, though it should be the master's")
+    elif uncertainty > UNSURE * abs(quantile(sorted(totals), 0.5)):
+        found.append(f"the clocks' offset of {offset / 1e6:.3f} ms is known only to +-{uncertainty / 1e6:.3f} ms")
+    if meter.clock.steps:
+        found.append(f"a clock was set {meter.clock.steps} times meanwhile")
+    return found

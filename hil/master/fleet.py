@@ -177,9 +177,9 @@ class Fleet:
     def _why_not(self) -> str:
         from hil.transport.diagnosis import why_not  # only on the way to an error
 
-        reasons = []
+        reasons, routed = [], self._how[2].mode == "routed"
         for endpoint in self._endpoints:
-            fault = why_not(endpoint, self._security.folder("master") if self._security else "")
+            fault = why_not(endpoint, self._security.folder("master") if self._security else "", routed)
             reasons.append(f"{endpoint}: {fault.text}" if fault else f"{endpoint} answers, but no vehicle does")
         return "; ".join(reasons)
 

@@ -39,6 +39,7 @@ TYPES = {"smooth": bool}  # of arguments; all others are numbers, or arrays of n
 ACCEPT_S = 0.2  # how often the end is looked for
 
 Request = dict[str, Any]
+TOO_LONG: Request = {"id": None, "ok": False, "error": f"a line of more than {LONGEST_LINE} bytes; send several"}
 
 
 class Gateway:
@@ -106,7 +107,9 @@ class _Client:
     def _serve(self) -> None:
         with self._connection, self._connection.makefile("rb") as lines, suppress(OSError):
             while line := lines.readline(LONGEST_LINE):
-                self._say(self._answer(line))
+                self._say(self._answer(line) if _is_whole(line) else TOO_LONG)
+                while not _is_whole(line):
+                    line = lines.readline(LONGEST_LINE)
         self._ended.set()
         for name in self._told:
             with suppress(HilError):  # it is gone, and stops by itself
@@ -192,6 +195,11 @@ class _Client:
                         if key in self._wanted:
                             self._wanted[key] = period, max(due, now - period) + period
                         self._say({"vehicle": key[0], "sensor": key[1], **_described(sample)})
+
+
+def _is_whole(line: bytes) -> bool:
+    """Whether what was read is a line to its end, and not the beginning of a longer one."""
+    return len(line) < LONGEST_LINE or line.endswith(b"\n")
 
 
 def _read(line: bytes) -> Request:

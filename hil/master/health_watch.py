@@ -8,9 +8,11 @@ from hil.clock import NS_PER_S, now_ns
 from hil.transport import ros
 from hil.transport.presence import watch_presence
 from hil.transport.session import Session
+from hil.transport.settings import split
 from hil.transport.tokens import Presence
 
 QUEUE = 256
+ASK_PERIOD_S = 10.0
 # Counters of the diagnostics whose pace is told: name of the pace -> the counter.
 PACES = {
     "cpu": "cpu_s",  # share of a core
@@ -89,6 +91,35 @@ class HealthWatch:
         with self._lock:
             paces = _paces(self._statuses.get(node), values, received_ns)
             self._statuses[node] = Status(node, level, message, values, paces, received_ns, True)
+
+
+class Unanswered:
+    """Which of the `endpoints` that a session dials nobody answers at: asked in a thread while a slave may be missing.
+
+    `folder` has our certificates ("": none); `lines` are one each, with what stands in the way. It ends with the
+    session.
+    """
+
+    def __init__(self, session: Session, watch: HealthWatch, endpoints: list[str], folder: str = "") -> None:
+        self._session, self._watch = session, watch
+        self._endpoints, self._folder = endpoints, folder
+        self.lines: list[str] = []
+        session.every(ASK_PERIOD_S, self.ask, "endpoints")
+
+    def ask(self) -> None:
+        """Ask now; for up to some seconds each."""
+        from hil.transport.diagnosis import why_not  # only when one is missing
+
+        there = sum(status.present for status in self._watch.statuses()) + len(self._watch.silent())
+        missing = self._endpoints if there < len(self._endpoints) else []
+        faults = [(endpoint, why_not(endpoint, self._folder)) for endpoint in missing if not self._reached(endpoint)]
+        self.lines = [f"nobody at {endpoint}: {fault.text}" for endpoint, fault in faults if fault]
+
+    def _reached(self, endpoint: str) -> bool:
+        """As far as links tell, which have ports and addresses but no names."""
+        ports = [split(one)[2] for one in self._endpoints]
+        port = split(endpoint)[2]
+        return ports.count(port) == 1 and self._session.has_dialled(port)
 
 
 def _paces(before: Status | None, values: Mapping[str, str], received_ns: int) -> dict[str, float]:

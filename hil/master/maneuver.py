@@ -33,7 +33,7 @@ class Maneuver:
     """Something the vehicle is doing. `done` says whether it has come to what was asked; it then goes on holding that.
 
     It is over without being done when the vehicle was told something else, or with an error when the vehicle did not
-    obey or stayed away: `wait` raises it.
+    obey or stayed away: `wait` raises it. One that is done may get an error too: then the vehicle holds it no more.
     """
 
     def __init__(self, send: Send, reached: Reached) -> None:
@@ -57,9 +57,8 @@ class Maneuver:
 
     def end(self, error: HilError | None = None) -> None:
         """It goes no further."""
-        if not self._over.is_set():
-            self.error = error
-            self._over.set()
+        self.error = self.error or error
+        self._over.set()
 
     def wait(self, timeout: float | None = None) -> Self:
         """Wait until it is done, at most `timeout` s. Raises MissionError if it does not come to it, NetworkError."""

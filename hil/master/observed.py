@@ -10,11 +10,13 @@ from hil.master.client import Stamped, VehicleClient
 from hil.master.samples import State
 from hil.master.stream import Stream
 from hil.schema import nearest
-from hil.topics import TOPICS
+from hil.topics import TOPICS, is_picture
+from hil.transport import graph
 from hil.transport.security import Security
 from hil.transport.session import Session
 from hil.transport.settings import Network
 
+COMPRESSED = "/compressed"  # what ROS calls a topic's pictures as JPEG ends so
 FIRST_WITHIN_S = 1.0  # that a sensor which has said nothing yet is waited for
 
 T = TypeVar("T")
@@ -76,6 +78,7 @@ class Observed:
     ) -> None:
         self.name = name
         self._part = part
+        self._session = session
         self._streams: dict[str, weakref.WeakSet[Stream]] = {}
         self._first = threading.Condition()
         self._closing = threading.Event()
@@ -135,7 +138,10 @@ class Observed:
 
     def _listen(self, topic: str) -> None:
         if topic not in TOPICS:
-            raise ConfigError(f"{self.name}: no topic {topic!r}{nearest(topic, list(TOPICS))}")
+            raise ConfigError(
+                f"{self.name}: no topic {topic!r}{nearest(topic, list(TOPICS))}; a sensor of your own is known once "
+                "its scenario was read: hil.config.load_scenario(FILE)"
+            )
         self.client.watch(topic)
 
     def _hear(self, topic: str, stamped: Stamped) -> None:
@@ -157,8 +163,19 @@ class Observed:
             )
 
     def _no_sensor(self, topic: str, waited: float) -> str:
-        there = ", ".join(sorted(name for name in self.client.offers() if name.isidentifier()))
-        return (
-            f"{self.name} has sent no {topic!r} for {waited:.1f} s; it sends {there}; other sensors are sections "
-            f"[sensors.NAME] of the slave's scenario"
-        )
+        pictures = self._pictures()
+        there = ", ".join(sorted({name for name in self.client.offers() if name.isidentifier()} | pictures))
+        other = topic.removesuffix(COMPRESSED) if topic.endswith(COMPRESSED) else topic + COMPRESSED
+        if other in pictures - {topic}:
+            remedy = f"its pictures are {other!r}, as [ros] images in the slave's scenario says"
+        else:
+            remedy = "other sensors are sections [sensors.NAME] of the slave's scenario"
+        return f"{self.name} has sent no {topic!r} for {waited:.1f} s; it sends {there}; {remedy}"
+
+    def _pictures(self) -> set[str]:
+        """The topics of its pictures, by its node in the graph: none is sent before somebody asks."""
+        own = f"/{self.name}/"
+        entities = [graph.read_token(key) for key in self._session.tokens(graph.ALL)]
+        published = {entity.topic for entity in entities if entity and entity.kind == "MP"}
+        names = {topic.removeprefix(own) for topic in published if topic.startswith(own)}
+        return {name for name in names if is_picture(name)}

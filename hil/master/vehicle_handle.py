@@ -27,15 +27,16 @@ from hil.transport.ros_frames import encode_wrench
 
 PERIOD_S = 0.05  # of repeating what the vehicle has been told; its deadman waits for ten of these
 GIVE_UP_AFTER_S = 10.0  # of a vehicle's silence
-TOLD_WITHIN_S = 1.3  # that the slave's next figures of health are sure to come
+TOLD_WITHIN_S = 2.3  # that the slave's next two figures of health are sure to come
 LOOK_S = 0.02
 MOST_SPEED = 20.0  # m/s and rad/s
 FAR = 1.0  # m: from there on a vehicle goes to a place bow first
 
 
 class Vehicle(Observed):
-    """One vehicle. What it says are attributes; what it is told are methods, which return at once.
+    """One vehicle. What it says are attributes; what it is told are methods.
 
+    They return at once; only the first waits, when another master was there, until the vehicle says whether it stays.
     It does what it was told until it is told something else; this process repeats it meanwhile, and when that ends the
     vehicle stops. All units are SI and radians; places are NED in m, with depth down; what is along the body is FRD.
     Every attribute raises NetworkError when the vehicle is gone or has no such sensor, every command also when the
@@ -190,9 +191,11 @@ class Vehicle(Observed):
         return new
 
     def _lasting_obstacle(self) -> str:
-        """`_obstacle`, once the vehicle had the time to tell that it is over: the master before may have just left."""
-        deadline = time.monotonic() + (0.0 if self.client.has_commanded else TOLD_WITHIN_S)
-        while self.client.refusal() and time.monotonic() < deadline:
+        """`_obstacle`, once the vehicle had the time to tell: the master that it named may stay, or have just left."""
+        client = self.client
+        deadline = time.monotonic() + (0.0 if client.has_commanded else TOLD_WITHIN_S)
+        while (client.refusal() or client.in_doubt or not client.diagnostics()) and time.monotonic() < deadline:
+            self._require_presence()
             time.sleep(LOOK_S)
         return self._obstacle()
 

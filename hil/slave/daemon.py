@@ -128,10 +128,11 @@ def _assemble(
     epoch_ns = to_wall_ns(now_ns()) - simulation.time_ns
     tape = None
     if scenario.recording.slave:
+        from hil.slave.health import own_name
         from hil.slave.tape import open_tape  # most runs do without
 
         board = board or _recognised()
-        tape = open_tape(scenario, board.name if board else "this machine", epoch_ns, report, stack)
+        tape = open_tape(scenario, board.name if board else own_name(), epoch_ns, report, stack)
     silent = () if scenario.ros.transforms else ("/tf",)
     outbox = (tape.outbox if tape else Outbox)(session, slave.node, epoch_ns, scenario.ros.frame_prefix, silent)
     pilot = None

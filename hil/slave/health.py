@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from boards.tree import Tree
 from hil import process
-from hil.clock import NS_PER_MS, NS_PER_S, NS_PER_US, now_ns, to_wall_ns
+from hil.clock import NS_PER_MS, NS_PER_S, NS_PER_US, Histogram, now_ns, to_wall_ns
 from hil.config import Link
 from hil.slave.contacts import Contacts
 from hil.slave.log import Log
@@ -22,8 +22,36 @@ if TYPE_CHECKING:
 
 PERIOD_S = 1.0
 LEAST_PERIOD_S = 0.1  # when there is news all the time
+RECENT_NS = 900 * NS_PER_MS  # that recent figures are of: what there is each second, however often there is news
 COLLECT_PERIOD_NS = 30 * NS_PER_S
-OK, WARNING = 0, 1
+OK, WARNING, ERROR = 0, 1, 2
+
+
+def own_name() -> str:
+    """What to call a machine that is no known board: "this one" says nothing elsewhere."""
+    kernel = os.uname()
+    return f"{kernel.machine} machine {kernel.nodename}"
+
+
+class RecentLateness:
+    """How late the loop was in the last second: a loop that degrades does not show in figures since its start."""
+
+    def __init__(self) -> None:
+        self._bins = Histogram().bins
+        self._looked_ns = 0
+        self._figures: dict[str, str] = {}
+
+    def figures(self, lateness: Histogram, now: int) -> dict[str, str]:
+        """Of the cycles since the last look; asked again within RECENT_NS of that, the same (`now`: monotonic ns)."""
+        if now - self._looked_ns >= RECENT_NS:
+            recent = lateness.since(self._bins)
+            self._bins, self._looked_ns = list(lateness.bins), now
+            self._figures = {
+                "lateness_recent_p50_us": f"{recent.quantile(0.5) / NS_PER_US:.0f}",
+                "lateness_recent_p99_us": f"{recent.quantile(0.99) / NS_PER_US:.0f}",
+                "lateness_recent_max_us": f"{recent.maximum / NS_PER_US:.0f}",
+            }
+        return self._figures
 
 
 class Health:
@@ -49,7 +77,7 @@ class Health:
         self._log = log
         self._startup = startup
         self._fixed = {
-            "board": board.name if board else "this machine",
+            "board": board.name if board else own_name(),
             "boot_id": process.boot_id(),
             "cores": str(os.cpu_count()),
             "ram_mib": f"{process.ram_mib():.0f}",
@@ -62,6 +90,7 @@ class Health:
             **{f"startup_{name}_ms": f"{(t - startup['exec']) / NS_PER_MS:.1f}" for name, t in startup.items()},
         }
         self._tree, self._board = Tree(), board
+        self._recent = RecentLateness()
         self._memory = process.Memory()
         self._news = log.news  # the inbox's too
         self._stop = threading.Event()
@@ -87,6 +116,7 @@ class Health:
             "uptime_s": f"{(now_ns() - self._startup['exec']) / NS_PER_S:.2f}",
             "cpu_s": f"{process.own_cpu_s(children):.4f}",
             "pss_mib": f"{self._memory.pss_mib(children):.2f}",
+            "rss_mib": f"{process.resident_mib() + sum(map(process.resident_mib, children)):.2f}",
             "processes": str(1 + len(children)),
             "real_time_factor": f"{loop.schedule.due_total * loop.schedule.period_ns / wall_ns:.4f}",
             "loop_rate_hz": f"{NS_PER_S / loop.schedule.period_ns:.0f}",
@@ -94,6 +124,7 @@ class Health:
             "lateness_p99_us": f"{lateness.quantile(0.99) / NS_PER_US:.0f}",
             "lateness_p999_us": f"{lateness.quantile(0.999) / NS_PER_US:.0f}",
             "lateness_max_us": f"{lateness.maximum / NS_PER_US:.0f}",
+            **self._recent.figures(lateness, now_ns()),
             "within_2ms": f"{lateness.share_within(2 * NS_PER_MS):.5f}",
             "behind_ms": f"{(wall_ns - (loop.schedule.due_total + skipped) * loop.schedule.period_ns) / NS_PER_MS:.2f}",
             "steps_skipped": str(skipped),
@@ -129,6 +160,7 @@ class Health:
         figures = {
             "link_port": driver.port,
             "link_losses": str(driver.losses),
+            "stm32_silent": str(driver.silent).lower(),
             "pwm_us": " ".join(map(str, driver.pwm_us)),
         }
         if driver.host:
@@ -137,13 +169,20 @@ class Health:
         return figures
 
     def _publish(self) -> None:
-        pilot = self._loop.pilot
-        waiting = pilot is not None and not pilot.active
-        text = "waiting for commands, thrusters neutral" if waiting else "running"
-        self._loop.outbox.diagnostics("slave", WARNING if waiting else OK, text, self.values())
+        self._loop.outbox.diagnostics("slave", *self._state(), self.values())
+
+    def _state(self) -> tuple[int, str]:
+        """The level of the status, and its words."""
+        driver, pilot = self._loop.driver, self._loop.pilot
+        if driver.silent:
+            return ERROR, f"the STM32 on {driver.port} does not answer: check wiring, baud, protocol"
+        if pilot and not pilot.active:
+            return WARNING, "waiting for commands, thrusters neutral"
+        return OK, "running"
 
     def _run(self) -> None:
         os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+        self._fixed |= _labels(self._tree)
         collect_due_ns, heart = now_ns() + COLLECT_PERIOD_NS, Heartbeat()
         while not self._stop.wait(LEAST_PERIOD_S):
             self._news.wait(PERIOD_S - LEAST_PERIOD_S)
@@ -154,3 +193,11 @@ class Health:
             if now_ns() >= collect_due_ns:
                 gc.collect()  # the loop has switched automatic collection off
                 collect_due_ns = now_ns() + COLLECT_PERIOD_NS
+
+
+def _labels(tree: Tree) -> dict[str, str]:
+    """What makes the figures of this machine stand for something else; asked for when the start is over."""
+    from boards.emulation import labels
+
+    found = labels(tree, os.uname().machine)
+    return {"labels": "; ".join(found)} if found else {}

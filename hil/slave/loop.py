@@ -65,6 +65,7 @@ class Loop:
         self._control_wait_ns = control_period_ns - step_ns // 2  # the step nearest to the period's end, not one later
         self._report = report
         self._awaited: dict[int, tuple[Received, int, int, int]] = {}  # taken, computed, written
+        self._counted_ns = 0  # when it was last looked through
         self._controlled_ns = 0
         self._computed_ns = 0
         self._control_due_ns = 0
@@ -174,6 +175,8 @@ class Loop:
             self.watchdog_trips = telemetry.watchdog_trips
             if self._awaited:
                 self._trace(telemetry, now)
+        if now - self._counted_ns > UNANSWERED_NS:
+            self._count_unanswered(now)
 
     def _trace(self, telemetry: ThrusterTelemetry, now: int) -> None:
         awaited = self._awaited.pop(telemetry.sequence, None)
@@ -182,6 +185,10 @@ class Loop:
             applied_ns = self.driver.applied_ns(telemetry, now)
             instants = map(to_wall_ns, (received.received_ns, taken_ns, written_ns, applied_ns, computed_ns))
             self.outbox.trace(Trace(received.sequence, received.published_ns, *instants))
+
+    def _count_unanswered(self, now: int) -> None:
+        """What an STM32 that says nothing would let grow without end."""
+        self._counted_ns = now
         lost = [sequence for sequence, (_, _, _, written) in self._awaited.items() if now - written > UNANSWERED_NS]
         for sequence in lost:
             del self._awaited[sequence]

@@ -20,7 +20,7 @@ def watch_router(session: Session, router: str, security: "Security | None", rep
 
     def look() -> None:
         nonlocal said
-        fault = None if session.has_dialled(port) else why_not(router, folder)
+        fault = None if session.has_dialled(port) else why_not(router, folder, routed=True)
         if fault and fault.text != said:
             report(f"the router {router} is not reached: {fault.text}")
         said = fault.text if fault else ""

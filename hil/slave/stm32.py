@@ -32,6 +32,7 @@ DRIVERS = {
 SETTLE_NS = NS_PER_S // 10
 LOOK_NS = NS_PER_S // 100  # between two looks while they settle
 RETRY_NS = NS_PER_S // 4  # between two attempts to open a link that went away
+SILENT_NS = NS_PER_S // 2  # without any answer to commands: then the STM32 counts as silent
 
 Report = Callable[[str], None]
 
@@ -40,10 +41,12 @@ class ThrusterDriver(ABC):
     """The STM32 at the end of the slave's link.
 
     `pwm_us` is what the thrusters get now; `port` the path or address at which another program may command
-    them; `children` the process ids that belong to it; `losses` how often its link has gone away.
+    them; `children` the process ids that belong to it; `losses` how often its link has gone away; `silent` whether
+    the STM32 does not answer although its link is there.
     """
 
     losses = 0
+    silent = False
 
     port: str
     host: ThrusterLink | None
@@ -84,7 +87,7 @@ class ThrusterDriver(ABC):
 class Mended(ThrusterDriver):
     """A driver whose link may go away: then the thrusters are neutral, and it is opened again until that works.
 
-    `report` is told once when it goes, with the reason, and once when it is back.
+    `report` is told once when it goes, with the reason, and once when it is back; and so of an STM32 that falls silent.
     """
 
     def __init__(self, open_driver: Callable[[], ThrusterDriver], channels: int, report: Report) -> None:
@@ -94,6 +97,7 @@ class Mended(ThrusterDriver):
         self._driver: ThrusterDriver | None = open_driver()
         self._last = self._driver
         self._lost_ns = self._retry_ns = 0
+        self._asked_ns = 0  # when the first command was sent that has had no answer yet; 0 if there is none
 
     @property
     def port(self) -> str:  # type: ignore[override]
@@ -131,15 +135,26 @@ class Mended(ThrusterDriver):
         if self._driver is None:
             return []
         try:
-            return self._driver.service(now)
+            heard = self._driver.service(now)
         except DeviceError as error:
             self._lose(error, now)
             return []
+        if heard:
+            if self.silent:
+                self._answers(now)
+            self._asked_ns = 0
+        elif self._asked_ns and now - self._asked_ns > SILENT_NS and not self.silent:
+            self.silent = True
+            self._report(
+                f"{self.port}: the STM32 has not answered for {SILENT_NS / NS_PER_S:g} s; check wiring, baud, protocol"
+            )
+        return heard
 
     def send(self, command: ThrusterCommand) -> None:
         """To the driver if there is one; a command for a lost link is lost."""
         if self._driver is None:
             return
+        self._asked_ns = self._asked_ns or now_ns()
         try:
             self._driver.send(command)
         except DeviceError as error:
@@ -154,10 +169,15 @@ class Mended(ThrusterDriver):
         if self._driver:
             self._driver.close()
 
+    def _answers(self, now: int) -> None:
+        self.silent = False
+        self._report(f"{self.port}: the STM32 answers, after {(now - self._asked_ns) / NS_PER_S:.1f} s")
+
     def _lose(self, error: DeviceError, now: int) -> None:
         assert self._driver is not None
         self._report(f"thruster link lost, thrusters neutral: {error}")
         self.losses += 1
+        self.silent, self._asked_ns = False, 0
         driver, self._driver = self._driver, None
         self._lost_ns, self._retry_ns = now, now + RETRY_NS
         driver.close()
@@ -219,7 +239,7 @@ def _stop_thrusters(driver: ThrusterDriver, sequence: int) -> bool:
         driver.send(ThrusterCommand(sequence & 0xFFFF, False, (PWM_NEUTRAL_US,) * channels))
     while True:
         driver.service(now_ns())
-        if all(pulse == PWM_NEUTRAL_US for pulse in driver.pwm_us):
+        if all(pulse == PWM_NEUTRAL_US for pulse in driver.pwm_us) and not driver.silent:
             return True
         left = deadline - now_ns()
         if left <= 0:

@@ -22,8 +22,8 @@ class Fault(NamedTuple):
     lasting: bool
 
 
-def why_not(endpoint: str, folder: str = "") -> Fault | None:
-    """Try to reach a slave or router the way a session does, with the certificates in `folder` ("": none).
+def why_not(endpoint: str, folder: str = "", routed: bool = False) -> Fault | None:
+    """Try to reach a slave, or if `routed` a router, as a session does, with the certificates in `folder` ("": none).
 
     None when all is well: then what is missing is the node, or the right to listen. Raises NetworkError when the
     endpoint cannot be meant.
@@ -33,14 +33,30 @@ def why_not(endpoint: str, folder: str = "") -> Fault | None:
     try:
         connection = socket.create_connection((host, port), TIMEOUT_S)
     except OSError as error:
-        return Fault(_unreachable(error, host, port), False)
+        return Fault(_unreachable(error, host, port, "router" if routed else "slave"), False)
     with connection:
-        return _with_certificate(connection, host, folder) if folder else _without(connection)
+        fault = _with_certificate(connection, host, folder) if folder else _without(connection)
+    return fault if fault or routed else _second(host, port + 1)
 
 
-def _unreachable(error: OSError, host: str, port: int) -> str:
+def _second(host: str, port: int) -> Fault | None:
+    """What is wrong with the port of a slave's second link (`hil.transport.settings`), which a router has not."""
+    try:
+        socket.create_connection((host, port), TIMEOUT_S).close()
+    except ConnectionRefusedError:
+        return Fault(
+            f'it answers on port {port - 1} alone, as a router does: reach that with [network] mode = "routed" in the '
+            "scenario, in Python with routed=True; it shows the vehicles that have dialled it",
+            False,
+        )
+    except OSError:
+        return Fault(f"{host} does not answer on port {port}: a slave needs both ports open in its firewall", False)
+    return None
+
+
+def _unreachable(error: OSError, host: str, port: int, program: str) -> str:
     if isinstance(error, ConnectionRefusedError):
-        return f"{host} is there but nothing listens on port {port}: is `uuv-hil slave` running, with --listen?"
+        return f"{host} is there but nothing listens on port {port}: is `uuv-hil {program}` running, with --listen?"
     if isinstance(error, socket.gaierror):
         return f"no machine is called {host!r} here; give its address"
     if isinstance(error, TimeoutError):

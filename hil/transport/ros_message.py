@@ -7,7 +7,7 @@ A message is a dict by field name. An array of numbers is a tuple, one of bytes 
 of messages a list. Nothing is converted: frames, units and signs are those of ROS.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Hashable, Iterable, Mapping
 from struct import calcsize, error
 from typing import Any
 
@@ -16,6 +16,7 @@ from hil.transport.cdr import MalformedError, Reader, Writer, tolerant
 from hil.transport.types import PRIMITIVES, Field, definition
 
 Message = dict[str, Any]
+_WANTED = {"string": "a text", "bool": "true or false"}  # of any other primitive, a number
 
 
 def encode(type_name: str, values: Mapping[str, Any]) -> bytes:
@@ -68,7 +69,7 @@ def _write_array(writer: Writer, field: Field, value: Any, path: str) -> None:
     if raw is not None:
         _write_raw(writer, field, raw, path)
         return
-    if isinstance(value, str) or not isinstance(value, Iterable | None):
+    if isinstance(value, (str, Mapping)) or not isinstance(value, Iterable | None):
         raise ConfigError(f"{path}: expected a list, found {value!r}")
     items = [_default(field)] * (field.length or 0) if value is None else list(value)
     _write_count(writer, field, len(items), path)
@@ -109,17 +110,30 @@ def _write_count(writer: Writer, field: Field, count: int, path: str) -> None:
         raise ConfigError(f"{path}: {count} values, expected {field.length}")
 
 
-def _write_primitives(writer: Writer, kind: str, values: Iterable[Any], path: str) -> None:
+def _write_primitives(writer: Writer, kind: str, values: Collection[Any], path: str) -> None:
+    for value in values:
+        if not _fits(kind, value):
+            raise ConfigError(f"{path}: expected {_WANTED.get(kind, 'a number')}, found {value!r}")
     if kind == "string":
         for value in values:
-            if not isinstance(value, str):
-                raise ConfigError(f"{path}: expected a text, found {value!r}")
             writer.string(value)
         return
     try:
         writer.numbers(PRIMITIVES[kind], *values)
-    except (error, OverflowError, TypeError) as problem:
+    except (error, OverflowError, TypeError, ValueError) as problem:
         raise ConfigError(f"{path}: no {kind}: {problem}") from None
+
+
+def _fits(kind: str, value: Any) -> bool:
+    """Whether it is of the right sort: `struct` takes any value for a bool ("off" as true), and true for the number 1.
+
+    0 and 1 are bools too, as ROS's own tools have it.
+    """
+    if kind == "string":
+        return isinstance(value, str)
+    if kind == "bool":
+        return isinstance(value, Hashable) and value in (False, True)
+    return not isinstance(value, (bool, str))
 
 
 def _refuse_unknown(values: Mapping[str, Any], fields: tuple[Field, ...], path: str) -> None:

@@ -86,6 +86,10 @@ def _reason(text: str) -> str:
         return "the port (or the next one) is in use; is another slave running there? Choose another with --listen"
     if "Cannot assign requested address" in text or "os error 99" in text:
         return "this machine does not have that address"
+    if "Permission denied" in text:
+        return "no permission for that port: those below 1024 are root's alone; choose another with --listen"
+    if "lookup address" in text:
+        return "no machine is called that here; give its address"
     if "Unable to connect" in text:
         return "there is no router, or it refuses us; start it first, `uuv-hil router`"
     return text.partition(" at /")[0]  # without the place in the library's source

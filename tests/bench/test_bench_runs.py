@@ -1,9 +1,14 @@
 """`bench jitter`, `load`, `stream` and `soak`: their arithmetic exactly, each once against a real slave, bad input."""
 
+import json
+import mmap
 import os
+import re
 import signal
 import subprocess
+import sys
 import time
+from contextlib import ExitStack
 from math import isnan
 from pathlib import Path
 from random import Random
@@ -11,14 +16,21 @@ from random import Random
 import pytest
 
 from hil.autonomy.control import VelocityCommand
+from hil.bench import load_run
+from hil.bench.footer import footer
 from hil.bench.harness import Bench, await_vehicle
 from hil.bench.jitter_run import bare_loop, read_cyclictest
-from hil.bench.load_run import settings
-from hil.bench.processes import Threads, by_name, look, shares
-from hil.bench.record import load
-from hil.bench.soak_run import trend
+from hil.bench.load_run import Cost, Course, Setting, course, difference, groups, of_group, settings
+from hil.bench.processes import Memory, Threads, look, shares, thread_names
+from hil.bench.record import load, new_record
+from hil.bench.soak_run import Look, Silence, Soak, trend
+from hil.bench.stream_run import expected, missing
 from hil.cli import main
 from hil.clock import RateKeeper
+from hil.commands import bench_jitter
+from hil.commands.bench_soak import judge
+from hil.config import load_scenario
+from hil.errors import NetworkError
 from tests.processes import Program, wait_for
 
 CYCLICTEST = """# /dev/cpu_dma_latency set to 0us
@@ -47,6 +59,23 @@ def test_a_bare_loop_is_a_floor() -> None:
     assert late.p50 < 5000.0
 
 
+SLEEPER = """
+import select, sys
+from hil.clock import LOOP_PRIORITY, RateKeeper, now_ns, schedule_fifo
+schedule_fifo(LOOP_PRIORITY)
+keeper = RateKeeper(2_500_000, now_ns())
+for _ in range(600):
+    select.select((), (), (), max(keeper.deadline_ns - now_ns(), 0) / 1e9)
+    keeper.due(now_ns())
+print(keeper.lateness.quantile(0.5) / 1e3)
+"""
+
+
+def test_a_bare_loop_wakes_early_as_the_slave_does() -> None:
+    sleeper = subprocess.run([sys.executable, "-c", SLEEPER], capture_output=True, text=True, check=True)
+    assert bare_loop(400.0, 1.5, None).p50 < float(sleeper.stdout)
+
+
 def test_a_late_wake_up_counts_for_each_period_it_missed() -> None:
     keeper = RateKeeper(1000, 0)
     assert keeper.due(1000) == 1
@@ -57,12 +86,20 @@ def test_a_late_wake_up_counts_for_each_period_it_missed() -> None:
     assert keeper.lateness.share_within(2500) == 1.0
 
 
+def threads(cpu_s: dict[str, float], at_s: float, **mib: float) -> Threads:
+    """Of processes 1 and 2."""
+    return Threads(cpu_s, {int(pid[1:]): Memory(each, each / 2) for pid, each in mib.items()}, 5, at_s)
+
+
 def test_shares_of_threads() -> None:
-    before = Threads({"1/1 main": 1.0, "1/2 rx": 0.5}, 10.0, 5, 100.0)
-    after = Threads({"1/1 main": 1.5, "1/2 rx": 0.5, "1/3 rx": 0.2}, 11.0, 6, 102.0)
-    found = shares(before, after)
-    assert found == {"1/1 main": 0.25, "1/2 rx": 0.0, "1/3 rx": pytest.approx(0.1)}
-    assert by_name(found) == {"main": 0.25, "rx": pytest.approx(0.1)}
+    before = threads({"1/1 main": 1.0, "1/2 rx": 0.5}, 100.0)
+    after = threads({"1/1 main": 1.5, "1/2 rx": 0.5, "1/3 rx": 0.2}, 102.0)
+    assert shares(before, after) == {"1/1 main": 0.25, "1/2 rx": 0.0, "1/3 rx": pytest.approx(0.1)}
+
+
+def test_threads_of_one_name_are_told_apart() -> None:
+    names = thread_names({"1/10 rx", "1/9 rx", "2/11 rx", "1/1 main program"})
+    assert names == {"1/1 main program": "main program", "1/9 rx": "rx", "1/10 rx": "rx #2", "2/11 rx": "rx"}
 
 
 def test_a_look_at_this_process() -> None:
@@ -72,17 +109,58 @@ def test_a_look_at_this_process() -> None:
     second = look([os.getpid(), 2**22 + 1])
     share = (time.process_time() - spent) / (time.monotonic() - began)  # less than 1 where others are busy
     assert burn
-    busy = by_name(shares(first, second))
-    assert sum(busy.values()) == pytest.approx(share, rel=0.25)
-    assert second.pss_mib > 5.0
+    assert sum(shares(first, second).values()) == pytest.approx(share, rel=0.25)
+    assert second.pss_mib > second.private_mib > 5.0
     assert second.descriptors >= 3
 
 
+def test_a_map_of_a_shared_file_is_no_private_memory(tmp_path: Path) -> None:
+    path = tmp_path / "shared"
+    path.write_bytes(os.urandom(16 << 20))
+    before = look([os.getpid()])
+    with path.open("rb") as file, ExitStack() as stack:
+        maps = [stack.enter_context(mmap.mmap(file.fileno(), 0, prot=mmap.PROT_READ)) for _ in range(2)]
+        assert sum(maps[0][::4096]) == sum(maps[1][::4096])
+        after = look([os.getpid()])
+    assert after.pss_mib - before.pss_mib > 15.0
+    assert after.private_mib - before.private_mib < 3.0
+
+
 def test_what_a_load_is_made_of() -> None:
-    names = [setting.name for setting in settings(True, [100.0], [1, 2])]
+    names = [setting.name for setting in settings(("imu", "dvl", "laser"), [100.0], [1, 2])]
     assert names[0] == "as it is"
-    assert {"without dvl", "with gps", "100 Hz", "1 vehicle", "2 vehicles"} <= set(names)
+    assert {"without dvl", "without laser", "with gps", "with pressure", "100 Hz", "1 vehicle", "2 vehicles"} < {*names}
     assert "without imu" not in names, "the controller lives on it"
+    assert names[-1] == "as it is, again"
+    assert [setting.name for setting in settings(None, [], [])] == ["as it is"]
+
+
+def test_a_course_tells_process_from_process() -> None:
+    looks = [
+        threads({"1/1 main": 0.0, "2/2 main": 0.0}, 0.0, p1=10.0, p2=5.0),
+        threads({"1/1 main": 0.5, "2/2 main": 0.1}, 1.0, p1=11.0, p2=5.0),
+        threads({"1/1 main": 0.7, "2/2 main": 0.2, "2/3 rx": 0.3}, 2.0, p1=12.0, p2=6.0),
+    ]
+    found = course(Setting("as it is", {}), looks, {1: "uuv1 slave", 2: "uuv1 STM32"})
+    assert found.cpu == pytest.approx([0.6, 0.6])
+    assert found.memory == [16.0, 18.0]
+    slave, stm32 = found.processes.values()
+    assert slave.cpu == pytest.approx([0.5, 0.2])
+    assert slave.memory == [11.0, 12.0]
+    assert slave.threads == {"main": pytest.approx([0.5, 0.2])}
+    assert stm32.cpu == pytest.approx([0.1, 0.4])
+    assert stm32.threads == {"main": pytest.approx([0.1, 0.1]), "rx": pytest.approx([0.0, 0.3])}
+    assert groups([found]) == ["slave", "STM32"]
+    assert of_group(found, "STM32").memory == [5.0, 6.0]
+    assert of_group(found, "imaging").cpu == []
+
+
+def test_a_difference_is_told_from_noise() -> None:
+    calm, more = [5.0, 5.1, 5.0, 5.1], [6.0, 6.1, 6.0, 6.1]
+    assert difference(more, calm).told
+    assert difference(more, calm).more == pytest.approx(1.0)
+    assert not difference(more, [4.0, 5.1, 5.0, 6.2]).told
+    assert not difference(more, calm, [[6.5, 6.6]]).told, "the same setting once more was as far away"
 
 
 def test_growth_is_told_from_noise() -> None:
@@ -101,42 +179,157 @@ def test_growth_is_told_from_noise() -> None:
 
 def test_jitter_of_a_real_slave(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = str(tmp_path / "jitter.json")
-    assert main(["bench", "jitter", "--rates", "200", "--seconds", "2", "--json", file]) == 0
-    assert "200 Hz, slave" in capsys.readouterr().out
-    figures = load(file).figures
-    assert 0.0 < figures["200 Hz slave p50"].median < 10_000.0
-    assert 50.0 < figures["200 Hz within 2 ms"].median <= 100.0
+    words = ["--rates", "200", "--seconds", "1", "--repeat", "2", "--set", "sensors.imu.rate=50"]
+    assert main(["bench", "jitter", *words, "--json", file]) == 0
+    said = capsys.readouterr().out
+    assert "200 Hz, slave" in said
+    assert "medians of 2 runs" in said
+    assert "cyclictest is what the kernel does for a program that sleeps" in said
+    record = load(file)
+    assert len(record.figures["200 Hz slave p50"].values) == 2
+    assert 0.0 < record.figures["200 Hz slave p50"].median < 10_000.0
+    assert 50.0 < record.figures["200 Hz within 2 ms"].median <= 100.0
+    assert record.settings["scenario"] == "paper_field"
+    assert record.settings["set"] == ["sensors.imu.rate=50"]
+
+
+@pytest.mark.parametrize(
+    ("words", "text"),
+    [
+        (["--cpus", "99"], "no processor 99"),
+        (["nowhere"], "no scenario 'nowhere'"),
+        (["--rates", "400,50"], "sensor 'imu'"),
+        (["--repeat", "0"], "--repeat"),
+    ],
+)
+def test_jitter_errs_before_it_measures(
+    words: list[str], text: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(bench_jitter, "cyclictest", lambda *_: pytest.fail("measured first"))
+    assert main(["bench", "jitter", *words]) == 2
+    assert text in capsys.readouterr().err
 
 
 def test_stream_of_a_real_slave(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = str(tmp_path / "stream.json")
-    assert main(["bench", "stream", "--seconds", "2", "--set", "sensors.imu.rate=50", "--json", file]) == 0
+    changes = ["--set", "sensors.imu.rate=50", "--set", "sensors.ground_truth.drop_out=1.0"]
+    assert main(["bench", "stream", "--seconds", "2", "--repeat", "2", *changes, "--json", file]) == 0
     figures = load(file).figures
+    assert len(figures["imu rate"].values) == 2
     assert figures["imu rate"].median == pytest.approx(50.0, rel=0.1)
     assert figures["imu loss"].median == 0.0
+    assert figures["imu missing"].median < 10.0
     assert figures["imu bandwidth"].median == pytest.approx(50.0 * 357, rel=0.15)  # 324 B of CDR, 33 attached
     assert 0.0 < figures["imu age p50"].median < 20.0
+    assert figures["ground_truth rate"].median == 0.0
+    assert figures["ground_truth missing"].median == 100.0
+    assert "nothing came on ground_truth" in capsys.readouterr().out
+
+
+def test_what_a_scenario_sends() -> None:
+    changes = {"sensors.dvl.rate": 4, "sensors.odometry.rate": 50, "sensors.camera": {}, "ros.wrench": 5}
+    found = expected(load_scenario("paper_field", changes))
+    assert found == {
+        "diagnostics": 1.0, "imu": 100.0, "dvl": 4.0, "dvl_twist": 4.0, "altitude": 4.0, "pressure": 20.0,
+        "odom": 50.0, "ground_truth": 20.0, "thruster_wrench": 5.0,
+    }  # fmt: skip
+
+
+def test_what_is_missing_by_the_nominal_rate() -> None:
+    assert missing(599, 100.0, 10.0) == pytest.approx(0.4)
+    assert missing(9, 1.0, 10.0) == 0.0, "one more or less is chance"
+    assert missing(0, 1.0, 1.0) == 1.0
+    assert isnan(missing(5, float("nan"), 1.0))
 
 
 def test_load_of_real_slaves(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    file, png = str(tmp_path / "load.json"), tmp_path / "load.png"
-    assert main(["bench", "load", "--seconds", "2", "--vehicles", "2", "--json", file, "--png", str(png)]) == 0
-    figures = load(file).figures
+    file, png = tmp_path / "load.json", tmp_path / "load.png"
+    words = ["--seconds", "2", "--vehicles", "2", "--set", "stm32=process", "--json", str(file), "--png", str(png)]
+    assert main(["bench", "load", *words]) == 0
+    figures = load(str(file)).figures
     one, two = figures["as it is cpu"].median, figures["2 vehicles cpu"].median
     assert 0.5 < one < 100.0
     assert one < two
     assert figures["2 vehicles memory"].median > 1.3 * figures["as it is memory"].median
     assert png.read_bytes().startswith(b"\x89PNG")
-    assert "threads of 2 vehicles: " in capsys.readouterr().out
+    details = json.loads(file.read_text())["details"]
+    assert [*details["as it is"]] == ["slave", "STM32"]
+    assert {*details["2 vehicles"]} == {f"uuv{number} {what}" for number in (1, 2) for what in ("slave", "STM32")}
+    slave = details["as it is"]["slave"]
+    assert len(slave["cpu"]) == len(slave["memory_mib"]) == 2
+    assert len(slave["threads"]) > 3
+    assert sum(values[0] for values in slave["threads"].values()) == pytest.approx(slave["cpu"][0])
+    said = capsys.readouterr().out
+    assert re.search(r"^2 vehicles +uuv2 STM32 ", said, re.M)
+    assert re.search(r"^as it is, again ", said, re.M)
+
+
+def test_load_leaves_out_what_cannot_be(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def run(setting: Setting, *_: object) -> Course:
+        if setting.name == "with laser":
+            raise NetworkError("it fell over")
+        return Course(setting, [0.05, 0.06], [20.0, 20.0], {"slave": Cost([0.05, 0.06], [20.0, 20.0], {})})
+
+    monkeypatch.setattr(load_run, "run", run)
+    file = tmp_path / "load.json"
+    assert main(["bench", "load", "--each-sensor", "--json", str(file)]) == 1
+    said = capsys.readouterr().out
+    assert "left out: with battery: sensor 'battery': paper_six has no battery" in said
+    assert "left out: with gps: " in said
+    assert "FAILED: with laser: it fell over" in said
+    assert re.search("^with laser +failed$", said, re.M)
+    assert "with profiler cpu" in load(str(file)).figures
+    assert load(str(file)).details["with laser"] == {"failure": "it fell over"}
+
+
+def looks_of(hours: float, grows_private: float = 0.0, swings: float = 0.0) -> list[Look]:
+    """A look every minute; MiB an hour of private growth, MiB by which the shared part swings."""
+    random, count = Random(2), round(hours * 60)
+    return [
+        Look(60.0 * i, 15.0 + swings * (i * 2 > count), 11.0 + grows_private * i / 60 + random.gauss(0.0, 0.05),
+             10, 30, 1.0, 0.0, 0.5)
+        for i in range(count + 1)
+    ]  # fmt: skip
+
+
+def test_a_leak_is_of_private_memory_and_takes_time(capsys: pytest.CaptureFixture[str]) -> None:
+    assert judge(Soak(looks_of(2.0, grows_private=1.0), [], []), 0.5)[0].startswith("memory grows by 1.0")
+    assert judge(Soak(looks_of(2.0, swings=2.0), [], []), 0.5) == [], "the neighbours went"
+    assert "no verdict" not in capsys.readouterr().out
+    assert judge(Soak(looks_of(0.4, grows_private=20.0), [], []), 0.5) == []
+    assert "no verdict on memory: that takes 30 minutes" in capsys.readouterr().out
+
+
+def test_a_silence_and_a_late_return_are_found() -> None:
+    found = judge(Soak(looks_of(0.1), [0.01, 1.2, None], [Silence(36.0, 4.0, "uuv1 did not answer")]), 0.5)
+    assert found == [
+        "a master that came back was not answered (1 of 3 times)",
+        "a return took 1.2 s",
+        "silence from 0.010 h on, for 4.0 s: uuv1 did not answer",
+    ]
+
+
+def test_the_foot_of_a_picture_tells_where_when_and_under_what() -> None:
+    record = new_record("soak", {}, {}, ("limited: 5% of a core",))
+    text = footer(record)
+    assert record.made in text
+    assert os.uname().nodename in text
+    assert "limited: 5% of a core" in text
 
 
 def test_soak_of_a_real_slave(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    file = str(tmp_path / "soak.json")
-    words = ["bench", "soak", "--hours", "0.0015", "--every", "0.5", "--leave-every", "2.5", "--leak", "1e9"]
+    file, png = str(tmp_path / "soak.json"), tmp_path / "soak.png"
+    words = ["bench", "soak", "--hours", "0.0015", "--every", "0.5", "--leave-every", "2.5", "--png", str(png)]
     assert main([*words, "--json", file]) == 0, capsys.readouterr().out
     figures = load(file).figures
-    assert len(figures["return"].values) >= 2
+    assert len(figures["return"].values) == 2, "the start is none"
     assert max(figures["return"].values) < 1.0
+    assert figures["real-time factor"].median == pytest.approx(1.0, abs=0.01)
+    assert {"steps skipped", "threads", "private memory"} < {*figures}
+    assert 1.0 < figures["private memory"].median < figures["memory"].median
+    assert png.read_bytes().startswith(b"\x89PNG")
 
 
 def test_a_master_that_comes_after_another_is_not_refused() -> None:
@@ -160,6 +353,14 @@ def test_a_master_that_comes_after_another_is_not_refused() -> None:
         (["stream", "--seconds", "-1"], "--seconds"),
         (["soak", "--every", "10", "--leave-every", "1"], "--leave-every"),
         (["stream", "nowhere"], "no scenario 'nowhere'"),
+        (["stream", "--repeat", "0"], "--repeat"),
+        (["stream", "--slave", "tcp/127.0.0.1:1", "--cpus", "0"], "start that one as it shall be"),
+        (["stream", "--slave", "tcp/127.0.0.1:1", "--set", "seed=2"], "start that one as it shall be"),
+        (["stream", "--json", "/proc/no/file"], "cannot be written"),
+        (["load", "--png", "/proc/no/file"], "cannot be written"),
+        (["load", "--rates", "50", "--set", "slave.step=0.02"], "sensor 'imu'"),
+        (["soak", "--json", "/proc/no/file"], "cannot be written"),
+        (["jitter", "--json", "/proc/no/file"], "cannot be written"),
     ],
 )
 def test_bad_input_is_named(words: list[str], text: str, capsys: pytest.CaptureFixture[str]) -> None:

@@ -1,17 +1,27 @@
 """`uuv-hil bench delay`, quickly: its figures add up, it notices wrong clocks, and it refuses nonsense."""
 
 import json
+import os
+import signal
+import subprocess
+import threading
+import time
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import pytest
 
-from hil.bench.delay_report import text
-from hil.bench.delay_run import HOPS, Result, first_motion, judge, wire_ms
+from hil.bench import delay_report, delay_run
+from hil.bench.delay_report import draw, text
+from hil.bench.delay_run import HOPS, Plan, Result, first_motion, measure, pooled, wire_ms
+from hil.bench.harness import Bench, Process, program
+from hil.bench.record import Record
 from hil.cli import main
+from hil.commands import bench_delay
 from hil.config import load_scenario
+from hil.errors import ConfigError, NetworkError
 from hil.links.wires.faults import Faults
-from hil.master.delay import DelayMeter
+from hil.master.delay import DelayMeter, judge
 
 MS = 1_000_000
 
@@ -28,6 +38,14 @@ def meter(offset: int, same_clock: bool, network: int = MS // 2, count: int = 60
         instants = [number, published, received, taken, written, applied, computed]
         found.add(instants, sent, sent - offset + back)
     return found
+
+
+def some_result(delay: list[float], **changes: Any) -> Result:
+    """A run at 20 Hz that found these delays (ms), its floor 0.05 ms."""
+    hops = {name: [value / len(HOPS) for value in delay] for name in HOPS}
+    at_s = [number / 20 for number in range(len(delay))]
+    found = Result(delay, at_s, hops, [4.0], [0.06] * 9, [0.05] * 9, 0.0, len(delay), 20.0, 0.0, 0.0, [])
+    return found._replace(**changes)
 
 
 def test_right_clocks_are_trusted() -> None:
@@ -70,8 +88,7 @@ def test_no_answer_is_no_result() -> None:
 
 
 def test_text_leaves_out_what_too_few_commands_cannot_tell() -> None:
-    hops = {name: [0.1] * 200 for name in HOPS}
-    result = Result([0.7] * 200, [0.0] * 200, hops, [4.0], [0.06] * 9, [0.05] * 9, 0.0, 200, 0.0, 0.0, ["a clock"])
+    result = some_result([0.7] * 200, warnings=["a clock"])
     lines = text({"case": result}).splitlines()
     assert lines[2].split() == [
         "case", "200/200", "0.700", "0.700", "0.700", "-", "0.700", "0.050", "0.650", "0.060", "0.050", "4.0",
@@ -97,7 +114,7 @@ def test_quick_runs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert code == 1, said
     assert said.count("LIMIT BROKEN") == 2
     assert "p50 above the floor" in said
-    assert "WARNING" not in said
+    assert "clock" not in said  # wrong ones would be warned of
     figures = json.loads(path.read_text())["figures"]
     for case in ("baud 0", "baud 115200"):
         delays = figures[f"delay [{case}]"]["values"]
@@ -108,6 +125,8 @@ def test_quick_runs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
         assert figures[f"motion [{case}]"]["values"]
         assert min(figures[f"motion [{case}]"]["values"]) > min(delays)
         assert figures[f"tcp floor [{case}]"]["count"] >= 5
+        assert figures[f"tcp floor [{case}]"]["better"] == figures[f"udp floor [{case}]"]["better"] == ""
+        assert figures[f"delay [{case}]"]["better"] == "lower"
     assert figures["hop wire [baud 0]"]["median"] == 0.0
     assert figures["hop wire [baud 115200]"]["median"] == pytest.approx(22 * 10 / 115.2, rel=0.05)
     assert min(figures["delay [baud 115200]"]["values"]) > 22 * 10 / 115.2
@@ -126,6 +145,15 @@ def test_quick_runs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
         (["--stm32", "abacus"], "stm32"),
         (["--slave", "tcp/127.0.0.1:1", "--stm32", "native"], "--slave is measured as it is"),
         (["--echo", "here"], "--echo 'here'"),
+        (["--echo", "127.0.0.1:99999:2"], "--echo '127.0.0.1:99999:2'"),
+        (["--repeat", "0"], "--repeat"),
+        (["--slave", "tcp/127.0.0.1:1", "--port", "pty:"], "--slave is measured as it is"),
+        (["--slave", "tcp/127.0.0.1:1", "--set", "slave.step=0.001"], "--set slave.step"),
+        (["--slave", "tcp/127.0.0.1:1", "--security", "on"], "--security on"),
+        (["--slave", "tcp/127.0.0.1:1", "--payload", "1000"], "--echo"),
+        (["--slave", "tcp/127.0.0.1:1", "--most-over-floor", "1"], "--echo"),
+        (["--json", "/proc/nope/a.json"], "/proc/nope/a.json"),
+        (["--png", "/proc/nope/a.png"], "/proc/nope/a.png"),
     ],
 )
 def test_what_cannot_be_meant(options: list[str], words: str, capsys: pytest.CaptureFixture[str]) -> None:
@@ -164,3 +192,194 @@ def test_a_command_on_a_can_bus_takes_the_bits_of_all_its_frames(
     paced = scenario._replace(link=link)
     assert wire_ms(paced, {}) == pytest.approx(bits / 500)
     assert wire_ms(paced._replace(stm32="process"), {}) > 2 * wire_ms(paced, {})
+
+
+def test_a_slave_elsewhere_tells_its_line_itself() -> None:
+    """The scenario here may say another protocol, another baud, an STM32 that is in the slave."""
+    here = load_scenario("paper_field")
+    there = {
+        "link_port": "/dev/ttyAMA0", "link_protocol": "mavlink", "link_baud": "57600",
+        "pwm_us": "1500 1500 1500 1500 1500 1500",
+    }  # fmt: skip
+    assert wire_ms(here, there, elsewhere=True) == pytest.approx(2 * 28 * 10 / 57.6)
+    assert wire_ms(here, there | {"link_port": "rs485:/dev/serial0"}, elsewhere=True) > 0.0
+    paced = here._replace(link=here.link._replace(faults=Faults(baud=9600)))
+    assert wire_ms(paced, there, elsewhere=True) == pytest.approx(2 * 28 * 10 / 57.6)
+    for port in ("/dev/pts/3", "tcp://127.0.0.1:5760", "can:socketcan:can0", ""):
+        assert wire_ms(paced, there | {"link_port": port}, elsewhere=True) == 0.0
+
+
+def test_what_could_not_be_had_is_said_and_not_made_up() -> None:
+    """No echo: no floor. Nothing answered by UDP: not 0."""
+    none = text({"case": some_result([0.7] * 20, udp=[], tcp=[])})
+    assert none.splitlines()[2].split()[7:] == ["-", "-", "-", "-", "4.0"]
+    assert "no floor" in none
+    assert "uuv-hil bench echo" in none
+    deaf = text({"case": some_result([0.7] * 20, udp=[])}).splitlines()[2].split()
+    assert deaf[7:] == ["0.050", "0.650", "-", "0.050", "4.0"]
+    assert "nan" not in text({"case": some_result([])})
+
+
+def test_runs_are_pooled_and_told_apart() -> None:
+    runs = [some_result([0.7] * 4), some_result([0.9] * 3, sent=4, rate=18.0, warnings=["late"])]
+    both = pooled(runs)
+    assert both.delay == [0.7] * 4 + [0.9] * 3
+    assert both.at_s == sorted(both.at_s)
+    assert (both.sent, both.warnings, len(both.hops["wire"])) == (8, ["run 2: late"], 7)
+    assert pooled(runs[:1]) == runs[0]
+
+
+def doubts(result: Result, plan: Plan = Plan(), losses: int = 0) -> list[str]:
+    return list(delay_run._doubts(result, plan, None, None, losses))
+
+
+def test_what_was_not_as_asked_is_said() -> None:
+    assert doubts(some_result([0.7] * 20, rate=20.9)) == []
+    assert "5 of 25 commands were not answered" in doubts(some_result([0.7] * 20, sent=25))[0]
+    assert "at 150.0 Hz instead of 200" in doubts(some_result([0.7] * 20, rate=150.0), Plan(rate=200.0))[0]
+    assert "gone 2 times" in doubts(some_result([0.7] * 20), losses=2)[0]
+    assert doubts(some_result([0.7], rate=float("nan"))) == []
+    assert "baud is not what" in doubts(some_result([0.7] * 20, wire=1.9))[0]
+
+
+def kill_slave(bench: Bench, after_s: float) -> threading.Timer:
+    """-9, once it runs and is commanded."""
+    timer = threading.Timer(after_s, lambda: os.kill(bench.processes[0].pid, signal.SIGKILL))
+    timer.start()
+    return timer
+
+
+def test_a_slave_that_is_killed_is_no_result() -> None:
+    with Bench("paper_field") as bench:
+        timer = kill_slave(bench, 3.0)
+        with pytest.raises(NetworkError, match=r"the slave was ended by signal 9"):
+            measure(bench, Plan(seconds=20.0))
+        timer.join()
+
+
+def test_nor_is_one_elsewhere(tmp_path: Path) -> None:
+    """And without an echo there is no floor."""
+    with Bench("paper_field") as bench:
+        slave = bench.start_slave()
+        command = [*program(), "bench", "delay", "--slave", bench.endpoint, "--steps", "2", "--seconds"]
+        with Process([*command, "1"], str(tmp_path / "whole")) as whole:
+            assert whole.wait(30.0) == 0, whole.said
+            assert "no floor" in whole.said
+        with Process([*command, "20"], str(tmp_path / "log")) as delay:
+            time.sleep(3.0)
+            os.kill(slave.pid, signal.SIGKILL)
+            assert delay.wait(20.0) == 4, delay.said
+            assert f"uuv1 at {bench.endpoint} has " in delay.said  # been silent, in one way or another
+
+
+def failing_second(results: list[Result]) -> Any:
+    def run(*_: Any) -> tuple[Result, tuple[str, ...]]:
+        if not results:
+            raise NetworkError("the slave ended")
+        return results.pop(0), ("limited: for the test",)
+
+    return run
+
+
+def test_what_is_there_is_kept_when_the_rest_fails(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(bench_delay, "_measure", failing_second([some_result([0.7] * 20, motion=[])]))
+    path = tmp_path / "kept.json"
+    assert main(["bench", "delay", "--load", "0,1,2", "--json", str(path)]) == 4
+    said = capsys.readouterr()
+    assert "load 0" in said.out
+    assert "label: limited: for the test" in said.out
+    assert "the slave ended" in said.err
+    figures = json.loads(path.read_text())["figures"]
+    assert figures["delay [load 0]"]["count"] == 20
+    assert "motion [load 0]" not in figures
+
+
+def test_a_picture_that_fails_costs_no_figures(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def full(*_: Any) -> None:
+        raise ConfigError("disk full")
+
+    monkeypatch.setattr(bench_delay, "_measure", failing_second([some_result([0.7] * 20)]))
+    monkeypatch.setattr(delay_report, "draw", full)
+    path = tmp_path / "kept.json"
+    assert main(["bench", "delay", "--json", str(path), "--png", str(tmp_path / "a.png")]) == 2
+    assert "disk full" in capsys.readouterr().err
+    assert json.loads(path.read_text())["figures"]
+
+
+def test_repeated_runs_are_in_the_record_one_by_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """In turn, so that a machine that slows down does so for all configurations."""
+    results = [some_result([value] * count) for value, count in ((0.1, 4), (0.2, 3), (0.3, 2), (0.4, 1))]
+    monkeypatch.setattr(bench_delay, "_measure", failing_second(results))
+    path = tmp_path / "a.json"
+    assert main(["bench", "delay", "--load", "0,1", "--repeat", "2", "--json", str(path)]) == 0
+    figure = json.loads(path.read_text())["figures"]["delay [load 0]"]
+    assert figure["values"] == [0.1] * 4 + [0.3] * 2
+    assert figure["runs"] == [4, 2]
+    assert "6/6" in capsys.readouterr().out
+
+
+def test_who_burns_processor_time_hears_no_ctrl_c(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It goes to the whole group of the terminal, and their tracebacks with it."""
+    started: list[subprocess.Popen[bytes]] = []
+    real = subprocess.Popen
+
+    def popen(*arguments: Any, **options: Any) -> subprocess.Popen[bytes]:
+        started.append(real(*arguments, **options))
+        return started[-1]
+
+    monkeypatch.setattr(subprocess, "Popen", popen)
+    with delay_run._burners(2):
+        assert len({os.getpgid(process.pid) for process in started} - {os.getpgid(0)}) == 2
+    assert [process.poll() for process in started] == [-signal.SIGKILL] * 2
+
+
+def record_of(**changes: Any) -> Record:
+    machine = {"name": "vessel", "board": "", "cpu": "Cortex-A72", "usable_cores": 4}
+    return Record("delay", {}, {}, ("limited: 25%",), {}, machine, "2022-10-20T12:00:00+0000")._replace(**changes)
+
+
+def test_the_picture_says_what_it_is_of(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With one outlier far away, many configurations, and one without answers."""
+    seen = keep_figure(monkeypatch)
+    far = some_result([0.7] * 99 + [150.0])
+    many = {f"rate {number}": some_result([0.5 + number / 10] * 20) for number in range(12)}
+    draw({"far": far, "none": some_result([], tcp=[]), **many}, record_of(), str(tmp_path / "a.png"))
+    figure = seen[0]
+    title = figure.get_suptitle()
+    for words in ("Command delay", "vessel", "Cortex-A72", "2022-10-20", "limited: 25%"):
+        assert words in title
+    histogram, series, hops = figure.axes
+    assert histogram.get_xlim()[1] < 5.0
+    assert "1 more beyond, up to 150.0 ms" in histogram.get_xlabel()
+    assert series.get_yscale() == "log"
+    assert len({line.get_color() for line in series.lines}) == 14
+    assert hops.get_legend() is None  # which would lie on the bars
+    assert len(figure.legends) == 2
+
+
+def keep_figure(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
+    """The figures that are drawn from now on."""
+    from matplotlib.figure import Figure
+
+    seen = []
+
+    def savefig(figure: Figure, *_: Any, **__: Any) -> None:
+        seen.append(figure)
+
+    monkeypatch.setattr(Figure, "savefig", savefig)
+    return seen
+
+
+def test_a_picture_of_a_calm_run_leaves_nothing_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    seen = keep_figure(monkeypatch)
+    warned = record_of(details={"calm": {"warnings": ["a clock"]}})
+    draw({"calm": some_result([0.5, 0.6, 0.7] * 10)}, warned, str(tmp_path / "a.png"))
+    assert seen[0].axes[0].get_xlabel() == "command delay (ms)"
+    assert seen[0].axes[1].get_yscale() == "linear"
+    assert "with WARNINGS" in seen[0].get_suptitle()

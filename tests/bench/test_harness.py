@@ -1,6 +1,7 @@
 """Places for measurements: changed scenarios, limits, processes, and that nothing is left behind."""
 
 import os
+import signal
 from pathlib import Path
 
 import pytest
@@ -11,6 +12,7 @@ from hil.bench.machine import describe
 from hil.bench.scenario_file import write_changed
 from hil.config import load_scenario
 from hil.errors import ConfigError, NetworkError
+from hil.ports import free_ports
 from hil.tables import read_table
 from tests.boards import recorded
 
@@ -68,13 +70,13 @@ def test_limits_as_they_are_written() -> None:
     assert Limits().label == ""
 
 
-@pytest.mark.parametrize("text", ["", "a", "1-", "-1", "3-1"])
+@pytest.mark.parametrize("text", ["", "a", "1-", "-1", "3-1", "3000000000"])
 def test_wrong_processors(text: str) -> None:
     with pytest.raises(ConfigError, match="--cpus"):
         parse_cpus(text)
 
 
-@pytest.mark.parametrize("text", ["", "512", "much", "1M", "5K"])
+@pytest.mark.parametrize("text", ["", "512", "much", "1M", "5K", "nanM", "infM", "1e300G"])
 def test_wrong_memory(text: str) -> None:
     with pytest.raises(ConfigError, match="--memory"):
         parse_memory(text)
@@ -89,6 +91,8 @@ def test_a_wrong_share(text: str) -> None:
 def test_a_processor_that_is_not_there() -> None:
     with pytest.raises(ConfigError, match="no processor 4000 here"):
         Confinement(Limits(cpus=(4000,)))
+    with pytest.raises(ConfigError, match=r"no processor \d+ here; there are: "):
+        Confinement(Limits(cpus=parse_cpus("0-3000000000")))
 
 
 @pytest.mark.parametrize("file", ["cgroup.controllers", "cpu/cgroup.procs"])  # of version 2, of version 1
@@ -144,8 +148,53 @@ def test_what_a_process_says(tmp_path: Path) -> None:
         assert process.expect("one", 5.0) == "one"
         assert process.wait(5.0) == 3
         assert process.last_words == "two"
-        with pytest.raises(NetworkError, match=r"did not say 'three'.*two"):
+        with pytest.raises(NetworkError, match=r"did not say 'three', but ended with exit code 3; it last said: two"):
             process.expect("three", 5.0)
+
+
+def test_what_ended_a_process(tmp_path: Path) -> None:
+    with Process(["sh", "-c", "echo armed; exec sleep 9"], str(tmp_path / "log")) as process:
+        process.expect("armed", 5.0)
+        assert process.ending == "is still running; it last said: armed"
+        os.kill(process.pid, signal.SIGKILL)
+        process.wait(5.0)
+        assert process.ending == "was ended by signal 9 (KILL); it last said: armed"
+
+
+def test_a_limit_of_memory_is_suspected(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Confinement, "_confine", lambda _: None)  # needs root
+    with Confinement(Limits(memory_mib=16.0)) as place:
+        process = Process(["sh", "-c", "kill -KILL $$"], str(tmp_path / "log"), place)
+        assert process.wait(5.0) == -9
+    assert "signal 9 (KILL), perhaps as it needs more than the 16 MiB of --memory; it last" in process.ending
+
+
+@pytest.mark.parametrize(
+    ("limits", "by", "label"),
+    [
+        (Limits(memory_mib=16.0), "cgroup v1", "limited: 16 MiB (cgroup v1, files in the page cache not counted)"),
+        (Limits(cpu_share=0.25), "systemd", "limited: 25% of a core (systemd, no real-time scheduling)"),
+        (Limits(cpus=(ONE,)), "", f"limited: processor {ONE} only"),
+    ],
+)
+def test_only_a_share_of_a_processor_takes_real_time_away(
+    monkeypatch: pytest.MonkeyPatch, limits: Limits, by: str, label: str
+) -> None:
+    def confine(self: Confinement) -> None:
+        self.by = by
+
+    monkeypatch.setattr(Confinement, "_confine", confine)
+    with Bench("paper_field", limits=limits) as bench:
+        assert bench.labels == (label,)
+        assert bench.scenario.slave.realtime == (not limits.cpu_share)
+
+
+def test_a_slave_elsewhere_that_is_not_there() -> None:
+    endpoint = f"tcp/127.0.0.1:{free_ports(1)[0]}"
+    with Bench("paper_field") as bench, bench.client(endpoint) as client, pytest.raises(NetworkError) as error:
+        await_vehicle(client, seconds=0.2)
+    assert f"no vehicle 'uuv1' answered at {endpoint} within 0.2 s; 127.0.0.1 is there but nothing" in str(error.value)
+    assert "is `uuv-hil slave` running there, with --listen on an address this machine reaches" in str(error.value)
 
 
 def test_a_slave_comes_and_goes_and_leaves_nothing() -> None:
@@ -164,7 +213,10 @@ def test_a_slave_comes_and_goes_and_leaves_nothing() -> None:
 def test_a_slave_that_cannot_start_says_why() -> None:
     with Bench("paper_field", {"stm32": "device", "link.port": "/dev/ttyNONE"}) as bench:
         slave = bench.start_slave()
-        with bench.client() as client, pytest.raises(NetworkError, match=r"the slave ended: .*/dev/ttyNONE"):
+        with (
+            bench.client() as client,
+            pytest.raises(NetworkError, match=r"the slave ended with exit code \d.*/dev/ttyNONE"),
+        ):
             await_vehicle(client, slave)
 
 

@@ -6,8 +6,12 @@ from pathlib import Path
 
 import pytest
 
-from hil.bench.startup_run import AT_MASTER, FLOORS, PHASES, Start, coldness
+from hil.bench import startup_run
+from hil.bench.harness import Bench
+from hil.bench.limits import Limits
+from hil.bench.startup_run import AT_MASTER, PHASES, Start, coldness, floors, time_floor
 from hil.cli import main
+from hil.errors import NetworkError
 
 
 def test_phases_follow_each_other() -> None:
@@ -27,10 +31,24 @@ def test_one_quick_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> No
         }
         assert sum(figures.values()) == pytest.approx(2 * figures["all"])
         assert figures["interpreter"] > 1.0
+        assert figures[AT_MASTER] > 45.0, "odometry is measured 20 times a second: not the IMU's first sample"
         assert record["figures"][f"bare interpreter [{kind}]"]["median"] < figures["all"]
-        assert all(f"{name} [{kind}]" in record["figures"] for name in FLOORS)
+        assert all(f"{name} [{kind}]" in record["figures"] for name in floors())
     assert main(["bench", "startup", "--runs", "1", "--warm-only", "--most", "0.001"]) == 1
     assert "LIMIT BROKEN" in capsys.readouterr().out
+
+
+def test_a_floor_is_limited_as_the_slave_is() -> None:
+    with Bench("paper_field", limits=Limits(cpus=(min(os.sched_getaffinity(0)),))) as bench:
+        assert time_floor(bench, "import os; assert len(os.sched_getaffinity(0)) == 1") > 1.0
+        with pytest.raises(NetworkError, match="ModuleNotFoundError"):
+            time_floor(bench, "import no_such_module")
+
+
+def test_without_numpy_its_floor_is_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert list(floors()) == ["bare interpreter", "numpy and zenoh"]
+    monkeypatch.setattr(startup_run, "find_spec", lambda _: None)
+    assert list(floors()) == ["bare interpreter"]
 
 
 def test_dropping_leaves_files_as_they_are(tmp_path: Path) -> None:
@@ -46,3 +64,5 @@ def test_dropping_leaves_files_as_they_are(tmp_path: Path) -> None:
 def test_what_cannot_be_meant(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["bench", "startup", "--runs", "0"]) == 2
     assert "--runs" in capsys.readouterr().err
+    assert main(["bench", "startup", "--json", "/proc/startup.json"]) == 2
+    assert "/proc/startup.json: cannot be written" in capsys.readouterr().err

@@ -6,7 +6,8 @@ import statistics
 
 import pytest
 
-from hil.bench.statistics import Interval, median, median_interval, quantile, ratio_interval, spread
+from hil.bench.statistics import Interval, median, median_interval, ratio_interval, spread
+from hil.quantiles import quantile
 
 
 @pytest.mark.parametrize(
@@ -60,6 +61,39 @@ def test_more_values_narrow_the_interval() -> None:
     few, many = ([generator.gauss(10.0, 1.0) for _ in range(size)] for size in (10, 400))
     narrow, wide = (interval.high - interval.low for interval in map(median_interval, (many, few)))
     assert narrow < wide / 3
+
+
+def wander(generator: random.Random, count: int, alike: float) -> list[float]:
+    """A first-order autoregressive series (AR(1)) around 20."""
+    at, found = generator.gauss(0.0, 1.0) / math.sqrt(1.0 - alike**2), []
+    for _ in range(count):
+        at = alike * at + generator.gauss(0.0, 1.0)
+        found.append(20.0 + at)
+    return found
+
+
+def test_neighbours_that_are_alike_are_drawn_in_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two series of one process: of a hundred pairs some five may seem to differ, not a quarter."""
+    monkeypatch.setattr("hil.bench.statistics.RESAMPLES", 400)  # sooner done
+    generator, trials = random.Random(7), 60
+    wrong = {True: 0, False: 0}
+    for _ in range(trials):
+        one, other = (wander(generator, 200, 0.54) for _ in range(2))
+        for block in wrong:
+            wrong[block] += not ratio_interval(one, other, block=block).holds(1.0)
+    assert wrong[False] / trials > 0.15, "the fault"
+    assert wrong[True] / trials <= 0.12
+
+
+def test_blocks_of_equal_and_of_few_values() -> None:
+    assert median_interval([7.0] * 9, block=True) == Interval(7.0, 7.0)
+    assert median_interval([7.0], block=True) == Interval(7.0, 7.0)
+    assert all(map(math.isnan, median_interval([], block=True)))
+
+
+def test_a_ratio_needs_medians_above_zero() -> None:
+    assert all(map(math.isnan, ratio_interval([-2.0] * 5, [-3.0] * 5)))
+    assert all(map(math.isnan, ratio_interval([2.0] * 5, [-3.0] * 5)))
 
 
 def test_a_seed_gives_the_same_interval_again() -> None:

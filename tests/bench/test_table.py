@@ -3,6 +3,8 @@
 import json
 import math
 
+import pytest
+
 from hil.bench import table
 from hil.master.client import Stamped
 from hil.master.delay import DelayMeter
@@ -11,7 +13,7 @@ from hil.process import boot_id
 
 OUTCOME = Outcome(True, "goal reached", 100.0, 70.0, 71.0, 0.3, 0.2, 0.8, cpu_s=2.0)
 HEALTH = {
-    "boot_id": boot_id(), "cpu_s": "6.0", "cores": "4", "pss_mib": "20.0", "ram_mib": "2048",
+    "boot_id": boot_id(), "cpu_s": "6.0", "cores": "4", "pss_mib": "12.0", "rss_mib": "20.0", "ram_mib": "2048",
     "bytecode_compiled": "true", "startup_ready_ms": "40.0", "exec_wall_ns": "1000000000",
     "link_wire": "pty", "link_baud": "115200",
     "link_bytes_out": "2200", "link_messages_out": "100", "link_port": "/dev/pts/9",
@@ -21,12 +23,12 @@ HEALTH = {
 class Client:
     """What the table reads of a client."""
 
-    def __init__(self, dialled_ns: int, health: dict[str, str]) -> None:
+    def __init__(self, dialled_ns: int, health: dict[str, str], offset_ns: int) -> None:
         self.delays = DelayMeter()
         for number in range(100):
             published = number * 50_000_000
-            instants = [number, published, *(published + us * 1000 for us in (200, 250, 350, 400))]
-            self.delays.add(instants, published + 420_000, published + 600_000)
+            instants = [number, published, *(published + offset_ns + us * 1000 for us in (200, 250, 350, 400))]
+            self.delays.add(instants, published + offset_ns + 420_000, published + 600_000)
         self.dialled_wall_ns = dialled_ns
         self.first_sample_wall_ns = 1_080_000_000
         self.latest = {"diagnostics": Stamped(health, 101 * 10**9, 101 * 10**9)}
@@ -36,8 +38,8 @@ class Client:
         return self._health
 
 
-def build(dialled_ns: int = 0, **health: str) -> table.HilTable:
-    client = Client(dialled_ns, HEALTH | health)
+def build(dialled_ns: int = 0, offset_ns: int = 0, **health: str) -> table.HilTable:
+    client = Client(dialled_ns, HEALTH | health, offset_ns)
     return table.build(client, OUTCOME, first_cpu=(1.0, 1.0))  # type: ignore[arg-type]  # a stand-in
 
 
@@ -49,7 +51,7 @@ def test_figures() -> None:
     assert result.startup_s == 0.08
     assert result.delay.p50_ms == 0.4
     assert [round(hop.p50_ms, 6) for hop in result.hops.values()] == [0.2, 0.05, 0.1, 0.0, 0.05]
-    assert result.notes == ()
+    assert result.notes == result.warnings == ()
 
 
 def test_text() -> None:
@@ -57,7 +59,7 @@ def test_text() -> None:
     for word in (
         "2.0% of a core",
         "0.080 s",
-        "20.0 MiB PSS, 0.98% of 2 GiB",
+        "20.0 MiB, 0.98% of 2 GiB (12.0 MiB PSS)",
         "p50 0.40 ms",
         "40 x",
         "4,750 x",
@@ -78,3 +80,12 @@ def test_two_machines_are_said_to_be_two() -> None:
     result = build(boot_id="another")
     assert "two machines" in result.notes[0]
     assert result.clock_uncertainty_ms > 0
+
+
+@pytest.mark.parametrize("offset_ns", [-5_000_000, 5_000_000, 5_000_000_000])
+def test_a_clock_that_is_wrong_on_one_machine_is_said(offset_ns: int) -> None:
+    """The slave was started before the clock was set: same boot, another time."""
+    result = build(offset_ns=offset_ns)
+    assert any("ms off, though it should be the master's" in text for text in result.warnings)
+    assert f"WARNING: {result.warnings[0]}" in table.render(result)
+    assert table.to_json(result, OUTCOME)["table"]["warnings"]

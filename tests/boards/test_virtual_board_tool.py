@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from hil.bench.machine import MARK
+from boards.emulation import MARK
 from hil.errors import DeviceError
 from tools.virtual_board import __main__ as tool
 from tools.virtual_board.board import VirtualBoard, mend_scripts, write_wrapper

@@ -76,10 +76,11 @@ def test_a_world_of_another_kind(tmp_path: Path) -> None:
 
 
 def test_what_cannot_be_meant(tmp_path: Path) -> None:
+    where = ["--listen", f"tcp/127.0.0.1:{free_port()}", "--run-dir", str(tmp_path)]
     with pytest.raises(ConfigError, match="--start and --goal go together"):
-        demo.main(["--world", "ridge", "--start", "1,2", "--run-dir", str(tmp_path)])
+        demo.main(["--world", "ridge", "--start", "1,2", *where])
     with pytest.raises(ConfigError, match=r"nowhere.000: the chart cannot be read"):
-        demo.main(["--world", "nowhere.000", "--run-dir", str(tmp_path)])
+        demo.main(["--world", "nowhere.000", *where])
 
 
 def test_without_scipy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

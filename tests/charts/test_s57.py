@@ -139,7 +139,10 @@ def test_an_update_that_does_not_fit(tmp_path: Path) -> None:
 
 def test_no_chart_at_all(tmp_path: Path) -> None:
     path = tmp_path / "C.000"
-    with pytest.raises(ConfigError, match="cannot be read: No such file"):
+    with pytest.raises(
+        ConfigError,
+        match=r"cannot be read: No such file; NOAA's are free at https://charts\.noaa\.gov/ENCs/ENCs\.shtml",
+    ):
         read_cell(str(path))
     for content in (b"", b"<html>not found</html>" * 9, os.urandom(400)):
         path.write_bytes(content)

@@ -45,7 +45,7 @@ def test_malformed_traces_are_counted() -> None:
     assert len(meter) == 0
 
 
-def test_quantiles() -> None:
+def test_quantiles_are_of_nearest_rank_as_everywhere() -> None:
     q = quantiles([value * MS for value in range(1, 101)])
-    assert (q.p50_ms, q.p90_ms, q.p99_ms, q.max_ms) == (51, 91, 100, 100)
+    assert (q.p50_ms, q.p90_ms, q.p99_ms, q.max_ms) == (50, 90, 99, 100)
     assert math.isnan(quantiles([]).p50_ms)

@@ -5,6 +5,7 @@ import json
 import os
 import subprocess
 import sys
+from collections.abc import Iterator
 from importlib import metadata
 from pathlib import Path
 
@@ -13,9 +14,11 @@ import pytest
 from boards.tree import Tree
 from hil import cli
 from hil.commands import doctor, doctor_software
-from hil.commands.doctor_case import Case, Finding
+from hil.commands.doctor_case import Case, Finding, User
 from hil.config import load_scenario
 from hil.errors import ConfigError
+from hil.topics import TOPICS
+from tests.processes import write_scenario
 
 ROOT = Path(__file__).parents[2]
 
@@ -124,6 +127,90 @@ def test_a_step_that_costs_more_than_its_share(monkeypatch: pytest.MonkeyPatch) 
     assert doctor_software.step_cost(scenario, 0.5).level == "ok"
     found = doctor_software.step_cost(scenario, 0.3)
     assert (found.level, found.text) == ("problem", "1000 µs of every 2500 µs, 40.0% of a core; 30% are for it")
+
+
+@pytest.fixture
+def topics() -> Iterator[None]:
+    """A scenario's own sensor is known as long as the test."""
+    before = dict(TOPICS)
+    yield
+    TOPICS.clear()
+    TOPICS.update(before)
+
+
+NOWHERE = '[security]\nslave = "keys/a"\nmaster = "keys/b"\nmay_command = ["b"]'
+TAPE = "[recording]\nslave = true\nfolder = '"
+WILD = """
+class Wild:
+    def __init__(self):
+        1 / 0
+
+class Sour:
+    message = "std_msgs/msg/Float64"
+    def begin(self, scene, mounting, random): pass
+    def sample(self, time_ns, state): raise OverflowError("too sour")
+"""
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "topic", "words"),
+    [
+        ("[link]", '[link]\nframe = "nope"', "link", "no preset 'nope'; there are: aa55"),
+        ("[slave]", f"{NOWHERE}\n[slave]", "slave", "keys/a/ca.pem is not there; `uuv-hil keys add a`"),
+        ("goal = [8, 7]", "goal = [800, 7]", "planner", "the goal (800.00 m north, 7.00 m east) is outside the map"),
+        ("depth = 2", "depth = 900", "slave", "an obstacle or the seabed of pool is there"),
+        ('"pool"', '"puddle"', "slave", "no preset 'puddle'"),
+        ("[slave]", '[planner]\nclass = "nope:Nope"\n[slave]', "planner", "nope cannot be imported"),
+        ("[slave]", '[planner]\nclass = "wild:Wild"\n[slave]', "planner", "ZeroDivisionError: division by zero"),
+        ("[slave]", f"{TAPE}/dev/null/x'\n[slave]", "recording", "/dev/null is no folder"),
+        ("[slave]", f"{TAPE}/proc/x'\n[slave]", "recording", "0 MiB free"),
+        ("[link]", '[sensors.mine]\nclass = "wild:Sour"\nrate = 50\n[link]', "step", "OverflowError: too sour"),
+    ],
+)  # fmt: skip
+def test_what_the_slave_or_the_planner_would_refuse(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, topics: None, old: str, new: str, topic: str, words: str
+) -> None:
+    """Each is one problem with what to do about it, and nothing is raised."""
+    (tmp_path / "wild.py").write_text(WILD)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    path, _ = write_scenario(tmp_path)
+    assert [found.level for found in doctor_software.software(here(str(path))) if found.topic == "start"] == ["ok"]
+    path.write_text(path.read_text().replace(old, new, 1))
+    case = here(str(path))
+    problems = [
+        found for found in (*doctor_software.software(case), *doctor_software.step(case)) if found.level == "problem"
+    ]
+    (found,) = problems
+    assert found.topic == topic
+    assert words in found.text
+    assert str(path) in found.remedy or "uuv-hil keys" in found.text or "mend the sensor" in found.remedy
+
+
+def test_what_a_start_does_not_need() -> None:
+    """A fleet has a planner for each, an external controller none, and who names no goal flies by hand."""
+    scenario = load_scenario("paper_field", {"master.goal": [900.0, 0.0]})
+    user = doctor.find_user(None)
+    lost = [found.topic for found in doctor_software.start(scenario, user)]
+    (away,) = doctor_software.start(load_scenario("paper_field", {"start.north": -500.0}), user)
+    assert "the start (-500.00 m north, 0.00 m east) is outside the map" in away.text
+    by_hand = scenario._replace(master=scenario.master._replace(goal=None))
+    for other in (by_hand, scenario._replace(controller="external"), load_scenario("target_hunting")):
+        assert [found.level for found in doctor_software.start(other, user)] == ["ok"]
+    assert lost == ["planner"]
+
+
+def test_a_recording_of_another_user(tmp_path: Path) -> None:
+    """By the folder's mode; nothing is made."""
+    folder = tmp_path / "closed"
+    folder.mkdir(mode=0o755)
+    stranger = User("stranger", 4711, (4711,))
+    scenario = load_scenario("paper_field", {"recording.slave": True, "recording.folder": str(folder / "a" / "b")})
+    (found,) = doctor_software.start(scenario, stranger)
+    assert (found.level, found.topic) == ("problem", "recording")
+    assert f"no permission for stranger in {folder}" in found.text
+    folder.chmod(0o777)
+    assert [found.level for found in doctor_software.start(scenario, stranger)] == ["ok"]
+    assert list(folder.iterdir()) == []
 
 
 @pytest.mark.parametrize(

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+import hil
 from hil.config import build_simulation, load_scenario
 from hil.errors import ConfigError
 from hil.topics import TOPICS
@@ -119,6 +120,11 @@ def test_a_real_slave_says_it_records_it_and_repeats_it(where: Path) -> None:
             where, "topic", "echo", "/uuv1/thermometer", "-n", "3", "--connect", f"tcp/127.0.0.1:{port}"
         ) as echo:
             assert echo.wait(15) == 0, echo.output
+        load_scenario(str(path))  # from now on Python knows it too
+        with hil.connect(f"tcp/127.0.0.1:{port}") as fleet:
+            sample = next(fleet["uuv1"].samples("thermometer"))
+            assert sample.values["temperature"] == pytest.approx(16.95, abs=0.1)
+            assert fleet["uuv1"].newest("thermometer").age < 1.0
         assert slave.stop(signal.SIGTERM) == 0, slave.output
     values = [float(text) for text in re.findall(r"temperature: ([\d.]+)", echo.output)]
     assert len(values) == 3

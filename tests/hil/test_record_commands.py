@@ -340,6 +340,42 @@ def test_the_command_lines(tmp_path: Path, arguments: list[str], code: int, word
     assert "Traceback" not in program.output
 
 
+def test_a_recorder_that_refuses_is_one_line(tmp_path: Path) -> None:
+    (tmp_path / "there.mcap").write_text("")
+    with listen(endpoint := f"tcp/127.0.0.1:{free_port()}"):
+        for _ in range(10):  # who had dialled already aborted in one case of two
+            with Program(tmp_path, "record", "--connect", endpoint, "-o", tmp_path) as record:
+                assert record.wait() == 2, record.output
+            (line,) = record.output.strip().splitlines()
+            assert "there is a recording in it already" in line
+
+
+def test_ctrl_c_while_nobody_is_there(tmp_path: Path) -> None:
+    endpoint, port = f"tcp/127.0.0.1:{free_port()}", free_port()
+    for _ in range(3):
+        with Program(tmp_path, "foxglove", "--connect", endpoint, "--port", port) as live:
+            live.expect("ws://")
+            assert live.stop(signal.SIGINT) == 0, live.output
+        assert len(live.output.strip().splitlines()) == 1
+
+
+def test_a_recording_of_nobody_is_an_error(tmp_path: Path) -> None:
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    with Program(tmp_path, "record", "--connect", endpoint, "-o", tmp_path / "heard", "--seconds", "6") as record:
+        record.expect(f"still nobody at {endpoint}; waiting")
+        assert record.wait() == 4, record.output
+    assert f"nothing was recorded: nobody answered at {endpoint}" in record.output
+    assert "none lost" not in record.output
+
+
+def test_a_recording_of_nothing_is_an_error(tmp_path: Path) -> None:
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    what = ["--connect", endpoint, "-o", tmp_path / "heard", "--seconds", "2"]
+    with listen(endpoint), Program(tmp_path, "record", *what) as record:
+        assert record.wait() == 4, record.output
+    assert f"who answers at {endpoint} said nothing" in record.output
+
+
 def test_a_recording_without_a_vehicle_cannot_be_drawn(tmp_path: Path) -> None:
     with Recorder(str(tmp_path / "bag"), Recording(keep_free=0.0), {}) as recorder:
         recorder.put(Message("/chat", "std_msgs/msg/String", 1, 1, 1, b"\0\1\0\0\2\0\0\0a\0"))

@@ -11,6 +11,7 @@ import pytest
 
 from boards import load_board
 from boards.tree import Tree
+from hil.cli import main
 from hil.clock import now_ns
 from hil.commands.top import table
 from hil.commands.top_prometheus import METRICS, exposition
@@ -43,12 +44,24 @@ def test_one_table_of_a_real_slave(slave: int, tmp_path: Path) -> None:
     assert float(row(text, "messages sent (1/s)")) < 10.0, "nobody else listens"
     assert row(text, "link").startswith("frame /dev/pts/")
     assert len(row(text, "late p50 / p99 / max (us)").split("/")) == 3
+    assert len(row(text, "the same since its start").split("/")) == 3
+    assert "nobody at" not in text
 
 
 def once(folder: Path, port: int) -> str:
     with Program(folder, "top", "--connect", f"tcp/127.0.0.1:{port}", "--once") as top:
         assert top.process.wait(20) == 0, top.output
     return top.output
+
+
+def test_slaves_behind_a_router(tmp_path: Path) -> None:
+    router = free_port()
+    with Program(tmp_path, "router", "--listen", f"tcp/127.0.0.1:{router}") as between:
+        between.expect("forwarding")
+        path, _ = write_scenario(tmp_path, f'[network]\nmode = "routed"\nrouter = "tcp/127.0.0.1:{router}"\n')
+        with Program(tmp_path, "slave", path) as vehicle:
+            vehicle.expect("ready")
+            assert row(once(tmp_path, router), "state") == "waiting for commands, thrusters neutral"
 
 
 def test_what_a_slave_sends_to_who_wants_all(slave: int, tmp_path: Path) -> None:
@@ -58,10 +71,28 @@ def test_what_a_slave_sends_to_who_wants_all(slave: int, tmp_path: Path) -> None
         assert 150.0 < float(row(once(tmp_path, slave), "messages sent (1/s)")) < 220.0
 
 
+def test_an_endpoint_that_nobody_answers_from_is_named(slave: int, tmp_path: Path) -> None:
+    there, absent = (f"tcp/127.0.0.1:{port}" for port in (slave, free_port()))
+    with Program(tmp_path, "top", "--connect", there, "--connect", absent, "--once") as top:
+        assert top.process.wait(20) == 0, top.output
+    assert f"nobody at {absent}: 127.0.0.1 is there but nothing listens on port" in top.output
+    assert f"nobody at {there}" not in top.output
+    with Program(tmp_path, "top", "--connect", there, "--connect", there, "--once") as top:
+        assert top.process.wait(20) == 0, top.output
+    assert "nobody at" not in top.output
+
+
+@pytest.mark.parametrize("seconds", ["nan", "inf", "-1"])
+def test_a_wait_that_is_none(seconds: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["top", "--wait", seconds, "--once"]) == 2
+    assert f"--wait {seconds}: expected seconds" in capsys.readouterr().err
+
+
 def test_nobody_is_told(tmp_path: Path) -> None:
     with Program(tmp_path, "top", "--connect", f"tcp/127.0.0.1:{free_port()}", "--once", "--wait", "0.5") as top:
         assert top.process.wait(20) == 4, top.output
     assert "is `uuv-hil slave` running there" in top.output
+    assert "nothing listens on port" in top.output
     assert "Traceback" not in top.output
 
 
@@ -126,6 +157,22 @@ def test_metrics_are_in_base_units() -> None:
     assert 'uuv_hil_loop_lateness_p99_seconds{node="uuv1",board="a \\"b\\""} 0.00025' in text
     assert "# TYPE uuv_hil_temperature_celsius gauge" in text
     assert 'uuv_hil_temperature_celsius{node="uuv1",board="a \\"b\\""} 61.5' in text
+
+
+def test_the_lateness_of_now_beside_that_since_the_start() -> None:
+    recent = {"lateness_recent_p50_us": "20", "lateness_recent_p99_us": "90", "lateness_recent_max_us": "150"}
+    slave = told(lateness_p50_us="30", lateness_p99_us="29000", lateness_max_us="71000", **recent)
+    assert row(table([slave], []), "late p50 / p99 / max (us)") == "20 / 90 / 150"
+    assert row(table([slave], []), "the same since its start") == "30 / 29000 / 71000"
+    assert "late p50" not in table([told()], [])
+    text = exposition([slave])
+    assert 'uuv_hil_loop_lateness_recent_max_seconds{node="uuv1",board=""} 0.00015\n' in text
+    assert 'uuv_hil_loop_lateness_max_seconds{node="uuv1",board=""} 0.071\n' in text
+
+
+def test_figures_that_are_not_a_boards_say_so() -> None:
+    assert row(table([told(labels="emulated: a test")], []), "its figures are of") == "emulated: a test"
+    assert "its figures are of" not in table([told()], [])
 
 
 def test_who_cannot_tell_whether_it_is_throttled_does_not_say_no() -> None:

@@ -59,6 +59,18 @@ def test_flow_style_is_what_yaml_says_it_is(text: str) -> None:
     assert parse_values(text) == read_yaml(text)
 
 
+def test_words_that_yaml_1_1_takes_for_bools() -> None:
+    """As ROS's own tools do; a text is in quotes, and is written so."""
+    assert parse_values("{a: off, b: ON, c: No, d: yes, e: 'off', no: n}") == {
+        "a": False, "b": True, "c": False, "d": True, "e": "off", "no": "n",
+    }  # fmt: skip
+    assert lines({"a": "off"}) == ['a: "off"']
+
+
+def test_a_text_of_two_lines() -> None:
+    assert parse_values('{a: "b\nc"}') == {"a": "b\nc"}
+
+
 def test_not_a_number() -> None:
     assert math.isnan(parse_values("{x: .nan}")["x"])
 
@@ -72,6 +84,7 @@ def test_toml_is_read() -> None:
 @pytest.mark.parametrize(
     ("text", "words"),
     [("{a: 1", "expected , or }"), ("{a 1}", "expected :"), ("{a: }}", "nothing more"), ("{a: 'b}", "no closing '"),
+     ('{a: "\\q"}', "escape at '\"\\\\q"), ("{a: " + "[" * 5000, "too deep"),
      ("{a: [1 2]}", ""), ("{: 1}", "expected a value"), ("hello", "is no message"), ("{a: {b: 1}", "expected , or }")],
 )  # fmt: skip
 def test_what_makes_no_sense_is_shown(text: str, words: str) -> None:
@@ -251,6 +264,8 @@ def test_what_the_scenario_lets_the_vehicle_say_to_ros(tmp_path: Path) -> None:
 def test_call(user: User) -> None:
     assert user.run("call", "/uuv1/arm", "{data: false}").startswith("success: true\n")
     user.slave.expect("arm: disarmed")
+    assert "armed: commands are taken" in user.run("call", "/uuv1/arm", "{data: on}")
+    assert "disarmed" in user.run("call", "/uuv1/arm", "{data: OFF}")
     assert "armed: commands are taken" in user.run("call", "/uuv1/arm", "data = true")
     assert read_yaml(user.run("call", "/uuv1/reset"))["message"] == "at (4, 4, 2) m, heading 0 rad, at rest"
 
@@ -266,7 +281,9 @@ def test_call(user: User) -> None:
             2,
             "has the type geometry_msgs/msg/Twist, not std_msgs/msg/Bool",
         ),
-        (("pub", "/x", "geometry_msgs/msg/Twist", "{linear: {x: a}}"), 2, "Twist.linear.x: no float64"),
+        (("call", "/uuv1/arm", "{data: perhaps}"), 2, "SetBool_Request.data: expected true or false, found 'perhaps'"),
+        (("call", "/uuv1/arm", '{data: "off"}'), 2, "SetBool_Request.data: expected true or false, found 'off'"),
+        (("pub", "/x", "geometry_msgs/msg/Twist", "{linear: {x: a}}"), 2, "Twist.linear.x: expected a number"),
         (("pub", "/x", "std_msgs/msg/Bool", "--rate", "-1"), 2, "--rate: -1 Hz is out of"),
     ],
 )

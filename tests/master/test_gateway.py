@@ -15,7 +15,7 @@ import pytest
 import hil
 from hil.errors import NetworkError
 from hil.master.fleet import Fleet
-from hil.master.gateway import Gateway
+from hil.master.gateway import LONGEST_LINE, Gateway
 from tests.processes import ROOT, Program, free_port, wait_for, write_scenario
 
 MATLAB = ROOT / "hil" / "master" / "matlab"
@@ -138,6 +138,19 @@ def test_nonsense_is_answered(stranger: Stranger, line: bytes, words: str) -> No
     assert not answer["ok"]
     assert words in answer["error"]
     assert stranger.ask(do="vehicles")["ok"], "and the connection goes on"
+
+
+@pytest.mark.parametrize("size", [LONGEST_LINE, LONGEST_LINE + 1, 3 * LONGEST_LINE - 1, 3 * LONGEST_LINE])
+def test_a_line_that_is_too_long_is_answered_once(stranger: Stranger, size: int) -> None:
+    """`size` bytes and the newline; the next line is understood."""
+    answer = stranger.send(b" " * (size - 2) + b"{}")
+    assert (answer["ok"], answer["error"]) == (False, "a line of more than 65536 bytes; send several")
+    assert stranger.ask(id=1, do="vehicles")["id"] == 1
+
+
+def test_the_longest_line_is_understood(stranger: Stranger) -> None:
+    request = b'{"do": "vehicles"}'
+    assert stranger.send(b" " * (LONGEST_LINE - 1 - len(request)) + request)["ok"]
 
 
 def test_what_is_no_number_is_null(stranger: Stranger) -> None:

@@ -133,6 +133,18 @@ def test_waiting_tells_why_it_is_over() -> None:
         told.wait()
 
 
+def test_what_is_done_may_come_to_grief(client: Spoken) -> None:
+    """Another master has taken over: nobody holds the vehicle there any more."""
+    told = maneuver.repeat("cmd_thrusters", encode_thrusts((1.0,) * 6))
+    told.step(client, client.bench.state)
+    assert told.wait(0.0).done
+    told.end()
+    assert told.error is None
+    told.end(NetworkError("taken over"))
+    with pytest.raises(NetworkError, match="taken over"):
+        told.wait()
+
+
 def test_it_can_be_awaited(client: Spoken) -> None:
     async def both() -> Maneuver:
         told = maneuver.repeat("cmd_thrusters", encode_thrusts((1.0,) * 6))

@@ -177,6 +177,10 @@ def test_asyncio(endpoint: str) -> None:
         (lambda v: v.follow([(1.0, 2.0)]), "(north, east, depth)"),
         (lambda v: v.follow("nowhere.toml"), "nowhere.toml"),
         (lambda v: v.samples("imuu"), "did you mean 'imu'"),
+        (
+            lambda v: v.samples("thermometer"),
+            "of your own is known once its scenario was read: hil.config.load_scenario",
+        ),
     ],
 )
 def test_what_cannot_be_meant_is_told(vehicle: Vehicle, tell: Callable[[Vehicle], object], words: str) -> None:
@@ -196,6 +200,22 @@ def test_a_sensor_that_is_not_there(vehicle: Vehicle) -> None:
         _ = vehicle.gps
     with pytest.raises(NetworkError, match="no 'gps'"):
         next(vehicle.samples("gps", timeout=0.2))
+
+
+def test_pictures_go_by_the_name_of_their_kind(tmp_path: Path) -> None:
+    """JPEG unless the scenario says otherwise; who asks for the other kind is told its name."""
+    with (
+        slave_with(tmp_path, "camera = { rate = 5, width = 64, height = 48 }") as endpoint,
+        hil.connect(endpoint) as fleet,
+    ):
+        vehicle = fleet["uuv1"]
+        assert next(vehicle.samples("camera/image_raw/compressed", timeout=15.0))
+        with pytest.raises(
+            NetworkError, match=r"imu.*its pictures are 'camera/image_raw/compressed', as \[ros\] images"
+        ):
+            next(vehicle.samples("camera/image_raw", timeout=0.5))
+        with pytest.raises(NetworkError, match=r"it sends .*camera/image_raw/compressed.*\[sensors"):
+            _ = vehicle.gps
 
 
 def test_nobody_there() -> None:
@@ -249,10 +269,10 @@ def test_another_master_commands(own_slave: tuple[Program, str]) -> None:
         first["uuv1"].drive(surge=0.1)
         program.expect("commands arrive")
         with hil.connect(endpoint) as second:
-            vehicle = second["uuv1"]
-            assert becomes(lambda: bool(vehicle.client.refusal()), 3), "it says so once a second"
-            with pytest.raises(NetworkError, match=r"obeys another master.*take_over=True"):
-                vehicle.stop()
+            for _ in range(2):
+                with pytest.raises(NetworkError, match=r"obeys another master.*take_over=True"):
+                    second["uuv1"].drive(surge=-0.3)
+            assert not second["uuv1"].client.has_commanded
         with hil.connect(endpoint, take_over=True) as third:
             told = first["uuv1"].go_to(6.0, 6.0, 2.0)
             third["uuv1"].drive(surge=0.1)
@@ -260,6 +280,29 @@ def test_another_master_commands(own_slave: tuple[Program, str]) -> None:
                 told.wait(6)
         with hil.connect(endpoint, observe=True) as watching, pytest.raises(NetworkError, match="observed"):
             watching["uuv1"].stop()
+
+
+def test_a_master_that_is_taken_over_is_told_so(own_slave: tuple[Program, str]) -> None:
+    """Also of what was done: it is held no more."""
+    program, endpoint = own_slave
+    with hil.connect(endpoint) as first, hil.connect(endpoint, take_over=True) as other:
+        told = first["uuv1"].drive(surge=0.1).wait(5)
+        program.expect("commands arrive")
+        other["uuv1"].drive(surge=-0.1)
+        assert becomes(lambda: bool(told.error), 4)
+        with pytest.raises(NetworkError, match="another master"):
+            told.wait()
+
+
+def test_the_first_command_goes_out_at_once(endpoint: str) -> None:
+    """Also right after another master has left, of whom the vehicle's last figures may still speak."""
+    for _ in range(2):
+        with hil.connect(endpoint) as fleet:
+            vehicle = fleet["uuv1"]
+            began = time.monotonic()
+            vehicle.stop()
+            assert time.monotonic() - began < 1.5
+            time.sleep(0.3)  # the vehicle tells who commands
 
 
 def test_a_disarmed_vehicle(own_slave: tuple[Program, str], tmp_path: Path) -> None:
@@ -361,6 +404,26 @@ def test_through_a_router(tmp_path: Path) -> None:
             with hil.connect(f"tcp/127.0.0.1:{port}", routed=True) as fleet:
                 fleet["uuv1"].push(x=20.0)
                 assert becomes(lambda: fleet["uuv1"].state.velocity[0] > 0.1)
+
+
+def test_a_router_is_told_from_a_slave(tmp_path: Path) -> None:
+    """Who dials it as if it were a slave hears how to; a slave whose router is down, what to start."""
+    port = free_port()
+    scenario, _ = write_scenario(tmp_path)
+    options = ("--connect", f"tcp/127.0.0.1:{port}", "--run-dir", tmp_path / "run", "--wait", 1)
+    with Program(tmp_path, "router", "--listen", f"tcp/127.0.0.1:{port}") as router:
+        router.expect("forwarding")
+        with (
+            hil.connect(f"tcp/127.0.0.1:{port}", wait=0.3) as fleet,
+            pytest.raises(NetworkError, match=r'a router does.*mode = "routed".*routed=True'),
+        ):
+            _ = fleet.vehicles
+        with Program(tmp_path, "master", scenario, *options) as master:
+            assert master.wait(30) == 4
+            assert '[network] mode = "routed"' in master.output
+    scenario.write_text(scenario.read_text() + f'[network]\nmode = "routed"\nrouter = "tcp/127.0.0.1:{port}"\n')
+    with Program(tmp_path, "slave", scenario) as slave:
+        slave.expect(f"router tcp/127.0.0.1:{port} is not reached: .*is `uuv-hil router` running")
 
 
 def test_a_recording_of_all_kinds_repeats_to_the_bit(tmp_path: Path) -> None:

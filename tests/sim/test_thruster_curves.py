@@ -139,6 +139,8 @@ def test_advance_speed() -> None:
     ("curve", "words"),
     [
         ({"kind": "t-200"}, "kind: 't-200' is not one of dead_zone, table, advance, t200"),
+        ({"kind": []}, "kind: [] is not one of dead_zone"),
+        ({"kind": {}}, "kind: {} is not one of dead_zone"),
         ({**TABLE, "thrust_n": [-40.0, 0.0, 1.0, 0.5, 55.0]}, "thrust_n: each must be at least"),
         ({**TABLE, "pwm_us": [1100, 1450, 1450, 1700, 1900]}, "pwm_us: each must be greater"),
         ({**TABLE, "thrust_n": [1.0]}, "5 pwm_us and 1 thrust_n"),

@@ -1,11 +1,15 @@
 """A tap: everything that is said and told, in order, with its time; losses counted; endpoints that come and go."""
 
+import threading
 import time
 from collections import Counter
 from collections.abc import Callable
 from itertools import pairwise
 
+import pytest
+
 from hil.topics import TOPICS
+from hil.transport import recording_tap
 from hil.transport.recording_file import Message
 from hil.transport.recording_tap import Tap
 from hil.transport.roles import dial
@@ -128,6 +132,31 @@ def test_gaps_are_counted() -> None:
         heard = collect(tap, lambda messages: len(messages) >= 2)
     assert [message.sequence for message in heard] == [1, 6]
     assert tap.missed == 4
+
+
+def test_who_is_not_there_is_named_once_in_a_while(monkeypatch: pytest.MonkeyPatch) -> None:
+    ends = [f"tcp/127.0.0.1:{free_port()}" for _ in range(2)]
+    monkeypatch.setattr(recording_tap, "PATIENCE_NS", 100_000_000)
+    with listen(ends[0]), Tap(ends) as tap:
+        assert tap.complaint() == ""
+        assert wait_for(lambda: tap.connected, 10)
+        assert wait_for(tap.complaint, 10) == f"still nobody at {ends[1]}; waiting"
+        time.sleep(0.2)
+        assert tap.complaint() == "", "not again for a minute"
+        with listen(ends[1]):
+            assert wait_for(lambda: len(tap.connected) == 2, 10)
+        monkeypatch.setattr(tap, "_say_ns", 0)
+        assert tap.complaint() == ""
+
+
+def test_its_threads_end_with_it() -> None:
+    before = set(threading.enumerate())
+    with Tap([f"tcp/127.0.0.1:{free_port()}" for _ in range(3)]):
+        assert len(set(threading.enumerate()) - before) == 3
+    assert not set(threading.enumerate()) - before
+    tap = Tap([f"tcp/127.0.0.1:{free_port()}"])
+    assert not set(threading.enumerate()) - before, "it dials when it is entered"
+    tap.close()
 
 
 def test_closing_does_not_wait_for_an_endpoint_that_is_not_there() -> None:

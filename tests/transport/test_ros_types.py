@@ -230,7 +230,11 @@ def test_an_image_from_an_array_of_rows() -> None:
     ("values", "words"),
     [
         ({"linar": {}}, r"geometry_msgs/msg/Twist: no field 'linar'; did you mean 'linear'\?"),
-        ({"linear": {"x": "fast"}}, "geometry_msgs/msg/Twist.linear.x: no float64"),
+        ({"linear": {"x": "fast"}}, "geometry_msgs/msg/Twist.linear.x: expected a number, found 'fast'"),
+        ({"linear": {"x": "1.5"}}, "Twist.linear.x: expected a number, found '1.5'"),
+        ({"linear": {"x": True}}, "Twist.linear.x: expected a number, found True"),
+        ({"linear": {"x": [1.0]}}, "Twist.linear.x: no float64"),
+        ({"linear": {"x": 10**400}}, "Twist.linear.x: no float64"),
         ({"linear": 1.0}, "geometry_msgs/msg/Twist.linear: expected the fields of geometry_msgs/msg/Vector3"),
         ({"linear": {"w": 1.0}}, "no field 'w'; there are: x, y, z"),
     ],
@@ -256,7 +260,11 @@ def test_a_bounded_sequence() -> None:
     [
         ({"k": [1.0] * 8}, "CameraInfo.k: 8 values, expected 9"),
         ({"k": bytes(71)}, "CameraInfo.k: 71 bytes are no whole number of float64"),
+        ({"d": {}}, "CameraInfo.d: expected a list"),
+        ({"d": [0.5, "1"]}, "CameraInfo.d: expected a number, found '1'"),
         ({"height": -1}, "CameraInfo.height: no uint32"),
+        ({"height": 2**32}, "CameraInfo.height: no uint32"),
+        ({"height": True}, "CameraInfo.height: expected a number, found True"),
         ({"height": 1.5}, "CameraInfo.height: no uint32"),
         ({"d": "12"}, "CameraInfo.d: expected a list"),
         ({"d": 3.0}, "CameraInfo.d: expected a list"),
@@ -266,6 +274,28 @@ def test_a_bounded_sequence() -> None:
 def test_wrong_numbers_are_named(values: Any, words: str) -> None:
     with pytest.raises(ConfigError, match=words):
         ros_message.encode("sensor_msgs/msg/CameraInfo", values)
+
+
+@pytest.mark.parametrize("value", ["off", "false", "true", "", 2, -1, 1.5, [1], (), {}, [], np.zeros(3), math.nan])
+def test_a_bool_is_nothing_but_true_or_false(value: Any) -> None:
+    """By its truth a vehicle would be armed by "off"."""
+    with pytest.raises(ConfigError, match=r"SetBool_Request\.data: expected true or false, found "):
+        ros_message.encode("std_srvs/srv/SetBool_Request", {"data": value})
+
+
+@pytest.mark.parametrize("value", [False, 0, np.False_, True, 1, np.True_])
+def test_bools_and_what_ros_takes_for_them(value: Any) -> None:
+    payload = ros_message.encode("std_srvs/srv/SetBool_Request", {"data": value})
+    assert payload == HEADER + bytes([bool(value)])
+
+
+def test_a_list_of_bools() -> None:
+    name = "rcl_interfaces/msg/ParameterValue"
+    message = ros_message.decode(name, ros_message.encode(name, {"bool_array_value": [True, 0, False, 1]}))
+    assert message is not None
+    assert message["bool_array_value"] == (True, False, False, True)
+    with pytest.raises(ConfigError, match=r"bool_array_value: expected true or false, found 'no'"):
+        ros_message.encode(name, {"bool_array_value": [True, "no"]})
 
 
 # --- noise

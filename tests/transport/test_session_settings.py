@@ -1,7 +1,11 @@
 """What a session is told, and how it finds others."""
 
 import os
+import re
+import shutil
 import stat
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -17,7 +21,7 @@ from hil.transport.roles import dial, route
 from hil.transport.session import listen
 from hil.transport.settings import BATCH, Network, endpoints, json5, settings
 from hil.transport.tokens import Presence, presence_key, read_presence
-from tests.processes import Program, free_port, wait_for, write_scenario
+from tests.processes import ROOT, Program, free_port, wait_for, write_scenario
 
 
 def test_an_endpoint_is_two_links_by_priority() -> None:
@@ -33,6 +37,20 @@ def test_an_endpoint_is_two_links_by_priority() -> None:
 def test_what_is_no_endpoint_is_told(endpoint: str) -> None:
     with pytest.raises(NetworkError, match="tcp/HOST:PORT"):
         dial(endpoint)
+
+
+def test_an_unknown_host_is_told_with_the_remedy() -> None:
+    with pytest.raises(NetworkError, match=r"^cannot listen on tcp/no\.such\.invalid:7447: .* give its address$"):
+        listen("tcp/no.such.invalid:7447")
+
+
+@pytest.mark.skipif(not shutil.which("setpriv"), reason="util-linux's setpriv is not installed")
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root can give the right to such ports away")
+def test_a_port_that_only_root_may_have_is_told_with_the_remedy() -> None:
+    code = 'from hil.transport.session import listen; listen("tcp/127.0.0.1:81")'
+    unprivileged = ["setpriv", "--bounding-set=-net_bind_service", "--inh-caps=-net_bind_service"]
+    done = subprocess.run([*unprivileged, sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT)
+    assert re.search(r"cannot listen on tcp/127.0.0.1:81: no permission .* below 1024 .* --listen$", done.stderr, re.M)
 
 
 def test_settings_reach_the_library() -> None:

@@ -9,8 +9,8 @@ import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
+from boards.emulation import MARK
 from firmware_stub.native import cache_folder
-from hil.bench.machine import MARK
 from hil.errors import DeviceError
 from tools.virtual_board.commands import TO_BUILD, do, missing
 

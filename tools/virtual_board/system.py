@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable, Mapping
 from typing import Self
 
-from hil.bench.machine import MARK
+from boards.emulation import MARK
 from hil.errors import DeviceError
 from tools.virtual_board.board import PROCESSOR, VirtualBoard
 from tools.virtual_board.commands import TO_BOOT, missing
