@@ -1,11 +1,12 @@
 """The one command, `uuv-hil`: a table of subcommands, each imported when it is called."""
 
+import errno
 import gc
 import sys
 from collections.abc import Callable
 from importlib import import_module
 
-from hil.errors import HilError
+from hil.errors import DeviceError, HilError, MissingExtraError
 
 # name -> module with `main(arguments) -> exit code`, and what it does
 COMMANDS = {
@@ -37,6 +38,26 @@ COMMANDS = {
     "doctor": ("hil.commands.doctor", "whether this machine can run a scenario, and what to do where it cannot"),
 }
 
+# package as it is imported -> the extra of pyproject.toml that installs it
+EXTRAS = {
+    "numpy": "master",
+    "joblib": "master",
+    "matplotlib": "master",
+    "xacro": "master",
+    "cryptography": "security",
+    "mcap": "recording",
+    "foxglove": "foxglove",
+    "scipy": "chart",
+    "PIL": "imaging",
+    "moderngl": "opengl",
+    "rasterio": "raster",
+    "pymavlink": "mavlink",
+    "can": "can",
+    "msgpack": "can",
+    "unicorn": "unicorn",
+}
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+
 
 def main(arguments: list[str] | None = None) -> int:
     """Run one subcommand; its exit code. Errors a person can mend are one line on standard error."""
@@ -53,11 +74,8 @@ def main(arguments: list[str] | None = None) -> int:
     if name not in COMMANDS:
         print(f"uuv-hil: no command {name!r}; there are: {', '.join(COMMANDS)} (see uuv-hil --help)", file=sys.stderr)
         return 2
-    gc.disable()  # nothing that modules leave while they load is garbage
-    run: Callable[[list[str]], int] = import_module(COMMANDS[name][0]).main
-    gc.enable()
     try:
-        return run(arguments[1:])
+        return _run(name, arguments[1:])
     except HilError as error:
         print(f"uuv-hil {name}: {error}", file=sys.stderr)
         return error.exit_code
@@ -66,6 +84,24 @@ def main(arguments: list[str] | None = None) -> int:
     except BrokenPipeError:  # `uuv-hil ... | head`
         sys.stderr.close()
         return 141
+
+
+def _run(name: str, arguments: list[str]) -> int:
+    """One subcommand's exit code. Raises HilError, also for a missing package of an extra, and for a full disk."""
+    try:
+        gc.disable()  # nothing that modules leave while they load is garbage
+        run: Callable[[list[str]], int] = import_module(COMMANDS[name][0]).main
+        gc.enable()
+        return run(arguments)
+    except ModuleNotFoundError as error:
+        if error.name not in EXTRAS:
+            raise
+        extra = EXTRAS[error.name]
+        raise MissingExtraError(f"{error.name} is not installed: pip install 'uuv-hil[{extra}]'") from None
+    except OSError as error:
+        if error.errno not in FULL:
+            raise
+        raise DeviceError(f"{error.filename or 'a file'}: {error.strerror}; free some space") from None
 
 
 def _help() -> str:

@@ -2,6 +2,8 @@
 
 import os
 import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
 from types import FrameType
 
 
@@ -9,6 +11,17 @@ def stop_signals() -> list[signal.Signals]:
     """What ends a process: also that its terminal has gone, unless whoever started it had that ignored (nohup)."""
     hung_up = [] if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN else [signal.SIGHUP]
     return [signal.SIGINT, signal.SIGTERM, *hung_up]
+
+
+@contextmanager
+def every_end_like_ctrl_c() -> Iterator[None]:
+    """Let whatever ends us raise KeyboardInterrupt: joblib then ends its workers, which otherwise outlive us."""
+    before = {number: signal.signal(number, signal.default_int_handler) for number in stop_signals()}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 class StopSignals:

@@ -9,6 +9,7 @@ command delay  from the master's publish until the STM32 end has applied the pul
 """
 
 import os
+from math import isfinite
 from typing import Any, NamedTuple
 
 from hil.columns import aligned
@@ -121,7 +122,7 @@ def render(table: HilTable) -> str:
         (
             "start-up",
             _pair(PAPER_STARTUP_S, "{:.1f} s"),
-            f"{table.startup_s:.3f} s to the first sample ({table.slave_ready_s:.3f} s to ready)",
+            f"{_told(table.startup_s, '{:.3f} s')} to the first sample ({table.slave_ready_s:.3f} s to ready)",
             _times(min(PAPER_STARTUP_S), table.startup_s),
         ),
         (
@@ -133,7 +134,7 @@ def render(table: HilTable) -> str:
         (
             "command delay",
             _pair(PAPER_DELAY_S, "{:.1f} s"),
-            f"p50 {delay.p50_ms:.2f} ms, p99 {delay.p99_ms:.2f} ms, max {delay.max_ms:.1f} ms",
+            f"p50 {_told(delay.p50_ms)}, p99 {_told(delay.p99_ms)}, max {_told(delay.max_ms, '{:.1f} ms')}",
             _times(min(PAPER_DELAY_S) * 1e3, delay.p50_ms),
         ),
         ("slave CPU", "-", f"{table.slave_cpu_core:.1%} of a core, {table.slave_cpu_machine:.1%} of the machine", ""),
@@ -141,9 +142,14 @@ def render(table: HilTable) -> str:
     return "\n".join([*aligned(rows, rule=True), "", *_details(table)])
 
 
+def _told(value: float, form: str = "{:.2f} ms") -> str:
+    return form.format(value) if isfinite(value) else "-"
+
+
 def _details(table: HilTable) -> list[str]:
     total = table.delay.p50_ms
-    hops = ", ".join(f"{name} {hop.p50_ms:.3f} ms ({hop.p50_ms / total:.0%})" for name, hop in table.hops.items())
+    known = [(name, hop.p50_ms) for name, hop in table.hops.items() if isfinite(hop.p50_ms)]
+    hops = ", ".join(f"{name} {value:.3f} ms ({value / total:.0%})" for name, value in known) or "-"
     clock = "one clock" if not table.clock_uncertainty_ms else "two clocks, offset estimated"
     lines = [
         f"delay by hop (medians of {table.commands} commands, {clock}): {hops}",

@@ -9,12 +9,14 @@ from contextlib import AbstractContextManager, nullcontext
 from importlib import import_module
 from typing import Any
 
+from hil.bench.record import check_writable
 from hil.cases.simulated import fly
 from hil.columns import aligned
 from hil.commands.parser import new_parser
 from hil.config import load_scenario
 from hil.errors import ConfigError, HilError, MissingExtraError
 from hil.master.flight import prepare
+from hil.stop import every_end_like_ctrl_c
 from hil.tables import value_of
 
 EXAMPLES = """\
@@ -49,11 +51,14 @@ def main(arguments: list[str]) -> int:
     sets = combinations(options.vary)
     for changes in sets:  # a wrong key shall not cost a campaign
         load_scenario(options.scenario, changes)
+    if options.output:
+        check_writable(options.output)
     tasks = [(options.scenario, changes, seed) for changes in sets for seed in range(1, options.seeds + 1)]
-    rows = run_all(tasks, options.jobs, options.backend)
+    with every_end_like_ctrl_c():
+        rows = run_all(tasks, options.jobs, options.backend)
+    print(summary(rows, sets), flush=True)
     if options.output:
         write_csv(options.output, rows)
-    print(summary(rows, sets))
     return 0 if all(row["reached"] for row in rows) else 6
 
 

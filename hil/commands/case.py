@@ -9,6 +9,7 @@ from hil.cases.report import Flights, write_report
 from hil.commands.parser import new_parser
 from hil.errors import ConfigError, MissingExtraError
 from hil.master.recorder import make_folder, new_folder
+from hil.stop import every_end_like_ctrl_c
 
 EXAMPLES = f"""\
 NAME is one of: {", ".join(CASES)}, or all.
@@ -45,9 +46,10 @@ def main(arguments: list[str]) -> int:
     names = list(CASES) if options.name == "all" else [find_case(options.name).name]
     folder = make_folder(options.out) if options.out else new_folder(options.name)
     flights: Flights = {}
-    for name in names:
-        seeds, hil_seeds = range(1, options.seeds + 1), range(1, options.hil + 1)
-        flights[name] = fly_all(name, folder, seeds, hil_seeds, options.jobs)
+    seeds, hil_seeds = range(1, options.seeds + 1), range(1, options.hil + 1)
+    with every_end_like_ctrl_c():
+        for name in names:
+            flights[name] = fly_all(name, folder, seeds, hil_seeds, options.jobs)
     return _report(flights, folder)
 
 

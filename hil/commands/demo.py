@@ -4,6 +4,7 @@ import argparse
 import os
 import select
 import signal
+import socket
 import subprocess
 import sys
 from collections.abc import Callable
@@ -14,12 +15,15 @@ from hil.commands.parser import new_parser
 from hil.config import load_scenario
 from hil.errors import MissingExtraError, NetworkError
 from hil.master.recorder import make_folder, new_folder
+from hil.ports import free_ports
 from hil.stop import StopSignals
+from hil.transport.settings import split
 
 EXAMPLES = """\
 examples:
   uuv-hil demo                         the source paper's field
   uuv-hil demo mine.toml --run-dir out
+  uuv-hil demo --listen tcp/127.0.0.1:9000    beside a slave that runs already
   uuv-hil demo --world US5AK5SI.000    over the seabed of a chart, with laser, sonar and camera
   uuv-hil demo --world US5AK5SI.000 --start 59.6032,-151.4117 --goal 59.6032,-151.4101 --depth 6
 A chart's folder of results also has report.md, report.html and what the vehicle saw.
@@ -32,6 +36,7 @@ def main(arguments: list[str]) -> int:
     parser = new_parser("demo", __doc__, EXAMPLES)
     parser.add_argument("scenario", metavar="SCENARIO", nargs="?", default="paper_field")
     parser.add_argument("--run-dir", metavar="DIR", help="where to put the results [runs/SCENARIO-TIME]")
+    parser.add_argument("--listen", metavar="ENDPOINT", help="of its slave, tcp/ADDRESS:PORT [the scenario's]")
     over = parser.add_argument_group("over a seabed of your own")
     over.add_argument("--world", metavar="CHART.000", help="a chart, soundings, or a world's .toml or name")
     over.add_argument("--start", metavar="LAT,LON", type=_place, help="degrees, with --goal [where there is relief]")
@@ -40,12 +45,14 @@ def main(arguments: list[str]) -> int:
     over.add_argument(
         "--length", metavar="M", type=float, default=70.0, help="of the way if none is given [%(default)g]"
     )
-    over.add_argument("--listen", metavar="ENDPOINT", default="tcp/127.0.0.1:7447", help="of its slave [%(default)s]")
     options = parser.parse_args(arguments)
     if options.world:
         return _dive(options)
+    scenario = load_scenario(options.scenario)
+    endpoint = options.listen or scenario.slave.listen
+    require_free(endpoint, routed=scenario.network.mode == "routed")
     folder = make_folder(options.run_dir) if options.run_dir else new_folder(options.scenario)
-    return _run(options.scenario, folder, lambda: None)
+    return _run(options.scenario, endpoint, folder, lambda: None)
 
 
 def _place(text: str) -> tuple[float, float]:
@@ -59,13 +66,16 @@ def _dive(options: argparse.Namespace) -> int:
     from hil.charts.dive import Wish, prepare_dive
     from hil.charts.dive_watch import DiveWatch
 
+    endpoint = options.listen or Wish().listen
+    require_free(endpoint)  # now: to find a place takes long
     folder = make_folder(options.run_dir) if options.run_dir else new_folder(options.world)
     print(f"looking for a place to dive in {options.world}", flush=True)
-    wish = Wish(options.start, options.goal, options.depth, options.length, options.listen)
+    wish = Wish(options.start, options.goal, options.depth, options.length, endpoint)
     path = prepare_dive(options.world, wish, folder)
     scenario = load_scenario(path)
+    require_free(endpoint)
     with DiveWatch(scenario) as watch:
-        code = _run(path, folder, watch.look)
+        code = _run(path, endpoint, folder, watch.look)
     from hil.charts.dive_report import write_report
 
     files = write_report(folder, scenario, watch.looks, watch.figures())
@@ -75,14 +85,35 @@ def _dive(options: argparse.Namespace) -> int:
 
 def _require_extras() -> None:
     """Raise MissingExtraError unless there is what a dive over a chart needs."""
-    missing = [name for name in ("numpy", "scipy", "matplotlib") if find_spec(name) is None]
+    missing = [name for name in ("numpy", "scipy", "matplotlib", "PIL") if find_spec(name) is None]
     if missing:
-        raise MissingExtraError(f"a chart's seabed needs {', '.join(missing)}: pip install 'uuv-hil[master,chart]'")
+        raise MissingExtraError(
+            f"a chart's seabed needs {', '.join(missing)}: pip install 'uuv-hil[master,chart,imaging]'"
+        )
 
 
-def _run(scenario: str, folder: str, look: Callable[[], None]) -> int:
+def require_free(endpoint: str, routed: bool = False) -> None:
+    """Raise NetworkError unless a slave of this machine can listen at `endpoint`; unless `routed` on the next port too.
+
+    Otherwise the demo's master would arm and command the vehicle of whoever is there.
+    """
+    _, host, port = split(endpoint)
+    for number in (port,) if routed else (port, port + 1):
+        try:
+            family, *_, address = socket.getaddrinfo(host.strip("[]"), number, type=socket.SOCK_STREAM)[0]
+            with socket.socket(family) as probe:
+                probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # the last demo's connections do not count
+                probe.bind(address)
+        except OSError as error:
+            raise NetworkError(
+                f"{endpoint} is not free for the demo's slave (port {number}: {error.strerror}), and a vehicle of "
+                "others it must not command; end what runs there, or choose another place: "
+                f"--listen tcp/127.0.0.1:{free_ports(1)[0]}"
+            ) from None
+
+
+def _run(scenario: str, endpoint: str, folder: str, look: Callable[[], None]) -> int:
     """Run both processes; the master's exit code. `look` is called again and again meanwhile."""
-    endpoint = load_scenario(scenario).slave.listen
     log_path = os.path.join(folder, "slave.log")
     with StopSignals() as stop_fd, open(log_path, "w") as log:
         master, ready_fd = _start_master(scenario, endpoint, folder)
@@ -91,7 +122,7 @@ def _run(scenario: str, folder: str, look: Callable[[], None]) -> int:
             if not _dials(ready_fd, stop_fd):
                 return master.wait(GRACE_S)
             print(f"starting the slave (its log: {log_path})", flush=True)
-            slave = _start_slave(scenario, log)
+            slave = _start_slave(scenario, endpoint, log)
             return _watch(master, slave, stop_fd, log_path, look)
         finally:
             for process in (master, slave):
@@ -120,8 +151,8 @@ def _dials(ready_fd: int, stop_fd: int) -> bool:
         os.close(ready_fd)
 
 
-def _start_slave(scenario: str, log: object) -> subprocess.Popen[bytes]:
-    command = [sys.executable, "-m", "hil.cli", "slave", scenario]
+def _start_slave(scenario: str, endpoint: str, log: object) -> subprocess.Popen[bytes]:
+    command = [sys.executable, "-m", "hil.cli", "slave", scenario, "--listen", endpoint]
     environment = os.environ | {"UUV_HIL_EXEC_NS": str(now_ns())}
     return subprocess.Popen(command, stderr=log, env=environment, start_new_session=True)  # type: ignore[call-overload, no-any-return]
 
@@ -138,6 +169,9 @@ def _watch(
         if select.select((stop_fd,), (), (), 0.1)[0]:
             raise KeyboardInterrupt
         if slave.poll() is not None and master.poll() is None:
+            master.kill()  # told to end it would print the table of a run that was none
+            if sys.stdout.isatty():
+                print()  # after its line of progress
             with open(log_path) as log:
                 last = (log.read().strip().splitlines() or ["no message"])[-1]
             raise NetworkError(f"the slave ended with exit code {slave.returncode}: {last}")

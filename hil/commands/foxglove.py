@@ -3,7 +3,6 @@
 import select
 from typing import Any
 
-from hil.clock import NS_PER_S, now_ns
 from hil.commands.parser import new_parser
 from hil.config import load_scenario
 from hil.errors import ConfigError, MissingExtraError, NetworkError
@@ -19,7 +18,6 @@ examples:
   uuv-hil foxglove paper_field --host 0.0.0.0 --port 9000      for other machines: anyone who reaches it can look
 """
 POLL_S = 0.02
-NO_WORD_AFTER_NS = 5 * NS_PER_S
 
 
 def main(arguments: list[str]) -> int:
@@ -46,13 +44,11 @@ def main(arguments: list[str]) -> int:
         Tap(endpoints, network, security) as tap,
     ):
         print(f"ws://{options.host}:{view.port} shows {', '.join(endpoints)}; Ctrl-C ends it", flush=True)
-        patience = now_ns() + NO_WORD_AFTER_NS
         while not select.select((stop_fd,), (), (), POLL_S)[0]:
             for message in tap.take():
                 view.show(message)
-            if not tap.connected and now_ns() > patience:
-                print(f"still nobody at {', '.join(endpoints)}; waiting", flush=True)
-                patience += NO_WORD_AFTER_NS * 12
+            if text := tap.complaint():
+                print(text, flush=True)
     return 0
 
 

@@ -136,7 +136,7 @@ def _fly(
     health = client.diagnostics()
     first_cpu = (float(health.get("cpu_s", 0.0)), client.latest["diagnostics"].received_ns / NS_PER_S)
     progress.say(f"flying: {scenario.description}")
-    with TrackWriter(folder) as track, recorded(client, scenario, folder, progress.note):
+    with TrackWriter(folder, progress.say) as track, recorded(client, scenario, folder, progress.note):
         flight = Flight(scenario, plan)
         outcome = Mission(flight, scenario.master.command_period, client, track, progress).fly(stop_fd)
     return outcome, table.build(client, outcome, first_cpu)
@@ -145,17 +145,13 @@ def _fly(
 def _report(
     scenario: Scenario, plan: Plan, outcome: Outcome, result: table.HilTable, folder: str, progress: Progress
 ) -> None:
-    progress.say(
-        f"{outcome.reason} after {outcome.duration:.1f} s: {outcome.travelled:.1f} m travelled on a path of "
-        f"{outcome.path_length:.1f} m, {outcome.goal_error:.2f} m from the goal, at most "
-        f"{outcome.cross_track_max:.2f} m off the path, at least {outcome.least_clearance:.2f} m from every obstacle"
-    )
+    progress.say(f"{outcome.reason} after {outcome.duration:.1f} s: {outcome.summary}")
     progress.say("\n" + table.render(result) + "\n")
-    with open(os.path.join(folder, "table.json"), "w") as file:
-        json.dump(table.to_json(result, outcome), file, indent=2)
     try:
+        with open(os.path.join(folder, "table.json"), "w") as file:
+            json.dump(table.to_json(result, outcome), file, indent=2)
         picture.draw(folder, scenario, plan)
-    except MissingExtraError as error:
-        progress.say(f"no picture: {error}")
+    except (MissingExtraError, OSError) as error:  # a full disk takes nothing back of what was flown
+        progress.say(f"results are missing: {error}")
     progress.say(f"results in {folder}/: {', '.join(sorted(os.listdir(folder)))}")
     progress.close()

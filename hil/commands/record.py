@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from hil.clock import NS_PER_S, now_ns, seconds_ns
 from hil.commands.parser import new_parser
 from hil.config import Recording, Scenario, load_scenario
-from hil.errors import ConfigError, DeviceError
+from hil.errors import ConfigError, DeviceError, NetworkError
 from hil.stop import StopSignals
 from hil.transport.recording import Recorder, describe, new_folder
 from hil.transport.settings import Network
@@ -51,15 +51,15 @@ def main(arguments: list[str]) -> int:
 
     save_processor()
     network, security = (scenario.network, scenario.security) if scenario else (Network(), None)
-    with (
-        StopSignals() as stop_fd,
-        Tap(endpoints, network, security) as tap,
-        Recorder(folder, recording, about, files, source=tap.take) as recorder,
-    ):
+    tap = Tap(endpoints, network, security)
+    recorder = Recorder(folder, recording, about, files, source=tap.take)  # it may refuse: before anybody is dialled
+    with StopSignals() as stop_fd, tap, recorder:
         print(f"recording {', '.join(endpoints)} into {folder}; Ctrl-C ends it", flush=True)
         _wait(recorder, tap, options.seconds, stop_fd)
     if recorder.failure:
         raise DeviceError(recorder.failure)
+    if not recorder.written:
+        raise NetworkError(f"nothing was recorded: {_why_nothing(endpoints, tap)}")
     losses = ", ".join(f"{n} {word}" for n, word in ((tap.missed, "did not come"), (recorder.lost, "not written")) if n)
     print(
         f"{recorder.written} messages recorded{'; ' + losses if losses else ', none lost'}: {_size(folder)} in {folder}"
@@ -72,11 +72,23 @@ def _about(scenario: Scenario | None, endpoints: list[str]) -> tuple[dict[str, s
     return about | {"endpoints": " ".join(endpoints)}, files
 
 
+def _why_nothing(endpoints: list[str], tap: "Tap") -> str:
+    where = ", ".join(endpoints)
+    if tap.connected:
+        return f"who answers at {where} said nothing; `uuv-hil topic list --connect ENDPOINT` tells what there is"
+    return (
+        f"nobody answered at {where}; is `uuv-hil slave` running there, with --listen on an address this machine "
+        "reaches?"
+    )
+
+
 def _wait(recorder: Recorder, tap: "Tap", seconds: float | None, stop_fd: int) -> None:
     """Until it is time to end, and say meanwhile how it goes."""
     end = now_ns() + seconds_ns(seconds) if seconds else None
     said = now_ns()
     while not (recorder.failure or (end and now_ns() > end) or select.select((stop_fd,), (), (), POLL_S)[0]):
+        if text := tap.complaint():
+            print(("\r\x1b[K" if sys.stdout.isatty() else "") + text, flush=True)
         if sys.stdout.isatty() and now_ns() - said > SAY_PERIOD_NS:
             said = now_ns()
             print(f"\r{recorder.written} messages, {len(tap.connected)} connected", end="\x1b[K", flush=True)

@@ -98,8 +98,5 @@ def _report(outcome: Outcome, digest: str, took: float, cpu: float) -> None:
         f"{outcome.reason} after {outcome.duration:.1f} s simulated in {took:.2f} s: "
         f"{outcome.duration / took:.3g} times real time, {cpu / took:.1%} of a core"
     )
-    print(
-        f"{outcome.travelled:.1f} m travelled, {outcome.goal_error:.2f} m from the goal, at most "
-        f"{outcome.cross_track_max:.2f} m off the path, at least {outcome.least_clearance:.2f} m from every obstacle"
-    )
+    print(outcome.summary)
     print(f"final state {digest}")

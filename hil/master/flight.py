@@ -3,7 +3,7 @@
 import time
 from collections.abc import Sequence
 from itertools import pairwise
-from math import dist, hypot, inf, nan
+from math import dist, hypot, inf, isfinite, nan
 from typing import NamedTuple
 
 from hil.autonomy.astar import path_length
@@ -52,6 +52,18 @@ class Outcome(NamedTuple):
     cpu_s: float
     cross_track_rms: float = nan
     planner_cpu_s: float = nan
+
+    @property
+    def summary(self) -> str:
+        """How far it went and how well it kept to its path, in words, without what does not apply."""
+        told = (
+            (self.travelled, "{:.1f} m travelled"),
+            (self.path_length, "on a path of {:.1f} m"),
+            (self.goal_error, "{:.2f} m from the goal"),
+            (self.cross_track_max, "at most {:.2f} m off the path"),
+            (self.least_clearance, "at least {:.2f} m from every obstacle"),
+        )
+        return ", ".join(words.format(value) for value, words in told if isfinite(value))
 
 
 def prepare(scenario: Scenario, world: World | None = None) -> Plan:

@@ -2,6 +2,7 @@
 
 import sys
 import time
+from contextlib import suppress
 
 from hil.master.client import VehicleClient
 from hil.master.delay import quantiles
@@ -34,11 +35,16 @@ class Progress:
             self._open_line = False
         if not self._quiet:
             print(text, flush=True)
-        self._log.write(text + "\n")
+        self._write(text)
 
     def close(self) -> None:
         """Close the log."""
-        self._log.close()
+        with suppress(OSError):  # the disk is full: what it took stays
+            self._log.close()
+
+    def _write(self, line: str) -> None:
+        with suppress(OSError):  # the mission goes on without
+            self._log.write(line + "\n")
 
     def note(self, text: str) -> None:
         """A line of its own, but at most one a second."""
@@ -55,7 +61,7 @@ class Progress:
         line = _line(elapsed, truth, share, client)
         if elapsed >= self._logged_s:
             self._logged_s = elapsed + 1.0
-            self._log.write(line + "\n")
+            self._write(line)
         if self._quiet:
             return
         if self._terminal:

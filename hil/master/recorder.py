@@ -1,9 +1,10 @@
 """The folder of a run: what was flown, as files that any tool opens."""
 
 import os
+import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import TextIO
 
 from hil.autonomy.control import VelocityCommand, heading_of
@@ -31,27 +32,45 @@ def new_folder(name: str, root: str = "runs") -> str:
 
 
 def make_folder(folder: str) -> str:
-    """Make `folder` if it is not there; returns it. Raises ConfigError if it cannot be made."""
+    """Make `folder` if it is not there; returns it. Raises ConfigError if it cannot be made, or written to."""
     try:
         os.makedirs(folder, exist_ok=True)
     except OSError as error:
-        raise ConfigError(f"{folder}: cannot be made: {error.strerror}; choose another with --run-dir") from None
+        raise ConfigError(f"{folder}: cannot be made: {error.strerror}; choose another folder") from None
+    if not os.access(folder, os.W_OK):
+        raise ConfigError(f"{folder}: no permission to write there; choose another folder")
     return folder
 
 
-class TrackWriter:
-    """Writes `track.csv`, a row a command. Use as a context."""
+def complain(text: str) -> None:
+    """A line on standard error."""
+    print(text, file=sys.stderr, flush=True)
 
-    def __init__(self, folder: str) -> None:
+
+class TrackWriter:
+    """Writes `track.csv`, a row a command, each as soon as it is there. Use as a context.
+
+    If the disk fills up or fails, the track ends with its last whole row, `report` is told so, and nothing else does.
+    """
+
+    def __init__(self, folder: str, report: Callable[[str], None] = complain) -> None:
         self.folder = folder
-        self._file: TextIO = open(os.path.join(folder, "track.csv"), "w")  # noqa: SIM115 - closed by __exit__
-        self._file.write(COLUMNS + "\n")
+        self._path = os.path.join(folder, "track.csv")
+        self._report = report
+        self._size = 0
+        self._file: TextIO | None = None
+        try:
+            self._file = open(self._path, "w", buffering=1)  # noqa: SIM115 - closed by __exit__
+        except OSError as error:
+            self._fail(error)
+        self._write(COLUMNS)
 
     def __enter__(self) -> "TrackWriter":
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._file.close()
+        if self._file:
+            self._file.close()
 
     def row(self, elapsed: float, truth: OdometrySample, odometry: OdometrySample, command: VelocityCommand) -> None:
         """Note one instant: `elapsed` s, true and measured state (NED, FRD), and what was commanded."""
@@ -64,7 +83,25 @@ class TrackWriter:
             command.surge,
             command.yaw_rate,
         )
-        self._file.write(",".join(f"{figure:.4f}" for figure in figures) + "\n")
+        self._write(",".join(f"{figure:.4f}" for figure in figures))
+
+    def _write(self, line: str) -> None:
+        if self._file is None:
+            return
+        try:
+            self._size += self._file.write(line + "\n")
+        except OSError as error:
+            self._fail(error)
+
+    def _fail(self, error: OSError) -> None:
+        """Close the file without the part of a row that still went into it."""
+        if self._file:
+            with suppress(OSError):  # what is left of the row does not fit now either
+                self._file.close()
+            with suppress(OSError):
+                os.truncate(self._path, self._size)
+            self._file = None
+        self._report(f"{self._path} ends here: {error.strerror}; the flight goes on")
 
 
 class RecordedClient(VehicleClient):

@@ -37,6 +37,7 @@ def read_messages(path: str) -> Iterator[Message]:
 
 def read_about(path: str) -> About:
     """What the recording says about its run. Raises ConfigError, MissingExtraError."""
+    require_library()
     from mcap.records import Attachment, Chunk, Metadata
 
     found = About({}, {})
@@ -57,6 +58,7 @@ def _number(name: str) -> tuple[int, str]:
 
 
 def _messages(path: str) -> Iterator[Message]:
+    require_library()
     from mcap import records
 
     schemas: dict[int, str] = {}
@@ -74,7 +76,6 @@ def _messages(path: str) -> Iterator[Message]:
 
 def _records(path: str, emit_chunks: bool = False) -> Iterator[Any]:
     """The records of a file up to where it is broken, if it is."""
-    require_library()
     from mcap.exceptions import InvalidMagic, McapError
     from mcap.stream_reader import StreamReader
 

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import zenoh
 from zenoh.ext import HistoryConfig, declare_advanced_subscriber
 
-from hil.clock import now_ns, to_wall_ns
+from hil.clock import NS_PER_S, now_ns, to_wall_ns
 from hil.topics import TOPICS
 from hil.transport import ros
 from hil.transport.linger import free_sockets
@@ -29,6 +29,8 @@ ONE_THREAD = "(app: (worker_threads: 1), rx: (handover: app), net: (handover: ap
 DEPTH = 1 << 14  # messages of one endpoint that may wait; beyond it the oldest are dropped, and counted as missed
 LINKS = 64  # news of links that may wait
 RETRY_S = 0.2
+PATIENCE_NS = 5 * NS_PER_S  # until it is said first that somebody is not there
+SAY_AGAIN_NS = 60 * NS_PER_S
 
 
 def save_processor() -> None:
@@ -76,7 +78,7 @@ class _Line:
 
 
 class Tap:
-    """What comes at `endpoints` from now on, and what was said before on latched topics. Use as a context.
+    """What comes at `endpoints`, and what was said before on latched topics. Use as a context: within it, it listens.
 
     An endpoint that is not there yet, or goes away, is waited for. `missed` counts what was sent and did not come,
     by the gaps in the numbers of each publisher. Raises NetworkError when an endpoint cannot be meant.
@@ -84,16 +86,22 @@ class Tap:
 
     def __init__(self, endpoints: list[str], network: Network = Network(), security: "Security | None" = None) -> None:
         texts = [settings("visitor", (), (endpoint,), network, security) for endpoint in endpoints]
+        self._settings = dict(zip(endpoints, texts, strict=True))
         self.connected: set[str] = set()
         self.missed = 0
         self._publishers: dict[bytes, _Publisher | None] = {}
         self._topics: dict[str, tuple[str, str] | None] = {}
         self._lines: list[_Line] = []
+        self._threads: list[threading.Thread] = []
         self._closing = threading.Event()
-        for endpoint, text in zip(endpoints, texts, strict=True):
-            threading.Thread(target=self._open, args=(endpoint, text), name=f"tap {endpoint}", daemon=True).start()
+        self._say_ns = 0
 
     def __enter__(self) -> "Tap":
+        self._say_ns = now_ns() + PATIENCE_NS
+        for endpoint, text in self._settings.items():
+            thread = threading.Thread(target=self._open, args=(endpoint, text), name=f"tap {endpoint}", daemon=True)
+            thread.start()
+            self._threads.append(thread)
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -112,9 +120,19 @@ class Tap:
         messages.sort(key=_came)
         return messages
 
+    def complaint(self) -> str:
+        """That somebody has not been there yet, whenever it is time to say so; else empty."""
+        missing = [endpoint for endpoint in self._settings if endpoint not in self.connected]
+        if not missing or now_ns() < self._say_ns:
+            return ""
+        self._say_ns = now_ns() + SAY_AGAIN_NS
+        return f"still nobody at {', '.join(missing)}; waiting"
+
     def close(self) -> None:
-        """End it. Closing twice is harmless."""
+        """End it; takes as long as an attempt to connect may. Closing twice is harmless."""
         self._closing.set()
+        for thread in self._threads:  # one that the ending interpreter catches inside the library aborts the process
+            thread.join()
         for line in self._lines:
             line.session.close()  # type: ignore[no-untyped-call]  # zenoh leaves it unannotated
 
@@ -124,11 +142,8 @@ class Tap:
         config.insert_json5("timestamping/enabled", "true")  # of what comes, with the time when it came
         while not self._closing.is_set():
             with suppress(zenoh.ZError):
-                line = _Line(zenoh.open(config))
-                self._lines.append(line)
+                self._lines.append(_Line(zenoh.open(config)))
                 self.connected.add(endpoint)
-                if self._closing.is_set():
-                    line.session.close()  # type: ignore[no-untyped-call]  # zenoh leaves it unannotated
                 return
             self._closing.wait(RETRY_S)
 

@@ -2,12 +2,13 @@
 
 import json
 import math
+import re
 
 import pytest
 
 from hil.bench import table
 from hil.master.client import Stamped
-from hil.master.delay import DelayMeter
+from hil.master.delay import DelayMeter, quantiles
 from hil.master.flight import Outcome
 from hil.process import boot_id
 
@@ -67,6 +68,21 @@ def test_text() -> None:
     ):
         assert word in text
     assert "NO (python -m compileall)" in table.render(build(bytecode_compiled="false"))
+
+
+def test_what_could_not_be_had_is_no_number() -> None:
+    before = build(dialled_ns=2_000_000_000)
+    nothing = quantiles([])
+    text = table.render(before._replace(delay=nothing, hops=dict.fromkeys(before.hops, nothing)))
+    assert "nan" not in text
+    assert "p50 -, p99 -, max -" in text
+    assert re.search(r"start-up +3\.2 s, 3\.6 s +- to the first sample", text)
+
+
+def test_a_mission_without_path_and_goal_says_nothing_of_them() -> None:
+    there = OUTCOME._replace(path_length=math.nan, goal_error=math.nan, cross_track_max=math.nan)
+    assert there.summary == "71.0 m travelled, at least 0.80 m from every obstacle"
+    assert "m from the goal" in OUTCOME.summary
 
 
 def test_a_slave_that_ran_before_has_no_startup_time() -> None:
