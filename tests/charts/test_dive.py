@@ -85,7 +85,7 @@ def test_what_cannot_be_meant(tmp_path: Path) -> None:
 
 def test_without_scipy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("hil.commands.demo.find_spec", lambda name: None if name == "scipy" else True)
-    with pytest.raises(MissingExtraError, match=r"needs scipy: pip install 'uuv-hil\[master,chart\]'"):
+    with pytest.raises(MissingExtraError, match=r"needs scipy: pip install 'uuv-hil\[master,chart,imaging\]'"):
         demo.main(["--world", "BAY.000", "--run-dir", str(tmp_path)])
 
 
