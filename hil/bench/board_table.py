@@ -9,6 +9,7 @@ from textwrap import wrap
 from typing import Any, NamedTuple
 
 from boards import Budgets
+from hil.bench.harness import labels_of
 from hil.bench.plotting import pyplot
 from hil.bench.record import Figure, Record
 from hil.bench.table import PAPER_DELAY_S, PAPER_MASTER_CPU, PAPER_MEMORY, PAPER_STARTUP_S
@@ -75,8 +76,7 @@ def _column(record: Record, slave: str, figures: dict[str, Figure], title: str) 
     about = f"board: {board}; master: {master}" if slave else master
     labels = record.labels
     if slave:
-        theirs = detail.get("slave", {}).get("labels", "").split("; ")
-        labels = (*(f"master: {label}" for label in labels), *(f"slave: {label}" for label in theirs if label))
+        labels = (*(f"master: {label}" for label in labels), *labels_of(detail.get("slave", {})))
     name = " ".join(filter(None, (title, slave)))
     return Column(name, figures, f"{about}; {record.made[:10]}", labels, tuple(detail.get("warnings", ())))
 

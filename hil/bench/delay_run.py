@@ -144,7 +144,8 @@ def measure(bench: Bench, plan: Plan, endpoint: str = "", echo: Echo | None = No
         result.warnings.extend(_doubts(result, plan, floor, load, client.contact.losses))
         # Where the slave's own QEMU was quicker, in a calmer moment, the bare one was no floor.
         return result._replace(
-            wire=min([bare, *result.hops["STM32"]]) if bare else counted, labels=labels_of(client) if endpoint else ()
+            wire=min([bare, *result.hops["STM32"]]) if bare else counted,
+            labels=labels_of(client.diagnostics()) if endpoint else (),
         )
 
 

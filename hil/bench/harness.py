@@ -13,7 +13,7 @@ import signal
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from typing import Any, Self
 
@@ -313,6 +313,6 @@ def signal_name(number: int) -> str:
         return "unknown"
 
 
-def labels_of(client: VehicleClient) -> tuple[str, ...]:
+def labels_of(diagnostics: Mapping[str, str]) -> tuple[str, ...]:
     """What figures of a slave elsewhere have to say of themselves, by its own word."""
-    return tuple(f"slave: {label}" for label in client.diagnostics().get("labels", "").split("; ") if label)
+    return tuple(f"slave: {label}" for label in diagnostics.get("labels", "").split("; ") if label)

@@ -12,7 +12,7 @@ from hil.clock import NS_PER_MS, now_ns, to_wall_ns
 from hil.config import Scenario
 from hil.errors import NetworkError
 from hil.master.client import VehicleClient
-from hil.master.delay import UNSURE
+from hil.master.delay import doubts_of
 from hil.quantiles import quantile
 from hil.topics import TOPICS, is_picture
 from hil.transport import ros
@@ -134,23 +134,13 @@ class Listener:
 
     def _doubts(self, ages: list[float]) -> list[str]:
         """Why the ages are not to be trusted, as hil.master.delay.judge says of commands; nothing if they may be."""
-        clock, same = self.client.delays.clock, self.client.contact.same_clock
-        estimate = clock.at(to_wall_ns(now_ns()))
-        found = []
+        clock, at_ns = self.client.delays.clock, to_wall_ns(now_ns())
         negative = sum(age < 0.0 for age in ages)
-        if negative:
-            found.append(f"{negative} of {len(ages)} messages came before they were sent: a clock is wrong")
-        if not estimate:
+        found = [f"{negative} of {len(ages)} messages came before they were sent: a clock is wrong"] if negative else []
+        if not clock.at(at_ns):
             found.append("the clocks could not be compared")
-        elif same and abs(estimate.offset_ns) > estimate.uncertainty_ns:
-            off = estimate.offset_ns / NS_PER_MS
-            found.append(f"the slave's clock is {off:.3f} ms off, though it should be ours: ages are wrong by as much")
-        elif not same and estimate.uncertainty_ns / NS_PER_MS > UNSURE * abs(quantile(sorted(ages), 0.5)):
-            off, uncertainty = estimate.offset_ns / NS_PER_MS, estimate.uncertainty_ns / NS_PER_MS
-            found.append(f"the clocks' offset of {off:.3f} ms is known only to +-{uncertainty:.3f} ms")
-        if clock.steps:
-            found.append(f"a clock was set {clock.steps} times meanwhile")
-        return found
+        middle_ns = quantile(sorted(ages), 0.5) * NS_PER_MS
+        return found + doubts_of(clock, self.client.contact.same_clock, at_ns, middle_ns)
 
 
 def expected(scenario: Scenario) -> dict[str, float]:

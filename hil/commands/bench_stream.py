@@ -106,7 +106,7 @@ def _listen(options: Any, number: int) -> tuple[Heard, tuple[str, ...]]:
             show(f"{run}waiting for {options.slave}")
             listener = stack.enter_context(Listener(options.slave, load_scenario(options.scenario)))
             heard = listener.listen(options.seconds, None, watch)
-            return heard, labels_of(listener.client)
+            return heard, labels_of(listener.client.diagnostics())
         bench = stack.enter_context(Bench(options.scenario, changes_of(options), limits_of(options)))
         slave = bench.start_slave()
         listener = stack.enter_context(Listener(bench.endpoint, bench.scenario))

@@ -107,13 +107,22 @@ def judge(meter: DelayMeter) -> list[str]:
     negative = sum(total < 0 or hop < 0 for total, hop in zip(totals, network, strict=True))
     if negative:
         found.append(f"{negative} of {len(totals)} commands arrived before they were sent: a clock is wrong")
-    offset, uncertainty = meter.offset_ns()
-    if meter.same_clock:
-        true = meter.clock.at(meter.samples[-1].published_ns)
-        if true and abs(true.offset_ns) > true.uncertainty_ns:
-            found.append(f"the slave's clock is {true.offset_ns / 1e6:.3f} ms off, though it should be the master's")
-    elif uncertainty > UNSURE * abs(quantile(sorted(totals), 0.5)):
-        found.append(f"the clocks' offset of {offset / 1e6:.3f} ms is known only to +-{uncertainty / 1e6:.3f} ms")
-    if meter.clock.steps:
-        found.append(f"a clock was set {meter.clock.steps} times meanwhile")
+    middle_ns = quantile(sorted(totals), 0.5)
+    return found + doubts_of(meter.clock, meter.same_clock, meter.samples[-1].published_ns, middle_ns)
+
+
+def doubts_of(clock: ClockOffset, same_clock: bool, at_ns: int, middle_ns: float) -> list[str]:
+    """Why what was taken between another process's instants and ours is not to be trusted, as far as clocks tell.
+
+    at_ns: when it was looked at (wall, by ours); middle_ns: the median of what was found.
+    """
+    found, estimate = [], clock.at(at_ns)
+    if estimate:
+        off, uncertainty = estimate.offset_ns / 1e6, estimate.uncertainty_ns / 1e6
+        if same_clock and abs(estimate.offset_ns) > estimate.uncertainty_ns:
+            found.append(f"the slave's clock is {off:.3f} ms off, though it should be the master's")
+        elif not same_clock and estimate.uncertainty_ns > UNSURE * abs(middle_ns):
+            found.append(f"the clocks' offset of {off:.3f} ms is known only to +-{uncertainty:.3f} ms")
+    if clock.steps:
+        found.append(f"a clock was set {clock.steps} times meanwhile")
     return found
