@@ -9,7 +9,7 @@ from textwrap import wrap
 from typing import Any, NamedTuple
 
 from boards import Budgets
-from hil.bench.harness import labels_of
+from hil.bench.harness import OF_SLAVE, labels_of
 from hil.bench.plotting import pyplot
 from hil.bench.record import Figure, Record
 from hil.bench.table import PAPER_DELAY_S, PAPER_MASTER_CPU, PAPER_MEMORY, PAPER_STARTUP_S
@@ -76,7 +76,8 @@ def _column(record: Record, slave: str, figures: dict[str, Figure], title: str) 
     about = f"board: {board}; master: {master}" if slave else master
     labels = record.labels
     if slave:
-        labels = (*(f"master: {label}" for label in labels), *labels_of(detail.get("slave", {})))
+        ours = (f"master: {label}" for label in labels if not label.startswith(OF_SLAVE))
+        labels = (*ours, *labels_of(detail.get("slave", {})))
     name = " ".join(filter(None, (title, slave)))
     return Column(name, figures, f"{about}; {record.made[:10]}", labels, tuple(detail.get("warnings", ())))
 

@@ -21,13 +21,14 @@ from hil.bench.limits import Confinement, Limits
 from hil.bench.scenario_file import write_changed
 from hil.clock import NS_PER_S, now_ns
 from hil.config import Scenario, load_scenario
-from hil.errors import NetworkError
+from hil.errors import ConfigError, NetworkError
 from hil.master.client import VehicleClient
 from hil.ports import free_ports
 from hil.tables import cache_path
 
 GRACE_S = 10.0  # that a process may take to end
 READY_S = 60.0  # that a slave may take to start: a small board, emulated
+OF_SLAVE = "slave: "  # before a label of a slave elsewhere
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 
 
@@ -191,6 +192,11 @@ class Bench:
         try:
             write_changed(scenario, ours | (changes or {}), self.path)
             self.scenario: Scenario = load_scenario(self.path)
+            if self.scenario.member:
+                raise ConfigError(
+                    f"{scenario}: is of {len(self.scenario.member)} vehicles, and a benchmark is of one: take another "
+                    "scenario; `bench load --vehicles 2` measures several on one machine"
+                )
         except BaseException:
             self._clear()
             raise
@@ -315,4 +321,4 @@ def signal_name(number: int) -> str:
 
 def labels_of(diagnostics: Mapping[str, str]) -> tuple[str, ...]:
     """What figures of a slave elsewhere have to say of themselves, by its own word."""
-    return tuple(f"slave: {label}" for label in diagnostics.get("labels", "").split("; ") if label)
+    return tuple(f"{OF_SLAVE}{label}" for label in diagnostics.get("labels", "").split("; ") if label)

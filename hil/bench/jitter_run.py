@@ -1,18 +1,19 @@
 """How late the loop wakes up, beside what the kernel and a loop with nothing to do achieve on the same CPU."""
 
 import json
+import os
 import re
 import shutil
-import subprocess
 import sys
 import time
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from hil.autonomy.control import VelocityCommand
-from hil.bench.harness import Bench, await_vehicle
+from hil.bench.harness import GRACE_S, Bench, await_vehicle
 from hil.bench.presence import check_end, check_there
 from hil.clock import LOOP_PRIORITY, seconds_ns
+from hil.errors import NetworkError
 
 COMMAND_HZ = 20.0
 # The bare loop: the slave's clock, its scheduling and what it asks of the processors, and nothing to do.
@@ -90,36 +91,37 @@ def slave_loop(bench: Bench, seconds: float, watch: Callable[[float], None] = la
     return Cycles(rate, late, float(said["within_2ms"]), int(number_of["steps_skipped"]), drift)
 
 
-def bare_loop(rate: float, seconds: float, cpu: int | None, realtime: bool = True, awake: bool = True) -> Lateness:
-    """The slave's loop with nothing to do: the floor of the slave. `realtime`, `awake`: as of [slave]."""
-    words = [str(seconds_ns(1.0 / rate)), str(seconds), str(int(realtime)), str(int(awake))]
-    done = subprocess.run(
-        _pinned([sys.executable, "-c", BARE, *words], cpu), capture_output=True, text=True, check=True
-    )
-    found = json.loads(done.stdout)
+def bare_loop(bench: Bench, seconds: float) -> Lateness:
+    """The loop of `bench`'s slave, under its limits, with nothing to do: its floor. Raises NetworkError."""
+    slave = bench.scenario.slave
+    words = [str(seconds_ns(slave.step)), str(seconds), str(int(slave.realtime)), str(int(slave.stay_awake))]
+    code, said = _run(bench, "bare-loop", [sys.executable, "-c", BARE, *words])
+    if code:
+        raise NetworkError(f"the bare loop failed: {said}")
+    found = json.loads(said.splitlines()[-1])
     return Lateness(*[found[name] / 1000.0 for name in ("p50", "p99", "p999", "max")])
 
 
-def cyclictest(rate: float, seconds: float, cpu: int | None) -> Lateness | None:
-    """What rt-tests' program finds for a thread that just sleeps; None where it is not installed or not permitted."""
+def cyclictest(bench: Bench, seconds: float) -> Lateness | None:
+    """What rt-tests' program finds for a thread that just sleeps, as often as the slave's and under its limits.
+
+    None where it is not installed or not permitted.
+    """
     program = shutil.which("cyclictest")
     if not program:
         return None
-    period_us = round(1e6 / rate)
-    command = [
-        program,
-        "-q",
-        "-m",
-        "-t1",
-        f"-p{LOOP_PRIORITY}",
-        f"-i{period_us}",
-        f"-l{round(seconds * rate)}",
-        "-h2000",
-    ]
-    done = subprocess.run(_pinned(command, cpu), capture_output=True, text=True, check=False)
-    if done.returncode:
-        return None
-    return read_cyclictest(done.stdout)
+    slave = bench.scenario.slave
+    often = [f"-i{round(slave.step * 1e6)}", f"-l{round(seconds / slave.step)}"]
+    priority = [f"-p{LOOP_PRIORITY}"] if slave.realtime else []
+    code, said = _run(bench, "cyclictest", [program, "-q", "-m", "-t1", *priority, *often, "-h2000"])
+    return None if code else read_cyclictest(said)
+
+
+def _run(bench: Bench, name: str, command: list[str]) -> tuple[int, str]:
+    """Its exit code and what it said."""
+    process = bench.start(name, command, limited=True)
+    os.waitid(os.P_PID, process.pid, os.WEXITED | os.WNOWAIT)  # a wait with a timeout looks now and then, which costs
+    return process.wait(GRACE_S), process.said
 
 
 def read_cyclictest(text: str) -> Lateness | None:
@@ -141,7 +143,3 @@ def _quantile(counts: list[tuple[int, int]], total: int, share: float) -> float:
         if seen >= share * total:
             return float(us)
     return float("nan")
-
-
-def _pinned(command: list[str], cpu: int | None) -> list[str]:
-    return command if cpu is None else ["taskset", "-c", str(cpu), *command]

@@ -37,7 +37,13 @@ def describe(root: str = "/") -> tuple[dict[str, Any], tuple[str, ...]]:
         "uuv-hil": __version__,
         "packages": _versions(),
     }
-    return machine, emulation.labels(tree, kernel.machine)
+    return machine, (*emulation.labels(tree, kernel.machine), *_limits(root))
+
+
+def _limits(root: str) -> tuple[str, ...]:
+    """What we were started under, as by taskset, and with us all that is measured here."""
+    online, usable = os.sysconf("SC_NPROCESSORS_ONLN"), len(os.sched_getaffinity(0))
+    return (f"limited: {usable} of {online} processors",) if usable < online and root == "/" else ()
 
 
 def _cpu(tree: Tree) -> str:

@@ -1,8 +1,9 @@
 """The door to matplotlib: drawn to files, loaded when a picture is wanted."""
 
+import os
 from typing import Any
 
-from hil.errors import MissingExtraError
+from hil.errors import ConfigError, MissingExtraError
 
 
 def pyplot() -> Any:
@@ -15,3 +16,13 @@ def pyplot() -> Any:
     import matplotlib.pyplot as plt
 
     return plt
+
+
+def check_picture(path: str) -> None:
+    """That a picture can be drawn, of the kind that the file's name says. Raises MissingExtraError, ConfigError."""
+    plt = pyplot()
+    figure = plt.figure()
+    kinds = sorted(figure.canvas.get_supported_filetypes())
+    plt.close(figure)
+    if os.path.splitext(path)[1].removeprefix(".") not in kinds:
+        raise ConfigError(f"{path}: pictures end in .{', .'.join(kinds)}")

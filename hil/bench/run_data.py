@@ -25,7 +25,7 @@ class VehicleData:
         self.commands: list[Row] = []
         self.pulses: list[Row] = []
         self.traced: list[float] = []
-        self.delays = DelayMeter()
+        self.delays = DelayMeter(kept=0)
         self.boot_id = ""
 
 

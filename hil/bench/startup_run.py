@@ -84,8 +84,7 @@ def files_of_a_start(bench: Bench) -> list[str]:
     found: set[str] = set()
     with bench.client() as client:
         slave = bench.start_slave(environment={"PYTHONVERBOSE": "1"})
-        if not client.wait_for_vehicle(READY_S):
-            raise NetworkError(f"the slave did not start, but {slave.ending}")
+        await_vehicle(client, slave)
         found |= set(re.findall(r"/\S+", open_text(f"/proc/{slave.pid}/maps")))
         slave.stop()
         found |= _modules(slave.said)

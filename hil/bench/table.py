@@ -160,6 +160,8 @@ def _details(table: HilTable) -> list[str]:
         f"bytecode compiled before the start: {'yes' if table.bytecode_compiled else 'NO (python -m compileall)'}; "
         f"slave: {table.slave.get('board', '-')}, Python {table.slave.get('python', '-')}",
     ]
+    if "labels" in table.slave:
+        lines.append(f"label: {table.slave['labels']}")
     return lines + [f"note: {note}" for note in table.notes] + [f"WARNING: {text}" for text in table.warnings]
 
 

@@ -64,7 +64,7 @@ def main(arguments: list[str]) -> int:
         benches = [_bench(rate, options, limits, stack) for rate in rates]
         for number in range(options.repeat):
             for rate, bench in zip(rates, benches, strict=True):
-                found[rate].append(_measure(rate, bench, options, limits.cpus[0], number))
+                found[rate].append(_measure(rate, bench, options, number))
         labels = benches[0].labels
     print("\n".join(_table(found)))
     if options.repeat > 1:
@@ -100,17 +100,16 @@ def _bench(rate: float, options: Any, limits: Limits, stack: ExitStack) -> Bench
     return bench
 
 
-def _measure(rate: float, bench: Bench, options: Any, cpu: int, number: int) -> Found:
+def _measure(rate: float, bench: Bench, options: Any, number: int) -> Found:
     run = f"{number + 1} of {options.repeat}: " if options.repeat > 1 else ""
 
     def watch(share: float) -> None:
         show(f"{run}{rate:g} Hz: slave {share:4.0%}")
 
     show(f"{run}{rate:g} Hz: cyclictest")
-    kernel = cyclictest(rate, options.seconds / 2, cpu)
+    kernel = cyclictest(bench, options.seconds / 2)
     show(f"{run}{rate:g} Hz: bare loop")
-    slave = bench.scenario.slave
-    bare = bare_loop(rate, options.seconds / 2, cpu, slave.realtime, slave.stay_awake)
+    bare = bare_loop(bench, options.seconds / 2)
     return Found(kernel, bare, slave_loop(bench, options.seconds, watch))
 
 

@@ -207,7 +207,7 @@ def _rates(text: str) -> list[float]:
 
 def _counts(text: str) -> list[int]:
     counts = _numbers(text, "--vehicles")
-    if not all(count == int(count) and 1 <= count <= MOST_VEHICLES for count in counts):
+    if not all(1 <= count <= MOST_VEHICLES and count == int(count) for count in counts):
         raise ConfigError(f"--vehicles {text!r}: expected whole numbers from 1 to {MOST_VEHICLES}, such as 1,2,4")
     return [int(count) for count in counts]
 

@@ -6,7 +6,7 @@ import time
 from typing import Any
 
 from hil.bench.limits import Limits, parse_cpus, parse_memory, parse_share
-from hil.bench.plotting import pyplot
+from hil.bench.plotting import check_picture
 from hil.bench.record import Record, check_writable, save
 from hil.tables import settings
 
@@ -58,7 +58,7 @@ def check_outputs(options: Any) -> None:
     for path in filter(None, (getattr(options, name, None) for name in OUTPUTS)):
         check_writable(path)
     if getattr(options, "png", None):
-        pyplot()
+        check_picture(options.png)
 
 
 def keep(record: Record, options: Any) -> None:

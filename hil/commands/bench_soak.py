@@ -1,7 +1,7 @@
 """`uuv-hil bench soak`: hours of running: whether memory grows, time drifts, and a master always gets back."""
 
 import os
-from math import isnan, nan
+from math import inf, isnan, nan
 from typing import Any
 
 from hil.bench.footer import footer
@@ -55,8 +55,12 @@ def main(arguments: list[str]) -> int:
     """Run and judge; 0, or 1 when something grows, drifts, hangs or does not come back. Raises HilError."""
     options = _parser().parse_args(arguments)
     check_outputs(options)
-    if not (0.001 <= options.hours <= 10_000.0 and 0.2 <= options.every <= options.leave_every):
-        raise ConfigError("command line: --hours from 0.001, --every from 0.2 and not above --leave-every")
+    if not (0.001 <= options.hours <= 10_000.0 and 0.2 <= options.every < options.leave_every):
+        raise ConfigError("command line: --hours from 0.001, --every from 0.2 and below --leave-every")
+    if options.every >= options.hours * 3600.0:
+        raise ConfigError("command line: nothing is looked at in --hours so short; give a shorter --every")
+    if not 0.0 <= options.leak < inf:
+        raise ConfigError("command line: --leak is not negative")
     with StopSignals() as stop_fd, Bench(options.scenario, changes_of(options), limits_of(options)) as bench:
         found = Soaking(bench, options.every, _show, stop_fd).run(options.hours * 3600.0, options.leave_every)
         labels = bench.labels

@@ -70,6 +70,7 @@ def _measure(options: Any) -> tuple[dict[str, Series], list[str], tuple[str, ...
     """By kind of start; how cold was made; labels."""
     with Bench(options.scenario, changes_of(options), limits_of(options)) as bench:
         show("the first start")
+        start(bench)  # the next tells of each module, and would bury the reason of one that fails
         files = files_of_a_start(bench)
         found, how = {"warm": _series(bench, options.runs, _leave, "warm")}, []
         if not options.warm_only:

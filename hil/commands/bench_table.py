@@ -8,7 +8,7 @@ from boards.health import recognise
 from boards.tree import Tree
 from hil.bench import board_table
 from hil.bench.board_table import HERE, Column
-from hil.bench.harness import Bench
+from hil.bench.harness import Bench, await_vehicle, labels_of
 from hil.bench.record import Figure, Record, load, new_record, write_text
 from hil.bench.table_run import Run, figures, fly
 from hil.commands.bench_options import (
@@ -41,12 +41,15 @@ examples:
   uuv-hil bench table --json today.json --against yesterday.json --png table.png
 """
 BUDGET_MISSED = 1
+STOPPED = 130
+Ended = HilError | KeyboardInterrupt
+OF_SLAVE_ALONE = ("slave.", "stm32", "link.", "sensors.")  # keys of a scenario that say nothing to its master
 
 
 def main(arguments: list[str]) -> int:
     """Measure and print; 0, or 1 with --check when a budget is missed. Raises HilError.
 
-    When a run fails after others, those are told all the same, and the code is that of the error.
+    When a run fails after others, or is stopped, those are told all the same, and the code is that of the error.
     """
     options = _parser().parse_args(arguments)
     check_outputs(options)
@@ -55,21 +58,25 @@ def main(arguments: list[str]) -> int:
     earlier = [column for path in options.against for column in _earlier(path)]
     if options.slave and (options.cpus or options.cpu_quota or options.memory):
         raise ConfigError("command line: --cpus, --cpu-quota and --memory limit a slave started here, not --slave")
+    unheard = [key for key in changes_of(options) if options.slave and key.startswith(OF_SLAVE_ALONE)]
+    if unheard and unheard != ["slave.node"]:
+        raise ConfigError(f"command line: --set {unheard[0]}: nobody tells a slave elsewhere; set it there")
     board = _board(options)
     record, failures = _measure(options)
     ours = board_table.columns_of(record)
     columns = [*board_table.paper(), *earlier, *(_named(column) for column in ours)]
-    _write(columns, options)
     print(board_table.text(columns))
     runs = f"up to {options.repeat}" if failures else options.repeat
     print(f"medians of {runs} runs of {options.seconds:g} s; (range of the middle half)")
     for line in (*board_table.remarks(earlier), *_said(record)):
         print(line)
     keep(record, options)
+    _write(columns, options)
     for place, error in failures.items():
-        print(f"RUN FAILED: {place}: {error}")
+        print(f"RUN FAILED: {place}: {error}" if isinstance(error, HilError) else f"STOPPED: {place}")
     broken = _check(ours, record, board) if options.check else 0
-    return next((error.exit_code for error in failures.values()), broken)
+    codes = [error.exit_code if isinstance(error, HilError) else STOPPED for error in failures.values()]
+    return next(iter(codes), broken)
 
 
 def _parser() -> Any:
@@ -92,34 +99,37 @@ def _parser() -> Any:
     return parser
 
 
-def _measure(options: Any) -> tuple[Record, dict[str, HilError]]:
-    """The record, and what ended the runs of a slave before their time. Raises HilError when there is none at all."""
+def _measure(options: Any) -> tuple[Record, dict[str, Ended]]:
+    """The record, and what ended the runs of a slave before their time, which it raises when there is none at all."""
     changes = {"recording.master": False, **changes_of(options), "master.time_limit": options.seconds}
     found: dict[str, Figure] = {}
     details: dict[str, Any] = {}
-    labels: tuple[str, ...] = ()
-    failures: dict[str, HilError] = {}
+    labels: list[str] = []
+    failures: dict[str, Ended] = {}
     for endpoint in options.slave or [""]:
         name = endpoint or HERE
         with Bench(options.scenario, changes, limits_of(options)) as bench:
             runs: list[Run] = []
             try:
                 _repeat(bench, options.repeat, endpoint, runs)
-            except HilError as error:
+            except (HilError, KeyboardInterrupt) as error:
                 failures[f"{name}: run {len(runs) + 1} of {options.repeat}"] = error
             show("")
-            labels = bench.labels
+            labels += bench.labels
         if runs:
+            labels += labels_of(runs[-1].slave) if endpoint else ()
             found |= {f"{row} @ {endpoint}" if endpoint else row: figure for row, figure in figures(runs).items()}
             details[name] = {
                 "slave": runs[-1].slave,
                 "notes": sorted({text for run in runs for text in run.notes}),
                 "warnings": sorted({text for run in runs for text in run.warnings}),
             }
+        if any(isinstance(error, KeyboardInterrupt) for error in failures.values()):
+            break
     if not found:
         raise next(iter(failures.values()))
     settings = {key: getattr(options, key) for key in ("scenario", "set", "slave", "repeat", "seconds")}
-    return new_record("table", settings, found, labels, details), failures
+    return new_record("table", settings, found, dict.fromkeys(labels), details), failures
 
 
 def _repeat(bench: Bench, times: int, endpoint: str, runs: list[Run]) -> None:
@@ -128,7 +138,7 @@ def _repeat(bench: Bench, times: int, endpoint: str, runs: list[Run]) -> None:
         show("warming the caches")
         warm = bench.start_slave()
         with bench.client() as client:
-            client.wait_for_vehicle(60.0)
+            await_vehicle(client, warm)
         warm.stop()
     for number in range(times):
         show(f"{endpoint or HERE}: run {number + 1} of {times}")

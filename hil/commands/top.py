@@ -57,7 +57,7 @@ def main(arguments: list[str]) -> int:
         if options.once:
             _settle(watch, options.wait, stop_fd)
             unanswered.ask()
-            print("\n".join([table(watch.statuses(), watch.silent()), *unanswered.lines]))
+            print("\n".join([table(watch.statuses(), watch.silent()), *_remarks(watch, unanswered)]))
             return 0
         _show(watch, unanswered, endpoints, stop_fd)
     return 0
@@ -113,14 +113,33 @@ def _show(watch: HealthWatch, unanswered: Unanswered, endpoints: list[str], stop
     while not select.select((stop_fd,), (), (), REDRAW_S)[0]:
         statuses, silent = watch.statuses(), watch.silent()
         text = table(statuses, silent, live) if statuses else f"waiting for a slave at {', '.join(endpoints)}"
-        text = "\n".join([text, *unanswered.lines])
+        remarks = _remarks(watch, unanswered)
+        text = "\n".join([text, *remarks])
         if live:
             width, height = shutil.get_terminal_size()
             lines = [line if "\x1b" in line else line[:width] for line in text.splitlines()]
-            print("\x1b[H\x1b[2J" + "\n".join(lines[: height - 1]), flush=True)
+            print("\x1b[H\x1b[2J" + "\n".join(fitting(lines, height - 1, len(remarks))), flush=True)
         elif text != told:
             print(text + "\n", flush=True)
         told = text
+
+
+def _remarks(watch: HealthWatch, unanswered: Unanswered) -> list[str]:
+    """What has to be known besides the table."""
+    mixed = [
+        f"{number} slaves are called {name}, and their figures are mixed: give each a [slave] node of its own"
+        for name, number in watch.mixed().items()
+    ]
+    return [*mixed, *unanswered.lines]
+
+
+def fitting(lines: list[str], room: int, last: int) -> list[str]:
+    """As many as there is room for, among them the `last` ones, and how many are missing."""
+    if len(lines) <= room:
+        return lines
+    kept = max(room - last - 1, 0)
+    end = lines[len(lines) - last :]
+    return [*lines[:kept], f"... {len(lines) - last - kept} more lines in a higher window", *end][: max(room, 1)]
 
 
 def _figure(name: str, form: str = "{:.0f}", factor: float = 1.0) -> Callable[[Status], str]:

@@ -1,5 +1,6 @@
 """The health of slaves as a Prometheus endpoint: text format 0.0.4 over HTTP."""
 
+import socket
 import threading
 from collections.abc import Iterable
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
@@ -73,6 +74,10 @@ def _labels(status: Status) -> str:
     return f'{{node="{status.node}",board="{board}"}}'
 
 
+class _Server6(ThreadingHTTPServer):
+    address_family = socket.AF_INET6
+
+
 class Endpoint:
     """Serves `http://ADDRESS:PORT/metrics`. Use as a context. Raises ConfigError, NetworkError."""
 
@@ -81,11 +86,14 @@ class Endpoint:
         if not port.isdigit() or not 0 <= int(port) < 65536:
             raise ConfigError(f"--prometheus {where!r}: expected [ADDRESS:]PORT, such as 9747 or 0.0.0.0:9747")
         try:
-            self._server = ThreadingHTTPServer((host.strip("[]") or "127.0.0.1", int(port)), _handler(watch))
+            self._server = (_Server6 if ":" in host else ThreadingHTTPServer)(
+                (host.strip("[]") or "127.0.0.1", int(port)), _handler(watch)
+            )
         except OSError as error:
             raise NetworkError(f"cannot serve at {where}: {error.strerror}; choose another with --prometheus") from None
         self._server.daemon_threads = True
-        self.address = f"http://{self._server.server_address[0]!s}:{self._server.server_port}/metrics"
+        address = str(self._server.server_address[0])
+        self.address = f"http://{f'[{address}]' if ':' in address else address}:{self._server.server_port}/metrics"
         self._thread = threading.Thread(target=self._server.serve_forever, name="prometheus", daemon=True)
 
     def __enter__(self) -> Self:

@@ -57,7 +57,8 @@ class VehicleClient:
     nobody listens to is not sent.
 
     `latest` holds the newest message of each topic, in NED and FRD; `received` counts them; `malformed`
-    counts what could not be decoded; `delays` measures the commands; `contact` knows whether the vehicle is there.
+    counts what could not be decoded; `delays` measures the newest commands; `contact` knows whether the vehicle is
+    there.
     """
 
     def __init__(

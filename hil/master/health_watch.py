@@ -74,6 +74,11 @@ class HealthWatch:
         with self._lock:
             return sorted(name for name, there in self._present.items() if there and name not in self._statuses)
 
+    def mixed(self) -> dict[str, int]:
+        """Names that several slaves have, whose figures nobody can tell apart, and how many have each."""
+        with self._lock:
+            return {name: len(there) for name, there in sorted(self._present.items()) if len(there) > 1}
+
     def _meet(self, presence: Presence, alive: bool) -> None:
         if presence.part == "slave":
             with self._lock:

@@ -91,6 +91,3 @@ def need_numpy(sensor: str) -> None:
 
     if find_spec("numpy") is None:
         raise MissingExtraError(f"sensors: {sensor} needs numpy: pip install 'uuv-hil[imaging]'")
-
-
-ImageSample = CameraSample | SonarImageSample | SideScanSample

@@ -18,8 +18,9 @@ import pytest
 from hil.autonomy.control import VelocityCommand
 from hil.bench import load_run
 from hil.bench.footer import footer
-from hil.bench.harness import Bench, await_vehicle
-from hil.bench.jitter_run import bare_loop, read_cyclictest
+from hil.bench.harness import Bench, Process, await_vehicle
+from hil.bench.jitter_run import bare_loop, changes_for, read_cyclictest
+from hil.bench.limits import Limits
 from hil.bench.load_run import Cost, Course, Setting, course, difference, groups, of_group, settings
 from hil.bench.processes import Memory, Threads, look, shares, thread_names
 from hil.bench.record import load, new_record
@@ -54,11 +55,13 @@ def test_cyclictest_is_read() -> None:
 
 
 def test_a_bare_loop_is_a_floor() -> None:
-    late = bare_loop(200.0, 0.5, None)
+    with Bench("paper_field", changes_for(200.0)) as bench:
+        late = bare_loop(bench, 0.5)
     assert 0.0 < late.p50 <= late.p99 <= late.maximum
     assert late.p50 < 5000.0
 
 
+ONE = min(os.sched_getaffinity(0))
 SLEEPER = """
 import select, sys
 from hil.clock import LOOP_PRIORITY, RateKeeper, now_ns, schedule_fifo
@@ -73,7 +76,22 @@ print(keeper.lateness.quantile(0.5) / 1e3)
 
 def test_a_bare_loop_wakes_early_as_the_slave_does() -> None:
     sleeper = subprocess.run([sys.executable, "-c", SLEEPER], capture_output=True, text=True, check=True)
-    assert bare_loop(400.0, 1.5, None).p50 < float(sleeper.stdout)
+    with Bench("paper_field", changes_for(400.0)) as bench:
+        assert bare_loop(bench, 1.5).p50 < float(sleeper.stdout)
+
+
+def test_a_bare_loop_has_the_slaves_limits() -> None:
+    with Bench("paper_field", changes_for(400.0), Limits(cpus=(ONE,))) as bench:
+        start, asked = bench.start, []
+
+        def watched(name: str, command: list[str], limited: bool = False) -> Process:
+            process = start(name, command, limited)
+            asked.append(os.sched_getaffinity(process.pid))
+            return process
+
+        bench.start = watched  # type: ignore[method-assign]
+        bare_loop(bench, 0.2)
+    assert asked == [{ONE}]
 
 
 def test_a_late_wake_up_counts_for_each_period_it_missed() -> None:
@@ -351,7 +369,16 @@ def test_a_master_that_comes_after_another_is_not_refused() -> None:
         (["load", "--vehicles", "1.5"], "--vehicles '1.5'"),
         (["load", "--rates", "1e9"], "--rates"),
         (["stream", "--seconds", "-1"], "--seconds"),
-        (["soak", "--every", "10", "--leave-every", "1"], "--leave-every"),
+        (["soak", "--every", "10", "--leave-every", "10"], "--leave-every"),
+        (["soak", "--hours", "0.001"], "--every"),
+        (["soak", "--leak", "nan"], "--leak"),
+        (["load", "--vehicles", "nan"], "--vehicles 'nan'"),
+        (["load", "--vehicles", "inf"], "--vehicles 'inf'"),
+        (["stream", "target_hunting"], "is of 4 vehicles"),
+        (["table", "--png", "table.xyz"], "pictures end in"),
+        (["table", "--slave", "tcp/127.0.0.1:1", "--set", "slave.step=0.001"], "slave.step: nobody tells"),
+        (["table", "--set", "link.port=/dev/ttyNONE", "--set", "stm32=device"], "/dev/ttyNONE"),
+        (["startup", "--set", "link.port=/dev/ttyNONE", "--set", "stm32=device"], "/dev/ttyNONE"),
         (["stream", "nowhere"], "no scenario 'nowhere'"),
         (["stream", "--repeat", "0"], "--repeat"),
         (["stream", "--slave", "tcp/127.0.0.1:1", "--cpus", "0"], "start that one as it shall be"),
@@ -366,6 +393,15 @@ def test_a_master_that_comes_after_another_is_not_refused() -> None:
 def test_bad_input_is_named(words: list[str], text: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["bench", *words]) not in (0, 1)
     assert text in capsys.readouterr().err
+
+
+def test_what_was_measured_before_an_interrupt_is_told(tmp_path: Path) -> None:
+    words = ("bench", "table", "--seconds", "1", "--repeat", "99", "--json", str(tmp_path / "table.json"))
+    with Program(tmp_path, *words, environment={"TMPDIR": str(tmp_path)}) as program:
+        assert wait_for(lambda: len(list(tmp_path.glob("uuv-hil-bench-*/slave-*.log"))) >= 3, 60)
+        assert program.stop(signal.SIGINT) == 130
+    assert "STOPPED: this machine: run" in program.output
+    assert 1 <= len(load(str(tmp_path / "table.json")).figures["startup"].values) < 99
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])

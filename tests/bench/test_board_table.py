@@ -78,10 +78,16 @@ def test_a_column_knows_the_labels_of_its_record() -> None:
     assert column.warnings == ("a clock is wrong",)
     assert record.made[:10] in column.about
     elsewhere = {f"{name} @ tcp/a:1": figure for name, figure in GOOD.items()}
-    details = {"tcp/a:1": {"slave": {"board": "Raspberry Pi 4B"}}}
+    slave: dict[str, str] = {"board": "Raspberry Pi 4B"}
+    details = {"tcp/a:1": {"slave": slave}}
     (column,) = board_table.columns_of(new_record("table", {}, elsewhere, ["emulated: x"], details))
     assert "board: Raspberry Pi 4B; master: " in column.about
     assert column.labels[-1] == "master: emulated: x", "of the slave's machine nothing is known"
+    slave["labels"] = "emulated: y"
+    (column,) = board_table.columns_of(
+        new_record("table", {}, elsewhere, ["emulated: x", "slave: emulated: y"], details)
+    )
+    assert column.labels[-2:] == ("master: emulated: x", "slave: emulated: y")
 
 
 @pytest.mark.parametrize("long", [False, True])

@@ -266,6 +266,17 @@ def test_what_is_emulated_is_labelled(
     assert describe(str(tmp_path))[1] == labels
 
 
+def test_a_machine_of_which_we_may_use_a_part_is_labelled() -> None:
+    before = os.sched_getaffinity(0)
+    try:
+        os.sched_setaffinity(0, {ONE})
+        labels = describe()[1]
+    finally:
+        os.sched_setaffinity(0, before)
+    online = os.sysconf("SC_NPROCESSORS_ONLN")
+    assert (f"limited: 1 of {online} processors" in labels) == (online > 1)
+
+
 def test_the_environment_says_that_it_is_emulated(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Below qemu-user, where /proc is the host's."""
     monkeypatch.setenv("UUV_HIL_EMULATED", "qemu-aarch64")

@@ -55,6 +55,11 @@ def test_figures() -> None:
     assert result.notes == result.warnings == ()
 
 
+def test_a_label_of_the_slave_stands_below_the_figures() -> None:
+    assert "label: emulated: x" in table.render(build(labels="emulated: x")).splitlines()
+    assert "label" not in table.render(build())
+
+
 def test_text() -> None:
     text = table.render(build())
     for word in (

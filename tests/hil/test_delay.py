@@ -38,6 +38,16 @@ def test_two_clocks_are_told_apart_from_delay(offset: int) -> None:
     assert 0 < quantiles(meter.totals_ns()).p50_ms < 10
 
 
+def test_only_the_newest_are_kept() -> None:
+    meter, whole = DelayMeter(kept=10), DelayMeter(kept=0)
+    for number in range(1005):
+        for one in (meter, whole):
+            one.add(trace(number, number * MS, 200_000 + number, 0), 0, 0)
+    assert len(meter) == len(whole) == 1005
+    assert 10 <= len(meter.samples) < 20
+    assert meter.samples == whole.samples[-len(meter.samples) :]
+
+
 def test_malformed_traces_are_counted() -> None:
     meter = DelayMeter()
     meter.add([1, 2, 3], 0, 0)

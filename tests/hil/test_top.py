@@ -13,8 +13,8 @@ from boards import load_board
 from boards.tree import Tree
 from hil.cli import main
 from hil.clock import now_ns
-from hil.commands.top import table
-from hil.commands.top_prometheus import METRICS, exposition
+from hil.commands.top import fitting, table
+from hil.commands.top_prometheus import METRICS, Endpoint, exposition
 from hil.master.client import VehicleClient
 from hil.master.health_watch import HealthWatch, Status
 from hil.slave.machine_figures import machine_figures, network_bytes
@@ -82,6 +82,23 @@ def test_an_endpoint_that_nobody_answers_from_is_named(slave: int, tmp_path: Pat
     assert "nobody at" not in top.output
 
 
+def test_two_slaves_of_one_name_are_told(slave: int, tmp_path: Path) -> None:
+    path, port = write_scenario(tmp_path)
+    with Program(tmp_path, "slave", path) as other:
+        other.expect("ready")
+        both = [word for one in (slave, port) for word in ("--connect", f"tcp/127.0.0.1:{one}")]
+        with Program(tmp_path, "top", *both, "--once") as top:
+            assert top.process.wait(20) == 0, top.output
+    assert "2 slaves are called uuv1, and their figures are mixed" in top.output
+
+
+def test_what_does_not_fit_the_window_is_told_and_remarks_stay() -> None:
+    lines = [*map(str, range(10)), "remark"]
+    assert fitting(lines, 11, 1) == lines
+    assert fitting(lines, 8, 1) == ["0", "1", "2", "3", "4", "5", "... 4 more lines in a higher window", "remark"]
+    assert len(fitting(lines, 1, 1)) == 1
+
+
 @pytest.mark.parametrize("seconds", ["nan", "inf", "-1"])
 def test_a_wait_that_is_none(seconds: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["top", "--wait", seconds, "--once"]) == 2
@@ -94,6 +111,13 @@ def test_nobody_is_told(tmp_path: Path) -> None:
     assert "is `uuv-hil slave` running there" in top.output
     assert "nothing listens on port" in top.output
     assert "Traceback" not in top.output
+
+
+def test_prometheus_at_an_address_of_version_six() -> None:
+    with dial("tcp/127.0.0.1:1") as session, Endpoint("[::1]:0", HealthWatch(session)) as endpoint:
+        assert endpoint.address.startswith("http://[::1]:")
+        with urllib.request.urlopen(endpoint.address, timeout=5) as answer:
+            assert answer.status == 200
 
 
 @pytest.mark.parametrize("where", ["here", "127.0.0.1:99999"])
