@@ -23,6 +23,17 @@ def test_the_library_in_your_software(tmp_path: Path) -> None:
     assert len(lines) >= 50
 
 
+def test_files_are_called_by_what_they_are() -> None:
+    """In the README one name is a scenario or a vehicle, and a check needs what only a slave records."""
+    lines = (ROOT / "README.md").read_text().splitlines()
+    tuned = [line for line in lines if line.startswith("    uuv-hil tune ")]
+    assert tuned
+    assert not any("mine.toml" in line for line in tuned)
+    checks = [line for line in lines if "replay" in line and "--check" in line]
+    assert checks
+    assert all("slave = true" in line for line in checks)
+
+
 def test_links_of_the_documents_lead_somewhere() -> None:
     for page in [ROOT / "README.md", *(ROOT / "docs").glob("*.md")]:
         for target in re.findall(r"\]\(([^)#]+)\)", page.read_text()):

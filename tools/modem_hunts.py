@@ -3,6 +3,7 @@
 python -m tools.modem_hunts [SEEDS]           20 seeds take some minutes
 """
 
+import argparse
 import sys
 from collections import Counter
 from typing import Any
@@ -26,7 +27,9 @@ FATES = ("delivered", "collided", "deaf", "damaged", "unheard")
 
 def main() -> int:
     """Fly them and print the table; 0."""
-    seeds = range(1, int(sys.argv[1] if len(sys.argv) > 1 else 20) + 1)
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("seeds", metavar="SEEDS", nargs="?", type=int, default=20, help="how many [%(default)s]")
+    seeds = range(1, parser.parse_args().seeds + 1)
     print(f"| modem | success | time s | least distance m | {' | '.join(FATES)} |")
     print("|---|" + "---|" * (3 + len(FATES)))
     for name, changes in HUNTS.items():

@@ -25,11 +25,22 @@ examples:
   sudo .venv/bin/uuv-hil board install mine.toml --user uuv --listen tcp/0.0.0.0:7447
   sudo .venv/bin/uuv-hil board uninstall
 """
+# What each action can be told.
+OPTIONS = {
+    "show": ("board", "root", "json", "sources"),
+    "list": ("json",),
+    "install": ("scenario", "board", "root", "user", "listen", "member", "dry_run", "yes"),
+    "uninstall": ("root", "dry_run", "yes"),
+}
 
 
 def main(arguments: list[str]) -> int:
     """Show the board, list all, install or uninstall the service; the exit code. Raises HilError."""
-    options = _parser().parse_args(arguments)
+    parser = _parser()
+    options = parser.parse_intermixed_args(arguments)  # parse_args wants both words on the same side of the options
+    for name, value in vars(options).items():
+        if name not in ("action", *OPTIONS[options.action]) and value != parser.get_default(name):
+            raise ConfigError(f"board {options.action}: {_misplaced(name, value)}")
     tree = Tree(options.root)
     if not os.path.isdir(options.root):
         raise ConfigError(f"--root: {options.root}: no such folder")
@@ -38,7 +49,7 @@ def main(arguments: list[str]) -> int:
 
         return (board_service.install if options.action == "install" else board_service.uninstall)(tree, options)
     if options.action == "list":
-        print(listing())
+        print(json.dumps(boards_json()) if options.json else listing())
         return 0
     here = load_board(options.board) if options.board else recognise(tree)
     if options.json:
@@ -50,18 +61,24 @@ def main(arguments: list[str]) -> int:
 
 def _parser() -> argparse.ArgumentParser:
     parser = new_parser("board", __doc__, EXAMPLES)
-    parser.add_argument("action", nargs="?", choices=("show", "list", "install", "uninstall"), default="show")
+    parser.add_argument("action", nargs="?", choices=tuple(OPTIONS), default="show")
     parser.add_argument("scenario", metavar="SCENARIO", nargs="?", help="install: what the service is to run")
-    parser.add_argument("--board", metavar="NAME", help="the card computer this is [recognised]")
+    parser.add_argument("--board", metavar="NAME", help="show, install: the card computer this is [recognised]")
     parser.add_argument("--root", metavar="PATH", default="/", help="where the machine's /proc, /sys, /etc are [/]")
-    parser.add_argument("--json", action="store_true", help="show: for other programs")
+    parser.add_argument("--json", action="store_true", help="show, list: for other programs")
     parser.add_argument("--sources", action="store_true", help="show: also where each of it was read")
     parser.add_argument("--user", metavar="NAME", help="install: who runs the slave [who called sudo]")
     parser.add_argument("--listen", metavar="ENDPOINT", help="install: where masters connect [the scenario's]")
     parser.add_argument("--member", metavar="NAME", help="install: which vehicle of a fleet this is, or its number")
-    parser.add_argument("--dry-run", action="store_true", help="only show what would change")
-    parser.add_argument("--yes", action="store_true", help="do not ask")
+    parser.add_argument("--dry-run", action="store_true", help="install, uninstall: only show what would change")
+    parser.add_argument("--yes", action="store_true", help="install, uninstall: do not ask")
     return parser
+
+
+def _misplaced(name: str, value: str) -> str:
+    """What to say of an option, or of a scenario, that the action has no use for."""
+    given = f"the scenario {value}" if name == "scenario" else f"--{name.replace('_', '-')}"
+    return f"{given} goes only with {', '.join(action for action, names in OPTIONS.items() if name in names)}"
 
 
 def listing() -> str:
@@ -72,6 +89,11 @@ def listing() -> str:
         can = board.can[0].controller.partition(",")[0] if board.can else "-"
         rows.append((name, board.name, board.cpu, board.uart or "-", can))
     return "\n".join(aligned(rows))
+
+
+def boards_json() -> dict[str, object]:
+    """All that is known of every board, by preset."""
+    return {name: _plain(load_board(name)) for name in preset_names("boards")}
 
 
 def describe(tree: Tree, board: Board | None) -> str:

@@ -28,6 +28,8 @@ PI_ALIASES = ("/dev/serial0", "/dev/serial1")  # of a ttyS or a ttyAMA, as confi
 # Interfaces of python-can that need no device, and the USB devices of gs_usb (Linux, drivers/net/can/usb/gs_usb.c).
 WITHOUT_DEVICE = ("socketcan", "virtual", "udp_multicast")
 GS_USB = ("1d50:606f", "1209:2323", "1cd2:606f", "16d0:10b8")
+# Those that python-can opens at /dev/ttyUSB0@115200; not slcan, which is ours and has its speed of [link].
+WITH_BAUD = ("robotell",)
 ANYWHERE = ("0.0.0.0", "::", "::1", "localhost")
 LEAK = 4  # times the recommended memory
 SYSTEM_SERVICE = 239  # the version of systemd that knows @system-service; before it would be nothing that is allowed
@@ -78,7 +80,7 @@ def unit(tree: Tree, service: Service, board: Board | None) -> str:
     needs += [os.path.basename(CAN_UNIT)] if _can(scenario) else []
     version = systemd_version(tree)
     values = {
-        "description": " ".join((scenario.description or service.name).split()).replace("%", "%%"),
+        "description": prose(scenario.description) or prose(service.name),
         "wants": f"Wants={' '.join(needs)}" if needs else "",
         "after": " ".join(["network.target", "time-sync.target", *needs]),
         "command": " ".join(word(part).replace("$", "$$") for part in command(service)),
@@ -120,6 +122,9 @@ def rules(tree: Tree, service: Service, board: Board | None) -> str:
     if device.startswith("/dev/"):
         if not DEVICE.fullmatch(device):
             raise ConfigError(f"{device!r} cannot stand in a rule: letters, digits, _ # + : = @ . / - only")
+        plain, at, baud = device.rpartition("@")
+        if at and baud.isdecimal() and not tree.exists(device):
+            raise ConfigError(f"{device}: there is no such device; for the speed of {plain} give [link] baud = {baud}")
         name = device.removeprefix("/dev/")
         # The kernel's names are tty and more; all others are links, and matched as such: what they lead to may change.
         own = re.fullmatch(r"tty[A-Za-z]+[0-9]+", name) and not tree.link(device)
@@ -139,6 +144,8 @@ def limits(service: Service) -> str:
 def serial_device(scenario: Scenario, board: Board | None) -> str:
     """The serial port that a scenario's link uses on a board; empty when it uses none."""
     address = parse_address(scenario.link.port)
+    if address.interface in WITH_BAUD and address.place.startswith("/dev/"):
+        return address.place.partition("@")[0]
     if address.kind in ("uart", "rs485") or (address.kind == "can" and address.place.startswith("/dev/")):
         return address.place
     return board.uart if board and scenario.stm32 == "device" and scenario.link.port == "pty:" else ""
@@ -194,6 +201,12 @@ def word(text: str) -> str:
     for character, written in (("\\", "\\\\"), ('"', '\\"'), ("%", "%%")):
         text = text.replace(character, written)
     return f'"{text}"' if re.search(r"[\s'\\;]", text) else text
+
+
+def prose(text: str) -> str:
+    """Text as a unit has to have it: in one line, and no backslash at its end, as that would go on in the next."""
+    printable = "".join(character if character.isprintable() else " " for character in text)
+    return " ".join(printable.split()).rstrip("\\ ").replace("%", "%%")
 
 
 def escaped(text: str) -> str:

@@ -70,7 +70,8 @@ def uninstall(tree: Tree, options: argparse.Namespace) -> int:
         _run(tree, before)
         board_changes.carry_out(tree, plan)
         _run(tree, after)
-        print("uninstalled")
+        again = f"once that is taken away, uninstall again, which ends the record of it, {board_changes.MANIFEST}"
+        print(f"uninstalled but for what stays; {again}" if plan.changed else "uninstalled")
         kept = [folder for folder in KEPT if tree.exists(folder)]
         if kept:
             print(f"what the service kept is still there; take it away with: sudo rm -r {' '.join(kept)}")

@@ -3,13 +3,14 @@
 import argparse
 import json
 import os
+import re
 from collections.abc import Callable, Iterator
 
 from boards import load_board
 from boards.health import recognise
 from boards.tree import Tree
 from hil.commands import doctor_board, doctor_links, doctor_network, doctor_software
-from hil.commands.doctor_case import Case, Finding, User
+from hil.commands.doctor_case import Case, Finding, User, accounts
 from hil.commands.parser import new_parser
 from hil.config import Scenario, load_scenario, with_port
 from hil.errors import ConfigError
@@ -22,7 +23,7 @@ examples:
   uuv-hil doctor                            on the card computer, before the first run
   uuv-hil doctor mine.toml                  everything that this scenario needs
   sudo uuv-hil doctor mine.toml --user uuv  for the user who is to run it; only root sees what others have open
-  uuv-hil doctor --root recorded/           a machine whose /proc, /sys and /dev were copied there
+  uuv-hil doctor --root recorded/           a machine whose /proc, /sys, /dev and /etc were copied there
 """
 Check = Callable[[Case], Iterator[Finding]]
 SOFTWARE: tuple[Check, ...] = (doctor_software.software, doctor_software.step)
@@ -40,7 +41,7 @@ def main(arguments: list[str]) -> int:
     if not os.path.isdir(options.root):
         raise ConfigError(f"--root: {options.root}: no such folder")
     board = load_board(options.board) if options.board else recognise(tree)
-    case = Case(tree, board, _scenario(options), find_user(options.user))
+    case = Case(tree, board, _scenario(options), find_user(tree, options.user))
     found = []
     for finding in findings(case):
         found.append(finding)
@@ -77,8 +78,10 @@ def line(finding: Finding) -> str:
     return "".join(letter if letter.isprintable() else "?" for letter in text)
 
 
-def find_user(name: str | None) -> User:
-    """The user called `name`, or who asks. Raises ConfigError when there is none of that name."""
+def find_user(tree: Tree, name: str | None) -> User:
+    """The user of the machine called `name`, or who asks. Raises ConfigError when it has none of that name."""
+    if not tree.live:
+        return _recorded_user(tree, name)
     import pwd
 
     if name is None:
@@ -90,6 +93,17 @@ def find_user(name: str | None) -> User:
     except KeyError:
         raise ConfigError(f"--user: there is no user {name!r} on this machine") from None
     return User(name, entry.pw_uid, tuple(os.getgrouplist(name, entry.pw_gid)))
+
+
+def _recorded_user(tree: Tree, name: str | None) -> User:
+    """The same of a recorded machine, by its files; who asks is there who has the same number."""
+    for row in accounts(tree, "/etc/passwd"):
+        if row.name == name or (name is None and row.number == os.getuid()):
+            joined = [group.number for group in accounts(tree, "/etc/group") if row.name in group.fourth.split(",")]
+            return User(row.name, row.number, (*map(int, re.findall("^[0-9]{1,10}$", row.fourth)), *joined))
+    if name is None:
+        return User(str(os.getuid()), os.getuid(), ())
+    raise ConfigError(f"--user: there is no user {name!r} in {tree.path('/etc/passwd')}")
 
 
 def _scenario(options: argparse.Namespace) -> Scenario | None:

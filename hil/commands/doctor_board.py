@@ -9,7 +9,7 @@ from boards.tree import architecture
 from hil.bench.limits import REMEDIES
 from hil.clock import LOOP_PRIORITY
 from hil.commands.board_install import UNIT
-from hil.commands.doctor_case import Case, Finding, as_user, hexadecimal, number
+from hil.commands.doctor_case import Case, Finding, as_user, grant, hexadecimal, number
 
 CAP_IPC_LOCK, CAP_SYS_NICE = 14, 23  # capabilities(7)
 NEARLY_HOT = 5.0  # K below the temperature at which the board slows down
@@ -108,7 +108,7 @@ def realtime_limits(case: Case) -> Iterator[Finding]:
         yield Finding("note", "real time", text, remedy)
         return
     limits, capabilities = process_limits(process), _capabilities(process)
-    remedy = "uuv-hil board install grants it to the service and its user; for a shell: see /etc/security/limits.d"
+    remedy = grant(case)
     priority, memory = limits.get("Max realtime priority"), limits.get("Max locked memory")
     if priority is not None and not capabilities >> CAP_SYS_NICE & 1:
         enough = priority >= LOOP_PRIORITY

@@ -1,11 +1,13 @@
 """What the doctor says, and what it looks at."""
 
 import os
+import re
 from typing import Literal, NamedTuple
 
 from boards import Board
 from boards.tree import Tree
-from hil.commands.board_install import serial_device
+from hil.clock import LOOP_PRIORITY
+from hil.commands.board_install import LIMITS, serial_device
 from hil.config import Scenario
 
 Level = Literal["ok", "note", "problem"]
@@ -26,6 +28,14 @@ class User(NamedTuple):
     name: str
     uid: int
     groups: tuple[int, ...]
+
+
+class Account(NamedTuple):
+    """A line of /etc/passwd or /etc/group; the fourth field is the user's group there, the group's members here."""
+
+    name: str
+    number: int
+    fourth: str
 
 
 class Case(NamedTuple):
@@ -54,6 +64,19 @@ class Case(NamedTuple):
             return serial_device(self.scenario, self.board)
         uart = self.board.uart if self.board else ""
         return uart if uart and self.tree.exists(self.tree.resolve(uart)) else ""
+
+
+def accounts(tree: Tree, file: str) -> list[Account]:
+    """The users or groups that a machine has in its /etc/passwd or /etc/group."""
+    rows = re.findall(r"^([^:\n]+):[^:\n]*:([0-9]{1,10}):([^:\n]*)", tree.text(file), re.MULTILINE)
+    return [Account(name, int(number), fourth) for name, number, fourth in rows]
+
+
+def grant(case: Case) -> str:
+    """What gives the user's session the real-time scheduling and the locked memory that it has not got."""
+    if f"{case.user.name} - rtprio {LOOP_PRIORITY}" in case.tree.text(LIMITS).splitlines():
+        return f"log in again: pam_limits grants it to new sessions, by {LIMITS}"
+    return "uuv-hil board install grants it to the service and its user; for a shell: see /etc/security/limits.d"
 
 
 def may_open(found: os.stat_result, user: User) -> bool:

@@ -7,8 +7,10 @@ from collections.abc import Iterator
 from typing import Any
 
 from boards.tree import Tree
-from hil.commands.doctor_case import Case, Finding, User, hexadecimal, may_open
+from hil.commands.doctor_case import Case, Finding, User, accounts, hexadecimal, may_open
 from hil.links.address import parse_address
+
+FEW = 4  # ports that are named: a PC has 32
 
 
 def ports(case: Case) -> Iterator[Finding]:
@@ -20,9 +22,7 @@ def ports(case: Case) -> Iterator[Finding]:
     name = device if real == device else f"{device} ({real})"
     found = _status(tree, real)
     if found is None:
-        known = [port.needs for port in case.board.serial if port.device == device] if case.board else []
-        remedy = known[0] if known and known[0] else "connect it; see: ls /dev/serial/by-id/"
-        yield Finding(case.severity, "serial port", f"{name} is not there", remedy)
+        yield Finding(case.severity, "serial port", f"{name} is not there", _instead(case, device, real))
     elif not may_open(found, case.user):
         remedy = permission(tree, found, case.user)
         mode = f"{stat.filemode(found.st_mode)}, user {found.st_uid}, group {found.st_gid}"
@@ -130,11 +130,28 @@ def permission(tree: Tree, found: os.stat_result, user: User) -> str:
 
     Not the group of root, and so not that of a device that only root's group may open.
     """
-    rows = (line.split(":") for line in tree.text("/etc/group").splitlines())
-    names = {row[2]: row[0] for row in rows if len(row) > 2}
-    group = names.get(str(found.st_gid), "") if found.st_gid and found.st_mode >> 3 & 6 == 6 else ""
+    names = {row.number: row.name for row in accounts(tree, "/etc/group")}
+    group = names.get(found.st_gid, "") if found.st_gid and found.st_mode >> 3 & 6 == 6 else ""
     join = f"sudo usermod -aG {group or 'dialout'} {user.name}, then log in again"
     return join if group else f"uuv-hil board install gives it to the group dialout, by a rule for udev; {join}"
+
+
+def _instead(case: Case, device: str, real: str) -> str:
+    """What helps where a serial port is not there: what the board needs for it, or another one of its kind."""
+    port = next((port for port in case.board.serial if port.device == device), None) if case.board else None
+    if port and port.needs:
+        return port.needs
+    kind = _kind(os.path.basename(real))
+    others = [f"/dev/{name}" for name in case.tree.names("/dev") if _kind(name) == kind][:FEW]
+    if others:
+        remedy = f'there is {", ".join(others)}: [link] port = "{others[0]}"'
+    else:
+        remedy = "see: sudo dmesg | grep tty" if port else "connect it; see: ls /dev/serial/by-id/"
+    return f"{remedy} ({port.at})" if port else remedy
+
+
+def _kind(name: str) -> str:
+    return name.rstrip("0123456789")
 
 
 def _logins(tree: Tree, tty: str) -> list[str]:
@@ -145,7 +162,9 @@ def _logins(tree: Tree, tty: str) -> list[str]:
         if folder.endswith(".wants")
         for name in tree.names(f"/etc/systemd/system/{folder}")
     ]
-    services = [f"serial-getty@{tty}.service", *(["nvgetty.service"] if tty.startswith("ttyTHS") else [])]
+    # Which port nvgetty takes its script decides: none that is not there.
+    jetson = tty.startswith("ttyTHS") and tree.exists(f"/dev/{tty}")
+    services = [f"serial-getty@{tty}.service", *(["nvgetty.service"] if jetson else [])]
     return [service for service in services if service in wanted]
 
 

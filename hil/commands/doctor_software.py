@@ -7,13 +7,13 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
-from importlib import metadata
+from importlib import import_module, metadata
 from importlib.util import cache_from_source, find_spec
 
 from hil import __version__
 from hil.clock import LOOP_PRIORITY
 from hil.commands.board_check import assemble
-from hil.commands.doctor_case import Case, Finding, Level, User, as_user
+from hil.commands.doctor_case import Case, Finding, Level, User, as_user, grant
 from hil.config import Recording, Scenario, build_simulation
 from hil.errors import ConfigError, HilError, MissingExtraError, NetworkError
 from hil.fleet import as_member
@@ -32,6 +32,9 @@ WANTED = {
     "mavlink": ("pymavlink", "pymavlink", "[link] protocol", "'uuv-hil[mavlink]'"),
     "unicorn": ("unicorn", "unicorn", "the scenario's stm32", "'uuv-hil[unicorn]'"),
 }
+# What else there is in C, beside the step.
+TWINS = {"control": "hil.slave.native._control", "rays": "sim.native._rays"}
+BUILD = "python -m sim.native.build (a C compiler: sudo apt install gcc)"
 WARM_UP, STEPS = 40, 400
 
 
@@ -149,12 +152,18 @@ def step(case: Case) -> Iterator[Finding]:
     try:
         _, text = choose()
     except ConfigError as error:
-        yield Finding(case.severity, "step", str(error), f"leave {SWITCH} out of the environment")
+        yield Finding(case.severity, "step", str(error), f"unset {SWITCH}")
         return
     if text.startswith("C"):
         yield Finding("ok", "step", text)
     else:
-        yield Finding("note", "step", text, "python -m sim.native.build (a C compiler: sudo apt install gcc)")
+        unwanted = os.environ.get(SWITCH) == "0"
+        yield Finding("note", "step", text, f"unset {SWITCH}" if unwanted else BUILD)
+    for topic, module in TWINS.items():
+        try:
+            import_module(module)
+        except ImportError as error:
+            yield Finding("note", topic, f"Python; the C is not there: {error}", BUILD)
     if scenario := case.scenario:
         share = case.board.recommended.core_share if case.board else 0.5
         try:
@@ -228,7 +237,7 @@ def granted(case: Case) -> Iterator[Finding]:
     for line in said.splitlines():
         name, _, text = line.partition(": ")
         refused = "not " in text
-        yield Finding("note" if refused else "ok", name, text, "uuv-hil board install" if refused else "")
+        yield Finding("note" if refused else "ok", name, text, grant(case) if refused else "")
 
 
 def step_cost_s(scenario: Scenario) -> float:

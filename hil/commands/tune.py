@@ -11,6 +11,7 @@ from hil.columns import aligned
 from hil.commands.parser import new_parser
 from hil.errors import ConfigError
 from hil.schema import find_preset
+from hil.tables import read_table
 from sim.vehicle import load_vehicle
 
 EXAMPLES = """\
@@ -21,7 +22,7 @@ after: the size, the rise from 10 to 90 %, overshoot, settling to 5 %, and the e
 examples:
   uuv-hil tune paper_six                               what better gains would be
   uuv-hil tune paper_six --axis surge --axis heading   only these
-  uuv-hil tune mine.toml -o tuned.toml --plot steps.png
+  uuv-hil tune vehicle.toml -o tuned.toml --plot steps.png
 then, in a scenario: vehicle = "tuned.toml"
 """
 HEADER = ("axis", "step", "", "rise", "overshoot", "settling", "steady error")
@@ -39,6 +40,7 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--plot", metavar="FILE.png", help="draw the responses")
     options = parser.parse_args(arguments)
     _check_output(options.output)
+    _check_vehicle(options.vehicle)
     vehicle, control = load_vehicle(options.vehicle)
     tuner = Tuner(options.vehicle, vehicle, control, options.seed)
     axes = options.axis or tuner.axes()
@@ -93,6 +95,12 @@ def _seconds(value: float) -> str:
 def _check_output(path: str | None) -> None:
     if path is not None and not path.endswith(".toml"):
         raise ConfigError(f"--output {path!r}: a vehicle's file ends in .toml")
+
+
+def _check_vehicle(name: str) -> None:
+    scenario = read_table(name) if name.endswith(".toml") else {}
+    if "vehicle" in scenario:
+        raise ConfigError(f"{name}: is a scenario, not a vehicle; its vehicle is {scenario['vehicle']!r}")
 
 
 def _progress(count: int) -> Callable[[str], None]:

@@ -1,6 +1,7 @@
 """Every board file loads and says where its numbers are from; every recorded machine is recognised."""
 
 import os
+import re
 from pathlib import Path
 
 import pytest
@@ -72,6 +73,30 @@ def test_the_file_that_is_to_be_changed_is_named_in_full(name: str) -> None:
     board = boards.load_board(name)
     for needs in [port.needs for port in board.serial] + [bus.needs for bus in board.can]:
         assert "config.txt" not in needs.replace("/boot/firmware/config.txt", "")
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_what_a_serial_port_needs_makes_it_be_there(name: str) -> None:
+    """The doctor says it of a port that is not: ending a login prompt would not help."""
+    assert not any("systemctl" in port.needs for port in boards.load_board(name).serial)
+
+
+@pytest.mark.parametrize("name", REAL)
+def test_the_clock_of_the_processor_is_told(name: str) -> None:
+    assert re.search(r", [0-9.]+ GHz", boards.load_board(name).cpu)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_what_the_slave_took_is_what_the_readme_shows(name: str) -> None:
+    """And the recommendation leaves it room."""
+    asked = boards.load_board(name).recommended
+    shown = (Path(boards.__file__).parents[1] / "README.md").read_text()
+    (memory,), (cpu,) = (re.findall(rf"slave {row} .* ([0-9.]+){unit}", shown) for row, unit in
+                         (("memory", " MiB,"), ("CPU", "% of a core")))  # fmt: skip
+    low, high, mib = map(float, *re.findall(r"took ([0-9]+) to ([0-9]+) % of a core .* and ([0-9]+) MiB", asked.source))
+    assert low - 0.5 < float(cpu) < high + 0.5
+    assert mib == pytest.approx(float(memory), abs=1.5)
+    assert asked.memory >= 2 * mib
 
 
 @pytest.mark.parametrize("name", REAL)

@@ -127,6 +127,37 @@ def test_this_machine_and_none(tmp_path: Path, capsys: pytest.CaptureFixture[str
     assert "raspberry_pi_cm4" in capsys.readouterr().out
 
 
+def test_all_boards_for_other_programs(capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["board", "list", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["jetson_nano"]["power"][1]["watts"] == 5
+    assert told["raspberry_pi_4b"]["serial"][0]["device"] == "/dev/serial0"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ("show --dry-run", "board show: --dry-run goes only with install, uninstall"),
+        ("show mine.toml", "board show: the scenario mine.toml goes only with install"),
+        ("list --sources", "board list: --sources goes only with show"),
+        ("uninstall --json", "board uninstall: --json goes only with show, list"),
+    ],
+)
+def test_options_of_another_action(capsys: pytest.CaptureFixture[str], arguments: str, message: str) -> None:
+    assert cli.main(["board", *arguments.split()]) == 2
+    assert capsys.readouterr().err == f"uuv-hil board: {message}\n"
+
+
+@pytest.mark.parametrize("order", ["{more} install {file}", "install {more} {file}", "install {file} {more}"])
+def test_options_stand_anywhere(root: Path, scenario: str, capsys: pytest.CaptureFixture[str], order: str) -> None:
+    words = order.format(file=scenario, more=f"--dry-run --user uuv --root {root}").split()
+    assert cli.main(["board", *words]) == 0
+    assert f"+++ {UNIT}" in capsys.readouterr().out
+    with pytest.raises(SystemExit, match="0"):
+        cli.main(["board", *words, "--help"])
+    assert "[{show,list,install,uninstall}] [SCENARIO]\n" in capsys.readouterr().out
+
+
 def test_a_dry_run_shows_every_line_and_writes_none(
     root: Path, scenario: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -173,12 +204,32 @@ def test_installing_again(root: Path, scenario: str, capsys: pytest.CaptureFixtu
 
 
 def test_what_somebody_changed_stays(root: Path, scenario: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """What was there before it comes back when it is taken away."""
+    plant(root, RULES[1:], "# from before\n")
+    before = files(root)
     assert install(root, scenario, "--yes") == 0
     plant(root, RULES[1:], "# mine\n")
     assert cli.main(["board", "uninstall", "--root", str(root), "--yes"]) == 0
-    assert f"{RULES}: changed since it was written; it stays" in capsys.readouterr().out
+    told = capsys.readouterr().out
+    assert f"{RULES}: changed since it was written; it stays" in told
+    assert re.search(rf"^uninstalled but for what stays; .* uninstall again, .* {MANIFEST}$", told, re.MULTILINE)
+    assert files(root).keys() == {*before, MANIFEST[1:]}
     assert (root / RULES[1:]).read_text() == "# mine\n"
-    assert not (root / UNIT[1:]).exists()
+    (root / RULES[1:]).unlink()
+    assert cli.main(["board", "uninstall", "--root", str(root), "--yes"]) == 0
+    assert capsys.readouterr().out.endswith("\nuninstalled\n")
+    assert files(root) == before
+
+
+def test_what_somebody_put_back_is_no_change(root: Path, scenario: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """So it is too where an installation ended before it came to a file."""
+    plant(root, RULES[1:], "# from before\n")
+    before = files(root)
+    assert install(root, scenario, "--yes") == 0
+    plant(root, RULES[1:], "# from before\n")
+    assert cli.main(["board", "uninstall", "--root", str(root), "--yes"]) == 0
+    assert "it stays" not in capsys.readouterr().out
+    assert files(root) == before
 
 
 def test_no_permission_is_one_line_and_nothing_is_written(
@@ -289,6 +340,24 @@ def test_names_that_would_break_a_unit(root: Path, scenario: str, capsys: pytest
     Path(scenario).write_text('description = "one\\nExecStartPre=/bin/evil"\n' + SERIAL)
     assert install(root, scenario, "--yes") == 0
     assert "\nExecStartPre" not in (root / UNIT[1:]).read_text()
+
+
+@pytest.mark.parametrize(
+    ("text", "written"),
+    [
+        ("tank 2\\", "tank 2"),
+        ("100 % \\ \\\\", "100 %%"),
+        (r"C:\tank", r"C:\tank"),
+        ("one\r\ntwo\0three\x85four\u2028five", "one two three four five"),
+        ("\\", "mine.toml"),
+    ],
+)
+def test_a_description_is_one_line_of_the_unit(root: Path, tmp_path: Path, text: str, written: str) -> None:
+    scenario = tmp_path / "mine.toml"
+    scenario.write_text(f"description = {json.dumps(text)}\n" + SERIAL)
+    assert install(root, str(scenario), "--yes") == 0
+    lines = (root / UNIT[1:]).read_text().split("\n")
+    assert f"Description=UUV-HIL slave: {written.replace('mine.toml', str(scenario))}" in lines
 
 
 def test_every_rule_for_udev_is_well_formed(root: Path, scenario: str) -> None:

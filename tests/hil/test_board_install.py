@@ -3,9 +3,11 @@
 What only a real systemd shows is in tests/boards/test_whole_board.py.
 """
 
+import json
 import os
 import pwd
 import re
+import resource
 import subprocess
 import sys
 from pathlib import Path
@@ -111,6 +113,17 @@ def test_a_usb_can_adapter_without_the_kernel(root: Path, scenario: str, capsys:
     Path(scenario).write_text(linked("can:pcan:PCAN_USBBUS1", 'protocol = "vesc"'))
     assert install(root, scenario, "--yes") == 0
     assert "note: which device can:pcan:PCAN_USBBUS1 opens only python-can knows" in capsys.readouterr().out
+
+
+def test_a_can_adapter_at_a_serial_port(root: Path, scenario: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """python-can knows a speed behind the device; to slcan, which is not python-can's here, it is of the name."""
+    Path(scenario).write_text(linked("can:robotell:/dev/ttyUSB0@115200", 'protocol = "vesc"'))
+    assert install(root, scenario, "--yes") == 0
+    assert 'SUBSYSTEM=="tty", KERNEL=="ttyUSB0", GROUP' in (root / RULES[1:]).read_text()
+    assert values(root, UNIT, "DeviceAllow")[0] == "char-ttyUSB rw"
+    Path(scenario).write_text(linked("can:slcan:/dev/ttyACM0@115200", 'protocol = "vesc"'))
+    assert install(root, scenario, "--yes") == 2
+    assert "for the speed of /dev/ttyACM0 give [link] baud = 115200" in capsys.readouterr().err
 
 
 def test_names_that_would_be_patterns(root: Path, scenario: str, capsys: pytest.CaptureFixture[str]) -> None:
@@ -363,6 +376,78 @@ def test_a_unit_that_is_masked_is_left_alone(root: Path, scenario: str, capsys: 
     assert install(root, scenario, "--yes") == 2
     assert f"{UNIT}: is a link to /dev/null; take that away first" in capsys.readouterr().err
     assert (root / UNIT[1:]).is_symlink()
+
+
+@pytest.mark.parametrize(
+    ("made", "told"),
+    [
+        (f"{RULES}/", f"{RULES}: is no file"),
+        (f"{MANIFEST}/", f"{MANIFEST}: is no file"),
+        ("/etc/udev", f"/etc/udev: is no folder, where {RULES} belongs"),
+        ("/etc/uuv-hil", f"/etc/uuv-hil: is no folder, where {MANIFEST} belongs"),
+    ],
+)
+def test_files_for_folders(root: Path, scenario: str, capsys: pytest.CaptureFixture[str], made: str, told: str) -> None:
+    plant(root, f"{made[1:]}mine" if made.endswith("/") else made[1:], "")
+    before = sorted(root.rglob("*"))
+    assert install(root, scenario, "--yes") == 2
+    assert re.fullmatch(rf"uuv-hil board: {told}.*; take it away first\n", capsys.readouterr().err)
+    assert sorted(root.rglob("*")) == before
+
+
+@pytest.mark.parametrize(("size", "path"), [(100, MANIFEST), (1500, UNIT)])
+def test_a_full_disk_leaves_everything_as_it_was(
+    root: Path, scenario: str, capsys: pytest.CaptureFixture[str], size: int, path: str
+) -> None:
+    """Full in the first file or in a later one: a disk is as good as full to who may write no longer files."""
+    plant(root, LIMITS[1:], "uuv - rtprio 10\n")
+    before = [(found, found.read_bytes() if found.is_file() else None) for found in sorted(root.rglob("*"))]
+    _, hard = limit = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))
+    try:
+        assert install(root, scenario, "--yes") == 3
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limit)
+    assert capsys.readouterr().err.startswith(f"uuv-hil board: {path}: cannot be written: File too large; ")
+    assert [(found, found.read_bytes() if found.is_file() else None) for found in sorted(root.rglob("*"))] == before
+    assert uninstall(root) == 2
+    assert "nothing is installed here" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("text", ["", "{", "null", "[]", '""', '{"a": 3}', '{"a": {}}', '{"a": {"sha256": 1}}'])
+def test_a_damaged_manifest(root: Path, scenario: str, capsys: pytest.CaptureFixture[str], text: str) -> None:
+    plant(root, MANIFEST[1:], text)
+    for code in (install(root, scenario, "--yes"), uninstall(root)):
+        assert code == 2
+    assert capsys.readouterr().err.count(f"{MANIFEST}: is not what was written there; remove it, and the files") == 2
+
+
+def test_a_manifest_of_an_earlier_release(root: Path, scenario: str) -> None:
+    """It told no mode and no owner."""
+    plant(root, LIMITS[1:], "uuv - rtprio 10\n")
+    before = files(root)
+    assert install(root, scenario, "--yes") == 0
+    notes = json.loads((root / MANIFEST[1:]).read_text())
+    told = {path: {key: note[key] for key in ("before", "folders", "sha256")} for path, note in notes.items()}
+    plant(root, MANIFEST[1:], json.dumps(told))
+    assert uninstall(root) == 0
+    assert files(root) == before
+
+
+def test_whose_a_file_was(root: Path, scenario: str) -> None:
+    """And who might read it: nobody may read it in the manifest who could not."""
+    plant(root, LIMITS[1:], "uuv - rtprio 10\n")
+    place, manifest = root / LIMITS[1:], root / MANIFEST[1:]
+    place.chmod(0o600)
+    if os.geteuid() == 0:
+        os.chown(place, 999, 998)
+    before = place.stat()
+    assert install(root, scenario, "--yes") == 0
+    assert (place.stat().st_mode & 0o777, place.stat().st_uid) == (0o644, os.geteuid())
+    assert manifest.stat().st_mode & 0o777 == 0o600
+    assert uninstall(root) == 0
+    after = place.stat()
+    assert (after.st_mode, after.st_uid, after.st_gid) == (before.st_mode, before.st_uid, before.st_gid)
 
 
 def test_a_port_of_the_board_itself(tmp_path: Path) -> None:

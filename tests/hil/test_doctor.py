@@ -31,7 +31,7 @@ def run(*arguments: str, **environment: str) -> subprocess.CompletedProcess[str]
 
 
 def here(scenario: str | None = None) -> Case:
-    return Case(Tree("/"), None, load_scenario(scenario) if scenario else None, doctor.find_user(None))
+    return Case(Tree("/"), None, load_scenario(scenario) if scenario else None, doctor.find_user(Tree("/"), None))
 
 
 def test_every_row_without_a_scenario() -> None:
@@ -42,7 +42,7 @@ def test_every_row_without_a_scenario() -> None:
     assert rows["zenoh"]["text"] == metadata.version("eclipse-zenoh")
     assert rows["pyserial"]["text"] == metadata.version("pyserial")
     assert rows["step"]["text"] == "Python, as UUV_HIL_NATIVE=0 says"
-    assert rows["step"]["level"] == "note"
+    assert (rows["step"]["level"], rows["step"]["remedy"]) == ("note", "unset UUV_HIL_NATIVE")
     assert "modules" in rows["bytecode"]["text"]
     assert rows["board"]["text"]
     assert "SCHED_FIFO" in rows["scheduling"]["text"]
@@ -64,6 +64,7 @@ def test_a_wish_that_cannot_be_is_a_problem() -> None:
     assert done.returncode == 1
     assert "problem  step" in done.stdout
     assert "UUV_HIL_NATIVE='maybe'" in done.stdout
+    assert "-> unset UUV_HIL_NATIVE" in done.stdout
     assert run(UUV_HIL_NATIVE="maybe").returncode == 0  # nothing is needed yet
 
 
@@ -73,6 +74,16 @@ def test_the_step_in_c_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:
     found = next(doctor_software.step(here()))
     assert (found.level, found.topic) == ("note", "step")
     assert "Python; the step in C is not there" in found.text
+    assert "python -m sim.native.build" in found.remedy
+
+
+@pytest.mark.parametrize(("topic", "module"), [("control", "hil.slave.native._control"), ("rays", "sim.native._rays")])
+def test_another_binary_is_missing(monkeypatch: pytest.MonkeyPatch, topic: str, module: str) -> None:
+    monkeypatch.setitem(sys.modules, module, None)
+    monkeypatch.delenv("UUV_HIL_NATIVE", raising=False)
+    (found,) = [found for found in doctor_software.step(here()) if found.topic != "step"]
+    assert (found.level, found.topic) == ("note", topic)
+    assert module in found.text
     assert "python -m sim.native.build" in found.remedy
 
 
@@ -144,6 +155,8 @@ WILD = """
 class Wild:
     def __init__(self):
         1 / 0
+    def begin(self, brief): pass
+    def command(self, time, samples): pass
 
 class Sour:
     message = "std_msgs/msg/Float64"
@@ -189,7 +202,7 @@ def test_what_the_slave_or_the_planner_would_refuse(
 def test_what_a_start_does_not_need() -> None:
     """A fleet has a planner for each, an external controller none, and who names no goal flies by hand."""
     scenario = load_scenario("paper_field", {"master.goal": [900.0, 0.0]})
-    user = doctor.find_user(None)
+    user = doctor.find_user(Tree("/"), None)
     lost = [found.topic for found in doctor_software.start(scenario, user)]
     (away,) = doctor_software.start(load_scenario("paper_field", {"start.north": -500.0}), user)
     assert "the start (-500.00 m north, 0.00 m east) is outside the map" in away.text

@@ -30,6 +30,7 @@ goal = [8, 7]
 CAN = SERIAL + '[link]\nport = "can:socketcan:can0"\nprotocol = "vesc"\nbitrate = 500_000\n'
 GOVERNOR = "sys/devices/system/cpu/cpu{}/cpufreq/scaling_governor"
 THROTTLED = "commands/vcgencmd_get_throttled"
+PASSWD = "root:x:0:0::/root:/bin/sh\nnobody:x:65534:65534::/:/usr/sbin/nologin\n"
 TCP = "{:4d}: {}:{:04X} 00000000:0000 {} 00000000:00000000 00:00000000 00000000  1000        0 {} 1 0 100 0 0 10 0\n"
 
 
@@ -42,6 +43,7 @@ def examine(root: Path, capsys: pytest.CaptureFixture[str], text: str = SERIAL) 
     """The exit code, and what is not as it should be."""
     path = root.parent / "mine.toml"
     path.write_text(text)
+    plant(root, "etc/passwd", PASSWD)
     code = doctor.main([str(path), "--root", str(root), "--user", "nobody", "--json"])
     found: list[dict[str, str]] = json.loads(capsys.readouterr().out)
     return code, [row for row in found if row["level"] != "ok"]
@@ -292,6 +294,7 @@ def test_notes_are_no_problems(board: Path, capsys: pytest.CaptureFixture[str]) 
 def test_without_a_scenario_nothing_is_a_problem(board: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for fault in (no_permission, kernel_console, other_process, powersave, under_voltage, no_realtime, wrong_clock):
         fault(board)
+    plant(board, "etc/passwd", PASSWD)
     assert doctor.main(["--root", str(board), "--user", "nobody"]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert sum(line.startswith("note") for line in lines) == 7
@@ -305,6 +308,48 @@ def test_the_login_prompt_of_jetsons(tmp_path: Path, capsys: pytest.CaptureFixtu
     assert code == 1
     (problem,) = [row for row in found if row["level"] == "problem"]
     assert problem["remedy"] == "sudo systemctl disable --now nvgetty.service"
+
+
+@pytest.mark.parametrize(
+    ("ports", "remedy"),
+    [
+        (("dev/ttyTHS0",), 'there is /dev/ttyTHS0: [link] port = "/dev/ttyTHS0" (pins 8 and 10'),
+        (("dev/ttyS0",), "see: sudo dmesg | grep tty (pins 8 and 10"),
+    ],
+)
+def test_a_jetson_without_the_port(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], ports: tuple[str, ...], remedy: str
+) -> None:
+    """With JetPack 5 the port has another name; to end the login prompt would not make one."""
+    root = build("jetson_orin_nano_jetpack5", tmp_path / "root")
+    for port in (*ports, "etc/systemd/system/multi-user.target.wants/nvgetty.service"):
+        plant(root, port, "")
+    code, found = examine(root, capsys)
+    assert code == 1
+    (problem,) = [row for row in found if row["level"] == "problem"]
+    assert problem["text"] == "/dev/ttyTHS1 is not there"
+    assert problem["remedy"].startswith(remedy)
+    assert "with JetPack 5 it is /dev/ttyTHS0" in problem["remedy"]
+    assert "systemctl" not in problem["remedy"]
+
+
+def test_a_user_whom_only_the_recorded_machine_has(board: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    port = board / "dev/ttyS0"
+    port.chmod(0o660)
+    plant(board, "etc/passwd", f"pi-of-the-board:x:4242:{port.stat().st_gid}::/:/bin/sh\n")
+    assert doctor.main(["--root", str(board), "--user", "pi-of-the-board"]) == 0
+    assert "/dev/serial0 (/dev/ttyS0), pi-of-the-board may open it" in capsys.readouterr().out
+
+
+def test_an_adapter_that_is_not_there(board: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    def remedy() -> str:
+        (problem,) = [row for row in examine(board, capsys, text)[1] if row["level"] == "problem"]
+        return problem["remedy"]
+
+    text = SERIAL + '[link]\nport = "/dev/ttyUSB0"\n'
+    assert remedy() == "connect it; see: ls /dev/serial/by-id/"
+    plant(board, "dev/ttyUSB1", "")
+    assert remedy() == 'there is /dev/ttyUSB1: [link] port = "/dev/ttyUSB1"'
 
 
 def test_a_laptops_powersave_is_no_fault(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -355,7 +400,7 @@ def test_a_port_held_by_a_living_process() -> None:
         process.stdout.readline()
         scenario = load_scenario("paper_field")
         scenario = scenario._replace(link=scenario.link._replace(port=name))
-        case = Case(Tree("/"), load_board("raspberry_pi_4b"), scenario, doctor.find_user(None))
+        case = Case(Tree("/"), load_board("raspberry_pi_4b"), scenario, doctor.find_user(Tree("/"), None))
         (found,) = doctor_links.holders(case)
         assert f"{name} is open in process {process.pid}, {sys.executable}" in found.text
         assert process.stdin

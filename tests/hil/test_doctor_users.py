@@ -11,9 +11,11 @@ import pytest
 
 from boards.tree import Tree
 from hil.commands import doctor, doctor_board, doctor_links, doctor_software
+from hil.commands.board_install import LIMITS as SHELLS
 from hil.commands.board_install import UNIT
 from hil.commands.doctor_case import Case, User
 from hil.config import Scenario, load_scenario
+from hil.errors import ConfigError
 from tests.boards.recorded import plant
 
 NOBODY = pwd.getpwnam("nobody")
@@ -88,6 +90,19 @@ def test_an_installed_service_has_its_limits_of_its_unit(other: User, user: str,
     assert ("as the installed service it has 40" in found.text) == (user == "uuv")
 
 
+def test_an_installed_grant_counts_from_the_next_login(other: User) -> None:
+    """To install it once more would change nothing."""
+    files = {
+        UNIT: "[Service]\nUser=uuv\nLimitRTPRIO=40\n",
+        SHELLS: "# Written\nuuv - rtprio 40\nuuv - memlock unlimited\n",
+    }
+    tree = Runner(LIMITS.format(priority=0, locked="8388608") + STATUS.format(0), files)
+    remedies = {row.remedy for row in doctor_board.realtime_limits(Case(tree, None, scenario(), other))}
+    assert remedies == {f"log in again: pam_limits grants it to new sessions, by {SHELLS}"}
+    (elsewhere, _) = doctor_board.realtime_limits(Case(tree, None, scenario(), other._replace(name="somebody")))
+    assert elsewhere.remedy.startswith("uuv-hil board install")
+
+
 @pytest.mark.parametrize("unit", ["", "User=uuv", "User=uuv\nLimitRTPRIO=", "User=uuv\nLimitRTPRIO=infinity-ish"])
 def test_an_odd_unit_grants_nothing(other: User, unit: str) -> None:
     tree = Runner(LIMITS.format(priority=0, locked=0) + STATUS.format(0), {UNIT: unit})
@@ -113,21 +128,46 @@ def test_a_session_that_cannot_be_opened(other: User) -> None:
 @as_root
 def test_what_this_machine_grants_to_nobody(capsys: pytest.CaptureFixture[str]) -> None:
     """A session of that user: root's capabilities are gone."""
-    case = Case(Tree("/"), None, scenario(), doctor.find_user("nobody"))
+    case = Case(Tree("/"), None, scenario(), doctor.find_user(Tree("/"), "nobody"))
     (found, *_) = doctor_board.realtime_limits(case)
     assert found.topic == "real time"
     assert "is permitted, the slave's loop wants 40" in found.text
-    assert "SCHED_FIFO" in next(doctor_software.granted(case._replace(user=doctor.find_user(None)))).text
+    assert "SCHED_FIFO" in next(doctor_software.granted(case._replace(user=doctor.find_user(Tree("/"), None)))).text
 
 
 @as_root
 def test_an_installation_that_the_user_cannot_read(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     tmp_path.chmod(0o700)
     monkeypatch.setattr("sys.executable", str(tmp_path / "python"))
-    (found,) = doctor_software.granted(Case(Tree("/"), None, None, doctor.find_user("nobody")))
+    (found,) = doctor_software.granted(Case(Tree("/"), None, None, doctor.find_user(Tree("/"), "nobody")))
     assert found.level == "note"
     assert found.text == f"could not be tried: nobody cannot start {tmp_path}/python"
     assert found.remedy == f"see: runuser -u nobody -- {tmp_path}/python -V"
+
+
+PASSWD = "odd\npi:x:1000:1000:,,,:/home/pi:/bin/bash\npilot:x:4242:many::\n"
+GROUP = "dialout:x:20:uuv,pi\nodd\nvideo:x:44:pilot\nlarge:x:99999999999:pi\n"
+
+
+@pytest.mark.parametrize(
+    ("name", "uid", "user"),
+    [
+        ("pi", 0, User("pi", 1000, (1000, 20))),
+        ("pilot", 0, User("pilot", 4242, (44,))),
+        (None, 1000, User("pi", 1000, (1000, 20))),
+        (None, 7, User("7", 7, ())),
+    ],
+)
+def test_users_of_a_recorded_machine(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str | None, uid: int, user: User
+) -> None:
+    """They are its own: this one's may have the same names and other groups."""
+    monkeypatch.setattr("os.getuid", lambda: uid)
+    plant(tmp_path, "etc/passwd", PASSWD)
+    plant(tmp_path, "etc/group", GROUP)
+    assert doctor.find_user(Tree(str(tmp_path)), name) == user
+    with pytest.raises(ConfigError, match=f"no user 'nobody' in {tmp_path}/etc/passwd"):
+        doctor.find_user(Tree(str(tmp_path)), "nobody")
 
 
 @pytest.fixture

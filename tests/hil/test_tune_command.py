@@ -41,7 +41,7 @@ def test_a_table_a_vehicle_file_and_a_picture(tmp_path: Path, capsys: pytest.Cap
 def test_help_has_examples(capsys: pytest.CaptureFixture[str]) -> None:
     code, out, _ = run(capsys, "--help")
     assert code == 0
-    assert "uuv-hil tune mine.toml -o tuned.toml --plot steps.png" in out
+    assert "uuv-hil tune vehicle.toml -o tuned.toml --plot steps.png" in out
 
 
 @pytest.mark.parametrize(
@@ -62,3 +62,10 @@ def test_what_it_refuses(arguments: tuple[str, ...], code: int, words: str, caps
     assert found == code
     assert words in err
     assert "Traceback" not in err
+
+
+def test_a_scenario_is_no_vehicle(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "mine.toml"
+    path.write_text('vehicle = "paper_six"\nworld = "pool"\n')
+    code, _, err = run(capsys, path)
+    assert (code, err) == (2, f"uuv-hil tune: {path}: is a scenario, not a vehicle; its vehicle is 'paper_six'\n")
