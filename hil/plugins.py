@@ -1,34 +1,62 @@
-"""Classes of a user's own, named in a file of ours: `class = "module:Class"`, and its arguments beside it."""
+"""Classes of a user's own, named in a file of ours: `class = "module:Class"`, and its arguments beside it.
+
+To load one is to run what it says, so only the files of the user's own may name one: whoever reads those of others
+does so within `refusing`.
+"""
 
 import os
 import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib import import_module
 from typing import Any
 
 from hil.errors import ConfigError
 
 
+class _OfThread(threading.local):
+    refusal = ""
+
+
+_here = _OfThread()
+
+
+@contextmanager
+def refusing(why: str) -> Iterator[None]:
+    """Inside, no class is loaded in this thread: the ConfigError that says so names it, and ends with `why`."""
+    before, _here.refusal = _here.refusal, why
+    try:
+        yield
+    finally:
+        _here.refusal = before
+
+
 def load_class(table: dict[str, Any], contract: type, where: str) -> Any:
     """An object of the class that the table's key `class` names, made with its other keys by keyword.
 
     The module is looked for where Python looks, and in the present folder. `contract` is the protocol that it is
-    to follow: methods it lacks are named. `where` (file and section) opens every error message. Raises ConfigError.
+    to follow: methods it lacks are named, and nothing is made. `where` (file and section) opens every error message.
+    Raises ConfigError.
     """
     name = table.get("class")
     if not isinstance(name, str) or not all(name.partition(":")):
         raise ConfigError(f'{where}: class: expected "module:Class", found {name!r}')
+    if _here.refusal:
+        raise ConfigError(f"{where}: class {name!r} is not loaded: {_here.refusal}")
     kind = _find(name, f"{where}: class")
+    if not isinstance(kind, type):
+        raise ConfigError(f"{where}: {name} is no class")
+    missing = [method for method in _methods(contract) if not callable(getattr(kind, method, None))]
+    if missing:
+        raise ConfigError(f"{where}: {name} has no method {missing[0]!r} (see {contract.__module__})")
     arguments = {key: value for key, value in table.items() if key != "class"}
     try:
-        made = kind(**arguments)
+        return kind(**arguments)
     except ConfigError as error:
         raise ConfigError(f"{where}: {error}") from None
     except (TypeError, ValueError) as error:
         raise ConfigError(f"{where}: {name} does not take these keys: {error}") from error
-    missing = [method for method in _methods(contract) if not callable(getattr(made, method, None))]
-    if missing:
-        raise ConfigError(f"{where}: {name} has no method {missing[0]!r} (see {contract.__module__})")
-    return made
 
 
 def _find(name: str, where: str) -> Any:

@@ -20,11 +20,14 @@ OBSTACLE, WATER = "#6b7280", "#f3f6f9"
 RESPONSE = (("surge (m/s)", 1, 5), ("sway (m/s)", 2, 6), ("heave (m/s)", 3, 7), ("yaw rate (rad/s)", 4, 8))
 
 
-def plot_recording(path: str, folder: str) -> list[str]:
-    """Draw what is in the recording at `path` into `folder`; the files made. Raises ConfigError, MissingExtraError."""
+def plot_recording(path: str, folder: str, own_classes: bool = False) -> list[str]:
+    """Draw what is in the recording at `path` into `folder`; the files made.
+
+    `own_classes`: see `read_run`. Raises ConfigError, MissingExtraError.
+    """
     plt = pyplot()
     about = read_about(path)
-    run = read_run(about, path)
+    run = read_run(about, path, own_classes)
     vehicles = collect(read_messages(path))
     if not vehicles:
         raise ConfigError(f"{path}: no vehicle in it that says where it is, is commanded or tells delays")

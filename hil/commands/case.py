@@ -8,8 +8,9 @@ from hil.cases.flights import fly_all
 from hil.cases.report import Flights, write_report
 from hil.commands.parser import new_parser
 from hil.errors import ConfigError, MissingExtraError
-from hil.master.recorder import make_folder, new_folder
+from hil.master.recorder import make_folder
 from hil.stop import every_end_like_ctrl_c
+from hil.transport.recording import new_folder
 
 EXAMPLES = f"""\
 NAME is one of: {", ".join(CASES)}, or all.

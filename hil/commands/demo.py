@@ -14,9 +14,10 @@ from hil.clock import now_ns
 from hil.commands.parser import new_parser
 from hil.config import load_scenario
 from hil.errors import MissingExtraError, NetworkError
-from hil.master.recorder import make_folder, new_folder
+from hil.master.recorder import make_folder
 from hil.ports import free_ports
 from hil.stop import StopSignals
+from hil.transport.recording import new_folder
 from hil.transport.settings import split
 
 EXAMPLES = """\

@@ -13,9 +13,10 @@ from hil.master.client import VehicleClient
 from hil.master.flight import Flight, Outcome, Plan, prepare, require_success
 from hil.master.mission import Mission, topics_of
 from hil.master.progress import Progress
-from hil.master.recorder import RecordedClient, TrackWriter, make_folder, new_folder, recorded
+from hil.master.recorder import RecordedClient, TrackWriter, make_folder, recorded
 from hil.stop import StopSignals
 from hil.topics import ALL
+from hil.transport.recording import new_folder
 from hil.transport.recording_mcap import require_library
 
 WAIT_STEP_S = 0.02

@@ -12,7 +12,8 @@ examples:
   uuv-hil plot dive7.mcap -o pictures
 
 A recording made with a scenario has the world's map in it. The pulses of the thrusters are complete in a slave's own
-recording; other recordings have those of once a second.
+recording; other recordings have those of once a second. A recording can name classes for its forces and sensors, and
+to load one is to run it: that is refused unless --own-classes is given, for your own.
 """
 
 
@@ -21,11 +22,12 @@ def main(arguments: list[str]) -> int:
     parser = new_parser("plot", __doc__, EXAMPLES)
     parser.add_argument("recording", metavar="FILE")
     parser.add_argument("-o", "--output", metavar="DIR", help="a folder for the pictures")
+    parser.add_argument("--own-classes", action="store_true", help="load the classes it names; only if you trust it")
     options = parser.parse_args(arguments)
     from hil.bench.run_plots import plot_recording
 
     path = options.recording
     folder = options.output or (path if os.path.isdir(path) else os.path.dirname(os.path.abspath(path)))
-    for file in plot_recording(path, folder):
+    for file in plot_recording(path, folder, options.own_classes):
         print(file)
     return 0

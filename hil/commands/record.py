@@ -11,6 +11,7 @@ from hil.config import Recording, Scenario, load_scenario
 from hil.errors import ConfigError, DeviceError, NetworkError
 from hil.stop import StopSignals
 from hil.transport.recording import Recorder, describe, new_folder
+from hil.transport.recording_mcap import require_library
 from hil.transport.settings import Network
 
 if TYPE_CHECKING:
@@ -45,13 +46,14 @@ def main(arguments: list[str]) -> int:
     if not endpoints:
         raise ConfigError("record: give --connect tcp/ADDRESS:PORT, or a scenario")
     recording = scenario.recording if scenario else Recording()
-    folder = options.output or new_folder(recording.folder, scenario.slave.node if scenario else "record")
     about, files = _about(scenario, endpoints)
     from hil.transport.recording_tap import Tap, save_processor
 
     save_processor()
     network, security = (scenario.network, scenario.security) if scenario else (Network(), None)
     tap = Tap(endpoints, network, security)
+    require_library()  # before there is a folder
+    folder = options.output or new_folder(scenario.slave.node if scenario else "record", recording.folder)
     recorder = Recorder(folder, recording, about, files, source=tap.take)  # it may refuse: before anybody is dialled
     with StopSignals() as stop_fd, tap, recorder:
         print(f"recording {', '.join(endpoints)} into {folder}; Ctrl-C ends it", flush=True)

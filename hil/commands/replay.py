@@ -31,6 +31,8 @@ examples:
 --check needs a slave's own recording ([recording] slave = true). It runs the simulator with the pulses that the
 thrusters got, step by step, and holds every sensor message against the recorded one; exit code 6 at a difference.
 With --connect the wall clock has a say, so there the tracks are compared: start the slave with the same scenario.
+Both read the recording's scenario. It can name classes for forces and sensors, and to load one is to run it: that is
+refused unless --own-classes is given, for your own.
 """
 LISTEN = "tcp/127.0.0.1:7447"
 WAIT_STEP_S = 0.02
@@ -46,20 +48,21 @@ def main(arguments: list[str]) -> int:
     way.add_argument("--check", action="store_true", help="repeat it without network and clock")
     parser.add_argument("--speed", metavar="X", type=float, default=1.0, help="times as fast; 0: at once [%(default)g]")
     parser.add_argument("--wait", metavar="S", type=float, default=0.0, help="for somebody to listen, at most so long")
+    parser.add_argument("--own-classes", action="store_true", help="load the classes it names; only if you trust it")
     options = parser.parse_args(arguments)
     if options.speed < 0:
         raise ConfigError("replay: --speed must not be negative")
     if options.check:
-        return _check(options.recording)
+        return _check(options.recording, options.own_classes)
     with StopSignals() as stop_fd:
         return _command(options, stop_fd) if options.connect else _play(options, stop_fd)
 
 
-def _check(path: str) -> int:
+def _check(path: str, own_classes: bool) -> int:
     from hil.transport.recording_check import check
 
     began = now_ns()
-    compared, steps, difference = check(path)
+    compared, steps, difference = check(path, own_classes)
     took = (now_ns() - began) / NS_PER_S
     if difference:
         raise MissionError(
@@ -95,7 +98,7 @@ def _command(options: argparse.Namespace, stop_fd: int) -> int:
     from hil.master.client import VehicleClient
     from hil.transport.recording_player import pace
 
-    scenario = _scenario(options.recording)
+    scenario = _scenario(options.recording, options.own_classes)
     node = scenario.slave.node
     network, security, topics = scenario.network, scenario.security, ("ground_truth",)
     with VehicleClient(options.connect, node, network=network, security=security, topics=topics) as client:
@@ -133,8 +136,8 @@ class _Strayed:
                 self.most = max(self.most, self.last)
 
 
-def _scenario(path: str) -> Scenario:
-    run = read_run(read_about(path), path)
+def _scenario(path: str, own_classes: bool) -> Scenario:
+    run = read_run(read_about(path), path, own_classes)
     if run is None:
         raise ConfigError(f"{path}: the recording does not say which scenario it is of")
     return run.scenario

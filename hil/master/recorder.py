@@ -2,7 +2,6 @@
 
 import os
 import sys
-import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from typing import TextIO
@@ -22,13 +21,6 @@ COLUMNS = (
     "time_s,true_north_m,true_east_m,true_depth_m,north_m,east_m,depth_m,heading_rad,"
     "surge_m_s,commanded_surge_m_s,commanded_yaw_rate_rad_s"
 )
-
-
-def new_folder(name: str, root: str = "runs") -> str:
-    """Make and return a folder for a run of the scenario called `name`, by name and time. Raises ConfigError."""
-    stem = os.path.splitext(os.path.basename(name))[0]
-    folder = os.path.join(root, f"{stem}-{time.strftime('%Y%m%d-%H%M%S')}")
-    return make_folder(folder)
 
 
 def make_folder(folder: str) -> str:

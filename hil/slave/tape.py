@@ -19,6 +19,7 @@ from hil.transport import ros
 from hil.transport.recording import Recorder, describe, new_folder
 from hil.transport.recording_events import EVENTS, encode_failures, encode_place
 from hil.transport.recording_file import PULSES, Message
+from hil.transport.recording_mcap import require_library
 from sim.failures import Failure
 
 Deliver = Callable[[str, bytes, bytes], None]
@@ -34,7 +35,8 @@ class Tape:
         options, self._node = scenario.recording, scenario.slave.node
         step_ns = clock.seconds_ns(scenario.slave.step)
         about, files = describe(scenario, "slave", board=board, epoch_ns=str(epoch_ns), step_ns=str(step_ns))
-        self.folder = new_folder(options.folder, self._node)
+        require_library()  # before there is a folder
+        self.folder = new_folder(self._node, options.folder)
         self._recorder = Recorder(self.folder, options, about, files, report)
         self._step_ns = step_ns
         self._pulses: tuple[int, ...] = ()

@@ -2,7 +2,8 @@
 
 A recording is a folder of MCAP files with an index, and as such a bag of rosbag2. Once a second what came in goes to
 disk. A file that has grown to its limit is closed and the next one begun; when all together reach theirs, the oldest
-go. If the disk fills up or fails, recording ends with a word about it, and nothing else does.
+go. If the disk fills up or fails, or anything else goes wrong, recording ends with a word about it, and nothing else
+does.
 """
 
 import os
@@ -10,6 +11,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 
 from hil import __version__
 from hil.clock import NS_PER_S, now_ns
@@ -32,11 +34,24 @@ Report = Callable[[str], None]
 Source = Callable[[], Sequence[Message]]
 
 
-def new_folder(root: str, name: str) -> str:
-    """A folder in `root` for a recording that begins now, not yet made: NAME-DATE-TIME."""
-    stem = os.path.join(root, f"{name}-{time.strftime('%Y%m%d-%H%M%S')}")
-    others = (f"{stem}-{number}" for number in range(2, 1000))
-    return next((path for path in (stem, *others) if not os.path.exists(path)), stem)
+def new_folder(name: str, root: str = "runs") -> str:
+    """Make and return a folder in `root` for a run or a recording that begins now: NAME-DATE-TIME.
+
+    Two that begin in one second get two. `name` may be a path, whose folder and ending are left out. Raises
+    ConfigError if it cannot be made.
+    """
+    stem = os.path.splitext(os.path.basename(name))[0]
+    folder = first = os.path.join(root, f"{stem}-{time.strftime('%Y%m%d-%H%M%S')}")
+    number = 1
+    while True:
+        try:
+            os.makedirs(folder)
+            return folder
+        except FileExistsError:
+            number += 1
+            folder = f"{first}-{number}"
+        except OSError as error:
+            raise ConfigError(f"{folder}: cannot be made: {error.strerror}; choose another folder") from None
 
 
 class Recorder:
@@ -101,14 +116,16 @@ class Recorder:
         self._thread.join()
 
     def _run(self) -> None:
-        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))  # not that of a real-time thread that made us
         try:
+            os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))  # not that of a real-time thread that made us
             while not self._stop.wait(DRAIN_PERIOD_S):
                 self._drain(now_ns())
             self._drain(now_ns())
             self._finish()
         except OSError as error:
-            self._fail(error)
+            self._fail(f"{error.strerror}; free some space, or record less")
+        except Exception as error:  # noqa: BLE001 - of which nobody would hear: a thread dies in silence
+            self._fail(f"{type(error).__name__}: {error}; that is a fault of uuv-hil, please report it")
 
     def _drain(self, now: int) -> None:
         if self._file is None:
@@ -169,16 +186,14 @@ class Recorder:
             self._file = None
         self._write_index()
 
-    def _fail(self, error: OSError) -> None:
-        self.failure = f"recording into {self.folder} ended: {error.strerror}; free some space, or record less"
+    def _fail(self, why: str) -> None:
+        self.failure = f"recording into {self.folder} ended: {why}"
         self.lost += len(self._waiting)
         self._waiting.clear()
-        try:
+        with suppress(Exception):  # the disk is full for the index too: the one there is lists this file already
             if self._file:
                 self._file.abandon()
                 self._write_index()
-        except OSError:  # the disk is full for the index too: the one there is lists this file already
-            pass
         self._report(self.failure)
 
 

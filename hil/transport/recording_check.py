@@ -32,19 +32,22 @@ class Verdict(NamedTuple):
     difference: str
 
 
-def check(path: str) -> Verdict:
-    """Repeat the run of the recording at `path`. Raises ConfigError if it is none that can be repeated."""
+def check(path: str, own_classes: bool = False) -> Verdict:
+    """Repeat the run of the recording at `path`; `own_classes`: see `read_run`.
+
+    Raises ConfigError if it is none that can be repeated.
+    """
     about = read_about(path)
     if "epoch_ns" not in about.facts:
         raise ConfigError(f"{path}: only a slave's own recording can be repeated ([recording] slave = true)")
-    return _Repetition(about, path).run(read_messages(path))
+    return _Repetition(about, path, own_classes).run(read_messages(path))
 
 
 class _Repetition:
     """The second run, as far as it has come."""
 
-    def __init__(self, about: About, path: str) -> None:
-        run = read_run(about, path)
+    def __init__(self, about: About, path: str, own_classes: bool) -> None:
+        run = read_run(about, path, own_classes)
         if run is None:
             raise ConfigError(f"{path}: the recording does not say which scenario it is of")
         self._path = path

@@ -21,7 +21,8 @@ PULSES = Topic("pulses", "std_msgs/msg/Int64MultiArray", 0, "data")
 class Message(NamedTuple):
     """One message on a topic ("/uuv1/imu"): `data` in CDR, its number from its publisher, and two wall instants (ns).
 
-    `published_ns` is when it was sent, by the sender's clock; `logged_ns` when it came to the recorder.
+    `published_ns` is when it was sent, by the sender's clock, which may say anything; `logged_ns` when it came to the
+    recorder.
     """
 
     topic: str

@@ -102,13 +102,13 @@ class McapWriter:
         return channel
 
     def add_message(self, channel: Channel, sequence: int, published_ns: int, logged_ns: int, data: bytes) -> None:
-        """A message; in the file when its chunk is full, or ended."""
+        """A message; in the file when its chunk is full, or ended. What was sent before 1970 was sent at 0."""
         chunk, entries = self._chunk, channel.entries
         if not entries:
             self._chunk_channels.append(channel)
         entries += logged_ns, len(chunk)
         chunk += _MESSAGE.pack(
-            5, _MESSAGE_FIELDS + len(data), channel.number, sequence & 0xFFFFFFFF, logged_ns, published_ns
+            5, _MESSAGE_FIELDS + len(data), channel.number, sequence & 0xFFFFFFFF, logged_ns, max(0, published_ns)
         )
         chunk += data
         if len(chunk) > CHUNK:

@@ -2,15 +2,22 @@
 
 import os
 import tempfile
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 from typing import Any, NamedTuple
 
 from hil.config import Scenario, load_scenario
 from hil.errors import ConfigError
+from hil.plugins import refusing
 from hil.tables import cache_path
 from hil.transport.recording_reader import About
 from sim.vehicle import Vehicle, load_vehicle
 from sim.world import World, load_world
+
+FILES = ("scenario.toml", "vehicle.toml", "world.toml")
+REFUSAL = (
+    "a recording may come from anybody, and who loads its classes runs what it says; give --own-classes, only if you "
+    "trust where this recording comes from"
+)
 
 
 class Run(NamedTuple):
@@ -21,21 +28,22 @@ class Run(NamedTuple):
     world: World
 
 
-def read_run(about: About, path: str) -> Run | None:
+def read_run(about: About, path: str, own_classes: bool = False) -> Run | None:
     """What stands in the recording at `path`; None if nothing does.
 
-    A user's own classes ([[force]]) are in no recording: they are looked for as usual. Raises ConfigError if what was
-    a scenario then is none any more.
+    A user's own classes ([[force]], [sensors]) are in no recording: with `own_classes` they are looked for as usual,
+    else refused. Raises ConfigError for that, and if what was a scenario then is none any more.
     """
-    if not {"scenario.toml", "vehicle.toml", "world.toml"} <= about.attachments.keys():
+    if not about.attachments.keys() >= set(FILES):
         return None
     with tempfile.TemporaryDirectory(prefix="uuv-hil-") as folder:
-        files = [os.path.join(folder, os.path.basename(name)) for name in about.attachments]
+        files = [os.path.join(folder, name) for name in FILES]
         try:
-            for file, text in zip(files, about.attachments.values(), strict=True):
+            for name, file in zip(FILES, files, strict=True):
                 with open(file, "w", encoding="utf-8") as out:
-                    out.write(text)
-            return _read(os.path.join(folder, "scenario.toml"), about.facts)
+                    out.write(about.attachments[name])
+            with nullcontext() if own_classes else refusing(REFUSAL):
+                return _read(files[0], about.facts)
         except ConfigError as error:
             raise ConfigError(f"{path}: what it says of its run cannot be read: {error}") from None
         finally:

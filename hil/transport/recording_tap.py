@@ -40,7 +40,7 @@ def save_processor() -> None:
 
 
 class _Publisher:
-    """Somebody who publishes: on which topic, of which type, and the number of the last message from there."""
+    """Somebody's messages on one topic: its name and type, and the number of the last that came."""
 
     __slots__ = ("last", "topic", "type")
 
@@ -89,7 +89,8 @@ class Tap:
         self._settings = dict(zip(endpoints, texts, strict=True))
         self.connected: set[str] = set()
         self.missed = 0
-        self._publishers: dict[bytes, _Publisher | None] = {}
+        # By who publishes, and the key: all commands of a master have one gid, and each topic numbers of its own.
+        self._publishers: dict[tuple[bytes, str], _Publisher | None] = {}
         self._topics: dict[str, tuple[str, str] | None] = {}
         self._lines: list[_Line] = []
         self._threads: list[threading.Thread] = []
@@ -150,30 +151,29 @@ class Tap:
     def _message(self, line: _Line, sample: zenoh.Sample) -> Message | None:
         stamp = sample.timestamp
         came_ns = stamp.get_time_as_ntp64().as_nanos() if stamp else to_wall_ns(now_ns())
-        attachment = sample.attachment
+        key, attachment = str(sample.key_expr), sample.attachment
         told = ros.unpack_attachment(attachment.to_bytes()) if attachment is not None else None
         if told is None:
-            topic = self._topic(sample)
+            topic = self._topic(key)
             return Message(*topic, 0, came_ns, came_ns, sample.payload.to_bytes()) if topic else None
         sequence, sent_ns, gid = told
         try:
-            publisher = self._publishers[gid]
+            publisher = self._publishers[gid, key]
         except KeyError:
-            publisher = self._meet(line, sample, sequence, gid)
+            publisher = self._meet(line, key, sequence, gid)
         if publisher is None or sequence <= publisher.last:  # the same, by another way
             return None
         self.missed += sequence - publisher.last - 1
         publisher.last = sequence
         return Message(publisher.topic, publisher.type, sequence, sent_ns, came_ns, sample.payload.to_bytes())
 
-    def _meet(self, line: _Line, sample: zenoh.Sample, sequence: int, gid: bytes) -> _Publisher | None:
-        topic = self._topic(sample)
-        line.learn(str(sample.key_expr))
-        self._publishers[gid] = publisher = _Publisher(*topic, sequence - 1) if topic else None
+    def _meet(self, line: _Line, key: str, sequence: int, gid: bytes) -> _Publisher | None:
+        topic = self._topic(key)
+        line.learn(key)
+        self._publishers[gid, key] = publisher = _Publisher(*topic, sequence - 1) if topic else None
         return publisher
 
-    def _topic(self, sample: zenoh.Sample) -> tuple[str, str] | None:
-        key = str(sample.key_expr)
+    def _topic(self, key: str) -> tuple[str, str] | None:
         if key not in self._topics:
             self._topics[key] = _read_key(key)
         return self._topics[key]

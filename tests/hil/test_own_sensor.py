@@ -135,7 +135,7 @@ def test_a_real_slave_says_it_records_it_and_repeats_it(where: Path) -> None:
     told = [message for message in read_messages(str(file)) if message.topic == "/uuv1/thermometer"]
     assert len(told) >= 3
     assert {message.type for message in told} == {"sensor_msgs/msg/Temperature"}
-    with Program(where, "replay", tape, "--check", environment=environment) as check:
+    with Program(where, "replay", tape, "--check", "--own-classes", environment=environment) as check:
         assert check.wait(20) == 0, check.output
 
 

@@ -7,7 +7,7 @@ import signal
 import struct
 import threading
 import time
-from collections import Counter
+from collections import Counter, defaultdict
 from pathlib import Path
 
 import pytest
@@ -29,6 +29,11 @@ from hil.transport.session import listen
 from tests.processes import Program, free_port, wait_for, write_scenario
 
 RECORDING = '[recording]\nslave = true\nmaster = true\nfolder = "{folder}"\nkeep_free = 0\n'
+FORCE = """
+class Force:
+    def begin(self, time_ns): pass
+    def wrench(self, position, rotation, nu_r): return [0.0] * 6
+"""
 SENSORS = {"imu", "dvl", "dvl_twist", "altitude", "pressure", "odom", "ground_truth"}
 
 
@@ -94,6 +99,38 @@ def test_both_recordings_hold_the_same_and_all_of_it(dive: tuple[Path, Path, str
         assert reader.message_count == len(theirs)
 
 
+def test_every_command_is_recorded_on_its_topic(tmp_path: Path) -> None:
+    scenario, port = write_scenario(tmp_path)
+    heard = tmp_path / "heard"
+    sent: dict[str, list[tuple[int, bytes]]] = defaultdict(list)
+
+    class Client(VehicleClient):
+        def send(self, topic: str, payload: bytes) -> int:
+            sequence = super().send(topic, payload)
+            sent[f"/uuv1/{topic}"].append((sequence, payload))
+            return sequence
+
+    with Program(tmp_path, "slave", scenario) as slave, Program(tmp_path, "record", scenario, "-o", heard) as record:
+        slave.expect("ready")
+        record.expect("recording tcp")
+        with Client(f"tcp/127.0.0.1:{port}", "uuv1") as client:
+            assert client.wait_for_vehicle(10)
+            for number in range(60):
+                depth, heading = 2.0 + number / 100, number / 60 if number % 2 else None
+                client.command(VelocityCommand(surge=0.1, depth=depth, heading=heading))
+                time.sleep(0.03)
+        time.sleep(0.3)
+        assert record.stop(signal.SIGINT) == 0, record.output
+    found: dict[str, list[tuple[int, bytes]]] = defaultdict(list)
+    for message in read_messages(str(heard)):
+        if message.topic.startswith("/uuv1/cmd_"):
+            found[message.topic].append((message.sequence, message.data))
+    assert set(found) == set(sent) == {"/uuv1/cmd_depth", "/uuv1/cmd_heading", "/uuv1/cmd_vel"}
+    for topic, messages in sent.items():
+        assert set(found[topic]) <= set(messages), topic
+        assert len(found[topic]) > 0.8 * len(messages), "but for those before the recorder had come, and a busy moment"
+
+
 def test_a_recording_says_of_what_it_is(dive: tuple[Path, Path, str]) -> None:
     facts = read_about(str(dive[0])).facts
     assert facts["seed"] == "5"
@@ -151,6 +188,32 @@ def test_the_check_says_what_is_wrong(
         assert check.wait() == code, check.output
     assert all(word in check.output for word in words), check.output
     assert "Traceback" not in check.output
+
+
+def test_no_command_runs_what_a_recording_names(tmp_path: Path, dive: tuple[Path, Path, str]) -> None:
+    about, trace = read_about(str(dive[0])), tmp_path / "trace"
+    (tmp_path / "strange.py").write_text(f"open({str(trace)!r}, 'w').close()\n{FORCE}")
+    files = about.attachments | {
+        "scenario.toml": about.attachments["scenario.toml"] + '[[force]]\nclass = "strange:Force"\n'
+    }
+    with Recorder(str(tmp_path / "bag"), Recording(keep_free=0.0), about.facts, files) as recorder:
+        for message in read_messages(str(dive[0])):
+            recorder.put(message)
+    environment = {"PYTHONPATH": str(tmp_path)}
+    ways = (["plot"], ["replay", "--check"], ["replay", "--connect", f"tcp/127.0.0.1:{free_port()}"])
+    for command, *options in ways:
+        with Program(tmp_path, command, tmp_path / "bag", *options, environment=environment) as program:
+            assert program.wait() == 2, program.output
+        assert "force[0]: class 'strange:Force' is not loaded" in program.output
+        assert "give --own-classes, only if you trust where this recording comes from" in program.output
+        assert not trace.exists()
+    for command, *options in ways[:2]:
+        with Program(
+            tmp_path, command, tmp_path / "bag", *options, "--own-classes", environment=environment
+        ) as program:
+            assert program.wait(40) == 0, program.output
+        assert trace.exists()
+        trace.unlink()
 
 
 def test_played_to_the_network_it_is_the_vehicle(tmp_path: Path, dive: tuple[Path, Path, str]) -> None:

@@ -10,7 +10,8 @@ import pytest
 from hil.autonomy.control import VelocityCommand
 from hil.errors import ConfigError
 from hil.master.progress import Progress
-from hil.master.recorder import COLUMNS, TrackWriter, make_folder, new_folder
+from hil.master.recorder import COLUMNS, TrackWriter, make_folder
+from hil.transport.recording import new_folder
 from sim.sensors.samples import OdometrySample
 from tests.processes import ROOT
 
@@ -71,6 +72,13 @@ def test_a_folder_that_cannot_be_made(tmp_path: Path, monkeypatch: pytest.Monkey
     monkeypatch.setattr(os, "access", lambda path, mode: mode != os.W_OK)  # root may write everywhere
     with pytest.raises(ConfigError, match=r"no permission to write there; choose another folder$"):
         make_folder(str(tmp_path))
+
+
+def test_two_runs_of_one_second_have_a_folder_each(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("hil.transport.recording.time.strftime", lambda form: "20260101-120000")
+    made = [new_folder("scenarios/reef.toml", str(tmp_path / "runs")) for _ in range(3)]
+    assert [os.path.basename(path) for path in made] == [f"reef-20260101-120000{tail}" for tail in ("", "-2", "-3")]
+    assert all(os.path.isdir(path) for path in made)
 
 
 def test_a_log_on_a_full_disk_does_not_end_the_flight(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -24,7 +24,7 @@ from hil.topics import TOPICS
 from hil.transport import ros
 from hil.transport.recording import Recorder, describe, new_folder
 from hil.transport.recording_file import Message, RecordingFile, qos_profile, schema_of
-from hil.transport.recording_reader import read_about, read_messages
+from hil.transport.recording_reader import About, read_about, read_messages
 from hil.transport.recording_run import read_run
 from sim.sensors.samples import ImuSample, OdometrySample
 from tests.processes import ROOT, wait_for
@@ -293,6 +293,30 @@ def test_what_comes_faster_than_the_disk_takes_it_is_counted(tmp_path: Path, mon
     assert (recorder.written, recorder.lost) == (100, 50)
 
 
+def test_a_clock_before_1970_does_not_end_a_recording(tmp_path: Path) -> None:
+    sent = [imu(1), imu(2)._replace(published_ns=-1), imu(3)]
+    with Recorder(str(tmp_path / "bag"), SMALL, {}) as recorder:
+        for message in sent:
+            recorder.put(message)
+    assert (recorder.written, recorder.failure) == (3, "")
+    found = by_mcap(tmp_path / "bag" / "bag_0.mcap")
+    assert found == [sent[0], sent[1]._replace(published_ns=0), sent[2]]
+
+
+def test_whatever_ends_the_recording_is_told(tmp_path: Path) -> None:
+    told: list[str] = []
+    with Recorder(str(tmp_path / "bag"), SMALL, {}, report=told.append) as recorder:
+        recorder.put(imu(1))
+        assert wait_for((tmp_path / "bag" / "bag_0.mcap").exists, 5)
+        recorder.put(imu(2)._replace(logged_ns=-1))  # which no clock says
+        assert wait_for(lambda: told, 5)
+        recorder.put(imu(3))
+    assert told == [recorder.failure]
+    assert recorder.failure.startswith(f"recording into {tmp_path / 'bag'} ended: error: ")
+    assert recorder.lost == 1
+    assert by_mcap(tmp_path / "bag" / "bag_0.mcap") in ([], [imu(1)]), "whole up to the last flush"
+
+
 def test_a_source_is_asked_until_the_end(tmp_path: Path) -> None:
     sent = [imu(number, noise=True) for number in range(1, 2001)]
     portions = [sent[:700], [], sent[700:1990]]
@@ -313,9 +337,7 @@ def test_a_folder_is_used_once(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(ConfigError, match="cannot be made"):
         Recorder(str(tmp_path / "file"), SMALL, {})
-    name = new_folder(str(tmp_path), "uuv1")
-    os.mkdir(name)
-    assert new_folder(str(tmp_path), "uuv1") != name
+    Recorder(new_folder("uuv1", str(tmp_path)), SMALL, {}).close()
 
 
 def test_an_empty_recording_is_one_too(tmp_path: Path) -> None:
@@ -344,6 +366,48 @@ def test_the_scenario_comes_back_out_of_a_recording(tmp_path: Path) -> None:
     damaged = found._replace(attachments=found.attachments | {"vehicle.toml": "mass = 3"})
     with pytest.raises(ConfigError, match="bag: what it says of its run"):
         read_run(damaged, "bag")
+
+
+@pytest.mark.parametrize(
+    "section",
+    [
+        '[[force]]\nclass = "{}:Pull"',
+        '[sensors.mine]\nclass = "{}:Warmth"\nrate = 1',
+    ],
+)
+def test_a_recording_loads_no_class_unless_that_is_asked_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, section: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    name = f"strange_{section[2:6]}"
+    (tmp_path / f"{name}.py").write_text(
+        f"open({str(tmp_path / 'trace')!r}, 'w').close()\n"
+        "class Pull:\n"
+        "    def begin(self, time_ns): pass\n"
+        "    def wrench(self, position, rotation, nu_r): return [0.0] * 6\n"
+        "class Warmth:\n"
+        "    message = 'std_msgs/msg/Float64'\n"
+        "    def begin(self, scene, mounting, random): pass\n"
+        "    def sample(self, time_ns, state): return {}\n"
+    )
+    about, files = describe(load_scenario("paper_field"), "slave")
+    files["scenario.toml"] += "\n" + section.format(name)
+    with Recorder(str(tmp_path / "bag"), SMALL, about, files) as recorder:
+        recorder.put(imu(1))
+    found = read_about(str(tmp_path / "bag"))
+    with pytest.raises(ConfigError, match=rf"'{name}:\w+' is not loaded: .*--own-classes, only if you trust"):
+        read_run(found, "bag")
+    assert not (tmp_path / "trace").exists()
+    monkeypatch.setattr(sys, "path", [*sys.path])
+    run = read_run(found, "bag", own_classes=True)
+    assert run
+    assert run.scenario.force or "mine" in run.scenario.sensors
+    assert (tmp_path / "trace").exists()
+
+
+def test_a_recording_brings_its_three_files_and_no_others(tmp_path: Path) -> None:
+    about, files = describe(load_scenario("paper_field"), "slave")
+    assert read_run(About(about, files | {"..": "", "other.toml": "x = 1"}), "bag")
 
 
 def test_messages_of_others_are_read(tmp_path: Path) -> None:

@@ -101,6 +101,27 @@ def test_one_topic_of_two_vehicles() -> None:
     assert tap.missed == 0
 
 
+def test_topics_of_one_publisher_are_told_apart() -> None:
+    """All commands of a master have one gid; each topic counts its own."""
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    with listen(endpoint) as slave, Tap([endpoint]) as tap:
+        topics = "imu", "pressure", "odom"
+        publishers = [slave.publisher("uuv1", TOPICS[topic]) for topic in topics]
+        for publisher in publishers:
+            publisher.gid = publishers[0].gid
+        assert met(*[slave.audience(f"0/uuv1/{topic}/**") for topic in topics])
+        for number in range(1, 31):
+            for topic, publisher in zip(topics, publishers, strict=True):
+                if topic != "odom" or not number % 3:
+                    publisher.put(b"%s %d" % (topic.encode(), number), 7)
+        heard = collect(tap, lambda messages: len(messages) >= 70)
+    found = {topic: [(m.sequence, m.data) for m in heard if m.topic == f"/uuv1/{topic}"] for topic in topics}
+    for topic in ("imu", "pressure"):
+        assert found[topic] == [(n, b"%s %d" % (topic.encode(), n)) for n in range(1, 31)]
+    assert found["odom"] == [(n, b"odom %d" % (3 * n)) for n in range(1, 11)]
+    assert tap.missed == 0
+
+
 def test_a_vehicle_that_comes_late_goes_and_comes_back() -> None:
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     heard: list[Message] = []
