@@ -29,7 +29,7 @@ def test_files_are_called_by_what_they_are() -> None:
     tuned = [line for line in lines if line.startswith("    uuv-hil tune ")]
     assert tuned
     assert not any("mine.toml" in line for line in tuned)
-    checks = [line for line in lines if "replay" in line and "--check" in line]
+    checks = [line for line in lines if line.startswith("    uuv-hil replay ") and "--check" in line]
     assert checks
     assert all("slave = true" in line for line in checks)
 

@@ -7,13 +7,14 @@ from hil.clock import NS_PER_S, from_wall_ns, now_ns, to_wall_ns
 from hil.transport.clock_offset import ClockOffset, Estimate
 from hil.transport.presence import declare_presence, watch_presence
 from hil.transport.session import Session
-from hil.transport.tokens import PING, PONG, Part, Presence, clock_keys
+from hil.transport.tokens import PING, PONG, Part, Presence, clock_keys, read_clock
 
 PERIOD_S = 0.2  # of the exchange of clocks
 GRACE_S = 0.1  # that an answer may be later than the lease
 STALL_S = 0.02  # in which readers catch up when this process itself was held up
 FIRST_PERIOD_S = 0.02  # until there is an estimate
 WAITING = 16  # answers that may wait for the reader
+ASKED = 512  # pings whose answers are known as ours: as long back as an answer may take, at the first period
 
 
 class Contact:
@@ -41,7 +42,8 @@ class Contact:
         self._heard_ns = 0
         self._patience_s = lease + GRACE_S
         self._turn = threading.Lock()  # of coming and going, which two threads see
-        self._answered = 0, 0  # our pong's instant there, and when it came here
+        self._asked: tuple[int, ...] = ()  # when our last pings were sent
+        self._tell: Callable[[bytes], None] | None = None  # how an answer came
         self._closing = threading.Event()
         self._withdraw: Callable[[], None] | None = None
         self._arrival: threading.Thread | None = None
@@ -55,8 +57,10 @@ class Contact:
     def begin(self, part: Part, gid: bytes, rank: int) -> None:
         """Announce us as `part`; commands carry `gid`."""
         self._gid = gid
-        ping, pong = clock_keys(self._node)
+        ping, pong, masters_ping = clock_keys(self._node)
         self._send = self._session.sender(ping)
+        if part == "master":
+            self._tell = self._session.sender(masters_ping)
         self._session.receive(pong, self._take_pong, WAITING)
         self._withdraw = declare_presence(self._session, self._node, part, gid.hex(), rank)
         watch_presence(self._session, self._node, self._meet)
@@ -87,8 +91,9 @@ class Contact:
         while not self._closing.wait(self._pause()):
             if self.present and self._silent() and not self._closing.wait(STALL_S) and self._silent():
                 self._is_there(False)
-            (before, came), self._answered = self._answered, (0, 0)
-            self._send(PING.pack(self._gid, to_wall_ns(now_ns()), before, came))
+            sent = to_wall_ns(now_ns())
+            self._asked = (*self._asked[1 - ASKED :], sent)
+            self._send(PING.pack(self._gid, sent, 0, 0))
 
     def _pause(self) -> float:
         """Until the next ping; no longer than patience lasts."""
@@ -102,10 +107,12 @@ class Contact:
 
     def _take_pong(self, payload: bytes) -> None:
         came = to_wall_ns(now_ns())
-        if len(payload) != PONG.size or payload[:16] != self._gid:  # the answer to another master
+        pong = read_clock(PONG, payload)
+        if pong is None or pong[0] != self._gid or pong[1] not in self._asked:  # the answer to another's ping
             return
-        _, sent, there, answered, *told = PONG.unpack(payload)
-        self._answered = answered, came
+        _, sent, there, answered, *told = pong
+        if self._tell:
+            self._tell(PING.pack(self._gid, to_wall_ns(now_ns()), answered, came))
         self._heard_ns = now_ns()
         self.told = Estimate(*told) if told[1] >= 0 else None
         self._clock.add(sent, there, answered, came)

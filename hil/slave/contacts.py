@@ -4,7 +4,7 @@ Loaded when the vehicle is ready; until then commands are taken as from stranger
 """
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from hil.clock import NS_PER_MS, now_ns, to_wall_ns
 from hil.slave.inbox import Inbox
@@ -12,13 +12,13 @@ from hil.slave.outbox import Outbox
 from hil.transport.clock_offset import ClockOffset
 from hil.transport.presence import declare_presence, serve_last, watch_presence
 from hil.transport.session import Session
-from hil.transport.tokens import PING, PONG, Presence, clock_keys
+from hil.transport.tokens import PING, PONG, Part, Presence, clock_keys, read_clock
 
 if TYPE_CHECKING:
     from hil.transport.security import Security
 
 WAITING = 16  # pings that may wait for the reader
-MOST_THERE = 32  # that are told apart
+MOST_THERE = 32  # that are told apart, of each part
 
 
 class Contacts:
@@ -36,11 +36,12 @@ class Contacts:
         self._inbox = inbox
         self._rights = security.rights() if security else {}
         self._report = report
-        self._there: dict[str, Presence] = {}
+        self._there: dict[Part, dict[str, Presence]] = {"master": {}, "observer": {}}
         self.lost = 0
-        ping, pong = clock_keys(node)
+        ping, pong, masters_ping = clock_keys(node)
         self._answer = session.sender(pong)
         session.receive(ping, self._take_ping, WAITING)
+        session.receive(masters_ping, self._take_masters_ping, WAITING)
         session.free_links()
         serve_last(session, node, outbox.catch_up)
         watch_presence(session, node, self._meet)
@@ -49,12 +50,12 @@ class Contacts:
     def figures(self) -> dict[str, str]:
         """For the diagnostics: who is there, who is obeyed, and how that one's clock runs against ours."""
         inbox = self._inbox
-        there = list(self._there.values())
+        masters = list(self._there["master"].values())
         figures = self._rights | {
             "commanded_by": "" if inbox.silent else inbox.master.hex(),
-            "commander": " ".join([presence.who for presence in there if presence.ident == inbox.master.hex()]),
-            "masters": " ".join([presence.who for presence in there if presence.part == "master"]),
-            "observers": str(sum(presence.part == "observer" for presence in there)),
+            "commander": " ".join([master.who for master in masters if master.ident == inbox.master.hex()]),
+            "masters": " ".join([master.who for master in masters]),
+            "observers": str(len(self._there["observer"])),
             "masters_lost": str(self.lost),
         }
         clock = inbox.clocks.get(inbox.master)
@@ -71,10 +72,11 @@ class Contacts:
     def _meet(self, presence: Presence, alive: bool) -> None:
         if presence.part == "slave":
             return
-        if alive and len(self._there) < MOST_THERE:
-            self._there[presence.ident] = presence
+        there = self._there[presence.part]
+        if alive and len(there) < MOST_THERE:
+            there[presence.ident] = presence
         elif not alive:
-            self._there.pop(presence.ident, None)
+            there.pop(presence.ident, None)
         if presence.part == "master":
             self._meet_master(presence, alive)
 
@@ -91,23 +93,33 @@ class Contacts:
             self._report(f"master {presence.who} is gone" + (", which commanded" if obeyed else ""))
 
     def _take_ping(self, payload: bytes) -> None:
-        """Answer at once; a ping also ends the exchange that our answer before it began."""
+        """Answer at once, whoever asks."""
         came = to_wall_ns(now_ns())
-        if len(payload) != PING.size:
-            self._inbox.malformed += 1
-            return
-        sender, sent, answered_before, answer_came = PING.unpack(payload)
-        clock = self._clock_of(sender)
-        if answered_before:
-            clock.add(answered_before, answer_came, sent, came)
-        estimate = clock.at(came)
-        told = estimate if estimate else (0, -1, 0.0)
-        self._answer(PONG.pack(sender, sent, came, to_wall_ns(now_ns()), *told))
+        ping = self._read(payload)
+        if ping:
+            sender, sent, _, _ = ping
+            clock = self._inbox.clocks.get(sender)
+            estimate = clock.at(came) if clock else None
+            told = estimate if estimate else (0, -1, 0.0)
+            self._answer(PONG.pack(sender, sent, came, to_wall_ns(now_ns()), *told))
+
+    def _take_masters_ping(self, payload: bytes) -> None:
+        """It ends the exchange that our answer began."""
+        came = to_wall_ns(now_ns())
+        ping = self._read(payload)
+        if ping:
+            sender, sent, answered, answer_came = ping
+            self._clock_of(sender).add(answered, answer_came, sent, came)
+
+    def _read(self, payload: bytes) -> tuple[Any, ...] | None:
+        ping = read_clock(PING, payload)
+        self._inbox.malformed += ping is None
+        return ping
 
     def _clock_of(self, sender: bytes) -> ClockOffset:
         clocks = self._inbox.clocks
         if sender not in clocks:
-            while len(clocks) >= MOST_THERE:
-                del clocks[next(iter(clocks))]
+            while len(clocks) >= MOST_THERE:  # many strangers do not make the one that is obeyed forgotten
+                del clocks[next(other for other in clocks if other != self._inbox.master)]
             clocks[sender] = ClockOffset()
         return clocks[sender]

@@ -5,8 +5,11 @@ vehicle a thousandth of a processor. So here the library's own threads only queu
 end. Loaded when there is something to wait for.
 """
 
+import sys
+import threading
 from _queue import SimpleQueue  # the whole module loads threads and heaps
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any
 
 import zenoh
@@ -15,10 +18,15 @@ Errand = tuple[Callable[[Any], None], Any]
 
 
 class Errands:
-    """Uses what was queued, one after the other, in the thread that calls `run`."""
+    """Uses what was queued, one after the other, in the thread that calls `run`.
+
+    A `use` that raises loses its item and nothing else; `failures` counts them, the first of each kind is told.
+    """
 
     def __init__(self) -> None:
         self._waiting: SimpleQueue[Errand | None] = SimpleQueue()
+        self._told: set[type[Exception]] = set()
+        self.failures = 0
 
     def handler(self, use: Callable[[Any], None], most: float) -> "zenoh.handlers.Callback[Any]":
         """What to declare something with, so that `use` sees each item of it; what comes while `most` wait is lost."""
@@ -38,8 +46,19 @@ class Errands:
         """Until `end` is called."""
         while errand := self._waiting.get():
             use, item = errand
-            use(item)
+            try:
+                use(item)
+            except Exception as error:  # noqa: BLE001 - of whatever it is, others still need the thread
+                self._fail(error)
 
     def end(self) -> None:
         """Let `run` return once it has used what waits."""
         self._waiting.put(None)
+
+    def _fail(self, error: Exception) -> None:
+        """Tell it as if the thread had ended of it."""
+        self.failures += 1
+        if type(error) not in self._told:
+            self._told.add(type(error))
+            with suppress(OSError):  # the terminal has gone
+                threading.excepthook(threading.ExceptHookArgs((*sys.exc_info(), threading.current_thread())))

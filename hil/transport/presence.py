@@ -7,7 +7,7 @@ from contextlib import suppress
 import zenoh
 
 from hil.transport.session import ANSWER_WITHIN_S, Deliver, Session
-from hil.transport.tokens import Part, Presence, last_key, presence_key, read_presence
+from hil.transport.tokens import Part, Presence, last_key, presence_key, presence_keys, read_presence
 
 Watch = Callable[[Presence, bool], None]
 
@@ -32,7 +32,7 @@ def watch_presence(session: Session, node: str, deliver: Watch) -> None:
         if presence:
             deliver(presence, alive)
 
-    session.watch_tokens(f"uuv_hil/{node}/alive/**", pass_on)
+    session.watch_tokens(presence_keys(node, "*"), pass_on)
 
 
 def _nothing() -> None:

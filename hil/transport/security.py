@@ -10,15 +10,18 @@ from typing import Any, NamedTuple
 from hil.errors import NetworkError
 from hil.topics import TOPICS
 from hil.transport.settings import Role
-from hil.transport.tokens import clock_keys, last_key
+from hil.transport.tokens import clock_keys, last_key, presence_keys
 
 CA, CERTIFICATE, KEY = "ca.pem", "cert.pem", "key.pem"  # the files of a machine's folder
 
-_EVERYTHING = ["**", "@ros2_lv/**"]  # a "**" does not reach parts that begin with @
+_GRAPH = "@ros2_lv/**"
+_EVERYTHING = ["**", _GRAPH]  # a "**" does not reach parts that begin with @
+_LOOKING_ON = [presence_keys("*", "observer"), _GRAPH]  # who listens is no master, and no vehicle
 _LAST = [last_key("*", "*"), "**/@adv/**"]  # the second is that of latched ROS 2 topics
-_ASK = ["declare_subscriber", "declare_liveliness_subscriber", "liveliness_query", "liveliness_token"]
+_ASK = ["declare_subscriber", "declare_liveliness_subscriber", "liveliness_query"]
+_BE_THERE = ["liveliness_token"]
 _TELL = ["put", "delete", "reply", "declare_queryable", "liveliness_token", "declare_subscriber"]
-_ALL = sorted({*_ASK, *_TELL, "query"})
+_ALL = sorted({*_ASK, *_BE_THERE, *_TELL, "query"})
 
 
 class Security(NamedTuple):
@@ -26,7 +29,8 @@ class Security(NamedTuple):
 
     `slave`, `master` and `router` are folders that `uuv-hil keys add NAME` made, each only on its own machine; their
     last part is the name in the certificate. Machines named in `may_command` command; those in `may_listen` get what
-    the vehicle says ("*": every machine with a certificate); all others get nothing.
+    the vehicle says ("*": every machine with a certificate); all others get nothing. A master's ident is not bound to
+    a name: a machine that may command can also do so in another's place.
     """
 
     slave: str
@@ -77,22 +81,24 @@ def tls(folder: str) -> dict[str, Any]:
 
 def access(security: Security) -> dict[str, Any]:
     """What each certificate may do, everything else being denied."""
-    ping, _ = clock_keys("*")
+    ping, _, masters_ping = clock_keys("*")
     commands = [f"*/*/{topic.name}/*/*" for topic in TOPICS.values() if topic.from_master]
     rules = [
         _rule("ask", "ingress", _ASK, _EVERYTHING),
         _rule("hear", "egress", _TELL, _EVERYTHING),
         _rule("ask the last state", "ingress", ["query"], _LAST),
         _rule("ask the time", "ingress", ["put"], [ping]),
-        _rule("command", "ingress", ["put"], commands),
+        _rule("look on", "ingress", _BE_THERE, _LOOKING_ON),
+        _rule("be a master", "ingress", _BE_THERE, _EVERYTHING),
+        _rule("command", "ingress", ["put"], [*commands, masters_ping]),
         _rule("call services", "ingress", ["query"], _EVERYTHING),
         _rule("say", "ingress", _ALL, _EVERYTHING),
         _rule("be asked", "egress", _ALL, _EVERYTHING),
     ]
     vehicles = [security.name("slave")] + ([security.name("router")] if security.router else [])
-    listen = ["ask", "hear", "ask the last state", "ask the time"]
+    listen = ["ask", "hear", "ask the last state", "ask the time", "look on"]
     parties = [
-        _party("commanders", list(security.may_command), [*listen, "command", "call services"]),
+        _party("commanders", list(security.may_command), [*listen, "be a master", "command", "call services"]),
         _party("listeners", list(security.may_listen), listen),
         _party("vehicles", vehicles, ["say", "be asked"]),
     ]

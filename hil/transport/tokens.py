@@ -1,14 +1,15 @@
 """Names on the network that are ours alone, beside the ROS 2 keys: who is there, and the clock exchange."""
 
 from struct import Struct
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
-PING = Struct("<16s3q")  # whose; when it was sent; when the pong before it was sent (slave's clock), and came (ours)
+PING = Struct("<16s3q")  # whose; when it was sent; when a pong before it was sent (slave's clock) and came (ours), or 0
 PONG = Struct("<16s3q2qd")  # whose; the ping's instant; when it came and was answered; offset, uncertainty, drift
 Part = Literal["slave", "master", "observer"]
 
 _PARTS: dict[str, Part] = {"slave": "slave", "master": "master", "observer": "observer"}
-RANKS = 10  # 0 to 9
+_RANKS = frozenset("0123456789")
+_FARTHEST_NS = 4 * 10**18  # that an instant may be from 1970: what is reckoned of such instants fits into a pong
 
 
 class Presence(NamedTuple):
@@ -31,13 +32,18 @@ def presence_key(presence: Presence) -> str:
     return f"uuv_hil/{node}/alive/{part}/{rank}/{ident}/{_plain(who)}"
 
 
+def presence_keys(node: str, part: str) -> str:
+    """The tokens of all that are there for a node as `part` ("*": any)."""
+    return f"uuv_hil/{node}/alive/{part}/**"
+
+
 def read_presence(key: str) -> Presence | None:
     """What `presence_key` made; None for any other key."""
     parts = key.split("/")
     if len(parts) != 7 or parts[2] != "alive" or parts[3] not in _PARTS:
         return None
     _, node, _, part, rank, ident, who = parts
-    if not (rank.isdecimal() and int(rank) < RANKS and _hexadecimal(ident)):
+    if rank not in _RANKS or not _hexadecimal(ident):
         return None
     return Presence(node, _PARTS[part], int(rank), ident, who)
 
@@ -47,9 +53,20 @@ def last_key(node: str, topic: str) -> str:
     return f"uuv_hil/{node}/last/{topic}"
 
 
-def clock_keys(node: str) -> tuple[str, str]:
-    """Where masters ask a node for its time, and where it answers."""
-    return f"uuv_hil/{node}/ping", f"uuv_hil/{node}/pong"
+def clock_keys(node: str) -> tuple[str, str, str]:
+    """Where anyone asks a node for its time, where it answers, and where masters tell it how the answer came.
+
+    By the last it judges how old their commands are, so it is only for those who may command.
+    """
+    return f"uuv_hil/{node}/ping", f"uuv_hil/{node}/pong", f"uuv_hil/{node}/ping/master"
+
+
+def read_clock(layout: Struct, payload: bytes) -> tuple[Any, ...] | None:
+    """What `layout`, PING or PONG, packed; None for anything else, and for instants that cannot be."""
+    if len(payload) != layout.size:
+        return None
+    values = layout.unpack(payload)
+    return values if max(map(abs, values[1:4])) < _FARTHEST_NS else None
 
 
 def _plain(text: str) -> str:

@@ -4,6 +4,8 @@ import threading
 import time
 from pathlib import Path
 
+import pytest
+
 from hil.transport.errands import Errands
 from hil.transport.roles import dial
 from hil.transport.session import listen
@@ -20,6 +22,19 @@ def test_items_are_used_in_order_and_beyond_the_most_are_lost() -> None:
     errands.end()
     errands.run()
     assert (few, all_) == ([0, 1, 2], [0, 1, 2, 3, 4])
+
+
+def test_what_raises_loses_its_item_and_is_told_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    errands, used, told = Errands(), list[float](), list[threading.ExceptHookArgs]()
+    monkeypatch.setattr(threading, "excepthook", told.append)
+    divide = errands.queue(lambda number: used.append(1 / number), float("inf"))
+    for number in (1, 0, 2, 0, 4):
+        divide(number)
+    errands.end()
+    errands.run()
+    assert used == [1.0, 0.5, 0.25]
+    assert errands.failures == 2
+    assert [args.exc_type for args in told] == [ZeroDivisionError]
 
 
 def wakeups(name: str) -> int:

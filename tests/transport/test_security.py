@@ -9,12 +9,13 @@ from hil.commands.keys import add_machine, init
 from hil.errors import ConfigError, NetworkError
 from hil.schema import parse
 from hil.topics import TOPICS
+from hil.transport import graph
 from hil.transport.diagnosis import why_not
 from hil.transport.presence import declare_presence, watch_presence
 from hil.transport.roles import dial
 from hil.transport.security import Security
 from hil.transport.session import Session, listen
-from hil.transport.tokens import Presence
+from hil.transport.tokens import Presence, clock_keys
 from tests.processes import free_port, wait_for
 
 MACHINES = ("uuv1", "laptop", "viewer", "stranger")
@@ -89,6 +90,52 @@ def test_presence_is_for_those_who_may_listen(slave: tuple[Session, str, list[st
         seen, unseen = meets(viewer), meets(stranger)
         assert wait_for(lambda: [presence.part for presence in seen], 3) == ["slave"]
         assert not unseen
+
+
+def test_who_may_listen_is_seen_as_nothing_else(slave: tuple[Session, str, list[str]], keys: Path) -> None:
+    session, endpoint, _ = slave
+    seen: list[str] = []
+    session.watch_tokens("uuv_hil/**", lambda key, _: seen.append(key))
+    with (
+        dial(endpoint, security=security(keys, "viewer")) as viewer,
+        dial(endpoint, security=security(keys, "laptop")) as laptop,
+    ):
+        for forged in ("uuv1/alive/master/9/ab/x", "uuv1/alive/slave/0/ab/x", "*/alive/**", "uuv1/alive/$*r/9/ab/x"):
+            viewer.declare_token(f"uuv_hil/{forged}")
+        declare_presence(viewer, "uuv1", "observer", "0b")
+        graph.Node(viewer, "rviz")
+        declare_presence(laptop, "uuv1", "master", "0a", 3)
+        assert wait_for(lambda: len(seen) >= 3 and any("rviz" in key for key in session.tokens(graph.ALL)), 3)
+        others = sorted(key.split("/")[3:6] for key in seen if "/slave/" not in key or "/ab/" in key)
+        assert others == [["master", "3", "0a"], ["observer", "0", "0b"]]
+    assert wait_for(lambda: len(seen) == 5, 3), "both have gone, and nobody else"
+
+
+def test_who_may_listen_asks_for_the_time_but_pings_for_no_master(
+    slave: tuple[Session, str, list[str]], keys: Path
+) -> None:
+    session, endpoint, _ = slave
+    ask, _, masters = clock_keys("uuv1")
+    asked: list[bytes] = []
+    told: list[bytes] = []
+    session.receive(ask, asked.append, 64)
+    session.receive(masters, told.append, 64)
+    with (
+        dial(endpoint, security=security(keys, "viewer")) as viewer,
+        dial(endpoint, security=security(keys, "laptop")) as laptop,
+    ):
+        forged = ("uuv_hil/**", "uuv_hil/uuv1/*/*", "uuv_hil/uuv1/ping/**", "**/master")
+        viewers = [viewer.sender(key) for key in (masters, *forged, ask)]
+        laptops = [laptop.sender(key) for key in (masters, ask)]
+
+        def everyone_speaks() -> bool:
+            for sends, name in ((viewers, b"viewer"), (laptops, b"laptop")):
+                for send in sends:
+                    send(name)
+            return len(told) > 20 and {b"viewer", b"laptop"} <= set(asked)
+
+        assert wait_for(everyone_speaks, 3), (asked, told)
+    assert set(told) == {b"laptop"}
 
 
 def test_everyone_with_a_certificate_may_listen(keys: Path) -> None:

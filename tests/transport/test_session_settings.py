@@ -93,6 +93,7 @@ def test_presence_keys_come_back() -> None:
         "uuv_hil/uuv1/alive/master/3/zz/x",
         "uuv_hil/uuv1/alive/cook/3/ab/x",
         "uuv_hil/uuv1/alive/master/11/ab/x",
+        f"uuv_hil/uuv1/alive/master/{'1' * 5000}/ab/x",  # more than int() reads
         "a",
     ):
         assert read_presence(key) is None

@@ -1,0 +1,78 @@
+"""How a master compares its clock with a vehicle's: by the answers to its own pings alone."""
+
+import time
+from collections.abc import Iterator
+
+import pytest
+
+from hil.clock import NS_PER_S, to_wall_ns
+from hil.master.contact import Contact
+from hil.transport.clock_offset import ClockOffset
+from hil.transport.roles import dial
+from hil.transport.session import Session, listen
+from hil.transport.tokens import PING, PONG, Part, clock_keys
+from tests.processes import free_port, wait_for
+
+GID = b"m" * 16
+ASK, ANSWER, MASTERS = clock_keys("uuv1")
+
+
+class Vehicle:
+    """Answers pings by a clock of its own, `ahead_ns` ns ahead, and remembers what masters tell."""
+
+    ahead_ns = 5 * NS_PER_S
+
+    def __init__(self, session: Session) -> None:
+        self.asked: list[tuple[int, ...]] = []
+        self.told: list[tuple[int, ...]] = []
+        self.answer = session.sender(ANSWER)
+        session.receive(ASK, self._take, 16)
+        session.receive(MASTERS, lambda payload: self.told.append(PING.unpack(payload)[1:]), 16)
+
+    def pong(self, sent: int, there: int) -> bytes:
+        return PONG.pack(GID, sent, there, there, 0, -1, 0.0)
+
+    def _take(self, payload: bytes) -> None:
+        self.asked.append(PING.unpack(payload)[1:])
+        self.answer(self.pong(self.asked[-1][0], to_wall_ns(time.monotonic_ns()) + self.ahead_ns))
+
+
+@pytest.fixture
+def ends() -> Iterator[tuple[Vehicle, Session]]:
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    with listen(endpoint) as slave, dial(endpoint) as session:
+        yield Vehicle(slave), session
+
+
+def begin(session: Session, part: Part) -> tuple[Contact, ClockOffset]:
+    clock = ClockOffset()
+    contact = Contact(session, "uuv1", clock, lambda: None, lambda _: None, 0.8)
+    contact.begin(part, GID, 0)
+    assert contact.known.wait(3)
+    return contact, clock
+
+
+@pytest.mark.parametrize(("part", "tells"), [("master", True), ("observer", False)])
+def test_a_master_tells_how_each_answer_came(ends: tuple[Vehicle, Session], part: Part, tells: bool) -> None:
+    vehicle, session = ends
+    contact, _ = begin(session, part)
+    assert bool(wait_for(lambda: vehicle.told, 3 if tells else 0.5)) is tells
+    contact.end()
+    for sent, answered, came in vehicle.told:
+        assert any(asked <= came <= sent and asked + vehicle.ahead_ns <= answered for asked, *_ in vehicle.asked)
+
+
+def test_answers_to_pings_that_others_sent_in_its_name_change_nothing(ends: tuple[Vehicle, Session]) -> None:
+    vehicle, session = ends
+    contact, clock = begin(session, "master")
+    now = to_wall_ns(time.monotonic_ns())
+    for sent in (now + 3600 * NS_PER_S, 0, (1 << 63) - 1):
+        vehicle.answer(vehicle.pong(sent, now + vehicle.ahead_ns))
+        vehicle.answer(vehicle.pong(vehicle.asked[-1][0], (1 << 63) - 1))
+    answered = len(vehicle.asked)
+    assert wait_for(lambda: len(vehicle.asked) > answered + 1, 3), "it is still there and asks on"
+    contact.end()
+    found = clock.at(now)
+    assert found is not None
+    assert abs(found.offset_ns - vehicle.ahead_ns) <= found.uncertainty_ns < NS_PER_S
+    assert clock.steps == clock.malformed == 0
