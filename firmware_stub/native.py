@@ -1,10 +1,9 @@
 """The STM32's firmware in C as a process of this machine, on a pty: compiled once, then found again."""
 
 import os
-import subprocess
-from typing import IO
 
 from firmware_stub import build, mavlink_headers
+from firmware_stub.child import Child
 from hil.errors import DeviceError
 
 NAME = "uuv-hil-stm32-native"
@@ -37,7 +36,7 @@ def build_native(folder: str = "") -> str:
     return program
 
 
-class NativeStm32:
+class NativeStm32(Child):
     """The process, serving on the pty `path` when this returns; end it with `close`.
 
     path: the symbolic link to make, such as "/tmp/uuv-hil-stm32". channels: 1 to 16. watchdog: the longest silence
@@ -46,31 +45,8 @@ class NativeStm32:
     """
 
     def __init__(self, path: str, channels: int, watchdog: float) -> None:
-        command = [build_native(), "--device", path, "--channels", str(channels), "--watchdog", f"{watchdog} s"]
         self.path = path
-        self._process = subprocess.Popen(
-            command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
-        )
-        self.pid = self._process.pid
-        if not _stream(self._process.stdout).readline():
-            reason = self._process.communicate()[1].strip()
-            raise DeviceError(reason or f"{command[0]}: ended before it served")
-
-    def close(self) -> str:
-        """End it, its outputs neutral; what it says at the end. Closing twice is harmless."""
-        if _stream(self._process.stdout).closed:
-            return ""
-        self._process.terminate()
-        try:
-            return self._process.communicate(timeout=5)[0].strip()
-        except subprocess.TimeoutExpired:
-            self._process.kill()
-            return self._process.communicate()[0].strip()
-
-
-def _stream(stream: IO[str] | None) -> IO[str]:
-    assert stream is not None
-    return stream
+        super().__init__([build_native(), "--device", path, "--channels", str(channels), "--watchdog", f"{watchdog} s"])
 
 
 def _fingerprint() -> str:

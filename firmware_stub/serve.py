@@ -40,6 +40,7 @@ class Options(NamedTuple):
     channels: Annotated[int, Range(1, MAX_THRUSTERS)]
     watchdog: Annotated[float, Range(0.01, 60.0, "s")]
     option: tuple[str, ...]
+    quiet: bool = False
 
     def problem(self) -> str | None:
         """Protocols for CAN need a CAN bus, and the others none."""
@@ -91,7 +92,7 @@ def _run(options: Options, stop_fd: int) -> None:
         f"watchdog {options.watchdog * 1e3:g} ms; Ctrl-C ends it"
     )
     end = Stm32End(stm32, ThrusterLink(wire, protocol))
-    serve(end, stop_fd, lambda end: _say(_status(end)))
+    serve(end, stop_fd, None if options.quiet else lambda end: _say(_status(end)))
     _say("stopped: " + _status(end))
 
 
@@ -125,6 +126,7 @@ def _parser() -> argparse.ArgumentParser:
     add("--channels", type=int, default=6, help="number of thrusters, 1 to 16 [%(default)s]")
     add("--watchdog", default="200 ms", help="longest silence before all thrusters stop [%(default)s]")
     add("--option", action="append", default=[], metavar="NAME=VALUE", help="a setting of the protocol")
+    add("--quiet", action="store_true", help="say nothing between start and end")
     return parser
 
 

@@ -174,6 +174,8 @@ class Health:
     def _state(self) -> tuple[int, str]:
         """The level of the status, and its words."""
         driver, pilot = self._loop.driver, self._loop.pilot
+        if driver.lost:
+            return ERROR, f"the thruster link {driver.port} is gone, thrusters neutral: connect it again"
         if driver.silent:
             return ERROR, f"the STM32 on {driver.port} does not answer: check wiring, baud, protocol"
         if pilot and not pilot.active:

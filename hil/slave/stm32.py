@@ -9,13 +9,15 @@
 """
 
 import select
+import threading
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from importlib import import_module
 
 from hil.clock import NS_PER_S, now_ns
 from hil.config import Link
-from hil.errors import DeviceError
+from hil.errors import DeviceError, HilError
 from hil.links.contract import PWM_NEUTRAL_US, Protocol, ThrusterCommand, ThrusterLink, ThrusterTelemetry, Wire
 from hil.links.protocols import Role, open_protocol
 
@@ -29,9 +31,12 @@ DRIVERS = {
     "qemu": "hil.slave.stm32_outside:open_qemu",
     "device": "hil.slave.stm32_outside:open_device",
 }
+STARTED = ("process", "native", "qemu")  # those for which a process is started
 SETTLE_NS = NS_PER_S // 10
-LOOK_NS = NS_PER_S // 100  # between two looks while they settle
-RETRY_NS = NS_PER_S // 4  # between two attempts to open a link that went away
+LOOK_NS = NS_PER_S // 100  # between two looks while they settle, and while a link is opened again
+RETRY_S = 0.25  # between two attempts to open a link that went away
+# An attempt under way is waited for so long at the end: what it holds ends with us, but for a process it has started.
+WIRE_END_S, PROCESS_END_S = 0.1, 20.0
 SILENT_NS = NS_PER_S // 2  # without any answer to commands: then the STM32 counts as silent
 
 Report = Callable[[str], None]
@@ -41,11 +46,12 @@ class ThrusterDriver(ABC):
     """The STM32 at the end of the slave's link.
 
     `pwm_us` is what the thrusters get now; `port` the path or address at which another program may command
-    them; `children` the process ids that belong to it; `losses` how often its link has gone away; `silent` whether
-    the STM32 does not answer although its link is there.
+    them; `children` the process ids that belong to it; `losses` how often its link has gone away, `lost` whether it
+    is away; `silent` whether the STM32 does not answer although its link is there.
     """
 
     losses = 0
+    lost = False
     silent = False
 
     port: str
@@ -84,19 +90,66 @@ class ThrusterDriver(ABC):
         """End it and give the devices back."""
 
 
+class _Opening:
+    """A thread that closes a lost driver and opens it anew until that works.
+
+    The loop cannot: a connection, the name of a machine or the start of a process may take seconds.
+    """
+
+    def __init__(self, lost: ThrusterDriver, open_driver: Callable[[], ThrusterDriver]) -> None:
+        self._lost, self._open = lost, open_driver
+        self._opened: ThrusterDriver | None = None
+        self._given_up = threading.Event()
+        self._handing_over = threading.Lock()
+        # As real-time as the loop that makes it, and so then is a process that it starts, as the lost one was.
+        self._thread = threading.Thread(target=self._run, name="thruster link", daemon=True)
+        self._thread.start()
+
+    def take(self) -> ThrusterDriver | None:
+        """The driver, once there is one."""
+        return None if self._thread.is_alive() else self._opened
+
+    def give_up(self, patience_s: float) -> None:
+        """Open none any more; what is being opened is closed as soon as it comes, which is waited for so long."""
+        with self._handing_over:
+            self._given_up.set()
+        if self._opened:
+            self._opened.close()
+        self._thread.join(patience_s)
+
+    def _run(self) -> None:
+        with suppress(HilError, OSError):  # what is lost may not even close
+            self._lost.close()
+        while not self._given_up.wait(RETRY_S):
+            try:
+                opened = self._open()
+            except (HilError, OSError):  # it has been reported; the reason may change, the remedy does not
+                continue
+            with self._handing_over:
+                if not self._given_up.is_set():
+                    self._opened = opened
+                    return
+            opened.close()
+
+
 class Mended(ThrusterDriver):
     """A driver whose link may go away: then the thrusters are neutral, and it is opened again until that works.
 
     `report` is told once when it goes, with the reason, and once when it is back; and so of an STM32 that falls silent.
+    `end_s`: how long `close` waits for an attempt to open it that is under way.
     """
 
-    def __init__(self, open_driver: Callable[[], ThrusterDriver], channels: int, report: Report) -> None:
+    def __init__(
+        self, open_driver: Callable[[], ThrusterDriver], channels: int, report: Report, end_s: float = WIRE_END_S
+    ) -> None:
         self._open = open_driver
         self._neutral = (PWM_NEUTRAL_US,) * channels
         self._report = report
+        self._end_s = end_s
         self._driver: ThrusterDriver | None = open_driver()
         self._last = self._driver
-        self._lost_ns = self._retry_ns = 0
+        self._opening: _Opening | None = None  # while there is no driver
+        self._lost_ns = self._look_ns = 0
         self._asked_ns = 0  # when the first command was sent that has had no answer yet; 0 if there is none
 
     @property
@@ -112,30 +165,31 @@ class Mended(ThrusterDriver):
     @property
     def children(self) -> tuple[int, ...]:  # type: ignore[override]
         """Of the driver there is."""
-        return self._driver.children if self._driver else ()
+        driver = self._driver  # another thread asks
+        return driver.children if driver else ()
 
     @property
     def pwm_us(self) -> Sequence[int]:
         """Neutral while there is no link: that is what the STM32's watchdog does with a silent one."""
-        return self._driver.pwm_us if self._driver else self._neutral
+        driver = self._driver  # another thread asks too
+        return driver.pwm_us if driver else self._neutral
 
     @property
     def deadline_ns(self) -> int:
-        """The driver's, or that of the next attempt."""
-        return self._driver.deadline_ns if self._driver else self._retry_ns
+        """The driver's, or that of the next look for one."""
+        return self._driver.deadline_ns if self._driver else self._look_ns
 
     def descriptors(self) -> list[int]:
         """The driver's."""
         return self._driver.descriptors() if self._driver else []
 
     def service(self, now: int) -> list[ThrusterTelemetry]:
-        """What the driver does, or an attempt to open the link again."""
-        if self._driver is None and now >= self._retry_ns:
-            self._try(now)
-        if self._driver is None:
+        """What the driver does, if there is one, or again one."""
+        driver = self._driver or self._found(now)
+        if driver is None:
             return []
         try:
-            heard = self._driver.service(now)
+            heard = driver.service(now)
         except DeviceError as error:
             self._lose(error, now)
             return []
@@ -165,9 +219,11 @@ class Mended(ThrusterDriver):
         return self._last.applied_ns(telemetry, now)
 
     def close(self) -> None:
-        """Close the driver, if there is one."""
+        """Close the driver, if there is one, and look for none any more."""
         if self._driver:
             self._driver.close()
+        if self._opening:
+            self._opening.give_up(self._end_s)
 
     def _answers(self, now: int) -> None:
         self.silent = False
@@ -177,18 +233,21 @@ class Mended(ThrusterDriver):
         assert self._driver is not None
         self._report(f"thruster link lost, thrusters neutral: {error}")
         self.losses += 1
-        self.silent, self._asked_ns = False, 0
-        driver, self._driver = self._driver, None
-        self._lost_ns, self._retry_ns = now, now + RETRY_NS
-        driver.close()
+        self.lost, self.silent, self._asked_ns = True, False, 0
+        self._lost_ns, self._look_ns = now, now + LOOK_NS
+        lost, self._driver = self._driver, None
+        self._opening = _Opening(lost, self._open)
 
-    def _try(self, now: int) -> None:
-        self._retry_ns = now + RETRY_NS
-        try:
-            self._driver = self._last = self._open()
-        except DeviceError:  # it has been reported; the reason may change, the remedy does not
-            return
-        self._report(f"thruster link back after {(now - self._lost_ns) / NS_PER_S:.1f} s: {self._last.port}")
+    def _found(self, now: int) -> ThrusterDriver | None:
+        """The driver that has been opened again, if so."""
+        self._look_ns = now + LOOK_NS
+        found = self._opening.take() if self._opening else None
+        if found:
+            self._driver = self._last = found
+            self._opening = None
+            self.lost = False
+            self._report(f"thruster link back after {(now - self._lost_ns) / NS_PER_S:.1f} s: {found.port}")
+        return found
 
 
 def open_driver(kind: str, link: Link, channels: int, host: bool, seed: int, report: Report) -> ThrusterDriver:
@@ -199,7 +258,8 @@ def open_driver(kind: str, link: Link, channels: int, host: bool, seed: int, rep
     """
     module, _, name = DRIVERS[kind].partition(":")
     opener: Callable[[Link, int, int, bool], ThrusterDriver] = getattr(import_module(module), name)
-    return Mended(lambda: opener(link, channels, seed, host), channels, report)
+    end_s = PROCESS_END_S if kind in STARTED else WIRE_END_S
+    return Mended(lambda: opener(link, channels, seed, host), channels, report, end_s)
 
 
 def end_protocol(link: Link, role: Role, channels: int) -> Protocol:
@@ -219,13 +279,28 @@ def with_faults(wire: Wire, link: Link, seed: int) -> Wire:
     return FaultyWire(wire, link.faults, seed)
 
 
+def host_end(wire: Wire, link: Link, channels: int, seed: int) -> ThrusterLink:
+    """The host's end of the link, with its faults, on `wire`, which is closed if that cannot be.
+
+    Raises ConfigError, DeviceError, MissingExtraError.
+    """
+    try:
+        return ThrusterLink(with_faults(wire, link, seed), end_protocol(link, "host", channels))
+    except HilError:
+        wire.close()
+        raise
+
+
 def telemetry_of(link: ThrusterLink) -> list[ThrusterTelemetry]:
     """The telemetry among what has come in. Raises DeviceError."""
     return [message for message in link.receive() if isinstance(message, ThrusterTelemetry)]
 
 
 def stop_thrusters(driver: ThrusterDriver, sequence: int) -> bool:
-    """Disarm and wait up to 0.1 s until every thruster is neutral; whether it came to that."""
+    """Disarm and wait up to 0.1 s until every thruster is neutral; whether it came to that.
+
+    Where the controller is ours, the STM32 has to say so: it may not be there, and a lost link counts as neutral.
+    """
     try:
         return _stop_thrusters(driver, sequence)
     except DeviceError:  # the link is gone: the STM32's watchdog does it, unseen
@@ -238,8 +313,9 @@ def _stop_thrusters(driver: ThrusterDriver, sequence: int) -> bool:
     if driver.host:
         driver.send(ThrusterCommand(sequence & 0xFFFF, False, (PWM_NEUTRAL_US,) * channels))
     while True:
-        driver.service(now_ns())
-        if all(pulse == PWM_NEUTRAL_US for pulse in driver.pwm_us) and not driver.silent:
+        heard = driver.service(now_ns())
+        shown = [telemetry.pwm_us for telemetry in heard] if driver.host else [driver.pwm_us]
+        if shown and all(pulse == PWM_NEUTRAL_US for pulse in shown[-1]):
             return True
         left = deadline - now_ns()
         if left <= 0:

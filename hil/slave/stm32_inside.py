@@ -5,9 +5,10 @@ from typing import Protocol
 
 from hil.clock import NS_PER_US, now_ns, seconds_ns
 from hil.config import Link
+from hil.errors import HilError
 from hil.links.address import open_address, parse_address
 from hil.links.contract import ThrusterLink, ThrusterTelemetry, Wire
-from hil.slave.stm32 import ThrusterDriver, end_protocol, telemetry_of, with_faults
+from hil.slave.stm32 import ThrusterDriver, end_protocol, host_end, telemetry_of, with_faults
 
 
 class DeviceEnd(Protocol):
@@ -106,7 +107,7 @@ def open_python(link: Link, channels: int, seed: int, host: bool) -> ThrusterDri
     end = Stm32End(
         Stm32(channels, seconds_ns(link.watchdog)), ThrusterLink(faulty, end_protocol(link, "device", channels))
     )
-    return InSlave(end, wire, _host(link, channels, seed, wire) if host else None)
+    return _in_slave(end, wire, link, channels, seed, host)
 
 
 def open_unicorn(link: Link, channels: int, seed: int, host: bool) -> ThrusterDriver:
@@ -116,7 +117,16 @@ def open_unicorn(link: Link, channels: int, seed: int, host: bool) -> ThrusterDr
     board = UnicornBoard(shipped_image(), channels, seconds_ns(link.watchdog))
     wire, faulty = _device_wire(link, seed, host)
     end = UnicornEnd(board, faulty, can=parse_address(link.port).carries_can)
-    return InSlave(end, wire, _host(link, channels, seed, wire) if host else None)
+    return _in_slave(end, wire, link, channels, seed, host)
+
+
+def _in_slave(end: DeviceEnd, wire: Wire, link: Link, channels: int, seed: int, host: bool) -> InSlave:
+    """That end and the host's, if that is to be ours."""
+    try:
+        return InSlave(end, wire, _host(link, channels, seed, wire) if host else None)
+    except HilError:
+        end.close()
+        raise
 
 
 def _device_wire(link: Link, seed: int, host: bool) -> tuple[Wire, Wire]:
@@ -129,4 +139,4 @@ def _host(link: Link, channels: int, seed: int, device: Wire) -> ThrusterLink:
     """The host's end of the wire that the device's end has just made."""
     path = getattr(device, "path", None)
     wire = open_address(f"pty:{path}" if path else device.name, "host", link.baud, link.bitrate)
-    return ThrusterLink(with_faults(wire, link, seed), end_protocol(link, "host", channels))
+    return host_end(wire, link, channels, seed)

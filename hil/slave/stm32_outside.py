@@ -2,29 +2,37 @@
 
 import os
 from collections.abc import Callable, Sequence
+from typing import Protocol
 
 from hil.clock import NS_PER_US, now_ns, seconds_ns
 from hil.config import Link
-from hil.errors import ConfigError, DeviceError
+from hil.errors import ConfigError
 from hil.links.address import open_address, parse_address
 from hil.links.contract import PWM_NEUTRAL_US, ThrusterLink, ThrusterTelemetry, Wire
-from hil.slave.stm32 import ThrusterDriver, end_protocol, telemetry_of, with_faults
+from hil.slave.stm32 import ThrusterDriver, host_end, telemetry_of
+
+
+class Process(Protocol):
+    """A process that plays an STM32: firmware_stub's Child, NativeStm32, QemuStm32."""
+
+    pid: int
+
+    def close(self) -> object:
+        """End it."""
 
 
 class OnWire(ThrusterDriver):
-    """What is at the other end of `wire`; `end` ends the process that plays it, `pid` is that process.
+    """What is at the other end of `wire`; `process` plays it, unless it is a real one.
 
     Silent for longer than its watchdog, it is taken to have gone to neutral, which is what the watchdog
     does. `applied_ns` is an upper bound: it includes the way of the telemetry back.
     """
 
-    def __init__(
-        self, wire: Wire, link: Link, channels: int, seed: int, pid: int = 0, end: Callable[[], object] | None = None
-    ) -> None:
+    def __init__(self, wire: Wire, link: Link, channels: int, seed: int, process: Process | None = None) -> None:
         self.port = wire.name
-        self.host: ThrusterLink = ThrusterLink(with_faults(wire, link, seed), end_protocol(link, "host", channels))
-        self.children = (pid,) if pid else ()
-        self._end = end
+        self.host: ThrusterLink = host_end(wire, link, channels, seed)
+        self.children = (process.pid,) if process else ()
+        self._process = process
         self._descriptors = [self.host.wire.fileno()]
         self._neutral = (PWM_NEUTRAL_US,) * channels
         self._pwm_us: tuple[int, ...] = self._neutral
@@ -64,8 +72,8 @@ class OnWire(ThrusterDriver):
     def close(self) -> None:
         """Close the wire, and end the process."""
         self.host.close()
-        if self._end:
-            self._end()
+        if self._process:
+            self._process.close()
 
 
 def open_device(link: Link, channels: int, seed: int, host: bool) -> ThrusterDriver:
@@ -77,28 +85,18 @@ def open_device(link: Link, channels: int, seed: int, host: bool) -> ThrusterDri
 
 def open_process(link: Link, channels: int, seed: int, host: bool) -> ThrusterDriver:
     """The Python twin as a process of its own. Raises DeviceError."""
-    import subprocess
     import sys
 
+    from firmware_stub.child import Child
+
     port = link.port if parse_address(link.port).place else f"pty:{_private_path()}"
-    command = [sys.executable, "-m", "firmware_stub.serve", "--port", port, "--protocol", link.protocol]
+    command = [sys.executable, "-m", "firmware_stub.serve", "--port", port, "--protocol", link.protocol, "--quiet"]
     command += ["--frame", link.frame, "--baud", str(link.baud), "--bitrate", str(link.bitrate)]
     command += ["--channels", str(channels), "--watchdog", f"{link.watchdog} s"]
     for key, value in link.options.items():
         command += ["--option", f"{key}={value}"]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, start_new_session=True)
-    assert process.stdout is not None
-
-    def end() -> None:
-        process.terminate()
-        process.wait(5)
-        assert process.stdout is not None
-        process.stdout.close()
-
-    if not process.stdout.readline():
-        end()
-        raise DeviceError("the STM32 process ended before it served; its message stands above")
-    return OnWire(open_address(port, "host", link.baud, link.bitrate), link, channels, seed, process.pid, end)
+    stm32 = Child(command)
+    return _reached(stm32, lambda: open_address(port, "host", link.baud, link.bitrate), link, channels, seed)
 
 
 def open_native(link: Link, channels: int, seed: int, host: bool) -> ThrusterDriver:
@@ -107,7 +105,7 @@ def open_native(link: Link, channels: int, seed: int, host: bool) -> ThrusterDri
 
     path = parse_address(link.port).place or _private_path()
     stm32 = NativeStm32(path, channels, link.watchdog)
-    return OnWire(open_address(f"pty:{path}", "host"), link, channels, seed, stm32.pid, stm32.close)
+    return _reached(stm32, lambda: open_address(f"pty:{path}", "host"), link, channels, seed)
 
 
 def open_qemu(link: Link, channels: int, seed: int, host: bool) -> ThrusterDriver:
@@ -115,7 +113,16 @@ def open_qemu(link: Link, channels: int, seed: int, host: bool) -> ThrusterDrive
     from firmware_stub.qemu import QemuStm32
 
     stm32 = QemuStm32(channels, link.watchdog)
-    return OnWire(stm32.wire, link, channels, seed, stm32.pid, stm32.close)
+    return _reached(stm32, lambda: stm32.wire, link, channels, seed)
+
+
+def _reached(stm32: Process, open_wire: Callable[[], Wire], link: Link, channels: int, seed: int) -> OnWire:
+    """What that process plays; it is ended if it cannot be reached."""
+    try:
+        return OnWire(open_wire(), link, channels, seed, stm32)
+    except BaseException:
+        stm32.close()
+        raise
 
 
 def _private_path() -> str:

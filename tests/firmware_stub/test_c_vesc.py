@@ -10,7 +10,7 @@ from hil.links.contract import ThrusterCommand, ThrusterTelemetry
 from hil.links.protocols import open_protocol
 from hil.links.vesc.end import STATUS
 from hil.links.wires.can_frame import CanFrame, pack_frame, unpack_frames
-from tests.firmware_stub.c_core import Done, Script, run_c
+from tests.firmware_stub.c_core import Clock, Done, Script, run_c
 from tests.firmware_stub.c_vesc import vesc_script
 from tests.links.link_contract import uuv_hil
 
@@ -19,12 +19,13 @@ FULL = (1900, 1100, 1600, 1400, 1501, 1499)
 
 def run_python(script: Script) -> list[Done]:
     """The specification: at each step the frame, if there is one, else the time."""
-    device = open_protocol("vesc", "device", script.channels, motor_values=lambda *_: MotorValues(0.0, 0.0, 273.15))
+    unmeasured, clock = MotorValues(0.0, 0.0, 273.15), Clock()
+    device = open_protocol("vesc", "device", script.channels, motor_values=lambda *_: unmeasured, clock=clock)
     stm32 = Stm32(script.channels, script.watchdog_us * 1000)
     heard_any, results = False, []
     for step in script.steps:
         said, now_ns = b"", step.now_us * 1000
-        device.tick(now_ns)  # it hears on the clock of its last tick
+        clock.now_ns = now_ns
         for message in device.feed(pack_frame(step.can)) if step.can else []:
             assert isinstance(message, ThrusterCommand)
             if stm32.command(message, now_ns):

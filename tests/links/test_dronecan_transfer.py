@@ -21,10 +21,10 @@ from hil.links.dronecan.transfer import (
     pack_transfer,
     service_key,
 )
-from hil.links.dronecan.types import ALLOCATION, ESC_STATUS, GET_NODE_INFO_RESPONSE, RAW_COMMAND
+from hil.links.dronecan.types import ALLOCATION, ESC_STATUS, RAW_COMMAND
 from hil.links.wires.can_frame import CanFrame
 from tests.links.can_bench import frames, noise
-from tests.links.test_dronecan_types import KINDS
+from tests.links.test_dronecan_types import GET_NODE_INFO_RESPONSE, KINDS
 
 GOLDEN: list[dict[str, Any]] = json.loads((Path(__file__).parents[1] / "vectors" / "dronecan.json").read_text())
 KEY = message_key(ESC_STATUS)

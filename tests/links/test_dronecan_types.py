@@ -26,20 +26,20 @@ from hil.links.dronecan.types import (
     unpack_allocation,
     unpack_battery_info,
     unpack_esc_status,
-    unpack_node_info,
     unpack_node_status,
     unpack_raw_command,
 )
 
 GOLDEN: list[dict[str, Any]] = json.loads((Path(__file__).parents[1] / "vectors" / "dronecan.json").read_text())
 UNIQUE_ID = bytes(range(0xA0, 0xB0))
+GET_NODE_INFO_RESPONSE = types.GET_NODE_INFO._replace(max_size=377)
 KINDS = {
     "uavcan.equipment.esc.RawCommand": types.RAW_COMMAND,
     "uavcan.equipment.esc.Status": types.ESC_STATUS,
     "uavcan.protocol.NodeStatus": types.NODE_STATUS,
     "uavcan.equipment.power.BatteryInfo": types.BATTERY_INFO,
     "uavcan.equipment.safety.ArmingStatus": types.ARMING_STATUS,
-    "uavcan.protocol.GetNodeInfo": types.GET_NODE_INFO_RESPONSE,
+    "uavcan.protocol.GetNodeInfo": GET_NODE_INFO_RESPONSE,
     "uavcan.protocol.dynamic_node_id.Allocation": types.ALLOCATION,
 }
 
@@ -121,8 +121,6 @@ def test_battery_info(fields: dict[str, Any], payload: bytes) -> None:
 def test_node_info(name: str, payload: bytes) -> None:
     info = NodeInfo(name, UNIQUE_ID, (3, 9), (1, 2))
     assert pack_node_info(NodeStatus(77, 1, 0, 6), info) == payload
-    assert unpack_node_info(payload) == info
-    assert unpack_node_info(payload[:40]) is None
 
 
 @pytest.mark.parametrize(("node_id", "payload"), vectors("Allocation"))
@@ -137,7 +135,7 @@ def test_allocation(node_id: int, payload: bytes) -> None:
 def test_decoders_take_any_bytes() -> None:
     source = random.Random(3)
     decoders = [getattr(types, name) for name in dir(types) if name.startswith("unpack_")]
-    assert len(decoders) == 6
+    assert len(decoders) == 5
     for _ in range(5_000):
         payload = source.randbytes(source.randrange(60))
         for decode in decoders:

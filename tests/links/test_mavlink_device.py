@@ -7,7 +7,8 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from hil import __version__
-from tests.links.mavlink_peer import MS, Board, Peer
+from hil.links.contract import ThrusterCommand
+from tests.links.mavlink_peer import MS, Board, Peer, host_end
 
 ACCEPTED, REJECTED, DENIED, UNSUPPORTED, LONG_ONLY = 0, 1, 2, 3, 7
 NEUTRAL = [1500] * 4
@@ -224,19 +225,28 @@ def test_a_motor_test_ends_by_itself(ground: Ground, kind: int, throttle: float,
     assert ground.board.stm32.refused == 0
 
 
-def test_a_motor_test_of_an_armed_board_leaves_it_armed_and_the_others_running(armed: Ground) -> None:
-    armed.set_servo(1, 1600)
-    assert armed.motor_test(2, 1, 1700, 0.125) == ACCEPTED
-    assert armed.board.pwm_us == [1600, 1700, 1500, 1500]
-    armed.board.wait(125)
-    assert (armed.board.pwm_us, armed.board.stm32.armed) == ([1600, 1500, 1500, 1500], True)
+def test_a_motor_test_does_not_keep_alive_what_a_host_ordered_that_fell_silent(armed: Ground) -> None:
+    armed.say(Peer(1, 191).servos([1700, 1750, 1800, 1650]))
+    armed.board.wait(100)
+    assert armed.motor_test(2, 1, 1600, 2.0) == ACCEPTED
+    assert armed.board.pwm_us == [1500, 1600, 1500, 1500]
+    armed.board.wait(1990)
+    assert armed.board.pwm_us == [1500, 1600, 1500, 1500], "ten times as long as the watchdog waits"
+    armed.board.wait(10)
+    assert (armed.board.pwm_us, armed.board.stm32.armed) == (NEUTRAL, False)
+    assert armed.set_servo(1, 1600) == REJECTED, "who commands it again arms it again"
 
 
-def test_a_motor_test_of_a_running_motor_leaves_it_neutral(armed: Ground) -> None:
-    armed.set_servo(2, 1600)
-    assert armed.motor_test(2, 1, 1700, 0.125) == ACCEPTED
-    armed.board.wait(125)
-    assert armed.board.pwm_us == NEUTRAL
+def test_a_host_of_ours_goes_on_after_a_motor_test(ground: Ground) -> None:
+    host, board = host_end(clock=ground.board.clock), ground.board
+    for sequence in range(9):
+        if sequence == 4:
+            assert board.pwm_us == [1700] * 4
+            ground.motor_test(2, 1, 1600, 2.0)
+            host.feed(board.take())
+        host.feed(board.take(host.encode(ThrusterCommand(sequence, True, (1700,) * 4))))
+        board.wait(20)
+    assert (board.pwm_us, board.stm32.armed) == ([1700] * 4, True)
 
 
 def test_a_motor_test_without_a_time_lasts_half_a_second_and_can_be_repeated(ground: Ground) -> None:

@@ -115,11 +115,14 @@ def test_a_command_is_whole_when_each_has_come() -> None:
     assert end.feed(one(0, 2, 75_000)) == [ThrusterCommand(0, True, (1900, 1600, 1100))]
 
 
-def test_a_controller_that_hears_nothing_lets_go() -> None:
-    end = device(3)
+@pytest.mark.parametrize("status_period", [0.01, 0.1, 1.0, 10.0])
+def test_a_controller_that_hears_nothing_lets_go(status_period: float) -> None:
+    now_ns = 0
+    end = device(3, status_period=status_period, clock=lambda: now_ns)
     end.feed(one(0, 1, 100_000) + one(0, 2, 100_000) + one(0, 3, 100_000))
-    for now_ns in range(0, 700 * MS, 100 * MS):
-        end.tick(now_ns)
+    for now_ns in range(0, 700 * MS, 20 * MS):
+        if now_ns >= end.deadline_ns:
+            end.tick(now_ns)
         heard = end.feed(one(0, 2, 50_000))
         held = 1900 if now_ns <= 500 * MS else 0
         if now_ns:

@@ -231,6 +231,25 @@ class TestCannotOpen:
         assert "dialout" in message
 
 
+@pytest.mark.parametrize("when", ["__init__", "_reset_input_buffer"])
+def test_a_device_that_is_pulled_out_while_it_is_opened(when: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Behind pyserial's set-up and within it: both find no terminal any more, and say so by an error of their own."""
+    device = PtyWire()
+    step = getattr(serial.Serial, when)
+
+    def and_out(port: serial.Serial, *arguments: Any, **options: Any) -> None:
+        device.close()
+        step(port, *arguments, **options)
+
+    def opened_and_out(port: serial.Serial, *arguments: Any, **options: Any) -> None:
+        step(port, *arguments, **options)
+        device.close()
+
+    monkeypatch.setattr(serial.Serial, when, opened_and_out if when == "__init__" else and_out)
+    with pytest.raises(DeviceError, match=rf"^{device.path}: no device answers; is it plugged in"):
+        UartWire(device.path)
+
+
 def test_rs485_where_the_driver_has_none() -> None:
     device = PtyWire()
     with pytest.raises(DeviceError, match=rf"^{device.path}: its driver has no RS-485 mode; use an adapter"):

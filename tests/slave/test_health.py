@@ -2,6 +2,7 @@
 
 import os
 import tty
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -80,6 +81,7 @@ def test_a_silent_stm32_is_an_error() -> None:
             slave, watch = bench.start_slave(), HealthWatch(session)
             with bench.client() as client:
                 await_vehicle(client, slave)
+                assert wait_for(watch.statuses, 5)
                 assert {status.level for status in watch.statuses()} == {1}, "nothing was asked of it yet"
 
                 def told() -> bool:
@@ -90,6 +92,10 @@ def test_a_silent_stm32_is_an_error() -> None:
             (status,) = watch.statuses()
             assert status.values["stm32_silent"] == "true"
             assert slave.said.count("has not answered for 0.5 s; check wiring, baud, protocol") == 1
+            os.close(theirs)
+            os.close(ours)  # as if the adapter were pulled out
+            assert wait_for(lambda: any("is gone" in status.message for status in watch.statuses()), 10)
     finally:
-        os.close(ours)
-        os.close(theirs)
+        for descriptor in (ours, theirs):
+            with suppress(OSError):
+                os.close(descriptor)

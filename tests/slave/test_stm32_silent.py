@@ -11,7 +11,7 @@ from hil.autonomy.control import VelocityCommand
 from hil.clock import NS_PER_S, now_ns
 from hil.config import Link, load_scenario
 from hil.errors import DeviceError
-from hil.links.contract import ThrusterCommand, ThrusterLink, ThrusterTelemetry
+from hil.links.contract import ThrusterCommand, ThrusterTelemetry
 from hil.slave.inbox import Received
 from hil.slave.loop import Loop
 from hil.slave.pilot import build_pilot
@@ -19,6 +19,7 @@ from hil.slave.stm32 import Mended, ThrusterDriver, open_driver, stop_thrusters
 from sim.simulation import Simulation
 from sim.vehicle import load_vehicle
 from sim.world import load_world
+from tests.processes import wait_for
 
 NEUTRAL = (1500,) * 6
 COMMAND = ThrusterCommand(1, True, NEUTRAL)
@@ -30,7 +31,7 @@ class Bench(ThrusterDriver):
     """Says what is put into `says`; `broken` is a cable that was pulled."""
 
     port = "/dev/bench"
-    host: ThrusterLink | None = None
+    host: Any = "ours"
     deadline_ns = 0
     pwm_us: Sequence[int] = NEUTRAL
 
@@ -66,6 +67,15 @@ class Bed:
 
     def look(self, seconds: float) -> None:
         self.driver.service(now_ns() + round(seconds * NS_PER_S))
+
+    def look_until(self, seconds: float, lines: int) -> None:
+        """Look again and again until so many lines have been said."""
+
+        def said() -> bool:
+            self.look(seconds)
+            return len(self.said) == lines
+
+        assert wait_for(said, 5.0), self.said
 
     def hear(self, seconds: float) -> None:
         self.bench.says = [ANSWER]
@@ -106,24 +116,32 @@ def test_a_lost_link_is_not_silence_too() -> None:
     bed.look(1.0)
     bed.bench.broken = True
     bed.look(2.0)
+    assert bed.driver.lost
     assert not bed.driver.silent
     bed.bench.broken = False
     bed.driver.send(COMMAND)
-    bed.look(4.0)
-    assert [line.partition(":")[0] for line in bed.said] == [
-        "/dev/bench", "thruster link lost, thrusters neutral", "thruster link back after 2.0 s"
+    bed.look_until(4.0, lines=3)
+    assert not bed.driver.lost
+    assert [line.partition(":")[0][:24] for line in bed.said] == [
+        "/dev/bench", "thruster link lost, thru", "thruster link back after"
     ]  # fmt: skip
     bed.driver.send(COMMAND)
     bed.look(6.0)
     assert bed.said[3:] == [SILENT]
 
 
-def test_the_silent_confirm_nothing() -> None:
+def test_the_silent_and_the_lost_confirm_nothing() -> None:
     bed = Bed()
+    bed.bench.says = [ANSWER]
     assert stop_thrusters(bed.driver, 2)
-    bed.driver.send(COMMAND)
-    bed.look(1.0)
+    assert not stop_thrusters(bed.driver, 2), "what it said before is no answer"
+    bed.bench.says = [ANSWER._replace(pwm_us=(1500, 1600, 1500, 1500, 1500, 1500))]
     assert not stop_thrusters(bed.driver, 2)
+    bed.bench.broken = True
+    bed.look(2.0)
+    assert tuple(bed.driver.pwm_us) == NEUTRAL
+    assert not stop_thrusters(bed.driver, 2), "a lost link is taken for neutral, which is no answer"
+    bed.driver.close()
 
 
 class Master:

@@ -27,6 +27,14 @@ def test_light_is_lost_as_the_curve_says(distance: float) -> None:
     assert modem_figure.lost_by_light(OpticalModem(), distance) == pytest.approx(lost, abs=3.5 * SIGMA)
 
 
+def test_the_hunts_have_help(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.setattr("sys.argv", ["modem_hunts", "--help"])
+    with pytest.raises(SystemExit) as end:
+        modem_hunts.main()
+    assert end.value.code == 0
+    assert "SEEDS" in capsys.readouterr().out
+
+
 def test_the_table_counts_those_who_could_have_heard() -> None:
     outcome, counts = modem_hunts.hunt({"master.time_limit": 6.0})
     assert counts["delivered"] == 3 * counts["sent"] - 3 or counts["delivered"] == 3 * counts["sent"]

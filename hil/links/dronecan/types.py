@@ -10,7 +10,7 @@ A decoder answers None to what cannot be of its type.
 from struct import Struct
 from typing import NamedTuple
 
-from hil.links.dronecan.transfer import DataType, data_type
+from hil.links.dronecan.transfer import data_type
 
 ALLOCATION = data_type(1, 0x0B2A_8126_20A1_1D40, 17)
 NODE_STATUS = data_type(341, 0x0F08_68D0_C1A7_C6F1, 7)
@@ -18,8 +18,7 @@ RAW_COMMAND = data_type(1030, 0x217F_5C87_D7EC_951D, 35)
 ESC_STATUS = data_type(1034, 0xA9AF_28AE_A2FB_B254, 14)
 BATTERY_INFO = data_type(1092, 0x249C_2654_8A71_1966, 54)
 ARMING_STATUS = data_type(1100, 0x8700_F375_556A_8003, 1)
-GET_NODE_INFO = data_type(1, 0xEE46_8A81_21C4_6A9E, 0)  # the request is empty; a response has up to 377 bytes
-GET_NODE_INFO_RESPONSE = DataType(GET_NODE_INFO.id, GET_NODE_INFO.seed, 377)
+GET_NODE_INFO = data_type(1, 0xEE46_8A81_21C4_6A9E, 0)  # its request, which is empty
 
 FULL_RAW = 8191
 MAX_RPM = (1 << 17) - 1
@@ -29,7 +28,6 @@ MODE_OPERATIONAL, MODE_INITIALIZATION = 0, 1
 BATTERY_IN_USE = 1
 HEALTH_UNKNOWN_PCT = 127
 UNIQUE_ID_SIZE = 16
-MAX_NAME = 80
 MAX_HALF = 65504.0  # the largest float16
 
 _RAW_BITS, _RAW_MASK = 14, 0x3FFF
@@ -163,20 +161,6 @@ def pack_node_info(status: NodeStatus, info: NodeInfo) -> bytes:
     """The response to GetNodeInfo, without optional fields: commit, image CRC, certificate."""
     versions = _VERSIONS.pack(*info.software, 0, 0, 0, *info.hardware, info.unique_id, 0)
     return pack_node_status(status) + versions + info.name.encode("ascii")
-
-
-def unpack_node_info(payload: bytes) -> NodeInfo | None:
-    """What a node says of itself; its certificate is passed over."""
-    begin = NODE_STATUS.max_size + _VERSIONS.size
-    if len(payload) < begin:
-        return None
-    major, minor, _, _, _, *hardware, unique_id, certificate_size = _VERSIONS.unpack_from(
-        payload, begin - _VERSIONS.size
-    )
-    name = payload[begin + certificate_size :]
-    if len(name) > MAX_NAME:
-        return None
-    return NodeInfo(name.decode("ascii", "replace"), unique_id, (major, minor), (hardware[0], hardware[1]))
 
 
 def pack_battery_info(battery: BatteryInfo) -> bytes:

@@ -8,9 +8,10 @@
     COMMAND_LONG            acknowledged, whatever it is:
       COMPONENT_ARM_DISARM  arming leaves the pulses as they are, which after disarming is neutral
       DO_SET_SERVO          one channel; rejected for the time being while disarmed
-      DO_MOTOR_TEST         one channel for up to 30 s, armed or not, then neutral. Per cent as in ArduSub: 0 full
-                            astern, 50 neutral, 100 full ahead. Without a time it lasts 0.5 s, also as in ArduSub:
-                            whoever holds the slider repeats it. Any other command ends the test
+      DO_MOTOR_TEST         one channel for up to 30 s, armed or not; the others are neutral, and at the end all are,
+                            disarmed. Per cent as in ArduSub: 0 full astern, 50 neutral, 100 full ahead. Without a
+                            time it lasts 0.5 s, also as in ArduSub: whoever holds the slider repeats it. Any other
+                            command ends the test
       REQUEST_MESSAGE       AUTOPILOT_VERSION, also by its old name REQUEST_AUTOPILOT_CAPABILITIES
     COMMAND_INT             acknowledged: COMMAND_LONG only
 

@@ -51,9 +51,12 @@ class Outputs:
         return [*self.pulses[:channel], pulse_us, *self.pulses[channel + 1 :]]
 
     def start_test(self, channel: int, pulse_us: int, seconds: float, packet: Any) -> ThrusterCommand:
-        """One channel gets this pulse (us) for so many seconds and is then neutral; armed or not."""
+        """One channel gets this pulse (us) for so many seconds, armed or not; the others, and then it too, are neutral.
+
+        What held before is forgotten: the test keeps the watchdog waiting, also for a host that has fallen silent.
+        """
         self._test = _MotorTest(channel, pulse_us, self._clock() + seconds_ns(seconds))
-        self.pulses = self.change(channel, PWM_NEUTRAL_US)
+        self.armed, self.pulses = False, self._neutral
         return self._command(self._continue_number(packet))
 
     def step(self) -> list[ThrusterCommand]:

@@ -1,6 +1,8 @@
 """The STM32's end of thrusters on VESC controllers; the protocol is described in `hil.links.vesc.link`."""
 
-from hil.clock import NS_PER_S
+from collections.abc import Callable
+
+from hil.clock import NS_PER_S, now_ns
 from hil.links.can_thrusters import SPAN_US, MotorHook, deflection, propeller_load
 from hil.links.contract import PWM_NEUTRAL_US, Message, ThrusterCommand, ThrusterTelemetry
 from hil.links.vesc.end import (
@@ -32,22 +34,37 @@ def _int16(value: float) -> int:
 
 
 class VescDevice(VescProtocol):
-    """The STM32's end, as all controllers at once. `motor_values` says what they measure."""
+    """The STM32's end, as all controllers at once. `motor_values` says what they measure.
 
-    def __init__(self, channels: int, settings: VescSettings, motor_values: MotorHook = propeller_load) -> None:
+    `clock` (monotonic, ns) says when a command came; it is the clock of `tick`.
+    """
+
+    def __init__(
+        self,
+        channels: int,
+        settings: VescSettings,
+        motor_values: MotorHook = propeller_load,
+        clock: Callable[[], int] = now_ns,
+    ) -> None:
         super().__init__(channels, settings)
+        self._clock = clock
         self._us = {command: SPAN_US / full for command, full in self._full.items()}
         self._motor_values = motor_values
         self._waiting: dict[int, int] = {}  # pulses (us) by thruster; 0 is let go
         self._held = [0] * channels
         self._heard_ns = [0] * channels
-        self._now_ns = 0
+        self._now_ns = 0  # when what is being read came
         self._period_ns = round(settings.status_period * NS_PER_S)
         self._pulses: tuple[int, ...] = (PWM_NEUTRAL_US,) * channels
         self._tachometers = [0.0] * channels
         self._turned_ns = -1
         self._replies: list[bytes] = []
         self.deadline_ns = 0
+
+    def feed(self, data: bytes) -> list[Message]:
+        """The commands completed by whole records of CAN frames, which have come just now. Never raises."""
+        self._now_ns = self._clock()
+        return super().feed(data)
 
     def encode(self, message: Message) -> bytes:
         """A report as one STATUS a thruster. A command is not a device's to say."""
@@ -63,7 +80,6 @@ class VescDevice(VescProtocol):
 
     def tick(self, now_ns: int) -> bytes:
         """STATUS_4 and STATUS_5 of each thruster, if they are due."""
-        self._now_ns = now_ns
         if now_ns < self.deadline_ns:
             return b""
         self.deadline_ns = now_ns + self._period_ns

@@ -16,9 +16,9 @@ command << 8 | controller; a command takes one frame, with one big-endian int32.
 
 The device is all controllers in one. It takes the commands to them for one ThrusterCommand when every one
 has come, or when one comes again before; then those that were left out go on as they were, for as long as
-a VESC would (0.5 s, in steps of `status_period`), and then let go. All let go is a disarmed command. It
-sends STATUS of each for each report, STATUS_4 and STATUS_5 every `status_period`. Its duty tells the pulse
-exactly; on true controllers ruled by speed (`rpm`) the host goes by ERPM instead.
+a VESC would (0.5 s), and then let go. All let go is a disarmed command. It sends STATUS of each for each
+report, STATUS_4 and STATUS_5 every `status_period`. Its duty tells the pulse exactly; on true controllers
+ruled by speed (`rpm`) the host goes by ERPM instead.
 
 A status carries neither sequence number nor arming nor time-out, so the host infers them from what it has
 sent. `timed_out` is a neutral report after one that showed a command which was not, if nothing neutral was
@@ -37,13 +37,13 @@ from hil.schema import parse
 
 
 def open_vesc(role: Role, channels: int, **settings: Any) -> Protocol:
-    """One end's protocol. `settings` are those of VescSettings, and the device's hook `motor_values`.
+    """One end's protocol. `settings` are those of VescSettings, and the device's hooks `motor_values`, `clock`.
 
     Raises ConfigError if a setting is wrong or there are more thrusters than a link carries.
     """
     if not 0 < channels <= MAX_THRUSTERS:
         raise ConfigError(f"protocol vesc: carries 1 to {MAX_THRUSTERS} thrusters, not {channels}")
-    hooks = {name: settings.pop(name) for name in ("motor_values",) if name in settings}
+    hooks = {name: settings.pop(name) for name in ("motor_values", "clock") if name in settings}
     own = parse(settings, VescSettings, "protocol vesc")
     if own.first_id + channels > EVERY_ID:
         raise ConfigError(f"protocol vesc: first_id {own.first_id} leaves no room for {channels}; 254 is the last")

@@ -179,14 +179,18 @@ class UartWire(DescriptorWire):
             raise MissingExtraError("a uart needs pyserial: pip install pyserial") from None
         try:
             self._port = serial.Serial(device, baud, timeout=0, write_timeout=0, exclusive=True)
-        except OSError as error:  # SerialException is one
-            raise _cannot_open(device, error, _ports() if error.errno == errno.ENOENT else "") from None
+        except (OSError, termios.error) as error:  # SerialException is the one
+            raise _cannot_open(device, error, _ports() if error.args[0] == errno.ENOENT else "") from None
         except ValueError as error:
             raise DeviceError(f"{device}: cannot run at {baud} bit/s ({error}); choose another baud") from None
         # pyserial opens and sets up; reading and writing the descriptor ourselves costs a third of its way.
         super().__init__(self._port.fileno(), device)
         self.baud = baud
-        self._wait_for_a_byte()
+        try:
+            self._wait_for_a_byte()
+        except termios.error as error:  # pulled out since
+            self.close()
+            raise _cannot_open(device, error) from None
         self._ask_low_latency()
         if rs485:
             self._switch_direction()
