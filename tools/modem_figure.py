@@ -5,6 +5,7 @@
 Curves are the formulas of sim/modems; points are messages that went through sim/modems' channels, some lost.
 """
 
+import argparse
 import os
 import sys
 from collections.abc import Callable, Sequence
@@ -33,6 +34,7 @@ Point = tuple[float, float]  # signal to noise in dB, share of messages that are
 
 def main() -> int:
     """Draw both, tell where half the messages are lost; 0."""
+    argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter).parse_args()
     folder = os.path.join("docs", "modems")
     os.makedirs(folder, exist_ok=True)
     plt = pyplot()

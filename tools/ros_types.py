@@ -8,6 +8,7 @@ their hashes are made anew. Hashes follow REP 2016 and rosidl_generator_type_des
 type's description as JSON, with the descriptions of all messages in it.
 """
 
+import argparse
 import hashlib
 import importlib
 import json
@@ -122,6 +123,7 @@ def _forget() -> None:
 
 def main() -> int:
     """Write all files anew: definitions first, then, as they can be read, with their hashes."""
+    argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter).parse_args()
     packages = {package: definitions_of_rosbags(package) | services_here(package) for package in FROM_ROSBAGS}
     for package, definitions in packages.items():
         write(package, definitions, dict.fromkeys(definitions, "-"))

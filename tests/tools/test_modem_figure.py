@@ -1,6 +1,7 @@
 """The modems' figure: its curves are what messages through the channels do."""
 
 from collections import Counter
+from types import ModuleType
 
 import pytest
 
@@ -27,12 +28,15 @@ def test_light_is_lost_as_the_curve_says(distance: float) -> None:
     assert modem_figure.lost_by_light(OpticalModem(), distance) == pytest.approx(lost, abs=3.5 * SIGMA)
 
 
-def test_the_hunts_have_help(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    monkeypatch.setattr("sys.argv", ["modem_hunts", "--help"])
+@pytest.mark.parametrize(("tool", "words"), [(modem_hunts, "SEEDS"), (modem_figure, "range.png")])
+def test_they_have_help(
+    tool: ModuleType, words: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("sys.argv", ["tool", "--help"])
     with pytest.raises(SystemExit) as end:
-        modem_hunts.main()
+        tool.main()
     assert end.value.code == 0
-    assert "SEEDS" in capsys.readouterr().out
+    assert words in capsys.readouterr().out
 
 
 def test_the_table_counts_those_who_could_have_heard() -> None:
