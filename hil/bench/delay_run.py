@@ -13,7 +13,7 @@ from hil.bench.harness import READY_S, Bench, Process, await_vehicle, labels_of,
 from hil.bench.loopback import settled
 from hil.bench.presence import check_end, check_there
 from hil.bench.statistics import median
-from hil.clock import NS_PER_MS, NS_PER_S, RateKeeper, now_ns, to_wall_ns
+from hil.clock import NS_PER_MS, NS_PER_S, RateKeeper, from_wall_ns, now_ns, to_wall_ns
 from hil.config import Link, Scenario
 from hil.links.address import parse_address
 from hil.links.wires.faults import line_bits
@@ -27,11 +27,11 @@ COMMAND_BYTES = 52 + 33  # geometry_msgs/Twist in CDR, and what rmw_zenoh adds t
 IN_SLAVE = ("python", "unicorn")  # kinds of STM32 that run in the slave's process
 WARM_UP = 20  # commands that are not counted: arming, first samples
 SETTLE_S = 0.5  # for the last traces to come
-OFF = 0.05  # by which a rate may differ from what was asked, and so many bare messages be lost, unsaid
+OFF = 0.05  # by which a rate or a baud may differ from what was asked, and so many bare messages be lost, unsaid
 BURN = "import os; parent = os.getppid()\nwhile os.getppid() == parent: sum(range(1_000_000))"
-STEP_S = 0.4  # a step of the motion measurement
+STEP_S = 0.40618  # a step of the motion measurement: the golden ratio of an IMU's 10 ms over, so none meets it alike
 STEP_M_S = 0.4
-MOVED_M_S2 = 0.02  # a change of acceleration that only the thrusters make
+MOVED_M_S2 = 0.05  # a change of acceleration that only the thrusters make: 0.13 and more in the first 2.5 ms
 
 
 class Plan(NamedTuple):
@@ -89,6 +89,7 @@ class Observer(VehicleClient):
     def __init__(self, *arguments: Any, **options: Any) -> None:
         self.surge: list[tuple[int, float]] = []
         super().__init__(*arguments, **options)
+        self.delays.kept = 0  # all
 
     def _deliver(self, topic: str, payload: bytes, attachment: bytes) -> None:
         super()._deliver(topic, payload, attachment)
@@ -141,7 +142,8 @@ def measure(bench: Bench, plan: Plan, endpoint: str = "", echo: Echo | None = No
         wait_ns(now_ns() + round(SETTLE_S * NS_PER_S))
         check_end(client, slave)
         result = _result(client.delays, spans, motion, floor, counted)
-        result.warnings.extend(_doubts(result, plan, floor, load, client.contact.losses))
+        paced = not endpoint and _pace(bench.scenario.link) > 0
+        result.warnings.extend(_doubts(result, plan, floor, load, client.contact.losses, paced))
         # Where the slave's own QEMU was quicker, in a calmer moment, the bare one was no floor.
         return result._replace(
             wire=min([bare, *result.hops["STM32"]]) if bare else counted,
@@ -166,12 +168,17 @@ def wire_ms(scenario: Scenario, slave: dict[str, str], elsewhere: bool = False) 
         if not on_uart:
             return 0.0
         link = _link_of(link, slave)
-    baud = link.faults.baud if link.faults and link.faults.baud else link.baud if on_uart else 0
+    baud = _pace(link) or (link.baud if on_uart else 0)
     if not baud:
         return 0.0
     command, answer = settled(link, channels, armed=True)
     said = command if scenario.stm32 in IN_SLAVE and not elsewhere else command + answer
     return line_bits(said, on_can=parse_address(link.port).carries_can) / baud * 1e3
+
+
+def _pace(link: Link) -> int:
+    """The baud that we hold it to ourselves, 0 if we do not."""
+    return link.faults.baud if link.faults else 0
 
 
 def _link_of(ours: Link, slave: dict[str, str]) -> Link:
@@ -209,34 +216,42 @@ def _command(
         elif load:
             load.finish(began + period)
         schedule.due(now_ns())
+    wait_ns(began + period)  # or what is commanded next overtakes the last of them in the slave's inbox
     return spans[WARM_UP:]
 
 
 def _motion(client: Observer, slave: Process | None, steps: int) -> list[float]:
     """From the publish of a step in surge until the first acceleration that shows it is here, ms."""
-    found = []
+    found, began = [], now_ns()
     for number in range(steps):
         check_there(client, slave)
         sign = 1.0 if number % 2 else -1.0
         sent = now_ns()
         client.command(VelocityCommand(sign * STEP_M_S, 0.0, 0.0))
-        wait_ns(sent + round(STEP_S * NS_PER_S))
-        first = first_motion(list(client.surge), sent, sign)
+        wait_ns(began + round((number + 1) * STEP_S * NS_PER_S))  # not by `sent`: what it is late by would add up
+        first = first_motion(list(client.surge), _applied_ns(client.delays, sent), sign)
         if first and number:  # the first step is from rest
             found.append((first - sent) / NS_PER_MS)
     return found
 
 
-def first_motion(samples: Sequence[tuple[int, float]], sent: int, sign: float) -> int:
-    """When the first sample came that leaves, towards `sign`, the line through the last two before `sent`; 0: none.
+def _applied_ns(meter: DelayMeter, sent: int) -> int:
+    """When the STM32 had the newest command, which was `sent` then (both monotonic); that, where no trace tells."""
+    if not meter.samples or (published := from_wall_ns(meter.samples[-1].published_ns)) < sent:
+        return sent
+    return published + max(meter.totals_ns(newest=1)[0], 0)
+
+
+def first_motion(samples: Sequence[tuple[int, float]], applied: int, sign: float) -> int:
+    """When the first sample came that leaves, towards `sign`, the line through the last two before `applied`; 0: none.
 
     samples: when each came (ns) and its acceleration (m/s²), without noise.
     """
-    before = [value for came, value in samples if came <= sent][-2:]
+    before = [value for came, value in samples if came <= applied][-2:]
     if len(before) < 2:
         return 0
     slope = before[1] - before[0]
-    after = [(came, value) for came, value in samples if came > sent]
+    after = [(came, value) for came, value in samples if came > applied]
     for number, (came, value) in enumerate(after, 1):
         if sign * (value - before[1] - number * slope) > MOVED_M_S2:
             return came
@@ -257,6 +272,8 @@ def _result(
         network = sample.hops[0] - meter.clock_at(sample.published_ns).offset_ns
         publish = min(ended.get(sample.published_ns, sample.published_ns) - sample.published_ns, max(network, 0))
         inbox, control, link, stm32 = (hop / NS_PER_MS for hop in sample.hops[1:])
+        early = min(max(wire - stm32, 0.0), link)  # bits that had left before the write was through
+        link, stm32 = link - early, stm32 + early
         on_wire = min(wire, max(stm32, 0.0))
         parts = (publish / NS_PER_MS, (network - publish) / NS_PER_MS, inbox, control, link, on_wire, stm32 - on_wire)
         for name, value in zip(HOPS, parts, strict=True):
@@ -272,8 +289,10 @@ def _result(
     )  # fmt: skip
 
 
-def _doubts(result: Result, plan: Plan, floor: Floor | None, load: Load | None, losses: int) -> Iterator[str]:
-    """What else was not as it was meant to be. The result's `wire` is what was counted."""
+def _doubts(
+    result: Result, plan: Plan, floor: Floor | None, load: Load | None, losses: int, paced: bool
+) -> Iterator[str]:
+    """What else was not as it was meant to be. The result's `wire` is what was counted; if `paced`, what we made."""
     missing = result.sent - len(result.delay)
     if missing and result.delay:
         yield f"{missing} of {result.sent} commands were not answered by the STM32: lost, or overtaken by the next"
@@ -282,8 +301,14 @@ def _doubts(result: Result, plan: Plan, floor: Floor | None, load: Load | None, 
     if abs(result.rate / plan.rate - 1.0) > OFF:
         yield f"commands were sent at {result.rate:.1f} Hz instead of {plan.rate:g}: this machine has no time for more"
     beyond = [wire + rest for wire, rest in zip(result.hops["wire"], result.hops["STM32"], strict=True)]
-    if result.wire and beyond and median(beyond) < result.wire:
+    if not paced and result.wire and beyond and median(beyond) < (1.0 - OFF) * result.wire:
         yield f"the line took less than the {result.wire:.3f} ms of its bits: its baud is not what the slave says"
+    steps = max(plan.steps - 1, 0)
+    if len(result.motion) < steps:
+        yield (
+            f"{steps - len(result.motion)} of {steps} steps in surge did not show in the acceleration within "
+            f"{STEP_S:.1f} s: this vehicle answers too slowly, or has no accelerometer"
+        )
     if load and load.late:
         yield f"{load.late} times the payload was still under way when the next was due, which was left out"
     for name, way in (("UDP", floor.udp), ("TCP", floor.tcp)) if floor else ():

@@ -155,8 +155,11 @@ def expected(scenario: Scenario) -> dict[str, float]:
 
 
 def missing(messages: int, nominal: float, seconds: float) -> float:
-    """The share (0 to 1) of what should have come that did not; one message more or less is chance."""
+    """The share (0 to 1) of what should have come that did not.
+
+    One message more or less is chance, but where several are due and none comes, all are missing.
+    """
     if isnan(nominal):
         return nan
     due = max(int(nominal * seconds), 1)
-    return max(1.0 - (messages + 1) / due, 0.0) if messages else 1.0
+    return max(1.0 - (messages + 1) / due, 0.0) if messages or due == 1 else 1.0

@@ -5,6 +5,7 @@ import os
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
+from math import isfinite
 from typing import Any, NamedTuple
 
 from hil.bench import delay_report
@@ -47,6 +48,7 @@ examples:
   uuv-hil bench delay --most-over-floor 0.8 --most-p99 3      exit code 1 when a configuration takes longer (ms)
 """
 LIMIT_BROKEN = 1
+NUMBERS = ("baud", "rate", "load", "payload")
 OF_A_MASTER = ("network.", "security.", "slave.node")  # what the end here makes of a scenario
 ON_CAN = {"dronecan": "can:virtual:bench", "vesc": "can:virtual:bench"}  # where no port is given
 
@@ -143,12 +145,12 @@ def _cases(options: Any) -> list[Case]:
         "security": options.security or "", "rate": options.rate or "20", "load": options.load or "0",
         "payload": options.payload or "0",
     }  # fmt: skip
-    cases = [Case(*map(value_of, values)) for values in itertools.product(*(t.split(",") for t in texts.values()))]
+    cases = [Case(*values) for values in itertools.product(*(_values(key, text) for key, text in texts.items()))]
     for case in cases:
         for key in ("baud", "load", "payload"):
-            if not isinstance(getattr(case, key), int) or getattr(case, key) < 0:
+            if type(getattr(case, key)) is not int or getattr(case, key) < 0:  # true and false are int too
                 raise ConfigError(f"--{key} {texts[key]!r}: expected whole numbers from 0, with commas between")
-        if not isinstance(case.rate, (int, float)) or not 1.0 <= case.rate <= 1000.0:
+        if type(case.rate) not in (int, float) or not 1.0 <= case.rate <= 1000.0:
             raise ConfigError(f"--rate {texts['rate']!r}: expected numbers from 1 to 1000 Hz, with commas between")
         if case.security not in ("", "on", "off"):
             raise ConfigError(f"--security {texts['security']!r}: expected on or off, or off,on")
@@ -156,9 +158,24 @@ def _cases(options: Any) -> list[Case]:
         raise ConfigError("command line: --seconds is from 0.1 to 86400, --steps not negative")
     if not 1 <= options.repeat <= 1000:
         raise ConfigError("command line: --repeat is from 1 to 1000")
+    _check_limits(options)
     if options.slave:
         _check_elsewhere(options, cases)
     return cases
+
+
+def _values(key: str, text: str) -> list[Any]:
+    """What an option's LIST says."""
+    words = text.split(",")
+    return [value_of(word) for word in words] if key in NUMBERS else words
+
+
+def _check_limits(options: Any) -> None:
+    """That delays can be held against them. Raises ConfigError."""
+    for key in ("most_p50", "most_p99", "most_over_floor"):
+        limit = getattr(options, key)
+        if limit is not None and not isfinite(limit):
+            raise ConfigError(f"--{key.replace('_', '-')} {limit}: expected a number of ms")
 
 
 def _check_elsewhere(options: Any, cases: list[Case]) -> None:
@@ -257,8 +274,19 @@ def _figures(runs: list[Result]) -> dict[str, Figure]:
 
 
 def _details(run: Result) -> dict[str, Any]:
-    """Of one run: commands sent and answered, their rate in Hz, and what the floor has beside bare TCP in ms."""
-    return {"sent": run.sent, "answered": len(run.delay), "rate": run.rate, "on the line": run.wire}
+    """Of one run: commands sent and answered, their rate in Hz, and what the floor has beside bare TCP in ms.
+
+    Then the clocks' offset in ms, what it is known to, and when each command of the figures was published, in s.
+    """
+    return {
+        "sent": run.sent,
+        "answered": len(run.delay),
+        "rate": run.rate,
+        "on the line": run.wire,
+        "clock offset": run.clock_offset,
+        "clock uncertainty": run.clock_uncertainty,
+        "at_s": [round(at, 6) for at in run.at_s],
+    }
 
 
 def _broken(name: str, result: Result, options: Any) -> list[str]:

@@ -8,7 +8,7 @@ from hil.bench.harness import Bench, labels_of
 from hil.bench.limits import Limits
 from hil.bench.record import Better, Figure, new_record
 from hil.bench.statistics import median
-from hil.bench.stream_run import Heard, Listener, Stream
+from hil.bench.stream_run import Heard, Listener, Stream, missing
 from hil.columns import aligned
 from hil.commands.bench_options import (
     add_json,
@@ -26,8 +26,8 @@ from hil.errors import ConfigError
 
 EXAMPLES = """\
 Loss is by sequence numbers, "missing" what the nominal rate leaves to be wished for: what was never sent is in it too.
-Age is from publish to receipt by the estimated offset of the two clocks (0 on one machine). Topics that the scenario's
-sensors should fill and do not have a row of 0 Hz. A vehicle elsewhere is only listened to; without --slave one is
+Age is from publish to receipt by the estimated offset of the two clocks (0 on one machine). Topics that a slave of the
+scenario should send and does not have a row of 0 Hz. A vehicle elsewhere is only listened to; without --slave one is
 started here.
 
 examples:
@@ -68,9 +68,9 @@ def main(arguments: list[str]) -> int:
     print("\n".join(_table(streams)))
     if options.repeat > 1:
         print(f"medians of {options.repeat} runs of {options.seconds:g} s")
-    dead = [topic for topic, of_runs in streams.items() if not any(stream.rate for stream in of_runs)]
+    dead = [topic for topic, of_runs in streams.items() if _dead(of_runs, options.seconds)]
     if dead:
-        print(f"nothing came on {', '.join(dead)}, which the scenario's sensors should fill")
+        print(f"nothing came on {', '.join(dead)}, though a slave of this scenario should send it")
     warnings = list(dict.fromkeys(warning for heard in runs for warning in heard.warnings))
     for warning in warnings:
         print(f"WARNING: {warning}")
@@ -119,6 +119,12 @@ def _by_topic(runs: list[Heard]) -> dict[str, list[Stream]]:
         for stream in heard.streams:
             found.setdefault(stream.topic, []).append(stream)
     return dict(sorted(found.items()))
+
+
+def _dead(streams: list[Stream], seconds: float) -> bool:
+    """Whether nothing came in all runs of so long, and more than one message was due in them."""
+    silent = not any(stream.rate for stream in streams)
+    return silent and missing(0, streams[0].nominal, len(streams) * seconds) > 0.0
 
 
 def _values(streams: list[Stream], field: str) -> list[float]:

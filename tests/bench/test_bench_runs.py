@@ -9,7 +9,7 @@ import subprocess
 import sys
 import time
 from contextlib import ExitStack
-from math import isnan
+from math import isnan, nan
 from pathlib import Path
 from random import Random
 
@@ -25,10 +25,10 @@ from hil.bench.load_run import Cost, Course, Setting, course, difference, groups
 from hil.bench.processes import Memory, Threads, look, shares, thread_names
 from hil.bench.record import load, new_record
 from hil.bench.soak_run import Look, Silence, Soak, trend
-from hil.bench.stream_run import expected, missing
+from hil.bench.stream_run import Heard, Stream, expected, missing
 from hil.cli import main
 from hil.clock import RateKeeper
-from hil.commands import bench_jitter
+from hil.commands import bench_jitter, bench_stream
 from hil.commands.bench_soak import judge
 from hil.config import load_scenario
 from hil.errors import NetworkError
@@ -253,10 +253,23 @@ def test_what_a_scenario_sends() -> None:
     }  # fmt: skip
 
 
+def test_a_topic_is_not_dead_that_only_one_message_was_due_on(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """But it is where one was due in each of several runs."""
+    silent = Stream("diagnostics", 0.0, 1.0, nan, 0.0, nan, nan, 0.0)
+    heard = Heard([silent, silent._replace(topic="imu", nominal=100.0)], [])
+    monkeypatch.setattr(bench_stream, "_listen", lambda *_: (heard, ()))
+    for repeat, dead in (("1", "imu"), ("3", "diagnostics, imu")):
+        assert main(["bench", "stream", "--seconds", "1", "--repeat", repeat]) == 0
+        assert f"nothing came on {dead}, though a slave of this scenario should" in capsys.readouterr().out
+
+
 def test_what_is_missing_by_the_nominal_rate() -> None:
     assert missing(599, 100.0, 10.0) == pytest.approx(0.4)
     assert missing(9, 1.0, 10.0) == 0.0, "one more or less is chance"
-    assert missing(0, 1.0, 1.0) == 1.0
+    assert missing(0, 1.0, 1.9) == 0.0, "also where only one was due"
+    assert missing(0, 1.0, 2.0) == 1.0
     assert isnan(missing(5, float("nan"), 1.0))
 
 

@@ -1,11 +1,13 @@
 """`uuv-hil bench delay`, quickly: its figures add up, it notices wrong clocks, and it refuses nonsense."""
 
+import itertools
 import json
 import os
 import signal
 import subprocess
 import threading
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Literal
 
@@ -17,6 +19,7 @@ from hil.bench.delay_run import HOPS, Plan, Result, first_motion, measure, poole
 from hil.bench.harness import Bench, Process, program
 from hil.bench.record import Record
 from hil.cli import main
+from hil.clock import NS_PER_S, from_wall_ns, now_ns
 from hil.commands import bench_delay
 from hil.config import load_scenario
 from hil.errors import ConfigError, NetworkError
@@ -44,7 +47,7 @@ def some_result(delay: list[float], **changes: Any) -> Result:
     """A run at 20 Hz that found these delays (ms), its floor 0.05 ms."""
     hops = {name: [value / len(HOPS) for value in delay] for name in HOPS}
     at_s = [number / 20 for number in range(len(delay))]
-    found = Result(delay, at_s, hops, [4.0], [0.06] * 9, [0.05] * 9, 0.0, len(delay), 20.0, 0.0, 0.0, [])
+    found = Result(delay, at_s, hops, [4.0] * 9, [0.06] * 9, [0.05] * 9, 0.0, len(delay), 20.0, 0.0, 0.0, [])
     return found._replace(**changes)
 
 
@@ -115,6 +118,7 @@ def test_quick_runs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert said.count("LIMIT BROKEN") == 2
     assert "p50 above the floor" in said
     assert "clock" not in said  # wrong ones would be warned of
+    assert "its baud is not" not in said
     figures = json.loads(path.read_text())["figures"]
     for case in ("baud 0", "baud 115200"):
         delays = figures[f"delay [{case}]"]["values"]
@@ -128,7 +132,7 @@ def test_quick_runs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
         assert figures[f"tcp floor [{case}]"]["better"] == figures[f"udp floor [{case}]"]["better"] == ""
         assert figures[f"delay [{case}]"]["better"] == "lower"
     assert figures["hop wire [baud 0]"]["median"] == 0.0
-    assert figures["hop wire [baud 115200]"]["median"] == pytest.approx(22 * 10 / 115.2, rel=0.05)
+    assert figures["hop wire [baud 115200]"]["median"] == pytest.approx(22 * 10 / 115.2)
     assert min(figures["delay [baud 115200]"]["values"]) > 22 * 10 / 115.2
     assert picture.read_bytes().startswith(b"\x89PNG")
 
@@ -139,10 +143,17 @@ def test_quick_runs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
         (["--baud", "fast"], "--baud 'fast'"),
         (["--baud", "-1"], "--baud"),
         (["--rate", "0"], "--rate '0'"),
+        (["--rate", "true"], "--rate 'true'"),
+        (["--rate", "nan"], "--rate 'nan'"),
+        (["--load", "true"], "--load 'true'"),
+        (["--most-p50", "nan"], "--most-p50 nan"),
+        (["--most-over-floor", "inf"], "--most-over-floor inf"),
+        (["--seconds", "nan"], "--seconds"),
         (["--security", "maybe"], "--security 'maybe'"),
         (["--seconds", "0"], "--seconds"),
         (["--protocol", "morse"], "protocol"),
         (["--stm32", "abacus"], "stm32"),
+        (["--stm32", "0"], "stm32: '0'"),
         (["--slave", "tcp/127.0.0.1:1", "--stm32", "native"], "--slave is measured as it is"),
         (["--echo", "here"], "--echo 'here'"),
         (["--echo", "127.0.0.1:99999:2"], "--echo '127.0.0.1:99999:2'"),
@@ -229,8 +240,8 @@ def test_runs_are_pooled_and_told_apart() -> None:
     assert pooled(runs[:1]) == runs[0]
 
 
-def doubts(result: Result, plan: Plan = Plan(), losses: int = 0) -> list[str]:
-    return list(delay_run._doubts(result, plan, None, None, losses))
+def doubts(result: Result, plan: Plan = Plan(), losses: int = 0, paced: bool = False) -> list[str]:
+    return list(delay_run._doubts(result, plan, None, None, losses, paced))
 
 
 def test_what_was_not_as_asked_is_said() -> None:
@@ -239,7 +250,79 @@ def test_what_was_not_as_asked_is_said() -> None:
     assert "at 150.0 Hz instead of 200" in doubts(some_result([0.7] * 20, rate=150.0), Plan(rate=200.0))[0]
     assert "gone 2 times" in doubts(some_result([0.7] * 20), losses=2)[0]
     assert doubts(some_result([0.7], rate=float("nan"))) == []
-    assert "baud is not what" in doubts(some_result([0.7] * 20, wire=1.9))[0]
+    assert doubts(some_result([0.7] * 20, motion=[]), Plan(steps=1)) == [], "the first step does not count"
+    assert "3 of 9 steps in surge did not show" in doubts(some_result([0.7] * 20, motion=[4.0] * 6))[0]
+
+
+def test_a_line_that_is_quicker_than_its_bits_is_said_unless_it_is_ours() -> None:
+    on_line = some_result([0.7] * 20, hops={name: [0.7 if name == "STM32" else 0.0] * 20 for name in HOPS})
+    assert "baud is not what" in doubts(on_line._replace(wire=1.9))[0]
+    assert doubts(on_line._replace(wire=1.9), paced=True) == []
+    assert doubts(on_line._replace(wire=0.7001)) == [], "no baud is wrong by so little"
+
+
+def test_the_wire_has_its_bits_also_those_that_left_during_the_write() -> None:
+    """Here the write ends 50 us after the encoder began, and the pulses are there after 10 more."""
+    heard = meter(0, same_clock=True)
+    spans = [(sample.published_ns, sample.published_ns + 1000) for sample in heard.samples]
+    whole = delay_run._result(heard, spans, [], None, 0.0)
+    assert (whole.hops["link encode"][0], whole.hops["STM32"][0]) == pytest.approx((0.05, 0.01))
+    for wire, expected in ((0.005, (0.05, 0.005, 0.005)), (0.04, (0.02, 0.04, 0.0)), (0.2, (0.0, 0.06, 0.0))):
+        found = delay_run._result(heard, spans, [], None, wire)
+        assert [found.hops[hop][0] for hop in ("link encode", "wire", "STM32")] == pytest.approx(expected)
+        assert found.delay == whole.delay
+
+
+class Commanded:
+    """A vehicle that keeps when it was commanded (ns), by `clock`."""
+
+    def __init__(self, clock: Callable[[], int] = now_ns) -> None:
+        self.at: list[int] = []
+        self.surge: list[tuple[int, float]] = []
+        self.delays = DelayMeter()
+        self._clock = clock
+
+    def command(self, _: Any) -> None:
+        self.at.append(self._clock())
+
+
+def test_the_last_command_has_its_time_like_all_others(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Or the first step of the motion is in the slave's inbox before it is taken up."""
+    monkeypatch.setattr(delay_run, "check_there", lambda *_: None)
+    vehicle: Any = Commanded()
+    delay_run._command(vehicle, None, Plan(rate=200.0, seconds=0.1), None, None)
+    assert now_ns() - vehicle.at[-1] > 0.9 * NS_PER_S / 200.0
+
+
+def test_what_comes_before_the_pulses_shows_no_motion() -> None:
+    """But how the motion before went on. A command that has no trace counts from when it was sent."""
+    heard = meter(0, same_clock=True)
+    sent = from_wall_ns(heard.samples[-1].published_ns)
+    applied = delay_run._applied_ns(heard, sent - 1000)
+    assert applied - sent == heard.totals_ns()[-1] == 660_000
+    assert delay_run._applied_ns(heard, sent + 1) == sent + 1
+    assert delay_run._applied_ns(DelayMeter(), sent) == sent
+    bent = [(sent + at, value) for at, value in ((-20 * MS, 0.0), (-10 * MS, 0.0), (300_000, 0.06), (10 * MS, 0.3))]
+    assert first_motion(bent, sent, 1.0) == sent + 300_000
+    assert first_motion(bent, applied, 1.0) == sent + 10 * MS
+
+
+@pytest.mark.parametrize("late_us", [0, 300, 480])
+def test_steps_begin_all_over_the_time_between_two_samples(monkeypatch: pytest.MonkeyPatch, late_us: int) -> None:
+    """However late each is: else the motion waits for its sample equally long in all of a run."""
+    clock = [0]
+
+    def wait_ns(deadline: int) -> None:
+        clock[0] = deadline + late_us * 1000
+
+    monkeypatch.setattr(delay_run, "check_there", lambda *_: None)
+    monkeypatch.setattr(delay_run, "now_ns", lambda: clock[0])
+    monkeypatch.setattr(delay_run, "wait_ns", wait_ns)
+    vehicle: Any = Commanded(lambda: clock[0])
+    delay_run._motion(vehicle, None, 11)
+    phases = sorted(at % (10 * MS) / MS for at in vehicle.at)
+    assert len(phases) == 11
+    assert max(after - before for before, after in itertools.pairwise([*phases, phases[0] + 10.0])) < 2.0
 
 
 def kill_slave(bench: Bench, after_s: float) -> threading.Timer:
@@ -322,6 +405,25 @@ def test_repeated_runs_are_in_the_record_one_by_one(
     assert figure["values"] == [0.1] * 4 + [0.3] * 2
     assert figure["runs"] == [4, 2]
     assert "6/6" in capsys.readouterr().out
+
+
+def test_the_record_rebuilds_the_series_and_one_of_earlier_still_compares(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    result = some_result([0.7] * 20, clock_offset=-3.5, clock_uncertainty=0.125, sent=21)
+    monkeypatch.setattr(bench_delay, "_measure", failing_second([result]))
+    new, old = tmp_path / "new.json", tmp_path / "old.json"
+    assert main(["bench", "delay", "--json", str(new)]) == 0
+    record = json.loads(new.read_text())
+    (run,) = record["details"]["as the scenario has it"]["runs"]
+    assert (run["clock offset"], run["clock uncertainty"]) == (-3.5, 0.125)
+    assert run["at_s"] == result.at_s
+    for later in ("clock offset", "clock uncertainty", "at_s"):
+        del run[later]
+    old.write_text(json.dumps(record))
+    capsys.readouterr()
+    assert main(["bench", "compare", str(old), str(new)]) == 0
+    assert "delay [as the scenario has it]" in capsys.readouterr().out
 
 
 def test_who_burns_processor_time_hears_no_ctrl_c(monkeypatch: pytest.MonkeyPatch) -> None:
