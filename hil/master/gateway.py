@@ -10,7 +10,7 @@
 What can be told is what `hil.master.vehicle_handle.Vehicle` has, its arguments by name; `newtons` of thrust and `way`
 of follow are arrays. Besides there are "vehicles", "get", "subscribe" with "sensor" and "rate" (lines with "sensor"
 then come by themselves), "unsubscribe", and "status" of what was told last. A number that is none is null. A vehicle
-that was told something stops when the connection ends.
+that was told something stops when the connection ends, which is noticed after GONE_S where a machine vanishes.
 """
 
 import json
@@ -19,7 +19,9 @@ import threading
 from collections.abc import Callable
 from contextlib import suppress
 from inspect import signature
-from math import isfinite
+from itertools import pairwise
+from math import hypot, isfinite
+from operator import sub
 from typing import Any
 
 from hil.clock import now_ns
@@ -30,13 +32,27 @@ from hil.master.maneuver import Maneuver
 from hil.master.vehicle_handle import Vehicle
 from hil.schema import nearest
 from hil.topics import is_picture
+from hil.transport.ros_commands import MOST_FORCE, MOST_PLACE
 
 TOLD = ("drive", "hold_depth", "hold_heading", "go_to", "follow", "push", "thrust", "stop", "release")
 LONGEST_LINE = 1 << 16  # bytes
-MOST_RATE = 100.0  # Hz, of what comes by itself
+LONGEST_ECHO = 60  # characters of what is said of a value that is refused
+LONGEST_WAY = 1e4  # m: 5 s to plan, in which nobody sees that the connection has ended
+LEAST_RATE, MOST_RATE = 1e-3, 100.0  # Hz, of what comes by itself
+MOST_NUMBER = max(MOST_PLACE, MOST_FORCE)  # of any unit: beyond it nothing is meant
+GONE_S = 4  # of a machine's silence, until its connection is given up
 STATE_EXTRAS = ("depth", "heading", "roll", "pitch", "speed")
 TYPES = {"smooth": bool}  # of arguments; all others are numbers, or arrays of numbers
 ACCEPT_S = 0.2  # how often the end is looked for
+# The kernel asks a silent machine once a second whether it is there, and waits no longer for what it does not take.
+SOCKET_OPTIONS = (
+    (socket.IPPROTO_TCP, socket.TCP_NODELAY, 1),
+    (socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1),
+    (socket.IPPROTO_TCP, socket.TCP_KEEPIDLE, 1),
+    (socket.IPPROTO_TCP, socket.TCP_KEEPINTVL, 1),
+    (socket.IPPROTO_TCP, socket.TCP_KEEPCNT, GONE_S - 1),
+    (socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, GONE_S * 1000),
+)
 
 Request = dict[str, Any]
 TOO_LONG: Request = {"id": None, "ok": False, "error": f"a line of more than {LONGEST_LINE} bytes; send several"}
@@ -83,11 +99,12 @@ class _Client:
 
     def __init__(self, fleet: Fleet, connection: socket.socket) -> None:
         connection.settimeout(None)
-        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        for option in SOCKET_OPTIONS:
+            connection.setsockopt(*option)
         self._fleet = fleet
         self._connection = connection
         self._turn = threading.Lock()  # of writing
-        self._told: dict[str, Maneuver | None] = {}
+        self._told: dict[Vehicle, Maneuver | None] = {}
         self._wanted: dict[tuple[str, str], tuple[int, int]] = {}  # vehicle and sensor: period, when next (ns)
         self._ended = threading.Event()
         self._threads = [threading.Thread(target=work, daemon=True) for work in (self._serve, self._tell)]
@@ -105,29 +122,32 @@ class _Client:
             thread.join(2.0)
 
     def _serve(self) -> None:
-        with self._connection, self._connection.makefile("rb") as lines, suppress(OSError):
-            while line := lines.readline(LONGEST_LINE):
-                self._say(self._answer(line) if _is_whole(line) else TOO_LONG)
-                while not _is_whole(line):
-                    line = lines.readline(LONGEST_LINE)
-        self._ended.set()
-        for name in self._told:
-            with suppress(HilError):  # it is gone, and stops by itself
-                self._fleet[name].stop()
+        try:
+            with self._connection, self._connection.makefile("rb") as lines, suppress(OSError):
+                while line := lines.readline(LONGEST_LINE):
+                    self._say(self._answer(line) if _is_whole(line) else _encoded(TOO_LONG))
+                    while not _is_whole(line):
+                        line = lines.readline(LONGEST_LINE)
+        finally:
+            self._ended.set()
+            for vehicle in self._told:
+                _leave(vehicle)
 
-    def _say(self, message: Request) -> None:
+    def _say(self, line: bytes) -> None:
         with self._turn:
-            self._connection.sendall(json.dumps(_plain(message), allow_nan=False).encode() + b"\n")
+            self._connection.sendall(line)
 
-    def _answer(self, line: bytes) -> Request:
+    def _answer(self, line: bytes) -> bytes:
         answer: Request = {"id": None, "ok": True}
         try:
             request = _read(line)
             answer["id"] = request.pop("id", None)
-            answer |= self._do(request)
+            return _encoded(answer | self._do(request))
         except HilError as error:
-            answer |= {"ok": False, "error": str(error)}
-        return answer
+            problem = str(error)
+        except Exception as error:  # noqa: BLE001 - no line ends a connection that a vehicle may depend on
+            problem = f"{type(error).__name__}: {error}"
+        return _encoded(answer | {"ok": False, "error": problem})
 
     def _do(self, request: Request) -> Request:
         what = str(request.pop("do", ""))
@@ -141,8 +161,8 @@ class _Client:
             names = [*TOLD, *others]
             raise ConfigError(f"do: {what!r} is none of {', '.join(names)}{nearest(what, names)}")
         vehicle = self._vehicle(request)
-        self._told.setdefault(vehicle.name, None)
-        self._told[vehicle.name] = _call(vehicle, what, request)
+        self._told.setdefault(vehicle, None)
+        self._told[vehicle] = _call(vehicle, what, request)
         return {}
 
     def _vehicles(self, _: Request) -> Request:
@@ -153,8 +173,8 @@ class _Client:
 
     def _subscribe(self, request: Request) -> Request:
         vehicle, sensor, rate = self._vehicle(request), _sensor(request), request.get("rate", 10.0)
-        if not (_is_number(rate) and 0.0 < rate <= MOST_RATE):
-            raise ConfigError(f"rate: {rate!r} is not between 0 and {MOST_RATE:g} Hz")
+        if not (_is_number(rate) and LEAST_RATE <= rate <= MOST_RATE):
+            raise ConfigError(f"rate: {_shown(rate)} is not between {LEAST_RATE:g} and {MOST_RATE:g} Hz")
         vehicle.newest(sensor)
         self._wanted[vehicle.name, sensor] = round(1e9 / rate), 0
         return {}
@@ -165,7 +185,7 @@ class _Client:
 
     def _status(self, request: Request) -> Request:
         """Whether what was told last is done, and why it will not be, if so."""
-        told = self._told.get(self._vehicle(request).name)
+        told = self._told.get(self._vehicle(request))
         if told is None:
             return {"done": False, "over": True}
         return {"done": told.done, "over": told.over, "error": str(told.error or "")}
@@ -188,13 +208,21 @@ class _Client:
                 now = now_ns()
                 if now < due:
                     continue
-                with suppress(HilError, OSError, RuntimeError):  # gone for now; or nobody listens any more
+                with suppress(Exception):  # gone for now, or nobody listens any more: the others are told all the same
                     sample = self._fleet[key[0]].newest(key[1])
                     if last.get(key) != sample.sent_ns:
                         last[key] = sample.sent_ns
                         if key in self._wanted:
                             self._wanted[key] = period, max(due, now - period) + period
-                        self._say({"vehicle": key[0], "sensor": key[1], **_described(sample)})
+                        self._say(_encoded({"vehicle": key[0], "sensor": key[1], **_described(sample)}))
+
+
+def _leave(vehicle: Vehicle) -> None:
+    """Bring it to a standstill. One that is gone is told nothing any more, or it would go on when it is back."""
+    try:
+        vehicle.stop()
+    except Exception:  # noqa: BLE001 - what keeps one from stopping must not keep the others
+        vehicle.release()
 
 
 def _is_whole(line: bytes) -> bool:
@@ -206,9 +234,11 @@ def _read(line: bytes) -> Request:
     try:
         request = json.loads(line)
     except (ValueError, RecursionError):
-        raise ConfigError(f"not a line of JSON: {line[:60].decode(errors='replace')!r}") from None
+        raise ConfigError(f"not a line of JSON: {line[:LONGEST_ECHO].decode(errors='replace')!r}") from None
     if not isinstance(request, dict):
         raise ConfigError('a request is an object, like {"do": "vehicles"}')
+    if isinstance(request.get("id"), (dict, list)):
+        raise ConfigError("id: expected a text or a number")
     return request
 
 
@@ -228,8 +258,11 @@ def _call(vehicle: Vehicle, what: str, arguments: Request) -> Maneuver | None:
     parameters = signature(method).parameters
     _refuse(vehicle, what, arguments, [name for name in parameters if name != "limits"])
     if what == "follow":
-        way = arguments.pop("way", [])
-        return vehicle.follow(_points(way), **{name: _argument(name, value) for name, value in arguments.items()})
+        way = _points(arguments.pop("way", []))
+        others = {name: _argument(name, value) for name, value in arguments.items()}
+        if not others.get("lookahead") and _length([vehicle.state.position, *way]) > LONGEST_WAY:
+            raise ConfigError(f"way: longer than {LONGEST_WAY:g} m; send its parts one after the other, or a lookahead")
+        return vehicle.follow(way, **others)
     missing = [name for name, each in parameters.items() if each.default is each.empty and name not in arguments]
     if missing:
         raise ConfigError(f"{vehicle.name}: {what} also needs {', '.join(missing)}")
@@ -247,7 +280,7 @@ def _argument(name: str, value: Any) -> Any:
     if isinstance(value, bool) and TYPES.get(name) is bool:
         return value
     if not _is_number(value):
-        raise ConfigError(f"{name}: {value!r} is not a number")
+        raise ConfigError(f"{name}: {_shown(value)} is not a number from -{MOST_NUMBER:g} to {MOST_NUMBER:g}")
     return float(value)
 
 
@@ -266,8 +299,20 @@ def _points(way: Any) -> list[Any]:
     return [tuple(_array("way", point)) for point in way]
 
 
+def _length(way: list[Any]) -> float:
+    return sum(hypot(*map(sub, a, b)) for a, b in pairwise(way))
+
+
 def _is_number(value: Any) -> bool:
-    return isinstance(value, (int, float)) and not isinstance(value, bool)
+    return isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) <= MOST_NUMBER
+
+
+def _shown(value: Any) -> str:
+    return f"{value!r:.{LONGEST_ECHO}}"
+
+
+def _encoded(message: Request) -> bytes:
+    return json.dumps(_plain(message), allow_nan=False).encode() + b"\n"
 
 
 def _described(sample: Any) -> Request:

@@ -103,10 +103,10 @@ class Loop:
                 self._control(self.pilot, now)
             if self._sent or now >= self._link_due_ns or (ready and any(fd in ready for fd in link_fds)):
                 self._service_link(now_ns())  # the answer to a command just sent may be there already
-            if ready and self.ros and ros_fd in ready:
-                self.ros.serve()
             if now >= schedule.deadline_ns:
                 self.advance(schedule.due(now))
+            if ready and self.ros and ros_fd in ready:
+                self.ros.serve()  # behind the step, so that there is time until the next
 
     def advance(self, steps: int) -> None:
         """Let the vehicle move by so many steps, and publish what its sensors then say."""

@@ -25,7 +25,7 @@ from sim.failures import Failure
 
 PREFIX = "failures"
 LONGEST = 200  # characters of a value, which is parsed between two steps
-MOST = 256  # parameters that one request is answered for
+MOST = 32  # parameters that one request is answered for; a vehicle has a thruster for each
 _NOT_SET, _STRING = 0, 4  # constants of rcl_interfaces/ParameterType
 _RECURSIVE = 0  # of ListParameters
 _GIVEN = ("thruster", "time")  # keys that the parameter stands for

@@ -58,7 +58,7 @@ class RosNode:
         return self.server.fileno()
 
     def serve(self) -> None:
-        """Answer the services that were called."""
+        """Answer one service that was called."""
         self.server.serve()
 
     def tick(self, time_ns: int) -> None:

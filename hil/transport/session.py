@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
 ASKING = 8  # queries that may wait for a reader at once
 ANSWER_WITHIN_S = 1.0
+REFUSAL = zenoh.Encoding.TEXT_PLAIN  # of the reason why there is no answer
 
 Deliver = Callable[[str, bytes, bytes], None]
 
@@ -221,9 +222,17 @@ class Session:
         self._session.declare_queryable(keys, self._seldom(take, ASKING))
 
     def ask(
-        self, keys: str, seconds: float, payload: bytes | None = None, attachment: bytes | None = None
+        self,
+        keys: str,
+        seconds: float,
+        payload: bytes | None = None,
+        attachment: bytes | None = None,
+        refused: Callable[[str], None] | None = None,
     ) -> Iterator[tuple[str, bytes, bytes]]:
-        """Key, payload and attachment of each answer to a query that comes within the time."""
+        """Key, payload and attachment of each answer to a query that comes within the time.
+
+        `refused` is told why, by each who says that there will be none.
+        """
         with suppress(zenoh.ZError):  # the session was closed
             replies: Any = self._session.get(
                 keys,
@@ -237,6 +246,8 @@ class Session:
             for reply in replies:
                 if reply.ok is not None:
                     yield str(reply.ok.key_expr), *_content(reply.ok)
+                elif refused and reply.err.encoding == REFUSAL:  # and not the library's own, when the time is over
+                    refused(reply.err.payload.to_bytes().decode(errors="replace"))
 
     def others(self) -> list[str]:
         """Who is connected: the names in their certificates, or their addresses where there are none."""

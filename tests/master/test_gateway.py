@@ -6,6 +6,7 @@ import shutil
 import signal
 import socket
 import subprocess
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,8 @@ import pytest
 import hil
 from hil.errors import NetworkError
 from hil.master.fleet import Fleet
-from hil.master.gateway import LONGEST_LINE, Gateway
+from hil.master.gateway import LONGEST_LINE, SOCKET_OPTIONS, Gateway, _Client
+from hil.master.vehicle_handle import Vehicle
 from tests.processes import ROOT, Program, free_port, wait_for, write_scenario
 
 MATLAB = ROOT / "hil" / "master" / "matlab"
@@ -120,17 +122,21 @@ def test_samples_come_by_themselves(stranger: Stranger) -> None:
         (b'{"do": "drive", "surge": "fast"}', "'fast' is not a number"),
         (b'{"do": "drive", "surge": NaN}', "surge: nan"),
         (b'{"do": "drive", "surge": true}', "not a number"),
+        (b'{"do": "drive", "surge": 1' + b"0" * 400 + b"}", "surge: 1000"),
+        (b'{"id": ' + b"[" * 600 + b"]" * 600 + b', "do": "vehicles"}', "id: expected a text or a number"),
         (b'{"do": "drive", "sruge": 1}', "did you mean 'surge'"),
         (b'{"do": "go_to", "north": 1}', "also needs east, depth"),
         (b'{"do": "follow"}', "array of points"),
         (b'{"do": "follow", "way": "/etc/passwd"}', "array of points"),
         (b'{"do": "follow", "way": [[1, 2]]}', "(north, east, depth)"),
         (b'{"do": "follow", "way": [[1, 2, 3]], "limits": 1}', "no 'limits'"),
+        (b'{"do": "follow", "way": [[1e5, 2, 3]], "smooth": true}', "longer than 10000 m"),
         (b'{"do": "thrust", "newtons": [1, 2]}', "6 thrusters"),
         (b'{"do": "get", "sensor": "sonarr"}', "no topic"),
         (b'{"do": "get", "sensor": "camera/image_raw"}', "pictures"),
         (b'{"do": "subscribe", "sensor": "imu", "rate": 0}', "rate"),
         (b'{"do": "subscribe", "sensor": "imu", "rate": 1e9}', "rate"),
+        (b'{"do": "subscribe", "sensor": "imu", "rate": 1e-320}', "rate"),
     ],
 )
 def test_nonsense_is_answered(stranger: Stranger, line: bytes, words: str) -> None:
@@ -151,6 +157,44 @@ def test_a_line_that_is_too_long_is_answered_once(stranger: Stranger, size: int)
 def test_the_longest_line_is_understood(stranger: Stranger) -> None:
     request = b'{"do": "vehicles"}'
     assert stranger.send(b" " * (LONGEST_LINE - 1 - len(request)) + request)["ok"]
+
+
+def test_what_nobody_foresaw_is_answered_too(stranger: Stranger, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Vehicle, "release", lambda _: 1 / 0)
+    answer = stranger.ask(id=3, do="release")
+    monkeypatch.undo()
+    assert answer == {"id": 3, "ok": False, "error": "ZeroDivisionError: division by zero"}
+    assert stranger.ask(do="vehicles")["ok"], "and the connection goes on"
+
+
+def test_a_vehicle_is_stopped_whatever_ended_the_connection(
+    stranger: Stranger, fleet: Fleet, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also one that was told nothing but nonsense; and one that cannot be told to stop is told nothing more."""
+    stopped: list[Vehicle] = []
+
+    def stop(vehicle: Vehicle) -> None:
+        stopped.append(vehicle)
+        raise NetworkError("gone")
+
+    assert stranger.ask(do="drive")["ok"]
+    assert fleet["uuv1"]._maneuver
+    monkeypatch.setattr(Vehicle, "stop", stop)
+    monkeypatch.setattr(threading, "excepthook", lambda _: None)
+    monkeypatch.setattr(_Client, "_say", lambda *_: 1 / 0)
+    stranger.socket.sendall(b"{}\n")
+    assert wait_for(lambda: bool(stopped) and fleet["uuv1"]._maneuver is None, 4)
+    assert stopped == [fleet["uuv1"]]
+
+
+def test_a_connection_is_watched(gateway: Gateway, stranger: Stranger) -> None:
+    """The kernel's part of it; tests/transport/netns lets a machine vanish."""
+    assert stranger.ask(do="vehicles")["ok"]
+    assert wait_for(lambda: bool(gateway._clients), 4)
+    (client,) = gateway._clients
+    for level, option, value in SOCKET_OPTIONS:
+        assert client._connection.getsockopt(level, option) == value
+    assert client.alive
 
 
 def test_what_is_no_number_is_null(stranger: Stranger) -> None:

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterator
+from itertools import product
 from typing import Any
 
 import pytest
@@ -20,8 +21,10 @@ from sim.rotations import from_euler, to_euler
 from sim.simulation import Simulation
 from sim.vehicle import load_vehicle
 from sim.world import load_world
+from tests.processes import ROOT
 
 STEP_NS = 2_500_000
+VEHICLES = sorted(path.stem for path in (ROOT / "sim" / "vehicles").glob("*.toml"))
 
 
 class SilentOutbox:
@@ -216,11 +219,30 @@ def test_set_pose_at_any_heading(vehicle: Vehicle) -> None:
     assert state.nu[:2] == pytest.approx([math.cos(0.3), math.sin(0.3)])  # eastwards, off the bow to starboard
 
 
+@pytest.mark.parametrize("name", VEHICLES)
+def test_the_most_that_set_pose_takes_does_no_harm(name: str) -> None:
+    """Full thrust, spinning about any axis while it goes along any other, also with long steps."""
+    vehicle, _ = load_vehicle(name)
+    ways = [[sign * (axis == i) for i in range(3)] for axis in range(3) for sign in (1.0, -1.0)]
+    for step_ns in (STEP_NS, 20_000_000):
+        most = services._MOST_WAY * 1e9 / step_ns
+        for linear, angular in product(ways, ways):
+            simulation = Simulation(vehicle, load_world("pool"), sensors={}, dt_ns=step_ns, position=(5.0, 5.0, 2.0))
+            simulation.state.nu = [most * x for x in linear + angular]
+            for _ in range(40):
+                simulation.step((1900,) * len(vehicle.channels))
+            assert max(map(abs, simulation.state.nu)) < 20.0 * most, (step_ns, linear, angular)
+
+
 @pytest.mark.parametrize(
     ("request_", "code", "words"),
     [
         (pose(0.0, 0.0, -400.0), 101, "an obstacle or the seabed of paper_field is there"),
-        (pose(math.nan, 0.0, -4.0), 101, "not finite"),
+        (pose(math.nan, 0.0, -4.0), 101, "a place is not finite"),
+        (pose(1.1e6, 0.0, -4.0), 101, "more than 1e+06 m away"),
+        (pose(0.0, 0.0, -4.0, twist={"linear": {"x": 1e160}}), 101, "a velocity is not finite, or more than 10 m/s"),
+        (pose(0.0, 0.0, -4.0, twist={"angular": {"y": 8.0, "z": 8.0}}), 101, "or more than 10 m/s or rad/s"),
+        (pose(0.0, 0.0, -4.0, twist={"angular": {"x": math.nan}}), 101, "a velocity is not finite"),
         (pose(0.0, 0.0, -4.0) | {"entity": "uuv2"}, 2, "no entity 'uuv2'; there is: uuv1"),
         ({"state": {"pose": {"orientation": {"w": 0.0}}}}, 101, "orientation is none"),
         ({"state": {"header": {"frame_id": "odom2"}}}, 4, "frame 'odom2' is not known"),

@@ -142,10 +142,48 @@ def test_calls_beyond_the_queue_go_without_an_answer_and_harm_nothing() -> None:
             for _ in range(3 * services.WAITING)
         ]
         assert wait_for(lambda: server.dropped == 2 * services.WAITING, 5.0)
-        server.serve()
+        for _ in range(services.WAITING):
+            server.serve()
         assert sum(len(list(replies)) for replies in pending) == server.calls == services.WAITING
         server.close()
         assert list(master.ask(key_of("/uuv1/arm"), 0.3, payload, attachment)) == []
+
+
+def test_one_call_is_answered_a_turn() -> None:
+    """And the descriptor stays readable while another waits."""
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    with listen(endpoint) as slave, dial(endpoint) as master:
+        server = Server(slave, Node(slave, "uuv1"))
+        server.offer("/uuv1/arm", SET_BOOL, lambda request: {"success": request["data"]})
+        assert wait_for(lambda: len(master.tokens(graph.ALL)) == 2, 5.0)
+        threads = [threading.Thread(target=call, args=(master, "/uuv1/arm", SET_BOOL)) for _ in range(3)]
+        for thread in threads:
+            thread.start()
+        assert wait_for(lambda: len(server._waiting) == 3, 5.0)
+        for answered in range(3):
+            assert server.calls == answered
+            assert select.select((server.fileno(),), (), (), 0.0)[0]
+            server.serve()
+        assert not select.select((server.fileno(),), (), (), 0.0)[0]
+        server.serve()
+        for thread in threads:
+            thread.join()
+        assert server.calls == 3
+        server.close()
+
+
+def test_a_large_request_is_refused_unread(both: tuple[Serving, Session], monkeypatch: pytest.MonkeyPatch) -> None:
+    serving, master = both
+    payload, attachment = bytes(services.LARGEST + 1), ros.pack_attachment(1, 2, bytes(16))
+    reasons: list[str] = []
+    assert list(master.ask(key_of("/uuv1/arm"), 5.0, payload, attachment, reasons.append)) == []
+    assert reasons == ["a request of 8193 bytes is too large; ask for less at once, at most 8192 bytes"]
+    assert (serving.server.oversized, serving.server.malformed, serving.asked) == (1, 0, [])
+    assert list(master.ask(key_of("/uuv1/arm"), 5.0, payload[1:], attachment, reasons.append)) == []
+    assert (serving.server.oversized, serving.server.malformed) == (1, 1)
+    monkeypatch.setattr(services, "LARGEST", 4)
+    with pytest.raises(NetworkError, match=r"/uuv1/arm \(std_srvs/srv/SetBool\) refuses: a request of 5 bytes"):
+        call(master, "/uuv1/arm", SET_BOOL, {"data": True})
 
 
 def test_closing_leaves_no_descriptor_behind() -> None:
