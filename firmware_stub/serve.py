@@ -72,7 +72,8 @@ def serve(end: Stm32End, stop_fd: int, report: Callable[[Stm32End], None] | None
             if report and now >= report_ns:
                 report(end)
                 report_ns = now + REPORT_PERIOD_NS
-            wait_ns = max(0, min(end.deadline_ns, report_ns) - now_ns())
+            due_ns = min(end.deadline_ns, report_ns) if report else end.deadline_ns
+            wait_ns = max(0, due_ns - now_ns())
             if stop_fd in select.select((end.fileno(), stop_fd), (), (), wait_ns / NS_PER_S)[0]:
                 return
     finally:

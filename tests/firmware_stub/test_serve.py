@@ -202,6 +202,22 @@ def test_quiet_it_says_nothing_between_start_and_end(
     assert len(capsys.readouterr().out.splitlines()) == (2 if quiet else 3)
 
 
+def test_quiet_it_sleeps_as_before_when_a_report_would_be_due(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("firmware_stub.serve.REPORT_PERIOD_NS", 1)
+    read_fd, write_fd = os.pipe()
+    end = Stm32End(Stm32(6), ThrusterLink(PtyWire(), uuv_hil()))
+    serving = threading.Thread(target=serve, args=(end, read_fd))
+    before = time.process_time()
+    serving.start()
+    time.sleep(0.5)
+    took = time.process_time() - before
+    os.write(write_fd, b"x")
+    serving.join()
+    os.close(read_fd)
+    os.close(write_fd)
+    assert took < 0.1
+
+
 def test_serve_gives_up_when_its_uart_is_gone() -> None:
     with nothing_leaks():
         far = PtyWire()
