@@ -10,7 +10,6 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-import psutil
 import pytest
 
 from firmware_stub import child
@@ -38,12 +37,16 @@ PROCESSES = [
 ]  # fmt: skip
 
 
+def children() -> set[str]:
+    return {pid for file in Path("/proc/self/task").glob("*/children") for pid in file.read_text().split()}
+
+
 @pytest.fixture(autouse=True)
 def _nothing_left() -> Iterator[None]:
-    before = set(psutil.Process().children())  # other tests may leave helpers of libraries
+    before = children()  # other tests may leave helpers of libraries
     with nothing_leaks():
         yield
-    assert set(psutil.Process().children()) <= before
+    assert children() <= before
 
 
 @pytest.fixture(autouse=True)
