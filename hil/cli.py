@@ -6,7 +6,7 @@ import sys
 from collections.abc import Callable
 from importlib import import_module
 
-from hil.errors import DeviceError, HilError, MissingExtraError
+from hil.errors import STOPPED, DeviceError, HilError, MissingExtraError
 
 # name -> module with `main(arguments) -> exit code`, and what it does
 COMMANDS = {
@@ -80,7 +80,7 @@ def main(arguments: list[str] | None = None) -> int:
         print(f"uuv-hil {name}: {error}", file=sys.stderr)
         return error.exit_code
     except KeyboardInterrupt:
-        return 130
+        return STOPPED
     except BrokenPipeError:  # `uuv-hil ... | head`
         sys.stderr.close()
         return 141

@@ -11,6 +11,8 @@ Each message names the file, key or port it is about and ends with the remedy. W
 never raises any of these: it is decoded, or counted and dropped.
 """
 
+STOPPED = 130  # the exit code of what a person or a signal has ended, as of a shell after Ctrl-C
+
 
 class HilError(Exception):
     """Base of all errors of this project. `str(error)` is one line that names the cause and the remedy."""

@@ -129,6 +129,11 @@ class Process:
         except subprocess.TimeoutExpired:
             raise NetworkError(f"a process did not end within {seconds:g} s; it last said: {self.last_words}") from None
 
+    def join(self) -> int:
+        """Its exit code, at once when it has ended: a wait with a timeout looks now and then, which costs."""
+        os.waitid(os.P_PID, self.pid, os.WEXITED | os.WNOWAIT)
+        return self._process.wait()
+
     def stop(self) -> int:
         """End it as a user would, by force if that takes too long; its exit code."""
         if self.running:

@@ -1,7 +1,6 @@
 """How late the loop wakes up, beside what the kernel and a loop with nothing to do achieve on the same CPU."""
 
 import json
-import os
 import re
 import shutil
 import sys
@@ -10,7 +9,7 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from hil.autonomy.control import VelocityCommand
-from hil.bench.harness import GRACE_S, Bench, await_vehicle
+from hil.bench.harness import Bench, await_vehicle
 from hil.bench.presence import check_end, check_there
 from hil.clock import LOOP_PRIORITY, seconds_ns
 from hil.errors import NetworkError
@@ -120,8 +119,7 @@ def cyclictest(bench: Bench, seconds: float) -> Lateness | None:
 def _run(bench: Bench, name: str, command: list[str]) -> tuple[int, str]:
     """Its exit code and what it said."""
     process = bench.start(name, command, limited=True)
-    os.waitid(os.P_PID, process.pid, os.WEXITED | os.WNOWAIT)  # a wait with a timeout looks now and then, which costs
-    return process.wait(GRACE_S), process.said
+    return process.join(), process.said
 
 
 def read_cyclictest(text: str) -> Lateness | None:

@@ -20,9 +20,6 @@ def pyplot() -> Any:
 
 def check_picture(path: str) -> None:
     """That a picture can be drawn, of the kind that the file's name says. Raises MissingExtraError, ConfigError."""
-    plt = pyplot()
-    figure = plt.figure()
-    kinds = sorted(figure.canvas.get_supported_filetypes())
-    plt.close(figure)
+    kinds = sorted(pyplot().FigureCanvasBase.get_supported_filetypes())
     if os.path.splitext(path)[1].removeprefix(".") not in kinds:
         raise ConfigError(f"{path}: pictures end in .{', .'.join(kinds)}")

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable
 from importlib.util import find_spec
 from typing import NamedTuple
 
-from hil.bench.harness import READY_S, ROOT, Bench, await_vehicle, open_text
+from hil.bench.harness import ROOT, Bench, await_vehicle, open_text
 from hil.clock import NS_PER_MS, now_ns, to_wall_ns
 from hil.errors import ConfigError, NetworkError
 
@@ -72,9 +72,9 @@ def time_floor(bench: Bench, code: str) -> float:
     Raises NetworkError when it fails.
     """
     process = bench.start("floor", [sys.executable, "-c", code], limited=True)
-    os.waitid(os.P_PID, process.pid, os.WEXITED | os.WNOWAIT)  # at once; a wait with a timeout looks now and then
+    failed = process.join()
     took = (now_ns() - process.exec_ns) / NS_PER_MS
-    if process.wait(READY_S):
+    if failed:
         raise NetworkError(f"python -c {code!r} failed: {process.last_words}")
     return took
 

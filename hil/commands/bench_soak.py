@@ -21,7 +21,7 @@ from hil.commands.bench_options import (
     show,
 )
 from hil.commands.parser import new_parser
-from hil.errors import ConfigError
+from hil.errors import STOPPED, ConfigError
 from hil.stop import StopSignals
 
 EXAMPLES = """\
@@ -35,7 +35,6 @@ examples:
   uuv-hil bench soak --hours 0.05 --every 2 --leave-every 30
 """
 FOUND = 1
-STOPPED = 130
 LATE_S = 1.0  # a return that takes longer is told
 LEAK_AFTER_S = 1800.0  # before, caches and buffers that fill once look like one
 # What the record and the picture have: a field of Look, what it is called, its unit, whether it is in the picture.

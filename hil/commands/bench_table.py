@@ -22,7 +22,7 @@ from hil.commands.bench_options import (
     show,
 )
 from hil.commands.parser import new_parser
-from hil.errors import ConfigError, HilError
+from hil.errors import STOPPED, ConfigError, HilError
 from hil.process import boot_id
 from hil.schema import preset_names
 
@@ -41,7 +41,6 @@ examples:
   uuv-hil bench table --json today.json --against yesterday.json --png table.png
 """
 BUDGET_MISSED = 1
-STOPPED = 130
 Ended = HilError | KeyboardInterrupt
 OF_SLAVE_ALONE = ("slave.", "stm32", "link.", "sensors.")  # keys of a scenario that say nothing to its master
 
@@ -58,8 +57,8 @@ def main(arguments: list[str]) -> int:
     earlier = [column for path in options.against for column in _earlier(path)]
     if options.slave and (options.cpus or options.cpu_quota or options.memory):
         raise ConfigError("command line: --cpus, --cpu-quota and --memory limit a slave started here, not --slave")
-    unheard = [key for key in changes_of(options) if options.slave and key.startswith(OF_SLAVE_ALONE)]
-    if unheard and unheard != ["slave.node"]:
+    unheard = [key for key in changes_of(options) if key.startswith(OF_SLAVE_ALONE) and key != "slave.node"]
+    if options.slave and unheard:
         raise ConfigError(f"command line: --set {unheard[0]}: nobody tells a slave elsewhere; set it there")
     board = _board(options)
     record, failures = _measure(options)

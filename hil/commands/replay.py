@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from hil.clock import NS_PER_S, now_ns
 from hil.commands.parser import new_parser
 from hil.config import Scenario
-from hil.errors import ConfigError, MissionError, NetworkError
+from hil.errors import STOPPED, ConfigError, MissionError, NetworkError
 from hil.stop import StopSignals
 from hil.topics import COMMANDS
 from hil.transport import ros
@@ -83,7 +83,7 @@ def _play(options: argparse.Namespace, stop_fd: int) -> int:
         is_heard = session.audience("0/**")
         while not is_heard() and now_ns() < deadline:
             if select.select((stop_fd,), (), (), WAIT_STEP_S)[0]:
-                return 130
+                return STOPPED
         player = Player(session)
         began = now_ns()
         seconds = pace(messages, options.speed, stop_fd, player.send)

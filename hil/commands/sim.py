@@ -7,6 +7,7 @@ from hil.cases.simulated import SimulatedVehicle, Watch, fly
 from hil.clock import NS_PER_S, RateKeeper, now_ns, seconds_ns
 from hil.commands.parser import new_parser
 from hil.config import load_scenario
+from hil.errors import STOPPED
 from hil.master.flight import Outcome, prepare, require_success
 from hil.master.planner import Planner
 
@@ -59,7 +60,7 @@ def main(arguments: list[str]) -> int:
     if flight and options.plot:
         flight.draw(options.plot)
     if outcome is None:
-        return 130
+        return STOPPED
     require_success(outcome)
     return 0
 

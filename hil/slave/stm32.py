@@ -169,6 +169,11 @@ class Mended(ThrusterDriver):
         return driver.children if driver else ()
 
     @property
+    def lost(self) -> bool:  # type: ignore[override]
+        """Whether there is no driver."""
+        return self._driver is None
+
+    @property
     def pwm_us(self) -> Sequence[int]:
         """Neutral while there is no link: that is what the STM32's watchdog does with a silent one."""
         driver = self._driver  # another thread asks too
@@ -233,7 +238,7 @@ class Mended(ThrusterDriver):
         assert self._driver is not None
         self._report(f"thruster link lost, thrusters neutral: {error}")
         self.losses += 1
-        self.lost, self.silent, self._asked_ns = True, False, 0
+        self.silent, self._asked_ns = False, 0
         self._lost_ns, self._look_ns = now, now + LOOK_NS
         lost, self._driver = self._driver, None
         self._opening = _Opening(lost, self._open)
@@ -245,7 +250,6 @@ class Mended(ThrusterDriver):
         if found:
             self._driver = self._last = found
             self._opening = None
-            self.lost = False
             self._report(f"thruster link back after {(now - self._lost_ns) / NS_PER_S:.1f} s: {found.port}")
         return found
 

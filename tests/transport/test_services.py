@@ -5,6 +5,7 @@ import select
 import threading
 import time
 from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from typing import Any
 
 import pytest
@@ -123,12 +124,19 @@ def test_a_service_that_is_not_there(both: tuple[Serving, Session]) -> None:
         call(master, "/uuv1/arm", SET_BOOL, {"date": True})
 
 
-def test_calls_beyond_the_queue_go_without_an_answer_and_harm_nothing() -> None:
+@contextmanager
+def unattended() -> Iterator[tuple[Server, Session]]:
+    """A server that answers when the test lets it, and who calls."""
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     with listen(endpoint) as slave, dial(endpoint) as master:
         server = Server(slave, Node(slave, "uuv1"))
         server.offer("/uuv1/arm", SET_BOOL, lambda request: {"success": request["data"]})
         assert wait_for(lambda: len(master.tokens(graph.ALL)) == 2, 5.0)
+        yield server, master
+
+
+def test_calls_beyond_the_queue_go_without_an_answer_and_harm_nothing() -> None:
+    with unattended() as (server, master):
         payload, attachment = HEADER + b"\1", ros.pack_attachment(1, 2, bytes(16))
         pending = [
             master._session.get(
@@ -151,11 +159,7 @@ def test_calls_beyond_the_queue_go_without_an_answer_and_harm_nothing() -> None:
 
 def test_one_call_is_answered_a_turn() -> None:
     """And the descriptor stays readable while another waits."""
-    endpoint = f"tcp/127.0.0.1:{free_port()}"
-    with listen(endpoint) as slave, dial(endpoint) as master:
-        server = Server(slave, Node(slave, "uuv1"))
-        server.offer("/uuv1/arm", SET_BOOL, lambda request: {"success": request["data"]})
-        assert wait_for(lambda: len(master.tokens(graph.ALL)) == 2, 5.0)
+    with unattended() as (server, master):
         threads = [threading.Thread(target=call, args=(master, "/uuv1/arm", SET_BOOL)) for _ in range(3)]
         for thread in threads:
             thread.start()
