@@ -69,9 +69,11 @@ class Core:
 
         Raises DeviceError when the program does what no program can.
         """
-        if self.sleeping and not self._nvic.urgent:
-            return
-        self.sleeping = False
+        if self.sleeping:
+            if not self._nvic.urgent:
+                return
+            self.sleeping = False
+            self._engine.lift_mask()  # programs look whether there is work, and fall asleep, with interrupts off
         for _ in range(TURNS):
             if self._nvic.urgent:
                 self._take()

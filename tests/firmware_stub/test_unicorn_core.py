@@ -100,11 +100,14 @@ def test_masks_hold_an_exception_back_until_they_are_lifted(main: bytes, order: 
     assert trace(board(SETUP + main, systick=NOTE_2 + RETURN)) == order
 
 
-def test_a_masked_exception_wakes_the_core_but_waits() -> None:
-    masked = board(SETUP + SYSTICK_1MS + CPSID + WFI + NOTE_1 + CPSIE + NOTE_3, systick=NOTE_2 + RETURN)
+@pytest.mark.parametrize(
+    ("awake", "order"), [(NOTE_1 + CPSIE + NOTE_3, 0x123), (CPSIE + NOTE_1 + NOTE_3, 0x213), (NOTE_1 + NOTE_3, 0x13)]
+)
+def test_a_masked_exception_wakes_the_core_but_waits(awake: bytes, order: int) -> None:
+    masked = board(SETUP + SYSTICK_1MS + CPSID + WFI + awake, systick=NOTE_2 + RETURN)
     assert trace(masked) == 0
     masked.run_until(MS)
-    assert trace(masked) == 0x123
+    assert trace(masked) == order
 
 
 @pytest.mark.parametrize(("priority", "order"), [(SYSTICK_LAST, 0x1232), (SYSTICK_LAST + PENDSV_LAST, 0x1223)])
