@@ -13,6 +13,7 @@ import socket
 import subprocess
 import tempfile
 import time
+from contextlib import ExitStack
 from typing import Any
 
 from firmware_stub.image import IMAGE, PARAMETERS_ADDRESS, parameters
@@ -34,31 +35,29 @@ class QemuStm32:
 
     `wire` is the host's end of its USART; what nobody reads is lost, after some hundred bytes.
 
-    Raises DeviceError without QEMU, or if the firmware says nothing.
+    Raises DeviceError without QEMU, if it does not start, or if the firmware says nothing.
     """
 
     def __init__(self, channels: int = 6, watchdog: float = 0.2, cpu: int | None = None) -> None:
         if not shutil.which(PROGRAM):
             raise DeviceError(f"no {PROGRAM}: sudo apt install --no-install-recommends {PROGRAM}")
         in_flash = parameters(channels, watchdog)
-        self._folder = tempfile.TemporaryDirectory(prefix="uuv-hil-qemu-")
-        self._monitor = os.path.join(self._folder.name, "qmp")
-        with open(os.path.join(self._folder.name, "parameters"), "wb") as file:
-            file.write(in_flash)
         self._channels = channels
-        self.wire = _Usart()
         self._qmp: _Qmp | None = None
-        self._process = subprocess.Popen(
-            self._command(file.name), stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, start_new_session=True
-        )
-        self.pid = self._process.pid
-        try:
+        with ExitStack() as held:  # whatever fails on the way, nothing of it stays
+            folder = held.enter_context(tempfile.TemporaryDirectory(prefix="uuv-hil-qemu-"))
+            self._monitor = os.path.join(folder, "qmp")
+            with open(os.path.join(folder, "parameters"), "wb") as file:
+                file.write(in_flash)
+            self.wire = _Usart()
+            held.callback(self.wire.close)
+            self._process = self._start(file.name)
+            held.callback(self._end)
+            self.pid = self._process.pid
             if cpu is not None:
                 os.sched_setaffinity(self.pid, {cpu})
             self._wait_for_its_first_byte()
-        except BaseException:
-            self.close()
-            raise
+            self._held = held.pop_all()
 
     def pwm_us(self) -> tuple[int, ...]:
         """What stands in the timers' compare registers (us), read by QEMU and not by the firmware."""
@@ -69,13 +68,21 @@ class QemuStm32:
 
     def close(self) -> None:
         """End it and remove its files. Closing twice is harmless."""
-        self.wire.close()
+        self._held.close()
+
+    def _start(self, parameters_path: str) -> subprocess.Popen[bytes]:
+        command = self._command(parameters_path)
+        try:
+            return subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, start_new_session=True)
+        except OSError as error:
+            raise DeviceError(f"{PROGRAM}: cannot be started: {error.strerror}") from None
+
+    def _end(self) -> None:
         if self._qmp is not None:
             self._qmp.close()
             self._qmp = None
         self._process.kill()  # it holds nothing that could be lost
         self._process.communicate()
-        self._folder.cleanup()
 
     def _command(self, parameters_path: str) -> list[str]:
         # Multiplexed, as QEMU then reads ahead and hands on the next byte when the firmware takes one; otherwise each
@@ -117,12 +124,12 @@ class _Usart(DescriptorWire):
     """The host's end of its USART: it sends a datagram a byte. Bound before it starts, so that no word is lost."""
 
     def __init__(self) -> None:
-        usart = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        usart.setblocking(False)
-        usart.bind((HERE, 0))
-        self.port: int = usart.getsockname()[1]
-        usart.connect((THERE, self.port))  # nobody else is heard
-        super().__init__(usart.detach(), f"{PROGRAM} udp://{THERE}:{self.port}")
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as usart:
+            usart.setblocking(False)
+            usart.bind((HERE, 0))
+            self.port: int = usart.getsockname()[1]
+            usart.connect((THERE, self.port))  # nobody else is heard
+            super().__init__(usart.detach(), f"{PROGRAM} udp://{THERE}:{self.port}")
 
     def read(self) -> bytes:
         """The bytes that have come in, or b"". Raises DeviceError when QEMU is gone, which a write brings out."""

@@ -122,9 +122,6 @@ def rules(tree: Tree, service: Service, board: Board | None) -> str:
     if device.startswith("/dev/"):
         if not DEVICE.fullmatch(device):
             raise ConfigError(f"{device!r} cannot stand in a rule: letters, digits, _ # + : = @ . / - only")
-        plain, at, baud = device.rpartition("@")
-        if at and baud.isdecimal() and not tree.exists(device):
-            raise ConfigError(f"{device}: there is no such device; for the speed of {plain} give [link] baud = {baud}")
         name = device.removeprefix("/dev/")
         # The kernel's names are tty and more; all others are links, and matched as such: what they lead to may change.
         own = re.fullmatch(r"tty[A-Za-z]+[0-9]+", name) and not tree.link(device)

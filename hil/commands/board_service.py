@@ -14,7 +14,7 @@ from hil.commands import board_changes, board_check, board_install
 from hil.commands.board_changes import Plan
 from hil.commands.board_install import MANAGER, NAME, Service
 from hil.commands.doctor_board import memory_limit
-from hil.commands.doctor_case import Case, User
+from hil.commands.doctor_case import Case, User, accounts
 from hil.errors import ConfigError
 
 Command = tuple[str, ...]
@@ -89,7 +89,7 @@ def check_user(tree: Tree, user: str) -> None:
         raise ConfigError(
             f"--user: {user!r} cannot be meant: name the user that the slave is to run as; it needs no root"
         )
-    known = [line.partition(":")[0] for line in tree.text("/etc/passwd").splitlines()]
+    known = [row.name for row in accounts(tree, "/etc/passwd")]
     if known and user not in known:
         raise ConfigError(f"--user: there is no user {user!r} here; make one: sudo useradd --system -G dialout {user}")
 

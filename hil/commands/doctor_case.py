@@ -67,8 +67,8 @@ class Case(NamedTuple):
 
 
 def accounts(tree: Tree, file: str) -> list[Account]:
-    """The users or groups that a machine has in its /etc/passwd or /etc/group."""
-    rows = re.findall(r"^([^:\n]+):[^:\n]*:([0-9]{1,10}):([^:\n]*)", tree.text(file), re.MULTILINE)
+    """The users or groups that a machine has in its /etc/passwd or /etc/group; comments and broken lines are none."""
+    rows = re.findall(r"^[ \t]*([^:#\s][^:\n]*):[^:\n]*:([0-9]{1,10}):([^:\n]*)", tree.text(file), re.MULTILINE)
     return [Account(name, int(number), fourth) for name, number, fourth in rows]
 
 

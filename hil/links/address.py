@@ -7,7 +7,8 @@ rs485:/dev/ttyUSB0                the same with a driver that switches the direc
 tcp://127.0.0.1:5760              the STM32's end listens there, the host's end connects
 udp://127.0.0.1:5760              likewise with datagrams; 0.0.0.0 listens to other machines too
 can:socketcan:can0                a CAN interface of the kernel
-can:slcan:/dev/ttyACM0            a CAN adapter that speaks the Lawicel text protocol
+can:slcan:/dev/ttyACM0            a CAN adapter that speaks the Lawicel text protocol; like that of any serial
+                                  device its speed is no part of the address
 can:virtual:bus0                  a bus within this process
 can:udp_multicast:239.74.163.2    a bus between the processes of this machine
 can:INTERFACE:CHANNEL             any other interface of the python-can package
@@ -39,23 +40,16 @@ class Address(NamedTuple):
 
 
 def parse_address(text: str) -> Address:
-    """The parts of an address. Raises ConfigError that lists the forms there are."""
-    scheme, _, rest = text.partition(":")
-    if text.startswith("/"):
-        return Address("uart", text)
-    if scheme == "pty" and rest[:1] in ("", "/"):
-        return Address("pty", rest)
-    if scheme == "rs485" and rest.startswith("/"):
-        return Address("rs485", rest)
-    if scheme in ("tcp", "udp") and rest.startswith("//"):
-        host, _, port = rest[2:].rpartition(":")
-        if host and port.isascii() and port.isdigit() and int(port) < 65_536:
-            return Address("tcp" if scheme == "tcp" else "udp", host.strip("[]"), int(port))
-    if scheme == "can":
-        interface, _, channel = rest.partition(":")
-        if interface and channel:
-            return Address("can", channel, interface=interface)
-    raise ConfigError(f"{text!r} is not the address of a wire; there are {FORMS}")
+    """The parts of an address. Raises ConfigError that lists the forms there are, or says where a speed belongs."""
+    address = _parts(text)
+    device, _, speed = address.place.rpartition("@")
+    serial = address.kind in ("uart", "rs485") or address.interface == "slcan"
+    # python-can takes a speed there. Outside /dev it may be of the name of a pty, which a person chose.
+    if serial and device.startswith("/dev/") and speed.isascii() and speed.isdigit():
+        raise ConfigError(
+            f"{text!r}: a speed is no part of it: leave @{speed} out, and set baud = {speed} in [link], or --baud"
+        )
+    return address
 
 
 def misfit(protocol: str, port: str) -> str | None:
@@ -91,6 +85,25 @@ def open_address(text: str, role: Role, baud: int = 115_200, bitrate: int = 1_00
     if not address.place:
         raise ConfigError(f"{text!r}: the host's end of a pty needs its path, as in pty:/tmp/name")
     return PtyHostWire(address.place)
+
+
+def _parts(text: str) -> Address:
+    scheme, _, rest = text.partition(":")
+    if text.startswith("/"):
+        return Address("uart", text)
+    if scheme == "pty" and rest[:1] in ("", "/"):
+        return Address("pty", rest)
+    if scheme == "rs485" and rest.startswith("/"):
+        return Address("rs485", rest)
+    if scheme in ("tcp", "udp") and rest.startswith("//"):
+        host, _, port = rest[2:].rpartition(":")
+        if host and port.isascii() and port.isdigit() and int(port) < 65_536:
+            return Address("tcp" if scheme == "tcp" else "udp", host.strip("[]"), int(port))
+    if scheme == "can":
+        interface, _, channel = rest.partition(":")
+        if interface and channel:
+            return Address("can", channel, interface=interface)
+    raise ConfigError(f"{text!r} is not the address of a wire; there are {FORMS}")
 
 
 def _open_net(address: Address, role: Role) -> Wire:

@@ -3,8 +3,10 @@
 import os
 import shutil
 import signal
+import tempfile
 import time
 from collections.abc import Callable, Iterator
+from pathlib import Path
 
 import pytest
 
@@ -146,3 +148,39 @@ def test_without_qemu_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -
     monkeypatch.setattr(qemu, "PROGRAM", "no-such-emulator")
     with pytest.raises(DeviceError, match="no no-such-emulator: sudo apt install"):
         QemuStm32()
+
+
+@pytest.fixture
+def folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Where temporary folders are made."""
+    folders = tmp_path / "temporary"
+    folders.mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(folders))
+    return folders
+
+
+@pytest.mark.parametrize(
+    ("program", "reason"),
+    [
+        ("\x7fELF of another processor", "cannot be started: Exec format error"),
+        ("#!/bin/sh\nkill -KILL $$\n", "did not come up: it says nothing"),
+    ],
+)
+def test_a_qemu_that_does_not_start_leaves_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, folders: Path, program: str, reason: str
+) -> None:
+    path = tmp_path / "qemu"
+    path.write_text(program)
+    path.chmod(0o755)
+    monkeypatch.setattr(qemu, "PROGRAM", str(path))
+    with nothing_leaks(), pytest.raises(DeviceError, match=f"^{path}: {reason}$"):
+        QemuStm32()
+    assert not os.listdir(folders)
+
+
+def test_a_usart_that_cannot_be_made_leaves_nothing(monkeypatch: pytest.MonkeyPatch, folders: Path) -> None:
+    monkeypatch.setattr(qemu, "PROGRAM", "sh")
+    monkeypatch.setattr(qemu, "THERE", "255.255.255.255")  # where a socket needs to be asked for broadcasts
+    with nothing_leaks(), pytest.raises(PermissionError):
+        QemuStm32()
+    assert not os.listdir(folders)

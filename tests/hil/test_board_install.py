@@ -116,14 +116,14 @@ def test_a_usb_can_adapter_without_the_kernel(root: Path, scenario: str, capsys:
 
 
 def test_a_can_adapter_at_a_serial_port(root: Path, scenario: str, capsys: pytest.CaptureFixture[str]) -> None:
-    """python-can knows a speed behind the device; to slcan, which is not python-can's here, it is of the name."""
+    """python-can knows a speed behind the device; slcan is not python-can's here."""
     Path(scenario).write_text(linked("can:robotell:/dev/ttyUSB0@115200", 'protocol = "vesc"'))
     assert install(root, scenario, "--yes") == 0
     assert 'SUBSYSTEM=="tty", KERNEL=="ttyUSB0", GROUP' in (root / RULES[1:]).read_text()
     assert values(root, UNIT, "DeviceAllow")[0] == "char-ttyUSB rw"
     Path(scenario).write_text(linked("can:slcan:/dev/ttyACM0@115200", 'protocol = "vesc"'))
     assert install(root, scenario, "--yes") == 2
-    assert "for the speed of /dev/ttyACM0 give [link] baud = 115200" in capsys.readouterr().err
+    assert "set baud = 115200 in [link]" in capsys.readouterr().err
 
 
 def test_names_that_would_be_patterns(root: Path, scenario: str, capsys: pytest.CaptureFixture[str]) -> None:

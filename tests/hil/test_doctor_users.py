@@ -10,10 +10,10 @@ from pathlib import Path
 import pytest
 
 from boards.tree import Tree
-from hil.commands import doctor, doctor_board, doctor_links, doctor_software
+from hil.commands import board_service, doctor, doctor_board, doctor_links, doctor_software
 from hil.commands.board_install import LIMITS as SHELLS
 from hil.commands.board_install import UNIT
-from hil.commands.doctor_case import Case, User
+from hil.commands.doctor_case import Account, Case, User, accounts
 from hil.config import Scenario, load_scenario
 from hil.errors import ConfigError
 from tests.boards.recorded import plant
@@ -168,6 +168,32 @@ def test_users_of_a_recorded_machine(
     assert doctor.find_user(Tree(str(tmp_path)), name) == user
     with pytest.raises(ConfigError, match=f"no user 'nobody' in {tmp_path}/etc/passwd"):
         doctor.find_user(Tree(str(tmp_path)), "nobody")
+
+
+BROKEN = """
+odd
+::
+:x:0:0
+few:x:7
+word:x:seven:7::
+large:x:99999999999:7::
++::::::
+#old:x:5:5::
+ pi:x:1000:1000:\u2028seen:x:6:6:/home/pi:/bin/sh
+\0\ufffd"""
+
+
+def test_what_is_no_account(tmp_path: Path) -> None:
+    """Comments and broken lines, to whoever reads the file; blanks before a name are none of it."""
+    plant(tmp_path, "etc/passwd", BROKEN)
+    tree = Tree(str(tmp_path))
+    assert accounts(tree, "/etc/passwd") == [Account("pi", 1000, "1000")]
+    board_service.check_user(tree, "pi")
+    for name in ("odd", "few", "word", "large", "seen", "old"):
+        with pytest.raises(ConfigError, match=f"there is no user '{name}'"):
+            board_service.check_user(tree, name)
+        with pytest.raises(ConfigError, match=f"there is no user '{name}'"):
+            doctor.find_user(tree, name)
 
 
 @pytest.fixture

@@ -32,6 +32,9 @@ def _no_leaks() -> Iterator[None]:
         ("tcp://[::1]:5760", Address("tcp", "::1", 5760)),
         ("can:socketcan:can0", Address("can", "can0", interface="socketcan")),
         ("can:slcan:/dev/ttyACM0", Address("can", "/dev/ttyACM0", interface="slcan")),
+        ("can:robotell:/dev/ttyUSB0@115200", Address("can", "/dev/ttyUSB0@115200", interface="robotell")),
+        ("/dev/serial/by-path/usb@14.0-port0", Address("uart", "/dev/serial/by-path/usb@14.0-port0")),
+        ("/tmp/boat@2", Address("uart", "/tmp/boat@2")),  # a pty's name, which a person chose
         ("can:udp_multicast:ff15::1", Address("can", "ff15::1", interface="udp_multicast")),
     ],
 )
@@ -46,12 +49,22 @@ def test_each_form(text: str, address: Address) -> None:
         *["", "ttyUSB0", "COM3", "serial:/dev/ttyUSB0", "pty:x", "rs485", "rs485:", "rs485:COM3"],
         *["tcp:127.0.0.1:5", "tcp://127.0.0.1", "tcp://:5760", "tcp://host:port", "TCP://host:1"],
         *["udp://host:65536", "udp://host:-1", "udp://host:²", "can:", "can:can0", "can::can0", "can:vcan:"],
+        "serial:/dev/ttyUSB0@115200",
     ],
 )
 def test_what_is_no_address(text: str) -> None:
     with pytest.raises(ConfigError) as caught:
         parse_address(text)
     assert str(caught.value).startswith(f"{text!r} is not the address of a wire; there are pty:/tmp/name, ")
+
+
+@pytest.mark.parametrize("text", ["can:slcan:/dev/ttyACM0", "/dev/ttyACM0", "rs485:/dev/ttyACM0"])
+def test_a_speed_is_no_part_of_it(text: str) -> None:
+    """python-can has it there."""
+    with pytest.raises(ConfigError) as caught:
+        parse_address(f"{text}@115200")
+    remedy = "leave @115200 out, and set baud = 115200 in [link], or --baud"
+    assert str(caught.value) == f"'{text}@115200': a speed is no part of it: {remedy}"
 
 
 def test_a_pty(tmp_path: Path) -> None:
