@@ -188,8 +188,8 @@ class Bench:
     def __init__(self, scenario: str, changes: dict[str, Any] | None = None, limits: Limits = Limits()) -> None:
         self._confinement = Confinement(limits)
         self.processes: list[Process] = []
-        self.folder = tempfile.mkdtemp(prefix="uuv-hil-bench-")
         self.endpoint = f"tcp/127.0.0.1:{free_ports(1)[0]}"
+        self.folder = tempfile.mkdtemp(prefix="uuv-hil-bench-")
         self.path = os.path.join(self.folder, "scenario.toml")
         ours: dict[str, Any] = {"slave.listen": self.endpoint}
         if limits.cpu_share:

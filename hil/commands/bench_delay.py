@@ -13,6 +13,7 @@ from hil.bench.delay_run import HOPS, Echo, Plan, Result, measure, pooled
 from hil.bench.harness import Bench
 from hil.bench.limits import Limits
 from hil.bench.record import Figure, new_record
+from hil.commands.bench_endings import Endings
 from hil.commands.bench_options import (
     add_json,
     add_limits,
@@ -78,17 +79,19 @@ def main(arguments: list[str]) -> int:
     changing = [key for key, text in given.items() if "," in text] or list(given)
     runs: dict[str, list[Result]] = {}
     labels: tuple[str, ...] = ()
-    broken: list[str] = []
-    try:
+    endings = Endings()
+    with endings.caught():
         for number, (_, case) in enumerate(itertools.product(range(options.repeat), cases), 1):
             name = case.name(changing)
-            show(f"{number} of {options.repeat * len(cases)}: {name}")
+            endings.place = f"{number} of {options.repeat * len(cases)}: {name}"
+            show(endings.place)
             result, labels = _measure(case, options, echo)
             runs.setdefault(name, []).append(result)
-    finally:  # what has been measured is told also when the rest cannot be
-        show("")
-        if runs:
-            broken = _report(runs, labels, options)
+    show("")
+    if not runs:
+        endings.raise_first()
+    broken = _report(runs, (*labels, *endings.labels), options)
+    endings.raise_first()
     return LIMIT_BROKEN if broken else 0
 
 

@@ -11,6 +11,7 @@ from hil.bench.presence import simulation_of
 from hil.bench.record import Figure, new_record
 from hil.bench.statistics import median
 from hil.columns import aligned
+from hil.commands.bench_endings import Endings
 from hil.commands.bench_options import (
     add_json,
     add_limits,
@@ -58,25 +59,33 @@ def main(arguments: list[str]) -> int:
         raise ConfigError("command line: --seconds is from 1 to 86400, --repeat at least 1")
     limits = limits_of(options)
     limits = limits if limits.cpus else limits._replace(cpus=(_last_cpu(),))
-    found: dict[float, list[Found]] = {rate: [] for rate in rates}
-    with ExitStack() as stack:
-        stack.callback(show, "")
+    found: dict[float, list[Found]] = {}
+    labels: tuple[str, ...] = ()
+    endings = Endings()
+    with endings.caught(), ExitStack() as stack:
         benches = [_bench(rate, options, limits, stack) for rate in rates]
+        labels = benches[0].labels
         for number in range(options.repeat):
             for rate, bench in zip(rates, benches, strict=True):
-                found[rate].append(_measure(rate, bench, options, number))
-        labels = benches[0].labels
+                endings.place = f"run {number + 1} of {options.repeat}: {rate:g} Hz"
+                run = _measure(bench, options.seconds, endings.place)
+                found.setdefault(rate, []).append(run)
+    show("")
+    if not found:
+        endings.raise_first()
     print("\n".join(_table(found)))
     if options.repeat > 1:
-        print(f"medians of {options.repeat} runs")
+        print(f"medians of {endings.most(options.repeat)} runs")
     print(f"pinned to processor {','.join(map(str, limits.cpus))}; behind: cycles that the schedule lacks at the end")
     print(NOTE)
     asked = {key: getattr(options, key) for key in ("scenario", "set", "seconds", "repeat")}
     figures = {name: figure for rate, runs in found.items() for name, figure in _figures(f"{rate:g} Hz", runs).items()}
-    keep(new_record("jitter", asked | {"rates": rates, "cpus": limits.cpus}, figures, labels), options)
+    asked |= {"rates": rates, "cpus": limits.cpus}
+    keep(new_record("jitter", asked, figures, (*labels, *endings.labels)), options)
     kept = all(run.slave.within >= WITHIN for runs in found.values() for run in runs)
     if options.check and not kept:
         print(f"MISSED: less than {WITHIN:.0%} of the cycles were within 2 ms")
+    endings.raise_first()
     return MISSED if options.check and not kept else 0
 
 
@@ -100,17 +109,15 @@ def _bench(rate: float, options: Any, limits: Limits, stack: ExitStack) -> Bench
     return bench
 
 
-def _measure(rate: float, bench: Bench, options: Any, number: int) -> Found:
-    run = f"{number + 1} of {options.repeat}: " if options.repeat > 1 else ""
-
+def _measure(bench: Bench, seconds: float, place: str) -> Found:
     def watch(share: float) -> None:
-        show(f"{run}{rate:g} Hz: slave {share:4.0%}")
+        show(f"{place}: slave {share:4.0%}")
 
-    show(f"{run}{rate:g} Hz: cyclictest")
-    kernel = cyclictest(bench, options.seconds / 2)
-    show(f"{run}{rate:g} Hz: bare loop")
-    bare = bare_loop(bench, options.seconds / 2)
-    return Found(kernel, bare, slave_loop(bench, options.seconds, watch))
+    show(f"{place}: cyclictest")
+    kernel = cyclictest(bench, seconds / 2)
+    show(f"{place}: bare loop")
+    bare = bare_loop(bench, seconds / 2)
+    return Found(kernel, bare, slave_loop(bench, seconds, watch))
 
 
 def _table(found: dict[float, list[Found]]) -> list[str]:

@@ -11,6 +11,7 @@ from hil.bench.plotting import pyplot
 from hil.bench.record import Figure, Record, new_record
 from hil.bench.statistics import median, spread
 from hil.columns import aligned
+from hil.commands.bench_endings import Endings
 from hil.commands.bench_options import (
     add_json,
     add_limits,
@@ -49,12 +50,18 @@ def main(arguments: list[str]) -> int:
     if not 2.0 <= options.seconds <= 86_400.0:
         raise ConfigError("command line: --seconds is from 2 to 86400")
     plan, left_out = _plan(options)
-    courses = [_run(setting, options, number, len(plan)) for number, setting in enumerate(plan)]
+    courses: list[Course] = []
+    endings = Endings()
+    with endings.caught():
+        for number, setting in enumerate(plan, 1):
+            endings.place = f"{number} of {len(plan)}: {setting.name}"
+            courses.append(_run(setting, options, endings.place))
     show("")
     done, failed = [c for c in courses if c.cpu], [c for c in courses if c.failure]
     if not done:
+        endings.raise_first()
         raise NetworkError(f"nothing could be measured: {failed[0].failure}")
-    record = _record(done, failed, left_out, options)
+    record = _record(done, failed, left_out, options, endings)
     print("\n".join(_table(courses)))
     print("more: than the scenario as it is; in brackets what cannot be told from noise; +-: the middle half's range\n")
     print("\n".join(_processes(done)))
@@ -65,6 +72,7 @@ def main(arguments: list[str]) -> int:
     keep(record, options)
     if options.png:
         _draw(done, record, options.png)
+    endings.raise_first()
     return FAILED if failed else 0
 
 
@@ -96,11 +104,11 @@ def _plan(options: Any) -> tuple[list[Setting], dict[str, str]]:
     return [s for s in wanted if not reasons[s.name]], {name: reason for name, reason in reasons.items() if reason}
 
 
-def _run(setting: Setting, options: Any, number: int, count: int) -> Course:
+def _run(setting: Setting, options: Any, place: str) -> Course:
     """One setting; that it failed is a result too, and does not cost the others theirs."""
 
     def watch(share: float) -> None:
-        show(f"{number + 1} of {count}: {setting.name} {share:4.0%}")
+        show(f"{place} {share:4.0%}")
 
     watch(0.0)
     try:
@@ -147,7 +155,9 @@ def _processes(courses: list[Course]) -> list[str]:
     return aligned(rows, rule=True)
 
 
-def _record(done: list[Course], failed: list[Course], left_out: dict[str, str], options: Any) -> Record:
+def _record(
+    done: list[Course], failed: list[Course], left_out: dict[str, str], options: Any, endings: Endings
+) -> Record:
     figures: dict[str, Figure] = {}
     for course in done:
         series = {"": (course.cpu, course.memory)}
@@ -168,7 +178,8 @@ def _record(done: list[Course], failed: list[Course], left_out: dict[str, str], 
     details |= {course.setting.name: {"failure": course.failure} for course in failed}
     keys = ("scenario", "set", "each_sensor", "rates", "vehicles", "seconds")
     asked = {key: getattr(options, key) for key in keys}
-    return new_record("load", asked, figures, done[0].labels, details | {"left out": left_out})
+    labels = *done[0].labels, *endings.labels
+    return new_record("load", asked, figures, labels, details | {"left out": left_out})
 
 
 def _draw(courses: list[Course], record: Record, path: str) -> None:

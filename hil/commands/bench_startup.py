@@ -5,9 +5,10 @@ from typing import Any
 
 from hil.bench.harness import Bench
 from hil.bench.record import Figure, new_record
-from hil.bench.startup_run import AT_MASTER, PHASES, Start, coldness, files_of_a_start, floors, start, time_floor
+from hil.bench.startup_run import AT_MASTER, PHASES, coldness, files_of_a_start, floors, start, time_floor
 from hil.bench.statistics import median, spread
 from hil.columns import aligned
+from hil.commands.bench_endings import Endings
 from hil.commands.bench_options import (
     add_json,
     add_limits,
@@ -34,6 +35,7 @@ examples:
 """
 LIMIT_BROKEN = 1
 
+Row = dict[str, float]  # what each phase of one start took, ms
 Series = dict[str, list[float]]
 
 
@@ -51,48 +53,59 @@ def main(arguments: list[str]) -> int:
     check_outputs(options)
     if options.runs < 1:
         raise ConfigError("command line: --runs is at least 1")
-    found, how, labels = _measure(options)
+    endings = Endings()
+    found, how, labels = _measure(options, endings)
+    if not found:
+        endings.raise_first()
     print(_text(found))
-    print(f"medians of {options.runs} starts each, (range of the middle half); ms")
+    print(f"medians of {endings.most(options.runs)} starts each, (range of the middle half); ms")
     for line in how:
         print(line)
     figures = {f"{row} [{kind}]": Figure(v, "ms") for kind, rows in found.items() for row, v in rows.items()}
     settings = {key: getattr(options, key) for key in ("scenario", "set", "runs", "drop_caches")}
-    keep(new_record("startup", settings, figures, labels, {"cold": how}), options)
+    keep(new_record("startup", settings, figures, (*labels, *endings.labels), {"cold": how}), options)
     took = median(found["warm"]["all"]) / 1e3
-    if options.most is not None and not took <= options.most:
+    broken = options.most is not None and not took <= options.most
+    if broken:
         print(f"LIMIT BROKEN: a warm start takes {took:.3f} s, above {options.most:g} s")
-        return LIMIT_BROKEN
-    return 0
+    endings.raise_first()
+    return LIMIT_BROKEN if broken else 0
 
 
-def _measure(options: Any) -> tuple[dict[str, Series], list[str], tuple[str, ...]]:
-    """By kind of start; how cold was made; labels."""
-    with Bench(options.scenario, changes_of(options), limits_of(options)) as bench:
+def _measure(options: Any, endings: Endings) -> tuple[dict[str, Series], list[str], tuple[str, ...]]:
+    """By kind of start, those that there are; how cold was made; labels."""
+    rows: dict[str, list[Row]] = {}
+    labels: tuple[str, ...] = ()
+    words = ""
+    with endings.caught(), Bench(options.scenario, changes_of(options), limits_of(options)) as bench:
+        labels = bench.labels
         show("the first start")
         start(bench)  # the next tells of each module, and would bury the reason of one that fails
         files = files_of_a_start(bench)
-        found, how = {"warm": _series(bench, options.runs, _leave, "warm")}, []
+        kinds = {"warm": _leave}
         if not options.warm_only:
-            drop, words = coldness(files, options.drop_caches)
-            how.append(f"cold: {words}")
-            found["cold"] = _series(bench, options.runs, drop, "cold")
-        show("")
-        return found, how, bench.labels
+            kinds["cold"], words = coldness(files, options.drop_caches)
+        for kind, before in kinds.items():
+            for number in range(options.runs):
+                endings.place = f"{kind}: {number + 1} of {options.runs}"
+                show(endings.place)
+                row = _start(bench, before)
+                rows.setdefault(kind, []).append(row)
+    show("")
+    found = {kind: {name: [row[name] for row in of_kind] for name in of_kind[0]} for kind, of_kind in rows.items()}
+    return found, [f"cold: {words}"] if "cold" in found else [], labels
 
 
-def _series(bench: Bench, runs: int, before: Callable[[], None], kind: str) -> Series:
-    starts: list[Start] = []
-    bare: Series = {name: [] for name in floors()}
-    for number in range(runs):
-        show(f"{kind}: {number + 1} of {runs}")
+def _start(bench: Bench, before: Callable[[], None]) -> Row:
+    """One start of the slave and one of each bare interpreter. Raises NetworkError."""
+    before()
+    slave = start(bench)
+    bare: Row = {}
+    for name, code in floors().items():
         before()
-        starts.append(start(bench))
-        for name, code in floors().items():
-            before()
-            bare[name].append(time_floor(bench, code))
-    phases = {name: [one.phases()[name] for one in starts] for name in (*PHASES.values(), AT_MASTER)}
-    return {**phases, "all": [one.total for one in starts], **bare}
+        bare[name] = time_floor(bench, code)
+    phases = slave.phases()
+    return {**{name: phases[name] for name in (*PHASES.values(), AT_MASTER)}, "all": slave.total, **bare}
 
 
 def _leave() -> None:

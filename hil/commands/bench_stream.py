@@ -10,6 +10,7 @@ from hil.bench.record import Better, Figure, new_record
 from hil.bench.statistics import median
 from hil.bench.stream_run import Heard, Listener, Stream, missing
 from hil.columns import aligned
+from hil.commands.bench_endings import Endings
 from hil.commands.bench_options import (
     add_json,
     add_limits,
@@ -60,14 +61,19 @@ def main(arguments: list[str]) -> int:
         )
     runs: list[Heard] = []
     labels: tuple[str, ...] = ()
-    for number in range(options.repeat):
-        heard, labels = _listen(options, number)
-        runs.append(heard)
+    endings = Endings()
+    with endings.caught():
+        for number in range(options.repeat):
+            endings.place = f"run {number + 1} of {options.repeat}"
+            heard, labels = _listen(options, endings.place)
+            runs.append(heard)
     show("")
+    if not runs:
+        endings.raise_first()
     streams = _by_topic(runs)
     print("\n".join(_table(streams)))
     if options.repeat > 1:
-        print(f"medians of {options.repeat} runs of {options.seconds:g} s")
+        print(f"medians of {endings.most(options.repeat)} runs of {options.seconds:g} s")
     dead = [topic for topic, of_runs in streams.items() if _dead(of_runs, options.seconds)]
     if dead:
         print(f"nothing came on {', '.join(dead)}, though a slave of this scenario should send it")
@@ -75,9 +81,9 @@ def main(arguments: list[str]) -> int:
     for warning in warnings:
         print(f"WARNING: {warning}")
     settings = {key: getattr(options, key) for key in ("scenario", "set", "slave", "seconds", "repeat")}
-    keep(
-        new_record("stream", settings, _figures(streams, bool(options.slave)), labels, {"warnings": warnings}), options
-    )
+    figures = _figures(streams, bool(options.slave))
+    keep(new_record("stream", settings, figures, (*labels, *endings.labels), {"warnings": warnings}), options)
+    endings.raise_first()
     return 0
 
 
@@ -93,17 +99,16 @@ def _parser() -> Any:
     return parser
 
 
-def _listen(options: Any, number: int) -> tuple[Heard, tuple[str, ...]]:
+def _listen(options: Any, place: str) -> tuple[Heard, tuple[str, ...]]:
     """One run, and the labels of its figures."""
-    run = f"{number + 1} of {options.repeat}: " if options.repeat > 1 else ""
 
     def watch(share: float) -> None:
-        show(f"{run}listening for {options.seconds:g} s {min(share, 1.0):4.0%}")
+        show(f"{place}: listening for {options.seconds:g} s {min(share, 1.0):4.0%}")
 
     with ExitStack() as stack:
         stack.callback(show, "")
         if options.slave:
-            show(f"{run}waiting for {options.slave}")
+            show(f"{place}: waiting for {options.slave}")
             listener = stack.enter_context(Listener(options.slave, load_scenario(options.scenario)))
             heard = listener.listen(options.seconds, None, watch)
             return heard, labels_of(listener.client.diagnostics())

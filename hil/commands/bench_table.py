@@ -11,6 +11,7 @@ from hil.bench.board_table import HERE, Column
 from hil.bench.harness import Bench, await_vehicle, labels_of
 from hil.bench.record import Figure, Record, load, new_record, write_text
 from hil.bench.table_run import Run, figures, fly
+from hil.commands.bench_endings import Endings
 from hil.commands.bench_options import (
     add_json,
     add_limits,
@@ -22,7 +23,7 @@ from hil.commands.bench_options import (
     show,
 )
 from hil.commands.parser import new_parser
-from hil.errors import STOPPED, ConfigError, HilError
+from hil.errors import ConfigError
 from hil.process import boot_id
 from hil.schema import preset_names
 
@@ -41,14 +42,13 @@ examples:
   uuv-hil bench table --json today.json --against yesterday.json --png table.png
 """
 BUDGET_MISSED = 1
-Ended = HilError | KeyboardInterrupt
 OF_SLAVE_ALONE = ("slave.", "stm32", "link.", "sensors.")  # keys of a scenario that say nothing to its master
 
 
 def main(arguments: list[str]) -> int:
     """Measure and print; 0, or 1 with --check when a budget is missed. Raises HilError.
 
-    When a run fails after others, or is stopped, those are told all the same, and the code is that of the error.
+    When a run fails after others, or is stopped, those are told all the same before it is raised.
     """
     options = _parser().parse_args(arguments)
     check_outputs(options)
@@ -61,21 +61,19 @@ def main(arguments: list[str]) -> int:
     if options.slave and unheard:
         raise ConfigError(f"command line: --set {unheard[0]}: nobody tells a slave elsewhere; set it there")
     board = _board(options)
-    record, failures = _measure(options)
+    endings = Endings()
+    record = _measure(options, endings)
     ours = board_table.columns_of(record)
     columns = [*board_table.paper(), *earlier, *(_named(column) for column in ours)]
     print(board_table.text(columns))
-    runs = f"up to {options.repeat}" if failures else options.repeat
-    print(f"medians of {runs} runs of {options.seconds:g} s; (range of the middle half)")
+    print(f"medians of {endings.most(options.repeat)} runs of {options.seconds:g} s; (range of the middle half)")
     for line in (*board_table.remarks(earlier), *_said(record)):
         print(line)
     keep(record, options)
     _write(columns, options)
-    for place, error in failures.items():
-        print(f"RUN FAILED: {place}: {error}" if isinstance(error, HilError) else f"STOPPED: {place}")
     broken = _check(ours, record, board) if options.check else 0
-    codes = [error.exit_code if isinstance(error, HilError) else STOPPED for error in failures.values()]
-    return next(iter(codes), broken)
+    endings.raise_first()
+    return broken
 
 
 def _parser() -> Any:
@@ -98,23 +96,20 @@ def _parser() -> Any:
     return parser
 
 
-def _measure(options: Any) -> tuple[Record, dict[str, Ended]]:
-    """The record, and what ended the runs of a slave before their time, which it raises when there is none at all."""
+def _measure(options: Any, endings: Endings) -> Record:
+    """The record. What ended the runs of a slave before their time is raised when there is none at all."""
     changes = {"recording.master": False, **changes_of(options), "master.time_limit": options.seconds}
     found: dict[str, Figure] = {}
     details: dict[str, Any] = {}
     labels: list[str] = []
-    failures: dict[str, Ended] = {}
     for endpoint in options.slave or [""]:
         name = endpoint or HERE
-        with Bench(options.scenario, changes, limits_of(options)) as bench:
-            runs: list[Run] = []
-            try:
-                _repeat(bench, options.repeat, endpoint, runs)
-            except (HilError, KeyboardInterrupt) as error:
-                failures[f"{name}: run {len(runs) + 1} of {options.repeat}"] = error
-            show("")
+        runs: list[Run] = []
+        endings.place = f"{name}: run 1 of {options.repeat}"
+        with endings.caught(), Bench(options.scenario, changes, limits_of(options)) as bench:
             labels += bench.labels
+            _repeat(bench, options.repeat, endpoint, runs, endings)
+        show("")
         if runs:
             labels += labels_of(runs[-1].slave) if endpoint else ()
             found |= {f"{row} @ {endpoint}" if endpoint else row: figure for row, figure in figures(runs).items()}
@@ -123,15 +118,15 @@ def _measure(options: Any) -> tuple[Record, dict[str, Ended]]:
                 "notes": sorted({text for run in runs for text in run.notes}),
                 "warnings": sorted({text for run in runs for text in run.warnings}),
             }
-        if any(isinstance(error, KeyboardInterrupt) for error in failures.values()):
+        if endings.stopped:
             break
     if not found:
-        raise next(iter(failures.values()))
+        endings.raise_first()
     settings = {key: getattr(options, key) for key in ("scenario", "set", "slave", "repeat", "seconds")}
-    return new_record("table", settings, found, dict.fromkeys(labels), details), failures
+    return new_record("table", settings, found, dict.fromkeys((*labels, *endings.labels)), details)
 
 
-def _repeat(bench: Bench, times: int, endpoint: str, runs: list[Run]) -> None:
+def _repeat(bench: Bench, times: int, endpoint: str, runs: list[Run], endings: Endings) -> None:
     """Add runs, one by one, so that those before one that fails are not lost. Raises HilError."""
     if not endpoint:
         show("warming the caches")
@@ -140,7 +135,8 @@ def _repeat(bench: Bench, times: int, endpoint: str, runs: list[Run]) -> None:
             await_vehicle(client, warm)
         warm.stop()
     for number in range(times):
-        show(f"{endpoint or HERE}: run {number + 1} of {times}")
+        endings.place = f"{endpoint or HERE}: run {number + 1} of {times}"
+        show(endings.place)
         runs.append(fly(bench, number, endpoint))
 
 

@@ -414,7 +414,9 @@ def test_what_was_measured_before_an_interrupt_is_told(tmp_path: Path) -> None:
         assert wait_for(lambda: len(list(tmp_path.glob("uuv-hil-bench-*/slave-*.log"))) >= 3, 60)
         assert program.stop(signal.SIGINT) == 130
     assert "STOPPED: this machine: run" in program.output
-    assert 1 <= len(load(str(tmp_path / "table.json")).figures["startup"].values) < 99
+    record = load(str(tmp_path / "table.json"))
+    assert 1 <= len(record.figures["startup"].values) < 99
+    assert record.labels[-1].startswith("STOPPED: this machine: run")
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
