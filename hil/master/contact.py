@@ -43,7 +43,7 @@ class Contact:
         self._patience_s = lease + GRACE_S
         self._turn = threading.Lock()  # of coming and going, which two threads see
         self._asked: tuple[int, ...] = ()  # when our last pings were sent
-        self._tell: Callable[[bytes], None] | None = None  # how an answer came
+        self._tell: Callable[[bytes], None] | None = None  # as a master: how an answer came
         self._closing = threading.Event()
         self._withdraw: Callable[[], None] | None = None
         self._arrival: threading.Thread | None = None
@@ -93,7 +93,11 @@ class Contact:
                 self._is_there(False)
             sent = to_wall_ns(now_ns())
             self._asked = (*self._asked[1 - ASKED :], sent)
-            self._send(PING.pack(self._gid, sent, 0, 0))
+            ping = PING.pack(self._gid, sent, 0, 0)
+            if self._tell:
+                self._tell(ping)
+            if not self._tell or not self.told:  # not a master, or nothing says yet that it is heard as one
+                self._send(ping)
 
     def _pause(self) -> float:
         """Until the next ping; no longer than patience lasts."""
@@ -133,6 +137,7 @@ class Contact:
                 return
             self.present = present
         if not present:
+            self.told = None  # it may come back with other rights for us
             self.losses += 1
             self._lost_ns = now_ns()
             self._report(f"{self._node} at {self._session.name} is gone; trying to reach it again")

@@ -17,8 +17,9 @@ from hil.transport.tokens import PING, PONG, Part, Presence, clock_keys, read_cl
 if TYPE_CHECKING:
     from hil.transport.security import Security
 
-WAITING = 16  # pings that may wait for the reader
+WAITING = 16  # pings that may wait for the reader; half of that for all but masters
 MOST_THERE = 32  # that are told apart, of each part
+PINGS_A_S = 200  # that are answered of all but masters: so many observers, and some to spare
 
 
 class Contacts:
@@ -40,8 +41,10 @@ class Contacts:
         self.lost = 0
         ping, pong, masters_ping = clock_keys(node)
         self._answer = session.sender(pong)
-        session.receive(ping, self._take_ping, WAITING)
-        session.receive(masters_ping, self._take_masters_ping, WAITING)
+        self._pings = (
+            session.receive(ping, self._take_ping, WAITING // 2, PINGS_A_S),
+            session.receive(masters_ping, self._take_masters_ping, WAITING),
+        )
         session.free_links()
         serve_last(session, node, outbox.catch_up)
         watch_presence(session, node, self._meet)
@@ -57,6 +60,7 @@ class Contacts:
             "masters": " ".join([master.who for master in masters]),
             "observers": str(len(self._there["observer"])),
             "masters_lost": str(self.lost),
+            "pings_dropped": str(sum([pings.lost for pings in self._pings])),
         }
         clock = inbox.clocks.get(inbox.master)
         estimate = clock.at(to_wall_ns(now_ns())) if clock else None
@@ -97,19 +101,24 @@ class Contacts:
         came = to_wall_ns(now_ns())
         ping = self._read(payload)
         if ping:
-            sender, sent, _, _ = ping
-            clock = self._inbox.clocks.get(sender)
-            estimate = clock.at(came) if clock else None
-            told = estimate if estimate else (0, -1, 0.0)
-            self._answer(PONG.pack(sender, sent, came, to_wall_ns(now_ns()), *told))
+            self._tell_time(ping[0], ping[1], came)
 
     def _take_masters_ping(self, payload: bytes) -> None:
-        """It ends the exchange that our answer began."""
+        """It asks too, or ends the exchange that our answer began."""
         came = to_wall_ns(now_ns())
         ping = self._read(payload)
         if ping:
             sender, sent, answered, answer_came = ping
-            self._clock_of(sender).add(answered, answer_came, sent, came)
+            if answered:
+                self._clock_of(sender).add(answered, answer_came, sent, came)
+            else:
+                self._tell_time(sender, sent, came)
+
+    def _tell_time(self, sender: bytes, sent: int, came: int) -> None:
+        clock = self._inbox.clocks.get(sender)
+        estimate = clock.at(came) if clock else None
+        told = estimate if estimate else (0, -1, 0.0)
+        self._answer(PONG.pack(sender, sent, came, to_wall_ns(now_ns()), *told))
 
     def _read(self, payload: bytes) -> tuple[Any, ...] | None:
         ping = read_clock(PING, payload)

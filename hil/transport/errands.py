@@ -10,11 +10,41 @@ import threading
 from _queue import SimpleQueue  # the whole module loads threads and heaps
 from collections.abc import Callable
 from contextlib import suppress
+from math import inf
 from typing import Any
 
 import zenoh
 
+from hil.clock import NS_PER_S, now_ns
+
 Errand = tuple[Callable[[Any], None], Any]
+
+
+class Door:
+    """Lets items in for `use`, no more than `rate` in a second, while fewer than `most` wait; `lost` counts the others.
+
+    The first of each second are let in, not one after each pause: so who comes at times gets in beside a crowd that
+    is not much above the rate.
+    """
+
+    def __init__(
+        self, waiting: "SimpleQueue[Errand | None]", use: Callable[[Any], None], most: float, rate: float
+    ) -> None:
+        self._waiting, self._use, self._most, self._rate = waiting, use, most, rate
+        self._second_ns = 0  # when it began,
+        self._left = rate  # and how many may still come in it
+        self.lost = 0
+
+    def take(self, item: Any) -> None:
+        """Called in a thread of the library, which a flood must not keep busy."""
+        now = now_ns()
+        if now - self._second_ns >= NS_PER_S:
+            self._second_ns, self._left = now, self._rate
+        if self._left < 1 or self._waiting.qsize() >= self._most:
+            self.lost += 1
+        else:
+            self._left -= 1
+            self._waiting.put((self._use, item))
 
 
 class Errands:
@@ -34,13 +64,11 @@ class Errands:
 
     def queue(self, use: Callable[[Any], None], most: float) -> Callable[[Any], None]:
         """What takes an item that `use` shall see; while `most` wait it is lost."""
-        waiting = self._waiting
+        return self.door(use, most).take
 
-        def take(item: Any) -> None:
-            if waiting.qsize() < most:
-                waiting.put((use, item))
-
-        return take
+    def door(self, use: Callable[[Any], None], most: float, rate: float = inf) -> Door:
+        """The same, which also counts what is lost, and loses what comes beyond `rate` in a second."""
+        return Door(self._waiting, use, most, rate)
 
     def run(self) -> None:
         """Until `end` is called."""

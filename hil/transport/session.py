@@ -20,7 +20,7 @@ from hil.transport.publisher import Publisher, is_matched
 from hil.transport.settings import Network, settings
 
 if TYPE_CHECKING:
-    from hil.transport.errands import Errands
+    from hil.transport.errands import Door, Errands
     from hil.transport.security import Security
 
 ASKING = 8  # queries that may wait for a reader at once
@@ -161,13 +161,15 @@ class Session:
 
         return send
 
-    def receive(self, key: str, deliver: Callable[[bytes], None], depth: int) -> None:
+    def receive(self, key: str, deliver: Callable[[bytes], None], depth: int, rate: float = inf) -> "Door":
         """Call `deliver(payload)` for what comes on such a key, in one thread for all that comes seldom.
 
-        It must be quick and must not raise. What comes while `depth` messages wait is dropped.
+        It must be quick and must not raise. What comes while `depth` messages wait, or beyond `rate` in a second, is
+        dropped, and counted by what this gives.
         """
-        handler = self._seldom(lambda sample: deliver(sample.payload.to_bytes()), depth)
-        self._session.declare_subscriber(key, handler)
+        door = self._for_errands().door(lambda sample: deliver(sample.payload.to_bytes()), depth, rate)
+        self._session.declare_subscriber(key, zenoh.handlers.Callback(door.take, indirect=False))
+        return door
 
     @property
     def zid(self) -> str:

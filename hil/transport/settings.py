@@ -24,6 +24,10 @@ VISIT_WAIT_MS = 500  # that one attempt of a visitor takes at most
 # Bytes that one message to a role may have.
 LARGEST = {"slave": 1 << 20, "master": 1 << 26, "visitor": 1 << 26, "router": 1 << 26, "imaging": 1 << 20}
 LARGEST_PICTURE = 1 << 26  # which a slave gets from its imaging process
+# Where all but masters ping a slave, and how many of them a second it lets in over each link: what is beyond costs it
+# next to nothing. Not behind a router, where they share a link, and one that comes just after another would be lost.
+PINGS = "uuv_hil/*/ping"  # as in hil.transport.tokens, which is not loaded before the vehicle is ready
+PINGS_HZ = 250.0
 # That a large message may take on a slow network (one of n batches at most 2^n ms), before the rest is left out.
 LARGE_WAIT_US = 1_000_000
 # That what must not be left out, a recording that is played, waits for a network that takes nothing, before the link
@@ -134,6 +138,9 @@ def settings(
     if table["mode"] == "client":
         wait_ms = VISIT_WAIT_MS if role in ("visitor", "imaging") else ROUTER_WAIT_MS
         table["connect"] |= {"timeout_ms": wait_ms, "exit_on_failure": True}
+    if role == "slave" and network.mode == "direct":
+        rules = [{"key_expr": PINGS, "freq": PINGS_HZ}]
+        table["downsampling"] = [{"messages": ["put", "delete"], "flows": ["ingress"], "rules": rules}]
     if security:
         from hil.transport.security import access, tls  # no session without certificates pays for it
 

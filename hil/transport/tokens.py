@@ -54,9 +54,10 @@ def last_key(node: str, topic: str) -> str:
 
 
 def clock_keys(node: str) -> tuple[str, str, str]:
-    """Where anyone asks a node for its time, where it answers, and where masters tell it how the answer came.
+    """Where anyone asks a node for its time, where it answers, and where masters ask it and tell how the answer came.
 
-    By the last it judges how old their commands are, so it is only for those who may command.
+    By the last it judges how old their commands are, so it is only for those who may command, and no others who ask
+    stand in their way.
     """
     return f"uuv_hil/{node}/ping", f"uuv_hil/{node}/pong", f"uuv_hil/{node}/ping/master"
 

@@ -18,21 +18,35 @@ ASK, ANSWER, MASTERS = clock_keys("uuv1")
 
 
 class Vehicle:
-    """Answers pings by a clock of its own, `ahead_ns` ns ahead, and remembers what masters tell."""
+    """Answers pings by a clock of its own, `ahead_ns` ns ahead, and remembers what masters tell.
+
+    `deaf`: what masters ask as such does not reach it, as if they had no right to command.
+    """
 
     ahead_ns = 5 * NS_PER_S
+    deaf = False
 
     def __init__(self, session: Session) -> None:
         self.asked: list[tuple[int, ...]] = []
+        self.asked_by: list[Part] = []
         self.told: list[tuple[int, ...]] = []
         self.answer = session.sender(ANSWER)
-        session.receive(ASK, self._take, 16)
-        session.receive(MASTERS, lambda payload: self.told.append(PING.unpack(payload)[1:]), 16)
+        session.receive(ASK, lambda payload: self._take(payload, "observer"), 16)
+        session.receive(MASTERS, self._take_masters, 16)
 
     def pong(self, sent: int, there: int) -> bytes:
-        return PONG.pack(GID, sent, there, there, 0, -1, 0.0)
+        return PONG.pack(GID, sent, there, there, 0, 0 if self.told else -1, 0.0)
 
-    def _take(self, payload: bytes) -> None:
+    def _take_masters(self, payload: bytes) -> None:
+        if self.deaf:
+            return
+        if PING.unpack(payload)[2]:
+            self.told.append(PING.unpack(payload)[1:])
+        else:
+            self._take(payload, "master")
+
+    def _take(self, payload: bytes, part: Part) -> None:
+        self.asked_by.append(part)
         self.asked.append(PING.unpack(payload)[1:])
         self.answer(self.pong(self.asked[-1][0], to_wall_ns(time.monotonic_ns()) + self.ahead_ns))
 
@@ -60,6 +74,24 @@ def test_a_master_tells_how_each_answer_came(ends: tuple[Vehicle, Session], part
     contact.end()
     for sent, answered, came in vehicle.told:
         assert any(asked <= came <= sent and asked + vehicle.ahead_ns <= answered for asked, *_ in vehicle.asked)
+
+
+def test_a_master_that_is_heard_as_one_asks_where_others_do_not(ends: tuple[Vehicle, Session]) -> None:
+    vehicle, session = ends
+    contact, _ = begin(session, "master")
+    assert wait_for(lambda: contact.told, 3)
+    time.sleep(0.3)  # for pings that are on their way
+    before = len(vehicle.asked_by)
+    assert wait_for(lambda: len(vehicle.asked_by) > before + 3, 3)
+    assert set(vehicle.asked_by[before:]) == {"master"}
+    vehicle.deaf = True  # as after a restart with other rights
+    vehicle.told.clear()
+    assert wait_for(lambda: contact.losses, 3)
+    before = len(vehicle.asked_by)
+    assert wait_for(lambda: contact.present and len(vehicle.asked_by) > before + 3, 3)
+    assert set(vehicle.asked_by[before:]) == {"observer"}
+    assert contact.losses == 1
+    contact.end()
 
 
 def test_answers_to_pings_that_others_sent_in_its_name_change_nothing(ends: tuple[Vehicle, Session]) -> None:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from hil.clock import NS_PER_S
 from hil.transport.errands import Errands
 from hil.transport.roles import dial
 from hil.transport.session import listen
@@ -22,6 +23,24 @@ def test_items_are_used_in_order_and_beyond_the_most_are_lost() -> None:
     errands.end()
     errands.run()
     assert (few, all_) == ([0, 1, 2], [0, 1, 2, 3, 4])
+
+
+def test_beyond_the_rate_items_are_lost_until_the_second_is_over(monkeypatch: pytest.MonkeyPatch) -> None:
+    now = NS_PER_S
+    monkeypatch.setattr("hil.transport.errands.now_ns", lambda: now)
+    errands, used = Errands(), list[int]()
+    door = errands.door(used.append, 6, 2)
+    for number in range(12):
+        now += NS_PER_S // 4
+        door.take(number)
+    errands.end()
+    errands.run()
+    assert used == [0, 1, 4, 5, 8, 9]
+    assert door.lost == 6
+    now += NS_PER_S
+    full = errands.door(used.append, 0, 2)
+    full.take(12)
+    assert full.lost == 1, "what finds no room is counted too"
 
 
 def test_what_raises_loses_its_item_and_is_told_once(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,5 +1,7 @@
 """One vehicle and several who want something of it: as processes and clients, over the whole way."""
 
+import subprocess
+import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -12,7 +14,7 @@ from hil.master.client import VehicleClient
 from hil.topics import TOPICS
 from hil.transport import ros
 from hil.transport.roles import dial
-from tests.processes import Program, wait_for, write_scenario
+from tests.processes import ROOT, Program, wait_for, write_scenario
 
 
 @pytest.fixture
@@ -106,6 +108,39 @@ def test_a_flood_of_another_does_not_take_the_vehicle(slave: tuple[Program, str]
         assert "another master" in second.refusal()
         assert first.get("ground_truth").nu[0] > 0.05
         assert figure(first, "commands_refused") > 500
+
+
+FLOOD = """
+import sys, time, zenoh
+from hil.transport.roles import dial
+from hil.transport.tokens import PING, clock_keys
+
+with dial(sys.argv[1]) as session:
+    ask = session._session.declare_publisher(clock_keys("uuv1")[0], priority=zenoh.Priority.REAL_TIME)
+    payload, begin, sent = PING.pack(b"x" * 16, time.time_ns(), 0, 0), time.monotonic(), 0
+    while True:
+        while sent < (time.monotonic() - begin) * 20_000:
+            ask.put(payload)
+            sent += 1
+        time.sleep(0.001)
+"""
+
+
+def test_a_flood_of_pings_by_one_that_may_only_listen_hides_the_vehicle_from_nobody(slave: tuple[Program, str]) -> None:
+    program, endpoint = slave
+    with VehicleClient(endpoint, "uuv1") as master, VehicleClient(endpoint, "uuv1", part="observer") as observer:
+        assert wait_for(lambda: master.contact.told and observer.contact.present, 5)
+        with subprocess.Popen([sys.executable, "-c", FLOOD, endpoint], cwd=ROOT) as flood:
+            try:
+                assert wait_for(lambda: int(master.diagnostics().get("pings_dropped", 0)), 5)
+                before = master.delays.clock.exchanges
+                time.sleep(4.0)  # 20 pings; without commands each exchange is one of them
+                answered = master.delays.clock.exchanges - before
+            finally:
+                flood.kill()
+        assert answered >= 14
+        assert master.contact.losses == observer.contact.losses == 0
+    assert program.process.poll() is None
 
 
 def test_clocks_are_compared_all_the_time_and_by_both(slave: tuple[Program, str]) -> None:

@@ -19,8 +19,8 @@ from hil.transport.discovery import find
 from hil.transport.presence import declare_presence, watch_presence
 from hil.transport.roles import dial, route
 from hil.transport.session import listen
-from hil.transport.settings import BATCH, Network, endpoints, json5, settings
-from hil.transport.tokens import Presence, presence_key, read_presence
+from hil.transport.settings import BATCH, PINGS, Network, endpoints, json5, settings
+from hil.transport.tokens import Presence, clock_keys, presence_key, read_presence
 from tests.processes import ROOT, Program, free_port, wait_for, write_scenario
 
 
@@ -66,6 +66,15 @@ def test_settings_reach_the_library() -> None:
         assert words in text
     routed = Network(mode="routed", router="tcp/10.0.0.9:7447")
     assert "'mode':'client'" in settings("master", (), ("tcp/10.0.0.9:7447",), routed, None)
+
+
+def test_a_slave_that_is_dialled_bounds_what_others_than_masters_ask() -> None:
+    routed = Network(mode="routed", router="tcp/10.0.0.9:7447")
+    here = ("tcp/10.0.0.1:7447",)
+    bound = f"'downsampling':[{{'messages':['put','delete'],'flows':['ingress'],'rules':[{{'key_expr':'{PINGS}'"
+    assert bound in settings("slave", here, (), Network(), None)
+    assert "downsampling" not in settings("slave", here, (routed.router,), routed, None)
+    assert clock_keys("*")[0] == PINGS
 
 
 def test_json5() -> None:
