@@ -93,15 +93,16 @@ def near_share(count: int, share: float, of: int) -> bool:
 class TestTime:
     @pytest.mark.parametrize("downward", [True, False])
     def test_a_frame_takes_its_time_on_the_wire(self, opened: ExitStack, downward: bool) -> None:
-        paced, bare = (self.median_ns(opened, baud, downward) for baud in (115_200, 0))
+        paced, bare = (self.least_ns(opened, baud, downward) for baud in (115_200, 0))
         wire_time_ns = 32 * 10 * NS_PER_S / 115_200
         assert abs(paced - bare - wire_time_ns) < 0.05 * wire_time_ns
 
-    def median_ns(self, opened: ExitStack, baud: int, downward: bool) -> float:
+    def least_ns(self, opened: ExitStack, baud: int, downward: bool) -> int:
+        """Of many frames: a machine that others use too wakes those who wait late, never early."""
         far, near = pty_pair(opened, Faults(baud=baud))
         sender, receiver = (near, far) if downward else (far, near)
         with one_cpu():
-            return statistics.median([cross(sender, receiver, bytes(32))[1] for _ in range(101)])
+            return min([cross(sender, receiver, bytes(32))[1] for _ in range(101)])
 
     @pytest.mark.parametrize("downward", [True, False])
     def test_throughput_is_that_of_the_baud_rate(self, opened: ExitStack, downward: bool) -> None:
