@@ -112,11 +112,12 @@ def test_a_black_hole_downward(bench: Bench) -> None:
     stm32 = bench.end.stm32
     arrived = bench.run(0.2)
     with shaped("shore", AWAY):
+        attended = time.monotonic()  # the STM32 again: while tc ran nobody did, however long it took
         vanished = bench.run(AWAY_S, first=len(arrived) + 1)
     assert stm32.pwm_us == [1500, 1500]
     assert stm32.watchdog_trips == 1
     tripped = min(at for at, report in bench.heard if report.timed_out)
-    assert tripped - max(arrived.values()) == pytest.approx(0.2, abs=0.05), "the watchdog's time"
+    assert tripped == pytest.approx(max(max(arrived.values()) + 0.2, attended), abs=0.05), "the watchdog's time"
     assert all(report.pwm_us == (1500, 1500) for at, report in bench.heard if at > tripped)
     assert bench.heard[-1][0] > max(vanished.values()) - 0.1, "reports keep coming"
     assert stm32.frames == len(arrived)
