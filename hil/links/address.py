@@ -47,7 +47,8 @@ def parse_address(text: str) -> Address:
     # python-can takes a speed there. Outside /dev it may be of the name of a pty, which a person chose.
     if serial and device.startswith("/dev/") and speed.isascii() and speed.isdigit():
         raise ConfigError(
-            f"{text!r}: a speed is no part of it: leave @{speed} out, and set baud = {speed} in [link], or --baud"
+            f"{text!r}: a speed is no part of it: leave @{speed} out, and set baud = {speed} in [link] "
+            "(--baud of stm32 and loopback)"
         )
     return address
 

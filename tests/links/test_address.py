@@ -63,7 +63,7 @@ def test_a_speed_is_no_part_of_it(text: str) -> None:
     """python-can has it there."""
     with pytest.raises(ConfigError) as caught:
         parse_address(f"{text}@115200")
-    remedy = "leave @115200 out, and set baud = 115200 in [link], or --baud"
+    remedy = "leave @115200 out, and set baud = 115200 in [link] (--baud of stm32 and loopback)"
     assert str(caught.value) == f"'{text}@115200': a speed is no part of it: {remedy}"
 
 
