@@ -35,6 +35,11 @@ class Door:
         self._left = rate  # and how many may still come in it
         self.lost = 0
 
+    @property
+    def handler(self) -> "zenoh.handlers.Callback[Any]":
+        """What to declare something with that shall come in here."""
+        return zenoh.handlers.Callback(self.take, indirect=False)  # called in a thread of the library
+
     def take(self, item: Any) -> None:
         """Called in a thread of the library, which a flood must not keep busy."""
         now = now_ns()
@@ -60,7 +65,7 @@ class Errands:
 
     def handler(self, use: Callable[[Any], None], most: float) -> "zenoh.handlers.Callback[Any]":
         """What to declare something with, so that `use` sees each item of it; what comes while `most` wait is lost."""
-        return zenoh.handlers.Callback(self.queue(use, most), indirect=False)  # called in a thread of the library
+        return self.door(use, most).handler
 
     def queue(self, use: Callable[[Any], None], most: float) -> Callable[[Any], None]:
         """What takes an item that `use` shall see; while `most` wait it is lost."""

@@ -168,7 +168,7 @@ class Session:
         dropped, and counted by what this gives.
         """
         door = self._for_errands().door(lambda sample: deliver(sample.payload.to_bytes()), depth, rate)
-        self._session.declare_subscriber(key, zenoh.handlers.Callback(door.take, indirect=False))
+        self._session.declare_subscriber(key, door.handler)
         return door
 
     @property
