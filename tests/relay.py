@@ -19,8 +19,10 @@ class Relay:
     `hold` lets nothing pass and loses nothing: what the sender's kernel took is delivered on `release`, as TCP does
     after a black-out. `cut` ends all connections and refuses new ones until `mend`. `rate` is how many bytes a second
     pass from the target over the second link, which is not that of commands; it holds back little, as a bottleneck
-    that is near.
+    that is near. `passed` counts the bytes, of both directions.
     """
+
+    passed = 0
 
     def __init__(self, target: int, rate: float = 0.0) -> None:
         self.port = free_port()
@@ -106,6 +108,7 @@ class Relay:
             data = end.recv(PIECE if end in self._slow else 65536)
             if data:
                 self._pairs[end].sendall(data)
+                self.passed += len(data)
                 if end in self._slow:
                     self._due = max(self._due, time.monotonic() - LAG_S) + len(data) / self._rate
                 return

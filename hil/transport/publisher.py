@@ -37,7 +37,7 @@ class Publisher:
 
     def __init__(self, session: zenoh.Session, node: str, topic: Topic, wait: bool = False) -> None:
         self.topic = topic
-        self.key = ros.data_key(0, topic.full_name(node), topic.type, hash_of(topic.type))
+        self.key = key_of(topic, node)
         self._publisher = _declare(session, self.key, topic, wait)
         self._send: Callable[..., None] = self._publisher.put
         self.gid = os.urandom(16)
@@ -80,6 +80,11 @@ class Publisher:
 
         take = errands.queue(send, WAITING)
         self._send = lambda payload, attachment: take((payload, attachment))
+
+
+def key_of(topic: Topic, node: str) -> str:
+    """The key on which we publish a topic of that node, and so do ROS nodes of our release of ROS 2."""
+    return ros.data_key(0, topic.full_name(node), topic.type, hash_of(topic.type))
 
 
 def is_matched(publisher: zenoh.Publisher) -> bool:
