@@ -70,8 +70,10 @@ class Contact:
         """Leave. The session stays open."""
         self._closing.set()
         self._pinger.join()
-        if self._arrival:
-            self._arrival.join()
+        with self._turn:
+            arrival = self._arrival  # no other comes any more
+        if arrival:
+            arrival.join()
         if self._withdraw:
             self._withdraw()
 
@@ -133,9 +135,12 @@ class Contact:
 
     def _is_there(self, present: bool) -> None:
         with self._turn:
-            if present == self.present:
+            if present == self.present or self._closing.is_set():
                 return
             self.present = present
+            if present:
+                self._arrival = threading.Thread(target=self._arrived, name="arrival", daemon=True)
+                self._arrival.start()
         if not present:
             self.told = None  # it may come back with other rights for us
             self.losses += 1
@@ -144,6 +149,3 @@ class Contact:
             return
         if self._lost_ns:
             self._report(f"{self._node} is back after {(now_ns() - self._lost_ns) / NS_PER_S:.1f} s")
-        arrival = threading.Thread(target=self._arrived, name="arrival", daemon=True)
-        arrival.start()
-        self._arrival = arrival  # which `end` waits for
