@@ -15,7 +15,7 @@ import zenoh
 
 from hil.clock import LOOP_PRIORITY, NS_PER_S, RateKeeper, now_ns, schedule_fifo, stay_awake
 from hil.transport.publisher import is_matched
-from hil.transport.settings import Network, read_with, settings
+from hil.transport.settings import Network, save_threads, settings
 
 NODE, KEY = "bare", "0/bare/odom/nav_msgs::msg::dds_::Odometry_/RIHS01"
 PERIOD_NS = NS_PER_S // 20
@@ -51,7 +51,7 @@ def _await_listener(publisher: zenoh.Publisher) -> None:
 def main(arguments: list[str]) -> None:
     """Be it once; exits with a message when nobody comes."""
     endpoint, step_ns, rate, seconds, realtime = arguments
-    read_with(1)  # as a slave
+    save_threads(pictures=False)  # as a slave
     if realtime == "1":
         schedule_fifo(LOOP_PRIORITY)
         stay_awake()

@@ -78,12 +78,10 @@ def _run(options: Options, startup: dict[str, int]) -> None:
         scenario = with_port(scenario, options.port)
     startup["scenario"] = now_ns()
     from hil.transport.session import Listening
-    from hil.transport.settings import read_with
+    from hil.transport.settings import save_threads
 
     pictures = any(fitted.heavy for fitted in scenario.sensors.values())
-    # Little comes in: one thread reads it, where by default one of the library's would wake another for each message.
-    # A second where there are pictures to forward: a thread that does may wait a second for room on the way out.
-    read_with(2 if pictures else 1)
+    save_threads(pictures)
     # Before the session is opened: its threads inherit the scheduling.
     notes = [schedule_fifo(LOOP_PRIORITY)] if scenario.slave.realtime else ["real-time: off by the scenario"]
     network = Listening(scenario.slave.listen, scenario.network, scenario.security, pictures)

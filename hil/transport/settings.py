@@ -165,9 +165,15 @@ def _mode(role: Role, network: Network) -> str:
     return "client" if network.mode == "routed" and role == "master" else "peer"
 
 
-def read_with(threads: int) -> None:
-    """Let so many threads of the library read from the network; before the process's first session is opened."""
-    os.environ.setdefault("ZENOH_RUNTIME", f"(rx: (worker_threads: {threads}))")
+def save_threads(pictures: bool) -> None:
+    """Let as few of the library's threads as a slave needs read; before the process's first session is opened.
+
+    Little comes in: one thread reads it, and waits for it, where by default each message wakes one that wakes another.
+    A second one where there are pictures to forward: a thread that does may wait a second for room on the way out, and
+    those that accept connections and look what comes on them are then kept apart.
+    """
+    few = "(rx: (worker_threads: 2))" if pictures else "(rx: (worker_threads: 1), acc: (handover: rx))"
+    os.environ.setdefault("ZENOH_RUNTIME", few)
 
 
 def json5(value: Any) -> str:
