@@ -40,7 +40,7 @@ SAMPLE = re.compile(rb"(?:odom|map)\0+\n\0{3}base_link\0")
 NOTIFY = f"uuv-hil-outside-{os.getpid()}"
 MARKER = b"a command goes out now"
 TICK_S = 0.02
-SHORT = 120  # bytes; pings are shorter, commands with what goes with them longer
+SHORT = 80  # bytes; pings are shorter, commands with what goes with them longer
 PACKET_OUTGOING, ETH_P_IP, SO_TIMESTAMPNS = 4, 0x0800, 35
 NETLINK_CONNECTOR, CN_IDX_PROC, PROC_EVENT_FORK = 11, 1, 1
 
