@@ -79,7 +79,8 @@ def end_of_one_that_takes(mib: int, place: Confinement) -> int:
 def test_a_share_of_a_core(share: float) -> None:
     with Confinement(Limits(cpu_share=share)) as place:
         assert place.by == "cgroup v2"
-        assert share_of_a_core(place) == pytest.approx(share, rel=0.1)
+        # Ten periods of 100 ms: a machine that is busy itself may keep the guest from one or two of them.
+        assert wait_for(lambda: share_of_a_core(place) == pytest.approx(share, rel=0.1), 10)
 
 
 @in_the_guest
