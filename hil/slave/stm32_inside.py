@@ -7,7 +7,7 @@ from hil.clock import NS_PER_US, now_ns, seconds_ns
 from hil.config import Link
 from hil.errors import HilError
 from hil.links.address import open_address, parse_address
-from hil.links.contract import ThrusterLink, ThrusterTelemetry, Wire
+from hil.links.contract import ThrusterCommand, ThrusterLink, ThrusterTelemetry, Wire
 from hil.slave.stm32 import ThrusterDriver, end_protocol, host_end, telemetry_of, with_faults
 
 
@@ -49,6 +49,7 @@ class InSlave(ThrusterDriver):
         self.host = host
         self._heard_ns = 0
         self._owing = False  # the host has said something that the device has not read
+        self._behind = False  # a command was written behind that
         self._descriptors = [] if _bare_pty(host) else [end.fileno()] + ([host.wire.fileno()] if host else [])
 
     @property
@@ -67,9 +68,17 @@ class InSlave(ThrusterDriver):
         """Both ends of the wire, if what comes there has to be waited for."""
         return self._descriptors
 
+    def send(self, command: ThrusterCommand) -> None:
+        """As for any other; behind something unread it takes two readings, as a pty gives what lies there already."""
+        self._behind = self._owing
+        super().send(command)
+
     def service(self, now: int) -> list[ThrusterTelemetry]:
         """Let the firmware read, apply and answer; then read its answer."""
         self.end.service(now)
+        if self._behind:
+            self._behind = False
+            self.end.service(now_ns())
         host = self.host
         if host is None:
             return []
