@@ -49,7 +49,6 @@ class InSlave(ThrusterDriver):
         self.host = host
         self._heard_ns = 0
         self._owing = False  # the host has said something that the device has not read
-        self._behind = False  # a command was written behind that
         self._descriptors = [] if _bare_pty(host) else [end.fileno()] + ([host.wire.fileno()] if host else [])
 
     @property
@@ -69,16 +68,14 @@ class InSlave(ThrusterDriver):
         return self._descriptors
 
     def send(self, command: ThrusterCommand) -> None:
-        """As for any other; behind something unread it takes two readings, as a pty gives what lies there already."""
-        self._behind = self._owing
+        """As for any other; what is unread is read first: a pty would give that alone, the command a turn later."""
+        if self._owing:
+            self.end.service(now_ns())
         super().send(command)
 
     def service(self, now: int) -> list[ThrusterTelemetry]:
         """Let the firmware read, apply and answer; then read its answer."""
         self.end.service(now)
-        if self._behind:
-            self._behind = False
-            self.end.service(now_ns())
         host = self.host
         if host is None:
             return []
