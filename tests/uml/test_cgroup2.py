@@ -79,8 +79,8 @@ def end_of_one_that_takes(mib: int, place: Confinement) -> int:
 def test_a_share_of_a_core(share: float) -> None:
     with Confinement(Limits(cpu_share=share)) as place:
         assert place.by == "cgroup v2"
-        # Ten periods of 100 ms: a machine that is busy itself may keep the guest from one or two of them.
-        assert wait_for(lambda: share_of_a_core(place) == pytest.approx(share, rel=0.1), 10)
+        # The most of several, of ten periods each: a busy machine may keep the guest from one or two of them.
+        assert max(share_of_a_core(place) for _ in range(5)) == pytest.approx(share, rel=0.1)
 
 
 @in_the_guest
