@@ -14,10 +14,12 @@ from collections.abc import Callable
 import zenoh
 
 from hil.clock import LOOP_PRIORITY, NS_PER_S, RateKeeper, now_ns, schedule_fifo, stay_awake
-from hil.transport.publisher import is_matched
+from hil.topics import TOPICS
+from hil.transport.publisher import is_matched, key_of
 from hil.transport.settings import Network, save_threads, settings
 
-NODE, KEY = "bare", "0/bare/odom/nav_msgs::msg::dds_::Odometry_/RIHS01"
+NODE = "bare"
+KEY = key_of(TOPICS["odom"], NODE)
 PERIOD_NS = NS_PER_S // 20
 PAYLOAD, ATTACHMENT = bytes(724), bytes(33)  # of an Odometry
 SETTLE_S = 0.5  # after somebody has come to listen
