@@ -1,17 +1,23 @@
 """The virtual board's command line, its scripts, archive and emulator: what needs no board."""
 
 import os
+import signal
 import subprocess
+import sys
+import tempfile
 from pathlib import Path
 
 import pytest
 
 from boards.emulation import MARK
 from hil.errors import DeviceError
+from tests.processes import ROOT, wait_for
 from tools.virtual_board import __main__ as tool
+from tools.virtual_board import system
 from tools.virtual_board.board import VirtualBoard, mend_scripts, write_wrapper
+from tools.virtual_board.commands import TO_BOOT
 from tools.virtual_board.image import write_image
-from tools.virtual_board.system import emulator
+from tools.virtual_board.system import Booted, emulator
 
 
 def documented() -> list[list[str]]:
@@ -121,6 +127,42 @@ def test_the_booted_kernel_knows_that_it_is_emulated() -> None:
     words = emulator("vmlinuz", "image", {7447: 7448})
     assert f"{MARK}=qemu-system-aarch64" in words[words.index("-append") + 1].split()
     assert "user,id=net,hostfwd=tcp:127.0.0.1:7447-:7448" in words
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root builds and boots a board")
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_nothing_outlives_a_board_that_is_ended(empty: VirtualBoard, tmp_path: Path, number: int) -> None:
+    """With an emulator that has its process number to say, and then goes on for a minute."""
+    os.makedirs(os.path.join(empty.root, "boot"))
+    (Path(empty.root) / "boot" / "vmlinuz").touch()
+    Path(empty.python).touch()
+    programs, scratch = tmp_path / "programs", tmp_path / "scratch"
+    programs.mkdir()
+    scratch.mkdir()
+    for name in TO_BOOT:
+        (programs / name).write_text('#!/bin/sh\necho $$ >"$TMPDIR"/emulator\nexec sleep 60\n')
+        (programs / name).chmod(0o755)
+    environment = os.environ | {"PATH": f"{programs}:{os.environ['PATH']}", "TMPDIR": str(scratch)}
+    command = [sys.executable, "-m", "tools.virtual_board", "boot", "--folder", empty.folder, "--", "true"]
+    with subprocess.Popen(command, cwd=ROOT, env=environment) as process:
+        said = wait_for(lambda: (scratch / "emulator").exists() and (scratch / "emulator").read_text().strip(), 20)
+        assert said
+        assert len(list(scratch.glob("uuv-hil-board-*"))) == 1
+        process.send_signal(number)
+        assert process.wait(10) == 130
+    assert not Path(f"/proc/{said}").exists()
+    assert not list(scratch.glob("uuv-hil-board-*"))
+
+
+def test_a_board_that_cannot_be_booted_leaves_nothing(
+    empty: VirtualBoard, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    Path(empty.python).touch()
+    monkeypatch.setattr(system, "missing", lambda _: "")
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    with pytest.raises(FileNotFoundError, match="boot"):
+        Booted(empty, "true")
+    assert not list(tmp_path.glob("uuv-hil-board-*"))
 
 
 def test_what_is_missing_is_named(tmp_path: Path) -> None:

@@ -29,6 +29,7 @@ from typing import NoReturn
 sys.path.insert(0, str(Path(__file__).parent.parent.parent))
 
 from hil.errors import DeviceError
+from hil.stop import every_end_like_ctrl_c
 from tools.virtual_board.board import VirtualBoard
 from tools.virtual_board.system import Booted
 
@@ -36,22 +37,27 @@ from tools.virtual_board.system import Booted
 def main() -> int:
     """Build the board, or run something on it; its exit code."""
     options = parse(sys.argv[1:])
-    board = VirtualBoard(options.folder)
     try:
-        if options.verb == "build":
-            print(f"building in {board.folder}; the first time takes a minute", flush=True)
-            board.build(options.package)
-            return 0
-        if options.verb == "boot":
-            with Booted(board, " ".join(options.arguments), _ports(options.port), print) as booted:
-                return booted.wait(float("inf"))
-        words = ["-m", "hil.cli", *options.arguments] if options.verb == "run" else options.arguments
-        _become(board.command(*words))
+        with every_end_like_ctrl_c():
+            return _do(options)
     except DeviceError as error:
         print(f"virtual_board: {error}", file=sys.stderr)
         return error.exit_code
     except KeyboardInterrupt:
         return 130
+
+
+def _do(options: argparse.Namespace) -> int:
+    board = VirtualBoard(options.folder)
+    if options.verb == "build":
+        print(f"building in {board.folder}; the first time takes a minute", flush=True)
+        board.build(options.package)
+        return 0
+    if options.verb == "boot":
+        with Booted(board, " ".join(options.arguments), _ports(options.port), print) as booted:
+            return booted.wait(float("inf"))
+    words = ["-m", "hil.cli", *options.arguments] if options.verb == "run" else options.arguments
+    return _become(board.command(*words))
 
 
 def parse(words: list[str]) -> argparse.Namespace:

@@ -42,20 +42,17 @@ class Booted:
         self._mark = secrets.token_hex(8)
         self._tell = tell
         self._folder = tempfile.mkdtemp(prefix="uuv-hil-board-")
-        self._images = [os.path.join(self._folder, name) for name in ("system", "job")]
-        write_image(board, self._images[0])
-        write_job(_script(job, self._mark), self._images[1])
-        whole = os.path.join(self._folder, "whole")
-        with open(whole, "wb") as file:
-            for path in self._images:
-                with open(path, "rb") as part:
-                    shutil.copyfileobj(part, file)
-        command = emulator(kernel(board), whole, ports or {})
         self._lines: list[str] = []
         self.status: int | None = None
-        self._process = subprocess.Popen(
-            command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, start_new_session=True
-        )
+        try:
+            command = emulator(kernel(board), self._write_images(board, job), ports or {})
+            self._process = subprocess.Popen(
+                command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+                start_new_session=True,
+            )  # fmt: skip
+        except BaseException:  # the archive takes seconds to write, and hundreds of megabytes
+            shutil.rmtree(self._folder, ignore_errors=True)
+            raise
         self._reader = threading.Thread(target=self._read, daemon=True)
         self._reader.start()
 
@@ -85,6 +82,18 @@ class Booted:
         if self.status is None:
             raise DeviceError(f"the board did not end its job within {seconds:g} s; it had printed:\n{self.output}")
         return self.status
+
+    def _write_images(self, board: VirtualBoard, job: str) -> str:
+        """The path of the archive that the kernel takes: the system's, and the job's behind it."""
+        images = [os.path.join(self._folder, name) for name in ("system", "job")]
+        write_image(board, images[0])
+        write_job(_script(job, self._mark), images[1])
+        whole = os.path.join(self._folder, "whole")
+        with open(whole, "wb") as file:
+            for path in images:
+                with open(path, "rb") as part:
+                    shutil.copyfileobj(part, file)
+        return whole
 
     def _read(self) -> None:
         assert self._process.stdout
