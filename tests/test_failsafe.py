@@ -167,6 +167,7 @@ def test_the_slave_is_stopped_and_goes_on(rig: tuple[Program, Bench, Master]) ->
     time.sleep(1.0)
     slave.process.send_signal(signal.SIGCONT)
     again(bench, slave, 1.0)
+    slave.expect("the STM32's watchdog tripped")
     assert slave.output.count("the STM32's watchdog tripped") == 1
 
 

@@ -106,12 +106,17 @@ class TestTime:
 
     @pytest.mark.parametrize("downward", [True, False])
     def test_throughput_is_that_of_the_baud_rate(self, opened: ExitStack, downward: bool) -> None:
+        """The best of five: a machine that others use too may be late, never early."""
         far, near = pty_pair(opened, Faults(baud=230_400))
         data = EVERY_BYTE * 40
         sender, receiver = (near, far) if downward else (far, near)
-        heard, took_ns = cross(sender, receiver, data)
-        assert heard == data
-        assert took_ns == pytest.approx(len(data) * 10 * NS_PER_S / 230_400, rel=0.01)
+        wire_time_ns = len(data) * 10 * NS_PER_S / 230_400
+        took_ns: list[int] = []
+        while not took_ns or (len(took_ns) < 5 and min(took_ns) > 1.01 * wire_time_ns):
+            heard, took = cross(sender, receiver, data)
+            assert heard == data
+            took_ns.append(took)
+        assert min(took_ns) == pytest.approx(wire_time_ns, rel=0.01)
 
     def test_bytes_come_as_the_line_carries_them(self, opened: ExitStack) -> None:
         far, near = instant_pair(opened, Faults(baud=9600))
