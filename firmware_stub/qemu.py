@@ -23,6 +23,7 @@ from hil.links.wires.terminal import READ_SIZE, DescriptorWire
 PROGRAM = "qemu-system-arm"
 PATIENCE_S = 10.0
 HERE, THERE = "127.0.0.1", "127.0.0.2"  # the host's end and QEMU's, with one port number
+ROOM = 1 << 20  # for bytes that nobody has read; the kernel counts 768 for each, and may give less
 NO_ESCAPE = "0x100"  # of the multiplexer's commands: no byte is this one
 PULSE_REGISTERS = (0x4000_0434, 0x4000_0834)  # CCR1 to CCR4 of TIM3, then of TIM4
 
@@ -33,7 +34,7 @@ class QemuStm32:
     channels: 1 to 8. watchdog: the longest silence before all thrusters stop, s of the firmware's time. cpu: the one
     processor it may run on.
 
-    `wire` is the host's end of its USART; what nobody reads is lost, after some hundred bytes.
+    `wire` is the host's end of its USART; what nobody reads is lost, after some hundred bytes, or a thousand.
 
     Raises DeviceError without QEMU, if it does not start, or if the firmware says nothing.
     """
@@ -126,6 +127,7 @@ class _Usart(DescriptorWire):
     def __init__(self) -> None:
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as usart:
             usart.setblocking(False)
+            usart.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, ROOM)
             usart.bind((HERE, 0))
             self.port: int = usart.getsockname()[1]
             usart.connect((THERE, self.port))  # nobody else is heard
