@@ -170,13 +170,13 @@ class Ros(NamedTuple):
 class Scenario(NamedTuple):
     """One run. `stm32` says who plays the STM32, `controller` who sends it commands.
 
-    stm32: "python" the firmware's twin inside the slave, "process" that in a process of its own; "native" the
-    firmware in C; "unicorn" (inside the slave) and "qemu" its image on an emulated processor; "device" a real
-    one. controller: "builtin", or "external": the link's host end is left to the user's
-    own vehicle software. Each [[failure]] is one of a thruster, at its time; each [[force]] a class of the
-    user's own (sim/forces.py); each [[release]] drops a weight of the vehicle's, at its time (sim/ballast.py); each
-    [[member]] is one vehicle of a fleet, [hunting] what the fleet is to do (hil/fleet.py), [modem] how
-    it talks (hil/modem.py).
+    stm32: "python" the firmware's twin inside the slave, on its own frame the firmware in C where that was compiled;
+    "process" the twin in a process of its own; "native" the firmware in C in one; "unicorn" (inside the slave) and
+    "qemu" its image on an emulated processor; "device" a real one. controller: "builtin", or "external": the link's
+    host end is left to the user's own vehicle software. Each [[failure]] is one of a thruster, at its time; each
+    [[force]] a class of the user's own (sim/forces.py); each [[release]] drops a weight of the vehicle's, at its time
+    (sim/ballast.py); each [[member]] is one vehicle of a fleet, [hunting] what the fleet is to do (hil/fleet.py),
+    [modem] how it talks (hil/modem.py).
     """
 
     vehicle: str

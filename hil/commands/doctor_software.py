@@ -33,7 +33,12 @@ WANTED = {
     "unicorn": ("unicorn", "unicorn", "the scenario's stm32", "'uuv-hil[unicorn]'"),
 }
 # What else there is in C, beside the step.
-TWINS = {"control": "hil.slave.native._control", "rays": "sim.native._rays"}
+TWINS = {
+    "control": "hil.slave.native._control",
+    "frame": "hil.slave.native._frame",
+    "firmware": "hil.slave.native._firmware",
+    "rays": "sim.native._rays",
+}
 BUILD = "python -m sim.native.build (a C compiler: sudo apt install gcc)"
 WARM_UP, STEPS = 40, 400
 

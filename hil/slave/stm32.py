@@ -1,6 +1,6 @@
 """Who plays the STM32, as the slave sees it: something on a link that turns commands into pulse widths.
 
-"python"   the firmware's Python twin in this process
+"python"   the firmware's Python twin in this process; on its own frame its C, where that was compiled
 "unicorn"  the firmware's own image on an emulated STM32F405 in this process
 "process"  the Python twin in a process of its own
 "native"   the firmware in C as a process of this machine
@@ -20,6 +20,7 @@ from hil.config import Link
 from hil.errors import DeviceError, HilError
 from hil.links.contract import PWM_NEUTRAL_US, Protocol, ThrusterCommand, ThrusterLink, ThrusterTelemetry, Wire
 from hil.links.protocols import Role, open_protocol
+from hil.slave.native import make_frame_protocol
 
 # the word in the scenario -> what opens it, given the link, the number of channels, the seed, and whether the host's
 # end of the link is ours
@@ -268,10 +269,11 @@ def open_driver(kind: str, link: Link, channels: int, host: bool, seed: int, rep
 
 def end_protocol(link: Link, role: Role, channels: int) -> Protocol:
     """That end's protocol of the link. Raises ConfigError, MissingExtraError."""
-    settings = dict(link.options)
-    if link.protocol == "frame":
-        settings["frame"] = link.frame
-    return open_protocol(link.protocol, role, channels, **settings)
+    if link.protocol != "frame":
+        return open_protocol(link.protocol, role, channels, **link.options)
+    from hil.links.frame.protocol import open_frame
+
+    return make_frame_protocol(open_frame(role, channels, link.frame), channels)
 
 
 def with_faults(wire: Wire, link: Link, seed: int) -> Wire:

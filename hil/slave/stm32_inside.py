@@ -1,4 +1,4 @@
-"""An STM32 in the slave's own process: the firmware's Python twin, or its image on an emulated processor."""
+"""An STM32 in the slave's own process: the firmware's Python twin or C, or its image on an emulated processor."""
 
 from collections.abc import Sequence
 from typing import Protocol
@@ -8,11 +8,12 @@ from hil.config import Link
 from hil.errors import HilError
 from hil.links.address import open_address, parse_address
 from hil.links.contract import ThrusterCommand, ThrusterLink, ThrusterTelemetry, Wire
+from hil.slave.native import make_firmware_end
 from hil.slave.stm32 import ThrusterDriver, end_protocol, host_end, telemetry_of, with_faults
 
 
 class DeviceEnd(Protocol):
-    """The STM32's end of a link: firmware_stub's Stm32End, UnicornEnd."""
+    """The STM32's end of a link: firmware_stub's Stm32End, UnicornEnd; hil.slave.native's FirmwareEnd."""
 
     @property
     def deadline_ns(self) -> int:
@@ -29,7 +30,7 @@ class DeviceEnd(Protocol):
     def fileno(self) -> int:
         """The descriptor to wait on."""
 
-    def service(self, now_ns: int) -> int:
+    def service(self, now_ns: int) -> int | None:
         """Let it read, apply and answer."""
 
     def close(self) -> None:
@@ -106,13 +107,14 @@ def _bare_pty(host: ThrusterLink | None) -> bool:
 
 
 def open_python(link: Link, channels: int, seed: int, host: bool) -> ThrusterDriver:
-    """The Python twin, with its watchdog. Raises DeviceError, MissingExtraError."""
-    from firmware_stub.stub import Stm32, Stm32End
-
+    """The Python twin, with its watchdog, or its C where that can be. Raises DeviceError, MissingExtraError."""
     wire, faulty = _device_wire(link, seed, host)
-    end = Stm32End(
-        Stm32(channels, seconds_ns(link.watchdog)), ThrusterLink(faulty, end_protocol(link, "device", channels))
-    )
+    watchdog_ns, protocol = seconds_ns(link.watchdog), end_protocol(link, "device", channels)
+    end: DeviceEnd | None = make_firmware_end(protocol, faulty, channels, watchdog_ns)
+    if end is None:
+        from firmware_stub.stub import Stm32, Stm32End
+
+        end = Stm32End(Stm32(channels, watchdog_ns), ThrusterLink(faulty, protocol))
     return _in_slave(end, wire, link, channels, seed, host)
 
 

@@ -11,8 +11,14 @@ import sys
 import sysconfig
 
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
-BINARY, RAYS, CONTROL = "sim/native/_native.abi3.so", "sim/native/_rays.abi3.so", "hil/slave/native/_control.abi3.so"
-SOURCES = {binary: f"{binary.partition('.')[0]}.c" for binary in (BINARY, RAYS, CONTROL)}  # below the project's folder
+# The binaries, and what they are made of besides the source of the same name; all below the project's folder.
+BINARY, RAYS = "sim/native/_native.abi3.so", "sim/native/_rays.abi3.so"
+CONTROL, FRAME = "hil/slave/native/_control.abi3.so", "hil/slave/native/_frame.abi3.so"
+FIRMWARE = "hil/slave/native/_firmware.abi3.so"
+CORE = ("board", "firmware", "frame", "stream", "vesc", "without_mavlink")
+SOURCES: dict[str, list[str]] = {BINARY: [], RAYS: [], CONTROL: [], FRAME: []}
+SOURCES[FIRMWARE] = [f"firmware_stub/src/{name}.c" for name in CORE]
+HEADERS = "firmware_stub/include"
 # Bit equality with Python hangs on the second: gcc fuses multiply and add on aarch64 unless told not to.
 FLAGS = ["-O2", "-ffp-contract=off", "-fno-math-errno", "-fPIC", "-shared", "-Wall", "-Wextra"]
 
@@ -40,18 +46,20 @@ def build(folder: str) -> str | None:
     command, reason = compiler(), obstacle()
     if reason or not command:
         return reason
-    for binary, source in SOURCES.items():
-        reason = reason or _compile(command, os.path.join(ROOT, source), os.path.join(folder, binary))
+    for binary, others in SOURCES.items():
+        sources = [f"{binary.partition('.')[0]}.c", *others]
+        reason = reason or _compile(command, sources, os.path.join(folder, binary))
     return reason
 
 
-def _compile(command: list[str], source: str, target: str) -> str | None:
+def _compile(command: list[str], sources: list[str], target: str) -> str | None:
     # Renamed when complete: a process that runs on the old one keeps it.
     new = f"{target}.{os.getpid()}"
     os.makedirs(os.path.dirname(target), exist_ok=True)
-    include = sysconfig.get_path("include")
+    folders = [f"-I{folder}" for folder in (sysconfig.get_path("include"), os.path.join(ROOT, HEADERS))]
+    paths = [os.path.join(ROOT, source) for source in sources]
     done = subprocess.run(
-        [*command, *FLAGS, f"-I{include}", source, "-o", new, "-lm"], capture_output=True, text=True, check=False
+        [*command, *FLAGS, *folders, *paths, "-o", new, "-lm"], capture_output=True, text=True, check=False
     )
     if done.returncode:
         errors = [line for line in done.stderr.splitlines() if "error" in line] or ["no message"]

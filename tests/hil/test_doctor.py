@@ -77,7 +77,7 @@ def test_the_step_in_c_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:
     assert "python -m sim.native.build" in found.remedy
 
 
-@pytest.mark.parametrize(("topic", "module"), [("control", "hil.slave.native._control"), ("rays", "sim.native._rays")])
+@pytest.mark.parametrize(("topic", "module"), doctor_software.TWINS.items())
 def test_another_binary_is_missing(monkeypatch: pytest.MonkeyPatch, topic: str, module: str) -> None:
     monkeypatch.setitem(sys.modules, module, None)
     monkeypatch.delenv("UUV_HIL_NATIVE", raising=False)

@@ -1,0 +1,172 @@
+/* Shows the firmware's core (firmware_stub/src) to Python: hil.slave.native._firmware.Firmware. */
+
+#include "../../../sim/native/numbers.h"
+
+#include "uuv_hil_stm32.h"
+
+#include <time.h>
+
+enum { NS_PER_US = 1000 };
+
+typedef struct {
+    PyObject_HEAD
+    UuvHilFirmware firmware;
+    UuvHilPlatform platform;
+    uint64_t now_us;
+    uint16_t obeyed; /* the firmware's count of commands when its outputs last changed */
+    long long obeyed_ns;
+    PyObject *said; /* a list of what it writes, while it is serviced */
+} Firmware;
+
+static uint64_t now_us(void *context)
+{
+    return ((Firmware *)context)->now_us;
+}
+
+static void uart_write(void *context, const uint8_t *data, size_t size)
+{
+    PyObject *said = ((Firmware *)context)->said;
+    PyObject *report = PyBytes_FromStringAndSize((const char *)data, (Py_ssize_t)size);
+    if (said != NULL && report != NULL)
+        PyList_Append(said, report);
+    Py_XDECREF(report);
+}
+
+static void can_write(void *context, const UuvHilCanFrame *frame)
+{
+    (void)context, (void)frame;
+}
+
+static void pwm_set(void *context, const uint16_t *pulse_us, uint8_t channels)
+{
+    Firmware *self = context;
+    (void)pulse_us, (void)channels;
+    if (self->firmware.board.frames == self->obeyed)
+        return;
+    struct timespec now;
+    clock_gettime(CLOCK_MONOTONIC, &now);
+    self->obeyed = self->firmware.board.frames;
+    self->obeyed_ns = now.tv_sec * 1000000000LL + now.tv_nsec;
+}
+
+static void watchdog_kick(void *context)
+{
+    (void)context;
+}
+
+static PyObject *firmware_new(PyTypeObject *type, PyObject *arguments, PyObject *keywords)
+{
+    unsigned channels, watchdog_us;
+    (void)keywords;
+    if (!PyArg_ParseTuple(arguments, "II", &channels, &watchdog_us))
+        return NULL;
+    if (channels < 1 || channels > UUV_HIL_MAX_CHANNELS)
+        return PyErr_Format(PyExc_ValueError, "1 to %u channels are needed, found %u", UUV_HIL_MAX_CHANNELS, channels);
+    PyObject *object = PyType_GenericAlloc(type, 0);
+    if (object == NULL)
+        return NULL;
+    Firmware *self = (Firmware *)object;
+    self->platform = (UuvHilPlatform){self, now_us, uart_write, can_write, pwm_set, watchdog_kick};
+    uuv_hil_start(&self->firmware, &self->platform, (uint8_t)channels, watchdog_us);
+    return object;
+}
+
+static PyObject *firmware_service(PyObject *object, PyObject *const *arguments, Py_ssize_t count)
+{
+    Firmware *self = (Firmware *)object;
+    char *data;
+    Py_ssize_t size;
+    if (count != 2)
+        return PyErr_Format(PyExc_TypeError, "service() takes data and now_ns");
+    if (PyBytes_AsStringAndSize(arguments[0], &data, &size) < 0)
+        return NULL;
+    long long now_ns = PyLong_AsLongLong(arguments[1]);
+    if (now_ns == -1 && PyErr_Occurred())
+        return NULL;
+    self->now_us = (uint64_t)now_ns / NS_PER_US;
+    PyObject *said = self->said = PyList_New(0);
+    uuv_hil_service(&self->firmware, (const uint8_t *)data, (size_t)size);
+    self->said = NULL;
+    if (PyErr_Occurred())
+        Py_CLEAR(said);
+    return said;
+}
+
+static PyObject *firmware_stop(PyObject *self, PyObject *nothing)
+{
+    (void)nothing;
+    uuv_hil_stop(&((Firmware *)self)->firmware);
+    Py_RETURN_NONE;
+}
+
+static PyObject *firmware_pwm_us(PyObject *self, void *closure)
+{
+    const UuvHilBoard *board = &((Firmware *)self)->firmware.board;
+    (void)closure;
+    PyObject *list = PyList_New(board->channels);
+    for (Py_ssize_t i = 0; list != NULL && i < board->channels; i++) {
+        PyObject *pulse = PyLong_FromLong(board->pwm_us[i]);
+        if (pulse == NULL)
+            Py_CLEAR(list);
+        else
+            PyList_SetItem(list, i, pulse);
+    }
+    return list;
+}
+
+static PyObject *firmware_deadline_ns(PyObject *self, void *closure)
+{
+    (void)closure;
+    return PyLong_FromUnsignedLongLong(uuv_hil_deadline_us(&((Firmware *)self)->firmware) * NS_PER_US);
+}
+
+static PyObject *firmware_obeyed_ns(PyObject *self, void *closure)
+{
+    (void)closure;
+    return PyLong_FromLongLong(((Firmware *)self)->obeyed_ns);
+}
+
+static PyMethodDef firmware_methods[] = {
+    {"service", (PyCFunction)(void (*)(void))firmware_service, METH_FASTCALL,
+     "service(data, now_ns): hear data, let time pass until then; what it writes."},
+    {"stop", firmware_stop, METH_NOARGS, "stop(): outputs to neutral, before the end."},
+    {NULL, NULL, 0, NULL},
+};
+
+static PyGetSetDef firmware_attributes[] = {
+    {"pwm_us", firmware_pwm_us, NULL, "pulse widths in effect, us", NULL},
+    {"deadline_ns", firmware_deadline_ns, NULL, "when service has to be called even if nothing came", NULL},
+    {"obeyed_ns", firmware_obeyed_ns, NULL, "when (monotonic) the outputs last took a command; 0: never", NULL},
+    {NULL, NULL, NULL, NULL, NULL},
+};
+
+static PyType_Slot firmware_slots[] = {
+    {Py_tp_doc, "The firmware, powered up: Firmware(channels, watchdog_us)."},
+    {Py_tp_new, firmware_new},
+    {Py_tp_dealloc, deallocate},
+    {Py_tp_methods, firmware_methods},
+    {Py_tp_getset, firmware_attributes},
+    {0, NULL},
+};
+
+static PyType_Spec firmware_spec = {
+    "hil.slave.native._firmware.Firmware", sizeof(Firmware), 0, Py_TPFLAGS_DEFAULT | Py_TPFLAGS_IMMUTABLETYPE,
+    firmware_slots,
+};
+
+static int module_exec(PyObject *module)
+{
+    return add_type(module, &firmware_spec, "Firmware") ? 0 : -1;
+}
+
+static PyModuleDef_Slot module_slots[] = {{Py_mod_exec, module_exec}, {0, NULL}};
+
+static PyModuleDef module = {
+    PyModuleDef_HEAD_INIT, "hil.slave.native._firmware", "The STM32's firmware.", 0, NULL, module_slots, NULL, NULL,
+    NULL,
+};
+
+PyMODINIT_FUNC PyInit__firmware(void)
+{
+    return PyModuleDef_Init(&module);
+}
