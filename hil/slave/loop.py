@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 WRAP = 0x10000  # of what telemetry counts
 UNANSWERED_NS = NS_PER_S  # a command whose echo has not come by then is counted as lost on the link
+TRACE_WAIT_NS = NS_PER_S // 20  # for a message that a trace can go out with; of simulation time
 
 
 class Trace(NamedTuple):
@@ -66,6 +67,8 @@ class Loop:
         self._report = report
         self._awaited: dict[int, tuple[Received, int, int, int]] = {}  # taken, computed, written
         self._counted_ns = 0  # when it was last looked through
+        self._traces: list[Trace] = []  # still to be told
+        self._traces_due_ns = 0  # of simulation time, at the latest
         self._controlled_ns = 0
         self._computed_ns = 0
         self._control_due_ns = 0
@@ -98,6 +101,7 @@ class Loop:
                 if inbox_fd in ready:
                     self._take_command(now)
                 if stop_fd in ready:
+                    self._tell_traces()
                     return
             if now >= self._control_due_ns and self.pilot:
                 self._control(self.pilot, now)
@@ -110,11 +114,14 @@ class Loop:
 
     def advance(self, steps: int) -> None:
         """Let the vehicle move by so many steps, and publish what its sensors then say."""
+        sent = False
         for _ in range(steps):
             for topic, sample in self.simulation.step(self.pwm_us):
                 if self.pilot:
                     self.pilot.sense(topic, sample)
-                self.outbox.sample(topic, sample)
+                sent |= self.outbox.sample(topic, sample)
+        if self._traces and (sent or self.simulation.time_ns >= self._traces_due_ns):
+            self._tell_traces()  # nobody waits for them, and by themselves they would wake the network once more
         ros = self.ros
         if ros and self.simulation.time_ns >= ros.due_ns:
             ros.tick(self.simulation.time_ns)
@@ -184,7 +191,14 @@ class Loop:
             received, taken_ns, computed_ns, written_ns = awaited
             applied_ns = self.driver.applied_ns(telemetry, now)
             instants = map(to_wall_ns, (received.received_ns, taken_ns, written_ns, applied_ns, computed_ns))
-            self.outbox.trace(Trace(received.sequence, received.published_ns, *instants))
+            if not self._traces:
+                self._traces_due_ns = self.simulation.time_ns + TRACE_WAIT_NS
+            self._traces.append(Trace(received.sequence, received.published_ns, *instants))
+
+    def _tell_traces(self) -> None:
+        traces, self._traces = self._traces, []
+        for trace in traces:
+            self.outbox.trace(trace)
 
     def _count_unanswered(self, now: int) -> None:
         """What an STM32 that says nothing would let grow without end."""

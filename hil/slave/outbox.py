@@ -48,8 +48,8 @@ class Outbox:
         self._outlets: dict[str, list[Publisher]] = {}  # by the simulator's name for a sample: where it goes out
         self._kept: dict[str, tuple[Any, int]] = {}  # the newest of those that nobody listens to, and when it came
 
-    def sample(self, topic: str, sample: Any) -> None:
-        """Publish one sensor sample (NED, FRD) under the simulator's name for it."""
+    def sample(self, topic: str, sample: Any) -> bool:
+        """Publish one sensor sample (NED, FRD) under the simulator's name for it; False if nobody listens to it."""
         outlets = self._outlets.get(topic)
         if outlets is None:
             outlets = self._open(topic, sample)
@@ -58,10 +58,11 @@ class Outbox:
                 break
         else:
             self._kept[topic] = sample, now_ns()
-            return
+            return False
         self._kept.pop(topic, None)
         for name, payload in self._messages(topic, sample):
             self.put(name, payload)
+        return True
 
     def catch_up(self) -> None:
         """Make messages of what was kept, for those who ask what was said last; called in another thread."""
