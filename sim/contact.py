@@ -99,9 +99,9 @@ class Contact:
         self._footprint = Footprint(world.terrain, self.radius, self.half_height) if world.terrain else None
         self._last: Sequence[float] | None = None  # where it was free
         self._obstacles = world.obstacles()
-        # As long as the vehicle is within `_free` m of this place it cannot touch anything.
+        # As long as the vehicle is within `_free` m of this place it cannot touch any of them.
         self._north = self._east = 0.0
-        self._free = 0.0
+        self._free = 0.0 if self._obstacles else inf
 
     def resolve(self, state: State) -> bool:
         """Move `state` out of whatever it is in; True if it was in something. A new touch counts once."""
@@ -118,6 +118,15 @@ class Contact:
         if self.touching and not before:
             self.count += 1
         return self.touching
+
+    def room(self) -> tuple[float, float, float, float]:
+        """North and east of a place, a distance from it, and a depth (all m): where `resolve` would do nothing.
+
+        That is less than so far from the place, with the lower end of the vehicle no deeper. -inf is no depth: after a
+        touch, which the next `resolve` has to end, and over relief.
+        """
+        apart = self.touching or self._footprint is not None
+        return self._north, self._east, self._free, -inf if apart else self._seabed
 
     def _resolve_terrain(self, footprint: Footprint, state: State) -> None:
         """Out of a step the way it came, as no slope can have come up to it so far; out of a slope along its normal."""

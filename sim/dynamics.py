@@ -10,7 +10,7 @@ from the momentum (l, h) = M nu_r, whatever M couples (Kirchhoff's equations):
 
     C(nu_r) nu_r = (omega x l,  v_r x l + omega x h)
 
-Only + - * / and sqrt, in an order that the C twin (sim/native/_native.c) repeats to the bit.
+Only + - * / and sqrt, in an order that the C twin (sim/native/kernel.h) repeats to the bit.
 """
 
 from collections.abc import Callable, Sequence
@@ -32,7 +32,8 @@ class State:
     """Where the vehicle is and how it moves.
 
     `position` NED in m; `quaternion` (w, x, y, z) body to world; `nu` = u v w (m/s) and p q r (rad/s) over
-    ground along the body axes; `nu_dot` its rate over the last step, which is what an accelerometer feels.
+    ground along the body axes; `nu_dot` its rate over the last step, which is what an accelerometer feels. To change
+    one, give it whole: `sim.native.make_state` makes states that hand out copies.
     """
 
     __slots__ = ("nu", "nu_dot", "position", "quaternion")
@@ -43,10 +44,10 @@ class State:
         quaternion: Sequence[float] = (1.0, 0.0, 0.0, 0.0),
         nu: Sequence[float] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
     ) -> None:
-        self.position = list(position)
-        self.quaternion = list(quaternion)
-        self.nu = list(nu)
-        self.nu_dot = [0.0] * 6
+        self.position: Sequence[float] = list(position)
+        self.quaternion: Sequence[float] = list(quaternion)
+        self.nu: Sequence[float] = list(nu)
+        self.nu_dot: Sequence[float] = [0.0] * 6
 
 
 class Forces(NamedTuple):

@@ -1,12 +1,12 @@
 """One vehicle in one world: pulses in, sensor samples out, each call one step of simulated time."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 from hil.errors import ConfigError
 from sim.contact import Contact, starts_inside
-from sim.dynamics import Dynamics, Forces, Integrator, State
-from sim.native import make_dynamics
+from sim.dynamics import Dynamics, Forces, Integrator
+from sim.native import make_coast, make_dynamics, make_state
 from sim.rotations import from_euler, rotate_inverse
 from sim.sensors.odometry import ground_truth
 from sim.sensors.samples import OdometrySample, Sample
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from sim.equipment import Equipment
     from sim.failures import Failure
     from sim.forces import Force
+    from sim.native._native import Coast
     from sim.water import MovingWater
     from sim.waves import Sea
 
@@ -60,7 +61,7 @@ class Simulation:
         self.vehicle = vehicle
         self.world = world
         self.time_ns = 0
-        self.state = State(position, from_euler(0.0, 0.0, heading))
+        self.state = make_state(position, from_euler(0.0, 0.0, heading))
         self._dt_ns = dt_ns
         self._dt = dt_ns * 1e-9
         self._integrator: Integrator = integrator
@@ -73,6 +74,10 @@ class Simulation:
         self._wrench: Sequence[float] = (0.0,) * 6
         self._contact = Contact(vehicle, world, self._dynamics.inverse_mass)
         self._schedule = Schedule(fit() if sensors is None else sensors, self, seed, dt_ns)
+        self._coast = self._in_one()
+        # One step of the motion; the nu before it if there may be a contact at its end.
+        self._advance: Callable[[Sequence[int]], Sequence[float] | None]
+        self._advance = self._coast.step if self._coast else self._term_by_term
 
     @property
     def contacts(self) -> int:
@@ -108,6 +113,8 @@ class Simulation:
 
         Raises ConfigError for an unknown thruster.
         """
+        if self._coast:  # thrusters that may fail are moved on apart from the rest, from now on
+            self._wrench, self._coast, self._advance = self._coast.wrench, None, self._term_by_term
         self._thrusters.fail(failures)
 
     def failures(self, name: str) -> "tuple[Failure, ...]":
@@ -122,7 +129,8 @@ class Simulation:
 
     def forces(self) -> Forces:
         """The forces on it now, term by term, under the thrust and in the water of the last step."""
-        return self._dynamics.forces(self.state, self._wrench, self._flow)
+        wrench = self._coast.wrench if self._coast else self._wrench
+        return self._dynamics.forces(self.state, wrench, self._flow)
 
     def truth(self) -> OdometrySample:
         """Where the vehicle really is, now."""
@@ -130,6 +138,21 @@ class Simulation:
 
     def step(self, pwm_us: Sequence[int]) -> list[tuple[str, Sample]]:
         """Advance by one step under these pulses (us, one a channel); the samples that fell due, by topic."""
+        before = self._advance(pwm_us)
+        if before is not None:
+            self._keep_out(before)
+        self.time_ns += self._dt_ns
+        return self._schedule.take(self.time_ns, self) if self.time_ns >= self._schedule.due_ns else []
+
+    def _in_one(self) -> "Coast | None":
+        """All of a step in one call, where nothing acts but thrusters that work and water that is steady, and in C."""
+        if self.equipment is not None or self._water is not None or self._forces:
+            return None
+        half_height = self._contact.half_height
+        return make_coast(self.state, self._dynamics, self._thrusters, self.world.current, self._dt, half_height)
+
+    def _term_by_term(self, pwm_us: Sequence[int]) -> Sequence[float]:
+        """One step of the motion, of whatever vehicle in whatever water; the nu before it."""
         state = self.state
         if self.equipment is not None:
             pwm_us = self._equip(self.equipment, pwm_us)
@@ -144,10 +167,15 @@ class Simulation:
         self._wrench = wrench
         before = state.nu
         self._dynamics.step(state, wrench, current, self._dt)
+        return before
+
+    def _keep_out(self, before: Sequence[float]) -> None:
+        """Undo what the last step did to solid things; `before` is the nu from before it."""
+        state = self.state
         if self._contact.resolve(state):
             state.nu_dot = [(new - old) / self._dt for new, old in zip(state.nu, before, strict=True)]
-        self.time_ns += self._dt_ns
-        return self._schedule.take(self.time_ns, self) if self.time_ns >= self._schedule.due_ns else []
+        if self._coast:
+            self._coast.watch(*self._contact.room())
 
     def _equip(self, equipment: "Equipment", pwm_us: Sequence[int]) -> Sequence[int]:
         """One step of the equipment under its part of these pulses; the thrusters' part."""

@@ -103,8 +103,7 @@ class ThrusterSet:
     """All thrusters of a vehicle: each follows its steady thrust with its time constant, and may fail.
 
     The lag is first order in thrust and solved exactly for a pulse that holds during the step, so it does
-    not depend on the step's length. `thrusts` holds the present thrust of each in N. `make_thrusters` gives
-    one that knows the models of the vehicle.
+    not depend on the step's length. `make_thrusters` gives one that knows the models of the vehicle.
     """
 
     feels_water = False  # True if `step` needs the speed through the water
@@ -118,9 +117,14 @@ class ThrusterSet:
         self._steady = [_Steady(thruster) for thruster in vehicle.thrusters]
         self._pwm_us: tuple[int, ...] = ()
         self._targets = [0.0] * len(self._thrusters)
-        self._lagged = self.thrusts = [0.0] * len(self._thrusters)
+        self._lagged = self._thrusts = [0.0] * len(self._thrusters)
         self._failures: Failures | None = None
         self._steps = 0
+
+    @property
+    def thrusts(self) -> list[float]:
+        """The present thrust of each in N."""
+        return self._thrusts
 
     @property
     def battery(self) -> "BatteryState | None":
@@ -159,11 +163,11 @@ class ThrusterSet:
 
     def _advance(self, nu_r: Sequence[float]) -> tuple[float, float, float, float, float, float]:
         """One step of all thrusts towards their targets; the wrench at its end."""
-        self._lagged = self.thrusts = self._follow(nu_r)
+        self._lagged = self._thrusts = self._follow(nu_r)
         if self._failures is not None:
-            self.thrusts = self._failures.thrusts(self._lagged)
+            self._thrusts = self._failures.thrusts(self._lagged)
         x = y = z = k = m = n = 0.0
-        for thrust, (cx, cy, cz, ck, cm, cn) in zip(self.thrusts, self._columns, strict=True):
+        for thrust, (cx, cy, cz, ck, cm, cn) in zip(self._thrusts, self._columns, strict=True):
             x += cx * thrust
             y += cy * thrust
             z += cz * thrust

@@ -17,8 +17,11 @@ from sim.thrusters import ThrusterSet
 from sim.vehicle import Vehicle
 
 if TYPE_CHECKING:
+    from sim.failures import Failure
     from sim.forces import Force
+    from sim.native._native import Coast
     from sim.rays.geometry import Geometry
+    from sim.sensors.samples import ImuSample
 
 SWITCH = "UUV_HIL_NATIVE"
 
@@ -44,30 +47,51 @@ class NativeDynamics(Dynamics):
         if forces and integrator == "rk4":
             return
         numbers = self.numbers()
-        self._kernel_step = Kernel(pack(f"{len(numbers)}d", *numbers)).step
-        self._advance = self._pushed_step if forces else self._kernel_step
+        self.kernel = Kernel(pack(f"{len(numbers)}d", *numbers))
+        self._advance = self._pushed_step if forces else self.kernel.step
 
     def _pushed_step(self, state: State, wrench: Sequence[float], current: Sequence[float], dt: float) -> None:
         pushed = self.push(state.position, matrix(state.quaternion), state.nu, wrench, current)
-        self._kernel_step(state, pushed, current, dt)
+        self.kernel.step(state, pushed, current, dt)
 
 
 class NativeThrusterSet(ThrusterSet):
-    """`ThrusterSet` with its lags and sums in C; while thrusters fail, in Python. Raises ImportError."""
+    """`ThrusterSet` with its lags and sums in C, until failures are planned: then in Python. Raises ImportError."""
 
     def __init__(self, vehicle: Vehicle, dt: float, seed: int = 0) -> None:
         from sim.native._native import Mixer
 
         super().__init__(vehicle, dt, seed)
         numbers = self.numbers()
-        self._mix = Mixer(pack(f"{len(numbers)}d", *numbers)).step
+        self.mixer = Mixer(pack(f"{len(numbers)}d", *numbers))
+
+    @property
+    def works(self) -> bool:
+        """False once there are failures, be they still to come."""
+        return self._failures is None
+
+    @property
+    def thrusts(self) -> list[float]:
+        """As the one it stands for."""
+        return self.mixer.thrusts if self.works else self._thrusts
+
+    def fail(self, failures: "Iterable[Failure]") -> None:
+        """As the one it stands for."""
+        if self.works:  # until now
+            self._steps = self.mixer.steps
+            self._lagged = self._thrusts = self.mixer.thrusts
+        super().fail(failures)
+
+    def command(self, pwm_us: tuple[int, ...]) -> None:
+        """Let the steps from now on go towards what these pulses (us, one a thruster) give. Raises ConfigError."""
+        self._command(pwm_us)
+
+    def _command(self, pwm_us: tuple[int, ...]) -> None:
+        super()._command(pwm_us)
+        self.mixer.aim(self._targets)
 
     def _advance(self, nu_r: Sequence[float]) -> tuple[float, float, float, float, float, float]:
-        if self._failures is not None:
-            return super()._advance(nu_r)
-        self._lagged, wrench = self._mix(self._lagged, self._targets)
-        self.thrusts = self._lagged
-        return wrench
+        return self.mixer.step() if self.works else super()._advance(nu_r)
 
 
 class NativeErrorBank(ErrorBank):
@@ -79,11 +103,11 @@ class NativeErrorBank(ErrorBank):
         super().__init__(models, period, random)
         numbers = [x for process in self._processes for x in process.numbers()]
         _, key, second = random.getstate()
-        self._measure = Errors(pack(f"{len(numbers)}d", *numbers), pack("625I", *key), second).measure
+        self.errors = Errors(pack(f"{len(numbers)}d", *numbers), pack("625I", *key), second)
 
     def measure(self, true: Sequence[float]) -> list[float]:
         """As the one it stands for."""
-        return self._measure(true)
+        return self.errors.measure(true)
 
 
 def choose() -> tuple[type[Dynamics], str]:
@@ -98,6 +122,9 @@ def choose() -> tuple[type[Dynamics], str]:
         return Dynamics, f"Python, as {SWITCH}=0 says"
     try:
         import sim.native._native as binary
+
+        if not hasattr(binary, "Coast"):
+            raise ImportError(f"{binary.__file__} was made before the newest source")
     except ImportError as error:
         reason = f"the step in C is not there: {error} (make it with: python -m sim.native.build)"
         if wish == "1":
@@ -124,6 +151,52 @@ def make_dynamics(
 def make_thruster_set(vehicle: Vehicle, dt: float, seed: int = 0) -> ThrusterSet:
     """The thrusters of a vehicle that has only lagged quadratic ones, the quickest there are; else as `choose`."""
     return (NativeThrusterSet if has_native() else ThrusterSet)(vehicle, dt, seed)
+
+
+def make_state(position: Sequence[float], quaternion: Sequence[float]) -> State:
+    """The state of a vehicle at rest (NED in m; w x y z, body to world), the quickest there is; else as `choose`.
+
+    That of C gives tuples, which are copies.
+    """
+    if not has_native():
+        return State(position, quaternion)
+    from sim.native._native import State as NativeState
+
+    return NativeState(position, quaternion)
+
+
+def make_coast(
+    state: State,
+    dynamics: Dynamics,
+    thrusters: ThrusterSet,
+    current: Sequence[float],
+    dt: float,
+    half_height: float,
+) -> "Coast | None":
+    """A step of `dt` s of all of these at once in C; None if one of them is not in C, or a thruster may fail.
+
+    `dynamics` has no other forces, `current` is the velocity of the water NED in m/s, and the vehicle reaches
+    `half_height` m below its origin. Of no use any more once failures are planned.
+    """
+    if not (isinstance(dynamics, NativeDynamics) and isinstance(thrusters, NativeThrusterSet) and thrusters.works):
+        return None
+    from sim.native._native import Coast
+
+    return Coast(state, dynamics.kernel, thrusters.mixer, thrusters.command, current, dt, half_height)
+
+
+def make_imu(
+    errors: ErrorBank, sample: "type[ImuSample]", position: Sequence[float], gravity: float
+) -> "Callable[[int, State], ImuSample] | None":
+    """What samples in C as sim.sensors.imu.Imu does, along the vehicle's axes; None if `errors` are not in C.
+
+    The unit is at `position` (m, body axes), under `gravity` m/s².
+    """
+    if not isinstance(errors, NativeErrorBank):
+        return None
+    from sim.native._native import Imu
+
+    return Imu(errors.errors, sample, position, gravity).sample
 
 
 def make_error_bank(models: Iterable[ErrorModel], period: float, random: Random) -> ErrorBank:

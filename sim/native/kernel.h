@@ -54,6 +54,14 @@ static int normalise(const double *quaternion, double *out)
     return length != 0.0;
 }
 
+/* `out` may be `quaternion`; 0 as normalise. */
+static int integrate(const double *quaternion, const double *omega, double dt, double *out)
+{
+    double turned[4], half = 0.5 * dt;
+    multiply(quaternion, 1.0, half * omega[0], half * omega[1], half * omega[2], turned);
+    return normalise(turned, out);
+}
+
 /* sim/buoyancy.py */
 
 static void hull_lift(const Body *body, double depth, const double *rotation, double *out)
@@ -157,7 +165,7 @@ static void acceleration(const Body *body, double depth, const double *rotation,
 
 static int euler(const Body *body, double *at, double *nu_dot, const double *wrench, const double *current, double dt)
 {
-    double rotation[9], velocity[3], turned[4], half = 0.5 * dt;
+    double rotation[9], velocity[3];
     matrix(at + QUATERNION, rotation);
     acceleration(body, at[2], rotation, at + NU, wrench, current, nu_dot);
     for (int i = 0; i < 6; i++)
@@ -165,8 +173,7 @@ static int euler(const Body *body, double *at, double *nu_dot, const double *wre
     over_ground(rotation, at + NU, velocity);
     for (int i = 0; i < 3; i++)
         at[i] = at[i] + dt * velocity[i];
-    multiply(at + QUATERNION, 1.0, half * at[10], half * at[11], half * at[12], turned);
-    return normalise(turned, at + QUATERNION);
+    return integrate(at + QUATERNION, at + NU + 3, dt, at + QUATERNION);
 }
 
 static int slope(const Body *body, const double *at, const double *wrench, const double *current, double *out)

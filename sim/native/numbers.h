@@ -39,6 +39,19 @@ static inline PyObject *new_list(const double *numbers, Py_ssize_t size)
     return list;
 }
 
+static inline PyObject *new_number_tuple(const double *numbers, Py_ssize_t size)
+{
+    PyObject *tuple = PyTuple_New(size);
+    for (Py_ssize_t i = 0; tuple != NULL && i < size; i++) {
+        PyObject *number = PyFloat_FromDouble(numbers[i]);
+        if (number == NULL)
+            Py_CLEAR(tuple);
+        else
+            PyTuple_SetItem(tuple, i, number);
+    }
+    return tuple;
+}
+
 static inline void deallocate(PyObject *self)
 {
     PyTypeObject *type = Py_TYPE(self);
@@ -78,10 +91,17 @@ static inline PyObject *new_of_records(PyTypeObject *type, PyObject *arguments, 
     return new_with_records(type, numbers, bytes, size, most, offset);
 }
 
+/* `type` is then ours, to know objects of it by. */
+static inline int add_known_type(PyObject *module, PyType_Spec *spec, const char *name, PyTypeObject **type)
+{
+    *type = (PyTypeObject *)PyType_FromSpec(spec);
+    return *type != NULL && PyModule_AddObjectRef(module, name, (PyObject *)*type) == 0;
+}
+
 static inline int add_type(PyObject *module, PyType_Spec *spec, const char *name)
 {
-    PyObject *type = PyType_FromSpec(spec);
-    int failed = type == NULL || PyModule_AddObjectRef(module, name, type) != 0;
-    Py_XDECREF(type);
-    return !failed;
+    PyTypeObject *type;
+    int added = add_known_type(module, spec, name, &type);
+    Py_XDECREF((PyObject *)type);
+    return added;
 }

@@ -1,11 +1,11 @@
 """An inertial measurement unit with an attitude filter."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Annotated, NamedTuple
 
 from hil.schema import Range
 from sim.dynamics import State
-from sim.native import make_error_bank
+from sim.native import make_error_bank, make_imu
 from sim.rotations import down_axis, integrate, multiply, rotate_inverse
 from sim.sensors.error import ErrorModel, sensor_random
 from sim.sensors.mounting import Mounting
@@ -39,9 +39,14 @@ class Imu:
         self._gravity = scene.world.gravity
         models = [model.attitude] * 3 + [model.angular_velocity] * 3 + [model.acceleration] * 3
         self._errors = make_error_bank(models, 1.0 / model.rate, sensor_random(seed, IMU))
+        native = None if self._turn else make_imu(self._errors, ImuSample, self._position, self._gravity)
+        self._measure: Callable[[int, State], ImuSample] = native or self._measure_apart
 
     def sample(self, time_ns: int, state: State) -> ImuSample:
         """The measurement of `state`; attitude errors are small turns about the unit's axes."""
+        return self._measure(time_ns, state)
+
+    def _measure_apart(self, time_ns: int, state: State) -> ImuSample:
         attitude: Sequence[float] = state.quaternion
         rate: Sequence[float] = state.nu[3:]
         force: Sequence[float] = specific_force(state, self._position, self._gravity)

@@ -1,6 +1,7 @@
 """A vehicle on relief: it is kept out of slopes and steps, slides, and makes no energy."""
 
 from array import array
+from collections.abc import Sequence
 from math import atan, cos, nan, pi, sin
 from random import Random
 
@@ -28,7 +29,7 @@ def world_of(rule: Slope | Ridge | Sinusoid | Fractal | Step, holes: int = 0) ->
     return World("relief", "test", EXTENT, 8.0, terrain=Terrain(grid, depths, 8.0))
 
 
-def kinetic(mass: list[list[float]], nu: list[float]) -> float:
+def kinetic(mass: list[list[float]], nu: Sequence[float]) -> float:
     return 0.5 * sum(v * sum(m * x for m, x in zip(row, nu, strict=True)) for row, v in zip(mass, nu, strict=True))
 
 

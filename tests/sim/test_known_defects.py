@@ -104,7 +104,7 @@ def test_every_axis_has_its_own_added_mass() -> None:
         forces = Dynamics(vehicle, 1000.0, 9.82)
         state = State(still.position)
         forces.step(state, (10.0, 10.0, 10.0, 0.0, 0.0, 0.0), STILL, 1e-6)
-        return state.nu_dot
+        return list(state.nu_dot)
 
     ours, theirs = start(HEAVY), start(averaged)
     weight = (13.5 - 13.4) * 9.82

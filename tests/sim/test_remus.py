@@ -252,7 +252,7 @@ class Run:
 
     def __init__(self, rpm: float, speed: float, world: World = SEA) -> None:
         self.simulation = Simulation(instant(REMUS), world, QUIET, dt_ns=20_000_000, position=(0.0, 0.0, 50.0))
-        self.simulation.state.nu[0] = speed
+        self.simulation.state.nu = [speed, 0.0, 0.0, 0.0, 0.0, 0.0]
         self._propeller = REMUS.thrusters[0].pulse_at(rpm / 1525.0)
 
     def step(self, seconds: float, rudder: float = 0.0, planes: float = 0.0) -> None:
@@ -262,11 +262,11 @@ class Run:
 
     @property
     def nu(self) -> Six:
-        return self.simulation.state.nu
+        return list(self.simulation.state.nu)
 
     @property
     def position(self) -> Six:
-        return self.simulation.state.position
+        return list(self.simulation.state.position)
 
     @property
     def euler(self) -> tuple[float, float, float]:

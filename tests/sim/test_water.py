@@ -89,7 +89,7 @@ def test_a_vehicle_without_weight_or_drag_goes_with_the_water() -> None:
     simulation = at_sea(Ocean(waves=SWELL), body)
     sea = Sea(SWELL, SEA.depth, G, 1)
     place = [0.0, 0.0, 6.0]
-    simulation.state.nu[:3] = rotate(from_euler(0.0, 0.0, -0.7), sea.motion(0.0, *place).velocity)
+    simulation.state.nu = [*rotate(from_euler(0.0, 0.0, -0.7), sea.motion(0.0, *place).velocity), 0.0, 0.0, 0.0]
     largest = 0.0
     for step in range(400 * 27):
         middle = [x + 0.00125 * v for x, v in zip(place, sea.motion(step / 400.0, *place).velocity, strict=True)]

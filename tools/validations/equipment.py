@@ -229,7 +229,7 @@ def _bobbing(axes: Axes) -> Finding:
     vehicle = ballast.BARE._replace(buoyancy_engine=engine, quadratic_damping=(0.0,) * 6)
     simulation, height = ballast.at_sea(vehicle, 0.0), vehicle.dimensions[2]
     afloat = height * (0.5 - 30e-3 * 1025.0 / vehicle.mass) + 0.007
-    simulation.state.position[2] = afloat + 0.01
+    simulation.state.position = [0.0, 0.0, afloat + 0.01]
     times, depths, crossings = [0.0], [0.01], []
     for _ in range(1500):
         simulation.step(ballast.idle(vehicle, buoyancy_engine=1900))
