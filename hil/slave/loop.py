@@ -73,7 +73,7 @@ class Loop:
         self._computed_ns = 0
         self._control_due_ns = 0
         self._sent = False
-        self.pwm_us = driver.pwm_us  # which changes only when the driver is serviced
+        self.pwm_us = tuple(driver.pwm_us)  # which change only when the driver is serviced
         self._link_due_ns = 0  # when the driver has to be serviced even if nothing came
         self._link_fds = driver.descriptors()
         self._timed_out = False
@@ -171,7 +171,7 @@ class Loop:
         heard = self.driver.service(now)
         now = now_ns() if heard else now  # reading takes its time, and what was read is as old as that
         self._link_due_ns, self._link_fds = self.driver.deadline_ns, self.driver.descriptors()
-        self.pwm_us = self.driver.pwm_us
+        self.pwm_us = tuple(self.driver.pwm_us)  # a step knows it again at a glance
         for telemetry in heard:
             if telemetry.timed_out and not self._timed_out:
                 self._report("the STM32's watchdog tripped: thrusters neutral")

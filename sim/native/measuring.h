@@ -132,17 +132,6 @@ static void imu_deallocate(PyObject *self)
     deallocate(self);
 }
 
-/* A record of these items, a reference that it takes: made as tuples are, without the Python of its own __new__. */
-static PyObject *new_record(PyTypeObject *type, PyObject *items)
-{
-    newfunc new = (newfunc)PyType_GetSlot(&PyTuple_Type, Py_tp_new);
-    PyObject *arguments = items != NULL ? PyTuple_Pack(1, items) : NULL;
-    PyObject *record = arguments != NULL ? new(type, arguments, NULL) : NULL;
-    Py_XDECREF(arguments);
-    Py_XDECREF(items);
-    return record;
-}
-
 static PyObject *imu_sample(PyObject *self, PyObject *const *arguments, Py_ssize_t count)
 {
     Imu *imu = (Imu *)self;

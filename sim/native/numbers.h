@@ -52,6 +52,17 @@ static inline PyObject *new_number_tuple(const double *numbers, Py_ssize_t size)
     return tuple;
 }
 
+/* A record of these items, a reference that it takes: made as tuples are, without the Python of its own __new__. */
+static inline PyObject *new_record(PyTypeObject *type, PyObject *items)
+{
+    newfunc new = (newfunc)PyType_GetSlot(&PyTuple_Type, Py_tp_new);
+    PyObject *arguments = items != NULL ? PyTuple_Pack(1, items) : NULL;
+    PyObject *record = arguments != NULL ? new(type, arguments, NULL) : NULL;
+    Py_XDECREF(arguments);
+    Py_XDECREF(items);
+    return record;
+}
+
 static inline void deallocate(PyObject *self)
 {
     PyTypeObject *type = Py_TYPE(self);

@@ -89,7 +89,7 @@ def test_the_same_of_any_hour(hour: list[tuple[int, bytes]]) -> None:
         end.service(now)
         stub.service(now)
         assert quick.said == plain.said
-        assert end.pwm_us == stub.pwm_us
+        assert list(end.pwm_us) == stub.pwm_us
         assert end.deadline_ns == stub.deadline_ns
         assert (end.obeyed_ns > 0) == (stub.obeyed_ns > 0)
 
@@ -104,7 +104,7 @@ def test_the_instant_is_that_of_the_last_command_obeyed() -> None:
     quick.coming = FRAME.encode(ThrusterCommand(8, True, (1700,) * CHANNELS))  # late
     end.service(2 * NS_PER_MS)
     end.service(3 * WATCHDOG_NS)  # the watchdog is no command
-    assert end.pwm_us == [1500] * CHANNELS
+    assert end.pwm_us == (1500,) * CHANNELS
     assert end.obeyed_ns == obeyed
 
 
@@ -112,9 +112,9 @@ def test_closed_it_is_neutral() -> None:
     quick, end, _, _ = ends()
     quick.coming = FRAME.encode(ThrusterCommand(9, True, (1600,) * CHANNELS))
     end.service(NS_PER_MS)
-    assert end.pwm_us == [1600] * CHANNELS
+    assert end.pwm_us == (1600,) * CHANNELS
     end.close()
-    assert end.pwm_us == [1500] * CHANNELS
+    assert end.pwm_us == (1500,) * CHANNELS
     assert quick.closed
 
 

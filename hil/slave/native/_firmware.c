@@ -103,15 +103,15 @@ static PyObject *firmware_pwm_us(PyObject *self, void *closure)
 {
     const UuvHilBoard *board = &((Firmware *)self)->firmware.board;
     (void)closure;
-    PyObject *list = PyList_New(board->channels);
-    for (Py_ssize_t i = 0; list != NULL && i < board->channels; i++) {
+    PyObject *pulses = PyTuple_New(board->channels);
+    for (Py_ssize_t i = 0; pulses != NULL && i < board->channels; i++) {
         PyObject *pulse = PyLong_FromLong(board->pwm_us[i]);
         if (pulse == NULL)
-            Py_CLEAR(list);
+            Py_CLEAR(pulses);
         else
-            PyList_SetItem(list, i, pulse);
+            PyTuple_SetItem(pulses, i, pulse);
     }
-    return list;
+    return pulses;
 }
 
 static PyObject *firmware_deadline_ns(PyObject *self, void *closure)

@@ -1,5 +1,5 @@
 class Firmware:
-    pwm_us: list[int]
+    pwm_us: tuple[int, ...]
     deadline_ns: int
     obeyed_ns: int
     def __new__(cls, channels: int, watchdog_us: int, /) -> Firmware: ...

@@ -16,8 +16,7 @@ enum { MOST = UUV_HIL_FRAME_MAX_THRUSTERS };
 enum { COMMAND_SEQUENCE, COMMAND_ARMED, COMMAND_PWM_US, COMMAND_FIELDS };
 enum { SEQUENCE, ARMED, TIMED_OUT, PWM_US, AGE_US, FRAMES, ERRORS, WATCHDOG_TRIPS, TELEMETRY_FIELDS };
 
-static PyObject *command_type, *telemetry_type;
-static newfunc new_tuple; /* of a type that is a tuple */
+static PyTypeObject *command_type, *telemetry_type;
 
 static uint16_t crc_of(const uint8_t *frame, size_t end)
 {
@@ -112,7 +111,7 @@ static PyObject *pack_telemetry(PyObject *message, PyObject *pulses, Py_ssize_t 
 static PyObject *pack(PyObject *module, PyObject *message)
 {
     (void)module;
-    PyObject *type = (PyObject *)Py_TYPE(message);
+    PyTypeObject *type = Py_TYPE(message);
     if (type != command_type && type != telemetry_type)
         Py_RETURN_NONE;
     PyObject *pulses = PyTuple_GetItem(message, type == command_type ? (Py_ssize_t)COMMAND_PWM_US : (Py_ssize_t)PWM_US);
@@ -130,20 +129,10 @@ static PyObject *pulses_at(const uint8_t *from, int count)
     return pulses;
 }
 
-/* The message of that type with these fields; takes over the reference to `fields`. */
-static PyObject *message_of(PyObject *type, PyObject *fields)
-{
-    PyObject *arguments = fields == NULL ? NULL : PyTuple_Pack(1, fields);
-    PyObject *message = arguments == NULL ? NULL : new_tuple((PyTypeObject *)type, arguments, NULL);
-    Py_XDECREF(arguments);
-    Py_XDECREF(fields);
-    return message;
-}
-
 static PyObject *read_command(const uint8_t *frame, int count)
 {
     PyObject *armed = frame[UUV_HIL_FRAME_COMMAND_FLAGS] & UUV_HIL_FRAME_COMMAND_ARMED ? Py_True : Py_False;
-    return message_of(command_type, Py_BuildValue("ION",
+    return new_record(command_type, Py_BuildValue("ION",
         (unsigned)get(frame + UUV_HIL_FRAME_COMMAND_SEQUENCE, 2), armed,
         pulses_at(frame + UUV_HIL_FRAME_COMMAND_PWM_US, count)));
 }
@@ -151,7 +140,7 @@ static PyObject *read_command(const uint8_t *frame, int count)
 static PyObject *read_telemetry(const uint8_t *frame, int count)
 {
     uint8_t flags = frame[UUV_HIL_FRAME_TELEMETRY_FLAGS];
-    return message_of(telemetry_type, Py_BuildValue("IOONIIII",
+    return new_record(telemetry_type, Py_BuildValue("IOONIIII",
         (unsigned)get(frame + UUV_HIL_FRAME_TELEMETRY_SEQUENCE, 2),
         flags & UUV_HIL_FRAME_TELEMETRY_ARMED ? Py_True : Py_False,
         flags & UUV_HIL_FRAME_TELEMETRY_TIMED_OUT ? Py_True : Py_False,
@@ -198,10 +187,9 @@ static int module_exec(PyObject *module)
     PyObject *contract = PyImport_ImportModule("hil.links.contract");
     if (contract == NULL)
         return -1;
-    command_type = PyObject_GetAttrString(contract, "ThrusterCommand");
-    telemetry_type = PyObject_GetAttrString(contract, "ThrusterTelemetry");
+    command_type = (PyTypeObject *)PyObject_GetAttrString(contract, "ThrusterCommand");
+    telemetry_type = (PyTypeObject *)PyObject_GetAttrString(contract, "ThrusterTelemetry");
     Py_DECREF(contract);
-    new_tuple = (newfunc)PyType_GetSlot(&PyTuple_Type, Py_tp_new);
     return command_type == NULL || telemetry_type == NULL ? -1 : 0;
 }
 

@@ -22,7 +22,7 @@ class FirmwareEnd:
         return self._firmware.deadline_ns
 
     @property
-    def pwm_us(self) -> list[int]:
+    def pwm_us(self) -> tuple[int, ...]:
         """Pulse widths in effect, us."""
         return self._firmware.pwm_us
 
