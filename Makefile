@@ -26,7 +26,7 @@ lint: $(VENV)/.dev
 # Bytecode is compiled at install: the start-up time of the first run is that of every run.
 $(VENV)/.run: EXTRA = master
 $(VENV)/.dev: EXTRA = dev
-$(VENV)/.run $(VENV)/.dev: pyproject.toml hatch_build.py $(wildcard $(NATIVE:%=%/*.[ch]))
+$(VENV)/.run $(VENV)/.dev: pyproject.toml hatch_build.py $(wildcard $(NATIVE:%=%/*.[ch]) firmware_stub/src/*.c firmware_stub/include/*.h)
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
 	  || { echo "Python 3.11 or later is needed; name one with: make PYTHON=/path/to/python3.11"; exit 1; }
 	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV) \
