@@ -9,8 +9,16 @@ from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 
 import pytest
+from hypothesis import HealthCheck, settings
 
 from sim.native import build
+
+# For tests that compare the twins; `taken_from` holds for all examples of one.
+EACH = settings(
+    deadline=None,
+    max_examples=200,
+    suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.differing_executors],
+)
 
 
 def compiled(folder: Path) -> None:

@@ -158,17 +158,8 @@ static PyObject *kernel_step(PyObject *self, PyObject *const *arguments, Py_ssiz
 
 static PyObject *kernel_new(PyTypeObject *type, PyObject *arguments, PyObject *keywords)
 {
-    const char *numbers;
-    Py_ssize_t size;
     (void)keywords;
-    if (!PyArg_ParseTuple(arguments, "y#", &numbers, &size))
-        return NULL;
-    if (size != (Py_ssize_t)sizeof(Body))
-        return PyErr_Format(PyExc_ValueError, "%zd bytes of parameters are needed, found %zd", sizeof(Body), size);
-    PyObject *self = PyType_GenericAlloc(type, 0);
-    if (self != NULL)
-        memcpy(&((Kernel *)self)->body, numbers, sizeof(Body));
-    return self;
+    return new_of_parameters(type, arguments, sizeof(Body), offsetof(Kernel, body));
 }
 
 static PyMethodDef kernel_methods[] = {

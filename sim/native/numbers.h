@@ -52,6 +52,19 @@ static inline PyObject *new_number_tuple(const double *numbers, Py_ssize_t size)
     return tuple;
 }
 
+static inline PyObject *new_whole_tuple(const long *numbers, Py_ssize_t size)
+{
+    PyObject *tuple = PyTuple_New(size);
+    for (Py_ssize_t i = 0; tuple != NULL && i < size; i++) {
+        PyObject *number = PyLong_FromLong(numbers[i]);
+        if (number == NULL)
+            Py_CLEAR(tuple);
+        else
+            PyTuple_SetItem(tuple, i, number);
+    }
+    return tuple;
+}
+
 /* A record of these items, a reference that it takes: made as tuples are, without the Python of its own __new__. */
 static inline PyObject *new_record(PyTypeObject *type, PyObject *items)
 {
@@ -68,6 +81,21 @@ static inline void deallocate(PyObject *self)
     PyTypeObject *type = Py_TYPE(self);
     PyObject_Free(self);
     Py_DECREF(type);
+}
+
+/* An object of `type`, zeroed but for a copy of the `size` bytes of parameters that it is made of, at `offset`. */
+static inline PyObject *new_of_parameters(PyTypeObject *type, PyObject *arguments, size_t size, size_t offset)
+{
+    const char *numbers;
+    Py_ssize_t bytes;
+    if (!PyArg_ParseTuple(arguments, "y#", &numbers, &bytes))
+        return NULL;
+    if (bytes != (Py_ssize_t)size)
+        return PyErr_Format(PyExc_ValueError, "%zd bytes of parameters are needed, found %zd", (Py_ssize_t)size, bytes);
+    PyObject *self = PyType_GenericAlloc(type, 0);
+    if (self != NULL)
+        memcpy((char *)self + offset, numbers, size);
+    return self;
 }
 
 /* What every type begins with that holds records of one kind. */

@@ -8,7 +8,7 @@ from struct import pack
 from typing import Any
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from hil.autonomy.allocation import Allocator
@@ -21,18 +21,13 @@ from sim.rotations import from_euler
 from sim.thrusters import pulse_finder, wrench_matrix
 from sim.vehicle import Vehicle, load_vehicle, mass_matrix
 from tests.autonomy.controller_contract import ANY, DT, ControllerContract, inputs
-from tests.twins import taken_from
+from tests.twins import EACH, taken_from
 
 BINARY = "hil.slave.native._control"
 INERTIA: Wrench = (20.0, 30.0, 40.0, 1.0, 2.0, 3.0)
 LIMITS: Wrench = (200.0, 300.0, 400.0, 20.0, 40.0, 60.0)  # the usual gains' limits times the inertia
 VEHICLES = [load_vehicle(name) for name in preset_names("sim/vehicles")]
 PLAIN = [vehicle for vehicle, _ in VEHICLES if all(thruster.curve is None for thruster in vehicle.thrusters)]
-EACH = settings(
-    deadline=None,
-    max_examples=200,
-    suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.differing_executors],
-)
 
 
 @pytest.fixture(autouse=True)

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from firmware_stub.stub import Stm32, Stm32End
@@ -18,15 +18,10 @@ from hil.slave.native.firmware import FirmwareEnd
 from hil.slave.stm32 import open_driver
 from hil.slave.stm32_inside import open_python
 from tests.links.link_contract import nothing_leaks
-from tests.twins import taken_from
+from tests.twins import EACH, taken_from
 
 CHANNELS = 3
 WATCHDOG_NS = 200 * NS_PER_MS
-EACH = settings(
-    deadline=None,
-    max_examples=200,
-    suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.differing_executors],
-)
 
 
 @pytest.fixture(autouse=True)

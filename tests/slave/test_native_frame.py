@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hil.config import load_scenario
@@ -16,14 +16,11 @@ from hil.schema import preset_names
 from hil.slave.native import make_frame_protocol
 from hil.slave.native.frame import NativeFrameProtocol, is_ours
 from hil.slave.stm32 import end_protocol
+from tests.twins import EACH as EACH_TWIN
 from tests.twins import taken_from
 
 FRAMES = Path(__file__).parents[2] / "firmware_stub" / "frames"
-EACH = settings(
-    deadline=None,
-    max_examples=300,
-    suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.differing_executors],
-)
+EACH = settings(EACH_TWIN, max_examples=300)
 NUMBERS = st.integers(0, 0xFFFF)
 PULSES = st.lists(NUMBERS, min_size=1, max_size=16).map(tuple)
 COMMANDS = st.builds(ThrusterCommand, NUMBERS, st.booleans(), PULSES)

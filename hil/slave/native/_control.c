@@ -82,17 +82,8 @@ static PyObject *cascade_reset(PyObject *self, PyObject *nothing)
 
 static PyObject *cascade_new(PyTypeObject *type, PyObject *arguments, PyObject *keywords)
 {
-    const char *numbers;
-    Py_ssize_t size;
     (void)keywords;
-    if (!PyArg_ParseTuple(arguments, "y#", &numbers, &size))
-        return NULL;
-    if (size != (Py_ssize_t)sizeof(Law))
-        return PyErr_Format(PyExc_ValueError, "%zd bytes of parameters are needed, found %zd", sizeof(Law), size);
-    PyObject *self = PyType_GenericAlloc(type, 0); /* zeroed: its loops begin anew */
-    if (self != NULL)
-        memcpy(&((Cascade *)self)->law, numbers, sizeof(Law));
-    return self;
+    return new_of_parameters(type, arguments, sizeof(Law), offsetof(Cascade, law)); /* its loops begin anew */
 }
 
 static PyMethodDef cascade_methods[] = {
@@ -172,17 +163,12 @@ static PyObject *pulses_find(PyObject *self, PyObject *asked)
 {
     const Pulses *pulses = (const Pulses *)self;
     double thrusts[MOST_THRUSTERS];
+    long found[MOST_THRUSTERS];
     if (!read_numbers(asked, thrusts, pulses->count))
         return NULL;
-    PyObject *found = PyTuple_New(pulses->count);
-    for (Py_ssize_t i = 0; found != NULL && i < pulses->count; i++) {
-        PyObject *number = PyLong_FromLong(pulse(&pulses->curves[i], thrusts[i]));
-        if (number == NULL)
-            Py_CLEAR(found);
-        else
-            PyTuple_SetItem(found, i, number);
-    }
-    return found;
+    for (Py_ssize_t i = 0; i < pulses->count; i++)
+        found[i] = pulse(&pulses->curves[i], thrusts[i]);
+    return new_whole_tuple(found, pulses->count);
 }
 
 static PyMethodDef pulses_methods[] = {

@@ -103,15 +103,10 @@ static PyObject *firmware_pwm_us(PyObject *self, void *closure)
 {
     const UuvHilBoard *board = &((Firmware *)self)->firmware.board;
     (void)closure;
-    PyObject *pulses = PyTuple_New(board->channels);
-    for (Py_ssize_t i = 0; pulses != NULL && i < board->channels; i++) {
-        PyObject *pulse = PyLong_FromLong(board->pwm_us[i]);
-        if (pulse == NULL)
-            Py_CLEAR(pulses);
-        else
-            PyTuple_SetItem(pulses, i, pulse);
-    }
-    return pulses;
+    long pulses[UUV_HIL_MAX_CHANNELS];
+    for (int i = 0; i < board->channels; i++)
+        pulses[i] = board->pwm_us[i];
+    return new_whole_tuple(pulses, board->channels);
 }
 
 static PyObject *firmware_deadline_ns(PyObject *self, void *closure)

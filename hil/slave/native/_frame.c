@@ -6,9 +6,7 @@
 
 #include "../../../sim/native/numbers.h"
 
-#include "uuv_hil_frame.h"
-
-#include <stdint.h>
+#include "uuv_hil_stm32.h"
 
 enum { MOST = UUV_HIL_FRAME_MAX_THRUSTERS };
 
@@ -20,13 +18,7 @@ static PyTypeObject *command_type, *telemetry_type;
 
 static uint16_t crc_of(const uint8_t *frame, size_t end)
 {
-    uint32_t crc = UUV_HIL_FRAME_CRC_START_VALUE;
-    for (size_t i = UUV_HIL_FRAME_CRC_START; i < end; i++) {
-        uint32_t byte = (crc >> 8 ^ frame[i]) & 0xFFu;
-        byte ^= byte >> 4;
-        crc = crc << 8 ^ byte << 12 ^ byte << 5 ^ byte; /* x^16 + x^12 + x^5 + 1, eight bits at once */
-    }
-    return (uint16_t)crc;
+    return uuv_hil_crc16(frame + UUV_HIL_FRAME_CRC_START, end - UUV_HIL_FRAME_CRC_START);
 }
 
 static void put(uint8_t *to, uint32_t value, int bytes)
@@ -123,10 +115,10 @@ static PyObject *pack(PyObject *module, PyObject *message)
 
 static PyObject *pulses_at(const uint8_t *from, int count)
 {
-    PyObject *pulses = PyTuple_New(count);
-    for (int i = 0; pulses != NULL && i < count; i++)
-        PyTuple_SetItem(pulses, i, PyLong_FromLong((long)get(from + 2 * i, 2)));
-    return pulses;
+    long pulses[MOST];
+    for (int i = 0; i < count; i++)
+        pulses[i] = (long)get(from + 2 * i, 2);
+    return new_whole_tuple(pulses, count);
 }
 
 static PyObject *read_command(const uint8_t *frame, int count)
