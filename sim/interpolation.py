@@ -1,6 +1,6 @@
-"""Tables read between their lines."""
+"""Linear interpolation in tables."""
 
-from bisect import bisect_right
+from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
 from itertools import pairwise
 
@@ -27,9 +27,13 @@ class PiecewiseLinear:
         share = (x - start) / (self._at[after] - start)
         return tuple([a + share * (b - a) for a, b in zip(self._rows[after - 1], self._rows[after], strict=True)])
 
+    def numbers(self) -> list[float]:
+        """Return the table row after row, each with its place first: what the C twin is made of."""
+        return [x for at, row in zip(self._at, self._rows, strict=True) for x in (at, *row)]
 
-def table_problem(axis: str, at: Sequence[float], **columns: Sequence[float]) -> str | None:
-    """What is wrong with a table whose rows stand at `at`: none, not growing, or of uneven length.
+
+def validate_columns(axis: str, at: Sequence[float], **columns: Sequence[float]) -> str | None:
+    """Return what is wrong with a table whose rows stand at `at`, or None: not growing, or of uneven length.
 
     An empty column was left out, which is no fault.
     """
@@ -41,3 +45,26 @@ def table_problem(axis: str, at: Sequence[float], **columns: Sequence[float]) ->
         if column and len(column) != len(at):
             return f"{name}: expected {len(at)} values, one for each {axis}, found {len(column)}"
     return None
+
+
+def interpolate(at: Sequence[float], values: Sequence[float], x: float) -> float:
+    """Straight lines between the points, the ends hold outside; `at` grows strictly."""
+    after = bisect_right(at, x)
+    if after == 0:
+        return values[0]
+    if after == len(at):
+        return values[-1]
+    share = (x - at[after - 1]) / (at[after] - at[after - 1])
+    return values[after - 1] + share * (values[after] - values[after - 1])
+
+
+def nearest_pulse(pulses: Sequence[float], thrusts: Sequence[float], thrust: float) -> int:
+    """Return the pulse of a thrust that is not 0; the ends hold outside. `thrusts` never falls.
+
+    Of a flat stretch it is the pulse nearest neutral: the least power for the same thrust.
+    """
+    after = bisect_left(thrusts, thrust) if thrust > 0.0 else bisect_right(thrusts, thrust)
+    if after in (0, len(thrusts)):
+        return round(pulses[0] if after == 0 else pulses[-1])
+    low, high = thrusts[after - 1], thrusts[after]
+    return round(pulses[after - 1] + (thrust - low) / (high - low) * (pulses[after] - pulses[after - 1]))

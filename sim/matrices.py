@@ -1,9 +1,14 @@
-"""Small dense matrices as lists of rows: what setting up a vehicle needs, once, outside the step."""
+"""Small dense matrices as lists of rows, for setting up a vehicle outside the step."""
 
 from collections.abc import Sequence
 from math import sqrt
+from typing import Annotated
+
+from hil.common.schema import Range
 
 Matrix = list[list[float]]
+# One number of a vehicle's matrices; the largest of 1e6 kg and 50 m is 2.5e9 kg m².
+Entry = Annotated[float, Range(-1e10, 1e10)]
 
 
 def square(values: Sequence[float], size: int) -> Matrix:
@@ -13,6 +18,11 @@ def square(values: Sequence[float], size: int) -> Matrix:
     return [list(values[i * size : (i + 1) * size]) for i in range(size)]
 
 
+def times(matrix: Matrix, u: float, v: float, w: float, p: float, q: float, r: float) -> list[float]:
+    """Return a 6x6 matrix times (u, v, w, p, q, r), summed in this order, which the C twin repeats."""
+    return [a * u + b * v + c * w + d * p + e * q + f * r for a, b, c, d, e, f in matrix]
+
+
 def cross_matrix(vector: Sequence[float]) -> Matrix:
     """S(a), the 3x3 matrix of the cross product: S(a) b = a x b."""
     x, y, z = vector
@@ -20,7 +30,7 @@ def cross_matrix(vector: Sequence[float]) -> Matrix:
 
 
 def product(a: Matrix, b: Matrix) -> Matrix:
-    """The matrix product a b."""
+    """Return the matrix product a b."""
     columns = list(zip(*b, strict=True))
     return [[sum(x * y for x, y in zip(row, column, strict=True)) for column in columns] for row in a]
 
@@ -53,14 +63,22 @@ def is_positive_definite(a: Matrix) -> bool:
         lower.append([])
         for j in range(i + 1):
             rest = row[j] - sum(x * y for x, y in zip(lower[i], lower[j], strict=False))
-            if i == j and rest <= 0.0:
+            if i == j and not rest > 0.0:  # nor what is not a number
                 return False
             lower[i].append(sqrt(rest) if i == j else rest / lower[j][j])
     return True
 
 
+def is_positive_semidefinite(a: Matrix) -> bool:
+    """True if x'a x >= 0 for every x, to a billionth of the largest entry; the part of `a` that is not symmetric
+    counts for nothing, as it adds nothing to x'a x."""
+    symmetric = total(a, transpose(a))
+    shift = 1e-9 * max(abs(x) for row in symmetric for x in row) or 1.0
+    return is_positive_definite(total(symmetric, square([shift] * len(a), len(a))))
+
+
 def inverse(a: Matrix) -> Matrix:
-    """The inverse, by Gauss-Jordan elimination with row pivoting. Raises ZeroDivisionError if there is none."""
+    """Return the inverse, by Gauss-Jordan elimination with row pivoting. Raises ZeroDivisionError if there is none."""
     size = len(a)
     rows = [[*row, *(float(i == j) for j in range(size))] for i, row in enumerate(a)]
     for column in range(size):

@@ -13,7 +13,7 @@ Rotation = tuple[float, float, float, float, float, float, float, float, float]
 
 
 def matrix(quaternion: Sequence[float]) -> Rotation:
-    """The rotation matrix R, body to world: world = R body, body = R' world."""
+    """Return the rotation matrix R, body to world: world = R body, body = R' world."""
     w, x, y, z = quaternion
     xx, yy, zz = x * x, y * y, z * z
     xy, xz, yz = x * y, x * z, y * z
@@ -26,27 +26,27 @@ def matrix(quaternion: Sequence[float]) -> Rotation:
 
 
 def down_axis(quaternion: Sequence[float]) -> Vector3:
-    """The world's down along the body axes, a unit vector: the last row of the matrix."""
+    """Return the world's down along the body axes, a unit vector: the last row of the matrix."""
     w, x, y, z = quaternion
     return 2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)
 
 
 def rotate(quaternion: Sequence[float], body: Sequence[float]) -> Vector3:
-    """A vector given along the body axes, along the world axes."""
+    """Return a vector given along the body axes, along the world axes."""
     xx, xy, xz, yx, yy, yz, zx, zy, zz = matrix(quaternion)
     x, y, z = body
     return xx * x + xy * y + xz * z, yx * x + yy * y + yz * z, zx * x + zy * y + zz * z
 
 
 def rotate_inverse(quaternion: Sequence[float], world: Sequence[float]) -> Vector3:
-    """A vector given along the world axes, along the body axes."""
+    """Return a vector given along the world axes, along the body axes."""
     xx, xy, xz, yx, yy, yz, zx, zy, zz = matrix(quaternion)
     x, y, z = world
     return xx * x + yx * y + zx * z, xy * x + yy * y + zy * z, xz * x + yz * y + zz * z
 
 
 def multiply(first: Sequence[float], second: Sequence[float]) -> Quaternion:
-    """The Hamilton product: the rotation `second`, then `first`, both about world axes."""
+    """Return the Hamilton product: the rotation `second`, then `first`, both about world axes."""
     a, b, c, d = first
     w, x, y, z = second
     return (
@@ -58,14 +58,17 @@ def multiply(first: Sequence[float], second: Sequence[float]) -> Quaternion:
 
 
 def normalise(quaternion: Sequence[float]) -> Quaternion:
-    """The quaternion with length 1."""
+    """Return the quaternion with length 1. Raises FloatingPointError for one of length 0."""
     w, x, y, z = quaternion
-    scale = 1.0 / sqrt(w * w + x * x + y * y + z * z)
+    length = sqrt(w * w + x * x + y * y + z * z)
+    if length == 0.0:
+        raise FloatingPointError("a quaternion of length 0")
+    scale = 1.0 / length
     return w * scale, x * scale, y * scale, z * scale
 
 
 def integrate(quaternion: Sequence[float], omega: Sequence[float], dt: float) -> Quaternion:
-    """The attitude after turning for `dt` seconds at `omega` (p, q, r in rad/s along the body axes).
+    """Return the attitude after turning for `dt` seconds at `omega` (p, q, r in rad/s along the body axes).
 
     The Cayley map of the half angle, free of sines: per step the angle a = |omega| dt comes out
     a**3 / 12 too small, 1e-8 rad at 2 rad/s and 2.5 ms.
@@ -81,7 +84,7 @@ def integrate(quaternion: Sequence[float], omega: Sequence[float], dt: float) ->
 
 
 def from_euler(roll: float, pitch: float, yaw: float) -> Quaternion:
-    """The quaternion of Euler angles in rad: yaw about z, then pitch about y, then roll about x (ZYX)."""
+    """Return the quaternion of Euler angles in rad: yaw about z, then pitch about y, then roll about x (ZYX)."""
     cr, sr = cos(0.5 * roll), sin(0.5 * roll)
     cp, sp = cos(0.5 * pitch), sin(0.5 * pitch)
     cy, sy = cos(0.5 * yaw), sin(0.5 * yaw)

@@ -1,31 +1,42 @@
 """One vehicle in one world: pulses in, sensor samples out, each call one step of simulated time."""
 
 from collections.abc import Callable, Sequence
+from math import isfinite
 from typing import TYPE_CHECKING
 
-from hil.errors import ConfigError
-from sim.contact import Contact, starts_inside
+from hil.common.errors import ConfigError, DivergenceError
+from sim.assembly import (
+    make_dynamics,
+    make_equipment,
+    make_fused_step,
+    make_moving_water,
+    make_state,
+    make_surface_forces,
+    make_thrusters,
+)
 from sim.dynamics import Dynamics, Forces, Integrator
-from sim.native import make_coast, make_dynamics, make_state
+from sim.environment.collision import Contact, starts_inside
+from sim.environment.world import World
+from sim.native import NativeDynamics
 from sim.rotations import from_euler, rotate_inverse
+from sim.run_events import EventLog
 from sim.sensors.odometry import ground_truth
 from sim.sensors.samples import OdometrySample, Sample
-from sim.sensors.suite import Schedule, Suite, fit
-from sim.thrusters import make_thrusters
-from sim.vehicle import Vehicle
-from sim.world import World
+from sim.sensors.suite import Schedule, SensorSet, fit
+from sim.vehicle.vehicle import Vehicle, without
+from sim.vehicle.ventilation import Ventilation
 
 if TYPE_CHECKING:
-    from sim.ballast import DropWeight, Release
-    from sim.battery import BatteryState
-    from sim.equipment import Equipment
-    from sim.failures import Failure
+    from sim.environment.waves import Sea
     from sim.forces import Force
-    from sim.native._native import Coast
-    from sim.water import MovingWater
-    from sim.waves import Sea
+    from sim.native._native import FusedStep
+    from sim.vehicle.ballast import DropWeight, Release
+    from sim.vehicle.battery import BatteryState
+    from sim.vehicle.equipment import Equipment
+    from sim.vehicle.failures import Failure
 
 DT_NS = 2_500_000  # 400 Hz
+MIN_DT_NS, MAX_DT_NS = 1_000, 100_000_000
 
 
 class Simulation:
@@ -34,25 +45,28 @@ class Simulation:
     The same arguments and the same pulses give the same numbers to the last bit. `dt_ns` is how much
     each step advances; a sensor cannot be faster. `sensors` are the usual ones if left out. `failures` are what
     befalls the thrusters, and when; `forces` what pushes the vehicle besides them; `releases` say when it drops its
-    weights. `contacts` counts the touches of seabed and obstacles, `touching` tells of the last step; `equipment` is
-    what sim/equipment.py says, None for a vehicle of hull and thrusters. Raises ConfigError if the vehicle would
-    start inside something, or has not the thruster that fails or the weight that goes.
+    weights. `contacts` counts the touches of seabed and obstacles, `touching` tells of the last step, and `events` are
+    those touches with what, when (simulated time), where and for how long; `equipment` is
+    what sim/vehicle/equipment.py says, None for a vehicle of hull and thrusters. Raises ConfigError for numbers that
+    cannot
+    be, if the vehicle would start inside something, or has not the thruster that fails or the weight that goes.
     """
 
     def __init__(
         self,
         vehicle: Vehicle,
         world: World,
-        sensors: Suite | None = None,
+        sensors: SensorSet | None = None,
         seed: int = 0,
         dt_ns: int = DT_NS,
         position: Sequence[float] = (0.0, 0.0, 0.0),
         heading: float = 0.0,
-        integrator: Integrator = "semi_implicit_euler",
+        integrator: Integrator = "verlet",
         failures: "Sequence[Failure]" = (),
         forces: "Sequence[Force]" = (),
         releases: "Sequence[Release]" = (),
     ) -> None:
+        _require_finite(vehicle, world, dt_ns, position, heading)
         if starts_inside(vehicle, world, position):
             at = ", ".join(f"{x:g}" for x in position)
             raise ConfigError(
@@ -61,12 +75,13 @@ class Simulation:
         self.vehicle = vehicle
         self.world = world
         self.time_ns = 0
+        self.events = EventLog()
         self.state = make_state(position, from_euler(0.0, 0.0, heading))
         self._dt_ns = dt_ns
         self._dt = dt_ns * 1e-9
         self._integrator: Integrator = integrator
-        self._water = _moving_water(vehicle, world, seed)
-        self.equipment = _equipment(vehicle, world, self._dt, releases)
+        self._water = make_moving_water(vehicle, world, seed)
+        self.equipment = make_equipment(vehicle, world, self._dt, releases)
         self._own_forces = forces
         self._dynamics = self._build()
         self._thrusters = make_thrusters(vehicle, self._dt, failures, seed)
@@ -74,6 +89,9 @@ class Simulation:
         self._wrench: Sequence[float] = (0.0,) * 6
         self._contact = Contact(vehicle, world, self._dynamics.inverse_mass)
         self._schedule = Schedule(fit() if sensors is None else sensors, self, seed, dt_ns)
+        self._ventilation = Ventilation(vehicle, self.sea)
+        self._aired = False  # whether a thruster draws air
+        self._immerse(0)
         self._coast = self._in_one()
         # One step of the motion; the nu before it if there may be a contact at its end.
         self._advance: Callable[[Sequence[int]], Sequence[float] | None]
@@ -100,7 +118,7 @@ class Simulation:
         return self._water.sea if self._water else None
 
     def flow_at(self, place: Sequence[float]) -> Sequence[float]:
-        """The velocity of the water at a place (m, NED) now, NED in m/s."""
+        """Return the velocity of the water at a place (m, NED) now, NED in m/s."""
         return self._water.velocity(self.time_ns, place) if self._water else self.world.current
 
     @property
@@ -114,11 +132,12 @@ class Simulation:
         Raises ConfigError for an unknown thruster.
         """
         if self._coast:  # thrusters that may fail are moved on apart from the rest, from now on
-            self._wrench, self._coast, self._advance = self._coast.wrench, None, self._term_by_term
+            self._wrench, self._flow = self._coast.wrench, self._coast.flow
+            self._coast, self._advance, self._aired = None, self._term_by_term, True
         self._thrusters.fail(failures)
 
     def failures(self, name: str) -> "tuple[Failure, ...]":
-        """What is wrong with the thruster `name` now."""
+        """Return what is wrong with the thruster `name` now."""
         return self._thrusters.failures(name)
 
     def release(self, name: str) -> None:
@@ -128,28 +147,60 @@ class Simulation:
         self._drop(self.equipment.take(name))
 
     def forces(self) -> Forces:
-        """The forces on it now, term by term, under the thrust and in the water of the last step."""
-        wrench = self._coast.wrench if self._coast else self._wrench
-        return self._dynamics.forces(self.state, wrench, self._flow)
+        """The forces on it now, term by term, under the thrust, in the water and with the contact of the last step.
+
+        A blow is the mean force over its step.
+        """
+        forces = self._dynamics.forces(self.state, *self._acting(max(0, self.time_ns - self._dt_ns)))
+        if not self.touching:
+            return forces
+        contact = [*(x / self._dt for x in self._contact.impulse), 0.0, 0.0, 0.0]
+        total = [a + b for a, b in zip(forces.total, contact, strict=True)]
+        return forces._replace(contact=contact, total=total)
 
     def truth(self) -> OdometrySample:
-        """Where the vehicle really is, now."""
+        """Return where the vehicle really is, now."""
         return ground_truth(self.time_ns, self.state)
 
     def step(self, pwm_us: Sequence[int]) -> list[tuple[str, Sample]]:
-        """Advance by one step under these pulses (us, one a channel); the samples that fell due, by topic."""
-        before = self._advance(pwm_us)
-        if before is not None:
-            self._keep_out(before)
-        self.time_ns += self._dt_ns
-        return self._schedule.take(self.time_ns, self) if self.time_ns >= self._schedule.due_ns else []
+        """Advance by one step under these pulses (us, one a channel); the samples that fell due, by topic.
 
-    def _in_one(self) -> "Coast | None":
-        """All of a step in one call, where nothing acts but thrusters that work and water that is steady, and in C."""
-        if self.equipment is not None or self._water is not None or self._forces:
+        Raises DivergenceError when the state would not be finite any more; it stays the last one that was.
+        """
+        try:
+            before = self._advance(pwm_us)
+        except FloatingPointError:
+            raise self._divergence() from None
+        if before is not None:
+            self._resolve_collision(before)
+        self.time_ns += self._dt_ns
+        return self._schedule.pop_due(self.time_ns, self) if self.time_ns >= self._schedule.due_ns else []
+
+    def _in_one(self) -> "FusedStep | None":
+        """Return all of a step in one call, where all that acts is in C; None where it is not."""
+        equipment = self.equipment
+        if equipment is not None and equipment.is_timed:
             return None
-        half_height = self._contact.half_height
-        return make_coast(self.state, self._dynamics, self._thrusters, self.world.current, self._dt, half_height)
+        command = None if equipment is None else self._command
+        parts = self.state, self._dynamics, self._thrusters, command, self._water
+        numbers = self._ventilation.numbers()
+        return make_fused_step(*parts, self.world.current, self._dt_ns, self._contact.half_height, numbers)
+
+    def _command(self, pwm_us: tuple[int, ...]) -> None:
+        """Give equipment and thrusters their parts of new pulses."""
+        assert self.equipment is not None
+        count = self._count_thrusters(pwm_us)
+        for weight in self.equipment.command(pwm_us[count:]):
+            self._drop(weight)
+        self._thrusters.command(pwm_us[:count])
+
+    def _acting(self, time_ns: int) -> tuple[Sequence[float], Sequence[float]]:
+        """The wrench and the velocity of the water in the last step, which began at `time_ns`; all forces know it."""
+        if self._coast is None:
+            return self._wrench, self._flow
+        for force in self._forces:
+            force.begin(time_ns)
+        return self._coast.wrench, self._coast.flow
 
     def _term_by_term(self, pwm_us: Sequence[int]) -> Sequence[float]:
         """One step of the motion, of whatever vehicle in whatever water; the nu before it."""
@@ -169,46 +220,69 @@ class Simulation:
         self._dynamics.step(state, wrench, current, self._dt)
         return before
 
-    def _keep_out(self, before: Sequence[float]) -> None:
+    def _divergence(self) -> DivergenceError:
+        from sim.divergence import find_cause  # once, at the end
+
+        cause = find_cause(self._dynamics, self.state, *self._acting(self.time_ns), self._dt)
+        at = self.time_ns * 1e-9
+        return DivergenceError(f"{self.vehicle.name}: its state is not finite any more after {at:.4f} s: {cause}")
+
+    def _resolve_collision(self, before: Sequence[float]) -> None:
         """Undo what the last step did to solid things; `before` is the nu from before it."""
         state = self.state
         if self._contact.resolve(state):
             state.nu_dot = [(new - old) / self._dt for new, old in zip(state.nu, before, strict=True)]
+            now = self.time_ns
+            self.events.hold("collision", now, now + self._dt_ns, state.position, self._contact.what)
         if self._coast:
             self._coast.watch(*self._contact.room())
+        else:
+            self._immerse(self.time_ns + self._dt_ns)
+
+    def _immerse(self, time_ns: int) -> None:
+        """Take from the thrusters what the surface costs them in the step that begins at `time_ns`."""
+        state = self.state
+        aired = state.position[2] < self._ventilation.reach
+        if aired:
+            self._thrusters.immerse(self._ventilation.shares(state.position, state.quaternion, time_ns * 1e-9))
+        elif self._aired:
+            self._thrusters.immerse(None)
+        self._aired = aired
 
     def _equip(self, equipment: "Equipment", pwm_us: Sequence[int]) -> Sequence[int]:
         """One step of the equipment under its part of these pulses; the thrusters' part."""
-        count, channels = len(self.vehicle.thrusters), len(self.vehicle.channels)
-        if len(pwm_us) != channels:
-            raise ConfigError(f"{len(pwm_us)} pulses for a vehicle of {channels} channels: give one a channel")
+        count = self._count_thrusters(pwm_us)
         for weight in equipment.step(self.time_ns, pwm_us[count:]):
             self._drop(weight)
         return pwm_us[:count]
 
+    def _count_thrusters(self, pwm_us: Sequence[int]) -> int:
+        """How many of these pulses, which come first, are the thrusters'. Raises ConfigError if not one a channel."""
+        channels = len(self.vehicle.channels)
+        if len(pwm_us) != channels:
+            raise ConfigError(f"{len(pwm_us)} pulses for a vehicle of {channels} channels: give one a channel")
+        return len(self.vehicle.thrusters)
+
     def _drop(self, weight: "DropWeight") -> None:
         """Go on as fast as before without `weight`, which takes its own momentum along."""
-        from sim.ballast import without
-
         self.vehicle = without(self.vehicle, weight, self.world.density)
         self._dynamics = self._build()
         self._contact.inverse_mass = self._dynamics.inverse_mass
         if self._water is not None:
             self._water.carry(self.vehicle, self.world.density)
+        if self._coast:
+            assert isinstance(self._dynamics, NativeDynamics)
+            self._coast.rebuild(self._dynamics.kernel, self._water.pushed_mass if self._water else None)
 
     def _build(self) -> Dynamics:
-        """The equations of the vehicle as it is now, with all that pushes it."""
+        """Return the equations of the vehicle as it is now, with all that pushes it."""
         vehicle, world = self.vehicle, self.world
         forces = [*self.equipment.forces, *self._own_forces] if self.equipment else list(self._own_forces)
-        if world.ocean and (world.ocean.profile or world.ocean.waves):
-            from sim.stratification import surface_and_layers
-
-            forces += surface_and_layers(vehicle, world, self.sea)
-        self._forces = forces
+        self._forces = forces = [*forces, *make_surface_forces(vehicle, world, self.sea)]
         return make_dynamics(vehicle, world.density, world.gravity, self._integrator, forces)
 
     def _push(self, pwm_us: Sequence[int]) -> Sequence[float]:
-        """The wrench of thrusters that meet the water as it flowed a step ago."""
+        """Return the wrench of thrusters that meet the water as it flowed a step ago."""
         state = self.state
         water = rotate_inverse(state.quaternion, self._flow)
         return self._thrusters.step(
@@ -216,19 +290,18 @@ class Simulation:
         )
 
 
-def _moving_water(vehicle: Vehicle, world: World, seed: int) -> "MovingWater | None":
-    """What moves the water besides the steady current; None if nothing does, and then nothing is loaded for it."""
-    if not (world.ocean and world.ocean.moves):
-        return None
-    from sim.water import MovingWater
-
-    return MovingWater(vehicle, world, seed)
-
-
-def _equipment(vehicle: Vehicle, world: World, dt: float, releases: "Sequence[Release]") -> "Equipment | None":
-    """The equipment of `vehicle`; None if it has none, and then nothing is loaded for it. Raises ConfigError."""
-    if not (vehicle.equipped or releases):
-        return None
-    from sim.equipment import Equipment
-
-    return Equipment(vehicle, world.density, world.gravity, dt, releases)
+def _require_finite(vehicle: Vehicle, world: World, dt_ns: int, position: Sequence[float], heading: float) -> None:
+    """Raise ConfigError for what no file can hold, but a program may: numbers that are none, an endless step."""
+    if not MIN_DT_NS <= dt_ns <= MAX_DT_NS:
+        raise ConfigError(f"dt_ns = {dt_ns:g}: a step takes {MIN_DT_NS:,} ns to {MAX_DT_NS:,} ns (1 us to 100 ms)")
+    given = {
+        "position": position, "heading": (heading,), f"current of {world.name}": world.current,
+        f"density of {world.name}": (world.density,), f"gravity of {world.name}": (world.gravity,),
+    }  # fmt: skip
+    for key, numbers in given.items():
+        odd = next((x for x in numbers if not isfinite(x)), None)
+        if odd is not None:
+            raise ConfigError(f"{key}: {odd:g} is no number to start from: give finite ones")
+    problem = vehicle.validate()
+    if problem:
+        raise ConfigError(f"{vehicle.name}: {problem}")

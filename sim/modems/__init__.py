@@ -1,1 +1,1 @@
-"""Talk under water: what becomes of a message between vehicles, by sound or by light."""
+"""Underwater communication between vehicles by sound or by light."""

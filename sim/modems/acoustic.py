@@ -1,4 +1,4 @@
-"""Acoustic modems that share the water: who hears what, when, and what is lost on the way.
+"""Acoustic modems on a shared channel: who receives a message, when, and which messages are lost.
 
 A message takes its time in the water and its time on the air. While a modem sends it hears nothing, and while it
 hears one message it misses another (collision), which disturbs the first. Whether a message is whole is drawn from its
@@ -10,14 +10,14 @@ from collections.abc import Mapping
 from math import exp, hypot, log10
 from typing import Annotated, NamedTuple
 
-from hil.schema import Range
+from hil.common.schema import Range
+from sim.environment.water_column import SOUND_SPEED, WaterColumn
 from sim.modems.sound import ambient_noise, paths, power, transmission_loss
+from sim.rotations import Vector3
 from sim.sensors.error import ErrorModel, ErrorProcess, sensor_random
-from sim.water import SOUND_SPEED, WaterColumn
 
-Vector3 = tuple[float, float, float]
 NS = 1_000_000_000
-HEARD = "heard"  # so far
+RECEIVED = "heard"  # so far
 _UNHEARD = 1e-3  # of the noise: what is weaker disturbs nobody
 
 
@@ -48,7 +48,7 @@ class AcousticModem(NamedTuple):
     assumed_speed: Annotated[float, Range(1300.0, 1700.0, "m/s")] = 1500.0
 
     def airtime_ns(self, size: int) -> int:
-        """How long a message of `size` bytes is on the air."""
+        """Return how long a message of `size` bytes is on the air."""
         return round((self.overhead + 8 * size / self.bit_rate) * NS)
 
 
@@ -134,13 +134,13 @@ class AcousticChannel:
         return end_ns
 
     def receive(self, time_ns: int) -> list[Packet]:
-        """The messages whose last bit has come by now, in that order."""
+        """Return the messages whose last bit has come by now, in that order."""
         for arrival in sorted(self._arrivals):  # by their beginning: the first takes the receiver
             if arrival.direct and arrival.begin_ns <= time_ns and arrival.name not in self._fates:
                 self._fates[arrival.name] = self._begin(arrival)
-        over = [a for a in self._arrivals if a.end_ns <= time_ns and self._fates.get(a.name) == HEARD and a.direct]
-        judged = [self._judge(arrival) for arrival in sorted(over, key=_end)]
-        self._forget(time_ns)
+        over = [a for a in self._arrivals if a.end_ns <= time_ns and self._fates.get(a.name) == RECEIVED and a.direct]
+        judged = [self._decide_fate(arrival) for arrival in sorted(over, key=_end)]
+        self._remove_old(time_ns)
         return [packet for packet in judged if packet]
 
     def _spread(
@@ -153,35 +153,35 @@ class AcousticChannel:
         for path in paths(level, source[2], place[2], depth, modem.bounces):
             loss = transmission_loss(path.length, modem.frequency, modem.spreading)
             loss += path.surface * modem.surface_loss + path.bottom * modem.bottom_loss
-            heard = power(modem.source_level - loss)
-            if heard < _UNHEARD * self._noise and path.surface + path.bottom:
+            received = power(modem.source_level - loss)
+            if received < _UNHEARD * self._noise and path.surface + path.bottom:
                 continue
             late = round(path.length / speed * NS)
             direct = not path.surface + path.bottom
             self._arrivals.append(
                 _Arrival(
-                    begin_ns + late, end_ns + late, sender, receiver, self._number, heard, direct,
+                    begin_ns + late, end_ns + late, sender, receiver, self._number, received, direct,
                     payload, begin_ns,
                 )
             )  # fmt: skip
 
     def _begin(self, arrival: _Arrival) -> str:
-        """What becomes of a message when its first bit is there: HEARD, or why it is lost."""
-        receiver, fate = arrival.receiver, HEARD
+        """Return what becomes of a message when its first bit is there: HEARD, or why it is lost."""
+        receiver, fate = arrival.receiver, RECEIVED
         if 10.0 * log10(arrival.power / self._noise) < self._modem.detection:
             fate = "unheard"
         elif any(begin <= arrival.begin_ns < end for begin, end in self._sending.get(receiver, ())):
             fate = "deaf"
         elif arrival.begin_ns < self._hearing.get(receiver, 0):
             fate = "collided"
-        if fate == HEARD:
+        if fate == RECEIVED:
             self._hearing[receiver] = arrival.end_ns
         else:
             self.counts[fate] += 1
         return fate
 
-    def _judge(self, arrival: _Arrival) -> Packet | None:
-        """The packet, if it was heard whole; otherwise why not is counted."""
+    def _decide_fate(self, arrival: _Arrival) -> Packet | None:
+        """Return the packet, if it was heard whole; otherwise why not is counted."""
         modem = self._modem
         disturbance = sum(
             other.power * _overlap(arrival, other)
@@ -207,10 +207,10 @@ class AcousticChannel:
         """Half way between the two, in m/s."""
         return self._column.sound_speed(0.5 * (source[2] + place[2])) if self._column else SOUND_SPEED
 
-    def _forget(self, time_ns: int) -> None:
+    def _remove_old(self, time_ns: int) -> None:
         """Drop what can neither be heard nor disturb any more."""
         fates = self._fates
-        awaited = [a.begin_ns for a in self._arrivals if a.direct and fates.get(a.name, HEARD) == HEARD]
+        awaited = [a.begin_ns for a in self._arrivals if a.direct and fates.get(a.name, RECEIVED) == RECEIVED]
         since = min(awaited, default=time_ns)
         self._arrivals = [a for a in self._arrivals if a.end_ns > since]
         names = {a.name for a in self._arrivals}
@@ -224,6 +224,6 @@ def _end(arrival: _Arrival) -> int:
 
 
 def _overlap(arrival: _Arrival, other: _Arrival) -> float:
-    """The share of `arrival` during which `other` is heard too."""
+    """Return the share of `arrival` during which `other` is heard too."""
     common = min(arrival.end_ns, other.end_ns) - max(arrival.begin_ns, other.begin_ns)
     return max(0, common) / max(arrival.end_ns - arrival.begin_ns, 1)

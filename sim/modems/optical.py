@@ -1,11 +1,10 @@
-"""Optical modems: fast, near, and only for those who look at each other."""
+"""Optical modems: high rate, short range, and only along a line of sight."""
 
 from math import acos, cos, exp, log, pi, sqrt
 from typing import Annotated, NamedTuple
 
-from hil.schema import Range
-
-Vector3 = tuple[float, float, float]
+from hil.common.schema import Range
+from sim.rotations import Vector3
 
 
 class OpticalModem(NamedTuple):
@@ -26,7 +25,7 @@ class OpticalModem(NamedTuple):
     reach: Annotated[float, Range(0.1, 500.0, "m")] = 20.0
 
     def airtime_ns(self, size: int) -> int:
-        """How long a message of `size` bytes takes; light's own way does not count."""
+        """Return how long a message of `size` bytes takes; light's own way does not count."""
         return round(8e9 * size / self.bit_rate)
 
 
@@ -35,16 +34,16 @@ _REFERENCE_BITS = 8 * 128
 
 
 def bit_error(modem: OpticalModem, source: Vector3, ahead: Vector3, place: Vector3, looks: Vector3) -> float:
-    """The share of bits that arrive wrong, 0.5 if nothing is seen.
+    """Return the share of bits that arrive wrong, 0.5 if nothing is seen.
 
     From `source` (NED, m), whose lamp points `ahead`, to `place`, whose eye `looks` (unit vectors, NED). A Lambertian
     lamp, Beer's law and the inverse square (Kaushal & Kaddoum, IEEE Access 4, 2016), on-off keying in constant noise:
     ½ exp(-½ q²), q proportional to the light. Not modelled: scattering, sunlight, what stands in the way.
     """
-    way = tuple(b - a for a, b in zip(source, place, strict=True))
-    distance = max(sqrt(sum(x * x for x in way)), 1e-3)
-    out = sum(a * b for a, b in zip(ahead, way, strict=True)) / distance
-    back = -sum(a * b for a, b in zip(looks, way, strict=True)) / distance
+    offset = tuple(b - a for a, b in zip(source, place, strict=True))
+    distance = max(sqrt(sum(x * x for x in offset)), 1e-3)
+    out = sum(a * b for a, b in zip(ahead, offset, strict=True)) / distance
+    back = -sum(a * b for a, b in zip(looks, offset, strict=True)) / distance
     if out <= 0.0 or back <= 0.0 or acos(min(back, 1.0)) > modem.view:
         return 0.5
     order = -log(2.0) / log(cos(modem.half_angle)) if modem.half_angle < 0.5 * pi else 1.0
@@ -54,7 +53,7 @@ def bit_error(modem: OpticalModem, source: Vector3, ahead: Vector3, place: Vecto
 
 
 def packet_arrives(errors: float, size: int, draw: float) -> bool:
-    """Whether a message of `size` bytes is whole at this share of wrong bits; `draw` is uniform in [0, 1)."""
+    """Return whether a message of `size` bytes is whole at this share of wrong bits; `draw` is uniform in [0, 1)."""
     return draw < float((1.0 - errors) ** (8 * size))
 
 

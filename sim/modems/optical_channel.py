@@ -1,4 +1,4 @@
-"""Optical modems that share the water: who sees whose light, and what of it is understood.
+"""Optical modems on a shared channel: who receives a message, and which messages are lost.
 
 The calls are those of `sim.modems.acoustic.AcousticChannel`, but for where vehicles are: light needs to know where they
 look, too.
@@ -11,9 +11,8 @@ from typing import NamedTuple
 
 from sim.modems.acoustic import Packet
 from sim.modems.optical import OpticalModem, bit_error, packet_arrives, quality
-from sim.rotations import rotate
+from sim.rotations import Quaternion, Vector3, rotate
 from sim.sensors.error import sensor_random
-from sim.sensors.samples import Quaternion, Vector3
 
 HEADS = 4  # lamps with an eye each, evenly round a vehicle, the first one ahead
 _UNSEEN = 0.4  # of the bits wrong: no light to speak of
@@ -38,7 +37,7 @@ class OpticalChannel:
         self._modem = modem
         self._random = sensor_random(seed, "optical_channel")
         self._through: dict[str, int] = {}  # by modem: when it has sent all
-        self._under_way: list[Packet] = []
+        self._in_flight: list[Packet] = []
         self.counts: Counter[str] = Counter()
 
     def send(self, time_ns: int, sender: str, payload: bytes, places: Mapping[str, Pose]) -> int:
@@ -50,16 +49,16 @@ class OpticalChannel:
         self.counts["sent"] += 1
         for receiver, place in places.items():
             if receiver != sender:
-                self._judge(Packet(sender, receiver, payload, time_ns, end_ns, nan, nan), places[sender], place)
+                self._decide_fate(Packet(sender, receiver, payload, time_ns, end_ns, nan, nan), places[sender], place)
         return end_ns
 
     def receive(self, time_ns: int) -> list[Packet]:
-        """The messages whose last bit has come by now, in that order."""
-        there = [packet for packet in self._under_way if packet.received_ns <= time_ns]
-        self._under_way = [packet for packet in self._under_way if packet.received_ns > time_ns]
-        return sorted(there, key=_came)
+        """Return the messages whose last bit has come by now, in that order."""
+        there = [packet for packet in self._in_flight if packet.received_ns <= time_ns]
+        self._in_flight = [packet for packet in self._in_flight if packet.received_ns > time_ns]
+        return sorted(there, key=_arrival_ns)
 
-    def _judge(self, packet: Packet, source: Pose, place: Pose) -> None:
+    def _decide_fate(self, packet: Packet, source: Pose, place: Pose) -> None:
         errors = min(
             bit_error(self._modem, source.position, ahead, place.position, looks)
             for ahead in _heads(source)
@@ -70,15 +69,15 @@ class OpticalChannel:
             fate = "unheard"
         elif packet_arrives(errors, len(packet.payload), self._random.random()):
             fate = "delivered"
-            self._under_way.append(packet._replace(snr=20.0 * log10(quality(errors))))
+            self._in_flight.append(packet._replace(snr=20.0 * log10(quality(errors))))
         self.counts[fate] += 1
 
 
 def _heads(pose: Pose) -> list[Vector3]:
-    """Where its heads look: unit vectors, NED."""
+    """Return where its heads look: unit vectors, NED."""
     turns = [2.0 * pi * number / HEADS for number in range(HEADS)]
     return [rotate(pose.orientation, (cos(turn), sin(turn), 0.0)) for turn in turns]
 
 
-def _came(packet: Packet) -> int:
+def _arrival_ns(packet: Packet) -> int:
     return packet.received_ns

@@ -1,4 +1,4 @@
-"""Sound on its way through the sea: how much of it is left, what else is heard, which ways it takes.
+"""Propagation of sound in the sea: transmission loss, noise, and paths.
 
 Levels are dB re 1 uPa (at 1 m for a source), spectral levels dB re 1 uPa²/Hz, frequencies Hz.
 """
@@ -23,12 +23,12 @@ def thorp_absorption(frequency: float) -> float:
 
 def transmission_loss(distance: float, frequency: float, spreading: float) -> float:
     """What is lost over a way (m), dB: `spreading` 2 for spheres, 1 for cylinders, 1.5 between; and absorption."""
-    way = max(distance, _NEAR)
-    return 10.0 * spreading * log10(way) + thorp_absorption(frequency) * (way - _NEAR)
+    path_length = max(distance, _NEAR)
+    return 10.0 * spreading * log10(path_length) + thorp_absorption(frequency) * (path_length - _NEAR)
 
 
 def ambient_noise(frequency: float, wind: float, shipping: float) -> float:
-    """The sea's spectral level at a frequency (Hz) under `wind` (m/s) and `shipping` (0 none to 1 much).
+    """Return the sea's spectral level at a frequency (Hz) under `wind` (m/s) and `shipping` (0 none to 1 much).
 
     Turbulence, ships, waves and heat after Wenz (J. Acoust. Soc. Am. 34, 1962), in the formulas of Coates (1990) that
     Stojanovic (WUWNet 2006) made usual; the constants were read in ns-3 (uan-noise-model-default.cc).
@@ -44,7 +44,7 @@ def ambient_noise(frequency: float, wind: float, shipping: float) -> float:
 
 
 def power(level: float) -> float:
-    """A level in dB as a ratio of powers."""
+    """Return a level in dB as a ratio of powers."""
     return float(10.0 ** (level / 10.0))
 
 
@@ -57,7 +57,7 @@ class Path(NamedTuple):
 
 
 def paths(level_distance: float, source_depth: float, receiver_depth: float, depth: float, bounces: int) -> list[Path]:
-    """The direct way and those with up to `bounces` reflections, in water of `depth` m over a level bottom.
+    """Return the direct way and those with up to `bounces` reflections, in water of `depth` m over a level bottom.
 
     By image sources (Jensen et al., Computational Ocean Acoustics, 2.4.4): the source is mirrored at surface and
     bottom in turn. The shortest is first.

@@ -54,8 +54,9 @@ static int fill(Caster *caster, PyObject *const objects[BUFFERS])
         if (!hold(objects[i], &caster->held[i], records[i], names[i]))
             return 0;
     int flat = ground->rows == 0 && ground->columns == 0;
-    if ((!flat && (ground->rows < 2 || ground->columns < 2))
-        || caster->held[DEPTHS].len / (Py_ssize_t)sizeof(float) != (Py_ssize_t)ground->rows * ground->columns) {
+    int beyond = ground->rows > INT32_MAX || ground->columns > INT32_MAX; /* the product of both would overflow */
+    if (beyond || (!flat && (ground->rows < 2 || ground->columns < 2))
+        || (long long)(caster->held[DEPTHS].len / (Py_ssize_t)sizeof(float)) != (long long)ground->rows * ground->columns) {
         PyErr_Format(PyExc_ValueError, "depths: %zd bytes are not %ld x %ld of 4", caster->held[DEPTHS].len, ground->rows,
                      ground->columns);
         return 0;

@@ -13,18 +13,22 @@ import sysconfig
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 # The binaries, and what they are made of besides the source of the same name; all below the project's folder.
 BINARY, RAYS = "sim/native/_native.abi3.so", "sim/native/_rays.abi3.so"
-CONTROL, FRAME = "hil/slave/native/_control.abi3.so", "hil/slave/native/_frame.abi3.so"
 FIRMWARE = "hil/slave/native/_firmware.abi3.so"
 CORE = ("board", "firmware", "frame", "stream", "vesc", "without_mavlink")
-SOURCES: dict[str, list[str]] = {BINARY: [], RAYS: [], CONTROL: [], FRAME: ["firmware_stub/src/frame.c"]}
+SOURCES: dict[str, list[str]] = {BINARY: [], RAYS: []}
 SOURCES[FIRMWARE] = [f"firmware_stub/src/{name}.c" for name in CORE]
 HEADERS = "firmware_stub/include"
 # Bit equality with Python hangs on the second: gcc fuses multiply and add on aarch64 unless told not to.
 FLAGS = ["-O2", "-ffp-contract=off", "-fno-math-errno", "-fPIC", "-shared", "-Wall", "-Wextra"]
 
 
+def module(binary: str) -> str:
+    """Return the name under which one of SOURCES is imported."""
+    return binary.partition(".")[0].replace("/", ".")
+
+
 def compiler() -> list[str] | None:
-    """The C compiler as a command: CC of the environment, the one Python was built with, or cc."""
+    """Return the C compiler as a command: CC of the environment, the one Python was built with, or cc."""
     for command in (os.environ.get("CC"), sysconfig.get_config_var("CC"), "cc"):
         words = shlex.split(command or "")
         if words and shutil.which(words[0]):
@@ -33,7 +37,7 @@ def compiler() -> list[str] | None:
 
 
 def obstacle() -> str | None:
-    """Why there can be no C twin here, if so."""
+    """Return why there can be no C twin here, if so."""
     if sys.platform != "linux" or sys.implementation.name != "cpython":
         return "it is for CPython on Linux"
     if sysconfig.get_config_var("Py_GIL_DISABLED"):

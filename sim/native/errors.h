@@ -1,4 +1,4 @@
-/* The errors of sim/sensors/error.py and the mixing of sim/thrusters.py once more, to the last bit.
+/* The errors of sim/sensors/error.py and the thrusts of sim/vehicle/thrusters.py and ventilation.py once more, to the last bit.
  *
  * Random numbers are those of Python's random.Random: the Mersenne Twister MT19937 (Matsumoto and Nishimura
  * 1998) with 53 bits a number, and its gauss(). Logarithm, sine and cosine are those of the C library, which
@@ -83,19 +83,48 @@ static double measure(Channel *channel, Random *random, double value)
     return value;
 }
 
-/* One thruster: its gain of a step, and the wrench of 1 N of it. */
+/* One thruster, as ThrusterSet.numbers() lists it: its gain of a step, the wrench of 1 N of it, what turns a velocity
+ * into the speed along it, and what that costs it (Advance of sim/vehicle/thruster_curves.py; full_speed 0: nothing). */
 typedef struct {
-    double gain, column[6];
+    double gain, column[6], way[6], full_speed, forward, reverse, loss, kept;
 } Thruster;
 
-/* Moves the thrusts towards their targets by one step, and adds up their wrench. */
-static void follow(const Thruster *thrusters, int count, double *thrusts, const double *targets, double *wrench)
+/* What the water that meets a thruster of `thrust` N takes away of it, at `nu` through the water. */
+static double lost_thrust(const Thruster *thruster, double thrust, const double *nu)
+{
+    const double *way = thruster->way;
+    double speed = way[0] * nu[0] + way[1] * nu[1] + way[2] * nu[2] + way[3] * nu[3] + way[4] * nu[4] + way[5] * nu[5];
+    double full = thrust < 0.0 ? thruster->reverse : thruster->forward;
+    return thruster->loss * (thruster->full_speed * sqrt(fabs(thrust) / full)) * thruster->kept * speed;
+}
+
+/* What is left of a thrust at an immersion of h / R: thrust_share of sim/vehicle/ventilation.py. */
+static double thrust_share(double immersion)
+{
+    double under = 1.0 - 0.769 * immersion, left;
+    if (immersion >= 1.3)
+        return 1.0;
+    if (immersion <= -0.48)
+        return 0.0;
+    left = 1.0 - 0.675 * pow(under > 0.0 ? under : 0.0, 1.258);
+    left = left > 0.0 ? left : 0.0;
+    return left < 1.0 ? left : 1.0;
+}
+
+/* Moves the thrusts towards their targets by one step; what their shares push at `nu` through the water, and the
+ * wrench of that. */
+static void follow(const Thruster *thrusters, int count, double *thrusts, const double *targets, const double *shares,
+                   const double *nu, double *pushes, double *wrench)
 {
     for (int axis = 0; axis < 6; axis++)
         wrench[axis] = 0.0;
     for (int i = 0; i < count; i++) {
         thrusts[i] = thrusts[i] + thrusters[i].gain * (targets[i] - thrusts[i]);
+        pushes[i] = thrusts[i];
+        if (thrusters[i].full_speed != 0.0)
+            pushes[i] = pushes[i] - lost_thrust(&thrusters[i], thrusts[i], nu);
+        pushes[i] = pushes[i] * shares[i];
         for (int axis = 0; axis < 6; axis++)
-            wrench[axis] += thrusters[i].column[axis] * thrusts[i];
+            wrench[axis] += thrusters[i].column[axis] * pushes[i];
     }
 }

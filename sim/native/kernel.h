@@ -5,20 +5,19 @@
  * Python is in this file.
  */
 
-#include <float.h>
 #include <math.h>
 
-#if FLT_EVAL_METHOD != 0 || defined(__FAST_MATH__)
-#error "doubles must be computed as doubles, in the order written"
-#endif
+#include "body.h"
+#include "forces.h"
 
-/* What a vehicle in its water is, as Dynamics.numbers() lists it: doubles alone, so there is no padding. */
+/* A body with the forces that push it besides its thrusters. */
+enum { MOST_FORCES = 8 };
+
 typedef struct {
-    double mass[6][6], inverse_mass[6][6], linear[6][6], quadratic[6][6];
-    double weight, weight_moment[3];
-    double points[8][3], share, filling, submerged[4], reach; /* the hull */
-    double diagonal, rk4;                                      /* 1 or 0 */
-} Body;
+    Body body;
+    int count;
+    Force *forces[MOST_FORCES];
+} Model;
 
 /* A state is 13 numbers in a row: position, quaternion, nu. */
 enum { POSITION = 0, QUATERNION = 3, NU = 7, SIZE = 13 };
@@ -45,7 +44,7 @@ static void multiply(const double *first, double w, double x, double y, double z
     out[3] = a * z + b * y - c * x + d * w;
 }
 
-/* 0 if there is no direction to keep, where Python raises ZeroDivisionError. */
+/* 0 if there is no direction to keep, where Python raises FloatingPointError. */
 static int normalise(const double *quaternion, double *out)
 {
     double w = quaternion[0], x = quaternion[1], y = quaternion[2], z = quaternion[3];
@@ -62,40 +61,7 @@ static int integrate(const double *quaternion, const double *omega, double dt, d
     return normalise(turned, out);
 }
 
-/* sim/buoyancy.py */
-
-static void hull_lift(const Body *body, double depth, const double *rotation, double *out)
-{
-    double zx = rotation[6], zy = rotation[7], zz = rotation[8];
-    double lift = 0.0, lift_x = 0.0, lift_y = 0.0, lift_z = 0.0;
-    if (depth >= body->reach) {
-        for (int i = 0; i < 4; i++)
-            out[i] = body->submerged[i];
-        return;
-    }
-    for (int i = 0; i < 8; i++) {
-        double x = body->points[i][0], y = body->points[i][1], z = body->points[i][2];
-        double filled = 0.5 + body->filling * (depth + zx * x + zy * y + zz * z), part;
-        if (filled <= 0.0)
-            continue;
-        part = filled >= 1.0 ? body->share : body->share * filled;
-        lift += part;
-        lift_x += part * x;
-        lift_y += part * y;
-        lift_z += part * z;
-    }
-    out[0] = lift, out[1] = lift_x, out[2] = lift_y, out[3] = lift_z;
-}
-
 /* sim/dynamics.py */
-
-static void times(const double matrix[6][6], const double *x, double *out)
-{
-    for (int i = 0; i < 6; i++) {
-        const double *row = matrix[i];
-        out[i] = row[0] * x[0] + row[1] * x[1] + row[2] * x[2] + row[3] * x[3] + row[4] * x[4] + row[5] * x[5];
-    }
-}
 
 static void over_ground(const double *rotation, const double *nu, double *out)
 {
@@ -119,6 +85,24 @@ static void damping(const Body *body, const double *nu, double *out)
         out[i] = out[i] + quadratic[i];
 }
 
+static void relief(const Body *body, const double *nu, double *out)
+{
+    double u = nu[0], v = nu[1], w = nu[2], momentum[3];
+    const double *lost = body->munk_lost;
+    for (int i = 0; i < 3; i++) {
+        const double *row = body->moved_water[i];
+        momentum[i] = row[0] * u + row[1] * v + row[2] * w;
+    }
+    double lx = momentum[0], ly = momentum[1], lz = momentum[2];
+    double p = nu[3] * lost[0], q = nu[4] * lost[1], r = nu[5] * lost[2];
+    out[0] = q * lz - r * ly;
+    out[1] = r * lx - p * lz;
+    out[2] = p * ly - q * lx;
+    out[3] = lost[0] * (v * lz - w * ly);
+    out[4] = lost[1] * (w * lx - u * lz);
+    out[5] = lost[2] * (u * ly - v * lx);
+}
+
 static void restoring(const Body *body, double depth, const double *rotation, double *out)
 {
     double zx = rotation[6], zy = rotation[7], zz = rotation[8];
@@ -136,66 +120,98 @@ static void restoring(const Body *body, double depth, const double *rotation, do
     out[5] = moment_x * zy - moment_y * zx;
 }
 
-static void acceleration(const Body *body, double depth, const double *rotation, const double *nu,
-                         const double *wrench, const double *current, double *nu_dot)
+/* Dynamics.push and Dynamics.acceleration in one: both look at the velocity through the water. */
+static void acceleration(const Model *model, const double *position, const double *rotation, const double *nu,
+                         const double *thrust, const double *current, double *nu_dot)
 {
-    double water[3], through[6], momentum[6], d[6], g[6], force[6];
+    const Body *body = &model->body;
+    double water[3], through[6], wrench[6], momentum[6], d[6], g[6], force[6];
     for (int i = 0; i < 3; i++) {
         water[i] = rotation[i] * current[0] + rotation[3 + i] * current[1] + rotation[6 + i] * current[2];
         through[i] = nu[i] - water[i];
         through[3 + i] = nu[3 + i];
+    }
+    for (int i = 0; i < 6; i++)
+        wrench[i] = thrust[i];
+    for (int i = 0; i < model->count; i++) {
+        force_wrench(model->forces[i], body, position, rotation, through, force);
+        for (int axis = 0; axis < 6; axis++)
+            wrench[axis] = wrench[axis] + force[axis];
     }
     double u = through[0], v = through[1], w = through[2], p = nu[3], q = nu[4], r = nu[5];
     times(body->mass, through, momentum);
     double lx = momentum[0], ly = momentum[1], lz = momentum[2];
     double hx = momentum[3], hy = momentum[4], hz = momentum[5];
     damping(body, through, d);
-    restoring(body, depth, rotation, g);
+    restoring(body, position[2], rotation, g);
     force[0] = wrench[0] + g[0] - d[0] - (q * lz - r * ly);
     force[1] = wrench[1] + g[1] - d[1] - (r * lx - p * lz);
     force[2] = wrench[2] + g[2] - d[2] - (p * ly - q * lx);
     force[3] = wrench[3] + g[3] - d[3] - (v * lz - w * ly + q * hz - r * hy);
     force[4] = wrench[4] + g[4] - d[4] - (w * lx - u * lz + r * hx - p * hz);
     force[5] = wrench[5] + g[5] - d[5] - (u * ly - v * lx + p * hy - q * hx);
+    if (body->relieved) {
+        relief(body, through, d);
+        for (int i = 0; i < 6; i++)
+            force[i] = force[i] + d[i];
+    }
     times(body->inverse_mass, force, nu_dot);
     nu_dot[0] += r * water[1] - q * water[2];
     nu_dot[1] += p * water[2] - r * water[0];
     nu_dot[2] += q * water[0] - p * water[1];
 }
 
-static int euler(const Body *body, double *at, double *nu_dot, const double *wrench, const double *current, double dt)
+/* Half a step on: `mid` is position, quaternion and predicted nu; 0 as normalise. */
+static int midway(const Body *body, const double *at, const double *nu_dot, double dt, double *mid, double *rotation)
 {
-    double rotation[9], velocity[3];
-    matrix(at + QUATERNION, rotation);
-    acceleration(body, at[2], rotation, at + NU, wrench, current, nu_dot);
+    double velocity[3], half = 0.5 * dt;
+    int ok = integrate(at + QUATERNION, at + NU + 3, half, mid + QUATERNION);
+    matrix(mid + QUATERNION, rotation);
+    over_ground(rotation, at + NU, velocity);
+    for (int i = 0; i < 3; i++)
+        mid[i] = at[i] + half * velocity[i];
+    for (int i = 0; i < 6; i++) {
+        double rate = body->linear[i][i] * body->inverse_mass[i][i];
+        double slope = 2.0 * body->quadratic[i][i] * body->inverse_mass[i][i];
+        double share = 1.0 - dt * (rate + slope * fabs(at[NU + i]));
+        mid[NU + i] = at[NU + i] + half * (share > 0.0 ? share : 0.0) * nu_dot[i];
+    }
+    return ok;
+}
+
+static int verlet(const Model *model, double *at, double *nu_dot, const double *wrench, const double *current, double dt)
+{
+    double mid[SIZE], rotation[9], velocity[3], half = 0.5 * dt;
+    int ok = midway(&model->body, at, nu_dot, dt, mid, rotation);
+    acceleration(model, mid + POSITION, rotation, mid + NU, wrench, current, nu_dot);
     for (int i = 0; i < 6; i++)
         at[NU + i] = at[NU + i] + dt * nu_dot[i];
     over_ground(rotation, at + NU, velocity);
     for (int i = 0; i < 3; i++)
-        at[i] = at[i] + dt * velocity[i];
-    return integrate(at + QUATERNION, at + NU + 3, dt, at + QUATERNION);
+        at[i] = mid[i] + half * velocity[i];
+    return integrate(mid + QUATERNION, at + NU + 3, half, at + QUATERNION) && ok;
 }
 
-static int slope(const Body *body, const double *at, const double *wrench, const double *current, double *out)
+static int slope(const Model *model, const double *at, const double *wrench, const double *current, double *out)
 {
     double rotation[9], unit[4];
     int ok = normalise(at + QUATERNION, unit);
     matrix(unit, rotation);
     over_ground(rotation, at + NU, out);
     multiply(at + QUATERNION, 0.0, 0.5 * at[10], 0.5 * at[11], 0.5 * at[12], out + QUATERNION);
-    acceleration(body, at[2], rotation, at + NU, wrench, current, out + NU);
+    acceleration(model, at + POSITION, rotation, at + NU, wrench, current, out + NU);
     return ok;
 }
 
-static int rk4(const Body *body, double *at, double *nu_dot, const double *wrench, const double *current, double dt)
+static int rk4(const Model *model, double *at, double *nu_dot, const double *wrench, const double *current, double dt)
 {
     double k[4][SIZE], next[SIZE], mean[SIZE];
     const double reach[3] = {0.5 * dt, 0.5 * dt, dt};
-    int ok = slope(body, at, wrench, current, k[0]);
+    int ok = slope(model, at, wrench, current, k[0]);
     for (int stage = 0; stage < 3; stage++) {
         for (int i = 0; i < SIZE; i++)
             next[i] = at[i] + reach[stage] * k[stage][i];
-        ok &= slope(body, next, wrench, current, k[stage + 1]);
+        ok &= slope(model, next, wrench, current, k[stage + 1]);
     }
     for (int i = 0; i < SIZE; i++) {
         mean[i] = (k[0][i] + 2.0 * (k[1][i] + k[2][i]) + k[3][i]) / 6.0;
@@ -206,8 +222,8 @@ static int rk4(const Body *body, double *at, double *nu_dot, const double *wrenc
     return normalise(at + QUATERNION, at + QUATERNION) && ok;
 }
 
-/* Moves `at` on by `dt`; 0 if its quaternion is zero. */
-static int step(const Body *body, double *at, double *nu_dot, const double *wrench, const double *current, double dt)
+/* Moves `at` on by `dt`; `nu_dot` is that of the last step, then of this one. 0 if its quaternion is zero. */
+static int step(const Model *model, double *at, double *nu_dot, const double *wrench, const double *current, double dt)
 {
-    return (body->rk4 ? rk4 : euler)(body, at, nu_dot, wrench, current, dt);
+    return (model->body.rk4 ? rk4 : verlet)(model, at, nu_dot, wrench, current, dt);
 }

@@ -144,7 +144,7 @@ static PyObject *imu_sample(PyObject *self, PyObject *const *arguments, Py_ssize
     specific_force(numbers, imu->position, imu->gravity, values + 6);
     measure_all(imu->errors, values);
     if (!integrate(numbers + QUATERNION, values, 1.0, attitude))
-        return PyErr_Format(PyExc_ZeroDivisionError, "float division by zero");
+        return PyErr_Format(PyExc_FloatingPointError, "a quaternion of length 0");
     const double *a = attitude, *rate = values + 3, *force = values + 6;
     return new_record(imu->record, Py_BuildValue("O(dddd)(ddd)(ddd)", arguments[0], a[0], a[1], a[2], a[3], rate[0],
                                                  rate[1], rate[2], force[0], force[1], force[2]));

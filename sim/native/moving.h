@@ -1,9 +1,10 @@
-/* What moves a vehicle, as types of Python: State, Kernel, Mixer, and Coast, which is a step of all three at once. */
+/* What moves a vehicle, as types of Python: State, Kernel and ThrusterBank. */
 
 #include "numbers.h"
 
 #include "errors.h"
 #include "kernel.h"
+#include "pushing.h"
 
 /* -- State: 13 numbers as in kernel.h, then nu_dot ------------------------------------------------------------------*/
 
@@ -128,14 +129,22 @@ static PyType_Spec state_spec = {
 
 typedef struct {
     PyObject_HEAD
-    Body body;
+    Model model;
+    PyObject *forces; /* a tuple of them: keeps alive what `model` points to */
 } Kernel;
 
 static int kernel_advance(PyObject *self, double *numbers, const double *wrench, const double *current, double dt)
 {
-    if (step(&((Kernel *)self)->body, numbers, numbers + NU_DOT, wrench, current, dt))
+    double sum = 0.0; /* one that is not finite makes it so */
+    if (!step(&((Kernel *)self)->model, numbers, numbers + NU_DOT, wrench, current, dt)) {
+        PyErr_SetString(PyExc_FloatingPointError, "a quaternion of length 0");
+        return 0;
+    }
+    for (int i = 0; i < SIZE; i++)
+        sum += numbers[i];
+    if (isfinite(sum))
         return 1;
-    PyErr_SetString(PyExc_ZeroDivisionError, "float division by zero");
+    PyErr_SetString(PyExc_FloatingPointError, "the state is not finite any more");
     return 0;
 }
 
@@ -156,22 +165,67 @@ static PyObject *kernel_step(PyObject *self, PyObject *const *arguments, Py_ssiz
     Py_RETURN_NONE;
 }
 
+static PyObject *kernel_midway(PyObject *self, PyObject *const *arguments, Py_ssize_t count)
+{
+    double numbers[NUMBERS], mid[SIZE], rotation[9], dt;
+    if (count != 2)
+        return PyErr_Format(PyExc_TypeError, "midway() takes state and dt");
+    dt = PyFloat_AsDouble(arguments[1]);
+    if ((dt == -1.0 && PyErr_Occurred()) || !load_state(arguments[0], numbers))
+        return NULL;
+    if (!midway(&((Kernel *)self)->model.body, numbers, numbers + NU_DOT, dt, mid, rotation))
+        return PyErr_Format(PyExc_FloatingPointError, "a quaternion of length 0");
+    PyObject *parts[] = {new_number_tuple(mid, 3), new_number_tuple(rotation, 9), new_number_tuple(mid + NU, 6)};
+    PyObject *all = parts[0] && parts[1] && parts[2] ? PyTuple_Pack(3, parts[0], parts[1], parts[2]) : NULL;
+    for (int i = 0; i < 3; i++)
+        Py_XDECREF(parts[i]);
+    return all;
+}
+
 static PyObject *kernel_new(PyTypeObject *type, PyObject *arguments, PyObject *keywords)
 {
+    const char *numbers;
+    Py_ssize_t bytes;
+    PyObject *forces;
     (void)keywords;
-    return new_of_parameters(type, arguments, sizeof(Body), offsetof(Kernel, body));
+    if (!PyArg_ParseTuple(arguments, "y#O!", &numbers, &bytes, &PyTuple_Type, &forces))
+        return NULL;
+    Py_ssize_t count = PyTuple_Size(forces);
+    if (bytes != (Py_ssize_t)sizeof(Body) || count > MOST_FORCES)
+        return PyErr_Format(PyExc_ValueError, "%zu bytes of parameters and up to %d forces are needed, found %zd and %zd",
+                            sizeof(Body), MOST_FORCES, bytes, count);
+    for (Py_ssize_t i = 0; i < count; i++)
+        if (Py_TYPE(PyTuple_GetItem(forces, i)) != force_type)
+            return PyErr_Format(PyExc_TypeError, "a tuple of forces is needed");
+    Kernel *kernel = (Kernel *)PyType_GenericAlloc(type, 0);
+    if (kernel == NULL)
+        return NULL;
+    memcpy(&kernel->model.body, numbers, sizeof(Body));
+    kernel->forces = Py_NewRef(forces);
+    kernel->model.count = (int)count;
+    for (Py_ssize_t i = 0; i < count; i++)
+        kernel->model.forces[i] = &((ForceObject *)PyTuple_GetItem(forces, i))->force;
+    return (PyObject *)kernel;
+}
+
+static void kernel_deallocate(PyObject *self)
+{
+    Py_XDECREF(((Kernel *)self)->forces);
+    deallocate(self);
 }
 
 static PyMethodDef kernel_methods[] = {
     {"step", (PyCFunction)(void (*)(void))kernel_step, METH_FASTCALL,
      "step(state, wrench, current, dt): move the state on by dt s, as Dynamics.step does."},
+    {"midway", (PyCFunction)(void (*)(void))kernel_midway, METH_FASTCALL,
+     "midway(state, dt): position, rotation and nu where the step looks at the forces, as Dynamics.midway."},
     {NULL, NULL, 0, NULL},
 };
 
 static PyType_Slot kernel_slots[] = {
-    {Py_tp_doc, "The step of one vehicle: Kernel(bytes of Dynamics.numbers())."},
+    {Py_tp_doc, "The step of one vehicle: Kernel(bytes of Dynamics.numbers(), tuple of Force)."},
     {Py_tp_new, kernel_new},
-    {Py_tp_dealloc, deallocate},
+    {Py_tp_dealloc, kernel_deallocate},
     {Py_tp_methods, kernel_methods},
     {0, NULL},
 };
@@ -180,7 +234,7 @@ static PyType_Spec kernel_spec = {
     "sim.native._native.Kernel", sizeof(Kernel), 0, Py_TPFLAGS_DEFAULT | Py_TPFLAGS_IMMUTABLETYPE, kernel_slots,
 };
 
-/* -- Mixer ----------------------------------------------------------------------------------------------------------*/
+/* -- ThrusterBank ----------------------------------------------------------------------------------------------------------*/
 
 enum { MOST_THRUSTERS = 16 };
 
@@ -188,72 +242,104 @@ typedef struct {
     PyObject_HEAD
     Py_ssize_t count;
     long long steps;
-    double wrench[6], thrusts[MOST_THRUSTERS], targets[MOST_THRUSTERS];
+    double wrench[6], thrusts[MOST_THRUSTERS], targets[MOST_THRUSTERS], shares[MOST_THRUSTERS];
+    double pushes[MOST_THRUSTERS];
     Thruster thrusters[MOST_THRUSTERS];
-} Mixer;
+} ThrusterBank;
 
-static void mixer_advance(Mixer *mixer)
+static void mixer_advance(ThrusterBank *mixer, const double *nu)
 {
     mixer->steps++;
-    follow(mixer->thrusters, (int)mixer->count, mixer->thrusts, mixer->targets, mixer->wrench);
+    follow(mixer->thrusters, (int)mixer->count, mixer->thrusts, mixer->targets, mixer->shares, nu, mixer->pushes,
+           mixer->wrench);
 }
 
 static PyObject *mixer_new(PyTypeObject *type, PyObject *arguments, PyObject *keywords)
 {
     (void)keywords;
-    return new_of_records(type, arguments, sizeof(Thruster), MOST_THRUSTERS, offsetof(Mixer, thrusters));
+    PyObject *self = new_of_records(type, arguments, sizeof(Thruster), MOST_THRUSTERS, offsetof(ThrusterBank, thrusters));
+    for (int i = 0; self != NULL && i < MOST_THRUSTERS; i++)
+        ((ThrusterBank *)self)->shares[i] = 1.0;
+    return self;
 }
 
 static PyObject *mixer_aim(PyObject *self, PyObject *targets)
 {
     double numbers[MOST_THRUSTERS];
-    Mixer *mixer = (Mixer *)self;
+    ThrusterBank *mixer = (ThrusterBank *)self;
     if (!read_numbers(targets, numbers, mixer->count))
         return NULL;
     memcpy(mixer->targets, numbers, (size_t)mixer->count * sizeof(double));
     Py_RETURN_NONE;
 }
 
+static PyObject *mixer_immerse(PyObject *self, PyObject *shares)
+{
+    double numbers[MOST_THRUSTERS];
+    ThrusterBank *mixer = (ThrusterBank *)self;
+    if (!read_numbers(shares, numbers, mixer->count))
+        return NULL;
+    memcpy(mixer->shares, numbers, (size_t)mixer->count * sizeof(double));
+    Py_RETURN_NONE;
+}
+
 static PyObject *mixer_wrench(PyObject *self, void *closure)
 {
     (void)closure;
-    return new_number_tuple(((Mixer *)self)->wrench, 6);
+    return new_number_tuple(((ThrusterBank *)self)->wrench, 6);
 }
 
-static PyObject *mixer_step(PyObject *self, PyObject *nothing)
+static PyObject *mixer_step(PyObject *self, PyObject *nu_r)
 {
-    (void)nothing;
-    mixer_advance((Mixer *)self);
+    double nu[6];
+    if (!read_numbers(nu_r, nu, 6))
+        return NULL;
+    mixer_advance((ThrusterBank *)self, nu);
     return mixer_wrench(self, NULL);
 }
 
 static PyObject *mixer_thrusts(PyObject *self, void *closure)
 {
     (void)closure;
-    return new_list(((Mixer *)self)->thrusts, ((Mixer *)self)->count);
+    return new_list(((ThrusterBank *)self)->thrusts, ((ThrusterBank *)self)->count);
+}
+
+static PyObject *mixer_pushes(PyObject *self, void *closure)
+{
+    (void)closure;
+    return new_list(((ThrusterBank *)self)->pushes, ((ThrusterBank *)self)->count);
+}
+
+static PyObject *mixer_shares(PyObject *self, void *closure)
+{
+    (void)closure;
+    return new_list(((ThrusterBank *)self)->shares, ((ThrusterBank *)self)->count);
 }
 
 static PyObject *mixer_steps(PyObject *self, void *closure)
 {
     (void)closure;
-    return PyLong_FromLongLong(((Mixer *)self)->steps);
+    return PyLong_FromLongLong(((ThrusterBank *)self)->steps);
 }
 
 static PyMethodDef mixer_methods[] = {
     {"aim", mixer_aim, METH_O, "aim(targets): the thrusts (N) that the steps from now on go towards."},
-    {"step", mixer_step, METH_NOARGS, "step(): move the thrusts on by a step; their wrench."},
+    {"immerse", mixer_immerse, METH_O, "immerse(shares): of each thrust only this share pushes from now on."},
+    {"step", mixer_step, METH_O, "step(nu_r): move the thrusts on by a step, nu_r through the water; their wrench."},
     {NULL, NULL, 0, NULL},
 };
 
 static PyGetSetDef mixer_attributes[] = {
-    {"thrusts", mixer_thrusts, NULL, "the present thrust of each in N", NULL},
+    {"thrusts", mixer_thrusts, NULL, "the present thrust of each in N, were it deep in the water", NULL},
+    {"pushes", mixer_pushes, NULL, "what pushes of it", NULL},
     {"wrench", mixer_wrench, NULL, "their wrench at the end of the last step: X Y Z (N) K M N (N m), body axes", NULL},
+    {"shares", mixer_shares, NULL, "the share of each thrust that pushes", NULL},
     {"steps", mixer_steps, NULL, "how many steps there were", NULL},
     {NULL, NULL, NULL, NULL, NULL},
 };
 
 static PyType_Slot mixer_slots[] = {
-    {Py_tp_doc, "The thrusters of one vehicle, at rest: Mixer(bytes of ThrusterSet.numbers())."},
+    {Py_tp_doc, "The thrusters of one vehicle, at rest: ThrusterBank(bytes of ThrusterSet.numbers())."},
     {Py_tp_new, mixer_new},
     {Py_tp_dealloc, deallocate},
     {Py_tp_methods, mixer_methods},
@@ -262,142 +348,7 @@ static PyType_Slot mixer_slots[] = {
 };
 
 static PyType_Spec mixer_spec = {
-    "sim.native._native.Mixer", sizeof(Mixer), 0, Py_TPFLAGS_DEFAULT | Py_TPFLAGS_IMMUTABLETYPE, mixer_slots,
-};
-
-/* -- Coast ----------------------------------------------------------------------------------------------------------*/
-
-typedef struct {
-    PyObject_HEAD
-    State *state;
-    Mixer *mixer;
-    PyObject *kernel, *command;
-    PyObject *pulses; /* the last ones, a tuple; NULL before the first */
-    double current[3], dt, half_height;
-    double north, east, free, seabed; /* what watch() was told; all 0 at first, so that the first step wants a look */
-} Coast;
-
-static PyObject *coast_new(PyTypeObject *type, PyObject *arguments, PyObject *keywords)
-{
-    PyObject *state, *kernel, *mixer, *command, *current;
-    double dt, half_height, water[3];
-    (void)keywords;
-    if (!PyArg_ParseTuple(arguments, "O!O!O!OOdd", state_type, &state, kernel_type, &kernel, mixer_type, &mixer,
-                          &command, &current, &dt, &half_height)
-        || !read_numbers(current, water, 3))
-        return NULL;
-    Coast *coast = (Coast *)PyType_GenericAlloc(type, 0);
-    if (coast == NULL)
-        return NULL;
-    coast->state = (State *)Py_NewRef(state);
-    coast->mixer = (Mixer *)Py_NewRef(mixer);
-    coast->kernel = Py_NewRef(kernel);
-    coast->command = Py_NewRef(command);
-    memcpy(coast->current, water, sizeof water);
-    coast->dt = dt;
-    coast->half_height = half_height;
-    return (PyObject *)coast;
-}
-
-static void coast_deallocate(PyObject *self)
-{
-    Coast *coast = (Coast *)self;
-    Py_XDECREF((PyObject *)coast->state);
-    Py_XDECREF((PyObject *)coast->mixer);
-    Py_XDECREF(coast->kernel);
-    Py_XDECREF(coast->command);
-    Py_XDECREF(coast->pulses);
-    deallocate(self);
-}
-
-/* Passes pulses on that are others than the last ones. The very same tuple need not be looked into; lists change. */
-static int coast_command(Coast *coast, PyObject *pwm_us)
-{
-    if (pwm_us == coast->pulses)
-        return 1;
-    PyObject *pulses = PySequence_Tuple(pwm_us);
-    if (pulses == NULL)
-        return 0;
-    int same = coast->pulses != NULL ? PyObject_RichCompareBool(pulses, coast->pulses, Py_EQ) : 0;
-    if (same == 0) {
-        PyObject *done = PyObject_CallFunctionObjArgs(coast->command, pulses, NULL);
-        same = done != NULL ? 1 : -1;
-        Py_XDECREF(done);
-    }
-    if (same < 0) {
-        Py_DECREF(pulses);
-        return 0;
-    }
-    PyObject *last = coast->pulses;
-    coast->pulses = pulses;
-    Py_XDECREF(last);
-    return 1;
-}
-
-/* Contact.resolve of sim/contact.py, as far as it finds nothing. */
-static int coast_is_clear(const Coast *coast, const double *position)
-{
-    double away_north = position[0] - coast->north, away_east = position[1] - coast->east;
-    return !(position[2] + coast->half_height > coast->seabed)
-        && !(away_north * away_north + away_east * away_east >= coast->free * coast->free);
-}
-
-static PyObject *coast_step(PyObject *self, PyObject *pwm_us)
-{
-    Coast *coast = (Coast *)self;
-    double numbers[NUMBERS], before[6];
-    if (!coast_command(coast, pwm_us))
-        return NULL;
-    mixer_advance(coast->mixer);
-    memcpy(numbers, coast->state->numbers, sizeof numbers);
-    memcpy(before, numbers + NU, sizeof before);
-    if (!kernel_advance(coast->kernel, numbers, coast->mixer->wrench, coast->current, coast->dt))
-        return NULL;
-    memcpy(coast->state->numbers, numbers, sizeof numbers);
-    if (coast_is_clear(coast, numbers))
-        Py_RETURN_NONE;
-    return new_number_tuple(before, 6);
-}
-
-static PyObject *coast_watch(PyObject *self, PyObject *arguments)
-{
-    Coast *coast = (Coast *)self;
-    if (!PyArg_ParseTuple(arguments, "dddd", &coast->north, &coast->east, &coast->free, &coast->seabed))
-        return NULL;
-    Py_RETURN_NONE;
-}
-
-static PyObject *coast_wrench(PyObject *self, void *closure)
-{
-    return mixer_wrench((PyObject *)((Coast *)self)->mixer, closure);
-}
-
-static PyMethodDef coast_methods[] = {
-    {"step", coast_step, METH_O,
-     "step(pwm_us): move the state on by a step under these pulses. None if it has to be looked at for no contact,\n"
-     "else its nu before the step."},
-    {"watch", coast_watch, METH_VARARGS,
-     "watch(north, east, free, seabed): no contact within `free` m of this place above `seabed` (m), as Contact.room."},
-    {NULL, NULL, 0, NULL},
-};
-
-static PyGetSetDef coast_attributes[] = {
-    {"wrench", coast_wrench, NULL, "that of the thrusters in the last step: X Y Z (N) K M N (N m), body axes", NULL},
-    {NULL, NULL, NULL, NULL, NULL},
-};
-
-static PyType_Slot coast_slots[] = {
-    {Py_tp_doc, "Whole steps: Coast(state, kernel, mixer, command, current, dt, half_height).\n\n"
-                "`command` takes each new tuple of pulses, and aims the mixer."},
-    {Py_tp_new, coast_new},
-    {Py_tp_dealloc, coast_deallocate},
-    {Py_tp_methods, coast_methods},
-    {Py_tp_getset, coast_attributes},
-    {0, NULL},
-};
-
-static PyType_Spec coast_spec = {
-    "sim.native._native.Coast", sizeof(Coast), 0, Py_TPFLAGS_DEFAULT | Py_TPFLAGS_IMMUTABLETYPE, coast_slots,
+    "sim.native._native.ThrusterBank", sizeof(ThrusterBank), 0, Py_TPFLAGS_DEFAULT | Py_TPFLAGS_IMMUTABLETYPE, mixer_slots,
 };
 
 static int add_moving(PyObject *module)
@@ -407,5 +358,5 @@ static int add_moving(PyObject *module)
             return 0;
     return add_known_type(module, &state_spec, "State", &state_type)
         && add_known_type(module, &kernel_spec, "Kernel", &kernel_type)
-        && add_known_type(module, &mixer_spec, "Mixer", &mixer_type) && add_type(module, &coast_spec, "Coast");
+        && add_known_type(module, &mixer_spec, "ThrusterBank", &mixer_type);
 }

@@ -5,13 +5,10 @@
  * stride. Nothing of Python is in this file.
  */
 
-#include <float.h>
 #include <math.h>
 #include <stddef.h>
 
-#if FLT_EVAL_METHOD != 0 || defined(__FAST_MATH__)
-#error "doubles must be computed as doubles, in the order written"
-#endif
+#include "floating.h"
 
 #define TINY 1e-12
 #define ON_SURFACE 1e-6
@@ -20,7 +17,7 @@ enum { SURFACE, STEP_NORTH, STEP_EAST };
 enum { ABOVE = -1, BELOW = -2 };
 enum { BLOCK = 16 };  /* cells along each side of a block */
 
-/* sim/terrain.py: depths of rows x columns nodes; no rows where there is none. `least` has a number a block, NAN
+/* sim/environment/terrain.py: depths of rows x columns nodes; no rows where there is none. `least` has a number a block, NAN
  * until somebody asks. */
 typedef struct {
     const float *depths;

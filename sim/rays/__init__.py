@@ -1,1 +1,1 @@
-"""Rays against the world: a sensor uses `scene.RayScene`; `single` says how, `batch` and sim.native repeat it."""
+"""Ray casting against the world. A sensor uses `scene.RayScene`; `single` is the specification of all engines."""

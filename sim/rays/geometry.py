@@ -1,11 +1,11 @@
-"""What there is to be met, and what was: the records that every engine takes and fills."""
+"""Records that every ray engine uses: the solids of a scene, and hits."""
 
 from typing import TYPE_CHECKING, NamedTuple
 
 if TYPE_CHECKING:
     from array import array
 
-    from sim.terrain import Terrain
+    from sim.environment.terrain import Terrain
 
 NOTHING, SEABED = -1, 0  # objects; the solids follow from 1
 

@@ -1,4 +1,4 @@
-"""A whole picture's rays at once by OpenGL: what sim.rays.scene finds for a camera, rasterised off the screen.
+"""Cast all rays of a camera picture at once by OpenGL, rasterised off screen.
 
 For large pictures, by a graphics card or Mesa's software in its place. EGL gives the context, so no window system is
 needed. The seabed is that part of the grid which the camera may see; solids stand where they are at that instant.
@@ -15,13 +15,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.errors import ConfigError, MissingExtraError
+from hil.common.errors import ConfigError, MissingExtraError
+from sim.environment.terrain import Terrain
+from sim.environment.world import World
 from sim.rays import opengl_shaders as shaders
 from sim.rays.geometry import NOTHING, SEABED, Geometry, Hits
 from sim.rays.scene import ALONG_AXES, RayScene
 from sim.rays.solids import BOX, CYLINDER, HALF_SPACE, KIND, MESH, POSITION, ROOT, ROTATION, ROW, SIZES, Solid
-from sim.terrain import Terrain
-from sim.world import World
 
 if TYPE_CHECKING:
     from moderngl import Context, VertexArray
@@ -135,7 +135,7 @@ class PictureScene(RayScene):
         self._draw_solids(walls, np.full(len(walls), SEABED))
 
     def _bounds(self, turned: Floats, reach: float) -> tuple[Floats, Floats]:
-        """The least and the greatest place (m from the camera, NED) that it may see."""
+        """Return the least and the greatest place (m from the camera, NED) that it may see."""
         right, down = 0.5 * self._size[0] / self._focal, 0.5 * self._size[1] / self._focal
         corners = [(1.0, x * right, y * down) for x, y in product((-1.0, 1.0), repeat=2)]
         places = reach * np.array([(0.0, 0.0, 0.0), *corners]) @ turned.T
@@ -152,7 +152,7 @@ class PictureScene(RayScene):
             mesh.render(vertices=vertices)
 
     def _load(self, solid: Solid) -> "tuple[VertexArray, int]":
-        """A mesh, each corner with the triangle's normal, and how many corners."""
+        """Return a mesh, each corner with the triangle's normal, and how many corners."""
         corners = np.array(solid.triangles)
         across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         length = np.sqrt((across * across).sum(axis=1))
@@ -175,7 +175,7 @@ class PictureScene(RayScene):
 
 
 def nodes(at: float, count: int, spacing: float, low: float, high: float, far: float) -> tuple[Integers, Floats]:
-    """Which nodes of an axis are about `low` to `high` m from the camera, and how far each is from it (m).
+    """Return which nodes of an axis are about `low` to `high` m from the camera, and how far each is from it (m).
 
     The camera is at node `at`, not rounded, of `count` every `spacing` m. Beyond the grid come two more at either end,
     one upon the edge and one `far` m off: the step down to the flat seabed, and that.
@@ -192,7 +192,7 @@ def nodes(at: float, count: int, spacing: float, low: float, high: float, far: f
 
 
 def window(terrain: Terrain, outside: float, rows: Integers, columns: Integers) -> Floats:
-    """The depths (m) at these nodes, `outside` beyond the grid, nan without data."""
+    """Return the depths (m) at these nodes, `outside` beyond the grid, nan without data."""
     grid = terrain.grid
     depths = np.asarray(terrain.depths).reshape(grid.rows, grid.columns)
     found: Floats = depths[np.ix_(rows.clip(0, grid.rows - 1), columns.clip(0, grid.columns - 1))].astype(np.float64)
@@ -215,7 +215,7 @@ def columns_without_data(unknown: NDArray[np.bool_], north: Floats, east: Floats
 
 
 def instances(rows: Floats, numbers: Integers) -> NDArray[np.float32]:
-    """What the program for solids takes of each: position, rotation, the box around it; radius, kind, number."""
+    """Return what the program for solids takes of each: position, rotation, the box around it; radius, kind, number."""
     sizes, kind = rows[:, SIZES:ROOT], rows[:, KIND : KIND + 1]
     low = np.where(kind == BOX, sizes[:, 0::2], -sizes[:, :1])
     high = np.where(kind == BOX, sizes[:, 1::2], sizes[:, :1])
@@ -225,7 +225,7 @@ def instances(rows: Floats, numbers: Integers) -> NDArray[np.float32]:
 
 
 def _cube() -> NDArray[np.float32]:
-    """Its twelve triangles, their corners clockwise as seen from outside."""
+    """Return its twelve triangles, their corners clockwise as seen from outside."""
     corners = []
     for axis, side in product(range(3), (0.0, 1.0)):
         square = [np.insert(np.array(pair), axis, side) for pair in ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0))]

@@ -1,15 +1,15 @@
-"""What the rays of a sensor meet: the seabed, what stands on it, and whatever else is put there."""
+"""The scene that a sensor's rays meet: the seabed, obstacles, and solids that are added."""
 
 from array import array
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, Literal
 
-from hil.errors import ConfigError
-from sim.native import make_caster
+from hil.common.errors import ConfigError
+from sim.assembly import make_caster
+from sim.environment.world import World
 from sim.rays.geometry import NOTHING, SEABED, Geometry, Hits
 from sim.rays.solids import POSITION, ROW, Solid, standing
 from sim.rotations import matrix
-from sim.world import World
 
 if TYPE_CHECKING:
     from sim.dynamics import State
@@ -17,15 +17,14 @@ if TYPE_CHECKING:
 __all__ = ["ALONG_AXES", "NOTHING", "SEABED", "Engine", "Hits", "RayScene"]
 
 ALONG_AXES = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)  # directions that are NED already
-Engine = Literal["", "C", "numpy", "python"]
-_FEW = 32  # rays that plain Python has done before numpy has begun
+Engine = Literal["", "C", "python"]
 
 
 class RayScene:
     """The seabed and the obstacles of `world`, and the solids that are added.
 
     Objects: SEABED, then the obstacles from 1 on in the order of `world.obstacles()`, then what was added. `engine` is
-    the quickest there is, if left out; all three give the same numbers to the last bit.
+    the quickest there is, if left out; both give the same numbers to the last bit.
     The terrain is not copied. Not modelled: the water's surface (add a half space for that), rays that bend.
     """
 
@@ -52,7 +51,7 @@ class RayScene:
         reach: float,
         rotation: Sequence[float] = ALONG_AXES,
     ) -> "array[float]":
-        """How far it is along each ray from `origin` (NED, m): m, inf if nothing is within `reach` m.
+        """Return how far it is along each ray from `origin` (NED, m): m, inf if nothing is within `reach` m.
 
         `directions` are unit vectors, three doubles a ray, as a buffer (array("d"), numpy); `rotation` (3 x 3, row
         after row) turns them into NED, the identity if left out. A ray that begins inside something has distance 0.
@@ -93,17 +92,12 @@ class RayScene:
         if self._caster is not None:
             self._caster(origin, rotation, rays, reach, distances, *(hits[1:] if hits else ()))
             return
-        if self._engine == "numpy" or (not self._engine and len(distances) > _FEW and _has_numpy()):
-            from sim.rays import batch
+        from sim.rays import single
 
-            batch.cast(geometry, origin, rotation, rays, reach, distances, hits)
-        else:
-            from sim.rays import single
-
-            single.cast(geometry, origin, rotation, rays, reach, distances, hits)
+        single.cast(geometry, origin, rotation, rays, reach, distances, hits)
 
     def _present(self) -> Geometry:
-        """All there is, where it is now."""
+        """Return all there is, where it is now."""
         if self._geometry is None:
             self._geometry = self._gather()
             self._caster = make_caster(self._geometry) if self._engine in ("", "C") else None
@@ -132,14 +126,8 @@ class RayScene:
 
 
 def _doubles(directions: Any) -> "memoryview[float]":
-    """The numbers of a buffer in a row. Raises ValueError if they are no doubles, or not three a ray."""
+    """Return the numbers of a buffer in a row. Raises ValueError if they are no doubles, or not three a ray."""
     view = memoryview(directions)
     if view.format != "d" or view.nbytes % 24:
         raise ValueError(f"directions: three doubles a ray are needed, found {view.nbytes} bytes of {view.format!r}")
     return view.cast("B").cast("d")
-
-
-def _has_numpy() -> bool:
-    from importlib.util import find_spec
-
-    return find_spec("numpy") is not None

@@ -1,4 +1,4 @@
-"""One ray over the seabed, in plain Python: the specification that sim/rays/batch.py and sim/native/rays.h repeat.
+"""One ray over the seabed, in plain Python: the specification that sim/native/rays_seabed.h repeats.
 
 A ray goes from cell to cell of the grid (Amanatides & Woo 1987, Eurographics). In a cell, with s m along the ray
 from where it comes in, the water under it, h(s) - z(s), is a polynomial of second degree, because the surface is
@@ -13,41 +13,41 @@ from typing import TYPE_CHECKING
 from sim.rotations import Vector3
 
 if TYPE_CHECKING:
-    from sim.terrain import Terrain
+    from sim.environment.terrain import Terrain
 
 SURFACE, STEP_NORTH, STEP_EAST = 0, 1, 2  # where on the seabed: on it, or on a step across north or east
 TINY = 1e-12  # a component below this does not move a ray
 ON_SURFACE = 1e-6  # m that rounding may have put a place below the surface
 
 
-def meet_seabed(
+def intersect_seabed(
     terrain: "Terrain | None", depth: float, origin: Sequence[float], direction: Sequence[float], reach: float
 ) -> tuple[float, int]:
     """Distance to the seabed, inf if it is not within `reach`, and where on it; it is flat without terrain."""
     z, dz = origin[2], direction[2]
     if terrain is None:
-        return _meet_flat(z, dz, depth, 0.0, reach), SURFACE
+        return _intersect_flat(z, dz, depth, 0.0, reach), SURFACE
     x, y = terrain.coordinates(origin[0], origin[1])
     dx, dy = direction[0] * terrain.scale, direction[1] * terrain.scale
     into_row, out_of_row = slab(x, dx, 0.0, terrain.grid.rows - 1.0, 0.0, reach)
     near, far = slab(y, dy, 0.0, terrain.grid.columns - 1.0, into_row, out_of_row)
     if near > far:
-        return _meet_flat(z, dz, depth, 0.0, reach), SURFACE
+        return _intersect_flat(z, dz, depth, 0.0, reach), SURFACE
     if near > 0.0:
-        distance = _meet_flat(z, dz, depth, 0.0, near)
+        distance = _intersect_flat(z, dz, depth, 0.0, near)
         if distance < near:
             return distance, SURFACE
     side = STEP_EAST if near > into_row else STEP_NORTH if near > 0.0 else SURFACE
     distance, side = _walk(terrain, (x, y, z), (dx, dy, dz), near, far, side)
     if distance < inf or far >= reach:
         return distance, side
-    distance = _meet_flat(z, dz, depth, far, reach)
+    distance = _intersect_flat(z, dz, depth, far, reach)
     step = distance == far and z + dz * far > depth + ON_SURFACE
     return distance, (STEP_EAST if far < out_of_row else STEP_NORTH) if step else SURFACE
 
 
-def _meet_flat(z: float, dz: float, depth: float, near: float, far: float) -> float:
-    """Where between `near` and `far` m a ray is at `depth` or below; inf if it is not."""
+def _intersect_flat(z: float, dz: float, depth: float, near: float, far: float) -> float:
+    """Return where between `near` and `far` m a ray is at `depth` or below; inf if it is not."""
     if z + dz * near >= depth:
         return near
     distance = (depth - z) / dz if dz > 0.0 else inf
@@ -57,7 +57,7 @@ def _meet_flat(z: float, dz: float, depth: float, near: float, far: float) -> fl
 def _walk(
     terrain: "Terrain", origin: Vector3, direction: Vector3, near: float, far: float, side: int
 ) -> tuple[float, int]:
-    """The hit between `near` and `far` m along a ray within the grid; x and y are counted in cells."""
+    """Return the hit between `near` and `far` m along a ray within the grid; x and y are counted in cells."""
     depths, columns = terrain.depths, terrain.grid.columns
     last_row, last_column = terrain.grid.rows - 2, columns - 2
     (x, y, z), (dx, dy, dz) = origin, direction
@@ -75,7 +75,7 @@ def _walk(
         a, b, c, d = depths[first], depths[first + 1], depths[second], depths[second + 1]
         lowest = max(z + dz * near, z + dz * end)
         if not (lowest < a and lowest < b and lowest < c and lowest < d):
-            distance = _meet_cell(
+            distance = _intersect_cell(
                 (a, b, c, d), (x + dx * near - row, y + dy * near - column, z + dz * near), direction, end - near
             )
             if distance >= 0.0:
@@ -98,8 +98,10 @@ def _walk(
 ABOVE, BELOW = -1.0, -2.0
 
 
-def _meet_cell(corners: tuple[float, float, float, float], place: Vector3, direction: Vector3, length: float) -> float:
-    """How far into a cell its surface is met; ABOVE if not within `length` m, BELOW if the ray came in under it.
+def _intersect_cell(
+    corners: tuple[float, float, float, float], place: Vector3, direction: Vector3, length: float
+) -> float:
+    """Return how far into a cell its surface is met; ABOVE if not within `length` m, BELOW if the ray came in under it.
 
     With w the water under the ray, w(s) = -(p + q s + r s²): p < 0 where it comes in.
     """
@@ -121,7 +123,10 @@ def _meet_cell(corners: tuple[float, float, float, float], place: Vector3, direc
 
 
 def slab(at: float, rate: float, low: float, high: float, near: float, far: float) -> tuple[float, float]:
-    """The part of `near` to `far` m on which at + rate s is between `low` and `high`; (inf, -inf) or so if none."""
+    """Return the part of `near` to `far` m on which at + rate s is between `low` and `high`.
+
+    (inf, -inf) or so if none.
+    """
     if abs(rate) <= TINY:
         return (near, far) if low <= at <= high else (inf, -inf)
     slow = 1.0 / rate

@@ -1,4 +1,4 @@
-"""One ray, in plain Python: the specification that sim/rays/batch.py and sim/native/rays.h repeat to the last bit.
+"""One ray, in plain Python: the specification that sim/native/rays.h repeats to the last bit.
 
 Where a ray begins inside something its distance is 0; a mesh has no inside. A hit tells where on a thing it is by a
 number, `detail`: on the seabed what sim/rays/seabed.py says, of a mesh the triangle, of the others nothing.
@@ -10,7 +10,7 @@ from math import inf, nan, sqrt
 from typing import NamedTuple
 
 from sim.rays.geometry import NOTHING, SEABED, Geometry, Hits
-from sim.rays.seabed import STEP_EAST, STEP_NORTH, TINY, meet_seabed, slab
+from sim.rays.seabed import STEP_EAST, STEP_NORTH, TINY, intersect_seabed, slab
 from sim.rays.solids import BOX, CYLINDER, HALF_SPACE, KIND, MESH, POSITION, REACH, ROOT, ROTATION, ROW, SIZES, SPHERE
 from sim.rays.tree import NODE, TRIANGLE
 from sim.rotations import Vector3
@@ -25,26 +25,26 @@ class Hit(NamedTuple):
 
 
 def turn(rotation: Sequence[float], x: float, y: float, z: float) -> Vector3:
-    """A vector from the axes that `rotation` (row after row) belongs to into the world's."""
+    """Return a vector from the axes that `rotation` (row after row) belongs to into the world's."""
     a, b, c, d, e, f, g, h, i = rotation
     return a * x + b * y + c * z, d * x + e * y + f * z, g * x + h * y + i * z
 
 
 def turn_back(rotation: Sequence[float], x: float, y: float, z: float) -> Vector3:
-    """A vector of the world into the axes that `rotation` belongs to."""
+    """Return a vector of the world into the axes that `rotation` belongs to."""
     a, b, c, d, e, f, g, h, i = rotation
     return a * x + d * y + g * z, b * x + e * y + h * z, c * x + f * y + i * z
 
 
 def trace(geometry: Geometry, origin: Sequence[float], direction: Sequence[float], reach: float) -> Hit:
-    """The first thing within `reach` m along `direction` (a unit vector, NED) from `origin` (NED, m)."""
-    distance, detail = meet_seabed(geometry.terrain, geometry.depth, origin, direction, reach)
+    """Return the first thing within `reach` m along `direction` (a unit vector, NED) from `origin` (NED, m)."""
+    distance, detail = intersect_seabed(geometry.terrain, geometry.depth, origin, direction, reach)
     best = Hit(distance, SEABED, detail) if distance < inf else Hit(inf, NOTHING, 0)
     solids = geometry.solids
     for number, start in enumerate(range(0, len(solids), ROW), 1):
         row = solids[start : start + ROW]
         if not _passes(row, origin, direction, reach):
-            distance, detail = _meet_solid(geometry, row, origin, direction, min(reach, best.distance))
+            distance, detail = _intersect_solid(geometry, row, origin, direction, min(reach, best.distance))
             if distance < best.distance:
                 best = Hit(distance, number, detail)
     return best
@@ -77,7 +77,7 @@ def cast(
 
 
 def normal(geometry: Geometry, hit: Hit, direction: Sequence[float], point: Sequence[float]) -> Vector3:
-    """The unit vector (NED) away from what a ray along `direction` has hit at `point`."""
+    """Return the unit vector (NED) away from what a ray along `direction` has hit at `point`."""
     if hit.object == SEABED:
         if hit.detail == STEP_NORTH:
             return (-1.0 if direction[0] > 0.0 else 1.0), 0.0, 0.0
@@ -105,18 +105,18 @@ def _passes(row: Sequence[float], origin: Sequence[float], direction: Sequence[f
     return out_of_reach or across * across > size * size * (dx * dx + dy * dy)
 
 
-def _meet_solid(
+def _intersect_solid(
     geometry: Geometry, row: Sequence[float], origin: Sequence[float], direction: Sequence[float], reach: float
 ) -> tuple[float, int]:
     """Distance to a solid, inf if it is not within `reach`, and the detail of the hit."""
     kind, sizes = row[KIND], row[SIZES:ROOT]
     if kind == HALF_SPACE:
-        return _meet_half_space(sizes, origin, direction, reach), 0
+        return _intersect_half_space(sizes, origin, direction, reach), 0
     position, rotation = row[POSITION:ROTATION], row[ROTATION:SIZES]
     at = turn_back(rotation, origin[0] - position[0], origin[1] - position[1], origin[2] - position[2])
     along = turn_back(rotation, direction[0], direction[1], direction[2])
     if kind == MESH:
-        return _meet_mesh(geometry, int(row[ROOT]), at, along, reach)
+        return _intersect_mesh(geometry, int(row[ROOT]), at, along, reach)
     near, far = 0.0, reach
     if kind == SPHERE:
         near, far = _round(at, along, sizes[0], 3, near, far)
@@ -129,7 +129,7 @@ def _meet_solid(
     return (near if near <= far else inf), 0
 
 
-def _meet_half_space(
+def _intersect_half_space(
     sizes: Sequence[float], origin: Sequence[float], direction: Sequence[float], reach: float
 ) -> float:
     x, y, z, offset = sizes[0], sizes[1], sizes[2], sizes[3]
@@ -142,7 +142,7 @@ def _meet_half_space(
 
 
 def _round(at: Vector3, along: Vector3, radius: float, axes: int, near: float, far: float) -> tuple[float, float]:
-    """The part of `near` to `far` m inside a sphere (3 axes) or an endless cylinder (2) about the origin."""
+    """Return the part of `near` to `far` m inside a sphere (3 axes) or an endless cylinder (2) about the origin."""
     (x, y, z), (dx, dy, dz) = at, along
     a, b, c = dx * dx + dy * dy, x * dx + y * dy, x * x + y * y - radius * radius
     if axes == 3:
@@ -185,7 +185,7 @@ def _unit(x: float, y: float, z: float) -> Vector3:
 # --- meshes
 
 
-def _meet_mesh(geometry: Geometry, root: int, at: Vector3, along: Vector3, reach: float) -> tuple[float, int]:
+def _intersect_mesh(geometry: Geometry, root: int, at: Vector3, along: Vector3, reach: float) -> tuple[float, int]:
     nodes, triangles = geometry.nodes, geometry.triangles
     best, found, waiting = inf, 0, [root]
     while waiting:
@@ -199,13 +199,13 @@ def _meet_mesh(geometry: Geometry, root: int, at: Vector3, along: Vector3, reach
         if not count:
             waiting += (first, place // NODE + 1)
         for number in range(first, first + count):
-            distance = _meet_triangle(triangles[number * TRIANGLE : (number + 1) * TRIANGLE], at, along)
+            distance = _intersect_triangle(triangles[number * TRIANGLE : (number + 1) * TRIANGLE], at, along)
             if distance < best and distance <= reach:
                 best, found = distance, number
     return best, found
 
 
-def _meet_triangle(corner: Sequence[float], at: Vector3, along: Vector3) -> float:
+def _intersect_triangle(corner: Sequence[float], at: Vector3, along: Vector3) -> float:
     """Distance to a triangle from either side, inf beside it (Möller & Trumbore 1997, J. Graphics Tools 2(1))."""
     ax, ay, az, ex, ey, ez, fx, fy, fz = corner
     dx, dy, dz = along

@@ -1,4 +1,4 @@
-"""What rays can meet besides the seabed: spheres, cylinders, boxes, half spaces and meshes, each wherever it is.
+"""Solids that rays can hit besides the seabed: spheres, cylinders, boxes, half spaces and meshes, with poses.
 
 A solid is a row of numbers, so that C can read the same ones: they stand one after another in an array.
 """
@@ -7,11 +7,11 @@ from collections.abc import Iterable, Sequence
 from math import inf, sqrt
 from typing import TYPE_CHECKING, NamedTuple
 
-from sim.obstacles import Box, Cylinder, Obstacle, Wall
+from sim.environment.obstacles import Box, Cylinder, Obstacle, Wall
 from sim.rotations import from_euler, matrix
 
 if TYPE_CHECKING:
-    from sim.vehicle import Vehicle
+    from sim.vehicle.vehicle import Vehicle
 
 Point = Sequence[float]
 Triangle = Sequence[Point]
@@ -39,24 +39,24 @@ class Solid(NamedTuple):
     triangles: tuple[Triangle, ...] = ()
 
     def numbers(self, root: int) -> list[float]:
-        """The row; `root` is where the tree of a mesh begins."""
+        """Return the row; `root` is where the tree of a mesh begins."""
         sizes = [*self.sizes, *[0.0] * (ROOT - SIZES - len(self.sizes))]
         return [float(self.kind), self.reach, *self.position, *self.rotation, *sizes, float(root)]
 
 
 def sphere(center: Point, radius: float) -> Solid:
-    """A ball; `center` in m, NED."""
+    """Return a ball; `center` in m, NED."""
     return Solid(SPHERE, radius, center, _UPRIGHT, (radius,))
 
 
 def cylinder(center: Point, radius: float, half_length: float, rotation: Sequence[float] = _UPRIGHT) -> Solid:
-    """A cylinder with flat ends, its axis the z of its own axes."""
+    """Return a cylinder with flat ends, its axis the z of its own axes."""
     reach = sqrt(radius * radius + half_length * half_length)
     return Solid(CYLINDER, reach, center, rotation, (radius, -half_length, half_length))
 
 
 def box(center: Point, dimensions: Point, rotation: Sequence[float] = _UPRIGHT) -> Solid:
-    """A cuboid of `dimensions` m along its own axes."""
+    """Return a cuboid of `dimensions` m along its own axes."""
     x, y, z = (0.5 * size for size in dimensions)
     return Solid(BOX, sqrt(x * x + y * y + z * z), center, rotation, (-x, x, -y, y, -z, z))
 
@@ -67,21 +67,24 @@ def half_space(normal: Point, offset: float) -> Solid:
 
 
 def mesh(triangles: Iterable[Triangle]) -> Solid:
-    """A hull of triangles, each three corners (m) in its own axes, FRD for a vehicle's. Rays meet either side."""
-    kept = tuple(tuple(tuple(map(float, corner)) for corner in triangle) for triangle in triangles)
-    if not kept:
+    """Return a hull of triangles, each three corners (m) in its own axes, FRD for a vehicle's.
+
+    Rays meet either side.
+    """
+    corners_of = tuple(tuple(tuple(map(float, corner)) for corner in triangle) for triangle in triangles)
+    if not corners_of:
         raise ValueError("a mesh needs at least one triangle")
-    reach = sqrt(max(x * x + y * y + z * z for triangle in kept for x, y, z in triangle))
-    return Solid(MESH, reach, (0.0, 0.0, 0.0), _UPRIGHT, (), kept)
+    reach = sqrt(max(x * x + y * y + z * z for triangle in corners_of for x, y, z in triangle))
+    return Solid(MESH, reach, (0.0, 0.0, 0.0), _UPRIGHT, (), corners_of)
 
 
 def hull(vehicle: "Vehicle") -> Solid:
-    """The box of a vehicle's length, width and height about its origin."""
+    """Return the box of a vehicle's length, width and height about its origin."""
     return box((0.0, 0.0, 0.0), vehicle.dimensions)
 
 
 def standing(obstacle: Obstacle) -> Solid:
-    """An obstacle of a world: from its top down into the seabed."""
+    """Return an obstacle of a world: from its top down into the seabed."""
     if isinstance(obstacle, Cylinder):
         place = (obstacle.north, obstacle.east, obstacle.top)
         return Solid(CYLINDER, obstacle.radius, place, _UPRIGHT, (obstacle.radius, 0.0, _DOWN))

@@ -1,4 +1,4 @@
-"""A mesh as a tree of boxes, so that a ray looks at few of its triangles.
+"""A tree of boxes over a mesh, so that a ray tests few triangles.
 
 A node is eight numbers: the least and the greatest x, y, z of its box, a place and a count. With a count it is a leaf
 and the place is that of its first triangle; without, its children are the next node and the one at the place. A

@@ -1,18 +1,19 @@
-"""An attitude and heading reference: what gyros, accelerometers and a magnetometer say together."""
+"""An attitude and heading reference system: fused gyros, accelerometers and magnetometer."""
 
 from collections.abc import Sequence
 from math import atan2, pi, remainder, sqrt
 from typing import Annotated, NamedTuple
 
-from hil.schema import Range
+from hil.common.schema import Range
+from sim.assembly import make_error_bank
 from sim.dynamics import State
-from sim.native import make_error_bank
-from sim.rotations import integrate, multiply, rotate, rotate_inverse
+from sim.environment.geomagnetism import field_of
+from sim.rotations import Quaternion, Vector3, integrate, multiply, rotate, rotate_inverse
 from sim.sensors.error import ErrorModel, sensor_random
 from sim.sensors.imu import specific_force
 from sim.sensors.magnetometer import earth_field
 from sim.sensors.mounting import Mounting
-from sim.sensors.samples import ImuSample, Quaternion, Scene, Vector3
+from sim.sensors.samples import ImuSample, Scene
 
 Seconds = Annotated[float, Range(0.1, 1000.0, "s")]
 
@@ -53,7 +54,7 @@ class Ahrs:
         self._turn = mounting.quaternion
         self._gravity = scene.world.gravity
         self._earth = earth_field(scene.world)
-        self._declination = scene.world.magnetic_field[2]
+        self._declination = field_of(scene.world)[2]
         self._period = 1.0 / model.rate
         self._level_share = min(1.0, self._period / model.level_time)
         self._heading_share = min(1.0, self._period / model.heading_time)
@@ -63,7 +64,7 @@ class Ahrs:
         self._rate: Vector3 = (0.0, 0.0, 0.0)
 
     def sample(self, time_ns: int, state: State) -> ImuSample:
-        """The measurement of `state`."""
+        """Return the measurement of `state`."""
         attitude = multiply(state.quaternion, self._turn)
         rate = rotate_inverse(self._turn, state.nu[3:])
         force = rotate_inverse(self._turn, specific_force(state, self._position, self._gravity))

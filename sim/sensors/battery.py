@@ -2,10 +2,10 @@
 
 from typing import Annotated, NamedTuple
 
-from hil.errors import ConfigError
-from hil.schema import Range
+from hil.common.errors import ConfigError
+from hil.common.schema import Range
+from sim.assembly import make_error_bank
 from sim.dynamics import State
-from sim.native import make_error_bank
 from sim.sensors.error import ErrorModel, sensor_random
 from sim.sensors.extra_samples import BatterySample
 from sim.sensors.mounting import Mounting
@@ -46,7 +46,7 @@ class BatteryMonitor:
         self._errors = make_error_bank(models, 1.0 / model.rate, sensor_random(seed, self.topic))
 
     def sample(self, time_ns: int, state: State) -> BatterySample:
-        """The measurement of now."""
+        """Return the measurement of now."""
         battery = self._scene.battery
         assert battery is not None, "the vehicle has one"
         voltage, current = self._errors.measure((battery.voltage, battery.current))

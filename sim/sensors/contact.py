@@ -1,8 +1,8 @@
-"""A switch behind the bumper."""
+"""A contact switch behind the bumper."""
 
 from typing import Annotated, NamedTuple
 
-from hil.schema import Range
+from hil.common.schema import Range
 from sim.dynamics import State
 from sim.sensors.extra_samples import FlagSample
 from sim.sensors.mounting import Mounting
@@ -29,7 +29,7 @@ class ContactSwitch:
         self._seen = 0
 
     def sample(self, time_ns: int, state: State) -> FlagSample:
-        """Whether it was pressed."""
+        """Return whether it was pressed."""
         count = self._scene.contacts
         pressed = self._scene.touching or count > self._seen
         self._seen = count

@@ -1,16 +1,16 @@
-"""A current meter: how the water flows past the vehicle."""
+"""A current meter: the velocity of the water relative to the vehicle."""
 
 from collections.abc import Sequence
 from typing import Annotated, NamedTuple
 
-from hil.schema import Range
+from hil.common.schema import Range
+from sim.assembly import make_error_bank
 from sim.dynamics import State
-from sim.native import make_error_bank
-from sim.rotations import rotate_inverse
+from sim.rotations import Vector3, rotate_inverse
 from sim.sensors.error import ErrorModel, sensor_random
 from sim.sensors.extra_samples import VelocitySample
 from sim.sensors.mounting import Mounting
-from sim.sensors.samples import Scene, Vector3
+from sim.sensors.samples import Scene
 from sim.sensors.surface import submersion
 
 
@@ -39,7 +39,7 @@ class CurrentMeter:
         self._errors = make_error_bank([model.velocity] * 3, 1.0 / model.rate, sensor_random(seed, self.topic))
 
     def sample(self, time_ns: int, state: State) -> VelocitySample | None:
-        """The measurement of `state`."""
+        """Return the measurement of `state`."""
         place = self._mounting.place(state)
         past = relative_flow(self._mounting, state, self._scene.flow_at(place))
         x, y, z = self._errors.measure(past)
@@ -47,7 +47,7 @@ class CurrentMeter:
 
 
 def relative_flow(mounting: Mounting, state: State, flow: Sequence[float]) -> Vector3:
-    """The velocity of water that moves with `flow` (m/s, NED) relative to a sensor, along the sensor's axes."""
+    """Return the velocity of water that moves with `flow` (m/s, NED) relative to a sensor, along the sensor's axes."""
     x, y, z = rotate_inverse(state.quaternion, flow)
     u, v, w = mounting.velocity(state.nu)
     return rotate_inverse(mounting.quaternion, (x - u, y - v, z - w))

@@ -11,7 +11,7 @@ from math import exp, sqrt
 from random import Random
 from typing import Annotated, NamedTuple
 
-from hil.schema import Range
+from hil.common.schema import Range
 
 Size = Annotated[float, Range(0.0, 1e6)]
 
@@ -45,15 +45,15 @@ class ErrorProcess:
         self._gain = 1.0 + self._draw(model.scale)
         self._constant = model.offset + self._draw(model.turn_on)
         self._bias = self._draw(model.bias)  # it has wandered for long before the run
-        self._keep = exp(-period / model.bias_time)
-        self._kick = model.bias * sqrt(1.0 - self._keep * self._keep)
+        self._decay = exp(-period / model.bias_time)
+        self._kick = model.bias * sqrt(1.0 - self._decay * self._decay)
         self._noise = sqrt(model.noise**2 + model.noise_density**2 / period)
         self._resolution = model.resolution
         self._limit = model.limit
 
     def measure(self, true: float) -> float:
         """One measurement of `true`; the bias moves on by one period."""
-        self._bias = self._keep * self._bias + self._draw(self._kick)
+        self._bias = self._decay * self._bias + self._draw(self._kick)
         value = self._gain * true + self._constant + self._bias + self._draw(self._noise)
         if self._resolution:
             value = round(value / self._resolution) * self._resolution
@@ -62,8 +62,8 @@ class ErrorProcess:
         return value
 
     def numbers(self) -> list[float]:
-        """All that `measure` uses but the random numbers, in a row: what the C twin is made of."""
-        random = [self._gain, self._constant, self._bias, self._keep, self._kick, self._noise]
+        """Return all that `measure` uses but the random numbers, in a row: what the C twin is made of."""
+        random = [self._gain, self._constant, self._bias, self._decay, self._kick, self._noise]
         return [*random, self._resolution, self._limit]
 
     def _draw(self, sd: float) -> float:
@@ -73,7 +73,7 @@ class ErrorProcess:
 class ErrorBank:
     """The errors of all quantities of one sensor, which measures them together, every `period` s.
 
-    `sim.native.make_error_bank` gives the quickest there is.
+    `sim.assembly.make_error_bank` gives the quickest there is.
     """
 
     def __init__(self, models: Iterable[ErrorModel], period: float, random: Random) -> None:
@@ -90,5 +90,5 @@ def sensor_random(seed: int, sensor: str) -> Random:
 
 
 def variance(model: ErrorModel, period: float) -> float:
-    """What a device may say of itself: the variance of its errors, but for that of its scale."""
+    """Return what a device may say of itself: the variance of its errors, but for that of its scale."""
     return model.turn_on**2 + model.bias**2 + model.noise**2 + model.noise_density**2 / period

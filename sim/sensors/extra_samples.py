@@ -1,11 +1,9 @@
-"""What the sensors send that only some vehicles carry. Conventions are those of sim.sensors.samples."""
+"""Samples of the less common sensors. Conventions are those of sim.sensors.samples."""
 
 from typing import NamedTuple
 
-from sim.sensors.samples import Vector3
-
-# A symmetric 3 x 3 matrix, row after row.
-Covariance = tuple[float, float, float, float, float, float, float, float, float]
+from sim.rotations import Vector3
+from sim.sensors.samples import Covariance
 
 
 class RangeSample(NamedTuple):

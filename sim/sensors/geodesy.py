@@ -1,13 +1,13 @@
-"""From the local map to latitude and longitude."""
+"""Convert local coordinates to latitude and longitude."""
 
 from collections.abc import Sequence
 from math import atan2, cos, degrees, hypot, radians, sin, sqrt
 
+from sim.rotations import Vector3
+
 SEMI_MAJOR_AXIS = 6_378_137.0  # m; WGS 84: NIMA TR8350.2, table 3.1
 FLATTENING = 1.0 / 298.257223563
 _E2 = FLATTENING * (2.0 - FLATTENING)  # the square of the first eccentricity
-
-Vector3 = tuple[float, float, float]
 
 
 class TangentPlane:

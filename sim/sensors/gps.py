@@ -1,12 +1,12 @@
-"""A satellite receiver, which knows where it is while its antenna is out of the water."""
+"""A satellite receiver, which has a fix while its antenna is out of the water."""
 
 from math import nan
 from typing import Annotated, NamedTuple
 
-from hil.errors import ConfigError
-from hil.schema import Range
+from hil.common.errors import ConfigError
+from hil.common.schema import Range
+from sim.assembly import make_error_bank
 from sim.dynamics import State
-from sim.native import make_error_bank
 from sim.sensors.error import ErrorModel, sensor_random, variance
 from sim.sensors.extra_samples import FixSample
 from sim.sensors.geodesy import TangentPlane
@@ -57,7 +57,7 @@ class Gps:
         self._errors = make_error_bank(models, period, sensor_random(seed, self.topic))
 
     def sample(self, time_ns: int, state: State) -> FixSample:
-        """The measurement of `state`."""
+        """Return the measurement of `state`."""
         place = self._mounting.place(state)
         measured = self._errors.measure(place)
         if submersion(self._scene, time_ns, place) >= 0.0:

@@ -3,14 +3,14 @@
 from collections.abc import Callable, Sequence
 from typing import Annotated, NamedTuple
 
-from hil.schema import Range
+from hil.common.schema import Range
+from sim.assembly import make_error_bank, make_imu
 from sim.dynamics import State
-from sim.native import make_error_bank, make_imu
-from sim.rotations import down_axis, integrate, multiply, rotate_inverse
+from sim.rotations import Vector3, down_axis, integrate, multiply, rotate_inverse
 from sim.sensors.error import ErrorModel, sensor_random
 from sim.sensors.mounting import Mounting
-from sim.sensors.samples import IMU, ImuSample, Scene, Vector3
-from sim.vehicle import Point
+from sim.sensors.samples import IMU, ImuSample, Scene
+from sim.vehicle.vehicle import Point
 
 
 class ImuModel(NamedTuple):
@@ -43,7 +43,7 @@ class Imu:
         self._measure: Callable[[int, State], ImuSample] = native or self._measure_apart
 
     def sample(self, time_ns: int, state: State) -> ImuSample:
-        """The measurement of `state`; attitude errors are small turns about the unit's axes."""
+        """Return the measurement of `state`; attitude errors are small turns about the unit's axes."""
         return self._measure(time_ns, state)
 
     def _measure_apart(self, time_ns: int, state: State) -> ImuSample:

@@ -1,8 +1,8 @@
-"""A leak detector, and the leak."""
+"""A leak detector."""
 
 from typing import Annotated, NamedTuple
 
-from hil.schema import Range
+from hil.common.schema import Range
 from sim.dynamics import State
 from sim.sensors.extra_samples import FlagSample
 from sim.sensors.mounting import Mounting
@@ -35,7 +35,7 @@ class Leak:
         self._wet = False
 
     def sample(self, time_ns: int, state: State) -> FlagSample:
-        """Whether it is wet."""
+        """Return whether it is wet."""
         if self._at_ns is not None and time_ns >= self._at_ns:
             self._wet = True
         if self._below is not None and self._mounting.depth(state) > self._below:

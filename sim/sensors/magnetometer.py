@@ -1,17 +1,18 @@
-"""A magnetometer, and the field of the earth it measures."""
+"""A magnetometer in the earth's field."""
 
 from math import cos, sin
 from typing import Annotated, NamedTuple
 
-from hil.schema import Range
+from hil.common.schema import Range
+from sim.assembly import make_error_bank
 from sim.dynamics import State
-from sim.native import make_error_bank
-from sim.rotations import rotate_inverse
+from sim.environment.geomagnetism import field_of
+from sim.environment.world import World
+from sim.rotations import Vector3, rotate_inverse
 from sim.sensors.error import ErrorModel, sensor_random
 from sim.sensors.extra_samples import FieldSample
 from sim.sensors.mounting import Mounting
-from sim.sensors.samples import Scene, Vector3
-from sim.world import World
+from sim.sensors.samples import Scene
 
 Tesla = Annotated[float, Range(-1e-2, 1e-2)]
 Share = Annotated[float, Range(-10.0, 10.0)]
@@ -50,15 +51,15 @@ class Magnetometer:
         self._errors = make_error_bank(models, 1.0 / model.rate, sensor_random(seed, self.topic))
 
     def sample(self, time_ns: int, state: State) -> FieldSample:
-        """The measurement of `state`."""
+        """Return the measurement of `state`."""
         x, y, z = rotate_inverse(self._mounting.attitude(state), self._earth)
-        felt = [a * x + b * y + c * z + own for (a, b, c), own in zip(self._soft, self._hard, strict=True)]
-        a, b, c = self._errors.measure(felt)
+        measured = [a * x + b * y + c * z + own for (a, b, c), own in zip(self._soft, self._hard, strict=True)]
+        a, b, c = self._errors.measure(measured)
         return FieldSample(time_ns, (a, b, c))
 
 
 def earth_field(world: World) -> Vector3:
-    """The magnetic field of `world`, NED in T."""
-    intensity, inclination, declination = world.magnetic_field
+    """Return the magnetic field of `world`, NED in T. Raises MissingExtraError."""
+    intensity, inclination, declination = field_of(world)
     level = intensity * cos(inclination)
     return level * cos(declination), level * sin(declination), intensity * sin(inclination)

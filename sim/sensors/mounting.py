@@ -1,14 +1,13 @@
-"""How any sensor sits in the vehicle and how its samples come out of it."""
+"""Mounting of a sensor in the vehicle, and the keys that all sensors share."""
 
 from collections.abc import Sequence
 from math import pi
 from typing import Annotated, NamedTuple
 
-from hil.schema import Range
+from hil.common.schema import Range
 from sim.dynamics import State
-from sim.rotations import down_axis, from_euler, multiply, rotate
-from sim.sensors.samples import Quaternion, Vector3
-from sim.vehicle import Point
+from sim.rotations import Quaternion, Vector3, down_axis, from_euler, multiply, rotate
+from sim.vehicle.vehicle import Point
 
 Angle = Annotated[float, Range(-2.0 * pi, 2.0 * pi, "rad")]
 
@@ -41,7 +40,7 @@ class Mounting(NamedTuple):
         return multiply(state.quaternion, self.quaternion)
 
     def place(self, state: State) -> Vector3:
-        """Where the sensor is, NED in m."""
+        """Return where the sensor is, NED in m."""
         north, east, down = state.position
         x, y, z = rotate(state.quaternion, self.position)
         return north + x, east + y, down + z

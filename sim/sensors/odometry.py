@@ -1,10 +1,10 @@
-"""Position, attitude and velocity at once: as a navigation system finds them, and as they are."""
+"""Position, attitude and velocity: the navigation system's estimate, and the ground truth."""
 
 from typing import Annotated, NamedTuple
 
-from hil.schema import Range
+from hil.common.schema import Range
+from sim.assembly import make_error_bank
 from sim.dynamics import State
-from sim.native import make_error_bank
 from sim.rotations import integrate
 from sim.sensors.error import ErrorModel, sensor_random
 from sim.sensors.mounting import Mounting
@@ -46,7 +46,7 @@ class Odometry:
         self._errors = make_error_bank(models, 1.0 / model.rate, sensor_random(seed, ODOMETRY))
 
     def sample(self, time_ns: int, state: State) -> OdometrySample:
-        """The solution for `state`; attitude errors are small turns about the body axes."""
+        """Return the solution for `state`; attitude errors are small turns about the body axes."""
         found = self._errors.measure((*state.position, 0.0, 0.0, 0.0, *state.nu))
         north, east, down, a, b, c, u, v, w, p, q, r = found
         return OdometrySample(
@@ -64,7 +64,7 @@ class GroundTruth:
         pass
 
     def sample(self, time_ns: int, state: State) -> OdometrySample:
-        """The truth."""
+        """Return the truth."""
         return ground_truth(time_ns, state)
 
 

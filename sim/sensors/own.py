@@ -1,4 +1,4 @@
-"""A sensor of a user's own: a class named in the scenario, beside the keys that every sensor has and its arguments.
+"""A user's own sensor: a class named in the scenario, with the common keys and its own arguments.
 
     [sensors.thermometer]
     class = "my_sensors:Thermometer"
@@ -13,9 +13,9 @@ from collections.abc import Mapping
 from random import Random
 from typing import Annotated, Any, NamedTuple, Protocol
 
-from hil.errors import ConfigError
-from hil.plugins import load_class
-from hil.schema import Range, parse
+from hil.common.errors import ConfigError
+from hil.common.plugins import load_class
+from hil.common.schema import Range, parse
 from sim.dynamics import State
 from sim.sensors.error import sensor_random
 from sim.sensors.mounting import Mounting
@@ -37,7 +37,7 @@ class OwnSensor(Protocol):
         """A simulation begins: what there is to look at, how the sensor sits, and its own random numbers."""
 
     def sample(self, time_ns: int, state: State) -> Values | None:
-        """The measurement at `time_ns` of simulation time; None if there is none.
+        """Return the measurement at `time_ns` of simulation time; None if there is none.
 
         `state.position` is NED in m, `state.quaternion` body to world, `state.nu` m/s and rad/s in FRD. Given back are
         the fields of the message that are not 0, in ROS's units and frames: {"temperature": 17.5}. A header that is
@@ -63,7 +63,7 @@ class OwnModel(NamedTuple):
 class OwnKind:
     """In place of a sensor's class: makes one that goes out as `topic`, in messages of the type `message`."""
 
-    heavy = False
+    offloaded = False
     Model = OwnModel
 
     def __init__(self, topic: str, message: str) -> None:
@@ -84,7 +84,7 @@ class _Fitted:
         self._made = made
 
     def sample(self, time_ns: int, state: State) -> OwnSample | None:
-        """The values with their time."""
+        """Return the values with their time."""
         values = self._made.sample(time_ns, state)
         return None if values is None else OwnSample(time_ns, values)
 

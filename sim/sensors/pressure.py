@@ -1,14 +1,14 @@
-"""A pressure sensor, which is how a vehicle knows its depth."""
+"""A pressure sensor, from which depth is computed."""
 
 from typing import Annotated, NamedTuple
 
-from hil.schema import Range
+from hil.common.schema import Range
+from sim.assembly import make_error_bank
 from sim.dynamics import State
-from sim.native import make_error_bank
+from sim.environment.world import water_pressure
 from sim.sensors.error import ErrorModel, sensor_random
 from sim.sensors.mounting import Mounting
 from sim.sensors.samples import PRESSURE, PressureSample, Scene
-from sim.world import water_pressure
 
 STANDARD_ATMOSPHERE = 101_325.0
 
@@ -39,7 +39,7 @@ class Pressure:
         self._errors = make_error_bank([model.error], 1.0 / model.rate, sensor_random(seed, PRESSURE))
 
     def sample(self, time_ns: int, state: State) -> PressureSample:
-        """The measurement of `state`; in the air that of the air."""
+        """Return the measurement of `state`; in the air that of the air."""
         if self._sea is None:
             depth = self._mounting.depth(state)
         else:

@@ -1,4 +1,4 @@
-"""What a sensor is, and what the usual ones send; sim.sensors.extra_samples has what the others send.
+"""The interface of a sensor, and the samples of the common ones; sim.sensors.extra_samples has the others.
 
 Vectors are along the sensor's axes, which are the vehicle's (FRD) unless it is mounted askew; positions are NED,
 quaternions (w, x, y, z) from the sensor's axes to the world's.
@@ -8,17 +8,18 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 from sim.dynamics import State
+from sim.rotations import Quaternion, Vector3
 
 if TYPE_CHECKING:
-    from sim.battery import BatteryState
+    from sim.environment.waves import Sea
+    from sim.environment.world import World
     from sim.sensors.mounting import Mounting
-    from sim.vehicle import Vehicle
-    from sim.waves import Sea
-    from sim.world import World
+    from sim.vehicle.battery import BatteryState
+    from sim.vehicle.vehicle import Vehicle
 
-Vector3 = tuple[float, float, float]
-Quaternion = tuple[float, float, float, float]
 Nu = tuple[float, float, float, float, float, float]
+# A symmetric 3 x 3 matrix, row after row.
+Covariance = tuple[float, float, float, float, float, float, float, float, float]
 
 IMU = "imu"
 DVL = "dvl"
@@ -37,12 +38,17 @@ class ImuSample(NamedTuple):
 
 
 class DvlSample(NamedTuple):
-    """Velocity over ground (m/s, body axes) and distance to the seabed (m); all nan where not `locked`."""
+    """Velocity over ground (m/s, body axes) and distance to the seabed (m); all nan where not `locked`.
+
+    `covariance` ((m/s)²) is of the velocity, empty if not known, `altitude_variance` (m²) 0.
+    """
 
     time_ns: int
     velocity: Vector3
     altitude: float
     locked: bool
+    covariance: Covariance | tuple[()] = ()
+    altitude_variance: float = 0.0
 
 
 class PressureSample(NamedTuple):
@@ -81,7 +87,7 @@ class Scene(Protocol):
         """The waves; None if there are none, ever."""
 
     def flow_at(self, place: Sequence[float]) -> Sequence[float]:
-        """The velocity of the water at a place (m, NED) now, NED in m/s."""
+        """Return the velocity of the water at a place (m, NED) now, NED in m/s."""
 
     @property
     def touching(self) -> bool:
@@ -110,12 +116,12 @@ class Sensor(Protocol):
     def __init__(self, model: Any, mounting: "Mounting", seed: int, scene: Scene) -> None: ...
 
     def sample(self, time_ns: int, state: State) -> Sample | None:
-        """The measurement of `state` at `time_ns`; None if there is none.
+        """Return the measurement of `state` at `time_ns`; None if there is none.
 
         To be called once a period: errors move on with it.
         """
 
 
 def period_ns(rate: float) -> int:
-    """The period of `rate` Hz in nanoseconds."""
+    """Return the period of `rate` Hz in nanoseconds."""
     return round(1e9 / rate)

@@ -1,4 +1,4 @@
-"""Which sensors a vehicle carries, and when their samples come out.
+"""The sensors that a vehicle carries, and the schedule of their samples.
 
 [sensors.imu]                  # one of the usual ones, with other values
 rate = "200 Hz"
@@ -21,10 +21,10 @@ from collections.abc import Mapping
 from importlib import import_module
 from typing import Any, NamedTuple
 
-from hil.clock import NEVER_NS
-from hil.errors import ConfigError, MissingExtraError
-from hil.schema import find_preset, nearest, parse
-from hil.tables import read_table
+from hil.common.clock import NEVER_NS
+from hil.common.errors import ConfigError, MissingExtraError
+from hil.common.schema import find_preset, nearest, parse
+from hil.common.tables import read_table
 from sim.sensors.error import sensor_random
 from sim.sensors.mounting import Mounting
 from sim.sensors.samples import Sample, Scene, Sensor, period_ns
@@ -32,33 +32,33 @@ from sim.sensors.samples import Sample, Scene, Sensor, period_ns
 # The name of a sensor's section -> its class, imported when a vehicle carries it.
 SENSORS = {
     "imu": "sim.sensors.imu:Imu",
-    "dvl": "sim.sensors.dvl:Dvl",
+    "dvl": "sim.sensors.ranging.dvl:Dvl",
     "pressure": "sim.sensors.pressure:Pressure",
     "odometry": "sim.sensors.odometry:Odometry",
     "ground_truth": "sim.sensors.odometry:GroundTruth",
     "ahrs": "sim.sensors.ahrs:Ahrs",
-    "altimeter": "sim.sensors.altimeter:Altimeter",
+    "altimeter": "sim.sensors.ranging.altimeter:Altimeter",
     "battery": "sim.sensors.battery:BatteryMonitor",
     "contact": "sim.sensors.contact:ContactSwitch",
     "current_meter": "sim.sensors.current_meter:CurrentMeter",
-    "dvl_water": "sim.sensors.dvl_water:DvlWater",
+    "dvl_water": "sim.sensors.ranging.dvl_water:DvlWater",
     "gps": "sim.sensors.gps:Gps",
     "leak": "sim.sensors.leak:Leak",
     "magnetometer": "sim.sensors.magnetometer:Magnetometer",
     "usbl": "sim.sensors.usbl:Usbl",
-    "laser": "sim.sensors.laser:Laser",
-    "profiler": "sim.sensors.profiler:Profiler",
-    "scanning_sonar": "sim.sensors.scanning_sonar:ScanningSonar",
-    "echosounder": "sim.sensors.echosounder:Echosounder",
-    "camera": "sim.sensors.camera:Camera",
-    "forward_sonar": "sim.sensors.forward_sonar:ForwardSonar",
-    "side_scan": "sim.sensors.side_scan:SideScan",
+    "laser": "sim.sensors.ranging.laser:Laser",
+    "profiler": "sim.sensors.ranging.profiler:Profiler",
+    "scanning_sonar": "sim.sensors.imaging.scanning_sonar:ScanningSonar",
+    "echosounder": "sim.sensors.ranging.echosounder:Echosounder",
+    "camera": "sim.sensors.imaging.camera:Camera",
+    "forward_sonar": "sim.sensors.imaging.forward_sonar:ForwardSonar",
+    "side_scan": "sim.sensors.imaging.side_scan:SideScan",
 }
 DEVICES = "sim/sensors/devices"
-USUAL = ("imu", "dvl", "pressure", "odometry", "ground_truth")
+DEFAULT_SENSORS = ("imu", "dvl", "pressure", "odometry", "ground_truth")
 
 
-class Fitted(NamedTuple):
+class SensorSpec(NamedTuple):
     """A sensor as it is fitted: its class, the record of its own keys, and how it sits."""
 
     sensor: type[Sensor]
@@ -66,16 +66,16 @@ class Fitted(NamedTuple):
     mounting: Mounting = Mounting()
 
     @property
-    def heavy(self) -> bool:
+    def offloaded(self) -> bool:
         """True if it makes pictures: too slow for the loop of a slave."""
-        return bool(getattr(self.sensor, "heavy", False))
+        return bool(getattr(self.sensor, "offloaded", False))
 
 
-Suite = Mapping[str, Fitted]  # by the sensor's name
+SensorSet = Mapping[str, SensorSpec]  # by the sensor's name
 
 
-def read_suite(sections: Any, where: str) -> Suite:
-    """The sensors that the `[sensors]` table says, and the usual ones. Raises ConfigError."""
+def read_suite(sections: Any, where: str) -> SensorSet:
+    """Return the sensors that the `[sensors]` table says, and the usual ones. Raises ConfigError."""
     if not isinstance(sections, dict):
         raise ConfigError(f"{where}: expected a table for each sensor, such as [sensors.imu]")
     for name, section in sections.items():
@@ -84,16 +84,19 @@ def read_suite(sections: Any, where: str) -> Suite:
         if name not in SENSORS and "class" not in section:
             known = f"{nearest(name, list(SENSORS))}; there are: {_names()}"
             raise ConfigError(f'{where}: no sensor {name!r}{known}; one of your own needs class = "module:Class"')
-    names = [*USUAL, *(name for name in sections if name not in USUAL)]
+    names = [*DEFAULT_SENSORS, *(name for name in sections if name not in DEFAULT_SENSORS)]
     fitted = {name: _read_sensor(name, sections.get(name, {}), f"{where}: {name}") for name in names}
     return {name: each for name, each in fitted.items() if each.model.rate}
 
 
-def fit(**models: Any) -> Suite:
-    """The usual sensors, with these instead or besides: by name the record of its keys, a Fitted, or None for none."""
-    chosen = {name: _load(name).Model() for name in USUAL} | models
+def fit(**models: Any) -> SensorSet:
+    """Return the usual sensors, with these instead or besides.
+
+    By name the record of its keys, a SensorSpec, or None for none.
+    """
+    chosen = {name: load_sensor(name).Model() for name in DEFAULT_SENSORS} | models
     present = {name: model for name, model in chosen.items() if model is not None}
-    fitted = {name: m if isinstance(m, Fitted) else Fitted(_load(name), m) for name, m in present.items()}
+    fitted = {name: m if isinstance(m, SensorSpec) else SensorSpec(load_sensor(name), m) for name, m in present.items()}
     return {name: each for name, each in fitted.items() if each.model.rate}
 
 
@@ -104,14 +107,14 @@ class Schedule:
     `dt_ns` at or after it. Raises ConfigError for a sensor that is faster than the steps.
     """
 
-    def __init__(self, suite: Suite, scene: Scene, seed: int, dt_ns: int) -> None:
+    def __init__(self, suite: SensorSet, scene: Scene, seed: int, dt_ns: int) -> None:
         self._slots = [Slot(name, fitted, scene, seed, dt_ns) for name, fitted in suite.items()]
-        self._under_way: list[tuple[int, int, str, Sample]] = []  # arrival, number, topic, sample
+        self._in_flight: list[tuple[int, int, str, Sample]] = []  # arrival, number, topic, sample
         self._number = 0
         self.due_ns = 0  # nothing happens before
 
-    def take(self, now_ns: int, scene: Scene) -> list[tuple[str, Sample]]:
-        """The samples that arrive by `now_ns`, with their topics."""
+    def pop_due(self, now_ns: int, scene: Scene) -> list[tuple[str, Sample]]:
+        """Return the samples that arrive by `now_ns`, with their topics."""
         arrived: list[tuple[str, Sample]] = []
         state = scene.state
         next_ns = NEVER_NS
@@ -126,7 +129,7 @@ class Schedule:
                     self._send(slot, sample, now_ns, arrived)
             if due_ns < next_ns:
                 next_ns = due_ns
-        if self._under_way:
+        if self._in_flight:
             next_ns = min(next_ns, self._deliver(now_ns, arrived))
         self.due_ns = next_ns
         return arrived
@@ -138,15 +141,15 @@ class Schedule:
             arrived.append((slot.topic, sample))
             return
         self._number += 1
-        self._under_way.append((now_ns + delay_ns, self._number, slot.topic, sample))
-        self._under_way.sort(key=_arrival)
+        self._in_flight.append((now_ns + delay_ns, self._number, slot.topic, sample))
+        self._in_flight.sort(key=_arrival)
 
     def _deliver(self, now_ns: int, arrived: list[tuple[str, Sample]]) -> int:
         """Hand out what was under way until now; when the next sample arrives, in ns."""
-        while self._under_way and self._under_way[0][0] <= now_ns:
-            _, _, topic, sample = self._under_way.pop(0)
+        while self._in_flight and self._in_flight[0][0] <= now_ns:
+            _, _, topic, sample = self._in_flight.pop(0)
             arrived.append((topic, sample))
-        return self._under_way[0][0] if self._under_way else NEVER_NS
+        return self._in_flight[0][0] if self._in_flight else NEVER_NS
 
 
 def _arrival(waiting: tuple[int, int, str, Sample]) -> tuple[int, int]:
@@ -158,11 +161,11 @@ class Slot:
 
     __slots__ = ("_drop_out", "_latency_ns", "_luck", "due_ns", "period_ns", "prompt", "sensor", "topic")
 
-    def __init__(self, name: str, fitted: Fitted, scene: Scene, seed: int, dt_ns: int) -> None:
+    def __init__(self, name: str, fitted: SensorSpec, scene: Scene, seed: int, dt_ns: int) -> None:
         self.period_ns = period_ns(fitted.model.rate)
         if self.period_ns < dt_ns:
             raise ConfigError(f"sensor {name!r}: its rate is above {1e9 / dt_ns:g} Hz, the rate of the simulation")
-        if fitted.heavy:
+        if fitted.offloaded:
             _require_numpy(name)
         self.sensor = fitted.sensor(fitted.model, fitted.mounting, seed, scene)
         self.topic = fitted.sensor.topic
@@ -190,25 +193,25 @@ def _require_numpy(name: str) -> None:
         raise MissingExtraError(f"sensor {name!r} makes pictures, which needs numpy: pip install 'uuv-hil[imaging]'")
 
 
-def _read_sensor(name: str, section: dict[str, Any], where: str) -> Fitted:
+def _read_sensor(name: str, section: dict[str, Any], where: str) -> SensorSpec:
     if name not in SENSORS:
         from sim.sensors.own import read_own  # most vehicles have none
 
-        return Fitted(*read_own(name, section, where))
+        return SensorSpec(*read_own(name, section, where))
     if "device" in section:
         section = _with_device(name, section, where)
-    sensor = _load(name)
+    sensor = load_sensor(name)
     common, own = Mounting._fields, sensor.Model._fields
     for key in section:
         if key not in (*common, *own):
             raise ConfigError(f"{where}: no key {key!r}{nearest(key, [*own, *common])}")
     sits = {key: value for key, value in section.items() if key in common}
     rest = {key: value for key, value in section.items() if key not in common}
-    return Fitted(sensor, parse(rest, sensor.Model, where), parse(sits, Mounting, where))
+    return SensorSpec(sensor, parse(rest, sensor.Model, where), parse(sits, Mounting, where))
 
 
 def _with_device(name: str, section: dict[str, Any], where: str) -> dict[str, Any]:
-    """The section with what its `device` says, but for the keys it has itself."""
+    """Return the section with what its `device` says, but for the keys it has itself."""
     path = find_preset(DEVICES, str(section["device"]))
     device = read_table(path)
     if device.pop("sensor", None) != name:
@@ -217,7 +220,8 @@ def _with_device(name: str, section: dict[str, Any], where: str) -> dict[str, An
     return device | {key: value for key, value in section.items() if key != "device"}
 
 
-def _load(name: str) -> type[Sensor]:
+def load_sensor(name: str) -> type[Sensor]:
+    """Return the class of one of the sensors in SENSORS."""
     module, _, attribute = SENSORS[name].partition(":")
     sensor: type[Sensor] = getattr(import_module(module), attribute)
     return sensor

@@ -1,4 +1,4 @@
-"""Where the water ends, for sensors that only work on one side of it."""
+"""Whether a sensor is under water, for those that only work on one side of the surface."""
 
 from collections.abc import Sequence
 
@@ -6,7 +6,7 @@ from sim.sensors.samples import Scene
 
 
 def submersion(scene: Scene, time_ns: int, place: Sequence[float]) -> float:
-    """How far in m a place (m, NED) is below the surface, its waves included; negative in the air."""
+    """Return how far in m a place (m, NED) is below the surface, its waves included; negative in the air."""
     north, east, depth = place
     sea = scene.sea
     return depth + sea.elevation(time_ns * 1e-9, north, east) if sea else depth

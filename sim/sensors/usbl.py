@@ -1,18 +1,19 @@
-"""Acoustic positioning by ultra-short baseline: a station hears where the vehicle's beacon is."""
+"""Acoustic positioning by ultra-short baseline: a station measures the position of the vehicle's beacon."""
 
 from math import sqrt
 from typing import Annotated, NamedTuple
 
-from hil.schema import Range
+from hil.common.schema import Range
+from sim.assembly import make_error_bank
 from sim.dynamics import State
-from sim.native import make_error_bank
+from sim.environment.water_column import SOUND_SPEED, WaterColumn
+from sim.environment.world import World
+from sim.rotations import Vector3
 from sim.sensors.error import ErrorModel, sensor_random, variance
-from sim.sensors.extra_samples import Covariance, PositionSample
+from sim.sensors.extra_samples import PositionSample
 from sim.sensors.mounting import Mounting
-from sim.sensors.samples import Scene, Vector3
+from sim.sensors.samples import Covariance, Scene
 from sim.sensors.surface import submersion
-from sim.water import SOUND_SPEED, WaterColumn
-from sim.world import World
 
 Metres = Annotated[float, Range(-1e5, 1e5, "m")]
 
@@ -55,16 +56,16 @@ class Usbl:
         self.delay_ns = 0
 
     def sample(self, time_ns: int, state: State) -> PositionSample | None:
-        """The measurement of `state`."""
+        """Return the measurement of `state`."""
         place = self._mounting.place(state)
         x, y, z = [a - b for a, b in zip(place, self._station, strict=True)]
         distance = sqrt(x * x + y * y + z * z)
-        measured, up, aside = self._errors.measure((distance, 0.0, 0.0))
+        measured, up, starboard = self._errors.measure((distance, 0.0, 0.0))
         if not 0.0 < distance <= self._max_range or submersion(self._scene, time_ns, place) < 0.0:
             return None
         self.delay_ns = round(distance / self._sound_speed(place) * 1e9)
         line = (x / distance, y / distance, z / distance)
-        found = _turned(line, up, aside)
+        found = _turned(line, up, starboard)
         north, east, down = [start + measured * along for start, along in zip(self._station, found, strict=True)]
         return PositionSample(time_ns, (north, east, down), self._covariance(line, distance))
 
@@ -81,13 +82,13 @@ class Usbl:
         return along * x * x + across, xy, xz, xy, along * y * y + across, yz, xz, yz, along * z * z + across
 
 
-def _turned(line: Vector3, up: float, aside: float) -> Vector3:
+def _turned(line: Vector3, up: float, starboard: float) -> Vector3:
     """The unit vector `line` (NED), turned by the small angles `up` and `aside` (rad): both at right angles to it."""
     x, y, z = line
     level = sqrt(x * x + y * y)
     # (a, b, 0) is across and level: straight above or below the station any level direction is
     a, b = (-y / level, x / level) if level > 1e-9 else (0.0, 1.0)
-    x, y, z = x + aside * a - up * z * b, y + aside * b + up * z * a, z + up * (x * b - y * a)
+    x, y, z = x + starboard * a - up * z * b, y + starboard * b + up * z * a, z + up * (x * b - y * a)
     length = sqrt(x * x + y * y + z * z)
     return x / length, y / length, z / length
 

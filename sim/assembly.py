@@ -1,0 +1,177 @@
+"""Make the parts of a simulation: the one module that knows all of them and selects.
+
+What is in C is taken where it was compiled (sim/native), else its twin in Python: the same numbers to the last bit.
+What most vehicles and worlds do without is loaded for those that have it.
+"""
+
+from collections.abc import Callable, Iterable, Sequence
+from random import Random
+from typing import TYPE_CHECKING
+
+from sim.dynamics import Dynamics, Integrator, State
+from sim.environment.world import World
+from sim.native import NativeDynamics, NativeErrorBank, NativeThrusterSet, choose, has_native
+from sim.sensors.error import ErrorBank, ErrorModel
+from sim.vehicle.thrusters import ThrusterSet
+from sim.vehicle.vehicle import Vehicle
+
+if TYPE_CHECKING:
+    from sim.environment.water import FluidMotion
+    from sim.environment.waves import Sea
+    from sim.forces import Force
+    from sim.native._native import FusedStep
+    from sim.rays.geometry import Geometry
+    from sim.sensors.samples import ImuSample
+    from sim.vehicle.ballast import Release
+    from sim.vehicle.equipment import Equipment
+    from sim.vehicle.failures import Failure
+
+
+def make_dynamics(
+    vehicle: Vehicle,
+    density: float,
+    gravity: float,
+    integrator: Integrator = "verlet",
+    forces: "Sequence[Force]" = (),
+) -> Dynamics:
+    """The equations of one vehicle in water of `density` kg/m³ under `gravity` m/s², with the quickest step there is.
+
+    Raises ConfigError as `choose` does.
+    """
+    dynamics, _ = choose()
+    return dynamics(vehicle, density, gravity, integrator, forces)
+
+
+def make_thrusters(vehicle: Vehicle, dt: float, failures: "Iterable[Failure]" = (), seed: int = 0) -> ThrusterSet:
+    """Return the thrusters of `vehicle`, stepped every `dt` s, with these failures planned. Raises ConfigError.
+
+    Models beyond a curve and a first-order lag are loaded only for a vehicle that has one.
+    """
+    if vehicle.battery or any(t.dynamics for t in vehicle.thrusters):
+        from sim.vehicle.propulsion import Propulsion
+
+        thrusters: ThrusterSet = Propulsion(vehicle, dt, seed)
+    else:
+        thrusters = make_thruster_set(vehicle, dt, seed)
+    planned = tuple(failures)
+    if planned:
+        thrusters.fail(planned)
+    return thrusters
+
+
+def make_thruster_set(vehicle: Vehicle, dt: float, seed: int = 0) -> ThrusterSet:
+    """Thrusters with first-order lags and no battery, the quickest there are; else as `choose`."""
+    return (NativeThrusterSet if has_native() else ThrusterSet)(vehicle, dt, seed)
+
+
+def make_state(position: Sequence[float], quaternion: Sequence[float]) -> State:
+    """The state of a vehicle at rest (NED in m; w x y z, body to world), the quickest there is; else as `choose`.
+
+    That of C gives tuples, which are copies.
+    """
+    if not has_native():
+        return State(position, quaternion)
+    from sim.native._native import State as NativeState
+
+    return NativeState(position, quaternion)
+
+
+def make_fused_step(
+    state: State,
+    dynamics: Dynamics,
+    thrusters: ThrusterSet,
+    command: "Callable[[tuple[int, ...]], None] | None",
+    water: "FluidMotion | None",
+    current: Sequence[float],
+    dt_ns: int,
+    half_height: float,
+    ventilation: Sequence[float],
+) -> "FusedStep | None":
+    """Return a step of `dt_ns` of all of these at once in C; None if one of them is not in C, or a thruster may fail.
+
+    `command` takes new pulses for thrusters and equipment (None: for thrusters alone), `current` is the velocity of
+    the water NED in m/s where `water` does not change it, the vehicle reaches `half_height` m below its origin, and
+    `ventilation` are the numbers of its Ventilation. Of no use any more once failures are planned.
+    """
+    if not (isinstance(dynamics, NativeDynamics) and isinstance(thrusters, NativeThrusterSet)):
+        return None
+    if not (dynamics.is_whole and thrusters.works):
+        return None
+    from sim.native._native import FusedStep
+
+    changing, sea, mass = None, None, None
+    if water is not None:
+        changing = None if water.is_steady else water.current
+        sea, mass = getattr(water.sea, "twin", None), water.pushed_mass
+    return FusedStep(
+        state, dynamics.kernel, thrusters.mixer, command or thrusters.command, dt_ns, half_height,
+        current, changing, sea, mass, ventilation,
+    )  # fmt: skip
+
+
+def make_imu(
+    errors: ErrorBank, sample: "type[ImuSample]", position: Sequence[float], gravity: float
+) -> "Callable[[int, State], ImuSample] | None":
+    """Return what samples in C as sim.sensors.imu.Imu does, along the vehicle's axes; None if `errors` are not in C.
+
+    The unit is at `position` (m, body axes), under `gravity` m/s².
+    """
+    if not isinstance(errors, NativeErrorBank):
+        return None
+    from sim.native._native import Imu
+
+    return Imu(errors.errors, sample, position, gravity).sample
+
+
+def make_error_bank(models: Iterable[ErrorModel], period: float, random: Random) -> ErrorBank:
+    """Return the errors of one sensor, sampled every `period` s, the quickest there are; else as `choose`."""
+    return (NativeErrorBank if has_native() else ErrorBank)(models, period, random)
+
+
+def make_caster(geometry: "Geometry") -> "Callable[..., None] | None":
+    """Return what casts rays in C as sim.rays.single.cast does, without its first argument; None where there is no C.
+
+    Raises ConfigError as `choose` does.
+    """
+    if not has_native("sim.native._rays"):
+        return None
+    from sim.native._rays import Caster
+
+    _, _, solids, nodes, triangles = geometry
+    terrain, depth = geometry.terrain, geometry.depth
+    if terrain is None:
+        return Caster((0, 0, 0.0, 0.0, 1.0, depth), b"", solids, nodes, triangles).cast
+    north_min, east_min, _, rows, columns = terrain.grid
+    ground = rows, columns, north_min, east_min, terrain.scale, terrain.outside
+    return Caster(ground, terrain.depths, solids, nodes, triangles).cast
+
+
+def make_moving_water(vehicle: Vehicle, world: World, seed: int) -> "FluidMotion | None":
+    """What moves the water besides the steady current; None if nothing does, and then nothing is loaded for it."""
+    if not (world.ocean and world.ocean.moves):
+        return None
+    from sim.environment.water import FluidMotion
+
+    if not (world.ocean.waves and has_native()):
+        return FluidMotion(vehicle, world, seed)
+    from sim.native.waves import NativeSampledWaves
+
+    return FluidMotion(vehicle, world, seed, NativeSampledWaves)
+
+
+def make_surface_forces(vehicle: Vehicle, world: World, sea: "Sea | None") -> "Sequence[Force]":
+    """The forces of layers of density and of waves on the hull of `vehicle`; none in calm water of one density."""
+    if not (world.ocean and (world.ocean.profile or world.ocean.waves)):
+        return ()
+    from sim.environment.stratification import surface_and_layers
+
+    return surface_and_layers(vehicle, world, sea)
+
+
+def make_equipment(vehicle: Vehicle, world: World, dt: float, releases: "Sequence[Release]") -> "Equipment | None":
+    """The equipment of `vehicle`, stepped every `dt` s; None if it has none. Raises ConfigError as Equipment does."""
+    if not (vehicle.equipped or releases):
+        return None
+    from sim.vehicle.equipment import Equipment
+
+    return Equipment(vehicle, world.density, world.gravity, dt, releases)

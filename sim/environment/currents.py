@@ -1,0 +1,134 @@
+"""Currents: the velocity of the water as a function of time and depth, the same everywhere at one depth.
+
+Each is a function (time_ns, depth in m) -> velocity (north, east, down) in m/s. Not modelled: eddies, the
+turning of the layers with the earth (Ekman), a tide's calm near the seabed, modulation of the constituents
+over 18.6 years.
+"""
+
+from collections.abc import Callable, Sequence
+from math import cos, exp, pi, sin, sqrt
+from random import Random
+
+from sim.environment.ocean import Constituent, GaussMarkov, Layers, Ocean, Series, Tide
+from sim.interpolation import PiecewiseLinear
+
+Velocity = tuple[float, float, float]
+Current = Callable[[int, float], Velocity]
+
+# Degrees an hour: P. Schureman, Manual of Harmonic Analysis and Prediction of Tides, US FusedStep and Geodetic
+# Survey, Special Publication 98 (1958), table 2.
+TIDAL_SPEEDS: dict[Constituent, float] = {
+    "M2": 28.9841042, "S2": 30.0, "N2": 28.4397295, "K1": 15.0410686, "O1": 13.9430356,
+}  # fmt: skip
+
+KNOT_NS = 10_000_000
+
+
+def ocean_current(ocean: Ocean, steady: Velocity, seed: int) -> Current:
+    """Return the sum of all currents of an ocean, and of the `steady` one (m/s, NED); `seed` is the scenario's."""
+    parts: list[Current] = []
+    if ocean.layers:
+        parts.append(layered(ocean.layers))
+    if ocean.gauss_markov:
+        parts.append(Wandering(ocean.gauss_markov, seed))
+    if ocean.tide:
+        parts.append(tidal(ocean.tide))
+    if ocean.series:
+        parts.append(recorded(ocean.series))
+
+    def current(time_ns: int, depth: float) -> Velocity:
+        north, east, down = steady
+        for part in parts:
+            to_north, to_east, to_down = part(time_ns, depth)
+            north += to_north
+            east += to_east
+            down += to_down
+        return north, east, down
+
+    return current
+
+
+def layered(layers: Layers) -> Current:
+    """Return a stratified current: linear in depth between the rows of its table."""
+    table = _table(layers.depth, layers)
+
+    def current(_: int, depth: float) -> Velocity:
+        north, east, down = table(depth)
+        return north, east, down
+
+    return current
+
+
+def recorded(series: Series) -> Current:
+    """Return a current from a table in time: linear between its rows, the first and last row hold beyond them."""
+    table = _table(series.time, series)
+
+    def current(time_ns: int, _: float) -> Velocity:
+        north, east, down = table(time_ns * 1e-9)
+        return north, east, down
+
+    return current
+
+
+def tidal(tides: Sequence[Tide]) -> Current:
+    """Return a tidal current: the sum of its constituents, each along a line of its own."""
+    waves = [
+        (
+            TIDAL_SPEEDS[tide.constituent] * pi / (180.0 * 3600.0),
+            tide.phase,
+            tide.amplitude * cos(tide.heading),
+            tide.amplitude * sin(tide.heading),
+        )
+        for tide in tides
+    ]
+
+    def current(time_ns: int, _: float) -> Velocity:
+        time = time_ns * 1e-9
+        north = east = 0.0
+        for speed, phase, to_north, to_east in waves:
+            flood = cos(speed * time - phase)  # negative: ebb
+            north += flood * to_north
+            east += flood * to_east
+        return north, east, 0.0
+
+    return current
+
+
+class Wandering:
+    """A first-order Gauss-Markov (Ornstein-Uhlenbeck) current about its mean, the same at every depth.
+
+    It moves on every 10 ms by the exact discrete form (Gillespie 1996, Phys. Rev. E 54:2084) and is constant
+    in between, so the same seed gives the same current whatever the step of the simulation. It has wandered
+    for long before the run starts. Time runs forward only: an earlier time gives the present value.
+    """
+
+    def __init__(self, model: GaussMarkov, seed: int) -> None:
+        self._gauss = Random(f"{seed}/ocean.gauss_markov").gauss
+        self._mean = model.mean
+        self._decay = exp(-1e-9 * KNOT_NS / model.time)
+        self._kicks = [sd * sqrt(1.0 - self._decay * self._decay) for sd in model.sd]
+        self._away = [self._gauss(0.0, sd) for sd in model.sd]
+        self._value = self._velocity()
+        self._next_ns = KNOT_NS
+
+    def __call__(self, time_ns: int, depth: float) -> Velocity:
+        """The velocity now."""
+        if time_ns >= self._next_ns:
+            self._move_on(time_ns)
+        return self._value
+
+    def _move_on(self, time_ns: int) -> None:
+        decay, gauss = self._decay, self._gauss
+        while self._next_ns <= time_ns:
+            self._next_ns += KNOT_NS
+            self._away = [decay * away + gauss(0.0, kick) for away, kick in zip(self._away, self._kicks, strict=True)]
+        self._value = self._velocity()
+
+    def _velocity(self) -> Velocity:
+        (north, east, down), (a, b, c) = self._mean, self._away
+        return north + a, east + b, down + c
+
+
+def _table(at: Sequence[float], rows: Layers | Series) -> PiecewiseLinear:
+    still = (0.0,) * len(at)
+    return PiecewiseLinear(at, rows.north or still, rows.east or still, rows.down or still)

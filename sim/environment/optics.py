@@ -1,0 +1,165 @@
+"""Apply the optics of water to a picture: the revised underwater image formation model.
+
+    I = J exp(-beta_D z) + B (1 - exp(-beta_B z))          for each of red, green and blue
+
+J is the scene as it would be without water before the camera, z the distance (m) along the line of sight, B the veil:
+the water's own colour far away. Akkaynak & Treibitz 2018 (A Revised Underwater Image Formation Model, CVPR) showed that
+what weakens the scene, beta_D, and what thickens the veil, beta_B, differ, because a camera's colours are broad and the
+spectra of scene and veil are not the same. With beta_D = beta_B it is the model of McGlamery 1980 and Jaffe 1990 (IEEE
+J. Oceanic Eng. 15(2):101) but for its forward-scattered part, a blur.
+
+    from sim.environment.optics import jerlov, underwater
+    wet = underwater(rgb, depth, jerlov("1C", depth=5.0))
+
+Not modelled: that blur, the backscatter of lamps, caustics, polarisation.
+"""
+
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from hil.common.errors import ConfigError
+from hil.common.schema import nearest, preset_folder
+from hil.common.tables import read_table
+
+Rgb = tuple[float, float, float]
+
+# What a camera's red, green and blue see: Gaussians of these middles and standard deviations (nm). Our choice, near the
+# mean of the 28 cameras of Jiang et al. 2013 (What is the Space of Spectral Sensitivity Functions, WACV), each channel
+# on its peak: Gaussians fitted to those means of its table, camspec_database.txt, have (608, 31), (534, 40), (465, 34).
+_SENSITIVITY = {"red": (600.0, 30.0), "green": (535.0, 35.0), "blue": (460.0, 28.0)}
+# The veil's radiance over that of a white, level, matt surface in the same light: light comes from all sides at once,
+# 1.25 times what falls on the surface (a mean cosine of 0.8), and goes evenly to all sides: 1.25 / 4 pi against 1 / pi.
+_VEIL = 1.25 / 4.0
+
+
+class Water(NamedTuple):
+    """Coefficients in 1/m, and radiances as shares of that of a white surface under full daylight; red, green, blue.
+
+    `attenuation` is beta_D, `backscatter` beta_B, `veil` B. `light` is what is left of daylight where the scene is:
+    a scene rendered in full daylight is to be multiplied by it; `underwater` leaves it to whoever calls.
+    """
+
+    attenuation: Rgb
+    backscatter: Rgb
+    veil: Rgb
+    light: Rgb = (1.0, 1.0, 1.0)
+
+
+CLEAR = Water((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+
+
+def jaffe_mcglamery(attenuation: Rgb, veil: Rgb) -> Water:
+    """Return the special case in which one coefficient (1/m) serves scene and veil."""
+    return Water(attenuation, attenuation, veil)
+
+
+def underwater(rgb: ArrayLike, distance: ArrayLike, water: Water) -> NDArray[Any]:
+    """Return the picture `rgb` (... x 3) of things `distance` m away (...) as it is seen through `water`.
+
+    Floats are taken as linear (radiances, white is 1) and stay so; bytes as sRGB (IEC 61966-2-1), and stay so. Where
+    the distance is not finite there is only the veil. The distance is that along the ray: a depth image along the
+    optical axis is to be multiplied by the length of each pixel's ray first (`ray_lengths`).
+    """
+    picture = np.asarray(rgb)
+    if picture.dtype == np.uint8:
+        return encode(underwater(decode(picture), distance, water))
+    distances = np.asarray(distance, np.float32)
+    endless = ~np.isfinite(distances)
+    distances = np.where(endless, np.float32(0.0), distances)
+    wet = np.empty_like(picture, np.float32)
+    for channel, coefficients in enumerate(zip(*water[:3], strict=True)):
+        attenuation, backscatter, veil = map(np.float32, coefficients)
+        seen = picture[..., channel] * np.exp(-attenuation * distances)
+        seen += veil * (1.0 - np.exp(-backscatter * distances))
+        wet[..., channel] = np.where(endless, veil, seen)
+    return wet
+
+
+def ray_lengths(width: int, height: int, fx: float, fy: float, cx: float, cy: float) -> NDArray[np.float32]:
+    """Return how much longer each pixel's ray is than its depth along the optical axis: height x width."""
+    x, y = np.meshgrid((np.arange(width) - cx) / fx, (np.arange(height) - cy) / fy)
+    lengths: NDArray[np.float32] = np.sqrt(1.0 + x * x + y * y).astype(np.float32)
+    return lengths
+
+
+def decode(picture: NDArray[np.uint8]) -> NDArray[np.float32]:
+    """Linear radiances (0 to 1) of sRGB bytes."""
+    return _LINEAR[picture]
+
+
+def encode(radiance: NDArray[Any]) -> NDArray[np.uint8]:
+    """sRGB bytes of linear radiances; what is above 1 is white."""
+    grey: NDArray[np.uint8] = _GREY[(np.clip(radiance, 0.0, 1.0) * np.float32(_STEPS)).astype(np.uint16)]
+    return grey
+
+
+def jerlov(water: str, depth: float = 5.0, distance: float | None = None, forward: float = 0.5) -> Water:
+    """Return the water of a Jerlov type for a scene `depth` m deep in daylight.
+
+    By section 4 of Akkaynak & Treibitz 2018, over the spectrum: with beam attenuation c = a + b, daylight E =
+    exp(-K_d depth) and the veil b E / c, each channel is the mean over what it is sensitive to, of a grey scene; the
+    two coefficients are those at `distance` m, by default where c distance is 1 in the green. `forward` is the share of
+    scattered light that goes on so nearly straight that it still belongs to the scene, and counts as not scattered:
+    half goes on within 5 degrees (0.52, integrated from Petzold's mean particle, Mobley 1994, Light and Water, table
+    3.10); 0 is the paper's. Absorption is that of pure water plus what the type has more of in the three bands, linear
+    between them; scattering goes by a power of the wavelength between the bands. The numbers and their sources are in
+    sim/data/jerlov.toml; "clear" is no water at all.
+    Raises ConfigError for an unknown type.
+    """
+    if water == "clear":
+        return CLEAR
+    spectrum = _spectrum(water)
+    scattering = (1.0 - forward) * spectrum.scattering
+    beam = spectrum.absorption + scattering
+    if distance is None:
+        distance = float(1.0 / beam[spectrum.wavelength == 550.0][0])
+    daylight = np.exp(-spectrum.daylight * depth)
+    veil = _VEIL * scattering / beam * daylight
+    passing = np.exp(-beam * distance)
+    channels = []
+    for middle, width in _SENSITIVITY.values():
+        seen = np.exp(-0.5 * ((spectrum.wavelength - middle) / width) ** 2)
+        lit, far = seen @ daylight, seen @ veil
+        channels.append((
+            -np.log(seen @ (daylight * passing) / lit) / distance,
+            -np.log(seen @ (veil * passing) / far) / distance,
+            far / seen.sum(),
+            lit / seen.sum(),
+        ))  # fmt: skip
+    attenuation, backscatter, veils, light = (tuple(map(float, row)) for row in zip(*channels, strict=True))
+    return Water(attenuation, backscatter, veils, light)  # type: ignore[arg-type]  # three each
+
+
+class _Spectrum(NamedTuple):
+    wavelength: NDArray[np.float64]
+    absorption: NDArray[np.float64]
+    scattering: NDArray[np.float64]
+    daylight: NDArray[np.float64]
+
+
+@lru_cache
+def _spectrum(water: str) -> _Spectrum:
+    table = read_table(f"{preset_folder('sim/data')}/jerlov.toml")
+    types = table["types"]
+    if water not in types:
+        raise ConfigError(f"no water {water!r}{nearest(water, list(types))}; there are: clear, {', '.join(types)}")
+    kind, clearest = types[water], types["I"]
+    wavelength = np.array(table["wavelength"], float)
+    bands = np.array([table["bands"][band] for band in ("blue", "green", "red")], float)
+    more = np.array(kind["absorption"][::-1]) - np.array(clearest["absorption"][::-1])
+    absorption = np.array(table["pure_water"]) + np.interp(wavelength, bands, np.maximum(more, 0.0))
+    scattering = np.exp(np.interp(np.log(wavelength), np.log(bands), np.log(kind["scattering"][::-1])))
+    return _Spectrum(wavelength, absorption, scattering, np.array(kind["daylight"]))
+
+
+def _linear(grey: NDArray[Any]) -> NDArray[np.float64]:
+    return np.where(grey <= 0.04045, grey / 12.92, ((grey + 0.055) / 1.055) ** 2.4)
+
+
+_STEPS = 8191  # fine enough for each of the 256 levels
+_LINEAR = _linear(np.arange(256) / 255.0).astype(np.float32)
+# The nearest level, by the middles between them.
+_GREY = np.searchsorted(_linear((np.arange(255) + 0.5) / 255.0), np.arange(_STEPS + 1) / _STEPS).astype(np.uint8)

@@ -1,0 +1,172 @@
+"""A seabed with relief: depths at the nodes of a regular grid, and a bilinear surface in each cell.
+
+[terrain]                      # depths that a file holds
+file = "bay.f32"               # beside the world's file
+north_min = -200.0
+east_min = -150.0
+resolution = 2.0
+rows = 201
+columns = 151
+
+[terrain]                      # depths by a rule (sim/environment/relief.py), all over the world's extent
+kind = "slope"
+depth = 12.0
+slope = 0.1
+
+The file is row after row of little-endian 32-bit floats: row i lies at north = north_min + i resolution, column j at
+east = east_min + j resolution, each value is the depth of the seabed in m, land negative. It is mapped, not read, so
+that a chart of any size costs only the pages that are looked at.
+
+Beyond the grid the seabed is flat, at the world's `depth`. A node without data is NaN; the cells around it are a wall
+from the seabed to `NO_DATA` m, because nobody knows whether there is a way.
+"""
+
+import os
+import sys
+from collections.abc import Mapping
+from math import ceil, isnan, sqrt
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from hil.common.errors import ConfigError
+from hil.common.schema import nearest, parse, shortened
+from hil.common.tables import check_file
+from sim.environment.terrain_grid import Count, Edge, Grid, Resolution
+from sim.rotations import Vector3
+
+if TYPE_CHECKING:
+    from array import array
+
+    Depths = memoryview[float] | array[float]
+
+Extent = tuple[float, float, float, float]
+
+NO_DATA = -100.0  # m: a wall 100 m out of the water, as high as an obstacle's default
+_MOST_NODES = 1 << 22  # of a relief made by a rule: some seconds, 16 MiB
+
+
+class Terrain:
+    """Depths in m at the nodes of `grid`, row after row, as a buffer of 32-bit floats; `outside` m beyond the grid."""
+
+    def __init__(self, grid: Grid, depths: "Depths", outside: float) -> None:
+        if len(depths) != grid.rows * grid.columns:
+            raise ValueError(f"{len(depths)} depths for {grid.rows} x {grid.columns} nodes")
+        self.grid = grid
+        self.depths = depths
+        self.outside = outside
+        self.scale = 1.0 / grid.resolution
+
+    def depth(self, north: float, east: float) -> float:
+        """Of the seabed at a place, in m."""
+        corners = self._corners(north, east)
+        if corners is None:
+            return self.outside
+        u, v, a, b, c, d = corners
+        depth = a + (c - a) * u + (b - a) * v + (a - b - c + d) * u * v
+        return NO_DATA if isnan(depth) else depth
+
+    def gradient(self, north: float, east: float) -> tuple[float, float]:
+        """Return how much deeper it gets per m to the north and to the east; 0 beyond the grid and in a wall."""
+        corners = self._corners(north, east)
+        if corners is None:
+            return 0.0, 0.0
+        u, v, a, b, c, d = corners
+        twist = a - b - c + d
+        to_north, to_east = ((c - a) + twist * v) * self.scale, ((b - a) + twist * u) * self.scale
+        return (0.0, 0.0) if isnan(to_north + to_east) else (to_north, to_east)
+
+    def normal(self, north: float, east: float) -> Vector3:
+        """Return the unit vector at right angles to the seabed, into the water (NED)."""
+        to_north, to_east = self.gradient(north, east)
+        scale = 1.0 / sqrt(to_north * to_north + to_east * to_east + 1.0)
+        return to_north * scale, to_east * scale, -scale
+
+    def shallowest(self, north: float, east: float, around: float) -> float:
+        """Return the least depth within a square of half side `around` m, or a little less deep than that."""
+        rows, columns = self.grid.rows, self.grid.columns
+        (x, y), size = self.coordinates(north, east), around * self.scale
+        top, bottom, left, right = int(x - size), ceil(x + size), int(y - size), ceil(y + size)
+        least = self.outside if x < size or y < size or bottom >= rows or right >= columns else 1e9
+        for row in range(max(top, 0), min(bottom + 1, rows)):
+            for depth in self.depths[row * columns + max(left, 0) : row * columns + min(right + 1, columns)]:
+                if not depth >= least:
+                    least = NO_DATA if isnan(depth) else min(least, depth)
+        return least
+
+    def coordinates(self, north: float, east: float) -> tuple[float, float]:
+        """Return a place as row and column, not rounded."""
+        return (north - self.grid.north_min) * self.scale, (east - self.grid.east_min) * self.scale
+
+    def _corners(self, north: float, east: float) -> tuple[float, float, float, float, float, float] | None:
+        """Return where in its cell a place is (0 to 1 north, east), and the cell's depths: here, east, north, both."""
+        _, _, _, rows, columns = self.grid
+        x, y = self.coordinates(north, east)
+        if not (0.0 <= x <= rows - 1 and 0.0 <= y <= columns - 1):
+            return None
+        row, column = min(int(x), rows - 2), min(int(y), columns - 2)
+        first, depths = row * columns + column, self.depths
+        second = first + columns
+        return x - row, y - column, depths[first], depths[first + 1], depths[second], depths[second + 1]
+
+
+class StoredKeys(NamedTuple):
+    """The keys of a `[terrain]` in a file: see the top of this module."""
+
+    file: str
+    north_min: Edge
+    east_min: Edge
+    resolution: Resolution
+    rows: Count
+    columns: Count
+
+
+def read_terrain(section: Any, path: str, extent: Extent, depth: float) -> Terrain:
+    """Return the `[terrain]` table of the world in the file `path`; beyond it the seabed is at `depth` m.
+
+    Raises ConfigError for wrong keys, and for a file that is missing or has not the size that rows and columns ask for.
+    """
+    where = f"{path}: terrain"
+    if not isinstance(section, dict) or ("file" in section) == ("kind" in section):
+        raise ConfigError(f'{where}: expected a table with either file = "NAME.f32" or kind = "slope"')
+    if "file" in section:
+        stored = parse(section, StoredKeys, where)
+        grid = Grid(*stored[1:])
+        return Terrain(grid, _mapped(os.path.join(os.path.dirname(path), stored.file), grid), depth)
+    return _by_rule(section, where, extent, depth)
+
+
+def _by_rule(section: Mapping[str, Any], where: str, extent: Extent, depth: float) -> Terrain:
+    from sim.environment.relief import KINDS
+
+    kind = section["kind"]
+    if not isinstance(kind, str) or kind not in KINDS:
+        near, shown = nearest(str(kind), list(KINDS)), shortened(str(kind))
+        raise ConfigError(f"{where}: kind: no relief {shown}{near}; there are: {', '.join(KINDS)}")
+    relief = parse({key: value for key, value in section.items() if key != "kind"}, KINDS[kind], where)
+    grid = covering(extent, relief.resolution)
+    if grid.rows * grid.columns > _MOST_NODES:
+        raise ConfigError(f"{where}: resolution: {grid.rows} x {grid.columns} nodes are too many: make it coarser")
+    return Terrain(grid, relief.depths(grid), depth)
+
+
+def covering(extent: Extent, resolution: float) -> Grid:
+    """Return the grid from the south-west corner of `extent` that reaches to its north-east corner or just beyond."""
+    north_min, north_max, east_min, east_max = extent
+    rows, columns = (
+        ceil((high - low) / resolution) + 1 for low, high in ((north_min, north_max), (east_min, east_max))
+    )
+    return Grid(north_min, east_min, resolution, rows, columns)
+
+
+def _mapped(path: str, grid: Grid) -> "memoryview[float]":
+    from mmap import ACCESS_READ, mmap
+
+    wanted = 4 * grid.rows * grid.columns
+    check_file(path, sys.maxsize)
+    try:
+        with open(path, "rb") as file:
+            size = os.fstat(file.fileno()).st_size
+            if size != wanted:
+                raise ConfigError(f"{path}: {size} bytes, but {grid.rows} x {grid.columns} depths are {wanted}")
+            return memoryview(mmap(file.fileno(), 0, access=ACCESS_READ)).cast("f")
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be read: {error.strerror}") from None

@@ -1,0 +1,95 @@
+"""Motion of the water in a world with an `[ocean]`, and its forces on the vehicle."""
+
+from collections.abc import Sequence
+
+from sim.dynamics import State
+from sim.environment.currents import Velocity, ocean_current
+from sim.environment.ocean import Waves
+from sim.environment.waves import Sea, WaterMotion
+from sim.environment.world import World
+from sim.matrices import cross_matrix, square
+from sim.rotations import rotate_inverse
+from sim.vehicle.vehicle import Vehicle, displaced_volume
+
+_AT_REST = WaterMotion((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+
+
+class FluidMotion:
+    """Currents and waves as one vehicle feels them at its origin.
+
+    The velocity of the water goes into the equations of motion as that of the current does. Water that
+    accelerates pushes besides, on what it would itself fill of the hull and on the added mass:
+    (M_A + rho V) a, in which rho V acts at the centre of buoyancy (Newman 1977, Marine Hydrodynamics, 4.17);
+    a vehicle that weighs nothing and does not drag goes with the water. Waves push so; currents change too
+    slowly for it. A hull that pierces the surface feels the height of the waves by sim/environment/stratification.py.
+    Not modelled: differences of the water's velocity along the hull, so a wave should be several vehicles long.
+    """
+
+    def __init__(self, vehicle: Vehicle, world: World, seed: int, sampled: "type[SampledWaves] | None" = None) -> None:
+        assert world.ocean is not None
+        self.current = ocean_current(world.ocean, world.current, seed)
+        self.is_steady = not world.ocean._replace(waves=None).moves  # but for waves
+        waves = world.ocean.waves
+        self._sea = (sampled or SampledWaves)(waves, world, seed) if waves else None
+        self._mass = pushed_mass(vehicle, world.density)
+
+    def carry(self, vehicle: Vehicle, density: float) -> None:
+        """Push `vehicle` from now on: what it was, without what it has dropped."""
+        self._mass = pushed_mass(vehicle, density)
+
+    def act(self, time_ns: int, state: State, wrench: Sequence[float]) -> tuple[Velocity, Sequence[float]]:
+        """Return the water's velocity (m/s, NED), and `wrench` (N, N m, body axes) with the push of the waves added."""
+        velocity = self.current(time_ns, state.position[2])
+        if self._sea is None:
+            return velocity, wrench
+        orbital, acceleration = self._sea.motion(time_ns, state.position)
+        north, east, down = velocity
+        a, b, c = rotate_inverse(state.quaternion, acceleration)
+        pushed = [force + x * a + y * b + z * c for force, (x, y, z) in zip(wrench, self._mass, strict=True)]
+        return (north + orbital[0], east + orbital[1], down + orbital[2]), pushed
+
+    @property
+    def pushed_mass(self) -> list[float]:
+        """What `pushed_mass` gives for the vehicle as it is now, row after row."""
+        return [x for row in self._mass for x in row]
+
+    @property
+    def sea(self) -> Sea | None:
+        """The waves; None if there are none."""
+        return self._sea.sea if self._sea else None
+
+    def velocity(self, time_ns: int, place: Sequence[float]) -> Velocity:
+        """Return the water's velocity (m/s, NED) at a place (m, NED), which need not be the vehicle's."""
+        north, east, down = self.current(time_ns, place[2])
+        if self._sea is None:
+            return north, east, down
+        x, y, z = self._sea.sea.motion(time_ns * 1e-9, *place).velocity
+        return north + x, east + y, down + z
+
+
+class SampledWaves:
+    """A sea whose motion is computed every `hold` s where the vehicle is then, and kept in between."""
+
+    def __init__(self, waves: Waves, world: World, seed: int) -> None:
+        self._hold_ns = round(waves.hold * 1e9)
+        self.sea = self._make_sea(waves, world, seed)
+        self._due_ns = 0
+        self._motion = _AT_REST
+
+    def motion(self, time_ns: int, position: Sequence[float]) -> WaterMotion:
+        """Return the motion of the water at `position` (m, NED), not older than `hold`."""
+        if time_ns >= self._due_ns:
+            self._due_ns = time_ns + self._hold_ns
+            self._motion = self.sea.motion(time_ns * 1e-9, *position)
+        return self._motion
+
+    def _make_sea(self, waves: Waves, world: World, seed: int) -> Sea:
+        return Sea(waves, world.depth, world.gravity, seed)
+
+
+def pushed_mass(vehicle: Vehicle, density: float) -> list[list[float]]:
+    """M_A + rho V: 6 rows of 3, from the water's acceleration (body axes) to force and moment about the origin."""
+    displaced = density * displaced_volume(vehicle, density)
+    added = square(vehicle.added_mass, 6)
+    upright = square([1.0, 1.0, 1.0], 3) + cross_matrix(vehicle.center_of_buoyancy)
+    return [[added[i][j] + displaced * upright[i][j] for j in range(3)] for i in range(6)]

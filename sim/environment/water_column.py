@@ -1,0 +1,45 @@
+"""The water as a column of layers: density, speed of sound and pressure by depth."""
+
+from bisect import bisect_right
+
+from sim.environment.ocean import Profile
+from sim.interpolation import PiecewiseLinear
+
+SOUND_SPEED = 1500.0  # m/s, where a profile does not give it
+
+
+class WaterColumn:
+    """Density, speed of sound and pressure by depth, from the rows of a profile, under `gravity` m/s².
+
+    What a hull's lift makes of it is in sim/environment/stratification.py.
+    """
+
+    def __init__(self, profile: Profile, gravity: float) -> None:
+        depths, densities = list(profile.depth), list(profile.density)
+        if depths[0] > 0.0:  # the first row holds up to the surface
+            depths.insert(0, 0.0)
+            densities.insert(0, densities[0])
+        self._density = PiecewiseLinear(depths, densities)
+        self._sound = PiecewiseLinear(profile.depth, profile.sound_speed or (SOUND_SPEED,) * len(profile.depth))
+        self._depths = depths
+        self._gravity = gravity
+        self._pressures = [0.0]
+        for depth in depths[1:]:
+            self._pressures.append(self.pressure(depth))
+
+    def density(self, depth: float) -> float:
+        """kg/m³ at `depth` m."""
+        return self._density(depth)[0]
+
+    def sound_speed(self, depth: float) -> float:
+        """m/s at `depth` m: 1500 where the profile says nothing."""
+        return self._sound(depth)[0]
+
+    def pressure(self, depth: float) -> float:
+        """Pa above that of the air at `depth` m: the weight of the water on top, exactly; 0 in the air."""
+        if depth <= 0.0:
+            return 0.0
+        row = min(bisect_right(self._depths, depth), len(self._pressures)) - 1
+        top = self._depths[row]
+        mean = 0.5 * (self.density(top) + self.density(depth))  # exact: linear between two rows
+        return self._pressures[row] + self._gravity * mean * (depth - top)

@@ -1,0 +1,193 @@
+"""An irregular sea as the sum of linear (Airy) waves over a flat seabed.
+
+With z the depth, h that of the seabed, and theta = k . (north, east) - omega t + phase, each wave has
+(Faltinsen 1990, Sea Loads on Ships and Offshore Structures, table 2.1)
+
+    elevation            a cos(theta)
+    horizontal velocity  a omega cosh(k (h - z)) / sinh(k h) cos(theta), along k
+    upward velocity      a omega sinh(k (h - z)) / sinh(k h) sin(theta)
+    pressure             rho g a cosh(k (h - z)) / cosh(k h) cos(theta), on top of that of calm water
+    omega² = g k tanh(k h)
+
+which in deep water is a motion in circles that dies away as exp(-k z). The drift of what goes along with the
+water comes by itself. Not modelled: what is of second order in the height of the single waves (sharper crests,
+bound waves), breaking, wave and current together, the sea's calm behind obstacles, motion above the mean
+surface: there that at the surface is given. Pressure alone follows the surface up and down.
+"""
+
+from itertools import pairwise
+from math import cos, exp, log, pi, sin, sqrt, tanh
+from random import Random
+from typing import NamedTuple
+
+from sim.environment.ocean import Waves
+from sim.interpolation import PiecewiseLinear
+
+# Frequencies from and to, as multiples of the peak's: a thousandth of the energy is above. Cells of the integral
+# for each component: so many that even at the sharpest peak no two components fall into one and beat no more.
+_LOWEST, _HIGHEST, _CELLS = 0.3, 6.0, 40
+
+
+class Component(NamedTuple):
+    """One wave: amplitude (m), angular frequency (rad/s), wave number (rad/m), heading it goes to, phase (rad)."""
+
+    amplitude: float
+    omega: float
+    wave_number: float
+    heading: float
+    phase: float
+
+
+class WaterMotion(NamedTuple):
+    """Velocity (m/s) and acceleration (m/s²) of the water, each north, east, down.
+
+    The acceleration is that of the bit of water which is there now, dv/dt + (v . grad) v: that it goes in
+    circles is a part of it.
+    """
+
+    velocity: tuple[float, float, float]
+    acceleration: tuple[float, float, float]
+
+
+def spectral_density(waves: Waves, omega: float) -> float:
+    """Return the one-sided spectrum of the elevation, m² s/rad, at `omega` > 0 rad/s.
+
+    Pierson-Moskowitz by significant height and peak period, and JONSWAP (Hasselmann et al. 1973) with the
+    factor 1 - 0.287 ln gamma that about keeps the energy (DNV-RP-C205, 3.5.5).
+    """
+    ratio = 2.0 * pi / waves.peak_period / omega
+    density = 0.3125 * waves.significant_height**2 * ratio**4 / omega * exp(-1.25 * ratio**4)
+    if waves.spectrum == "pierson_moskowitz":
+        return density
+    width = 0.07 if ratio >= 1.0 else 0.09
+    peak = exp(-0.5 * ((1.0 / ratio - 1.0) / width) ** 2)
+    return density * (1.0 - 0.287 * log(waves.gamma)) * exp(peak * log(waves.gamma))
+
+
+def wave_number(omega: float, depth: float, gravity: float) -> float:
+    """The k (rad/m) for which omega² = g k tanh(k h), to the last bits, by Newton's method from Eckart's guess."""
+    deep = omega * omega / gravity
+    k = deep / sqrt(tanh(deep * depth))
+    for _ in range(20):
+        slope = tanh(k * depth)
+        step = (k * slope - deep) / (slope + k * depth * (1.0 - slope * slope))
+        k -= step
+        if abs(step) <= 1e-15 * k:
+            break
+    return k
+
+
+def components(waves: Waves, depth: float, gravity: float, seed: int) -> list[Component]:
+    """Return the single waves of a sea over a seabed at `depth` m, of equal height, phases drawn by `seed`.
+
+    Each stands for an equal part of the spectrum's energy, at the root mean square frequency of that part:
+    the variance of the elevation is Hs²/16, and that of the surface's velocity the spectrum's, exactly.
+    """
+    random = Random(f"{seed}/ocean.waves")
+    amplitude = 0.25 * waves.significant_height * sqrt(2.0 / waves.components)
+    made = []
+    for omega in _frequencies(waves):
+        heading = waves.direction + random.gauss(0.0, waves.spread)
+        phase = random.uniform(0.0, 2.0 * pi)
+        made.append(Component(amplitude, omega, wave_number(omega, depth, gravity), heading, phase))
+    return made
+
+
+def _frequencies(waves: Waves) -> list[float]:
+    peak = 2.0 * pi / waves.peak_period
+    cells = _CELLS * max(waves.components, 25)
+    width = peak * (_HIGHEST - _LOWEST) / cells
+    shape = waves._replace(significant_height=1.0)  # a flat sea has frequencies too
+    energy, squares = [0.0], [0.0]
+    for cell in range(cells):
+        omega = peak * _LOWEST + (cell + 0.5) * width
+        part = spectral_density(shape, omega)
+        if part > 0.0:
+            energy.append(energy[-1] + part)
+            squares.append(squares[-1] + part * omega * omega)
+    squares_below = PiecewiseLinear(energy, squares)
+    share = energy[-1] / waves.components
+    edges = [squares_below(share * i)[0] for i in range(waves.components)] + [squares[-1]]
+    return [sqrt((above - below) / share) for below, above in pairwise(edges)]
+
+
+class Sea:
+    """The sea of `waves` over a flat seabed at `depth` m under `gravity` m/s²."""
+
+    def __init__(self, waves: Waves, depth: float, gravity: float, seed: int) -> None:
+        self.components = components(waves, depth, gravity, seed)
+        self.depth = depth
+        self._rows = [_row(component, depth) for component in self.components]
+
+    def elevation(self, time: float, north: float, east: float) -> float:
+        """Return how far in m the surface is above its mean at `time` s."""
+        elevation = 0.0  # not sum(), whose rounding depends on the version of Python
+        for kn, ke, _, omega, phase, _, _, _, _, amplitude in self._rows:
+            elevation += amplitude * cos(kn * north + ke * east - omega * time + phase)
+        return elevation
+
+    def numbers(self) -> list[float]:
+        """Return all that the methods use of the single waves, wave after wave: what the C twin is made of."""
+        return [x for row in self._rows for x in row]
+
+    def pressure_depth(self, time: float, north: float, east: float, depth: float) -> float:
+        """Return the depth (m) in calm water at which the pressure is what it is at this place (m, NED) at `time` s.
+
+        The theory is for places below the mean surface. By Wheeler's stretching (1970, J. Petroleum Technology
+        22:359) it is read at z' = h (z + eta) / (h + eta) instead of z, eta being the elevation: so the result is
+        0 just where the wave's surface is, in crests and troughs, and goes over from air to water without a
+        jump. Negative in the air.
+        """
+        elevation = self.elevation(time, north, east)
+        under = max(0.0, depth + elevation) * self.depth / (self.depth + elevation)
+        head = 0.0
+        for kn, ke, k, omega, phase, _, echo, _, _, amplitude in self._rows:
+            decay = exp(-k * under)
+            share = (decay + echo / decay) / (1.0 + echo) if echo else decay
+            head += amplitude * share * cos(kn * north + ke * east - omega * time + phase)
+        return depth + head
+
+    def motion(self, time: float, north: float, east: float, depth: float) -> WaterMotion:
+        """Return how the water moves at a place (m, NED) at `time` s.
+
+        Costs about half a microsecond a component: callers hold it for some milliseconds.
+        """
+        depth = min(max(depth, 0.0), self.depth)
+        v_north = v_east = v_down = a_north = a_east = a_down = 0.0
+        nn = ne = ee = nd = ed = 0.0  # the gradient of the velocity: symmetric, without a trace
+        for kn, ke, k, omega, phase, speed, echo, to_north, to_east, _ in self._rows:
+            theta = kn * north + ke * east - omega * time + phase
+            decay = exp(-k * depth)
+            rise = echo / decay if echo else 0.0  # what the seabed sends back; not there in deep water
+            level, steep = speed * (decay + rise), speed * (decay - rise)
+            cosine, sine = cos(theta), sin(theta)
+            along = level * cosine
+            v_north += along * to_north
+            v_east += along * to_east
+            v_down -= steep * sine
+            level *= sine
+            steep *= cosine
+            a_north += omega * level * to_north
+            a_east += omega * level * to_east
+            a_down += omega * steep
+            nn -= level * kn * to_north
+            ne -= level * kn * to_east
+            ee -= level * ke * to_east
+            nd -= steep * kn
+            ed -= steep * ke
+        a_north += v_north * nn + v_east * ne + v_down * nd
+        a_east += v_north * ne + v_east * ee + v_down * ed
+        a_down += v_north * nd + v_east * ed - v_down * (nn + ee)
+        return WaterMotion((v_north, v_east, v_down), (a_north, a_east, a_down))
+
+
+def _row(wave: Component, depth: float) -> tuple[float, ...]:
+    """Return what the methods of `Sea` need of one wave.
+
+    With d = exp(-k z) and the echo e = exp(-2 k h), cosh(k (h - z)) / sinh(k h) is (d + e/d) / (1 - e), and for
+    sinh above the line (d - e/d) / (1 - e).
+    """
+    k, to_north, to_east = wave.wave_number, cos(wave.heading), sin(wave.heading)
+    echo = exp(-2.0 * k * depth)
+    speed = wave.amplitude * wave.omega / (1.0 - echo)
+    return k * to_north, k * to_east, k, wave.omega, wave.phase, speed, echo, to_north, to_east, wave.amplitude

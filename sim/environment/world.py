@@ -1,0 +1,136 @@
+"""Worlds read from TOML: water, seabed and obstacles."""
+
+from math import inf, pi
+from typing import TYPE_CHECKING, Annotated, NamedTuple
+
+from hil.common.errors import ConfigError
+from hil.common.schema import Range, find_preset, parse
+from hil.common.tables import read_table
+from sim.environment.obstacles import Box, Cylinder, Obstacle, Wall
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from sim.environment.ocean import Ocean
+    from sim.environment.terrain import Terrain
+
+Edge = Annotated[float, Range(-1e5, 1e5, "m")]
+Speed = Annotated[float, Range(-5.0, 5.0, "m/s")]
+Angle = Annotated[float, Range(-pi, pi, "rad")]
+
+
+_RELIEF_WITHIN = 50.0  # m
+
+
+class World(NamedTuple):
+    """One place. `source` says where it comes from.
+
+    `extent` is north_min, north_max, east_min, east_max in m: what a map shows, and where with `walls`
+    four walls stand. `depth` is that of the flat seabed, `terrain` the relief there may be instead (the seabed is
+    flat beyond it). `density` is that of the water in kg/m³, `gravity` in m/s², `current` the velocity of the water
+    north, east, down: steady, the same everywhere. `ocean` is what comes on top of that: currents that change,
+    waves, layers of density. `origin` is where on the earth north and east are 0, latitude and longitude in degrees
+    (WGS 84), and `origin_altitude` in m how far above the ellipsoid the water's mean surface is there.
+    `magnetic_field` is the earth's: intensity in tesla, inclination (down is positive) and declination (east is
+    positive), each angle in rad. Left out it is that of the World Magnetic Model at the origin, and without an origin
+    about that of central Europe (sim/environment/geomagnetism.py).
+    Not modelled: eddies, the water's calm in the lee of an obstacle.
+    """
+
+    name: str
+    source: str
+    extent: tuple[Edge, Edge, Edge, Edge]
+    depth: Annotated[float, Range(0.1, 11_000.0, "m")]
+    walls: bool = False
+    density: Annotated[float, Range(900.0, 1200.0)] = 1025.0
+    gravity: Annotated[float, Range(0.1, 30.0)] = 9.80665
+    current: tuple[Speed, Speed, Speed] = (0.0, 0.0, 0.0)
+    origin: tuple[Annotated[float, Range(-90.0, 90.0)], Annotated[float, Range(-180.0, 180.0)]] | None = None
+    origin_altitude: Annotated[float, Range(-500.0, 9000.0, "m")] = 0.0
+    magnetic_field: tuple[Annotated[float, Range(0.0, 1e-3)], Angle, Angle] | None = None
+    cylinder: tuple[Cylinder, ...] = ()
+    box: tuple[Box, ...] = ()
+    ocean: "Ocean | None" = None  # these two are read by load_world, each with a schema of its own
+    terrain: "Terrain | None" = None
+
+    def validate(self) -> str | None:
+        """Return what is wrong between the keys, or None."""
+        north_min, north_max, east_min, east_max = self.extent
+        if north_min >= north_max or east_min >= east_max:
+            return "extent: give north_min, north_max, east_min, east_max, each pair growing"
+        placed: tuple[Cylinder | Box, ...] = (*self.cylinder, *self.box)
+        for obstacle in placed:
+            at = f"({obstacle.north:g}, {obstacle.east:g})"
+            if not (north_min <= obstacle.north <= north_max and east_min <= obstacle.east <= east_max):
+                return f"the obstacle at {at} is outside the extent"
+        return None
+
+    def seabed(self, north: float, east: float) -> float:
+        """Return the depth of the seabed at a place, in m."""
+        return self.terrain.depth(north, east) if self.terrain else self.depth
+
+    def obstacles(self) -> tuple[Obstacle, ...]:
+        """Everything that stands in the water, walls included."""
+        return (*self.cylinder, *self.box, *self._walls())
+
+    def buried(self) -> str | None:
+        """Return which obstacle could not be seen, if any."""
+        placed: tuple[Cylinder | Box, ...] = (*self.cylinder, *self.box)
+        for obstacle in placed:
+            if obstacle.top >= self.seabed(obstacle.north, obstacle.east):
+                return f"the obstacle at ({obstacle.north:g}, {obstacle.east:g}) has its top in the seabed"
+        return None
+
+    def clearance(self, north: float, east: float, depth: float = inf, within: float = _RELIEF_WITHIN) -> float:
+        """Distance in m from a point to the nearest obstacle's side, negative inside it, inf if there is none.
+
+        Only obstacles that reach up to `depth` m count, and with them a relief where it does, no farther than `within`
+        m away. If `depth` is left out, all obstacles count and no relief.
+        """
+        near = (o.separation(north, east)[0] for o in self.obstacles() if o.top < depth)
+        least = min(near, default=inf)
+        if self.terrain is None or depth == inf:
+            return least
+        from sim.environment.shallows import distance_to_shallows
+
+        return min(least, distance_to_shallows(self.terrain, north, east, depth, min(least, within)))
+
+    def _walls(self) -> tuple[Wall, ...]:
+        if not self.walls:
+            return ()
+        north_min, north_max, east_min, east_max = self.extent
+        return (
+            Wall(1.0, 0.0, north_min),
+            Wall(-1.0, 0.0, -north_max),
+            Wall(0.0, 1.0, east_min),
+            Wall(0.0, -1.0, -east_max),
+        )
+
+
+def load_world(name_or_path: str) -> World:
+    """Return a preset of `sim/worlds`, or a file ending in `.toml`. Raises ConfigError."""
+    path = find_preset("sim/worlds", name_or_path)
+    table = read_table(path)
+    ocean, terrain = table.pop("ocean", None), table.pop("terrain", None)
+    world = parse(table, World, path)
+    if terrain is not None:  # most worlds do without these two, and start sooner
+        from sim.environment.terrain import read_terrain
+
+        world = world._replace(terrain=read_terrain(terrain, path, world.extent, world.depth))
+    if ocean is not None:
+        from sim.environment.ocean import read_ocean
+
+        world = world._replace(ocean=read_ocean(ocean, path))
+    if problem := world.buried():
+        raise ConfigError(f"{path}: {problem}")
+    return world
+
+
+def water_pressure(world: World) -> "Callable[[float], float]":
+    """Return what the water of `world` adds to the pressure of the air, in Pa, at a depth in m; 0 in the air."""
+    if world.ocean and world.ocean.profile:
+        from sim.environment.water_column import WaterColumn
+
+        return WaterColumn(world.ocean.profile, world.gravity).pressure
+    per_metre = world.density * world.gravity
+    return lambda depth: per_metre * max(0.0, depth)

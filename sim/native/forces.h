@@ -1,0 +1,280 @@
+/* The forces of a vehicle's equipment and of waves at its hull once more, to the last bit: sim/vehicle/body_lift.py,
+ * fins.py, ballast.py, servos.py and sim/environment/stratification.py.
+ *
+ * Functions of the C library as in sea.h. Nothing of Python is in this file but the names of its classes.
+ */
+
+#include <math.h>
+#include <stddef.h>
+
+#include "body.h"
+#include "sea.h"
+
+enum { HULL_LIFT, CROSS_FLOW, SPEED_DAMPING, SLOW_DAMPING, FINS, BLADDER, WAVY_SURFACE, FORCE_KINDS };
+
+typedef struct {
+    double value, target, gain, most;
+} Servo;
+
+/* `numbers` as the class of this kind lists them: one of the structures below. */
+typedef struct {
+    int kind;
+    long count, servo_count;
+    double *numbers;
+    Servo *servos;
+    const Waves *sea; /* of a WAVY_SURFACE */
+    double time;
+} Force;
+
+typedef struct {
+    double lift_slope, stall_angle, stall_width, parasitic_drag, induced_drag, broadside_drag;
+} Polar;
+
+typedef struct {
+    Polar polar;
+    double scale, vertical, position[3];
+} HullLift;
+
+enum { STRIPS = 20 };
+
+typedef struct {
+    double broad, deep, stations[STRIPS], table[][2]; /* speed and coefficient */
+} CrossFlow;
+
+typedef struct {
+    double damping[6], rate, exponent;
+} SlowDamping;
+
+typedef struct {
+    double position[3], chord[3], normal[3], scale, share;
+    Polar polar;
+} Fin;
+
+typedef struct {
+    double position[3], specific_weight, neutral_volume;
+} Bladder;
+
+typedef struct {
+    double deep;
+} WavySurface;
+
+/* How many numbers a kind has: `first`, and as many times `each` as it likes, at least once. */
+static const struct {
+    long first, each;
+} force_sizes[FORCE_KINDS] = {
+    [HULL_LIFT] = {sizeof(HullLift) / sizeof(double), 0},
+    [CROSS_FLOW] = {sizeof(CrossFlow) / sizeof(double), 2},
+    [SPEED_DAMPING] = {36, 0},
+    [SLOW_DAMPING] = {sizeof(SlowDamping) / sizeof(double), 0},
+    [FINS] = {0, sizeof(Fin) / sizeof(double)},
+    [BLADDER] = {sizeof(Bladder) / sizeof(double), 0},
+    [WAVY_SURFACE] = {sizeof(WavySurface) / sizeof(double), 0},
+};
+
+/* Whether the numbers and servos of a force are as many as its kind needs. */
+static int force_is_whole(const Force *force)
+{
+    if (force->kind < 0 || force->kind >= FORCE_KINDS)
+        return 0;
+    long first = force_sizes[force->kind].first, each = force_sizes[force->kind].each, rest = force->count - first;
+    long servos = force->kind == FINS ? force->count / each : force->kind == BLADDER;
+    if (each == 0 ? rest != 0 : rest < each || rest % each != 0)
+        return 0;
+    return force->servo_count == servos && (force->kind == WAVY_SURFACE) == (force->sea != NULL);
+}
+
+static void follow_servos(Force *force)
+{
+    for (long i = 0; i < force->servo_count; i++) {
+        Servo *servo = &force->servos[i];
+        double move = servo->gain * (servo->target - servo->value);
+        move = move < servo->most ? move : servo->most;
+        servo->value = servo->value + (move > -servo->most ? move : -servo->most);
+    }
+}
+
+static void polar_at(const Polar *polar, double alpha, double *lift, double *drag)
+{
+    double held, beyond, share, sine;
+    alpha = remainder(alpha, 3.141592653589793);
+    held = alpha < polar->stall_angle ? alpha : polar->stall_angle;
+    held = held > -polar->stall_angle ? held : -polar->stall_angle;
+    *lift = polar->lift_slope * held;
+    *drag = polar->parasitic_drag + polar->induced_drag * *lift * *lift;
+    beyond = fabs(alpha - held);
+    if (beyond == 0.0)
+        return;
+    share = beyond / polar->stall_width < 1.0 ? beyond / polar->stall_width : 1.0;
+    sine = sin(alpha);
+    *lift = *lift + share * (0.5 * polar->broadside_drag * sin(2.0 * alpha) - *lift);
+    *drag = *drag + share * (polar->parasitic_drag + polar->broadside_drag * (sine * sine) - *drag);
+}
+
+/* The force out[0..2] at `position` as a wrench. */
+static void add_moment(const double *position, double *out)
+{
+    double x = position[0], y = position[1], z = position[2];
+    out[3] = y * out[2] - z * out[1];
+    out[4] = z * out[0] - x * out[2];
+    out[5] = x * out[1] - y * out[0];
+}
+
+/* `nu` at `position`, without the turning. */
+static void speed_at(const double *position, const double *nu, double *out)
+{
+    double x = position[0], y = position[1], z = position[2], p = nu[3], q = nu[4], r = nu[5];
+    out[0] = nu[0] + q * z - r * y;
+    out[1] = nu[1] + r * x - p * z;
+    out[2] = nu[2] + p * y - q * x;
+}
+
+static void hull_lift_force(const HullLift *hull, const double *nu, double *out)
+{
+    double speed[3], lift, drag;
+    speed_at(hull->position, nu, speed);
+    double u = speed[0], v = speed[1], w = speed[2];
+    double cross = hull->vertical != 0.0 ? w : sqrt(v * v + w * w);
+    double planar = sqrt(u * u + cross * cross);
+    out[0] = out[1] = out[2] = 0.0;
+    if (planar != 0.0) {
+        polar_at(&hull->polar, atan2(cross, u), &lift, &drag);
+        double push = hull->scale * (u * u + v * v + w * w) / planar;
+        double aside = -push * (drag * cross + lift * u);
+        int flat = hull->vertical != 0.0 || cross == 0.0;
+        out[0] = -push * (drag * u - lift * cross);
+        out[1] = flat ? 0.0 : aside * v / cross;
+        out[2] = flat ? aside : aside * w / cross;
+    }
+    add_moment(hull->position, out);
+}
+
+/* PiecewiseLinear of sim/interpolation.py, of one column. */
+static double straight_lines(const double (*table)[2], long rows, double x)
+{
+    long after = 0;
+    while (after < rows && !(x < table[after][0]))
+        after++;
+    if (after == 0)
+        return table[0][1];
+    if (after == rows)
+        return table[rows - 1][1];
+    double share = (x - table[after - 1][0]) / (table[after][0] - table[after - 1][0]);
+    return table[after - 1][1] + share * (table[after][1] - table[after - 1][1]);
+}
+
+static void cross_flow_force(const CrossFlow *flow, long rows, const double *nu, double *out)
+{
+    double v = nu[1], w = nu[2], q = nu[4], r = nu[5], y = 0.0, z = 0.0, m = 0.0, n = 0.0;
+    for (int i = 0; i < STRIPS; i++) {
+        double x = flow->stations[i], aside = v + x * r, down = w - x * q;
+        double size = sqrt(aside * aside + down * down);
+        aside *= size;
+        down *= size;
+        y += aside;
+        z += down;
+        m -= x * down;
+        n += x * aside;
+    }
+    double coefficient = straight_lines(flow->table, rows, sqrt(v * v + w * w));
+    double broad = -coefficient * flow->broad, deep = -coefficient * flow->deep;
+    out[0] = out[3] = 0.0;
+    out[1] = broad * y;
+    out[2] = deep * z;
+    out[4] = deep * m;
+    out[5] = broad * n;
+}
+
+static void slow_damping_force(const SlowDamping *slow, const double *nu, double *out)
+{
+    double u = nu[0], v = nu[1], w = nu[2];
+    double share = -exp(-slow->rate * pow(sqrt(u * u + v * v + w * w), slow->exponent));
+    for (int i = 0; i < 6; i++)
+        out[i] = share * slow->damping[i] * nu[i];
+}
+
+static void fins_force(const Fin *fins, const Servo *servos, long count, const double *nu, double *out)
+{
+    for (int i = 0; i < 6; i++)
+        out[i] = 0.0;
+    for (long i = 0; i < count; i++) {
+        const Fin *fin = &fins[i];
+        double speed[3], one[6], lift, drag;
+        const double *chord = fin->chord, *normal = fin->normal;
+        speed_at(fin->position, nu, speed);
+        double along = speed[0] * chord[0] + speed[1] * chord[1] + speed[2] * chord[2];
+        double across = fin->share * (speed[0] * normal[0] + speed[1] * normal[1] + speed[2] * normal[2]);
+        polar_at(&fin->polar, servos[i].value - atan2(across, along), &lift, &drag);
+        double push = fin->scale * sqrt(along * along + across * across);
+        double ahead = -push * (drag * along + lift * across), aside = push * (lift * along - drag * across);
+        for (int axis = 0; axis < 3; axis++)
+            one[axis] = ahead * chord[axis] + aside * normal[axis];
+        add_moment(fin->position, one);
+        for (int axis = 0; axis < 6; axis++)
+            out[axis] = out[axis] + one[axis];
+    }
+}
+
+/* sim/forces.py: `lift` is a force up and its lever times it, along the body axes. */
+static void lift_wrench(const double *lift, const double *rotation, double *out)
+{
+    double force = lift[0], x = lift[1], y = lift[2], z = lift[3];
+    double zx = rotation[6], zy = rotation[7], zz = rotation[8];
+    out[0] = -force * zx, out[1] = -force * zy, out[2] = -force * zz;
+    out[3] = z * zy - y * zz, out[4] = x * zz - z * zx, out[5] = y * zx - x * zy;
+}
+
+static void bladder_force(const Bladder *bladder, double volume, const double *rotation, double *out)
+{
+    double force = bladder->specific_weight * (volume - bladder->neutral_volume);
+    const double *place = bladder->position;
+    double lift[4] = {force, force * place[0], force * place[1], force * place[2]};
+    lift_wrench(lift, rotation, out);
+}
+
+static void wavy_surface_force(const Force *force, const Body *body, const double *position, const double *rotation,
+                               double *out)
+{
+    double calm[4], lift[4];
+    if (position[2] >= ((const WavySurface *)force->numbers)->deep) {
+        for (int i = 0; i < 6; i++)
+            out[i] = 0.0;
+        return;
+    }
+    hull_lift(body, position[2] + elevation(force->sea, force->time, position[0], position[1]), rotation, lift);
+    hull_lift(body, position[2], rotation, calm);
+    for (int i = 0; i < 4; i++)
+        lift[i] = lift[i] - calm[i];
+    lift_wrench(lift, rotation, out);
+}
+
+/* The wrench of one force; arguments as in sim/forces.py, `nu` through the water. */
+static void force_wrench(const Force *force, const Body *body, const double *position, const double *rotation,
+                         const double *nu, double *out)
+{
+    const void *numbers = force->numbers;
+    double speed = -fabs(nu[0]);
+    switch (force->kind) {
+    case HULL_LIFT:
+        hull_lift_force(numbers, nu, out);
+        break;
+    case CROSS_FLOW:
+        cross_flow_force(numbers, (force->count - force_sizes[CROSS_FLOW].first) / 2, nu, out);
+        break;
+    case SPEED_DAMPING:
+        times(numbers, nu, out);
+        for (int i = 0; i < 6; i++)
+            out[i] = speed * out[i];
+        break;
+    case SLOW_DAMPING:
+        slow_damping_force(numbers, nu, out);
+        break;
+    case FINS:
+        fins_force(numbers, force->servos, force->servo_count, nu, out);
+        break;
+    case BLADDER:
+        bladder_force(numbers, force->servos[0].value, rotation, out);
+        break;
+    default:
+        wavy_surface_force(force, body, position, rotation, out);
+    }
+}

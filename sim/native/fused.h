@@ -1,0 +1,285 @@
+/* FusedStep as a type of Python: a whole step of a simulation in one call. Include moving.h first. */
+
+/* What its parts are is said at sim.assembly.make_fused_step. */
+typedef struct {
+    PyObject_HEAD
+    State *state;
+    ThrusterBank *mixer;
+    Kernel *kernel;
+    Sea *sea;          /* NULL in water without waves */
+    PyObject *command; /* takes each new tuple of pulses */
+    PyObject *current; /* what gives the current at a time and depth; NULL where it is steady */
+    PyObject *pulses;  /* the last ones, a tuple; NULL before the first */
+    double steady[3], flow[3], wrench[6], pushed_mass[6][3], half_height;
+    long long time_ns, dt_ns;
+    double north, east, free, seabed; /* what watch() was told; all 0 at first, so that the first step wants a look */
+    double reach, hubs[MOST_THRUSTERS][4]; /* Ventilation.numbers() */
+    int aired;                             /* whether a thruster may draw air */
+} FusedStep;
+
+static PyObject *fused_new(PyTypeObject *type, PyObject *arguments, PyObject *keywords)
+{
+    PyObject *state, *kernel, *mixer, *command, *steady, *current, *sea, *mass, *air;
+    double half_height, water[3], pushed[18] = {0.0}, ventilation[1 + 4 * MOST_THRUSTERS];
+    long long dt_ns;
+    (void)keywords;
+    if (!PyArg_ParseTuple(arguments, "O!O!O!OLdOOOOO", state_type, &state, kernel_type, &kernel, mixer_type, &mixer,
+                          &command, &dt_ns, &half_height, &steady, &current, &sea, &mass, &air)
+        || !read_numbers(air, ventilation, 1 + 4 * ((ThrusterBank *)mixer)->count)
+        || !read_numbers(steady, water, 3) || (sea != Py_None && !read_numbers(mass, pushed, 18)))
+        return NULL;
+    if (sea != Py_None && Py_TYPE(sea) != sea_type)
+        return PyErr_Format(PyExc_TypeError, "a Sea or None is needed");
+    FusedStep *fused = (FusedStep *)PyType_GenericAlloc(type, 0);
+    if (fused == NULL)
+        return NULL;
+    fused->state = (State *)Py_NewRef(state);
+    fused->mixer = (ThrusterBank *)Py_NewRef(mixer);
+    fused->kernel = (Kernel *)Py_NewRef(kernel);
+    fused->command = Py_NewRef(command);
+    fused->current = current != Py_None ? Py_NewRef(current) : NULL;
+    fused->sea = sea != Py_None ? (Sea *)Py_NewRef(sea) : NULL;
+    memcpy(fused->steady, water, sizeof water);
+    memcpy(fused->flow, water, sizeof water);
+    memcpy(fused->pushed_mass, pushed, sizeof pushed);
+    fused->dt_ns = dt_ns;
+    fused->reach = ventilation[0];
+    memcpy(fused->hubs, ventilation + 1, (size_t)(4 * fused->mixer->count) * sizeof(double));
+    fused->aired = 1;
+    fused->half_height = half_height;
+    return (PyObject *)fused;
+}
+
+/* Only `command` and `current` can lead back to a FusedStep. */
+static int fused_traverse(PyObject *self, visitproc visit, void *arg)
+{
+    FusedStep *fused = (FusedStep *)self;
+    Py_VISIT(Py_TYPE(self));
+    Py_VISIT(fused->command);
+    Py_VISIT(fused->current);
+    return 0;
+}
+
+static int fused_clear(PyObject *self)
+{
+    Py_CLEAR(((FusedStep *)self)->command);
+    Py_CLEAR(((FusedStep *)self)->current);
+    return 0;
+}
+
+static void fused_deallocate(PyObject *self)
+{
+    FusedStep *fused = (FusedStep *)self;
+    PyTypeObject *type = Py_TYPE(self);
+    PyObject_GC_UnTrack(self);
+    fused_clear(self);
+    Py_XDECREF((PyObject *)fused->state);
+    Py_XDECREF((PyObject *)fused->mixer);
+    Py_XDECREF((PyObject *)fused->kernel);
+    Py_XDECREF((PyObject *)fused->sea);
+    Py_XDECREF(fused->pulses);
+    PyObject_GC_Del(self);
+    Py_DECREF(type);
+}
+
+/* Passes pulses on that are others than the last ones. The very same tuple need not be looked into; lists change. */
+static int fused_command(FusedStep *fused, PyObject *pwm_us)
+{
+    if (pwm_us == fused->pulses)
+        return 1;
+    PyObject *pulses = PySequence_Tuple(pwm_us);
+    if (pulses == NULL)
+        return 0;
+    int same = fused->pulses != NULL ? PyObject_RichCompareBool(pulses, fused->pulses, Py_EQ) : 0;
+    if (same == 0) {
+        PyObject *done = PyObject_CallFunctionObjArgs(fused->command, pulses, NULL);
+        same = done != NULL ? 1 : -1;
+        Py_XDECREF(done);
+    }
+    if (same < 0) {
+        Py_DECREF(pulses);
+        return 0;
+    }
+    PyObject *last = fused->pulses;
+    fused->pulses = pulses;
+    Py_XDECREF(last);
+    return 1;
+}
+
+/* Equipment.step and ThrusterSet.step: servos, then thrusters in the water as it flowed a step ago. */
+static void fused_follow(FusedStep *fused, const double *rotation)
+{
+    const double *flow = fused->flow;
+    double nu_r[6];
+    const Model *model = &fused->kernel->model;
+    for (int i = 0; i < model->count; i++)
+        follow_servos(model->forces[i]);
+    memcpy(nu_r, fused->state->numbers + NU, sizeof nu_r);
+    for (int i = 0; i < 3; i++)
+        nu_r[i] -= rotation[i] * flow[0] + rotation[3 + i] * flow[1] + rotation[6 + i] * flow[2];
+    mixer_advance(fused->mixer, nu_r);
+    memcpy(fused->wrench, fused->mixer->wrench, sizeof fused->wrench);
+}
+
+/* FluidMotion.act: the velocity of the water, and its push in waves. 0 with an exception set if `current` fails. */
+static int fused_flow(FusedStep *fused, const double *rotation)
+{
+    const double *position = fused->state->numbers + POSITION;
+    double time = (double)fused->time_ns * 1e-9;
+    if (fused->current == NULL)
+        memcpy(fused->flow, fused->steady, sizeof fused->flow);
+    else {
+        PyObject *current = PyObject_CallFunction(fused->current, "Ld", fused->time_ns, position[2]);
+        int ok = current != NULL && read_numbers(current, fused->flow, 3);
+        Py_XDECREF(current);
+        if (!ok)
+            return 0;
+    }
+    if (fused->sea != NULL) {
+        const double *motion = sea_held(fused->sea, fused->time_ns, position), *pull = motion + 3;
+        double body[3];
+        for (int i = 0; i < 3; i++) {
+            fused->flow[i] = fused->flow[i] + motion[i];
+            body[i] = rotation[i] * pull[0] + rotation[3 + i] * pull[1] + rotation[6 + i] * pull[2];
+        }
+        for (int i = 0; i < 6; i++) {
+            const double *mass = fused->pushed_mass[i];
+            fused->wrench[i] = fused->wrench[i] + mass[0] * body[0] + mass[1] * body[1] + mass[2] * body[2];
+        }
+    }
+    for (int i = 0; i < fused->kernel->model.count; i++)
+        fused->kernel->model.forces[i]->time = time;
+    return 1;
+}
+
+/* Simulation._immerse, for the step that comes next. */
+static void fused_immerse(FusedStep *fused)
+{
+    const double *position = fused->state->numbers + POSITION;
+    double *shares = fused->mixer->shares, depth = position[2], rotation[9];
+    if (!(depth < fused->reach)) {
+        for (Py_ssize_t i = 0; fused->aired && i < fused->mixer->count; i++)
+            shares[i] = 1.0;
+        fused->aired = 0;
+        return;
+    }
+    if (fused->sea != NULL)
+        depth = depth + elevation(&fused->sea->waves, (double)fused->time_ns * 1e-9, position[0], position[1]);
+    matrix(fused->state->numbers + QUATERNION, rotation);
+    for (Py_ssize_t i = 0; i < fused->mixer->count; i++) {
+        const double *hub = fused->hubs[i];
+        double immersed = depth + rotation[6] * hub[0] + rotation[7] * hub[1] + rotation[8] * hub[2];
+        shares[i] = thrust_share(immersed / hub[3]);
+    }
+    fused->aired = 1;
+}
+
+/* Contact.resolve of sim/environment/collision.py, as far as it finds nothing. */
+static int fused_is_clear(const FusedStep *fused, const double *position)
+{
+    double away_north = position[0] - fused->north, away_east = position[1] - fused->east;
+    return !(position[2] + fused->half_height > fused->seabed)
+        && !(away_north * away_north + away_east * away_east >= fused->free * fused->free);
+}
+
+static PyObject *fused_step(PyObject *self, PyObject *pwm_us)
+{
+    FusedStep *fused = (FusedStep *)self;
+    double numbers[NUMBERS], before[6], rotation[9];
+    if (!fused_command(fused, pwm_us))
+        return NULL;
+    matrix(fused->state->numbers + QUATERNION, rotation);
+    fused_follow(fused, rotation);
+    if (!fused_flow(fused, rotation))
+        return NULL;
+    memcpy(numbers, fused->state->numbers, sizeof numbers);
+    memcpy(before, numbers + NU, sizeof before);
+    if (!kernel_advance((PyObject *)fused->kernel, numbers, fused->wrench, fused->flow, (double)fused->dt_ns * 1e-9))
+        return NULL;
+    memcpy(fused->state->numbers, numbers, sizeof numbers);
+    fused->time_ns += fused->dt_ns;
+    if (fused_is_clear(fused, numbers)) {
+        fused_immerse(fused);
+        Py_RETURN_NONE;
+    }
+    return new_number_tuple(before, 6);
+}
+
+static PyObject *fused_watch(PyObject *self, PyObject *arguments)
+{
+    FusedStep *fused = (FusedStep *)self;
+    if (!PyArg_ParseTuple(arguments, "dddd", &fused->north, &fused->east, &fused->free, &fused->seabed))
+        return NULL;
+    fused_immerse(fused);
+    Py_RETURN_NONE;
+}
+
+static PyObject *fused_rebuild(PyObject *self, PyObject *arguments)
+{
+    FusedStep *fused = (FusedStep *)self;
+    PyObject *kernel, *mass;
+    double pushed[18] = {0.0};
+    if (!PyArg_ParseTuple(arguments, "O!O", kernel_type, &kernel, &mass)
+        || (fused->sea != NULL && !read_numbers(mass, pushed, 18)))
+        return NULL;
+    PyObject *last = (PyObject *)fused->kernel;
+    fused->kernel = (Kernel *)Py_NewRef(kernel);
+    Py_XDECREF(last);
+    memcpy(fused->pushed_mass, pushed, sizeof pushed);
+    Py_RETURN_NONE;
+}
+
+static PyObject *fused_wrench(PyObject *self, void *closure)
+{
+    (void)closure;
+    return new_number_tuple(((FusedStep *)self)->wrench, 6);
+}
+
+static PyObject *fused_flow_now(PyObject *self, void *closure)
+{
+    (void)closure;
+    return new_number_tuple(((FusedStep *)self)->flow, 3);
+}
+
+static PyMethodDef fused_methods[] = {
+    {"step", fused_step, METH_O,
+     "step(pwm_us): move the state on by a step under these pulses. None if it has to be looked at for no contact,\n"
+     "else its nu before the step."},
+    {"watch", fused_watch, METH_VARARGS,
+     "watch(north, east, free, seabed): there is no contact within `free` m of this place above `seabed` (m), as\n"
+     "Contact.room. After each step that has to be looked at; the thrusters see the surface then."},
+    {"rebuild", fused_rebuild, METH_VARARGS,
+     "rebuild(kernel, pushed_mass): go on with the kernel and the pushed mass of a vehicle that has dropped a weight."},
+    {NULL, NULL, 0, NULL},
+};
+
+static PyGetSetDef fused_attributes[] = {
+    {"wrench", fused_wrench, NULL,
+     "that of thrusters and waves in the last step: X Y Z (N) K M N (N m), body axes", NULL},
+    {"flow", fused_flow_now, NULL, "the velocity of the water in the last step, NED in m/s", NULL},
+    {NULL, NULL, NULL, NULL, NULL},
+};
+
+static PyType_Slot fused_slots[] = {
+    {Py_tp_doc, "Whole steps: FusedStep(state, kernel, mixer, command, dt_ns, half_height, steady, current, sea,\n"
+                "pushed_mass, numbers of Ventilation). `command` takes each new tuple of pulses, and aims mixer and servos. `steady` is the\n"
+                "velocity of the water (NED, m/s) where `current` is None, else that is called with time (ns) and depth\n"
+                "(m). `sea` may be None, and `pushed_mass` then too; its 18 numbers are M_A + rho V, row after row."},
+    {Py_tp_new, fused_new},
+    {Py_tp_dealloc, fused_deallocate},
+    {Py_tp_traverse, fused_traverse},
+    {Py_tp_clear, fused_clear},
+    {Py_tp_methods, fused_methods},
+    {Py_tp_getset, fused_attributes},
+    {0, NULL},
+};
+
+static PyType_Spec fused_spec = {
+    "sim.native._native.FusedStep", sizeof(FusedStep), 0,
+    Py_TPFLAGS_DEFAULT | Py_TPFLAGS_IMMUTABLETYPE | Py_TPFLAGS_HAVE_GC, fused_slots,
+};
+
+static int add_fused(PyObject *module)
+{
+    return add_type(module, &fused_spec, "FusedStep");
+}

@@ -1,0 +1,245 @@
+/* What pushes a vehicle besides its thrusters, as types of Python: Sea and Force. Include numbers.h and kernel.h first. */
+
+static PyTypeObject *sea_type, *force_type;
+
+/* Memory of its own for the `bytes` bytes at `numbers`; NULL with an exception set if there is none. */
+static void *new_copy(const char *numbers, Py_ssize_t bytes)
+{
+    void *copy = PyMem_Malloc((size_t)bytes);
+    if (copy == NULL)
+        return PyErr_NoMemory();
+    return memcpy(copy, numbers, (size_t)bytes);
+}
+
+/* -- Sea ------------------------------------------------------------------------------------------------------------*/
+
+typedef struct {
+    PyObject_HEAD
+    Waves waves;
+    long long hold_ns, due_ns;
+    double held[6]; /* the motion of the water that was computed last */
+} Sea;
+
+/* The motion of the water at `position`, not older than hold_ns, as SampledWaves.motion. */
+static const double *sea_held(Sea *sea, long long time_ns, const double *position)
+{
+    if (time_ns >= sea->due_ns) {
+        sea->due_ns = time_ns + sea->hold_ns;
+        water_motion(&sea->waves, (double)time_ns * 1e-9, position[0], position[1], position[2], sea->held);
+    }
+    return sea->held;
+}
+
+static PyObject *sea_new(PyTypeObject *type, PyObject *arguments, PyObject *keywords)
+{
+    const char *numbers;
+    Py_ssize_t bytes;
+    double depth;
+    long long hold_ns;
+    (void)keywords;
+    if (!PyArg_ParseTuple(arguments, "y#dL", &numbers, &bytes, &depth, &hold_ns))
+        return NULL;
+    if (bytes % (Py_ssize_t)sizeof(Wave) != 0)
+        return PyErr_Format(PyExc_ValueError, "waves of %zu bytes are needed, found %zd bytes", sizeof(Wave), bytes);
+    Sea *sea = (Sea *)PyType_GenericAlloc(type, 0);
+    if (sea == NULL)
+        return NULL;
+    sea->waves.depth = depth;
+    sea->waves.count = (long)(bytes / (Py_ssize_t)sizeof(Wave));
+    sea->hold_ns = hold_ns;
+    sea->waves.waves = new_copy(numbers, bytes);
+    if (sea->waves.waves == NULL)
+        Py_CLEAR(sea);
+    return (PyObject *)sea;
+}
+
+static void sea_deallocate(PyObject *self)
+{
+    PyMem_Free(((Sea *)self)->waves.waves);
+    deallocate(self);
+}
+
+static PyObject *sea_elevation(PyObject *self, PyObject *arguments)
+{
+    double time, north, east;
+    if (!PyArg_ParseTuple(arguments, "ddd", &time, &north, &east))
+        return NULL;
+    return PyFloat_FromDouble(elevation(&((Sea *)self)->waves, time, north, east));
+}
+
+static PyObject *sea_pressure_depth(PyObject *self, PyObject *arguments)
+{
+    double time, north, east, depth;
+    if (!PyArg_ParseTuple(arguments, "dddd", &time, &north, &east, &depth))
+        return NULL;
+    return PyFloat_FromDouble(pressure_depth(&((Sea *)self)->waves, time, north, east, depth));
+}
+
+static PyObject *new_motion(const double *motion)
+{
+    PyObject *velocity = new_number_tuple(motion, 3), *acceleration = new_number_tuple(motion + 3, 3);
+    PyObject *both = velocity && acceleration ? PyTuple_Pack(2, velocity, acceleration) : NULL;
+    Py_XDECREF(velocity);
+    Py_XDECREF(acceleration);
+    return both;
+}
+
+static PyObject *sea_motion(PyObject *self, PyObject *arguments)
+{
+    double time, north, east, depth, motion[6];
+    if (!PyArg_ParseTuple(arguments, "dddd", &time, &north, &east, &depth))
+        return NULL;
+    water_motion(&((Sea *)self)->waves, time, north, east, depth, motion);
+    return new_motion(motion);
+}
+
+static PyObject *sea_held_motion(PyObject *self, PyObject *arguments)
+{
+    long long time_ns;
+    PyObject *position;
+    double place[3];
+    if (!PyArg_ParseTuple(arguments, "LO", &time_ns, &position) || !read_numbers(position, place, 3))
+        return NULL;
+    return new_motion(sea_held((Sea *)self, time_ns, place));
+}
+
+static PyMethodDef sea_methods[] = {
+    {"elevation", sea_elevation, METH_VARARGS, "elevation(time, north, east), as of sim.environment.waves.Sea."},
+    {"pressure_depth", sea_pressure_depth, METH_VARARGS, "pressure_depth(time, north, east, depth), as of that Sea."},
+    {"motion", sea_motion, METH_VARARGS, "motion(time, north, east, depth), as of that Sea: velocity and acceleration."},
+    {"held_motion", sea_held_motion, METH_VARARGS, "held_motion(time_ns, position), as SampledWaves.motion."},
+    {NULL, NULL, 0, NULL},
+};
+
+static PyType_Slot sea_slots[] = {
+    {Py_tp_doc, "Sea(bytes of Sea.numbers(), depth, hold_ns): a sim.environment.waves.Sea, and its SampledWaves."},
+    {Py_tp_new, sea_new},
+    {Py_tp_dealloc, sea_deallocate},
+    {Py_tp_methods, sea_methods},
+    {0, NULL},
+};
+
+static PyType_Spec sea_spec = {
+    "sim.native._native.Sea", sizeof(Sea), 0, Py_TPFLAGS_DEFAULT | Py_TPFLAGS_IMMUTABLETYPE, sea_slots,
+};
+
+/* -- Force ----------------------------------------------------------------------------------------------------------*/
+
+typedef struct {
+    PyObject_HEAD
+    Force force;
+    PyObject *sea;
+} ForceObject;
+
+static PyObject *force_new(PyTypeObject *type, PyObject *arguments, PyObject *keywords)
+{
+    int kind;
+    const char *numbers, *servos;
+    Py_ssize_t bytes, servo_bytes;
+    PyObject *sea;
+    (void)keywords;
+    if (!PyArg_ParseTuple(arguments, "iy#y#O", &kind, &numbers, &bytes, &servos, &servo_bytes, &sea))
+        return NULL;
+    if (sea != Py_None && Py_TYPE(sea) != sea_type)
+        return PyErr_Format(PyExc_TypeError, "a Sea or None is needed");
+    Force force = {kind, bytes / (Py_ssize_t)sizeof(double), servo_bytes / (Py_ssize_t)sizeof(Servo), NULL, NULL,
+                   sea != Py_None ? &((Sea *)sea)->waves : NULL, 0.0};
+    if (bytes % (Py_ssize_t)sizeof(double) != 0 || servo_bytes % (Py_ssize_t)sizeof(Servo) != 0
+        || !force_is_whole(&force))
+        return PyErr_Format(PyExc_ValueError, "a force of kind %d is not made of %zd and %zd bytes", kind, bytes,
+                            servo_bytes);
+    ForceObject *self = (ForceObject *)PyType_GenericAlloc(type, 0);
+    if (self == NULL)
+        return NULL;
+    self->force = force;
+    self->sea = Py_NewRef(sea);
+    self->force.numbers = new_copy(numbers, bytes);
+    self->force.servos = self->force.numbers != NULL ? new_copy(servos, servo_bytes) : NULL;
+    if (self->force.servos == NULL)
+        Py_CLEAR(self);
+    return (PyObject *)self;
+}
+
+static void force_deallocate(PyObject *self)
+{
+    ForceObject *object = (ForceObject *)self;
+    PyMem_Free(object->force.numbers);
+    PyMem_Free(object->force.servos);
+    Py_XDECREF(object->sea);
+    deallocate(self);
+}
+
+static PyObject *force_begin(PyObject *self, PyObject *time)
+{
+    double now = PyFloat_AsDouble(time);
+    if (now == -1.0 && PyErr_Occurred())
+        return NULL;
+    ((ForceObject *)self)->force.time = now;
+    Py_RETURN_NONE;
+}
+
+static PyObject *force_aim(PyObject *self, PyObject *targets)
+{
+    Force *force = &((ForceObject *)self)->force;
+    double *numbers = PyMem_Malloc(sizeof(double) * (size_t)force->servo_count);
+    if (numbers == NULL)
+        return PyErr_NoMemory();
+    int ok = read_numbers(targets, numbers, force->servo_count);
+    for (long i = 0; ok && i < force->servo_count; i++)
+        force->servos[i].target = numbers[i];
+    PyMem_Free(numbers);
+    return ok ? Py_NewRef(Py_None) : NULL;
+}
+
+static PyObject *force_follow(PyObject *self, PyObject *nothing)
+{
+    (void)nothing;
+    follow_servos(&((ForceObject *)self)->force);
+    Py_RETURN_NONE;
+}
+
+static PyObject *force_values(PyObject *self, void *closure)
+{
+    const Force *force = &((ForceObject *)self)->force;
+    (void)closure;
+    PyObject *list = PyList_New(force->servo_count);
+    for (long i = 0; list != NULL && i < force->servo_count; i++) {
+        PyObject *number = PyFloat_FromDouble(force->servos[i].value);
+        if (number == NULL)
+            Py_CLEAR(list);
+        else
+            PyList_SetItem(list, i, number);
+    }
+    return list;
+}
+
+static PyMethodDef force_methods[] = {
+    {"begin", force_begin, METH_O, "begin(time): the sea of this instant (s) holds for the step."},
+    {"aim", force_aim, METH_O, "aim(targets): what the servos go towards, as sim.vehicle.servos.Servos.aim."},
+    {"follow", force_follow, METH_NOARGS, "follow(): move the servos on by one step."},
+    {NULL, NULL, 0, NULL},
+};
+
+static PyGetSetDef force_attributes[] = {
+    {"values", force_values, NULL, "where the servos are", NULL},
+    {NULL, NULL, NULL, NULL, NULL},
+};
+
+static PyType_Slot force_slots[] = {
+    {Py_tp_doc, "Force(kind, bytes of its class's numbers(), bytes of its servos' numbers(), Sea or None).\n\n"
+                "The kinds stand in sim/native/forces.py."},
+    {Py_tp_new, force_new},
+    {Py_tp_dealloc, force_deallocate},
+    {Py_tp_methods, force_methods},
+    {Py_tp_getset, force_attributes},
+    {0, NULL},
+};
+
+static PyType_Spec force_spec = {
+    "sim.native._native.Force", sizeof(ForceObject), 0, Py_TPFLAGS_DEFAULT | Py_TPFLAGS_IMMUTABLETYPE, force_slots,
+};
+
+static int add_pushing(PyObject *module)
+{
+    return add_known_type(module, &sea_spec, "Sea", &sea_type) && add_known_type(module, &force_spec, "Force", &force_type);
+}

@@ -1,0 +1,81 @@
+/* The sums over single waves of sim/environment/waves.py once more, to the last bit.
+ *
+ * Sine, cosine and exponential are those of the C library, which Python uses too: C and Python agree on one machine,
+ * whatever its library rounds. Nothing of Python is in this file.
+ */
+
+#include <math.h>
+
+#include "floating.h"
+
+/* One wave, as Sea.numbers() lists it. */
+typedef struct {
+    double kn, ke, k, omega, phase, speed, echo, to_north, to_east, amplitude;
+} Wave;
+
+typedef struct {
+    long count;
+    double depth;
+    Wave *waves;
+} Waves;
+
+static inline double wave_angle(const Wave *wave, double time, double north, double east)
+{
+    return wave->kn * north + wave->ke * east - wave->omega * time + wave->phase;
+}
+
+static double elevation(const Waves *sea, double time, double north, double east)
+{
+    double sum = 0.0;
+    for (long i = 0; i < sea->count; i++)
+        sum += sea->waves[i].amplitude * cos(wave_angle(&sea->waves[i], time, north, east));
+    return sum;
+}
+
+static double pressure_depth(const Waves *sea, double time, double north, double east, double depth)
+{
+    double raised = elevation(sea, time, north, east), above = depth + raised, head = 0.0;
+    double under = (above > 0.0 ? above : 0.0) * sea->depth / (sea->depth + raised);
+    for (long i = 0; i < sea->count; i++) {
+        const Wave *wave = &sea->waves[i];
+        double decay = exp(-wave->k * under);
+        double share = wave->echo != 0.0 ? (decay + wave->echo / decay) / (1.0 + wave->echo) : decay;
+        head += wave->amplitude * share * cos(wave_angle(wave, time, north, east));
+    }
+    return depth + head;
+}
+
+/* Velocity and acceleration of the water, both north, east, down. */
+static void water_motion(const Waves *sea, double time, double north, double east, double depth, double *out)
+{
+    double v_north = 0.0, v_east = 0.0, v_down = 0.0, a_north = 0.0, a_east = 0.0, a_down = 0.0;
+    double nn = 0.0, ne = 0.0, ee = 0.0, nd = 0.0, ed = 0.0;
+    depth = 0.0 > depth ? 0.0 : depth;
+    depth = sea->depth < depth ? sea->depth : depth;
+    for (long i = 0; i < sea->count; i++) {
+        const Wave *wave = &sea->waves[i];
+        double theta = wave_angle(wave, time, north, east);
+        double decay = exp(-wave->k * depth);
+        double rise = wave->echo != 0.0 ? wave->echo / decay : 0.0;
+        double level = wave->speed * (decay + rise), steep = wave->speed * (decay - rise);
+        double cosine = cos(theta), sine = sin(theta), along = level * cosine;
+        v_north += along * wave->to_north;
+        v_east += along * wave->to_east;
+        v_down -= steep * sine;
+        level *= sine;
+        steep *= cosine;
+        a_north += wave->omega * level * wave->to_north;
+        a_east += wave->omega * level * wave->to_east;
+        a_down += wave->omega * steep;
+        nn -= level * wave->kn * wave->to_north;
+        ne -= level * wave->kn * wave->to_east;
+        ee -= level * wave->ke * wave->to_east;
+        nd -= steep * wave->kn;
+        ed -= steep * wave->ke;
+    }
+    a_north += v_north * nn + v_east * ne + v_down * nd;
+    a_east += v_north * ne + v_east * ee + v_down * ed;
+    a_down += v_north * nd + v_east * ed - v_down * (nn + ee);
+    out[0] = v_north, out[1] = v_east, out[2] = v_down;
+    out[3] = a_north, out[4] = a_east, out[5] = a_down;
+}

@@ -1,0 +1,45 @@
+"""The C twin of a sea (sim/native/sea.h). Loaded only for a world that has waves."""
+
+from collections.abc import Sequence
+from struct import pack
+
+from sim.environment.ocean import Waves
+from sim.environment.water import SampledWaves
+from sim.environment.waves import Sea, WaterMotion
+from sim.environment.world import World
+
+
+class NativeSea(Sea):
+    """`Sea` in C. Raises ImportError where there is none. `hold_ns` is for NativeSampledWaves."""
+
+    def __init__(self, waves: Waves, depth: float, gravity: float, seed: int, hold_ns: int = 0) -> None:
+        from sim.native._native import Sea as Twin
+
+        super().__init__(waves, depth, gravity, seed)
+        numbers = self.numbers()
+        self.twin = Twin(pack(f"{len(numbers)}d", *numbers), depth, hold_ns)
+
+    def elevation(self, time: float, north: float, east: float) -> float:
+        """As Sea.elevation."""
+        return self.twin.elevation(time, north, east)
+
+    def pressure_depth(self, time: float, north: float, east: float, depth: float) -> float:
+        """As Sea.pressure_depth."""
+        return self.twin.pressure_depth(time, north, east, depth)
+
+    def motion(self, time: float, north: float, east: float, depth: float) -> WaterMotion:
+        """As Sea.motion."""
+        return WaterMotion(*self.twin.motion(time, north, east, depth))
+
+
+class NativeSampledWaves(SampledWaves):
+    """`SampledWaves` in C. Raises ImportError where there is none."""
+
+    sea: NativeSea
+
+    def _make_sea(self, waves: Waves, world: World, seed: int) -> Sea:
+        return NativeSea(waves, world.depth, world.gravity, seed, self._hold_ns)
+
+    def motion(self, time_ns: int, position: Sequence[float]) -> WaterMotion:
+        """As SampledWaves.motion."""
+        return WaterMotion(*self.sea.twin.held_motion(time_ns, position))

@@ -1,0 +1,1 @@
+"""Cameras and imaging sonars, and the scenery that they show."""

@@ -1,0 +1,54 @@
+"""An underwater camera, also with the depth of each pixel (RGB-D)."""
+
+from math import tan
+from typing import TYPE_CHECKING
+
+from sim.dynamics import State
+from sim.sensors.imaging.camera_model import CameraModel
+from sim.sensors.imaging.samples import CameraSample, Distortion, Intrinsics, need_numpy
+from sim.sensors.mounting import Mounting
+from sim.sensors.samples import Scene
+
+if TYPE_CHECKING:
+    from sim.rays.solids import Solid
+
+
+class Camera:
+    """Looks along the sensor's x axis; what is to its right is starboard of it, what is below lower in the picture.
+
+    Rays give what each pixel sees in its middle, sim.sensors.imaging.scenery its colour, sim.environment.optics what
+    the water makes of
+    that. Daylight fades with depth; the water's surface is flat. Not modelled: motion blur, a rolling shutter, focus,
+    pixels that see an edge in parts, the backscatter of the lamps; depth is found wherever a ray ends, though a stereo
+    camera would find none in fog.
+    """
+
+    Model = CameraModel
+    topic = "camera"
+    offloaded = True
+
+    def __init__(self, model: CameraModel, mounting: Mounting, seed: int, scene: Scene) -> None:
+        need_numpy(self.topic)
+        from sim.sensors.imaging.camera_picture import Development, Eye
+
+        self._model = model
+        focal = 0.5 * model.width / tan(0.5 * model.field_of_view)
+        self._intrinsics = Intrinsics(focal, focal, 0.5 * (model.width - 1), 0.5 * (model.height - 1))
+        self._distortion: Distortion = model.distortion
+        self._eye = Eye(model, self._intrinsics, mounting, scene)
+        self._development = Development(model, self._eye.axial, seed, self.topic)
+
+    def add(self, solid: "Solid", state: State) -> None:
+        """Let it see a solid that goes with a vehicle's `state`, its own axes the body's."""
+        self._eye.add(solid, state)
+
+    def sample(self, time_ns: int, state: State) -> CameraSample:
+        """Return the measurement of `state`."""
+        m = self._model
+        radiance, ranges, objects = self._eye.render(time_ns, state)
+        rgb, depth = self._development.develop(radiance, ranges)
+        return CameraSample(
+            time_ns, m.width, m.height, rgb, depth if m.depth else None,
+            objects.tobytes() if m.ground_truth else None, self._intrinsics, self._distortion,
+            self._eye.points(depth) if m.points else None,
+        )  # fmt: skip

@@ -1,0 +1,153 @@
+"""Appearance of surfaces without water: colours, texture, daylight and lamps.
+
+Made up, but the same for the same world in every run, and the same from wherever it is seen: colours go by what a thing
+is and how steep and how bent it is, grain by its place. Numbers are shares of what a white surface would send back.
+Not modelled: shadows, gloss, a texture that goes with what moves.
+"""
+
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.environment.optics import Rgb
+from sim.environment.terrain import Terrain
+from sim.environment.world import World
+from sim.rays.geometry import SEABED
+
+_SAND, _ROCK = (0.42, 0.36, 0.26), (0.17, 0.16, 0.14)
+Pixels = NDArray[np.float32]
+
+# Concrete, rust, paint in yellow, weed, paint in red, bare metal; objects take them in turn.
+_PAINTS = (
+    (0.33, 0.32, 0.29), (0.25, 0.11, 0.05), (0.60, 0.42, 0.05), (0.10, 0.16, 0.05), (0.45, 0.07, 0.05), (0.4, 0.4, 0.4),
+)  # fmt: skip
+_SIDE = 512  # nodes of the grain along each side, a power of two; then it repeats itself
+_SCALES = ((0.01, 0.45), (0.089, 0.35))  # m from node to node, and standard deviation: 5 m and 46 m to a repetition
+
+
+class Seen(NamedTuple):
+    """What n rays met, and how, in m, NED: for nothing points and normals are 0 and ranges inf.
+
+    `points` and `normals` are three rows of n; `facing` is the cosine of incidence; `footprint` how far apart
+    neighbouring rays are there.
+    """
+
+    points: Pixels
+    normals: Pixels
+    objects: NDArray[np.int32]
+    ranges: Pixels
+    facing: Pixels
+    footprint: Pixels
+
+
+class Scenery:
+    """The looks of a world; `surface` is the number of the water's surface among the objects."""
+
+    def __init__(self, world: World, surface: int) -> None:
+        paints = [_PAINTS[i % len(_PAINTS)] for i in range(surface - 1)]
+        self._colours = np.array([_SAND, *paints, (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)], np.float32)  # the last: NOTHING
+        self._surface = surface
+        self._terrain = world.terrain
+        self._bend = _bend(world.terrain) if world.terrain else None
+
+    def add(self, number: int) -> None:
+        """One more object, the `number`-th."""
+        self._colours = np.insert(self._colours, number, _PAINTS[(number - 2) % len(_PAINTS)], axis=0)
+
+    def radiance(self, seen: Seen, light: Rgb, lamps: float, attenuation: Rgb) -> Pixels:
+        """n x 3: of each thing in daylight of which `light` is left, and in lamps beside the camera.
+
+        `lamps` is what a white surface 1 m before them would send back; their light is weakened on its way by
+        `attenuation` (1/m). One colour lies after the other in memory, which is quick.
+        """
+        seabed, surface = seen.objects == SEABED, seen.objects == self._surface
+        tone = np.where(surface, np.float32(1.0), _grain(seen))
+        if self._bend is not None:
+            tone[seabed] *= self._bent(seen.points[:, seabed])
+        # From above as from a sky that is evenly bright, and a fifth from all sides.
+        day = tone * np.where(surface, np.float32(1.0), np.float32(0.6) - np.float32(0.4) * seen.normals[2])
+        # Sand where the seabed is level, rock where it is steep, paint for the rest.
+        rock = np.clip((np.float32(0.93) + seen.normals[2]) / np.float32(0.12), 0.0, 1.0) * seabed
+        radiance = np.empty((3, len(tone)), np.float32)
+        for channel, out in enumerate(radiance):
+            np.multiply(day, np.float32(light[channel]), out)
+            if lamps:
+                out += tone * np.float32(lamps) * _lamplight(seen, attenuation[channel]) * ~surface
+            out *= self._colours[:, channel].take(seen.objects, mode="wrap") + rock * np.float32(
+                _ROCK[channel] - _SAND[channel]
+            )
+        return radiance.T
+
+    def _bent(self, points: Pixels) -> Pixels:
+        """Crests are bright, hollows dark."""
+        assert self._terrain is not None
+        assert self._bend is not None
+        grid, scale = self._terrain.grid, self._terrain.scale
+        rows = np.clip(((points[0] - grid.north_min) * scale + 0.5).astype(np.int32), 0, grid.rows - 1)
+        columns = np.clip(((points[1] - grid.east_min) * scale + 0.5).astype(np.int32), 0, grid.columns - 1)
+        bent: Pixels = self._bend[rows, columns]
+        return bent
+
+
+def _lamplight(seen: Seen, attenuation: float) -> Pixels:
+    """Return how much of it falls on things; on what faces the lamps 1 m away, without water, 1."""
+    distances = np.clip(seen.ranges, np.float32(0.05), np.float32(1e4))
+    falls: Pixels = (
+        np.maximum(seen.facing, 0.0) * np.exp(distances * np.float32(-attenuation)) / (distances * distances)
+    )
+    return falls
+
+
+def _bend(terrain: Terrain) -> Pixels:
+    """The brightness by curvature at the nodes: how much higher than the mean of its neighbours each one lies."""
+    grid = terrain.grid
+    depths = np.asarray(terrain.depths, np.float32).reshape(grid.rows, grid.columns)
+    padded = np.pad(depths, 1, mode="edge")
+    around = 0.25 * (padded[:-2, 1:-1] + padded[2:, 1:-1] + padded[1:-1, :-2] + padded[1:-1, 2:])
+    height = np.nan_to_num((around - depths) * np.float32(terrain.scale))
+    bend: Pixels = np.clip(1.0 + 3.0 * height, 0.7, 1.3).astype(np.float32)
+    return bend
+
+
+def _grain(seen: Seen) -> Pixels:
+    """Return the brightness by place, 1 in the mean; finer than the rays lie apart there is none."""
+    north, east, down = seen.points
+    x, y, z = np.abs(seen.normals)
+    level = z >= 0.5
+    u = np.where(~level & (x > y), east, north)
+    v = np.where(level, east, down)
+    tone = np.ones(len(u), np.float32)
+    for node, deviation in _SCALES:
+        # A pixel sees the mean of the grain within it: of noise whose size falls with 1 / frequency, this much is left.
+        left = np.float32(deviation) / np.maximum(np.float32(1.0), seen.footprint / np.float32(8.0 * node))
+        tone += left * _looked_up(u / np.float32(node), v / np.float32(node))
+    return np.maximum(tone, np.float32(0.1))
+
+
+def _looked_up(u: Pixels, v: Pixels) -> Pixels:
+    """Return the grain between its nodes, bilinear."""
+    whole_u, whole_v = np.floor(u), np.floor(v)
+    a, b = u - whole_u, v - whole_v
+    row, column = whole_u.astype(np.int32) & (_SIDE - 1), whole_v.astype(np.int32) & (_SIDE - 1)
+    tile = _tile()  # with its first row and column once more at its end
+    first = row * (_SIDE + 1) + column
+    corners = [tile.take(first + offset) for offset in (0, 1, _SIDE + 1, _SIDE + 2)]
+    one = corners[0] + (corners[1] - corners[0]) * b
+    other = corners[2] + (corners[3] - corners[2]) * b
+    tone: Pixels = one + (other - one) * a
+    return tone
+
+
+@lru_cache(maxsize=1)
+def _tile() -> Pixels:
+    """Noise whose amplitude falls with 1 / frequency, mean 0, standard deviation 1, flattened."""
+    random = np.random.default_rng(1)
+    spectrum = np.fft.rfft2(random.standard_normal((_SIDE, _SIDE)))
+    down, across = np.fft.fftfreq(_SIDE)[:, None], np.fft.rfftfreq(_SIDE)[None, :]
+    frequency = np.sqrt(down * down + across * across)
+    frequency[0, 0] = np.inf
+    tile = np.fft.irfft2(spectrum / frequency, (_SIDE, _SIDE))
+    tile /= tile.std()
+    return np.pad(tile, ((0, 1), (0, 1)), mode="wrap").astype(np.float32).ravel()

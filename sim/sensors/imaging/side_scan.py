@@ -1,0 +1,135 @@
+"""A side-scan sonar: one line of echo strength by slant range to each side per ping."""
+
+from math import inf, pi
+from typing import TYPE_CHECKING, Annotated, NamedTuple
+
+from hil.common.schema import Range
+from sim.dynamics import State
+from sim.sensors.error import ErrorModel
+from sim.sensors.imaging.samples import SideScanSample, need_numpy
+from sim.sensors.mounting import Mounting
+from sim.sensors.samples import Scene
+
+if TYPE_CHECKING:
+    from sim.rays.solids import Solid
+    from sim.sensors.imaging.echoes import Aperture, Floats
+
+_DEGREE = pi / 180.0
+
+
+class SideScanModel(NamedTuple):
+    """Rate in Hz (0: none), the two beams, their range bins, what echoes and disturbs, and how the picture is made.
+
+    A beam is `beam_width` rad along the track and `beam_height` rad across it, at half power, one way; its axis looks
+    `depression` rad down from the horizontal. `slices` x `rays` a side stand for it. The other keys are those of
+    sim.sensors.imaging.forward_sonar.ForwardSonarModel.
+
+    Defaults: StarFish 450 (its maker: 450 kHz, transducers 30 deg down, beams 60 deg high; 0.8 deg and 100 m a side are
+    commonly given; not read in a source); one ping needs 133 ms for 100 m there and back. Levels, looks, bins and the
+    picture are our choice.
+    """
+
+    rate: Annotated[float, Range(0.0, 100.0, "Hz")] = 5.0
+    beam_width: Annotated[float, Range(1e-4, pi, "rad")] = 0.8 * _DEGREE
+    beam_height: Annotated[float, Range(1e-4, pi, "rad")] = 60.0 * _DEGREE
+    depression: Annotated[float, Range(0.0, 0.5 * pi, "rad")] = 30.0 * _DEGREE
+    slices: Annotated[int, Range(1, 64)] = 3
+    rays: Annotated[int, Range(1, 20_000)] = 1024
+    max_range: Annotated[float, Range(0.1, 2000.0, "m")] = 100.0
+    range_step: Annotated[float, Range(1e-3, 10.0, "m")] = 0.1
+    frequency: Annotated[float, Range(1e4, 5e6, "Hz")] = 450e3
+    temperature: Annotated[float, Range(-2.0, 40.0)] = 10.0
+    salinity: Annotated[float, Range(0.0, 45.0)] = 35.0
+    sound_speed: Annotated[float, Range(1300.0, 1800.0, "m/s")] = 1500.0
+    source_level: Annotated[float, Range(100.0, 250.0)] = 210.0
+    noise_level: Annotated[float, Range(0.0, 200.0)] = 75.0
+    seabed_strength: Annotated[float, Range(-80.0, 10.0)] = -27.0
+    object_strength: Annotated[float, Range(-80.0, 10.0)] = -20.0
+    looks: Annotated[float, Range(0.0, 1000.0)] = 2.0
+    error: ErrorModel = ErrorModel(scale=0.005)
+    tvg: Annotated[float, Range(0.0, 1.0)] = 1.0
+    gain: Annotated[float, Range(-100.0, 100.0)] = 18.0
+    contrast: Annotated[float, Range(0.1, 3.0)] = 0.7
+    ground_truth: bool = False
+
+
+class SideScan:
+    """Two beams in the sensor's y-z plane, to port (-y) and to starboard (+y), from above the horizontal to nadir.
+
+    A picture is made by whoever puts the pings one below the other. Not modelled: what sim.sensors.imaging.echoes
+    leaves out,
+    how beams spread as a real array's do within its near field, what one side hears of the other.
+    """
+
+    Model = SideScanModel
+    topic = "side_scan"
+    offloaded = True
+
+    def __init__(self, model: SideScanModel, mounting: Mounting, seed: int, scene: Scene) -> None:
+        need_numpy(self.topic)
+        import numpy as np
+
+        from sim.environment.absorption import francois_garrison
+        from sim.sensors.imaging.echoes import Bins, Pinger, bins_of
+        from sim.sensors.imaging.sonar_picture import Picture, RangeScale
+
+        self._model = model
+        aperture = _aperture(model)
+        absorption = francois_garrison(model.frequency, model.temperature, model.salinity)
+        count = bins_of(0.0, model.max_range, model.range_step)
+        self._bins = Bins(0.0, model.range_step, count, absorption)
+        self._pinger = Pinger(
+            scene, mounting, aperture, model.max_range, absorption, model.seabed_strength, model.object_strength
+        )
+        solid_angle = float(aperture.weights.sum()) / 2.0
+        ranges = (np.arange(count) + 0.5) * model.range_step
+        self._picture = Picture(model, ranges, absorption, solid_angle, seed, self.topic)
+        self._scale = RangeScale(model, mounting, seed, self.topic, scene)
+
+    def add(self, solid: "Solid", state: State) -> None:
+        """Let it hear a solid that goes with a vehicle's `state`, its own axes the body's."""
+        self._pinger.add(solid, state)
+
+    def sample(self, time_ns: int, state: State) -> SideScanSample:
+        """Return the measurement of `state`."""
+        import numpy as np
+
+        from sim.sensors.imaging.sonar_picture import encoding
+
+        m = self._model
+        echoes = self._scale.measure(self._pinger.ping(time_ns, state), state)
+        sides, altitude = np.zeros((2, self._bins.count)), inf
+        if echoes is not None:
+            intensities = self._bins.shares(echoes)
+            sides = intensities.reshape(2, m.slices, -1).sum(axis=1)
+            nearest = float(echoes.near[echoes.energy > 0.0].min(initial=inf))
+            altitude = nearest if nearest <= m.max_range else inf
+        port, starboard = (self._picture.make(side[:, None]) for side in sides)
+        return SideScanSample(
+            time_ns, self._bins.count, m.range_step, m.frequency, m.sound_speed, m.beam_width, m.beam_height, altitude,
+            encoding(m), port, starboard,
+        )  # fmt: skip
+
+
+def _aperture(model: SideScanModel) -> "Aperture":
+    """Port's slices, then starboard's, each from the upper end of the main lobe, or the zenith, down to nadir."""
+    import numpy as np
+
+    from sim.sensors.imaging.echoes import Aperture, main_lobe, pattern
+
+    wide = main_lobe(model.beam_width)
+    along_edges = np.linspace(-wide, wide, model.slices + 1)
+    alongs = 0.5 * (along_edges[1:] + along_edges[:-1])
+    highest = max(-0.5 * pi, model.depression - main_lobe(model.beam_height))
+    edges = np.linspace(highest, 0.5 * pi, model.rays + 1)
+    downs = 0.5 * (edges[1:] + edges[:-1])
+
+    def unit(down: "Floats") -> "Floats":
+        side, along, down = np.meshgrid([-1.0, 1.0], alongs, down, indexing="ij")
+        vectors = [np.sin(along), side * np.cos(along) * np.cos(down), np.cos(along) * np.sin(down)]
+        return np.stack(vectors, axis=-1).reshape(2 * model.slices, -1, 3)
+
+    across = pattern(downs - model.depression, model.beam_height) ** 2 * (edges[1] - edges[0])
+    lengthwise = pattern(alongs, model.beam_width) ** 2 * (np.sin(along_edges[1:]) - np.sin(along_edges[:-1]))
+    weights = np.outer(np.tile(lengthwise, 2), across)
+    return Aperture(unit(downs), unit(edges), weights)

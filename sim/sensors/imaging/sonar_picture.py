@@ -1,0 +1,98 @@
+"""Common part of forward-looking and side-scan sonars: range errors, noise, gain, and grey levels."""
+
+from typing import Protocol
+
+import numpy as np
+
+from sim.dynamics import State
+from sim.environment.water_column import SOUND_SPEED, WaterColumn
+from sim.sensors.error import ErrorModel, ErrorProcess, sensor_random
+from sim.sensors.imaging.echoes import Echoes, Floats, speckled
+from sim.sensors.imaging.samples import Encoding
+from sim.sensors.mounting import Mounting
+from sim.sensors.samples import Scene
+
+
+class _Levels(Protocol):
+    """The keys both models have: see sim.sensors.imaging.forward_sonar.ForwardSonarModel."""
+
+    @property
+    def rate(self) -> float: ...
+    @property
+    def sound_speed(self) -> float: ...
+    @property
+    def source_level(self) -> float: ...
+    @property
+    def noise_level(self) -> float: ...
+    @property
+    def seabed_strength(self) -> float: ...
+    @property
+    def looks(self) -> float: ...
+    @property
+    def error(self) -> ErrorModel: ...
+    @property
+    def tvg(self) -> float: ...
+    @property
+    def gain(self) -> float: ...
+    @property
+    def contrast(self) -> float: ...
+    @property
+    def ground_truth(self) -> bool: ...
+
+
+def encoding(model: _Levels) -> Encoding:
+    """Of what `Picture` makes."""
+    return "float32" if model.ground_truth else "uint8"
+
+
+class RangeScale:
+    """How a device that counts time, with a speed of sound of its own, sees all ranges of a ping.
+
+    Not modelled: how the speed changes along the way; that at the sonar counts.
+    """
+
+    def __init__(self, model: _Levels, mounting: Mounting, seed: int, topic: str, scene: Scene) -> None:
+        self._speed, self._mounting = model.sound_speed, mounting
+        ocean = scene.world.ocean
+        self._column = WaterColumn(ocean.profile, scene.world.gravity) if ocean and ocean.profile else None
+        random = sensor_random(seed, f"{topic}/range")
+        self._error = None if model.ground_truth else ErrorProcess(model.error, 1.0 / model.rate, random)
+
+    def measure(self, echoes: Echoes | None, state: State) -> Echoes | None:
+        """Return the echoes where the device takes them to be; time moves on by one period."""
+        if self._error is None:
+            return echoes
+        true = self._column.sound_speed(self._mounting.depth(state)) if self._column else SOUND_SPEED
+        offset = self._error.measure(0.0)
+        scale = self._error.numbers()[0] * self._speed / true
+        if echoes is None:
+            return None
+        ranges, near, far = (scale * x + offset for x in echoes[:3])
+        return Echoes(ranges, near, far, echoes.energy)
+
+
+class Picture:
+    """Grey levels out of mean intensities (echo / source), in bins whose middles are `ranges` m, one a row.
+
+    `absorption` dB/m; `solid_angle` (sr) is all that one beam hears.
+    """
+
+    def __init__(
+        self, model: _Levels, ranges: Floats, absorption: float, solid_angle: float, seed: int, topic: str
+    ) -> None:
+        self._model = model
+        self._noise = np.float32(10.0 ** (0.1 * (model.noise_level - model.source_level)))
+        self._random = np.random.Generator(np.random.SFC64(sensor_random(seed, topic).getrandbits(64)))
+        losses = 20.0 * np.log10(ranges) + 2.0 * absorption * ranges
+        losses = model.tvg * losses + (1.0 - model.tvg) * np.interp(0.25 * ranges[-1], ranges, losses)
+        white = model.seabed_strength + 10.0 * np.log10(solid_angle) - losses - model.gain
+        self._scale = (10.0 ** (-0.1 * white)).astype(np.float32)[:, None]
+
+    def make(self, mean: Floats) -> bytes:
+        """Return the picture, a row a bin."""
+        if self._model.ground_truth:
+            return np.ascontiguousarray(mean, np.float32).tobytes()
+        intensities = speckled(mean.astype(np.float32) + self._noise, self._model.looks, self._random)
+        grey = 255.0 * (intensities * self._scale) ** np.float32(0.5 * self._model.contrast)
+        made: bytes = np.minimum(grey, 255.0).astype(np.uint8).tobytes()
+        return made

@@ -1,0 +1,1 @@
+"""Sensors that measure distances or velocities along beams."""

@@ -1,0 +1,91 @@
+"""Common part of sensors that measure along beams: directions of rays, and errors of returns."""
+
+from array import array
+from collections.abc import Iterable, Sequence
+from math import cos, inf, isfinite, pi, sin, sqrt
+from random import Random
+
+from sim.dynamics import State
+from sim.rays.scene import RayScene
+from sim.rotations import Quaternion, Vector3, matrix, multiply
+from sim.sensors.error import ErrorModel, ErrorProcess
+from sim.sensors.mounting import Mounting
+from sim.sensors.samples import Scene
+from sim.sensors.surface import submersion
+
+Limits = tuple[float, float]
+
+
+class Beams:
+    """Thin beams of `directions` (unit vectors in the sensor's axes) that reach `reach` m; all as long as they get.
+
+    They meet the seabed and the obstacles of the scene's world. Not modelled: the water's surface, rays that bend,
+    second echoes.
+    """
+
+    def __init__(self, scene: Scene, mounting: Mounting, directions: Iterable[Vector3], reach: float) -> None:
+        self._scene = scene
+        self._mounting = mounting
+        self._axes = mounting.quaternion
+        self._directions = array("d", [x for direction in directions for x in direction])
+        self._reach = reach
+        self._rays = RayScene(scene.world)
+        self._nothing = [inf] * (len(self._directions) // 3)
+
+    def ranges(self, time_ns: int, state: State, turned: Quaternion | None = None) -> Sequence[float]:
+        """True distance along each beam in m, inf without an echo; none out of the water.
+
+        `turned` is how a head stands in the sensor's axes, for one that turns.
+        """
+        place = self._mounting.place(state)
+        if submersion(self._scene, time_ns, place) <= 0.0:
+            return self._nothing
+        axes = multiply(self._axes, turned) if turned else self._axes
+        return self._rays.ranges(place, self._directions, self._reach, matrix(multiply(state.quaternion, axes)))
+
+
+class RangeErrors:
+    """The errors of one device that measures many distances at once, every `period` s.
+
+    What is constant or wanders is the same for all beams; the noise is each one's own.
+    """
+
+    def __init__(self, model: ErrorModel, period: float, random: Random, limits: Limits) -> None:
+        slow = model._replace(noise=0.0, noise_density=0.0, resolution=0.0, limit=0.0)
+        self._drift = ErrorProcess(slow, period, random)
+        self._gain = self._drift.numbers()[0]
+        self._noise = sqrt(model.noise**2 + model.noise_density**2 / period)
+        self._resolution, self._limit = model.resolution, model.limit
+        self._gauss = random.gauss
+        self._limits = limits
+
+    def measure(self, true: Sequence[float]) -> tuple[float, ...]:
+        """One measurement of each: inf beyond the limits and -inf below; time moves on by one period."""
+        gain, drift, noise, gauss = self._gain, self._drift.measure(0.0), self._noise, self._gauss
+        values = [gain * x + drift + gauss(0.0, noise) for x in true] if noise else [gain * x + drift for x in true]
+        if step := self._resolution:
+            values = [round(x / step) * step if isfinite(x) else x for x in values]
+        if most := self._limit:
+            values = [min(x, most) for x in values]
+        return within(values, true, self._limits)
+
+
+def within(values: Sequence[float], true: Sequence[float], limits: Limits) -> tuple[float, ...]:
+    """Return the values, with inf and -inf for those whose true distance is beyond or below the limits (m)."""
+    near, far = limits
+    return tuple([x if near <= t <= far else inf if t > far else -inf for x, t in zip(values, true, strict=True)])
+
+
+def cone(width: float, height: float, rings: int) -> list[Vector3]:
+    """Unit vectors that fill a beam about the x axis, `width` rad to the sides (y) and `height` rad up and down (z).
+
+    One in the middle, and 6, 12, 18, ... on each of `rings` ellipses, the last of which is the beam's edge.
+    """
+    directions = [(1.0, 0.0, 0.0)]
+    for ring in range(1, rings + 1):
+        share = 0.5 * ring / rings
+        for i in range(6 * ring):
+            angle = 2.0 * pi * i / (6 * ring)
+            starboard, down = share * width * cos(angle), share * height * sin(angle)
+            directions.append((cos(starboard) * cos(down), sin(starboard) * cos(down), sin(down)))
+    return directions

@@ -1,0 +1,166 @@
+"""A Doppler velocity log: four slanted beams, each with its own velocity, range and lock."""
+
+from collections.abc import Sequence
+from math import cos, inf, nan, pi, sin, sqrt
+from operator import mul
+from typing import Annotated, NamedTuple
+
+from hil.common.schema import Range
+from sim.assembly import make_error_bank
+from sim.dynamics import State
+from sim.matrices import Matrix, inverse, product, transpose
+from sim.rotations import Vector3, down_axis, rotate
+from sim.sensors.error import ErrorModel, sensor_random, variance
+from sim.sensors.mounting import Mounting
+from sim.sensors.ranging.ground import Ground
+from sim.sensors.samples import DVL, Covariance, DvlSample, Scene
+
+_BEAMS = 4
+_LEAST_BEAMS = 3  # for three components of velocity
+_A_LITTLE = 1e-6
+
+
+class _Fit(NamedTuple):
+    """What a set of beams say together.
+
+    The beams, zero where not locked, and the 3 x 4 that turns speeds along them into the velocity by least squares; the
+    covariance of that velocity, and the variance of the altitude over level ground.
+    """
+
+    beams: Matrix
+    solution: Matrix
+    covariance: Covariance
+    altitude_variance: float
+
+
+class DvlModel(NamedTuple):
+    """Rate in Hz (0: none), slant of the beams from straight down, reach and errors.
+
+    Nortek DVL1000 300 m as set in DAVE (Field Robotics Lab): 8 Hz, 25 deg, 0.2 to 75 m, 0.015 m/s; here
+    that is the noise of each beam. Range noise: uuv_simulator's 0.005 m.
+    """
+
+    rate: Annotated[float, Range(0.0, 100.0, "Hz")] = 8.0
+    tilt: Annotated[float, Range(0.087, 1.05, "rad")] = 0.4363323
+    min_range: Annotated[float, Range(0.0, 10.0, "m")] = 0.2
+    max_range: Annotated[float, Range(0.1, 1000.0, "m")] = 75.0
+    velocity: ErrorModel = ErrorModel(noise=0.015)
+    range: ErrorModel = ErrorModel(noise=0.005)
+
+    def validate(self) -> str | None:
+        """Return what is wrong between the keys, or None."""
+        return "min_range is not below max_range" if self.min_range >= self.max_range else None
+
+
+class Dvl:
+    """One log, its thin beams at 45, 135 ... deg about its own z axis.
+
+    A beam is locked while the seabed or an obstacle is within its reach and the sensor is under water. From three or
+    four locked beams velocity is the least-squares solution, and altitude the distance to the plane that fits the
+    points where they end, so that neither needs the attitude.
+    """
+
+    Model = DvlModel
+    topic = DVL
+
+    def __init__(self, model: DvlModel, mounting: Mounting, seed: int, scene: Scene) -> None:
+        self._limits = model.min_range, model.max_range
+        self._mounting = mounting
+        self._seabed = scene.world.depth
+        models = [model.velocity, model.range] * _BEAMS
+        self._errors = make_error_bank(models, 1.0 / model.rate, sensor_random(seed, DVL))
+        self._beams = _janus(model.tilt)
+        self._body_beams = [rotate(mounting.quaternion, beam) for beam in self._beams]  # the same in body axes
+        self._ground = Ground(scene.world, mounting, self._body_beams, model.max_range)
+        period = 1.0 / model.rate
+        self._speed_variance, self._range_variance = variance(model.velocity, period), variance(model.range, period)
+        self._fits: dict[tuple[bool, ...], _Fit] = {}
+
+    def sample(self, time_ns: int, state: State) -> DvlSample:
+        """Return the measurement of `state`."""
+        ranges = self._ranges(state)
+        u, v, w = self._mounting.velocity(state.nu)
+        true: list[float] = []
+        for (x, y, z), distance in zip(self._body_beams, ranges, strict=True):
+            true += (x * u + y * v + z * w, distance or 0.0)
+        measured = self._errors.measure(true)  # every error moves on, locked or not: time passes for all
+        locked = tuple(map(bool, ranges))
+        if sum(locked) < _LEAST_BEAMS:
+            return DvlSample(time_ns, (nan, nan, nan), nan, False)
+        fit = self._fits.get(locked) or self._fit(locked)
+        speeds = measured[::2]
+        u, v, w = [sum(map(mul, row, speeds)) for row in fit.solution]
+        altitude = _distance_to_plane(fit.beams, measured[1::2])
+        return DvlSample(time_ns, (u, v, w), altitude, True, fit.covariance, fit.altitude_variance)
+
+    def _fit(self, locked: tuple[bool, ...]) -> _Fit:
+        """Return what these beams say together, made once for each set of them."""
+        rows = [list(beam) if held else [0.0, 0.0, 0.0] for beam, held in zip(self._beams, locked, strict=True)]
+        columns = transpose(rows)
+        spread = inverse(product(columns, rows))
+        a, b, c, d, e, f, g, h, i = [self._speed_variance * x for row in spread for x in row]
+        parts = [_share_of_altitude(rows, number) for number, held in enumerate(locked) if held]
+        altitude_variance = self._range_variance * sum([part * part for part in parts])
+        self._fits[locked] = fit = _Fit(rows, product(spread, columns), (a, b, c, d, e, f, g, h, i), altitude_variance)
+        return fit
+
+    def _ranges(self, state: State) -> list[float | None]:
+        """True distance along each beam in m, None where it is not locked."""
+        depth = self._mounting.depth(state)
+        if depth <= 0.0:
+            return [None] * _BEAMS
+        near, far = self._limits
+        distances, across = self._flat_ranges(state, self._seabed - depth)
+        if not self._ground.is_flat(state, across):
+            distances = self._ground.ranges(state)
+        return [distance if near <= distance <= far and distance > 0.0 else None for distance in distances]
+
+    def _flat_ranges(self, state: State, height: float) -> tuple[Sequence[float], float]:
+        """Distances to a flat seabed `height` m below the sensor, inf for none; and how far across the longest goes."""
+        down_x, down_y, down_z = down_axis(state.quaternion)
+        _, far = self._limits
+        distances, across = [], 0.0
+        for x, y, z in self._body_beams:
+            down = down_x * x + down_y * y + down_z * z
+            distance = height / down if down > 0.0 else inf
+            distances.append(distance)
+            across = max(across, min(distance, far) * sqrt(max(0.0, 1.0 - down * down)))
+        return distances, across
+
+
+def _janus(tilt: float) -> list[Vector3]:
+    """Unit vectors of the beams, `tilt` rad from straight down, between the axes seen from above."""
+    angles = [pi / 4.0 + k * pi / 2.0 for k in range(_BEAMS)]
+    return [(sin(tilt) * cos(angle), sin(tilt) * sin(angle), cos(tilt)) for angle in angles]
+
+
+def _share_of_altitude(beams: Matrix, number: int) -> float:
+    """How much the altitude over level ground grows with the length of one beam: found by making it a little longer."""
+    level = [1.0 / z if z else 0.0 for _, _, z in beams]
+    longer = [length + _A_LITTLE * (at == number) for at, length in enumerate(level)]
+    return (_distance_to_plane(beams, longer) - _distance_to_plane(beams, level)) / _A_LITTLE
+
+
+def _distance_to_plane(beams: Matrix, ranges: Sequence[float]) -> float:
+    """From the origin to the plane n p = 1 that fits the ends of the beams by least squares, in m: 1 / |n|.
+
+    `beams` are unit vectors, `ranges` in m. The normal equations of three unknowns, by Cramer's rule: a beam that is
+    zero adds nothing to them.
+    """
+    xx = xy = xz = yy = yz = zz = x = y = z = 0.0
+    for (a, b, c), distance in zip(beams, ranges, strict=True):
+        a, b, c = distance * a, distance * b, distance * c
+        xx += a * a
+        xy += a * b
+        xz += a * c
+        yy += b * b
+        yz += b * c
+        zz += c * c
+        x += a
+        y += b
+        z += c
+    i, j, k = yy * zz - yz * yz, yz * xz - xy * zz, xy * yz - yy * xz
+    ll, m, n = xx * zz - xz * xz, xy * xz - xx * yz, xx * yy - xy * xy
+    a, b, c = i * x + j * y + k * z, j * x + ll * y + m * z, k * x + m * y + n * z
+    determinant = xx * i + xy * j + xz * k
+    return float(abs(determinant) / (a * a + b * b + c * c) ** 0.5)

@@ -1,0 +1,93 @@
+"""Variances of sensor errors, for messages that have a field for them.
+
+Of each quantity the variance of its white noise, of its wandering bias and of what is drawn when the run starts
+(`sim.sensors.error.variance`); the error of the scale, which grows with the value, is not in it. The GPS, the USBL and
+the velocity log say it with each sample instead, as theirs depends on what was measured.
+"""
+
+from collections.abc import Callable, Mapping
+from math import hypot
+from typing import Any
+
+from sim.environment.world import World
+from sim.sensors.error import ErrorModel, variance
+from sim.sensors.suite import SensorSet
+
+Spread = tuple[float, ...]
+
+
+def spreads(suite: SensorSet, world: World) -> Mapping[str, Spread]:
+    """By the topic of a sensor its variances, in the units and the order of its message; absent where there are none.
+
+    imu and ahrs: roll and pitch, yaw (rad²), angular velocity (rad²/s²), acceleration (m²/s⁴). odom: horizontal
+    position, depth (m²), attitude (rad²), velocity (m²/s²), angular velocity. magnetometer: x and y, z (T²). Others:
+    the one.
+    """
+    topics = {fitted.sensor.topic: fitted.model for fitted in suite.values() if fitted.sensor.topic in _SPREADS}
+    return {topic: _SPREADS[topic](model, world) for topic, model in topics.items()}
+
+
+def _imu(model: Any, _: World) -> Spread:
+    attitude = _variance(model, "attitude")
+    return attitude, attitude, _variance(model, "angular_velocity"), _variance(model, "acceleration")
+
+
+def _ahrs(model: Any, world: World) -> Spread:
+    """Of the attitude what the filter leaves of the errors of what it is fed with, while the vehicle rests.
+
+    A share of the tilt that the accelerometer shows, and of the heading that the magnetometer shows, is taken up each
+    period: constant errors pass whole, white noise by share / (2 - share); the gyros' constant error stands for the
+    time of the filter's memory, their noise walks until it is forgotten. A tilt leans the field into the heading by
+    the tangent of its inclination.
+    """
+    from sim.sensors.magnetometer import earth_field  # with such a unit it is loaded anyway
+
+    period = 1.0 / model.rate
+    north, east, down = earth_field(world)
+    across = hypot(north, east)
+    level = _filtered(model.acceleration, model.angular_velocity, period, model.level_time, world.gravity)
+    heading = _filtered(model.magnetic_field, model.angular_velocity, period, model.heading_time, across)
+    heading += level * (down / across) ** 2
+    return level, heading, _variance(model, "angular_velocity"), _variance(model, "acceleration")
+
+
+def _filtered(reference: ErrorModel, gyro: ErrorModel, period: float, memory: float, size: float) -> float:
+    """Return the variance of an angle (rad²) that follows a reference of that `size` with that `memory` (s)."""
+    share = min(1.0, period / memory)
+    lasting, gyro_lasting = _lasting(reference), _lasting(gyro)
+    noise, gyro_noise = variance(reference, period) - lasting, variance(gyro, period) - gyro_lasting
+    of_reference = (lasting + noise * share / (2.0 - share)) / size**2
+    return of_reference + (gyro_lasting / share + gyro_noise / (2.0 - share)) * period**2 / share
+
+
+def _lasting(model: ErrorModel) -> float:
+    return model.turn_on**2 + model.bias**2
+
+
+def _odometry(model: Any, _: World) -> Spread:
+    names = "horizontal", "depth", "attitude", "velocity", "angular_velocity"
+    return tuple([_variance(model, name) for name in names])
+
+
+def _magnetometer(model: Any, _: World) -> Spread:
+    return _variance(model, "error_xy"), _variance(model, "error_z")
+
+
+def _one(name: str) -> Callable[[Any, World], Spread]:
+    return lambda model, _: (_variance(model, name),)
+
+
+def _variance(model: Any, name: str) -> float:
+    return variance(getattr(model, name), 1.0 / model.rate)
+
+
+_SPREADS: dict[str, Callable[[Any, World], Spread]] = {
+    "imu": _imu,
+    "ahrs": _ahrs,
+    "odom": _odometry,
+    "magnetometer": _magnetometer,
+    "pressure": _one("error"),
+    "altimeter": _one("error"),
+    "echosounder": _one("error"),
+    "dvl_water": _one("velocity"),
+}

@@ -1,0 +1,117 @@
+"""Ballast of a vehicle: a variable buoyancy engine, and weights that it can drop."""
+
+from collections.abc import Sequence
+from typing import Annotated, NamedTuple
+
+from hil.common.schema import Range
+from sim.forces import Wrench, lift_wrench
+from sim.rotations import Rotation
+from sim.vehicle.servos import Servos
+from sim.vehicle.thruster_model import PULSE_MAX_US, Point, Pulse, is_pulse
+
+RELEASE_US = 1700  # a pulse above, up to PULSE_MAX_US, lets a weight go
+
+Volume = Annotated[float, Range(0.0, 100.0)]
+
+
+class BuoyancyEngine(NamedTuple):
+    """A bladder at `position` that pumps oil or water: volumes in m³, `rate` in m³/s.
+
+    The vehicle's own volume holds `neutral_volume`, at which the engine lifts nothing; it begins there. A pulse asks
+    for a volume: `pwm_neutral_us` for the neutral one, the ends of the range for the least and the most, straight
+    lines between. Without a valid pulse (800..2200 us) the volume stays. Not modelled: the mass of what it pumps
+    about in the vehicle, its power, weaker pumping at depth, the engine standing out of the water.
+    """
+
+    position: Point
+    min_volume: Volume
+    neutral_volume: Volume
+    max_volume: Volume
+    rate: Annotated[float, Range(1e-9, 10.0)]
+    pwm_neutral_us: Pulse = 1500
+    pwm_min_us: Pulse = 1100
+    pwm_max_us: Pulse = 1900
+
+    def validate(self) -> str | None:
+        """Return what is wrong between the keys, or None."""
+        if not self.min_volume <= self.neutral_volume <= self.max_volume:
+            return "volumes must grow from min_volume over neutral_volume to max_volume"
+        if not self.pwm_min_us < self.pwm_neutral_us < self.pwm_max_us:
+            return "pulses must grow from pwm_min_us over pwm_neutral_us to pwm_max_us"
+        return None
+
+    def volume(self, pwm_us: int) -> float:
+        """Return the volume (m³) that a pulse asks for."""
+        offset = pwm_us - self.pwm_neutral_us
+        if offset > 0:
+            share = min(1.0, offset / (self.pwm_max_us - self.pwm_neutral_us))
+            return self.neutral_volume + share * (self.max_volume - self.neutral_volume)
+        share = min(1.0, offset / (self.pwm_min_us - self.pwm_neutral_us))
+        return self.neutral_volume + share * (self.min_volume - self.neutral_volume)
+
+
+class Bladder:
+    """The lift of a buoyancy engine whose water weighs `specific_weight` N/m³."""
+
+    def __init__(self, engine: BuoyancyEngine, specific_weight: float, dt: float) -> None:
+        self._engine = engine
+        self._specific_weight = specific_weight
+        self.servos = Servos([engine.neutral_volume], [1.0], [engine.rate * dt])
+        self._pwm_us = 0
+
+    @property
+    def volume(self) -> float:
+        """The present volume in m³."""
+        return self.servos.values[0]
+
+    def step(self, pwm_us: int) -> None:
+        """Let it pump for one step."""
+        self.command(pwm_us)
+        self.servos.follow()
+
+    def command(self, pwm_us: int) -> None:
+        """Let it pump towards what this pulse (us) asks for; without a pulse it stops."""
+        if pwm_us != self._pwm_us:
+            self.servos.aim([self._engine.volume(pwm_us) if is_pulse(pwm_us) else self.volume])
+            self._pwm_us = pwm_us
+
+    def begin(self, time_ns: int) -> None:
+        """Nothing changes with time but the volume."""
+
+    def wrench(self, position: Sequence[float], rotation: Rotation, nu_r: Sequence[float]) -> Wrench:
+        """Return its lift (N, N m, body axes about the origin)."""
+        lift = self._specific_weight * (self.volume - self._engine.neutral_volume)
+        x, y, z = self._engine.position
+        return lift_wrench((lift, lift * x, lift * y, lift * z), rotation)
+
+    def numbers(self) -> list[float]:
+        """Return all that `wrench` uses but the volume, in a row: what the C twin is made of."""
+        return [*self._engine.position, self._specific_weight, self._engine.neutral_volume]
+
+
+class DropWeight(NamedTuple):
+    """A weight that the vehicle can let go: its mass and volume (m³) are part of the vehicle's, at `position`.
+
+    A pulse above 1700 us on its channel releases it, for good.
+    """
+
+    name: str
+    mass: Annotated[float, Range(1e-3, 1e5, "kg")]
+    position: Point
+    volume: Volume = 0.0
+
+    def validate(self) -> str | None:
+        """Return an error if the weight has no name, else None."""
+        return None if self.name else "name: give one"
+
+
+class Release(NamedTuple):
+    """The drop weight `name` goes at `time` s of simulated time, whatever the pulses say."""
+
+    name: str
+    time: Annotated[float, Range(0.0, 1e7, "s")] = 0.0
+
+
+def is_release(pwm_us: int) -> bool:
+    """True if this pulse lets a weight go."""
+    return RELEASE_US < pwm_us <= PULSE_MAX_US

@@ -1,0 +1,120 @@
+"""A battery whose voltage falls under load: open-circuit voltage by charge, inner resistance, cut-off."""
+
+from collections.abc import Sequence
+from typing import Annotated, NamedTuple
+
+from hil.common.schema import Range
+from sim.interpolation import interpolate
+
+Fraction = Annotated[float, Range(0.0, 1.0)]
+Volts = Annotated[float, Range(0.1, 1000.0)]
+
+
+class Battery(NamedTuple):
+    """One battery pack.
+
+    `capacity_wh` (Wh) is what it gives from full to empty at open-circuit voltage. `open_circuit` (V) stands at
+    the fractions `charge` of its charge, straight lines between. `resistance` (ohm) is that of pack and wires,
+    `hotel_current` (A) what all but the thrusters take, `start` the fraction it begins with. It
+    switches off for good when empty, or when the terminals have stood below `cut_off` (V) for `cut_off_delay` (s)
+    without a break: a shorter sag, as when all thrusters start, is ridden out. The default is that of a monitor
+    of such packs (Texas Instruments bq77PL900, data sheet SLUS844B, UVD: 1 s, to be set from 1 to 8 s).
+    Not modelled: heat, ageing, relaxation after a load.
+    """
+
+    capacity_wh: Annotated[float, Range(0.01, 1e6)]
+    charge: tuple[Fraction, ...]
+    open_circuit: tuple[Volts, ...]
+    resistance: Annotated[float, Range(0.0, 10.0)]
+    cut_off: Annotated[float, Range(0.0, 1000.0)] = 0.0
+    cut_off_delay: Annotated[float, Range(0.0, 600.0, "s")] = 1.0
+    hotel_current: Annotated[float, Range(0.0, 1000.0)] = 0.0
+    start: Fraction = 1.0
+
+    def validate(self) -> str | None:
+        """Return what is wrong between the keys, or None."""
+        if len(self.charge) != len(self.open_circuit) or len(self.charge) < 2:
+            return f"{len(self.charge)} charge and {len(self.open_circuit)} open_circuit: as many of each, at least two"
+        if self.charge[0] != 0.0 or self.charge[-1] != 1.0:
+            return "charge: begins with 0, empty, and ends with 1, full"
+        if any(b <= a for a, b in zip(self.charge, self.charge[1:], strict=False)):
+            return "charge: each must be greater than the one before"
+        if any(b < a for a, b in zip(self.open_circuit, self.open_circuit[1:], strict=False)):
+            return "open_circuit: falls where the charge grows"
+        return None
+
+    @property
+    def capacity_ah(self) -> float:
+        """The charge in Ah that makes `capacity_wh` at open-circuit voltage."""
+        ends = zip(self.charge, self.charge[1:], self.open_circuit, self.open_circuit[1:], strict=False)
+        return self.capacity_wh / sum((b - a) * (low + high) / 2.0 for a, b, low, high in ends)
+
+
+class BatteryState(NamedTuple):
+    """What a battery monitor reads: volts at the terminals, amperes drawn, Ah used, fraction left, switched off."""
+
+    voltage: float
+    current: float
+    used_ah: float
+    fraction: float
+    cut_off: bool
+
+
+class BatteryPack:
+    """The state of a battery, stepped with its load."""
+
+    def __init__(self, battery: Battery) -> None:
+        self._battery = battery
+        self._capacity = battery.capacity_ah
+        self._fraction = battery.start
+        self._voltage = self.open_circuit
+        self._current = 0.0
+        self._used = 0.0
+        self._off = False
+        self._under = 0.0  # s below cut_off so far
+
+    @property
+    def open_circuit(self) -> float:
+        """The voltage in V without load, now."""
+        return interpolate(self._battery.charge, self._battery.open_circuit, self._fraction)
+
+    @property
+    def state(self) -> BatteryState:
+        """What it does now."""
+        return BatteryState(self._voltage, self._current, self._used, self._fraction, self._off)
+
+    def step(self, volts: Sequence[float], amperes: Sequence[float], dt: float) -> tuple[int, float]:
+        """Feed a load that draws `amperes` at `volts` (from 0 up), straight lines between, for `dt` s.
+
+        The voltage V with V + resistance I(V) = open circuit lies on one of these lines and is solved there, so
+        nothing iterates. Returns where: the piece of `volts` and the share of the way along it; (0, 0) when off.
+        """
+        if self._off:
+            return 0, 0.0
+        piece, share = self._solve(volts, amperes)
+        self._voltage = volts[piece] + share * (volts[piece + 1] - volts[piece])
+        self._current = amperes[piece] + share * (amperes[piece + 1] - amperes[piece]) + self._battery.hotel_current
+        if share == 1.0:  # above the last of `volts` the current holds
+            self._voltage = self.open_circuit - self._battery.resistance * self._current
+        self._under = self._under + dt if self._voltage < self._battery.cut_off else 0.0
+        if self._under > self._battery.cut_off_delay or self._fraction <= 0.0 or self._voltage <= 0.0:
+            self._off, self._voltage, self._current = True, self.open_circuit, 0.0
+            return 0, 0.0
+        self._use(dt)
+        return piece, share
+
+    def _solve(self, volts: Sequence[float], amperes: Sequence[float]) -> tuple[int, float]:
+        resistance = self._battery.resistance
+        behind = self.open_circuit - resistance * self._battery.hotel_current
+        start = volts[0] + resistance * amperes[0]
+        for piece in range(len(volts) - 1):
+            end = volts[piece + 1] + resistance * amperes[piece + 1]
+            if behind < end:
+                return piece, max(0.0, (behind - start) / (end - start))
+            start = end
+        return len(volts) - 2, 1.0
+
+    def _use(self, dt: float) -> None:
+        used = self._current * dt / 3600.0
+        self._used += used
+        self._fraction = max(0.0, self._fraction - used / self._capacity)

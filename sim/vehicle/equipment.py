@@ -1,0 +1,92 @@
+"""Equipment of a vehicle beside hull and thrusters: fins, hull lift, cross-flow drag, buoyancy engine, drop weights.
+
+Loaded only for a vehicle whose file has one of these keys:
+
+    [[fins]]               sim/vehicle/fins.py; what all fins share may stand once, in [every_fin]
+    [lift], [cross_flow]   sim/vehicle/body_lift.py, as are forward_speed_damping = [...] and [fading_damping]
+    [buoyancy_engine]      sim/vehicle/ballast.py, as are
+    [[drop_weights]]
+"""
+
+from collections.abc import Sequence
+
+from hil.common.errors import ConfigError
+from sim.forces import Force
+from sim.vehicle.ballast import Bladder, DropWeight, Release, is_release
+from sim.vehicle.body_lift import CrossFlowDrag, HullLift, SlowDamping, SpeedDamping
+from sim.vehicle.fins import FinSet
+from sim.vehicle.vehicle import Vehicle
+
+
+class Equipment:
+    """The equipment of one vehicle in water of `density` kg/m³ under `gravity` m/s², stepped every `dt` s.
+
+    `forces` is what of it pushes; `fins` and `bladder` are None if there are none; `aboard` the weights not dropped.
+    Raises ConfigError for a release of a weight that there is not.
+    """
+
+    def __init__(
+        self, vehicle: Vehicle, density: float, gravity: float, dt: float, releases: Sequence[Release] = ()
+    ) -> None:
+        self._fins = vehicle.fins
+        self.fins = FinSet(vehicle.fins, density, dt) if vehicle.fins else None
+        engine = vehicle.buoyancy_engine
+        self.bladder = Bladder(engine, density * gravity, dt) if engine else None
+        self._weights = vehicle.drop_weights
+        self.aboard = {weight.name: weight for weight in self._weights}
+        for release in releases:
+            self._known(release.name)
+        self._releases = sorted(releases, key=lambda release: release.time)
+        self.forces = self._forces(vehicle, density)
+
+    def step(self, time_ns: int, pwm_us: Sequence[int]) -> list[DropWeight]:
+        """Take the pulses (us) of fins, engine and weights for one step; the weights that go now."""
+        going = self.command(tuple(pwm_us))
+        for part in (self.fins, self.bladder):
+            if part:
+                part.servos.follow()
+        while self._releases and self._releases[0].time * 1e9 <= time_ns:
+            weight = self.aboard.pop(self._releases.pop(0).name, None)
+            going += [weight] if weight else []
+        return going
+
+    def command(self, pwm_us: tuple[int, ...]) -> list[DropWeight]:
+        """Let fins and engine follow these pulses (us); the weights that they let go."""
+        count = len(self._fins)
+        if self.fins:
+            self.fins.command(pwm_us[:count])
+        if self.bladder:
+            self.bladder.command(pwm_us[count])
+            count += 1
+        going = [weight.name for weight, pulse in zip(self._weights, pwm_us[count:], strict=True) if is_release(pulse)]
+        return [self.aboard.pop(name) for name in going if name in self.aboard]
+
+    @property
+    def is_timed(self) -> bool:
+        """True if a weight goes at a set time."""
+        return bool(self._releases)
+
+    def take(self, name: str) -> DropWeight:
+        """Return the weight `name`, which is aboard no more. Raises ConfigError if it was not."""
+        self._known(name)
+        if name not in self.aboard:
+            raise ConfigError(f"release: {name!r} has been dropped already")
+        return self.aboard.pop(name)
+
+    def _known(self, name: str) -> None:
+        names = [weight.name for weight in self._weights]
+        if name not in names:
+            raise ConfigError(f"release: no drop weight {name!r}; there are: {', '.join(names) or 'none'}")
+
+    def _forces(self, vehicle: Vehicle, density: float) -> list[Force]:
+        forces: list[Force] = []
+        if vehicle.lift:
+            forces.append(HullLift(vehicle.lift, density))
+        if vehicle.cross_flow:
+            forces.append(CrossFlowDrag(vehicle.cross_flow, vehicle.dimensions, density))
+        if vehicle.forward_speed_damping:
+            forces.append(SpeedDamping(vehicle.forward_speed_damping))
+        if vehicle.fading_damping:
+            forces.append(SlowDamping(vehicle.fading_damping))
+        forces += [force for force in (self.fins, self.bladder) if force is not None]
+        return forces

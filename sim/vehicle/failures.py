@@ -1,0 +1,154 @@
+"""Thruster failures at a set time or on command. The same failures and seed give the same numbers."""
+
+from collections import deque
+from collections.abc import Iterable, Sequence
+from math import exp, sqrt
+from random import Random
+from typing import Annotated, Literal, NamedTuple
+
+from hil.common.errors import ConfigError
+from hil.common.schema import Range
+
+NOISE_TIME_CONSTANT = 0.05  # s
+
+Kind = Literal["off", "efficiency", "stuck", "delayed", "noisy", "repaired"]
+_KEYS = {"efficiency": "efficiency", "stuck": "pwm_us", "delayed": "delay", "noisy": "noise"}
+
+
+class Failure(NamedTuple):
+    """What happens to the thruster named `thruster` at `time` s of simulated time.
+
+    off: no output. efficiency: thrust times `efficiency`. stuck: runs at `pwm_us`, or if 0 at the pulse it then
+    has. delayed: pulses act `delay` later. noisy: thrust times 1 + noise of standard deviation `noise`, of 50 ms
+    correlation whatever the step. repaired: all failures of this thruster end. Kinds add up; a second one of a
+    kind replaces the first. Where several tell a pulse, off comes before stuck, stuck before delayed.
+    """
+
+    thruster: str
+    kind: Kind
+    time: Annotated[float, Range(0.0, 1e7, "s")] = 0.0
+    efficiency: Annotated[float, Range(0.0, 1.0)] = 1.0
+    pwm_us: Annotated[int, Range(0, 2200)] = 0
+    delay: Annotated[float, Range(0.0, 10.0, "s")] = 0.0
+    noise: Annotated[float, Range(0.0, 2.0)] = 0.0
+
+    def validate(self) -> str | None:
+        """Return what is wrong between the keys, or None."""
+        for kind, key in _KEYS.items():
+            given = getattr(self, key) != self._field_defaults[key]
+            if kind == self.kind and not given and kind != "stuck":
+                return f"kind {kind!r} of {self.thruster!r} does nothing without {key}"
+            if kind != self.kind and given:
+                return f"{key} belongs to kind {kind!r}, not {self.kind!r}"
+        return None
+
+
+class _Faults:
+    """What is wrong with one thruster now."""
+
+    __slots__ = ("delayed", "efficiency", "known", "noise", "off", "offset", "random", "stuck_us")
+
+    def __init__(self, random: Random) -> None:
+        self.random = random
+        self.repair()
+
+    def repair(self) -> None:
+        """Nothing is wrong."""
+        self.known: dict[Kind, Failure] = {}
+        self.off = False
+        self.efficiency = 1.0
+        self.stuck_us: int | None = None
+        self.delayed: deque[int] | None = None  # the pulses under way, the next first
+        self.noise = self.offset = 0.0
+
+    def pulse(self, pwm_us: int) -> int:
+        """Return the pulse that acts when `pwm_us` comes."""
+        if self.delayed is not None:
+            self.delayed.append(pwm_us)
+            pwm_us = self.delayed.popleft()
+        if self.stuck_us is not None:
+            pwm_us = self.stuck_us
+        return 0 if self.off else pwm_us
+
+    def factor(self, decay: float) -> float:
+        """Return what share of the thrust there is; `decay` is how much of its noise a step leaves."""
+        if self.noise:
+            fresh = self.noise * sqrt(1.0 - decay * decay)
+            self.offset = decay * self.offset + self.random.gauss(0.0, fresh)
+        return self.efficiency * (1.0 + self.offset)
+
+
+class Failures:
+    """The failures of a vehicle whose thrusters are called `names`, stepped every `dt` s.
+
+    `step` is how many steps it has made, `pwm_us` the pulses of the last one.
+    """
+
+    def __init__(self, names: Sequence[str], dt: float, seed: int, step: int = 0, pwm_us: tuple[int, ...] = ()) -> None:
+        self._names = list(names)
+        self._dt = dt
+        self._decay = exp(-dt / NOISE_TIME_CONSTANT)
+        self._faults = [_Faults(Random(f"{seed}:failure:{name}")) for name in names]
+        self._due: list[tuple[int, int, Failure]] = []  # step, order of arrival, failure: the next last
+        self._count = 0
+        self._step = step
+        self._last = pwm_us or (0,) * len(self._names)
+
+    def add(self, failures: Iterable[Failure]) -> None:
+        """Plan failures; one whose time has passed begins with the next step. Raises ConfigError."""
+        for failure in failures:
+            self._index(failure.thruster)
+            # The step that ends after `time`; a hair less than a whole step is a whole one.
+            self._due.append((int(failure.time / self._dt + 1e-6), self._count, failure))
+            self._count += 1
+        self._due.sort(key=lambda due: due[:2], reverse=True)
+        self._begin_due()
+
+    def of(self, name: str) -> tuple[Failure, ...]:
+        """Return what is wrong with the thruster `name` now, as it was said. Raises ConfigError."""
+        return tuple(self._faults[self._index(name)].known.values())
+
+    def pulses(self, pwm_us: tuple[int, ...]) -> tuple[int, ...]:
+        """Return the pulses that act in this step when these come."""
+        self._begin_due()
+        self._step += 1
+        if len(pwm_us) != len(self._names):
+            return pwm_us  # the thrusters refuse them
+        self._last = tuple([faults.pulse(us) for faults, us in zip(self._faults, pwm_us, strict=True)])
+        return self._last
+
+    def thrusts(self, thrusts: Sequence[float]) -> list[float]:
+        """Return what is left of these thrusts (N) in this step."""
+        return [thrust * faults.factor(self._decay) for thrust, faults in zip(thrusts, self._faults, strict=True)]
+
+    def _begin_due(self) -> None:
+        """Begin what is due with the next step."""
+        while self._due and self._due[-1][0] <= self._step:
+            self._begin(self._due.pop()[2])
+
+    def _begin(self, failure: Failure) -> None:
+        index = self._index(failure.thruster)
+        faults = self._faults[index]
+        if failure.kind == "off":
+            faults.off = True
+        elif failure.kind == "efficiency":
+            faults.efficiency = failure.efficiency
+        elif failure.kind == "stuck":
+            faults.stuck_us = failure.pwm_us or self._last[index]
+        elif failure.kind == "delayed":
+            faults.delayed = deque([self._last[index]] * round(failure.delay / self._dt))
+        elif failure.kind == "noisy":
+            faults.noise = failure.noise
+        else:
+            faults.repair()
+            return
+        faults.known[failure.kind] = failure
+
+    def _index(self, name: str) -> int:
+        if name in self._names:
+            return self._names.index(name)
+        import difflib  # only on the way to an error
+
+        close = difflib.get_close_matches(name, self._names, n=1, cutoff=0.5)
+        hint = f"; did you mean {close[0]!r}?" if close else ""
+        raise ConfigError(f"failure: no thruster {name!r}{hint}; there are: {', '.join(self._names)}")

@@ -1,0 +1,227 @@
+"""Fins: plates that a servo turns in the flow, with lift, drag, stall, and the servo's lag.
+
+The water meets a fin with the velocity of that place of the vehicle, turning included, of which what goes along
+the fin's axis does nothing. In the plane across the axis lift is at right angles to this flow and drag along it:
+
+    L = 1/2 rho V² A C_L(alpha),  D = 1/2 rho V² A C_D(alpha),  alpha = deflection - angle of the flow
+
+so a fin never makes energy (unless the hull straightens its flow, see `Fin.straightening`), and works going astern
+as well as ahead. Not modelled: the water's inertia, the wake of one fin at another, the jet of the propeller,
+loss of lift at the surface.
+"""
+
+from collections.abc import Sequence
+from math import atan2, exp, hypot, inf, pi, remainder, sin, sqrt
+from typing import Annotated, NamedTuple
+
+from hil.common.schema import Range
+from sim.forces import Wrench
+from sim.matrices import Matrix
+from sim.rotations import Rotation
+from sim.vehicle.servos import Servos
+from sim.vehicle.thruster_model import SHORTEST, Direction, Point, Pulse, is_pulse
+
+Area = Annotated[float, Range(1e-6, 100.0)]
+Angle = Annotated[float, Range(0.0, pi / 2.0, "rad")]
+Coefficient = Annotated[float, Range(0.0, 100.0)]
+
+
+class Polar(NamedTuple):
+    """Lift and drag coefficients by angle of attack.
+
+    Up to `stall_angle` (rad) C_L = lift_slope alpha and C_D = parasitic_drag + induced_drag C_L². Beyond it the flow
+    separates, within `stall_width` (rad), until all is that of a flat plate: C_L = broadside_drag sin(2 alpha) / 2,
+    C_D = parasitic_drag + broadside_drag sin²(alpha). From behind the same as from ahead.
+    """
+
+    lift_slope: float
+    stall_angle: float
+    stall_width: float
+    parasitic_drag: float
+    induced_drag: float
+    broadside_drag: float
+
+    def at(self, alpha: float) -> tuple[float, float]:
+        """C_L, which has the sign of a positive `alpha` (rad, any), and C_D, never negative."""
+        alpha = remainder(alpha, pi)
+        held = max(-self.stall_angle, min(self.stall_angle, alpha))
+        lift = self.lift_slope * held
+        drag = self.parasitic_drag + self.induced_drag * lift * lift
+        beyond = abs(alpha - held)
+        if beyond == 0.0:
+            return lift, drag
+        share = min(1.0, beyond / self.stall_width)
+        separated = 0.5 * self.broadside_drag * sin(2.0 * alpha)
+        sine = sin(alpha)
+        blunt = self.parasitic_drag + self.broadside_drag * (sine * sine)
+        return lift + share * (separated - lift), drag + share * (blunt - drag)
+
+
+def lift_slope(aspect_ratio: float) -> float:
+    """dC_L/d(alpha) per rad of a wing of low aspect ratio (Helmbold 1942; Beard & McLain 2012, section 4.2.3)."""
+    return pi * aspect_ratio / (1.0 + sqrt(1.0 + 0.25 * aspect_ratio * aspect_ratio))
+
+
+class Fin(NamedTuple):
+    """One fin, or a pair that one servo turns.
+
+    `position` is where its force acts. A positive deflection turns it right-handed about `axis` (any length), from
+    where its chord points along `chord`, as far as that is across the axis. `area` m². `aspect_ratio` is span² over
+    area; it gives the `lift_slope` (1/rad) and the `induced_drag` (1 / (pi oswald aspect_ratio)) that are left out.
+    The default `broadside_drag` is that of a square plate (Hoerner 1965, Fluid-Dynamic Drag, 3-16).
+
+    `straightening` is the share of the cross flow that reaches it past the hull and propeller: 1 in the open, 0 if
+    the deflection alone is its angle of attack (the flow-straightening coefficient of the MMG model, Yasukawa &
+    Yoshimura 2015, J. Mar. Sci. Technol. 20).
+
+    The servo goes to `max_deflection` at either end of the pulse range, in proportion, with a first-order lag and
+    no faster than `rate` (0: no limit). Without a valid pulse (800..2200 us) it stays where it is.
+    """
+
+    name: str
+    position: Point
+    axis: Direction
+    area: Area
+    max_deflection: Angle
+    chord: Direction = (1.0, 0.0, 0.0)
+    aspect_ratio: Annotated[float, Range(0.01, 50.0)] | None = None
+    lift_slope: Annotated[float, Range(0.01, 20.0)] | None = None
+    induced_drag: Coefficient | None = None
+    oswald: Annotated[float, Range(0.1, 1.0)] = 0.9
+    parasitic_drag: Coefficient = 0.01
+    broadside_drag: Coefficient = 1.17
+    stall_angle: Angle = 0.3
+    stall_width: Annotated[float, Range(0.001, 1.6, "rad")] = 0.2
+    straightening: Annotated[float, Range(0.0, 1.0)] = 1.0
+    time_constant: Annotated[float, Range(0.0, 10.0, "s")] = 0.1
+    rate: Annotated[float, Range(0.0, 100.0, "rad/s")] = 0.0
+    pwm_neutral_us: Pulse = 1500
+    pwm_min_us: Pulse = 1100
+    pwm_max_us: Pulse = 1900
+
+    def validate(self) -> str | None:
+        """Return what is wrong between the keys, or None."""
+        if self.aspect_ratio is None and (self.lift_slope is None or self.induced_drag is None):
+            return f"fin {self.name!r}: give aspect_ratio, or lift_slope and induced_drag"
+        across = hypot(*_cross(self.axis, self.chord))
+        if min(hypot(*self.axis), hypot(*self.chord)) < SHORTEST or across < SHORTEST * SHORTEST:
+            return f"fin {self.name!r}: axis and chord must be directions across each other"
+        if not self.pwm_min_us < self.pwm_neutral_us < self.pwm_max_us:
+            return f"fin {self.name!r}: pulses must grow from pwm_min_us over pwm_neutral_us to pwm_max_us"
+        return None
+
+    @property
+    def polar(self) -> Polar:
+        """Its coefficients."""
+        slope, induced = slope_and_induced(self.lift_slope, self.induced_drag, self.aspect_ratio, self.oswald)
+        return Polar(
+            slope, self.stall_angle, self.stall_width, self.parasitic_drag, induced, self.broadside_drag
+        )  # fmt: skip
+
+    @property
+    def frame(self) -> tuple[Direction, Direction]:
+        """Unit vectors along the chord at rest, and to where a positive deflection turns its leading edge."""
+        normal = _unit(_cross(self.axis, self.chord))
+        return _unit(_cross(normal, self.axis)), normal
+
+    def deflection(self, pwm_us: float) -> float:
+        """Return the angle (rad) that a pulse asks for."""
+        offset = pwm_us - self.pwm_neutral_us
+        end = self.pwm_max_us - self.pwm_neutral_us if offset > 0 else self.pwm_neutral_us - self.pwm_min_us
+        return self.max_deflection * max(-1.0, min(1.0, offset / end))
+
+    def pulse(self, angle: float) -> int:
+        """Return the pulse (us) that asks for `angle` rad, or for the nearest that there is."""
+        share = max(-1.0, min(1.0, angle / self.max_deflection)) if self.max_deflection else 0.0
+        end = self.pwm_max_us - self.pwm_neutral_us if share > 0 else self.pwm_neutral_us - self.pwm_min_us
+        return round(self.pwm_neutral_us + share * end)
+
+
+def slope_and_induced(
+    slope: float | None, induced: float | None, aspect_ratio: float | None, oswald: float
+) -> tuple[float, float]:
+    """Lift slope and induced drag factor: what is None follows from the aspect ratio."""
+    if aspect_ratio is not None:
+        slope = lift_slope(aspect_ratio) if slope is None else slope
+        induced = 1.0 / (pi * oswald * aspect_ratio) if induced is None else induced
+    assert slope is not None
+    assert induced is not None
+    return slope, induced
+
+
+class FinSet:
+    """All fins of a vehicle in water of `density` kg/m³; their servos step every `dt` s, from 0 rad on."""
+
+    def __init__(self, fins: Sequence[Fin], density: float, dt: float) -> None:
+        self._fins = tuple(fins)
+        gains = [1.0 - exp(-dt / fin.time_constant) if fin.time_constant else 1.0 for fin in fins]
+        self.servos = Servos([0.0] * len(self._fins), gains, [fin.rate * dt or inf for fin in fins])
+        self._pwm_us: tuple[int, ...] | None = None
+        self._surfaces = [
+            (*fin.position, *fin.frame, 0.5 * density * fin.area, fin.straightening, fin.polar) for fin in fins
+        ]
+
+    @property
+    def angles(self) -> list[float]:
+        """The present deflections in rad."""
+        return self.servos.values
+
+    def step(self, pwm_us: Sequence[int]) -> None:
+        """Let the servos follow these pulses (us, one a fin) for one step."""
+        self.command(tuple(pwm_us))
+        self.servos.follow()
+
+    def command(self, pwm_us: tuple[int, ...]) -> None:
+        """Let the servos go towards what these pulses (us, one a fin) ask for; one without a pulse stays."""
+        if pwm_us != self._pwm_us:
+            rows = zip(self._fins, pwm_us, self.servos.values, strict=True)
+            self.servos.aim([fin.deflection(us) if is_pulse(us) else angle for fin, us, angle in rows])
+            self._pwm_us = pwm_us
+
+    def begin(self, time_ns: int) -> None:
+        """Nothing changes with time but the angles."""
+
+    def wrench(self, position: Sequence[float], rotation: Rotation, nu_r: Sequence[float]) -> Wrench:
+        """Return the sum of all fins (N, N m, body axes about the origin) at `nu_r` (m/s, rad/s) through the water."""
+        u, v, w, p, q, r = nu_r
+        total = [0.0] * 6
+        for angle, (x, y, z, chord, normal, scale, share, polar) in zip(self.angles, self._surfaces, strict=True):
+            a, b, c = u + q * z - r * y, v + r * x - p * z, w + p * y - q * x
+            along = a * chord[0] + b * chord[1] + c * chord[2]
+            across = share * (a * normal[0] + b * normal[1] + c * normal[2])
+            lift, drag = polar.at(angle - atan2(across, along))
+            push = scale * sqrt(along * along + across * across)
+            ahead, starboard = -push * (drag * along + lift * across), push * (lift * along - drag * across)
+            force = [ahead * i + starboard * j for i, j in zip(chord, normal, strict=True)]
+            total = [a + b for a, b in zip(total, (*force, *_cross((x, y, z), force)), strict=True)]
+        return total
+
+    def numbers(self) -> list[float]:
+        """Return all that `wrench` uses but the angles, fin after fin: what the C twin is made of."""
+        rows = self._surfaces
+        return [
+            number
+            for x, y, z, chord, normal, scale, share, polar in rows
+            for number in (x, y, z, *chord, *normal, scale, share, *polar)
+        ]
+
+
+def fin_matrix(fins: Sequence[Fin], density: float) -> Matrix:
+    """6 x n: the wrench (N, N m) of 1 rad of each fin at 1 m/s ahead, before stall; it grows with the speed squared."""
+    columns = []
+    for fin in fins:
+        chord, normal = fin.frame
+        size = 0.5 * density * fin.area * fin.polar.lift_slope * chord[0] * chord[0]
+        force = [size * n for n in normal]
+        columns.append((*force, *_cross(fin.position, force)))
+    return [list(row) for row in zip(*columns, strict=True)]
+
+
+def _cross(a: Sequence[float], b: Sequence[float]) -> Direction:
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+def _unit(vector: Sequence[float]) -> Direction:
+    x, y, z = vector
+    length = sqrt(x * x + y * y + z * z)
+    return x / length, y / length, z / length

@@ -1,0 +1,23 @@
+"""Surface meshes of a vehicle, in files of their own, used by pictures only."""
+
+from math import pi
+from typing import Annotated, NamedTuple
+
+from hil.common.schema import Range
+from sim.vehicle.thruster_model import Point
+
+Scale = Annotated[float, Range(-1e6, 1e6)]
+Angle = Annotated[float, Range(-2.0 * pi, 2.0 * pi, "rad")]
+
+
+class Mesh(NamedTuple):
+    """One mesh file. `file` is a path, beside the vehicle's file or absolute.
+
+    `position` is that of the mesh's origin from the body origin (m, FRD), `orientation` the roll, pitch and yaw
+    (rad) of the mesh's axes in the body's, `scale` what its numbers are multiplied with, to be metres.
+    """
+
+    file: str
+    position: Point = (0.0, 0.0, 0.0)
+    orientation: tuple[Angle, Angle, Angle] = (0.0, 0.0, 0.0)
+    scale: tuple[Scale, Scale, Scale] = (1.0, 1.0, 1.0)

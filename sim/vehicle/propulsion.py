@@ -1,0 +1,72 @@
+"""Thrusters with more than lagged quadratic curves: other models, or a battery."""
+
+from math import exp
+
+from sim.vehicle.battery import BatteryPack, BatteryState
+from sim.vehicle.t200 import VOLTS
+from sim.vehicle.thruster_curves import T200
+from sim.vehicle.thruster_lags import Lag
+from sim.vehicle.thruster_model import Thruster
+from sim.vehicle.thrusters import ThrusterSet
+from sim.vehicle.vehicle import Vehicle
+
+
+class Propulsion(ThrusterSet):
+    """A ThrusterSet in which each thruster has its own curve and dynamics, T200s fed by the vehicle's battery.
+
+    The battery sees the current that belongs to the pulse, not that of a rotor on its way to it.
+    """
+
+    def __init__(self, vehicle: Vehicle, dt: float, seed: int = 0) -> None:
+        super().__init__(vehicle, dt, seed)
+        self._lags = [_lag(thruster, dt) for thruster in vehicle.thrusters]
+        self._pack = BatteryPack(vehicle.battery) if vehicle.battery else None
+        self._fed = [i for i, t in enumerate(vehicle.thrusters) if self._pack and isinstance(t.curve, T200)]
+        self._fed_thrusts: list[list[float]] = [[0.0] * len(VOLTS) for _ in self._fed]
+        self._amperes = [0.0] * len(VOLTS)
+
+    @property
+    def battery(self) -> BatteryState | None:
+        """The battery's state; None if there is none."""
+        return self._pack.state if self._pack else None
+
+    def _follow(self) -> list[float]:
+        if self._pack:
+            self._feed(self._pack)
+        return [lag.step(target) for lag, target in zip(self._lags, self._targets, strict=True)]
+
+    def _feed(self, pack: BatteryPack) -> None:
+        """The targets of the thrusters on the battery, at the voltage that is left under their load."""
+        piece, share = pack.step(VOLTS, self._amperes, self._dt)
+        for index, thrust in zip(self._fed, self._fed_thrusts, strict=True):
+            target = thrust[piece] + share * (thrust[piece + 1] - thrust[piece])
+            self._targets[index] = self._thrusters[index].clamp(target)
+
+    def command(self, pwm_us: tuple[int, ...]) -> None:
+        """As ThrusterSet.command."""
+        super().command(pwm_us)
+        self._amperes = [0.0] * len(VOLTS)
+        for place, index in enumerate(self._fed):
+            curve = self._thrusters[index].curve
+            assert isinstance(curve, T200)
+            self._fed_thrusts[place], amperes, _ = curve.rows(pwm_us[index])
+            self._amperes = [a + b for a, b in zip(self._amperes, amperes, strict=True)]
+
+
+class _FirstOrder:
+    """The lag that `time_constant` means, solved exactly for a pulse that holds."""
+
+    def __init__(self, time_constant: float, dt: float) -> None:
+        self._gain = 1.0 - exp(-dt / time_constant) if time_constant else 1.0
+        self._thrust = 0.0
+
+    def step(self, target: float) -> float:
+        """Return the thrust in N a step later."""
+        self._thrust += self._gain * (target - self._thrust)
+        return self._thrust
+
+
+def _lag(thruster: Thruster, dt: float) -> Lag:
+    if thruster.dynamics is None:
+        return _FirstOrder(thruster.time_constant, dt)
+    return thruster.dynamics.lag(thruster.max_forward, thruster.max_reverse, dt)

@@ -1,0 +1,30 @@
+"""What follows pulses with a lag and a limited rate: the servos of fins, the pump of a buoyancy engine."""
+
+from collections.abc import Sequence
+
+
+class Servos:
+    """Several servos that start at `values`, in any unit.
+
+    Per step each moves by its gain of what is missing to its target, and by no more than its `steps`.
+    """
+
+    def __init__(self, values: Sequence[float], gains: Sequence[float], steps: Sequence[float]) -> None:
+        self.values = [float(value) for value in values]
+        self._targets = list(self.values)
+        self._gains = list(gains)
+        self._steps = list(steps)
+
+    def aim(self, targets: Sequence[float]) -> None:
+        """Let the steps from now on go towards these targets."""
+        self._targets = list(targets)
+
+    def follow(self) -> None:
+        """Move all on by one step."""
+        rows = zip(self.values, self._targets, self._gains, self._steps, strict=True)
+        self.values = [value + max(-most, min(most, gain * (target - value))) for value, target, gain, most in rows]
+
+    def numbers(self) -> list[float]:
+        """Return all that `follow` uses, servo after servo: what the C twin is made of."""
+        rows = zip(self.values, self._targets, self._gains, self._steps, strict=True)
+        return [x for row in rows for x in row]

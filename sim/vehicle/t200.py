@@ -1,0 +1,64 @@
+"""The T200 thruster's public performance data: thrust, current, power and speed over pulse and voltage.
+
+Blue Robotics, "T200 Public Performance Data 10-20 V", September 2019. `data/t200.csv` holds every fifth of
+the published pulses and all of those at the edges of the dead band. Between them straight lines in the pulse
+and in the voltage. Below 10 V nothing is published: everything falls there in proportion to the voltage.
+"""
+
+import os
+from bisect import bisect_right
+from typing import NamedTuple
+
+from sim.interpolation import interpolate, nearest_pulse
+
+Rows = tuple[list[float], list[float], list[float]]
+
+
+class Performance(NamedTuple):
+    """What one T200 does: thrust (N, negative in reverse), current (A), power taken (W), speed (rev/min)."""
+
+    thrust: float
+    current: float
+    power: float
+    rpm: float
+
+
+def _read() -> tuple[list[float], list[float], list[list[list[float]]]]:
+    """Voltages, pulses, and thrust, current, rpm as [quantity][pulse][voltage]."""
+    path = os.path.join(os.path.dirname(os.path.dirname(os.path.abspath(__file__))), "data", "t200.csv")
+    with open(path, encoding="ascii") as file:
+        lines = [line.split(",") for line in file if not line.startswith("#")]
+    volts = [0.0] + [float(name.split("V")[0]) for name in lines[0][1::3]]
+    numbers = [[float(cell) for cell in line] for line in lines[1:]]
+    columns = [[[0.0, *row[first::3]] for row in numbers] for first in (1, 2, 3)]
+    return volts, [row[0] for row in numbers], columns
+
+
+VOLTS, _PULSES, _COLUMNS = _read()
+
+
+def rows(pwm_us: int) -> Rows:
+    """Thrust (N), current (A) and speed (rev/min) of this pulse at each of VOLTS; all 0 outside 800..2200 us."""
+    if not 800 <= pwm_us <= 2200:
+        return [0.0] * len(VOLTS), [0.0] * len(VOLTS), [0.0] * len(VOLTS)
+    pulse = min(max(pwm_us, _PULSES[0]), _PULSES[-1])
+    after = min(bisect_right(_PULSES, pulse), len(_PULSES) - 1)
+    start, end = _PULSES[after - 1], _PULSES[after]
+    share = (pulse - start) / (end - start)
+    thrust, current, rpm = (
+        [a + share * (b - a) for a, b in zip(column[after - 1], column[after], strict=True)] for column in _COLUMNS
+    )
+    return thrust, current, rpm
+
+
+def performance(pwm_us: int, volts: float) -> Performance:
+    """Return what a T200 does at a pulse of `pwm_us` microseconds and `volts` V; above 20 V as at 20 V."""
+    thrust, current, rpm = (interpolate(VOLTS, row, volts) for row in rows(pwm_us))
+    return Performance(thrust, current, current * volts, rpm)
+
+
+def pulse_for(thrust: float, volts: float) -> int:
+    """Return the pulse in us whose steady thrust at `volts` V is nearest `thrust` N; 1500 for 0."""
+    if thrust == 0.0:
+        return 1500
+    return nearest_pulse(_PULSES, [interpolate(VOLTS, row, volts) for row in _COLUMNS[0]], thrust)

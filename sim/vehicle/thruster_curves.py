@@ -1,0 +1,156 @@
+"""Curves from pulse to steady thrust besides the built-in one, selected by `curve = { kind = ... }`.
+
+Each is a record with `thrust(thruster, pwm_us)` and its inverse `pulse(thruster, thrust)`. The caller has
+dealt with pulses outside 800..2200 us and with the thruster's limits of thrust.
+"""
+
+from math import sqrt
+from typing import TYPE_CHECKING, Annotated, NamedTuple
+
+from hil.common.schema import Range
+from sim.interpolation import interpolate, nearest_pulse
+from sim.vehicle.thruster_model import Pulse, Thruster
+
+if TYPE_CHECKING:
+    from sim.vehicle.t200 import Rows
+
+Positive = Annotated[float, Range(1e-9, 1e9)]
+NotNegative = Annotated[float, Range(0.0, 1e9)]
+
+
+class DeadZone(NamedTuple):
+    """An asymmetric dead zone in the square of the command (Bessa et al. 2006; uuv_simulator, "Bessa").
+
+    The command u runs from 0 at the dead band's edge to `full_scale` at the end of the pulse range, in any
+    unit. Thrust is gain_forward (u|u| - delta_forward) above delta_forward, gain_reverse (u|u| + delta_reverse)
+    below -delta_reverse, else 0. Gains in N per squared unit of u, deltas in squared units of u.
+    """
+
+    gain_forward: Positive
+    gain_reverse: Positive
+    delta_forward: NotNegative = 0.0
+    delta_reverse: NotNegative = 0.0
+    full_scale: Positive = 1.0
+
+    def validate(self) -> str | None:
+        """Return what is wrong between the keys, or None."""
+        if max(self.delta_forward, self.delta_reverse) >= self.full_scale**2:
+            return "delta_forward and delta_reverse must be below the square of full_scale, or nothing ever turns"
+        return None
+
+    def thrust(self, thruster: Thruster, pwm_us: int) -> float:
+        """Return the steady thrust in N."""
+        u = thruster.deflection(pwm_us) * self.full_scale
+        if u > 0.0:
+            return self.gain_forward * max(0.0, u * u - self.delta_forward)
+        return -self.gain_reverse * max(0.0, u * u - self.delta_reverse)
+
+    def pulse(self, thruster: Thruster, thrust: float) -> int:
+        """Return the pulse in us nearest a thrust in N."""
+        if thrust > 0.0:
+            return thruster.pulse_at(sqrt(thrust / self.gain_forward + self.delta_forward) / self.full_scale)
+        return thruster.pulse_at(-sqrt(-thrust / self.gain_reverse + self.delta_reverse) / self.full_scale)
+
+
+class Table(NamedTuple):
+    """Measured thrusts, straight lines between; beyond the first and last pulse theirs hold.
+
+    `pwm_us` grows strictly, `thrust_n` (N) never falls and goes from reverse to forward.
+    """
+
+    pwm_us: tuple[Pulse, ...]
+    thrust_n: tuple[Annotated[float, Range(-1e5, 1e5, "N")], ...]
+
+    def validate(self) -> str | None:
+        """Return what is wrong between the keys, or None."""
+        if len(self.pwm_us) != len(self.thrust_n) or len(self.pwm_us) < 2:
+            return f"{len(self.pwm_us)} pwm_us and {len(self.thrust_n)} thrust_n: give as many of each, at least two"
+        if any(b <= a for a, b in zip(self.pwm_us, self.pwm_us[1:], strict=False)):
+            return "pwm_us: each must be greater than the one before"
+        if any(b < a for a, b in zip(self.thrust_n, self.thrust_n[1:], strict=False)):
+            return "thrust_n: each must be at least the one before, or one thrust would have two pulses"
+        if not self.thrust_n[0] < 0.0 < self.thrust_n[-1]:
+            return "thrust_n: begins with full reverse, below 0, and ends with full forward, above 0"
+        return None
+
+    def thrust(self, thruster: Thruster, pwm_us: int) -> float:
+        """Return the steady thrust in N."""
+        return interpolate(self.pwm_us, self.thrust_n, pwm_us)
+
+    def pulse(self, thruster: Thruster, thrust: float) -> int:
+        """Return the pulse in us nearest a thrust in N."""
+        return nearest_pulse(self.pwm_us, self.thrust_n, thrust)
+
+
+class Advance(NamedTuple):
+    """A propeller whose thrust falls with the speed of the water through it (Fossen 2021, section 9.1).
+
+    T = rho D^4 n|n| KT, KT = kt0 - alpha J, J = (1 - wake_fraction) v / (n D): n in rev/s is in proportion to
+    the deflection and `full_speed` at the end of the pulse range, v is the vehicle's speed through the water at
+    the thruster along its direction (m/s), D `diameter` (m), rho `density` (kg/m³). `kt0_reverse` is KT at
+    J = 0 in reverse, `kt0` if 0. The loss by v is in proportion to |n|, so it acts after the lag.
+    """
+
+    diameter: Annotated[float, Range(0.01, 5.0, "m")]
+    full_speed: Annotated[float, Range(0.1, 500.0, "Hz")]
+    kt0: Annotated[float, Range(0.001, 2.0)]
+    alpha: Annotated[float, Range(0.0, 5.0)]
+    kt0_reverse: Annotated[float, Range(0.0, 2.0)] = 0.0
+    wake_fraction: Annotated[float, Range(0.0, 0.9)] = 0.0
+    density: Annotated[float, Range(900.0, 1200.0)] = 1025.0
+
+    def thrust(self, thruster: Thruster, pwm_us: int) -> float:
+        """Return the steady thrust in N in water at rest."""
+        x = thruster.deflection(pwm_us)
+        return self.full_thrust(reverse=x < 0.0) * x * abs(x)
+
+    def pulse(self, thruster: Thruster, thrust: float) -> int:
+        """Return the pulse in us nearest a thrust in N in water at rest."""
+        x = sqrt(abs(thrust) / self.full_thrust(reverse=thrust < 0.0))
+        return thruster.pulse_at(x if thrust > 0.0 else -x)
+
+    def full_thrust(self, reverse: bool) -> float:
+        """Return the size of the thrust in N at `full_speed` in water at rest."""
+        kt = self.kt0_reverse if reverse and self.kt0_reverse else self.kt0
+        return self.density * self.diameter**4 * kt * self.full_speed**2
+
+    def loss(self, static_thrust: float, speed: float) -> float:
+        """Return how much of `static_thrust` (N), which tells the propeller's speed, is lost to `speed` (m/s)."""
+        n = self.full_speed * sqrt(abs(static_thrust) / self.full_thrust(reverse=static_thrust < 0.0))
+        return self.density * self.diameter**3 * self.alpha * n * (1.0 - self.wake_fraction) * speed
+
+    def numbers(self) -> list[float]:
+        """Return all that `loss` uses, in a row: what the C twin is made of."""
+        loss, kept = self.density * self.diameter**3 * self.alpha, 1.0 - self.wake_fraction
+        return [self.full_speed, self.full_thrust(reverse=False), self.full_thrust(reverse=True), loss, kept]
+
+
+class T200(NamedTuple):
+    """The Blue Robotics T200 by its maker's table of 10 to 20 V (sim/vehicle/t200.py).
+
+    `supply` is the voltage at the thruster: what holds if the vehicle has no battery, and what the vehicle's
+    own software reckons with. Pulses are those of the table; `dead_band_us` and its like do not count.
+    """
+
+    supply: Annotated[float, Range(6.0, 20.0)] = 16.0
+
+    def thrust(self, thruster: Thruster, pwm_us: int) -> float:
+        """Return the steady thrust in N."""
+        from sim.vehicle.t200 import performance
+
+        return performance(pwm_us, self.supply).thrust
+
+    def pulse(self, thruster: Thruster, thrust: float) -> int:
+        """Return the pulse in us nearest a thrust in N."""
+        from sim.vehicle.t200 import pulse_for
+
+        return pulse_for(thrust, self.supply)
+
+    def rows(self, pwm_us: int) -> "Rows":
+        """Thrust and current at this pulse over the voltages of the table."""
+        from sim.vehicle.t200 import rows
+
+        return rows(pwm_us)
+
+
+CURVES = {"dead_zone": DeadZone, "table": Table, "advance": Advance, "t200": T200}

@@ -1,0 +1,118 @@
+"""The record of one thruster: position, direction, and the model from pulse to thrust."""
+
+from math import hypot
+from typing import TYPE_CHECKING, Annotated, NamedTuple, Protocol
+
+from hil.common.schema import Range
+
+if TYPE_CHECKING:
+    from sim.vehicle.thruster_lags import Lagging
+
+Metres = Annotated[float, Range(-50.0, 50.0, "m")]
+Point = tuple[Metres, Metres, Metres]
+Component = Annotated[float, Range(-1e6, 1e6)]
+Direction = tuple[Component, Component, Component]  # of any length from SHORTEST on
+SHORTEST = 1e-6
+Pulse = Annotated[int, Range(800, 2200)]
+
+# A pulse outside is no pulse: the motor controller stops the motor. 0 stands for "output off".
+PULSE_MIN_US, PULSE_MAX_US = 800, 2200
+
+
+def is_pulse(pwm_us: float) -> bool:
+    """True for what a motor controller or servo takes for a pulse."""
+    return PULSE_MIN_US <= pwm_us <= PULSE_MAX_US
+
+
+class Curve(Protocol):
+    """A curve from pulse to steady thrust (sim/vehicle/thruster_curves.py)."""
+
+    def thrust(self, thruster: "Thruster", pwm_us: int) -> float:
+        """Return the steady thrust in N at a pulse of `pwm_us` microseconds in water at rest."""
+
+    def pulse(self, thruster: "Thruster", thrust: float) -> int:
+        """Return the pulse in microseconds whose steady thrust is nearest `thrust` N (not 0)."""
+
+
+class Thruster(NamedTuple):
+    """One thruster.
+
+    `direction` is that of positive thrust, of any length; `unit_direction` has length 1. Without a `curve`
+    thrust grows from the edge of the dead band (`dead_band_us` each side of neutral) to `max_forward` at
+    `pwm_max_us` and `max_reverse` (both positive) at `pwm_min_us`, a share `linear_share` of it in
+    proportion to the pulse and the rest with its square. Another `curve` is a table with its `kind`
+    (sim/vehicle/thruster_curves.py); `max_forward` and `max_reverse` limit that one too.
+
+    Thrust follows the curve at once if `time_constant` is 0, else with this first-order lag, or as the table
+    `dynamics` and its `kind` say (sim/vehicle/thruster_lags.py). The propeller turns the vehicle by `torque` N m for
+    each N
+    of thrust, right-handed about `direction`. Near the surface it loses thrust by the `diameter` of its propeller (m;
+    sim/vehicle/ventilation.py): that of its curve if left out, or what makes as much thrust per area as a Blue
+    Robotics T200,
+    51.5 N of 76 mm at 16 V. Not modelled: torque that is not in proportion.
+    """
+
+    name: str
+    position: Point
+    direction: Direction
+    max_forward: Annotated[float, Range(1e-3, 1e5, "N")]
+    max_reverse: Annotated[float, Range(1e-3, 1e5, "N")]
+    dead_band_us: Annotated[float, Range(0.0, 300.0)] = 0.0
+    linear_share: Annotated[float, Range(0.0, 1.0)] = 0.0
+    time_constant: Annotated[float, Range(0.0, 10.0, "s")] = 0.0
+    pwm_neutral_us: Pulse = 1500
+    pwm_min_us: Pulse = 1100
+    pwm_max_us: Pulse = 1900
+    curve: "Curve | None" = None
+    dynamics: "Lagging | None" = None
+    torque: Annotated[float, Range(-10.0, 10.0, "m")] = 0.0
+    diameter: Annotated[float, Range(0.005, 5.0, "m")] | None = None
+
+    @property
+    def unit_direction(self) -> tuple[float, float, float]:
+        """The direction of positive thrust with length 1."""
+        x, y, z = self.direction
+        length = (x * x + y * y + z * z) ** 0.5
+        return x / length, y / length, z / length
+
+    @property
+    def disc(self) -> float:
+        """The diameter of its propeller in m, as far as it is known."""
+        known = self.diameter or getattr(self.curve, "diameter", None)
+        return known or 0.076 * (max(self.max_forward, self.max_reverse) / 51.5) ** 0.5
+
+    def validate(self) -> str | None:
+        """Return what is wrong between the keys, or None."""
+        if hypot(*self.direction) < SHORTEST:
+            length = "zero" if not any(self.direction) else f"shorter than {SHORTEST:g}: make its length 1"
+            return f"thruster {self.name!r}: direction is {length}"
+        low, high = self.pwm_min_us + self.dead_band_us, self.pwm_max_us - self.dead_band_us
+        if not low < self.pwm_neutral_us < high:
+            return f"thruster {self.name!r}: neutral and dead band leave no pulse to drive it both ways"
+        return None
+
+    def deflection(self, pwm_us: float) -> float:
+        """How far a pulse is from the dead band's edge to the end of its range: -1 to 1, beyond counts as the end."""
+        offset = pwm_us - self.pwm_neutral_us
+        beyond = abs(offset) - self.dead_band_us
+        if beyond <= 0.0:
+            return 0.0
+        return min(1.0, beyond / self.span(offset)) if offset > 0 else -min(1.0, beyond / self.span(offset))
+
+    def pulse_at(self, deflection: float) -> int:
+        """Return the pulse (us) of a deflection, which is clamped to -1 to 1; neutral for 0."""
+        if deflection == 0.0:
+            return self.pwm_neutral_us
+        neutral, dead_band = self.pwm_neutral_us, self.dead_band_us
+        if deflection > 0.0:
+            return round(neutral + (min(1.0, deflection) * (self.pwm_max_us - neutral - dead_band) + dead_band))
+        return round(neutral + (max(-1.0, deflection) * (neutral - self.pwm_min_us - dead_band) - dead_band))
+
+    def clamp(self, thrust: float) -> float:
+        """`thrust` (N) within what the thruster can give."""
+        return max(-self.max_reverse, min(self.max_forward, thrust))
+
+    def span(self, side: float) -> float:
+        """The microseconds from the dead band's edge to the end of the pulse range, ahead or (`side` < 0) astern."""
+        end = self.pwm_max_us - self.pwm_neutral_us if side > 0 else self.pwm_neutral_us - self.pwm_min_us
+        return end - self.dead_band_us

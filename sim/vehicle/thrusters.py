@@ -1,0 +1,206 @@
+"""From pulse widths to thrust, and from the thrust of all thrusters to one wrench on the vehicle."""
+
+from collections.abc import Callable, Iterable, Sequence
+from math import exp, sqrt
+from typing import TYPE_CHECKING, Any
+
+from hil.common.errors import ConfigError
+from sim.matrices import Matrix
+from sim.vehicle.thruster_model import Thruster, is_pulse
+from sim.vehicle.vehicle import Vehicle
+
+if TYPE_CHECKING:
+    from sim.vehicle.battery import BatteryState
+    from sim.vehicle.failures import Failure, Failures
+
+AT_REST = (0.0,) * 6
+
+
+def steady_thrust(thruster: Thruster, pwm_us: int) -> float:
+    """The thrust in N that a pulse of `pwm_us` microseconds settles at; negative is reverse.
+
+    Without a curve of its own: beyond the dead band the deflection x runs from 0 to 1 at the end of the pulse
+    range, and thrust is (k x + (1 - k) x²) of the maximum, k = `linear_share`. Pulses beyond the range count as
+    its end; outside 800..2200 us there is no thrust.
+    """
+    if not is_pulse(pwm_us):
+        return 0.0
+    if thruster.curve is not None:
+        return thruster.clamp(thruster.curve.thrust(thruster, pwm_us))
+    x = thruster.deflection(pwm_us)
+    share = thruster.linear_share
+    return (thruster.max_forward if x > 0.0 else thruster.max_reverse) * x * (share + (1.0 - share) * abs(x))
+
+
+def pulse_finder(thruster: Thruster) -> Callable[[float], int]:
+    """What gives the pulse in microseconds whose steady thrust is nearest a thrust in N.
+
+    Neutral for 0, clamped to the range. Any other thrust gets a pulse at or beyond the edge of the dead band, so that
+    none of the pulse range is spent where nothing moves. What does not change is computed here, once.
+    """
+    neutral, curve = thruster.pwm_neutral_us, thruster.curve
+    if curve is not None:
+        return lambda thrust: curve.pulse(thruster, thruster.clamp(thrust)) if thrust else neutral
+    share = thruster.linear_share
+    squared, bend = share * share, 4.0 * (1.0 - share)
+    ahead = thruster.max_forward, thruster.span(1.0), thruster.dead_band_us
+    astern = -thruster.max_reverse, -thruster.span(-1.0), -thruster.dead_band_us
+
+    def find(thrust: float) -> int:
+        most, span, dead_band = ahead if thrust > 0.0 else astern
+        y = thrust / most
+        if y == 0.0:  # as well for a thrust too small to be divided
+            return neutral
+        if not y < 1.0:
+            y = 1.0
+        x = 2.0 * y / (share + sqrt(squared + bend * y))  # the root that stays exact for share 1
+        return round(neutral + (x * span + dead_band))
+
+    return find
+
+
+def wrench_matrix(vehicle: Vehicle, torque: bool = True) -> Matrix:
+    """The 6 x n matrix whose column i is the wrench of 1 N of thruster i, with or without its propeller's torque.
+
+    Rows: X Y Z (N) and K M N (N m) about the body origin along the body axes. Always from the poses. Without torque
+    it also turns velocities of the vehicle into speeds along the thrusters: its columns are what a thruster sees.
+    """
+    columns = []
+    for thruster in vehicle.thrusters:
+        x, y, z = thruster.position
+        a, b, c = thruster.unit_direction
+        t = thruster.torque if torque else 0.0
+        columns.append((a, b, c, y * c - z * b + t * a, z * a - x * c + t * b, x * b - y * a + t * c))
+    return [list(row) for row in zip(*columns, strict=True)]
+
+
+class _Steady(dict[int, float]):
+    """The steady thrust (N) of one thruster by pulse (us), reckoned once for each."""
+
+    def __init__(self, thruster: Thruster) -> None:
+        self._thruster = thruster
+
+    def __missing__(self, pwm_us: int) -> float:
+        thrust = self[pwm_us] = steady_thrust(self._thruster, pwm_us)
+        return thrust
+
+
+class ThrusterSet:
+    """All thrusters of a vehicle: each follows its steady thrust with its time constant, and may fail.
+
+    The lag is first order in thrust and solved exactly for a pulse that holds during the step, so it does
+    not depend on the step's length. `sim.assembly.make_thrusters` gives one that knows the models of the vehicle.
+    """
+
+    def __init__(self, vehicle: Vehicle, dt: float, seed: int = 0) -> None:
+        self._thrusters = vehicle.thrusters
+        self._columns = list(zip(*wrench_matrix(vehicle), strict=True))
+        # What turns a velocity of the vehicle into the speed along each thruster.
+        self._ways = list(zip(*wrench_matrix(vehicle, torque=False), strict=True))
+        # The propellers that lose thrust to the water which meets them (Advance of sim/vehicle/thruster_curves.py).
+        self._advances: list[Any] = [t.curve if hasattr(t.curve, "loss") else None for t in vehicle.thrusters]
+        # True if `step` needs the speed through the water.
+        self.feels_water = any(self._advances)
+        self._dt = dt
+        self._seed = seed
+        self._gains = [1.0 - exp(-dt / t.time_constant) if t.time_constant else 1.0 for t in vehicle.thrusters]
+        self._steady = [_Steady(thruster) for thruster in vehicle.thrusters]
+        self._pwm_us: tuple[int, ...] = ()
+        self._targets = [0.0] * len(self._thrusters)
+        self._lagged = self._thrusts = [0.0] * len(self._thrusters)
+        self._failures: Failures | None = None
+        self._shares: Sequence[float] | None = None  # of thrust, at the surface
+        self._steps = 0
+
+    @property
+    def thrusts(self) -> list[float]:
+        """The present thrust of each in N."""
+        return self._thrusts
+
+    @property
+    def battery(self) -> "BatteryState | None":
+        """The battery's state; None if there is none."""
+        return None
+
+    def fail(self, failures: "Iterable[Failure]") -> None:
+        """Plan these failures, by their time since the first step. Raises ConfigError for an unknown thruster."""
+        if self._failures is None:
+            from sim.vehicle.failures import Failures
+
+            names = [thruster.name for thruster in self._thrusters]
+            self._failures = Failures(names, self._dt, self._seed, self._steps, self._pwm_us)
+        self._failures.add(failures)
+
+    def immerse(self, shares: Sequence[float] | None) -> None:
+        """Let each give this share of its thrust from now on, as near the surface; None: all of it."""
+        self._shares = shares
+
+    def failures(self, name: str) -> "tuple[Failure, ...]":
+        """What is wrong with the thruster `name` now."""
+        return self._failures.of(name) if self._failures else ()
+
+    def step(
+        self, pwm_us: Sequence[int], nu_r: Sequence[float] = AT_REST
+    ) -> tuple[float, float, float, float, float, float]:
+        """One step of `dt` with these pulses (us, one a thruster): the wrench X Y Z (N) K M N (N m) at its end.
+
+        `nu_r` is the velocity through the water u v w (m/s) p q r (rad/s) along the body axes; only a set that
+        `feels_water` looks at it. Raises ConfigError if there is not one pulse a thruster.
+        """
+        pulses = tuple(pwm_us)
+        self._steps += 1
+        failures = self._failures
+        if failures is not None:
+            pulses = failures.pulses(pulses)
+        if pulses != self._pwm_us:
+            self.command(pulses)
+        return self._advance(nu_r)
+
+    def _advance(self, nu_r: Sequence[float]) -> tuple[float, float, float, float, float, float]:
+        """One step of all thrusts towards their targets; the wrench at its end."""
+        self._lagged = self._thrusts = self._follow()
+        if self.feels_water:
+            self._thrusts = self._lose_to_water(nu_r)
+        if self._failures is not None:
+            self._thrusts = self._failures.thrusts(self._lagged)
+        if self._shares is not None:
+            self._thrusts = [thrust * share for thrust, share in zip(self._thrusts, self._shares, strict=True)]
+        x = y = z = k = m = n = 0.0
+        for thrust, (cx, cy, cz, ck, cm, cn) in zip(self._thrusts, self._columns, strict=True):
+            x += cx * thrust
+            y += cy * thrust
+            z += cz * thrust
+            k += ck * thrust
+            m += cm * thrust
+            n += cn * thrust
+        return x, y, z, k, m, n
+
+    def numbers(self) -> list[float]:
+        """All that a step without failures uses but the state, in a row: what the C twin is made of."""
+        rows = zip(self._gains, self._columns, self._ways, self._advances, strict=True)
+        still = [0.0] * 5
+        lists = [(gain, *column, *way, *(curve.numbers() if curve else still)) for gain, column, way, curve in rows]
+        return [x for numbers in lists for x in numbers]
+
+    def _follow(self) -> list[float]:
+        """The thrusts (N) at the end of the step in water at rest, before failures."""
+        rows = zip(self._lagged, self._targets, self._gains, strict=True)
+        return [thrust + gain * (target - thrust) for thrust, target, gain in rows]
+
+    def _lose_to_water(self, nu_r: Sequence[float]) -> list[float]:
+        """What is left of the thrusts (N) at `nu_r` (m/s, rad/s) through the water."""
+        u, v, w, p, q, r = nu_r
+        thrusts = list(self._lagged)
+        for i, (curve, (a, b, c, d, e, f)) in enumerate(zip(self._advances, self._ways, strict=True)):
+            if curve is not None:
+                thrusts[i] -= curve.loss(thrusts[i], a * u + b * v + c * w + d * p + e * q + f * r)
+        return thrusts
+
+    def command(self, pwm_us: tuple[int, ...]) -> None:
+        """Let the steps from now on go towards what these pulses (us, one a thruster) give. Raises ConfigError."""
+        if len(pwm_us) != len(self._thrusters):
+            raise ConfigError(
+                f"{len(pwm_us)} pulses for a vehicle of {len(self._thrusters)} thrusters: give one a thruster"
+            )
+        self._targets = [steady[pulse] for steady, pulse in zip(self._steady, pwm_us, strict=True)]
+        self._pwm_us = pwm_us

@@ -1,0 +1,1 @@
+"""Import of vehicles from URDF files."""

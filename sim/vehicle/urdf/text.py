@@ -1,0 +1,111 @@
+"""Read a URDF file: its text, its numbers, and the rotation from its axes to ours."""
+
+import os
+from collections.abc import Iterable
+from math import isfinite, nan
+from typing import Any
+from xml.etree import ElementTree
+from xml.parsers import expat
+
+from hil.common.errors import ConfigError
+from hil.common.tables import read_bytes
+from sim.matrices import Matrix
+from sim.vehicle.urdf.ros_packages import find_package
+
+Element = ElementTree.Element
+_FRD = (1.0, -1.0, -1.0)
+
+
+def read_xml(path: str, text: bytes | None = None) -> Element:
+    """Return the `<robot>` of the file, or of `text` in its place. Raises ConfigError.
+
+    An XML entity may stand for another file or for gigabytes: none is ever expanded.
+    """
+    data = read_bytes(path) if text is None else text
+    try:
+        guard = expat.ParserCreate()
+        guard.EntityDeclHandler = _refuse_entity
+        guard.Parse(data, True)
+        robot = ElementTree.fromstring(data)
+    except (expat.ExpatError, ElementTree.ParseError) as error:
+        raise ConfigError(f"{path}: not valid XML: {error}") from None
+    except ConfigError as error:
+        raise ConfigError(f"{path}: {error}") from None
+    for element in robot.iter():
+        if "xacro" in element.tag or any("${" in text or "$(" in text for text in element.attrib.values()):
+            raise ConfigError(f"{path}: is xacro, to be expanded first: name it .xacro, or declare its namespace")
+    if robot.tag != "robot":
+        raise ConfigError(f"{path}: a URDF begins with <robot>, this one with <{robot.tag}>")
+    return robot
+
+
+def _refuse_entity(name: str, *_: Any) -> None:
+    raise ConfigError(f"declares the XML entity {name!r}: write what it stands for")
+
+
+def to_frd(vector: Iterable[float]) -> list[float]:
+    """Return a point or direction in FLU along FRD."""
+    return [sign * x + 0.0 for sign, x in zip(_FRD, vector, strict=True)]
+
+
+def to_frd_matrix(matrix: Matrix) -> list[float]:
+    """Return a 3x3 or 6x6 matrix along FLU along FRD: its diagonal if there is nothing else, or row after row."""
+    signs = _FRD * (len(matrix) // 3)
+    turned = [[a * b * x + 0.0 for b, x in zip(signs, row, strict=True)] for a, row in zip(signs, matrix, strict=True)]
+    if any(x for i, row in enumerate(turned) for j, x in enumerate(row) if i != j):
+        return [x for row in turned for x in row]
+    return [row[i] for i, row in enumerate(turned)]
+
+
+def attribute(element: Element, child: str, name: str, default: str = "") -> str:
+    """Return the attribute `name` of the child element `child`, or `default`."""
+    found = element.find(child)
+    return default if found is None else found.get(name, default)
+
+
+def child_text(element: Element, *names: str) -> str | None:
+    """Return the text of the first child element there is of these names."""
+    return next((text.strip() for name in names if (text := element.findtext(name)) is not None), None)
+
+
+def numbers_of(text: str, path: str, *counts: int) -> list[float]:
+    """Return the numbers in `text`, as many as one of `counts`. Raises ConfigError."""
+    numbers = [number_of(word, path) for word in text.split()]
+    if len(numbers) not in counts:
+        raise ConfigError(f"{path}: expected {' or '.join(map(str, counts))} numbers, found {text.strip()[:60]!r}")
+    return numbers
+
+
+def number_of(text: str, path: str) -> float:
+    """`text` as a finite number. Raises ConfigError."""
+    try:
+        number = float(text)
+    except ValueError:
+        number = nan
+    if not isfinite(number):
+        raise ConfigError(f"{path}: expected a number, found {text.strip()[:60]!r}")
+    return number
+
+
+def plain(name: str) -> str:
+    """Return a name without control characters, which a vehicle file could not hold."""
+    return "".join(letter for letter in name if letter.isprintable())
+
+
+def find_mesh(name: str, path: str) -> str:
+    """Return the path of a mesh that the file at `path` names; package:// is looked for in the folders above that
+    file, then as sim/vehicle/urdf/ros_packages.py says.
+
+    What cannot be found is given back as it is written.
+    """
+    if name.startswith("package://"):
+        package, _, inside = name.removeprefix("package://").partition("/")
+        folder = os.path.dirname(os.path.abspath(path))
+        while folder != os.path.dirname(folder):
+            if os.path.exists(os.path.join(folder, inside)):
+                return os.path.join(folder, inside)
+            folder = os.path.dirname(folder)
+        found = find_package(package, path)
+        return os.path.join(found, inside) if found and os.path.exists(os.path.join(found, inside)) else name
+    plain_name = name.removeprefix("file://")
+    return plain_name if os.path.isabs(plain_name) else os.path.join(os.path.dirname(os.path.abspath(path)), plain_name)

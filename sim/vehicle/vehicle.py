@@ -1,0 +1,303 @@
+"""Vehicle records read from TOML: mass, shape, hydrodynamic coefficients and thrusters.
+
+Every length is from the body origin along the body axes (x forward, y starboard, z down). Added mass and
+damping are about that origin and written positive: the force is minus coefficient times velocity.
+"""
+
+from collections.abc import Sequence
+from math import isfinite
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+
+from hil.common.errors import ConfigError
+from hil.common.schema import Range, find_preset, parse
+from hil.common.tables import read_table
+from sim.matrices import (
+    Entry,
+    Matrix,
+    cross_matrix,
+    is_positive_definite,
+    is_positive_semidefinite,
+    is_symmetric,
+    product,
+    square,
+    total,
+    transpose,
+)
+from sim.vehicle.thruster_model import Point, Thruster
+
+if TYPE_CHECKING:
+    from sim.vehicle.ballast import BuoyancyEngine, DropWeight
+    from sim.vehicle.battery import Battery
+    from sim.vehicle.body_lift import CrossFlow, FadingDamping, Lift
+    from sim.vehicle.fins import Fin
+    from sim.vehicle.meshes import Mesh
+
+__all__ = [
+    "Point", "Thruster", "Vehicle", "displaced_volume", "load_vehicle", "mass_matrix",
+    "rigid_mass_matrix", "validate_drop_weights", "with_equipment", "without",
+]  # fmt: skip
+
+Size = Annotated[float, Range(0.01, 50.0, "m")]
+Share = Annotated[float, Range(0.0, 1.0)]
+
+MAX_CHANNELS = 16
+# The diagonals of matrices, which may also be given whole.
+SIZES = {"inertia": 3, "added_mass": 6, "linear_damping": 6, "quadratic_damping": 6, "forward_speed_damping": 6}
+DAMPING = ("linear_damping", "quadratic_damping", "forward_speed_damping")
+POINTS = ("dimensions", "center_of_gravity", "center_of_buoyancy", "munk_share")
+# What of a vehicle's file is described in sim/vehicle/equipment.py: most vehicles do without.
+EQUIPMENT = (
+    "fins", "lift", "cross_flow", "forward_speed_damping", "fading_damping", "buoyancy_engine", "drop_weights",
+)  # fmt: skip
+
+
+class Vehicle(NamedTuple):
+    """One vehicle. `source` says where its numbers come from.
+
+    `volume` is the displaced volume in m³; with `neutrally_buoyant` it is trimmed to weigh nothing in
+    whatever water it is in, as a crew does with ballast. `dimensions` are length, width and height.
+    `inertia` is about the centre of gravity, kg m²: three diagonal numbers, or all nine row after row.
+    `added_mass` (kg, kg m, kg m²), `linear_damping` (N s/m ...) and `quadratic_damping` (N s²/m² ...):
+    six diagonal numbers for surge, sway, heave, roll, pitch, yaw, or all 36 row after row.
+    `munk_share` is the share of the Munk moment that is left about roll, pitch and yaw (sim/dynamics.py): 1 in ideal
+    fluid, 0 for an open frame, on which the flow separates everywhere.
+    `attitude_limit_speed` is the highest surge up to which the model holds its attitude under its own controller;
+    beyond it a scenario is warned of. Left out where it is level up to its top speed.
+    `battery` feeds those thrusters whose curve knows its current (sim/vehicle/battery.py); without one their supply
+    holds.
+    `meshes` are for pictures alone (sim/vehicle/meshes.py).
+    Tilted from the vertical by more than `capsize_tilt` (rad, pi: never) it counts as capsized.
+    `fins` and all below are described in sim/vehicle/equipment.py; mass, volume and inertia include the `drop_weights`.
+    """
+
+    name: str
+    source: str
+    mass: Annotated[float, Range(0.1, 1e6, "kg")]
+    volume: Annotated[float, Range(1e-4, 1e3)]
+    dimensions: tuple[Size, Size, Size]
+    inertia: tuple[Entry, ...]
+    center_of_buoyancy: Point
+    added_mass: tuple[Entry, ...]
+    linear_damping: tuple[Entry, ...]
+    quadratic_damping: tuple[Entry, ...]
+    thrusters: tuple[Thruster, ...]
+    center_of_gravity: Point = (0.0, 0.0, 0.0)
+    neutrally_buoyant: bool = False
+    capsize_tilt: Annotated[float, Range(0.05, 3.2, "rad")] = 1.0472  # 60 deg
+    munk_share: tuple[Share, Share, Share] = (1.0, 1.0, 1.0)
+    attitude_limit_speed: Annotated[float, Range(0.01, 20.0, "m/s")] | None = None
+    battery: "Battery | None" = None
+    fins: "tuple[Fin, ...]" = ()
+    lift: "Lift | None" = None
+    cross_flow: "CrossFlow | None" = None
+    forward_speed_damping: tuple[Entry, ...] = ()
+    fading_damping: "FadingDamping | None" = None
+    buoyancy_engine: "BuoyancyEngine | None" = None
+    drop_weights: "tuple[DropWeight, ...]" = ()
+    meshes: "tuple[Mesh, ...]" = ()
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Whose pulse each output of the STM32 is: thrusters, then fins, buoyancy engine, drop weights."""
+        engine = ("buoyancy engine",) if self.buoyancy_engine else ()
+        thrusters, fins = [t.name for t in self.thrusters], [fin.name for fin in self.fins]
+        return (*thrusters, *fins, *engine, *(weight.name for weight in self.drop_weights))
+
+    @property
+    def equipped(self) -> bool:
+        """True if it has anything of sim/vehicle/equipment.py."""
+        return any(getattr(self, key) for key in EQUIPMENT)
+
+    def validate(self) -> str | None:
+        """Return what is wrong between the keys, or None."""
+        return self._validate_numbers() or self._validate_masses() or self._validate_damping() or self._validate_pwm()
+
+    def _validate_numbers(self) -> str | None:
+        for key in ("mass", "volume", *POINTS, *SIZES):
+            value = getattr(self, key)
+            numbers = value if isinstance(value, tuple) else (value,)
+            odd = next((x for x in numbers if not isfinite(x)), None)
+            if odd is not None:
+                return f"{key}: {odd:g} is no number to reckon with: write a finite one"
+        for key, size in SIZES.items():
+            count = len(getattr(self, key))
+            if count not in (size, size * size) and (count or key not in EQUIPMENT):
+                return f"{key} needs {size} numbers (diagonal) or {size * size} (full), found {count}"
+        return None
+
+    def _validate_damping(self) -> str | None:
+        """Return which damping adds energy, or None. Quadratic damping is only checked on its diagonal."""
+        for key in DAMPING:
+            matrix = square(getattr(self, key) or (0.0,) * 6, 6)
+            if any(matrix[i][i] < 0.0 for i in range(6)):
+                return f"{key} is negative on its diagonal: write it positive, it always brakes"
+            if key != "quadratic_damping" and not is_positive_semidefinite(matrix):
+                return (
+                    f"{key} makes energy in some motions: its symmetric part is not positive semidefinite; "
+                    "make what couples two axes smaller than the root of the product of their own two numbers"
+                )
+        return None
+
+    def _validate_masses(self) -> str | None:
+        inertia, added = square(self.inertia, 3), square(self.added_mass, 6)
+        if not is_symmetric(inertia) or not is_positive_definite(inertia):
+            return "inertia is not symmetric and positive definite"
+        half_trace = 0.5 * sum(inertia[i][i] for i in range(3))
+        if not is_positive_semidefinite(total(square([half_trace] * 3, 3), inertia, -1.0)):
+            return "inertia is that of no body: each principal moment is at most the sum of the other two"
+        if not is_symmetric(added):
+            return "added_mass is not symmetric"
+        if not is_positive_definite(total(rigid_mass_matrix(self), added)):
+            return "mass plus added mass is not positive definite: write added mass positive"
+        return None
+
+    def _validate_pwm(self) -> str | None:
+        """Return what is wrong with the thrusters and everything else that takes pulses, or None."""
+        if not 1 <= len(self.thrusters) <= MAX_CHANNELS:
+            return f"a vehicle has 1 to {MAX_CHANNELS} thrusters, found {len(self.thrusters)}"
+        names = self.channels
+        if len(names) > MAX_CHANNELS:
+            return f"an STM32 has {MAX_CHANNELS} outputs, found {len(names)} to drive: {', '.join(names)}"
+        if len(set(names)) < len(names):
+            what = "channels" if self.equipped else "thrusters"
+            return f"two {what} have the same name: {', '.join(names)}"
+        return None
+
+
+def load_vehicle(name_or_path: str) -> tuple[Vehicle, dict[str, Any]]:
+    """Return a preset of `sim/vehicles`, or a file ending in `.toml`: the vehicle, and its `[control]` table.
+
+    The table belongs to whoever controls the vehicle and is handed on as it is, {} if absent. What all
+    thrusters have in common may stand once, in `[every_thruster]`, and for fins in `[every_fin]`. Raises ConfigError.
+    """
+    path = find_preset("sim/vehicles", name_or_path)
+    table = read_table(path)
+    control = table.pop("control", {})
+    battery, meshes = table.pop("battery", None), table.pop("meshes", [])
+    rows = _with_common(table, "thrusters", "every_thruster")
+    _with_common(table, "fins", "every_fin")
+    equipment = {key: table.pop(key) for key in EQUIPMENT if key in table}
+    models: list[dict[str, Any]] = [{key: row.pop(key) for key in ("curve", "dynamics") if key in row} for row in rows]
+    vehicle = parse(table, Vehicle, path)
+    if any(models):
+        from sim.vehicle.thruster_tables import with_models  # most vehicles do without, as they do without what follows
+
+        named = zip(vehicle.thrusters, models, strict=True)
+        vehicle = vehicle._replace(thrusters=tuple([with_models(t, m, f"{path}: {t.name}") for t, m in named]))
+    if battery is not None:
+        vehicle = _with_battery(vehicle, battery, path)
+    if meshes:
+        vehicle = vehicle._replace(meshes=_read_meshes(meshes, path))
+    if equipment:
+        vehicle = with_equipment(vehicle, equipment, path)
+    return vehicle, control
+
+
+def with_equipment(vehicle: Vehicle, tables: dict[str, Any], where: str) -> Vehicle:
+    """`vehicle` with what these tables of its file `where` describe, keys as in EQUIPMENT. Raises ConfigError."""
+    from sim.vehicle.equipment_keys import EquipmentKeys
+
+    vehicle = vehicle._replace(**parse(tables, EquipmentKeys, where)._asdict())
+    problem = vehicle.validate() or validate_drop_weights(vehicle)
+    if problem:
+        raise ConfigError(f"{where}: {problem}")
+    return vehicle
+
+
+def _with_battery(vehicle: Vehicle, table: Any, path: str) -> Vehicle:
+    """`vehicle` with the battery of its TOML table. Raises ConfigError."""
+    from sim.vehicle.battery import Battery
+    from sim.vehicle.thruster_curves import T200
+
+    if not isinstance(table, dict):
+        raise ConfigError(f"{path}: battery: expected a table, found {table!r}")
+    if not any(isinstance(thruster.curve, T200) for thruster in vehicle.thrusters):
+        raise ConfigError(
+            f'{path}: battery: no thruster draws from it: only curve = {{ kind = "t200" }} knows its current'
+        )
+    return vehicle._replace(battery=parse(table, Battery, f"{path}: battery"))
+
+
+def _read_meshes(rows: Any, path: str) -> "tuple[Mesh, ...]":
+    """Return the meshes of the file at `path`, their paths complete."""
+    import os
+
+    from sim.vehicle.meshes import Mesh
+
+    if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
+        raise ConfigError(f"{path}: meshes: expected tables, each under [[meshes]]")
+    meshes = [parse(row, Mesh, f"{path}: meshes[{i}]") for i, row in enumerate(rows)]
+    return tuple([mesh._replace(file=os.path.join(os.path.dirname(path), mesh.file)) for mesh in meshes])
+
+
+def _with_common(table: dict[str, Any], key: str, every: str) -> list[dict[str, Any]]:
+    """Return the tables under `key`, each with what all have in common, under `every`; put back into `table`."""
+    common, rows = table.pop(every, {}), table.get(key)
+    if not (isinstance(rows, list) and isinstance(common, dict) and all(isinstance(row, dict) for row in rows)):
+        return []  # parse says what is wrong
+    table[key] = rows = [{**common, **row} for row in rows]
+    return rows
+
+
+def rigid_mass_matrix(vehicle: Vehicle) -> Matrix:
+    """M_RB about the body origin, 6x6 (Fossen 2021, eq. 3.44)."""
+    mass = vehicle.mass
+    lever = cross_matrix(vehicle.center_of_gravity)
+    corner = [[mass * x for x in row] for row in lever]
+    inertia = total(square(vehicle.inertia, 3), product(lever, lever), -mass)  # parallel axes
+    upper = [a + b for a, b in zip(square([mass] * 3, 3), transpose(corner), strict=True)]
+    return upper + [a + b for a, b in zip(corner, inertia, strict=True)]
+
+
+def mass_matrix(vehicle: Vehicle) -> Matrix:
+    """M = M_RB + M_A about the body origin, 6x6."""
+    return total(rigid_mass_matrix(vehicle), square(vehicle.added_mass, 6))
+
+
+def displaced_volume(vehicle: Vehicle, density: float) -> float:
+    """Return the volume in m³ of the water it displaces; `density` in kg/m³ matters if the vehicle is trimmed."""
+    return vehicle.mass / density if vehicle.neutrally_buoyant else vehicle.volume
+
+
+def without(vehicle: Vehicle, weight: "DropWeight", density: float) -> Vehicle:
+    """`vehicle` after it has dropped `weight`, a point mass, in water of `density` kg/m³.
+
+    Mass, volume, both centres and the inertia about the new centre of gravity change; how the water moves along does
+    not. A vehicle that was trimmed to weigh nothing is so no more.
+    """
+    volume = displaced_volume(vehicle, density)
+    mass, left = vehicle.mass - weight.mass, volume - weight.volume
+    centre = _lighter(vehicle.center_of_gravity, vehicle.mass, weight.position, weight.mass)
+    about_origin = total(square(vehicle.inertia, 3), _steiner(vehicle.center_of_gravity, vehicle.mass))
+    about_origin = total(about_origin, _steiner(weight.position, weight.mass), -1.0)
+    inertia = total(about_origin, _steiner(centre, mass), -1.0)
+    return vehicle._replace(
+        mass=mass,
+        volume=left,
+        neutrally_buoyant=False,
+        center_of_gravity=centre,
+        center_of_buoyancy=_lighter(vehicle.center_of_buoyancy, volume, weight.position, weight.volume),
+        inertia=tuple([x for row in inertia for x in row]),
+    )
+
+
+def validate_drop_weights(vehicle: Vehicle) -> str | None:
+    """Return what is wrong with `vehicle` after it dropped its weights, or None."""
+    for weight in vehicle.drop_weights:
+        if weight.mass >= vehicle.mass or weight.volume >= vehicle.volume:
+            return f"drop weight {weight.name!r} is more than the vehicle, which it is a part of"
+        vehicle = without(vehicle, weight, 1000.0)
+        if not is_positive_definite(square(vehicle.inertia, 3)):
+            return f"drop weight {weight.name!r} leaves an inertia that is not positive definite"
+    return None
+
+
+def _lighter(centre: Sequence[float], whole: float, place: Sequence[float], part: float) -> Point:
+    x, y, z = [(whole * a - part * b) / (whole - part) for a, b in zip(centre, place, strict=True)]
+    return x, y, z
+
+
+def _steiner(place: Sequence[float], mass: float) -> Matrix:
+    """Return the inertia (kg m²) about the origin of a point mass (kg) at `place` (m)."""
+    lever = cross_matrix(place)
+    return [[-mass * x for x in row] for row in product(lever, lever)]
