@@ -6,7 +6,7 @@
     src/*.c, include/*.h      the core, for any machine
     src/f405/                 the STM32F405: needs arm-none-eabi-gcc
     src/native/               a Linux process: needs any C compiler
-    images/*.bin, *.toml      the image for the STM32F405, and what it was made with
+    images/*.bin, *.toml      the image for the STM32F405, and the recipe that it was made by
 
 MAVLink needs pymavlink when it is compiled, nothing when it runs.
 """
@@ -19,12 +19,12 @@ import shlex
 import shutil
 import subprocess
 import sys
-import tempfile
 from typing import NamedTuple
 
 from firmware_stub import mavlink_headers
 from firmware_stub.image import IMAGE
-from hil.errors import DeviceError, HilError
+from hil.common.errors import DeviceError, HilError
+from hil.common.scratch import ScratchFolder
 
 HERE = os.path.dirname(os.path.abspath(__file__))
 RECIPE = os.path.join(HERE, "images", "uuv_hil_stm32f405.toml")
@@ -42,14 +42,14 @@ ARM_FLAGS += ["-ffunction-sections", "-fdata-sections", "-Wl,--gc-sections", "-W
 
 
 class Image(NamedTuple):
-    """A firmware for the STM32F405: the program as the debugger wants it, and as the flash holds it."""
+    """Firmware image for the STM32F405: the program for a debugger (ELF), and the contents of the flash."""
 
     elf: str
     binary: str
 
 
 def native_compiler() -> list[str]:
-    """The C compiler of this machine as a command: CC of the environment, or cc. Raises DeviceError."""
+    """Return the command of this machine's C compiler: CC of the environment, or cc. Raises DeviceError."""
     command = shlex.split(os.environ.get("CC", "")) or ["cc"]
     if not shutil.which(command[0]):
         raise DeviceError(f"no C compiler {command[0]!r} for the native STM32: sudo apt install gcc libc6-dev")
@@ -57,26 +57,26 @@ def native_compiler() -> list[str]:
 
 
 def compile_core(target: str, sources: list[str], compiler: list[str], mavlink: bool) -> str:
-    """Compile the core and further `sources` into `target`, with MAVLink or without; `target`.
+    """Compile the core and further `sources` into `target`, with MAVLink or without; return `target`.
 
     Raises DeviceError with the compiler's first error; MissingExtraError if MAVLink is wanted without pymavlink.
     """
     core = [_source(name) for name in (*CORE, MAVLINK if mavlink else NO_MAVLINK)]
-    with tempfile.TemporaryDirectory(prefix="uuv-hil-build-") as headers:
+    with ScratchFolder("headers") as headers:
         if mavlink:
-            mavlink_headers.make_headers(headers)
-        include = [f"-I{os.path.join(HERE, 'include')}", "-isystem", headers]
+            mavlink_headers.make_headers(headers.path)
+        include = [f"-I{os.path.join(HERE, 'include')}", "-isystem", headers.path]
         _run([*compiler, *WARNINGS, *include, *core, *sources, "-o", target])
     return target
 
 
 def compile_native(target: str, mavlink: bool) -> str:
-    """Compile the native STM32 into the program `target`; raises as `compile_core` does."""
+    """Compile the firmware as a process into the program `target`; raises as `compile_core` does."""
     return compile_core(target, [_source(name) for name in NATIVE], [*native_compiler(), "-O2"], mavlink)
 
 
 def compile_image(folder: str, crystal: int = 8) -> Image:
-    """Compile the image into `folder`, for a board with a crystal of so many MHz (4 to 26).
+    """Compile the image into `folder`, for a board with a crystal of `crystal` MHz (4 to 26).
 
     Raises DeviceError without a compiler for Arm; MissingExtraError without pymavlink.
     """
@@ -93,7 +93,7 @@ def compile_image(folder: str, crystal: int = 8) -> Image:
 
 
 def recipe(binary: str) -> dict[str, str | int]:
-    """What decides the bytes of an image made here, and a fingerprint of those bytes."""
+    """Return what decides the bytes of an image made here, and a fingerprint of those bytes."""
     version = subprocess.run([ARM, "--version"], check=True, capture_output=True, text=True).stdout.splitlines()[0]
     return {
         "compiler": version,
@@ -105,13 +105,13 @@ def recipe(binary: str) -> dict[str, str | int]:
 
 
 def sources(*folders: str) -> list[str]:
-    """The files in C of these folders of this package, and the linker's script."""
+    """Return the files in C of these folders of this package, and the linker's script."""
     paths = [os.path.join(HERE, folder, name) for folder in folders for name in os.listdir(os.path.join(HERE, folder))]
     return sorted(path for path in paths if path.endswith((".c", ".h", ".ld")))
 
 
 def fingerprint(paths: list[str]) -> str:
-    """SHA-256 of what these files hold."""
+    """Return the SHA-256 of the contents of these files."""
     digest = hashlib.sha256()
     for path in paths:
         with open(path, "rb") as file:
@@ -131,16 +131,16 @@ def _run(command: list[str]) -> None:
 
 
 def _ship() -> None:
-    with tempfile.TemporaryDirectory(prefix="uuv-hil-image-") as folder:
-        shutil.copyfile(compile_image(folder).binary, IMAGE)
+    with ScratchFolder("image") as folder:
+        shutil.copyfile(compile_image(folder.path).binary, IMAGE)
     lines = [f"{key} = {json.dumps(value)}\n" for key, value in recipe(IMAGE).items()]
-    with open(RECIPE, "w") as file:
+    with open(RECIPE, "w", encoding="utf-8") as file:
         file.writelines(["# What uuv_hil_stm32f405.bin was made with: python -m firmware_stub.build\n", *lines])
     print(f"{IMAGE}: {os.path.getsize(IMAGE)} bytes")
 
 
 def main(argv: list[str] | None = None) -> None:
-    """Make the shipped image, or another one."""
+    """Compile the shipped image, or another one."""
     parser = argparse.ArgumentParser(
         prog="python -m firmware_stub.build", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )

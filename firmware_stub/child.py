@@ -1,38 +1,41 @@
-"""A program that plays the STM32 in a process of its own: started, waited for, ended."""
+"""A program that acts as the STM32 in a process of its own: start it, wait for it, end it."""
 
 import select
 import subprocess
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import IO
 
-from hil.errors import DeviceError
+from hil.common.children import start_child
+from hil.common.errors import DeviceError
 
-START_S = 10.0  # the longest until it serves
-END_S = 5.0  # the longest from being asked to end until it has; then it is killed
+START_S = 10.0  # the longest until it is ready
+END_S = 5.0  # the longest between SIGTERM and its end; then it is killed
 
 
 class Child:
-    """The process of `command`, serving when this returns, as its first line tells; end it with `close`.
+    """Process of `command`, ready when this returns, as its first line reports; end it with `close`.
 
-    Raises DeviceError if it does not come up; the message is what it says of that.
+    command, environment: as of `hil.common.children.start_child`. It ends when this process does, however that ends.
+    Raises
+    DeviceError if it does not start; the message has its error message.
     """
 
-    def __init__(self, command: Sequence[str]) -> None:
-        self._process = subprocess.Popen(
-            command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
+    def __init__(self, command: Sequence[str], environment: Mapping[str, str] | None = None) -> None:
+        self._process: subprocess.Popen[str] = start_child(
+            command, environment=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
         )
         self.pid = self._process.pid
-        said = _stream(self._process.stdout)
-        if not (select.select([said], (), (), START_S)[0] and said.readline()):
+        output = _stream(self._process.stdout)
+        if not (select.select([output], (), (), START_S)[0] and output.readline()):
             reason = self._end()[1].strip()
             raise DeviceError(reason or f"{command[0]}: did not come up")
 
     def close(self) -> str:
-        """End it, its outputs neutral; what it says at the end. Closing twice is harmless."""
+        """End the process, its outputs neutral; return its final report. Closing twice is harmless."""
         return "" if _stream(self._process.stdout).closed else self._end()[0].strip()
 
     def _end(self) -> tuple[str, str]:
-        """What it says at the end and has said of errors."""
+        """Return the final report of the process and its error messages."""
         self._process.terminate()
         try:
             return self._process.communicate(timeout=END_S)

@@ -1,4 +1,4 @@
-"""The image for the STM32F405 that is shipped, and the parameters that make it one vehicle's.
+"""The shipped image for the STM32F405, and the parameters that adapt it to a vehicle.
 
 On the board both are written once, by any flash tool: the image to 0x08000000, the parameters to 0x08004000. Where
 there are no parameters the image drives 6 thrusters at 50 Hz, with a watchdog of 200 ms, on 115200 bit/s.
@@ -7,7 +7,7 @@ there are no parameters the image drives 6 thrusters at 50 Hz, with a watchdog o
 import os
 import struct
 
-from hil.errors import DeviceError
+from hil.common.errors import DeviceError
 
 IMAGE = os.path.join(os.path.dirname(os.path.abspath(__file__)), "images", "uuv_hil_stm32f405.bin")
 PARAMETERS_ADDRESS = 0x0800_4000
@@ -16,9 +16,9 @@ MAX_CHANNELS = 8
 
 
 def parameters(channels: int, watchdog: float = 0.2, pwm_hz: int = 50, baud: int = 115_200) -> bytes:
-    """What is to lie at `PARAMETERS_ADDRESS`; src/f405/f405.h has the layout.
+    """Return the bytes to write to `PARAMETERS_ADDRESS`; src/f405/f405.h has the layout.
 
-    channels: thrusters, 1 to 8. watchdog: the longest silence before all stop, 0.01 to 60 s. pwm_hz: 50 to 400.
+    channels: thrusters, 1 to 8. watchdog: the longest time without a command, 0.01 to 60 s. pwm_hz: 50 to 400.
     baud: 9600 to 5 250 000 bit/s. The firmware takes its default in place of what is outside.
     Raises DeviceError for a number of thrusters that the board has no outputs for.
     """

@@ -1,4 +1,4 @@
-"""The C headers of the MAVLink messages that the firmware speaks, made by pymavlink's generator.
+"""C headers of the firmware's MAVLink messages, made by pymavlink's generator.
 
 A dialect of just these messages is cut out of pymavlink's own definitions: that keeps the firmware small.
 """
@@ -8,10 +8,10 @@ import subprocess
 import sys
 import xml.etree.ElementTree as ElementTree
 
-from hil.errors import MissingExtraError
+from hil.common.errors import MissingExtraError
 
 DIALECT = "uuv_hil"
-VERSION = "3"  # of the common messages; HEARTBEAT tells it
+VERSION = "3"  # of the common messages, sent in HEARTBEAT
 DEFINITIONS = ("minimal.xml", "common.xml")
 MESSAGES = {
     "HEARTBEAT", "SYS_STATUS", "SERVO_OUTPUT_RAW", "RC_CHANNELS_OVERRIDE", "COMMAND_LONG", "COMMAND_ACK", "TIMESYNC",
@@ -25,7 +25,7 @@ ENTRIES = {
 
 
 def version() -> str | None:
-    """The version of pymavlink that is installed, if one is."""
+    """Return the version of the installed pymavlink, None if there is none."""
     from importlib import metadata
 
     try:
@@ -43,7 +43,7 @@ def make_headers(folder: str) -> None:
         raise MissingExtraError("the firmware's MAVLink is made with pymavlink: pip install pymavlink")
     path = os.path.join(folder, f"{DIALECT}.xml")
     _write_dialect(path)
-    command = [sys.executable, "-m", "pymavlink.tools.mavgen", "--no-validate", "--lang", "C"]
+    command = [sys.executable, "-P", "-m", "pymavlink.tools.mavgen", "--no-validate", "--lang", "C"]
     command += ["--wire-protocol", "2.0", "--output", folder, path]
     subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
 
@@ -66,7 +66,7 @@ def _definitions(name: str) -> ElementTree.Element:
 
 
 def _keep_entries(enum: ElementTree.Element) -> bool:
-    """Drop the entries that the firmware does not name; whether any is left."""
+    """Drop the entries that the firmware does not use; return whether any is left."""
     for entry in enum.findall("entry"):
         if entry.get("name") not in ENTRIES:
             enum.remove(entry)

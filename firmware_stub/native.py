@@ -1,25 +1,29 @@
-"""The STM32's firmware in C as a process of this machine, on a pty: compiled once, then found again."""
+"""The STM32's firmware in C as a process of this machine, on a pty: compiled once, then cached."""
 
 import os
+from contextlib import suppress
 
 from firmware_stub import build, mavlink_headers
 from firmware_stub.child import Child
-from hil.errors import DeviceError
+from hil.common.errors import DeviceError
+from hil.common.scratch import ScratchFolder
+from hil.common.tables import PROGRAM
 
-NAME = "uuv-hil-stm32-native"
+NAME = PROGRAM
+MOST_PROGRAMS = 8  # of other versions, compilers and checkouts
 FOLDERS = ("include", "src", "src/native")
 
 
 def cache_folder() -> str:
-    """Where compiled programs of this user are kept."""
+    """Return the folder of this user's compiled programs."""
     base = os.environ.get("XDG_CACHE_HOME") or os.path.join(os.path.expanduser("~"), ".cache")
     return os.path.join(base, "uuv-hil")
 
 
 def build_native(folder: str = "") -> str:
-    """The path of the program in `folder` (by default the user's cache), compiled if it is not there yet.
+    """Return the path of the program in `folder` (by default the user's cache), compiled if it is not there yet.
 
-    Its name tells sources and compiler apart, so that an old one is never taken. Without pymavlink it knows no
+    Its name depends on sources and compiler, so that an outdated one is never used. Without pymavlink it has no
     MAVLink. Raises DeviceError without a C compiler, or if the folder cannot be written.
     """
     folder = folder or cache_folder()
@@ -31,17 +35,27 @@ def build_native(folder: str = "") -> str:
     except OSError as error:
         raise DeviceError(f"{folder}: {error.strerror}; set XDG_CACHE_HOME to a folder of yours") from None
     # Renamed when complete: two that compile at once do not disturb each other.
-    new = f"{program}.{os.getpid()}"
-    os.replace(build.compile_native(new, mavlink=mavlink_headers.version() is not None), program)
+    with ScratchFolder("native", folder) as new:
+        os.replace(build.compile_native(new.file(NAME), mavlink=mavlink_headers.version() is not None), program)
+    _prune(folder)
     return program
 
 
-class NativeStm32(Child):
-    """The process, serving on the pty `path` when this returns; end it with `close`.
+def _prune(folder: str) -> None:
+    """Remove all but the newest programs; one that runs goes on."""
+    with suppress(OSError):  # another process removes the same
+        with os.scandir(folder) as entries:
+            programs = [entry for entry in entries if entry.is_file() and entry.name.startswith(f"{NAME}-")]
+        for old in sorted(programs, key=lambda entry: entry.stat().st_mtime_ns)[:-MOST_PROGRAMS]:
+            os.unlink(old)
 
-    path: the symbolic link to make, such as "/tmp/uuv-hil-stm32". channels: 1 to 16. watchdog: the longest silence
-    before all thrusters stop, s. Raises DeviceError if it cannot be compiled or does not come up (its reason is in
-    the message).
+
+class NativeStm32(Child):
+    """Process of the firmware, ready on the pty `path` when this returns; end it with `close`.
+
+    path: the symbolic link to make, such as "/tmp/uuv-hil-stm32". channels: 1 to 16. watchdog: the longest time
+    without a command before all thrusters stop, s. Raises DeviceError if it cannot be compiled or does not start (its
+    reason is in the message).
     """
 
     def __init__(self, path: str, channels: int, watchdog: float) -> None:
@@ -50,7 +64,7 @@ class NativeStm32(Child):
 
 
 def _fingerprint() -> str:
-    """Changes with every source, with the compiler, and with pymavlink."""
+    """Return a hash that changes with every source, with the compiler, and with pymavlink."""
     import hashlib
 
     parts = build.native_compiler(), mavlink_headers.version(), build.fingerprint(build.sources(*FOLDERS))

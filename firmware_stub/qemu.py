@@ -1,4 +1,4 @@
-"""The shipped image on QEMU's STM32F405: a second opinion on the firmware, by an emulator that others wrote.
+"""The shipped image on QEMU's STM32F405: an independent emulator as a second check of the firmware.
 
 QEMU 7.2's machine netduinoplus2 has the USARTs, SysTick and the registers of the timers, but no clock control, no
 watchdog in hardware, no pins and no CAN. It sends bytes at once, whatever the baud rate. When the machine is busy it
@@ -11,32 +11,34 @@ import select
 import shutil
 import socket
 import subprocess
-import tempfile
 import time
 from contextlib import ExitStack
 from typing import Any
 
 from firmware_stub.image import IMAGE, PARAMETERS_ADDRESS, parameters
-from hil.errors import DeviceError
+from hil.common.children import foreign_command, start_child
+from hil.common.errors import DeviceError
+from hil.common.lifeline import NO_PROGRAM
+from hil.common.scratch import ScratchFolder
 from hil.links.wires.terminal import READ_SIZE, DescriptorWire
 
 PROGRAM = "qemu-system-arm"
 PATIENCE_S = 10.0
 HERE, THERE = "127.0.0.1", "127.0.0.2"  # the host's end and QEMU's, with one port number
-ROOM = 1 << 20  # for bytes that nobody has read; the kernel counts 768 for each, and may give less
+ROOM = 1 << 20  # for unread bytes; the kernel counts 768 for each, and may give less
 NO_ESCAPE = "0x100"  # of the multiplexer's commands: no byte is this one
 PULSE_REGISTERS = (0x4000_0434, 0x4000_0834)  # CCR1 to CCR4 of TIM3, then of TIM4
 
 
 class QemuStm32:
-    """The process, its firmware running when this returns; end it with `close`.
+    """Process of QEMU with the firmware running when this returns; end it with `close`.
 
-    channels: 1 to 8. watchdog: the longest silence before all thrusters stop, s of the firmware's time. cpu: the one
-    processor it may run on.
+    channels: 1 to 8. watchdog: the longest time without a command before all thrusters stop, s of the firmware's time.
+    cpu: the one processor it may run on.
 
-    `wire` is the host's end of its USART; what nobody reads is lost, after some hundred bytes, or a thousand.
+    `wire` is the host's end of its USART; unread bytes are lost, after some hundred or a thousand of them.
 
-    Raises DeviceError without QEMU, if it does not start, or if the firmware says nothing.
+    Raises DeviceError without QEMU, if it does not start, or if the firmware sends nothing.
     """
 
     def __init__(self, channels: int = 6, watchdog: float = 0.2, cpu: int | None = None) -> None:
@@ -45,10 +47,10 @@ class QemuStm32:
         in_flash = parameters(channels, watchdog)
         self._channels = channels
         self._qmp: _Qmp | None = None
-        with ExitStack() as held:  # whatever fails on the way, nothing of it stays
-            folder = held.enter_context(tempfile.TemporaryDirectory(prefix="uuv-hil-qemu-"))
-            self._monitor = os.path.join(folder, "qmp")
-            with open(os.path.join(folder, "parameters"), "wb") as file:
+        with ExitStack() as held:  # if a step fails, all before it is undone
+            folder = held.enter_context(ScratchFolder("qemu"))
+            self._monitor = folder.file("qmp")
+            with open(folder.file("parameters"), "wb") as file:
                 file.write(in_flash)
             self.wire = _Usart()
             held.callback(self.wire.close)
@@ -61,20 +63,20 @@ class QemuStm32:
             self._held = held.pop_all()
 
     def pwm_us(self) -> tuple[int, ...]:
-        """What stands in the timers' compare registers (us), read by QEMU and not by the firmware."""
+        """Pulses (us) from the timers' compare registers, read by QEMU and not by the firmware."""
         if self._qmp is None:
             self._qmp = _Qmp(self._connect_monitor())
         words = [word for address in PULSE_REGISTERS for word in self._qmp.words(address, 4)]
         return tuple(words[: self._channels])
 
     def close(self) -> None:
-        """End it and remove its files. Closing twice is harmless."""
+        """End QEMU and remove its files. Closing twice is harmless."""
         self._held.close()
 
     def _start(self, parameters_path: str) -> subprocess.Popen[bytes]:
-        command = self._command(parameters_path)
+        command = foreign_command(*self._command(parameters_path))
         try:
-            return subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, start_new_session=True)
+            return start_child(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
         except OSError as error:
             raise DeviceError(f"{PROGRAM}: cannot be started: {error.strerror}") from None
 
@@ -109,20 +111,22 @@ class QemuStm32:
     def _wait_for_its_first_byte(self) -> None:
         deadline = time.monotonic() + PATIENCE_S
         while not select.select([self.wire], (), (), 0.01)[0]:
+            if self._process.poll() == NO_PROGRAM:
+                raise DeviceError(self._error_text())
             if self._process.poll() is not None:
-                raise DeviceError(f"{PROGRAM}: did not come up: {self._complaint()}")
+                raise DeviceError(f"{PROGRAM}: did not come up: {self._error_text()}")
             if time.monotonic() > deadline:
                 raise DeviceError(f"{PROGRAM}: the firmware says nothing; is {IMAGE} whole?")
 
-    def _complaint(self) -> str:
-        """What it said; it has ended."""
+    def _error_text(self) -> str:
+        """Return the error messages of the process, which has ended."""
         assert self._process.stderr
-        said = self._process.stderr.read().decode(errors="replace").splitlines()
-        return "; ".join(said) or "it says nothing"
+        lines = self._process.stderr.read().decode(errors="replace").splitlines()
+        return "; ".join(lines) or "it says nothing"
 
 
 class _Usart(DescriptorWire):
-    """The host's end of its USART: it sends a datagram a byte. Bound before it starts, so that no word is lost."""
+    """Host end of the USART: one datagram a byte. Bound before QEMU starts, so that no byte is lost."""
 
     def __init__(self) -> None:
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as usart:
@@ -130,11 +134,11 @@ class _Usart(DescriptorWire):
             usart.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, ROOM)
             usart.bind((HERE, 0))
             self.port: int = usart.getsockname()[1]
-            usart.connect((THERE, self.port))  # nobody else is heard
-            super().__init__(usart.detach(), f"{PROGRAM} udp://{THERE}:{self.port}")
+            usart.connect((THERE, self.port))  # others are ignored
+            super().__init__(usart.detach(), f"udp://{THERE}:{self.port}")
 
     def read(self) -> bytes:
-        """The bytes that have come in, or b"". Raises DeviceError when QEMU is gone, which a write brings out."""
+        """Return the received bytes, or b"". Raises DeviceError when QEMU has ended, which a write detects."""
         taken = bytearray()
         while len(taken) < READ_SIZE:
             byte = super().read()
@@ -145,7 +149,7 @@ class _Usart(DescriptorWire):
 
 
 class _Qmp:
-    """QEMU's machine protocol: one JSON object a line, https://www.qemu.org/docs/master/interop/qmp-spec.html."""
+    """Client of QEMU's machine protocol: one JSON object a line, https://www.qemu.org/docs/master/interop/qmp-spec.html."""
 
     def __init__(self, connection: socket.socket) -> None:
         connection.settimeout(PATIENCE_S)
@@ -155,7 +159,7 @@ class _Qmp:
         self._ask("qmp_capabilities")
 
     def words(self, address: int, count: int) -> list[int]:
-        """Words of the machine's memory: the answer to `xp` is "40000434: 0x000005dc 0x000005dc ..."."""
+        """Return words of the machine's memory: the answer to `xp` is "40000434: 0x000005dc 0x000005dc ..."."""
         answer = self._ask("human-monitor-command", **{"command-line": f"xp /{count}wx {address:#x}"})
         return [int(word, 16) for word in str(answer).split()[1:]]
 

@@ -1,4 +1,4 @@
-"""`uuv-hil stm32`: the STM32 in a process of its own, for software that expects one on its link."""
+"""`uuv-hil stm32`: the STM32 as a process of its own, for software that expects one on its link."""
 
 import argparse
 import select
@@ -7,16 +7,19 @@ from collections.abc import Callable
 from typing import Annotated, Literal, NamedTuple
 
 from firmware_stub.stub import Stm32, Stm32End
-from hil.clock import NS_PER_S, now_ns
-from hil.errors import HilError
-from hil.links.address import FORMS, misfit, open_address
+from hil.common.clock import NS_PER_S, now_ns
+from hil.common.errors import HilError
+from hil.common.lifeline import die_with_parent
+from hil.common.options import BAUD, BITRATE, Quantity, new_parser, whole
+from hil.common.schema import Range, parse
+from hil.common.stop import StopSignals
+from hil.common.tables import settings
+from hil.links.address import FORMS, incompatibility, open_address
 from hil.links.contract import MAX_THRUSTERS, ThrusterLink
 from hil.links.protocols import open_protocol
-from hil.schema import Range, parse
-from hil.stop import StopSignals
-from hil.tables import settings
 
 NAME = "uuv-hil stm32"
+WATCHDOG = Quantity(0.01, 60.0, "s")
 REPORT_PERIOD_NS = 5 * NS_PER_S
 EXAMPLES = """\
 examples:
@@ -30,7 +33,7 @@ examples:
 
 
 class Options(NamedTuple):
-    """What the command line may say, checked like any file."""
+    """Options of the command line, validated like a file."""
 
     port: str
     protocol: Literal["frame", "mavlink", "dronecan", "vesc"]
@@ -42,13 +45,14 @@ class Options(NamedTuple):
     option: tuple[str, ...]
     quiet: bool = False
 
-    def problem(self) -> str | None:
-        """Protocols for CAN need a CAN bus, and the others none."""
-        return misfit(self.protocol, self.port)
+    def validate(self) -> str | None:
+        """Return why protocol and port do not fit, None if they do."""
+        return incompatibility(self.protocol, self.port)
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Run until SIGINT or SIGTERM; the exit code. `argv` is without the command's name."""
+    """Run until SIGINT or SIGTERM; return the exit code. `argv` is without the command's name."""
+    die_with_parent()
     try:
         options = parse(vars(_parser().parse_args(argv)), Options, "command line")
         with StopSignals() as stop_fd:
@@ -60,15 +64,20 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def serve(end: Stm32End, stop_fd: int, report: Callable[[Stm32End], None] | None = None) -> None:
-    """Be the STM32 until `stop_fd` becomes readable, then put its outputs to neutral and close it.
+    """Run the STM32 until `stop_fd` becomes readable, then put its outputs to neutral and close it.
 
-    `report` is called every 5 s. Raises DeviceError when the wire is gone.
+    A process that was stopped for longer than the watchdog's time discards what was received meanwhile, as a UART
+    does. `report` is called every 5 s. Raises DeviceError when the wire is lost.
     """
-    report_ns = now_ns() + REPORT_PERIOD_NS
+    serviced_ns = now_ns()
+    report_ns = serviced_ns + REPORT_PERIOD_NS
     try:
         while True:
             now = now_ns()
+            if now - serviced_ns > end.stm32.watchdog_ns:
+                end.link.discard_received()
             end.service(now)
+            serviced_ns = now
             if report and now >= report_ns:
                 report(end)
                 report_ns = now + REPORT_PERIOD_NS
@@ -88,13 +97,13 @@ def _run(options: Options, stop_fd: int) -> None:
     wire = open_address(options.port, "device", options.baud, options.bitrate)
     stm32 = Stm32(options.channels, round(options.watchdog * NS_PER_S))
     spoken = f"frame {options.frame}" if options.protocol == "frame" else options.protocol
-    _say(
+    _print_line(
         f"STM32 with {options.channels} thrusters on {wire.name}: {spoken}, "
         f"watchdog {options.watchdog * 1e3:g} ms; Ctrl-C ends it"
     )
     end = Stm32End(stm32, ThrusterLink(wire, protocol))
-    serve(end, stop_fd, None if options.quiet else lambda end: _say(_status(end)))
-    _say("stopped: " + _status(end))
+    serve(end, stop_fd, None if options.quiet else lambda end: _print_line(_status(end)))
+    _print_line("stopped: " + _status(end))
 
 
 def _status(end: Stm32End) -> str:
@@ -107,25 +116,26 @@ def _status(end: Stm32End) -> str:
     )
 
 
-def _say(line: str) -> None:
+def _print_line(line: str) -> None:
     print(line, flush=True)
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog=NAME,
-        description=__doc__,
-        epilog=EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+    parser = new_parser("stm32", __doc__, EXAMPLES)
     add = parser.add_argument
     add("--port", default="pty:/tmp/uuv-hil-stm32", metavar="ADDRESS", help=f"{FORMS} [%(default)s]")
     add("--protocol", default="frame", help="frame, mavlink, dronecan or vesc [%(default)s]")
     add("--frame", default="uuv_hil", help="name of a frame, or path of a frame's TOML file [%(default)s]")
-    add("--baud", type=int, default=115_200, help="speed of a serial device, bit/s [%(default)s]")
-    add("--bitrate", type=int, default=1_000_000, help="of a CAN bus, bit/s, where it is ours to set [%(default)s]")
-    add("--channels", type=int, default=6, help="number of thrusters, 1 to 16 [%(default)s]")
-    add("--watchdog", default="200 ms", help="longest silence before all thrusters stop [%(default)s]")
+    add("--baud", type=BAUD, default=115_200, help="speed of a serial device, bit/s [%(default)s]")
+    add("--bitrate", type=BITRATE, default=1_000_000, help="of a CAN bus, bit/s, where it is ours to set [%(default)s]")
+    add("--channels", type=whole(1, MAX_THRUSTERS), default=6, help="number of thrusters, 1 to 16 [%(default)s]")
+    add(
+        "--watchdog",
+        metavar="S",
+        type=WATCHDOG,
+        default="200 ms",
+        help="longest silence before all thrusters stop [%(default)s]",
+    )
     add("--option", action="append", default=[], metavar="NAME=VALUE", help="a setting of the protocol")
     add("--quiet", action="store_true", help="say nothing between start and end")
     return parser

@@ -1,11 +1,11 @@
-"""The STM32 in Python: PWM outputs, arming, watchdog, counters. No I/O and no clock of its own.
+"""Specification of the STM32's behaviour in Python: PWM outputs, arming, watchdog, counters. No I/O, no clock.
 
-What the outputs do:
+Behaviour of the outputs:
 
     power-up    neutral (1500 us), disarmed
     command     applied if it has one pulse width a thruster and is not late; its `armed` decides whether
-                the outputs take its pulse widths or stay neutral. Arming needs no ritual: whoever sends
-                an armed command means it, and the watchdog ends it when he stops
+                the outputs take its pulse widths or stay neutral. One armed command arms; the watchdog
+                disarms when commands stop
     watchdog    no command applied for `watchdog_ns`, armed or not: neutral, disarmed, `timed_out`, one trip
                 counted, reported at once. The next command clears `timed_out` and is applied as any other
 
@@ -14,7 +14,7 @@ up to `LATE_WINDOW` behind the last is late (a datagram that was overtaken) and 
 behind is a host that started again, and applied. After a watchdog trip every number is.
 """
 
-from hil import clock
+from hil.common import clock
 from hil.links.contract import (
     PWM_MAX_US,
     PWM_MIN_US,
@@ -29,15 +29,15 @@ WATCHDOG_NS = 200_000_000  # four commands missed at 20 Hz, ten at 50 Hz
 TELEMETRY_PERIOD_NS = 20_000_000
 LATE_WINDOW = 32  # sequence numbers
 NO_PULSE_US = 0
-NEVER_US = 0xFFFF_FFFF  # the age of a command that never came
+NEVER_US = 0xFFFF_FFFF  # the age before the first command
 WRAP = 0xFFFF  # sequence numbers and counters have 16 bits
 
 
 class Stm32:
-    """The board: `pwm_us` are the compare values of its PWM timers in microseconds, one a thruster.
+    """The STM32 board: `pwm_us` are the compare values of its PWM timers in microseconds, one a thruster.
 
-    channels: number of thrusters, 1 to 16. watchdog_ns: the longest silence before the outputs go to
-    neutral. telemetry_period_ns: the longest time between two reports. All instants are nanoseconds of
+    channels: number of thrusters, 1 to 16. watchdog_ns: the longest time without a command before the outputs
+    go to neutral. telemetry_period_ns: the longest time between two reports. All instants are nanoseconds of
     one clock that never runs backwards, from 0 up; which one is the caller's choice.
 
     Not modelled: the time that decoding takes the STM32, and the wait for the next PWM period (2.5 to
@@ -57,18 +57,18 @@ class Stm32:
         self.applied_ns = -1  # when; -1: never
         self.frames = 0  # commands applied
         self.refused = 0  # commands with a wrong number of channels, or late
-        self.line_errors = 0  # frames that were damaged on the way; set by whoever reads the line
+        self.line_errors = 0  # damaged frames; set by the reader of the line
         self.watchdog_trips = 0
-        self._silence_ends_ns = clock.NEVER_NS  # when the watchdog trips; never: it has, or has not been started
+        self._watchdog_due_ns = clock.NEVER_NS  # when the watchdog trips; never: it has, or has not been started
         self._telemetry_due_ns = 0
 
     @property
     def deadline_ns(self) -> int:
-        """When `tick` has to be called next, unless a command comes before."""
-        return min(self._silence_ends_ns, self._telemetry_due_ns)
+        """When `tick` has to be called next, unless a command is received before."""
+        return min(self._watchdog_due_ns, self._telemetry_due_ns)
 
     def command(self, command: ThrusterCommand, now_ns: int) -> bool:
-        """Apply a command; whether it was (else it is counted in `refused`, and the watchdog goes on)."""
+        """Apply a command; return whether it was (else it is counted in `refused`, and the watchdog runs on)."""
         if len(command.pwm_us) != self.channels or self._is_late(command.sequence):
             self.refused += 1
             return False
@@ -78,21 +78,21 @@ class Stm32:
         self.sequence = command.sequence & WRAP
         self.applied_ns = now_ns
         self.frames += 1
-        self._silence_ends_ns = now_ns + self.watchdog_ns
+        self._watchdog_due_ns = now_ns + self.watchdog_ns
         return True
 
     def tick(self, now_ns: int) -> bool:
-        """Let time pass: trips the watchdog when it is due. Whether telemetry is to be sent now."""
-        if now_ns >= self._silence_ends_ns:
+        """Advance the time: trip the watchdog when it is due. Return whether telemetry is to be sent now."""
+        if now_ns >= self._watchdog_due_ns:
             self.disarm()
             self.timed_out = True
             self.watchdog_trips += 1
-            self._silence_ends_ns = clock.NEVER_NS
+            self._watchdog_due_ns = clock.NEVER_NS
             self._telemetry_due_ns = now_ns
         return now_ns >= self._telemetry_due_ns
 
     def telemetry(self, now_ns: int) -> ThrusterTelemetry:
-        """The report of this instant. The next one is due a period later; missed ones are skipped."""
+        """Return the report of this instant. The next one is due a period later; missed ones are skipped."""
         late_ns = now_ns - self._telemetry_due_ns
         on_time = 0 <= late_ns < self.telemetry_period_ns
         self._telemetry_due_ns = now_ns + self.telemetry_period_ns - (late_ns if on_time else 0)
@@ -108,7 +108,7 @@ class Stm32:
         )
 
     def disarm(self) -> None:
-        """All outputs to neutral, now."""
+        """Set all outputs to neutral, now."""
         self.armed = False
         self.pwm_us = self._neutral()
 
@@ -116,7 +116,7 @@ class Stm32:
         return [PWM_NEUTRAL_US] * self.channels
 
     def _is_late(self, sequence: int) -> bool:
-        return self._silence_ends_ns < clock.NEVER_NS and 0 < (self.sequence - sequence) & WRAP <= LATE_WINDOW
+        return self._watchdog_due_ns < clock.NEVER_NS and 0 < (self.sequence - sequence) & WRAP <= LATE_WINDOW
 
 
 def _pulses(widths_us: tuple[int, ...]) -> list[int]:
@@ -124,16 +124,16 @@ def _pulses(widths_us: tuple[int, ...]) -> list[int]:
 
 
 class Stm32End:
-    """An STM32 on its end of a link: wait on `fileno()` until `deadline_ns`, then call `service`."""
+    """Device end of a link with an STM32: wait on `fileno()` until `deadline_ns`, then call `service`."""
 
     def __init__(self, stm32: Stm32, link: ThrusterLink) -> None:
         self.stm32 = stm32
         self.link = link
-        self.obeyed_ns = 0  # when (monotonic, whatever the caller's clock is) the outputs last took a command
+        self.command_ns = 0  # when (monotonic, whatever the caller's clock is) the outputs last took a command
 
     @property
     def deadline_ns(self) -> int:
-        """When `service` has to be called even if no byte came: watchdog, telemetry, or the protocol's own."""
+        """When `service` has to be called without data: for watchdog, telemetry, or the protocol."""
         return min(self.stm32.deadline_ns, self.link.protocol.deadline_ns)
 
     @property
@@ -142,19 +142,19 @@ class Stm32End:
         return self.stm32.pwm_us
 
     def fileno(self) -> int:
-        """The descriptor to wait on for commands."""
+        """Return the descriptor to wait on for commands."""
         return self.link.wire.fileno()
 
     def service(self, now_ns: int) -> int:
-        """Apply the commands that have come, answer each, then let time pass; how many were applied.
+        """Apply and answer the received commands, then advance the time; return how many were applied.
 
-        A command that lies there is read before the watchdog is looked at, so that a machine that wakes
-        us late does not count as a silent host. Raises DeviceError when the wire is gone.
+        A waiting command is read before the watchdog is checked, so that a machine that wakes this process late does
+        not count as a host that stopped. Raises DeviceError when the wire is lost.
         """
         applied = 0
         for message in self.link.receive():
             if self._apply(message, now_ns):
-                self.obeyed_ns = clock.now_ns()
+                self.command_ns = clock.now_ns()
                 applied += 1
                 self._report(now_ns)
         if self.stm32.tick(now_ns):
@@ -163,14 +163,14 @@ class Stm32End:
         return applied
 
     def close(self) -> None:
-        """Outputs to neutral, and the wire closed."""
+        """Set the outputs to neutral and close the wire."""
         self.stm32.disarm()
         self.link.close()
 
     def _apply(self, message: Message, now_ns: int) -> bool:
         if isinstance(message, ThrusterCommand):
             return self.stm32.command(message, now_ns)
-        self.link.counters.malformed += 1  # telemetry is what we say, not what we are told
+        self.link.counters.malformed += 1  # telemetry is sent here, not received
         return False
 
     def _report(self, now_ns: int) -> None:

@@ -12,8 +12,8 @@ from firmware_stub.emulation.core import Core
 from firmware_stub.emulation.memory import FLASH
 from firmware_stub.emulation.rcc import PIN_RESET, POWER_RESET, WATCHDOG_RESET
 from firmware_stub.image import IMAGE, PARAMETERS_ADDRESS, parameters
-from hil.clock import NS_PER_MS, NS_PER_S
-from hil.errors import DeviceError
+from hil.common.clock import NS_PER_MS, NS_PER_S
+from hil.common.errors import DeviceError
 from hil.links.contract import Wire
 from hil.links.wires.can_frame import RECORD_SIZE, CanFrame, pack_frame, unpack_frames
 
@@ -25,7 +25,7 @@ WATCHDOG_NS = 200 * NS_PER_MS
 
 
 def shipped_image() -> bytes:
-    """The firmware that comes with this package. Raises DeviceError if the file is not there."""
+    """Return the shipped firmware. Raises DeviceError if the file is missing."""
     try:
         with open(IMAGE, "rb") as file:
             return file.read()
@@ -37,7 +37,7 @@ class UnicornBoard:
     """An STM32F405 with its firmware: bytes and frames in and out, and pulses.
 
     image: what is in its flash, vector table first. channels: number of thrusters, 1 to 8. watchdog_ns: the longest
-    silence before the firmware stops them; like `channels` it is told to the firmware through its parameters in
+    time without a command before the firmware stops them; like `channels` the firmware reads it from its parameters in
     flash, unless the image itself reaches that far. paced: whether bytes take their time on the serial line.
 
     Raises DeviceError for a number of thrusters that it has no outputs for and, naming program counter and address,
@@ -61,44 +61,44 @@ class UnicornBoard:
 
     @property
     def due_ns(self) -> int:
-        """When (simulated time) the chip has something to do next, if nothing comes in before."""
+        """When (simulated time) the chip acts next without new input."""
         return self._chip.due_ns if self._core.sleeping else min(self._chip.due_ns, self._busy_ns)
 
     @property
     def pwm_us(self) -> list[int]:
-        """Pulse widths in microseconds, one a thruster, from the timers' registers; 0: no pulses come out."""
+        """Pulse widths in microseconds, one a thruster, from the timers' registers; 0: no pulses."""
         return [self._chip.timers[OUTPUTS[i // 4]].pulse_us(i % 4) for i in range(self.channels)]
 
     @property
-    def obeyed_ns(self) -> int:
+    def command_ns(self) -> int:
         """When (monotonic ns, not simulated) the program last wrote a pulse width: with each command and report."""
         return max(self._chip.timers[name].width_set_ns for name in OUTPUTS)
 
     @property
     def lost(self) -> int:
-        """Bytes that came while the port was off, or faster than the firmware or the line could take them."""
+        """Number of bytes received while the port was off, or faster than the firmware or the line could take them."""
         return self._port.lost
 
     def receive(self, data: bytes) -> None:
-        """Bytes arrive at the serial port, now."""
-        self._port.hear(data)
+        """Deliver bytes to the serial port, now."""
+        self._port.receive(data)
         self._run()
 
     def transmitted(self) -> bytes:
-        """The bytes sent since the last call."""
-        return self._port.said()
+        """Return the bytes sent since the last call."""
+        return self._port.take_output()
 
     def receive_can(self, frames: Iterable[CanFrame]) -> None:
-        """Frames are on the CAN bus, now."""
-        self._chip.can.hear(list(frames))
+        """Put frames on the CAN bus, now."""
+        self._chip.can.receive(list(frames))
         self._run()
 
     def transmitted_can(self) -> list[CanFrame]:
-        """The frames sent since the last call."""
-        return self._chip.can.said()
+        """Return the frames sent since the last call."""
+        return self._chip.can.take_output()
 
     def run_until(self, time_ns: int) -> None:
-        """Let simulated time pass until then."""
+        """Advance the simulated time until then."""
         time = self._chip.time
         while (due_ns := self.due_ns) <= time_ns:
             time.now_ns = due_ns
@@ -107,15 +107,15 @@ class UnicornBoard:
         time.now_ns = max(time.now_ns, time_ns)
 
     def reset(self) -> None:
-        """Press the reset button. RAM keeps its content."""
+        """Reset the chip like its reset button; RAM keeps its contents."""
         self._start(PIN_RESET)
 
     def read_memory(self, address: int, size: int) -> bytes:
-        """As a debug probe reads it. Raises DeviceError where there is no memory."""
+        """Read memory like a debug probe. Raises DeviceError where there is none."""
         return self._core.read_memory(address, size)
 
     def write_memory(self, address: int, data: bytes) -> None:
-        """As a debug probe writes it, the flash too. Raises DeviceError where there is no memory."""
+        """Write memory like a debug probe, the flash too. Raises DeviceError where there is none."""
         self._core.write_memory(address, data)
 
     @property
@@ -135,7 +135,7 @@ class UnicornBoard:
         self._core.reset()
 
     def _run(self) -> None:
-        """Let the core do all it has to do at this instant. A reset that it asks for now comes with the next event."""
+        """Run the core until it has nothing to do at this instant. A requested reset follows at the next event."""
         core, chip = self._core, self._chip
         if chip.reset_by:
             self._restart()
@@ -146,11 +146,11 @@ class UnicornBoard:
 
 
 class UnicornEnd:
-    """An emulated STM32 on its end of a wire: wait on `fileno()` until `deadline_ns`, then call `service`.
+    """Device end of a wire with an emulated STM32: wait on `fileno()` until `deadline_ns`, then call `service`.
 
     can: whether the wire carries CAN frames (records of hil.links.wires.can_frame) instead of bytes. The firmware alone
-    decides what they mean. Time is the caller's clock (ns); when he comes later than `PATIENCE_NS` the board has
-    stood still meanwhile, so that a machine that slept does not look like a silent host to the firmware.
+    decides what they mean. Time is the caller's clock (ns); after a call that is later than `PATIENCE_NS` the board has
+    stood still meanwhile, so that a machine that slept does not look like a host that stopped.
     """
 
     PERIOD_NS = 5 * NS_PER_MS  # the longest time that a report is late on the wire
@@ -170,25 +170,25 @@ class UnicornEnd:
         return self.board.pwm_us
 
     @property
-    def obeyed_ns(self) -> int:
+    def command_ns(self) -> int:
         """When (monotonic, whatever the caller's clock is) its outputs last took a command, or were confirmed."""
-        return self.board.obeyed_ns
+        return self.board.command_ns
 
     @property
     def deadline_ns(self) -> int:
-        """When `service` has to be called even if no byte came."""
+        """When `service` has to be called without data."""
         return self._serviced_ns + (self.PERIOD_NS if len(self._held) < self._unit else 0)
 
     def fileno(self) -> int:
-        """The descriptor to wait on for commands."""
+        """Return the descriptor to wait on for commands."""
         return self.wire.fileno()
 
     def service(self, now_ns: int) -> int:
         """Carry in what came, let the board's time pass until `now_ns`, carry out; how many bytes came in.
 
         What came is read before time passes, as by the firmware's twin: a command does not wait until the board has
-        caught up, and a caller who is late is no silent host. Raises DeviceError when the wire is gone, or the firmware
-        does what no program can.
+        caught up, and a late caller does not count as a host that stopped. Raises DeviceError when the wire is lost, or
+        the firmware does what no program can.
         """
         passed_ns = now_ns - self._serviced_ns if self._serviced_ns >= 0 else 0
         self._serviced_ns = now_ns
@@ -196,9 +196,9 @@ class UnicornEnd:
         if data:
             self._hand_over(data)
         self.board.run_until(self.board.now_ns + min(max(passed_ns, 0), self.PATIENCE_NS))
-        said = self._said()
-        if said:
-            self.wire.write(said)
+        output = self._take_output()
+        if output:
+            self.wire.write(output)
         return len(data)
 
     def close(self) -> None:
@@ -207,7 +207,7 @@ class UnicornEnd:
         self.wire.close()
 
     def _take(self) -> bytes:
-        """The next bytes for the board, whole records on CAN."""
+        """Return the next bytes for the board, whole records on CAN."""
         if len(self._held) < self.AT_ONCE:
             self._held += self.wire.read()
         size = min(len(self._held), self.AT_ONCE) // self._unit * self._unit
@@ -220,7 +220,7 @@ class UnicornEnd:
         else:
             self.board.receive_can(unpack_frames(data))
 
-    def _said(self) -> bytes:
+    def _take_output(self) -> bytes:
         if self._unit == 1:
             return self.board.transmitted()
         return b"".join(map(pack_frame, self.board.transmitted_can()))

@@ -1,4 +1,4 @@
-"""An STM32F405 in this process: the core's instructions by Unicorn, the rest of the chip by these modules.
+"""Emulator of an STM32F405 in this process: the core's instructions by Unicorn, the rest of the chip by these modules.
 
     core.py         instructions, exceptions, sleep, faults        nvic.py      which exception comes next
     chip.py         memory map, peripherals, reset                 system.py    the core's registers, SysTick

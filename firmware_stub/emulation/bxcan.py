@@ -1,4 +1,4 @@
-"""CAN controller (RM0090, section 32): bit times aside, what bxCAN does with frames."""
+"""CAN controller bxCAN (RM0090, section 32): frames, mailboxes, FIFOs and filters, without bit timing."""
 
 from collections import deque
 from collections.abc import Callable
@@ -21,9 +21,9 @@ BANKS = 28
 
 
 class BxCan(Peripheral):
-    """A CAN controller and its bus: frames in by `hear`, frames out by `said`.
+    """A CAN controller and its bus: frames in by `receive`, frames out by `take_output`.
 
-    transmit, receive_0, receive_1: called with whether each of its interrupts is asked for. A frame takes no time;
+    transmit, receive_0, receive_1: called with whether each of its interrupts is requested. A frame takes no time;
     frames wait on the bus until their FIFO has room, so that none is lost.
     Not modelled: bit timing, arbitration, remote frames, errors of the bus, time stamps, the second controller.
     """
@@ -46,22 +46,22 @@ class BxCan(Peripheral):
         self.reset()
 
     def reset(self) -> None:
-        """As after a reset of the chip. What waits on the bus stays there."""
+        """Reset the controller. Frames that wait on the bus stay there."""
         super().reset()
         self._fifos: tuple[deque[tuple[CanFrame, int]], ...] = (deque(), deque())  # each with its filter's index
         self._update()
 
-    def hear(self, frames: list[CanFrame]) -> None:
-        """Frames of other nodes."""
+    def receive(self, frames: list[CanFrame]) -> None:
+        """Put frames of other nodes on the bus."""
         self._on_bus.extend(frames)
 
-    def said(self) -> list[CanFrame]:
-        """The frames sent since the last call."""
+    def take_output(self) -> list[CanFrame]:
+        """Return the frames sent since the last call."""
         sent, self._sent = self._sent, []
         return sent
 
     def deliver(self) -> bool:
-        """Take the frames off the bus that there is room for; whether there were any."""
+        """Take the frames off the bus that there is room for; return whether there were any."""
         if not self._on_bus:
             return False
         took = False
@@ -78,7 +78,7 @@ class BxCan(Peripheral):
         return took
 
     def read(self, offset: int) -> int:
-        """A register, or the frame at the head of a FIFO."""
+        """Return a register, or the frame at the head of a FIFO."""
         if RECEIVE <= offset < RECEIVE_END:
             return self._read_frame((offset - RECEIVE) // MAILBOX_SIZE, offset % MAILBOX_SIZE)
         if offset in (RF0R, RF1R):
@@ -87,7 +87,7 @@ class BxCan(Peripheral):
         return self.words.get(offset, 0)
 
     def write(self, offset: int, value: int) -> None:
-        """A register; some bits ask for something."""
+        """Write a register; some bits request an action."""
         if offset == MCR:
             self._set_mode(value)
         elif offset == TSR:
@@ -104,7 +104,7 @@ class BxCan(Peripheral):
         return not self.words[MCR] & (INRQ | SLEEP)
 
     def _set_mode(self, value: int) -> None:
-        """Acknowledged at once: initialisation, sleep."""
+        """Set the mode; initialisation and sleep are acknowledged at once."""
         if value & ABOM_RESET:
             self.reset()
             return
@@ -137,7 +137,7 @@ class BxCan(Peripheral):
             self._on_bus.append(frame)
 
     def _write_tsr(self, value: int) -> None:
-        """Writing a 1 to a mailbox's "completed" clears its four results."""
+        """Write TSR: a 1 to a mailbox's "completed" clears its four results."""
         for mailbox in range(MAILBOXES):
             if value >> 8 * mailbox & RQCP:
                 self.words[TSR] &= ~(0xF << 8 * mailbox)
@@ -160,7 +160,7 @@ class BxCan(Peripheral):
         return int.from_bytes(frame.data.ljust(8, b"\0")[place - 8 : place - 4], "little")
 
     def _match(self, frame: CanFrame) -> tuple[int, int] | None:
-        """FIFO and filter index of the first filter that lets the frame in (RM0090 32.7.4)."""
+        """Return FIFO and filter index of the first filter that accepts the frame (RM0090 32.7.4)."""
         active, fifos = self.words.get(FA1R, 0), self.words.get(FFA1R, 0)
         if self.words[FMR] & 1:  # filters are being set: none receives
             return None
@@ -179,7 +179,7 @@ class BxCan(Peripheral):
         return not self.words.get(FS1R, 0) >> bank & 1
 
     def _rules(self, bank: int) -> list[tuple[int, int]]:
-        """Wanted bits and those that count, of each filter in a bank (RM0090, figure 342)."""
+        """Return the wanted bits and the mask of each filter in a bank (RM0090, figure 342)."""
         first, second = (self.words.get(FILTERS + 8 * bank + place, 0) for place in (0, 4))
         is_list = self.words.get(FM1R, 0) >> bank & 1
         if not self._is_narrow(bank):
@@ -202,12 +202,12 @@ class BxCan(Peripheral):
 
 
 def _identifier(frame: CanFrame) -> int:
-    """As registers show it (RM0090, 32.9.3)."""
+    """Return the identifier as registers show it (RM0090, 32.9.3)."""
     return frame.id << 3 | EXTENDED if frame.extended else frame.id << 21
 
 
 def _shown(frame: CanFrame, narrow: bool) -> int:
-    """As a filter sees it: 32 bits or, narrow, STID[10:0] RTR IDE EXID[17:15]."""
+    """Return the identifier as a filter sees it: 32 bits or, narrow, STID[10:0] RTR IDE EXID[17:15]."""
     if not narrow:
         return _identifier(frame)
     if frame.extended:

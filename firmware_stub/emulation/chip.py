@@ -1,4 +1,4 @@
-"""The STM32F405 around its core: which peripheral stands where, what switches it on, what resets it.
+"""The STM32F405 around its core: memory map, clock enables, and resets.
 
 Addresses and interrupt numbers: RM0090, tables 1 and 62; enable bits: sections 7.3.10 to 7.3.14.
 """
@@ -22,7 +22,7 @@ from firmware_stub.emulation.rcc import (
 from firmware_stub.emulation.system import SystemControl
 from firmware_stub.emulation.timer import Timer
 from firmware_stub.emulation.usart import Usart
-from hil.errors import DeviceError
+from hil.common.errors import DeviceError
 
 PERIPHERALS, PERIPHERALS_SIZE = 0x4000_0000, 0x8_0000
 CORE_REGISTERS, CORE_REGISTERS_SIZE = 0xE000_0000, 0x10_0000
@@ -31,7 +31,7 @@ BLOCK = 0x400
 
 
 class Place(NamedTuple):
-    """Where a peripheral is, and the bit that switches its clock on (register 0: always on)."""
+    """Address of a peripheral, and the bit that switches its clock on (register 0: always on)."""
 
     address: int
     register: int = 0
@@ -67,9 +67,9 @@ CAN1_INTERRUPTS = (19, 20, 21)  # transmit, FIFO 0, FIFO 1
 
 
 class Chip:
-    """The peripherals by name, their registers by address, and when the next of them has something to do.
+    """The peripherals by name, their registers by address, and when the next of them has to act.
 
-    `reset_by` is not 0 once the program or the watchdog has asked for a reset: the flag that will say which.
+    `reset_by` is not 0 once the program or the watchdog has requested a reset: it is the flag of the cause.
     paced: whether bytes take their time on the serial lines.
     """
 
@@ -94,14 +94,14 @@ class Chip:
         return min([peripheral.due_ns for peripheral in self._timed])
 
     def tick(self) -> None:
-        """Let the peripherals do what is due now."""
+        """Run the peripherals that are due now."""
         now = self.time.now_ns
         for peripheral in self._timed:
             if peripheral.due_ns <= now:
                 peripheral.tick()
 
     def reset(self) -> None:
-        """As the chip is after a reset by the cause in `reset_by` (the pin, if none)."""
+        """Reset the chip, by the cause in `reset_by` (the pin, if none)."""
         self.rcc.reset_by(self.reset_by)
         self.reset_by = 0
         for name, peripheral in self.peripherals.items():
@@ -111,7 +111,7 @@ class Chip:
         self.system.reset()
 
     def read(self, address: int, size: int) -> int:
-        """What a load of 1, 2 or 4 bytes gives; 0 where the clock is off. Raises DeviceError where no register is."""
+        """Return the result of a load of 1, 2 or 4 bytes, 0 without a clock. Raises DeviceError without a register."""
         block = self._blocks.get(address // BLOCK)
         if block is None:
             raise _nothing_at(address)
@@ -123,7 +123,7 @@ class Chip:
         return peripheral.read((address & ~3) - start) >> 8 * (address & 3) & (1 << 8 * size) - 1
 
     def write(self, address: int, size: int, value: int) -> None:
-        """A store of 1, 2 or 4 bytes; nothing where the clock is off. Raises DeviceError where no register is."""
+        """Store 1, 2 or 4 bytes; without effect where the clock is off. Raises DeviceError where no register is."""
         block = self._blocks.get(address // BLOCK)
         if block is None:
             raise _nothing_at(address)

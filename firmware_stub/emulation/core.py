@@ -1,4 +1,4 @@
-"""The core's exceptions and its sleep, by the rules of the ARMv7-M Architecture Reference Manual, part B1.5.
+"""Exceptions and sleep of the core, by the ARMv7-M Architecture Reference Manual, part B1.5.
 
 Not modelled: the time that instructions take, handlers of the program for faults (a fault ends the emulation with a
 message), the memory protection unit, unprivileged mode.
@@ -50,22 +50,22 @@ class Core:
         return self._engine.pc
 
     def read_memory(self, address: int, size: int) -> bytes:
-        """As a debug probe reads it. Raises DeviceError where there is none."""
+        """Read memory like a debug probe. Raises DeviceError where there is none."""
         memory, start = self._find(address, size)
         return memory[start : start + size]
 
     def write_memory(self, address: int, data: bytes) -> None:
-        """As a debug probe writes it, the flash too. Raises DeviceError where there is none."""
+        """Write memory like a debug probe, the flash too. Raises DeviceError where there is none."""
         self._find(address, len(data))
         self._engine.write_memory(address, data)
 
     def reset(self) -> None:
-        """Begin at the reset vector; RAM keeps its content."""
+        """Start at the reset vector; RAM keeps its contents."""
         self._engine.reset(self._vector(1), self._vector(0), THUMB)
         self.sleeping = self._event = False
 
     def run(self, instructions: int) -> None:
-        """Execute until the core sleeps, has had that many instructions at a stretch, or a reset is asked for.
+        """Execute until the core sleeps, has executed that many instructions in a row, or a reset is requested.
 
         Raises DeviceError when the program does what no program can.
         """
@@ -73,17 +73,17 @@ class Core:
             if not self._nvic.urgent:
                 return
             self.sleeping = False
-            self._engine.lift_mask()  # programs look whether there is work, and fall asleep, with interrupts off
+            self._engine.lift_mask()  # programs check for work, and sleep, with interrupts off
         for _ in range(TURNS):
             if self._nvic.urgent:
                 self._take()
             reason = self._engine.run(instructions)
-            self._obey(reason)
+            self._handle_stop(reason)
             if self.sleeping or reason == EXHAUSTED or self._chip.reset_by:
                 return
 
-    def _obey(self, reason: int) -> None:
-        """Do what the program stopped for."""
+    def _handle_stop(self, reason: int) -> None:
+        """Handle the reason for which the program stopped."""
         if reason == WAIT_FOR_INTERRUPT:
             self.sleeping = not self._nvic.urgent
         elif reason == EXCEPTION_RETURN:
@@ -116,7 +116,7 @@ class Core:
         self._enter(self._push(registers), registers.xpsr, returns_with)
 
     def _return(self, returns_with: int) -> None:
-        """From an exception: to the next one, if there is any to take, else to what it interrupted."""
+        """Return from an exception: to the next one that can be taken, else to the interrupted code."""
         nvic = self._nvic
         nvic.leave()
         self._event = True
@@ -136,7 +136,7 @@ class Core:
         return self._memory.word((self._chip.system.vector_table or FLASH) + 4 * number)
 
     def _push(self, registers: Registers) -> int:
-        """Save what a handler may change; the new stack pointer."""
+        """Save the registers that a handler may change; return the new stack pointer."""
         floats = registers.control & FLOAT_IN_USE
         top = registers.sp - FRAME.size - (FLOAT_FRAME.size if floats else 0)
         frame = top & ~7

@@ -1,4 +1,4 @@
-"""Unicorn, told where to stop: it executes instructions, and knows nothing of exceptions, sleep or peripherals.
+"""Execution of instructions by Unicorn, with stops where exceptions or sleep are possible.
 
 It is stopped wherever an exception may have to be taken: after a store to a peripheral, after an instruction that
 lifts a mask, at a return from an exception, and before the core sleeps. Unicorn 2.1 has one core of the M profile, a
@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 from firmware_stub.emulation.chip import CORE_REGISTERS, CORE_REGISTERS_SIZE, PERIPHERALS, PERIPHERALS_SIZE, Chip
 from firmware_stub.emulation.memory import FLASH, Memory
-from hil.errors import DeviceError, MissingExtraError
+from hil.common.errors import DeviceError, MissingExtraError
 
 # What stopped it. The positive ones are Unicorn's own numbers.
 EXHAUSTED, INTERRUPTED, WAIT_FOR_INTERRUPT, WAIT_FOR_EVENT = 0, -1, -2, -3
@@ -33,7 +33,7 @@ FLOAT = ("D0", "D1", "D2", "D3", "D4", "D5", "D6", "D7", "FPSCR")
 
 
 class Registers(NamedTuple):
-    """Of the core, those that exceptions need."""
+    """The registers of the core that exceptions need."""
 
     r0: int
     r1: int
@@ -101,12 +101,12 @@ class Engine:
         self.pc = 0
 
     def reset(self, pc: int, sp: int, status: int) -> None:
-        """All registers as after a reset, but these three."""
+        """Set all registers as after a reset, except these three."""
         self._uc.context_restore(self._at_power_up)
         self.enter(pc, sp, status, 0xFFFF_FFFF)
 
     def run(self, instructions: int) -> int:
-        """Execute at most that many; what stopped it. Raises DeviceError when the program does what it cannot."""
+        """Execute at most that many instructions; return what stopped it. Raises DeviceError for impossible actions."""
         self._stopped_by = EXHAUSTED
         try:
             self._uc.emu_start(self.pc | 1, NOWHERE, 0, instructions)
@@ -129,45 +129,45 @@ class Engine:
             self.pc += len(CPSIE_I)
 
     def registers(self) -> Registers:
-        """As they are."""
+        """Return the present registers."""
         return Registers._make(self._read.read())
 
     def enter(self, pc: int, sp: int, status: int, lr: int) -> None:
-        """Go on there: the beginning of a handler."""
+        """Continue at the beginning of a handler."""
         self._enter.write(sp, status, lr)
         self.pc = pc & ~1
 
     def leave(self, frame: tuple[int, ...], sp: int) -> None:
-        """Go on where a frame was saved: r0 to r3, r12, lr, pc, status."""
+        """Continue where a frame was saved: r0 to r3, r12, lr, pc, status."""
         *low, lr, pc, status = frame
         self._leave.write(status, sp, *low, lr)
         self.pc = pc & ~1
 
     def floats(self) -> list[int]:
-        """S0 to S15 in pairs, and their status."""
+        """Return S0 to S15 in pairs, and their status."""
         return [self._uc.reg_read(self._register[name]) for name in FLOAT]
 
     def set_floats(self, values: tuple[int, ...]) -> None:
-        """The same."""
+        """Set S0 to S15 in pairs, and their status."""
         for name, value in zip(FLOAT, values, strict=True):
             self._uc.reg_write(self._register[name], value)
 
     def process_stack(self) -> int:
-        """The stack pointer that handlers do not use."""
+        """Return the stack pointer that handlers do not use."""
         sp: int = self._uc.reg_read(self._register["PSP"])
         return sp
 
     def set_control(self, value: int) -> None:
-        """Which stack pointer a program uses, and whether it uses floats."""
+        """Set which stack pointer a program uses, and whether it uses floats."""
         self._uc.reg_write(self._register["CONTROL"], value)
 
     def write_memory(self, address: int, data: bytes) -> None:
-        """Even where the program may not; what was translated of it is forgotten."""
+        """Write memory, even where the program may not; discard its translated code."""
         self._uc.mem_write(address, data)
         self._uc.ctl_remove_cache(address & ~1, address + len(data))
 
     def failure(self, what: str) -> DeviceError:
-        """An error that tells where the program is."""
+        """Return an error with the program's position."""
         self._fault = ""
         r = self.registers()
         return DeviceError(
@@ -175,7 +175,7 @@ class Engine:
             f"0x{r.r0:x} 0x{r.r1:x} 0x{r.r2:x} 0x{r.r3:x}); look pc and lr up with arm-none-eabi-addr2line"
         )
 
-    # ---- what Unicorn calls while it runs. Exceptions in accesses would be printed and lost: they are kept for `run`.
+    # ---- callbacks of Unicorn. Exceptions in accesses would be printed and lost: they are stored for `run`.
 
     def _load(self, _: Any, offset: int, size: int, base: int) -> int:
         try:
@@ -217,7 +217,7 @@ class Engine:
             self._fault = "executed a breakpoint" if number == BREAKPOINT else f"raised exception {number}"
 
     def _odd_instruction(self, _: Any, __: Any) -> bool:
-        """Unicorn knows not what to do with a wait for an event. Whether this was one, and no wrong instruction."""
+        """Return whether an instruction that Unicorn does not support is a wait for an event (else it is invalid)."""
         code = self._memory.code(self._where.read()[0] - 2, 2)
         if code == WFE:
             self._stop(WAIT_FOR_EVENT)
@@ -278,7 +278,7 @@ def _load_unicorn() -> tuple[Any, Any]:
 
 
 def places_to_stop(program: bytes) -> tuple[list[int], list[int]]:
-    """Offsets behind each CPSIE and each MSR to a mask, and of each WFI. Data that looks like one does no harm."""
+    """Return offsets behind each CPSIE and MSR to a mask, and of each WFI. Data that looks like one does no harm."""
     halves = Struct(f"<{len(program) // 2}H").unpack_from(program)
     lifts, waits = [], []
     for i, half in enumerate(halves[:-1]):
@@ -292,7 +292,7 @@ def places_to_stop(program: bytes) -> tuple[list[int], list[int]]:
 
 
 def plain_store_size(code: bytes) -> int:
-    """Size in bytes of a store that changes no register; 0 if it is another instruction (ARMv7-M, A5.2 and A5.3.10)."""
+    """Return the bytes of a store that changes no register, 0 for another instruction (ARMv7-M, A5.2, A5.3.10)."""
     first, second = int.from_bytes(code[:2], "little"), int.from_bytes(code[2:4], "little")
     if first >> 11 in (0b01100, 0b01110, 0b10000, 0b10010) or first >> 9 in (0b0101000, 0b0101001, 0b0101010):
         return 2

@@ -1,10 +1,10 @@
-"""The independent watchdog (RM0090, section 21)."""
+"""Independent watchdog (RM0090, section 21)."""
 
 from collections.abc import Callable
 from typing import ClassVar
 
 from firmware_stub.emulation.peripheral import Peripheral, Ticks, Time
-from hil.clock import NEVER_NS
+from hil.common.clock import NEVER_NS
 
 KR, PR, RLR = 0x00, 0x04, 0x08
 UNLOCK, RELOAD, START = 0x5555, 0xAAAA, 0xCCCC
@@ -12,7 +12,7 @@ LSI_HZ = 32_000
 
 
 class Iwdg(Peripheral):
-    """Resets the chip unless it is wound in time. Once started only a reset stops it.
+    """Reset the chip unless the counter is reloaded in time. Once started only a reset stops it.
 
     on_expiry is called then. The oscillator has its nominal 32 kHz (17 to 47 kHz on real chips).
     """
@@ -26,24 +26,24 @@ class Iwdg(Peripheral):
         self.reset()
 
     def reset(self) -> None:
-        """As after a reset of the chip: stopped."""
+        """Reset: stopped."""
         super().reset()
         self._runs = False
         self._unlocked = False
 
     def read(self, offset: int) -> int:
-        """The key reads as 0; no update is ever under way."""
+        """Return a register: the key reads as 0; no update is ever under way."""
         return self.words.get(offset, 0) if offset in (PR, RLR) else 0
 
     def write(self, offset: int, value: int) -> None:
-        """A key, or one of the two settings while they are unlocked; those hold from the next reload."""
+        """Write a key, or a setting while they are unlocked; settings take effect at the next reload."""
         if offset == KR:
             self._key(value & 0xFFFF)
         elif self._unlocked:
             self.words[offset] = value & (7 if offset == PR else 0xFFF)
 
     def tick(self) -> None:
-        """It has counted to zero."""
+        """Handle the counter at zero."""
         self.due_ns = NEVER_NS
         self._on_expiry()
 

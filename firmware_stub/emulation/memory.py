@@ -1,4 +1,4 @@
-"""Flash and RAM of the STM32F405 (RM0090, section 2.3), seen by Python and by Unicorn alike."""
+"""Flash and RAM of the STM32F405 (RM0090, section 2.3), shared by Python and Unicorn."""
 
 from ctypes import addressof, c_char
 from mmap import mmap
@@ -29,7 +29,7 @@ REGIONS = (
 
 
 class Memory:
-    """The bytes, by address. `image` is what the flash begins with; the rest of it is erased."""
+    """Memory by address. `image` is the beginning of the flash; the rest of it is erased."""
 
     def __init__(self, image: bytes) -> None:
         self.image = image
@@ -40,25 +40,25 @@ class Memory:
         system[FLASH_KIBIBYTES : FLASH_KIBIBYTES + 2] = (FLASH_SIZE // 1024).to_bytes(2, "little")
 
     def find(self, address: int, size: int) -> tuple[mmap, int] | None:
-        """The piece that holds these bytes, and where in it they begin; None if there is none."""
+        """Return the region that holds these bytes, and their offset in it; None if there is none."""
         for start, length, piece in self.pieces:
             if start <= address and address + size <= start + length:
                 return piece, address - start
         return None
 
     def word(self, address: int) -> int:
-        """The 32 bits there, 0 where no memory is."""
+        """Return the 32 bits there, 0 where no memory is."""
         found = self.find(address, 4)
         word: int = _WORD.unpack_from(*found)[0] if found else 0
         return word
 
     def code(self, address: int, size: int) -> bytes:
-        """Up to that many bytes of a program."""
+        """Return up to that many bytes of a program."""
         found = self.find(address, 2)
         return found[0][found[1] : found[1] + size] if found else b""
 
     def places(self) -> list[tuple[int, int, int, int]]:
-        """Start, size and rights of each region, and where it is in this process; the flash is also at 0."""
+        """Return start, size and rights of each region, and its address in this process; the flash is also at 0."""
         here = [addressof(c_char.from_buffer(piece)) for _, _, piece in self.pieces]
         found = [(*region, place) for region, place in zip(REGIONS, here, strict=True)]
         return [*found, (0, FLASH_SIZE, READ | EXECUTE, here[0])]

@@ -1,4 +1,4 @@
-"""Which exception the core takes next: pending, enabled, active, priorities (ARMv7-M, B1.5 and B3.4).
+"""Interrupt controller: the exception that the core takes next (ARMv7-M, B1.5 and B3.4).
 
 Exceptions go by their number: 11 SVCall, 14 PendSV, 15 SysTick, 16 + n interrupt n of the chip.
 Not modelled: priority groups (every bit of a priority preempts, as ST's own start-up code sets it).
@@ -20,7 +20,7 @@ class Nvic:
         self.reset()
 
     def reset(self) -> None:
-        """As after a reset of the chip; lines are for the peripherals to drop."""
+        """Reset the controller; the peripherals clear their lines themselves."""
         self.enabled = ALWAYS_ENABLED
         self.pending = 0
         self.active: list[int] = []  # the innermost last
@@ -30,7 +30,7 @@ class Nvic:
         self._choose()
 
     def set_line(self, number: int, asserted: bool) -> None:
-        """A peripheral raises or drops its request. Raising it makes the exception pending."""
+        """Set or clear a peripheral's request line. Setting it makes the exception pending."""
         bit = 1 << number
         if asserted:
             if not self._lines & bit:
@@ -45,23 +45,23 @@ class Nvic:
         self._choose()
 
     def unpend(self, bits: int) -> None:
-        """Forget pending ones; a line that is still raised makes its own pending again."""
+        """Clear pending exceptions; a line that is still set makes its own pending again."""
         self.pending = self.pending & ~bits | self._lines & bits & ~self._active_bits()
         self._choose()
 
     def enable(self, bits: int, wanted: bool) -> None:
-        """Let exceptions come, or hold them back."""
+        """Enable or disable exceptions."""
         self.enabled = (self.enabled | bits if wanted else self.enabled & ~bits) & THEM_ALL | ALWAYS_ENABLED
         self._choose()
 
     def set_priority(self, number: int, priority: int) -> None:
-        """0 is the most urgent, 0xF0 the least."""
+        """Set a priority: 0 is the most urgent, 0xF0 the least."""
         if number < len(self.priorities):
             self.priorities[number] = priority & PRIORITY_BITS
             self._choose()
 
     def enter(self) -> int:
-        """The next exception becomes active; its number."""
+        """Make the next exception active; return its number."""
         number = self.next
         self.pending &= ~(1 << number)
         self.active.append(number)
@@ -69,13 +69,13 @@ class Nvic:
         return number
 
     def leave(self) -> None:
-        """The innermost active exception returns; if its line is still raised, it is pending again."""
+        """End the innermost active exception; if its line is still set, it is pending again."""
         bit = 1 << self.active.pop()
         self.pending |= self._lines & bit
         self._choose()
 
     def active_word(self, word: int) -> int:
-        """32 interrupts of the chip, a bit each, set where active."""
+        """Return 32 interrupts of the chip, a bit each, set where active."""
         return self._active_bits() >> FIRST_INTERRUPT + 32 * word & 0xFFFF_FFFF
 
     def _active_bits(self) -> int:

@@ -1,8 +1,8 @@
-"""What a peripheral is: registers, perhaps an instant at which it does something, perhaps an interrupt."""
+"""Base classes of the peripherals: registers, an instant of the next action, counting of clock ticks."""
 
 from typing import ClassVar
 
-from hil.clock import NEVER_NS, NS_PER_S
+from hil.common.clock import NEVER_NS, NS_PER_S
 
 WORD = 0xFFFF_FFFF
 
@@ -17,7 +17,7 @@ class Time:
 
 
 class Peripheral:
-    """A block of 32-bit registers, by their offset in bytes; plain ones keep what is written to them.
+    """A block of 32-bit registers, by their offset in bytes; plain ones store what is written to them.
 
     `due_ns` is when `tick` has to be called.
     """
@@ -29,27 +29,27 @@ class Peripheral:
         self.words = dict(self.RESET)
 
     def reset(self) -> None:
-        """As after a reset of the chip."""
+        """Reset the registers."""
         self.words = dict(self.RESET)
         self.due_ns = NEVER_NS
 
     def read(self, offset: int) -> int:
-        """What the program reads there."""
+        """Return the register at this offset."""
         return self.words.get(offset, 0)
 
     def write(self, offset: int, value: int) -> None:
-        """What the program's writing does."""
+        """Write the register at this offset."""
         self.words[offset] = value
 
     def tick(self) -> None:
         """Do what is due now."""
 
     def retime(self) -> None:
-        """The chip's clocks have changed."""
+        """Adapt to changed clocks of the chip."""
 
 
 class Ticks:
-    """Counts the ticks of a clock of `hz` from the instant it is made."""
+    """Count of the ticks of a clock of `hz` from the instant it is made."""
 
     __slots__ = ("_hz", "_start_ns", "_time")
 
@@ -59,9 +59,9 @@ class Ticks:
         self._start_ns = time.now_ns
 
     def count(self) -> int:
-        """Whole ticks until now."""
+        """Return the whole ticks until now."""
         return (self._time.now_ns - self._start_ns) * self._hz // NS_PER_S
 
     def instant_ns(self, count: int) -> int:
-        """When that many have passed, to the next whole nanosecond."""
+        """Return when that many have passed, to the next whole nanosecond."""
         return self._start_ns - (-count * NS_PER_S // self._hz)

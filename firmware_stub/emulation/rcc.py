@@ -1,4 +1,4 @@
-"""Reset and clock control (RM0090, section 7): how fast everything runs, and what is switched on."""
+"""Reset and clock control (RM0090, section 7): clock frequencies, clock enables, causes of reset."""
 
 from collections.abc import Callable
 from typing import ClassVar

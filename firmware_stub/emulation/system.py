@@ -1,11 +1,11 @@
-"""The core's own registers at 0xE000E000: SysTick, interrupt controller, system control block (ARMv7-M, B3)."""
+"""System registers of the core at 0xE000E000: SysTick, interrupt controller, system control block (ARMv7-M, B3)."""
 
 from collections.abc import Callable
 from typing import ClassVar
 
 from firmware_stub.emulation.nvic import FIRST_INTERRUPT, NMI, PENDSV, SYSTICK, Nvic
 from firmware_stub.emulation.peripheral import WORD, Peripheral, Ticks, Time
-from hil.clock import NEVER_NS
+from hil.common.clock import NEVER_NS
 
 SYST_CSR, SYST_RVR, SYST_CVR, SYST_CALIB = 0x10, 0x14, 0x18, 0x1C
 SYST_ENABLE, SYST_TICKINT, SYST_CLKSOURCE, SYST_COUNTFLAG = 1, 2, 4, 1 << 16
@@ -18,7 +18,7 @@ SLEEPONEXIT = 1 << 1
 class SystemControl(Peripheral):
     """The program's view of the interrupt controller, and the SysTick timer.
 
-    core_hz: the core's clock now. request_reset: called when the program asks for a reset. SysTick's counter is
+    core_hz: the core's clock now. request_reset: called when the program requests a reset. SysTick's counter is
     loaded with its reload value the instant the interrupt comes, one clock early.
     Not modelled: memory protection unit, fault status (faults end the emulation), debug registers.
     """
@@ -49,7 +49,7 @@ class SystemControl(Peripheral):
         return bool(self.words.get(SCR, 0) & SLEEPONEXIT)
 
     def read(self, offset: int) -> int:
-        """A register of the core."""
+        """Return a register of the core."""
         if offset == SYST_CVR:
             return self._count_down()
         if offset == SYST_CSR:

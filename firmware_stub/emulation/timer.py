@@ -4,7 +4,7 @@ from collections.abc import Callable
 from typing import ClassVar
 
 from firmware_stub.emulation.peripheral import Peripheral, Ticks, Time
-from hil.clock import NEVER_NS, now_ns
+from hil.common.clock import NEVER_NS, now_ns
 
 CR1, DIER, SR, EGR, CCMR1, CCER, CNT, PSC, ARR, CCR1, CCR4, BDTR = (
     0x00,
@@ -28,7 +28,7 @@ US_PER_S = 1_000_000
 class Timer(Peripheral):
     """A timer with up to four outputs.
 
-    clock_hz: the frequency it is fed with now. interrupt: called with whether it asks for one. gated: whether its
+    clock_hz: the frequency it is fed with now. interrupt: called with whether it requests one. gated: whether its
     outputs need the main switch of the advanced timers (BDTR.MOE). bits: width of the counter.
     Not modelled: counting down, one-pulse mode, slave modes, capture, compare interrupts, DMA; new settings hold
     at once instead of from the next period.
@@ -56,7 +56,7 @@ class Timer(Peripheral):
         self._interrupt(False)
 
     def pulse_us(self, channel: int) -> int:
-        """Width in microseconds of the pulses on output 0 to 3, to the nearest; 0 if there are none."""
+        """Return the width in us of the pulses on output 0 to 3, rounded; 0 if there are none."""
         words = self.words
         if not words.get(CR1, 0) & CEN or (self._gated and not words.get(BDTR, 0) & MOE):
             return 0
@@ -72,7 +72,7 @@ class Timer(Peripheral):
         return (width * (words.get(PSC, 0) + 1) * US_PER_S + hz // 2) // hz
 
     def read(self, offset: int) -> int:
-        """The counter and the update flag are those of now."""
+        """Return the counter and the update flag are those of now."""
         if offset == CNT:
             return self._count() % (self.words[ARR] + 1)
         if offset == SR:
@@ -134,7 +134,7 @@ class Timer(Peripheral):
             self.words[SR] = self.words.get(SR, 0) | UIF
 
     def _plan(self) -> None:
-        """Interrupt line and next instant."""
+        """Set the interrupt line and the next instant."""
         words = self.words
         wanted = bool(words.get(DIER, 0) & UIE)
         self._interrupt(wanted and bool(words.get(SR, 0) & UIF))

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from typing import ClassVar
 
 from firmware_stub.emulation.peripheral import Peripheral, Time
-from hil.clock import NEVER_NS, NS_PER_S
+from hil.common.clock import NEVER_NS, NS_PER_S
 
 SR, DR, BRR, CR1, CR2 = 0x00, 0x04, 0x08, 0x0C, 0x10
 ORE, IDLE, RXNE, TC, TXE = 1 << 3, 1 << 4, 1 << 5, 1 << 6, 1 << 7
@@ -26,9 +26,9 @@ AT_ONCE = 16  # unpaced bytes that a program may read before it has to sleep: le
 
 
 class Usart(Peripheral):
-    """A serial port and the line on it: bytes in by `hear`, bytes out by `said`.
+    """A serial port and its line: bytes in by `receive`, bytes out by `take_output`.
 
-    bus_hz: the frequency of its bus now. interrupt: called with whether it asks for one. With `paced` every byte
+    bus_hz: the frequency of its bus now. interrupt: called with whether it requests one. With `paced` every byte
     takes its time on the line, one start bit to the last stop bit, at the rate its registers set; else none.
     Counts `lost` bytes: those that came while it was not receiving, overran the one before, or overfilled the line.
     Not modelled: DMA, parity and framing errors, break, hardware flow control, wake-up; it talks 8 bits.
@@ -50,35 +50,35 @@ class Usart(Peripheral):
     def reset(self) -> None:
         """As after a reset of the chip. What is on the line stays there."""
         super().reset()
-        self._heard = 0  # the data register, as read
+        self._data = 0  # the data register, as read
         self._clears = False  # the status was read: reading the data clears ORE and IDLE
         self._at_once = 0
         self._shifted: int | None = None  # the byte going out, paced
         self._next: int | None = None  # the byte after it
         self._sent_ns = NEVER_NS
-        self._heard_ns = NEVER_NS  # when the byte that is coming in is complete
+        self._received_ns = NEVER_NS  # when the byte that is coming in is complete
         self._idle_ns = NEVER_NS
         self._update()
 
-    def hear(self, data: bytes) -> None:
-        """Bytes begin to come, now or behind those that are still coming."""
+    def receive(self, data: bytes) -> None:
+        """Put bytes on the line, now or behind those that are still arriving."""
         taken = data[: LINE_HOLDS - len(self._on_line)]
         self.lost += len(data) - len(taken)
         self._on_line.extend(taken)
         if self._paced:
-            if self._heard_ns == NEVER_NS and data:
-                self._heard_ns = self._time.now_ns + self._byte_ns()
+            if self._received_ns == NEVER_NS and data:
+                self._received_ns = self._time.now_ns + self._byte_ns()
                 self._idle_ns = NEVER_NS
             self._update()
 
-    def said(self) -> bytes:
-        """The bytes that have gone out since the last call."""
+    def take_output(self) -> bytes:
+        """Return the bytes that were sent since the last call."""
         data = bytes(self._sent)
         self._sent.clear()
         return data
 
     def deliver(self) -> bool:
-        """Let the next unpaced bytes in, one after another as the program reads them; whether there were any."""
+        """Deliver the next unpaced bytes, one by one as the program reads them; return whether there were any."""
         if self._paced or not self._on_line:
             return False
         self._at_once = AT_ONCE
@@ -111,9 +111,9 @@ class Usart(Peripheral):
         now = self._time.now_ns
         if self._sent_ns <= now:
             self._finish_sending()
-        if self._heard_ns <= now:
+        if self._received_ns <= now:
             self._take_byte()
-            self._heard_ns = now + self._byte_ns() if self._on_line else NEVER_NS
+            self._received_ns = now + self._byte_ns() if self._on_line else NEVER_NS
             self._idle_ns = NEVER_NS if self._on_line else now + self._byte_ns()
         if self._idle_ns <= now:
             self._idle_ns = NEVER_NS
@@ -121,10 +121,10 @@ class Usart(Peripheral):
         self._update()
 
     def _read_data(self) -> int:
-        data, fresh = self._heard, self.words[SR] & RXNE
+        data, fresh = self._data, self.words[SR] & RXNE
         if self._at_once > 1 and self._on_line and self._stays_ready():
             self._at_once -= 1
-            self._heard = self._on_line.popleft()
+            self._data = self._on_line.popleft()
             return data
         self.words[SR] &= ~(RXNE | ORE | IDLE if self._clears else RXNE)
         self._clears = False
@@ -154,7 +154,7 @@ class Usart(Peripheral):
             self.lost += 1
             self.words[SR] |= ORE
         else:
-            self._heard = byte
+            self._data = byte
             self.words[SR] |= RXNE
 
     def _send(self, byte: int) -> None:
@@ -182,7 +182,7 @@ class Usart(Peripheral):
             self._sent_ns = self._time.now_ns + self._byte_ns()
 
     def _byte_ns(self) -> int:
-        """RM0090 30.3.4: the baud rate is the bus's frequency by the divider, whose last bits count eighths."""
+        """Return the time of a byte: the baud rate is the bus's frequency by the divider in eighths (RM0090 30.3.4)."""
         cr1, divider = self.words.get(CR1, 0), self.words.get(BRR, 0)
         bits = 10 + bool(cr1 & M) + bool(self.words.get(CR2, 0) & TWO_STOP_BITS)
         if cr1 & OVER8:
@@ -196,4 +196,4 @@ class Usart(Peripheral):
         flags = status & enabled & (IDLEIE | RXNEIE | TCIE | TXEIE)
         self._interrupt(bool(enabled & UE and (flags or (status & ORE and enabled & RXNEIE))))
         if self._paced:
-            self.due_ns = min(self._sent_ns, self._heard_ns, self._idle_ns)
+            self.due_ns = min(self._sent_ns, self._received_ns, self._idle_ns)

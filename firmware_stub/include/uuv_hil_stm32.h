@@ -1,6 +1,6 @@
-/* The STM32 that drives the thrusters: what it does with the bytes it hears. This header is its manual.
+/* The firmware of the STM32 that drives the thrusters: from received bytes to pulses. This header is its manual.
  *
- * It is the twin in C of firmware_stub/stub.py, byte for byte. It allocates nothing, keeps nothing outside
+ * It is the twin in C of firmware_stub/stub.py, byte for byte. It allocates nothing, stores nothing outside
  * the structures its caller gives it, and needs nothing but the functions of UuvHilPlatform:
  *
  *     static UuvHilFirmware firmware;
@@ -18,8 +18,8 @@
  * A sequence number up to 32 behind the last is late (overtaken on the way) and refused; the same again,
  * or one further behind (a host that started again), is applied. After a watchdog trip every one is.
  *
- * Two protocols are understood on the UART, the frame of frames/uuv_hil.toml and MAVLink 2, and on CAN that of
- * VESC motor controllers. Reports are in the protocol of the last sound message; before the first one, in the frame.
+ * Protocols: on the UART the frame of frames/uuv_hil.toml and MAVLink 2, on CAN that of VESC motor controllers.
+ * Reports are in the protocol of the last valid message; before the first one, in the frame.
  */
 #ifndef UUV_HIL_STM32_H
 #define UUV_HIL_STM32_H
@@ -38,7 +38,7 @@
 #define UUV_HIL_WATCHDOG_US 200000u
 #define UUV_HIL_TELEMETRY_PERIOD_US 20000u
 #define UUV_HIL_LATE_WINDOW 32u          /* sequence numbers */
-#define UUV_HIL_NEVER_US UINT32_MAX      /* the age of a command that never came, or came too long ago */
+#define UUV_HIL_NEVER_US UINT32_MAX      /* the age before the first command, or of one too long ago */
 #define UUV_HIL_NEVER_DUE_US UINT64_MAX
 
 typedef struct {
@@ -71,34 +71,34 @@ typedef struct {
     uint16_t sequence;
     uint16_t frames;
     uint16_t refused;
-    uint16_t line_errors; /* set by whoever reads the line */
+    uint16_t line_errors; /* set by the reader of the line */
     uint16_t watchdog_trips;
     uint32_t watchdog_us;
     uint64_t applied_us;       /* UUV_HIL_NEVER_DUE_US: never */
-    uint64_t silence_ends_us;  /* when the watchdog trips; UUV_HIL_NEVER_DUE_US: it has, or was not started */
+    uint64_t watchdog_due_us;  /* when the watchdog trips; UUV_HIL_NEVER_DUE_US: it has, or was not started */
     uint64_t telemetry_due_us;
 } UuvHilBoard;
 
 /* channels: 1 to UUV_HIL_MAX_CHANNELS. */
 void uuv_hil_board_start(UuvHilBoard *board, uint8_t channels, uint32_t watchdog_us);
 
-/* Apply a command; whether it was (else it counts as refused, and the watchdog goes on). */
+/* Apply a command. Returns whether it was (else it counts as refused, and the watchdog runs on). */
 bool uuv_hil_board_command(UuvHilBoard *board, const UuvHilCommand *command, uint64_t now_us);
 
-/* Let time pass: trips the watchdog when it is due. Whether telemetry is to be sent now. */
+/* Advance the time: trip the watchdog when it is due. Returns whether telemetry is to be sent now. */
 bool uuv_hil_board_tick(UuvHilBoard *board, uint64_t now_us);
 
-/* The report of this instant. The next one is due a period later; missed ones are skipped. */
+/* Return the report of this instant. The next one is due a period later; missed ones are skipped. */
 UuvHilTelemetry uuv_hil_board_telemetry(UuvHilBoard *board, uint64_t now_us);
 
-/* All outputs to 1500 us, now. */
+/* Set all outputs to 1500 us, now. */
 void uuv_hil_board_disarm(UuvHilBoard *board);
 
-/* When uuv_hil_board_tick has to be called next, unless a command comes before. */
+/* Return when uuv_hil_board_tick has to be called next, unless a command is received before. */
 uint64_t uuv_hil_board_deadline_us(const UuvHilBoard *board);
 
-/* ---- stream.c: sound packets in a stream of bytes. One is seen with its last byte, whatever came before it:
- * neither a cut packet nor a damaged length holds back the one behind it. ---- */
+/* ---- stream.c: find valid packets in a stream of bytes. One is delivered with its last byte, whatever precedes it:
+ * neither a cut packet nor a damaged length delays the one behind it. ---- */
 
 #define UUV_HIL_PACKET_LONGEST 280u /* a signed MAVLink 2 packet; the frame has 261 at most */
 
@@ -111,14 +111,14 @@ typedef struct {
 } UuvHilFormat;
 
 typedef struct {
-    uint8_t bytes[UUV_HIL_PACKET_LONGEST]; /* the beginning of a packet whose end has not come */
+    uint8_t bytes[UUV_HIL_PACKET_LONGEST]; /* the beginning of an unfinished packet */
     uint16_t length;
-    uint16_t look_at;         /* the length at which what is there may say more than it has so far */
+    uint16_t look_at;         /* the length at which the stored bytes have to be checked again */
     uint16_t checksum_errors; /* both counters wrap */
     uint16_t dropped_bytes;
 } UuvHilStream;
 
-/* Takes one byte off the line; the sound packet that it completes, there until the next call, or NULL.
+/* Add one byte off the line. Returns the valid packet that it completes, which stays until the next call, or NULL.
  * A stream starts as all zeros. */
 const uint8_t *uuv_hil_stream_feed(UuvHilStream *stream, const UuvHilFormat *format, uint8_t byte);
 
@@ -126,16 +126,16 @@ const uint8_t *uuv_hil_stream_feed(UuvHilStream *stream, const UuvHilFormat *for
 
 extern const UuvHilFormat uuv_hil_frame_format;
 
-/* CRC-16/CCITT-FALSE of size bytes. */
+/* Return the CRC-16/CCITT-FALSE of size bytes. */
 uint16_t uuv_hil_crc16(const uint8_t *data, size_t size);
 
-/* Whether a sound frame is a command, and then what it says. */
+/* Decode a valid frame. Returns whether it is a command. */
 bool uuv_hil_frame_decode(const uint8_t *frame, UuvHilCommand *command);
 
-/* Writes the frame of a report, at most UUV_HIL_FRAME_TELEMETRY_FRAME_SIZE_MAX bytes; its size. */
+/* Write the frame of a report, at most UUV_HIL_FRAME_TELEMETRY_FRAME_SIZE_MAX bytes. Returns its size. */
 size_t uuv_hil_frame_encode(const UuvHilTelemetry *telemetry, uint8_t *out);
 
-/* ---- What the core needs of a machine. ---- */
+/* ---- The functions that the core needs of a machine. ---- */
 
 typedef struct {
     uint32_t id; /* of 29 bits */
@@ -144,7 +144,7 @@ typedef struct {
 } UuvHilCanFrame;
 
 typedef struct {
-    void *context; /* given back to each function */
+    void *context; /* passed to each function */
     uint64_t (*now_us)(void *context);
     /* Sends all of data or, where there is no room for it, nothing. Never blocks. */
     void (*uart_write)(void *context, const uint8_t *data, size_t size);
@@ -155,29 +155,29 @@ typedef struct {
 
 typedef enum {
     UUV_HIL_NOTHING,
-    UUV_HIL_SOUND,   /* a sound packet, answered or passed over */
-    UUV_HIL_COMMAND, /* a sound packet, and *command is what the board is to do */
+    UUV_HIL_SOUND,   /* a valid packet, answered or ignored */
+    UUV_HIL_COMMAND, /* a valid packet, and *command is the command for the board */
 } UuvHilHeard;
 
-/* ---- mavlink.c: the device's end of hil/links/mavlink/link.py, on the headers that pymavlink generates. It obeys
- * SERVO_OUTPUT_RAW, RC_CHANNELS_OVERRIDE and, as COMMAND_LONG, COMPONENT_ARM_DISARM and DO_SET_SERVO; it says
+/* ---- mavlink.c: the device's end of hil/links/mavlink/link.py, on the headers that pymavlink generates. It applies
+ * SERVO_OUTPUT_RAW, RC_CHANNELS_OVERRIDE and, as COMMAND_LONG, COMPONENT_ARM_DISARM and DO_SET_SERVO; it sends
  * SERVO_OUTPUT_RAW as report, HEARTBEAT and SYS_STATUS once a second and when armed or timed out change,
- * COMMAND_ACK, and TIMESYNC to whoever asks. It is component 1 of system 1, and checks no signatures.
+ * COMMAND_ACK, and answers to TIMESYNC. It is component 1 of system 1, and checks no signatures.
  * without_mavlink.c stands in for it where there is no pymavlink. ---- */
 
 typedef struct {
     UuvHilStream packets;
     uint8_t packets_sent; /* wraps: the number of the next packet */
     uint64_t heartbeat_due_us;
-    UuvHilTelemetry told;  /* the last report */
-    UuvHilCommand ordered; /* the last command, and the state that the next one changes */
-    int32_t commander;     /* who sent it, system << 8 | component; -1: nobody has */
-    uint8_t number;        /* of its packet; `ordered.sequence` is this, continued to 16 bits */
+    UuvHilTelemetry reported; /* the last report */
+    UuvHilCommand ordered;    /* the last command, and the state that the next one changes */
+    int32_t commander;        /* its sender, system << 8 | component; -1: none yet */
+    uint8_t number;           /* of its packet; `ordered.sequence` is this, continued to 16 bits */
 } UuvHilMavlink;
 
 void uuv_hil_mavlink_start(UuvHilMavlink *mavlink, uint8_t channels);
 
-/* Takes one byte off the line; says on the platform what the packet it completes has to be answered. */
+/* Add one byte off the line, and send the answer to the packet that it completes. */
 UuvHilHeard uuv_hil_mavlink_feed(UuvHilMavlink *mavlink, const UuvHilPlatform *platform, uint8_t byte, uint64_t now_us,
                                  UuvHilCommand *command);
 
@@ -187,41 +187,40 @@ void uuv_hil_mavlink_report(UuvHilMavlink *mavlink, const UuvHilPlatform *platfo
 /* HEARTBEAT and SYS_STATUS, if they are due. */
 void uuv_hil_mavlink_tick(UuvHilMavlink *mavlink, const UuvHilPlatform *platform, uint64_t now_us);
 
-/* ---- vesc.c: the device's end of hil/links/vesc/link.py, as controllers 1 to `channels` at once. It obeys SET_DUTY,
- * SET_CURRENT_REL and SET_CURRENT 0, which lets go; commands to all controllers, or one that comes again before
- * that, make one command of the board. It says STATUS. ---- */
+/* ---- vesc.c: the device's end of hil/links/vesc/link.py, as controllers 1 to `channels` at once. It applies SET_DUTY,
+ * SET_CURRENT_REL and SET_CURRENT 0, which releases the motor; commands to all controllers, or one that is received
+ * again before that, make one command of the board. It sends STATUS. ---- */
 
 typedef struct {
-    uint16_t held_us;    /* what it does; UUV_HIL_NO_PULSE_US: nothing */
-    uint16_t waiting_us; /* what it is to do with the command that is being gathered */
+    uint16_t held_us;    /* present output; UUV_HIL_NO_PULSE_US: none */
+    uint16_t waiting_us; /* output of the command that is being collected */
     bool waits;
-    uint64_t heard_us;
+    uint64_t received_us;
 } UuvHilVescMotor;
 
 typedef struct {
     uint8_t channels;
     uint8_t waiting; /* motors that wait */
     UuvHilVescMotor motors[UUV_HIL_MAX_CHANNELS];
-    uint16_t malformed; /* frames to us that are not obeyed; wraps */
+    uint16_t malformed; /* frames to these controllers that are not supported; wraps */
 } UuvHilVesc;
 
 void uuv_hil_vesc_start(UuvHilVesc *vesc, uint8_t channels);
 
 UuvHilHeard uuv_hil_vesc_hear(UuvHilVesc *vesc, const UuvHilCanFrame *frame, uint64_t now_us, UuvHilCommand *command);
 
-/* What the controller of a thruster, counted from 0, says of itself. */
+/* Return the STATUS frame of the controller of a thruster, counted from 0. */
 UuvHilCanFrame uuv_hil_vesc_status(uint8_t thruster, uint16_t pulse_us);
 
-/* ---- firmware.c: the whole, on a platform. ---- */
+/* ---- firmware.c: all parts together, on a platform. ---- */
 
 typedef enum { UUV_HIL_SPEAKS_FRAME, UUV_HIL_SPEAKS_MAVLINK, UUV_HIL_SPEAKS_VESC } UuvHilProtocol;
-
 
 typedef struct {
     const UuvHilPlatform *platform;
     UuvHilBoard board;
     UuvHilStream frames;
-    uint16_t malformed; /* sound frames that are no command; wraps */
+    uint16_t malformed; /* valid frames that are no command; wraps */
     UuvHilMavlink mavlink;
     UuvHilVesc vesc;
     UuvHilProtocol speaks;
@@ -230,17 +229,17 @@ typedef struct {
 /* Power-up: outputs neutral. The platform stays the caller's and must outlive the firmware. */
 void uuv_hil_start(UuvHilFirmware *firmware, const UuvHilPlatform *platform, uint8_t channels, uint32_t watchdog_us);
 
-/* Take a frame off the CAN bus: apply and answer the command that it completes. */
+/* Process a frame off the CAN bus: apply and answer the command that it completes. */
 void uuv_hil_hear_can(UuvHilFirmware *firmware, const UuvHilCanFrame *frame);
 
-/* Take the bytes that came (0 of them is fine), apply and answer each command in them, then let time pass.
- * They are taken before the watchdog is looked at: a machine that is late is not a silent host. */
+/* Process received bytes (0 of them is fine), apply and answer each command in them, then advance the time.
+ * Bytes are read before the watchdog is checked: a late machine does not count as a host that stopped. */
 void uuv_hil_service(UuvHilFirmware *firmware, const uint8_t *bytes, size_t size);
 
-/* When uuv_hil_service has to be called even if no byte came. */
+/* Return when uuv_hil_service has to be called even without bytes. */
 uint64_t uuv_hil_deadline_us(const UuvHilFirmware *firmware);
 
-/* Outputs to neutral, before the end. */
+/* Set the outputs to neutral, before the end. */
 void uuv_hil_stop(UuvHilFirmware *firmware);
 
 #endif

@@ -8,7 +8,7 @@ void uuv_hil_board_start(UuvHilBoard *board, uint8_t channels, uint32_t watchdog
         .channels = channels,
         .watchdog_us = watchdog_us,
         .applied_us = UUV_HIL_NEVER_DUE_US,
-        .silence_ends_us = UUV_HIL_NEVER_DUE_US,
+        .watchdog_due_us = UUV_HIL_NEVER_DUE_US,
     };
     uuv_hil_board_disarm(board);
 }
@@ -23,7 +23,7 @@ void uuv_hil_board_disarm(UuvHilBoard *board)
 static bool is_late(const UuvHilBoard *board, uint16_t sequence)
 {
     uint16_t behind = (uint16_t)(board->sequence - sequence);
-    return board->silence_ends_us != UUV_HIL_NEVER_DUE_US && behind > 0 && behind <= UUV_HIL_LATE_WINDOW;
+    return board->watchdog_due_us != UUV_HIL_NEVER_DUE_US && behind > 0 && behind <= UUV_HIL_LATE_WINDOW;
 }
 
 static uint16_t pulse(uint16_t width_us)
@@ -53,17 +53,17 @@ bool uuv_hil_board_command(UuvHilBoard *board, const UuvHilCommand *command, uin
     board->sequence = command->sequence;
     board->applied_us = now_us;
     board->frames++;
-    board->silence_ends_us = now_us + board->watchdog_us;
+    board->watchdog_due_us = now_us + board->watchdog_us;
     return true;
 }
 
 bool uuv_hil_board_tick(UuvHilBoard *board, uint64_t now_us)
 {
-    if (now_us >= board->silence_ends_us) {
+    if (now_us >= board->watchdog_due_us) {
         uuv_hil_board_disarm(board);
         board->timed_out = true;
         board->watchdog_trips++;
-        board->silence_ends_us = UUV_HIL_NEVER_DUE_US;
+        board->watchdog_due_us = UUV_HIL_NEVER_DUE_US;
         board->telemetry_due_us = now_us;
     }
     return now_us >= board->telemetry_due_us;
@@ -103,6 +103,6 @@ UuvHilTelemetry uuv_hil_board_telemetry(UuvHilBoard *board, uint64_t now_us)
 
 uint64_t uuv_hil_board_deadline_us(const UuvHilBoard *board)
 {
-    bool watchdog_first = board->silence_ends_us < board->telemetry_due_us;
-    return watchdog_first ? board->silence_ends_us : board->telemetry_due_us;
+    bool watchdog_first = board->watchdog_due_us < board->telemetry_due_us;
+    return watchdog_first ? board->watchdog_due_us : board->telemetry_due_us;
 }

@@ -1,4 +1,4 @@
-/* Bytes and CAN frames in, pulses and reports out. */
+/* Main function of the firmware: received bytes and CAN frames in, pulses and reports out. */
 
 #include "uuv_hil_stm32.h"
 
@@ -56,7 +56,7 @@ void uuv_hil_start(UuvHilFirmware *firmware, const UuvHilPlatform *platform, uin
     put_outputs(firmware);
 }
 
-static UuvHilHeard hear_frame(UuvHilFirmware *firmware, uint8_t byte, UuvHilCommand *command)
+static UuvHilHeard feed_frame(UuvHilFirmware *firmware, uint8_t byte, UuvHilCommand *command)
 {
     const uint8_t *frame = uuv_hil_stream_feed(&firmware->frames, &uuv_hil_frame_format, byte);
     if (frame == NULL)
@@ -70,13 +70,13 @@ static UuvHilHeard hear_frame(UuvHilFirmware *firmware, uint8_t byte, UuvHilComm
 static void speak(UuvHilFirmware *firmware, UuvHilProtocol protocol)
 {
     if (protocol != UUV_HIL_SPEAKS_MAVLINK)
-        firmware->mavlink.ordered.armed = false; /* who comes back to MAVLink arms anew */
+        firmware->mavlink.ordered.armed = false; /* a sender that returns to MAVLink has to arm again */
     firmware->speaks = protocol;
 }
 
-static UuvHilHeard hear_byte(UuvHilFirmware *firmware, uint8_t byte, uint64_t now_us, UuvHilCommand *command)
+static UuvHilHeard feed_byte(UuvHilFirmware *firmware, uint8_t byte, uint64_t now_us, UuvHilCommand *command)
 {
-    UuvHilHeard frame = hear_frame(firmware, byte, command);
+    UuvHilHeard frame = feed_frame(firmware, byte, command);
     if (frame != UUV_HIL_NOTHING) {
         speak(firmware, UUV_HIL_SPEAKS_FRAME);
         return frame;
@@ -87,7 +87,7 @@ static UuvHilHeard hear_byte(UuvHilFirmware *firmware, uint8_t byte, uint64_t no
     return packet;
 }
 
-static void obey(UuvHilFirmware *firmware, const UuvHilCommand *command, uint64_t now_us)
+static void apply_command(UuvHilFirmware *firmware, const UuvHilCommand *command, uint64_t now_us)
 {
     if (!uuv_hil_board_command(&firmware->board, command, now_us))
         return;
@@ -99,11 +99,11 @@ void uuv_hil_hear_can(UuvHilFirmware *firmware, const UuvHilCanFrame *frame)
 {
     uint64_t now_us = firmware->platform->now_us(firmware->platform->context);
     UuvHilCommand command;
-    UuvHilHeard heard = uuv_hil_vesc_hear(&firmware->vesc, frame, now_us, &command);
-    if (heard != UUV_HIL_NOTHING)
+    UuvHilHeard received = uuv_hil_vesc_hear(&firmware->vesc, frame, now_us, &command);
+    if (received != UUV_HIL_NOTHING)
         speak(firmware, UUV_HIL_SPEAKS_VESC);
-    if (heard == UUV_HIL_COMMAND)
-        obey(firmware, &command, now_us);
+    if (received == UUV_HIL_COMMAND)
+        apply_command(firmware, &command, now_us);
 }
 
 static void let_time_pass(UuvHilFirmware *firmware, uint64_t now_us)
@@ -122,8 +122,8 @@ void uuv_hil_service(UuvHilFirmware *firmware, const uint8_t *bytes, size_t size
     uint64_t now_us = platform->now_us(platform->context);
     for (size_t i = 0; i < size; i++) {
         UuvHilCommand command;
-        if (hear_byte(firmware, bytes[i], now_us, &command) == UUV_HIL_COMMAND)
-            obey(firmware, &command, now_us);
+        if (feed_byte(firmware, bytes[i], now_us, &command) == UUV_HIL_COMMAND)
+            apply_command(firmware, &command, now_us);
     }
     let_time_pass(firmware, now_us);
     platform->watchdog_kick(platform->context);

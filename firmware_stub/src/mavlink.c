@@ -1,4 +1,4 @@
-/* The device's end of a MAVLink thruster link: a part of what hil/links/mavlink/device.py does. */
+/* Device end of a MAVLink thruster link: a part of hil/links/mavlink/device.py. */
 
 #define MAVLINK_NO_CONVERSION_HELPERS
 #define MAVLINK_NO_SIGN_PACKET
@@ -9,7 +9,7 @@
 
 #define SYSTEM 1
 #define COMPONENT 1
-#define PORT 0 /* the set of outputs meant; others are other boards' */
+#define PORT 0 /* the set of outputs on this link; others belong to other boards */
 #define HEARTBEAT_PERIOD_US 1000000u
 #define HEADER_SIZE 10u
 #define CRC_SIZE 2u
@@ -36,7 +36,7 @@ static size_t packet_size(const uint8_t *bytes, size_t seen)
     if (seen < HEADER_SIZE)
         return HEADER_SIZE;
     if (mavlink_get_msg_entry(message_id(bytes)) == NULL)
-        return 0; /* its checksum depends on a layout that we do not know */
+        return 0; /* its checksum depends on an unknown layout */
     return HEADER_SIZE + bytes[1] + CRC_SIZE + ((bytes[2] & SIGNED) ? SIGNATURE_SIZE : 0u);
 }
 
@@ -51,7 +51,7 @@ static bool is_sound(const uint8_t *packet, size_t size)
 
 static const UuvHilFormat mavlink_format = {packet_size, is_sound, MAVLINK_STX};
 
-/* ---- what it says ---- */
+/* ---- messages that are sent ---- */
 
 static void say(UuvHilMavlink *mavlink, const UuvHilPlatform *platform, const mavlink_message_t *message)
 {
@@ -65,51 +65,51 @@ static mavlink_status_t status(const UuvHilMavlink *mavlink)
     return (mavlink_status_t){.current_tx_seq = mavlink->packets_sent};
 }
 
-static void say_heartbeat(UuvHilMavlink *mavlink, const UuvHilPlatform *platform)
+static void send_heartbeat(UuvHilMavlink *mavlink, const UuvHilPlatform *platform)
 {
-    const UuvHilTelemetry *told = &mavlink->told;
+    const UuvHilTelemetry *reported = &mavlink->reported;
     mavlink_status_t numbered = status(mavlink);
     mavlink_message_t message;
-    uint8_t state = told->timed_out ? MAV_STATE_CRITICAL : told->armed ? MAV_STATE_ACTIVE : MAV_STATE_STANDBY;
+    uint8_t state = reported->timed_out ? MAV_STATE_CRITICAL : reported->armed ? MAV_STATE_ACTIVE : MAV_STATE_STANDBY;
     const mavlink_heartbeat_t heartbeat = {
         .type = MAV_TYPE_SUBMARINE,
         .autopilot = MAV_AUTOPILOT_GENERIC,
-        .base_mode = told->armed ? MAV_MODE_FLAG_SAFETY_ARMED : 0,
+        .base_mode = reported->armed ? MAV_MODE_FLAG_SAFETY_ARMED : 0,
         .system_status = state,
     };
     mavlink_msg_heartbeat_encode_status(SYSTEM, COMPONENT, &numbered, &message, &heartbeat);
     say(mavlink, platform, &message);
 }
 
-static void say_sys_status(UuvHilMavlink *mavlink, const UuvHilPlatform *platform)
+static void send_sys_status(UuvHilMavlink *mavlink, const UuvHilPlatform *platform)
 {
-    const UuvHilTelemetry *told = &mavlink->told;
+    const UuvHilTelemetry *reported = &mavlink->reported;
     mavlink_status_t numbered = status(mavlink);
     mavlink_message_t message;
     const mavlink_sys_status_t sys_status = {
         .onboard_control_sensors_present = MAV_SYS_STATUS_SENSOR_MOTOR_OUTPUTS,
-        .onboard_control_sensors_enabled = told->armed ? MAV_SYS_STATUS_SENSOR_MOTOR_OUTPUTS : 0,
-        .onboard_control_sensors_health = told->timed_out ? 0 : MAV_SYS_STATUS_SENSOR_MOTOR_OUTPUTS,
+        .onboard_control_sensors_enabled = reported->armed ? MAV_SYS_STATUS_SENSOR_MOTOR_OUTPUTS : 0,
+        .onboard_control_sensors_health = reported->timed_out ? 0 : MAV_SYS_STATUS_SENSOR_MOTOR_OUTPUTS,
         .voltage_battery = NOT_MEASURED_U16,
         .current_battery = -1,
         .battery_remaining = -1,
-        .errors_comm = told->errors,
-        .errors_count1 = told->watchdog_trips,
-        .errors_count2 = told->frames,
+        .errors_comm = reported->errors,
+        .errors_count1 = reported->watchdog_trips,
+        .errors_count2 = reported->frames,
     };
     mavlink_msg_sys_status_encode_status(SYSTEM, COMPONENT, &numbered, &message, &sys_status);
     say(mavlink, platform, &message);
 }
 
-static void say_state(UuvHilMavlink *mavlink, const UuvHilPlatform *platform)
+static void send_state(UuvHilMavlink *mavlink, const UuvHilPlatform *platform)
 {
-    say_heartbeat(mavlink, platform);
-    say_sys_status(mavlink, platform);
+    send_heartbeat(mavlink, platform);
+    send_sys_status(mavlink, platform);
 }
 
-static void say_outputs(UuvHilMavlink *mavlink, const UuvHilPlatform *platform, uint64_t now_us)
+static void send_outputs(UuvHilMavlink *mavlink, const UuvHilPlatform *platform, uint64_t now_us)
 {
-    const uint16_t *pwm_us = mavlink->told.pwm_us; /* those beyond its channels are 0 */
+    const uint16_t *pwm_us = mavlink->reported.pwm_us; /* those beyond its channels are 0 */
     mavlink_status_t numbered = status(mavlink);
     mavlink_message_t message;
     const mavlink_servo_output_raw_t outputs = {
@@ -124,8 +124,8 @@ static void say_outputs(UuvHilMavlink *mavlink, const UuvHilPlatform *platform, 
     say(mavlink, platform, &message);
 }
 
-static void say_acknowledged(UuvHilMavlink *mavlink, const UuvHilPlatform *platform, const mavlink_message_t *packet,
-                             uint16_t command, uint8_t result)
+static void send_acknowledged(UuvHilMavlink *mavlink, const UuvHilPlatform *platform, const mavlink_message_t *packet,
+                              uint16_t command, uint8_t result)
 {
     mavlink_status_t numbered = status(mavlink);
     mavlink_message_t message;
@@ -142,25 +142,25 @@ static void say_acknowledged(UuvHilMavlink *mavlink, const UuvHilPlatform *platf
 static void answer_timesync(UuvHilMavlink *mavlink, const UuvHilPlatform *platform, const mavlink_message_t *packet,
                             uint64_t now_us)
 {
-    mavlink_timesync_t asked;
-    mavlink_msg_timesync_decode(packet, &asked);
-    if (asked.tc1 != 0)
+    mavlink_timesync_t requested;
+    mavlink_msg_timesync_decode(packet, &requested);
+    if (requested.tc1 != 0)
         return; /* an answer */
     mavlink_status_t numbered = status(mavlink);
     mavlink_message_t message;
-    const mavlink_timesync_t answer = {.tc1 = (int64_t)(now_us * 1000u), .ts1 = asked.ts1};
+    const mavlink_timesync_t answer = {.tc1 = (int64_t)(now_us * 1000u), .ts1 = requested.ts1};
     mavlink_msg_timesync_encode_status(SYSTEM, COMPONENT, &numbered, &message, &answer);
     say(mavlink, platform, &message);
 }
 
-/* ---- what it obeys: each of these puts into mavlink->ordered what the board is to do, and says whether ---- */
+/* ---- commands: each function sets mavlink->ordered for the board, and returns whether it did ---- */
 
 static bool is_for_us(uint8_t system, uint8_t component)
 {
     return (system == 0 || system == SYSTEM) && (component == 0 || component == COMPONENT);
 }
 
-/* The command's number: on by as much as the packet's is, back if the packet was overtaken. */
+/* Return the command's number: advanced as the packet's is, or set back if the packet was overtaken. */
 static void continue_number(UuvHilMavlink *mavlink, const mavlink_message_t *packet)
 {
     int32_t commander = packet->sysid << 8 | packet->compid;
@@ -179,7 +179,7 @@ static bool order(UuvHilMavlink *mavlink, const uint16_t *pwm_us, const mavlink_
     return true;
 }
 
-static bool obey_servo_output_raw(UuvHilMavlink *mavlink, const mavlink_message_t *packet)
+static bool handle_servo_output_raw(UuvHilMavlink *mavlink, const mavlink_message_t *packet)
 {
     mavlink_servo_output_raw_t outputs;
     mavlink_msg_servo_output_raw_decode(packet, &outputs);
@@ -194,35 +194,35 @@ static bool obey_servo_output_raw(UuvHilMavlink *mavlink, const mavlink_message_
     return order(mavlink, pwm_us, packet);
 }
 
-/* A pulse as RC_CHANNELS_OVERRIDE writes it; `kept` where it means another's channel. */
-static uint16_t overridden(uint8_t channel, uint16_t width_us, uint16_t kept_us)
+/* Return the pulse of a channel of RC_CHANNELS_OVERRIDE; `current_us` where the channel is ignored. */
+static uint16_t overridden(uint8_t channel, uint16_t width_us, uint16_t current_us)
 {
     bool is_first_eight = channel < 8;
     if (width_us == IGNORED || (width_us == 0 && !is_first_eight))
-        return kept_us;
+        return current_us;
     bool is_released = is_first_eight ? width_us == 0 : width_us == RELEASED;
     return is_released ? UUV_HIL_PWM_NEUTRAL_US : width_us;
 }
 
-static bool obey_rc_channels_override(UuvHilMavlink *mavlink, const mavlink_message_t *packet)
+static bool handle_rc_channels_override(UuvHilMavlink *mavlink, const mavlink_message_t *packet)
 {
     mavlink_rc_channels_override_t rc;
     mavlink_msg_rc_channels_override_decode(packet, &rc);
     if (!is_for_us(rc.target_system, rc.target_component))
         return false;
-    const uint16_t asked[UUV_HIL_MAX_CHANNELS] = {
+    const uint16_t requested[UUV_HIL_MAX_CHANNELS] = {
         rc.chan1_raw, rc.chan2_raw, rc.chan3_raw, rc.chan4_raw, rc.chan5_raw, rc.chan6_raw, rc.chan7_raw, rc.chan8_raw,
         rc.chan9_raw, rc.chan10_raw, rc.chan11_raw, rc.chan12_raw, rc.chan13_raw, rc.chan14_raw, rc.chan15_raw,
         rc.chan16_raw,
     };
     uint16_t pwm_us[UUV_HIL_MAX_CHANNELS];
     for (uint8_t i = 0; i < UUV_HIL_MAX_CHANNELS; i++)
-        pwm_us[i] = overridden(i, asked[i], mavlink->ordered.pwm_us[i]);
+        pwm_us[i] = overridden(i, requested[i], mavlink->ordered.pwm_us[i]);
     return order(mavlink, pwm_us, packet);
 }
 
-/* Arming keeps the pulses that hold; being so already changes nothing. */
-static bool obey_arm_disarm(UuvHilMavlink *mavlink, const mavlink_message_t *packet, float arm, uint8_t *result)
+/* Arming keeps the present pulses; no change of the armed state changes nothing. */
+static bool handle_arm_disarm(UuvHilMavlink *mavlink, const mavlink_message_t *packet, float arm, uint8_t *result)
 {
     if (arm != 0.0f && arm != 1.0f) {
         *result = MAV_RESULT_DENIED;
@@ -246,7 +246,7 @@ static bool is_pulse(float width_us)
     return (width_us >= UUV_HIL_PWM_MIN_US && width_us <= UUV_HIL_PWM_MAX_US) || width_us == UUV_HIL_NO_PULSE_US;
 }
 
-/* To the nearest microsecond; a half goes to the even one. */
+/* Round to the nearest microsecond; a half goes to the even one. */
 static uint16_t rounded(float width_us)
 {
     uint16_t whole = (uint16_t)width_us;
@@ -255,8 +255,8 @@ static uint16_t rounded(float width_us)
     return is_up ? (uint16_t)(whole + 1) : whole;
 }
 
-static bool obey_set_servo(UuvHilMavlink *mavlink, const mavlink_message_t *packet, float instance, float width_us,
-                           uint8_t *result)
+static bool handle_set_servo(UuvHilMavlink *mavlink, const mavlink_message_t *packet, float instance, float width_us,
+                             uint8_t *result)
 {
     if (!is_channel(instance, mavlink->ordered.channels) || !is_pulse(width_us)) {
         *result = MAV_RESULT_DENIED;
@@ -272,32 +272,32 @@ static bool obey_set_servo(UuvHilMavlink *mavlink, const mavlink_message_t *pack
     return true;
 }
 
-static bool obey_command_long(UuvHilMavlink *mavlink, const UuvHilPlatform *platform, const mavlink_message_t *packet)
+static bool handle_command_long(UuvHilMavlink *mavlink, const UuvHilPlatform *platform, const mavlink_message_t *packet)
 {
-    mavlink_command_long_t asked;
-    mavlink_msg_command_long_decode(packet, &asked);
-    if (!is_for_us(asked.target_system, asked.target_component))
+    mavlink_command_long_t requested;
+    mavlink_msg_command_long_decode(packet, &requested);
+    if (!is_for_us(requested.target_system, requested.target_component))
         return false;
     uint8_t result = MAV_RESULT_UNSUPPORTED;
     bool ordered = false;
-    if (asked.command == MAV_CMD_COMPONENT_ARM_DISARM)
-        ordered = obey_arm_disarm(mavlink, packet, asked.param1, &result);
-    else if (asked.command == MAV_CMD_DO_SET_SERVO)
-        ordered = obey_set_servo(mavlink, packet, asked.param1, asked.param2, &result);
-    say_acknowledged(mavlink, platform, packet, asked.command, result);
+    if (requested.command == MAV_CMD_COMPONENT_ARM_DISARM)
+        ordered = handle_arm_disarm(mavlink, packet, requested.param1, &result);
+    else if (requested.command == MAV_CMD_DO_SET_SERVO)
+        ordered = handle_set_servo(mavlink, packet, requested.param1, requested.param2, &result);
+    send_acknowledged(mavlink, platform, packet, requested.command, result);
     return ordered;
 }
 
-static bool obey(UuvHilMavlink *mavlink, const UuvHilPlatform *platform, const mavlink_message_t *packet,
-                 uint64_t now_us)
+static bool handle_packet(UuvHilMavlink *mavlink, const UuvHilPlatform *platform, const mavlink_message_t *packet,
+                          uint64_t now_us)
 {
     switch (packet->msgid) {
     case MAVLINK_MSG_ID_SERVO_OUTPUT_RAW:
-        return obey_servo_output_raw(mavlink, packet);
+        return handle_servo_output_raw(mavlink, packet);
     case MAVLINK_MSG_ID_RC_CHANNELS_OVERRIDE:
-        return obey_rc_channels_override(mavlink, packet);
+        return handle_rc_channels_override(mavlink, packet);
     case MAVLINK_MSG_ID_COMMAND_LONG:
-        return obey_command_long(mavlink, platform, packet);
+        return handle_command_long(mavlink, platform, packet);
     case MAVLINK_MSG_ID_TIMESYNC:
         answer_timesync(mavlink, platform, packet, now_us);
         return false;
@@ -306,7 +306,7 @@ static bool obey(UuvHilMavlink *mavlink, const UuvHilPlatform *platform, const m
     }
 }
 
-/* What the decoders read of it; to clear the rest first would take longer than to decode it. */
+/* Clear what the decoders read of it; to clear all would take longer than to decode it. */
 static void unpack(const uint8_t *packet, mavlink_message_t *message)
 {
     message->len = packet[1];
@@ -317,7 +317,7 @@ static void unpack(const uint8_t *packet, mavlink_message_t *message)
     memcpy(_MAV_PAYLOAD_NON_CONST(message), packet + HEADER_SIZE, message->len);
 }
 
-/* ---- the whole ---- */
+/* ---- public functions ---- */
 
 void uuv_hil_mavlink_start(UuvHilMavlink *mavlink, uint8_t channels)
 {
@@ -336,7 +336,7 @@ UuvHilHeard uuv_hil_mavlink_feed(UuvHilMavlink *mavlink, const UuvHilPlatform *p
     unpack(packet, &message);
     if (message.sysid == SYSTEM && message.compid == COMPONENT)
         return UUV_HIL_SOUND; /* our own echo */
-    if (!obey(mavlink, platform, &message, now_us))
+    if (!handle_packet(mavlink, platform, &message, now_us))
         return UUV_HIL_SOUND;
     *command = mavlink->ordered;
     return UUV_HIL_COMMAND;
@@ -345,15 +345,15 @@ UuvHilHeard uuv_hil_mavlink_feed(UuvHilMavlink *mavlink, const UuvHilPlatform *p
 void uuv_hil_mavlink_report(UuvHilMavlink *mavlink, const UuvHilPlatform *platform, const UuvHilTelemetry *telemetry,
                             uint64_t now_us)
 {
-    const UuvHilTelemetry told = mavlink->told;
-    mavlink->told = *telemetry;
+    const UuvHilTelemetry reported = mavlink->reported;
+    mavlink->reported = *telemetry;
     mavlink->ordered.armed = telemetry->armed;
     for (uint8_t i = 0; i < telemetry->channels; i++)
         mavlink->ordered.pwm_us[i] = telemetry->pwm_us[i];
-    if (told.armed != telemetry->armed || told.timed_out != telemetry->timed_out
-        || told.watchdog_trips != telemetry->watchdog_trips)
-        say_state(mavlink, platform);
-    say_outputs(mavlink, platform, now_us);
+    if (reported.armed != telemetry->armed || reported.timed_out != telemetry->timed_out
+        || reported.watchdog_trips != telemetry->watchdog_trips)
+        send_state(mavlink, platform);
+    send_outputs(mavlink, platform, now_us);
 }
 
 void uuv_hil_mavlink_tick(UuvHilMavlink *mavlink, const UuvHilPlatform *platform, uint64_t now_us)
@@ -363,5 +363,5 @@ void uuv_hil_mavlink_tick(UuvHilMavlink *mavlink, const UuvHilPlatform *platform
         return;
     bool fell_behind = now_us >= due_us + HEARTBEAT_PERIOD_US;
     mavlink->heartbeat_due_us = (fell_behind ? now_us : due_us) + HEARTBEAT_PERIOD_US;
-    say_state(mavlink, platform);
+    send_state(mavlink, platform);
 }

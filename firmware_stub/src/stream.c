@@ -1,7 +1,7 @@
-/* Packets in a stream of bytes: what hil/links/frame/protocol.py does, one byte at a time.
+/* Find packets in a stream of bytes, like hil/links/frame/readers.py but one byte at a time.
  *
- * All packets that may have begun are looked at when one of them may tell more than before, and not with every byte:
- * that would be most of what the firmware does between a command and its answer.
+ * The packets that may have begun are checked only when the bytes suffice to decide more, and not with every byte:
+ * that would take most of the time between a command and its answer.
  */
 
 #include "uuv_hil_stm32.h"
@@ -24,7 +24,7 @@ static const uint8_t *take(UuvHilStream *stream, size_t start)
 static const uint8_t *look(UuvHilStream *stream, const UuvHilFormat *format)
 {
     size_t length = stream->length;
-    size_t kept_from = length; /* where the first packet begins whose end has not come */
+    size_t kept_from = length; /* where the first unfinished packet begins */
     size_t look_at = SIZE_MAX;
     for (size_t start = 0; start < length; start++) {
         const uint8_t *packet = stream->bytes + start;
@@ -39,7 +39,7 @@ static const uint8_t *look(UuvHilStream *stream, const UuvHilFormat *format)
         if (end > length && end < look_at)
             look_at = end;
         if (kept_from < length)
-            continue; /* it comes to its turn when what stands before it has */
+            continue; /* it is checked when what precedes it is finished */
         if (end > length)
             kept_from = start;
         else

@@ -1,4 +1,4 @@
-/* VESC motor controllers on CAN, all of them at once: the device's end of hil/links/vesc/link.py. */
+/* Device end of hil/links/vesc/link.py: acts as all VESC motor controllers on CAN at once. */
 
 #include "uuv_hil_stm32.h"
 
@@ -10,8 +10,8 @@ enum { SET_DUTY = 0, SET_CURRENT = 1, STATUS = 9, SET_CURRENT_REL = 10 };
 #define FULL_FRACTION 100000 /* of SET_DUTY and SET_CURRENT_REL */
 #define FULL_STATUS_DUTY 1000
 #define SPAN_US 400          /* from neutral to full output */
-#define FULL_ERPM 24500      /* a T200 on 16 V: 3500 rev/min, 7 pole pairs; told, not measured */
-#define TIMEOUT_US 500000u   /* as a VESC lets go */
+#define FULL_ERPM 24500      /* a T200 on 16 V: 3500 rev/min, 7 pole pairs; assumed, not measured */
+#define TIMEOUT_US 500000u   /* after which a VESC releases the motor */
 
 static int32_t get_i32(const uint8_t *from)
 {
@@ -31,7 +31,7 @@ static void put_i32(uint8_t *to, int32_t value)
     put_i16(to + 2, value);
 }
 
-/* The pulse of a fraction in 1/100000, to the nearest microsecond. */
+/* Return the pulse of a fraction in 1/100000, to the nearest microsecond. */
 static uint16_t fraction_to_pulse(int32_t fraction)
 {
     int32_t clamped = fraction > FULL_FRACTION ? FULL_FRACTION : fraction < -FULL_FRACTION ? -FULL_FRACTION : fraction;
@@ -40,7 +40,7 @@ static uint16_t fraction_to_pulse(int32_t fraction)
     return (uint16_t)((int32_t)UUV_HIL_PWM_NEUTRAL_US + offset_us);
 }
 
-/* What a frame asks of its controller: whether that is obeyed here. To let go is no pulse. */
+/* Get the pulse that a frame commands; returns whether the command is supported. A released motor is no pulse. */
 static bool read_pulse(const UuvHilCanFrame *frame, uint16_t *pulse_us)
 {
     uint32_t command = frame->id >> 8;
@@ -57,7 +57,7 @@ static bool read_pulse(const UuvHilCanFrame *frame, uint16_t *pulse_us)
     return true;
 }
 
-/* What has come is one command. Who was left out goes on, for as long as a VESC would. */
+/* Make one command of the received ones. Motors that were left out continue, for as long as a VESC would. */
 static void gather(UuvHilVesc *vesc, uint64_t now_us, UuvHilCommand *command)
 {
     *command = (UuvHilCommand){.channels = vesc->channels};
@@ -65,7 +65,7 @@ static void gather(UuvHilVesc *vesc, uint64_t now_us, UuvHilCommand *command)
         UuvHilVescMotor *motor = &vesc->motors[i];
         if (motor->waits)
             motor->held_us = motor->waiting_us;
-        else if (now_us - motor->heard_us > TIMEOUT_US)
+        else if (now_us - motor->received_us > TIMEOUT_US)
             motor->held_us = UUV_HIL_NO_PULSE_US;
         motor->waits = false;
         command->pwm_us[i] = motor->held_us;
@@ -94,7 +94,7 @@ UuvHilHeard uuv_hil_vesc_hear(UuvHilVesc *vesc, const UuvHilCanFrame *frame, uin
     bool comes_again = motor->waits;
     if (comes_again)
         gather(vesc, now_us, command);
-    *motor = (UuvHilVescMotor){.held_us = motor->held_us, .waiting_us = pulse_us, .waits = true, .heard_us = now_us};
+    *motor = (UuvHilVescMotor){.held_us = motor->held_us, .waiting_us = pulse_us, .waits = true, .received_us = now_us};
     vesc->waiting++;
     if (vesc->waiting == vesc->channels)
         gather(vesc, now_us, command);

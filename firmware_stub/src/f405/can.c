@@ -1,4 +1,4 @@
-/* CAN1 at 500 kbit/s, the VESCs' default: extended data frames, with a ring of them each way. */
+/* CAN1 at 500 kbit/s, the VESCs' default: extended data frames, with a ring buffer each way. */
 
 #include "f405.h"
 #include "registers.h"

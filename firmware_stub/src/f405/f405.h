@@ -1,12 +1,12 @@
-/* The firmware on an STM32F405, at register level. Nothing here is needed by, or known to, the core.
+/* The firmware on an STM32F405, at register level. The core in ../ does not depend on it.
  *
  *   USART1   PA9 (TX), PA10 (RX), 115200 bit/s 8N1: the host. In QEMU the first -serial
  *   TIM3     PC6 to PC9: thrusters 1 to 4; compare registers at 0x40000434, 38, 3C, 40, in microseconds
  *   TIM4     PB6 to PB9: thrusters 5 to 8; compare registers at 0x40000834, 38, 3C, 40
- *   CAN1     PA11 (RX), PA12 (TX), 500 kbit/s: the host as VESCs are spoken to
+ *   CAN1     PA11 (RX), PA12 (TX), 500 kbit/s: the host, in the protocol of VESCs
  *   SysTick  1 kHz, the clock of the program
- *   crystal  8 MHz, or what --crystal of firmware_stub/build.py says; without one the chip's own oscillator
- *   IWDG     100 ms, wound by the main loop alone
+ *   crystal  8 MHz, or the value of --crystal of firmware_stub/build.py; without one the chip's own oscillator
+ *   IWDG     100 ms, reloaded by the main loop alone
  *
  *   0x08000000  this program, at most 16 KiB (flash sector 0)
  *   0x08004000  Parameters (flash sector 1); where there are none, the defaults of parameters.c hold
@@ -42,7 +42,7 @@ void pwm_start(uint32_t pwm_hz); /* all outputs 1500 us */
 void pwm_set(const uint16_t *pulse_us, uint8_t channels);
 
 void uart_start(uint32_t baud);
-size_t uart_read(uint8_t *out, size_t most); /* the bytes that came in; those nobody read in time are lost */
+size_t uart_read(uint8_t *out, size_t most); /* the received bytes; unread ones are lost when the buffer is full */
 bool uart_idle(void);                        /* whether there is nothing to read */
 void uart_write(const uint8_t *data, size_t size);
 

@@ -1,4 +1,4 @@
-/* The firmware on the board: hear, act, sleep. See f405.h for pins and memory. */
+/* Main loop on the board: read bytes and frames, run the firmware, sleep. See f405.h for pins and memory. */
 
 #include "f405.h"
 #include "registers.h"

@@ -1,4 +1,4 @@
-/* What this board drives, from its own flash sector: the program stays the same for every vehicle. */
+/* Parameters of the vehicle, from their own flash sector: the program is the same for every vehicle. */
 
 #include "f405.h"
 

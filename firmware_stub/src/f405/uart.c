@@ -1,4 +1,4 @@
-/* USART1 with a ring of bytes each way, both turned by its interrupt. */
+/* USART1 with a ring buffer each way, both served by its interrupt. */
 
 #include "f405.h"
 #include "registers.h"
@@ -34,7 +34,7 @@ static uint8_t get(Ring *ring)
     return byte;
 }
 
-/* What the line takes now; its interrupt asks for the rest. Emulators raise none, but take all at once. */
+/* Send what the line takes now; its interrupt sends the rest. Emulators raise none, but take all at once. */
 static void send_on(void)
 {
     while (held(&to_send) > 0 && (USART1_SR & USART_SR_TXE))
@@ -45,7 +45,7 @@ static void send_on(void)
         USART1_CR1 &= ~USART_CR1_TXEIE;
 }
 
-/* All that is there. An overrun asks for the interrupt too, and goes on asking until the data register is read. */
+/* Read all that is there. An overrun requests the interrupt too, until the data register is read. */
 void USART1_Handler(void)
 {
     uint32_t status;

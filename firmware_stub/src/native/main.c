@@ -1,14 +1,17 @@
-/* The firmware as a Linux process on a pseudo terminal: uuv-hil-stm32-native. POSIX alone. */
+/* The firmware as a Linux process on a pseudo terminal: uuv-hil-stm32-native. POSIX, except for die_with_parent. */
 
-#define _XOPEN_SOURCE 700
+#define _GNU_SOURCE /* F_SETSIG */
 
 #include <errno.h>
+#include <fcntl.h>
 #include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/select.h>
+#include <sys/stat.h>
 #include <time.h>
+#include <unistd.h>
 
 #include "pty.h"
 #include "uuv_hil_stm32.h"
@@ -28,12 +31,12 @@ typedef struct {
     uint32_t watchdog_us;
 } Options;
 
-static volatile sig_atomic_t told_to_stop;
+static volatile sig_atomic_t stop_requested;
 
 static void on_signal(int number)
 {
     (void)number;
-    told_to_stop = 1;
+    stop_requested = 1;
 }
 
 static bool complain(const char *option, const char *value, const char *remedy)
@@ -82,6 +85,25 @@ static bool read_option(const char *name, const char *value, Options *options)
     return complain(name, value, "is no option (see --help)");
 }
 
+/* End this process with its parent, however that ends: see hil/common/lifeline.py, which does the same. */
+static void die_with_parent(void)
+{
+    const char *text = getenv("UUV_HIL_LIFELINE");
+    int lifeline;
+    unsigned long long inode;
+    struct stat pipe;
+    char byte;
+    if (text == NULL || sscanf(text, "%d:%llu", &lifeline, &inode) != 2)
+        return;
+    if (fstat(lifeline, &pipe) != 0 || pipe.st_ino != inode)
+        return; /* a process in between has closed it */
+    fcntl(lifeline, F_SETOWN, getpgrp() == getpid() ? -getpid() : getpid());
+    fcntl(lifeline, F_SETSIG, SIGKILL);
+    fcntl(lifeline, F_SETFL, fcntl(lifeline, F_GETFL) | O_ASYNC | O_NONBLOCK);
+    if (read(lifeline, &byte, 1) == 0) /* the parent ended before this request */
+        raise(SIGKILL);
+}
+
 static uint64_t now_us(void *context)
 {
     (void)context;
@@ -97,7 +119,7 @@ static void uart_write(void *context, const uint8_t *data, size_t size)
 
 static void can_write(void *context, const UuvHilCanFrame *frame)
 {
-    (void)context; /* there is no bus here, and so nobody to answer on it */
+    (void)context; /* there is no CAN bus here */
     (void)frame;
 }
 
@@ -139,12 +161,24 @@ static void wait_until(uint64_t deadline_us, int fd, const sigset_t *mask)
     pselect(fd + 1, &readable, NULL, NULL, &timeout, mask);
 }
 
+/* After a stop longer than the watchdog's time, discard what was received meanwhile, as a UART does. */
+static size_t read_fresh(Pty *pty, uint8_t *bytes, size_t size, bool was_stopped)
+{
+    size_t count = pty_read(pty, bytes, size);
+    for (int reads = 0; was_stopped && count > 0 && reads < 256; reads++)
+        count = pty_read(pty, bytes, size);
+    return count;
+}
+
 static void serve(UuvHilFirmware *firmware, Pty *pty, const sigset_t *mask)
 {
-    while (!told_to_stop) {
+    uint64_t serviced_us = now_us(NULL);
+    while (!stop_requested) {
         uint8_t bytes[4096];
-        size_t count = pty_read(pty, bytes, sizeof bytes);
+        uint64_t now = now_us(NULL);
+        size_t count = read_fresh(pty, bytes, sizeof bytes, now - serviced_us > firmware->board.watchdog_us);
         uuv_hil_service(firmware, bytes, count);
+        serviced_us = now;
         wait_until(uuv_hil_deadline_us(firmware), pty->master_fd, mask);
     }
     uuv_hil_stop(firmware);
@@ -195,6 +229,7 @@ int main(int argc, char **argv)
         fputs(USAGE, stdout);
         return 0;
     }
+    die_with_parent();
     for (int i = 1; i < argc; i += 2)
         if (!read_option(argv[i], argv[i + 1], &options))
             return BAD_OPTION;

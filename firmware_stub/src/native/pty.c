@@ -15,7 +15,7 @@
 #include <termios.h>
 #include <unistd.h>
 
-#define UNREAD_LIMIT 2048 /* bytes: as on a UART, what nobody reads is lost, not saved for later */
+#define UNREAD_LIMIT 2048 /* bytes: as on a UART, unread bytes are lost */
 
 static bool fail(Pty *pty, const char *format, ...)
 {
@@ -71,7 +71,7 @@ static bool take_lock(Pty *pty)
                         pty->link_path);
         if (is_still(pty->lock_fd, pty->lock_path))
             return true;
-        close(pty->lock_fd); /* its owner removed it between our open and our lock: that lock guards nothing */
+        close(pty->lock_fd); /* its owner removed it between our open and our lock: that lock protects nothing */
     }
 }
 
@@ -138,7 +138,7 @@ void pty_close(Pty *pty)
     if (pty->lock_fd >= 0 && is_still(pty->lock_fd, pty->lock_path)) {
         if (links_to(pty->link_path, pty->slave_path))
             unlink(pty->link_path);
-        unlink(pty->lock_path); /* before the lock goes, so that nobody can lock what is about to vanish */
+        unlink(pty->lock_path); /* before the lock is released, so that nobody can lock a file that is being removed */
     }
     close_if_open(&pty->lock_fd);
     close_if_open(&pty->slave_fd);

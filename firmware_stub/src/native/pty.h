@@ -10,7 +10,7 @@
 
 typedef struct {
     int master_fd;
-    int slave_fd; /* kept open, so that programs come and go without a hang-up */
+    int slave_fd; /* stays open, so that programs can open and close the other end without a hang-up */
     int lock_fd;
     char link_path[PTY_PATH_SIZE]; /* a symbolic link to slave_path */
     char lock_path[PTY_PATH_SIZE + 8];
@@ -18,13 +18,13 @@ typedef struct {
     char problem[PTY_PATH_SIZE + 256]; /* why opening failed, in words for a person */
 } Pty;
 
-/* Whether it worked; else `problem` says why. The name is held by one process at a time. */
+/* Returns whether it worked; else `problem` has the reason. One process at a time can have the name. */
 bool pty_open(Pty *pty, const char *link_path);
 
-/* The bytes that came in: 0 if none. */
+/* Read the received bytes. Returns their number, 0 if none. */
 size_t pty_read(Pty *pty, uint8_t *out, size_t most);
 
-/* All of data or, where the other end has stopped reading, nothing. */
+/* Write all of data or, where the other end has stopped reading, nothing. */
 void pty_write(Pty *pty, const uint8_t *data, size_t size);
 
 void pty_close(Pty *pty);
