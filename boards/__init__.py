@@ -1,14 +1,15 @@
-"""Card computers as data: one TOML a board. Adding a board is adding a file.
+"""Single-board computers (boards) as data: one TOML file a board. Adding a board is adding a file.
 
-What a file says stands beside where it was read: every table has its `source`, every number outside a table an
-entry in `sources`. A source that begins with "unverified" is what is commonly said but was not read anywhere.
+A number in a file has its source beside it: every table has its `source`, every number outside a table an entry in
+`sources`. A source that begins with "unverified" is commonly stated but was not read anywhere. This package imports
+only ground-level modules such as `hil.common.schema`; it knows nothing of the slave or the commands.
 """
 
 from typing import Annotated, Literal, NamedTuple
 
 from boards.tree import Tree
-from hil.schema import Range, find_preset, load, preset_names
-from hil.tables import read_table
+from hil.common.schema import Range, find_preset, load, preset_names
+from hil.common.tables import read_table
 
 FOLDER = "boards"
 MODEL_FILES = ("/proc/device-tree/model", "/sys/class/dmi/id/product_name")  # on most Arm boards; on PCs
@@ -17,7 +18,7 @@ Memory = Annotated[float, Range(64, 1_048_576, "MiB")]
 
 
 class Serial(NamedTuple):
-    """A serial port: its device, where its wires are, and what has to be done before it can be used."""
+    """A serial port: its device, its pins, and what has to be done before it can be used."""
 
     device: str
     at: str
@@ -26,7 +27,7 @@ class Serial(NamedTuple):
 
 
 class Can(NamedTuple):
-    """A CAN interface: its name in the kernel, what drives it, and what has to be done to have it.
+    """A CAN interface: its name in the kernel, its driver, and what has to be done to have it.
 
     `module` is the kernel's module for it, where the system does not load that by itself at boot.
     """
@@ -39,17 +40,17 @@ class Can(NamedTuple):
 
 
 class PowerMode(NamedTuple):
-    """A setting of clocks and cores: how it is chosen, and what it leaves."""
+    """A setting of clocks and cores: how it is selected, and what it leaves."""
 
     name: str
     command: str
     source: str
     cores: Annotated[int, Range(1, 256)]
-    watts: Annotated[float, Range(0.5, 1000.0)] = 0.0  # 0: not told
+    watts: Annotated[float, Range(0.5, 1000.0)] = 0.0  # 0: unknown
 
 
 class Recommended(NamedTuple):
-    """What to ask of the board: the slave's periods, and the most it may use of one core (0..1) and of the memory."""
+    """Recommended periods of the slave, and the most it may use of one core (0..1) and of the memory."""
 
     step: Annotated[float, Range(0.0002, 0.02, "s")]
     control_period: Annotated[float, Range(0.001, 0.2, "s")]
@@ -59,7 +60,7 @@ class Recommended(NamedTuple):
 
 
 class Budgets(NamedTuple):
-    """What the slave may cost on the board, as `uuv-hil bench table` measures it; `reason`: where the numbers are from.
+    """Limits of the slave on the board, as `uuv-hil bench table` measures them; `reason`: source of the numbers.
 
     startup: from exec until the master's first sample. memory: resident, with the usual sensors.
     slave_cpu: share of one core at 400 Hz. delay: of a command, from publish to applied, over a pseudo terminal.
@@ -74,13 +75,13 @@ class Budgets(NamedTuple):
 
 
 class Board(NamedTuple):
-    """A card computer.
+    """A single-board computer.
 
     `models` are beginnings of the text in /proc/device-tree/model, or of the DMI product name, by which it is
     recognised; the first of `serial` is the port on its pin header. `ram` are the sizes it is sold with. `system` is
     an operating system for it with Python 3.11, or one and how to get that. The service needs systemd 239 or later.
     `thermal_zones` are names of the processor's zone, whichever of them the kernel has; it slows down from
-    `throttles_at` (°C, 0: not told). `throttling` is who is asked whether it does: the firmware of a Raspberry Pi by
+    `throttles_at` (°C, 0: unknown). `throttling` is the source of that: the firmware of a Raspberry Pi by
     "vcgencmd", else the kernel.
     """
 
@@ -110,18 +111,18 @@ class Board(NamedTuple):
 
 
 def load_board(name: str) -> Board:
-    """The board called `name`, or the file at a path ending in `.toml`. Raises ConfigError."""
+    """Return the board called `name`, or the file at a path ending in `.toml`. Raises ConfigError."""
     return load(find_preset(FOLDER, name), Board)
 
 
 def model(root: str = "/") -> str:
-    """What the machine whose files are below `root` calls itself; empty if it does not."""
+    """Return the model name of the machine whose files are below `root`; empty if it has none."""
     tree = Tree(root)
     return next(filter(None, map(tree.text, MODEL_FILES)), "")
 
 
 def detect(root: str = "/") -> Board | None:
-    """The board this machine is, by what it calls itself below `root`; None when it is none of ours."""
+    """Return the board this machine is, by its model name below `root`; None when it is none of ours."""
     here = model(root)
     if not here:
         return None

@@ -1,4 +1,4 @@
-"""Whether a machine is a real one: what makes its figures stand for something else than a board of its kind."""
+"""Detect an emulated machine, whose measured figures do not stand for a board of its kind."""
 
 import os
 
@@ -14,7 +14,7 @@ ELF_MACHINES = {0x03: "i686", 0x28: "armv7l", 0x3E: "x86_64", 0xB7: "aarch64", 0
 
 
 def labels(tree: Tree, architecture: str) -> tuple[str, ...]:
-    """What a machine's figures have to say of themselves; `architecture` is what its kernel calls it (uname)."""
+    """Return the labels of a machine's measured figures; `architecture` is its kernel's name for it (uname)."""
     found, processors = [], tree.text("/proc/cpuinfo")
     mark, real = _mark(tree), _host_architecture(tree)
     if mark:
@@ -36,18 +36,18 @@ def _mark(tree: Tree) -> str:
 
 
 def _is_qemu(tree: Tree) -> bool:
-    """Whether it is a machine that only QEMU makes; Arm processors do not tell whether KVM runs them."""
+    """Return whether this is a machine that only QEMU makes; Arm processors do not show whether KVM runs them."""
     return model(tree.root) == "linux,dummy-virt" or tree.text("/sys/class/dmi/id/sys_vendor") == "QEMU"
 
 
 def _host_architecture(tree: Tree) -> str:
-    """That of the kernel, before Linux 6.1 of the first process: below qemu-user uname says another.
+    """Return the architecture of the kernel, before Linux 6.1 of the first process: qemu-user changes uname.
 
     Only root may look into the first process.
     """
-    told = tree.text("/proc/sys/kernel/arch")
-    if told:
-        return told
+    reported = tree.text("/proc/sys/kernel/arch")
+    if reported:
+        return reported
     try:
         with open(tree.path("/proc/1/exe"), "rb") as file:
             head = file.read(20)

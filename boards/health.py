@@ -1,6 +1,6 @@
-"""How warm a board is, whether that or its power supply slows it down, and how its clock is governed.
+"""Health of a board: temperature, throttling by heat or power supply, and frequency governors.
 
-Cheap enough to be asked once a second, but for the command that asks a Raspberry Pi's firmware.
+Cheap enough for once a second, except for the command that queries a Raspberry Pi's firmware.
 """
 
 from contextlib import suppress
@@ -21,9 +21,9 @@ FIRMWARE = (
 
 
 class Throttling(NamedTuple):
-    """What slows the processor down now, and what did before, in words.
+    """Reasons that slow the processor down now, and that did before, as text.
 
-    `known` is whether there was somebody to ask: if not, that both are empty means nothing.
+    `known` is whether there was a source: if not, that both are empty means nothing.
     """
 
     now: tuple[str, ...] = ()
@@ -32,14 +32,14 @@ class Throttling(NamedTuple):
 
 
 def recognise(tree: Tree) -> Board | None:
-    """The board a machine is, else what all of its architecture have in common; None for other architectures."""
+    """Return the board of a machine, else the generic one of its architecture; None for other architectures."""
     found = detect(tree.root)
     generic = GENERIC.get(architecture(tree))
     return found or (load_board(generic) if generic else None)
 
 
 def temperatures(tree: Tree) -> dict[str, float]:
-    """Thermal zone -> °C. Zones that are off or make no sense (-256 on Jetsons) are left out."""
+    """Return °C by thermal zone. Zones that are off or make no sense (-256 on Jetsons) are left out."""
     found: dict[str, float] = {}
     for zone in tree.names(THERMAL):
         if zone.startswith("thermal_zone"):
@@ -50,7 +50,7 @@ def temperatures(tree: Tree) -> dict[str, float]:
 
 
 def temperature(tree: Tree, board: Board | None = None) -> float | None:
-    """That of the processor (°C): the board's own zone, else the hottest; None without a sensor.
+    """Return the processor's temperature (°C): the board's own zone, else the hottest; None without a sensor.
 
     The PMIC zone of Jetsons is a constant and left out.
     """
@@ -62,9 +62,9 @@ def temperature(tree: Tree, board: Board | None = None) -> float | None:
 
 
 def throttling(tree: Tree, board: Board | None = None, ask_firmware: bool = True) -> Throttling:
-    """What slows the processor down. With `ask_firmware` a Raspberry Pi's is asked, in a process of its own.
+    """Return what slows the processor down. With `ask_firmware` a Raspberry Pi's firmware is queried, in a process.
 
-    Without, or if it cannot be, what it last told the kernel counts, which asks for the present every 2 s.
+    Otherwise, or if that fails, the kernel's last reading counts, which it updates every 2 s.
     """
     cooling, counters = _by_cooling(tree), _by_counters(tree)
     now, before = cooling or [], counters or []
@@ -74,7 +74,7 @@ def throttling(tree: Tree, board: Board | None = None, ask_firmware: bool = True
     bits = _firmware_bits(tree.run("vcgencmd", "get_throttled")) if ask_firmware else None
     if bits is None:
         bits = _bits_of_the_kernel(tree)
-    if bits is None:  # then the kernel tells only of the voltage
+    if bits is None:  # then the kernel reports only the voltage
         return Throttling((*now, *_by_voltage(tree)), tuple(before))
     now += [text for bit, text in enumerate(FIRMWARE) if bits & 1 << bit]
     before += [text for bit, text in enumerate(FIRMWARE) if bits & 1 << bit + 16]
@@ -82,9 +82,9 @@ def throttling(tree: Tree, board: Board | None = None, ask_firmware: bool = True
 
 
 def _bits_of_the_kernel(tree: Tree) -> int | None:
-    """What the kernel of a Raspberry Pi last heard from its firmware: raspberrypi/linux, pull request 2397.
+    """Return the bits that a Raspberry Pi's kernel last read from its firmware: raspberrypi/linux, pull request 2397.
 
-    It clears what was before whenever it asks, so that only the present is told.
+    It clears the history at each query, so that only the present is reported.
     """
     for soc in [name for name in tree.names(PLATFORM) if name.startswith("soc")]:
         for part in [name for name in tree.names(f"{PLATFORM}/{soc}") if name.endswith(":firmware")]:
@@ -94,7 +94,7 @@ def _bits_of_the_kernel(tree: Tree) -> int | None:
 
 
 def governors(tree: Tree) -> dict[str, int]:
-    """Frequency governor -> on how many processors; empty where the frequency is not the kernel's to set."""
+    """Return the number of processors by frequency governor; empty where the kernel does not set the frequency."""
     found: dict[str, int] = {}
     for name in tree.names(CPUS):
         governor = tree.text(f"{CPUS}/{name}/cpufreq/scaling_governor") if name[3:].isdigit() else ""
@@ -111,13 +111,13 @@ def _firmware_bits(answer: str | None) -> int | None:
 
 
 def _by_voltage(tree: Tree) -> list[str]:
-    """The Raspberry Pi's alarm as the kernel polls it (drivers/hwmon/raspberrypi-hwmon.c)."""
+    """Return the Raspberry Pi's undervoltage alarm as the kernel polls it (drivers/hwmon/raspberrypi-hwmon.c)."""
     alarms = [name for name in tree.names(HWMON) if tree.text(f"{HWMON}/{name}/name") == "rpi_volt"]
     return [FIRMWARE[0] for name in alarms if tree.number(f"{HWMON}/{name}/in0_lcrit_alarm")]
 
 
 def _by_cooling(tree: Tree) -> list[str] | None:
-    """Processors that the kernel holds back by their temperature: cooling devices of cpufreq above state 0.
+    """Return the processors that the kernel throttles by temperature: cooling devices of cpufreq above state 0.
 
     None if it has none of these: kernels of vendors may name them otherwise.
     """
@@ -130,7 +130,7 @@ def _by_cooling(tree: Tree) -> list[str] | None:
 
 
 def _by_counters(tree: Tree) -> list[str] | None:
-    """What Intel processors count since boot; None if this one does not."""
+    """Return what Intel processors have counted since boot; None if this one has no counters."""
     paths = [f"{CPUS}/{name}/thermal_throttle/core_throttle_count" for name in tree.names(CPUS) if name[3:].isdigit()]
     counts = [count for count in map(tree.number, paths) if count is not None]
     if not counts:

@@ -1,6 +1,6 @@
-"""What a machine tells of itself: its files, and answers to commands; of this machine, or of one recorded.
+"""Files and command outputs of a machine: of this one, or of a recorded one.
 
-A recorded machine is a folder with parts of its /proc, /sys, /dev, /etc. What a command answered stands there in
+A recorded machine is a folder with parts of its /proc, /sys, /dev, /etc. The output of a command is there in
 `commands/`, in a file named like the command with _ for its spaces. Its symbolic links are followed as the machine
 itself would: an absolute one starts at the folder, and .. does not leave it.
 """
@@ -12,26 +12,26 @@ NOWHERE = "/dev/null/too many links"  # below what is no folder: nothing is ther
 
 
 class Tree:
-    """The machine whose files are below `root`. Nothing raises: what is not there is empty or None."""
+    """Files and command outputs of the machine below `root`. Nothing raises: what is missing is empty or None."""
 
     def __init__(self, root: str = "/") -> None:
         self.root = root
         self.live = os.path.realpath(root) == "/"
 
     def path(self, name: str) -> str:
-        """Where a file of the machine is here; what it is if it is a link, unlike `entry`."""
+        """Return the path here of a file of the machine; links are followed, unlike in `entry`."""
         return os.path.join(self.root, name.lstrip("/")) if self.live else self._inside(name, follow_last=True)
 
     def entry(self, name: str) -> str:
-        """Where a file of the machine is here; the link itself if it is one."""
+        """Return the path here of a file of the machine; the link itself if it is one."""
         return os.path.join(self.root, name.lstrip("/")) if self.live else self._inside(name, follow_last=False)
 
     def exists(self, name: str) -> bool:
-        """Whether there is such a file or folder."""
+        """Return whether there is such a file or folder."""
         return os.path.exists(self.path(name))
 
     def text(self, name: str) -> str:
-        """A file without the white space (and the zero bytes of device trees) around it."""
+        """Return the text of a file without the white space (and the zero bytes of device trees) around it."""
         try:
             with open(self.path(name), "rb") as file:
                 return file.read().decode("utf-8", "replace").strip(" \t\r\n\0")
@@ -39,28 +39,28 @@ class Tree:
             return ""
 
     def number(self, name: str) -> int | None:
-        """A file that holds one decimal number; None if it holds anything else."""
+        """Return the decimal number in a file; None if it holds anything else."""
         try:
             return int(self.text(name))
         except ValueError:
             return None
 
     def names(self, folder: str) -> list[str]:
-        """What is in a folder, sorted."""
+        """Return the names in a folder, sorted."""
         try:
             return sorted(os.listdir(self.path(folder)))
         except (OSError, ValueError):
             return []
 
     def link(self, name: str) -> str:
-        """Where a symbolic link points to; empty if it is none, or not ours to look at."""
+        """Return where a symbolic link points to; empty if it is none, or not readable."""
         try:
             return os.readlink(self.entry(name))
         except (OSError, ValueError):
             return ""
 
     def resolve(self, name: str) -> str:
-        """The path in the machine that a device's name stands for: /dev/serial0 -> /dev/ttyS0."""
+        """Return the path in the machine that a device's name stands for: /dev/serial0 -> /dev/ttyS0."""
         for _ in range(8):
             target = self.link(name)
             if not target:
@@ -69,7 +69,7 @@ class Tree:
         return name
 
     def openers(self, target: str) -> list[tuple[int, str]]:
-        """Number and command of the other processes that have a file ("/dev/ttyS0", "socket:[123]") open.
+        """Return number and command of the other processes that have a file ("/dev/ttyS0", "socket:[123]") open.
 
         Only root may look into the processes of other users.
         """
@@ -83,7 +83,7 @@ class Tree:
         return found
 
     def run(self, *command: str) -> str | None:
-        """What a command says on its standard output; None if it is not there, fails, or takes over 5 s."""
+        """Return the standard output of a command; None if it is missing, fails, or takes over 5 s."""
         if not self.live:
             recorded = f"commands/{'_'.join(command)}"
             return self.text(recorded) if self.exists(recorded) else None
@@ -98,7 +98,7 @@ class Tree:
         return done.stdout.decode("utf-8", "replace").strip() if done.returncode == 0 else None
 
     def _inside(self, name: str, follow_last: bool) -> str:
-        """The path here of a name in the machine, its links followed within the root as chroot(2) would have it."""
+        """Return the path here of a name in the machine, its links followed within the root as chroot(2) would."""
         left, place, links = name.split("/"), list[str](), 0
         while left:
             part, *left = left
@@ -118,7 +118,7 @@ class Tree:
 
 
 def _link(path: str) -> str:
-    """Where a symbolic link points to; empty if it is none."""
+    """Return where a symbolic link points to; empty if it is none."""
     try:
         return os.readlink(path)
     except (OSError, ValueError):
@@ -126,15 +126,15 @@ def _link(path: str) -> str:
 
 
 def architecture(tree: Tree) -> str:
-    """The kernel's name of the processor's architecture ("aarch64"); empty if it cannot be told.
+    """Return the kernel's name of the processor's architecture ("aarch64"); empty if it is unknown.
 
     /proc/sys/kernel/arch is there since Linux 6.1; before, /proc/cpuinfo shows which it is.
     """
     if tree.live:
         return os.uname().machine
-    told = tree.text("/proc/sys/kernel/arch")
-    if told:
-        return told
+    reported = tree.text("/proc/sys/kernel/arch")
+    if reported:
+        return reported
     cpuinfo = tree.text("/proc/cpuinfo")
     for mark, name in (("vendor_id", "x86_64"), ("CPU architecture: 8", "aarch64"), ("CPU architecture: 7", "armv7l")):
         if mark in cpuinfo:
