@@ -1,4 +1,8 @@
-"""What a process costs: memory and processor time, from /proc, without a library."""
+"""Read the memory and processor time of a process from /proc.
+
+The slave reads this of itself once a second, and psutil would cost its start tens of milliseconds and 4 MiB. All else
+uses psutil (hil/bench/processes.py).
+"""
 
 import os
 import time
@@ -68,7 +72,7 @@ class Memory:
         self._read_s = 0.0
 
     def pss_mib(self, children: tuple[int, ...] = ()) -> float:
-        """What `own_pss_mib` gives, or gave a little while ago."""
+        """Return what `own_pss_mib` gives, or gave a little while ago."""
         now = time.monotonic()
         resident = resident_mib() + sum(map(resident_mib, children))
         if abs(resident - self._resident_mib) > self.CHANGE_MIB or now - self._read_s >= self.OLDEST_S:
@@ -77,13 +81,13 @@ class Memory:
 
 
 def ram_mib() -> float:
-    """All memory of this machine, as the kernel sees it (MiB)."""
+    """Return all memory of this machine, as the kernel sees it (MiB)."""
     return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") / 2**20
 
 
 def boot_id() -> str:
     """Names this boot of this machine: processes that see the same one share a clock."""
-    with open("/proc/sys/kernel/random/boot_id") as file:
+    with open("/proc/sys/kernel/random/boot_id", encoding="utf-8") as file:
         return file.read().strip()
 
 

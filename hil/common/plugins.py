@@ -1,4 +1,4 @@
-"""Classes of a user's own, named in a file of ours: `class = "module:Class"`, and its arguments beside it.
+"""Load users' own classes named in a file: `class = "module:Class"`, with its arguments beside it.
 
 To load one is to run what it says, so only the files of the user's own may name one: whoever reads those of others
 does so within `refusing`.
@@ -12,7 +12,9 @@ from contextlib import contextmanager
 from importlib import import_module
 from typing import Any
 
-from hil.errors import ConfigError
+from hil.common.errors import ConfigError
+
+loaded: set[str] = set()  # names of the modules whose classes were loaded
 
 
 class _OfThread(threading.local):
@@ -33,7 +35,7 @@ def refusing(why: str) -> Iterator[None]:
 
 
 def load_class(table: dict[str, Any], contract: type, where: str) -> Any:
-    """An object of the class that the table's key `class` names, made with its other keys by keyword.
+    """Return an object of the class that the table's key `class` names, made with its other keys by keyword.
 
     The module is looked for where Python looks, and in the present folder. `contract` is the protocol that it is
     to follow: methods it lacks are named, and nothing is made. `where` (file and section) opens every error message.
@@ -64,11 +66,13 @@ def _find(name: str, where: str) -> Any:
     if os.getcwd() not in sys.path:
         sys.path.append(os.getcwd())
     try:
-        return getattr(import_module(module), attribute)
+        found = getattr(import_module(module), attribute)
     except ImportError as error:
         raise ConfigError(f"{where}: {module} cannot be imported: {error}; it has to be on PYTHONPATH") from error
     except AttributeError:
         raise ConfigError(f"{where}: {module} has no {attribute!r}") from None
+    loaded.add(module)
+    return found
 
 
 def _methods(contract: type) -> list[str]:

@@ -1,4 +1,4 @@
-"""Ending cleanly: SIGINT, SIGTERM and SIGHUP as something a loop can wait on."""
+"""Turn SIGINT, SIGTERM and SIGHUP into a descriptor that a loop can wait on."""
 
 import os
 import signal

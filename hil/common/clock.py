@@ -9,6 +9,9 @@ import gc
 import os
 import time
 from collections import deque
+from threading import Lock
+
+from hil.common.quantiles import rank
 
 NS_PER_S = 1_000_000_000
 NS_PER_MS = 1_000_000
@@ -21,22 +24,22 @@ _WALL_OFFSET_NS = time.time_ns() - now_ns()
 
 
 def to_wall_ns(monotonic_ns: int) -> int:
-    """A monotonic instant as nanoseconds since 1970, by the offset the two clocks had at start."""
+    """Return a monotonic instant as nanoseconds since 1970, by the offset the two clocks had at start."""
     return monotonic_ns + _WALL_OFFSET_NS
 
 
 def from_wall_ns(wall_ns: int) -> int:
-    """The inverse of `to_wall_ns`."""
+    """Return the inverse of `to_wall_ns`."""
     return wall_ns - _WALL_OFFSET_NS
 
 
 def seconds_ns(seconds: float) -> int:
-    """Seconds as whole nanoseconds."""
+    """Return seconds as whole nanoseconds."""
     return round(seconds * NS_PER_S)
 
 
 def process_start_ns() -> int:
-    """The monotonic instant at which this process was executed.
+    """Return the monotonic instant at which this process was executed.
 
     From the variable UUV_HIL_EXEC_NS when the parent set it just before the exec, else from
     /proc/self/stat, whose resolution is one clock tick (10 ms).
@@ -52,6 +55,7 @@ def process_start_ns() -> int:
 
 LEARN_NS = 300  # by which the time to wake up is corrected each time
 MOST_LEAD_NS = 100_000
+MOST_FRESH = 1024  # instants that a loop leaves uncounted, of which the slave's has 400 a second
 
 
 class Histogram:
@@ -81,9 +85,8 @@ class Histogram:
         self.bins[value if shift <= 0 else shift * 4 + (value >> shift)] += 1
 
     def quantile(self, share: float) -> int:
-        """The value that `share` (0..1) of all values do not exceed; 0 when there are none."""
-        wanted = share * self.count
-        seen = 0
+        """Return the value that `share` (0..1) of all values do not exceed; 0 when there are none."""
+        wanted, seen = rank(share, self.count), 0
         for index, number in enumerate(self.bins):
             seen += number
             if number and seen >= wanted:
@@ -96,7 +99,7 @@ class Histogram:
         return 1.0 if self.maximum <= value else within / self.count
 
     def since(self, bins: list[int]) -> "Histogram":
-        """What was counted after its `bins` were these; the greatest of it is known to its bin."""
+        """Return what was counted after its `bins` were these; the greatest of it is known to its bin."""
         found = Histogram()
         found.bins = [now - before for now, before in zip(self.bins, bins, strict=True)]
         last = max((index for index, number in enumerate(found.bins) if number), default=0)
@@ -118,7 +121,17 @@ class RateKeeper:
     is skipped and counted in `skipped`.
     """
 
-    __slots__ = ("_fresh", "_lateness", "deadline_ns", "due_total", "lead_ns", "most_due", "period_ns", "skipped")
+    __slots__ = (
+        "_counting",
+        "_fresh",
+        "_lateness",
+        "deadline_ns",
+        "due_total",
+        "lead_ns",
+        "most_due",
+        "period_ns",
+        "skipped",
+    )
 
     def __init__(self, period_ns: int, start_ns: int, most_due: int = 40) -> None:
         self.period_ns = period_ns
@@ -129,22 +142,25 @@ class RateKeeper:
         self.lead_ns = 0
         self._lateness = Histogram()
         self._fresh: deque[int] = deque()  # lateness that the histogram has not counted yet
+        self._counting = Lock()
 
     @property
     def lateness(self) -> Histogram:
-        """How late each period was noticed (ns). Counting is left to whoever asks: the loop has no time for it."""
-        fresh, count = self._fresh, self._lateness.add
-        while fresh:
-            count(fresh.popleft())
+        """How late each period was noticed (ns). Counting is left to whoever asks: the loop has no time for it.
+
+        Where nobody asks for long, the loop counts what is more than `MOST_FRESH`.
+        """
+        with self._counting:
+            self._count(0)
         return self._lateness
 
     def timeout(self) -> float:
-        """How long (s) to sleep now: until the deadline, less what waking up takes on this machine."""
+        """Return how long (s) to sleep now: until the deadline, less what waking up takes on this machine."""
         left = self.deadline_ns - self.lead_ns - now_ns()
         return left / NS_PER_S if left > 0 else 0.0
 
     def woken(self) -> int:
-        """The instant (monotonic ns) after such a sleep; whoever wakes a little early waits out the rest here.
+        """Return the instant (monotonic ns) after such a sleep; whoever wakes a little early waits out the rest here.
 
         What waking up takes is learnt so that one in four comes early: the lateness is a third of what it was, and the
         processor time no more that can be measured.
@@ -161,16 +177,25 @@ class RateKeeper:
         return now
 
     def due(self, now: int) -> int:
-        """How many periods have ended by `now` (monotonic ns) and not yet been reported."""
+        """Return how many periods have ended by `now` (monotonic ns) and not yet been reported."""
         late = now - self.deadline_ns
         if late < 0:
             return 0
         self._fresh.append(late)
+        if len(self._fresh) > MOST_FRESH and self._counting.acquire(blocking=False):  # nobody is counting just now
+            self._count(MOST_FRESH)
+            self._counting.release()
         if late >= self.period_ns:
             return self._catch_up(late)
         self.deadline_ns += self.period_ns
         self.due_total += 1
         return 1
+
+    def _count(self, leave: int) -> None:
+        """Count the oldest, and leave so many uncounted."""
+        fresh, count = self._fresh, self._lateness.add
+        while len(fresh) > leave:
+            count(fresh.popleft())
 
     def _catch_up(self, late: int) -> int:
         number = 1 + late // self.period_ns

@@ -1,4 +1,4 @@
-"""TOML files into frozen records, with every mistake named: file, key, what was expected, nearest right key.
+"""Read TOML files into frozen records; an error names file, key, what was expected and the nearest key.
 
 A record is a `typing.NamedTuple` whose annotations are the schema:
 
@@ -9,7 +9,8 @@ A record is a `typing.NamedTuple` whose annotations are the schema:
 
 A number with a unit may be written as an SI number (`watchdog = 0.2`) or as text with its unit
 (`watchdog = "200 ms"`); text without a unit and numbers outside the range are refused. A record may
-have a method `problem(self) -> str | None` for what concerns several keys at once.
+have a method `validate(self) -> str | None` for rules between several keys: it returns what is
+wrong as text, or None. The reader adds the file and the section and raises ConfigError.
 
 NamedTuples and not dataclasses, because `import dataclasses` alone (it pulls in `inspect` and `ast`)
 costs a lean process a fifth of its start-up time.
@@ -17,11 +18,14 @@ costs a lean process a fifth of its start-up time.
 
 import math
 import os
+import sys
 import types
 from typing import Annotated, Any, Literal, NamedTuple, TypeVar, Union, get_args, get_origin
 
-from hil.errors import ConfigError
-from hil.tables import read_table
+from hil.common.errors import ConfigError
+from hil.common.tables import read_table
+
+LONGEST = 60  # letters of a value that an error shows
 
 Record = TypeVar("Record", bound=tuple[Any, ...])
 
@@ -47,8 +51,11 @@ class Range(NamedTuple):
     unit: str = ""
 
 
+FINITE = Range(-sys.float_info.max, sys.float_info.max)
+
+
 def load(path: str, record: type[Record]) -> Record:
-    """The file at `path` as a `record`. Raises ConfigError naming the file and the key."""
+    """Return the file at `path` as a `record`. Raises ConfigError naming the file and the key."""
     return parse(read_table(path), record, path)
 
 
@@ -57,7 +64,7 @@ def parse(table: dict[str, Any], record: type[Record], where: str) -> Record:
     annotations, defaults = _fields(record)
     for key in table:
         if key not in annotations:
-            raise ConfigError(f"{where}: no key {key!r}{nearest(key, list(annotations))}")
+            raise ConfigError(f"{where}: no key {shortened(key)}{nearest(key, list(annotations))}")
     values: dict[str, Any] = {}
     for key, annotation in annotations.items():
         if key in table:
@@ -65,36 +72,58 @@ def parse(table: dict[str, Any], record: type[Record], where: str) -> Record:
         elif key not in defaults:
             raise ConfigError(f"{where}: key {key!r} is missing")
     made = record(**values)
-    check = getattr(made, "problem", None)
-    problem = check() if check else None
+    validate = getattr(made, "validate", None)
+    problem = validate() if validate else None
     if problem:
         raise ConfigError(f"{where}: {problem}")
     return made
 
 
-def find_preset(folder: str, name: str) -> str:
-    """The path of a preset file.
+# What a preset of each data folder is called in messages.
+NOUNS = {
+    "hil/scenario/presets": "scenario",
+    "sim/vehicles": "vehicle",
+    "sim/worlds": "world",
+    "sim/sensors/devices": "device",
+    "firmware_stub/frames": "frame",
+    "boards": "board",
+}
 
-    `name` is a path to a TOML file if it ends in `.toml`, else the name of a file in the installed
-    `folder` ("sim/vehicles"). Raises ConfigError that lists the presets there are.
+
+def find_preset(folder: str, name: str, where: str = "") -> str:
+    """Return the path of a preset file.
+
+    `name` is a path to a TOML file if it ends in `.toml`, else the name of a file in the installed `folder`
+    ("sim/vehicles"). Raises ConfigError that lists the presets there are. `where` is the file and key that names it,
+    and then a file that is missing is an error too.
     """
-    if name.endswith(".toml"):
-        return name
-    path = os.path.join(preset_folder(folder), f"{name}.toml")
-    if not os.path.exists(path):
-        names = preset_names(folder)
-        raise ConfigError(f"{folder}: no preset {name!r}{nearest(name, names)}; there are: {', '.join(names)}")
+    path, opening = name, f"{where}: " if where else ""
+    if not name.endswith(".toml"):
+        path = os.path.join(preset_folder(folder), f"{name}.toml")
+        if os.path.sep in name or not os.path.exists(path):
+            names, noun = preset_names(folder), NOUNS[folder]
+            raise ConfigError(
+                f"{opening}no {noun} {shortened(name)}{nearest(name, names)}; there are: {', '.join(names)}, or the "
+                "path of a .toml file"
+            )
+    elif where and not os.path.exists(path):
+        raise ConfigError(f"{where}: {path}: no such file")
     return path
 
 
+def shortened(text: str) -> str:
+    """Return a text as an error shows it: quoted, and not endless."""
+    return repr(text if len(text) <= LONGEST else f"{text[:LONGEST]}...")
+
+
 def preset_folder(folder: str) -> str:
-    """The installed place of one of our data folders, e.g. "firmware_stub/frames"."""
-    root = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
+    """Return the installed place of one of our data folders, e.g. "firmware_stub/frames"."""
+    root = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
     return os.path.join(root, *folder.split("/"))
 
 
 def preset_names(folder: str) -> list[str]:
-    """The names of the presets in one of our data folders, sorted."""
+    """Return the names of the presets in one of our data folders, sorted."""
     return sorted(entry[:-5] for entry in os.listdir(preset_folder(folder)) if entry.endswith(".toml"))
 
 
@@ -121,7 +150,9 @@ def _convert(value: Any, annotation: Any, where: str) -> Any:
             raise ConfigError(f"{where}: expected a table, found {_describe(value)}")
         return parse(value, annotation, where)
     if annotation in (float, int):
-        return _number(value, annotation, Range(-math.inf, math.inf), where)
+        return _number(value, annotation, FINITE, where)
+    if annotation is Any:
+        return value
     if not isinstance(value, annotation):
         raise ConfigError(f"{where}: expected {_NAMES[annotation]}, found {_describe(value)}")
     return value
@@ -134,7 +165,7 @@ def _choice(value: Any, choices: list[str], where: str) -> str:
     if not isinstance(value, str):
         raise ConfigError(f"{where}: expected one of {', '.join(choices)}, found {_describe(value)}")
     if value not in choices:
-        raise ConfigError(f"{where}: {value!r} is not one of {', '.join(choices)}{nearest(value, choices)}")
+        raise ConfigError(f"{where}: {shortened(value)} is not one of {', '.join(choices)}{nearest(value, choices)}")
     return value
 
 
@@ -156,26 +187,33 @@ def _array(value: Any, items: tuple[Any, ...], where: str) -> tuple[Any, ...]:
 
 def _number(value: Any, kind: Any, limit: Range, where: str) -> Any:
     if isinstance(value, str) and limit.unit:
-        value = _with_unit(value, limit.unit, where)
+        value = with_unit(value, limit.unit, where)
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         unit = f" in {limit.unit}" if limit.unit else ""
         raise ConfigError(f"{where}: expected a number{unit}, found {_describe(value)}")
     if kind is int and not isinstance(value, int):
         raise ConfigError(f"{where}: expected a whole number, found {value!r}")
     if not limit.low <= value <= limit.high:  # also refuses nan
+        if limit is FINITE and isinstance(value, float):
+            raise ConfigError(f"{where}: expected a finite number, found {value}")
         unit = f" {limit.unit}" if limit.unit else ""
-        raise ConfigError(f"{where}: {value:g}{unit} is outside {limit.low:g} to {limit.high:g}{unit}")
+        is_huge = isinstance(value, int) and abs(value) > FINITE.high  # it has hundreds of digits, and is no float
+        shown = "a number of hundreds of digits" if is_huge else f"{value:g}"
+        raise ConfigError(f"{where}: {shown}{unit} is outside {limit.low:g} to {limit.high:g}{unit}")
     return kind(value)
 
 
-def _with_unit(text: str, si_unit: str, where: str) -> float:
+def with_unit(text: str, si_unit: str, where: str) -> float:
+    """Return the number that text with its unit, "200 ms", stands for, in `si_unit`. Raises ConfigError at `where`."""
     known = [unit for unit, (si, _) in UNITS.items() if si == si_unit]
     number, _, unit = text.strip().partition(" ")
     unit = unit.strip()
     try:
         magnitude = float(number)
     except ValueError:
-        raise ConfigError(f'{where}: expected a number and a unit like "1 {si_unit}", found {text!r}') from None
+        raise ConfigError(
+            f'{where}: expected a number and a unit like "1 {si_unit}", found {shortened(text)}'
+        ) from None
     if unit not in known:
         fault = f"has no unit: {text!r}" if not unit else f"has the unit {unit!r}"
         raise ConfigError(f"{where}: {fault}; expected one of {', '.join(known)}")
@@ -187,11 +225,13 @@ def _describe(value: Any) -> str:
         return "a table" if isinstance(value, dict) else "an array"
     if isinstance(value, bool):
         return "true" if value else "false"
-    return f"the {'text' if isinstance(value, str) else 'value'} {value!r}"
+    return (
+        f"the {'text' if isinstance(value, str) else 'value'} {shortened(value) if isinstance(value, str) else value}"
+    )
 
 
 def nearest(name: str, names: list[str]) -> str:
-    """The end of an error message: the one of `names` that may have been meant, if any comes near."""
+    """Return the end of an error message: the one of `names` that may have been meant, if any comes near."""
     import difflib  # only on the way to an error
 
     close = difflib.get_close_matches(name, names, n=1, cutoff=0.5)

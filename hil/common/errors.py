@@ -1,4 +1,4 @@
-"""The errors a person can meet, and what each one means.
+"""The errors that a person can get, and what each one means.
 
     HilError                  anything of ours; the command line prints it as one line
     ├── ConfigError           a file or an option says something that cannot be meant
@@ -6,6 +6,7 @@
     ├── NetworkError          a session cannot listen or connect, or the other side went away
     ├── MissingExtraError     a package that this feature needs is not installed
     └── MissionError          the run ended without reaching what the scenario asked for
+        └── DivergenceError   the simulated motion left the finite numbers
 
 Each message names the file, key or port it is about and ends with the remedy. What arrives over a wire
 never raises any of these: it is decoded, or counted and dropped.
@@ -48,3 +49,7 @@ class MissionError(HilError):
     """The mission was run and did not end as the scenario asked."""
 
     exit_code = 6
+
+
+class DivergenceError(MissionError):
+    """The state of a simulated vehicle is not finite any more; the message names the time and the term."""

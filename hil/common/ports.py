@@ -1,4 +1,4 @@
-"""Ports of this machine for slaves that are started for a while: by benchmarks, cases, tests."""
+"""Find free ports of this machine for slaves of benchmarks, cases and tests."""
 
 import socket
 from random import SystemRandom

@@ -1,0 +1,101 @@
+"""Start child processes that end with this one, whatever ends it, SIGKILL included.
+
+All that the project starts and does not wait for at once is started here, so that nothing of it is left on a port, a
+link or a processor. How it works is said in hil.common.lifeline, which is the child's side: our own programs call
+`die_with_parent` first of all, and those of others are started by `foreign_command`.
+"""
+
+import os
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+from hil.common import lifeline
+
+if TYPE_CHECKING:
+    import subprocess
+
+ROOT = os.path.dirname(
+    os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
+)  # the folder of the project's packages
+_INSTALLED = ("site-packages", "dist-packages")
+_SAFE_PATH = "PYTHONSAFEPATH"  # as the interpreter's option -P
+
+_pipe: list[int] = []  # its ends, the read end first; of two pipes if two threads began at once, which is as good
+
+
+def start_child(
+    command: Sequence[str], *, environment: Mapping[str, str] | None = None, pass_fds: Sequence[int] = (), **how: Any
+) -> "subprocess.Popen[Any]":
+    """Start a program in a session of its own that ends with this process; the rest is as of `subprocess.Popen`.
+
+    command: one of our programs (`module_command`), or a `foreign_command`. environment: instead of this process's.
+    Ctrl-C in the terminal does not reach it. Raises OSError if it cannot be started.
+    """
+    import subprocess  # the slave imports this file, and may never start anything
+
+    end = open_lifeline()
+    variables = {**(os.environ if environment is None else environment), lifeline.VARIABLE: lifeline.word(end, end)}
+    try:
+        return subprocess.Popen(command, env=variables, pass_fds=(*pass_fds, end), start_new_session=True, **how)
+    finally:
+        os.close(end)
+
+
+def open_lifeline() -> int:
+    """A descriptor for one child to inherit, which has `lifeline.word` in `lifeline.VARIABLE`; to be closed here then.
+
+    Each child needs an open file of its own, as it is there that the kernel keeps whom to signal.
+    """
+    return os.open(_path("self"), os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+
+
+def module_command(module: str, *arguments: str) -> list[str]:
+    """Return the command that runs a module of ours, which does not look for modules in the current folder."""
+    return [sys.executable, "-P", "-m", module, *arguments]
+
+
+def foreign_command(*command: str) -> list[str]:
+    """Return the command that runs a program of others so that it ends with this process."""
+    return [sys.executable, "-I", "-S", lifeline.__file__, *command]
+
+
+def package_environment() -> dict[str, str]:
+    """This process's environment, and in it where our packages are if they are not installed."""
+    if os.path.basename(ROOT) in _INSTALLED:
+        return dict(os.environ)
+    return {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, (ROOT, os.environ.get("PYTHONPATH"))))}
+
+
+@contextmanager
+def worker_options() -> Iterator[dict[str, Any]]:
+    """Options of `joblib.Parallel`, used inside, with which the processes of loky end with this one.
+
+    These look for modules in the current folder no more than our own programs do.
+    """
+    before = os.environ.get(_SAFE_PATH)
+    os.environ[_SAFE_PATH] = "1"
+    try:
+        yield {"initializer": lifeline.die_with, "initargs": (_path(str(os.getpid())),)}
+    finally:
+        if before is None:
+            del os.environ[_SAFE_PATH]
+        else:
+            os.environ[_SAFE_PATH] = before
+
+
+def _path(process: str) -> str:
+    """Of the pipe's read end, as another process sees it."""
+    if not _pipe:
+        _pipe.extend(os.pipe2(os.O_CLOEXEC))
+    return f"/proc/{process}/fd/{_pipe[0]}"
+
+
+def _let_go() -> None:
+    """In a process forked without an exec: its parent's children are not to live as long as it does."""
+    while _pipe:
+        os.close(_pipe.pop())
+
+
+os.register_at_fork(after_in_child=_let_go)

@@ -1,0 +1,46 @@
+"""Parse endpoints: tcp/HOST:PORT, HOST:PORT or HOST."""
+
+from hil.common.errors import NetworkError
+
+DEFAULT_PORT = 7447
+
+
+def split_endpoint(endpoint: str) -> tuple[str, str, int]:
+    """Scheme, host and port of an endpoint: "tcp/HOST:PORT", "tls/HOST:PORT", or without scheme or port.
+
+    The scheme is tcp and the port DEFAULT_PORT where they are left out; an IPv6 address stands in brackets. A port
+    needs its neighbour, so the last one is none. Raises NetworkError when it is none of these.
+    """
+    scheme, slash, address = endpoint.partition("/")
+    if not slash:
+        scheme, address = "tcp", endpoint
+    host, port = address, str(DEFAULT_PORT)
+    if not address.endswith("]"):
+        name, colon, number = address.rpartition(":")
+        host, port = (name, number) if colon else (address, port)
+    named = host and not host.isdigit() and not any(letter in " \t/?#" or not letter.isprintable() for letter in host)
+    bare_ipv6 = ":" in host and not (host.startswith("[") and host.endswith("]"))
+    number_ok = port.isascii() and port.isdigit() and len(port) <= 5 and 0 < int(port) < 65535
+    if scheme not in ("tcp", "tls") or not named or bare_ipv6 or not number_ok:
+        shown = endpoint if len(endpoint) <= 60 else f"{endpoint[:60]}..."
+        why = "; an IPv6 address stands in brackets: tcp/[::1]:7447" if bare_ipv6 else ""
+        raise NetworkError(
+            f"endpoint {shown!r} is not of the form tcp/HOST:PORT, HOST:PORT or HOST, for example tcp/127.0.0.1:7447, "
+            f"with a port from 1 to 65534{why}"
+        )
+    return scheme, host, int(port)
+
+
+def validate_endpoint(key: str, endpoint: str) -> str | None:
+    """Return what is wrong with the endpoint under `key` of a file, None if nothing is."""
+    try:
+        split_endpoint(endpoint)
+    except NetworkError as error:
+        return f"{key}: {error}"
+    return None
+
+
+def full_endpoint(endpoint: str) -> str:
+    """Return an endpoint with its scheme and port: "tcp/192.168.3.116:7447" of "192.168.3.116". Raises NetworkError."""
+    scheme, host, port = split_endpoint(endpoint)
+    return f"{scheme}/{host}:{port}"

@@ -1,0 +1,95 @@
+"""Temporary folders, removed at the end; those of a killed process at the next start.
+
+Each is locked by who uses it, and the kernel takes a lock back when its process ends, however that is. So a folder that
+can be locked is nobody's any more: whoever makes a new one removes it first. No process id could be told that.
+"""
+
+import fcntl
+import os
+from collections.abc import Iterator
+from contextlib import suppress
+from typing import Self
+
+from hil.common.errors import DeviceError
+from hil.common.tables import forget_parsed
+
+PREFIX = "uuv-hil-scratch-"
+
+
+class ScratchFolder:
+    """A new folder that only this user may read, with `purpose` in its name; `path` until `close`.
+
+    It is in `base`, by default the folder for temporary files. Abandoned ones of this user there are removed. The
+    scenario files in it are forgotten in the cache with it. Raises DeviceError if it cannot be made.
+    """
+
+    def __init__(self, purpose: str, base: str = "") -> None:
+        import tempfile  # the slave imports this file, and needs no such folder in most scenarios
+
+        base = base or tempfile.gettempdir()
+        for name in _names(base):
+            _remove_abandoned(os.path.join(base, name))
+        while True:
+            try:
+                self.path = tempfile.mkdtemp(prefix=f"{PREFIX}{purpose}-", dir=base)
+            except OSError as error:
+                remedy = "free some space, or choose another folder with TMPDIR"
+                raise DeviceError(f"{base}: no folder can be made: {error.strerror}; {remedy}") from None
+            self._lock = os.open(self.path, os.O_RDONLY | os.O_DIRECTORY)
+            fcntl.flock(self._lock, fcntl.LOCK_EX)
+            if os.path.exists(self.path):  # else another took it for abandoned before it was locked
+                return
+            os.close(self._lock)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def file(self, name: str) -> str:
+        """Return the path of a file in it."""
+        return os.path.join(self.path, name)
+
+    def close(self) -> None:
+        """Remove it with all that is in it. Closing twice is harmless."""
+        if self._lock >= 0:
+            _remove(self.path)
+            os.close(self._lock)
+            self._lock = -1
+
+
+def lock_unused(path: str) -> int | None:
+    """The locked descriptor of a folder of this user's that no process has locked, to be closed; None if there is one.
+
+    Raises OSError if it cannot be opened, or is no folder.
+    """
+    folder = os.open(path, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
+    try:
+        fcntl.flock(folder, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        if os.fstat(folder).st_uid == os.geteuid():
+            return folder
+    except BlockingIOError:
+        pass
+    os.close(folder)
+    return None
+
+
+def _names(base: str) -> Iterator[str]:
+    with suppress(OSError):
+        yield from [name for name in os.listdir(base) if name.startswith(PREFIX)]
+
+
+def _remove_abandoned(path: str) -> None:
+    with suppress(OSError):  # it is gone meanwhile, or of another user
+        folder = lock_unused(path)
+        if folder is not None:
+            _remove(path)
+            os.close(folder)
+
+
+def _remove(path: str) -> None:
+    import shutil
+
+    forget_parsed(path)
+    shutil.rmtree(path, ignore_errors=True)

@@ -1,0 +1,176 @@
+"""Read TOML as nested dicts: files, with a cache of parsed ones, and NAME=VALUE of a command line.
+
+As Python does with its sources, what was read is kept (in the user's cache folder) and taken from there
+while the file has the same time and size: a start then loads no TOML parser, which is a tenth of it.
+"""
+
+import codecs
+import marshal
+import os
+import stat
+import sys
+from collections.abc import Iterable
+from typing import Any
+
+from hil.common.errors import ConfigError
+
+LARGEST = 16 << 20  # bytes of a file: the largest of ours has some thousand
+DEEPEST = 32  # tables and arrays in each other: the deepest of ours has five
+
+# What is kept parsed: beyond one of these the oldest files of the cache go, down to half of it.
+MOST_KEPT = 500
+MOST_KEPT_BYTES = 32 << 20
+LARGEST_KEPT = 1 << 20  # bytes of one
+PROGRAM = "uuv-hil-stm32-native"  # firmware_stub.native keeps programs in the same folder, and clears them itself
+
+Stamp = tuple[int, int]  # time of change in ns, size in bytes
+
+
+def read_table(path: str) -> dict[str, Any]:
+    """Return the TOML file at `path`. Raises ConfigError if it is missing, cannot be read or is not TOML."""
+    stamp = check_file(path, LARGEST)
+    kept = _read_cache(path, stamp)
+    return _read_toml(path, stamp) if kept is None else kept
+
+
+def read_bytes(path: str, largest: int = LARGEST) -> bytes:
+    """Return the content of the file at `path`. Raises ConfigError, also if it has more than `largest` bytes."""
+    check_file(path, largest)
+    try:
+        with open(path, "rb") as file:
+            return file.read(largest)
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be read: {error.strerror}") from None
+
+
+def check_file(path: str, largest: int) -> Stamp:
+    """Return the stamp of a regular file of at most `largest` bytes. Raises ConfigError for anything else."""
+    try:
+        found = os.stat(path)
+    except FileNotFoundError:
+        raise ConfigError(f"{path}: no such file") from None
+    except (OSError, ValueError) as error:  # a path with a 0 in it is a ValueError
+        raise ConfigError(f"{path}: cannot be read: {getattr(error, 'strerror', error)}") from None
+    if stat.S_ISDIR(found.st_mode):
+        raise ConfigError(f"{path}: is a folder, not a file")
+    if not stat.S_ISREG(found.st_mode):  # a pipe would be waited for, a device never ends
+        raise ConfigError(f"{path}: is no regular file")
+    if found.st_size > largest:
+        raise ConfigError(f"{path}: has {found.st_size >> 20} MiB; such a file has at most {largest >> 20} MiB")
+    return found.st_mtime_ns, found.st_size
+
+
+def value_of(text: str) -> Any:
+    """Return what a command line's `text` stands for: the value TOML reads in it, else the text itself."""
+    import tomllib
+
+    try:
+        return tomllib.loads(f"value = {text}")["value"]
+    except (ValueError, RecursionError):  # no TOML, or a number of thousands of digits, or too deep
+        return text
+
+
+def settings(texts: Iterable[str], name: str) -> dict[str, Any]:
+    """NAME=VALUE texts of the command line's `name` as a table. Raises ConfigError."""
+    table = {}
+    for text in texts:
+        key, equals, value = text.partition("=")
+        if not key or not equals:
+            raise ConfigError(f"command line: {name} {text!r} is not NAME=VALUE")
+        table[key] = value_of(value)
+    return table
+
+
+def cache_path(path: str) -> str:
+    """Return where the file at `path` is kept parsed."""
+    folder = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
+    name = os.path.abspath(path).replace(os.path.sep, "%")
+    return os.path.join(folder, "uuv-hil", f"{name}.{sys.implementation.cache_tag}")
+
+
+def forget_parsed(folder: str) -> None:
+    """Remove what is kept of the files in a folder, which nobody will ask for again."""
+    cache, name = os.path.split(cache_path(os.path.join(folder, "")).removesuffix(f".{sys.implementation.cache_tag}"))
+    try:
+        for kept in os.listdir(cache):
+            if kept.startswith(f"{name}%"):
+                os.unlink(os.path.join(cache, kept))
+    except OSError:  # there is no cache, or another process removes the same
+        return
+
+
+def _read_toml(path: str, stamp: Stamp) -> dict[str, Any]:
+    import re
+    import tomllib
+
+    data = read_bytes(path)
+    if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        raise ConfigError(f"{path}: not valid TOML: its text is UTF-16; save it as UTF-8")
+    try:
+        text = data.decode("utf-8-sig")  # some editors put a byte order mark first
+        if re.search(rf"(?<![\w-])(?:[\w-]+\.){{{DEEPEST}}}", text):  # a.b.c...: for which tomllib takes minutes
+            raise RecursionError
+        table = tomllib.loads(text)
+        if _is_deep(table):
+            raise RecursionError
+    except RecursionError:
+        raise ConfigError(f"{path}: tables or arrays in each other, more than {DEEPEST} deep") from None
+    except ValueError as error:  # also a number of thousands of digits, and bytes that are no UTF-8
+        raise ConfigError(f"{path}: not valid TOML: {error}") from None
+    _write_cache(path, stamp, table)
+    return table
+
+
+def _is_deep(table: dict[str, Any]) -> bool:
+    """Return whether tables and arrays are in each other more than DEEPEST deep."""
+    level: list[Any] = [table]
+    for _ in range(DEEPEST):
+        inner = [value for value in level if isinstance(value, (dict, list))]
+        if not inner:
+            return False
+        level = [item for value in inner for item in (value.values() if isinstance(value, dict) else value)]
+    return True
+
+
+def _read_cache(path: str, stamp: Stamp) -> dict[str, Any] | None:
+    try:
+        with open(cache_path(path), "rb") as file:
+            if os.fstat(file.fileno()).st_uid != os.getuid():  # never trust what another user left there
+                return None
+            kept_stamp, table = marshal.load(file)
+    except (OSError, EOFError, ValueError, TypeError):  # none, or damaged
+        return None
+    return table if kept_stamp == stamp else None
+
+
+def _write_cache(path: str, stamp: Stamp, table: dict[str, Any]) -> None:
+    cache = cache_path(path)
+    fresh = f"{cache}.{os.getpid()}"
+    try:
+        data = marshal.dumps((stamp, table))
+        if len(data) > LARGEST_KEPT:
+            return
+        os.makedirs(os.path.dirname(cache), mode=0o700, exist_ok=True)
+        with open(fresh, "wb") as file:
+            file.write(data)
+        os.replace(fresh, cache)
+        _prune(os.path.dirname(cache))
+    except (OSError, ValueError):  # a folder we may not write; a date, which cannot be kept
+        return
+
+
+def _prune(folder: str) -> None:
+    """Remove the oldest files of the cache if there are too many, or too large ones. Raises OSError."""
+    with os.scandir(folder) as entries:
+        kept = [
+            (entry.path, entry.stat()) for entry in entries if entry.is_file() and not entry.name.startswith(PROGRAM)
+        ]
+    size = sum(found.st_size for _, found in kept)
+    if len(kept) <= MOST_KEPT and size <= MOST_KEPT_BYTES:
+        return
+    kept.sort(key=lambda file: file[1].st_mtime_ns, reverse=True)
+    size = 0
+    for number, (path, found) in enumerate(kept):
+        size += found.st_size
+        if number >= MOST_KEPT // 2 or size > MOST_KEPT_BYTES // 2:
+            os.unlink(path)
