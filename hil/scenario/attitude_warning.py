@@ -1,0 +1,27 @@
+"""Warn when a scenario's speed exceeds that up to which the vehicle's model stays level."""
+
+from hil.scenario.config import Scenario
+from sim.vehicle.vehicle import Vehicle, load_vehicle
+
+
+def requested_speed(scenario: Scenario) -> tuple[str, float]:
+    """Return the key of a scenario that says how fast its vehicles are to go, and that speed in m/s."""
+    if scenario.hunting is not None:
+        return "hunting: fields: max_speed", scenario.hunting.fields.max_speed
+    return "master: speed", scenario.master.speed
+
+
+def attitude_warning(scenario: Scenario, vehicle: Vehicle | None = None) -> str | None:
+    """What to say of a scenario that asks for more speed than its vehicle's model holds its attitude at; None if not.
+
+    `vehicle` is the scenario's, loaded here if left out. Raises ConfigError.
+    """
+    vehicle = vehicle or load_vehicle(scenario.vehicle)[0]
+    key, speed = requested_speed(scenario)
+    limit = vehicle.attitude_limit_speed
+    if limit is None or speed <= limit:
+        return None
+    return (
+        f"{scenario.path}: {key}: {speed:g} m/s, but the model {vehicle.name} loses its attitude above "
+        f"{limit:g} m/s (attitude_limit_speed of its file): ask for less, or take another vehicle"
+    )

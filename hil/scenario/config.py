@@ -1,0 +1,254 @@
+"""Load the scenario file and build its simulation."""
+
+import os
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
+
+from hil.common.clock import seconds_ns
+from hil.common.errors import ConfigError
+from hil.common.schema import Range, find_preset, parse, preset_names, shortened
+from hil.common.tables import read_table
+from hil.network.settings import Network
+from hil.ros import dialect
+from hil.scenario.records import Link, Master, Recording, Ros, Slave, Start
+from sim.environment.world import World
+from sim.sensors.suite import SensorSet, read_suite
+from sim.simulation import Simulation
+from sim.vehicle.vehicle import Vehicle
+
+if TYPE_CHECKING:
+    from hil.network.security import Security
+    from hil.scenario.fleet_records import Hunting, Member
+    from hil.scenario.modem_records import Modem
+    from sim.forces import Force
+    from sim.vehicle.ballast import Release
+    from sim.vehicle.failures import Failure
+
+SCENARIOS = "hil/scenario/presets"
+FOLDERS = {"vehicle": "sim/vehicles", "world": "sim/worlds", "link.frame": "firmware_stub/frames"}
+# Sections that most runs do without -> what reads them: a record, a class that theirs follow, or a function.
+LAZY = {
+    "failure": "sim.vehicle.failures:Failure",
+    "force": "sim.forces:Force",
+    "release": "sim.vehicle.ballast:Release",
+    "member": "hil.scenario.fleet_records:read_members",
+    "hunting": "hil.scenario.fleet_records:Hunting",
+    "modem": "hil.scenario.modem_records:read_modem",
+    "security": "hil.network.security:Security",
+    "link.faults": "hil.links.wires.faults:Faults",
+}
+MANY = ("failure", "force", "release", "member")  # each of them a [[table]]
+FEEDBACK = ("imu", "odometry", "pressure")  # what the builtin controller lives on
+
+
+class Scenario(NamedTuple):
+    """One run. `stm32` says who plays the STM32, `controller` who sends it commands.
+
+    stm32: "python" the firmware's twin inside the slave, on its own frame the firmware in C where that was compiled;
+    "process" the twin in a process of its own; "native" the firmware in C in one; "unicorn" (inside the slave) and
+    "qemu" its image on an emulated processor; "device" a real one. controller: "builtin", or "external": the link's
+    host end is left to the user's own vehicle software. Each [[failure]] is one of a thruster, at its time; each
+    [[force]] a class of the user's own (sim/forces.py); each [[release]] drops a weight of the vehicle's, at its time
+    (sim/vehicle/ballast.py); each [[member]] is one vehicle of a fleet, [hunting] the fleet's task
+    (hil/scenario/fleet_records.py),
+    [modem] the modems through which its vehicles report to each other (hil/scenario/modem_records.py).
+    """
+
+    vehicle: str
+    world: str
+    master: Master
+    description: str = ""
+    seed: Annotated[int, Range(0, 2**63 - 1)] = 1
+    stm32: Literal["python", "process", "native", "unicorn", "qemu", "device"] = "python"
+    controller: Literal["builtin", "external"] = "builtin"
+    slave: Slave = Slave()
+    link: Link = Link()
+    start: Start = Start()
+    network: Network = Network()
+    ros: Ros = Ros()
+    recording: Recording = Recording()
+    # These are read by load_scenario, which knows their schemas.
+    security: "Security | None" = None
+    planner: Mapping[str, Any] = MappingProxyType({})  # class and its keys (hil/master/planner.py); {} the default
+    sensors: SensorSet = MappingProxyType({})
+    failure: "tuple[Failure, ...]" = ()
+    force: "tuple[Force, ...]" = ()
+    release: "tuple[Release, ...]" = ()
+    member: "tuple[Member, ...]" = ()
+    hunting: "Hunting | None" = None
+    modem: "Modem | None" = None
+    path: str = ""  # the file it was read from
+
+    def validate(self) -> str | None:
+        """Return which keys contradict each other, or None."""
+        if self.controller == "external" and self.stm32 not in ("python", "unicorn"):
+            return (
+                f'controller = "external" needs stm32 = "python" or "unicorn": {self.stm32!r} would hide the thrusters'
+            )
+        unspoken = self._unspoken()
+        if unspoken:
+            return f"stm32 = {self.stm32!r} does not speak [link] {unspoken}"
+        if self.slave.deadman < 2 * self.slave.control_period:
+            return "slave: deadman must be at least twice control_period"
+        if self.link.watchdog < 2 * self.slave.control_period:
+            return "link: watchdog must be at least twice [slave] control_period"
+        return None
+
+    def _unspoken(self) -> str:
+        """Return what of the link the firmware in C has not learnt."""
+        link = self.link
+        if self.stm32 not in ("native", "unicorn", "qemu"):
+            return ""
+        if link.protocol == "frame":
+            return "" if link.frame == "uuv_hil" else f"frame = {link.frame!r}"
+        if link.protocol == "mavlink" or (link.protocol == "vesc" and self.stm32 == "unicorn"):
+            return "options" if link.options else ""
+        return f"protocol = {link.protocol!r}"
+
+
+def load_scenario(name: str, changes: dict[str, Any] | None = None) -> Scenario:
+    """Return the scenario at a path ending in `.toml`, or one of the installed ones by its name.
+
+    Paths in it (vehicle, world) are relative to the file. `changes` replace values before they are checked:
+    {"master.speed": 0.5}. This process speaks with ROS as the scenario says from then on. Raises ConfigError.
+    """
+    if not name.endswith(".toml") and (os.path.sep in name or os.path.exists(name)):
+        names = ", ".join(preset_names(SCENARIOS))
+        raise ConfigError(f"{shortened(name)}: a scenario is a file that ends in .toml, or one of: {names}")
+    path = find_preset(SCENARIOS, name)
+    table = read_table(path)
+    for key, value in (changes or {}).items():
+        _change(table, key, value, path)
+    if "path" in table:
+        raise ConfigError(f"{path}: no key 'path'")
+    sensors = table.pop("sensors", {})
+    planner = _planner(table.pop("planner", {}), f"{path}: planner")
+    link = table["link"] = _section(table, "link", path)
+    options = _section(link, "link.options", path)
+    link.pop("options", None)
+    lazy = {name: _read(name, table.pop(name), path) for name in LAZY if name in table}
+    faults = _read("link.faults", link.pop("faults"), path) if "faults" in link else None
+    scenario = parse(table, Scenario, path)
+    folder = os.path.dirname(path)
+    scenario = scenario._replace(
+        path=path,
+        vehicle=_file("vehicle", scenario.vehicle, path),
+        world=_file("world", scenario.world, path),
+        master=scenario.master._replace(map=_relative(scenario.master.map, folder, ".yaml")),
+        planner=planner,
+        sensors=read_suite(sensors, f"{path}: sensors"),
+        link=scenario.link._replace(
+            frame=_file("link.frame", scenario.link.frame, path), options=options, faults=faults
+        ),
+        **lazy,
+    )
+    if scenario.security:
+        scenario = scenario._replace(security=scenario.security.beside(folder))
+    if any("class" in section for section in sensors.values()):
+        from hil.ros.own import announce  # most vehicles have no sensor of a user's own
+
+        announce(scenario.sensors, f"{path}: sensors")
+    blind = [name for name in FEEDBACK if name not in scenario.sensors]
+    if blind and scenario.controller == "builtin":
+        raise ConfigError(f"{path}: sensors: the builtin controller needs {blind[0]}: its rate must be above 0")
+    dialect.speak(scenario.ros.domain, scenario.ros.distro)
+    return scenario
+
+
+def load_single(name: str, changes: dict[str, Any] | None = None, remedy: str = "") -> Scenario:
+    """Return the same of one vehicle.
+
+    Raises ConfigError, also when the scenario is of a fleet, with a `remedy` of its own.
+    """
+    scenario = load_scenario(name, changes)
+    if not scenario.member:
+        return scenario
+    nodes = [member.node for member in scenario.member]
+    started = " and ".join([f"`uuv-hil {command} {name} --member {nodes[0]}`" for command in ("slave", "agent")])
+    all_at_once = "all at once, for the installed fleets: `uuv-hil case target_hunting --hil`"
+    remedy = remedy or f"and this command flies one vehicle; start {started}, and so on for each ({all_at_once})"
+    raise ConfigError(f"{scenario.path}: member: this is a fleet ({', '.join(nodes)}), {remedy}")
+
+
+def with_port(scenario: Scenario, port: str) -> Scenario:
+    """`scenario` with its thruster link at that address. Raises ConfigError."""
+    changed = scenario._replace(link=scenario.link._replace(port=port))
+    problem = changed.link.validate()
+    if problem:
+        raise ConfigError(f"--port: {problem}")
+    return changed
+
+
+def _section(table: dict[str, Any], name: str, path: str) -> dict[str, Any]:
+    """Return a copy of the section of that full name, empty if `table` has none."""
+    section = table.get(name.rpartition(".")[2], {})
+    if not isinstance(section, dict):
+        raise ConfigError(f"{path}: {name}: expected a table: write its keys under [{name}], found {section!r}")
+    return dict(section)
+
+
+def _planner(table: Any, where: str) -> dict[str, Any]:
+    if not isinstance(table, dict) or ("class" not in table and table):
+        raise ConfigError(f'{where}: expected a table with class = "module:Class" and the keys of that class')
+    return table
+
+
+def _read(section: str, value: Any, path: str) -> Any:
+    """Return a section of LAZY. Its module is loaded now, and a start without it is sooner."""
+    where = f"{path}: {section}"
+    if section in MANY:
+        if not isinstance(value, list) or not all(isinstance(row, dict) for row in value):
+            raise ConfigError(f"{where}: expected tables, each under [[{section}]]")
+    elif not isinstance(value, dict):
+        raise ConfigError(f"{where}: expected a table")
+    from importlib import import_module
+
+    module, _, name = LAZY[section].partition(":")
+    reader = getattr(import_module(module), name)
+    if not isinstance(reader, type):
+        return reader(value, where)
+    if section == "force":
+        from hil.common.plugins import load_class
+
+        return tuple([load_class(row, reader, f"{where}[{i}]") for i, row in enumerate(value)])
+    if section in MANY:
+        return tuple([parse(row, reader, f"{where}[{i}]") for i, row in enumerate(value)])
+    return parse(value, reader, where)
+
+
+def _change(table: dict[str, Any], key: str, value: Any, path: str) -> None:
+    *sections, last = key.split(".")
+    for section in sections:
+        table = table.setdefault(section, {})
+        if not isinstance(table, dict):
+            raise ConfigError(f"{path}: {key}: {section!r} is a value, not a table")
+    table[last] = value
+
+
+def build_simulation(scenario: Scenario, vehicle: Vehicle, world: World) -> Simulation:
+    """Return the simulation a scenario describes, at time 0. Raises ConfigError."""
+    start = scenario.start
+    return Simulation(
+        vehicle,
+        world,
+        scenario.sensors,
+        scenario.seed,
+        seconds_ns(scenario.slave.step),
+        (start.north, start.east, start.depth),
+        start.heading,
+        failures=scenario.failure,
+        forces=scenario.force,
+        releases=scenario.release,
+    )
+
+
+def _file(key: str, name: str, path: str) -> str:
+    """Return what the scenario at `path` names: a preset that there is, or a file beside it. Raises ConfigError."""
+    found = _relative(name, os.path.dirname(path))
+    find_preset(FOLDERS[key], found, f"{path}: {key}")
+    return found
+
+
+def _relative(name: str, folder: str, ending: str = ".toml") -> str:
+    return os.path.join(folder, name) if name.endswith(ending) else name

@@ -1,0 +1,133 @@
+"""Report exchange of a fleet over modems: TDMA turns, the 16-byte report, and the simulated channel.
+
+The keys of [modem] are in `hil.scenario.modem_records`. Without that section reports go over the network, at once
+and whole.
+"""
+
+from collections import Counter
+from collections.abc import Mapping
+from math import isfinite
+from struct import Struct
+from typing import NamedTuple, Protocol
+
+from hil.common.clock import NS_PER_MS, NS_PER_S, seconds_ns
+from hil.common.errors import ConfigError
+from hil.scenario.config import Scenario
+from hil.scenario.fleet import hunting_of
+from hil.scenario.modem_records import Modem
+from sim.environment.water_column import WaterColumn
+from sim.environment.world import World, load_world
+from sim.modems.acoustic import AcousticChannel, AcousticModem, Packet
+from sim.modems.optical import OpticalModem
+from sim.modems.optical_channel import OpticalChannel, Pose
+from sim.rotations import Vector3
+from sim.sensors.error import sensor_random
+
+_REPORT = Struct("<iiHbbI")  # cm, cm, dm; 2 cm/s, 2 cm/s; ms
+
+
+def modem_of(scenario: Scenario) -> Modem:
+    """Return the [modem] section, checked against the fleet. Raises ConfigError where it does not fit."""
+    modem, hunting = scenario.modem, hunting_of(scenario)
+    if modem is None:
+        raise ConfigError(f"{scenario.path}: there is no [modem]: its vehicles talk over the network")
+    airtime = modem.model.airtime_ns(_REPORT.size) / NS_PER_S
+    if 0.0 < modem.slot < airtime:
+        raise ConfigError(
+            f"{scenario.path}: modem: slot: a report of {_REPORT.size} bytes takes {airtime:.3g} s, more than a slot"
+        )
+    frame = modem.slot * len(scenario.member)
+    if hunting.report_timeout < 2.0 * frame:
+        raise ConfigError(
+            f"{scenario.path}: hunting: report_timeout must be at least {2.0 * frame:g} s, twice "
+            "what it takes until it is a vehicle's turn again"
+        )
+    return modem
+
+
+class TdmaSchedule:
+    """TDMA schedule: when member `number` (from 0) sends.
+
+    It sends at the beginning of its slot; without slots at a random time, half to one and a half times `report_period`
+    after its last report.
+
+    All members use one clock (in HIL that of the machines, which have to agree to a fraction of a slot).
+    """
+
+    def __init__(self, scenario: Scenario, number: int) -> None:
+        slot_ns = seconds_ns(modem_of(scenario).slot)
+        self._offset_ns = number * slot_ns
+        self._frame_ns = slot_ns * len(scenario.member)
+        self._mean_ns = seconds_ns(hunting_of(scenario).report_period)
+        self._random = sensor_random(scenario.seed, f"turns/{number}")
+
+    def after(self, time_ns: int) -> int:
+        """Return the first turn after this instant, ns."""
+        if not self._frame_ns:
+            return time_ns + round(self._mean_ns * (0.5 + self._random.random()))
+        passed = (time_ns - self._offset_ns) // self._frame_ns
+        return (passed + 1) * self._frame_ns + self._offset_ns
+
+
+class ModemReport(NamedTuple):
+    """Report of one vehicle to the others: position (NED, m), velocity (m/s north, m/s east), its plan's clock (ns)."""
+
+    position: Vector3
+    velocity: tuple[float, float]
+    clock_ns: int
+
+
+def encode_report(report: ModemReport) -> bytes:
+    """Encode a report in 16 bytes: to 1 cm, depth to 1 dm, 2 cm/s, 1 ms; clipped beyond 6.5 km or 2.5 m/s."""
+    north, east, down = report.position
+    speeds = [_bounded(50.0 * speed, -127, 127) for speed in report.velocity]
+    level = [_bounded(100.0 * metres, -(2**31), 2**31 - 1) for metres in (north, east)]
+    clock = _bounded(report.clock_ns / NS_PER_MS, 0, 2**32 - 1)
+    return _REPORT.pack(*level, _bounded(10.0 * down, 0, 0xFFFF), *speeds, clock)
+
+
+def decode_report(data: bytes) -> ModemReport | None:
+    """Return the report in `data`, None if it is not one."""
+    if len(data) != _REPORT.size:
+        return None
+    north, east, down, *speeds, clock = _REPORT.unpack(data)
+    return ModemReport((0.01 * north, 0.01 * east, 0.1 * down), (0.02 * speeds[0], 0.02 * speeds[1]), clock * NS_PER_MS)
+
+
+def _bounded(value: float, low: int, high: int) -> int:
+    return min(max(round(value), low), high) if isfinite(value) else low
+
+
+class Channel(Protocol):
+    """Simulated channel between modems: delays, losses, receivers. Calls come in the order of time."""
+
+    counts: Counter[str]
+
+    def send(self, time_ns: int, sender: str, payload: bytes, places: Mapping[str, Pose]) -> int:
+        """Send to all others in `places` (true poses); return when transmission ends (ns), 0 if impossible."""
+
+    def receive(self, time_ns: int) -> list[Packet]:
+        """Return the messages received by now."""
+
+
+def open_channel(scenario: Scenario) -> Channel:
+    """Return the channel between the modems of a fleet. Raises ConfigError."""
+    model = modem_of(scenario).model
+    if isinstance(model, OpticalModem):
+        return OpticalChannel(model, scenario.seed)
+    return _Acoustic(model, load_world(scenario.world), scenario.seed)
+
+
+class _Acoustic:
+    """Acoustic channel with the interface `Channel`; orientations are not used."""
+
+    def __init__(self, model: AcousticModem, world: World, seed: int) -> None:
+        profile = world.ocean.profile if world.ocean else None
+        column = WaterColumn(profile, world.gravity) if profile else None
+        self._channel = AcousticChannel(model, world.depth, seed, column)
+        self.counts = self._channel.counts
+        self.receive = self._channel.receive
+
+    def send(self, time_ns: int, sender: str, payload: bytes, places: Mapping[str, Pose]) -> int:
+        """See `Channel.send`."""
+        return self._channel.send(time_ns, sender, payload, {name: pose.position for name, pose in places.items()})

@@ -1,0 +1,32 @@
+"""Record of the scenario section of the modems through which the vehicles of a fleet report to each other.
+
+[modem]
+kind = "acoustic"             # or "optical"
+slot = "250 ms"               # each vehicle sends at the beginning of its slot; 0: at random, about every report_period
+source_level = 168.0          # and any other key of sim.modems.acoustic.AcousticModem, or of optical.OpticalModem
+
+Without this table reports go over the network, at once and whole.
+"""
+
+from typing import Annotated, Any, Literal, NamedTuple
+
+from hil.common.schema import Range, parse
+from sim.modems.acoustic import AcousticModem
+from sim.modems.optical import OpticalModem
+
+_MODELS: dict[str, type[AcousticModem] | type[OpticalModem]] = {"acoustic": AcousticModem, "optical": OpticalModem}
+
+
+class Modem(NamedTuple):
+    """The [modem] table: `slot` s is each vehicle's share of the time, 0 for none; `model` has the modem's own keys."""
+
+    kind: Literal["acoustic", "optical"] = "acoustic"
+    slot: Annotated[float, Range(0.0, 60.0, "s")] = 0.25
+    model: AcousticModem | OpticalModem = AcousticModem()  # read by read_modem
+
+
+def read_modem(table: dict[str, Any], where: str) -> Modem:
+    """Read the [modem] table of a scenario. Raises ConfigError."""
+    modem = parse({key: value for key, value in table.items() if key in ("kind", "slot")}, Modem, where)
+    own = {key: value for key, value in table.items() if key not in ("kind", "slot")}
+    return modem._replace(model=parse(own, _MODELS[modem.kind], where))

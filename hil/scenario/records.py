@@ -1,0 +1,154 @@
+"""Records of the sections of a scenario file: link, slave, start, master, recording, ros.
+
+`hil.scenario.config.load_scenario` reads a file into them; the records of fleets and of modems are in
+`hil.scenario.fleet_records` and
+`hil.scenario.modem_records`, which most runs do not load.
+"""
+
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
+
+from hil.common.endpoint import validate_endpoint
+from hil.common.schema import Range
+from hil.links.address import incompatibility
+from hil.ros import dialect
+from sim.run_events import DEPTH_MARGIN_M, EventKind
+
+if TYPE_CHECKING:  # loaded when a scenario has faults
+    from hil.links.wires.faults import Faults
+
+VECTOR_M = tuple[Annotated[float, Range(-1e5, 1e5, "m")], Annotated[float, Range(-1e5, 1e5, "m")]]
+
+
+class Link(NamedTuple):
+    """Thruster link between the vehicle's computer and its STM32.
+
+    `port` is its address in the form of hil/links/address.py: "pty:" makes a pseudo terminal, "pty:/tmp/name" one
+    that other programs find there; a real STM32 is on "/dev/ttyUSB0" or the like, by default the board's UART.
+    `baud` (bit/s) is that of a serial device, `bitrate` (bit/s) that of a CAN bus where the system does not set
+    it. `frame` names the layout, or its file, if the protocol is "frame", `options` are the settings of any other.
+    `watchdog` is the STM32's. `faults` are injected into the link.
+    """
+
+    port: str = "pty:"
+    protocol: Literal["frame", "mavlink", "dronecan", "vesc"] = "frame"
+    frame: str = "uuv_hil"
+    baud: Annotated[int, Range(1200, 12_000_000)] = 115_200
+    bitrate: Annotated[int, Range(10_000, 1_000_000)] = 1_000_000
+    watchdog: Annotated[float, Range(0.02, 10.0, "s")] = 0.2
+    options: Mapping[str, Any] = MappingProxyType({})  # these two are read by load_scenario
+    faults: "Faults | None" = None
+
+    def validate(self) -> str | None:
+        """Return why the address is invalid or cannot carry the protocol, None if it can."""
+        return incompatibility(self.protocol, self.port)
+
+
+class Slave(NamedTuple):
+    """Daemon on the single-board computer.
+
+    `step` is the integration step; `control_period` the controller's. Without a new command for
+    `deadman` the thrusters go to neutral. A command older than `command_age_limit` is dropped. With `realtime` the
+    loop has priority over other programs, and with `stay_awake` idle processors do not enter deep sleep states.
+    """
+
+    node: str = "uuv1"
+    listen: str = "tcp/127.0.0.1:7447"
+    step: Annotated[float, Range(0.0002, 0.02, "s")] = 0.0025
+    control_period: Annotated[float, Range(0.001, 0.2, "s")] = 0.02
+    deadman: Annotated[float, Range(0.05, 10.0, "s")] = 0.5
+    command_age_limit: Annotated[float, Range(0.01, 10.0, "s")] = 0.5
+    realtime: bool = True
+    stay_awake: bool = True
+
+    def validate(self) -> str | None:
+        """Return why the name or the endpoint is invalid, None if both are valid. The name is part of network keys."""
+        if not (self.node.replace("_", "").isalnum() and self.node.isascii() and not self.node[0].isdigit()):
+            return f"node: {self.node!r} must be letters, digits and _, not starting with a digit"
+        return validate_endpoint("listen", self.listen)
+
+
+class Start(NamedTuple):
+    """Start position of the vehicle, NED."""
+
+    north: Annotated[float, Range(-1e5, 1e5, "m")] = 0.0
+    east: Annotated[float, Range(-1e5, 1e5, "m")] = 0.0
+    depth: Annotated[float, Range(0.0, 11_000.0, "m")] = 5.0
+    heading: Annotated[float, Range(-6.3, 6.3, "rad")] = 0.0
+
+
+class Master(NamedTuple):
+    """Task of the planner: to `goal` (north, east) at `depth`, at `speed`.
+
+    `map` is the map at the start: "known" the world without its hidden obstacles, "unknown" an empty one, "NAME.yaml" a
+    map of map_server. It has cells of `resolution`; obstacles are inflated by half the vehicle's horizontal diagonal
+    plus `margin`, and the seabed is one where it leaves less than `seabed_margin` under the vehicle. `lookahead` and
+    `tolerance` are those of the path. The run fails when the planner is not done within `time_limit`, and for every
+    event of sim/run_events.py that `allow` does not name; the vehicle is too deep `depth_margin` below the deepest
+    commanded depth.
+    """
+
+    goal: VECTOR_M | None = None
+    depth: Annotated[float, Range(0.0, 11_000.0, "m")] = 5.0
+    speed: Annotated[float, Range(0.05, 5.0, "m/s")] = 0.5
+    lookahead: Annotated[float, Range(0.2, 50.0, "m")] = 1.5
+    tolerance: Annotated[float, Range(0.05, 10.0, "m")] = 0.5
+    resolution: Annotated[float, Range(0.02, 10.0, "m")] = 0.25
+    margin: Annotated[float, Range(0.0, 20.0, "m")] = 0.6
+    seabed_margin: Annotated[float, Range(0.0, 100.0, "m")] = 0.3
+    map: str = "known"
+    command_period: Annotated[float, Range(0.01, 1.0, "s")] = 0.05
+    time_limit: Annotated[float, Range(1.0, 86_400.0, "s")] = 300.0
+    depth_margin: Annotated[float, Range(0.0, 1000.0, "m")] = DEPTH_MARGIN_M
+    allow: tuple[EventKind, ...] = ()
+
+    def validate(self) -> str | None:
+        """Return why the map is invalid, None if it is valid."""
+        known = self.map in ("known", "unknown") or self.map.endswith(".yaml")
+        return None if known else f'map: {self.map!r} is neither "known", "unknown" nor a file that ends in .yaml'
+
+
+class Recording(NamedTuple):
+    """Recording of a run, and its limits on the disk.
+
+    `slave` and `master` select who records: the slave into `folder`, with the inputs that make its run repeatable to
+    the bit (`uuv-hil replay --check`), the master into the folder of the run. A file ends at `file_size`; beyond
+    `total_size` the oldest files of the recording are removed, and without the first one it cannot be repeated.
+    Recording ends when less than `keep_free` is left on the disk.
+    """
+
+    slave: bool = False
+    master: bool = False
+    folder: str = "recordings"
+    file_size: Annotated[float, Range(1.0, 1e6, "MiB")] = 256.0
+    total_size: Annotated[float, Range(2.0, 1e7, "MiB")] = 4096.0
+    keep_free: Annotated[float, Range(0.0, 1e7, "MiB")] = 256.0
+    compression: Literal["zstd", "lz4", "none"] = "zstd"
+
+    def validate(self) -> str | None:
+        """Return why the sizes do not fit each other, None if they do."""
+        if self.total_size < 2.0 * self.file_size:
+            return "total_size must be at least twice file_size: the file that is being written, and one more"
+        return None
+
+
+class Ros(NamedTuple):
+    """Interface to ROS 2 beyond the sensors: transforms, clock, services, image format.
+
+    `transforms`: /tf, of every odometry sample, and /tf_static, of the sensors' places. `clock` and `wrench` are the
+    rates of /clock and of the thrusters' wrench, 0 for none. `services`: arm, reset, set_pose, failures of thrusters.
+    `frame_prefix` ("uuv1/") separates the frames of vehicles that share one /tf; of several only one has a `clock`.
+    `images` is the format of a camera's pictures, `jpeg_quality` (of libjpeg, 1 to 95) that of JPEG. `domain` is that
+    of ROS; left out (-1), it is the variable ROS_DOMAIN_ID, or 0. `distro` is the release of ROS.
+    """
+
+    transforms: bool = True
+    services: bool = True
+    frame_prefix: str = ""
+    clock: Annotated[float, Range(0.0, 1000.0, "Hz")] = 20.0
+    wrench: Annotated[float, Range(0.0, 1000.0, "Hz")] = 0.0
+    images: Literal["jpeg", "raw", "both"] = "jpeg"
+    jpeg_quality: Annotated[int, Range(1, 95)] = 80
+    domain: Annotated[int, Range(dialect.FROM_ENVIRONMENT, dialect.MOST)] = dialect.FROM_ENVIRONMENT
+    distro: dialect.Distro = "jazzy"
