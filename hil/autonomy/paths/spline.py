@@ -1,15 +1,15 @@
-"""A smooth curve through given points: the natural cubic spline."""
+"""Natural cubic spline through given points."""
 
 from bisect import bisect_right
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from itertools import accumulate, pairwise
 from math import atan2, dist, hypot
 from typing import NamedTuple
 
-from hil.autonomy.curves import Place, Position
-from hil.errors import MissionError
+from hil.autonomy.paths.curves import Place, Position
+from hil.common.errors import MissionError
 
-# Gauss-Legendre on [-1, 1]: node and weight. A part's length comes out to better than 1e-6 of itself.
+# Gauss-Legendre on [-1, 1]: node and weight.
 _NODES = (
     (0.0, 0.5688888888888889),
     (-0.5384693101056831, 0.47862867049936647),
@@ -17,12 +17,14 @@ _NODES = (
     (-0.9061798459386640, 0.23692688505618908),
     (0.9061798459386640, 0.23692688505618908),
 )
-_PARTS = 16  # between two points the curve is measured in so many parts
-_LEVEL = 1e-9  # where it goes straight down, or stops in a cusp, no turn of the heading can be told
+_PARTS = 4  # between two points the curve is measured in so many parts at least
+_PRECISION = 1e-9  # of the distance of the two points: a part is halved until its length is known to this
+_MOST_STEPS = 40  # a bisection alone finds a place to 1e-12 of its part
+_LEVEL = 1e-9  # where it goes straight down, or stops in a cusp, the heading has no defined turn
 
 
 class Spline:
-    """The natural cubic spline through `points` (m, NED): a batten bent through them, straight at its ends.
+    """Natural cubic spline through `points` (m, NED).
 
     Its parameter is the chord length from point to point; direction and curvature have no jumps (de Boor,
     "A Practical Guide to Splines", 2001, chapter IV), but for a cusp where the points lead straight back.
@@ -35,24 +37,22 @@ class Spline:
             raise MissionError("a spline needs at least two points, each different from the one before")
         axes = [_natural([point[axis] for point in points], chords) for axis in range(3)]
         self._parts = [
-            _Part(cubics, chord * part / _PARTS, chord / _PARTS)
+            part
             for chord, *cubics in zip(chords, *axes, strict=True)
-            for part in range(_PARTS)
+            for number in range(_PARTS)
+            for part in _Part(cubics, chord * number / _PARTS, chord / _PARTS).split(_PRECISION * chord)
         ]
         self._begins = [0.0, *accumulate(part.measure(part.size) for part in self._parts)]
         self.length = self._begins[-1]
 
     def at(self, along: float) -> Place:
-        """The place so many metres from the start, 0 to `length`."""
+        """Return the place this many metres from the start, 0 to `length`."""
         number = min(max(bisect_right(self._begins, along) - 1, 0), len(self._parts) - 1)
-        part, wanted = self._parts[number], along - self._begins[number]
-        t = part.size * wanted / (self._begins[number + 1] - self._begins[number])
-        for _ in range(2):  # Newton: the speed hardly changes within a part
-            t -= (part.measure(t) - wanted) / (part.speed(t) or 1.0)  # 0 where the curve turns back in a cusp
-        return part.place(t)
+        part = self._parts[number]
+        return part.place(part.find(along - self._begins[number], self._begins[number + 1] - self._begins[number]))
 
     def corners(self) -> list[float]:
-        """Where the direction jumps: nowhere."""
+        """Return an empty list: the direction jumps nowhere."""
         return []
 
 
@@ -85,8 +85,44 @@ class _Part(NamedTuple):
         return hypot(*(cubic.slope(self.begin + t) for cubic in self.cubics))
 
     def measure(self, t: float) -> float:
-        """The length in m up to `t` after the beginning."""
+        """Return the length in m up to `t` after the beginning."""
         return 0.5 * t * sum(weight * self.speed(0.5 * t * (1.0 + node)) for node, weight in _NODES)
+
+    def split(self, precision: float) -> Iterator["_Part"]:
+        """Halve this part until the length of each piece is known to `precision` (m); return them in the curve's order.
+
+        Near a cusp the speed falls to 0 and rises again within a part, which no one rule measures: two that agree may
+        both be wrong. So the speed must not vary much within a piece, unless the piece is as short as the precision.
+        """
+        half = 0.5 * self.size
+        halves = [self._replace(size=half), self._replace(begin=self.begin + half, size=half)]
+        length = sum(part.measure(half) for part in halves)
+        speeds = [self.speed(half * (1.0 + node)) for node in (-1.0, *(node for node, _ in _NODES), 1.0)]
+        even = max(speeds) <= 2.0 * min(speeds) and abs(length - self.measure(self.size)) <= precision
+        if even or length <= precision:
+            yield self
+            return
+        for part in halves:
+            yield from part.split(precision)
+
+    def find(self, wanted: float, length: float) -> float:
+        """Return where (the parameter after the beginning) this part, `length` m long, is `wanted` m long.
+
+        By Newton's steps, which settle at once where the speed hardly changes; one that leaves the part of the curve
+        known to hold the place, as near a cusp, is replaced by a bisection.
+        """
+        low, high = 0.0, self.size
+        t = self.size * wanted / length
+        for _ in range(_MOST_STEPS):
+            excess, speed = self.measure(t) - wanted, self.speed(t)
+            low, high = (low, t) if excess > 0.0 else (t, high)
+            following = t - excess / speed if speed else -1.0
+            if not low <= following <= high:
+                following = 0.5 * (low + high)
+            if abs(following - t) <= 1e-12 * self.size:
+                return following
+            t = following
+        return t
 
     def place(self, t: float) -> Place:
         t += self.begin
@@ -99,7 +135,7 @@ class _Part(NamedTuple):
 
 
 def _natural(values: Sequence[float], chords: Sequence[float]) -> list[_Cubic]:
-    """The cubics of one coordinate: second derivatives by a tridiagonal system, 0 at both ends."""
+    """Return the cubics of one coordinate: second derivatives by a tridiagonal system, 0 at both ends."""
     slopes = [(b - a) / h for (a, b), h in zip(pairwise(values), chords, strict=True)]
     bends = [0.0, *_tridiagonal(chords, [6.0 * (b - a) for a, b in pairwise(slopes)]), 0.0]
     return [

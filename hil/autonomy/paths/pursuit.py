@@ -1,4 +1,4 @@
-"""Following a path: steer for a point a little ahead on it (Coulter 1992, CMU-RI-TR-92-01).
+"""Pure pursuit: follow a path by steering for a point ahead on it (Coulter 1992, CMU-RI-TR-92-01).
 
 Coulter's curvature 2 sin(error) / lookahead at the cruising speed is a turn rate of 2 speed / lookahead for
 each radian of heading error. That gain is kept while the vehicle slows down, so that it turns on the spot
@@ -10,8 +10,8 @@ from itertools import pairwise
 from math import atan2, cos, dist, pi
 from typing import NamedTuple
 
-from hil.autonomy.control import VelocityCommand, wrap
-from hil.errors import MissionError
+from hil.autonomy.control.controller import VelocityCommand, wrap
+from hil.common.errors import MissionError
 
 Point = tuple[float, float]  # north, east in m
 
@@ -20,7 +20,7 @@ _SHARP = 100.0 * pi / 180.0
 
 
 class PurePursuit:
-    """Leads a vehicle along `path` (points in m north, m east) and stops it at the end.
+    """Path follower along `path` (points in m north, m east), which stops at the end.
 
     `lookahead` m: how far ahead on the path to steer for; it sets how much corners are cut (up to about a
     third of it). `speed` m/s is slowed by the heading error and within one lookahead of a stop. The turn rate
@@ -58,7 +58,7 @@ class PurePursuit:
         self.done = False
 
     def update(self, position: Sequence[float], heading: float) -> VelocityCommand:
-        """The command at `position` (m north, m east; more is ignored) and `heading` (rad from north, clockwise).
+        """Return the command at `position` (m north, m east; more is ignored) and `heading` (rad from north).
 
         `aim` is then the heading (rad) of the point steered for; `cross_track` the distance from the path in m,
         positive to its starboard; `progress` the share of the path that has been reached, 0 to 1; `done` turns
@@ -106,13 +106,13 @@ class _Leg(NamedTuple):
     ends: float
 
     def at(self, along: float) -> Point:
-        """The point so many metres along the path."""
+        """Return the point this many metres along the path."""
         distance = along - self.begins
         return self.start[0] + distance * self.direction[0], self.start[1] + distance * self.direction[1]
 
 
 class _Path:
-    """A path measured by the way along it, in m from its start."""
+    """A path parametrised by the distance along it, in m from its start."""
 
     def __init__(self, points: Sequence[Point]) -> None:
         self._legs: list[_Leg] = []
@@ -127,7 +127,7 @@ class _Path:
             self._legs.append(_Leg((points[0][0], points[0][1]), (1.0, 0.0), 0.0, 0.0))
 
     def stops(self) -> list[float]:
-        """Where to stop: at the sharp bends and at the end."""
+        """Return where to stop: at the sharp bends and at the end."""
         bends = [
             leg.ends
             for leg, after in pairwise(self._legs)
@@ -136,12 +136,12 @@ class _Path:
         return [*bends, self.length]
 
     def at(self, along: float) -> Point:
-        """The point so many metres along."""
+        """Return the point this many metres along."""
         leg = next((leg for leg in self._legs if along < leg.ends), self._legs[-1])
         return leg.at(along)
 
     def nearest(self, point: Point, low: float, high: float) -> tuple[float, float]:
-        """The place between `low` and `high` that is nearest to `point`, and how far that is to starboard of it."""
+        """Return the place between `low` and `high` nearest to `point`, and its distance to starboard of it."""
         found, least, side = low, float("inf"), 1.0
         for leg in self._legs:
             if leg.begins > high or leg.ends < low:

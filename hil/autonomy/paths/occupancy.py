@@ -1,6 +1,7 @@
-"""Occupancy grids: which cells of a map a vehicle must keep out of, and the files ROS keeps them in."""
+"""Occupancy grids: cells of a map that a vehicle must keep out of, and their ROS map files."""
 
 import os
+import re
 from collections.abc import Callable
 from math import ceil, floor, hypot
 from typing import Any, NamedTuple
@@ -8,10 +9,19 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.errors import ConfigError
+from hil.common.errors import ConfigError
+from hil.common.tables import read_bytes
+from hil.common.text import clean
 
 Point = tuple[float, float]  # north, east in m
 Cell = tuple[int, int]  # row, column: counted to the north and to the east
+
+LARGEST_YAML = 1 << 20  # bytes; one of map_server has some hundred
+LARGEST_IMAGE = 1 << 28  # bytes: 16,384 x 16,384 cells
+LONGEST_HEADER = 1 << 16  # bytes, of which nearly all may be comments
+FINEST, COARSEST = 1e-3, 1e3  # m, of a cell
+FARTHEST = 1e5  # m north and east, as in a world
+_PGM_HEADER = re.compile(rb"P5" + 2 * rb"(?:\s|#[^\n]*\n)+([0-9]{1,9})" + rb"(?:\s|#[^\n]*\n)+255\s")
 
 _FREE, _OCCUPIED = 254, 0  # grey levels as ROS map_saver writes them
 # Lines are looked at this far (in cells) to both sides, so that none slips between two cells at a corner.
@@ -28,7 +38,7 @@ class Extent(NamedTuple):
 
 
 class OccupancyGrid:
-    """Square cells, each free or occupied. What is outside of the map counts as occupied.
+    """Square cells, each free or occupied. Points off the map count as occupied.
 
     `cells`: bool array, True where occupied; row 0 is the southernmost, column 0 the westernmost.
     `resolution`: the side of a cell, m. `origin`: north and east (m) of the south-west corner of the map.
@@ -41,7 +51,7 @@ class OccupancyGrid:
 
     @classmethod
     def empty(cls, extent: Extent, resolution: float) -> "OccupancyGrid":
-        """The map of `extent` (m) with nothing on it, for a vehicle that is to find out. Raises ConfigError."""
+        """Return a map of `extent` (m) without obstacles. Raises ConfigError."""
         return cls.rasterise(lambda north, east: np.inf + 0.0 * north, extent, resolution, vectorised=True)
 
     @classmethod
@@ -53,7 +63,7 @@ class OccupancyGrid:
         margin: float = 0.0,
         vectorised: bool = False,
     ) -> "OccupancyGrid":
-        """The map of `extent`: a cell is occupied where the clearance at its centre is `margin` or less.
+        """Return a map of `extent`: a cell is occupied where the clearance at its centre is `margin` or less.
 
         `clearance(north, east)` gives m to the nearest obstacle (below 0 inside); with `vectorised` it takes
         and gives arrays. What is smaller than a cell may fall between the centres: for a true distance a
@@ -70,7 +80,7 @@ class OccupancyGrid:
         return cls(~free, resolution, (extent.south, extent.west))
 
     def inflate(self, radius: float) -> "OccupancyGrid":
-        """The map with every cell occupied whose centre is within `radius` m of an occupied cell's centre."""
+        """Return the map with every cell occupied whose centre is within `radius` m of an occupied cell's centre."""
         reach = radius / self.resolution + 1e-9
         rows, columns = self.cells.shape
         grown = self.cells.copy()
@@ -85,29 +95,29 @@ class OccupancyGrid:
         return OccupancyGrid(grown, self.resolution, self.origin)
 
     def cell(self, point: Point) -> Cell:
-        """The cell around `point`, which may lie outside of the map."""
+        """Return the cell around `point`, which may lie outside of the map."""
         north, east = self._scaled(point)
         return floor(north), floor(east)
 
     def centre(self, cell: Cell) -> Point:
-        """The middle of `cell`."""
+        """Return the centre of `cell`."""
         return (
             self.origin[0] + (cell[0] + 0.5) * self.resolution,
             self.origin[1] + (cell[1] + 0.5) * self.resolution,
         )
 
     def contains(self, point: Point) -> bool:
-        """Whether `point` is on the map."""
+        """Return whether `point` is on the map."""
         row, column = self.cell(point)
         rows, columns = self.cells.shape
         return bool(0 <= row < rows and 0 <= column < columns)
 
     def is_free(self, point: Point) -> bool:
-        """Whether `point` is on the map and in a free cell."""
+        """Return whether `point` is on the map and in a free cell."""
         return self.contains(point) and not bool(self.cells[self.cell(point)])
 
     def nearest_free(self, point: Point) -> Point | None:
-        """The centre of the free cell nearest to `point`, or None if there is none."""
+        """Return the centre of the free cell nearest to `point`, None if there is none."""
         free = np.argwhere(~self.cells)
         if not len(free):
             return None
@@ -116,7 +126,7 @@ class OccupancyGrid:
         return self.centre((int(row), int(column)))
 
     def line_is_free(self, start: Point, end: Point) -> bool:
-        """Whether the straight line touches free cells only; touching the corner of an occupied one counts."""
+        """Return whether the straight line touches free cells only; the corner of an occupied one counts."""
         (north, east), (to_north, to_east) = self._scaled(start), self._scaled(end)
         d_north, d_east = to_north - north, to_east - east
         length = hypot(d_north, d_east)
@@ -170,7 +180,7 @@ class OccupancyGrid:
 
     @classmethod
     def read(cls, path: str) -> "OccupancyGrid":
-        """The map described by the map_server YAML file at `path`; unknown cells count as occupied.
+        """Read the map described by the map_server YAML file at `path`; unknown cells count as occupied.
 
         Raises ConfigError for anything but an 8-bit P5 image and an unturned origin.
         """
@@ -181,15 +191,17 @@ class OccupancyGrid:
             threshold = float(settings["free_thresh"])
             image = _read_pgm(os.path.join(os.path.dirname(path), settings["image"].strip("\"'")))
         except (KeyError, ValueError) as error:
-            raise ConfigError(f"{path}: not a map of map_server: {error}") from None
-        if yaw != 0.0 or not resolution > 0.0:
+            raise ConfigError(f"{path}: not a map of map_server: {clean(str(error))}") from None
+        if yaw != 0.0 or not FINEST <= resolution <= COARSEST:
             raise ConfigError(f"{path}: a turned map or a resolution of {resolution} m cannot be used")
+        if not (abs(north) <= FARTHEST and abs(east) <= FARTHEST and 0.0 <= threshold <= 1.0):
+            raise ConfigError(f"{path}: an origin beyond {FARTHEST:g} m or a free_thresh that is no share: {threshold}")
         occupancy = (image if negate else 255.0 - image) / 255.0
         return cls(np.ascontiguousarray(occupancy[::-1] >= threshold), resolution, (north, east))
 
 
 def _crossings(start: float, change: float) -> NDArray[np.float64]:
-    """Where, as shares of the way, a coordinate that goes from `start` by `change` passes whole numbers."""
+    """Return where, as shares of the line, a coordinate from `start` changed by `change` passes whole numbers."""
     if change == 0.0:
         return np.empty(0)
     low, high = min(start, start + change), max(start, start + change)
@@ -198,33 +210,18 @@ def _crossings(start: float, change: float) -> NDArray[np.float64]:
 
 def _read_settings(path: str) -> dict[str, str]:
     try:
-        with open(path, encoding="utf-8") as file:
-            lines = [line.split("#")[0].partition(":") for line in file]
-    except (OSError, UnicodeDecodeError) as error:
+        text = read_bytes(path, LARGEST_YAML).decode("utf-8-sig")
+    except UnicodeDecodeError as error:
         raise ConfigError(f"{path}: the map cannot be read: {error}") from None
+    lines = [line.split("#")[0].partition(":") for line in text.splitlines()]
     return {key.strip(): value.strip() for key, colon, value in lines if colon}
 
 
 def _read_pgm(path: str) -> NDArray[np.uint8]:
-    """The grey levels of a P5 file, row 0 at its top. Raises ConfigError or ValueError."""
-    try:
-        with open(path, "rb") as file:
-            data = file.read()
-    except OSError as error:
-        raise ConfigError(f"{path}: the map's image cannot be read: {error.strerror}") from None
-    words: list[bytes] = []
-    rest = data
-    while len(words) < 4:
-        rest = rest.lstrip()
-        if rest.startswith(b"#"):
-            rest = rest.partition(b"\n")[2]
-        elif not rest:
-            raise ValueError("the image ends in its header")
-        else:
-            word = rest.split(maxsplit=1)[0]
-            words.append(word)
-            rest = rest[len(word) :]
-    if words[0] != b"P5" or words[3] != b"255":
+    """Return the grey levels of a P5 file, row 0 at its top. Raises ConfigError or ValueError."""
+    data = read_bytes(path, LARGEST_IMAGE)
+    header = _PGM_HEADER.match(data, 0, LONGEST_HEADER)
+    if not header:
         raise ValueError("the image is not an 8-bit P5")
-    columns, rows = int(words[1]), int(words[2])
-    return np.frombuffer(rest, np.uint8, rows * columns, offset=1).reshape(rows, columns)
+    columns, rows = int(header[1]), int(header[2])
+    return np.frombuffer(data, np.uint8, rows * columns, header.end()).reshape(rows, columns)

@@ -1,34 +1,17 @@
-"""Hierarchical states and what leads from one to the next: events, signals, time.
+"""Hierarchical state charts: states and their transitions by events, signals and time.
 
 The semantics are Stateflow's where it offers a choice: at most one transition a step; those of outer states are tried
 before those of inner ones, of one state in the order they are written; leaving goes from the inside out, entering
 from the outside in and on to each state's `initial` one; a transition from a state to itself leaves and enters it.
-Not there: parallel states, history, actions. The caller acts on what `step` says was left and entered.
-
-A chart is made in Python or read from TOML:
-
-    initial = "dive"
-
-    [[state]]
-    name = "survey"
-    initial = "line"
-
-    [[state]]
-    name = "line"
-    parent = "survey"
-    ...
-    [[transition]]
-    source = "survey"
-    target = "surface"
-    when = "battery < 0.2 and depth > 1"      # or: event = "leak", after = "10 min"; all that is given must hold
+Not there: parallel states, history, actions. The caller acts on the states that `step` returns.
 """
 
 import operator
 from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Annotated, NamedTuple
 
-from hil.errors import ConfigError
-from hil.schema import Range, load, nearest
+from hil.common.errors import ConfigError
+from hil.common.schema import Range, nearest
 
 _COMPARISONS: dict[str, Callable[[float, float], bool]] = {
     "<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge, "==": operator.eq, "!=": operator.ne,
@@ -44,7 +27,7 @@ class State(NamedTuple):
 
 
 class Transition(NamedTuple):
-    """From one state to another: on an `event`, `when` signals are so, `after` s in the source state."""
+    """Transition on an `event`, while `when` is true of the signals, `after` s in the source state."""
 
     source: str
     target: str
@@ -53,16 +36,8 @@ class Transition(NamedTuple):
     after: Annotated[float, Range(0.0, 1e7, "s")] | None = None
 
 
-class ChartFile(NamedTuple):
-    """A chart as its file tells it."""
-
-    initial: str
-    state: tuple[State, ...]
-    transition: tuple[Transition, ...] = ()
-
-
 class Change(NamedTuple):
-    """The states a step left and entered, in that order."""
+    """States that a step left and entered, in that order."""
 
     left: tuple[str, ...] = ()
     entered: tuple[str, ...] = ()
@@ -85,7 +60,7 @@ class Condition:
         self.signals = frozenset(name for name, _, _ in self._parts)
 
     def holds(self, signals: Mapping[str, float]) -> bool:
-        """Whether all comparisons are true; one with a signal that has not come yet is not."""
+        """Return whether all comparisons are true; one with an unknown signal is not."""
         return all(name in signals and compare(signals[name], number) for name, compare, number in self._parts)
 
 
@@ -111,7 +86,7 @@ class Chart:
 
     @property
     def state(self) -> str:
-        """The innermost active state; empty before the start."""
+        """Innermost active state; empty before the start."""
         return self.active[-1] if self.active else ""
 
     def start(self, time: int) -> Change:
@@ -120,7 +95,7 @@ class Chart:
         return self._go((), self._initial, time)
 
     def step(self, time: int, signals: Mapping[str, float], events: Collection[str] = ()) -> Change:
-        """Make the first transition whose event, signals and time (ns) are all there; none is an empty change."""
+        """Make the first transition whose event, signals and time (ns) hold; return an empty change for none."""
         for depth, name in enumerate(self.active):
             for transition, condition in self._transitions[name]:
                 if self._due(transition, time, events) and condition.holds(signals):
@@ -133,30 +108,24 @@ class Chart:
         return transition.after is None or time - self._since[transition.source] >= round(transition.after * 1e9)
 
     def _common(self, depth: int, target: str) -> tuple[str, ...]:
-        """The active states that stay: those that are outside of both the source, at `depth`, and the target."""
+        """Return the active states that stay: those that are outside of both the source, at `depth`, and the target."""
         above = _line(self._states, target)[:-1]
-        kept = [a for a, b in zip(self.active[:depth], above, strict=False) if a == b]
-        return tuple(kept)
+        staying = [a for a, b in zip(self.active[:depth], above, strict=False) if a == b]
+        return tuple(staying)
 
-    def _go(self, kept: tuple[str, ...], target: str, time: int) -> Change:
-        left = self.active[len(kept) :][::-1]
+    def _go(self, staying: tuple[str, ...], target: str, time: int) -> Change:
+        left = self.active[len(staying) :][::-1]
         line = _line(self._states, target)
         while self._states[line[-1]].initial:
             line.append(self._states[line[-1]].initial)
-        entered = tuple(line[len(kept) :])
+        entered = tuple(line[len(staying) :])
         self.active = tuple(line)
         self._since.update(dict.fromkeys(entered, time))
         return Change(left, entered)
 
 
-def read_chart(path: str) -> Chart:
-    """The chart in the TOML file at `path`. Raises ConfigError."""
-    chart = load(path, ChartFile)
-    return Chart(chart.initial, chart.state, chart.transition, path)
-
-
 def _line(states: Mapping[str, State], name: str) -> list[str]:
-    """A state and all it is part of, the outermost first."""
+    """Return a state and all it is part of, the outermost first."""
     line = [name]
     while states[line[0]].parent:
         line.insert(0, states[line[0]].parent)
@@ -168,9 +137,9 @@ def _check(initial: str, states: Sequence[State], transitions: Sequence[Transiti
     for state in states:
         if names.count(state.name) > 1:
             raise ConfigError(f"{where}: two states are named {state.name!r}")
-    asked = [initial, *(t.source for t in transitions), *(t.target for t in transitions)]
-    asked += [name for state in states for name in (state.parent, state.initial) if name]
-    for name in asked:
+    named = [initial, *(t.source for t in transitions), *(t.target for t in transitions)]
+    named += [name for state in states for name in (state.parent, state.initial) if name]
+    for name in named:
         if name not in names:
             raise ConfigError(f"{where}: no state {name!r}{nearest(name, names)}")
     for state in states:
@@ -181,7 +150,7 @@ def _check(initial: str, states: Sequence[State], transitions: Sequence[Transiti
 
 
 def _check_family(state: State, states: Mapping[str, State], where: str) -> None:
-    """Parents without circles, and an initial part for whoever has parts."""
+    """Raise ConfigError for circles of parents, and for a state with parts but no initial one."""
     above, seen = state.parent, {state.name}
     while above:
         if above in seen:

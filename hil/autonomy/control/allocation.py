@@ -1,4 +1,4 @@
-"""From one wrench to the thrust of each thruster.
+"""Thrust allocation: distribute a wrench over the thrusters.
 
 Within the limits this is the least-squares answer of the smallest norm, by the pseudo-inverse of the
 thruster matrix (Fossen, "Marine Craft Hydrodynamics and Motion Control", on control allocation). The
@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from math import copysign, sqrt
 from operator import gt, lt
 
-from hil.errors import ConfigError
+from hil.common.errors import ConfigError
 
 Wrench = tuple[float, float, float, float, float, float]
 Matrix = list[list[float]]
@@ -27,7 +27,7 @@ _MOST_SWEEPS = 30
 
 
 class Allocator:
-    """Shares a wrench among n thrusters.
+    """Distribute a wrench over n thrusters.
 
     `matrix` has 6 rows (X Y Z K M N along FRD) and n columns: the wrench of 1 N of each thruster, in N and
     N m. `max_forward` and `max_reverse` are n positive limits in N. Raises ConfigError if the sizes do not
@@ -55,20 +55,20 @@ class Allocator:
         self._inverse, self.rank = pseudo_inverse(matrix, axis_weights, thruster_weights)
 
     def allocate(self, wrench: Sequence[float]) -> tuple[list[float], Wrench]:
-        """The n thrusts (N) for `wrench` (X Y Z N, K M N N m, along FRD), and the wrench they fall short of it."""
+        """Return the n thrusts (N) for `wrench` (X Y Z N, K M N N m, along FRD), and the residual wrench."""
         thrusts = self._thrusts(wrench)
         if any(map(gt, thrusts, self._forward)) or any(map(lt, thrusts, self._reverse)):
             thrusts = self._within_limits(wrench)
-        return thrusts, self._lack(wrench, thrusts)
+        return thrusts, self._residual(wrench, thrusts)
 
     def _thrusts(self, wrench: Sequence[float]) -> list[float]:
-        """The thrusts for `wrench` if there were no limits."""
+        """Return the thrusts for `wrench` if there were no limits."""
         x, y, z, k, m, n = wrench
         # from 0.0, so that no thrust is -0.0
         return [0.0 + a * x + b * y + c * z + d * k + e * m + f * n for a, b, c, d, e, f in self._inverse]
 
-    def _lack(self, wrench: Sequence[float], thrusts: list[float]) -> Wrench:
-        """What is left of `wrench` when the wrench of `thrusts` is taken away."""
+    def _residual(self, wrench: Sequence[float], thrusts: list[float]) -> Wrench:
+        """Return `wrench` minus the wrench of `thrusts`."""
         x, y, z, k, m, n = wrench
         surge = sway = heave = roll = pitch = yaw = 0.0  # added up one by one: `sum` is another in Python 3.12
         for thrust, (a, b, c, d, e, f) in zip(thrusts, self._columns, strict=True):
@@ -80,11 +80,6 @@ class Allocator:
             yaw += f * thrust
         return x - surge, y - sway, z - heave, k - roll, m - pitch, n - yaw
 
-    def numbers(self) -> list[float]:
-        """All that it uses, thruster by thruster, in a row: what the C twin is made of."""
-        rows = zip(self._inverse, self._columns, self._forward, self._reverse, strict=True)
-        return [x for inverse, column, *limits in rows for x in (*inverse, *column, *limits)]
-
     def _within_limits(self, wrench: Sequence[float]) -> list[float]:
         x, y, z, k, m, n = wrench
         thrusts = [0.0] * len(self._forward)
@@ -93,7 +88,7 @@ class Allocator:
         return thrusts
 
     def _add_what_fits(self, thrusts: list[float], extra: list[float]) -> None:
-        """Add the largest share, 0 to 1, of `extra` to `thrusts` that keeps every thruster in its limits."""
+        """Add the largest share, 0 to 1, of `extra` to `thrusts` that keeps every thruster within its limits."""
         share = 1.0
         for now, more, forward, reverse in zip(thrusts, extra, self._forward, self._reverse, strict=True):
             if now + share * more > forward:
@@ -111,7 +106,7 @@ def pseudo_inverse(
     axis_weights: Sequence[float] = AXIS_WEIGHTS,
     thruster_weights: Sequence[float] | None = None,
 ) -> tuple[Matrix, int]:
-    """The weighted pseudo-inverse (n rows of 6) of a 6 x n thruster matrix, and the matrix's rank.
+    """Return the weighted pseudo-inverse (n rows of 6) of a 6 x n thruster matrix, and the matrix's rank.
 
     Of all thrusts f with the least error, the sum of (axis weight x error)² over X Y Z K M N, it gives those
     with the least cost, the sum of thruster weight x f²; the weights are six and n positive numbers, the
@@ -147,25 +142,8 @@ def pseudo_inverse(
     return inverse, len(strong)
 
 
-def four_vectored(surge: float, sway: float, yaw: float, lever: float) -> tuple[float, float, float, float]:
-    """The thrusts (N) of four horizontal thrusters at 90 degrees to each other, in closed form.
-
-    This is the arrangement the source paper decomposes in its eqs 12 and 13: one thruster at each corner, at
-    45 degrees to the axes, the four of them mirror images, each pushing forward with a positive thrust; in
-    the order front right, front left, rear right, rear left. `surge` and `sway` in N, `yaw` in N m along
-    FRD. `lever` in m is the distance from each line of thrust to the vertical axis, (x + y) / sqrt(2) for a
-    thruster at (x, y): a true moment arm, where eq. 12 mixes arm and angle.
-
-    The three patterns are orthogonal to each other, so it equals the pseudo-inverse for this arrangement. For
-    levers that differ front and rear (BlueROV2: 0.164 and 0.171 m) it does not: a sway force then turns the
-    vehicle, 5 N m for each kN. It knows no limits and no other thrusters; `Allocator` does.
-    """
-    x, y, n = surge / sqrt(8.0), sway / sqrt(8.0), yaw / (4.0 * lever)
-    return x - y - n, x + y + n, x + y - n, x - y + n
-
-
 def _sweep(rows: Matrix, basis: Matrix, dust: float) -> bool:
-    """Rotate every pair of rows once; False when all were orthogonal already, rows weaker than `dust` aside."""
+    """Rotate every pair of rows once; return False when all were orthogonal already, rows weaker than `dust` aside."""
     rotated = False
     for i in range(len(rows)):
         for j in range(i + 1, len(rows)):
@@ -194,7 +172,7 @@ def _dot(a: list[float], b: list[float]) -> float:
 
 
 def _eases(thruster_weights: Sequence[float] | None, count: int) -> list[float]:
-    """One over the root of each thruster's weight."""
+    """Return one over the root of each thruster's weight."""
     if thruster_weights is None:
         return [1.0] * count
     _check_weights("thruster", thruster_weights, count)

@@ -1,4 +1,4 @@
-"""The vehicle's controller: a cascade from what a planner asks to the wrench the thrusters should make.
+"""Cascaded controller of the vehicle: from a planner's velocity command to the wrench for the thrusters.
 
     depth ────P──> heave ──┐
     surge, sway ───────────┴─PI──> linear acceleration ── x inertia ──> X Y Z
@@ -9,21 +9,21 @@ The shape is that of the source paper ("Modular UUV Simulation Platform", Sensor
 (position, velocity, attitude, angular rate; P, PI, PD or PID an axis); the position loop is the planner's.
 All loops work in accelerations, so that one set of gains serves vehicles of any size: the vehicle's own
 inertia, rigid plus added, turns them into newtons. Weight, buoyancy, drag and Coriolis forces are not fed
-forward: the integrators find them. Other laws behind the same call: `hil.autonomy.families`.
+forward: the integrators find them. Other laws behind the same call: `hil.autonomy.control.families`.
 """
 
 from math import asin, atan2, cos, inf, pi, sin
 from typing import Annotated, NamedTuple
 
-from hil.schema import Range
+from hil.common.schema import Range
 
 Vector3 = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
 Wrench = tuple[float, float, float, float, float, float]
 
 NO_RESIDUAL: Wrench = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-_ROUNDING = 1e-6  # N, N m: what an allocator lacks of a wrench that it has met
-ABSURD = 1e6  # m/s or rad/s: no measurement and no command of a vehicle, but a fault
+_ROUNDING = 1e-6  # N, N m: residual of a wrench that the allocator can deliver
+ABSURD = 1e6  # m/s or rad/s: beyond this a measurement or command is a fault
 # Below this share of "upright" a depth error is no longer turned into heave alone.
 _LEAST_UPRIGHT = 0.5
 
@@ -46,14 +46,14 @@ class AxisGains(NamedTuple):
 
 
 class HoldGains(NamedTuple):
-    """One outer loop, which turns an error in m or rad into a rate: `p` in 1/s, `limit` in m/s or rad/s."""
+    """Gains of an outer loop, which turns an error in m or rad into a rate: `p` in 1/s, `limit` in m/s or rad/s."""
 
     p: Annotated[float, Range(0.0, 20.0)]
     limit: Annotated[float, Range(1e-3, 10.0)]
 
 
 class Gains(NamedTuple):
-    """All loops of the cascade; the defaults suit a vehicle whose thrusters follow within about 0.1 s."""
+    """Gains of all loops of the cascade; the defaults suit a vehicle whose thrusters follow within about 0.1 s."""
 
     surge: AxisGains = AxisGains(p=4.0, i=6.0)
     sway: AxisGains = AxisGains(p=4.0, i=6.0)
@@ -68,7 +68,7 @@ class Gains(NamedTuple):
 
 
 class VelocityCommand(NamedTuple):
-    """What a planner asks of the vehicle. Roll and pitch are always asked to be level.
+    """Command of a planner to the vehicle. Roll and pitch set points are always level.
 
     `surge`, `sway`, `heave` in m/s along FRD; `yaw_rate` in rad/s about the vertical, clockwise seen from
     above. With `depth` (m below the surface) `heave` is ignored; with `heading` (rad from north, clockwise)
@@ -84,7 +84,7 @@ class VelocityCommand(NamedTuple):
 
 
 class Navigation(NamedTuple):
-    """What the vehicle knows of itself.
+    """Navigation state of the vehicle, as the controller needs it.
 
     `orientation` (w, x, y, z) of FRD in NED; `angular_velocity` p q r in rad/s and `velocity` u v w over
     ground in m/s, both along FRD; `depth` in m.
@@ -97,7 +97,7 @@ class Navigation(NamedTuple):
 
 
 class CascadedController:
-    """Turns a `VelocityCommand` into a wrench, one call a control period.
+    """Cascade from a `VelocityCommand` to a wrench, one call a control period.
 
     `inertia` is the diagonal of rigid-body plus added mass: kg for X Y Z, kg m² for K M N. Coupling between
     the axes is not modelled. On a vehicle that cannot roll or pitch by its thrusters these moments are
@@ -111,36 +111,32 @@ class CascadedController:
         self._pitch = 0.0  # rad, what it holds
 
     def reset(self) -> None:
-        """Forget all integrals and slopes: for taking over from a pause or from another controller."""
+        """Reset all integrals and derivatives, after a pause or a change of controller."""
         for loop in self._loops:
             loop.reset()
 
     def update(
         self, command: VelocityCommand, navigation: Navigation, dt: float, residual: Wrench = NO_RESIDUAL
     ) -> Wrench:
-        """The wrench (X, Y, Z in N; K, M, N in N m; along FRD) for the next `dt` seconds, `dt` > 0.
+        """Return the wrench (X, Y, Z in N; K, M, N in N m; along FRD) for the next `dt` seconds, `dt` > 0.
 
-        `residual` is what the allocator could not deliver of the last wrench (asked minus delivered): an
-        axis that lacks force does not go on integrating towards it. An axis whose measurement or command is not a
+        `residual` is what the allocator could not deliver of the last wrench (commanded minus delivered): an
+        axis that lacks force does not integrate further towards it. An axis whose measurement or command is not a
         number, or an absurd one, holds its integral.
         """
         targets = velocity_targets(command, navigation, self._gains, self._pitch)
         measured = navigation.velocity + navigation.angular_velocity
         x, y, z, k, m, n = [
-            inertia * loop.update(target, value, dt, lack)
-            for inertia, loop, target, value, lack in zip(
+            inertia * loop.update(target, value, dt, axis_residual)
+            for inertia, loop, target, value, axis_residual in zip(
                 self._inertia, self._loops, targets, measured, residual, strict=True
             )
         ]
         return x, y, z, k, m, n
 
-    def numbers(self) -> list[float]:
-        """All that a cascade uses but its state, in a row: what the C twin is made of."""
-        return [*(number for gains in self._gains for number in gains), *self._inertia]
-
 
 def velocity_targets(command: VelocityCommand, navigation: Navigation, gains: Gains, pitch: float = 0.0) -> Wrench:
-    """The outer loops: the u, v, w (m/s) and p, q, r (rad/s) along FRD that do what `command` asks.
+    """Return the u, v, w (m/s) and p, q, r (rad/s) along FRD that the outer loops command.
 
     Depth and heading are led to their set points, roll to level, pitch to `pitch` rad, by the hold gains.
     """
@@ -151,7 +147,7 @@ def velocity_targets(command: VelocityCommand, navigation: Navigation, gains: Ga
 
 
 def _rates(command: VelocityCommand, orientation: Quaternion, gains: Gains, level: float) -> Vector3:
-    """The p, q, r, rad/s, that bring roll to 0 and pitch to `level` rad, and turn about the vertical."""
+    """Return the p, q, r (rad/s) that bring roll to 0 and pitch to `level` rad, and turn about the vertical."""
     down = down_in_body(orientation)
     roll, pitch = atan2(down[1], down[2]), -asin(clamp(down[0], 1.0))
     roll_rate = clamp(-gains.roll.p * roll, gains.roll.limit)
@@ -168,7 +164,7 @@ def _rates(command: VelocityCommand, orientation: Quaternion, gains: Gains, leve
 
 
 def heave_for_depth(depth: float, navigation: Navigation, hold: HoldGains) -> float:
-    """The heave (m/s along FRD) that leads to `depth` (m) at the present attitude, surge and sway.
+    """Return the heave (m/s along FRD) that leads to `depth` (m) at the present attitude, surge and sway.
 
     A vehicle that pitches by some degrees at speed dives or climbs by its surge; that is countered too.
     """
@@ -180,7 +176,7 @@ def heave_for_depth(depth: float, navigation: Navigation, hold: HoldGains) -> fl
 
 
 class _Loop:
-    """PID with the derivative taken on the measurement and an integral that stops where force ends."""
+    """PID loop with the derivative taken on the measurement and anti-windup."""
 
     __slots__ = ("_behind", "_gains", "_integral", "_last", "_output", "_slope")
 
@@ -191,12 +187,12 @@ class _Loop:
     def reset(self) -> None:
         self._integral = 0.0
         self._slope = 0.0
-        self._output = self._behind = 0.0  # the last output, and what the slew limit kept back of it
+        self._output = self._behind = 0.0  # the last output, and the part that the slew limit withheld
         self._last: float | None = None
 
-    def update(self, target: float, measured: float, dt: float, lack: float) -> float:
+    def update(self, target: float, measured: float, dt: float, residual: float) -> float:
         p, i, d, limit, feedforward, time_constant, slew = self._gains
-        if not (abs(measured) < ABSURD and abs(target) < ABSURD):  # without a measurement it holds what it had
+        if not (abs(measured) < ABSURD and abs(target) < ABSURD):  # without a measurement the integral holds
             return self._slewed(self._integral, dt)
         error = target - measured
         wanted = p * error + feedforward * target
@@ -204,9 +200,9 @@ class _Loop:
             wanted -= d * self._damped(measured, dt, time_constant)
         integral = self._integral + i * error * dt
         output = wanted + integral
-        if not (  # where the loop, the thrusters or the slew limit give no more, it does not ask for more
+        if not (  # anti-windup: at the limit of loop, thrusters or slew
             (abs(output) > limit and output * error > 0.0)
-            or (abs(lack) > _ROUNDING and lack * error > 0.0)
+            or (abs(residual) > _ROUNDING and residual * error > 0.0)
             or self._behind * error > 0.0
         ):
             self._integral = clamp(integral, limit)
@@ -214,7 +210,7 @@ class _Loop:
         return output if slew == inf else self._slewed(output, dt)
 
     def _damped(self, measured: float, dt: float, time_constant: float) -> float:
-        """The slope of the measurement, low-passed."""
+        """Return the low-pass filtered derivative of the measurement."""
         if self._last is not None:
             self._slope += ((measured - self._last) / dt - self._slope) * dt / (time_constant + dt)
         self._last = measured
@@ -228,24 +224,24 @@ class _Loop:
 
 
 def wrap(angle: float) -> float:
-    """`angle` (rad) brought into [-pi, pi)."""
+    """Return `angle` (rad) wrapped into [-pi, pi)."""
     return (angle + pi) % (2.0 * pi) - pi
 
 
 def heading_of(orientation: Quaternion) -> float:
-    """The heading (rad from north, clockwise, -pi to pi) of a body with this orientation FRD in NED."""
+    """Return the heading (rad from north, clockwise, -pi to pi) of a body with this orientation FRD in NED."""
     w, x, y, z = orientation
     return atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
 
 
 def down_in_body(orientation: Quaternion) -> Vector3:
-    """The unit vector to the centre of the earth, along FRD: the last row of the rotation matrix."""
+    """Return the unit vector to the centre of the earth, along FRD: the last row of the rotation matrix."""
     w, x, y, z = orientation
     return 2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)
 
 
 def clamp(value: float, limit: float) -> float:
-    """`value` within ±`limit`."""
+    """Return `value` clipped to ±`limit`."""
     if value > limit:
         return limit
     return -limit if value < -limit else value  # what is not a number stays so

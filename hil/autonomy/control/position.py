@@ -1,13 +1,13 @@
-"""The position loop: from where a vehicle should be to the velocity that leads it there.
+"""Position loop: from a wanted position to the velocity command that leads there.
 
 It is the outermost loop of the cascade, P with a limit on speed; the velocity loop within holds speed over ground, so
-that a current leaves no error. For vehicles that can move sideways and stop: one with fins needs a way to follow.
+that a current leaves no error. For vehicles that can move sideways and stop: one with fins needs a path to follow.
 """
 
 from collections.abc import Sequence
 from math import cos, hypot, sin
 
-from hil.autonomy.control import HoldGains, VelocityCommand
+from hil.autonomy.control.controller import HoldGains, VelocityCommand
 
 # Slow enough for the velocity loops (about 4 1/s) not to overshoot, and for vehicles that tip when fast.
 POSITION = HoldGains(p=0.5, limit=0.5)
@@ -20,7 +20,7 @@ def approach(
     own_heading: float,
     gains: HoldGains = POSITION,
 ) -> VelocityCommand:
-    """The command that leads a vehicle at `position` (m, NED) straight to `target` (m, NED) and keeps it there.
+    """Return the command that leads a vehicle at `position` (m, NED) straight to `target` (m, NED) and holds it there.
 
     `heading` (rad from north, clockwise) is what it turns to meanwhile, `own_heading` what it has now; the level speed
     is `gains.p` times the distance and at most `gains.limit` m/s. Roll and pitch are not modelled.

@@ -1,8 +1,9 @@
-"""Curves through the water, each measured by the way along it: what a trajectory runs over.
+"""Curves in three dimensions, parametrised by the distance along them, for trajectories.
 
 Everything that is made of circles and straight lines is a `Chain` of `Piece`s: a straight line, a circle, a helix,
-a Dubins path (`hil.autonomy.dubins`). A spline (`hil.autonomy.spline`) passes smoothly through given points. World
-frame NED: headings in rad from north, clockwise seen from above; a slope is the angle of the way down from the
+a Dubins path (`hil.autonomy.paths.dubins`). A spline (`hil.autonomy.paths.spline`) passes smoothly through given
+points. World
+frame NED: headings in rad from north, clockwise seen from above; a slope is the angle of the curve down from the
 horizontal, so that diving is positive.
 """
 
@@ -12,7 +13,7 @@ from itertools import accumulate, pairwise
 from math import atan2, cos, hypot, pi, remainder, sin
 from typing import NamedTuple, Protocol
 
-from hil.errors import MissionError
+from hil.common.errors import MissionError
 
 Position = tuple[float, float, float]  # north, east, down in m
 
@@ -36,19 +37,19 @@ class Place(NamedTuple):
 
 
 class Curve(Protocol):
-    """Anything with a `length` in m and a place for every metre of it; at a corner that of the way on."""
+    """Interface of a curve: its `length` in m and a place for every metre of it; at a corner that of the next piece."""
 
     @property
     def length(self) -> float:
-        """The length in m."""
+        """Return the length in m."""
         ...
 
     def at(self, along: float) -> Place:
-        """The place so many metres from the start."""
+        """Return the place this many metres from the start."""
         ...
 
     def corners(self) -> list[float]:
-        """Where between its ends, in m along it, the direction jumps: the places to stop and turn at."""
+        """Return where between its ends, in m along it, the direction jumps: the places to stop and turn at."""
         ...
 
 
@@ -62,7 +63,7 @@ class Piece(NamedTuple):
     length: float
 
     def at(self, along: float) -> Place:
-        """The place so many metres from the start."""
+        """Return the place this many metres from the start."""
         north, east, down = self.start
         level, turned = along * cos(self.slope), along * self.turn
         # the chord of an arc: as long as the arc times sinc of half the turn, and half the turn off its start
@@ -83,25 +84,25 @@ class Chain:
         self.length = self._ends[-1]
 
     def at(self, along: float) -> Place:
-        """The place so many metres from the start, 0 to `length`."""
+        """Return the place this many metres from the start, 0 to `length`."""
         number = min(bisect_right(self._ends, along), len(self.pieces) - 1)
         begins = self._ends[number - 1] if number else 0.0
         return self.pieces[number].at(along - begins)
 
     def corners(self) -> list[float]:
-        """Where between its ends, in m along it, the direction jumps."""
+        """Return where between its ends, in m along it, the direction jumps."""
         joints = zip(pairwise(self.pieces), self._ends, strict=False)
         return [end for (piece, after), end in joints if _bent(piece.at(piece.length), after)]
 
 
 def _bent(before: Place, after: Piece) -> bool:
-    """Whether a vehicle that leaves one piece level cannot just go on along the next."""
+    """Return whether the directions of two pieces differ where they meet."""
     heading = abs(remainder(after.heading - before.heading, 2.0 * pi))
     return max(heading, abs(after.slope - before.slope)) > _CORNER
 
 
 def straight(start: Position, end: Position, heading: float = 0.0) -> Piece:
-    """The straight line between two points (m, NED). `heading` (rad) is kept on one that goes straight down."""
+    """Return the straight line between two points (m, NED). `heading` (rad) holds on one that goes straight down."""
     north, east, down = (b - a for a, b in zip(start, end, strict=True))
     level = hypot(north, east)
     if level > 0.0:
@@ -110,18 +111,18 @@ def straight(start: Position, end: Position, heading: float = 0.0) -> Piece:
 
 
 def polyline(points: Sequence[Position]) -> Chain:
-    """Straight lines from point to point (m, NED). Raises MissionError if fewer than two differ."""
+    """Return straight lines from point to point (m, NED). Raises MissionError if fewer than two differ."""
     pieces: list[Piece] = []
     for start, end in pairwise(points):
         if start != end:
             pieces.append(straight(start, end, pieces[-1].heading if pieces else 0.0))
     if not pieces:
-        raise MissionError("a way needs at least two different points")
+        raise MissionError("a path needs at least two different points")
     return Chain(pieces)
 
 
 def helix(centre: Position, radius: float, turns: float, dive: float = 0.0, bearing: float = 0.0) -> Chain:
-    """`turns` times round `centre` (m, NED: that of the first round), `dive` m deeper at the end.
+    """Return a helix of `turns` turns round `centre` (m, NED: that of the first turn), `dive` m deeper at the end.
 
     `radius` m; it starts at `bearing` (rad from north) seen from the centre and goes clockwise seen from
     above, with negative `turns` the other way. Raises MissionError for a radius or turns that make no helix.
@@ -136,5 +137,5 @@ def helix(centre: Position, radius: float, turns: float, dive: float = 0.0, bear
 
 
 def circle(centre: Position, radius: float, turns: float = 1.0, bearing: float = 0.0) -> Chain:
-    """`helix` without a dive."""
+    """Return a `helix` without a dive."""
     return helix(centre, radius, turns, 0.0, bearing)

@@ -1,18 +1,19 @@
-"""Keeping a formation: artificial potential fields on a virtual structure, each vehicle for itself.
+"""Formation control: artificial potential fields on a virtual structure, computed by each vehicle for itself.
 
 A vehicle knows its own position, its place in the structure, and the neighbours within the range of communication.
-Four terms make up the velocity it wants; the source paper has them as its eqs (4) to (9):
+Four terms make up the velocity it wants; the reference platform (Zhang et al. 2022) has them as its eqs (4) to (9):
 
     attraction     (4, 5) to its place in the structure
     repulsion      (6, 7) from neighbours, the target and obstacles nearby; it vanishes at the place itself
     communication  (8) to a neighbour who is about to get out of range
-    structure      the velocity of the place, so that a moving structure (`hil.autonomy.hunting`) leaves nobody behind
+    structure      the velocity of the place, for a moving structure (`hil.autonomy.fleets.hunting`)
 
-and their sum is its (9). The paper's printed formulas could not be compared with: these are the standard forms of
-those names. Attraction after Khatib (IJRR 5, 1986), conic far away; repulsion after Ge & Cui (IEEE Trans. Robotics and
-Automation 16, 2000); for communication the mirror image of Khatib's repulsion at the range's edge, a barrier (compare
-Ji & Egerstedt, IEEE Trans. Robotics 23, 2007); the virtual structure after Lewis & Tan (Autonomous Robots 4, 1997). A
-"force" here is a velocity in m/s: the vehicle's own controller makes the newtons.
+and their sum is its (9). What differs from the printed formulas, and why, is in
+docs/explanation/reference_platform.md. Attraction after Khatib (IJRR 5, 1986), conic far away, as (5) below `conic`;
+repulsion after Ge & Cui (IEEE Trans. Robotics and Automation 16, 2000), as (7) has its equilibrium beside the place;
+for communication the mirror image of Khatib's repulsion at the range's edge, a barrier (compare Ji & Egerstedt, IEEE
+Trans. Robotics 23, 2007), as (8) pulls at vehicles out of range; the virtual structure after Lewis & Tan (Autonomous
+Robots 4, 1997). A "force" here is a velocity in m/s: the vehicle's own controller makes the newtons.
 
 Level plane; positions and vectors are north, east in m and m/s.
 """
@@ -21,7 +22,7 @@ from collections.abc import Sequence
 from math import hypot, inf
 from typing import Annotated, NamedTuple
 
-from hil.schema import Range
+from hil.common.schema import Range
 
 Vector = tuple[float, float]  # north, east
 
@@ -34,7 +35,7 @@ class FieldSettings(NamedTuple):
     `attraction` 1/s, up to `conic` m from the place, constant beyond. `repulsion` m²/s acts within
     `repulsion_range` m of a neighbour's or obstacle's rim. `communication` m³/s acts on a neighbour from
     `comfortable` m up to `communication_range` m: choose them off the formation's own distances, or pairs that
-    can just hear each other draw it together. `max_speed` m/s bounds the sum.
+    are just in range of each other contract it. `max_speed` m/s bounds the sum.
     """
 
     attraction: Annotated[float, Range(0.0, 10.0)] = 0.6
@@ -46,27 +47,27 @@ class FieldSettings(NamedTuple):
     communication_range: Annotated[float, Range(0.1, 1e4, "m")] = 5.0
     max_speed: Annotated[float, Range(0.01, 5.0, "m/s")] = 0.4
 
-    def problem(self) -> str | None:
-        """What is wrong between the keys, if anything."""
+    def validate(self) -> str | None:
+        """Return what is wrong between the keys, or None."""
         if self.comfortable >= self.communication_range:
             return "comfortable must be below communication_range"
         return None
 
 
 class Body(NamedTuple):
-    """Something to keep away from: its middle and how near to that (m) nobody's middle may come.
+    """A body to keep away from: its centre, and the least distance (m) of another vehicle's centre from it.
 
-    A neighbour that is `kept` is also held within the range of communication. One that has just come into range is
-    not to be, as it would be pulled at hardest (Ji & Egerstedt add such a link only well within the range, too).
+    A neighbour with `stays_in_range` is also held within the range of communication. One that has just come into range
+    is not to be, as it would be pulled at hardest (Ji & Egerstedt add such a link only well within the range, too).
     """
 
     position: Vector
     radius: float
-    kept: bool = True
+    stays_in_range: bool = True
 
 
 def attraction(position: Vector, place: Vector, gain: float, conic: float) -> Vector:
-    """gain x (place - position), and no more than at `conic` m from the place."""
+    """Return gain x (place - position), constant beyond `conic` m from the place."""
     north, east = place[0] - position[0], place[1] - position[1]
     distance = hypot(north, east)
     pull = gain * min(1.0, conic / distance) if distance else 0.0
@@ -74,7 +75,7 @@ def attraction(position: Vector, place: Vector, gain: float, conic: float) -> Ve
 
 
 def repulsion(position: Vector, place: Vector, body: Body, gain: float, reach: float) -> Vector:
-    """Minus the gradient of ½ gain (1/rho - 1/reach)² d², rho being the distance from the rim and d from the place.
+    """Return minus the gradient of ½ gain (1/rho - 1/reach)² d², rho being the distance from the rim, d from the place.
 
     Two parts: away from the body, gain (1/rho - 1/reach) d² / rho², and to the place, gain (1/rho - 1/reach)² d
     (Ge & Cui's n = 2). Beyond `reach` m nothing.
@@ -93,7 +94,7 @@ def repulsion(position: Vector, place: Vector, body: Body, gain: float, reach: f
 
 
 def communication(position: Vector, neighbour: Vector, gain: float, comfortable: float, reach: float) -> Vector:
-    """Minus the gradient of ½ gain (1/(reach - d) - 1/(reach - comfortable))², d being the neighbour's distance.
+    """Return minus the gradient of ½ gain (1/(reach - d) - 1/(reach - comfortable))², d the neighbour's distance.
 
     Towards the neighbour, from `comfortable` m on, the steeper the nearer to `reach` m. Who is farther away
     than that is not known and does not count.
@@ -115,7 +116,7 @@ def resultant(
     obstacles: Sequence[Body],
     settings: FieldSettings,
 ) -> Vector:
-    """The velocity (m/s) a vehicle at `position` wants: the sum of all fields, no longer than `max_speed`.
+    """Return the wanted velocity (m/s) of a vehicle at `position`: the sum of all fields, clipped to `max_speed`.
 
     `place` and its velocity are those of its place in the structure; of the neighbours (`radius`: how near
     middles may come, m) only those within the range of communication count.
@@ -127,7 +128,7 @@ def resultant(
     parts += [
         communication(position, body.position, s.communication, s.comfortable, s.communication_range)
         for body in known
-        if body.kept
+        if body.stays_in_range
     ]
     north, east = sum(part[0] for part in parts), sum(part[1] for part in parts)
     share = min(1.0, s.max_speed / max(hypot(north, east), _NEAREST))
@@ -135,15 +136,15 @@ def resultant(
 
 
 def separation(positions: Sequence[Vector]) -> float:
-    """The least distance between any two vehicles' middles, m; inf for fewer than two."""
+    """Return the least distance between any two vehicles' centres, m; inf for fewer than two."""
     pairs = [(a, b) for number, a in enumerate(positions) for b in positions[:number]]
     return min((_distance(a, b) for a, b in pairs), default=inf)
 
 
 def formation_error(positions: Sequence[Vector], places: Sequence[Vector]) -> float:
-    """The largest distance of a vehicle from its place, the structure put where it fits best, m.
+    """Return the largest distance of a vehicle from its place, with the structure in its best-fitting pose, m.
 
-    Fits best: its middle on the vehicles' middle, as it faces. So the formation's shape is judged, not where it is.
+    Best-fitting: with the centroid of the vehicles, and its own orientation. So only the formation's shape counts.
     """
     north, east = (
         sum(p[axis] - q[axis] for p, q in zip(positions, places, strict=True)) / len(positions) for axis in (0, 1)

@@ -1,4 +1,4 @@
-"""PD with restoring compensation: a spring to the set point, a damper, and weight and lift taken off by the model.
+"""PD control law with compensation of restoring forces and drag by a model.
 
     acceleration = d (wanted velocity - velocity),    wrench = inertia x acceleration + drag, weight, turning
 
@@ -10,7 +10,7 @@ of f / (inertia d), or that over the outer loop's p of a depth or heading.
 
 from typing import Annotated, ClassVar, NamedTuple
 
-from hil.autonomy.control import (
+from hil.autonomy.control.controller import (
     ABSURD,
     NO_RESIDUAL,
     Gains,
@@ -20,8 +20,8 @@ from hil.autonomy.control import (
     clamp,
     velocity_targets,
 )
-from hil.autonomy.plant import Plant
-from hil.schema import Range
+from hil.autonomy.control.model import Plant
+from hil.common.schema import Range
 
 
 class Damper(NamedTuple):
@@ -43,7 +43,7 @@ class PdSettings(NamedTuple):
 
 
 class RestoringPd:
-    """A `Controller` (hil/autonomy/families.py) for a vehicle like `plant`; `gains` are those of the outer loops.
+    """A `Controller` (hil/autonomy/control/families.py) for a vehicle like `plant`, with `gains` of the outer loops.
 
     Not modelled: the thrusters' lag, currents, coupling of the axes by mass.
     """
@@ -56,12 +56,12 @@ class RestoringPd:
         self._settings = settings
 
     def reset(self) -> None:
-        """There is nothing to forget."""
+        """Do nothing: the law has no state."""
 
     def update(
         self, command: VelocityCommand, navigation: Navigation, dt: float, residual: Wrench = NO_RESIDUAL
     ) -> Wrench:
-        """The wrench (X, Y, Z in N; K, M, N in N m; along FRD); `dt` and `residual` do not matter to it."""
+        """Return the wrench (X, Y, Z in N; K, M, N in N m; along FRD); `dt` and `residual` are not used."""
         targets = velocity_targets(command, navigation, self._gains)
         measured = navigation.velocity + navigation.angular_velocity
         load = self._plant.load(navigation, targets)
@@ -75,5 +75,5 @@ class RestoringPd:
 
 
 def _push(damper: Damper, error: float) -> float:
-    """The acceleration against a velocity error; none against one that is no measurement."""
+    """Return the acceleration against a velocity error; 0 against one that is not finite."""
     return damper.d * error if abs(error) < ABSURD else 0.0

@@ -1,9 +1,9 @@
-"""Planning again and again on a map that changes: D* Lite.
+"""Incremental path planning on a map that changes: D* Lite.
 
 Koenig & Likhachev, "D* Lite", AAAI 2002, the optimised version: the search runs from the goal to the vehicle and is
 repaired where cells change. Worth it where the changes are near the vehicle and the map's other parts are searched
-already; the first plan takes longer than that of `hil.autonomy.astar`, which jumps over open water. Moves and
-corners as there. Lengths are whole numbers (a cell is 2^20): so equal ways stay equal, however they are added up.
+already; the first plan takes longer than that of `hil.autonomy.paths.astar`, which jumps over open water. Moves and
+corners as there. Lengths are whole numbers (a cell is 2^20): so equal paths stay equal, however they are added up.
 """
 
 import heapq
@@ -11,8 +11,8 @@ from math import inf, sqrt
 
 import numpy as np
 
-from hil.autonomy.astar import check_ends, no_way, without_repeats
-from hil.autonomy.occupancy import OccupancyGrid, Point
+from hil.autonomy.paths.astar import check_ends, no_path_error, without_repeats
+from hil.autonomy.paths.occupancy import OccupancyGrid, Point
 
 _CELL = 1 << 20
 _DIAGONAL = round(sqrt(2.0) * _CELL)
@@ -21,9 +21,9 @@ Key = tuple[float, float]
 
 
 class DStarLite:
-    """Keeps what it knows from one plan to the next, as long as the goal and the map's size stay.
+    """Planner that reuses its search from one plan to the next, as long as the goal and the map's size stay.
 
-    `expanded` counts the cells gone on from since it was made: what a plan really cost.
+    `expanded` counts the expanded cells since it was made, a measure of the cost of planning.
     """
 
     def __init__(self) -> None:
@@ -32,9 +32,9 @@ class DStarLite:
         self._goal = self._start = -1
 
     def plan(self, grid: OccupancyGrid, start: Point, goal: Point) -> list[Point]:
-        """The shortest 8-connected way from `start` to `goal` (m north, m east), cell by cell.
+        """Return the shortest 8-connected path from `start` to `goal` (m north, m east), cell by cell.
 
-        Vehicle size is not modelled: inflate the grid. Raises MissionError as `hil.autonomy.astar.plan` does.
+        Vehicle size is not modelled: inflate the grid. Raises MissionError as `hil.autonomy.paths.astar.plan` does.
         """
         check_ends(grid, start, goal)
         self._width = int(grid.cells.shape[1]) + 2
@@ -46,8 +46,8 @@ class DStarLite:
         self._repair(grid)
         self._search()
         if self._costs.get(here, inf) == inf:
-            raise no_way(start, goal)
-        cells = [(index // self._width - 1, index % self._width - 1) for index in self._way()]
+            raise no_path_error(start, goal)
+        cells = [(index // self._width - 1, index % self._width - 1) for index in self._trace_path()]
         return without_repeats([start, *map(grid.centre, cells), goal])
 
     def _index(self, row: int, column: int) -> int:
@@ -59,7 +59,7 @@ class DStarLite:
         self._free = bytearray(np.pad(~grid.cells, 1).tobytes())
         self._straight = (1, width, -1, -width)
         self._diagonal = tuple((a + b, a, b) for a in (1, -1) for b in (width, -width))
-        self._shift = 0  # "k_m": what the vehicle's own way adds to every key
+        self._shift = 0  # "k_m": what the vehicle's own path adds to every key
         self._costs: dict[int, float] = {}  # "g"
         self._ahead: dict[int, float] = {goal: 0}  # "rhs": the cost by way of the best neighbour
         self._queue: list[tuple[Key, int]] = []
@@ -67,13 +67,13 @@ class DStarLite:
         self._put(goal)
 
     def _repair(self, grid: OccupancyGrid) -> None:
-        """Take over the cells that changed; a cell counts for the moves around it, diagonal ones past it too."""
+        """Update the cells that changed; a cell counts for the moves around it, diagonal ones past it too."""
         changed = [self._index(int(row), int(column)) for row, column in np.argwhere(grid.cells != self._cells)]
         for cell in changed:
             self._free[cell] = not self._free[cell]
         around = [0, *self._straight, *(step for step, _, _ in self._diagonal)]
         for cell in {cell + step for cell in changed for step in around}:
-            self._look(cell)
+            self._update_best_neighbour(cell)
         self._cells = grid.cells.copy()
 
     def _search(self) -> None:
@@ -108,18 +108,18 @@ class DStarLite:
         before = self._costs.pop(cell, inf)
         for neighbour, length in self._moves(cell):
             if self._ahead.get(neighbour, inf) == before + length:
-                self._look(neighbour)
-        self._look(cell)
+                self._update_best_neighbour(neighbour)
+        self._update_best_neighbour(cell)
 
-    def _look(self, cell: int) -> None:
-        """Find the best neighbour of a cell anew."""
+    def _update_best_neighbour(self, cell: int) -> None:
+        """Find the best neighbour of a cell again."""
         if cell != self._goal:
             costs = [self._costs.get(neighbour, inf) + length for neighbour, length in self._moves(cell)]
             self._ahead[cell] = min(costs, default=inf)
         self._put(cell)
 
     def _put(self, cell: int) -> None:
-        """Queue a cell if it is to be gone on from, and only then."""
+        """Queue a cell if its costs are inconsistent, and only then."""
         if self._costs.get(cell, inf) == self._ahead.get(cell, inf):
             self._queued.pop(cell, None)
             return
@@ -131,7 +131,7 @@ class DStarLite:
         return cost + self._octile(self._start, cell) + self._shift, cost
 
     def _moves(self, cell: int) -> list[tuple[int, int]]:
-        """The neighbours and how far they are."""
+        """Yield the neighbours and their distances."""
         free = self._free
         if not free[cell]:
             return []
@@ -141,13 +141,13 @@ class DStarLite:
                 moves.append((cell + step, _DIAGONAL))
         return moves
 
-    def _way(self) -> list[int]:
+    def _trace_path(self) -> list[int]:
         cell = self._start
-        way = [cell]
+        path = [cell]
         while cell != self._goal:
             cell = min((length + self._costs.get(near, inf), near) for near, length in self._moves(cell))[1]
-            way.append(cell)
-        return way
+            path.append(cell)
+        return path
 
     def _octile(self, a: int, b: int) -> int:
         rows, columns = abs(a // self._width - b // self._width), abs(a % self._width - b % self._width)

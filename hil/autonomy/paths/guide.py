@@ -1,7 +1,7 @@
-"""Getting to a goal past what the map knows and what it lacks: a global way, a local eye, a new way if need be.
+"""Travel to a goal on a partly known map: plan a path, follow it, avoid obstacles, plan again.
 
-A* finds the way on the map, pure pursuit follows it, VFH+ bends the heading and the speed round whatever the scan
-shows. The scans go into the map as well; when an obstacle turns up on the way, the rest is planned anew. With a map of
+A* finds the path on the map, pure pursuit follows it, VFH+ bends the heading and the speed round whatever the scan
+shows. The scans go into the map as well; when an obstacle turns up on the path, the rest is planned anew. With a map of
 the world this is the map-known mode, with one that lacks obstacles or is empty (`OccupancyGrid.empty`) the
 obstacle-unknown mode: nothing else differs.
 """
@@ -14,22 +14,22 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.autonomy.astar import plan, smooth
-from hil.autonomy.control import VelocityCommand
-from hil.autonomy.laser_map import LaserMap
-from hil.autonomy.occupancy import OccupancyGrid, Point
-from hil.autonomy.pursuit import PurePursuit
-from hil.autonomy.vfh import Scan, Vfh, VfhSettings
-from hil.errors import MissionError
-from hil.schema import Range
+from hil.autonomy.control.controller import VelocityCommand
+from hil.autonomy.paths.astar import plan, smooth
+from hil.autonomy.paths.laser_map import LaserMap
+from hil.autonomy.paths.occupancy import OccupancyGrid, Point
+from hil.autonomy.paths.pursuit import PurePursuit
+from hil.autonomy.paths.vfh import Scan, Vfh, VfhSettings
+from hil.common.errors import MissionError
+from hil.common.schema import Range
 
 Search = Callable[[OccupancyGrid, Point, Point], list[Point]]
 
-_LOOK_AGAIN = 10  # scans between two looks for a way where there was none
+_SCANS_TO_REPLAN = 10  # scans between two plans where there was no path
 
 
 class GuideSettings(NamedTuple):
-    """How to travel: m/s, m, rad/s. `margin` m is kept from obstacles when planning, beyond the vehicle's radius."""
+    """Settings of a `Guide`: m/s, m, rad/s. `margin` m from obstacles is planned beyond the vehicle's radius."""
 
     vfh: VfhSettings
     speed: Annotated[float, Range(0.01, 5.0, "m/s")] = 0.5
@@ -40,12 +40,12 @@ class GuideSettings(NamedTuple):
 
 
 class Guide:
-    """Leads a vehicle from `start` to `goal` (m north, m east), scan by scan.
+    """Guidance of a vehicle from `start` to `goal` (m north, m east), scan by scan.
 
-    `search` finds the way on an inflated map: `astar.plan`, `any_angle.plan_any_angle` or the `plan` of a
-    `dstar.DStarLite`. Raises MissionError if the map at the start shows no way. Afterwards `path` is the way,
-    `plans` how many were made, `progress` the share of the way that lies behind, `done` whether the goal is reached,
-    `stuck` why there is no way any more; it looks for one again as the map changes.
+    `search` finds the path on an inflated map: `astar.plan`, `any_angle.plan_any_angle` or the `plan` of a
+    `dstar.DStarLite`. Raises MissionError if the map at the start shows no path. Afterwards `path` is the path,
+    `plans` how many were made, `progress` the share of the path that is done, `done` whether the goal is reached,
+    `stuck` why there is no path any more; it looks for one again as the map changes.
     """
 
     def __init__(
@@ -63,10 +63,10 @@ class Guide:
         self._plan(start)
 
     def update(self, position: Sequence[float], heading: float, scan: Scan) -> VelocityCommand:
-        """The command at `position` (m north, m east) and `heading` (rad), where the vehicle sees `scan`."""
+        """Return the command at `position` (m north, m east) and `heading` (rad), where the vehicle measured `scan`."""
         here = position[0], position[1]
         fresh = self.map.add(here, heading, scan)
-        if (len(fresh) and self._in_the_way(fresh)) or self._may_be_free():
+        if (len(fresh) and self._is_blocked_by(fresh)) or self._may_be_free():
             self._plan_again(here)
         self._pursuit.update(here, heading)
         self.done = self._pursuit.done
@@ -79,16 +79,16 @@ class Guide:
 
     @property
     def progress(self) -> float:
-        """The share of the present way that lies behind, 0 to 1."""
+        """Share of the present path that is done, 0 to 1."""
         return self._pursuit.progress
 
     def _may_be_free(self) -> bool:
-        """Whether it is time to look again where there was no way."""
+        """Return whether it is time to plan again where there was no path."""
         self._waited = self._waited + 1 if self.stuck else 0
-        return self._waited > 0 and self._waited % _LOOK_AGAIN == 0
+        return self._waited > 0 and self._waited % _SCANS_TO_REPLAN == 0
 
     def _plan(self, start: Point, clearance: float | None = None) -> None:
-        """A way from `start` on the map so far, at least `clearance` m from what stands there."""
+        """Return a path from `start` on the map so far, at least `clearance` m from obstacles."""
         vfh, margin = self._settings.vfh, self._settings.margin
         inflated = self.map.grid.inflate(vfh.radius + margin if clearance is None else clearance)
         if clearance is not None:  # the vehicle may be nearer to an obstacle than it would plan to go
@@ -104,7 +104,7 @@ class Guide:
         )
 
     def _plan_again(self, here: Point) -> None:
-        """With less room where there is no way with the whole margin; without any way the vehicle stays."""
+        """Plan with a smaller margin where there is no path with the whole one; without any path the vehicle stays."""
         vfh, margin = self._settings.vfh, self._settings.margin
         for clearance in (vfh.radius + margin, vfh.radius + 0.5 * margin):
             try:
@@ -115,8 +115,8 @@ class Guide:
                 self.stuck = ""
                 return
 
-    def _in_the_way(self, cells: NDArray[np.intp]) -> bool:
-        """Whether one of these cells is nearer to the way than half the margin allows."""
+    def _is_blocked_by(self, cells: NDArray[np.intp]) -> bool:
+        """Return whether one of these cells is nearer to the path than half the margin allows."""
         grid, settings = self.map.grid, self._settings
         centres = (cells + 0.5) * grid.resolution + grid.origin
         allowed = settings.vfh.radius + 0.5 * settings.margin
@@ -124,7 +124,7 @@ class Guide:
 
 
 def _distance(points: NDArray[np.floating], start: Point, end: Point) -> float:
-    """The distance of the nearest of `points` from the straight line between `start` and `end`, m."""
+    """Return the distance of the nearest of `points` from the straight line between `start` and `end`, m."""
     leg = np.subtract(end, start)
     share = np.clip((points - start) @ leg / (leg @ leg), 0.0, 1.0)
     return float(np.min(np.linalg.norm(points - start - share[:, None] * leg, axis=1)))

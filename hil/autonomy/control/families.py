@@ -1,4 +1,4 @@
-"""Control laws behind one call: the contract that all follow, and the words that choose one.
+"""Control laws behind one interface: `Controller`, and the table of names that select one.
 
     [control]
     family = "sliding_mode"       # "cascade" if left out
@@ -7,49 +7,50 @@
     [control.sliding_mode]        # what is left out has a default
     surge = { strength = 1.5 }
 
-A family of a user's own is `family = "module:Class"`: a class that is made with `plant` (hil/autonomy/plant.py),
-`gains` (hil/autonomy/control.py) and the keys of `[control.options]` by keyword.
+A family of a user's own is `family = "module:Class"`: a class that is made with `plant`
+(hil/autonomy/control/model.py), `gains` (hil/autonomy/control/controller.py) and the keys of
+`[control.options]` by keyword.
 """
 
 from importlib import import_module
 from math import isfinite, nan
 from typing import Any, Protocol
 
-from hil.autonomy.control import NO_RESIDUAL, Gains, Navigation, VelocityCommand, Wrench
-from hil.autonomy.plant import Plant
-from hil.errors import ConfigError
-from hil.plugins import load_class
-from hil.schema import nearest, parse
+from hil.autonomy.control.controller import NO_RESIDUAL, Gains, Navigation, VelocityCommand, Wrench
+from hil.autonomy.control.model import Plant
+from hil.common.errors import ConfigError
+from hil.common.plugins import load_class
+from hil.common.schema import nearest, parse
 
 # The word -> a class made of a Plant, the outer loops' Gains and its own `Settings`.
 FAMILIES = {
-    "sliding_mode": "hil.autonomy.sliding_mode:SlidingMode",
-    "restoring_pd": "hil.autonomy.restoring_pd:RestoringPd",
+    "sliding_mode": "hil.autonomy.control.sliding_mode:SlidingMode",
+    "restoring_pd": "hil.autonomy.control.restoring_pd:RestoringPd",
 }
 
 
 class Controller(Protocol):
-    """What turns a velocity command into a wrench, one call a control period.
+    """Interface of a control law: from a velocity command to a wrench, one call a control period.
 
     Whatever comes in, what goes out are six finite numbers; it keeps no time of its own, so that the same calls
     give the same wrenches.
     """
 
     def reset(self) -> None:
-        """Forget the past: for taking over from a pause or from another controller."""
+        """Reset the state, after a pause or a change of controller."""
 
     def update(
         self, command: VelocityCommand, navigation: Navigation, dt: float, residual: Wrench = NO_RESIDUAL
     ) -> Wrench:
-        """The wrench (X, Y, Z in N; K, M, N in N m; along FRD) for the next `dt` seconds, `dt` > 0.
+        """Return the wrench (X, Y, Z in N; K, M, N in N m; along FRD) for the next `dt` seconds, `dt` > 0.
 
-        `residual` is what the allocator could not deliver of the last wrench (asked minus delivered): nothing may
+        `residual` is what the allocator could not deliver of the last wrench (commanded minus delivered): nothing may
         wind up against it.
         """
 
 
 def make_controller(family: Any, control: dict[str, Any], gains: Gains, plant: Plant, where: str) -> Controller:
-    """The controller that `family` says; `control` is the `[control]` table, `where` opens messages.
+    """Return the controller named `family`; `control` is the `[control]` table, `where` opens messages.
 
     Raises ConfigError for a word that is none, and for a wrong key of its table.
     """
@@ -72,7 +73,7 @@ def make_controller(family: Any, control: dict[str, Any], gains: Gains, plant: P
 
 
 class _Checked:
-    """A controller of a user's own, whose numbers are looked at before they become pulses."""
+    """Wrapper of a user's own controller, which checks its wrenches."""
 
     def __init__(self, controller: Controller, name: str) -> None:
         self._controller, self._name = controller, name
@@ -81,7 +82,7 @@ class _Checked:
     def update(
         self, command: VelocityCommand, navigation: Navigation, dt: float, residual: Wrench = NO_RESIDUAL
     ) -> Wrench:
-        """What the controller says. Raises ConfigError if that is not six finite numbers."""
+        """Return the controller's wrench. Raises ConfigError if that is not six finite numbers."""
         wrench = self._controller.update(command, navigation, dt, residual)
         try:
             x, y, z, k, m, n = map(float, wrench)

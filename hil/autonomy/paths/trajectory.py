@@ -1,4 +1,4 @@
-"""Trajectories: a curve run over in time, checked against what the vehicle can do before it sets off.
+"""Trajectories: a curve traversed in time, checked against the vehicle's limits.
 
 The speed is a trapezoid: from rest to cruising speed, and to rest at the end and at every corner, at a constant
 acceleration; at a corner the vehicle turns on the spot, if it can. World frame NED; headings in rad from north,
@@ -10,10 +10,10 @@ from itertools import pairwise
 from math import copysign, cos, degrees, inf, pi, sin, sqrt
 from typing import Annotated, NamedTuple
 
-from hil.autonomy.control import VelocityCommand, wrap
-from hil.autonomy.curves import Curve, Place, Position
-from hil.errors import MissionError
-from hil.schema import Range
+from hil.autonomy.control.controller import VelocityCommand, wrap
+from hil.autonomy.paths.curves import Curve, Place, Position
+from hil.common.errors import MissionError
+from hil.common.schema import Range
 
 # A curve is checked every so many metres, and at no fewer places than this.
 _SPACING = 0.05
@@ -26,8 +26,8 @@ _SLACK = 1e-6
 class Limits(NamedTuple):
     """What a vehicle and its water allow: m/s, m/s², rad/s, and depths in m.
 
-    `speed` is the most along the way, `vertical_speed` up or down, `yaw_rate` of turning, `acceleration`
-    along the way, `lateral_acceleration` across it. Whatever the speed, the way may be no steeper than `climb_angle`
+    `speed` is the most along the path, `vertical_speed` up or down, `yaw_rate` of turning, `acceleration`
+    along the path, `lateral_acceleration` across it. Whatever the speed, the path may be no steeper than `climb_angle`
     (rad, up or down) and bend no tighter than `turn_radius` (m): 0 is that of a vehicle that turns on the spot.
     """
 
@@ -43,7 +43,7 @@ class Limits(NamedTuple):
 
 
 class Setpoint(NamedTuple):
-    """Where a vehicle should be at one instant: position m and velocity m/s, NED; heading rad; its rate rad/s."""
+    """Wanted state of a vehicle at one instant: position m and velocity m/s, NED; heading rad; its rate rad/s."""
 
     position: Position
     velocity: tuple[float, float, float]
@@ -64,7 +64,7 @@ class _Leg(NamedTuple):
 
 
 class Trajectory:
-    """`curve` run over at up to `speed` m/s; it rests at both ends and at corners. `duration` in s.
+    """Motion along `curve` at up to `speed` m/s, at rest at both ends and at corners. `duration` in s.
 
     Raises MissionError where it breaks one of the `limits`, with the place and the speed that would keep it.
     """
@@ -82,7 +82,7 @@ class Trajectory:
             self.duration = self._legs[-1].ends
 
     def at(self, time: float) -> Setpoint:
-        """The set point `time` s after the start; before and after the run that of its ends, at rest."""
+        """Return the set point `time` s after the start; before and after the run that of its ends, at rest."""
         time = min(max(time, 0.0), self.duration)
         leg = next(leg for leg in self._legs if time <= leg.ends)
         if time > leg.turns:
@@ -95,7 +95,7 @@ class Trajectory:
 
     def _leg(self, begin: float, end: float, speed: float) -> _Leg:
         length, acceleration = end - begin, self._limits.acceleration
-        speed = min(speed, sqrt(length * acceleration))  # a short way has no time to reach it
+        speed = min(speed, sqrt(length * acceleration))  # a short path has no time to reach it
         ramp = speed / acceleration
         turns = self.duration + ramp + length / speed
         return _Leg(
@@ -103,7 +103,7 @@ class Trajectory:
         )
 
     def _turn(self, along: float) -> float:
-        """How far (rad) the heading jumps at a corner; 0 at the end."""
+        """Return how far (rad) the heading jumps at a corner; 0 at the end."""
         if along >= self.curve.length:
             return 0.0
         return wrap(self.curve.at(along).heading - self.curve.at(along - _BEFORE).heading)
@@ -115,7 +115,7 @@ class Trajectory:
         return Setpoint(place.position, (0.0, 0.0, 0.0), place.heading + rate * time, rate)
 
     def _progress(self, leg: _Leg, time: float) -> tuple[float, float]:
-        """The metres of the leg behind and the speed, `time` s after its start."""
+        """Return the distance on the leg and the speed, `time` s after its start."""
         acceleration, left = self._limits.acceleration, leg.turns - leg.starts - time
         if time < leg.ramp:
             return 0.5 * acceleration * time * time, acceleration * time
@@ -125,7 +125,7 @@ class Trajectory:
 
 
 def check(curve: Curve, speed: float, limits: Limits) -> None:
-    """Raise MissionError for the first place where running over `curve` at `speed` m/s breaks a limit.
+    """Raise MissionError for the first place where traversing `curve` at `speed` m/s breaks a limit.
 
     It looks every 5 cm, at 200 places at least: a spline's sharpest bend may be missed by less than that.
     """
@@ -139,24 +139,24 @@ def check(curve: Curve, speed: float, limits: Limits) -> None:
     for number in range(count + 1):
         along = curve.length * number / count
         place = curve.at(along)
-        problem = _problem(place, speed, limits)
+        problem = _validate_place(place, speed, limits)
         if problem:
             raise MissionError(f"{_where(place, along)}: {problem}")
 
 
 def _where(place: Place, along: float) -> str:
     north, east, depth = place.position
-    return f"{along:.1f} m along the way, at ({north:.1f} m north, {east:.1f} m east, {depth:.1f} m deep)"
+    return f"{along:.1f} m along the path, at ({north:.1f} m north, {east:.1f} m east, {depth:.1f} m deep)"
 
 
-def _problem(place: Place, speed: float, limits: Limits) -> str | None:
-    """Which limit it breaks to pass `place` at `speed` m/s, and what to do."""
+def _validate_place(place: Place, speed: float, limits: Limits) -> str | None:
+    """Return which limit passing `place` at `speed` m/s breaks, and the remedy."""
     (_, _, depth), _, slope, turn = place
     if not limits.shallowest - _SLACK <= depth <= limits.deepest + _SLACK:
-        return f"outside of the depths allowed, {limits.shallowest:g} to {limits.deepest:g} m; move the way"
+        return f"outside of the depths allowed, {limits.shallowest:g} to {limits.deepest:g} m; move the path"
     if abs(slope) > limits.climb_angle + _SLACK:
         steep, most = degrees(abs(slope)), degrees(limits.climb_angle)
-        return f"{steep:.1f} deg steep, and the vehicle climbs at most {most:.1f} deg; make the way longer"
+        return f"{steep:.1f} deg steep, and the vehicle climbs at most {most:.1f} deg; make the path longer"
     radius = cos(slope) / abs(turn) if turn else inf  # seen from above
     if radius < limits.turn_radius * (1.0 - _SLACK):
         return f"bends with a radius of {radius:.2f} m, and the vehicle needs {limits.turn_radius:g} m; widen it"
@@ -167,7 +167,7 @@ def _problem(place: Place, speed: float, limits: Limits) -> str | None:
 
 
 def _fastest(slope: float, turn: float, limits: Limits) -> float:
-    """The speed in m/s that keeps all limits on a way of this slope (rad) and turn (rad/m)."""
+    """Return the speed in m/s within all limits on a path of this slope (rad) and turn (rad/m)."""
     speeds = [limits.speed]
     if slope:
         speeds.append(limits.vertical_speed / abs(sin(slope)))
@@ -180,7 +180,7 @@ def _fastest(slope: float, turn: float, limits: Limits) -> float:
 def track(
     setpoint: Setpoint, position: Sequence[float], heading: float, limits: Limits, gain: float
 ) -> VelocityCommand:
-    """The command that leads a vehicle at `position` (m, NED) and `heading` (rad) onto its set point.
+    """Return the command that leads a vehicle at `position` (m, NED) and `heading` (rad) onto its set point.
 
     The set point's velocity, plus `gain` (1/s) times the position error, turned into the body's axes (level: roll
     and pitch are not modelled) and kept within the limits: the level part keeps its direction.

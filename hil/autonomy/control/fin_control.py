@@ -1,11 +1,12 @@
-"""The controller of a vehicle that steers by fins: a torpedo, which has to move to be steered at all.
+"""Controller of a vehicle that steers by fins, such as a torpedo, which has to move to be steered at all.
 
     surge ───────────────────────────────PI──> X        for the propeller
     heave ───────> pitch ──P──> q ───────PI──> M  ┐
     yaw rate, heading ────────> r ───────PI──> N  ├──> what the thrusters do not make of it, to the fins
     level ─────────────────P──> p ───────PI──> K  ┘
 
-The loops are those of hil/autonomy/control.py. It dives by its pitch: the heave that a planner asks for becomes the
+The loops are those of hil/autonomy/control/controller.py. It dives by its pitch: the heave that a planner commands
+becomes the
 pitch at which going ahead makes as much, so any planner can lead it. What a fin makes grows with the square of the
 speed, and the deflections follow from the present one; below `least_speed` from that one, since no angle would do.
 """
@@ -14,8 +15,8 @@ from collections.abc import Sequence
 from math import asin, copysign
 from typing import Annotated, NamedTuple
 
-from hil.autonomy.allocation import Allocator
-from hil.autonomy.control import (
+from hil.autonomy.control.allocation import Allocator
+from hil.autonomy.control.controller import (
     ABSURD,
     NO_RESIDUAL,
     CascadedController,
@@ -26,11 +27,11 @@ from hil.autonomy.control import (
     clamp,
     heave_for_depth,
 )
-from hil.schema import Range
+from hil.common.schema import Range
 
 # Forces come along with the moments and cannot be chosen; of the moments roll matters least.
 _AXIS_WEIGHTS = (1e-6, 1e-6, 1e-6, 0.1, 1.0, 1.0)
-# What an axis lacks less than this share of what was asked is no lack: an integrator would stop for it.
+# A residual below this share of the command is rounding: an integrator would stop for it.
 _ROUNDING = 1e-6
 
 
@@ -38,8 +39,8 @@ class FinGains(NamedTuple):
     """`[control.fins]` of a vehicle's file.
 
     `pitch_limit`: the steepest it dives or climbs. `climb` 1/s: how fast it finds the pitch that its trim takes, by the
-    error of heave over the speed. `least_speed`: the slowest at which its fins serve; while it is asked
-    to turn, dive or move at all it keeps this speed ahead.
+    error of heave over the speed. `least_speed`: the slowest at which its fins serve; while it is commanded
+    to turn, dive or move at all it holds this speed ahead.
     """
 
     pitch_limit: Annotated[float, Range(0.02, 1.2, "rad")] = 0.35
@@ -48,10 +49,10 @@ class FinGains(NamedTuple):
 
 
 class FinController(CascadedController):
-    """Turns a `VelocityCommand` into a wrench without sway and heave force, one call a control period.
+    """Cascade from a `VelocityCommand` to a wrench without sway and heave force, one call a control period.
 
     `inertia` as for a CascadedController. Sway commands are not served. Going astern is: fins then work the other
-    way round, which `FinAllocator` knows.
+    way round, which `FinAllocator` takes into account.
     """
 
     def __init__(self, gains: Gains, fins: FinGains, inertia: Wrench) -> None:
@@ -60,14 +61,14 @@ class FinController(CascadedController):
         self._trim = self._pitch = 0.0
 
     def reset(self) -> None:
-        """Forget all integrals: for taking over from a pause or from another controller."""
+        """Reset all integrals, after a pause or a change of controller."""
         super().reset()
         self._trim = self._pitch = 0.0
 
     def update(
         self, command: VelocityCommand, navigation: Navigation, dt: float, residual: Wrench = NO_RESIDUAL
     ) -> Wrench:
-        """The wrench (X in N; K, M, N in N m; along FRD; Y and Z 0) for the next `dt` seconds, `dt` > 0.
+        """Return the wrench (X in N; K, M, N in N m; along FRD; Y and Z 0) for the next `dt` seconds, `dt` > 0.
 
         `residual` is what thrusters and fins could not deliver of the last wrench.
         """
@@ -83,7 +84,7 @@ class FinController(CascadedController):
         return least if moves and -least < command.surge < least else command.surge
 
     def _pitch_for(self, command: VelocityCommand, navigation: Navigation, dt: float) -> float:
-        """The pitch (rad) at which going ahead makes the heave that is asked for."""
+        """Return the pitch (rad) at which moving ahead makes the commanded heave."""
         limit, climb, least = self._fins
         heave = command.heave
         if command.depth is not None:
@@ -98,7 +99,7 @@ class FinController(CascadedController):
 
 
 class FinAllocator:
-    """Shares moments among n fins.
+    """Distribute moments over n fins.
 
     `matrix` has 6 rows (X Y Z K M N along FRD) and n columns: the wrench of 1 rad of each fin at 1 m/s, in N and N m.
     `limits` are the n greatest deflections in rad. Below `least_speed` m/s deflections are those of that speed. When a
@@ -110,13 +111,16 @@ class FinAllocator:
         self._least = least_speed * least_speed
 
     def allocate(self, wrench: Wrench, speed: float) -> tuple[list[float], Wrench]:
-        """The n deflections (rad) for the moments of `wrench` at `speed` m/s ahead, and what they fall short of it.
+        """Return the n deflections (rad) for the moments of `wrench` at `speed` m/s ahead, and the residual moments.
 
-        What side force and heave the fins make does not count: it comes along.
+        The side force and heave of the fins are not part of it.
         """
         pressure = copysign(max(speed * speed, self._least), speed)
         x, _, _, *moments = wrench
-        asked = [moment / pressure for moment in moments]
-        angles, lack = self._allocator.allocate((0.0, 0.0, 0.0, *asked))
-        left = [pressure * b if abs(b) > _ROUNDING * abs(a) else 0.0 for a, b in zip(asked, lack[3:], strict=True)]
+        coefficients = [moment / pressure for moment in moments]
+        angles, residual = self._allocator.allocate((0.0, 0.0, 0.0, *coefficients))
+        left = [
+            pressure * b if abs(b) > _ROUNDING * abs(a) else 0.0
+            for a, b in zip(coefficients, residual[3:], strict=True)
+        ]
         return angles, (x, 0.0, 0.0, left[0], left[1], left[2])

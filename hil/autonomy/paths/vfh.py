@@ -1,4 +1,4 @@
-"""Steering clear of what a scan shows: the vector field histogram, VFH+.
+"""Obstacle avoidance from scans: the vector field histogram VFH+.
 
 Ulrich & Borenstein, "VFH+: Reliable Obstacle Avoidance for Fast Mobile Robots", ICRA 1998: obstacles widened by the
 vehicle's size fill sectors around it; two thresholds keep a sector's state from flickering; directions that the
@@ -17,12 +17,12 @@ from collections.abc import Sequence
 from math import asin, ceil, cos, floor, hypot, inf, isfinite, pi, sin
 from typing import Annotated, NamedTuple
 
-from hil.autonomy.control import VelocityCommand, wrap
-from hil.schema import Range
+from hil.autonomy.control.controller import VelocityCommand, wrap
+from hil.common.schema import Range
 
 
 class Scan(NamedTuple):
-    """What a scanning laser or sonar saw: distances in m, at angles `first`, `first` + `step`, ... rad from the bow.
+    """A scan of a laser or sonar: distances in m, at angles `first`, `first` + `step`, ... rad from the bow.
 
     A distance that is not finite or not above 0 means that nothing came back.
     """
@@ -32,7 +32,7 @@ class Scan(NamedTuple):
     ranges: Sequence[float]
 
     def points(self) -> list[tuple[float, float]]:
-        """Angle and distance of every echo."""
+        """Yield angle and distance of every echo."""
         return [
             (self.first + number * self.step, distance)
             for number, distance in enumerate(self.ranges)
@@ -61,15 +61,15 @@ class VfhSettings(NamedTuple):
     heading_weight: Annotated[float, Range(0.0, 100.0)] = 2.0
     last_weight: Annotated[float, Range(0.0, 100.0)] = 2.0
 
-    def problem(self) -> str | None:
-        """What is wrong between the keys, if anything."""
+    def validate(self) -> str | None:
+        """Return what is wrong between the keys, or None."""
         if not self.radius + self.safety < self.block_within <= self.free_beyond <= self.range:
             return "radius + safety, block_within, free_beyond and range must grow in this order"
         return None
 
 
 class Vfh:
-    """The direction to go, scan by scan.
+    """Choose the direction of travel, scan by scan.
 
     `density` (0 to 1), `blocked` and `masked` tell of each sector, sector k being centred on k x 2 pi / `sectors`
     from north. What is out of the scan's sight keeps its state.
@@ -81,11 +81,11 @@ class Vfh:
         self.masked = [False] * settings.sectors
         self._settings = settings
         self._width = 2.0 * pi / settings.sectors
-        self._berth = settings.radius + settings.safety
+        self._clearance = settings.radius + settings.safety
         self._last: float | None = None
 
     def steer(self, scan: Scan, heading: float, target: float, reach: float = inf) -> float | None:
-        """The free heading (rad) that leads best to the heading `target`; None if there is none.
+        """Return the free heading (rad) that leads best to the heading `target`; None if there is none.
 
         `heading` is the vehicle's own, rad. What is farther away than `reach` m, beyond the goal, does not count.
         """
@@ -105,10 +105,10 @@ class Vfh:
     def command(
         self, scan: Scan, heading: float, target: float, speed: float, max_yaw_rate: float = 0.5, reach: float = inf
     ) -> VelocityCommand:
-        """As `steer`, and the command that does it: at most `speed` m/s ahead and `max_yaw_rate` rad/s.
+        """Return the command for the heading of `steer`: at most `speed` m/s ahead and `max_yaw_rate` rad/s.
 
         The speed falls with the cosine of the turn to make, and evenly with the free water straight ahead from
-        `block_within` down to nothing at the berth of radius and safety. Without a free heading the vehicle
+        `block_within` down to nothing at the distance of radius and safety. Without a free heading the vehicle
         turns on the spot towards its target, to look for one.
         """
         free = self.steer(scan, heading, target, reach)
@@ -116,23 +116,23 @@ class Vfh:
         turn = min(max(error, -max_yaw_rate), max_yaw_rate)  # a gain of 1/s
         if free is None:
             return VelocityCommand(yaw_rate=turn)
-        room = (self._ahead(scan) - self._berth) / (self._settings.block_within - self._berth)
+        room = (self._ahead(scan) - self._clearance) / (self._settings.block_within - self._clearance)
         return VelocityCommand(surge=speed * max(0.0, cos(error)) * min(1.0, max(0.0, room)), yaw_rate=turn)
 
     def _fill(self, scan: Scan, echoes: list[tuple[float, float]], heading: float) -> None:
-        """The polar histogram: for each sector in sight the magnitude of the nearest obstacle, widened."""
+        """Return the polar histogram: for each visible sector the magnitude of the nearest obstacle, widened."""
         half = 0.5 * abs(scan.step)
         ends = sorted((scan.first, scan.first + scan.step * (len(scan.ranges) - 1)))
         for sector in self._between(heading + ends[0] - half, heading + ends[1] + half):
             self.density[sector] = 0.0
         for angle, distance in echoes:
-            spread = asin(self._berth / distance) if distance > self._berth else pi / 2.0
+            spread = asin(self._clearance / distance) if distance > self._clearance else pi / 2.0
             magnitude = 1.0 - (distance / self._settings.range) ** 2
             for sector in self._between(heading + angle - spread, heading + angle + spread):
                 self.density[sector] = max(self.density[sector], magnitude)
 
     def _between(self, low: float, high: float) -> list[int]:
-        """The sectors whose middle lies between two headings, `low` below `high`."""
+        """Return the sectors whose centre lies between two headings, `low` below `high`."""
         count = self._settings.sectors
         first, last = ceil(low / self._width), floor(high / self._width)
         return [sector % count for sector in range(first, min(last, first + count - 1) + 1)]
@@ -148,13 +148,13 @@ class Vfh:
         for angle, distance in echoes if circle else ():
             angle = wrap(angle)
             side = circle if angle > 0.0 else -circle
-            if hypot(distance * cos(angle), distance * sin(angle) - side) < circle + self._berth:
+            if hypot(distance * cos(angle), distance * sin(angle) - side) < circle + self._clearance:
                 port, starboard = (port, min(starboard, angle)) if angle > 0.0 else (max(port, angle), starboard)
         turns = [wrap(sector * self._width - heading) for sector in range(self._settings.sectors)]
         self.masked = [not port <= turn <= starboard for turn in turns]
 
     def _candidates(self, target: float) -> list[float]:
-        """The headings worth a thought: through the middle of narrow openings, along the sides of wide ones."""
+        """Return the candidate headings: through the middle of narrow openings, along the sides of wide ones."""
         closed = [blocked or masked for blocked, masked in zip(self.blocked, self.masked, strict=True)]
         if not any(closed):
             return [target]
@@ -180,13 +180,13 @@ class Vfh:
         )
 
     def _ahead(self, scan: Scan) -> float:
-        """How far (m) the vehicle could go straight on before an obstacle is abeam of its berth's side."""
-        ahead = [d * cos(angle) for angle, d in scan.points() if abs(d * sin(angle)) < self._berth]
+        """Return how far (m) the vehicle can go straight on before an obstacle is abeam within the safety distance."""
+        ahead = [d * cos(angle) for angle, d in scan.points() if abs(d * sin(angle)) < self._clearance]
         return min((distance for distance in ahead if distance > 0.0), default=inf)
 
 
 def _openings(closed: list[bool]) -> list[tuple[int, int]]:
-    """First sector and number of sectors of every run of open ones, all round; at least one is closed."""
+    """Return first sector and number of sectors of every run of open ones, all round; at least one is closed."""
     count, start = len(closed), closed.index(True)
     runs: list[tuple[int, int]] = []
     for step in range(1, count):

@@ -1,4 +1,4 @@
-"""What a model-based controller knows of its vehicle: inertia, drag, weight and lift, after Fossen's model.
+"""Vehicle model of a model-based controller: inertia, drag, weight and lift, after Fossen's model.
 
 M nu' + C(nu) nu + D(nu) nu + g(orientation) = wrench of the thrusters (Fossen 2021, "Handbook of Marine Craft
 Hydrodynamics and Motion Control", eq. 6.1). Currents are not known here, and coupling between the axes is
@@ -7,15 +7,16 @@ left out of damping and inertia.
 
 from typing import NamedTuple
 
-from hil.autonomy.control import ABSURD, Navigation, Quaternion, Vector3, Wrench, down_in_body
+from hil.autonomy.control.controller import ABSURD, Navigation, Quaternion, Vector3, Wrench, down_in_body
 
 
 class Plant(NamedTuple):
-    """A vehicle's model about its body origin, along FRD; surge, sway, heave, roll, pitch, yaw.
+    """Model of a vehicle about its body origin, along FRD; surge, sway, heave, roll, pitch, yaw.
 
     `inertia` is the diagonal of rigid-body plus added mass, kg and kg m²; `linear_damping` N s/m and N m s,
     `quadratic_damping` N s²/m² and N m s², positive where they brake; `weight` and `buoyancy` in N act at
-    `center_of_gravity` and `center_of_buoyancy`, m.
+    `center_of_gravity` and `center_of_buoyancy`, m. `moved_water` is the part of the first three of `inertia` that is
+    added mass, `munk_share` what is left of its Munk moment about roll, pitch and yaw (sim/dynamics.py).
     """
 
     inertia: Wrench
@@ -25,9 +26,11 @@ class Plant(NamedTuple):
     buoyancy: float
     center_of_gravity: Vector3 = (0.0, 0.0, 0.0)
     center_of_buoyancy: Vector3 = (0.0, 0.0, 0.0)
+    moved_water: Vector3 = (0.0, 0.0, 0.0)
+    munk_share: Vector3 = (1.0, 1.0, 1.0)
 
     def load(self, navigation: Navigation, reference: Wrench) -> Wrench:
-        """The wrench (N, N m) that holds `reference` (m/s, rad/s) up against drag, weight, lift and turning.
+        """Return the wrench (N, N m) that holds `reference` (m/s, rad/s) against drag, weight, lift and turning.
 
         Drag is that of the present speed times the reference, D(nu) nu_ref, which leaves the water's own damping
         of an error in place (Slotine & Li 1991, "Applied Nonlinear Control", section 9.2).
@@ -48,22 +51,27 @@ class Plant(NamedTuple):
         return x, y, z, k, m, n
 
     def restoring(self, orientation: Quaternion) -> Wrench:
-        """The wrench (N, N m) that balances weight and buoyancy at this orientation (Fossen 2021, eq. 4.6)."""
+        """Return the wrench (N, N m) that balances weight and buoyancy at this orientation (Fossen 2021, eq. 4.6)."""
         x, y, z = down_in_body(orientation)
         gravity, buoyancy = self.center_of_gravity, self.center_of_buoyancy
         a, b, c = (self.weight * g - self.buoyancy * f for g, f in zip(gravity, buoyancy, strict=True))
-        heavy = self.weight - self.buoyancy
-        return -heavy * x, -heavy * y, -heavy * z, c * y - b * z, a * z - c * x, b * x - a * y
+        excess = self.weight - self.buoyancy
+        return -excess * x, -excess * y, -excess * z, c * y - b * z, a * z - c * x, b * x - a * y
 
     def coriolis(self, nu: Wrench) -> Wrench:
-        """C(nu) nu (N, N m) of a diagonal inertia: what keeps a turning body on its way (Fossen 2021, eq. 3.46)."""
+        """Return C(nu) nu (N, N m) of a diagonal inertia (Fossen 2021, eq. 3.46).
+
+        Less the part of the Munk moment that is not left, and the forces that go with it.
+        """
         u, v, w, p, q, r = nu
         x, y, z, k, m, n = (mass * speed for mass, speed in zip(self.inertia, nu, strict=True))
+        a, b, c = (mass * speed for mass, speed in zip(self.moved_water, (u, v, w), strict=True))
+        lost_k, lost_m, lost_n = (1.0 - share for share in self.munk_share)
         return (
-            q * z - r * y,
-            r * x - p * z,
-            p * y - q * x,
-            v * z - w * y + q * n - r * m,
-            w * x - u * z + r * k - p * n,
-            u * y - v * x + p * m - q * k,
+            q * (z - lost_m * c) - r * (y - lost_n * b),
+            r * (x - lost_n * a) - p * (z - lost_k * c),
+            p * (y - lost_k * b) - q * (x - lost_m * a),
+            v * (z - lost_k * c) - w * (y - lost_k * b) + q * n - r * m,
+            w * (x - lost_m * a) - u * (z - lost_m * c) + r * k - p * n,
+            u * (y - lost_n * b) - v * (x - lost_n * a) + p * m - q * k,
         )

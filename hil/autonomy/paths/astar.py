@@ -1,7 +1,7 @@
-"""The shortest way over an occupancy grid: A* with jump points, then the corners pulled tight.
+"""Shortest path on an occupancy grid: A* with jump-point search, and smoothing of the path.
 
 Moves go to the 8 neighbours at cost 1 and sqrt(2); a diagonal one needs both cells beside it free, so that
-no corner is cut. Of the many equally long ways A* would look at, jump-point search keeps one: diagonal moves
+no corner is cut. Of the many equally long paths A* would look at, jump-point search keeps one: diagonal moves
 first, and a turn only where an obstacle allows it (Harabor & Grastien, "Online graph pruning for pathfinding
 on grid maps", AAAI 2011; the variant without corner cutting, SoCS 2012). The next turn in the four straight
 directions is looked up in tables that numpy fills for the whole map at once.
@@ -16,15 +16,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.autonomy.occupancy import Cell, OccupancyGrid, Point
-from hil.errors import MissionError
+from hil.autonomy.paths.occupancy import Cell, OccupancyGrid, Point
+from hil.common.errors import MissionError
 
 # What a diagonal move saves against two straight ones.
 _SAVING = 2.0 - sqrt(2.0)
 # (rows, columns) of a move, all round from the east over the north: even ones straight, odd ones diagonal.
 _DIRECTIONS = ((0, 1), (1, 1), (1, 0), (1, -1), (0, -1), (-1, -1), (-1, 0), (-1, 1))
 ALL_DIRECTIONS = tuple(range(8))
-# How a way may go on after a move: a straight one up to a right angle, a diagonal one up to half of it.
+# How a path may go on after a move: a straight one up to a right angle, a diagonal one up to half of it.
 _ONWARD = [tuple((d + turn) % 8 for turn in (range(-1, 2) if d % 2 else range(-2, 3))) for d in range(8)]
 # The map as a move to the east, north, west or south sees it: going to growing columns.
 _VIEWS: tuple[Callable[[NDArray[Any]], NDArray[Any]], ...] = (
@@ -36,36 +36,36 @@ _VIEWS: tuple[Callable[[NDArray[Any]], NDArray[Any]], ...] = (
 
 
 def plan(grid: OccupancyGrid, start: Point, goal: Point) -> list[Point]:
-    """The shortest 8-connected way from `start` to `goal` (m north, m east), as the points where it turns.
+    """Return the shortest 8-connected path from `start` to `goal` (m north, m east), as the points where it turns.
 
     It leads over centres of cells; `start` and `goal` themselves are its ends. Vehicle size is not
     modelled: inflate the grid. Raises MissionError if an end is off the map or in an obstacle (naming the
-    nearest free point) or if no way exists.
+    nearest free point) or if no path exists.
     """
     check_ends(grid, start, goal)
     cells = _search(~grid.cells, grid.cell(start), grid.cell(goal))
     if cells is None:
-        raise no_way(start, goal)
+        raise no_path_error(start, goal)
     return without_repeats([start, *map(grid.centre, cells), goal])
 
 
 def smooth(grid: OccupancyGrid, path: Sequence[Point]) -> list[Point]:
-    """`path` with every detour left out that a straight line over free cells can replace.
+    """Return `path` without the detours that a straight line over free cells can replace.
 
     From each point the line goes as far along the path as can be seen; the result is short, not shortest.
     The ends stay.
     """
     points = _densify(path, grid.resolution)
-    kept, here = points[:1], 0
+    smoothed, here = points[:1], 0
     while here < len(points) - 1:
         here = _last_seen(grid, points, here)
-        kept.append(points[here])
-    return kept
+        smoothed.append(points[here])
+    return smoothed
 
 
 def _last_seen(grid: OccupancyGrid, points: list[Point], here: int) -> int:
-    """A point that can be seen from `here` while the one after it cannot: by doubling, then by halving."""
-    seen, unseen = here + 1, len(points)  # the next point is on the path: it needs no look
+    """Return a point that can be seen from `here` while the one after it cannot: by doubling, then by halving."""
+    seen, unseen = here + 1, len(points)  # the next point is on the path: it needs no check
     while unseen - seen > 1:
         looked_for = min(2 * seen - here, unseen - 1) if unseen == len(points) else (seen + unseen) // 2
         if grid.line_is_free(points[here], points[looked_for]):
@@ -76,23 +76,23 @@ def _last_seen(grid: OccupancyGrid, points: list[Point], here: int) -> int:
 
 
 def path_length(path: Sequence[Point]) -> float:
-    """The length of a way in m."""
+    """Return the length of a path in m."""
     return sum(hypot(b[0] - a[0], b[1] - a[1]) for a, b in pairwise(path))
 
 
 def check_ends(grid: OccupancyGrid, start: Point, goal: Point) -> None:
-    """Raise MissionError if an end of a way is off the map or in an obstacle, naming the nearest free point."""
+    """Raise MissionError if an end of a path is off the map or in an obstacle, naming the nearest free point."""
     _check(grid, start, "start")
     _check(grid, goal, "goal")
 
 
-def no_way(start: Point, goal: Point) -> MissionError:
-    """The error to raise when no way from `start` to `goal` exists."""
-    return MissionError(f"no way from {_text(start)} to {_text(goal)}: obstacles part them; try a smaller inflation")
+def no_path_error(start: Point, goal: Point) -> MissionError:
+    """Return the error to raise when no path from `start` to `goal` exists."""
+    return MissionError(f"no path from {_text(start)} to {_text(goal)}: obstacles part them; try a smaller inflation")
 
 
 def without_repeats(points: list[Point]) -> list[Point]:
-    """`points` without those that equal the one before."""
+    """Return `points` without those that equal the one before."""
     return [points[0], *(b for a, b in pairwise(points) if a != b)]
 
 
@@ -121,7 +121,7 @@ def _densify(path: Sequence[Point], step: float) -> list[Point]:
 
 
 def _search(free: NDArray[np.bool_], start: Cell, goal: Cell) -> list[Cell] | None:
-    """The cells of a shortest way where it turns or might, ends included; None if there is no way."""
+    """Return the cells of a shortest path where it turns or might, ends included; None if there is no path."""
     jumps = Jumps(free, goal)
     source, target, width = jumps.index(start), jumps.index(goal), jumps.width
     costs, parents = {source: 0.0}, {source: source}
@@ -145,7 +145,7 @@ def _search(free: NDArray[np.bool_], start: Cell, goal: Cell) -> list[Cell] | No
 
 
 def _octile(a: int, b: int, width: int) -> float:
-    """The length, in cells, of the shortest way from `a` to `b` without obstacles."""
+    """Return the length, in cells, of the shortest path from `a` to `b` without obstacles."""
     row, column = divmod(a, width)
     other_row, other_column = divmod(b, width)
     rows, columns = abs(row - other_row), abs(column - other_column)
@@ -153,19 +153,19 @@ def _octile(a: int, b: int, width: int) -> float:
 
 
 def trace(parents: dict[int, int], cell: int) -> list[int]:
-    """The cells from the start to `cell`."""
-    way = [cell]
+    """Return the cells from the start to `cell`."""
+    path = [cell]
     while parents[cell] != cell:
         cell = parents[cell]
-        way.append(cell)
-    return way[::-1]
+        path.append(cell)
+    return path[::-1]
 
 
 class Jumps:
-    """Where a move in one direction ends: at the next cell where a shortest way may turn, or at the goal.
+    """End of a move in one direction: the next cell where a shortest path may turn, or the goal.
 
-    Cells are numbered row by row on the map with a wall of one cell around it, so that no move needs to ask
-    for the edge; 0 (a cell of the wall) stands for "nowhere".
+    Cells are numbered row by row on the map with a border of one occupied cell, so that no move needs to check
+    for the edge; 0 (a cell of the border) stands for "nowhere".
     """
 
     def __init__(self, free: NDArray[np.bool_], goal: Cell) -> None:
@@ -186,16 +186,16 @@ class Jumps:
             self._diagonal.append((rows * self.width + columns, passable.tobytes(), *beside))
 
     def index(self, cell: Cell) -> int:
-        """The number of a cell of the map."""
+        """Return the number of a cell of the map."""
         return (cell[0] + 1) * self.width + cell[1] + 1
 
     def cell(self, index: int) -> Cell:
-        """The cell with this number."""
+        """Return the cell with this number."""
         row, column = divmod(index, self.width)
         return row - 1, column - 1
 
     def next(self, cell: int, direction: int) -> int:
-        """The end of a move from `cell`."""
+        """Return the end of a move from `cell`."""
         if direction % 2 == 0:
             return self._straight[direction // 2][cell]
         step, passable, first, second = self._diagonal[direction // 2]
@@ -208,9 +208,9 @@ class Jumps:
 
 
 def _next_turns(free: NDArray[np.bool_], index: NDArray[np.int32], goal: int) -> NDArray[np.int32]:
-    """For moves to growing columns: the next cell of each row where a way may turn, 0 where a wall comes first.
+    """Return, for moves to growing columns, each row's next cell where a path may turn, 0 if blocked before.
 
-    A way turns beside an obstacle it has just passed: where the neighbour is free and the one behind it is not.
+    A path turns beside an obstacle it has just passed: where the neighbour is free and the one behind it is not.
     """
     wall = ~free
     opening = [_ahead(free, side, 0) & _ahead(wall, side, -1) for side in (-1, 1)]
@@ -224,5 +224,5 @@ def _next_turns(free: NDArray[np.bool_], index: NDArray[np.int32], goal: int) ->
 
 
 def _ahead(cells: NDArray[np.bool_], rows: int, columns: int) -> NDArray[np.bool_]:
-    """The cells so many rows and columns further on; what wraps round lies in the wall."""
+    """Return the cells this many rows and columns further; what wraps round lies in the border."""
     return np.roll(cells, (-rows, -columns), axis=(0, 1))

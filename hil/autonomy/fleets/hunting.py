@@ -1,8 +1,9 @@
-"""Hunting: a formation approaches a target, opens into a ring around it, and it is judged by numbers.
+"""Target hunting by a fleet: the formation approaches a target and closes a ring around it.
 
 All is agreed on before the dive in one `HuntPlan`: where each vehicle's place is at any time of the plan. Then every
 vehicle is by itself (`Hunter`): it has its own reading of the plan's clock and slows it while it lags behind its place
-or a neighbour it hears is late (formation feedback: Ren & Beard, Journal of Guidance, Control, and Dynamics 27, 2004).
+or a neighbour reports that it is late (formation feedback: Ren & Beard, Journal of Guidance, Control, and Dynamics
+27, 2004).
 Opening goes by bearing and distance from the target, which keeps the vehicles in order round it: no two places meet,
 and none leads through the target.
 
@@ -14,9 +15,9 @@ from itertools import pairwise
 from math import atan2, cos, dist, inf, pi, sin
 from typing import NamedTuple
 
-from hil.autonomy.control import VelocityCommand, wrap
-from hil.autonomy.formation import Body, FieldSettings, Vector, formation_error, resultant, separation
-from hil.errors import MissionError
+from hil.autonomy.control.controller import VelocityCommand, wrap
+from hil.autonomy.fleets.formation import Body, FieldSettings, Vector, formation_error, resultant, separation
+from hil.common.errors import MissionError
 
 # The source paper's starts, its x and y taken as north and east.
 FORMATIONS: dict[str, tuple[Vector, ...]] = {
@@ -33,7 +34,7 @@ _TINY = 1e-3  # s, for velocities by differences
 
 
 class HuntPlan:
-    """Where each place is, by the plan's clock (s).
+    """Plan of a hunt: each vehicle's place, by the plan's clock (s).
 
     From `starts` the formation goes towards `target` as it is, then opens into a ring of `ring` m. `speed` m/s
     is the vehicles' top speed. `approach` and `duration` are when the ring begins and is closed, in s. Raises
@@ -47,24 +48,24 @@ class HuntPlan:
             raise MissionError(f"a vehicle starts within {_KEEP_OFF * ring:.1f} m of the target; lessen the ring")
         self.starts, self.target, self.ring = tuple(starts), target, ring
         centre = sum(p[0] for p in starts) / len(starts), sum(p[1] for p in starts) / len(starts)
-        self._way = self._advance(centre)
+        self._advance_vector = self._advance(centre)
         back = atan2(centre[1] - target[1], centre[0] - target[0])
-        polar = (_polar(target, (p[0] + self._way[0], p[1] + self._way[1])) for p in starts)
+        polar = (_polar(target, (p[0] + self._advance_vector[0], p[1] + self._advance_vector[1])) for p in starts)
         self._polar = [(distance, back + wrap(bearing - back)) for distance, bearing in polar]
         self._bearings = _spread([bearing for _, bearing in self._polar])
         longest = max(
             abs(distance - ring) + distance * abs(end - bearing)
             for (distance, bearing), end in zip(self._polar, self._bearings, strict=True)
         )
-        self.approach = dist((0.0, 0.0), self._way) / (_PACE * speed)
+        self.approach = dist((0.0, 0.0), self._advance_vector) / (_PACE * speed)
         self.duration = self.approach + longest / (_PACE * speed)
 
     def place(self, number: int, clock: float) -> Vector:
-        """Where vehicle `number` should be when the plan's clock shows `clock` s."""
+        """Return where vehicle `number` should be when the plan's clock shows `clock` s."""
         if clock < self.approach:
             share = max(0.0, clock) / self.approach
             north, east = self.starts[number]
-            return north + share * self._way[0], east + share * self._way[1]
+            return north + share * self._advance_vector[0], east + share * self._advance_vector[1]
         share = min(1.0, (clock - self.approach) / (self.duration - self.approach))
         distance, bearing = self._polar[number]
         distance += share * (self.ring - distance)
@@ -72,68 +73,69 @@ class HuntPlan:
         return self.target[0] + distance * cos(bearing), self.target[1] + distance * sin(bearing)
 
     def velocity(self, number: int, clock: float) -> Vector:
-        """How fast that place moves, m/s for each second of the plan."""
+        """Return the velocity of that place, m/s for each second of the plan."""
         before, after = self.place(number, clock - _TINY), self.place(number, clock + _TINY)
         return (after[0] - before[0]) / (2.0 * _TINY), (after[1] - before[1]) / (2.0 * _TINY)
 
     def _advance(self, centre: Vector) -> Vector:
-        """How far the formation goes as it is: until its first place is near the ring."""
+        """Return how far the formation moves unchanged: until its first place is near the ring."""
         north, east = self.target[0] - centre[0], self.target[1] - centre[1]
-        way = 0.0, 0.0
+        advance = 0.0, 0.0
         for percent in range(1, 101):
             on = 0.01 * percent * north, 0.01 * percent * east
             if any(dist((p[0] + on[0], p[1] + on[1]), self.target) < _KEEP_OFF * self.ring for p in self.starts):
                 break
-            way = on
-        return way
+            advance = on
+        return advance
 
 
 class Report(NamedTuple):
-    """What is known of a neighbour: its position (m north, m east), its plan's clock (s), whether to stay in touch."""
+    """State of a neighbour: position (m north, m east), its plan's clock (s), whether to stay in range of it."""
 
     position: Vector
     clock: float
-    kept: bool = True
+    stays_in_range: bool = True
 
 
 class Hunter:
-    """One vehicle of a hunt: vehicle `number` of the `plan`.
+    """Controller of one vehicle of a hunt: vehicle `number` of the `plan`.
 
-    `berth` m: how near the middles of two vehicles may come. `clock` is its reading of the plan's clock, s.
+    `min_separation` m: the least distance between the centres of two vehicles. `clock`: its reading of the plan's
+    clock, s.
     """
 
-    def __init__(self, plan: HuntPlan, number: int, settings: FieldSettings, berth: float) -> None:
+    def __init__(self, plan: HuntPlan, number: int, settings: FieldSettings, min_separation: float) -> None:
         self.clock = 0.0
         self._plan = plan
         self._number = number
         self._settings = settings
-        self._berth = berth
+        self._min_separation = min_separation
 
     def update(self, position: Vector, reports: Sequence[Report], dt: float) -> Vector:
-        """The velocity (m/s) wanted at `position`, `dt` s after the last call.
+        """Return the wanted velocity (m/s) at `position`, `dt` s after the last call.
 
         `reports` are those of other vehicles; what comes from beyond the range of communication is ignored. With a
         `dt` of 0 the clock stands, and the vehicle stays where its place is.
         """
-        heard = [r for r in reports if dist(r.position, position) < self._settings.communication_range]
+        in_range = [r for r in reports if dist(r.position, position) < self._settings.communication_range]
         lag = dist(position, self._plan.place(self._number, self.clock)) / _LAG
         pace = 1.0 / (1.0 + lag * lag)
-        held = _WAIT * sum(max(0.0, self.clock - report.clock) for report in heard)
+        slowdown = _WAIT * sum(max(0.0, self.clock - report.clock) for report in in_range)
         before = self.clock
-        self.clock = min(before + dt * max(0.0, pace - held), self._plan.duration)
+        self.clock = min(before + dt * max(0.0, pace - slowdown), self._plan.duration)
         rate = (self.clock - before) / dt if dt > 0.0 else 0.0
         north, east = self._plan.velocity(self._number, self.clock)
         return resultant(
             position,
             self._plan.place(self._number, self.clock),
             (rate * north, rate * east),
-            [Body(report.position, self._berth, report.kept) for report in heard],
-            [Body(self._plan.target, self._berth)],
+            [Body(report.position, self._min_separation, report.stays_in_range) for report in in_range],
+            [Body(self._plan.target, self._min_separation)],
             self._settings,
         )
 
     def command(self, position: Vector, heading: float, reports: Sequence[Report], dt: float) -> VelocityCommand:
-        """As `update`, for a vehicle that can move sideways: it turns its bow (`heading` rad) to the target."""
+        """Return the command for the velocity of `update`; the vehicle turns its bow (`heading` rad) to the target."""
         north, east = self.update(position, reports, dt)
         target = self._plan.target
         error = wrap(atan2(target[1] - position[1], target[0] - position[0]) - heading)
@@ -144,9 +146,9 @@ class Hunter:
 
 
 class Criteria(NamedTuple):
-    """When a hunt has succeeded.
+    """Success criteria of a hunt.
 
-    Over the whole hunt no two middles nearer than `separation` m; during the approach the formation kept to
+    Over the whole hunt no two centres nearer than `separation` m; during the approach the formation kept to
     `formation` m; at the end everyone within `ring` of the ring, as a share of its radius, no gap between neighbours
     as seen from the target above `gap` rad, and neighbours' spacing right to a share of `spacing`.
     """
@@ -159,7 +161,7 @@ class Criteria(NamedTuple):
 
 
 class Judgement(NamedTuple):
-    """What came out, in the criteria's units, and whether all of them hold. `failures` names those that do not."""
+    """Results of a hunt, in the criteria's units. `failures` names the criteria that are not met."""
 
     separation: float
     formation_error: float
@@ -170,12 +172,12 @@ class Judgement(NamedTuple):
 
     @property
     def success(self) -> bool:
-        """Whether nothing failed."""
+        """Whether all criteria are met."""
         return not self.failures
 
 
 class Referee:
-    """Watches where the vehicles truly are, and judges."""
+    """Evaluate the true positions of the vehicles against the criteria."""
 
     def __init__(self, plan: HuntPlan, criteria: Criteria) -> None:
         self._plan = plan
@@ -184,13 +186,13 @@ class Referee:
         self._formation_error = 0.0
 
     def watch(self, positions: Sequence[Vector], clock: float) -> None:
-        """Take in all positions at one time; `clock` is the fastest vehicle's, s."""
+        """Record all positions at one time; `clock` is the fastest vehicle's, s."""
         self._separation = min(self._separation, separation(positions))
         if clock < self._plan.approach:
             self._formation_error = max(self._formation_error, formation_error(positions, self._plan.starts))
 
     def judge(self, positions: Sequence[Vector]) -> Judgement:
-        """The judgement with the vehicles at their last positions."""
+        """Return the judgement with the vehicles at their last positions."""
         plan, criteria = self._plan, self._criteria
         polar = sorted((_polar(plan.target, position) for position in positions), key=lambda p: p[1])
         ring_error = max(abs(distance - plan.ring) for distance, _ in polar)
@@ -201,18 +203,18 @@ class Referee:
         found = self._separation, self._formation_error, ring_error, max(gaps), spacing_error
         most = criteria._replace(ring=criteria.ring * plan.ring)
         within = [value <= limit for value, limit in zip(found[1:], most[1:], strict=True)]
-        kept = found[0] > criteria.separation, *within
-        failures = tuple(name for name, ok in zip(Criteria._fields, kept, strict=True) if not ok)
+        met = found[0] > criteria.separation, *within
+        failures = tuple(name for name, ok in zip(Criteria._fields, met, strict=True) if not ok)
         return Judgement(*found, failures)
 
 
 def _polar(target: Vector, position: Vector) -> tuple[float, float]:
-    """Distance and bearing of `position` from `target`."""
+    """Return distance and bearing of `position` from `target`."""
     return dist(target, position), atan2(position[1] - target[1], position[0] - target[0])
 
 
 def _spread(bearings: Sequence[float]) -> list[float]:
-    """Bearings evenly round the target, in the order of `bearings` and all in all as near to them as can be."""
+    """Return bearings evenly round the target, in the order of `bearings` and as near to them as possible."""
     apart = 2.0 * pi / len(bearings)
     order = sorted(range(len(bearings)), key=lambda number: bearings[number])
     rank = {number: place for place, number in enumerate(order)}

@@ -1,4 +1,4 @@
-"""Sliding mode with a boundary layer: a model for what is known, a bounded push for what is not.
+"""Sliding mode control law with a boundary layer, on a model of the vehicle.
 
 On each axis with the velocity error e = nu - wanted and its integral E the surface is s = e + slide E, and
 
@@ -14,7 +14,7 @@ never winds up. The outer loops, to depth, heading and level, are those of the c
 from math import inf
 from typing import Annotated, ClassVar, NamedTuple
 
-from hil.autonomy.control import (
+from hil.autonomy.control.controller import (
     ABSURD,
     NO_RESIDUAL,
     Gains,
@@ -24,14 +24,14 @@ from hil.autonomy.control import (
     clamp,
     velocity_targets,
 )
-from hil.autonomy.plant import Plant
-from hil.schema import Range
+from hil.autonomy.control.model import Plant
+from hil.common.schema import Range
 
 _ROUNDING = 1e-6  # N, N m
 
 
 class Surface(NamedTuple):
-    """One axis: `strength` in m/s² (rad/s²), `layer` in m/s (rad/s), `slide` in 1/s.
+    """Sliding surface of one axis: `strength` in m/s² (rad/s²), `layer` in m/s (rad/s), `slide` in 1/s.
 
     Within the layer it is a PI law of gain strength / layer + slide, which the thrusters' lag limits. `limit` (m/s²,
     rad/s²) is the most that the wrench may be over the inertia, `slew` (m/s³, rad/s³) the fastest change of what comes
@@ -57,7 +57,7 @@ class SlidingSettings(NamedTuple):
 
 
 class SlidingMode:
-    """A `Controller` (hil/autonomy/families.py) for a vehicle like `plant`, moved as `settings` say.
+    """A `Controller` (hil/autonomy/control/families.py) for a vehicle like `plant`, with `settings`.
 
     `gains` are those of the outer loops. Not modelled: the thrusters' lag, currents, coupling of the axes by mass.
     """
@@ -71,22 +71,22 @@ class SlidingMode:
         self._axes = [_Axis(surface) for surface in settings]
 
     def reset(self) -> None:
-        """Forget all integrals: for taking over from a pause or from another controller."""
+        """Reset all integrals, after a pause or a change of controller."""
         for axis in self._axes:
             axis.reset()
 
     def update(
         self, command: VelocityCommand, navigation: Navigation, dt: float, residual: Wrench = NO_RESIDUAL
     ) -> Wrench:
-        """The wrench (X, Y, Z in N; K, M, N in N m; along FRD) for the next `dt` seconds, `dt` > 0.
+        """Return the wrench (X, Y, Z in N; K, M, N in N m; along FRD) for the next `dt` seconds, `dt` > 0.
 
-        `residual` is what the allocator could not deliver of the last wrench (asked minus delivered).
+        `residual` is what the allocator could not deliver of the last wrench (commanded minus delivered).
         """
         targets = velocity_targets(command, navigation, self._gains)
         measured = navigation.velocity + navigation.angular_velocity
         pushes = [
-            axis.update(value - target, dt, lack)
-            for axis, value, target, lack in zip(self._axes, measured, targets, residual, strict=True)
+            axis.update(value - target, dt, axis_residual)
+            for axis, value, target, axis_residual in zip(self._axes, measured, targets, residual, strict=True)
         ]
         u, v, w, p, q, r = (axis.reference(target) for axis, target in zip(self._axes, targets, strict=True))
         load = self._plant.load(navigation, (u, v, w, p, q, r))
@@ -98,7 +98,7 @@ class SlidingMode:
 
 
 class _Axis:
-    """The law of one axis; accelerations in m/s² or rad/s²."""
+    """Control law of one axis; accelerations in m/s² or rad/s²."""
 
     __slots__ = ("_integral", "_push", "_surface")
 
@@ -111,16 +111,16 @@ class _Axis:
         self._push = 0.0
 
     def reference(self, target: float) -> float:
-        """The velocity that the surface leads to."""
+        """Return the velocity that the surface leads to."""
         return target - self._surface.slide * self._integral
 
-    def update(self, error: float, dt: float, lack: float) -> float:
+    def update(self, error: float, dt: float, residual: float) -> float:
         strength, layer, slide, limit, slew = self._surface
-        if not abs(error) < ABSURD:  # without a measurement it holds what it had
+        if not abs(error) < ABSURD:  # without a measurement the integral holds
             return self._push
         side = (error + slide * self._integral) / layer
-        lacks = abs(lack) > _ROUNDING and lack * error < 0.0
-        if abs(side) < 1.0 and not lacks:
+        is_saturated = abs(residual) > _ROUNDING and residual * error < 0.0
+        if abs(side) < 1.0 and not is_saturated:
             self._integral += error * dt
         push = clamp(-slide * error - strength * clamp(side, 1.0), limit)
         self._push = min(max(push, self._push - slew * dt), self._push + slew * dt)

@@ -1,18 +1,18 @@
-"""The shortest way for a vehicle that cannot turn on the spot: Dubins paths, with climb.
+"""Dubins paths with climb: shortest paths of a vehicle that cannot turn on the spot.
 
 In the plane it is one of six words of three pieces, arcs of the least radius and a straight line between or an
 arc (Dubins, American Journal of Mathematics 79, 1957; closed forms after Shkel & Lumelsky, Robotics and
-Autonomous Systems 34, 2001). The depth changes evenly along the way. Where the plane way is too short for the
+Autonomous Systems 34, 2001). The depth changes evenly along the path. Where the plane path is too short for the
 steepest slope, whole circles to starboard are added at the end, as wide as the slope allows (Chitsaz & LaValle,
-CDC 2007, for the case of high altitude). That is a good way, not always the shortest in three dimensions.
+CDC 2007, for the case of high altitude). That is a good path, not always the shortest in three dimensions.
 """
 
 from collections.abc import Callable
 from math import acos, atan2, cos, floor, hypot, pi, sin, sqrt, tan
 from typing import NamedTuple
 
-from hil.autonomy.curves import Chain, Piece, Position
-from hil.errors import MissionError
+from hil.autonomy.paths.curves import Chain, Piece, Position
+from hil.common.errors import MissionError
 
 _DUST = 1e-9
 
@@ -27,7 +27,7 @@ class Pose(NamedTuple):
 
 
 def dubins(start: Pose, end: Pose, radius: float, steepest: float = pi / 6.0) -> Chain:
-    """The Dubins path from `start` to `end` with turns of `radius` m, nowhere steeper than `steepest` rad.
+    """Return the Dubins path from `start` to `end` with turns of `radius` m, nowhere steeper than `steepest` rad.
 
     Raises MissionError for a radius that is not above 0 or a steepest slope outside 0 to 90 degrees, and if start
     and end are the same.
@@ -46,7 +46,7 @@ def dubins(start: Pose, end: Pose, radius: float, steepest: float = pi / 6.0) ->
 
 
 def _laid_out(start: Pose, pieces: list[tuple[float, float]], slope: float) -> Chain:
-    """Pieces (turn per level metre, level length) one after the other, all at one slope."""
+    """Return pieces (turn per level metre, level length) one after the other, all at one slope."""
     laid: list[Piece] = []
     position, heading = start
     for turn, level in pieces:
@@ -59,7 +59,7 @@ def _laid_out(start: Pose, pieces: list[tuple[float, float]], slope: float) -> C
 
 
 def _shortest(heading: float, end_heading: float, north: float, east: float) -> tuple[Lengths, Lengths]:
-    """The best word: the turn of each piece (1 to starboard, -1 to port, 0 straight) and its length, in radii."""
+    """Return the best word: turn of each piece (1 to starboard, -1 to port, 0 straight) and its length, in radii."""
     distance, course = hypot(north, east), atan2(east, north)
     found: list[tuple[Lengths, Lengths]] = []
     for side in (1.0, -1.0):  # what begins to port is the mirror image of what begins to starboard
@@ -101,7 +101,7 @@ def _three_turns(a: float, b: float, distance: float) -> Lengths | None:
 
 
 def _round(angle: float) -> float:
-    """`angle` in [0, 2 pi); what is less than that by rounding only is 0, not a whole circle."""
+    """Return `angle` in [0, 2 pi); what is less than that by rounding only is 0, not a whole circle."""
     angle %= 2.0 * pi
     return 0.0 if angle > 2.0 * pi - _DUST else angle
 

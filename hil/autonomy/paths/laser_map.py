@@ -1,4 +1,4 @@
-"""A map made on the way: what a scanning laser or sonar sees, put into an occupancy grid.
+"""Mapping from scans: echoes of a scanning laser or sonar in an occupancy grid.
 
 Each cell has the logarithm of its odds of being occupied: an echo adds to it, a beam that passes takes away, and
 bounds let it change its mind (Moravec & Elfes, ICRA 1985; the numbers are OctoMap's, Hornung et al., Autonomous
@@ -12,8 +12,8 @@ from math import isfinite
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.autonomy.occupancy import OccupancyGrid
-from hil.autonomy.vfh import Scan
+from hil.autonomy.paths.occupancy import OccupancyGrid
+from hil.autonomy.paths.vfh import Scan
 
 Floats = NDArray[np.floating]
 Cells = tuple[NDArray[np.intp], NDArray[np.intp]]  # rows and columns
@@ -23,7 +23,7 @@ _LEAST, _MOST = -2.0, 3.5
 
 
 class LaserMap:
-    """`known` with what scans add; echoes beyond `reach` m do not count. `grid` is the map so far."""
+    """Map `known` updated by scans; echoes beyond `reach` m are ignored. `grid` is the map so far."""
 
     def __init__(self, known: OccupancyGrid, reach: float) -> None:
         self.grid = OccupancyGrid(known.cells.copy(), known.resolution, known.origin)
@@ -32,7 +32,7 @@ class LaserMap:
         self._reach = reach
 
     def add(self, position: Sequence[float], heading: float, scan: Scan) -> NDArray[np.intp]:
-        """Put a scan in, taken at `position` (m north, m east) and `heading` (rad from north, clockwise).
+        """Add a scan taken at `position` (m north, m east) and `heading` (rad from north, clockwise).
 
         Returns the cells (rows of row and column) that were free before and are occupied now.
         """
@@ -54,7 +54,7 @@ class LaserMap:
         angles: Floats,
         hits: Cells,
     ) -> None:
-        """Take odds from the cells the beams passed, once a scan, those with an echo excepted."""
+        """Reduce the odds of the cells that the beams passed, once a scan, except those with an echo."""
         steps = np.arange(0.0, self._reach, 0.7 * self.grid.resolution)
         along, turned = np.broadcast_arrays(steps[:, None], angles)
         short = along < ranges - self.grid.resolution
@@ -64,7 +64,7 @@ class LaserMap:
         self._odds[passed] = np.maximum(self._odds[passed] + _MISS, _LEAST)
 
     def _cells(self, position: Sequence[float], ranges: Floats, angles: Floats) -> Cells:
-        """The cells of the map at these distances and headings, each as often as it is met."""
+        """Return the cells of the map at these distances and headings, each as often as it is met."""
         (south, west), resolution = self.grid.origin, self.grid.resolution
         rows = np.floor((position[0] + ranges * np.cos(angles) - south) / resolution).astype(np.intp)
         columns = np.floor((position[1] + ranges * np.sin(angles) - west) / resolution).astype(np.intp)

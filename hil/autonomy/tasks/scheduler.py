@@ -1,4 +1,4 @@
-"""The task scheduler: which task when, by time and signals; there, do it, and home at the end.
+"""Task scheduler of a mission: select tasks by time, signals and priority, travel to them, return home.
 
 A mission is a list of tasks, in Python or in a TOML file:
 
@@ -12,7 +12,8 @@ A mission is a list of tasks, in Python or in a TOML file:
     urgent = true
     repeat = true
 
-Out of it comes a chart (`hil.autonomy.statechart`) like the source paper's template in Stateflow: idle, each task with
+Out of it comes a chart (`hil.autonomy.tasks.statechart`) like the source paper's template in Stateflow: idle, each
+task with
 its parts travel and work, home, done. Of the tasks that are ready the one of highest priority is next, of equals the
 nearest. An urgent one interrupts those of lower priority, which are begun anew later.
 """
@@ -21,9 +22,9 @@ from collections.abc import Mapping, Sequence
 from math import dist
 from typing import Annotated, NamedTuple
 
-from hil.autonomy.statechart import Chart, Condition, State, Transition
-from hil.errors import ConfigError
-from hil.schema import Range, load, nearest
+from hil.autonomy.tasks.statechart import Chart, Condition, State, Transition
+from hil.common.errors import ConfigError
+from hil.common.schema import Range, nearest
 
 Metres = Annotated[float, Range(-1e5, 1e5, "m")]
 Point = tuple[float, float]
@@ -32,7 +33,7 @@ _OWN = ("idle", "home", "done")
 
 
 class Task(NamedTuple):
-    """Something to do for `duration` s `at` a place (m north, m east).
+    """Task of `duration` s `at` a place (m north, m east).
 
     Ready once `when` (comparisons of signals) is true, `after` s of the mission have passed and all that it
     `needs` is done. `repeat`: ready again whenever `when` is; the mission does not wait for it.
@@ -58,7 +59,7 @@ class Mission(NamedTuple):
 
 
 class Order(NamedTuple):
-    """What to do now: the `task` ("" for none), its `state`, and where to be (None: stay)."""
+    """Present order: the `task` ("" for none), its `state`, and where to be (None: stay)."""
 
     task: str
     state: str
@@ -66,7 +67,7 @@ class Order(NamedTuple):
 
 
 class Scheduler:
-    """Runs a mission. `log` has every state entered and when (ns); `done` is true at home after all tasks.
+    """Run a mission. `log` has every state entered and when (ns); `done` is true at home after all tasks.
 
     Raises ConfigError that begins with `where`.
     """
@@ -88,25 +89,25 @@ class Scheduler:
 
     @property
     def signals(self) -> frozenset[str]:
-        """The names of all signals that the mission asks for."""
+        """Names of all signals that the mission uses."""
         return frozenset(name for condition in self._ready.values() for name in condition.signals)
 
     def step(self, time: int, position: Sequence[float], signals: Mapping[str, float]) -> Order:
-        """The order at `time` (ns, growing) and `position` (m north, m east; more is ignored)."""
+        """Return the order at `time` (ns, growing) and `position` (m north, m east; more is ignored)."""
         here = position[0], position[1]
         if not self._chart.active:
             self._began = time
-            self._note(time, self._chart.start(time).entered)
+            self._log_states(time, self._chart.start(time).entered)
         events = {self._choice(time, here, signals)}
         if self._goal() is not None and dist(here, self._goal() or here) <= self._mission.tolerance:
             events.add("arrived")
         change = self._chart.step(time, signals, events)
         if change.left and change.entered == ("idle",):
             self.finished.append(change.left[-1])
-        self._note(time, change.entered)
+        self._log_states(time, change.entered)
         return Order(self._task(), self._chart.state, self._goal())
 
-    def _note(self, time: int, entered: tuple[str, ...]) -> None:
+    def _log_states(self, time: int, entered: tuple[str, ...]) -> None:
         self.log += [(time, entered[-1])] if entered else []
 
     def _task(self) -> str:
@@ -119,7 +120,7 @@ class Scheduler:
         return task.at if task else None
 
     def _choice(self, time: int, here: Point, signals: Mapping[str, float]) -> str:
-        """The event that starts the task to do next, or that sends home; "" for neither."""
+        """Return the event that starts the next task, or the return home; "" for neither."""
         ready = [task for task in self._mission.task if self._is_ready(task, time, signals)]
         if ready:
             return _start(min(ready, key=lambda task: (-task.priority, dist(here, task.at))).name)
@@ -137,22 +138,17 @@ class Scheduler:
         )
 
 
-def read_mission(path: str) -> Scheduler:
-    """The mission in the TOML file at `path`, ready to run. Raises ConfigError."""
-    return Scheduler(load(path, Mission), path)
-
-
 def _start(name: str) -> str:
     return f"start {name}"
 
 
 def _interrupting(doing: Task, tasks: Sequence[Task]) -> list[Task]:
-    """The tasks that may break in on one."""
+    """Return the tasks that may interrupt one."""
     return [task for task in tasks if task.urgent and task.priority > doing.priority]
 
 
 def _chart(mission: Mission, where: str) -> Chart:
-    """The template: one state a task with its travel and work, idle between them."""
+    """Return the state chart: a state for each task with its travel and work, idle between them."""
     states = [State(name) for name in _OWN]
     transitions = [Transition("idle", "home", event="go home"), Transition("home", "done", event="arrived")]
     for task in mission.task:

@@ -1,10 +1,11 @@
-"""A short way at any angle: lazy Theta* from one jump point to the next.
+"""Any-angle path planning on a grid: lazy Theta* over jump points.
 
 A* on a grid turns by 45 degrees only; Theta* lets a cell's parent be any cell that it can be seen from, so the
-way goes straight from corner to corner (Daniel, Nash, Koenig & Felner, JAIR 39, 2010). Lazy, it looks along a
+path goes straight from corner to corner (Daniel, Nash, Koenig & Felner, JAIR 39, 2010). Lazy, it looks along a
 line only once the cell is the next to go on from (Nash, Koenig & Tovey, "Lazy Theta*", AAAI 2010). The cells are
-those where A* of `hil.autonomy.astar` may turn, which leaves most of an open map out. Where A*'s own way, smoothed,
-is shorter, it is the answer. The way is short, not proven the shortest: that would take every line between two corners
+those where A* of `hil.autonomy.paths.astar` may turn, which leaves most of an open map out. Where A*'s own path,
+smoothed,
+is shorter, it is the answer. The path is short, not proven the shortest: that would take every line between two corners
 of the map.
 """
 
@@ -14,8 +15,8 @@ from math import dist, inf
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.autonomy.astar import ALL_DIRECTIONS, Jumps, path_length, plan, smooth, trace, without_repeats
-from hil.autonomy.occupancy import Cell, OccupancyGrid, Point
+from hil.autonomy.paths.astar import ALL_DIRECTIONS, Jumps, path_length, plan, smooth, trace, without_repeats
+from hil.autonomy.paths.occupancy import Cell, OccupancyGrid, Point
 
 # A line of sight is walked in steps of up to so many cells where the water around is free.
 _FARTHEST_STEP = 24
@@ -24,9 +25,9 @@ _AHEAD = 20
 
 
 def plan_any_angle(grid: OccupancyGrid, start: Point, goal: Point) -> list[Point]:
-    """A short way from `start` to `goal` (m north, m east) over free cells, as the points where it turns.
+    """Return a short path from `start` to `goal` (m north, m east) over free cells, as the points where it turns.
 
-    Vehicle size is not modelled: inflate the grid. Raises MissionError as `hil.autonomy.astar.plan` does.
+    Vehicle size is not modelled: inflate the grid. Raises MissionError as `hil.autonomy.paths.astar.plan` does.
     """
     known = smooth(grid, plan(grid, start, goal))
     cells = _Search(~grid.cells, grid.cell(start), grid.cell(goal)).run()
@@ -35,7 +36,7 @@ def plan_any_angle(grid: OccupancyGrid, start: Point, goal: Point) -> list[Point
 
 
 class _Search:
-    """Cells are numbered as `Jumps` does it: row by row on a map with a wall of one cell around."""
+    """State of one search. Cells are numbered as in `Jumps`: row by row on a map with a border of one occupied cell."""
 
     def __init__(self, free: NDArray[np.bool_], start: Cell, goal: Cell) -> None:
         self._jumps = Jumps(free, goal)
@@ -47,7 +48,7 @@ class _Search:
         self._closed: set[int] = set()
 
     def run(self) -> list[Cell]:
-        """The cells where the way turns, ends included; there must be one."""
+        """Return the cells where the path turns, ends included; there must be one."""
         queue = [(0.0, self._source)]
         while True:
             _, cell = heapq.heappop(queue)
@@ -62,7 +63,7 @@ class _Search:
                     heapq.heappush(queue, (self._costs[found] + self._distance(found, self._target), found))
 
     def _straightened(self, cells: list[Cell]) -> list[Cell]:
-        """Without the turns that a straight line can leave out: parents were chosen by one look each."""
+        """Return the cells without turns that a straight line can replace: parents were chosen by one check each."""
         lengths, before = [0.0], [0]
         for end, cell in enumerate(cells[1:], 1):
             choices = [
@@ -75,7 +76,7 @@ class _Search:
         return [cells[i] for i in trace(dict(enumerate(before)), len(cells) - 1)]
 
     def _reach(self, found: int, cell: int) -> bool:
-        """Take it that `found` can be seen from the parent of `cell`; whether that is the best way so far."""
+        """Assume that `found` can be seen from the parent of `cell`; return whether that is the best path so far."""
         parent = self._parents[cell]
         cost = self._costs[parent] + self._distance(parent, found)
         if cost >= self._costs.get(found, inf):
@@ -84,7 +85,7 @@ class _Search:
         return True
 
     def _settle(self, cell: int) -> None:
-        """Look whether the parent can really be seen; else the jump's start is the parent."""
+        """Check whether the parent can be seen; else use the jump's start as the parent."""
         self._closed.add(cell)
         before, parent = self._came_from.get(cell, cell), self._parents[cell]
         if parent != before and not self._sight.is_free(self._jumps.cell(parent), self._jumps.cell(cell)):
@@ -96,7 +97,7 @@ class _Search:
 
 
 class Sight:
-    """Lines of sight between the centres of cells, by as few looks as the free water allows."""
+    """Line-of-sight checks between the centres of cells, with few steps in open water."""
 
     def __init__(self, free: NDArray[np.bool_]) -> None:
         walled = np.pad(free, 1)
@@ -104,7 +105,7 @@ class Sight:
         self._clear = _free_rings(walled).tobytes()
 
     def is_free(self, start: Cell, end: Cell) -> bool:
-        """Whether the line between two free cells touches free ones only; the corner of an occupied one counts."""
+        """Return whether the line between two free cells touches free ones only; an occupied one's corner counts."""
         (row, column), (to_row, to_column) = start, end
         here = (row + 1) * self._width + column + 1
         along, across = abs(to_row - row), abs(to_column - column)
@@ -115,7 +116,7 @@ class Sight:
         return self._walk(here, along, across, ahead, aside)
 
     def _walk(self, origin: int, along: int, across: int, ahead: int, aside: int) -> bool:
-        """From `origin`, `along` cells in steps of `ahead` and on the way `across` (fewer) in steps of `aside`."""
+        """From `origin`, `along` cells in steps of `ahead` and meanwhile `across` (fewer) in steps of `aside`."""
         clear, step = self._clear, 0
         while step < along:
             # between this column of cells and the next the line is this far aside, in halves of 1 / along
@@ -130,7 +131,7 @@ class Sight:
 
 
 def _free_rings(free: NDArray[np.bool_]) -> NDArray[np.uint8]:
-    """How many rings of cells around each are free, itself counted as one; 0 where it is occupied."""
+    """Return how many rings of cells around each are free, itself counted as one; 0 where it is occupied."""
     rings, inner = free.astype(np.uint8), free
     for _ in range(_FARTHEST_STEP):
         rows = inner[:-2] & inner[1:-1] & inner[2:]

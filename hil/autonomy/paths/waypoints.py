@@ -1,4 +1,4 @@
-"""A way out of a file: TOML, or CSV as a spreadsheet writes it.
+"""Read a path of waypoints from a TOML or CSV file.
 
     smooth = true                  north, east, depth
     [[waypoint]]                   0.0, 0.0, 3.0
@@ -13,14 +13,15 @@ import csv
 from collections.abc import Iterator
 from typing import Annotated, Any, NamedTuple
 
-from hil.autonomy.curves import Curve, Position, polyline
-from hil.autonomy.spline import Spline
-from hil.errors import ConfigError, MissionError
-from hil.schema import Range, load, parse
+from hil.autonomy.paths.curves import Curve, Position, polyline
+from hil.autonomy.paths.spline import Spline
+from hil.common.errors import ConfigError, MissionError
+from hil.common.schema import Range, load, parse
+from hil.common.tables import read_bytes
 
 
 class Waypoint(NamedTuple):
-    """A point of a way: m north and east, and m deep."""
+    """A waypoint: m north and east, and m deep."""
 
     north: Annotated[float, Range(-1e5, 1e5, "m")]
     east: Annotated[float, Range(-1e5, 1e5, "m")]
@@ -28,31 +29,28 @@ class Waypoint(NamedTuple):
 
 
 class WaypointFile(NamedTuple):
-    """A way as a file tells it: [[waypoint]] tables, and whether the corners between are rounded by a spline."""
+    """Contents of a path file: [[waypoint]] tables, and whether a spline rounds the corners."""
 
     waypoint: tuple[Waypoint, ...]
     smooth: bool = False
 
 
 def read_waypoints(path: str) -> Curve:
-    """The way in the TOML or, if it ends in `.csv`, CSV file at `path`; that of a CSV is of straight lines.
+    """Read the path in the TOML or, if it ends in `.csv`, CSV file at `path`; that of a CSV is of straight lines.
 
-    Raises ConfigError naming file and key or line, MissionError naming the file if the points make no way.
+    Raises ConfigError naming file and key or line, MissionError naming the file if the points make no path.
     """
-    way = _read_csv(path) if path.lower().endswith(".csv") else load(path, WaypointFile)
-    points: list[Position] = [(point.north, point.east, point.depth) for point in way.waypoint]
+    file = _read_csv(path) if path.lower().endswith(".csv") else load(path, WaypointFile)
+    points: list[Position] = [(point.north, point.east, point.depth) for point in file.waypoint]
     try:
-        return Spline(points) if way.smooth else polyline(points)
+        return Spline(points) if file.smooth else polyline(points)
     except MissionError as error:
         raise MissionError(f"{path}: {error}") from None
 
 
 def _read_csv(path: str) -> WaypointFile:
     try:
-        with open(path, encoding="utf-8-sig", newline="") as file:
-            return WaypointFile(tuple(_waypoints(file.read(), path)))
-    except OSError as error:
-        raise ConfigError(f"{path}: cannot be read: {error.strerror}") from None
+        return WaypointFile(tuple(_waypoints(read_bytes(path).decode("utf-8-sig"), path)))
     except (UnicodeDecodeError, csv.Error) as error:
         raise ConfigError(f"{path}: not a CSV file: {error}") from None
 
@@ -77,7 +75,7 @@ def _waypoints(text: str, path: str) -> Iterator[Waypoint]:
 
 
 def _number(cell: str) -> float | str:
-    """The number in a cell; what is none goes to the schema as text, which knows units and what to say."""
+    """Return the number in a cell; other text is returned for the schema, which handles units and errors."""
     try:
         return float(cell)
     except ValueError:

@@ -1,14 +1,13 @@
-"""How wrong a vehicle is about where it is: the errors of its own and its neighbours' positions.
+"""Random errors of measured positions, to test formations with.
 
 `LocalisationNoise` is what a formation is tried with: zero-mean Gaussian errors, each axis by itself. The source paper
-prints for its eq. (10) a function of Gaussian shape with the sign of its exponent turned round; `printed_error` is
-that function as it stands, for comparison only. Bias and drift are those of the sensors, not modelled here.
+prints for its eq. (10) a function of Gaussian shape with the sign of its exponent turned round, which is no error: it
+is never below its amplitude and grows without bound. Bias and drift are those of the sensors, not modelled here.
 """
 
-from math import exp
 from random import Random
 
-from hil.errors import ConfigError
+from hil.common.errors import ConfigError
 
 Position = tuple[float, float]  # north, east in m
 
@@ -26,16 +25,7 @@ class LocalisationNoise:
         self._random = Random(seed)
 
     def measured(self, position: Position) -> Position:
-        """`position` (m north, m east) as it is measured this time."""
+        """Return `position` (m north, m east) with new errors."""
         north, east = position
         gauss, deviation = self._random.gauss, self._deviation
         return north + gauss(0.0, deviation), east + gauss(0.0, deviation)
-
-
-def printed_error(mu: float, amplitude: float, width: float) -> float:
-    """The source paper's eq. (10) as printed: amplitude x exp(+mu² / (2 width²)), m.
-
-    It is no Gaussian error: it is never below `amplitude` (m), always to the same side, and grows without bound
-    with `mu` (m) over `width` (m). Nothing here uses it; it is kept to show what it does.
-    """
-    return amplitude * exp(mu * mu / (2.0 * width * width))

@@ -1,0 +1,1 @@
+"""Controllers, thruster allocation and the model they compute with."""

@@ -1,0 +1,1 @@
+"""Formation control and target hunting of several vehicles."""

@@ -1,0 +1,1 @@
+"""Occupancy grids, path search, curves and trajectories, pursuit and obstacle avoidance."""

@@ -1,0 +1,1 @@
+"""The task scheduler and the state charts it is made of."""
