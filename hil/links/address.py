@@ -1,4 +1,4 @@
-"""How a person names a wire, and how either end of it is opened by that name.
+"""Parse the address of a thruster link's wire, and open either end of the wire.
 
 pty:/tmp/uuv-hil-stm32            a pseudo terminal: the STM32's end makes it, with this second name (or none:
                                   "pty:"), the host's end opens it
@@ -7,16 +7,17 @@ rs485:/dev/ttyUSB0                the same with a driver that switches the direc
 tcp://127.0.0.1:5760              the STM32's end listens there, the host's end connects
 udp://127.0.0.1:5760              likewise with datagrams; 0.0.0.0 listens to other machines too
 can:socketcan:can0                a CAN interface of the kernel
-can:slcan:/dev/ttyACM0            a CAN adapter that speaks the Lawicel text protocol; like that of any serial
+can:slcan:/dev/ttyACM0            a CAN adapter with the Lawicel text protocol; like that of any serial
                                   device its speed is no part of the address
 can:virtual:bus0                  a bus within this process
 can:udp_multicast:239.74.163.2    a bus between the processes of this machine
 can:INTERFACE:CHANNEL             any other interface of the python-can package
 """
 
+import os
 from typing import Literal, NamedTuple
 
-from hil.errors import ConfigError
+from hil.common.errors import ConfigError
 from hil.links.contract import Wire
 from hil.links.protocols import ON_CAN, Role
 
@@ -26,7 +27,7 @@ Kind = Literal["pty", "uart", "rs485", "tcp", "udp", "can"]
 
 
 class Address(NamedTuple):
-    """An address taken apart: `place` is a path, a host, or a CAN channel; `interface` that of a CAN bus."""
+    """The parts of an address: `place` is a path, a host or a CAN channel, `interface` that of a CAN bus."""
 
     kind: Kind
     place: str
@@ -35,16 +36,16 @@ class Address(NamedTuple):
 
     @property
     def carries_can(self) -> bool:
-        """Whether it carries CAN frames and not bytes."""
+        """Return whether the wire carries CAN frames instead of bytes."""
         return self.kind == "can"
 
 
 def parse_address(text: str) -> Address:
-    """The parts of an address. Raises ConfigError that lists the forms there are, or says where a speed belongs."""
+    """Return the parts of an address. Raises ConfigError that lists the forms, or says where a speed belongs."""
     address = _parts(text)
     device, _, speed = address.place.rpartition("@")
     serial = address.kind in ("uart", "rs485") or address.interface == "slcan"
-    # python-can takes a speed there. Outside /dev it may be of the name of a pty, which a person chose.
+    # python-can takes a speed there. Outside /dev it may be part of the name of a pty, which a person chose.
     if serial and device.startswith("/dev/") and speed.isascii() and speed.isdigit():
         raise ConfigError(
             f"{text!r}: a speed is no part of it: leave @{speed} out, and set baud = {speed} in [link] "
@@ -53,8 +54,8 @@ def parse_address(text: str) -> Address:
     return address
 
 
-def misfit(protocol: str, port: str) -> str | None:
-    """Why this protocol cannot be spoken at this address, if so."""
+def incompatibility(protocol: str, port: str) -> str | None:
+    """Return why this protocol cannot run over this address, None if it can."""
     try:
         carries_can = parse_address(port).carries_can
     except ConfigError as error:
@@ -65,11 +66,18 @@ def misfit(protocol: str, port: str) -> str | None:
     return f"protocol {protocol!r} needs {needed}, and the port is {port!r}"
 
 
-def open_address(text: str, role: Role, baud: int = 115_200, bitrate: int = 1_000_000) -> Wire:
-    """That end of the wire at `text`: "device" is the STM32's, "host" the vehicle's computer's.
+def wire_kind(name: str) -> Kind:
+    """Return what carries the bytes of an open wire, from its name: a path may be that of a pty. Raises ConfigError."""
+    address = parse_address(name)
+    is_path = address.kind in ("pty", "uart", "rs485")
+    return "pty" if is_path and os.path.realpath(address.place).startswith("/dev/pts/") else address.kind
 
-    baud: of a serial device or slcan adapter, bit/s; bitrate: of a CAN bus, bit/s, where it is not the
-    system that sets it. Raises ConfigError if the address is none, DeviceError if it cannot be opened,
+
+def open_address(text: str, role: Role, baud: int = 115_200, bitrate: int = 1_000_000) -> Wire:
+    """Open one end of the wire at `text`: role "device" is the STM32's end, "host" that of the vehicle's computer.
+
+    baud: speed of a serial device or slcan adapter, bit/s. bitrate: speed of a CAN bus, bit/s, unless the system
+    sets it. Raises ConfigError if the address is invalid, DeviceError if it cannot be opened,
     MissingExtraError.
     """
     address = parse_address(text)

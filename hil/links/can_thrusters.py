@@ -1,8 +1,8 @@
-"""Thrusters behind motor controllers on a CAN bus: what DroneCAN and VESC have in common.
+"""Thrusters behind motor controllers on a CAN bus: the part that DroneCAN and VESC share.
 
 Motor controllers take a signed fraction of their full output and not a pulse: 1100, 1500 and 1900 us are
 -1, 0 and +1, as on the Blue Robotics Basic ESC. They report one by one, and their reports carry neither
-sequence number nor arming: the host infers both from what it has sent.
+sequence number nor arming: the host infers both from the commands that it sent.
 """
 
 from collections.abc import Callable
@@ -15,7 +15,7 @@ WRAP = 0xFFFF  # counters of the telemetry have 16 bits
 
 
 class MotorValues(NamedTuple):
-    """What a motor controller measures besides its speed."""
+    """Measured values of one motor besides its speed."""
 
     voltage_v: float
     current_a: float
@@ -27,7 +27,7 @@ MotorHook = Callable[[int, int], MotorValues]
 
 
 def propeller_load(_thruster: int, pulse_us: int) -> MotorValues:
-    """A made-up motor, plausible for a thruster of the size of a T200 on 16 V.
+    """Return made-up values of a motor, plausible for a thruster of the size of a T200 on 16 V.
 
     Speed is taken to be proportional to the command, so power goes with its cube (propeller law); full
     output draws 24 A and warms the electronics by 30 K over water of 288 K. Not modelled: sagging supply,
@@ -38,22 +38,22 @@ def propeller_load(_thruster: int, pulse_us: int) -> MotorValues:
 
 
 def has_output(pulse_us: int) -> bool:
-    """Whether a pulse (us) is one at all."""
+    """Return whether a pulse (us) is within the range that moves or stops a thruster."""
     return PWM_MIN_US <= pulse_us <= PWM_MAX_US
 
 
 def deflection(pulse_us: int) -> int:
-    """Microseconds from neutral that a pulse asks for; no pulse asks for none."""
+    """Return the distance of a pulse from neutral in us, 0 for a pulse width that means no output."""
     return pulse_us - PWM_NEUTRAL_US if has_output(pulse_us) else 0
 
 
 def pulse_at(microseconds: float) -> int:
-    """The pulse (us) so far from neutral, within what is a pulse."""
+    """Return the pulse (us) at this distance from neutral, clipped to the valid range."""
     return min(max(PWM_NEUTRAL_US + round(microseconds), PWM_MIN_US), PWM_MAX_US)
 
 
-def askable(command: ThrusterCommand) -> tuple[int, ...]:
-    """The pulses (us) a motor controller can be asked for instead: full output at most, and no pulse is neutral."""
+def executable_pulses(command: ThrusterCommand) -> tuple[int, ...]:
+    """Return the pulses (us) to send instead: clipped to full output, neutral for no output."""
     if not command.armed:
         return (PWM_NEUTRAL_US,) * len(command.pwm_us)
     low, high = -SPAN_US, SPAN_US
@@ -61,7 +61,7 @@ def askable(command: ThrusterCommand) -> tuple[int, ...]:
 
 
 class Rounds:
-    """Makes reports of all thrusters of those that motor controllers send each for itself.
+    """Combine the reports of single motor controllers into one report of all thrusters.
 
     Controllers on one node report in turn, 0 to the last: a round is one such turn without a gap, so a
     lost report costs its round and never mixes two. Controllers on nodes of their own may keep no order:
@@ -77,8 +77,8 @@ class Rounds:
         self._next = 0  # in turn
         self._since_turn = 0  # reports since the last whole turn
 
-    def hear(self, thruster: int, pulse_us: int) -> tuple[int, ...] | None:
-        """A report of one thruster; the pulses (us) of all if it ends a round."""
+    def add_report(self, thruster: int, pulse_us: int) -> tuple[int, ...] | None:
+        """Add a report of one thruster; return the pulses (us) of all thrusters if it completes a round, else None."""
         self._pulses[thruster] = pulse_us
         self._missing.discard(thruster)
         self._next = self._next + 1 if thruster == self._next else int(thruster == 0)
@@ -92,26 +92,26 @@ class Rounds:
 
 
 class Answers:
-    """Which command a round of reports answers, and how many were."""
+    """Find the command that a round of reports answers, and count the commands that were answered."""
 
     def __init__(self, channels: int) -> None:
         self.frames = 0  # commands that reports have shown
         self.answered = ThrusterCommand(0, False, (PWM_NEUTRAL_US,) * channels)
         self._sent = SentCommands()
-        self._commands: dict[int, ThrusterCommand] = {}  # by the count of commands, as SentCommands knows them
+        self._commands: dict[int, ThrusterCommand] = {}  # by the count of commands, the number in SentCommands
         self._count = 0
 
-    def ask(self, command: ThrusterCommand) -> tuple[int, ...]:
-        """A command goes out; the pulses (us) to ask the controllers for."""
-        asked = askable(command)
+    def record_command(self, command: ThrusterCommand) -> tuple[int, ...]:
+        """Record a command that is sent. Return the pulses (us) to send to the motor controllers."""
+        requested = executable_pulses(command)
         self._count += 1
-        self._sent.remember(asked, self._count)
-        self._commands[self._count] = ThrusterCommand(command.sequence, command.armed, asked)
+        self._sent.add_sent(requested, self._count)
+        self._commands[self._count] = ThrusterCommand(command.sequence, command.armed, requested)
         self._commands.pop(self._count - SentCommands.DEPTH, None)
-        return asked
+        return requested
 
-    def hear(self, pulses: tuple[int, ...]) -> ThrusterCommand:
-        """The command that a round of these pulses (us) answers, with the pulses it asked for."""
+    def find_command(self, pulses: tuple[int, ...]) -> ThrusterCommand:
+        """Return the command that a round of these pulses (us) answers, with the pulses that were sent for it."""
         command = self._commands.get(self._sent.match(pulses))
         if command is not None and command is not self.answered:
             self.answered = command

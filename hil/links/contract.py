@@ -1,4 +1,4 @@
-"""What every thruster link is made of: the messages, the wire, the protocol.
+"""Interfaces of every thruster link: messages, `Wire`, `Protocol`, and `ThrusterLink`, which joins them.
 
 A link joins the vehicle's computer (the *host* end: it sends commands, it receives telemetry) to the
 STM32 that drives the thrusters (the *device* end). Both ends use the same `Wire` and `Protocol`.
@@ -8,18 +8,19 @@ What comes off a wire never raises: it decodes, or it is counted in `Counters` a
 from abc import ABC, abstractmethod
 from typing import NamedTuple
 
-from hil.clock import NEVER_NS
+from hil.common.clock import NEVER_NS, NS_PER_MS, now_ns
 
 MAX_THRUSTERS = 16
 PWM_NEUTRAL_US = 1500
+RETRY_NS = NS_PER_MS  # between two checks whether the wire is free for a stored command
 PWM_MIN_US, PWM_MAX_US = 800, 2200  # a pulse outside is "no output", 0 included
 
 
 class ThrusterCommand(NamedTuple):
-    """What the host asks of the STM32: `pwm_us` pulse widths in microseconds, one a thruster.
+    """Command from the host to the STM32: `pwm_us` are pulse widths in microseconds, one a thruster.
 
-    `armed` false asks for neutral outputs whatever `pwm_us` says. `sequence` (0..65535, wraps) comes
-    back in the telemetry, which is how delay is measured.
+    `armed` false means neutral outputs whatever the value of `pwm_us`. `sequence` (0..65535, wraps) comes
+    back in the telemetry; delay is measured by that.
     """
 
     sequence: int
@@ -28,7 +29,7 @@ class ThrusterCommand(NamedTuple):
 
 
 class ThrusterTelemetry(NamedTuple):
-    """What the STM32 reports: the pulse widths it now applies, and how it came to them.
+    """Report of the STM32: the pulse widths that it applies now, and its counters.
 
     `sequence` is that of the last command applied; `age_us` the time between applying it and sending
     this message; `watchdog_trips`, `frames` and `errors` count since power-up and wrap at 65536.
@@ -46,9 +47,34 @@ class ThrusterTelemetry(NamedTuple):
 
 Message = ThrusterCommand | ThrusterTelemetry
 
+_WRAP = 0x10000  # of `sequence` and `frames`
+_MOST_READS = 256  # of unread bytes: more than any wire buffers, so that a flood does not block the caller
+_AHEAD = 100  # commands that `frames` may be ahead of `sequence`, where the two are not of one message
+
+
+def is_overtaken(report: ThrusterTelemetry, newest: ThrusterTelemetry) -> bool:
+    """Return whether `report` is older than `newest`, which arrived first: UDP does not preserve the order.
+
+    It echoes an older command and has counted fewer; what has just started has counted none, and is disarmed.
+    """
+    behind = (newest.sequence - report.sequence) % _WRAP, (newest.frames - report.frames) % _WRAP
+    return all(0 < step < _WRAP // 2 for step in behind) and (report.armed or report.frames > 0)
+
+
+def has_restarted(report: ThrusterTelemetry, newest: ThrusterTelemetry) -> bool:
+    """Return whether the STM32 restarted between `newest` and `report`, which is not overtaken.
+
+    From one report to the next it counts no more commands than were sent, unless it begins at 0 again. A report from
+    before its first command has sequence 0 too, so that its sequence says nothing.
+    """
+    counted, sent = (report.frames - newest.frames) % _WRAP, (report.sequence - newest.sequence) % _WRAP
+    if report.frames == 0 and not report.armed:
+        return counted > _AHEAD
+    return counted > sent + _AHEAD
+
 
 class Counters:
-    """What one end of a link has seen since it was opened."""
+    """Counters of one end of a link since it was opened."""
 
     __slots__ = (
         "bytes_in",
@@ -58,6 +84,7 @@ class Counters:
         "malformed",
         "messages_in",
         "messages_out",
+        "replaced",
     )
 
     def __init__(self) -> None:
@@ -65,62 +92,75 @@ class Counters:
         self.bytes_out = 0  # onto the wire
         self.messages_in = 0  # decoded
         self.messages_out = 0  # encoded
+        self.replaced = 0  # commands that were not sent, because a newer one came while the wire was busy
         self.checksum_errors = 0  # frames whose checksum was wrong
         self.malformed = 0  # checksum right, contents not (unknown message, impossible count)
         self.dropped_bytes = 0  # bytes between frames, or refused by a full wire
 
 
 class Wire(ABC):
-    """A two-way stream of bytes. Never blocks: what cannot be written now is dropped and counted."""
+    """A two-way stream of bytes. Never blocks: bytes that cannot be written now are dropped and counted."""
 
-    name: str  # how a person calls it: a device path or an address
-    record_size = 1  # bytes; it reads and takes multiples of this many
+    name: str  # for messages to a person: a device path or an address
+    record_size = 1  # bytes; it reads and writes multiples of this size
 
     @abstractmethod
     def fileno(self) -> int:
-        """The descriptor to wait on for incoming bytes."""
+        """Return the descriptor to wait on for incoming bytes."""
 
     @abstractmethod
     def read(self) -> bytes:
-        """The bytes that have come in, or b"" if none. Raises DeviceError when the device is gone."""
+        """Return the received bytes, b"" if there are none. Raises DeviceError when the device is lost."""
 
     @abstractmethod
     def write(self, data: bytes) -> int:
-        """Send `data`; the number of bytes the wire took. Raises DeviceError when the device is gone."""
+        """Write `data`; return the number of bytes accepted. Raises DeviceError when the device is lost."""
+
+    def unsent(self) -> int:
+        """Return how many bytes `write` accepted that are not sent yet; 0 where that cannot be known."""
+        return 0
+
+    def discard_unsent(self) -> None:
+        """Discard the bytes that `unsent` counts, where that is possible; a message that is being sent is cut."""
+        return
 
     @abstractmethod
     def close(self) -> None:
-        """Give the device back. Closing twice is harmless."""
+        """Close the device. Closing twice is harmless."""
 
 
 class Protocol(ABC):
-    """One end's encoder and decoder of messages; keeps what is left of an unfinished frame."""
+    """Encoder and decoder of messages at one end of a link; stores the beginning of an unfinished frame."""
 
     counters: Counters
-    deadline_ns = NEVER_NS  # when (monotonic ns) `tick` wants to be called
+    deadline_ns = NEVER_NS  # when (monotonic ns) `tick` has to be called
 
     @abstractmethod
     def encode(self, message: Message) -> bytes:
-        """The bytes of `message`."""
+        """Return the bytes of `message`."""
+
+    def encode_settled(self, message: Message) -> bytes:
+        """Return the bytes of `message` once both ends agree, without what only a disagreement needs."""
+        return self.encode(message)
 
     @abstractmethod
     def feed(self, data: bytes) -> list[Message]:
-        """The messages that `data`, or time, completes, in order. Never raises: noise is counted and dropped."""
+        """Return the messages that `data`, or time, completes, in order. Never raises: noise is counted and dropped."""
 
     def replies(self) -> bytes:
-        """What the protocol itself answers to what it was fed since the last call: acknowledgements and the like."""
+        """Return the protocol's own answers since the last call, for example acknowledgements."""
         return b""
 
     def tick(self, now_ns: int) -> bytes:
-        """What the protocol itself has to say at `now_ns` (monotonic): heartbeats and the like."""
+        """Return what the protocol itself sends at `now_ns` (monotonic), for example heartbeats."""
         return b""
 
 
 class SentCommands:
-    """Which command a report answers, for protocols whose reports do not say.
+    """Find the command that a report answers, for protocols whose reports carry no sequence number.
 
-    It is the youngest command sent whose pulses the report shows; a report that shows none of the last
-    `DEPTH` leaves the answer at what it was. Commands of equal pulses cannot be told apart.
+    That is the newest command sent whose pulses the report shows. A report that shows none of the last `DEPTH`
+    commands leaves the answer unchanged. Commands of equal pulses cannot be distinguished.
     """
 
     DEPTH = 64
@@ -129,37 +169,53 @@ class SentCommands:
         self._sent: list[tuple[tuple[int, ...], int]] = []
         self.answered = 0  # sequence of the last command that a report has shown
 
-    def remember(self, pulses: tuple[int, ...], sequence: int) -> None:
-        """A command that shows as `pulses` (us, as the report rounds them) goes out."""
+    def add_sent(self, pulses: tuple[int, ...], sequence: int) -> None:
+        """Record a command that is sent; `pulses` (us) are its pulses as a report rounds them."""
         self._sent.append((pulses, sequence))
         del self._sent[: -self.DEPTH]
 
     def match(self, pulses: tuple[int, ...]) -> int:
-        """The sequence of the command that a report of `pulses` (us) answers."""
+        """Return the sequence number of the command that a report of `pulses` (us) answers."""
         for place in range(len(self._sent) - 1, -1, -1):
             if self._sent[place][0] == pulses:
                 self.answered = self._sent[place][1]
-                del self._sent[:place]  # older ones will not be seen any more
+                del self._sent[:place]  # no later report answers an older one
                 break
         return self.answered
 
 
 class ThrusterLink:
-    """One end of a link: a protocol on a wire."""
+    """One end of a thruster link: a protocol on a wire.
+
+    At most one command is unsent at any time. While the wire still sends an older one, the newest is stored here and
+    replaces any stored before; `tick` sends it when the wire is free. A command that disarms goes first: what is unsent
+    is discarded. So an old command never resets the STM32's watchdog.
+    """
 
     def __init__(self, wire: Wire, protocol: Protocol) -> None:
         self.wire = wire
         self.protocol = protocol
         self.counters = protocol.counters
+        self._held: ThrusterCommand | None = None
+        self._retry_ns = NEVER_NS  # when the wire may be free for the stored command
+        self._is_armed = False  # `armed` of the last command that was written
+
+    @property
+    def deadline_ns(self) -> int:
+        """Return when (monotonic ns) `tick` has to be called."""
+        return min(self.protocol.deadline_ns, self._retry_ns)
 
     def send(self, message: Message) -> None:
-        """Encode `message` and write it. Raises DeviceError when the wire is gone."""
+        """Encode and write `message`, or store a command while an older one is unsent. Raises DeviceError."""
+        if isinstance(message, ThrusterCommand) and not self._may_send(message):
+            self._held, self._retry_ns = message, now_ns() + RETRY_NS
+            return
         self.counters.messages_out += 1
         self._write(self.protocol.encode(message))
 
     def receive(self) -> list[Message]:
-        """All messages that have come in. Raises DeviceError when the wire is gone."""
-        data = self.wire.read()  # fed even if it is nothing: a protocol may be waiting for an instant
+        """Return all received messages. Raises DeviceError when the wire is lost."""
+        data = self.wire.read()  # fed even if empty: a protocol may wait for an instant
         counters, protocol = self.counters, self.protocol
         counters.bytes_in += len(data)
         messages = protocol.feed(data)
@@ -169,14 +225,40 @@ class ThrusterLink:
             self._write(replies)
         return messages
 
-    def tick(self, now_ns: int) -> None:
-        """Let the protocol say what is due at `now_ns` (monotonic). Raises DeviceError when the wire is gone."""
-        if now_ns >= self.protocol.deadline_ns:
-            self._write(self.protocol.tick(now_ns))
+    def discard_received(self) -> None:
+        """Discard and count the bytes that were received but not read. Raises DeviceError when the wire is lost."""
+        for _ in range(_MOST_READS):
+            data = self.wire.read()
+            if not data:
+                return
+            self.counters.dropped_bytes += len(data)
+
+    def tick(self, now: int) -> None:
+        """Send what is due at `now` (monotonic ns), stored commands first. Raises DeviceError when the wire is lost."""
+        if self._held and now >= self._retry_ns:
+            self.send(self._held)
+        if now >= self.protocol.deadline_ns:
+            self._write(self.protocol.tick(now))
 
     def close(self) -> None:
         """Close the wire."""
         self.wire.close()
+
+    def _may_send(self, command: ThrusterCommand) -> bool:
+        """Return whether `command` can be written now; discard what is unsent for one that disarms."""
+        if command is not self._held:
+            self._drop_held()
+        if self._is_armed and not command.armed:
+            self.wire.discard_unsent()
+        elif self.wire.unsent():
+            return False
+        self._is_armed, self._held, self._retry_ns = command.armed, None, NEVER_NS
+        return True
+
+    def _drop_held(self) -> None:
+        if self._held:
+            self._held, self._retry_ns = None, NEVER_NS
+            self.counters.replaced += 1
 
     def _write(self, data: bytes) -> None:
         taken = self.wire.write(data)

@@ -1,8 +1,8 @@
-"""The protocols a thruster link can speak, by name; each is imported when a link speaks it."""
+"""Table of the protocols of thruster links, by name; each is imported when a link uses it."""
 
 from typing import Any, Literal
 
-from hil.errors import ConfigError
+from hil.common.errors import ConfigError
 from hil.links.contract import Protocol
 
 Role = Literal["host", "device"]  # the vehicle's computer, the STM32
@@ -18,7 +18,7 @@ ON_CAN = ("dronecan", "vesc")  # these are fed with CAN frames, see `hil.links.w
 
 
 def open_protocol(kind: str, role: Role, channels: int, **settings: Any) -> Protocol:
-    """One end's protocol of that name in `PROTOCOLS`, for so many thrusters.
+    """Return one end's protocol of that name in `PROTOCOLS`, for this number of thrusters.
 
     Raises ConfigError if there is no such protocol or it cannot carry so many; MissingExtraError.
     """

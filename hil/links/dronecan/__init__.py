@@ -1,1 +1,1 @@
-"""Thrusters as the ESCs of a DroneCAN node."""
+"""DroneCAN protocol of a thruster link: the thrusters are the ESCs of a DroneCAN node."""

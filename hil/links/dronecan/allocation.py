@@ -1,14 +1,14 @@
-"""Dynamic allocation of DroneCAN node numbers: the node that asks, and a small allocator.
+"""Dynamic allocation of DroneCAN node numbers: the requesting node, and a small allocator.
 
 Source: the rules A to E and the times in the definition of uavcan.protocol.dynamic_node_id.Allocation
 (github.com/dronecan/DSDL), and the specification, 6. Application level functions. A request carries only 6
-bytes of the node's 16-byte unique id, so it takes three; the allocator answers each with what it knows.
+bytes of the node's 16-byte unique id, so it takes three; the allocator answers each with the bytes received so far.
 """
 
 import os
 from collections.abc import Callable
 
-from hil.clock import NEVER_NS
+from hil.common.clock import NEVER_NS
 from hil.links.dronecan.transfer import MAX_NODE_ID
 from hil.links.dronecan.types import UNIQUE_ID_SIZE, Allocation
 
@@ -25,31 +25,31 @@ def _random_unit() -> float:
 
 
 class Allocatee:
-    """Asks for a node number until `node_id` is one. `random_unit` gives numbers from 0 up to 1."""
+    """Request a node number until `node_id` is set. `random_unit` returns numbers from 0 up to 1."""
 
     def __init__(self, unique_id: bytes, preferred: int, random_unit: Callable[[], float] = _random_unit) -> None:
         self.node_id = 0
-        self.due_ns = 0  # when `request` wants to be called
+        self.due_ns = 0  # when `request` has to be called
         self._unique_id = unique_id
         self._preferred = preferred
         self._random_unit = random_unit
-        self._confirmed = 0  # bytes of the unique id that the allocator knows
+        self._confirmed = 0  # bytes of the unique id that the allocator has received
         self._delay: tuple[int, int] | None = REQUEST_PERIOD_NS  # to be drawn from at the next call
 
-    def hear(self, source: int, heard: Allocation) -> None:
-        """An Allocation message of a node (0: another one that asks)."""
+    def on_allocation(self, source: int, received: Allocation) -> None:
+        """Process an Allocation message from the node `source` (0: another node that requests a number)."""
         self._confirmed, self._delay, self.due_ns = 0, REQUEST_PERIOD_NS, 0  # rule C
-        if not source or not self._unique_id.startswith(heard.unique_id):
+        if not source or not self._unique_id.startswith(received.unique_id):
             return
-        if len(heard.unique_id) < UNIQUE_ID_SIZE:  # rule D
-            self._confirmed = len(heard.unique_id)
+        if len(received.unique_id) < UNIQUE_ID_SIZE:  # rule D
+            self._confirmed = len(received.unique_id)
             self._delay = FOLLOWUP_DELAY_NS
-        elif heard.node_id:  # rule E
-            self.node_id = heard.node_id
+        elif received.node_id:  # rule E
+            self.node_id = received.node_id
             self.due_ns = NEVER_NS
 
     def request(self, now_ns: int) -> Allocation | None:
-        """The request that is due at `now_ns`, if one is."""
+        """Return the request that is due at `now_ns`, None if none is."""
         if self._delay is not None:
             self._wait(now_ns, self._delay)
             return None
@@ -67,26 +67,25 @@ class Allocatee:
 
 
 class Allocator:
-    """Gives out node numbers, each unique id always the same as long as the allocator runs.
+    """Allocate node numbers; each unique id gets the same number as long as the allocator runs.
 
-    It never gives a number that it has seen in use. It does not ask nodes it has only seen for their unique
-    ids, so it is for a bus on which nothing else has a dynamic number; the specification asks more of a
-    bus-wide one.
+    It never allocates a number that it has seen in use. It does not request the unique ids of other nodes, so it is
+    for a bus on which nothing else has a dynamic number; the specification requires more of a bus-wide allocator.
     """
 
     def __init__(self) -> None:
-        self.due_ns = NEVER_NS  # when `expire` wants to be called
+        self.due_ns = NEVER_NS  # when `expire` has to be called
         self._known = b""  # of the unique id whose node is asking
         self._fresh = False  # the part came after the last call of `expire`
         self._given: dict[bytes, int] = {}
         self._taken: set[int] = set()
 
     def see(self, node_id: int) -> None:
-        """A node of that number is on the bus."""
+        """Record that a node of that number is on the bus."""
         self._taken.add(node_id)
 
     def answer(self, request: Allocation) -> Allocation | None:
-        """What to answer to an anonymous request."""
+        """Return the answer to an anonymous request, None if there is none."""
         if request.first_part:
             self._known = b""
         elif not self._known:
@@ -102,7 +101,7 @@ class Allocator:
         return Allocation(node_id, False, unique_id) if node_id else None
 
     def expire(self, now_ns: int) -> None:
-        """Forget an exchange that has not gone on for too long."""
+        """Forget an exchange that has not continued for too long."""
         if self._fresh:
             self._fresh = False
             self.due_ns = now_ns + FOLLOWUP_TIMEOUT_NS
@@ -111,7 +110,7 @@ class Allocator:
             self.due_ns = NEVER_NS
 
     def _node_id(self, unique_id: bytes, preferred: int) -> int:
-        """The number of that node: as before, or the first free one, searched as the definition says; 0: none."""
+        """Return the number of that node: as before, or the first free one in the order of the definition; 0: none."""
         if unique_id not in self._given:
             start = preferred if 0 < preferred <= MAX_DYNAMIC_ID else MAX_DYNAMIC_ID
             order = (*range(start, MAX_DYNAMIC_ID + 1), *range(start - 1, 0, -1))

@@ -1,8 +1,8 @@
-"""The STM32's end of thrusters on DroneCAN; what it says and hears is in `hil.links.dronecan.link`."""
+"""Device end (STM32) of thrusters on DroneCAN; `hil.links.dronecan.link` describes the messages."""
 
 from collections.abc import Callable
 
-from hil.clock import NS_PER_S
+from hil.common.clock import NS_PER_S
 from hil.links.can_thrusters import SPAN_US, WRAP, MotorHook, deflection, propeller_load
 from hil.links.contract import PWM_NEUTRAL_US, Message, ThrusterCommand, ThrusterTelemetry
 from hil.links.dronecan.allocation import Allocatee
@@ -31,7 +31,7 @@ from hil.links.dronecan.types import (
 
 
 class DroneCanDevice(DroneCanNode):
-    """The STM32's end. `motor_values` says what its motor controllers measure, `battery_values` the battery."""
+    """Device end. `motor_values` returns what its motor controllers measure, `battery_values` the battery."""
 
     def __init__(
         self,
@@ -48,38 +48,38 @@ class DroneCanDevice(DroneCanNode):
         self._require_arming = settings.require_arming
         self._armed = not settings.require_arming
         self._motor_values = motor_values
-        self._listen(RAW_COMMAND, self._hear_command)
-        self._listen(ARMING_STATUS, self._hear_arming)
+        self._listen(RAW_COMMAND, self._on_command)
+        self._listen(ARMING_STATUS, self._on_arming)
         self._battery_values = battery_values or (lambda: settings.battery)
         if battery_values or settings.battery:
             self._repeat("battery", round(settings.battery_period * NS_PER_S), self._battery)
         self._allocatee = None if settings.node_id else Allocatee(unique_id, settings.preferred_node_id)
         if self._allocatee:
-            self._listen(ALLOCATION, self._hear_allocation)
+            self._listen(ALLOCATION, self._on_allocation)
 
     def encode(self, message: Message) -> bytes:
-        """A report as one esc.Status a thruster, behind NodeStatus if that changes. A command is not its to say."""
+        """Return a report as one esc.Status a thruster, behind NodeStatus if that changes; only reports are encoded."""
         assert isinstance(message, ThrusterTelemetry)
         code = message.watchdog_trips << TRIPS_SHIFT & WRAP | message.timed_out * TIMED_OUT | message.armed * ARMED
-        said = []
+        output = []
         if code != self.vendor_code:
             self.vendor_code = code
             self.health = HEALTH_WARNING if message.timed_out else HEALTH_OK
-            said.append(self._status())
+            output.append(self._status())
         for index, pulse in enumerate(message.pwm_us):
             status = pack_esc_status(self._esc_status(index, pulse, message.errors))
-            said.append(self._broadcast(ESC_STATUS, PRIORITY_MEDIUM, status))
-        return b"".join(said)
+            output.append(self._broadcast(ESC_STATUS, PRIORITY_MEDIUM, status))
+        return b"".join(output)
 
     def tick(self, now_ns: int) -> bytes:
-        """NodeStatus and BatteryInfo, or requests for a node number until there is one."""
-        said = super().tick(now_ns)
+        """Return NodeStatus and BatteryInfo, or requests for a node number until there is one."""
+        output = super().tick(now_ns)
         if self._allocatee:
-            said += self._ask(self._allocatee, now_ns)
+            output += self._request_node_id(self._allocatee, now_ns)
             self.deadline_ns = min(self.deadline_ns, self._allocatee.due_ns)
-        return said
+        return output
 
-    def _ask(self, allocatee: Allocatee, now_ns: int) -> bytes:
+    def _request_node_id(self, allocatee: Allocatee, now_ns: int) -> bytes:
         request = allocatee.request(now_ns)
         if request is None:
             return b""
@@ -95,13 +95,13 @@ class DroneCanDevice(DroneCanNode):
         battery = self._battery_values()
         return self._broadcast(BATTERY_INFO, PRIORITY_LOW, pack_battery_info(battery)) if battery else b""
 
-    def _hear_command(self, transfer: Transfer) -> ThrusterCommand:
+    def _on_command(self, transfer: Transfer) -> ThrusterCommand:
         raw = unpack_raw_command(transfer.payload)[: self._channels]
         pulses = [PWM_NEUTRAL_US + round(value * SPAN_US / FULL_RAW) for value in raw]
         pulses += self._neutral[len(pulses) :]
         return ThrusterCommand(0, self._armed, tuple(pulses))
 
-    def _hear_arming(self, transfer: Transfer) -> ThrusterCommand | None:
+    def _on_arming(self, transfer: Transfer) -> ThrusterCommand | None:
         if len(transfer.payload) != ARMING_STATUS.max_size:
             self.counters.malformed += 1
             return None
@@ -109,12 +109,12 @@ class DroneCanDevice(DroneCanNode):
         self._armed = transfer.payload[0] == FULLY_ARMED or not self._require_arming
         return ThrusterCommand(0, False, self._neutral) if was_armed and not self._armed else None
 
-    def _hear_allocation(self, transfer: Transfer) -> None:
-        heard = unpack_allocation(transfer.payload)
-        if heard is None:
+    def _on_allocation(self, transfer: Transfer) -> None:
+        received = unpack_allocation(transfer.payload)
+        if received is None:
             self.counters.malformed += 1
         elif self._allocatee:
-            self._allocatee.hear(transfer.source, heard)
+            self._allocatee.on_allocation(transfer.source, received)
             self.deadline_ns = 0
             if self._allocatee.node_id:
                 self._enter(self._allocatee.node_id)

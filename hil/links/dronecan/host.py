@@ -1,4 +1,4 @@
-"""The host's end of thrusters on DroneCAN; what it says and hears is in `hil.links.dronecan.link`."""
+"""Host end (vehicle's computer) of thrusters on DroneCAN; `hil.links.dronecan.link` describes the messages."""
 
 from hil.links.can_thrusters import SPAN_US, WRAP, Answers, Rounds, pulse_at
 from hil.links.contract import PWM_NEUTRAL_US, Message, ThrusterCommand, ThrusterTelemetry
@@ -28,7 +28,7 @@ from hil.links.dronecan.types import (
 
 
 class DroneCanHost(DroneCanNode):
-    """The vehicle's computer. `battery` is the last BatteryInfo heard of any node."""
+    """Host end. `battery` is the last BatteryInfo of any node."""
 
     def __init__(self, channels: int, settings: HostSettings) -> None:
         info = NodeInfo("org.uuv-hil.host", bytes.fromhex(settings.unique_id), SOFTWARE, (0, 0))
@@ -42,50 +42,50 @@ class DroneCanHost(DroneCanNode):
         self._codes: dict[int, int] = {}  # a node's vendor-specific status code, by number
         self._armed = False
         self._repeat("arming", ARMING_PERIOD_NS, self._arming)
-        self._listen(ESC_STATUS, self._hear_esc)
-        self._listen(NODE_STATUS, self._hear_node)
-        self._listen(BATTERY_INFO, self._hear_battery)
+        self._listen(ESC_STATUS, self._on_esc)
+        self._listen(NODE_STATUS, self._on_node)
+        self._listen(BATTERY_INFO, self._on_battery)
         self._allocator = Allocator() if settings.allocate else None
         if self._allocator:
             self._allocator.see(self.node_id)
-            self._listen(ALLOCATION, self._hear_allocation)
+            self._listen(ALLOCATION, self._on_allocation)
 
     def encode(self, message: Message) -> bytes:
-        """A command as RawCommand, behind ArmingStatus if that changes. Telemetry is not a host's to say."""
+        """Return a command as RawCommand, behind ArmingStatus if that changes; only commands are encoded."""
         assert isinstance(message, ThrusterCommand)
-        pulses = self._answers.ask(message)
-        said = b""
+        pulses = self._answers.record_command(message)
+        output = b""
         if message.armed != self._armed:
             self._armed = message.armed
-            said = self._arming()
+            output = self._arming()
         raw = [round((pulse - PWM_NEUTRAL_US) * FULL_RAW / SPAN_US) for pulse in pulses]
-        return said + self._broadcast(RAW_COMMAND, PRIORITY_HIGH, pack_raw_command(raw))
+        return output + self._broadcast(RAW_COMMAND, PRIORITY_HIGH, pack_raw_command(raw))
 
     def tick(self, now_ns: int) -> bytes:
-        """NodeStatus and ArmingStatus."""
-        said = super().tick(now_ns)
+        """Return NodeStatus and ArmingStatus if they are due."""
+        output = super().tick(now_ns)
         if self._allocator:
             self._allocator.expire(now_ns)
             self.deadline_ns = min(self.deadline_ns, self._allocator.due_ns)
-        return said
+        return output
 
     def _arming(self) -> bytes:
         status = FULLY_ARMED if self._armed else DISARMED
         return self._broadcast(ARMING_STATUS, PRIORITY_HIGH, bytes((status,)))
 
-    def _hear_esc(self, transfer: Transfer) -> ThrusterTelemetry | None:
+    def _on_esc(self, transfer: Transfer) -> ThrusterTelemetry | None:
         status = unpack_esc_status(transfer.payload)
         if status is None:
             self.counters.malformed += 1
             return None
         if status.esc_index >= len(self._errors):
-            return None  # not one of ours
+            return None  # not one of our thrusters
         self._errors[status.esc_index] = status.error_count
-        pulses = self._rounds.hear(status.esc_index, pulse_at(status.rpm * self._us_per_rpm))
+        pulses = self._rounds.add_report(status.esc_index, pulse_at(status.rpm * self._us_per_rpm))
         return None if pulses is None else self._telemetry(pulses, transfer.source)
 
     def _telemetry(self, pulses: tuple[int, ...], source: int) -> ThrusterTelemetry:
-        command = self._answers.hear(pulses)
+        command = self._answers.find_command(pulses)
         if self._own_device:
             code = self._codes.get(source, 0)
             armed, timed_out, trips = bool(code & ARMED), bool(code & TIMED_OUT), code >> TRIPS_SHIFT
@@ -94,7 +94,7 @@ class DroneCanHost(DroneCanNode):
         errors = max(self._errors) & WRAP
         return ThrusterTelemetry(command.sequence, armed, timed_out, pulses, 0, self._answers.frames, errors, trips)
 
-    def _hear_node(self, transfer: Transfer) -> None:
+    def _on_node(self, transfer: Transfer) -> None:
         status = unpack_node_status(transfer.payload)
         if status is None:
             self.counters.malformed += 1
@@ -103,14 +103,14 @@ class DroneCanHost(DroneCanNode):
         if self._allocator:
             self._allocator.see(transfer.source)
 
-    def _hear_battery(self, transfer: Transfer) -> None:
+    def _on_battery(self, transfer: Transfer) -> None:
         battery = unpack_battery_info(transfer.payload)
         if battery is None:
             self.counters.malformed += 1
         else:
             self.battery = battery
 
-    def _hear_allocation(self, transfer: Transfer) -> None:
+    def _on_allocation(self, transfer: Transfer) -> None:
         request = unpack_allocation(transfer.payload)
         if request is None:
             self.counters.malformed += 1

@@ -6,15 +6,15 @@
 
 Thruster i is `esc_index` i. An output of +-8191 is 1900 and 1100 us; in between it is exact to 1 us. What is
 beyond is clamped, and no pulse at all is 0, "no rotation", as DroneCAN has nothing weaker. A disarmed host
-sends zeros besides ArmingStatus 0, for controllers that know no arming.
+sends zeros besides ArmingStatus 0, for controllers without arming.
 
-The device obeys ArmingStatus as the motor controllers of AM32 do (REQUIRE_ARMING, 1 by default): without
-FULLY_ARMED heard, commands leave the outputs neutral; DISARMED ends them at once; FULLY_ARMED alone starts
-nothing and has no time-out of its own, for silence of RawCommand ends all (AM32: 250 ms; here: the STM32's
+The device applies ArmingStatus as the motor controllers of AM32 do (REQUIRE_ARMING, 1 by default): without
+FULLY_ARMED received, commands leave the outputs neutral; DISARMED ends them at once; FULLY_ARMED alone starts
+nothing and has no time-out of its own: a pause of RawCommand ends all (AM32: 250 ms; here: the STM32's
 watchdog). A RawCommand that is too short stops the thrusters it leaves out, a longer one is also for others.
 
-A status tells a pulse by its rpm, in proportion to `full_rpm` at 1900 us: what our device reports is the
-command, exact to 1 us; of another's true speed it makes an approximate pulse, which answers no command.
+The rpm of a status gives the pulse, in proportion to `full_rpm` at 1900 us: what our device reports is the
+command, exact to 1 us; the true speed of another device gives an approximate pulse, which answers no command.
 Arming, time-outs and trips are in our device's NodeStatus, sent at once when they change; its
 `vendor_code` has bit 0 armed, bit 1 timed out, and trips of the watchdog from bit 2 up, modulo 2^14.
 DroneCAN carries neither sequence number nor age: the first is inferred, the second is 0.
@@ -24,17 +24,17 @@ Source of the AM32 behaviour: github.com/am32-firmware/AM32, Src/DroneCAN/DroneC
 
 from typing import Any
 
-from hil.errors import ConfigError
+from hil.common.errors import ConfigError
+from hil.common.schema import parse
 from hil.links.contract import MAX_THRUSTERS, Protocol
 from hil.links.dronecan.device import DroneCanDevice
 from hil.links.dronecan.host import DroneCanHost
 from hil.links.dronecan.settings import DeviceSettings, HostSettings
 from hil.links.protocols import Role
-from hil.schema import parse
 
 
 def open_dronecan(role: Role, channels: int, **settings: Any) -> Protocol:
-    """One end's protocol. `settings` are those of HostSettings or DeviceSettings, and the device's two hooks.
+    """Return one end's protocol. `settings` are those of HostSettings or DeviceSettings, and the device's two hooks.
 
     Raises ConfigError if a setting is wrong or there are more thrusters than a link carries.
     """

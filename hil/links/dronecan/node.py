@@ -1,4 +1,4 @@
-"""What every DroneCAN node does, whatever else it is for: it says that it lives, and who it is.
+"""Functions of every DroneCAN node: status messages, node information, and message handlers.
 
 Source: dronecan.github.io, Specification, 5. Application level conventions and 6. Application level functions.
 """
@@ -6,7 +6,7 @@ Source: dronecan.github.io, Specification, 5. Application level conventions and 
 from collections.abc import Callable
 from typing import NamedTuple
 
-from hil.clock import NS_PER_S
+from hil.common.clock import NS_PER_S
 from hil.links.contract import Counters, Message, Protocol
 from hil.links.dronecan.transfer import (
     TRANSFER_ID,
@@ -36,17 +36,17 @@ PRIORITY_HIGH, PRIORITY_MEDIUM, PRIORITY_LOW = 8, 16, 24
 
 
 class Periodic(NamedTuple):
-    """Something a node says every so often."""
+    """A message that a node sends periodically."""
 
     period_ns: int
-    say: Callable[[], bytes]
+    encode: Callable[[], bytes]
 
 
 class DroneCanNode(Protocol):
-    """A node with the number `node_id`; 0: none yet, and then it only listens.
+    """A node with the number `node_id`; 0: none yet, and then it only receives.
 
-    Its clock is that of `tick`, which has to be called whenever `deadline_ns` says: the time-outs of
-    unfinished transfers are as coarse as that.
+    Its clock is that of `tick`, which has to be called at `deadline_ns`: the time-outs of unfinished transfers are
+    no finer than these calls.
     """
 
     def __init__(self, node_id: int, info: NodeInfo) -> None:
@@ -69,11 +69,11 @@ class DroneCanNode(Protocol):
             self._enter(node_id)
 
     def feed(self, data: bytes) -> list[Message]:
-        """The messages completed by whole records of CAN frames. Never raises."""
+        """Return the messages completed by whole records of CAN frames. Never raises."""
         self.counters.dropped_bytes += len(data) % RECORD_SIZE
         messages = []
         for frame in unpack_frames(data):
-            transfer = self._receiver.take(frame, self._now_ns) if frame.extended else None
+            transfer = self._receiver.feed_frame(frame, self._now_ns) if frame.extended else None
             if transfer is not None:
                 message = self._handlers[transfer.key](transfer)
                 if message is not None:
@@ -81,36 +81,36 @@ class DroneCanNode(Protocol):
         return messages
 
     def replies(self) -> bytes:
-        """Answers to what was asked of this node."""
-        said = b"".join(self._replies)
+        """Return the answers to requests since the last call."""
+        output = b"".join(self._replies)
         self._replies.clear()
-        return said
+        return output
 
     def tick(self, now_ns: int) -> bytes:
-        """All that is due at `now_ns` (monotonic)."""
+        """Return all that is due at `now_ns` (monotonic)."""
         self._now_ns = now_ns
         if self._started_ns < 0:
             self._started_ns = now_ns
-        said = []
+        output = []
         for name, periodic in self._periodic.items():
             if now_ns >= self._due_ns[name]:
                 self._due_ns[name] = now_ns + periodic.period_ns
-                said.append(periodic.say())
+                output.append(periodic.encode())
         self.deadline_ns = min(self._due_ns.values())
-        return b"".join(said)
+        return b"".join(output)
 
     def _enter(self, node_id: int) -> None:
-        """From now on the node has a number, and says so at once."""
+        """Use the node number `node_id` from now on, and send the status at once."""
         self.node_id = node_id
         self._due_ns["status"] = self.deadline_ns = 0
-        self._serve(service_key(GET_NODE_INFO, node_id, request=True), GET_NODE_INFO, self._tell_info)
+        self._serve(service_key(GET_NODE_INFO, node_id, request=True), GET_NODE_INFO, self._answer_info_request)
 
-    def _repeat(self, name: str, period_ns: int, say: Callable[[], bytes]) -> None:
-        self._periodic[name] = Periodic(period_ns, say)
+    def _repeat(self, name: str, period_ns: int, encode: Callable[[], bytes]) -> None:
+        self._periodic[name] = Periodic(period_ns, encode)
         self._due_ns[name] = 0
 
     def _listen(self, kind: DataType, handler: Callable[[Transfer], Message | None]) -> None:
-        """Let `handler` have the messages of that kind."""
+        """Call `handler` with the messages of that kind."""
         self._serve(message_key(kind), kind, handler)
 
     def _serve(self, key: int, kind: DataType, handler: Callable[[Transfer], Message | None]) -> None:
@@ -118,7 +118,7 @@ class DroneCanNode(Protocol):
         self._handlers[key] = handler
 
     def _broadcast(self, kind: DataType, priority: int, payload: bytes) -> bytes:
-        """The frames of a message; none if the node has no number."""
+        """Return the frames of a message; none if the node has no number."""
         if not self.node_id:
             return b""
         can_id = frame_id(message_key(kind), priority, self.node_id)
@@ -136,7 +136,7 @@ class DroneCanNode(Protocol):
     def _status(self) -> bytes:
         return self._broadcast(NODE_STATUS, PRIORITY_LOW, pack_node_status(self._node_status()))
 
-    def _tell_info(self, request: Transfer) -> None:
+    def _answer_info_request(self, request: Transfer) -> None:
         can_id = frame_id(service_key(GET_NODE_INFO, request.source, request=False), request.priority, self.node_id)
         payload = pack_node_info(self._node_status(), self.info)
         self._replies.append(pack_transfer(can_id, payload, request.transfer_id, GET_NODE_INFO.seed))

@@ -1,12 +1,12 @@
-"""What a DroneCAN thruster link can be set to, and what both of its ends have to agree on."""
+"""Settings of a DroneCAN thruster link."""
 
 from typing import Annotated, NamedTuple
 
 from hil import __version__
-from hil.clock import NS_PER_S
+from hil.common.clock import NS_PER_S
+from hil.common.schema import Range
 from hil.links.dronecan.transfer import MAX_NODE_ID
 from hil.links.dronecan.types import UNIQUE_ID_SIZE, BatteryInfo
-from hil.schema import Range
 
 HOST_ID, DEVICE_ID = 10, 20  # 10 is ArduPilot's too
 FULL_RPM = 3500.0  # a T200 on 16 V at full output (Blue Robotics, T200 public performance data, 2019)
@@ -20,21 +20,21 @@ NodeId = Annotated[int, Range(0, MAX_NODE_ID)]
 
 
 class HostSettings(NamedTuple):
-    """`own_device` false: the thrusters are others', whose NodeStatus says nothing of arming."""
+    """Settings of the host end. `own_device` false: the thrusters are others', whose NodeStatus carries no arming."""
 
     node_id: Annotated[int, Range(1, MAX_NODE_ID)] = HOST_ID
     full_rpm: FullRpm = FULL_RPM
     own_device: bool = True
-    allocate: bool = False  # give node numbers to those who ask
+    allocate: bool = False  # allocate node numbers to nodes that request one
     unique_id: str = "7575762d68696c20686f737400000000"
 
-    def problem(self) -> str | None:
-        """What is wrong with the unique id."""
-        return _unique_id_problem(self.unique_id)
+    def validate(self) -> str | None:
+        """Return what is wrong with the unique id, None if nothing is."""
+        return _validate_unique_id(self.unique_id)
 
 
 class DeviceSettings(NamedTuple):
-    """`node_id` 0 asks an allocator for a number. Two devices on a bus need two unique ids."""
+    """Settings of the device end. `node_id` 0: request a number. Two devices on a bus need two unique ids."""
 
     node_id: NodeId = DEVICE_ID
     preferred_node_id: NodeId = 0
@@ -44,12 +44,12 @@ class DeviceSettings(NamedTuple):
     battery_period: Annotated[float, Range(0.1, 60.0, "s")] = 1.0
     unique_id: str = "7575762d68696c2073746d3332000001"
 
-    def problem(self) -> str | None:
-        """What is wrong with the unique id."""
-        return _unique_id_problem(self.unique_id)
+    def validate(self) -> str | None:
+        """Return what is wrong with the unique id, None if nothing is."""
+        return _validate_unique_id(self.unique_id)
 
 
-def _unique_id_problem(unique_id: str) -> str | None:
+def _validate_unique_id(unique_id: str) -> str | None:
     try:
         value = bytes.fromhex(unique_id)
     except ValueError:

@@ -1,7 +1,7 @@
-"""DroneCAN's transport on CAN 2.0B: transfers cut into frames, and put together again.
+"""DroneCAN transport on CAN 2.0B: split transfers into frames, and reassemble them.
 
 Source: dronecan.github.io, Specification, 4.1 CAN bus transport layer. The last byte of each frame (the
-tail) says whether it begins and ends a transfer, alternates (toggle), and numbers the transfer modulo 32.
+tail) tells whether it begins and ends a transfer, alternates (toggle), and numbers the transfer modulo 32.
 A transfer of more than 7 bytes takes several frames and begins with a CRC that the data type's signature
 seeds. A frame's 29 bits of identifier are
 
@@ -38,7 +38,7 @@ class DataType(NamedTuple):
 
 
 class Transfer(NamedTuple):
-    """A transfer that has come in whole; `source` 0 is an anonymous node."""
+    """A complete received transfer; `source` 0 is an anonymous node."""
 
     key: int
     source: int
@@ -48,27 +48,27 @@ class Transfer(NamedTuple):
 
 
 def data_type(number: int, signature: int, max_size: int) -> DataType:
-    """A data type by its 64-bit signature."""
+    """Return a data type from its 64-bit signature."""
     return DataType(number, crc_hqx(signature.to_bytes(8, "little"), CRC_START), max_size)
 
 
 def message_key(kind: DataType) -> int:
-    """What the identifiers of a message's frames have in common."""
+    """Return the part that the identifiers of all frames of a message type share."""
     return kind.id << 1
 
 
 def service_key(kind: DataType, destination: int, request: bool) -> int:
-    """What the identifiers of the frames of a service to a node have in common."""
+    """Return the part that the identifiers of all frames of a service to a node share."""
     return kind.id << 9 | request << 8 | destination << 1 | 1
 
 
 def frame_id(key: int, priority: int, source: int) -> int:
-    """The identifier of a frame from a node."""
+    """Return the identifier of a frame from a node."""
     return priority << 24 | key << 7 | source
 
 
 def pack_transfer(can_id: int, payload: bytes, transfer_id: int, seed: int) -> bytes:
-    """The frames of a transfer, one record after another."""
+    """Return the frames of a transfer, one record after another."""
     if len(payload) <= CHUNK:
         return pack_frame(CanFrame(can_id, payload + bytes((START | END | transfer_id,))))
     data = crc_hqx(payload, seed).to_bytes(CRC_SIZE, "little") + payload
@@ -83,10 +83,10 @@ def pack_transfer(can_id: int, payload: bytes, transfer_id: int, seed: int) -> b
 
 
 def pack_anonymous(kind: DataType, priority: int, payload: bytes, transfer_id: int) -> bytes:
-    """The frame of a node that has no number yet: at most 7 bytes, of one of the data types 0 to 3.
+    """Return the frame of a node that has no number yet: at most 7 bytes, of one of the data types 0 to 3.
 
-    The discriminator is taken of the payload's CRC, so two nodes collide on the bus only if they say the
-    same, which does no harm.
+    The discriminator is the payload's CRC, so two nodes collide on the bus only if they send the same bytes, which
+    does no harm.
     """
     discriminator = crc_hqx(payload, CRC_START) & 0x3FFF
     can_id = priority << 24 | discriminator << 10 | (kind.id & 3) << 8
@@ -94,7 +94,7 @@ def pack_anonymous(kind: DataType, priority: int, payload: bytes, transfer_id: i
 
 
 class _Session:
-    """How far the transfers of one type from one node have come."""
+    """Reassembly state of the transfers of one type from one node."""
 
     __slots__ = ("begun_ns", "payload", "toggle", "transfer_id")
 
@@ -111,9 +111,9 @@ class _Session:
 
 
 class Receiver:
-    """Puts transfers together from frames, of the `kinds` that are wanted; all others are not for us.
+    """Reassemble transfers from frames of the registered `kinds`; ignore all others.
 
-    What is of a wanted kind and does not fit (no beginning, a wrong toggle or number, an end that never
+    A frame of a registered kind that does not fit (no beginning, a wrong toggle or number, an end that never
     came, more than the type can hold) is counted in `counters.malformed`, a wrong CRC in
     `checksum_errors`. There is one session a kind and node, each of at most that kind's longest payload.
     """
@@ -123,8 +123,8 @@ class Receiver:
         self._counters = counters
         self._sessions: dict[int, _Session] = {}
 
-    def take(self, frame: CanFrame, now_ns: int) -> Transfer | None:
-        """The transfer that a frame ends. `now_ns` decides whether an unfinished one is too old to go on with."""
+    def feed_frame(self, frame: CanFrame, now_ns: int) -> Transfer | None:
+        """Return the transfer that a frame completes, else None. `now_ns` decides whether an unfinished one expired."""
         source = frame.id & MAX_NODE_ID
         key = frame.id >> 7 & 0x1FFFF if source else (frame.id >> 8 & 3) << 1 | (frame.id >> 7 & 1)
         kind = self.kinds.get(key)
@@ -133,18 +133,18 @@ class Receiver:
         if not frame.data:
             self._counters.malformed += 1
             return None
-        payload = self._take(frame, kind, now_ns) if source else self._take_anonymous(frame.data)
+        payload = self._add_frame(frame, kind, now_ns) if source else self._decode_anonymous(frame.data)
         if payload is None:
             return None
         return Transfer(key, source, frame.data[-1] & TRANSFER_ID, frame.id >> 24, payload)
 
-    def _take_anonymous(self, data: bytes) -> bytes | None:
+    def _decode_anonymous(self, data: bytes) -> bytes | None:
         if data[-1] & (START | END | TOGGLE) != START | END:
             self._counters.malformed += 1
             return None
         return data[:-1]
 
-    def _take(self, frame: CanFrame, kind: DataType, now_ns: int) -> bytes | None:
+    def _add_frame(self, frame: CanFrame, kind: DataType, now_ns: int) -> bytes | None:
         tail = frame.data[-1]
         session = self._session(frame.id & WITHOUT_PRIORITY, tail, now_ns)
         if not self._fits(session, frame.data, kind):
@@ -161,7 +161,7 @@ class Receiver:
         return payload if tail & START else self._checked(payload, kind.seed)
 
     def _session(self, descriptor: int, tail: int, now_ns: int) -> _Session:
-        """The session of a frame, begun anew where the specification says so."""
+        """Return the session of a frame, reset where the specification requires it."""
         session = self._sessions.get(descriptor)
         if session is None:
             session = self._sessions[descriptor] = _Session()

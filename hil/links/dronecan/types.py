@@ -1,10 +1,10 @@
-"""The DroneCAN data types that a thruster link speaks, packed and unpacked by hand.
+"""DroneCAN data types of a thruster link, packed and unpacked by hand.
 
 Source of numbers, fields and units: the definitions in github.com/dronecan/DSDL; of the signatures: its
 algorithm (specification, chapter 3), applied to them. A number of more than a byte goes low byte first and
 each byte, also the shortened last one, highest bit first; an array at the very end has no length.
 
-A decoder answers None to what cannot be of its type.
+A decoder returns None for bytes that cannot be of its type.
 """
 
 from struct import Struct
@@ -60,7 +60,7 @@ class NodeStatus(NamedTuple):
 
 
 class NodeInfo(NamedTuple):
-    """What a node answers to uavcan.protocol.GetNodeInfo, besides its status."""
+    """Answer of a node to uavcan.protocol.GetNodeInfo, besides its status."""
 
     name: str
     unique_id: bytes
@@ -96,12 +96,12 @@ class Allocation(NamedTuple):
 
 
 def _half(value: float) -> float:
-    """A float that a float16 can hold; NaN stays."""
+    """Return a float that a float16 can hold; NaN stays."""
     return -MAX_HALF if value < -MAX_HALF else MAX_HALF if value > MAX_HALF else value
 
 
 def pack_raw_command(raw: list[int]) -> bytes:
-    """uavcan.equipment.esc.RawCommand: a signed output a motor controller, at most +-8191; 0 stands still."""
+    """Pack uavcan.equipment.esc.RawCommand: a signed output a motor controller, at most +-8191; 0 is standstill."""
     stream = 0
     for value in raw:
         value &= _RAW_MASK
@@ -111,7 +111,7 @@ def pack_raw_command(raw: list[int]) -> bytes:
 
 
 def unpack_raw_command(payload: bytes) -> list[int]:
-    """The outputs, -8192 to 8191; what is left of the last byte is padding."""
+    """Return the outputs, -8192 to 8191; what is left of the last byte is padding."""
     count = len(payload) * 8 // _RAW_BITS
     stream = int.from_bytes(payload, "big") >> len(payload) * 8 - count * _RAW_BITS
     raw = []
@@ -123,7 +123,7 @@ def unpack_raw_command(payload: bytes) -> list[int]:
 
 
 def pack_esc_status(status: EscStatus) -> bytes:
-    """A number too large for its field stops at the field's limit; the error count wraps."""
+    """Pack an ESC status: a number too large for its field is clipped, the error count wraps."""
     errors, volts, amperes, kelvin, rpm, percent, esc_index = status
     rpm = min(max(rpm, -MAX_RPM - 1), MAX_RPM) & 0x3FFFF
     percent = min(max(percent, 0), 127)
@@ -132,7 +132,7 @@ def pack_esc_status(status: EscStatus) -> bytes:
 
 
 def unpack_esc_status(payload: bytes) -> EscStatus | None:
-    """The status of one motor controller."""
+    """Return the status of one motor controller."""
     if len(payload) != ESC_STATUS.max_size:
         return None
     end = int.from_bytes(payload[10:], "big")
@@ -143,14 +143,14 @@ def unpack_esc_status(payload: bytes) -> EscStatus | None:
 
 
 def pack_node_status(status: NodeStatus) -> bytes:
-    """Its sub-mode is not in use and 0."""
+    """Pack a node status; the sub-mode is not in use and 0."""
     return _NODE_STATUS.pack(
         status.uptime_s & 0xFFFF_FFFF, status.health << 6 | status.mode << 3, status.vendor_code & 0xFFFF
     )
 
 
 def unpack_node_status(payload: bytes) -> NodeStatus | None:
-    """The status of a node."""
+    """Return the status of a node."""
     if len(payload) != NODE_STATUS.max_size:
         return None
     uptime_s, health_mode, vendor_code = _NODE_STATUS.unpack(payload)
@@ -158,13 +158,13 @@ def unpack_node_status(payload: bytes) -> NodeStatus | None:
 
 
 def pack_node_info(status: NodeStatus, info: NodeInfo) -> bytes:
-    """The response to GetNodeInfo, without optional fields: commit, image CRC, certificate."""
+    """Pack the response to GetNodeInfo, without optional fields: commit, image CRC, certificate."""
     versions = _VERSIONS.pack(*info.software, 0, 0, 0, *info.hardware, info.unique_id, 0)
     return pack_node_status(status) + versions + info.name.encode("ascii")
 
 
 def pack_battery_info(battery: BatteryInfo) -> bytes:
-    """Percentages and flags are cut to the bits of their fields, the model's name to 31 bytes."""
+    """Pack a battery's state: percentages and flags cut to the bits of their fields, the model's name to 31 bytes."""
     b = battery
     flags = b.status_flags & 0x7FF
     bits = (flags & 0xFF) << 24 | flags >> 8 << 21
@@ -177,7 +177,7 @@ def pack_battery_info(battery: BatteryInfo) -> bytes:
 
 
 def unpack_battery_info(payload: bytes) -> BatteryInfo | None:
-    """The state of a battery."""
+    """Return the state of a battery."""
     if not 23 <= len(payload) <= BATTERY_INFO.max_size:
         return None
     kelvin, volts, amperes, watts, remaining, full, hours = _BATTERY.unpack_from(payload)
@@ -190,12 +190,12 @@ def unpack_battery_info(payload: bytes) -> BatteryInfo | None:
 
 
 def pack_allocation(allocation: Allocation) -> bytes:
-    """A request for a node number, or an allocator's answer."""
+    """Pack a request for a node number, or an allocator's answer."""
     return bytes((allocation.node_id << 1 | allocation.first_part,)) + allocation.unique_id
 
 
 def unpack_allocation(payload: bytes) -> Allocation | None:
-    """A request for a node number, or an allocator's answer."""
+    """Return a request for a node number, or an allocator's answer."""
     if not 0 < len(payload) <= ALLOCATION.max_size:
         return None
     return Allocation(payload[0] >> 1, bool(payload[0] & 1), payload[1:])

@@ -1,1 +1,1 @@
-"""Thruster frames that a TOML file describes."""
+"""Thruster messages as a binary frame that a TOML file describes."""

@@ -1,4 +1,4 @@
-"""The numbers of one message for so many thrusters, and the message they mean."""
+"""Conversion between a message and the numbers of its frame, for a given number of thrusters."""
 
 import struct
 from collections.abc import Callable, Iterator, Sequence
@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 from hil.links.contract import PWM_NEUTRAL_US, Message, ThrusterCommand, ThrusterTelemetry
 from hil.links.frame.layout import (
-    ORDERS,
+    BYTE_ORDERS,
     TYPES,
     Field,
     FrameLayout,
@@ -21,11 +21,11 @@ from hil.links.frame.layout import (
 
 Kind = type[ThrusterCommand] | type[ThrusterTelemetry]
 SATURATING = ("pwm_us", "age_us")  # the other numbers are counters, and wrap
-NEVER_SAID = {"armed": True, "timed_out": False, "pwm_us": ()}  # what a frame without such a field says; else 0
+DEFAULTS = {"armed": True, "timed_out": False, "pwm_us": ()}  # of a frame without such a field; else 0
 
 
 class Line(NamedTuple):
-    """quantity = gain * number + bias; the numbers of the wire stop at `low` and `high`."""
+    """Linear scaling, quantity = gain * number + bias; numbers on the wire are clipped to `low` and `high`."""
 
     gain: float
     inverse: float  # of the gain
@@ -35,12 +35,12 @@ class Line(NamedTuple):
     is_whole: bool
 
     def number(self, quantity: float) -> float:
-        """The number that comes nearest to `quantity`."""
+        """Return the number nearest to `quantity`."""
         number = (quantity - self.bias) * self.inverse
         return min(max(round(number) if self.is_whole else number, self.low), self.high)
 
     def quantity(self, number: float) -> int:
-        """Rounded. Raises ValueError or OverflowError for what is no finite number."""
+        """Return the rounded quantity. Raises ValueError or OverflowError for a number that is not finite."""
         return round(self.gain * number + self.bias)
 
 
@@ -57,7 +57,9 @@ class Body:
         while constant_bytes > 0:
             constant_bytes -= type_size(rows.pop(0)[0].type)
         self.fields = [field for field, _, _ in rows]
-        self.packer = struct.Struct(ORDERS[layout.byte_order] + "".join(TYPES[field.type] for field in self.fields))
+        self.packer = struct.Struct(
+            BYTE_ORDERS[layout.byte_order] + "".join(TYPES[field.type] for field in self.fields)
+        )
         self.template: tuple[float, ...] = tuple([value or field.value or 0 for field, _, value in rows])
         constants = {place: value for place, (_, _, value) in enumerate(rows) if value is not None}
         self._constants, self._constants_of = tuple(constants.values()), _picker(tuple(constants))
@@ -66,7 +68,7 @@ class Body:
             self._place(kind)
 
     def _place(self, kind: Kind) -> None:
-        """Where the numbers of the message stand: tables that turn one row into the other in a single step."""
+        """Find where the numbers of the message stand: tables that convert one row to the other in a single step."""
         self._kind = kind
         names = [field.name for field in self.fields]
         lines = {field.name: _line(field) for field in self.fields}
@@ -77,7 +79,7 @@ class Body:
         for place, index, _ in single:
             both[place], both[len(names) + index] = len(names) + index, place
         self._numbers_of = _picker(both[: len(names)])  # from template and message
-        self._values_of = _picker(both[len(names) :])  # from numbers and what is never said
+        self._values_of = _picker(both[len(names) :])  # from numbers and defaults
         self._flags = names.index("flags") if "flags" in names else 0
         bits = self.fields[self._flags].bits._asdict() if "flags" in names else {}
         self._bits = [
@@ -88,10 +90,10 @@ class Body:
         step = pulses[1] - pulses[0] if len(pulses) > 1 else 1
         self._pulses = slice(pulses[0], pulses[-1] + 1, step)
         self._pulse_index, self._pulse_line = kind._fields.index("pwm_us"), lines["pwm_us"]
-        self._never_said: tuple[Any, ...] = tuple([NEVER_SAID.get(name, 0) for name in kind._fields])
+        self._unset: tuple[Any, ...] = tuple([DEFAULTS.get(name, 0) for name in kind._fields])
 
     def pack(self, message: Message) -> bytes:
-        """The numbers of `message`; one too big wraps if it counts, else stops at the limit."""
+        """Return the numbers of `message`; one too big wraps if it is a counter, else is clipped."""
         values: tuple[Any, ...] = message
         numbers = list(self._numbers_of(self.template + values))
         for place, index, line in self._lined:
@@ -111,10 +113,10 @@ class Body:
             return self.packer.pack(*[_fitted(v, field) for v, field in zip(numbers, self.fields, strict=True)])
 
     def message(self, numbers: tuple[Any, ...]) -> Message | None:
-        """The message of the numbers that `packer` unpacked, or None if one of them is not what it must be."""
+        """Return the message of the numbers that `packer` unpacked, None if a constant among them is wrong."""
         if self._constants_of(numbers) != self._constants:
             return None
-        values = list(self._values_of(numbers + self._never_said))
+        values = list(self._values_of(numbers + self._unset))
         flags = numbers[self._flags]
         for mask, index in self._bits:
             values[index] = flags & mask != 0
@@ -124,19 +126,19 @@ class Body:
                 values[index] = line.quantity(numbers[place])
             if self._pulse_line:
                 values[self._pulse_index] = tuple([self._pulse_line.quantity(n) for n in numbers[self._pulses]])
-        except (ValueError, OverflowError):  # a float that is no number
+        except (ValueError, OverflowError):  # a float that is not finite
             return None
         return self._kind(*values)
 
     def fits(self, numbers: tuple[Any, ...]) -> bool:
-        """Whether the constants among the numbers are what they must be."""
+        """Return whether the constants among the numbers have their values."""
         return self._constants_of(numbers) == self._constants
 
 
 def numbers_of(
     layout: FrameLayout, message: MessageLayout | Other, channels: int
 ) -> Iterator[tuple[Field, int, int | None]]:
-    """Every number between sync and checksum: its field, which of its list it is, and its value if that is constant."""
+    """Yield every number between sync and checksum: field, index in its list, and value if that is constant."""
     behind = fields_size(message.fields, channels)
     for field in layout.header:
         yield field, 0, _constant(field, message.id, channels, behind)
@@ -147,7 +149,7 @@ def numbers_of(
 
 
 def _constant(field: Field, message_id: int | None, channels: int, behind: int) -> int | None:
-    """What stands in a field whatever the message says; `behind`: the bytes that a length there counts."""
+    """Return the constant value of a field, if it has one; `behind`: the bytes that a length there counts."""
     if field.name == "id":
         return message_id
     if field.name in ("length", "count"):
@@ -156,7 +158,7 @@ def _constant(field: Field, message_id: int | None, channels: int, behind: int) 
 
 
 def _picker(places: Sequence[int]) -> Callable[[tuple[Any, ...]], tuple[Any, ...]]:
-    """What gives the items at these places; a tuple of them even if there is one, or none."""
+    """Return a function that gets the items at these places, always as a tuple."""
     if len(places) > 1:
         return itemgetter(*places)
     start = places[0] if places else 0
@@ -164,7 +166,7 @@ def _picker(places: Sequence[int]) -> Callable[[tuple[Any, ...]], tuple[Any, ...
 
 
 def _line(field: Field) -> Line | None:
-    """None where the number is the quantity itself."""
+    """Return the scaling of a field, None where the number is the quantity itself."""
     gain, bias = field.line
     if (gain, bias) == (1.0, 0.0) and field.type != "f32":
         return None
@@ -172,7 +174,7 @@ def _line(field: Field) -> Line | None:
 
 
 def _fitted(number: float, field: Field) -> float:
-    """A whole number as its field can carry it: pulse widths and ages stop at the limit, counters wrap."""
+    """Return a whole number as its field can carry it: pulse widths and ages are clipped, counters wrap."""
     low, high = limits(field.type)
     if field.name in SATURATING or field.type == "f32":
         return min(max(number, low), high)

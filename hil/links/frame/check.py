@@ -1,4 +1,4 @@
-"""A frame file and bytes taken apart for a person: what stands where, and which byte is wrong."""
+"""Explain a frame file and captured bytes to a person: what stands where, and which byte is wrong."""
 
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -37,7 +37,7 @@ WRONG = ("damaged", "dropped", "malformed", "unfinished")
 
 
 def table(layout: FrameLayout, message: MessageLayout | Other, channels: int) -> list[Row]:
-    """The byte table of a message for so many thrusters; lists that alternate stand number by number."""
+    """Return the byte table of a message for this number of thrusters; interleaved lists stand number by number."""
     rows = [Row(place, "u8", 1, "sync", None, byte) for place, byte in enumerate(layout.sync)]
     offset = len(rows)
     alternate = isinstance(message, MessageLayout) and message.interleaved
@@ -54,10 +54,10 @@ def table(layout: FrameLayout, message: MessageLayout | Other, channels: int) ->
     return rows
 
 
-def taken_apart(protocol: FrameProtocol, data: bytes) -> list[Part]:
-    """`data` as `protocol` hears it, part by part; every byte is in one of them."""
+def split_bytes(protocol: FrameProtocol, data: bytes) -> list[Part]:
+    """Return `data` as `protocol` decodes it, part by part; every byte is in one of them."""
     parts: list[Part] = []
-    for part in _taken(protocol, data):
+    for part in _split(protocol, data):
         if parts and part.kind == parts[-1].kind == "dropped" and part.text == parts[-1].text:
             parts[-1] = parts[-1]._replace(data=parts[-1].data + part.data)
         else:
@@ -65,7 +65,7 @@ def taken_apart(protocol: FrameProtocol, data: bytes) -> list[Part]:
     return parts
 
 
-def _taken(protocol: FrameProtocol, data: bytes) -> Iterator[Part]:
+def _split(protocol: FrameProtocol, data: bytes) -> Iterator[Part]:
     reader, counters = protocol.reader, protocol.counters
     done = 0
     for end in range(1, len(data) + 1):
@@ -76,13 +76,13 @@ def _taken(protocol: FrameProtocol, data: bytes) -> Iterator[Part]:
             yield from _lost(reader, data, done, done + dropped)
             done += dropped
         if end - len(reader.unfinished) > done:
-            yield _heard(reader, done, data[done : end - len(reader.unfinished)], messages, malformed > 0)
+            yield _received(reader, done, data[done : end - len(reader.unfinished)], messages, malformed > 0)
             done = end - len(reader.unfinished)
     if done < len(data):
         yield Part(done, data[done:], "unfinished", "the beginning of a frame whose end is not there")
 
 
-def _heard(reader: Reader, start: int, data: bytes, messages: list[Message], malformed: bool) -> Part:
+def _received(reader: Reader, start: int, data: bytes, messages: list[Message], malformed: bool) -> Part:
     frame = reader.unwrapped(data)
     if not frame:
         return Part(start, data, "delimiter", "delimiter")
@@ -96,14 +96,14 @@ def _heard(reader: Reader, start: int, data: bytes, messages: list[Message], mal
 
 
 def _extras(form: Form, frame: bytes) -> Iterator[str]:
-    """The extra fields of a message, in words."""
+    """Return the extra fields of a message as text."""
     for field, number in zip(form.body.fields, form.body.packer.unpack_from(frame, len(form.prefix)), strict=True):
         if field.extra:
             yield f"{field.name}={number * field.scale + field.offset:.6g}" + (f" {field.unit}" if field.unit else "")
 
 
 def _lost(reader: Reader, data: bytes, start: int, end: int) -> Iterator[Part]:
-    """Bytes that were dropped: damaged frames, and what is none."""
+    """Return the dropped bytes as parts: damaged frames, and bytes of no frame."""
     if not isinstance(reader, SyncReader):
         frame = reader.unwrapped(data[start:end])
         form = reader.form_of(frame) if frame else None
@@ -133,13 +133,13 @@ def _is_sound_at(reader: SyncReader, data: bytes, place: int) -> bool:
 
 
 def damage(reader: Reader, form: Form, frame: bytes) -> str:
-    """What is wrong with a frame whose checksum is not right: the one byte that explains it, if only one does."""
+    """Return what is wrong with a frame whose checksum does not match: the one wrong byte, if only one explains it."""
     seal = reader.seal
     end = len(frame) - seal.size
     digits = 2 * seal.stored.size
     stored = seal.stored.unpack_from(frame, end)[0]
-    reckoned = seal.update(frame[seal.start : end - seal.omit_last], seal.empty)
-    text = f"{form.name}: checksum 0x{stored:0{digits}X}, its bytes give 0x{reckoned:0{digits}X}"
+    computed = seal.update(frame[seal.start : end - seal.omit_last], seal.empty)
+    text = f"{form.name}: checksum 0x{stored:0{digits}X}, its bytes give 0x{computed:0{digits}X}"
     suspects = list(_suspects(reader, frame))
     if len(suspects) != 1:
         return text
@@ -148,7 +148,7 @@ def damage(reader: Reader, form: Form, frame: bytes) -> str:
 
 
 def _suspects(reader: Reader, frame: bytes) -> Iterator[tuple[int, int]]:
-    """Every byte that alone, with another value, would make the frame sound."""
+    """Yield every byte that alone, with another value, would make the checksum match."""
     trial = bytearray(frame)
     for place, own in enumerate(frame):
         for value in range(256):

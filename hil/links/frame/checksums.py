@@ -1,4 +1,4 @@
-"""The checksums of serial frames: sums, exclusive or, and cyclic redundancy checks by their parameters.
+"""Checksums of serial frames: sums, exclusive or, and cyclic redundancy checks by their parameters.
 
 Names, parameters and check values are those of the CRC catalogue (reveng.sourceforge.io/crc-catalogue),
 where the default of ours, "crc16-ccitt-false", is CRC-16/IBM-3740. What the standard library has in C is
@@ -43,14 +43,14 @@ Update = Callable[[bytes, int], int]
 
 
 class Checksum(NamedTuple):
-    """A checksum of `size` bytes; that of no bytes is `empty`, and `update` goes on from one to the next."""
+    """Checksum of `size` bytes; `empty` is that of no bytes, and `update` continues from one piece to the next."""
 
     size: int
     empty: int
     update: Update
 
     def of(self, data: bytes) -> int:
-        """The checksum of `data`."""
+        """Return the checksum of `data`."""
         return self.update(data, self.empty)
 
 
@@ -70,7 +70,7 @@ SUMS = {
 
 
 def crc_checksum(crc: Crc) -> Checksum:
-    """The checksum of these parameters, on the standard library if it has it."""
+    """Return the checksum with these parameters, from the standard library if it has it."""
     size = crc.width // 8
     empty = crc.start_value ^ crc.final_xor
     if crc == CRCS["crc32"]:
@@ -81,7 +81,7 @@ def crc_checksum(crc: Crc) -> Checksum:
 
 
 def _reflected(crc: Crc) -> Update:
-    """Bytes enter at the low end; the polynomial stands mirrored."""
+    """Return a CRC whose bytes enter at the low end; the polynomial is mirrored."""
     mirrored = int(f"{crc.polynomial:0{crc.width}b}"[::-1], 2)
     final_xor = crc.final_xor
     table = []
@@ -100,7 +100,7 @@ def _reflected(crc: Crc) -> Update:
 
 
 def _straight(crc: Crc) -> Update:
-    """Bytes enter at the high end."""
+    """Return a CRC whose bytes enter at the high end."""
     mask, shift, final_xor = (1 << crc.width) - 1, crc.width - 8, crc.final_xor
     table = []
     for byte in range(256):

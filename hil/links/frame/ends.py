@@ -1,4 +1,4 @@
-"""What one end of a frame link adds to the bare messages: keep-alives, and which command a report answers."""
+"""Functions of one end of a frame link: keep-alives, and finding the command that a report answers."""
 
 from hil.links.contract import (
     PWM_MAX_US,
@@ -15,32 +15,32 @@ NO_PULSE_US = 0
 
 
 class KeepAlive:
-    """A constant message, sent every period of its `rule`: always, or only while nothing else is.
+    """A constant message, sent every period of its `rule`: always, or only while nothing else is sent.
 
-    Silence is looked for twice a period, so that it never lasts longer than one.
+    It is checked twice a period, so that no pause lasts longer than one period.
     """
 
     def __init__(self, rule: Other, data: bytes) -> None:
-        self._data, self._when_silent = data, rule.when_silent
+        self._data, self._only_when_silent = data, rule.when_silent
         self._interval_ns = round((rule.period or 0.0) * (0.5e9 if rule.when_silent else 1e9))
         self.due_ns = 0
-        self.is_needless = False  # something was sent since the last look
+        self.is_needless = False  # something was sent since the last check
 
     def tick(self, now_ns: int) -> bytes:
-        """What is to be sent at `now_ns` (monotonic)."""
+        """Return what is to be sent at `now_ns` (monotonic)."""
         if now_ns < self.due_ns:
             return b""
         late_ns = now_ns - self.due_ns
         self.due_ns = now_ns + self._interval_ns - (late_ns if late_ns < self._interval_ns else 0)
-        is_due = not (self._when_silent and self.is_needless)
-        self.is_needless = is_due  # it breaks the silence itself
+        is_due = not (self._only_when_silent and self.is_needless)
+        self.is_needless = is_due  # the keep-alive itself counts as sent
         return self._data if is_due else b""
 
 
 class Echo:
-    """Tells the host which command a report answers, where the frame carries less than 16 bits of that.
+    """Find the command that a report answers, where the frame carries less than 16 bits of the sequence number.
 
-    With some `bits`, it is the last command sent that ends in them. With none, it is found by its pulses.
+    With some `bits`, it is the last command sent whose number ends in them. With none, it is found by its pulses.
     """
 
     def __init__(self, command: Form, report: Form, bits: int) -> None:
@@ -49,28 +49,28 @@ class Echo:
         self._sent = SentCommands()
         self._last = 0
 
-    def remember(self, command: ThrusterCommand) -> None:
-        """A command goes out."""
+    def add_command(self, command: ThrusterCommand) -> None:
+        """Record a command that is sent."""
         self._last = command.sequence
         if not self._mask:
-            self._sent.remember(self._shown(command), command.sequence)
+            self._sent.add_sent(self._shown(command), command.sequence)
 
     def answering(self, report: ThrusterTelemetry) -> ThrusterTelemetry:
-        """The report with the sequence number of the command that it answers."""
+        """Return the report with the sequence number of the command that it answers."""
         if self._mask:
             return report._replace(sequence=self._last - ((self._last - report.sequence) & self._mask) & 0xFFFF)
         return report._replace(sequence=self._sent.match(report.pwm_us))
 
     def _shown(self, command: ThrusterCommand) -> tuple[int, ...]:
-        """The pulses in the report of an STM32 that applies `command`, as both messages round them."""
-        heard = _crossed(self._command, command)
-        widths = heard.pwm_us if heard.armed else (PWM_NEUTRAL_US,) * self._command.channels
+        """Return the pulses in the report of an STM32 that applies `command`, as both messages round them."""
+        received = _crossed(self._command, command)
+        widths = received.pwm_us if received.armed else (PWM_NEUTRAL_US,) * self._command.channels
         pulses = tuple([width if PWM_MIN_US <= width <= PWM_MAX_US else NO_PULSE_US for width in widths])
-        return _crossed(self._report, ThrusterTelemetry(0, heard.armed, False, pulses, 0, 0, 0, 0)).pwm_us
+        return _crossed(self._report, ThrusterTelemetry(0, received.armed, False, pulses, 0, 0, 0, 0)).pwm_us
 
 
 def _crossed(form: Form, message: ThrusterCommand | ThrusterTelemetry) -> ThrusterCommand | ThrusterTelemetry:
-    """`message` as the other end hears it."""
-    heard = form.body.message(form.body.packer.unpack(form.body.pack(message)))
-    assert heard, "what we pack is sound"
-    return heard
+    """Return `message` as the other end decodes it."""
+    received = form.body.message(form.body.packer.unpack(form.body.pack(message)))
+    assert received, "what we pack is valid"
+    return received

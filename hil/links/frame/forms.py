@@ -1,4 +1,4 @@
-"""A frame file compiled: for each message and number of thrusters a form, with all that is then constant."""
+"""Compiled frame file: for each message and number of thrusters a `Form` with all its constants."""
 
 import struct
 
@@ -6,7 +6,7 @@ from hil.links.contract import ThrusterCommand, ThrusterTelemetry
 from hil.links.frame.bodies import Body, Kind, numbers_of
 from hil.links.frame.checksums import CRCS, SUMS, Checksum, crc_checksum
 from hil.links.frame.layout import (
-    ORDERS,
+    BYTE_ORDERS,
     TYPES,
     ChecksumRule,
     FrameLayout,
@@ -20,26 +20,26 @@ NAMES: dict[Kind | None, str] = {ThrusterCommand: "command", ThrusterTelemetry: 
 
 
 class Seal:
-    """The end of a frame: its checksum and tail, `size` bytes."""
+    """End of a frame: its checksum and tail, `size` bytes."""
 
     def __init__(self, layout: FrameLayout) -> None:
         rule = layout.checksum
         checksum = checksum_of(rule)
         self.update, self.empty = checksum.update, checksum.empty
-        self.stored = struct.Struct(ORDERS[rule.byte_order or layout.byte_order] + "BHxI"[checksum.size - 1])
+        self.stored = struct.Struct(BYTE_ORDERS[rule.byte_order or layout.byte_order] + "BHxI"[checksum.size - 1])
         self.start, self.omit_last = layout.checksum_start, rule.omit_last
         self.tail = bytes(layout.tail)
         self.size = checksum.size + len(self.tail)
 
     def is_sound(self, buffer: bytes, start: int, size: int) -> bool:
-        """Whether the `size` bytes from `start` end as a frame must."""
+        """Return whether the `size` bytes from `start` end with the right checksum and tail."""
         end = start + size - self.size
         checksum = self.update(buffer[start + self.start : end - self.omit_last], self.empty)
         return buffer.startswith(self.stored.pack(checksum) + self.tail, end)
 
 
 class Form:
-    """One kind of message for `channels` thrusters. `kind` None: it carries no thrusters, and is passed over.
+    """One kind of message for `channels` thrusters. `kind` None: it carries no thrusters, and is ignored.
 
     `size` is that of the whole frame before stuffing. `head` are all its bytes before the first list of
     numbers, None where they vary; `prefix` those before the first that varies.
@@ -63,14 +63,14 @@ class Form:
 
     @property
     def body(self) -> Body:
-        """What is behind the prefix; made when it is first wanted, as most numbers of thrusters never are."""
+        """Body behind the prefix; made at first use, as most numbers of thrusters are never used."""
         if self._body is None:
             self._body = Body(*self._made_of)
         return self._body
 
 
 def checksum_of(rule: ChecksumRule) -> Checksum:
-    """The checksum that a frame file asks for."""
+    """Return the checksum that a frame file asks for."""
     if rule.type in SUMS:
         return SUMS[rule.type]
     crc = CRCS[rule.type]
@@ -79,7 +79,7 @@ def checksum_of(rule: ChecksumRule) -> Checksum:
 
 
 def _head(layout: FrameLayout, message: MessageLayout | Other, channels: int) -> list[int | None]:
-    order = ORDERS[layout.byte_order]
+    order = BYTE_ORDERS[layout.byte_order]
     head: list[int | None] = list(layout.sync)
     for field, _, value in numbers_of(layout, message, channels):
         if field.is_list:

@@ -1,20 +1,20 @@
-"""What a frame file may say. `frame_rules.py` knows what cannot be meant, `frame.py` puts it to work.
+"""Records of a frame file, and its keys. `rules.py` validates them, `protocol.py` uses them.
 
     sync | header | the message's fields | checksum | tail          and around it all, perhaps, byte stuffing
 
     byte_order = "little"                    of all numbers, or "big"
-    sync = [0xA5, 0x5A]                      what every frame begins with; may be left out where there is stuffing
-    tail = [0x0D]                            what every frame ends with, behind the checksum; usually nothing
-    header = [ ... ]                         the fields that both messages begin with
-    [checksum]                               which, from where to where: `ChecksumRule`
+    sync = [0xA5, 0x5A]                      the first bytes of every frame; may be left out where there is stuffing
+    tail = [0x0D]                            the last bytes of every frame, behind the checksum; usually none
+    header = [ ... ]                         the first fields of both messages
+    [checksum]                               its type and what it covers: `ChecksumRule`
     [stuffing]                               cobs, slip or hdlc: `Stuffing`
     [command], [telemetry]                   the two messages: `id`, `fields`, `interleaved`
     [[other]]                                messages without thrusters: keep-alives, polls, acknowledgements
 
 A field is one row of a byte table, `{ name = "sequence", type = "u16" }`:
 
-    id             the `id` of the message, in the header. Without one, messages are told apart by their
-                   lengths and constants, or if they look alike, by who hears them
+    id             the `id` of the message, in the header. Without one, messages are distinguished by
+                   their lengths and constants, or if those are alike, by the end that receives them
     length         in the header: bytes from the header to the checksum; in a message: bytes from itself to
                    the checksum; more by `adds`
     count          the number of thrusters; more by `adds`
@@ -24,25 +24,25 @@ A field is one row of a byte table, `{ name = "sequence", type = "u16" }`:
     any name       with `value`: a constant, sent and expected. With `extra = true`: something else that is
                    there, ignored when received, sent as `value` or 0; with `per_channel`, one a thruster
 
-What a message lacks reads as 0, `armed` as true; a command without `armed` bit that is not armed carries
+A field that a message lacks reads as 0, `armed` as true; a command without `armed` bit that is not armed carries
 neutral pulses. Numbers on the wire may be scaled: quantity = number * scale + offset. The quantity of `age_us`
 is microseconds; that of `pwm_us` is in its `unit`:
 
     "us"           the pulse width itself, microseconds
     "normalised"   pulse = 1500 us + 400 us * quantity / full_scale, full_scale 1 unless given
-    "rpm", "N"     the same, where full_scale is what 1900 us stands for. Linear: what the thruster then
-                   really does is its own affair
+    "rpm", "N"     the same, where full_scale is what 1900 us stands for. Linear: the thruster's
+                   own characteristic is not part of it
 """
 
 import struct
 from collections.abc import Iterator
 from typing import Annotated, Literal, NamedTuple
 
+from hil.common.schema import Range
 from hil.links.contract import MAX_THRUSTERS, PWM_NEUTRAL_US
-from hil.schema import Range
 
 TYPES = {"u8": "B", "u16": "H", "u32": "I", "i8": "b", "i16": "h", "i32": "i", "f32": "f"}
-ORDERS = {"little": "<", "big": ">"}
+BYTE_ORDERS = {"little": "<", "big": ">"}
 UNITS = ("us", "normalised", "rpm", "N")
 PULSE_SPAN_US = 400.0  # from stop to full thrust
 SIZES = {name: struct.calcsize("=" + code) for name, code in TYPES.items()}  # bytes
@@ -55,19 +55,19 @@ Order = Literal["little", "big"]
 
 
 class Bits(NamedTuple):
-    """Which bit of the `flags` field is what; bit 0 is the lowest."""
+    """Bits of the `flags` field; bit 0 is the lowest."""
 
     armed: Bit | None = None
     timed_out: Bit | None = None
 
 
 class Field(NamedTuple):
-    """One row of a byte table: what stands there, as a number of which type and meaning."""
+    """One row of a byte table: a number, its type and its meaning."""
 
     name: str
     type: Literal["u8", "u16", "u32", "i8", "i16", "i32", "f32"] = "u8"
     bits: Bits = Bits()  # of `flags`
-    channels: Annotated[int, Range(0, MAX_THRUSTERS)] = 0  # of `pwm_us`; 0: a length or a count says how many
+    channels: Annotated[int, Range(0, MAX_THRUSTERS)] = 0  # of `pwm_us`; 0: from a length or a count
     adds: Annotated[int, Range(-64, 64)] = 0  # of `length` and `count`: what they count beyond bytes and thrusters
     unit: str = ""  # of `pwm_us`, see above; of an extra field, for people
     scale: Factor = 1.0
@@ -84,7 +84,7 @@ class Field(NamedTuple):
 
     @property
     def line(self) -> tuple[float, float]:
-        """Gain and bias: what the field means = gain * number + bias, of `pwm_us` microseconds of pulse width."""
+        """Gain and bias: quantity = gain * number + bias; the quantity of `pwm_us` is the pulse width in us."""
         if self.name != "pwm_us" or self.unit in ("", "us"):
             return self.scale, self.offset
         us = PULSE_SPAN_US / (self.full_scale or 1.0)
@@ -100,9 +100,9 @@ class MessageLayout(NamedTuple):
 
 
 class Other(NamedTuple):
-    """A message without thrusters. Received, it is passed over; with a `period`, it is sent.
+    """A message without thrusters. It is ignored when received; with a `period`, it is sent.
 
-    `sent_by` that end when it has said nothing for the period (s), or with `when_silent` false, always.
+    `sent_by` that end when it has sent nothing for the period (s), or with `when_silent` false, always.
     """
 
     fields: tuple[Field, ...] = ()
@@ -114,7 +114,7 @@ class Other(NamedTuple):
 
 
 class ChecksumRule(NamedTuple):
-    """The checksum: which, what it covers, and its own byte order if that is not the frame's.
+    """The checksum: its type, what it covers, and its own byte order if that is not the frame's.
 
     `type` is a name of `hil.links.frame.checksums`; the other parameters of a CRC replace those of that name. It
     covers all from the sync, the header, a field of the header or the payload on, up to itself, less
@@ -132,11 +132,11 @@ class ChecksumRule(NamedTuple):
 
 
 class Stuffing(NamedTuple):
-    """How a frame is kept free of the byte that delimits it.
+    """Byte stuffing: how the byte that delimits frames is kept out of them.
 
     "cobs" (Cheshire and Baker 1999) delimits by 0; "slip" is RFC 1055; "hdlc" (RFC 1662) escapes `delimiter`,
     `escape` and the bytes `also`: each becomes `escape` and itself xor `xor`. `delimit` "both": one before
-    the frame too, which ends whatever noise there was.
+    the frame too, which ends any noise before it.
     """
 
     type: Literal["none", "cobs", "slip", "hdlc"] = "none"
@@ -162,12 +162,12 @@ class FrameLayout(NamedTuple):
 
     @property
     def payload_start(self) -> int:
-        """The bytes before the payload: sync and header."""
+        """Number of bytes before the payload: sync and header."""
         return len(self.sync) + sum(type_size(field.type) for field in self.header)
 
     @property
     def checksum_start(self) -> int:
-        """The first byte that the checksum covers, counted from the first of the frame."""
+        """First byte that the checksum covers, counted from the first of the frame."""
         offset, start = len(self.sync), self.checksum.start
         if start in ("sync", "payload"):
             return 0 if start == "sync" else self.payload_start
@@ -179,24 +179,18 @@ class FrameLayout(NamedTuple):
 
     @property
     def sequence_bits(self) -> int:
-        """How much of the sequence number a command and its report both carry."""
+        """Bits of the sequence number that both a command and its report carry."""
         rows = [(*self.header, *message.fields) for message in (self.command, self.telemetry)]
         return min(sum(8 * SIZES[field.type] for field in row if field.name == "sequence") for row in rows)
 
-    def problem(self) -> str | None:
-        """What makes the file impossible, or None."""
-        from hil.links.frame.rules import problem_of
-
-        return problem_of(self)
-
 
 def type_size(type_name: str) -> int:
-    """The bytes of a number of that type."""
+    """Return the size in bytes of a number of that type."""
     return SIZES[type_name]
 
 
 def limits(type_name: str) -> tuple[float, float]:
-    """The least and the greatest number that a type holds; ints, but for f32."""
+    """Return the least and the greatest number of a type; ints, but for f32."""
     if type_name == "f32":
         return -FLOAT_MAX, FLOAT_MAX
     span = 1 << (8 * type_size(type_name))
@@ -204,7 +198,7 @@ def limits(type_name: str) -> tuple[float, float]:
 
 
 def unrolled(fields: tuple[Field, ...], channels: int, interleaved: bool = False) -> Iterator[tuple[Field, int]]:
-    """The numbers of a message in their order on the wire: their field, and which of its list they are."""
+    """Yield the numbers of a message in their order on the wire: their field, and their index in its list."""
     place = 0
     while place < len(fields):
         end = place + 1
@@ -216,7 +210,7 @@ def unrolled(fields: tuple[Field, ...], channels: int, interleaved: bool = False
 
 
 def fields_size(fields: tuple[Field, ...], channels: int) -> int:
-    """The bytes of these fields for so many thrusters."""
+    """Return the size in bytes of these fields for this number of thrusters."""
     single = lists = 0
     for field in fields:
         if field.is_list:

@@ -1,13 +1,14 @@
-"""Thruster messages as a binary frame that a TOML file describes; no lab's frame needs code.
+"""Protocol of thruster messages as a binary frame that a TOML file describes; no new frame needs code.
 
-`frame_layout.py` tells what such a file may say. It is read once and compiled to `struct` tables
-(`frame_forms.py`), with which frames are packed here and found again in `frame_readers.py`.
+`layout.py` documents the keys of such a file. It is read once and compiled to `struct` tables (`forms.py`). Frames are
+packed here and found in received bytes by `readers.py`.
 """
 
 import os
 from typing import TYPE_CHECKING, NamedTuple
 
-from hil.errors import ConfigError
+from hil.common.errors import ConfigError
+from hil.common.schema import find_preset
 from hil.links.contract import (
     MAX_THRUSTERS,
     Counters,
@@ -20,8 +21,8 @@ from hil.links.frame.bodies import Kind
 from hil.links.frame.forms import Form, Seal
 from hil.links.frame.layout import FrameLayout, MessageLayout, Other
 from hil.links.frame.readers import Reader, SyncReader
+from hil.links.frame.rules import load_layout
 from hil.links.protocols import Role
-from hil.schema import find_preset, load
 
 if TYPE_CHECKING:  # loaded for the frames that need them
     from hil.links.frame.ends import Echo, KeepAlive
@@ -31,10 +32,10 @@ if TYPE_CHECKING:  # loaded for the frames that need them
 class FrameProtocol(Protocol):
     """Encodes and decodes the frame that the TOML file at `path` describes.
 
-    `channels` are the numbers of thrusters that the frame can carry. `role` is the end that this is: it
-    decides which message is heard where none has an id, who sends a keep-alive, and it lets the host know
-    which command a report answers where the report does not say. Without a role there is nothing of that.
-    The argument `channels` is for keep-alives that tell how many thrusters there are.
+    The attribute `channels` lists the numbers of thrusters that the frame can carry. `role` is the end that uses this
+    protocol: it decides which message is received where none has an id, who sends a keep-alive, and whether to find
+    the command that a report answers where the report does not carry it. Without a role there is none of that.
+    The argument `channels` is for keep-alives that carry the number of thrusters.
     Raises ConfigError naming the file and the key if the file is wrong.
     """
 
@@ -57,7 +58,7 @@ class FrameProtocol(Protocol):
         self.deadline_ns = 0 if self._keep_alives else Protocol.deadline_ns
 
     def encode(self, message: Message) -> bytes:
-        """The frame of `message`.
+        """Return the frame of `message`.
 
         A number too big for its field wraps if it is a counter, and stops at the field's limit if it is
         a pulse width or an age. Raises ValueError for a number of channels that the frame cannot carry.
@@ -66,18 +67,18 @@ class FrameProtocol(Protocol):
         if form is None:
             raise ValueError(f"this frame carries {self.channels} channels, not {len(message.pwm_us)}")
         if self._echoes and isinstance(message, ThrusterCommand):
-            self._echoes[form.channels].remember(message)
+            self._echoes[form.channels].add_command(message)
         for keep_alive in self._keep_alives:
             keep_alive.is_needless = True
         return self._finish(form, form.body.pack(message))
 
     def feed(self, data: bytes) -> list[Message]:
-        """The messages completed by `data`, in order. Never raises; see `Reader.feed` for what is counted."""
+        """Return the messages completed by `data`, in order. Never raises; see `Reader.feed` for what is counted."""
         messages = self.reader.feed(data)
         return [self._answering(message) for message in messages] if self._echoes else messages
 
     def tick(self, now_ns: int) -> bytes:
-        """The keep-alives that are due at `now_ns` (monotonic)."""
+        """Return the keep-alives that are due at `now_ns` (monotonic)."""
         data = b"".join([keep_alive.tick(now_ns) for keep_alive in self._keep_alives])
         self.deadline_ns = min([keep_alive.due_ns for keep_alive in self._keep_alives], default=Protocol.deadline_ns)
         return data
@@ -87,19 +88,19 @@ class FrameProtocol(Protocol):
         return echo.answering(message) if echo and isinstance(message, ThrusterTelemetry) else message
 
     def _finish(self, form: Form, packed: bytes) -> bytes:
-        """What goes onto the wire: with checksum, tail and stuffing."""
+        """Return the bytes for the wire: with checksum, tail and stuffing."""
         seal = self._seal
         checksum = seal.update(packed[form.covered], form.checksum)
         frame = form.prefix + packed + seal.stored.pack(checksum) + seal.tail
         return self._stuffer.wrap(frame) if self._stuffer else frame
 
     def _other_forms(self, other: Other) -> list[Form]:
-        """One, or if it counts the thrusters, one for each number of them."""
+        """Return one form, or one for each number of thrusters if the message counts them."""
         counts = range(1, MAX_THRUSTERS + 1) if any(field.name == "count" for field in other.fields) else range(1)
         return [Form(self.layout, other, None, channels, self._seal) for channels in counts]
 
     def _open_reader(self, commands: list[Form], reports: list[Form], others: list[tuple[Other, list[Form]]]) -> Reader:
-        """It knows both messages, as an end should not mistake its own echo; without an id, only the other end's."""
+        """Return the reader of both messages, to recognise our own echo; without an id, only of the other end's."""
         has_id = any(field.name == "id" for field in self.layout.header)
         forms = [] if self.role == "host" and not has_id else list(commands)
         forms += [] if self.role == "device" and not has_id else reports
@@ -123,7 +124,7 @@ class FrameProtocol(Protocol):
         return self._finish(form, form.body.packer.pack(*form.body.template))
 
     def _open_echoes(self, commands: list[Form], reports: list[Form]) -> dict[int, "Echo"]:
-        """By number of channels; none where the frame carries all of the sequence number."""
+        """Return the echoes by number of channels; none where the frame carries all of the sequence number."""
         bits = self.layout.sequence_bits
         if self.role != "host" or bits >= 16:
             return {}
@@ -136,7 +137,7 @@ class FrameProtocol(Protocol):
 
 
 class _Compiled(NamedTuple):
-    """A frame file at work; nothing of it changes."""
+    """A compiled frame file; immutable."""
 
     layout: FrameLayout
     seal: Seal
@@ -148,14 +149,14 @@ _compiled: dict[tuple[str, int, int], _Compiled] = {}
 
 
 def _compile(path: str) -> _Compiled:
-    """The frame of the file at `path`; both ends of a link in one process share it. Raises ConfigError."""
+    """Return the frame of the file at `path`; both ends of a link in one process share it. Raises ConfigError."""
     try:
         found = os.stat(path)
         key = (path, found.st_mtime_ns, found.st_size)
-    except OSError:  # `load` says what is wrong
+    except OSError:  # `load_layout` reports it
         key = (path, 0, 0)
     if key not in _compiled:
-        layout = load(path, FrameLayout)
+        layout = load_layout(path)
         seal = Seal(layout)
         commands = _forms(layout, layout.command, ThrusterCommand, seal)
         _compiled[key] = _Compiled(layout, seal, commands, _forms(layout, layout.telemetry, ThrusterTelemetry, seal))
@@ -177,7 +178,7 @@ def _stuffer(layout: FrameLayout) -> "Stuffer | None":
 
 
 def open_frame(role: Role, channels: int, frame: str = "uuv_hil") -> FrameProtocol:
-    """That end's protocol of the frame of that name, or of the TOML file of that path.
+    """Return one end's protocol of the frame of that name, or of the TOML file of that path.
 
     Raises ConfigError if the frame cannot carry so many thrusters.
     """

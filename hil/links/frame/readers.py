@@ -1,8 +1,8 @@
-"""From bytes to messages: what every reader does, and the one for frames that begin with a sync.
+"""Decoders of received bytes: the part that all readers share, and the reader of frames that begin with a sync.
 
-That for frames between delimiters is in `frame_stuffing.py`. Both are built for a noisy line: a sound frame
-is delivered as soon as its last byte is there, whatever came before. Neither a cut frame nor a damaged length
-holds back the frame behind it. What is not understood is counted, and at most one frame is ever kept back.
+The reader of frames between delimiters is in `stuffing.py`. Both are built for a noisy line: a valid frame is
+delivered as soon as its last byte is received, whatever preceded it. Neither a cut frame nor a damaged length delays
+the frame behind it. Undecodable bytes are counted, and at most one unfinished frame is stored.
 """
 
 import struct
@@ -10,16 +10,16 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterable
 from operator import and_
 
-from hil.errors import ConfigError
+from hil.common.errors import ConfigError
 from hil.links.contract import Counters, Message
 from hil.links.frame.forms import Form, Seal
-from hil.links.frame.layout import ORDERS, TYPES, FrameLayout, type_size
+from hil.links.frame.layout import BYTE_ORDERS, TYPES, FrameLayout, type_size
 
 MAX_FOREIGN_PAYLOAD = 255  # bytes; a longer frame of an unknown message is taken for noise
 
 
 class Reader(ABC):
-    """Decodes the frames of one end; `unfinished` is the beginning of a frame whose end has not come."""
+    """Decode the frames of one end; `unfinished` is the beginning of a frame whose end was not received yet."""
 
     def __init__(self, seal: Seal, counters: Counters) -> None:
         self.unfinished = b""
@@ -27,7 +27,7 @@ class Reader(ABC):
 
     @abstractmethod
     def feed(self, data: bytes) -> list[Message]:
-        """The messages completed by `data`, in order. Never raises.
+        """Return the messages completed by `data`, in order. Never raises.
 
         Every byte ends up in a message, in a sound frame that is passed over or counted as malformed, in
         `dropped_bytes`, in `unfinished`, or is a delimiter.
@@ -35,14 +35,14 @@ class Reader(ABC):
 
     @abstractmethod
     def unwrapped(self, data: bytes) -> bytes | None:
-        """The frame in these bytes of the wire, without stuffing and delimiters; None if that is damaged."""
+        """Return the frame in these bytes of the wire, without stuffing and delimiters; None if that is damaged."""
 
     @abstractmethod
     def form_of(self, frame: bytes) -> Form | None:
-        """The form of a frame, None if it is of no message there is."""
+        """Return the form of a frame, None if it is of no known message."""
 
-    def take(self, form: Form | None, frame: bytes, start: int, messages: list[Message]) -> None:
-        """A sound frame begins at `start` of `frame`; `form` is None if nobody knows its message."""
+    def read_frame(self, form: Form | None, frame: bytes, start: int, messages: list[Message]) -> None:
+        """Add the message of the valid frame at `start` of `frame`; `form` is None if the message is unknown."""
         if form:
             body = form.body
             numbers = body.packer.unpack_from(frame, start + form.start)
@@ -56,7 +56,7 @@ class Reader(ABC):
 
 
 class SyncReader(Reader):
-    """Finds frames by their sync. As their heads are known byte strings, this is a look-up in a table."""
+    """Find frames by their sync. As their heads are known byte strings, this is a look-up in a table."""
 
     def __init__(self, layout: FrameLayout, forms: Iterable[Form], seal: Seal, counters: Counters) -> None:
         super().__init__(seal, counters)
@@ -71,14 +71,14 @@ class SyncReader(Reader):
         messages: list[Message] = []
         form = self._keys.form_at(buffer, 0)
         if form and form.size == len(buffer) and self.seal.is_sound(buffer, 0, form.size):  # mostly it is just that
-            self.take(form, buffer, 0, messages)
+            self.read_frame(form, buffer, 0, messages)
             self.unfinished = b""
         else:
             self._search(buffer, messages)
         return messages
 
     def _search(self, buffer: bytes, messages: list[Message]) -> None:
-        """Adds the messages of the sound frames in `buffer`; keeps what may be the beginning of another."""
+        """Add the messages of the valid frames in `buffer`; store what may be the beginning of another."""
         counters = self.counters
         position = 0
         while (start := self._find_sync(buffer, position)) < len(buffer):
@@ -91,7 +91,7 @@ class SyncReader(Reader):
                 form, size = self.frame_at(buffer, start)
             counters.dropped_bytes += start - position
             if size and self.seal.is_sound(buffer, start, size):
-                self.take(form, buffer, start, messages)
+                self.read_frame(form, buffer, start, messages)
                 position = start + size
             else:
                 counters.checksum_errors += size > 0
@@ -101,20 +101,20 @@ class SyncReader(Reader):
         self.unfinished = buffer[start:]
 
     def frame_at(self, buffer: bytes, start: int) -> tuple[Form | None, int]:
-        """Form and size of the frame that begins at `start`, as far as can be seen; size 0: none begins there."""
+        """Return form and size of the frame that begins at `start`, as far as is known; size 0: none begins there."""
         form = self._keys.form_at(buffer, start)
         return form, form.size if form else self._unknown_size(buffer, start)
 
     def unwrapped(self, data: bytes) -> bytes | None:
-        """There is no stuffing."""
+        """Return the bytes unchanged: there is no stuffing."""
         return data
 
     def form_of(self, frame: bytes) -> Form | None:
-        """By its first bytes."""
+        """Return the form by the frame's first bytes."""
         return self._keys.form_at(frame, 0)
 
     def _find_sync(self, buffer: bytes, position: int) -> int:
-        """Where the next frame may begin: at a sync, or at a part of one that ends the buffer."""
+        """Return where the next frame may begin: at a sync, or at a part of one that ends the buffer."""
         sync = self.sync
         found = buffer.find(sync, position)
         if found >= 0:
@@ -125,7 +125,7 @@ class SyncReader(Reader):
         return len(buffer)
 
     def _unknown_size(self, buffer: bytes, start: int) -> int:
-        """The size of a frame that no form is found for: a cut one, or one whose header tells its length."""
+        """Return the size of a frame without a known form: a cut one, or one whose header has its length."""
         seen = len(buffer) - start
         if self._length and seen < self._header_end:
             return self._header_end
@@ -139,7 +139,7 @@ class SyncReader(Reader):
         return 0
 
     def _find_sound(self, buffer: bytes, position: int) -> int:
-        """Where the first whole sound frame begins, or -1: one behind a cut frame need not wait for its end."""
+        """Return where the first whole valid frame begins, or -1: one behind a cut frame need not wait for its end."""
         while (start := self._find_sync(buffer, position)) < len(buffer):
             _, size = self.frame_at(buffer, start)
             if size and start + size <= len(buffer) and self.seal.is_sound(buffer, start, size):
@@ -149,7 +149,7 @@ class SyncReader(Reader):
 
 
 class _Keys:
-    """Finds the form of a frame by its first bytes.
+    """Find the form of a frame by its first bytes.
 
     Those of the constants at the beginning are enough if they reach beyond the header and no two forms
     share them; else all constants before the first list count, and what varies between them is masked.
@@ -171,7 +171,7 @@ class _Keys:
         ]
 
     def form_at(self, buffer: bytes, start: int) -> Form | None:
-        """The form of the frame that begins at `start`."""
+        """Return the form of the frame that begins at `start`."""
         for length, mask, table in self._tables:
             head = buffer[start : start + length]
             form = table.get(bytes(map(and_, head, mask)) if mask else head)
@@ -180,12 +180,12 @@ class _Keys:
         return None
 
     def may_begin(self, seen: bytes) -> bool:
-        """Whether these bytes are the beginning of a head, but not all of it."""
+        """Return whether these bytes are the beginning of a head, but not all of it."""
         return any(len(seen) < len(head) and begins_like(head, seen) for head in self._heads)
 
 
 def begins_like(head: tuple[int | None, ...], frame: bytes) -> bool:
-    """Whether a frame is what its head says, as far as both go."""
+    """Return whether a frame begins with its head, as far as both go."""
     return all(wanted in (None, byte) for wanted, byte in zip(head, frame, strict=False))
 
 
@@ -199,10 +199,10 @@ def _alike(form: Form, other: Form) -> str:
 
 
 def _length_field(layout: FrameLayout) -> tuple[int, struct.Struct, int] | None:
-    """Where the header's length stands, how to unpack it, and what it counts beyond the payload."""
+    """Return where the header's length stands, how to unpack it, and what it counts beyond the payload."""
     offset = len(layout.sync)
     for field in layout.header:
         if field.name == "length":
-            return offset, struct.Struct(ORDERS[layout.byte_order] + TYPES[field.type]), field.adds
+            return offset, struct.Struct(BYTE_ORDERS[layout.byte_order] + TYPES[field.type]), field.adds
         offset += type_size(field.type)
     return None

@@ -1,7 +1,9 @@
-"""What cannot be meant by a frame file: each finding names the key and the remedy."""
+"""Validation of a frame file: each finding names the key and the remedy."""
 
 from collections.abc import Iterator
 
+from hil.common.errors import ConfigError
+from hil.common.schema import load
 from hil.links.contract import MAX_THRUSTERS
 from hil.links.frame.checksums import CRCS, SUMS
 from hil.links.frame.layout import UNITS, ChecksumRule, Field, FrameLayout, Stuffing, fields_size, limits, type_size
@@ -17,12 +19,16 @@ KNOWN = {
 SLIP_END, SLIP_ESCAPE = 0xC0, 0xDB
 
 
-def problem_of(layout: FrameLayout) -> str | None:
-    """The first thing that is wrong with the file, or None."""
-    return next(_problems(layout), None)
+def load_layout(path: str) -> FrameLayout:
+    """Return the frame file at `path` as a record. Raises ConfigError naming the file, the key and the remedy."""
+    layout = load(path, FrameLayout)
+    problem = next(_list_faults(layout), None)
+    if problem:
+        raise ConfigError(f"{path}: {problem}")
+    return layout
 
 
-def _problems(layout: FrameLayout) -> Iterator[str]:
+def _list_faults(layout: FrameLayout) -> Iterator[str]:
     if not layout.sync and layout.stuffing.type == "none":
         yield "sync: needs at least one byte, as there is no stuffing that delimits the frames"
     yield from _fields(layout.header, "header", layout.header)
@@ -106,13 +112,13 @@ def _ids(layout: FrameLayout) -> Iterator[str]:
         if own > limits(field.type)[1]:
             yield f"header: id must hold {own}, which {field.type} cannot"
         for other, its_sender, its_own in messages[:place]:
-            # A request and its answer may share one: who hears it knows which it is.
+            # A request and its answer may share one: the receiver's role tells which it is.
             if own == its_own and (name == "telemetry" or sender == its_sender or "both" in (sender, its_sender)):
                 yield f"{other} and {name} have the same id"
 
 
 def _lengths(layout: FrameLayout) -> Iterator[str]:
-    """Whether each length and count can hold what it will have to."""
+    """Yield each length and count whose type cannot hold the numbers that it has to."""
     for fields in (layout.command.fields, layout.telemetry.fields, *(other.fields for other in layout.other)):
         only = next((field.channels for field in fields if field.channels), 0)
         for channels in (only or 1, only or MAX_THRUSTERS):

@@ -1,6 +1,6 @@
-"""Byte stuffing: a frame without the byte that delimits it, and the reader that finds frames between those.
+"""Byte stuffing: remove the delimiting byte from a frame, and read frames between delimiters.
 
-Loaded for frames that have it.
+Loaded only for frames that use it.
 """
 
 from abc import ABC, abstractmethod
@@ -11,43 +11,43 @@ from hil.links.frame.forms import Form, Seal
 from hil.links.frame.layout import Stuffing
 from hil.links.frame.readers import Reader, begins_like
 
-COBS_RUN = 254  # the longest run without a zero that one code byte can tell
+COBS_RUN = 254  # the longest run without a zero that one code byte can encode
 
 
 class Stuffer(ABC):
-    """Takes the byte `delimiter` out of a frame, and puts it back. `opening`: what goes before a frame."""
+    """Remove the byte `delimiter` from a frame, and restore it. `opening`: what precedes a frame."""
 
     delimiter: bytes
     opening = b""
 
     def wrap(self, frame: bytes) -> bytes:
-        """What goes onto the wire for `frame`."""
+        """Return the bytes on the wire for `frame`."""
         return self.opening + self.stuff(frame) + self.delimiter
 
     @abstractmethod
     def stuff(self, frame: bytes) -> bytes:
-        """`frame` without a delimiter in it."""
+        """Return `frame` without a delimiter in it."""
 
     @abstractmethod
     def unstuff(self, piece: bytes) -> bytes | None:
-        """The frame between two delimiters, or None if there can be none."""
+        """Return the frame between two delimiters, None if there can be none."""
 
     @abstractmethod
     def longest(self, size: int) -> int:
-        """The most bytes that a frame of `size` bytes can be stuffed to."""
+        """Return the most bytes that a frame of `size` bytes can be stuffed to."""
 
     @abstractmethod
     def endings(self, piece: bytes, size: int) -> Iterator[bytes]:
-        """The frames of `size` bytes that `piece` may end with, where noise precedes one without a delimiter."""
+        """Return the frames of `size` bytes that `piece` may end with, where noise precedes one without a delimiter."""
 
 
 class Cobs(Stuffer):
-    """Consistent Overhead Byte Stuffing (Cheshire and Baker 1999): each zero tells where the next one is."""
+    """Consistent Overhead Byte Stuffing (Cheshire and Baker 1999): each zero becomes the distance to the next one."""
 
     delimiter = b"\0"
 
     def stuff(self, frame: bytes) -> bytes:
-        """One byte more than `frame`, and another for each run of 254 without a zero."""
+        """Return one byte more than `frame`, and another for each run of 254 without a zero."""
         out = bytearray()
         runs = frame.split(b"\0")
         for behind, run in zip(range(len(runs) - 1, -1, -1), runs, strict=True):
@@ -59,7 +59,7 @@ class Cobs(Stuffer):
         return bytes(out)
 
     def unstuff(self, piece: bytes) -> bytes | None:
-        """None if a code byte points behind the end."""
+        """Return the frame, None if a code byte points behind the end."""
         out = bytearray()
         place, end = 0, len(piece)
         while place < end:
@@ -71,11 +71,11 @@ class Cobs(Stuffer):
         return bytes(out) if place == end else None
 
     def longest(self, size: int) -> int:
-        """One code byte a run."""
+        """Return the size with one code byte a run."""
         return size + 1 + size // COBS_RUN
 
     def endings(self, piece: bytes, size: int) -> Iterator[bytes]:
-        """At most a few lengths are possible."""
+        """Return the few frames that are possible."""
         for length in range(size + 1, min(self.longest(size), len(piece)) + 1):
             frame = self.unstuff(piece[-length:])
             if frame is not None and len(frame) == size:
@@ -83,7 +83,7 @@ class Cobs(Stuffer):
 
 
 class Escapes(Stuffer):
-    """An escape byte before a substitute stands for each byte that must not be there (SLIP, HDLC)."""
+    """Escaping: each byte that must not occur becomes an escape byte and a substitute (SLIP, HDLC)."""
 
     def __init__(self, delimiter: int, escape: int, substitutes: dict[int, int]) -> None:
         self.delimiter = bytes([delimiter])
@@ -92,30 +92,30 @@ class Escapes(Stuffer):
         self._pairs = [(bytes([byte]), bytes([escape, substitutes[byte]])) for byte in order]
 
     def stuff(self, frame: bytes) -> bytes:
-        """At most twice as long."""
+        """Return the escaped frame, at most twice as long."""
         for byte, pair in self._pairs:
             frame = frame.replace(byte, pair)
         return frame
 
     def unstuff(self, piece: bytes) -> bytes | None:
-        """An escape byte before anything but a substitute stays as it is."""
+        """Return the frame; an escape byte before anything but a substitute stays unchanged."""
         for byte, pair in reversed(self._pairs):
             piece = piece.replace(pair, byte)
         return piece
 
     def longest(self, size: int) -> int:
-        """Every byte escaped."""
+        """Return the size with every byte escaped."""
         return 2 * size
 
     def endings(self, piece: bytes, size: int) -> Iterator[bytes]:
-        """The last `size` bytes, unescaped."""
+        """Return the last `size` bytes, unescaped."""
         frame = self.unstuff(piece)
         if frame is not None and len(frame) >= size:
             yield frame[-size:]
 
 
 class StuffedReader(Reader):
-    """Finds frames between delimiters; behind noise that none separates from it, by the sizes there are."""
+    """Find frames between delimiters; behind noise without a delimiter, by the known sizes."""
 
     def __init__(self, stuffer: Stuffer, forms: Iterable[Form], seal: Seal, counters: Counters) -> None:
         super().__init__(seal, counters)
@@ -138,11 +138,11 @@ class StuffedReader(Reader):
         return messages
 
     def unwrapped(self, data: bytes) -> bytes | None:
-        """Between delimiters, or with them."""
+        """Return the frame between delimiters, or with them."""
         return self._stuffer.unstuff(data.strip(self._stuffer.delimiter))
 
     def form_of(self, frame: bytes) -> Form | None:
-        """By its size and first bytes."""
+        """Return the form by size and first bytes."""
         for form in self._by_size.get(len(frame), ()):
             if begins_like(form.head, frame):
                 return form
@@ -157,10 +157,10 @@ class StuffedReader(Reader):
             if known is None:
                 return
             frame = known
-        self.take(self.form_of(frame), frame, 0, messages)
+        self.read_frame(self.form_of(frame), frame, 0, messages)
 
     def _at_end(self, piece: bytes) -> bytes | None:
-        """The known sound frame that `piece` ends with."""
+        """Return the known valid frame that `piece` ends with."""
         for size in self._by_size:
             for frame in self._stuffer.endings(piece, size):
                 if self.form_of(frame) and self.seal.is_sound(frame, 0, size):
@@ -169,7 +169,7 @@ class StuffedReader(Reader):
 
 
 def open_stuffer(rule: Stuffing) -> Stuffer:
-    """The stuffer that a frame file asks for."""
+    """Return the stuffer that a frame file asks for."""
     stuffer = _stuffer(rule)
     if rule.delimit == "both":
         stuffer.opening = stuffer.delimiter

@@ -1,1 +1,1 @@
-"""Thruster messages as MAVLink 2."""
+"""MAVLink 2 protocol of a thruster link."""

@@ -1,8 +1,8 @@
-"""The thruster controller's end of a MAVLink thruster link: it obeys a host, or a ground station.
+"""Device end (thruster controller) of a MAVLink thruster link; a host or a ground station commands it.
 
     SERVO_OUTPUT_RAW        all pulses; port 0, from a component of this system
     HIL_ACTUATOR_CONTROLS   all pulses, and whether armed; from a component of this system
-    RC_CHANNELS_OVERRIDE    pulses of the channels that are not ignored; a channel given back goes to neutral
+    RC_CHANNELS_OVERRIDE    pulses of the channels that are not ignored; a released channel goes to neutral
     MANUAL_CONTROL          x forward, y right, r yaw to the right (-1000..1000), z up (0..1000, 500 neutral, as
                             ArduSub has it), mixed by `mix`; malformed without one. An axis of 32767 is neutral
     COMMAND_LONG            acknowledged, whatever it is:
@@ -10,15 +10,15 @@
       DO_SET_SERVO          one channel; rejected for the time being while disarmed
       DO_MOTOR_TEST         one channel for up to 30 s, armed or not; the others are neutral, and at the end all are,
                             disarmed. Per cent as in ArduSub: 0 full astern, 50 neutral, 100 full ahead. Without a
-                            time it lasts 0.5 s, also as in ArduSub: whoever holds the slider repeats it. Any other
+                            time it lasts 0.5 s, also as in ArduSub: the ground station repeats it. Any other
                             command ends the test
       REQUEST_MESSAGE       AUTOPILOT_VERSION, also by its old name REQUEST_AUTOPILOT_CAPABILITIES
     COMMAND_INT             acknowledged: COMMAND_LONG only
 
-Whoever sends a command is obeyed, the last one wins; `signing_key` keeps strangers out. What sets some of the
-pulses leaves the others as they are. All of these count as commands for the STM32's watchdog. A motor test repeats
-itself every 50 ms, from `feed`, which therefore has to be called at `deadline_ns` even with no data; where it is
-not, the watchdog ends the test.
+Commands are accepted from any sender, and the last one wins; `signing_key` restricts that to senders with the key. A
+command for some of the pulses leaves the others unchanged. All of these count as commands for the STM32's watchdog. A
+motor test is repeated every 50 ms by `feed`, which therefore has to be called at `deadline_ns` even without data;
+otherwise the watchdog ends the test.
 """
 
 from collections.abc import Callable, Sequence
@@ -26,7 +26,7 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from hil.clock import NS_PER_S
+from hil.common.clock import NS_PER_S
 from hil.links.contract import PWM_NEUTRAL_US, Message, ThrusterCommand, ThrusterTelemetry
 from hil.links.mavlink.end import (
     BEAT_NS,
@@ -38,10 +38,10 @@ from hil.links.mavlink.end import (
     sender,
     share_to_pulse,
 )
-from hil.links.mavlink.link import EscReading, MavlinkSettings
 from hil.links.mavlink.outputs import Outputs
 from hil.links.mavlink.reports import autopilot_version, device_heartbeat, esc_telemetry, sys_status
 from hil.links.mavlink.servos import ServoOutputRaw
+from hil.links.mavlink.settings import EscReading, MavlinkSettings
 
 ESC_PERIOD_NS = NS_PER_S // 5
 TEST_LIMIT_S = 30.0  # ArduPilot's longest motor test
@@ -49,11 +49,11 @@ TEST_DEFAULT_S = 0.5
 AXIS_INVALID = 0x7FFF
 IGNORED = 0xFFFF
 
-Result = tuple[int, ThrusterCommand | None]  # MAV_RESULT, and what the STM32 is to do
+Result = tuple[int, ThrusterCommand | None]  # MAV_RESULT, and the command for the STM32
 
 
 class MavlinkDevice(MavlinkEnd):
-    """`esc`: what the ESCs measure, one reading a thruster, if anyone sets it; it is then sent at 5 Hz."""
+    """Device end. `esc`: measured values of the ESCs, one reading a thruster; once set they are sent at 5 Hz."""
 
     def __init__(
         self, channels: int, settings: MavlinkSettings, clock: Callable[[], int], wall_clock: Callable[[], int]
@@ -62,7 +62,7 @@ class MavlinkDevice(MavlinkEnd):
         self.esc: Sequence[EscReading] = ()
         self._esc_count = 0
         self._beat_ns = self._esc_ns = 0
-        self._told = ThrusterTelemetry(0, False, False, (PWM_NEUTRAL_US,) * channels, 0, 0, 0, 0)
+        self._reported = ThrusterTelemetry(0, False, False, (PWM_NEUTRAL_US,) * channels, 0, 0, 0, 0)
         self._outputs = Outputs(channels, clock)
         self.handlers = {
             dialect.MAVLINK_MSG_ID_TIMESYNC: self.timesync,
@@ -82,24 +82,24 @@ class MavlinkDevice(MavlinkEnd):
         }
 
     def feed(self, data: bytes) -> list[Message]:
-        """The commands of a motor test that are due, and those that `data` completes. Never raises."""
+        """Return the commands of a motor test that are due, and those that `data` completes. Never raises."""
         messages = [*self._outputs.step(), *super().feed(data)]
         self._schedule()
         return messages
 
     def encode(self, message: Message) -> bytes:
-        """The packets of a report. Raises ValueError for another number of channels, or for a command."""
+        """Return the packets of a report. Raises ValueError for another number of channels, or for a command."""
         if not isinstance(message, ThrusterTelemetry):
             raise ValueError("the device's end sends reports")
         self.check_channels(message.pwm_us)
         state = (message.armed, message.timed_out, message.watchdog_trips)
-        changed = state != (self._told.armed, self._told.timed_out, self._told.watchdog_trips)
-        self._told = message
-        self._outputs.reported(message)
+        changed = state != (self._reported.armed, self._reported.timed_out, self._reported.watchdog_trips)
+        self._reported = message
+        self._outputs.update_from_report(message)
         return (self._state() if changed else b"") + self.servo_output_raw(list(message.pwm_us))
 
     def tick(self, now_ns: int) -> bytes:
-        """Heartbeat and status, readings of the ESCs; each when it is due."""
+        """Return heartbeat and status, and readings of the ESCs; each when it is due."""
         data = b""
         if now_ns >= self._beat_ns:
             self._beat_ns = next_due(self._beat_ns, BEAT_NS, now_ns)
@@ -117,28 +117,28 @@ class MavlinkDevice(MavlinkEnd):
         self.deadline_ns = min(self._beat_ns, self._esc_ns, self._outputs.wake_ns)
 
     def _state(self) -> bytes:
-        return self.pack(device_heartbeat(self._told)) + self.pack(sys_status(self._told))
+        return self.pack(device_heartbeat(self._reported)) + self.pack(sys_status(self._reported))
 
     def _servo_output_raw(self, packet: ServoOutputRaw) -> ThrusterCommand | None:
         if packet.system != self.settings.system or packet.port != PORT:
             return None
-        return self._outputs.order(packet.pulses[: self.channels], self._outputs.armed, packet)
+        return self._outputs.set_pulses(packet.pulses[: self.channels], self._outputs.armed, packet)
 
     def _hil_actuator_controls(self, packet: Any) -> ThrusterCommand | None:
         if packet.get_srcSystem() != self.settings.system:
             return None
         armed = packet.mode & dialect.MAV_MODE_FLAG_SAFETY_ARMED != 0
-        return self._outputs.order(self._pulses(packet.controls[: self.channels]), armed, packet)
+        return self._outputs.set_pulses(self._pulses(packet.controls[: self.channels]), armed, packet)
 
     def _rc_channels_override(self, packet: Any) -> ThrusterCommand | None:
-        if not self._is_for_us(packet.target_system, packet.target_component):
+        if not self._is_addressed_here(packet.target_system, packet.target_component):
             return None
         widths = [getattr(packet, f"chan{i}_raw") for i in range(1, self.channels + 1)]
         pulses = [_overridden(i, width, self._outputs.pulses[i]) for i, width in enumerate(widths)]
-        return self._outputs.order(pulses, self._outputs.armed, packet)
+        return self._outputs.set_pulses(pulses, self._outputs.armed, packet)
 
     def _manual_control(self, packet: Any) -> ThrusterCommand | None:
-        if not self._is_for_us(packet.target):
+        if not self._is_addressed_here(packet.target):
             return None
         if not self.settings.mix:
             self.counters.malformed += 1
@@ -146,19 +146,19 @@ class MavlinkDevice(MavlinkEnd):
         x, y, r = [0.0 if axis == AXIS_INVALID else axis / 1000 for axis in (packet.x, packet.y, packet.r)]
         z = 0.0 if packet.z == AXIS_INVALID else (max(0, min(packet.z, 1000)) - 500) / 500
         shares = [forward * x + right * y + up * z + yaw * r for forward, right, up, yaw in self.settings.mix]
-        return self._outputs.order(self._pulses(shares), self._outputs.armed, packet)
+        return self._outputs.set_pulses(self._pulses(shares), self._outputs.armed, packet)
 
     def _command_int(self, packet: Any) -> None:
-        if self._is_for_us(packet.target_system, packet.target_component):
+        if self._is_addressed_here(packet.target_system, packet.target_component):
             self._acknowledge(packet, dialect.MAV_RESULT_COMMAND_LONG_ONLY)
 
     def _command_long(self, packet: Any) -> ThrusterCommand | None:
-        if not self._is_for_us(packet.target_system, packet.target_component):
+        if not self._is_addressed_here(packet.target_system, packet.target_component):
             return None
-        obey = self._commands.get(packet.command)
-        result, order = obey(packet) if obey else (dialect.MAV_RESULT_UNSUPPORTED, None)
+        handle = self._commands.get(packet.command)
+        result, command = handle(packet) if handle else (dialect.MAV_RESULT_UNSUPPORTED, None)
         self._acknowledge(packet, result)
-        return order
+        return command
 
     def _acknowledge(self, packet: Any, result: int) -> None:
         self.reply(dialect.MAVLink_command_ack_message(packet.command, result, 0, 0, *sender(packet)))
@@ -175,7 +175,7 @@ class MavlinkDevice(MavlinkEnd):
         if not self._outputs.armed:
             return dialect.MAV_RESULT_TEMPORARILY_REJECTED, None
         pulses = self._outputs.change(channel, round(width))
-        return dialect.MAV_RESULT_ACCEPTED, self._outputs.order(pulses, True, packet)
+        return dialect.MAV_RESULT_ACCEPTED, self._outputs.set_pulses(pulses, True, packet)
 
     def _motor_test(self, packet: Any) -> Result:
         channel = self._channel(packet.param1)
@@ -202,20 +202,20 @@ class MavlinkDevice(MavlinkEnd):
         self.reply(autopilot_version())
         return dialect.MAV_RESULT_ACCEPTED, None
 
-    def _is_for_us(self, system: int, component: int = 0) -> bool:
+    def _is_addressed_here(self, system: int, component: int = 0) -> bool:
         return system in (0, self.settings.system) and component in (0, self.component)
 
     def _channel(self, instance: float) -> int | None:
-        """The channel that MAVLink counts from 1, if there is one."""
+        """Return the index of a channel, which MAVLink counts from 1, None if there is none."""
         return int(instance) - 1 if 1 <= instance <= self.channels and instance == int(instance) else None
 
     def _pulses(self, shares: Sequence[float]) -> list[int]:
         return [share_to_pulse(share, self.settings.span_us) for share in shares]
 
 
-def _overridden(channel: int, width: int, held_us: int) -> int:
-    """A channel's pulse (us) after RC_CHANNELS_OVERRIDE, which marks its first eight channels unlike the others."""
+def _overridden(channel: int, width: int, current_us: int) -> int:
+    """Return a channel's pulse (us) after RC_CHANNELS_OVERRIDE, which encodes its first eight channels differently."""
     ignored, released = ((IGNORED,), 0) if channel < 8 else ((0, IGNORED), IGNORED - 1)
     if width in ignored:
-        return held_us
+        return current_us
     return PWM_NEUTRAL_US if width == released else width

@@ -1,18 +1,18 @@
-"""What the two ends of a MAVLink thruster link have in common: packets in, answers out, the time of day."""
+"""Common part of both ends of a MAVLink thruster link: decode packets, queue answers, answer TIMESYNC."""
 
 from collections.abc import Callable
 from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from hil.clock import NS_PER_S, NS_PER_US
+from hil.common.clock import NS_PER_S, NS_PER_US
 from hil.links.contract import PWM_MAX_US, PWM_MIN_US, PWM_NEUTRAL_US, Counters, Message, Protocol
-from hil.links.mavlink.link import MavlinkSettings
+from hil.links.mavlink.settings import MavlinkSettings
 from hil.links.mavlink.stream import MavlinkStream, signing_secret
 
 BEAT_NS = NS_PER_S
 SERVOS = 16  # of a SERVO_OUTPUT_RAW
-PORT = 0  # the set of outputs meant; others are other boards'
+PORT = 0  # the set of outputs on this link; others belong to other boards
 U32 = 0xFFFF_FFFF
 NO_PULSE_US = 0
 
@@ -20,7 +20,7 @@ Handler = Callable[[Any], Message | None]
 
 
 class MavlinkEnd(Protocol):
-    """One end. A subclass fills `handlers` (message id -> what to do with such a message) and sends its heartbeat."""
+    """One end. A subclass fills `handlers` (message id -> function for such a message) and sends its heartbeat."""
 
     handlers: dict[int, Handler]
 
@@ -44,7 +44,7 @@ class MavlinkEnd(Protocol):
         self._replies = b""
 
     def feed(self, data: bytes) -> list[Message]:
-        """The messages that `data` completes, in order. Never raises."""
+        """Return the messages that `data` completes, in order. Never raises."""
         messages = []
         for packet in self._stream.unpack(data):
             handle = self.handlers.get(packet.get_msgId())
@@ -55,51 +55,51 @@ class MavlinkEnd(Protocol):
         return messages
 
     def replies(self) -> bytes:
-        """Acknowledgements and answers since the last call."""
+        """Return acknowledgements and answers since the last call."""
         replies, self._replies = self._replies, b""
         return replies
 
     def pack(self, message: Any) -> bytes:
-        """The packet of a message of the dialect."""
+        """Return the packet of a message of the dialect."""
         return self._stream.pack(message)
 
     def reply(self, message: Any) -> None:
-        """Say it when `replies` is asked next."""
+        """Queue a message for the next call of `replies`."""
         self._replies += self.pack(message)
 
     def timesync(self, packet: Any) -> None:
-        """Answer whoever asks for our clock (ns); answers, which have tc1, are not for us."""
+        """Answer a request for our clock (ns); answers of others, which have tc1, are ignored."""
         if packet.tc1 == 0:
             self.reply(dialect.MAVLink_timesync_message(self._clock(), packet.ts1))
 
     def servo_output_raw(self, pulses: list[int]) -> bytes:
-        """The packet of SERVO_OUTPUT_RAW with these pulses (us), stamped with this end's clock (us, wraps)."""
+        """Return a SERVO_OUTPUT_RAW packet with these pulses (us), stamped with this end's clock (us, wraps)."""
         servos = pulses + [NO_PULSE_US] * (SERVOS - len(pulses))
         return self._stream.pack_servos(self._clock() // NS_PER_US & U32, PORT, servos)
 
     def check_channels(self, pulses: tuple[int, ...]) -> None:
-        """Raises ValueError if this is not one pulse a thruster."""
+        """Raise ValueError if this is not one pulse a thruster."""
         if len(pulses) != self.channels:
             raise ValueError(f"this link carries {self.channels} channels, not {len(pulses)}")
 
 
 def sender(packet: Any) -> tuple[int, int]:
-    """System and component that sent a packet."""
+    """Return system and component that sent a packet."""
     return packet.get_srcSystem(), packet.get_srcComponent()
 
 
 def is_pulse(width_us: float) -> bool:
-    """Whether this is a pulse width (us) that an ESC is given; any other is no output."""
+    """Return whether this is a pulse width (us) for an ESC; any other is no output."""
     return PWM_MIN_US <= width_us <= PWM_MAX_US
 
 
 def share_to_pulse(share: float, span_us: int) -> int:
-    """The pulse width (us) of a share of full thrust, -1..1; beyond is full, nan and infinity are no pulse."""
+    """Return the pulse width (us) for a share of full thrust, -1..1, clipped; nan and infinity are no pulse."""
     if not -float("inf") < share < float("inf"):
         return NO_PULSE_US
     return PWM_NEUTRAL_US + round(max(-1.0, min(share, 1.0)) * span_us)
 
 
 def next_due(due_ns: int, period_ns: int, now_ns: int) -> int:
-    """The next instant of a schedule; one that has fallen behind starts anew."""
+    """Return the next instant of a schedule; one that is late starts again from `now_ns`."""
     return due_ns + period_ns if now_ns < due_ns + period_ns else now_ns + period_ns

@@ -1,4 +1,4 @@
-"""The vehicle computer's end of a MAVLink thruster link: commands out, reports in."""
+"""Host end (vehicle's computer) of a MAVLink thruster link: send commands, receive reports."""
 
 import math
 from collections.abc import Callable
@@ -6,7 +6,7 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from hil.clock import NS_PER_US
+from hil.common.clock import NS_PER_US
 from hil.links.contract import PWM_NEUTRAL_US, Message, SentCommands, ThrusterCommand, ThrusterTelemetry
 from hil.links.mavlink.end import (
     BEAT_NS,
@@ -20,16 +20,18 @@ from hil.links.mavlink.end import (
     sender,
     share_to_pulse,
 )
-from hil.links.mavlink.link import EscReading, MavlinkSettings
 from hil.links.mavlink.reports import ESC_GROUPS, esc_readings, host_heartbeat
 from hil.links.mavlink.servos import ServoOutputRaw
+from hil.links.mavlink.settings import EscReading, MavlinkSettings
 
-NOT_A_PULSE_US = 1  # for RC_CHANNELS_OVERRIDE, where 0 gives the channel back
-IGNORED = 0xFFFF  # the same for a channel that is not meant
+OVERTAKEN = 16  # packets that may overtake one, as on UDP; an older one is of a device that has restarted
+OVERTAKEN_US = 1_000_000  # the same for instants of the device's clock
+NOT_A_PULSE_US = 1  # for RC_CHANNELS_OVERRIDE, where 0 releases the channel
+IGNORED = 0xFFFF  # in RC_CHANNELS_OVERRIDE: leave the channel unchanged
 
 
 class MavlinkHost(MavlinkEnd):
-    """`esc` holds what the device last said about each ESC, None where it has said nothing."""
+    """Host end. `esc` has the last reading of each ESC, None before the first."""
 
     def __init__(
         self, channels: int, settings: MavlinkSettings, clock: Callable[[], int], wall_clock: Callable[[], int]
@@ -45,10 +47,12 @@ class MavlinkHost(MavlinkEnd):
         self._sent = SentCommands()
         self._answered = -1  # sequence of the command that the last report showed
         self._shown_us = 0  # when the first report showed it, on the device's clock
-        self._device_armed: bool | None = None  # None: it has not said
+        self._device_armed: bool | None = None  # None: unknown
         self._timed_out = False
         self._errors = self._trips = self._frames = 0
-        self._attempts = 0  # to arm or disarm, since the device last was as we want it
+        self._status_number = 0  # of the packet with the newest SYS_STATUS, 0 to 255
+        self._newest_us = 0  # when the newest report was made, on the device's clock
+        self._attempts = 0  # to arm or disarm, since the device last had the wanted state
         self.handlers = {
             dialect.MAVLINK_MSG_ID_TIMESYNC: self.timesync,
             dialect.MAVLINK_MSG_ID_HEARTBEAT: self._heartbeat,
@@ -58,7 +62,7 @@ class MavlinkHost(MavlinkEnd):
         }
 
     def encode(self, message: Message) -> bytes:
-        """The packets of a command. Raises ValueError for another number of channels, or for a report."""
+        """Return the packets of a command. Raises ValueError for another number of channels, or for a report."""
         if not isinstance(message, ThrusterCommand):
             raise ValueError("the host's end sends commands")
         self.check_channels(message.pwm_us)
@@ -66,11 +70,16 @@ class MavlinkHost(MavlinkEnd):
         if message.armed:
             pulses = [width if is_pulse(width) else NO_PULSE_US for width in message.pwm_us]
         shown, packets = self._encode_pulses(pulses, message.armed)
-        self._sent.remember(tuple(shown), message.sequence)
+        self._sent.add_sent(tuple(shown), message.sequence)
         return packets
 
+    def encode_settled(self, message: Message) -> bytes:
+        """Return the packets of a command for a device with the same armed state, so without COMPONENT_ARM_DISARM."""
+        self._device_armed = isinstance(message, ThrusterCommand) and message.armed
+        return self.encode(message)
+
     def tick(self, now_ns: int) -> bytes:
-        """The heartbeat of an onboard controller."""
+        """Return the heartbeat of an onboard controller if it is due."""
         self.deadline_ns = next_due(self.deadline_ns, BEAT_NS, now_ns)
         return self.pack(host_heartbeat())
 
@@ -91,7 +100,7 @@ class MavlinkHost(MavlinkEnd):
         return [share_to_pulse(share, span) for share in shares], self.pack(message)
 
     def _arming(self, armed: bool) -> bytes:
-        """COMPONENT_ARM_DISARM, if the device has not said that it is as we want it."""
+        """Return COMPONENT_ARM_DISARM, unless the device's last HEARTBEAT has the same armed state."""
         if armed == self._device_armed:
             self._attempts = 0
             return b""
@@ -111,7 +120,9 @@ class MavlinkHost(MavlinkEnd):
             self._timed_out = packet.system_status == dialect.MAV_STATE_CRITICAL
 
     def _sys_status(self, packet: Any) -> None:
-        if sender(packet) == self._device:
+        behind = (self._status_number - packet.get_seq()) & 0xFF
+        if sender(packet) == self._device and not 0 < behind <= OVERTAKEN:
+            self._status_number = packet.get_seq()
             self._errors, self._trips, self._frames = packet.errors_comm, packet.errors_count1, packet.errors_count2
 
     def _esc_telemetry(self, packet: Any) -> None:
@@ -123,6 +134,9 @@ class MavlinkHost(MavlinkEnd):
     def _report(self, packet: ServoOutputRaw) -> ThrusterTelemetry | None:
         if sender(packet) != self._device or packet.port != PORT:
             return None
+        if 0 < (self._newest_us - packet.time_usec & U32) < OVERTAKEN_US:
+            return None  # a newer one was received first
+        self._newest_us = packet.time_usec
         pulses = packet.pulses[: self.channels]
         sequence = self._sent.match(pulses)
         return ThrusterTelemetry(
@@ -137,7 +151,7 @@ class MavlinkHost(MavlinkEnd):
         )
 
     def _age_us(self, sequence: int, device_us: int) -> int:
-        """Since the first report that showed this command, on the device's clock."""
+        """Return the time (us) since the first report that showed this command, on the device's clock."""
         if sequence != self._answered:
             self._answered, self._shown_us = sequence, device_us
         return device_us - self._shown_us & U32

@@ -1,4 +1,4 @@
-"""What the ends of a MAVLink thruster link say of themselves, as messages of the dialect."""
+"""Status messages of the ends of a MAVLink thruster link: heartbeat, system status, version, ESC telemetry."""
 
 import math
 from collections.abc import Sequence
@@ -8,9 +8,9 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from hil import __version__
 from hil.links.contract import ThrusterTelemetry
-from hil.links.mavlink.link import EscReading
+from hil.links.mavlink.settings import EscReading
 
-MAVLINK_VERSION = 3  # what a HEARTBEAT of MAVLink 1 and 2 says
+MAVLINK_VERSION = 3  # of a HEARTBEAT, in MAVLink 1 and 2
 NOT_MEASURED = {"load": 0, "voltage_battery": 0xFFFF, "current_battery": -1, "battery_remaining": -1}
 
 _ESC_MESSAGES = (
@@ -30,21 +30,21 @@ U8, U16 = 0xFF, 0xFFFF
 
 
 def host_heartbeat() -> Any:
-    """HEARTBEAT of an onboard controller."""
+    """Return the HEARTBEAT of an onboard controller."""
     return _heartbeat(dialect.MAV_TYPE_ONBOARD_CONTROLLER, dialect.MAV_AUTOPILOT_INVALID, 0, dialect.MAV_STATE_ACTIVE)
 
 
-def device_heartbeat(told: ThrusterTelemetry) -> Any:
-    """HEARTBEAT of the device that reported this.
+def device_heartbeat(report: ThrusterTelemetry) -> Any:
+    """Return the HEARTBEAT of the device that sent `report`.
 
-    It calls itself a submarine's generic autopilot, without which a ground station does not talk to it.
+    Its type is a submarine's generic autopilot: a ground station sends nothing to other types.
     """
-    state = dialect.MAV_STATE_ACTIVE if told.armed else dialect.MAV_STATE_STANDBY
+    state = dialect.MAV_STATE_ACTIVE if report.armed else dialect.MAV_STATE_STANDBY
     return _heartbeat(
         dialect.MAV_TYPE_SUBMARINE,
         dialect.MAV_AUTOPILOT_GENERIC,
-        dialect.MAV_MODE_FLAG_SAFETY_ARMED if told.armed else 0,
-        dialect.MAV_STATE_CRITICAL if told.timed_out else state,
+        dialect.MAV_MODE_FLAG_SAFETY_ARMED if report.armed else 0,
+        dialect.MAV_STATE_CRITICAL if report.timed_out else state,
     )
 
 
@@ -52,25 +52,25 @@ def _heartbeat(kind: int, autopilot: int, base_mode: int, status: int) -> Any:
     return dialect.MAVLink_heartbeat_message(kind, autopilot, base_mode, 0, status, MAVLINK_VERSION)
 
 
-def sys_status(told: ThrusterTelemetry) -> Any:
-    """SYS_STATUS of the device that reported this: the health of its outputs, and its counters."""
+def sys_status(report: ThrusterTelemetry) -> Any:
+    """Return the SYS_STATUS of the device that sent `report`: the health of its outputs, and its counters."""
     outputs = dialect.MAV_SYS_STATUS_SENSOR_MOTOR_OUTPUTS
     return dialect.MAVLink_sys_status_message(
         onboard_control_sensors_present=outputs,
-        onboard_control_sensors_enabled=outputs if told.armed else 0,
-        onboard_control_sensors_health=0 if told.timed_out else outputs,
+        onboard_control_sensors_enabled=outputs if report.armed else 0,
+        onboard_control_sensors_health=0 if report.timed_out else outputs,
         **NOT_MEASURED,
         drop_rate_comm=0,
-        errors_comm=told.errors,
-        errors_count1=told.watchdog_trips,
-        errors_count2=told.frames,
+        errors_comm=report.errors,
+        errors_count1=report.watchdog_trips,
+        errors_count2=report.frames,
         errors_count3=0,
         errors_count4=0,
     )
 
 
 def autopilot_version() -> Any:
-    """AUTOPILOT_VERSION: the version of this software, and that it speaks MAVLink 2."""
+    """Return AUTOPILOT_VERSION: the version of this software, and the capability MAVLink 2."""
     numbers = [int(part) for part in __version__.split(".") if part.isdigit()] + [0, 0, 0]
     return dialect.MAVLink_autopilot_version_message(
         capabilities=dialect.MAV_PROTOCOL_CAPABILITY_MAVLINK2,
@@ -88,12 +88,12 @@ def autopilot_version() -> Any:
 
 
 def esc_telemetry(esc: Sequence[EscReading], count: int) -> list[Any]:
-    """ESC_TELEMETRY of these readings (up to 16); `count` is how often the ESCs have been read (wraps)."""
+    """Return ESC_TELEMETRY of these readings (up to 16); `count` is how often the ESCs have been read (wraps)."""
     return [_ESC_MESSAGES[i // GROUP](*_columns(esc[i : i + GROUP], count)) for i in range(0, len(esc), GROUP)]
 
 
 def esc_readings(packet: Any) -> list[EscReading]:
-    """The four readings of an ESC_TELEMETRY; an ESC that does not exist reads zero."""
+    """Return the four readings of an ESC_TELEMETRY; an ESC that does not exist reads zero."""
     columns = zip(packet.rpm, packet.voltage, packet.current, packet.temperature, packet.totalcurrent, strict=True)
     return [
         EscReading(rpm * RPM, voltage * CENTI, current * CENTI, float(temperature), charge * MAH)
@@ -102,7 +102,7 @@ def esc_readings(packet: Any) -> list[EscReading]:
 
 
 def _columns(group: Sequence[EscReading], count: int) -> list[list[int]]:
-    """temperature, voltage, current, totalcurrent, rpm, count: as the message wants them, each of four ESCs."""
+    """Return temperature, voltage, current, totalcurrent, rpm and count, in the message's order, each of four ESCs."""
     columns = [
         [_whole(esc.temperature, 1.0, U8) for esc in group],
         [_whole(esc.voltage, CENTI, U16) for esc in group],
@@ -115,5 +115,5 @@ def _columns(group: Sequence[EscReading], count: int) -> list[list[int]]:
 
 
 def _whole(value: float, unit: float, top: int) -> int:
-    """In whole units, stopped at the limits of the field; nan is 0."""
+    """Return the value in whole units, clipped to the field; nan is 0."""
     return round(min(max(0.0, value / unit), top))

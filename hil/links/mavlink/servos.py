@@ -1,4 +1,7 @@
-"""SERVO_OUTPUT_RAW without pymavlink, which takes three to six times as long: it is every command and every report."""
+"""Encoder and decoder of SERVO_OUTPUT_RAW without pymavlink.
+
+pymavlink takes three to six times as long, and every command and report is such a message.
+"""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -14,7 +17,7 @@ _CRC_EXTRA: bytes = bytes([_MESSAGE.crc_extra])
 
 
 class ServoOutputRaw(NamedTuple):
-    """One that has come. Whose it is, it tells as pymavlink's messages do."""
+    """A received SERVO_OUTPUT_RAW, with the sender's ids like a message of pymavlink."""
 
     time_usec: int  # on the sender's clock, wraps
     pulses: tuple[int, ...]  # us, 16; 0 is no pulse
@@ -24,24 +27,24 @@ class ServoOutputRaw(NamedTuple):
     component: int
 
     def get_msgId(self) -> int:  # noqa: N802  # pymavlink's name
-        """Always that of SERVO_OUTPUT_RAW."""
+        """Return the id of SERVO_OUTPUT_RAW."""
         return int(_MESSAGE.id)
 
     def get_seq(self) -> int:
-        """The packet's number, 0 to 255."""
+        """Return the packet's number, 0 to 255."""
         return self.number
 
     def get_srcSystem(self) -> int:  # noqa: N802  # pymavlink's name
-        """Who sent it."""
+        """Return the system that sent it."""
         return self.system
 
     def get_srcComponent(self) -> int:  # noqa: N802  # pymavlink's name
-        """Which part of who sent it."""
+        """Return the component that sent it."""
         return self.component
 
 
 def encode(time_usec: int, port: int, pulses: Sequence[int], number: int, system: int, component: int) -> bytes:
-    """The unsigned packet of 16 pulses (us); byte for byte what pymavlink makes of them."""
+    """Return the unsigned packet of 16 pulses (us), byte for byte as pymavlink encodes it."""
     payload: bytes = _PAYLOAD.pack(time_usec, *pulses[:8], port, *pulses[8:]).rstrip(b"\0") or b"\0"
     checked = bytes((len(payload), 0, 0, number, system, component)) + ID_BYTES + payload
     crc: int = dialect.x25crc(checked + _CRC_EXTRA).crc
@@ -49,7 +52,7 @@ def encode(time_usec: int, port: int, pulses: Sequence[int], number: int, system
 
 
 def decode(packet: bytes) -> ServoOutputRaw:
-    """What a sound packet says. Zeros at the end of the payload may be missing, and what is beyond it is newer."""
+    """Return the contents of a valid packet; missing zeros at the end are added, newer extension fields ignored."""
     payload = packet[HEADER_SIZE : HEADER_SIZE + packet[1]].ljust(_PAYLOAD.size, b"\0")
     fields = _PAYLOAD.unpack_from(payload)
     return ServoOutputRaw(fields[0], fields[1:9] + fields[10:], fields[9], packet[4], packet[5], packet[6])

@@ -1,12 +1,12 @@
-"""MAVLink 2 packets in a stream of bytes: found, checked, signed and packed.
+"""MAVLink 2 packets in a stream of bytes: find, check, sign and pack them.
 
 pymavlink decodes and encodes; what it is not used for is, besides pulses (see servos.py),
 
-    finding packets   its parser waits for the end of whatever looks like a beginning, and so loses the packets
-                      behind a cut one. Here a sound packet is delivered as soon as its last byte is there, and
-                      at most one unfinished packet (280 bytes) is kept.
+    finding packets   its parser waits for the end of anything that looks like a beginning, and so loses the packets
+                      behind a cut one. Here a packet is delivered as soon as its last byte is received, and at
+                      most one unfinished packet (280 bytes) is stored.
     signatures        its check stores a packet's timestamp before it has looked at the signature, so that one
-                      forged packet silences a stream for good. Here a timestamp counts when the signature holds.
+                      forged packet blocks a stream for good. Here a timestamp counts only with a valid signature.
 """
 
 import hashlib
@@ -33,7 +33,7 @@ CRC_EXTRA = {number: bytes([kind.crc_extra]) for number, kind in dialect.mavlink
 
 
 def signing_secret(text: str) -> bytes:
-    """The 32 bytes of a key written as 64 hexadecimal digits, or the SHA-256 of a passphrase."""
+    """Return the 32 bytes of a key written as 64 hexadecimal digits, or the SHA-256 of a passphrase."""
     try:
         if len(text) == 64:
             return bytes.fromhex(text)
@@ -43,22 +43,22 @@ def signing_secret(text: str) -> bytes:
 
 
 class _SafeMavlink(dialect.MAVLink):  # type: ignore[misc]  # pymavlink has no type information
-    """pymavlink's encoder and decoder of one end, with our check of signatures."""
+    """Encoder and decoder of pymavlink for one end, with our check of signatures."""
 
     def sign(self, secret: bytes, wall_clock: Callable[[], int]) -> None:
-        """Sign what goes out, and refuse what comes in unsigned or wrongly signed; RADIO_STATUS never is signed."""
+        """Sign outgoing packets, and refuse incoming ones without a valid signature; RADIO_STATUS is never signed."""
         self._wall_clock = wall_clock
         self.signing.secret_key = secret
         self.signing.sign_outgoing = True
         self.signing.allow_unsigned_callback = _may_be_unsigned
 
     def advance(self) -> None:
-        """Bring the timestamp up to the wall clock; it never goes back, whatever the clock does."""
+        """Advance the timestamp to the wall clock; it never goes back, even if the clock does."""
         now = (self._wall_clock() - TIMESTAMP_START_NS) // TIMESTAMP_NS
         self.signing.timestamp = max(self.signing.timestamp, now)
 
     def check_signature(self, packet: bytearray, system: int, component: int) -> bool:
-        """Whether the signature is right and its timestamp newer than all before it of that sender and link."""
+        """Return whether the signature is right and its timestamp newer than all before it of that sender and link."""
         signing = self.signing
         wanted = hashlib.sha256(signing.secret_key + packet[:-HASH_SIZE]).digest()[:HASH_SIZE]
         if not compare_digest(wanted, bytes(packet[-HASH_SIZE:])):
@@ -78,21 +78,21 @@ def _may_be_unsigned(_: Any, message_id: int) -> bool:
 
 
 class MavlinkStream:
-    """One end's packets; `counters` learns what was dropped, damaged or refused."""
+    """Packets of one end; `counters` counts dropped, damaged and refused ones."""
 
     def __init__(self, system: int, component: int, counters: Counters) -> None:
         self._mavlink = _SafeMavlink(None, system, component)
         self._counters = counters
         self._signs = False
-        self._rest = b""  # the beginning of a packet whose end has not come
+        self._rest = b""  # the beginning of an unfinished packet
 
     def sign(self, secret: bytes, wall_clock: Callable[[], int]) -> None:
-        """From now on sign and demand signatures; `wall_clock` gives ns since 1970."""
+        """Sign and require signatures from now on; `wall_clock` gives ns since 1970."""
         self._mavlink.sign(secret, wall_clock)
         self._signs = True
 
     def pack(self, message: Any) -> bytes:
-        """The packet of a message of the dialect, with the next number."""
+        """Return the packet of a message of the dialect, with the next number."""
         mavlink = self._mavlink
         if self._signs:
             mavlink.advance()
@@ -101,7 +101,7 @@ class MavlinkStream:
         return packet
 
     def pack_servos(self, time_usec: int, port: int, pulses: list[int]) -> bytes:
-        """The packet of a SERVO_OUTPUT_RAW with these 16 pulses (us), with the next number."""
+        """Return the packet of a SERVO_OUTPUT_RAW with these 16 pulses (us), with the next number."""
         if self._signs:
             return self.pack(dialect.MAVLink_servo_output_raw_message(time_usec, port, *pulses))
         mavlink = self._mavlink
@@ -110,26 +110,26 @@ class MavlinkStream:
         return packet
 
     def unpack(self, data: bytes) -> list[Any]:
-        """The messages whose packets `data` completes, in order. Never raises.
+        """Return the messages whose packets `data` completes, in order. Never raises.
 
-        Every byte ends up in a packet, in `dropped_bytes`, or in the unfinished packet that is kept.
+        Every byte ends up in a packet, in `dropped_bytes`, or in the unfinished packet that is stored.
         """
         messages = []
         for packet in self._cut(data):
             try:
                 messages.append(self._read(packet))
-            except dialect.MAVError:  # sound, but its signature is not
+            except dialect.MAVError:  # right checksum, wrong signature
                 self._counters.malformed += 1
         return messages
 
     def _read(self, packet: bytes) -> Any:
-        """What a sound packet says. Raises MAVError if its signature is wrong, or missing."""
+        """Return the message in a packet with a right checksum. Raises MAVError for a wrong or missing signature."""
         has_pulses = packet[7:HEADER_SIZE] == servos.ID_BYTES
         message = None if has_pulses and not self._signs else self._mavlink.decode(bytearray(packet))
         return servos.decode(packet) if has_pulses else message
 
     def _cut(self, data: bytes) -> list[bytes]:
-        """The sound packets in what is there."""
+        """Return the packets with a right checksum among the received bytes."""
         buffer = self._rest + data
         counters = self._counters
         packets = []
@@ -155,7 +155,7 @@ class MavlinkStream:
 
 
 def _find_header(buffer: bytes, position: int) -> int:
-    """Where the next header may begin, as far as can be seen; the buffer's length if nowhere."""
+    """Return where the next header may begin, as far as is known; the buffer's length if nowhere."""
     while (start := buffer.find(MARKER, position)) >= 0:
         header = buffer[start : start + HEADER_SIZE]
         flags_fit = len(header) < 3 or header[2] & ~SIGNED == 0
@@ -166,7 +166,7 @@ def _find_header(buffer: bytes, position: int) -> int:
 
 
 def _packet_size(buffer: bytes, start: int) -> int:
-    """Bytes of the packet whose header begins at `start`; of a header in parts, those of a header."""
+    """Return the size in bytes of the packet whose header begins at `start`; of a partial header, a header's size."""
     if len(buffer) - start < HEADER_SIZE:
         return HEADER_SIZE
     signature = SIGNATURE_SIZE if buffer[start + 2] & SIGNED else 0
@@ -181,7 +181,7 @@ def _is_sound(buffer: bytes, start: int, size: int) -> bool:
 
 
 def _find_sound(buffer: bytes, position: int) -> int:
-    """Where the first whole sound packet begins, or -1: one behind a cut packet need not wait for its end."""
+    """Return where the first whole packet with a right checksum begins, or -1; it need not wait for a cut one's end."""
     while (start := _find_header(buffer, position)) < len(buffer):
         size = _packet_size(buffer, start)
         if start + size <= len(buffer) and _is_sound(buffer, start, size):

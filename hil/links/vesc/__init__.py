@@ -1,1 +1,1 @@
-"""Thrusters on VESC motor controllers, in their CAN protocol."""
+"""VESC protocol of a thruster link: the thrusters are motors of VESC controllers on a CAN bus."""

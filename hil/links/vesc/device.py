@@ -1,8 +1,8 @@
-"""The STM32's end of thrusters on VESC controllers; the protocol is described in `hil.links.vesc.link`."""
+"""Device end (STM32) of thrusters on VESC controllers; `hil.links.vesc.link` describes the protocol."""
 
 from collections.abc import Callable
 
-from hil.clock import NS_PER_S, now_ns
+from hil.common.clock import NS_PER_S, now_ns
 from hil.links.can_thrusters import SPAN_US, MotorHook, deflection, propeller_load
 from hil.links.contract import PWM_NEUTRAL_US, Message, ThrusterCommand, ThrusterTelemetry
 from hil.links.vesc.end import (
@@ -34,9 +34,9 @@ def _int16(value: float) -> int:
 
 
 class VescDevice(VescProtocol):
-    """The STM32's end, as all controllers at once. `motor_values` says what they measure.
+    """Device end, which acts as all controllers at once. `motor_values` returns what they measure.
 
-    `clock` (monotonic, ns) says when a command came; it is the clock of `tick`.
+    `clock` (monotonic, ns) gives the time of a command; it is the clock of `tick`.
     """
 
     def __init__(
@@ -50,10 +50,10 @@ class VescDevice(VescProtocol):
         self._clock = clock
         self._us = {command: SPAN_US / full for command, full in self._full.items()}
         self._motor_values = motor_values
-        self._waiting: dict[int, int] = {}  # pulses (us) by thruster; 0 is let go
+        self._waiting: dict[int, int] = {}  # pulses (us) by thruster; 0 is released
         self._held = [0] * channels
-        self._heard_ns = [0] * channels
-        self._now_ns = 0  # when what is being read came
+        self._received_ns = [0] * channels
+        self._now_ns = 0  # when the frames that are being read were received
         self._period_ns = round(settings.status_period * NS_PER_S)
         self._pulses: tuple[int, ...] = (PWM_NEUTRAL_US,) * channels
         self._tachometers = [0.0] * channels
@@ -62,31 +62,31 @@ class VescDevice(VescProtocol):
         self.deadline_ns = 0
 
     def feed(self, data: bytes) -> list[Message]:
-        """The commands completed by whole records of CAN frames, which have come just now. Never raises."""
+        """Return the commands completed by whole records of CAN frames, received just now. Never raises."""
         self._now_ns = self._clock()
         return super().feed(data)
 
     def encode(self, message: Message) -> bytes:
-        """A report as one STATUS a thruster. A command is not a device's to say."""
+        """Return a report as one STATUS a thruster; only reports are encoded."""
         assert isinstance(message, ThrusterTelemetry)
         self._pulses = message.pwm_us
         return b"".join([self._status(thruster, pulse) for thruster, pulse in enumerate(message.pwm_us)])
 
     def replies(self) -> bytes:
-        """Answers to PING."""
-        said = b"".join(self._replies)
+        """Return the answers to PING since the last call."""
+        output = b"".join(self._replies)
         self._replies.clear()
-        return said
+        return output
 
     def tick(self, now_ns: int) -> bytes:
-        """STATUS_4 and STATUS_5 of each thruster, if they are due."""
+        """Return STATUS_4 and STATUS_5 of each thruster, if they are due."""
         if now_ns < self.deadline_ns:
             return b""
         self.deadline_ns = now_ns + self._period_ns
         self._turn(now_ns)
         return b"".join([self._slow_status(thruster, pulse) for thruster, pulse in enumerate(self._pulses)])
 
-    def _hear(self, command: int, controller: int, data: bytes) -> list[Message]:
+    def _on_frame(self, command: int, controller: int, data: bytes) -> list[Message]:
         thruster = controller - self._settings.first_id
         mine = range(self._channels) if controller == EVERY_ID else (thruster,)
         if mine[0] not in range(self._channels):
@@ -98,10 +98,10 @@ class VescDevice(VescProtocol):
         if pulse is None:
             self.counters.malformed += 1
             return []
-        return [message for each in mine for message in self._take(each, pulse)]
+        return [message for each in mine for message in self._set_thruster(each, pulse)]
 
     def _pulse(self, command: int, data: bytes) -> int | None:
-        """The pulse (us) that a command asks for, 0 to let go; None if it is none that is obeyed here."""
+        """Return the pulse (us) of a command, 0 to release the motor, None for a command that is not supported."""
         if len(data) < ARGUMENT.size:
             return None
         argument: int = ARGUMENT.unpack_from(data)[0]
@@ -112,18 +112,18 @@ class VescDevice(VescProtocol):
             return None
         return PWM_NEUTRAL_US + round(min(max(argument * us, -SPAN_US), SPAN_US))
 
-    def _take(self, thruster: int, pulse: int) -> list[ThrusterCommand]:
+    def _set_thruster(self, thruster: int, pulse: int) -> list[ThrusterCommand]:
         whole = [self._apply()] if thruster in self._waiting else []
         self._waiting[thruster] = pulse
-        self._heard_ns[thruster] = self._now_ns
+        self._received_ns[thruster] = self._now_ns
         if len(self._waiting) == self._channels:
             whole.append(self._apply())
         return whole
 
     def _apply(self) -> ThrusterCommand:
-        """What has come is one command."""
+        """Return one command made of all that were received."""
         for thruster in range(self._channels):
-            late = self._now_ns - self._heard_ns[thruster] > TIMEOUT_NS
+            late = self._now_ns - self._received_ns[thruster] > TIMEOUT_NS
             self._held[thruster] = self._waiting.get(thruster, 0 if late else self._held[thruster])
         self._waiting.clear()
         if any(self._held):
@@ -155,7 +155,7 @@ class VescDevice(VescProtocol):
         return self._frame(STATUS_4, thruster, status_4) + self._frame(STATUS_5, thruster, status_5)
 
     def _turn(self, now_ns: int) -> None:
-        """Let the motors turn on, at the speed of their pulses, up to `now_ns`."""
+        """Advance the motors' positions, at the speed of their pulses, up to `now_ns`."""
         minutes = (now_ns - self._turned_ns) / NS_PER_MIN if self._turned_ns >= 0 else 0.0
         self._turned_ns = now_ns
         per_us = 6 * self._settings.full_erpm / SPAN_US

@@ -1,12 +1,12 @@
-"""What both ends of thrusters on VESC controllers share; the protocol is described in `hil.links.vesc.link`."""
+"""Common part of both ends of thrusters on VESC controllers; `hil.links.vesc.link` describes the protocol."""
 
 from abc import abstractmethod
 from struct import Struct
 from typing import Annotated, Literal, NamedTuple
 
+from hil.common.schema import Range
 from hil.links.contract import Counters, Message, Protocol
 from hil.links.wires.can_frame import RECORD_SIZE, CanFrame, pack_frame, unpack_frames
-from hil.schema import Range
 
 SET_DUTY, SET_CURRENT, SET_RPM, SET_CURRENT_REL = 0, 1, 3, 10
 STATUS, STATUS_4, STATUS_5, PING, PONG = 9, 16, 27, 17, 18
@@ -25,7 +25,7 @@ STATUS_5_DATA = Struct(">ihh")
 
 
 class VescSettings(NamedTuple):
-    """Of both ends. `full_erpm` is the electrical speed at 1900 us, turns of the field a minute."""
+    """Settings of both ends. `full_erpm` is the electrical speed at 1900 us, turns of the field a minute."""
 
     command: Literal["duty", "rpm", "current_rel"] = "duty"
     first_id: Annotated[int, Range(0, EVERY_ID - 1)] = 1
@@ -34,7 +34,7 @@ class VescSettings(NamedTuple):
 
 
 class VescProtocol(Protocol):
-    """What both ends share."""
+    """Common part of both ends."""
 
     def __init__(self, channels: int, settings: VescSettings) -> None:
         self.counters = Counters()
@@ -43,17 +43,17 @@ class VescProtocol(Protocol):
         self._full = {SET_DUTY: FULL_FRACTION, SET_CURRENT_REL: FULL_FRACTION, SET_RPM: settings.full_erpm}
 
     def feed(self, data: bytes) -> list[Message]:
-        """The messages completed by whole records of CAN frames. Never raises."""
+        """Return the messages completed by whole records of CAN frames. Never raises."""
         self.counters.dropped_bytes += len(data) % RECORD_SIZE
         messages: list[Message] = []
         for frame in unpack_frames(data):
             if frame.extended:
-                messages += self._hear(frame.id >> 8, frame.id & 0xFF, frame.data)
+                messages += self._on_frame(frame.id >> 8, frame.id & 0xFF, frame.data)
         return messages
 
     @abstractmethod
-    def _hear(self, command: int, controller: int, data: bytes) -> list[Message]:
-        """The messages completed by a frame to or from a controller."""
+    def _on_frame(self, command: int, controller: int, data: bytes) -> list[Message]:
+        """Return the messages completed by a frame to or from a controller."""
 
     def _frame(self, command: int, thruster: int, data: bytes) -> bytes:
         return pack_frame(CanFrame(command << 8 | self._settings.first_id + thruster, data))

@@ -1,4 +1,4 @@
-"""The host's end of thrusters on VESC controllers; the protocol is described in `hil.links.vesc.link`."""
+"""Host end (vehicle's computer) of thrusters on VESC controllers; `hil.links.vesc.link` describes the protocol."""
 
 from typing import NamedTuple
 
@@ -22,7 +22,7 @@ from hil.links.vesc.end import (
 
 
 class Motor(NamedTuple):
-    """What a controller said last of its motor; zeros before."""
+    """Last values that a controller reported of its motor; zeros before."""
 
     erpm: int = 0
     current_a: float = 0.0
@@ -34,7 +34,7 @@ class Motor(NamedTuple):
 
 
 class VescHost(VescProtocol):
-    """The vehicle's computer. `motors` are the thrusters' last values."""
+    """Host end. `motors` are the thrusters' last values."""
 
     def __init__(self, channels: int, settings: VescSettings) -> None:
         super().__init__(channels, settings)
@@ -47,19 +47,19 @@ class VescHost(VescProtocol):
         self._trips = 0
 
     def encode(self, message: Message) -> bytes:
-        """A command as one frame a thruster. Telemetry is not a host's to say."""
+        """Return a command as one frame a thruster; only commands are encoded."""
         assert isinstance(message, ThrusterCommand)
-        asked = self._answers.ask(message)
-        said = []
-        for thruster, pulse in enumerate(asked):
+        requested = self._answers.record_command(message)
+        output = []
+        for thruster, pulse in enumerate(requested):
             if message.armed and has_output(message.pwm_us[thruster]):
                 argument = ARGUMENT.pack(round((pulse - PWM_NEUTRAL_US) * self._per_us))
-                said.append(self._frame(self._command, thruster, argument))
+                output.append(self._frame(self._command, thruster, argument))
             else:
-                said.append(self._frame(SET_CURRENT, thruster, ARGUMENT.pack(0)))
-        return b"".join(said)
+                output.append(self._frame(SET_CURRENT, thruster, ARGUMENT.pack(0)))
+        return b"".join(output)
 
-    def _hear(self, command: int, controller: int, data: bytes) -> list[Message]:
+    def _on_frame(self, command: int, controller: int, data: bytes) -> list[Message]:
         thruster = controller - self._settings.first_id
         if command not in (STATUS, STATUS_4, STATUS_5) or not 0 <= thruster < self._channels:
             return []
@@ -75,18 +75,18 @@ class VescHost(VescProtocol):
             tachometer, volts, _ = STATUS_5_DATA.unpack(data[:6] + b"\0\0")
             self.motors[thruster] = motor._replace(tachometer=tachometer, voltage_v=volts / 10)
             return []
-        return self._hear_status(thruster, motor, data)
+        return self._on_status(thruster, motor, data)
 
-    def _hear_status(self, thruster: int, motor: Motor, data: bytes) -> list[Message]:
+    def _on_status(self, thruster: int, motor: Motor, data: bytes) -> list[Message]:
         erpm, current, duty = STATUS_DATA.unpack(data)
         self.motors[thruster] = motor._replace(erpm=erpm, current_a=current / 10, duty=duty / FULL_STATUS_DUTY)
         by_speed = self._command == SET_RPM
         fraction = erpm / self._settings.full_erpm if by_speed else duty / FULL_STATUS_DUTY
-        pulses = self._rounds.hear(thruster, pulse_at(fraction * SPAN_US))
+        pulses = self._rounds.add_report(thruster, pulse_at(fraction * SPAN_US))
         return [] if pulses is None else [self._telemetry(pulses)]
 
     def _telemetry(self, pulses: tuple[int, ...]) -> ThrusterTelemetry:
-        command = self._answers.hear(pulses)
+        command = self._answers.find_command(pulses)
         stopped = all(pulse == PWM_NEUTRAL_US for pulse in pulses)
         timed_out = command.armed and stopped and command.pwm_us != pulses
         if timed_out and not self._timed_out:

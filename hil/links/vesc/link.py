@@ -1,4 +1,4 @@
-"""Thrusters on VESC motor controllers, in their own CAN protocol.
+"""VESC protocol of a thruster link: thrusters on VESC motor controllers, in their own CAN protocol.
 
 Source: github.com/vedderb/bldc, documentation/comm_can.md and comm/comm_can.c. An identifier of 29 bits is
 command << 8 | controller; a command takes one frame, with one big-endian int32. Thruster i is controller
@@ -12,13 +12,13 @@ command << 8 | controller; a command takes one frame, with one big-endian int32.
 (The document's table says that SET_RPM is in 1/1000; its own example and the firmware take whole ERPM.)
 
 1100 to 1900 us are -1 to +1 of the quantity that `command` chooses, exact to 1 us; beyond is clamped.
-"No pulse", and all thrusters if not armed, are SET_CURRENT 0: it lets the motor go, where duty 0 brakes it.
+"No pulse", and all thrusters if not armed, are SET_CURRENT 0: it releases the motor, where duty 0 brakes it.
 
-The device is all controllers in one. It takes the commands to them for one ThrusterCommand when every one
-has come, or when one comes again before; then those that were left out go on as they were, for as long as
-a VESC would (0.5 s), and then let go. All let go is a disarmed command. It sends STATUS of each for each
-report, STATUS_4 and STATUS_5 every `status_period`. Its duty tells the pulse exactly; on true controllers
-ruled by speed (`rpm`) the host goes by ERPM instead.
+The device acts as all controllers. It combines the commands to them into one ThrusterCommand when every one was
+received, or when one is received again before that; then those that were left out continue, for as long as a VESC
+would (0.5 s), and are then released. All released is a disarmed command. It sends STATUS of each for each
+report, STATUS_4 and STATUS_5 every `status_period`. Its duty gives the pulse exactly; with real controllers
+that control the speed (`rpm`) the host uses ERPM instead.
 
 A status carries neither sequence number nor arming nor time-out, so the host infers them from what it has
 sent. `timed_out` is a neutral report after one that showed a command which was not, if nothing neutral was
@@ -27,17 +27,17 @@ sent: a time-out at neutral cannot be seen. `age_us` and `errors` are 0.
 
 from typing import Any
 
-from hil.errors import ConfigError
+from hil.common.errors import ConfigError
+from hil.common.schema import parse
 from hil.links.contract import MAX_THRUSTERS, Protocol
 from hil.links.protocols import Role
 from hil.links.vesc.device import VescDevice
 from hil.links.vesc.end import EVERY_ID, VescSettings
 from hil.links.vesc.host import VescHost
-from hil.schema import parse
 
 
 def open_vesc(role: Role, channels: int, **settings: Any) -> Protocol:
-    """One end's protocol. `settings` are those of VescSettings, and the device's hooks `motor_values`, `clock`.
+    """Return one end's protocol. `settings` are those of VescSettings, and the device's hooks `motor_values`, `clock`.
 
     Raises ConfigError if a setting is wrong or there are more thrusters than a link carries.
     """

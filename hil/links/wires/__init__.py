@@ -1,1 +1,1 @@
-"""What carries a link's bytes or CAN frames: terminals, sockets, buses, and faults made on purpose."""
+"""Wires that carry a link's bytes or CAN frames: terminals, sockets, CAN buses, and a wire with injected faults."""

@@ -1,11 +1,11 @@
-"""CAN buses as wires: they carry records of `hil.links.wires.can_frame`, whole ones, one a frame.
+"""CAN buses as wires: they carry records of `hil.links.wires.can_frame`, one whole record a frame.
 
     SocketCanWire    a bus of the Linux kernel, can0 or vcan0, without any package: its sockets speak these records
-    SlcanWire        an adapter that speaks the Lawicel text protocol on any wire of bytes, a serial one mostly
-    PythonCanWire    whatever else the python-can package reaches, see `hil.links.wires.python_can_bus`
+    SlcanWire        an adapter that uses the Lawicel text protocol on any wire of bytes, a serial one mostly
+    PythonCanWire    any other interface of the python-can package, see `hil.links.wires.python_can_bus`
 
-None blocks, and none gives back the frames that it has sent itself. A frame that a full queue refuses is
-refused whole. What is not a classic data frame (remote and error frames, CAN FD) is passed over.
+None blocks, and none returns the frames that it sent itself. A full queue refuses a frame as a whole. Frames that
+are not classic data frames (remote and error frames, CAN FD) are ignored.
 """
 
 import contextlib
@@ -16,13 +16,13 @@ import sys
 from binascii import Error as HexError
 from binascii import unhexlify
 
-from hil.errors import ConfigError, DeviceError
+from hil.common.errors import ConfigError, DeviceError
 from hil.links.contract import Wire
 from hil.links.wires.can_frame import ERROR, MAX_DATA, RECORD_SIZE, CanFrame, pack_frame, unpack_frames
 from hil.links.wires.terminal import DescriptorWire
 
 BITRATE = 1_000_000  # bit/s
-MOST_FRAMES = 256  # that one read gives
+MOST_FRAMES = 256  # that one read returns
 
 # linux/can/raw.h, linux/can/error.h; the socket module does not have the second one
 CAN_RAW_ERR_FILTER = getattr(socket, "CAN_RAW_ERR_FILTER", 2)
@@ -31,12 +31,12 @@ UP = "sudo ip link set {0} up type can bitrate 1000000"
 
 
 class SocketCanWire(DescriptorWire):
-    """A CAN socket of the kernel. `open_socketcan` makes one; any socket that keeps records apart will do."""
+    """A CAN socket of the kernel. `open_socketcan` makes one; any socket that preserves message boundaries will do."""
 
     record_size = RECORD_SIZE
 
     def read(self) -> bytes:
-        """The frames that have come in (256 at most), or b"". Raises DeviceError if the bus is down or off."""
+        """Return the received frames (256 at most), or b"". Raises DeviceError if the bus is down or off."""
         records: list[bytes] = []
         while len(records) < MOST_FRAMES:
             try:
@@ -44,34 +44,34 @@ class SocketCanWire(DescriptorWire):
             except BlockingIOError:
                 break
             except OSError as error:
-                raise self._gone(error.strerror) from None
+                raise self._lost_error(error.strerror) from None
             if not record:
-                raise self._gone("the other end closed")
+                raise self._lost_error("the other end closed")
             if _is_bus_off(record):
-                raise self._gone("bus-off: check wiring, termination and that all use one bitrate")
+                raise self._lost_error("bus-off: check wiring, termination and that all use one bitrate")
             records.append(record)
         return b"".join(records)
 
     def write(self, data: bytes) -> int:
-        """Send whole records; the bytes of those the queue took. Raises DeviceError if the bus is down or off."""
+        """Send whole records; return the bytes accepted by the queue. Raises DeviceError if the bus is down or off."""
         for start in range(0, len(data), RECORD_SIZE):
             try:
                 os.write(self._fd, data[start : start + RECORD_SIZE])
             except OSError as error:
                 if error.errno in (errno.EAGAIN, errno.ENOBUFS):  # the socket's queue, the interface's queue
                     return start
-                raise self._gone(error.strerror) from None
+                raise self._lost_error(error.strerror) from None
         return len(data)
 
-    def _gone(self, reason: str | None) -> DeviceError:
+    def _lost_error(self, reason: str | None) -> DeviceError:
         if self._fd < 0:
-            return super()._gone(reason)
+            return super()._lost_error(reason)
         interface = self.name.rpartition(":")[2]
         return DeviceError(f"{self.name}: went away ({reason}); bring it up again: {UP.format(interface)}")
 
 
 def open_socketcan(interface: str) -> SocketCanWire:
-    """The kernel's CAN interface of that name ("can0"), whose bitrate is set when it is brought up.
+    """Open the kernel's CAN interface of that name ("can0"), whose bitrate is set when it is brought up.
 
     Raises DeviceError if this kernel has no CAN, or no such interface, or it is down.
     """
@@ -84,7 +84,7 @@ def open_socketcan(interface: str) -> SocketCanWire:
         opened.bind((interface,))
         opened.setsockopt(socket.SOL_CAN_RAW, CAN_RAW_ERR_FILTER, CAN_ERR_BUSOFF)
         opened.setblocking(False)
-        down = opened.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR)  # what binding to one that is down leaves
+        down = opened.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR)  # error left by binding to one that is down
         if down:
             raise OSError(down, os.strerror(down))
     except OSError as error:
@@ -100,11 +100,11 @@ def _is_bus_off(record: bytes) -> bool:
 
 
 class SlcanWire(Wire):
-    """A CAN adapter that speaks the Lawicel text protocol ("slcan") on `line`, a wire of bytes that it takes over.
+    """A CAN adapter that uses the Lawicel text protocol ("slcan") on `line`, a wire of bytes that it takes over.
 
-    bitrate: of the bus, bit/s, one of those in `BITRATES`. The adapter is closed, set, and opened; what it
-    answers to that, and to each frame, is passed over, as adapters differ in it. Raises ConfigError for
-    another bitrate, DeviceError if the line is gone.
+    bitrate: of the bus, bit/s, one of those in `BITRATES`. The adapter is closed, set, and opened; its answers to that
+    and to each frame are ignored, as adapters differ in them. Raises ConfigError for another bitrate, DeviceError if
+    the line is lost.
     """
 
     record_size = RECORD_SIZE
@@ -117,23 +117,23 @@ class SlcanWire(Wire):
             line.close()
             raise ConfigError(f"{self.name}: {bitrate} bit/s is not one of {', '.join(map(str, self.BITRATES))}")
         self._line = line
-        self._unread = b""  # the beginning of a line whose end has not come
+        self._unread = b""  # the beginning of an unfinished line
         self._unsent = b"\rC\rS%d\rO\r" % self.BITRATES.index(bitrate)
         self._flush()
 
     def fileno(self) -> int:
-        """The line's descriptor."""
+        """Return the line's descriptor."""
         return self._line.fileno()
 
     def read(self) -> bytes:
-        """The frames that have come in, or b"". Raises DeviceError when the adapter is gone."""
+        """Return the received frames, or b"". Raises DeviceError when the adapter is lost."""
         self._flush()
         *lines, self._unread = (self._unread + self._line.read()).replace(b"\a", b"\r").split(b"\r")
         self._unread = self._unread[-self.LONGEST_LINE :]
         return b"".join([_record_of_line(line) for line in lines])
 
     def write(self, data: bytes) -> int:
-        """Send whole records; the bytes of those the line took. Raises DeviceError when the adapter is gone."""
+        """Send whole records; return the bytes that the line accepted. Raises DeviceError when the adapter is lost."""
         for start in range(0, len(data), RECORD_SIZE):
             for frame in unpack_frames(data[start : start + RECORD_SIZE]):
                 if not self._flush():
@@ -142,14 +142,23 @@ class SlcanWire(Wire):
         self._flush()
         return len(data)
 
+    def unsent(self) -> int:
+        """Return the number of characters that wait here or in the line."""
+        return len(self._unsent) + self._line.unsent()
+
+    def discard_unsent(self) -> None:
+        """Discard what the line has not sent; an end of line is sent first then, as a line may have been cut."""
+        self._line.discard_unsent()
+        self._unsent = b"\r"
+
     def close(self) -> None:
-        """Take the adapter off the bus and give the line back. Closing twice is harmless."""
+        """Close the adapter's bus and the line. Closing twice is harmless."""
         with contextlib.suppress(DeviceError):
             self._line.write(b"\rC\r")
         self._line.close()
 
     def _flush(self) -> bool:
-        """Send what is left of a line that the wire cut; whether all is sent."""
+        """Send the rest of a line that the wire cut; return whether all is sent."""
         taken = self._line.write(self._unsent) if self._unsent else 0
         self._unsent = self._unsent[taken:]
         return not self._unsent
@@ -161,7 +170,7 @@ def _line_of_frame(frame: CanFrame) -> bytes:
 
 
 def _record_of_line(line: bytes) -> bytes:
-    """The record of a line; b"" for an acknowledgement, or noise."""
+    """Return the record of a line; b"" for an acknowledgement, or noise."""
     mark = line[:1]
     if mark not in (b"t", b"T"):
         return b""

@@ -1,7 +1,7 @@
-"""CAN frames on a wire of bytes: each is the 16 bytes of Linux's `struct can_frame` (linux/can.h), one after another.
+"""CAN frames on a wire of bytes: a sequence of Linux's `struct can_frame` (16 bytes, linux/can.h).
 
-So a CAN bus is a `Wire` like any other: a `Protocol` for CAN encodes to such records and is fed with them, whole
-ones. Classic CAN only: up to 8 bytes of data.
+So a CAN bus is a `Wire` like any other: a `Protocol` for CAN encodes to such records and is fed with whole ones.
+Classic CAN only: up to 8 bytes of data.
 """
 
 from collections.abc import Iterator
@@ -27,12 +27,12 @@ class CanFrame(NamedTuple):
 
 
 def pack_frame(frame: CanFrame) -> bytes:
-    """The record of a frame."""
+    """Return the record of a frame."""
     return _RECORD.pack(frame.id | EXTENDED if frame.extended else frame.id, len(frame.data), frame.data)
 
 
 def unpack_frames(records: bytes) -> Iterator[CanFrame]:
-    """The data frames of whole records; remote and error frames, and what is no frame at all, are passed over."""
+    """Return the data frames of whole records; ignore remote frames, error frames and invalid records."""
     for marked_id, size, data in _RECORD.iter_unpack(records[: len(records) - len(records) % RECORD_SIZE]):
         if size <= MAX_DATA and not marked_id & (REMOTE | ERROR):
             yield CanFrame(marked_id & ID_MASK, data[:size], bool(marked_id & EXTENDED))

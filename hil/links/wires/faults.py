@@ -1,13 +1,13 @@
-"""Faults of a link, made on purpose: a wire around any wire that slows, loses, damages and cuts what crosses it.
+"""Fault injection on a link: a wire around any other wire that delays, loses, corrupts and interrupts its data.
 
     wire = FaultyWire(PtyHostWire(path), Faults(baud=115_200, drop=0.01), seed=7)
     wire.faults = wire.faults._replace(drop=0.2)    # at any time
 
-Faults strike *chunks*: on the way out what one `write` is given, which is one message of a `ThrusterLink`; on
-the way in what one `read` of the wire beneath gives, which is one message unless the reader was late; on a CAN
-bus always one frame. The same seed and the same chunks give the same faults; the two directions draw from
-sequences of their own. Whatever waits here is due at an instant, and `fileno` becomes readable then; a loop
-that waits on it and then calls `read`, as all loops do, moves both directions on.
+Faults apply to *chunks*. Outwards a chunk is the data of one `write`, which is one message of a `ThrusterLink`.
+Inwards it is the data of one `read` of the wire beneath, which is one message unless the reader was late. On a CAN
+bus it is always one frame. The same seed and the same chunks give the same faults; each direction has its own
+sequence of random numbers. A delayed chunk is due at an instant, and `fileno` becomes readable then. A loop that
+waits on it and then calls `read` advances both directions.
 """
 
 import select
@@ -16,25 +16,25 @@ from collections import deque
 from random import Random
 from typing import Annotated, Literal, NamedTuple
 
-from hil.clock import NEVER_NS, NS_PER_S, now_ns
-from hil.errors import DeviceError
+from hil.common.clock import NEVER_NS, NS_PER_S, now_ns
+from hil.common.errors import DeviceError
+from hil.common.schema import Range
 from hil.links.contract import Wire
 from hil.links.wires.can_frame import EXTENDED, RECORD_SIZE
 from hil.links.wires.timer import Timer
-from hil.schema import Range
 
 BITS_A_BYTE = 10  # start bit, eight of data, stop bit
 CAN_BITS, CAN_BITS_EXTENDED = 47, 67  # of a frame without its data: ISO 11898-1, interframe space included
 CAN_DATA = 8  # where a record's data begins; its size stands at 4
 PIECE = 32  # bytes; a longer chunk comes in pieces, like from the buffer of a UART
-BACKLOG = 4096  # bytes that wait for a paced line; Linux keeps as many for a serial port
+BACKLOG = 4096  # bytes that wait for a paced line; Linux buffers as many for a serial port
 REORDER_WAIT_NS = NS_PER_S // 10  # for a chunk to change places with
 
 Share = Annotated[float, Range(0.0, 1.0)]
 
 
 class Faults(NamedTuple):
-    """What the wire does; nothing by default.
+    """Faults of a wire; none by default.
 
     `baud`, bit/s: bytes take ten bits each, frames of a CAN bus their bits without stuffing (0: no time).
     `delay` comes on top, and `jitter` up to so much more, evenly spread; a wire does not overtake itself.
@@ -42,7 +42,7 @@ class Faults(NamedTuple):
     `corrupt` of each byte (in CAN frames: of data) that one of its bits flips; `stall` of a chunk that it
     and all behind it wait `stall_time`; `disconnect` of a chunk that from it on all is lost, both ways, for
     `disconnect_time`. `unplugged` makes the wire raise DeviceError until it is false again, as a device
-    that is pulled out does. `direction`: which way the faults strike, seen from the end that has this wire.
+    that is pulled out does. `direction`: the direction that the faults affect, seen from the end that has this wire.
     """
 
     baud: Annotated[int, Range(0, 12_000_000)] = 0
@@ -64,7 +64,7 @@ CLEAR = Faults()
 
 
 def line_bits(data: bytes, on_can: bool) -> int:
-    """How many bits `data` is on a serial line, or whole records of CAN frames are on a bus."""
+    """Return the number of bits of `data` on a serial line, or of whole records of CAN frames on a bus."""
     if not on_can:
         return len(data) * BITS_A_BYTE
     bits = 0
@@ -75,7 +75,7 @@ def line_bits(data: bytes, on_can: bool) -> int:
 
 
 class Tally:
-    """What was done to what crossed in one direction: chunks, unless it says bytes."""
+    """Counters of the faults in one direction: chunks, unless the name says bytes."""
 
     __slots__ = (
         "chunks", "corrupted_bytes", "disconnects", "dropped", "duplicated", "lost", "refused_bytes", "reordered",
@@ -95,7 +95,7 @@ class Tally:
 
 
 class FaultyWire(Wire):
-    """`wire`, which it owns, with `faults`. `sent` and `received` tell what they did. Raises what `wire` raises."""
+    """`wire`, which it owns, with `faults`. `sent` and `received` count what they did. Raises what `wire` raises."""
 
     def __init__(self, wire: Wire, faults: Faults = CLEAR, seed: int = 0) -> None:
         self.name = wire.name
@@ -112,7 +112,7 @@ class FaultyWire(Wire):
 
     @property
     def faults(self) -> Faults:
-        """What the wire does from now on; what waits already stays as it is."""
+        """Faults of the wire from now on; chunks that wait already stay unchanged."""
         return self._faults
 
     @faults.setter
@@ -123,11 +123,11 @@ class FaultyWire(Wire):
         self._settle(now_ns())
 
     def fileno(self) -> int:
-        """The descriptor that wakes for bytes beneath and for bytes that are due; -1 once closed."""
+        """Return the descriptor that wakes for bytes beneath and for bytes that are due; -1 once closed."""
         return -1 if self._epoll.closed else self._epoll.fileno()
 
     def read(self) -> bytes:
-        """The bytes that have come in and are due. Raises DeviceError when the device is gone, or unplugged."""
+        """Return the received bytes that are due. Raises DeviceError when the device is lost, or unplugged."""
         self._check_plugged()
         now = now_ns()
         if self._inward.backlog(now) < BACKLOG:
@@ -142,7 +142,7 @@ class FaultyWire(Wire):
         return b"".join(due)
 
     def write(self, data: bytes) -> int:
-        """Send `data`; the number of bytes taken, lost ones included. Raises DeviceError when the device is gone."""
+        """Send `data`; return the bytes accepted, lost ones included. Raises DeviceError when the device is lost."""
         self._check_plugged()
         if self._epoll.closed or self._outward.is_clear:
             taken_now = self._wire.write(data)
@@ -158,8 +158,17 @@ class FaultyWire(Wire):
         self._settle(now)
         return len(taken)
 
+    def unsent(self) -> int:
+        """Return the bytes that the slow line has still to carry, and those that wait in the wire beneath."""
+        return self._outward.unsent(now_ns()) + self._wire.unsent()
+
+    def discard_unsent(self) -> None:
+        """Discard the unsent bytes, except those that the line carries now."""
+        self._outward.discard_unsent(now_ns())
+        self._wire.discard_unsent()
+
     def close(self) -> None:
-        """Give the device back; what waits is lost. Closing twice is harmless."""
+        """Close the wire; what waits is lost. Closing twice is harmless."""
         if not self._epoll.closed:
             self._epoll.close()
             self._timer.close()
@@ -178,7 +187,7 @@ class FaultyWire(Wire):
             self.sent.refused_bytes += len(piece) - self._wire.write(piece)
 
     def _settle(self, now: int) -> None:
-        """Wake for what is due next; and for bytes beneath, unless enough of them wait here."""
+        """Set the wake-up for what is due next, and for bytes beneath unless enough of them wait here."""
         if self._epoll.closed:
             return
         self._timer.arm(now if self._faults.unplugged else min(self._inward.next_ns, self._outward.next_ns))
@@ -191,7 +200,7 @@ class FaultyWire(Wire):
 
 
 class _Lane:
-    """One direction: strikes chunks with `faults` and keeps what is not yet due, in order."""
+    """One direction: applies `faults` to chunks and stores those that are not yet due, in order."""
 
     def __init__(self, random: Random, record_size: int) -> None:
         self.faults = CLEAR
@@ -199,43 +208,60 @@ class _Lane:
         self.silent_until_ns = 0
         self._random = random
         self._on_can = record_size == RECORD_SIZE
-        self._waiting: deque[tuple[int, bytes]] = deque()  # when it is due (not before what is ahead of it), what
+        # When it is due (not before what is ahead of it), when the line will have carried it, what.
+        self._waiting: deque[tuple[int, int, bytes]] = deque()
         self._swapped: tuple[int, bytes] | None = None  # until when it waits for the next chunk, what
         self._line_free_ns = 0  # when the line will have carried all that came
+        self._stalled_until_ns = 0
 
     @property
     def is_clear(self) -> bool:
-        """Whether chunks pass as if this were not there."""
+        """Return whether chunks pass unchanged and without delay."""
         return self.next_ns == NEVER_NS and self.faults == CLEAR
 
     @property
     def next_ns(self) -> int:
-        """When something is due."""
+        """Return when the next chunk is due."""
         next_ns = self._waiting[0][0] if self._waiting else NEVER_NS
         return min(next_ns, self._swapped[0]) if self._swapped else next_ns
 
     def backlog(self, now: int) -> int:
-        """Bytes that the line has still to carry (records: what their data counts)."""
+        """Return the bytes that the line has still to carry (records: the bytes of their data)."""
         waits = max(0, self._line_free_ns - now)
         return waits * self.faults.baud // (BITS_A_BYTE * NS_PER_S)
 
+    def unsent(self, now: int) -> int:
+        """Return the bytes that the line has not carried, whole pieces; not those that are only delayed behind it."""
+        if self._line_free_ns <= now:
+            return 0
+        return sum([len(piece) for _, carried_ns, piece in self._waiting if carried_ns > now])
+
+    def discard_unsent(self, now: int) -> None:
+        """Discard what the line has not begun to carry."""
+        carried = [entry for entry in self._waiting if entry[1] <= now]
+        on_the_line = self._waiting[len(carried)] if len(carried) < len(self._waiting) else None
+        if on_the_line and now < self._stalled_until_ns:
+            on_the_line = None  # a line that stalls carries nothing
+        self._waiting = deque([*carried, on_the_line] if on_the_line else carried)
+        self._line_free_ns = max(now, self._stalled_until_ns, on_the_line[1] if on_the_line else 0)
+
     def offer(self, data: bytes, now: int) -> None:
-        """Bytes come that the line is to carry."""
+        """Add bytes that the line is to carry."""
         for chunk in self.chunks(data):
             self._strike(chunk, now)
 
     def chunks(self, data: bytes) -> list[bytes]:
-        """What faults strike each for itself."""
+        """Return the chunks to which faults apply one by one."""
         size = RECORD_SIZE if self._on_can else max(len(data), 1)
         return [data[start : start + size] for start in range(0, len(data), size)]
 
     def due(self, now: int) -> list[bytes]:
-        """What has arrived by `now`."""
+        """Return what has arrived by `now`."""
         if self._swapped and self._swapped[0] <= now:
             self._pass_swapped(now)
         arrived = []
         while self._waiting and self._waiting[0][0] <= now:
-            arrived.append(self._waiting.popleft()[1])
+            arrived.append(self._waiting.popleft()[2])
         return arrived
 
     def _strike(self, chunk: bytes, now: int) -> None:
@@ -255,6 +281,7 @@ class _Lane:
         if happens(faults.stall):
             tally.stalls += 1
             self._line_free_ns = max(now, self._line_free_ns) + round(faults.stall_time * NS_PER_S)
+            self._stalled_until_ns = self._line_free_ns
         if happens(faults.reorder) and not self._swapped:
             tally.reordered += 1
             self._swapped = now + REORDER_WAIT_NS, chunk
@@ -270,7 +297,7 @@ class _Lane:
         return chance > 0.0 and self._random.random() < chance
 
     def _corrupted(self, chunk: bytes) -> bytes:
-        """`chunk` with some bits flipped. A CAN frame keeps identifier and size, or the bus would not carry it."""
+        """Return `chunk` with some bits flipped; a CAN frame's identifier and size stay, as the bus needs them."""
         first, last = (CAN_DATA, CAN_DATA + min(chunk[4], 8)) if self._on_can else (0, len(chunk))
         damaged = bytearray(chunk)
         for place in range(first, last):
@@ -295,4 +322,4 @@ class _Lane:
             piece = chunk[start : start + size]
             if faults.baud:
                 self._line_free_ns += line_bits(piece, self._on_can) * NS_PER_S // faults.baud
-            self._waiting.append((self._line_free_ns + later, piece))
+            self._waiting.append((self._line_free_ns + later, self._line_free_ns, piece))

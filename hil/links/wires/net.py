@@ -1,11 +1,10 @@
-"""Wires of the network: the STM32's end listens, the host's end connects.
+"""TCP and UDP wires: the STM32's end listens, the host's end connects.
 
-    TcpWire, TcpHostWire    a stream of bytes; each end notices within `SILENCE_S` that the other is gone
-    UdpWire, UdpHostWire    datagrams, one a write; what is lost is lost, and nobody notices who goes
+    TcpWire, TcpHostWire    a stream of bytes; each end detects within `PEER_TIMEOUT_S` that the other is lost
+    UdpWire, UdpHostWire    datagrams, one a write; lost datagrams and lost peers are not detected
 
-None blocks after it is open. Little is kept for a reader who does not read (`BUFFER`), so that he never
-acts on old commands. There is no password: whoever reaches an open port commands the thrusters, which
-is why `host` is this machine alone unless it is told otherwise.
+None blocks after it is open. Buffers are small (`BUFFER`), so that a slow reader never acts on old commands. There
+is no password: anyone who reaches an open port commands the thrusters, so `host` is this machine alone by default.
 """
 
 import contextlib
@@ -17,15 +16,17 @@ from abc import abstractmethod
 from collections.abc import Callable
 from typing import Any
 
-from hil.clock import NS_PER_S, now_ns
-from hil.errors import DeviceError
+from hil.common.clock import NS_PER_S, now_ns
+from hil.common.errors import DeviceError
 from hil.links.contract import Wire
-from hil.links.wires.terminal import READ_SIZE, DescriptorWire
+from hil.links.wires.terminal import READ_SIZE, DescriptorWire, queued_bytes
 
 HERE = "127.0.0.1"
 CONNECT_S = 2.0
-SILENCE_S = 2.0  # of a peer that acknowledges nothing, as when its cable is out
+PEER_TIMEOUT_S = 2.0  # of a peer that acknowledges nothing, as when its cable is out
 BUFFER = 16_384  # bytes; the kernel doubles it
+SIOCOUTQ, SIOCOUTQNSD = 0x5411, 0x894B  # linux/sockios.h: bytes that are not acknowledged, that are not sent
+UNACKNOWLEDGED_NS = NS_PER_S // 10  # without progress; what is sent after that would arrive late and all at once
 MAX_DATAGRAM = 65_536
 
 
@@ -40,28 +41,44 @@ class _SocketWire(DescriptorWire):
         self._socket = opened
 
     def close(self) -> None:
-        """Give the socket back. Closing twice is harmless."""
+        """Close the socket. Closing twice is harmless."""
         self._fd = -1
         self._socket.close()
 
 
 class _TcpStream(_SocketWire):
-    """A connection that somebody has made."""
+    """An established connection."""
 
     def __init__(self, opened: socket.socket, name: str) -> None:
         super().__init__(opened, name)
         opened.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        opened.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, int(SILENCE_S * 1000))
+        opened.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, int(PEER_TIMEOUT_S * 1000))
+        self._written = self._acknowledged = 0  # bytes
+        self._progress_ns = now_ns()
 
-    def _gone(self, reason: str | None) -> DeviceError:
+    def write(self, data: bytes) -> int:
+        """Send `data`; return the number of bytes accepted. Raises DeviceError when the peer is lost."""
+        taken = super().write(data)
+        self._written += taken
+        return taken
+
+    def unsent(self) -> int:
+        """Return the bytes that wait here, and those under way once the peer has acknowledged nothing for 0.1 s."""
+        in_flight = queued_bytes(self._fd, SIOCOUTQ)
+        acknowledged, now = self._written - in_flight, now_ns()
+        if not in_flight or acknowledged != self._acknowledged:
+            self._acknowledged, self._progress_ns = acknowledged, now
+        return in_flight if now - self._progress_ns > UNACKNOWLEDGED_NS else queued_bytes(self._fd, SIOCOUTQNSD)
+
+    def _lost_error(self, reason: str | None) -> DeviceError:
         if self._fd >= 0:
-            with contextlib.suppress(OSError):  # it may be so broken already
+            with contextlib.suppress(OSError):  # the connection may be closed already
                 self._socket.shutdown(socket.SHUT_RDWR)  # else the first write after a hang-up would succeed
-        return super()._gone(reason)
+        return super()._lost_error(reason)
 
 
 class TcpHostWire(_TcpStream):
-    """The host's end: connects to `host` and `port`. Raises DeviceError if nobody listens there."""
+    """Host end: connects to `host` and `port`. Raises DeviceError if nobody listens there."""
 
     def __init__(self, host: str, port: int) -> None:
         name = f"tcp://{host}:{port}"
@@ -73,10 +90,10 @@ class TcpHostWire(_TcpStream):
 
 
 class TcpWire(Wire):
-    """The STM32's end: listens on `host` and `port` (0: any that is free), one peer at a time.
+    """Device end (STM32): listens on `host` and `port` (0: any that is free), one peer at a time.
 
-    A second caller is turned away while the first is there. When a peer goes the wire is as one that
-    nobody reads, until the next one calls. Raises DeviceError if the port is taken.
+    A second peer is rejected while the first is connected. Without a peer the wire discards what is written.
+    Raises DeviceError if the port is taken.
     """
 
     def __init__(self, host: str = HERE, port: int = 0) -> None:
@@ -89,31 +106,31 @@ class TcpWire(Wire):
         self.port: int = self._listener.getsockname()[1]
         self.name = f"tcp://{host}:{self.port}"
         self._peer: _TcpStream | None = None
-        self._epoll = select.epoll()  # one descriptor that wakes for a caller and for bytes
+        self._epoll = select.epoll()  # one descriptor that wakes for a connection and for bytes
         self._epoll.register(self._listener, select.EPOLLIN)
 
     def fileno(self) -> int:
-        """The descriptor to wait on for incoming bytes; -1 once closed."""
+        """Return the descriptor to wait on for incoming bytes; -1 once closed."""
         return -1 if self._epoll.closed else self._epoll.fileno()
 
     def read(self) -> bytes:
-        """The bytes that have come in (4096 at most), or b"". Raises DeviceError only if closed here."""
-        return self._from_peer() or (self._from_peer() if self._welcome() else b"")
+        """Return the received bytes (4096 at most), or b"". Raises DeviceError only if closed here."""
+        return self._from_peer() or (self._from_peer() if self._accept() else b"")
 
     def write(self, data: bytes) -> int:
-        """Send `data`; the number of bytes taken: none if there is no peer. Raises DeviceError only if closed here."""
+        """Send `data`; return the bytes accepted, 0 without a peer. Raises DeviceError only if closed here."""
         self._check_open()
         if self._peer is None:
             return 0
         try:
             return self._peer.write(data)
         except DeviceError:
-            self._part()
+            self._disconnect()
             return 0
 
     def close(self) -> None:
-        """Hang up and give the port back. Closing twice is harmless."""
-        self._part()
+        """Close the connection and the port. Closing twice is harmless."""
+        self._disconnect()
         self._listener.close()
         self._epoll.close()
 
@@ -122,14 +139,14 @@ class TcpWire(Wire):
         try:
             return self._peer.read() if self._peer else b""
         except DeviceError:
-            self._part()
+            self._disconnect()
             return b""
 
-    def _welcome(self) -> bool:
-        """Take up who calls, or turn him away if there is a peer already; whether there is a new peer."""
+    def _accept(self) -> bool:
+        """Accept a new connection, or reject it if there is a peer already; return whether there is a new peer."""
         try:
             caller, _ = self._listener.accept()
-        except OSError:  # nobody calls, or he has hung up meanwhile
+        except OSError:  # no connection waits, or it was closed meanwhile
             return False
         if self._peer:
             caller.close()
@@ -138,7 +155,7 @@ class TcpWire(Wire):
         self._epoll.register(self._peer, select.EPOLLIN)
         return True
 
-    def _part(self) -> None:
+    def _disconnect(self) -> None:
         if self._peer:
             self._peer.close()  # which also takes it off the epoll
             self._peer = None
@@ -149,19 +166,19 @@ class TcpWire(Wire):
 
 
 class _UdpWire(_SocketWire):
-    """What both ends have in common: reading all datagrams that are there."""
+    """Common part of both ends: reads all datagrams that are there."""
 
     def read(self) -> bytes:
-        """The bytes of the datagrams that have come in, or b"". Raises DeviceError when the network is gone."""
+        """Return the bytes of the received datagrams, or b"". Raises DeviceError when the network is lost."""
         datagrams: list[bytes] = []
         size = 0
         while size < READ_SIZE:
             try:
                 datagram, sender = self._socket.recvfrom(MAX_DATAGRAM)
-            except (BlockingIOError, ConnectionRefusedError):  # refused: our last one found nobody
+            except (BlockingIOError, ConnectionRefusedError):  # refused: nobody received our last one
                 break
             except OSError as error:
-                raise self._gone(error.strerror) from None
+                raise self._lost_error(error.strerror) from None
             if self._is_peer(sender):
                 datagrams.append(datagram)
                 size += len(datagram)
@@ -169,20 +186,20 @@ class _UdpWire(_SocketWire):
 
     @abstractmethod
     def _is_peer(self, sender: tuple[str, int]) -> bool:
-        """Whether what `sender` says is for this wire."""
+        """Return whether datagrams from `sender` are for this wire."""
 
     def _refused(self, error: OSError) -> int:
-        """0 bytes taken, if that is what `error` means: no room, nobody there, or too long for a datagram."""
+        """Return 0 bytes accepted, if `error` means no room, no listener, or a datagram that is too long."""
         if error.errno in (errno.EAGAIN, errno.ENOBUFS, errno.ECONNREFUSED, errno.EMSGSIZE):
             return 0
-        raise self._gone(error.strerror) from None
+        raise self._lost_error(error.strerror) from None
 
 
 class UdpHostWire(_UdpWire):
-    """The host's end: sends to `host` and `port`, hears only them.
+    """Host end: sends to `host` and `port`, and receives only from there.
 
-    It begins with an empty datagram, from which the other end learns where to send. Raises DeviceError
-    if there is no such host.
+    It begins with an empty datagram, whose address is the one that the other end sends to. Raises DeviceError if there
+    is no such host.
     """
 
     def __init__(self, host: str, port: int) -> None:
@@ -194,21 +211,25 @@ class UdpHostWire(_UdpWire):
         super().__init__(opened, name)
         self.write(b"")
 
+    def unsent(self) -> int:
+        """Return the memory that the socket's queue takes: 0 unless the network's own queue is full."""
+        return queued_bytes(self._fd, SIOCOUTQ)
+
     def write(self, data: bytes) -> int:
-        """Send `data` as one datagram; its size, or 0 if refused. Raises DeviceError when the network is gone."""
+        """Send `data` as one datagram; return its size, 0 if refused. Raises DeviceError without a network."""
         try:
             return os.write(self._fd, data)
         except OSError as error:
             return self._refused(error)
 
     def _is_peer(self, sender: tuple[str, int]) -> bool:
-        return True  # the kernel has looked
+        return True  # the kernel has checked
 
 
 class UdpWire(_UdpWire):
-    """The STM32's end: hears on `host` and `port` (0: any that is free) and sends to whoever spoke first.
+    """Device end (STM32): receives on `host` and `port` (0: any that is free) and sends to the first peer.
 
-    Others are not heard until that one has been silent for `SILENCE_S`. Raises DeviceError if the port
+    Datagrams of others are ignored until that one has sent nothing for `PEER_TIMEOUT_S`. Raises DeviceError if the port
     is taken.
     """
 
@@ -220,12 +241,12 @@ class UdpWire(_UdpWire):
         self.port: int = opened.getsockname()[1]
         super().__init__(opened, f"udp://{host}:{self.port}")
         self._peer: tuple[str, int] | None = None
-        self._heard_ns = 0
+        self._received_ns = 0
 
     def write(self, data: bytes) -> int:
-        """Send `data` as one datagram; its size, or 0 if it was refused or nobody has spoken yet.
+        """Send `data` as one datagram; return its size, or 0 if it was refused or there is no peer yet.
 
-        Raises DeviceError when the network is gone.
+        Raises DeviceError when the network is lost.
         """
         if self._fd >= 0 and self._peer is None:
             return 0
@@ -236,14 +257,14 @@ class UdpWire(_UdpWire):
 
     def _is_peer(self, sender: tuple[str, int]) -> bool:
         now = now_ns()
-        if sender != self._peer and self._peer and now - self._heard_ns < SILENCE_S * NS_PER_S:
+        if sender != self._peer and self._peer and now - self._received_ns < PEER_TIMEOUT_S * NS_PER_S:
             return False
-        self._peer, self._heard_ns = sender, now
+        self._peer, self._received_ns = sender, now
         return True
 
 
 def _datagrams(host: str, port: int, use: Callable[[socket.socket, Any], None]) -> socket.socket:
-    """A datagram socket of the family of `host`, bound or connected there."""
+    """Return a datagram socket of the family of `host`, bound or connected there."""
     family, kind, _, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
     opened = socket.socket(family, kind)
     try:

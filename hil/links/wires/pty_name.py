@@ -3,11 +3,11 @@
 import fcntl
 import os
 
-from hil.errors import DeviceError
+from hil.common.errors import DeviceError
 
 
 class PtyName:
-    """The symbolic link `path` to the pty `target`, held by at most one process through a locked file beside it.
+    """Symbolic link `path` to the pty `target`, owned by at most one process through a lock file beside it.
 
     Raises DeviceError if another process holds it, it cannot be made, or `path` is something else.
     """
@@ -16,7 +16,7 @@ class PtyName:
         self._path, self._target = path, target
         self._lock_path = f"{path}.lock"
         try:
-            self._lock = self._take_lock()
+            self._lock = self._acquire_lock()
         except OSError as error:
             raise DeviceError(f"{path}: cannot be made: {error.strerror}; choose another device path") from None
         try:
@@ -31,7 +31,7 @@ class PtyName:
             os.unlink(self._path)
         self._release()
 
-    def _take_lock(self) -> int:
+    def _acquire_lock(self) -> int:
         while True:
             fd = os.open(self._lock_path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o644)
             try:
@@ -43,7 +43,7 @@ class PtyName:
                 ) from None
             if _is_still(fd, self._lock_path):
                 return fd
-            os.close(fd)  # its owner removed it between our open and our lock: that lock guards nothing
+            os.close(fd)  # its owner removed it between our open and our lock: that lock protects nothing
 
     def _publish(self) -> None:
         path, fresh = self._path, f"{self._path}.new"
@@ -59,7 +59,9 @@ class PtyName:
 
     def _release(self) -> None:
         if _is_still(self._lock, self._lock_path):  # someone may have cleaned up /tmp
-            os.unlink(self._lock_path)  # before the lock goes, so that nobody can lock what is about to vanish
+            os.unlink(
+                self._lock_path
+            )  # before the lock is released, so that nobody can lock a file that is being removed
         os.close(self._lock)
 
 

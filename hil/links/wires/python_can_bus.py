@@ -1,6 +1,6 @@
 """CAN buses as wires through the python-can package, see `hil.links.wires.can_bus`.
 
-"virtual" joins the ends within one process, "udp_multicast" (which needs msgpack too) those of one machine;
+"virtual" connects the ends within one process, "udp_multicast" (which needs msgpack too) those of one machine;
 python-can has drivers for the adapters of many makers. The package costs 130 ms and 18 MiB when it is first used.
 """
 
@@ -13,7 +13,7 @@ import threading
 from collections import deque
 from typing import TYPE_CHECKING, Any
 
-from hil.errors import DeviceError, MissingExtraError
+from hil.common.errors import DeviceError, MissingExtraError
 from hil.links.contract import Wire
 from hil.links.wires.can_bus import BITRATE, MOST_FRAMES
 from hil.links.wires.can_frame import RECORD_SIZE, CanFrame, pack_frame, unpack_frames
@@ -37,7 +37,7 @@ class PythonCanWire(Wire):
         self.name = f"can:{interface}:{channel}"
         self._bus: BusABC | None = _open_bus(self.name, interface, channel, bitrate)
         self._can = sys.modules["can"]  # importing it once more for each frame costs as much as sending one
-        # This bus alone gives back what we send, unmarked.
+        # This bus alone returns what we send, unmarked.
         self._echoes: deque[bytes] | None = deque(maxlen=self.MOST_ECHOES) if interface == "udp_multicast" else None
         self._reader: _Reader | None = None
         try:
@@ -47,23 +47,23 @@ class PythonCanWire(Wire):
             self._fd = self._reader.fd
 
     def fileno(self) -> int:
-        """The descriptor to wait on for frames; -1 once closed."""
+        """Return the descriptor to wait on for frames; -1 once closed."""
         return self._fd
 
     def read(self) -> bytes:
-        """The frames that have come in (256 at most), or b"". Raises DeviceError when the bus is gone."""
+        """Return the received frames (256 at most), or b"". Raises DeviceError when the bus is lost."""
         bus = self._opened()
         records = []
-        for message in self._reader.take() if self._reader else self._messages(bus):
+        for message in self._reader.pop_messages() if self._reader else self._messages(bus):
             record = _record_of_message(message)
             if not self._is_echo(record):
                 records.append(record)
         if self._reader and self._reader.failure:
-            raise self._gone(self._reader.failure)
+            raise self._lost_error(self._reader.failure)
         return b"".join(records)
 
     def write(self, data: bytes) -> int:
-        """Send whole records; the bytes of those the bus took. Raises DeviceError when the bus is gone."""
+        """Send whole records; return the bytes of those the bus accepted. Raises DeviceError when the bus is lost."""
         bus = self._opened()
         for start in range(0, len(data), RECORD_SIZE):
             for frame in unpack_frames(data[start : start + RECORD_SIZE]):
@@ -72,7 +72,7 @@ class PythonCanWire(Wire):
         return len(data)
 
     def close(self) -> None:
-        """Leave the bus. Closing twice is harmless."""
+        """Close the bus. Closing twice is harmless."""
         bus, self._bus, self._fd = self._bus, None, -1
         if bus:
             if self._reader:
@@ -92,7 +92,7 @@ class PythonCanWire(Wire):
             except (self._can.CanError, OSError) as error:
                 if self._echoes is not None and not isinstance(error.__cause__, OSError):
                     continue  # a datagram on its group that is no frame
-                raise self._gone(error) from None
+                raise self._lost_error(error) from None
             if message is None:
                 break
             messages.append(message)
@@ -107,7 +107,7 @@ class PythonCanWire(Wire):
         except (self._can.CanError, OSError) as error:
             cause = error if isinstance(error, OSError) else error.__cause__
             if isinstance(cause, OSError) and cause.errno not in (errno.EAGAIN, errno.ENOBUFS):
-                raise self._gone(error) from None
+                raise self._lost_error(error) from None
             self._is_echo(pack_frame(frame))
             return False
         return True
@@ -118,14 +118,14 @@ class PythonCanWire(Wire):
         self._echoes.remove(record)
         return True
 
-    def _gone(self, reason: Exception) -> DeviceError:
+    def _lost_error(self, reason: Exception) -> DeviceError:
         return DeviceError(f"{self.name}: went away ({reason}); reconnect it")
 
 
 class _Reader:
-    """A thread that reads a bus without a descriptor and makes one, `fd`, readable. `failure`: what ended it."""
+    """Thread that reads a bus without a descriptor and makes one, `fd`, readable. `failure`: what ended it."""
 
-    PERIOD_S = 0.02  # how soon it notices that it is to stop
+    PERIOD_S = 0.02  # the longest until it notices `stop`
 
     def __init__(self, bus: "BusABC") -> None:
         self.fd = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
@@ -136,8 +136,8 @@ class _Reader:
         self._thread = threading.Thread(target=self._run, name=f"reader of {bus}", daemon=True)
         self._thread.start()
 
-    def take(self) -> "list[Message]":
-        """What has come since."""
+    def pop_messages(self) -> "list[Message]":
+        """Return the messages received since the last call."""
         with contextlib.suppress(BlockingIOError):
             os.eventfd_read(self.fd)
         return [self._messages.get_nowait() for _ in range(self._messages.qsize())]
@@ -155,12 +155,12 @@ class _Reader:
             while not self._stopped.is_set():
                 message = self._bus.recv(self.PERIOD_S)
                 if message:
-                    self._keep(message)
+                    self._store(message)
         except (CanError, OSError) as error:
             self.failure = error
             os.eventfd_write(self.fd, 1)
 
-    def _keep(self, message: "Message") -> None:
+    def _store(self, message: "Message") -> None:
         while not self._stopped.is_set():
             try:
                 self._messages.put(message, timeout=self.PERIOD_S)
@@ -191,7 +191,7 @@ def _open_bus(name: str, interface: str, channel: str, bitrate: int) -> "BusABC"
 
 
 def _record_of_message(message: "Message") -> bytes:
-    """The record of a classic data frame; b"" for any other."""
+    """Return the record of a classic data frame; b"" for any other."""
     if message.is_remote_frame or message.is_error_frame or message.is_fd:
         return b""
     return pack_frame(CanFrame(message.arbitration_id, bytes(message.data), message.is_extended_id))

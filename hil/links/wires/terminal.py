@@ -1,12 +1,13 @@
-"""Wires of this machine: pseudo terminals and serial devices.
+"""Wires on this machine: pseudo terminals and serial devices.
 
     PtyWire      the STM32's end of a pseudo terminal; any program opens the other end by its path
     PtyHostWire  the host's end of such a pty, without pyserial: for a controller of our own
     UartWire     either end of a real serial device, or of a pty, through pyserial
 
-None of them blocks, and none tells noise from data: they carry bytes.
+None of them blocks, and none distinguishes noise from data: they carry bytes.
 """
 
+import contextlib
 import errno
 import fcntl
 import os
@@ -14,7 +15,7 @@ import struct
 import termios
 import tty
 
-from hil.errors import DeviceError, MissingExtraError
+from hil.common.errors import DeviceError, MissingExtraError
 from hil.links.contract import Wire
 from hil.links.wires.pty_name import PtyName
 
@@ -35,6 +36,15 @@ REMEDIES = {
 }
 
 
+def queued_bytes(fd: int, request: int) -> int:
+    """Return the number of bytes in a queue of `fd` by an ioctl; 0 where its driver does not support the request."""
+    try:
+        count: int = struct.unpack("i", fcntl.ioctl(fd, request, bytes(4)))[0]
+    except (OSError, ValueError):  # reading or writing reports a device that is lost or closed
+        return 0
+    return count
+
+
 class DescriptorWire(Wire):
     """A wire on one non-blocking file descriptor, which it owns."""
 
@@ -43,51 +53,51 @@ class DescriptorWire(Wire):
         self.name = name
 
     def fileno(self) -> int:
-        """The descriptor to wait on for incoming bytes; -1 once closed."""
+        """Return the descriptor to wait on for incoming bytes; -1 once closed."""
         return self._fd
 
     def read(self) -> bytes:
-        """The bytes that have come in (4096 at most), or b"". Raises DeviceError when the device is gone."""
+        """Return the received bytes (4096 at most), or b"". Raises DeviceError when the device is lost."""
         try:
             data = os.read(self._fd, READ_SIZE)
         except BlockingIOError:
             return b""
         except OSError as error:
-            raise self._gone(error.strerror) from None
+            raise self._lost_error(error.strerror) from None
         if not data:  # in raw mode only a hang-up reads as nothing
-            raise self._gone("the other end closed")
+            raise self._lost_error("the other end closed")
         return data
 
     def write(self, data: bytes) -> int:
-        """Send `data`; the number of bytes taken. Raises DeviceError when the device is gone."""
+        """Send `data`; return the number of bytes accepted. Raises DeviceError when the device is lost."""
         try:
             return os.write(self._fd, data)
         except BlockingIOError:
             return 0
         except OSError as error:
-            raise self._gone(error.strerror) from None
+            raise self._lost_error(error.strerror) from None
 
     def close(self) -> None:
-        """Give the device back. Closing twice is harmless."""
+        """Close the device. Closing twice is harmless."""
         fd, self._fd = self._fd, -1
         if fd >= 0:
             os.close(fd)
 
-    def _gone(self, reason: str | None) -> DeviceError:
+    def _lost_error(self, reason: str | None) -> DeviceError:
         if self._fd < 0:
             return DeviceError(f"{self.name}: is closed; open it again")
         return DeviceError(f"{self.name}: went away ({reason}); reconnect it")
 
 
 class PtyWire(DescriptorWire):
-    """The STM32's end of a new pseudo terminal; other programs open `path` as if it were a serial port.
+    """Device end (STM32) of a new pseudo terminal; other programs open `path` as if it were a serial port.
 
     `link_path` is a second name for it that stays the same from run to run, a symbolic link such as
-    "/tmp/uuv-hil-stm32". One process at a time can hold that name. A link left by a run that was killed
+    "/tmp/uuv-hil-stm32". One process at a time can have that name. A link left by a run that was killed
     is replaced; a file that is not a link to a pty is never touched.
 
-    Programs come and go at the other end without this one noticing. As on a UART, what nobody reads is
-    lost: at most about `UNREAD_LIMIT` bytes are kept, so that a program that opens the port (and, as
+    Programs open and close the other end unnoticed by this one. As on a UART, what nobody reads is lost:
+    at most about `UNREAD_LIMIT` bytes are stored, so that a program that opens the port (and, as
     pyserial does, discards what was waiting) never reads old telemetry.
 
     Raises DeviceError if the name is taken or cannot be made, or no pty is left. Not modelled: the time
@@ -114,14 +124,14 @@ class PtyWire(DescriptorWire):
 
     @property
     def baud(self) -> int:
-        """The speed that the program at the other end asked for, in bit/s (38400 if it has not)."""
+        """Return the speed that the program at the other end set, in bit/s (38400 if it has not)."""
         ospeed: int = struct.unpack_from("I", fcntl.ioctl(self._fd, TCGETS2, bytes(44)), TERMIOS2_OSPEED)[0]
         return ospeed
 
     def write(self, data: bytes) -> int:
-        """Send `data`, or nothing of it if the other end has stopped reading; the number of bytes taken."""
+        """Send `data`, or nothing of it if the other end has stopped reading; return the number of bytes accepted."""
         if self._room <= 0 <= self._fd:
-            self._room = UNREAD_LIMIT - self._unread()  # asking costs as much as writing: once for many frames
+            self._room = UNREAD_LIMIT - self._unread()  # a query costs as much as a write: once for many frames
             if self._room <= 0:
                 return 0
         self._room -= len(data)
@@ -137,14 +147,13 @@ class PtyWire(DescriptorWire):
         super().close()
 
     def _unread(self) -> int:
-        unread: int = struct.unpack("i", fcntl.ioctl(self._slave, termios.FIONREAD, bytes(4)))[0]
-        return unread
+        return queued_bytes(self._slave, termios.FIONREAD)
 
 
 class PtyHostWire(DescriptorWire):
-    """The host's end of the pty at `path`, held alone. Discards what was waiting there.
+    """Host end of the pty at `path`, opened exclusively. Discards what was waiting there.
 
-    Raises DeviceError if there is no such pty, it is not a terminal, or another program holds it.
+    Raises DeviceError if there is no such pty, it is not a terminal, or another program has it open.
     """
 
     def __init__(self, path: str) -> None:
@@ -162,14 +171,14 @@ class PtyHostWire(DescriptorWire):
 
 
 class UartWire(DescriptorWire):
-    """A serial device, or the host's end of a pty: 8 data bits, no parity, 1 stop bit, held alone.
+    """A serial device, or the host's end of a pty: 8 data bits, no parity, 1 stop bit, opened exclusively.
 
     `device` is its path (prefer /dev/serial/by-id/..., which stays the same), `baud` in bit/s. With
-    `rs485` its driver switches the direction of a two-wire bus (RTS high while it sends); what the
-    others then say on that bus is all read. Where the driver can, it is told to hand over each byte at
-    once (on FTDI adapters 1 ms instead of 16 ms).
+    `rs485` its driver switches the direction of a two-wire bus (RTS high while it sends); all traffic of
+    the other devices on that bus is read. A driver that can is set to deliver each byte at once (on FTDI
+    adapters after 1 ms instead of 16 ms).
     Raises DeviceError if there is no such device (lists those there are), this user may not open it,
-    another process holds it, or it knows no RS-485; MissingExtraError without pyserial.
+    another process has it open, or it does not support RS-485; MissingExtraError without pyserial.
     """
 
     def __init__(self, device: str, baud: int = 115_200, rs485: bool = False) -> None:
@@ -183,7 +192,7 @@ class UartWire(DescriptorWire):
             raise _cannot_open(device, error, _ports() if error.args[0] == errno.ENOENT else "") from None
         except ValueError as error:
             raise DeviceError(f"{device}: cannot run at {baud} bit/s ({error}); choose another baud") from None
-        # pyserial opens and sets up; reading and writing the descriptor ourselves costs a third of its way.
+        # pyserial opens and sets up; reading and writing the descriptor ourselves takes a third of the time.
         super().__init__(self._port.fileno(), device)
         self.baud = baud
         try:
@@ -191,17 +200,17 @@ class UartWire(DescriptorWire):
         except termios.error as error:  # pulled out since
             self.close()
             raise _cannot_open(device, error) from None
-        self._ask_low_latency()
+        self._request_low_latency()
         if rs485:
             self._switch_direction()
 
     def close(self) -> None:
-        """Give the device back. Closing twice is harmless."""
+        """Close the device. Closing twice is harmless."""
         self._fd = -1
         self._port.close()
 
     def _wait_for_a_byte(self) -> None:
-        """With pyserial's VMIN = 0 a quiet line and a hang-up both read as b""; with 1 only a hang-up does."""
+        """Set VMIN to 1: with pyserial's 0 a quiet line and a hang-up both read as b"", with 1 only a hang-up does."""
         settings = termios.tcgetattr(self._fd)
         settings[6][termios.VMIN] = 1
         termios.tcsetattr(self._fd, termios.TCSANOW, settings)
@@ -211,14 +220,23 @@ class UartWire(DescriptorWire):
 
         try:
             self._port.rs485_mode = RS485Settings()
-        except (OSError, ValueError):  # the driver knows no such request
+        except (OSError, ValueError):  # the driver does not support the request
             self.close()
             raise DeviceError(
                 f"{self.name}: its driver has no RS-485 mode; use an adapter that switches direction by itself, "
                 f"and name it without rs485:"
             ) from None
 
-    def _ask_low_latency(self) -> bool:
+    def unsent(self) -> int:
+        """Return the bytes in the kernel's queue of this device (TIOCOUTQ), not those in the adapter's own memory."""
+        return queued_bytes(self._fd, termios.TIOCOUTQ)
+
+    def discard_unsent(self) -> None:
+        """Empty the kernel's queue of this device."""
+        with contextlib.suppress(OSError, ValueError, termios.error):  # writing reports a device that is lost
+            termios.tcflush(self._fd, termios.TCOFLUSH)
+
+    def _request_low_latency(self) -> bool:
         try:
             self._port.set_low_latency_mode(True)
         except (OSError, ValueError, NotImplementedError):

@@ -4,8 +4,8 @@ import os
 from struct import Struct
 from time import CLOCK_MONOTONIC
 
-from hil.clock import NEVER_NS, NS_PER_S, NS_PER_US
-from hil.errors import DeviceError
+from hil.common.clock import NEVER_NS, NS_PER_S, NS_PER_US
+from hil.common.errors import DeviceError
 
 
 class Timer:
@@ -21,7 +21,7 @@ class Timer:
     MOST_LEAD_NS = 200 * NS_PER_US
 
     def __init__(self) -> None:
-        import ctypes  # only who asks for faults pays for it
+        import ctypes  # loaded for links with faults only
 
         self._libc = ctypes.CDLL(None, use_errno=True)
         self.fd: int = self._libc.timerfd_create(CLOCK_MONOTONIC, os.O_NONBLOCK | os.O_CLOEXEC)
@@ -41,7 +41,7 @@ class Timer:
         self._libc.timerfd_settime(self.fd, self.ABSOLUTE, self.SPEC.pack(0, 0, seconds, rest), None)
 
     def horizon(self, now: int) -> int:
-        """Up to when things count as due at `now` (monotonic ns), when the loop has woken."""
+        """Return up to when things count as due at `now` (monotonic ns), when the loop has woken."""
         if now >= self._set_ns:
             late = now - self._set_ns > self.lead_ns
             lead_ns = self.lead_ns + (self.LEARN_NS if late else -self.LEARN_NS)
@@ -50,5 +50,5 @@ class Timer:
         return now
 
     def close(self) -> None:
-        """Give the descriptor back."""
+        """Close the descriptor."""
         os.close(self.fd)

@@ -1,7 +1,7 @@
 """python-can's virtual bus with a descriptor to wait on.
 
-So whoever has sent a frame can read the answer at once: no thread has to wake up in between. Other software in this
-process meets it as any virtual bus.
+So a sender can read the answer at once: no thread has to wake up in between. Other software in this process uses it
+like any virtual bus.
 """
 
 import os
@@ -15,14 +15,14 @@ Messages = queue.Queue[Message]
 
 
 class BelledQueue(Messages):
-    """A queue whose `fd` is readable while there is something in it. Raises queue.Full and queue.Empty as any does."""
+    """Queue whose `fd` is readable while it is not empty. Raises queue.Full and queue.Empty like any queue."""
 
     def __init__(self, most: int) -> None:
         super().__init__(most)
         self.fd = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
 
     def close(self) -> None:
-        """Give the descriptor back. A sender that still has the queue finds it silent."""
+        """Close the descriptor. A sender that still has the queue can use it without effect."""
         with self.mutex:
             fd, self.fd = self.fd, -1
             if fd >= 0:
@@ -41,7 +41,7 @@ class BelledQueue(Messages):
 
 
 class VirtualBus(virtual.VirtualBus):
-    """One end of the virtual bus `channel` of this process; at most so many frames wait to be read."""
+    """One end of the virtual bus `channel` of this process; at most `most_frames` frames wait to be read."""
 
     def __init__(self, channel: str, most_frames: int) -> None:
         super().__init__(channel)
@@ -50,11 +50,11 @@ class VirtualBus(virtual.VirtualBus):
             self.channel[self.channel.index(self.queue)] = self.queue = self._waiting
 
     def fileno(self) -> int:
-        """The descriptor to wait on for frames."""
+        """Return the descriptor to wait on for frames."""
         return self._waiting.fd
 
     def send(self, msg: Message, timeout: float | None = None) -> None:
-        """A data frame to all others, a message for each: python-can's deep copies cost most of its way.
+        """Send a data frame to all other ends, a copy each: python-can's deep copies take most of its time.
 
         Raises CanOperationError if one of them has not read for so long.
         """

@@ -1,0 +1,42 @@
+"""Settings of a MAVLink thruster link, and what its ESCs measure. Does not load pymavlink."""
+
+from typing import Annotated, Literal, NamedTuple
+
+from hil.common.schema import Range
+
+Id = Annotated[int, Range(1, 255)]
+MixShare = Annotated[float, Range(-1.0, 1.0)]
+
+
+class MavlinkSettings(NamedTuple):
+    """Settings of both ends; `command` concerns the host alone, `mix` the device alone.
+
+    system, component: the device's ids; the host is `host_component` of the same system (191: onboard computer).
+    Messages without an address are accepted only within that system.
+    span_us: how far from neutral +-1 (HIL_ACTUATOR_CONTROLS, MANUAL_CONTROL) and 0 and 100 % (DO_MOTOR_TEST) lie;
+    400 us is full thrust of Blue Robotics' Basic ESC and ArduSub's default.
+    mix: one row a thruster for MANUAL_CONTROL: its share (-1..1) of forward, right, up and yaw to the right.
+    signing_key: 64 hexadecimal digits, or a passphrase whose SHA-256 is the key; empty: packets are not signed.
+    """
+
+    command: Literal["servo_output_raw", "hil_actuator_controls", "rc_channels_override"] = "servo_output_raw"
+    system: Id = 1
+    component: Id = 1
+    host_component: Id = 191
+    span_us: Annotated[int, Range(1, 700)] = 400
+    mix: tuple[tuple[MixShare, MixShare, MixShare, MixShare], ...] = ()
+    signing_key: str = ""
+
+    def validate(self) -> str | None:
+        """Return an error if both components have the same id, else None."""
+        return "component and host_component are the same" if self.component == self.host_component else None
+
+
+class EscReading(NamedTuple):
+    """Measured values of one ESC. Each is an unsigned integer on the wire, in the unit in brackets."""
+
+    speed: float  # rad/s, its magnitude (rpm)
+    voltage: float  # V (0.01)
+    current: float  # A (0.01)
+    temperature: float  # degC (1)
+    charge: float  # A s consumed since power-up (mA h)
