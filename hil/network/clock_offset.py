@@ -1,0 +1,140 @@
+"""The offset between two clocks, and its drift, from messages that go there and back.
+
+Each exchange bounds the offset without any assumption but that no message arrives before it was sent: it lies
+within half the round trip of the middle (NTP, RFC 5905, section 8). The exchange with the shortest round trip of each
+window is kept, which is what queues on the way spoil least (the clock filter of its section 10); two such some
+seconds apart bound the drift the same way. What does not fit the bound so far means that a clock was set or has
+slept: then everything is forgotten.
+"""
+
+import threading
+from typing import NamedTuple
+
+from hil.common.clock import NS_PER_S
+
+WINDOW_NS = NS_PER_S
+NEAREST = 16  # kept exchanges that are looked at for one instant
+MOST_DRIFT = 100e-6  # two crystals of 50 ppm each
+WANDER = 1e-6  # how much the drift itself changes with temperature while we look
+LEAST_SPAN_NS = 8 * NS_PER_S  # of what the drift is told from
+TURNAROUND_NS = 10 * NS_PER_S  # an answer after longer than this says nothing
+
+
+class Estimate(NamedTuple):
+    """Offset of the other clock from ours (ns), its uncertainty (ns), and its drift (ns per ns)."""
+
+    offset_ns: int
+    uncertainty_ns: int
+    drift: float
+
+
+class _Point(NamedTuple):
+    time_ns: int  # ours, in the middle of the exchange
+    offset_ns: int
+    half_ns: int  # of the round trip
+
+
+class ClockOffset:
+    """Estimates the other clock minus ours. Times are integer nanoseconds, each of whoever's clock read it.
+
+    `history` is how many seconds are kept. `malformed` counts exchanges that cannot have been, `steps` how often
+    a clock was set. Threads may add and ask at once.
+    """
+
+    def __init__(self, history: int = 64) -> None:
+        self._history = history
+        self._lock = threading.Lock()
+        self._points: list[_Point] = []
+        self._best: _Point | None = None  # of them, for all instants after the last
+        self._window_ns = 0
+        self._drift = 0.0
+        self._drift_error = MOST_DRIFT
+        self.exchanges = 0
+        self.malformed = 0
+        self.steps = 0
+
+    def add(self, sent_ns: int, there_ns: int, answered_ns: int, received_ns: int) -> None:
+        """Add one exchange: sent by our clock, received and answered by the other's, the answer received by ours."""
+        round_trip = (received_ns - sent_ns) - (answered_ns - there_ns)
+        if round_trip < 0 or not 0 <= answered_ns - there_ns <= TURNAROUND_NS:
+            self.malformed += 1
+            return
+        offset = ((there_ns - sent_ns) + (answered_ns - received_ns)) // 2
+        point = _Point((sent_ns + received_ns) // 2, offset, (round_trip + 1) // 2)
+        with self._lock:
+            self.exchanges += 1
+            if self._contradicts(point):
+                self.steps += 1
+                self._points, self._drift, self._drift_error = [], 0.0, MOST_DRIFT
+            self._add_point(point)
+            self._best = self._best_of(self._points, self._points[-1].time_ns)
+
+    def at(self, time_ns: int) -> Estimate | None:
+        """Return the offset at an instant of our clock; None before the first exchange."""
+        best, points = self._best, self._points
+        if best is None:
+            return None
+        if points and time_ns < points[-1].time_ns:
+            best = self._best_of(points, time_ns)
+        passed = time_ns - best.time_ns
+        uncertainty = best.half_ns + round(self._drift_error * abs(passed))
+        return Estimate(best.offset_ns + round(self._drift * passed), uncertainty, self._drift)
+
+    def may_be_zero(self, time_ns: int) -> bool:
+        """Return whether both clocks may be one at an instant of ours, by all exchanges so far.
+
+        Two processes of one machine have one clock unless the wall clock was set between their starts.
+        """
+        estimate = self.at(time_ns)
+        return estimate is None or abs(estimate.offset_ns) <= estimate.uncertainty_ns
+
+    def _best_of(self, points: list[_Point], time_ns: int) -> _Point:
+        """Return the exchange that says most of an instant: after the last of them they all lose with time alike."""
+        last = _after(points, time_ns) + NEAREST // 2 if time_ns < points[-1].time_ns else len(points)
+        rate = self._drift_error
+        near = points[max(last - NEAREST, 0) : last] or points[-1:]
+        return min(near, key=lambda point: point.half_ns + rate * abs(time_ns - point.time_ns))
+
+    def _contradicts(self, point: _Point) -> bool:
+        estimate = self.at(point.time_ns)
+        return estimate is not None and (
+            abs(point.offset_ns - estimate.offset_ns) > estimate.uncertainty_ns + point.half_ns
+        )
+
+    def _add_point(self, point: _Point) -> None:
+        points = self._points
+        if points and 0 <= point.time_ns - self._window_ns < WINDOW_NS:
+            if point.half_ns < points[-1].half_ns:
+                points[-1] = point
+            return
+        if points and point.time_ns < self._window_ns:
+            return  # older than what is kept: it was overtaken
+        self._window_ns = point.time_ns
+        points.append(point)
+        if len(points) > self._history:
+            del points[0]
+        self._find_drift()
+
+    def _find_drift(self) -> None:
+        """Estimate the drift from the best exchange of the older third to the best of the newer third."""
+        third = len(self._points) // 3
+        if not third:
+            return
+        first = min(self._points[:third], key=lambda point: point.half_ns)
+        last = min(self._points[-third:], key=lambda point: point.half_ns)
+        span = last.time_ns - first.time_ns
+        if span < LEAST_SPAN_NS:
+            return
+        error = (first.half_ns + last.half_ns) / span + WANDER
+        if error < MOST_DRIFT:
+            self._drift = max(-MOST_DRIFT, min((last.offset_ns - first.offset_ns) / span, MOST_DRIFT))
+            self._drift_error = error
+
+
+def _after(points: list[_Point], time_ns: int) -> int:
+    """Return the index of the first point later than an instant; `points` are sorted."""
+    low, high = 0, len(points)
+    while low < high:
+        middle = (low + high) // 2
+        low, high = (low, middle) if points[middle].time_ns > time_ns else (middle + 1, high)
+    return low

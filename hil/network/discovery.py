@@ -1,0 +1,35 @@
+"""Find slaves and routers by multicast: those with `discovery = true` in [network], in the local network only.
+
+Many access points do not pass multicast on: an explicit endpoint always works, this only where it is allowed.
+"""
+
+import time
+
+import zenoh
+
+from hil.network.settings import json5
+
+POLL_S = 0.005
+URGENT = "?prio=1-3"  # as in hil.network.settings
+
+
+def find(seconds: float) -> list[str]:
+    """Return the endpoints that have answered within the time: at once when the first has, and what came with it."""
+    found: dict[str, None] = {}
+    config = zenoh.Config.from_json5(json5({"scouting": {"multicast": {"enabled": True}}}))
+    scout = zenoh.scout(zenoh.handlers.FifoChannel(64), what="peer|router", config=config)
+    deadline = time.monotonic() + seconds
+    try:
+        while time.monotonic() < deadline:
+            hello = scout.try_recv()
+            if hello is None:
+                time.sleep(POLL_S)
+                continue
+            urgent = [locator for locator in hello.locators if locator.endswith(URGENT)]  # a slave's, of its two links
+            ours = [locator.removesuffix(URGENT) for locator in urgent or hello.locators]
+            if ours and not found:
+                deadline = min(deadline, time.monotonic() + 0.1)  # for others that answer the same question
+            found |= dict.fromkeys(ours)
+    finally:
+        scout.stop()  # type: ignore[no-untyped-call]
+    return sorted(found)

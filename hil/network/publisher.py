@@ -1,0 +1,114 @@
+"""Publish one topic of one node, with the keys and attachments of rmw_zenoh."""
+
+import os
+from collections.abc import Callable
+from contextlib import suppress
+from typing import TYPE_CHECKING, Any
+
+import zenoh
+
+from hil.ros import dialect
+from hil.ros import encoders as ros
+from hil.ros.topics import Priority, Topic, hash_of
+
+if TYPE_CHECKING:
+    from hil.network.worker import WorkerThread
+
+WAITING = 1  # large messages that may wait for the thread that sends them
+
+_PRIORITIES: dict[Priority, zenoh.Priority] = {
+    "real_time": zenoh.Priority.REAL_TIME,
+    "data": zenoh.Priority.DATA,
+    "background": zenoh.Priority.BACKGROUND,
+}
+
+
+class Publisher:
+    """Publish one topic of one node: count and stamp messages, and store the last.
+
+    `gid` (16 bytes) tells publishers apart; `last` is payload and attachment, None before the first. What the network
+    cannot take in time is left out; with `wait` it is waited for; what is sent `aside` holds up nobody. `wanted` tells
+    whether anybody listens, where that is watched.
+    """
+
+    background = False
+    has_subscribers = True
+    _listener: Any = None  # it lives as long as someone holds it
+
+    def __init__(self, session: zenoh.Session, node: str, topic: Topic, wait: bool = False) -> None:
+        self.topic = topic
+        self.key = key_of(topic, node)
+        self._publisher = _declare(session, self.key, topic, wait)
+        self._send: Callable[..., None] = self._publisher.put
+        self.gid = os.urandom(16)
+        self.sequence = 0
+        self.last: tuple[bytes, bytes] | None = None
+
+    def put(self, payload: bytes, wall_ns: int) -> int:
+        """Send `payload` with its time (ns since 1970); the sequence number it went out with."""
+        self.sequence = sequence = self.sequence + 1
+        attachment = ros.pack_attachment(sequence, wall_ns, self.gid)
+        self.last = payload, attachment
+        self._send(payload, attachment=attachment)
+        return sequence
+
+    def check_subscribers(self) -> bool:
+        """Return whether anybody out there listens now; False too when the session was closed."""
+        try:
+            return is_matched(self._publisher)
+        except zenoh.ZError:
+            return False
+
+    def store_last(self, payload: bytes, wall_ns: int) -> None:
+        """Store a message as the last one without sending it, when there are no subscribers."""
+        self.last = payload, ros.pack_attachment(self.sequence, wall_ns, self.gid)
+
+    def watch_subscribers(self, worker: "WorkerThread") -> None:
+        """Track whether there are subscribers; the thread of `worker` checks when that may have changed."""
+
+        def update(_: object) -> None:
+            with suppress(zenoh.ZError):  # the session was closed
+                self.has_subscribers = self.background or is_matched(self._publisher)
+
+        queue = worker.open_queue(update)
+        self._listener = self._publisher.declare_matching_listener(queue.callback)
+        queue.put(None)
+
+    def publish_in_background(self, session: zenoh.Session, worker: "WorkerThread") -> None:
+        """Send in the thread of `worker` from now on; while a message waits there, the next ones are dropped.
+
+        They go after everything else, as two who send with one priority wait for each other.
+        """
+        self.background = self.has_subscribers = True
+        publisher = self._publisher = _declare(session, self.key, self.topic._replace(priority="background"))
+
+        def send(message: tuple[bytes, bytes]) -> None:
+            with suppress(zenoh.ZError):  # the session was closed
+                publisher.put(message[0], attachment=message[1])
+
+        queue = worker.open_queue(send, WAITING)
+        self._send = lambda payload, attachment: queue.put((payload, attachment))
+
+
+def key_of(topic: Topic, node: str) -> str:
+    """Return the key on which we publish a topic of that node, and so do ROS nodes of our release of ROS 2."""
+    return ros.data_key(dialect.domain(), topic.full_name(node), topic.type, hash_of(topic.type))
+
+
+def is_matched(publisher: zenoh.Publisher) -> bool:
+    """Return whether anybody out there listens to what it publishes."""
+    return bool(publisher.matching_status.matching)  # type: ignore[attr-defined]  # its type is not the one zenoh says
+
+
+def _declare(session: zenoh.Session, key: str, topic: Topic, wait: bool = False) -> Any:
+    declare: Any = zenoh.Session.declare_publisher
+    if topic.qos.latched:
+        from hil.network.latched import declare_publisher as declare
+    return declare(
+        session,
+        key,
+        priority=_PRIORITIES[topic.priority],
+        express=topic.express,
+        congestion_control=zenoh.CongestionControl.BLOCK if wait else zenoh.CongestionControl.DROP,
+        allowed_destination=zenoh.Locality.REMOTE,
+    )

@@ -1,0 +1,5 @@
+"""Name of the part that a process plays on the network."""
+
+from typing import Literal
+
+Role = Literal["slave", "master", "client", "router", "imaging"]

@@ -1,0 +1,121 @@
+"""Mutual TLS and access control as zenoh settings. Loaded only by sessions with a [security] section.
+
+Who is at the other end is told by the name (CN) in its certificate, which the handshake proves; what it may do there
+is decided where vehicles are: by the slave, and by a router in between.
+"""
+
+import os
+from typing import Any, NamedTuple
+
+from hil.common.errors import NetworkError
+from hil.network.role import Role
+from hil.network.tokens import clock_keys, last_key, presence_keys
+from hil.ros.topics import TOPICS
+
+CA, CERTIFICATE, KEY = "ca.pem", "cert.pem", "key.pem"  # the files of a machine's folder
+
+_GRAPH = "@ros2_lv/**"
+_EVERYTHING = ["**", _GRAPH]  # a "**" does not reach parts that begin with @
+_LOOKING_ON = [presence_keys("*", "observer"), _GRAPH]  # who listens is no master, and no vehicle
+_LAST = [last_key("*", "*"), "**/@adv/**"]  # the second is that of latched ROS 2 topics
+_ASK = ["declare_subscriber", "declare_liveliness_subscriber", "liveliness_query"]
+_BE_THERE = ["liveliness_token"]
+_TELL = ["put", "delete", "reply", "declare_queryable", "liveliness_token", "declare_subscriber"]
+_ALL = sorted({*_ASK, *_BE_THERE, *_TELL, "query"})
+
+
+class Security(NamedTuple):
+    """Mutual TLS, and the rights of machines.
+
+    `slave`, `master` and `router` are folders that `uuv-hil keys add NAME` made, each only on its own machine; their
+    last part is the name in the certificate. Machines named in `may_command` command; those in `may_listen` get what
+    the vehicle says ("*": every machine with a certificate); all others get nothing. A master's ident is not bound to
+    a name: a machine that may command can also do so in another's place.
+    """
+
+    slave: str
+    master: str
+    may_command: tuple[str, ...]
+    may_listen: tuple[str, ...] = ()
+    router: str = ""
+
+    def beside(self, folder: str) -> "Security":
+        """Return the same with its folders found from `folder`, that of the scenario."""
+        slave, master, router = (path and os.path.join(folder, path) for path in (self.slave, self.master, self.router))
+        return self._replace(slave=slave, master=master, router=router)
+
+    def name(self, role: Role) -> str:
+        """Return the name in the certificate of a role. Raises NetworkError like `folder`."""
+        return os.path.basename(os.path.abspath(self.folder(role)))
+
+    def folder(self, role: Role) -> str:
+        """Return where the keys of a role are. Raises NetworkError when the scenario names none."""
+        folder: str = self.master if role == "client" else getattr(self, role)
+        if not folder:
+            raise NetworkError(f"[security] names no {role}; add {role} = a folder made by `uuv-hil keys add NAME`")
+        return folder
+
+
+def tls(folder: str) -> dict[str, Any]:
+    """Return the certificates of a machine's folder, for both directions. Raises NetworkError when one is missing."""
+    paths = {name: os.path.join(folder, name) for name in (CA, CERTIFICATE, KEY)}
+    for path in paths.values():
+        if not os.access(path, os.R_OK):
+            fault = "cannot be read by this user" if os.path.exists(path) else "is not there"
+            name = os.path.basename(os.path.abspath(folder))
+            raise NetworkError(f"{path} {fault}; `uuv-hil keys add {name}` makes the folder, copy it whole")
+    return {
+        "root_ca_certificate": paths[CA],
+        "enable_mtls": True,
+        "listen_certificate": paths[CERTIFICATE],
+        "listen_private_key": paths[KEY],
+        "connect_certificate": paths[CERTIFICATE],
+        "connect_private_key": paths[KEY],
+        "close_link_on_expiration": True,
+    }
+
+
+def access(security: Security) -> dict[str, Any]:
+    """Return what each certificate may do, everything else being denied."""
+    ping, _, masters_ping = clock_keys("*")
+    commands = [f"*/*/{topic.name}/*/*" for topic in TOPICS.values() if topic.from_master]
+    rules = [
+        _rule("ask", "ingress", _ASK, _EVERYTHING),
+        _rule("hear", "egress", _TELL, _EVERYTHING),
+        _rule("ask the last state", "ingress", ["query"], _LAST),
+        _rule("ask the time", "ingress", ["put"], [ping]),
+        _rule("look on", "ingress", _BE_THERE, _LOOKING_ON),
+        _rule("be a master", "ingress", _BE_THERE, _EVERYTHING),
+        _rule("command", "ingress", ["put"], [*commands, masters_ping]),
+        _rule("call services", "ingress", ["query"], _EVERYTHING),
+        _rule("say", "ingress", _ALL, _EVERYTHING),
+        _rule("be asked", "egress", _ALL, _EVERYTHING),
+    ]
+    vehicles = [security.name("slave")] + ([security.name("router")] if security.router else [])
+    listen = ["ask", "hear", "ask the last state", "ask the time", "look on"]
+    parties = [
+        _party("commanders", list(security.may_command), [*listen, "be a master", "command", "call services"]),
+        _party("listeners", list(security.may_listen), listen),
+        _party("vehicles", vehicles, ["say", "be asked"]),
+    ]
+    named = [party for party in parties if party]
+    return {
+        "enabled": True,
+        "default_permission": "deny",
+        "rules": rules,
+        "subjects": [subject for subject, _ in named],
+        "policies": [policy for _, policy in named],
+    }
+
+
+def _rule(name: str, flow: str, messages: list[str], keys: list[str]) -> dict[str, Any]:
+    return {"id": name, "permission": "allow", "flows": [flow], "messages": messages, "key_exprs": keys}
+
+
+def _party(name: str, machines: list[str], rules: list[str]) -> tuple[dict[str, Any], dict[str, Any]] | None:
+    """Machines with the same rights, by the names in their certificates; None for none of them."""
+    if not machines:
+        return None
+    anybody = "*" in machines
+    subject = {"id": name, **({"link_protocols": ["tls"]} if anybody else {"cert_common_names": machines})}
+    return subject, {"rules": rules, "subjects": [name]}

@@ -1,0 +1,113 @@
+"""Find links that zenoh holds open but does not read, and sessions that lost one of their two links.
+
+zenoh 1.10.2 opens a link in three steps: it starts the task that writes, tells its listeners, and starts the task that
+reads. When its time limit for opening a link ends in between, as it does now and then after a process was paused, the
+third step never comes: keep-alives go out, so that the other end keeps the link, and nothing is ever read. On a link
+that is read, keep-alives come several times a lease, or the library closes it. The kernel knows how much it received,
+and how much of that still waits. And of two links to a peer it dials a lost one again only when both are lost.
+"""
+
+from collections import Counter
+from collections.abc import Collection, Mapping
+from contextlib import suppress
+from fcntl import ioctl
+from struct import unpack_from
+from termios import FIONREAD
+
+from hil.common.clock import NS_PER_S, now_ns
+from hil.network.session import Session
+from hil.network.sockets import cut, network_sockets
+
+LEASES = 2
+_IS_HALF = "?prio="  # in the address of a link for some priorities; there is another for the rest
+CHECK_NS = NS_PER_S // 2
+LONGEST_CHECK_NS = NS_PER_S  # that counts between two looks: in more this process was held up, and read nothing either
+LONGEST_PATIENCE_NS = 60 * NS_PER_S  # with a peer that has one link of two
+_TCP, _TCP_INFO, _TCP_INFO_SIZE, _BYTES_RECEIVED = 6, 11, 136, 128  # linux/tcp.h
+
+Pair = tuple[int, int]  # the ports of a link, ours and theirs
+
+
+class UnreadLinks:
+    """Detect links that are not read; `lease` in s.
+
+    A busy machine must lose no sound link: only time in which this process ran counts, and only links on which bytes
+    wait are judged. `has_pairs`: each peer must have two links, as where a master dials a slave; otherwise one that
+    once had two. Each time a peer with one link is cut off, the next waits twice as long: its other port may be out of
+    reach for good, or links may be opened slowly.
+    """
+
+    def __init__(self, lease: float, has_pairs: bool = False) -> None:
+        self._has_pairs = has_pairs
+        self._patience_ns = round(LEASES * lease * NS_PER_S)
+        self._looked_ns = 0  # monotonic
+        self._unread: dict[Pair, tuple[int, int]] = {}  # how much was read, and for how long that stands
+        self._pairs: set[str] = set()  # peers that had two links
+        self._halves: dict[str, int] = {}  # those of them that have one, and for how long
+        self._cuts = 0  # of such, since a peer had two
+
+    def mend(self, session: Session) -> bool:
+        """Cut the links of a session with each peer of which one is not read or lost; whether there was one."""
+        now = now_ns()
+        if now - self._looked_ns < CHECK_NS:
+            return False
+        passed_ns, self._looked_ns = min(now - self._looked_ns, LONGEST_CHECK_NS), now
+        found = session.links()
+        links = [(peer, (_port(ours), _port(theirs))) for peer, ours, theirs in found]
+        stuck = self.find_unread(passed_ns, read_progress({pair for _, pair in links}))
+        peers = self.find_halves(passed_ns, [peer for peer, _, theirs in found if _IS_HALF in theirs])
+        peers |= {peer for peer, pair in links if pair in stuck}
+        cut({pair for peer, pair in links if peer in peers})
+        return bool(peers)
+
+    def find_unread(self, passed_ns: int, progress: Mapping[Pair, int]) -> set[Pair]:
+        """Return the links of which nothing was read for two leases.
+
+        `passed_ns`: since the last look. `progress`: how many bytes were read so far, of each on which bytes wait.
+        """
+        known, self._unread = self._unread, {}
+        for pair, read in progress.items():
+            before, lasted_ns = known.get(pair, (-1, 0))
+            self._unread[pair] = read, (lasted_ns + passed_ns if read == before else 0)
+        return {pair for pair, (_, lasted_ns) in self._unread.items() if lasted_ns >= self._patience_ns}
+
+    def find_halves(self, passed_ns: int, peers: Collection[str]) -> set[str]:
+        """Return the peers that had two links and have had one of them for two leases; `peers`: one for each link.
+
+        Only links for a part of the priorities count. Who only listens has one link from the beginning.
+        """
+        counts = Counter(peers)
+        if any(count > 1 for count in counts.values()):
+            self._cuts = 0
+        self._pairs = {peer for peer in counts if counts[peer] > 1 or peer in self._pairs or self._has_pairs}
+        halves = [peer for peer in self._pairs if counts[peer] == 1]
+        self._halves = {peer: self._halves[peer] + passed_ns if peer in self._halves else 0 for peer in halves}
+        patience_ns = min(self._patience_ns << min(self._cuts, 10), max(self._patience_ns, LONGEST_PATIENCE_NS))
+        found = {peer for peer, lasted_ns in self._halves.items() if lasted_ns >= patience_ns}
+        self._cuts += bool(found)
+        return found
+
+
+def read_progress(pairs: Collection[Pair]) -> dict[Pair, int]:
+    """Of each of this process's connections with such ports on which bytes wait: how many were read so far."""
+    found = {}
+    for pair, end in network_sockets():
+        if pair not in pairs:
+            continue
+        with suppress(OSError):  # it has just ended
+            info = end.getsockopt(_TCP, _TCP_INFO, _TCP_INFO_SIZE)
+            waiting = int.from_bytes(ioctl(end.fileno(), FIONREAD, bytes(4)), "little")
+            if waiting and len(info) == _TCP_INFO_SIZE:  # the kernel is not older than 4.1
+                found[pair] = unpack_from("<Q", info, _BYTES_RECEIVED)[0] - waiting
+    return found
+
+
+def reconnect(session: Session) -> None:
+    """Cut all links of a session; who dialled opens them anew, and all that was declared stays so."""
+    cut({(_port(ours), _port(theirs)) for _, ours, theirs in session.links()})
+
+
+def _port(locator: str) -> int:
+    """That of "tcp/HOST:PORT?..."; 0 if it has none."""
+    port = locator.partition("?")[0].partition("#")[0].rpartition(":")[2]
+    return int(port) if port.isdecimal() else 0

@@ -1,0 +1,159 @@
+"""Simulate a slave's recording again and compare the vehicle's states bit by bit.
+
+A fresh simulation of the recorded scenario gets the recorded pulses, each from its step on, and what was done to the
+vehicle by hand is done again. What its sensors then say is made into messages as the slave did, and held against the
+recorded ones byte by byte, in their order. Controller and thruster link are not run again: their part is in the pulses.
+"""
+
+from collections import deque
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+from hil.common.errors import ConfigError
+from hil.common.stamps import Stamps
+from hil.recording.events import EVENTS, decode_event, repeat
+from hil.recording.mcap_file import EPOCHS, PULSES, Message
+from hil.recording.reader import About, read_about, read_messages
+from hil.recording.run import read_run
+from hil.ros import encoders as ros
+from hil.ros.topics import TOPICS
+from hil.scenario.config import build_simulation
+from sim.sensors.spread import spreads
+
+LONGEST_SILENCE_S = 20.0  # of simulated time: then the sensors will say no more
+# What a slave hears, or says of its own accord.
+COMMANDS = {topic.name for topic in TOPICS.values() if topic.from_master}
+NOT_SAMPLES = {*COMMANDS, "trace", "diagnostics", "thruster_wrench", "/clock", "/tf_static"}
+
+
+class Verdict(NamedTuple):
+    """`compared` messages of `steps` steps were the same; `difference` says what was not, "" if nothing."""
+
+    compared: int
+    steps: int
+    difference: str
+
+
+def check(path: str, own_classes: bool = False) -> Verdict:
+    """Repeat the run of the recording at `path`; `own_classes`: see `read_run`.
+
+    Raises ConfigError if it is none that can be repeated.
+    """
+    about = read_about(path)
+    if "epoch_ns" not in about.facts:
+        raise ConfigError(f"{path}: only a slave's own recording can be repeated ([recording] slave = true)")
+    return _Repetition(about, path, own_classes).run(read_messages(path))
+
+
+class _Repetition:
+    """The second run, as far as it has come."""
+
+    def __init__(self, about: About, path: str, own_classes: bool) -> None:
+        run = read_run(about, path, own_classes)
+        if run is None:
+            raise ConfigError(f"{path}: the recording does not say which scenario it is of")
+        self._path = path
+        seen = {
+            name: fitted for name, fitted in run.scenario.sensors.items() if not fitted.offloaded
+        }  # pictures are not
+        self._simulation = build_simulation(run.scenario._replace(sensors=seen), run.vehicle, run.world)
+        self._stamps = Stamps(int(about.facts["epoch_ns"]), 0)
+        self._step_ns = int(about.facts["step_ns"])
+        self._prefix = run.scenario.ros.frame_prefix
+        self._variances = spreads(seen, run.world)
+        node = run.scenario.slave.node
+        others = NOT_SAMPLES if run.scenario.ros.transforms else NOT_SAMPLES | {"/tf"}
+        self._samples = {topic.full_name(node): name for name, topic in TOPICS.items() if name not in others}
+        self._names = {name: full for full, name in self._samples.items()}
+        self._pulses_topic, self._events_topic = PULSES.full_name(node), EVENTS.full_name(node)
+        self._epochs_topic = EPOCHS.full_name(node)
+        self._pulses: tuple[int, ...] = ()
+        self._steps = 0
+        self._said: deque[tuple[str, bytes]] = deque()
+        self._numbers: dict[str, int] = {}
+
+    def run(self, messages: Iterator[Message]) -> Verdict:
+        """Hold the messages against what the simulation says; up to the first that differs."""
+        compared = 0
+        for message in messages:
+            if message.topic == self._pulses_topic:
+                self._check_number(message)
+                self._change_pulses(message)
+            elif message.topic == self._events_topic:
+                self._check_number(message)
+                self._repeat_event(message)
+            elif message.topic == self._epochs_topic:
+                self._check_number(message)
+                self._begin_epoch(message)
+            elif message.topic in self._samples:
+                self._check_number(message)
+                expected = self._next(message)
+                if expected != (message.topic, message.data):
+                    return Verdict(compared, self._steps, self._difference(message, expected))
+                compared += 1
+        if not compared:
+            raise ConfigError(f"{self._path}: there is nothing to compare in it")
+        return Verdict(compared, self._steps, "")
+
+    def _check_number(self, message: Message) -> None:
+        """Nothing of the recording may be missing."""
+        last = self._numbers.get(message.topic, 0)
+        self._numbers[message.topic] = message.sequence
+        if message.sequence == last + 1:
+            return
+        if not last:
+            raise ConfigError(
+                f"{self._path}: its beginning is missing ({message.topic} begins with message {message.sequence}), so "
+                "the run cannot be repeated; raise [recording] total_size"
+            )
+        raise ConfigError(f"{self._path}: {message.sequence - last - 1} messages of {message.topic} are missing in it")
+
+    def _change_pulses(self, message: Message) -> None:
+        values = ros.decode_int64_array(message.data)
+        self._go_to(values[0] if values else -1)
+        self._pulses = tuple(values[1:]) if values else ()
+
+    def _begin_epoch(self, message: Message) -> None:
+        step, epoch_ns = (ros.decode_int64_array(message.data) or (-1, 0))[:2]
+        self._go_to(step)
+        self._stamps.begin(self._simulation.time_ns, epoch_ns)
+
+    def _repeat_event(self, message: Message) -> None:
+        event = decode_event(message.data)
+        self._go_to(event.get("step", -1))
+        try:
+            repeat(event, self._simulation)
+        except ConfigError as error:
+            raise ConfigError(f"{self._path}: {error}") from None
+
+    def _go_to(self, step: int) -> None:
+        if step < self._steps:
+            raise ConfigError(f"{self._path}: the simulation was begun anew here; only the part before can be repeated")
+        while self._steps < step:
+            self._step()
+
+    def _next(self, message: Message) -> tuple[str, bytes]:
+        """Return what the sensors say next that the slave recorded too."""
+        limit = self._steps + round(LONGEST_SILENCE_S * 1e9) // self._step_ns
+        while not self._said and self._steps < limit:
+            self._step()
+        return self._said.popleft() if self._said else ("", b"")
+
+    def _step(self) -> None:
+        sample: Any  # the slave's sample_publisher knows no more of it either
+        for topic, sample in self._simulation.step(self._pulses):
+            stamped = sample._replace(time_ns=self._stamps.stamp(sample.time_ns))
+            for name, payload in ros.encoder(topic)(stamped, self._prefix, *self._variances.get(topic, ())):
+                if name in self._names:
+                    self._said.append((self._names[name], payload))
+        self._steps += 1
+
+    def _difference(self, message: Message, expected: tuple[str, bytes]) -> str:
+        topic, data = expected
+        seconds = self._steps * self._step_ns / 1e9
+        where = f"after {seconds:.4f} s (step {self._steps}), message {message.sequence} of {message.topic}"
+        if topic != message.topic:
+            return f"{where}: here the repetition says {topic or 'nothing'} instead"
+        decode = ros.decoder(self._samples[topic])
+        values = [decode(each) if decode else each.hex() for each in (message.data, data)]
+        return f"{where}:\n  recorded {values[0]}\n  repeated {values[1]}"

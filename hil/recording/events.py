@@ -1,0 +1,60 @@
+"""Record what a person did to a vehicle (placed it, failed a thruster), so that a check can repeat it.
+
+Each is a message of the topic "events", text for people and tools alike, with the number of the step before which it
+was done:
+
+    {"step": 812, "place": [[4.0, 4.0, 2.0], [1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 0.0, 0.0, 0.0]]}
+    {"step": 905, "fail": [{"thruster": "bow", "kind": "off", ...}]}
+
+A number in JSON has as many digits as Python needs to read the same number again.
+"""
+
+import json
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+from hil.common.errors import ConfigError
+from hil.ros import message as ros_message
+from hil.ros.topics import Topic
+from sim.simulation import Simulation
+from sim.vehicle.failures import Failure
+
+# Only in recordings, as is the topic "pulses".
+EVENTS = Topic("events", "std_msgs/msg/String", 0, "data")
+
+
+def encode_place(step: int, position: Sequence[float], quaternion: Sequence[float], nu: Sequence[float]) -> bytes:
+    """The vehicle was put there (NED in m, body to world, FRD in m/s and rad/s)."""
+    return _encode({"step": step, "place": [list(position), list(quaternion), list(nu)]})
+
+
+def encode_failures(step: int, failures: Iterable[Failure]) -> bytes:
+    """Thrusters were let fail, or repaired."""
+    return _encode({"step": step, "fail": [failure._asdict() for failure in failures]})
+
+
+def decode_event(data: bytes) -> dict[str, Any]:
+    """Return what `encode_...` said; empty if it is malformed."""
+    message = ros_message.decode(EVENTS.type, data)
+    try:
+        event = json.loads(message["data"]) if message else {}
+    except ValueError:
+        return {}
+    return event if isinstance(event, dict) and isinstance(event.get("step"), int) else {}
+
+
+def repeat(event: dict[str, Any], simulation: Simulation) -> None:
+    """Do it again, as `hil.slave.loop.Loop` did. Raises ConfigError for what no slave of ours has written."""
+    try:
+        if "place" in event:
+            position, quaternion, nu = event["place"]
+            state = simulation.state
+            state.position, state.quaternion, state.nu = list(position), list(quaternion), list(nu)
+            state.nu_dot = [0.0] * 6
+        simulation.fail(*[Failure(**failure) for failure in event.get("fail", ())])
+    except (TypeError, ValueError):
+        raise ConfigError(f"the recorded event {event} is damaged") from None
+
+
+def _encode(event: dict[str, Any]) -> bytes:
+    return ros_message.encode(EVENTS.type, {"data": json.dumps(event)})

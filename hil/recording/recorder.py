@@ -1,0 +1,243 @@
+"""Record without blocking the caller: a thread of its own writes the messages.
+
+A recording is a folder of MCAP files with an index, and as such a bag of rosbag2. Once a second what came in goes to
+disk. A file that has grown to its limit is closed and the next one begun; when all together reach theirs, the oldest
+go. If the disk fills up or fails, or anything else goes wrong, recording ends with a word about it, and nothing else
+does.
+"""
+
+import os
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+
+from hil import __version__
+from hil.common.clock import NS_PER_S, now_ns
+from hil.common.errors import ConfigError
+from hil.common.process import boot_id
+from hil.common.schema import find_preset
+from hil.recording.index import write_index
+from hil.recording.mcap_file import FileSummary, Message, RecordingFile
+from hil.recording.mcap_writer import require_library
+from hil.scenario.config import Scenario
+from hil.scenario.records import Recording
+
+DRAIN_PERIOD_S = 0.1
+FLUSH_PERIOD_NS = NS_PER_S
+MOST_WAITING = 100_000  # messages; a disk that is busy for ten seconds loses none of ten vehicles'
+MOST_WAITING_BYTES = 1 << 28  # which matters for pictures
+_MIB = 1 << 20
+_FULL = 0.85  # of a file's limit: its index comes on top of it
+
+Report = Callable[[str], None]
+Source = Callable[[], Sequence[Message]]
+
+
+def new_folder(name: str, root: str = "runs") -> str:
+    """Make and return a folder in `root` for a run or a recording that begins now: NAME-DATE-TIME.
+
+    Two that begin in one second get two. `name` may be a path, whose folder and ending are left out. Raises
+    ConfigError if it cannot be made.
+    """
+    stem = os.path.splitext(os.path.basename(name))[0]
+    folder = first = os.path.join(root, f"{stem}-{time.strftime('%Y%m%d-%H%M%S')}")
+    number = 1
+    while True:
+        try:
+            os.makedirs(folder)
+            return folder
+        except FileExistsError:
+            number += 1
+            folder = f"{first}-{number}"
+        except OSError as error:
+            raise ConfigError(f"{folder}: cannot be made: {error.strerror}; choose another folder") from None
+
+
+class Recorder:
+    """Records into `folder`, which is made, until `close`. Use as a context.
+
+    `about` and `attachments` (name -> text) stand at the beginning of every file. `source` is asked ten times a second,
+    and at the end, for what has come since, which costs less than to `put` it. `report` is told when recording ends
+    before it was asked to; both in the recorder's thread. `written` counts messages, `lost` those that came faster
+    than the disk took them; `failure` says why recording ended early. Raises ConfigError, MissingExtraError.
+    """
+
+    def __init__(
+        self,
+        folder: str,
+        options: Recording,
+        about: dict[str, str],
+        attachments: dict[str, str] | None = None,
+        report: Report = lambda text: None,
+        source: Source = tuple,
+    ) -> None:
+        self.folder = folder
+        self.written = 0
+        self.lost = 0
+        self.failure = ""
+        self._options = options
+        self._about = about
+        self._attachments = attachments or {}
+        self._report = report
+        self._source = source
+        self._waiting: deque[Message] = deque()
+        self._put = self._drained = 0  # bytes
+        self._counting = threading.Lock()  # of `lost` and `_put`, and that nothing waits once recording has failed
+        self._closed: list[FileSummary] = []
+        self._file: RecordingFile | None = None
+        self._number = 0
+        self._indexed_topics = 0
+        self._flush_due_ns = 0
+        require_library()
+        _make(folder)
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
+        self._thread.start()
+
+    def __enter__(self) -> "Recorder":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def put(self, message: Message) -> None:
+        """Hand a message over; from any thread, and without waiting."""
+        size = len(message.data)
+        with self._counting:
+            room = len(self._waiting) < MOST_WAITING and self._put + size - self._drained <= MOST_WAITING_BYTES
+            if room and not self.failure:
+                self._put += size
+                self._waiting.append(message)
+            else:
+                self.lost += 1
+
+    def close(self) -> None:
+        """Write what is waiting and the index. Closing twice is harmless."""
+        self._stop.set()
+        self._thread.join()
+
+    def _run(self) -> None:
+        try:
+            os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))  # not that of a real-time thread that made us
+            while not self._stop.wait(DRAIN_PERIOD_S):
+                self._drain(now_ns())
+            self._drain(now_ns())
+            self._finish()
+        except OSError as error:
+            self._fail(f"{error.strerror}; free some space, or record less")
+        except Exception as error:  # noqa: BLE001 - of which nobody would hear: a thread dies in silence
+            self._fail(f"{type(error).__name__}: {error}; that is a fault of uuv-hil, please report it")
+
+    def _drain(self, now: int) -> None:
+        if self._file is None:
+            self._begin()
+        waiting = [self._waiting.popleft() for _ in range(len(self._waiting))]
+        self._write(waiting)
+        self._drained += sum([len(message.data) for message in waiting])
+        self._write(self._source())
+        if now >= self._flush_due_ns and self._file:
+            self._flush_due_ns = now + FLUSH_PERIOD_NS
+            self._file.flush()
+            if self._file.topics > self._indexed_topics:  # after a crash the index has at least all topics
+                self._write_index()
+            self._check_space()
+
+    def _write(self, messages: Sequence[Message]) -> None:
+        most = _FULL * self._options.file_size * _MIB
+        for message in messages:
+            assert self._file
+            self._file.write(message)
+            self.written += 1
+            if self._file.size > most:
+                self._rotate()
+
+    def _begin(self) -> None:
+        name = f"{os.path.basename(self.folder)}_{self._number}.mcap"
+        about = self._about | {"file": str(self._number)}
+        path = os.path.join(self.folder, name)
+        self._file = RecordingFile(path, about, self._attachments, self._options.compression)
+        self._number += 1
+        self._forget_oldest()
+        self._write_index()
+
+    def _rotate(self) -> None:
+        if self._file:
+            self._closed.append(self._file.close())
+        self._begin()
+
+    def _forget_oldest(self) -> None:
+        """Keep room for a whole file beside those that stay."""
+        most = (self._options.total_size - self._options.file_size) * _MIB
+        while sum(os.path.getsize(file.path) for file in self._closed) > most:
+            os.unlink(self._closed.pop(0).path)
+
+    def _check_space(self) -> None:
+        disk = os.statvfs(self.folder)
+        if disk.f_bavail * disk.f_frsize < self._options.keep_free * _MIB:
+            raise OSError(0, f"less than [recording] keep_free = {self._options.keep_free:g} MiB is free")
+
+    def _write_index(self) -> None:
+        current = [self._file.summary()] if self._file else []
+        self._indexed_topics = self._file.topics if self._file else 0
+        write_index(self.folder, [*self._closed, *current])
+
+    def _finish(self) -> None:
+        if self._file:
+            self._closed.append(self._file.close())
+            self._file = None
+        self._write_index()
+
+    def _fail(self, why: str) -> None:
+        with self._counting:
+            self.failure = f"recording into {self.folder} ended: {why}"
+            self.lost += len(self._waiting)
+            self._waiting.clear()
+        with suppress(Exception):  # the disk is full for the index too: the one there is lists this file already
+            if self._file:
+                self._file.abandon()
+                self._write_index()
+        self._report(self.failure)
+
+
+def describe(scenario: Scenario, role: str, **more: str) -> tuple[dict[str, str], dict[str, str]]:
+    """Return what a recording says about its run, and the scenario's files as they are: `about` and `attachments`."""
+    import sys
+
+    about = {
+        "uuv_hil_version": __version__,
+        "python_version": sys.version.split()[0],
+        "recorded_by": role,
+        "scenario": scenario.path,
+        "description": scenario.description,
+        "node": scenario.slave.node,
+        "seed": str(scenario.seed),
+        "boot_id": boot_id(),
+        "vehicle": scenario.vehicle,
+        "world": scenario.world,
+        **more,
+    }
+    files = {
+        "scenario.toml": scenario.path,
+        "vehicle.toml": find_preset("sim/vehicles", scenario.vehicle),
+        "world.toml": find_preset("sim/worlds", scenario.world),
+    }
+    return about, {name: _read(path) for name, path in files.items()}
+
+
+def _make(folder: str) -> None:
+    """A folder that is there is taken if no recording is in it."""
+    try:
+        os.makedirs(folder, exist_ok=True)
+        if any(name.endswith(".mcap") for name in os.listdir(folder)):
+            raise ConfigError(f"{folder}: there is a recording in it already; choose another folder")
+        if not os.access(folder, os.W_OK):
+            raise ConfigError(f"{folder}: no permission to write there; choose another folder")
+    except OSError as error:
+        raise ConfigError(f"{folder}: cannot be made: {error.strerror}; choose another folder") from None
+
+
+def _read(path: str) -> str:
+    with open(path, encoding="utf-8") as file:
+        return file.read()

@@ -1,0 +1,56 @@
+"""Restore scenario, vehicle and world of a run from its recording."""
+
+from contextlib import nullcontext
+from typing import Any, NamedTuple
+
+from hil.common.errors import ConfigError
+from hil.common.plugins import refusing
+from hil.common.scratch import ScratchFolder
+from hil.recording.reader import About
+from hil.scenario.config import Scenario, load_scenario
+from sim.environment.world import World, load_world
+from sim.vehicle.vehicle import Vehicle, load_vehicle
+
+FILES = ("scenario.toml", "vehicle.toml", "world.toml")
+REFUSAL = (
+    "a recording may come from anybody, and who loads its classes runs what it says; give --own-classes, only if you "
+    "trust where this recording comes from"
+)
+
+
+class Run(NamedTuple):
+    """What was run."""
+
+    scenario: Scenario
+    vehicle: Vehicle
+    world: World
+
+
+def read_run(about: About, path: str, own_classes: bool = False) -> Run | None:
+    """Return what stands in the recording at `path`; None if nothing does.
+
+    A user's own classes ([[force]], [sensors]) are in no recording: with `own_classes` they are looked for as usual,
+    else refused. Raises ConfigError for that, and if what was a scenario then is none any more.
+    """
+    if not about.attachments.keys() >= set(FILES):
+        return None
+    with ScratchFolder("recording") as folder:
+        files = [folder.file(name) for name in FILES]
+        try:
+            for name, file in zip(FILES, files, strict=True):
+                with open(file, "w", encoding="utf-8") as out:
+                    out.write(about.attachments[name])
+            with nullcontext() if own_classes else refusing(REFUSAL):
+                return _read(files[0], about.facts)
+        except ConfigError as error:
+            raise ConfigError(f"{path}: what it says of its run cannot be read: {error}") from None
+
+
+def _read(path: str, facts: dict[str, str]) -> Run:
+    # The frame is of its link alone, which a recording does without.
+    changes: dict[str, Any] = {"vehicle": "vehicle.toml", "world": "world.toml", "link.frame": "uuv_hil"}
+    if facts.get("seed", "").isdigit():
+        changes["seed"] = int(facts["seed"])
+    scenario = load_scenario(path, changes)
+    vehicle, _ = load_vehicle(scenario.vehicle)
+    return Run(scenario, vehicle, load_world(scenario.world))

@@ -1,0 +1,212 @@
+"""Receive everything that vehicles publish and are sent, at low cost, for recorders and displays.
+
+A tap visits each slave (or a router), and so hears also the commands that a slave gets from others. Many vehicles send
+thousands of messages a second; a thread that wakes for each would take more of the processor than all the rest, so they
+are fetched in batches, and the library notes when each came.
+"""
+
+import os
+import threading
+from contextlib import suppress
+from operator import attrgetter
+from typing import TYPE_CHECKING, Any
+
+import zenoh
+from zenoh.ext import HistoryConfig, declare_advanced_subscriber
+
+from hil.common.clock import NS_PER_S, now_ns, to_wall_ns
+from hil.network.settings import Network, settings
+from hil.network.sockets import free_sockets
+from hil.recording.mcap_file import Message
+from hil.ros import dialect
+from hil.ros import encoders as ros
+from hil.ros.topics import TOPICS
+
+if TYPE_CHECKING:
+    from hil.network.security import Security
+
+# By default one thread of the library polls and wakes another for each message; so one does both.
+ONE_THREAD = "(app: (worker_threads: 1), rx: (handover: app), net: (handover: app), tx: (handover: app))"
+DEPTH = 1 << 14  # messages of one endpoint that may wait; beyond it the oldest are dropped, and counted as missed
+LINKS = 64  # news of links that may wait
+RETRY_S = 0.2
+PATIENCE_NS = 5 * NS_PER_S  # until it is said first that somebody is not there
+SAY_AGAIN_NS = 60 * NS_PER_S
+
+
+def save_processor() -> None:
+    """Let this process take in what comes at a third less; before it opens its first session."""
+    os.environ.setdefault("ZENOH_RUNTIME", ONE_THREAD)
+    os.sched_setscheduler(0, os.SCHED_BATCH, os.sched_param(0))  # lets others finish first, and takes more at once
+
+
+class _Publisher:
+    """Somebody's messages on one topic: its name and type, and the number of the last that came."""
+
+    __slots__ = ("last", "topic", "type")
+
+    def __init__(self, topic: str, kind: str, last: int) -> None:
+        self.topic = topic
+        self.type = kind
+        self.last = last
+
+
+class _Line:
+    """The session with one endpoint: `receivers` give the next message of a subscription, or None; `links` its news."""
+
+    def __init__(self, session: zenoh.Session) -> None:
+        self.session = session
+        self.links = session.info.declare_link_events_listener(zenoh.handlers.RingChannel(LINKS), history=True)
+        history = HistoryConfig(detect_late_publishers=True)
+        latched = [topic.full_name("*") for topic in TOPICS.values() if topic.qos.latched]
+        self._subscribers: list[Any] = [  # their type does not say that `try_recv` is theirs
+            session.declare_subscriber(f"{dialect.domain()}/**", zenoh.handlers.RingChannel(DEPTH)),
+            # What comes by both is dropped as the same.
+            *[
+                declare_advanced_subscriber(session, f"{dialect.domain()}{name}/*/*", _channel(), history=history)
+                for name in latched
+            ],
+        ]
+        self.receivers = [subscriber.try_recv for subscriber in self._subscribers]
+        self._known: dict[str, Any] = {}  # a key is known as long as someone holds what declaring it gave
+
+    def learn(self, key: str) -> None:
+        """Make messages with this key cheaper, on the wire and here.
+
+        Of a declared key the library remembers the subscribers, which it otherwise seeks anew for each message. And a
+        publisher, through which nothing is ever said, tells the other end a number for the key, which then comes in
+        place of the text: 100 bytes less of 240.
+        """
+        if key not in self._known:
+            self._known[key] = self.session.declare_keyexpr(key), self.session.declare_publisher(key)
+
+    def close(self) -> None:
+        """Close the session, its publishers before it: the library never frees one of a session that was closed.
+
+        Subscribers it frees; undeclared, they would let the other end's memory grow.
+        """
+        with suppress(zenoh.ZError):
+            for _, publisher in self._known.values():
+                publisher.undeclare()
+        self._known.clear()
+        self.session.close()  # type: ignore[no-untyped-call]  # zenoh leaves it unannotated
+
+
+class Tap:
+    """What comes at `endpoints`, and what was said before on latched topics. Use as a context: within it, it listens.
+
+    An endpoint that is not there yet, or goes away, is waited for. `missed` counts what was sent and did not come,
+    by the gaps in the numbers of each publisher. Raises NetworkError when an endpoint cannot be meant.
+    """
+
+    def __init__(self, endpoints: list[str], network: Network = Network(), security: "Security | None" = None) -> None:
+        texts = [settings("client", (), (endpoint,), network, security) for endpoint in endpoints]
+        self._settings = dict(zip(endpoints, texts, strict=True))
+        self.connected: set[str] = set()
+        self.missed = 0
+        # By who publishes, and the key: all commands of a master have one gid, and each topic numbers of its own.
+        self._publishers: dict[tuple[bytes, str], _Publisher | None] = {}
+        self._topics: dict[str, tuple[str, str] | None] = {}
+        self._lines: list[_Line] = []
+        self._threads: list[threading.Thread] = []
+        self._closing = threading.Event()
+        self._say_ns = 0
+
+    def __enter__(self) -> "Tap":
+        self._say_ns = now_ns() + PATIENCE_NS
+        for endpoint, text in self._settings.items():
+            thread = threading.Thread(target=self._open, args=(endpoint, text), name=f"tap {endpoint}", daemon=True)
+            thread.start()
+            self._threads.append(thread)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def take(self) -> list[Message]:
+        """Return what has come since the last call, in the order it came."""
+        messages = []
+        for line in tuple(self._lines):
+            if line.links.try_recv() is not None:  # a new link; see hil.network.sockets
+                free_sockets()
+            for receive in line.receivers:
+                while (sample := receive()) is not None:
+                    if message := self._message(line, sample):
+                        messages.append(message)
+        messages.sort(key=_came)
+        return messages
+
+    def complaint(self) -> str:
+        """That somebody has not been there yet, whenever it is time to say so; else empty."""
+        missing = [endpoint for endpoint in self._settings if endpoint not in self.connected]
+        if not missing or now_ns() < self._say_ns:
+            return ""
+        self._say_ns = now_ns() + SAY_AGAIN_NS
+        return f"still nobody at {', '.join(missing)}; waiting"
+
+    def close(self) -> None:
+        """End it; takes as long as an attempt to connect may. Closing twice is harmless."""
+        self._closing.set()
+        for thread in self._threads:  # one that the ending interpreter catches inside the library aborts the process
+            thread.join()
+        for line in self._lines:
+            line.close()
+        self._lines.clear()
+
+    def _open(self, endpoint: str, text: str) -> None:
+        """Try until the endpoint is there; from then on the library connects again after each loss."""
+        config = zenoh.Config.from_json5(text)
+        config.insert_json5("timestamping/enabled", "true")  # of what comes, with the time when it came
+        while not self._closing.is_set():
+            with suppress(zenoh.ZError):
+                self._lines.append(_Line(zenoh.open(config)))
+                self.connected.add(endpoint)
+                return
+            self._closing.wait(RETRY_S)
+
+    def _message(self, line: _Line, sample: zenoh.Sample) -> Message | None:
+        stamp = sample.timestamp
+        came_ns = stamp.get_time_as_ntp64().as_nanos() if stamp else to_wall_ns(now_ns())
+        key, attachment = str(sample.key_expr), sample.attachment
+        told = ros.unpack_attachment(attachment.to_bytes()) if attachment is not None else None
+        if told is None:
+            topic = self._topic(key)
+            return Message(*topic, 0, came_ns, came_ns, sample.payload.to_bytes()) if topic else None
+        sequence, sent_ns, gid = told
+        try:
+            publisher = self._publishers[gid, key]
+        except KeyError:
+            publisher = self._meet(line, key, sequence, gid)
+        if publisher is None or sequence <= publisher.last:  # the same, by another way
+            return None
+        self.missed += sequence - publisher.last - 1
+        publisher.last = sequence
+        return Message(publisher.topic, publisher.type, sequence, sent_ns, came_ns, sample.payload.to_bytes())
+
+    def _meet(self, line: _Line, key: str, sequence: int, gid: bytes) -> _Publisher | None:
+        topic = self._topic(key)
+        line.learn(key)
+        self._publishers[gid, key] = publisher = _Publisher(*topic, sequence - 1) if topic else None
+        return publisher
+
+    def _topic(self, key: str) -> tuple[str, str] | None:
+        if key not in self._topics:
+            self._topics[key] = _read_key(key)
+        return self._topics[key]
+
+
+def _channel() -> Any:
+    return zenoh.handlers.RingChannel(DEPTH)
+
+
+_came = attrgetter("logged_ns")
+
+
+def _read_key(key: str) -> tuple[str, str] | None:
+    """Topic and type of a key: the inverse of `ros.data_key`. None for what is no topic."""
+    parts = key.split("/")
+    package, _, name = parts[-2].partition("::") if len(parts) > 3 else ("", "", "")
+    kind, _, last = name.partition("::dds_::")
+    if not (parts[-1].startswith("RIHS01_") and last.endswith("_")):
+        return None
+    return "/" + "/".join(parts[1:-2]), f"{package}/{kind}/{last[:-1]}"

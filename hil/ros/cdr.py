@@ -1,0 +1,199 @@
+"""Common Data Representation, the bytes of ROS 2 messages: little-endian XCDR1 (OMG DDS-XTypes 1.3, 7.4.1).
+
+A message is four bytes that say so, then its fields, each aligned to its own size counted from the fifth
+byte. Where only the lengths of strings vary, `Layout` compiles the whole message into one `struct` for each
+set of lengths; `Writer` and `Reader` go field by field for what holds sequences of strings.
+"""
+
+from collections.abc import Callable
+from struct import Struct, calcsize, error, pack, unpack_from
+from typing import Any, TypeVar
+
+HEADER = b"\x00\x01\x00\x00"  # plain CDR, little-endian, no options
+_MOST_COMPILED = 64  # string lengths come off the wire: the caches must not grow with them
+_COUNT = Struct("<I")
+
+T = TypeVar("T")
+
+
+class MalformedError(Exception):
+    """A payload that cannot be the message it is taken for. Goes no further than `tolerant`."""
+
+
+def tolerant(decode: Callable[[bytes], T]) -> Callable[[bytes], T | None]:
+    """`decode`, giving None for a payload that ends early or contradicts itself instead of raising."""
+
+    def decode_or_none(data: bytes) -> T | None:
+        try:
+            return decode(data)
+        except (MalformedError, error):
+            return None
+
+    decode_or_none.__doc__ = decode.__doc__
+    return decode_or_none
+
+
+class Layout:
+    """A message of numbers and strings. `fields` are `struct` items ("I", "4d", "72s") or the word "string".
+
+    A string is two values of the compiled struct: its length and its bytes, both with the closing zero.
+    The first value is always `HEADER`.
+    """
+
+    def __init__(self, fields: str) -> None:
+        self._fields = fields.split()
+        self.strings = self._fields.count("string")
+        self._structs: dict[tuple[int, ...], Struct] = {}
+        self._named: dict[tuple[str, ...], tuple[Struct, tuple[Any, ...]]] = {}
+
+    def struct(self, *lengths: int) -> Struct:
+        """The message whose strings take `lengths` bytes; with too few of them, up to the next string's length."""
+        found = self._structs.get(lengths)
+        if found is None:
+            if len(self._structs) >= _MOST_COMPILED:
+                self._structs.clear()
+            found = self._structs[lengths] = Struct(self._format(lengths))
+        return found
+
+    def named(self, names: tuple[str, ...]) -> tuple[Struct, tuple[Any, ...]]:
+        """Return the message with these strings, and the values that they are in it."""
+        try:
+            return self._named[names]
+        except KeyError:
+            if len(self._named) >= _MOST_COMPILED:
+                self._named.clear()
+            raw = [zero_terminated(name) for name in names]
+            strings = tuple([value for name in raw for value in (len(name), name)])
+            found = self._named[names] = self.struct(*map(len, raw)), strings
+            return found
+
+    def unpack(self, data: bytes) -> tuple[Any, ...]:
+        """Return the values of a payload, `HEADER` first. Raises MalformedError; use under `tolerant`."""
+        check_header(data)
+        lengths: tuple[int, ...] = ()
+        for _ in range(self.strings):
+            (length,) = _COUNT.unpack_from(data, self.struct(*lengths).size - _COUNT.size)
+            if length > len(data):
+                raise MalformedError("a string longer than the message")
+            lengths += (length,)
+        return self.struct(*lengths).unpack_from(data)
+
+    def _format(self, lengths: tuple[int, ...]) -> str:
+        """Return the `struct` format, padding included."""
+        remaining = list(lengths)
+        out = "<4s"
+        for field in self._fields:
+            item = "I" if field == "string" else field
+            # a run of bytes (72s: nine float64 made elsewhere) is aligned by the field before it
+            out += f"{-(calcsize(out) - len(HEADER)) % calcsize('<' + item[-1])}x{item}"
+            if field == "string":
+                if not remaining:
+                    break
+                out += f"{remaining.pop(0)}s"
+        return out
+
+
+class Writer:
+    """Builds a message field by field; `data` is what has been written."""
+
+    def __init__(self) -> None:
+        self.data = bytearray(HEADER)
+
+    def numbers(self, code: str, *values: float) -> None:
+        """Write values of one `struct` type, aligned."""
+        if values:
+            self.data += bytes(-(len(self.data) - len(HEADER)) % calcsize(f"<{code}"))
+            self.data += pack(f"<{len(values)}{code}", *values)
+
+    def raw(self, data: bytes, size: int = 1) -> None:
+        """Write bytes that are values of `size` bytes each already, aligned as such."""
+        self.data += bytes(-(len(self.data) - len(HEADER)) % size)
+        self.data += data
+
+    def string(self, text: str) -> None:
+        """Write a string with its length."""
+        raw = zero_terminated(text)
+        self.data += bytes(-len(self.data) % _COUNT.size)  # the header is as long as a count
+        self.data += _COUNT.pack(len(raw))
+        self.data += raw
+
+
+class Reader:
+    """Takes a message apart field by field. Every method raises MalformedError; use under `tolerant`."""
+
+    def __init__(self, data: bytes) -> None:
+        check_header(data)
+        self._data = data
+        self._at = len(HEADER)
+
+    def numbers(self, code: str, count: int = 1) -> tuple[Any, ...]:
+        """Return the next `count` values of one `struct` type."""
+        size = calcsize(f"<{code}")
+        if count:
+            self._at += -(self._at - len(HEADER)) % size
+        return unpack_from(f"<{count}{code}", self._data, self._advance(count * size))
+
+    def count(self) -> int:
+        """Return the next unsigned number: how many elements follow.
+
+        None takes less than a byte, or it is malformed.
+        """
+        count = int(self.numbers("I")[0])
+        if count > len(self._data) - self._at:
+            raise MalformedError("fewer elements than announced")
+        return count
+
+    def raw(self, count: int) -> bytes:
+        """Return the next `count` bytes as they are."""
+        start = self._advance(count)
+        return bytes(self._data[start : start + count])
+
+    def string(self) -> str:
+        """Return the next string."""
+        return text(self.raw(self.count()))
+
+    def _advance(self, size: int) -> int:
+        """Return where the next `size` bytes begin."""
+        if size > len(self._data) - self._at:
+            raise MalformedError("fewer values than announced")
+        start, self._at = self._at, self._at + size
+        return start
+
+
+def zero_terminated(text: str) -> bytes:
+    """Return the bytes of a string on the wire, without its length."""
+    return text.encode(errors="replace") + b"\0"
+
+
+def text(raw: bytes) -> str:
+    """Return the string in the bytes of `zero_terminated`; what is not UTF-8 shows as U+FFFD."""
+    return raw.rstrip(b"\0").decode(errors="replace")
+
+
+def check_header(data: bytes) -> None:
+    """Raises MalformedError unless `data` begins as little-endian plain CDR."""
+    if data[:2] != HEADER[:2] or len(data) < len(HEADER):
+        raise MalformedError("not little-endian CDR")
+
+
+def diagonal(size: int, first: float, last: float, third: float | None = None) -> bytes:
+    """The bytes of a size x size covariance matrix: `first` on axes 0 to 2 of its diagonal, `last` on the others.
+
+    Axis 2 has `third` if that is given.
+    """
+    key = (size, first, last, third)
+    try:
+        return _diagonals[key]
+    except KeyError:
+        if len(_diagonals) >= _MOST_COMPILED:
+            _diagonals.clear()
+        values = [0.0] * (size * size)
+        for axis in range(size):
+            values[axis * (size + 1)] = first if axis < 3 else last
+        if third is not None:
+            values[2 * (size + 1)] = third
+        found = _diagonals[key] = pack(f"<{size * size}d", *values)
+        return found
+
+
+_diagonals: dict[tuple[int, float, float, float | None], bytes] = {}

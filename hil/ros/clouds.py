@@ -1,0 +1,65 @@
+"""sensor_msgs/PointCloud2 of a camera with depth."""
+
+from typing import NamedTuple
+
+from hil.ros import message as ros_message
+from hil.ros.message import Message
+
+_TYPE = "sensor_msgs/msg/PointCloud2"
+_FLOAT32 = 7  # of PointField
+_NS_PER_S = 1_000_000_000
+_FIELDS = [
+    {"name": name, "offset": 4 * number, "datatype": _FLOAT32, "count": 1}
+    for number, name in enumerate(("x", "y", "z", "rgb"))
+]
+_STEP = 4 * len(_FIELDS)  # bytes a point
+
+
+class Cloud(NamedTuple):
+    """A cloud organised as the picture it comes of, from the upper left, in the axes of its frame (REP 103).
+
+    `data` is four 32-bit floats a pixel: x to the right, y down, z ahead (m; nan where nothing was seen), and "rgb",
+    whose bits are 0x00RRGGBB, as PCL and depth_image_proc have it.
+    """
+
+    time_ns: int
+    width: int
+    height: int
+    data: bytes
+
+
+def coloured(points: bytes, rgb: bytes) -> bytes:
+    """Return the data of a `Cloud`: the points of a CameraSample, in the sensor's axes, with their colours."""
+    import numpy as np  # only the process that makes pictures comes here
+
+    places = np.frombuffer(points, "<f4").reshape(-1, 3)
+    cloud = np.empty((len(places), len(_FIELDS)), "<f4")
+    cloud[:, :3] = places[:, (1, 2, 0)]
+    red, green, blue = np.frombuffer(rgb, np.uint8).reshape(-1, 3).T.astype("<u4")
+    cloud.view("<u4")[:, 3] = red << 16 | green << 8 | blue
+    return cloud.tobytes()
+
+
+def encode_cloud(cloud: Cloud, frame: str = "camera_optical_frame") -> bytes:
+    """Return the message."""
+    seconds, ns = divmod(cloud.time_ns, _NS_PER_S)
+    header = {"stamp": {"sec": seconds, "nanosec": ns}, "frame_id": frame}
+    size = {"height": cloud.height, "width": cloud.width, "point_step": _STEP, "row_step": _STEP * cloud.width}
+    return ros_message.encode(_TYPE, {"header": header, **size, "fields": _FIELDS, "data": cloud.data})
+
+
+def decode_cloud(data: bytes) -> Cloud | None:
+    """Return a cloud of these fields, without gaps between its points; None for any other."""
+    message = ros_message.decode(_TYPE, data)
+    if message is None or not _is_ours(message):
+        return None
+    stamp = message["header"]["stamp"]
+    time_ns = stamp["sec"] * _NS_PER_S + stamp["nanosec"]
+    return Cloud(time_ns, message["width"], message["height"], message["data"])
+
+
+def _is_ours(message: Message) -> bool:
+    row = _STEP * message["width"]
+    steps = message["point_step"] == _STEP and message["row_step"] == row
+    whole = len(message["data"]) == row * message["height"]
+    return steps and whole and message["fields"] == _FIELDS and not message["is_bigendian"]

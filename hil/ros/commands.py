@@ -1,0 +1,113 @@
+"""ROS 2 messages of the commands besides cmd_vel; frames and rules are those of hil.ros.encoders.
+
+What is not finite, or further than any vehicle goes, counts as malformed.
+"""
+
+from collections.abc import Callable, Sequence
+from math import atan2, cos, isfinite, sin
+from typing import NamedTuple
+
+from hil.ros.cdr import HEADER, Layout, MalformedError, Reader, Writer, text, tolerant
+from hil.ros.encoders import Decoder, Encoder, pack_stamped, swap_attitude, swap_world
+from hil.ros.frames import decode_wrench
+from sim.rotations import Vector3
+
+MOST_DEPTH = 11_000.0  # m
+MOST_HEADING = 100.0  # rad: some turns, which do no harm
+MOST_PLACE = 1e6  # m
+MOST_FORCE = 1e6  # N, N m
+WORLD_FRAMES = ("", "map", "odom")  # which are one
+
+_NUMBER = Layout("d")
+_POSE = Layout("i I string 7d")
+_LEAST_NORM = 0.5  # of a quaternion that is meant as one
+
+Six = tuple[float, float, float, float, float, float]
+
+
+class PoseCommand(NamedTuple):
+    """Where to go: `position` m NED, and the `heading` there, rad from north, clockwise. Roll and pitch stay level."""
+
+    position: Vector3
+    heading: float
+
+
+def encode_number(value: float) -> bytes:
+    """std_msgs/Float64: a depth in m, down; or a compass heading in rad from north, clockwise seen from above."""
+    return _NUMBER.struct().pack(HEADER, value)
+
+
+def _number_within(most: float) -> Callable[[bytes], float | None]:
+    @tolerant
+    def decode(data: bytes) -> float:
+        return float(_bounded(_NUMBER.unpack(data)[1:], most)[0])
+
+    return decode
+
+
+def encode_pose(command: PoseCommand, time_ns: int, frame: str = "map") -> bytes:
+    """geometry_msgs/PoseStamped in the world `frame`."""
+    half = 0.5 * command.heading
+    w, x, y, z = swap_attitude((cos(half), 0.0, 0.0, sin(half)))
+    return pack_stamped(_POSE, time_ns, (frame,), *swap_world(command.position), x, y, z, w)
+
+
+@tolerant
+def decode_pose(data: bytes) -> PoseCommand:
+    """Return the position and the heading; roll and pitch are left.
+
+    One of another frame than the world's is malformed.
+    """
+    _, _, _, _, frame, *place, x, y, z, w = _POSE.unpack(data)
+    if text(frame).rpartition("/")[2] not in WORLD_FRAMES:
+        raise MalformedError("not in the world's frame")
+    w, x, y, z = swap_attitude(_bounded((w, x, y, z), 2.0))
+    if w * w + x * x + y * y + z * z < _LEAST_NORM:
+        raise MalformedError("not an attitude")
+    heading = atan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)
+    return PoseCommand(swap_world(_bounded(place, MOST_PLACE)), heading)
+
+
+@tolerant
+def decode_wrench_command(data: bytes) -> Six:
+    """X Y Z (N) and K M N (N m) along FRD, whatever its frame is called: the body's own."""
+    wrench = decode_wrench(data)
+    if wrench is None:
+        raise MalformedError("not a wrench")
+    x, y, z, k, m, n = _bounded((*wrench[1], *wrench[2]), MOST_FORCE)
+    return x, y, z, k, m, n
+
+
+def encode_thrusts(thrusts: Sequence[float]) -> bytes:
+    """std_msgs/Float64MultiArray of one plain row: the thrust of each thruster in N, in the order of the vehicle."""
+    writer = Writer()
+    writer.numbers("I", 0, 0, len(thrusts))  # no dimensions named, no offset
+    writer.numbers("d", *thrusts)
+    return bytes(writer.data)
+
+
+@tolerant
+def decode_thrusts(data: bytes) -> tuple[float, ...]:
+    """Return the thrusts in N; the names of dimensions are left."""
+    reader = Reader(data)
+    for _ in range(reader.count()):
+        reader.string()
+        reader.numbers("I", 2)
+    reader.numbers("I")
+    return tuple(_bounded(reader.numbers("d", reader.count()), MOST_FORCE))
+
+
+def _bounded(values: Sequence[float], most: float) -> Sequence[float]:
+    if not all(isfinite(value) and abs(value) <= most for value in values):
+        raise MalformedError("not a number that can be meant")
+    return values
+
+
+ENCODERS: dict[str, Encoder] = {}  # no sensor sends them
+DECODERS: dict[str, Decoder] = {
+    "cmd_depth": _number_within(MOST_DEPTH),
+    "cmd_heading": _number_within(MOST_HEADING),
+    "cmd_pose": decode_pose,
+    "cmd_wrench": decode_wrench_command,
+    "cmd_thrusters": decode_thrusts,
+}

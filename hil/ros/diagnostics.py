@@ -1,0 +1,273 @@
+"""Typed table of all figures in the slave's diagnostics, for writers and readers.
+
+A figure is an attribute of `Diagnostics`, by its name on the network. Reading one gives its value in its type, None if
+it was not reported; a name that is not in the table is an AttributeError, or a KeyError where it is a string, and an
+error of the type checker. docs/reference/diagnostics.md is made from this table.
+"""
+
+from collections.abc import Callable, Mapping
+from math import isfinite
+from typing import Any, ClassVar, Generic, TypeVar, overload
+
+from sim.run_events import decode_events, encode_events
+
+T = TypeVar("T")
+_FACTORS = {"us": 1e-6, "ms": 1e-3, "MiB": 2.0**20, "MHz": 1e6}  # from a unit to its base unit
+
+
+class Figure(Generic[T]):
+    """One figure: `name`, `unit` ("" none), `kind` (its type in words), `meaning`, and how it is written as text.
+
+    `is_counter`: it grows from 0 at the start of the slave (or of the machine), and never falls.
+    """
+
+    __slots__ = ("_decode", "_encode", "is_counter", "kind", "meaning", "name", "unit")
+    name: str
+
+    def __init__(
+        self,
+        kind: str,
+        unit: str,
+        meaning: str,
+        encode: Callable[[T], str],
+        decode: Callable[[str], T],
+        is_counter: bool = False,
+    ) -> None:
+        self.kind, self.unit, self.meaning, self.is_counter = kind, unit, meaning, is_counter
+        self._encode, self._decode = encode, decode
+
+    def __set_name__(self, owner: type["Diagnostics"], name: str) -> None:
+        self.name = name
+        owner.FIGURES[name] = self
+
+    @overload
+    def __get__(self, figures: None, owner: type["Diagnostics"]) -> "Figure[T]": ...
+    @overload
+    def __get__(self, figures: "Diagnostics", owner: type["Diagnostics"]) -> T | None: ...
+    def __get__(self, figures: "Diagnostics | None", owner: type["Diagnostics"]) -> "Figure[T] | T | None":
+        return self if figures is None else self.read(figures)
+
+    def __set__(self, figures: "Diagnostics", value: T) -> None:
+        figures.raw[self.name] = self._encode(value)
+
+    def read(self, figures: "Diagnostics") -> T | None:
+        """Return the value; None if it was not reported, or as a text that is none of this type."""
+        text = figures.raw.get(self.name)
+        try:
+            return None if text is None else self._decode(text)
+        except ValueError:
+            return None
+
+    @property
+    def base_factor(self) -> float:
+        """What a value is multiplied by to be in the base unit: seconds, bytes, hertz."""
+        return _FACTORS.get(self.unit, 1.0)
+
+
+def _number(unit: str, decimals: int, meaning: str, is_counter: bool = False) -> Figure[float]:
+    return Figure("number", unit, meaning, f"{{:.{decimals}f}}".format, _decode_number, is_counter)
+
+
+def _decode_number(text: str) -> float:
+    value = float(text)
+    if not isfinite(value):
+        raise ValueError(text)
+    return value
+
+
+def _integer(unit: str, meaning: str) -> Figure[int]:
+    return Figure("integer", unit, meaning, str, int)
+
+
+def _counter(meaning: str, unit: str = "") -> Figure[int]:
+    return Figure("counter", unit, meaning, str, int, True)
+
+
+def _flag(meaning: str) -> Figure[bool]:
+    return Figure("flag", "", meaning, lambda value: str(value).lower(), _decode_flag)
+
+
+def _decode_flag(text: str) -> bool:
+    if text not in ("true", "false"):
+        raise ValueError(text)
+    return text == "true"
+
+
+def _text(meaning: str) -> Figure[str]:
+    return Figure("text", "", meaning, str, str)
+
+
+def _texts(meaning: str, separator: str = " ") -> Figure[tuple[str, ...]]:
+    kind = f'texts, separated by "{separator}"'
+    return Figure(kind, "", meaning, separator.join, lambda text: tuple(filter(None, text.split(separator))))
+
+
+def _integers(unit: str, meaning: str) -> Figure[tuple[int, ...]]:
+    def encode(values: tuple[int, ...]) -> str:
+        return " ".join(map(str, values))
+
+    return Figure("integers", unit, meaning, encode, lambda text: tuple(map(int, text.split())))
+
+
+def _by_sensor(unit: str, form: str, meaning: str, is_counter: bool = False) -> Figure[dict[str, float]]:
+    def encode(values: dict[str, float]) -> str:
+        return " ".join([f"{name}={value:{form}}" for name, value in values.items()])
+
+    def decode(text: str) -> dict[str, float]:
+        pairs = [word.rpartition("=") for word in text.split()]
+        return {name: _decode_number(value) for name, _, value in pairs}
+
+    return Figure("sensor=number", unit, meaning, encode, decode, is_counter)
+
+
+def or_nan(value: float | None) -> float:
+    """Return a figure as a number; nan if it was not reported."""
+    return float("nan") if value is None else float(value)
+
+
+def shown(value: float | str | None, form: str = "") -> str:
+    """Return a figure for a person; "-" if it was not reported."""
+    return "-" if value is None else f"{value:{form}}"
+
+
+class Diagnostics:
+    """Figures of health that a slave published, or is about to. False while there are none.
+
+    `raw` are the texts as they are on the network; what a slave of another version reports besides stays in there.
+    """
+
+    __slots__ = ("raw",)
+    FIGURES: ClassVar[dict[str, Figure[Any]]] = {}
+
+    def __init__(self, raw: Mapping[str, str] | None = None) -> None:
+        self.raw = dict(raw or {})
+
+    def __bool__(self) -> bool:
+        return bool(self.raw)
+
+    def __getitem__(self, name: str) -> Any:
+        """The value of a figure by its name, None if it was not reported. Raises KeyError for a name that is none."""
+        return self.FIGURES[name].read(self)
+
+    def __setitem__(self, name: str, value: Any) -> None:
+        """Report a figure by its name. Raises KeyError for a name that is none."""
+        self.FIGURES[name].__set__(self, value)
+
+    def __repr__(self) -> str:
+        return f"Diagnostics({self.raw})"
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the values of all figures of the table that were reported, by name."""
+        return {name: figure.read(self) for name, figure in self.FIGURES.items() if name in self.raw}
+
+    # The machine and the slave's program
+    board = _text("the board, or the architecture and name of a machine that is no known board")
+    labels = _texts('what the machine is not: "emulated: ..." and the like; its figures are no board\'s', "; ")
+    boot_id = _text("identifier of this boot of the kernel: processes that share it share its monotonic clock")
+    cores = _integer("", "processors of the machine")
+    ram_mib = _number("MiB", 0, "memory of the machine")
+    python = _text("version of Python")
+    bytecode_compiled = _flag("whether the slave's Python was compiled before it was started")
+    realtime = _text("what was settled about real time: scheduling, locked memory, garbage collector, idle processors")
+    # The start
+    exec_wall_ns = _integer("ns since 1970", "when the slave was executed, by the wall clock it started with")
+    startup_python_ms = _number("ms", 1, "from exec until the interpreter ran our first line")
+    startup_scenario_ms = _number("ms", 1, "from exec until the scenario was loaded")
+    startup_imports_ms = _number("ms", 1, "from exec until all modules of the loop were loaded")
+    startup_simulator_ms = _number("ms", 1, "from exec until the simulator was built")
+    startup_link_ms = _number("ms", 1, "from exec until the thruster link was open")
+    startup_session_ms = _number("ms", 1, "from exec until the network session was open")
+    startup_ready_ms = _number("ms", 1, "from exec until the first step of the loop")
+    # What the slave uses
+    uptime_s = _number("s", 2, "since the slave was executed", is_counter=True)
+    cpu_s = _number("s", 4, "processor time of the slave and its children", is_counter=True)
+    pss_mib = _number("MiB", 2, "memory of the slave and its children, proportional set size")
+    rss_mib = _number("MiB", 2, "resident memory of the slave and its children, shared pages counted in each")
+    processes = _integer("", "the slave and its children")
+    # The loop
+    loop_rate_hz = _number("Hz", 0, "rate of the real-time loop")
+    real_time_factor = _number("", 4, "simulated time over real time since the start")
+    lateness_p50_us = _number("us", 0, "lateness of the loop since its start, median")
+    lateness_p99_us = _number("us", 0, "lateness of the loop since its start, 99 %")
+    lateness_p999_us = _number("us", 0, "lateness of the loop since its start, 99.9 %")
+    lateness_max_us = _number("us", 0, "lateness of the loop since its start, worst")
+    lateness_recent_p50_us = _number("us", 0, "lateness of the loop in the last second, median")
+    lateness_recent_p99_us = _number("us", 0, "lateness of the loop in the last second, 99 %")
+    lateness_recent_max_us = _number("us", 0, "lateness of the loop in the last second, worst")
+    within_2ms = _number("", 5, "share of the steps that were at most 2 ms late")
+    behind_ms = _number("ms", 2, "by how much the loop is behind its schedule now")
+    steps_skipped = _counter("steps that the loop came too late for")
+    messages_sent = _counter("messages published")
+    messages_dropped = _counter("samples and messages dropped before they were published, as the network was held up")
+    contacts = _counter("times that the vehicle touched the seabed or an obstacle")
+    run_events = _counter("collisions, capsizes, surfacings and losses of the thruster link")
+    run_event_list = Figure(
+        "events",
+        "",
+        "the first of these, a line each: kind, start (ns since 1970), duration (ns), north, east, depth (m), what",
+        encode_events,
+        decode_events,
+    )
+    # Commands
+    controller = _text('"builtin", or "external" if thrusters are left to other software')
+    armed = _flag("whether the vehicle takes commands")
+    thrusters = _integer("", "thrusters of the vehicle")
+    commands_received = _counter("commands that arrived")
+    commands_taken = _counter("commands that were applied")
+    commands_malformed = _counter("commands that could not be decoded, or whose values are out of bounds")
+    commands_stale = _counter("commands dropped as too old")
+    commands_disordered = _counter("commands dropped as a younger one had arrived before")
+    commands_superseded = _counter("commands replaced by a younger one before the loop took them")
+    commands_refused = _counter("commands of masters that have no right, or not now")
+    commands_flooded = _counter("commands dropped above the rate that the scenario allows")
+    commands_fault = _text("what was wrong with the last malformed command")
+    commands_unanswered = _counter("commands that the STM32 did not answer")
+    deadman_trips = _counter("times that the slave stopped the thrusters as commands stopped")
+    watchdog_trips = _counter("times that the STM32 stopped the thrusters as the slave's messages stopped")
+    # The thruster link
+    link_protocol = _text("protocol of the thruster link")
+    link_baud = _integer("bit/s", "speed of the link where it is a UART, as the scenario has it")
+    link_held_baud = _integer("bit/s", "speed that [link.faults] holds the link to, 0 if it does not")
+    link_port = _text("address of the link")
+    link_wire = _text('what carries its bytes: "pty" (a pseudo terminal), "uart", "rs485", "tcp", "udp" or "can"')
+    link_losses = _counter("times that the link went away")
+    link_bytes_in = _counter("bytes off the link", "byte")
+    link_bytes_out = _counter("bytes onto the link", "byte")
+    link_messages_in = _counter("messages decoded")
+    link_messages_out = _counter("messages encoded")
+    link_checksum_errors = _counter("frames whose checksum was wrong")
+    link_malformed = _counter("frames with a correct checksum and impossible contents")
+    link_replaced = _counter("commands replaced by a younger one before the wire took them")
+    link_dropped_bytes = _counter("bytes between frames, or refused by a full wire", "byte")
+    stm32_silent = _flag("whether the STM32 does not answer although its link is there")
+    pwm_us = _integers("us", "pulse widths in effect, one for each channel")
+    # The network
+    may_command = _texts("names of the certificates that may command; not reported without [security]")
+    may_listen = _texts("names of the certificates that may listen; not reported without [security]")
+    commanded_by = _text("identifier of the master that is obeyed now; empty if none")
+    commander = _text("who that is")
+    masters = _texts("masters that are there")
+    observers = _integer("", "observers that are there")
+    masters_lost = _counter("masters that have left")
+    pings_dropped = _counter("clock comparisons that were not answered, as there were too many")
+    clock_offset_ms = _number("ms", 4, "clock of the master that is obeyed, minus that of the slave")
+    clock_uncertainty_ms = _number("ms", 4, "uncertainty of that")
+    clock_drift_ppm = _number("ppm", 2, "how fast it changes")
+    clock_steps = _counter("times that it jumped")
+    # The machine
+    temperature_c = _number("degC", 1, "temperature of the processor")
+    throttled = _text('"no", or why the processor is slowed down')
+    cpu_mhz = _number("MHz", 0, "clock of processor 0")
+    load_1min = _number("", 2, "load average of the last minute")
+    memory_available_mib = _number("MiB", 0, "memory that is available")
+    network_received_bytes = _counter("received by all interfaces since the machine started", "byte")
+    network_sent_bytes = _counter("sent by all interfaces since the machine started", "byte")
+    # The process that makes pictures; without one none of these
+    imaging_pid = _integer("", "its process id, 0 while there is none")
+    imaging_restarts = _counter("times that it was started again")
+    imaging_cpu_s = _number("s", 2, "processor time of the present one")
+    imaging_requested = _by_sensor("", ".0f", "pictures that the loop requested", is_counter=True)
+    imaging_dropped = _by_sensor(
+        "", ".0f", "pictures that were not made, as the one before was not done", is_counter=True
+    )
+    imaging_took_ms = _by_sensor("ms", ".1f", "how long the last picture took")

@@ -1,0 +1,44 @@
+"""The ROS 2 domain and release that the vehicle uses on the network.
+
+One for the whole process, as with ROS itself. The domain is that of the scenario, [ros] domain; where that says nothing
+the variable ROS_DOMAIN_ID, as ROS has it; else 0. All that has to do with one vehicle must be of one domain.
+"""
+
+import os
+from typing import Literal
+
+from hil.common.errors import ConfigError
+
+Distro = Literal["humble", "jazzy", "kilted", "rolling"]
+FROM_ENVIRONMENT = -1
+MOST = 232  # as ROS 2 allows
+NO_HASH = "TypeHashNotSupported"  # what Humble says in place of the hash of a type
+
+_chosen: tuple[int, Distro] = (FROM_ENVIRONMENT, "jazzy")
+
+
+def speak(domain: int = FROM_ENVIRONMENT, distro: Distro = "jazzy") -> None:
+    """Settle it for this process. Raises ConfigError when the environment decides, and says no domain."""
+    global _chosen  # noqa: PLW0603 - one for the process, see above
+    _chosen = domain if domain >= 0 else _from_environment(), distro
+
+
+def domain() -> int:
+    """Return the domain; what is settled is not asked for again."""
+    if _chosen[0] < 0:
+        speak(*_chosen)
+    return _chosen[0]
+
+
+def is_humble() -> bool:
+    """Return whether types have no hashes, and sensor_msgs/Range no variance."""
+    return _chosen[1] == "humble"
+
+
+def _from_environment() -> int:
+    text = os.environ.get("ROS_DOMAIN_ID", "").strip() or "0"
+    if not text.isdecimal() or int(text[:9]) > MOST:
+        raise ConfigError(
+            f"ROS_DOMAIN_ID: {text!r} is no domain, which are 0 to {MOST}; unset it, or give [ros] domain"
+        )
+    return int(text)

@@ -1,0 +1,187 @@
+"""The ROS 2 graph on the network: nodes and their publishers, subscribers, services and clients.
+
+Each of them is a liveliness token, a key that lives as long as the session which declared it, in the form of
+rmw_zenoh (ros2/rmw_zenoh, docs/design.md and src/detail/liveliness_utils.cpp):
+
+    @ros2_lv/DOMAIN/SESSION/NODE ID/ID/KIND/ENCLAVE/NAMESPACE/NODE [/TOPIC/TYPE/HASH/QOS]
+
+A slash in a name is a % there. Not modelled: security enclaves, and deadlines, lifespans and leases in QoS. The gid of
+our messages is random, where rmw_zenoh takes a hash of the token.
+"""
+
+from collections.abc import Callable
+from itertools import count
+from typing import Literal, NamedTuple, Protocol
+
+from hil.ros import dialect
+from hil.ros.encoders import dds_name
+from hil.ros.topics import Qos, Topic, hash_of
+
+ALL = "@ros2_lv/*/**"  # of all domains: `read_token` tells those of others from ours
+Kind = Literal["NN", "MP", "MS", "SS", "SC"]  # node, publisher, subscription, service, client
+KINDS: dict[str, Kind] = {"NN": "NN", "MP": "MP", "MS": "MS", "SS": "SS", "SC": "SC"}
+SERVICE_QOS = Qos()
+
+# Numbers of rmw/types.h; an empty field is rmw_zenoh's default, which is reliable, volatile, and the last 42.
+_BEST_EFFORT, _TRANSIENT_LOCAL, _KEEP_ALL, _DEFAULT_DEPTH = "2", "1", "2", 42
+_NODE_PARTS, _ENDPOINT_PARTS = 9, 13
+Identity = tuple[str, int]  # of a node: its session, and its number there
+ELSEWHERE = 1_000_000  # from here on are the numbers of endpoints that another process declares for a node
+_numbers = count()  # of this process's nodes and endpoints, so that no two of a session have the same
+
+
+class Entity(NamedTuple):
+    """One node, or one endpoint of a node. `node` and `topic` are whole names ("/uuv1", "/uuv1/imu").
+
+    `session` tells sessions apart, `node_id` and `ident` what is in one. A node has no topic, type and hash.
+    """
+
+    kind: Kind
+    node: str
+    session: str
+    node_id: int
+    ident: int
+    topic: str = ""
+    type: str = ""
+    type_hash: str = ""
+    qos: Qos = Qos()
+
+
+def token(entity: Entity) -> str:
+    """Return the key that says so."""
+    namespace, _, name = entity.node.rpartition("/")
+    parts = ["@ros2_lv", str(dialect.domain()), entity.session, str(entity.node_id), str(entity.ident), entity.kind]
+    parts += ["%", _mangle(namespace or "/"), name]
+    if entity.kind != "NN":
+        parts += [_mangle(entity.topic), dds_name(entity.type), entity.type_hash, qos_text(entity.qos)]
+    return "/".join(parts)
+
+
+def read_token(key: str) -> Entity | None:
+    """Return what `token` or rmw_zenoh made; None for any other key, and for another domain's.
+
+    What a newer rmw_zenoh may say behind the parts that are known here is left.
+    """
+    parts = key.split("/")
+    if len(parts) < _NODE_PARTS or parts[0] != "@ros2_lv" or parts[5] not in KINDS or not all(parts):
+        return None
+    if parts[1] != str(dialect.domain()):
+        return None
+    _, _, session, node_id, ident, kind, _, namespace, name = parts[:_NODE_PARTS]
+    if not (node_id.isdecimal() and ident.isdecimal()):
+        return None
+    whole = f"{_demangle(namespace).rstrip('/')}/{name}"
+    node = Entity(KINDS[kind], whole, session, int(node_id), int(ident))
+    if kind == "NN":
+        return node
+    return _read_endpoint(node, parts[_NODE_PARTS:_ENDPOINT_PARTS]) if len(parts) >= _ENDPOINT_PARTS else None
+
+
+def _read_endpoint(node: Entity, parts: list[str]) -> Entity | None:
+    topic, dds, type_hash, text = parts
+    qos, type_name = read_qos(text), ros_name(_demangle(dds))
+    if qos is None or not type_name:
+        return None
+    return node._replace(topic=_demangle(topic), type=type_name, type_hash=type_hash, qos=qos)
+
+
+def qos_text(qos: Qos) -> str:
+    """RELIABILITY:DURABILITY:HISTORY,DEPTH:deadline:lifespan:liveliness; the last three are always the default."""
+    reliability = "" if qos.reliable else _BEST_EFFORT
+    durability = _TRANSIENT_LOCAL if qos.latched else ""
+    history = "" if qos.depth else _KEEP_ALL
+    depth = "" if qos.depth in (0, _DEFAULT_DEPTH) else str(qos.depth)
+    return f"{reliability}:{durability}:{history},{depth}:,:,:,,"
+
+
+def read_qos(text: str) -> Qos | None:
+    """Return what `qos_text` says; None if it is not of that form."""
+    fields = text.split(":")
+    history, _, depth = fields[2].partition(",") if len(fields) >= 6 else ("", "", "none")
+    if depth and not depth.isdecimal():
+        return None
+    kept = 0 if history == _KEEP_ALL else int(depth or _DEFAULT_DEPTH)
+    return Qos(fields[0] != _BEST_EFFORT, fields[1] == _TRANSIENT_LOCAL, kept)
+
+
+def ros_name(dds: str) -> str:
+    """sensor_msgs/msg/Imu of sensor_msgs::msg::dds_::Imu_; empty if it is no such name."""
+    parts = dds.split("::")
+    if len(parts) != 4 or parts[2] != "dds_" or not parts[3].endswith("_"):
+        return ""
+    return f"{parts[0]}/{parts[1]}/{parts[3][:-1]}"
+
+
+class Declarer(Protocol):
+    """What a node needs of the session."""
+
+    @property
+    def zid(self) -> str:
+        """Its identity on the network."""
+
+    def declare_token(self, key: str) -> Callable[[], None]:
+        """Declare a liveliness token, which lives until what this gives is called, or the session lost."""
+
+
+class Node:
+    """A node of ours in the graph: `name` is its name, "uuv1". Declares itself, and its endpoints when told to.
+
+    It is there until `leave`, or the session's end. A process that speaks for the node of another gives what `identity`
+    says there as `of`: it declares endpoints of that node, and no second node of the same name.
+    """
+
+    def __init__(self, session: Declarer, name: str, of: Identity | None = None) -> None:
+        self._session = session
+        self._withdraw: list[Callable[[], None]] = []
+        if of:
+            self._node, self._first = Entity("NN", f"/{name}", *of, of[1]), ELSEWHERE
+            return
+        number = next(_numbers)
+        self._node, self._first = Entity("NN", f"/{name}", session.zid, number, number), 0
+        self._declare(self._node)
+
+    @property
+    def identity(self) -> Identity:
+        """Which node it is."""
+        return self._node.session, self._node.node_id
+
+    def leave(self) -> None:
+        """Be there no more, nor its endpoints."""
+        for withdraw in self._withdraw:
+            withdraw()
+        self._withdraw.clear()
+
+    def publishes(self, topic: Topic, owner: str) -> None:
+        """It publishes this topic of the node `owner`, which may be itself."""
+        self._endpoint("MP", topic.full_name(owner), topic.type, topic.qos)
+
+    def subscribes(self, topic: Topic, owner: str) -> None:
+        """It subscribes to this topic of the node `owner`."""
+        self._endpoint("MS", topic.full_name(owner), topic.type, topic.qos)
+
+    def serves(self, name: str, type_name: str) -> None:
+        """It answers calls of the service of that whole name."""
+        self._endpoint("SS", name, type_name, SERVICE_QOS)
+
+    def calls(self, name: str, type_name: str) -> None:
+        """It calls that service."""
+        self._endpoint("SC", name, type_name, SERVICE_QOS)
+
+    def _endpoint(self, kind: Kind, name: str, type_name: str, qos: Qos) -> None:
+        ident = self._first + next(_numbers)
+        self._declare(
+            self._node._replace(
+                kind=kind, ident=ident, topic=name, type=type_name, type_hash=hash_of(type_name), qos=qos
+            )
+        )
+
+    def _declare(self, entity: Entity) -> None:
+        self._withdraw.append(self._session.declare_token(token(entity)))
+
+
+def _mangle(name: str) -> str:
+    return name.replace("/", "%")
+
+
+def _demangle(name: str) -> str:
+    return name.replace("%", "/")

@@ -1,0 +1,75 @@
+"""Topics and messages of a user's own sensors, made from their definitions."""
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any
+
+from hil.common.errors import ConfigError
+from hil.ros import encoders as ros
+from hil.ros import message as ros_message
+from hil.ros.topics import TOPICS, Topic
+from hil.ros.types import definition
+from sim.sensors.own import OwnKind, OwnSample
+
+if TYPE_CHECKING:
+    from sim.sensors.suite import SensorSet
+
+HEADER = "std_msgs/msg/Header"
+_NS_PER_S = 1_000_000_000
+_ours = frozenset(TOPICS)
+
+
+def announce(suite: "SensorSet", where: str) -> None:
+    """Let the topics of a suite's own sensors be known in this process. Raises ConfigError."""
+    for name, fitted in suite.items():
+        if isinstance(fitted.sensor, OwnKind):
+            place = f"{where}: {name}"
+            if name in _ours:
+                raise ConfigError(f"{place}: the topic {name!r} is taken: give the sensor another name")
+            kind = _whole(fitted.sensor.message, place)
+            TOPICS[name] = Topic(name, kind, fitted.model.rate, "data")
+            ros.introduce(name, _encoder(name, kind, place), _decoder(kind))
+
+
+def _whole(message: str, place: str) -> str:
+    """ "std_msgs/msg/Float64", also of "std_msgs/Float64"."""
+    package, _, last = message.rpartition("/")
+    whole = message if "/" in package else f"{package}/msg/{last}"
+    try:
+        definition(whole)
+    except ConfigError as error:
+        raise ConfigError(f"{place}: message: {error}") from None
+    return whole
+
+
+def _encoder(name: str, kind: str, place: str) -> ros.Encoder:
+    stamped = _has_header(kind)
+
+    def encode(sample: OwnSample, prefix: str) -> Iterable[tuple[str, bytes]]:
+        values = dict(sample.values)
+        if stamped and "header" not in values:
+            seconds, ns = divmod(sample.time_ns, _NS_PER_S)
+            values["header"] = {"stamp": {"sec": seconds, "nanosec": ns}, "frame_id": f"{prefix}{name}_link"}
+        try:
+            return [(name, ros_message.encode(kind, values))]
+        except ConfigError as error:
+            raise ConfigError(f"{place}: what it measures is no {error}") from None
+
+    return encode
+
+
+def _decoder(kind: str) -> ros.Decoder:
+    stamped = _has_header(kind)
+
+    def decode(data: bytes) -> OwnSample | None:
+        values = ros_message.decode(kind, data)
+        if values is None:
+            return None
+        stamp: dict[str, Any] = values["header"]["stamp"] if stamped else {"sec": 0, "nanosec": 0}
+        return OwnSample(stamp["sec"] * _NS_PER_S + stamp["nanosec"], values)
+
+    return decode
+
+
+def _has_header(kind: str) -> bool:
+    fields = definition(kind).fields
+    return bool(fields) and (fields[0].name, fields[0].type) == ("header", HEADER)

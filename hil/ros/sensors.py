@@ -1,0 +1,202 @@
+"""ROS 2 messages of all other sensors; frames and rules are those of hil.ros.encoders."""
+
+from collections.abc import Callable
+from math import isfinite, nan
+from struct import Struct
+
+from hil.ros import encoders as ros
+from hil.ros.cdr import HEADER, Layout, Reader, Writer, diagonal, tolerant
+from hil.ros.encoders import NO_DATA, pack_stamped, swap_body, swap_world, unpack_stamped
+from sim.sensors.extra_samples import (
+    BatterySample,
+    FieldSample,
+    FixSample,
+    FlagSample,
+    PositionSample,
+    RangeSample,
+    VelocitySample,
+)
+from sim.sensors.samples import Covariance, ImuSample
+
+# Constants of the messages.
+_NO_FIX, _FIX, _SERVICE_GPS = -1, 0, 1
+_COVARIANCE_UNKNOWN, _COVARIANCE_DIAGONAL_KNOWN = 0, 2
+_DISCHARGING, _NOT_CHARGING = 2, 3
+_GOOD, _DEAD = 1, 3
+_LITHIUM_ION = 2
+
+_BOOL = Layout("B")
+_FIELD = Layout("i I string 3d 72s")
+_FIX_LAYOUT = Layout("i I string b H 3d 72s B")
+_POSE = Layout("i I string 7d 288s")
+_TWIST = Layout("i I string 6d")
+_NINE = Struct("<9d")
+_THIRTY_SIX = Struct("<36d")
+
+
+def encode_bool(sample: FlagSample) -> bytes:
+    """std_msgs/Bool, which has no time."""
+    return _BOOL.struct().pack(HEADER, sample.on)
+
+
+@tolerant
+def decode_bool(data: bytes) -> bool:
+    """Return whether it is on."""
+    return bool(_BOOL.unpack(data)[1])
+
+
+def encode_distance(sample: RangeSample, frame: str = "altimeter_link", variance: float = 0.0) -> bytes:
+    """sensor_msgs/Range of one narrow sonar beam; +inf and -inf as in REP 117. `variance` in m²."""
+    return ros.pack_range(sample.time_ns, (frame,), 0, 0.0, *sample.limits, sample.distance, variance)
+
+
+@tolerant
+def decode_distance(data: bytes) -> RangeSample:
+    """Return the distance and the limits of the device, as the 32-bit numbers they travel as."""
+    time_ns, (_, _, near, far, distance) = unpack_stamped(ros.RANGE_HUMBLE, data)
+    return RangeSample(time_ns, distance, (near, far))
+
+
+def encode_field(
+    sample: FieldSample, frame: str = "magnetometer_link", variance: float = 0.0, z: float | None = None
+) -> bytes:
+    """sensor_msgs/MagneticField along FLU, in tesla. `variance` of each component in T², but `z` of the last."""
+    field = swap_body(sample.field)
+    return pack_stamped(_FIELD, sample.time_ns, (frame,), *field, diagonal(3, variance, 0.0, z))
+
+
+@tolerant
+def decode_field(data: bytes) -> FieldSample:
+    """Return the field along FRD; the covariance is left."""
+    time_ns, (x, y, z, _) = unpack_stamped(_FIELD, data)
+    return FieldSample(time_ns, swap_body((x, y, z)))
+
+
+def encode_velocity(sample: VelocitySample, frame: str = "current_meter_link") -> bytes:
+    """geometry_msgs/TwistStamped of a velocity along FLU; the angular part is always empty."""
+    return pack_stamped(_TWIST, sample.time_ns, (frame,), *swap_body(sample.velocity), 0.0, 0.0, 0.0)
+
+
+@tolerant
+def decode_velocity(data: bytes) -> VelocitySample:
+    """Return the linear velocity along FRD."""
+    time_ns, (u, v, w, _, _, _) = unpack_stamped(_TWIST, data)
+    return VelocitySample(time_ns, swap_body((u, v, w)))
+
+
+def encode_fix(sample: FixSample, frame: str = "gps_link") -> bytes:
+    """sensor_msgs/NavSatFix. Without a fix: status -1, position NaN and covariance unknown."""
+    horizontal, vertical = sample.variances if sample.fix else (0.0, 0.0)
+    covariance = _NINE.pack(horizontal, 0.0, 0.0, 0.0, horizontal, 0.0, 0.0, 0.0, vertical)
+    place = (sample.latitude, sample.longitude, sample.altitude) if sample.fix else (nan, nan, nan)
+    return pack_stamped(
+        _FIX_LAYOUT, sample.time_ns, (frame,),
+        _FIX if sample.fix else _NO_FIX, _SERVICE_GPS, *place, covariance,
+        _COVARIANCE_DIAGONAL_KNOWN if sample.fix else _COVARIANCE_UNKNOWN,
+    )  # fmt: skip
+
+
+@tolerant
+def decode_fix(data: bytes) -> FixSample:
+    """Return the fix, with the first and last variance of its covariance."""
+    time_ns, (status, _, latitude, longitude, altitude, covariance, _) = unpack_stamped(_FIX_LAYOUT, data)
+    values = _NINE.unpack(covariance)
+    fix = status >= _FIX and isfinite(latitude + longitude + altitude)
+    if not fix:
+        latitude = longitude = altitude = nan
+    return FixSample(time_ns, latitude, longitude, altitude, (values[0], values[8]), fix)
+
+
+def encode_position(sample: PositionSample, frame: str = "map") -> bytes:
+    """geometry_msgs/PoseWithCovarianceStamped of a position in the world `frame`.
+
+    Of the stamped messages with a position this is the one that has its covariance too, which filters want. The
+    orientation is not measured: it is level and east, and its variances are -1.
+    """
+    values = [0.0] * 36
+    for row in range(3):
+        values[6 * row : 6 * row + 3] = _swap_covariance(sample.covariance)[3 * row : 3 * row + 3]
+        values[7 * row + 21] = NO_DATA
+    place = swap_world(sample.position)
+    return pack_stamped(_POSE, sample.time_ns, (frame,), *place, 0.0, 0.0, 0.0, 1.0, _THIRTY_SIX.pack(*values))
+
+
+@tolerant
+def decode_position(data: bytes) -> PositionSample:
+    """Return the position, NED, with its covariance; the orientation is left."""
+    time_ns, (east, north, up, _, _, _, _, covariance) = unpack_stamped(_POSE, data)
+    a, b, c, _, _, _, d, e, f, _, _, _, g, h, i, *_ = _THIRTY_SIX.unpack(covariance)
+    return PositionSample(time_ns, swap_world((east, north, up)), _swap_covariance((a, b, c, d, e, f, g, h, i)))
+
+
+def _swap_covariance(of: Covariance) -> Covariance:
+    """Return a position's covariance, NED to ENU or back."""
+    xx, xy, xz, yx, yy, yz, zx, zy, zz = of
+    return yy, yx, -yz, xy, xx, -xz, -zy, -zx, zz
+
+
+def encode_battery(sample: BatterySample, frame: str = "battery_link") -> bytes:
+    """sensor_msgs/BatteryState: current is negative, as it discharges; health is "dead" once it has switched off."""
+    seconds, ns = divmod(sample.time_ns, 1_000_000_000)
+    fraction = sample.charge / sample.capacity
+    writer = Writer()
+    writer.numbers("i", seconds)
+    writer.numbers("I", ns)
+    writer.string(frame)
+    writer.numbers(
+        "f", sample.voltage, nan, -sample.current, sample.charge, sample.capacity, sample.capacity, fraction
+    )  # fmt: skip
+    status, health = (_NOT_CHARGING, _DEAD) if sample.cut_off else (_DISCHARGING, _GOOD)
+    writer.numbers("B", status, health, _LITHIUM_ION, True)
+    writer.numbers("I", 0, 0)  # cells: neither voltages nor temperatures
+    writer.string("")
+    writer.string("")
+    return bytes(writer.data)
+
+
+@tolerant
+def decode_battery(data: bytes) -> BatterySample:
+    """Return the battery; its cells, place and number are left."""
+    reader = Reader(data)
+    (seconds,), (ns,) = reader.numbers("i"), reader.numbers("I")
+    reader.string()
+    voltage, _, current, charge, capacity, _, _ = reader.numbers("f", 7)
+    _, health, _, _ = reader.numbers("B", 4)
+    for _ in range(2):
+        reader.numbers("f", reader.count())
+    for _ in range(2):
+        reader.string()
+    return BatterySample(seconds * 1_000_000_000 + ns, voltage, -current, charge, capacity, health == _DEAD)
+
+
+def _framed(topic: str, encode: Callable[..., bytes]) -> ros.Encoder:
+    """Return the encoder of a topic whose frame is called like it."""
+    return lambda sample, prefix, *variances: [(topic, encode(sample, f"{prefix}{topic}_link", *variances))]
+
+
+def _encode_ahrs(sample: ImuSample, prefix: str, *variances: float) -> ros.Encoded:
+    return [("ahrs", ros.encode_imu(sample, f"{prefix}ahrs_link", *([variances] if variances else [])))]
+
+
+ENCODERS: dict[str, ros.Encoder] = {
+    "ahrs": _encode_ahrs,
+    "altimeter": _framed("altimeter", encode_distance),
+    "battery": _framed("battery", encode_battery),
+    "contact": lambda sample, _: [("contact", encode_bool(sample))],
+    "current_meter": _framed("current_meter", encode_velocity),
+    "gps": _framed("gps", encode_fix),
+    "leak": lambda sample, _: [("leak", encode_bool(sample))],
+    "magnetometer": _framed("magnetometer", encode_field),
+    "usbl": lambda sample, _: [("usbl", encode_position(sample))],
+}
+DECODERS: dict[str, ros.Decoder] = {
+    "ahrs": ros.decode_imu,
+    "altimeter": decode_distance,
+    "battery": decode_battery,
+    "contact": decode_bool,
+    "current_meter": decode_velocity,
+    "gps": decode_fix,
+    "leak": decode_bool,
+    "magnetometer": decode_field,
+    "usbl": decode_position,
+}

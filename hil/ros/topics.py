@@ -1,0 +1,147 @@
+"""Table of topics, one row each. Keys, codecs, priorities and the recorder derive from it."""
+
+from typing import Literal, NamedTuple
+
+from hil.ros import dialect
+
+Priority = Literal["real_time", "data", "background"]
+
+
+class Qos(NamedTuple):
+    """Quality of service, as ROS 2 calls it. Whoever comes late to a `latched` topic gets its last messages."""
+
+    reliable: bool = True
+    latched: bool = False
+    depth: int = 10
+
+
+class Topic(NamedTuple):
+    """A stream between slave and master.
+
+    `name` is that below the node's, or with a leading slash the same for all nodes. `type` is the ROS 2 message type;
+    `rate_hz` the nominal rate (0: on events); `priority` the place in the network's queues; `express` sends at once
+    instead of in batches, which only commands are worth. `qos` is what ROS 2 is told (REP 2003: sensors are reliable).
+    """
+
+    name: str
+    type: str
+    rate_hz: float
+    priority: Priority
+    express: bool = False
+    from_master: bool = False
+    qos: Qos = Qos()
+
+    def full_name(self, node: str) -> str:
+        """Return what ROS calls the topic of that node."""
+        return self.name if self.name.startswith("/") else f"/{node}/{self.name}"
+
+
+TOPICS = {
+    topic.name: topic
+    for topic in (
+        Topic("cmd_vel", "geometry_msgs/msg/Twist", 20, "real_time", express=True, from_master=True),
+        Topic("cmd_depth", "std_msgs/msg/Float64", 20, "real_time", express=True, from_master=True),
+        Topic("cmd_heading", "std_msgs/msg/Float64", 20, "real_time", express=True, from_master=True),
+        Topic("cmd_pose", "geometry_msgs/msg/PoseStamped", 20, "real_time", express=True, from_master=True),
+        Topic("cmd_wrench", "geometry_msgs/msg/WrenchStamped", 20, "real_time", express=True, from_master=True),
+        Topic("cmd_thrusters", "std_msgs/msg/Float64MultiArray", 20, "real_time", express=True, from_master=True),
+        Topic("trace", "std_msgs/msg/Int64MultiArray", 20, "real_time"),
+        Topic("imu", "sensor_msgs/msg/Imu", 100, "data"),
+        Topic("dvl", "marine_acoustic_msgs/msg/Dvl", 8, "data"),
+        Topic("dvl_twist", "geometry_msgs/msg/TwistWithCovarianceStamped", 8, "data"),
+        Topic("altitude", "sensor_msgs/msg/Range", 8, "data"),
+        Topic("pressure", "sensor_msgs/msg/FluidPressure", 20, "data"),
+        Topic("odom", "nav_msgs/msg/Odometry", 20, "data"),
+        Topic("ground_truth", "nav_msgs/msg/Odometry", 20, "data"),
+        Topic("ahrs", "sensor_msgs/msg/Imu", 100, "data"),
+        Topic("altimeter", "sensor_msgs/msg/Range", 10, "data"),
+        Topic("battery", "sensor_msgs/msg/BatteryState", 1, "data"),
+        Topic("contact", "std_msgs/msg/Bool", 20, "data"),
+        Topic("current_meter", "geometry_msgs/msg/TwistStamped", 4, "data"),
+        Topic("dvl_water", "marine_acoustic_msgs/msg/Dvl", 8, "data"),
+        Topic("gps", "sensor_msgs/msg/NavSatFix", 1, "data"),
+        Topic("laser", "sensor_msgs/msg/LaserScan", 10, "data"),
+        Topic("profiler", "sensor_msgs/msg/LaserScan", 5, "data"),
+        Topic("scanning_sonar", "sensor_msgs/msg/LaserScan", 11, "data"),
+        Topic("echosounder", "sensor_msgs/msg/Range", 10, "data"),
+        Topic("leak", "std_msgs/msg/Bool", 1, "data"),
+        Topic("magnetometer", "sensor_msgs/msg/MagneticField", 50, "data"),
+        Topic("usbl", "geometry_msgs/msg/PoseWithCovarianceStamped", 1, "data"),
+        Topic("camera/image_raw", "sensor_msgs/msg/Image", 5, "background"),
+        Topic("camera/image_raw/compressed", "sensor_msgs/msg/CompressedImage", 5, "background"),
+        Topic("camera/camera_info", "sensor_msgs/msg/CameraInfo", 5, "background"),
+        Topic("camera/depth/image_raw", "sensor_msgs/msg/Image", 5, "background"),
+        Topic("camera/depth/camera_info", "sensor_msgs/msg/CameraInfo", 5, "background"),
+        Topic("camera/depth/points", "sensor_msgs/msg/PointCloud2", 5, "background"),
+        Topic("camera/labels", "sensor_msgs/msg/Image", 5, "background"),
+        Topic("forward_sonar/image", "marine_acoustic_msgs/msg/ProjectedSonarImage", 5, "background"),
+        Topic("side_scan/image", "marine_acoustic_msgs/msg/RawSonarImage", 5, "background"),
+        Topic("thruster_wrench", "geometry_msgs/msg/WrenchStamped", 10, "data"),
+        Topic(
+            "formation", "trajectory_msgs/msg/MultiDOFJointTrajectoryPoint", 10, "data", express=True, from_master=True
+        ),
+        Topic("modem_tx", "std_msgs/msg/UInt8MultiArray", 1, "data", from_master=True),
+        Topic("modem_rx", "std_msgs/msg/UInt8MultiArray", 3, "data", from_master=True),
+        Topic("modem_range", "sensor_msgs/msg/Range", 3, "data", from_master=True),
+        Topic("diagnostics", "diagnostic_msgs/msg/DiagnosticArray", 1, "background"),
+        Topic("/tf", "tf2_msgs/msg/TFMessage", 20, "data", qos=Qos(depth=100)),
+        Topic("/tf_static", "tf2_msgs/msg/TFMessage", 0, "data", qos=Qos(latched=True, depth=1)),
+        Topic("/clock", "rosgraph_msgs/msg/Clock", 20, "data", qos=Qos(reliable=False, depth=1)),
+    )
+}
+
+ALL = "*"  # the topics of a node, but for pictures
+COMMANDS = tuple([name for name in TOPICS if name.startswith("cmd_")])  # what a vehicle obeys
+
+# REP 2016 hashes of the definitions in ROS 2 Jazzy; Humble's are the same but for Range, which had no variance.
+TYPE_HASHES = {
+    "geometry_msgs/msg/Twist": "RIHS01_9c45bf16fe0983d80e3cfe750d6835843d265a9a6c46bd2e609fcddde6fb8d2a",
+    "geometry_msgs/msg/TwistWithCovarianceStamped": (
+        "RIHS01_77b67434531e6529b7a0091357b186b6ebdb17fd9ffd3e0c7ce9d3fb11a44563"
+    ),
+    "sensor_msgs/msg/Imu": "RIHS01_7d9a00ff131080897a5ec7e26e315954b8eae3353c3f995c55faf71574000b5b",
+    "sensor_msgs/msg/FluidPressure": "RIHS01_22dfb2b145a0bd5a31a1ac3882a1b32148b51d9b2f3bab250290d66f3595bc32",
+    "sensor_msgs/msg/LaserScan": "RIHS01_64c191398013af96509d518dac71d5164f9382553fce5c1f8cca5be7924bd828",
+    "sensor_msgs/msg/Range": "RIHS01_b42b62562e93cbfe9d42b82fe5994dfa3d63d7d5c90a317981703f7388adff3a",
+    "nav_msgs/msg/Odometry": "RIHS01_3cc97dc7fb7502f8714462c526d369e35b603cfc34d946e3f2eda2766dfec6e0",
+    "std_msgs/msg/Int64MultiArray": "RIHS01_e60f9fe34d697f0939ad49d33158693c1277fbac0e2f04b7c2995dc21c89b422",
+    "std_msgs/msg/Float64": "RIHS01_705ba9c3d1a09df43737eb67095534de36fd426c0587779bda2bc51fe790182a",
+    "std_msgs/msg/Float64MultiArray": "RIHS01_1025ddc6b9552d191f89ef1a8d2f60f3d373e28b283d8891ddcc974e8c55397f",
+    "geometry_msgs/msg/PoseStamped": "RIHS01_10f3786d7d40fd2b54367835614bff85d4ad3b5dab62bf8bca0cc232d73b4cd8",
+    "diagnostic_msgs/msg/DiagnosticArray": "RIHS01_5a8a36efb05fb25070fa0fb3810290c0e6cd4862b54a8fb975a1ee8dc55a333e",
+    "std_msgs/msg/Bool": "RIHS01_feb91e995ff9ebd09c0cb3d2aed18b11077585839fb5db80193b62d74528f6c9",
+    "sensor_msgs/msg/NavSatFix": "RIHS01_62223ab3fe210a15976021da7afddc9e200dc9ec75231c1b6a557fc598a65404",
+    "sensor_msgs/msg/MagneticField": "RIHS01_e80f32f56a20486c9923008fc1a1db07bbb273cbbf6a5b3bfa00835ee00e4dff",
+    "geometry_msgs/msg/PoseWithCovarianceStamped": (
+        "RIHS01_26432f9803e43727d3c8f668d1fdb3c630f548af631e2f4e31382371bfea3b6e"
+    ),
+    "sensor_msgs/msg/BatteryState": "RIHS01_4bee5dfce981c98faa6828b868307a0a73f992ed0789f374ee96c8f840e69741",
+    "geometry_msgs/msg/TwistStamped": "RIHS01_5f0fcd4f81d5d06ad9b4c4c63e3ea51b82d6ae4d0558f1d475229b1121db6f64",
+    "geometry_msgs/msg/WrenchStamped": "RIHS01_8dc3deaf06b2ab281f9f9a742a8961c328ca7cec16e3fd6586d3a5c83fa78f77",
+    "marine_acoustic_msgs/msg/Dvl": "RIHS01_77604ba1b113d1a39148d095ac2cb21540de83cff2bbc5443e06e25208afd421",
+    "tf2_msgs/msg/TFMessage": "RIHS01_e369d0f05a23ae52508854b66f6aa0437f3449d652e8cbf22d5abe85d020f087",
+    "trajectory_msgs/msg/MultiDOFJointTrajectoryPoint": (
+        "RIHS01_6ada1085b5ee64eaa069b074968e69f0e27c8c5e6f5bb0586dd1c834ef0e32b8"
+    ),
+    "rosgraph_msgs/msg/Clock": "RIHS01_692f7a66e93a3c83e71765d033b60349ba68023a8c689a79e48078bcb5c58564",
+}
+
+
+def is_picture(topic: str) -> bool:
+    """Whether a node's topic has pictures: its name has parts, so that who asks for all topics is spared them."""
+    return "/" in topic[1:]
+
+
+def hash_of(type_name: str) -> str:
+    """Return the hash of any type there is, as the release of ROS has it.
+
+    Raises ConfigError for one that is not known.
+    """
+    if dialect.is_humble():
+        return dialect.NO_HASH
+    found = TYPE_HASHES.get(type_name)
+    if found is None:
+        from hil.ros import types  # what the vehicle says stands above
+
+        found = types.type_hash(type_name)
+    return found

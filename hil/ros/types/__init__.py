@@ -1,0 +1,117 @@
+"""Message and service definitions of ROS 2 as data, one file a package, read on first use.
+
+A file holds one block a type: a line `=== NAME HASH`, then the definition as ROS writes it in .msg and .srv
+files, without its comments. HASH is that of REP 2016 (RIHS01), which stands in every key of the type.
+"""
+
+import os
+from functools import cache
+from typing import NamedTuple
+
+from hil.common.errors import ConfigError
+
+_FOLDER = os.path.dirname(__file__)
+_RULE = "=" * 80  # between a type and those it is made of, in ROS's own concatenated definitions
+PRIMITIVES = {
+    "bool": "?", "byte": "B", "char": "B", "int8": "b", "uint8": "B", "int16": "h", "uint16": "H", "int32": "i",
+    "uint32": "I", "int64": "q", "uint64": "Q", "float32": "f", "float64": "d", "string": "",
+}  # fmt: skip
+
+
+class Field(NamedTuple):
+    """One field: `type` a primitive or the full name of a message; `length` of an array, 0 of a sequence, else None.
+
+    `default` is what it is if nothing is said, where that is not 0; `most` the length of a bounded sequence, else 0.
+    """
+
+    name: str
+    type: str
+    length: int | None
+    default: float = 0.0
+    most: int = 0
+
+
+class Definition(NamedTuple):
+    """One message, or one half of a service. `type_hash` is empty for the latter; `text` its definition."""
+
+    name: str
+    type_hash: str
+    fields: tuple[Field, ...]
+    text: str
+
+
+def names() -> list[str]:
+    """Return all messages and services there are, sorted."""
+    packages = [file.removesuffix(".msg") for file in os.listdir(_FOLDER) if file.endswith(".msg")]
+    return sorted(name for package in packages for name in _package(package))
+
+
+def type_hash(name: str) -> str:
+    """Return the hash of a message or service, "RIHS01_...". Raises ConfigError for one that is not here."""
+    return _block(name)[0]
+
+
+@cache
+def definition(name: str) -> Definition:
+    """Return the definition of a message, or of "PACKAGE/srv/NAME_Request" or "_Response". Raises ConfigError."""
+    service, _, half = name.rpartition("_")
+    if "/srv/" in name and half in ("Request", "Response"):
+        text = _block(service)[1].split("---\n")[half == "Response"]
+        return Definition(name, "", _fields(name, text), text)
+    found, text = _block(name)
+    return Definition(name, found, _fields(name, text), text)
+
+
+def full_text(name: str) -> str:
+    """Return the definition with those of all messages in it, as rosbag and MCAP keep it ("ros2msg").
+
+    Raises ConfigError.
+    """
+    parts, seen, waiting = [definition(name).text], {name}, [name]
+    while waiting:
+        for field in definition(waiting.pop(0)).fields:
+            if field.type not in PRIMITIVES and field.type not in seen:
+                seen.add(field.type)
+                waiting.append(field.type)
+                parts.append(f"{_RULE}\nMSG: {field.type.replace('/msg/', '/')}\n{definition(field.type).text}")
+    return "".join(parts)
+
+
+def _block(name: str) -> tuple[str, str]:
+    blocks = _package(name.partition("/")[0])
+    if name in blocks:
+        return blocks[name]
+    from hil.common.schema import nearest
+
+    raise ConfigError(f"no message type {name!r} is known here{nearest(name, list(blocks) or names())}")
+
+
+@cache
+def _package(package: str) -> dict[str, tuple[str, str]]:
+    """By type its hash and text."""
+    path = os.path.join(_FOLDER, f"{package}.msg")
+    if not package.isidentifier() or not os.path.exists(path):
+        return {}
+    with open(path, encoding="utf-8") as file:
+        blocks = file.read().split("=== ")[1:]
+    found = {}
+    for block in blocks:
+        head, _, text = block.partition("\n")
+        name, _, digest = head.partition(" ")
+        found[name] = (digest, text)
+    return found
+
+
+def _fields(owner: str, text: str) -> tuple[Field, ...]:
+    lines = [line.split() for line in text.splitlines() if line and "=" not in line.replace("<=", "")]
+    return tuple([_field(owner, *words) for words in lines])
+
+
+def _field(owner: str, kind: str, name: str, default: str = "0") -> Field:
+    base, _, count = kind.removesuffix("]").partition("[")
+    if base not in PRIMITIVES:
+        package, _, last = base.rpartition("/")
+        base = f"{package or owner.partition('/')[0]}/msg/{last}"
+    if count.startswith("<="):
+        return Field(name, base, 0, float(default), int(count[2:]))
+    return Field(name, base, int(count or 0) if kind.endswith("]") else None, float(default))

@@ -1,1 +1,0 @@
-"""The network: zenoh sessions, ROS 2 names, CDR."""
