@@ -1,1 +1,4 @@
-"""The planner's side: the client of a vehicle, and the planner process."""
+"""The planner process: missions, path following, obstacle avoidance, tasks, agents of a fleet.
+
+Public: `hil.master.planner` is what a planner is, `hil.master.mission` flies one. It must not know thruster links.
+"""

@@ -1,43 +1,46 @@
-"""The planner of one vehicle of a fleet as a process: it commands its own vehicle and talks with its neighbours'.
+"""Run the planner of one vehicle of a fleet: command the vehicle, exchange reports with its neighbours.
 
 No other process leads it: what it knows of the others is what their planners say on the topic `formation`, or what
 the modem of a scenario that has one lets through of it; `formation` is then for those who look on.
 """
 
 import select
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
-from hil.autonomy.control import VelocityCommand
-from hil.clock import NS_PER_S, RateKeeper, now_ns, seconds_ns, to_wall_ns
-from hil.config import Scenario
-from hil.errors import ConfigError, NetworkError
-from hil.fleet import hunting_of, member_number
-from hil.master.client import VehicleClient
+from hil.autonomy.control.controller import VelocityCommand
+from hil.client.client import VehicleClient
+from hil.common.clock import NS_PER_S, RateKeeper, now_ns, seconds_ns, to_wall_ns
+from hil.common.errors import ConfigError, MissionError, NetworkError
 from hil.master.flight import held
 from hil.master.hunt import HuntPlanner
-from hil.topics import TOPICS
-from hil.transport.graph import Node
-from hil.transport.publisher import Publisher
-from hil.transport.roles import meet
-from hil.transport.session import Session
+from hil.network.publisher import Publisher
+from hil.network.roles import open_peer_session
+from hil.network.session import Session
+from hil.ros.graph import Node
+from hil.ros.topics import TOPICS
+from hil.scenario.config import Scenario
+from hil.scenario.fleet import hunting_of, member_number
+from sim.run_events import EventLog, RunEvent, RunMonitor, merge_events, place_text
+from sim.vehicle.vehicle import load_vehicle
 
 if TYPE_CHECKING:
-    from hil.master.modem_voice import ModemVoice
+    from hil.master.modem_port import ModemPort
 
 REPORTS = TOPICS["formation"]
 QUEUE = 8  # reports of one neighbour that may wait for the reader
-GONE_AFTER_S = 1.0
+LOST_AFTER_S = 1.0
 GIVE_UP_AFTER_S = 10.0
-NOTE_PERIOD_S = 5.0
+REPORT_PERIOD_S = 5.0
 
-Say = Callable[[str], None]
+Report = Callable[[str], None]
 
 
-def run(scenario: Scenario, which: str, stop_fd: int, say: Say, wait: float = 60.0) -> None:
+def run(scenario: Scenario, which: str, stop_fd: int, report: Report, wait: float = 60.0) -> None:
     """Be the planner of the member `which` until `stop_fd` becomes readable.
 
-    Waits up to `wait` s for the vehicle. Raises ConfigError, MissionError, NetworkError.
+    Waits up to `wait` s for the vehicle. Raises ConfigError, NetworkError, and MissionError if something of
+    sim/run_events.py befell the vehicle that the scenario does not allow.
     """
     if scenario.security:
         raise ConfigError(f"{scenario.path}: planners of a fleet have no [security] yet: leave it out")
@@ -45,44 +48,51 @@ def run(scenario: Scenario, which: str, stop_fd: int, say: Say, wait: float = 60
     me, others = scenario.member[number], scenario.member[:number]
     planner = HuntPlanner(scenario, number)
     network = scenario.network
-    with meet(me.agent, me.listen, *(other.agent for other in others), network=network) as session:
+    faults: list[RunEvent] = []
+    with open_peer_session(me.agent, me.listen, *(other.agent for other in others), network=network) as session:
         began = now_ns()
-        voice = _voice(session, scenario, number, planner, began)
-        _listen(session, scenario, me.node, planner, began)
-        with VehicleClient(session, me.node, network=network, report=say, topics=("odom", *planner.listens)) as client:
-            say(f"{me.node}: planning, heard at {me.agent}")
+        modem = _modem(session, scenario, number, planner, began)
+        _subscribe_reports(session, scenario, me.node, planner, began)
+        with VehicleClient(
+            session, me.node, network=network, report=report, topics=("odom", *planner.subscriptions)
+        ) as client:
+            report(f"{me.node}: planning, reports at {me.agent}")
             if _wait(client, stop_fd, wait):
-                _Agent(scenario, planner, client, session.publisher(me.node, REPORTS), began, say, voice).lead(stop_fd)
-    say(f"reports: {planner.heard} heard, {planner.beyond} from out of range, {planner.malformed} malformed")
+                agent = _Agent(scenario, planner, client, session.publisher(me.node, REPORTS), began, report, modem)
+                agent.run(stop_fd)
+                faults = agent.report_events()
+    report(f"reports: {planner.received} heard, {planner.beyond} from out of range, {planner.malformed} malformed")
+    if faults:
+        raise MissionError(f"{me.node}: {faults[0].describe()}" + (f", and {len(faults) - 1} more" * (len(faults) > 1)))
 
 
-def _listen(session: Session, scenario: Scenario, own: str, planner: HuntPlanner, began: int) -> None:
+def _subscribe_reports(session: Session, scenario: Scenario, own: str, planner: HuntPlanner, began: int) -> None:
     """Let the planner hear all others, but for those with modems, and ROS see who says what to whom."""
     graph = Node(session, f"{own}_agent")
     graph.publishes(REPORTS, own)
     if scenario.modem:
         return
 
-    def hears(node: str) -> Callable[[str, bytes, bytes], None]:
-        return lambda _topic, payload, _attachment: planner.hear(node, payload, (now_ns() - began) / NS_PER_S)
+    def receive_from(node: str) -> Callable[[str, bytes, bytes], None]:
+        return lambda _topic, payload, _attachment: planner.on_report(node, payload, (now_ns() - began) / NS_PER_S)
 
     for member in scenario.member:
         if member.node != own:
             graph.subscribes(REPORTS, member.node)
-            session.subscribe(member.node, REPORTS.name, hears(member.node), QUEUE)
+            session.subscribe(member.node, REPORTS.name, receive_from(member.node), QUEUE)
 
 
-def _voice(session: Session, scenario: Scenario, number: int, planner: HuntPlanner, began: int) -> "ModemVoice | None":
-    """Its modem, None without one."""
+def _modem(session: Session, scenario: Scenario, number: int, planner: HuntPlanner, began: int) -> "ModemPort | None":
+    """Return its modem, None without one."""
     if not scenario.modem:
         return None
-    from hil.master.modem_voice import ModemVoice  # most fleets talk over the network
+    from hil.master.modem_port import ModemPort  # most fleets talk over the network
 
-    return ModemVoice(session, scenario, number, planner, began)
+    return ModemPort(session, scenario, number, planner, began)
 
 
 def _wait(client: VehicleClient, stop_fd: int, seconds: float) -> bool:
-    """Until there is odometry; False when told to stop. Raises NetworkError when none comes."""
+    """Wait for odometry; return False when told to stop. Raises NetworkError when none arrives."""
     deadline = now_ns() + seconds_ns(seconds)
     while "odom" not in client.latest:
         if select.select((stop_fd,), (), (), 0.02)[0]:
@@ -96,7 +106,7 @@ def _wait(client: VehicleClient, stop_fd: int, seconds: float) -> bool:
 
 
 class _Agent:
-    """Commands and reports, each at its own rate."""
+    """Send commands and reports, each at its own rate."""
 
     def __init__(
         self,
@@ -105,26 +115,39 @@ class _Agent:
         client: VehicleClient,
         reports: Publisher,
         began: int,
-        say: Say,
-        voice: "ModemVoice | None",
+        report: Report,
+        modem: "ModemPort | None",
     ) -> None:
-        self._voice = voice
+        self._modem = modem
         self._planner = planner
         self._client = client
         self._reports = reports
         self._began = began
-        self._say = say
+        self._report = report
         now = now_ns()
         self._commands_due = RateKeeper(seconds_ns(scenario.master.command_period), now)
         self._reports_due = RateKeeper(seconds_ns(hunting_of(scenario).report_period), now)
-        self._notes_due = RateKeeper(seconds_ns(NOTE_PERIOD_S), now)
-        self._silent = False
+        self._progress_due = RateKeeper(seconds_ns(REPORT_PERIOD_S), now)
+        self._is_silent = False
+        vehicle, _ = load_vehicle(scenario.vehicle)
+        self._allow = scenario.master.allow
+        self._place: Sequence[float] = (0.0, 0.0, 0.0)
+        self._monitor = RunMonitor(
+            EventLog(), vehicle.capsize_tilt, 0.5 * vehicle.dimensions[2], scenario.master.depth_margin
+        )
 
-    def lead(self, stop_fd: int) -> None:
+    def report_events(self) -> list[RunEvent]:
+        """Report what happened to the vehicle, and return the events that the scenario does not allow."""
+        events = merge_events(self._client.run_events(self._began), self._monitor.log.events())
+        for event in events:
+            self._report(f"{'expected' if event.kind in self._allow else 'EVENT'}: {event.describe()}")
+        return [event for event in events if event.kind not in self._allow]
+
+    def run(self, stop_fd: int) -> None:
         """Until `stop_fd` becomes readable; then the vehicle is told to stand still."""
         while True:
             due = min(self._commands_due.deadline_ns, self._reports_due.deadline_ns)
-            due = min(due, self._voice.deadline_ns) if self._voice else due
+            due = min(due, self._modem.deadline_ns) if self._modem else due
             if select.select((stop_fd,), (), (), max(due - now_ns(), 0) / NS_PER_S)[0]:
                 self._client.command(VelocityCommand())
                 return
@@ -133,27 +156,39 @@ class _Agent:
                 self._command((now - self._began) / NS_PER_S)
             if self._reports_due.due(now) and (report := self._planner.report()):
                 self._reports.put(report, to_wall_ns(now))
-            if self._voice:
-                self._voice.speak()
+            if self._modem:
+                self._modem.send_report()
 
     def _command(self, time: float) -> None:
         odometry = self._client.latest["odom"]
-        if self._is_gone(odometry.age_s):
+        if self._is_lost(odometry.age_s):
             return
-        refusal = self._client.refusal()
+        refusal = self._client.unavailable_reason()
         if refusal:
             raise NetworkError(refusal)
         command = self._planner.command(time, {"odom": odometry.value})
         assert isinstance(command, VelocityCommand)
+        seen = odometry.value
+        self._place = seen.position
+        self._monitor.observe(seconds_ns(time), seen.position, seen.orientation, command.depth)
+        for event in self._monitor.log.fresh():
+            self._report(f"{time:6.1f} s  {event.name}, at {place_text(event.place)}")
         self._client.command(held(command, odometry.value))
-        if self._notes_due.due(now_ns()):
-            self._say(f"{time:6.1f} s  {self._planner.progress:4.0%} of the plan, {self._planner.note}")
+        if self._progress_due.due(now_ns()):
+            self._report(f"{time:6.1f} s  {self._planner.progress:4.0%} of the plan, {self._planner.status}")
 
-    def _is_gone(self, age_s: float) -> bool:
-        """Whether the vehicle says nothing; then the plan's clock stands. Raises NetworkError if it stays away."""
+    def _is_lost(self, age_s: float) -> bool:
+        """Return whether the vehicle says nothing; then the plan's clock stands.
+
+        Raises NetworkError if it stays away.
+        """
         if age_s > GIVE_UP_AFTER_S:
             raise NetworkError(f"{self._client.node} at {self._client.endpoint} is gone for {age_s:.0f} s")
-        if age_s > GONE_AFTER_S and not self._silent:
-            self._say(f"no word from the vehicle for {age_s:.1f} s, waiting for it")
-        self._silent = age_s > GONE_AFTER_S
-        return self._silent
+        if age_s > LOST_AFTER_S and not self._is_silent:
+            self._report(f"no word from the vehicle for {age_s:.1f} s, waiting for it")
+        self._is_silent = age_s > LOST_AFTER_S
+        if self._is_silent:
+            now = now_ns() - self._began
+            what = f"no word from {self._client.node}"
+            self._monitor.log.hold("link_lost", max(now - seconds_ns(age_s), 0), now, self._place, what)
+        return self._is_silent

@@ -1,4 +1,4 @@
-"""A* on what the map shows, VFH+ round what the scan shows: the source paper's path planning.
+"""Plan with A* on the map and steer with VFH+ by the scan (Zhang et al. 2022).
 
     [planner]
     class = "hil.master.avoid:Avoid"
@@ -13,16 +13,16 @@ The scan also goes into the map; when something on the way comes to light, the r
 from math import hypot
 from typing import Annotated, Any, Literal, NamedTuple
 
-from hil.autonomy.any_angle import plan_any_angle
-from hil.autonomy.astar import plan
-from hil.autonomy.control import VelocityCommand, heading_of
-from hil.autonomy.dstar import DStarLite
-from hil.autonomy.guide import Guide, GuideSettings, Search
-from hil.autonomy.occupancy import OccupancyGrid, Point
-from hil.autonomy.vfh import Scan, VfhSettings
+from hil.autonomy.control.controller import VelocityCommand, heading_of
+from hil.autonomy.paths.any_angle import plan_any_angle
+from hil.autonomy.paths.astar import plan
+from hil.autonomy.paths.dstar import DStarLite
+from hil.autonomy.paths.guide import Guide, GuideSettings, Search
+from hil.autonomy.paths.occupancy import OccupancyGrid, Point
+from hil.autonomy.paths.vfh import Scan, VfhSettings
+from hil.common.schema import Range, parse
 from hil.master.follow import goal_of
-from hil.master.planner import Brief, Done, Planner, Samples
-from hil.schema import Range, parse
+from hil.master.planner import Done, Planner, PlanRequest, Samples
 
 _NS_PER_S = 1_000_000_000
 _BLIND_AFTER_NS = _NS_PER_S  # without a scan for so long it stops
@@ -42,9 +42,9 @@ class AvoidSettings(NamedTuple):
 
 
 class Sight:
-    """The planner's eye and legs: a way to one goal after another, on one map that grows by what is seen."""
+    """Path planning and obstacle avoidance to one goal after another, on one map that grows with each scan."""
 
-    def __init__(self, settings: AvoidSettings, vfh: dict[str, Any], brief: Brief) -> None:
+    def __init__(self, settings: AvoidSettings, vfh: dict[str, Any], brief: PlanRequest) -> None:
         length, width = brief.vehicle.dimensions[:2]
         radius, master = hypot(length, width) / 2, brief.master
         self._topic = settings.scan
@@ -64,7 +64,7 @@ class Sight:
         self.guide: Guide | None = None
         self.plans = 0
 
-    def go(self, here: Point, goal: Point) -> None:
+    def begin(self, here: Point, goal: Point) -> None:
         """From here to another goal (m north, m east). Raises MissionError if the map shows no way."""
         if self.guide:
             self._map = self.guide.map.grid
@@ -72,7 +72,7 @@ class Sight:
         self._command = VelocityCommand()
 
     def command(self, samples: Samples) -> VelocityCommand:
-        """The command by the newest scan; standstill without one."""
+        """Return the command by the newest scan; standstill without one."""
         odometry, scan = samples["odom"], samples.get(self._topic)
         if self.guide is None or scan is None or odometry.time_ns - scan.time_ns > _BLIND_AFTER_NS:
             return VelocityCommand(depth=self._depth)
@@ -84,18 +84,18 @@ class Sight:
 
 
 class Avoid(Planner):
-    """To the scenario's goal. `[planner.vfh]` has the keys of hil.autonomy.vfh.VfhSettings but for the radius."""
+    """To the scenario's goal. `[planner.vfh]` has the keys of hil.autonomy.paths.vfh.VfhSettings but for the radius."""
 
     def __init__(self, vfh: dict[str, Any] | None = None, **keys: Any) -> None:
         self._settings = parse(keys, AvoidSettings, "Avoid")
-        self.listens = (self._settings.scan,)
+        self.subscriptions = (self._settings.scan,)
         self._vfh = vfh or {}
         self._stuck_since: float | None = None
 
-    def begin(self, brief: Brief) -> None:
+    def begin(self, brief: PlanRequest) -> None:
         """Plan the way. Raises MissionError, ConfigError."""
         self._sight = Sight(self._settings, self._vfh, brief)
-        self._sight.go((brief.start.north, brief.start.east), goal_of(brief))
+        self._sight.begin((brief.start.north, brief.start.east), goal_of(brief))
         self._follow()
 
     def command(self, time: float, samples: Samples) -> VelocityCommand | Done:
@@ -113,5 +113,5 @@ class Avoid(Planner):
         guide = self._sight.guide
         assert guide is not None, "begin gave it a goal"
         self.path, self.progress = guide.path, guide.progress
-        self.note = f"plan {guide.plans}" + (f", stuck: {guide.stuck}" if guide.stuck else "")
+        self.status = f"plan {guide.plans}" + (f", stuck: {guide.stuck}" if guide.stuck else "")
         return guide

@@ -1,4 +1,4 @@
-"""One planner leading one vehicle, in the simulation or over the network, and the account of how it went."""
+"""Run one planner with one vehicle, simulated or over the network, and account for the result."""
 
 import time
 from collections.abc import Sequence
@@ -6,28 +6,39 @@ from itertools import pairwise
 from math import dist, hypot, inf, isfinite, nan
 from typing import NamedTuple
 
-from hil.autonomy.astar import path_length
-from hil.autonomy.control import HoldGains, Navigation, VelocityCommand, clamp, heading_of, heave_for_depth, wrap
-from hil.config import Scenario
-from hil.errors import MissionError
+from hil.autonomy.control.controller import (
+    HoldGains,
+    Navigation,
+    VelocityCommand,
+    clamp,
+    heading_of,
+    heave_for_depth,
+    wrap,
+)
+from hil.autonomy.paths.astar import path_length
+from hil.common.clock import seconds_ns
+from hil.common.errors import MissionError
 from hil.master.follow import Follow
-from hil.master.planner import Brief, Done, Planner, Point, Samples
+from hil.master.planner import Done, Planner, PlanRequest, Point, Samples
 from hil.master.world_map import known_map
-from hil.topics import ALL
+from hil.ros.topics import ALL
+from hil.scenario.config import Scenario
+from sim.environment.world import World, load_world
+from sim.run_events import EventKind, EventLog, RunEvent, RunMonitor, merge_events
 from sim.sensors.samples import OdometrySample
-from sim.vehicle import Vehicle, load_vehicle
-from sim.world import World, load_world
+from sim.vehicle.vehicle import Vehicle, load_vehicle
 
 DEPTH_HOLD = HoldGains(p=0.8, limit=0.4)
 RELIEF_WITHIN_M = 50.0
 HEADING_HOLD = HoldGains(p=1.0, limit=0.5)
+MOST_NAMED = 3  # events in one line
 
 
 class Plan(NamedTuple):
-    """A planner that is ready to go, what it was told, the world as it is, and what getting ready took (s)."""
+    """A planner that is ready, its request, the world, and the time that planning took (s)."""
 
     planner: Planner
-    brief: Brief
+    brief: PlanRequest
     world: World
     duration: float
 
@@ -38,7 +49,8 @@ class Outcome(NamedTuple):
     `cpu_s` is processor time of the whole master while flying, `planner_cpu_s` that of the planner alone. `path_length`
     is that of the planner's first path, `cross_track_max` and `cross_track_rms` tell how far the vehicle truly was from
     the path it was on, `least_clearance` how near its middle came, on the level, to an obstacle or to ground that its
-    lower end would touch. What does not apply is nan.
+    lower end would touch. What does not apply is nan. `reached` is the planner's own word; `events` (times from the
+    start) are what went wrong on the way, of which those of the kinds in `allow` were expected.
     """
 
     reached: bool
@@ -52,18 +64,42 @@ class Outcome(NamedTuple):
     cpu_s: float
     cross_track_rms: float = nan
     planner_cpu_s: float = nan
+    events: tuple[RunEvent, ...] = ()
+    allow: tuple[EventKind, ...] = ()
+
+    @property
+    def faults(self) -> tuple[RunEvent, ...]:
+        """The events that the scenario does not allow."""
+        return tuple([event for event in self.events if event.kind not in self.allow])
+
+    @property
+    def success(self) -> bool:
+        """Whether the planner reached what it was asked for, and nothing went wrong on the way."""
+        return self.reached and not self.faults
+
+    @property
+    def verdict(self) -> str:
+        """Why the run ended, with the kinds of events that went wrong."""
+        names = list(dict.fromkeys(event.name for event in self.faults))
+        more = [f"{len(names) - MOST_NAMED} more"] if len(names) > MOST_NAMED else []
+        return f"{self.reason}, but {', '.join([*names[:MOST_NAMED], *more])}" if names else self.reason
+
+    @property
+    def event_lines(self) -> list[str]:
+        """A line for each event: what, when, for how long and where."""
+        return [f"{'expected' if event.kind in self.allow else 'EVENT'}: {event.describe()}" for event in self.events]
 
     @property
     def summary(self) -> str:
         """How far it went and how well it kept to its path, in words, without what does not apply."""
-        told = (
+        reason = (
             (self.travelled, "{:.1f} m travelled"),
             (self.path_length, "on a path of {:.1f} m"),
             (self.goal_error, "{:.2f} m from the goal"),
             (self.cross_track_max, "at most {:.2f} m off the path"),
             (self.least_clearance, "at least {:.2f} m from every obstacle"),
         )
-        return ", ".join(words.format(value) for value, words in told if isfinite(value))
+        return ", ".join(words.format(value) for value, words in reason if isfinite(value))
 
 
 def prepare(scenario: Scenario, world: World | None = None) -> Plan:
@@ -81,27 +117,28 @@ def prepare(scenario: Scenario, world: World | None = None) -> Plan:
 
 
 def make_planner(scenario: Scenario) -> Planner:
-    """The planner that the scenario names, or the default. Raises ConfigError."""
+    """Return the planner that the scenario names, or the default. Raises ConfigError."""
     if not scenario.planner:
         return Follow()
-    from hil.plugins import load_class
+    from hil.common.plugins import load_class
 
     planner: Planner = load_class(dict(scenario.planner), Planner, f"{scenario.path}: planner")
     return planner
 
 
-def make_brief(scenario: Scenario, vehicle: Vehicle, world: World) -> Brief:
-    """What the scenario's planner is told. Raises ConfigError."""
+def make_brief(scenario: Scenario, vehicle: Vehicle, world: World) -> PlanRequest:
+    """Return what the scenario's planner is told. Raises ConfigError."""
     length, width = vehicle.dimensions[:2]
     clearance = hypot(length, width) / 2 + scenario.master.margin
     grid = known_map(scenario.master, vehicle, world)
-    return Brief(scenario.slave.node, vehicle, scenario.start, scenario.master, grid, clearance)
+    return PlanRequest(scenario.slave.node, vehicle, scenario.start, scenario.master, grid, clearance)
 
 
 class Flight:
-    """Asks the planner for commands, holds depth and heading for it, and keeps account.
+    """Get commands from the planner, hold depth and heading for it, and account for the run.
 
-    `reason` is why the flight is over, "" while it goes on.
+    `reason` is why the flight is over, "" while it goes on. `log` has what went wrong as far as it can be seen from
+    here (sim/run_events.py), times from the start.
     """
 
     def __init__(self, scenario: Scenario, plan: Plan) -> None:
@@ -116,23 +153,35 @@ class Flight:
         self._planner_cpu_s = 0.0
         self._off_track = _Spread()
         self._least_clearance = inf
+        self._place: Sequence[float] = (scenario.start.north, scenario.start.east, scenario.start.depth)
         self._last: Point | None = None
+        self.log = EventLog()
+        vehicle = plan.brief.vehicle
+        self._monitor = RunMonitor(self.log, vehicle.capsize_tilt, self._below, self._master.depth_margin)
 
     def command(self, elapsed: float, samples: Samples, truth: OdometrySample) -> VelocityCommand:
-        """The command `elapsed` s after the start; only velocities in it. `truth` is for the account alone."""
+        """Return the command `elapsed` s after the start; only velocities in it. `truth` is for the account alone."""
         began = time.thread_time()
-        answer = self.planner.command(elapsed, self._listened(samples))
+        answer = self.planner.command(elapsed, self._subscribed(samples))
         self._planner_cpu_s += time.thread_time() - began
         if isinstance(answer, Done):
             self.reason, self._reached = answer.reason, answer.reached
             answer = VelocityCommand()
-        self._note(truth)
+        self._add_truth(truth)
+        self._monitor.observe(seconds_ns(elapsed), truth.position, truth.orientation, answer.depth)
         if not self.reason and elapsed > self._master.time_limit:
             self.reason = "time limit"
         return held(answer, samples["odom"])
 
-    def outcome(self, duration: float, cpu_s: float, reason: str = "") -> Outcome:
-        """The account of a flight of `duration` s and `cpu_s` s of processor; `reason` if it did not end by itself."""
+    def lose_link(self, since: float, until: float, what: str) -> None:
+        """Add an event: no odometry from `since` to `until` (s after the start)."""
+        self.log.hold("link_lost", seconds_ns(since), seconds_ns(until), self._place, what)
+
+    def outcome(self, duration: float, cpu_s: float, reason: str = "", events: Sequence[RunEvent] = ()) -> Outcome:
+        """The account of a flight of `duration` s and `cpu_s` s of processor; `reason` if it did not end by itself.
+
+        `events` are what the vehicle itself knows to have gone wrong, times from the start.
+        """
         goal = self._master.goal
         return Outcome(
             self._reached,
@@ -146,17 +195,19 @@ class Flight:
             cpu_s,
             self._off_track.rms,
             self._planner_cpu_s,
+            merge_events(events, self.log.events()),
+            self._master.allow,
         )
 
-    def _listened(self, samples: Samples) -> Samples:
-        """What the planner listens to: with a simulator in the same process there may be more."""
-        listens = self.planner.listens
-        if ALL in listens:
+    def _subscribed(self, samples: Samples) -> Samples:
+        """Return what the planner listens to: with a simulator in the same process there may be more."""
+        subscriptions = self.planner.subscriptions
+        if ALL in subscriptions:
             return samples
-        return {topic: sample for topic, sample in samples.items() if topic == "odom" or topic in listens}
+        return {topic: sample for topic, sample in samples.items() if topic == "odom" or topic in subscriptions}
 
-    def _note(self, truth: OdometrySample) -> None:
-        north, east, depth = truth.position
+    def _add_truth(self, truth: OdometrySample) -> None:
+        self._place = north, east, depth = truth.position
         here = north, east
         self._travelled += dist(here, self._last or here)
         self._last = here
@@ -167,14 +218,14 @@ class Flight:
 
 
 class _Spread:
-    """The greatest and the root mean square of some values; 0 and nan of none."""
+    """The maximum and the root mean square of some values; nan of none."""
 
     def __init__(self) -> None:
-        self.most = 0.0
+        self.most = nan
         self._sum, self._count = 0.0, 0
 
     def add(self, value: float) -> None:
-        self.most = max(self.most, value)
+        self.most = max(value, self.most)  # in this order nan is less than any
         self._sum += value * value
         self._count += 1
 
@@ -197,7 +248,7 @@ def held(command: VelocityCommand, odometry: OdometrySample) -> VelocityCommand:
 
 
 def distance_to_path(point: Point, path: Sequence[Point]) -> float:
-    """How far (m) a point is from a path of two points or more."""
+    """Return how far (m) a point is from a path of two points or more."""
     return min(_distance_to_leg(point, *leg) for leg in pairwise(path))
 
 
@@ -210,7 +261,14 @@ def _distance_to_leg(point: Point, start: Point, end: Point) -> float:
 
 
 def require_success(outcome: Outcome) -> None:
-    """Raise MissionError unless the planner reached what it was asked for."""
+    """Raise MissionError unless the planner reached what it was asked for and nothing went wrong on the way."""
+    where = "" if outcome.goal_error != outcome.goal_error else f", {outcome.goal_error:.1f} m from the goal"
+    ended = f"{outcome.reason} after {outcome.duration:.1f} s{where}"
+    if outcome.faults:
+        first, *others = outcome.faults
+        more = f", and {len(others)} more" if others else ""
+        raise MissionError(
+            f"{ended}, but {first.describe()}{more}; if that is to be, name {first.kind!r} in [master] allow"
+        )
     if not outcome.reached:
-        where = "" if outcome.goal_error != outcome.goal_error else f", {outcome.goal_error:.1f} m from the goal"
-        raise MissionError(f"{outcome.reason} after {outcome.duration:.1f} s{where}")
+        raise MissionError(ended)

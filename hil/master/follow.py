@@ -1,19 +1,19 @@
-"""The default planner: a way on the map, and pure pursuit along it."""
+"""The default planner: a path on the map, and pure pursuit along it."""
 
-from hil.autonomy.astar import plan, smooth
-from hil.autonomy.control import VelocityCommand, heading_of
-from hil.autonomy.pursuit import PurePursuit
-from hil.errors import ConfigError
-from hil.master.planner import Brief, Done, Planner, Point, Samples
+from hil.autonomy.control.controller import VelocityCommand, heading_of
+from hil.autonomy.paths.astar import plan, smooth
+from hil.autonomy.paths.pursuit import PurePursuit
+from hil.common.errors import ConfigError
+from hil.master.planner import Done, Planner, PlanRequest, Point, Samples
 
 
 class Follow(Planner):
     """A* on the map, obstacles widened by the vehicle's size and the margin, smoothed; pure pursuit to the goal."""
 
-    listens = ()
+    subscriptions = ()
 
-    def begin(self, brief: Brief) -> None:
-        """Plan the way. Raises MissionError, ConfigError."""
+    def begin(self, brief: PlanRequest) -> None:
+        """Plan the path. Raises MissionError, ConfigError."""
         master = brief.master
         inflated = brief.map.inflate(brief.clearance)
         start = brief.start.north, brief.start.east
@@ -24,7 +24,7 @@ class Follow(Planner):
         )
 
     def command(self, time: float, samples: Samples) -> VelocityCommand | Done:
-        """Towards a point a little ahead on the way, at the depth of the scenario."""
+        """Steer towards a point ahead on the path, at the depth of the scenario."""
         odometry = samples["odom"]
         command = self._pursuit.update(odometry.position, heading_of(odometry.orientation))
         self.progress = self._pursuit.progress
@@ -33,8 +33,8 @@ class Follow(Planner):
         return command._replace(depth=self._depth)
 
 
-def goal_of(brief: Brief) -> Point:
-    """The scenario's goal. Raises ConfigError if it names none."""
+def goal_of(brief: PlanRequest) -> Point:
+    """Return the scenario's goal. Raises ConfigError if it names none."""
     if brief.master.goal is None:
         raise ConfigError("master: key 'goal' is missing: this planner goes to one")
     return brief.master.goal

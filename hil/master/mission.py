@@ -1,39 +1,44 @@
-"""Letting a planner fly a vehicle somewhere on the network."""
+"""Let a planner run a vehicle over the network."""
 
 import select
 import time
 from typing import Any
 
-from hil.autonomy.control import VelocityCommand
-from hil.clock import NS_PER_S, RateKeeper, now_ns, seconds_ns
-from hil.errors import ConfigError, NetworkError
-from hil.master.client import VehicleClient
+from hil.autonomy.control.controller import VelocityCommand
+from hil.client.client import VehicleClient
+from hil.common.clock import NS_PER_S, RateKeeper, now_ns, seconds_ns
+from hil.common.errors import ConfigError, NetworkError
+from hil.common.schema import nearest
 from hil.master.flight import Flight, Outcome
 from hil.master.planner import Planner
 from hil.master.progress import Progress
 from hil.master.recorder import TrackWriter
-from hil.schema import nearest
-from hil.topics import ALL, TOPICS
+from hil.ros.topics import ALL, TOPICS
+from sim.run_events import RunEvent
 
-GONE_AFTER_S = 1.0
+LOST_AFTER_S = 1.0
 GIVE_UP_AFTER_S = 10.0
+FINAL_FIGURES_S = 3.0  # that the vehicle's figures of the time after the flight are waited for; they come every second
+POLL_S = 0.02
 STOPPED = "stopped by the user"
 _NOT_SENSED = ("ground_truth", "diagnostics", "cmd_vel")
 
 
 def topics_of(planner: Planner) -> tuple[str, ...]:
-    """What has to be listened to for a mission with this planner. Raises ConfigError for what is no topic."""
-    name, listens = type(planner).__name__, planner.listens
-    if isinstance(listens, str):
-        raise ConfigError(f"{name}: listens = {listens!r}: expected a tuple of topics, such as ({listens!r},)")
-    for topic in listens:
+    """Return what has to be listened to for a mission with this planner. Raises ConfigError for what is no topic."""
+    name, subscriptions = type(planner).__name__, planner.subscriptions
+    if isinstance(subscriptions, str):
+        raise ConfigError(
+            f"{name}: subscriptions = {subscriptions!r}: expected a tuple of topics, such as ({subscriptions!r},)"
+        )
+    for topic in subscriptions:
         if topic != ALL and topic not in TOPICS:
-            raise ConfigError(f"{name}: listens: no topic {topic!r}{nearest(topic, list(TOPICS))}")
-    return ("odom", "ground_truth", *listens)
+            raise ConfigError(f"{name}: subscriptions: no topic {topic!r}{nearest(topic, list(TOPICS))}")
+    return ("odom", "ground_truth", *subscriptions)
 
 
 class Mission:
-    """Flies with one vehicle, a command every `command_period` s."""
+    """Run one vehicle: a command every `command_period` s."""
 
     def __init__(
         self,
@@ -48,11 +53,13 @@ class Mission:
         self._client = client
         self._track = track
         self._progress = progress
+        self._losses = client.contact.losses
+        self._odometry_s = 0.0  # when the last odometry was sent, from the start
 
     def fly(self, stop_fd: int) -> Outcome:
         """Fly until the planner is done, the time limit or a stop signal.
 
-        Raises NetworkError when the vehicle stays away.
+        Raises NetworkError when the vehicle stays away, says nothing of where it is, or does not obey.
         """
         began, cpu_began = now_ns(), time.process_time()
         schedule = RateKeeper(self._period_ns, began)
@@ -65,32 +72,76 @@ class Mission:
                 elapsed = (now_ns() - began) / NS_PER_S
                 reason = self._tick(elapsed)
         self._client.command(VelocityCommand())
-        return self._flight.outcome((now_ns() - began) / NS_PER_S, time.process_time() - cpu_began, reason)
+        duration, cpu_s = (now_ns() - began) / NS_PER_S, time.process_time() - cpu_began
+        if reason != STOPPED:
+            self._await_final_figures(stop_fd)
+        return self._flight.outcome(duration, cpu_s, reason, self._events(began, duration))
+
+    def _await_final_figures(self, stop_fd: int) -> None:
+        """Wait until the vehicle has reported what happened up to the end of the run."""
+        ended = now_ns()
+        deadline = ended + seconds_ns(FINAL_FIGURES_S)
+        while now_ns() < deadline and self._client.diagnostics().run_events is not None:
+            if self._client.latest["diagnostics"].sent_ns > ended:
+                return
+            if select.select((stop_fd,), (), (), POLL_S)[0]:
+                return
+        if self._client.diagnostics().run_events is not None:
+            age = self._client.latest["diagnostics"].age_s
+            self._progress.print_line(f"{self._client.node} last told of its contacts and link {age:.1f} s ago")
+
+    def _events(self, began: int, duration: float) -> list[RunEvent]:
+        """Return what the vehicle says went wrong before the flight's end."""
+        ended = seconds_ns(duration)
+        events = [event for event in self._client.run_events(began) if event.start_ns <= ended]
+        return [event._replace(duration_ns=min(event.end_ns, ended) - event.start_ns) for event in events]
 
     def _tick(self, elapsed: float) -> str:
-        """One command; why the mission ends, or "" to go on."""
+        """Send one command; return why the mission ends, or "" to continue."""
+        refusal = self._client.unavailable_reason()
+        if refusal:
+            raise NetworkError(refusal)
         odometry = self._client.latest.get("odom")
         if odometry is None:
+            self._miss_odometry(elapsed)
             return ""
+        self._watch_link(elapsed, odometry.age_s)
         truth = self._client.latest.get("ground_truth", odometry)  # a real vehicle has none
         if odometry.age_s > GIVE_UP_AFTER_S:
             raise NetworkError(
                 f"{self._client.node} at {self._client.endpoint} is gone for {odometry.age_s:.0f} s; "
                 "look at the slave and at the network between"
             )
-        if odometry.age_s > GONE_AFTER_S:
-            self._progress.note(f"no word from the vehicle for {odometry.age_s:.1f} s, waiting for it")
+        if odometry.age_s > LOST_AFTER_S:
+            self._progress.print_limited(f"no word from the vehicle for {odometry.age_s:.1f} s, waiting for it")
             return ""
-        refusal = self._client.refusal()
-        if refusal:
-            raise NetworkError(refusal)
         command = self._flight.command(elapsed, self._samples(), truth.value)
         self._client.command(command)
         self._track.row(elapsed, truth.value, odometry.value, command)
         self._progress.show(elapsed, truth.value, self._flight.planner.progress, self._client)
         return self._flight.reason
 
+    def _miss_odometry(self, elapsed: float) -> None:
+        """Report missing odometry. Raises NetworkError when it stays missing."""
+        node = self._client.node
+        if elapsed > GIVE_UP_AFTER_S:
+            raise NetworkError(
+                f"{node} at {self._client.endpoint} has sent no odom for {elapsed:.0f} s, and a planner needs it: give "
+                "[sensors.odometry] of the slave's scenario a rate, or let the vehicle's own navigation publish odom"
+            )
+        if elapsed > LOST_AFTER_S:
+            self._progress.print_limited(f"no odom from {node} for {elapsed:.1f} s, waiting for it")
+
+    def _watch_link(self, elapsed: float, age: float) -> None:
+        """Add a loss of the network as an event; `age` is that of the last odometry, s."""
+        losses = self._client.contact.losses
+        if age > LOST_AFTER_S or losses != self._losses:  # or it has been away, and is back
+            self._losses = losses
+            self._flight.lose_link(min(self._odometry_s, elapsed), elapsed, f"no word from {self._client.node}")
+        else:
+            self._odometry_s = max(elapsed - age, 0.0)
+
     def _samples(self) -> dict[str, Any]:
-        """What the vehicle's sensors say; the truth and figures of health are none of a planner's business."""
+        """Return what the vehicle's sensors say; the truth and figures of health are none of a planner's business."""
         latest = self._client.latest.copy()  # the readers add to it
         return {topic: stamped.value for topic, stamped in latest.items() if topic not in _NOT_SENSED}

@@ -1,4 +1,4 @@
-"""What a planner is: whoever leads a vehicle, by what its sensors say.
+"""The interface of a planner: samples and time in, a command out.
 
 The same object runs in `uuv-hil sim` (software in the loop), in `uuv-hil master` over the network (hardware in the
 loop), and before a real vehicle that listens to `cmd_vel`: it is told samples and time, and tells a command. It has no
@@ -6,34 +6,35 @@ I/O and no clock of its own. The scenario names it, with the keys its class take
 
     [planner]
     class = "hil.master.avoid:Avoid"
-    berth = "0.3 m"
+    safety = "0.3 m"
 """
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
-from hil.autonomy.control import VelocityCommand
-from hil.autonomy.occupancy import OccupancyGrid
-from hil.config import Master, Start
-from hil.topics import ALL
-from sim.vehicle import Vehicle
+from hil.autonomy.control.controller import VelocityCommand
+from hil.autonomy.paths.occupancy import OccupancyGrid
+from hil.ros.topics import ALL
+from hil.scenario.records import Master, Start
+from sim.vehicle.vehicle import Vehicle
 
 Point = tuple[float, float]  # north, east in m
 
-# The newest sample of each topic (hil/topics.py), records of sim/sensors in NED and FRD. The truth is not among them.
+# The newest sample of each topic (hil/ros/topics.py), records of sim/sensors in NED and FRD. The truth is not among
+# them.
 Samples = Mapping[str, Any]
 
 
 class Done(NamedTuple):
-    """A planner's last word: why it is over, and whether it has `reached` what it was asked for."""
+    """Result of a planner that ends: the reason, and whether it has `reached` its goal."""
 
     reason: str
     reached: bool = True
 
 
-class Brief(NamedTuple):
-    """What a planner is told before the dive: the vehicle, where it starts, what is asked, and the map.
+class PlanRequest(NamedTuple):
+    """Input of a planner before the run: the vehicle, its start, the task, and the map.
 
     `master` is the scenario's section: goal, depth, speed and so on. `map` shows what is known of the world at that
     depth, obstacles in their true size: nothing if the scenario says `map = "unknown"`. `clearance` m is how far from
@@ -51,22 +52,22 @@ class Brief(NamedTuple):
 class Planner(ABC):
     """A planner of your own derives from this and has one method to write, `command`.
 
-    It may keep three figures up to date for others to show: `path`, the way it means to go (m north, m east);
-    `progress`, the share of it that lies behind (0 to 1); `note`, a few words on what it is doing. `listens` are the
-    topics of the sensors it looks at besides "odom": only those are sent and given to it. `ALL` are all but pictures.
+    It may set three attributes for display: `path`, the planned path (m north, m east); `progress`, the share of it
+    already covered (0 to 1); `status`, a few words on what it is doing. `subscriptions` are the topics of sensors that
+    it needs besides "odom": only those are sent and given to it. `ALL` are all but pictures.
     """
 
-    listens: Sequence[str] = (ALL,)
+    subscriptions: Sequence[str] = (ALL,)
     path: Sequence[Point] = ()
     progress: float = 0.0
-    note: str = ""
+    status: str = ""
 
-    def begin(self, brief: Brief) -> None:  # noqa: B027 - there may be nothing to prepare
-        """Prepare: plan a way. Raises MissionError if there is none."""
+    def begin(self, brief: PlanRequest) -> None:  # noqa: B027 - there may be nothing to prepare
+        """Prepare: plan a path. Raises MissionError if there is none."""
 
     @abstractmethod
     def command(self, time: float, samples: Samples) -> VelocityCommand | Done:
-        """What to ask of the vehicle `time` s after the start, or that it is over.
+        """Return what to ask of the vehicle `time` s after the start, or that it is over.
 
         Called every `command_period` of the scenario once there is odometry; `samples["odom"]` is always there.
         `depth` and `heading` in the command are held on the planner's side: only velocities travel.

@@ -1,11 +1,13 @@
-"""What a person sees while a mission runs."""
+"""Show the progress of a mission on the terminal and in a log."""
 
 import sys
 import time
+from collections.abc import Callable
 from contextlib import suppress
 
-from hil.master.client import VehicleClient
-from hil.master.delay import quantiles
+from hil.client.client import VehicleClient
+from hil.client.delay import quantiles
+from hil.ros.diagnostics import shown
 from sim.sensors.samples import OdometrySample
 
 TERMINAL_PERIOD_S = 0.2
@@ -13,27 +15,27 @@ LINE_PERIOD_S = 5.0
 
 
 class Progress:
-    """One line that renews itself on a terminal; elsewhere a line every five seconds. All goes to a log as well.
+    """Show one line that is updated on a terminal; elsewhere a line every five seconds. Everything goes to a log too.
 
-    When `quiet` the log is all.
+    With `brief` nothing is printed, and that gets a few words again and again, how far it is.
     """
 
-    def __init__(self, log_path: str, quiet: bool = False) -> None:
-        self._log = open(log_path, "w")  # noqa: SIM115 - closed by close()
+    def __init__(self, log_path: str, brief: Callable[[str], None] | None = None) -> None:
+        self._log = open(log_path, "w", encoding="utf-8")  # noqa: SIM115 - closed by close()
         self._logged_s = 0.0
-        self._quiet = quiet
+        self._brief = brief
         self._terminal = sys.stdout.isatty()
         self._period_s = TERMINAL_PERIOD_S if self._terminal else LINE_PERIOD_S
         self._next_s = 0.0
         self._open_line = False
         self._noted_s = -LINE_PERIOD_S
 
-    def say(self, text: str) -> None:
-        """A line of its own."""
+    def print_line(self, text: str) -> None:
+        """Print a line."""
         if self._open_line:
             print()
             self._open_line = False
-        if not self._quiet:
+        if self._brief is None:
             print(text, flush=True)
         self._write(text)
 
@@ -46,15 +48,17 @@ class Progress:
         with suppress(OSError):  # the mission goes on without
             self._log.write(line + "\n")
 
-    def note(self, text: str) -> None:
-        """A line of its own, but at most one a second."""
+    def print_limited(self, text: str) -> None:
+        """Print a line, at most one a second."""
         now = time.monotonic()
         if now - self._noted_s > 1.0:
             self._noted_s = now
-            self.say(text)
+            self.print_line(text)
 
     def show(self, elapsed: float, truth: OdometrySample, share: float, client: VehicleClient) -> None:
-        """The state of the run, if it is time to show it again."""
+        """Show the state of the run, when due."""
+        if self._brief:
+            self._brief(f"{elapsed:.1f} s, {share:.0%}")
         if elapsed < self._next_s:
             return
         self._next_s = elapsed + self._period_s
@@ -62,7 +66,7 @@ class Progress:
         if elapsed >= self._logged_s:
             self._logged_s = elapsed + 1.0
             self._write(line)
-        if self._quiet:
+        if self._brief:
             return
         if self._terminal:
             print("\r\x1b[K" + line, end="", flush=True)
@@ -76,9 +80,9 @@ def _line(elapsed: float, truth: OdometrySample, share: float, client: VehicleCl
     health = client.diagnostics()
     totals = client.delays.totals_ns(newest=100)
     delay = f"{quantiles(totals).p50_ms:.2f} ms" if totals else "-"
-    errors = int(health.get("link_checksum_errors", 0)) + int(health.get("link_malformed", 0))
-    frames = f"{health.get('link_messages_out', '-')} out {health.get('link_messages_in', '-')} in {errors} bad"
+    errors = (health.link_checksum_errors or 0) + (health.link_malformed or 0)
+    frames = f"{shown(health.link_messages_out)} out {shown(health.link_messages_in)} in {errors} bad"
     return (
         f"{elapsed:6.1f} s  {share:4.0%}  N {north:5.1f} E {east:5.1f} depth {depth:4.2f} m  {truth.nu[0]:4.2f} m/s  "
-        f"real time x{health.get('real_time_factor', '-')}  delay {delay}  link {frames}"
+        f"real time x{shown(health.real_time_factor, '.4f')}  delay {delay}  link {frames}"
     )

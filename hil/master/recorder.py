@@ -1,4 +1,4 @@
-"""The folder of a run: what was flown, as files that any tool opens."""
+"""Write the folder of a run, in files that any tool opens."""
 
 import os
 import sys
@@ -6,15 +6,15 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from typing import TextIO
 
-from hil.autonomy.control import VelocityCommand, heading_of
-from hil.clock import now_ns, to_wall_ns
-from hil.config import Scenario
-from hil.errors import ConfigError
-from hil.master.client import VehicleClient
-from hil.topics import TOPICS
-from hil.transport import ros
-from hil.transport.recording import Recorder, describe
-from hil.transport.recording_file import Message
+from hil.autonomy.control.controller import VelocityCommand, heading_of
+from hil.client.client import VehicleClient
+from hil.common.clock import now_ns, to_wall_ns
+from hil.common.errors import ConfigError
+from hil.recording.mcap_file import Message
+from hil.recording.recorder import Recorder, describe
+from hil.ros import encoders as ros
+from hil.ros.topics import TOPICS
+from hil.scenario.config import Scenario
 from sim.sensors.samples import OdometrySample
 
 COLUMNS = (
@@ -35,12 +35,12 @@ def make_folder(folder: str) -> str:
 
 
 def complain(text: str) -> None:
-    """A line on standard error."""
+    """Print a line on standard error."""
     print(text, file=sys.stderr, flush=True)
 
 
 class TrackWriter:
-    """Writes `track.csv`, a row a command, each as soon as it is there. Use as a context.
+    """Write `track.csv`, a row per command, at once. Use as a context.
 
     If the disk fills up or fails, the track ends with its last whole row, `report` is told so, and nothing else does.
     """
@@ -52,7 +52,7 @@ class TrackWriter:
         self._size = 0
         self._file: TextIO | None = None
         try:
-            self._file = open(self._path, "w", buffering=1)  # noqa: SIM115 - closed by __exit__
+            self._file = open(self._path, "w", buffering=1, encoding="utf-8")  # noqa: SIM115 - closed by __exit__
         except OSError as error:
             self._fail(error)
         self._write(COLUMNS)
@@ -65,7 +65,7 @@ class TrackWriter:
             self._file.close()
 
     def row(self, elapsed: float, truth: OdometrySample, odometry: OdometrySample, command: VelocityCommand) -> None:
-        """Note one instant: `elapsed` s, true and measured state (NED, FRD), and what was commanded."""
+        """Write one instant: `elapsed` s, true and measured state (NED, FRD), and the command."""
         figures = (
             elapsed,
             *truth.position,
@@ -97,7 +97,7 @@ class TrackWriter:
 
 
 class RecordedClient(VehicleClient):
-    """A vehicle client that hands all it hears and commands to `recorder`, once there is one."""
+    """A vehicle client that passes all received samples and sent commands to `recorder`, once there is one."""
 
     recorder: Recorder | None = None
 
@@ -105,7 +105,7 @@ class RecordedClient(VehicleClient):
         """Send a command as every client does, and note it."""
         sequence = super().send(topic, payload)
         now = to_wall_ns(now_ns())
-        self._note(topic, payload, sequence, now, now)
+        self._record_received(topic, payload, sequence, now, now)
         return sequence
 
     def _deliver(self, topic: str, payload: bytes, attachment: bytes) -> None:
@@ -113,9 +113,9 @@ class RecordedClient(VehicleClient):
         super()._deliver(topic, payload, attachment)
         stamp = ros.unpack_attachment(attachment)
         if stamp and topic in TOPICS:
-            self._note(topic, payload, stamp.sequence, stamp.time_ns, received_ns)
+            self._record_received(topic, payload, stamp.sequence, stamp.time_ns, received_ns)
 
-    def _note(self, name: str, payload: bytes, sequence: int, sent_ns: int, received_ns: int) -> None:
+    def _record_received(self, name: str, payload: bytes, sequence: int, sent_ns: int, received_ns: int) -> None:
         if self.recorder:
             topic = TOPICS[name]
             self.recorder.put(Message(topic.full_name(self.node), topic.type, sequence, sent_ns, received_ns, payload))
@@ -123,14 +123,14 @@ class RecordedClient(VehicleClient):
 
 @contextmanager
 def recorded(client: RecordedClient, scenario: Scenario, folder: str, report: Callable[[str], None]) -> Iterator[None]:
-    """Inside, what `client` hears and commands goes into `folder`/recording, if the scenario wants that.
+    """Record what `client` receives and commands in `folder`/recording, if the scenario says so.
 
     `report` is told if the recording ends before the flight. Raises ConfigError, MissingExtraError.
     """
     if not scenario.recording.master:
         yield
         return
-    board = client.diagnostics().get("board", "")
+    board = client.diagnostics().board or ""
     about, files = describe(scenario, "master", board=board)
     with Recorder(os.path.join(folder, "recording"), scenario.recording, about, files, report) as recorder:
         client.recorder = recorder

@@ -1,17 +1,17 @@
-"""What a planner knows of the world before the dive: an occupancy grid at its depth."""
+"""Make the occupancy grid at the vehicle's depth that a planner knows before the dive."""
 
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.autonomy.occupancy import Extent, OccupancyGrid
-from hil.config import Master
-from hil.errors import ConfigError
-from sim.obstacles import Box, Cylinder, Obstacle
-from sim.terrain import NO_DATA
-from sim.vehicle import Vehicle
-from sim.world import World
+from hil.autonomy.paths.occupancy import Extent, OccupancyGrid
+from hil.common.errors import ConfigError
+from hil.scenario.records import Master
+from sim.environment.obstacles import Box, Cylinder, Obstacle
+from sim.environment.terrain import NO_DATA
+from sim.environment.world import World
+from sim.vehicle.vehicle import Vehicle
 
 Array = NDArray[np.float64]
 
@@ -74,14 +74,14 @@ def lower(free: Array, obstacle: Obstacle, norths: Array, easts: Array, widen: f
 
 
 def _size(obstacle: Cylinder | Box) -> float:
-    """How far (m) it reaches from its middle."""
+    """Return how far (m) it reaches from its middle."""
     if isinstance(obstacle, Cylinder):
         return obstacle.radius
     return 0.5 * float(np.hypot(obstacle.size_north, obstacle.size_east))
 
 
 def _thickness(obstacle: Obstacle) -> float:
-    """The radius (m) of the greatest circle within it."""
+    """Return the radius (m) of the greatest circle within it."""
     if isinstance(obstacle, Cylinder):
         return obstacle.radius
     return 0.5 * min(obstacle.size_north, obstacle.size_east) if isinstance(obstacle, Box) else np.inf
@@ -103,7 +103,7 @@ def _separation(obstacle: Obstacle, north: Array, east: Array) -> Array:
 
 
 def _seabed(world: World, north: Array, east: Array) -> Any:
-    """The depth of the seabed (m) at arrays of places, as `World.seabed` has it."""
+    """Return the depth of the seabed (m) at arrays of places, as `World.seabed` has it."""
     terrain = world.terrain
     if terrain is None:
         return world.depth

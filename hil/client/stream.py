@@ -1,4 +1,4 @@
-"""The samples of one sensor, one after the other: for `for` and for `async for` alike."""
+"""Iterate over the samples of one sensor, with `for` and with `async for`."""
 
 import threading
 import time
@@ -7,7 +7,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import Any, Self
 
-LOOK_S = 0.1  # how often one who waits looks whether the vehicle is still there
+POLL_S = 0.1  # how often one who waits looks whether the vehicle is still there
 
 
 class Stream:
@@ -20,24 +20,24 @@ class Stream:
         self._check = check
         self._waiting: deque[Any] = deque(maxlen=depth)
         self._news = threading.Condition()
-        self._wake: Callable[[], object] = bool  # of a loop of asyncio that waits
+        self._wake_loop: Callable[[], object] = bool  # of a loop of asyncio that waits
         self._closed = False
         self.dropped = 0
 
     def put(self, sample: Any) -> None:
-        """Another sample has come."""
+        """Add a sample."""
         with self._news:
             self.dropped += len(self._waiting) == self._waiting.maxlen
             self._waiting.append(sample)
             self._news.notify()
-        self._wake()
+        self._wake_loop()
 
     def close(self) -> None:
         """End the iteration once all that came has been given."""
         with self._news:
             self._closed = True
             self._news.notify()
-        self._wake()
+        self._wake_loop()
 
     def __iter__(self) -> Self:
         return self
@@ -48,7 +48,7 @@ class Stream:
             if self._closed:
                 raise StopIteration
             with self._news:
-                self._news.wait_for(self._ready, LOOK_S)
+                self._news.wait_for(self._ready, POLL_S)
             if not self._ready():
                 self._check(time.monotonic() - began)
         return self._waiting.popleft()
@@ -61,21 +61,21 @@ class Stream:
 
         began, loop, event = time.monotonic(), asyncio.get_running_loop(), asyncio.Event()
 
-        def wake() -> None:
+        def wake_loop() -> None:
             with suppress(RuntimeError):  # the loop has ended meanwhile
                 loop.call_soon_threadsafe(event.set)
 
-        self._wake = wake
+        self._wake_loop = wake_loop
         try:
             while not self._waiting:
                 if self._closed:
                     raise StopAsyncIteration
                 try:
-                    await asyncio.wait_for(event.wait(), LOOK_S)
+                    await asyncio.wait_for(event.wait(), POLL_S)
                 except TimeoutError:
                     self._check(time.monotonic() - began)
         finally:
-            self._wake = bool
+            self._wake_loop = bool
         return self._waiting.popleft()
 
     def _ready(self) -> bool:

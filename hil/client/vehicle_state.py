@@ -1,20 +1,21 @@
-"""What a vehicle says, as the Python API gives it: the newest sample of each sensor, and all that come."""
+"""Samples of one vehicle in the Python interface: the newest of each sensor, and streams of all."""
 
 import threading
 import weakref
 from typing import Any, Generic, Literal, Self, TypeVar, overload
 
-from hil.errors import ConfigError, NetworkError
-from hil.master import samples
-from hil.master.client import Stamped, VehicleClient
-from hil.master.samples import State
-from hil.master.stream import Stream
-from hil.schema import nearest
-from hil.topics import TOPICS, is_picture
-from hil.transport import graph
-from hil.transport.security import Security
-from hil.transport.session import Session
-from hil.transport.settings import Network
+from hil.client import samples
+from hil.client.client import Stamped, VehicleClient
+from hil.client.samples import State
+from hil.client.stream import Stream
+from hil.common.errors import ConfigError, NetworkError
+from hil.common.schema import nearest
+from hil.network.security import Security
+from hil.network.session import Session
+from hil.network.settings import Network
+from hil.ros import graph
+from hil.ros.diagnostics import Diagnostics
+from hil.ros.topics import TOPICS, is_picture
 
 COMPRESSED = "/compressed"  # what ROS calls a topic's pictures as JPEG ends so
 FIRST_WITHIN_S = 1.0  # that a sensor which has said nothing yet is waited for
@@ -23,7 +24,7 @@ T = TypeVar("T")
 
 
 class Newest(Generic[T]):
-    """A sensor as an attribute of a vehicle: its newest sample. Raises NetworkError when there is none to be had."""
+    """A sensor as an attribute of a vehicle: its newest sample. Raises NetworkError without one."""
 
     def __init__(self, kind: type[T], topic: str = "") -> None:
         self._kind = kind
@@ -35,13 +36,13 @@ class Newest(Generic[T]):
     @overload
     def __get__(self, vehicle: None, owner: type) -> Self: ...
     @overload
-    def __get__(self, vehicle: "Observed", owner: type) -> T: ...
-    def __get__(self, vehicle: "Observed | None", owner: type) -> "T | Self":
+    def __get__(self, vehicle: "VehicleState", owner: type) -> T: ...
+    def __get__(self, vehicle: "VehicleState | None", owner: type) -> "T | Self":
         return self if vehicle is None else vehicle.newest(self._topic)
 
 
-class Observed:
-    """What a vehicle says; what it can be told is in `hil.master.vehicle_handle.Vehicle`.
+class VehicleState:
+    """The samples of a vehicle; its commands are in `hil.client.vehicle_handle.Vehicle`.
 
     Every attribute raises NetworkError when the vehicle is gone or has no such sensor.
     """
@@ -83,7 +84,14 @@ class Observed:
         self._first = threading.Condition()
         self._closing = threading.Event()
         self.client = VehicleClient(
-            session, name, part=part, rank=rank, network=network, security=security, heard=self._hear, topics=("odom",)
+            session,
+            name,
+            part=part,
+            rank=rank,
+            network=network,
+            security=security,
+            on_sample=self._on_message,
+            topics=("odom",),
         )
 
     def __repr__(self) -> str:
@@ -91,16 +99,18 @@ class Observed:
 
     @property
     def present(self) -> bool:
-        """Whether it is there."""
+        """Whether the vehicle is present."""
         return self.client.contact.present
 
     @property
-    def diagnostics(self) -> dict[str, str]:
+    def diagnostics(self) -> Diagnostics:
         """The slave's figures of health, once a second; empty before the first."""
         return self.client.diagnostics()
 
     def newest(self, topic: str) -> Any:
-        """The newest sample of a sensor, by the name of its topic (hil.topics). Raises NetworkError, ConfigError."""
+        """Return the newest sample of a sensor, by the name of its topic (hil.ros.topics). Raises NetworkError,
+        ConfigError.
+        """
         self._listen(topic)
         with self._first:
             self._first.wait_for(lambda: topic in self.client.latest or not self.present, FIRST_WITHIN_S)
@@ -111,7 +121,7 @@ class Observed:
         return samples.aged(topic, stamped)
 
     def samples(self, topic: str, timeout: float = 5.0, depth: int = 256) -> Stream:
-        """Each sample of a sensor from now on, for `for` and `async for`: vehicle.samples("imu").
+        """Return each sample of a sensor from now on, for `for` and `async for`: vehicle.samples("imu").
 
         Raises ConfigError for a topic that is none, and while iterating NetworkError, when the vehicle is gone or the
         sensor silent for `timeout` s. At most `depth` samples wait to be taken; beyond it the oldest go.
@@ -140,12 +150,12 @@ class Observed:
         if topic not in TOPICS:
             raise ConfigError(
                 f"{self.name}: no topic {topic!r}{nearest(topic, list(TOPICS))}; a sensor of your own is known once "
-                "its scenario was read: hil.config.load_scenario(FILE)"
+                "its scenario was read: hil.scenario.config.load_scenario(FILE)"
             )
         self.client.watch(topic)
 
-    def _hear(self, topic: str, stamped: Stamped) -> None:
-        """A message has come; called by the session's reader."""
+    def _on_message(self, topic: str, stamped: Stamped) -> None:
+        """Pass on a message; called by the session's reader."""
         with self._first:
             self._first.notify_all()
             streams = list(self._streams.get(topic, ()))
@@ -173,7 +183,7 @@ class Observed:
         return f"{self.name} has sent no {topic!r} for {waited:.1f} s; it sends {there}; {remedy}"
 
     def _pictures(self) -> set[str]:
-        """The topics of its pictures, by its node in the graph: none is sent before somebody asks."""
+        """Return the topics of its pictures, by its node in the graph: none is sent before somebody asks."""
         own = f"/{self.name}/"
         entities = [graph.read_token(key) for key in self._session.tokens(graph.ALL)]
         published = {entity.topic for entity in entities if entity and entity.kind == "MP"}

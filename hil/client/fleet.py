@@ -1,4 +1,4 @@
-"""All vehicles that answer at some endpoints, found by themselves."""
+"""Find all vehicles that answer at some endpoints."""
 
 import atexit
 import threading
@@ -7,15 +7,15 @@ from collections.abc import Iterator
 from contextlib import suppress
 from typing import Literal, Self
 
-from hil.errors import NetworkError
-from hil.master.vehicle_handle import Vehicle
-from hil.schema import nearest
-from hil.transport.presence import watch_presence
-from hil.transport.roles import dial
-from hil.transport.security import Security
-from hil.transport.session import Session
-from hil.transport.settings import Network
-from hil.transport.tokens import Presence
+from hil.client.vehicle_handle import Vehicle
+from hil.common.errors import NetworkError
+from hil.common.schema import nearest
+from hil.network.presence import watch_presence
+from hil.network.roles import open_master_session
+from hil.network.security import Security
+from hil.network.session import Session
+from hil.network.settings import Network
+from hil.network.tokens import Presence
 
 EVERYWHERE = "lan"
 
@@ -27,17 +27,17 @@ def connect(*endpoints: str, take_over: bool, observe: bool, routed: bool, keys:
     if not endpoints:
         raise NetworkError('connect to whom? Give an endpoint, "tcp/HOST:PORT", or "lan"')
     found = [
-        place for endpoint in endpoints for place in (_look_around(wait) if endpoint == EVERYWHERE else [endpoint])
+        place for endpoint in endpoints for place in (_find_vehicles(wait) if endpoint == EVERYWHERE else [endpoint])
     ]
     security = Security(slave="", master=keys, may_command=()) if keys else None
     network = Network(mode="routed", router=found[0]) if routed else Network()
-    session = dial(*found, network=network, security=security)
+    session = open_master_session(*found, network=network, security=security)
     how: How = ("observer" if observe else "master", int(take_over), network, security)
     return Fleet(session, tuple(found), how, wait)
 
 
-def _look_around(seconds: float) -> list[str]:
-    from hil.transport.discovery import find  # most know where their vehicles are
+def _find_vehicles(seconds: float) -> list[str]:
+    from hil.network.discovery import find  # most know where their vehicles are
 
     found = find(seconds)
     if not found:
@@ -70,7 +70,7 @@ class Fleet:
         self._known: dict[str, Vehicle] = {}
         self._news = threading.Condition()
         self._closed = False
-        watch_presence(session, "*", self._meet)
+        watch_presence(session, "*", self._on_presence)
         atexit.register(self.close)
 
     def __enter__(self) -> Self:
@@ -92,13 +92,13 @@ class Fleet:
 
     @property
     def names(self) -> list[str]:
-        """Who is there now, sorted."""
+        """Names of the vehicles that are present, sorted."""
         with self._news:
             return sorted(name for name, idents in self._there.items() if idents)
 
     @property
     def vehicles(self) -> dict[str, Vehicle]:
-        """Those who are there now, by name; waits for the first one. Raises NetworkError if nobody comes."""
+        """Vehicles that are present, by name; waits for the first one. Raises NetworkError if none appears."""
         with self._news:
             if not self._news.wait_for(lambda: self.names, self._wait):
                 raise NetworkError(f"no vehicle answered within {self._wait:g} s: {self._why_not()}")
@@ -134,14 +134,14 @@ class Fleet:
         return await asyncio.to_thread(lambda: self.wait_for(*names, seconds=seconds))
 
     def stop(self) -> None:
-        """Bring every vehicle that was told anything to a standstill; those that are gone stop by themselves."""
+        """Stop every vehicle that was commanded; vehicles out of reach stop by themselves."""
         for vehicle in list(self._known.values()):
             if vehicle.client.has_commanded:
                 with suppress(NetworkError):
                     vehicle.stop()
 
     def close(self) -> None:
-        """Bring the vehicles to a standstill and leave them. Closing twice is harmless."""
+        """Stop the vehicles and disconnect. Closing twice is harmless."""
         with self._news:
             if self._closed:
                 return
@@ -151,7 +151,7 @@ class Fleet:
             vehicle.close()
         self._session.close()
 
-    def _meet(self, presence: Presence, alive: bool) -> None:
+    def _on_presence(self, presence: Presence, alive: bool) -> None:
         if presence.part != "slave":
             return
         with self._news:
@@ -175,11 +175,12 @@ class Fleet:
         return f"no vehicle {name!r} came within {seconds:g} s: {self._why_not()}"
 
     def _why_not(self) -> str:
-        from hil.transport.diagnosis import why_not  # only on the way to an error
+        from hil.network.diagnosis import why_not  # only on the way to an error
 
         reasons, routed = [], self._how[2].mode == "routed"
         for endpoint in self._endpoints:
-            fault = why_not(endpoint, self._security.folder("master") if self._security else "", routed)
+            folder = self._security.folder("master") if self._security else ""
+            fault = why_not(endpoint, folder, routed, self._session)
             reasons.append(f"{endpoint}: {fault.text}" if fault else f"{endpoint} answers, but no vehicle does")
         return "; ".join(reasons)
 

@@ -1,4 +1,4 @@
-"""What a vehicle says, as the Python API gives it: the sensors' own records, each knowing how old it is.
+"""Samples of the Python interface: the sensors' own records, each with its age.
 
 Vectors are along FRD or NED and in SI units, as the records say (sim.sensors.samples, sim.sensors.extra_samples).
 `time_ns` counts from 1970 by the vehicle's clock.
@@ -7,15 +7,16 @@ Vectors are along FRD or NED and in SI units, as the records say (sim.sensors.sa
 from math import asin, atan2, hypot
 from typing import Any, NamedTuple
 
-from hil.autonomy.control import clamp, down_in_body, heading_of
-from hil.clock import NS_PER_S, now_ns
-from hil.master.client import Stamped
+from hil.autonomy.control.controller import clamp, down_in_body, heading_of
+from hil.client.client import Stamped
+from hil.common.clock import NS_PER_S, now_ns
+from sim.rotations import Vector3
 from sim.sensors import extra_samples as extra
-from sim.sensors.samples import DvlSample, ImuSample, OdometrySample, PressureSample, Vector3
+from sim.sensors.samples import DvlSample, ImuSample, OdometrySample, PressureSample
 
 
 class Aged:
-    """What is added to every record."""
+    """Fields that are added to every record."""
 
     sent_ns = 0  # when it was sent, by the monotonic clock of this machine
 
@@ -138,7 +139,7 @@ _others: dict[str, type[Any]] = {}  # of sensors that are not in the table
 
 
 def aged(topic: str, stamped: Stamped) -> Any:
-    """The message of a topic as its record with an age; what is no record stays in `stamped`."""
+    """Return the message of a topic as its record with an age; what is no record stays in `stamped`."""
     value = stamped.value
     if isinstance(value, bool):
         value = 0, value

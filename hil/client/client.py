@@ -1,33 +1,37 @@
-"""A vehicle as a planner sees it: its newest samples, and commands to it."""
+"""Connect a planner to one vehicle: receive its newest samples, send it commands."""
 
 import threading
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from typing import Any, Literal, NamedTuple, Self
 
-from hil.autonomy.control import VelocityCommand
-from hil.clock import NS_PER_S, now_ns, to_wall_ns
-from hil.errors import NetworkError
-from hil.master.contact import Contact
-from hil.master.delay import DelayMeter
-from hil.process import boot_id
-from hil.topics import ALL, TOPICS, is_picture
-from hil.transport import ros
-from hil.transport.graph import Node
-from hil.transport.presence import fetch_last
-from hil.transport.roles import dial
-from hil.transport.security import Security
-from hil.transport.session import Session
-from hil.transport.settings import Network
+from hil.autonomy.control.controller import VelocityCommand
+from hil.client.delay import DelayMeter
+from hil.client.liveness import LivenessMonitor
+from hil.common.clock import NS_PER_S, now_ns, to_wall_ns
+from hil.common.errors import NetworkError
+from hil.common.process import boot_id
+from hil.network.presence import fetch_last
+from hil.network.roles import open_master_session
+from hil.network.security import Security
+from hil.network.session import Session
+from hil.network.settings import Network
+from hil.ros import encoders as ros
+from hil.ros.diagnostics import Diagnostics
+from hil.ros.graph import Node
+from hil.ros.topics import ALL, TOPICS, is_picture
+from sim.run_events import RunEvent, events_since
 
 QUEUE = 256  # messages that may wait for the reader; beyond it the oldest are dropped
 PICTURES = 2  # of one topic that may wait
 OWN = ("diagnostics", "trace")  # what a client listens to for itself
 CLOCK_WAIT_S = 0.3  # that the last state of a vehicle may wait until its age is known
+URGENT = ("trace",)  # what comes by the link of commands and answers, and says nothing of that of samples
 HOLDS_ON = 2  # diagnostics in a row that name another master: it is not about to give way
 
 
 class Stamped(NamedTuple):
-    """A message, when it came and when it was sent (monotonic ns of this machine)."""
+    """A message with its times of reception and of sending (monotonic ns of this machine)."""
 
     value: Any
     received_ns: int
@@ -39,7 +43,15 @@ class Stamped(NamedTuple):
         return (now_ns() - self.sent_ns) / NS_PER_S
 
 
-def _silence(_: str) -> None:
+class _FirstSample(NamedTuple):
+    """The first message of a publisher: whose, when it was sent by the vehicle's clock, and when it came by ours."""
+
+    gid: bytes
+    sent_wall_ns: int
+    received_wall_ns: int
+
+
+def _ignore_report(_: str) -> None:
     """Report nothing."""
 
 
@@ -58,7 +70,7 @@ class VehicleClient:
 
     `latest` holds the newest message of each topic, in NED and FRD; `received` counts them; `malformed`
     counts what could not be decoded; `delays` measures the newest commands; `contact` knows whether the vehicle is
-    there.
+    there; `session` is what it is reached over.
     """
 
     def __init__(
@@ -70,34 +82,36 @@ class VehicleClient:
         rank: int = 0,
         network: Network = Network(),
         security: Security | None = None,
-        report: Callable[[str], None] = _silence,
-        heard: Callable[[str, Stamped], None] = _ignore,
+        report: Callable[[str], None] = _ignore_report,
+        on_sample: Callable[[str, Stamped], None] = _ignore,
         topics: Sequence[str] = (ALL,),
     ) -> None:
         self.node = node
-        self._heard = heard
+        self._on_sample = on_sample
         self.latest: dict[str, Stamped] = {}
         self.received = dict.fromkeys(TOPICS, 0)
         self.malformed = 0
         self._watched: set[str] = set()
         self._watching = threading.Lock()  # two who want the same topic at once must not get it twice
         self.delays = DelayMeter()
-        self.first_sample_wall_ns = 0
+        self._first_samples: dict[str, _FirstSample] = {}  # by topic, each of the newest life of the vehicle
         self._first_sample = threading.Event()
         self._rank = rank
         self._certificate = security.name("master") if security else ""
         self._named_other = 0  # diagnostics in a row
         self._named_before = False  # by the last diagnostics before we came
         self._owns_session = isinstance(where, str)
-        self._session = dial(where, network=network, security=security) if isinstance(where, str) else where
-        self.endpoint = self._session.name
+        self.session = (
+            open_master_session(where, network=network, security=security) if isinstance(where, str) else where
+        )
+        self.endpoint = self.session.name
         self.dialled_wall_ns = to_wall_ns(now_ns())
-        self._commands = self._session.publisher(node, TOPICS["cmd_vel"])
+        self._commands = self.session.publisher(node, TOPICS["cmd_vel"])
         self._publishers = {"cmd_vel": self._commands}
-        self.contact = Contact(self._session, node, self.delays.clock, self._fetch_last, report, network.lease)
+        self.contact = LivenessMonitor(self.session, node, self.delays.clock, self._fetch_last, report, network.lease)
         self.watch(*topics, *OWN)
         self.contact.begin(part, self._commands.gid, rank)
-        self._graph = Node(self._session, f"{node}_{part}")  # as ROS sees us
+        self._graph = Node(self.session, f"{node}_{part}")  # as ROS sees us
         if part == "master":
             self._graph.publishes(TOPICS["cmd_vel"], node)
 
@@ -110,11 +124,12 @@ class VehicleClient:
     def close(self) -> None:
         """Command standstill if we have commanded, leave, and close the session if it was opened here."""
         if self.has_commanded:
-            self.command(VelocityCommand())
+            with suppress(NetworkError):  # two of its name stop by their deadman
+                self.command(VelocityCommand())
         self._graph.leave()
         self.contact.end()
         if self._owns_session:
-            self._session.close()
+            self.session.close()
 
     @property
     def has_commanded(self) -> bool:
@@ -125,38 +140,43 @@ class VehicleClient:
         """Send a velocity command (FRD, m/s, rad/s), `depth` and `heading` before it; its sequence number."""
         for topic, value in (("cmd_depth", command.depth), ("cmd_heading", command.heading)):
             if value is not None:
-                from hil.transport.ros_commands import encode_number  # most commands do without
+                from hil.ros.commands import encode_number  # most commands do without
 
                 self.send(topic, encode_number(value))
         linear = (command.surge, command.sway, command.heave)
         return self.send("cmd_vel", ros.encode_twist(linear, (0.0, 0.0, command.yaw_rate)))
 
     def send(self, topic: str, payload: bytes) -> int:
-        """Send a message on one of the topics of commands; its sequence number there."""
+        """Send a message on one of the topics of commands; its sequence number there.
+
+        Raises NetworkError where several slaves have this name: all of them would obey.
+        """
+        if self.contact.rivals:
+            raise NetworkError(self.refusal())
         if not self.has_commanded:
             self._named_other = 0
         publisher = self._publishers.get(topic)
         if publisher is None:
-            publisher = self._publishers[topic] = self._session.publisher(self.node, TOPICS[topic])
+            publisher = self._publishers[topic] = self.session.publisher(self.node, TOPICS[topic])
             publisher.gid = self._commands.gid  # by which the slave knows that they are of one master
             self._graph.publishes(TOPICS[topic], self.node)
         return publisher.put(payload, to_wall_ns(now_ns()))
 
     def watch(self, *topics: str) -> None:
-        """Listen to these topics too; pictures ("camera/image_raw") only come to those who ask for them by name."""
+        """Subscribe to these topics too. Pictures ("camera/image_raw") are only received if named."""
         for topic in sorted(topics, key=ALL.__ne__):  # all first, which has the others in it: none is to come twice
             with self._watching:
-                if self._listens(topic):
+                if self._is_watched(topic):
                     continue
                 self._watched.add(topic)
-                self._session.subscribe(self.node, topic, self._deliver, PICTURES if is_picture(topic) else QUEUE)
+                self.session.subscribe(self.node, topic, self._deliver, PICTURES if is_picture(topic) else QUEUE)
             if self.contact.present and not is_picture(topic):
-                fetch_last(self._session, self.node, self._deliver_last, topic)  # some come once a second
+                fetch_last(self.session, self.node, self._deliver_last, topic)  # some come once a second
 
     def offers(self) -> set[str]:
-        """The topics it has said anything on, listened to or not; asked for here and now."""
+        """Return the topics it has said anything on, listened to or not; asked for here and now."""
         topics: set[str] = set()
-        fetch_last(self._session, self.node, lambda topic, *_: topics.add(topic))
+        fetch_last(self.session, self.node, lambda topic, *_: topics.add(topic))
         return topics
 
     def wait_for_vehicle(self, seconds: float) -> bool:
@@ -164,7 +184,7 @@ class VehicleClient:
         return self._first_sample.wait(seconds)
 
     def get(self, topic: str, within_s: float = 1.0) -> Any:
-        """The newest message of a topic. Raises NetworkError if none came or it is older than `within_s`."""
+        """Return the newest message of a topic. Raises NetworkError if none came or it is older than `within_s`."""
         stamped = self.latest.get(topic)
         if stamped is None:
             raise NetworkError(f"{self.node} at {self.endpoint} has sent no {topic}")
@@ -172,20 +192,59 @@ class VehicleClient:
             raise NetworkError(f"{self.node} at {self.endpoint} is gone: no {topic} for {stamped.age_s:.1f} s")
         return stamped.value
 
-    def diagnostics(self) -> dict[str, str]:
-        """The slave's figures of health as it last published them; empty before the first."""
+    def diagnostics(self) -> Diagnostics:
+        """Return the slave's figures of health as it last published them; empty before the first."""
         stamped = self.latest.get("diagnostics")
-        return stamped.value if stamped else {}
+        return stamped.value if stamped else Diagnostics()
+
+    @property
+    def has_samples(self) -> bool:
+        """Whether a sensor sample has come."""
+        return self._first_sample.is_set()
+
+    def first_sample_ns(self, exec_wall_ns: int) -> int | None:
+        """When (ns since 1970, ours) the first sample of a slave came that was started at `exec_wall_ns` (its clock).
+
+        None: none yet. Samples that a slave sent before it ended and was started anew do not count.
+        """
+        firsts = list(self._first_samples.values())
+        return min([first.received_wall_ns for first in firsts if first.sent_wall_ns >= exec_wall_ns], default=None)
+
+    def run_events(self, began_ns: int) -> tuple[RunEvent, ...]:
+        """Return what the vehicle says went wrong since `began_ns` (monotonic), times from then on."""
+        stamped = self.latest.get("diagnostics")
+        if stamped is None:
+            return ()
+        events = stamped.value.run_event_list or ()
+        ours = [e._replace(start_ns=self.contact.sent_ns(e.start_ns, stamped.received_ns)) for e in events]
+        return events_since(ours, began_ns)
 
     @property
     def in_doubt(self) -> bool:
         """Whether it has named another master, who may have left since: its next diagnostics tell."""
         return not self._rank and (self._named_before or 0 < self._named_other < HOLDS_ON)
 
-    def refusal(self) -> str:
-        """Why the vehicle does not obey us, and the remedy; "" while nothing says so."""
+    def unavailable_reason(self) -> str:
+        """Return why the vehicle obeys nobody, or not us, and the remedy; "" while nothing says so."""
         values = self.diagnostics()
-        may_command = values.get("may_command", "").split()
+        if values.controller == "external" and not self._commands.check_subscribers():
+            return (
+                f'{self.node} is left to software of its own (controller = "external" in its scenario), and none '
+                'listens to cmd_vel: start that first, or let the slave have controller = "builtin"'
+            )
+        if values.armed is False:
+            return f"{self.node} is disarmed: uuv-hil topic call /{self.node}/arm '{{data: true}}'"
+        return self.refusal()
+
+    def refusal(self) -> str:
+        """Return why the vehicle obeys others but not us, and the remedy; "" while nothing says so."""
+        if self.contact.rivals:
+            return (
+                f"{self.contact.rivals} are all called {self.node}, and all would obey: end one of them, "
+                "or give it another node in [slave]"
+            )
+        values = self.diagnostics()
+        may_command = values.may_command
         if self._certificate and may_command and self._certificate not in may_command:
             return (
                 f"{self.node} obeys {', '.join(may_command)} only, and the certificate of this machine says "
@@ -193,7 +252,7 @@ class VehicleClient:
             )
         if self._named_other >= HOLDS_ON and (self.has_commanded or not self._rank):
             return (
-                f"{self.node} obeys another master, {values.get('commander') or 'a stranger'}; end that one first, "
+                f"{self.node} obeys another master, {values.commander or 'a stranger'}; end that one first, "
                 "or take over with --take-over (in Python take_over=True)"
             )
         return ""
@@ -209,34 +268,37 @@ class VehicleClient:
             self.malformed += 1
             return
         self.received[topic] = self.received.get(topic, 0) + 1
+        self.contact.samples += topic not in URGENT
         if topic == "trace":
             self.delays.add(value, stamp.time_ns, to_wall_ns(received_ns))
             return
         if topic == "diagnostics":
-            value = value[0][3] if value else {}
-            self._judge(value)
-        kept = self.latest[topic] = Stamped(value, received_ns, self.contact.sent_ns(stamp.time_ns, received_ns))
-        self._heard(topic, kept)
-        if not self.first_sample_wall_ns and topic != "diagnostics":
-            self.first_sample_wall_ns = to_wall_ns(received_ns)
-            self._first_sample.set()
+            value = Diagnostics(value[0][3] if value else {})
+            self._check_commander(value)
+        stamped = self.latest[topic] = Stamped(value, received_ns, self.contact.sent_ns(stamp.time_ns, received_ns))
+        self._on_sample(topic, stamped)
+        if topic != "diagnostics":
+            first = self._first_samples.get(topic)
+            if first is None or first.gid != stamp.gid:
+                self._first_samples[topic] = _FirstSample(stamp.gid, stamp.time_ns, to_wall_ns(received_ns))
+                self._first_sample.set()
 
-    def _listens(self, topic: str) -> bool:
+    def _is_watched(self, topic: str) -> bool:
         return topic in self._watched or (ALL in self._watched and not is_picture(topic))
 
-    def _judge(self, diagnostics: dict[str, str]) -> None:
-        self.contact.same_clock = diagnostics.get("boot_id") == boot_id()
-        other = diagnostics.get("commanded_by", "") not in ("", self._commands.gid.hex())
+    def _check_commander(self, diagnostics: Diagnostics) -> None:
+        self.contact.same_clock = diagnostics.boot_id == boot_id()
+        other = (diagnostics.commanded_by or "") not in ("", self._commands.gid.hex())
         self._named_other = self._named_other + 1 if other else 0
         self._named_before = False
 
     def _fetch_last(self) -> None:
-        """The last state of a vehicle that has just come, so that slow topics need not be waited for."""
+        """Fetch the last messages of a vehicle that has just appeared, so that slow topics are there at once."""
         self.contact.known.wait(CLOCK_WAIT_S)
-        fetch_last(self._session, self.node, self._deliver_last)
+        fetch_last(self.session, self.node, self._deliver_last)
 
     def _deliver_last(self, topic: str, payload: bytes, attachment: bytes) -> None:
-        if topic not in self.latest and topic != "trace" and self._listens(topic):
+        if topic not in self.latest and topic != "trace" and self._is_watched(topic):
             self._deliver(topic, payload, attachment)
             if topic == "diagnostics" and self._named_other:
                 self._named_other, self._named_before = 0, True

@@ -1,19 +1,19 @@
-"""Command delay from traces: each hop's share, and the offset between the two machines' clocks."""
+"""Compute command delay from traces: the share of each hop, and the offset between the two machines' clocks."""
 
 from typing import NamedTuple
 
-from hil.quantiles import quantile
-from hil.transport.clock_offset import ClockOffset, Estimate
+from hil.common.quantiles import quantile
+from hil.network.clock_offset import ClockOffset, Estimate
 
 HOPS = ("network", "wake-up", "control", "link encode", "wire and STM32")
 INSTANTS = 6, 7  # of a trace; recordings of old have no instant of computing
 HISTORY = 1 << 16  # windows of the clocks' estimate that a mission may have: 18 hours
 UNSURE = 0.75  # of a delay that its clocks are not known to
-KEPT = 1 << 15  # commands that are remembered at least: half an hour of them at 20 Hz
+MIN_COMMANDS = 1 << 15  # commands that are remembered at least: half an hour of them at 20 Hz
 
 
 class Sample(NamedTuple):
-    """One command's way, all in nanoseconds: when it was published, and the `HOPS` as the two clocks told them."""
+    """Delays of one command in ns: when it was published, and its `HOPS` by the two clocks."""
 
     published_ns: int
     hops: tuple[int, int, int, int, int]
@@ -25,7 +25,7 @@ class Sample(NamedTuple):
 
 
 class Quantiles(NamedTuple):
-    """Of a list of durations, in milliseconds."""
+    """Quantiles of durations, in milliseconds."""
 
     p50_ms: float
     p90_ms: float
@@ -47,8 +47,8 @@ class DelayMeter:
     length is the number of traces so far, of which the newest are there: at least `kept`, all with 0.
     """
 
-    def __init__(self, kept: int = KEPT) -> None:
-        self.kept = kept
+    def __init__(self, min_commands: int = MIN_COMMANDS) -> None:
+        self.min_commands = min_commands
         self._left_out = 0
         self._samples: list[Sample] = []
         self.clock = ClockOffset(HISTORY)
@@ -56,7 +56,7 @@ class DelayMeter:
         self.same_clock = True
 
     def add(self, instants: list[int], sent_ns: int, received_ns: int) -> None:
-        """Take in one trace (see `hil.slave.loop.Trace`), sent and received at these wall instants (ns)."""
+        """Add one trace (see `hil.slave.loop.Trace`), sent and received at these wall times (ns)."""
         if len(instants) not in INSTANTS:
             self.malformed += 1
             return
@@ -64,21 +64,24 @@ class DelayMeter:
         computed = more[0] if more else written
         hops = (received - published, taken - received, computed - taken, written - computed, applied - written)
         self._samples.append(Sample(published, hops))
-        if self.kept and len(self._samples) >= 2 * self.kept:  # seldom, as it moves them
-            self._samples = self._samples[self.kept :]
-            self._left_out += self.kept
+        if self.min_commands and len(self._samples) >= 2 * self.min_commands:  # seldom, as it moves them
+            self._samples = self._samples[self.min_commands :]
+            self._left_out += self.min_commands
         self.clock.add(published, received, sent_ns, received_ns)
 
     def __len__(self) -> int:
         return self._left_out + len(self._samples)
 
     def clock_at(self, time_ns: int) -> Estimate:
-        """The slave's clock minus the master's at a wall instant of the master; on one machine exactly 0."""
-        estimate = None if self.same_clock else self.clock.at(time_ns)
-        return estimate or Estimate(0, 0, 0.0)
+        """Return the slave's clock minus the master's at a wall instant of the master; on one machine exactly 0.
+
+        But for one whose wall clock was set between the two starts: then as measured.
+        """
+        is_one = self.same_clock and self.clock.may_be_zero(time_ns)
+        return (None if is_one else self.clock.at(time_ns)) or Estimate(0, 0, 0.0)
 
     def offset_ns(self) -> tuple[int, int]:
-        """The slave's clock minus the master's at the newest command, and how far that may be wrong (ns)."""
+        """Return the slave's clock minus the master's at the newest command, and how far that may be wrong (ns)."""
         if not self._samples:
             return 0, 0
         offset, uncertainty, _ = self.clock_at(self._samples[-1].published_ns)
@@ -86,7 +89,7 @@ class DelayMeter:
 
     @property
     def samples(self) -> list[Sample]:
-        """What there is, the oldest first."""
+        """All samples, oldest first."""
         return self._samples
 
     def totals_ns(self, newest: int = 0) -> list[int]:
@@ -101,11 +104,11 @@ class DelayMeter:
         return [sample.hops[0] - self.clock_at(sample.published_ns).offset_ns for sample in self._samples]
 
 
-def judge(meter: DelayMeter) -> list[str]:
-    """Why the delays of `meter` are not to be trusted; nothing if they may be.
+def find_doubts(meter: DelayMeter) -> list[str]:
+    """Return why the delays of `meter` are not to be trusted; nothing if they may be.
 
-    One clock that is not one, or an offset that is not known well enough, shows in delays below zero, in exchanges
-    that contradict the offset, or in an uncertainty nearly as large as the delay.
+    An offset that is not known well enough shows in delays below zero, in exchanges that contradict it, or in an
+    uncertainty nearly as large as the delay.
     """
     if not meter.samples:
         return ["no command was answered by the STM32"]
@@ -126,9 +129,8 @@ def doubts_of(clock: ClockOffset, same_clock: bool, at_ns: int, middle_ns: float
     found, estimate = [], clock.at(at_ns)
     if estimate:
         off, uncertainty = estimate.offset_ns / 1e6, estimate.uncertainty_ns / 1e6
-        if same_clock and abs(estimate.offset_ns) > estimate.uncertainty_ns:
-            found.append(f"the slave's clock is {off:.3f} ms off, though it should be the master's")
-        elif not same_clock and estimate.uncertainty_ns > UNSURE * abs(middle_ns):
+        is_one = same_clock and clock.may_be_zero(at_ns)
+        if not is_one and estimate.uncertainty_ns > UNSURE * abs(middle_ns):
             found.append(f"the clocks' offset of {off:.3f} ms is known only to +-{uncertainty:.3f} ms")
     if clock.steps:
         found.append(f"a clock was set {clock.steps} times meanwhile")

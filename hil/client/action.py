@@ -1,4 +1,4 @@
-"""What a vehicle has been told to do: repeated, as it obeys nobody who falls silent, until it is told something else.
+"""An action of a vehicle: a command that is repeated until it is done or replaced.
 
 A maneuver is a small machine without a clock or a thread of its own. Poses are held by the vehicle itself; ways are
 followed from here, by velocities.
@@ -10,26 +10,26 @@ from itertools import pairwise
 from math import dist
 from typing import TYPE_CHECKING, Any, Self
 
-from hil.autonomy.control import VelocityCommand, wrap
-from hil.autonomy.pursuit import PurePursuit
-from hil.autonomy.trajectory import Limits, Trajectory, track
-from hil.clock import NS_PER_S
-from hil.errors import HilError, MissionError
-from hil.master.client import VehicleClient
-from hil.master.samples import State
-from hil.transport.ros_commands import PoseCommand, encode_pose
+from hil.autonomy.control.controller import VelocityCommand, wrap
+from hil.autonomy.paths.pursuit import PurePursuit
+from hil.autonomy.paths.trajectory import Limits, Trajectory, track
+from hil.client.client import VehicleClient
+from hil.client.samples import State
+from hil.common.clock import NS_PER_S
+from hil.common.errors import HilError, MissionError
+from hil.ros.commands import PoseCommand, encode_pose
 
 if TYPE_CHECKING:
-    from hil.autonomy.curves import Position
+    from hil.autonomy.paths.curves import Position
 
-LOOK_S = 0.05  # how often one who awaits a maneuver looks for its end
+POLL_S = 0.05  # how often one who awaits a maneuver looks for its end
 TRACKING_GAIN = 0.5  # 1/s, of the position error on a way
 
 Send = Callable[[VehicleClient, State], None]
 Reached = Callable[[State], bool]
 
 
-class Maneuver:
+class Action:
     """Something the vehicle is doing. `done` says whether it has come to what was asked; it then goes on holding that.
 
     It is over without being done when the vehicle was told something else, or with an error when the vehicle did not
@@ -49,14 +49,14 @@ class Maneuver:
         return self._over.is_set()
 
     def step(self, client: VehicleClient, state: State) -> None:
-        """Say it once more; `state` is where the vehicle is. Raises HilError when it cannot go on."""
+        """Send the command once more; `state` is that of the vehicle. Raises HilError when it cannot continue."""
         if not self.done and self._reached(state):
             self.done = True
             self._over.set()
         self._send(client, state)
 
     def end(self, error: HilError | None = None) -> None:
-        """It goes no further."""
+        """End the action, with an error or without."""
         self.error = self.error or error
         self._over.set()
 
@@ -78,11 +78,11 @@ class Maneuver:
         import asyncio  # who is here has it already
 
         while not self._over.is_set():
-            await asyncio.sleep(LOOK_S)
+            await asyncio.sleep(POLL_S)
         return self.wait()
 
 
-def drive(command: VelocityCommand, tolerance: float) -> Maneuver:
+def drive(command: VelocityCommand, tolerance: float) -> Action:
     """Move so; done when depth (`tolerance` m) and heading (`tolerance` rad) are those asked for, if any are."""
 
     def reached(state: State) -> bool:
@@ -90,22 +90,22 @@ def drive(command: VelocityCommand, tolerance: float) -> Maneuver:
         turned = command.heading is None or abs(wrap(state.heading - command.heading)) <= tolerance
         return deep and turned
 
-    return Maneuver(lambda client, _: _ignore(client.command(command)), reached)
+    return Action(lambda client, _: _ignore(client.command(command)), reached)
 
 
-def repeat(topic: str, payload: bytes) -> Maneuver:
-    """Say one thing again and again; there is nothing to come to."""
-    return Maneuver(lambda client, _: _ignore(client.send(topic, payload)), lambda _: True)
+def repeat(topic: str, payload: bytes) -> Action:
+    """Send one command repeatedly; it is never done."""
+    return Action(lambda client, _: _ignore(client.send(topic, payload)), lambda _: True)
 
 
-def hold_pose(pose: PoseCommand, tolerance: float) -> Maneuver:
+def hold_pose(pose: PoseCommand, tolerance: float) -> Action:
     """Go to a pose; done within `tolerance` m and rad of it."""
 
     def reached(state: State) -> bool:
         turned = abs(wrap(state.heading - pose.heading)) <= tolerance
         return turned and dist(state.position, pose.position) <= tolerance
 
-    return Maneuver(lambda client, state: _ignore(client.send("cmd_pose", encode_pose(pose, state.time_ns))), reached)
+    return Action(lambda client, state: _ignore(client.send("cmd_pose", encode_pose(pose, state.time_ns))), reached)
 
 
 class _Run:
@@ -135,13 +135,13 @@ class _Run:
         return (state.time_ns - self._began_ns) / NS_PER_S
 
 
-def run_trajectory(trajectory: Trajectory, limits: Limits, tolerance: float) -> Maneuver:
+def run_trajectory(trajectory: Trajectory, limits: Limits, tolerance: float) -> Action:
     """Run over a trajectory, kept within `limits`; done within `tolerance` m and rad of its end."""
     run = _Run(trajectory, limits, tolerance)
-    return Maneuver(run.send, run.reached)
+    return Action(run.send, run.reached)
 
 
-def pursue(points: "list[Position]", speed: float, lookahead: float, tolerance: float) -> Maneuver:
+def pursue(points: "list[Position]", speed: float, lookahead: float, tolerance: float) -> Action:
     """Sail along `points` (m, NED) as a vehicle with fins has to: ahead, by turning; done at the last within tolerance.
 
     The depth changes evenly along the way.
@@ -153,11 +153,11 @@ def pursue(points: "list[Position]", speed: float, lookahead: float, tolerance: 
         command = pursuit.update(state.position, state.heading)
         client.command(command._replace(depth=depths(pursuit.progress)))
 
-    return Maneuver(send, lambda _: pursuit.done)
+    return Action(send, lambda _: pursuit.done)
 
 
 def _depths(points: "list[Position]") -> Callable[[float], float]:
-    """The depth (m) at each share of the level way."""
+    """Return the depth (m) at each share of the level way."""
     legs = [dist(a[:2], b[:2]) for a, b in pairwise(points)]
     whole = sum(legs) or 1.0
 

@@ -1,4 +1,4 @@
-"""One vehicle, as the Python API gives it: what it says, and what it is told."""
+"""One vehicle in the Python interface: its samples and its commands."""
 
 import threading
 import time
@@ -6,16 +6,17 @@ from collections.abc import Sequence
 from math import atan2, hypot, isfinite
 from typing import Any
 
-from hil.autonomy.control import VelocityCommand
-from hil.autonomy.curves import Curve, Position, polyline
-from hil.autonomy.spline import Spline
-from hil.autonomy.trajectory import Limits, Trajectory
-from hil.autonomy.waypoints import read_waypoints
-from hil.errors import ConfigError, HilError, MissionError, NetworkError
-from hil.master import maneuver, samples
-from hil.master.maneuver import Maneuver
-from hil.master.observed import Observed
-from hil.transport.ros_commands import (
+from hil.autonomy.control.controller import VelocityCommand
+from hil.autonomy.paths.curves import Curve, Position, polyline
+from hil.autonomy.paths.spline import Spline
+from hil.autonomy.paths.trajectory import Limits, Trajectory
+from hil.autonomy.paths.waypoints import read_waypoints
+from hil.client import action as maneuver
+from hil.client import samples
+from hil.client.action import Action
+from hil.client.vehicle_state import VehicleState
+from hil.common.errors import ConfigError, HilError, MissionError, NetworkError
+from hil.ros.commands import (
     MOST_DEPTH,
     MOST_FORCE,
     MOST_HEADING,
@@ -23,18 +24,18 @@ from hil.transport.ros_commands import (
     PoseCommand,
     encode_thrusts,
 )
-from hil.transport.ros_frames import encode_wrench
+from hil.ros.frames import encode_wrench
 
 PERIOD_S = 0.05  # of repeating what the vehicle has been told; its deadman waits for ten of these
 GIVE_UP_AFTER_S = 10.0  # of a vehicle's silence
-TOLD_WITHIN_S = 2.3  # that the slave's next two figures of health are sure to come
-LOOK_S = 0.02
+REPORTED_WITHIN_S = 2.3  # that the slave's next two figures of health are sure to come
+POLL_S = 0.02
 MOST_SPEED = 20.0  # m/s and rad/s
 FAR = 1.0  # m: from there on a vehicle goes to a place bow first
 
 
-class Vehicle(Observed):
-    """One vehicle. What it says are attributes; what it is told are methods.
+class Vehicle(VehicleState):
+    """One vehicle. Its samples are attributes; its commands are methods.
 
     They return at once; only the first waits, when another master was there, until the vehicle says whether it stays.
     It does what it was told until it is told something else; this process repeats it meanwhile, and when that ends the
@@ -45,7 +46,7 @@ class Vehicle(Observed):
 
     def __init__(self, *arguments: Any) -> None:
         super().__init__(*arguments)
-        self._maneuver: Maneuver | None = None
+        self._maneuver: Action | None = None
         self._turn = threading.RLock()  # of telling the vehicle
         self._repeater = threading.Thread(target=self._repeat, name=f"commands {self.name}", daemon=True)
 
@@ -58,7 +59,7 @@ class Vehicle(Observed):
         depth: float | None = None,
         heading: float | None = None,
         tolerance: float = 0.1,
-    ) -> Maneuver:
+    ) -> Action:
         """Move with these velocities (m/s, rad/s), and hold a depth (m) in place of heave, a heading of yaw rate.
 
         Done when depth and heading are within `tolerance` m and rad, at once without them.
@@ -70,23 +71,23 @@ class Vehicle(Observed):
             self._check(name, value, MOST_SPEED, "rad/s" if name == "yaw_rate" else "m/s")
         self._check("depth", depth or 0.0, MOST_DEPTH, "m")
         self._check("heading", heading or 0.0, MOST_HEADING, "rad")
-        return self._tell(maneuver.drive(VelocityCommand(**speeds, depth=depth, heading=heading), tolerance))
+        return self._start_action(maneuver.drive(VelocityCommand(**speeds, depth=depth, heading=heading), tolerance))
 
-    def stop(self) -> Maneuver:
+    def stop(self) -> Action:
         """Stand still in the water, at whatever depth and heading it has."""
         return self.drive()
 
-    def hold_depth(self, depth: float, tolerance: float = 0.1) -> Maneuver:
+    def hold_depth(self, depth: float, tolerance: float = 0.1) -> Action:
         """Dive or rise to a depth (m) and stay there; done within `tolerance` m."""
         return self.drive(depth=depth, tolerance=tolerance)
 
-    def hold_heading(self, heading: float, tolerance: float = 0.1) -> Maneuver:
+    def hold_heading(self, heading: float, tolerance: float = 0.1) -> Action:
         """Turn to a heading (rad from north, clockwise) and keep it; done within `tolerance` rad."""
         return self.drive(heading=heading, tolerance=tolerance)
 
     def go_to(
         self, north: float, east: float, depth: float, heading: float | None = None, tolerance: float = 0.3
-    ) -> Maneuver:
+    ) -> Action:
         """Go straight to a place (m, NED) and stay there; done within `tolerance` m and rad.
 
         Without a `heading` (rad) it goes bow first. Nothing is gone round: for that plan a way and `follow` it. For
@@ -99,62 +100,63 @@ class Vehicle(Observed):
             level = north - state.position[0], east - state.position[1]
             heading = atan2(level[1], level[0]) if hypot(*level) > FAR else state.heading
         self._check("heading", heading, MOST_HEADING, "rad")
-        return self._tell(maneuver.hold_pose(PoseCommand((north, east, depth), heading), tolerance))
+        return self._start_action(maneuver.hold_pose(PoseCommand((north, east, depth), heading), tolerance))
 
     def follow(
         self,
-        way: "Sequence[Position] | Curve | Trajectory | str",
+        path: "Sequence[Position] | Curve | Trajectory | str",
         speed: float = 0.5,
         limits: Limits = Limits(),
         smooth: bool = False,
         lookahead: float = 0.0,
         tolerance: float = 0.3,
-    ) -> Maneuver:
+    ) -> Action:
         """Follow a way and stay at its end; done within `tolerance` m and rad of it.
 
         `way`: points (m, NED), which it goes to first and from one to the next, round the corners with `smooth`; the
-        path of a waypoint file; a curve (hil.autonomy.curves); or a trajectory, whose speed it then has. Up to `speed`
+        path of a waypoint file; a curve (hil.autonomy.paths.curves); or a trajectory, whose speed it then has. Up to
+        `speed`
         m/s, and within `limits`. With a `lookahead` (m) points are followed by pure pursuit, as a vehicle with fins
         has to. Raises ConfigError, MissionError when the way breaks a limit.
         """
-        if isinstance(way, Trajectory):
-            return self._tell(maneuver.run_trajectory(way, limits, tolerance))
-        if isinstance(way, str):
-            curve = read_waypoints(way)
-        elif isinstance(way, Sequence):
-            points = self._points(way)
+        if isinstance(path, Trajectory):
+            return self._start_action(maneuver.run_trajectory(path, limits, tolerance))
+        if isinstance(path, str):
+            curve = read_waypoints(path)
+        elif isinstance(path, Sequence):
+            points = self._points(path)
             if lookahead:
-                return self._tell(maneuver.pursue(points, speed, lookahead, tolerance))
+                return self._start_action(maneuver.pursue(points, speed, lookahead, tolerance))
             curve = Spline(points) if smooth else polyline(points)
         else:
-            curve = way
-        return self._tell(maneuver.run_trajectory(Trajectory(curve, speed, limits), limits, tolerance))
+            curve = path
+        return self._start_action(maneuver.run_trajectory(Trajectory(curve, speed, limits), limits, tolerance))
 
     def push(
         self, x: float = 0.0, y: float = 0.0, z: float = 0.0, k: float = 0.0, m: float = 0.0, n: float = 0.0
-    ) -> Maneuver:
+    ) -> Action:
         """Push with a force X Y Z (N) and a moment K M N (N m) along FRD, as far as the thrusters can."""
         wrench = x, y, z, k, m, n
         for name, value in zip("xyzkmn", wrench, strict=True):
             self._check(name, value, MOST_FORCE, "N" if name in "xyz" else "N m")
-        return self._tell(maneuver.repeat("cmd_wrench", encode_wrench(0, wrench)))
+        return self._start_action(maneuver.repeat("cmd_wrench", encode_wrench(0, wrench)))
 
-    def thrust(self, *newtons: float) -> Maneuver:
+    def thrust(self, *newtons: float) -> Action:
         """Let each thruster push with so many N, in the order of the vehicle file, each as far as it can."""
-        count = self.diagnostics.get("thrusters", "")
-        if count and len(newtons) != int(count):
+        count = self.diagnostics.thrusters
+        if count is not None and len(newtons) != count:
             raise ConfigError(f"{self.name} has {count} thrusters, and {len(newtons)} thrusts were given")
         for number, value in enumerate(newtons, 1):
             self._check(f"thruster {number}", value, MOST_FORCE, "N")
-        return self._tell(maneuver.repeat("cmd_thrusters", encode_thrusts(newtons)))
+        return self._start_action(maneuver.repeat("cmd_thrusters", encode_thrusts(newtons)))
 
     def release(self) -> None:
-        """Tell it nothing any more: its deadman then brings the thrusters to neutral."""
+        """Send no more commands: the vehicle's deadman then sets the thrusters to neutral."""
         with self._turn:
             self._replace(None)
 
     def close(self) -> None:
-        """Bring it to a standstill if it was told anything, and leave it. Closing twice is harmless."""
+        """Stop the vehicle if it was commanded, and disconnect. Closing twice is harmless."""
         if self._closing.is_set():
             return
         self._closing.set()
@@ -175,14 +177,14 @@ class Vehicle(Observed):
                 self._check("waypoint", value, MOST_PLACE, "m")
         return [self.state.position, *[(north, east, depth) for north, east, depth in points]]
 
-    def _tell(self, new: Maneuver) -> Maneuver:
+    def _start_action(self, new: Action) -> Action:
         """Begin a maneuver at once. Raises NetworkError when the vehicle would not obey."""
         if self._part == "observer":
             raise NetworkError(f"{self.name} is only observed here; connect without observe=True to command it")
         self._require_presence()
-        obstacle = self._lasting_obstacle()
-        if obstacle:
-            raise NetworkError(obstacle)
+        reason = self._lasting_reason()
+        if reason:
+            raise NetworkError(reason)
         with self._turn:
             self._replace(new)
             self._step()
@@ -190,25 +192,16 @@ class Vehicle(Observed):
                 self._repeater.start()
         return new
 
-    def _lasting_obstacle(self) -> str:
-        """`_obstacle`, once the vehicle had the time to tell: the master that it named may stay, or have just left."""
+    def _lasting_reason(self) -> str:
+        """Why it does not obey, once it had the time to tell: the master that it named may stay, or have just left."""
         client = self.client
-        deadline = time.monotonic() + (0.0 if client.has_commanded else TOLD_WITHIN_S)
+        deadline = time.monotonic() + (0.0 if client.has_commanded else REPORTED_WITHIN_S)
         while (client.refusal() or client.in_doubt or not client.diagnostics()) and time.monotonic() < deadline:
             self._require_presence()
-            time.sleep(LOOK_S)
-        return self._obstacle()
+            time.sleep(POLL_S)
+        return client.unavailable_reason()
 
-    def _obstacle(self) -> str:
-        """Why the vehicle does not obey, and the remedy; "" while nothing says so."""
-        figures = self.diagnostics
-        if figures.get("controller") == "external":
-            return f'{self.name} is left to software of its own (controller = "external" in its scenario)'
-        if figures.get("armed") == "false":
-            return f"{self.name} is disarmed: uuv-hil topic call /{self.name}/arm '{{data: true}}'"
-        return self.client.refusal()
-
-    def _replace(self, new: Maneuver | None) -> None:
+    def _replace(self, new: Action | None) -> None:
         if self._maneuver:
             self._maneuver.end()
         self._maneuver = new
@@ -219,21 +212,21 @@ class Vehicle(Observed):
                 self._step()
 
     def _step(self) -> None:
-        """Say once more what the vehicle is to do, while it is there and obeys."""
+        """Send the current command once more, while the vehicle is present and accepts it."""
         told, stamped = self._maneuver, self.client.latest.get("odom")
         if told is None or stamped is None:
             return
         try:
             if self.present:
-                obstacle = self._obstacle()
-                if obstacle:
-                    raise NetworkError(obstacle)
+                reason = self.client.unavailable_reason()
+                if reason:
+                    raise NetworkError(reason)
                 told.step(self.client, samples.aged("odom", stamped))
             elif self.client.contact.silence_s > GIVE_UP_AFTER_S:
                 self._require_presence()
         except (NetworkError, MissionError) as error:
-            self._give_up(told, error)
+            self._end_action(told, error)
 
-    def _give_up(self, told: Maneuver, error: HilError) -> None:
+    def _end_action(self, told: Action, error: HilError) -> None:
         told.end(error)
         self._maneuver = None

@@ -1,18 +1,20 @@
-"""The water between the modems of a fleet, on the network: it knows where all vehicles truly are, which none of them
-does, and lets each hear on `modem_rx` what reaches it of what the others give to `modem_tx`, when it does.
+"""Simulate the modem channel of a fleet on the network: deliver on `modem_rx` what vehicles send on `modem_tx`.
+
+The simulator knows the true pose of every vehicle; the vehicles do not. Messages arrive after their travel time, or
+are lost.
 """
 
 import threading
 from collections import Counter
 
-from hil.clock import now_ns, to_wall_ns
-from hil.config import Scenario
-from hil.modem import open_channel
-from hil.topics import TOPICS
-from hil.transport import ros
-from hil.transport.graph import Node
-from hil.transport.ros_modem import Message, decode_message, encode_message, encode_range
-from hil.transport.session import Session
+from hil.common.clock import now_ns, to_wall_ns
+from hil.network.session import Session
+from hil.ros import encoders as ros
+from hil.ros.graph import Node
+from hil.ros.modem import Message, decode_message, encode_message, encode_range
+from hil.ros.topics import TOPICS
+from hil.scenario.config import Scenario
+from hil.scenario.modem import open_channel
 from sim.modems.acoustic import Packet
 from sim.modems.optical_channel import Pose
 
@@ -21,10 +23,10 @@ QUEUE = 16
 REACH_M = 1e4  # what a distance is said to be below
 
 
-class Water:
-    """From now on until the session is closed. Raises ConfigError.
+class ModemNetwork:
+    """Serve the modems of a scenario's members until the session is closed. Raises ConfigError.
 
-    Who has not been seen yet neither hears nor is heard. `counts` are those of the channel (sim/modems), and
+    A vehicle without a known pose neither sends nor receives. `counts` are those of the channel (sim/modems), and
     malformed; `ranges` the last measured distance (m) from a vehicle to another.
     """
 
@@ -34,7 +36,7 @@ class Water:
         self._lock = threading.Lock()
         self._poses: dict[str, Pose] = {}
         nodes = [member.node for member in scenario.member]
-        self._heard = {node: session.publisher(node, TOPICS["modem_rx"]) for node in nodes}
+        self._received = {node: session.publisher(node, TOPICS["modem_rx"]) for node in nodes}
         self._measured = {node: session.publisher(node, TOPICS["modem_range"]) for node in nodes}
         graph = Node(session, "water")
         for node in nodes:
@@ -46,12 +48,12 @@ class Water:
 
     @property
     def counts(self) -> Counter[str]:
-        """What became of all messages so far."""
+        """Number of messages by their fate."""
         with self._lock:
             return Counter(self._channel.counts)
 
     def _attend(self, session: Session, node: str) -> None:
-        def see(_topic: str, payload: bytes, _attachment: bytes) -> None:
+        def store_pose(_topic: str, payload: bytes, _attachment: bytes) -> None:
             truth = ros.decode_odometry(payload)
             if truth is not None:
                 self._poses[node] = Pose(truth.position, truth.orientation)
@@ -64,7 +66,7 @@ class Water:
                 elif node in self._poses:
                     self._channel.send(now_ns(), node, message.payload, dict(self._poses))
 
-        session.subscribe(node, "ground_truth", see, 1)
+        session.subscribe(node, "ground_truth", store_pose, 1)
         session.subscribe(node, "modem_tx", send, QUEUE)
 
     def _deliver(self) -> None:
@@ -75,12 +77,12 @@ class Water:
 
     def _hand_over(self, packet: Packet) -> None:
         now = to_wall_ns(now_ns())
-        self._heard[packet.receiver].put(encode_message(Message(packet.sender, packet.payload)), now)
+        self._received[packet.receiver].put(encode_message(Message(packet.sender, packet.payload)), now)
         if packet.distance == packet.distance:  # light tells none
             self.ranges[packet.receiver, packet.sender] = packet.distance
             self._measured[packet.receiver].put(encode_range(now, packet.sender, packet.distance, REACH_M), now)
 
 
 def summary(counts: Counter[str]) -> str:
-    """The counts in a line."""
+    """Return the counts in a line."""
     return ", ".join(f"{number} {fate.replace('_', ' ')}" for fate, number in counts.items()) or "nothing sent"

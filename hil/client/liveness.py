@@ -1,0 +1,214 @@
+"""Monitor whether a vehicle is present, and measure the offset of its clock."""
+
+import threading
+from collections.abc import Callable
+
+from hil.client.stall import StallDetector
+from hil.common.clock import NS_PER_S, from_wall_ns, now_ns, to_wall_ns
+from hil.network.clock_offset import ClockOffset, Estimate
+from hil.network.presence import declare_presence, watch_presence
+from hil.network.session import Session
+from hil.network.tokens import PING, PONG, Part, Presence, clock_keys, read_clock
+from hil.network.unread_links import UnreadLinks, reconnect
+
+PERIOD_S = 0.2  # of the exchange of clocks
+GRACE_S = 0.1  # that an answer may be later than the lease
+STALL_S = 0.02  # in which readers catch up when this process itself was held up
+FIRST_PERIOD_S = 0.02  # until there is an estimate
+WAITING = 16  # answers that may wait for the reader
+STORED_PINGS = 512  # pings whose answers are known as ours: as long back as an answer may take, at the first period
+
+
+class LivenessMonitor:
+    """Announce us to a node, track its presence, and compare clocks with it.
+
+    It comes with its token or its first answer, and goes with its token or when it has not answered for a little
+    more than `lease` s. `present` says whether it is there, `losses` how often it went. `arrived` is called in a
+    thread of its own, which may wait a while, when the vehicle comes; `report` gets a line when it comes and goes.
+    `samples` counts what comes beside answers, as whoever takes it notes. The session is connected anew while answers
+    come and samples do not (`hil.client.stall`), or a link is not read (`hil.network.unread_links`); `reconnections`
+    counts that.
+    `same_clock` is set by whoever finds that both are on one machine: then the offset is exactly 0, unless exchanges
+    say otherwise, as when the wall clock was set between the two starts.
+    """
+
+    def __init__(
+        self,
+        session: Session,
+        node: str,
+        clock: ClockOffset,
+        arrived: Callable[[], None],
+        report: Callable[[str], None],
+        lease: float,
+    ) -> None:
+        self._session, self._node, self._clock = session, node, clock
+        self._arrived, self._report = arrived, report
+        self._there: dict[str, str] = {}  # slaves of the node: machine and process, by ident
+        self._doubled_ns = 0  # since when there is more than one; 0 while there is not
+        self._lost_ns = 0
+        self._received_ns = 0
+        self._patience_s = lease + GRACE_S
+        self._turn = threading.Lock()  # of coming and going, which two threads see
+        self._ping_times: tuple[int, ...] = ()  # when our last pings were sent
+        self._send_as_master: Callable[[bytes], None] | None = None  # as a master: how an answer came
+        self._closing = threading.Event()
+        self._withdraw: Callable[[], None] | None = None
+        self._arrival: threading.Thread | None = None
+        self._pinger = threading.Thread(target=self._ping, name="clock", daemon=True)
+        self._stall, self._unread = StallDetector(lease), UnreadLinks(lease, session.has_pairs)
+        self._answers = 0
+        self.samples = 0
+        self.reconnections = 0
+        self.known = threading.Event()  # the clocks have been compared
+        self.same_clock = False
+        self.present = False
+        self.losses = 0
+        self.reported: Estimate | None = None  # our clock minus the vehicle's, as the vehicle reckons
+
+    def begin(self, part: Part, gid: bytes, rank: int) -> None:
+        """Announce us as `part`; commands carry `gid`."""
+        self._gid = gid
+        ping, pong, masters_ping = clock_keys(self._node)
+        self._send = self._session.sender(ping)
+        if part == "master":
+            self._send_as_master = self._session.sender(masters_ping)
+        self._session.receive(pong, self._on_pong, WAITING)
+        self._withdraw = declare_presence(self._session, self._node, part, gid.hex(), rank)
+        watch_presence(self._session, self._node, self._on_presence)
+        self._pinger.start()
+
+    def end(self) -> None:
+        """Leave. The session stays open."""
+        self._closing.set()
+        self._pinger.join()
+        with self._turn:
+            arrival = self._arrival  # no other comes any more
+        if arrival:
+            arrival.join()
+        if self._withdraw:
+            self._withdraw()
+
+    def sent_ns(self, their_wall_ns: int, received_ns: int) -> int:
+        """A wall instant of the vehicle by our monotonic clock, no later than `received_ns`, which it is if unknown."""
+        received_wall_ns = to_wall_ns(received_ns)
+        if self.same_clock and self._clock.may_be_zero(received_wall_ns):
+            return min(from_wall_ns(their_wall_ns), received_ns)
+        estimate = self._clock.at(received_wall_ns)
+        return min(from_wall_ns(their_wall_ns - estimate.offset_ns), received_ns) if estimate else received_ns
+
+    @property
+    def rivals(self) -> str:
+        """The slaves that share the node's name, where there are several; "" for one.
+
+        One that was started again is not one of two: it has a little more than the lease until the old one is gone.
+        """
+        if not self._doubled_ns or now_ns() - self._doubled_ns < self._patience_s * NS_PER_S:
+            return ""
+        return " and ".join(sorted(self._there.values()))
+
+    @property
+    def silence_s(self) -> float:
+        """Seconds since the last message of the vehicle."""
+        return (now_ns() - self._received_ns) / NS_PER_S
+
+    def _ping(self) -> None:
+        while not self._wait_for_next():
+            if self.present and self._is_timed_out() and not self._closing.wait(STALL_S) and self._is_timed_out():
+                self._is_there(False)
+            self._reconnect_stalled()
+            sent = to_wall_ns(now_ns())
+            self._ping_times = (*self._ping_times[1 - STORED_PINGS :], sent)
+            ping = PING.pack(self._gid, sent, 0, 0)
+            if self._send_as_master:
+                self._send_as_master(ping)
+            if not self._send_as_master or not self.reported:  # not known as a master yet
+                self._send(ping)
+
+    def _wait_for_next(self) -> bool:
+        """Wait until the next ping is due; True when closing.
+
+        Time in which this process was held up is no silence of the vehicle: nothing was asked, and nothing read.
+        """
+        began, pause_s = now_ns(), self._pause()
+        is_closing = self._closing.wait(pause_s)
+        held_up_ns = now_ns() - began - round(pause_s * NS_PER_S)
+        if held_up_ns > STALL_S * NS_PER_S:
+            self._received_ns = min(self._received_ns + held_up_ns, now_ns())
+        return is_closing
+
+    def _pause(self) -> float:
+        """Until the next ping; no longer than patience lasts."""
+        if not self.known.is_set():
+            return FIRST_PERIOD_S
+        left = self._patience_s - (now_ns() - self._received_ns) / NS_PER_S
+        return min(PERIOD_S, left) if self.present and left > 0.0 else PERIOD_S
+
+    def _is_timed_out(self) -> bool:
+        return now_ns() - self._received_ns >= self._patience_s * NS_PER_S
+
+    def _reconnect_stalled(self) -> None:
+        """Connect again where a link is open and not read, and where only answers come, for whatever reason."""
+        if self._unread.mend(self._session):
+            self._report(f"a link of {self._session.name} was open and not read, or lost; connecting again")
+            self.reconnections += 1
+        is_deaf = self._is_deaf()
+        if self._stall.is_stalled(now_ns(), self._answers, self.samples, is_deaf):
+            if self._stall.attempts == 1:
+                does = "has a link" if is_deaf else "answers"
+                text = f"nothing else has come of it for {self._stall.lasted_s:.1f} s"
+                self._report(f"{self._node} at {self._session.name} {does}, but {text}; connecting again")
+            self.reconnections += 1
+            reconnect(self._session)
+
+    def _is_deaf(self) -> bool:
+        """Whether the vehicle is not there, although its one peer has a link, as a lost one has not.
+
+        One that was there before, or that we dial: what zenoh sends first on a link gets lost now and then on a busy
+        machine, and with it all that we declared.
+        """
+        if self.present or not (self.losses or self._session.has_pairs):
+            return False
+        return len({peer for peer, *_ in self._session.links()}) == 1
+
+    def _on_pong(self, payload: bytes) -> None:
+        received_ns = to_wall_ns(now_ns())
+        pong = read_clock(PONG, payload)
+        if pong is None or pong[0] != self._gid or pong[1] not in self._ping_times:  # the answer to another's ping
+            return
+        _, sent, there, answered, *reported = pong
+        if self._send_as_master:
+            self._send_as_master(PING.pack(self._gid, to_wall_ns(now_ns()), answered, received_ns))
+        self._received_ns = now_ns()
+        self._answers += 1
+        self.reported = Estimate(*reported) if reported[1] >= 0 else None
+        self._clock.add(sent, there, answered, received_ns)
+        self.known.set()
+        self._is_there(True)
+
+    def _on_presence(self, presence: Presence, alive: bool) -> None:
+        if presence.part != "slave":
+            return
+        if alive:
+            self._there[presence.ident] = presence.who
+            self._received_ns = now_ns()  # give it time for its first answer
+        else:
+            self._there.pop(presence.ident, None)
+        self._doubled_ns = (self._doubled_ns or now_ns()) if len(self._there) > 1 else 0
+        self._is_there(bool(self._there))
+
+    def _is_there(self, present: bool) -> None:
+        with self._turn:
+            if present == self.present or self._closing.is_set():
+                return
+            self.present = present
+            if present:
+                self._arrival = threading.Thread(target=self._arrived, name="arrival", daemon=True)
+                self._arrival.start()
+        if not present:
+            self.reported = None  # it may come back with other rights for us
+            self.losses += 1
+            self._lost_ns = now_ns()
+            self._report(f"{self._node} at {self._session.name} is gone; trying to reach it again")
+            return
+        if self._lost_ns:
+            self._report(f"{self._node} is back after {(now_ns() - self._lost_ns) / NS_PER_S:.1f} s")

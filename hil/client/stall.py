@@ -1,0 +1,54 @@
+"""Detect that a vehicle answers pings but sends no samples.
+
+A session has two links, one for commands and answers, one for samples: either may carry nothing while the other does.
+The cause that is known, `hil.network.unread_links` finds by itself; this is for any other.
+"""
+
+from hil.common.clock import NS_PER_S
+
+LONGEST_CHECK_NS = NS_PER_S // 2  # that counts between two looks: longer ones are pauses of this process
+FIRST_GAP_NS = NS_PER_S  # between two messages of a vehicle: at the least its figures of health come that often
+GAPS = 3  # of the longest that was usual, on top of the leases
+FORGOTTEN = 0.9  # is what remains of the longest gap at each look at which messages had come
+LEASES = 2
+LONGEST_PAUSE_NS = 60 * NS_PER_S  # between two attempts to mend it
+
+
+class StallDetector:
+    """Judges counts of answers and samples, at instants (monotonic ns) that the caller gives, some times a second.
+
+    A stall is that answers came, or there was a link, and no sample for two leases (of `lease` s) and three of the
+    gaps that are usual between samples. `attempts` counts how often it was told since the last sample; each takes
+    twice as long as the one before. `lasted_s` is how long (s) no sample has come since the last was told.
+    """
+
+    def __init__(self, lease: float) -> None:
+        self._least_ns = round(LEASES * lease * NS_PER_S)
+        self._updated_ns = 0
+        self._answers = self._samples = 0
+        self._silent_ns = 0  # in which there were answers
+        self._gap_ns = FIRST_GAP_NS
+        self.attempts = 0
+        self.lasted_s = 0.0
+
+    def is_stalled(self, now: int, answers: int, samples: int, is_deaf: bool = False) -> bool:
+        """Return whether it is time to connect again; `answers` and `samples` are how many have come so far.
+
+        `is_deaf`: there is a link to the vehicle, and not even answers come.
+        """
+        passed_ns = min(now - self._updated_ns, LONGEST_CHECK_NS) if self._updated_ns else 0
+        self._updated_ns = now
+        if samples != self._samples:
+            usual_ns = max(self._silent_ns, round(FORGOTTEN * self._gap_ns))
+            self._gap_ns = min(usual_ns, FIRST_GAP_NS)
+            self._silent_ns = self.attempts = 0
+        elif answers != self._answers or is_deaf:
+            self._silent_ns += passed_ns
+        self._answers, self._samples = answers, samples
+        patience_ns = min((self._least_ns + GAPS * self._gap_ns) << min(self.attempts, 10), LONGEST_PAUSE_NS)
+        if self._silent_ns < patience_ns:
+            return False
+        self.lasted_s = self._silent_ns / NS_PER_S
+        self._silent_ns = 0
+        self.attempts += 1
+        return True

@@ -1,0 +1,57 @@
+"""Connect the planner of one vehicle of a fleet to its modem: send reports in its turn, receive others'.
+
+On the network the modem is two topics, `modem_tx` and `modem_rx`, which `uuv-hil channel` connects in place of the sea.
+"""
+
+from hil.common.clock import NS_PER_S, from_wall_ns, now_ns, to_wall_ns
+from hil.master.hunt import HuntPlanner
+from hil.network.session import Session
+from hil.ros.graph import Node
+from hil.ros.modem import Message, decode_message, encode_message
+from hil.ros.topics import TOPICS
+from hil.scenario.config import Scenario
+from hil.scenario.modem import TdmaSchedule, modem_of
+
+QUEUE = 16
+
+
+class ModemPort:
+    """Lets the planner of member `number` send in its turn, and hear. `began` (monotonic ns) is its time 0.
+
+    TdmaSchedule go by the wall clock: machines have to agree on it to a fraction of a slot. Raises ConfigError.
+    """
+
+    def __init__(self, session: Session, scenario: Scenario, number: int, planner: HuntPlanner, began: int) -> None:
+        self._node = scenario.member[number].node
+        self._planner = planner
+        self._began = began
+        self._airtime_ns = modem_of(scenario).model.airtime_ns
+        self._schedule = TdmaSchedule(scenario, number)
+        self._out = session.publisher(self._node, TOPICS["modem_tx"])
+        graph = Node(session, f"{self._node}_modem")
+        graph.publishes(TOPICS["modem_tx"], self._node)
+        graph.subscribes(TOPICS["modem_rx"], self._node)
+        session.subscribe(self._node, "modem_rx", self._on_message, QUEUE)
+        self._due_ns = self._schedule.after(to_wall_ns(now_ns()))
+
+    @property
+    def deadline_ns(self) -> int:
+        """Time of its next turn, monotonic."""
+        return from_wall_ns(self._due_ns)
+
+    def send_report(self) -> None:
+        """Send the planner's report, if it is its turn and there is one."""
+        now = to_wall_ns(now_ns())
+        if now < self._due_ns:
+            return
+        self._due_ns = self._schedule.after(now)
+        if modem_report := self._planner.modem_report():
+            self._out.put(encode_message(Message(self._node, modem_report)), now)
+
+    def _on_message(self, _topic: str, payload: bytes, _attachment: bytes) -> None:
+        message = decode_message(payload)
+        if message is None:
+            self._planner.malformed += 1
+            return
+        sent_ns = now_ns() - self._airtime_ns(len(message.payload))
+        self._planner.on_modem_report(message.sender, message.payload, (sent_ns - self._began) / NS_PER_S)
