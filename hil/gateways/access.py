@@ -1,0 +1,54 @@
+"""Access to a gateway: a client must send the token that the gateway made at its start.
+
+The token is shown to the person who starts the gateway, and lies in a file that only this user can read, where
+programs of the same user on the same machine find it. A web page can reach a port of this machine, but no file.
+"""
+
+import os
+import secrets
+from contextlib import suppress
+
+
+def token_path(port: int) -> str:
+    """Return where the token of the gateway at that port lies on this machine."""
+    home = os.environ.get("XDG_STATE_HOME") or os.path.join(os.path.expanduser("~"), ".local", "state")
+    return os.path.join(home, "uuv-hil", f"gateway-{port}.token")
+
+
+class Access:
+    """A new token, and its file of mode 0600, which `close` removes.
+
+    `path` is "" where no file can be written; the token is then only shown.
+    """
+
+    def __init__(self, port: int) -> None:
+        self.token = secrets.token_urlsafe(24)
+        self.path = token_path(port)
+        try:
+            _write_private(self.path, self.token + "\n")
+        except OSError:
+            self.path = ""
+
+    def admits(self, token: object) -> bool:
+        """Return whether that is the token; takes equally long whatever it is."""
+        return isinstance(token, str) and secrets.compare_digest(token.encode(), self.token.encode())
+
+    def close(self) -> None:
+        """Remove the file, unless another gateway has written its own there since."""
+        with suppress(OSError):
+            with open(self.path, encoding="ascii") as file:
+                own = file.read().strip() == self.token
+            if own:
+                os.unlink(self.path)
+
+
+def _write_private(path: str, text: str) -> None:
+    """Write a file that nobody else can read at any time: what lay there is replaced, also a link."""
+    os.makedirs(os.path.dirname(path), mode=0o700, exist_ok=True)
+    new = f"{path}.{os.getpid()}"
+    with suppress(FileNotFoundError):
+        os.unlink(new)
+    descriptor = os.open(new, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+    with os.fdopen(descriptor, "w", encoding="utf-8") as file:
+        file.write(text)
+    os.replace(new, path)

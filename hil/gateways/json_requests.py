@@ -1,0 +1,142 @@
+"""Parse, check and call a request in JSON, and encode samples as JSON."""
+
+import json
+from inspect import signature
+from itertools import pairwise
+from math import hypot, isfinite
+from operator import sub
+from typing import Any
+
+from hil.client.action import Action
+from hil.client.client import Stamped
+from hil.client.vehicle_handle import Vehicle
+from hil.common.errors import ConfigError
+from hil.common.schema import nearest
+from hil.ros.commands import MOST_FORCE, MOST_PLACE
+from hil.ros.topics import is_picture
+
+COMMANDS = ("drive", "hold_depth", "hold_heading", "go_to", "follow", "push", "thrust", "stop", "release")
+LONGEST_ECHO = 60  # characters of what is said of a value that is refused
+LONGEST_WAY = 1e4  # m: 5 s to plan, in which nobody sees that the connection has ended
+MOST_NUMBER = max(MOST_PLACE, MOST_FORCE)  # of any unit: beyond it nothing is meant
+STATE_EXTRAS = ("depth", "heading", "roll", "pitch", "speed")
+TYPES = {"smooth": bool}  # of arguments; all others are numbers, or arrays of numbers
+
+Request = dict[str, Any]
+
+
+class NotJsonError(ConfigError):
+    """A line that is no JSON: whoever sends it speaks another protocol, such as HTTP."""
+
+
+def read_request(line: bytes) -> Request:
+    """Return the request of a line. Raises NotJsonError, ConfigError."""
+    try:
+        request = json.loads(line)
+    except (ValueError, RecursionError):
+        raise NotJsonError(f"not a line of JSON: {line[:LONGEST_ECHO].decode(errors='replace')!r}") from None
+    if not isinstance(request, dict):
+        raise ConfigError('a request is an object, like {"do": "vehicles"}')
+    if isinstance(request.get("id"), (dict, list)):
+        raise ConfigError("id: expected a text or a number")
+    return request
+
+
+def sensor_of(request: Request) -> str:
+    """Return the topic that a request names. Raises ConfigError for pictures."""
+    sensor = str(request.get("sensor", "state"))
+    if is_picture(sensor):
+        raise ConfigError(f"sensor: {sensor!r} sends pictures, which do not come through here")
+    return {"state": "odom"}.get(sensor, sensor)
+
+
+def call(vehicle: Vehicle, what: str, arguments: Request) -> Action | None:
+    """Call one of COMMANDS with checked arguments. Raises HilError."""
+    method = getattr(vehicle, what)
+    if what == "thrust":
+        newtons = arguments.pop("newtons", [])
+        _refuse(vehicle, what, arguments, [])
+        return vehicle.thrust(*_array("newtons", newtons))
+    parameters = signature(method).parameters
+    _refuse(vehicle, what, arguments, [name for name in parameters if name != "limits"])
+    if what == "follow":
+        path = _points(arguments.pop("path", []))
+        others = {name: _argument(name, value) for name, value in arguments.items()}
+        if not others.get("lookahead") and _length([vehicle.state.position, *path]) > LONGEST_WAY:
+            raise ConfigError(
+                f"path: longer than {LONGEST_WAY:g} m; send its parts one after the other, or a lookahead"
+            )
+        return vehicle.follow(path, **others)
+    missing = [name for name, each in parameters.items() if each.default is each.empty and name not in arguments]
+    if missing:
+        raise ConfigError(f"{vehicle.name}: {what} also needs {', '.join(missing)}")
+    told: Action | None = method(**{name: _argument(name, value) for name, value in arguments.items()})
+    return told
+
+
+def _refuse(vehicle: Vehicle, what: str, arguments: Request, names: list[str]) -> None:
+    for name in arguments:
+        if name not in names:
+            raise ConfigError(f"{vehicle.name}: {what} has no {name!r}{nearest(name, names)}")
+
+
+def _argument(name: str, value: Any) -> Any:
+    if isinstance(value, bool) and TYPES.get(name) is bool:
+        return value
+    if not is_number(value):
+        raise ConfigError(f"{name}: {show(value)} is not a number from -{MOST_NUMBER:g} to {MOST_NUMBER:g}")
+    return float(value)
+
+
+def _array(name: str, values: Any) -> list[float]:
+    """Return a row of numbers; MATLAB writes a single one without brackets."""
+    values = values if isinstance(values, list) else [values]
+    return [_argument(f"{name}[{number}]", value) for number, value in enumerate(values)]
+
+
+def _points(path: Any) -> list[Any]:
+    """Points of three numbers; MATLAB writes a single one without the outer brackets."""
+    if isinstance(path, list) and path and not isinstance(path[0], list):
+        path = [path]
+    if not isinstance(path, list) or not path:
+        raise ConfigError("path: expected an array of points [north, east, depth]")
+    return [tuple(_array("path", point)) for point in path]
+
+
+def _length(path: list[Any]) -> float:
+    return sum(hypot(*map(sub, a, b)) for a, b in pairwise(path))
+
+
+def is_number(value: Any) -> bool:
+    """Return whether it is a number that can mean something."""
+    return isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) <= MOST_NUMBER
+
+
+def show(value: Any) -> str:
+    """Return the beginning of a value, for a message."""
+    return f"{value!r:.{LONGEST_ECHO}}"
+
+
+def encode(message: Request) -> bytes:
+    """Return the line of a message."""
+    return json.dumps(_plain(message), allow_nan=False).encode() + b"\n"
+
+
+def describe(sample: Any) -> Request:
+    """Return the age and the values of a sample."""
+    if isinstance(sample, Stamped):  # no record: the figures of health
+        return {"age": sample.age_s, "sample": sample.value.as_dict()}
+    values = sample._asdict()
+    values |= {name: getattr(sample, name) for name in STATE_EXTRAS if hasattr(sample, name)}
+    return {"age": sample.age, "sample": values}
+
+
+def _plain(value: Any) -> Any:
+    """Return what JSON can say; a number that is none becomes null."""
+    if isinstance(value, dict):
+        return {name: _plain(item) for name, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(item) for item in value]
+    if isinstance(value, bytes):
+        return value.hex()
+    return None if isinstance(value, float) and not isfinite(value) else value
