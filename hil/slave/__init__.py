@@ -1,1 +1,4 @@
-"""The daemon on the card computer: it stands in for the vehicle."""
+"""The vehicle daemon on the board: the real-time loop, commands in, samples out, STM32 drivers, health.
+
+Public: `hil.slave.daemon`. It must not know planners; the loop must never call the network.
+"""

@@ -1,134 +1,190 @@
-"""Who is there on the network: masters that come and go, their clocks and ranks, and the last state for late joiners.
+"""Track masters and observers of a slave: presence, clock offsets, ranks, last messages for late joiners.
 
 Loaded when the vehicle is ready; until then commands are taken as from strangers.
 """
 
+import os
+import signal
+import threading
+import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from hil.clock import NS_PER_MS, now_ns, to_wall_ns
-from hil.slave.inbox import Inbox
-from hil.slave.outbox import Outbox
-from hil.transport.clock_offset import ClockOffset
-from hil.transport.presence import declare_presence, serve_last, watch_presence
-from hil.transport.session import Session
-from hil.transport.tokens import PING, PONG, Part, Presence, clock_keys, read_clock
+from hil.common.clock import NS_PER_MS, NS_PER_S, now_ns, to_wall_ns
+from hil.common.errors import NetworkError
+from hil.network.clock_offset import ClockOffset
+from hil.network.presence import declare_presence, serve_last, watch_presence
+from hil.network.session import Session
+from hil.network.settings import Network
+from hil.network.tokens import PING, PONG, Part, Presence, clock_keys, read_clock
+from hil.network.unread_links import UnreadLinks
+from hil.ros.diagnostics import Diagnostics
+from hil.slave.command_receiver import CommandReceiver
+from hil.slave.sample_publisher import SamplePublisher
 
 if TYPE_CHECKING:
-    from hil.transport.security import Security
+    from hil.network.security import Security
 
 WAITING = 16  # pings that may wait for the reader; half of that for all but masters
-MOST_THERE = 32  # that are told apart, of each part
+MOST_THERE = 32  # that are told apart, of each part; of more nothing is told
+NEW_NS = 3 * NS_PER_S  # so long after its start a slave gives way to an older one of its name
+FIRST_NS = NS_PER_S // 5  # what is met so soon was there before
+TWIN_S = 1.5  # that another must stay there for that: one that was killed is there for a lease of 1 s
 PINGS_A_S = 200  # that are answered of all but masters: so many observers, and some to spare
 
 
 class Contacts:
-    """Keeps an inbox informed about its senders, and those about the vehicle."""
+    """Keeps an command_receiver informed about its senders, and those about the vehicle.
+
+    `conflict` is set where another slave of this name was there first: then this process is told to end, by SIGTERM.
+    """
 
     def __init__(
         self,
         session: Session,
         node: str,
-        inbox: Inbox,
-        outbox: Outbox,
+        command_receiver: CommandReceiver,
+        sample_publisher: SamplePublisher,
         report: Callable[[str], None],
         security: "Security | None",
+        lease: float = Network().lease,
     ) -> None:
-        self._inbox = inbox
-        self._rights = security.rights() if security else {}
+        self._command_receiver = command_receiver
+        self._session, self._unread = session, UnreadLinks(lease)
+        self._security = security
         self._report = report
         self._there: dict[Part, dict[str, Presence]] = {"master": {}, "observer": {}}
+        # Of two that start at once the younger has the larger one.
+        self._node, self._ident = node, f"{time.time_ns():016x}{os.urandom(8).hex()}"
+        self._twins: set[str] = set()  # other slaves of our name
+        self._began_ns = now_ns()
+        self.conflict: NetworkError | None = None
         self.lost = 0
         ping, pong, masters_ping = clock_keys(node)
         self._answer = session.sender(pong)
         self._pings = (
-            session.receive(ping, self._take_ping, WAITING // 2, PINGS_A_S),
-            session.receive(masters_ping, self._take_masters_ping, WAITING),
+            session.receive(ping, self._on_ping, WAITING // 2, PINGS_A_S),
+            session.receive(masters_ping, self._on_masters_ping, WAITING),
         )
         session.free_links()
-        serve_last(session, node, outbox.catch_up)
-        watch_presence(session, node, self._meet)
-        declare_presence(session, node, "slave")
+        if security:
+            from hil.network.admission import shorten_queues
 
-    def figures(self) -> dict[str, str]:
+            shorten_queues()
+        serve_last(session, node, sample_publisher.catch_up)
+        watch_presence(session, node, self._on_presence)
+        declare_presence(session, node, "slave", self._ident)
+
+    def mend_links(self) -> None:
+        """Cut links that the library holds open and does not read: their masters open them anew."""
+        if self._unread.mend(self._session):
+            self._report("a link was open and not read, or lost: its master has to connect again")
+
+    def add_figures(self, figures: Diagnostics) -> None:
         """For the diagnostics: who is there, who is obeyed, and how that one's clock runs against ours."""
-        inbox = self._inbox
+        command_receiver = self._command_receiver
         masters = list(self._there["master"].values())
-        figures = self._rights | {
-            "commanded_by": "" if inbox.silent else inbox.master.hex(),
-            "commander": " ".join([master.who for master in masters if master.ident == inbox.master.hex()]),
-            "masters": " ".join([master.who for master in masters]),
-            "observers": str(len(self._there["observer"])),
-            "masters_lost": str(self.lost),
-            "pings_dropped": str(sum([pings.lost for pings in self._pings])),
-        }
-        clock = inbox.clocks.get(inbox.master)
+        if self._security:
+            figures.may_command, figures.may_listen = self._security.may_command, self._security.may_listen
+        figures.commanded_by = "" if command_receiver.is_master_timed_out else command_receiver.master.hex()
+        figures.commander = " ".join(
+            [master.who for master in masters if master.ident == command_receiver.master.hex()]
+        )
+        figures.masters = tuple([master.who for master in masters])
+        figures.observers = len(self._there["observer"])
+        figures.masters_lost = self.lost
+        figures.pings_dropped = sum([pings.lost for pings in self._pings])
+        clock = command_receiver.clocks.get(command_receiver.master)
         estimate = clock.at(to_wall_ns(now_ns())) if clock else None
         if clock and estimate:
-            figures |= {
-                "clock_offset_ms": f"{estimate.offset_ns / NS_PER_MS:.4f}",
-                "clock_uncertainty_ms": f"{estimate.uncertainty_ns / NS_PER_MS:.4f}",
-                "clock_drift_ppm": f"{estimate.drift * 1e6:.2f}",
-                "clock_steps": str(clock.steps),
-            }
-        return figures
+            figures.clock_offset_ms = estimate.offset_ns / NS_PER_MS
+            figures.clock_uncertainty_ms = estimate.uncertainty_ns / NS_PER_MS
+            figures.clock_drift_ppm = estimate.drift * 1e6
+            figures.clock_steps = clock.steps
 
-    def _meet(self, presence: Presence, alive: bool) -> None:
+    def _on_presence(self, presence: Presence, alive: bool) -> None:
         if presence.part == "slave":
+            self._on_slave(presence, alive)
             return
         there = self._there[presence.part]
-        if alive and len(there) < MOST_THERE:
-            there[presence.ident] = presence
-        elif not alive:
-            there.pop(presence.ident, None)
-        if presence.part == "master":
-            self._meet_master(presence, alive)
+        if alive:
+            known = len(there) < MOST_THERE or presence.ident in there
+            if known:
+                there[presence.ident] = presence
+        else:
+            known = there.pop(presence.ident, None) is not None
+        if known and presence.part == "master":
+            self._on_master(presence, alive)
 
-    def _meet_master(self, presence: Presence, alive: bool) -> None:
+    def _on_slave(self, presence: Presence, alive: bool) -> None:
+        """Another slave of our name: one master would command both, so the newcomer ends."""
+        if not alive:
+            self._twins.discard(presence.ident)
+        elif presence.ident != self._ident and len(self._twins) < MOST_THERE:
+            self._twins.add(presence.ident)
+            age_ns = now_ns() - self._began_ns
+            apart_ns = abs(int(presence.ident[:16], 16) - int(self._ident[:16], 16))
+            was_first = age_ns < FIRST_NS and apart_ns > NEW_NS  # closer together both would think so, and end
+            is_younger = was_first or (age_ns < NEW_NS and presence.ident < self._ident)
+            check = threading.Timer(TWIN_S, self._end_younger, (presence, is_younger))
+            check.daemon = True
+            check.start()
+
+    def _end_younger(self, other: Presence, is_younger: bool) -> None:
+        if other.ident not in self._twins:
+            return
+        problem = f"another slave of the name {self._node} is there: {other.who}"
+        if not is_younger:
+            self._report(f"WARNING: {problem}; no master commands either until one of them has ended")
+            return
+        self.conflict = NetworkError(f"{problem}; end that one, or give this one another node in [slave]")
+        os.kill(os.getpid(), signal.SIGTERM)
+
+    def _on_master(self, presence: Presence, alive: bool) -> None:
         sender = bytes.fromhex(presence.ident)
         if alive:
-            self._inbox.ranks[sender] = presence.rank
+            self._command_receiver.ranks[sender] = presence.rank
             rank = f" with rank {presence.rank}" if presence.rank else ""
             self._report(f"master {presence.who} is there{rank}")
         else:
-            obeyed = sender == self._inbox.master
-            self._inbox.forget(sender)
+            was_active = sender == self._command_receiver.master
+            self._command_receiver.remove_sender(sender)
             self.lost += 1
-            self._report(f"master {presence.who} is gone" + (", which commanded" if obeyed else ""))
+            self._report(f"master {presence.who} is gone" + (", which commanded" if was_active else ""))
 
-    def _take_ping(self, payload: bytes) -> None:
+    def _on_ping(self, payload: bytes) -> None:
         """Answer at once, whoever asks."""
-        came = to_wall_ns(now_ns())
+        received_ns = to_wall_ns(now_ns())
         ping = self._read(payload)
         if ping:
-            self._tell_time(ping[0], ping[1], came)
+            self._send_time(ping[0], ping[1], received_ns)
 
-    def _take_masters_ping(self, payload: bytes) -> None:
+    def _on_masters_ping(self, payload: bytes) -> None:
         """It asks too, or ends the exchange that our answer began."""
-        came = to_wall_ns(now_ns())
+        received_ns = to_wall_ns(now_ns())
         ping = self._read(payload)
         if ping:
-            sender, sent, answered, answer_came = ping
+            sender, sent, answered, answer_received = ping
             if answered:
-                self._clock_of(sender).add(answered, answer_came, sent, came)
+                self._clock_of(sender).add(answered, answer_received, sent, received_ns)
             else:
-                self._tell_time(sender, sent, came)
+                self._send_time(sender, sent, received_ns)
 
-    def _tell_time(self, sender: bytes, sent: int, came: int) -> None:
-        clock = self._inbox.clocks.get(sender)
-        estimate = clock.at(came) if clock else None
-        told = estimate if estimate else (0, -1, 0.0)
-        self._answer(PONG.pack(sender, sent, came, to_wall_ns(now_ns()), *told))
+    def _send_time(self, sender: bytes, sent: int, received_ns: int) -> None:
+        clock = self._command_receiver.clocks.get(sender)
+        estimate = clock.at(received_ns) if clock else None
+        values = estimate if estimate else (0, -1, 0.0)
+        self._answer(PONG.pack(sender, sent, received_ns, to_wall_ns(now_ns()), *values))
 
     def _read(self, payload: bytes) -> tuple[Any, ...] | None:
         ping = read_clock(PING, payload)
-        self._inbox.malformed += ping is None
+        self._command_receiver.malformed += ping is None
         return ping
 
     def _clock_of(self, sender: bytes) -> ClockOffset:
-        clocks = self._inbox.clocks
+        clocks = self._command_receiver.clocks
         if sender not in clocks:
             while len(clocks) >= MOST_THERE:  # many strangers do not make the one that is obeyed forgotten
-                del clocks[next(other for other in clocks if other != self._inbox.master)]
+                del clocks[next(other for other in clocks if other != self._command_receiver.master)]
             clocks[sender] = ClockOffset()
         return clocks[sender]

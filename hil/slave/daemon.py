@@ -1,4 +1,4 @@
-"""Putting the slave together, and taking it apart with the thrusters neutral."""
+"""Start the slave's parts, and stop them with the thrusters neutral."""
 
 import gc
 import sys
@@ -6,24 +6,26 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from typing import TYPE_CHECKING
 
-from hil import clock
-from hil.clock import now_ns, seconds_ns, to_wall_ns
-from hil.config import Scenario, build_simulation
-from hil.slave.inbox import Inbox
+from hil.common import clock
+from hil.common.clock import now_ns, seconds_ns, to_wall_ns
+from hil.common.stop import StopSignals
+from hil.network.session import Listening
+from hil.ros.topics import TOPICS
+from hil.scenario.config import Scenario, build_simulation
+from hil.slave.command_receiver import CommandReceiver
+from hil.slave.drivers.driver import check_line_rate, open_driver, stop_thrusters
 from hil.slave.log import Log
 from hil.slave.loop import Loop
-from hil.slave.outbox import Outbox
 from hil.slave.pilot import build_pilot
-from hil.slave.stm32 import open_driver, stop_thrusters
-from hil.stop import StopSignals
-from hil.topics import TOPICS
-from hil.transport.session import Listening
-from sim.vehicle import load_vehicle
-from sim.world import load_world
+from hil.slave.publishing import DEPTH, RECORDED_DEPTH, PublishingThread
+from hil.slave.sample_publisher import SamplePublisher
+from sim.environment.world import load_world
+from sim.sensors.spread import spreads
+from sim.vehicle.vehicle import load_vehicle
 
 if TYPE_CHECKING:
     from boards import Board
-    from hil.slave.imaging import Imaging
+    from hil.slave.imaging.sensors import Imaging
 
 
 def run(
@@ -33,7 +35,7 @@ def run(
 
     `network` is the session being opened. `startup` are instants (monotonic ns) of the start so far,
     "exec" among them; more are added here. `notes` say what was settled about real time so far.
-    Raises ConfigError, DeviceError, NetworkError.
+    Raises ConfigError, DeviceError, NetworkError: also where another slave of its name is there already.
     """
     log = Log("slave")
     with ExitStack() as stack:
@@ -43,7 +45,7 @@ def run(
         if imaging:
             scenario = imaging.scenario
         loop = _assemble(scenario, board, network, stack, log, startup)
-        loop.advance(1)
+        loop.begin()
         startup["ready"] = now_ns()
         log.say(_ready(scenario, loop, startup))
         log.flush()
@@ -65,35 +67,38 @@ def run(
         board, session = board or _recognised(), network.session()
         loop.ros = RosNode(session, scenario, loop, log.say)
         stack.callback(loop.ros.close)
-        contacts = Contacts(session, scenario.slave.node, loop.inbox, loop.outbox, log.say, scenario.security)
+        ends = session, scenario.slave.node, loop.command_receiver, loop.sample_publisher
+        contacts = Contacts(*ends, log.say, scenario.security, scenario.network.lease)
         if scenario.network.router:
             from hil.slave.router_watch import watch_router
 
             watch_router(session, scenario.network.router, scenario.security, log.say)
         if imaging:
-            imaging.start(loop.outbox.epoch_ns)
+            imaging.start(loop.sample_publisher.stamps, loop.sample_publisher.graph.identity)
             stack.callback(imaging.close)
         with Health(loop, log, startup, notes, board, scenario.link, contacts, imaging):
             try:
                 loop.run(stop_fd)
                 notify("STOPPING=1")
                 log.say("stopping")
+                if contacts.conflict:
+                    raise contacts.conflict
             finally:
                 neutral = stop_thrusters(loop.driver, loop.pilot.next_sequence() if loop.pilot else 0)
                 log.say("thrusters neutral" if neutral else "WARNING: the STM32 did not confirm neutral thrusters")
 
 
 def _imaging(scenario: Scenario, report: Callable[[str], None]) -> "Imaging | None":
-    """What stands in for sensors that make pictures; None without any, and then nothing is loaded for it."""
-    if not any(fitted.heavy for fitted in scenario.sensors.values()):
+    """Return what stands in for sensors that make pictures; None without any, and then nothing is loaded for it."""
+    if not any(fitted.offloaded for fitted in scenario.sensors.values()):
         return None
-    from hil.slave.imaging import Imaging
+    from hil.slave.imaging.sensors import Imaging
 
     return Imaging(scenario, report)
 
 
 def _recognised() -> "Board | None":
-    """The board that this is; asked for when it matters, as knowing the boards costs a part of the start."""
+    """Return the board that this is; asked for when it matters, as knowing the boards costs a part of the start."""
     from boards import detect
 
     return detect()
@@ -117,32 +122,41 @@ def _assemble(
         board = board or _recognised()
         link = link._replace(port=board.uart or link.port) if board else link
     builtin = scenario.controller == "builtin"
+    if builtin:
+        check_line_rate(link, len(vehicle.channels), 1.0 / slave.control_period)
     driver = open_driver(scenario.stm32, link, len(vehicle.channels), builtin, scenario.seed, report)
     stack.callback(driver.close)
     startup["link"] = now_ns()
     limits = seconds_ns(slave.command_age_limit), seconds_ns(slave.deadman), scenario.network.command_rate
-    inbox = Inbox(*limits, len(vehicle.thrusters), log.news)
-    stack.callback(inbox.close)
+    command_receiver = CommandReceiver(*limits, len(vehicle.thrusters), log.news)
+    stack.callback(command_receiver.close)
     session = stack.enter_context(network.session())
     startup["session"] = now_ns()
     epoch_ns = to_wall_ns(now_ns()) - simulation.time_ns
-    tape = None
+    recorder = None
     if scenario.recording.slave:
         from hil.slave.health import own_name
-        from hil.slave.tape import open_tape  # most runs do without
+        from hil.slave.slave_recorder import open_recorder  # most runs do without
 
         board = board or _recognised()
-        tape = open_tape(scenario, board.name if board else own_name(), epoch_ns, report, stack)
-    silent = () if scenario.ros.transforms else ("/tf",)
-    outbox = (tape.outbox if tape else Outbox)(session, slave.node, epoch_ns, scenario.ros.frame_prefix, silent)
+        recorder = open_recorder(scenario, board.name if board else own_name(), epoch_ns, report, stack)
+    excluded_topics = () if scenario.ros.transforms else ("/tf",)
+    thread = PublishingThread(RECORDED_DEPTH if recorder else DEPTH)
+    stack.callback(thread.close)
+    names = slave.node, epoch_ns, scenario.ros.frame_prefix, excluded_topics
+    sample_publisher = (recorder.sample_publisher if recorder else SamplePublisher)(
+        session, *names, variances=spreads(scenario.sensors, world), thread=thread
+    )
     pilot = None
     if builtin:
         pilot = build_pilot(scenario, vehicle, control, world)
-        deliver = tape.hearing(inbox.deliver) if tape else inbox.deliver
+        deliver = recorder.record_received(command_receiver.on_message) if recorder else command_receiver.on_message
         session.subscribe(slave.node, "cmd_$*", deliver, depth=8)
-        outbox.graph.subscribes(TOPICS["cmd_vel"], slave.node)
+        sample_publisher.graph.subscribes(TOPICS["cmd_vel"], slave.node)
     steps = seconds_ns(slave.step), seconds_ns(slave.control_period)
-    return (tape.loop if tape else Loop)(simulation, driver, pilot, inbox, outbox, *steps, report)
+    return (recorder.loop if recorder else Loop)(
+        simulation, driver, pilot, command_receiver, sample_publisher, *steps, report
+    )
 
 
 def _ready(scenario: Scenario, loop: Loop, startup: dict[str, int]) -> str:

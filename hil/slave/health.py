@@ -1,4 +1,4 @@
-"""How the slave is doing: measured and told by a thread of low priority, so that the loop never waits for it."""
+"""Measure and publish the slave's health in a thread of low priority, so that the loop never waits for it."""
 
 import gc
 import os
@@ -7,18 +7,22 @@ import threading
 from typing import TYPE_CHECKING
 
 from boards.tree import Tree
-from hil import process
-from hil.clock import NS_PER_MS, NS_PER_S, NS_PER_US, Histogram, now_ns, to_wall_ns
-from hil.config import Link
+from hil.common import process
+from hil.common.clock import NS_PER_MS, NS_PER_S, NS_PER_US, Histogram, now_ns, to_wall_ns
+from hil.common.stamps import wall_offset_ns
+from hil.links.address import wire_kind
+from hil.links.contract import PWM_NEUTRAL_US
+from hil.ros.diagnostics import Diagnostics
+from hil.scenario.records import Link
 from hil.slave.contacts import Contacts
 from hil.slave.log import Log
 from hil.slave.loop import Loop
-from hil.slave.machine_figures import machine_figures
+from hil.slave.machine_figures import add_machine_figures
 from hil.slave.notify import Heartbeat
 
 if TYPE_CHECKING:
     from boards import Board
-    from hil.slave.imaging import Imaging
+    from hil.slave.imaging.sensors import Imaging
 
 PERIOD_S = 1.0
 LEAST_PERIOD_S = 0.1  # when there is news all the time
@@ -28,7 +32,7 @@ OK, WARNING, ERROR = 0, 1, 2
 
 
 def own_name() -> str:
-    """What to call a machine that is no known board: "this one" says nothing elsewhere."""
+    """Return what to call a machine that is no known board: "this one" says nothing elsewhere."""
     kernel = os.uname()
     return f"{kernel.machine} machine {kernel.nodename}"
 
@@ -39,19 +43,16 @@ class RecentLateness:
     def __init__(self) -> None:
         self._bins = Histogram().bins
         self._looked_ns = 0
-        self._figures: dict[str, str] = {}
+        self._recent = Histogram()
 
-    def figures(self, lateness: Histogram, now: int) -> dict[str, str]:
+    def add_figures(self, figures: Diagnostics, lateness: Histogram, now: int) -> None:
         """Of the cycles since the last look; asked again within RECENT_NS of that, the same (`now`: monotonic ns)."""
         if now - self._looked_ns >= RECENT_NS:
-            recent = lateness.since(self._bins)
+            self._recent = lateness.since(self._bins)
             self._bins, self._looked_ns = list(lateness.bins), now
-            self._figures = {
-                "lateness_recent_p50_us": f"{recent.quantile(0.5) / NS_PER_US:.0f}",
-                "lateness_recent_p99_us": f"{recent.quantile(0.99) / NS_PER_US:.0f}",
-                "lateness_recent_max_us": f"{recent.maximum / NS_PER_US:.0f}",
-            }
-        return self._figures
+        figures.lateness_recent_p50_us = self._recent.quantile(0.5) / NS_PER_US
+        figures.lateness_recent_p99_us = self._recent.quantile(0.99) / NS_PER_US
+        figures.lateness_recent_max_us = self._recent.maximum / NS_PER_US
 
 
 class Health:
@@ -76,19 +77,7 @@ class Health:
         self._contacts = contacts
         self._log = log
         self._startup = startup
-        self._fixed = {
-            "board": board.name if board else own_name(),
-            "boot_id": process.boot_id(),
-            "cores": str(os.cpu_count()),
-            "ram_mib": f"{process.ram_mib():.0f}",
-            "python": sys.version.split()[0],
-            "bytecode_compiled": str(process.bytecode_compiled("hil")).lower(),
-            "exec_wall_ns": str(to_wall_ns(startup["exec"])),
-            "realtime": "; ".join(notes),
-            "link_protocol": link.protocol,
-            "link_baud": str(link.baud),
-            **{f"startup_{name}_ms": f"{(t - startup['exec']) / NS_PER_MS:.1f}" for name, t in startup.items()},
-        }
+        self._fixed = _fixed_figures(startup, notes, board, link)
         self._tree, self._board = Tree(), board
         self._recent = RecentLateness()
         self._memory = process.Memory()
@@ -106,100 +95,143 @@ class Health:
         self._publish()
         self._log.flush()
 
-    def values(self) -> dict[str, str]:
-        """The figures of this moment, as they are published."""
-        loop = self._loop
+    def values(self) -> Diagnostics:
+        """Return the figures of this moment, as they are published."""
+        loop, figures = self._loop, Diagnostics(self._fixed.raw)
         children = loop.driver.children + (self._imaging.children if self._imaging else ())
-        lateness, skipped = loop.schedule.lateness, loop.schedule.skipped
-        wall_ns = max(now_ns() - loop.started_ns, 1)
-        values = self._fixed | {
-            "uptime_s": f"{(now_ns() - self._startup['exec']) / NS_PER_S:.2f}",
-            "cpu_s": f"{process.own_cpu_s(children):.4f}",
-            "pss_mib": f"{self._memory.pss_mib(children):.2f}",
-            "rss_mib": f"{process.resident_mib() + sum(map(process.resident_mib, children)):.2f}",
-            "processes": str(1 + len(children)),
-            "real_time_factor": f"{loop.schedule.due_total * loop.schedule.period_ns / wall_ns:.4f}",
-            "loop_rate_hz": f"{NS_PER_S / loop.schedule.period_ns:.0f}",
-            "lateness_p50_us": f"{lateness.quantile(0.5) / NS_PER_US:.0f}",
-            "lateness_p99_us": f"{lateness.quantile(0.99) / NS_PER_US:.0f}",
-            "lateness_p999_us": f"{lateness.quantile(0.999) / NS_PER_US:.0f}",
-            "lateness_max_us": f"{lateness.maximum / NS_PER_US:.0f}",
-            **self._recent.figures(lateness, now_ns()),
-            "within_2ms": f"{lateness.share_within(2 * NS_PER_MS):.5f}",
-            "behind_ms": f"{(wall_ns - (loop.schedule.due_total + skipped) * loop.schedule.period_ns) / NS_PER_MS:.2f}",
-            "steps_skipped": str(skipped),
-            "messages_sent": str(loop.outbox.sent),
-            "contacts": str(loop.simulation.contacts),
-        }
-        values |= machine_figures(self._tree, self._board)
-        pictures = self._imaging.figures() if self._imaging else {}
-        return values | self._command_figures() | self._link_figures() | self._contacts.figures() | pictures
-
-    def _command_figures(self) -> dict[str, str]:
-        loop, inbox = self._loop, self._loop.inbox
-        return {
-            "commands_received": str(inbox.received),
-            "commands_taken": str(loop.commands),
-            "commands_malformed": str(inbox.malformed),
-            "commands_stale": str(inbox.stale),
-            "commands_disordered": str(inbox.disordered),
-            "commands_superseded": str(inbox.superseded),
-            "commands_refused": str(inbox.refused),
-            "commands_flooded": str(inbox.flooded),
-            "commands_fault": inbox.fault,
-            "controller": "builtin" if loop.pilot else "external",
-            "armed": str(loop.armed).lower(),
-            "thrusters": str(inbox.thrusters),
-            "commands_unanswered": str(loop.unanswered),
-            "deadman_trips": str(loop.pilot.deadman_trips if loop.pilot else 0),
-            "watchdog_trips": str(loop.watchdog_trips),
-        }
-
-    def _link_figures(self) -> dict[str, str]:
-        driver = self._loop.driver
-        figures = {
-            "link_port": driver.port,
-            "link_losses": str(driver.losses),
-            "stm32_silent": str(driver.silent).lower(),
-            "pwm_us": " ".join(map(str, driver.pwm_us)),
-        }
-        if driver.host:
-            counters = driver.host.counters
-            figures |= {f"link_{name}": str(getattr(counters, name)) for name in counters.__slots__}
+        figures.uptime_s = (now_ns() - self._startup["exec"]) / NS_PER_S
+        figures.cpu_s = process.own_cpu_s(children)
+        figures.pss_mib = self._memory.pss_mib(children)
+        figures.rss_mib = process.resident_mib() + sum(map(process.resident_mib, children))
+        figures.processes = 1 + len(children)
+        figures.messages_sent = loop.sample_publisher.sent
+        figures.messages_dropped = loop.sample_publisher.dropped
+        figures.contacts = loop.simulation.contacts
+        self._add_run_events(figures)
+        self._add_loop_figures(figures)
+        self._add_command_figures(figures)
+        self._add_link_figures(figures)
+        add_machine_figures(figures, self._tree, self._board)
+        self._contacts.add_figures(figures)
+        if self._imaging:
+            self._imaging.add_figures(figures)
         return figures
 
+    def _add_loop_figures(self, figures: Diagnostics) -> None:
+        loop, schedule = self._loop, self._loop.schedule
+        lateness, wall_ns = schedule.lateness, max(now_ns() - loop.started_ns, 1)
+        figures.loop_rate_hz = NS_PER_S / schedule.period_ns
+        figures.real_time_factor = schedule.due_total * schedule.period_ns / wall_ns
+        figures.lateness_p50_us = lateness.quantile(0.5) / NS_PER_US
+        figures.lateness_p99_us = lateness.quantile(0.99) / NS_PER_US
+        figures.lateness_p999_us = lateness.quantile(0.999) / NS_PER_US
+        figures.lateness_max_us = lateness.maximum / NS_PER_US
+        self._recent.add_figures(figures, lateness, now_ns())
+        figures.within_2ms = lateness.share_within(2 * NS_PER_MS)
+        figures.behind_ms = (wall_ns - (schedule.due_total + schedule.skipped) * schedule.period_ns) / NS_PER_MS
+        figures.steps_skipped = schedule.skipped
+
+    def _add_run_events(self, figures: Diagnostics) -> None:
+        """What went wrong so far, as the clock of the wall has it."""
+        log = self._loop.simulation.events
+        epoch_ns = to_wall_ns(now_ns()) - self._loop.simulation.time_ns
+        figures.run_events = len(log) + log.dropped
+        figures.run_event_list = tuple([event._replace(start_ns=event.start_ns + epoch_ns) for event in log.events()])
+
+    def _add_command_figures(self, figures: Diagnostics) -> None:
+        loop, command_receiver = self._loop, self._loop.command_receiver
+        figures.commands_received = command_receiver.received
+        figures.commands_taken = loop.commands
+        figures.commands_malformed = command_receiver.malformed
+        figures.commands_stale = command_receiver.stale
+        figures.commands_disordered = command_receiver.disordered
+        figures.commands_superseded = command_receiver.superseded
+        figures.commands_refused = command_receiver.refused
+        figures.commands_flooded = command_receiver.flooded
+        figures.commands_fault = command_receiver.fault
+        figures.controller = "builtin" if loop.pilot else "external"
+        figures.armed = loop.armed
+        figures.thrusters = command_receiver.thrusters
+        figures.commands_unanswered = loop.unanswered
+        figures.deadman_trips = loop.pilot.deadman_trips if loop.pilot else 0
+        figures.watchdog_trips = loop.watchdog_trips
+
+    def _add_link_figures(self, figures: Diagnostics) -> None:
+        driver = self._loop.driver
+        figures.link_port = driver.port
+        figures.link_wire = wire_kind(driver.port)
+        figures.link_losses = driver.losses
+        figures.stm32_silent = driver.is_silent
+        figures.pwm_us = tuple(driver.pwm_us)
+        if driver.host:
+            counters = driver.host.counters
+            for name in counters.__slots__:
+                figures[f"link_{name}"] = getattr(counters, name)
+
     def _publish(self) -> None:
-        self._loop.outbox.diagnostics("slave", *self._state(), self.values())
+        self._loop.sample_publisher.diagnostics("slave", *self._state(), self.values().raw)
 
     def _state(self) -> tuple[int, str]:
-        """The level of the status, and its words."""
+        """Return the level of the status, and its words."""
         driver, pilot = self._loop.driver, self._loop.pilot
         if driver.lost:
-            return ERROR, f"the thruster link {driver.port} is gone, thrusters neutral: connect it again"
-        if driver.silent:
+            return (
+                ERROR,
+                f"the thruster link {driver.port} is gone, the STM32's watchdog stops the thrusters: connect it again",
+            )
+        if driver.is_silent:
             return ERROR, f"the STM32 on {driver.port} does not answer: check wiring, baud, protocol"
         if pilot and not pilot.active:
-            return WARNING, "waiting for commands, thrusters neutral"
+            neutral = all(pulse == PWM_NEUTRAL_US for pulse in driver.pwm_us)
+            return WARNING, "waiting for commands, thrusters " + ("neutral" if neutral else "not neutral yet")
         return OK, "running"
 
     def _run(self) -> None:
         os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
-        self._fixed |= _labels(self._tree)
+        self._add_labels()
         collect_due_ns, heart = now_ns() + COLLECT_PERIOD_NS, Heartbeat()
         while not self._stop.wait(LEAST_PERIOD_S):
             self._news.wait(PERIOD_S - LEAST_PERIOD_S)
             self._news.clear()
+            self._check_clock()
             self._log.flush()
             heart.beat(self._loop.schedule.due_total)
             self._publish()
+            self._contacts.mend_links()
             if now_ns() >= collect_due_ns:
                 gc.collect()  # the loop has switched automatic collection off
                 collect_due_ns = now_ns() + COLLECT_PERIOD_NS
 
+    def _check_clock(self) -> None:
+        """Take up a wall clock that was set: the stamps follow at the next step."""
+        set_by_ns = self._loop.sample_publisher.stamps.check_clock(wall_offset_ns())
+        if set_by_ns:
+            self._log.say(f"the machine's clock was set by {set_by_ns / NS_PER_S:+.3f} s: stamps follow it")
 
-def _labels(tree: Tree) -> dict[str, str]:
-    """What makes the figures of this machine stand for something else; asked for when the start is over."""
-    from boards.emulation import labels
+    def _add_labels(self) -> None:
+        """What makes the figures of this machine stand for something else; asked for when the start is over."""
+        from boards.emulation import labels
 
-    found = labels(tree, os.uname().machine)
-    return {"labels": "; ".join(found)} if found else {}
+        found = labels(self._tree, os.uname().machine)
+        if found:
+            self._fixed.labels = found
+
+
+def _fixed_figures(startup: dict[str, int], notes: list[str], board: "Board | None", link: Link) -> Diagnostics:
+    """Return what does not change while the slave runs."""
+    figures = Diagnostics()
+    figures.board = board.name if board else own_name()
+    figures.boot_id = process.boot_id()
+    figures.cores = os.cpu_count() or 1
+    figures.ram_mib = process.ram_mib()
+    figures.python = sys.version.split()[0]
+    figures.bytecode_compiled = process.bytecode_compiled("hil")
+    figures.exec_wall_ns = to_wall_ns(startup["exec"])
+    figures.realtime = "; ".join(notes)
+    figures.link_protocol = link.protocol
+    figures.link_baud = link.baud
+    figures.link_held_baud = link.faults.baud if link.faults else 0
+    for name, instant in startup.items():
+        if name != "exec":
+            figures[f"startup_{name}_ms"] = (instant - startup["exec"]) / NS_PER_MS
+    return figures

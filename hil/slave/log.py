@@ -1,32 +1,62 @@
-"""Lines for a person, without the loop ever waiting for one."""
+"""Log lines for a person without blocking the loop."""
 
 import sys
 import threading
 from collections import deque
 from contextlib import suppress
 
-from hil.clock import NS_PER_S, now_ns
+from hil.common.clock import NS_PER_S, now_ns
+from hil.common.text import clean
+
+LONGEST = 1000  # characters of a line
+MOST_LINES = 1000  # in each WINDOW_NS: more is a flood, of which only the number is told
+WINDOW_NS = 10 * NS_PER_S
 
 
 class Log:
-    """Lines for a person, on standard error. `say` only notes the line; `flush` writes it.
+    """Lines for a person, on standard error. `say` only stores a line; `flush` writes it.
 
     Writing may block (a slow terminal, a full disk); noting never does. `news` is set when there is something to write.
+    What others on the network can cause is bounded: characters that do not print are replaced, long lines are cut, and
+    of more than 1000 lines in 10 s only the number is told.
     """
 
     def __init__(self, name: str) -> None:
         self._name = name
         self._start_ns = now_ns()
         self._lines: deque[str] = deque(maxlen=1000)
+        self._window_ns, self._in_window, self._left_out = self._start_ns, 0, 0
+        self._noting = threading.Lock()  # several threads do
         self.news = threading.Event()
 
     def say(self, text: str) -> None:
-        """Note a line with its time since the start."""
-        self._lines.append(f"[{(now_ns() - self._start_ns) / NS_PER_S:9.3f}] {self._name}: {text}\n")
+        """Store a line with its time since the start."""
+        now = now_ns()
+        with self._noting:
+            if now - self._window_ns > WINDOW_NS:
+                self._add_omitted(now)
+                self._window_ns, self._in_window = now, 0
+            self._in_window += 1
+            if self._in_window > MOST_LINES:
+                self._left_out += 1
+                return
+            self._add_line(text, now)
         self.news.set()
+
+    def _add_line(self, text: str, now: int) -> None:
+        self._lines.append(f"[{(now - self._start_ns) / NS_PER_S:9.3f}] {self._name}: {clean(text, LONGEST)}\n")
+
+    def _add_omitted(self, now: int) -> None:
+        if self._left_out:
+            self._add_line(f"{self._left_out} lines left out: more than {MOST_LINES} in {WINDOW_NS // NS_PER_S} s", now)
+            self._left_out = 0
 
     def flush(self) -> None:
         """Write what was noted, as long as there is somebody to read it."""
+        if self._left_out:
+            with self._noting:
+                if now_ns() - self._window_ns > WINDOW_NS:
+                    self._add_omitted(now_ns())
         if self._lines:
             with suppress(OSError):  # the terminal has gone
                 while self._lines:

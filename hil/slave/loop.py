@@ -1,28 +1,45 @@
-"""The real-time loop: commands when they come, physics on an absolute schedule, samples when they are due."""
+"""The real-time loop: handle commands as they arrive, step the physics on schedule, publish samples when due."""
 
 import select
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
-from hil.clock import NS_PER_S, RateKeeper, now_ns, to_wall_ns
-from hil.links.contract import ThrusterTelemetry
-from hil.slave.inbox import Inbox, Received
-from hil.slave.outbox import Outbox
+from hil.common.clock import NS_PER_MS, NS_PER_S, RateKeeper, now_ns, to_wall_ns
+from hil.links.contract import PWM_NEUTRAL_US, ThrusterTelemetry, has_restarted, is_overtaken
+from hil.slave.command_receiver import CommandReceiver, Received
+from hil.slave.drivers.driver import ThrusterDriver
 from hil.slave.pilot import Pilot
-from hil.slave.stm32 import ThrusterDriver
+from hil.slave.run_watch import RunWatch
+from hil.slave.sample_publisher import SamplePublisher
 from sim.simulation import Simulation
 
 if TYPE_CHECKING:
-    from hil.slave.ros_node import RosNode
-    from sim.failures import Failure
+    from sim.vehicle.failures import Failure
 
-WRAP = 0x10000  # of what telemetry counts
 UNANSWERED_NS = NS_PER_S  # a command whose echo has not come by then is counted as lost on the link
 TRACE_WAIT_NS = NS_PER_S // 20  # for a message that a trace can go out with; of simulation time
 
 
+class NodeServer(Protocol):
+    """Serve the slave as a ROS 2 node in the loop's thread: hil.slave.ros_node.RosNode."""
+
+    due_ns: int  # simulation time of the next `tick`
+
+    def fileno(self) -> int:
+        """Return the descriptor to wait on."""
+
+    def serve(self) -> None:
+        """Answer one service that was called."""
+
+    def tick(self, time_ns: int) -> None:
+        """Publish what is due at this simulation time."""
+
+    def close(self) -> None:
+        """Close the descriptor."""
+
+
 class Trace(NamedTuple):
-    """The way of one command: its network sequence number, then instants in ns since 1970.
+    """Times of one command: its network sequence number, then instants in ns since 1970.
 
     `published_ns` is by the master's clock, all others by the slave's: received by the network thread,
     taken up by the loop, written to the thruster link, applied by the STM32; and between taken up and written,
@@ -39,7 +56,7 @@ class Trace(NamedTuple):
 
 
 class Loop:
-    """Runs one vehicle. All parts are given; nothing is opened or closed here.
+    """Run one vehicle. All parts are given; nothing is opened or closed here.
 
     While it is not `armed` no command is taken. `ros` is given when the vehicle is ready.
     """
@@ -49,8 +66,8 @@ class Loop:
         simulation: Simulation,
         driver: ThrusterDriver,
         pilot: Pilot | None,
-        inbox: Inbox,
-        outbox: Outbox,
+        command_receiver: CommandReceiver,
+        sample_publisher: SamplePublisher,
         step_ns: int,
         control_period_ns: int,
         report: Callable[[str], None],
@@ -58,10 +75,10 @@ class Loop:
         self.simulation = simulation
         self.driver = driver
         self.pilot = pilot
-        self.inbox = inbox
-        self.outbox = outbox
+        self.command_receiver = command_receiver
+        self.sample_publisher = sample_publisher
         self.armed = True
-        self.ros: RosNode | None = None
+        self.ros: NodeServer | None = None
         self._control_period_ns = control_period_ns
         self._control_wait_ns = control_period_ns - step_ns // 2  # the step nearest to the period's end, not one later
         self._report = report
@@ -76,19 +93,21 @@ class Loop:
         self.pwm_us = tuple(driver.pwm_us)  # which change only when the driver is serviced
         self._link_due_ns = 0  # when the driver has to be serviced even if nothing came
         self._link_fds = driver.descriptors()
-        self._timed_out = False
-        self._frames = 0  # that the STM32 has counted
+        self._stopping_ns = 0  # when the deadman tripped, until the STM32 has confirmed that the thrusters are neutral
+        self._newest: ThrusterTelemetry | None = None  # that has come
         self.schedule = RateKeeper(step_ns, now_ns())
+        self._stamped = -1  # steps that were skipped when the epoch of the stamps began
         self.commands = 0
         self.unanswered = 0
         self.watchdog_trips = 0
+        self.watch = RunWatch(simulation, driver, pilot, report)
         self.started_ns = now_ns()
 
     def run(self, stop_fd: int) -> None:
         """Loop until `stop_fd` becomes readable."""
-        inbox_fd = self.inbox.fileno()
+        command_fd = self.command_receiver.fileno()
         ros_fd = self.ros.fileno() if self.ros else -1
-        own_fds = [stop_fd, inbox_fd, *([ros_fd] if self.ros else [])]
+        own_fds = [stop_fd, command_fd, *([ros_fd] if self.ros else [])]
         link_fds, fds = self._link_fds, own_fds + self._link_fds
         self.started_ns = now_ns()
         schedule = self.schedule = RateKeeper(self.schedule.period_ns, self.started_ns)
@@ -98,19 +117,42 @@ class Loop:
             ready = select.select(fds, (), (), schedule.timeout())[0]
             now = now_ns() if ready else schedule.woken()
             if ready:  # mostly it is only time for the next step
-                if inbox_fd in ready:
-                    self._take_command(now)
+                if command_fd in ready:
+                    self._apply_command(now)
                 if stop_fd in ready:
-                    self._tell_traces()
+                    self._publish_traces()
+                    self.sample_publisher.wake_publisher()
                     return
             if now >= self._control_due_ns and self.pilot:
                 self._control(self.pilot, now)
             if self._sent or now >= self._link_due_ns or (ready and any(fd in ready for fd in link_fds)):
                 self._service_link(now_ns())  # the answer to a command just sent may be there already
             if now >= schedule.deadline_ns:
-                self.advance(schedule.due(now))
+                self.advance_to(now)
             if ready and self.ros and ros_fd in ready:
                 self.ros.serve()  # behind the step, so that there is time until the next
+
+    def begin(self) -> None:
+        """Do one step that ends now, before the schedule begins."""
+        self._stamp_from(now_ns() - self.schedule.period_ns)
+        self.advance(1)
+
+    def advance_to(self, now: int) -> None:
+        """Advance by the steps that are due by `now`, so that stamps tell when they were, not when they came about."""
+        schedule, stamps = self.schedule, self.sample_publisher.stamps
+        steps = schedule.due(now)
+        if schedule.skipped != self._stamped or stamps.found_ns != stamps.offset_ns:
+            self._stamped, stamps.offset_ns = schedule.skipped, stamps.found_ns
+            self._stamp_from(schedule.deadline_ns - (steps + 1) * schedule.period_ns)
+        self.advance(steps)
+
+    def _stamp_from(self, instant_ns: int) -> None:
+        """Stamp the next step as beginning at this instant (monotonic)."""
+        self.stamp(instant_ns + self.sample_publisher.stamps.offset_ns - self.simulation.time_ns)
+
+    def stamp(self, epoch_ns: int) -> None:
+        """From the next step on simulation time 0 is that time (ns since 1970), see `hil.common.stamps`."""
+        self.sample_publisher.stamps.begin(self.simulation.time_ns, epoch_ns)
 
     def advance(self, steps: int) -> None:
         """Let the vehicle move by so many steps, and publish what its sensors then say."""
@@ -118,32 +160,35 @@ class Loop:
         for _ in range(steps):
             for topic, sample in self.simulation.step(self.pwm_us):
                 if self.pilot:
-                    self.pilot.sense(topic, sample)
-                sent |= self.outbox.sample(topic, sample)
+                    self.pilot.update_sensor(topic, sample)
+                sent |= self.sample_publisher.sample(topic, sample)
         if self._traces and (sent or self.simulation.time_ns >= self._traces_due_ns):
-            self._tell_traces()  # nobody waits for them, and by themselves they would wake the network once more
+            self._publish_traces()  # nobody waits for them, and by themselves they would wake the network once more
+        if self.simulation.time_ns >= self.watch.due_ns:
+            self.watch.check()
         ros = self.ros
         if ros and self.simulation.time_ns >= ros.due_ns:
             ros.tick(self.simulation.time_ns)
+        self.sample_publisher.wake_publisher()
 
     def place(self, position: Sequence[float], quaternion: Sequence[float], nu: Sequence[float]) -> None:
         """Put the vehicle somewhere (NED, body to world, FRD), between two steps; its next command begins anew."""
         state = self.simulation.state
         state.position, state.quaternion, state.nu = list(position), list(quaternion), list(nu)
         state.nu_dot = [0.0] * 6
-        self.rest()
+        self.set_neutral()
 
     def fail(self, *failures: "Failure") -> None:
         """Let thrusters fail, or be repaired, from the next step on. Raises ConfigError for an unknown thruster."""
         self.simulation.fail(*failures)
 
-    def rest(self) -> None:
-        """Neutral thrusters until the next command."""
+    def set_neutral(self) -> None:
+        """Set the thrusters to neutral until the next command."""
         if self.pilot:
             self.pilot.active = False
 
-    def _take_command(self, now: int) -> None:
-        received = self.inbox.take()
+    def _apply_command(self, now: int) -> None:
+        received = self.command_receiver.take_latest()
         if received is None or self.pilot is None or not self.armed:
             return
         self.commands += 1
@@ -154,7 +199,7 @@ class Loop:
         self._awaited[sequence] = (received, now, self._computed_ns, now_ns())
 
     def _control(self, pilot: Pilot, now: int) -> int:
-        """One controller update, sent to the thrusters at once; its sequence number on the link."""
+        """Update the controller and send its thrusts at once; return their sequence number on the link."""
         dt_ns = min(now - self._controlled_ns, 2 * self._control_period_ns)
         self._controlled_ns = now
         self._control_due_ns = now + self._control_wait_ns
@@ -163,27 +208,44 @@ class Loop:
         self.driver.send(command)
         self._sent = True
         if tripped:
-            self._report("deadman: no command in time, thrusters neutral")
+            self._report("deadman: no command in time, stopping the thrusters")
+            self._stopping_ns = now
         return command.sequence
 
     def _service_link(self, now: int) -> None:
         self._sent = False
-        heard = self.driver.service(now)
-        now = now_ns() if heard else now  # reading takes its time, and what was read is as old as that
+        received = self.driver.service(now)
+        now = now_ns() if received else now  # reading takes its time, and what was read is as old as that
         self._link_due_ns, self._link_fds = self.driver.deadline_ns, self.driver.descriptors()
         self.pwm_us = tuple(self.driver.pwm_us)  # a step knows it again at a glance
-        for telemetry in heard:
-            if telemetry.timed_out and not self._timed_out:
-                self._report("the STM32's watchdog tripped: thrusters neutral")
-            self._timed_out = telemetry.timed_out
-            if 0 < self._frames - telemetry.frames < WRAP // 2:
-                self._report("the STM32 has started anew")
-            self._frames = telemetry.frames
-            self.watchdog_trips = telemetry.watchdog_trips
+        for telemetry in received:
+            if self._newest is None or not is_overtaken(telemetry, self._newest):
+                self._apply_telemetry(telemetry)
             if self._awaited:
                 self._trace(telemetry, now)
+        if received and self._stopping_ns and self._newest:
+            self._confirm_stop(self._newest, now)
         if now - self._counted_ns > UNANSWERED_NS:
             self._count_unanswered(now)
+
+    def _apply_telemetry(self, telemetry: ThrusterTelemetry) -> None:
+        """Apply the pulse widths that the STM32 reports."""
+        newest = self._newest
+        if telemetry.timed_out and not (newest and newest.timed_out):
+            self._report("the STM32's watchdog tripped: thrusters neutral")
+        if newest and has_restarted(telemetry, newest):
+            self._report("the STM32 has started anew")
+        self._newest = telemetry
+        self.watchdog_trips = telemetry.watchdog_trips
+
+    def _confirm_stop(self, telemetry: ThrusterTelemetry, now: int) -> None:
+        """Report that the thrusters are neutral once the STM32 says so, unless a command drives them again."""
+        if self.pilot and self.pilot.active:
+            self._stopping_ns = 0
+        elif all(pulse == PWM_NEUTRAL_US for pulse in telemetry.pwm_us):
+            took_ms = (now - self._stopping_ns) / NS_PER_MS
+            self._report(f"thrusters neutral: confirmed by the STM32 {took_ms:.0f} ms after the deadman")
+            self._stopping_ns = 0
 
     def _trace(self, telemetry: ThrusterTelemetry, now: int) -> None:
         awaited = self._awaited.pop(telemetry.sequence, None)
@@ -195,13 +257,13 @@ class Loop:
                 self._traces_due_ns = self.simulation.time_ns + TRACE_WAIT_NS
             self._traces.append(Trace(received.sequence, received.published_ns, *instants))
 
-    def _tell_traces(self) -> None:
+    def _publish_traces(self) -> None:
         traces, self._traces = self._traces, []
         for trace in traces:
-            self.outbox.trace(trace)
+            self.sample_publisher.trace(trace)
 
     def _count_unanswered(self, now: int) -> None:
-        """What an STM32 that says nothing would let grow without end."""
+        """Count and remove commands that the STM32 did not answer in time."""
         self._counted_ns = now
         lost = [sequence for sequence, (_, _, _, written) in self._awaited.items() if now - written > UNANSWERED_NS]
         for sequence in lost:

@@ -1,4 +1,4 @@
-"""What systemd is told when it runs the slave: that it is ready, and that it lives. sd_notify(3), without its library.
+"""Tell systemd that the slave is ready and alive: sd_notify(3) without its library.
 
 Without systemd, that is without NOTIFY_SOCKET in the environment, nothing is done and nothing is loaded.
 """
@@ -23,7 +23,7 @@ def notify(state: str) -> bool:
 
 
 class Heartbeat:
-    """Feeds the watchdog while the loop goes on: a loop that hangs starves it, whoever else still lives."""
+    """Feed systemd's watchdog while the loop advances: a loop that hangs lets it expire."""
 
     __slots__ = ("_seen",)
 

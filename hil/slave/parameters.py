@@ -1,7 +1,7 @@
-"""What may fail of the thrusters, as parameters of the vehicle's node: for `ros2 param` and whatever else knows those.
+"""Offer thruster failures as ROS 2 parameters of the vehicle's node, for `ros2 param` and similar tools.
 
 Each thruster has one, "failures.NAME". It is a text: empty while nothing is wrong, else the keys of a [[failure]] of a
-scenario (sim.failures.Failure) without its thruster and time, with ; between several. Quotes may be left out:
+scenario (sim.vehicle.failures.Failure) without its thruster and time, with ; between several. Quotes may be left out:
 
     ros2 param set /uuv1 failures.bow 'kind = "efficiency", efficiency = 0.5; kind = "delayed", delay = "100 ms"'
     ros2 param set /uuv1 failures.bow 'kind = off'
@@ -16,12 +16,12 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from typing import Any
 
-from hil.errors import ConfigError
-from hil.schema import nearest, parse
+from hil.common.errors import ConfigError
+from hil.common.schema import nearest, parse
+from hil.network.services import Answer
+from hil.ros.message import Message
 from hil.slave.loop import Loop
-from hil.transport.ros_message import Message
-from hil.transport.services import Answer
-from sim.failures import Failure
+from sim.vehicle.failures import Failure
 
 PREFIX = "failures"
 LONGEST = 200  # characters of a value, which is parsed between two steps
@@ -35,43 +35,43 @@ _EXAMPLE = 'kind = "efficiency", efficiency = 0.5'
 class Parameters:
     """The parameters of a running loop's vehicle; `thrusters` are its thrusters by the last part of their names."""
 
-    def __init__(self, loop: Loop, thrusters: Mapping[str, str], say: Callable[[str], None]) -> None:
+    def __init__(self, loop: Loop, thrusters: Mapping[str, str], report: Callable[[str], None]) -> None:
         self._loop = loop
         self._thrusters = {f"{PREFIX}.{name}": thruster for name, thruster in thrusters.items()}
-        self._say = say
+        self._report = report
 
     def services(self) -> dict[str, tuple[str, Answer]]:
         """Type and answer of each service, by its name below the node's."""
         answers: dict[str, tuple[str, Answer]] = {
             "list_parameters": ("ListParameters", self._list),
-            "get_parameters": ("GetParameters", lambda asked: {"values": self._each(asked, self._value)}),
-            "get_parameter_types": ("GetParameterTypes", lambda asked: {"types": self._each(asked, self._type)}),
+            "get_parameters": ("GetParameters", lambda request: {"values": self._each(request, self._value)}),
+            "get_parameter_types": ("GetParameterTypes", lambda request: {"types": self._each(request, self._type)}),
             "describe_parameters": (
                 "DescribeParameters",
-                lambda asked: {"descriptors": self._each(asked, self._descriptor)},
+                lambda request: {"descriptors": self._each(request, self._descriptor)},
             ),
             "set_parameters": (
                 "SetParameters",
-                lambda asked: {"results": [self._set([one]) for one in asked["parameters"][:MOST]]},
+                lambda request: {"results": [self._set([one]) for one in request["parameters"][:MOST]]},
             ),
             "set_parameters_atomically": (
                 "SetParametersAtomically",
-                lambda asked: {"result": self._set(asked["parameters"])},
+                lambda request: {"result": self._set(request["parameters"])},
             ),
         }
         return {name: (f"rcl_interfaces/srv/{kind}", answer) for name, (kind, answer) in answers.items()}
 
-    def _list(self, asked: Message) -> dict[str, Any]:
+    def _list(self, request: Message) -> dict[str, Any]:
         """As rclcpp does: a depth counts the parts of a name behind the prefix."""
-        prefixes, depth = asked["prefixes"][:MOST], asked["depth"]
+        prefixes, depth = request["prefixes"][:MOST], request["depth"]
         names = [name for name in self._thrusters if _is_below(name, prefixes, depth)]
         return {"result": {"names": names, "prefixes": [PREFIX] if names else []}}
 
-    def _each(self, asked: Message, answer: Callable[[str], Any]) -> list[Any]:
-        return [answer(name) for name in asked["names"][:MOST]]
+    def _each(self, request: Message, answer: Callable[[str], Any]) -> list[Any]:
+        return [answer(name) for name in request["names"][:MOST]]
 
     def _value(self, name: str) -> dict[str, Any]:
-        """A ParameterValue, which is not set for a name that is none."""
+        """Return a ParameterValue, which is not set for a name that is none."""
         if name not in self._thrusters:
             return {}
         return {"type": _STRING, "string_value": failures_text(self._loop.simulation.failures(self._thrusters[name]))}
@@ -100,7 +100,7 @@ class Parameters:
         for name, failures in wanted:
             self._loop.fail(Failure(self._thrusters[name], "repaired"), *failures)
             now = failures_text(self._loop.simulation.failures(self._thrusters[name]))
-            self._say(f"parameter: {name}: {now or 'nothing is wrong'}")
+            self._report(f"parameter: {name}: {now or 'nothing is wrong'}")
         return {"successful": True}
 
     def _read(self, name: str, value: Message) -> list[Failure]:
@@ -112,7 +112,7 @@ class Parameters:
 
 
 def read_failures(text: str, thruster: str, where: str) -> list[Failure]:
-    """The failures in a parameter's text; `where` opens every error message. Raises ConfigError."""
+    """Return the failures in a parameter's text; `where` opens every error message. Raises ConfigError."""
     if len(text) > LONGEST:
         raise ConfigError(f"{where}: {len(text)} characters, at most {LONGEST}")
     return [_read_failure(part, thruster, where) for part in text.split(";") if part.strip()]
@@ -136,7 +136,10 @@ def _read_failure(text: str, thruster: str, where: str) -> Failure:
 
 
 def _read_value(text: str) -> str | float:
-    """A number, or a text with or without its quotes. Without TOML's parser, whose loading the loop would notice."""
+    """Return a number, or a text with or without its quotes.
+
+    Without TOML's parser, whose loading the loop would notice.
+    """
     for kind in (int, float):
         with suppress(ValueError):
             return kind(text)

@@ -1,25 +1,33 @@
-"""The vehicle's own computer: commands and sensors in, thruster commands out."""
+"""The vehicle's controller: commands and sensor samples in, thruster commands out."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from hil.autonomy.control import NO_RESIDUAL, Gains, Navigation, VelocityCommand, Wrench
-from hil.clock import seconds_ns
-from hil.config import Scenario
-from hil.errors import ConfigError
+from hil.autonomy.control.allocation import Allocator
+from hil.autonomy.control.controller import (
+    NO_RESIDUAL,
+    CascadedController,
+    Gains,
+    Navigation,
+    VelocityCommand,
+    Wrench,
+    heading_of,
+)
+from hil.common.clock import seconds_ns
+from hil.common.errors import ConfigError
+from hil.common.schema import parse
 from hil.links.contract import PWM_NEUTRAL_US, ThrusterCommand
-from hil.schema import parse
-from hil.slave.native import make_allocator, make_cascade, make_pulse_finder
+from hil.scenario.config import Scenario
+from hil.slave.setpoints import PoseSetpoint, Setpoint, WrenchSetpoint
+from sim.environment.world import World
 from sim.rotations import multiply, rotate
 from sim.sensors.mounting import Mounting
-from sim.thrusters import wrench_matrix
-from sim.vehicle import Vehicle, mass_matrix
-from sim.world import World
+from sim.vehicle.thrusters import pulse_finder, wrench_matrix
+from sim.vehicle.vehicle import Vehicle, mass_matrix
 
 if TYPE_CHECKING:
-    from hil.autonomy.families import Controller
-    from hil.autonomy.fin_control import FinAllocator
-    from hil.slave.inbox import Command
+    from hil.autonomy.control.families import Controller
+    from hil.autonomy.control.fin_control import FinAllocator
 
 # An isothermal column of water: pressure to depth with the vehicle's own constants, as a real pilot has.
 ATMOSPHERE_PA = 101_325.0
@@ -28,7 +36,7 @@ OTHERS = ("family", "fins", "options", "sliding_mode", "restoring_pd")
 
 
 def build_pilot(scenario: Scenario, vehicle: Vehicle, control: dict[str, Any], world: World) -> "Pilot":
-    """The pilot of a scenario; `control` is the vehicle file's [control] table. Raises ConfigError."""
+    """Return the pilot of a scenario; `control` is the vehicle file's [control] table. Raises ConfigError."""
     where = f"{scenario.vehicle}: control"
     gains = parse({key: value for key, value in control.items() if key not in OTHERS}, Gains, where)
     imu = scenario.sensors["imu"].mounting
@@ -41,8 +49,8 @@ def build_pilot(scenario: Scenario, vehicle: Vehicle, control: dict[str, Any], w
 
 
 def _other_family(vehicle: Vehicle, control: dict[str, Any], gains: Gains, world: World, where: str) -> "Controller":
-    from hil.autonomy.families import make_controller
-    from hil.slave.plant import plant_of
+    from hil.autonomy.control.families import make_controller
+    from hil.slave.plant_model import plant_of
 
     family = control["family"]
     if vehicle.fins:
@@ -69,9 +77,9 @@ class Pilot:
         mass = mass_matrix(vehicle)
         x, y, z, k, m, n = (mass[axis][axis] for axis in range(6))
         self._inertia = x, y, z, k, m, n
-        self.controller: Controller = make_cascade(gains, self._inertia)
-        self._find = make_pulse_finder(vehicle.thrusters)
-        self._allocator = make_allocator(
+        self.controller: Controller = CascadedController(gains, self._inertia)
+        self._pulse_finders = [pulse_finder(thruster) for thruster in vehicle.thrusters]
+        self._allocator = Allocator(
             wrench_matrix(vehicle, torque=False),  # which the roll loop meets, not a trade of thrust against roll
             [thruster.max_forward for thruster in vehicle.thrusters],
             [thruster.max_reverse for thruster in vehicle.thrusters],
@@ -82,7 +90,7 @@ class Pilot:
         self._water_weight = water_weight  # density times gravity, N/m3
         self._deadman_ns = deadman_ns
         self._imu_turn = imu.quaternion if imu.turned else None
-        self._command: Command = VelocityCommand()
+        self._command: Setpoint = VelocityCommand()
         self._commanded_ns = 0
         self._residual = NO_RESIDUAL
         self._attitude = (1.0, 0.0, 0.0, 0.0)
@@ -95,16 +103,16 @@ class Pilot:
 
     def steer_by_fins(self, gains: Gains, table: dict[str, Any], where: str, density: float) -> None:
         """Move as a vehicle with fins has to, by `[control.fins]`, in water of `density` kg/m³. Raises ConfigError."""
-        from hil.autonomy.fin_control import FinAllocator, FinController, FinGains
-        from sim.surfaces import fin_matrix
+        from hil.autonomy.control.fin_control import FinAllocator, FinController, FinGains
+        from sim.vehicle.fins import fin_matrix
 
         fins = parse(table, FinGains, where)
         self.controller = FinController(gains, fins, self._inertia)
         limits = [fin.max_deflection for fin in self._fins]
         self._fin_allocator = FinAllocator(fin_matrix(self._fins, density), limits, fins.least_speed)
 
-    def sense(self, topic: str, sample: Any) -> None:
-        """Take in one sensor sample (NED, FRD)."""
+    def update_sensor(self, topic: str, sample: Any) -> None:
+        """Update the navigation with one sensor sample (NED, FRD)."""
         if topic == "imu":
             self._attitude, self._rates = sample.orientation, sample.angular_velocity
             if self._imu_turn:
@@ -119,11 +127,16 @@ class Pilot:
 
     @property
     def navigation(self) -> Navigation:
-        """What the vehicle knows of itself now."""
+        """The vehicle's present estimate of its own state."""
         return Navigation(self._attitude, self._rates, self._velocity, self._depth)
 
-    def command(self, command: "Command", now: int) -> None:
-        """A new command came at `now` (monotonic ns)."""
+    @property
+    def requested_depth(self) -> float | None:
+        """The depth (m) that the present command requests; None without one."""
+        return self._command.depth if self.active else None
+
+    def command(self, command: Setpoint, now: int) -> None:
+        """Apply a new command that arrived at `now` (monotonic ns)."""
         self._command = command
         self._commanded_ns = now
         if not self.active:
@@ -131,7 +144,7 @@ class Pilot:
             self.active = True
 
     def update(self, now: int, dt: float) -> tuple[ThrusterCommand, bool]:
-        """The thruster command for the next `dt` seconds, and whether the deadman has just tripped."""
+        """Return the thruster command for the next `dt` seconds, and whether the deadman has just tripped."""
         tripped = self.active and now - self._commanded_ns > self._deadman_ns
         if tripped:
             self.active = False
@@ -139,26 +152,39 @@ class Pilot:
         sequence = self.next_sequence()
         if not self.active:
             return ThrusterCommand(sequence, False, self._neutral), tripped
-        command = self._command
-        pwm = self.push(self.steer(command, dt)) if isinstance(command, VelocityCommand) else command.drive(self, dt)
+        pwm = self._pulses_for(self._command, dt)
         return ThrusterCommand(sequence, True, pwm + self._neutral[len(pwm) :]), False
 
-    def steer(self, command: VelocityCommand, dt: float) -> Wrench:
-        """The wrench (N, N m, along FRD) that makes the vehicle move so, for the next `dt` seconds."""
+    def _pulses_for(self, command: Setpoint, dt: float) -> tuple[int, ...]:
+        """Return the pulses (us) that obey a setpoint for the next `dt` s."""
+        if isinstance(command, VelocityCommand):
+            return self._allocate_wrench(self._steer(command, dt))
+        if isinstance(command, PoseSetpoint):
+            from hil.autonomy.control.position import approach
+
+            own = heading_of(self._attitude)
+            return self._allocate_wrench(self._steer(approach(*command.pose, self.position, own), dt))
+        self.reset()  # no loop is closed: there is nothing to integrate
+        if isinstance(command, WrenchSetpoint):
+            return self._allocate_wrench(command.wrench)
+        return self._thrust_to_pwm(command.thrusts)
+
+    def _steer(self, command: VelocityCommand, dt: float) -> Wrench:
+        """Return the wrench (N, N m, along FRD) that makes the vehicle move so, for the next `dt` seconds."""
         return self.controller.update(command, self.navigation, dt, self._residual)
 
-    def push(self, wrench: Wrench) -> tuple[int, ...]:
-        """The pulses (us) of thrusters and fins that push the vehicle so, or as nearly so as they can."""
+    def _allocate_wrench(self, wrench: Wrench) -> tuple[int, ...]:
+        """Return the pulses (us) of thrusters and fins that give this wrench, or as nearly so as they can."""
         thrusts, self._residual = self._allocator.allocate(wrench)
-        pwm = self.pulses(thrusts)
+        pwm = self._thrust_to_pwm(thrusts)
         if self._fin_allocator is not None:
             angles, self._residual = self._fin_allocator.allocate(self._residual, self._velocity[0])
             pwm += tuple([fin.pulse(angle) for fin, angle in zip(self._fins, angles, strict=True)])
         return pwm
 
-    def pulses(self, thrusts: Sequence[float]) -> tuple[int, ...]:
-        """The pulses (us) with which the thrusters give these thrusts (N), each within its limits."""
-        return self._find(thrusts)
+    def _thrust_to_pwm(self, thrusts: Sequence[float]) -> tuple[int, ...]:
+        """Return the pulses (us) with which the thrusters give these thrusts (N), each within its limits."""
+        return tuple([find(thrust) for find, thrust in zip(self._pulse_finders, thrusts, strict=True)])
 
     def reset(self) -> None:
         """Let the controller begin anew."""
@@ -166,6 +192,6 @@ class Pilot:
         self._residual = NO_RESIDUAL
 
     def next_sequence(self) -> int:
-        """The number of the next command on the thruster link."""
+        """Return the number of the next command on the thruster link."""
         self._sequence = (self._sequence + 1) & 0xFFFF
         return self._sequence

@@ -1,4 +1,4 @@
-"""What makes the slave a node of ROS 2 beyond its sensors: static transforms, clock, services.
+"""Make the slave a ROS 2 node beyond its sensors: static transforms, clock, services.
 
 Loaded when the vehicle is ready.
 """
@@ -6,17 +6,18 @@ Loaded when the vehicle is ready.
 from collections.abc import Callable
 from math import sqrt
 
-from hil.clock import NEVER_NS
-from hil.config import Ros, Scenario
+from hil.common.clock import NEVER_NS
+from hil.network.services import Server
+from hil.network.session import Session
+from hil.ros import encoders as ros
+from hil.ros.frames import Transform, encode_clock, encode_transforms, encode_wrench, mounted
+from hil.ros.topics import COMMANDS, TOPICS
+from hil.scenario.config import Scenario
+from hil.scenario.records import Ros
 from hil.slave.loop import Loop
 from hil.slave.services import offer_services
-from hil.topics import COMMANDS, TOPICS
-from hil.transport import ros
-from hil.transport.ros_frames import Transform, encode_clock, encode_transforms, encode_wrench, mounted
-from hil.transport.services import Server
-from hil.transport.session import Session
 from sim.sensors.samples import period_ns
-from sim.sensors.suite import Suite
+from sim.sensors.suite import SensorSet
 
 _HALF_SQRT = sqrt(0.5)
 WITHOUT_PLACE = ("odometry", "ground_truth")  # they are of the body's origin
@@ -34,27 +35,27 @@ HEADS = {
 class RosNode:
     """Speaks for a running loop, which waits on `fileno`, and calls `serve`, and `tick` when `due_ns` has come."""
 
-    def __init__(self, session: Session, scenario: Scenario, loop: Loop, say: Callable[[str], None]) -> None:
+    def __init__(self, session: Session, scenario: Scenario, loop: Loop, report: Callable[[str], None]) -> None:
         settings, node = scenario.ros, scenario.slave.node
         self._loop = loop
         self.due_ns = 0  # of simulation time
         self._prefix = settings.frame_prefix
         self._clock = _Due(settings.clock)
         self._wrench = _Due(settings.wrench)
-        for fitted in [fitted for fitted in scenario.sensors.values() if not fitted.heavy]:
+        for fitted in [fitted for fitted in scenario.sensors.values() if not fitted.offloaded]:
             ros.encoder(fitted.sensor.topic)  # loaded now, not at the first sample
         if loop.pilot:
             for name in [name for name in COMMANDS if name != "cmd_vel"]:  # which was there from the beginning
-                loop.outbox.graph.subscribes(TOPICS[name], node)
-        self.server = Server(session, loop.outbox.graph)
+                loop.sample_publisher.graph.subscribes(TOPICS[name], node)
+        self.server = Server(session, loop.sample_publisher.graph)
         if settings.services:
-            offer_services(self.server, node, loop, scenario.start, say)
+            offer_services(self.server, node, loop, scenario.start, report)
         if settings.transforms:
-            frames = static_transforms(scenario.sensors, settings, loop.outbox.epoch_ns)
-            loop.outbox.put("/tf_static", encode_transforms(frames))
+            frames = static_transforms(scenario.sensors, settings, loop.sample_publisher.stamps.epoch_ns)
+            loop.sample_publisher.put("/tf_static", encode_transforms(frames))
 
     def fileno(self) -> int:
-        """The descriptor to wait on."""
+        """Return the descriptor to wait on."""
         return self.server.fileno()
 
     def serve(self) -> None:
@@ -62,18 +63,18 @@ class RosNode:
         self.server.serve()
 
     def tick(self, time_ns: int) -> None:
-        """Say what is due at this simulation time."""
-        outbox = self._loop.outbox
+        """Publish what is due at this simulation time."""
+        sample_publisher = self._loop.sample_publisher
         if self._clock.passes(time_ns):
-            outbox.put("/clock", encode_clock(time_ns + outbox.epoch_ns))
+            sample_publisher.put("/clock", encode_clock(sample_publisher.stamps.stamp(time_ns)))
         if self._wrench.passes(time_ns):
             wrench = self._loop.simulation.forces().thrusters
-            payload = encode_wrench(time_ns + outbox.epoch_ns, wrench, f"{self._prefix}base_link")
-            outbox.put("thruster_wrench", payload)
+            payload = encode_wrench(sample_publisher.stamps.stamp(time_ns), wrench, f"{self._prefix}base_link")
+            sample_publisher.put("thruster_wrench", payload)
         self.due_ns = min(self._clock.due_ns, self._wrench.due_ns)
 
     def close(self) -> None:
-        """Give the descriptor back."""
+        """Close the descriptor."""
         self.server.close()
 
 
@@ -92,7 +93,7 @@ class _Due:
         return True
 
 
-def static_transforms(suite: Suite, settings: Ros, time_ns: int) -> list[Transform]:
+def static_transforms(suite: SensorSet, settings: Ros, time_ns: int) -> list[Transform]:
     """From map to odom, which are one as no drift of the navigation is known, and from base_link to each sensor."""
     prefix = settings.frame_prefix
     base = f"{prefix}base_link"

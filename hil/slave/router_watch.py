@@ -1,28 +1,28 @@
-"""Saying why a slave does not reach its router. Loaded when the vehicle is ready, and only where there is a router."""
+"""Report why a slave does not reach its router. Loaded when the vehicle is ready, only where there is a router."""
 
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from hil.transport.diagnosis import why_not
-from hil.transport.session import Session
-from hil.transport.settings import split
+from hil.common.endpoint import split_endpoint
+from hil.network.diagnosis import why_not
+from hil.network.session import Session
 
 if TYPE_CHECKING:
-    from hil.transport.security import Security
+    from hil.network.security import Security
 
 PERIOD_S = 2.0
 
 
 def watch_router(session: Session, router: str, security: "Security | None", report: Callable[[str], None]) -> None:
-    """In a thread, `report` what stands between us and the `router`, whenever that changes."""
-    port, folder = split(router)[2], security.folder("slave") if security else ""
-    said = ""
+    """Report why the `router` is not reached, whenever that changes, in a thread."""
+    port, folder = split_endpoint(router)[2], security.folder("slave") if security else ""
+    reported = ""
 
-    def look() -> None:
-        nonlocal said
+    def check() -> None:
+        nonlocal reported
         fault = None if session.has_dialled(port) else why_not(router, folder, routed=True)
-        if fault and fault.text != said:
+        if fault and fault.text != reported:
             report(f"the router {router} is not reached: {fault.text}")
-        said = fault.text if fault else ""
+        reported = fault.text if fault else ""
 
-    session.every(PERIOD_S, look, "router")
+    session.every(PERIOD_S, check, "router")

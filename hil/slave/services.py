@@ -1,4 +1,4 @@
-"""What others may ask of the vehicle: arm, reset, set_pose, and the failures of its thrusters.
+"""ROS 2 services of the vehicle: arm, reset, set_pose, and failures of thrusters.
 
 Each is a ROS 2 service below the node's name and a small function here, or in hil.slave.parameters; it runs in the
 loop's thread between two steps. What is asked for and cannot be done is refused with a reason, in the response.
@@ -8,17 +8,17 @@ from collections.abc import Callable, Mapping
 from math import hypot, inf
 from typing import Any
 
-from hil.clock import NS_PER_S
-from hil.config import Start
+from hil.common.clock import NS_PER_S
+from hil.network.services import Answer, Server
+from hil.ros import encoders as ros
+from hil.ros.commands import MOST_PLACE
+from hil.ros.message import Message
+from hil.scenario.records import Start
 from hil.slave.loop import Loop
 from hil.slave.parameters import Parameters
-from hil.transport import ros
-from hil.transport.ros_commands import MOST_PLACE
-from hil.transport.ros_message import Message
-from hil.transport.services import Answer, Server
-from sim.contact import starts_inside
-from sim.failures import Failure
+from sim.environment.collision import starts_inside
 from sim.rotations import from_euler, rotate_inverse
+from sim.vehicle.failures import Failure
 
 SET_BOOL, TRIGGER = "std_srvs/srv/SetBool", "std_srvs/srv/Trigger"
 SET_STATE = "simulation_interfaces/srv/SetEntityState"  # of 1.x, as in ROS 2 Jazzy
@@ -27,29 +27,29 @@ _OK, _NOT_FOUND, _FAILED, _INVALID_POSE = 1, 2, 4, 101
 _WORLD_FRAMES = ("", "map", "world")
 # m and rad a step, 10 m/s and rad/s at 400 Hz. In a longer one the drag of a light hull throws it back faster than it
 # came, and further with each step; of those that are here the first does at 0.05.
-_MOST_WAY = 0.025
+_MAX_PATH = 0.025
 
-Say = Callable[[str], None]
+Report = Callable[[str], None]
 
 
-def offer_services(server: Server, node: str, loop: Loop, start: Start, say: Say) -> None:
-    """Offer all services of the vehicle called `node`; `say` is told of each that was done."""
+def offer_services(server: Server, node: str, loop: Loop, start: Start, report: Report) -> None:
+    """Offer all services of the vehicle called `node`; `report` gets a line for each that was done."""
     offered: dict[str, tuple[str, Answer]] = {
-        "reset": (TRIGGER, lambda _: _told(say, "reset", reset(loop, start))),
-        "set_pose": (SET_STATE, lambda request: set_pose(loop, node, request, say)),
+        "reset": (TRIGGER, lambda _: _answer(report, "reset", reset(loop, start))),
+        "set_pose": (SET_STATE, lambda request: set_pose(loop, node, request, report)),
     }
     if loop.pilot:
-        offered["arm"] = (SET_BOOL, lambda request: _told(say, "arm", arm(loop, request["data"])))
+        offered["arm"] = (SET_BOOL, lambda request: _answer(report, "arm", arm(loop, request["data"])))
     thrusters = {plain_name(thruster.name): thruster.name for thruster in loop.simulation.vehicle.thrusters}
     for plain, name in thrusters.items():
-        offered[f"thrusters/{plain}/fail"] = (SET_BOOL, _failing(loop, name, say))
-    offered |= Parameters(loop, thrusters, say).services()
+        offered[f"thrusters/{plain}/fail"] = (SET_BOOL, _failing(loop, name, report))
+    offered |= Parameters(loop, thrusters, report).services()
     for name, (type_name, answer) in offered.items():
         server.offer(f"/{node}/{name}", type_name, answer)
 
 
 def plain_name(name: str) -> str:
-    """A thruster's name as a part of a ROS name: letters, digits and _, no digit first."""
+    """Return a thruster's name as a part of a ROS name: letters, digits and _, no digit first."""
     plain = "".join([c if c.isascii() and c.isalnum() else "_" for c in name])
     return f"_{plain}" if plain[:1].isdigit() else plain
 
@@ -58,12 +58,12 @@ def arm(loop: Loop, on: bool) -> str:
     """Let commands drive the thrusters again, or make them neutral and take no more commands."""
     loop.armed = on
     if not on:
-        loop.rest()
-    return "armed: commands are taken" if on else "disarmed: thrusters neutral, commands are not taken"
+        loop.set_neutral()
+    return "armed: commands are taken" if on else "disarmed: the thrusters are stopped, commands are not taken"
 
 
 def reset(loop: Loop, start: Start) -> str:
-    """Back to the start, at rest, all thrusters repaired. Time, battery and dropped weights stay as they are."""
+    """Return to the start, at rest, all thrusters repaired. Time, battery and dropped weights stay as they are."""
     loop.fail(*[Failure(thruster.name, "repaired") for thruster in loop.simulation.vehicle.thrusters])
     loop.place((start.north, start.east, start.depth), from_euler(0.0, 0.0, start.heading), (0.0,) * 6)
     return f"at ({start.north:g}, {start.east:g}, {start.depth:g}) m, heading {start.heading:g} rad, at rest"
@@ -75,7 +75,7 @@ def fail_thruster(loop: Loop, name: str, failing: bool) -> str:
     return f"{name} is {'off' if failing else 'repaired'}"
 
 
-def set_pose(loop: Loop, node: str, request: Message, say: Say) -> dict[str, Any]:
+def set_pose(loop: Loop, node: str, request: Message, report: Report) -> dict[str, Any]:
     """simulation_interfaces/SetEntityState: pose in the world ENU, velocity along it, acceleration left out."""
     state, entity, frame = request["state"], request["entity"], request["state"]["header"]["frame_id"]
     if entity not in ("", node):
@@ -85,7 +85,7 @@ def set_pose(loop: Loop, node: str, request: Message, say: Say) -> dict[str, Any
     position = ros.swap_world(_xyz(state["pose"]["position"]))
     attitude = _xyz(state["pose"]["orientation"], "wxyz")
     velocity = [ros.swap_world(_xyz(state["twist"][key])) for key in ("linear", "angular")]
-    size, most = hypot(*attitude), _MOST_WAY * NS_PER_S / loop.schedule.period_ns
+    size, most = hypot(*attitude), _MAX_PATH * NS_PER_S / loop.schedule.period_ns
     if not 1e-3 < size < inf:
         return _result(_INVALID_POSE, "the orientation is none")
     if not all(abs(x) <= MOST_PLACE for x in position):
@@ -97,16 +97,16 @@ def set_pose(loop: Loop, node: str, request: Message, say: Say) -> dict[str, Any
         return _result(_INVALID_POSE, f"an obstacle or the seabed of {simulation.world.name} is there")
     quaternion = ros.swap_attitude([x / size for x in attitude])
     loop.place(position, quaternion, [x for vector in velocity for x in rotate_inverse(quaternion, vector)])
-    say("set_pose: at ({:g}, {:g}, {:g}) m NED".format(*position))
+    report("set_pose: at ({:g}, {:g}, {:g}) m NED".format(*position))
     return _result(_OK, "")
 
 
-def _failing(loop: Loop, name: str, say: Say) -> Answer:
-    return lambda request: _told(say, "thruster", fail_thruster(loop, name, request["data"]))
+def _failing(loop: Loop, name: str, report: Report) -> Answer:
+    return lambda request: _answer(report, "thruster", fail_thruster(loop, name, request["data"]))
 
 
-def _told(say: Say, name: str, done: str) -> Mapping[str, Any]:
-    say(f"{name}: {done}")
+def _answer(report: Report, name: str, done: str) -> Mapping[str, Any]:
+    report(f"{name}: {done}")
     return {"success": True, "message": done}
 
 

@@ -1,4 +1,4 @@
-"""Starting a program from beside a real-time loop.
+"""Start a program from a process with a real-time loop.
 
 `os.posix_spawn` and `subprocess` keep the interpreter to themselves until the child has begun, which on a busy machine
 takes as long as the child waits for a processor. The same call through ctypes lets the other threads go on.

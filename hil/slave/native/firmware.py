@@ -1,11 +1,13 @@
-"""The firmware's own C in this process, in place of its Python twin, where it was compiled and the link is its own."""
+"""Run the firmware's own C in this process instead of the Python stub, where it is compiled and the link allows it."""
 
-from hil.clock import NS_PER_US
-from hil.links.contract import Wire
+from hil.common.clock import NS_PER_US
+from hil.links.contract import Protocol, Wire
+from hil.links.frame.protocol import FrameProtocol, open_frame
+from sim.native import has_native
 
 
 class FirmwareEnd:
-    """As `firmware_stub.stub.Stm32End`; its time counts whole microseconds.
+    """The interface of `firmware_stub.stub.Stm32End`; its time counts whole microseconds.
 
     channels: number of thrusters, 1 to 16. watchdog_ns: the longest silence before the outputs go to neutral.
     """
@@ -27,12 +29,12 @@ class FirmwareEnd:
         return self._firmware.pwm_us
 
     @property
-    def obeyed_ns(self) -> int:
+    def command_ns(self) -> int:
         """When (monotonic ns) the outputs last took a command."""
         return self._firmware.obeyed_ns
 
     def fileno(self) -> int:
-        """The descriptor to wait on for commands."""
+        """Return the descriptor to wait on for commands."""
         return self.wire.fileno()
 
     def service(self, now_ns: int) -> None:
@@ -44,3 +46,14 @@ class FirmwareEnd:
         """Outputs to neutral, and the wire closed."""
         self._firmware.stop()
         self.wire.close()
+
+
+def open_firmware(protocol: Protocol, wire: Wire, channels: int, watchdog_ns: int) -> FirmwareEnd | None:
+    """Return the firmware on its end of `wire`; None where it was not compiled or speaks another frame than `protocol`.
+
+    Raises ConfigError where the C is insisted on and not there.
+    """
+    if not has_native("hil.slave.native._firmware") or not isinstance(protocol, FrameProtocol):
+        return None
+    own = open_frame("device", channels)  # what the firmware is compiled for; both share what is read of one file
+    return FirmwareEnd(wire, channels, watchdog_ns) if protocol.layout is own.layout else None

@@ -1,13 +1,17 @@
-"""A vehicle's file as the model that controllers reckon with."""
+"""Make the model that controllers use out of a vehicle's file."""
 
-from hil.autonomy.control import Wrench
-from hil.autonomy.plant import Plant
+from hil.autonomy.control.controller import Wrench
+from hil.autonomy.control.model import Plant
 from sim.matrices import Matrix, square
-from sim.vehicle import Vehicle, displaced_volume, mass_matrix
+from sim.vehicle.vehicle import Vehicle, displaced_volume, mass_matrix
 
 
 def plant_of(vehicle: Vehicle, density: float, gravity: float) -> Plant:
-    """The model of `vehicle`, in water of `density` kg/m³ under `gravity` m/s²; of full matrices the diagonal."""
+    """Return the model of `vehicle`, in water of `density` kg/m³ under `gravity` m/s².
+
+    Of full matrices the diagonal.
+    """
+    x, y, z, *_ = _diagonal(square(vehicle.added_mass, 6))
     return Plant(
         inertia=_diagonal(mass_matrix(vehicle)),
         linear_damping=_diagonal(square(vehicle.linear_damping, 6)),
@@ -16,6 +20,8 @@ def plant_of(vehicle: Vehicle, density: float, gravity: float) -> Plant:
         buoyancy=density * displaced_volume(vehicle, density) * gravity,
         center_of_gravity=vehicle.center_of_gravity,
         center_of_buoyancy=vehicle.center_of_buoyancy,
+        moved_water=(x, y, z),
+        munk_share=vehicle.munk_share,
     )
 
 

@@ -1,6 +1,6 @@
-"""The process that makes a slave's pictures: requests on its standard input, what is done on its output.
+"""The imaging process: read requests from standard input, publish pictures, write confirmations to standard output.
 
-    python -m hil.slave.imaging_process      started by hil.slave.imaging, which says the rest
+    python -m hil.slave.imaging.process      started by hil.slave.imaging.sensors, which says the rest
 
 It has the world and the heavy sensors of the scenario, puts the vehicle where a request says, and publishes what the
 sensors then see as the same node, by a session of its own that goes through the slave's. After the first picture of a
@@ -16,20 +16,24 @@ from collections.abc import Iterator
 from struct import Struct
 from typing import Any
 
-from hil.clock import NS_PER_S, now_ns, to_wall_ns
-from hil.config import Scenario, build_simulation
-from hil.errors import HilError
-from hil.slave.imaging import DONE, REQUEST
-from hil.slave.neighbours import Neighbours
-from hil.slave.outbox import Outbox
-from hil.stop import StopSignals
-from hil.transport import ros
-from hil.transport.session import Session, open_session
-from hil.transport.settings import settings, split
+from hil.common.clock import NS_PER_S, now_ns
+from hil.common.endpoint import split_endpoint
+from hil.common.errors import HilError
+from hil.common.lifeline import die_with_parent
+from hil.common.stop import StopSignals
+from hil.network.session import Session, open_session
+from hil.network.settings import settings
+from hil.ros import dialect
+from hil.ros import encoders as ros
+from hil.ros.graph import Identity
+from hil.scenario.config import Scenario, build_simulation
+from hil.slave.imaging.neighbours import Neighbours
+from hil.slave.imaging.sensors import DONE, REQUEST
+from hil.slave.sample_publisher import SamplePublisher
+from sim.environment.world import load_world
 from sim.sensors.samples import Sample
 from sim.sensors.suite import Slot
-from sim.vehicle import load_vehicle
-from sim.world import load_world
+from sim.vehicle.vehicle import load_vehicle
 
 NICE = 10
 # sched_setattr(2), which the C library has not: size, policy, flags, nice, priority, runtime, deadline, period
@@ -43,14 +47,16 @@ Message = tuple[str, bytes]
 
 
 def main() -> int:
-    """Serve requests until the input ends or a signal comes; the exit code."""
+    """Serve requests until the input ends or a signal arrives; return the exit code."""
+    die_with_parent()
     answers = os.dup(OUT)
     os.dup2(ERRORS, OUT)  # whoever prints does not answer for us
-    _give_way()
+    _lower_priority()
     try:
         with StopSignals() as stop_fd:
-            scenario, epoch_ns = pickle.loads(_read_exactly(int.from_bytes(_read_exactly(4), "little")))
-            _serve(scenario, epoch_ns, answers, stop_fd)
+            scenario, node = pickle.loads(_read_exactly(int.from_bytes(_read_exactly(4), "little")))
+            dialect.speak(scenario.ros.domain, scenario.ros.distro)
+            _serve(scenario, node, answers, stop_fd)
     except HilError as error:
         print(error, file=sys.stderr)
         return error.exit_code
@@ -59,7 +65,7 @@ def main() -> int:
     return 0
 
 
-def _give_way() -> None:
+def _lower_priority() -> None:
     _interruptible()
     first, *others = sorted(os.sched_getaffinity(0))
     os.sched_setaffinity(0, others or [first])
@@ -90,52 +96,52 @@ def _read_exactly(count: int) -> bytes:
     return found
 
 
-def _serve(scenario: Scenario, epoch_ns: int, answers: int, stop_fd: int) -> None:
+def _serve(scenario: Scenario, node: Identity, answers: int, stop_fd: int) -> None:
     studio = Studio(scenario)
     slave = scenario.slave
-    with join(scenario) as session, studio.neighbours.hear():
-        outbox = Outbox(session, slave.node, epoch_ns, scenario.ros.frame_prefix, waits=True)
-        under_way: list[tuple[int, Message]] = []  # when it is due (wall clock), and what
+    with join(scenario) as session, studio.neighbours.subscribe():
+        sample_publisher = SamplePublisher(session, slave.node, 0, scenario.ros.frame_prefix, waits=True, of=node)
+        delayed: list[tuple[int, Message]] = []  # when it is due (monotonic), and what
         outlets: dict[int, list[str]] = {}  # by sensor the topics of its messages, as its first ones show them
         while True:
-            wait_s = (under_way[0][0] - to_wall_ns(now_ns())) / NS_PER_S if under_way else None
+            wait_s = (delayed[0][0] - now_ns()) / NS_PER_S if delayed else None
             ready = select.select((stop_fd, IN), (), (), wait_s if wait_s is None else max(0.0, wait_s))[0]
             if stop_fd in ready:
                 return
             requests = os.read(IN, REQUEST.size * 64) if IN in ready else None
             if requests == b"":
                 return
-            for number, time_ns, *moving in REQUEST.iter_unpack(requests or b""):
+            for number, time_ns, epoch_ns, instant_ns, *moving in REQUEST.iter_unpack(requests or b""):
                 took_ns = 0
-                if number not in outlets or outbox.wants(outlets[number]):
+                if number not in outlets or sample_publisher.has_subscribers(outlets[number]):
                     began = now_ns()
                     studio.neighbours.place(began)
                     messages = list(studio.encode(studio.take(number, time_ns, moving), epoch_ns))
-                    due_ns = epoch_ns + time_ns + studio.delay_ns(number)
-                    under_way += [(due_ns, message) for message in messages]
+                    due_ns = instant_ns + studio.delay_ns(number)
+                    delayed += [(due_ns, message) for message in messages]
                     if messages:  # a sample may be lost on its way
                         outlets[number] = [name for name, _ in messages]
                     took_ns = now_ns() - began
                 os.write(answers, DONE.pack(number, took_ns))
-            under_way.sort(key=_due)
-            _publish(outbox, under_way)
+            delayed.sort(key=_due)
+            _publish(sample_publisher, delayed)
 
 
 def join(scenario: Scenario) -> Session:
-    """The session: a client of the slave's, which forwards what its clients say, and not what its peers say.
+    """Return the session: a client of the slave's, which forwards what its clients say to all.
 
-    With a router it dials that, as the slave does. Raises NetworkError.
+    With a router it dials that, as the slave does, and needs it to start no more than that does. Raises NetworkError.
     """
     network = scenario.network
-    scheme, host, port = split(scenario.slave.listen)
+    scheme, host, port = split_endpoint(scenario.slave.listen)
     where = network.router or f"{scheme}/{HERE.get(host, host)}:{port}"
     return open_session("join", where, settings("imaging", (), (where,), network, scenario.security))
 
 
-def _publish(outbox: Outbox, under_way: list[tuple[int, Message]]) -> None:
-    """What is due, which is taken off the list."""
-    while under_way and under_way[0][0] <= to_wall_ns(now_ns()):
-        outbox.put(*under_way.pop(0)[1])
+def _publish(sample_publisher: SamplePublisher, delayed: list[tuple[int, Message]]) -> None:
+    """Publish the messages that are due, and remove them from the list."""
+    while delayed and delayed[0][0] <= now_ns():
+        sample_publisher.put(*delayed.pop(0)[1])
 
 
 def _due(waiting: tuple[int, Message]) -> int:
@@ -143,7 +149,7 @@ def _due(waiting: tuple[int, Message]) -> int:
 
 
 class Studio:
-    """The world of a scenario, and those sensors of it that are asked for, by their number. Raises HilError.
+    """The world of a scenario with its imaging sensors, by number. Raises HilError.
 
     The simulation here is never stepped: it is put where the vehicle is. `neighbours` are those of a fleet.
     """
@@ -161,7 +167,7 @@ class Studio:
             self.neighbours.stand_before(slot.sensor)
 
     def take(self, number: int, time_ns: int, moving: list[float]) -> tuple[str, Sample] | None:
-        """The sample of a sensor, with its name: None if there is none, or it is lost on its way.
+        """Return the sample of a sensor, with its name: None if there is none, or it is lost on its way.
 
         `moving` is position, quaternion, nu and its rate of change.
         """
@@ -174,18 +180,18 @@ class Studio:
         return None if sample is None or slot.drops() else (slot.topic, sample)
 
     def delay_ns(self, number: int) -> int:
-        """How long after its instant the last sample of a sensor arrives."""
+        """Return how long after its instant the last sample of a sensor arrives."""
         return self._slots[number].delay_ns
 
     def encode(self, taken: tuple[str, Any] | None, epoch_ns: int) -> Iterator[Message]:
-        """The messages of what was taken, each with its topic."""
+        """Return the messages of what was taken, each with its topic."""
         if taken is None:
             return
         topic, sample = taken
         stamped = sample._replace(time_ns=sample.time_ns + epoch_ns)
         prefix, settings = self._settings.frame_prefix, self._settings
         if topic == "camera":
-            from hil.transport.ros_images import camera_messages
+            from hil.ros.images import camera_messages
 
             yield from camera_messages(stamped, prefix, settings.images, settings.jpeg_quality)
         else:

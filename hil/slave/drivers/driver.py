@@ -1,4 +1,4 @@
-"""Who plays the STM32, as the slave sees it: something on a link that turns commands into pulse widths.
+"""The interface between the slave and an STM32: commands go in, telemetry with pulse widths comes out.
 
 "python"   the firmware's Python twin in this process; on its own frame its C, where that was compiled
 "unicorn"  the firmware's own image on an emulated STM32F405 in this process
@@ -15,26 +15,26 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from importlib import import_module
 
-from hil.clock import NS_PER_S, now_ns
-from hil.config import Link
-from hil.errors import DeviceError, HilError
+from hil.common.clock import NS_PER_S, now_ns
+from hil.common.errors import ConfigError, DeviceError, HilError
+from hil.links.address import parse_address
 from hil.links.contract import PWM_NEUTRAL_US, Protocol, ThrusterCommand, ThrusterLink, ThrusterTelemetry, Wire
 from hil.links.protocols import Role, open_protocol
-from hil.slave.native import make_frame_protocol
+from hil.scenario.records import Link
 
 # the word in the scenario -> what opens it, given the link, the number of channels, the seed, and whether the host's
 # end of the link is ours
 DRIVERS = {
-    "python": "hil.slave.stm32_inside:open_python",
-    "unicorn": "hil.slave.stm32_inside:open_unicorn",
-    "process": "hil.slave.stm32_outside:open_process",
-    "native": "hil.slave.stm32_outside:open_native",
-    "qemu": "hil.slave.stm32_outside:open_qemu",
-    "device": "hil.slave.stm32_outside:open_device",
+    "python": "hil.slave.drivers.in_process:open_python",
+    "unicorn": "hil.slave.drivers.in_process:open_unicorn",
+    "process": "hil.slave.drivers.external:open_process",
+    "native": "hil.slave.drivers.external:open_native",
+    "qemu": "hil.slave.drivers.external:open_qemu",
+    "device": "hil.slave.drivers.external:open_device",
 }
 STARTED = ("process", "native", "qemu")  # those for which a process is started
 SETTLE_NS = NS_PER_S // 10
-LOOK_NS = NS_PER_S // 100  # between two looks while they settle, and while a link is opened again
+CHECK_NS = NS_PER_S // 100  # between two looks while they settle, and while a link is opened again
 RETRY_S = 0.25  # between two attempts to open a link that went away
 # An attempt under way is waited for so long at the end: what it holds ends with us, but for a process it has started.
 WIRE_END_S, PROCESS_END_S = 0.1, 20.0
@@ -53,7 +53,7 @@ class ThrusterDriver(ABC):
 
     losses = 0
     lost = False
-    silent = False
+    is_silent = False
 
     port: str
     host: ThrusterLink | None
@@ -71,7 +71,7 @@ class ThrusterDriver(ABC):
 
     @abstractmethod
     def descriptors(self) -> list[int]:
-        """What to wait on for incoming bytes; it changes when a lost link comes back."""
+        """Return what to wait on for incoming bytes; it changes when a lost link comes back."""
 
     @abstractmethod
     def service(self, now: int) -> list[ThrusterTelemetry]:
@@ -79,7 +79,7 @@ class ThrusterDriver(ABC):
 
     @abstractmethod
     def applied_ns(self, telemetry: ThrusterTelemetry, now: int) -> int:
-        """When (monotonic ns) the STM32 applied the command that this telemetry, received at `now`, echoes."""
+        """Return when (monotonic ns) the STM32 applied the command that this telemetry, received at `now`, echoes."""
 
     def send(self, command: ThrusterCommand) -> None:
         """Send `command` from the host's end. Only where the controller is ours."""
@@ -100,20 +100,20 @@ class _Opening:
     def __init__(self, lost: ThrusterDriver, open_driver: Callable[[], ThrusterDriver]) -> None:
         self._lost, self._open = lost, open_driver
         self._opened: ThrusterDriver | None = None
-        self._given_up = threading.Event()
+        self._canceled = threading.Event()
         self._handing_over = threading.Lock()
         # As real-time as the loop that makes it, and so then is a process that it starts, as the lost one was.
         self._thread = threading.Thread(target=self._run, name="thruster link", daemon=True)
         self._thread.start()
 
-    def take(self) -> ThrusterDriver | None:
-        """The driver, once there is one."""
+    def opened_driver(self) -> ThrusterDriver | None:
+        """Return the driver, once there is one."""
         return None if self._thread.is_alive() else self._opened
 
-    def give_up(self, patience_s: float) -> None:
+    def cancel(self, patience_s: float) -> None:
         """Open none any more; what is being opened is closed as soon as it comes, which is waited for so long."""
         with self._handing_over:
-            self._given_up.set()
+            self._canceled.set()
         if self._opened:
             self._opened.close()
         self._thread.join(patience_s)
@@ -121,19 +121,19 @@ class _Opening:
     def _run(self) -> None:
         with suppress(HilError, OSError):  # what is lost may not even close
             self._lost.close()
-        while not self._given_up.wait(RETRY_S):
+        while not self._canceled.wait(RETRY_S):
             try:
                 opened = self._open()
             except (HilError, OSError):  # it has been reported; the reason may change, the remedy does not
                 continue
             with self._handing_over:
-                if not self._given_up.is_set():
+                if not self._canceled.is_set():
                     self._opened = opened
                     return
             opened.close()
 
 
-class Mended(ThrusterDriver):
+class ReconnectingDriver(ThrusterDriver):
     """A driver whose link may go away: then the thrusters are neutral, and it is opened again until that works.
 
     `report` is told once when it goes, with the reason, and once when it is back; and so of an STM32 that falls silent.
@@ -150,8 +150,8 @@ class Mended(ThrusterDriver):
         self._driver: ThrusterDriver | None = open_driver()
         self._last = self._driver
         self._opening: _Opening | None = None  # while there is no driver
-        self._lost_ns = self._look_ns = 0
-        self._asked_ns = 0  # when the first command was sent that has had no answer yet; 0 if there is none
+        self._lost_ns = self._check_ns = 0
+        self._requested_ns = 0  # when the first command was sent that has had no answer yet; 0 if there is none
 
     @property
     def port(self) -> str:  # type: ignore[override]
@@ -183,38 +183,38 @@ class Mended(ThrusterDriver):
     @property
     def deadline_ns(self) -> int:
         """The driver's, or that of the next look for one."""
-        return self._driver.deadline_ns if self._driver else self._look_ns
+        return self._driver.deadline_ns if self._driver else self._check_ns
 
     def descriptors(self) -> list[int]:
-        """The driver's."""
+        """Return the driver's."""
         return self._driver.descriptors() if self._driver else []
 
     def service(self, now: int) -> list[ThrusterTelemetry]:
-        """What the driver does, if there is one, or again one."""
+        """Return what the driver does, if there is one, or again one."""
         driver = self._driver or self._found(now)
         if driver is None:
             return []
         try:
-            heard = driver.service(now)
+            telemetry = driver.service(now)
         except DeviceError as error:
             self._lose(error, now)
             return []
-        if heard:
-            if self.silent:
+        if telemetry:
+            if self.is_silent:
                 self._answers(now)
-            self._asked_ns = 0
-        elif self._asked_ns and now - self._asked_ns > SILENT_NS and not self.silent:
-            self.silent = True
+            self._requested_ns = 0
+        elif self._requested_ns and now - self._requested_ns > SILENT_NS and not self.is_silent:
+            self.is_silent = True
             self._report(
                 f"{self.port}: the STM32 has not answered for {SILENT_NS / NS_PER_S:g} s; check wiring, baud, protocol"
             )
-        return heard
+        return telemetry
 
     def send(self, command: ThrusterCommand) -> None:
         """To the driver if there is one; a command for a lost link is lost."""
         if self._driver is None:
             return
-        self._asked_ns = self._asked_ns or now_ns()
+        self._requested_ns = self._requested_ns or now_ns()
         try:
             self._driver.send(command)
         except DeviceError as error:
@@ -229,25 +229,25 @@ class Mended(ThrusterDriver):
         if self._driver:
             self._driver.close()
         if self._opening:
-            self._opening.give_up(self._end_s)
+            self._opening.cancel(self._end_s)
 
     def _answers(self, now: int) -> None:
-        self.silent = False
-        self._report(f"{self.port}: the STM32 answers, after {(now - self._asked_ns) / NS_PER_S:.1f} s")
+        self.is_silent = False
+        self._report(f"{self.port}: the STM32 answers, after {(now - self._requested_ns) / NS_PER_S:.1f} s")
 
     def _lose(self, error: DeviceError, now: int) -> None:
         assert self._driver is not None
-        self._report(f"thruster link lost, thrusters neutral: {error}")
+        self._report(f"thruster link lost, the STM32's watchdog stops the thrusters: {error}")
         self.losses += 1
-        self.silent, self._asked_ns = False, 0
-        self._lost_ns, self._look_ns = now, now + LOOK_NS
+        self.is_silent, self._requested_ns = False, 0
+        self._lost_ns, self._check_ns = now, now + CHECK_NS
         lost, self._driver = self._driver, None
         self._opening = _Opening(lost, self._open)
 
     def _found(self, now: int) -> ThrusterDriver | None:
-        """The driver that has been opened again, if so."""
-        self._look_ns = now + LOOK_NS
-        found = self._opening.take() if self._opening else None
+        """Return the driver that has been opened again, if so."""
+        self._check_ns = now + CHECK_NS
+        found = self._opening.opened_driver() if self._opening else None
         if found:
             self._driver = self._last = found
             self._opening = None
@@ -256,7 +256,7 @@ class Mended(ThrusterDriver):
 
 
 def open_driver(kind: str, link: Link, channels: int, host: bool, seed: int, report: Report) -> ThrusterDriver:
-    """The STM32 of that kind (see the module) for so many channels. Raises DeviceError, MissingExtraError.
+    """Return the STM32 of that kind (see the module) for so many channels. Raises DeviceError, MissingExtraError.
 
     With `host` false the host's end of the link is left to another program; only what runs in this process can
     do that. `seed` is that of the link's faults, if it has any. `report` is told when the link goes and comes.
@@ -264,7 +264,7 @@ def open_driver(kind: str, link: Link, channels: int, host: bool, seed: int, rep
     module, _, name = DRIVERS[kind].partition(":")
     opener: Callable[[Link, int, int, bool], ThrusterDriver] = getattr(import_module(module), name)
     end_s = PROCESS_END_S if kind in STARTED else WIRE_END_S
-    return Mended(lambda: opener(link, channels, seed, host), channels, report, end_s)
+    return ReconnectingDriver(lambda: opener(link, channels, seed, host), channels, report, end_s)
 
 
 def end_protocol(link: Link, role: Role, channels: int) -> Protocol:
@@ -273,7 +273,20 @@ def end_protocol(link: Link, role: Role, channels: int) -> Protocol:
         return open_protocol(link.protocol, role, channels, **link.options)
     from hil.links.frame.protocol import open_frame
 
-    return make_frame_protocol(open_frame(role, channels, link.frame), channels)
+    return open_frame(role, channels, link.frame)
+
+
+def check_line_rate(link: Link, channels: int, rate: float) -> None:
+    """Raises ConfigError if the link's line cannot carry `rate` commands a second. Loads nothing if it has no speed."""
+    address = parse_address(link.port)
+    if link.faults is None and address.kind not in ("uart", "rs485", "can"):
+        return
+    from hil.links.line_rate import line_speed, validate_rate
+
+    speed, key = line_speed(address, link.baud, link.bitrate, link.faults.baud if link.faults else 0)
+    problem = validate_rate(end_protocol(link, "host", channels), channels, address, speed, rate) if speed else None
+    if problem:
+        raise ConfigError(f"link: {key}: {problem}")
 
 
 def with_faults(wire: Wire, link: Link, seed: int) -> Wire:
@@ -286,7 +299,7 @@ def with_faults(wire: Wire, link: Link, seed: int) -> Wire:
 
 
 def host_end(wire: Wire, link: Link, channels: int, seed: int) -> ThrusterLink:
-    """The host's end of the link, with its faults, on `wire`, which is closed if that cannot be.
+    """Return the host's end of the link, with its faults, on `wire`, which is closed if that cannot be.
 
     Raises ConfigError, DeviceError, MissingExtraError.
     """
@@ -298,7 +311,7 @@ def host_end(wire: Wire, link: Link, channels: int, seed: int) -> ThrusterLink:
 
 
 def telemetry_of(link: ThrusterLink) -> list[ThrusterTelemetry]:
-    """The telemetry among what has come in. Raises DeviceError."""
+    """Return the telemetry among what has come in. Raises DeviceError."""
     return [message for message in link.receive() if isinstance(message, ThrusterTelemetry)]
 
 
@@ -319,11 +332,11 @@ def _stop_thrusters(driver: ThrusterDriver, sequence: int) -> bool:
     if driver.host:
         driver.send(ThrusterCommand(sequence & 0xFFFF, False, (PWM_NEUTRAL_US,) * channels))
     while True:
-        heard = driver.service(now_ns())
-        shown = [telemetry.pwm_us for telemetry in heard] if driver.host else [driver.pwm_us]
+        received = driver.service(now_ns())
+        shown = [telemetry.pwm_us for telemetry in received] if driver.host else [driver.pwm_us]
         if shown and all(pulse == PWM_NEUTRAL_US for pulse in shown[-1]):
             return True
         left = deadline - now_ns()
         if left <= 0:
             return False
-        select.select(driver.descriptors(), [], [], min(left, LOOK_NS) / NS_PER_S)
+        select.select(driver.descriptors(), [], [], min(left, CHECK_NS) / NS_PER_S)

@@ -1,15 +1,15 @@
-"""An STM32 in the slave's own process: the firmware's Python twin or C, or its image on an emulated processor."""
+"""Drive an STM32 in the slave's own process: the firmware in Python or C, or its image on an emulated processor."""
 
 from collections.abc import Sequence
 from typing import Protocol
 
-from hil.clock import NS_PER_US, now_ns, seconds_ns
-from hil.config import Link
-from hil.errors import HilError
+from hil.common.clock import NS_PER_US, now_ns, seconds_ns
+from hil.common.errors import HilError
 from hil.links.address import open_address, parse_address
 from hil.links.contract import ThrusterCommand, ThrusterLink, ThrusterTelemetry, Wire
-from hil.slave.native import make_firmware_end
-from hil.slave.stm32 import ThrusterDriver, end_protocol, host_end, telemetry_of, with_faults
+from hil.scenario.records import Link
+from hil.slave.drivers.driver import ThrusterDriver, end_protocol, host_end, telemetry_of, with_faults
+from hil.slave.native.firmware import open_firmware
 
 
 class DeviceEnd(Protocol):
@@ -24,11 +24,11 @@ class DeviceEnd(Protocol):
         """Pulse widths in effect, us."""
 
     @property
-    def obeyed_ns(self) -> int:
+    def command_ns(self) -> int:
         """When (monotonic ns) its outputs last took a command."""
 
     def fileno(self) -> int:
-        """The descriptor to wait on."""
+        """Return the descriptor to wait on."""
 
     def service(self, now_ns: int) -> int | None:
         """Let it read, apply and answer."""
@@ -37,7 +37,7 @@ class DeviceEnd(Protocol):
         """Outputs neutral, wire closed."""
 
 
-class InSlave(ThrusterDriver):
+class InProcessDriver(ThrusterDriver):
     """The device's end and, if the controller is ours, the host's end, on a real wire between them.
 
     With both ends ours on a bare pty nothing comes that was not written in `send` or `service`, and there is nothing to
@@ -48,7 +48,7 @@ class InSlave(ThrusterDriver):
         self.end = end
         self.port = wire.name
         self.host = host
-        self._heard_ns = 0
+        self._received_ns = 0
         self._owing = False  # the host has said something that the device has not read
         self._descriptors = [] if _bare_pty(host) else [end.fileno()] + ([host.wire.fileno()] if host else [])
 
@@ -62,7 +62,7 @@ class InSlave(ThrusterDriver):
         """Of the firmware, or of what the host's protocol says by itself; at once while the host has said something."""
         if self._owing:
             return 0
-        return min(self.end.deadline_ns, self.host.protocol.deadline_ns) if self.host else self.end.deadline_ns
+        return min(self.end.deadline_ns, self.host.deadline_ns) if self.host else self.end.deadline_ns
 
     def descriptors(self) -> list[int]:
         """Both ends of the wire, if what comes there has to be waited for."""
@@ -80,16 +80,19 @@ class InSlave(ThrusterDriver):
         host = self.host
         if host is None:
             return []
-        said = host.counters.bytes_out
+        bytes_before = host.counters.bytes_out
         host.tick(now)
-        heard = telemetry_of(host)
-        self._heard_ns = now_ns()
-        self._owing = host.counters.bytes_out != said
-        return heard
+        telemetry = telemetry_of(host)
+        self._received_ns = now_ns()
+        self._owing = host.counters.bytes_out != bytes_before
+        return telemetry
 
     def applied_ns(self, telemetry: ThrusterTelemetry, now: int) -> int:
-        """When the end's outputs took it; if they have taken another since: received, minus the telemetry's age."""
-        return min(self.end.obeyed_ns, self._heard_ns - telemetry.age_us * NS_PER_US)
+        """Return when the end's outputs took it.
+
+        If they have taken another since: received, minus the telemetry's age.
+        """
+        return min(self.end.command_ns, self._received_ns - telemetry.age_us * NS_PER_US)
 
     def close(self) -> None:
         """Close both ends."""
@@ -107,10 +110,10 @@ def _bare_pty(host: ThrusterLink | None) -> bool:
 
 
 def open_python(link: Link, channels: int, seed: int, host: bool) -> ThrusterDriver:
-    """The Python twin, with its watchdog, or its C where that can be. Raises DeviceError, MissingExtraError."""
+    """Return the Python twin, with its watchdog, or its C where that can be. Raises DeviceError, MissingExtraError."""
     wire, faulty = _device_wire(link, seed, host)
     watchdog_ns, protocol = seconds_ns(link.watchdog), end_protocol(link, "device", channels)
-    end: DeviceEnd | None = make_firmware_end(protocol, faulty, channels, watchdog_ns)
+    end: DeviceEnd | None = open_firmware(protocol, faulty, channels, watchdog_ns)
     if end is None:
         from firmware_stub.stub import Stm32, Stm32End
 
@@ -119,7 +122,7 @@ def open_python(link: Link, channels: int, seed: int, host: bool) -> ThrusterDri
 
 
 def open_unicorn(link: Link, channels: int, seed: int, host: bool) -> ThrusterDriver:
-    """The firmware's image on an emulated processor. Raises DeviceError, MissingExtraError."""
+    """Return the firmware's image on an emulated processor. Raises DeviceError, MissingExtraError."""
     from firmware_stub.unicorn_board import UnicornBoard, UnicornEnd, shipped_image
 
     board = UnicornBoard(shipped_image(), channels, seconds_ns(link.watchdog))
@@ -128,23 +131,23 @@ def open_unicorn(link: Link, channels: int, seed: int, host: bool) -> ThrusterDr
     return _in_slave(end, wire, link, channels, seed, host)
 
 
-def _in_slave(end: DeviceEnd, wire: Wire, link: Link, channels: int, seed: int, host: bool) -> InSlave:
+def _in_slave(end: DeviceEnd, wire: Wire, link: Link, channels: int, seed: int, host: bool) -> InProcessDriver:
     """That end and the host's, if that is to be ours."""
     try:
-        return InSlave(end, wire, _host(link, channels, seed, wire) if host else None)
+        return InProcessDriver(end, wire, _host(link, channels, seed, wire) if host else None)
     except HilError:
         end.close()
         raise
 
 
 def _device_wire(link: Link, seed: int, host: bool) -> tuple[Wire, Wire]:
-    """The device's end, plain and as the firmware gets it: faults are at our host's end if we have one."""
+    """Return the device's end, plain and as the firmware gets it: faults are at our host's end if we have one."""
     wire = open_address(link.port, "device", link.baud, link.bitrate)
     return wire, wire if host else with_faults(wire, link, seed)
 
 
 def _host(link: Link, channels: int, seed: int, device: Wire) -> ThrusterLink:
-    """The host's end of the wire that the device's end has just made."""
+    """Return the host's end of the wire that the device's end has just made."""
     path = getattr(device, "path", None)
     wire = open_address(f"pty:{path}" if path else device.name, "host", link.baud, link.bitrate)
     return host_end(wire, link, channels, seed)

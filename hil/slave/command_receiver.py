@@ -1,9 +1,10 @@
-"""Where commands arrive: decoded in the reader's thread, judged for age and right, handed to the loop at once.
+"""Receive commands: decode them in the reader's thread, check age and sender, and hand them to the loop.
 
-A vehicle obeys one master at a time: the first whose command comes, until it leaves or is silent for the deadman's
-time. Another is refused meanwhile, unless it has a higher rank: then it takes over, and the former is refused. Nodes of
-ROS 2, which do not say who they are, count as one master as long as each keeps to topics of its own. Who is refused is
-not even read, so that a flood of it costs little and neither hides the master's commands nor passes for its silence.
+A vehicle has one active master at a time: the first one whose command arrives, until it leaves or sends nothing for
+the deadman's time. Commands of others are refused meanwhile, except from a master with a higher rank, which takes over.
+ROS 2 nodes, which do not identify themselves, count together as one master while each uses topics of its own. Refused
+commands are not decoded, so that a flood of them costs little, does not hide the active master's commands, and is not
+taken for its timeout.
 """
 
 import os
@@ -12,16 +13,15 @@ import time
 from collections import deque
 from typing import TYPE_CHECKING, Any
 
-from hil.autonomy.control import VelocityCommand
-from hil.clock import NS_PER_MS, NS_PER_S, now_ns, to_wall_ns
-from hil.topics import COMMANDS
-from hil.transport import ros
+from hil.autonomy.control.controller import VelocityCommand
+from hil.common.clock import NS_PER_MS, NS_PER_S, now_ns, to_wall_ns
+from hil.ros import encoders as ros
+from hil.ros.topics import COMMANDS
 
 if TYPE_CHECKING:
-    from hil.slave.orders import Orders, PoseOrder, ThrustOrder, WrenchOrder
-    from hil.transport.clock_offset import ClockOffset
-
-    Command = VelocityCommand | PoseOrder | WrenchOrder | ThrustOrder
+    from hil.network.clock_offset import ClockOffset
+    from hil.slave.command_mux import CommandMux
+    from hil.slave.setpoints import Setpoint
 
 _DRIFT_PER_S = 50_000  # ns: how fast two clocks may run apart (50 ppm)
 _STEADY_NS = 20 * NS_PER_MS  # ages that differ by less are the same,
@@ -30,17 +30,17 @@ _STEADY_FOR_NS = 5 * NS_PER_S  # and for so long; no replay and no queue that gr
 _MOST_SENDERS = 64  # whose sequence numbers are remembered, topic by topic
 _MOST_SPEED = 100.0  # m/s and rad/s: what asks for more is not meant
 _BURST_NS = 100 * NS_PER_MS  # how long commands may come faster than their limit
-_CROWD = 1000.0  # a second: with more than so many that are not obeyed, what is may be lost among them
-_BREATHS = 4  # how many of a crowd are passed over at a stretch: fewer than the network's ring keeps
-_BREATH_S = 0.0001
+_OVERLOAD = 1000.0  # per second: with more refused commands, accepted ones may be lost among them
+_YIELD_EVERY = 4  # refused commands between two pauses: fewer than the network's ring stores
+_YIELD_S = 0.0001
 
 
 class Received:
-    """A command and the instants of its way: `published_ns` by the master's wall clock, the others by ours."""
+    """A command with its times: `published_ns` by the master's wall clock, `received_ns` by our monotonic clock."""
 
     __slots__ = ("command", "published_ns", "received_ns", "sequence")
 
-    def __init__(self, command: "Command", sequence: int, published_ns: int, received_ns: int) -> None:
+    def __init__(self, command: "Setpoint", sequence: int, published_ns: int, received_ns: int) -> None:
         self.command = command
         self.sequence = sequence
         self.published_ns = published_ns
@@ -48,7 +48,7 @@ class Received:
 
 
 class AgeFilter:
-    """How much longer than the fastest message a message was on its way, without synchronised clocks.
+    """Estimate the age of messages beyond that of the fastest one, without synchronised clocks.
 
     The smallest difference seen between their time of sending and ours of receipt stands for zero age; it
     is let grow slowly, so that clocks which drift apart are followed. A clock that is set back makes every message
@@ -73,7 +73,7 @@ class AgeFilter:
         return difference - self._least
 
     def was_set(self, sent_wall_ns: int, received_wall_ns: int, follows: bool) -> bool:
-        """Whether the sender's clock makes a message look old, and not its way; if so, ages begin anew with it.
+        """Return whether the sender's clock makes a message look old, and not its way; if so, ages begin anew with it.
 
         To be asked of each that looks old; `follows`: upon the one before it, as not in a queue that is full. Old
         messages come faster than they were sent, or slower; to look equally old for seconds takes a clock.
@@ -91,7 +91,7 @@ class AgeFilter:
 
 
 class _Sender:
-    """What is remembered of one who commands, on one topic."""
+    """State of one sender on one topic."""
 
     __slots__ = ("ages", "sequence")
 
@@ -100,7 +100,7 @@ class _Sender:
         self.ages = AgeFilter()
 
 
-class Inbox:
+class CommandReceiver:
     """Holds the newest command; `fileno` becomes readable when there is one.
 
     `clocks` and `ranks`, by sender, are filled in by `hil.slave.contacts`; a sender without them (a ROS 2 node) is
@@ -128,14 +128,14 @@ class Inbox:
         self._event = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
         self._newest: deque[Received] = deque(maxlen=1)  # its append and popleft are atomic
         self._senders: dict[tuple[bytes, str], _Sender] = {}
-        self._strangers: dict[str, tuple[bytes, int]] = {}  # by topic who commands together, and was heard when
+        self._anonymous: dict[str, tuple[bytes, int]] = {}  # sender and last reception by topic
         self.thrusters = thrusters
-        self._orders: Orders | None = None
-        self._obeyed_ns = 0
+        self._mux: CommandMux | None = None
+        self._accepted_ns = 0
         self._allowed_ns = 0  # by when as many commands as have come may have come
-        self._crowd_ns = round(NS_PER_S / max(rate, _CROWD))
-        self._passed_ns = 0  # by when as many that were not obeyed are no crowd
-        self._crowded_ns = 0  # when they last were one
+        self._overload_period_ns = round(NS_PER_S / max(rate, _OVERLOAD))
+        self._refused_until_ns = 0  # by when the refused commands so far are within the limit
+        self._overloaded_ns = 0  # when they last exceeded it
         self.clocks: dict[bytes, ClockOffset] = {}
         self.ranks: dict[bytes, int] = {}
         self.master = b""
@@ -150,35 +150,35 @@ class Inbox:
         self.superseded = 0
 
     def fileno(self) -> int:
-        """The descriptor that becomes readable when a command is waiting."""
+        """Return the descriptor that becomes readable when a command is waiting."""
         return self._event
 
-    def deliver(self, topic: str, payload: bytes, attachment: bytes) -> None:
-        """Take in one message; called in the reader's thread."""
+    def on_message(self, topic: str, payload: bytes, attachment: bytes) -> None:
+        """Check one message and store its command; called in the reader's thread."""
         received_ns = now_ns()
         self.received += 1
         stamp = ros.unpack_attachment(attachment)
-        obeyed = stamp is not None and self._is_obeyed(topic, stamp.gid, received_ns)
+        is_active = stamp is not None and self._is_active_master(topic, stamp.gid, received_ns)
         if stamp is None:
             self.malformed += 1
-        elif not obeyed and not self._may_take_over(stamp.gid):
+        elif not is_active and not self._may_take_over(stamp.gid):
             self.refused += 1
         else:
-            value = read_velocity(payload) if topic == "cmd_vel" else self._read(topic, payload)
+            value = decode_velocity(payload) if topic == "cmd_vel" else self._decode(topic, payload)
             if value is None:
                 self.malformed += 1
             elif self._is_new(topic, *stamp, received_ns):
-                self._obey(topic, stamp.gid, obeyed, received_ns)
-                command = self._orders.combine(topic, value, received_ns) if self._orders else value
+                self._accept(topic, stamp.gid, is_active, received_ns)
+                command = self._mux.combine(topic, value, received_ns) if self._mux else value
                 self.superseded += len(self._newest)
                 self._newest.append(Received(command, stamp.sequence, stamp.time_ns, received_ns))
                 os.eventfd_write(self._event, 1)
-                self._rest(received_ns)
+                self._limit_rate(received_ns)
                 return
-        self._pass_over(received_ns)
+        self._limit_refused(received_ns)
 
-    def take(self) -> Received | None:
-        """The newest command not yet taken; None if there is none, or it has become old while nobody took it."""
+    def take_latest(self) -> Received | None:
+        """Return the newest command not yet taken; None if there is none, or it has become old while nobody took it."""
         try:
             os.eventfd_read(self._event)
             newest = self._newest.popleft()
@@ -190,34 +190,34 @@ class Inbox:
         return newest
 
     @property
-    def silent(self) -> bool:
-        """Whether the master that is obeyed has not been heard for so long that any other may command."""
-        return self._is_silent(self._obeyed_ns, now_ns())
+    def is_master_timed_out(self) -> bool:
+        """Whether the active master has sent nothing for so long that any other may command."""
+        return self._is_timed_out(self._accepted_ns, now_ns())
 
-    def forget(self, sender: bytes) -> None:
-        """A master has left: another may command at once."""
+    def remove_sender(self, sender: bytes) -> None:
+        """Remove a master that has left; another may command at once."""
         self.ranks.pop(sender, None)
         self.clocks.pop(sender, None)
         if sender == self.master:
             self.master = b""
-            self._strangers.clear()  # of which it was one, if it commanded before it was known
+            self._anonymous.clear()  # of which it was one, if it commanded before it was known
             self.news.set()
 
     def close(self) -> None:
         """Give the descriptor back. The reader must have ended."""
         os.close(self._event)
 
-    def _read(self, topic: str, payload: bytes) -> Any:
-        """What a message on another topic than cmd_vel says; None if that cannot be obeyed."""
+    def _decode(self, topic: str, payload: bytes) -> Any:
+        """Return what a message on another topic than cmd_vel says; None if that cannot be obeyed."""
         if topic not in COMMANDS:
             return None
-        if self._orders is None:
-            from hil.slave.orders import Orders  # most runs do without
+        if self._mux is None:
+            from hil.slave.command_mux import CommandMux  # most runs do without
 
-            self._orders = Orders(self.thrusters, self._hold_ns)
-        self._orders.fault = ""
-        value = self._orders.read(topic, payload)
-        self.fault = self._orders.fault or self.fault
+            self._mux = CommandMux(self.thrusters, self._hold_ns)
+        self._mux.fault = ""
+        value = self._mux.read(topic, payload)
+        self.fault = self._mux.fault or self.fault
         return value
 
     def _is_new(self, topic: str, sequence: int, published_ns: int, sender: bytes, received_ns: int) -> bool:
@@ -241,64 +241,64 @@ class Inbox:
                 return False
             self.fault = f"{topic}: the clock of its sender was set back by {age_ns / NS_PER_S:.2f} s"
         if not before:
-            self._remember(sender, topic, known)
+            self._add_sender(sender, topic, known)
         return True
 
-    def _remember(self, sender: bytes, topic: str, known: _Sender) -> None:
-        """Only who has commanded is, and nobody who is obeyed is forgotten: old commands would be new again."""
+    def _add_sender(self, sender: bytes, topic: str, known: _Sender) -> None:
+        """Store a sender. An active one is never removed: its old commands would pass as new."""
         if len(self._senders) >= _MOST_SENDERS:
-            obeyed = {self.master, *[stranger for stranger, _ in self._strangers.values()]}
-            del self._senders[next(key for key in self._senders if key[0] not in obeyed)]
+            active = {self.master, *[anonymous for anonymous, _ in self._anonymous.values()]}
+            del self._senders[next(key for key in self._senders if key[0] not in active)]
         self._senders[sender, topic] = known
 
-    def _is_obeyed(self, topic: str, sender: bytes, now: int) -> bool:
-        """Whether it is the master; or one of those without presence who are it together, each on its topics."""
-        if not self._strangers or sender in self.ranks or self.master in self.ranks:
+    def _is_active_master(self, topic: str, sender: bytes, now: int) -> bool:
+        """Return whether the sender is the active master, or one of its anonymous nodes on a topic of its own."""
+        if not self._anonymous or sender in self.ranks or self.master in self.ranks:
             return sender == self.master
-        other, heard = self._strangers.get(topic, (sender, 0))
-        return other == sender or self._is_silent(heard, now)
+        other, received_ns = self._anonymous.get(topic, (sender, 0))
+        return other == sender or self._is_timed_out(received_ns, now)
 
-    def _is_silent(self, heard_ns: int, now: int) -> bool:
-        """Whether who was heard last at `heard_ns` has been silent for long; in a crowd that is not known."""
-        return now - max(heard_ns, self._crowded_ns) > self._hold_ns
+    def _is_timed_out(self, received_ns: int, now: int) -> bool:
+        """Return whether a sender has timed out; never during overload, which hides commands."""
+        return now - max(received_ns, self._overloaded_ns) > self._hold_ns
 
     def _may_take_over(self, sender: bytes) -> bool:
-        return not self.master or self.silent or self.ranks.get(sender, 0) > self.ranks.get(self.master, 0)
+        return not self.master or self.is_master_timed_out or self.ranks.get(sender, 0) > self.ranks.get(self.master, 0)
 
-    def _obey(self, topic: str, sender: bytes, obeyed: bool, now: int) -> None:
-        """Take note of who commands; `obeyed`: as before."""
-        if not obeyed:
+    def _accept(self, topic: str, sender: bytes, is_active: bool, now: int) -> None:
+        """Make the sender the active master, unless it is already (`is_active`)."""
+        if not is_active:
             self.master = sender
             self.news.set()
-            self._strangers.clear()
-            if self._orders:
-                self._orders.forget()
+            self._anonymous.clear()
+            if self._mux:
+                self._mux.clear()
         if sender not in self.ranks:
-            self._strangers[topic] = sender, now
-        self._obeyed_ns = now
+            self._anonymous[topic] = sender, now
+        self._accepted_ns = now
 
-    def _rest(self, now: int) -> None:
-        """Let the reader sleep when more comes than may: the network's ring then drops all but the newest."""
+    def _limit_rate(self, now: int) -> None:
+        """Sleep while commands exceed their rate limit; the network's ring then stores only the newest."""
         self._allowed_ns = max(self._allowed_ns + self._period_ns, now - _BURST_NS)
         if self._allowed_ns > now:
             self.flooded += 1
             time.sleep((self._allowed_ns - now) / NS_PER_S)
 
-    def _pass_over(self, now: int) -> None:
-        """Go on after what is not obeyed, as the master's next may be behind it; in a crowd let the loop breathe.
+    def _limit_refused(self, now: int) -> None:
+        """Continue after a refused command; during overload, pause so that the loop gets the processor.
 
-        The reader works for some messages at a stretch and never rests for so long that the network's ring overflows.
+        The reader handles some messages between pauses and never sleeps so long that the network's ring overflows.
         """
-        self._passed_ns = min(max(self._passed_ns + self._crowd_ns, now - _BURST_NS), now)
-        if self._passed_ns == now:
-            self._crowded_ns = now
+        self._refused_until_ns = min(max(self._refused_until_ns + self._overload_period_ns, now - _BURST_NS), now)
+        if self._refused_until_ns == now:
+            self._overloaded_ns = now
             self.flooded += 1
-            if self.flooded % _BREATHS == 0:
-                time.sleep(_BREATH_S)
+            if self.flooded % _YIELD_EVERY == 0:
+                time.sleep(_YIELD_S)
 
 
-def read_velocity(payload: bytes) -> VelocityCommand | None:
-    """What a message on cmd_vel asks for; None if that cannot be meant."""
+def decode_velocity(payload: bytes) -> VelocityCommand | None:
+    """Return what a message on cmd_vel asks for; None if that cannot be meant."""
     twist = ros.decode_twist(payload)
     if twist is None:
         return None

@@ -1,4 +1,4 @@
-"""The other vehicles of a fleet, as they look to the sensors that make pictures: hulls where their slaves say they are.
+"""Place the other vehicles of a fleet as solid hulls in front of imaging sensors, where their slaves report them.
 
 They are heard on their topic `ground_truth`, over the router if there is one, else from each slave; between two words
 they go on as they went. Who says nothing for a while is not to be seen. Only the process of the pictures knows them:
@@ -12,20 +12,20 @@ from contextlib import AbstractContextManager, nullcontext
 from math import isfinite
 from typing import Any
 
-from hil.clock import NS_PER_S, now_ns
-from hil.config import Scenario
-from hil.topics import TOPICS
-from hil.transport.roles import dial
-from hil.transport.ros import decode_odometry
+from hil.common.clock import NS_PER_S, now_ns
+from hil.network.roles import open_master_session
+from hil.ros.encoders import decode_odometry
+from hil.ros.topics import TOPICS
+from hil.scenario.config import Scenario
 from sim.dynamics import State
 from sim.rays.solids import hull
 from sim.rotations import integrate, rotate
 from sim.sensors.samples import OdometrySample
-from sim.vehicle import Vehicle
+from sim.vehicle.vehicle import Vehicle
 
-FORGET_NS = NS_PER_S
+MAX_AGE_NS = NS_PER_S
 QUEUE = 4
-_GONE = (0.0, 0.0, 1e6)  # m, NED: below every seabed
+_ABSENT = (0.0, 0.0, 1e6)  # m, NED: below every seabed
 _FARTHEST = 1e5  # m
 
 
@@ -37,8 +37,8 @@ class Neighbours:
         others = [member for member in scenario.member if member.node != scenario.slave.node]
         self._endpoints = [member.listen for member in others]
         self._solid = hull(vehicle)
-        self._heard: dict[str, tuple[int, OdometrySample]] = {}  # when it came, and what
-        self.states = {member.node: State(_GONE) for member in others}
+        self._received: dict[str, tuple[int, OdometrySample]] = {}  # when it came, and what
+        self.states = {member.node: State(_ABSENT) for member in others}
 
     def stand_before(self, sensor: Any) -> None:
         """Let a sensor see them; one of a user's own may see no solids."""
@@ -46,35 +46,35 @@ class Neighbours:
             for state in self.states.values():
                 sensor.add(self._solid, state)
 
-    def hear(self) -> AbstractContextManager[Any]:
+    def subscribe(self) -> AbstractContextManager[Any]:
         """Listen from now on until this is left. Raises NetworkError when there is no router where one is needed."""
         network = self._scenario.network
         if self._scenario.security or not self.states:
             return nullcontext()
-        session = dial(*([network.router] if network.router else self._endpoints), network=network)
+        session = open_master_session(*([network.router] if network.router else self._endpoints), network=network)
         for node in self.states:
-            session.subscribe(node, TOPICS["ground_truth"].name, self._taking(node), QUEUE)
+            session.subscribe(node, TOPICS["ground_truth"].name, self._store_samples(node), QUEUE)
         return session
 
     def place(self, instant_ns: int) -> None:
         """Put each where it is at this instant (monotonic ns), by when its words came: no two clocks need agree."""
         for node, state in self.states.items():
-            came_ns, sample = self._heard.get(node, (0, None))
-            if sample is None or abs(instant_ns - came_ns) > FORGET_NS:
-                state.position = list(_GONE)
+            received_ns, sample = self._received.get(node, (0, None))
+            if sample is None or abs(instant_ns - received_ns) > MAX_AGE_NS:
+                state.position = list(_ABSENT)
                 continue
-            seconds = (instant_ns - came_ns) / NS_PER_S
-            way = rotate(sample.orientation, sample.nu[:3])
-            state.position = [x + speed * seconds for x, speed in zip(sample.position, way, strict=True)]
+            seconds = (instant_ns - received_ns) / NS_PER_S
+            velocity = rotate(sample.orientation, sample.nu[:3])
+            state.position = [x + speed * seconds for x, speed in zip(sample.position, velocity, strict=True)]
             state.quaternion = list(integrate(sample.orientation, sample.nu[3:], seconds))
 
-    def _taking(self, node: str) -> Callable[[str, bytes, bytes], None]:
-        def take(_topic: str, payload: bytes, _attachment: bytes) -> None:
+    def _store_samples(self, node: str) -> Callable[[str, bytes, bytes], None]:
+        def store(_topic: str, payload: bytes, _attachment: bytes) -> None:
             sample = decode_odometry(payload)
             if sample is not None and _is_somewhere(sample):
-                self._heard[node] = now_ns(), sample
+                self._received[node] = now_ns(), sample
 
-        return take
+        return store
 
 
 def _is_somewhere(sample: OdometrySample) -> bool:

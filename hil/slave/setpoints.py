@@ -1,0 +1,37 @@
+"""Setpoints other than a velocity: records that the command mux makes and the pilot applies."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+from hil.autonomy.control.controller import VelocityCommand
+
+if TYPE_CHECKING:
+    from hil.ros.commands import PoseCommand
+
+
+class PoseSetpoint(NamedTuple):
+    """Go to a pose (NED) and stay."""
+
+    pose: "PoseCommand"
+
+    @property
+    def depth(self) -> float:
+        """The depth of the pose, m."""
+        return self.pose.position[2]
+
+
+class WrenchSetpoint(NamedTuple):
+    """Push with X Y Z (N) and K M N (N m) along FRD, as far as the thrusters can."""
+
+    wrench: tuple[float, float, float, float, float, float]
+    depth: None = None
+
+
+class ThrustSetpoint(NamedTuple):
+    """Let each thruster push with so many N, as far as it can."""
+
+    thrusts: Sequence[float]
+    depth: None = None
+
+
+Setpoint = VelocityCommand | PoseSetpoint | WrenchSetpoint | ThrustSetpoint

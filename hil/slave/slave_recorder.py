@@ -1,0 +1,154 @@
+"""Record what a slave publishes and receives, and what its run needs to be repeated bit by bit.
+
+A run is a function of the scenario, the seed, the pulses at each step and what is done to the vehicle by hand; the
+wall clock enters only by way of when that happens. So the topic "pulses" has, whenever they change, the number of the
+step from which they hold, and "events" that of the step before which it was put somewhere, or a thruster failed;
+"epochs" that of the step from which stamps count simulation time from another instant.
+"""
+
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from typing import Any
+
+from hil.common import clock
+from hil.common.clock import now_ns, to_wall_ns
+from hil.recording.events import EVENTS, encode_failures, encode_place
+from hil.recording.mcap_file import EPOCHS, PULSES, Message
+from hil.recording.mcap_writer import require_library
+from hil.recording.recorder import Recorder, describe, new_folder
+from hil.ros import encoders as ros
+from hil.ros.topics import TOPICS, Topic
+from hil.scenario.config import Scenario
+from hil.slave.loop import Loop
+from hil.slave.sample_publisher import SamplePublisher
+from sim.vehicle.failures import Failure
+
+Deliver = Callable[[str, bytes, bytes], None]
+
+
+class SlaveRecorder:
+    """Record one slave into `folder`. `epoch_ns` is the wall time (ns since 1970) of simulation time 0.
+
+    Use as a context. Raises ConfigError, MissingExtraError.
+    """
+
+    def __init__(self, scenario: Scenario, board: str, epoch_ns: int, report: Callable[[str], None]) -> None:
+        options, self._node = scenario.recording, scenario.slave.node
+        step_ns = clock.seconds_ns(scenario.slave.step)
+        about, files = describe(scenario, "slave", board=board, epoch_ns=str(epoch_ns), step_ns=str(step_ns))
+        require_library()  # before there is a folder
+        self.folder = new_folder(self._node, options.folder)
+        self._recorder = Recorder(self.folder, options, about, files, report)
+        self._step_ns = step_ns
+        self._pulses: tuple[int, ...] = ()
+        self._changes = 0
+        self._events = 0
+        self._epochs = 0
+
+    def __enter__(self) -> "SlaveRecorder":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._recorder.close()
+
+    def record_published(self, topic: Topic, payload: bytes, sequence: int) -> None:
+        """Record a message that the slave publishes."""
+        now = to_wall_ns(now_ns())
+        self._recorder.put(Message(topic.full_name(self._node), topic.type, sequence, now, now, payload))
+
+    def record_received(self, deliver: Deliver) -> Deliver:
+        """Return `deliver` with recording of each message that it gets."""
+
+        def receive(name: str, payload: bytes, attachment: bytes) -> None:
+            now = to_wall_ns(now_ns())
+            deliver(name, payload, attachment)
+            topic, stamp = TOPICS.get(name), ros.unpack_attachment(attachment)
+            if topic is None:  # whatever it is, it was not obeyed
+                return
+            sequence, sent_ns = (stamp.sequence, stamp.time_ns) if stamp else (0, now)
+            self._recorder.put(Message(topic.full_name(self._node), topic.type, sequence, sent_ns, now, payload))
+
+        return receive
+
+    def step(self, time_ns: int, pulses: Sequence[int]) -> None:
+        """Record the pulses (us) of the step that begins at this simulation time, if they changed."""
+        if tuple(pulses) == self._pulses:
+            return
+        self._pulses = tuple(pulses)
+        self._changes += 1
+        self.record_published(PULSES, ros.encode_int64_array([time_ns // self._step_ns, *pulses]), self._changes)
+
+    def placed(self, time_ns: int, *pose: Sequence[float]) -> None:
+        """Record that the vehicle was placed somewhere at this simulation time: position, quaternion, nu."""
+        self._event(encode_place(time_ns // self._step_ns, *pose))
+
+    def failed(self, time_ns: int, failures: Sequence[Failure]) -> None:
+        """Record that thrusters were made to fail, or repaired."""
+        self._event(encode_failures(time_ns // self._step_ns, failures))
+
+    def stamped(self, time_ns: int, epoch_ns: int) -> None:
+        """Record that stamps count from another epoch (ns since 1970) after this simulation time."""
+        self._epochs += 1
+        self.record_published(EPOCHS, ros.encode_int64_array([time_ns // self._step_ns, epoch_ns]), self._epochs)
+
+    def _event(self, payload: bytes) -> None:
+        self._events += 1
+        self.record_published(EVENTS, payload, self._events)
+
+    def sample_publisher(self, *arguments: Any, **options: Any) -> SamplePublisher:
+        """Return an sample_publisher that is recorded."""
+        sample_publisher = _RecordedOutbox(*arguments, **options)
+        sample_publisher.recorder = self
+        return sample_publisher
+
+    def loop(self, *arguments: Any) -> Loop:
+        """Return a loop whose pulses are recorded, and what is done to its vehicle."""
+        loop = _RecordedLoop(*arguments)
+        loop.recorder = self
+        return loop
+
+
+def open_recorder(
+    scenario: Scenario, board: str, epoch_ns: int, report: Callable[[str], None], stack: ExitStack
+) -> SlaveRecorder:
+    """Return the recorder of a slave, closed with `stack`; `report` is told where it is.
+
+    Raises ConfigError, MissingExtraError.
+    """
+    recorder = stack.enter_context(SlaveRecorder(scenario, board, epoch_ns, report))
+    report(f"recording into {recorder.folder}")
+    return recorder
+
+
+class _RecordedOutbox(SamplePublisher):
+    sends_all = True
+    recorder: SlaveRecorder
+
+    def _send(self, name: str, payload: bytes, received_ns: int) -> None:
+        super()._send(name, payload, received_ns)
+        self.recorder.record_published(TOPICS[name], payload, self._publishers[name].sequence)
+
+
+class _RecordedLoop(Loop):
+    recorder: SlaveRecorder
+
+    def advance(self, steps: int) -> None:
+        """Advance step by step and record the pulses of each; nothing changes them meanwhile."""
+        for _ in range(steps):
+            self.recorder.step(self.simulation.time_ns, self.pwm_us)
+            super().advance(1)
+
+    def place(self, position: Sequence[float], quaternion: Sequence[float], nu: Sequence[float]) -> None:
+        """Put the vehicle somewhere, and note it."""
+        super().place(position, quaternion, nu)
+        self.recorder.placed(self.simulation.time_ns, position, quaternion, nu)
+
+    def stamp(self, epoch_ns: int) -> None:
+        """Begin an epoch, and note it."""
+        super().stamp(epoch_ns)
+        self.recorder.stamped(self.simulation.time_ns, epoch_ns)
+
+    def fail(self, *failures: Failure) -> None:
+        """Let thrusters fail, and note it."""
+        super().fail(*failures)
+        self.recorder.failed(self.simulation.time_ns, failures)
