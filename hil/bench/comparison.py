@@ -1,4 +1,4 @@
-"""Which differences between two results are real: bootstrap intervals of the ratio of medians.
+"""Decide which differences between two results are significant: bootstrap intervals of the ratio of medians.
 
 What one start of the programs gives is alike: where they came to lie in memory and what else ran then is in all of it.
 So a start counts as one value, its median. With few starts the commands themselves are drawn anew, in blocks as
@@ -56,7 +56,7 @@ def difference(name: str, before: Figure, after: Figure, least: float, confidenc
 
 
 def unlike(before: Record, after: Record) -> list[str]:
-    """What makes the two hard to compare: another machine, in another state, other labels, other settings."""
+    """Return what makes the two hard to compare: another machine, in another state, other labels, other settings."""
     found = []
     if before.kind != after.kind:
         found.append(f"results of different benchmarks: {before.kind} and {after.kind}")
@@ -75,8 +75,8 @@ def unlike(before: Record, after: Record) -> list[str]:
 
 def _figure(record: Record, name: str) -> Figure:
     figure = record.figures[name]
-    told = figure.runs or record.kind not in A_START_A_VALUE
-    return figure if told else figure._replace(runs=(1,) * len(figure.values))
+    has_runs = figure.runs or record.kind not in A_START_A_VALUE
+    return figure if has_runs else figure._replace(runs=(1,) * len(figure.values))
 
 
 def _apart(sides: list[list[float]], interval: Interval, confidence: float, block: bool) -> bool:
@@ -93,10 +93,10 @@ def _direction(better: Better, grown: bool) -> Verdict:
 
 
 def _differs(name: str, before: Any, after: Any) -> list[str]:
-    return [f"{name}: {_said(before)} and {_said(after)}"] if before != after else []
+    return [f"{name}: {_format_value(before)} and {_format_value(after)}"] if before != after else []
 
 
-def _said(value: Any) -> str:
+def _format_value(value: Any) -> str:
     """In words; of governors, which are counted, their names and numbers."""
     if isinstance(value, dict):
         value = ", ".join(f"{key} ({number})" for key, number in value.items())

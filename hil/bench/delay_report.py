@@ -1,4 +1,4 @@
-"""Command delays of several configurations, for people."""
+"""Format and draw command delays of several configurations."""
 
 from collections.abc import Mapping
 from math import isfinite
@@ -6,12 +6,12 @@ from typing import Any
 
 from hil.bench.delay_run import HOPS, Result
 from hil.bench.footer import footer
-from hil.bench.plotting import pyplot
 from hil.bench.record import Record
 from hil.bench.statistics import median
-from hil.columns import aligned
-from hil.errors import ConfigError
-from hil.quantiles import quantile
+from hil.common.columns import aligned
+from hil.common.errors import ConfigError
+from hil.common.quantiles import quantile
+from hil.plots.plotting import pyplot
 
 SHARES = {"p50": 0.5, "p90": 0.9, "p99": 0.99, "p99.9": 0.999, "max": 1.0}
 ENOUGH = 1.0  # commands beyond a quantile, or it is only the maximum
@@ -44,8 +44,8 @@ def draw(results: Mapping[str, Result], record: Record, path: str) -> None:
     for (name, result), color in zip(results.items(), colors, strict=True):
         histogram.hist(result.delay, bins=BINS, range=(low, high), histtype="step", color=color, label=name)
         series.plot(result.at_s, result.delay, linewidth=0.8, color=color)
-    told = f"; {beyond} more beyond, up to {largest:.1f} ms" if beyond else ""
-    histogram.set(xlabel=f"command delay (ms){told}", ylabel="commands", xlim=(low, high), title="how often")
+    remark = f"; {beyond} more beyond, up to {largest:.1f} ms" if beyond else ""
+    histogram.set(xlabel=f"command delay (ms){remark}", ylabel="commands", xlim=(low, high), title="how often")
     series.set(xlabel="time (s)", ylabel="command delay (ms)", title="when")
     if low < 0.0 or largest <= SQUEEZED * high:
         series.set_ylim(low, None)
@@ -66,7 +66,7 @@ def draw(results: Mapping[str, Result], record: Record, path: str) -> None:
 
 
 def _range(results: Mapping[str, Result]) -> tuple[float, float]:
-    """What the histogram shows: all delays, or most of them if the rest are far away."""
+    """Return what the histogram shows: all delays, or most of them if the rest are far away."""
     delays = [sorted(result.delay) for result in results.values() if result.delay]
     high = max((values[-1] for values in delays), default=1.0)
     most = max((quantile(values, MOST_SHOWN) for values in delays), default=1.0)

@@ -1,26 +1,28 @@
-"""The way of commands through one configuration, beside the floor of the same machines in the same seconds."""
+"""Measure the delay of commands in one configuration, and the bare network's delay in the same seconds."""
 
 import math
-import subprocess
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from typing import Any, NamedTuple
 
-from hil.autonomy.control import VelocityCommand
-from hil.bench.floor import Floor, Load, Way, wait_ns
+from hil.autonomy.control.controller import VelocityCommand
+from hil.bench.floors.network import Floor, Load, RoundTrips, wait_ns
 from hil.bench.harness import READY_S, Bench, Process, await_vehicle, labels_of, program
 from hil.bench.loopback import settled
 from hil.bench.presence import check_end, check_there
 from hil.bench.statistics import median
-from hil.clock import NS_PER_MS, NS_PER_S, RateKeeper, from_wall_ns, now_ns, to_wall_ns
-from hil.config import Link, Scenario
+from hil.client.client import VehicleClient
+from hil.client.delay import DelayMeter, find_doubts
+from hil.common.children import foreign_command, module_command, start_child
+from hil.common.clock import NS_PER_MS, NS_PER_S, RateKeeper, from_wall_ns, now_ns, to_wall_ns
+from hil.common.quantiles import quantile
 from hil.links.address import parse_address
 from hil.links.wires.faults import line_bits
-from hil.master.client import VehicleClient
-from hil.master.delay import DelayMeter, judge
-from hil.quantiles import quantile
-from sim.vehicle import load_vehicle
+from hil.ros.diagnostics import Diagnostics
+from hil.scenario.config import Scenario
+from hil.scenario.records import Link
+from sim.vehicle.vehicle import load_vehicle
 
 HOPS = ("publish", "network", "inbox", "control", "link encode", "wire", "STM32")
 COMMAND_BYTES = 52 + 33  # geometry_msgs/Twist in CDR, and what rmw_zenoh adds to it
@@ -28,7 +30,7 @@ IN_SLAVE = ("python", "unicorn")  # kinds of STM32 that run in the slave's proce
 WARM_UP = 20  # commands that are not counted: arming, first samples
 SETTLE_S = 0.5  # for the last traces to come
 OFF = 0.05  # by which a rate or a baud may differ from what was asked, and so many bare messages be lost, unsaid
-BURN = "import os; parent = os.getppid()\nwhile os.getppid() == parent: sum(range(1_000_000))"
+BURN = "while True: sum(range(1_000_000))"
 STEP_S = 0.40618  # a step of the motion measurement: the golden ratio of an IMU's 10 ms over, so none meets it alike
 STEP_M_S = 0.4
 MOVED_M_S2 = 0.05  # a change of acceleration that only the thrusters make: 0.13 and more in the first 2.5 ms
@@ -48,7 +50,7 @@ class Plan(NamedTuple):
     steps: int = 10
 
 
-Echo = tuple[str, int, int]  # host, UDP port, TCP port of a `hil.bench.floor.serve`
+Echo = tuple[str, int, int]  # host, UDP port, TCP port of a `hil.bench.floors.network.serve`
 
 
 class Result(NamedTuple):
@@ -79,7 +81,7 @@ class Result(NamedTuple):
         return quantile(sorted(self.tcp), 0.5) + self.wire
 
     def at(self, share: float) -> float:
-        """The quantile of the delay."""
+        """Return the quantile of the delay."""
         return quantile(sorted(self.delay), share)
 
 
@@ -89,7 +91,7 @@ class Observer(VehicleClient):
     def __init__(self, *arguments: Any, **options: Any) -> None:
         self.surge: list[tuple[int, float]] = []
         super().__init__(*arguments, **options)
-        self.delays.kept = 0  # all
+        self.delays.min_commands = 0  # all
 
     def _deliver(self, topic: str, payload: bytes, attachment: bytes) -> None:
         super()._deliver(topic, payload, attachment)
@@ -151,8 +153,8 @@ def measure(bench: Bench, plan: Plan, endpoint: str = "", echo: Echo | None = No
         )
 
 
-def wire_ms(scenario: Scenario, slave: dict[str, str], elsewhere: bool = False) -> float:
-    """The time on its line, ms, of what a measured delay holds; 0 where the line has no speed (a pty, a socket).
+def wire_ms(scenario: Scenario, slave: Diagnostics, elsewhere: bool = False) -> float:
+    """Return the time on its line, ms, of what a measured delay holds; 0 where the line has no speed (a pty, a socket).
 
     slave: its diagnostics. Of a slave `elsewhere` they alone tell protocol, baud and thrusters, and that a UART leads
     to a real STM32; of a CAN bus they do not tell the speed, so that is not counted.
@@ -161,9 +163,8 @@ def wire_ms(scenario: Scenario, slave: dict[str, str], elsewhere: bool = False) 
     when its outputs take the command, the answer's too: it is heard only then.
     """
     link = scenario.link
-    port = slave.get("link_port", "").removeprefix("rs485:")
-    on_uart = port.startswith("/dev/") and not port.startswith("/dev/pts/")
-    channels = len(slave.get("pwm_us", "").split()) or len(load_vehicle(scenario.vehicle)[0].channels)
+    on_uart = slave.link_wire in ("uart", "rs485")
+    channels = len(slave.pwm_us or ()) or len(load_vehicle(scenario.vehicle)[0].channels)
     if elsewhere:
         if not on_uart:
             return 0.0
@@ -172,20 +173,20 @@ def wire_ms(scenario: Scenario, slave: dict[str, str], elsewhere: bool = False) 
     if not baud:
         return 0.0
     command, answer = settled(link, channels, armed=True)
-    said = command if scenario.stm32 in IN_SLAVE and not elsewhere else command + answer
-    return line_bits(said, on_can=parse_address(link.port).carries_can) / baud * 1e3
+    bytes_sent = command if scenario.stm32 in IN_SLAVE and not elsewhere else command + answer
+    return line_bits(bytes_sent, on_can=parse_address(link.port).carries_can) / baud * 1e3
 
 
 def _pace(link: Link) -> int:
-    """The baud that we hold it to ourselves, 0 if we do not."""
+    """Return the baud that we hold it to ourselves, 0 if we do not."""
     return link.faults.baud if link.faults else 0
 
 
-def _link_of(ours: Link, slave: dict[str, str]) -> Link:
-    """The UART of a slave elsewhere. How frames look it does not tell: as here, if the protocol is the same."""
-    protocol: Any = slave.get("link_protocol", ours.protocol)
-    baud = int(slave.get("link_baud", ours.baud))
-    link = ours._replace(protocol=protocol, baud=baud, port=slave["link_port"], faults=None)
+def _link_of(ours: Link, slave: Diagnostics) -> Link:
+    """Return the UART of a slave elsewhere. How frames look it does not tell: as here, if the protocol is the same."""
+    protocol: Any = slave.link_protocol or ours.protocol
+    baud, port = slave.link_baud or ours.baud, slave.link_port or ours.port
+    link = ours._replace(protocol=protocol, baud=baud, port=port, faults=None)
     return link if protocol == ours.protocol else link._replace(options={})
 
 
@@ -216,7 +217,7 @@ def _command(
         elif load:
             load.finish(began + period)
         schedule.due(now_ns())
-    wait_ns(began + period)  # or what is commanded next overtakes the last of them in the slave's inbox
+    wait_ns(began + period)  # or what is commanded next overtakes the last of them in the slave's command_receiver
     return spans[WARM_UP:]
 
 
@@ -236,7 +237,10 @@ def _motion(client: Observer, slave: Process | None, steps: int) -> list[float]:
 
 
 def _applied_ns(meter: DelayMeter, sent: int) -> int:
-    """When the STM32 had the newest command, which was `sent` then (both monotonic); that, where no trace tells."""
+    """Return when the STM32 had the newest command, which was `sent` then (both monotonic).
+
+    That, where no trace tells.
+    """
     if not meter.samples or (published := from_wall_ns(meter.samples[-1].published_ns)) < sent:
         return sent
     return published + max(meter.totals_ns(newest=1)[0], 0)
@@ -261,7 +265,7 @@ def first_motion(samples: Sequence[tuple[int, float]], applied: int, sign: float
 def _result(
     meter: DelayMeter, spans: Sequence[tuple[int, int]], motion: list[float], floor: Floor | None, wire: float
 ) -> Result:
-    """The commands of `spans` only: neither the warm-up's nor the motion's. `wire`: ms counted on the line."""
+    """Return the commands of `spans` only: neither the warm-up's nor the motion's. `wire`: ms counted on the line."""
     first, last = (spans[0][0], spans[-1][1]) if spans else (0, 0)
     ended = dict(_published(meter, spans))
     hops: dict[str, list[float]] = {name: [] for name in HOPS}
@@ -271,28 +275,39 @@ def _result(
             continue
         network = sample.hops[0] - meter.clock_at(sample.published_ns).offset_ns
         publish = min(ended.get(sample.published_ns, sample.published_ns) - sample.published_ns, max(network, 0))
-        inbox, control, link, stm32 = (hop / NS_PER_MS for hop in sample.hops[1:])
+        command_receiver, control, link, stm32 = (hop / NS_PER_MS for hop in sample.hops[1:])
         early = min(max(wire - stm32, 0.0), link)  # bits that had left before the write was through
         link, stm32 = link - early, stm32 + early
         on_wire = min(wire, max(stm32, 0.0))
-        parts = (publish / NS_PER_MS, (network - publish) / NS_PER_MS, inbox, control, link, on_wire, stm32 - on_wire)
+        parts = (
+            publish / NS_PER_MS,
+            (network - publish) / NS_PER_MS,
+            command_receiver,
+            control,
+            link,
+            on_wire,
+            stm32 - on_wire,
+        )
         for name, value in zip(HOPS, parts, strict=True):
             hops[name].append(value)
         delay.append(total / NS_PER_MS)
         at_s.append((sample.published_ns - first) / NS_PER_S)
     offset, uncertainty = (value / NS_PER_MS for value in meter.offset_ns())
-    ways = (floor.udp, floor.tcp) if floor else ()
-    udp, tcp = [[value / NS_PER_MS for value in way.taken_ns] for way in ways] or ([], [])
+    round_trips = (floor.udp, floor.tcp) if floor else ()
+    udp, tcp = [[value / NS_PER_MS for value in round_trip.taken_ns] for round_trip in round_trips] or ([], [])
     rate = (len(spans) - 1) * NS_PER_S / (spans[-1][0] - first) if len(spans) > 1 else math.nan
     return Result(
-        delay, at_s, hops, motion, udp, tcp, wire, len(spans), rate, offset, uncertainty, judge(meter)
+        delay, at_s, hops, motion, udp, tcp, wire, len(spans), rate, offset, uncertainty, find_doubts(meter)
     )  # fmt: skip
 
 
 def _doubts(
     result: Result, plan: Plan, floor: Floor | None, load: Load | None, losses: int, paced: bool
 ) -> Iterator[str]:
-    """What else was not as it was meant to be. The result's `wire` is what was counted; if `paced`, what we made."""
+    """Return what else was not as it was meant to be.
+
+    The result's `wire` is what was counted; if `paced`, what we made.
+    """
     missing = result.sent - len(result.delay)
     if missing and result.delay:
         yield f"{missing} of {result.sent} commands were not answered by the STM32: lost, or overtaken by the next"
@@ -311,20 +326,20 @@ def _doubts(
         )
     if load and load.late:
         yield f"{load.late} times the payload was still under way when the next was due, which was left out"
-    for name, way in (("UDP", floor.udp), ("TCP", floor.tcp)) if floor else ():
-        yield from _losses(name, way)
+    for name, round_trip in (("UDP", floor.udp), ("TCP", floor.tcp)) if floor else ():
+        yield from _losses(name, round_trip)
 
 
-def _losses(name: str, way: Way) -> Iterator[str]:
-    asked = way.lost + len(way.taken_ns)
-    if not way.taken_ns:
+def _losses(name: str, round_trip: RoundTrips) -> Iterator[str]:
+    sent = round_trip.lost + len(round_trip.taken_ns)
+    if not round_trip.taken_ns:
         yield f"the echo answered nothing by {name}; is the port right, and open in a firewall between?"
-    elif way.lost > max(OFF * asked, 1.0):
-        yield f"{way.lost} of {asked} bare messages by {name} were not answered in time; the others are the floor"
+    elif round_trip.lost > max(OFF * sent, 1.0):
+        yield f"{round_trip.lost} of {sent} bare messages by {name} were not answered in time; the others are the floor"
 
 
 def _published(meter: DelayMeter, spans: Sequence[tuple[int, int]]) -> Iterator[tuple[int, int]]:
-    """When the put of each command that has a trace ended: both are in order."""
+    """Yield when the put of each command that has a trace ended: both are in order."""
     rest = iter(spans)
     span = next(rest, None)
     for sample in meter.samples:
@@ -352,7 +367,7 @@ def _own_echo(bench: Bench) -> Iterator[Echo]:
 
 def _bare_qemu_ms(bench: Bench) -> float:
     """Under the same limits as the slave. Raises NetworkError with what it said."""
-    command = [sys.executable, "-m", "hil.bench.bare_qemu", bench.path]
+    command = module_command("hil.bench.floors.bare_qemu", bench.path)
     with bench.start("bare-qemu", command, limited=True) as process:
         return float(process.expect("answer_ms", READY_S).split()[1])
 
@@ -360,8 +375,8 @@ def _bare_qemu_ms(bench: Bench) -> float:
 @contextmanager
 def _burners(number: int) -> Iterator[None]:
     """Processes that do nothing but take processor time; a Ctrl-C at the terminal is not for them."""
-    command = [sys.executable, "-c", BURN]
-    processes = [subprocess.Popen(command, start_new_session=True) for _ in range(number)]
+    command = foreign_command(sys.executable, "-I", "-c", BURN)
+    processes = [start_child(command) for _ in range(number)]
     try:
         yield
     finally:

@@ -1,4 +1,4 @@
-"""What every benchmark stands on: processes of a scenario in a folder of their own, pinned or limited, ended cleanly.
+"""Common part of benchmarks: start processes of a scenario in a folder, pinned or limited, and stop them cleanly.
 
 with Bench("paper_field", {"link.protocol": "vesc"}, Limits(cpus=(0,))) as bench:
     slave = bench.start_slave()
@@ -8,34 +8,36 @@ with Bench("paper_field", {"link.protocol": "vesc"}, Limits(cpus=(0,))) as bench
 
 import os
 import select
-import shutil
 import signal
 import subprocess
 import sys
-import tempfile
-from collections.abc import Iterator, Mapping
-from contextlib import suppress
 from typing import Any, Self
 
 from hil.bench.limits import Confinement, Limits
+from hil.bench.processes import family
 from hil.bench.scenario_file import write_changed
-from hil.clock import NS_PER_S, now_ns
-from hil.config import Scenario, load_scenario
-from hil.errors import ConfigError, NetworkError
-from hil.master.client import VehicleClient
-from hil.ports import free_ports
-from hil.tables import cache_path
+from hil.client.client import VehicleClient
+from hil.common.children import module_command, package_environment, start_child
+from hil.common.clock import NS_PER_S, now_ns
+from hil.common.errors import NetworkError
+from hil.common.ports import free_ports
+from hil.common.scratch import ScratchFolder
+from hil.ros.diagnostics import Diagnostics
+from hil.scenario.config import Scenario, load_scenario, load_single
 
 GRACE_S = 10.0  # that a process may take to end
 READY_S = 60.0  # that a slave may take to start: a small board, emulated
+ONE_VEHICLE = (
+    "and a benchmark is of one vehicle: take another scenario; `uuv-hil bench load --vehicles 2` measures several on "
+    "one machine"
+)
 OF_SLAVE = "slave: "  # before a label of a slave elsewhere
-ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 
 
 def program() -> list[str]:
-    """The command that is `uuv-hil`: the installed script, as a user starts it, else this checkout."""
+    """Return the command that is `uuv-hil`: the installed script, as a user starts it, else this checkout."""
     installed = os.path.join(os.path.dirname(sys.executable), "uuv-hil")
-    return [installed] if os.path.exists(installed) else [sys.executable, "-m", "hil.cli"]
+    return [installed] if os.path.exists(installed) else module_command("hil.cli")
 
 
 class Process:
@@ -53,19 +55,18 @@ class Process:
         self._memory_mib = confinement.limits.memory_mib if confinement else 0.0
         cpus = confinement.limits.cpus if confinement else ()
         before = os.sched_getaffinity(0)
-        with open(log, "w") as file:
+        with open(log, "w", encoding="utf-8") as file:
             if cpus:
                 os.sched_setaffinity(0, cpus)  # which the new process inherits
             try:
                 self.exec_ns = now_ns()
-                self._process = subprocess.Popen(
+                self._process = start_child(
                     confinement.command(command) if confinement else command,
+                    environment=_environment(self.exec_ns, environment or {}),
+                    pass_fds=pass_fds,
                     stdin=subprocess.DEVNULL,
                     stdout=file,
                     stderr=subprocess.STDOUT,
-                    env=_environment(self.exec_ns, environment or {}),
-                    pass_fds=pass_fds,
-                    start_new_session=True,
                 )
             finally:
                 if cpus:
@@ -84,7 +85,7 @@ class Process:
         return self._process.poll() is None
 
     @property
-    def said(self) -> str:
+    def output(self) -> str:
         """All it has said so far."""
         with open(self.log, encoding="utf-8", errors="replace") as file:
             return file.read()
@@ -92,7 +93,7 @@ class Process:
     @property
     def last_words(self) -> str:
         """The last line it said."""
-        return (self.said.strip().splitlines() or ["no message"])[-1]
+        return (self.output.strip().splitlines() or ["no message"])[-1]
 
     @property
     def ending(self) -> str:
@@ -109,11 +110,13 @@ class Process:
         return f"{how}; it last said: {self.last_words}"
 
     def expect(self, word: str, seconds: float) -> str:
-        """The first line it says with `word` in it. Raises NetworkError when none comes in time, or it ends."""
+        """Return the first line it says with `word` in it. Raises NetworkError when none comes in time, or it ends."""
         deadline = now_ns() + round(seconds * NS_PER_S)
         while True:
             running = self.running  # before what it said is read
-            line = next((line for line in self.said.splitlines(keepends=True) if word in line and line[-1] == "\n"), "")
+            line = next(
+                (line for line in self.output.splitlines(keepends=True) if word in line and line[-1] == "\n"), ""
+            )
             if line:
                 return line.strip()
             if not running:
@@ -123,14 +126,14 @@ class Process:
             select.select((), (), (), 0.01)
 
     def wait(self, seconds: float) -> int:
-        """Its exit code. Raises NetworkError when it does not end in time."""
+        """Return its exit code. Raises NetworkError when it does not end in time."""
         try:
             return self._process.wait(seconds)
         except subprocess.TimeoutExpired:
             raise NetworkError(f"a process did not end within {seconds:g} s; it last said: {self.last_words}") from None
 
     def join(self) -> int:
-        """Its exit code, at once when it has ended: a wait with a timeout looks now and then, which costs."""
+        """Return its exit code, at once when it has ended: a wait with a timeout looks now and then, which costs."""
         os.waitid(os.P_PID, self.pid, os.WEXITED | os.WNOWAIT)
         return self._process.wait()
 
@@ -146,35 +149,14 @@ class Process:
             return self._process.wait()
 
     def family(self) -> list[int]:
-        """Its process id and those of the processes it has started, and they."""
-        return list(_family(self.pid))
+        """Return its process id and those of the processes it has started, and they."""
+        return family(self.pid)
 
 
 def _environment(exec_ns: int, more: dict[str, str]) -> dict[str, str]:
     """Ours, and where the modules are if they are not installed."""
-    path = os.pathsep.join(filter(None, (ROOT, os.environ.get("PYTHONPATH"))))
-    checkout = {"PYTHONPATH": path} if len(program()) > 1 else {}
-    return {**os.environ, **checkout, "UUV_HIL_EXEC_NS": str(exec_ns), **more}
-
-
-def _family(pid: int) -> Iterator[int]:
-    yield pid
-    try:
-        threads = os.listdir(f"/proc/{pid}/task")
-        children = [open_text(f"/proc/{pid}/task/{thread}/children") for thread in threads]
-    except OSError:  # it has ended
-        return
-    for child in " ".join(children).split():
-        yield from _family(int(child))
-
-
-def open_text(path: str) -> str:
-    """A file of /proc as text; empty when it is gone."""
-    try:
-        with open(path) as file:
-            return file.read()
-    except OSError:
-        return ""
+    ours = package_environment() if len(program()) > 1 else os.environ
+    return {**ours, "UUV_HIL_EXEC_NS": str(exec_ns), **more}
 
 
 class Bench:
@@ -189,28 +171,25 @@ class Bench:
         self._confinement = Confinement(limits)
         self.processes: list[Process] = []
         self.endpoint = f"tcp/127.0.0.1:{free_ports(1)[0]}"
-        self.folder = tempfile.mkdtemp(prefix="uuv-hil-bench-")
-        self.path = os.path.join(self.folder, "scenario.toml")
+        self._scratch = ScratchFolder("bench")
+        self.folder = self._scratch.path
+        self.path = self.file("scenario.toml")
         ours: dict[str, Any] = {"slave.listen": self.endpoint}
         if limits.cpu_share:
             ours["slave.realtime"] = False
         try:
+            load_single(scenario, remedy=ONE_VEHICLE)
             write_changed(scenario, ours | (changes or {}), self.path)
             self.scenario: Scenario = load_scenario(self.path)
-            if self.scenario.member:
-                raise ConfigError(
-                    f"{scenario}: is of {len(self.scenario.member)} vehicles, and a benchmark is of one: take another "
-                    "scenario; `bench load --vehicles 2` measures several on one machine"
-                )
         except BaseException:
-            self._clear()
+            self._scratch.close()
             raise
 
     def __enter__(self) -> Self:
         try:
             self._confinement.__enter__()
         except BaseException:
-            self._clear()
+            self._scratch.close()
             raise
         return self
 
@@ -218,7 +197,7 @@ class Bench:
         for process in reversed(self.processes):
             process.stop()
         self._confinement.__exit__()
-        self._clear()
+        self._scratch.close()
 
     @property
     def labels(self) -> tuple[str, ...]:
@@ -234,17 +213,17 @@ class Bench:
         return self._confinement.limits.memory_mib
 
     def file(self, name: str) -> str:
-        """The path of a file in the folder."""
-        return os.path.join(self.folder, name)
+        """Return the path of a file in the folder."""
+        return self._scratch.file(name)
 
     def start_slave(self, *options: str, environment: dict[str, str] | None = None) -> Process:
-        """The scenario's slave; it is not waited for."""
+        """Return the scenario's slave; it is not waited for."""
         command = [*program(), "slave", self.path, *options]
         log = self.file(f"slave-{len(self.processes)}.log")
         return self._start(Process(command, log, self._confinement, environment))
 
     def start_master(self, *options: str, endpoint: str = "") -> Process:
-        """The scenario's master, which flies its mission; comes back when it dials."""
+        """Return the scenario's master, which flies its mission; comes back when it dials."""
         read_fd, write_fd = os.pipe()
         command = [*program(), "master", self.path, "--connect", endpoint or self.endpoint, *options]
         log = self.file(f"master-{len(self.processes)}.log")
@@ -268,7 +247,7 @@ class Bench:
         return self._start(Process(command, log, self._confinement if limited else None))
 
     def client(self, endpoint: str = "", **options: Any) -> VehicleClient:
-        """A master of our own, in this process."""
+        """Return a master of our own, in this process."""
         scenario = self.scenario
         return VehicleClient(
             endpoint or self.endpoint,
@@ -277,11 +256,6 @@ class Bench:
             security=scenario.security,
             **options,
         )
-
-    def _clear(self) -> None:
-        shutil.rmtree(self.folder, ignore_errors=True)
-        with suppress(OSError):
-            os.remove(cache_path(self.path))
 
     def _start(self, process: Process) -> Process:
         self.processes.append(process)
@@ -303,10 +277,10 @@ def await_vehicle(client: VehicleClient, slave: Process | None = None, seconds: 
 
 
 def _why_silent(client: VehicleClient) -> str:
-    """What stands in the way of a slave elsewhere, and what to do."""
-    from hil.transport.diagnosis import why_not  # only on the way to an error
+    """Return what stands in the way of a slave elsewhere, and what to do."""
+    from hil.network.diagnosis import why_not  # only on the way to an error
 
-    fault = why_not(client.endpoint)
+    fault = why_not(client.endpoint, session=client.session)
     reason = f"somebody answers there, but no {client.node!r} that lets us listen"
     if fault and not fault.lasting:  # what lasts is of certificates, and ours are not asked for here
         reason = fault.text
@@ -324,6 +298,6 @@ def signal_name(number: int) -> str:
         return "unknown"
 
 
-def labels_of(diagnostics: Mapping[str, str]) -> tuple[str, ...]:
-    """What figures of a slave elsewhere have to say of themselves, by its own word."""
-    return tuple(f"{OF_SLAVE}{label}" for label in diagnostics.get("labels", "").split("; ") if label)
+def labels_of(diagnostics: Diagnostics) -> tuple[str, ...]:
+    """Return what figures of a slave elsewhere have to say of themselves, by its own word."""
+    return tuple(f"{OF_SLAVE}{label}" for label in diagnostics.labels or ())

@@ -1,4 +1,4 @@
-"""How late the loop wakes up, beside what the kernel and a loop with nothing to do achieve on the same CPU."""
+"""Measure wake-up lateness of the loop, of the kernel (cyclictest), and of an empty loop on the same CPU."""
 
 import json
 import re
@@ -8,17 +8,22 @@ import time
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from hil.autonomy.control import VelocityCommand
+from hil.autonomy.control.controller import VelocityCommand
 from hil.bench.harness import Bench, await_vehicle
 from hil.bench.presence import check_end, check_there
-from hil.clock import LOOP_PRIORITY, seconds_ns
-from hil.errors import NetworkError
+from hil.common.children import foreign_command
+from hil.common.clock import LOOP_PRIORITY, seconds_ns
+from hil.common.errors import NetworkError
+from hil.common.quantiles import rank
+from hil.ros.diagnostics import or_nan
 
 COMMAND_HZ = 20.0
 # The bare loop: the slave's clock, its scheduling and what it asks of the processors, and nothing to do.
 BARE = """
 import json, select, sys
-from hil.clock import LOOP_PRIORITY, RateKeeper, now_ns, schedule_fifo, seconds_ns, stay_awake
+from hil.common.lifeline import die_with_parent
+die_with_parent()
+from hil.common.clock import LOOP_PRIORITY, RateKeeper, now_ns, schedule_fifo, seconds_ns, stay_awake
 period, seconds, realtime, awake = int(sys.argv[1]), float(sys.argv[2]), sys.argv[3] == "1", sys.argv[4] == "1"
 if realtime:
     schedule_fifo(LOOP_PRIORITY)
@@ -62,7 +67,7 @@ class Cycles(NamedTuple):
 
 
 def changes_for(rate: float) -> dict[str, Any]:
-    """What makes a scenario's loop run at `rate` Hz."""
+    """Return what makes a scenario's loop run at `rate` Hz."""
     return {"slave.step": 1.0 / rate, "slave.control_period": max(0.02, 2.0 / rate)}
 
 
@@ -81,28 +86,27 @@ def slave_loop(bench: Bench, seconds: float, watch: Callable[[float], None] = la
             watch(number / count)
             time.sleep(1.0 / COMMAND_HZ)
         check_end(client, slave)
-        said = client.diagnostics()
+        output = client.diagnostics()
     slave.stop()
     rate = 1.0 / bench.scenario.slave.step
-    number_of = {name: float(said[name]) for name in said if name.startswith(("lateness_", "steps_"))}
-    late = Lateness(*[number_of[f"lateness_{name}_us"] for name in ("p50", "p99", "p999", "max")])
-    drift = float(said["behind_ms"]) * 1e-3 * rate
-    return Cycles(rate, late, float(said["within_2ms"]), int(number_of["steps_skipped"]), drift)
+    late = Lateness(*[or_nan(output[f"lateness_{name}_us"]) for name in ("p50", "p99", "p999", "max")])
+    drift = or_nan(output.behind_ms) * 1e-3 * rate
+    return Cycles(rate, late, or_nan(output.within_2ms), output.steps_skipped or 0, drift)
 
 
 def bare_loop(bench: Bench, seconds: float) -> Lateness:
-    """The loop of `bench`'s slave, under its limits, with nothing to do: its floor. Raises NetworkError."""
+    """Return the loop of `bench`'s slave, under its limits, with nothing to do: its floor. Raises NetworkError."""
     slave = bench.scenario.slave
     words = [str(seconds_ns(slave.step)), str(seconds), str(int(slave.realtime)), str(int(slave.stay_awake))]
-    code, said = _run(bench, "bare-loop", [sys.executable, "-c", BARE, *words])
+    code, output = _run(bench, "bare-loop", [sys.executable, "-P", "-c", BARE, *words])
     if code:
-        raise NetworkError(f"the bare loop failed: {said}")
-    found = json.loads(said.splitlines()[-1])
+        raise NetworkError(f"the bare loop failed: {output}")
+    found = json.loads(output.splitlines()[-1])
     return Lateness(*[found[name] / 1000.0 for name in ("p50", "p99", "p999", "max")])
 
 
 def cyclictest(bench: Bench, seconds: float) -> Lateness | None:
-    """What rt-tests' program finds for a thread that just sleeps, as often as the slave's and under its limits.
+    """Return what rt-tests' program finds for a thread that just sleeps, as often as the slave's and under its limits.
 
     None where it is not installed or not permitted.
     """
@@ -112,18 +116,18 @@ def cyclictest(bench: Bench, seconds: float) -> Lateness | None:
     slave = bench.scenario.slave
     often = [f"-i{round(slave.step * 1e6)}", f"-l{round(seconds / slave.step)}"]
     priority = [f"-p{LOOP_PRIORITY}"] if slave.realtime else []
-    code, said = _run(bench, "cyclictest", [program, "-q", "-m", "-t1", *priority, *often, "-h2000"])
-    return None if code else read_cyclictest(said)
+    code, output = _run(bench, "cyclictest", foreign_command(program, "-q", "-m", "-t1", *priority, *often, "-h2000"))
+    return None if code else read_cyclictest(output)
 
 
 def _run(bench: Bench, name: str, command: list[str]) -> tuple[int, str]:
-    """Its exit code and what it said."""
+    """Return its exit code and what it said."""
     process = bench.start(name, command, limited=True)
-    return process.join(), process.said
+    return process.join(), process.output
 
 
 def read_cyclictest(text: str) -> Lateness | None:
-    """Its histogram: lines "us count", then "# Avg Latencies: 00012" and the like; None if that is not there."""
+    """Return its histogram: lines "us count", then "# Avg Latencies: 00012" and the like; None if that is not there."""
     counts = [(int(us), int(count)) for us, count in re.findall(r"^(\d{6})\s+(\d+)$", text, re.M)]
     average = re.search(r"# Avg Latencies:\s*(\d+)", text)
     greatest = re.search(r"# Max Latencies:\s*(\d+)", text)
@@ -135,9 +139,9 @@ def read_cyclictest(text: str) -> Lateness | None:
 
 
 def _quantile(counts: list[tuple[int, int]], total: int, share: float) -> float:
-    seen = 0
+    seen, wanted = 0, rank(share, total)
     for us, count in counts:
         seen += count
-        if seen >= share * total:
+        if seen >= wanted:
             return float(us)
     return float("nan")

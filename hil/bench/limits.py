@@ -1,4 +1,4 @@
-"""Less than the machine has, so that a laptop stands for a small board: fewer processors, a share of one, less memory.
+"""Limit processors, CPU share and memory of a benchmark, so that a laptop stands for a small board.
 
 Processors are chosen by affinity. A share of one, and memory, are what a control group gives: where systemd keeps
 those of version 2, it is asked for one, as root or as a user; elsewhere root makes them, of version 2 or 1. What does
@@ -18,7 +18,8 @@ from collections.abc import Iterator
 from contextlib import suppress
 from typing import NamedTuple, Self
 
-from hil.errors import ConfigError
+from hil.common.errors import ConfigError
+from hil.common.scratch import lock_unused
 
 ROOT = "/sys/fs/cgroup"
 SYSTEMD = "/run/systemd/system"  # a folder that is there if it is systemd that was booted: sd_booted(3)
@@ -36,6 +37,7 @@ REMEDIES = {
 }
 LINGER = "log in as this user, or loginctl enable-linger and set XDG_RUNTIME_DIR=/run/user/$(id -u)"
 DELEGATE = "put Delegate=pids memory cpu below [Service] with: sudo systemctl edit user@.service, and boot anew"
+GROUP = "uuv-hil-bench-"  # the beginning of a group's name
 # Names the files of the group it runs in; without a "$", which is a variable to some versions of systemd-run.
 LOOK = f"sed -n 's|^0::|{ROOT}|p' /proc/self/cgroup | xargs ls"
 
@@ -76,6 +78,7 @@ class Confinement:
         self.limits = limits
         self.by = ""
         self._groups: list[str] = []
+        self._locks: list[int | None] = []  # of the groups, so that nobody takes them for abandoned
         self._prefix: tuple[str, ...] = ()
         wrong = set(limits.cpus) - os.sched_getaffinity(0)
         if wrong:
@@ -90,9 +93,13 @@ class Confinement:
     def __exit__(self, *_: object) -> None:
         while self._groups:
             _remove(self._groups.pop())
+        while self._locks:
+            lock = self._locks.pop()
+            if lock is not None:
+                os.close(lock)
 
     def command(self, command: list[str]) -> list[str]:
-        """The same command, confined; its process id is that of the program."""
+        """Return the same command, confined; its process id is that of the program."""
         if self._groups:
             joins = "".join(f"echo $$ > {group}/cgroup.procs && " for group in self._groups)
             return ["/bin/sh", "-c", f'{joins}exec "$@"', "sh", *command]
@@ -105,7 +112,7 @@ class Confinement:
                 raise ConfigError(f"{OPTIONS[name]}: no {name} controller in {ROOT}; {REMEDIES[name]}")
         # A group that root made beside those of systemd would lose its quota when the last unit with one ends.
         if version == 2 and os.path.isdir(SYSTEMD):
-            self._ask_systemd()
+            self._request_scope()
             return
         if os.geteuid() != 0:
             raise ConfigError("--cpu-quota, --memory: be root; no systemd keeps control groups of version 2 here")
@@ -127,13 +134,15 @@ class Confinement:
                     _write(f"{group}/{file}", text)
 
     def _make(self, hierarchy: str) -> str:
-        group = os.path.join(ROOT, hierarchy, f"uuv-hil-bench-{os.getpid()}-{id(self):x}")
+        group = os.path.join(ROOT, hierarchy, f"{GROUP}{os.getpid()}-{id(self):x}")
         if group not in self._groups:
+            _remove_abandoned(os.path.dirname(group))
             os.mkdir(group)
             self._groups.append(group)
+            self._locks.append(lock_unused(group))
         return group
 
-    def _ask_systemd(self) -> None:
+    def _request_scope(self) -> None:
         """Each process gets a scope of its own. What it lacks there systemd does not say: see for ourselves."""
         self.by = "systemd"
         whose = () if os.geteuid() == 0 else ("--user",)
@@ -154,7 +163,7 @@ class Confinement:
 def _has(controller: str, version: int) -> bool:
     if version == 1:
         return os.path.exists(f"{ROOT}/{controller}/cgroup.procs")
-    with open(f"{ROOT}/cgroup.controllers") as file:
+    with open(f"{ROOT}/cgroup.controllers", encoding="utf-8") as file:
         return controller in file.read().split()
 
 
@@ -179,13 +188,25 @@ def _settings(limits: Limits, version: int) -> dict[str, dict[str, str]]:
 
 
 def _properties(limits: Limits) -> Iterator[str]:
-    """The same for systemd, whose shares have one decimal."""
+    """Yield the same for systemd, whose shares have one decimal."""
     if limits.cpu_share:
         yield f"CPUQuota={limits.cpu_share:.1%}"
         yield f"CPUQuotaPeriodSec={_quota_us(limits.cpu_share)[1]}us"
     if limits.memory_mib:
         yield f"MemoryMax={round(limits.memory_mib * MIB)}"
         yield "MemorySwapMax=0"
+
+
+def _remove_abandoned(folder: str) -> None:
+    """Remove the groups of benchmarks that were killed; their processes have ended with them."""
+    for name in os.listdir(folder):
+        with suppress(OSError):  # it is in use, or gone meanwhile
+            lock = lock_unused(os.path.join(folder, name)) if name.startswith(GROUP) else None
+            if lock is not None:
+                try:
+                    os.rmdir(os.path.join(folder, name))
+                finally:
+                    os.close(lock)
 
 
 def _remove(group: str) -> None:
@@ -200,25 +221,14 @@ def _remove(group: str) -> None:
 
 
 def _kill(group: str) -> None:
-    with open(f"{group}/cgroup.procs") as file:
+    with open(f"{group}/cgroup.procs", encoding="utf-8") as file:
         for process in file.read().split():
             with suppress(ProcessLookupError):
                 os.kill(int(process), signal.SIGKILL)
 
 
-def parse_share(text: str) -> float:
-    """A share of one core: "25%" or 0.25. Raises ConfigError."""
-    try:
-        share = float(text[:-1]) / 100 if text.endswith("%") else float(text)
-    except ValueError:
-        share = 0.0
-    if not 0.01 <= share <= 64.0:
-        raise ConfigError(f"--cpu-quota {text!r}: expected a share of one core from 1%, such as 25%")
-    return share
-
-
 def parse_memory(text: str) -> float:
-    """An amount of memory in MiB: "512M", "1G", "512 MiB". Raises ConfigError."""
+    """Return an amount of memory in MiB: "512M", "1G", "512 MiB". Raises ConfigError."""
     number = text.rstrip("iBMGmg ")
     unit = text[len(number) :].strip().upper()[:1]
     try:
@@ -226,7 +236,7 @@ def parse_memory(text: str) -> float:
     except (ValueError, KeyError):
         size = 0.0
     if not 16.0 <= size <= MOST_MIB:
-        raise ConfigError(f"--memory {text!r}: expected at least 16M, such as 512M or 1G")
+        raise ConfigError(f"expected at least 16M, such as 512M or 1G, found {text!r}")
     return size
 
 
@@ -240,13 +250,13 @@ def parse_cpus(text: str) -> tuple[int, ...]:
     except ValueError:
         found = set()
     if not found:
-        raise ConfigError(f"--cpus {text!r}: expected numbers of processors, such as 0 or 0,2 or 0-3")
+        raise ConfigError(f"expected numbers of processors, such as 0 or 0,2 or 0-3, found {text[:40]!r}")
     return tuple(sorted(found))
 
 
 def _write(path: str, text: str) -> None:
     try:
-        with open(path, "w") as file:
+        with open(path, "w", encoding="utf-8") as file:
             file.write(text)
     except OSError as error:
         error.filename = path  # a refused value names no file

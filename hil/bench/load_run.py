@@ -1,4 +1,4 @@
-"""What slaves cost over time, by what they do: sensors, rates, how many vehicles."""
+"""Measure CPU and memory of slaves over time, by sensors, rates and number of vehicles."""
 
 import time
 from collections.abc import Callable, Collection, Iterator
@@ -6,15 +6,15 @@ from contextlib import ExitStack
 from itertools import pairwise
 from typing import Any, NamedTuple
 
-from hil.autonomy.control import VelocityCommand
+from hil.autonomy.control.controller import VelocityCommand
 from hil.bench.harness import Bench, Process, await_vehicle
 from hil.bench.limits import Limits
 from hil.bench.presence import check_end, check_there, simulation_of
-from hil.bench.processes import Threads, look, role, shares, thread_names
+from hil.bench.processes import Threads, read_threads, role, shares, thread_names
 from hil.bench.statistics import median, spread
-from hil.config import FEEDBACK, load_scenario
-from hil.errors import HilError
-from hil.topics import TOPICS, is_picture
+from hil.common.errors import HilError
+from hil.ros.topics import TOPICS, is_picture
+from hil.scenario.config import FEEDBACK, load_scenario
 from sim.sensors.suite import SENSORS
 
 PICTURES = [name for name in TOPICS if is_picture(name)]
@@ -54,7 +54,7 @@ class Course(NamedTuple):
 
 
 def settings(fitted: Collection[str] | None, rates: list[float], vehicles: list[int]) -> Iterator[Setting]:
-    """The scenario as it is; each sensor by itself taken out or put in; loop rates (Hz); numbers of vehicles.
+    """Return the scenario as it is; each sensor by itself taken out or put in; loop rates (Hz); numbers of vehicles.
 
     fitted: the sensors it has; None to leave them all alone. At last it is as it was once more, which tells how much
     comes and goes by itself.
@@ -74,7 +74,7 @@ def settings(fitted: Collection[str] | None, rates: list[float], vehicles: list[
 
 
 def impossible(setting: Setting, scenario: str) -> str:
-    """Why this vehicle, world or machine cannot have that; "" if they can."""
+    """Return why this vehicle, world or machine cannot have that; "" if they can."""
     try:
         simulation_of(load_scenario(scenario, setting.changes))
     except HilError as error:
@@ -106,7 +106,7 @@ def run(setting: Setting, scenario: str, seconds: float, limits: Limits, watch: 
                 check_there(client, slave)
             for client, slave in there:
                 _name(slave, f"{client.node} " if len(there) > 1 else "", names)
-            return look(list(names))
+            return read_threads(list(names))
 
         _pace(EVERY_S, command)  # the first second is that of the start
         looks = [look_at_all()]
@@ -136,7 +136,7 @@ def _pace(seconds: float, command: Callable[[], None]) -> None:
 
 
 def course(setting: Setting, looks: list[Threads], names: dict[int, str]) -> Course:
-    """What the processes called so used between the looks."""
+    """Return what the processes called so used between the looks."""
     steps = [shares(before, after) for before, after in pairwise(looks)]
     threads = thread_names({key for each in looks for key in each.cpu_s})
     processes: dict[str, Cost] = {}
@@ -155,7 +155,7 @@ class Difference(NamedTuple):
     noise: float
 
     @property
-    def told(self) -> bool:
+    def is_distinct(self) -> bool:
         """Whether it can be told from noise."""
         return abs(self.more) > self.noise
 
@@ -168,18 +168,18 @@ def difference(values: list[float], base: list[float], again: Collection[list[fl
 
 
 def groups(courses: list[Course]) -> list[str]:
-    """What processes there are, by what they do, the first setting's first."""
+    """Return what processes there are, by what they do, the first setting's first."""
     return list(dict.fromkeys(kind(name) for each in courses for name in each.processes))
 
 
 def kind(name: str) -> str:
-    """What a process does, of its name: "uuv2 STM32" is an "STM32"."""
+    """Return what a process does, of its name: "uuv2 STM32" is an "STM32"."""
     words = [word for word in name.split() if not word.startswith("#")]
     return words[-1]
 
 
 def of_group(each: Course, group: str) -> Cost:
-    """All processes of a kind together; empty lists where a setting has none."""
+    """Return all processes of a kind together; empty lists where a setting has none."""
     own = [cost for name, cost in each.processes.items() if kind(name) == group]
     cpu = [sum(values) for values in zip(*[cost.cpu for cost in own], strict=True)]
     memory = [sum(values) for values in zip(*[cost.memory for cost in own], strict=True)]

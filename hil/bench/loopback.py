@@ -1,4 +1,4 @@
-"""The loopback test of a thruster link: commands out, echoes back, what was lost, and how long it took.
+"""Test a thruster link: send commands, receive echoes, measure losses and delay.
 
 A round trip is from writing a command until its echo has been decoded. The wire time is what the bits of the
 command and of its answer take at the line's speed: no link can be faster, and a good one is little slower.
@@ -9,11 +9,12 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
-from hil.clock import NEVER_NS, NS_PER_MS, NS_PER_S, RateKeeper, now_ns
-from hil.config import Link
+from hil.common.clock import NEVER_NS, NS_PER_MS, NS_PER_S, RateKeeper, now_ns
+from hil.common.quantiles import quantile
 from hil.links.address import open_address, parse_address
 from hil.links.contract import Counters, ThrusterCommand, ThrusterLink, ThrusterTelemetry
-from hil.slave.stm32 import ThrusterDriver, end_protocol, open_driver, with_faults
+from hil.scenario.records import Link
+from hil.slave.drivers.driver import ThrusterDriver, end_protocol, open_driver, with_faults
 
 BITS_A_BYTE = 10  # start bit, eight of data, stop bit
 LOST_NS = NS_PER_S  # an echo that has not come by then will not come
@@ -23,8 +24,8 @@ CALM_PULSES, WIDEST = 1500, 200  # us: pulses differ from command to command, so
 class Plan(NamedTuple):
     """What is tested: who answers, over which link, how often, for how long.
 
-    stm32: one of hil.slave.stm32's, or "jumper" for a wire that leads straight back. rate: commands a second, 0
-    for the next one as soon as the last is answered. spin: whether commands are armed; a disarmed one moves nothing.
+    stm32: one of hil.slave.drivers.driver's, or "jumper" for a wire that leads straight back. rate: commands a second,
+    0 for the next one as soon as the last is answered. spin: whether commands are armed; a disarmed one moves nothing.
     """
 
     stm32: str
@@ -74,11 +75,11 @@ class _Far(ABC):
 
     @abstractmethod
     def descriptors(self) -> list[int]:
-        """What to wait on."""
+        """Return what to wait on."""
 
     @abstractmethod
     def deadline_ns(self) -> int:
-        """When `answers` has to be called even if nothing came."""
+        """Return when `answers` has to be called even if nothing came."""
 
     @abstractmethod
     def send(self, command: ThrusterCommand) -> None:
@@ -86,7 +87,7 @@ class _Far(ABC):
 
     @abstractmethod
     def answers(self, now: int) -> Iterator[int]:
-        """The sequence numbers of the commands that have been answered."""
+        """Return the sequence numbers of the commands that have been answered."""
 
     @abstractmethod
     def close(self) -> None:
@@ -129,13 +130,13 @@ class _Jumper(_Far):
         wire = with_faults(open_address(link.port, "host", link.baud, link.bitrate), link, plan.seed)
         self.port = wire.name
         self._link = ThrusterLink(wire, end_protocol(link, "host", plan.channels))
-        self._ear = end_protocol(link, "device", plan.channels)  # it hears, and answers nothing
+        self._receiver = end_protocol(link, "device", plan.channels)  # it hears, and answers nothing
         self._sent: dict[tuple[int, ...], int] = {}
 
     @property
     def counters(self) -> Counters:  # type: ignore[override]
-        self._ear.counters.bytes_out = self._link.counters.bytes_out
-        return self._ear.counters
+        self._receiver.counters.bytes_out = self._link.counters.bytes_out
+        return self._receiver.counters
 
     def descriptors(self) -> list[int]:
         return [self._link.wire.fileno()]
@@ -149,10 +150,10 @@ class _Jumper(_Far):
 
     def answers(self, now: int) -> Iterator[int]:
         data = self._link.wire.read()
-        self._ear.counters.bytes_in += len(data)
-        heard = [m.pwm_us for m in self._ear.feed(data) if isinstance(m, ThrusterCommand)]
-        self._ear.counters.messages_in += len(heard)
-        return (self._sent[pulses] for pulses in heard if pulses in self._sent)
+        self._receiver.counters.bytes_in += len(data)
+        commands = [m.pwm_us for m in self._receiver.feed(data) if isinstance(m, ThrusterCommand)]
+        self._receiver.counters.messages_in += len(commands)
+        return (self._sent[pulses] for pulses in commands if pulses in self._sent)
 
     def close(self) -> None:
         self._link.close()
@@ -166,7 +167,7 @@ def run(plan: Plan, report: Callable[[str], None], progress: Callable[[int, int]
     far: _Far = _Jumper(plan) if plan.stm32 == "jumper" else _Stm32(plan, report)
     test = _Test(plan, far)
     try:
-        test.go(progress)
+        test.run(progress)
     except KeyboardInterrupt:
         report("interrupted")
     finally:
@@ -185,7 +186,7 @@ class _Test:
         self._sent = 0
         self._began = now_ns()
 
-    def go(self, progress: Callable[[int, int], None] | None) -> None:
+    def run(self, progress: Callable[[int, int], None] | None) -> None:
         """Send and listen for the plan's time, then listen until all is answered or lost."""
         period = round(NS_PER_S / self._plan.rate) if self._plan.rate else 1
         self._began = now_ns()
@@ -222,22 +223,19 @@ class _Test:
             del self._waiting[sequence]
 
     def result(self) -> Result:
-        """The figures, of what was sent so far."""
+        """Return the figures, of what was sent so far."""
         trips, counters = sorted(self._trips_ns), self._far.counters
         seconds = max(now_ns() - self._began, 1) / NS_PER_S
-
-        def quantile(share: float) -> float:
-            return trips[min(len(trips) - 1, int(share * len(trips)))] / NS_PER_MS if trips else float("nan")
-
+        p50, p99, longest = (quantile(trips, share) / NS_PER_MS for share in (0.5, 0.99, 1.0))
         return Result(
             self._far.port, self._sent, len(trips), self._sent - len(trips), seconds,
-            quantile(0.5), quantile(0.99), quantile(1.0), wire_ms(self._plan),
+            p50, p99, longest, wire_ms(self._plan),
             {name: getattr(counters, name) for name in counters.__slots__},
         )  # fmt: skip
 
 
 def wire_ms(plan: Plan) -> float:
-    """The time that the bits of a command and of its answer take on the line, ms; nan where it has no speed."""
+    """Return the time that the bits of a command and of its answer take on the line, ms; nan where it has no speed."""
     link = plan.link
     address = parse_address(link.port)
     baud = (
@@ -246,12 +244,12 @@ def wire_ms(plan: Plan) -> float:
     if not baud or address.carries_can:
         return float("nan")
     command, answer = settled(link, plan.channels, plan.spin)
-    said = command if plan.stm32 == "jumper" else command + answer
-    return len(said) * BITS_A_BYTE / baud * 1e3
+    bytes_sent = command if plan.stm32 == "jumper" else command + answer
+    return len(bytes_sent) * BITS_A_BYTE / baud * 1e3
 
 
 def settled(link: Link, channels: int, armed: bool) -> tuple[bytes, bytes]:
-    """A command and its answer as they go over `link` once its ends know each other.
+    """Return a command and its answer as they go over `link` once its ends know each other.
 
     Before that there may be more in them: MAVLink's host asks for arming with each command until that is confirmed.
     """

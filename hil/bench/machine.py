@@ -1,4 +1,4 @@
-"""The machine a benchmark runs on: what has to be known to compare its figures with others'."""
+"""Describe the machine of a benchmark, as far as figures depend on it."""
 
 import os
 import platform
@@ -10,13 +10,13 @@ from boards import emulation
 from boards.health import governors, recognise
 from boards.tree import Tree
 from hil import __version__
-from hil.process import ram_mib
+from hil.common.process import ram_mib
 
 PACKAGES = ("eclipse-zenoh", "numpy", "pyserial", "python-can", "pymavlink", "unicorn")
 
 
 def describe(root: str = "/") -> tuple[dict[str, Any], tuple[str, ...]]:
-    """What the machine whose files are below `root` is, and the labels its figures need."""
+    """Return what the machine whose files are below `root` is, and the labels its figures need."""
     tree = Tree(root)
     board = recognise(tree)
     kernel = os.uname()
@@ -41,7 +41,7 @@ def describe(root: str = "/") -> tuple[dict[str, Any], tuple[str, ...]]:
 
 
 def _limits(root: str) -> tuple[str, ...]:
-    """What we were started under, as by taskset, and with us all that is measured here."""
+    """Return what we were started under, as by taskset, and with us all that is measured here."""
     online, usable = os.sysconf("SC_NPROCESSORS_ONLN"), len(os.sched_getaffinity(0))
     return (f"limited: {usable} of {online} processors",) if usable < online and root == "/" else ()
 

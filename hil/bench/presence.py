@@ -1,29 +1,29 @@
-"""Whether a slave that is measured is still there: one that is gone or hangs must not pass for a good result."""
+"""Check that a measured slave is still present, so that one that ended or hangs gives no good result."""
 
 import time
 
 from hil.bench.harness import Process
-from hil.clock import NS_PER_S, now_ns
-from hil.config import Scenario, build_simulation
-from hil.errors import NetworkError
-from hil.master.client import VehicleClient
+from hil.client.client import VehicleClient
+from hil.common.clock import NS_PER_S, now_ns
+from hil.common.errors import NetworkError
+from hil.scenario.config import Scenario, build_simulation
+from sim.environment.world import load_world
 from sim.simulation import Simulation
-from sim.vehicle import load_vehicle
-from sim.world import load_world
+from sim.vehicle.vehicle import load_vehicle
 
 PATIENCE_S = 5.0  # that a slave under load, or a network, may be silent for while it is measured
 BACK_S = 2.0  # that it may need to answer once more at the end
 
 
-def silence(client: VehicleClient, slave: Process | None = None, patience: float = PATIENCE_S) -> str:
+def wait_for_silence(client: VehicleClient, slave: Process | None = None, patience: float = PATIENCE_S) -> str:
     """What says that the vehicle is gone or hangs: ended, or silent for longer than `patience` s; "" if nothing does.
 
     Silent is one that answers no comparing of clocks, and one that tells nothing more of its health.
     """
     if slave and not slave.running:
         return f"the slave {slave.ending}"
-    told = client.latest.get("diagnostics")
-    untold_s = (now_ns() - told.received_ns) / NS_PER_S if told else 0.0
+    stamped = client.latest.get("diagnostics")
+    untold_s = (now_ns() - stamped.received_ns) / NS_PER_S if stamped else 0.0
     if client.contact.silence_s > patience:
         return f"{client.node} at {client.endpoint} has not answered for {client.contact.silence_s:.1f} s"
     if untold_s > max(patience, PATIENCE_S):  # it tells once a second, in a thread that gives way to all others
@@ -33,7 +33,7 @@ def silence(client: VehicleClient, slave: Process | None = None, patience: float
 
 def check_there(client: VehicleClient, slave: Process | None = None) -> None:
     """Raises NetworkError when `silence` has something to say."""
-    reason = silence(client, slave)
+    reason = wait_for_silence(client, slave)
     if reason:
         raise NetworkError(reason)
 
@@ -45,11 +45,11 @@ def check_end(client: VehicleClient, slave: Process | None = None) -> None:
         time.sleep(0.05)
     check_there(client, slave)
     if not client.contact.present:
-        gone_s = client.contact.silence_s
-        raise NetworkError(f"{client.node} at {client.endpoint} is gone: it has not answered for {gone_s:.1f} s")
+        lost_s = client.contact.silence_s
+        raise NetworkError(f"{client.node} at {client.endpoint} is gone: it has not answered for {lost_s:.1f} s")
 
 
 def simulation_of(scenario: Scenario) -> Simulation:
-    """The simulation that a slave of the scenario would run. Raises HilError where there can be none."""
+    """Return the simulation that a slave of the scenario would run. Raises HilError where there can be none."""
     vehicle, _ = load_vehicle(scenario.vehicle)
     return build_simulation(scenario, vehicle, load_world(scenario.world))

@@ -1,10 +1,12 @@
-"""What processes cost over time, thread by thread, from /proc."""
+"""Measure the cost of processes over time, per thread, with psutil."""
 
-import os
 import time
+from collections.abc import Iterable
+from contextlib import suppress
+from math import nan
 from typing import NamedTuple
 
-_TICK = 1.0 / os.sysconf("SC_CLK_TCK")
+import psutil
 
 
 class Memory(NamedTuple):
@@ -33,26 +35,31 @@ class Threads(NamedTuple):
         return sum(each.private_mib for each in self.memory.values())
 
 
-def look(pids: list[int]) -> Threads:
+def read_threads(pids: list[int]) -> Threads:
     """As they are now; what has ended is left out."""
-    found: dict[str, float] = {}
+    cpu: dict[str, float] = {}
+    memory: dict[int, Memory] = {}
+    descriptors = 0
     for pid in pids:
-        for thread in _names(f"/proc/{pid}/task"):
-            cpu = _thread_cpu_s(f"/proc/{pid}/task/{thread}")
-            if cpu is not None:
-                found[f"{pid}/{thread} {cpu[0]}"] = cpu[1]
-    descriptors = sum(len(_names(f"/proc/{pid}/fd")) for pid in pids)
-    return Threads(found, {pid: memory_of(pid) for pid in pids}, descriptors, time.monotonic())
+        with suppress(psutil.Error):
+            process = psutil.Process(pid)
+            cpu |= _threads(process)
+            memory[pid] = _memory(process)
+            descriptors += process.num_fds()
+    return Threads(cpu, memory, descriptors, time.monotonic())
 
 
 def shares(before: Threads, after: Threads) -> dict[str, float]:
-    """What share of a core each thread used between two looks; a thread that was not there before began with 0."""
+    """Return what share of a core each thread used between two looks.
+
+    A thread that was not there before began with 0.
+    """
     seconds = after.at_s - before.at_s
     return {name: (cpu - before.cpu_s.get(name, 0.0)) / seconds for name, cpu in after.cpu_s.items()}
 
 
 def thread_names(keys: set[str]) -> dict[str, str]:
-    """What to call each thread within its process: its name, numbered where several have the same.
+    """Return what to call each thread within its process: its name, numbered where several have the same.
 
     keys: "process id/thread id name".
     """
@@ -66,53 +73,68 @@ def thread_names(keys: set[str]) -> dict[str, str]:
 
 
 def role(pid: int, slave: int) -> str:
-    """What a process of a slave's family does: "slave", "imaging" or "STM32"."""
+    """Return what a process of a slave's family does: "slave", "imaging" or "STM32"."""
     if pid == slave:
         return "slave"
-    try:
-        with open(f"/proc/{pid}/cmdline", "rb") as file:
-            return "imaging" if b"imaging" in file.read() else "STM32"
-    except OSError:
-        return "STM32"
+    with suppress(psutil.Error):
+        if any("imaging" in word for word in psutil.Process(pid).cmdline()):
+            return "imaging"
+    return "STM32"
 
 
-def memory_of(pid: int) -> Memory:
-    """Of one process, from its smaps_rollup; 0 when it is gone or not ours to look at."""
-    found = dict.fromkeys((b"Pss:", b"Private_Clean:", b"Private_Dirty:"), 0)
+def family(pid: int) -> list[int]:
+    """Return a process and those that it and they have started; none if it has ended."""
     try:
-        with open(f"/proc/{pid}/smaps_rollup", "rb") as file:
-            for name, kib, *_ in map(bytes.split, file.readlines()[1:]):
-                if name in found:
-                    found[name] = int(kib)
-    except OSError:
-        pass
-    pss, clean, dirty = found.values()
-    return Memory(pss / 1024, (clean + dirty) / 1024)
+        process = psutil.Process(pid)
+        return [pid, *(child.pid for child in process.children(recursive=True))]
+    except psutil.Error:
+        return []
+
+
+def cpu_s(pids: Iterable[int]) -> float:
+    """Processor time (s, user and system) that processes have used; those that have ended count 0."""
+    total = 0.0
+    for pid in pids:
+        with suppress(psutil.Error):
+            used = psutil.Process(pid).cpu_times()
+            total += used.user + used.system
+    return total
+
+
+def resident_mib(pids: Iterable[int]) -> float:
+    """Resident memory (MiB) of processes: what they take when nobody else uses what they share with others.
+
+    Not a number if none is left. By their mappings, as the kernel's quick sum may lag behind.
+    """
+    total = 0
+    for pid in pids:
+        with suppress(psutil.Error):
+            total += sum(mapping.rss for mapping in psutil.Process(pid).memory_maps())
+    return total / 2**20 if total else nan
+
+
+def mapped_files(pid: int) -> set[str]:
+    """Paths of the files that a process has mapped; none if it has ended."""
+    try:
+        return {mapping.path for mapping in psutil.Process(pid).memory_maps() if mapping.path.startswith("/")}
+    except psutil.Error:
+        return set()
+
+
+def _memory(process: psutil.Process) -> Memory:
+    found = process.memory_full_info()
+    return Memory(found.pss / 2**20, found.uss / 2**20)
+
+
+def _threads(process: psutil.Process) -> dict[str, float]:
+    found = {}
+    for thread in process.threads():
+        with suppress(psutil.Error):  # it has ended meanwhile
+            name = psutil.Process(thread.id).name()  # a thread has an entry of its own below /proc
+            found[f"{process.pid}/{thread.id} {name}"] = thread.user_time + thread.system_time
+    return found
 
 
 def _ids(key: str) -> tuple[int, int]:
     pid, _, thread = key.partition(" ")[0].partition("/")
     return int(pid), int(thread)
-
-
-def _thread_cpu_s(folder: str) -> tuple[str, float] | None:
-    """A thread's name and processor time: of /proc's schedstat, in ns, else of its clock ticks."""
-    try:
-        with open(f"{folder}/comm") as file:
-            name = file.read().strip()
-        with open(f"{folder}/schedstat") as file:
-            ran_ns = int(file.read().split()[0])
-        if ran_ns:
-            return name, ran_ns * 1e-9
-        with open(f"{folder}/stat", "rb") as stat:
-            fields = stat.read().rpartition(b")")[2].split()
-    except (OSError, ValueError, IndexError):
-        return None
-    return name, (int(fields[11]) + int(fields[12])) * _TICK
-
-
-def _names(folder: str) -> list[str]:
-    try:
-        return os.listdir(folder)
-    except OSError:
-        return []

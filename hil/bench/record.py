@@ -1,4 +1,4 @@
-"""What a benchmark found, as a file: figures with all their values, and the machine they were found on."""
+"""Results of a benchmark as a file: figures with all their values, and the machine."""
 
 import json
 import os
@@ -10,10 +10,12 @@ from typing import Any, Literal, NamedTuple, get_args
 
 from hil.bench.machine import describe
 from hil.bench.statistics import median, spread
-from hil.errors import ConfigError
-from hil.quantiles import quantile
+from hil.common.errors import ConfigError
+from hil.common.quantiles import quantile
+from hil.common.tables import read_bytes
 
 FORMAT = "uuv-hil bench 1"
+LARGEST = 256 << 20  # bytes of a file; an hour of values takes a tenth
 Better = Literal["lower", "higher", ""]
 
 
@@ -51,7 +53,7 @@ class Figure(NamedTuple):
         return spread(self.values)
 
     def at(self, share: float) -> float:
-        """The quantile of that share (0..1)."""
+        """Return the quantile of that share (0..1)."""
         return quantile(sorted(self.values), share)
 
 
@@ -77,11 +79,11 @@ def new_record(
     labels: Iterable[str] = (),
     details: dict[str, Any] | None = None,
 ) -> Record:
-    """A record of now and of this machine; without the values that could not be had (nan)."""
+    """Return a record of now and of this machine; without the values that could not be had (nan)."""
     machine, own_labels = describe()
-    kept = {name: figure.finite for name, figure in figures.items()}
+    finite = {name: figure.finite for name, figure in figures.items()}
     made = time.strftime("%Y-%m-%dT%H:%M:%S%z")
-    return Record(kind, settings, kept, (*own_labels, *labels), details or {}, machine, made)
+    return Record(kind, settings, finite, (*own_labels, *labels), details or {}, machine, made)
 
 
 def save(record: Record, path: str) -> None:
@@ -94,8 +96,7 @@ def save(record: Record, path: str) -> None:
 def load(path: str) -> Record:
     """Read what `save` wrote. Raises ConfigError."""
     try:
-        with open(path, encoding="utf-8") as file:
-            table = json.load(file)
+        table = json.loads(read_bytes(path, LARGEST))
         if table.pop("format") != FORMAT:
             raise KeyError("format")
         if not isinstance(table["labels"], list):
@@ -104,8 +105,6 @@ def load(path: str) -> Record:
         record = Record(**{**table, "labels": tuple(table["labels"])}, figures=figures)
         _check(record)
         return record
-    except OSError as error:
-        raise ConfigError(f"{path}: cannot be read: {error.strerror}") from None
     except (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError):
         raise ConfigError(f"{path}: is not a result of `uuv-hil bench`; write one with --json FILE") from None
 

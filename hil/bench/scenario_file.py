@@ -1,14 +1,14 @@
-"""A scenario with some of its values changed, as a file of its own for processes to read."""
+"""Write a scenario with some values changed to a file for other processes."""
 
 import os
 from collections.abc import Iterator
 from typing import Any
 
 from hil.bench.record import write_text
-from hil.config import SCENARIOS, load_scenario
-from hil.errors import ConfigError
-from hil.schema import find_preset
-from hil.tables import read_table
+from hil.common.errors import ConfigError
+from hil.common.schema import find_preset
+from hil.common.tables import read_table
+from hil.scenario.config import SCENARIOS, load_scenario
 
 FOLDERS = ("slave", "master", "router")  # paths in [security]
 
@@ -21,7 +21,7 @@ def write_changed(name: str, changes: dict[str, Any], path: str) -> None:
     load_scenario(name)  # so that errors of the original name the original
     source = find_preset(SCENARIOS, name)
     table = read_table(source)
-    _keep_paths(table, os.path.dirname(os.path.abspath(source)))
+    _make_paths_absolute(table, os.path.dirname(os.path.abspath(source)))
     for key, value in changes.items():
         _change(table, key, value)
     write_text(path, "\n".join(_lines(table, "")) + "\n")
@@ -31,11 +31,13 @@ def write_changed(name: str, changes: dict[str, Any], path: str) -> None:
         raise ConfigError(str(error).replace(path, f"{name}, as changed")) from None
 
 
-def _keep_paths(table: dict[str, Any], folder: str) -> None:
+def _make_paths_absolute(table: dict[str, Any], folder: str) -> None:
     for key in ("vehicle", "world"):
         if str(table.get(key, "")).endswith(".toml"):
             table[key] = os.path.join(folder, table[key])
-    security = table.get("security", {})
+    link, security = table.get("link", {}), table.get("security", {})
+    if str(link.get("frame", "")).endswith(".toml"):
+        link["frame"] = os.path.join(folder, link["frame"])
     for key in FOLDERS:
         if security.get(key):
             security[key] = os.path.join(folder, security[key])
@@ -53,7 +55,7 @@ def _change(table: dict[str, Any], key: str, value: Any) -> None:
 
 
 def _lines(table: dict[str, Any], place: str) -> Iterator[str]:
-    """A table as TOML: its values, then its sections."""
+    """Yield a table as TOML: its values, then its sections."""
     sections = {key: value for key, value in table.items() if _is_section(value)}
     yield from (f"{_key(key)} = {_value(value)}" for key, value in table.items() if key not in sections)
     for key, value in sections.items():

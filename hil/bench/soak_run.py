@@ -1,4 +1,4 @@
-"""Hours of running, looked at every few seconds: does memory grow, does time drift, does a master always get back?"""
+"""Run for hours and check every few seconds: memory growth, clock drift, reconnection of a master."""
 
 import os
 import select
@@ -10,15 +10,16 @@ from math import isnan, nan
 from random import Random
 from typing import NamedTuple
 
-from hil.autonomy.control import VelocityCommand
+from hil.autonomy.control.controller import VelocityCommand
 from hil.bench.harness import READY_S, Bench, await_vehicle
-from hil.bench.presence import silence
-from hil.bench.processes import look
+from hil.bench.presence import wait_for_silence
+from hil.bench.processes import read_threads
 from hil.bench.statistics import Interval
-from hil.clock import NS_PER_MS
-from hil.errors import NetworkError
-from hil.master.client import VehicleClient
-from hil.quantiles import quantile
+from hil.client.client import VehicleClient
+from hil.common.clock import NS_PER_MS
+from hil.common.errors import NetworkError
+from hil.common.quantiles import quantile
+from hil.ros.diagnostics import Diagnostics, or_nan
 
 COMMAND_HZ = 20.0
 QUIET_S = 1.0  # after which a vehicle that does not answer a master is told to be silent
@@ -28,7 +29,7 @@ BLOCKS = 20  # of the record that are drawn anew for an interval
 DRAWS = 1000
 
 
-class Look(NamedTuple):
+class Observation(NamedTuple):
     """One look at the slave: `at_s` since the start, threads, descriptors, what it says of itself.
 
     Memory (MiB) is the proportional set size, `private` of it what no other process has a share in. What it says of
@@ -45,7 +46,7 @@ class Look(NamedTuple):
     delay_p50_ms: float
 
 
-class Silence(NamedTuple):
+class Outage(NamedTuple):
     """The slave ended, hung or was out of reach: when (s since the start), for how long (s), and how that showed."""
 
     at_s: float
@@ -59,15 +60,15 @@ class Soak(NamedTuple):
     The master's first coming, when the slave starts, is no return.
     """
 
-    looks: list[Look]
+    looks: list[Observation]
     returns: list[float | None]
-    silences: list[Silence]
+    silences: list[Outage]
 
 
 class Soaking:
     """A slave of `bench` under command. `watch` gets each look; it ends when `stop_fd` becomes readable."""
 
-    def __init__(self, bench: Bench, every: float, watch: Callable[[Look], None], stop_fd: int = -1) -> None:
+    def __init__(self, bench: Bench, every: float, watch: Callable[[Observation], None], stop_fd: int = -1) -> None:
         self._bench, self._every, self._watch, self._stop_fd = bench, every, watch, stop_fd
         self._slave = bench.start_slave()
         self._began = time.monotonic()
@@ -91,24 +92,24 @@ class Soaking:
                     self._stay(client, min(dialled + leave_every, end))
             first = False
         if not self._slave.running:
-            self._note(f"the slave {self._slave.ending}", 0.0)
+            self._add_silence(f"the slave {self._slave.ending}", 0.0)
         if self._quiet:
             self._kill()
         return self._found
 
     def _await(self, client: VehicleClient, first: bool) -> float | None:
-        """Seconds from the dialling until data flowed; None if they did not in time, or the end is wished."""
+        """Return seconds from the dialling until data flowed; None if they did not in time, or the end is wished."""
         began = time.monotonic()
         while not self._pause(0.0):
             try:
                 await_vehicle(client, self._slave, GLANCE_S)
-                return (client.first_sample_wall_ns - client.dialled_wall_ns) * 1e-9
+                return ((client.first_sample_ns(0) or 0) - client.dialled_wall_ns) * 1e-9
             except NetworkError:
                 waited = time.monotonic() - began
                 if first and (waited > READY_S or not self._slave.running):
                     raise
                 if not first and waited > QUIET_S:
-                    self._note(f"{client.node} did not answer a master that came back", waited)
+                    self._add_silence(f"{client.node} did not answer a master that came back", waited)
                 if not first and (waited > RETURN_S or not self._slave.running):
                     return None
         return None
@@ -119,35 +120,35 @@ class Soaking:
         while time.monotonic() < end and self._slave.running and not self._pause(1.0 / COMMAND_HZ):
             client.command(VelocityCommand(surge=0.2, yaw_rate=0.2))
             there = client.contact.present
-            gone = "" if there else f"{client.node} did not answer"
-            self._note(gone or silence(client), 0.0 if there else client.contact.silence_s)
+            absent = "" if there else f"{client.node} did not answer"
+            self._add_silence(absent or wait_for_silence(client), 0.0 if there else client.contact.silence_s)
             if time.monotonic() >= due:
                 due += self._every
-                self._found.looks.append(self._look(client))
+                self._found.looks.append(self._observe(client))
                 self._watch(self._found.looks[-1])
 
-    def _look(self, client: VehicleClient) -> Look:
+    def _observe(self, client: VehicleClient) -> Observation:
         """As it is now."""
-        seen, said = look(self._slave.family()), {} if self._quiet else client.diagnostics()
+        seen, said = read_threads(self._slave.family()), Diagnostics() if self._quiet else client.diagnostics()
         delays = sorted(client.delays.totals_ns(200)) if said else []
-        return Look(
+        return Observation(
             time.monotonic() - self._began,
             seen.pss_mib,
             seen.private_mib,
             len(seen.cpu_s),
             seen.descriptors,
-            float(said.get("real_time_factor", nan)),
-            float(said.get("steps_skipped", nan)),
+            or_nan(said.real_time_factor),
+            or_nan(said.steps_skipped),
             quantile(delays, 0.5) / NS_PER_MS if delays else nan,
         )
 
-    def _note(self, reason: str, already_s: float) -> None:
+    def _add_silence(self, reason: str, already_s: float) -> None:
         """That the slave is silent now, and has been for so long; "" if it is not."""
         at_s, silences = time.monotonic() - self._began, self._found.silences
         if reason and not self._quiet:
-            silences.append(Silence(at_s - already_s, already_s, reason))
+            silences.append(Outage(at_s - already_s, already_s, reason))
         elif reason:
-            silences[-1] = Silence(silences[-1].at_s, at_s - silences[-1].at_s, reason)
+            silences[-1] = Outage(silences[-1].at_s, at_s - silences[-1].at_s, reason)
         self._quiet = reason
 
     def _pause(self, seconds: float) -> bool:

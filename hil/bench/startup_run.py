@@ -1,4 +1,4 @@
-"""What a start costs: a slave's, phase by phase, beside interpreters that do nothing, cold and warm."""
+"""Measure a slave's start, phase by phase, cold and warm, beside empty interpreters."""
 
 import os
 import re
@@ -8,9 +8,12 @@ from collections.abc import Callable, Iterable
 from importlib.util import find_spec
 from typing import NamedTuple
 
-from hil.bench.harness import ROOT, Bench, await_vehicle, open_text
-from hil.clock import NS_PER_MS, now_ns, to_wall_ns
-from hil.errors import ConfigError, NetworkError
+from hil.bench.harness import Bench, await_vehicle
+from hil.bench.processes import mapped_files
+from hil.common.children import ROOT
+from hil.common.clock import NS_PER_MS, now_ns, to_wall_ns
+from hil.common.errors import ConfigError, NetworkError
+from hil.ros.diagnostics import or_nan
 
 # The slave's own instants, and what has gone on until each of them.
 PHASES = {
@@ -38,7 +41,7 @@ class Start(NamedTuple):
         return self.ends[AT_MASTER]
 
     def phases(self) -> dict[str, float]:
-        """What each phase took, ms."""
+        """Return what each phase took, ms."""
         before, took = 0.0, {}
         for name, end in self.ends.items():
             took[name] = end - before
@@ -52,14 +55,14 @@ def start(bench: Bench) -> Start:
         slave = bench.start_slave()
         await_vehicle(client, slave)
         health = client.diagnostics()
-        sample = (client.first_sample_wall_ns - to_wall_ns(slave.exec_ns)) / NS_PER_MS
-        ends = {title: float(health[f"startup_{name}_ms"]) for name, title in PHASES.items()}
+        sample = ((client.first_sample_ns(0) or 0) - to_wall_ns(slave.exec_ns)) / NS_PER_MS
+        ends = {title: or_nan(health[f"startup_{name}_ms"]) for name, title in PHASES.items()}
         slave.stop()
     return Start({**dict(sorted(ends.items(), key=lambda end: end[1])), AT_MASTER: sample})
 
 
 def floors() -> dict[str, str]:
-    """What interpreters run for comparison, by its name; a slave does without numpy, and so may this machine."""
+    """Return what interpreters run for comparison, by its name; a slave does without numpy, and so may this machine."""
     found = {"bare interpreter": "pass"}
     if find_spec("numpy"):
         found["numpy and zenoh"] = "import numpy, zenoh"
@@ -67,11 +70,11 @@ def floors() -> dict[str, str]:
 
 
 def time_floor(bench: Bench, code: str) -> float:
-    """How long an interpreter takes that runs `code`, limited as the slave, from exec until it has ended, ms.
+    """Return how long an interpreter takes that runs `code`, limited as the slave, from exec until it has ended, ms.
 
     Raises NetworkError when it fails.
     """
-    process = bench.start("floor", [sys.executable, "-c", code], limited=True)
+    process = bench.start("floor", [sys.executable, "-P", "-c", code], limited=True)
     failed = process.join()
     took = (now_ns() - process.exec_ns) / NS_PER_MS
     if failed:
@@ -85,11 +88,13 @@ def files_of_a_start(bench: Bench) -> list[str]:
     with bench.client() as client:
         slave = bench.start_slave(environment={"PYTHONVERBOSE": "1"})
         await_vehicle(client, slave)
-        found |= set(re.findall(r"/\S+", open_text(f"/proc/{slave.pid}/maps")))
+        found |= mapped_files(slave.pid)
         slave.stop()
-        found |= _modules(slave.said)
+        found |= _modules(slave.output)
     for code in floors().values():
-        done = subprocess.run([sys.executable, "-v", "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)
+        done = subprocess.run(
+            [sys.executable, "-P", "-v", "-c", code], capture_output=True, text=True, check=True, cwd=ROOT
+        )
         found |= _modules(done.stderr)
     return sorted(path for path in found if os.path.isfile(path) and not path.startswith(("/dev/", "/proc/")))
 
@@ -102,7 +107,7 @@ def _modules(text: str) -> set[str]:
 
 
 def coldness(files: Iterable[str], whole_machine: bool) -> tuple[Callable[[], None], str]:
-    """What makes the next start cold, and how, in words. Raises ConfigError when that is not allowed."""
+    """Return what makes the next start cold, and how, in words. Raises ConfigError when that is not allowed."""
     if whole_machine:
         if not os.access(DROP_CACHES, os.W_OK):
             raise ConfigError(f"{DROP_CACHES}: only root may; without --drop-caches only the files of a start go")
@@ -114,7 +119,7 @@ def coldness(files: Iterable[str], whole_machine: bool) -> tuple[Callable[[], No
 
 def _drop_all() -> None:
     os.sync()
-    with open(DROP_CACHES, "w") as file:
+    with open(DROP_CACHES, "w", encoding="utf-8") as file:
         file.write("3")
 
 

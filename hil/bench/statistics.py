@@ -1,11 +1,11 @@
-"""Medians, quantiles, how far they scatter, and whether two of them really differ."""
+"""Medians, quantiles, spread, and the significance of differences."""
 
 import random
 from collections.abc import Sequence
 from math import ceil, isfinite, nan, sqrt
 from typing import NamedTuple
 
-from hil.quantiles import quantile
+from hil.common.quantiles import quantile
 
 RESAMPLES = 2000
 CONFIDENCE = 0.95
@@ -19,12 +19,12 @@ class Interval(NamedTuple):
     high: float
 
     def holds(self, value: float) -> bool:
-        """Whether `value` is inside, ends included."""
+        """Return whether `value` is inside, ends included."""
         return self.low <= value <= self.high
 
 
 def median(values: Sequence[float]) -> float:
-    """The middle one, or the mean of the two middle ones; nan of none."""
+    """Return the middle one, or the mean of the two middle ones; nan of none."""
     ordered = sorted(values)
     if not ordered:
         return nan
@@ -33,7 +33,7 @@ def median(values: Sequence[float]) -> float:
 
 
 def spread(values: Sequence[float]) -> float:
-    """The range of the middle half of the values (the interquartile range); nan of none."""
+    """Return the range of the middle half of the values (the interquartile range); nan of none."""
     ordered = sorted(values)
     return quantile(ordered, 0.75) - quantile(ordered, 0.25)
 
@@ -41,7 +41,7 @@ def spread(values: Sequence[float]) -> float:
 def median_interval(
     values: Sequence[float], confidence: float = CONFIDENCE, seed: int = 1, block: bool = False
 ) -> Interval:
-    """Where the median lies, by resampling (percentile bootstrap: Efron and Tibshirani 1993, chapter 13).
+    """Return where the median lies, by resampling (percentile bootstrap: Efron and Tibshirani 1993, chapter 13).
 
     `block`: for values in the order of their time, of which neighbours are alike; else none may depend on another.
     """
@@ -55,7 +55,10 @@ def ratio_interval(
     seed: int = 1,
     block: bool = False,
 ) -> Interval:
-    """Where median(after) / median(before) lies, both resampled; nan where one has no values or is not above 0."""
+    """Return where median(after) / median(before) lies, both resampled.
+
+    Nan where one has no values or is not above 0.
+    """
     source = random.Random(seed)
     pairs = zip(_resampled(before, source, block), _resampled(after, source, block), strict=True)
     return _interval(sorted(new / old if old > 0.0 < new else nan for old, new in pairs), confidence)

@@ -1,4 +1,4 @@
-"""What reaches a master of each topic: how often, how much of it, how old, how many bytes a second."""
+"""Measure what a master receives of each topic: rate, loss, age, bandwidth."""
 
 import threading
 import time
@@ -8,15 +8,16 @@ from typing import NamedTuple
 
 from hil.bench.harness import Process, await_vehicle
 from hil.bench.presence import check_end, check_there
-from hil.clock import NS_PER_MS, now_ns, to_wall_ns
-from hil.config import Scenario
-from hil.errors import NetworkError
-from hil.master.client import VehicleClient
-from hil.master.delay import doubts_of
-from hil.quantiles import quantile
-from hil.topics import TOPICS, is_picture
-from hil.transport import ros
-from hil.transport.roles import dial
+from hil.client.client import VehicleClient
+from hil.client.delay import doubts_of
+from hil.common.clock import NS_PER_MS, now_ns, to_wall_ns
+from hil.common.errors import NetworkError
+from hil.common.quantiles import quantile
+from hil.network.roles import open_master_session
+from hil.ros import dialect
+from hil.ros import encoders as ros
+from hil.ros.topics import TOPICS, is_picture
+from hil.scenario.config import Scenario
 
 QUEUE = 20_000
 SENSOR_TOPICS = {"odometry": ("odom",), "dvl": ("dvl", "dvl_twist", "altitude")}  # of others it is their name
@@ -39,7 +40,7 @@ class Stream(NamedTuple):
     bytes_s: float
 
 
-class Heard(NamedTuple):
+class Listening(NamedTuple):
     """What came in one run, by topic, and why its ages are not to be trusted."""
 
     streams: list[Stream]
@@ -62,12 +63,12 @@ class Listener:
     def __init__(self, endpoint: str, scenario: Scenario) -> None:
         node, network, security = scenario.slave.node, scenario.network, scenario.security
         self._expected = expected(scenario)
-        self._session = dial(endpoint, network=network, security=security)
+        self._session = open_master_session(endpoint, network=network, security=security)
         self.client = VehicleClient(self._session, node, part="observer", security=security, topics=("odom",))
         self._seen: dict[str, _Seen] = {}
         self._counting = threading.Event()
         self._began = self._ended = 0.0
-        self._session.overhear(f"0/{node}/*/*/*", self._take, QUEUE)
+        self._session.subscribe_keys(f"{dialect.domain()}/{node}/*/*/*", self._on_message, QUEUE)
 
     def __enter__(self) -> "Listener":
         return self
@@ -76,8 +77,8 @@ class Listener:
         self.client.close()
         self._session.close()
 
-    def listen(self, seconds: float, slave: Process | None, watch: Callable[[float], None]) -> Heard:
-        """What came in so long; `watch` is told the share that is done.
+    def listen(self, seconds: float, slave: Process | None, watch: Callable[[float], None]) -> Listening:
+        """Return what came in so long; `watch` is told the share that is done.
 
         Raises NetworkError when the vehicle is not there, goes or hangs.
         """
@@ -98,10 +99,10 @@ class Listener:
         if not ages:
             raise NetworkError(f"nothing came from {self.client.node} at {self.client.endpoint}")
         lost = self.client.contact.losses - losses
-        gone = [f"the vehicle was out of reach meanwhile (times: {lost})"] if lost else []
-        return Heard(streams, gone + self._doubts([age for own in ages.values() for age in own]))
+        warnings = [f"the vehicle was out of reach meanwhile (times: {lost})"] if lost else []
+        return Listening(streams, warnings + self._doubts([age for own in ages.values() for age in own]))
 
-    def _take(self, key: str, payload: bytes, attachment: bytes) -> None:
+    def _on_message(self, key: str, payload: bytes, attachment: bytes) -> None:
         received_ns = to_wall_ns(now_ns())
         stamp = ros.unpack_attachment(attachment)
         if stamp is None or not self._counting.is_set():
@@ -115,13 +116,11 @@ class Listener:
 
     def _ages(self, seen: _Seen) -> list[float]:
         """From publish to receipt, ms, as the clocks have it: below zero where one of them is wrong."""
-        clock, same = self.client.delays.clock, self.client.contact.same_clock
-        found = []
-        for sent, came in seen.stamps:
-            estimate = None if same else clock.at(came)
-            if same or estimate:
-                found.append((came - sent + (estimate.offset_ns if estimate else 0)) / NS_PER_MS)
-        return found
+        delays, same = self.client.delays, self.client.contact.same_clock
+        if not same and not delays.clock.exchanges:
+            return []
+        delays.same_clock = same
+        return [(came - sent + delays.clock_at(came).offset_ns) / NS_PER_MS for sent, came in seen.stamps]
 
     def _stream(self, topic: str, ages: list[float]) -> Stream:
         seconds = self._ended - self._began
@@ -133,7 +132,10 @@ class Listener:
         return Stream(topic, rate, nominal, loss, short, quantile(ages, 0.5), quantile(ages, 0.99), bytes_s)
 
     def _doubts(self, ages: list[float]) -> list[str]:
-        """Why the ages are not to be trusted, as hil.master.delay.judge says of commands; nothing if they may be."""
+        """Return why the ages are not to be trusted, as hil.client.delay.judge says of commands.
+
+        Nothing if they may be.
+        """
         clock, at_ns = self.client.delays.clock, to_wall_ns(now_ns())
         negative = sum(age < 0.0 for age in ages)
         found = [f"{negative} of {len(ages)} messages came before they were sent: a clock is wrong"] if negative else []
@@ -144,10 +146,10 @@ class Listener:
 
 
 def expected(scenario: Scenario) -> dict[str, float]:
-    """The topics that a slave of the scenario sends by itself, but for pictures, and how often each, Hz."""
+    """Return the topics that a slave of the scenario sends by itself, but for pictures, and how often each, Hz."""
     found = {"diagnostics": TOPICS["diagnostics"].rate_hz}
     for name, fitted in scenario.sensors.items():
-        if not fitted.heavy:
+        if not fitted.offloaded:
             found |= dict.fromkeys(SENSOR_TOPICS.get(name, (name,)), fitted.model.rate)
     if scenario.ros.wrench:
         found["thruster_wrench"] = scenario.ros.wrench
@@ -155,7 +157,7 @@ def expected(scenario: Scenario) -> dict[str, float]:
 
 
 def missing(messages: int, nominal: float, seconds: float) -> float:
-    """The share (0 to 1) of what should have come that did not.
+    """Return the share (0 to 1) of what should have come that did not.
 
     One message more or less is chance, but where several are due and none comes, all are missing.
     """

@@ -1,6 +1,6 @@
-"""What QEMU's STM32 takes by itself: the part of a command's delay that is neither the network's nor ours.
+"""Measure the delay that QEMU's STM32 adds by itself, without network or code of ours.
 
-    python -m hil.bench.bare_qemu SCENARIO
+    python -m hil.bench.floors.bare_qemu SCENARIO
 
 Its UART has no baud, but hands the firmware byte after byte, and sends each of the answer's by itself. It is asked from
 a process with the slave's scheduling, which QEMU inherits there too: without it the same takes half as long again.
@@ -10,12 +10,13 @@ import select
 import sys
 
 from firmware_stub.qemu import QemuStm32
-from hil.clock import LOOP_PRIORITY, NS_PER_MS, NS_PER_US, now_ns, schedule_fifo, stay_awake
-from hil.config import Scenario, load_scenario
-from hil.errors import DeviceError, HilError
+from hil.common.clock import LOOP_PRIORITY, NS_PER_MS, NS_PER_US, now_ns, schedule_fifo, stay_awake
+from hil.common.errors import DeviceError, HilError
+from hil.common.lifeline import die_with_parent
 from hil.links.contract import PWM_NEUTRAL_US, ThrusterCommand, ThrusterLink, ThrusterTelemetry
-from hil.slave.stm32 import end_protocol
-from sim.vehicle import load_vehicle
+from hil.scenario.config import Scenario, load_scenario
+from hil.slave.drivers.driver import end_protocol
+from sim.vehicle.vehicle import load_vehicle
 
 TIMES = 100
 PATIENCE_S = 5.0
@@ -23,7 +24,7 @@ QUIET_S = 0.004  # what was under way has come by then
 
 
 def answer_ms(scenario: Scenario) -> float:
-    """The time, ms, from a command written on the line of an STM32 in QEMU to its answer read, at the quickest.
+    """Return the time, ms, from a command written on the line of an STM32 in QEMU to its answer read, at the quickest.
 
     Not in the mean, as it is not asked in the same seconds as the slave's. Command and answer are those of the
     scenario's link, their instants those of a slave's trace, and nothing else runs meanwhile. Raises DeviceError
@@ -55,6 +56,7 @@ def _answer_ns(link: ThrusterLink, channels: int, number: int) -> int:
 
 def main(path: str) -> None:
     """Say what it takes on the way that a slave of the scenario at `path` would run; exits with a message."""
+    die_with_parent()
     try:
         scenario = load_scenario(path)
         if scenario.slave.realtime:

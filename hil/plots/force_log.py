@@ -1,11 +1,12 @@
-"""The flight recorder of a simulation: state, thrusts and every force on the vehicle, as a table and a picture."""
+"""Log state, thrusts and every force of a simulated vehicle, as a table and a picture."""
 
 import csv
+from collections.abc import Callable
 from typing import Any
 
-from hil.bench.plotting import pyplot
-from hil.clock import NS_PER_S
-from hil.errors import ConfigError
+from hil.common.clock import NS_PER_S
+from hil.common.errors import ConfigError
+from hil.plots.plotting import pyplot
 from sim.dynamics import Forces
 from sim.rotations import to_euler
 from sim.simulation import Simulation
@@ -17,7 +18,10 @@ AXES = ("x_n", "y_n", "z_n", "k_nm", "m_nm", "n_nm")
 
 
 class Flight:
-    """Notes a simulation as it goes, 20 times a second of its time."""
+    """Notes a simulation as it goes, 20 times a second of its time, and in the first step of each touch.
+
+    So no blow is missed, however short.
+    """
 
     def __init__(self, simulation: Simulation) -> None:
         self.columns = [
@@ -29,12 +33,20 @@ class Flight:
         self.rows: list[list[float]] = []
         self.title = f"{simulation.vehicle.name} in {simulation.world.name}"
         self._due_ns = 0
+        self._touched_ns = -PERIOD_NS
+        self._blows: list[int] = []  # the rows in which it hits something
 
     def note(self, simulation: Simulation) -> None:
-        """Take down what there is now, if it is time."""
-        if simulation.time_ns < self._due_ns:
+        """Take down what there is now, if it is time, or if it touches something that it did not just now."""
+        now, hits = simulation.time_ns, False
+        if simulation.touching:
+            hits, self._touched_ns = now - self._touched_ns > PERIOD_NS, now
+        if now < self._due_ns and not hits:
             return
-        self._due_ns += PERIOD_NS
+        if now >= self._due_ns:
+            self._due_ns += PERIOD_NS
+        if hits:
+            self._blows.append(len(self.rows))
         state = simulation.state
         attitude = to_euler(state.quaternion)
         pose = [simulation.time_ns / NS_PER_S, *state.position, *attitude, *state.nu]
@@ -44,22 +56,26 @@ class Flight:
     def write(self, path: str) -> None:
         """The table as CSV, names and units in its first line. Raises ConfigError."""
         try:
-            with open(path, "w", newline="") as file:
+            with open(path, "w", newline="", encoding="utf-8") as file:
                 writer = csv.writer(file)
                 writer.writerow(self.columns)
                 writer.writerows([f"{x:.9g}" for x in row] for row in self.rows)
         except OSError as error:
             raise ConfigError(f"{path}: cannot be written: {error.strerror}") from None
 
-    def draw(self, path: str) -> None:
+    def draw(self, path: str, on_track: Callable[[Any], None] = lambda axes: None) -> None:
         """The picture: track, depth, attitude, speeds, thrusts, and the forces of each kind.
 
-        Raises ConfigError, MissingExtraError.
+        `on_track` may draw more into the axes of the track, east to the right. Raises ConfigError, MissingExtraError.
         """
         plt = pyplot()
         figure, axes = plt.subplots(4, 2, figsize=(13, 14), layout="constrained")
         (track, surge, depth, pitch), (speed, heave, thrust, yaw) = axes[:, 0], axes[:, 1]
         self._draw_track(track)
+        on_track(track)
+        _zoom(track)
+        if len(track.get_legend_handles_labels()[1]) > 1:
+            track.legend(loc="best", fontsize="x-small")
         self._lines(depth, {"depth": "down_m"}, "m")
         depth.invert_yaxis()
         self._lines(speed, {"surge u": "u_m_s", "sway v": "v_m_s", "heave w": "w_m_s"}, "m/s")
@@ -72,6 +88,7 @@ class Flight:
             (yaw, "n_nm", "yaw moment (N m)"),
         ):
             self._lines(panel, {term.replace("_", " "): f"{term}_{axis}" for term in Forces._fields}, words)
+            self._cut_blows(panel, f"contact_{axis}")
         figure.suptitle(self.title)
         try:
             figure.savefig(path, dpi=100)
@@ -81,9 +98,24 @@ class Flight:
             plt.close(figure)
 
     def _draw_track(self, axes: Any) -> None:
-        axes.plot(self._column("east_m"), self._column("north_m"))
-        axes.plot(*[self._column(name)[0] for name in ("east_m", "north_m")], "o", color="C2")
+        axes.plot(self._column("east_m"), self._column("north_m"), label="vehicle", zorder=3)
+        axes.plot(*[self._column(name)[0] for name in ("east_m", "north_m")], "o", color="C2", label="start", zorder=3)
         axes.set(xlabel="east (m)", ylabel="north (m)", aspect="equal", title="track")
+
+    def _cut_blows(self, axes: Any, contact: str) -> None:
+        """Leave out of the axis' range what blows reach, a hundred times all other forces, and write it there."""
+        if not self._blows or not axes.lines:
+            return
+        calm = [y for line in axes.lines for row, y in enumerate(line.get_ydata()) if row not in self._blows]
+        low, high = min(calm, default=0.0), max(calm, default=0.0)
+        slack = 0.05 * (high - low) or 1.0
+        axes.set_ylim(low - slack, high + slack)
+        times, forces = self._column("time_s"), self._column(contact)
+        for row in self._blows:
+            if not low - slack <= forces[row] <= high + slack:
+                edge = low if forces[row] < 0.0 else high
+                axes.annotate(f" blow of {forces[row]:.0f}", (times[row], edge), fontsize="x-small", rotation=90,
+                              va="bottom" if edge == low else "top")  # fmt: skip
 
     def _lines(self, axes: Any, curves: dict[str, str], unit: str) -> None:
         time = self._column("time_s")
@@ -98,3 +130,14 @@ class Flight:
     def _column(self, name: str) -> list[float]:
         place = self.columns.index(name)
         return [row[place] for row in self.rows]
+
+
+def _zoom(axes: Any) -> None:
+    """Show what lines and marks are of, and a little more, whatever else is there."""
+    marks = [line for line in axes.lines if len(line.get_xdata())]
+    for set_limits, values in (
+        (axes.set_xlim, [float(x) for line in marks for x in line.get_xdata()]),
+        (axes.set_ylim, [float(y) for line in marks for y in line.get_ydata()]),
+    ):
+        middle, half = 0.5 * (max(values) + min(values)), 0.5 * (max(values) - min(values))
+        set_limits(middle - 1.2 * half - 2.0, middle + 1.2 * half + 2.0)

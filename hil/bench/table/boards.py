@@ -1,4 +1,4 @@
-"""The HIL table of several boards or runs side by side, beside the source paper's: text, Markdown, CSV, a picture."""
+"""The HIL table of several boards or runs side by side, beside the reference platform's: as text, files, a picture."""
 
 import csv
 import io
@@ -8,14 +8,15 @@ from math import ceil, floor, log10
 from textwrap import wrap
 from typing import Any, NamedTuple
 
-from boards import Budgets
+from boards import Budgets, load_board
 from hil.bench.harness import OF_SLAVE, labels_of
-from hil.bench.plotting import pyplot
 from hil.bench.record import Figure, Record
-from hil.bench.table import PAPER_DELAY_S, PAPER_MASTER_CPU, PAPER_MEMORY, PAPER_STARTUP_S
-from hil.bench.table_run import ROWS, Row
-from hil.columns import aligned
-from hil.errors import ConfigError
+from hil.bench.table.hil_table import PAPER_BOARDS
+from hil.bench.table.run import ROWS, Row
+from hil.common.columns import aligned
+from hil.common.errors import ConfigError
+from hil.plots.plotting import pyplot
+from hil.ros.diagnostics import Diagnostics
 
 DRAWN = ("master_cpu", "startup", "memory_share", "delay_p50")  # what the paper has too
 CLOCKED = ("startup", "delay_p50", "delay_p99", "delay_max")  # between instants of two processes
@@ -38,29 +39,51 @@ class Column(NamedTuple):
     warnings: tuple[str, ...] = ()
 
     def doubts(self, row: Row) -> tuple[str, ...]:
-        """Why this figure of it is not to be trusted."""
+        """Return why this figure of it is not to be trusted."""
         return self.warnings if row.name in CLOCKED else ()
 
 
 def paper() -> list[Column]:
-    """The source paper's two boards; it gives one number each, without spread."""
-    boards = ("paper: Pi 4B", "paper: Jetson Nano")
+    """Return the reference platform's two boards; it gives one number each, without spread."""
     return [
         Column(
-            title,
+            f"{board.title}, 2022",
             {
-                "master_cpu": Figure([PAPER_MASTER_CPU * 100.0], "% of a core"),
-                "startup": Figure([PAPER_STARTUP_S[place]], "s"),
-                "memory_share": Figure([PAPER_MEMORY[place] * 100.0], "%"),
-                "delay_p50": Figure([PAPER_DELAY_S[place] * 1e3], "ms"),
+                "master_cpu": Figure([board.master_cpu * 100.0], "% of a core"),
+                "startup": Figure([board.startup_s], "s"),
+                "memory_share": Figure([board.memory * 100.0], "%"),
+                "delay_p50": Figure([board.delay_s * 1e3], "ms"),
             },
         )
-        for place, title in enumerate(boards)
+        for board in PAPER_BOARDS
     ]
 
 
+def ratios(column: Column, board: str) -> str:
+    """A line: how many times less each figure of a column is than that of the reference platform on the same board.
+
+    board: the name of the board's profile. "" where the platform had no such board, or the column's machine is not a
+    real one, or a limited one, as its labels tell.
+    """
+    theirs = next((place for place, one in enumerate(PAPER_BOARDS) if load_board(one.profile).name == board), None)
+    if theirs is None or column.labels:
+        return ""
+    reference = paper()[theirs]
+    found = [
+        f"{row.title} {reference.figures[row.name].median / column.figures[row.name].median:.1f} x less"
+        for row in ROWS
+        if row.name in DRAWN and _is_comparable(row, column)
+    ]
+    return f"{column.title} against {reference.title}: {', '.join(found)}" if found else ""
+
+
+def _is_comparable(row: Row, column: Column) -> bool:
+    figure = column.figures.get(row.name)
+    return figure is not None and figure.median > 0.0 and not column.doubts(row)
+
+
 def columns_of(record: Record, title: str = "") -> list[Column]:
-    """The columns of one record of `bench table`; `title` stands before each slave's name."""
+    """Return the columns of one record of `bench table`; `title` stands before each slave's name."""
     found: dict[str, dict[str, Figure]] = {}
     for name, figure in record.figures.items():
         row, _, slave = name.partition(" @ ")
@@ -72,18 +95,19 @@ def _column(record: Record, slave: str, figures: dict[str, Figure], title: str) 
     """That of the slave at an endpoint, or of the one here (""). A record describes the machine of its master."""
     detail = record.details.get(slave or HERE, {})
     master = f"{record.machine.get('cpu') or 'unknown processor'}, {record.machine.get('cores', '?')} cores"
-    board = detail.get("slave", {}).get("board", "?")
+    said = Diagnostics(detail.get("slave"))
+    board = said.board or "?"
     about = f"board: {board}; master: {master}" if slave else master
     labels = record.labels
     if slave:
         ours = (f"master: {label}" for label in labels if not label.startswith(OF_SLAVE))
-        labels = (*ours, *labels_of(detail.get("slave", {})))
+        labels = (*ours, *labels_of(said))
     name = " ".join(filter(None, (title, slave)))
     return Column(name, figures, f"{about}; {record.made[:10]}", labels, tuple(detail.get("warnings", ())))
 
 
 def remarks(columns: Sequence[Column]) -> list[str]:
-    """A line a column: of which machine it is, when it was measured, and what else has to be known of it."""
+    """Return a line a column: of which machine it is, when it was measured, and what else has to be known of it."""
     lines = []
     for column in columns:
         labels = [f"label: {label}" for label in column.labels]
@@ -100,7 +124,7 @@ def text(columns: Sequence[Column]) -> str:
 
 
 def markdown(columns: Sequence[Column]) -> str:
-    """The same for a document, and what has to be known of each column below it."""
+    """Return the same for a document, and what has to be known of each column below it."""
     head, *body = _cells(columns)
     lines = [head, ["---"] * len(head), *body]
     table = [f"| {' | '.join(cell.replace('|', '/') for cell in line)} |" for line in lines]
@@ -166,7 +190,7 @@ def _draw_row(panel: Any, row: Row, columns: Sequence[Column]) -> None:
 
 
 def missed(column: Column, budgets: Budgets) -> list[str]:
-    """The budgets that the medians do not keep, in words. A figure that could not be had keeps none."""
+    """Return the budgets that the medians do not keep, in words. A figure that could not be had keeps none."""
     resident = column.figures.get("memory_alone")
     limits = {
         "startup": budgets.startup,
@@ -210,7 +234,7 @@ def _cell(row: Row, column: Column) -> str:
 
 
 def _number(row: Row, column: Column) -> str:
-    """The median; "" where there is none."""
+    """Return the median; "" where there is none."""
     figure = column.figures.get(row.name)
     if figure is None or not figure.values:
         return ""

@@ -1,9 +1,9 @@
-"""The door to matplotlib: drawn to files, loaded when a picture is wanted."""
+"""Import matplotlib on first use, for drawing into files."""
 
 import os
 from typing import Any
 
-from hil.errors import ConfigError, MissingExtraError
+from hil.common.errors import ConfigError, MissingExtraError
 
 
 def pyplot() -> Any:

@@ -2,10 +2,10 @@
 
 from collections.abc import Sequence
 
-from hil.bench.plotting import pyplot
-from hil.bench.step_response import AXES
-from hil.bench.tuning import Tuned
-from hil.errors import ConfigError
+from hil.common.errors import ConfigError
+from hil.plots.plotting import pyplot
+from hil.tuning.search import Tuned
+from hil.tuning.step_response import AXES
 
 
 def draw(title: str, found: Sequence[Tuned], path: str) -> None:

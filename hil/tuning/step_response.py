@@ -1,13 +1,13 @@
-"""Step responses: one axis of a vehicle told to jump, the others to stay, and what its answer is worth."""
+"""Measure step responses: step one axis, hold the others, and rate the response."""
 
 from math import nan
 from statistics import fmean
 from typing import Any, NamedTuple
 
-from hil.autonomy.control import VelocityCommand
-from hil.bench.rig import CONTROL_PERIOD_S, START_DEPTH, Moment, Rig
-from sim.terminal_speed import Reach
-from sim.vehicle import Vehicle
+from hil.autonomy.control.controller import VelocityCommand
+from hil.tuning.rig import CONTROL_PERIOD_S, START_DEPTH, Moment, Rig
+from sim.vehicle.terminal_speed import Reach
+from sim.vehicle.vehicle import Vehicle
 
 HOLD_S = 4.0  # at rest before the step: integrators find what the vehicle weighs
 # What a step is if the vehicle can: m/s, rad/s, m, rad; and the share of its top speed if it is weaker.
@@ -58,7 +58,7 @@ class Response(NamedTuple):
     values: list[float]
 
     def figures(self) -> Figures:
-        """The numbers of this response."""
+        """Return the numbers of this response."""
         shares = [value / self.size for value in self.values]
         errors = [abs(share - 1.0) for share in shares]
         last_out = max((number for number, error in enumerate(errors) if error > 0.05), default=-1)
@@ -76,7 +76,7 @@ class Response(NamedTuple):
 
 
 def step_size(axis: str, reach: Reach) -> float:
-    """How far `axis` is to jump on a vehicle that reaches so much along the axis of its wrench."""
+    """Return how far `axis` is to jump on a vehicle that reaches so much along the axis of its wrench."""
     fixed = {"depth": _DIVE, "heading": _ROUND, "roll": _TILT, "pitch": _TILT}
     if axis in fixed:
         return fixed[axis]
@@ -87,7 +87,7 @@ def step_size(axis: str, reach: Reach) -> float:
 def fly_step(
     name: str, vehicle: Vehicle, control: dict[str, Any], axis: str, size: float, seed: int = 1, **rig: Any
 ) -> Response:
-    """The response of `vehicle` under its `[control]` table to a step of `size` along `axis`.
+    """Return the response of `vehicle` under its `[control]` table to a step of `size` along `axis`.
 
     Roll and pitch, which nobody commands, begin that much off level. `rig` are further arguments of `Rig`. Raises
     ConfigError.
@@ -103,7 +103,7 @@ def fly_step(
 
 
 def order(axis: str, size: float) -> VelocityCommand:
-    """The command for a step along `axis`, the others held."""
+    """Return the command for a step along `axis`, the others held."""
     still = VelocityCommand(depth=START_DEPTH, heading=0.0)
     return {
         "surge": still._replace(surge=size),

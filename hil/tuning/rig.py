@@ -1,25 +1,26 @@
-"""A test rig: one vehicle with its own controller in deep open water, flown in simulated time as fast as it goes."""
+"""A test rig for tuning: one vehicle with its controller in deep open water, in simulated time."""
 
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
-from hil.autonomy.control import NO_RESIDUAL, Navigation, VelocityCommand, Wrench
-from hil.autonomy.families import Controller
-from hil.clock import NS_PER_S
-from hil.config import Master, Scenario
+from hil.autonomy.control.controller import NO_RESIDUAL, Navigation, VelocityCommand, Wrench
+from hil.autonomy.control.families import Controller
+from hil.common.clock import NS_PER_S
+from hil.scenario.config import Scenario
+from hil.scenario.records import Master
 from hil.slave.pilot import build_pilot
+from sim.environment.world import World
 from sim.rotations import from_euler, to_euler
 from sim.sensors.suite import fit
 from sim.simulation import DT_NS, Simulation
-from sim.vehicle import Vehicle
-from sim.world import World
+from sim.vehicle.vehicle import Vehicle
 
 DEEP = World(name="deep water", source="nothing in it", extent=(-1e4, 1e4, -1e4, 1e4), depth=1000.0)
 START_DEPTH = 50.0
 CONTROL_PERIOD_S = 0.02
 _STEPS = round(CONTROL_PERIOD_S * NS_PER_S) // DT_NS
 
-Orders = Callable[[float], VelocityCommand]
+CommandMux = Callable[[float], VelocityCommand]
 
 
 class Moment(NamedTuple):
@@ -53,7 +54,7 @@ class Recorder:
     def update(
         self, command: VelocityCommand, navigation: Navigation, dt: float, residual: Wrench = NO_RESIDUAL
     ) -> Wrench:
-        """The wrench (N, N m) for the next `dt` s."""
+        """Return the wrench (N, N m) for the next `dt` s."""
         x, y, z, k, m, n = (
             held + added if axis == self._axis else asked
             for axis, (asked, held, added) in enumerate(
@@ -90,7 +91,7 @@ class Rig:
         self.recorder = Recorder(self._pilot.controller)
         self._pilot.controller = self.recorder
 
-    def fly(self, seconds: float, orders: Orders) -> list[Moment]:
+    def fly(self, seconds: float, orders: CommandMux) -> list[Moment]:
         """Go on for so long, under what `orders` says for each time since this call (s); all instants of control."""
         simulation, pilot = self.simulation, self._pilot
         moments = []
@@ -101,7 +102,7 @@ class Rig:
             moments.append(self._moment(time))
             for _ in range(_STEPS):
                 for topic, sample in simulation.step(pulses.pwm_us):
-                    pilot.sense(topic, sample)
+                    pilot.update_sensor(topic, sample)
         return moments
 
     def _moment(self, time: float) -> Moment:

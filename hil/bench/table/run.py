@@ -1,23 +1,24 @@
-"""One run for the HIL table: a master process flies with a slave for some seconds, and tells what it saw.
+"""One run for the HIL table: a master process with a slave for some seconds.
 
-The definitions of the figures are in docs/benchmark.md.
+The definitions of the figures are in docs/explanation/benchmark.md.
 """
 
 import json
 import os
-import re
-import sys
 from math import isfinite
 from typing import Any, NamedTuple
 
-from hil.bench import bare_slave
-from hil.bench.harness import READY_S, Bench, open_text
+from hil.bench.floors import bare_slave
+from hil.bench.harness import READY_S, Bench
+from hil.bench.processes import resident_mib
 from hil.bench.record import Better, Figure
-from hil.bench.table import PAPER_BOARD_MIB
-from hil.clock import seconds_ns
-from hil.errors import NetworkError
-from hil.ports import free_ports
-from hil.transport.roles import dial
+from hil.bench.table.hil_table import PAPER_BOARD_MIB
+from hil.common.children import module_command
+from hil.common.clock import seconds_ns
+from hil.common.errors import NetworkError
+from hil.common.ports import free_ports
+from hil.network.roles import open_master_session
+from hil.ros.diagnostics import Diagnostics, or_nan
 
 BARE_S = 3.0  # that the floor of the slave's CPU is measured for
 FLEW = (0, 6)  # exit codes of a master that flew: the goal was reached, or not in this time
@@ -52,7 +53,7 @@ class Run(NamedTuple):
     """What one repetition gave: the value of each row, what the slave told of itself, `warnings` of wrong clocks."""
 
     values: dict[str, float]
-    slave: dict[str, str]
+    slave: Diagnostics
     notes: list[str]
     warnings: list[str]
 
@@ -79,32 +80,26 @@ def fly(bench: Bench, number: int, endpoint: str = "") -> Run:
     return run
 
 
-def resident_mib(pids: list[int]) -> float:
-    """Resident memory (MiB) of processes: what they take when nobody else uses what they share with others."""
-    found = [re.search(r"^Rss:\s*(\d+)", open_text(f"/proc/{pid}/smaps_rollup"), re.MULTILINE) for pid in pids]
-    return sum(int(match[1]) for match in found if match) / 1024 or float("nan")
-
-
-def _bare_share(bench: Bench, slave: dict[str, str]) -> float:
+def _bare_share(bench: Bench, slave: Diagnostics) -> float:
     """The share of a core that waking as often and publishing as much as `slave` takes here and now, and no more.
 
     Raises NetworkError.
     """
     settings = bench.scenario.slave
     endpoint = f"tcp/127.0.0.1:{free_ports(1)[0]}"
-    rate = float(slave["messages_sent"]) / float(slave["uptime_s"])
+    rate = or_nan(slave.messages_sent) / or_nan(slave.uptime_s)
     arguments = endpoint, seconds_ns(settings.step), rate, BARE_S, int(settings.realtime)
-    command = [sys.executable, "-m", "hil.bench.bare_slave", *map(str, arguments)]
+    command = module_command("hil.bench.floors.bare_slave", *map(str, arguments))
     process = bench.start("bare", command, limited=True)
-    with dial(endpoint) as session:
+    with open_master_session(endpoint) as session:
         session.subscribe(bare_slave.NODE, "*", lambda *_: None, depth=100)
-        said = process.expect("share", READY_S + BARE_S)
+        output = process.expect("share", READY_S + BARE_S)
     process.wait(READY_S)
-    return float(said.split()[1])
+    return float(output.split()[1])
 
 
 def figures(runs: list[Run]) -> dict[str, Figure]:
-    """The rows of the table over some repetitions."""
+    """Return the rows of the table over some repetitions."""
     return {row.name: Figure([run.values[row.name] for run in runs], row.unit, row.better) for row in ROWS}
 
 
@@ -126,4 +121,4 @@ def _read(table: dict[str, Any], limit_mib: float, alone_mib: float) -> Run:
     }
     delay = {key: float("nan") if value is None else value for key, value in table["delay"].items()}
     values |= {f"delay_{name}": delay[f"{name}_ms"] for name in ("p50", "p99", "max")}
-    return Run(values, table["slave"], table["notes"], table["warnings"])
+    return Run(values, Diagnostics(table["slave"]), [*table["events"], *table["notes"]], table["warnings"])

@@ -1,6 +1,6 @@
-"""What no slave undercuts on this machine: a process that wakes as often, publishes as much, and does nothing else.
+"""A process that wakes and publishes as often as a slave and does nothing else: the lower limit of its cost.
 
-    python -m hil.bench.bare_slave ENDPOINT STEP_NS MESSAGES_PER_S SECONDS REALTIME
+    python -m hil.bench.floors.bare_slave ENDPOINT STEP_NS MESSAGES_PER_S SECONDS REALTIME
 
 It begins when somebody listens, and says its share of a core. Messages go out twenty times a second, as often as a
 vehicle says where it is, each as large as that. What is not in it: commands, and the thruster link.
@@ -13,10 +13,11 @@ from collections.abc import Callable
 
 import zenoh
 
-from hil.clock import LOOP_PRIORITY, NS_PER_S, RateKeeper, now_ns, schedule_fifo, stay_awake
-from hil.topics import TOPICS
-from hil.transport.publisher import is_matched, key_of
-from hil.transport.settings import Network, save_threads, settings
+from hil.common.clock import LOOP_PRIORITY, NS_PER_S, RateKeeper, now_ns, schedule_fifo, stay_awake
+from hil.common.lifeline import die_with_parent
+from hil.network.publisher import is_matched, key_of
+from hil.network.settings import Network, save_threads, settings
+from hil.ros.topics import TOPICS
 
 NODE = "bare"
 KEY = key_of(TOPICS["odom"], NODE)
@@ -52,6 +53,7 @@ def _await_listener(publisher: zenoh.Publisher) -> None:
 
 def main(arguments: list[str]) -> None:
     """Be it once; exits with a message when nobody comes."""
+    die_with_parent()
     endpoint, step_ns, rate, seconds, realtime = arguments
     save_threads(pictures=False)  # as a slave
     if realtime == "1":

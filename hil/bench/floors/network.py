@@ -1,4 +1,4 @@
-"""What no command can undercut: bare datagrams and bare TCP between the same machines, at the same pace.
+"""Measure bare UDP and TCP round trips between the machines of a benchmark, at the commands' rate.
 
 One way is half a round trip: which of the two ways took longer cannot be told without a common clock.
 """
@@ -8,8 +8,8 @@ import socket
 from contextlib import suppress
 from typing import Any, Self
 
-from hil.clock import NS_PER_S, now_ns
-from hil.errors import NetworkError
+from hil.common.clock import NS_PER_S, now_ns
+from hil.common.errors import NetworkError
 
 MOST = 1 << 16  # bytes at once
 ZEROS = memoryview(bytes(MOST))
@@ -55,7 +55,7 @@ def _prompt(stream: socket.socket) -> socket.socket:
 
 
 def _echo(stream: socket.socket) -> bool:
-    """Whether there may be more to send back."""
+    """Return whether there may be more to send back."""
     with suppress(OSError):  # reset, or it does not read what it asked for
         data = stream.recv(MOST)
         if data:
@@ -76,43 +76,43 @@ def _connect(host: str, port: int, kind: socket.SocketKind) -> socket.socket:
         raise NetworkError(f"no echo at {host}:{port}: {error}; start `uuv-hil bench echo` there") from None
 
 
-class Way:
+class RoundTrips:
     """Round trips of `size` bytes by one socket. `taken_ns` are half of each, `lost` those not answered in time."""
 
     def __init__(self, opened: socket.socket, size: int) -> None:
         self._socket = opened
         self._size = size
-        self._asked = 0
-        self._heard = b""
+        self._count = 0
+        self._received = b""
         self.taken_ns: list[int] = []
         self.lost = 0
 
     @property
-    def silent(self) -> bool:
+    def is_silent(self) -> bool:
         """Whether it has never answered, and need not be asked again."""
         return not self.taken_ns and self.lost >= GIVE_UP
 
-    def ask(self, until_ns: int) -> None:
+    def measure_once(self, until_ns: int) -> None:
         """One round trip, given up at `until_ns` (monotonic)."""
-        self._asked += 1
-        message = self._asked.to_bytes(8, "big").ljust(self._size, b"\0")  # late answers are told from this one's
+        self._count += 1
+        message = self._count.to_bytes(8, "big").ljust(self._size, b"\0")  # late answers are told from this one's
         began = now_ns()
         try:
             self._socket.send(message)
-            while self._hear(until_ns) != message:
+            while self._receive(until_ns) != message:
                 pass
             self.taken_ns.append((now_ns() - began) // 2)
         except OSError:
             self.lost += 1
 
-    def _hear(self, until_ns: int) -> bytes:
-        while len(self._heard) < self._size:
+    def _receive(self, until_ns: int) -> bytes:
+        while len(self._received) < self._size:
             self._socket.settimeout(max((until_ns - now_ns()) / NS_PER_S, LEAST_S))
             data = self._socket.recv(MOST)
             if not data:
                 raise ConnectionResetError
-            self._heard += data
-        message, self._heard = self._heard[: self._size], self._heard[self._size :]
+            self._received += data
+        message, self._received = self._received[: self._size], self._received[self._size :]
         return message
 
     def close(self) -> None:
@@ -127,9 +127,9 @@ class Floor:
     """
 
     def __init__(self, host: str, udp: int, tcp: int, size: int) -> None:
-        self.tcp = Way(_connect(host, tcp, socket.SOCK_STREAM), size)
+        self.tcp = RoundTrips(_connect(host, tcp, socket.SOCK_STREAM), size)
         try:
-            self.udp = Way(_connect(host, udp, socket.SOCK_DGRAM), size)
+            self.udp = RoundTrips(_connect(host, udp, socket.SOCK_DGRAM), size)
         except NetworkError:
             self.tcp.close()
             raise
@@ -148,9 +148,9 @@ class Floor:
         What has not come back by `until_ns` (monotonic) is lost, so that nobody is kept waiting.
         """
         self._turn = not self._turn
-        way = self.udp if self._turn else self.tcp
-        if not way.silent:
-            way.ask(until_ns)
+        round_trip = self.udp if self._turn else self.tcp
+        if not round_trip.is_silent:
+            round_trip.measure_once(until_ns)
 
 
 class Load:

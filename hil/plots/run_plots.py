@@ -2,21 +2,20 @@
 
 import os
 from collections.abc import Sequence
-from math import cos, nan, sin
+from math import nan
 from typing import Any
 
-from hil.bench.plotting import pyplot
-from hil.bench.run_data import Row, VehicleData, collect
-from hil.errors import ConfigError
-from hil.master.delay import HOPS, quantiles
-from hil.transport.recording_reader import read_about, read_messages
-from hil.transport.recording_run import Run, read_run
-from sim.obstacles import Box
+from hil.client.delay import HOPS, quantiles
+from hil.common.errors import ConfigError
+from hil.plots.plotting import pyplot
+from hil.plots.run_data import Row, VehicleData, collect
+from hil.plots.run_picture import draw_events, draw_goal, draw_world
+from hil.recording.reader import read_about, read_messages
+from hil.recording.run import Run, read_run
 
 DPI = 110
 GAP_S = 1.0  # a longer silence is a gap in a line
 COMMANDED, TRUE, MEASURED = "#c2410c", "#1d4ed8", "#9ca3af"
-OBSTACLE, WATER = "#6b7280", "#f3f6f9"
 RESPONSE = (("surge (m/s)", 1, 5), ("sway (m/s)", 2, 6), ("heave (m/s)", 3, 7), ("yaw rate (rad/s)", 4, 8))
 
 
@@ -28,7 +27,7 @@ def plot_recording(path: str, folder: str, own_classes: bool = False) -> list[st
     plt = pyplot()
     about = read_about(path)
     run = read_run(about, path, own_classes)
-    vehicles = collect(read_messages(path))
+    vehicles = collect(read_messages(path), path)
     if not vehicles:
         raise ConfigError(f"{path}: no vehicle in it that says where it is, is commanded or tells delays")
     for data in vehicles.values():
@@ -68,7 +67,8 @@ def _trajectory(plt: Any, vehicles: dict[str, VehicleData], run: Run | None) -> 
         return None
     figure, axes = plt.subplots(figsize=(8, 8), layout="constrained")
     if run:
-        _draw_world(axes, run)
+        draw_world(axes, run.world)
+        draw_goal(axes, run.scenario)
     for number, (node, data) in enumerate(vehicles.items()):
         rows = data.true or data.measured
         if not rows:
@@ -82,6 +82,7 @@ def _trajectory(plt: Any, vehicles: dict[str, VehicleData], run: Run | None) -> 
         axes.plot(_column(rows, 2), _column(rows, 1), color=color, linewidth=1.3, label=label)
         axes.plot(rows[0][2], rows[0][1], "o", color=color, markersize=7)
         axes.plot(rows[-1][2], rows[-1][1], "s", color=color, markersize=6)
+    draw_events(axes, [event for data in vehicles.values() for event in data.events])
     axes.set(
         xlabel="east (m)", ylabel="north (m)", aspect="equal", title=_title("trajectory", run) + "\n○ start, □ end"
     )
@@ -89,31 +90,6 @@ def _trajectory(plt: Any, vehicles: dict[str, VehicleData], run: Run | None) -> 
     axes.set_axisbelow(True)
     axes.legend(loc="best", fontsize=9, framealpha=0.9)
     return figure
-
-
-def _draw_world(axes: Any, run: Run) -> None:
-    """Obstacles from above, the walls if there are any, and where the mission was to go."""
-    from matplotlib.patches import Circle, Polygon, Rectangle
-
-    world = run.world
-    south, north, west, east = world.extent
-    edge = "black" if world.walls else "0.75"
-    axes.add_patch(Rectangle((west, south), east - west, north - south, facecolor=WATER, edgecolor=edge, zorder=0))
-    for cylinder in world.cylinder:
-        axes.add_patch(Circle((cylinder.east, cylinder.north), cylinder.radius, color=OBSTACLE, zorder=1))
-    for box in world.box:
-        axes.add_patch(Polygon(_corners(box), color=OBSTACLE, zorder=1))
-    goal = run.scenario.master.goal
-    if goal is None:
-        return
-    axes.plot(goal[1], goal[0], "*", color="#15803d", markersize=15, linestyle="none", label="goal")
-
-
-def _corners(box: Box) -> list[tuple[float, float]]:
-    """East and north of each."""
-    c, s = cos(box.heading), sin(box.heading)
-    halves = [(0.5 * i * box.size_north, 0.5 * j * box.size_east) for i, j in ((1, 1), (1, -1), (-1, -1), (-1, 1))]
-    return [(box.east + s * along + c * across, box.north + c * along - s * across) for along, across in halves]
 
 
 def _depth(plt: Any, node: str, data: VehicleData, run: Run | None) -> Any:
@@ -134,7 +110,7 @@ def _depth(plt: Any, node: str, data: VehicleData, run: Run | None) -> Any:
 
 
 def _commands(plt: Any, node: str, data: VehicleData) -> Any:
-    """Each commanded velocity over the true one."""
+    """Return each commanded velocity over the true one."""
     figure, panels = plt.subplots(4, 1, figsize=(9, 9), sharex=True, layout="constrained")
     response = data.true or data.measured
     for axes, (label, commanded, true) in zip(panels, RESPONSE, strict=True):
@@ -148,7 +124,7 @@ def _commands(plt: Any, node: str, data: VehicleData) -> Any:
 
 
 def _thrusters(plt: Any, node: str, data: VehicleData, run: Run | None) -> Any:
-    """The pulse width of each channel, one panel a channel."""
+    """Return the pulse width of each channel, one panel a channel."""
     count = len(data.pulses[0]) - 1
     names = list(run.vehicle.channels) if run else []
     if len(names) != count:
@@ -167,7 +143,7 @@ def _thrusters(plt: Any, node: str, data: VehicleData, run: Run | None) -> Any:
 
 
 def _delays(plt: Any, node: str, data: VehicleData) -> Any:
-    """Each hop over time, stacked, and how the whole is distributed."""
+    """Return each hop over time, stacked, and how the whole is distributed."""
     figure, (over_time, spread) = plt.subplots(
         1, 2, figsize=(11, 4.5), width_ratios=(2, 1), sharey=True, layout="constrained"
     )

@@ -1,43 +1,73 @@
-"""What a recording says of each vehicle, as columns over time: the material of its figures."""
+"""Convert a recording to columns over time for each vehicle, for its figures."""
 
 from collections.abc import Iterable
 
-from hil.master.delay import INSTANTS, DelayMeter
-from hil.transport import ros
-from hil.transport.recording_file import PULSES, Message
+from hil.client.delay import INSTANTS, DelayMeter
+from hil.common.errors import ConfigError
+from hil.recording.mcap_file import PULSES, Message
+from hil.ros import encoders as ros
+from hil.ros.diagnostics import Diagnostics
 from sim.rotations import to_euler
+from sim.run_events import RunEvent, events_since
 from sim.sensors.samples import OdometrySample
 
 NS_PER_S = 1e9
+MOST_ROWS = 200_000  # of a column: far more than a figure has pixels
+MOST_VEHICLES = 64
+LONGEST = 1 << 20  # bytes of a message that tells a state, a command or figures; ours have some thousand
 Row = tuple[float, ...]
+
+
+class Rows(list[Row]):
+    """Rows in the order of their times. Of more than MOST_ROWS every second is left out, and of those that follow."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._every, self._count = 1, 0
+
+    def append(self, row: Row) -> None:
+        """Add a row at the end, if it is one that is kept."""
+        if self._count % self._every == 0:
+            super().append(row)
+        self._count += 1
+        if len(self) >= MOST_ROWS:
+            del self[1::2]
+            self._every *= 2
 
 
 class VehicleData:
     """One vehicle. In every row the time comes first: seconds since the recording began.
 
     `true` and `measured`: north, east, depth (m), yaw (rad), surge, sway, heave (m/s), yaw rate (rad/s); `commands`:
-    surge, sway, heave (m/s), yaw rate (rad/s); `pulses`: one a channel (us). `traced` are the times of `delays`.
+    surge, sway, heave (m/s), yaw rate (rad/s); `pulses`: one a channel (us). `traced` are the times of
+    the samples of `delays`, `events` what the vehicle said went wrong.
     """
 
     def __init__(self) -> None:
-        self.true: list[Row] = []
-        self.measured: list[Row] = []
-        self.commands: list[Row] = []
-        self.pulses: list[Row] = []
+        self.true: list[Row] = Rows()
+        self.measured: list[Row] = Rows()
+        self.commands: list[Row] = Rows()
+        self.pulses: list[Row] = Rows()
         self.traced: list[float] = []
-        self.delays = DelayMeter(kept=0)
+        self.delays = DelayMeter(min_commands=MOST_ROWS)
         self.boot_id = ""
+        self.events: tuple[RunEvent, ...] = ()
 
 
-def collect(messages: Iterable[Message]) -> dict[str, VehicleData]:
-    """The data of each node of a recording; nodes of which nothing is known are left out."""
+def collect(messages: Iterable[Message], path: str) -> dict[str, VehicleData]:
+    """Return the data of each node of a recording; nodes of which nothing is known are left out. `path`: its name.
+
+    Raises ConfigError if there are more than MOST_VEHICLES.
+    """
     found: dict[str, VehicleData] = {}
     first_ns = 0
     for message in messages:
         first_ns = first_ns or message.logged_ns
         node, _, name = message.topic.strip("/").rpartition("/")
         take = _TAKERS.get(name)
-        if node and take:
+        if node and take and len(message.data) <= LONGEST:
+            if node not in found and len(found) >= MOST_VEHICLES:
+                raise ConfigError(f"{path}: more than {MOST_VEHICLES} vehicles are in it, which no figure can show")
             take(found.setdefault(node, VehicleData()), message, (message.logged_ns - first_ns) / NS_PER_S)
     for data in found.values():
         data.pulses = _steps(
@@ -73,11 +103,11 @@ def _take_pulses(data: VehicleData, message: Message, time: float) -> None:
 def _take_diagnostics(data: VehicleData, message: Message, time: float) -> None:
     """The pulses of once a second, where the recording is not the slave's own."""
     statuses = ros.decode_diagnostics(message.data)
-    values = statuses[0][3] if statuses else {}
-    data.boot_id = values.get("boot_id", data.boot_id)
-    words = values.get("pwm_us", "").split()
-    if words and all(word.isdigit() for word in words):
-        data.pulses.append((time, *map(float, words)))
+    figures = Diagnostics(statuses[0][3] if statuses else {})
+    data.boot_id = figures.boot_id or data.boot_id
+    if figures.pwm_us:
+        data.pulses.append((time, *map(float, figures.pwm_us)))
+    data.events = events_since(figures.run_event_list or (), message.published_ns - round(time * NS_PER_S))
 
 
 def _take_trace(data: VehicleData, message: Message, time: float) -> None:
@@ -85,6 +115,8 @@ def _take_trace(data: VehicleData, message: Message, time: float) -> None:
     if instants and len(instants) in INSTANTS:
         data.delays.add(list(instants), message.published_ns, message.logged_ns)
         data.traced.append(time)
+        if len(data.traced) > len(data.delays.samples):  # the oldest were left out
+            data.traced = data.traced[-len(data.delays.samples) :]
 
 
 def _state(sample: OdometrySample) -> Row:
@@ -93,7 +125,7 @@ def _state(sample: OdometrySample) -> Row:
 
 
 def _steps(rows: list[Row], end: float) -> list[Row]:
-    """The last of them holds until the end."""
+    """Return the values over time; the last one holds until the end."""
     if not rows:
         return rows
     most = max(len(row) for row in rows)

@@ -1,14 +1,14 @@
-"""What a vehicle's axis is like, from pushing it: a first-order lag behind a delay."""
+"""Identify the dynamics of a vehicle's axis: a first-order lag with delay."""
 
 from collections.abc import Sequence
 from itertools import accumulate, pairwise
 from math import inf
 from typing import Any, NamedTuple
 
-from hil.bench.rig import CONTROL_PERIOD_S, Rig
-from hil.bench.step_response import AXES, HOLD_S, order
-from hil.errors import ConfigError
-from sim.vehicle import Vehicle
+from hil.common.errors import ConfigError
+from hil.tuning.rig import CONTROL_PERIOD_S, Rig
+from hil.tuning.step_response import AXES, HOLD_S, order
+from sim.vehicle.vehicle import Vehicle
 
 _PUSH_S, _TILT_S = 3.0, 0.5  # soon after, a tilted vehicle's weight rights it
 _LEAST_POINTS = 8
@@ -29,7 +29,7 @@ class Process(NamedTuple):
 def push(
     name: str, vehicle: Vehicle, control: dict[str, Any], axis: str, force: float, inertia: float, speed: float
 ) -> Process:
-    """The process that the axis of the wrench under `axis` shows when `force` (N, N m) comes on top at once.
+    """Return the process that the axis of the wrench under `axis` shows when `force` (N, N m) comes on top at once.
 
     What counts are the 3 s after (roll and pitch: 0.5 s), or until it moves at `speed` (m/s, rad/s); the vehicle's
     own controller holds the other axes meanwhile. `inertia` is what it takes it for, kg or kg m².
@@ -46,7 +46,7 @@ def push(
 
 
 def fit_lag(values: Sequence[float], acceleration: float, period: float, where: str) -> Process:
-    """The process that best explains `values` (m/s, rad/s), one each `period` s after `acceleration` came at 0.
+    """Return the process that best explains `values` (m/s, rad/s), one each `period` s after `acceleration` came at 0.
 
     Integrated once, v = slope a (t - delay) - damping x integral of v is linear in slope and damping: least
     squares for each delay on a grid, and the best of these (Söderström & Stoica 1989, "System Identification", on
@@ -71,7 +71,7 @@ def fit_lag(values: Sequence[float], acceleration: float, period: float, where: 
 
 
 def _two_unknowns(a: Sequence[float], b: Sequence[float], y: Sequence[float]) -> tuple[float, float]:
-    """The x1, x2 of the least squares of x1 a + x2 b = y; what cannot be told apart is put on x1."""
+    """Return the x1, x2 of the least squares of x1 a + x2 b = y; what cannot be told apart is put on x1."""
     aa, ab, bb, ay, by = _dot(a, a), _dot(a, b), _dot(b, b), _dot(a, y), _dot(b, y)
     determinant = aa * bb - ab * ab
     if determinant <= 1e-9 * aa * bb:

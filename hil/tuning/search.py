@@ -1,4 +1,4 @@
-"""Gains from step responses: push each axis, take its lag and delay, reckon gains, fly again, keep what is better.
+"""Find gains from step responses: identify each axis, compute gains, test them, store better ones.
 
 The velocity and rate loops are PI by Skogestad's rule for a lag with a delay (Journal of Process Control 13, 2003:
 SIMC); what the controller waits for samples counts as delay. Closed loops of one delay, the fastest that the rule
@@ -9,18 +9,18 @@ the loop within, which makes the two together critically damped.
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
-from hil.autonomy.allocation import pseudo_inverse
-from hil.autonomy.control import AxisGains, Gains, HoldGains
-from hil.bench.identify import Process, push
-from hil.bench.rig import CONTROL_PERIOD_S
-from hil.bench.step_response import AXES, Figures, Response, fly_step, step_size
-from hil.errors import ConfigError
-from hil.schema import parse
+from hil.autonomy.control.allocation import pseudo_inverse
+from hil.autonomy.control.controller import AxisGains, Gains, HoldGains
+from hil.common.errors import ConfigError
+from hil.common.schema import parse
 from hil.slave.pilot import OTHERS
+from hil.tuning.identify import Process, push
+from hil.tuning.rig import CONTROL_PERIOD_S
+from hil.tuning.step_response import AXES, Figures, Response, fly_step, step_size
 from sim.sensors.suite import fit
-from sim.terminal_speed import reaches
-from sim.thrusters import wrench_matrix
-from sim.vehicle import Vehicle, mass_matrix
+from sim.vehicle.terminal_speed import reaches
+from sim.vehicle.thrusters import wrench_matrix
+from sim.vehicle.vehicle import Vehicle, mass_matrix
 
 LOOPS = ("surge", "sway", "heave", "roll_rate", "pitch_rate", "yaw_rate")
 _OVERSHOOT = 0.10
@@ -70,11 +70,11 @@ class Tuner:
         self._inertia = [mass[axis][axis] for axis in range(6)]
 
     def axes(self) -> list[str]:
-        """The axes that this vehicle's thrusters drive."""
+        """Return the axes that this vehicle's thrusters drive."""
         return [axis for axis in AXES if self._reach[AXES[axis].loop].driven]
 
     def tune(self, axes: Sequence[str], tell: Tell = lambda text: None) -> list[Tuned]:
-        """Each of `axes` in turn, inner loops first; `control` and `gains` then hold what was found.
+        """Return each of `axes` in turn, inner loops first; `control` and `gains` then hold what was found.
 
         `tell` hears what is being done. Raises ConfigError for an axis that the thrusters do not drive.
         """
@@ -137,7 +137,7 @@ class Tuner:
         return {"p": _short(p), "i": _short(i), "limit": _short(min(1e3, most))}
 
     def _keys(self, axis: str) -> list[str]:
-        """The gains that a step along `axis` shows: roll and pitch have no step of their rate alone."""
+        """Return the gains that a step along `axis` shows: roll and pitch have no step of their rate alone."""
         if axis in ("roll", "pitch"):
             return [f"{axis}_rate", axis]
         return [axis if axis in Gains._fields else "yaw_rate"]
@@ -155,7 +155,7 @@ class Tuner:
 
 
 def _waiting(loop: int) -> float:
-    """How old, s on average, is what the loop's controller acts on: half a sample and half a control period."""
+    """Return how old, s on average, is what the loop's controller acts on: half a sample and half a control period."""
     rate = fit()["odometry" if loop < 3 else "imu"].model.rate
     return 0.5 / float(rate) + 0.5 * CONTROL_PERIOD_S
 

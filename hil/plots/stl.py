@@ -1,24 +1,25 @@
-"""Triangles out of an STL file, binary or text."""
+"""Read triangles from an STL file, binary or text."""
 
 import struct
 from typing import Any
 
-from hil.errors import ConfigError, MissingExtraError
+from hil.common.errors import ConfigError, MissingExtraError
+from hil.common.tables import read_bytes
 
+LARGEST = 256 << 20  # bytes: 5 million triangles
 _HEADER, _TRIANGLE = 84, 50  # bytes: 80 of text and the count; normal, three corners, attribute
 
 
 def read_stl(path: str) -> Any:
-    """The n x 3 x 3 corners of the triangles in the file's own axes and unit. Raises ConfigError, MissingExtraError."""
+    """Return the n x 3 x 3 corners of the triangles in the file's own axes and unit.
+
+    Raises ConfigError, MissingExtraError.
+    """
     try:
         import numpy as np
     except ImportError:
         raise MissingExtraError("reading a mesh needs numpy: pip install 'uuv-hil[master]'") from None
-    try:
-        with open(path, "rb") as file:
-            data = file.read()
-    except OSError as error:
-        raise ConfigError(f"{path}: cannot be read: {error.strerror}") from None
+    data = read_bytes(path, LARGEST)
     count = struct.unpack_from("<I", data, 80)[0] if len(data) >= _HEADER else 0
     if count and len(data) == _HEADER + _TRIANGLE * count:
         rows = np.frombuffer(data, np.uint8, offset=_HEADER).reshape(count, _TRIANGLE)

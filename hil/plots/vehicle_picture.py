@@ -3,16 +3,16 @@
 import os
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from hil.bench.plotting import pyplot
-from hil.bench.stl import read_stl
-from hil.errors import ConfigError
+from hil.common.errors import ConfigError
+from hil.plots.plotting import pyplot
+from hil.plots.stl import read_stl
 from sim.rotations import from_euler, matrix
-from sim.terminal_speed import Reach
-from sim.vehicle import Point, Vehicle
+from sim.vehicle.terminal_speed import Reach
+from sim.vehicle.vehicle import Point, Vehicle
 
 if TYPE_CHECKING:
-    from sim.meshes import Mesh
-    from sim.surfaces import Fin
+    from sim.vehicle.fins import Fin
+    from sim.vehicle.meshes import Mesh
 
 BODY, ARROW, GRAVITY, BUOYANCY, FIN, BALLAST = "#e3e8ed", "#c2410c", "#1f2937", "#2563eb", "#0f766e", "#7c3aed"
 # A thruster that points out of the paper or into it is a circle with a dot or a cross.
@@ -104,7 +104,7 @@ def _draw_mesh(axes: Any, mesh: "Mesh", view: View) -> None:
 
 
 def _corners(fin: "Fin") -> list[Point]:
-    """The corners of a rectangle of the fin's area about the place where its force acts."""
+    """Return the corners of a rectangle of the fin's area about the place where its force acts."""
     length = sum(x * x for x in fin.axis) ** 0.5
     span = (fin.area * (fin.aspect_ratio or 1.0)) ** 0.5
     along, chord = [0.5 * span * x / length for x in fin.axis], [0.5 * fin.area / span * x for x in fin.frame[0]]
@@ -133,7 +133,7 @@ def _stacks(vehicle: Vehicle, view: View) -> dict[tuple[float, float], list[int]
 
 
 def _behind(vehicle: Vehicle, view: View, numbers: list[int]) -> tuple[float, float]:
-    """Where the numbers go, in points from their thrusters: where no arrow lies, behind them or else below."""
+    """Return where the numbers go, in points from their thrusters: where no arrow lies, behind them or else below."""
     along = [view.flat(vehicle.thrusters[number].unit_direction) for number in numbers]
     x, y = sum(arrow[0] for arrow in along), sum(arrow[1] for arrow in along)
     length = (x * x + y * y) ** 0.5

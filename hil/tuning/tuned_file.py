@@ -1,13 +1,13 @@
-"""A vehicle's file with other gains: all as it was but for its [control] table."""
+"""Write a vehicle's file with other gains: everything unchanged but its [control] table."""
 
 import os
 import tomllib
 from math import inf
 from typing import Any
 
-from hil.autonomy.control import AxisGains, Gains, HoldGains
-from hil.errors import ConfigError
-from sim.vehicle import Vehicle
+from hil.autonomy.control.controller import AxisGains, Gains, HoldGains
+from hil.common.errors import ConfigError
+from sim.vehicle.vehicle import Vehicle
 
 
 def control_text(gains: Gains) -> str:
@@ -17,7 +17,7 @@ def control_text(gains: Gains) -> str:
 
 
 def with_gains(text: str, gains: Gains, note: str, where: str) -> str:
-    """The vehicle file `text` with `gains` at its end, under the comment `note`, instead of those it had.
+    """Return the vehicle file `text` with `gains` at its end, under the comment `note`, instead of those it had.
 
     Other families' tables stay. Raises ConfigError where the old gains stand in a way that cannot be told apart.
     """

@@ -1,0 +1,1 @@
+"""Lower limits of this machine: bare network, bare QEMU, bare loop."""

@@ -1,0 +1,1 @@
+"""The HIL table: one board's column, and boards side by side."""
