@@ -1,12 +1,12 @@
-"""What a case is: one of the source paper's experiments, flown in the simulation or with real slave processes."""
+"""The interface of a case: one experiment of the reference platform, simulated or with slave processes."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from importlib import import_module
 
 from hil.cases.record import Mode, Run
-from hil.errors import ConfigError
-from hil.schema import nearest
+from hil.common.errors import ConfigError
+from hil.common.schema import nearest
 
 # name -> its class, without arguments to it
 CASES = {
@@ -32,6 +32,7 @@ class Case(ABC):
     paper: str
     criterion: str
     method: str = ""
+    show: Callable[[str], None] = staticmethod(lambda text: None)  # what gets a text again and again, how far it is
 
     @abstractmethod
     def fly(self, mode: Mode, seed: int, folder: str) -> Run:
@@ -39,7 +40,7 @@ class Case(ABC):
 
         "sil" is in this process and in simulated time, "hil" with slaves as processes of their own and this process as
         their master. Seed 1 is the case as it stands, others vary noise and whatever the case lets vary. A mission that
-        fails is a result; raises the errors of hil/errors.py for what could not be flown at all.
+        fails is a result; raises the errors of hil/common/errors.py for what could not be flown at all.
         """
 
     @abstractmethod
@@ -48,7 +49,7 @@ class Case(ABC):
 
 
 def find_case(name: str) -> Case:
-    """The case of that name. Raises ConfigError that lists the cases there are."""
+    """Return the case of that name. Raises ConfigError that lists the cases there are."""
     if name not in CASES:
         raise ConfigError(f"no case {name!r}{nearest(name, list(CASES))}; there are: {', '.join(CASES)}")
     module, _, attribute = CASES[name].partition(":")

@@ -1,4 +1,4 @@
-"""Programs of ours that run together for a case, each in a process of its own with a log of its own."""
+"""Start and stop the programs of a case, each a process with a log of its own."""
 
 import os
 import signal
@@ -7,7 +7,7 @@ from contextlib import suppress
 from typing import Self
 
 from hil.bench.harness import GRACE_S, Process, program
-from hil.errors import NetworkError
+from hil.common.errors import NetworkError
 
 
 class Crew:

@@ -1,4 +1,4 @@
-"""What a flight takes out of the battery.
+"""Compute the energy that a run takes from the battery.
 
 From the battery's own voltage and current where the vehicle has a battery and a monitor of it. Else from the pulses at
 the thrusters: a thruster whose current is known (the T200's table) takes that times its supply; any other one is
@@ -10,11 +10,12 @@ from collections.abc import Sequence
 from functools import lru_cache
 from typing import Any
 
-from sim.t200 import performance
-from sim.thruster_curves import T200, interpolate
-from sim.thruster_model import Thruster
-from sim.thrusters import steady_thrust
-from sim.vehicle import Vehicle
+from sim.interpolation import interpolate
+from sim.vehicle.t200 import performance
+from sim.vehicle.thruster_curves import T200
+from sim.vehicle.thruster_model import Thruster
+from sim.vehicle.thrusters import steady_thrust
+from sim.vehicle.vehicle import Vehicle
 
 REFERENCE_V = 16.0
 _LONGEST_STEP_S = 2.0  # a longer gap is a pause in the report, not in the flight
@@ -37,7 +38,7 @@ class EnergyMeter:
 
 
 def power(thrusters: Sequence[Thruster], pwm_us: Sequence[int]) -> float:
-    """What these thrusters take in W at these pulses; channels behind them are none of theirs."""
+    """Return what these thrusters take in W at these pulses; channels behind them are none of theirs."""
     return sum(_power(thruster, pulse) for thruster, pulse in zip(thrusters, pwm_us, strict=False))
 
 
@@ -49,7 +50,7 @@ def _power(thruster: Thruster, pulse: int) -> float:
 
 
 def power_of_thrust(thrust: float) -> float:
-    """What a T200 at 16 V takes in W for a thrust in N, negative in reverse."""
+    """Return what a T200 at 16 V takes in W for a thrust in N, negative in reverse."""
     thrusts, watts = _table(thrust < 0.0)
     size = abs(thrust)
     if size > thrusts[-1]:

@@ -1,4 +1,4 @@
-"""How far the flights of one seed lie apart in SIL and in HIL: the paper's claim of fidelity, in numbers.
+"""Compare runs of one seed in SIL and in HIL: how far they differ.
 
 Both fly the same planner and the same files. What differs: in HIL the commands come late and at times of the machine's
 own choosing, so that noise and motion do not meet in the same steps.
@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.autonomy.occupancy import Point
+from hil.autonomy.paths.occupancy import Point
 from hil.cases.record import Run, Track
 
 

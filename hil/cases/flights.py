@@ -1,37 +1,47 @@
-"""Many flights of a case: those in the simulation on all cores, those with slaves one after the other."""
+"""Run a case many times: simulated runs on all cores, those with slaves one after the other."""
 
 import os
-import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from hil.cases.case import find_case
 from hil.cases.record import Mode, Run
-from hil.errors import MissingExtraError
+from hil.common.children import worker_options
+from hil.common.errors import MissingExtraError
+from hil.common.progress_line import ProgressLine
 from hil.master.recorder import make_folder
+
+Show = Callable[[str], None]
 
 
 def fly_all(name: str, folder: str, seeds: Sequence[int], hil_seeds: Sequence[int] = (), jobs: int = -1) -> list[Run]:
-    """The flights of a case, SIL first; each leaves its files in a folder of its own below `folder`.
+    """Return the flights of a case, SIL first; each leaves its files in a folder of its own below `folder`.
 
     Raises MissingExtraError, and what `Case.fly` raises.
     """
-    runs = _simulate(name, folder, seeds, jobs)
+    line = ProgressLine()
+    runs = _simulate(name, folder, seeds, jobs, line)
     for number, seed in enumerate(hil_seeds, 1):
-        _say(f"{name}: HIL flight {number} of {len(hil_seeds)}, in real time")
-        runs.append(fly_one(name, "hil", seed, folder))
-    _say("")
+        runs.append(
+            fly_one(name, "hil", seed, folder, _titled(line, f"{name}: HIL flight {number} of {len(hil_seeds)}"))
+        )
+    line.clear()
     return runs
 
 
-def fly_one(name: str, mode: Mode, seed: int, folder: str) -> Run:
-    """One flight of the case called `name`."""
-    return find_case(name).fly(mode, seed, make_folder(os.path.join(folder, f"{name}-{mode}-{seed:03}")))
+def fly_one(name: str, mode: Mode, seed: int, folder: str, show: Show | None = None) -> Run:
+    """One flight of the case called `name`; `show` gets a text again and again that says how far it is."""
+    case = find_case(name)
+    if show:
+        case.show = show
+    return case.fly(mode, seed, make_folder(os.path.join(folder, f"{name}-{mode}-{seed:03}")))
 
 
-def _simulate(name: str, folder: str, seeds: Sequence[int], jobs: int) -> list[Run]:
+def _simulate(name: str, folder: str, seeds: Sequence[int], jobs: int, line: ProgressLine) -> list[Run]:
     if len(seeds) == 1 or jobs == 1:
-        return [fly_one(name, "sil", seed, folder) for seed in seeds]
+        titles = [f"{name}: SIL flight {number} of {len(seeds)}" for number in range(1, len(seeds) + 1)]
+        pairs = zip(seeds, titles, strict=True)
+        return [fly_one(name, "sil", seed, folder, _titled(line, title)) for seed, title in pairs]
     try:
         import joblib
     except ImportError:
@@ -39,15 +49,13 @@ def _simulate(name: str, folder: str, seeds: Sequence[int], jobs: int) -> list[R
     began = time.monotonic()
     runs: dict[int, Run] = {}
     flights = (joblib.delayed(fly_one)(name, "sil", seed, folder) for seed in seeds)
-    for run in joblib.Parallel(n_jobs=jobs, return_as="generator_unordered")(flights):
-        runs[run.result.seed] = run
-        left = (time.monotonic() - began) / len(runs) * (len(seeds) - len(runs))
-        _say(f"{name}: {len(runs)} of {len(seeds)} SIL flights, {left:.0f} s left")
+    with worker_options() as options:
+        for run in joblib.Parallel(n_jobs=jobs, return_as="generator_unordered", **options)(flights):
+            runs[run.result.seed] = run
+            left = (time.monotonic() - began) / len(runs) * (len(seeds) - len(runs))
+            line.show(f"{name}: {len(runs)} of {len(seeds)} SIL flights, {left:.0f} s left")
     return [runs[seed] for seed in seeds]
 
 
-def _say(text: str) -> None:
-    if sys.stderr.isatty():
-        print(f"\r\x1b[K{text}", end="", file=sys.stderr, flush=True)
-    elif text.endswith("in real time"):
-        print(text, file=sys.stderr, flush=True)
+def _titled(line: ProgressLine, title: str) -> Show:
+    return lambda text: line.show(f"{title}, {text}")

@@ -1,4 +1,4 @@
-"""The figures of a hunt: the paper's, ways with the formation in them, and what its numbers did over time.
+"""Draw the figures of a hunt: paths with the formation, and its errors over time.
 
 The ways are drawn as the paper has them, its x (our north) to the right and its y (our east) upwards.
 """
@@ -8,13 +8,13 @@ from itertools import combinations
 from math import atan2, dist, hypot
 from typing import Any
 
-from hil.autonomy.formation import formation_error
-from hil.autonomy.hunting import HuntPlan
-from hil.bench.plotting import pyplot
+from hil.autonomy.fleets.formation import formation_error
+from hil.autonomy.fleets.hunting import HuntPlan
 from hil.cases.pictures import save
 from hil.cases.record import Run, Track
-from hil.config import load_scenario
-from hil.fleet import hunt_plan, hunting_of
+from hil.plots.plotting import pyplot
+from hil.scenario.config import load_scenario
+from hil.scenario.fleet import hunt_plan, hunting_of
 
 SNAPSHOTS = 4  # from the start to the end
 LINES = {"sil": "-", "hil": "--"}
@@ -33,12 +33,12 @@ def draw_hunt(title: str, runs: Sequence[Run], path: str) -> None:
     plan = hunt_plan(scenario)
     for column, run in enumerate(runs):
         axes = figure.add_subplot(grid[:, column])
-        _draw_ways(axes, run, plan)
+        _draw_paths(axes, run, plan)
         axes.set(title=f"{run.result.mode.upper()}, seed {run.result.seed}")
     panels = [figure.add_subplot(grid[row, len(runs)]) for row in range(3)]
     for run in runs:
         _draw_times(panels, run, plan)
-    panels[0].axhline(hunting_of(scenario).berth, color="C3", linewidth=0.8)
+    panels[0].axhline(hunting_of(scenario).min_separation, color="C3", linewidth=0.8)
     panels[1].axvline(plan.approach, color="0.6", linewidth=0.8, linestyle=":")
     panels[2].axhline(plan.ring, color="0.6", linewidth=0.8)
     panels[0].set(ylabel="between two\nvehicles (m)", ylim=(0, 1.4 * panels[0].get_ylim()[1]))
@@ -48,7 +48,7 @@ def draw_hunt(title: str, runs: Sequence[Run], path: str) -> None:
     save(figure, path)
 
 
-def _draw_ways(axes: Any, run: Run, plan: HuntPlan) -> None:
+def _draw_paths(axes: Any, run: Run, plan: HuntPlan) -> None:
     """The ways, the formation at some instants, target and ring."""
     _draw_ring(axes, plan)
     colours = [f"C{number}" for number in (0, 1, 2, 4, 5, 6, 8, 9)]
@@ -82,7 +82,7 @@ def _draw_snapshot(axes: Any, tracks: Sequence[Track], plan: HuntPlan, at: int, 
 
 
 def _round_trip(plan: HuntPlan) -> list[int]:
-    """The vehicles in their order on the ring."""
+    """Return the vehicles in their order on the ring."""
     ends = [plan.place(number, plan.duration) for number in range(len(plan.starts))]
     bearing = [atan2(end[1] - plan.target[1], end[0] - plan.target[0]) for end in ends]
     return sorted(range(len(ends)), key=lambda number: bearing[number])

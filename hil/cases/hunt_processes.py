@@ -1,4 +1,4 @@
-"""A hunt with every vehicle and every planner a process of its own; this process only looks on.
+"""Observe a hunt whose vehicles and planners are processes of their own.
 
 Slaves with emulated STM32s, an agent for each, and here an observer of the truth, which none of them knows; where
 the vehicles have modems, it is also the water between these.
@@ -8,25 +8,28 @@ import select
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from hil.bench.processes import cpu_s
 from hil.cases.crew import Crew
 from hil.cases.energy import EnergyMeter
 from hil.cases.hunt_watch import HuntRow, HuntWatch
-from hil.clock import NS_PER_S, RateKeeper, now_ns, seconds_ns, to_wall_ns
-from hil.config import Scenario
-from hil.errors import NetworkError
-from hil.master.delay import DelayMeter
-from hil.process import cpu_s
-from hil.stop import StopSignals
-from hil.transport import ros
-from hil.transport.roles import dial
-from hil.transport.session import Session
-from sim.vehicle import load_vehicle
+from hil.client.delay import DelayMeter
+from hil.common.clock import NS_PER_S, RateKeeper, from_wall_ns, now_ns, seconds_ns, to_wall_ns
+from hil.common.errors import NetworkError
+from hil.common.stop import StopSignals
+from hil.network.roles import open_master_session
+from hil.network.session import Session
+from hil.ros import encoders as ros
+from hil.ros.diagnostics import Diagnostics, or_nan
+from hil.scenario.config import Scenario
+from sim.run_events import RunEvent
+from sim.vehicle.vehicle import load_vehicle
 
 if TYPE_CHECKING:
-    from hil.master.water import Water
+    from hil.master.acoustic_channel import ModemNetwork
 
 READY_S = 30.0  # until every vehicle has been seen and every agent heard
-GONE_AFTER_S = 5.0  # without a word from one of them
+LOST_AFTER_S = 5.0  # without a word from one of them
+FINAL_FIGURES_S = 3.0  # that the vehicles' figures of the time after the hunt are waited for
 QUEUE = 64
 _WATCHED = ("ground_truth", "formation", "diagnostics", "trace")
 
@@ -59,7 +62,7 @@ def fly(scenario: Scenario, folder: str, watch: HuntWatch) -> Costs:
         StopSignals() as stop_fd,
         Crew(slaves, folder) as vehicles,
         Crew(agents, folder) as planners,
-        dial(*([scenario.network.router] if routed else endpoints), network=scenario.network) as session,
+        open_master_session(*([scenario.network.router] if routed else endpoints), network=scenario.network) as session,
     ):
         return _Observer(scenario, session, vehicles, planners, watch).follow(stop_fd)
 
@@ -70,18 +73,18 @@ class _Seen:
     def __init__(self, session: Session, node: str) -> None:
         self.node = node
         self.latest: dict[str, Any] = {}
-        self.heard_ns = dict.fromkeys(_WATCHED, 0)
+        self.received_ns = dict.fromkeys(_WATCHED, 0)
         self.delays = DelayMeter()
         for topic in _WATCHED:
-            session.subscribe(node, topic, self._take, QUEUE)
+            session.subscribe(node, topic, self._on_message, QUEUE)
 
-    def _take(self, topic: str, payload: bytes, attachment: bytes) -> None:
+    def _on_message(self, topic: str, payload: bytes, attachment: bytes) -> None:
         decode = ros.decoder(topic)
         value = decode(payload) if decode else None
         stamp = ros.unpack_attachment(attachment)
         if value is None or stamp is None:
             return
-        self.heard_ns[topic] = now_ns()
+        self.received_ns[topic] = now_ns()
         if topic == "trace":
             self.delays.add(value, stamp.time_ns, to_wall_ns(now_ns()))
         else:
@@ -93,14 +96,14 @@ class _Seen:
         return all(topic in self.latest for topic in ("ground_truth", "formation", "diagnostics"))
 
     @property
-    def health(self) -> dict[str, str]:
+    def health(self) -> Diagnostics:
         """The slave's figures."""
         statuses = self.latest["diagnostics"]
-        return statuses[0][3] if statuses else {}
+        return Diagnostics(statuses[0][3] if statuses else {})
 
-    def silent_s(self, topic: str) -> float:
+    def age_s(self, topic: str) -> float:
         """For how long nothing has come."""
-        return (now_ns() - self.heard_ns[topic]) / NS_PER_S
+        return (now_ns() - self.received_ns[topic]) / NS_PER_S
 
 
 class _Observer:
@@ -112,7 +115,8 @@ class _Observer:
         self._period_ns = seconds_ns(scenario.master.command_period)
         vehicle, _ = load_vehicle(scenario.vehicle)
         self._meters = [EnergyMeter(vehicle) for _ in scenario.member]
-        self._water = _water(session, scenario)
+        self._modems = _open_modems(session, scenario)
+        self._started_ns = now_ns()
 
     def follow(self, stop_fd: int) -> Costs:
         """To the end of the hunt."""
@@ -123,17 +127,29 @@ class _Observer:
         while not self._watch.reason:
             _pause(stop_fd, schedule.deadline_ns)
             if schedule.due(now_ns()):
-                self._note((now_ns() - began) / NS_PER_S)
+                self._add_row((now_ns() - began) / NS_PER_S)
         duration = (now_ns() - began) / NS_PER_S
+        self._add_events(began, stop_fd)
         agents, slaves = ((now - then) / duration for now, then in zip(self._cpu(), before, strict=True))
         return Costs(
             sum(meter.joules for meter in self._meters),
             agents,
             slaves,
             [delay for seen in self._seen for delay in seen.delays.totals_ns()],
-            min(float(seen.health.get("real_time_factor", "nan")) for seen in self._seen),
-            self._water.counts if self._water else {},
+            min(or_nan(seen.health.real_time_factor) for seen in self._seen),
+            self._modems.counts if self._modems else {},
         )
+
+    def _add_events(self, began: int, stop_fd: int) -> None:
+        """What the vehicles say went wrong, once each has told of the time until now."""
+        ended, deadline = now_ns(), now_ns() + seconds_ns(FINAL_FIGURES_S)
+        while now_ns() < deadline and any(seen.received_ns["diagnostics"] < ended for seen in self._seen):
+            _pause(stop_fd, now_ns() + self._period_ns)
+        for number, seen in enumerate(self._seen):
+            events = seen.health.run_event_list or ()
+            mine = [event._replace(start_ns=from_wall_ns(event.start_ns)) for event in events]
+            here = [event for event in mine if event.end_ns >= self._started_ns and event.start_ns <= ended]
+            self._watch.add_events(number, [_from(event, began) for event in here])
 
     def _until_complete(self, stop_fd: int) -> None:
         deadline = now_ns() + seconds_ns(READY_S)
@@ -144,17 +160,19 @@ class _Observer:
                 missing = ", ".join(seen.node for seen in self._seen if not seen.complete)
                 raise NetworkError(f"nothing of {missing} within {READY_S:.0f} s; see the logs of slaves and agents")
 
-    def _note(self, time: float) -> None:
+    def _add_row(self, time: float) -> None:
         self._check()
         for seen in self._seen:
             for topic in ("ground_truth", "formation"):
-                if seen.silent_s(topic) > GONE_AFTER_S:
+                if seen.age_s(topic) > LOST_AFTER_S:
                     raise NetworkError(f"{seen.node} says no {topic} any more; see the logs of its slave and agent")
+        for number, seen in enumerate(self._seen):
+            self._watch.observe(number, time, seen.latest["ground_truth"])
         positions = tuple([seen.latest["ground_truth"].position[:2] for seen in self._seen])
         clocks = tuple([seen.latest["formation"].clock_ns / NS_PER_S for seen in self._seen])
-        self._watch.note(HuntRow(time, positions, clocks))
+        self._watch.add_row(HuntRow(time, positions, clocks))
         for seen, meter in zip(self._seen, self._meters, strict=True):
-            meter.add(time, [int(pulse) for pulse in seen.health.get("pwm_us", "").split()])
+            meter.add(time, seen.health.pwm_us or ())
 
     def _check(self) -> None:
         self._slaves.check()
@@ -162,16 +180,22 @@ class _Observer:
 
     def _cpu(self) -> tuple[float, float]:
         """Processor time (s) of all agents, and of all slaves."""
-        return sum(map(cpu_s, self._agents.pids)), sum(map(cpu_s, self._slaves.pids))
+        return cpu_s(self._agents.pids), cpu_s(self._slaves.pids)
 
 
-def _water(session: Session, scenario: Scenario) -> "Water | None":
-    """What is between modems; None where there are none."""
+def _from(event: RunEvent, began_ns: int) -> RunEvent:
+    """`event` with times from `began_ns` on; what was there before has begun then."""
+    start, end = (max(instant - began_ns, 0) for instant in (event.start_ns, event.end_ns))
+    return event._replace(start_ns=start, duration_ns=end - start)
+
+
+def _open_modems(session: Session, scenario: Scenario) -> "ModemNetwork | None":
+    """Return what is between modems; None where there are none."""
     if not scenario.modem:
         return None
-    from hil.master.water import Water  # most fleets talk over the network
+    from hil.master.acoustic_channel import ModemNetwork  # most fleets talk over the network
 
-    return Water(session, scenario)
+    return ModemNetwork(session, scenario)
 
 
 def _pause(stop_fd: int, until_ns: int) -> None:

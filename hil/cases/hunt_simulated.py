@@ -1,4 +1,4 @@
-"""A hunt in simulated time: all vehicles and their planners in one process, step by step together.
+"""Simulate a hunt in one process: all vehicles and planners, step by step together.
 
 Planner, messages and vehicles are those of the real run; what is missing is the network: reports are there at once,
 or come as the modems of the scenario let them.
@@ -6,19 +6,20 @@ or come as the modems of the scenario let them.
 
 import time
 
-from hil.autonomy.control import VelocityCommand
+from hil.autonomy.control.controller import VelocityCommand
 from hil.cases.energy import EnergyMeter
 from hil.cases.hunt_watch import HuntRow, HuntWatch
 from hil.cases.simulated import SimulatedVehicle
-from hil.clock import NS_PER_S, seconds_ns
-from hil.config import Scenario
-from hil.fleet import as_member, hunting_of
+from hil.common.clock import NS_PER_S, seconds_ns
 from hil.master.flight import held
 from hil.master.hunt import HuntPlanner
-from hil.modem import Channel, Modem, Turns, open_channel
+from hil.scenario.config import Scenario
+from hil.scenario.fleet import as_member, hunting_of
+from hil.scenario.modem import Channel, TdmaSchedule, open_channel
+from hil.scenario.modem_records import Modem
+from sim.environment.world import load_world
 from sim.modems.optical_channel import Pose
 from sim.sensors.samples import ODOMETRY
-from sim.world import load_world
 
 
 class SimulatedHunt:
@@ -41,7 +42,7 @@ class SimulatedHunt:
         self._command_due_ns, self._report_due_ns = self._command_ns, self._report_ns
         self.channel = open_channel(scenario) if scenario.modem else None
         self._modem = scenario.modem
-        self._turns = [Turns(scenario, number) for number in range(len(self.nodes))] if scenario.modem else []
+        self._turns = [TdmaSchedule(scenario, number) for number in range(len(self.nodes))] if scenario.modem else []
         self._turns_due_ns = [turns.after(0) for turns in self._turns]
 
     @property
@@ -64,7 +65,7 @@ class SimulatedHunt:
             self._command_due_ns += self._command_ns
             self._command()
         if self._modem and self.channel:
-            self._talk(self._modem, self.channel, now)
+            self._exchange_by_modem(self._modem, self.channel, now)
         elif now >= self._report_due_ns:
             self._report_due_ns += self._report_ns
             self._exchange()
@@ -77,8 +78,12 @@ class SimulatedHunt:
             assert isinstance(command, VelocityCommand)
             vehicle.command(held(command, vehicle.samples[ODOMETRY]))
             meter.add(self.time, vehicle.pwm_us)
-        positions = tuple([vehicle.simulation.truth().position[:2] for vehicle in self.vehicles])
-        self._watch.note(HuntRow(self.time, positions, tuple([planner.clock for planner in self.planners])))
+        truths = [vehicle.simulation.truth() for vehicle in self.vehicles]
+        for number, (vehicle, truth) in enumerate(zip(self.vehicles, truths, strict=True)):
+            self._watch.observe(number, self.time, truth)
+            self._watch.add_events(number, vehicle.simulation.events.events())
+        positions = tuple([truth.position[:2] for truth in truths])
+        self._watch.add_row(HuntRow(self.time, positions, tuple([planner.clock for planner in self.planners])))
 
     def _exchange(self) -> None:
         """What each has to say, to all others."""
@@ -86,21 +91,21 @@ class SimulatedHunt:
             report = speaker.report()
             for node, planner in zip(self.nodes, self.planners, strict=True):
                 if report and node != sender:
-                    planner.hear(sender, report, self.time)
+                    planner.on_report(sender, report, self.time)
 
-    def _talk(self, modem: Modem, channel: Channel, now: int) -> None:
+    def _exchange_by_modem(self, modem: Modem, channel: Channel, now: int) -> None:
         """Who has its turn sends; who has heard a message to its end takes it in."""
         for number, due_ns in enumerate(self._turns_due_ns):
             if now >= due_ns:
                 self._turns_due_ns[number] = self._turns[number].after(now)
-                if telegram := self.planners[number].telegram():
-                    channel.send(now, self.nodes[number], telegram, self._poses())
+                if report := self.planners[number].modem_report():
+                    channel.send(now, self.nodes[number], report, self._poses())
         for packet in channel.receive(now):
             sent_ns = packet.received_ns - modem.model.airtime_ns(len(packet.payload))
             planner = self.planners[self.nodes.index(packet.receiver)]
-            planner.overhear(packet.sender, packet.payload, sent_ns / NS_PER_S)
+            planner.on_modem_report(packet.sender, packet.payload, sent_ns / NS_PER_S)
 
     def _poses(self) -> dict[str, Pose]:
-        """Where all truly are."""
+        """Return where all truly are."""
         truths = [vehicle.simulation.truth() for vehicle in self.vehicles]
         return {node: Pose(t.position, t.orientation) for node, t in zip(self.nodes, truths, strict=True)}

@@ -1,14 +1,18 @@
-"""Whoever watches a hunt from outside: where the vehicles truly are, when it is over, and how it went."""
+"""Observe a hunt: true positions, its end, and its result."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from itertools import permutations
 from math import cos, dist, inf, pi, sin, sqrt
 from typing import NamedTuple
 
-from hil.autonomy.formation import Vector
-from hil.autonomy.hunting import Criteria, HuntPlan, Judgement, Referee
-from hil.config import Scenario
-from hil.fleet import hunt_plan, hunting_of
+from hil.autonomy.fleets.formation import Vector
+from hil.autonomy.fleets.hunting import Criteria, HuntPlan, Judgement, Referee
+from hil.common.clock import seconds_ns
+from hil.scenario.config import Scenario
+from hil.scenario.fleet import hunt_plan, hunting_of
+from sim.run_events import EventLog, RunEvent, RunMonitor, merge_events
+from sim.sensors.samples import OdometrySample
+from sim.vehicle.vehicle import load_vehicle
 
 SETTLE_S = 5.0  # from the end of the last vehicle's plan to the judgement
 TURNS = 180  # of the ring that the shortest way is sought with
@@ -29,7 +33,8 @@ class HuntOutcome(NamedTuple):
     `judgement` is the referee's. `closed` is when the last vehicle's plan had ended, inf if it did not. `travelled`
     is the way of all vehicles, `optimum` the shortest, see `shortest_ways`. `target_distance` is how near a vehicle's
     middle came to the target. `off_place_*` is how far vehicles were from where their own clocks wanted them, and
-    `end_error` the largest of these distances at the end.
+    `end_error` the largest of these distances at the end. `events` are what befell the vehicles (sim/run_events.py,
+    times from the start), each with whom.
     """
 
     success: bool
@@ -43,27 +48,39 @@ class HuntOutcome(NamedTuple):
     off_place_rms: float
     off_place_max: float
     end_error: float
+    events: tuple[tuple[str, RunEvent], ...] = ()
 
 
 class HuntWatch:
-    """Takes in rows, keeps them, and says when it is over. Raises ConfigError, MissionError."""
+    """Takes in rows, keeps them, and says when it is over; `show` gets a few words with each.
 
-    def __init__(self, scenario: Scenario) -> None:
+    Raises ConfigError, MissionError.
+    """
+
+    def __init__(self, scenario: Scenario, show: Callable[[str], None] = lambda text: None) -> None:
+        self._show = show
         self.plan = hunt_plan(scenario)
         self.rows: list[HuntRow] = []
         self.reason = ""
         self._time_limit = scenario.master.time_limit
-        self._referee = Referee(self.plan, Criteria(hunting_of(scenario).berth))
+        self._depth, self._allow = scenario.master.depth, scenario.master.allow
+        self._nodes = [member.node for member in scenario.member]
+        vehicle, _ = load_vehicle(scenario.vehicle)
+        limits = vehicle.capsize_tilt, 0.5 * vehicle.dimensions[2], scenario.master.depth_margin
+        self._monitors = [RunMonitor(EventLog(), *limits) for _ in self._nodes]
+        self._known: list[Sequence[RunEvent]] = [() for _ in self._nodes]
+        self._referee = Referee(self.plan, Criteria(hunting_of(scenario).min_separation))
         self._closed = inf
         self._travelled = 0.0
         self._nearest = inf
         self._off_place_max = self._off_place_squares = 0.0
 
-    def note(self, row: HuntRow) -> str:
+    def add_row(self, row: HuntRow) -> str:
         """Take in the next instant; why the hunt is over, or "" while it goes on."""
         if self.rows:
             self._travelled += sum(map(dist, row.positions, self.rows[-1].positions))
         self.rows.append(row)
+        self._show(f"{row.time:.1f} s, {min(row.clocks) / self.plan.duration:.0%}")
         self._referee.watch(row.positions, max(row.clocks))
         self._nearest = min(self._nearest, *(dist(position, self.plan.target) for position in row.positions))
         off = self._off_place(row)
@@ -77,23 +94,39 @@ class HuntWatch:
             self.reason = "time limit"
         return self.reason
 
+    def observe(self, number: int, time: float, truth: OdometrySample) -> None:
+        """Judge attitude and depth of vehicle `number` (from 0) at `time` s."""
+        self._monitors[number].observe(seconds_ns(time), truth.position, truth.orientation, self._depth)
+
+    def add_events(self, number: int, events: Sequence[RunEvent]) -> None:
+        """Take in all that vehicle `number` itself, or its simulation, knows to have gone wrong so far."""
+        self._known[number] = events
+
+    def _events(self) -> tuple[tuple[str, RunEvent], ...]:
+        both = zip(self._nodes, self._known, self._monitors, strict=True)
+        return tuple([(node, event) for node, known, own in both for event in merge_events(known, own.log.events())])
+
     def outcome(self) -> HuntOutcome:
-        """The account so far."""
+        """Return the account so far."""
+        events = self._events()
+        faults = list(dict.fromkeys([f"{node}: {e.name}" for node, e in events if e.kind not in self._allow]))
         last, plan = self.rows[-1], self.plan
         judgement = self._referee.judge(last.positions)
         closed = self._closed < inf
+        reason = f"failed by {', '.join(judgement.failures)}" if closed and judgement.failures else self.reason
         return HuntOutcome(
-            success=closed and judgement.success,
-            reason=f"failed by {', '.join(judgement.failures)}" if closed and judgement.failures else self.reason,
+            success=closed and judgement.success and not faults,
+            reason=f"{reason}, but {', '.join(faults)}" if faults else reason,
             duration=last.time,
             closed=self._closed,
             judgement=judgement,
             travelled=self._travelled,
-            optimum=shortest_ways(plan),
+            optimum=shortest_paths(plan),
             target_distance=self._nearest,
             off_place_rms=sqrt(self._off_place_squares / len(self.rows)),
             off_place_max=self._off_place_max,
             end_error=max(self._off_place(last)),
+            events=events,
         )
 
     def _off_place(self, row: HuntRow) -> list[float]:
@@ -101,8 +134,8 @@ class HuntWatch:
         return list(map(dist, row.positions, places))
 
 
-def shortest_ways(plan: HuntPlan) -> float:
-    """The least length (m) of all ways together that ends in an even ring round the target, whoever ends where.
+def shortest_paths(plan: HuntPlan) -> float:
+    """Return the least length (m) of all ways together that ends in an even ring round the target, whoever ends where.
 
     Straight lines: no formation is kept and nobody makes way, so no hunt is that short.
     """

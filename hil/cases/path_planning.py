@@ -1,4 +1,4 @@
-"""The paper's first case: across 50 m x 50 m, by A* on the map and VFH+ round what the laser sees."""
+"""Path planning case: across 50 m x 50 m with A* on the map and VFH+ around scanned obstacles."""
 
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
@@ -6,15 +6,15 @@ from math import cos, dist, pi, sin
 from random import Random
 from typing import Any
 
-from hil.autonomy.occupancy import Point
+from hil.autonomy.paths.occupancy import Point
 from hil.cases.record import Run
 from hil.cases.single import SingleCase, shortest
 from hil.cases.variant import Table
-from hil.config import Scenario, load_scenario
-from hil.errors import ConfigError
+from hil.common.errors import ConfigError
 from hil.master.flight import Plan, prepare
 from hil.master.planner import Planner
-from sim.world import World
+from hil.scenario.config import Scenario, load_scenario
+from sim.environment.world import World
 
 START_SPREAD_M = 1.0
 HEADING_SPREAD = pi / 3.0  # rad
@@ -40,7 +40,7 @@ class PathPlanning(SingleCase):
     )
 
     def vary(self, seed: int) -> tuple[Mapping[str, Any], Mapping[str, Sequence[Table]]]:
-        """The start, by up to a metre, and the heading, by up to 60 degrees."""
+        """Return the start, by up to a metre, and the heading, by up to 60 degrees."""
         if seed == 1:
             return {}, {}
         random = Random(f"path_planning/{seed}")
@@ -87,8 +87,8 @@ class PathPlanningUnknown(PathPlanning):
         return changes, {"cylinder": hidden_piles(plan.world, plan.planner.path, ends, Random(f"piles/{seed}"))}
 
     def extra(self, planner: Planner) -> Mapping[str, float]:
-        """How many ways were planned."""
-        return {"plans": float(planner.note.split()[1].rstrip(","))}
+        """Return how many ways were planned."""
+        return {"plans": float(planner.status.split()[1].rstrip(","))}
 
 
 def hidden_piles(world: World, path: Sequence[Point], ends: Sequence[Point], random: Random) -> list[Table]:
@@ -105,7 +105,7 @@ def hidden_piles(world: World, path: Sequence[Point], ends: Sequence[Point], ran
 
 
 def _beside(path: Sequence[Point], most: float, random: Random) -> Point:
-    """A place up to `most` m aside of one on the path, the legs as likely as they are long."""
+    """Return a place up to `most` m aside of one on the path, the legs as likely as they are long."""
     legs = list(pairwise(path))
     (a, b), *_ = random.choices(legs, [dist(*leg) for leg in legs])
     share, away, bearing = random.random(), random.uniform(0.0, most), random.uniform(-pi, pi)

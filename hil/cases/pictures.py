@@ -1,14 +1,14 @@
-"""The pictures of a case: the paper's figures again, and how the flights of many seeds spread."""
+"""Draw the figures of a case, and the spread over many seeds."""
 
 from collections.abc import Callable, Sequence
 from math import isfinite
 from typing import Any
 
-from hil.bench.plotting import pyplot
 from hil.cases.record import Result, Run
-from hil.config import load_scenario
 from hil.master.world_map import map_at
-from sim.world import World, load_world
+from hil.plots.plotting import pyplot
+from hil.scenario.config import load_scenario
+from sim.environment.world import World, load_world
 
 COLOURS = {"sil": "C0", "hil": "C3"}
 SPREAD: tuple[tuple[str, Callable[[Result], float]], ...] = (
@@ -78,16 +78,16 @@ def draw_speeds(axes: Any, runs: Sequence[Run]) -> None:
     for run in runs:
         for number, track in enumerate(run.tracks):
             colour, name = COLOURS[run.result.mode], run.result.mode.upper()
-            told = number == 0
+            is_first = number == 0
             axes.plot(
                 track.time,
                 track.commanded_surge,
                 color=colour,
                 linewidth=0.7,
                 alpha=0.45,
-                label=f"{name}, commanded" if told else None,
+                label=f"{name}, commanded" if is_first else None,
             )
-            axes.plot(track.time, track.surge, color=colour, linewidth=1.1, label=name if told else None)
+            axes.plot(track.time, track.surge, color=colour, linewidth=1.1, label=name if is_first else None)
     axes.set(xlabel="time (s)", ylabel="surge (m/s)", xlim=(0, None))
     axes.legend(loc="lower center", fontsize="small", ncols=2)
 

@@ -1,4 +1,4 @@
-"""What a flight of a case leaves behind: a row of the table, and where everybody was."""
+"""The record of one run of a case: a row of the table, and the tracks."""
 
 import csv
 import os
@@ -7,7 +7,7 @@ from math import nan
 from types import MappingProxyType
 from typing import Literal, NamedTuple
 
-from hil.autonomy.occupancy import Point
+from hil.autonomy.paths.occupancy import Point
 
 Mode = Literal["sil", "hil"]
 
@@ -15,13 +15,14 @@ Mode = Literal["sil", "hil"]
 class Result(NamedTuple):
     """One flight in numbers: s, m, J, shares of one core, ms. What was not measured or does not apply is nan.
 
-    `success` is the case's own criterion, no collision always part of it. `path_length` is what was travelled, of all
-    vehicles together, `optimum` the shortest way that the vehicle's size allows (no margin), `ratio` the first over
-    the second. `least_clearance` is from the middle of the vehicle to the nearest obstacle, and a collision is where
-    that is not more than the vehicle's radius. `energy` is what the thrusters took (hil/cases/energy.py).
-    `cross_track_*` is from the path that was being followed. `master_cpu` is the processor time of the planner's whole
-    process while it flew, all its vehicles, and `planner_cpu` that of the planner alone. Delays are those of commands,
-    from publishing to applied pulses. `extra` are figures of that case alone.
+    `success` is the case's own criterion, and that nothing of sim/run_events.py befell a vehicle but what its scenario
+    allows; `events` are what did, in words. `path_length` is what was travelled, of all vehicles together, `optimum`
+    the shortest way that the vehicle's size allows (no margin), `ratio` the first over the second. `least_clearance` is
+    from the middle of the vehicle to the nearest obstacle; a vehicle that touched one, or came nearer than its radius,
+    has `collided`. `energy` is what the thrusters took (hil/cases/energy.py). `cross_track_*` is from the path that was
+    being followed. `master_cpu` is the processor time of the planner's whole process while it flew, all its vehicles,
+    and `planner_cpu` that of the planner alone. Delays are those of commands, from publishing to applied pulses.
+    `extra` are figures of that case alone.
     """
 
     case: str
@@ -43,6 +44,7 @@ class Result(NamedTuple):
     planner_cpu: float = nan
     delay_p50: float = nan
     delay_p99: float = nan
+    events: tuple[str, ...] = ()
     extra: Mapping[str, float] = MappingProxyType({})
 
 
@@ -72,8 +74,8 @@ class Run(NamedTuple):
 
 
 def read_track(folder: str, name: str, plan: Sequence[Point] = ()) -> Track:
-    """The track that `hil.master.recorder.TrackWriter` wrote into `folder`."""
-    with open(os.path.join(folder, "track.csv"), newline="") as file:
+    """Return the track that `hil.master.recorder.TrackWriter` wrote into `folder`."""
+    with open(os.path.join(folder, "track.csv"), newline="", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     columns = ("time_s", "true_north_m", "true_east_m", "surge_m_s", "commanded_surge_m_s")
     time, north, east, surge, commanded = ([float(row[column]) for row in rows] for column in columns)

@@ -1,4 +1,4 @@
-"""The report of cases: what the paper shows, what we measure, and both halves of the claim side by side."""
+"""Write the report of cases: published and measured values side by side."""
 
 import os
 from collections.abc import Sequence
@@ -7,7 +7,7 @@ from hil.cases import fidelity, table
 from hil.cases.case import Case, find_case
 from hil.cases.pictures import draw_seeds
 from hil.cases.record import Result, Run
-from hil.errors import ConfigError
+from hil.common.errors import ConfigError
 from hil.master.recorder import make_folder
 
 Flights = dict[str, list[Run]]  # by case
@@ -56,14 +56,14 @@ def _about(case: Case, runs: Sequence[Run]) -> list[str]:
 
 
 def _pair(runs: Sequence[Run]) -> tuple[Run, Run] | None:
-    """A SIL and a HIL flight of one seed, if there are."""
+    """Return a SIL and a HIL flight of one seed, if there are."""
     sil = {run.result.seed: run for run in runs if run.result.mode == "sil"}
     pairs = [(sil[run.result.seed], run) for run in runs if run.result.mode == "hil" and run.result.seed in sil]
     return pairs[0] if pairs else None
 
 
 def _extra(results: Sequence[Result]) -> str:
-    """The figures that only this case has, from least to most over all its flights."""
+    """Return the figures that only this case has, from least to most over all its flights."""
     names = list(dict.fromkeys(name for result in results for name in result.extra))
     texts = []
     for name in names:
@@ -74,7 +74,7 @@ def _extra(results: Sequence[Result]) -> str:
 
 
 def _failures(results: Sequence[Result]) -> list[str]:
-    failed = [f"- {r.case} {r.mode.upper()}, seed {r.seed}: {r.reason}" for r in results if not r.success]
+    failed = [f"- {line}" for line in table.failures(results)]
     return ["What failed:\n\n" + "\n".join(failed)] if failed else []
 
 

@@ -1,21 +1,23 @@
-"""Vehicles in simulated time: the simulation and the vehicle's own computer, without network, link or clock."""
+"""Vehicles in simulated time: simulation and controller in one process, without network, link or clock."""
 
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
-from hil.autonomy.control import VelocityCommand
-from hil.clock import NS_PER_S, seconds_ns
-from hil.config import Scenario, build_simulation
+from hil.autonomy.control.controller import VelocityCommand
+from hil.common.clock import NS_PER_S, seconds_ns
 from hil.master.flight import Flight, Outcome, Plan
+from hil.master.planner import Planner
+from hil.scenario.config import Scenario, build_simulation
 from hil.slave.pilot import build_pilot
+from sim.environment.world import World, load_world
 from sim.sensors.samples import GROUND_TRUTH, ODOMETRY
 from sim.simulation import Simulation
-from sim.vehicle import load_vehicle
-from sim.world import World, load_world
+from sim.vehicle.vehicle import load_vehicle
 
 if TYPE_CHECKING:
     from hil.master.recorder import TrackWriter
 
+SHOWN_STEPS = 40  # between two times that it is told how far a flight is
 # Called after each step with the vehicle.
 Watch = Callable[["SimulatedVehicle"], None]
 
@@ -54,7 +56,7 @@ class SimulatedVehicle:
             pulses, _ = self._pilot.update(self.time_ns, self._period)
             self.pwm_us = pulses.pwm_us
         for topic, sample in self.simulation.step(self.pwm_us):
-            self._pilot.sense(topic, sample)
+            self._pilot.update_sensor(topic, sample)
             if topic != GROUND_TRUTH:
                 self.samples[topic] = sample
 
@@ -85,10 +87,24 @@ def fly(
                 track.row(elapsed, truth, vehicle.samples[ODOMETRY], command)
         for watch in watches:
             watch(vehicle)
-    return flight.outcome(vehicle.time_ns / NS_PER_S, 0.0), digest(vehicle.simulation)
+    events = vehicle.simulation.events.events()
+    return flight.outcome(vehicle.time_ns / NS_PER_S, 0.0, events=events), digest(vehicle.simulation)
+
+
+def showing(planner: Planner, show: Callable[[str], None]) -> Watch:
+    """Tells `show` every now and then how far the flight is."""
+    steps = 0
+
+    def watch(vehicle: SimulatedVehicle) -> None:
+        nonlocal steps
+        steps += 1
+        if steps % SHOWN_STEPS == 0:
+            show(f"{vehicle.time_ns / NS_PER_S:.1f} s, {planner.progress:.0%}")
+
+    return watch
 
 
 def digest(simulation: Simulation) -> str:
-    """The exact state of a simulation as text."""
+    """Return the exact state of a simulation as text."""
     truth = simulation.truth()
     return " ".join(value.hex() for value in (*truth.position, *truth.orientation, *truth.nu))

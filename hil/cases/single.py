@@ -1,4 +1,4 @@
-"""Cases of one vehicle: the flight itself, in the simulation and over the network, the same files for both."""
+"""Run a case of one vehicle, simulated or over the network."""
 
 import os
 from abc import abstractmethod
@@ -7,30 +7,30 @@ from itertools import pairwise
 from math import hypot, nan
 from typing import Any, NamedTuple
 
-from hil.autonomy.any_angle import plan_any_angle
-from hil.autonomy.astar import path_length
-from hil.autonomy.control import VelocityCommand
-from hil.autonomy.occupancy import Point
+from hil.autonomy.control.controller import VelocityCommand
+from hil.autonomy.paths.any_angle import plan_any_angle
+from hil.autonomy.paths.astar import path_length
+from hil.autonomy.paths.occupancy import Point
 from hil.cases.case import Case
 from hil.cases.energy import EnergyMeter
 from hil.cases.record import Mode, Result, Run, read_track
-from hil.cases.simulated import SimulatedVehicle, fly
+from hil.cases.simulated import SimulatedVehicle, fly, showing
 from hil.cases.slaves import Slaves
 from hil.cases.variant import Table, write_variant
-from hil.config import Scenario, load_scenario
-from hil.master.client import VehicleClient
-from hil.master.delay import quantiles
+from hil.client.client import VehicleClient
+from hil.client.delay import quantiles
+from hil.common.ports import free_ports
+from hil.common.stop import StopSignals
 from hil.master.flight import Flight, Outcome, Plan, prepare
 from hil.master.mission import STOPPED, Mission, topics_of
 from hil.master.planner import Planner
 from hil.master.progress import Progress
 from hil.master.recorder import TrackWriter
 from hil.master.world_map import map_at
-from hil.ports import free_ports
-from hil.stop import StopSignals
+from hil.scenario.config import Scenario, load_scenario
+from sim.environment.world import World
 from sim.sensors.samples import OdometrySample
-from sim.vehicle import Vehicle
-from sim.world import World
+from sim.vehicle.vehicle import Vehicle
 
 FINE_M = 0.1  # cells of the map that the shortest way is sought on
 
@@ -50,11 +50,11 @@ class SingleCase(Case):
 
     @abstractmethod
     def vary(self, seed: int) -> tuple[Mapping[str, Any], Mapping[str, Sequence[Table]]]:
-        """What a seed changes in the scenario, by key, and adds to its world, by kind; nothing for seed 1."""
+        """Return what a seed changes in the scenario, by key, and adds to its world, by kind; nothing for seed 1."""
 
     @abstractmethod
     def optimum(self, scenario: Scenario, plan: Plan) -> float:
-        """The length (m) of the shortest way that does what the case asks."""
+        """Return the length (m) of the shortest way that does what the case asks."""
 
     def extra(self, planner: Planner) -> Mapping[str, float]:
         """Figures of this case alone."""
@@ -67,21 +67,22 @@ class SingleCase(Case):
         file = write_variant(self.scenario, folder, {**changes, "seed": seed, "slave.listen": listen}, world)
         scenario = load_scenario(file)
         plan = prepare(scenario)
-        way = tuple(plan.planner.path)
-        measured = (_simulate if mode == "sil" else _fly_slave)(scenario, plan, folder)
-        track = read_track(folder, scenario.slave.node, way)
+        path = tuple(plan.planner.path)
+        measured = (_simulate if mode == "sil" else _fly_slave)(scenario, plan, folder, self.show)
+        track = read_track(folder, scenario.slave.node, path)
         return Run(self._result(mode, seed, scenario, plan, measured), (track,), file)
 
     def _result(self, mode: Mode, seed: int, scenario: Scenario, plan: Plan, measured: Measured) -> Result:
         outcome, vehicle = measured.outcome, plan.brief.vehicle
         optimum = self.optimum(scenario, plan)
-        collided = outcome.least_clearance <= radius_of(vehicle)
+        touched = any(event.kind == "collision" for event in outcome.faults)
+        collided = touched or outcome.least_clearance <= radius_of(vehicle)
         return Result(
             case=self.name,
             mode=mode,
             seed=seed,
-            success=outcome.reached and not collided,
-            reason=outcome.reason if not collided else f"collision; {outcome.reason}",
+            success=outcome.success and not collided,
+            reason=outcome.verdict if touched or not collided else f"collision; {outcome.verdict}",
             duration=outcome.duration,
             path_length=outcome.travelled,
             optimum=optimum,
@@ -96,39 +97,40 @@ class SingleCase(Case):
             planner_cpu=outcome.planner_cpu_s / outcome.duration,
             delay_p50=measured.delay_p50,
             delay_p99=measured.delay_p99,
+            events=tuple([event.describe() for event in outcome.events]),
             extra=self.extra(plan.planner),
         )
 
 
 def radius_of(vehicle: Vehicle) -> float:
-    """The radius (m) of the upright cylinder that a vehicle touches things with (sim/contact.py)."""
+    """The radius (m) of the upright cylinder that a vehicle touches things with (sim/environment/collision.py)."""
     return hypot(*vehicle.dimensions[:2]) / 2
 
 
 def shortest(world: World, vehicle: Vehicle, depth: float, places: Sequence[Point]) -> float:
-    """The length (m) of the any-angle way from place to place that the vehicle's size just allows.
+    """Return the length (m) of the any-angle way from place to place that the vehicle's size just allows.
 
-    Sought on cells of 0.1 m, so long by some parts in a thousand (hil/autonomy/any_angle.py).
+    Sought on cells of 0.1 m, so long by some parts in a thousand (hil/autonomy/paths/any_angle.py).
     """
     inflated = map_at(world, depth, 0.5 * vehicle.dimensions[2], FINE_M).inflate(radius_of(vehicle))
     return sum(path_length(plan_any_angle(inflated, a, b)) for a, b in pairwise(places))
 
 
-def _simulate(scenario: Scenario, plan: Plan, folder: str) -> Measured:
+def _simulate(scenario: Scenario, plan: Plan, folder: str, show: Callable[[str], None]) -> Measured:
     """In this process and simulated time."""
     vehicle = SimulatedVehicle(scenario, plan.world)
     meter = EnergyMeter(plan.brief.vehicle)
     with _Notes(folder, meter, lambda: (vehicle.pwm_us, vehicle.samples.get("battery"))) as track:
-        outcome, _ = fly(scenario, plan, vehicle, track=track)
+        outcome, _ = fly(scenario, plan, vehicle, [showing(plan.planner, show)], track)
     return Measured(outcome, meter.joules)
 
 
-def _fly_slave(scenario: Scenario, plan: Plan, folder: str) -> Measured:
+def _fly_slave(scenario: Scenario, plan: Plan, folder: str, show: Callable[[str], None]) -> Measured:
     """With a slave in a process of its own; this process is its master."""
     meter = EnergyMeter(plan.brief.vehicle)
     node, network = scenario.slave.node, scenario.network
     topics = *topics_of(plan.planner), "battery"
-    progress = Progress(os.path.join(folder, "master.log"), quiet=True)
+    progress = Progress(os.path.join(folder, "master.log"), show)
     with (
         StopSignals() as stop_fd,
         Slaves([scenario.path], folder) as slaves,
@@ -146,9 +148,9 @@ def _fly_slave(scenario: Scenario, plan: Plan, folder: str) -> Measured:
 
 
 def _telemetry(client: VehicleClient) -> tuple[Sequence[int], Any]:
-    """The pulses as the slave last told them, once a second, and the newest sample of the battery."""
+    """Return the pulses as the slave last told them, once a second, and the newest sample of the battery."""
     battery = client.latest.get("battery")
-    return [int(pulse) for pulse in client.diagnostics().get("pwm_us", "").split()], battery and battery.value
+    return client.diagnostics().pwm_us or (), battery and battery.value
 
 
 class _Notes(TrackWriter):

@@ -1,11 +1,11 @@
-"""Slaves as processes of their own: the vehicles of a case in HIL."""
+"""Start the vehicles of a case as slave processes, for HIL."""
 
 import time
 from collections.abc import Sequence
 
 from hil.cases.crew import Crew
-from hil.errors import NetworkError
-from hil.master.client import VehicleClient
+from hil.client.client import VehicleClient
+from hil.common.errors import NetworkError
 
 READY_S = 20.0
 WAIT_STEP_S = 0.02
@@ -20,7 +20,7 @@ class Slaves(Crew):
     def wait(self, clients: Sequence[VehicleClient], seconds: float = READY_S) -> None:
         """Until every vehicle has sent samples and figures of health. Raises NetworkError if one does not."""
         deadline = time.monotonic() + seconds
-        while not all(client.first_sample_wall_ns and client.diagnostics() for client in clients):
+        while not all(client.has_samples and client.diagnostics() for client in clients):
             self.check()
             if time.monotonic() > deadline:
                 raise NetworkError(f"a slave has sent nothing for {seconds:.0f} s; its log is in {self._folder}")

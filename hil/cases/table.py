@@ -1,4 +1,4 @@
-"""The table of a case: a row for its simulated flights and one for those with slaves; as text, CSV and JSON."""
+"""The table of a case: rows of simulated runs and of runs with slaves, as text, CSV and JSON."""
 
 import csv
 import json
@@ -8,8 +8,8 @@ from statistics import fmean, stdev
 from typing import Any
 
 from hil.cases.record import Result
-from hil.columns import aligned
-from hil.errors import ConfigError
+from hil.common.columns import aligned
+from hil.common.errors import ConfigError
 
 # heading, what of a flight, and with how many decimals its mean or which of all its values is told
 _MEAN: tuple[tuple[str, Callable[[Result], float], int], ...] = (
@@ -27,11 +27,11 @@ _WORST: tuple[tuple[str, Callable[[Result], float], Callable[[Iterable[float]], 
     ("delay p50 ms", lambda r: r.delay_p50, max, "{:.2f}"),
     ("delay p99 ms", lambda r: r.delay_p99, max, "{:.2f}"),
 )
-HEADINGS = ["case", "mode", "success", "collisions", *(row[0] for row in _MEAN), *(row[0] for row in _WORST)]
+HEADINGS = ["case", "mode", "success", "collisions", "events", *(row[0] for row in _MEAN), *(row[0] for row in _WORST)]
 
 
 def summary(results: Sequence[Result]) -> list[list[str]]:
-    """A row for each case and mode below the headings: means with their standard deviation, and the worst."""
+    """Return a row for each case and mode below the headings: means with their standard deviation, and the worst."""
     groups = list(dict.fromkeys((result.case, result.mode) for result in results))
     return [HEADINGS, *(_row([r for r in results if (r.case, r.mode) == group]) for group in groups)]
 
@@ -43,6 +43,7 @@ def _row(results: Sequence[Result]) -> list[str]:
         first.mode.upper(),
         f"{sum(r.success for r in results)} of {len(results)}",
         str(sum(r.collided for r in results)),
+        str(sum(len(r.events) for r in results)),
         *(_spread([value(r) for r in results], digits) for _, value, digits in _MEAN),
         *(_worst([value(r) for r in results], choose, form) for _, value, choose, form in _WORST),
     ]
@@ -62,14 +63,26 @@ def _worst(values: Sequence[float], choose: Callable[[Iterable[float]], float], 
 
 
 def render(results: Sequence[Result]) -> str:
-    """The table for a terminal, turned by 90 degrees: a line a figure, a column a case and mode. Failures below."""
+    """Return the table for a terminal, turned by 90 degrees: a line a figure, a column a case and mode.
+
+    Failures below.
+    """
     lines = aligned(list(zip(*summary(results), strict=True)))
-    failures = [f"{r.case} {r.mode.upper()}, seed {r.seed}: {r.reason}" for r in results if not r.success]
-    return "\n".join([*lines, *failures])
+    return "\n".join([*lines, *failures(results)])
+
+
+def failures(results: Sequence[Result]) -> list[str]:
+    """Return a line for each flight that failed, with its reason, and one for each thing that went wrong in any."""
+    lines = []
+    for result in results:
+        flight = f"{result.case} {result.mode.upper()}, seed {result.seed}"
+        lines += [] if result.success else [f"{flight}: {result.reason}"]
+        lines += [f"{flight}: EVENT: {event}" for event in result.events]
+    return lines
 
 
 def markdown(rows: Sequence[Sequence[str]]) -> str:
-    """A table of Markdown, the first row its head."""
+    """Return a table of Markdown, the first row its head."""
     head, *body = ["| " + " | ".join(row) + " |" for row in rows]
     return "\n".join([head, "|" + " --- |" * len(rows[0]), *body])
 
@@ -79,7 +92,7 @@ def write_csv(path: str, results: Sequence[Result]) -> None:
     flat = [_flat(result) for result in results]
     columns = list(dict.fromkeys(key for row in flat for key in row))
     try:
-        with open(path, "w", newline="") as file:
+        with open(path, "w", newline="", encoding="utf-8") as file:
             writer = csv.DictWriter(file, columns, restval="")
             writer.writeheader()
             writer.writerows(flat)
@@ -91,7 +104,7 @@ def write_json(path: str, results: Sequence[Result]) -> None:
     """All flights as a list of objects; what was not measured is null. Raises ConfigError if it cannot be written."""
     plain = [{**result._asdict(), "extra": dict(result.extra)} for result in results]
     try:
-        with open(path, "w") as file:
+        with open(path, "w", encoding="utf-8") as file:
             json.dump([{key: _finite(value) for key, value in row.items()} for row in plain], file, indent=2)
     except OSError as error:
         raise ConfigError(f"{path}: cannot be written: {error.strerror}") from None
@@ -99,6 +112,7 @@ def write_json(path: str, results: Sequence[Result]) -> None:
 
 def _flat(result: Result) -> dict[str, Any]:
     row = {key: _finite(value) for key, value in result._asdict().items() if key != "extra"}
+    row["events"] = "; ".join(result.events)
     return row | {key: _finite(value) for key, value in result.extra.items()}
 
 

@@ -1,4 +1,4 @@
-"""The paper's third case: four vehicles surround a target, from two formations, each by what it and its neighbours say.
+"""Target hunting case: four vehicles surround a target from two formations, by their neighbours' reports.
 
 In SIL all share one process and simulated time; in HIL there are four slaves, four agents and an observer.
 """
@@ -15,11 +15,11 @@ from hil.cases.hunt_watch import HuntOutcome, HuntWatch
 from hil.cases.record import Mode, Result, Run, Track
 from hil.cases.single import radius_of
 from hil.cases.variant import Table, write_variant
-from hil.config import Scenario, load_scenario
-from hil.master.delay import quantiles
+from hil.client.delay import quantiles
+from hil.common.ports import free_ports
 from hil.master.hunt import HuntPlanner
-from hil.ports import free_ports
-from sim.vehicle import load_vehicle
+from hil.scenario.config import Scenario, load_scenario
+from sim.vehicle.vehicle import load_vehicle
 
 
 class TargetHunting(Case):
@@ -29,8 +29,9 @@ class TargetHunting(Case):
     scenario = "target_hunting"
     title = 'Target hunting from the formation "line"'
     paper = (
-        "Figure 12: four vehicles begin at (0, 0), (3, 0), (6, 0) and (9, 0) in 10 m x 10 m, go towards the target at "
-        "(5, 8) in formation and surround it, by artificial potential fields (its eqs 4 to 9), localisation noise on."
+        "Figure 13 (a, c): four vehicles begin at (0, 0), (3, 0), (6, 0) and (9, 0) in 10 m x 10 m, go towards the "
+        "target at (5, 8) in formation and surround it, by artificial potential fields (its eqs 4 to 9), localisation "
+        "noise on."
     )
     method = (
         "Every vehicle has a planner of its own, in HIL a process of its own. It knows the plan agreed on before the "
@@ -38,10 +39,10 @@ class TargetHunting(Case):
         "within 5 m tell it ten times a second on the topic `formation`; in the line that is the next vehicle, not "
         "the one after. Its velocity is the sum of the fields that the paper names (attraction to its place, "
         "repulsion from vehicles and target, a field that holds neighbours within range, the velocity of the place) "
-        "in their standard forms, as the printed ones could not be compared with. Its reading of the plan's clock "
-        "slows while it or a neighbour lags. Its position is that of its navigation, whose error drifts (0.1 m), and "
-        "white noise of 5 cm each axis on top, Gaussian and zero-mean: the paper's eq. (10) as printed is never below "
-        "its amplitude and has no bound. That the target's position is known wrongly is not modelled"
+        "in their standard forms; why not as printed is in docs/explanation/reference_platform.md. Its reading of the"
+        " plan's clock slows while it or a neighbour lags. Its position is that of its navigation, whose error drifts"
+        " (0.1 m), and white noise of 5 cm each axis on top, Gaussian and zero-mean: the paper's eq. (10) as printed "
+        "is never below its amplitude and has no bound. That the target's position is known wrongly is not modelled"
     )
     criterion = (
         "no two middles nearer than 0.5 m; on the approach the formation kept to 0.5 m; at the end all within a "
@@ -54,7 +55,7 @@ class TargetHunting(Case):
         members = {"member": members_on_free_ports(self.scenario)} if mode == "hil" else {}
         file = write_variant(self.scenario, folder, {"seed": seed, **members})
         scenario = load_scenario(file)
-        watch = HuntWatch(scenario)
+        watch = HuntWatch(scenario, self.show)
         figures = (_simulate if mode == "sil" else _fly_processes)(scenario, folder, watch)
         write_rows(os.path.join(folder, "track.csv"), scenario, watch)
         return Run(self._result(mode, seed, scenario, watch.outcome(), figures), tracks_of(scenario, watch), file)
@@ -70,13 +71,14 @@ class TargetHunting(Case):
     ) -> Result:
         radius = radius_of(load_vehicle(scenario.vehicle)[0])
         clearance = min(outcome.judgement.separation - radius, outcome.target_distance)
-        collided = clearance <= radius
+        touched = any(event.kind == "collision" for _, event in outcome.events)
+        collided = touched or clearance <= radius
         return Result(
             case=self.name,
             mode=mode,
             seed=seed,
             success=outcome.success and not collided,
-            reason=f"collision; {outcome.reason}" if collided else outcome.reason,
+            reason=f"collision; {outcome.reason}" if collided and not touched else outcome.reason,
             duration=outcome.duration,
             path_length=outcome.travelled,
             optimum=outcome.optimum,
@@ -91,6 +93,7 @@ class TargetHunting(Case):
             planner_cpu=figures.get("planner_cpu", nan),
             delay_p50=figures.get("delay_p50", nan),
             delay_p99=figures.get("delay_p99", nan),
+            events=tuple([f"{node}: {event.describe()}" for node, event in outcome.events]),
             extra=_extra(outcome, figures),
         )
 
@@ -101,7 +104,7 @@ class TargetHuntingDiamond(TargetHunting):
     name = "target_hunting_diamond"
     scenario = "target_hunting_diamond"
     title = 'Target hunting from the formation "diamond"'
-    paper = 'Figure 13: the same from the formation "diamond", (4.5, 2), (3, 1), (6, 1) and (4.5, 0).'
+    paper = 'Figure 13 (b, d): the same from the formation "diamond", (4.5, 2), (3, 1), (6, 1) and (4.5, 0).'
     method = "As from the line, but that all four are within the range of each other from the start"
     criterion = "as from the line"
 
@@ -112,17 +115,21 @@ class TargetHuntingAcoustic(TargetHunting):
     name = "target_hunting_acoustic"
     scenario = "target_hunting_acoustic"
     title = "Target hunting with acoustic modems"
-    paper = "Figure 12, as above; how its vehicles tell each other where they are, the paper does not say."
+    paper = "Figure 13 (a, c), as above; how its vehicles tell each other where they are, the paper does not say."
     method = (
-        "As target_hunting, but a report is 16 bytes that go by a simulated acoustic modem (docs/modems.md) in the "
-        "vehicle's slot of time, so each vehicle is heard once a second by all others, a quarter of a second late; the "
-        "planner lets neighbours go on as fast as they said until their next report. In HIL the water between the "
-        "modems is the process that looks on: the agents hear nothing but what it delivers"
+        "As target_hunting, but a report is 16 bytes that go by a simulated acoustic modem "
+        "(docs/explanation/modems.md) in the vehicle's slot of time, so each vehicle is heard once a second by all "
+        "others, a quarter of a second late; the planner lets neighbours go on as fast as they said until their next "
+        "report. In HIL the water between the modems is the process that looks on: the agents hear nothing but what "
+        "it delivers"
     )
 
 
 def members_on_free_ports(scenario: str) -> list[Table]:
-    """The [[member]] tables of a scenario, all their endpoints on free ports of this machine. Raises ConfigError."""
+    """Return the [[member]] tables of a scenario, all their endpoints on free ports of this machine.
+
+    Raises ConfigError.
+    """
     members = load_scenario(scenario).member
     ports = iter(free_ports(2 * len(members)))
     return [
@@ -154,13 +161,13 @@ def _fly_processes(scenario: Scenario, folder: str, watch: HuntWatch) -> dict[st
 
 
 def _messages(counts: Mapping[str, int]) -> dict[str, float]:
-    """What became of the messages between modems, by a name that a reader understands."""
+    """Return what became of the messages between modems, by a name that a reader understands."""
     shown = ("sent", "delivered", "collided", "deaf", "damaged", "unheard") if counts else ()
     return {f"modem: {fate.replace('_', ' ')}": counts.get(fate, 0) for fate in shown}
 
 
 def _extra(outcome: HuntOutcome, figures: Mapping[str, float]) -> dict[str, float]:
-    """The figures of this case alone, by a name that a reader understands."""
+    """Return the figures of this case alone, by a name that a reader understands."""
     judgement = outcome.judgement
     return {
         "least distance between two vehicles (m)": judgement.separation,
@@ -175,7 +182,10 @@ def _extra(outcome: HuntOutcome, figures: Mapping[str, float]) -> dict[str, floa
 
 
 def tracks_of(scenario: Scenario, watch: HuntWatch) -> tuple[Track, ...]:
-    """Where each vehicle truly was, and where its places were. Speeds are left out: these vehicles move sideways."""
+    """Return where each vehicle truly was, and where its places were.
+
+    Speeds are left out: these vehicles move sideways.
+    """
     time = [row.time for row in watch.rows]
     tracks = []
     for number, member in enumerate(scenario.member):
@@ -187,7 +197,7 @@ def tracks_of(scenario: Scenario, watch: HuntWatch) -> tuple[Track, ...]:
 def write_rows(path: str, scenario: Scenario, watch: HuntWatch) -> None:
     """All rows as CSV: time, and for each vehicle its true place and its reading of the plan's clock."""
     nodes = [member.node for member in scenario.member]
-    with open(path, "w", newline="") as file:
+    with open(path, "w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         names = ("true_north_m", "true_east_m", "plan_s")
         writer.writerow(["time_s", *(f"{node}_{name}" for node in nodes for name in names)])

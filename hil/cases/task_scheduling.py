@@ -1,4 +1,4 @@
-"""The paper's second case: charging, acquisition and transmission in the scheduler's order, and back to the start."""
+"""Task scheduling case: charging, acquisition and transmission in the scheduler's order, and return."""
 
 from collections.abc import Mapping, Sequence
 from itertools import pairwise, permutations
@@ -6,15 +6,15 @@ from math import pi
 from random import Random
 from typing import Any
 
-from hil.autonomy.occupancy import Point
-from hil.autonomy.scheduler import Mission
+from hil.autonomy.paths.occupancy import Point
+from hil.autonomy.tasks.scheduler import Mission
 from hil.cases.record import Run
 from hil.cases.single import SingleCase, shortest
 from hil.cases.variant import Table
-from hil.config import Scenario
 from hil.master.flight import Plan
 from hil.master.planner import Planner
 from hil.master.tasks import Tasks
+from hil.scenario.config import Scenario
 
 START_SPREAD_M = 1.0
 HEADING_SPREAD = pi  # rad
@@ -33,7 +33,7 @@ class TaskScheduling(SingleCase):
     criterion = "all three tasks done, and home, in 10 min, never nearer to an obstacle than the vehicle's radius"
 
     def vary(self, seed: int) -> tuple[Mapping[str, Any], Mapping[str, Sequence[Table]]]:
-        """The start, by up to a metre, and the heading, any."""
+        """Return the start, by up to a metre, and the heading, any."""
         if seed == 1:
             return {}, {}
         random = Random(f"task_scheduling/{seed}")
@@ -50,11 +50,11 @@ class TaskScheduling(SingleCase):
         start = scenario.start.north, scenario.start.east
         return min(
             shortest(plan.world, plan.brief.vehicle, scenario.master.depth, [start, *places, mission.home])
-            for places in orders(mission)
+            for places in visit_orders(mission)
         )
 
     def extra(self, planner: Planner) -> Mapping[str, float]:
-        """When (s) each task was done."""
+        """Return when (s) each task was done."""
         log = tasks_of(planner).log
         ends = {state: end for (_, state), (end, _) in pairwise(log)}
         return {f"{state[:-5]} done": end for state, end in ends.items() if state.endswith(" work")}
@@ -67,13 +67,13 @@ class TaskScheduling(SingleCase):
 
 
 def tasks_of(planner: Planner) -> Tasks:
-    """The planner of this case as what it is."""
+    """Return the planner of this case as what it is."""
     assert isinstance(planner, Tasks), "the scenario of this case names it"
     return planner
 
 
-def orders(mission: Mission) -> list[list[Point]]:
-    """The places of the tasks in every order in which each comes after all that it needs."""
+def visit_orders(mission: Mission) -> list[list[Point]]:
+    """Return the places of the tasks in every order in which each comes after all that it needs."""
     found = []
     for order in permutations(mission.task):
         names = [task.name for task in order]

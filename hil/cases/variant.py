@@ -1,13 +1,13 @@
-"""A scenario with some values changed, written to files: both the slave's process and the master read them."""
+"""Write a scenario with some values changed to files that slave and master read."""
 
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from hil.config import SCENARIOS
-from hil.errors import ConfigError
-from hil.schema import find_preset
-from hil.tables import read_table
+from hil.common.errors import ConfigError
+from hil.common.schema import find_preset
+from hil.common.tables import read_table
+from hil.scenario.config import SCENARIOS
 
 Table = dict[str, Any]
 
@@ -15,7 +15,7 @@ Table = dict[str, Any]
 def write_variant(
     scenario: str, folder: str, changes: Mapping[str, Any], world: Mapping[str, Sequence[Table]] | None = None
 ) -> str:
-    """The scenario (a preset or a file) with `changes` ({"slave.listen": ...}), in `folder`; its path.
+    """Return the scenario (a preset or a file) with `changes` ({"slave.listen": ...}), in `folder`; its path.
 
     `world` adds to its world, by kind: {"cylinder": [...]}; the world is then written beside it. Raises ConfigError.
     """
@@ -30,6 +30,8 @@ def write_variant(
     for key, ending in (("vehicle", ".toml"), ("world", ".toml")):
         if str(table[key]).endswith(ending):
             table[key] = os.path.join(os.path.abspath(os.path.dirname(source)), table[key])
+    if str(table.get("link", {}).get("frame", "")).endswith(".toml"):
+        table["link"]["frame"] = os.path.join(os.path.abspath(os.path.dirname(source)), table["link"]["frame"])
     if world:
         table["world"] = _write_world(table["world"], folder, world)
     path = os.path.join(folder, "scenario.toml")

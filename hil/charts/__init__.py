@@ -1,1 +1,4 @@
-"""Worlds out of charts: readers of charts and soundings, gridding, and files for other simulators."""
+"""Worlds from charts and soundings: read, grid, find hazards, write files for other simulators.
+
+Public: `hil.charts.build`. It must not be imported by the slave: a built world is a file.
+"""

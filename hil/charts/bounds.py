@@ -1,4 +1,4 @@
-"""What a chart's areas say of every node: between which depths its bed lies, land, and where nothing is known."""
+"""Limits of depth at every node of a grid from a chart's areas: depth range, land, or unknown."""
 
 from typing import NamedTuple
 
@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from hil.charts.grid import Depths, Grid
 from hil.charts.polygons import Mask, contains, fill
-from hil.charts.survey import Sheet, Survey
+from hil.charts.sources.survey import Sheet, Survey
 
 Array = NDArray[np.float64]
 
@@ -26,7 +26,7 @@ class Bounds(NamedTuple):
 
 
 def paint(survey: Survey, north: Array, east: Array) -> Bounds:
-    """The bounds at the crossings of `north` and `east` (m), the finer chart over the coarser."""
+    """Return the bounds at the crossings of `north` and `east` (m), the finer chart over the coarser."""
     shape = len(north), len(east)
     bounds = Bounds(np.full(shape, -np.inf), np.full(shape, np.inf), np.zeros(shape, bool), np.zeros(shape, bool))
     if survey.reach > 0.0:
@@ -54,7 +54,7 @@ def _paint_sheet(sheet: Sheet, north: Array, east: Array, bounds: Bounds) -> Non
 
 
 def _near(points: Array, north: Array, east: Array, reach: float) -> Mask:
-    """Which nodes have one of `points` within `reach` m."""
+    """Return which nodes have one of `points` within `reach` m."""
     from scipy.spatial import cKDTree
 
     tree = cKDTree(points[:, :2])
@@ -99,7 +99,7 @@ def allowance(soundings: Array, limits: Array, north: Array, east: Array, reach:
 
 
 def keep_shoals(grid: Grid, soundings: Array, shoalest: Array, low: Array, passes: int = 20) -> Grid:
-    """The grid lifted where, between its nodes, it would be deeper than a sounding, but never above `low`.
+    """Return the grid lifted where, between its nodes, it would be deeper than a sounding, but never above `low`.
 
     `shoalest`: the shoal limit of the area that each sounding is in. A shoal smaller than a cell has no node of its
     own: around its sounding that limit holds, not the one of the deeper area where the nodes are. Each pass

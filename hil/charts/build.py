@@ -1,4 +1,4 @@
-"""From a survey to a grid, and how good it is."""
+"""Make a grid from a survey, and estimate its error."""
 
 import time
 from importlib.util import find_spec
@@ -11,8 +11,8 @@ from hil.charts.bounds import allowance, clamp, keep_shoals, limits_at, paint, r
 from hil.charts.grid import Extent, Grid
 from hil.charts.gridding import Indices, Progress, Surface
 from hil.charts.hazards import Placed, place
-from hil.charts.survey import Survey, first_in_cell
-from hil.errors import ConfigError, MissingExtraError
+from hil.charts.sources.survey import Survey, first_in_cell
+from hil.common.errors import ConfigError, MissingExtraError
 
 Array = NDArray[np.float64]
 
@@ -53,8 +53,9 @@ class Built(NamedTuple):
 
 def build(survey: Survey, extent: Extent, resolution: float, progress: Progress = lambda share: None) -> Built:
     """Grid `survey` over `extent` (m) at `resolution` (m). Raises ConfigError, MissingExtraError."""
-    if find_spec("scipy") is None:
-        raise MissingExtraError("gridding needs scipy: pip install 'uuv-hil[chart]'")
+    missing = [name for name in ("scipy", "pygeomag") if find_spec(name) is None]  # the latter to write the world
+    if missing:
+        raise MissingExtraError(f"a world of charts needs {' and '.join(missing)}: pip install 'uuv-hil[chart]'")
     begin = time.perf_counter()
     north, east = _axes(extent, resolution)
     bounds = paint(survey, north, east)
@@ -83,7 +84,7 @@ def build(survey: Survey, extent: Extent, resolution: float, progress: Progress 
 
 
 def _axes(extent: Extent, resolution: float) -> tuple[Array, Array]:
-    """The whole multiples of `resolution` in `extent`, to the north and to the east."""
+    """Return the whole multiples of `resolution` in `extent`, to the north and to the east."""
     first = [int(np.ceil(low / resolution - 1e-9)) for low in (extent[0], extent[2])]
     rows, columns = (int(np.floor(extent[k + 1] / resolution + 1e-9)) - first[k // 2] + 1 for k in (0, 2))
     if rows < 2 or columns < 2:
@@ -98,7 +99,10 @@ def _axes(extent: Extent, resolution: float) -> tuple[Array, Array]:
 
 
 def _data(survey: Survey, north: Array, east: Array, resolution: float) -> tuple[Array, Array]:
-    """What the surface goes through (soundings first), and the soundings among it; a margin around the grid counts."""
+    """Return what the surface goes through (soundings first), and the soundings among it.
+
+    A margin around the grid counts.
+    """
     margin = 0.1 * max(north[-1] - north[0], east[-1] - east[0])
     low, high = np.array([north[0], east[0]]) - margin, np.array([north[-1], east[-1]]) + margin
     soundings, guides = (

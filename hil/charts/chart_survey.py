@@ -1,4 +1,4 @@
-"""Charts brought together on one plane: where they overlap, the one of the larger scale is believed."""
+"""Combine charts on one plane: where they overlap, the larger scale is used."""
 
 from typing import NamedTuple
 
@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 from hil.charts.hazards import hazards_of
 from hil.charts.polygons import Edges, contains
 from hil.charts.projection import LocalPlane
-from hil.charts.s57 import Cell, Feature
-from hil.charts.survey import DepthArea, Hazard, Sheet, Survey, resample
-from hil.errors import ConfigError
+from hil.charts.sources.s57 import Cell, Feature
+from hil.charts.sources.survey import DepthArea, Hazard, Sheet, Survey, resample
+from hil.common.errors import ConfigError
 
 Array = NDArray[np.float64]
 
@@ -34,7 +34,7 @@ class Box(NamedTuple):
 
 
 def covered(cells: list[Cell]) -> Box:
-    """The box around all that the charts cover."""
+    """Return the box around all that the charts cover."""
     lines = [line for cell in cells for feature in _coverage(cell) for line in feature.lines]
     if not lines:
         raise ConfigError(f"{cells[0].name}: the chart does not say what it covers (M_COVR): it is no usable ENC")
@@ -43,7 +43,7 @@ def covered(cells: list[Cell]) -> Box:
 
 
 def survey_charts(cells: list[Cell], plane: LocalPlane, resolution: float) -> Survey:
-    """What `cells` say, on `plane`; contours sampled for a grid of `resolution` m. Raises ConfigError."""
+    """Return what `cells` say, on `plane`; contours sampled for a grid of `resolution` m. Raises ConfigError."""
     layers = [_Layer(cell, plane) for cell in sorted(cells, key=lambda cell: -cell.scale)]
     finer: list[list[Edges]] = [[other.coverage for other in layers[i + 1 :]] for i in range(len(layers))]
     pairs = list(zip(layers, finer, strict=True))
@@ -85,7 +85,7 @@ def _outside(points: Array, covers: list[Edges]) -> Array:
 
 
 def _cut(line: Array, covers: list[Edges]) -> list[Array]:
-    """The pieces of `line` that no finer chart covers."""
+    """Return the pieces of `line` that no finer chart covers."""
     if not covers:
         return [line]
     keep = np.ones(len(line), bool)

@@ -1,19 +1,19 @@
-"""Where a vehicle fits: the seabed and what stands on it as an occupancy map."""
+"""Make the occupancy map of seabed and obstacles for a vehicle's size."""
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.autonomy.occupancy import Extent, OccupancyGrid
+from hil.autonomy.paths.occupancy import Extent, OccupancyGrid
 from hil.charts.grid import Grid
 from hil.master.world_map import HALF_DIAGONAL, lower
-from sim.obstacles import Box, Cylinder
-from sim.world import World
+from sim.environment.obstacles import Box, Cylinder
+from sim.environment.world import World
 
 Array = NDArray[np.float64]
 
 
 def free_water(world: World, grid: Grid, depth: float, resolution: float) -> OccupancyGrid:
-    """The map for a vehicle whose lowest point is `depth` m down; cells of `resolution` m.
+    """Return the map for a vehicle whose lowest point is `depth` m down; cells of `resolution` m.
 
     A cell is occupied where the seabed at its centre is no deeper, where that is unknown, or where an obstacle that
     reaches so far up may touch any part of it; with `walls` those are the map's edge. Raises ConfigError.

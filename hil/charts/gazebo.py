@@ -1,4 +1,4 @@
-"""A world for Gazebo (gz-sim): its SDF, a height map of 16 bits, and a ground to colour it with."""
+"""Export a world for Gazebo (gz-sim): SDF, a height map of 16 bits, and a ground texture."""
 
 import os
 from collections.abc import Iterator
@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from hil.charts.grid import Grid, write_file
 from hil.charts.png import write_png
-from sim.obstacles import Box, Cylinder
-from sim.world import World
+from sim.environment.obstacles import Box, Cylinder
+from sim.environment.world import World
 
 MOST_NODES = 2049  # a side; Gazebo wants 2^n + 1
 LEVELS = 65535
@@ -37,7 +37,10 @@ def write_gazebo(world: World, grid: Grid, path: str) -> float:
 
 
 def height_map(grid: Grid) -> tuple[NDArray[np.uint16], float, float]:
-    """A square picture with 2^n + 1 nodes a side, its first row the north; heights in m of 0 and of its brightest."""
+    """Return a square picture with 2^n + 1 nodes a side, its first row the north.
+
+    Heights in m of 0 and of its brightest.
+    """
     side = 3
     while side < min(max(grid.depths.shape), MOST_NODES):
         side = 2 * side - 1

@@ -1,4 +1,4 @@
-"""A grid as a GeoTIFF: heights in float32, upwards, on a transverse Mercator plane in the world's origin."""
+"""Write a grid as a GeoTIFF: heights in float32 on a transverse Mercator plane with the world's origin."""
 
 import struct
 
@@ -36,7 +36,7 @@ def write_geotiff(grid: Grid, origin: tuple[float, float] | None, path: str) -> 
 
 
 def _projection(origin: tuple[float, float] | None) -> tuple[list[int], list[float]]:
-    """The GeoKeys: a head, then (key, where its value is, how many, value or index)."""
+    """Return the GeoKeys: a head, then (key, where its value is, how many, value or index)."""
     if origin is None:
         return [1, 1, 0, 1, 1025, 0, 1, 2], []
     latitude, longitude = origin

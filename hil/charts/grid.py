@@ -6,8 +6,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.errors import ConfigError
-from sim.world import World
+from hil.common.errors import ConfigError
+from sim.environment.world import World
 
 Array = NDArray[np.float64]
 Depths = NDArray[np.float32]

@@ -1,4 +1,4 @@
-"""A smooth surface through scattered depths: radial basis functions on overlapping patches, blended.
+"""Interpolate scattered depths by a smooth surface: radial basis functions on overlapping patches.
 
 On each patch two surfaces go exactly through the points, and their mean is taken: a thin-plate spline, which is
 smooth, and the linear kernel, which does not overshoot (Wendland, Scattered Data Approximation, 2005, chapters 8
@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.charts.polygons import Mask
-from hil.errors import ConfigError
+from hil.common.errors import ConfigError
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -86,7 +86,7 @@ class Surface:
         return _Fit(self._points[patch.inside], self._depths[patch.inside], patch)
 
     def _reached(self, axis: Array, k: int, patch: Patch) -> slice:
-        """Which of the nodes along one axis `patch` has a say in; beyond the data its border stretches on."""
+        """Return which of the nodes along one axis `patch` has a say in; beyond the data its border stretches on."""
         clipped = np.clip(axis, self._low[k], self._high[k])
         ends = patch.centre[k] - patch.half[k], patch.centre[k] + patch.half[k]
         return slice(int(np.searchsorted(clipped, ends[0], "right")), int(np.searchsorted(clipped, ends[1], "left")))
@@ -132,7 +132,7 @@ class _Fit:
         self._kernels = kernels
 
     def at(self, nodes: Array) -> Array:
-        """The mean of the surfaces at `nodes` (n, 2)."""
+        """Return the mean of the surfaces at `nodes` (n, 2)."""
         solved = [np.linalg.solve(self._system(kernel), self._right(kernel)) for kernel in self._kernels]
         parts = []
         for start in range(0, len(nodes), CHUNK):
@@ -146,7 +146,7 @@ class _Fit:
         return np.concatenate(parts)
 
     def without(self, folds: Indices) -> Array:
-        """The mean of the surfaces at each point, had the points of its fold not been there."""
+        """Return the mean of the surfaces at each point, had the points of its fold not been there."""
         return np.asarray(self._depths - np.mean([self._errors(kernel, folds) for kernel in self._kernels], axis=0))
 
     def _errors(self, kernel: "_Kernel", folds: Indices) -> Array:
@@ -182,7 +182,7 @@ def _thin_plate(squares: Array) -> Array:
 
 
 def _tail(kernel: _Kernel, points: Array) -> Array:
-    """The polynomial a kernel comes with: a constant, for the thin plate a plane."""
+    """Return the polynomial a kernel comes with: a constant, for the thin plate a plane."""
     one = np.ones((len(points), 1))
     return one if kernel is _linear else np.hstack([one, points])
 

@@ -1,4 +1,4 @@
-"""Obstructions, wrecks, rocks, piles and islets of a chart: where they stand and how high they reach.
+"""Obstructions, wrecks, rocks, piles and islets of a chart: positions and heights.
 
 A chart gives most of them as points, without a size. The radii here are ours, on the large side of what such
 things measure. Where no depth is given, WATLEV tells how the water's level lies to them.
@@ -11,16 +11,16 @@ from numpy.typing import NDArray
 
 from hil.charts.grid import Grid
 from hil.charts.polygons import Edges, fill
-from hil.charts.s57 import Feature
-from hil.charts.survey import Hazard
-from sim.obstacles import Box, Cylinder
+from hil.charts.sources.s57 import Feature
+from hil.charts.sources.survey import Hazard
+from sim.environment.obstacles import Box, Cylinder
 
 Array = NDArray[np.float64]
 
 RADII = {
     "OBSTRN": 2.0, "WRECKS": 8.0, "UWTROC": 2.0, "PILPNT": 0.4, "PYLONS": 3.0, "MORFAC": 1.0, "LNDARE": 5.0,
 }  # fmt: skip
-OUT_OF_WATER = -100.0  # as sim.obstacles has it
+OUT_OF_WATER = -100.0  # as sim.environment.obstacles has it
 STANDS_UP = {"PILPNT", "PYLONS", "MORFAC", "LNDARE"}  # they come out of the water unless WATLEV says otherwise
 # Always under water (WATLEV 3) says nothing of how deep. The others (S-57 appendix A, attribute 187):
 # partly submerged at high water, always dry, covers and uncovers, awash.
@@ -39,7 +39,7 @@ class Placed(NamedTuple):
 
 
 def hazards_of(feature: Feature, points: Array, edges: Edges) -> list[Hazard]:
-    """The hazards that one object is, its `points` and `edges` on the plane; none for what floats."""
+    """Return the hazards that one object is, its `points` and `edges` on the plane; none for what floats."""
     if feature.kind not in RADII or feature.number("WATLEV") == FLOATING:
         return []
     if feature.kind == "LNDARE" and feature.is_area:
@@ -91,7 +91,7 @@ def _raise_bed(hazard: Hazard, grid: Grid, shoal_limit: Array) -> bool:
 
 
 def _height(hazard: Hazard, place: Array, grid: Grid, limit: Grid) -> float | None:
-    """The depth of its top at `place` (2,), None where it does not stand in water."""
+    """Return the depth of its top at `place` (2,), None where it does not stand in water."""
     bed, shoal = (float(g.at(place[None])[0]) for g in (grid, limit))
     if not bed > 0.0:  # nan, too
         return None
@@ -102,7 +102,7 @@ def _height(hazard: Hazard, place: Array, grid: Grid, limit: Grid) -> float | No
 
 
 def _cylinder(hazard: Hazard, grid: Grid, limit: Grid) -> list[Cylinder]:
-    """A point, or an area smaller than a cell of the grid."""
+    """Return a point, or an area smaller than a cell of the grid."""
     middle = hazard.line.mean(axis=0)
     top = _height(hazard, middle, grid, limit)
     radius = max(hazard.radius, float(np.hypot(*(hazard.line - middle).T).max()))
@@ -113,7 +113,7 @@ def _cylinder(hazard: Hazard, grid: Grid, limit: Grid) -> list[Cylinder]:
 
 
 def _boxes(hazard: Hazard, grid: Grid, limit: Grid) -> list[Box]:
-    """A line, piece by piece."""
+    """Return a line, piece by piece."""
     boxes = []
     for start, end in zip(hazard.line[:-1], hazard.line[1:], strict=True):
         middle, along = 0.5 * (start + end), end - start

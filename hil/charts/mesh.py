@@ -1,4 +1,4 @@
-"""A grid as triangles: STL, and GLB, which is the smallest of the common formats."""
+"""Export a grid as triangles: STL and GLB."""
 
 import json
 import struct
@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.charts.grid import Grid, write_file
-from hil.errors import ConfigError
+from hil.common.errors import ConfigError
 
 Corners = NDArray[np.float32]
 Triangles = NDArray[np.uint32]

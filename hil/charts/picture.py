@@ -1,4 +1,4 @@
-"""The picture of a seabed: lit from the north-west, coloured by depth, with what a chart shows on top."""
+"""Draw a seabed: shaded from the north-west, coloured by depth, with the chart's features."""
 
 import os
 from typing import Any, NamedTuple
@@ -6,10 +6,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.bench.plotting import pyplot
 from hil.charts.grid import Depths, Grid
-from hil.errors import ConfigError
-from sim.obstacles import Box, Cylinder
+from hil.common.errors import ConfigError
+from hil.plots.plotting import pyplot
+from sim.environment.obstacles import Box, Cylinder
 
 Array = NDArray[np.float64]
 
@@ -73,7 +73,7 @@ def _thinned(grid: Grid) -> Grid:
 
 
 def hillshade(depths: Depths, resolution: float) -> Array:
-    """How bright each node is, 0 to 1: Lambert's law, heights stretched so that the relief shows."""
+    """Return how bright each node is, 0 to 1: Lambert's law, heights stretched so that the relief shows."""
     to_north, to_east = np.gradient(-depths.astype(float), resolution)
     to_north, to_east = np.nan_to_num(to_north), np.nan_to_num(to_east)
     steep = float(np.quantile(np.hypot(to_north, to_east), 0.9))
@@ -100,7 +100,7 @@ def _shaded(grid: Grid, plt: Any) -> tuple[Array, Any]:
 
 
 def _range(depths: Depths) -> tuple[float, float]:
-    """The depths that the colours go from and to: from the surface, unless all is far below it."""
+    """Return the depths that the colours go from and to: from the surface, unless all is far below it."""
     water = depths[depths > 0.0]
     if not len(water):
         return 0.0, 1.0

@@ -1,4 +1,4 @@
-"""Pictures as PNG: what a height map needs, 16 bits of grey, and colours for its ground."""
+"""Write PNG pictures: height maps of 16 bits, and colours."""
 
 import struct
 import zlib

@@ -1,4 +1,4 @@
-"""Areas given by the edges that bound them, in any order, holes included: what is inside, by counting crossings."""
+"""Test which points are inside areas that are given by unordered edges, with holes."""
 
 from collections.abc import Iterable
 
@@ -12,7 +12,7 @@ Edges = tuple[Array, ...]  # each (n, 2) north, east in m
 
 
 def segments(edges: Iterable[Array]) -> tuple[Array, Array]:
-    """The starts and the ends of all straight pieces, (n, 2) each."""
+    """Return the starts and the ends of all straight pieces, (n, 2) each."""
     edges = list(edges)
     if not edges:
         return np.empty((0, 2)), np.empty((0, 2))
@@ -20,7 +20,7 @@ def segments(edges: Iterable[Array]) -> tuple[Array, Array]:
 
 
 def fill(edges: Edges, north: Array, east: Array) -> tuple[Window, Mask]:
-    """Which crossings of the growing arrays `north` and `east` (m) are inside.
+    """Return which crossings of the growing arrays `north` and `east` (m) are inside.
 
     The rows and columns around the area, and of those crossings whether each is in it.
     """
@@ -37,7 +37,7 @@ def _within(axis: Array, start: Array, end: Array) -> slice:
 
 
 def _crossed(start: Array, end: Array, north: Array, east: Array) -> Mask:
-    """Where, coming from the west along a row, an odd number of edges has been crossed."""
+    """Return where, coming from the west along a row, an odd number of edges has been crossed."""
     first, last = np.sort([np.searchsorted(north, start[:, 0]), np.searchsorted(north, end[:, 0])], axis=0)
     counts = last - first  # the rows that each edge crosses
     which = np.repeat(np.arange(len(start)), counts)
@@ -51,7 +51,7 @@ def _crossed(start: Array, end: Array, north: Array, east: Array) -> Mask:
 
 
 def contains(edges: Edges, points: Array) -> Mask:
-    """Which of `points` (n, 2) north, east are inside: (n,)."""
+    """Return which of `points` (n, 2) north, east are inside: (n,)."""
     inside = np.zeros(len(points), bool)
     start, end = segments(edges)
     if not len(start):

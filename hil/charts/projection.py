@@ -1,4 +1,4 @@
-"""Geographic positions on a local plane and back: the tangent plane of WGS 84 in a world's origin."""
+"""Convert geographic positions to a local plane and back: the tangent plane of WGS 84 at a world's origin."""
 
 from math import cos, radians, sin
 
@@ -33,18 +33,6 @@ class LocalPlane:
         """North and east in m of points in degrees, arrays of one shape."""
         offset = _ecef(np.radians(latitude), np.radians(longitude)) - self._origin
         return offset @ self._north, offset @ self._east
-
-    def to_geographic(self, north: Array, east: Array) -> tuple[Array, Array]:
-        """Latitude and longitude in degrees of points on the plane, m: where the plane's normal meets the ellipsoid."""
-        flat = self._origin + np.multiply.outer(np.asarray(north), self._north) + np.multiply.outer(east, self._east)
-        # |p + t up| on the ellipsoid: a quadratic equation in t, z scaled so that the ellipsoid is a sphere
-        scale = np.array([1.0, 1.0, 1.0 / (1.0 - FLATTENING)])
-        p, up = flat * scale, self._up * scale
-        b, c = p @ up, (p * p).sum(-1) - SEMI_MAJOR_AXIS**2
-        a = float(up @ up)
-        point = flat + np.multiply.outer((-b + np.sqrt(b * b - a * c)) / a, self._up)
-        x, y, z = point[..., 0], point[..., 1], point[..., 2]
-        return np.degrees(np.arctan2(z / (1.0 - _E2), np.hypot(x, y))), np.degrees(np.arctan2(y, x))
 
 
 def _ecef(phi: Array, lam: Array) -> Array:

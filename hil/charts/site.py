@@ -1,4 +1,4 @@
-"""Where on a chart a short dive shows most: over relief, near enough to the bed for a camera."""
+"""Find the place on a chart for a short dive: with relief, and near enough to the bed for a camera."""
 
 from collections.abc import Iterator
 from math import cos, hypot, pi, sin
@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.charts.grid import Grid
-from hil.errors import ConfigError
+from hil.common.errors import ConfigError
 
 Array = NDArray[np.float64]
 Point = tuple[float, float]  # north, east in m
@@ -58,7 +58,10 @@ def sites(grid: Grid, length: float, depth: float | None = None) -> Iterator[Sit
 
 
 def depth_between(grid: Grid, start: Point, goal: Point) -> float:
-    """How deep to dive on the straight way between two places. Raises ConfigError where there is too little water."""
+    """Return how deep to dive on the straight way between two places.
+
+    Raises ConfigError where there is too little water.
+    """
     shares = np.linspace(0.0, 1.0, PLACES)[:, None]
     least = float(np.min(grid.at(np.array(start) + shares * (np.array(goal) - np.array(start)))))
     if not least > LEAST_DEPTH + LEAST_ALTITUDE:
@@ -67,7 +70,7 @@ def depth_between(grid: Grid, start: Point, goal: Point) -> float:
 
 
 def _judge(grid: Grid, middles: Array, course: float, length: float, depth: float | None) -> tuple[Array, Array]:
-    """How good a way through each of `middles` is (-inf: none), and how deep it is."""
+    """Return how good a way through each of `middles` is (-inf: none), and how deep it is."""
     ahead, abeam = np.array([cos(course), sin(course)]), np.array([-sin(course), cos(course)])
     along = np.linspace(-0.5 * length, 0.5 * length, PLACES)
     under = np.stack([grid.at(middles + x * ahead) for x in along])

@@ -1,13 +1,15 @@
-"""A world on disk: NAME.toml as sim.world reads it, and NAME.f32 with the depths of its seabed."""
+"""Write and read a world on disk: NAME.toml, and NAME.f32 with the depths of its seabed."""
 
 import os
 from collections.abc import Iterator, Sequence
+from datetime import date
 from typing import Any
 
 import numpy as np
 
 from hil.charts.grid import write_file
 from hil.charts.hazards import Placed
+from sim.environment.geomagnetism import field_at
 
 
 def write_world(
@@ -16,7 +18,7 @@ def write_world(
     """Write `placed` to `path` (`.toml`) and its depths beside it; `notes` stand at the file's head.
 
     The depths are little-endian float32, row after row from the south-west corner, nan where nothing is known.
-    Raises ConfigError.
+    With an origin it says what the earth's magnetic field is there today. Raises ConfigError, MissingExtraError.
     """
     stem = os.path.splitext(os.path.basename(path))[0]
     grid = placed.grid
@@ -29,11 +31,20 @@ def write_world(
     lines = [*(f"# {note}" for note in notes), *_keys(world)]
     if origin is not None:
         lines.append(f"origin = {_toml(origin)} # latitude, longitude")
+        lines.append(_magnetic_field(origin))
     lines += ["", "[terrain]", *_keys(terrain)]
     for name, obstacles in (("cylinder", placed.cylinders), ("box", placed.boxes)):
         for obstacle in obstacles:
             lines += ["", f"[[{name}]]", *_keys(obstacle._asdict())]
     write_file(path, ("\n".join(lines) + "\n").encode())
+
+
+def _magnetic_field(origin: tuple[float, float]) -> str:
+    """Return the earth's field there today; on boards, which have no model of it, the file is all there is."""
+    today = date.today()
+    start, end = date(today.year, 1, 1), date(today.year + 1, 1, 1)
+    field = field_at(*origin, year=today.year + (today - start) / (end - start))
+    return f"magnetic_field = {_toml(field.angles)} # T, rad, rad: {field.model}, {field.year:.1f}"
 
 
 def _keys(table: dict[str, Any]) -> Iterator[str]:

@@ -1,10 +1,11 @@
-"""Looking on while a vehicle dives: what it sees every other second, kept for the report."""
+"""Store what a diving vehicle's sensors show every other second, for the report."""
 
 from typing import Any, NamedTuple, Self
 
-from hil.clock import NS_PER_S, now_ns
-from hil.config import Scenario
-from hil.master.client import VehicleClient
+from hil.client.client import VehicleClient
+from hil.common.clock import NS_PER_S, now_ns
+from hil.ros.diagnostics import Diagnostics
+from hil.scenario.config import Scenario
 from sim.sensors.samples import OdometrySample
 
 PERIOD_NS = NS_PER_S
@@ -57,6 +58,6 @@ class DiveWatch:
             Look((now - self._began_ns) / NS_PER_S, truth, altimeter.distance, laser, camera, sonar)
         )  # fmt: skip
 
-    def figures(self) -> dict[str, str]:
-        """The slave's figures of health, as it last told them."""
+    def figures(self) -> Diagnostics:
+        """Return the slave's figures of health, as it last told them."""
         return self._client.diagnostics()

@@ -1,14 +1,22 @@
-"""Soundings from text: XYZ and CSV, packed or not, and what all loose depths have in common."""
+"""Read soundings from XYZ and CSV, also compressed."""
 
+import bz2
 import csv
+import gzip
+import lzma
 import os
-from collections.abc import Sequence
+import zlib
+from array import array
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import chain
 from typing import IO, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.errors import ConfigError
+from hil.common.errors import ConfigError
+from hil.common.tables import check_file
+from hil.common.text import clean
 
 Array = NDArray[np.float64]
 Positive = Literal["auto", "up", "down"]
@@ -17,6 +25,9 @@ Positive = Literal["auto", "up", "down"]
 _LONGITUDE, _LATITUDE = {"lon", "long", "longitude", "lng"}, {"lat", "latitude"}
 _EAST, _NORTH = {"e", "east", "easting", "x"}, {"n", "north", "northing", "y"}
 _DEPTH = {"z", "depth", "bathymetry", "elevation", "height", "altitude", "sounding", "bottom", "topo"}
+LARGEST = 1 << 30  # bytes of a file, and characters of its text when unpacked
+MOST_LINES = 20_000_000  # of one file; a sounding takes 24 bytes
+LONGEST_LINE = 10_000  # characters
 PACKED = (".gz", ".xz", ".bz2")
 ENDINGS = (".xyz", ".csv", ".txt", ".tsv", ".dat")
 
@@ -41,30 +52,27 @@ def downwards(values: Array, positive: Positive) -> Array:
 
 
 def is_points(path: str) -> bool:
-    """Whether the name of a file says that it holds soundings as text."""
+    """Return whether the name of a file says that it holds soundings as text."""
     stem, ending = os.path.splitext(path.lower())
     return (os.path.splitext(stem)[1] if ending in PACKED else ending) in ENDINGS
 
 
 def read_points(path: str, positive: Positive = "auto") -> Points:
-    """The soundings in the text file at `path`. Raises ConfigError.
+    """Return the soundings in the text file at `path`. Raises ConfigError.
 
     Columns are parted by commas, semicolons, tabs or blanks. A first line names them: longitude and latitude, or
     east and north (x and y) in m, and depth, elevation or z; without one they are longitude, latitude, depth.
     Lines that begin with # are left out.
     """
-    try:
-        with _open(path) as file:
-            lines = [line.strip() for line in file if line.strip() and not line.lstrip().startswith("#")]
-    except (OSError, EOFError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{path}: cannot be read: {error}") from None
-    if not lines:
+    lines = _lines(path)
+    head = next(lines, None)
+    if head is None:
         raise ConfigError(f"{path}: no soundings in it")
-    separator = next((mark for mark in ",;\t" if mark in lines[0]), None)
-    names = _cells(lines[0], separator)
+    separator = next((mark for mark in ",;\t" if mark in head), None)
+    names = _cells(head, separator)
     has_names = not all(map(_is_number, names))
     first, second, third, geographic = _columns(names, path) if has_names else (0, 1, 2, True)
-    rows = _numbers(lines[has_names:], separator, (first, second, third), path, has_names)
+    rows = _numbers(lines if has_names else chain([head], lines), separator, (first, second, third), path, has_names)
     rows = rows[np.isfinite(rows).all(axis=1)]
     if not len(rows):
         raise ConfigError(f"{path}: no soundings in it")
@@ -72,20 +80,35 @@ def read_points(path: str, positive: Positive = "auto") -> Points:
     return Points(os.path.basename(path), rows[:, 1::-1], downwards(rows[:, 2], positive), geographic)
 
 
+def _lines(path: str) -> Iterator[str]:
+    """Return the lines that say something, without blanks around them. Raises ConfigError."""
+    check_file(path, LARGEST)
+    count = size = 0
+    try:
+        with _open(path) as file:
+            while line := file.readline(LONGEST_LINE + 1):
+                count, size = count + 1, size + len(line)
+                if len(line) > LONGEST_LINE:
+                    raise ConfigError(f"{path}: a line of more than {LONGEST_LINE} characters: this is no XYZ or CSV")
+                if size > LARGEST or count > MOST_LINES:
+                    raise ConfigError(
+                        f"{path}: more than {LARGEST >> 20} MiB of text or {MOST_LINES} lines: thin it out, or make a "
+                        "GeoTIFF of it"
+                    )
+                if (line := line.strip()) and not line.startswith("#"):
+                    yield line
+    except (OSError, EOFError, UnicodeDecodeError, zlib.error, lzma.LZMAError) as error:
+        raise ConfigError(f"{path}: cannot be read: {error}") from None
+
+
 def _open(path: str) -> IO[str]:
     ending = os.path.splitext(path)[1].lower()
     if ending == ".gz":
-        import gzip
-
-        return gzip.open(path, "rt", encoding="utf-8")
+        return gzip.open(path, "rt", encoding="utf-8-sig")
     if ending == ".xz":
-        import lzma
-
-        return lzma.open(path, "rt", encoding="utf-8")
+        return lzma.open(path, "rt", encoding="utf-8-sig")
     if ending == ".bz2":
-        import bz2
-
-        return bz2.open(path, "rt", encoding="utf-8")
+        return bz2.open(path, "rt", encoding="utf-8-sig")
     return open(path, encoding="utf-8-sig")
 
 
@@ -102,7 +125,7 @@ def _is_number(text: str) -> bool:
 
 
 def _columns(names: Sequence[str], path: str) -> tuple[int, int, int, bool]:
-    """Where longitude (east), latitude (north) and depth are, and whether the first two are degrees."""
+    """Return where longitude (east), latitude (north) and depth are, and whether the first two are degrees."""
     short = [name.strip().lower().partition("(")[0].partition("_")[0].strip() for name in names]
 
     def find(wanted: set[str]) -> int | None:
@@ -119,15 +142,15 @@ def _columns(names: Sequence[str], path: str) -> tuple[int, int, int, bool]:
     )
 
 
-def _numbers(lines: list[str], separator: str | None, columns: tuple[int, ...], path: str, offset: int) -> Array:
-    rows = []
+def _numbers(lines: Iterable[str], separator: str | None, columns: tuple[int, ...], path: str, offset: int) -> Array:
+    rows = array("d")
     for number, line in enumerate(lines, 1 + offset):
         cells = _cells(line, separator) if separator is None or '"' in line else line.split(separator)
         try:
-            rows.append([float(cells[column] or "nan") for column in columns])
+            rows.extend([float(cells[column] or "nan") for column in columns])
         except (ValueError, IndexError):
-            raise ConfigError(f"{path}: no sounding in row {number}: {line[:60]!r}") from None
-    return np.array(rows, float).reshape(-1, 3)
+            raise ConfigError(f"{path}: no sounding in row {number}: {clean(line, 60)!r}") from None
+    return np.frombuffer(rows, float).reshape(-1, 3)
 
 
 def _check_degrees(rows: Array, geographic: bool, path: str) -> None:

@@ -1,18 +1,18 @@
-"""Every kind of file that says something of a seabed, and one survey out of all that are given."""
+"""Read any supported file of a seabed, and combine all that are given into one survey."""
 
 import os
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.charts import rasters
 from hil.charts.chart_survey import Box, covered, survey_charts
 from hil.charts.grid import Extent
-from hil.charts.points import Points, Positive, is_points, read_points
 from hil.charts.projection import LocalPlane
-from hil.charts.s57 import Cell, read_cell
-from hil.charts.survey import Survey, block_means
-from hil.errors import ConfigError
+from hil.charts.sources import rasters
+from hil.charts.sources.points import Points, Positive, is_points, read_points
+from hil.charts.sources.s57 import Cell, read_cell
+from hil.charts.sources.survey import Survey, block_means
+from hil.common.errors import ConfigError
 
 Array = NDArray[np.float64]
 
@@ -24,7 +24,7 @@ def read_sources(
     paths: list[str], area: Box | None, resolution: float, updates: bool = True, positive: Positive = "auto",
     reach: float | None = None,
 ) -> tuple[Survey, Extent]:  # fmt: skip
-    """What the files say of `area` (all they cover if None), and where that is on the plane, m.
+    """Return what the files say of `area` (all they cover if None), and where that is on the plane, m.
 
     `resolution` (m) of the grid that is wanted; `updates` and `positive` as in the readers; `reach` (m): how far
     from loose soundings the seabed is known. Raises ConfigError, MissingExtraError.
@@ -105,7 +105,7 @@ def _together(parts: list[Survey], origin: tuple[float, float] | None) -> Survey
 
 
 def _extent(area: Box, plane: LocalPlane) -> Extent:
-    """The rectangle on the plane around an area's corners and the middles of its sides."""
+    """Return the rectangle on the plane around an area's corners and the middles of its sides."""
     south, west, north, east = area
     latitude, longitude = area.centre
     corners = np.array([

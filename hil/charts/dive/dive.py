@@ -1,4 +1,4 @@
-"""A dive over the seabed of a chart, as a scenario: the world around it, a way, and a vehicle that looks."""
+"""Make the scenario of a dive over the seabed of a chart: the world, a path, and a vehicle with sensors."""
 
 import os
 from collections.abc import Iterator
@@ -11,18 +11,18 @@ from hil.charts.build import build
 from hil.charts.grid import Grid, grid_of, write_file
 from hil.charts.projection import LocalPlane
 from hil.charts.site import Point, Site, depth_between, sites
-from hil.charts.sources import read_sources
-from hil.charts.survey import Survey
+from hil.charts.sources.choose import read_sources
+from hil.charts.sources.survey import Survey
 from hil.charts.world_file import write_world
-from hil.config import Scenario, load_scenario
-from hil.errors import ConfigError, MissionError
+from hil.common.errors import ConfigError, MissionError
 from hil.master.flight import prepare
-from sim.world import load_world
+from hil.scenario.config import Scenario, load_scenario
+from sim.environment.world import load_world
 
 COARSE = 20.0  # m, of the grid on which the way is looked for
 FINE = 2.0  # m, of that which is dived over
 AROUND = 150.0  # m beyond the way that the world has
-SPEED = 0.7  # m/s, at which this vehicle still holds its pitch (Munk moment)
+SPEED = 0.7  # m/s, of 0.85 m/s that this vehicle can
 
 SCENARIO = """\
 # Made by `uuv-hil demo --world`; fly it again with `uuv-hil demo {name}.toml`.
@@ -80,8 +80,8 @@ class Wish(NamedTuple):
     length: float = 70.0
     listen: str = "tcp/127.0.0.1:7447"
 
-    def problem(self) -> str | None:
-        """What does not go together."""
+    def validate(self) -> str | None:
+        """Return which options contradict each other, or None."""
         return "--start and --goal go together" if (self.start is None) != (self.goal is None) else None
 
 
@@ -91,7 +91,7 @@ def prepare_dive(world: str, wish: Wish, folder: str) -> str:
     `world` is a chart (.000), any other file that `uuv-hil world build` takes, a world's .toml, or a world's name.
     Raises ConfigError, MissingExtraError, and MissionError when no way is found.
     """
-    if problem := wish.problem():
+    if problem := wish.validate():
         raise ConfigError(problem)
     if world.endswith(".toml") or not os.path.splitext(world)[1]:
         return _over_world(world, wish, folder)
@@ -129,7 +129,7 @@ def _over_world(world: str, wish: Wish, folder: str) -> str:
 
 
 def _wished(grid: Grid, origin: tuple[float, float] | None, wish: Wish) -> Iterator[Site]:
-    """The way that is asked for, or those that suggest themselves."""
+    """Return the way that is asked for, or those that suggest themselves."""
     if wish.start is None or wish.goal is None:
         yield from sites(grid, wish.length, wish.depth)
         return
@@ -167,7 +167,7 @@ def _write_scenario(site: Site, world: str, name: str, wish: Wish, folder: str) 
 
 
 def _checked(path: str) -> str:
-    """The path of a scenario for which there is a way. Raises MissionError otherwise."""
+    """Return the path of a scenario for which there is a way. Raises MissionError otherwise."""
     scenario: Scenario = load_scenario(path)
     prepare(scenario)
     return path

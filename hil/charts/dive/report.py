@@ -1,4 +1,4 @@
-"""What a dive over a chart has seen: pictures, and a report of them as Markdown and as HTML."""
+"""Write the report of a dive over a chart, with pictures, as Markdown and HTML."""
 
 import os
 from collections.abc import Sequence
@@ -8,15 +8,16 @@ from typing import Any
 
 import numpy as np
 
-from hil.bench.plotting import pyplot
-from hil.charts.dive_watch import Look
+from hil.charts.dive.watch import Look
 from hil.charts.grid import grid_of, write_file
 from hil.charts.picture import LAND, hillshade
-from hil.config import Scenario
-from hil.errors import MissionError
+from hil.common.errors import MissionError
+from hil.plots.plotting import pyplot
+from hil.ros.diagnostics import Diagnostics, shown
+from hil.scenario.config import Scenario
+from sim.environment.world import World, load_world
 from sim.rotations import to_euler
-from sim.sensors.imaging_samples import SonarImageSample
-from sim.world import World, load_world
+from sim.sensors.imaging.samples import SonarImageSample
 
 DPI = 110
 FRAMES = 6  # of the camera
@@ -24,7 +25,7 @@ TRACK, MARK = "#c2410c", "#facc15"
 AROUND = 40.0  # m of the map around the track
 
 
-def write_report(folder: str, scenario: Scenario, looks: Sequence[Look], health: dict[str, str]) -> list[str]:
+def write_report(folder: str, scenario: Scenario, looks: Sequence[Look], health: Diagnostics) -> list[str]:
     """Draw the pictures and write report.md and report.html into `folder`; all files.
 
     Raises MissionError when nothing was seen, ConfigError, MissingExtraError.
@@ -54,7 +55,7 @@ def write_report(folder: str, scenario: Scenario, looks: Sequence[Look], health:
     return files
 
 
-def _figures(world: World, scenario: Scenario, looks: Sequence[Look], health: dict[str, str]) -> list[tuple[str, str]]:
+def _figures(world: World, scenario: Scenario, looks: Sequence[Look], health: Diagnostics) -> list[tuple[str, str]]:
     beds = [_bed(world, look) - look.truth.position[2] for look in looks]
     rows = [
         ("chart", world.source),
@@ -62,9 +63,9 @@ def _figures(world: World, scenario: Scenario, looks: Sequence[Look], health: di
         ("altitude", f"{min(beds):.1f} to {max(beds):.1f} m"),
     ]
     for name in ("camera", "forward_sonar"):
-        asked, dropped = (int(health.get(f"{name}_{word}", "0")) for word in ("asked", "dropped"))
-        rows.append((name.replace("_", " "), f"{asked - dropped} of {asked} pictures in time"))
-    return [*rows, ("loop late, 99 %", f"{health.get('lateness_p99_us', '?')} us")]
+        asked, dropped = ((counts or {}).get(name, 0) for counts in (health.imaging_requested, health.imaging_dropped))
+        rows.append((name.replace("_", " "), f"{asked - dropped:.0f} of {asked:.0f} pictures in time"))
+    return [*rows, ("loop late, 99 %", f"{shown(health.lateness_p99_us, '.0f')} us")]
 
 
 def _travelled(looks: Sequence[Look]) -> float:
@@ -77,9 +78,27 @@ def _bed(world: World, look: Look) -> float:
 
 
 def _map(plt: Any, world: World, scenario: Scenario, looks: Sequence[Look], chosen: Sequence[Look]) -> Any:
-    grid = grid_of(world)
     track = np.array([look.truth.position[:2] for look in looks])
     figure, axes = plt.subplots(figsize=(9, 8), layout="constrained")
+    image, lines = draw_seabed(axes, world, track)
+    axes.clabel(lines, fontsize=7, fmt="%.3g m")
+    axes.plot(track[:, 1], track[:, 0], color=TRACK, linewidth=2, label="vehicle (true)")
+    axes.plot(scenario.start.east, scenario.start.north, "o", color="#15803d", markersize=8, label="start")
+    if scenario.master.goal:
+        axes.plot(scenario.master.goal[1], scenario.master.goal[0], "*", color="#b91c1c", markersize=15, label="goal")
+    for pile in world.cylinder:
+        axes.add_patch(plt.Circle((pile.east, pile.north), pile.radius, color="#c2410c"))
+    for number, look in enumerate(chosen, 1):
+        _number(axes, look.truth.position[1], look.truth.position[0], number)
+    axes.set(xlabel="east (m)", ylabel="north (m)", title=scenario.description)
+    figure.colorbar(image, ax=axes, label="depth (m)", shrink=0.8).ax.invert_yaxis()
+    axes.legend(loc="best", fontsize=9)
+    return figure
+
+
+def draw_seabed(axes: Any, world: World, track: Any) -> tuple[Any, Any]:
+    """Draw the seabed around a track (rows of m north, m east), lit and with contours; its image and contours."""
+    grid = grid_of(world)
     south, north, west, east = grid.extent
     low, high = track.min(axis=0) - AROUND, track.max(axis=0) + AROUND
     shown = grid.depths[_near(grid.north, low[0], high[0]), :][:, _near(grid.east, low[1], high[1])]
@@ -92,22 +111,8 @@ def _map(plt: Any, world: World, scenario: Scenario, looks: Sequence[Look], chos
         alpha=0.35, interpolation="bilinear", vmin=0.0, vmax=1.0,
     )  # fmt: skip
     lines = axes.contour(grid.east, grid.north, grid.depths, 14, colors="#1f2937", linewidths=0.5, alpha=0.7)
-    axes.clabel(lines, fontsize=7, fmt="%.3g m")
-    axes.plot(track[:, 1], track[:, 0], color=TRACK, linewidth=2, label="vehicle (true)")
-    axes.plot(scenario.start.east, scenario.start.north, "o", color="#15803d", markersize=8, label="start")
-    if scenario.master.goal:
-        axes.plot(scenario.master.goal[1], scenario.master.goal[0], "*", color="#b91c1c", markersize=15, label="goal")
-    for pile in world.cylinder:
-        axes.add_patch(plt.Circle((pile.east, pile.north), pile.radius, color="#c2410c"))
-    for number, look in enumerate(chosen, 1):
-        _number(axes, look.truth.position[1], look.truth.position[0], number)
-    axes.set(
-        xlim=(low[1], high[1]), ylim=(low[0], high[0]), aspect="equal", xlabel="east (m)", ylabel="north (m)",
-        title=scenario.description, facecolor=LAND,
-    )  # fmt: skip
-    figure.colorbar(image, ax=axes, label="depth (m)", shrink=0.8).ax.invert_yaxis()
-    axes.legend(loc="best", fontsize=9)
-    return figure
+    axes.set(xlim=(low[1], high[1]), ylim=(low[0], high[0]), aspect="equal", facecolor=LAND)
+    return image, lines
 
 
 def _near(places: Any, low: float, high: float) -> slice:
@@ -140,13 +145,18 @@ def _altitude(plt: Any, world: World, looks: Sequence[Look]) -> Any:
     return figure
 
 
+def draw_camera(axes: Any, picture: Any) -> None:
+    """Draw one picture of the camera (rgb8), without axes."""
+    axes.imshow(np.frombuffer(picture.data, np.uint8).reshape(picture.height, picture.width, 3))
+    axes.axis("off")
+
+
 def _camera(plt: Any, world: World, chosen: Sequence[Look]) -> Any:
     figure, panels = plt.subplots(2, 3, figsize=(11, 6.2), layout="constrained")
     for axes in panels.flat:
         axes.axis("off")
     for number, (axes, look) in enumerate(zip(panels.flat, chosen, strict=False), 1):
-        picture = look.camera
-        axes.imshow(np.frombuffer(picture.data, np.uint8).reshape(picture.height, picture.width, 3))
+        draw_camera(axes, look.camera)
         altitude = _bed(world, look) - look.truth.position[2]
         axes.set_title(f"{number}: {look.time:.0f} s, {altitude:.1f} m above the bed", fontsize=10)
     return figure
@@ -158,19 +168,24 @@ def _sonar(plt: Any, looks: Sequence[Look]) -> Any:
     middle = (len(looks) + 1) // 2
     for axes, half in zip(panels, (looks[:middle], looks[middle:] or looks), strict=True):
         look = max(half, key=lambda look: float(_echoes(look.sonar).std()))
-        sonar, echoes = look.sonar, _echoes(look.sonar)
-        angles = _edges(np.array(sonar.beams))
-        ranges = sonar.first_range + sonar.range_step * np.arange(sonar.bins + 1)
-        axes.pcolormesh(
-            ranges[:, None] * np.sin(angles), ranges[:, None] * np.cos(angles), echoes, cmap="copper", rasterized=True
-        )
-        axes.set(aspect="equal", xlabel="to starboard (m)", ylabel="ahead (m)", facecolor="black")
+        draw_sonar(axes, look.sonar)
         axes.set_title(f"at {look.time:.0f} s", fontsize=10)
     return figure
 
 
+def draw_sonar(axes: Any, sonar: SonarImageSample) -> None:
+    """Draw one picture of the forward-looking sonar as its fan, m to starboard and ahead."""
+    angles = _edges(np.array(sonar.beams))
+    ranges = sonar.first_range + sonar.range_step * np.arange(sonar.bins + 1)
+    axes.pcolormesh(
+        ranges[:, None] * np.sin(angles), ranges[:, None] * np.cos(angles), _echoes(sonar), cmap="copper",
+        rasterized=True, vmin=0.0, vmax=255.0 if sonar.encoding == "uint8" else None,
+    )  # fmt: skip
+    axes.set(aspect="equal", xlabel="to starboard (m)", ylabel="ahead (m)", facecolor="black")
+
+
 def _echoes(sonar: SonarImageSample) -> Any:
-    """A row a range, a column a beam."""
+    """Return a row a range, a column a beam."""
     kind = np.uint8 if sonar.encoding == "uint8" else np.float32
     return np.frombuffer(sonar.intensities, kind).reshape(sonar.bins, len(sonar.beams))
 

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from hil.charts.chart_survey import Box
-from hil.charts.points import Points, Positive, downwards
 from hil.charts.projection import LocalPlane
-from hil.errors import ConfigError, MissingExtraError
+from hil.charts.sources.points import Points, Positive, downwards
+from hil.common.errors import ConfigError, MissingExtraError
 
 WGS84 = "EPSG:4326"
 ENDINGS = (".tif", ".tiff", ".bag", ".nc", ".asc", ".vrt")
@@ -18,7 +18,7 @@ MOST_PIXELS = 4_000_000  # a larger raster is averaged down to that while it is 
 
 
 def read_raster(path: str, area: Box | None = None, positive: Positive = "auto") -> Points:
-    """The known pixels of the first band of `path`, only those in `area`; positions in WGS 84.
+    """Return the known pixels of the first band of `path`, only those in `area`; positions in WGS 84.
 
     A raster without a coordinate system is taken as longitude and latitude. A shift between vertical datums is not
     applied. Raises ConfigError, MissingExtraError.
@@ -42,7 +42,7 @@ def read_raster(path: str, area: Box | None = None, positive: Positive = "auto")
 
 
 def _depths_of(path: str, parts: list[str]) -> str:
-    """Which of a NetCDF's variables has the depths, as GDAL names it."""
+    """Return which of a NetCDF's variables has the depths, as GDAL names it."""
     for part in parts:
         if part.rpartition(":")[2].strip('"/').lower() in ("elevation", "depth", "z", "bathymetry"):
             return part
@@ -73,7 +73,7 @@ def _read(path: str, source: Any, area: Box | None, positive: Positive) -> Point
 
 
 def _window(path: str, source: Any, area: Box | None) -> tuple[tuple[int, int], tuple[int, int]]:
-    """The rows and the columns, from and to, of the pixels in `area`."""
+    """Return the rows and the columns, from and to, of the pixels in `area`."""
     place = source.transform
     if place.is_identity or place.b != 0.0 or place.d != 0.0:
         raise ConfigError(f"{path}: says not where on the earth it is, or is turned: warp it to longitude and latitude")
@@ -97,7 +97,7 @@ def _clipped(one: float, other: float, size: int) -> tuple[int, int]:
 
 
 def _spacing(places: Any, known: Any) -> float:
-    """The side of a pixel in m: the root of the area of the box around all of them, per pixel."""
+    """Return the side of a pixel in m: the root of the area of the box around all of them, per pixel."""
     plane = LocalPlane(*places.mean(axis=0))
     north, east = plane.to_local(places[:, 0], places[:, 1])
     rows, columns = (np.flatnonzero(known.any(axis=axis)) for axis in (1, 0))

@@ -1,4 +1,4 @@
-"""What is known of a seabed before it is gridded, on the world's local plane, whatever file it came from."""
+"""The survey of a seabed before gridding, on the world's local plane, for every kind of source."""
 
 from typing import NamedTuple
 
@@ -73,14 +73,14 @@ def resample(line: Array, step: float) -> Array:
 
 
 def first_in_cell(points: Array, size: float) -> Indices:
-    """The indices, growing, of the first point in each square cell of `size` m."""
+    """Return the indices, growing, of the first point in each square cell of `size` m."""
     cells = np.floor(points[:, :2] / size).astype(np.int64)
     _, first = np.unique(cells, axis=0, return_index=True)
     return np.sort(first)
 
 
 def block_means(points: Array, size: float) -> Array:
-    """The mean of the points (n, k) in each square cell of `size` m, (m, k)."""
+    """Return the mean of the points (n, k) in each square cell of `size` m, (m, k)."""
     cells = np.floor(points[:, :2] / size).astype(np.int64)
     _, where, counts = np.unique(cells, axis=0, return_inverse=True, return_counts=True)
     sums = [np.bincount(where.ravel(), points[:, k]) for k in range(points.shape[1])]

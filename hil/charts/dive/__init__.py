@@ -1,0 +1,1 @@
+"""A simulated flight over a chart, with its report."""

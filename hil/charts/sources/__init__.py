@@ -1,0 +1,1 @@
+"""Sources of a seabed: S-57 charts, soundings, rasters."""

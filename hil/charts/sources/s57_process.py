@@ -1,0 +1,165 @@
+"""Read one S-57 chart with GDAL in a process of its own, within limits on memory and time.
+
+    python -P -m hil.charts.sources.s57_process CELL.000 APPLY|IGNORE
+
+A line of JSON says what there is; the coordinates follow as float64, in the same order. See `hil.charts.sources.s57`.
+"""
+
+import json
+import os
+import resource
+import sys
+import tempfile
+import warnings
+from typing import Any
+
+from hil.common.lifeline import die_with_parent
+
+MEMORY_BYTES = 2 << 30  # of address space: a chart of 5 MB takes a tenth
+CPU_SECONDS = 60
+# Object classes that shape a seabed or stand on it, and their attributes (S-57 appendix A).
+OBJECTS = (
+    "BRIDGE", "CAUSWY", "COALNE", "DAMCON", "DEPARE", "DEPCNT", "DRGARE", "FLODOC", "HULKES", "LNDARE", "MORFAC",
+    "OBSTRN", "PILPNT", "PONTON", "PYLONS", "SLCONS", "SOUNDG", "UWTROC", "UNSARE", "WRECKS", "M_COVR",
+)  # fmt: skip
+ATTRIBUTES = ("CATCOV", "DRVAL1", "DRVAL2", "VALDCO", "VALSOU", "VERCLR", "WATLEV")
+POINT, MULTI_POINT, AREA = 0, 4, 3  # shapely's type numbers, and S-57's primitive
+DAMAGED, NO_LIBRARY, UNFIT_UPDATE = 1, 5, 7
+UNFIT = ("Mismatched RVER", "Can't find RCNM")  # GDAL's warnings where an update names a record that is not there
+
+
+def main(path: str, updates: str) -> int:
+    """Write the chart; the exit code."""
+    die_with_parent()
+    resource.setrlimit(resource.RLIMIT_AS, (MEMORY_BYTES, MEMORY_BYTES))
+    resource.setrlimit(resource.RLIMIT_CPU, (CPU_SECONDS, CPU_SECONDS))
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    warnings.simplefilter("ignore")  # what GDAL overlooks in a chart is no error
+    try:
+        import pyogrio  # noqa: F401 - whether they are there
+        import shapely  # noqa: F401
+    except ImportError as error:
+        print(error, file=sys.stderr)
+        return NO_LIBRARY
+    _set_options("IGNORE")
+    try:
+        head, data = _read_updated(path) if updates == "APPLY" else _read(path)
+    except Exception as error:  # noqa: BLE001 - what a damaged chart makes of GDAL, of GEOS and of memory
+        print(f"{error}" or type(error).__name__, file=sys.stderr)
+        return UNFIT_UPDATE if isinstance(error, _UpdateError) else DAMAGED
+    sys.stdout.buffer.write(json.dumps(head).encode() + b"\n" + data)
+    return 0
+
+
+class _UpdateError(RuntimeError):
+    """The cell can be read, and an update beside it cannot be applied."""
+
+
+def _read_updated(path: str) -> tuple[dict[str, Any], bytes]:
+    """Return the cell with its updates. Raises _UpdateError, and what GDAL raises."""
+    dataset = _dataset(path)
+    with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        cell = _numbered(path, str(dataset["DSID_EDTN"]), _update_of(dataset), folder)
+        _set_options("APPLY")
+        try:
+            found = _read(cell)
+        except Exception as error:  # noqa: BLE001 - as in main
+            raise _UpdateError(str(error).replace(cell, path)) from None
+    for warning in caught:
+        if str(warning.message).startswith(UNFIT):
+            raise _UpdateError(str(warning.message))
+    return found
+
+
+def _set_options(updates: str) -> None:
+    import pyogrio
+
+    options = f"RETURN_PRIMITIVES=OFF,RETURN_LINKAGES=OFF,LNAM_REFS=OFF,SPLIT_MULTIPOINT=OFF,UPDATES={updates}"
+    pyogrio.set_gdal_config_options({"OGR_S57_OPTIONS": options})
+
+
+def _numbered(path: str, edition: str, update: int, folder: str) -> str:
+    """Links in `folder` to the cell and to its updates after number `update`, which GDAL looks for from 001 on.
+
+    Raises _UpdateError for one of another edition, which GDAL would apply.
+    """
+    stem = os.path.abspath(path)[:-4]
+    os.symlink(stem + path[-4:], cell := os.path.join(folder, "CELL.000"))
+    for number in range(1, 1000 - update):
+        source = f"{stem}.{update + number:03d}"
+        if not os.path.exists(source):
+            break
+        try:
+            said = _dataset(source)
+        except Exception as error:  # noqa: BLE001 - as in main
+            raise _UpdateError(str(error)) from None
+        if (str(said["DSID_EDTN"]), _update_of(said)) != (edition, update + number):
+            wrong = f"{source} is update {said['DSID_UPDN']} of edition {said['DSID_EDTN']}"
+            raise _UpdateError(f"{wrong}, not {update + number} of {edition}")
+        os.symlink(source, os.path.join(folder, f"CELL.{number:03d}"))
+    return cell
+
+
+def _dataset(path: str) -> dict[str, Any]:
+    """Return the fields of the layer that describes the whole file."""
+    from pyogrio import raw
+
+    meta, _, _, columns = raw.read(path, layer="DSID")
+    return {name: column[0] for name, column in zip(meta["fields"], columns, strict=True)}
+
+
+def _update_of(dataset: dict[str, Any]) -> int:
+    return int(dataset["DSID_UPDN"] or 0)
+
+
+def _read(path: str) -> tuple[dict[str, Any], bytes]:
+    import pyogrio
+
+    layers = {str(name) for name, _ in pyogrio.list_layers(path)}
+    said = _dataset(path)
+    rows: list[dict[str, Any]] = []
+    data: list[bytes] = []
+    for kind in OBJECTS:
+        if kind in layers:
+            _read_layer(path, kind, rows, data)
+    head = {
+        "edition": int(said["DSID_EDTN"]),
+        "update": _update_of(said),
+        "scale": int(said["DSPM_CSCL"]),
+        "units": [int(said["DSPM_DUNI"]), int(said["DSPM_COUN"])],
+        "features": rows,
+    }
+    return head, b"".join(data)
+
+
+def _read_layer(path: str, kind: str, rows: list[dict[str, Any]], data: list[bytes]) -> None:
+    """Append the objects of a class to `rows`, and their coordinates to `data`."""
+    import numpy as np
+    import shapely
+    from pyogrio import raw
+
+    meta, _, wkb, columns = raw.read(path, layer=kind, columns=["PRIM", *ATTRIBUTES])
+    fields = dict(zip(meta["fields"], columns, strict=True))
+    for number, shape in enumerate(shapely.from_wkb(wkb)):
+        known = {name: float(fields[name][number]) for name in ATTRIBUTES if name in fields}
+        points, lines = np.empty((0, 3)), []
+        if shape is not None and shapely.get_type_id(shape) in (POINT, MULTI_POINT):
+            points = shapely.get_coordinates(shape, include_z=True)
+        elif shape is not None:
+            parts = shapely.get_parts(shape)
+            is_area = shapely.get_dimensions(shape) == 2
+            lines = [shapely.get_coordinates(part) for part in (shapely.get_rings(parts) if is_area else parts)]
+        rows.append({
+            "kind": kind,
+            "attributes": {name: value for name, value in known.items() if value == value},
+            "points": len(points),
+            "lines": [len(line) for line in lines],
+            "is_area": int(fields["PRIM"][number]) == AREA,
+        })  # fmt: skip
+        data.append(points.tobytes())
+        data.extend(np.ascontiguousarray(line).tobytes() for line in lines)
+
+
+if __name__ == "__main__":
+    sys.exit(main(*sys.argv[1:]))
