@@ -1,0 +1,168 @@
+"""Check the board: clocks, temperature, memory, and what the kernel grants."""
+
+import shlex
+from collections.abc import Iterator
+
+from boards import model
+from boards.health import governors, temperature, throttling
+from boards.tree import architecture
+from hil.bench.limits import REMEDIES
+from hil.common.clock import LOOP_PRIORITY
+from hil.doctor.findings import Case, Finding, as_user, grant, hexadecimal, number
+from hil.install.units import UNIT
+
+CAP_IPC_LOCK, CAP_SYS_NICE = 14, 23  # capabilities(7)
+NEARLY_HOT = 5.0  # K below the temperature at which the board slows down
+LIMITS, STATUS = "/proc/self/limits", "/proc/self/status"
+CGROUPS = "/sys/fs/cgroup"
+ACTIVE_DRIVERS = ("intel_pstate", "amd-pstate-epp")  # their "powersave" does not hold the clock down
+
+
+def machine(case: Case) -> Iterator[Finding]:
+    """Yield what this is, and its free memory."""
+    board, told = case.board, model(case.tree.root)
+    kind = architecture(case.tree) or "unknown architecture"
+    text = f"{board.name}, {board.cpu}" if board else f"none of those known; {told or kind}"
+    yield Finding("ok", "board", text + (f' ("{told}")' if board and told else ""))
+    for line in case.tree.text("/proc/meminfo").splitlines():
+        name, _, value = line.partition(":")
+        free = number(value.removesuffix("kB")) if name == "MemAvailable" else None
+        if board and free is not None and free / 1024 < board.recommended.memory:
+            few = f"{free / 1024:.0f} MiB free, the slave may take {board.recommended.memory:g}"
+            yield Finding(case.severity, "memory free", few, "end other programs; see: ps aux --sort -rss | head")
+
+
+def memory_limit(case: Case) -> Iterator[Finding]:
+    """Check whether the kernel can hold the service to its MemoryMax: else a leak there ends other programs too."""
+    tree, there = case.tree, True
+    if tree.exists(f"{CGROUPS}/cgroup.controllers"):
+        there = "memory" in tree.text(f"{CGROUPS}/cgroup.controllers").split()
+    elif not tree.exists(f"{CGROUPS}/memory"):  # of version 1
+        words = tree.text("/proc/cmdline").split()
+        there = "cgroup_disable=memory" not in words or "cgroup_enable=memory" in words
+    if not there:
+        text = "the kernel's memory controller is off: MemoryMax= of the service has no effect"
+        yield Finding("note", "memory limit", text, REMEDIES["memory"])
+
+
+def rates(case: Case) -> Iterator[Finding]:
+    """Check whether the scenario asks more of the board than is recommended."""
+    if case.scenario and case.board:
+        asked, good = case.scenario.slave.step, case.board.recommended.step
+        if asked < good * 0.999:
+            text = f"a step of {asked * 1e3:g} ms is shorter than the {good * 1e3:g} ms recommended for this board"
+            yield Finding("note", "step", text, f'[slave] step = "{good * 1e3:g} ms", or measure it here')
+
+
+def governor(case: Case) -> Iterator[Finding]:
+    """Yield how the processor's clock is governed: one that wakes up slowly makes the loop late."""
+    found = governors(case.tree)
+    if not found:
+        return
+    text = ", ".join(f"{name} on {count} processors" for name, count in found.items())
+    active = case.tree.text("/sys/devices/system/cpu/cpu0/cpufreq/scaling_driver") in ACTIVE_DRIVERS
+    if set(found) == {"performance"} or (active and set(found) <= {"performance", "powersave"}):
+        yield Finding("ok", "governor", text)
+        return
+    slow = "powersave" in found
+    remedy = "echo performance | sudo tee /sys/devices/system/cpu/cpu*/cpufreq/scaling_governor (it takes more power)"
+    meaning = "the clock stays at its lowest" if slow else "the clock follows the load, late"
+    yield Finding(case.severity if slow else "note", "governor", f"{text}: {meaning}", remedy)
+
+
+def throttled(case: Case) -> Iterator[Finding]:
+    """Check whether heat or the power supply slows the processor down."""
+    slow, warmth = throttling(case.tree, case.board), temperature(case.tree, case.board)
+    supply = "a power supply and cable for the board's full current; nothing that draws much on its USB"
+    remedy = {True: supply, False: "a heat sink, a fan, or a lower load"}
+    for text in slow.now:
+        yield Finding(case.severity, "throttled", f"now: {text}", remedy["voltage" in text])
+    for text in slow.before:
+        if text not in slow.now:
+            yield Finding("note", "throttled", f"since boot: {text}", remedy["voltage" in text])
+    if not slow.known and case.board and case.board.throttling == "vcgencmd":
+        text = "whether heat slows it down cannot be told: its firmware does not answer vcgencmd"
+        yield Finding("note", "throttled", text, f"sudo usermod -aG video {case.user.name}, then log in again")
+    if warmth is None:
+        return
+    limit = case.board.throttles_at if case.board else 0.0
+    hot = bool(limit) and warmth > limit - NEARLY_HOT
+    text = f"{warmth:.1f} °C" + (f", slows down from {limit:g} °C" if limit else "")
+    yield Finding("note" if hot else "ok", "temperature", text, remedy[False] if hot else "")
+
+
+def realtime_limits(case: Case) -> Iterator[Finding]:
+    """Check whether the user is granted real-time scheduling and locked memory, by limits and capabilities."""
+    tree = case.tree
+    if case.scenario and not case.scenario.slave.realtime:
+        yield Finding("ok", "real time", "not wanted by the scenario")
+        return
+    if tree.text("/proc/sys/kernel/sched_rt_runtime_us") == "0":
+        text = "the kernel grants no time to SCHED_FIFO: sched_rt_runtime_us is 0"
+        yield Finding(case.severity, "real time", text, "sudo sysctl kernel.sched_rt_runtime_us=950000")
+    process = _process(case)
+    if process is None:
+        text = f"what {case.user.name} is granted cannot be told"
+        refused = as_user(case.user)  # a session that is refused says why
+        remedy = f"see: {shlex.join([*refused, 'true'])}" if refused else f"the same with sudo, --user {case.user.name}"
+        yield Finding("note", "real time", text, remedy)
+        return
+    limits, capabilities = process_limits(process), _capabilities(process)
+    remedy = grant(case)
+    priority, memory = limits.get("Max realtime priority"), limits.get("Max locked memory")
+    if priority is not None and not capabilities >> CAP_SYS_NICE & 1:
+        enough = priority >= LOOP_PRIORITY
+        text = f"priority {priority:g} is permitted, the slave's loop wants {LOOP_PRIORITY}"
+        severity, service = case.severity, _service_priority(case)
+        if not enough and service >= LOOP_PRIORITY:
+            severity, text = "note", f"{text}; as the installed service it has {service:g}"
+        yield Finding("ok" if enough else severity, "real time", text, "" if enough else remedy)
+    if memory is not None and not capabilities >> CAP_IPC_LOCK & 1:
+        enough = memory >= 128 * 2**20
+        text = "unlimited" if memory == float("inf") else f"{memory / 2**20:g} MiB"
+        yield Finding("ok" if enough else "note", "lock limit", f"{text} may be locked", "" if enough else remedy)
+
+
+def clock(case: Case) -> Iterator[Finding]:
+    """Check whether the clock is kept right by others."""
+    answer = case.tree.run("timedatectl", "show", "--property=NTPSynchronized", "--value")
+    if answer == "yes":
+        yield Finding("ok", "clock", "synchronised")
+    elif answer == "no":
+        text = "not synchronised: dates of recordings and certificates, and delays between machines, mean nothing"
+        remedy = "sudo timedatectl set-ntp true; without internet, chrony with the master's computer as its server"
+        yield Finding(case.severity if case.remote else "note", "clock", text, remedy)
+    else:
+        yield Finding("note", "clock", "whether it is synchronised cannot be told: no answer of timedatectl")
+
+
+def process_limits(text: str) -> dict[str, float]:
+    """Name -> soft limit of a process, by the text of its /proc/PID/limits."""
+    found = {}
+    for line in text.splitlines():
+        value = line[26:].split()
+        limit = float("inf") if value[:1] == ["unlimited"] else number(value[0]) if value else None
+        if limit is not None:
+            found[line[:26].strip()] = limit
+    return found
+
+
+def _process(case: Case) -> str | None:
+    """Limits and status of a process of the user's; None if we may not, or cannot, start one."""
+    prefix = as_user(case.user) if case.tree.live else []
+    if prefix:
+        return case.tree.run(*prefix, "cat", LIMITS, STATUS)
+    return None if prefix is None else f"{case.tree.text(LIMITS)}\n{case.tree.text(STATUS)}"
+
+
+def _capabilities(text: str) -> int:
+    for line in text.splitlines():
+        if line.startswith("CapEff:"):
+            return hexadecimal(line.partition(":")[2]) or 0
+    return 0
+
+
+def _service_priority(case: Case) -> float:
+    """Return what the unit grants to the user's service; 0 if none is installed for that one."""
+    settings = dict(line.partition("=")[::2] for line in case.tree.text(UNIT).splitlines())
+    return (number(settings.get("LimitRTPRIO", "")) or 0.0) if settings.get("User") == case.user.name else 0.0

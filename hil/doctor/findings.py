@@ -1,0 +1,122 @@
+"""The findings of the doctor, and what it examines."""
+
+import os
+import re
+from typing import Literal, NamedTuple
+
+from boards import Board
+from boards.tree import Tree
+from hil.common.clock import LOOP_PRIORITY
+from hil.install.units import LIMITS, serial_device
+from hil.scenario.config import Scenario
+
+Level = Literal["ok", "note", "problem"]
+
+
+class Finding(NamedTuple):
+    """One thing looked at: how it is, and what to do about it."""
+
+    level: Level
+    topic: str
+    text: str
+    remedy: str = ""
+
+
+class User(NamedTuple):
+    """Who is to run the slave."""
+
+    name: str
+    uid: int
+    groups: tuple[int, ...]
+
+
+class Account(NamedTuple):
+    """A line of /etc/passwd or /etc/group; the fourth field is the user's group there, the group's members here."""
+
+    name: str
+    number: int
+    fourth: str
+
+
+class Case(NamedTuple):
+    """What is looked at. Without a scenario nothing is needed, so that nothing is a problem."""
+
+    tree: Tree
+    board: Board | None
+    scenario: Scenario | None
+    user: User
+
+    @property
+    def severity(self) -> Level:
+        """Of what a run cannot do without."""
+        return "problem" if self.scenario else "note"
+
+    @property
+    def remote(self) -> bool:
+        """Whether masters on other machines are expected."""
+        scenario = self.scenario
+        return scenario is not None and bool(scenario.network.router or not _is_local(scenario.slave.listen))
+
+    @property
+    def device(self) -> str:
+        """The serial port that is used, or without a scenario could be; empty if none is."""
+        if self.scenario:
+            return serial_device(self.scenario, self.board)
+        uart = self.board.uart if self.board else ""
+        return uart if uart and self.tree.exists(self.tree.resolve(uart)) else ""
+
+
+def accounts(tree: Tree, file: str) -> list[Account]:
+    """Return the users or groups that a machine has in its /etc/passwd or /etc/group.
+
+    Comments and broken lines are none.
+    """
+    rows = re.findall(r"^[ \t]*([^:#\s][^:\n]*):[^:\n]*:([0-9]{1,10}):([^:\n]*)", tree.text(file), re.MULTILINE)
+    return [Account(name, int(number), fourth) for name, number, fourth in rows]
+
+
+def grant(case: Case) -> str:
+    """Return what gives the user's session the real-time scheduling and the locked memory that it has not got."""
+    if f"{case.user.name} - rtprio {LOOP_PRIORITY}" in case.tree.text(LIMITS).splitlines():
+        return f"log in again: pam_limits grants it to new sessions, by {LIMITS}"
+    return "uuv-hil board install grants it to the service and its user; for a shell: see /etc/security/limits.d"
+
+
+def may_open(found: os.stat_result, user: User) -> bool:
+    """Return whether `user` may read and write a file, by its mode; root may all."""
+    if user.uid == 0:
+        return True
+    shift = 6 if found.st_uid == user.uid else 3 if found.st_gid in user.groups else 0
+    return found.st_mode >> shift & 6 == 6
+
+
+def as_user(user: User) -> list[str] | None:
+    """Return what a command begins with that is to run as `user` with what that one is granted; None if we may not.
+
+    runuser and not setuid: it opens a session, in which limits.conf(5) applies.
+    """
+    if user.uid == os.getuid():
+        return []
+    return ["runuser", "-u", user.name, "--"] if os.geteuid() == 0 else None
+
+
+def number(text: str) -> float | None:
+    """Return a number as the kernel's files have it; None for what is none."""
+    try:
+        value = float(text)
+    except ValueError:
+        return None
+    return None if value != value else value
+
+
+def hexadecimal(text: str) -> int | None:
+    """Return the same for the kernel's bit fields and ports."""
+    try:
+        return int(text, 16)
+    except ValueError:
+        return None
+
+
+def _is_local(listen: str) -> bool:
+    host = listen.partition("/")[2].rpartition(":")[0].strip("[]")
+    return host.startswith("127.") or host in ("localhost", "::1")

@@ -1,0 +1,194 @@
+"""Check the thruster link: the serial port or CAN bus, and other programs on it."""
+
+import json
+import os
+import stat
+from collections.abc import Iterator
+from typing import Any
+
+from boards.tree import Tree
+from hil.common.errors import ConfigError, MissingExtraError
+from hil.doctor.findings import Case, Finding, User, accounts, hexadecimal, may_open
+from hil.links.address import parse_address
+
+FEW = 4  # ports that are named: a PC has 32
+
+
+def ports(case: Case) -> Iterator[Finding]:
+    """Check whether the link's serial port is there and may be opened."""
+    device, tree = case.device, case.tree
+    if not device:
+        return
+    real = tree.resolve(device)
+    name = device if real == device else f"{device} ({real})"
+    found = _status(tree, real)
+    if found is None:
+        yield Finding(case.severity, "serial port", f"{name} is not there", _instead(case, device, real))
+    elif not may_open(found, case.user):
+        remedy = permission(tree, found, case.user)
+        mode = f"{stat.filemode(found.st_mode)}, user {found.st_uid}, group {found.st_gid}"
+        yield Finding(case.severity, "serial port", f"{name}: no permission for {case.user.name} ({mode})", remedy)
+    else:
+        yield Finding("ok", "serial port", f"{name}, {case.user.name} may open it")
+
+
+def console(case: Case) -> Iterator[Finding]:
+    """Check whether the kernel or a login prompt talks on the link's serial port: thrusters would hear it."""
+    tree = case.tree
+    if not case.device:
+        return
+    real = os.path.basename(tree.resolve(case.device))
+    words = [word.removeprefix("console=").partition(",")[0] for word in tree.text("/proc/cmdline").split()
+             if word.startswith("console=") and word.isprintable()]  # fmt: skip
+    consoles = {os.path.basename(tree.resolve(f"/dev/{word}")) for word in words}
+    consoles |= set(tree.text("/sys/class/tty/console/active").split())
+    if real in consoles:
+        where = (
+            "/boot/firmware/cmdline.txt, on a Raspberry Pi" if tree.exists("/boot/firmware") else "the boot loader's"
+        )
+        remedy = f"take console={real} (or serial0) out of the kernel's command line ({where}) and restart"
+        yield Finding(case.severity, "console", f"the kernel's console is on {real}", remedy)
+    for service in _logins(tree, real):
+        text = f"a login prompt is on {real}: {service}"
+        yield Finding(case.severity, "console", text, f"sudo systemctl disable --now {service}")
+
+
+def holders(case: Case) -> Iterator[Finding]:
+    """Check whether another process has the link's serial port open."""
+    if not case.device:
+        return
+    real = case.tree.resolve(case.device)
+    openers = case.tree.openers(real)
+    for pid, name in openers:
+        text = f"{real} is open in process {pid}, {name}"
+        yield Finding(
+            case.severity, "port in use", text, f"end it: kill {pid}, or systemctl status {pid} and stop that"
+        )
+    status = _status(case.tree, real)
+    if case.tree.live and os.geteuid() != 0 and not openers and status and may_open(status, case.user):
+        text = f"no process of yours has {real} open; those of other users only root can see"
+        yield Finding("note", "port in use", text, f"the same with sudo, --user {case.user.name}")
+
+
+def line_rate(case: Case) -> Iterator[Finding]:
+    """Check whether the link's line is fast enough for the commands of the scenario."""
+    scenario = case.scenario
+    if not scenario or scenario.controller != "builtin":
+        return
+    from hil.slave.drivers.driver import check_line_rate
+    from sim.vehicle.vehicle import load_vehicle
+
+    link = scenario.link._replace(port=case.device or scenario.link.port)
+    try:
+        check_line_rate(link, len(load_vehicle(scenario.vehicle)[0].channels), 1.0 / scenario.slave.control_period)
+    except ConfigError as error:
+        problem, _, remedy = str(error).partition(": use ")
+        yield Finding("problem", "line rate", problem, f"use {remedy}")
+    except MissingExtraError:
+        return  # what is missing is told with the software
+
+
+def can_bus(case: Case) -> Iterator[Finding]:
+    """Check whether the link's CAN interface is there, up, at the right bit rate, and in a good state."""
+    address = parse_address(case.scenario.link.port) if case.scenario else None
+    if not case.scenario or not address or address.interface != "socketcan":
+        return
+    name, rate = address.place, case.scenario.link.bitrate
+    if not case.tree.exists(f"/sys/class/net/{name}"):
+        known = [bus.needs for bus in case.board.can if bus.interface == name] if case.board else []
+        yield Finding(
+            "problem", "CAN", f"{name} is not there", known[0] if known else "connect the adapter; see: ip link"
+        )
+        return
+    up = f"sudo ip link set {name} up type can bitrate {rate}"
+    flags = hexadecimal(case.tree.text(f"/sys/class/net/{name}/flags"))
+    if flags is None:
+        yield Finding("note", "CAN", f"whether {name} is up cannot be told")
+        return
+    if not flags & 1:  # IFF_UP, netdevice(7)
+        yield Finding("problem", "CAN", f"{name} is down", f"{up} (uuv-hil board install does it at each start)")
+        return
+    yield from _can_details(case.tree, name, rate, up)
+
+
+def _can_details(tree: Tree, name: str, rate: int, up: str) -> Iterator[Finding]:
+    """Yield what the kernel's netlink tells of an interface that is up."""
+    try:
+        told = json.loads(tree.run("ip", "-details", "-json", "link", "show", name) or "")[0]
+    except (ValueError, LookupError, TypeError, RecursionError):
+        told = None
+    link = _table(told, "linkinfo")
+    kind, data = link.get("info_kind"), _table(link, "info_data")
+    if kind and kind != "can":
+        yield Finding("ok", "CAN", f"{name} is up, {kind}: no wire, no bit rate")
+        return
+    found, state = _table(data, "bittiming").get("bitrate"), data.get("state")
+    if found is None or state is None:
+        yield Finding("note", "CAN", f"{name} is up; bit rate and state cannot be told", "sudo apt install iproute2")
+    if found not in (None, rate):
+        remedy = f"sudo ip link set {name} down; {up}; or [link] bitrate = {found}"
+        yield Finding("problem", "CAN", f"{name} runs at {found} bit/s, the scenario says {rate}", remedy)
+    if state not in (None, "ERROR-ACTIVE"):
+        remedy = "both ends at one bit rate, CAN-H and CAN-L not swapped, 120 ohms at either end, the STM32 powered"
+        # Not in one with the bit rate: a driver that cannot (gs_usb) refuses the whole command, and nothing is up.
+        again = f"sudo ip link set {name} down; sudo ip link set {name} type can restart-ms 100 (not every driver can)"
+        remedy += f"; then {again}; {up}" if state == "BUS-OFF" else ""
+        yield Finding("problem", "CAN", f"{name} is in the state {state}", remedy)
+    if found == rate and state == "ERROR-ACTIVE":
+        yield Finding("ok", "CAN", f"{name} is up at {rate} bit/s, {state}")
+
+
+def _table(value: Any, key: str) -> dict[str, Any]:
+    """Return an object within another one of JSON; empty if it is none."""
+    inner = value.get(key) if isinstance(value, dict) else None
+    return inner if isinstance(inner, dict) else {}
+
+
+def permission(tree: Tree, found: os.stat_result, user: User) -> str:
+    """Return what lets `user` open a device: its own group where that may read and write, else the rule for udev.
+
+    Not the group of root, and so not that of a device that only root's group may open.
+    """
+    names = {row.number: row.name for row in accounts(tree, "/etc/group")}
+    group = names.get(found.st_gid, "") if found.st_gid and found.st_mode >> 3 & 6 == 6 else ""
+    join = f"sudo usermod -aG {group or 'dialout'} {user.name}, then log in again"
+    return join if group else f"uuv-hil board install gives it to the group dialout, by a rule for udev; {join}"
+
+
+def _instead(case: Case, device: str, real: str) -> str:
+    """Return what helps where a serial port is not there: what the board needs for it, or another one of its kind."""
+    port = next((port for port in case.board.serial if port.device == device), None) if case.board else None
+    if port and port.needs:
+        return port.needs
+    kind = _kind(os.path.basename(real))
+    others = [f"/dev/{name}" for name in case.tree.names("/dev") if _kind(name) == kind][:FEW]
+    if others:
+        remedy = f'there is {", ".join(others)}: [link] port = "{others[0]}"'
+    else:
+        remedy = "see: sudo dmesg | grep tty" if port else "connect it; see: ls /dev/serial/by-id/"
+    return f"{remedy} ({port.at})" if port else remedy
+
+
+def _kind(name: str) -> str:
+    return name.rstrip("0123456789")
+
+
+def _logins(tree: Tree, tty: str) -> list[str]:
+    """Services that are enabled and open a login prompt on a serial port."""
+    wanted = [
+        name
+        for folder in tree.names("/etc/systemd/system")
+        if folder.endswith(".wants")
+        for name in tree.names(f"/etc/systemd/system/{folder}")
+    ]
+    # Which port nvgetty takes its script decides: none that is not there.
+    jetson = tty.startswith("ttyTHS") and tree.exists(f"/dev/{tty}")
+    services = [f"serial-getty@{tty}.service", *(["nvgetty.service"] if jetson else [])]
+    return [service for service in services if service in wanted]
+
+
+def _status(tree: Tree, device: str) -> os.stat_result | None:
+    try:
+        return os.stat(tree.path(device))
+    except OSError:
+        return None

@@ -1,0 +1,262 @@
+"""Check the installation: packages, bytecode, start, step cost, and a process's rights."""
+
+import os
+import platform
+import shlex
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from importlib import import_module, metadata
+from importlib.util import cache_from_source, find_spec
+
+from hil import __version__
+from hil.common.clock import LOOP_PRIORITY
+from hil.common.errors import ConfigError, HilError, MissingExtraError, NetworkError
+from hil.doctor.findings import Case, Finding, Level, User, as_user, grant
+from hil.install.check import assemble
+from hil.links.contract import PWM_NEUTRAL_US
+from hil.scenario.attitude_warning import attitude_warning
+from hil.scenario.config import Scenario, build_simulation
+from hil.scenario.fleet import as_member
+from hil.scenario.records import Recording
+
+ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
+PACKAGES = ("hil", "sim", "boards", "firmware_stub")
+# name, distribution, what it is for, how to get it
+LIBRARIES = (
+    ("zenoh", "eclipse-zenoh", "the network between slave and master", "eclipse-zenoh"),
+    ("pyserial", "pyserial", "serial ports", "pyserial"),
+    ("numpy", "numpy", "the master's maps", "'uuv-hil[master]'"),
+)
+# the same for what a word in a scenario needs
+WANTED = {
+    "mavlink": ("pymavlink", "pymavlink", "[link] protocol", "'uuv-hil[mavlink]'"),
+    "unicorn": ("unicorn", "unicorn", "the scenario's stm32", "'uuv-hil[unicorn]'"),
+}
+BUILD = "python -m sim.native.build (a C compiler: sudo apt install gcc)"
+WARM_UP, STEPS = 40, 400
+
+
+def software(case: Case) -> Iterator[Finding]:
+    """This installation, and the packages that a run needs."""
+    yield Finding("ok", "uuv-hil", f"{__version__}, {ROOT}")
+    yield Finding("ok", "Python", f"{platform.python_version()}, {sys.executable}")
+    for name, distribution, purpose, package in LIBRARIES:
+        needed: Level = case.severity if name == "zenoh" or (name == "pyserial" and case.device) else "note"
+        yield library(name, distribution, purpose, package, needed)
+    words = (case.scenario.link.protocol, case.scenario.stm32) if case.scenario else ()
+    for word in words:
+        if word in WANTED:
+            yield library(*WANTED[word], case.severity)
+    yield bytecode(ROOT)
+    if case.scenario:
+        yield from start(case.scenario, case.user)
+
+
+def start(scenario: Scenario, user: User) -> Iterator[Finding]:
+    """Check whether the slave would start, record as `user`, and the planner find a way: what refuses is a problem."""
+    looks: tuple[tuple[str, Callable[[], object]], ...] = (
+        ("slave", lambda: _assemble(scenario)),
+        ("link", lambda: _open_protocols(scenario)),
+        ("recording", lambda: _require_room(scenario.recording, user)),
+        ("planner", lambda: _plan(scenario)),
+    )
+    told = set()
+    for topic, look in looks:
+        fault = _fault(topic, look, scenario.path)
+        if fault and fault.text not in told:
+            told.add(fault.text)
+            yield fault
+    if not told:
+        yield Finding("ok", "start", f"{scenario.path} can be put together")
+        warning = attitude_warning(scenario)
+        if warning:
+            yield Finding("note", "attitude", warning)
+
+
+def _fault(topic: str, look: Callable[[], object], path: str) -> Finding | None:
+    """Return what `look` raises, as a problem with the remedy; None if it raises nothing."""
+    try:
+        look()
+    except (NetworkError, MissingExtraError) as error:  # these tell what to do
+        return Finding("problem", topic, str(error))
+    except HilError as error:
+        return Finding("problem", topic, str(error), f"mend it in {path}")
+    except Exception as error:  # noqa: BLE001 - a class of the user's own may raise anything
+        return Finding(
+            "problem", topic, f"{type(error).__name__}: {error}", f"mend it in {path}, or in what that names"
+        )
+    return None
+
+
+def _assemble(scenario: Scenario) -> None:
+    """Raises HilError when a slave would end before it opens a device; of a fleet any."""
+    for each in [as_member(scenario, member.node) for member in scenario.member] or [scenario]:
+        assemble(each)
+
+
+def _open_protocols(scenario: Scenario) -> None:
+    """Raises ConfigError or MissingExtraError when an end of the link that is ours would not open."""
+    from hil.links.protocols import Role
+    from hil.slave.drivers.driver import end_protocol
+    from sim.vehicle.vehicle import load_vehicle
+
+    vehicle, _ = load_vehicle(scenario.vehicle)
+    ours: tuple[Role, ...] = ("host", "device") if scenario.stm32 in ("python", "process") else ("host",)
+    for role in ours:
+        end_protocol(scenario.link, role, len(vehicle.channels))
+
+
+def _require_room(recording: Recording, user: User) -> None:
+    """Raises ConfigError or MissingExtraError when the slave is to record and could not. Nothing is made."""
+    if not recording.slave:
+        return
+    from hil.recording.mcap_writer import require_library
+
+    require_library()
+    folder = there = os.path.abspath(recording.folder)
+    while not os.path.lexists(there):
+        there = os.path.dirname(there)
+    where = f"[recording] folder {folder}"
+    if not os.path.isdir(there):
+        raise ConfigError(f"{where} cannot be made: {there} is no folder")
+    if not may_write(there, user):
+        raise ConfigError(f"{where} cannot be written: no permission for {user.name} in {there}")
+    disk = os.statvfs(there)
+    free = disk.f_bavail * disk.f_frsize / 2**20
+    if free < recording.keep_free:
+        raise ConfigError(f"{where} has {free:.0f} MiB free, and keep_free is {recording.keep_free:g} MiB")
+
+
+def may_write(folder: str, user: User) -> bool:
+    """Return whether `user` may make files in a folder: of others by its mode, root may everywhere."""
+    if user.uid in (0, os.getuid()):
+        return os.access(folder, os.W_OK | os.X_OK)
+    found = os.stat(folder)
+    shift = 6 if found.st_uid == user.uid else 3 if found.st_gid in user.groups else 0
+    return found.st_mode >> shift & 3 == 3
+
+
+def _plan(scenario: Scenario) -> None:
+    """Raises HilError when the master would find no way. Without numpy this is no machine for masters."""
+    led = scenario.planner or scenario.master.goal  # else it is flown from Python, or by ROS
+    if not led or scenario.member or scenario.controller == "external" or find_spec("numpy") is None:
+        return
+    from hil.master.flight import prepare
+
+    prepare(scenario)
+
+
+def step(case: Case) -> Iterator[Finding]:
+    """Yield which step of the dynamics is taken and why; with a scenario also what it costs here."""
+    from sim.native import SWITCH, choose
+    from sim.native.build import BINARY, SOURCES, module
+
+    try:
+        _, text = choose()
+    except ConfigError as error:
+        yield Finding(case.severity, "step", str(error), f"unset {SWITCH}")
+        return
+    if text.startswith("C"):
+        yield Finding("ok", "step", text)
+    else:
+        unwanted = os.environ.get(SWITCH) == "0"
+        yield Finding("note", "step", text, f"unset {SWITCH}" if unwanted else BUILD)
+    for binary in (path for path in SOURCES if path != BINARY):
+        name = module(binary)
+        try:
+            import_module(name)
+        except ImportError as error:
+            topic = name.rpartition("._")[2]
+            yield Finding("note", topic, f"Python; the C is not there: {error}", BUILD)
+    if scenario := case.scenario:
+        share = case.board.recommended.core_share if case.board else 0.5
+        try:
+            yield step_cost(scenario, share)
+        except HilError:  # `start` has told it
+            return
+        except Exception as error:  # noqa: BLE001 - a sensor of the user's own may raise anything
+            text = f"cannot be taken: {type(error).__name__}: {error}"
+            yield Finding("problem", "step", text, "mend the sensor or force that raises it")
+
+
+def step_cost(scenario: Scenario, allowed: float) -> Finding:
+    """Return what the simulation takes of a core here, against the share (0..1) that it may."""
+    cost, period = step_cost_s(scenario), scenario.slave.step
+    text = f"{cost * 1e6:.0f} µs of every {period * 1e6:.0f} µs, {cost / period:.1%} of a core"
+    if cost < allowed * period:
+        return Finding("ok", "step cost", text)
+    return Finding("problem", "step cost", f"{text}; {allowed:.0%} are for it", "a longer [slave] step, fewer sensors")
+
+
+def library(name: str, distribution: str, purpose: str, package: str, needed: Level) -> Finding:
+    """Return the version of an installed distribution, or how to get it."""
+    try:
+        return Finding("ok", name, metadata.version(distribution))
+    except metadata.PackageNotFoundError:
+        return Finding(needed, name, f"not installed; it is for {purpose}", f"pip install {package}")
+
+
+def bytecode(root: str) -> Finding:
+    """Return whether the modules of the packages below `root` are compiled: else the first start takes longer."""
+    missing = total = 0
+    for package in PACKAGES:
+        for folder, _, files in os.walk(os.path.join(root, package)):
+            sources = [os.path.join(folder, name) for name in files if name.endswith(".py")]
+            total += len(sources)
+            missing += sum(not _is_compiled(source) for source in sources)
+    if not missing:
+        return Finding("ok", "bytecode", f"compiled, {total} modules")
+    folders = " ".join(os.path.join(root, package) for package in PACKAGES)
+    text = f"{missing} of {total} modules are not compiled: the first start takes longer"
+    return Finding("note", "bytecode", text, f"python -m compileall -q {folders}")
+
+
+def _is_compiled(source: str) -> bool:
+    """By the header of the cached file: flags, then time and size of the source (PEP 552)."""
+    try:
+        with open(cache_from_source(source), "rb") as file:
+            header = file.read(16)
+        found = os.stat(source)
+    except OSError:
+        return False
+    flags, time_s, size = (int.from_bytes(header[i : i + 4], "little") for i in (4, 8, 12))
+    return bool(flags) or (time_s, size) == (int(found.st_mtime) & 0xFFFFFFFF, found.st_size & 0xFFFFFFFF)
+
+
+def granted(case: Case) -> Iterator[Finding]:
+    """Yield what the slave would be granted: asked for as the slave does, in a process of its user's."""
+    prefix = as_user(case.user)
+    if prefix is None:
+        return
+    code = f"from hil.common import clock; print(clock.schedule_fifo({LOOP_PRIORITY})); print(clock.lock_memory())"
+    environment = os.environ | {"PYTHONPATH": ROOT}
+    try:
+        command = [*prefix, sys.executable, "-P", "-c", code]
+        said = subprocess.run(command, capture_output=True, text=True, check=False, env=environment).stdout
+    except OSError:  # no runuser here, or below an emulator that cannot start another program
+        said = ""
+    if not said:
+        text = f"could not be tried: {case.user.name} cannot start {sys.executable}"
+        yield Finding("note", "scheduling", text, f"see: {shlex.join([*prefix, sys.executable, '-V'])}")
+    for line in said.splitlines():
+        name, _, text = line.partition(": ")
+        refused = "not " in text
+        yield Finding("note" if refused else "ok", name, text, grant(case) if refused else "")
+
+
+def step_cost_s(scenario: Scenario) -> float:
+    """Processor time (s) that one step of the scenario's simulation takes here, without its start."""
+    from sim.environment.world import load_world
+    from sim.vehicle.vehicle import load_vehicle
+
+    vehicle, _ = load_vehicle(scenario.vehicle)
+    simulation = build_simulation(scenario, vehicle, load_world(scenario.world))
+    pwm_us = (PWM_NEUTRAL_US,) * len(vehicle.channels)
+    for _ in range(WARM_UP):
+        simulation.step(pwm_us)
+    start = time.process_time()
+    for _ in range(STEPS):
+        simulation.step(pwm_us)
+    return (time.process_time() - start) / STEPS

@@ -1,0 +1,86 @@
+"""Check, before a service is installed, what the slave would refuse at its start, as the service's user."""
+
+import os
+import pwd
+import subprocess
+import sys
+
+from boards.tree import Tree
+from hil.common.errors import ConfigError, HilError
+from hil.install.units import Service, command, python_path
+from hil.network.settings import settings
+from hil.scenario.config import Scenario, build_simulation, load_scenario
+from hil.scenario.fleet import as_member
+from hil.slave.imaging.sensors import Imaging
+from hil.slave.pilot import build_pilot
+from sim.environment.world import load_world
+from sim.vehicle.vehicle import load_vehicle
+
+VOLATILE = ("/tmp/", "/var/tmp/")  # of which a service has its own
+CODE = "import sys; from hil.install.check import main; main(*sys.argv[1:])"
+
+
+def read(name: str, listen: str | None = None, member: str | None = None) -> Scenario:
+    """Return the scenario as the slave reads it with these options. Raises HilError."""
+    scenario = load_scenario(name)
+    if member or scenario.member:
+        scenario = as_member(scenario, member or "")
+    return scenario._replace(slave=scenario.slave._replace(listen=listen)) if listen else scenario
+
+
+def assemble(scenario: Scenario) -> None:
+    """Put together what the slave does before it opens a device. Raises HilError."""
+    router = scenario.network.router
+    settings("slave", (scenario.slave.listen,), (router,) if router else (), scenario.network, scenario.security)
+    if any(fitted.offloaded for fitted in scenario.sensors.values()):
+        scenario = Imaging(scenario, print).scenario
+    vehicle, control = load_vehicle(scenario.vehicle)
+    world = load_world(scenario.world)
+    build_simulation(scenario, vehicle, world)
+    if scenario.controller == "builtin":
+        build_pilot(scenario, vehicle, control, world)
+
+
+def check(tree: Tree, service: Service) -> None:
+    """Raises HilError unless the service's slave would start here, but for devices and the network.
+
+    Of another machine's files only the scenario itself can be looked at.
+    """
+    if not tree.live:
+        assemble(service.scenario)
+        return
+    for path in (service.scenario.path, service.scenario.vehicle, service.scenario.world):
+        if path.endswith(".toml") and os.path.realpath(path).startswith(VOLATILE):
+            raise ConfigError(f"{path}: the service has a /tmp of its own; put it elsewhere, such as /opt")
+    if os.geteuid() == 0:
+        _check_as_user(service)
+    else:
+        assemble(service.scenario)
+
+
+def _check_as_user(service: Service) -> None:
+    entry = pwd.getpwnam(service.user)
+    words = command(service)
+    name = words[words.index("slave") + 1]
+    # XDG_CACHE_HOME as in the unit.
+    environment = {"PATH": os.environ.get("PATH", ""), "PYTHONPATH": python_path(), "XDG_CACHE_HOME": "/var/cache"}
+    words = [sys.executable, "-P", "-c", CODE, name, service.listen or "", service.member or ""]
+    try:
+        done = subprocess.run(
+            words, user=entry.pw_uid, group=entry.pw_gid, extra_groups=os.getgrouplist(service.user, entry.pw_gid),
+            cwd="/", env=environment, capture_output=True, text=True, check=False,
+        )  # fmt: skip
+    except OSError as error:
+        text = f"{service.user} may not execute it ({error.strerror}); install the project elsewhere, such as in /opt"
+        raise ConfigError(f"{sys.executable}: {text}") from None
+    if done.returncode:
+        last = (done.stderr.strip() or f"exit code {done.returncode}").splitlines()[-1]
+        raise ConfigError(f"the slave would not start as {service.user}: {last}")
+
+
+def main(name: str, listen: str, member: str) -> None:
+    """In a process of the service's user: ends it with the reason on standard error."""
+    try:
+        assemble(read(name, listen, member))
+    except HilError as error:
+        sys.exit(str(error))

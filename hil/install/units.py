@@ -1,0 +1,259 @@
+"""The files that make the slave a service of the board: systemd units and udev rules."""
+
+import os
+import re
+from typing import NamedTuple
+
+from boards import FOLDER, Board
+from boards.tree import Tree
+from hil.common.children import module_command
+from hil.common.clock import LOOP_PRIORITY
+from hil.common.endpoint import split_endpoint
+from hil.common.errors import ConfigError
+from hil.common.schema import preset_folder
+from hil.links.address import parse_address
+from hil.scenario.config import Scenario
+
+UNITS = "/etc/systemd/system/"
+UNIT, CAN_UNIT, MODULE_UNIT, FIREWALL_UNIT = (
+    f"{UNITS}uuv-hil{part}.service" for part in ("", "-can", "-module", "-firewall")
+)
+FIREWALL = "/etc/uuv-hil/firewall.nft"
+NFT = "/usr/sbin/nft"
+RULES = "/etc/udev/rules.d/99-uuv-hil.rules"
+LIMITS = "/etc/security/limits.d/uuv-hil.conf"
+# Of files in this folder the last that says something counts, by name: after default-wifi-powersave-on.conf.
+MANAGER = "/etc/NetworkManager/conf.d/uuv-hil.conf"
+# Kinds of serial devices as the kernel lists them, for a link whose device is not there yet, and what drives those
+# that are plugged in.
+SERIAL_DRIVERS = ("ttyS", "ttyAMA", "ttyTHS", "ttyUSB", "ttyACM")
+USB_DRIVERS = {"ttyUSB": "usbserial", "ttyACM": "cdc_acm"}
+PI_ALIASES = ("/dev/serial0", "/dev/serial1")  # of a ttyS or a ttyAMA, as config.txt says
+# Interfaces of python-can that need no device, and the USB devices of gs_usb (Linux, drivers/net/can/usb/gs_usb.c).
+WITHOUT_DEVICE = ("socketcan", "virtual", "udp_multicast")
+GS_USB = ("1d50:606f", "1209:2323", "1cd2:606f", "16d0:10b8")
+# Those that python-can opens at /dev/ttyUSB0@115200; not slcan, which is ours and has its speed of [link].
+WITH_BAUD = ("robotell",)
+ANYWHERE = ("0.0.0.0", "::", "::1", "localhost")
+LEAK = 4  # times the recommended memory
+SYSTEM_SERVICE = 239  # the version of systemd that knows @system-service; before it would be nothing that is allowed
+NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]*")  # of users and interfaces, as units take them
+DEVICE = re.compile(r"/dev/[A-Za-z0-9_#+:=@./-]+")  # as udev makes them, without what is a pattern in its rules
+
+
+class Service(NamedTuple):
+    """What the service is to run: the slave of `scenario` as `user`, listening at `listen` or where that says."""
+
+    scenario: Scenario
+    name: str  # as it was given
+    user: str
+    listen: str | None = None
+    board: str | None = None
+    member: str | None = None
+
+
+def texts(tree: Tree, service: Service, board: Board | None) -> dict[str, str]:
+    """Path -> what it is to hold. Raises ConfigError when a name cannot stand in a unit or a rule."""
+    found = {UNIT: unit(tree, service, board), RULES: rules(tree, service, board), LIMITS: limits(service)}
+    if _can(service.scenario):
+        module = can_module(service.scenario, board)
+        found[CAN_UNIT] = can_unit(service.scenario, module)
+        if module:
+            found[MODULE_UNIT] = _fill("systemd/uuv-hil-module.service", {"module": module})
+    if ports := reachable_ports(service):
+        found[FIREWALL] = _fill("systemd/firewall.nft", {"ports": ", ".join(map(str, ports))})
+        found[FIREWALL_UNIT] = _fill("systemd/uuv-hil-firewall.service", {"nft": NFT, "rules": FIREWALL})
+    if tree.exists(os.path.dirname(MANAGER)):
+        found[MANAGER] = _fill("systemd/networkmanager.conf", {})
+    return found
+
+
+def reachable_ports(service: Service) -> tuple[int, ...]:
+    """The slave's ports that other machines reach: none behind a router, or at an address of this machine alone."""
+    _, host, port = split_endpoint(service.listen or service.scenario.slave.listen)
+    is_here = host.strip("[]") in ("localhost", "::1") or host.startswith("127.")
+    return () if is_here or service.scenario.network.router else (port, port + 1)
+
+
+def firewall_missing(tree: Tree, service: Service) -> str:
+    """Return what has to be done by hand for limits on connections; empty for nothing."""
+    if tree.exists(NFT) or not reachable_ports(service):
+        return ""
+    return f"without {NFT} nothing limits how often others connect; add it: sudo apt install nftables"
+
+
+def device_left_out(scenario: Scenario) -> str:
+    """Return what the service's user has to allow by hand; empty for nothing."""
+    address = parse_address(scenario.link.port)
+    if address.kind != "can" or address.interface in (*WITHOUT_DEVICE, "gs_usb") or address.place.startswith("/dev/"):
+        return ""
+    edit = "allow it with: sudo systemctl edit uuv-hil, [Service] DeviceAllow=/dev/... rw"
+    return f"which device {scenario.link.port} opens only python-can knows; {edit}"
+
+
+def unit(tree: Tree, service: Service, board: Board | None) -> str:
+    """Return the service's unit for systemd."""
+    scenario = service.scenario
+    recording = scenario.recording.folder if scenario.recording.slave else ""
+    kinds = drivers(tree, serial_device(scenario, board))
+    needs = [f"modprobe@{USB_DRIVERS[kind]}.service" for kind in kinds if kind in USB_DRIVERS]
+    needs += ["network-online.target"] if waits_for_network(service) else []
+    needs += [os.path.basename(CAN_UNIT)] if _can(scenario) else []
+    version = systemd_version(tree)
+    values = {
+        "description": prose(scenario.description) or prose(service.name),
+        "wants": f"Wants={' '.join(needs)}" if needs else "",
+        "after": " ".join(["network.target", "time-sync.target", *needs]),
+        "command": " ".join(word(part).replace("$", "$$") for part in command(service)),
+        "pythonpath": word(python_path()),
+        "user": service.user,
+        "rtprio": str(LOOP_PRIORITY if scenario.slave.realtime else 0),
+        "memory_max": f"{LEAK * (board.recommended.memory if board else 64):.0f}M",
+        # Others find a pty by its name in /tmp only if it is not a /tmp of the service's own.
+        "private_tmp": "no" if parse_address(scenario.link.port).place.startswith("/tmp/") else "yes",
+        "system_calls": "SystemCallFilter=@system-service" if version is None or version >= SYSTEM_SERVICE else "",
+        "devices": "\n".join(_devices(scenario, kinds)),
+        "writable": f"ReadWritePaths={word('-' + recording)}" if os.path.isabs(recording) else "",
+    }
+    return _fill("systemd/uuv-hil.service", values)
+
+
+def can_unit(scenario: Scenario, module: str = "") -> str:
+    """The unit that gives the CAN interface of the link its bit rate, when `module` is loaded where that is named."""
+    name = _can(scenario)
+    values = {
+        "interface": name,
+        "device": f"sys-subsystem-net-devices-{escaped(name)}.device",
+        "module": f"Wants={os.path.basename(MODULE_UNIT)}" if module else "",
+        "bitrate": str(scenario.link.bitrate),
+        "ip": "/sbin/ip",
+    }
+    return _fill("systemd/uuv-hil-can.service", values)
+
+
+def can_module(scenario: Scenario, board: Board | None) -> str:
+    """Return the kernel's module for the board's CAN interface, where it has to be asked for; empty for none."""
+    return next((bus.module for bus in board.can if bus.interface == _can(scenario)), "") if board else ""
+
+
+def rules(tree: Tree, service: Service, board: Board | None) -> str:
+    """Return the rules for udev."""
+    device = serial_device(service.scenario, board)
+    lines = ["# None: it is no device of a serial port."]
+    if device.startswith("/dev/"):
+        if not DEVICE.fullmatch(device):
+            raise ConfigError(f"{device!r} cannot stand in a rule: letters, digits, _ # + : = @ . / - only")
+        name = device.removeprefix("/dev/")
+        # The kernel's names are tty and more; all others are links, and matched as such: what they lead to may change.
+        own = re.fullmatch(r"tty[A-Za-z]+[0-9]+", name) and not tree.link(device)
+        match = "KERNEL" if own else "SYMLINK"
+        lines = [f'SUBSYSTEM=="tty", {match}=="{name}", GROUP="dialout", MODE="0660", ENV{{ID_MM_DEVICE_IGNORE}}="1"']
+    elif parse_address(service.scenario.link.port).interface == "gs_usb":
+        form = 'SUBSYSTEM=="usb", ATTR{{idVendor}}=="{}", ATTR{{idProduct}}=="{}", GROUP="dialout", MODE="0660"'
+        lines = [form.format(*numbers.split(":")) for numbers in GS_USB]
+    return _fill("udev/99-uuv-hil.rules", {"link": "\n".join(lines), "iw": "/usr/sbin/iw"})
+
+
+def limits(service: Service) -> str:
+    """Return what the user is granted in a shell."""
+    return _fill("systemd/limits.conf", {"user": service.user, "rtprio": str(LOOP_PRIORITY)})
+
+
+def serial_device(scenario: Scenario, board: Board | None) -> str:
+    """Return the serial port that a scenario's link uses on a board; empty when it uses none."""
+    address = parse_address(scenario.link.port)
+    if address.interface in WITH_BAUD and address.place.startswith("/dev/"):
+        return address.place.partition("@")[0]
+    if address.kind in ("uart", "rs485") or (address.kind == "can" and address.place.startswith("/dev/")):
+        return address.place
+    return board.uart if board and scenario.stm32 == "device" and scenario.link.port == "pty:" else ""
+
+
+def drivers(tree: Tree, device: str) -> tuple[str, ...]:
+    """Return the kinds of serial devices that a name stands for: all it could, while it is not there."""
+    if not device.startswith("/dev/"):
+        return ()
+    if device in PI_ALIASES:
+        return SERIAL_DRIVERS[:2]
+    kind = os.path.basename(tree.resolve(device)).rstrip("0123456789")
+    if re.fullmatch("tty[A-Za-z]+", kind):
+        return (kind,)
+    return tuple(USB_DRIVERS) if device.startswith("/dev/serial/by-id/") else SERIAL_DRIVERS
+
+
+def waits_for_network(service: Service) -> bool:
+    """Whether the slave cannot start before the network does: it listens at an address that this machine gets."""
+    if service.scenario.network.router:
+        return False
+    host = split_endpoint(service.listen or service.scenario.slave.listen)[1].strip("[]")
+    return host not in ANYWHERE and not host.startswith("127.")
+
+
+def systemd_version(tree: Tree) -> int | None:
+    """Return the version of the machine's systemd; None if it cannot be told."""
+    found = re.match(r"systemd (\d+)", tree.run("systemctl", "--version") or "")
+    return int(found[1]) if found else None
+
+
+def command(service: Service) -> list[str]:
+    """Return what the service executes."""
+    name = os.path.abspath(service.name) if service.name.endswith(".toml") else service.name
+    words = module_command("hil.cli", "slave", name)
+    for option, value in (("--listen", service.listen), ("--board", service.board), ("--member", service.member)):
+        words += [option, value] if value else []
+    return words
+
+
+def python_path() -> str:
+    """Return the folder of the project's packages."""
+    return os.path.dirname(preset_folder(FOLDER))
+
+
+def word(text: str) -> str:
+    """Return a word or path as a unit has to have it, see systemd.syntax(7); in commands $ is $$ on top of that.
+
+    Raises ConfigError for characters that no unit can have.
+    """
+    if not text.isprintable():
+        raise ConfigError(f"{text!r} has characters that cannot stand in a unit: rename it")
+    for character, written in (("\\", "\\\\"), ('"', '\\"'), ("%", "%%")):
+        text = text.replace(character, written)
+    return f'"{text}"' if re.search(r"[\s'\\;]", text) else text
+
+
+def prose(text: str) -> str:
+    """Text as a unit has to have it: in one line, and no backslash at its end, as that would go on in the next."""
+    printable = "".join(character if character.isprintable() else " " for character in text)
+    return " ".join(printable.split()).rstrip("\\ ").replace("%", "%%")
+
+
+def escaped(text: str) -> str:
+    """Return a part of a path as the name of a unit has it, see systemd-escape(1)."""
+    return re.sub(r"[^A-Za-z0-9:_.]", lambda found: f"\\x{ord(found[0]):02x}", text)
+
+
+def _devices(scenario: Scenario, kinds: tuple[str, ...]) -> list[str]:
+    lines = [f"DeviceAllow=char-{kind} rw" for kind in kinds]
+    if parse_address(scenario.link.port).interface == "gs_usb":
+        lines.append("DeviceAllow=char-usb_device rw")
+    awake = scenario.slave.realtime and scenario.slave.stay_awake
+    return lines + (["DeviceAllow=/dev/cpu_dma_latency w"] if awake else [])
+
+
+def _can(scenario: Scenario) -> str:
+    address = parse_address(scenario.link.port)
+    if address.interface != "socketcan" or address.place.startswith("vcan"):
+        return ""
+    if not NAME.fullmatch(address.place):
+        raise ConfigError(
+            f"{scenario.link.port}: {address.place!r} cannot stand in a unit: letters, digits, _ . - only"
+        )
+    return address.place
+
+
+def _fill(template: str, values: dict[str, str]) -> str:
+    """Return a file of boards/ with every @name@ replaced."""
+    with open(os.path.join(preset_folder(FOLDER), template), encoding="utf-8") as file:
+        text = file.read()
+    text = re.sub(r"@([a-z_]+)@", lambda found: values[found[1]], text)
+    return re.sub(r"[ \t]+$", "", re.sub(r"\n{3,}", "\n\n", text), flags=re.MULTILINE)
