@@ -1,8 +1,8 @@
-"""The bridge: every byte between a card computer, a planner and the simulator."""
+"""The bridge: every byte between a single-board computer, a planner and the simulator."""
 
 TYPE_CHECKING = False  # as typing has it, which a lean process does not load for this
 if TYPE_CHECKING:
-    from hil.master.fleet import Fleet
+    from hil.client.fleet import Fleet
 
 __version__ = "0.1.0"
 
@@ -15,13 +15,13 @@ def connect(
     keys: str = "",
     wait: float = 5.0,
 ) -> "Fleet":
-    """The vehicles that answer at `endpoints`, as objects to look at and to command; see docs/python.md.
+    """Return the vehicles that answer at `endpoints`, as objects to look at and to command; see docs/how-to/python.md.
 
     An endpoint is that of a slave, "tcp/192.168.3.116:7447" or "tls/...", or "lan": whoever answers by multicast; with
     `routed` it is that of a router, which all vehicles behind it are reached through. With `take_over` a vehicle is
     commanded even if another master does already; with `observe` never. `keys` is this machine's folder of
     certificates (`uuv-hil keys add`). A vehicle that is asked for is waited for, up to `wait` s. Raises NetworkError.
     """
-    from hil.master.fleet import connect as connect_fleet
+    from hil.client.fleet import connect as connect_fleet
 
     return connect_fleet(*endpoints, take_over=take_over, observe=observe, routed=routed, keys=keys, wait=wait)

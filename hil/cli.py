@@ -1,41 +1,57 @@
 """The one command, `uuv-hil`: a table of subcommands, each imported when it is called."""
 
+import sys
+
+from hil.common import streams
+
+if __name__ == "__main__" or (sys.argv[:1] and sys.argv[0].endswith("/uuv-hil")):  # this process is the command
+    streams.leave_on_ctrl_c()  # until all modules are loaded
+
 import errno
 import gc
-import sys
+import os
 from collections.abc import Callable
 from importlib import import_module
 
-from hil.errors import STOPPED, DeviceError, HilError, MissingExtraError
+from hil.common.errors import STOPPED, ConfigError, DeviceError, HilError, MissingExtraError
+from hil.common.lifeline import die_with_parent
 
 # name -> module with `main(arguments) -> exit code`, and what it does
 COMMANDS = {
-    "demo": ("hil.commands.demo", "slave and master on this machine, one run, the HIL table"),
-    "slave": ("hil.commands.slave", "be the vehicle: the daemon on the card computer"),
+    "demo": ("hil.commands.demo", "run slave and master on this machine, then print the HIL table"),
+    "slave": ("hil.commands.slave", "run the vehicle daemon on the board"),
     "master": ("hil.commands.master", "plan and fly a scenario with a slave somewhere on the network"),
-    "agent": ("hil.commands.agent", "lead one vehicle of a fleet, by what its neighbours' planners say"),
-    "water": ("hil.commands.water", "be the sea between the modems of a fleet"),
-    "sim": ("hil.commands.sim", "the same mission in one process, in real time or as fast as it goes"),
-    "campaign": ("hil.commands.campaign", "many such runs with other seeds and parameters, on all cores"),
-    "case": ("hil.commands.case", "the source paper's experiments, in the simulation and with slaves, measured"),
-    "record": ("hil.commands.record", "write what vehicles say to files for Foxglove, PlotJuggler and rosbag2"),
-    "replay": ("hil.commands.replay", "a recording once more: on the network, or bit for bit without a clock"),
-    "plot": ("hil.commands.plot", "the figures of a recording"),
-    "foxglove": ("hil.commands.foxglove", "vehicles live in Foxglove, over a websocket"),
-    "bench": ("hil.commands.bench", "what a board, a link or a network can do: the HIL table and more"),
-    "gateway": ("hil.commands.gateway", "vehicles for MATLAB, Octave and others: lines of JSON over TCP"),
+    "agent": ("hil.commands.agent", "plan for one vehicle of a fleet, beside its neighbours' planners"),
+    "channel": ("hil.commands.channel", "simulate the acoustic or optical channel between the modems of a fleet"),
+    "scenario": ("hil.commands.scenario", "list, show, copy and check scenarios"),
+    "sim": ("hil.commands.sim", "fly the same mission in one process, in real time or as fast as it goes"),
+    "campaign": (
+        "hil.commands.campaign.command",
+        "run a mission many times, with other seeds and parameters",
+    ),
+    "case": ("hil.commands.case", "repeat the reference platform's experiments, simulated and with slaves"),
+    "record": ("hil.commands.record", "record what vehicles publish, for Foxglove, PlotJuggler and rosbag2"),
+    "replay": ("hil.commands.replay", "replay a recording on the network, or bit for bit without a clock"),
+    "plot": ("hil.commands.plot", "draw the figures of a recording"),
+    "foxglove": ("hil.commands.foxglove", "show vehicles live in Foxglove, over a websocket"),
+    "bench": ("hil.commands.bench.command", "measure a board, a link or a network: the HIL table and more"),
+    "gateway": ("hil.commands.gateway", "serve vehicles to MATLAB, Octave and others: lines of JSON over TCP"),
     "loopback": ("hil.commands.loopback", "test a thruster link: losses, errors, round trips"),
-    "frame": ("hil.commands.frame", "what a thruster frame says byte by byte; take bytes of a line apart"),
-    "stm32": ("firmware_stub.serve", "be only the STM32, on a pty or a serial port"),
-    "top": ("hil.commands.top", "how slaves are doing: loop, processor, memory, temperature, link, network"),
+    "frame": ("hil.commands.frame", "describe a thruster frame byte by byte; decode bytes of a line"),
+    "stm32": ("firmware_stub.serve", "emulate the STM32 alone, on a pty or a serial port"),
+    "top": ("hil.commands.top.command", "show the health of slaves: loop, processor, memory, temperature, links"),
     "router": ("hil.commands.router", "forward between vehicles and masters that cannot reach each other"),
-    "keys": ("hil.commands.keys", "certificates: who may command a vehicle, and who may listen"),
-    "vehicle": ("hil.commands.vehicle", "what a vehicle is and can do; import one from a URDF"),
-    "tune": ("hil.commands.tune", "gains for a vehicle's controller, from step responses in the simulator"),
-    "topic": ("hil.commands.topic", "list, echo, hz and pub of ROS 2 topics, and calls of services, without ROS"),
-    "world": ("hil.commands.world", "seabeds out of charts and soundings; pictures, files for other simulators"),
-    "board": ("hil.commands.board", "which card computer this is, and the slave as a service of it"),
-    "doctor": ("hil.commands.doctor", "whether this machine can run a scenario, and what to do where it cannot"),
+    "keys": ("hil.commands.keys", "make certificates: who may command a vehicle, and who may listen"),
+    "vehicle": ("hil.commands.vehicle.command", "describe a vehicle and what it can do; import one from a URDF"),
+    "tune": ("hil.commands.tune", "find gains for a vehicle's controller from step responses"),
+    "topic": (
+        "hil.commands.topic.command",
+        "list, echo, measure and publish ROS 2 topics, and call services, without ROS",
+    ),
+    "world": ("hil.commands.world", "build worlds from charts and soundings; draw and export them"),
+    "board": ("hil.commands.board.command", "identify this board; install the slave as its service"),
+    "completion": ("hil.commands.completion", "let bash, zsh or fish complete commands and options"),
+    "doctor": ("hil.commands.doctor", "check whether this machine can run a scenario, and what to change"),
 }
 
 # package as it is imported -> the extra of pyproject.toml that installs it
@@ -44,10 +60,14 @@ EXTRAS = {
     "joblib": "master",
     "matplotlib": "master",
     "xacro": "master",
+    "argcomplete": "master",
     "cryptography": "security",
     "mcap": "recording",
     "foxglove": "foxglove",
     "scipy": "chart",
+    "pyogrio": "chart",
+    "shapely": "chart",
+    "pygeomag": "chart",
     "PIL": "imaging",
     "moderngl": "opengl",
     "rasterio": "raster",
@@ -55,53 +75,78 @@ EXTRAS = {
     "can": "can",
     "msgpack": "can",
     "unicorn": "unicorn",
+    "distributed": "cluster",
+    "ray": "cluster",
 }
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Run one subcommand; its exit code. Errors a person can mend are one line on standard error."""
-    arguments = sys.argv[1:] if arguments is None else arguments
-    name = arguments[0] if arguments else "--help"
+    die_with_parent()
+    name = "uuv-hil"
+    try:
+        if "_ARGCOMPLETE" in os.environ:  # the shell asks what may come next
+            from hil.commands.completion import answer_shell
+
+            answer_shell(COMMANDS)
+        if arguments is None:
+            streams.prepare()
+        words = sys.argv[1:] if arguments is None else arguments
+        name = f"uuv-hil {words[0]}" if words and words[0] in COMMANDS else name
+        try:
+            return _dispatch(words)
+        finally:
+            sys.stdout.flush()  # what cannot be written is told by us, not by the interpreter as it ends
+    except HilError as error:
+        print(f"{name}: {error}", file=sys.stderr)
+        return error.exit_code
+    except KeyboardInterrupt:
+        return STOPPED
+    except BrokenPipeError:  # `uuv-hil ... | head`
+        streams.drop_output()
+        return 141
+    except OSError as error:
+        if error.errno not in FULL:
+            raise
+        streams.drop_output()
+        print(f"{name}: {error.filename or 'the output'}: {error.strerror}; free some space", file=sys.stderr)
+        return DeviceError.exit_code
+
+
+def _dispatch(words: list[str]) -> int:
+    """One subcommand's exit code, or that of --help and --version. Raises HilError, OSError."""
+    if words[:1] == ["help"]:  # `uuv-hil help sim` is `uuv-hil sim --help`
+        words = [*words[1:2], "--help"]
+    name = words[0] if words else "--help"
     if name in ("-h", "--help"):
         print(_help())
         return 0
-    if name == "--version":
+    if name in ("-V", "--version"):
         from hil import __version__
 
         print(f"uuv-hil {__version__}")
         return 0
     if name not in COMMANDS:
-        print(f"uuv-hil: no command {name!r}; there are: {', '.join(COMMANDS)} (see uuv-hil --help)", file=sys.stderr)
-        return 2
-    try:
-        return _run(name, arguments[1:])
-    except HilError as error:
-        print(f"uuv-hil {name}: {error}", file=sys.stderr)
-        return error.exit_code
-    except KeyboardInterrupt:
-        return STOPPED
-    except BrokenPipeError:  # `uuv-hil ... | head`
-        sys.stderr.close()
-        return 141
+        from hil.common.schema import nearest
+
+        raise ConfigError(f"no command {name!r}{nearest(name, list(COMMANDS))}; there are: {', '.join(COMMANDS)}")
+    return _run(name, words[1:])
 
 
 def _run(name: str, arguments: list[str]) -> int:
-    """One subcommand's exit code. Raises HilError, also for a missing package of an extra, and for a full disk."""
+    """One subcommand's exit code. Raises HilError, also for a missing package of an extra."""
     try:
         gc.disable()  # nothing that modules leave while they load is garbage
         run: Callable[[list[str]], int] = import_module(COMMANDS[name][0]).main
         gc.enable()
+        streams.raise_on_ctrl_c()
         return run(arguments)
     except ModuleNotFoundError as error:
         if error.name not in EXTRAS:
             raise
         extra = EXTRAS[error.name]
         raise MissingExtraError(f"{error.name} is not installed: pip install 'uuv-hil[{extra}]'") from None
-    except OSError as error:
-        if error.errno not in FULL:
-            raise
-        raise DeviceError(f"{error.filename or 'a file'}: {error.strerror}; free some space") from None
 
 
 def _help() -> str:
@@ -115,10 +160,10 @@ commands:
 
 examples:
   uuv-hil demo                                            everything on this machine
-  uuv-hil slave paper_field --listen tcp/0.0.0.0:7447     on the card computer
+  uuv-hil slave paper_field --listen tcp/0.0.0.0:7447     on the board
   uuv-hil master paper_field --connect tcp/192.168.3.116:7447
 
-uuv-hil COMMAND --help tells each command's options."""
+uuv-hil COMMAND --help, or uuv-hil help COMMAND, tells each command's options; -V the version."""
 
 
 if __name__ == "__main__":

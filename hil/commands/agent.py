@@ -1,9 +1,9 @@
-"""`uuv-hil agent`: lead one vehicle of a fleet, by what its neighbours' planners say."""
+"""`uuv-hil agent`: plan for one vehicle of a fleet, beside its neighbours' planners."""
 
-from hil.commands.parser import new_parser
-from hil.config import load_scenario
+from hil.common.options import WAIT, add_changes, changes_of, new_parser
+from hil.common.stop import StopSignals
 from hil.master.agent import run
-from hil.stop import StopSignals
+from hil.scenario.config import load_scenario
 
 EXAMPLES = """\
 Each vehicle of a fleet has its slave and its agent. The agents find each other at the endpoints that the
@@ -18,17 +18,18 @@ All of them at once: uuv-hil case target_hunting --hil
 
 
 def main(arguments: list[str]) -> int:
-    """Lead the vehicle until told to stop; the exit code."""
+    """Lead the vehicle until told to stop; the exit code. Raises MissionError if something went wrong with it."""
     parser = new_parser("agent", __doc__, EXAMPLES)
     parser.add_argument("scenario", metavar="SCENARIO")
+    add_changes(parser)
     parser.add_argument("--member", metavar="NAME", default="", help="which vehicle, by its node or its number")
-    parser.add_argument("--wait", metavar="S", type=float, default=60.0, help="how long to wait for it [%(default)s s]")
+    parser.add_argument("--wait", metavar="S", type=WAIT, default=60.0, help="how long to wait for it [%(default)s s]")
     options = parser.parse_args(arguments)
-    scenario = load_scenario(options.scenario)
+    scenario = load_scenario(options.scenario, changes_of(options))
     with StopSignals() as stop_fd:
-        run(scenario, options.member, stop_fd, _say, options.wait)
+        run(scenario, options.member, stop_fd, _report, options.wait)
     return 0
 
 
-def _say(text: str) -> None:
+def _report(text: str) -> None:
     print(text, flush=True)

@@ -1,4 +1,4 @@
-"""`uuv-hil case`: the source paper's experiments, in the simulation and with slaves, measured."""
+"""`uuv-hil case`: repeat the reference platform's experiments, in the simulation and with slaves, and measure them."""
 
 import os
 
@@ -6,12 +6,13 @@ from hil.cases import table
 from hil.cases.case import CASES, find_case
 from hil.cases.flights import fly_all
 from hil.cases.report import Flights, write_report
-from hil.commands.parser import new_parser
-from hil.errors import ConfigError, MissingExtraError
+from hil.common.errors import MissingExtraError
+from hil.common.options import JOBS, MOST_SEEDS, SEEDS, new_parser, whole
+from hil.common.stop import every_end_like_ctrl_c
 from hil.master.recorder import make_folder
-from hil.stop import every_end_like_ctrl_c
-from hil.transport.recording import new_folder
+from hil.recording.recorder import new_folder
 
+HIL_SEEDS = whole(0, MOST_SEEDS)
 EXAMPLES = f"""\
 NAME is one of: {", ".join(CASES)}, or all.
 
@@ -34,16 +35,14 @@ def main(arguments: list[str]) -> int:
     parser = new_parser("case", __doc__, EXAMPLES)
     parser.add_argument("name", metavar="NAME")
     parser.add_argument(
-        "--seeds", type=int, default=1, metavar="N", help="seeds 1 to N in the simulation [%(default)s]"
+        "--seeds", type=SEEDS, default=1, metavar="N", help="seeds 1 to N in the simulation [%(default)s]"
     )
     parser.add_argument(
-        "--hil", type=int, nargs="?", const=1, default=0, metavar="N", help="and seeds 1 to N in HIL [1]"
+        "--hil", type=HIL_SEEDS, nargs="?", const=1, default=0, metavar="N", help="and seeds 1 to N in HIL [1]"
     )
-    parser.add_argument("--jobs", type=int, default=-1, metavar="N", help="simulations at once [all cores]")
+    parser.add_argument("--jobs", type=JOBS, default=-1, metavar="N", help="simulations at once [all cores]")
     parser.add_argument("--out", metavar="DIR", help="where to put the results [runs/NAME-TIME]")
     options = parser.parse_args(arguments)
-    if options.seeds < 1 or options.hil < 0:
-        raise ConfigError("--seeds must be at least 1, and --hil not negative")
     names = list(CASES) if options.name == "all" else [find_case(options.name).name]
     folder = make_folder(options.out) if options.out else new_folder(options.name)
     flights: Flights = {}

@@ -10,19 +10,21 @@ import sys
 from collections.abc import Callable
 from importlib.util import find_spec
 
-from hil.clock import now_ns
-from hil.commands.parser import new_parser
-from hil.config import load_scenario
-from hil.errors import MissingExtraError, NetworkError
+from hil.common.children import module_command, package_environment, start_child
+from hil.common.clock import now_ns
+from hil.common.endpoint import split_endpoint
+from hil.common.errors import ConfigError, MissingExtraError, NetworkError
+from hil.common.options import ENDPOINT, Number, add_changes, changes_of, new_parser, place
+from hil.common.ports import free_ports
+from hil.common.stop import StopSignals
 from hil.master.recorder import make_folder
-from hil.ports import free_ports
-from hil.stop import StopSignals
-from hil.transport.recording import new_folder
-from hil.transport.settings import split
+from hil.recording.recorder import new_folder
+from hil.scenario.attitude_warning import attitude_warning
+from hil.scenario.config import load_scenario, load_single
 
 EXAMPLES = """\
 examples:
-  uuv-hil demo                         the source paper's field
+  uuv-hil demo                         the reference platform's field
   uuv-hil demo mine.toml --run-dir out
   uuv-hil demo --listen tcp/127.0.0.1:9000    beside a slave that runs already
   uuv-hil demo --world US5AK5SI.000    over the seabed of a chart, with laser, sonar and camera
@@ -30,42 +32,48 @@ examples:
 A chart's folder of results also has report.md, report.html and what the vehicle saw.
 """
 GRACE_S = 10.0
+DEPTH = Number(0.0, 11_000.0, "m")
+LENGTH = Number(1.0, 100_000.0, "m")
 
 
 def main(arguments: list[str]) -> int:
     """Run slave and master as two processes; the master's exit code."""
     parser = new_parser("demo", __doc__, EXAMPLES)
     parser.add_argument("scenario", metavar="SCENARIO", nargs="?", default="paper_field")
+    add_changes(parser)
     parser.add_argument("--run-dir", metavar="DIR", help="where to put the results [runs/SCENARIO-TIME]")
-    parser.add_argument("--listen", metavar="ENDPOINT", help="of its slave, tcp/ADDRESS:PORT [the scenario's]")
+    parser.add_argument(
+        "--listen", metavar="ENDPOINT", type=ENDPOINT, help="of its slave, tcp/ADDRESS:PORT [the scenario's]"
+    )
     over = parser.add_argument_group("over a seabed of your own")
     over.add_argument("--world", metavar="CHART.000", help="a chart, soundings, or a world's .toml or name")
-    over.add_argument("--start", metavar="LAT,LON", type=_place, help="degrees, with --goal [where there is relief]")
-    over.add_argument("--goal", metavar="LAT,LON", type=_place, help="in sight of it: the way is planned")
-    over.add_argument("--depth", metavar="M", type=float, help="how deep to dive [over the highest place of the way]")
+    over.add_argument("--start", metavar="LAT,LON", type=place, help="degrees, with --goal [where there is relief]")
+    over.add_argument("--goal", metavar="LAT,LON", type=place, help="in sight of it: the way is planned")
+    over.add_argument("--depth", metavar="M", type=DEPTH, help="how deep to dive [over the highest place of the way]")
     over.add_argument(
-        "--length", metavar="M", type=float, default=70.0, help="of the way if none is given [%(default)g]"
+        "--length", metavar="M", type=LENGTH, default=70.0, help="of the way if none is given [%(default)g]"
     )
     options = parser.parse_args(arguments)
     if options.world:
+        if options.set:
+            raise ConfigError("--set goes with a scenario, and --world makes one of its own")
         return _dive(options)
-    scenario = load_scenario(options.scenario)
+    scenario = load_single(options.scenario, changes_of(options))
+    warning = attitude_warning(scenario)
+    if warning:
+        print(f"WARNING: {warning}", file=sys.stderr, flush=True)
     endpoint = options.listen or scenario.slave.listen
     require_free(endpoint, routed=scenario.network.mode == "routed")
     folder = make_folder(options.run_dir) if options.run_dir else new_folder(options.scenario)
-    return _run(options.scenario, endpoint, folder, lambda: None)
-
-
-def _place(text: str) -> tuple[float, float]:
-    latitude, longitude = map(float, text.split(","))
-    return latitude, longitude
+    words = [options.scenario, *[word for text in options.set for word in ("--set", text)]]
+    return _run(words, endpoint, folder, lambda: None)
 
 
 def _dive(options: argparse.Namespace) -> int:
     """Make a world and a way, fly there, and report what was seen."""
     _require_extras()
-    from hil.charts.dive import Wish, prepare_dive
-    from hil.charts.dive_watch import DiveWatch
+    from hil.charts.dive.dive import Wish, prepare_dive
+    from hil.charts.dive.watch import DiveWatch
 
     endpoint = options.listen or Wish().listen
     require_free(endpoint)  # now: to find a place takes long
@@ -76,8 +84,8 @@ def _dive(options: argparse.Namespace) -> int:
     scenario = load_scenario(path)
     require_free(endpoint)
     with DiveWatch(scenario) as watch:
-        code = _run(path, endpoint, folder, watch.look)
-    from hil.charts.dive_report import write_report
+        code = _run([path], endpoint, folder, watch.look)
+    from hil.charts.dive.report import write_report
 
     files = write_report(folder, scenario, watch.looks, watch.figures())
     print(f"what it saw: {files[-1]}")
@@ -98,7 +106,7 @@ def require_free(endpoint: str, routed: bool = False) -> None:
 
     Otherwise the demo's master would arm and command the vehicle of whoever is there.
     """
-    _, host, port = split(endpoint)
+    _, host, port = split_endpoint(endpoint)
     for number in (port,) if routed else (port, port + 1):
         try:
             family, *_, address = socket.getaddrinfo(host.strip("[]"), number, type=socket.SOCK_STREAM)[0]
@@ -113,10 +121,10 @@ def require_free(endpoint: str, routed: bool = False) -> None:
             ) from None
 
 
-def _run(scenario: str, endpoint: str, folder: str, look: Callable[[], None]) -> int:
-    """Run both processes; the master's exit code. `look` is called again and again meanwhile."""
+def _run(scenario: list[str], endpoint: str, folder: str, look: Callable[[], None]) -> int:
+    """Run both processes with the words `scenario`; the master's exit code. `look` is called often meanwhile."""
     log_path = os.path.join(folder, "slave.log")
-    with StopSignals() as stop_fd, open(log_path, "w") as log:
+    with StopSignals() as stop_fd, open(log_path, "w", encoding="utf-8") as log:
         master, ready_fd = _start_master(scenario, endpoint, folder)
         slave = None
         try:
@@ -131,10 +139,11 @@ def _run(scenario: str, endpoint: str, folder: str, look: Callable[[], None]) ->
                     _end(process)
 
 
-def _start_master(scenario: str, endpoint: str, folder: str) -> tuple[subprocess.Popen[bytes], int]:
+def _start_master(scenario: list[str], endpoint: str, folder: str) -> tuple[subprocess.Popen[bytes], int]:
     read_fd, write_fd = os.pipe()
-    command = [sys.executable, "-m", "hil.cli", "master", scenario, "--connect", endpoint, "--run-dir", folder]
-    master = subprocess.Popen([*command, "--ready-fd", str(write_fd)], pass_fds=[write_fd], start_new_session=True)
+    command = module_command("hil.cli", "master", *scenario, "--connect", endpoint, "--run-dir", folder)
+    command += ["--ready-fd", str(write_fd)]
+    master = start_child(command, environment=package_environment(), pass_fds=[write_fd])
     os.close(write_fd)
     return master, read_fd
 
@@ -152,10 +161,10 @@ def _dials(ready_fd: int, stop_fd: int) -> bool:
         os.close(ready_fd)
 
 
-def _start_slave(scenario: str, endpoint: str, log: object) -> subprocess.Popen[bytes]:
-    command = [sys.executable, "-m", "hil.cli", "slave", scenario, "--listen", endpoint]
-    environment = os.environ | {"UUV_HIL_EXEC_NS": str(now_ns())}
-    return subprocess.Popen(command, stderr=log, env=environment, start_new_session=True)  # type: ignore[call-overload, no-any-return]
+def _start_slave(scenario: list[str], endpoint: str, log: object) -> subprocess.Popen[bytes]:
+    command = module_command("hil.cli", "slave", *scenario, "--listen", endpoint)
+    environment = package_environment() | {"UUV_HIL_EXEC_NS": str(now_ns())}
+    return start_child(command, environment=environment, stderr=log)
 
 
 def _watch(
@@ -173,7 +182,7 @@ def _watch(
             master.kill()  # told to end it would print the table of a run that was none
             if sys.stdout.isatty():
                 print()  # after its line of progress
-            with open(log_path) as log:
+            with open(log_path, encoding="utf-8", errors="replace") as log:
                 last = (log.read().strip().splitlines() or ["no message"])[-1]
             raise NetworkError(f"the slave ended with exit code {slave.returncode}: {last}")
     return master.returncode

@@ -9,18 +9,21 @@ from collections.abc import Callable, Iterator
 from boards import load_board
 from boards.health import recognise
 from boards.tree import Tree
-from hil.commands import doctor_board, doctor_links, doctor_network, doctor_software
-from hil.commands.doctor_case import Case, Finding, User, accounts
-from hil.commands.parser import new_parser
-from hil.config import Scenario, load_scenario, with_port
-from hil.errors import ConfigError
+from hil.common.errors import ConfigError
+from hil.common.options import ENDPOINT, add_changes, changes_of, new_parser
+from hil.doctor import board as doctor_board
+from hil.doctor import links as doctor_links
+from hil.doctor import network as doctor_network
+from hil.doctor import software as doctor_software
+from hil.doctor.findings import Case, Finding, User, accounts
+from hil.scenario.config import Scenario, load_scenario, with_port
 
 EXAMPLES = """\
 Each line is ok, a note, or a problem with what to do about it. Without a scenario nothing is needed and nothing is
 a problem. The exit code is 1 if there is a problem, else 0.
 
 examples:
-  uuv-hil doctor                            on the card computer, before the first run
+  uuv-hil doctor                            on the single-board computer, before the first run
   uuv-hil doctor mine.toml                  everything that this scenario needs
   sudo uuv-hil doctor mine.toml --user uuv  for the user who is to run it; only root sees what others have open
   uuv-hil doctor --root recorded/           a machine whose /proc, /sys, /dev and /etc were copied there
@@ -29,7 +32,7 @@ Check = Callable[[Case], Iterator[Finding]]
 SOFTWARE: tuple[Check, ...] = (doctor_software.software, doctor_software.step)
 MACHINE: tuple[Check, ...] = (
     doctor_board.machine, doctor_board.memory_limit, doctor_board.rates, doctor_links.ports, doctor_links.console,
-    doctor_links.holders, doctor_links.can_bus, doctor_board.governor, doctor_board.throttled,
+    doctor_links.holders, doctor_links.line_rate, doctor_links.can_bus, doctor_board.governor, doctor_board.throttled,
     doctor_board.realtime_limits, doctor_board.clock, doctor_network.network_ports, doctor_network.wlan,
 )  # fmt: skip
 
@@ -55,8 +58,11 @@ def main(arguments: list[str]) -> int:
 def _parser() -> argparse.ArgumentParser:
     parser = new_parser("doctor", __doc__, EXAMPLES)
     parser.add_argument("scenario", metavar="SCENARIO", nargs="?", help="what is to be run here")
-    parser.add_argument("--board", metavar="NAME", help="the card computer this is [recognised]")
-    parser.add_argument("--listen", metavar="ENDPOINT", help="where masters are to connect [the scenario's]")
+    add_changes(parser)
+    parser.add_argument("--board", metavar="NAME", help="the single-board computer this is [recognised]")
+    parser.add_argument(
+        "--listen", metavar="ENDPOINT", type=ENDPOINT, help="where masters are to connect [the scenario's]"
+    )
     parser.add_argument("--port", metavar="ADDRESS", help="of the thruster link [the scenario's]")
     parser.add_argument("--user", metavar="NAME", help="who is to run it [you]")
     parser.add_argument("--root", metavar="PATH", default="/", help="where the machine's /proc and /sys are [/]")
@@ -72,14 +78,14 @@ def findings(case: Case) -> Iterator[Finding]:
 
 
 def line(finding: Finding) -> str:
-    """A finding as one line of text, whatever a file of the machine or the name of a process had in it."""
+    """Return a finding as one line of text, whatever a file of the machine or the name of a process had in it."""
     remedy = f" -> {finding.remedy}" if finding.remedy else ""
     text = f"{finding.level:7}  {finding.topic:12} {finding.text}{remedy}"
     return "".join(letter if letter.isprintable() else "?" for letter in text)
 
 
 def find_user(tree: Tree, name: str | None) -> User:
-    """The user of the machine called `name`, or who asks. Raises ConfigError when it has none of that name."""
+    """Return the user of the machine called `name`, or who asks. Raises ConfigError when it has none of that name."""
     if not tree.live:
         return _recorded_user(tree, name)
     import pwd
@@ -96,7 +102,7 @@ def find_user(tree: Tree, name: str | None) -> User:
 
 
 def _recorded_user(tree: Tree, name: str | None) -> User:
-    """The same of a recorded machine, by its files; who asks is there who has the same number."""
+    """Return the same of a recorded machine, by its files; who asks is there who has the same number."""
     for row in accounts(tree, "/etc/passwd"):
         if row.name == name or (name is None and row.number == os.getuid()):
             joined = [group.number for group in accounts(tree, "/etc/group") if row.name in group.fourth.split(",")]
@@ -107,11 +113,11 @@ def _recorded_user(tree: Tree, name: str | None) -> User:
 
 
 def _scenario(options: argparse.Namespace) -> Scenario | None:
-    if not options.scenario:
-        if options.listen or options.port:
-            raise ConfigError("--listen and --port go with a scenario")
+    if options.scenario is None:
+        if options.listen or options.port or options.set:
+            raise ConfigError("--listen, --port and --set go with a scenario")
         return None
-    scenario = load_scenario(options.scenario)
+    scenario = load_scenario(options.scenario, changes_of(options))
     if options.listen:
         scenario = scenario._replace(slave=scenario.slave._replace(listen=options.listen))
     return with_port(scenario, options.port) if options.port else scenario

@@ -1,17 +1,20 @@
-"""`uuv-hil foxglove`: vehicles live in Foxglove: their topics as they are, over a websocket."""
+"""`uuv-hil foxglove`: show vehicles live in Foxglove: their topics as they are, over a websocket."""
 
 import select
 from typing import Any
 
-from hil.commands.parser import new_parser
-from hil.config import load_scenario
-from hil.errors import ConfigError, MissingExtraError, NetworkError
-from hil.stop import StopSignals
-from hil.transport.recording_file import Message, schema_of
-from hil.transport.settings import Network
+from hil.commands.listening import scenario_and_endpoints
+from hil.common.errors import ConfigError, MissingExtraError, NetworkError
+from hil.common.options import ENDPOINT, PORT, host, new_parser
+from hil.common.stop import StopSignals
+from hil.network.settings import Network
+from hil.recording.mcap_file import Message, schema_of
+from hil.ros.topics import TOPICS
 
 EXAMPLES = """\
 Then open Foxglove, "open connection", ws://localhost:8765. The messages are those of ROS 2, byte for byte.
+Its clients only look. Foxglove's library asks for no password and checks no origin: any web page that is open in a
+browser on this machine can look too, and with --host everybody who reaches the port.
 
 examples:
   uuv-hil foxglove --connect tcp/192.168.3.116:7447
@@ -25,17 +28,20 @@ def main(arguments: list[str]) -> int:
     parser = new_parser("foxglove", __doc__, EXAMPLES)
     parser.add_argument("scenario", metavar="SCENARIO", nargs="?")
     parser.add_argument(
-        "--connect", metavar="ENDPOINT", action="append", help="a slave or a router, tcp/ADDRESS:PORT [the scenario's]"
+        "--connect",
+        metavar="ENDPOINT",
+        type=ENDPOINT,
+        action="append",
+        help="a slave or a router, HOST:PORT [the scenario's]",
     )
-    parser.add_argument("--host", default="127.0.0.1", help="address to serve at [%(default)s]")
-    parser.add_argument("--port", type=int, default=8765, help="[%(default)s]")
+    parser.add_argument("--host", type=host, default="127.0.0.1", help="address to serve at [%(default)s]")
+    parser.add_argument("--port", type=PORT, default=8765, help="[%(default)s]")
     options = parser.parse_args(arguments)
-    scenario = load_scenario(options.scenario) if options.scenario else None
-    endpoints = options.connect or ([scenario.slave.listen] if scenario else [])
+    scenario, endpoints = scenario_and_endpoints(options.scenario, options.connect)
     if not endpoints:
-        raise ConfigError("foxglove: give --connect tcp/ADDRESS:PORT, or a scenario")
+        raise ConfigError("give --connect tcp/ADDRESS:PORT, or a scenario")
     network, security = (scenario.network, scenario.security) if scenario else (Network(), None)
-    from hil.transport.recording_tap import Tap, save_processor
+    from hil.recording.tap import Tap, save_processor
 
     save_processor()
     with (
@@ -44,9 +50,15 @@ def main(arguments: list[str]) -> int:
         Tap(endpoints, network, security) as tap,
     ):
         print(f"ws://{options.host}:{view.port} shows {', '.join(endpoints)}; Ctrl-C ends it", flush=True)
+        print(f"waiting for a vehicle at {', '.join(endpoints)} (`uuv-hil slave` there)", flush=True)
+        nodes: set[str] = set()
         while not select.select((stop_fd,), (), (), POLL_S)[0]:
             for message in tap.take():
                 view.show(message)
+                node = message.topic.split("/")[1]
+                if node not in nodes and message.topic.count("/") > 1:  # /tf and /clock are of no vehicle alone
+                    nodes.add(node)
+                    print(f"here: {node}", flush=True)
             if text := tap.complaint():
                 print(text, flush=True)
     return 0
@@ -62,8 +74,10 @@ class LiveView:
         self._library = _library()
         self._context = self._library.Context()
         self._channels: dict[str, Any] = {}
+        self._kept: dict[str, Message] = {}  # by topic the last of a latched topic, for those who come later
+        how = {"host": host, "port": port, "context": self._context, "server_listener": self}
         try:
-            self._server = self._library.start_server(name="uuv-hil", host=host, port=port, context=self._context)
+            self._server = self._library.start_server(name="uuv-hil", **how)
         except (RuntimeError, OSError) as error:
             raise NetworkError(f"cannot serve at {host}:{port}: {error}; choose another with --port") from None
         self.port: int = self._server.port
@@ -83,7 +97,22 @@ class LiveView:
             channel = self._channels[message.topic] = self._library.Channel(
                 message.topic, schema=schema, message_encoding="cdr", context=self._context
             )
+        row = TOPICS.get(message.topic) or TOPICS.get(message.topic.rpartition("/")[2])
+        if row and row.qos.latched:
+            self._kept[message.topic] = message
         channel.log(message.data, log_time=message.published_ns)
+
+    def on_subscribe(self, _client: Any, channel: Any) -> None:
+        """Give a client that comes late what was said last on a latched topic; called by the library's thread."""
+        message = self._kept.get(channel.topic)
+        if message:
+            self._channels[message.topic].log(message.data, log_time=message.published_ns)
+
+    def __getattr__(self, name: str) -> Any:
+        """Whatever else the library tells a listener is nothing to us."""
+        if not name.startswith("on_"):
+            raise AttributeError(name)
+        return lambda *_: None
 
 
 def _library() -> Any:

@@ -1,19 +1,19 @@
-"""`uuv-hil frame`: what a frame file says, byte by byte, and what bytes from a line say by it."""
+"""`uuv-hil frame`: describe a frame file byte by byte, and decode bytes from a line by it."""
 
 import argparse
 import re
 import sys
 from collections.abc import Iterator
 
-from hil.columns import aligned
-from hil.commands.parser import new_parser
-from hil.errors import ConfigError
-from hil.links.contract import PWM_NEUTRAL_US, Message, ThrusterCommand, ThrusterTelemetry
-from hil.links.frame.check import WRONG, Part, Row, table, taken_apart
+from hil.common.columns import aligned
+from hil.common.errors import ConfigError
+from hil.common.options import Number, new_parser, whole
+from hil.common.schema import find_preset, preset_names
+from hil.links.contract import MAX_THRUSTERS, PWM_NEUTRAL_US, Message, ThrusterCommand, ThrusterTelemetry
+from hil.links.frame.check import WRONG, Part, Row, split_bytes, table
 from hil.links.frame.forms import checksum_of
 from hil.links.frame.layout import ChecksumRule, FrameLayout, MessageLayout, Other
 from hil.links.frame.protocol import FrameProtocol
-from hil.schema import find_preset, preset_names
 
 EXAMPLES = """\
 The exit code is 1 if some of the bytes are damaged, dropped, malformed or left over.
@@ -29,6 +29,8 @@ FRAMES = "firmware_stub/frames"
 BAUDS = (9_600, 57_600, 115_200, 460_800, 921_600, 2_000_000)
 BITS_PER_BYTE = 10  # 8N1: start, eight, stop
 BYTES_PER_LINE = 16
+CHANNELS = whole(1, MAX_THRUSTERS)
+RATE = Number(0.001, 100_000.0, "Hz")
 CRC_PARAMETERS = ("polynomial", "start_value", "reflected", "final_xor")
 
 
@@ -38,14 +40,12 @@ def main(arguments: list[str]) -> int:
     if options.what == "list":
         print("\n".join(listing()))
         return 0
-    if not 1e-3 <= options.rate <= 1e5:
-        raise ConfigError(f"--rate: {options.rate:g} Hz is outside 0.001 to 100000")
     data = read_hex(options.hex)
     protocol = FrameProtocol(find_preset(FRAMES, options.file), options.role)
     if not options.hex:
         print("\n".join(description(protocol, _channels(protocol, options), options.rate)))
         return 0
-    parts = taken_apart(protocol, data)
+    parts = split_bytes(protocol, data)
     for part in parts:
         print("\n".join(_part(part)))
     wrong = sum(len(part.data) for part in parts if part.kind in WRONG)
@@ -62,8 +62,10 @@ def _parser() -> argparse.ArgumentParser:
     check.add_argument(
         "hex", metavar="HEX", nargs="*", help="bytes, with or without spaces, commas and 0x; - reads them"
     )
-    check.add_argument("--thrusters", metavar="N", type=int, help="how many there are [6, or what the frame carries]")
-    check.add_argument("--rate", metavar="HZ", type=float, default=50.0, help="of the messages [50]")
+    check.add_argument(
+        "--thrusters", metavar="N", type=CHANNELS, help="how many there are [6, or what the frame carries]"
+    )
+    check.add_argument("--rate", metavar="HZ", type=RATE, default=50.0, help="of the messages [50]")
     check.add_argument("--role", choices=["host", "device"], help="decode only what this end hears [both]")
     return parser
 
@@ -80,7 +82,7 @@ def listing() -> list[str]:
 
 
 def description(protocol: FrameProtocol, channels: int, rate: float) -> Iterator[str]:
-    """The byte tables of a frame for so many thrusters, and what its messages take of a line at `rate` Hz."""
+    """Yield the byte tables of a frame for so many thrusters, and what its messages take of a line at `rate` Hz."""
     layout = protocol.layout
     yield f"{channels} thruster{'s' * (channels > 1)}, {layout.byte_order}-endian; {_checksum(layout.checksum, layout)}"
     if layout.stuffing.type != "none":
@@ -96,7 +98,7 @@ def description(protocol: FrameProtocol, channels: int, rate: float) -> Iterator
 
 
 def read_hex(words: list[str]) -> bytes:
-    """The bytes of a hex dump; "-" is what stands on standard input. Raises ConfigError naming what is none."""
+    """Return the bytes of a hex dump; "-" is what stands on standard input. Raises ConfigError naming what is none."""
     text = sys.stdin.read() if words == ["-"] else " ".join(words)
     data = b""
     for word in re.split(r"[\s,;:]+|\\x|0[xX]", text):
@@ -117,7 +119,7 @@ def _channels(protocol: FrameProtocol, options: argparse.Namespace) -> int:
 
 
 def _size(protocol: FrameProtocol, kind: type[Message], channels: int) -> int:
-    """The bytes on the wire of a message at rest."""
+    """Return the bytes on the wire of a message at rest."""
     pulses = (PWM_NEUTRAL_US,) * channels
     if kind is ThrusterCommand:
         return len(protocol.encode(ThrusterCommand(1, True, pulses)))

@@ -1,14 +1,15 @@
-"""`uuv-hil gateway`: vehicles for MATLAB, Octave and whatever else can write lines of JSON to a socket."""
+"""`uuv-hil gateway`: serve vehicles to MATLAB, Octave and whatever else can write lines of JSON to a socket."""
 
 import os
 import select
 
 import hil
-from hil.commands.parser import new_parser
-from hil.errors import ConfigError
-from hil.master.gateway import Gateway
-from hil.stop import StopSignals
+from hil.common.errors import ConfigError
+from hil.common.options import endpoint_or_lan, new_parser, serving_address
+from hil.common.stop import StopSignals
+from hil.gateways.json_server import JsonGateway
 
+POLL_S = 0.5  # between two looks who is there
 EXAMPLES = """\
 examples:
   uuv-hil gateway --connect tcp/192.168.3.116:7447
@@ -16,32 +17,51 @@ examples:
   printf '{"do": "get", "sensor": "state"}\\n' | nc 127.0.0.1 7450
 
 A line is a request, {"id": 1, "vehicle": "uuv1", "do": "drive", "surge": 0.4}, and each has a line as its answer;
-docs/python.md lists what can be done. For MATLAB and Octave there is a class, uuv_hil.m; `uuv-hil gateway --matlab`
-says in which folder, for addpath. Whoever reaches the port can command the vehicles: leave it on this machine.
+docs/how-to/matlab.md lists what can be done. For MATLAB and Octave there is a class, uuv_hil.m; `uuv-hil gateway
+--matlab` says in which folder, for addpath. Whoever reaches the port can read what vehicles send; who commands them
+first sends {"do": "login", "token": "..."}. The token is new at each start, is shown, and lies in a file that only
+this user reads.
 """
 
 
 def main(arguments: list[str]) -> int:
     """Serve until told to stop; the exit code."""
     parser = new_parser("gateway", __doc__, EXAMPLES)
-    parser.add_argument("--connect", metavar="ENDPOINT", action="append", help="a slave, tcp/ADDRESS:PORT; or lan")
-    parser.add_argument("--listen", metavar="HOST:PORT", default="127.0.0.1:7450", help="[%(default)s]")
+    parser.add_argument(
+        "--connect", metavar="ENDPOINT", type=endpoint_or_lan, action="append", help="a slave, HOST:PORT; or lan"
+    )
+    parser.add_argument(
+        "--listen", metavar="[HOST:]PORT", type=serving_address, default="127.0.0.1:7450", help="[%(default)s]"
+    )
     parser.add_argument("--routed", action="store_true", help="ENDPOINT is that of a router")
     parser.add_argument("--keys", metavar="FOLDER", default="", help="this machine's certificates")
     parser.add_argument("--take-over", action="store_true", help="command even if another master does already")
     parser.add_argument("--matlab", action="store_true", help="say where uuv_hil.m is")
     options = parser.parse_args(arguments)
     if options.matlab:
-        print(os.path.join(os.path.dirname(os.path.abspath(hil.__file__)), "master", "matlab"))
+        print(os.path.join(os.path.dirname(os.path.abspath(hil.__file__)), "gateways", "matlab"))
         return 0
-    host, _, port = options.listen.rpartition(":")
-    if not options.connect or not host or not port.isdigit():
-        raise ConfigError("gateway: give --connect tcp/ADDRESS:PORT, and --listen as HOST:PORT")
+    if not options.connect:
+        raise ConfigError("give --connect tcp/ADDRESS:PORT, or --connect lan")
+    host, port = options.listen
     with (
         StopSignals() as stop_fd,
         hil.connect(*options.connect, routed=options.routed, keys=options.keys, take_over=options.take_over) as fleet,
-        Gateway(fleet, host, int(port)) as gateway,
+        JsonGateway(fleet, host, port) as gateway,
     ):
-        print(f"lines of JSON at {host}:{gateway.port} for {', '.join(options.connect)}; Ctrl-C ends it", flush=True)
-        select.select((stop_fd,), (), ())
+        print(f"lines of JSON at {host}:{gateway.port} for {', '.join(options.connect)}; Ctrl-C ends it")
+        access = gateway.access
+        print(f"token for commands: {access.token}" + (f" (in {access.path})" if access.path else ""), flush=True)
+        told: list[str] | None = None
+        while not select.select((stop_fd,), (), (), POLL_S)[0]:
+            if fleet.names != told:
+                told = fleet.names
+                print(presence(told, options.connect), flush=True)
     return 0
+
+
+def presence(names: list[str], endpoints: list[str]) -> str:
+    """Return which vehicles are there, or who is waited for and where, as a line."""
+    if names:
+        return f"here: {', '.join(names)}"
+    return f"no vehicle at {', '.join(endpoints)} yet; waiting for one (`uuv-hil slave` there)"

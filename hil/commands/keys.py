@@ -1,11 +1,12 @@
-"""`uuv-hil keys`: a small certificate authority of one's own, and a folder of certificates for each machine."""
+"""`uuv-hil keys`: make a small certificate authority, and a folder of certificates for each machine."""
 
 import os
 
-from hil.commands.parser import new_parser
-from hil.errors import ConfigError, MissingExtraError
-from hil.transport.security import CA, CERTIFICATE, KEY
+from hil.common.errors import ConfigError, MissingExtraError
+from hil.common.options import host, new_parser, whole
+from hil.network.security import CA, CERTIFICATE, KEY
 
+DAYS = whole(1, 36_500)  # a century
 AUTHORITY = "authority"  # the folder that stays at home
 EXAMPLES = """\
 DIR/authority/ can make certificates: keep it off the vehicles. DIR/NAME/ is all that the machine NAME needs; copy it
@@ -31,8 +32,10 @@ def main(arguments: list[str]) -> int:
     actions.add_parser("init", help="make the authority")
     add = actions.add_parser("add", help="make certificates for a machine")
     add.add_argument("name", metavar="NAME", help="what the machine is called in may_command and may_listen")
-    add.add_argument("--host", action="append", default=[], help="an address or name that others dial; repeatable")
-    add.add_argument("--days", type=int, default=730, help="how long they hold from today [%(default)s]")
+    add.add_argument(
+        "--host", type=host, action="append", default=[], help="an address or name that others dial; repeatable"
+    )
+    add.add_argument("--days", type=DAYS, default=730, help="how long they hold from today [%(default)s]")
     options = parser.parse_args(arguments)
     try:
         import cryptography  # noqa: F401 - told here, before anything is written
@@ -48,7 +51,7 @@ def main(arguments: list[str]) -> int:
 
 def init(directory: str) -> str:
     """Make an authority in `directory`; its folder. Raises ConfigError when there is one already."""
-    from hil.transport.certificates import new_authority
+    from hil.network.certificates import new_authority
 
     authority = new_authority()
     folder = _new_folder(directory, AUTHORITY, "a new one would make all certificates so far worthless")
@@ -62,7 +65,7 @@ def add_machine(directory: str, name: str, hosts: list[str], days: int = 730) ->
 
     Raises ConfigError when there is no authority, the name cannot be one, or the machine has certificates.
     """
-    from hil.transport.certificates import Pair, new_machine
+    from hil.network.certificates import Pair, new_machine
 
     if not all(c.isascii() and (c.isalnum() or c in "-_.") for c in name) or name in ("", ".", "..", AUTHORITY):
         raise ConfigError(f"{name!r} cannot be a machine's name: letters, digits, - _ . only, and not {AUTHORITY!r}")

@@ -1,18 +1,18 @@
-"""`uuv-hil loopback`: test a thruster link, both ends or one, and say what it loses and how long it takes."""
+"""`uuv-hil loopback`: test a thruster link, both ends or one: what it loses and how long it takes."""
 
 import json
 import sys
 from typing import Any
 
 from hil.bench.loopback import Plan, Result, run
-from hil.clock import NS_PER_MS
-from hil.commands.parser import new_parser
-from hil.config import Link
-from hil.errors import ConfigError
+from hil.common.clock import NS_PER_MS
+from hil.common.options import BAUD, BITRATE, DAY_S, SEED, Number, Quantity, Share, new_parser, whole
+from hil.common.schema import parse
+from hil.common.tables import settings
 from hil.links.address import FORMS
-from hil.schema import parse
-from hil.slave.stm32 import DRIVERS
-from hil.tables import settings
+from hil.links.contract import MAX_THRUSTERS
+from hil.scenario.records import Link
+from hil.slave.drivers.driver import DRIVERS
 
 EXAMPLES = """\
 Without a port both ends are here, on a pseudo terminal. At a port of its own one end is here: at the other is an
@@ -29,6 +29,11 @@ examples:
   uuv-hil loopback --stm32 jumper --port /dev/serial0 --json
 """
 LIMIT_BROKEN = 1
+CHANNELS = whole(1, MAX_THRUSTERS)
+RATE = Number(0.01, 10_000.0, "Hz", also=(0,))
+SECONDS = Number(0.01, DAY_S, "s")
+ERRORS = whole(0, 10**9)
+LIMIT = Quantity(0.0, 1000.0, "s")
 
 
 def main(arguments: list[str]) -> int:
@@ -55,18 +60,18 @@ def _parser() -> Any:
     add("--frame", default="uuv_hil", help="name of a frame, or path of a frame's TOML file [%(default)s]")
     add("--option", action="append", default=[], metavar="NAME=VALUE", help="a setting of the protocol")
     add("--stm32", default="python", choices=[*DRIVERS, "jumper"], help="what answers [%(default)s]")
-    add("--baud", type=int, default=115_200, help="speed of a serial device, bit/s [%(default)s]")
-    add("--bitrate", type=int, default=1_000_000, help="of a CAN bus, bit/s, where it is ours to set [%(default)s]")
-    add("--channels", type=int, default=6, metavar="N", help="number of thrusters [%(default)s]")
-    add("--rate", type=float, default=50.0, metavar="HZ", help="commands a second; 0: one at a time [%(default)s]")
-    add("--seconds", type=float, default=5.0, metavar="S", help="how long [%(default)s]")
+    add("--baud", type=BAUD, default=115_200, help="speed of a serial device, bit/s [%(default)s]")
+    add("--bitrate", type=BITRATE, default=1_000_000, help="of a CAN bus, bit/s, where it is ours to set [%(default)s]")
+    add("--channels", type=CHANNELS, default=6, metavar="N", help="number of thrusters [%(default)s]")
+    add("--rate", type=RATE, default=50.0, metavar="HZ", help="commands a second; 0: one at a time [%(default)s]")
+    add("--seconds", type=SECONDS, default=5.0, metavar="S", help="how long [%(default)s]")
     fault = "baud, drop, corrupt, delay ... on our end"
     add("--fault", "--faults", action="append", default=[], metavar="NAME=VALUE", help=fault)
-    add("--seed", type=int, default=1, metavar="N", help="of the faults [%(default)s]")
+    add("--seed", type=SEED, default=1, metavar="N", help="of the faults [%(default)s]")
     add("--spin", action="store_true", help="arm a real STM32: its thrusters will turn")
-    add("--max-loss", type=float, default=0.0, metavar="SHARE", help="commands without an answer [%(default)s]")
-    add("--max-errors", type=int, default=0, metavar="N", help="damaged frames [%(default)s]")
-    add("--max-p99", metavar="TIME", help='round trip of 99 %% of the answered, such as "5 ms" [any]')
+    add("--max-loss", type=Share(), default=0.0, metavar="SHARE", help="commands without an answer [%(default)s]")
+    add("--max-errors", type=ERRORS, default=0, metavar="N", help="damaged frames [%(default)s]")
+    add("--max-p99", metavar="TIME", type=LIMIT, help='round trip of 99 %% of the answered, such as "5 ms" [any]')
     add("--json", action="store_true", help="for other programs")
     return parser
 
@@ -74,8 +79,6 @@ def _parser() -> Any:
 def _link(options: Any) -> Link:
     from hil.links.wires.faults import Faults
 
-    if options.rate < 0.0 or not 0.0 < options.seconds < 1e6:
-        raise ConfigError("command line: --rate is not negative, and --seconds is more than 0")
     table = {key: getattr(options, key) for key in ("port", "protocol", "frame", "baud", "bitrate")}
     link = parse(table, Link, "command line")
     faults = parse(settings(options.fault, "--fault"), Faults, "command line: --fault") if options.fault else None
@@ -83,30 +86,17 @@ def _link(options: Any) -> Link:
 
 
 def _broken(result: Result, options: Any) -> list[str]:
-    """The limits that were not kept, in words."""
+    """Return the limits that were not kept, in words."""
     broken = []
     if result.loss > options.max_loss:
         broken.append(f"loss {result.loss:.2%} is above {options.max_loss:.2%}")
     if result.errors > options.max_errors:
         broken.append(f"{result.errors} damaged frames are above {options.max_errors}")
     if options.max_p99 is not None:
-        limit = _milliseconds(options.max_p99)
+        limit = options.max_p99 * 1e9 / NS_PER_MS
         if not result.p99_ms <= limit:
             broken.append(f"p99 {result.p99_ms:.2f} ms is above {limit:g} ms")
     return broken
-
-
-def _milliseconds(text: str) -> float:
-    from typing import Annotated, NamedTuple
-
-    from hil.schema import Range
-
-    class Limit(NamedTuple):
-        """One time."""
-
-        max_p99: Annotated[float, Range(0.0, 1e3, "s")]
-
-    return parse({"max_p99": text}, Limit, "command line").max_p99 * 1e9 / NS_PER_MS
 
 
 def _record(result: Result, broken: list[str]) -> dict[str, Any]:

@@ -1,8 +1,8 @@
-"""`uuv-hil plot`: the figures of a recording: trajectory, depth, commands and response, thrusters, delays."""
+"""`uuv-hil plot`: draw the figures of a recording: trajectory, depth, commands and response, thrusters, delays."""
 
 import os
 
-from hil.commands.parser import new_parser
+from hil.common.options import new_parser
 
 EXAMPLES = """\
 FILE is an .mcap file or the folder of a recording. Pictures go where the recording is, unless -o says otherwise.
@@ -24,7 +24,7 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("-o", "--output", metavar="DIR", help="a folder for the pictures")
     parser.add_argument("--own-classes", action="store_true", help="load the classes it names; only if you trust it")
     options = parser.parse_args(arguments)
-    from hil.bench.run_plots import plot_recording
+    from hil.plots.run_plots import plot_recording
 
     path = options.recording
     folder = options.output or (path if os.path.isdir(path) else os.path.dirname(os.path.abspath(path)))

@@ -1,21 +1,23 @@
-"""`uuv-hil record`: write what vehicles say and are told to files that Foxglove, PlotJuggler and rosbag2 open."""
+"""`uuv-hil record`: record what vehicles publish and receive into files that Foxglove, PlotJuggler and rosbag2 open."""
 
 import os
 import select
 import sys
 from typing import TYPE_CHECKING
 
-from hil.clock import NS_PER_S, now_ns, seconds_ns
-from hil.commands.parser import new_parser
-from hil.config import Recording, Scenario, load_scenario
-from hil.errors import ConfigError, DeviceError, NetworkError
-from hil.stop import StopSignals
-from hil.transport.recording import Recorder, describe, new_folder
-from hil.transport.recording_mcap import require_library
-from hil.transport.settings import Network
+from hil.commands.listening import scenario_and_endpoints
+from hil.common.clock import NS_PER_S, now_ns, seconds_ns
+from hil.common.errors import ConfigError, DeviceError, NetworkError
+from hil.common.options import ENDPOINT, YEAR_S, Number, new_parser
+from hil.common.stop import StopSignals
+from hil.network.settings import Network
+from hil.recording.mcap_writer import require_library
+from hil.recording.recorder import Recorder, describe, new_folder
+from hil.scenario.config import Scenario
+from hil.scenario.records import Recording
 
 if TYPE_CHECKING:
-    from hil.transport.recording_tap import Tap
+    from hil.recording.tap import Tap
 
 EXAMPLES = """\
 The folder holds MCAP files and an index; it is a rosbag2 bag. Every file is whole at any time: a recorder that is
@@ -28,6 +30,7 @@ examples:
   uuv-hil record --connect tcp/10.0.0.1:7447 --connect tcp/10.0.0.2:7447 --seconds 60
 """
 POLL_S = 0.1
+SECONDS = Number(0.001, YEAR_S, "s")
 SAY_PERIOD_NS = NS_PER_S
 
 
@@ -36,18 +39,21 @@ def main(arguments: list[str]) -> int:
     parser = new_parser("record", __doc__, EXAMPLES)
     parser.add_argument("scenario", metavar="SCENARIO", nargs="?")
     parser.add_argument(
-        "--connect", metavar="ENDPOINT", action="append", help="a slave or a router, tcp/ADDRESS:PORT [the scenario's]"
+        "--connect",
+        metavar="ENDPOINT",
+        type=ENDPOINT,
+        action="append",
+        help="a slave or a router, HOST:PORT [the scenario's]",
     )
     parser.add_argument("-o", "--output", metavar="DIR", help="a folder for the recording [recordings/NAME-TIME]")
-    parser.add_argument("--seconds", metavar="S", type=float, help="for how long [until Ctrl-C]")
+    parser.add_argument("--seconds", metavar="S", type=SECONDS, help="for how long [until Ctrl-C]")
     options = parser.parse_args(arguments)
-    scenario = load_scenario(options.scenario) if options.scenario else None
-    endpoints = options.connect or ([scenario.slave.listen] if scenario else [])
+    scenario, endpoints = scenario_and_endpoints(options.scenario, options.connect)
     if not endpoints:
-        raise ConfigError("record: give --connect tcp/ADDRESS:PORT, or a scenario")
+        raise ConfigError("give --connect tcp/ADDRESS:PORT, or a scenario")
     recording = scenario.recording if scenario else Recording()
     about, files = _about(scenario, endpoints)
-    from hil.transport.recording_tap import Tap, save_processor
+    from hil.recording.tap import Tap, save_processor
 
     save_processor()
     network, security = (scenario.network, scenario.security) if scenario else (Network(), None)

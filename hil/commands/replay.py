@@ -1,23 +1,24 @@
-"""`uuv-hil replay`: a recording once more, on the network, with a fresh vehicle, or bit for bit without a clock."""
+"""`uuv-hil replay`: replay a recording on the network, with a fresh vehicle, or bit for bit without a clock."""
 
 import argparse
 import select
 from math import dist
 from typing import TYPE_CHECKING
 
-from hil.clock import NS_PER_S, now_ns
-from hil.commands.parser import new_parser
-from hil.config import Scenario
-from hil.errors import STOPPED, ConfigError, MissionError, NetworkError
-from hil.stop import StopSignals
-from hil.topics import COMMANDS
-from hil.transport import ros
-from hil.transport.recording_file import Message
-from hil.transport.recording_reader import read_about, read_messages
-from hil.transport.recording_run import read_run
+from hil.common.clock import NS_PER_S, now_ns
+from hil.common.errors import STOPPED, ConfigError, MissionError, NetworkError
+from hil.common.options import ENDPOINT, WAIT, Number, new_parser
+from hil.common.stop import StopSignals
+from hil.recording.mcap_file import Message
+from hil.recording.reader import read_about, read_messages
+from hil.recording.run import read_run
+from hil.ros import dialect
+from hil.ros import encoders as ros
+from hil.ros.topics import COMMANDS
+from hil.scenario.config import Scenario
 
 if TYPE_CHECKING:
-    from hil.master.client import VehicleClient
+    from hil.client.client import VehicleClient
 
 EXAMPLES = """\
 FILE is an .mcap file or the folder of a recording.
@@ -36,6 +37,7 @@ refused unless --own-classes is given, for your own.
 """
 LISTEN = "tcp/127.0.0.1:7447"
 WAIT_STEP_S = 0.02
+SPEED = Number(0.001, 1000.0, also=(0,))
 
 
 def main(arguments: list[str]) -> int:
@@ -43,15 +45,15 @@ def main(arguments: list[str]) -> int:
     parser = new_parser("replay", __doc__, EXAMPLES)
     parser.add_argument("recording", metavar="FILE")
     way = parser.add_mutually_exclusive_group()
-    way.add_argument("--listen", metavar="ENDPOINT", default=LISTEN, help="play it to those who dial [%(default)s]")
-    way.add_argument("--connect", metavar="ENDPOINT", help="send its commands to this slave")
+    way.add_argument(
+        "--listen", metavar="ENDPOINT", type=ENDPOINT, default=LISTEN, help="play it to those who dial [%(default)s]"
+    )
+    way.add_argument("--connect", metavar="ENDPOINT", type=ENDPOINT, help="send its commands to this slave")
     way.add_argument("--check", action="store_true", help="repeat it without network and clock")
-    parser.add_argument("--speed", metavar="X", type=float, default=1.0, help="times as fast; 0: at once [%(default)g]")
-    parser.add_argument("--wait", metavar="S", type=float, default=0.0, help="for somebody to listen, at most so long")
+    parser.add_argument("--speed", metavar="X", type=SPEED, default=1.0, help="times as fast; 0: at once [%(default)g]")
+    parser.add_argument("--wait", metavar="S", type=WAIT, default=0.0, help="for somebody to listen, at most so long")
     parser.add_argument("--own-classes", action="store_true", help="load the classes it names; only if you trust it")
     options = parser.parse_args(arguments)
-    if options.speed < 0:
-        raise ConfigError("replay: --speed must not be negative")
     if options.check:
         return _check(options.recording, options.own_classes)
     with StopSignals() as stop_fd:
@@ -59,7 +61,7 @@ def main(arguments: list[str]) -> int:
 
 
 def _check(path: str, own_classes: bool) -> int:
-    from hil.transport.recording_check import check
+    from hil.recording.check import check
 
     began = now_ns()
     compared, steps, difference = check(path, own_classes)
@@ -73,14 +75,15 @@ def _check(path: str, own_classes: bool) -> int:
 
 
 def _play(options: argparse.Namespace, stop_fd: int) -> int:
-    from hil.transport.recording_player import Player, pace
-    from hil.transport.session import listen
+    from hil.network.session import listen
+    from hil.recording.player import Player, pace
 
+    read_about(options.recording)  # what is no recording is told before anybody is listened to
     messages = read_messages(options.recording)
     with listen(options.listen) as session:
         print(f"playing {options.recording} at {options.listen}; Ctrl-C ends it", flush=True)
         deadline = now_ns() + round(options.wait * NS_PER_S)
-        is_heard = session.audience("0/**")
+        is_heard = session.watch_keys(f"{dialect.domain()}/**")
         while not is_heard() and now_ns() < deadline:
             if select.select((stop_fd,), (), (), WAIT_STEP_S)[0]:
                 return STOPPED
@@ -95,8 +98,8 @@ def _play(options: argparse.Namespace, stop_fd: int) -> int:
 
 def _command(options: argparse.Namespace, stop_fd: int) -> int:
     """Send the commands to a slave; say how far its vehicle goes astray."""
-    from hil.master.client import VehicleClient
-    from hil.transport.recording_player import pace
+    from hil.client.client import VehicleClient
+    from hil.recording.player import pace
 
     scenario = _scenario(options.recording, options.own_classes)
     node = scenario.slave.node

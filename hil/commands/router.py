@@ -2,10 +2,10 @@
 
 import select
 
-from hil.commands.parser import new_parser
-from hil.stop import StopSignals
-from hil.transport.roles import route
-from hil.transport.settings import Network
+from hil.common.options import ENDPOINT, new_parser
+from hil.common.stop import StopSignals
+from hil.network.roles import open_router_session
+from hil.network.settings import Network
 
 EXAMPLES = """\
 Vehicles and masters then all dial the router; their scenario says
@@ -27,15 +27,17 @@ def main(arguments: list[str]) -> int:
     """Forward until SIGINT or SIGTERM; the exit code."""
     parser = new_parser("router", __doc__, EXAMPLES)
     parser.add_argument("scenario", metavar="SCENARIO", nargs="?")
-    parser.add_argument("--listen", metavar="ENDPOINT", default="tcp/127.0.0.1:7447", help="[%(default)s]")
+    parser.add_argument(
+        "--listen", metavar="ENDPOINT", type=ENDPOINT, default="tcp/127.0.0.1:7447", help="[%(default)s]"
+    )
     options = parser.parse_args(arguments)
     network, security = Network(), None
-    if options.scenario:
-        from hil.config import load_scenario
+    if options.scenario is not None:
+        from hil.scenario.config import load_scenario
 
         scenario = load_scenario(options.scenario)
         network, security = scenario.network, scenario.security
-    with StopSignals() as stop_fd, route(options.listen, network, security) as session:
+    with StopSignals() as stop_fd, open_router_session(options.listen, network, security) as session:
         print(f"forwarding between all who dial {options.listen}", flush=True)
         known: list[str] = []
         while not select.select((stop_fd,), (), (), 0.5)[0]:

@@ -1,15 +1,20 @@
-"""`uuv-hil sim`: the mission of a scenario in one process, without network or link."""
+"""`uuv-hil sim`: fly the mission of a scenario in one process, without network or link."""
 
+import json
 import sys
 import time
+from typing import Any
 
-from hil.cases.simulated import SimulatedVehicle, Watch, fly
-from hil.clock import NS_PER_S, RateKeeper, now_ns, seconds_ns
-from hil.commands.parser import new_parser
-from hil.config import load_scenario
-from hil.errors import STOPPED
-from hil.master.flight import Outcome, prepare, require_success
-from hil.master.planner import Planner
+from hil.bench.record import check_writable
+from hil.cases.simulated import SimulatedVehicle, Watch, fly, showing
+from hil.common.clock import NS_PER_S, RateKeeper, now_ns, seconds_ns
+from hil.common.errors import STOPPED
+from hil.common.options import SEED, add_changes, changes_of, new_parser
+from hil.common.progress_line import ProgressLine
+from hil.master.flight import Outcome, Plan, prepare, require_success
+from hil.plots.plotting import check_picture
+from hil.scenario.attitude_warning import attitude_warning
+from hil.scenario.config import Scenario, load_single
 
 EXAMPLES = """\
 Planner, controller, allocation, thrusters, dynamics and sensors are those of the real run; the same
@@ -21,7 +26,6 @@ examples:
   uuv-hil sim mine.toml --fast --seed 7
   uuv-hil sim mine.toml --fast --plot flight.png --log flight.csv
 """
-PROGRESS_PERIOD_S = 0.2
 
 
 def main(arguments: list[str]) -> int:
@@ -29,22 +33,31 @@ def main(arguments: list[str]) -> int:
     parser = new_parser("sim", __doc__, EXAMPLES)
     parser.add_argument("scenario", metavar="SCENARIO", nargs="?", default="paper_field")
     parser.add_argument("--fast", action="store_true", help="as fast as it goes, instead of in real time")
-    parser.add_argument("--seed", type=int, metavar="N", help="instead of the scenario's")
+    add_changes(parser)
+    parser.add_argument("--seed", type=SEED, metavar="N", help="instead of the scenario's")
     parser.add_argument("--log", metavar="FILE.csv", help="write state, thrusts and every force, 20 times a second")
+    parser.add_argument("--json", action="store_true", help="print the outcome as one JSON object")
     parser.add_argument("--plot", metavar="FILE.png", help="draw the same")
     options = parser.parse_args(arguments)
-    scenario = load_scenario(options.scenario)
+    for path in filter(None, (options.log, options.plot)):
+        check_writable(path)
+    if options.plot:
+        check_picture(options.plot)
+    scenario = load_single(options.scenario, changes_of(options))
     if options.seed is not None:
         scenario = scenario._replace(seed=options.seed)
     plan = prepare(scenario)
     vehicle = SimulatedVehicle(scenario, plan.world)
     simulation = vehicle.simulation
+    warning = attitude_warning(scenario, simulation.vehicle)
+    if warning:
+        print(f"WARNING: {warning}", file=sys.stderr, flush=True)
     watches: list[Watch] = [] if options.fast else [_pace(seconds_ns(scenario.slave.step))]
-    if sys.stdout.isatty():
-        watches.append(_show_progress(plan.planner))
+    line = ProgressLine()
+    watches.append(showing(plan.planner, line.show))
     flight = None
     if options.log or options.plot:
-        from hil.bench.flight import Flight
+        from hil.plots.force_log import Flight
 
         flight = Flight(simulation)
         watches.append(lambda vehicle: flight.note(vehicle.simulation))
@@ -52,17 +65,30 @@ def main(arguments: list[str]) -> int:
     outcome = None
     try:
         outcome, digest = fly(scenario, plan, vehicle, watches)
-        _report(outcome, digest, time.monotonic() - began, time.process_time() - began_cpu)
+        line.clear()
+        took, cpu = time.monotonic() - began, time.process_time() - began_cpu
+        print(_as_json(outcome, digest, took, cpu) if options.json else _as_text(outcome, digest, took, cpu))
     except KeyboardInterrupt:
-        print(f"\ninterrupted after {simulation.time_ns / NS_PER_S:.1f} s")
+        line.clear()
+        print(f"interrupted after {simulation.time_ns / NS_PER_S:.1f} s")
     if flight and options.log:
         flight.write(options.log)
     if flight and options.plot:
-        flight.draw(options.plot)
+        flight.draw(options.plot, lambda axes: _draw_field(axes, scenario, plan, outcome))
     if outcome is None:
         return STOPPED
     require_success(outcome)
     return 0
+
+
+def _draw_field(axes: Any, scenario: Scenario, plan: Plan, outcome: Outcome | None) -> None:
+    """What the vehicle was among, where it was to go, and where something went wrong."""
+    from hil.plots import run_picture as picture
+
+    picture.draw_world(axes, plan.world)
+    picture.draw_path(axes, plan.planner.path)
+    picture.draw_goal(axes, scenario)
+    picture.draw_events(axes, outcome.events if outcome else ())
 
 
 def _pace(step_ns: int) -> Watch:
@@ -80,24 +106,13 @@ def _pace(step_ns: int) -> Watch:
     return wait
 
 
-def _show_progress(planner: Planner) -> Watch:
-    shown = 0.0
-
-    def show(vehicle: SimulatedVehicle) -> None:
-        nonlocal shown
-        if time.monotonic() - shown > PROGRESS_PERIOD_S:
-            shown = time.monotonic()
-            print(f"\r{vehicle.time_ns / NS_PER_S:7.1f} s  {planner.progress:4.0%}", end="", flush=True)
-
-    return show
+def _as_text(outcome: Outcome, digest: str, took: float, cpu: float) -> str:
+    speed = f"{outcome.duration / took:.3g} times real time, {cpu / took:.1%} of a core"
+    first = f"{outcome.verdict} after {outcome.duration:.1f} s simulated in {took:.2f} s: {speed}"
+    return "\n".join([first, outcome.summary, *outcome.event_lines, f"final state {digest}"])
 
 
-def _report(outcome: Outcome, digest: str, took: float, cpu: float) -> None:
-    if sys.stdout.isatty():
-        print("\r\x1b[K", end="")
-    print(
-        f"{outcome.reason} after {outcome.duration:.1f} s simulated in {took:.2f} s: "
-        f"{outcome.duration / took:.3g} times real time, {cpu / took:.1%} of a core"
-    )
-    print(outcome.summary)
-    print(f"final state {digest}")
+def _as_json(outcome: Outcome, digest: str, took: float, cpu: float) -> str:
+    from hil.bench.table.hil_table import plain_outcome, without_nan
+
+    return json.dumps(without_nan({**plain_outcome(outcome), "took_s": took, "cpu_s": cpu, "final_state": digest}))

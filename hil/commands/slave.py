@@ -1,9 +1,9 @@
-"""`uuv-hil slave`: be the vehicle."""
+"""`uuv-hil slave`: run the vehicle daemon on the board."""
 
 import gc
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from hil.clock import LOOP_PRIORITY, now_ns, process_start_ns, schedule_fifo
+from hil.common.clock import LOOP_PRIORITY, now_ns, process_start_ns, schedule_fifo
 
 if TYPE_CHECKING:
     from boards import Board
@@ -31,6 +31,7 @@ class Options(NamedTuple):
     board: str | None = None
     port: str | None = None
     member: str = ""
+    set: tuple[str, ...] = ()
 
 
 def main(arguments: list[str]) -> int:
@@ -42,47 +43,52 @@ def main(arguments: list[str]) -> int:
 
 
 def _quick(arguments: list[str]) -> Options | None:
-    """What a plain command line says, without argparse (8 ms of a start of 40); None for any other."""
-    words, values = list(arguments), {}
+    """Return what a plain command line says, without argparse (8 ms of a start of 40); None for any other."""
+    words, values = list(arguments), dict[str, Any]()
     while len(words) > 1 and words[-2] in ("--listen", "--board", "--port", "--member"):
         value, name = words.pop(), words.pop()
-        values[name[2:]] = value
+        values.setdefault(name[2:], value)  # of one given twice the last holds, as with argparse
     plain = len(words) == 1 and not any(word.startswith("-") for word in (*words, *values.values()))
     return Options(words[0], **values) if plain else None
 
 
 def _parse(arguments: list[str]) -> Options:
-    from hil.commands.parser import new_parser
+    from hil.common.options import ENDPOINT, add_changes, new_parser
 
     parser = new_parser("slave", __doc__, EXAMPLES)
     parser.add_argument("scenario", metavar="SCENARIO")
-    parser.add_argument("--listen", metavar="ENDPOINT", help="where masters connect, tcp/ADDRESS:PORT [the scenario's]")
-    parser.add_argument("--board", metavar="NAME", help="the card computer this is [recognised by its device tree]")
+    parser.add_argument(
+        "--listen", metavar="ENDPOINT", type=ENDPOINT, help="where masters connect, tcp/ADDRESS:PORT [the scenario's]"
+    )
+    parser.add_argument(
+        "--board", metavar="NAME", help="the single-board computer this is [recognised by its device tree]"
+    )
     parser.add_argument("--port", metavar="ADDRESS", help="of the thruster link: /dev/ttyUSB0, pty:/tmp/name, can:...")
     parser.add_argument("--member", metavar="NAME", default="", help="which vehicle of a fleet this is, or its number")
-    return Options(**vars(parser.parse_args(arguments)))
+    add_changes(parser)
+    found = vars(parser.parse_args(arguments))
+    return Options(**{**found, "set": tuple(found["set"])})
 
 
 def _run(options: Options, startup: dict[str, int]) -> None:
     """Open the network while the rest is loaded: that way it costs the start nothing."""
-    from hil.config import load_scenario, with_port
+    from hil.scenario.config import load_scenario, with_port
 
-    scenario = load_scenario(options.scenario)
+    scenario = load_scenario(options.scenario, _changes(options))
     if options.member or scenario.member:
-        from hil.fleet import as_member
+        from hil.scenario.fleet import as_member
 
         scenario = as_member(scenario, options.member)
     if options.listen:
-        scenario = scenario._replace(slave=scenario.slave._replace(listen=options.listen))
+        scenario = scenario._replace(slave=scenario.slave._replace(listen=_endpoint(options.listen)))
     if options.port:
         scenario = with_port(scenario, options.port)
     startup["scenario"] = now_ns()
-    from hil.transport.session import Listening
-    from hil.transport.settings import save_threads
+    from hil.network.session import Listening
+    from hil.network.settings import save_threads
 
-    pictures = any(fitted.heavy for fitted in scenario.sensors.values())
+    pictures = any(fitted.offloaded for fitted in scenario.sensors.values())
     save_threads(pictures)
-    # Before the session is opened: its threads inherit the scheduling.
     notes = [schedule_fifo(LOOP_PRIORITY)] if scenario.slave.realtime else ["real-time: off by the scenario"]
     network = Listening(scenario.slave.listen, scenario.network, scenario.security, pictures)
     try:
@@ -93,6 +99,25 @@ def _run(options: Options, startup: dict[str, int]) -> None:
         daemon.run(scenario, board, network, startup, notes)
     finally:
         network.cancel()
+
+
+def _changes(options: Options) -> dict[str, Any]:
+    if not options.set:
+        return {}
+    from hil.common.options import changes_of
+
+    return changes_of(options)
+
+
+def _endpoint(text: str) -> str:
+    """Return the endpoint with its scheme and port, as hil/common/options.py would. Raises ConfigError."""
+    from hil.common.endpoint import full_endpoint
+    from hil.common.errors import ConfigError, NetworkError
+
+    try:
+        return full_endpoint(text)
+    except NetworkError as error:
+        raise ConfigError(f"--listen: {error}") from None
 
 
 def _load_board(name: str) -> "Board":

@@ -1,18 +1,20 @@
-"""`uuv-hil tune`: gains for a vehicle's controller, from step responses in the simulator."""
+"""`uuv-hil tune`: find gains for a vehicle's controller from step responses in the simulator."""
 
 import sys
 from collections.abc import Callable
 from math import isnan
 
-from hil.autonomy.control import AxisGains, HoldGains
-from hil.bench.step_response import AXES
-from hil.bench.tuning import Tuned, Tuner
-from hil.columns import aligned
-from hil.commands.parser import new_parser
-from hil.errors import ConfigError
-from hil.schema import find_preset
-from hil.tables import read_table
-from sim.vehicle import load_vehicle
+from hil.autonomy.control.controller import AxisGains, HoldGains
+from hil.bench.record import check_writable
+from hil.common.columns import aligned
+from hil.common.errors import ConfigError
+from hil.common.options import SEED, new_parser
+from hil.common.schema import find_preset
+from hil.common.tables import read_table
+from hil.plots.plotting import check_picture
+from hil.tuning.search import Tuned, Tuner
+from hil.tuning.step_response import AXES
+from sim.vehicle.vehicle import load_vehicle
 
 EXAMPLES = """\
 Each axis that the thrusters drive is pushed, its lag and delay are read from how it answers, gains are reckoned and
@@ -35,32 +37,36 @@ def main(arguments: list[str]) -> int:
     parser.add_argument(
         "--axis", action="append", choices=list(AXES), help="only this one; again for more [all its thrusters drive]"
     )
-    parser.add_argument("--seed", type=int, default=1, metavar="N", help="of the sensors' noise [1]")
+    parser.add_argument("--seed", type=SEED, default=1, metavar="N", help="of the sensors' noise [1]")
     parser.add_argument("-o", "--output", metavar="FILE.toml", help="write the vehicle with the new gains")
     parser.add_argument("--plot", metavar="FILE.png", help="draw the responses")
     options = parser.parse_args(arguments)
     _check_output(options.output)
     _check_vehicle(options.vehicle)
+    for path in filter(None, (options.output, options.plot)):
+        check_writable(path)
+    if options.plot:
+        check_picture(options.plot)
     vehicle, control = load_vehicle(options.vehicle)
     tuner = Tuner(options.vehicle, vehicle, control, options.seed)
     axes = options.axis or tuner.axes()
     found = tuner.tune(axes, _progress(len(set(axes))))
     print(report(found))
-    note = "Gains (hil/autonomy/control.py) found by step responses of this model: uuv-hil tune."
+    note = "Gains (hil/autonomy/control/controller.py) found by step responses of this model: uuv-hil tune."
     if options.output:
-        from hil.bench.tuned_file import write_tuned
+        from hil.tuning.tuned_file import write_tuned
 
         write_tuned(find_preset("sim/vehicles", options.vehicle), vehicle, tuner.gains, note, options.output)
         print(f"written: {options.output}")
     if options.plot:
-        from hil.bench.tuning_picture import draw
+        from hil.tuning.picture import draw
 
         draw(f"{vehicle.name}: step responses", found, options.plot)
     return 0
 
 
 def report(found: list[Tuned]) -> str:
-    """The table before and after, the processes, and the gains."""
+    """Return the table before and after, the processes, and the gains."""
     rows = [HEADER, *(row for tuned in found for row in _rows(tuned))]
     processes: list[tuple[str, ...]] = [("axis", "slope", "damping", "delay")]
     processes += [

@@ -1,4 +1,4 @@
-"""`uuv-hil world`: seabeds out of charts and soundings; their pictures, and files for other simulators."""
+"""`uuv-hil world`: build worlds from charts and soundings; draw them and export them to other simulators."""
 
 import argparse
 import json
@@ -7,16 +7,15 @@ import sys
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
-from hil.columns import aligned
-from hil.commands.parser import new_parser
-from hil.errors import ConfigError, MissingExtraError
-from hil.schema import preset_names
-from sim.world import World, load_world
+from hil.common.columns import aligned
+from hil.common.errors import ConfigError, MissingExtraError
+from hil.common.options import Number, area, new_parser
+from hil.common.schema import preset_names
+from sim.environment.world import World, load_world
 
 if TYPE_CHECKING:
     from hil.charts.build import Built
-    from hil.charts.chart_survey import Box
-    from hil.charts.survey import Survey
+    from hil.charts.sources.survey import Survey
 
 EXAMPLES = """\
 examples:
@@ -29,6 +28,9 @@ examples:
   uuv-hil world list
 A scenario flies in a world with `world = "worlds/homer.toml"`. Not for navigation.
 """
+RESOLUTION = Number(0.05, 10_000.0, "m")
+REACH = Number(0.05, 1e6, "m")
+DEPTH = Number(0.0, 11_000.0, "m")
 NOTE = "Made with `uuv-hil world build`. Not for navigation. Depths count from the chart's datum (mostly low water)."
 
 BRIDGES = "; bridges are drawn, but their decks are above the water"
@@ -51,8 +53,10 @@ def _parser() -> argparse.ArgumentParser:
     build = actions.add_parser("build", help="a world of charts and soundings")
     build.add_argument("files", metavar="FILE", nargs="+", help=".000 charts, .tif, .bag, .nc, .xyz, .csv; several")
     build.add_argument("-o", "--output", metavar="WORLD", required=True, help="writes WORLD.toml and WORLD.f32")
-    build.add_argument("--resolution", metavar="M", type=float, default=5.0, help="of the grid [%(default)g]")
-    build.add_argument("--area", metavar="S,W,N,E", help="degrees; --area=-34,... for the south [all that is known]")
+    build.add_argument("--resolution", metavar="M", type=RESOLUTION, default=5.0, help="of the grid [%(default)g]")
+    build.add_argument(
+        "--area", metavar="S,W,N,E", type=area, help="degrees; --area=-34,... for the south [all that is known]"
+    )
     build.add_argument(
         "--updates", action=argparse.BooleanOptionalAction, default=True, help="apply the .001... beside a chart"
     )
@@ -62,20 +66,20 @@ def _parser() -> argparse.ArgumentParser:
         default="auto",
         help="what soundings and rasters count as positive",
     )
-    build.add_argument("--reach", metavar="M", type=float, help="how far from loose soundings the bed is known")
+    build.add_argument("--reach", metavar="M", type=REACH, help="how far from loose soundings the bed is known")
     build.add_argument("--picture", metavar="FILE.png", help="draw it with soundings and contours")
     build.add_argument("--json", action="store_true", help="the report as one JSON object")
     build.set_defaults(run=_build)
     show = actions.add_parser("show", help="a picture of a world")
     show.add_argument("world", metavar="NAME|FILE.toml")
     show.add_argument("-o", "--output", metavar="FILE.png", help="[NAME.png]")
-    show.add_argument("--resolution", metavar="M", type=float, help="[the world's own]")
+    show.add_argument("--resolution", metavar="M", type=RESOLUTION, help="[the world's own]")
     show.set_defaults(run=_show)
     export = actions.add_parser("export", help="the same world for other programs")
     export.add_argument("world", metavar="NAME|FILE.toml")
     export.add_argument("output", metavar="OUT.pgm|.tif|.stl|.glb|.sdf")
-    export.add_argument("--resolution", metavar="M", type=float, help="[the world's own]")
-    export.add_argument("--depth", metavar="M", type=float, help="for a .pgm: how far down a vehicle reaches")
+    export.add_argument("--resolution", metavar="M", type=RESOLUTION, help="[the world's own]")
+    export.add_argument("--depth", metavar="M", type=DEPTH, help="for a .pgm: how far down a vehicle reaches")
     export.set_defaults(run=_export)
     listing = actions.add_parser("list", help="the worlds there are")
     listing.add_argument("folders", metavar="FOLDER", nargs="*", help="with worlds of your own")
@@ -84,17 +88,21 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _build(options: argparse.Namespace) -> int:
-    if not 0.05 <= options.resolution <= 10_000.0:
-        raise ConfigError(f"--resolution: {options.resolution:g} m: give 0.05 to 10000")
     from hil.charts.build import build
-    from hil.charts.sources import read_sources
+    from hil.charts.chart_survey import Box
+    from hil.charts.sources.choose import read_sources
     from hil.charts.world_file import write_world
 
     path = (
         os.path.splitext(options.output)[0] + ".toml" if options.output.endswith(".toml") else f"{options.output}.toml"
     )
     survey, extent = read_sources(
-        options.files, _area(options.area), options.resolution, options.updates, options.positive, options.reach
+        options.files,
+        Box(*options.area) if options.area else None,
+        options.resolution,
+        options.updates,
+        options.positive,
+        options.reach,
     )
     try:
         built = build(survey, extent, options.resolution, _progress)
@@ -116,20 +124,6 @@ def _build(options: argparse.Namespace) -> int:
     return 0
 
 
-def _area(text: str | None) -> "Box | None":
-    if text is None:
-        return None
-    from hil.charts.chart_survey import Box
-
-    try:
-        box = Box(*map(float, text.split(",")))
-    except (ValueError, TypeError):
-        raise ConfigError(f"--area: {text!r} is not SOUTH,WEST,NORTH,EAST in degrees") from None
-    if not (-90.0 <= box.south < box.north <= 90.0 and -180.0 <= box.west < box.east <= 180.0):
-        raise ConfigError(f"--area: {text!r}: south to north and west to east must grow, in degrees")
-    return box
-
-
 def _progress(share: float) -> None:
     """A line on a terminal that renews itself, and goes when all is done."""
     if sys.stderr.isatty():
@@ -142,7 +136,7 @@ def _progress(share: float) -> None:
 
 
 def describe(survey: "Survey", built: "Built") -> list[str]:
-    """What a world was made of and how good it is, for a person."""
+    """Return what a world was made of and how good it is, for a person."""
     report, grid = built.report, built.placed.grid
     rows, columns = grid.depths.shape
     standing = len(built.placed.cylinders) + len(built.placed.boxes)

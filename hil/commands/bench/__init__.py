@@ -1,0 +1,1 @@
+"""`uuv-hil bench` and its subcommands."""

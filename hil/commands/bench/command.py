@@ -1,0 +1,61 @@
+"""`uuv-hil bench`: measure what a board, a link or a network can do."""
+
+import signal
+from collections.abc import Callable
+from importlib import import_module
+
+from hil.commands.bench.options import show
+from hil.common.errors import ConfigError
+from hil.common.schema import nearest
+from hil.common.stop import stop_signals
+
+# name -> module with `main(arguments) -> exit code`, and what it does
+BENCHMARKS = {
+    "table": (
+        "hil.commands.bench.table",
+        "master CPU, start-up, memory and command delay, beside the reference platform's",
+    ),
+    "delay": ("hil.commands.bench.delay", "where a command's time goes, by load, rate, link, STM32"),
+    "echo": ("hil.commands.bench.echo", "answer bare messages beside a slave elsewhere, for the floor of delay"),
+    "startup": ("hil.commands.bench.startup", "what a start costs, cold and warm, phase by phase"),
+    "jitter": ("hil.commands.bench.jitter", "how late the loop wakes up, beside what the kernel can do"),
+    "load": ("hil.commands.bench.load", "CPU and memory over time, by sensors, rates and numbers of vehicles"),
+    "stream": ("hil.commands.bench.stream", "what reaches the master: rates, loss, age, bandwidth"),
+    "soak": ("hil.commands.bench.soak", "hours of running: growth, drift, reconnects"),
+    "compare": ("hil.commands.bench.compare", "which differences between two results are real"),
+}
+
+
+def main(arguments: list[str]) -> int:
+    """Run one benchmark; its exit code."""
+    name = arguments[0] if arguments else "--help"
+    if name in ("-h", "--help"):
+        print(_help())
+        return 0
+    if name not in BENCHMARKS:
+        raise ConfigError(f"no benchmark {name!r}{nearest(name, list(BENCHMARKS))}; there are: {', '.join(BENCHMARKS)}")
+    for number in stop_signals():
+        signal.signal(number, signal.default_int_handler)  # so that each ends the processes that were started
+    run: Callable[[list[str]], int] = import_module(BENCHMARKS[name][0]).main
+    try:
+        return run(arguments[1:])
+    finally:
+        show("")  # an error is not to be told behind a line of progress
+
+
+def _help() -> str:
+    rows = "\n".join(f"  {name:9} {text}" for name, (_, text) in BENCHMARKS.items())
+    return f"""usage: uuv-hil bench BENCHMARK [OPTIONS]
+
+What a board, a link or a network can do. Leave the machine alone meanwhile.
+
+benchmarks:
+{rows}
+
+examples:
+  uuv-hil bench table --check                       this machine, against its budgets; exit code 1 when one is missed
+  uuv-hil bench table --slave tcp/192.168.3.116:7447 --json pi.json
+  uuv-hil bench delay --protocol mavlink --stm32 native
+  uuv-hil bench compare before.json after.json --fail-on-regression
+
+uuv-hil bench BENCHMARK --help tells each one's options."""

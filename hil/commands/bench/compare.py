@@ -1,0 +1,79 @@
+"""`uuv-hil bench compare`: tell which differences between two results are real."""
+
+import json
+import sys
+from collections import Counter
+from math import isfinite
+from typing import Any
+
+from hil.bench.comparison import FEWEST, Difference, Verdict, compare, unlike
+from hil.bench.record import load, plain
+from hil.common.columns import aligned
+from hil.common.errors import ConfigError
+from hil.common.options import Share, new_parser
+
+EXAMPLES = """\
+A difference is real when the bootstrap interval of the ratio of the two medians leaves out 1. Starts of the programs
+are what is counted, as the values of one start are alike: 5 of each side are needed (bench delay --repeat 5). Of a
+hundred figures that do not differ, some five seem to at 95 %; and what changed between the two hours of measuring, such
+as the machine's other work, is taken for a difference of the programs: measure both in turn.
+
+examples:
+  uuv-hil bench compare before.json after.json
+  uuv-hil bench compare main.json branch.json --fail-on-regression --least 10%     in a continuous integration
+"""
+REGRESSION = 1
+UNSURE: dict[Verdict, str] = {
+    "too few": f"too few: fewer than {FEWEST} values on a side; measure with more repetitions",
+    "few starts": f"few starts: the two differ, but with fewer than {FEWEST} starts on a side that may be a difference "
+    "between two starts rather than two programs; measure with --repeat 5",
+}
+
+
+def main(arguments: list[str]) -> int:
+    """Compare and print; 0, or 1 with --fail-on-regression when something became worse. Raises ConfigError."""
+    parser = new_parser("bench compare", __doc__, EXAMPLES)
+    parser.add_argument("before", metavar="A.json")
+    parser.add_argument("after", metavar="B.json")
+    parser.add_argument(
+        "--least", type=Share(0.0, 0.99), default="5%", metavar="SHARE", help="a difference that matters [%(default)s]"
+    )
+    parser.add_argument(
+        "--confidence", type=Share(0.5, 0.9999), default="95%", metavar="SHARE", help="of the intervals [%(default)s]"
+    )
+    parser.add_argument("--fail-on-regression", action="store_true", help="exit code 1 when a figure is really worse")
+    parser.add_argument("--json", action="store_true", help="for other programs")
+    options = parser.parse_args(arguments)
+    least, confidence = options.least, options.confidence
+    before, after = load(options.before), load(options.after)
+    found = compare(before, after, least, confidence)
+    if not found and before.kind != after.kind:
+        kinds = f"{options.before} is of `bench {before.kind}`, {options.after} of `bench {after.kind}`"
+        raise ConfigError(f"{kinds}: they have no figure in common")
+    if not found:
+        raise ConfigError(f"{options.before} and {options.after} have no figure in common")
+    warnings = unlike(before, after)
+    print(json.dumps(_record(found, warnings), indent=1) if options.json else _text(found, confidence))
+    for warning in warnings:
+        print(f"not alike: {warning}", file=sys.stderr)
+    worse = any(one.verdict == "worse" for one in found)
+    return REGRESSION if worse and options.fail_on_regression else 0
+
+
+def _text(found: list[Difference], confidence: float) -> str:
+    rows = [["figure", "before", "after", "ratio", f"{confidence:.0%} interval", ""]]
+    for one in found:
+        interval = f"{one.interval.low:.3f} to {one.interval.high:.3f}"
+        values = (f"{value:.4g} {one.unit}" for value in (one.before, one.after))
+        ratio = [f"{one.ratio:.3f}", interval] if isfinite(one.interval.low) else ["-", "-"]
+        rows.append([one.name, *values, *ratio, one.verdict])
+    counts = Counter(one.verdict for one in found)
+    lines = [*aligned(rows, rule=True), *(text for verdict, text in UNSURE.items() if counts[verdict])]
+    unsure = sum(counts[verdict] for verdict in UNSURE)
+    untold = f", {unsure} not to be told" if unsure else ""
+    return "\n".join([*lines, f"{counts['worse']} worse, {counts['better']} better{untold}, of {len(found)}"])
+
+
+def _record(found: list[Difference], warnings: list[str]) -> Any:
+    rows = [one._asdict() | {"interval": list(one.interval)} for one in found]
+    return plain({"differences": rows, "not_alike": warnings})

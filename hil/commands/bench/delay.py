@@ -1,0 +1,286 @@
+"""`uuv-hil bench delay`: measure the delay of commands, hop by hop, beside the floor of the machine."""
+
+import itertools
+from argparse import ArgumentTypeError
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any, NamedTuple
+
+from hil.bench import delay_report
+from hil.bench.delay_run import HOPS, Echo, Plan, Result, measure, pooled
+from hil.bench.harness import Bench
+from hil.bench.limits import Limits
+from hil.bench.record import Figure, new_record
+from hil.commands.bench.options import (
+    add_json,
+    add_limits,
+    add_scenario,
+    check_outputs,
+    limits_of,
+    save_record,
+    show,
+)
+from hil.commands.bench.partial_failures import PartialFailures
+from hil.common.errors import ConfigError
+from hil.common.options import DAY_S, ENDPOINT, REPEAT, List, Number, changes_of, host, new_parser, one_of, whole
+from hil.common.schema import shortened
+from hil.common.scratch import ScratchFolder
+from hil.slave.drivers.driver import DRIVERS
+
+EXAMPLES = """\
+Options that take LIST measure every combination: --baud 0,115200 --load 0,2 are four configurations. A baud paces
+the link as a UART of that speed would; 0 lets it run as it is. The floor is bare UDP and TCP between the same
+machines in the same seconds, and the frame's time on its line.
+
+For a slave elsewhere, let `uuv-hil bench echo` run beside it and name its ports, or there is no floor, and nobody to
+send a payload to.
+
+To compare two versions of a program, --repeat 5: two starts of one program differ too.
+
+examples:
+  uuv-hil bench delay
+  uuv-hil bench delay --stm32 python,process,native,unicorn --baud 0,115200 --png delay.png
+  uuv-hil bench delay --protocol frame,mavlink --security off,on
+  uuv-hil bench delay --protocol vesc,dronecan --load 0,2
+  uuv-hil bench delay --rate 10,50,100 --payload 0,100000 --seconds 30 --json delay.json
+  uuv-hil bench delay --slave tcp/192.168.3.116:7447 --echo 192.168.3.116:40001:40002
+  uuv-hil bench delay --most-over-floor 0.8 --most-p99 3      exit code 1 when a configuration takes longer (ms)
+"""
+LIMIT_BROKEN = 1
+ECHO_PORT = whole(1, 65_535)
+SECONDS = Number(0.1, DAY_S, "s")
+STEPS = whole(0, 1000)
+LIMIT = Number(-1e6, 1e6, "ms")  # what is above the floor may be below it
+PROTOCOLS = List(one_of("frame", "mavlink", "dronecan", "vesc"))
+PLAYERS = List(one_of(*DRIVERS))
+SWITCH = List(one_of("off", "on"))
+BAUDS = List(whole(1200, 12_000_000, also=(0,)))
+RATES = List(Number(1.0, 1000.0, "Hz"))
+LOADS = List(whole(0, 1024))
+PAYLOADS = List(whole(0, 1 << 26))
+OF_A_MASTER = ("network.", "security.", "slave.node")  # what the end here makes of a scenario
+ON_CAN = {"dronecan": "can:virtual:bench", "vesc": "can:virtual:bench"}  # where no port is given
+
+
+class Case(NamedTuple):
+    """One configuration."""
+
+    protocol: str
+    stm32: str
+    baud: int
+    security: str
+    rate: float
+    load: int
+    payload: int
+
+    def name(self, changing: list[str]) -> str:
+        """Return what tells it from the others."""
+        values = {key: getattr(self, key) for key in changing}
+        words = [f"{key} {value:g}" if isinstance(value, float) else f"{key} {value}" for key, value in values.items()]
+        return ", ".join(words) or "as the scenario has it"
+
+
+def main(arguments: list[str]) -> int:
+    """Measure and print; 0, or 1 when a limit is broken. Raises HilError."""
+    options = _parser().parse_args(arguments)
+    check_outputs(options)
+    cases, echo = _cases(options), options.echo
+    given = {key: getattr(options, key) for key in Case._fields if getattr(options, key) is not None}
+    changing = [key for key, values in given.items() if len(values) > 1] or list(given)
+    runs: dict[str, list[Result]] = {}
+    labels: tuple[str, ...] = ()
+    endings = PartialFailures()
+    with endings.caught():
+        for number, (_, case) in enumerate(itertools.product(range(options.repeat), cases), 1):
+            name = case.name(changing)
+            endings.place = f"{number} of {options.repeat * len(cases)}: {name}"
+            show(endings.place)
+            result, labels = _measure(case, options, echo)
+            runs.setdefault(name, []).append(result)
+    show("")
+    if not runs:
+        endings.raise_first()
+    broken = _report(runs, (*labels, *endings.labels), options)
+    endings.raise_first()
+    return LIMIT_BROKEN if broken else 0
+
+
+def _report(runs: dict[str, list[Result]], labels: tuple[str, ...], options: Any) -> list[str]:
+    """Print, write, draw; the limits that are broken. Raises ConfigError."""
+    results = {name: pooled(found) for name, found in runs.items()}
+    print(delay_report.text(results))
+    figures = {f"{row} [{name}]": figure for name, found in runs.items() for row, figure in _figures(found).items()}
+    details = {
+        name: {"warnings": results[name].warnings, "runs": [_details(result) for result in found]}
+        for name, found in runs.items()
+    }
+    settings = {key: value for key, value in vars(options).items() if key not in ("json", "png")}
+    record = new_record("delay", settings, figures, labels, details)
+    save_record(record, options)
+    broken = [text for name, result in results.items() for text in _broken(name, result, options)]
+    for text in broken:
+        print(f"LIMIT BROKEN: {text}")
+    if options.png:
+        delay_report.draw(results, record, options.png)
+    return broken
+
+
+def _parser() -> Any:
+    parser = new_parser("bench delay", __doc__, EXAMPLES)
+    add_scenario(parser)
+    add = parser.add_argument
+    add("--protocol", metavar="LIST", type=PROTOCOLS, help="frame, mavlink, dronecan, vesc [the scenario's]")
+    add("--stm32", metavar="LIST", type=PLAYERS, help=f"{', '.join(DRIVERS)} [the scenario's]")
+    add("--baud", metavar="LIST", type=BAUDS, help="bit/s that the link is paced at, 0 for as it is [0]")
+    add("--security", metavar="LIST", type=SWITCH, help="off, on: certificates made for the purpose [the scenario's]")
+    add("--rate", metavar="LIST", type=RATES, help="commands a second [20]")
+    add("--load", metavar="LIST", type=LOADS, help="processes that take all the processor they get [0]")
+    add("--payload", metavar="LIST", type=PAYLOADS, help="bytes that cross the network beside each command [0]")
+    add("--port", metavar="ADDRESS", help="of the thruster link")
+    add("--seconds", type=SECONDS, default=10.0, metavar="S", help="of each configuration [%(default)s]")
+    add("--steps", type=STEPS, default=11, metavar="N", help="steps in surge, for the delay until motion [%(default)s]")
+    add("--repeat", type=REPEAT, default=1, metavar="N", help="times, with new processes each time [%(default)s]")
+    add("--slave", metavar="ENDPOINT", type=ENDPOINT, help="a slave elsewhere, as it is")
+    add("--echo", metavar="HOST:UDP:TCP", type=_echo, help="`uuv-hil bench echo` beside it")
+    add("--most-p50", type=LIMIT, metavar="MS", help="limit of the median")
+    add("--most-p99", type=LIMIT, metavar="MS", help="limit of 99 of 100 commands")
+    add("--most-over-floor", type=LIMIT, metavar="MS", help="limit of the median above the floor")
+    add_limits(parser)
+    add_json(parser)
+    add("--png", metavar="FILE", help="histogram, time series and hops")
+    return parser
+
+
+def _cases(options: Any) -> list[Case]:
+    """Return every combination. Raises ConfigError."""
+    defaults = {"baud": (0,), "rate": (20,), "load": (0,), "payload": (0,)}
+    values = [getattr(options, key) or defaults.get(key, ("",)) for key in Case._fields]
+    cases = [Case(*row) for row in itertools.product(*values)]
+    if options.slave:
+        _check_elsewhere(options, cases)
+    return cases
+
+
+def _check_elsewhere(options: Any, cases: list[Case]) -> None:
+    """That nothing is asked of a slave elsewhere which nobody there would hear of. Raises ConfigError."""
+    if limits_of(options) != Limits() or any((options.protocol, options.stm32, options.baud, options.port)):
+        raise ConfigError(
+            "command line: --slave is measured as it is: without limits, --protocol, --stm32, --baud, --port"
+        )
+    deaf = [key for key in changes_of(options) if not key.startswith(OF_A_MASTER)]
+    if deaf:
+        raise ConfigError(f"--set {deaf[0]}: --slave is measured as it is; change it in the scenario over there")
+    if any(case.security == "on" for case in cases):
+        raise ConfigError(
+            "--security on: makes keys that --slave does not have; leave it out, and name the SCENARIO with this "
+            "machine's in its [security] section"
+        )
+    if options.echo:
+        return
+    if any(case.payload for case in cases):
+        raise ConfigError("--payload: needs somebody to send it to: `uuv-hil bench echo` beside --slave, and --echo")
+    if options.most_over_floor is not None:
+        raise ConfigError(
+            "--most-over-floor: there is no floor without `uuv-hil bench echo` beside --slave, and --echo"
+        )
+
+
+def _measure(case: Case, options: Any, echo: Echo | None) -> tuple[Result, tuple[str, ...]]:
+    plan = Plan(case.rate, options.seconds, case.load, case.payload, options.steps)
+    with _keys(case.security) as security:
+        changes = {**changes_of(options), **_changes(case, options), **security}
+        with Bench(options.scenario, changes, limits_of(options)) as bench:
+            result = measure(bench, plan, options.slave or "", echo)
+            return result, (*bench.labels, *result.labels)
+
+
+def _changes(case: Case, options: Any) -> dict[str, Any]:
+    """Of the scenario. Its accelerometer is made perfect, so that the first motion can be told from noise."""
+    changes: dict[str, Any] = {f"sensors.imu.{name}": {} for name in ("attitude", "angular_velocity", "acceleration")}
+    if case.rate > 100.0:
+        changes["network.command_rate"] = 2.0 * case.rate
+    if case.stm32:
+        changes["stm32"] = case.stm32
+    if case.protocol:
+        changes["link.protocol"] = case.protocol
+    port = options.port or ON_CAN.get(case.protocol)
+    if port:
+        changes["link.port"] = port
+    if case.baud:
+        changes["link.faults.baud"] = case.baud
+    return changes
+
+
+@contextmanager
+def _keys(wish: str) -> Iterator[dict[str, Any]]:
+    """The scenario's [security] section that was wished for, with certificates of its own."""
+    if wish != "on":
+        yield {} if not wish else {"security": None}
+        return
+    from hil.commands.keys import add_machine, init
+
+    with ScratchFolder("keys") as folder:
+        keys = folder.file("keys")
+        init(keys)
+        machines = {f"security.{name}": add_machine(keys, name, []) for name in ("slave", "master")}
+        yield {"security": {}, **machines, "security.may_command": ["master"]}
+
+
+def _echo(text: str) -> Echo:
+    """Return what `uuv-hil bench echo` prints: a host, and its ports."""
+    name, udp, tcp = ([*text.rsplit(":", 2), "", ""])[:3]
+    try:
+        return host(name), ECHO_PORT(udp), ECHO_PORT(tcp)
+    except ArgumentTypeError:
+        words = f"expected HOST:UDP:TCP, as `uuv-hil bench echo` prints it, found {shortened(text)}"
+        raise ArgumentTypeError(words) from None
+
+
+def _figures(runs: list[Result]) -> dict[str, Figure]:
+    """Return what goes into the record. A floor is the machine's: less of it is not our merit."""
+    series: dict[str, list[list[float]]] = {
+        "delay": [run.delay for run in runs],
+        "motion": [run.motion for run in runs],
+        "udp floor": [run.udp for run in runs],
+        "tcp floor": [run.tcp for run in runs],
+        **{f"hop {hop}": [run.hops[hop] for run in runs] for hop in HOPS},
+    }
+    return {
+        name: Figure(
+            [value for values in found for value in values],
+            "ms",
+            "" if name in ("udp floor", "tcp floor", "hop wire") else "lower",
+            tuple(map(len, found)),
+        )
+        for name, found in series.items()
+        if any(found) or name == "delay"  # what was not asked for is no figure
+    }
+
+
+def _details(run: Result) -> dict[str, Any]:
+    """Of one run: commands sent and answered, their rate in Hz, and what the floor has beside bare TCP in ms.
+
+    Then the clocks' offset in ms, what it is known to, and when each command of the figures was published, in s.
+    """
+    return {
+        "sent": run.sent,
+        "answered": len(run.delay),
+        "rate": run.rate,
+        "on the line": run.wire,
+        "clock offset": run.clock_offset,
+        "clock uncertainty": run.clock_uncertainty,
+        "at_s": [round(at, 6) for at in run.at_s],
+    }
+
+
+def _broken(name: str, result: Result, options: Any) -> list[str]:
+    limits = (
+        ("p50", result.at(0.5), options.most_p50),
+        ("p99", result.at(0.99), options.most_p99),
+        ("p50 above the floor", result.at(0.5) - result.floor, options.most_over_floor),
+    )
+    return [
+        f"{name}: {what} {value:.3f} ms is above {limit:g} ms"
+        for what, value, limit in limits
+        if limit is not None and not value <= limit
+    ]

@@ -1,0 +1,25 @@
+"""`uuv-hil bench echo`: echo packets beside a slave, for the network's part in `uuv-hil bench delay`."""
+
+from hil.bench.floors.network import serve
+from hil.common.options import host, new_parser
+from hil.common.stop import StopSignals
+
+EXAMPLES = """\
+It prints what `uuv-hil bench delay --echo` wants to be told, and ends with Ctrl-C. Anyone who reaches it gets back
+what he sends: run it while you measure.
+
+examples:
+  uuv-hil bench echo --address 192.168.3.116
+"""
+
+
+def main(arguments: list[str]) -> int:
+    """Answer until told to stop. Raises NetworkError."""
+    parser = new_parser("bench echo", __doc__, EXAMPLES)
+    parser.add_argument(
+        "--address", type=host, default="127.0.0.1", help="of this machine, to be reached at [%(default)s]"
+    )
+    options = parser.parse_args(arguments)
+    with StopSignals() as stop_fd:
+        serve(options.address, stop_fd)
+    return 0

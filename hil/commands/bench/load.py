@@ -1,0 +1,213 @@
+"""`uuv-hil bench load`: measure CPU and memory over time, per process and thread, by sensors, rates and vehicles."""
+
+import os
+from typing import Any
+
+from hil.bench import load_run
+from hil.bench.footer import footer
+from hil.bench.harness import Bench
+from hil.bench.load_run import Course, Setting, difference, impossible, settings
+from hil.bench.record import Figure, Record, new_record
+from hil.bench.statistics import median, spread
+from hil.commands.bench.options import (
+    add_json,
+    add_limits,
+    add_scenario,
+    check_outputs,
+    limits_of,
+    save_record,
+    show,
+)
+from hil.commands.bench.partial_failures import PartialFailures
+from hil.common.columns import aligned
+from hil.common.errors import ConfigError, HilError, NetworkError
+from hil.common.options import DAY_S, List, Number, changes_of, new_parser, whole
+from hil.plots.plotting import pyplot
+
+EXAMPLES = """\
+Slaves that are commanded 20 times a second, one setting after the other. CPU is in shares of one core, memory the
+proportional set size. Beside each stands the range of the middle half of its values, one a second; "more" is what a
+setting takes more than the scenario as it is, in brackets where that is less than what comes and goes by itself. What
+the vehicle or the world cannot have is left out and named. Exit code 1 when a setting could not be measured.
+
+examples:
+  uuv-hil bench load                                    the scenario as it is
+  uuv-hil bench load --each-sensor --seconds 5          what each sensor costs
+  uuv-hil bench load --rates 100,400,1000 --vehicles 1,2,4 --png load.png --json load.json
+"""
+MOST_VEHICLES = 64
+SECONDS = Number(2.0, DAY_S, "s")
+RATES = List(Number(50.0, 5000.0, "Hz"))
+VEHICLES = List(whole(1, MOST_VEHICLES))
+MOST_PROCESSES = 12  # of a setting that are shown; the record has all
+MOST_THREADS = 5  # of a process, likewise
+LEAST_SHARE = 0.0005  # of a core: threads that take less are not shown
+FAILED = 1
+
+
+def main(arguments: list[str]) -> int:
+    """Measure and print; 0, or 1 when a setting could not be measured. Raises HilError."""
+    options = _parser().parse_args(arguments)
+    check_outputs(options)
+    plan, left_out = _plan(options)
+    courses: list[Course] = []
+    endings = PartialFailures()
+    with endings.caught():
+        for number, setting in enumerate(plan, 1):
+            endings.place = f"{number} of {len(plan)}: {setting.name}"
+            courses.append(_run(setting, options, endings.place))
+    show("")
+    done, failed = [c for c in courses if c.cpu], [c for c in courses if c.failure]
+    if not done:
+        endings.raise_first()
+        raise NetworkError(f"nothing could be measured: {failed[0].failure}")
+    record = _record(done, failed, left_out, options, endings)
+    print("\n".join(_table(courses)))
+    print("more: than the scenario as it is; in brackets what cannot be told from noise; +-: the middle half's range\n")
+    print("\n".join(_processes(done)))
+    for name, reason in left_out.items():
+        print(f"left out: {name}: {reason}")
+    for each in failed:
+        print(f"FAILED: {each.setting.name}: {each.failure}")
+    save_record(record, options)
+    if options.png:
+        _draw(done, record, options.png)
+    endings.raise_first()
+    return FAILED if failed else 0
+
+
+def _parser() -> Any:
+    parser = new_parser("bench load", __doc__, EXAMPLES)
+    add_scenario(parser)
+    add = parser.add_argument
+    add("--each-sensor", action="store_true", help="also with each sensor more, and each one less")
+    add("--rates", default=(), metavar="LIST", type=RATES, help="also with the loop at these, Hz")
+    add("--vehicles", default=(), metavar="LIST", type=VEHICLES, help="also with so many slaves at once")
+    add("--seconds", type=SECONDS, default=10.0, metavar="S", help="for each [%(default)s]")
+    add_limits(parser)
+    add_json(parser)
+    add("--png", metavar="FILE", help="CPU and memory over time")
+    return parser
+
+
+def _plan(options: Any) -> tuple[list[Setting], dict[str, str]]:
+    """Return what is measured, and what is not, with the reason. Raises ConfigError when there is no beginning."""
+    base = changes_of(options)
+    with Bench(options.scenario, base, limits_of(options)) as bench:
+        fitted = [*bench.scenario.sensors] if options.each_sensor else None
+    options_used = settings(fitted, [*options.rates], [*options.vehicles])
+    wanted = [setting._replace(changes=base | setting.changes) for setting in options_used]
+    reasons = {setting.name: impossible(setting, options.scenario) for setting in wanted}
+    first = reasons[wanted[0].name]
+    if first:
+        raise ConfigError(first)
+    return [s for s in wanted if not reasons[s.name]], {name: reason for name, reason in reasons.items() if reason}
+
+
+def _run(setting: Setting, options: Any, place: str) -> Course:
+    """One setting; that it failed is a result too, and does not cost the others theirs."""
+
+    def watch(share: float) -> None:
+        show(f"{place} {share:4.0%}")
+
+    watch(0.0)
+    try:
+        return load_run.run(setting, options.scenario, options.seconds, limits_of(options), watch)
+    except HilError as error:
+        return Course(setting, failure=str(error))
+
+
+def _table(courses: list[Course]) -> list[str]:
+    rows = [["setting", "CPU % of a core", "+-", "more", "memory MiB", "+-", "more"]]
+    base = courses[0]
+    again = [c for c in courses[1:] if c.cpu and c.setting[1:] == base.setting[1:]]
+    for course in courses:
+        if not course.cpu:
+            rows.append([course.setting.name, "failed", *[""] * 5])
+            continue
+        cpu = _cells(course.cpu, base.cpu, [c.cpu for c in again], 100.0)
+        memory = _cells(course.memory, base.memory, [c.memory for c in again])
+        if course is base or not base.cpu:
+            cpu[-1] = memory[-1] = ""
+        rows.append([course.setting.name, *cpu, *memory])
+    return aligned(rows, rule=True)
+
+
+def _cells(values: list[float], base: list[float], again: list[list[float]], factor: float = 1.0) -> list[str]:
+    """Median, spread, and what it is more than `base`."""
+    found = difference(values, base, again)
+    more = f"{factor * found.more:+.2f}"
+    return [
+        f"{factor * median(values):.2f}",
+        f"{factor * spread(values):.2f}",
+        more if found.is_distinct else f"({more})",
+    ]
+
+
+def _processes(courses: list[Course]) -> list[str]:
+    """Return what each process takes, and those of its threads that take most."""
+    rows = [["setting", "process", "CPU %", "memory MiB", "most of it in threads (CPU %)"]]
+    for course in courses:
+        costly = sorted(course.processes.items(), key=lambda row: -median(row[1].cpu))
+        for name, cost in costly[:MOST_PROCESSES]:
+            threads = sorted(((median(cpu), thread) for thread, cpu in cost.threads.items()), reverse=True)
+            most = [f"{name} {100.0 * cpu:.2f}" for cpu, name in threads[:MOST_THREADS] if cpu >= LEAST_SHARE]
+            cpu, memory = f"{100.0 * median(cost.cpu):.2f}", f"{median(cost.memory):.2f}"
+            rows.append([course.setting.name, name, cpu, memory, ", ".join(most)])
+        if len(costly) > MOST_PROCESSES:
+            rows.append([course.setting.name, f"{len(costly) - MOST_PROCESSES} more", "", "", "in --json"])
+    return aligned(rows, rule=True)
+
+
+def _record(
+    done: list[Course], failed: list[Course], left_out: dict[str, str], options: Any, endings: PartialFailures
+) -> Record:
+    figures: dict[str, Figure] = {}
+    for course in done:
+        series = {"": (course.cpu, course.memory)}
+        if len(course.processes) > 1:
+            series |= {f"{name} ": (cost.cpu, cost.memory) for name, cost in course.processes.items()}
+        for name, (cpu, memory) in series.items():
+            figures[f"{course.setting.name} {name}cpu"] = Figure(
+                [100.0 * x for x in cpu], "% of a core", runs=(len(cpu),)
+            )
+            figures[f"{course.setting.name} {name}memory"] = Figure(memory, "MiB", runs=(len(memory),))
+    details: dict[str, Any] = {
+        course.setting.name: {
+            name: {"cpu": cost.cpu, "memory_mib": cost.memory, "threads": cost.threads}
+            for name, cost in course.processes.items()
+        }
+        for course in done
+    }
+    details |= {course.setting.name: {"failure": course.failure} for course in failed}
+    keys = ("scenario", "set", "each_sensor", "rates", "vehicles", "seconds")
+    options_used = {key: getattr(options, key) for key in keys}
+    labels = *done[0].labels, *endings.labels
+    return new_record("load", options_used, figures, labels, details | {"left out": left_out})
+
+
+def _draw(courses: list[Course], record: Record, path: str) -> None:
+    """A row of panels for each kind of process: CPU at the left, memory at the right, a line for each setting."""
+    plt = pyplot()
+    groups = load_run.groups(courses)
+    size = 11, 3.0 * len(groups) + 1.6
+    figure, panels = plt.subplots(len(groups), 2, figsize=size, layout="constrained", sharex=True, squeeze=False)
+    for (left, right), group in zip(panels, groups, strict=True):
+        for number, course in enumerate(courses):
+            cost = load_run.of_group(course, group)
+            time = range(1, len(cost.cpu) + 1)
+            style = {"color": f"C{number % 10}", "linestyle": ("-", "--", ":")[number // 10 % 3]}
+            left.plot(time, [100.0 * value for value in cost.cpu], label=course.setting.name, **style)
+            right.plot(time, cost.memory, **style)
+        left.set(ylabel="CPU (% of a core)", ylim=(0, None), title=group)
+        right.set(ylabel="memory (MiB)", ylim=(0, None), title=group)
+    for panel in panels[-1]:
+        panel.set(xlabel="time (s)")
+    figure.legend(*panels[0][0].get_legend_handles_labels(), loc="outside upper center", fontsize="x-small", ncols=5)
+    figure.supxlabel(footer(record), fontsize="x-small", color="0.4")
+    try:
+        figure.savefig(path, dpi=110)
+    except (OSError, ValueError) as error:
+        raise ConfigError(f"{os.path.abspath(path)}: cannot be written: {error}") from None
+    finally:
+        plt.close(figure)

@@ -1,0 +1,90 @@
+"""The options that benchmarks share."""
+
+import argparse
+import sys
+import time
+from typing import Any
+
+from hil.bench.limits import Limits, parse_cpus, parse_memory
+from hil.bench.record import Record, check_writable, save
+from hil.common.options import Share, add_changes, checked
+from hil.plots.plotting import check_picture
+
+CPU_SHARE = Share(0.01, 64.0)  # of one core
+OUTPUTS = ("json", "csv", "markdown", "png")
+PRINT_EVERY_S = 60.0  # where nobody looks on, such as in a log
+
+
+def add_scenario(parser: argparse.ArgumentParser) -> None:
+    """SCENARIO and what is changed in it."""
+    parser.add_argument("scenario", metavar="SCENARIO", nargs="?", default="paper_field", help="[%(default)s]")
+    add_changes(parser)
+
+
+def add_limits(parser: argparse.ArgumentParser) -> None:
+    """What makes a laptop stand for a small board."""
+    limits = parser.add_argument_group("less than the machine has, for the slave; results are labelled")
+    limits.add_argument(
+        "--cpus", metavar="LIST", type=checked(parse_cpus), default=(), help="these processors only: 0 or 0,2 or 0-3"
+    )
+    limits.add_argument(
+        "--cpu-quota",
+        metavar="SHARE",
+        type=CPU_SHARE,
+        default=0.0,
+        help="so much of one core: 25%%; without real-time scheduling",
+    )
+    limits.add_argument(
+        "--memory",
+        metavar="SIZE",
+        type=checked(parse_memory),
+        default=0.0,
+        help="so much memory: 512M, 1G; without cached files",
+    )
+
+
+def add_json(parser: argparse.ArgumentParser) -> None:
+    """Where the record goes."""
+    parser.add_argument("--json", metavar="FILE", help="write the record, for `uuv-hil bench compare` and --against")
+
+
+def limits_of(options: Any) -> Limits:
+    """Return the limits of `add_limits`."""
+    return Limits(options.cpus, options.cpu_quota, options.memory)
+
+
+def check_outputs(options: Any) -> None:
+    """That all files which are asked for can be written, before anything is measured.
+
+    Raises ConfigError, MissingExtraError.
+    """
+    for path in filter(None, (getattr(options, name, None) for name in OUTPUTS)):
+        check_writable(path)
+    if getattr(options, "png", None):
+        check_picture(options.png)
+
+
+def save_record(record: Record, options: Any) -> None:
+    """Say what makes the figures stand for something else, and write the record if asked. Raises ConfigError."""
+    for label in record.labels:
+        print(f"label: {label}")
+    if options.json:
+        save(record, options.json)
+
+
+class Progress:
+    """Progress of a benchmark on standard error."""
+
+    def __init__(self) -> None:
+        self._logged_s = time.monotonic()  # when a line was last left in a log
+
+    def show(self, text: str) -> None:
+        """Show a line in place of the last one; "" for none. In a log one a minute."""
+        if sys.stderr.isatty():
+            print(f"\r\x1b[K{text}", end="", file=sys.stderr, flush=True)
+        elif text and time.monotonic() - self._logged_s > PRINT_EVERY_S:
+            self._logged_s = time.monotonic()
+            print(text, file=sys.stderr, flush=True)
+
+
+show = Progress().show

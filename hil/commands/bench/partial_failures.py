@@ -1,0 +1,47 @@
+"""Collect failures of a benchmark's parts, so that results measured before them are not lost."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from hil.common.errors import HilError
+
+
+class PartialFailures:
+    """The errors and the Ctrl-C that ended measurements, which are told beside the figures and raised at last.
+
+    `place` is what is being measured: whoever measures keeps it up to date.
+    """
+
+    def __init__(self) -> None:
+        self.place = ""
+        self._found: list[tuple[str, HilError | KeyboardInterrupt]] = []
+
+    @contextmanager
+    def caught(self) -> Iterator[None]:
+        """What is raised inside only ends the `with`."""
+        try:
+            yield
+        except (HilError, KeyboardInterrupt) as error:
+            self._found.append((self.place, error))
+
+    @property
+    def stopped(self) -> bool:
+        """Whether a person or a signal did it: then nothing else is to be measured."""
+        return any(isinstance(error, KeyboardInterrupt) for _, error in self._found)
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """What figures have to say of themselves: they are not all that was asked for."""
+        return tuple(
+            f"RUN FAILED: {place}: {error}" if isinstance(error, HilError) else f"STOPPED: {place}"
+            for place, error in self._found
+        )
+
+    def most(self, times: int) -> str:
+        """Return how many repetitions there are of each figure, in words."""
+        return f"up to {times}" if self._found else str(times)
+
+    def raise_first(self) -> None:
+        """Raise what ended the first, if anything did: its exit code is that of the benchmark."""
+        for _, error in self._found:
+            raise error

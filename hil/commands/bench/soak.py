@@ -1,0 +1,186 @@
+"""`uuv-hil bench soak`: run for hours: whether memory grows, time drifts, and a master always gets back."""
+
+import os
+from math import isnan, nan
+from typing import Any
+
+from hil.bench.footer import footer
+from hil.bench.harness import Bench
+from hil.bench.record import Figure, Record, new_record
+from hil.bench.soak_run import Observation, Soak, Soaking, measured, trend
+from hil.bench.statistics import median
+from hil.commands.bench.options import (
+    add_json,
+    add_limits,
+    add_scenario,
+    check_outputs,
+    limits_of,
+    save_record,
+    show,
+)
+from hil.common.errors import STOPPED, ConfigError
+from hil.common.options import Number, changes_of, new_parser
+from hil.common.stop import StopSignals
+from hil.plots.plotting import pyplot
+
+EXAMPLES = """\
+A slave that is commanded 20 times a second; the master leaves and comes back now and then. Growth is a straight line
+through the memory that no other process shares, without the first tenth, with its interval of 95 %: it is told to be
+one when the interval is above 0 and the line steeper than --leak, and not before half an hour. A slave that ends, hangs
+or is out of reach is a finding. Ctrl-C ends early and judges what there is.
+
+examples:
+  uuv-hil bench soak --hours 8 --json soak.json --png soak.png
+  uuv-hil bench soak --hours 0.05 --every 2 --leave-every 30
+"""
+FOUND = 1
+HOURS = Number(0.001, 10_000.0, "h")
+EVERY = Number(0.2, 1e6, "s")
+LEAK = Number(0.0, 1e6, "MiB")
+LATE_S = 1.0  # a return that takes longer is told
+LEAK_AFTER_S = 1800.0  # before, caches and buffers that fill once look like one
+# What the record and the picture have: a field of Look, what it is called, its unit, whether it is in the picture.
+SERIES = (
+    ("private", "private memory", "MiB", True),
+    ("memory", "memory", "MiB", False),
+    ("delay_p50_ms", "delay p50", "ms", True),
+    ("real_time_factor", "real-time factor", "", True),
+    ("steps_skipped", "steps skipped", "steps", True),
+    ("threads", "threads", "", False),
+    ("descriptors", "descriptors", "", True),
+    ("at_s", "at", "s", False),
+)
+
+
+def main(arguments: list[str]) -> int:
+    """Run and judge; 0, or 1 when something grows, drifts, hangs or does not come back. Raises HilError."""
+    options = _parser().parse_args(arguments)
+    check_outputs(options)
+    if options.every >= options.leave_every:
+        raise ConfigError("command line: --every must be below --leave-every")
+    if options.every >= options.hours * 3600.0:
+        raise ConfigError("command line: nothing is looked at in --hours so short; give a shorter --every")
+    with StopSignals() as stop_fd, Bench(options.scenario, changes_of(options), limits_of(options)) as bench:
+        found = Soaking(bench, options.every, _show, stop_fd).run(options.hours * 3600.0, options.leave_every)
+        labels = bench.labels
+    show("")
+    if not found.looks and not found.silences:
+        print("ended before the first look")
+        return STOPPED
+    findings = judge(found, options.leak)
+    record = _record(found, findings, options, labels)
+    save_record(record, options)
+    if options.png:
+        _draw(found, record, options.png)
+    return FOUND if findings else 0
+
+
+def _parser() -> Any:
+    parser = new_parser("bench soak", __doc__, EXAMPLES)
+    add_scenario(parser)
+    add = parser.add_argument
+    add("--hours", type=HOURS, default=1.0, metavar="H", help="[%(default)s]")
+    add("--every", type=EVERY, default=10.0, metavar="S", help="between looks [%(default)s]")
+    add("--leave-every", type=EVERY, default=300.0, metavar="S", help="the master comes back anew [%(default)s]")
+    add("--leak", type=LEAK, default=0.5, metavar="MIB", help="growth an hour that is one [%(default)s]")
+    add_limits(parser)
+    add_json(parser)
+    add("--png", metavar="FILE", help="memory, delay and time over the run")
+    return parser
+
+
+def _show(look: Observation) -> None:
+    show(
+        f"{look.at_s / 3600.0:.2f} h: {look.private:.2f} MiB, {look.threads} threads, {look.descriptors} descriptors, "
+        f"{look.steps_skipped:.0f} steps skipped, delay p50 {look.delay_p50_ms:.2f} ms"
+    )
+
+
+def judge(found: Soak, leak: float) -> list[str]:
+    """Print what came out; the findings that are bad."""
+    looks = found.looks[len(found.looks) // 10 :]
+    print(f"{looks[-1].at_s / 3600.0 if looks else 0.0:.3f} h, {len(found.looks)} looks")
+    bad = _judge_looks(looks, leak) if looks else []
+    bad += _judge_returns(found.returns)
+    for at_s, seconds, reason in found.silences:
+        bad.append(f"silence from {at_s / 3600.0:.3f} h on, for {seconds:.1f} s: {reason}")
+    for text in bad:
+        print(f"FOUND: {text}")
+    return bad
+
+
+def _judge_looks(looks: list[Observation], leak: float) -> list[str]:
+    first, last = looks[0], looks[-1]
+    bad = _judge_memory(looks, leak)
+    print(f"threads {first.threads} -> {last.threads}, descriptors {first.descriptors} -> {last.descriptors}")
+    if last.descriptors > first.descriptors + 5:
+        bad.append(f"descriptors grow from {first.descriptors} to {last.descriptors}")
+    factors, skipped = (
+        measured([getattr(look, name) for look in looks]) for name in ("real_time_factor", "steps_skipped")
+    )
+    if factors:
+        print(f"real-time factor {factors[-1]:.4f}, {skipped[-1]:.0f} steps skipped")
+        if abs(factors[-1] - 1.0) > 1e-3:
+            bad.append(f"time drifts: the real-time factor is {factors[-1]:.4f}")
+    delays = measured([look.delay_p50_ms for look in looks])
+    print(f"command delay p50: median {median(delays):.3f} ms, at most {max(delays, default=nan):.3f} ms")
+    return bad
+
+
+def _judge_memory(looks: list[Observation], leak: float) -> list[str]:
+    """By what is the slave's alone: its share of the rest moves with whoever else uses it."""
+    first, last = looks[0], looks[-1]
+    slope, interval = trend([look.at_s for look in looks], [look.private for look in looks])
+    if isnan(slope):
+        print("memory: too few looks for a line")
+        return []
+    print(f"memory of its own: {first.private:.2f} -> {last.private:.2f} MiB; {slope:+.3f} MiB an hour "
+          f"({interval.low:+.3f} to {interval.high:+.3f}); in all {last.memory:.2f} MiB")  # fmt: skip
+    if last.at_s < LEAK_AFTER_S:
+        print(f"no verdict on memory: that takes {LEAK_AFTER_S / 60.0:.0f} minutes")
+        return []
+    grows = slope > leak and interval.low > 0.0
+    return [f"memory grows by {slope:.2f} MiB an hour"] if grows else []
+
+
+def _judge_returns(returns: list[float | None]) -> list[str]:
+    there = [seconds for seconds in returns if seconds is not None]
+    if not returns:
+        return []
+    slowest = max(there, default=nan)
+    print(f"the master came back {len(there)} of {len(returns)} times; first sample after {slowest:.3f} s at most")
+    missed = len(returns) - len(there)
+    bad = [f"a master that came back was not answered ({missed} of {len(returns)} times)"] if missed else []
+    return bad + ([f"a return took {slowest:.1f} s"] if slowest > LATE_S else [])
+
+
+def _record(found: Soak, findings: list[str], options: Any, labels: tuple[str, ...]) -> Record:
+    figures: dict[str, Figure] = {}
+    for field, name, unit, _ in SERIES:
+        values = [float(getattr(look, field)) for look in found.looks]
+        figures[name] = Figure(values, unit, "lower" if unit in ("MiB", "ms") else "", (len(values),))
+    figures["return"] = Figure([seconds for seconds in found.returns if seconds is not None], "s")
+    settings = {key: getattr(options, key) for key in ("scenario", "set", "hours", "every", "leave_every", "leak")}
+    details = {"found": findings, "silences": [silence._asdict() for silence in found.silences]}
+    return new_record("soak", settings, figures, labels, details)
+
+
+def _draw(found: Soak, record: Record, path: str) -> None:
+    plt = pyplot()
+    drawn = [row for row in SERIES if row[3]]
+    figure, panels = plt.subplots(len(drawn), 1, figsize=(10, 11), layout="constrained", sharex=True)
+    hours = [look.at_s / 3600.0 for look in found.looks]
+    for panel, (field, name, unit, _) in zip(panels, drawn, strict=True):
+        panel.plot(hours, [getattr(look, field) for look in found.looks])
+        panel.set(ylabel=f"{name} ({unit})" if unit not in ("", "steps") else name)
+        panel.ticklabel_format(axis="y", useOffset=False)
+        for at_s, seconds, _ in found.silences:
+            panel.axvspan(at_s / 3600.0, (at_s + seconds) / 3600.0, color="C3", alpha=0.2)
+    panels[-1].set(xlabel="time (h)")
+    figure.supxlabel(footer(record), fontsize="x-small", color="0.4")
+    try:
+        figure.savefig(path, dpi=110)
+    except (OSError, ValueError) as error:
+        raise ConfigError(f"{os.path.abspath(path)}: cannot be written: {error}") from None
+    finally:
+        plt.close(figure)

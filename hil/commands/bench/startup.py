@@ -1,0 +1,120 @@
+"""`uuv-hil bench startup`: measure a slave's start, cold and warm, phase by phase, beside bare interpreters."""
+
+from collections.abc import Callable
+from typing import Any
+
+from hil.bench.harness import Bench
+from hil.bench.record import Figure, new_record
+from hil.bench.startup_run import AT_MASTER, PHASES, coldness, files_of_a_start, floors, start, time_floor
+from hil.bench.statistics import median, spread
+from hil.commands.bench.options import (
+    add_json,
+    add_limits,
+    add_scenario,
+    check_outputs,
+    limits_of,
+    save_record,
+    show,
+)
+from hil.commands.bench.partial_failures import PartialFailures
+from hil.common.columns import aligned
+from hil.common.options import REPEAT, Number, changes_of, new_parser
+
+EXAMPLES = """\
+The slave and the interpreters start in turn. Warm: all files are in memory, from a start before. Cold: they have been
+dropped from the page cache before each start; by default only the files that a start reads, as root with
+--drop-caches all that the kernel keeps.
+
+examples:
+  uuv-hil bench startup
+  uuv-hil bench startup --runs 20 --most 0.35          exit code 1 when a warm start takes longer (s, median)
+  sudo uuv-hil bench startup --drop-caches
+  uuv-hil bench startup --cpu-quota 25% --json small.json
+"""
+LIMIT_BROKEN = 1
+MOST = Number(0.0, 3600.0, "s")
+
+Row = dict[str, float]  # what each phase of one start took, ms
+Series = dict[str, list[float]]
+
+
+def main(arguments: list[str]) -> int:
+    """Measure and print; 0, or 1 when a limit is broken. Raises HilError."""
+    parser = new_parser("bench startup", __doc__, EXAMPLES)
+    add_scenario(parser)
+    parser.add_argument("--runs", type=REPEAT, default=10, metavar="N", help="starts of each kind [%(default)s]")
+    parser.add_argument("--warm-only", action="store_true", help="leave the cold starts out")
+    parser.add_argument("--drop-caches", action="store_true", help="cold: drop all caches of the machine, as root")
+    parser.add_argument("--most", type=MOST, metavar="S", help="limit of a warm start, until the first sample")
+    add_limits(parser)
+    add_json(parser)
+    options = parser.parse_args(arguments)
+    check_outputs(options)
+    endings = PartialFailures()
+    found, how, labels = _measure(options, endings)
+    if not found:
+        endings.raise_first()
+    print(_text(found))
+    print(f"medians of {endings.most(options.runs)} starts each, (range of the middle half); ms")
+    for line in how:
+        print(line)
+    figures = {f"{row} [{kind}]": Figure(v, "ms") for kind, rows in found.items() for row, v in rows.items()}
+    settings = {key: getattr(options, key) for key in ("scenario", "set", "runs", "drop_caches")}
+    save_record(new_record("startup", settings, figures, (*labels, *endings.labels), {"cold": how}), options)
+    took = median(found["warm"]["all"]) / 1e3
+    broken = options.most is not None and not took <= options.most
+    if broken:
+        print(f"LIMIT BROKEN: a warm start takes {took:.3f} s, above {options.most:g} s")
+    endings.raise_first()
+    return LIMIT_BROKEN if broken else 0
+
+
+def _measure(options: Any, endings: PartialFailures) -> tuple[dict[str, Series], list[str], tuple[str, ...]]:
+    """By kind of start, those that there are; how cold was made; labels."""
+    rows: dict[str, list[Row]] = {}
+    labels: tuple[str, ...] = ()
+    words = ""
+    with endings.caught(), Bench(options.scenario, changes_of(options), limits_of(options)) as bench:
+        labels = bench.labels
+        show("the first start")
+        start(bench)  # the next tells of each module, and would bury the reason of one that fails
+        files = files_of_a_start(bench)
+        kinds = {"warm": _leave}
+        if not options.warm_only:
+            kinds["cold"], words = coldness(files, options.drop_caches)
+        for kind, before in kinds.items():
+            for number in range(options.runs):
+                endings.place = f"{kind}: {number + 1} of {options.runs}"
+                show(endings.place)
+                row = _start(bench, before)
+                rows.setdefault(kind, []).append(row)
+    show("")
+    found = {kind: {name: [row[name] for row in of_kind] for name in of_kind[0]} for kind, of_kind in rows.items()}
+    return found, [f"cold: {words}"] if "cold" in found else [], labels
+
+
+def _start(bench: Bench, before: Callable[[], None]) -> Row:
+    """One start of the slave and one of each bare interpreter. Raises NetworkError."""
+    before()
+    slave = start(bench)
+    bare: Row = {}
+    for name, code in floors().items():
+        before()
+        bare[name] = time_floor(bench, code)
+    phases = slave.phases()
+    return {**{name: phases[name] for name in (*PHASES.values(), AT_MASTER)}, "all": slave.total, **bare}
+
+
+def _leave() -> None:
+    """Warm: nothing is dropped."""
+
+
+def _text(found: dict[str, Series]) -> str:
+    names = list(next(iter(found.values())))
+    rows = [["phase", *found]]
+    rows += [[name, *(_cell(series[name]) for series in found.values())] for name in names]
+    return "\n".join(aligned(rows, rule=True))
+
+
+def _cell(values: list[float]) -> str:
+    return f"{median(values):.1f} ({spread(values):.1f})" if len(values) > 1 else f"{median(values):.1f}"

@@ -1,0 +1,161 @@
+"""`uuv-hil bench stream`: measure what reaches the master of every topic: rate, loss, age and bandwidth."""
+
+from contextlib import ExitStack
+from math import isnan
+from typing import Any
+
+from hil.bench.harness import ONE_VEHICLE, Bench, labels_of
+from hil.bench.limits import Limits
+from hil.bench.record import Better, Figure, new_record
+from hil.bench.statistics import median
+from hil.bench.stream_run import Listener, Listening, Stream, missing
+from hil.commands.bench.options import (
+    add_json,
+    add_limits,
+    add_scenario,
+    check_outputs,
+    limits_of,
+    save_record,
+    show,
+)
+from hil.commands.bench.partial_failures import PartialFailures
+from hil.common.columns import aligned
+from hil.common.errors import ConfigError
+from hil.common.options import DAY_S, ENDPOINT, REPEAT, Number, changes_of, new_parser
+from hil.scenario.config import load_single
+
+EXAMPLES = """\
+Loss is by sequence numbers, "missing" what the nominal rate leaves to be wished for: what was never sent is in it too.
+Age is from publish to receipt by the estimated offset of the two clocks (0 on one machine). Topics that a slave of the
+scenario should send and does not have a row of 0 Hz. A vehicle elsewhere is only listened to; without --slave one is
+started here.
+
+examples:
+  uuv-hil bench stream --seconds 30
+  uuv-hil bench stream --slave tcp/192.168.3.116:7447 --json wlan.json
+  uuv-hil bench stream --set sensors.laser.rate=20 --set sensors.imu.rate=400
+  uuv-hil bench stream --repeat 5 --json today.json            enough for `uuv-hil bench compare`
+"""
+# What goes into the record: a field of Stream, what it is called there, its unit, what makes it that, which is better.
+SECONDS = Number(1.0, DAY_S, "s")
+ROWS: tuple[tuple[str, str, str, float, Better], ...] = (
+    ("rate", "rate", "Hz", 1.0, "higher"),
+    ("loss", "loss", "%", 100.0, "lower"),
+    ("missing", "missing", "%", 100.0, "lower"),
+    ("age_p50", "age p50", "ms", 1.0, "lower"),
+    ("age_p99", "age p99", "ms", 1.0, "lower"),
+    ("bytes_s", "bandwidth", "bytes/s", 1.0, ""),
+)
+
+
+def main(arguments: list[str]) -> int:
+    """Measure and print; the exit code. Raises HilError."""
+    options = _parser().parse_args(arguments)
+    check_outputs(options)
+    if options.slave and (options.set or limits_of(options) != Limits()):
+        raise ConfigError(
+            "command line: --set, --cpus, --cpu-quota and --memory change a slave started here, not --slave; "
+            "start that one as it shall be, and give its scenario as a file"
+        )
+    runs: list[Listening] = []
+    labels: tuple[str, ...] = ()
+    endings = PartialFailures()
+    with endings.caught():
+        for number in range(options.repeat):
+            endings.place = f"run {number + 1} of {options.repeat}"
+            heard, labels = _listen(options, endings.place)
+            runs.append(heard)
+    show("")
+    if not runs:
+        endings.raise_first()
+    streams = _by_topic(runs)
+    print("\n".join(_table(streams)))
+    if options.repeat > 1:
+        print(f"medians of {endings.most(options.repeat)} runs of {options.seconds:g} s")
+    dead = [topic for topic, of_runs in streams.items() if _dead(of_runs, options.seconds)]
+    if dead:
+        print(f"nothing came on {', '.join(dead)}, though a slave of this scenario should send it")
+    warnings = list(dict.fromkeys(warning for heard in runs for warning in heard.warnings))
+    for warning in warnings:
+        print(f"WARNING: {warning}")
+    settings = {key: getattr(options, key) for key in ("scenario", "set", "slave", "seconds", "repeat")}
+    figures = _figures(streams, bool(options.slave))
+    save_record(new_record("stream", settings, figures, (*labels, *endings.labels), {"warnings": warnings}), options)
+    endings.raise_first()
+    return 0
+
+
+def _parser() -> Any:
+    parser = new_parser("bench stream", __doc__, EXAMPLES)
+    add_scenario(parser)
+    add = parser.add_argument
+    add("--slave", metavar="ENDPOINT", type=ENDPOINT, help="a slave elsewhere [one is started here]")
+    add("--seconds", type=SECONDS, default=10.0, metavar="S", help="[%(default)s]")
+    add("--repeat", type=REPEAT, default=1, metavar="N", help="whole runs, each with a slave of its own [%(default)s]")
+    add_limits(parser)
+    add_json(parser)
+    return parser
+
+
+def _listen(options: Any, place: str) -> tuple[Listening, tuple[str, ...]]:
+    """One run, and the labels of its figures."""
+
+    def watch(share: float) -> None:
+        show(f"{place}: listening for {options.seconds:g} s {min(share, 1.0):4.0%}")
+
+    with ExitStack() as stack:
+        stack.callback(show, "")
+        if options.slave:
+            show(f"{place}: waiting for {options.slave}")
+            listener = stack.enter_context(Listener(options.slave, load_single(options.scenario, remedy=ONE_VEHICLE)))
+            heard = listener.listen(options.seconds, None, watch)
+            return heard, labels_of(listener.client.diagnostics())
+        bench = stack.enter_context(Bench(options.scenario, changes_of(options), limits_of(options)))
+        slave = bench.start_slave()
+        listener = stack.enter_context(Listener(bench.endpoint, bench.scenario))
+        return listener.listen(options.seconds, slave, watch), bench.labels
+
+
+def _by_topic(runs: list[Listening]) -> dict[str, list[Stream]]:
+    found: dict[str, list[Stream]] = {}
+    for heard in runs:
+        for stream in heard.streams:
+            found.setdefault(stream.topic, []).append(stream)
+    return dict(sorted(found.items()))
+
+
+def _dead(streams: list[Stream], seconds: float) -> bool:
+    """Return whether nothing came in all runs of so long, and more than one message was due in them."""
+    silent = not any(stream.rate for stream in streams)
+    return silent and missing(0, streams[0].nominal, len(streams) * seconds) > 0.0
+
+
+def _values(streams: list[Stream], field: str) -> list[float]:
+    """That field of each run, but for those where it could not be had."""
+    return [value for value in (getattr(stream, field) for stream in streams) if not isnan(value)]
+
+
+def _table(streams: dict[str, list[Stream]]) -> list[str]:
+    rows = [["topic", "Hz", "nominal", "loss", "missing", "age p50 ms", "p99 ms", "kB/s"]]
+    forms = {"rate": "{:.1f}", "nominal": "{:g}", "loss": "{:.3%}", "missing": "{:.3%}"}
+    forms |= {"age_p50": "{:.3f}", "age_p99": "{:.3f}"}
+    total = [0.0, 0.0]
+    for topic, of_runs in streams.items():
+        cells = [forms[field].format(median(values)) if (values := _values(of_runs, field)) else "-" for field in forms]
+        rate, bytes_s = (median(_values(of_runs, field)) for field in ("rate", "bytes_s"))
+        rows.append([topic, *cells, f"{bytes_s / 1e3:.2f}"])
+        total = [total[0] + rate, total[1] + bytes_s]
+    rows.append(["all", f"{total[0]:.1f}", *[""] * 5, f"{total[1] / 1e3:.2f}"])
+    return aligned(rows, rule=True)
+
+
+def _figures(streams: dict[str, list[Stream]], elsewhere: bool) -> dict[str, Figure]:
+    """Return a value for each run, which is a start of the slave unless that is `elsewhere`."""
+    found: dict[str, Figure] = {}
+    for topic, of_runs in streams.items():
+        for field, name, unit, factor, better in ROWS:
+            values = [factor * value for value in _values(of_runs, field)]
+            if values:
+                runs = (len(values),) if elsewhere else (1,) * len(values)
+                found[f"{topic} {name}"] = Figure(values, unit, better, runs)
+    return found

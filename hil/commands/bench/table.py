@@ -1,0 +1,236 @@
+"""`uuv-hil bench table`: measure the reference platform's HIL table for this machine, or for boards on the network."""
+
+import os
+from typing import Any
+
+from boards import Board, load_board
+from boards.health import recognise
+from boards.tree import Tree
+from hil.bench.harness import Bench, await_vehicle, labels_of
+from hil.bench.record import Figure, Record, load, new_record, write_text
+from hil.bench.table import boards as board_table
+from hil.bench.table.boards import HERE, Column
+from hil.bench.table.hil_table import PAPER_NOTE
+from hil.bench.table.run import Run, figures, fly
+from hil.commands.bench.options import (
+    add_json,
+    add_limits,
+    add_scenario,
+    check_outputs,
+    limits_of,
+    save_record,
+    show,
+)
+from hil.commands.bench.partial_failures import PartialFailures
+from hil.common.errors import ConfigError
+from hil.common.options import DAY_S, ENDPOINT, REPEAT, Number, changes_of, new_parser
+from hil.common.process import boot_id
+from hil.common.schema import preset_names
+from hil.ros.diagnostics import Diagnostics, shown
+
+EXAMPLES = """\
+Each repetition flies the scenario for --seconds with a master process of its own, and without --slave with a slave
+process of its own, started once the master dials. One start before them warms the caches and is not counted. What
+each figure is exactly: docs/explanation/benchmark.md.
+
+A slave elsewhere is not started again: its start-up is only measured when it is started while this waits for it.
+
+examples:
+  uuv-hil bench table                                  this machine, beside the reference platform's boards
+  uuv-hil bench table --check                          exit code 1 when a budget of the board is missed
+  uuv-hil bench table --cpu-quota 25% --memory 512M --cpus 0      a laptop as a small board
+  uuv-hil bench table --slave tcp/192.168.3.116:7447 --slave tcp/192.168.3.117:7447 --markdown boards.md
+  uuv-hil bench table --json today.json --against yesterday.json --png table.png
+"""
+BUDGET_MISSED = 1
+SECONDS = Number(1.0, DAY_S, "s")
+OF_SLAVE_ALONE = ("slave.", "stm32", "link.", "sensors.")  # keys of a scenario that say nothing to its master
+
+
+def main(arguments: list[str]) -> int:
+    """Measure and print; 0, or 1 with --check when a budget is missed. Raises HilError.
+
+    When a run fails after others, or is stopped, those are told all the same before it is raised.
+    """
+    options = _parser().parse_args(arguments)
+    check_outputs(options)
+    earlier = [column for path in options.against for column in _earlier(path)]
+    if options.slave and (options.cpus or options.cpu_quota or options.memory):
+        raise ConfigError("command line: --cpus, --cpu-quota and --memory limit a slave started here, not --slave")
+    unheard = [key for key in changes_of(options) if key.startswith(OF_SLAVE_ALONE) and key != "slave.node"]
+    if options.slave and unheard:
+        raise ConfigError(f"command line: --set {unheard[0]}: nobody tells a slave elsewhere; set it there")
+    board = _board(options)
+    endings = PartialFailures()
+    record = _measure(options, endings)
+    ours = board_table.columns_of(record)
+    columns = [*board_table.paper(), *earlier, *(_named(column) for column in ours)]
+    print(board_table.text(columns))
+    print(PAPER_NOTE)
+    for line in filter(None, (_ratios(_named(column), record) for column in ours)):
+        print(line)
+    print(f"medians of {endings.most(options.repeat)} runs of {options.seconds:g} s; (range of the middle half)")
+    for line in (*board_table.remarks(earlier), *_said(record)):
+        print(line)
+    save_record(record, options)
+    _write(columns, options)
+    broken = _check(ours, record, board) if options.check else 0
+    endings.raise_first()
+    return broken
+
+
+def _parser() -> Any:
+    parser = new_parser("bench table", __doc__, EXAMPLES)
+    add_scenario(parser)
+    add = parser.add_argument
+    add(
+        "--slave",
+        action="append",
+        default=[],
+        metavar="ENDPOINT",
+        type=ENDPOINT,
+        help="a slave elsewhere; may be given several times",
+    )
+    add("--repeat", type=REPEAT, default=5, metavar="N", help="repetitions [%(default)s]")
+    add("--seconds", type=SECONDS, default=10.0, metavar="S", help="of flight in each [%(default)s]")
+    add("--against", action="append", default=[], metavar="FILE", help="an earlier --json beside it")
+    add("--check", action="store_true", help="against the budgets of the board")
+    add("--board", metavar="NAME", help="whose budgets [recognised]")
+    add_limits(parser)
+    add_json(parser)
+    add("--csv", metavar="FILE", help="the table as CSV")
+    add("--markdown", metavar="FILE", help="the table as Markdown")
+    add("--png", metavar="FILE", help="the table as a picture")
+    return parser
+
+
+def _measure(options: Any, endings: PartialFailures) -> Record:
+    """Return the record. What ended the runs of a slave before their time is raised when there is none at all."""
+    changes = {"recording.master": False, **changes_of(options), "master.time_limit": options.seconds}
+    found: dict[str, Figure] = {}
+    details: dict[str, Any] = {}
+    labels: list[str] = []
+    for endpoint in options.slave or [""]:
+        name = endpoint or HERE
+        runs: list[Run] = []
+        endings.place = f"{name}: run 1 of {options.repeat}"
+        with endings.caught(), Bench(options.scenario, changes, limits_of(options)) as bench:
+            labels += bench.labels
+            _repeat(bench, options.repeat, endpoint, runs, endings)
+        show("")
+        if runs:
+            labels += labels_of(runs[-1].slave) if endpoint else ()
+            found |= {f"{row} @ {endpoint}" if endpoint else row: figure for row, figure in figures(runs).items()}
+            details[name] = {
+                "slave": runs[-1].slave.raw,
+                "notes": sorted({text for run in runs for text in run.notes}),
+                "warnings": sorted({text for run in runs for text in run.warnings}),
+            }
+        if endings.stopped:
+            break
+    if not found:
+        endings.raise_first()
+    settings = {key: getattr(options, key) for key in ("scenario", "set", "slave", "repeat", "seconds")}
+    return new_record("table", settings, found, dict.fromkeys((*labels, *endings.labels)), details)
+
+
+def _repeat(bench: Bench, times: int, endpoint: str, runs: list[Run], endings: PartialFailures) -> None:
+    """Add runs, one by one, so that those before one that fails are not lost. Raises HilError."""
+    if not endpoint:
+        show("warming the caches")
+        warm = bench.start_slave()
+        with bench.client() as client:
+            await_vehicle(client, warm)
+        warm.stop()
+    for number in range(times):
+        endings.place = f"{endpoint or HERE}: run {number + 1} of {times}"
+        show(endings.place)
+        runs.append(fly(bench, number, endpoint))
+
+
+def _earlier(path: str) -> list[Column]:
+    record = load(path)
+    if record.kind != "table":
+        raise ConfigError(f"{path}: is a result of `uuv-hil bench {record.kind}`, not of `bench table`")
+    name = os.path.basename(path).removesuffix(".json")
+    return [*board_table.columns_of(record, name)]
+
+
+def _ratios(column: Column, record: Record) -> str:
+    """Against the reference platform, if that had the board that this slave says it runs on."""
+    return board_table.ratios(column, Diagnostics(record.details[column.title]["slave"]).board or "")
+
+
+def _named(column: Column) -> Column:
+    return column._replace(title=column.title or HERE)
+
+
+def _write(columns: list[Column], options: Any) -> None:
+    if options.csv:
+        write_text(options.csv, board_table.comma_separated(columns))
+    if options.markdown:
+        write_text(options.markdown, board_table.markdown(columns) + "\n")
+    if options.png:
+        board_table.draw(columns, options.png)
+
+
+def _said(record: Record) -> list[str]:
+    machine = record.machine
+    lines = [
+        f"master here: {machine['cpu']}, {machine['cores']} cores, {machine['kernel']}, Python {machine['python']}, "
+        f"load {machine['load']:.1f}",
+    ]
+    for name, detail in record.details.items():
+        slave = Diagnostics(detail["slave"])
+        compiled = "" if slave.bytecode_compiled else ", bytecode NOT compiled before the start"
+        lines.append(
+            f"slave {name}: {shown(slave.board)}, Python {shown(slave.python)}, "
+            f"{shown(slave.loop_rate_hz, '.0f')} Hz, link {shown(slave.link_port)}{compiled}"
+        )
+        lines += [f"note: {note}" for note in detail["notes"]]
+        lines += [f"WARNING: (!) is not to be trusted: {text}" for text in detail["warnings"]]
+    return lines
+
+
+def _check(columns: list[Column], record: Record, board: Board | None) -> int:
+    """Hold each against its budgets, and say which are missed. Raises ConfigError when a slave has none."""
+    broken = []
+    for column in columns:
+        its = board or _board_of(column.title, Diagnostics(record.details[column.title or HERE]["slave"]))
+        broken += [f"{its.name}: {text}" for text in board_table.missed(column, its.budgets)]
+    for text in broken:
+        print(f"BUDGET MISSED: {text}")
+    if not broken:
+        print("every budget is kept")
+    return BUDGET_MISSED if broken else 0
+
+
+def _board(options: Any) -> Board | None:
+    """Return the one wished for, else this machine's if it is to be checked; None: slaves elsewhere say theirs.
+
+    Raises ConfigError.
+    """
+    if options.board:
+        return load_board(options.board)
+    if options.slave or not options.check:
+        return None
+    found = recognise(Tree())
+    if found is None:
+        raise ConfigError(f"no budgets for this machine; {_remedy()}")
+    return found
+
+
+def _board_of(endpoint: str, slave: Diagnostics) -> Board:
+    """Return the board that a slave says it is, or this machine's where it runs here. Raises ConfigError."""
+    said = slave.board or ""
+    boards = map(load_board, preset_names("boards"))
+    found = next((board for board in boards if board.name == said), None)
+    if found is None and slave.boot_id == boot_id():
+        found = recognise(Tree())
+    if found is None:
+        raise ConfigError(f"no budgets for {endpoint}, which says that its board is {said!r}; {_remedy()}")
+    return found
+
+
+def _remedy() -> str:
+    return f"name a board with --board NAME: {', '.join(preset_names('boards'))}"

@@ -1,0 +1,1 @@
+"""`uuv-hil board` and its subcommands."""

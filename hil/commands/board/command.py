@@ -1,0 +1,196 @@
+"""`uuv-hil board`: identify this single-board computer; install the slave as its service."""
+
+import argparse
+import json
+import os
+
+from boards import Board, load_board, model
+from boards.health import Throttling, governors, recognise, temperature, throttling
+from boards.tree import Tree, architecture
+from hil.common.columns import aligned
+from hil.common.errors import ConfigError
+from hil.common.options import ENDPOINT, new_parser
+from hil.common.schema import preset_names
+
+EXAMPLES = """\
+install tries whether the slave would start as the user, then writes a unit for systemd with a watchdog, rules for
+udev, limits for real-time scheduling, for a CAN link the unit that sets its bit rate, and where NetworkManager is, that
+it does not let the wlan save power. It shows every change first and asks; uninstall puts back what was there.
+
+examples:
+  uuv-hil board                                          what this machine is
+  uuv-hil board --sources                                and where that was read
+  uuv-hil board list                                     all boards that are known
+  uuv-hil board install mine.toml --user uuv --dry-run   only show it
+  sudo .venv/bin/uuv-hil board install mine.toml --user uuv --listen tcp/0.0.0.0:7447
+  sudo .venv/bin/uuv-hil board uninstall
+"""
+# What each action can be told.
+OPTIONS = {
+    "show": ("board", "root", "json", "sources"),
+    "list": ("json",),
+    "install": ("scenario", "board", "root", "user", "listen", "member", "dry_run", "yes"),
+    "uninstall": ("root", "dry_run", "yes"),
+}
+
+
+def main(arguments: list[str]) -> int:
+    """Show the board, list all, install or uninstall the service; the exit code. Raises HilError."""
+    parser = _parser()
+    options = parser.parse_intermixed_args(arguments)  # parse_args wants both words on the same side of the options
+    for name, value in vars(options).items():
+        if name not in ("action", *OPTIONS[options.action]) and value != parser.get_default(name):
+            raise ConfigError(f"{options.action}: {_misplaced(name, value)}")
+    tree = Tree(options.root)
+    if not os.path.isdir(options.root):
+        raise ConfigError(f"--root: {options.root}: no such folder")
+    if options.action in ("install", "uninstall"):
+        from hil.commands.board import service as board_service
+
+        return (board_service.install if options.action == "install" else board_service.uninstall)(tree, options)
+    if options.action == "list":
+        print(json.dumps(boards_json()) if options.json else listing())
+        return 0
+    here = load_board(options.board) if options.board else recognise(tree)
+    if options.json:
+        print(json.dumps(to_json(tree, here)))
+    else:
+        print(describe(tree, here) + (sources(here) if here and options.sources else ""))
+    return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = new_parser("board", __doc__, EXAMPLES)
+    parser.add_argument("action", nargs="?", choices=tuple(OPTIONS), default="show")
+    parser.add_argument("scenario", metavar="SCENARIO", nargs="?", help="install: what the service is to run")
+    parser.add_argument("--board", metavar="NAME", help="show, install: the single-board computer this is [recognised]")
+    parser.add_argument("--root", metavar="PATH", default="/", help="where the machine's /proc, /sys, /etc are [/]")
+    parser.add_argument("--json", action="store_true", help="show, list: for other programs")
+    parser.add_argument("--sources", action="store_true", help="show: also where each of it was read")
+    parser.add_argument("--user", metavar="NAME", help="install: who runs the slave [who called sudo]")
+    parser.add_argument(
+        "--listen", metavar="ENDPOINT", type=ENDPOINT, help="install: where masters connect [the scenario's]"
+    )
+    parser.add_argument("--member", metavar="NAME", help="install: which vehicle of a fleet this is, or its number")
+    parser.add_argument("--dry-run", action="store_true", help="install, uninstall: only show what would change")
+    parser.add_argument("--yes", action="store_true", help="install, uninstall: do not ask")
+    return parser
+
+
+def _misplaced(name: str, value: str) -> str:
+    """Return what to say of an option, or of a scenario, that the action has no use for."""
+    given = f"the scenario {value}" if name == "scenario" else f"--{name.replace('_', '-')}"
+    return f"{given} goes only with {', '.join(action for action, names in OPTIONS.items() if name in names)}"
+
+
+def listing() -> str:
+    """One line a board."""
+    rows: list[tuple[str, ...]] = [("preset", "board", "processor", "serial port", "CAN")]
+    for name in preset_names("boards"):
+        board = load_board(name)
+        can = board.can[0].controller.partition(",")[0] if board.can else "-"
+        rows.append((name, board.name, board.cpu, board.uart or "-", can))
+    return "\n".join(aligned(rows))
+
+
+def boards_json() -> dict[str, object]:
+    """Return all that is known of every board, by preset."""
+    return {name: _plain(load_board(name)) for name in preset_names("boards")}
+
+
+def describe(tree: Tree, board: Board | None) -> str:
+    """Return what the machine is and how it does, as text for a terminal."""
+    told = model(tree.root)
+    if board is None:
+        return f"none of the boards known: {told or 'nameless'}, {architecture(tree) or 'unknown architecture'}"
+    rows = [
+        ("processor", board.cpu),
+        ("memory", _memory(tree, board)),
+        ("system", board.system),
+        ("wlan", board.wlan),
+        ("temperature", _warmth(tree, board)),
+        ("throttled", _throttled(throttling(tree, board))),
+        ("governor", ", ".join(f"{name} ({count} processors)" for name, count in governors(tree).items())),
+    ]
+    parts = [f"{board.name}" + (f' (calls itself "{told}")' if told else "")]
+    parts += aligned([(f"  {name}", text or "not told") for name, text in rows])
+    for port in board.serial:
+        parts.append(f"{port.device} {_there(tree, port.device)}: {port.at}" + _needs(port.needs))
+    for bus in board.can:
+        there = _there(tree, f"/sys/class/net/{bus.interface}")
+        parts.append(f"{bus.interface} {there}: {bus.controller}" + _needs(bus.needs))
+    for mode in board.power:
+        watts = f", {mode.watts:g} W" if mode.watts else ""
+        parts.append(f"power mode {mode.name}: {mode.cores} cores{watts} ({mode.command})")
+    asked, most = board.recommended, board.budgets
+    parts.append(
+        f"recommended: step {asked.step * 1e3:g} ms, control_period {asked.control_period * 1e3:g} ms, at most "
+        f"{asked.core_share:.0%} of a core and {asked.memory:g} MiB"
+    )
+    parts.append(
+        f"budgets: start {most.startup:g} s, memory {most.memory:g} MiB, {most.slave_cpu:.0%} of a core, delay of a "
+        f"command {most.delay_p50 * 1e3:g} ms (median), {most.delay_p99 * 1e3:g} ms (99 %)"
+    )
+    return "\n".join(parts)
+
+
+def sources(board: Board) -> str:
+    """Return where each statement about a board was read, a line each."""
+    rows = [("board", board.source), *board.sources.items()]
+    rows += [(port.device, port.source) for port in board.serial]
+    rows += [(bus.interface, bus.source) for bus in board.can]
+    rows += [(f"power mode {mode.name}", mode.source) for mode in board.power]
+    rows += [("recommended", board.recommended.source), ("budgets", board.budgets.reason)]
+    return "\n".join(["\nsources:", *aligned([(f"  {name}", text) for name, text in rows])])
+
+
+def to_json(tree: Tree, board: Board | None) -> dict[str, object]:
+    """Return the same as plain values."""
+    slow = throttling(tree, board)
+    return {
+        "model": model(tree.root),
+        "board": board.name if board else None,
+        "profile": _plain(board) if board else None,
+        "ports": {port.device: tree.exists(tree.resolve(port.device)) for port in board.serial} if board else {},
+        "temperature": temperature(tree, board),
+        "throttling": slow._asdict(),
+        "governors": governors(tree),
+    }
+
+
+def _plain(value: object) -> object:
+    """Records as dicts, however deep."""
+    if isinstance(value, tuple):
+        fields = getattr(value, "_asdict", None)
+        return {key: _plain(item) for key, item in fields().items()} if fields else [_plain(item) for item in value]
+    return value
+
+
+def _memory(tree: Tree, board: Board) -> str:
+    sold = ", ".join(f"{size / 1024:g}" for size in board.ram)
+    _, _, after = tree.text("/proc/meminfo").partition("MemTotal:")
+    here = after.split()[0] if after else ""
+    texts = (f"sold with {sold} GiB" if sold else "", f"{int(here) / 2**20:.2f} GiB here" if here.isdigit() else "")
+    return "; ".join(text for text in texts if text)
+
+
+def _warmth(tree: Tree, board: Board) -> str:
+    value = temperature(tree, board)
+    limit = f", slows down from {board.throttles_at:g} °C" if board.throttles_at else ""
+    return f"{value:.1f} °C{limit}" if value is not None else ""
+
+
+def _throttled(slow: Throttling) -> str:
+    before = f"since boot: {', '.join(slow.before)}" if slow.before else ""
+    return "; ".join(filter(None, (", ".join(slow.now), before))) or ("no" if slow.known else "")
+
+
+def _there(tree: Tree, name: str) -> str:
+    real = tree.resolve(name)
+    if not tree.exists(real):
+        return "(not there)"
+    return f"({real})" if real != name and real.startswith("/dev/") else "(there)"
+
+
+def _needs(text: str) -> str:
+    return f"\n    needs {text}" if text else ""

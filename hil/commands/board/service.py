@@ -1,0 +1,141 @@
+"""`uuv-hil board install` and `uninstall`: show what will be done, and do it when that is agreed to."""
+
+import argparse
+import getpass
+import os
+import subprocess
+import sys
+from collections.abc import Sequence
+
+from boards import load_board
+from boards.health import recognise
+from boards.tree import Tree
+from hil.common.errors import ConfigError
+from hil.doctor.board import memory_limit
+from hil.doctor.findings import Case, User, accounts
+from hil.install import changes as board_changes
+from hil.install import check as board_check
+from hil.install import units as board_install
+from hil.install.changes import Plan
+from hil.install.units import MANAGER, NAME, Service
+
+Command = tuple[str, ...]
+RELOAD = ("systemctl", "daemon-reload")
+# All that the rules are for: a change is as good as an addition to them.
+UDEV = [
+    ("udevadm", "control", "--reload"),
+    ("udevadm", "trigger", *(f"--subsystem-match={name}" for name in ("tty", "misc", "net", "usb", "usb-serial"))),
+]
+KEPT = ("/var/lib/uuv-hil", "/var/cache/uuv-hil")  # the unit's StateDirectory and CacheDirectory
+
+
+def install(tree: Tree, options: argparse.Namespace) -> int:
+    """Make the slave a service; the exit code. Raises HilError, and then nothing was changed."""
+    if not options.scenario:
+        raise ConfigError("install: which scenario is the service to run? Give its file or name")
+    user = options.user or os.environ.get("SUDO_USER") or getpass.getuser()
+    check_user(tree, user)
+    here = load_board(options.board) if options.board else recognise(tree)
+    scenario = board_check.read(options.scenario, options.listen, options.member)
+    service = Service(scenario, options.scenario, user, options.listen, options.board, options.member)
+    plan = board_changes.plan_install(tree, board_install.texts(tree, service, here))
+    board_check.check(tree, service)
+    for finding in memory_limit(Case(tree, here, scenario, User(user, 0, ()))):
+        print(f"note: {finding.text} -> {finding.remedy}")
+    for left_out in (board_install.device_left_out(scenario), board_install.firewall_missing(tree, service)):
+        if left_out:
+            print(f"note: {left_out}")
+    _tell_changed(plan)
+    if not plan.changes:
+        print("everything is installed as it should be")
+        return 0
+    before = _leaving([change.path for change in plan.removed])
+    enable = ("systemctl", "enable", *units([change.path for change in plan.written]))
+    after = [RELOAD, *([enable] if enable[2:] else []), *UDEV, *_manager(plan)]
+    if _agreed(tree, plan, [*before, *after], options):
+        board_changes.check_permission(tree, plan)
+        _run(tree, before)
+        board_changes.carry_out(tree, plan)
+        _run(tree, after)
+        print("installed; start it with: sudo systemctl restart uuv-hil, follow it with: journalctl -fu uuv-hil")
+    return 0
+
+
+def uninstall(tree: Tree, options: argparse.Namespace) -> int:
+    """Put back what was there; the exit code. Raises HilError, and then nothing was changed."""
+    plan = board_changes.plan_uninstall(tree)
+    _tell_changed(plan)
+    before = _leaving([*(change.path for change in plan.removed), *plan.changed])
+    after = [RELOAD, UDEV[0], *_manager(plan)]
+    if _agreed(tree, plan, [*before, *after], options):
+        board_changes.check_permission(tree, plan)
+        _run(tree, before)
+        board_changes.carry_out(tree, plan)
+        _run(tree, after)
+        again = f"once that is taken away, uninstall again, which ends the record of it, {board_changes.MANIFEST}"
+        print(f"uninstalled but for what stays; {again}" if plan.changed else "uninstalled")
+        kept = [folder for folder in KEPT if tree.exists(folder)]
+        if kept:
+            print(f"what the service kept is still there; take it away with: sudo rm -r {' '.join(kept)}")
+    return 0
+
+
+def units(paths: Sequence[str]) -> list[str]:
+    """Return the names of the units among `paths`."""
+    return [os.path.basename(path) for path in paths if path.endswith(".service")]
+
+
+def check_user(tree: Tree, user: str) -> None:
+    """Raises ConfigError for root and for users the machine does not have."""
+    if user in ("root", "0") or not NAME.fullmatch(user):
+        raise ConfigError(
+            f"--user: {user!r} cannot be meant: name the user that the slave is to run as; it needs no root"
+        )
+    known = [row.name for row in accounts(tree, "/etc/passwd")]
+    if known and user not in known:
+        raise ConfigError(f"--user: there is no user {user!r} here; make one: sudo useradd --system -G dialout {user}")
+
+
+def _tell_changed(plan: Plan) -> None:
+    for path in plan.changed:
+        print(f"{path}: changed since it was written; it stays; take it away with: sudo rm {path}")
+
+
+def _leaving(paths: Sequence[str]) -> list[Command]:
+    """Return what ends units before their files go; those that had failed would stay in systemd's list."""
+    names = units(paths)
+    return [("systemctl", "disable", "--now", *names), ("systemctl", "reset-failed", *names)] if names else []
+
+
+def _manager(plan: Plan) -> list[Command]:
+    """Return what makes NetworkManager, where it runs, read its settings again."""
+    changed = any(change.path == MANAGER for change in plan.changes)
+    return [("systemctl", "try-reload-or-restart", "NetworkManager")] if changed else []
+
+
+def _agreed(tree: Tree, plan: Plan, commands: list[Command], options: argparse.Namespace) -> bool:
+    """Show everything that will be done, and ask; whether it is wanted."""
+    for change in plan.changes:
+        print(board_changes.show(change), end="\n\n")
+    for command in commands if tree.live else ():
+        print("run", *command)
+    if options.dry_run or options.yes:
+        return not options.dry_run
+    if not sys.stdin.isatty():
+        raise ConfigError("nobody can be asked here: look at it with --dry-run, do it with --yes")
+    return input("do this? [y/N] ").strip().lower() in ("y", "yes")
+
+
+def _run(tree: Tree, commands: list[Command]) -> None:
+    """On the machine itself only; what fails is said and does not stop the rest."""
+    for command in commands if tree.live else ():
+        if "reset-failed" in command:
+            tree.run(*command)  # what had not failed is an error to it, and none to us
+            continue
+        try:
+            done = subprocess.run(command, check=False)
+        except OSError as error:
+            print(f"{' '.join(command)}: {error.strerror}", file=sys.stderr)
+            continue
+        if done.returncode:
+            print(f"{' '.join(command)}: exit code {done.returncode}", file=sys.stderr)

@@ -1,0 +1,162 @@
+"""`uuv-hil campaign`: run a mission many times in simulated time, with other seeds and parameters, on all cores."""
+
+import csv
+import itertools
+import json
+import math
+import statistics
+import time
+from collections.abc import Sequence
+from contextlib import closing
+
+from hil.bench.record import check_writable
+from hil.bench.table.hil_table import without_nan
+from hil.cases.simulated import fly
+from hil.commands.campaign.engines import CLUSTERS, Changes, Row, Task, run_here, run_on_cluster
+from hil.commands.campaign.files import collect
+from hil.common.columns import aligned
+from hil.common.errors import ConfigError, HilError
+from hil.common.options import JOBS, SEEDS, new_parser
+from hil.common.progress_line import ProgressLine
+from hil.common.schema import shortened
+from hil.common.stop import every_end_like_ctrl_c
+from hil.common.tables import value_of
+from hil.master.flight import prepare
+from hil.scenario.config import load_scenario, load_single
+from sim.run_events import KINDS
+
+EXAMPLES = """\
+Every combination of the values given with --vary is run with every seed. A key is written as in the
+scenario file, with dots for sections; a value as in TOML, or as plain text.
+
+examples:
+  uuv-hil campaign paper_field --seeds 20
+  uuv-hil campaign paper_field --seeds 10 --vary master.speed=0.5,0.7,0.9 -o speeds.csv
+  uuv-hil campaign paper_field --vary sensors.odometry.horizontal.bias=0.1,0.5,1.0 --seeds 5
+
+joblib runs it on this machine. `--backend dask` sends the runs to the cluster whose scheduler DASK_SCHEDULER_ADDRESS
+names, `--backend ray` to that of RAY_ADDRESS, else to one that is made on this machine (pip install
+'uuv-hil[cluster]'). The content of the scenario's files goes along; workers need the same version of uuv-hil.
+"""
+MOST_COMBINATIONS = 10_000
+MOST_RUNS = 1_000_000
+METRICS = ("duration", "travelled", "goal_error", "cross_track_max", "least_clearance")
+
+
+def main(arguments: list[str]) -> int:
+    """Run the campaign; 0 when every run reached its goal and nothing went wrong in any, else 6."""
+    parser = new_parser("campaign", __doc__, EXAMPLES)
+    parser.add_argument("scenario", metavar="SCENARIO")
+    parser.add_argument("--seeds", type=SEEDS, default=10, metavar="N", help="seeds 1 to N [%(default)s]")
+    parser.add_argument("--vary", action="append", default=[], metavar="KEY=A,B,...", help="may be given several times")
+    parser.add_argument("--jobs", type=JOBS, default=-1, metavar="N", help="processes at once [all cores]")
+    parser.add_argument("--backend", default="loky", help="joblib's: loky, threading, dask, ray [%(default)s]")
+    parser.add_argument("-o", "--output", metavar="FILE.csv", help="a row a run")
+    parser.add_argument("--json", action="store_true", help="print all rows as JSON instead of the summary")
+    options = parser.parse_args(arguments)
+    sets = combinations(options.vary)
+    if len(sets) * options.seeds > MOST_RUNS:
+        raise ConfigError(
+            f"--vary and --seeds: {len(sets)} combinations with {options.seeds} seeds each are more than {MOST_RUNS} "
+            "runs: give fewer, or several campaigns"
+        )
+    for changes in sets:  # a wrong key shall not cost a campaign
+        load_single(options.scenario, changes)
+    if options.output:
+        check_writable(options.output)
+    with every_end_like_ctrl_c():
+        rows = run_all(options.scenario, sets, options.seeds, options.jobs, options.backend)
+    print(json.dumps(without_nan(rows)) if options.json else summary(rows, sets), flush=True)
+    if options.output:
+        write_csv(options.output, rows)
+    return 0 if all(row["success"] for row in rows) else 6
+
+
+def combinations(vary: list[str]) -> list[Changes]:
+    """Return every combination of the values in ["key=a,b", ...]; [{}] if there are none. Raises ConfigError."""
+    axes = []
+    for text in vary:
+        key, equals, values = text.partition("=")
+        if not equals or not key or not values:
+            raise ConfigError(f"--vary {text!r} is not of the form KEY=VALUE,VALUE, for example master.speed=0.5,0.8")
+        axes.append([(key, value_of(value)) for value in values.split(",")])
+    count = math.prod(map(len, axes))
+    if count > MOST_COMBINATIONS:
+        sizes = " x ".join([f"{len(axis)} of {shortened(axis[0][0])}" for axis in axes])
+        raise ConfigError(
+            f"--vary: {sizes} make {count} combinations, and a campaign has at most {MOST_COMBINATIONS}: give fewer "
+            "values, or several campaigns"
+        )
+    return [dict(choice) for choice in itertools.product(*axes)]
+
+
+def run_one(scenario_name: str, changes: Changes, seed: int) -> Row:
+    """One run: its parameters, its outcome, and why it failed if it did. Never raises an error of ours."""
+    row: Row = {**changes, "seed": seed, "success": False, "reached": False, "reason": ""}
+    try:
+        scenario = load_scenario(scenario_name, {**changes, "seed": seed})
+        outcome, _ = fly(scenario, prepare(scenario))
+    except HilError as error:
+        return row | {"reason": str(error)}
+    figures = {name: getattr(outcome, name) for name in METRICS}
+    counts = {kind: sum(event.kind == kind for event in outcome.events) for kind in KINDS}
+    told = {"success": outcome.success, "reached": outcome.reached, "reason": outcome.verdict}
+    return row | told | figures | counts | {"events": "; ".join([event.describe() for event in outcome.events])}
+
+
+def run_all(scenario: str, sets: Sequence[Changes], seeds: int, jobs: int, backend: str) -> list[Row]:
+    """Return all runs, in order: each set with each seed, with a line of progress. Raises HilError."""
+    pairs = itertools.product(sets, range(1, seeds + 1))
+    tasks = [Task(place, changes, seed) for place, (changes, seed) in enumerate(pairs)]
+    if backend in CLUSTERS:
+        results = run_on_cluster(run_one, collect(scenario, sets), tasks, jobs, backend)
+    else:
+        results = run_here(run_one, scenario, tasks, jobs, backend)
+    began = time.monotonic()
+    rows: dict[int, Row] = {}
+    line = ProgressLine(at_once=True)
+    with closing(results):
+        for place, row in results:
+            rows[place] = row
+            left = (time.monotonic() - began) / len(rows) * (len(tasks) - len(rows))
+            line.show(f"{len(rows)}/{len(tasks)} runs, {left:.0f} s left")
+    line.clear()
+    return [rows[place] for place in range(len(tasks))]
+
+
+def write_csv(path: str, rows: list[Row]) -> None:
+    """A row a run. Raises ConfigError if the file cannot be written."""
+    columns = list(dict.fromkeys(key for row in rows for key in row))
+    try:
+        with open(path, "w", newline="", encoding="utf-8") as file:
+            writer = csv.DictWriter(file, columns)
+            writer.writeheader()
+            writer.writerows(rows)
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be written: {error.strerror}") from None
+
+
+def summary(rows: list[Row], sets: list[Changes]) -> str:
+    """Return a line a parameter set: how many runs were a success, and in how many each kind of thing went wrong.
+
+    Then mean and standard deviation of each figure of the successes.
+    """
+    seen = [kind for kind in KINDS if any(row.get(kind) for row in rows)]
+    header = ["", "success", *[kind.replace("_", " ") for kind in seen], *METRICS]
+    lines = [header, *[_line(changes, [r for r in rows if changes.items() <= r.items()], seen) for changes in sets]]
+    reasons = sorted({row["reason"] for row in rows if not row["success"]})
+    return "\n".join([*aligned(lines, right=True), *(f"no success: {reason}" for reason in reasons)])
+
+
+def _line(changes: Changes, rows: list[Row], kinds: Sequence[str]) -> list[str]:
+    reached = [row for row in rows if row["success"]]
+    runs_with = [str(sum(bool(row.get(kind)) for row in rows)) for kind in kinds]
+    name = " ".join(f"{key}={value}" for key, value in changes.items()) or "all"
+    spreads = [_spread([row[metric] for row in reached if math.isfinite(row[metric])]) for metric in METRICS]
+    return [name, f"{len(reached)}/{len(rows)}", *runs_with, *spreads]
+
+
+def _spread(values: list[float]) -> str:
+    if not values:
+        return "-"
+    return f"{statistics.fmean(values):.3f} +- {statistics.stdev(values) if len(values) > 1 else 0.0:.3f}"

@@ -1,0 +1,201 @@
+"""Engines that run a campaign: joblib on this machine, or a cluster of Dask or Ray.
+
+Each gives results as they come, so that there is progress to show. To a cluster a run goes with the content of the
+scenario's files; workers need the same version of this project.
+"""
+
+import logging
+import os
+import socket
+import sys
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from importlib import import_module
+from typing import Any, NamedTuple
+
+from hil.commands.campaign.files import Bundle, unpack
+from hil.common.children import worker_options
+from hil.common.errors import ConfigError, HilError, MissingExtraError, NetworkError
+from hil.common.stop import every_end_like_ctrl_c
+
+CLUSTERS = ("dask", "ray")
+DASK_ADDRESS, RAY_ADDRESS = "DASK_SCHEDULER_ADDRESS", "RAY_ADDRESS"
+DIAL_S = 3.0  # for who has to answer at a cluster's address
+
+Changes = dict[str, Any]
+Row = dict[str, Any]
+
+
+class Task(NamedTuple):
+    """One run: its number, what is changed in the scenario, and its seed."""
+
+    place: int
+    changes: Changes
+    seed: int
+
+
+Run = Callable[[str, Changes, int], Row]  # of the scenario of that name
+Result = tuple[int, Row]
+
+
+def run_here(run: Run, scenario: str, tasks: Sequence[Task], jobs: int, backend: str) -> Generator[Result, None, None]:
+    """By joblib's `backend`, in so many processes. Raises MissingExtraError, ConfigError."""
+    try:
+        import joblib
+    except ImportError:
+        raise MissingExtraError("a campaign needs joblib: pip install 'uuv-hil[master]'") from None
+    try:
+        chosen = joblib.parallel_config(backend=backend, n_jobs=jobs)
+    except ValueError as error:
+        raise ConfigError(f"--backend {backend!r}: {error}; there are dask and ray besides") from None
+    with chosen, _workers(backend) as options:
+        yield from joblib.Parallel(return_as="generator_unordered", **options)(
+            joblib.delayed(_run_named)(run, scenario, task) for task in tasks
+        )
+
+
+def run_on_cluster(
+    run: Run, bundle: Bundle, tasks: Sequence[Task], jobs: int, backend: str
+) -> Generator[Result, None, None]:
+    """On the cluster that the environment names, or one made on this machine of so many processes (-1: as many as
+    cores); at most `jobs` runs at once. Raises MissingExtraError, NetworkError, ConfigError.
+    """
+    try:
+        with (_dask if backend == "dask" else _ray)(jobs) as engine:
+            shared = engine.share(bundle)
+            waiting, limit = list(reversed(tasks)), jobs if jobs > 0 else len(tasks)
+            running: list[Any] = []
+            while waiting or running:
+                while waiting and len(running) < limit:
+                    running.append(engine.submit(_run_unpacked, run, shared, waiting.pop()))
+                done, running = engine.wait(running)
+                for result in done:
+                    yield engine.result(result)
+    except ImportError:
+        raise MissingExtraError(f"--backend {backend} needs its package: pip install 'uuv-hil[cluster]'") from None
+    except (HilError, KeyboardInterrupt, GeneratorExit):
+        raise
+    except Exception as error:  # of the cluster, each in a class of its own  # noqa: BLE001
+        words = (str(error).strip() or "no reason given").splitlines()
+        remedy = "its log says more; every worker needs the same version of uuv-hil and Python"
+        raise NetworkError(f"--backend {backend}: {type(error).__name__}: {words[0]}; {remedy}") from None
+
+
+class _Engine(NamedTuple):
+    """What is needed of a cluster: `wait` gives those that are done, and the others."""
+
+    share: Callable[[Bundle], Any]
+    submit: Callable[..., Any]
+    wait: Callable[[list[Any]], tuple[list[Any], list[Any]]]
+    result: Callable[[Any], Result]
+
+
+@contextmanager
+def _dask(jobs: int) -> Iterator[_Engine]:
+    distributed = import_module("distributed")
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what goes wrong is told in one line
+    address = os.environ.get(DASK_ADDRESS, "")
+    if address:
+        _check_there("dask", DASK_ADDRESS, address, "start it with `dask scheduler`")
+        cluster = None
+        client = distributed.Client(address, timeout=4 * DIAL_S)
+    else:
+        # No dashboard: its port is one more to be taken.
+        cluster = distributed.LocalCluster(
+            n_workers=_processes(jobs),
+            threads_per_worker=1,
+            dashboard_address=None,
+            host="127.0.0.1",
+            silence_logs=logging.CRITICAL,
+        )
+        client = distributed.Client(cluster)
+
+    def wait(running: list[Any]) -> tuple[list[Any], list[Any]]:
+        done, others = distributed.wait(running, return_when="FIRST_COMPLETED")
+        return list(done), list(others)
+
+    try:
+        if address and not client.scheduler_info()["workers"]:
+            raise NetworkError(f"{DASK_ADDRESS}={address}: the scheduler has no workers; start `dask worker {address}`")
+        yield _Engine(
+            share=lambda bundle: client.scatter([bundle], broadcast=True)[0],
+            submit=lambda *task: client.submit(*task, pure=False),
+            wait=wait,
+            result=lambda future: future.result(),
+        )
+    finally:
+        client.close()
+        if cluster:
+            cluster.close()
+
+
+@contextmanager
+def _ray(jobs: int) -> Iterator[_Engine]:
+    os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")  # it reports to its makers otherwise
+    ray = import_module("ray")
+    address = os.environ.get(RAY_ADDRESS, "")
+    quiet = {"logging_level": "ERROR", "log_to_driver": False}
+    if address and address != "local":
+        if address != "auto":
+            _check_there("ray", RAY_ADDRESS, address, "start it with `ray start --head`")
+        ray.init(address=address, **quiet)
+    else:
+        _start_ray(ray, {"num_cpus": _processes(jobs), "include_dashboard": False, **quiet})
+    remote = ray.remote(_call)
+    try:
+        with every_end_like_ctrl_c():  # it has set handlers of its own
+            yield _Engine(share=ray.put, submit=remote.remote, wait=ray.wait, result=ray.get)
+    finally:
+        ray.shutdown()
+
+
+def _start_ray(ray: Any, options: Mapping[str, Any]) -> None:
+    """A cluster on this machine. It gives itself 30 s, which a busy machine may need more than: then once more."""
+    try:
+        ray.init(address="local", **options)
+    except Exception as error:  # noqa: BLE001 - one of its own, or plain ones
+        print(f"ray did not start ({str(error).splitlines()[:1]}); once more", file=sys.stderr)
+        ray.shutdown()
+        ray.init(address="local", **options)
+
+
+def _call(function: Callable[..., Result], *arguments: Any) -> Result:
+    return function(*arguments)
+
+
+def _workers(backend: str) -> AbstractContextManager[dict[str, Any]]:
+    """Return what `joblib.Parallel` is given, inside: processes of its own that end with us."""
+    return worker_options() if backend == "loky" else nullcontext({})
+
+
+def _processes(jobs: int) -> int:
+    return jobs if jobs > 0 else os.cpu_count() or 1
+
+
+def _check_there(backend: str, variable: str, address: str, remedy: str) -> None:
+    """That somebody answers at the address of a scheduler. Raises NetworkError at once; their own words take minutes.
+
+    Raises ConfigError for what is no address.
+    """
+    host, _, port = address.rpartition("://")[2].rpartition(":")
+    if not host or not (port.isascii() and port.isdigit() and 0 < int(port) < 65_536):
+        raise ConfigError(f"{variable}={address!r}: expected HOST:PORT, for example tcp://10.0.0.5:8786")
+    try:
+        socket.create_connection((host.strip("[]"), int(port)), DIAL_S).close()
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise NetworkError(
+            f"--backend {backend}: no scheduler answers at {variable}={address}: {reason}; {remedy}, or unset "
+            f"{variable} for a cluster on this machine"
+        ) from None
+
+
+def _run_named(run: Run, scenario: str, task: Task) -> Result:
+    return task.place, run(scenario, task.changes, task.seed)
+
+
+def _run_unpacked(run: Run, bundle: Bundle, task: Task) -> Result:
+    """On a worker: the scenario's files are put where they can be read."""
+    unpacked = unpack(bundle)
+    row = run(unpacked.scenario, task.changes, task.seed)
+    return task.place, row | {"reason": unpacked.as_named(row["reason"])}

@@ -1,0 +1,206 @@
+"""Send the files of a scenario to workers on other machines by content."""
+
+import atexit
+import hashlib
+import os
+import sys
+import sysconfig
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from typing import Any, NamedTuple
+
+from hil import __version__
+from hil.common.errors import ConfigError
+from hil.common.plugins import loaded
+from hil.common.schema import preset_folder
+from hil.common.scratch import ScratchFolder
+from hil.master.flight import make_brief, make_planner
+from hil.scenario.config import build_simulation, load_scenario
+from hil.slave.pilot import build_pilot
+from sim.environment.world import load_world
+from sim.vehicle.vehicle import load_vehicle
+
+PACKAGES = ("hil", "sim", "boards", "firmware_stub")
+WITH_PATHS = (".toml", ".yaml")  # files that may name others
+
+
+class Bundle(NamedTuple):
+    """What a worker needs besides this project: `scenario` as it was named, `files` by their absolute paths.
+
+    `modules` are names of modules of the user's own, and `folders` where they are found. `version` is ours.
+    """
+
+    scenario: str
+    files: Mapping[str, bytes]
+    modules: tuple[str, ...]
+    folders: tuple[str, ...]
+    version: str
+
+    @property
+    def digest(self) -> str:
+        """What two bundles of the same content have in common."""
+        parts = [self.scenario, *[f"{path}\0{hashlib.sha256(data).hexdigest()}" for path, data in self.files.items()]]
+        return hashlib.sha256("\0".join([*parts, *self.modules, *self.folders]).encode()).hexdigest()
+
+
+def collect(scenario: str, sets: Sequence[Mapping[str, Any]]) -> Bundle:
+    """All that the runs of a scenario with any of these changes read, but for what is installed. Raises HilError.
+
+    Found by building each vehicle, and looking at which files are opened: whatever kind of file a scenario, a vehicle
+    or a world comes to name, it is among them.
+    """
+    with _opened_files() as opened:
+        for changes in sets:
+            _build(scenario, dict(changes))
+    own = _own_modules()
+    paths = {path for path in opened if not _is_installed(path)} | set(own.values())
+    files = {}
+    for path in sorted(paths):
+        if os.path.isfile(path) and not path.endswith(".pyc"):
+            with open(path, "rb") as file:
+                files[path] = file.read()
+    folders = [folder for folder in map(os.path.abspath, sys.path) if any(p.startswith(f"{folder}/") for p in paths)]
+    return Bundle(scenario, files, tuple(own), tuple(folders) if own else (), __version__)
+
+
+def unpack(bundle: Bundle) -> "Unpacked":
+    """Return the files in a folder of this process, which is kept until another bundle comes or the process ends.
+
+    Raises ConfigError if uuv-hil here is of another version than where the bundle was made.
+    """
+    if bundle.version != __version__:
+        raise ConfigError(
+            f"this worker has uuv-hil {__version__}, and the campaign was started by {bundle.version}: "
+            "install the same version on both"
+        )
+    digest = bundle.digest
+    if _Kept.digest != digest:
+        _Kept.clear()
+        _Kept.unpacked = _write(bundle)
+        _Kept.digest = digest
+    assert _Kept.unpacked
+    return _Kept.unpacked
+
+
+class Unpacked(NamedTuple):
+    """Files of a bundle below `root`; `scenario` is what to load, `named` what the user called it."""
+
+    root: str
+    scenario: str
+    named: str
+
+    def as_named(self, text: str) -> str:
+        """Return a message with the paths that the user knows."""
+        return text.replace(self.scenario, self.named).replace(self.root, "")
+
+
+class _Kept:
+    """What this process has unpacked."""
+
+    digest = ""
+    unpacked: Unpacked | None = None
+    folder: ScratchFolder | None = None
+    modules: tuple[str, ...] = ()
+    folders: tuple[str, ...] = ()
+
+    @classmethod
+    def clear(cls) -> None:
+        for name in cls.modules:  # another campaign may have other content under these names
+            sys.modules.pop(name, None)
+        sys.path[:] = [folder for folder in sys.path if folder not in cls.folders]
+        if cls.folder:
+            cls.folder.close()
+        cls.digest, cls.unpacked, cls.folder, cls.modules, cls.folders = "", None, None, (), ()
+
+
+atexit.register(_Kept.clear)
+
+
+def _write(bundle: Bundle) -> Unpacked:
+    _Kept.folder = ScratchFolder("campaign")
+    root = _Kept.folder.path
+    for path, data in bundle.files.items():
+        place = root + path
+        os.makedirs(os.path.dirname(place), exist_ok=True)
+        with open(place, "wb") as file:
+            file.write(_moved(data, bundle.files, root) if path.endswith(WITH_PATHS) else data)
+    for name in bundle.modules:
+        sys.modules.pop(name, None)
+    _Kept.modules = bundle.modules
+    _Kept.folders = tuple([root + folder for folder in bundle.folders])
+    sys.path[:0] = _Kept.folders
+    path = os.path.abspath(bundle.scenario)
+    return Unpacked(root, root + path if path in bundle.files else bundle.scenario, bundle.scenario)
+
+
+def _moved(data: bytes, files: Mapping[str, bytes], root: str) -> bytes:
+    """Return a file whose absolute paths to others of the bundle lead to where those are now."""
+    for path in files:
+        for quote in (b'"', b"'"):
+            data = data.replace(quote + path.encode() + quote, quote + (root + path).encode() + quote)
+    return data
+
+
+def _build(name: str, changes: dict[str, Any]) -> None:
+    """All that a run makes before it flies, but for the plan."""
+    scenario = load_scenario(name, changes)
+    vehicle, control = load_vehicle(scenario.vehicle)
+    world = load_world(scenario.world)
+    build_simulation(scenario, vehicle, world)
+    build_pilot(scenario, vehicle, control, world)
+    make_planner(scenario)
+    make_brief(scenario, vehicle, world)
+
+
+class _Watch:
+    """The interpreter's hook for audits, which can be set but not taken away; it notes files while `paths` is a set."""
+
+    paths: set[str] | None = None
+    is_set = False
+
+    @classmethod
+    def note(cls, event: str, arguments: tuple[Any, ...]) -> None:
+        if event == "open" and cls.paths is not None and isinstance(arguments[0], str):
+            cls.paths.add(os.path.abspath(arguments[0]))
+
+
+@contextmanager
+def _opened_files() -> Iterator[set[str]]:
+    """The absolute paths of all files that are opened inside; what is kept parsed is read anew there."""
+    if not _Watch.is_set:
+        sys.addaudithook(_Watch.note)
+        _Watch.is_set = True
+    before = os.environ.get("XDG_CACHE_HOME")
+    with ScratchFolder("parsed") as scratch:
+        folder = os.environ["XDG_CACHE_HOME"] = scratch.path
+        paths: set[str] = set()
+        _Watch.paths = paths
+        try:
+            yield paths
+        finally:
+            _Watch.paths = None
+            if before is None:
+                del os.environ["XDG_CACHE_HOME"]
+            else:
+                os.environ["XDG_CACHE_HOME"] = before
+            paths -= {path for path in paths if path.startswith(folder)}
+
+
+def _own_modules() -> dict[str, str]:
+    """Modules in the folders of the classes that scenarios have named, with their files: those import others."""
+    roots = {name.partition(".")[0] for name in loaded}
+    files = {name: os.path.abspath(getattr(module, "__file__", None) or "") for name, module in sys.modules.items()}
+    places = {os.path.dirname(files[root]) for root in roots if root in files and not _is_installed(files[root])}
+    return {
+        name: path
+        for name, path in files.items()
+        if name != "__main__" and any(path.startswith(f"{place}/") for place in places) and not _is_installed(path)
+    }
+
+
+def _is_installed(path: str) -> bool:
+    """Return whether every machine with this project has the file, or it is the system's."""
+    ours = [preset_folder(name) for name in PACKAGES]
+    theirs = [sysconfig.get_path(name) for name in ("stdlib", "platstdlib", "purelib", "platlib")]
+    system = ["/proc", "/sys", "/dev", "/etc", "/usr"]
+    return any(path.startswith(f"{folder}/") for folder in (*ours, *theirs, *system))

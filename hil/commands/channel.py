@@ -1,0 +1,49 @@
+"""`uuv-hil channel`: simulate the channel between the modems of a fleet."""
+
+import select
+
+from hil.common.clock import NS_PER_S, now_ns
+from hil.common.errors import ConfigError
+from hil.common.options import new_parser
+from hil.common.stop import StopSignals
+from hil.master.acoustic_channel import ModemNetwork, summary
+from hil.network.roles import open_master_session
+from hil.scenario.config import load_scenario
+from hil.scenario.modem import modem_of
+
+EXAMPLES = """\
+A fleet whose scenario has a [modem] talks by sound or light instead of the network. This process stands in for the
+sea: it knows where all vehicles truly are, and lets each hear what reaches it. It dials all slaves and agents, on
+whatever machines they are. Ctrl-C ends it.
+
+examples:
+  uuv-hil slave target_hunting_acoustic --member uuv1 &      and so on, one a vehicle
+  uuv-hil agent target_hunting_acoustic --member uuv1 &
+  uuv-hil channel target_hunting_acoustic
+
+All of them at once: uuv-hil case target_hunting_acoustic --hil
+"""
+REPORT_PERIOD_S = 5.0
+
+
+def main(arguments: list[str]) -> int:
+    """Carry messages until SIGINT or SIGTERM; the exit code. Raises ConfigError, NetworkError."""
+    parser = new_parser("channel", __doc__, EXAMPLES)
+    parser.add_argument("scenario", metavar="SCENARIO")
+    scenario = load_scenario(parser.parse_args(arguments).scenario)
+    if scenario.security:
+        raise ConfigError(f"{scenario.path}: planners of a fleet have no [security] yet: leave it out")
+    modem = modem_of(scenario)
+    routed = scenario.network.mode == "routed"
+    ends = [end for member in scenario.member for end in (member.listen, member.agent)]
+    began = now_ns()
+    with (
+        StopSignals() as stop_fd,
+        open_master_session(*([scenario.network.router] if routed else ends), network=scenario.network) as session,
+    ):
+        water = ModemNetwork(session, scenario)
+        print(f"{modem.kind} modems of {len(scenario.member)} vehicles, slots of {modem.slot:g} s", flush=True)
+        while not select.select((stop_fd,), (), (), REPORT_PERIOD_S)[0]:
+            print(f"{(now_ns() - began) / NS_PER_S:7.1f} s  {summary(water.counts)}", flush=True)
+        print(summary(water.counts), flush=True)
+    return 0

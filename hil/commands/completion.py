@@ -1,0 +1,104 @@
+"""`uuv-hil completion`: let the shell complete commands, options and the names of scenarios."""
+
+import argparse
+import os
+from importlib import import_module
+from typing import Any
+
+from hil.common.options import new_parser, subparsers
+
+EXAMPLES = """\
+examples:
+  uuv-hil completion bash > ~/.local/share/bash-completion/completions/uuv-hil
+  uuv-hil completion zsh > ~/.zfunc/_uuv-hil        with fpath+=~/.zfunc before compinit in ~/.zshrc
+  uuv-hil completion fish > ~/.config/fish/completions/uuv-hil.fish
+"""
+SHELLS = ("bash", "zsh", "fish")
+_PARSES = ("parse_args", "parse_intermixed_args", "parse_known_args")
+
+
+class _Found(BaseException):
+    """Carries the parser that a command has made."""
+
+    def __init__(self, parser: argparse.ArgumentParser) -> None:
+        super().__init__()
+        self.parser = parser
+
+
+def main(arguments: list[str]) -> int:
+    """Print what a shell has to read; 0. Raises ConfigError."""
+    from argcomplete.shell_integration import shellcode
+
+    parser = new_parser("completion", __doc__, EXAMPLES)
+    parser.add_argument("shell", choices=SHELLS)
+    options = parser.parse_args(arguments)
+    print(shellcode(["uuv-hil"], shell=options.shell))
+    return 0
+
+
+def answer_shell(commands: dict[str, tuple[str, str]]) -> None:
+    """Write what may follow the words of the environment's COMP_LINE, and end this process.
+
+    commands: name -> module with a `main`, and what it does.
+    """
+    import argcomplete
+
+    line = os.environ.get("COMP_LINE", "")[: int(os.environ.get("COMP_POINT", "0"))]
+    argcomplete.autocomplete(parser_for(line.split()[1:], commands))
+
+
+def parser_for(words: list[str], commands: dict[str, tuple[str, str]]) -> argparse.ArgumentParser:
+    """Return a parser of all commands, with the options of that one alone which `words` begin with."""
+    parser = argparse.ArgumentParser(prog="uuv-hil")
+    parser.add_argument("-V", "--version", action="store_true")
+    actions = parser.add_subparsers()
+    for name, (module, purpose) in commands.items():
+        actions.add_parser(name, help=purpose)
+        if words[:1] == [name]:
+            actions.choices[name] = _bench_parser(words[1:]) if name == "bench" else find_parser(module)
+            _complete_scenarios(actions.choices[name])
+    return parser
+
+
+def find_parser(module: str) -> argparse.ArgumentParser:
+    """Return the parser that the `main` of a command makes. Raises RuntimeError if it makes none."""
+
+    def stop(parser: argparse.ArgumentParser, *_: Any, **__: Any) -> None:
+        raise _Found(parser)
+
+    real = {name: getattr(argparse.ArgumentParser, name) for name in _PARSES}
+    for name in _PARSES:
+        setattr(argparse.ArgumentParser, name, stop)
+    try:
+        import_module(module).main(["--help"])
+    except _Found as found:
+        return found.parser
+    finally:
+        for name, method in real.items():
+            setattr(argparse.ArgumentParser, name, method)
+    raise RuntimeError(f"{module}: main has made no parser")
+
+
+def _bench_parser(words: list[str]) -> argparse.ArgumentParser:
+    """Return the parser of all benchmarks, which is one more level of commands."""
+    from hil.commands.bench.command import BENCHMARKS
+
+    return parser_for(words, BENCHMARKS)
+
+
+def _complete_scenarios(parser: argparse.ArgumentParser) -> None:
+    """Let an argument SCENARIO be completed by the installed names and by .toml files."""
+    for inner in subparsers(parser).values():
+        _complete_scenarios(inner)
+    for action in parser._actions:
+        if action.metavar == "SCENARIO":
+            action.completer = _scenarios  # type: ignore[attr-defined]
+
+
+def _scenarios(prefix: str, **_: Any) -> list[str]:
+    from argcomplete.completers import FilesCompleter
+
+    from hil.common.schema import preset_names
+    from hil.scenario.config import SCENARIOS
+
+    return [*preset_names(SCENARIOS), *FilesCompleter(allowednames=["toml"])(prefix)]

@@ -1,0 +1,22 @@
+"""Find the endpoints that a command connects to, and the scenario if one is given."""
+
+from hil.scenario.config import Scenario, load_scenario, load_single
+
+
+def scenario_and_endpoints(name: str | None, connect: list[str] | None) -> tuple[Scenario | None, list[str]]:
+    """Return the scenario of that name, and the endpoints of `connect`, else the scenario's; none without both.
+
+    A scenario with a router is reached there. Raises ConfigError, also for a fleet with neither a router nor `connect`:
+    each of its vehicles has an endpoint of its own.
+    """
+    if name is None:
+        return None, connect or []
+    scenario = load_scenario(name)
+    if connect:
+        return scenario, connect
+    if scenario.network.router:
+        return scenario, [scenario.network.router]
+    if scenario.member:
+        ends = " ".join([f"--connect {member.listen}" for member in scenario.member])
+        load_single(name, remedy=f"and each vehicle has an endpoint of its own: name those to listen to, {ends}")
+    return scenario, [scenario.slave.listen]

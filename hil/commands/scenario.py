@@ -1,0 +1,121 @@
+"""`uuv-hil scenario`: list the installed scenarios, show one, copy one to start from, check one without flying it."""
+
+import argparse
+import json
+import os
+from typing import Any
+
+from hil.common.columns import aligned
+from hil.common.errors import ConfigError
+from hil.common.options import add_changes, changes_of, new_parser
+from hil.common.schema import find_preset, preset_names, shortened
+from hil.scenario.config import SCENARIOS, Scenario, load_scenario
+
+EXAMPLES = """\
+`check` finds what a flight would run into: keys and values that are wrong, a rate that the link's baud cannot carry, a
+start or a goal inside an obstacle, more speed than the vehicle reaches or keeps its attitude at. Its exit code is 2 if
+there is a problem; a warning alone is none.
+
+examples:
+  uuv-hil scenario list
+  uuv-hil scenario show paper_field
+  uuv-hil scenario new mine.toml --copy task_scheduling
+  uuv-hil scenario check mine.toml
+  uuv-hil scenario check mine.toml --set master.speed=1.5 --set "start.depth='2 m'"
+"""
+PROBLEM = 2
+
+
+def main(arguments: list[str]) -> int:
+    """Do what the first word says; the exit code. Raises ConfigError."""
+    options = _parser().parse_args(arguments)
+    if options.action == "list":
+        return _list(options.json)
+    if options.action == "show":
+        print(_text(find_preset(SCENARIOS, options.scenario)), end="")
+        return 0
+    if options.action == "new":
+        return _new(options.file, options.copy)
+    return _check(options.scenario, changes_of(options), options.json)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = new_parser("scenario", __doc__, EXAMPLES)
+    actions = parser.add_subparsers(dest="action", metavar="list | show | new | check", required=True)
+    listed = actions.add_parser("list", help="the installed scenarios")
+    listed.add_argument("--json", action="store_true", help="for other programs")
+    shown = actions.add_parser("show", help="print the file of one, with its comments")
+    shown.add_argument("scenario", metavar="SCENARIO")
+    new = actions.add_parser("new", help="copy an installed one to a file of your own")
+    new.add_argument("file", metavar="FILE.toml")
+    new.add_argument("--copy", metavar="NAME", default="paper_field", help="which one [%(default)s]")
+    checked = actions.add_parser("check", help="find what is wrong without flying it")
+    checked.add_argument("scenario", metavar="SCENARIO")
+    add_changes(checked)
+    checked.add_argument("--json", action="store_true", help="for other programs")
+    return parser
+
+
+def _list(as_json: bool) -> int:
+    scenarios = {name: load_scenario(name) for name in preset_names(SCENARIOS)}
+    if as_json:
+        print(json.dumps([_described(name, scenario) for name, scenario in scenarios.items()]))
+        return 0
+    rows = [("name", "vehicle", "world", "vehicles", "description")]
+    for name, scenario in scenarios.items():
+        known = _described(name, scenario)
+        rows.append((name, known["vehicle"], known["world"], str(known["vehicles"]), known["description"]))
+    print("\n".join(aligned(rows, rule=True)))
+    return 0
+
+
+def _described(name: str, scenario: Scenario) -> dict[str, Any]:
+    return {
+        "name": name,
+        "vehicle": scenario.vehicle,
+        "world": scenario.world,
+        "vehicles": max(1, len(scenario.member)),
+        "description": scenario.description,
+        "path": scenario.path,
+    }
+
+
+def _text(path: str) -> str:
+    try:
+        with open(path, encoding="utf-8-sig") as file:
+            return file.read()
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigError(f"{path}: cannot be read: {error}") from None
+
+
+def _new(path: str, name: str) -> int:
+    """Copy an installed scenario, which names vehicles and worlds that are found from everywhere."""
+    if name not in preset_names(SCENARIOS):
+        names = ", ".join(preset_names(SCENARIOS))
+        raise ConfigError(f"--copy: no installed scenario {shortened(name)}; there are: {names}")
+    if not path.endswith(".toml"):
+        raise ConfigError(f"{path}: a scenario's file ends in .toml")
+    text = _text(find_preset(SCENARIOS, name))
+    try:
+        with open(path, "x", encoding="utf-8") as file:  # "x": never over a file that is there
+            file.write(text)
+    except FileExistsError:
+        raise ConfigError(f"{path}: is there already; choose another name") from None
+    except OSError as error:
+        raise ConfigError(f"{path}: {error.strerror}") from None
+    print(f"{path}: a copy of {name}; next: uuv-hil scenario check {path}, then uuv-hil sim {path} --fast")
+    return 0
+
+
+def _check(name: str, changes: dict[str, Any], as_json: bool) -> int:
+    from hil.doctor.scenario import check_scenario
+
+    scenario = load_scenario(name, changes)
+    found = list(check_scenario(scenario))
+    if as_json:
+        print(json.dumps([finding._asdict() for finding in found]))
+    elif found:
+        print("\n".join([f"{finding.level}: {finding.text}" for finding in found]))
+    else:
+        print(f"{os.path.relpath(scenario.path)}: no problem found")
+    return PROBLEM if any(finding.level == "problem" for finding in found) else 0

@@ -1,0 +1,242 @@
+"""`uuv-hil top`: show how every slave is doing: its loop, processor, memory, link and network."""
+
+import select
+import shutil
+import sys
+from collections.abc import Callable
+from contextlib import ExitStack, suppress
+from typing import Any
+
+from hil.client.health_watch import HealthWatch, Status, Unanswered
+from hil.commands.listening import scenario_and_endpoints
+from hil.common.clock import now_ns, seconds_ns
+from hil.common.columns import aligned
+from hil.common.errors import NetworkError
+from hil.common.options import ENDPOINT, WAIT, new_parser, serving_address
+from hil.common.stop import StopSignals
+from hil.network.roles import open_client_session, open_master_session
+from hil.network.session import Session
+from hil.ros.diagnostics import Diagnostics as Said
+from hil.ros.diagnostics import Figure, shown
+
+EXAMPLES = """\
+Reads the diagnostics that each slave publishes once a second (diagnostic_msgs/DiagnosticArray) and nothing else, as an
+observer: it disturbs no master. Lateness is that of the last second, and that since the start. --prometheus serves the
+same to a monitoring system.
+
+examples:
+  uuv-hil top --connect tcp/192.168.3.116:7447
+  uuv-hil top --connect tcp/pi1:7447 --connect tcp/pi2:7447      several slaves side by side
+  uuv-hil top --connect tcp/pi1:7447 --once                      one table, for a script
+  uuv-hil top paper_field --prometheus 9747                      also at http://127.0.0.1:9747/metrics
+"""
+DEFAULT = "tcp/127.0.0.1:7447"
+REDRAW_S = 0.5
+STALE_S = 3.0  # after which figures are old news
+RED, YELLOW, PLAIN = "\x1b[31m", "\x1b[33m", "\x1b[0m"
+
+
+def main(arguments: list[str]) -> int:
+    """Show until told to stop; the exit code. Raises ConfigError, NetworkError."""
+    options = _parser().parse_args(arguments)
+    scenario, endpoints = scenario_and_endpoints(options.scenario, options.connect)
+    endpoints = endpoints or [DEFAULT]
+    secure: dict[str, Any] = {"network": scenario.network, "security": scenario.security} if scenario else {}
+    with StopSignals() as stop_fd, _session(endpoints, secure) as session, ExitStack() as stack:
+        watch = HealthWatch(session)
+        security = scenario.security if scenario else None
+        routed = bool(scenario and scenario.network.router)
+        unanswered = Unanswered(session, watch, endpoints, security.folder("master") if security else "", routed)
+        if options.prometheus:
+            from hil.commands.top.prometheus import Endpoint
+
+            endpoint = stack.enter_context(Endpoint(options.prometheus, watch))
+            print(f"serving {endpoint.address}", flush=True)
+        if not options.prometheus or options.once:
+            _wait(watch, unanswered, endpoints, options.wait, stop_fd)
+        if options.once:
+            _settle(watch, options.wait, stop_fd)
+            unanswered.check_endpoints()
+            print("\n".join([table(watch.statuses(), watch.without_answer()), *_remarks(watch, unanswered)]))
+            return 0
+        _show(watch, unanswered, endpoints, stop_fd)
+    return 0
+
+
+def _parser() -> Any:
+    parser = new_parser("top", __doc__, EXAMPLES)
+    parser.add_argument("scenario", metavar="SCENARIO", nargs="?", help="whose [network] and [security] hold")
+    parser.add_argument(
+        "--connect",
+        metavar="ENDPOINT",
+        type=ENDPOINT,
+        action="append",
+        help=f"a slave or a router; several times [{DEFAULT}]",
+    )
+    parser.add_argument("--once", action="store_true", help="print one table and end")
+    parser.add_argument(
+        "--prometheus", metavar="[HOST:]PORT", type=serving_address, help="serve the figures to a monitoring system too"
+    )
+    parser.add_argument("--wait", metavar="S", type=WAIT, default=5.0, help="how long for a slave [%(default)g s]")
+    return parser
+
+
+def _session(endpoints: list[str], secure: dict[str, Any]) -> Session:
+    """Open the session: as a client at one endpoint, which may be a router, else as a master of several."""
+    if len(endpoints) == 1:
+        with suppress(NetworkError):
+            return open_client_session(endpoints[0], **secure)
+    return open_master_session(*endpoints, **secure)
+
+
+def _wait(watch: HealthWatch, unanswered: Unanswered, endpoints: list[str], seconds: float, stop_fd: int) -> None:
+    """Until the first slave has spoken. Raises NetworkError if none does."""
+    deadline = now_ns() + seconds_ns(seconds)
+    while not watch.statuses():
+        _pause(stop_fd, 0.05)
+        if now_ns() > deadline:
+            unanswered.check_endpoints()
+            missing = f"no slave at {', '.join(endpoints)} told of its health within {seconds:g} s"
+            remedy = "is `uuv-hil slave` running there, with --listen on an address this machine reaches?"
+            raise NetworkError("; ".join([missing, *unanswered.lines, remedy]))
+
+
+def _settle(watch: HealthWatch, seconds: float, stop_fd: int) -> None:
+    """Until each has spoken twice, so that paces are known; some may stay silent."""
+    deadline = now_ns() + seconds_ns(seconds)
+    while now_ns() < deadline and (watch.without_answer() or not all(status.paces for status in watch.statuses())):
+        _pause(stop_fd, 0.05)
+
+
+def _pause(stop_fd: int, seconds: float) -> None:
+    if select.select((stop_fd,), (), (), seconds)[0]:
+        raise KeyboardInterrupt
+
+
+def _show(watch: HealthWatch, unanswered: Unanswered, endpoints: list[str], stop_fd: int) -> None:
+    live = sys.stdout.isatty()
+    told = ""
+    while not select.select((stop_fd,), (), (), REDRAW_S)[0]:
+        statuses, without_answer = watch.statuses(), watch.without_answer()
+        text = table(statuses, without_answer, live) if statuses else f"waiting for a slave at {', '.join(endpoints)}"
+        remarks = _remarks(watch, unanswered)
+        text = "\n".join([text, *remarks])
+        if live:
+            width, height = shutil.get_terminal_size()
+            lines = [line if "\x1b" in line else line[:width] for line in text.splitlines()]
+            print("\x1b[H\x1b[2J" + "\n".join(fitting(lines, height - 1, len(remarks))), flush=True)
+        elif text != told:
+            print(text + "\n", flush=True)
+        told = text
+
+
+def _remarks(watch: HealthWatch, unanswered: Unanswered) -> list[str]:
+    """Return what has to be known besides the table."""
+    mixed = [
+        f"{number} slaves are called {name}, and their figures are mixed: give each a [slave] node of its own"
+        for name, number in watch.mixed().items()
+    ]
+    return [*mixed, *unanswered.lines]
+
+
+def fitting(lines: list[str], room: int, last: int) -> list[str]:
+    """As many as there is room for, among them the `last` ones, and how many are missing."""
+    if len(lines) <= room:
+        return lines
+    kept = max(room - last - 1, 0)
+    end = lines[len(lines) - last :]
+    return [*lines[:kept], f"... {len(lines) - last - kept} more lines in a higher window", *end][: max(room, 1)]
+
+
+def _figure(figure: Figure[float], form: str = ".0f") -> Callable[[Status], str]:
+    return lambda status: shown(figure.read(status.figures), form)
+
+
+def _pace(counter: Figure[int] | Figure[float], form: str = ".1f") -> Callable[[Status], str]:
+    return lambda status: shown(status.pace(counter), form)
+
+
+def _counts(*figures: Figure[int]) -> Callable[[Status], str]:
+    return lambda status: ", ".join([shown(figure.read(status.figures)) for figure in figures])
+
+
+def _text(figure: Figure[str]) -> Callable[[Status], str]:
+    return lambda status: figure.read(status.figures) or "-"
+
+
+def _memory(status: Status) -> str:
+    used, all_ = status.figures.pss_mib, status.figures.ram_mib
+    return f"{used:.1f} MiB, {used / all_:.2%}" if used is not None and all_ else "-"
+
+
+def _several(*figures: Figure[float]) -> Callable[[Status], str]:
+    def cell(status: Status) -> str:
+        values = [shown(figure.read(status.figures), ".0f") for figure in figures]
+        return " / ".join(values) if set(values) != {"-"} else "-"
+
+    return cell
+
+
+def _traffic(status: Status) -> str:
+    paces = [status.pace(figure) for figure in (Said.network_received_bytes, Said.network_sent_bytes)]
+    return " / ".join([shown(None if pace is None else pace * 1e-3, ".1f") for pace in paces])
+
+
+def _run_events(status: Status) -> str:
+    """Return how often something went wrong with the vehicle since its slave was started, and what did last."""
+    events, count = status.figures.run_event_list, shown(status.figures.run_events)
+    if not events:
+        return count
+    return f"{count}, last {max(events, key=lambda event: event.end_ns).name}"
+
+
+# What each row says, and of which figures; a row without any figure is left out.
+ROWS: dict[str, Callable[[Status], str]] = {
+    "board": _text(Said.board),
+    "its figures are of": lambda status: "; ".join(status.figures.labels or ()) or "-",
+    "state": lambda status: status.message if status.present else "GONE",
+    "commanded by": _text(Said.commander),
+    "loop (Hz)": _figure(Said.loop_rate_hz),
+    "late p50 / p99 / max (us)": _several(
+        Said.lateness_recent_p50_us, Said.lateness_recent_p99_us, Said.lateness_recent_max_us
+    ),
+    "the same since its start": _several(Said.lateness_p50_us, Said.lateness_p99_us, Said.lateness_max_us),
+    "steps skipped": _counts(Said.steps_skipped),
+    "real-time factor": _figure(Said.real_time_factor, ".4f"),
+    "CPU (of a core)": _pace(Said.cpu_s, ".1%"),
+    "memory (PSS)": _memory,
+    "temperature (°C)": _figure(Said.temperature_c, ".1f"),
+    "throttled": _text(Said.throttled),
+    "load of the machine": _figure(Said.load_1min, ".2f"),
+    "link": lambda status: f"{shown(status.figures.link_protocol)} {status.figures.link_port or ''}",
+    "link losses, damaged frames": _counts(Said.link_losses, Said.link_checksum_errors),
+    "events of the run": _run_events,
+    "watchdog, deadman trips": _counts(Said.watchdog_trips, Said.deadman_trips),
+    "commands (1/s)": _pace(Said.commands_received),
+    "stale, refused, malformed": _counts(Said.commands_stale, Said.commands_refused, Said.commands_malformed),
+    "messages sent (1/s)": _pace(Said.messages_sent),
+    "clock offset (ms)": _figure(Said.clock_offset_ms, "+.3f"),
+    "machine's net in / out (kB/s)": _traffic,
+    "heard (s ago)": lambda status: f"{status.age_s:.1f}",
+}
+
+
+def table(statuses: list[Status], silent: list[str], colour: bool = False) -> str:
+    """Rows of figures, a column a slave; in `colour` what is wrong stands out."""
+    head = ["", *[status.node for status in statuses]]
+    rows = [[name, *[cell(status) for status in statuses]] for name, cell in ROWS.items()]
+    lines = aligned([head, *[row for row in rows if any(cell != "-" for cell in row[1:])]], rule=True)
+    if colour:
+        lines = [_coloured(line, statuses) for line in lines]
+    return "\n".join([*lines, *([f"there, but silent: {', '.join(silent)}"] if silent else [])])
+
+
+def _coloured(line: str, statuses: list[Status]) -> str:
+    gone = any(not status.present or status.age_s > STALE_S for status in statuses)
+    hot = any(status.figures.throttled not in (None, "no") for status in statuses)
+    if (line.startswith("state") and gone) or (line.startswith("throttled") and hot):
+        return f"{RED}{line}{PLAIN}"
+    skipped = any((status.figures.steps_skipped or 0) > 0 for status in statuses)
+    if line.startswith("events of") and any((status.figures.run_events or 0) > 0 for status in statuses):
+        return f"{RED}{line}{PLAIN}"
+    return f"{YELLOW}{line}{PLAIN}" if line.startswith("steps skipped") and skipped else line

@@ -1,0 +1,128 @@
+"""The health of slaves as a Prometheus endpoint: text format 0.0.4 over HTTP."""
+
+import socket
+import threading
+from collections.abc import Iterable
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from typing import Any, Self
+
+from hil.client.health_watch import HealthWatch, Status
+from hil.common.errors import NetworkError
+from hil.ros.diagnostics import Diagnostics as Said
+from hil.ros.diagnostics import Figure
+
+METRICS: dict[str, Figure[Any]] = {
+    "cpu_seconds_total": Said.cpu_s,
+    "pss_bytes": Said.pss_mib,
+    "loop_rate_hertz": Said.loop_rate_hz,
+    "loop_lateness_p50_seconds": Said.lateness_p50_us,
+    "loop_lateness_p99_seconds": Said.lateness_p99_us,
+    "loop_lateness_max_seconds": Said.lateness_max_us,
+    "loop_lateness_recent_p50_seconds": Said.lateness_recent_p50_us,
+    "loop_lateness_recent_p99_seconds": Said.lateness_recent_p99_us,
+    "loop_lateness_recent_max_seconds": Said.lateness_recent_max_us,
+    "loop_steps_skipped_total": Said.steps_skipped,
+    "real_time_factor": Said.real_time_factor,
+    "messages_sent_total": Said.messages_sent,
+    "commands_received_total": Said.commands_received,
+    "commands_stale_total": Said.commands_stale,
+    "commands_refused_total": Said.commands_refused,
+    "commands_malformed_total": Said.commands_malformed,
+    "commands_unanswered_total": Said.commands_unanswered,
+    "deadman_trips_total": Said.deadman_trips,
+    "watchdog_trips_total": Said.watchdog_trips,
+    "link_losses_total": Said.link_losses,
+    "link_checksum_errors_total": Said.link_checksum_errors,
+    "contacts_total": Said.contacts,
+    "run_events_total": Said.run_events,
+    "clock_offset_seconds": Said.clock_offset_ms,
+    "clock_uncertainty_seconds": Said.clock_uncertainty_ms,
+    "temperature_celsius": Said.temperature_c,
+    "load_1min": Said.load_1min,
+    "memory_available_bytes": Said.memory_available_mib,
+    "network_received_bytes_total": Said.network_received_bytes,
+    "network_sent_bytes_total": Said.network_sent_bytes,
+}
+
+
+def exposition(statuses: Iterable[Status]) -> str:
+    """Return the metrics of these slaves as text; a slave that is gone has only `uuv_hil_up` 0."""
+    slaves = list(statuses)
+    there = [slave for slave in slaves if slave.present]
+    lines = _metric("up", "gauge", "whether the slave is there", [(slave, float(slave.present)) for slave in slaves])
+    slow = [
+        (slave, None if slave.figures.throttled is None else float(slave.figures.throttled != "no")) for slave in there
+    ]
+    lines += _metric("throttled", "gauge", "whether the processor is slowed down", slow)
+    shares = [(slave, slave.pace(Said.cpu_s)) for slave in there]
+    lines += _metric("cpu_share", "gauge", "share of one core that the slave uses", shares)
+    for metric, figure in METRICS.items():
+        values = [(slave, _in_base_unit(figure, slave)) for slave in there]
+        lines += _metric(metric, "counter" if figure.is_counter else "gauge", figure.meaning, values)
+    return "\n".join(lines) + "\n"
+
+
+def _in_base_unit(figure: Figure[Any], slave: Status) -> float | None:
+    value = figure.read(slave.figures)
+    return None if value is None else value * figure.base_factor
+
+
+def _metric(name: str, kind: str, text: str, values: list[tuple[Status, float | None]]) -> list[str]:
+    """Return its lines; none if no slave reported it."""
+    rows = [f"uuv_hil_{name}{_labels(slave)} {value:.10g}" for slave, value in values if value is not None]
+    return [f"# HELP uuv_hil_{name} {text}", f"# TYPE uuv_hil_{name} {kind}", *rows] if rows else []
+
+
+def _labels(status: Status) -> str:
+    board = (status.figures.board or "").replace("\\", "\\\\").replace('"', '\\"').replace("\n", " ")
+    return f'{{node="{status.node}",board="{board}"}}'
+
+
+class _Server6(ThreadingHTTPServer):
+    address_family = socket.AF_INET6
+
+
+class Endpoint:
+    """Serves `http://HOST:PORT/metrics`, `where` being HOST and PORT. Use as a context. Raises NetworkError."""
+
+    def __init__(self, where: tuple[str, int], watch: HealthWatch) -> None:
+        try:
+            self._server = (_Server6 if ":" in where[0] else ThreadingHTTPServer)(where, _handler(watch))
+        except OSError as error:
+            name = f"{where[0]}:{where[1]}"
+            raise NetworkError(f"cannot serve at {name}: {error.strerror}; choose another with --prometheus") from None
+        self._server.daemon_threads = True
+        address = str(self._server.server_address[0])
+        self.address = f"http://{f'[{address}]' if ':' in address else address}:{self._server.server_port}/metrics"
+        self._thread = threading.Thread(target=self._server.serve_forever, name="prometheus", daemon=True)
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._server.shutdown()
+        self._server.server_close()
+        self._thread.join(2.0)
+
+
+def _handler(watch: HealthWatch) -> type[BaseHTTPRequestHandler]:
+    class Handler(BaseHTTPRequestHandler):
+        """Answers for /metrics, and points others there."""
+
+        timeout = 5.0
+
+        def do_GET(self) -> None:
+            """One page."""
+            known = self.path.partition("?")[0] == "/metrics"
+            body = (exposition(watch.statuses()) if known else "see /metrics\n").encode()
+            self.send_response(200 if known else 404)
+            self.send_header("Content-Type", "text/plain; version=0.0.4; charset=utf-8")
+            self.send_header("Content-Length", str(len(body)))
+            self.end_headers()
+            self.wfile.write(body)
+
+        def log_message(self, *_: object) -> None:
+            """Say nothing of each request."""
+
+    return Handler

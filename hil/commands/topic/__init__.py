@@ -1,0 +1,1 @@
+"""`uuv-hil topic`: list, echo, hz and pub of ROS 2 topics, without ROS."""

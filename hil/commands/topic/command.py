@@ -1,0 +1,266 @@
+"""`uuv-hil topic`: list, echo, measure and publish topics of ROS 2, and call services, without ROS."""
+
+import argparse
+import json
+import os
+import select
+import statistics
+import sys
+from collections import deque
+from collections.abc import Collection, Sequence
+from contextlib import suppress
+from typing import Any
+
+from hil.commands.topic.text import lines, parse_values
+from hil.common.clock import NS_PER_S, RateKeeper, now_ns, seconds_ns, to_wall_ns
+from hil.common.columns import aligned
+from hil.common.errors import ConfigError, NetworkError
+from hil.common.options import ENDPOINT, WAIT, Number, new_parser, whole
+from hil.common.schema import nearest
+from hil.common.stop import StopSignals
+from hil.network import services
+from hil.network.publisher import Publisher
+from hil.network.roles import open_client_session
+from hil.network.session import Session
+from hil.ros import dialect, graph, types
+from hil.ros import message as ros_message
+from hil.ros.graph import Entity, Node
+from hil.ros.topics import TOPICS, Topic
+from hil.scenario.config import load_scenario
+
+EXAMPLES = """\
+examples:
+  uuv-hil topic list
+  uuv-hil topic echo /uuv1/odom --count 1
+  uuv-hil topic hz /uuv1/imu --connect tcp/192.168.3.116:7447
+  uuv-hil topic pub /uuv1/cmd_vel geometry_msgs/msg/Twist '{linear: {x: 0.5}}' --rate 20
+  uuv-hil topic call /uuv1/arm '{data: true}'
+
+Messages are written as YAML in one line, as JSON, or as TOML (linear.x = 0.5), in the units and frames of ROS: metres,
+radians, ENU and FLU. Ctrl-C ends it.
+"""
+DEFAULT = "tcp/127.0.0.1:7447"
+POLL_S = 0.02
+SETTLE_S = 1.0  # for what the other side declares to arrive, if it declares anything
+WINDOW = 10_000  # arrivals that hz looks back on
+QUEUE = 1000
+COUNT = whole(1, 10**9)
+RATE = Number(0.001, 10_000.0, "Hz")
+
+
+def main(arguments: list[str]) -> int:
+    """Do one of list, echo, hz, pub and call; 0. Raises ConfigError, NetworkError."""
+    options = _parser().parse_args(arguments)
+    scenario = load_scenario(options.scenario) if options.scenario is not None else None
+    secure: dict[str, Any] = {"network": scenario.network, "security": scenario.security} if scenario else {}
+    actions = {"list": _list, "echo": _echo, "hz": _hz, "pub": _pub, "call": _call}
+    interrupted = suppress(KeyboardInterrupt)  # which is how echo, hz and pub end
+    with StopSignals() as stop_fd, interrupted:
+
+        def pause() -> None:
+            _pause(stop_fd, POLL_S)
+
+        with open_client_session(options.connect, **secure, seconds=options.wait, pause=pause) as session:
+            _settle(session, stop_fd)
+            actions[options.action](session, options, stop_fd)
+    return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = new_parser("topic", __doc__, EXAMPLES)
+    actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
+    list_ = actions.add_parser("list", help="topics and services, their types, and whose they are")
+    echo = actions.add_parser("echo", help="print what is published")
+    hz = actions.add_parser("hz", help="how often it is")
+    pub = actions.add_parser("pub", help="publish a message again and again")
+    call = actions.add_parser("call", help="call a service")
+    list_.add_argument("--json", action="store_true", help="for other programs")
+    for action in (echo, hz, pub):
+        action.add_argument("topic", metavar="TOPIC", help="its whole name, such as /uuv1/imu")
+        action.add_argument("-n", "--count", metavar="N", type=COUNT, help="end after so many messages")
+    pub.add_argument("type", metavar="TYPE", help="such as geometry_msgs/msg/Twist")
+    pub.add_argument("values", metavar="VALUES", nargs="?", default="", help="fields that are not 0")
+    pub.add_argument("--rate", metavar="HZ", type=RATE, help="messages a second [the topic's own, or 1]")
+    call.add_argument("service", metavar="SERVICE", help="its whole name, such as /uuv1/reset")
+    call.add_argument("values", metavar="VALUES", nargs="?", default="", help="fields that are not 0")
+    for action in (list_, echo, hz, pub, call):
+        action.add_argument(
+            "--connect", metavar="ENDPOINT", type=ENDPOINT, default=DEFAULT, help="the slave [%(default)s]"
+        )
+        action.add_argument("--scenario", metavar="SCENARIO", help="whose [network] and [security] hold")
+        action.add_argument("--wait", metavar="S", type=WAIT, default=5.0, help="how long for it [%(default)g s]")
+    return parser
+
+
+def _settle(session: Session, stop_fd: int) -> None:
+    """Wait until the other side has told what it has."""
+    deadline = now_ns() + seconds_ns(SETTLE_S)
+    while not session.tokens(graph.ALL) and now_ns() < deadline:
+        _pause(stop_fd, POLL_S)
+
+
+def _pause(stop_fd: int, seconds: float) -> None:
+    if select.select((stop_fd,), (), (), seconds)[0]:
+        raise KeyboardInterrupt
+
+
+def _entities(session: Session) -> list[Entity]:
+    return [entity for key in session.tokens(graph.ALL) if (entity := graph.read_token(key))]
+
+
+def _list(session: Session, options: argparse.Namespace, stop_fd: int) -> None:
+    entities = _entities(session)
+    print(json.dumps([entity._asdict() for entity in entities]) if options.json else listing(entities))
+
+
+def listing(entities: Sequence[Entity]) -> str:
+    """Two tables: topics with those who publish and subscribe them, services with those who answer and call them."""
+    topics = _table(entities, ("topic", "type", "published by", "subscribed by"), ("MP", "MS"))
+    calls = _table(entities, ("service", "type", "answered by", "called by"), ("SS", "SC"))
+    return "\n\n".join(part for part in (topics, calls) if part) or "no topics and no services"
+
+
+def _table(entities: Sequence[Entity], head: tuple[str, ...], kinds: tuple[graph.Kind, graph.Kind]) -> str:
+    names = sorted({(entity.topic, entity.type) for entity in entities if entity.kind in kinds})
+    rows = [(*name, *[_nodes(entities, name, kind) for kind in kinds]) for name in names]
+    return "\n".join(aligned([head, *rows], rule=True)) if rows else ""
+
+
+def _nodes(entities: Sequence[Entity], name: tuple[str, str], kind: graph.Kind) -> str:
+    return ", ".join(sorted({e.node for e in entities if e.kind == kind and (e.topic, e.type) == name})) or "-"
+
+
+class _Arrivals:
+    """What comes in on a topic: instant, key and payload of each message, for a loop that waits."""
+
+    def __init__(self, session: Session, topic: str, latched: bool) -> None:
+        self._event = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
+        self._waiting: deque[tuple[int, str, bytes]] = deque(maxlen=QUEUE)
+        session.subscribe_keys(f"{dialect.domain()}/{topic.strip('/')}/*/*", self._deliver, QUEUE, latched)
+
+    def _deliver(self, key: str, payload: bytes, _attachment: bytes) -> None:
+        self._waiting.append((now_ns(), key, payload))
+        os.eventfd_write(self._event, 1)
+
+    def take(self, stop_fd: int, seconds: float) -> list[tuple[int, str, bytes]]:
+        """Return what has come by now, or within the time."""
+        ready = select.select((stop_fd, self._event), (), (), seconds)[0]
+        if stop_fd in ready:
+            raise KeyboardInterrupt
+        if ready:
+            os.eventfd_read(self._event)
+        return [self._waiting.popleft() for _ in range(len(self._waiting))]
+
+
+def _first(session: Session, options: argparse.Namespace, stop_fd: int) -> tuple[_Arrivals, Any]:
+    """Return the arrivals of the topic, and the first of them."""
+    name = f"/{options.topic.strip('/')}"
+    published = {entity.topic: entity for entity in _entities(session) if entity.kind == "MP"}
+    arrivals = _Arrivals(session, name, name in published and published[name].qos.latched)
+    came = arrivals.take(stop_fd, options.wait)
+    if not came:
+        if name in published:
+            raise NetworkError(f"{name} is there, but nothing came on it within {options.wait:g} s")
+        raise NetworkError(f"nobody publishes {name}; {_there_is(name, published)}")
+    return arrivals, came
+
+
+def _there_is(name: str, known: Collection[str]) -> str:
+    return f"there are: {', '.join(sorted(known)) or 'none'}{nearest(name, list(known))}"
+
+
+def _echo(session: Session, options: argparse.Namespace, stop_fd: int) -> None:
+    arrivals, came = _first(session, options, stop_fd)
+    shown = 0
+    while True:
+        for _, key, payload in came:
+            print("\n".join(_message(key, payload)), flush=True)
+            shown += 1
+            if shown == options.count:
+                return
+        came = arrivals.take(stop_fd, 1.0)
+
+
+def _message(key: str, payload: bytes) -> list[str]:
+    name = graph.ros_name(key.split("/")[-2])
+    fields = ros_message.decode(name, payload)
+    return [*lines(fields), "---"] if fields is not None else [f"malformed {name}, {len(payload)} bytes", "---"]
+
+
+def _hz(session: Session, options: argparse.Namespace, stop_fd: int) -> None:
+    arrivals, came = _first(session, options, stop_fd)
+    instants: deque[int] = deque(maxlen=WINDOW)
+    told_ns = now_ns()
+    while True:
+        instants += [instant for instant, _, _ in came]
+        ended = options.count is not None and len(instants) >= options.count
+        if ended or now_ns() - told_ns >= NS_PER_S:
+            told_ns = now_ns()
+            print(rate_line(instants), flush=True)
+        if ended:
+            return
+        came = arrivals.take(stop_fd, 1.0)
+
+
+def rate_line(instants: Sequence[int]) -> str:
+    """Return the mean rate of arrivals (ns), and how their gaps differ."""
+    gaps = [(b - a) / NS_PER_S for a, b in zip(list(instants), list(instants)[1:], strict=False)]
+    if not gaps:
+        return f"{len(instants)} messages: no rate yet"
+    return (
+        f"{len(gaps) / max(sum(gaps), 1e-9):.2f} Hz; gaps {min(gaps) * 1e3:.2f} to {max(gaps) * 1e3:.2f} ms, standard "
+        f"deviation {statistics.pstdev(gaps) * 1e3:.2f} ms; {len(instants)} messages"
+    )
+
+
+def _pub(session: Session, options: argparse.Namespace, stop_fd: int) -> None:
+    name = f"/{options.topic.strip('/')}"
+    type_name = whole_type(options.type)
+    payload = ros_message.encode(type_name, parse_values(options.values))
+    others = {entity.type for entity in _entities(session) if entity.topic == name and entity.kind in ("MP", "MS")}
+    if others and type_name not in others:
+        raise ConfigError(f"{name} has the type {', '.join(sorted(others))}, not {type_name}")
+    topic = _row(name, type_name)
+    rate = options.rate or topic.rate_hz or 1.0
+    subscribed = {entity.topic for entity in _entities(session) if entity.kind == "MS"}
+    if name not in subscribed:
+        print(f"nobody subscribes to {name} yet; {_there_is(name, subscribed)}", file=sys.stderr, flush=True)
+    node = Node(session, f"uuv_hil_topic_{os.getpid()}")
+    publisher = session.publisher("", topic)
+    node.publishes(topic, "")
+    print(f"publishing {type_name} on {name} at {rate:g} Hz", flush=True)
+    _repeat(publisher, payload, seconds_ns(1.0 / rate), options.count, stop_fd)
+
+
+def _repeat(publisher: Publisher, payload: bytes, period_ns: int, count: int | None, stop_fd: int) -> None:
+    _pause(stop_fd, POLL_S)  # that the subscriber knows us
+    schedule = RateKeeper(period_ns, now_ns())
+    while count is None or publisher.sequence < count:
+        publisher.put(payload, to_wall_ns(now_ns()))
+        _pause(stop_fd, max(0.0, (schedule.deadline_ns - now_ns()) / NS_PER_S))
+        schedule.due(now_ns())
+
+
+def _row(name: str, type_name: str) -> Topic:
+    """Return the topic by its whole name, as urgent as ours of that name and type."""
+    known = TOPICS.get(name) or TOPICS.get(name.rpartition("/")[2])
+    if known and known.type == type_name:
+        return known._replace(name=name)
+    return Topic(name, type_name, 0, "data")
+
+
+def whole_type(name: str) -> str:
+    """ "geometry_msgs/msg/Twist", also of "geometry_msgs/Twist". Raises ConfigError for an unknown one."""
+    package, _, last = name.rpartition("/")
+    whole = name if "/" in package else f"{package}/msg/{last}"
+    types.definition(whole)
+    return whole
+
+
+def _call(session: Session, options: argparse.Namespace, stop_fd: int) -> None:
+    name = f"/{options.service.strip('/')}"
+    offered = {entity.topic: entity.type for entity in _entities(session) if entity.kind == "SS"}
+    if name not in offered:
+        raise NetworkError(f"nobody answers {name}; {_there_is(name, offered)}")
+    response = services.call(session, name, offered[name], parse_values(options.values), options.wait)
+    print("\n".join(lines(response)))

@@ -1,0 +1,220 @@
+"""`uuv-hil vehicle`: describe a vehicle and what it can do, from its file alone."""
+
+import argparse
+import json
+from typing import Any
+
+from hil.autonomy.control.allocation import pseudo_inverse
+from hil.common.columns import aligned
+from hil.common.errors import ConfigError
+from hil.common.options import Number, new_parser
+from hil.common.schema import preset_names
+from sim.matrices import Matrix, square
+from sim.vehicle.terminal_speed import AXES, Reach, reaches
+from sim.vehicle.thrusters import wrench_matrix
+from sim.vehicle.vehicle import Vehicle, displaced_volume, load_vehicle
+
+EXAMPLES = """\
+examples:
+  uuv-hil vehicle                                     the presets there are
+  uuv-hil vehicle bluerov2 --picture bluerov2.png     numbers, and a drawing of them
+  uuv-hil vehicle mine.toml --json                    for other programs
+  uuv-hil vehicle --import robot.urdf -o mine.toml    from a URDF or xacro, FLU there, FRD here
+  uuv-hil vehicle --import robot.urdf --add rest.toml -o mine.toml
+"""
+GRAVITY = 9.80665
+DENSITY = Number(500.0, 2000.0, "kg/m³")
+
+
+def main(arguments: list[str]) -> int:
+    """List the presets, describe one vehicle, or import one; 0. Raises HilError."""
+    options = _parser().parse_args(arguments)
+    if (options.add or options.output) and not options.urdf:
+        raise ConfigError("--add and --output go with --import MODEL.urdf")
+    if options.urdf:
+        from hil.commands.vehicle.import_urdf import convert
+
+        return convert(options.urdf, options.add, options.output, options.xacro)
+    if options.vehicle is None:
+        print(listing())
+        return 0
+    vehicle, _ = load_vehicle(options.vehicle)
+    print(json.dumps(to_json(vehicle, options.density)) if options.json else describe(vehicle, options.density))
+    if options.picture:
+        from hil.plots.vehicle_picture import draw
+
+        draw(vehicle, top(vehicle, options.density), options.picture)
+    return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = new_parser("vehicle", __doc__, EXAMPLES)
+    parser.add_argument("vehicle", metavar="NAME|FILE", nargs="?", help="a preset, or a .toml file")
+    parser.add_argument("--picture", metavar="FILE.png", help="draw it from three sides, with its top speeds")
+    parser.add_argument("--json", action="store_true", help="everything as one JSON object")
+    parser.add_argument("--density", metavar="KG/M3", type=DENSITY, default=1000.0, help="of the water [1000]")
+    parser.add_argument("--import", metavar="MODEL.urdf", dest="urdf", help="make a vehicle file of a URDF")
+    parser.add_argument("--add", metavar="FILE.toml", help="with --import: keys that the URDF lacks, and [[fins]]")
+    parser.add_argument(
+        "--xacro", metavar="NAME=VALUE", action="append", default=[], help="with --import: an argument of a xacro file"
+    )
+    parser.add_argument("-o", "--output", metavar="OUT.toml", help="with --import: where to write it [to the screen]")
+    return parser
+
+
+def listing() -> str:
+    """One line a preset: mass, thrusters, top surge, surge up to which it is level, axes it cannot drive, source."""
+    rows: list[tuple[str, ...]] = [("preset", "mass", "thrusters", "surge", "level up to", "cannot drive", "source")]
+    for name in preset_names("sim/vehicles"):
+        vehicle, _ = load_vehicle(name)
+        found = top(vehicle)
+        rows.append((
+            name, f"{vehicle.mass:.4g} kg", _drives(vehicle), f"{found[0].speed[0]:.2f} m/s",
+            f"{vehicle.attitude_limit_speed:g} m/s" if vehicle.attitude_limit_speed else "-",
+            ", ".join(reach.axis for reach in found if not reach.driven) or "-", vehicle.source,
+        ))  # fmt: skip
+    return _columns(rows)
+
+
+def describe(vehicle: Vehicle, density: float = 1000.0) -> str:
+    """Everything there is to say of `vehicle` in water of `density` kg/m³, as text for a terminal."""
+    matrix = wrench_matrix(vehicle)
+    _, rank = pseudo_inverse(matrix)
+    found = top(vehicle, density)
+    idle = [reach.axis for reach in found if not reach.driven]
+    names = [thruster.name for thruster in vehicle.thrusters]
+    equipment = [f"{title}\n{_columns(rows)}" for title, rows in _equipment(vehicle)]
+    parts = [
+        f"{vehicle.name}\nsource: {vehicle.source}",
+        _columns(_body_rows(vehicle, density)),
+        "surge to yaw, about the origin\n" + _columns(_coefficient_rows(vehicle)),
+        f"thrusters: {len(names)} (m, FRD)\n" + _columns(_thruster_rows(vehicle)),
+        *equipment,
+        f"wrench of 1 N of each thruster (N, N m), rank {rank} of 6; "
+        + (f"cannot be driven alone: {', '.join(idle)}" if idle else "every axis can be driven")
+        + "\n"
+        + _columns([("", *names), *_number_rows(list("XYZKMN"), matrix)]),
+        "one axis at a time, thrusters within their limits (roll and pitch: against damping alone)\n"
+        + _columns(_reach_rows(found)),
+    ]
+    return "\n\n".join(parts)
+
+
+def to_json(vehicle: Vehicle, density: float = 1000.0) -> dict[str, Any]:
+    """Return the same as plain values: the vehicle's own keys, and what follows from them."""
+    matrix = wrench_matrix(vehicle)
+    found = top(vehicle, density)
+    return {
+        **vehicle._asdict(),
+        **{key: [row._asdict() for row in getattr(vehicle, key)] for key in ("thrusters", "fins", "drop_weights")},
+        **{key: _plain(getattr(vehicle, key)) for key in ("lift", "cross_flow", "buoyancy_engine")},
+        "channels": vehicle.channels,
+        "net_weight": net_weight(vehicle, density),
+        "wrench_matrix": matrix,
+        "rank": pseudo_inverse(matrix)[1],
+        "reach": {reach.axis: {"force": reach.force, "speed": _finite(reach.speed)} for reach in found},
+        "not_driven": [reach.axis for reach in found if not reach.driven],
+    }
+
+
+def top(vehicle: Vehicle, density: float = 1000.0) -> tuple[Reach, ...]:
+    """What `vehicle` can do along each axis in water of `density` kg/m³, its thrust shared as the slave shares it."""
+    return reaches(vehicle, pseudo_inverse(wrench_matrix(vehicle))[0], density)
+
+
+def net_weight(vehicle: Vehicle, density: float) -> float:
+    """Weight less lift in N, positive if it sinks in water of `density` kg/m³."""
+    return (vehicle.mass - density * displaced_volume(vehicle, density)) * GRAVITY
+
+
+def _body_rows(vehicle: Vehicle, density: float) -> list[tuple[str, ...]]:
+    net = net_weight(vehicle, density)
+    trim = "neutral" if abs(net) < 1e-6 else f"{abs(net):.2f} N {'heavy' if net > 0 else 'light'}"
+    length, width, height = vehicle.dimensions
+    gravity, buoyancy = vehicle.center_of_gravity, vehicle.center_of_buoyancy
+    stability = (gravity[2] - buoyancy[2]) * 1e3
+    limit = vehicle.attitude_limit_speed
+    return [
+        ("mass", f"{vehicle.mass:g} kg"),
+        ("size", f"{length:g} x {width:g} x {height:g} m (length, width, height)"),
+        ("trim", f"{trim} in water of {density:g} kg/m³, displaces {displaced_volume(vehicle, density) * 1e3:.4g} l"),
+        ("centres", f"of gravity {_point(gravity)} m, of buoyancy {_point(buoyancy)} m ({stability:.3g} mm above)"),
+        ("inertia", " ".join(f"{x:g}" for x in _diagonal(vehicle.inertia, 3)) + " kg m²" + _full(vehicle.inertia, 3)),
+        ("Munk moment", " ".join(f"{x:.0%}" for x in vehicle.munk_share) + " of ideal fluid's (roll, pitch, yaw)"),
+        *([("attitude", f"lost above {limit:g} m/s of surge, under its own controller")] if limit else []),
+    ]
+
+
+def _coefficient_rows(vehicle: Vehicle) -> list[tuple[str, ...]]:
+    rows: list[tuple[str, ...]] = [("", *AXES, "")]
+    for name in ("added_mass", "linear_damping", "quadratic_damping"):
+        values = getattr(vehicle, name)
+        rows.append((name.replace("_", " "), *(f"{x:g}" for x in _diagonal(values, 6)), _full(values, 6).strip()))
+    return rows
+
+
+def _thruster_rows(vehicle: Vehicle) -> list[tuple[str, ...]]:
+    rows: list[tuple[str, ...]] = [("name", "position", "direction", "ahead", "astern", "dead band", "lag")]
+    rows += [
+        (
+            t.name, _point(t.position), " ".join(f"{x:.3f}" for x in t.unit_direction), f"{t.max_forward:.4g} N",
+            f"{t.max_reverse:.4g} N", f"±{t.dead_band_us:g} us", f"{t.time_constant * 1e3:.4g} ms",
+        )
+        for t in vehicle.thrusters
+    ]  # fmt: skip
+    return rows
+
+
+def _drives(vehicle: Vehicle) -> str:
+    fins = f", {len(vehicle.fins)} fins" if vehicle.fins else ""
+    return f"{len(vehicle.thrusters)}{fins}"
+
+
+def _equipment(vehicle: Vehicle) -> list[tuple[str, list[tuple[str, ...]]]]:
+    if not vehicle.equipped:
+        return []
+    from hil.commands.vehicle.equipment import tables
+
+    return tables(vehicle)
+
+
+def _plain(record: Any) -> dict[str, Any] | None:
+    return record._asdict() if record else None
+
+
+def _reach_rows(found: tuple[Reach, ...]) -> list[tuple[str, ...]]:
+    rows: list[tuple[str, ...]] = [("axis", "force +", "force -", "speed +", "speed -")]
+    for reach in found:
+        if not reach.driven:
+            rows.append((reach.axis, "-", "-", "-", "-"))
+            continue
+        force, speed = ("N m", "rad/s") if reach.axis in AXES[3:] else ("N", "m/s")
+        rows.append((
+            reach.axis, *(f"{x:.1f} {force}" for x in reach.force), *(f"{x:.3f} {speed}" for x in reach.speed)
+        ))  # fmt: skip
+    return rows
+
+
+def _number_rows(names: list[str], matrix: Matrix) -> list[tuple[str, ...]]:
+    return [(name, *(f"{x + 0.0:.4f}" for x in row)) for name, row in zip(names, matrix, strict=True)]
+
+
+def _diagonal(values: tuple[float, ...], size: int) -> list[float]:
+    matrix = square(values, size)
+    return [matrix[i][i] for i in range(size)]
+
+
+def _full(values: tuple[float, ...], size: int) -> str:
+    return " (diagonal of a full matrix)" if len(values) > size else ""
+
+
+def _point(values: tuple[float, float, float]) -> str:
+    return " ".join(f"{x:g}" for x in values)
+
+
+def _finite(values: tuple[float, float]) -> list[float | None]:
+    return [value if abs(value) < float("inf") else None for value in values]
+
+
+def _columns(rows: list[tuple[str, ...]]) -> str:
+    return "\n".join([f"  {line}" for line in aligned(rows)])
