@@ -29,10 +29,12 @@ from typing import Any, NamedTuple
 ROOT = Path(__file__).parent.parent
 sys.path.insert(0, str(ROOT))
 
-from hil.autonomy.control import VelocityCommand  # noqa: E402 - works from a bare checkout too
+from hil.autonomy.control.controller import VelocityCommand  # noqa: E402 - works from a bare checkout too
 from hil.bench.harness import Bench, await_vehicle, program  # noqa: E402
-from hil.bench.table_run import fly  # noqa: E402
-from hil.columns import aligned  # noqa: E402
+from hil.bench.table.run import fly  # noqa: E402
+from hil.common.children import foreign_command, start_child  # noqa: E402
+from hil.common.columns import aligned  # noqa: E402
+from hil.ros.diagnostics import or_nan  # noqa: E402
 
 AGREES = 0.05
 # Where the vehicle is, or was truly: to what else is on the way before it (transforms, last samples), nobody listens.
@@ -127,8 +129,8 @@ class Witness:
     """Listens on the loopback, to the process connector, in systemd's place, and to the scheduler, while entered."""
 
     def __enter__(self) -> "Witness":
-        command = [sys.executable, __file__, "--capture"]
-        self._capture = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+        command = foreign_command(sys.executable, __file__, "--capture")
+        self._capture = start_child(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
         assert self._capture.stdout
         self._capture.stdout.readline()
         self.packets: list[Packet] = []
@@ -153,8 +155,8 @@ class Witness:
         del os.environ["NOTIFY_SOCKET"]
         for thread in self._threads:
             thread.join()
-        said, _error = self._capture.communicate("")
-        self.packets = [Packet(*row) for row in json.loads(said)]
+        output, _error = self._capture.communicate("")
+        self.packets = [Packet(*row) for row in json.loads(output)]
 
     def watch(self, pids: list[int]) -> None:
         """Keep account of these processes from now on."""
@@ -183,10 +185,10 @@ class Witness:
             wire.settimeout(0.1)
             while not self._done.is_set():
                 try:
-                    said, ancillary, _, _ = wire.recvmsg(100, 64)
+                    output, ancillary, _, _ = wire.recvmsg(100, 64)
                 except TimeoutError:
                     continue
-                if said == b"READY=1":
+                if output == b"READY=1":
                     seconds, nanoseconds = struct.unpack("qq", ancillary[0][2])
                     self.ready.append(seconds * 10**9 + nanoseconds)
 
@@ -209,19 +211,21 @@ class Witness:
 
 def _scheduled(pid: int) -> int:
     tasks = f"/proc/{pid}/task"
-    return sum(int(Path(f"{tasks}/{task}/schedstat").read_text().split()[0]) for task in os.listdir(tasks))
+    return sum(
+        int(Path(f"{tasks}/{task}/schedstat").read_text(encoding="utf-8").split()[0]) for task in os.listdir(tasks)
+    )
 
 
 def _memory(pid: int) -> Memory:
-    rollup = Path(f"/proc/{pid}/smaps_rollup").read_text()
+    rollup = Path(f"/proc/{pid}/smaps_rollup").read_text(encoding="utf-8")
     kernel = next(int(line.split()[1]) for line in rollup.splitlines() if line.startswith("Pss:"))
-    said = subprocess.run(["ps", "-o", "pss=,rss=", "-p", str(pid)], capture_output=True, text=True, check=True)
-    pss, rss = map(int, said.stdout.split())
+    output = subprocess.run(["ps", "-o", "pss=,rss=", "-p", str(pid)], capture_output=True, text=True, check=True)
+    pss, rss = map(int, output.stdout.split())
     return Memory(time.time_ns(), kernel / 1024, pss / 1024, rss / 1024)
 
 
 def mission(seconds: float) -> list[Row]:
-    """A run of `bench table`, witnessed."""
+    """Return a run of `bench table`, witnessed."""
     with Bench("paper_field", {"master.time_limit": seconds}) as bench:
         with Witness() as witness:
             follower = threading.Thread(target=_follow, args=(bench, witness), daemon=True)
@@ -247,7 +251,7 @@ def mission(seconds: float) -> list[Row]:
 
 
 def commands_to(packets: list[Packet], port: int) -> list[Packet]:
-    """The commands among what goes to a slave's two ports: of all that is not quite short, the most frequent."""
+    """Return the commands among what goes to a slave's two ports: of all that is not quite short, the most frequent."""
     long = [packet for packet in packets if packet.target in (port, port + 1) and packet.size > SHORT]
     usual = Counter(packet.size for packet in long).most_common(1)[0][0]
     return [packet for packet in long if packet.size == usual]
@@ -260,7 +264,7 @@ def _follow(bench: Bench, witness: Witness) -> None:
 
 
 def _of_the_flight(bench: Bench) -> list[int]:
-    """The process ids of master and slave; the floor's come after them."""
+    """Return the process ids of master and slave; the floor's come after them."""
     return [process.pid for process in bench.processes[:2]]
 
 
@@ -292,8 +296,8 @@ def commands(seconds: float) -> list[Row]:
                 slave.wait(10.0)
                 time.sleep(0.3)
                 ours = statistics.median(client.delays.totals_ns()) / 1e6
-                cpu_s = float(client.diagnostics()["cpu_s"])
-            by_time = sum(map(float, Path(used).read_text().split()))
+                cpu_s = or_nan(client.diagnostics().cpu_s)
+            by_time = sum(map(float, Path(used).read_text(encoding="utf-8").split()))
     sent = set(commands_to(witness.packets, int(bench.endpoint.rpartition(":")[2])))
     theirs = statistics.median(_delays(witness.packets, sent, port)) / 1e6
     return [

@@ -1,6 +1,6 @@
-"""Fly the source paper's cases and write docs/cases.md with its pictures.
+"""Fly the source paper's cases and write docs/explanation/cases.md with its pictures.
 
-    python tools/cases.py [--out docs] [--seeds 50] [--hil 1] [--only NAME ...]
+    python tools/cases.py [--out docs/explanation] [--seeds 50] [--hil 1] [--only NAME ...]
 
 It takes the time that the HIL flights take, about ten minutes each set, and some minutes for the simulated ones; let
 nothing else run meanwhile, or the figures of processor time and delay are those of a busy machine. Exit code 1 if a
@@ -24,26 +24,28 @@ from hil.cases.case import CASES  # noqa: E402
 from hil.cases.flights import fly_all  # noqa: E402
 from hil.cases.record import Result  # noqa: E402
 from hil.cases.report import Flights, write_report  # noqa: E402
-from hil.process import ram_mib  # noqa: E402
+from hil.common.process import ram_mib  # noqa: E402
 
 COLOURS = 64
 LEAST_SUCCESS = 0.98
 MOST_CPU = 0.1  # of a core, of the master in the first case
 HEAD = """\
-# The source paper's cases, flown again
+# The reference platform's cases, flown again
 
 Made by `python tools/cases.py`, which flies every case anew: {seeds} seeds in simulated time (SIL), {hil} with slaves
 as processes of their own, each with an emulated STM32, led by this project's masters over zenoh (HIL). `uuv-hil case`
-flies any of them. The source paper is "Design and Implementation of a Modular UUV Simulation Platform", Sensors 2022,
-22(20), 8043. Its figures are known here by their descriptions only; positions of obstacles, durations of tasks and all
-numbers that the paper leaves out are ours, and stand in the scenario files.
+flies any of them. The reference platform, and what its paper prints beside what is done here, equation by equation,
+is in [reference_platform.md](reference_platform.md). What the paper leaves out, such as
+positions of obstacles and durations of tasks, is ours and stands in the scenario files.
 
 Planner, controller, allocation, thrusters, dynamics, sensors and noise are the same code in SIL and HIL, and both
 read the same files. Seed 1 is the case as it stands; others have other noise, starts, and, where the map lacks them,
 obstacles. Means stand with their standard deviation, the others are the worst of all flights. **Over optimum** is the
 way travelled over the shortest one that the vehicle's size allows, without any margin. **Least clearance** is from the
 vehicle's middle to the nearest obstacle (in target hunting to the hull of the nearest vehicle, or to the target); a
-collision is where that is not more than the vehicle's radius, {radius:.2f} m. **Energy** is what the thrusters take,
+collision is where that is not more than the vehicle's radius, {radius:.2f} m, or where it touched something.
+**Events** are whatever of `sim/run_events.py` befell a vehicle; with any a flight fails.
+**Energy** is what the thrusters take,
 reckoned from their pulses (in HIL as the slave tells them, once a second) as T200s of the same thrust at 16 V, without
 electronics, because the paper gives no figures of power. **Off path** is the true distance from the path (in target
 hunting from the place) that was being followed. **Master CPU** is the processor time of the master's whole process
@@ -58,7 +60,7 @@ over loopback: no claim about a board or a wireless network."""
 def main() -> int:
     """Fly, write, judge."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--out", metavar="DIR", default=str(ROOT / "docs"))
+    parser.add_argument("--out", metavar="DIR", default=str(ROOT / "docs" / "explanation"))
     parser.add_argument("--seeds", type=int, metavar="N", default=50)
     parser.add_argument("--hil", type=int, metavar="N", default=1)
     parser.add_argument("--only", nargs="+", metavar="NAME", choices=list(CASES), default=list(CASES))
@@ -78,16 +80,16 @@ def main() -> int:
 
 
 def head(seeds: int, hil: int) -> str:
-    """What stands above the table."""
+    """Return what stands above the table."""
     from hil.cases.single import radius_of
-    from sim.vehicle import load_vehicle
+    from sim.vehicle.vehicle import load_vehicle
 
     radius = radius_of(load_vehicle("paper_six")[0])
     return HEAD.format(seeds=seeds, hil=hil, radius=radius, cores=os.cpu_count(), ram=ram_mib() / 1024)
 
 
 def judge(results: list[Result]) -> list[str]:
-    """What falls short of what is asked."""
+    """Return what falls short of what is asked."""
     problems = []
     for name in dict.fromkeys(result.case for result in results):
         own = [result for result in results if result.case == name]

@@ -16,7 +16,7 @@ sys.path.insert(0, str(Path(__file__).parent.parent))
 from hil.links.contract import MAX_THRUSTERS
 from hil.links.frame.checksums import CHECK_BYTES, CRCS, crc_checksum
 from hil.links.frame.layout import Field, FrameLayout, MessageLayout, type_size
-from hil.schema import load
+from hil.links.frame.rules import load_layout
 
 ROOT = Path(__file__).parent.parent
 SOURCE = "firmware_stub/frames/uuv_hil.toml"
@@ -28,17 +28,17 @@ def main() -> int:
     """Write the header, or with --check tell whether it is up to date; the exit code."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--check", action="store_true", help="write nothing; 1 if the header is not up to date")
-    path, text = ROOT / HEADER, header(load(str(ROOT / SOURCE), FrameLayout))
+    path, text = ROOT / HEADER, header(load_layout(str(ROOT / SOURCE)))
     if not parser.parse_args().check:
-        path.write_text(text)
-    elif not path.exists() or path.read_text() != text:
+        path.write_text(text, encoding="utf-8")
+    elif not path.exists() or path.read_text(encoding="utf-8") != text:
         print(f"{HEADER} is not what {SOURCE} says: run python tools/frame_header.py", file=sys.stderr)
         return 1
     return 0
 
 
 def header(layout: FrameLayout) -> str:
-    """The text of the header of a plain frame whose messages have one number of `pwm_us` a thruster."""
+    """Return the text of the header of a plain frame whose messages have one number of `pwm_us` a thruster."""
     groups = [
         _frame(layout),
         _checksum(layout),

@@ -18,10 +18,10 @@ from typing import NamedTuple, get_args
 
 sys.path.insert(0, str(Path(__file__).parent.parent))
 
+from hil.common.process import resident_mib
 from hil.links.contract import Message, Protocol, ThrusterCommand, ThrusterTelemetry
 from hil.links.protocols import ON_CAN, PROTOCOLS, Role, open_protocol
 from hil.links.wires.can_frame import RECORD_SIZE
-from hil.process import resident_mib
 
 CHANNELS = 4
 LONGEST = 120  # bytes of a string
@@ -150,7 +150,7 @@ def _pieces(rng: random.Random, data: bytes, unit: int) -> Iterator[bytes]:
 
 
 def _message(rng: random.Random, role: Role, number: int) -> Message:
-    """What the other end says to `role`."""
+    """Return what the other end says to `role`."""
     pulses = tuple(rng.randrange(1100, 1901) for _ in range(CHANNELS))
     if role == "device":
         return ThrusterCommand(number & 0xFFFF, rng.random() < 0.9, pulses)
@@ -158,7 +158,7 @@ def _message(rng: random.Random, role: Role, number: int) -> Message:
 
 
 def _recovers(own: Protocol, other: Protocol, role: Role) -> bool:
-    """Whether one of the next messages comes through: what hung in the air may cost the first."""
+    """Return whether one of the next messages comes through: what hung in the air may cost the first."""
     rng = random.Random(0)
     return any(own.feed(other.encode(_message(rng, role, number))) for number in range(20))
 

@@ -21,9 +21,11 @@ from typing import NamedTuple
 ROOT = Path(__file__).parent.parent
 sys.path.insert(0, str(ROOT))
 
-from hil.autonomy.control import VelocityCommand  # noqa: E402 - works from a bare checkout too
-from hil.master.client import VehicleClient  # noqa: E402
-from hil.master.delay import quantiles  # noqa: E402
+from hil.autonomy.control.controller import VelocityCommand  # noqa: E402 - works from a bare checkout too
+from hil.client.client import VehicleClient  # noqa: E402
+from hil.client.delay import quantiles  # noqa: E402
+from hil.common.children import module_command, package_environment, start_child  # noqa: E402
+from hil.ros.diagnostics import or_nan  # noqa: E402
 
 MOST = 1.5
 PORT = 20_000 + 2 * (os.getpid() % 5000)
@@ -60,7 +62,7 @@ class Cost(NamedTuple):
     delay_p50_ms: float
     delay_p99_ms: float
     pictures_hz: float
-    dropped: int
+    dropped: float
     imaging_cores: float
 
 
@@ -68,9 +70,9 @@ def run(pictures: bool, seconds: float) -> Cost:
     """One slave for so long."""
     with tempfile.TemporaryDirectory() as folder:
         path = os.path.join(folder, "cost.toml")
-        Path(path).write_text(SCENARIO + (SENSORS if pictures else ""))
-        command = [sys.executable, "-m", "hil.cli", "slave", path]
-        with subprocess.Popen(command, cwd=ROOT, stderr=subprocess.DEVNULL) as slave:
+        Path(path).write_text(SCENARIO + (SENSORS if pictures else ""), encoding="utf-8")
+        command = module_command("hil.cli", "slave", path)
+        with start_child(command, environment=package_environment(), stderr=subprocess.DEVNULL) as slave:
             try:
                 return _fly(seconds)
             finally:
@@ -89,11 +91,11 @@ def _fly(seconds: float) -> Cost:
         figures = client.diagnostics()
         if not figures:
             sys.exit("the slave has told no figures: this machine has too much else to do")
-        late = [float(figures[f"lateness_{name}_us"]) for name in ("p50", "p99", "p999")]
+        late = [or_nan(figures[f"lateness_{name}_us"]) for name in ("p50", "p99", "p999")]
         delay = quantiles(client.delays.totals_ns())
         shown = sum(client.received[topic] for topic in PICTURES) / seconds
-        dropped = sum(int(figures.get(f"{name}_dropped", "0")) for name in ("camera", "forward_sonar"))
-        cpu = float(figures.get("imaging_cpu_s", "0")) / seconds
+        dropped = sum((figures.imaging_dropped or {}).values())
+        cpu = (figures.imaging_cpu_s or 0.0) / seconds
         return Cost(late[0], late[1], late[2], delay.p50_ms, delay.p99_ms, shown, dropped, cpu)
 
 

@@ -27,7 +27,7 @@ from typing import Any, NamedTuple
 sys.path.insert(0, str(Path(__file__).parent.parent))
 
 from firmware_stub.stub import Stm32, Stm32End
-from hil.clock import NS_PER_S, now_ns
+from hil.common.clock import NS_PER_S, now_ns
 from hil.links.contract import ThrusterCommand, ThrusterLink, ThrusterTelemetry
 from hil.links.protocols import open_protocol
 from hil.links.wires.faults import Faults, FaultyWire
@@ -139,7 +139,7 @@ def frame_sizes(channels: int) -> tuple[int, int]:
 
 
 def time_in_turn(kinds: dict[str, Callable[[], None]], frames: int) -> dict[str, Cost]:
-    """The round trips of each kind, after a round to warm up."""
+    """Return the round trips of each kind, after a round to warm up."""
     took: dict[str, list[float]] = {name: [] for name in kinds}
     for turn in range(frames // ROUND + 1):
         for name, exchange in kinds.items():
@@ -154,7 +154,7 @@ def time_in_turn(kinds: dict[str, Callable[[], None]], frames: int) -> dict[str,
 
 
 def load(channels: int) -> tuple[float, float]:
-    """The share of a core that the host's end takes at `RATE_HZ`, and that both take."""
+    """Return the share of a core that the host's end takes at `RATE_HZ`, and that both take."""
     with ExitStack() as stack:
         link = Linked(stack, channels)
         began, began_ns = time.thread_time(), now_ns()

@@ -1,6 +1,6 @@
-"""How far modems get: signal to noise and lost packets against range, as docs/modems.md shows them.
+"""How far modems get: signal to noise and lost packets against range, as docs/explanation/modems.md shows them.
 
-    python -m tools.modem_figure                  writes docs/modems/range.png and prints ranges at half the packets
+    python -m tools.modem_figure        writes docs/explanation/modems/range.png and prints ranges at half the packets
 
 Curves are the formulas of sim/modems; points are messages that went through sim/modems' channels, some lost.
 """
@@ -13,14 +13,14 @@ from functools import partial
 from math import exp, log10
 from typing import Any
 
-from hil.bench.plotting import pyplot
-from hil.modem import Telegram, encode_telegram
+from hil.plots.plotting import pyplot
+from hil.scenario.modem import ModemReport, encode_report
 from sim.modems.acoustic import NS, AcousticChannel, AcousticModem
 from sim.modems.optical import OpticalModem, bit_error, quality
 from sim.modems.optical_channel import OpticalChannel, Pose
 from sim.modems.sound import ambient_noise, power, transmission_loss
 
-SIZE = len(encode_telegram(Telegram((0.0, 0.0, 0.0), (0.0, 0.0), 0)))
+SIZE = len(encode_report(ModemReport((0.0, 0.0, 0.0), (0.0, 0.0), 0)))
 DEPTH = 50.0
 MESSAGES = 400
 LEVEL = (1.0, 0.0, 0.0, 0.0)
@@ -35,7 +35,7 @@ Point = tuple[float, float]  # signal to noise in dB, share of messages that are
 def main() -> int:
     """Draw both, tell where half the messages are lost; 0."""
     argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter).parse_args()
-    folder = os.path.join("docs", "modems")
+    folder = os.path.join("docs", "explanation", "modems")
     os.makedirs(folder, exist_ok=True)
     plt = pyplot()
     figure, axes = plt.subplots(2, 2, figsize=(11, 7), sharex="col", layout="constrained")
@@ -70,7 +70,7 @@ def by_light(modem: OpticalModem, distance: float) -> Point:
 
 
 def lost_by_sound(modem: AcousticModem, distance: float) -> float:
-    """The share of messages that did not come through the water."""
+    """Return the share of messages that did not come through the water."""
     channel = AcousticChannel(modem, DEPTH, seed=1)
     places = {"a": (0.0, 0.0, 10.0), "b": (distance, 0.0, 10.0)}
     for number in range(MESSAGES):
@@ -80,7 +80,7 @@ def lost_by_sound(modem: AcousticModem, distance: float) -> float:
 
 
 def lost_by_light(modem: OpticalModem, distance: float) -> float:
-    """The share of messages that did not come through the water."""
+    """Return the share of messages that did not come through the water."""
     channel = OpticalChannel(modem, seed=1)
     places = {"a": Pose((0.0, 0.0, 10.0), LEVEL), "b": Pose((distance, 0.0, 10.0), LEVEL)}
     for number in range(MESSAGES):

@@ -1,4 +1,4 @@
-"""What modems do to the hunt: the table of docs/modems.md, in simulated time.
+"""What modems do to the hunt: the table of docs/explanation/modems.md, in simulated time.
 
 python -m tools.modem_hunts [SEEDS]           20 seeds take some minutes
 """
@@ -10,7 +10,7 @@ from typing import Any
 
 from hil.cases.hunt_simulated import SimulatedHunt
 from hil.cases.hunt_watch import HuntOutcome, HuntWatch
-from hil.config import load_scenario
+from hil.scenario.config import load_scenario
 
 SCENARIO = "target_hunting_acoustic"
 # Nobody waits to hear the far end of the line, which such water hides; the hunt is then that of target_hunting.toml.
@@ -18,7 +18,7 @@ NEAR = {"hunting.fields.comfortable": 4.0, "hunting.fields.communication_range":
 HUNTS: dict[str, dict[str, Any]] = {
     "sound, slots of 250 ms": {},
     "sound, at random, every 1 s": {"modem.slot": 0, "hunting.report_period": 1.0},
-    "sound, at random, every 2 s": {"modem.slot": 0, "hunting.report_period": 2.0, "hunting.forget": 8.0},
+    "sound, at random, every 2 s": {"modem.slot": 0, "hunting.report_period": 2.0, "hunting.report_timeout": 8.0},
     "light, coast, slots of 50 ms": {"modem": {"kind": "optical", "slot": "50 ms", "attenuation": 0.4}},
     "light, harbour, slots of 50 ms": {"modem": {"kind": "optical", "slot": "50 ms", "attenuation": 2.2}, **NEAR},
 }
@@ -49,7 +49,7 @@ def hunt(changes: dict[str, Any]) -> tuple[HuntOutcome, Counter[str]]:
 
 
 def row(name: str, outcomes: list[HuntOutcome], counts: Counter[str]) -> str:
-    """A row of the table: shares are those of the three that could have heard each message."""
+    """Return a row of the table: shares are those of the three that could have heard each message."""
     could = 3 * counts["sent"]
     shares = " | ".join(f"{100.0 * counts[fate] / could:.1f} %" for fate in FATES)
     won = sum(outcome.success for outcome in outcomes)

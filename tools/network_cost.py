@@ -30,10 +30,12 @@ from typing import Any
 ROOT = Path(__file__).parent.parent
 sys.path.insert(0, str(ROOT))
 
-from hil.clock import now_ns, to_wall_ns  # noqa: E402 - works from a bare checkout too
-from hil.topics import TOPICS, Topic  # noqa: E402
-from hil.transport.roles import dial  # noqa: E402
-from hil.transport.session import listen  # noqa: E402
+from hil.common.children import foreign_command, start_child  # noqa: E402
+from hil.common.clock import now_ns, to_wall_ns  # noqa: E402 - works from a bare checkout too
+from hil.network.roles import open_master_session  # noqa: E402
+from hil.network.session import listen  # noqa: E402
+from hil.ros import dialect  # noqa: E402
+from hil.ros.topics import TOPICS, Topic  # noqa: E402
 
 NODE = "uuv1"
 COMMAND_HZ = 50
@@ -45,15 +47,15 @@ MOST_IMU_US = 15.0
 MOST_MS = {"round_trip_p50": 15.0, "round_trip_p95": 30.0, "frame_age_p50": 60.0}
 LOSS, JITTER_S = 0.05, 0.05
 MOST_MS_LOSSY = {"round_trip_p95": 300.0}
-BAD_WIRE = ROOT / "tests/transport/netns/bad_wire.py"
+BAD_WIRE = ROOT / "tests/system/netns/bad_wire.py"
 SPACES = ("uuv-cost-a", "uuv-cost-b")
 
 Put = Callable[[bytes], Any]
 
 
 def open_ours(endpoint: str, answers: bool) -> tuple[Callable[[str, Callable[[bytes], None]], None], dict[str, Put]]:
-    """How to hear a topic, and how to say each, by our sessions."""
-    session = listen(endpoint) if answers else dial(endpoint)
+    """Return how to hear a topic, and how to say each, by our sessions."""
+    session = listen(endpoint) if answers else open_master_session(endpoint)
 
     def hear(topic: str, take: Callable[[bytes], None]) -> None:
         session.subscribe(NODE, topic, lambda _, payload, __: take(payload), 64)
@@ -150,32 +152,33 @@ def measure(
 
     def start(side: str, space: str) -> subprocess.Popen[str]:
         inside = ["ip", "netns", "exec", space] if space else []
-        command = [*inside, sys.executable, str(Path(__file__)), side, endpoint, *options]
-        return subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+        command = foreign_command(*inside, sys.executable, str(Path(__file__)), side, endpoint, *options)
+        return start_child(command, stdout=subprocess.PIPE, text=True)
 
     answering, asking = (
         start(side, space) for side, space in zip(("--answer", "--ask"), spaces or ("", ""), strict=True)
     )
     with answering, asking:
-        said, _ = asking.communicate()
+        output, _ = asking.communicate()
         answering.kill()
-    figures: dict[str, float] = json.loads(said)
+    figures: dict[str, float] = json.loads(output)
     return figures
 
 
 def imu_cost(count: int = 500) -> tuple[float, float]:
     """Medians in us of one Imu after the other, in bursts that the network's queue holds, and at 100 Hz."""
-    from hil.slave.outbox import Outbox
+    from hil.slave.sample_publisher import SamplePublisher
     from sim.sensors.samples import ImuSample
 
     endpoint = f"tcp/127.0.0.1:{7447 + 2 * (os.getpid() % 5000)}"
     sample = ImuSample(5, (1.0, 0.0, 0.0, 0.0), (0.1, 0.2, 0.3), (0.0, 0.0, 9.8))
     ours, *others = sorted(os.sched_getaffinity(0))
     os.sched_setaffinity(0, {ours})  # the listener is elsewhere, as a master is
-    with listen(endpoint) as session, subprocess.Popen([sys.executable, __file__, "--hear", endpoint]) as hearing:
+    command = foreign_command(sys.executable, __file__, "--hear", endpoint)
+    with listen(endpoint) as session, start_child(command) as hearing:
         os.sched_setaffinity(hearing.pid, others or [ours])
-        outbox = Outbox(session, NODE, to_wall_ns(now_ns()))
-        is_heard = session.audience("0/**")
+        sample_publisher = SamplePublisher(session, NODE, to_wall_ns(now_ns()))
+        is_heard = session.watch_keys(f"{dialect.domain()}/**")
         while not is_heard():
             time.sleep(0.05)
 
@@ -183,7 +186,7 @@ def imu_cost(count: int = 500) -> tuple[float, float]:
             if pause:
                 time.sleep(pause)
             began = now_ns()
-            outbox.sample("imu", sample)
+            sample_publisher.sample("imu", sample)
             return (now_ns() - began) / 1000.0
 
         tight = [once(0.0 if number % BURST else 0.01) for number in range(count * 4)]
@@ -210,8 +213,8 @@ def full_link(megabits: float) -> Iterator[str]:
 @contextmanager
 def lossy_link() -> Iterator[str]:
     """The namespaces with a cable that loses and delays; the address of the first."""
-    arguments = (sys.executable, BAD_WIRE, *SPACES, str(LOSS), str(JITTER_S))
-    with spaces(), subprocess.Popen(arguments, stdout=subprocess.PIPE, text=True) as wire:
+    command = foreign_command(sys.executable, str(BAD_WIRE), *SPACES, str(LOSS), str(JITTER_S))
+    with spaces(), start_child(command, stdout=subprocess.PIPE, text=True) as wire:
         assert wire.stdout
         wire.stdout.readline()  # it carries
         try:
@@ -272,7 +275,7 @@ def main() -> int:
     parser.add_argument("--camera", action="store_true", help="offer pictures")
     options = parser.parse_args()
     if options.hear:
-        with dial(options.hear) as session:
+        with open_master_session(options.hear) as session:
             session.subscribe(NODE, "*", lambda *_: None, 64)
             time.sleep(options.seconds + 60)
     if options.answer:

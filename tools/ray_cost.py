@@ -1,4 +1,4 @@
-"""What rays against the seabed cost: in C, with numpy, in plain Python, and in Embree, in one run.
+"""What rays against the seabed cost: in C, in plain Python, and in Embree, in one run.
 
     python tools/ray_cost.py [--rounds 15] [--pictures]
 
@@ -27,22 +27,23 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).parent.parent))
 
-from hil.errors import HilError
+from hil.common.errors import HilError
 from sim.dynamics import State
-from sim.obstacles import Box, Cylinder
+from sim.environment.obstacles import Box, Cylinder
+from sim.environment.relief import Fractal
+from sim.environment.terrain import Terrain, covering
+from sim.environment.world import World
 from sim.rays.scene import ALONG_AXES, Engine, Hits, RayScene
 from sim.rays.solids import half_space, sphere
-from sim.relief import Fractal
 from sim.rotations import from_euler, matrix
-from sim.sensors.camera import Camera, CameraModel
-from sim.sensors.forward_sonar import ForwardSonar, ForwardSonarModel
+from sim.sensors.imaging.camera import Camera
+from sim.sensors.imaging.camera_model import CameraModel
+from sim.sensors.imaging.forward_sonar import ForwardSonar, ForwardSonarModel
+from sim.sensors.imaging.side_scan import SideScan, SideScanModel
 from sim.sensors.mounting import Mounting
 from sim.sensors.samples import Scene, Sensor
-from sim.sensors.side_scan import SideScan, SideScanModel
 from sim.simulation import Simulation
-from sim.terrain import Terrain, covering
-from sim.vehicle import load_vehicle
-from sim.world import World
+from sim.vehicle.vehicle import load_vehicle
 
 EXTENT = (0.0, 511.0, 0.0, 511.0)
 ALTITUDE = 5.0
@@ -71,7 +72,7 @@ def fan(azimuths: int, width: float, elevations: int, low: float, high: float) -
 
 
 def image(columns: int, rows: int, width: float, tilt: float) -> "array[float]":
-    """The rays of a camera with square pixels, `width` rad wide, that looks `tilt` rad down."""
+    """Return the rays of a camera with square pixels, `width` rad wide, that looks `tilt` rad down."""
     directions, half = array("d"), tan(0.5 * width)
     for i in range(rows):
         for j in range(columns):
@@ -93,7 +94,7 @@ def cases() -> Iterator[tuple[str, Rays]]:
 
 
 def make_world() -> World:
-    """The rough seabed with what stands on it, but for the spheres."""
+    """Return the rough seabed with what stands on it, but for the spheres."""
     grid = covering(EXTENT, 1.0)
     terrain = Terrain(grid, Fractal(20.0, 2.0, 0.8, seed=1).depths(grid), 20.0)
     cylinders = tuple(Cylinder(*at, radius, top=10.0) for at, radius in CYLINDERS)
@@ -183,7 +184,10 @@ def race(
 
 
 def agreement(one: Sequence[float], other: Sequence[float], reach: float) -> str:
-    """How far two answers are apart: the median, and the share of rays by over 10 cm. No hit counts as `reach` m."""
+    """Return how far two answers are apart: the median, and the share of rays by over 10 cm.
+
+    No hit counts as `reach` m.
+    """
     gaps = sorted(abs(min(a, reach) - min(b, reach)) for a, b in zip(one, other, strict=True))
     return f"{gaps[len(gaps) // 2] * 1e3:.1f} mm, {sum(gap > 0.1 for gap in gaps) / len(gaps):.1%}"
 
@@ -193,11 +197,8 @@ def figures(rays: Rays, rounds: int, engines: dict[str, Prepare], origin: Place)
     count, few = len(rays[0]) // 3, thinned(rays)
     quick = [engines[name](origin, rays) for name in ("C", "Embree") if name in engines]
     took = race(quick, rounds, max(1, 4000 // count))
-    (vectors,) = race([engines["numpy"](origin, rays)], 3)
     (plain,) = race([engines["python"](origin, few)], 3)
-    line = (
-        f"{count:7}{took[0] * 1e-3:9.3f}{took[0] / count:9.3f}{vectors / count:10.2f}{plain / (len(few[0]) // 3):10.2f}"
-    )
+    line = f"{count:7}{took[0] * 1e-3:9.3f}{took[0] / count:9.3f}{plain / (len(few[0]) // 3):10.2f}"
     if len(took) > 1:
         line += f"{took[1] / count:10.3f}{took[0] / took[1]:9.2f}   {agreement(quick[0](), quick[1](), rays[1])}"
     return line
@@ -264,7 +265,7 @@ def picture_figures(size: tuple[int, int], world: World, rounds: int) -> str:
 
 
 def _cast(camera: Camera, place: Place) -> Hits:
-    """What a camera's picture begins with: what each of its pixels looks at, 35 degrees down."""
+    """Return what a camera's picture begins with: what each of its pixels looks at, 35 degrees down."""
     eye = camera._eye
     return eye._rays.hits(place, eye._directions, 30.0, matrix(from_euler(0.0, -radians(35.0), 0.0)))
 
@@ -296,14 +297,11 @@ def main() -> int:
         return 0
     engines: dict[str, Prepare] = {
         "C": ours(world, "C"),
-        "numpy": ours(world, "numpy"),
         "python": ours(world, "python"),
     }
     if peer := embree(world):
         engines["Embree"] = peer
-    print(
-        f"{'us a ray (C: all rays in ms too)':38}   rays     C ms        C     numpy    Python    Embree C/Embree apart"
-    )
+    print(f"{'us a ray (C: all rays in ms too)':38}   rays     C ms        C    Python    Embree C/Embree apart")
     for name, rays in cases():
         print(f"{name:38}{figures(rays, rounds, engines, (*PLACE, world.seabed(*PLACE) - ALTITUDE))}")
     print(f"\n{'ms a sample, all of it':38}   rays       ms     rays  /Embree rays/Embree")

@@ -8,7 +8,6 @@ Exit code 1 when a budget is missed.
 """
 
 import argparse
-import os
 import re
 import subprocess
 import sys
@@ -20,9 +19,12 @@ from pathlib import Path
 ROOT = Path(__file__).parent.parent
 sys.path.insert(0, str(ROOT))
 
-from hil.autonomy.control import VelocityCommand  # noqa: E402 - works from a bare checkout too
-from hil.master.client import VehicleClient  # noqa: E402
-from hil.transport.recording_reader import read_messages  # noqa: E402
+from hil.autonomy.control.controller import VelocityCommand  # noqa: E402 - works from a bare checkout too
+from hil.bench.processes import cpu_s  # noqa: E402
+from hil.client.client import VehicleClient  # noqa: E402
+from hil.common.children import module_command, package_environment, start_child  # noqa: E402
+from hil.recording.reader import read_messages  # noqa: E402
+from hil.ros.diagnostics import or_nan  # noqa: E402
 
 MOST_OF_A_CORE = 0.10
 FIRST_PORT = 21000
@@ -42,19 +44,13 @@ goal = [8, 7]
 """
 
 
-def cpu_s(pid: int) -> float:
-    """Processor time of a process so far."""
-    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
-    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
-
-
 def start(folder: Path, number: int) -> subprocess.Popen[bytes]:
     """One slave."""
     path = folder / f"{number}.toml"
     sensors = "".join(f"[sensors.{name}]\n" for name in SENSORS)
-    path.write_text(SCENARIO.format(number=number, port=FIRST_PORT + 2 * number, sensors=sensors))
-    command = [sys.executable, "-m", "hil.cli", "slave", str(path)]
-    return subprocess.Popen(command, cwd=ROOT, stderr=subprocess.DEVNULL)
+    path.write_text(SCENARIO.format(number=number, port=FIRST_PORT + 2 * number, sensors=sensors), encoding="utf-8")
+    command = module_command("hil.cli", "slave", str(path))
+    return start_child(command, environment=package_environment(), stderr=subprocess.DEVNULL)
 
 
 def fly(clients: list[VehicleClient], seconds: float) -> None:
@@ -96,25 +92,15 @@ def main() -> int:
                 return 1
             connect = [word for endpoint in endpoints for word in ("--connect", endpoint)]
             out = folder / "recording"
-            words = [
-                sys.executable,
-                "-m",
-                "hil.cli",
-                "record",
-                *connect,
-                "-o",
-                str(out),
-                "--seconds",
-                str(options.seconds),
-            ]
-            recorder = subprocess.Popen(words, cwd=ROOT, stdout=subprocess.PIPE, text=True)
+            words = module_command("hil.cli", "record", *connect, "-o", str(out), "--seconds", str(options.seconds))
+            recorder = start_child(words, environment=package_environment(), stdout=subprocess.PIPE, text=True)
             fly(clients, 3.0)  # it has started
-            before, began = cpu_s(recorder.pid), time.monotonic()
+            before, began = cpu_s([recorder.pid]), time.monotonic()
             fly(clients, options.seconds - 6.0)
-            share = (cpu_s(recorder.pid) - before) / (time.monotonic() - began)
+            share = (cpu_s([recorder.pid]) - before) / (time.monotonic() - began)
             fly(clients, 2.0)
-            said = recorder.communicate()[0]
-            real_time = min(float(client.diagnostics().get("real_time_factor", "nan")) for client in clients)
+            output = recorder.communicate()[0]
+            real_time = min(or_nan(client.diagnostics().real_time_factor) for client in clients)
         finally:
             for client in clients:
                 client.close()
@@ -123,12 +109,12 @@ def main() -> int:
                 slave.wait()
         total, missing = gaps(out)
         size = sum(entry.stat().st_size for entry in out.iterdir())
-    print(said.strip().splitlines()[-1])
+    print(output.strip().splitlines()[-1])
     print(
         f"{total} messages of {options.vehicles} vehicles, {total / options.seconds:.0f} a second, {missing} missing; "
         f"{share:.1%} of a core; {size / options.seconds / 1e3:.0f} kB/s; real time x{real_time:.3f}"
     )
-    lossless = missing == 0 and re.search("none lost", said) is not None
+    lossless = missing == 0 and re.search("none lost", output) is not None
     return 0 if lossless and share <= MOST_OF_A_CORE else 1
 
 

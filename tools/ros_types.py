@@ -1,4 +1,4 @@
-"""Writes the message definitions in hil/transport/types, with their hashes.
+"""Writes the message definitions in hil/network/types, with their hashes.
 
     python tools/ros_types.py
 
@@ -20,8 +20,8 @@ from typing import Any
 ROOT = Path(__file__).parent.parent
 sys.path.insert(0, str(ROOT))
 
-from hil.transport import types  # noqa: E402 - works from a bare checkout too
-from hil.transport.types import PRIMITIVES, Field, definition  # noqa: E402
+from hil.ros import types  # noqa: E402 - works from a bare checkout too
+from hil.ros.types import PRIMITIVES, Field, definition  # noqa: E402
 
 FOLDER = ROOT / "hil" / "transport" / "types"
 FROM_ROSBAGS = (
@@ -54,12 +54,12 @@ def _described(name: str, type_id: int, capacity: int, nested: str) -> Descripti
 
 
 def message(name: str) -> Description:
-    """A message, or one half of a service."""
+    """Return a message, or one half of a service."""
     return {"type_name": name, "fields": [describe(field) for field in definition(name).fields or (PLACEHOLDER,)]}
 
 
 def service(name: str) -> list[Description]:
-    """A service, its two halves, and the event that ROS makes of a call."""
+    """Return a service, its two halves, and the event that ROS makes of a call."""
     request, response, event = f"{name}_Request", f"{name}_Response", f"{name}_Event"
     halves = [("request_message", request), ("response_message", response), ("event_message", event)]
     seen = [_described("info", NESTED, 0, "service_msgs/msg/ServiceEventInfo")]
@@ -73,7 +73,7 @@ def service(name: str) -> list[Description]:
 
 
 def type_hash(name: str) -> str:
-    """The RIHS01 hash of a message or service."""
+    """Return the RIHS01 hash of a message or service."""
     own = service(name) if "/srv/" in name else [message(name)]
     known = {part["type_name"]: part for part in own}
     waiting = list(_nested(own))
@@ -93,7 +93,7 @@ def _nested(parts: list[Description]) -> Iterator[str]:
 
 
 def definitions_of_rosbags(package: str) -> dict[str, str]:
-    """The definitions of a package's messages, by name."""
+    """Return the definitions of a package's messages, by name."""
     typesys = importlib.import_module("rosbags.typesys")
     store = typesys.get_typestore(typesys.Stores.ROS2_JAZZY)
     found = {}
@@ -106,7 +106,7 @@ def definitions_of_rosbags(package: str) -> dict[str, str]:
 
 
 def services_here(package: str) -> dict[str, str]:
-    """The definitions of a package's services, which are kept, by name."""
+    """Return the definitions of a package's services, which are kept, by name."""
     return {name: text for name, (_, text) in types._package(package).items() if "/srv/" in name}
 
 

@@ -1,6 +1,6 @@
-"""Draw what every sensor gives: docs/sensors.md and its pictures.
+"""Draw what every sensor gives: docs/reference/sensors.md and its pictures.
 
-    python -m tools.sensor_gallery [--out docs] [--only NAME ...]
+    python -m tools.sensor_gallery [--out docs/reference] [--only NAME ...]
 
 The texts are those of the sensors' own source, the numbers their defaults, the pictures simulated anew. Needs what
 `pip install -e '.[dev]'` brings.
@@ -50,7 +50,7 @@ What the camera's water does can be had for any picture with depths, from whiche
 ```python
 import numpy as np
 
-from sim.optics import Water, jaffe_mcglamery, jerlov, ray_lengths, underwater
+from sim.environment.optics import Water, jaffe_mcglamery, jerlov, ray_lengths, underwater
 
 rgb = np.full((240, 320, 3), 180, np.uint8)  # sRGB bytes, or linear floats
 depth = np.full((240, 320), 4.0)  # m along the optical axis
@@ -73,7 +73,7 @@ def draw(picture: Any, size: tuple[float, float], path: Path) -> None:
 
 
 def page(entries: tuple[Entry, ...], folder: str) -> str:
-    """The whole of docs/sensors.md."""
+    """Return the whole of docs/reference/sensors.md."""
     lines = [HEAD]
     for entry in entries:
         lines += [f"## {entry.title}", "", f"`[sensors.{entry.sensor}]`", "", *_texts(entry.sensor), ""]
@@ -84,7 +84,7 @@ def page(entries: tuple[Entry, ...], folder: str) -> str:
 
 
 def _texts(sensor: str) -> list[str]:
-    """What the sensor is, its keys, and what it says of them, out of its source."""
+    """Return what the sensor is, its keys, and what it says of them, out of its source."""
     fitted = fit(**{sensor: fit_default(sensor)})[sensor]
     keys = ", ".join(f"`{key} = {_toml(value)}`" for key, value in fitted.model._asdict().items())
     model = inspect.getdoc(type(fitted.model)) or ""
@@ -94,7 +94,7 @@ def _texts(sensor: str) -> list[str]:
 
 
 def fit_default(sensor: str) -> Any:
-    """The record of a sensor's default values."""
+    """Return the record of a sensor's default values."""
     from importlib import import_module
 
     module, _, name = SENSORS[sensor].partition(":")
@@ -120,7 +120,7 @@ def _paragraph(function: Any) -> str:
 def main() -> int:
     """Draw, and write the page."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--out", type=Path, default=ROOT / "docs", metavar="FOLDER", help="[%(default)s]")
+    parser.add_argument("--out", type=Path, default=ROOT / "docs" / "reference", metavar="FOLDER", help="[%(default)s]")
     parser.add_argument("--only", nargs="+", default=[], metavar="NAME", help="these pictures alone, and no page")
     arguments = parser.parse_args()
     folder = arguments.out / "sensors"
@@ -133,7 +133,7 @@ def main() -> int:
                 with mpl.rc_context(STYLE):
                     draw(picture, (entry.size[0], height), folder / f"{picture.__name__}.png")
     if not arguments.only:
-        (arguments.out / "sensors.md").write_text(page(ENTRIES, "sensors"))
+        (arguments.out / "sensors.md").write_text(page(ENTRIES, "sensors"), encoding="utf-8")
     return 0
 
 

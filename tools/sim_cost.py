@@ -2,8 +2,8 @@
 
     python tools/sim_cost.py [--vehicle NAME]
 
-With IMU, DVL and pressure sensor at their usual rates, every thruster running: at 100 Hz as fast as it goes, with
-the C and without; at 400 Hz in real time. No network, no link. Run it while the machine is quiet.
+With IMU, DVL and pressure sensor at their usual rates, every thruster running and every fin turned: at 100 Hz as fast
+as it goes, with the C and without; at 400 Hz in real time. No network, no link. Run it while the machine is quiet.
 """
 
 import argparse
@@ -14,12 +14,12 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent.parent))
 
-from hil.clock import NS_PER_S, RateKeeper, now_ns
+from hil.common.clock import NS_PER_S, RateKeeper, now_ns
+from sim.environment.world import load_world
 from sim.native import SWITCH, choose
 from sim.sensors.suite import fit
 from sim.simulation import Simulation
-from sim.vehicle import load_vehicle
-from sim.world import load_world
+from sim.vehicle.vehicle import load_vehicle
 
 SLOW_NS, QUICK_NS = 10_000_000, 2_500_000
 ROUND_STEPS = 5000
@@ -27,16 +27,16 @@ REAL_TIME_S = 10.0
 
 
 def new_simulation(name: str, step_ns: int) -> Simulation:
-    """A vehicle at 5 m depth with the three sensors."""
+    """Return a vehicle at 5 m depth with the three sensors."""
     vehicle, _ = load_vehicle(name)
     suite = fit(odometry=None, ground_truth=None)
     return Simulation(vehicle, load_world("paper_field"), suite, 1, step_ns, (0.0, 0.0, 5.0))
 
 
 def step_seconds(name: str, rounds: int) -> float:
-    """Seconds a step at 100 Hz, of the best round."""
+    """Return seconds a step at 100 Hz, of the best round."""
     simulation = new_simulation(name, SLOW_NS)
-    pulses = (1550,) * len(simulation.vehicle.thrusters)
+    pulses = (1550,) * len(simulation.vehicle.channels)
     best = float("inf")
     for _ in range(rounds):
         began = time.perf_counter()
@@ -47,9 +47,9 @@ def step_seconds(name: str, rounds: int) -> float:
 
 
 def real_time_share(name: str) -> float:
-    """The share of a core that 400 Hz in real time takes."""
+    """Return the share of a core that 400 Hz in real time takes."""
     simulation = new_simulation(name, QUICK_NS)
-    pulses = (1550,) * len(simulation.vehicle.thrusters)
+    pulses = (1550,) * len(simulation.vehicle.channels)
     began, cpu = now_ns(), time.process_time()
     schedule = RateKeeper(QUICK_NS, began)
     while simulation.time_ns < REAL_TIME_S * NS_PER_S:

@@ -21,7 +21,8 @@ from pathlib import Path
 ROOT = Path(__file__).parent.parent
 sys.path.insert(0, str(ROOT))
 
-from hil.process import pss_mib  # noqa: E402 - works from a bare checkout too
+from hil.common.children import module_command, package_environment, start_child  # noqa: E402
+from hil.common.process import pss_mib  # noqa: E402 - works from a bare checkout too
 
 MOST_OF_FLOOR = 0.6
 MOST_MIB = 40.0
@@ -29,7 +30,7 @@ FLOOR = [sys.executable, "-c", "import numpy, zenoh"]
 
 
 def time_floor() -> float:
-    """Seconds that the floor takes."""
+    """Return seconds that the floor takes."""
     began = time.perf_counter()
     subprocess.run(FLOOR, check=True, cwd=ROOT)
     return time.perf_counter() - began
@@ -38,7 +39,9 @@ def time_floor() -> float:
 def time_slave(command: list[str]) -> tuple[float, float]:
     """Start the slave, wait for its first line, end it: seconds until the line, MiB then."""
     began = time.perf_counter()
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, cwd=ROOT) as process:
+    with start_child(
+        command, environment=package_environment(), stdout=subprocess.PIPE, stderr=subprocess.STDOUT
+    ) as process:
         assert process.stdout is not None
         line = process.stdout.readline()
         seconds = time.perf_counter() - began
@@ -51,12 +54,12 @@ def time_slave(command: list[str]) -> tuple[float, float]:
 
 
 def slave_command(folder: str) -> list[str]:
-    """The slave on a free port."""
+    """Return the slave on a free port."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
     program = os.path.join(os.path.dirname(sys.executable), "uuv-hil")
-    start = [program] if os.path.exists(program) else [sys.executable, "-m", "hil.cli"]
+    start = [program] if os.path.exists(program) else module_command("hil.cli")
     return [*start, "slave", "paper_field", "--listen", f"tcp/127.0.0.1:{port}", "--port", f"pty:{folder}/stm32"]
 
 

@@ -32,7 +32,8 @@ ROOT = Path(__file__).parent.parent
 sys.path.insert(0, str(ROOT))
 
 from firmware_stub.native import cache_folder  # noqa: E402 - works from a bare checkout too
-from hil.errors import DeviceError  # noqa: E402
+from hil.common.children import foreign_command, start_child  # noqa: E402
+from hil.common.errors import DeviceError  # noqa: E402
 
 SHIM = ROOT / "tools" / "uml_ptrace.c"
 MODULES = Path("/usr/lib/uml/modules")
@@ -79,7 +80,7 @@ class Outcome(NamedTuple):
 
 
 def obstacle() -> str:
-    """Why User Mode Linux does not run here, and the remedy; "" if nothing speaks against it."""
+    """Return why User Mode Linux does not run here, and the remedy; "" if nothing speaks against it."""
     for program, package in (("linux.uml", "user-mode-linux"), ("busybox", "busybox-static"), ("cc", "gcc libc6-dev")):
         if not shutil.which(program):
             return f"there is no {program}: sudo apt install {package} (packages of Debian, for x86 only)"
@@ -116,7 +117,7 @@ def run(
     with tempfile.TemporaryDirectory(prefix="uml-") as folder:
         init = Path(folder, "init")
         steps = _steps(command, environment or {}, cwd or os.getcwd())
-        init.write_text(_init(mark, steps, modules, share, seconds))
+        init.write_text(_init(mark, steps, modules, share, seconds), encoding="utf-8")
         init.chmod(0o755)
         cpu = max(os.sched_getaffinity(0)) if cpu is None else cpu
         kernel = ["taskset", "-c", str(cpu), *_kernel(str(init), memory_mib), *options]
@@ -124,13 +125,13 @@ def run(
 
 
 def module_files(names: Sequence[str]) -> list[str]:
-    """The files of the kernel's modules of these names and of all they need, in the order to load them.
+    """Return the files of the kernel's modules of these names and of all they need, in the order to load them.
 
     Raises DeviceError if there is no such module.
     """
     (release,) = MODULES.iterdir()  # the package holds those of one kernel
     needs = {}
-    for line in (release / "modules.dep").read_text().splitlines():
+    for line in (release / "modules.dep").read_text(encoding="utf-8").splitlines():
         file, _, needed = line.partition(":")
         needs[Path(file).stem.replace("_", "-")] = [*reversed(needed.split()), file]
     unknown = [name for name in names if name.replace("_", "-") not in needs]
@@ -141,7 +142,7 @@ def module_files(names: Sequence[str]) -> list[str]:
 
 
 def _steps(command: Sequence[str], environment: Mapping[str, str], cwd: str) -> str:
-    """What a shell has to do to run the command as it would out here."""
+    """Return what a shell has to do to run the command as it would out here."""
     path = os.environ.get("PATH", os.defpath) + ":/usr/sbin:/sbin"  # it is root
     variables = {"PATH": path, "HOME": os.environ.get("HOME", "/"), "LANG": "C.UTF-8", **environment}
     exports = [f"export {name}={shlex.quote(value)}" for name, value in variables.items()]
@@ -149,7 +150,7 @@ def _steps(command: Sequence[str], environment: Mapping[str, str], cwd: str) -> 
 
 
 def _init(mark: str, steps: str, modules: Sequence[str], share: str, seconds: float) -> str:
-    """The text of process 1."""
+    """Return the text of process 1."""
     folder = os.path.realpath(share)
     mount = f"$b mount -t hostfs -o {shlex.quote(folder)} share {shlex.quote(folder.lstrip('/'))}" if share else ""
     return INIT.format(
@@ -163,7 +164,7 @@ def _init(mark: str, steps: str, modules: Sequence[str], share: str, seconds: fl
 
 
 def _kernel(init: str, memory_mib: int) -> list[str]:
-    """The kernel as a command; it prints on its standard output alone."""
+    """Return the kernel as a command; it prints on its standard output alone."""
     return [
         *("env", f"LD_PRELOAD={_shim()}", f"TMPDIR={_memory_folder(memory_mib)}"),
         *("linux.uml", f"mem={memory_mib}M", "rootfstype=hostfs", "rootflags=/", "ro", f"init={init}"),
@@ -173,7 +174,7 @@ def _kernel(init: str, memory_mib: int) -> list[str]:
 
 
 def _memory_folder(memory_mib: int) -> str:
-    """Where the file is that serves as its memory: in memory, if so much is left there."""
+    """Return where the file is that serves as its memory: in memory, if so much is left there."""
     if os.path.isdir(SHARED_MEMORY):
         free = os.statvfs(SHARED_MEMORY)
         if free.f_bavail * free.f_frsize > memory_mib << 20:
@@ -182,7 +183,7 @@ def _memory_folder(memory_mib: int) -> str:
 
 
 def _shim() -> str:
-    """The library to preload, compiled once. Raises DeviceError if it cannot be."""
+    """Return the library to preload, compiled once. Raises DeviceError if it cannot be."""
     key = hashlib.sha256(SHIM.read_bytes() + platform.machine().encode()).hexdigest()[:16]
     library = os.path.join(cache_folder(), f"uml-ptrace-{key}.so")
     if os.path.exists(library):
@@ -210,14 +211,13 @@ class _Console:
 
     def follow(self, command: Sequence[str], seconds: float) -> Outcome:
         """Start the kernel and stay until it is gone."""
-        process = subprocess.Popen(
-            command,
+        process = start_child(
+            foreign_command(*command),
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
             errors="replace",
-            start_new_session=True,  # all its processes stay in this group
         )
         limit = threading.Timer(seconds, _kill, [process])
         limit.start()
@@ -244,10 +244,10 @@ class _Console:
                 break
             self._boot.append(line.strip())
         for line in lines:
-            said, ended, status = line.partition(end)
-            if said or not ended:  # its last line may have had no end
-                self._output.append(said)
-                self._tell(said)
+            output, ended, status = line.partition(end)
+            if output or not ended:  # its last line may have had no end
+                self._output.append(output)
+                self._tell(output)
             if ended:
                 self._status = int(status)
                 break
@@ -267,7 +267,7 @@ def _kill(process: "subprocess.Popen[str]") -> None:
 
 
 def main() -> int:
-    """The command line."""
+    """Return the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("command", nargs="+")
     parser.add_argument("--module", action="append", default=[], metavar="NAME", help="of the kernel, to be loaded")

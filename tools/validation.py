@@ -1,6 +1,6 @@
-"""Draw how the simulator stands beside others' numbers and beside theory: docs/validation.md and its pictures.
+"""Draw how the simulator stands beside others' numbers and beside theory: the page validation.md and its pictures.
 
-    python tools/validation.py [--out docs] [--only NAME ...]
+    python tools/validation.py [--out docs/explanation] [--only NAME ...]
 
 Every figure is computed anew; each says which test holds it, and a figure beyond that test's bound ends the run
 with exit code 1. The set-ups and others' formulas are those of the tests. Needs what `pip install -e '.[dev]'` brings.
@@ -31,6 +31,7 @@ from tools.validations import (  # noqa: E402 - works from a bare checkout too
     body,
     defects,
     equipment,
+    level,
     remus,
     sensors,
     thrusters,
@@ -38,7 +39,7 @@ from tools.validations import (  # noqa: E402 - works from a bare checkout too
 )
 from tools.validations.sheet import Finding, Sheet  # noqa: E402
 
-PARTS = (bluerov2, remus, body, afloat, equipment, thrusters, battery, allocation, water, sensors, defects)
+PARTS = (bluerov2, level, remus, body, afloat, equipment, thrusters, battery, allocation, water, sensors, defects)
 SHEETS: list[Sheet] = [sheet for part in PARTS for sheet in part.SHEETS]
 STYLE: Any = {"font.size": 8, "axes.titlesize": 8, "legend.fontsize": 7, "lines.linewidth": 1.2, "savefig.dpi": 120}
 COLOURS = 64
@@ -72,7 +73,7 @@ def save(figure: Figure, path: Path) -> None:
 
 
 def page(found: dict[Sheet, list[Finding]]) -> str:
-    """The text of validation.md."""
+    """Return the text of validation.md."""
     rows = [_row(sheet, findings[0]) for sheet, findings in found.items()]
     return HEAD + "\n".join(rows) + "\n" + "".join(_section(sheet, findings) for sheet, findings in found.items())
 
@@ -95,13 +96,15 @@ def _anchor(title: str) -> str:
 
 def _link(finding: Finding) -> str:
     file, test = finding.test.split("::")
-    return f"[{test}](../tests/{file})"
+    return f"[{test}](../../tests/{file})"
 
 
 def main(arguments: list[str] | None = None) -> None:
     """Draw the sheets; write the page if they are all there and within their bounds."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--out", type=Path, default=ROOT / "docs", help="folder of the page [%(default)s]")
+    parser.add_argument(
+        "--out", type=Path, default=ROOT / "docs" / "explanation", help="folder of the page [%(default)s]"
+    )
     parser.add_argument("--only", nargs="+", metavar="NAME", default=[], help="these pictures alone, without the page")
     options = parser.parse_args(arguments)
     chosen = [sheet for sheet in SHEETS if not options.only or sheet.name in options.only]

@@ -6,13 +6,14 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from sim.obstacles import Box
-from sim.optics import jerlov, underwater
-from sim.sensors.camera import Camera, CameraModel
-from sim.sensors.forward_sonar import ForwardSonar, ForwardSonarModel
-from sim.sensors.imaging_samples import CameraSample, SonarImageSample
+from sim.environment.obstacles import Box
+from sim.environment.optics import jerlov, underwater
+from sim.sensors.imaging.camera import Camera
+from sim.sensors.imaging.camera_model import CameraModel
+from sim.sensors.imaging.forward_sonar import ForwardSonar, ForwardSonarModel
+from sim.sensors.imaging.samples import CameraSample, SonarImageSample
+from sim.sensors.imaging.side_scan import SideScan, SideScanModel
 from sim.sensors.mounting import Mounting
-from sim.sensors.side_scan import SideScan, SideScanModel
 from tools.gallery.places import ECHO, MARK, SEED, Entry, at, harbour, looking, rough_ground
 
 TILTED = Mounting((0.2, 0.0, 0.0), (0.0, radians(-10.0), 0.0))
@@ -127,8 +128,8 @@ def camera_lamps(figure: Figure) -> None:
 
 
 def others_pictures(figure: Figure) -> None:
-    """`sim.optics.underwater` on a picture and depths from elsewhere: left a made-up chart 2, 4, 8 and 16 m away, then
-    as it is seen through three waters 5 m deep."""
+    """`sim.environment.optics.underwater` on a picture and depths from elsewhere: left a made-up chart 2, 4, 8 and
+    16 m away, then as it is seen through three waters 5 m deep."""
     patches = np.array([[230, 230, 230], [200, 40, 40], [40, 170, 60], [50, 70, 200], [220, 190, 40]], np.uint8)
     chart = np.repeat(np.repeat(np.tile(patches, (4, 1, 1)), 24, axis=0), 24, axis=1)
     depth = np.repeat([2.0, 4.0, 8.0, 16.0], 24)[:, None] * np.ones((1, 120))

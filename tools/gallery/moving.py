@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
+from sim.environment.world import load_world
 from sim.rotations import rotate_inverse, to_euler
 from sim.sensors.suite import SENSORS, fit, read_suite
 from sim.simulation import Simulation
-from sim.world import load_world
 from tools.gallery.places import INK, SEED, SOFT, VEHICLE, Entry
 
 _SECONDS, _STEPS = 40, 400
@@ -24,7 +24,7 @@ _CARRIED = ("imu", "dvl", "pressure", "odometry", "ground_truth", "ahrs", "magne
 
 @lru_cache(maxsize=1)
 def _flight() -> dict[str, list[Any]]:
-    """All samples by topic: ahead, in a curve, and drifting, at the surface of the world `fractal`."""
+    """Return all samples by topic: ahead, in a curve, and drifting, at the surface of the world `fractal`."""
     world = load_world("fractal")._replace(origin=(57.7, 11.9))
     suite = fit(**{name: read_suite({name: {}}, "gallery")[name] for name in _CARRIED if name in SENSORS})
     simulation = Simulation(VEHICLE, world, suite, seed=SEED, position=(-10.0, 0.0, 0.4))

@@ -7,11 +7,11 @@ from typing import Any, NamedTuple
 from matplotlib.figure import Figure
 
 from sim.dynamics import State
-from sim.obstacles import Box, Cylinder
+from sim.environment.obstacles import Box, Cylinder
+from sim.environment.world import World, load_world
 from sim.rotations import from_euler
 from sim.simulation import Simulation
-from sim.vehicle import load_vehicle
-from sim.world import World, load_world
+from sim.vehicle.vehicle import load_vehicle
 
 VEHICLE, _ = load_vehicle("bluerov2_heavy")
 INK, SOFT, MARK = "#1f2937", "#94a3b8", "#b45309"
@@ -30,12 +30,12 @@ class Entry(NamedTuple):
 
 
 def harbour() -> World:
-    """The preset: a basin with quays and piers on piles."""
+    """Return the preset: a basin with quays and piers on piles."""
     return load_world("harbour")
 
 
 def rough_ground() -> World:
-    """The fractal preset with a wall, a block and a bollard that lie on it."""
+    """Return the fractal preset with a wall, a block and a bollard that lie on it."""
     world = load_world("fractal")
     wall = Box(-12.0, -26.0, 10.0, 1.5, 0.25, top=world.seabed(-12.0, -26.0) - 2.0)
     block = Box(8.0, 24.0, 4.0, 7.0, 0.5, top=world.seabed(8.0, 24.0) - 2.5)

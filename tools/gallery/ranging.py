@@ -5,16 +5,16 @@ from math import cos, degrees, isfinite, pi, radians, sin
 import numpy as np
 from matplotlib.figure import Figure
 
+from sim.environment.world import load_world
 from sim.rays.scene import RayScene
 from sim.rotations import matrix, rotate
-from sim.sensors.dvl import DvlModel
-from sim.sensors.echosounder import Echosounder, EchosounderModel
 from sim.sensors.extra_samples import LaserSample
-from sim.sensors.laser import Laser, LaserModel
+from sim.sensors.imaging.scanning_sonar import ScanningSonar, ScanningSonarModel
 from sim.sensors.mounting import Mounting
-from sim.sensors.profiler import Profiler, ProfilerModel
-from sim.sensors.scanning_sonar import ScanningSonar, ScanningSonarModel
-from sim.world import load_world
+from sim.sensors.ranging.dvl import DvlModel
+from sim.sensors.ranging.echosounder import Echosounder, EchosounderModel
+from sim.sensors.ranging.laser import Laser, LaserModel
+from sim.sensors.ranging.profiler import Profiler, ProfilerModel
 from tools.gallery.places import INK, MARK, SEED, SOFT, Entry, ahead_up, at, harbour, looking, rough_ground
 
 PLACE = at(20.0, -8.0, 3.0, heading=30.0)

@@ -1,1 +1,1 @@
-"""The pictures of docs/validation.md, a module for each part of the simulator. `tools/validation.py` draws them."""
+"""The pictures of the page validation.md, a module for each part of the simulator. `tools/validation.py` draws them."""

@@ -6,10 +6,10 @@ from math import cos, pi, sqrt
 
 from matplotlib.axes import Axes
 
-from sim.buoyancy import Hull
 from sim.dynamics import Dynamics, State
 from sim.rotations import from_euler, matrix
-from tests.sim import test_buoyancy as floats
+from sim.vehicle.buoyancy import Hull
+from tests.unit.sim.vehicle import test_buoyancy as floats
 from tools.validations.sheet import SHADES, WRONG, Finding, Sheet, above, below, label, ours, theirs
 
 HEIGHT, AMPLITUDE, DT = 0.234, 0.02, 0.001
@@ -58,7 +58,7 @@ def _bobbing(trace: Axes, periods: Axes) -> list[Finding]:
     theirs(periods, masses, [_theory(added) for added in masses], "theory", size=8.0)
     label(periods, "added mass (kg)", "period (s)")
     away = max(abs(found[added] / _theory(added) - 1.0) for added in (0.0, 9.24, 60.0))
-    test = "sim/test_buoyancy.py::test_bobbing_period"
+    test = "unit/sim/vehicle/test_buoyancy.py::test_bobbing_period"
     return [below("bobbing: period away from theory (share)", away, 1e-4, test)]
 
 
@@ -72,8 +72,8 @@ def _bobbing_energy() -> Finding:
         for _ in range(400):
             dynamics.step(state, floats.NOTHING, floats.STILL, 0.0025)
         worst = max(worst, abs((floats.energy(dynamics, state) - rest) / first - 1.0))
-    test = "sim/test_buoyancy.py::test_bobbing_energy_does_not_grow"
-    return below("energy gained or lost in 100 s (share)", worst, 0.01, test)
+    test = "unit/sim/vehicle/test_buoyancy.py::test_bobbing_energy_does_not_grow"
+    return below("energy gained or lost in 100 s (share)", worst, 0.001, test)
 
 
 def _lift(axes: Axes) -> list[Finding]:
@@ -90,7 +90,7 @@ def _lift(axes: Axes) -> list[Finding]:
         jumps.append(floats.largest_jump(shares))
     axes.set_xlim(-0.25, 0.25)
     label(axes, "depth of the middle (m)", "lift (share of full)", "lift", legend="upper left")
-    test = "sim/test_buoyancy.py::test_lift_is_continuous"
+    test = "unit/sim/vehicle/test_buoyancy.py::test_lift_is_continuous"
     return [
         below("largest jump of lift in 0.1 mm, ours (share of full)", max(jumps), 0.002, test),
         above("the same, others", floats.largest_jump(red), 0.49, test),

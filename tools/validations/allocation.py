@@ -6,11 +6,11 @@ from random import Random
 
 from matplotlib.axes import Axes
 
-from hil.autonomy.allocation import pseudo_inverse
-from tests.autonomy import test_allocation as sharing
+from hil.autonomy.control.allocation import pseudo_inverse
+from tests.unit.autonomy import test_allocation as sharing
 from tools.validations.sheet import OURS, WRONG, Finding, Sheet, above, below, label, theirs
 
-FILE = "autonomy/test_allocation.py"
+FILE = "unit/autonomy/test_allocation.py"
 ASKED = 200.0  # N: more than the thrusters have
 
 
@@ -41,7 +41,7 @@ def _allocation_findings(headings: list[float], scaled: list[list[float]], clipp
     turned = [abs(_turned(m, h)) for m, h in zip(clipped, headings, strict=True)]
     direction = f"{FILE}::test_saturated_horizontal_force_keeps_its_direction"
     exact = f"{FILE}::test_what_fits_is_made_exactly"
-    clipping = "tools/test_validation.py::test_clipping_each_thrust_turns_the_force"
+    clipping = "unit/tools/test_validation.py::test_clipping_each_thrust_turns_the_force"
     return [
         below("beyond the limits: force across that asked for", max(aside), 5e-9, direction, "N"),
         below("within them: wrench away from that asked for (N, N m)", _residual(), 1e-9, exact),

@@ -6,15 +6,15 @@ from pathlib import Path
 
 from matplotlib.axes import Axes
 
-from hil.schema import parse
-from sim.battery import Battery, BatteryPack
-from sim.t200 import VOLTS, performance
-from sim.thrusters import make_thrusters
-from sim.vehicle import Vehicle, load_vehicle
-from tests.sim import test_battery as supply
+from hil.common.schema import parse
+from sim.assembly import make_thrusters
+from sim.vehicle.battery import Battery, BatteryPack
+from sim.vehicle.t200 import VOLTS, performance
+from sim.vehicle.vehicle import Vehicle, load_vehicle
+from tests.unit.sim.vehicle import test_battery as supply
 from tools.validations.sheet import SHADES, Finding, Sheet, below, label, near, ours, theirs
 
-FILE = "sim/test_battery.py"
+FILE = "unit/sim/vehicle/test_battery.py"
 
 
 def battery(panels: Sequence[Axes]) -> list[Finding]:

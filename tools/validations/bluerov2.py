@@ -9,14 +9,14 @@ from matplotlib.axes import Axes
 from sim import rotations
 from sim.dynamics import Dynamics, Integrator, State
 from sim.rotations import from_euler, to_euler
-from sim.vehicle import Vehicle
-from tests.sim.test_dynamics import Tow
-from tests.sim.test_von_benzon import CASES, CURRENT, DEEP, DENSITY, GRAVITY, HEAVY, LeftOut, Row, pick, rows_of
+from sim.vehicle.vehicle import Vehicle
+from tests.unit.sim.test_dynamics import Tow
+from tests.unit.sim.test_von_benzon import CASES, CURRENT, DEEP, DENSITY, GRAVITY, HEAVY, LeftOut, Row, pick, rows_of
 from tools.validations.sheet import SHADES, WRONG, Finding, Sheet, above, below, label, near, ours, theirs, ticks
 
 STILL, NOTHING = (0.0, 0.0, 0.0), (0.0,) * 6
 REFERENCE = "others' code, Octave"
-VON_BENZON = "sim/test_von_benzon.py"
+VON_BENZON = "unit/sim/test_von_benzon.py"
 
 
 def difference(found: Sequence[float], expected: Sequence[float]) -> float:
@@ -119,12 +119,12 @@ def trajectories(panels: Sequence[Axes]) -> list[Finding]:
     for axes, (name, (title, key)) in zip(panels, SHOWN.items(), strict=True):
         flown = [(t, numbers(state)) for t, state in fly(name, "rk4", 1)]
         same_steps = max(same_steps, furthest(name, flown))
-        fine = max(fine, furthest(name, [(t, numbers(state)) for t, state in fly(name, "semi_implicit_euler", 20)]))
+        fine = max(fine, furthest(name, [(t, numbers(state)) for t, state in fly(name, "verlet", 8)]))
         _panel(axes, name, title, key, flown)
     test = f"{VON_BENZON}::test_trajectories"
     return [
         below("Runge-Kutta, the same steps", same_steps, 1e-4, test),
-        below("semi-implicit Euler, 1 ms", fine, 5e-3, test),
+        below("Verlet, the default, 2.5 ms", fine, 2e-4, test),
     ]
 
 
@@ -189,13 +189,13 @@ def convergence(panels: Sequence[Axes]) -> list[Finding]:
     four all the way."""
     (axes,) = panels
     findings, steps = [], [2e3 / count for count in COUNTS]
-    orders: dict[Integrator, tuple[int, str]] = {"semi_implicit_euler": (1, "semi-implicit Euler"), "rk4": (4, "RK4")}
-    test = "sim/test_dynamics.py::test_a_force_is_integrated_like_the_rest"
+    orders: dict[Integrator, tuple[int, str]] = {"verlet": (2, "Verlet"), "rk4": (4, "RK4")}
+    test = "unit/sim/test_dynamics.py::test_a_force_is_integrated_like_the_rest"
     for (integrator, (order, name)), color in zip(orders.items(), SHADES, strict=False):
         errors = errors_by_step(HEAVY, integrator)
         axes.loglog(steps, errors, "o-", color=color, markersize=3, label=f"ours, {name}")
         guide = [errors[2] * (step / steps[2]) ** order for step in steps]
-        theirs(axes, steps, guide, "theory: step, step⁴" if order == 1 else "_")
+        theirs(axes, steps, guide, "theory: step², step⁴" if order == 2 else "_")
         ratio = errors[1] / errors[2]
         what = f"{name}: error over that by half the step (order {log2(ratio):.2f})"
         findings.append(above(what, ratio, 0.75 * 2**order, test))
@@ -203,7 +203,7 @@ def convergence(panels: Sequence[Axes]) -> list[Finding]:
     ours(axes, steps, linear, "ours, RK4, linear drag alone", SHADES[2])
     ticks(axes.xaxis, steps)
     label(axes, "step (ms)", "error after 2 s (m, m/s, rad/s)")
-    four = "tools/test_validation.py::test_runge_kutta_is_of_fourth_order_with_linear_drag"
+    four = "unit/tools/test_validation.py::test_runge_kutta_is_of_fourth_order_with_linear_drag"
     what = "RK4, linear drag alone: least order of all halvings"
     return [*findings, above(what, min(log2(a / b) for a, b in pairwise(linear)), 3.95, four)]
 

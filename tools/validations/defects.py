@@ -9,11 +9,11 @@ from matplotlib.axes import Axes
 
 from sim.dynamics import Dynamics, State
 from sim.sensors.error import ErrorModel, ErrorProcess
-from sim.vehicle import Vehicle
-from tests.sim.test_known_defects import DEEP, HEAVY, NOTHING, STILL
+from sim.vehicle.vehicle import Vehicle
+from tests.unit.sim.test_known_defects import DEEP, HEAVY, NOTHING, STILL
 from tools.validations.sheet import OURS, SHADES, WRONG, Finding, Sheet, above, label, near, ours, theirs, wrong
 
-FILE = "sim/test_known_defects.py"
+FILE = "unit/sim/test_known_defects.py"
 
 
 def defects(panels: Sequence[Axes]) -> list[Finding]:

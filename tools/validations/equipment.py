@@ -6,16 +6,16 @@ from random import Random
 
 from matplotlib.axes import Axes
 
-from sim.body_lift import CrossFlow, CrossFlowDrag, HullLift, Lift
 from sim.dynamics import Dynamics, State
-from sim.surfaces import lift_slope
-from sim.vehicle import Vehicle, load_vehicle
-from tests.sim import test_ballast as ballast
-from tests.sim import test_surfaces as held
-from tests.sim.test_surfaces import RHO, RUDDER, wrench
+from sim.vehicle.body_lift import CrossFlow, CrossFlowDrag, HullLift, Lift
+from sim.vehicle.fins import lift_slope
+from sim.vehicle.vehicle import Vehicle, load_vehicle
+from tests.unit.sim.vehicle import test_ballast as ballast
+from tests.unit.sim.vehicle import test_surfaces as held
+from tests.unit.sim.vehicle.test_surfaces import RHO, RUDDER, wrench
 from tools.validations.sheet import SHADES, Finding, Sheet, below, label, near, ours, theirs
 
-FILE, BALLAST = "sim/test_surfaces.py", "sim/test_ballast.py"
+FILE, BALLAST = "unit/sim/vehicle/test_surfaces.py", "unit/sim/vehicle/test_ballast.py"
 BROADSIDE = 1.17  # Hoerner's square plate
 
 
@@ -110,7 +110,7 @@ def _lift(axes: Axes) -> list[Finding]:
 def _hull_force(angle: float) -> tuple[float, float]:
     """Across and along the flow, N."""
     u, w = 2.0 * cos(angle), 2.0 * sin(angle)
-    x, _, z, *_ = wrench(HullLift(HULL, (0.0,) * 6, RHO), u, 0.0, w)
+    x, _, z, *_ = wrench(HullLift(HULL, RHO), u, 0.0, w)
     turn = atan2(w, u)
     return x * sin(turn) - z * cos(turn), -x * cos(turn) - z * sin(turn)
 
@@ -122,20 +122,17 @@ def _hull_theory(angle: float) -> tuple[float, float]:
 
 def _munk(axes: Axes) -> Finding:
     vehicle, _ = load_vehicle("remus100")
-    assert vehicle.lift
-    bare = vehicle.lift._replace(lift_slope=0.0, induced_drag=0.0, parasitic_drag=0.0)
     ideal = vehicle.added_mass[1] - vehicle.added_mass[0]
     sways, worst = [0.05 * i for i in range(9)], 0.0
     for share, color in zip((1.0, 0.4, 0.0), SHADES, strict=False):
-        hull_lift = HullLift(bare._replace(munk_share=share), vehicle.added_mass, RHO)
-        dynamics = Dynamics(vehicle, RHO, 9.8, forces=[hull_lift])
+        dynamics = Dynamics(vehicle._replace(munk_share=(1.0, share, share)), RHO, 9.8)
         found = [_moment_to_broadside(dynamics, 1.5, sway) for sway in sways]
         theory = [share * ideal * 1.5 * sway for sway in sways]
         worst = max(worst, *(abs(a - b) / (ideal * 1.5 * sways[-1]) for a, b in zip(found, theory, strict=True)))
         ours(axes, sways, found, f"ours, share {share:g}", color)
         theirs(axes, sways, theory, "theory" if share == 0.0 else "_")
     label(axes, "sway at 1.5 m/s ahead (m/s)", "moment to broadside (N m)", "Munk moment", legend="upper left")
-    test = f"{FILE}::test_munk_moment_goes_with_its_share"
+    test = "unit/sim/test_dynamics.py::test_munk_moment_goes_with_its_share"
     return below("Munk moment away from its share of the ideal one (share)", worst, 1e-6, test)
 
 

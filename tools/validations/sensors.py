@@ -9,15 +9,15 @@ import allantools
 from matplotlib.axes import Axes
 
 from sim.dynamics import State
+from sim.environment.world import World
 from sim.rotations import from_euler
-from sim.sensors.dvl import Dvl, DvlModel
 from sim.sensors.error import ErrorModel, ErrorProcess
 from sim.sensors.mounting import Mounting
+from sim.sensors.ranging.dvl import Dvl, DvlModel
 from sim.simulation import Simulation
-from sim.vehicle import load_vehicle
-from sim.world import World
-from tests.sim import test_sensor_error as errors
-from tests.sim.test_sensor_allan import RATE, SECONDS
+from sim.vehicle.vehicle import load_vehicle
+from tests.unit.sim.sensors import test_sensor_error as errors
+from tests.unit.sim.sensors.test_sensor_allan import RATE, SECONDS
 from tools.validations.sheet import (
     OURS,
     SHADES,
@@ -34,7 +34,7 @@ from tools.validations.sheet import (
     wrong,
 )
 
-ERROR, ALLAN = "sim/test_sensor_error.py", "sim/test_sensor_allan.py"
+ERROR, ALLAN = "unit/sim/sensors/test_sensor_error.py", "unit/sim/sensors/test_sensor_allan.py"
 
 
 def sensor_bias(panels: Sequence[Axes]) -> list[Finding]:
@@ -150,7 +150,7 @@ def dvl(panels: Sequence[Axes]) -> list[Finding]:
     axes.set_ylim(18.0, 34.0)
     label(axes, "roll (deg)", "distance (m)", legend="upper left")
     askew = _tilted(radians(8.0), radians(-6.0))
-    test = "sim/test_known_defects.py::test_dvl_altitude_is_not_the_mean_of_the_slants"
+    test = "unit/sim/test_known_defects.py::test_dvl_altitude_is_not_the_mean_of_the_slants"
     return [
         near("altitude at 8 deg of roll, -6 deg of pitch", log.sample(0, askew).altitude, 20.0, test, "m", rel=1e-6),
         above("mean slant range there", _mean_slant(log, askew), 1.09 * 20.0, test, "m"),

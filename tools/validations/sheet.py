@@ -1,4 +1,4 @@
-"""What every picture of docs/validation.md is made of: panels, and findings that a test holds."""
+"""What every picture of docs/explanation/validation.md is made of: panels, and findings that a test holds."""
 
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
@@ -15,7 +15,7 @@ SHADES = ("#08306b", "#2171b5", "#6baed6", "#9ecae1")
 class Finding(NamedTuple):
     """A figure found in this run: what it is of, the bound, the test that holds it, and whether it is within.
 
-    `test` is a pytest address below tests/: "sim/test_buoyancy.py::test_bobbing_period".
+    `test` is a pytest address below tests/: "unit/sim/vehicle/test_buoyancy.py::test_bobbing_period".
     """
 
     what: str

@@ -5,15 +5,15 @@ from math import cos, exp, sin, sqrt, tanh
 
 from matplotlib.axes import Axes
 
-from sim.t200 import performance
-from sim.thrusters import make_thrusters
-from sim.vehicle import load_vehicle
-from tests.sim import test_remus as remus
-from tests.sim import test_thruster_curves as curves
-from tests.sim.test_thruster_lags import BESSA, FULL, PI, YOERGER, reference_speed, run
+from sim.assembly import make_thrusters
+from sim.vehicle.t200 import performance
+from sim.vehicle.vehicle import load_vehicle
+from tests.unit.sim import test_remus as remus
+from tests.unit.sim.vehicle import test_thruster_curves as curves
+from tests.unit.sim.vehicle.test_thruster_lags import BESSA, FULL, PI, YOERGER, reference_speed, run
 from tools.validations.sheet import SHADES, Finding, Sheet, above, below, label, ours, theirs, wrong
 
-CURVES, LAGS = "sim/test_thruster_curves.py", "sim/test_thruster_lags.py"
+CURVES, LAGS = "unit/sim/vehicle/test_thruster_curves.py", "unit/sim/vehicle/test_thruster_lags.py"
 
 
 # -- T200 -------------------------------------------------------------------------------------------------------------
@@ -74,7 +74,7 @@ def _remus_propeller(axes: Axes) -> Finding:
         theirs(axes, speeds[::3], expected[::3], "MSS" if n == 25.0 else "_")
         worst = max(worst, *(abs(a / b - 1.0) for a, b in zip(found, expected, strict=True)))
     label(axes, "speed ahead (m/s)", "thrust (N)", "REMUS 100", legend="upper right")
-    test = "sim/test_remus.py::test_each_of_our_terms_is_theirs_where_they_mean_the_same"
+    test = "unit/sim/test_remus.py::test_each_of_our_terms_is_theirs_where_they_mean_the_same"
     return below("REMUS 100's propeller ahead, away from MSS (share)", worst, 1e-12, test)
 
 

@@ -7,15 +7,15 @@ from statistics import fmean, pstdev
 import numpy as np
 from matplotlib.axes import Axes
 
-from sim.currents import TIDAL_SPEEDS, Wandering, tidal
 from sim.dynamics import Dynamics, Integrator, State
-from sim.ocean import Tide
+from sim.environment.currents import TIDAL_SPEEDS, Wandering, tidal
+from sim.environment.ocean import Tide
+from sim.environment.waves import Sea, components, spectral_density, wave_number
 from sim.rotations import from_euler, rotate, rotate_inverse
-from sim.waves import Sea, components, spectral_density, wave_number
-from tests.sim import test_currents as flows
-from tests.sim import test_waves as swell
-from tests.sim.test_dynamics import DEEP, HEAVY, NOTHING, STILL
-from tests.sim.test_von_benzon import LeftOut
+from tests.unit.sim.environment import test_currents as flows
+from tests.unit.sim.environment import test_waves as swell
+from tests.unit.sim.test_dynamics import DEEP, HEAVY, NOTHING, STILL
+from tests.unit.sim.test_von_benzon import LeftOut
 from tools.validations.sheet import (
     OURS,
     SHADES,
@@ -32,7 +32,7 @@ from tools.validations.sheet import (
     wrong,
 )
 
-CURRENTS, WAVES = "sim/test_currents.py", "sim/test_waves.py"
+CURRENTS, WAVES = "unit/sim/environment/test_currents.py", "unit/sim/environment/test_waves.py"
 
 
 # -- currents ---------------------------------------------------------------------------------------------------------
@@ -127,7 +127,7 @@ def carried(panels: Sequence[Axes]) -> list[Finding]:
     ends = {}
     runs: tuple[tuple[Integrator, bool, str, str], ...] = (
         ("rk4", True, "turning left out (RK4)", WRONG),
-        ("semi_implicit_euler", False, "ours, semi-implicit, 2 ms", SHADES[2]),
+        ("verlet", False, "ours, Verlet, 2 ms", SHADES[2]),
         ("rk4", False, "ours, RK4, 2 ms", SHADES[0]),
     )
     for integrator, left_out, name, color in runs:
@@ -135,10 +135,10 @@ def carried(panels: Sequence[Axes]) -> list[Finding]:
         apart.semilogy([0.1 * (i + 1) for i in range(len(away))], away, color=color, label=name)
         ends[name] = away[-1]
     label(apart, "time (s)", "distance of the two (m)", legend="center right")
-    test = "sim/test_dynamics.py::test_a_current_carries_everything_along"
+    test = "unit/sim/test_dynamics.py::test_a_current_carries_everything_along"
     return [
         below("seen from the water, RK4, 4 s: distance", ends["ours, RK4, 2 ms"], 1e-8, test, "m"),
-        below("the same, semi-implicit", ends["ours, semi-implicit, 2 ms"], 5e-3, test, "m"),
+        below("the same, Verlet", ends["ours, Verlet, 2 ms"], 5e-5, test, "m"),
         _adrift(adrift),
     ]
 
@@ -176,7 +176,7 @@ def _adrift(axes: Axes) -> Finding:
     axes.set_ylim(-0.25, 0.6)
     label(axes, "time (s)", "speed over ground (m/s)", legend="upper right")
     away = max(abs(a - b) for a, b in zip(speeds[-1], current, strict=True))
-    test = "sim/test_known_defects.py::test_a_current_acts"
+    test = "unit/sim/test_known_defects.py::test_a_current_acts"
     return below("adrift for a minute: speed away from the water's", away, 0.02, test, "m/s")
 
 

@@ -1,1 +1,1 @@
-"""A card computer that is not there: see `python -m tools.virtual_board --help`."""
+"""A single-board computer that is not there: see `python -m tools.virtual_board --help`."""

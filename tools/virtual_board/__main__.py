@@ -1,4 +1,4 @@
-"""A card computer that is not there: this project's wheel on 64-bit Arm, emulated, with this machine as its network.
+"""A single-board computer that is not there: this project's wheel on 64-bit Arm, emulated; this machine is its network.
 
     python -m tools.virtual_board build --package numpy
     python -m tools.virtual_board run -- slave paper_field
@@ -28,8 +28,8 @@ from typing import NoReturn
 
 sys.path.insert(0, str(Path(__file__).parent.parent.parent))
 
-from hil.errors import DeviceError
-from hil.stop import every_end_like_ctrl_c
+from hil.common.errors import DeviceError
+from hil.common.stop import every_end_like_ctrl_c
 from tools.virtual_board.board import VirtualBoard
 from tools.virtual_board.system import Booted
 
@@ -61,7 +61,7 @@ def _do(options: argparse.Namespace) -> int:
 
 
 def parse(words: list[str]) -> argparse.Namespace:
-    """The options; what is behind -- is taken away first, as argparse mixes it up with options before it."""
+    """Return the options; what is behind -- is taken away first, as argparse mixes it up with options before it."""
     end = words.index("--") if "--" in words else len(words)
     parser = argparse.ArgumentParser(
         prog="python -m tools.virtual_board", usage="%(prog)s VERB [options] [-- WORD ...]", description=__doc__,

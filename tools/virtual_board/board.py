@@ -11,7 +11,7 @@ from pathlib import Path
 
 from boards.emulation import MARK
 from firmware_stub.native import cache_folder
-from hil.errors import DeviceError
+from hil.common.errors import DeviceError
 from tools.virtual_board.commands import TO_BUILD, do, missing
 
 PROJECT = Path(__file__).parent.parent.parent
@@ -45,9 +45,9 @@ class VirtualBoard:
 
         `packages`: what else from PyPI, in arm64 wheels. Raises DeviceError.
         """
-        lack = missing(TO_BUILD)
-        if lack:
-            raise DeviceError(f"no virtual board can be built here; {lack}")
+        missing_tools = missing(TO_BUILD)
+        if missing_tools:
+            raise DeviceError(f"no virtual board can be built here; {missing_tools}")
         os.makedirs(self.folder, exist_ok=True)
         if not os.path.exists(os.path.join(self.root, PYTHON)):
             self._make_root()
@@ -55,7 +55,10 @@ class VirtualBoard:
             self._install(scratch, packages)
 
     def command(self, *arguments: str, **environment: str) -> list[str]:
-        """The command that runs the board's Python with these arguments. Raises DeviceError if there is no board."""
+        """Return the command that runs the board's Python with these arguments.
+
+        Raises DeviceError if there is no board.
+        """
         self.require()
         return ["env", *(f"{name}={value}" for name, value in environment.items()), self.python, *arguments]
 
@@ -96,7 +99,7 @@ class VirtualBoard:
 def write_wrapper(board: VirtualBoard) -> None:
     """Write the script that runs the board's Python on this machine."""
     names = {"root": board.root, "site": board.site, "mark": MARK, "processor": PROCESSOR, "python": PYTHON}
-    with open(board.python, "w") as file:
+    with open(board.python, "w", encoding="utf-8") as file:
         file.write(WRAPPER.format(**names))
     os.chmod(board.python, 0o755)
 

@@ -5,7 +5,7 @@ import shutil
 import subprocess
 from collections.abc import Mapping
 
-from hil.errors import DeviceError
+from hil.common.errors import DeviceError
 
 # program -> the package that has it
 TO_BUILD = {
@@ -18,7 +18,7 @@ TO_BOOT = TO_BUILD | {"qemu-system-aarch64": "qemu-system-arm"}
 
 
 def missing(programs: Mapping[str, str]) -> str:
-    """What this machine lacks, as a command that mends it; "" if nothing."""
+    """Return what this machine lacks, as a command that mends it; "" if nothing."""
     packages = [package for program, package in programs.items() if not shutil.which(program)]
     if packages:
         return f"apt install {' '.join(packages)}"

@@ -66,7 +66,7 @@ MASKED = ("serial-getty@ttyAMA0.service", "getty-static.service", "systemd-binfm
 
 
 def kernel(board: VirtualBoard) -> str:
-    """The path of the board's kernel."""
+    """Return the path of the board's kernel."""
     folder = os.path.join(board.root, "boot")
     return os.path.join(folder, next(name for name in sorted(os.listdir(folder)) if name.startswith("vmlinuz")))
 
@@ -105,7 +105,7 @@ def _entries(board: VirtualBoard) -> Iterator[tuple[str, str]]:
 
 
 def _modules(board: VirtualBoard) -> Iterator[tuple[str, str]]:
-    """The modules that may be wanted, with the tables of what needs what."""
+    """Return the modules that may be wanted, with the tables of what needs what."""
     staged = os.path.join(board.folder, "modules")
     if not os.path.isdir(staged):
         _stage(board, staged)
@@ -131,7 +131,7 @@ def _stage(board: VirtualBoard, staged: str) -> None:
 
 
 def _below(folder: str, prefix: str) -> Iterator[tuple[str, str]]:
-    """What is in a folder, as names below `prefix`, the folders of that first."""
+    """Yield what is in a folder, as names below `prefix`, the folders of that first."""
     parts = prefix.split("/") if prefix else []
     for count in range(1, len(parts) + 1):
         yield "/".join(parts[:count]), folder

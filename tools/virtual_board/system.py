@@ -1,18 +1,18 @@
 """The whole board in emulation: its own kernel, systemd, CAN interfaces and network, for a job."""
 
-import os
 import secrets
 import shutil
 import signal
 import subprocess
-import tempfile
 import threading
 import time
 from collections.abc import Callable, Mapping
 from typing import Self
 
 from boards.emulation import MARK
-from hil.errors import DeviceError
+from hil.common.children import foreign_command, start_child
+from hil.common.errors import DeviceError
+from hil.common.scratch import ScratchFolder
 from tools.virtual_board.board import PROCESSOR, VirtualBoard
 from tools.virtual_board.commands import TO_BOOT, missing
 from tools.virtual_board.image import kernel, write_image, write_job
@@ -35,23 +35,22 @@ class Booted:
         ports: Mapping[int, int] | None = None,
         tell: Callable[[str], None] | None = None,
     ) -> None:
-        lack = missing(TO_BOOT)
-        if lack:
-            raise DeviceError(f"no virtual board can be booted here; {lack}")
+        missing_tools = missing(TO_BOOT)
+        if missing_tools:
+            raise DeviceError(f"no virtual board can be booted here; {missing_tools}")
         board.require()
         self._mark = secrets.token_hex(8)
         self._tell = tell
-        self._folder = tempfile.mkdtemp(prefix="uuv-hil-board-")
+        self._folder = ScratchFolder("board")
         self._lines: list[str] = []
         self.status: int | None = None
         try:
             command = emulator(kernel(board), self._write_images(board, job), ports or {})
-            self._process = subprocess.Popen(
-                command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
-                start_new_session=True,
-            )  # fmt: skip
+            self._process = start_child(
+                foreign_command(*command), stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT
+            )
         except BaseException:  # the archive takes seconds to write, and hundreds of megabytes
-            shutil.rmtree(self._folder, ignore_errors=True)
+            self._folder.close()
             raise
         self._reader = threading.Thread(target=self._read, daemon=True)
         self._reader.start()
@@ -66,7 +65,7 @@ class Booted:
         self._reader.join(5.0)
         if self._process.stdout:
             self._process.stdout.close()
-        shutil.rmtree(self._folder, ignore_errors=True)
+        self._folder.close()
 
     @property
     def output(self) -> str:
@@ -74,7 +73,10 @@ class Booted:
         return "\n".join(self._lines)
 
     def wait(self, seconds: float = PATIENCE_S) -> int:
-        """The job's exit status, when it has ended and the board is off. Raises DeviceError if it takes longer."""
+        """Return the job's exit status, when it has ended and the board is off.
+
+        Raises DeviceError if it takes longer.
+        """
         end = time.monotonic() + seconds
         while self._process.poll() is None and time.monotonic() < end:
             time.sleep(0.1)
@@ -84,11 +86,11 @@ class Booted:
         return self.status
 
     def _write_images(self, board: VirtualBoard, job: str) -> str:
-        """The path of the archive that the kernel takes: the system's, and the job's behind it."""
-        images = [os.path.join(self._folder, name) for name in ("system", "job")]
+        """Return the path of the archive that the kernel takes: the system's, and the job's behind it."""
+        images = [self._folder.file(name) for name in ("system", "job")]
         write_image(board, images[0])
         write_job(_script(job, self._mark), images[1])
-        whole = os.path.join(self._folder, "whole")
+        whole = self._folder.file("whole")
         with open(whole, "wb") as file:
             for path in images:
                 with open(path, "rb") as part:
@@ -114,7 +116,7 @@ class Booted:
 
 
 def emulator(kernel: str, image: str, ports: Mapping[int, int]) -> list[str]:
-    """The command that boots `kernel` with `image`; its kernel's command line says that it is emulated."""
+    """Return the command that boots `kernel` with `image`; its kernel's command line says that it is emulated."""
     forwards = "".join(f",hostfwd=tcp:127.0.0.1:{here}-:{there}" for here, there in ports.items())
     return [
         "qemu-system-aarch64", "-M", "virt", "-cpu", PROCESSOR, "-smp", "2", "-m", MEMORY, "-nographic",
@@ -126,7 +128,7 @@ def emulator(kernel: str, image: str, ports: Mapping[int, int]) -> list[str]:
 
 
 def _script(job: str, mark: str) -> str:
-    """The job, between marks; then the board is switched off."""
+    """Return the job, between marks; then the board is switched off."""
     return (
         f"#!/bin/sh\necho {mark} begin\n(\n{job}\n) 2>&1\necho {mark} $?\nsync\necho o >/proc/sysrq-trigger\nsleep 30\n"
     )

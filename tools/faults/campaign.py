@@ -1,0 +1,107 @@
+"""Which faults meet which links, and the processes that they share."""
+
+import tempfile
+from collections.abc import Callable, Iterator
+from math import nan
+from pathlib import Path
+from typing import NamedTuple
+
+from hil.common.errors import HilError
+from tools.faults import line_faults, machine_faults, network_faults, peer_faults
+from tools.faults.file_faults import BAD_FILES, BadFile, measure_file
+from tools.faults.measure import measure
+from tools.faults.rig import Rig
+from tools.faults.rows import LINKS, Fault, Link, Row
+
+QUICK_FILES = 2
+QUICK_LINKS = LINKS[:1]
+
+
+class Group(NamedTuple):
+    """Faults that strike one rig, one after another: `network` and `disk` say what that rig has besides."""
+
+    faults: tuple[Fault, ...]
+    network: bool = False
+    disk: bool = False
+
+
+GROUPS = (
+    Group(line_faults.FAULTS),
+    Group(network_faults.FAULTS, network=True),
+    Group(machine_faults.FAULTS, disk=True),
+    Group(peer_faults.FAULTS),
+)
+Choose = Callable[[str], bool]
+
+
+class Plan(NamedTuple):
+    """What is to be run: a link, the faults that strike it, and their group."""
+
+    link: Link
+    faults: tuple[Fault, ...]
+    group: Group
+
+
+def plans(choose: Choose, thorough: bool, quick: bool) -> list[Plan]:
+    """Return all that `choose` takes by its name, "room fault link"."""
+    found = []
+    for group in GROUPS:
+        for link in LINKS:
+            if (link.thorough and not thorough) or (quick and link not in QUICK_LINKS):
+                continue
+            faults = [f for f in group.faults if link in f.links and (f.quick or not quick)]
+            faults = [f for f in faults if choose(f"{f.room} {f.name} {link.name}")]
+            if faults:
+                found.append(Plan(link, tuple(faults), group))
+    return found
+
+
+def bad_files(choose: Choose, quick: bool) -> tuple[BadFile, ...]:
+    """Return the files that `choose` takes."""
+    return tuple(bad for bad in BAD_FILES[: QUICK_FILES if quick else None] if choose(f"file {bad.name}"))
+
+
+def run_plan(plan: Plan, attempts: int = 1) -> Iterator[Row]:
+    """Yield the rows of a plan; one that fails is measured so often, in a new rig each time."""
+    left, attempt = list(plan.faults), 1
+    while left:
+        with tempfile.TemporaryDirectory(prefix="uuv-hil-faults-") as name:
+            folder = Path(name)
+            sections = machine_faults.RECORDING.format(disk=folder / "disk") if plan.group.disk else ""
+            with Rig(plan.link, folder, plan.group.network, sections) as rig:
+                if plan.group.disk:
+                    machine_faults.prepare(rig)
+                try:
+                    rig.start()
+                except (HilError, OSError) as error:
+                    fault = left.pop(0)
+                    yield _not_measured(fault, plan.link, f"the processes did not start: {error}")
+                    continue
+                while left:
+                    row = _measure(rig, left[0])._replace(attempts=attempt)
+                    if row.passed or attempt >= attempts:
+                        yield row
+                        left.pop(0)
+                        attempt = 1
+                    else:
+                        attempt += 1
+                    if not row.passed:
+                        break
+
+
+def run_files(files: tuple[BadFile, ...]) -> Iterator[Row]:
+    """Yield the rows of broken files."""
+    with tempfile.TemporaryDirectory(prefix="uuv-hil-faults-") as folder:
+        for bad in files:
+            yield measure_file(bad, Path(folder))
+
+
+def _measure(rig: Rig, fault: Fault) -> Row:
+    unavailable = fault.unavailable(rig)
+    if unavailable:
+        return _not_measured(fault, rig.link, "", f"not run: {unavailable}")
+    return measure(rig, fault)
+
+
+def _not_measured(fault: Fault, link: Link, problem: str, reported: str = "") -> Row:
+    return Row(fault.room, fault.name, link.name, nan, nan, nan, 0, reported, "", (problem,) if problem else ())

@@ -1,0 +1,215 @@
+"""Random and damaged bytes to every decoder of what comes off a wire.
+
+    python -m tools.faults decoders --count 1000000     a million to each; some 10 minutes
+
+The STM32's firmware in C runs under the address and undefined-behaviour sanitizers. The Python decoders must not raise,
+hang or grow. The exit code is 1 when one does.
+"""
+
+import argparse
+import os
+import random
+import struct
+import subprocess
+import time
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from typing import Any, NamedTuple, get_args
+
+from firmware_stub import build
+from hil.common.errors import HilError
+from hil.common.process import resident_mib
+from hil.common.scratch import ScratchFolder
+from hil.links.contract import Protocol, ThrusterCommand, ThrusterTelemetry
+from hil.links.protocols import PROTOCOLS, Role, open_protocol
+from hil.ros.topics import TOPICS
+from hil.scenario.records import Link
+from hil.slave.drivers.driver import end_protocol
+from tools.fuzz_links import fuzz
+
+SANITIZERS = ["-O1", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
+PULSES = (1100, 1900, 1600, 1400, 1700, 1650)
+SLOWEST_S = 0.5  # of processor time, for one input
+GROWTH_MIB = 8.0
+LONGEST = 300  # bytes of noise
+
+
+class Outcome(NamedTuple):
+    """What one decoder did with its inputs; `fault` is "" if nothing is wrong."""
+
+    name: str
+    inputs: int
+    seconds: float
+    fault: str
+    remark: str = ""
+
+    @property
+    def line(self) -> str:
+        """For the terminal."""
+        return f"{'FAIL' if self.fault else 'ok  '} {self.name}: {self.inputs} inputs, {self.seconds:.1f} s " + (
+            self.fault or self.remark
+        )
+
+
+def main(arguments: list[str]) -> int:
+    """Try all of them; the exit code."""
+    parser = argparse.ArgumentParser(
+        prog="python -m tools.faults decoders",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--count", type=int, default=1_000_000, help="inputs to each decoder [%(default)s]")
+    parser.add_argument("--seed", type=int, default=1)
+    options = parser.parse_args(arguments)
+    failed = False
+    for outcome in outcomes(options.count, options.seed):
+        print(outcome.line, flush=True)
+        failed |= bool(outcome.fault)
+    return int(failed)
+
+
+def outcomes(count: int, seed: int) -> Iterator[Outcome]:
+    """Of the firmware, of both ends of each protocol, and of what comes over the network."""
+    yield firmware(count, seed)
+    for kind in PROTOCOLS:
+        for role in get_args(Role):
+            result = fuzz(kind, role, count, seed)
+            remark = f"{result.messages} messages"
+            yield Outcome(result.end.strip(), count, result.seconds, "; ".join(result.faults), remark)
+    for name, (decode, sound) in {**slave_decoders(), **network_decoders()}.items():
+        yield feed(name, decode, sound, count, seed)
+
+
+def firmware(count: int, seed: int, compiler: list[str] | None = None) -> Outcome:
+    """Return the firmware's core with all it speaks, under sanitizers; `compiler`: that and its options instead."""
+    began = time.monotonic()
+    with ScratchFolder("decoders") as folder:
+        corpus = folder.file("corpus")
+        Path(corpus).write_bytes(b"".join(struct.pack("<H", len(packet)) + packet for packet in sound_packets()))
+        source = os.path.join(os.path.dirname(__file__), "decoders.c")
+        try:
+            command = compiler or [*build.native_compiler(), *SANITIZERS]
+            program = build.compile_core(folder.file("decoders"), [source], command, mavlink=True)
+        except HilError as error:
+            return Outcome("firmware in C", 0, 0.0, str(error))
+        done = subprocess.run([program, str(count), str(seed), corpus], capture_output=True, text=True, check=False)
+    output = (done.stderr or done.stdout).strip().splitlines() or [""]
+    fault = f"exit code {done.returncode}: {' / '.join(output[:8])}" if done.returncode else ""
+    return Outcome("firmware in C, sanitized", count, time.monotonic() - began, fault, output[-1])
+
+
+def sound_packets() -> Iterator[bytes]:
+    """Commands of all protocols on a serial line, armed and not, and other messages."""
+    for kind in ("frame", "mavlink"):
+        host = open_protocol(kind, "host", len(PULSES))
+        for sequence in range(1, 20):
+            yield host.encode(ThrusterCommand(sequence, sequence % 5 != 0, PULSES))
+        host.deadline_ns = 0
+        beat = host.tick(0)
+        if beat:
+            yield beat
+    yield open_protocol("frame", "device", len(PULSES)).encode(ThrusterTelemetry(1, True, False, PULSES, 5, 1, 2, 3))
+
+
+def slave_decoders() -> Mapping[str, tuple[Callable[[bytes], object], bytes]]:
+    """Both ends of the frame as the slave has them: in C, where that was compiled."""
+    peers: dict[Role, bytes] = {
+        "device": open_protocol("frame", "host", len(PULSES)).encode(ThrusterCommand(1, True, PULSES)),
+        "host": open_protocol("frame", "device", len(PULSES)).encode(
+            ThrusterTelemetry(1, True, False, PULSES, 5, 1, 2, 3)
+        ),
+    }
+    return {
+        f"frame in the slave, {role}": (_messages_of(end_protocol(Link(), role, len(PULSES))), sound)
+        for role, sound in peers.items()
+    }
+
+
+def _messages_of(protocol: Protocol) -> Callable[[bytes], object]:
+    return lambda data: protocol.feed(data) or None
+
+
+def network_decoders() -> Mapping[str, tuple[Callable[[bytes], object], bytes]]:
+    """Name -> what decodes a payload of the network, never raising, and a sound payload."""
+    from hil.gateways.json_requests import read_request
+    from hil.network.tokens import PING, PONG, read_clock, read_presence
+    from hil.ros import encoders as ros
+    from hil.ros import message as ros_message
+    from hil.ros.commands import encode_number, encode_thrusts
+    from hil.scenario.modem import decode_report
+
+    sound = {
+        "cmd_vel": ros.encode_twist((0.1, 0.2, 0.3), (0.0, 0.0, 0.1)),
+        "cmd_depth": encode_number(3.0),
+        "cmd_thrusters": encode_thrusts([1.0] * 6),
+    }
+    found: dict[str, tuple[Callable[[bytes], object], bytes]] = {}
+    for topic in TOPICS:
+        decode = ros.decoder(topic)
+        if decode:
+            found[f"topic {topic}"] = decode, sound.get(topic) or ros_message.encode(TOPICS[topic].type, {})
+    for name in ("std_srvs/srv/SetBool_Request", "rcl_interfaces/srv/SetParameters_Request"):
+        found[name] = _decoder_of(name, ros_message.decode), ros_message.encode(name, {})
+    found["attachment"] = ros.unpack_attachment, ros.pack_attachment(1, 2, bytes(16))
+    found["ping"] = (lambda data: read_clock(PING, data)), bytes(PING.size)
+    found["pong"] = (lambda data: read_clock(PONG, data)), bytes(PONG.size)
+    found["presence"] = (lambda data: read_presence(data.decode("latin-1"))), b"uuv_hil/uuv1/alive/master/0/0a/laptop:1"
+    found["modem report"] = decode_report, bytes(range(24))
+    found["gateway request"] = _refusing(read_request), b'{"id": 1, "do": "command", "surge": 0.1}'
+    return found
+
+
+def _decoder_of(name: str, decode: Callable[[str, bytes], object]) -> Callable[[bytes], object]:
+    return lambda data: decode(name, data)
+
+
+def _refusing(read: Callable[[bytes], Any]) -> Callable[[bytes], object]:
+    """Return what refuses a request by one of our errors, which its caller answers with."""
+
+    def decode(data: bytes) -> object:
+        try:
+            return read(data)
+        except HilError:
+            return None
+
+    return decode
+
+
+def feed(name: str, decode: Callable[[bytes], object], sound: bytes, count: int, seed: int) -> Outcome:
+    """Give `count` inputs to a decoder; the same seed, the same inputs."""
+    rng = random.Random(f"{seed} {name}")
+    began, slowest, held, decoded = time.monotonic(), 0.0, 0.0, 0
+    for number in range(count):
+        data = _input(rng, sound)
+        at = time.thread_time()
+        try:
+            decoded += decode(data) is not None
+        except Exception as error:  # noqa: BLE001  this is what we are here for
+            return Outcome(name, number, time.monotonic() - began, f"{error!r} of {data.hex()}")
+        slowest = max(slowest, time.thread_time() - at)
+        if number == count // 10:
+            held = resident_mib()
+    growth = resident_mib() - held
+    fault = f"one input took {slowest:.2f} s" if slowest > SLOWEST_S else ""
+    fault = fault or (f"memory grew by {growth:.1f} MiB" if growth > GROWTH_MIB else "")
+    return Outcome(name, count, time.monotonic() - began, fault, f"{decoded} decoded")
+
+
+def _input(rng: random.Random, sound: bytes) -> bytes:
+    """Noise, or the sound payload with bits flipped, cut, doubled, or numbers in it made huge."""
+    if rng.random() < 0.3:
+        return rng.randbytes(rng.randrange(LONGEST))
+    data = bytearray(sound)
+    for _ in range(rng.randrange(1, 4)):
+        place = rng.randrange(len(data) + 1)
+        kind = rng.randrange(4)
+        if kind == 0 and place < len(data):
+            data[place] ^= 1 << rng.randrange(8)
+        elif kind == 1:
+            del data[place:]
+        elif kind == 2:
+            data[place:place] = data[: rng.randrange(len(data) + 1)]
+        else:
+            data[place : place + 4] = rng.choice((b"\xff\xff\xff\xff", b"\x00\x00\xf0\x7f", b"\xff\xff\xff\x7f"))
+        del data[4 * LONGEST :]
+    return bytes(data)

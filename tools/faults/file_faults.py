@@ -1,0 +1,115 @@
+"""Files that are broken or hostile: the program ends by itself, soon, with one clear line and exit code 2."""
+
+import os
+import random
+import resource
+import subprocess
+import time
+from collections.abc import Callable
+from math import nan
+from pathlib import Path
+from typing import NamedTuple
+
+from hil.common.children import module_command, package_environment
+from tools.faults.rows import Row, judge
+
+PATIENCE_S = 60.0
+MEMORY_MIB = 2048  # that a program may take of a file of some kilobytes
+HEAD = 'vehicle = "paper_six"\nworld = "open_water"\n[start]\ndepth = 5\n[master]\ngoal = [1, 1]\n'
+
+
+class BadFile(NamedTuple):
+    """A file of that `suffix`, what is in it, and the command to which it is given for {file}.
+
+    words: what must stand in the line that refuses it, so that it is not refused for something else.
+    """
+
+    name: str
+    words: str
+    suffix: str
+    make: Callable[[random.Random], bytes]
+    command: tuple[str, ...]
+
+
+SLOW = "[link]\nfaults = { baud = 9600 }\n"
+READ_ONLY = '[recording]\nslave = true\nfolder = "/sys/uuv-hil"\n[slave]\nlisten = "tcp/127.0.0.1:29871"\n'
+SLAVE = ("slave", "{file}")
+BUILD = ("world", "build", "-o", "{folder}/built", "{file}")
+BAD_FILES = (
+    BadFile("scenario that is no TOML", "not valid TOML", ".toml", lambda r: b"vehicle = [\n", SLAVE),
+    BadFile("scenario of random bytes", "not valid TOML", ".toml", lambda r: r.randbytes(4096), SLAVE),
+    BadFile(
+        "scenario nested 20,000 deep",
+        "more than 32 deep",
+        ".toml",
+        lambda r: HEAD.encode() + b"x = " + b"[" * 20_000,
+        SLAVE,
+    ),
+    BadFile("scenario with inf", "deadman: inf", ".toml", lambda r: f"{HEAD}[slave]\ndeadman = inf\n".encode(), SLAVE),
+    BadFile(
+        "scenario, number of 100,000 digits", "100000 digits", ".toml", lambda r: b"seed = " + b"9" * 100_000, SLAVE
+    ),
+    BadFile(
+        "scenario with an unknown key", "deadmen", ".toml", lambda r: f"{HEAD}[slave]\ndeadmen = 1\n".encode(), SLAVE
+    ),
+    BadFile(
+        "scenario, 50 commands/s on 9600 Bd", "faults.baud: 9600", ".toml", lambda r: f"{HEAD}{SLOW}".encode(), SLAVE
+    ),
+    BadFile(
+        "recording where nobody can write", "cannot be made", ".toml", lambda r: f"{HEAD}{READ_ONLY}".encode(), SLAVE
+    ),
+    BadFile("chart of random bytes", "not an ISO 8211", ".000", lambda r: r.randbytes(65_536), BUILD),
+    BadFile("chart cut short", "cut off", ".000", lambda r: b"009623LE1 0900201 ! 3404", BUILD),
+    BadFile("GeoTIFF of random bytes", "cannot be read", ".tif", lambda r: b"II*\0" + r.randbytes(65_536), BUILD),
+    BadFile("soundings that are no numbers", "columns", ".xyz", lambda r: b"1 2 three\n" * 100, BUILD),
+    BadFile(
+        "recording of random bytes",
+        "not an MCAP",
+        ".mcap",
+        lambda r: r.randbytes(65_536),
+        ("replay", "--check", "{file}"),
+    ),
+    BadFile(
+        "recording cut after its head",
+        "not an MCAP",
+        ".mcap",
+        lambda r: b"\x89MCAP0\r\n",
+        ("plot", "-o", "{folder}", "{file}"),
+    ),
+)
+
+
+def measure_file(bad: BadFile, folder: Path) -> Row:
+    """Give the file to its program; a row without outputs, whose recovery is the time until the program ended."""
+    path = folder / f"bad{bad.suffix}"
+    path.write_bytes(bad.make(random.Random(1)))
+    words = [word.format(file=path, folder=folder) for word in bad.command]
+    began = time.monotonic()
+    try:
+        done = subprocess.run(
+            module_command("hil.cli", *words), env=package_environment(), capture_output=True, text=True, check=False,
+            timeout=PATIENCE_S, preexec_fn=_limit_memory, cwd=folder,
+        )  # fmt: skip
+        code, output = done.returncode, (done.stderr + done.stdout).strip()
+    except subprocess.TimeoutExpired:
+        code, output = None, "still running"
+    took_s = time.monotonic() - began
+    lines = output.splitlines() or [""]
+    problems = []
+    if code != 2:
+        problems.append(f"exit code {code}, not 2")
+    if "Traceback" in output or len(lines) > 3:
+        problems.append(f"{len(lines)} lines instead of a clear one")
+    if bad.words not in output:
+        problems.append(f"refused for another reason than {bad.words!r}")
+    path.unlink()
+    left = sorted(name for name in os.listdir(folder) if name.startswith(("bad", "built")))
+    reported = lines[-1].replace(str(folder), "...")[:200]
+    row = Row(
+        "file", bad.name, f"uuv-hil {bad.command[0]}", nan, nan, took_s, 0, reported, " ".join(left), tuple(problems)
+    )
+    return judge(row)
+
+
+def _limit_memory() -> None:
+    resource.setrlimit(resource.RLIMIT_AS, (MEMORY_MIB << 20, MEMORY_MIB << 20))

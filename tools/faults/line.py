@@ -1,0 +1,152 @@
+"""The thruster link with us in the middle: passes on what slave and STM32 say, reads the reports, and fails on request.
+
+    slave -- near wire -- Line -- far wire -- STM32
+
+The far wire never fails, so that the STM32 is heard whatever the slave's end suffers. On a CAN bus there is no near
+wire: slave, STM32 and we are on one bus, and only noise can be made.
+"""
+
+import os
+import random
+import select
+import threading
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from types import TracebackType
+from typing import Self
+
+from hil.common.errors import DeviceError
+from hil.links.contract import Protocol, ThrusterTelemetry, Wire
+from hil.links.wires.can_frame import RECORD_SIZE
+from tools.faults.pins import Pins
+
+TURN_S = 0.005
+NOISE = 45  # bytes in each direction every TURN_S: 9 kB/s, which with commands is what 115,200 Bd carry
+
+
+class Line:
+    """Joins the wires that `open_near` and `open_far` open. Use as a context.
+
+    `down` and `up`: whether commands and reports pass. `noise`: random bytes come in between, both ways. `halves`: of
+    each piece only the first half passes. `bytes_a_s`: how fast commands pass, 0 as they come. `pins` is filled from
+    the reports that `protocol`, a host's end, decodes.
+    """
+
+    def __init__(
+        self, open_near: Callable[[], Wire | None], open_far: Callable[[], Wire], protocol: Protocol, pins: Pins
+    ) -> None:
+        self.down = self.up = True
+        self.noise = self.halves = False
+        self.bytes_a_s = 0.0
+        self._open_near, self._open_far = open_near, open_far
+        self._protocol, self._pins = protocol, pins
+        self._random = random.Random(1)
+        self._due_s = self._noise_due_s = 0.0
+        self._lock = threading.Lock()  # the wires are changed from outside
+        self._far: Wire | None = open_far()
+        self._near = open_near()
+        self._ending = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="line", daemon=True)
+        self._thread.start()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, _: type[BaseException] | None, __: BaseException | None, ___: TracebackType | None) -> None:
+        self._ending.set()
+        self._thread.join()
+        for wire in (self._near, self._far):
+            if wire:
+                wire.close()
+
+    def unplug(self) -> None:
+        """Take the slave's end away, as a cable that is pulled."""
+        with self._lock:
+            if self._near:
+                self._near.close()
+                self._near = None
+
+    def plug(self) -> None:
+        """Give the slave its end again."""
+        with self._lock:
+            self._near = self._open_near()
+
+    def lose_far(self) -> None:
+        """The STM32 has ended."""
+        with self._lock:
+            if self._far:
+                self._far.close()
+                self._far = None
+            self._pins.power_lost()
+
+    def find_far(self) -> None:
+        """The STM32 is there again."""
+        with self._lock:
+            self._far = self._open_far()
+
+    def clear(self) -> None:
+        """No fault of the line any more."""
+        self.down = self.up = True
+        self.noise = self.halves = False
+        self.bytes_a_s = 0.0
+
+    def _run(self) -> None:
+        while not self._ending.is_set():
+            near, far = self._near, self._far
+            waited = [wire for wire in (near if self._may_read() else None, far) if wire and wire.fileno() >= 0]
+            with suppress(OSError, ValueError):  # one was closed meanwhile
+                select.select(waited, (), (), TURN_S)
+            with self._lock:
+                self._turn()
+
+    def _turn(self) -> None:
+        if self._far:
+            with suppress(DeviceError):
+                self._carry_up(self._far.read())
+        if self._near and self._may_read():
+            with suppress(DeviceError):
+                self._carry_down(self._read_near(self._near))
+        if self.noise and time.monotonic() >= self._noise_due_s:
+            self._noise_due_s = time.monotonic() + TURN_S
+            for wire in (self._near, self._far):
+                if wire:
+                    with suppress(DeviceError):
+                        wire.write(self._noise(wire))
+
+    def _may_read(self) -> bool:
+        return not self.bytes_a_s or time.monotonic() >= self._due_s
+
+    def _read_near(self, near: Wire) -> bytes:
+        """All that is there; on a slow line what it carries in a turn: the rest waits in the slave's own queue."""
+        if not self.bytes_a_s:
+            return near.read()
+        self._due_s = max(self._due_s, time.monotonic() - 4 * TURN_S) + TURN_S
+        with suppress(BlockingIOError, OSError):
+            return os.read(near.fileno(), max(1, round(self.bytes_a_s * TURN_S)))
+        return b""
+
+    def _carry_down(self, data: bytes) -> None:
+        if data and self.down and self._far:
+            self._far.write(self._cut(data, self._far))
+
+    def _carry_up(self, data: bytes) -> None:
+        for message in self._protocol.feed(data):
+            if isinstance(message, ThrusterTelemetry):
+                self._pins.report(message.pwm_us, message.sequence)
+        self._protocol.replies()
+        if data and self.up and self._near:
+            with suppress(DeviceError):
+                self._near.write(self._cut(data, self._near))
+
+    def _cut(self, data: bytes, wire: Wire) -> bytes:
+        if not self.halves:
+            return data
+        return data[: len(data) // 2 // wire.record_size * wire.record_size]
+
+    def _noise(self, wire: Wire) -> bytes:
+        """Of a CAN bus frames of others, which use it as much as they may."""
+        if wire.record_size != RECORD_SIZE:
+            return self._random.randbytes(NOISE)
+        head = (0x700 + self._random.randrange(64)).to_bytes(4, "little") + bytes((8, 0, 0, 0))
+        return head + self._random.randbytes(8)

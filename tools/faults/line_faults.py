@@ -1,0 +1,74 @@
+"""Faults of the thruster link, and of what is at its two ends: the STM32 and the slave."""
+
+import signal
+import time
+from collections.abc import Callable
+
+from tools.faults.rig import Rig
+from tools.faults.rows import LINKS, Fault
+
+CUTTABLE = tuple(link for link in LINKS if link.wire != "can")
+TERMINALS = tuple(link for link in LINKS if link.wire == "pty")
+IN_PROCESSES = tuple(link for link in LINKS if link.stm32 != "qemu")
+# The slowest line that carries 50 commands a second; a scenario with a slower one is refused.
+CARRIES_BYTES_A_S = {"frame": 1920.0, "mavlink": 3840.0}
+PAUSE_S = 1.5
+RESET_S = 0.3  # between the end of an STM32 and its power-up
+
+
+def _set(**values: object) -> Callable[[Rig], None]:
+    def change(rig: Rig) -> None:
+        for name, value in values.items():
+            setattr(rig.line, name, value)
+
+    return change
+
+
+def _slow(rig: Rig) -> None:
+    rig.line.bytes_a_s = CARRIES_BYTES_A_S[rig.link.protocol]
+
+
+def _clear(rig: Rig) -> None:
+    rig.line.clear()
+
+
+def _signal(name: str, number: int) -> Callable[[Rig], None]:
+    def send(rig: Rig) -> None:
+        if name == "stm32":
+            rig.signal_stm32(number)
+        else:
+            rig.signal(name, number)
+
+    return send
+
+
+def _start_slave_anew(rig: Rig) -> None:
+    """As its service manager does."""
+    rig.processes.pop("slave").wait(10.0)
+    rig.start_slave()
+
+
+def _pause_stm32(rig: Rig) -> None:
+    rig.signal_stm32(signal.SIGSTOP)
+    time.sleep(PAUSE_S)
+    rig.tell("silent")
+    time.sleep(rig.link.limit_s)
+
+
+FAULTS = (
+    Fault("link", "unplugged", lambda rig: rig.line.unplug(), lambda rig: rig.line.plug(), links=CUTTABLE, quick=True),
+    Fault("link", "noise both ways", _set(noise=True), _clear, cuts=False, links=LINKS),
+    Fault("link", "half of each frame", _set(halves=True), _clear, links=CUTTABLE),
+    Fault("link", "commands lost", _set(down=False), _clear, links=CUTTABLE),
+    Fault("link", "reports lost", _set(up=False), _clear, cuts=False, links=CUTTABLE),
+    Fault("link", "slowest line that does", _slow, _clear, cuts=False, links=TERMINALS),
+    Fault("process", "STM32 killed", lambda rig: rig.kill_stm32(), lambda rig: rig.revive_stm32(), links=LINKS,
+          hold_s=RESET_S),
+    Fault("process", "STM32 stopped for 2 s", _pause_stm32, _signal("stm32", signal.SIGCONT), links=IN_PROCESSES,
+          hold_s=0.0, after_mend=True),
+    Fault("process", "slave killed", _signal("slave", signal.SIGKILL), _start_slave_anew, links=LINKS, hold_s=0.2,
+          quick=True),
+    Fault("process", "slave told to end", _signal("slave", signal.SIGTERM), _start_slave_anew, links=LINKS, hold_s=0.2),
+    Fault("process", "slave stopped for 2 s", _signal("slave", signal.SIGSTOP), _signal("slave", signal.SIGCONT),
+          links=LINKS, hold_s=PAUSE_S),
+)  # fmt: skip

@@ -1,0 +1,142 @@
+"""Faults of the slave's machine: its disk, its memory, its clock."""
+
+import json
+import os
+import resource
+import signal
+import subprocess
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+
+import psutil
+
+from firmware_stub.build import native_compiler
+from hil.common.errors import DeviceError, NetworkError
+from tools.faults.rig import START_S, Rig
+from tools.faults.rows import Fault
+
+HOUR_S = 3600
+WRONG_CLOCK = "clock_step.so"
+DISK_KIB = 2048
+ROOM_KIB = 512  # of memory that the slave may still take
+ENDLESS = (resource.RLIM_INFINITY, resource.RLIM_INFINITY)
+RECORDING = '[recording]\nslave = true\nfolder = "{disk}"\nkeep_free = 0\n'
+
+
+def disk(rig: Rig) -> Path:
+    """Return where the slave records; a small disk of its own once `mount_disk` was called."""
+    return rig.folder / "disk"
+
+
+def prepare(rig: Rig) -> None:
+    """Make the recording's folder a disk of 2 MiB, where we may, and a clock that is wrong, where a compiler is."""
+    if not _needs_compiler(rig):
+        source = str(Path(__file__).with_name("clock_step.c"))
+        _run(*native_compiler(), "-O2", "-shared", "-fPIC", source, "-o", str(rig.folder / WRONG_CLOCK), "-ldl")
+    disk(rig).mkdir()
+    if _root_only(rig):
+        return
+    command = ["mount", "-t", "tmpfs", "-o", f"size={DISK_KIB}k", "tmpfs", str(disk(rig))]
+    if subprocess.run(command, capture_output=True, check=False).returncode == 0:
+        rig.at_end(lambda: _run("umount", "-l", str(disk(rig))))
+        rig.has_disk = True
+
+
+def _root_only(_: Rig) -> str:
+    return "" if os.geteuid() == 0 else "needs root, to mount a small disk"
+
+
+def _needs_disk(rig: Rig) -> str:
+    return _root_only(rig) or ("" if rig.has_disk else "this machine mounts nothing")
+
+
+def _needs_compiler(_: Rig) -> str:
+    try:
+        native_compiler()
+    except DeviceError as error:
+        return str(error)
+    return ""
+
+
+def _run(*command: str) -> None:
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise DeviceError(f"{' '.join(command)}: {done.stderr.strip()}")
+
+
+def _fill(rig: Rig) -> None:
+    with (disk(rig) / "full").open("wb", buffering=0) as file, suppress(OSError):
+        while True:
+            file.write(bytes(4096))
+
+
+def _free(rig: Rig) -> None:
+    (disk(rig) / "full").unlink()
+
+
+def _limit(rig: Rig, which: int, most: int) -> None:
+    resource.prlimit(rig.processes["slave"].pid, which, (most, resource.RLIM_INFINITY))
+
+
+def _unlimit(rig: Rig, which: int) -> None:
+    """The limit goes; a slave that has ended for it starts anew, as its service manager sees to."""
+    if rig.processes["slave"].running:
+        resource.prlimit(rig.processes["slave"].pid, which, ENDLESS)
+    else:
+        rig.processes.pop("slave").wait(10.0)
+        rig.start_slave()
+
+
+def _no_more_memory(rig: Rig) -> None:
+    """And somebody new comes, who takes some."""
+    used = psutil.Process(rig.processes["slave"].pid).memory_info().vms
+    _limit(rig, resource.RLIMIT_AS, used + ROOM_KIB * 1024)
+    with suppress(NetworkError):
+        rig.start_planner("second", patience_s=2.0)
+    rig.end("second")
+
+
+def _with_clock(process: str, step_s: int) -> Callable[[Rig], None]:
+    """Starts that process anew with its wall clock wrong by so much."""
+
+    def start(rig: Rig) -> None:
+        preload = {"LD_PRELOAD": str(rig.folder / WRONG_CLOCK), "CLOCK_STEP_S": str(step_s)}
+        rig.environments[process] = preload if step_s else {}
+        if process == "slave":
+            rig.signal("slave", signal.SIGKILL)
+            rig.processes.pop("slave").wait(10.0)
+            rig.start_slave()
+        else:
+            rig.end("planner")
+            rig.start_planner("planner")
+
+    return start
+
+
+def _check_planner(rig: Rig) -> None:
+    """What the planner's side says of the vehicle: a wrong clock must not make it look gone."""
+    rig.tell("astern")
+    rig.await_pins("astern", START_S)
+    rig.tell("ask")
+    line = rig.processes["planner"].expect("figures", 10.0)
+    figures = json.loads(line.partition(" ")[2])
+    if figures["problem"] or not figures["present"]:
+        raise NetworkError(f"the planner has it that {figures['problem'] or 'the vehicle is gone'}")
+
+
+FAULTS = (
+    Fault("disk", "no file can grow", lambda rig: _limit(rig, resource.RLIMIT_FSIZE, 0),
+          lambda rig: _unlimit(rig, resource.RLIMIT_FSIZE), cuts=False, hold_s=1.5, quick=True),
+    Fault("disk", "full", _fill, _free, cuts=False, hold_s=1.5, unavailable=_needs_disk),
+    Fault("memory", "none left for the slave", _no_more_memory, lambda rig: _unlimit(rig, resource.RLIMIT_AS),
+          cuts=False, steady=False),
+    Fault("clock", "slave started anew, 1 h behind", _with_clock("slave", -HOUR_S), _check_planner, hold_s=0.0,
+          unavailable=_needs_compiler),
+    Fault("clock", "slave started anew, clock set", _with_clock("slave", 0), _check_planner, hold_s=0.0,
+          unavailable=_needs_compiler),
+    Fault("clock", "planner started anew, 1 h ahead", _with_clock("planner", HOUR_S), _check_planner, hold_s=0.0,
+          unavailable=_needs_compiler),
+    Fault("clock", "planner started anew, clock set", _with_clock("planner", 0), _check_planner, hold_s=0.0,
+          unavailable=_needs_compiler),
+)  # fmt: skip

@@ -1,0 +1,127 @@
+"""One row: let a fault strike, and measure at the STM32's end what comes of it."""
+
+import os
+import re
+import time
+from math import isfinite, nan
+
+import psutil
+
+from hil.common.errors import HilError
+from tools.faults.rig import Rig
+from tools.faults.rows import RECOVERY_S, Fault, Row, judge
+
+BEGIN_S = 20.0  # that the outputs may take to follow the planner to begin with
+SETTLE_S = 0.3  # between the strike of a fault under which control goes on, and the planner's silence
+LONG_S = 10.0  # that is waited for neutral outputs at most
+AFTER_S = 0.4  # that old commands may take to show after the vehicle obeys again
+LEAK_S = 5.0  # that sockets of lost connections may take to go
+SPARE = 2  # descriptors more than before that are none of a fault: a thread's event, a log
+# What a slave says whatever happens.
+USUAL = re.compile(r"ready |scheduling:|memory:|garbage|idle processors|master \S+ is there|commands arrive|real-time")
+
+
+def measure(rig: Rig, fault: Fault) -> Row:
+    """Strike `rig`, which works, with the fault, and mend it; what was measured, judged."""
+    problems: list[str] = []
+    logs = _Logs(rig)
+    rig.tell("ahead")
+    if rig.await_pins("ahead", BEGIN_S) != rig.await_pins("ahead", 0.0):
+        problems.append("the vehicle did not obey before the fault")
+    time.sleep(0.1)
+    descriptors, files = rig.descriptors, _files(rig)
+    began = time.monotonic()
+    try:
+        fault.strike(rig)
+        if not fault.cuts:
+            time.sleep(SETTLE_S)
+            if fault.steady and rig.pins.executed("neutral", began):
+                problems.append("the outputs fell to neutral under the planner's commands")
+            began = time.monotonic()
+            rig.tell("silent")
+        neutral_s = nan if fault.after_mend else rig.await_pins("neutral", LONG_S) - began
+        rig.tell("silent" if fault.after_mend else "astern")
+        time.sleep(fault.hold_s)
+        repaired = time.monotonic()
+        fault.mend(rig)
+        if fault.after_mend:
+            neutral_s = max(0.0, rig.await_pins("neutral", LONG_S) - repaired)
+            rig.tell("astern")
+        recovery_s = rig.await_pins("astern", 2.0 * RECOVERY_S) - repaired
+    except HilError as error:
+        problems.append(str(error))
+        neutral_s = recovery_s = nan
+    time.sleep(AFTER_S)
+    limit_s = rig.link.limit_s + fault.extra_s
+    measured = isfinite(recovery_s) or isfinite(neutral_s)
+    stale = rig.pins.executed("ahead", rig.ahead_until_s + limit_s) + rig.foreign if measured else 0
+    rig.foreign = 0
+    reported = logs.new()
+    row = Row(
+        fault.room, fault.name, rig.link.name, max(neutral_s, 0.0) if neutral_s == neutral_s else nan, limit_s,
+        max(recovery_s, 0.0) if recovery_s == recovery_s else nan, stale, reported, _leaked(rig, descriptors, files),
+        (*problems, *(["a traceback: " + logs.last_words] if "Traceback" in logs.text else [])),
+    )  # fmt: skip
+    return judge(row)
+
+
+class _Logs:
+    """What slaves say from now on."""
+
+    def __init__(self, rig: Rig) -> None:
+        self._folder = rig.folder
+        self._before = {path: path.stat().st_size for path in rig.folder.glob("slave-*.log")}
+
+    @property
+    def text(self) -> str:
+        """All of it."""
+        output = ""
+        for path in sorted(self._folder.glob("slave-*.log")):
+            output += path.read_bytes()[self._before.get(path, 0) :].decode(errors="replace")
+        return output
+
+    @property
+    def last_words(self) -> str:
+        """Its last line."""
+        return (self.text.strip().splitlines() or [""])[-1]
+
+    def new(self) -> str:
+        """Return the first line that tells of something, without its time."""
+        for line in self.text.splitlines():
+            text = re.sub(r"^\[ *[\d.]+\] slave: ", "", line)
+            if text and not USUAL.match(text):
+                return text.replace(str(self._folder), "...")
+        return ""
+
+
+def _files(rig: Rig) -> set[str]:
+    """Temporary files of the rig, but for logs."""
+    return {path.name for path in rig.folder.iterdir() if path.suffix != ".log"}
+
+
+def _leaked(rig: Rig, descriptors: int, files: set[str]) -> str:
+    """Return what there is now and was not before: descriptors of the slave, processes of those that ended, files."""
+    deadline = time.monotonic() + LEAK_S
+    while True:
+        found = []
+        more = rig.descriptors - descriptors
+        if descriptors and more > SPARE:
+            found.append(f"{more} descriptors")
+        if strays := _strays(rig):
+            found.append(f"processes {' '.join(map(str, strays))}")
+        if rest := _files(rig) - files:
+            found.append(f"files {' '.join(sorted(rest))}")
+        if not found or time.monotonic() > deadline:
+            return ", ".join(found)
+        time.sleep(0.1)
+
+
+def _strays(rig: Rig) -> list[int]:
+    """Processes that have a file of the rig in their command line and are none of it."""
+    ours = {process.pid for process in rig.processes.values()} | {rig.stm32.pid if rig.stm32 else 0, os.getpid()}
+    found = []
+    for process in psutil.process_iter(["cmdline", "ppid"]):
+        named = any(str(rig.folder) in word for word in process.info["cmdline"] or ())
+        if named and process.pid not in ours and process.info["ppid"] not in ours:
+            found.append(process.pid)
+    return found

@@ -1,0 +1,70 @@
+"""What the STM32 says its outputs are, instant by instant: the only witness of the campaign."""
+
+import threading
+import time
+from collections.abc import Callable, Sequence
+from typing import Literal, NamedTuple
+
+from hil.links.contract import PWM_NEUTRAL_US
+
+State = Literal["ahead", "astern", "neutral", "other"]
+
+
+class Seen(NamedTuple):
+    """From `at_s` (monotonic) on the outputs were so. `sequence`: of the command that made them so."""
+
+    at_s: float
+    state: State
+    sequence: int
+
+
+def state_of(pulses: Sequence[int]) -> State:
+    """Return all thrusters ahead, all astern, all neutral, or none of these. No pulse at all pushes nothing."""
+    off = {0 if pulse == 0 else (pulse > PWM_NEUTRAL_US) - (pulse < PWM_NEUTRAL_US) for pulse in pulses}
+    named: dict[int, State] = {1: "ahead", -1: "astern", 0: "neutral"}
+    return named[off.pop()] if len(off) == 1 else "other"
+
+
+class Pins:
+    """The record of the outputs; filled in by the thread of the line."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._seen: list[Seen] = [Seen(time.monotonic(), "neutral", 0)]
+
+    def report(self, pulses: Sequence[int], sequence: int) -> None:
+        """The STM32 has just said so."""
+        self._add(state_of(pulses), sequence)
+
+    def power_lost(self) -> None:
+        """The STM32 has ended: no pulses come out."""
+        self._add("neutral", -1)
+
+    @property
+    def state(self) -> State:
+        """The newest."""
+        return self._seen[-1].state
+
+    def await_state(self, state: State, seconds: float, poll: Callable[[], object] = lambda: None) -> float:
+        """Return when the outputs came to be so, or had been before; nan if not within the time."""
+        deadline = time.monotonic() + seconds
+        while True:
+            with self._lock:
+                newest = self._seen[-1]
+            if newest.state == state:
+                return newest.at_s
+            if time.monotonic() > deadline:
+                return float("nan")
+            poll()
+            time.sleep(0.002)
+
+    def executed(self, state: State, begin_s: float) -> int:
+        """Return how many commands that make the outputs so were executed after `begin_s`."""
+        with self._lock:
+            return sum(seen.state == state and seen.at_s > begin_s for seen in self._seen)
+
+    def _add(self, state: State, sequence: int) -> None:
+        with self._lock:
+            newest = self._seen[-1]
+            if newest.state != state or (state != "neutral" and newest.sequence != sequence):
+                self._seen.append(Seen(time.monotonic(), state, sequence))

@@ -1,0 +1,67 @@
+"""The master of the campaign, a process: commands all thrusters ahead or astern 20 times a second, or is silent.
+
+    python -m tools.faults.planner ENDPOINT DESCRIPTOR [NODE] [SECURITY-SCENARIO]
+
+Reads words from the descriptor, one a line: ahead, astern, silent, ask (prints a line of figures of the vehicle).
+Thrusts are given one by one, so that what the STM32's outputs show tells whose command it was.
+"""
+
+import json
+import os
+import select
+import sys
+from contextlib import suppress
+
+from hil.client.client import VehicleClient
+from hil.common.errors import NetworkError
+from hil.common.lifeline import die_with_parent
+from hil.ros.commands import encode_thrusts
+from hil.scenario.config import load_scenario
+
+PERIOD_S = 0.05
+THRUST_N = 3.0
+THRUSTERS = 6
+FIGURES = ("steps_skipped", "lateness_p999_us", "commands_stale", "commands_refused", "commands_malformed")
+
+
+def main(endpoint: str, descriptor: int, node: str = "uuv1", scenario: str = "") -> None:
+    """Command until the descriptor is closed."""
+    die_with_parent()
+    security = load_scenario(scenario).security if scenario else None
+    with VehicleClient(endpoint, node, security=security, topics=("ground_truth",)) as client:
+        client.wait_for_vehicle(60.0)
+        print("there", flush=True)
+        wish, text = "silent", ""
+        while True:
+            if select.select([descriptor], (), (), PERIOD_S)[0]:
+                data = os.read(descriptor, 4096).decode()
+                if not data:
+                    return
+                *words, text = (text + data).split("\n")
+                if "ask" in words:
+                    _tell(client)
+                wish = next((word for word in reversed(words) if word != "ask"), wish)
+            if wish != "silent":
+                with suppress(NetworkError):  # two of its name
+                    _command(client, wish)
+
+
+def _command(client: VehicleClient, wish: str) -> None:
+    thrust = THRUST_N if wish == "ahead" else -THRUST_N
+    client.send("cmd_thrusters", encode_thrusts([thrust] * THRUSTERS))
+
+
+def _tell(client: VehicleClient) -> None:
+    """Whether the vehicle is there as the Python interface has it, and the slave's figures."""
+    try:
+        client.get("ground_truth")
+        problem = ""
+    except NetworkError as error:
+        problem = str(error)
+    figures = client.diagnostics()
+    known = {name: getattr(figures, name) for name in FIGURES}
+    print("figures", json.dumps({**known, "present": client.contact.present, "problem": problem}), flush=True)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1], int(sys.argv[2]), *sys.argv[3:])

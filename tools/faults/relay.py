@@ -1,0 +1,147 @@
+"""A network between slave and master, in this process: relays the two TCP links, and fails on request."""
+
+import select
+import socket
+import threading
+import time
+from collections import deque
+from contextlib import suppress
+from types import TracebackType
+from typing import Literal, Self
+
+from hil.common.ports import free_ports
+
+PIECE = 4096  # bytes that pass at a time where there is a rate
+LAG_S = 0.02  # that is made up for, as we do not wake exactly
+
+
+class Relay:
+    """Listens on `port` and the next, relays to `target` and the next. Use as a context.
+
+    `hold` lets nothing pass and loses nothing: what the sender's kernel took is delivered on `release`, as TCP does
+    after a black-out. `cut` ends all connections and refuses new ones until `mend`. `rate` is how many bytes a second
+    pass from the target over the second link, which is not that of commands; it holds back little, as a bottleneck
+    that is near. `passed` counts the bytes, of both directions. `blocked`: what comes from the target, or goes to it,
+    is thrown away. `delay_s`: what comes waits so long.
+    """
+
+    passed = 0
+    delay_s = 0.0
+    blocked: Literal["", "from target", "to target"] = ""
+
+    def __init__(self, target: int, rate: float = 0.0) -> None:
+        self.port = free_ports(1)[0]
+        self._target = target
+        self._rate = rate
+        self._slow: set[socket.socket] = set()  # the ends that have this rate
+        self._due = 0.0  # when more may pass from them
+        self._listeners = [socket.create_server(("127.0.0.1", self.port + link), backlog=64) for link in (0, 1)]
+        self._pairs: dict[socket.socket, socket.socket] = {}
+        self._far: set[socket.socket] = set()  # the ends at the target
+        self._waiting: deque[tuple[float, socket.socket, bytes]] = deque()  # due when, for whom, what
+        self._held = False
+        self._cut = False
+        self._ending = False
+        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._thread.start()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, _: type[BaseException] | None, __: BaseException | None, ___: TracebackType | None) -> None:
+        self._ending = True
+        self._thread.join()
+        for end in (*self._listeners, *self._pairs):
+            end.close()
+
+    @property
+    def endpoint(self) -> str:
+        """Where a master dials."""
+        return f"tcp/127.0.0.1:{self.port}"
+
+    def hold(self) -> None:
+        """From now on nothing passes."""
+        self._held = True
+
+    def release(self) -> None:
+        """What was held passes, and what follows."""
+        self._held = False
+
+    def cut(self) -> None:
+        """All connections end."""
+        self._cut = True
+
+    def mend(self) -> None:
+        """New connections are accepted again."""
+        self._cut = False
+
+    def _run(self) -> None:
+        while not self._ending:
+            if self._cut:
+                self._close(*self._pairs)
+            self._deliver_delayed()
+            for end in select.select([*self._listeners, *self._passing()], (), (), 0.005)[0]:
+                if end in self._listeners:
+                    self._accept(end)
+                elif end in self._pairs:
+                    self._pass(end)
+
+    def _passing(self) -> list[socket.socket]:
+        """Return the ends from which something may pass now."""
+        if self._held:
+            return []
+        resting = self._slow if time.monotonic() < self._due else ()
+        return [end for end in self._pairs if end not in resting]
+
+    def _accept(self, listener: socket.socket) -> None:
+        near, _ = listener.accept()
+        if self._cut:
+            near.close()
+            return
+        link, far = self._listeners.index(listener), socket.socket()
+        if self._rate and link:
+            far.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 2 * PIECE)
+            self._slow.add(far)
+        try:
+            far.connect(("127.0.0.1", self._target + link))
+        except OSError:
+            self._close(near, far)
+            return
+        for end in (near, far):
+            end.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self._pairs |= {near: far, far: near}
+        self._far.add(far)
+
+    def _pass(self, end: socket.socket) -> None:
+        try:
+            data = end.recv(PIECE if end in self._slow else 65536)
+            if data:
+                if self.blocked == ("from target" if end in self._far else "to target"):
+                    return
+                if self.delay_s or self._waiting:
+                    self._waiting.append((time.monotonic() + self.delay_s, self._pairs[end], data))
+                    return
+                self._pairs[end].sendall(data)
+                self.passed += len(data)
+                if end in self._slow:
+                    self._due = max(self._due, time.monotonic() - LAG_S) + len(data) / self._rate
+                return
+        except OSError:
+            pass
+        self._close(end, self._pairs[end])
+
+    def _deliver_delayed(self) -> None:
+        """What has waited long enough goes on, in the order in which it came."""
+        while self._waiting and self._waiting[0][0] <= time.monotonic():
+            _, end, data = self._waiting.popleft()
+            if end in self._pairs:
+                with suppress(OSError):  # its reader has gone, which reading from it shows too
+                    end.sendall(data)
+                    self.passed += len(data)
+
+    def _close(self, *ends: socket.socket) -> None:
+        for end in ends:
+            self._pairs.pop(end, None)
+            self._slow.discard(end)
+            self._far.discard(end)
+            end.close()

@@ -1,0 +1,248 @@
+"""The processes of one row of the campaign: slave, STM32 and planner, and the line between the first two."""
+
+import os
+import random
+import signal
+import time
+from collections.abc import Callable
+from contextlib import ExitStack, suppress
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import psutil
+
+from hil.bench.harness import Process
+from hil.common.children import module_command
+from hil.common.errors import DeviceError
+from hil.common.ports import free_ports
+from hil.links.address import open_address
+from hil.links.contract import Wire
+from hil.links.protocols import open_protocol
+from tools.faults.line import Line
+from tools.faults.pins import Pins, State
+from tools.faults.relay import Relay
+from tools.faults.rows import DEADMAN_S, WATCHDOG_S, Link
+
+THRUSTERS = 6
+START_S = 60.0
+OURS = {"PYTHONPATH": str(Path(__file__).parents[2])}  # tools are never installed
+SCENARIO = """
+vehicle = "paper_six"
+world = "open_water"
+stm32 = "device"
+{top}
+[start]
+depth = 5
+[slave]
+listen = "tcp/127.0.0.1:{port}"
+deadman = {deadman}
+[link]
+port = "{near}"
+protocol = "{protocol}"
+watchdog = {watchdog}
+[master]
+goal = [8, 7]
+depth = 5
+{sections}
+"""
+
+
+class Rig:
+    """All of it, in `folder`. Use as a context; `start` begins.
+
+    `network`: whether the planner reaches the slave through `relay`. `environments`: more variables for the process
+    "slave" or "planner".
+    """
+
+    def __init__(self, link: Link, folder: Path, network: bool = False, sections: str = "", top: str = "") -> None:
+        self.link = link
+        self.folder = folder
+        self.pins = Pins()
+        self.ahead_until_s = 0.0  # when the planner was told to command ahead no more
+        self.foreign = 0  # commands executed of those that are not to be obeyed
+        self.environments: dict[str, dict[str, str]] = {}
+        self.has_disk = False  # a small one, where the slave records
+        self._network = network
+        self._stack = ExitStack()
+        self._words: dict[str, int] = {}  # the descriptors over which planners are told
+        self._starts = 0
+        self._wish = "silent"  # of the planner
+        self.port = free_ports(1)[0]
+        self.relay: Relay | None = None
+        self.near, self.far = self._addresses()
+        near = self.near.removeprefix("pty:")
+        self.scenario = folder / "fault.toml"
+        self.scenario.write_text(
+            SCENARIO.format(
+                top=top, port=self.port, deadman=DEADMAN_S, near=near, protocol=link.protocol, watchdog=WATCHDOG_S,
+                sections=sections,
+            ),
+            encoding="utf-8",
+        )  # fmt: skip
+        self.processes: dict[str, Process] = {}
+        self.stm32: Any = None  # a Process, or what plays QEMU's
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, _: type[BaseException] | None, __: BaseException | None, ___: TracebackType | None) -> None:
+        for name in list(self.processes):
+            self.end(name)
+        self._stack.close()
+        self._end_stm32()
+
+    def start(self) -> None:
+        """Start all; commands are taken when this returns. Raises NetworkError, DeviceError."""
+        self.start_stm32()
+        protocol = open_protocol(self.link.protocol, "host", THRUSTERS)
+        self.line = self._stack.enter_context(Line(self._open_near, self._open_far, protocol, self.pins))
+        if self._network:
+            self.relay = self._stack.enter_context(Relay(self.port))
+        self.start_slave()
+        self.start_planner("planner")
+
+    def start_slave(self) -> None:
+        """Start the slave, or start it anew."""
+        command = module_command("hil.cli", "slave", str(self.scenario))
+        self.start_process("slave", command).expect("ready", START_S)
+
+    def start_planner(self, name: str, patience_s: float = START_S) -> None:
+        """Start a planner; it is there when this returns. Raises NetworkError if not in time."""
+        reads, writes = os.pipe()
+        endpoint = self.relay.endpoint if self.relay else f"tcp/127.0.0.1:{self.port}"
+        command = [*module_command("tools.faults.planner"), endpoint, str(reads)]
+        environment = {
+            "PYTHONPATH": os.pathsep.join([str(Path(__file__).parents[2]), os.environ.get("PYTHONPATH", "")])
+        }
+        self.start_process(name, command, environment, (reads,))
+        os.close(reads)
+        self._words[name] = writes
+        self.processes[name].expect("there", patience_s)
+
+    def at_end(self, task: Callable[[], object]) -> None:
+        """Do that when all processes have ended."""
+        self._stack.callback(task)
+
+    def start_process(
+        self, name: str, command: list[str], environment: dict[str, str] | None = None, fds: tuple[int, ...] = ()
+    ) -> Process:
+        """Return a process of that name, its output in a file of its own."""
+        self._starts += 1
+        log = str(self.folder / f"{name}-{self._starts}.log")
+        variables = {"PYTHONUNBUFFERED": "1", **(environment or {}), **self.environments.get(name, {})}
+        process = self.processes[name] = Process(command, log, environment=variables, pass_fds=fds)
+        return process
+
+    def start_stm32(self) -> None:
+        """Start what plays the STM32, neutral."""
+        kind, channels = self.link.stm32, str(THRUSTERS)
+        if kind == "qemu":
+            from firmware_stub.qemu import QemuStm32
+
+            self.stm32 = QemuStm32(THRUSTERS, WATCHDOG_S)
+            return
+        if kind == "native":
+            from firmware_stub.native import NativeStm32
+
+            self.stm32 = NativeStm32(self.far.removeprefix("pty:"), THRUSTERS, WATCHDOG_S)
+            return
+        if kind == "unicorn":
+            command = [*module_command("tools.faults.emulated"), self.far.removeprefix("pty:")]
+        else:
+            command = module_command("hil.cli", "stm32", "--port", self.far, "--protocol", self.link.protocol)
+            command += ["--channels", channels, "--watchdog", f"{WATCHDOG_S} s"]
+        self.stm32 = self.start_process("stm32", command, OURS)
+        self.stm32.expect("Ctrl-C", START_S)
+        del self.processes["stm32"]
+
+    def signal_stm32(self, number: int) -> None:
+        """Send a signal to what plays the STM32."""
+        os.kill(self.stm32.pid, number)
+
+    def kill_stm32(self) -> None:
+        """As when its supply fails."""
+        self.signal_stm32(signal.SIGKILL)
+        self.line.lose_far()
+        self._end_stm32()
+
+    def revive_stm32(self) -> None:
+        """Its supply is back."""
+        self.start_stm32()
+        self.line.find_far()
+
+    def tell(self, word: str, name: str = "planner") -> None:
+        """Tell a planner: ahead, astern, silent, ask."""
+        if name == "planner" and word != "ask":
+            if word != "ahead" and self._wish == "ahead":
+                self.ahead_until_s = time.monotonic()
+            self._wish = word
+        with suppress(BrokenPipeError):
+            os.write(self._words[name], f"{word}\n".encode())
+
+    def signal(self, name: str, number: int) -> None:
+        """Send a signal to the process of that name."""
+        os.kill(self.processes[name].pid, number)
+
+    def end(self, name: str) -> None:
+        """End the process of that name, and close what is for it."""
+        process = self.processes.pop(name, None)
+        if process:
+            process.stop()
+        writes = self._words.pop(name, None)
+        if writes is not None:
+            os.close(writes)
+
+    def await_pins(self, state: State, seconds: float) -> float:
+        """Return when (monotonic s) the outputs came to be so; nan if not within the time."""
+        return self.pins.await_state(state, seconds)
+
+    def pause(self, seconds: float) -> float:
+        """Wait; the instant (monotonic s) then."""
+        time.sleep(seconds)
+        return time.monotonic()
+
+    @property
+    def descriptors(self) -> int:
+        """How many the slave has; 0 if it does not run."""
+        slave = self.processes.get("slave")
+        try:
+            return psutil.Process(slave.pid).num_fds() if slave and slave.running else 0
+        except psutil.Error:
+            return 0
+
+    def _end_stm32(self) -> None:
+        stm32, self.stm32 = self.stm32, None
+        if stm32 is not None:
+            with suppress(ProcessLookupError):
+                os.kill(stm32.pid, signal.SIGCONT)
+            (stm32.stop if isinstance(stm32, Process) else stm32.close)()
+
+    def _addresses(self) -> tuple[str, str]:
+        """Those of the near wire and of the far one."""
+        wire = self.link.wire
+        if wire == "pty":
+            return f"pty:{self.folder / 'near'}", f"pty:{self.folder / 'far'}"
+        if wire == "can":
+            bus = f"can:udp_multicast:239.74.164.{random.SystemRandom().randrange(1, 255)}"
+            return bus, bus
+        ports = free_ports(2)
+        return f"{wire}://127.0.0.1:{ports[0]}", f"{wire}://127.0.0.1:{ports[1]}"
+
+    def _open_near(self) -> Wire | None:
+        """None on a CAN bus, where the slave is beside us: whoever joined two such buses would hear both on each."""
+        return None if self.near == self.far else open_address(self.near, "device")
+
+    def _open_far(self) -> Wire:
+        """Some wires are there a little later than what listens on them says."""
+        if self.link.stm32 == "qemu":
+            wire: Wire = self.stm32.wire
+            return wire
+        deadline = time.monotonic() + START_S
+        while True:
+            try:
+                return open_address(self.far, "host")
+            except DeviceError:
+                if time.monotonic() > deadline:
+                    raise
+                time.sleep(0.01)

@@ -1,0 +1,92 @@
+"""The page of the commands: arguments, options and exit codes, out of the argument parsers."""
+
+import argparse
+import re
+from collections.abc import Iterator
+from inspect import getdoc
+
+from hil.cli import COMMANDS
+from hil.commands.bench.command import BENCHMARKS
+from hil.commands.completion import find_parser
+from hil.common import errors
+from hil.common.options import subparsers
+
+KINDS = (
+    errors.HilError, errors.ConfigError, errors.DeviceError, errors.NetworkError, errors.MissingExtraError,
+    errors.MissionError,
+)  # fmt: skip
+OTHER_CODES = {
+    0: "It did what was asked.",
+    errors.STOPPED: "Ctrl-C or a signal ended it.",
+    141: "Whoever read its output ended, as in `uuv-hil ... | head`.",
+}
+USUAL = {"SCENARIO": "a `.toml` file, or the name of an installed scenario"}
+ONE = "A check has found a problem (`doctor`, `frame check`, `--check`, `--fail-on-regression`), or another error."
+HEAD = """\
+# Commands
+
+`uuv-hil COMMAND --help` shows the same on the terminal. `SCENARIO` is a `.toml` file or the name of an installed
+scenario. `ENDPOINT` is `tcp/HOST:PORT`. An option may be shortened as long as it stays unique.
+
+This page is made by `python -m tools.reference` from the argument parsers.
+
+## Exit codes
+
+| code | meaning |
+|---|---|
+"""
+
+
+def page() -> str:
+    """Return the page of all commands."""
+    codes = {kind.exit_code: (getdoc(kind) or "").split("\n")[0] for kind in KINDS} | {1: ONE} | OTHER_CODES
+    rows = "".join(f"| {code} | {text} |\n" for code, text in sorted(codes.items()))
+    parts = [HEAD + rows]
+    for name, (module, purpose) in COMMANDS.items():
+        parts.append(f"## {name}\n\n{purpose[0].upper()}{purpose[1:]}.\n")
+        if name == "bench":
+            for benchmark, (inner, text) in BENCHMARKS.items():
+                parts.append(f"### bench {benchmark}\n\n{text[0].upper()}{text[1:]}.\n")
+                parts += _describe(find_parser(inner))
+        else:
+            parts += _describe(find_parser(module))
+    return "\n".join(parts)
+
+
+def _describe(parser: argparse.ArgumentParser) -> Iterator[str]:
+    """Yield the parts of one command: usage, table of options, subcommands, examples."""
+    inner = subparsers(parser)
+    actions = [a for a in parser._actions if not isinstance(a, (argparse._HelpAction, argparse._SubParsersAction))]
+    if actions:
+        yield "| argument | meaning |\n|---|---|\n" + "".join(_row(parser, action) for action in actions)
+    if parser.epilog:
+        yield f"```text\n{parser.epilog.rstrip()}\n```\n"
+    for name, each in inner.items():
+        command = f"{parser.prog.removeprefix('uuv-hil ')} {name}"
+        about = f"{_sentence(each.description)}\n" if each.description else ""
+        yield f"### {command}\n\n{about}"
+        yield from _describe(each)
+
+
+def _row(parser: argparse.ArgumentParser, action: argparse.Action) -> str:
+    formatter = parser._get_formatter()
+    meaning = formatter._expand_help(action) if action.help else USUAL.get(str(action.metavar), "")
+    if action.choices is not None:
+        meaning += f" ({', '.join(map(str, action.choices))})" if not action.help or "{" not in action.help else ""
+    return f"| {_name(action)} | {_cell(meaning)} |\n"
+
+
+def _name(action: argparse.Action) -> str:
+    metavar = action.metavar if isinstance(action.metavar, str) else " ".join(action.metavar or ())
+    if not action.option_strings:
+        return f"`{metavar or action.dest}`"
+    value = "" if action.nargs == 0 else f" {metavar or action.dest.upper()}"
+    return ", ".join(f"`{name}{value}`" for name in action.option_strings)
+
+
+def _cell(text: str) -> str:
+    return re.sub(r"\s+", " ", text).replace("|", "\\|").replace("<", "&lt;").strip()
+
+
+def _sentence(text: str) -> str:
+    return _cell(text) if text.endswith(".") else f"{_cell(text)}."

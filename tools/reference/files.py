@@ -1,0 +1,203 @@
+"""The pages of the file formats: scenario, sensors, vehicle, world, board, frame."""
+
+from typing import Any
+
+import boards
+from hil.autonomy.control import controller, fin_control, restoring_pd, sliding_mode
+from hil.autonomy.fleets.formation import FieldSettings
+from hil.autonomy.paths.vfh import VfhSettings
+from hil.autonomy.tasks.scheduler import Mission, Task
+from hil.common.schema import NOUNS, UNITS, preset_names
+from hil.links.dronecan import settings as dronecan
+from hil.links.frame import layout
+from hil.links.mavlink.settings import MavlinkSettings
+from hil.links.vesc.end import VescSettings
+from hil.links.wires.faults import Faults
+from hil.master.avoid import AvoidSettings
+from hil.network.security import Security
+from hil.network.settings import Network
+from hil.scenario import config, fleet_records, modem_records, records
+from sim.environment import obstacles, ocean, relief, terrain, world
+from sim.modems.acoustic import AcousticModem
+from sim.modems.optical import OpticalModem
+from sim.sensors.error import ErrorModel
+from sim.sensors.mounting import Mounting
+from sim.sensors.suite import DEFAULT_SENSORS, DEVICES, SENSORS, load_sensor
+from sim.vehicle import ballast, battery, body_lift, fins, meshes, thruster_curves, thruster_lags, vehicle
+from sim.vehicle.failures import Failure
+from sim.vehicle.thruster_model import Thruster
+from tools.reference.records import Section, describe
+
+TABLES = (
+    "master", "slave", "link", "start", "network", "ros", "recording", "security", "planner", "hunting", "modem",
+)  # fmt: skip
+NUMBERS = (
+    'A number with a unit is written as an SI number (`0.2`) or as text with its unit (`"200 ms"`). '
+    "A key that is not in these tables is an error. A path is relative to the file that names it."
+)
+
+
+def _units() -> str:
+    by_unit: dict[str, list[str]] = {}
+    for name, (unit, _) in UNITS.items():
+        by_unit.setdefault(unit, []).append(f"`{name}`")
+    rows = "".join(f"| {unit} | {', '.join(names)} |\n" for unit, names in by_unit.items())
+    return f"## Units\n\n| SI unit | may be written in |\n|---|---|\n{rows}"
+
+
+def _page(title: str, text: str, sections: list[Section], *more: str) -> str:
+    made = "This page is made by `python -m tools.reference` from the schema that reads the file."
+    parts = [f"# {title}\n\n{text}\n\n{NUMBERS} {made}\n", *[describe(section) for section in sections], *more]
+    return "\n".join(parts)
+
+
+def _presets(folder: str) -> str:
+    return f"Installed {NOUNS[folder]} files: {', '.join(f'`{name}`' for name in preset_names(folder))}."
+
+
+def scenario() -> str:
+    """Return the page of the scenario file."""
+    top = Section("Top level", config.Scenario, hidden=("path",), shown={
+        **{key: f"tables, [`{key}`](#{key})" for key in config.MANY},
+        "sensors": "tables, [`sensors.NAME`](sensor_keys.md)",
+        **{key: f"table, [`{key}`](#{key})" for key in TABLES},
+    })  # fmt: skip
+    sections = [
+        top,
+        Section("slave", records.Slave),
+        Section("start", records.Start),
+        Section("master", records.Master, shown={"allow": "array of events"}),
+        Section("planner", AvoidSettings, "`class` names the planner, `\"module:Class\"`. Its other keys are the "
+                "class's own. `hil.master.follow:Follow` is the default and has none. These are the keys of "
+                "`hil.master.avoid:Avoid` and `hil.master.tasks:Tasks`.", shown={"search": "text"}),
+        Section("planner.vfh", VfhSettings, "Settings of VFH+ for `Avoid` and `Tasks`."),
+        Section("planner.mission", Mission, "The tasks of `hil.master.tasks:Tasks`.", shown={
+            "task": "tables, [`planner.mission.task`](#plannermissiontask)"}),
+        Section("planner.mission.task", Task),
+        Section("link", records.Link, shown={
+            "options": "table, `[link.options]`", "faults": "table, [`link.faults`](#linkfaults)"}),
+        Section("link.options of mavlink", MavlinkSettings),
+        Section("link.options of dronecan, the host", dronecan.HostSettings),
+        Section("link.options of dronecan, the STM32 side", dronecan.DeviceSettings, shown={
+            "battery": "table, fields of DroneCAN's BatteryInfo"}),
+        Section("link.options of vesc", VescSettings),
+        Section("link.faults", Faults),
+        Section("network", Network),
+        Section("security", Security),
+        Section("ros", records.Ros),
+        Section("recording", records.Recording),
+        Section("failure", Failure, "Each `[[failure]]` changes one thruster at a time of the run."),
+        Section("release", ballast.Release, "Each `[[release]]` drops a weight of the vehicle."),
+        Section("member", fleet_records.Member, "Each `[[member]]` is one vehicle of a fleet."),
+        Section("hunting", fleet_records.Hunting, shown={"fields": "table, [`hunting.fields`](#huntingfields)"}),
+        Section("hunting.fields", FieldSettings),
+        Section("modem", modem_records.Modem, hidden=("model",)),
+        Section("modem, acoustic", AcousticModem, shown={
+            "range_error": "table, [ErrorModel](sensor_keys.md#errormodel)"}),
+        Section("modem, optical", OpticalModem),
+    ]  # fmt: skip
+    force = '## force\n\nEach `[[force]]` is a class of your own: `class = "module:Class"` and the keys of the class.\n'
+    return _page("Scenario file", "A scenario says what is flown, where, over which link, and by whom. "
+                 + _presets("hil/scenario/presets"), sections, force, _units())  # fmt: skip
+
+
+def sensor_keys() -> str:
+    """Return the page of the sections `[sensors.NAME]`."""
+    usual = ", ".join(f"`{name}`" for name in DEFAULT_SENSORS)
+    text = (
+        f"Each sensor is a section `[sensors.NAME]` of the scenario. These are always fitted: {usual}. A rate of 0 "
+        f"takes one away. `device` fills in the values of one that can be bought: "
+        f"{', '.join(f'`{name}`' for name in preset_names(DEVICES))}."
+    )
+    sections = [
+        Section("Every sensor", Mounting),
+        Section("ErrorModel", ErrorModel, "The errors of one measured quantity, in its own SI unit."),
+        *[Section(name, load_sensor(name).Model, f"`[sensors.{name}]`") for name in SENSORS],
+    ]
+    return _page("Sensors in a scenario", text, sections)
+
+
+def vehicle_file() -> str:
+    """Return the page of the vehicle file."""
+    linked = {
+        "battery": "table, [`battery`](#battery)", "fins": "tables, [`fins`](#fins)", "lift": "table, [`lift`](#lift)",
+        "cross_flow": "table, [`cross_flow`](#cross_flow)", "drop_weights": "tables, [`drop_weights`](#drop_weights)",
+        "fading_damping": "table, [`fading_damping`](#fading_damping)", "meshes": "tables, [`meshes`](#meshes)",
+        "buoyancy_engine": "table, [`buoyancy_engine`](#buoyancy_engine)",
+        "thrusters": "tables, [`thrusters`](#thrusters)",
+    }  # fmt: skip
+    sections = [
+        Section("Top level", vehicle.Vehicle, shown=linked),
+        Section("thrusters", Thruster, "Each `[[thrusters]]` is one. What all have in common may stand once, in "
+                "`[every_thruster]`.", shown={"curve": "table with `kind`", "dynamics": "table with `kind`"}),
+        *[Section(f"curve {kind}", record, f"`curve = {{ kind = \"{kind}\", ... }}` of a thruster.",
+                  shown={"table": "table"}) for kind, record in thruster_curves.CURVES.items()],
+        *[Section(f"dynamics {kind}", record, f"`dynamics = {{ kind = \"{kind}\", ... }}` of a thruster.")
+          for kind, record in thruster_lags.DYNAMICS.items()],
+        Section("fins", fins.Fin, "Each `[[fins]]` is one; what all have in common may stand once, in `[every_fin]`."),
+        Section("lift", body_lift.Lift),
+        Section("cross_flow", body_lift.CrossFlow, shown={"drag": "number, or array of numbers"}),
+        Section("fading_damping", body_lift.FadingDamping),
+        Section("buoyancy_engine", ballast.BuoyancyEngine),
+        Section("drop_weights", ballast.DropWeight),
+        Section("battery", battery.Battery),
+        Section("meshes", meshes.Mesh),
+        Section("control", controller.Gains, "Gains of the cascade. `family` chooses another law: `\"sliding_mode\"`, "
+                "`\"restoring_pd\"`, or `\"module:Class\"` with its keys in `[control.options]`."),
+        Section("AxisGains", controller.AxisGains),
+        Section("HoldGains", controller.HoldGains),
+        Section("control.sliding_mode", sliding_mode.SlidingSettings),
+        Section("Surface", sliding_mode.Surface),
+        Section("control.restoring_pd", restoring_pd.PdSettings),
+        Section("Damper", restoring_pd.Damper),
+        Section("control.fins", fin_control.FinGains),
+    ]  # fmt: skip
+    return _page("Vehicle file", "A vehicle file says what a vehicle weighs, how the water acts on it, and where its "
+                 "thrusters are. Body axes are FRD. " + _presets("sim/vehicles"), sections)  # fmt: skip
+
+
+def world_file() -> str:
+    """Return the page of the world file."""
+    linked = {"ocean": "table, [`ocean`](#ocean)", "terrain": "table, [`terrain`](#terrain-from-a-file)"}
+    sections = [
+        Section("Top level", world.World, shown=linked),
+        Section("Cylinder", obstacles.Cylinder, "Each `[[cylinder]]` is a pile."),
+        Section("Box", obstacles.Box, "Each `[[box]]` is a block."),
+        Section("terrain from a file", terrain.StoredKeys, "Depths as little-endian 32-bit floats, row after row."),
+        *[Section(f"terrain {kind}", record, f"`kind = \"{kind}\"` in `[terrain]`.")
+          for kind, record in relief.KINDS.items()],
+        Section("ocean", ocean.Ocean),
+        *[Section(record.__name__, record) for record in (
+            ocean.Layers, ocean.GaussMarkov, ocean.Tide, ocean.Series, ocean.Profile, ocean.Waves)],
+    ]  # fmt: skip
+    return _page("World file", "A world file says where the seabed and the obstacles are, and how the water moves. "
+                 "North, east and down are NED. " + _presets("sim/worlds"), sections)  # fmt: skip
+
+
+def board_file() -> str:
+    """Return the page of the board file."""
+    kinds: list[Any] = [boards.Recommended, boards.Budgets, boards.Serial, boards.Can, boards.PowerMode]
+    sections = [Section("Top level", boards.Board), *[Section(kind.__name__, kind) for kind in kinds]]
+    return _page("Board file", "A board file says what a single-board computer has, and what the slave may use of it. "
+                 + _presets("boards"), sections)  # fmt: skip
+
+
+def frame_file() -> str:
+    """Return the page of the frame file."""
+    kinds: list[Any] = [
+        layout.Field,
+        layout.Bits,
+        layout.MessageLayout,
+        layout.Other,
+        layout.ChecksumRule,
+        layout.Stuffing,
+    ]
+    sections = [Section("Top level", layout.FrameLayout), *[Section(kind.__name__, kind) for kind in kinds]]
+    return _page("Frame file", "A frame file describes the bytes of a thruster protocol. `uuv-hil frame check FILE` "
+                 "explains one. " + _presets("firmware_stub/frames"), sections)  # fmt: skip
+
+
+PAGES = {
+    "scenario": scenario, "sensor_keys": sensor_keys, "vehicle": vehicle_file, "world": world_file,
+    "board": board_file, "frame": frame_file,
+}  # fmt: skip

@@ -1,0 +1,127 @@
+"""A record of the schema as a table of Markdown: key, type, unit, default, range, meaning."""
+
+import types
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+from typing import Annotated, Any, Literal, NamedTuple, Union, get_args, get_origin
+
+from hil.common.schema import FINITE, Range
+from hil.common.tables import read_table
+
+MEANINGS = Path(__file__).parent / "meanings.toml"
+HEAD = "| key | type | unit | default | range | meaning |\n|---|---|---|---|---|---|\n"
+PLAIN = {str: "text", bool: "true or false", float: "number", int: "whole number", Any: "any"}
+
+
+class Section(NamedTuple):
+    """One table of a page: its title, the record, and what stands above it.
+
+    `hidden` keys are no part of the file. `shown` says how the types of keys are written that other code reads.
+    """
+
+    title: str
+    record: Any
+    text: str = ""
+    hidden: tuple[str, ...] = ()
+    shown: dict[str, str] = {}  # noqa: RUF012 - never changed
+
+
+class Kind(NamedTuple):
+    """How a page shows the annotation of one key."""
+
+    type: str
+    unit: str = ""
+    range: str = ""
+    inner: Any = None  # the record of a table
+
+
+@cache
+def meanings() -> dict[str, dict[str, str]]:
+    """Return record -> key -> what the key means."""
+    return read_table(str(MEANINGS))
+
+
+def describe(section: Section) -> str:
+    """Return a section as Markdown. Raises KeyError for a key without a meaning."""
+    rows = "".join(_rows(section))
+    text = f"{section.text}\n\n" if section.text else ""
+    return f"## {section.title}\n\n{text}{HEAD}{rows}"
+
+
+def _rows(section: Section) -> Iterator[str]:
+    record = section.record
+    for key, annotation in record.__annotations__.items():
+        if key in section.hidden:
+            continue
+        kind = kind_of(annotation) if key not in section.shown else Kind(section.shown[key])
+        default = _default(record, key)
+        meaning = _meaning(record, key)
+        yield f"| `{key}` | {kind.type} | {kind.unit} | {default} | {kind.range} | {meaning} |\n"
+
+
+def _meaning(record: Any, key: str) -> str:
+    own = meanings().get(record.__name__, {})
+    if key not in own and key not in meanings()["common"]:
+        raise KeyError(f"{record.__name__}.{key} has no meaning: write it into {MEANINGS}")
+    return own.get(key) or meanings()["common"][key]
+
+
+def _default(record: Any, key: str) -> str:
+    defaults = record._field_defaults
+    if key not in defaults:
+        return "**required**"
+    value = defaults[key]
+    if value is None or value in ((), "") or (hasattr(value, "items") and not value) or _is_record(value):
+        return ""
+    return f"`{toml(value)}`"
+
+
+def _is_record(value: Any) -> bool:
+    return isinstance(value, tuple) and hasattr(value, "_fields")
+
+
+def toml(value: Any) -> str:
+    """Return a value as a TOML file writes it."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, tuple):
+        return "[" + ", ".join(map(toml, value)) + "]"
+    return f'"{value}"' if isinstance(value, str) else f"{value:.8g}"
+
+
+def kind_of(annotation: Any) -> Kind:
+    """Return how a page shows an annotation of the schema."""
+    origin, arguments = get_origin(annotation), get_args(annotation)
+    if origin is Annotated:
+        plain = kind_of(arguments[0])
+        limit = next((extra for extra in arguments[1:] if isinstance(extra, Range)), FINITE)
+        return plain._replace(unit=limit.unit, range=_range(limit))
+    if origin is Literal:
+        return Kind("one of " + ", ".join(f'`"{word}"`' for word in arguments))
+    if origin in (types.UnionType, Union):
+        return kind_of(next(each for each in arguments if each is not type(None)))
+    if origin is tuple:
+        return _array(arguments)
+    if origin is dict:
+        return Kind(f"table of {kind_of(arguments[1]).type}")
+    if isinstance(annotation, type) and issubclass(annotation, tuple):
+        return Kind(f"table, [{annotation.__name__}](#{anchor(annotation.__name__)})", inner=annotation)
+    return Kind(PLAIN[annotation])
+
+
+def _array(items: tuple[Any, ...]) -> Kind:
+    first = kind_of(items[0])
+    if first.inner:
+        return Kind(f"tables, [{first.inner.__name__}](#{anchor(first.inner.__name__)})", inner=first.inner)
+    many = "" if items[-1] is Ellipsis else f"{len(items)} "
+    return first._replace(type=f"array of {many}{first.type}{'' if first.type == 'text' else 's'}")
+
+
+def _range(limit: Range) -> str:
+    return "" if limit is FINITE else f"{limit.low:.9g} to {limit.high:.9g}"
+
+
+def anchor(title: str) -> str:
+    """Return the anchor that a heading gets."""
+    return "".join(c for c in title.lower().replace(" ", "-") if c.isalnum() or c in "-_")

@@ -1,0 +1,55 @@
+"""How level vehicles fly under their own controller, by the speed that they are asked for."""
+
+from collections.abc import Sequence
+
+from matplotlib.axes import Axes
+
+from hil.common.schema import preset_names
+from sim.vehicle.vehicle import load_vehicle
+from tests.support.level_flight import FIELD, OPEN, LevelFlight, fly_level, top_speed
+from tests.unit.test_level_flight import MOST_TILT
+from tools.validations.sheet import Finding, Sheet, label
+
+SHARES = (0.5, 0.75, 1.0)
+TEST = "unit/test_level_flight.py::{}"
+
+
+def level_flight(panels: Sequence[Axes]) -> list[Finding]:
+    """The furthest from level on the way through the field with obstacles, of vehicles with fins in open water, when
+    half, three quarters and all of the top speed are asked for. Vehicles with fins turn and dive by pitching. Where
+    the Munk moment of ideal fluid is left in (the published sets to the letter) a vehicle tips over at the speed that
+    its file gives as attitude_limit_speed."""
+    findings = []
+    for name in sorted(preset_names("sim/vehicles"), key=lambda name: load_vehicle(name)[0].attitude_limit_speed or 0):
+        vehicle, _ = load_vehicle(name)
+        speeds = [share * top_speed(name) for share in SHARES]
+        flown = [fly_level(name, speed, OPEN if vehicle.fins else FIELD, 120.0) for speed in speeds]
+        panel = panels[1 if vehicle.attitude_limit_speed else 0]
+        panel.plot(speeds, [max(0.1, found.tilt) for found in flown], "o-", markersize=3, label=name)
+        findings.append(_finding(name, vehicle.attitude_limit_speed, bool(vehicle.fins), flown))
+    for panel, title in zip(panels, ("up to the top speed", "published sets to the letter"), strict=True):
+        panel.set_yscale("log")
+        panel.set_ylim(0.08, 200.0)
+        panel.axhline(MOST_TILT, color="k", linewidth=0.8, linestyle=":")
+        label(panel, "surge asked for (m/s)", "furthest from level (deg)", title)
+        panel.legend(fontsize=5, loc="lower right" if panel is panels[1] else "upper right")
+    return findings
+
+
+def _finding(name: str, limit: float | None, swims: bool, flown: list[LevelFlight]) -> Finding:
+    pitch, roll = (", ".join(f"{getattr(found, key):.1f}" for found in flown) for key in ("pitch", "roll"))
+    top = top_speed(name)
+    what = f"{name}, top speed {top:.2f} m/s"
+    found = f"pitch {pitch}°; roll {roll}°"
+    worst = max(one.tilt for one in flown)
+    if limit:
+        test = TEST.format("test_the_file_says_up_to_which_speed_a_published_set_is_level")
+        return Finding(what, found, f"level to {limit:g} m/s", test, worst > MOST_TILT)
+    if swims:
+        test = TEST.format("test_a_torpedo_keeps_its_attitude_at_its_top_speed")
+        return Finding(what, found, "tilt < 20°", test, worst < 20.0)
+    test = TEST.format("test_it_is_level_up_to_its_top_speed_in_the_field")
+    return Finding(what, found, f"tilt < {MOST_TILT:g}°", test, worst < MOST_TILT)
+
+
+SHEETS = [Sheet("Level flight", level_flight, size=(9.0, 3.6))]
