@@ -1,18 +1,69 @@
 """What is shared by tests but is no test module itself explains its assertions too."""
 
+import signal
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
+from hil.ros import dialect, topics
+from tests.support.examples import register_profiles
+
+register_profiles()
+pytest_plugins = ["tests.support.firmware_fixtures"]
 pytest.register_assert_rewrite(
-    "tests.links.link_contract", "tests.links.mavlink_peer", "tests.processes", "tests.slave.stm32_contract"
+    "tests.support.link_contract",
+    "tests.support.mavlink_peer",
+    "tests.support.processes",
+    "tests.support.stm32_contract",
 )
+
+
+# Whoever starts the tests may ignore these (nohup, a shell's background job), and all their processes with them.
+signal.signal(signal.SIGHUP, signal.SIG_DFL)
+signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+@pytest.fixture(autouse=True)
+def _own_scenario(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """What a scenario says of ROS holds for the whole process: here until the end of the test that has loaded it."""
+    monkeypatch.setattr(dialect, "_chosen", (dialect.FROM_ENVIRONMENT, "jazzy"))
+    before = dict(topics.TOPICS)
+    yield
+    if len(topics.TOPICS) != len(before):  # a user's own sensor
+        topics.TOPICS.clear()
+        topics.TOPICS.update(before)
+
+
+SYSTEM_TESTS = Path(__file__).parent / "system"
+DEFAULT_RECORDINGS = Path(__file__).parent.parent / "recordings"  # where `uuv-hil record` and slaves write by default
+
+
+@pytest.fixture(autouse=True)
+def _records_into_no_repository() -> Iterator[None]:
+    """A test that records names a folder of its own: a run of the tests leaves the repository as it was."""
+    before = DEFAULT_RECORDINGS.exists()
+    yield
+    assert before or not DEFAULT_RECORDINGS.exists(), f"{DEFAULT_RECORDINGS} was made: give the recording tmp_path"
+
+
+MOST_SECONDS = 120  # for a test, whatever else the machine does: one that takes longer hangs
+MOST_SYSTEM_SECONDS = 300  # for one that starts emulators and benchmarks
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Limit each test's time, but where it or its folder says another limit."""
+    if config.pluginmanager.hasplugin("timeout"):
+        for item in items:
+            if not item.get_closest_marker("timeout"):
+                is_system = SYSTEM_TESTS in item.path.parents
+                item.add_marker(pytest.mark.timeout(MOST_SYSTEM_SECONDS if is_system else MOST_SECONDS))
 
 
 @pytest.fixture(scope="session")
 def binaries(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The C twins, compiled once: for `tests.twins.taken_from`. Skips where there is no compiler."""
-    from tests.twins import compiled
+    """The C twins, compiled once: for `tests.support.twins.taken_from`. Skips where there is no compiler."""
+    from tests.support.twins import compiled
 
     folder = tmp_path_factory.mktemp("native")
     compiled(folder)

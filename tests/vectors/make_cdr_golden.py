@@ -184,7 +184,7 @@ def convert(store: Any, kind: Any, value: Any) -> Any:
 
 def marine_types(read: Any) -> dict[str, Any]:
     """The messages of marine_acoustic_msgs, which rosbags has not, from our definitions of them."""
-    path = os.path.join(os.path.dirname(__file__), "..", "..", "hil", "transport", "types", "marine_acoustic_msgs.msg")
+    path = os.path.join(os.path.dirname(__file__), "..", "..", "hil", "ros", "types", "marine_acoustic_msgs.msg")
     found: dict[str, Any] = {}
     with open(path) as file:
         for block in file.read().split("=== ")[1:]:

@@ -1,0 +1,123 @@
+"""The floor: bare messages to an echo and back. The load: bytes under way beside them."""
+
+import socket
+import struct
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from hil.bench.floors.network import GIVE_UP, Floor, Load, RoundTrips, wait_ns
+from hil.bench.harness import Process, program
+from hil.cli import main
+from hil.common.clock import NS_PER_S, now_ns
+from hil.common.errors import NetworkError
+from tests.support.processes import free_port
+
+
+def soon(seconds: float = 60.0) -> int:
+    return now_ns() + round(seconds * NS_PER_S)
+
+
+@contextmanager
+def running_echo(folder: Path) -> Iterator[tuple[Process, str, int, int]]:
+    with Process([*program(), "bench", "echo"], str(folder / "log")) as echo:
+        host, udp, tcp = echo.expect(":", 60.0).split(":")
+        yield echo, host, int(udp), int(tcp)
+
+
+def test_an_echo_in_another_process(tmp_path: Path) -> None:
+    with running_echo(tmp_path) as (echo, host, udp, tcp):
+        with Floor(host, udp, tcp, 85) as floor, Load(host, tcp, 200_000) as load:
+            for _ in range(10):
+                floor.measure(soon())
+                load.begin()
+                assert load.finish(soon())  # more than a socket's buffer takes at once
+            assert (len(floor.udp.taken_ns), len(floor.tcp.taken_ns)) == (5, 5)
+            assert (floor.udp.lost, floor.tcp.lost, load.late) == (0, 0, 0)
+            assert 1_000 < min(floor.udp.taken_ns + floor.tcp.taken_ns) < 500_000_000
+        assert echo.stop() == 0
+
+
+@pytest.mark.parametrize(
+    ("host", "udp", "tcp"), [("127.0.0.1", 0, 0), ("no.such.host.invalid", 1, 2), ("127.0.0.1", 99_999, 99_999)]
+)
+def test_nobody_there(host: str, udp: int, tcp: int) -> None:
+    port = tcp or free_port()
+    with pytest.raises(NetworkError, match=rf"no echo at {host}:{port}: .*uuv-hil bench echo"):
+        Floor(host, udp or port, port, 85)
+
+
+def test_a_port_of_datagrams_that_cannot_be() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as server, pytest.raises(NetworkError, match=r"no echo at .*:99999"):
+        Floor("127.0.0.1", 99_999, server.getsockname()[1], 85)
+
+
+def test_an_address_of_another_machine(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["bench", "echo", "--address", "192.0.2.1"]) == 4
+    assert "cannot listen on 192.0.2.1" in capsys.readouterr().err
+
+
+def test_an_echo_outlives_who_resets_and_who_does_not_read(tmp_path: Path) -> None:
+    with running_echo(tmp_path) as (echo, host, udp, tcp):
+        for _ in range(3):
+            rude = socket.create_connection((host, tcp))
+            rude.sendall(bytes(1000))
+            rude.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+            rude.close()
+        deaf = socket.create_connection((host, tcp))
+        deaf.settimeout(0.3)
+        with pytest.raises(TimeoutError):
+            deaf.sendall(bytes(1 << 26))  # more than the buffers on the way hold
+        with Floor(host, udp, tcp, 85) as floor:
+            for _ in range(2):
+                floor.measure(soon())
+            assert len(floor.tcp.taken_ns) == 1
+        deaf.close()
+        assert echo.stop() == 0, echo.output
+
+
+def test_who_never_answers_is_not_asked_for_ever() -> None:
+    with socket.socket(type=socket.SOCK_DGRAM) as is_silent, socket.create_server(("127.0.0.1", 0)) as server:
+        is_silent.bind(("127.0.0.1", 0))
+        with Floor("127.0.0.1", is_silent.getsockname()[1], server.getsockname()[1], 85) as floor:
+            for _ in range(20):
+                floor.measure(soon(0.02))
+            assert (floor.udp.lost, floor.tcp.lost) == (GIVE_UP, GIVE_UP)
+            assert floor.udp.is_silent
+            assert floor.udp.taken_ns == []
+
+
+def test_a_late_answer_is_not_taken_for_the_next() -> None:
+    ours, theirs = socket.socketpair()
+    with ours, theirs:
+        way = RoundTrips(ours, 16)
+        way.measure_once(soon(0.01))
+        first = theirs.recv(100)
+        threading.Timer(0.1, lambda: theirs.sendall(first + theirs.recv(100))).start()
+        way.measure_once(soon())
+        assert way.lost == 1
+        assert way.taken_ns[0] * 2 > 0.09 * NS_PER_S
+
+
+def test_the_load_is_under_way_before_anything_is_waited_for() -> None:
+    server = socket.create_server(("127.0.0.1", 0))
+    with server, Load("127.0.0.1", server.getsockname()[1], 50_000) as load:
+        there, _ = server.accept()
+        load.begin()  # nobody has answered, and nothing was waited for
+        there.settimeout(60.0)
+        assert there.recv(1) == bytes(1)
+        load.begin()
+        assert load.late == 1
+        assert not load.finish(soon(0.02))
+        there.close()
+        with pytest.raises(NetworkError, match=r"the echo at .* went away"):
+            load.finish(soon())
+
+
+def test_waiting_ends_no_sooner() -> None:
+    deadline = soon(0.02)
+    wait_ns(deadline)
+    assert now_ns() >= deadline

@@ -1,0 +1,309 @@
+"""Places for measurements: changed scenarios, limits, processes, and that nothing is left behind."""
+
+import os
+import signal
+from argparse import ArgumentTypeError
+from pathlib import Path
+
+import pytest
+
+from hil.bench import limits
+from hil.bench.harness import Bench, Process, await_vehicle
+from hil.bench.limits import Confinement, Limits, parse_cpus, parse_memory
+from hil.bench.machine import describe
+from hil.bench.scenario_file import write_changed
+from hil.commands.bench.options import CPU_SHARE
+from hil.common.errors import ConfigError, NetworkError
+from hil.common.ports import free_ports
+from hil.common.scratch import lock_unused
+from hil.common.tables import read_table
+from hil.scenario.config import load_scenario
+from tests.support import recorded
+
+ONE = min(os.sched_getaffinity(0))
+
+
+def test_a_changed_scenario_is_the_old_one_but_for_the_changes(tmp_path: Path) -> None:
+    path = str(tmp_path / "changed.toml")
+    write_changed("paper_field", {"slave.step": 0.005, "link.options": {}, "description": 'a "b"\n\\'}, path)
+    before, after = load_scenario("paper_field"), load_scenario(path)
+    assert after.slave.step == 0.005
+    assert after.description == 'a "b"\n\\'
+    slave = before.slave._replace(step=0.005)
+    assert after == before._replace(slave=slave, description=after.description, path=path)
+
+
+def test_every_form_of_value_survives(tmp_path: Path) -> None:
+    (tmp_path / "world.toml").write_text(Path("sim/worlds/pool.toml").read_text())
+    source = tmp_path / "mine.toml"
+    source.write_text(
+        'vehicle = "paper_six"\nworld = "world.toml"\n[start]\nnorth = 4\neast = 4\n[master]\ngoal = [8, 7]\n'
+        '[[failure]]\nthruster = "T1"\ntime = 1.5\nkind = "off"\n[sensors.imu]\nrate = "200 Hz"\nacceleration = {}\n'
+        '[link.faults]\ndrop = 0.25\n'
+    )  # fmt: skip
+    names = read_table("sim/vehicles/paper_six.toml")["thrusters"]
+    source.write_text(source.read_text().replace("T1", names[0]["name"]))
+    folder = tmp_path / "elsewhere"
+    path = str(folder / "changed.toml")
+    before = load_scenario(str(source))
+    write_changed(str(source), {"link.faults.drop": None, "master.time_limit": 9.0}, path)
+    after = load_scenario(path)
+    assert after.failure == before.failure
+    assert after.sensors == before.sensors
+    assert after.link.faults is not None
+    assert after.link.faults.drop == 0.0
+    assert os.path.samefile(after.world, before.world)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [({"link.baud": 3}, "baud"), ({"vehicle.name": "x"}, "is a value"), ({"slave.setp": 1}, "did you mean 'step'")],
+)
+def test_a_change_that_cannot_be_meant(tmp_path: Path, changes: dict[str, object], words: str) -> None:
+    with pytest.raises(ConfigError, match=words) as error:
+        write_changed("paper_field", changes, str(tmp_path / "changed.toml"))
+    assert str(tmp_path) not in str(error.value), "a file that nobody knows"
+
+
+def test_limits_as_they_are_written() -> None:
+    assert [parse_cpus(text) for text in ("0", "0,2", "1-3,0")] == [(0,), (0, 2), (0, 1, 2, 3)]
+    assert [parse_memory(text) for text in ("512M", "1G", "64 MiB")] == [512.0, 1024.0, 64.0]
+    assert [CPU_SHARE(text) for text in ("25%", "0.5", "150%")] == [0.25, 0.5, 1.5]
+    assert Limits((0,), 0.25, 512.0).label == "limited: processor 0 only, 25% of a core, 512 MiB"
+    assert Limits(cpu_share=0.125).label == "limited: 12.5% of a core"
+    assert Limits().label == ""
+
+
+@pytest.mark.parametrize("text", ["", "a", "1-", "-1", "3-1", "3000000000"])
+def test_wrong_processors(text: str) -> None:
+    with pytest.raises(ConfigError, match="expected numbers of processors"):
+        parse_cpus(text)
+
+
+@pytest.mark.parametrize("text", ["", "512", "much", "1M", "5K", "nanM", "infM", "1e300G"])
+def test_wrong_memory(text: str) -> None:
+    with pytest.raises(ConfigError, match="expected at least 16M"):
+        parse_memory(text)
+
+
+@pytest.mark.parametrize("text", ["", "%", "0", "-5%", "nan"])
+def test_a_wrong_share(text: str) -> None:
+    with pytest.raises(ArgumentTypeError, match="expected a share"):
+        CPU_SHARE(text)
+
+
+def test_a_processor_that_is_not_there() -> None:
+    with pytest.raises(ConfigError, match="no processor 4000 here"):
+        Confinement(Limits(cpus=(4000,)))
+    with pytest.raises(ConfigError, match=r"no processor \d+ here; there are: "):
+        Confinement(Limits(cpus=parse_cpus("0-3000000000")))
+
+
+@pytest.mark.parametrize("file", ["cgroup.controllers", "cpu/cgroup.procs"])  # of version 2, of version 1
+def test_a_kernel_without_the_memory_controller(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, file: str) -> None:
+    recorded.plant(tmp_path, file, "cpuset cpu io pids\n")
+    monkeypatch.setattr("hil.bench.limits.ROOT", str(tmp_path))
+    with pytest.raises(ConfigError, match=r"^--memory: no memory controller .* cgroup_enable=memory .*cmdline.txt"):
+        Confinement(Limits(cpu_share=0.25, memory_mib=64.0)).__enter__()
+
+
+# What a systemd-run does in place of the program that looks for the group's files.
+@pytest.mark.parametrize(
+    ("script", "words"),
+    [
+        ("echo cgroup.procs cpu.max memory.max", ""),
+        ("echo cgroup.procs memory.max", r"^--cpu-quota: .* keeps the cpu controller from users; .*Delegate=pids mem"),
+        ("echo cgroup.procs cpu.max", r"^--memory: .* keeps the memory controller from users"),
+        ("echo Failed to connect to bus >&2; exit 1", r"^--cpu-quota, .*: Failed to connect to bus; .*enable-linger"),
+    ],
+)
+def test_what_systemd_gives(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, script: str, words: str) -> None:
+    recorded.plant(tmp_path, "cgroup.controllers", "cpu memory\n")
+    recorded.plant(tmp_path, "systemd-run", f"#!/bin/sh\n{script}\n")
+    (tmp_path / "systemd-run").chmod(0o755)
+    monkeypatch.setattr("hil.bench.limits.ROOT", str(tmp_path))
+    monkeypatch.setattr("hil.bench.limits.SYSTEMD", str(tmp_path))
+    monkeypatch.setenv("PATH", str(tmp_path))
+    place = Confinement(Limits(cpu_share=0.125, memory_mib=64.0))
+    if words:
+        with pytest.raises(ConfigError, match=words):
+            place.__enter__()
+        return
+    with place:
+        said = place.command(["program", "-x"])
+    assert said[0] == "systemd-run"
+    assert ("--user" in said) == (os.geteuid() != 0)
+    given = [said[index + 1] for index, word in enumerate(said) if word == "-p"]
+    assert given == ["CPUQuota=12.5%", "CPUQuotaPeriodSec=20000us", "MemoryMax=67108864", "MemorySwapMax=0"]
+    assert said[-3:] == ["--", "program", "-x"]
+
+
+def test_a_pinned_process(tmp_path: Path) -> None:
+    before = os.sched_getaffinity(0)
+    with Confinement(Limits(cpus=(ONE,))) as place, Process(["sleep", "9"], str(tmp_path / "log"), place) as process:
+        assert os.sched_getaffinity(process.pid) == {ONE}
+        assert process.family() == [process.pid]
+    assert os.sched_getaffinity(0) == before
+    assert not process.running
+
+
+def test_what_a_process_says(tmp_path: Path) -> None:
+    with Process(["sh", "-c", "echo one; echo two; exit 3"], str(tmp_path / "log")) as process:
+        assert process.expect("one", 60.0) == "one"
+        assert process.wait(60) == 3
+        assert process.last_words == "two"
+        with pytest.raises(NetworkError, match=r"did not say 'three', but ended with exit code 3; it last said: two"):
+            process.expect("three", 60.0)
+
+
+def test_what_ended_a_process(tmp_path: Path) -> None:
+    with Process(["sh", "-c", "echo armed; exec sleep 9"], str(tmp_path / "log")) as process:
+        process.expect("armed", 60.0)
+        assert process.ending == "is still running; it last said: armed"
+        os.kill(process.pid, signal.SIGKILL)
+        process.wait(60)
+        assert process.ending == "was ended by signal 9 (KILL); it last said: armed"
+
+
+def test_a_limit_of_memory_is_suspected(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Confinement, "_confine", lambda _: None)  # needs root
+    with Confinement(Limits(memory_mib=16.0)) as place:
+        process = Process(["sh", "-c", "kill -KILL $$"], str(tmp_path / "log"), place)
+        assert process.wait(60) == -9
+    assert "signal 9 (KILL), perhaps as it needs more than the 16 MiB of --memory; it last" in process.ending
+
+
+@pytest.mark.parametrize(
+    ("limits", "by", "label"),
+    [
+        (Limits(memory_mib=16.0), "cgroup v1", "limited: 16 MiB (cgroup v1, files in the page cache not counted)"),
+        (Limits(cpu_share=0.25), "systemd", "limited: 25% of a core (systemd, no real-time scheduling)"),
+        (Limits(cpus=(ONE,)), "", f"limited: processor {ONE} only"),
+    ],
+)
+def test_only_a_share_of_a_processor_takes_real_time_away(
+    monkeypatch: pytest.MonkeyPatch, limits: Limits, by: str, label: str
+) -> None:
+    def confine(self: Confinement) -> None:
+        self.by = by
+
+    monkeypatch.setattr(Confinement, "_confine", confine)
+    with Bench("paper_field", limits=limits) as bench:
+        assert bench.labels == (label,)
+        assert bench.scenario.slave.realtime == (not limits.cpu_share)
+
+
+def test_a_slave_elsewhere_that_is_not_there() -> None:
+    endpoint = f"tcp/127.0.0.1:{free_ports(1)[0]}"
+    with Bench("paper_field") as bench, bench.client(endpoint) as client, pytest.raises(NetworkError) as error:
+        await_vehicle(client, seconds=0.2)
+    assert f"no vehicle 'uuv1' answered at {endpoint} within 0.2 s; 127.0.0.1 is there but nothing" in str(error.value)
+    assert "is `uuv-hil slave` running there, with --listen on an address this machine reaches" in str(error.value)
+
+
+def test_a_slave_comes_and_goes_and_leaves_nothing() -> None:
+    with Bench("paper_field", {"slave.realtime": False}, Limits(cpus=(ONE,))) as bench:
+        slave = bench.start_slave()
+        with bench.client() as client:
+            await_vehicle(client, slave)
+            assert client.diagnostics().loop_rate_hz == 400
+        assert bench.labels == (f"limited: processor {ONE} only",)
+        folder = bench.folder
+    assert not slave.running
+    assert slave.stop() == 0
+    assert not os.path.exists(folder)
+
+
+def test_a_slave_that_cannot_start_says_why() -> None:
+    with Bench("paper_field", {"stm32": "device", "link.port": "/dev/ttyNONE"}) as bench:
+        slave = bench.start_slave()
+        with (
+            bench.client() as client,
+            pytest.raises(NetworkError, match=r"the slave ended with exit code \d.*/dev/ttyNONE"),
+        ):
+            await_vehicle(client, slave)
+
+
+def test_the_machine_says_what_makes_its_figures_special(tmp_path: Path) -> None:
+    recorded.plant(tmp_path, "proc/cpuinfo", "model name : Some CPU\nflags : fpu hypervisor\nhost : User Mode Linux\n")
+    plant_first_process(tmp_path, 0x3E if os.uname().machine != "x86_64" else 0xB7)
+    machine, labels = describe(str(tmp_path))
+    assert machine["cpu"] == "Some CPU"
+    assert [label.partition(":")[0] for label in labels] == ["emulated", "emulated", "virtual machine"]
+    assert labels[0].startswith(f"emulated: {os.uname().machine} on ")
+
+
+def plant_first_process(root: Path, machine: int) -> None:
+    (root / "proc/1").mkdir(parents=True)
+    (root / "proc/1/exe").write_bytes(b"\x7fELF" + bytes(14) + machine.to_bytes(2, "little"))
+
+
+HYPERVISOR = "flags : fpu hypervisor\n"
+OF_QEMU = "emulated, or a virtual machine: QEMU"
+
+
+@pytest.mark.parametrize(
+    ("files", "architecture", "labels"),
+    [
+        ({"proc/cmdline": "quiet UUV_HIL_EMULATED=qemu-system\n"}, "aarch64", ("emulated: qemu-system",)),
+        ({"proc/sys/kernel/arch": "x86_64\n"}, "aarch64", ("emulated: aarch64 on x86_64",)),
+        ({"proc/sys/kernel/arch": "aarch64\n"}, "aarch64", ()),
+        ({"proc/sys/kernel/arch": "aarch64\n"}, "armv8l", ()),  # by setarch, on the bare processor
+        ({"proc/device-tree/model": "linux,dummy-virt\0"}, "aarch64", (OF_QEMU,)),
+        ({"sys/class/dmi/id/sys_vendor": "QEMU\n"}, "aarch64", (OF_QEMU,)),
+        ({"sys/class/dmi/id/sys_vendor": "QEMU\n", "proc/cpuinfo": HYPERVISOR}, "x86_64", ("virtual machine",)),
+        (
+            {"proc/cmdline": "UUV_HIL_EMULATED=qemu-system\n", "proc/device-tree/model": "linux,dummy-virt\0"},
+            "aarch64",
+            ("emulated: qemu-system",),
+        ),
+    ],
+)
+def test_what_is_emulated_is_labelled(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, files: dict[str, str], architecture: str, labels: tuple[str, ...]
+) -> None:
+    for path, text in files.items():
+        recorded.plant(tmp_path, path, text)
+    monkeypatch.delenv("UUV_HIL_EMULATED", raising=False)
+    kernel = os.uname()
+    monkeypatch.setattr("os.uname", lambda: os.uname_result((*kernel[:4], architecture)))
+    assert describe(str(tmp_path))[1] == labels
+
+
+def test_a_machine_of_which_we_may_use_a_part_is_labelled() -> None:
+    before = os.sched_getaffinity(0)
+    try:
+        os.sched_setaffinity(0, {ONE})
+        labels = describe()[1]
+    finally:
+        os.sched_setaffinity(0, before)
+    online = os.sysconf("SC_NPROCESSORS_ONLN")
+    assert (f"limited: 1 of {online} processors" in labels) == (online > 1)
+
+
+def test_the_environment_says_that_it_is_emulated(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Below qemu-user, where /proc is the host's."""
+    monkeypatch.setenv("UUV_HIL_EMULATED", "qemu-aarch64")
+    recorded.plant(tmp_path, "proc/sys/kernel/arch", "riscv64\n")
+    assert describe(str(tmp_path))[1] == ("emulated: qemu-aarch64",)
+
+
+def test_a_32_bit_system_on_a_64_bit_kernel_is_not_emulated(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Raspberry Pi OS of 32 bits, before Linux 6.1."""
+    plant_first_process(tmp_path, 0x28)
+    kernel = os.uname()
+    monkeypatch.delenv("UUV_HIL_EMULATED", raising=False)
+    monkeypatch.setattr("os.uname", lambda: os.uname_result((*kernel[:4], "aarch64")))
+    assert describe(str(tmp_path))[1] == ()
+
+
+def test_groups_of_killed_benchmarks_are_removed(tmp_path: Path) -> None:
+    for name in ("uuv-hil-bench-1-a", "uuv-hil-bench-1-b", "another"):
+        (tmp_path / name).mkdir()
+    in_use = lock_unused(str(tmp_path / "uuv-hil-bench-1-b"))
+    assert in_use is not None
+    limits._remove_abandoned(str(tmp_path))
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["another", "uuv-hil-bench-1-b"]
+    os.close(in_use)
+    limits._remove_abandoned(str(tmp_path))
+    assert [path.name for path in tmp_path.iterdir()] == ["another"]

@@ -1,0 +1,146 @@
+"""`uuv-hil loopback`: both ends here, an STM32 elsewhere, or a wire that leads straight back."""
+
+import json
+import threading
+from collections.abc import Iterator
+from contextlib import closing
+from typing import Any
+
+import pytest
+
+from hil.bench.loopback import Plan, _Stm32, _Test, wire_ms
+from hil.cli import main
+from hil.links.wires.faults import Faults
+from hil.links.wires.terminal import PtyWire
+from hil.scenario.records import Link
+from tests.support.busy import retried_when_busy
+from tests.support.link_contract import nothing_leaks, wait_readable
+from tests.support.processes import Program
+
+
+def loopback(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, dict[str, Any]]:
+    code = main(["loopback", "--json", "--seconds", "0.4", *arguments])
+    return code, json.loads(capsys.readouterr().out)
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        (),
+        ("--rate", "100"),
+        ("--rate", "0"),
+        ("--protocol", "mavlink"),
+        ("--protocol", "vesc", "--port", "can:virtual:loop"),
+        ("--protocol", "dronecan", "--port", "can:virtual:loop"),
+        ("--port", "tcp://127.0.0.1:0"),
+        ("--stm32", "unicorn"),
+    ],
+    ids=" ".join,
+)
+@retried_when_busy("round trips of another thread or process", attempts=5)
+def test_a_sound_link_loses_nothing(arguments: tuple[str, ...], capsys: pytest.CaptureFixture[str]) -> None:
+    with nothing_leaks():
+        code, found = loopback(capsys, *arguments)
+    assert code == 0, found
+    assert found["sent"] == found["answered"] >= 5, "20 where nothing else uses the machine"
+    assert found["lost"] == found["errors"] == 0
+    assert found["broken_limits"] == []
+    assert 0.0 < found["p50_ms"] <= found["p99_ms"] <= found["max_ms"]
+    assert found["p50_ms"] < 10.0, "the link's time, not what is left of the period"
+    assert found["counters"]["bytes_out"] > 0
+
+
+def test_p99_of_a_hundred_round_trips_is_no_maximum() -> None:
+    plan = Plan("python", Link(options={}), 6, 50.0, 1.0, False)
+    test = _Test(plan, _Stm32(plan, print))
+    with closing(test._far):
+        test._trips_ns = [number * 1_000_000 for number in range(100, 0, -1)]
+        result = test.result()
+    assert (result.p50_ms, result.p99_ms, result.max_ms) == (50.0, 99.0, 100.0)
+
+
+@retried_when_busy("delays of another thread or process")
+def test_what_a_bad_line_does_is_told_and_breaks_limits(capsys: pytest.CaptureFixture[str]) -> None:
+    code, found = loopback(capsys, "--fault", "drop=0.2", "--fault", 'delay="20 ms"', "--max-p99", "10 ms")
+    assert code == 1
+    assert 0.1 < found["loss"] < 0.7  # both ways
+    assert 39.0 < found["p50_ms"] < 90.0  # of a machine that may be busy
+    assert [text.split()[0] for text in found["broken_limits"]] == ["loss", "p99"]
+    code, found = loopback(capsys, "--fault", "drop=0.2", "--max-loss", "0.9", "--max-errors", "99")
+    assert code == 0
+
+
+def test_damage_is_counted(capsys: pytest.CaptureFixture[str]) -> None:
+    code, found = loopback(capsys, "--fault", "corrupt=0.01", "--max-loss", "1")
+    assert code == 1
+    assert found["errors"] > 0
+    assert "damaged frames" in found["broken_limits"][0]
+
+
+@retried_when_busy("delays of another thread or process")
+def test_the_wire_time_is_that_of_the_bits(capsys: pytest.CaptureFixture[str]) -> None:
+    """22 + 32 bytes of ten bits at 115200: 4.69 ms, and the paced link takes at least that."""
+    plan = Plan("python", Link(faults=Faults(baud=115_200)), 6, 50.0, 1.0, True)
+    assert wire_ms(plan) == pytest.approx(54 * 10 / 115.2, rel=1e-12)
+    code, found = loopback(capsys, "--fault", "baud=115200", "--rate", "0")
+    assert code == 0
+    assert found["wire_ms"] == pytest.approx(4.6875)
+    assert 4.5 < found["p50_ms"] < 60.0  # of a machine that may be busy
+    assert loopback(capsys)[1]["wire_ms"] is None
+
+
+@pytest.fixture
+def jumper() -> Iterator[str]:
+    """A serial port whose TX is led to its RX."""
+    far, stop = PtyWire(), threading.Event()
+
+    def echo() -> None:
+        while not stop.is_set():
+            if wait_readable(far, 0.02):
+                far.write(far.read())
+
+    thread = threading.Thread(target=echo)
+    thread.start()
+    yield far.path
+    stop.set()
+    thread.join(2.0)
+    far.close()
+
+
+@pytest.mark.parametrize("protocol", ["frame", "mavlink"])
+@retried_when_busy("delays of another thread or process")
+def test_a_jumper(protocol: str, jumper: str, capsys: pytest.CaptureFixture[str]) -> None:
+    code, found = loopback(capsys, "--stm32", "jumper", "--port", jumper, "--protocol", protocol)
+    assert code == 0, found
+    assert found["answered"] == found["sent"] >= 5
+    assert found["counters"]["bytes_in"] == found["counters"]["bytes_out"] > 0
+
+
+def test_a_device_is_not_armed_unless_asked(tmp_path: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "ttySTM32"
+    with Program(tmp_path, "stm32", "--port", f"pty:{path}") as stm32:
+        stm32.expect("Ctrl-C")
+        code, found = loopback(capsys, "--stm32", "device", "--port", str(path))
+        assert (code, found["lost"]) == (0, 0)
+        stm32.stop(15)
+    (last,) = [line for line in stm32.output.splitlines() if line.startswith("stopped:")]
+    assert "pwm 1500 1500 1500 1500 1500 1500" in last
+    assert int(last.split()[1]) >= 5  # commands it took, and all of them were disarmed
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "words"),
+    [
+        (("--fault", "dorp=1"), 2, "no key 'dorp'; did you mean 'drop'?"),
+        (("--faults", "dorp=1"), 2, "no key 'dorp'; did you mean 'drop'?"),
+        (("--fault", "drop"), 2, "--fault 'drop' is not NAME=VALUE"),
+        (("--max-p99", "5"), 2, "with its unit after a space, found '5'"),
+        (("--seconds", "0"), 2, "--seconds: expected a number from 0.01 to 86400 s, found '0'"),
+        (("--protocol", "vesc"), 2, "needs a CAN bus"),
+        (("--stm32", "device"), 2, "no device"),
+        (("--port", "/dev/ttyNOWHERE", "--stm32", "jumper"), 3, "no such device"),
+    ],
+)
+def test_mistakes(arguments: tuple[str, ...], code: int, words: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["loopback", "--seconds", "0.1", *arguments]) == code
+    assert words in capsys.readouterr().err

@@ -1,0 +1,274 @@
+"""Every board file loads and says where its numbers are from; every recorded machine is recognised."""
+
+import os
+import re
+from pathlib import Path
+
+import pytest
+
+import boards
+from boards.health import recognise
+from boards.tree import Tree, architecture
+from hil.common.errors import ConfigError
+from hil.common.schema import preset_names
+from hil.scenario.records import Slave
+from tests.support import recorded
+
+NAMES = preset_names("boards")
+REAL = [name for name in NAMES if not name.startswith("generic")]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_board_names_the_source_of_each_number(name: str) -> None:
+    board = boards.load_board(name)
+    assert board.source
+    reported = {
+        "cpu": board.cpu,
+        "cores": board.cores,
+        "ram": board.ram,
+        "system": board.system,
+        "wlan": board.wlan,
+        "throttles_at": board.throttles_at,
+    }
+    if name in REAL:
+        assert {key for key, value in reported.items() if value} <= set(board.sources)
+    sources = [row.source for row in board.serial] + [row.source for row in board.can]
+    assert all([*sources, *(mode.source for mode in board.power), board.recommended.source, board.budgets.reason])
+    assert set(board.sources) <= set(board._fields)
+
+
+@pytest.mark.parametrize("name", REAL)
+def test_a_real_board_has_a_port_and_can_be_recognised(name: str) -> None:
+    board = boards.load_board(name)
+    assert board.models
+    assert board.uart.startswith("/dev/tty") or board.uart == "/dev/serial0"
+    assert board.cores >= 1
+    assert board.ram
+    assert board.system
+
+
+def test_all_that_were_asked_for_are_there() -> None:
+    wanted = {
+        "raspberry_pi_3b_plus", "raspberry_pi_4b", "raspberry_pi_5", "raspberry_pi_zero_2w", "raspberry_pi_cm4",
+        "jetson_nano", "jetson_xavier_nx", "jetson_orin_nano", "beaglebone_black", "generic_x86_64", "generic_arm64",
+    }  # fmt: skip
+    assert wanted <= set(NAMES)
+
+
+@pytest.mark.parametrize(("name", "first", "spi"), [("raspberry_pi_4b", 2, "uart4"), ("raspberry_pi_cm4", 2, "uart4"),
+                                                   ("raspberry_pi_5", 1, "uart3")])  # fmt: skip
+def test_further_ports_of_a_raspberry_pi_are_numbered_as_their_uarts(name: str, first: int, spi: str) -> None:
+    board = boards.load_board(name)
+    for number, port in enumerate(board.serial[1:], first):
+        assert port.device == f"/dev/ttyAMA{number}"
+        assert f"dtoverlay=uart{number}" in port.needs
+        assert f"uart{number}" in port.at
+        assert ("SPI0" in port.at) == (f"uart{number}" == spi) == ("GPIO 8 and 9" in port.at)
+    assert len(board.serial) == 5
+    assert spi in board.can[0].controller
+
+
+@pytest.mark.parametrize("name", [name for name in REAL if name.startswith("raspberry_pi")])
+def test_the_file_that_is_to_be_changed_is_named_in_full(name: str) -> None:
+    board = boards.load_board(name)
+    for needs in [port.needs for port in board.serial] + [bus.needs for bus in board.can]:
+        assert "config.txt" not in needs.replace("/boot/firmware/config.txt", "")
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_what_a_serial_port_needs_makes_it_be_there(name: str) -> None:
+    """The doctor says it of a port that is not: ending a login prompt would not help."""
+    assert not any("systemctl" in port.needs for port in boards.load_board(name).serial)
+
+
+@pytest.mark.parametrize("name", REAL)
+def test_the_clock_of_the_processor_is_told(name: str) -> None:
+    assert re.search(r", [0-9.]+ GHz", boards.load_board(name).cpu)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_what_the_slave_took_is_what_the_readme_shows(name: str) -> None:
+    """And the recommendation leaves it room."""
+    asked = boards.load_board(name).recommended
+    shown = (Path(boards.__file__).parents[1] / "README.md").read_text()
+    (memory,), (cpu,) = (re.findall(rf"slave {row} .* ([0-9.]+){unit}", shown) for row, unit in
+                         (("memory", " MiB,"), ("CPU", "% of a core")))  # fmt: skip
+    low, high, mib = map(float, *re.findall(r"took ([0-9]+) to ([0-9]+) % of a core .* and ([0-9]+) MiB", asked.source))
+    assert low - 0.5 < float(cpu) < high + 0.5
+    assert mib == pytest.approx(float(memory), abs=1.5)
+    assert asked.memory >= 2 * mib
+
+
+@pytest.mark.parametrize("name", REAL)
+def test_a_driver_that_nothing_loads_is_named(name: str) -> None:
+    board = boards.load_board(name)
+    for bus in board.can:
+        assert bus.module == ("mttcan" if "mttcan" in bus.controller else "")
+        assert ("modprobe" in bus.needs) == bool(bus.module)
+    if any(bus.module for bus in board.can):
+        assert "denylist-mttcan.conf" in board.can[0].needs
+        assert "J17" in board.can[0].controller
+
+
+def test_power_modes_of_a_xavier_nx_are_all_there() -> None:
+    modes = boards.load_board("jetson_xavier_nx").power
+    assert [mode.command for mode in modes] == [f"sudo nvpmodel -m {number}" for number in range(9)]
+
+
+@pytest.mark.parametrize(
+    ("mode", "number", "cores"), [("15W", 0, 6), ("7W, without Super", 1, 4), ("25W, with Super", 1, 6),
+                                  ("MAXN_SUPER", 2, 6), ("10W, 4 GB", 0, 6), ("7W_CPU, 4 GB", 2, 4)],
+)  # fmt: skip
+def test_power_modes_of_an_orin_nano_by_module_and_release(mode: str, number: int, cores: int) -> None:
+    found = [row for row in boards.load_board("jetson_orin_nano").power if row.name.startswith(mode)]
+    assert [(row.command, row.cores) for row in found] == [(f"sudo nvpmodel -m {number}", cores)]
+
+
+@pytest.mark.parametrize("name", REAL)
+def test_no_source_is_a_copy_of_unknown_origin(name: str) -> None:
+    assert "scribd" not in (Path(boards.__file__).parent / f"{name}.toml").read_text()
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_what_is_recommended_goes_with_the_slave(name: str) -> None:
+    asked = boards.load_board(name).recommended
+    slave = Slave(step=asked.step, control_period=asked.control_period)
+    assert slave.validate() is None
+    assert asked.control_period / asked.step == pytest.approx(round(asked.control_period / asked.step))
+
+
+@pytest.mark.parametrize("name", recorded.NAMES)
+def test_every_recorded_machine_is_recognised(tmp_path: Path, name: str) -> None:
+    found = recognise(Tree(str(recorded.build(name, tmp_path))))
+    assert found == boards.load_board(recorded.expected_board(name))
+
+
+def test_every_board_has_a_recorded_machine() -> None:
+    assert {recorded.expected_board(name) for name in recorded.NAMES} == set(NAMES)
+
+
+@pytest.mark.parametrize(
+    ("model", "name"),
+    [
+        ("Raspberry Pi 4 Model B Rev 1.5\0", "Raspberry Pi 4 Model B"),
+        ("Raspberry Pi 3 Model B+\0", "Raspberry Pi 3 Model B+"),
+        ("Raspberry Pi 3 Model B Rev 1.2\0", None),
+        ("Raspberry Pi 500 Rev 1.0\0", None),
+        ("Raspberry Pi Compute Module 4S Rev 1.0\0", None),
+        ("NVIDIA Jetson Nano Developer Kit\0", "NVIDIA Jetson Nano"),
+        ("NVIDIA Jetson Nano 2GB Developer Kit\0", "NVIDIA Jetson Nano"),
+        ("NVIDIA Jetson Xavier NX Developer Kit (SD-card)\0", "NVIDIA Jetson Xavier NX"),
+        ("NVIDIA Orin Nano Developer Kit\0", "NVIDIA Jetson Orin Nano"),
+        ("NVIDIA Jetson Orin Nano Developer Kit Super\0", "NVIDIA Jetson Orin Nano"),
+        ("NVIDIA Orin NX Developer Kit\0", None),
+        ("TI AM335x BeagleBone Black Wireless\0", "BeagleBone Black"),
+        ("TI AM335x BeagleBone Green\0", "BeagleBone Black"),
+        ("TI AM335x BeagleBone Blue\0", None),
+        ("Some Other Board\0", None),
+        ("", None),
+    ],
+)
+def test_detection(tmp_path: Path, model: str, name: str | None) -> None:
+    recorded.plant(tmp_path, "proc/device-tree/model", model)
+    found = boards.detect(str(tmp_path))
+    assert (found.name if found else None) == name
+
+
+def test_a_machine_that_tells_nothing(tmp_path: Path) -> None:
+    assert boards.detect(str(tmp_path)) is None
+    assert recognise(Tree(str(tmp_path))) is None
+    assert architecture(Tree(str(tmp_path))) == ""
+
+
+@pytest.mark.parametrize(
+    ("text", "name"),
+    [
+        ("vendor_id\t: GenuineIntel\n", "x86_64"),
+        ("CPU architecture: 8\n", "aarch64"),
+        ("CPU architecture: 7\n", "armv7l"),
+    ],
+)
+def test_architecture_of_older_kernels(tmp_path: Path, text: str, name: str) -> None:
+    recorded.plant(tmp_path, "proc/cpuinfo", f"processor\t: 0\n{text}")
+    assert architecture(Tree(str(tmp_path))) == name
+
+
+def test_a_wrong_board_file(tmp_path: Path) -> None:
+    path = tmp_path / "mine.toml"
+    good = (Path(boards.__file__).parent / "raspberry_pi_4b.toml").read_text()
+    path.write_text(good.replace('"1 GiB"', '"1"'))
+    with pytest.raises(ConfigError, match=r"mine\.toml: ram\[0\].*unit"):
+        boards.load_board(str(path))
+    path.write_text(good.replace("source =", "sauce =", 1))
+    with pytest.raises(ConfigError, match=r"no key 'sauce'; did you mean 'source'"):
+        boards.load_board(str(path))
+
+
+def test_names_of_devices_are_followed_within_the_tree(tmp_path: Path) -> None:
+    recorded.link(tmp_path, "dev/uuv", "/dev/serial0")
+    recorded.link(tmp_path, "dev/serial0", "ttyS0")
+    recorded.link(tmp_path, "dev/loop", "loop")
+    tree = Tree(str(tmp_path))
+    assert tree.resolve("/dev/uuv") == "/dev/ttyS0"
+    assert tree.resolve("/dev/loop") == "/dev/loop"
+    assert tree.resolve("/dev/ttyUSB0") == "/dev/ttyUSB0"
+
+
+def test_commands_of_this_machine() -> None:
+    tree = Tree("/")
+    assert tree.run("echo", "there") == "there"
+    assert tree.run("false") is None
+    assert tree.run("no-such-command-here") is None
+
+
+def test_a_link_of_the_machine_stays_in_its_folder(tmp_path: Path) -> None:
+    root = tmp_path / "root"
+    recorded.plant(root, "sys/firmware/devicetree/base/model", "Raspberry Pi 4 Model B Rev 1.5\0")
+    recorded.link(root, "proc/device-tree", "/sys/firmware/devicetree/base")
+    found = boards.detect(str(root))
+    assert found is not None
+    assert found.name == "Raspberry Pi 4 Model B"
+    assert Tree(str(root)).names("/proc/device-tree") == ["model"]
+
+
+@pytest.mark.parametrize("target", ["/outside/model", "../../outside/model", "{outside}/model"])
+def test_no_link_leads_out_of_the_machine(tmp_path: Path, target: str) -> None:
+    recorded.plant(tmp_path, "outside/model", "Raspberry Pi 5 Model B Rev 1.0\0")
+    recorded.link(tmp_path / "root", "proc/device-tree/model", target.format(outside=tmp_path / "outside"))
+    tree = Tree(str(tmp_path / "root"))
+    assert tree.text("/proc/device-tree/model") == ""
+    assert not tree.exists("/proc/device-tree/model")
+    assert tree.text("/../outside/model") == ""
+    assert boards.detect(tree.root) is None
+
+
+def test_links_without_end(tmp_path: Path) -> None:
+    recorded.link(tmp_path, "dev/one", "/dev/two")
+    recorded.link(tmp_path, "dev/two", "one")
+    tree = Tree(str(tmp_path))
+    assert tree.text("/dev/one") == ""
+    assert tree.names("/dev/one") == []
+    assert not tree.exists("/dev/two/below")
+    assert not os.path.lexists(tree.path("/dev/one"))
+    assert tree.link("/dev/one") == "/dev/two"
+
+
+def test_odd_names_and_contents_are_nothing(tmp_path: Path) -> None:
+    (tmp_path / "proc").mkdir()
+    (tmp_path / "proc/cpuinfo").write_bytes(b"CPU architecture: 8\nflags\t: \xff\xfe\n")
+    (tmp_path / "proc/device-tree").mkdir()
+    (tmp_path / "proc/device-tree/model").write_bytes(b"\xff\xfeRaspberry Pi 4")
+    (tmp_path / "proc/\N{SUPERSCRIPT TWO}/fd").mkdir(parents=True)
+    tree = Tree(str(tmp_path))
+    assert architecture(tree) == "aarch64"
+    assert boards.detect(str(tmp_path)) is None
+    assert tree.openers("/dev/ttyS0") == []
+    assert (tree.text("a\0b"), tree.names("a\0b"), tree.link("a\0b"), tree.exists("a\0b")) == ("", [], "", False)
+
+
+@pytest.mark.parametrize("root", ["/", "here"])
+def test_a_command_that_answers_no_text(tmp_path: Path, root: str) -> None:
+    (tmp_path / "commands").mkdir()
+    (tmp_path / "commands/printf_\\377yes").write_bytes(b"\xffyes")
+    tree = Tree(root if root == "/" else str(tmp_path))
+    assert tree.run("printf", r"\377yes") == "\N{REPLACEMENT CHARACTER}yes"

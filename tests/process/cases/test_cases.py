@@ -1,0 +1,176 @@
+"""The cases of one vehicle: flown in simulated time and, short, with a slave; what they measure and how it is told."""
+
+import csv
+import json
+import math
+from pathlib import Path
+
+import pytest
+
+from hil.cases import fidelity, table
+from hil.cases.case import CASES, find_case
+from hil.cases.flights import fly_all, fly_one
+from hil.cases.path_planning import PathPlanning, hidden_piles
+from hil.cases.record import Result, Run, Track
+from hil.cases.report import write_report
+from hil.cases.single import radius_of, shortest
+from hil.cases.task_scheduling import TaskScheduling, visit_orders
+from hil.cases.variant import write_variant
+from hil.commands import case as command
+from hil.common.errors import ConfigError
+from hil.master.flight import prepare
+from hil.master.tasks import Tasks
+from hil.scenario.config import load_scenario
+from sim.environment.world import load_world
+from sim.vehicle.vehicle import load_vehicle
+
+SIX, _ = load_vehicle("paper_six")
+RADIUS = radius_of(SIX)
+
+
+def check(result: Result, at_work: float = 0.0) -> None:
+    """What holds for every flight of one vehicle that succeeds and is `at_work` s in one place."""
+    assert result.success, result.reason
+    assert not result.collided
+    assert result.least_clearance > RADIUS
+    assert 1.0 <= result.ratio < 1.1
+    assert 0.6 < result.path_length / (result.duration - at_work) < 0.85  # m/s, of 0.8 asked for
+    assert 10.0 < result.energy / result.duration < 300.0  # W
+    assert result.cross_track_rms < result.cross_track_max < 1.5
+    assert 0.0 < result.planner_cpu < 0.1
+
+
+def test_path_planning_of_two_seeds_on_all_cores(tmp_path: Path) -> None:
+    (tmp_path / "one").mkdir()
+    (tmp_path / "many").mkdir()
+    runs = fly_all("path_planning", str(tmp_path / "many"), [1, 2], jobs=2)
+    for run in runs:
+        check(run.result)
+        assert run.result.goal_error < 0.8  # 0.5 by its own navigation, which errs by 0.1 m and more
+    assert [run.result.seed for run in runs] == [1, 2]
+    assert runs[0].result.optimum > 70.7  # the diagonal, in the way of which things stand
+    assert math.dist(runs[0].tracks[0].points[0], (0.0, 0.0)) < 0.1
+    assert math.dist(runs[1].tracks[0].points[0], (0.0, 0.0)) > 0.1
+    again = fly_one("path_planning", "sil", 2, str(tmp_path / "one"))
+    assert again.tracks == runs[1].tracks, "alone or with others, a seed is the same to the last bit"
+    first, second = again.result, runs[1].result
+    assert first[: first.index(first.goal_error) + 1] == second[: second.index(second.goal_error) + 1]
+
+
+def test_sil_and_hil_side_by_side(tmp_path: Path) -> None:
+    """A short way with a slave as a process and an emulated STM32, and the report of both."""
+    short = write_variant("path_planning", str(tmp_path), {"master.goal": [3.5, -1.0], "start.heading": -0.3})
+    case = PathPlanning()
+    case.scenario = short
+    runs = []
+    for mode in ("sil", "hil"):
+        folder = tmp_path / mode
+        folder.mkdir()
+        runs.append(case.fly(mode, 1, str(folder)))
+    sil, hil = (run.result for run in runs)
+    assert sil.success
+    assert hil.success, hil.reason
+    assert 0.0 < hil.master_cpu < 0.5
+    assert 0.0 < hil.delay_p50 <= hil.delay_p99
+    assert math.isnan(sil.delay_p50)
+    found = fidelity.compare(*runs)
+    assert found.path_max < 0.3
+    assert abs(found.time) < 0.15
+    assert "thrusters neutral" in (tmp_path / "hil" / "slave1.log").read_text()
+    files = write_report(str(tmp_path / "report.md"), {"path_planning": runs}, str(tmp_path / "pictures_of_it"))
+    assert all(Path(file).stat().st_size > 1000 for file in files)
+    text = Path(files[0]).read_text()
+    for words in ("**The paper.** Figures 8 and 9", "| seed 1 | SIL | HIL |", "(pictures_of_it/path_planning.png)"):
+        assert words in text
+
+
+def test_piles_leave_a_way_past_them() -> None:
+    import random
+
+    plan = prepare(load_scenario("path_planning"))
+    ends = plan.planner.path[0], plan.planner.path[-1]
+    for seed in range(20):
+        piles = hidden_piles(plan.world, plan.planner.path, ends, random.Random(seed))
+        for number, pile in enumerate(piles):
+            at = pile["north"], pile["east"]
+            assert plan.world.clearance(*at) - pile["radius"] >= 2.2
+            assert min(math.dist(at, end) for end in ends) > pile["radius"] + 3.0
+            for other in piles[:number]:
+                assert math.dist(at, (other["north"], other["east"])) - pile["radius"] - other["radius"] >= 2.2
+
+
+def test_the_optimum() -> None:
+    field = load_world("paper_field")
+    free = field._replace(cylinder=(), box=())
+    assert shortest(free, SIX, 5.0, [(0.0, 0.0), (30.0, 40.0)]) == pytest.approx(50.0, rel=1e-3)
+    pile = field.cylinder[0]._replace(north=10.0, east=0.0, radius=2.0)
+    about = shortest(free._replace(cylinder=(pile,)), SIX, 5.0, [(0.0, 0.0), (20.0, 0.0)])
+    reach = 2.0 + RADIUS  # two tangents and the arc between: geometry by hand
+    by_hand = 2.0 * math.sqrt(100.0 - reach**2) + reach * (math.pi - 2.0 * math.acos(reach / 10.0))
+    assert by_hand < about < 1.01 * by_hand
+    mission = Tasks(
+        home=[0.0, 0.0],
+        task=[
+            {"name": "a", "at": [1.0, 0.0], "duration": 1.0, "needs": ["b"]},
+            {"name": "b", "at": [2.0, 0.0], "duration": 1.0},
+            {"name": "c", "at": [3.0, 0.0], "duration": 1.0},
+        ],
+    ).mission
+    found = visit_orders(mission)
+    assert len(found) == 3
+    assert all(order.index((2.0, 0.0)) < order.index((1.0, 0.0)) for order in found)
+    assert TaskScheduling().vary(1) == ({}, {})
+
+
+def result(**changes: object) -> Result:
+    whole = Result(
+        "path_planning", "sil", 1, True, "there", 10.0, 8.0, 7.5, 8.0 / 7.5, 0.9, False, 1500.0, 0.1, 0.2, 0.3
+    )
+    return whole._replace(**changes)  # type: ignore[arg-type]
+
+
+def test_fidelity_by_hand() -> None:
+    """Two ways along a line, 0.3 m apart, the second slower and cut short."""
+    times = [float(i) for i in range(11)]
+    one = Track("a", times, [0.8 * t for t in times], [0.0] * 11, [0.8] * 11, [0.8] * 11)
+    other = one._replace(north=[0.7 * t for t in times], east=[0.3] * 11)
+    slow = result(mode="hil", duration=11.0, energy=1200.0, path_length=7.0, least_clearance=0.8)
+    found = fidelity.compare(Run(result(), (one,), ""), Run(slow, (other,), ""))
+    assert found == pytest.approx((0.3, 0.3, -0.125, 0.1, -0.2, -0.1))
+    assert fidelity.compare(Run(result(), (one,), ""), Run(result(), (one,), "")) == pytest.approx([0.0] * 6, abs=1e-9)
+
+
+def test_tables(tmp_path: Path) -> None:
+    failed = result(seed=2, success=False, collided=True, reason="collision; time limit", least_clearance=0.1)
+    results = [result(extra={"plans": 3.0}), failed, result(mode="hil", master_cpu=0.05, delay_p50=0.6)]
+    text = table.render(results)
+    for words in ("1 of 2", "1 of 1", "5.0%", "0.10", "path_planning SIL, seed 2: collision; time limit"):
+        assert words in text
+    table.write_json(str(tmp_path / "r.json"), results)
+    read = json.loads((tmp_path / "r.json").read_text())
+    assert read[0]["extra"] == {"plans": 3.0}
+    assert read[0]["master_cpu"] is None
+    table.write_csv(str(tmp_path / "r.csv"), results)
+    with open(tmp_path / "r.csv", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [row["plans"] for row in rows] == ["3.0", "", ""]
+    assert rows[2]["delay_p50"] == "0.6"
+    with pytest.raises(ConfigError, match="cannot be written"):
+        table.write_csv(str(tmp_path / "no" / "r.csv"), results)
+
+
+def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert command.main(["path_planning", "--out", str(tmp_path / "out")]) == 0
+    said = capsys.readouterr().out
+    assert "1 of 1" in said
+    assert "path_planning.png, report.md, results.csv, results.json" in said
+    assert (tmp_path / "out" / "path_planning-sil-001" / "track.csv").stat().st_size > 10_000
+    for wrong in (["path_planing"], ["path_planning", "--seeds", "0"], ["all", "--hil", "-1"]):
+        with pytest.raises(ConfigError):
+            command.main(wrong)
+
+
+def test_names() -> None:
+    assert [find_case(name).name for name in CASES] == list(CASES)
+    with pytest.raises(ConfigError, match="did you mean 'path_planning'"):
+        find_case("path_planing")

@@ -1,0 +1,91 @@
+"""The hunt by modem, in simulated time."""
+
+import math
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from hil.cases.hunt_simulated import SimulatedHunt
+from hil.cases.hunt_watch import HuntOutcome, HuntWatch
+from hil.cases.target_hunting import TargetHuntingAcoustic
+from hil.scenario.config import load_scenario
+from tests.support.processes import Program
+
+SCENARIO = "target_hunting_acoustic"
+
+
+def hunt(changes: dict[str, Any], seconds: float = 1e9) -> tuple[SimulatedHunt, HuntOutcome]:
+    scenario = load_scenario(SCENARIO, changes)
+    watch = HuntWatch(scenario)
+    simulated = SimulatedHunt(scenario, watch)
+    while not watch.reason and simulated.time < seconds:
+        simulated.step()
+    return simulated, watch.outcome()
+
+
+def test_by_sound_in_slots_nothing_is_lost_and_the_target_is_surrounded() -> None:
+    simulated, outcome = hunt({"seed": 7})
+    assert outcome.success, outcome
+    assert outcome.judgement.separation > 1.2
+    assert simulated.channel
+    counts = simulated.channel.counts
+    assert counts["sent"] == pytest.approx(4 * outcome.duration, abs=8)  # each once a second
+    assert set(counts) == {"sent", "delivered"}
+    assert sum(planner.received for planner in simulated.planners) == counts["delivered"]
+    assert counts["delivered"] > 3 * (counts["sent"] - 4)
+    assert all(planner.malformed == 0 for planner in simulated.planners)
+
+
+def test_a_neighbour_is_where_it_said_and_has_gone_on_since() -> None:
+    """Known a quarter to one and a quarter of a second late, yet where it takes itself to be now, but for a few cm."""
+    simulated, _ = hunt({"hunting.noise": 0.0}, 12.0)
+    planner, neighbour = simulated.planners[:2]
+    said, report = planner._present("uuv2"), planner._reports["uuv2"].report
+    assert neighbour._here
+    assert 0.2 < said.clock - report.clock < 1.4
+    assert said.clock == pytest.approx(neighbour.clock, abs=0.4)
+    assert math.dist(said.position, neighbour._here.position[:2]) < 0.06
+    assert math.dist(report.position, neighbour._here.position[:2]) > 0.08
+
+
+def test_without_slots_messages_collide() -> None:
+    changes = {"modem.slot": 0, "hunting.report_period": 1.0}
+    simulated, _ = hunt(changes, 30.0)
+    assert simulated.channel
+    counts = simulated.channel.counts
+    assert counts["sent"] == pytest.approx(4 * 30, abs=16)
+    assert counts["collided"] > 30
+    assert counts["deaf"] > 30
+    assert counts["delivered"] < 0.8 * 3 * counts["sent"]
+    assert hunt(changes, 30.0)[0].channel.counts == counts  # type: ignore[union-attr]
+
+
+def test_by_light_as_far_as_it_reaches() -> None:
+    clear = {"modem": {"kind": "optical", "slot": "50 ms"}}
+    simulated, _ = hunt(clear, 5.0)
+    assert simulated.channel
+    assert simulated.channel.counts["delivered"] == pytest.approx(5.0 * 20 * 3, abs=15)
+    harbour = {"modem": {"kind": "optical", "slot": "50 ms", "attenuation": 2.2}}
+    simulated, _ = hunt(harbour, 5.0)
+    assert simulated.channel
+    assert simulated.channel.counts["unheard"] > 50
+    assert "uuv4" not in simulated.planners[0].neighbours
+
+
+def test_the_case_reports_what_became_of_messages() -> None:
+    from hil.cases.target_hunting import _messages
+
+    assert TargetHuntingAcoustic.scenario == SCENARIO
+    assert _messages({}) == {}
+    assert _messages({"sent": 3, "collided": 2})["modem: collided"] == 2
+
+
+def test_the_command_says_what_it_needs(tmp_path: Path) -> None:
+    with Program(tmp_path, "channel", "target_hunting") as water:
+        assert water.wait() == 2
+        assert "there is no [modem]" in water.output
+    with Program(tmp_path, "channel", SCENARIO) as water:
+        water.expect("acoustic modems of 4 vehicles, slots of 0.25 s")
+        assert water.stop(15) == 0, water.output
+    assert water.output.strip().endswith("nothing sent")

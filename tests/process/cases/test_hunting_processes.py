@@ -1,0 +1,106 @@
+"""The hunt with a process for each slave and each planner: once through, and what happens when one is lost."""
+
+import os
+import re
+import signal
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Self
+
+import pytest
+
+from hil.cases import hunt_processes, hunt_watch
+from hil.cases.crew import Crew
+from hil.cases.hunt_watch import HuntRow, HuntWatch
+from hil.cases.target_hunting import members_on_free_ports
+from hil.cases.variant import write_variant
+from hil.common.errors import NetworkError
+from hil.scenario.config import Scenario, load_scenario
+from tests.support.processes import Program, wait_for
+
+STARTS = ((6.2, 7.1), (3.0, 6.4), (3.0, 3.6), (6.2, 2.9))  # half round the target already, 2.4 m from it
+
+
+@pytest.fixture
+def scenario(tmp_path: Path) -> Scenario:
+    members = members_on_free_ports("target_hunting")
+    for member, (north, east) in zip(members, STARTS, strict=True):
+        member.update(north=north, east=east)
+    changes = {"member": members, "hunting.target": [5.0, 5.0]}
+    return load_scenario(write_variant("target_hunting", str(tmp_path), changes))
+
+
+@pytest.fixture
+def crews(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[Crew]]:
+    """The slaves and the agents that a flight starts; afterwards none of them is left."""
+    found: list[Crew] = []
+
+    class Noted(Crew):
+        def __enter__(self) -> Self:
+            found.append(self)
+            return super().__enter__()
+
+    monkeypatch.setattr(hunt_processes, "Crew", Noted)
+    yield found
+    assert [len(crew.pids) for crew in found] == [4, 4]
+    assert not [pid for crew in found for pid in crew.pids if os.path.exists(f"/proc/{pid}")]
+
+
+def test_four_slaves_and_four_planners_surround_the_target(
+    scenario: Scenario, crews: list[Crew], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(hunt_watch, "SETTLE_S", 1.0)
+    watch = HuntWatch(scenario)
+    costs = hunt_processes.fly(scenario, str(tmp_path), watch)
+    outcome = watch.outcome()
+    assert outcome.success, outcome
+    assert outcome.judgement.separation > 1.0
+    assert outcome.duration < 2.0 * watch.plan.duration
+    assert costs.energy > 50.0
+    assert len(costs.delays_ns) > 4 * 0.5 * outcome.duration / scenario.master.command_period
+    for member in scenario.member:
+        said = (tmp_path / f"agent_{member.node}.log").read_text()
+        counts = re.search(r"reports: (\d+) heard, \d+ from out of range, (\d+) malformed", said)
+        assert counts, said
+        assert int(counts[1]) > 3 * 0.5 * outcome.duration / 0.1  # of three neighbours, ten a second
+        assert int(counts[2]) == 0
+        assert "thrusters neutral" in (tmp_path / f"slave_{member.node}.log").read_text()
+
+
+def test_a_planner_that_ends_is_named_and_all_others_end_too(
+    scenario: Scenario, crews: list[Crew], tmp_path: Path
+) -> None:
+    class KillsThird(HuntWatch):
+        def add_row(self, row: HuntRow) -> str:
+            if len(self.rows) == 3:
+                os.kill(crews[1].pids[2], signal.SIGKILL)
+            return super().add_row(row)
+
+    with pytest.raises(NetworkError, match=r"agent_uuv3 ended with exit code -9: uuv3: planning, reports at tcp/"):
+        hunt_processes.fly(scenario, str(tmp_path), KillsThird(scenario))
+
+
+def test_a_slave_that_cannot_start_says_why(scenario: Scenario, crews: list[Crew], tmp_path: Path) -> None:
+    file = Path(scenario.path)
+    file.write_text(file.read_text().replace('vehicle = "paper_seven"', 'vehicle = "paper_sevven"'))
+    with pytest.raises(NetworkError, match=r"slave_uuv\d ended with exit code 2: .* did you mean 'paper_seven'"):
+        hunt_processes.fly(scenario, str(tmp_path), HuntWatch(scenario))
+
+
+def test_ctrl_c_ends_all(tmp_path: Path) -> None:
+    folder = tmp_path / "out"
+    with Program(tmp_path, "case", "target_hunting", "--hil", "--out", folder) as case:
+        hil = folder / "target_hunting-hil-001"
+        log = hil / "slave_uuv4.log"
+        assert wait_for(lambda: log.exists() and "commands arrive" in log.read_text()), case.output
+        mine = [pid for pid in os.listdir("/proc") if pid.isdigit() and str(hil) in _command_line(pid)]
+        assert len(mine) == 8
+        assert case.stop(signal.SIGINT) == 130
+        assert not [pid for pid in mine if os.path.exists(f"/proc/{pid}")]
+
+
+def _command_line(pid: str) -> str:
+    try:
+        return Path(f"/proc/{pid}/cmdline").read_text().replace("\0", " ")
+    except OSError:  # it has ended meanwhile
+        return ""

@@ -1,0 +1,69 @@
+"""The tutorial's planner of ten lines, run as it stands there: in simulated time and over the network."""
+
+import json
+import re
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from hil.cases.simulated import fly
+from hil.common.errors import ConfigError
+from hil.master.flight import prepare
+from hil.scenario.config import load_scenario
+from tests.support.processes import ROOT, Program, write_scenario
+
+
+def from_tutorial(language: str) -> str:
+    section = (ROOT / "docs" / "tutorials" / "own_planner.md").read_text()
+    found = re.search(rf"```{language}\n(.*?)```", section, re.DOTALL)
+    assert found, f"the tutorial shows no {language} there"
+    return found[1]
+
+
+@pytest.fixture
+def scenario(tmp_path: Path) -> Path:
+    (tmp_path / "straight.py").write_text(from_tutorial("python"))
+    path, _ = write_scenario(tmp_path)
+    path.write_text(path.read_text().replace("goal = [8, 7]\n", "") + from_tutorial("toml"))
+    return path
+
+
+def test_it_is_as_short_as_it_says() -> None:
+    lines = [line for line in from_tutorial("python").split("class ")[1].splitlines() if line.strip()]
+    assert len(lines) == 10
+    assert tomllib.loads(from_tutorial("toml"))["planner"]["class"] == "straight:Straight"
+
+
+def test_it_flies_in_simulated_time_and_over_the_network(tmp_path: Path, scenario: Path) -> None:
+    where = {"PYTHONPATH": str(tmp_path)}
+    folder = tmp_path / "run"
+    with (
+        Program(tmp_path, "demo", scenario, "--run-dir", folder, environment=where) as demo,
+        Program(tmp_path, "sim", scenario, "--fast", environment=where) as simulated,
+    ):
+        assert simulated.wait() == 0, simulated.output
+        assert demo.wait() == 0, demo.output
+    assert re.search(r"^there after \d+", simulated.output)
+    outcome = json.loads((folder / "table.json").read_text())["outcome"]
+    assert outcome["reached"]
+    assert outcome["reason"] == "there"
+    assert outcome["success"]
+    assert 3.5 < outcome["travelled"] < 6.0  # 4.5 m as the crow flies
+    assert outcome["least_clearance"] > 0.3
+
+
+def test_what_is_wrong_with_a_planner_is_told(tmp_path: Path, scenario: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(str(tmp_path))
+    name = str(scenario)
+    assert fly(load_scenario(name), prepare(load_scenario(name)))[0].reason == "there"
+    for planner, words in (
+        ({"class": "straight:Straight", "east": 1.0}, "does not take these keys"),
+        ({"class": "straight:Strait"}, "straight has no 'Strait'"),
+        ({"class": "hil.common.clock:Histogram"}, "has no method 'begin'"),
+        ({"class": "hil.master.avoid:Avoid", "serch": "astar"}, "no key 'serch'; did you mean 'search'"),
+        ({"class": "hil.master.follow:Follow"}, "key 'goal' is missing"),
+        ({"north": 1.0}, 'expected a table with class = "module:Class"'),
+    ):
+        with pytest.raises(ConfigError, match=re.escape(words)):
+            prepare(load_scenario(name, {"planner": planner}))

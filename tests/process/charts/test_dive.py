@@ -1,0 +1,91 @@
+"""A dive over a chart: where, and what is shown of it."""
+
+from itertools import pairwise
+from math import hypot
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hil.charts.dive.dive import Wish, prepare_dive
+from hil.charts.grid import Grid, grid_of
+from hil.charts.site import LEAST_ALTITUDE, depth_between, sites
+from hil.commands import demo
+from hil.common.errors import ConfigError, MissingExtraError
+from hil.scenario.config import load_scenario
+from sim.environment.world import load_world
+from tests.support.dive import check_dive
+from tests.support.processes import free_port
+from tests.support.small_cell import bay
+
+
+def slope_with_a_wall() -> Grid:
+    """6 m deep in the south, 16 m in the north; a wall that rises out of the water along north = 100 m."""
+    north = np.arange(-200.0, 201.0, 4.0)
+    depths = np.repeat((11.0 + north / 40.0)[:, None], 101, axis=1).astype(np.float32)
+    depths[np.abs(north - 100.0) < 3.0] = -2.0
+    return Grid(depths, -200.0, -200.0, 4.0)
+
+
+def test_the_best_way_is_beside_the_wall_and_in_known_water() -> None:
+    grid = slope_with_a_wall()
+    found = list(sites(grid, 60.0))
+    assert len(found) > 2
+    best = found[0]
+    assert all(60.0 < place[0] < 140.0 for place in (best.start, best.goal)), "the wall is seen from there"
+    for site in found:
+        assert hypot(site.goal[0] - site.start[0], site.goal[1] - site.start[1]) == pytest.approx(60.0)
+        way = np.linspace(site.start, site.goal, 50)
+        assert (grid.at(way) - site.depth).min() > LEAST_ALTITUDE - 0.3
+    middles = [np.mean([site.start, site.goal], axis=0) for site in found]
+    assert all(hypot(*(a - b)) > 100.0 for a, b in pairwise(middles))
+
+
+def test_a_depth_that_is_asked_for() -> None:
+    grid = slope_with_a_wall()
+    assert {site.depth for site in sites(grid, 40.0, 7.0)} == {7.0}
+    with pytest.raises(ConfigError, match="no straight way of 40 m at 30 m in known water"):
+        next(sites(grid, 40.0, 30.0))
+    assert depth_between(grid, (0.0, -50.0), (0.0, 50.0)) == 8.5
+    with pytest.raises(ConfigError, match="too little water"):
+        depth_between(grid, (60.0, 0.0), (140.0, 0.0))
+
+
+def test_a_scenario_of_a_chart(tmp_path: Path) -> None:
+    """Start and goal are where they were asked for on the earth."""
+    chart = bay().write(tmp_path / "BAY.000")
+    path = prepare_dive(chart, Wish((54.0015, 10.002), (54.0015, 10.0025)), str(tmp_path))
+    scenario = load_scenario(path)
+    assert {"laser", "camera", "forward_sonar", "altimeter"} <= set(scenario.sensors)
+    assert scenario.start.north == pytest.approx((54.0015 - 54.005) * 111_260.0, abs=2.0)
+    world = load_world(scenario.world)
+    assert scenario.start.depth == scenario.master.depth
+    assert world.seabed(scenario.start.north, scenario.start.east) - scenario.start.depth >= LEAST_ALTITUDE
+    south, north, west, east = grid_of(world).extent
+    assert north - south < 350.0
+    assert east - west < 400.0
+
+
+def test_a_world_of_another_kind(tmp_path: Path) -> None:
+    path = prepare_dive("ridge", Wish(depth=6.0, length=20.0), str(tmp_path))
+    assert load_scenario(path).master.depth == 6.0
+    with pytest.raises(ConfigError, match="it has no origin"):
+        prepare_dive("ridge", Wish((1.0, 2.0), (1.0, 2.001)), str(tmp_path))
+
+
+def test_what_cannot_be_meant(tmp_path: Path) -> None:
+    where = ["--listen", f"tcp/127.0.0.1:{free_port()}", "--run-dir", str(tmp_path)]
+    with pytest.raises(ConfigError, match="--start and --goal go together"):
+        demo.main(["--world", "ridge", "--start", "1,2", *where])
+    with pytest.raises(ConfigError, match=r"nowhere.000: the chart cannot be read"):
+        demo.main(["--world", "nowhere.000", *where])
+
+
+def test_without_scipy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("hil.commands.demo.find_spec", lambda name: None if name == "scipy" else True)
+    with pytest.raises(MissingExtraError, match=r"needs scipy: pip install 'uuv-hil\[master,chart,imaging\]'"):
+        demo.main(["--world", "BAY.000", "--run-dir", str(tmp_path)])
+
+
+def test_a_short_flight_over_a_small_chart(tmp_path: Path) -> None:
+    check_dive(tmp_path, bay().write(tmp_path / "BAY.000"))

@@ -1,0 +1,130 @@
+import json
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hil.charts.gridding import Progress
+from hil.charts.sources.survey import Survey
+from hil.commands import world as command
+from hil.common.errors import ConfigError, MissingExtraError
+from sim.environment.geomagnetism import field_at
+from sim.environment.world import load_world
+from tests.support.small_cell import bay, bed
+
+
+def chart(folder: Path) -> str:
+    return bay().write(folder / "BAY.000")
+
+
+def test_a_chart_becomes_a_world_that_the_simulator_loads(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = str(tmp_path / "worlds" / "bay")
+    assert (
+        command.main(["build", chart(tmp_path), "--resolution", "20", "-o", out, "--picture", str(tmp_path / "b.png")])
+        == 0
+    )
+    said = capsys.readouterr().out
+    assert f"{out}.toml: gridded in" in said
+    assert "by linear interpolation between soundings" in said
+    assert (tmp_path / "b.png").stat().st_size > 20_000
+    world = load_world(f"{out}.toml")
+    assert world.name == "bay"
+    assert "ENC BAY" in world.source
+    assert world.origin == pytest.approx((54.005, 10.008))
+    assert world.magnetic_field is not None  # for boards, which have no model of it
+    first, last = (field_at(*world.origin or (0.0, 0.0), year=year).angles for year in (2025.0, 2030.0))
+    for found, ends in zip(world.magnetic_field, zip(first, last, strict=True), strict=True):
+        assert min(ends) - 1e-9 <= found <= max(ends) + 1e-9
+    assert world.terrain is not None
+    assert sorted(pile.top for pile in world.cylinder) == [-100.0, 5.5]
+    metres = (54.003 - 54.005) * 111_260.0
+    assert world.seabed(metres, 0.0) == pytest.approx(bed(54.003, 10.008), abs=0.3)
+    assert world.seabed(440.0, 0.0) < -2.0, "land"
+    assert world.depth == pytest.approx(max(world.terrain.depths), abs=1e-4)
+    size = world.terrain.grid.rows * world.terrain.grid.columns * 4
+    assert os.path.getsize(f"{out}.f32") == size
+    depths = np.fromfile(f"{out}.f32", "<f4").reshape(world.terrain.grid.rows, -1)
+    assert depths[3, 7] == np.float32(
+        world.seabed(world.terrain.grid.north_min + 60.0, world.terrain.grid.east_min + 140.0)
+    )
+
+
+def test_the_report_for_programs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert command.main(["build", chart(tmp_path), "--resolution", "25", "-o", str(tmp_path / "w.toml"), "--json"]) == 0
+    report = json.loads(capsys.readouterr().out)
+    assert report["world"] == str(tmp_path / "w.toml")
+    assert 0.0 < report["rmse"] < 0.1, "its bed is nearly a plane"
+    assert 40 < report["held_out"] < report["soundings"]
+    assert report["water"] + report["land"] + report["unknown"] == pytest.approx(1.0)
+    assert report["water"] > 0.6
+
+
+def test_show_and_export(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert command.main(["show", "harbour", "-o", str(tmp_path / "h.png"), "--resolution", "4"]) == 0
+    for ending in ("tif", "stl", "glb", "sdf"):
+        assert command.main(["export", "harbour", str(tmp_path / f"h.{ending}")]) == 0
+        assert (tmp_path / f"h.{ending}").stat().st_size > 1000
+    assert command.main(["export", "harbour", str(tmp_path / "h.pgm"), "--depth", "4", "--resolution", "1"]) == 0
+    assert "% of it free 4 m down" in capsys.readouterr().out
+    assert (tmp_path / "h.yaml").exists()
+
+
+@pytest.mark.parametrize(("arguments", "said"), [
+    (["export", "harbour", "h.obj"], r"h.obj: no format .obj: .pgm, .tif"),
+    (["export", "harbour", "h.pgm"], "--depth M goes with a map"),
+    (["export", "harbour", "h.stl", "--depth", "3"], "--depth M goes with a map"),
+    (["show", "nowhere"], "no world 'nowhere'"),
+    (["list", "no_such_folder"], "no_such_folder: no such folder"),
+    (["build", "x.000", "-o", "w", "--resolution", "0"], "--resolution: expected a number from 0.05 to 10000 m"),
+    (["build", "x.000", "-o", "w", "--area", "1,2,3"], "expected SOUTH,WEST,NORTH,EAST in degrees"),
+    (["build", "x.000", "-o", "w", "--area", "60,2,50,3"], "south to north and west to east growing"),
+    (["build", "x.000", "-o", "w"], "x.000: the chart cannot be read"),
+])  # fmt: skip
+def test_what_cannot_be_meant(arguments: list[str], said: str) -> None:
+    with pytest.raises(ConfigError, match=said):
+        command.main(arguments)
+
+
+def test_too_fine_and_too_coarse(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r"--resolution: 0.1 m makes .* nodes, more than"):
+        command.main(["build", chart(tmp_path), "-o", str(tmp_path / "w"), "--resolution", "0.1"])
+    with pytest.raises(ConfigError, match="--resolution: 5000 m is larger than the area"):
+        command.main(["build", chart(tmp_path), "-o", str(tmp_path / "w"), "--resolution", "5000"])
+
+
+def test_list(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    command.main(["build", chart(tmp_path), "--resolution", "25", "-o", str(tmp_path / "own")])
+    capsys.readouterr()
+    assert command.main(["list", str(tmp_path)]) == 0
+    said = capsys.readouterr().out
+    for name in ("pool", "slope", "ridge", "fractal", "harbour", str(tmp_path / "own.toml")):
+        assert name in said
+    assert "25 m grid" in said
+
+
+def test_an_interrupted_build_leaves_the_old_world(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = chart(tmp_path)
+    command.main(["build", path, "--resolution", "25", "-o", str(tmp_path / "w")])
+    before = {name: (tmp_path / name).read_bytes() for name in os.listdir(tmp_path)}
+
+    def interrupted(survey: Survey, extent: object, resolution: float, progress: Progress) -> None:
+        progress(0.4)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("hil.charts.build.build", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        command.main(["build", path, "--resolution", "20", "-o", str(tmp_path / "w")])
+    assert {name: (tmp_path / name).read_bytes() for name in os.listdir(tmp_path)} == before
+
+
+def test_without_scipy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("hil.charts.build.find_spec", lambda name: None)
+    with pytest.raises(MissingExtraError, match=r"pip install 'uuv-hil\[chart\]'"):
+        command.main(["build", chart(tmp_path), "-o", str(tmp_path / "w")])
+
+
+def test_a_place_that_cannot_be_written(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("in the way")
+    with pytest.raises(ConfigError, match="cannot be written"):
+        command.main(["build", chart(tmp_path), "--resolution", "25", "-o", str(tmp_path / "file" / "w")])

@@ -1,0 +1,144 @@
+"""How a master compares its clock with a vehicle's: by the answers to its own pings alone."""
+
+import time
+from collections.abc import Iterator
+from unittest.mock import Mock
+
+import pytest
+
+from hil.autonomy.control.controller import VelocityCommand
+from hil.client.client import VehicleClient
+from hil.client.liveness import LivenessMonitor
+from hil.common.clock import NS_PER_S, now_ns, to_wall_ns
+from hil.common.errors import NetworkError
+from hil.network.clock_offset import ClockOffset
+from hil.network.presence import declare_presence
+from hil.network.roles import open_master_session
+from hil.network.session import Session, listen
+from hil.network.tokens import PING, PONG, Part, clock_keys
+from tests.support.processes import free_port, wait_for
+
+GID = b"m" * 16
+ASK, ANSWER, MASTERS = clock_keys("uuv1")
+
+
+class Vehicle:
+    """Answers pings by a clock of its own, `ahead_ns` ns ahead, and remembers what masters tell.
+
+    `deaf`: what masters ask as such does not reach it, as if they had no right to command.
+    """
+
+    ahead_ns = 5 * NS_PER_S
+    deaf = False
+
+    def __init__(self, session: Session) -> None:
+        self.asked: list[tuple[int, ...]] = []
+        self.asked_by: list[Part] = []
+        self.reported: list[tuple[int, ...]] = []
+        self.answer = session.sender(ANSWER)
+        session.receive(ASK, lambda payload: self._take(payload, "observer"), 16)
+        session.receive(MASTERS, self._take_masters, 16)
+
+    def pong(self, sent: int, there: int) -> bytes:
+        return PONG.pack(GID, sent, there, there, 0, 0 if self.reported else -1, 0.0)
+
+    def _take_masters(self, payload: bytes) -> None:
+        if self.deaf:
+            return
+        if PING.unpack(payload)[2]:
+            self.reported.append(PING.unpack(payload)[1:])
+        else:
+            self._take(payload, "master")
+
+    def _take(self, payload: bytes, part: Part) -> None:
+        self.asked_by.append(part)
+        self.asked.append(PING.unpack(payload)[1:])
+        self.answer(self.pong(self.asked[-1][0], to_wall_ns(time.monotonic_ns()) + self.ahead_ns))
+
+
+@pytest.fixture
+def ends() -> Iterator[tuple[Vehicle, Session]]:
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    with listen(endpoint) as slave, open_master_session(endpoint) as session:
+        yield Vehicle(slave), session
+
+
+def begin(session: Session, part: Part) -> tuple[LivenessMonitor, ClockOffset]:
+    clock = ClockOffset()
+    contact = LivenessMonitor(session, "uuv1", clock, lambda: None, lambda _: None, 0.8)
+    contact.begin(part, GID, 0)
+    assert contact.known.wait(60)
+    return contact, clock
+
+
+@pytest.mark.parametrize(("part", "tells"), [("master", True), ("observer", False)])
+def test_a_master_tells_how_each_answer_came(ends: tuple[Vehicle, Session], part: Part, tells: bool) -> None:
+    vehicle, session = ends
+    contact, _ = begin(session, part)
+    assert bool(wait_for(lambda: vehicle.reported, 60 if tells else 0.5)) is tells
+    contact.end()
+    for sent, answered, came in vehicle.reported:
+        assert any(asked <= came <= sent and asked + vehicle.ahead_ns <= answered for asked, *_ in vehicle.asked)
+
+
+def test_a_master_that_is_heard_as_one_asks_where_others_do_not(ends: tuple[Vehicle, Session]) -> None:
+    vehicle, session = ends
+    contact, _ = begin(session, "master")
+    assert wait_for(lambda: contact.reported)
+    time.sleep(0.3)  # for pings that are on their way
+    before = len(vehicle.asked_by)
+    assert wait_for(lambda: len(vehicle.asked_by) > before + 3)
+    assert set(vehicle.asked_by[before:]) == {"master"}
+    vehicle.deaf = True  # as after a restart with other rights
+    vehicle.reported.clear()
+    assert wait_for(lambda: contact.losses)
+    before = len(vehicle.asked_by)
+    assert wait_for(lambda: contact.present and len(vehicle.asked_by) > before + 3)
+    assert set(vehicle.asked_by[before:]) == {"observer"}
+    assert contact.losses == 1
+    contact.end()
+
+
+def test_answers_to_pings_that_others_sent_in_its_name_change_nothing(ends: tuple[Vehicle, Session]) -> None:
+    vehicle, session = ends
+    contact, clock = begin(session, "master")
+    now = to_wall_ns(time.monotonic_ns())
+    for sent in (now + 3600 * NS_PER_S, 0, (1 << 63) - 1):
+        vehicle.answer(vehicle.pong(sent, now + vehicle.ahead_ns))
+        vehicle.answer(vehicle.pong(vehicle.asked[-1][0], (1 << 63) - 1))
+    answered = len(vehicle.asked)
+    assert wait_for(lambda: len(vehicle.asked) > answered + 1), "it is still there and asks on"
+    contact.end()
+    found = clock.at(now)
+    assert found is not None
+    assert abs(found.offset_ns - vehicle.ahead_ns) <= found.uncertainty_ns < NS_PER_S
+    assert clock.steps == clock.malformed == 0
+
+
+@pytest.mark.parametrize("offset_s", [0, -3600, 3600])
+def test_an_instant_of_a_slave_that_started_before_the_clock_was_set(offset_s: int) -> None:
+    """A board without a real-time clock: its slave started, then its wall clock was set, then this master started."""
+    clock, session = ClockOffset(), Mock(spec=Session, has_pairs=True)
+    contact = LivenessMonitor(session, "uuv1", clock, lambda: None, print, 1.0)
+    contact.same_clock = True
+    received = now_ns()
+    sent_wall = to_wall_ns(received) + offset_s * NS_PER_S
+    clock.add(to_wall_ns(received) - 200_000, sent_wall - 100_000, sent_wall - 90_000, to_wall_ns(received))
+    age_ns = received - contact.sent_ns(sent_wall, received)
+    assert 0 <= age_ns <= 200_000
+
+
+def test_two_slaves_of_one_name_are_not_commanded(ends: tuple[Vehicle, Session]) -> None:
+    """Their tokens are both there for longer than one that was killed would be."""
+    _, session = ends
+    with VehicleClient(session, "uuv1") as client:
+        client.command(VelocityCommand())
+        leave = [declare_presence(session, "uuv1", "slave", ident * 16) for ident in ("aa", "bb")]
+        assert wait_for(lambda: len(client.contact._there) == 2, 30)
+        client.contact._doubled_ns -= 10 * NS_PER_S
+        assert "all called uuv1" in client.refusal()
+        with pytest.raises(NetworkError, match="end one of them"):
+            client.command(VelocityCommand(surge=0.5))
+        leave[1]()
+        assert wait_for(lambda: len(client.contact._there) == 1, 30)
+        client.command(VelocityCommand(surge=0.5))

@@ -1,0 +1,127 @@
+"""A master gets what it listens to, and the vehicle sends nothing else."""
+
+import json
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+import hil
+from hil.autonomy.control.controller import VelocityCommand
+from hil.client.client import VehicleClient
+from hil.common.errors import ConfigError
+from hil.master.follow import Follow
+from hil.master.mission import topics_of
+from hil.master.planner import Planner
+from hil.master.tasks import Tasks
+from hil.network.roles import open_master_session
+from hil.ros.topics import ALL
+from tests.support.processes import Program, slave_with, wait_for, write_scenario
+
+
+@pytest.fixture
+def endpoint(tmp_path: Path) -> Iterator[str]:
+    with slave_with(tmp_path, "leak = { rate = 0.5 }") as endpoint:
+        yield endpoint
+
+
+def test_only_what_is_asked_for_comes(endpoint: str) -> None:
+    with VehicleClient(endpoint, "uuv1", topics=("odom",)) as client:
+        assert client.wait_for_vehicle(60)
+        assert wait_for(lambda: client.received["odom"] > 10 and client.diagnostics())
+        client.command(VelocityCommand(surge=0.1))
+        assert wait_for(lambda: len(client.delays) > 0), "what it needs for itself comes besides"
+        assert set(client.latest) == {"odom", "diagnostics"}
+        assert {"imu", "pressure", "odom", "dvl"} <= client.offers(), "and it knows what there is"
+        client.watch("imu", "odom")
+        assert wait_for(lambda: client.received["imu"] > 50)
+        odom, imu = client.received["odom"], client.received["imu"]
+        assert wait_for(lambda: client.received["imu"] > imu + 200)
+        share = (client.received["odom"] - odom) / (client.received["imu"] - imu)
+        assert share < 0.3, "listened to once: 20 of them for 100 of those"
+        assert "pressure" not in client.latest
+
+
+def test_all_comes_to_who_does_not_choose(endpoint: str) -> None:
+    with VehicleClient(endpoint, "uuv1") as client:
+        assert wait_for(lambda: {"imu", "pressure", "odom", "dvl", "ground_truth"} <= set(client.latest))
+
+
+def test_a_sensor_that_is_slower_than_one_waits_is_there_at_once(endpoint: str) -> None:
+    """Once in two seconds, and listened to only now."""
+    with hil.connect(endpoint) as fleet:
+        vehicle = fleet["uuv1"]
+        assert "leak" not in vehicle.client.latest
+        time.sleep(2.1)  # so that it has measured
+        began = time.monotonic()
+        leak = vehicle.leak
+        assert not leak
+        assert leak.age > time.monotonic() - began, "it was measured before it was asked for"
+        assert vehicle.imu.age < 0.3, "and what is fast is new"
+        assert "pressure" not in vehicle.client.latest
+
+
+def test_a_mission_spares_the_network_what_its_planner_does_not_use(tmp_path: Path) -> None:
+    """Seen from outside: two runs of the same mission, one recorded by the master, which wants all."""
+    rates, folders, demos = [], [tmp_path / "spared", tmp_path / "whole"], []
+    for folder, wish in zip(folders, ("", '[recording]\nmaster = true\ncompression = "none"\n'), strict=True):
+        folder.mkdir()
+        scenario, _ = write_scenario(folder)
+        scenario.write_text(scenario.read_text().replace("goal = [8, 7]", "goal = [6, 5]") + wish)
+        demos.append(Program(folder, "demo", scenario, "--run-dir", folder / "run"))
+    with demos[0], demos[1]:
+        for demo in demos:
+            assert demo.wait() == 0, demo.output
+    for folder in folders:
+        table = json.loads((folder / "run" / "table.json").read_text())["table"]
+        listened_s = float(table["slave"]["uptime_s"]) - table["startup_s"]  # before that there is nobody to send to
+        rates.append(float(table["slave"]["messages_sent"]) / listened_s)
+    spared, whole = rates
+    assert whole > 200
+    assert spared < 120
+
+
+def test_what_is_listened_to_by_name_and_with_all_comes_once(endpoint: str) -> None:
+    """As for a planner that does not say what it listens to."""
+    with VehicleClient(endpoint, "uuv1", topics=("odom", "ground_truth", ALL)) as client:
+        assert wait_for(lambda: client.received["odom"] > 0)
+        before = dict(client.received)
+        assert wait_for(lambda: client.received["imu"] >= before["imu"] + 200)
+        for topic in ("odom", "ground_truth"):
+            assert client.received[topic] - before[topic] == pytest.approx(40, abs=8)
+
+
+class Curious(Planner):
+    """Says nothing of what it listens to."""
+
+    def command(self, time: float, samples: object) -> VelocityCommand:
+        return VelocityCommand()
+
+
+def test_planners_say_what_they_use() -> None:
+    assert topics_of(Follow()) == ("odom", "ground_truth")
+    tasks = Tasks(home=[0.0, 0.0], scan="scanning_sonar", task=[{"name": "a", "at": [0.0, 0.0], "duration": 1.0}])
+    assert topics_of(tasks) == ("odom", "ground_truth", "scanning_sonar", "battery", "dvl", "leak")
+    assert topics_of(Curious()) == ("odom", "ground_truth", ALL), "one of a user's own gets all"
+
+
+@pytest.mark.parametrize(
+    ("subscriptions", "words"),
+    [("imu", r"expected a tuple of topics, such as \('imu',\)"), (("lasser",), "no topic 'lasser'.*laser")],
+)
+def test_what_is_no_topic_is_told(subscriptions: str | tuple[str, ...], words: str) -> None:
+    planner = Curious()
+    planner.subscriptions = subscriptions
+    with pytest.raises(ConfigError, match=f"Curious: subscriptions.*{words}"):
+        topics_of(planner)
+
+
+def test_two_who_want_different_things_get_them(endpoint: str) -> None:
+    with open_master_session(endpoint) as session, VehicleClient(session, "uuv1", topics=("imu",)) as one:
+        with VehicleClient(endpoint, "uuv1", part="observer", topics=("pressure",)) as other:
+            assert wait_for(lambda: "imu" in one.latest and "pressure" in other.latest)
+            assert "imu" not in other.latest
+            assert "pressure" not in one.latest
+        before = one.received["imu"]
+        assert wait_for(lambda: one.received["imu"] > before + 50), "one who leaves takes nothing from the other"

@@ -1,0 +1,489 @@
+"""`import hil`: a real slave, found, looked at and flown from Python; and every way in which that can go wrong."""
+
+import asyncio
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator
+from itertools import pairwise
+from math import nan
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import hil
+from hil.autonomy.paths.trajectory import Limits
+from hil.client.client import VehicleClient
+from hil.client.fleet import Fleet
+from hil.client.samples import Imu, State
+from hil.client.vehicle_handle import Vehicle
+from hil.common.errors import ConfigError, MissionError, NetworkError
+from hil.recording.reader import read_messages
+from hil.ros.commands import encode_thrusts
+from hil.ros.topics import COMMANDS, Topic
+from tests.support.busy import retried_when_busy
+from tests.support.processes import ROOT, Program, free_port, slave_with, wait_for, write_scenario
+
+
+@pytest.fixture(scope="module")
+def endpoint(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """One slave for all tests that leave it as it was."""
+    with slave_with(tmp_path_factory.mktemp("slave"), "altimeter = { rate = 5 }\nleak = { rate = 2 }") as endpoint:
+        yield endpoint
+
+
+@pytest.fixture
+def fleet(endpoint: str) -> Iterator[Fleet]:
+    with hil.connect(endpoint) as fleet:
+        yield fleet
+
+
+@pytest.fixture
+def vehicle(fleet: Fleet) -> Vehicle:
+    return fleet["uuv1"]
+
+
+@pytest.fixture
+def own_slave(tmp_path: Path) -> Iterator[tuple[Program, str]]:
+    scenario, port = write_scenario(tmp_path)
+    with Program(tmp_path, "slave", scenario) as program:
+        program.expect("ready")
+        yield program, f"tcp/127.0.0.1:{port}"
+
+
+def test_vehicles_are_found_by_themselves(fleet: Fleet) -> None:
+    assert list(fleet.vehicles) == ["uuv1"] == fleet.names
+    assert [vehicle.name for vehicle in fleet] == ["uuv1"]
+    assert fleet["uuv1"] is fleet.vehicles["uuv1"]
+    assert "uuv1" in repr(fleet)
+
+
+def test_state_and_sensors_are_typed_and_know_their_age(vehicle: Vehicle) -> None:
+    assert wait_for(lambda: 0.0 <= vehicle.imu.age < 0.2 and 0.0 <= vehicle.state.age < 0.2)
+    state, imu = vehicle.state, vehicle.imu
+    assert isinstance(state, State)
+    assert isinstance(imu, Imu)
+    first = imu.age
+    time.sleep(0.05)
+    assert imu.age > first + 0.049, "age goes on"
+    assert state.depth == state.position[2] == pytest.approx(vehicle.ground_truth.depth, abs=0.3)
+    assert imu.acceleration[2] == pytest.approx(-9.8, abs=1.0)
+    assert vehicle.pressure.pascal == pytest.approx(101_325 + 9.8e3 * state.depth, rel=0.03)
+    assert state.speed == pytest.approx(sum(v * v for v in state.velocity) ** 0.5)
+    assert abs(state.roll) < 0.1
+    assert abs(state.pitch) < 0.1
+    assert vehicle.dvl.locked
+    assert vehicle.altitude.distance > 0.0
+    assert vehicle.altimeter.distance == pytest.approx(vehicle.altitude.distance, abs=0.3)
+    assert not vehicle.leak
+    assert vehicle.leak.on is False
+    assert vehicle.diagnostics.thrusters == 6
+
+
+def test_an_iterator_gives_every_sample(vehicle: Vehicle) -> None:
+    stream = vehicle.samples("imu")
+    taken = [sample for sample, _ in zip(stream, range(30), strict=False)]
+    steps = [after.time_ns - before.time_ns for before, after in pairwise(taken)]
+    assert set(steps) == {10_000_000}, "100 Hz, none left out, none twice"
+    assert isinstance(taken[0], Imu)
+    assert stream.dropped == 0
+    short = vehicle.samples("imu", depth=4)
+    assert wait_for(lambda: short.dropped > 5)
+    before = vehicle.imu.time_ns
+    assert next(short).time_ns > before - 100_000_000, "the oldest were dropped"
+
+
+def test_each_kind_of_command_moves_it(vehicle: Vehicle) -> None:
+    north, east, depth = vehicle.state.position
+    vehicle.drive(surge=0.3, depth=depth + 0.2, heading=0.4)
+    assert wait_for(lambda: vehicle.state.velocity[0] > 0.2 and vehicle.state.depth > depth + 0.1)
+    vehicle.push(y=15.0)
+    assert wait_for(lambda: vehicle.state.velocity[1] > 0.1)
+    vehicle.thrust(-6.0, -6.0, -6.0, -6.0, 0.0, 0.0)
+    assert wait_for(lambda: vehicle.state.velocity[0] < -0.1)
+    assert vehicle.go_to(north, east, depth, heading=0.4).wait(60).done
+    assert vehicle.state.position == pytest.approx((north, east, depth), abs=0.35)
+    vehicle.stop()
+    assert wait_for(lambda: vehicle.ground_truth.speed < 0.08)
+
+
+@pytest.mark.parametrize("how", [{"smooth": True}, {"lookahead": 0.8}])
+def test_ways_are_followed(vehicle: Vehicle, how: dict[str, Any]) -> None:
+    north, east, depth = vehicle.state.position
+    way = [(north, east + 0.5, depth), (north + 0.2, east + 1.0, depth)]
+    brisk = Limits(acceleration=1.0, yaw_rate=2.0, lateral_acceleration=2.0)
+    assert vehicle.follow(way[:1], 0.6, brisk, **how).wait(60).done
+    assert vehicle.state.position == pytest.approx(way[0], abs=0.35)
+    assert vehicle.hold_heading(0.0, tolerance=1.0).wait(60).done
+
+
+def test_a_new_command_ends_the_one_before(vehicle: Vehicle) -> None:
+    north, east, depth = vehicle.state.position
+    far = vehicle.go_to(north + 50.0, east, depth)
+    with pytest.raises(MissionError, match=r"within 0\.1 s"):
+        far.wait(0.1)
+    vehicle.stop()
+    with pytest.raises(MissionError, match="something else"):
+        far.wait()
+
+
+def test_asyncio(endpoint: str) -> None:
+    async def fly() -> tuple[list[int], bool, int]:
+        async with hil.connect(endpoint) as fleet:
+            (vehicle,) = await fleet.find("uuv1", seconds=60)
+            ticks = 0
+
+            async def tick() -> None:
+                nonlocal ticks
+                while True:
+                    await asyncio.sleep(0.01)
+                    ticks += 1
+
+            other = asyncio.create_task(tick())
+            times = []
+            async for sample in vehicle.samples("imu"):
+                times.append(sample.time_ns)
+                if len(times) == 20:
+                    break
+            told = await vehicle.hold_depth(vehicle.state.depth + 0.3)
+            other.cancel()
+            return times, told.done, ticks
+
+    times, done, ticks = asyncio.run(fly())
+    assert {after - before for before, after in pairwise(times)} == {10_000_000}
+    assert done
+    assert ticks > 40, "other work went on meanwhile"
+
+
+@pytest.mark.parametrize(
+    ("tell", "words"),
+    [
+        (lambda v: v.drive(surge=nan), "surge: nan is not between -20 and 20 m/s"),
+        (lambda v: v.drive(surge=50.0), "surge: 50"),
+        (lambda v: v.drive(heave=0.1, depth=2.0), "depth or heave"),
+        (lambda v: v.hold_depth(1e5), "depth: 100000"),
+        (lambda v: v.go_to(nan, 0.0, 1.0), "north: nan"),
+        (lambda v: v.push(k=1e9), "k: 1e+09 is not between -1e+06 and 1e+06 N m"),
+        (lambda v: v.thrust(1.0, 2.0), "has 6 thrusters, and 2 thrusts were given"),
+        (lambda v: v.thrust(nan, 0, 0, 0, 0, 0), "thruster 1: nan"),
+        (lambda v: v.follow([(1.0, 2.0)]), "(north, east, depth)"),
+        (lambda v: v.follow("nowhere.toml"), "nowhere.toml"),
+        (lambda v: v.samples("imuu"), "did you mean 'imu'"),
+        (
+            lambda v: v.samples("thermometer"),
+            "of your own is known once its scenario was read: hil.scenario.config.load_scenario",
+        ),
+    ],
+)
+def test_what_cannot_be_meant_is_told(vehicle: Vehicle, tell: Callable[[Vehicle], object], words: str) -> None:
+    with pytest.raises(ConfigError) as caught:
+        tell(vehicle)
+    assert words in str(caught.value)
+    assert not vehicle.client.has_commanded
+
+
+def test_a_way_that_breaks_a_limit(vehicle: Vehicle) -> None:
+    with pytest.raises(MissionError, match="deep"):
+        vehicle.follow([(5.0, 5.0, 3.0)], limits=Limits(deepest=2.5))
+
+
+def test_a_sensor_that_is_not_there(vehicle: Vehicle) -> None:
+    with pytest.raises(NetworkError, match=r"no 'gps'.*it sends .*imu.*\[sensors"):
+        _ = vehicle.gps
+    with pytest.raises(NetworkError, match="no 'gps'"):
+        next(vehicle.samples("gps", timeout=0.2))
+
+
+def test_pictures_go_by_the_name_of_their_kind(tmp_path: Path) -> None:
+    """JPEG unless the scenario says otherwise; who asks for the other kind is told its name."""
+    with (
+        slave_with(tmp_path, "camera = { rate = 5, width = 64, height = 48 }") as endpoint,
+        hil.connect(endpoint) as fleet,
+    ):
+        vehicle = fleet["uuv1"]
+        assert next(vehicle.samples("camera/image_raw/compressed", timeout=60.0))
+        with pytest.raises(
+            NetworkError, match=r"imu.*its pictures are 'camera/image_raw/compressed', as \[ros\] images"
+        ):
+            next(vehicle.samples("camera/image_raw", timeout=0.5))
+        with pytest.raises(NetworkError, match=r"it sends .*camera/image_raw/compressed.*\[sensors"):
+            _ = vehicle.gps
+
+
+def test_nobody_there() -> None:
+    began = time.monotonic()
+    with hil.connect(f"tcp/127.0.0.1:{free_port()}", wait=0.3) as fleet:
+        with pytest.raises(NetworkError, match=r"nothing listens on port.*uuv-hil slave"):
+            _ = fleet.vehicles
+        with pytest.raises(NetworkError, match=r"'uuv1'.*nothing listens"):
+            fleet["uuv1"]
+    assert time.monotonic() - began < 30, "it waits for as long as it was told to, not for ever"
+    with pytest.raises(NetworkError, match="tcp/HOST:PORT"):
+        hil.connect("127.0.0.1:a port")
+    with pytest.raises(NetworkError, match="to whom"):
+        hil.connect()
+
+
+def test_another_name(endpoint: str) -> None:
+    with (
+        hil.connect(endpoint, wait=0.3) as fleet,
+        pytest.raises(NetworkError, match="there are: uuv1; did you mean 'uuv1'"),
+    ):
+        fleet["uuv2"]
+
+
+def test_a_vehicle_that_goes_and_comes_back(own_slave: tuple[Program, str], tmp_path: Path) -> None:
+    program, endpoint = own_slave
+    with hil.connect(endpoint) as fleet:
+        vehicle = fleet["uuv1"]
+        told = vehicle.go_to(4.4, 4.2, 2.0)
+        stream = vehicle.samples("imu")
+        program.process.kill()
+        with pytest.raises(NetworkError, match=r"is gone for \d\.\d s.*fleet\.wait_for"):
+            for _ in stream:
+                pass
+        for ask in (lambda: vehicle.imu, vehicle.stop):
+            with pytest.raises(NetworkError, match="is gone for"):
+                ask()
+        assert not vehicle.present
+        assert fleet.names == []
+        program.wait()
+        with Program(tmp_path, "slave", tmp_path / "short.toml") as again:
+            assert fleet.wait_for("uuv1", seconds=60) == [vehicle]
+            assert wait_for(lambda: vehicle.imu.age < 0.5)
+            assert told.wait(60).done, "what it was told is still to be done"
+            assert again.process.poll() is None
+
+
+def test_another_master_commands(own_slave: tuple[Program, str]) -> None:
+    program, endpoint = own_slave
+    with hil.connect(endpoint) as first:
+        first["uuv1"].drive(surge=0.1)
+        program.expect("commands arrive")
+        with hil.connect(endpoint) as second:
+            for _ in range(2):
+                with pytest.raises(NetworkError, match=r"obeys another master.*take_over=True"):
+                    second["uuv1"].drive(surge=-0.3)
+            assert not second["uuv1"].client.has_commanded
+        with hil.connect(endpoint, take_over=True) as third:
+            told = first["uuv1"].go_to(6.0, 6.0, 2.0)
+            third["uuv1"].drive(surge=0.1)
+            with pytest.raises(NetworkError, match="another master"):
+                told.wait(60)
+        with hil.connect(endpoint, observe=True) as watching, pytest.raises(NetworkError, match="observed"):
+            watching["uuv1"].stop()
+
+
+def test_a_master_that_is_taken_over_is_told_so(own_slave: tuple[Program, str]) -> None:
+    """Also of what was done: it is held no more."""
+    program, endpoint = own_slave
+    with hil.connect(endpoint) as first, hil.connect(endpoint, take_over=True) as other:
+        told = first["uuv1"].drive(surge=0.1).wait(60)
+        program.expect("commands arrive")
+        other["uuv1"].drive(surge=-0.1)
+        assert wait_for(lambda: bool(told.error))
+        with pytest.raises(NetworkError, match="another master"):
+            told.wait()
+
+
+@retried_when_busy("a connection, and a command of another process")
+def test_the_first_command_goes_out_at_once(endpoint: str) -> None:
+    """Also right after another master has left, of whom the vehicle's last figures may still speak."""
+    for _ in range(2):
+        with hil.connect(endpoint) as fleet:
+            vehicle = fleet["uuv1"]
+            began = time.monotonic()
+            vehicle.stop()
+            assert time.monotonic() - began < 1.5
+            time.sleep(0.3)  # the vehicle tells who commands
+
+
+def test_a_disarmed_vehicle(own_slave: tuple[Program, str], tmp_path: Path) -> None:
+    _, endpoint = own_slave
+    call = ("topic", "call", "/uuv1/arm", "{data: false}", "--connect", endpoint)
+    with Program(tmp_path, *call) as program:
+        assert program.wait() == 0, program.output
+    with hil.connect(endpoint) as fleet:
+        assert wait_for(lambda: fleet["uuv1"].diagnostics.armed is False)
+        with pytest.raises(NetworkError, match=r"disarmed.*/uuv1/arm"):
+            fleet["uuv1"].stop()
+
+
+def test_software_of_its_own(tmp_path: Path) -> None:
+    scenario, port = write_scenario(tmp_path, top='controller = "external"')
+    with Program(tmp_path, "slave", scenario) as slave:
+        slave.expect("ready")
+        with hil.connect(f"tcp/127.0.0.1:{port}") as fleet:
+            assert fleet["uuv1"].imu.age < 0.2
+            with pytest.raises(NetworkError, match="external"):
+                fleet["uuv1"].stop()
+
+
+def test_the_slave_says_what_it_could_not_obey(own_slave: tuple[Program, str]) -> None:
+    _, endpoint = own_slave
+    with VehicleClient(endpoint, "uuv1") as client:
+        assert client.wait_for_vehicle(60)
+        client.send("cmd_thrusters", encode_thrusts((1.0,) * 5))
+        assert wait_for(lambda: bool(client.diagnostics().commands_fault))
+        assert client.diagnostics().commands_fault == "cmd_thrusters: 5 thrusts for 6 thrusters"
+        assert client.diagnostics().commands_malformed == 1
+
+
+LEAVE = """
+import sys, time
+import hil
+fleet = hil.connect("{endpoint}")
+fleet["uuv1"].push(x=20.0)
+print("pushing", flush=True)
+time.sleep(0.3)
+{ending}
+"""
+
+
+@pytest.mark.parametrize(
+    ("ending", "code"),
+    [("", 0), ("raise ValueError('x')", 1), ("sys.exit(7)", 7), ("time.sleep(60)", -signal.SIGINT)],
+)
+def test_however_the_program_ends_the_vehicle_stops(endpoint: str, ending: str, code: int) -> None:
+    with hil.connect(endpoint, observe=True) as watching:
+        vehicle = watching["uuv1"]
+        text = LEAVE.format(endpoint=endpoint, ending=ending)
+        with subprocess.Popen(
+            [sys.executable, "-c", text], cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        ) as program:
+            assert program.stdout is not None
+            assert program.stdout.readline() == "pushing\n"
+            assert wait_for(lambda: vehicle.diagnostics.commanded_by != "")
+            if code < 0:
+                program.send_signal(signal.SIGINT)
+            _, said = program.communicate(timeout=60)
+        assert program.returncode == code, said
+        assert wait_for(lambda: vehicle.diagnostics.commanded_by == "")
+        assert wait_for(lambda: set(vehicle.diagnostics.pwm_us or ()) == {1500})
+
+
+def test_closing_ends_the_threads_and_the_iterations(endpoint: str) -> None:
+    before = set(threading.enumerate())
+    fleet = hil.connect(endpoint)
+    vehicle = fleet["uuv1"]
+    stream = vehicle.samples("imu")
+    vehicle.stop()
+    next(stream)
+    fleet.close()
+    fleet.close()
+    assert len(list(stream)) < 256
+    assert wait_for(lambda: set(threading.enumerate()) == before)
+    with pytest.raises(NetworkError, match="connect anew"):
+        _ = vehicle.imu
+    with pytest.raises(NetworkError, match="connect anew"):
+        fleet["uuv1"]
+
+
+def test_importing_hil_loads_nothing() -> None:
+    code = "import sys; before = set(sys.modules); import hil; print(sorted(set(sys.modules) - before))"
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)
+    assert done.stdout == "['hil']\n"
+
+
+def test_through_a_router(tmp_path: Path) -> None:
+    port = free_port()
+    scenario, _ = write_scenario(tmp_path)
+    routed = f'[network]\nmode = "routed"\nrouter = "tcp/127.0.0.1:{port}"\n'
+    scenario.write_text(scenario.read_text() + routed)
+    with Program(tmp_path, "router", "--listen", f"tcp/127.0.0.1:{port}") as router:
+        router.expect("forwarding")
+        with Program(tmp_path, "slave", scenario) as slave:
+            slave.expect("ready")
+            with hil.connect(f"tcp/127.0.0.1:{port}", routed=True) as fleet:
+                fleet["uuv1"].push(x=20.0)
+                assert wait_for(lambda: fleet["uuv1"].state.velocity[0] > 0.1)
+
+
+def test_a_router_is_told_from_a_slave(tmp_path: Path) -> None:
+    """Who dials it as if it were a slave hears how to; a slave whose router is down, what to start."""
+    port = free_port()
+    scenario, _ = write_scenario(tmp_path)
+    options = ("--connect", f"tcp/127.0.0.1:{port}", "--run-dir", tmp_path / "run", "--wait", 1)
+    with Program(tmp_path, "router", "--listen", f"tcp/127.0.0.1:{port}") as router:
+        router.expect("forwarding")
+        with (
+            hil.connect(f"tcp/127.0.0.1:{port}", wait=0.3) as fleet,
+            pytest.raises(NetworkError, match=r'a router does.*mode = "routed".*routed=True'),
+        ):
+            _ = fleet.vehicles
+        with Program(tmp_path, "master", scenario, *options) as master:
+            assert master.wait() == 4
+            assert '[network] mode = "routed"' in master.output
+    scenario.write_text(scenario.read_text() + f'[network]\nmode = "routed"\nrouter = "tcp/127.0.0.1:{port}"\n')
+    with Program(tmp_path, "slave", scenario) as slave:
+        slave.expect(f"router tcp/127.0.0.1:{port} is not reached: .*is `uuv-hil router` running")
+
+
+def test_a_recording_of_all_kinds_repeats_to_the_bit(tmp_path: Path) -> None:
+    scenario, port = write_scenario(tmp_path)
+    folder = tmp_path / "recordings"
+    scenario.write_text(scenario.read_text() + f'[recording]\nslave = true\nfolder = "{folder}"\n')
+    with Program(tmp_path, "slave", scenario) as slave:
+        slave.expect("ready")
+        with hil.connect(f"tcp/127.0.0.1:{port}") as fleet:
+            vehicle = fleet["uuv1"]
+            north, east, depth = vehicle.state.position
+            kinds: list[Callable[[], object]] = [
+                lambda: vehicle.drive(surge=0.2, depth=depth + 0.1, heading=0.2),
+                lambda: vehicle.go_to(north + 1.0, east, depth),
+                lambda: vehicle.push(x=10.0),
+                lambda: vehicle.thrust(3.0, 3.0, -3.0, -3.0, 1.0, 1.0),
+            ]
+            for tell in kinds:
+                tell()
+                time.sleep(0.25)
+            vehicle.client.session.publisher("uuv1", Topic("cmd_other", "std_msgs/msg/Bool", 0, "data")).put(b"x", 0)
+            time.sleep(0.1)
+        assert slave.stop(signal.SIGTERM) == 0
+        assert "Traceback" not in slave.output
+    (recording,) = folder.iterdir()
+    with Program(tmp_path, "replay", recording, "--check") as check:
+        assert check.wait() == 0, check.output
+    assert "the same bit for bit" in check.output
+    counts = Counter(message.topic.removeprefix("/uuv1/") for message in read_messages(str(recording)))
+    assert all(counts[name] >= 4 for name in COMMANDS), counts
+
+
+def test_two_publishers_of_ros_steer_together(own_slave: tuple[Program, str], tmp_path: Path) -> None:
+    """One of depths and one of velocities, neither of which says who it is; a second one of depths is refused."""
+    _, endpoint = own_slave
+    how = ("--rate", 20, "--connect", endpoint)
+    depths = ("topic", "pub", "/uuv1/cmd_depth", "std_msgs/msg/Float64")
+    speeds = ("topic", "pub", "/uuv1/cmd_vel", "geometry_msgs/msg/Twist", "{linear: {x: 0.3}}")
+    with (
+        hil.connect(endpoint, observe=True) as fleet,
+        Program(tmp_path, *depths, "{data: 2.4}", *how),
+        Program(tmp_path, *speeds, *how),
+    ):
+        vehicle = fleet["uuv1"]
+        assert wait_for(lambda: vehicle.state.depth > 2.2 and vehicle.state.velocity[0] > 0.2)
+        assert vehicle.diagnostics.commands_refused == 0
+        with Program(tmp_path, *depths, "{data: 0.5}", *how):
+            assert wait_for(lambda: (vehicle.diagnostics.commands_refused or 0) > 5)
+        assert vehicle.state.depth > 2.1
+
+
+def test_two_vehicles_at_two_endpoints(own_slave: tuple[Program, str], tmp_path: Path) -> None:
+    _, first = own_slave
+    folder = tmp_path / "second"
+    folder.mkdir()
+    scenario, port = write_scenario(folder, slave='node = "uuv2"')
+    with Program(folder, "slave", scenario) as slave:
+        slave.expect("ready")
+        with hil.connect(first, f"tcp/127.0.0.1:{port}") as fleet:
+            one, two = fleet.wait_for("uuv1", "uuv2", seconds=60)
+            assert sorted(fleet.vehicles) == ["uuv1", "uuv2"]
+            one.push(x=20.0)
+            two.push(x=-20.0)
+            assert wait_for(lambda: one.state.velocity[0] > 0.15 and two.state.velocity[0] < -0.15)
+            fleet.stop()
+            assert wait_for(lambda: abs(one.state.velocity[0]) < 0.08 and abs(two.state.velocity[0]) < 0.08)

@@ -1,0 +1,64 @@
+"""The programs of the pages about Python run as they stand there, but for the address."""
+
+import re
+import subprocess
+import sys
+from collections.abc import Iterator
+
+import pytest
+
+from hil.ros.topics import COMMANDS, TOPICS
+from tests.support.documents import blocks
+from tests.support.processes import ROOT, Program, free_port
+
+BEGINNING, *PROGRAMS = [block.text for block in blocks("python", page=ROOT / "docs" / "how-to" / "python.md")]
+(TUTORIAL,) = [block.text for block in blocks("python", page=ROOT / "docs" / "tutorials" / "two_machines.md")]
+
+
+@pytest.fixture(scope="module")
+def endpoint(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    with Program(tmp_path_factory.mktemp("slave"), "slave", "paper_field", "--listen", endpoint) as slave:
+        slave.expect("ready")
+        yield endpoint
+
+
+def run(program: str, endpoint: str) -> list[str]:
+    code = re.sub(r"tcp/[\d.]+:7447", endpoint, program)
+    assert endpoint in code
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, timeout=40)
+    assert done.returncode == 0, done.stderr
+    return done.stdout.splitlines()
+
+
+def test_the_complete_program(endpoint: str) -> None:
+    first, *way, last = run(PROGRAMS[0], endpoint)
+    assert re.fullmatch(r"uuv1: \d\.\d m deep, heading -?\d\.\d\d rad, \d+ ms old", first)
+    assert sum("m/s ahead" in line for line in way) > 20
+    assert "no 'gps'" in last
+
+
+def test_the_asyncio_program(endpoint: str) -> None:
+    pressures = [float(line.removesuffix(" Pa")) for line in run(PROGRAMS[1], endpoint)]
+    assert pressures[0] - pressures[-1] > 1500, "0.3 m up are 3 kPa less, and 0.1 m are enough"
+
+
+def test_both_programs_are_there() -> None:
+    assert len(PROGRAMS) == 2
+
+
+def test_how_it_begins(endpoint: str) -> None:
+    """The two lines that are no program yet: with one more they are."""
+    assert run(f"{BEGINNING}print(fleet.wait_for('uuv1')[0].name)\nfleet.close()\n", endpoint) == ["uuv1"]
+
+
+def test_the_tutorial(endpoint: str) -> None:
+    assert len(TUTORIAL.strip().splitlines()) <= 12
+    lines = run(TUTORIAL, endpoint)
+    assert float(lines[-1].split(",")[0].strip("(")) > 0.3
+
+
+def test_the_topics_of_the_table_are_those_there_are() -> None:
+    text = (ROOT / "docs" / "how-to" / "python.md").read_text()
+    rows = dict(re.findall(r"^\| `(cmd_\w+)` \| `(\w+/\w+)`", text, flags=re.MULTILINE))
+    assert rows == {name: TOPICS[name].type.replace("/msg/", "/") for name in COMMANDS}

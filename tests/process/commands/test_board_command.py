@@ -1,0 +1,386 @@
+"""`uuv-hil board`: what it shows, and that installing and taking away leaves a machine as it was."""
+
+import json
+import os
+import re
+import shutil
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from hil import cli
+from hil.common.clock import LOOP_PRIORITY
+from hil.install import units as board_install
+from hil.install.changes import MANIFEST
+from hil.install.units import CAN_UNIT, LIMITS, RULES, UNIT
+from tests.support.recorded import build, plant
+
+SERIAL = 'vehicle = "paper_six"\nworld = "pool"\nstm32 = "device"\n[start]\ndepth = 2\n[master]\ngoal = [8, 7]\n'
+CAN = SERIAL + '[link]\nport = "can:socketcan:can0"\nprotocol = "vesc"\nbitrate = 500_000\n'
+# What the unit is to have, by section; systemd ignores what it does not know, so that a slip of the pen would pass.
+KNOWN = {
+    "Unit": "Description Wants After BindsTo StartLimitIntervalSec",
+    "Service": """Type NotifyAccess ExecStart ExecStartPre ExecStop RemainAfterExit Environment User SupplementaryGroups
+        StateDirectory CacheDirectory WorkingDirectory WatchdogSec Restart RestartSec RestartPreventExitStatus
+        TimeoutStartSec TimeoutStopSec LimitRTPRIO LimitMEMLOCK LimitCORE MemoryMax TasksMax CPUWeight OOMScoreAdjust
+        NoNewPrivileges CapabilityBoundingSet ProtectSystem ProtectHome PrivateTmp ProtectProc ProtectHostname
+        ProtectKernelTunables ProtectKernelModules ProtectKernelLogs ProtectControlGroups RestrictNamespaces
+        RestrictSUIDSGID LockPersonality SystemCallArchitectures SystemCallFilter RestrictAddressFamilies DevicePolicy
+        DeviceAllow ReadWritePaths""",
+    "Install": "WantedBy",
+}
+
+
+@pytest.fixture
+def root(tmp_path: Path) -> Path:
+    root = build("raspberry_pi_4b", tmp_path / "root")
+    plant(root, "etc/passwd", "root:x:0:0:root:/root:/bin/bash\nuuv:x:999:999::/var/lib/uuv-hil:/usr/sbin/nologin\n")
+    return root
+
+
+@pytest.fixture
+def scenario(tmp_path: Path) -> str:
+    path = tmp_path / "mine.toml"
+    path.write_text(SERIAL)
+    return str(path)
+
+
+def files(root: Path) -> dict[str, str]:
+    return {str(path.relative_to(root)): path.read_text() for path in sorted(root.rglob("*")) if path.is_file()}
+
+
+def install(root: Path, scenario: str, *more: str) -> int:
+    return cli.main(["board", "install", scenario, "--root", str(root), "--user", "uuv", *more])
+
+
+def settings(text: str) -> Iterator[tuple[str, str, str]]:
+    """Section, key and value of each line of a unit; anything else fails."""
+    section = ""
+    for line in text.splitlines():
+        if line.startswith("["):
+            section = line.strip("[]")
+        elif line and not line.startswith("#"):
+            key, separator, value = line.partition("=")
+            assert separator, line
+            yield section, key, value
+
+
+def test_what_is_shown_of_a_board(root: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["board", "--root", str(root)]) == 0
+    text = capsys.readouterr().out
+    assert text.startswith('Raspberry Pi 4 Model B (calls itself "Raspberry Pi 4 Model B Rev 1.5")\n')
+    assert re.search(r"memory +sold with 1, 2, 4, 8 GiB; 3\.70 GiB here\n", text)
+    assert re.search(r"temperature +51\.1 °C, slows down from 80 °C\n", text)
+    assert re.search(r"throttled +no\n", text)
+    assert re.search(r"system +Raspberry Pi OS 12", text)
+    assert re.search(r"governor +performance \(4 processors\)\n", text)
+    assert "/dev/serial0 (/dev/ttyS0): GPIO 14 and 15" in text
+    assert "/dev/ttyAMA2 (not there): GPIO 0 and 1 (uart2)" in text
+    assert "can0 (not there): MCP2515" in text
+
+
+def test_budgets_and_sources(root: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["board", "--root", str(root)]) == 0
+    short = capsys.readouterr().out
+    assert "recommended: step 2.5 ms, control_period 20 ms, at most 50% of a core and 64 MiB\n" in short
+    assert re.search(
+        r"budgets: start \S+ s, memory \S+ MiB, \d+% of a core, delay of a command \S+ ms \(median\)", short
+    )
+    assert "raspberrypi/documentation" not in short
+    assert cli.main(["board", "--sources", "--root", str(root)]) == 0
+    full = capsys.readouterr().out
+    assert full.startswith(short.rstrip("\n"))
+    for name in ("board", "cpu", "/dev/serial0", "can0", "recommended", "budgets"):
+        assert re.search(rf"^  {name} +\w+", full.partition("sources:\n")[2], re.MULTILINE), name
+
+
+def test_power_modes_and_throttling(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["board", "--root", str(build("jetson_nano", tmp_path / "nano"))]) == 0
+    assert "power mode 5W: 2 cores, 5 W (sudo nvpmodel -m 1)\n" in capsys.readouterr().out
+    assert cli.main(["board", "--root", str(build("raspberry_pi_zero_2w", tmp_path / "zero"))]) == 0
+    text = capsys.readouterr().out
+    assert "the supply voltage is too low, throttled; since boot: the supply voltage is too low, throttled\n" in text
+
+
+def test_json(root: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["board", "--json", "--root", str(root)]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["board"] == "Raspberry Pi 4 Model B"
+    assert told["ports"]["/dev/serial0"] is True
+    assert told["ports"]["/dev/ttyAMA2"] is False
+    assert told["temperature"] == 51.121
+    assert told["profile"]["recommended"]["step"] == 0.0025
+    assert told["profile"]["serial"][0]["device"] == "/dev/serial0"
+    assert told["throttling"] == {"now": [], "before": [], "known": True}
+
+
+def test_this_machine_and_none(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["board"]) == 0
+    assert cli.main(["board", "--root", str(tmp_path)]) == 0
+    assert capsys.readouterr().out.endswith("none of the boards known: nameless, unknown architecture\n")
+    (tmp_path / "silent").mkdir()
+    assert cli.main(["board", "--board", "jetson_nano", "--root", str(tmp_path / "silent")]) == 0
+    assert re.search(r"throttled +not told\n", capsys.readouterr().out)  # nobody can be asked
+    assert cli.main(["board", "list"]) == 0
+    assert "raspberry_pi_cm4" in capsys.readouterr().out
+
+
+def test_all_boards_for_other_programs(capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["board", "list", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["jetson_nano"]["power"][1]["watts"] == 5
+    assert told["raspberry_pi_4b"]["serial"][0]["device"] == "/dev/serial0"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ("show --dry-run", "show: --dry-run goes only with install, uninstall"),
+        ("show mine.toml", "show: the scenario mine.toml goes only with install"),
+        ("list --sources", "list: --sources goes only with show"),
+        ("uninstall --json", "uninstall: --json goes only with show, list"),
+    ],
+)
+def test_options_of_another_action(capsys: pytest.CaptureFixture[str], arguments: str, message: str) -> None:
+    assert cli.main(["board", *arguments.split()]) == 2
+    assert capsys.readouterr().err == f"uuv-hil board: {message}\n"
+
+
+@pytest.mark.parametrize("order", ["{more} install {file}", "install {more} {file}", "install {file} {more}"])
+def test_options_stand_anywhere(root: Path, scenario: str, capsys: pytest.CaptureFixture[str], order: str) -> None:
+    words = order.format(file=scenario, more=f"--dry-run --user uuv --root {root}").split()
+    assert cli.main(["board", *words]) == 0
+    assert f"+++ {UNIT}" in capsys.readouterr().out
+    with pytest.raises(SystemExit, match="0"):
+        cli.main(["board", *words, "--help"])
+    assert "[{show,list,install,uninstall}] [SCENARIO]\n" in capsys.readouterr().out
+
+
+def test_a_dry_run_shows_every_line_and_writes_none(
+    root: Path, scenario: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    before = files(root)
+    assert install(root, scenario, "--dry-run") == 0
+    shown = capsys.readouterr().out
+    assert files(root) == before
+    assert install(root, scenario, "--yes") == 0
+    for path in (UNIT, RULES, LIMITS):
+        assert f"+++ {path}" in shown
+        assert all(f"+{line}" in shown.splitlines() for line in (root / path[1:]).read_text().splitlines())
+
+
+def test_taking_away_leaves_everything_as_it_was(root: Path, scenario: str) -> None:
+    Path(scenario).write_text(CAN)
+    plant(root, LIMITS[1:], "uuv - rtprio 10\n")
+    before = files(root)
+    assert install(root, scenario, "--yes") == 0
+    assert {UNIT[1:], CAN_UNIT[1:], RULES[1:], MANIFEST[1:]} == set(files(root)) - set(before)
+    assert (root / LIMITS[1:]).read_text() != before[LIMITS[1:]]
+    assert cli.main(["board", "uninstall", "--root", str(root), "--yes"]) == 0
+    assert files(root) == before
+    assert not (root / "etc/uuv-hil").exists()
+
+
+def test_installing_again(root: Path, scenario: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """Nothing to do; then only what differs; then without the CAN unit that is not needed any more."""
+    before = files(root)
+    assert install(root, scenario, "--yes") == 0
+    capsys.readouterr()
+    assert install(root, scenario) == 0
+    assert "as it should be" in capsys.readouterr().out
+    Path(scenario).write_text(CAN)
+    assert install(root, scenario, "--yes") == 0
+    shown = capsys.readouterr().out
+    assert f"+++ {CAN_UNIT}" in shown
+    assert LIMITS not in shown
+    Path(scenario).write_text(SERIAL)
+    assert install(root, scenario, "--yes") == 0
+    assert f"--- {CAN_UNIT}" in capsys.readouterr().out
+    assert not (root / CAN_UNIT[1:]).exists()
+    assert cli.main(["board", "uninstall", "--root", str(root), "--yes"]) == 0
+    assert files(root) == before
+
+
+def test_what_somebody_changed_stays(root: Path, scenario: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """What was there before it comes back when it is taken away."""
+    plant(root, RULES[1:], "# from before\n")
+    before = files(root)
+    assert install(root, scenario, "--yes") == 0
+    plant(root, RULES[1:], "# mine\n")
+    assert cli.main(["board", "uninstall", "--root", str(root), "--yes"]) == 0
+    told = capsys.readouterr().out
+    assert f"{RULES}: changed since it was written; it stays" in told
+    assert re.search(rf"^uninstalled but for what stays; .* uninstall again, .* {MANIFEST}$", told, re.MULTILINE)
+    assert files(root).keys() == {*before, MANIFEST[1:]}
+    assert (root / RULES[1:]).read_text() == "# mine\n"
+    (root / RULES[1:]).unlink()
+    assert cli.main(["board", "uninstall", "--root", str(root), "--yes"]) == 0
+    assert capsys.readouterr().out.endswith("\nuninstalled\n")
+    assert files(root) == before
+
+
+def test_what_somebody_put_back_is_no_change(root: Path, scenario: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """So it is too where an installation ended before it came to a file."""
+    plant(root, RULES[1:], "# from before\n")
+    before = files(root)
+    assert install(root, scenario, "--yes") == 0
+    plant(root, RULES[1:], "# from before\n")
+    assert cli.main(["board", "uninstall", "--root", str(root), "--yes"]) == 0
+    assert "it stays" not in capsys.readouterr().out
+    assert files(root) == before
+
+
+def test_no_permission_is_one_line_and_nothing_is_written(
+    root: Path, scenario: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before = files(root)
+    monkeypatch.setattr("os.access", lambda *_: False)
+    assert install(root, scenario, "--yes") == 3
+    message = capsys.readouterr().err
+    assert re.fullmatch(r"uuv-hil board: /etc/\S+: no permission to write it; run .* with sudo .*\n", message)
+    assert files(root) == before
+
+
+@pytest.mark.parametrize(
+    ("user", "message"),
+    [
+        ("root", "name the user that the slave is to run as; it needs no root"),
+        ("nemo", "there is no user 'nemo' here; make one: sudo useradd"),
+        ("uuv\nExecStartPre=/bin/evil", "cannot be meant"),
+    ],
+)
+def test_users_that_cannot_be_meant(
+    root: Path, scenario: str, capsys: pytest.CaptureFixture[str], user: str, message: str
+) -> None:
+    assert cli.main(["board", "install", scenario, "--root", str(root), "--user", user, "--yes"]) == 2
+    assert message in capsys.readouterr().err
+
+
+def test_nobody_to_ask_and_nothing_to_take_away(
+    root: Path, scenario: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("sys.stdin.isatty", lambda: False, raising=False)
+    assert install(root, scenario) == 2
+    assert "--yes" in capsys.readouterr().err
+    assert cli.main(["board", "uninstall", "--root", str(root)]) == 2
+    assert "nothing is installed here" in capsys.readouterr().err
+    assert cli.main(["board", "install", "--root", str(root), "--user", "uuv"]) == 2
+
+
+def test_asking(root: Path, scenario: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    before = files(root)
+    monkeypatch.setattr("sys.stdin.isatty", lambda: True, raising=False)
+    monkeypatch.setattr("builtins.input", lambda _: "no")
+    assert install(root, scenario) == 0
+    assert files(root) == before
+    monkeypatch.setattr("builtins.input", lambda _: "y")
+    assert install(root, scenario) == 0
+    assert files(root) != before
+
+
+@pytest.mark.parametrize("text", [SERIAL, CAN])
+def test_every_line_of_the_units_is_known(root: Path, scenario: str, text: str) -> None:
+    Path(scenario).write_text(text)
+    assert install(root, scenario, "--yes") == 0
+    for path in (UNIT, CAN_UNIT) if text == CAN else (UNIT,):
+        content = (root / path[1:]).read_text()
+        assert "@system-service" in content or path == CAN_UNIT
+        assert not re.search(r"@[a-z_]+@", content)
+        assert all(key in KNOWN[section].split() for section, key, _ in settings(content))
+
+
+def test_what_the_unit_says(root: Path, scenario: str) -> None:
+    assert install(root, scenario, "--yes", "--listen", "tcp/0.0.0.0:7447") == 0
+    lines = list(settings((root / UNIT[1:]).read_text()))
+    values = {key: value for _, key, value in lines}
+    assert values["ExecStart"].endswith(f"-m hil.cli slave {scenario} --listen tcp/0.0.0.0:7447")
+    assert os.access(values["ExecStart"].split()[0], os.X_OK)
+    assert (values["Type"], values["NotifyAccess"], values["User"]) == ("notify", "main", "uuv")
+    assert values["LimitRTPRIO"] == str(LOOP_PRIORITY)
+    allowed = [value for _, key, value in lines if key == "DeviceAllow"]
+    assert allowed == ["char-ttyS rw", "char-ttyAMA rw", "/dev/cpu_dma_latency w"]
+    assert values["MemoryMax"] == "256M"
+    assert float(values["WatchdogSec"]) >= 3 * 1.0  # it is fed once a second
+    assert 'SYMLINK=="serial0", GROUP="dialout", MODE="0660"' in (root / RULES[1:]).read_text()
+    assert (root / UNIT[1:]).stat().st_mode & 0o777 == 0o644
+
+
+def test_the_can_unit(root: Path, scenario: str) -> None:
+    Path(scenario).write_text(CAN)
+    assert install(root, scenario, "--yes") == 0
+    done = [value for _, key, value in settings((root / CAN_UNIT[1:]).read_text()) if key == "ExecStart"]
+    assert done == [
+        "/sbin/ip link set can0 type can bitrate 500000",
+        "-/sbin/ip link set can0 type can restart-ms 100",  # drivers such as gs_usb refuse it
+        "/sbin/ip link set can0 up txqueuelen 100",
+    ]
+    unit = (root / UNIT[1:]).read_text()
+    assert "Wants=uuv-hil-can.service\n" in unit
+    assert "After=network.target time-sync.target uuv-hil-can.service\n" in unit
+    assert re.findall("DeviceAllow=.*", unit) == ["DeviceAllow=/dev/cpu_dma_latency w"]
+    Path(scenario).write_text(CAN + "\n[slave]\nstay_awake = false\n")
+    assert install(root, scenario, "--yes") == 0
+    assert "DeviceAllow" not in (root / UNIT[1:]).read_text()
+
+
+@pytest.mark.parametrize(
+    ("text", "written"),
+    [("plain", "plain"), ("/a b", '"/a b"'), ("50%", "50%%"), ("$HOME", "$HOME"), ('a"', '"a\\""'), ("a;b", '"a;b"')],
+)
+def test_words_of_a_unit(text: str, written: str) -> None:
+    assert board_install.word(text) == written
+
+
+def test_names_that_would_break_a_unit(root: Path, scenario: str, capsys: pytest.CaptureFixture[str]) -> None:
+    Path(scenario).write_text(CAN.replace("can0", "can0 up; rm -r /"))
+    assert install(root, scenario, "--yes") == 2
+    assert "cannot stand in a unit" in capsys.readouterr().err
+    Path(scenario).write_text('description = "one\\nExecStartPre=/bin/evil"\n' + SERIAL)
+    assert install(root, scenario, "--yes") == 0
+    assert "\nExecStartPre" not in (root / UNIT[1:]).read_text()
+
+
+@pytest.mark.parametrize(
+    ("text", "written"),
+    [
+        ("tank 2\\", "tank 2"),
+        ("100 % \\ \\\\", "100 %%"),
+        (r"C:\tank", r"C:\tank"),
+        ("one\r\ntwo\0three\x85four\u2028five", "one two three four five"),
+        ("\\", "mine.toml"),
+    ],
+)
+def test_a_description_is_one_line_of_the_unit(root: Path, tmp_path: Path, text: str, written: str) -> None:
+    scenario = tmp_path / "mine.toml"
+    scenario.write_text(f"description = {json.dumps(text)}\n" + SERIAL)
+    assert install(root, str(scenario), "--yes") == 0
+    lines = (root / UNIT[1:]).read_text().split("\n")
+    assert f"Description=UUV-HIL slave: {written.replace('mine.toml', str(scenario))}" in lines
+
+
+def test_every_rule_for_udev_is_well_formed(root: Path, scenario: str) -> None:
+    assert install(root, scenario, "--yes") == 0
+    token = r'(ACTION|SUBSYSTEM|KERNEL|SYMLINK|DRIVER|ENV\{DEVTYPE\})=="[^"]+"'
+    token += r'|(GROUP|MODE|RUN|ENV\{\w+\}|ATTR\{\w+\})\+?="[^"]+"'
+    lines = [line for line in (root / RULES[1:]).read_text().splitlines() if not line.startswith("#")]
+    assert len(lines) == 4
+    for line in lines:
+        parts = line.split(", ")
+        assert all(re.fullmatch(token, part) for part in parts), line
+        assert any("==" in part for part in parts), f"it would apply to everything: {line}"
+
+
+@pytest.mark.parametrize("text", [SERIAL, CAN])
+def test_systemd_agrees_where_it_is_installed(root: Path, scenario: str, text: str) -> None:
+    """Elsewhere the tests above are all there is: systemd is no dependency."""
+    Path(scenario).write_text(text)
+    assert install(root, scenario, "--yes") == 0
+    analyze = shutil.which("systemd-analyze")
+    for path in (UNIT, CAN_UNIT) if analyze and text == CAN else (UNIT,) if analyze else ():
+        done = subprocess.run(
+            [str(analyze), "verify", "--man=no", str(root / path[1:])], capture_output=True, text=True
+        )
+        complaints = [line for line in done.stderr.splitlines() if "uuv-hil" in line]
+        assert complaints == []

@@ -1,0 +1,118 @@
+"""Campaigns: combinations, failures that are rows, a table."""
+
+import csv
+import os
+import signal
+from pathlib import Path
+
+import pytest
+
+from hil.cli import main
+from hil.commands.campaign import command as campaign
+from hil.common.errors import ConfigError
+from tests.support.processes import Program, wait_for, write_scenario
+
+
+def test_combinations() -> None:
+    assert campaign.combinations([]) == [{}]
+    sets = campaign.combinations(["master.speed=0.5,0.6", "stm32=python"])
+    assert sets == [{"master.speed": 0.5, "stm32": "python"}, {"master.speed": 0.6, "stm32": "python"}]
+
+
+@pytest.mark.parametrize("text", ["master.speed", "=1", "master.speed="])
+def test_a_wrong_variation(text: str) -> None:
+    with pytest.raises(ConfigError, match="KEY=VALUE"):
+        campaign.combinations([text])
+
+
+def test_more_combinations_than_a_machine_can_fly(capsys: pytest.CaptureFixture[str]) -> None:
+    """Ten keys of ten values each are refused before one is made."""
+    values = ",".join(map(str, range(10)))
+    vary = [word for number in range(10) for word in ("--vary", f"key{number}={values}")]
+    assert main(["campaign", "paper_field", *vary]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "10 of 'key0' x 10 of 'key1'" in line
+    assert "make 10000000000 combinations, and a campaign has at most 10000: give fewer values" in line
+    speeds = ",".join(str(0.3 + 0.01 * i) for i in range(20))
+    assert main(["campaign", "paper_field", "--seeds", "100000", "--vary", f"master.speed={speeds}"]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "20 combinations with 100000 seeds each are more than 1000000 runs" in line
+
+
+def test_a_campaign(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    scenario, _ = write_scenario(tmp_path)
+    output = tmp_path / "runs.csv"
+    arguments = [str(scenario), "--seeds", "2", "--vary", "master.speed=0.4,0.8", "--jobs", "2", "-o", str(output)]
+    assert campaign.main(arguments) == 0
+    with output.open() as file:
+        rows = list(csv.DictReader(file))
+    assert [(row["master.speed"], row["seed"]) for row in rows] == [
+        ("0.4", "1"),
+        ("0.4", "2"),
+        ("0.8", "1"),
+        ("0.8", "2"),
+    ]
+    assert all(row["reached"] == "True" for row in rows)
+    slow, fast = (float(row["duration"]) for row in rows[1:3])
+    assert slow > 1.5 * fast
+    assert rows[0]["goal_error"] != rows[1]["goal_error"], "another seed is another run"
+    table = capsys.readouterr().out
+    assert "master.speed=0.4" in table
+    assert "2/2" in table
+
+
+def test_a_run_that_fails_is_a_row(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    scenario, _ = write_scenario(tmp_path)
+    assert campaign.main([str(scenario), "--seeds", "1", "--vary", "master.time_limit=3,40", "--jobs", "1"]) == 6
+    out = capsys.readouterr().out
+    assert "0/1" in out
+    assert "1/1" in out
+    assert "no success: time limit" in out
+
+
+def test_a_wrong_key_is_found_before_anything_runs(tmp_path: Path) -> None:
+    scenario, _ = write_scenario(tmp_path)
+    with pytest.raises(ConfigError, match=r"sped.*speed"):
+        campaign.main([str(scenario), "--vary", "master.sped=1"])
+
+
+def test_an_output_that_cannot_be_written_is_found_before_anything_runs(tmp_path: Path) -> None:
+    scenario, _ = write_scenario(tmp_path)
+    (tmp_path / "runs.csv").mkdir()
+    with pytest.raises(ConfigError, match=r"runs.csv: cannot be written: Is a directory"):
+        campaign.main([str(scenario), "--seeds", "100000", "-o", str(tmp_path / "runs.csv")])
+
+
+def test_the_table_is_there_even_if_the_disk_is_full(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    scenario, _ = write_scenario(tmp_path)
+    with pytest.raises(ConfigError, match="No space left"):
+        campaign.main([str(scenario), "--seeds", "1", "--jobs", "1", "-o", "/dev/full"])
+    assert "1/1" in capsys.readouterr().out
+
+
+def test_no_worker_outlives_it(tmp_path: Path) -> None:
+    check_workers_end(tmp_path, "campaign", signal.SIGTERM)
+
+
+def check_workers_end(tmp_path: Path, name: str, number: int) -> None:
+    """Start that command with two workers, send it a signal, and see that nothing of it is left."""
+    what = [write_scenario(tmp_path)[0]] if name == "campaign" else ["path_planning", "--out", tmp_path / "out"]
+    with Program(tmp_path, name, *what, "--seeds", "10000", "--jobs", "2") as program:
+        assert wait_for(lambda: "/10000" in program.output or (tmp_path / "out/path_planning-sil-004").exists())
+        assert len(workers(program)) == 2
+        program.process.send_signal(number)
+        assert program.wait() == 130, program.output
+        assert wait_for(lambda: not workers(program))
+    assert "Traceback" not in program.output
+
+
+def workers(program: Program) -> list[str]:
+    """The command lines of joblib's processes in the program's session, those that have ended left out."""
+    found = []
+    for pid in filter(str.isdigit, os.listdir("/proc")):
+        try:
+            if os.getsid(int(pid)) == program.process.pid:
+                found.append(Path(f"/proc/{pid}/cmdline").read_text())
+        except OSError:  # it has ended meanwhile
+            continue
+    return [line for line in found if "LokyProcess" in line]

@@ -1,0 +1,116 @@
+"""The command line: a missing package and a full disk are a line with the remedy."""
+
+import errno
+import os
+import re
+import sys
+import tomllib
+from importlib.metadata import packages_distributions
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+from hil import cli
+from hil.recording.recorder import Recorder
+from hil.scenario.records import Recording
+from tests.support.processes import ROOT, Program, free_port
+
+# Read by Python as it starts: the packages it names are not to be found.
+HIDING = """
+import os
+from importlib.machinery import PathFinder
+
+find = PathFinder.find_spec
+hidden = os.environ["HIDDEN"].split()
+PathFinder.find_spec = lambda name, *more: None if name.split(".")[0] in hidden else find(name, *more)
+"""
+
+
+def run_without(tmp_path: Path, packages: str, *arguments: object) -> str:
+    """What the command says that ends with the exit code of a missing extra."""
+    (tmp_path / "sitecustomize.py").write_text(HIDING)
+    environment = {"PYTHONPATH": str(tmp_path), "HIDDEN": packages}
+    with Program(tmp_path, *arguments, environment=environment) as program:
+        assert program.wait() == 5, program.output
+    (line,) = program.output.strip().splitlines()
+    return line
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["demo", "--listen", f"tcp/127.0.0.1:{free_port()}"],
+        ["sim", "paper_field", "--fast"],
+        ["master", "paper_field", "--connect", "tcp/127.0.0.1:1"],
+        ["campaign", "paper_field"],
+        ["case", "path_planning"],
+        ["agent", "target_hunting"],
+        ["bench", "table"],
+    ],
+)
+def test_on_a_board_without_numpy(tmp_path: Path, arguments: list[str]) -> None:
+    line = run_without(tmp_path, "numpy joblib matplotlib xacro", *arguments)
+    assert line.startswith("uuv-hil ")  # for the demo it is its master that says so
+    assert line.endswith("pip install 'uuv-hil[master]'")
+
+
+@pytest.mark.parametrize("arguments", [["plot"], ["replay", "--check"]])
+def test_a_recording_without_mcap(tmp_path: Path, arguments: list[str]) -> None:
+    folder = tmp_path / "recording"
+    Recorder(str(folder), Recording(keep_free=0.0), {}).close()
+    line = run_without(tmp_path, "mcap", *arguments, folder)
+    assert line.endswith("pip install 'uuv-hil[recording]'")
+
+
+def extras() -> dict[str, set[str]]:
+    """The distributions of each extra of pyproject.toml but those of the project itself."""
+    tables = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
+    names = {extra: {re.split(r"[^\w.-]", text)[0].lower() for text in texts} for extra, texts in tables.items()}
+    del names["dev"], names["docs"]
+    return names
+
+
+def test_each_package_is_in_its_extra_and_none_is_left_out() -> None:
+    known = packages_distributions()
+    found = [(extra, {name.lower() for name in known[package]}) for package, extra in cli.EXTRAS.items()]
+    for extra, names in found:
+        assert names & extras()[extra], f"{names} is not in [{extra}]"
+    told = {name for _, names in found for name in names}
+    assert set.union(*extras().values()) <= told
+
+
+@pytest.mark.parametrize("name", ["hil.commands.nowhere", "a_module_of_the_users", "numpy.nowhere", "zenoh"])
+def test_what_no_extra_has_is_a_bug_and_stays_one(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(arguments: list[str]) -> int:
+        raise ModuleNotFoundError(name=name)
+
+    monkeypatch.setattr(cli, "import_module", lambda module: SimpleNamespace(main=fail))
+    with pytest.raises(ModuleNotFoundError):
+        cli.main(["demo"])
+
+
+@pytest.mark.parametrize(
+    ("number", "code"), [(errno.ENOSPC, 3), (errno.EDQUOT, 3), (errno.EFBIG, 3), (errno.EPIPE, 141)]
+)
+def test_a_full_disk(
+    number: int, code: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(cli, "import_module", lambda module: SimpleNamespace(main=fail))
+    monkeypatch.setattr(sys.stderr, "close", lambda: None)
+
+    def fail(arguments: list[str]) -> int:
+        raise OSError(number, os.strerror(number), "run/table.json")
+
+    assert cli.main(["master"]) == code
+    said = capsys.readouterr().err
+    assert said == (f"uuv-hil master: run/table.json: {os.strerror(number)}; free some space\n" if code == 3 else "")
+
+
+def test_another_fault_of_a_file_is_a_bug_and_stays_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(arguments: list[str]) -> int:
+        raise IsADirectoryError(errno.EISDIR, "no")
+
+    monkeypatch.setattr(cli, "import_module", lambda module: SimpleNamespace(main=fail))
+    with pytest.raises(IsADirectoryError):
+        cli.main(["master"])

@@ -1,0 +1,99 @@
+"""demo: it flies its own slave, never a stranger's."""
+
+import os
+import signal
+import socket
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from hil.commands.demo import require_free
+from hil.common.errors import NetworkError
+from tests.support.processes import Program, free_port, wait_for, write_scenario
+
+
+@contextmanager
+def taken(address: str, port: int, family: socket.AddressFamily = socket.AF_INET) -> Iterator[None]:
+    with socket.create_server((address, port), family=family):
+        yield
+
+
+@pytest.mark.parametrize("address", ["127.0.0.1", "0.0.0.0"])
+@pytest.mark.parametrize("next_one", [0, 1])
+@pytest.mark.parametrize("host", ["127.0.0.1", "0.0.0.0", "localhost"])
+def test_a_port_that_is_taken(address: str, next_one: int, host: str) -> None:
+    port = free_port()
+    endpoint = f"tcp/{host}:{port}"
+    require_free(endpoint)
+    words = rf"{endpoint} is not free .*\(port {port + next_one}: Address already in use\).*--listen tcp/127.0.0.1:\d+"
+    with taken(address, port + next_one), pytest.raises(NetworkError, match=words):
+        require_free(endpoint)
+    require_free(endpoint)
+
+
+def test_with_a_router_it_takes_one_port() -> None:
+    port = free_port()
+    with taken("127.0.0.1", port + 1):
+        require_free(f"tcp/127.0.0.1:{port}", routed=True)
+
+
+def test_a_port_of_the_other_internet() -> None:
+    port = free_port()
+    require_free(f"tcp/[::1]:{port}")
+    with taken("::1", port, socket.AF_INET6), pytest.raises(NetworkError, match="in use"):
+        require_free(f"tcp/[::1]:{port}")
+
+
+@pytest.mark.parametrize("host", ["192.0.2.7", "no.such.machine.invalid"])
+def test_another_machine_has_a_vehicle_of_its_own(host: str) -> None:
+    with pytest.raises(NetworkError, match="must not command"):
+        require_free(f"tcp/{host}:7447")
+
+
+def test_what_the_last_demo_left_of_its_connections_is_no_slave() -> None:
+    port = free_port()
+    with socket.create_server(("127.0.0.1", port)) as server, socket.create_connection(("127.0.0.1", port)) as client:
+        accepted, _ = server.accept()
+        accepted.close()  # who closes first keeps the port for a minute: TIME_WAIT
+        assert client.recv(1) == b""
+    require_free(f"tcp/127.0.0.1:{port}")
+
+
+def test_a_slave_that_runs_already_is_left_alone(tmp_path: Path) -> None:
+    scenario, _ = write_scenario(tmp_path)
+    scenario.write_text(scenario.read_text().replace("goal = [8, 7]", "goal = [5.5, 5]"))
+    folder = tmp_path / "run"
+    with Program(tmp_path, "slave", scenario) as stranger:
+        stranger.expect("ready")
+        with Program(tmp_path, "demo", scenario, "--run-dir", folder) as demo:
+            assert demo.wait() == 4, demo.output
+        (line,) = demo.output.strip().splitlines()
+        free = line.rpartition(" ")[2]
+        with Program(tmp_path, "demo", scenario, "--run-dir", folder, "--listen", free) as demo:
+            assert demo.wait() == 0, demo.output
+        assert "goal reached" in demo.output
+        assert "to the first sample" in demo.output
+        assert "thrusters armed" in (folder / "slave.log").read_text()
+        assert stranger.stop(signal.SIGTERM) == 0
+    assert "thrusters armed" not in stranger.output
+
+
+def test_no_table_when_its_slave_fails(tmp_path: Path) -> None:
+    scenario, _ = write_scenario(tmp_path)
+    folder = tmp_path / "run"
+    with Program(tmp_path, "demo", scenario, "--run-dir", folder) as demo:
+        demo.expect("flying")
+        assert wait_for(lambda: (folder / "track.csv").read_text().count("\n") > 1), "rows are there at once"
+        os.kill(slave_of(demo), signal.SIGKILL)
+        assert demo.wait() == 4, demo.output
+    assert "the slave ended with exit code -9" in demo.output
+    assert "master CPU" not in demo.output
+
+
+def slave_of(demo: Program) -> int:
+    pid = demo.process.pid
+    children = Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
+    (slave,) = (child for child in children if b"\0slave\0" in Path(f"/proc/{child}/cmdline").read_bytes())
+    return int(slave)

@@ -1,0 +1,170 @@
+"""Outcomes as a person meets them: what every command that flies says and returns when something went wrong."""
+
+import csv
+from pathlib import Path
+
+import pytest
+
+from hil.client.health_watch import Status
+from hil.commands.campaign import command as campaign
+from hil.commands.top.command import table as top_table
+from hil.commands.top.prometheus import exposition
+from hil.common.errors import ConfigError
+from hil.common.progress_line import ProgressLine
+from sim.run_events import RunEvent
+from tests.support.diagnostics import reported
+from tests.support.processes import Program, write_scenario
+
+HIT = RunEvent("collision", 9_300_000_000, 10_200_000_000, (6.4, 5.7, 2.0), "the pile at (6.5, 7.5)")
+
+
+@pytest.fixture
+def into_wall(tmp_path: Path) -> Path:
+    """A mission straight ahead into the pool's wall, by a planner that does not look at the map."""
+    path, _ = write_scenario(tmp_path)
+    (tmp_path / "blind.py").write_text(
+        "from hil.autonomy.control.controller import VelocityCommand\n"
+        "from hil.master.planner import Done, Planner\n\n\n"
+        "class Blind(Planner):\n"
+        "    def command(self, time, samples):\n"
+        "        return Done('there') if time > 12.0 else VelocityCommand(surge=0.8, heading=0.0, depth=2.0)\n"
+    )
+    path.write_text(path.read_text() + '[planner]\nclass = "blind:Blind"\n')
+    return path
+
+
+def test_sim_says_it_and_returns_6(into_wall: Path, tmp_path: Path) -> None:
+    where = {"PYTHONPATH": str(tmp_path)}
+    with Program(tmp_path, "sim", into_wall, "--fast", environment=where) as sim:
+        assert sim.wait() == 6, sim.output
+    assert "there, but collision with the north wall after 12." in sim.output
+    assert "EVENT: collision with the north wall " in sim.output
+    assert "name 'collision' in [master] allow" in sim.output
+    text = into_wall.read_text()
+    into_wall.write_text(text.replace('"link_lost"', '"collision"'))
+    with Program(tmp_path, "sim", into_wall, "--fast", environment=where) as sim:
+        assert sim.wait() == 0, sim.output
+    assert "expected: collision with the north wall" in sim.output
+
+
+def test_a_kind_that_is_none_is_named(into_wall: Path, tmp_path: Path) -> None:
+    into_wall.write_text(into_wall.read_text().replace('"link_lost"', '"colision"'))
+    with Program(tmp_path, "sim", into_wall, "--fast") as sim:
+        assert sim.wait() == 2
+    assert "allow[0]: 'colision' is not one of collision, capsize" in sim.output
+
+
+def test_a_campaign_counts_it(
+    into_wall: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.syspath_prepend(str(tmp_path))
+    output = tmp_path / "runs.csv"
+    assert campaign.main([str(into_wall), "--seeds", "1", "--jobs", "1", "-o", str(output)]) == 6
+    with output.open() as file:
+        (row,) = csv.DictReader(file)
+    assert (row["success"], row["reached"], row["collision"], row["capsize"]) == ("False", "True", "1", "0")
+    assert "collision with the north wall" in row["events"]
+    out = capsys.readouterr().out.splitlines()
+    assert "collision" in out[0]
+    assert "0/1" in out[1]
+    assert out[-1] == "no success: there, but collision with the north wall"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["sim", "paper_field", "--fast", "--plot", "FOLDER/x.png/y.png"], "cannot be written"),
+        (["sim", "paper_field", "--fast", "--log", "FOLDER"], "cannot be written"),
+        (["sim", "paper_field", "--fast", "--plot", "FOLDER/x.jjj"], "pictures end in"),
+        (["campaign", "paper_field", "-o", "FOLDER"], "cannot be written"),
+        (["tune", "paper_six", "-o", "FOLDER/x.png/y.toml"], "cannot be written"),
+        (["tune", "paper_six", "--plot", "FOLDER/x.jjj"], "pictures end in"),
+        (["case", "path_planning", "--out", "FOLDER/x.png"], "cannot be made"),
+        (["master", "paper_field", "--connect", "tcp/127.0.0.1:1", "--run-dir", "FOLDER/x.png"], "cannot be made"),
+        (["demo", "paper_field", "--listen", "tcp/127.0.0.1:PORT", "--run-dir", "FOLDER/x.png"], "cannot be made"),
+    ],
+)
+def test_where_results_go_is_looked_at_before_the_flight(arguments: list[str], words: str, tmp_path: Path) -> None:
+    """The picture is a file, so nothing can be in it."""
+    from importlib import import_module
+
+    from hil.cli import COMMANDS
+    from hil.common.ports import free_ports
+
+    (tmp_path / "x.png").write_text("")
+    name, *rest = [a.replace("FOLDER", str(tmp_path)).replace("PORT", str(free_ports(1)[0])) for a in arguments]
+    with pytest.raises(ConfigError, match=words):
+        import_module(COMMANDS[name][0]).main(rest)
+
+
+def status(**figures: object) -> Status:
+    return Status("uuv1", 0, "running", reported(**figures), {}, 0, True)
+
+
+def test_top_shows_it() -> None:
+    lines = top_table([status(run_events=3, run_event_list=(HIT,))], [], colour=True).splitlines()
+    (line,) = [line for line in lines if "events of the run" in line]
+    assert "3, last collision with the pile at (6.5, 7.5)" in line
+    assert line.startswith("\x1b[31m"), "in red"
+    assert "uuv_hil_run_events_total" in exposition([status(run_events=3)])
+
+
+class Stream:
+    """A terminal, or none, that keeps what was written."""
+
+    def __init__(self, terminal: bool) -> None:
+        self.terminal, self.text = terminal, ""
+
+    def isatty(self) -> bool:
+        return self.terminal
+
+    def write(self, text: str) -> None:
+        self.text += text
+
+    def flush(self) -> None:
+        pass
+
+
+@pytest.mark.parametrize(("terminal", "shown"), [(True, 100), (False, 2)])
+def test_long_work_shows_how_far_it_is(terminal: bool, shown: int) -> None:
+    """25 s of it: four times a second on a terminal, every ten seconds elsewhere."""
+    now, stream = 0.0, Stream(terminal)
+    line = ProgressLine(stream, lambda: now)  # type: ignore[arg-type]  # a stand-in
+    for number in range(100):
+        line.show(f"run {number}")
+        now += 0.25
+    assert stream.text.count("run ") == shown
+    assert ("\r" in stream.text) == terminal
+    line.clear()
+    ProgressLine(stream, lambda: now, at_once=True).show("first")  # type: ignore[arg-type]
+    assert stream.text.rstrip("\n").endswith("first")
+
+
+@pytest.mark.parametrize(
+    ("top", "words"),
+    [
+        ('controller = "external"', 'left to software of its own (controller = "external" in its scenario)'),
+    ],
+)
+def test_the_master_refuses_a_vehicle_that_obeys_nobody(top: str, words: str, tmp_path: Path) -> None:
+    """It flew to its time limit."""
+    scenario, port = write_scenario(tmp_path, top=top)
+    arguments = "master", scenario, "--connect", f"tcp/127.0.0.1:{port}", "--run-dir", tmp_path / "run"
+    with Program(tmp_path, "slave", scenario) as slave:
+        slave.expect("ready")
+        with Program(tmp_path, *arguments) as master:
+            assert master.wait() == 4, master.output
+    assert words in master.output
+    assert "time limit" not in master.output
+
+
+def test_the_master_refuses_a_disarmed_vehicle(tmp_path: Path) -> None:
+    scenario, port = write_scenario(tmp_path)
+    endpoint = f"tcp/127.0.0.1:{port}"
+    with Program(tmp_path, "slave", scenario) as slave:
+        slave.expect("ready")
+        with Program(tmp_path, "topic", "call", "--connect", endpoint, "/uuv1/arm", "{data: false}") as call:
+            assert call.wait() == 0, call.output
+        with Program(tmp_path, "master", scenario, "--connect", endpoint, "--run-dir", tmp_path / "run") as master:
+            assert master.wait() == 4, master.output
+    assert "uuv1 is disarmed: uuv-hil topic call /uuv1/arm" in master.output

@@ -1,0 +1,463 @@
+"""record, replay, plot and foxglove as a user runs them, with a real slave."""
+
+import json
+import os
+import resource
+import signal
+import struct
+import sys
+import threading
+import time
+from collections import Counter, defaultdict
+from contextlib import suppress
+from pathlib import Path
+
+import pytest
+from rosbags.highlevel import AnyReader
+from websockets.sync.client import connect
+from websockets.typing import Subprotocol
+
+from hil.autonomy.control.controller import VelocityCommand
+from hil.client.client import VehicleClient
+from hil.common.errors import HilError
+from hil.network.session import listen
+from hil.plots.run_data import collect
+from hil.recording.mcap_file import Message
+from hil.recording.player import Player
+from hil.recording.reader import read_about, read_messages
+from hil.recording.recorder import Recorder
+from hil.ros import encoders as ros
+from hil.ros.topics import TOPICS
+from hil.scenario.records import Recording
+from tests.support.processes import ROOT, Program, free_port, run_here, wait_for, write_scenario
+
+RECORDING = '[recording]\nslave = true\nmaster = true\nfolder = "{folder}"\nkeep_free = 0\n'
+FORCE = """
+class Force:
+    def begin(self, time_ns): pass
+    def wrench(self, position, rotation, nu_r): return [0.0] * 6
+"""
+SENSORS = {"imu", "dvl", "dvl_twist", "altitude", "pressure", "odom", "ground_truth"}
+
+
+def command_for(endpoint: str, seconds: float) -> int:
+    """Fly a curve, for so long and with thirty commands at least; how many they are."""
+    with VehicleClient(endpoint, "uuv1") as client:
+        assert client.wait_for_vehicle(60)
+        end, count = time.monotonic() + seconds, 0
+        while time.monotonic() < end or count < 30:
+            client.command(VelocityCommand(surge=0.5, heave=0.1, yaw_rate=0.3))
+            count += 1
+            time.sleep(0.05)
+    return count + 1
+
+
+def own_recording(folder: Path) -> Path:
+    (made,) = folder.iterdir()
+    return made
+
+
+def recorded_slave(tmp_path: Path, top: str = "") -> tuple[Path, str]:
+    scenario, port = write_scenario(tmp_path, top=top)
+    with scenario.open("a") as file:
+        file.write(RECORDING.format(folder=tmp_path / "recordings"))
+    return scenario, f"tcp/127.0.0.1:{port}"
+
+
+@pytest.fixture(scope="module")
+def dive(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path, str]:
+    """A short dive: the slave's own recording, that of `uuv-hil record`, and what the latter said."""
+    folder = tmp_path_factory.mktemp("dive")
+    scenario, endpoint = recorded_slave(folder, "seed = 5")
+    heard = folder / "heard"
+    with Program(folder, "record", scenario, "-o", heard) as record:
+        record.expect("recording tcp")
+        with Program(folder, "slave", scenario) as slave:
+            slave.expect("recording into .*uuv1-")
+            command_for(endpoint, 2.2)
+            assert slave.stop(signal.SIGTERM) == 0
+        time.sleep(0.3)
+        assert record.stop(signal.SIGINT) == 0, record.output
+    return own_recording(folder / "recordings"), heard, record.output
+
+
+def test_both_recordings_hold_the_same_and_all_of_it(dive: tuple[Path, Path, str]) -> None:
+    _, heard, said = dive
+    assert "none lost" in said
+    ours, theirs = (
+        {(message.topic, message.sequence): message.data for message in read_messages(str(path))} for path in dive[:2]
+    )
+    topics = Counter(topic for topic, _ in ours)
+    assert {f"/uuv1/{name}" for name in SENSORS} <= set(topics)
+    assert topics["/uuv1/cmd_vel"] > 25
+    assert topics["/uuv1/pulses"] > 40
+    shared = set(ours) & set(theirs)
+    assert all(ours[key] == theirs[key] for key in shared)
+    numbers = [number for topic, number in theirs if topic == "/uuv1/imu"]
+    assert numbers == list(range(numbers[0], numbers[-1] + 1))
+    assert len(numbers) > 150
+    with AnyReader([heard]) as reader:
+        for connection, _, raw in reader.messages():
+            reader.deserialize(raw, connection.msgtype)
+        assert reader.message_count == len(theirs)
+
+
+def test_every_command_is_recorded_on_its_topic(tmp_path: Path) -> None:
+    scenario, port = write_scenario(tmp_path)
+    heard = tmp_path / "heard"
+    sent: dict[str, list[tuple[int, bytes]]] = defaultdict(list)
+
+    class Client(VehicleClient):
+        def send(self, topic: str, payload: bytes) -> int:
+            sequence = super().send(topic, payload)
+            sent[f"/uuv1/{topic}"].append((sequence, payload))
+            return sequence
+
+    with Program(tmp_path, "slave", scenario) as slave, Program(tmp_path, "record", scenario, "-o", heard) as record:
+        slave.expect("ready")
+        record.expect("recording tcp")
+        with Client(f"tcp/127.0.0.1:{port}", "uuv1") as client:
+            assert client.wait_for_vehicle(60)
+            for number in range(60):
+                depth, heading = 2.0 + number / 100, number / 60 if number % 2 else None
+                client.command(VelocityCommand(surge=0.1, depth=depth, heading=heading))
+                time.sleep(0.03)
+        time.sleep(0.3)
+        assert record.stop(signal.SIGINT) == 0, record.output
+    found: dict[str, list[tuple[int, bytes]]] = defaultdict(list)
+    for message in read_messages(str(heard)):
+        if message.topic.startswith("/uuv1/cmd_"):
+            found[message.topic].append((message.sequence, message.data))
+    assert set(found) == set(sent) == {"/uuv1/cmd_depth", "/uuv1/cmd_heading", "/uuv1/cmd_vel"}
+    for topic, messages in sent.items():
+        assert set(found[topic]) <= set(messages), topic
+        assert len(found[topic]) > 0.5 * len(messages), "but for those before the recorder had come, and a busy moment"
+
+
+def test_a_recording_says_of_what_it_is(dive: tuple[Path, Path, str]) -> None:
+    facts = read_about(str(dive[0])).facts
+    assert facts["seed"] == "5"
+    assert facts["recorded_by"] == "slave"
+    assert facts["board"]
+    assert facts["uuv_hil_version"]
+    assert "scenario.toml" in read_about(str(dive[1])).attachments
+
+
+def test_a_run_repeats_to_the_bit(tmp_path: Path, dive: tuple[Path, Path, str]) -> None:
+    with Program(tmp_path, "replay", dive[0], "--check") as check:
+        assert check.wait() == 0, check.output
+    assert "the same bit for bit" in check.output
+    with Program(tmp_path, "replay", dive[1], "--check") as check:
+        assert check.wait() == 2
+    assert "slave's own recording" in check.output
+
+
+def rewritten(path: Path, folder: Path, change: dict[str, str], keep: range, flip: int = 0) -> Path:
+    """A recording like that at `path`, with other facts, or a pulse changed, or some of its messages only."""
+    about, pulses = read_about(str(path)), 0
+    with Recorder(str(folder), Recording(keep_free=0.0), about.facts | change, about.attachments) as recorder:
+        for number, message in enumerate(read_messages(str(path))):
+            if message.topic.endswith("/pulses"):
+                pulses += 1
+                if pulses == flip:
+                    step, first, *others = ros.decode_int64_array(message.data) or ()
+                    message = message._replace(data=ros.encode_int64_array([step, first + 1, *others]))
+            if number in keep:
+                recorder.put(message)
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("change", "keep", "flip", "code", "words"),
+    [
+        ({"seed": "6"}, range(10**6), 0, 6, ["does something else", "recorded ", "repeated "]),
+        ({}, range(10**6), 20, 6, ["does something else", "/uuv1/"]),
+        ({}, range(100, 10**6), 0, 2, ["its beginning is missing", "total_size"]),
+        ({}, range(10**6), 0, 0, ["the same bit for bit"]),
+        ({"step_ns": "2500000"}, range(3), 0, 2, ["nothing to compare"]),
+    ],
+)
+def test_the_check_says_what_is_wrong(
+    tmp_path: Path,
+    dive: tuple[Path, Path, str],
+    change: dict[str, str],
+    keep: range,
+    flip: int,
+    code: int,
+    words: list[str],
+) -> None:
+    path = rewritten(dive[0], tmp_path / "changed", change, keep, flip)
+    found, output = run_here("replay", str(path), "--check")
+    assert found == code, output
+    assert all(word in output for word in words), output
+
+
+def test_no_command_runs_what_a_recording_names(
+    tmp_path: Path, dive: tuple[Path, Path, str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    about, trace = read_about(str(dive[0])), tmp_path / "trace"
+    (tmp_path / "strange.py").write_text(f"open({str(trace)!r}, 'w').close()\n{FORCE}")
+    files = about.attachments | {
+        "scenario.toml": about.attachments["scenario.toml"] + '[[force]]\nclass = "strange:Force"\n'
+    }
+    with Recorder(str(tmp_path / "bag"), Recording(keep_free=0.0), about.facts, files) as recorder:
+        for message in read_messages(str(dive[0])):
+            recorder.put(message)
+    environment = {"PYTHONPATH": str(tmp_path)}
+    monkeypatch.syspath_prepend(str(tmp_path))
+    ways = (["plot"], ["replay", "--check"], ["replay", "--connect", f"tcp/127.0.0.1:{free_port()}"])
+    for command, *options in ways:
+        code, output = run_here(command, str(tmp_path / "bag"), *options)
+        assert code == 2, output
+        assert "force[0]: class 'strange:Force' is not loaded" in output
+        assert "give --own-classes, only if you trust where this recording comes from" in output
+        assert not trace.exists()
+    assert "strange" not in sys.modules
+    environment = {"PYTHONPATH": str(tmp_path)}
+    for command, *options in ways[:2]:
+        with Program(
+            tmp_path, command, tmp_path / "bag", *options, "--own-classes", environment=environment
+        ) as program:
+            assert program.wait() == 0, program.output
+        assert trace.exists()
+        trace.unlink()
+
+
+def test_played_to_the_network_it_is_the_vehicle(tmp_path: Path, dive: tuple[Path, Path, str]) -> None:
+    endpoint, again = f"tcp/127.0.0.1:{free_port()}", tmp_path / "again"
+    with Program(tmp_path, "record", "--connect", endpoint, "-o", again) as record:
+        record.expect("recording")
+        began = time.monotonic()
+        with Program(tmp_path, "replay", dive[1], "--listen", endpoint, "--speed", "4", "--wait", "60") as replay:
+            assert replay.wait() == 0, replay.output
+        took = time.monotonic() - began
+        assert record.stop(signal.SIGINT) == 0
+    assert "none lost" in record.output
+    then, now = (sorted((m.topic, m.type, m.data) for m in read_messages(str(path))) for path in (dive[1], again))
+    assert now == then
+    played = [message.logged_ns for message in read_messages(str(dive[1]))]
+    assert took > 0.9 * (max(played) - min(played)) / 4e9
+
+
+def test_it_is_played_whole_to_who_is_slow(tmp_path: Path) -> None:
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    with Program(tmp_path, "record", "--connect", endpoint, "-o", tmp_path / "heard") as record:
+        with listen(endpoint) as session:
+            assert wait_for(session.watch_keys("0/uuv1/trace/**"))
+            player = Player(session)
+            record.process.send_signal(signal.SIGSTOP)
+            wakes = threading.Timer(0.4, record.process.send_signal, [signal.SIGCONT])  # before it counts as lost
+            wakes.start()
+            for number in range(1000):  # much more than the sockets hold
+                player.send(Message("/uuv1/trace", TOPICS["trace"].type, number, 0, 0, bytes(20_000)))
+            wakes.join()
+
+            def are_all_there() -> bool:
+                with suppress(HilError, OSError):  # of a recording that is under way
+                    return sum(1 for _ in read_messages(str(tmp_path / "heard"))) == 1000
+                return False
+
+            assert wait_for(are_all_there)
+        assert record.stop(signal.SIGINT) == 0
+    assert "1000 messages recorded, none lost" in record.output
+
+
+def test_its_commands_to_a_fresh_slave(tmp_path: Path, dive: tuple[Path, Path, str]) -> None:
+    scenario, port = write_scenario(tmp_path, top="seed = 5")
+    endpoint = f"tcp/127.0.0.1:{port}"
+    with Program(tmp_path, "slave", scenario) as slave:
+        slave.expect("ready")
+        with Program(tmp_path, "replay", dive[0], "--connect", endpoint) as replay:
+            assert replay.wait() == 0, replay.output
+    found = replay.expect(r"(\d+) commands of .* at most ([\d.]+) m")
+    assert int(found[1]) > 25
+    assert float(found[2]) < 0.5
+
+
+def test_the_figures(tmp_path: Path, dive: tuple[Path, Path, str]) -> None:
+    with Program(tmp_path, "plot", dive[0], "-o", tmp_path / "figures") as plot:
+        assert plot.wait() == 0, plot.output
+    names = {"trajectory.png", "depth.png", "commands.png", "thrusters.png", "delays.png"}
+    assert set(os.listdir(tmp_path / "figures")) == names
+    for name in names:
+        picture = (tmp_path / "figures" / name).read_bytes()
+        assert picture.startswith(b"\x89PNG")
+        assert len(picture) > 15_000, "there is something drawn"
+
+
+def test_what_the_figures_show(dive: tuple[Path, Path, str]) -> None:
+    (own,), (heard,) = (collect(read_messages(str(path)), str(path)).values() for path in dive[:2])
+    for data in (own, heard):
+        assert [row[1:] for row in data.commands[1:-1]] == [(0.5, 0.0, 0.1, 0.3)] * (len(data.commands) - 2)
+        assert len(data.delays) == len(data.traced) > 25
+        assert 0 < min(data.delays.totals_ns()) < 1e9
+        north, east, depth, _, surge = data.true[-10][1:6]
+        assert surge == pytest.approx(0.5, abs=0.15)
+        assert (north - 4) ** 2 + (east - 4) ** 2 > 0.2
+        assert depth > 2.05
+        assert {len(row) for row in data.pulses} == {7}
+    assert len(own.pulses) > 5 * len(heard.pulses), "the slave's own have every change"
+    assert heard.true[0][1:] in [row[1:] for row in own.true], "a recorder may come after the first"
+
+
+def test_a_kill_of_the_command_leaves_a_bag(tmp_path: Path) -> None:
+    scenario, endpoint = recorded_slave(tmp_path)
+    with Program(tmp_path, "record", scenario, "-o", tmp_path / "heard") as record:
+        record.expect("recording")
+        with Program(tmp_path, "slave", scenario) as slave:
+            command_for(endpoint, 1.8)
+            for program in (record, slave):
+                program.process.kill()
+                program.wait()
+    for path in (tmp_path / "heard", own_recording(tmp_path / "recordings")):
+        numbers = [message.sequence for message in read_messages(str(path)) if message.topic == "/uuv1/imu"]
+        assert numbers == list(range(numbers[0], numbers[-1] + 1))
+        assert len(numbers) > 70
+        with AnyReader([path]) as reader:
+            assert sum(connection.topic == "/uuv1/imu" for connection, _, _ in reader.messages()) == len(numbers)
+    with Program(tmp_path, "replay", own_recording(tmp_path / "recordings"), "--check") as check:
+        assert check.wait() == 0, check.output
+
+
+def test_a_vehicle_goes_on_when_its_disk_is_full(tmp_path: Path) -> None:
+    scenario, endpoint = recorded_slave(tmp_path)
+    with Program(tmp_path, "slave", scenario) as slave:
+        slave.expect("ready")
+        limit = 40_000
+        resource.prlimit(slave.process.pid, resource.RLIMIT_FSIZE, (limit, limit))
+        with VehicleClient(endpoint, "uuv1") as client:
+            assert client.wait_for_vehicle(60)
+
+            def command() -> bool:
+                client.command(VelocityCommand(surge=0.5, yaw_rate=0.2))
+                time.sleep(0.05)
+                return "recording into" in slave.output and "ended: File too large" in slave.output
+
+            assert wait_for(command), slave.output
+            steps = client.received["imu"]
+            assert wait_for(lambda: command() and client.received["imu"] > steps + 50)
+            assert client.get("ground_truth").nu[0] == pytest.approx(0.5, abs=0.15)
+        assert slave.stop(signal.SIGTERM) == 0
+    assert "thrusters neutral" in slave.output
+    assert "Traceback" not in slave.output
+    with Program(tmp_path, "replay", own_recording(tmp_path / "recordings"), "--check") as check:
+        assert check.wait() == 0, check.output
+
+
+def test_the_master_records_its_flight(tmp_path: Path) -> None:
+    scenario, endpoint = recorded_slave(tmp_path)
+    scenario.write_text(scenario.read_text().replace("goal = [8, 7]", "goal = [5.5, 5]"))
+    folder = tmp_path / "run"
+    with Program(tmp_path, "slave", scenario) as slave:
+        slave.expect("ready")
+        with Program(tmp_path, "master", scenario, "--connect", endpoint, "--run-dir", folder) as master:
+            assert master.wait() == 0, master.output
+    found = list(read_messages(str(folder / "recording")))
+    counts = Counter(message.topic for message in found)
+    rows = len((folder / "track.csv").read_text().splitlines()) - 1
+    assert abs(counts["/uuv1/cmd_vel"] - rows) <= 2
+    assert counts["/uuv1/imu"] > 4 * counts["/uuv1/odom"] > 100
+    assert counts["/uuv1/trace"] > 0.9 * counts["/uuv1/cmd_vel"]
+    assert read_about(str(folder / "recording")).facts["recorded_by"] == "master"
+    assert all(message.logged_ns - message.published_ns < 60e9 for message in found), "of one clock"
+
+
+def test_foxglove_gets_the_messages_as_they_are(tmp_path: Path) -> None:
+    scenario, endpoint = recorded_slave(tmp_path)
+    port = free_port()
+    with Program(tmp_path, "slave", scenario) as slave, Program(tmp_path, "foxglove", scenario, "--port", port) as live:
+        slave.expect("ready")
+        live.expect(f"ws://127.0.0.1:{port}")
+        channels: dict[int, dict[str, str]] = {}
+        heard: dict[str, bytes] = {}
+        with connect(f"ws://127.0.0.1:{port}", subprotocols=[Subprotocol("foxglove.sdk.v1")]) as socket:
+            end = time.monotonic() + 60
+            while time.monotonic() < end and not {"/uuv1/imu", "/uuv1/ground_truth"} <= set(heard):
+                told = socket.recv(60)
+                if isinstance(told, bytes) and told[0] == 1:
+                    heard[channels[struct.unpack_from("<I", told, 1)[0]]["topic"]] = told[13:]
+                elif isinstance(told, str) and json.loads(told)["op"] == "advertise":
+                    for channel in json.loads(told)["channels"]:
+                        channels[channel["id"]] = channel
+                        wanted = {"id": channel["id"], "channelId": channel["id"]}
+                        socket.send(json.dumps({"op": "subscribe", "subscriptions": [wanted]}))
+        assert ros.decode_odometry(heard["/uuv1/ground_truth"])
+        imu = next(channel for channel in channels.values() if channel["topic"] == "/uuv1/imu")
+        assert (imu["encoding"], imu["schemaName"], imu["schemaEncoding"]) == ("cdr", "sensor_msgs/msg/Imu", "ros2msg")
+        assert "geometry_msgs/Quaternion orientation" in imu["schema"]
+        with Program(tmp_path, "foxglove", "--connect", endpoint, "--port", port) as second:
+            assert second.wait() == 4
+        assert "--port" in second.output
+        assert live.stop(signal.SIGINT) == 0, live.output
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "word"),
+    [
+        (["record"], 2, "--connect"),
+        (["record", "--connect", "7447"], 2, "tcp/HOST:PORT"),
+        (["record", "--help"], 0, "examples"),
+        (["replay", "nothing.mcap"], 2, "nothing.mcap: no such file"),
+        (["replay", "hil"], 2, "no .mcap file"),
+        (["replay", "README.md", "--check"], 2, "not an MCAP file"),
+        (["replay", "README.md", "--speed", "-1"], 2, "--speed"),
+        (["replay", "--help"], 0, "bit for bit"),
+        (["plot", "README.md"], 2, "not an MCAP file"),
+        (["plot", "--help"], 0, "examples"),
+        (["foxglove"], 2, "--connect"),
+        (["foxglove", "--help"], 0, "examples"),
+    ],
+)
+def test_the_command_lines(
+    tmp_path: Path, arguments: list[str], code: int, word: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(ROOT)
+    if arguments == ["record", "--connect", "7447"]:
+        arguments = [*arguments, "-o", str(tmp_path / "heard")]
+    found, output = run_here(*arguments)
+    assert found == code, output
+    assert word in output
+
+
+def test_a_recorder_that_refuses_is_one_line(tmp_path: Path) -> None:
+    (tmp_path / "there.mcap").write_text("")
+    with listen(endpoint := f"tcp/127.0.0.1:{free_port()}"):
+        for _ in range(4):  # who had dialled already aborted in one case of two
+            with Program(tmp_path, "record", "--connect", endpoint, "-o", tmp_path) as record:
+                assert record.wait() == 2, record.output
+            (line,) = record.output.strip().splitlines()
+            assert "there is a recording in it already" in line
+
+
+def test_ctrl_c_while_nobody_is_there(tmp_path: Path) -> None:
+    endpoint, port = f"tcp/127.0.0.1:{free_port()}", free_port()
+    for _ in range(3):
+        with Program(tmp_path, "foxglove", "--connect", endpoint, "--port", port) as live:
+            live.expect("ws://")
+            assert live.stop(signal.SIGINT) == 0, live.output
+        assert len(live.output.strip().splitlines()) == 2, "where it is, and for whom it waits"
+
+
+def test_a_recording_of_nobody_is_an_error(tmp_path: Path) -> None:
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    with Program(tmp_path, "record", "--connect", endpoint, "-o", tmp_path / "heard", "--seconds", "6") as record:
+        record.expect(f"still nobody at {endpoint}; waiting")
+        assert record.wait() == 4, record.output
+    assert f"nothing was recorded: nobody answered at {endpoint}" in record.output
+    assert "none lost" not in record.output
+
+
+def test_a_recording_of_nothing_is_an_error(tmp_path: Path) -> None:
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    what = ["--connect", endpoint, "-o", tmp_path / "heard", "--seconds", "2"]
+    with listen(endpoint), Program(tmp_path, "record", *what) as record:
+        assert record.wait() == 4, record.output
+    assert f"who answers at {endpoint} said nothing" in record.output
+
+
+def test_a_recording_without_a_vehicle_cannot_be_drawn(tmp_path: Path) -> None:
+    with Recorder(str(tmp_path / "bag"), Recording(keep_free=0.0), {}) as recorder:
+        recorder.put(Message("/chat", "std_msgs/msg/String", 1, 1, 1, b"\0\1\0\0\2\0\0\0a\0"))
+    with Program(tmp_path, "plot", tmp_path / "bag") as plot:
+        assert plot.wait() == 2
+    assert "no vehicle in it" in plot.output

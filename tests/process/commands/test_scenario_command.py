@@ -1,0 +1,110 @@
+"""`uuv-hil scenario`, and the other ways to name the command."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from hil.cli import main
+from hil.common.schema import preset_names
+from hil.scenario.config import SCENARIOS, load_scenario
+
+
+def run(capsys: pytest.CaptureFixture[str], *words: str) -> tuple[int, str, str]:
+    code = main(list(words))
+    output = capsys.readouterr()
+    return code, output.out, output.err
+
+
+def test_the_installed_scenarios_are_listed_and_none_has_a_problem(capsys: pytest.CaptureFixture[str]) -> None:
+    code, output, _ = run(capsys, "scenario", "list", "--json")
+    assert code == 0
+    listed = json.loads(output)
+    assert [row["name"] for row in listed] == preset_names(SCENARIOS)
+    assert {row["name"]: row["vehicles"] for row in listed}["target_hunting"] == 4
+    for row in listed:
+        assert run(capsys, "scenario", "check", row["name"], "--json") == (0, "[]\n", "")
+
+
+def test_a_copy_is_the_same_scenario_and_replaces_no_file(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    path = tmp_path / "mine.toml"
+    assert run(capsys, "scenario", "new", str(path), "--copy", "task_scheduling")[0] == 0
+    mine, theirs = load_scenario(str(path)), load_scenario("task_scheduling")
+    assert mine._replace(path="", link=theirs.link) == theirs._replace(path="")
+    assert "#" in path.read_text(), "with its comments"
+    assert run(capsys, "scenario", "show", str(path))[1] == path.read_text()
+    code, _, error = run(capsys, "scenario", "new", str(path))
+    assert (code, "is there already" in error) == (2, True)
+    assert run(capsys, "scenario", "new", str(tmp_path / "mine"))[0] == 2
+    code, _, error = run(capsys, "scenario", "new", str(tmp_path / "b.toml"), "--copy", "nope")
+    assert (code, "paper_field" in error) == (2, True)
+
+
+@pytest.mark.parametrize(
+    ("change", "level", "words"),
+    [
+        ("link.baud=1200", "problem", "use at least"),
+        ("master.goal=[45, 45]", "problem", "inside an obstacle"),
+        ("master.goal=[5000, 5000]", "problem", "outside the map"),
+        ("start.depth=500", "problem", "cannot start at"),
+        ("master.depth=500", "problem", "seabed"),
+        ("master.speed=2.5", "warning", "reaches 2.21 m/s"),
+        ("vehicle=bluerov2_li2020", "warning", "loses its attitude above 0.7 m/s"),
+    ],
+)
+def test_what_a_flight_would_run_into_is_found(
+    capsys: pytest.CaptureFixture[str], change: str, level: str, words: str
+) -> None:
+    code, output, _ = run(
+        capsys, "scenario", "check", "paper_field", "--set", "link.port=/dev/ttyUSB0", "--set", change
+    )
+    assert code == (2 if level == "problem" else 0)
+    assert output.startswith(f"{level}: ")
+    assert words in output
+
+
+@pytest.mark.parametrize(
+    ("change", "words"), [("master.sped=1", "did you mean 'speed'"), ("master", "is not NAME=VALUE")]
+)
+def test_what_a_scenario_may_not_say_is_one_line(capsys: pytest.CaptureFixture[str], change: str, words: str) -> None:
+    code, _, error = run(capsys, "scenario", "check", "paper_field", "--set", change)
+    assert (code, error.count("\n")) == (2, 1)
+    assert words in error
+
+
+def test_a_scenario_is_changed_for_one_flight(capsys: pytest.CaptureFixture[str]) -> None:
+    """By the same option on every command that flies."""
+    code, _, error = run(capsys, "sim", "paper_field", "--fast", "--set", "master.goal=[45, 45]")
+    assert (code, "inside an obstacle" in error) == (6, True)
+    code, output, _ = run(capsys, "sim", "paper_field", "--fast", "--set", "master.goal=[3, 0]")
+    assert (code, "goal reached" in output) == (0, True)
+    for command in (("demo",), ("master", "--connect", "127.0.0.1"), ("slave",), ("agent",), ("doctor",)):
+        code, _, error = run(capsys, command[0], "paper_field", *command[1:], "--set", "master.sped=1")
+        assert (code, "did you mean 'speed'" in error) == (2, True), command
+
+
+def test_help_and_version_have_the_usual_names() -> None:
+    def output(*words: str) -> str:
+        return subprocess.run([sys.executable, "-m", "hil", *words], capture_output=True, text=True, check=True).stdout
+
+    assert output("-V") == output("--version")
+    assert output("help", "scenario") == output("scenario", "--help")
+    assert output("help") == output("--help") == output()
+
+
+def test_sim_and_campaign_speak_json(capsys: pytest.CaptureFixture[str]) -> None:
+    goal = ("--set", "master.goal=[3, 0]")
+    code, output, _ = run(capsys, "sim", "paper_field", "--fast", *goal, "--json")
+    outcome = json.loads(output)
+    assert (code, outcome["success"], outcome["reason"]) == (0, True, "goal reached")
+    assert outcome["duration"] > outcome["took_s"]
+    command = ("campaign", "paper_field", "--seeds", "2", "--vary", "master.goal=[3]", "--json")
+    assert run(capsys, *command)[0] == 2
+    code, output, _ = run(capsys, "campaign", "paper_field", "--seeds", "2", "--vary", "master.time_limit=1", "--json")
+    rows = json.loads(output)
+    assert code == 6
+    assert [(row["seed"], row["success"], row["reason"]) for row in rows] == [
+        (seed, False, "time limit") for seed in (1, 2)
+    ]

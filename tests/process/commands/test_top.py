@@ -1,0 +1,249 @@
+"""`uuv-hil top` beside real slaves: the table, the pace of counters, Prometheus, and who is gone."""
+
+import re
+import signal
+import urllib.error
+import urllib.request
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from boards import Board, load_board
+from boards.tree import Tree
+from hil.cli import main
+from hil.client.client import VehicleClient
+from hil.client.health_watch import PACED, HealthWatch, Status
+from hil.commands.top.command import fitting, table
+from hil.commands.top.prometheus import Endpoint, exposition
+from hil.common.clock import now_ns
+from hil.network.roles import open_master_session
+from hil.ros.diagnostics import Diagnostics
+from hil.slave.machine_figures import add_machine_figures, network_bytes
+from tests.support.busy import retried_when_busy
+from tests.support.diagnostics import reported
+from tests.support.processes import Program, free_port, wait_for, write_scenario
+
+
+@pytest.fixture(scope="module")
+def slave(tmp_path_factory: pytest.TempPathFactory) -> Iterator[int]:
+    folder = tmp_path_factory.mktemp("top")
+    path, port = write_scenario(folder)
+    with Program(folder, "slave", path) as program:
+        program.expect("ready")
+        yield port
+
+
+def row(text: str, name: str) -> str:
+    return next(line for line in text.splitlines() if line.startswith(name))[len(name) :].strip()
+
+
+def test_one_table_of_a_real_slave(slave: int, tmp_path: Path) -> None:
+    text = once(tmp_path, slave)
+    assert row(text, "loop (Hz)") == "400"
+    assert row(text, "state") == "waiting for commands, thrusters neutral"
+    assert 0.1 < float(row(text, "CPU (of a core)").rstrip("%")) < 100.0
+    assert 5.0 < float(row(text, "memory (PSS)").split()[0]) < 60.0
+    assert float(row(text, "messages sent (1/s)")) < 10.0, "nobody else listens"
+    assert row(text, "link").startswith("frame /dev/pts/")
+    assert len(row(text, "late p50 / p99 / max (us)").split("/")) == 3
+    assert len(row(text, "the same since its start").split("/")) == 3
+    assert "nobody at" not in text
+
+
+def once(folder: Path, port: int) -> str:
+    with Program(folder, "top", "--connect", f"tcp/127.0.0.1:{port}", "--once") as top:
+        assert top.process.wait(60) == 0, top.output
+    return top.output
+
+
+def test_slaves_behind_a_router(tmp_path: Path) -> None:
+    router = free_port()
+    with Program(tmp_path, "router", "--listen", f"tcp/127.0.0.1:{router}") as between:
+        between.expect("forwarding")
+        path, _ = write_scenario(tmp_path, f'[network]\nmode = "routed"\nrouter = "tcp/127.0.0.1:{router}"\n')
+        with Program(tmp_path, "slave", path) as vehicle:
+            vehicle.expect("ready")
+            assert row(once(tmp_path, router), "state") == "waiting for commands, thrusters neutral"
+
+
+@retried_when_busy("rates by the wall clock", attempts=5)
+def test_what_a_slave_sends_to_who_wants_all(slave: int, tmp_path: Path) -> None:
+    """IMU 100, DVL 8, its twist and altitude, pressure 20, odometry and truth 20: about 184 a second."""
+    with VehicleClient(f"tcp/127.0.0.1:{slave}", "uuv1", part="observer") as client:
+        assert wait_for(lambda: client.received["imu"] > 150)  # for longer than a second
+        assert 150.0 < float(row(once(tmp_path, slave), "messages sent (1/s)")) < 220.0
+
+
+def test_an_endpoint_that_nobody_answers_from_is_named(slave: int, tmp_path: Path) -> None:
+    there, absent = (f"tcp/127.0.0.1:{port}" for port in (slave, free_port()))
+    with Program(tmp_path, "top", "--connect", there, "--connect", absent, "--once") as top:
+        assert top.process.wait(60) == 0, top.output
+    assert f"nobody at {absent}: 127.0.0.1 is there but nothing listens on port" in top.output
+    assert f"nobody at {there}" not in top.output
+    with Program(tmp_path, "top", "--connect", there, "--connect", there, "--once") as top:
+        assert top.process.wait(60) == 0, top.output
+    assert "nobody at" not in top.output
+
+
+def test_two_slaves_of_one_name_are_told(slave: int, tmp_path: Path) -> None:
+    path, port = write_scenario(tmp_path)
+    with Program(tmp_path, "slave", path) as other:
+        other.expect("ready")
+        both = [word for one in (slave, port) for word in ("--connect", f"tcp/127.0.0.1:{one}")]
+        with Program(tmp_path, "top", *both, "--once") as top:
+            assert top.process.wait(60) == 0, top.output
+    assert "2 slaves are called uuv1, and their figures are mixed" in top.output
+
+
+def test_what_does_not_fit_the_window_is_told_and_remarks_stay() -> None:
+    lines = [*map(str, range(10)), "remark"]
+    assert fitting(lines, 11, 1) == lines
+    assert fitting(lines, 8, 1) == ["0", "1", "2", "3", "4", "5", "... 4 more lines in a higher window", "remark"]
+    assert len(fitting(lines, 1, 1)) == 1
+
+
+@pytest.mark.parametrize("seconds", ["nan", "inf", "-1"])
+def test_a_wait_that_is_none(seconds: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["top", "--wait", seconds, "--once"]) == 2
+    assert f"--wait: expected a number from 0 to 86400 s, found '{seconds}'" in capsys.readouterr().err
+
+
+def test_nobody_is_told(tmp_path: Path) -> None:
+    with Program(tmp_path, "top", "--connect", f"tcp/127.0.0.1:{free_port()}", "--once", "--wait", "0.5") as top:
+        assert top.process.wait(60) == 4, top.output
+    assert "is `uuv-hil slave` running there" in top.output
+    assert "nothing listens on port" in top.output
+    assert "Traceback" not in top.output
+
+
+def test_prometheus_at_an_address_of_version_six() -> None:
+    with open_master_session("tcp/127.0.0.1:1") as session, Endpoint(("::1", 0), HealthWatch(session)) as endpoint:
+        assert endpoint.address.startswith("http://[::1]:")
+        with urllib.request.urlopen(endpoint.address, timeout=60) as answer:
+            assert answer.status == 200
+
+
+@pytest.mark.parametrize("where", ["here", "127.0.0.1:99999"])
+def test_a_wrong_address_is_told(where: str, tmp_path: Path) -> None:
+    with Program(tmp_path, "top", "--prometheus", where) as top:
+        assert top.process.wait(60) != 0
+    assert "expected [HOST:]PORT" in top.output
+
+
+def test_prometheus_of_a_real_slave_and_when_it_is_gone(tmp_path: Path) -> None:
+    path, port = write_scenario(tmp_path)
+    with Program(tmp_path, "slave", path) as vehicle:
+        vehicle.expect("ready")
+        with Program(tmp_path, "top", "--connect", f"tcp/127.0.0.1:{port}", "--prometheus", "0") as top:
+            address = top.expect(r"serving (http://127.0.0.1:\d+/metrics)").group(1)
+
+            def page() -> str:
+                with urllib.request.urlopen(address, timeout=60) as answer:
+                    assert answer.headers["Content-Type"].startswith("text/plain; version=0.0.4")
+                    return str(answer.read().decode())
+
+            assert wait_for(lambda: "uuv_hil_cpu_share{" in page()), page()
+            text = page()
+            assert re.search(r'^uuv_hil_up\{node="uuv1",board="[^"]*"\} 1$', text, re.M)
+            assert re.search(r'^uuv_hil_loop_rate_hertz\{node="uuv1",board="[^"]*"\} 400$', text, re.M)
+            assert re.search(r"^uuv_hil_pss_bytes\{[^}]*\} [1-9]\d{7}", text, re.M), "some 20 MiB"
+            with pytest.raises(urllib.error.HTTPError, match="404"):
+                urllib.request.urlopen(address.replace("metrics", "other"), timeout=60)
+            vehicle.process.kill()
+            assert wait_for(lambda: re.search(r"^uuv_hil_up\{[^}]*\} 0$", page(), re.M)), page()
+            assert "uuv_hil_cpu_share{" not in page(), "figures of one that is gone would be lies"
+            assert top.stop(signal.SIGTERM) in (0, 130)
+    assert "Traceback" not in top.output
+
+
+def test_every_figure_of_the_table_is_told_by_a_slave(slave: int) -> None:
+    with open_master_session(f"tcp/127.0.0.1:{slave}") as session:
+        watch = HealthWatch(session)
+        assert wait_for(lambda: [status for status in watch.statuses() if status.paces])
+        (status,) = watch.statuses()
+    assert {figure.name for figure in PACED} == set(status.paces)
+    assert set(status.figures.raw) <= set(Diagnostics.FIGURES), "nothing that is not in the table"
+    missing = set(Diagnostics.FIGURES) - set(status.figures.raw)
+    unsaid = ("temperature_c", "throttled", "cpu_mhz", "labels", "memory_available_mib")  # what machines may not have
+    elsewhere = ("may_", "clock_", "imaging_")  # with certificates, with a master, with a camera
+    assert [name for name in missing if not name.startswith((*unsaid, *elsewhere))] == []
+    assert status.figures.link_wire == "pty"
+
+
+def told(**values: Any) -> Status:
+    return Status("uuv1", 0, "running", reported(**values), {}, now_ns(), True)
+
+
+def test_what_is_wrong_stands_out() -> None:
+    text = table([told(steps_skipped=3, throttled="the clock is capped")], ["uuv2"], colour=True)
+    assert "\x1b[33msteps skipped" in text
+    assert "\x1b[31mthrottled" in text
+    assert "silent: uuv2" in text
+    assert "\x1b" not in table([told(steps_skipped=3)], [])
+
+
+def test_metrics_are_in_base_units() -> None:
+    text = exposition([told(pss_mib=2, lateness_p99_us=250, temperature_c=61.5, board='a "b"')])
+    assert 'uuv_hil_pss_bytes{node="uuv1",board="a \\"b\\""} 2097152' in text
+    assert 'uuv_hil_loop_lateness_p99_seconds{node="uuv1",board="a \\"b\\""} 0.00025' in text
+    assert "# TYPE uuv_hil_temperature_celsius gauge" in text
+    assert 'uuv_hil_temperature_celsius{node="uuv1",board="a \\"b\\""} 61.5' in text
+
+
+def test_the_lateness_of_now_beside_that_since_the_start() -> None:
+    recent = {"lateness_recent_p50_us": 20, "lateness_recent_p99_us": 90, "lateness_recent_max_us": 150}
+    slave = told(lateness_p50_us=30, lateness_p99_us=29000, lateness_max_us=71000, **recent)
+    assert row(table([slave], []), "late p50 / p99 / max (us)") == "20 / 90 / 150"
+    assert row(table([slave], []), "the same since its start") == "30 / 29000 / 71000"
+    assert "late p50" not in table([told()], [])
+    text = exposition([slave])
+    assert 'uuv_hil_loop_lateness_recent_max_seconds{node="uuv1",board=""} 0.00015\n' in text
+    assert 'uuv_hil_loop_lateness_max_seconds{node="uuv1",board=""} 0.071\n' in text
+
+
+def test_figures_that_are_not_a_boards_say_so() -> None:
+    assert row(table([told(labels=("emulated: a test",))], []), "its figures are of") == "emulated: a test"
+    assert "its figures are of" not in table([told()], [])
+
+
+def test_who_cannot_tell_whether_it_is_throttled_does_not_say_no() -> None:
+    for value, number in (("no", "0"), ("the clock is capped", "1")):
+        assert f'uuv_hil_throttled{{node="uuv1",board=""}} {number}\n' in exposition([told(throttled=value)])
+        assert re.search(f"^throttled +{value}$", table([told(throttled=value)], []), re.MULTILINE)
+    assert "uuv_hil_throttled{" not in exposition([told()])
+    assert "throttled" not in table([told()], [])
+
+
+def machine_figures(tree: Tree, board: Board | None) -> Diagnostics:
+    said = Diagnostics()
+    add_machine_figures(said, tree, board)
+    return said
+
+
+def test_the_figures_of_a_machine(tmp_path: Path) -> None:
+    files = {
+        "proc/net/dev": "Inter-|   Receive\n face |bytes    packets\n    lo: 100 1 0 0 0 0 0 0 100 1 0 0 0 0 0 0\n"
+        "  wlan0: 5000 9 0 0 0 0 0 0 700 9 0 0 0 0 0 0\n",
+        "proc/meminfo": "MemTotal: 4000000 kB\nMemAvailable:    2048000 kB\n",
+        "sys/class/thermal/thermal_zone0/temp": "48686\n",
+        "sys/class/thermal/thermal_zone0/type": "cpu-thermal\n",
+        "sys/class/thermal/cooling_device0/type": "cpufreq-cpu0\n",
+        "sys/class/thermal/cooling_device0/cur_state": "2\n",
+        "sys/devices/system/cpu/cpu0/cpufreq/scaling_cur_freq": "1500000\n",
+    }
+    for name, text in files.items():
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text(text)
+    tree = Tree(str(tmp_path))
+    assert network_bytes(tree) == (5100, 800)
+    figures = machine_figures(tree, load_board("raspberry_pi_4b"))
+    assert figures.temperature_c == 48.7
+    assert figures.throttled == "the clock is capped by the temperature"
+    assert (figures.cpu_mhz, figures.memory_available_mib) == (1500, 2000)
+    (tmp_path / "proc/meminfo").write_text("MemAvailable:\nMemAvailable: much\n")
+    assert machine_figures(tree, None).memory_available_mib is None
+    bare = machine_figures(Tree(str(tmp_path / "none")), None)
+    assert bare.throttled is None, "who cannot tell does not say no"
+    assert bare.temperature_c is None

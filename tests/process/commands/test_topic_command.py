@@ -1,0 +1,307 @@
+"""`uuv-hil topic` as a user runs it, and how it writes and reads messages."""
+
+import json
+import math
+import re
+import signal
+import tomllib
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from ruamel.yaml import YAML
+
+from hil.commands.topic.command import listing, rate_line, whole_type
+from hil.commands.topic.text import lines, parse_values, plain_value
+from hil.common.errors import ConfigError
+from hil.network.session import listen
+from hil.ros import graph, types
+from hil.ros import message as ros_message
+from hil.ros.graph import Entity
+from hil.ros.topics import Qos
+from tests.support.processes import Program, free_port, wait_for, write_scenario
+
+
+def read_yaml(text: str) -> Any:
+    return YAML(typ="safe", pure=True).load(text)
+
+
+# --- values in
+
+NUMBERS = st.integers(-(2**40), 2**40) | st.floats(allow_nan=False, allow_infinity=False)
+VALUES = st.recursive(
+    NUMBERS | st.booleans() | st.none() | st.text(max_size=8),
+    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.text(max_size=6), inner, max_size=4),
+    max_leaves=12,
+)
+
+
+@given(st.dictionaries(st.text(max_size=6), VALUES, max_size=4))
+def test_json_is_read(values: dict[str, Any]) -> None:
+    assert parse_values(json.dumps(values)) == values
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "{}",
+        "{linear: {x: 0.5, y: -1}, angular: {z: 1e-3}}",
+        "{data: [1, 2, 3], name: 'a b', flag: true, other: False, none: null, hexadecimal: 0x1F}",
+        "{frame_id: map, path: /a/b, text: \"a: b, {c}\", empty: '', list: [{x: 1}, {x: 2}], deep: [[1], []]}",
+        "{ a : 1 ,b: [ 1 , 2 ], c: }",
+        "{x: .inf, y: -.inf}",
+    ],
+)
+def test_flow_style_is_what_yaml_says_it_is(text: str) -> None:
+    assert parse_values(text) == read_yaml(text)
+
+
+def test_words_that_yaml_1_1_takes_for_bools() -> None:
+    """As ROS's own tools do; a text is in quotes, and is written so."""
+    assert parse_values("{a: off, b: ON, c: No, d: yes, e: 'off', no: n}") == {
+        "a": False, "b": True, "c": False, "d": True, "e": "off", "no": "n",
+    }  # fmt: skip
+    assert lines({"a": "off"}) == ['a: "off"']
+
+
+def test_a_text_of_two_lines() -> None:
+    assert parse_values('{a: "b\nc"}') == {"a": "b\nc"}
+
+
+def test_not_a_number() -> None:
+    assert math.isnan(parse_values("{x: .nan}")["x"])
+
+
+def test_toml_is_read() -> None:
+    text = 'linear = {x = 0.5}\nangular.z = 0.1\nname = "a"'
+    assert parse_values(text) == tomllib.loads(text)
+    assert parse_values("") == {}
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [("{a: 1", "expected , or }"), ("{a 1}", "expected :"), ("{a: }}", "nothing more"), ("{a: 'b}", "no closing '"),
+     ('{a: "\\q"}', "escape at '\"\\\\q"), ("{a: " + "[" * 5000, "too deep"),
+     ("{a: [1 2]}", ""), ("{: 1}", "expected a value"), ("hello", "is no message"), ("{a: {b: 1}", "expected , or }")],
+)  # fmt: skip
+def test_what_makes_no_sense_is_shown(text: str, words: str) -> None:
+    if words:
+        with pytest.raises(ConfigError, match=re.escape(words)):
+            parse_values(text)
+    else:
+        assert parse_values(text) == {"a": ["1 2"]}  # as YAML: one text
+
+
+@given(st.text(max_size=30))
+def test_noise_raises_nothing_else(text: str) -> None:
+    for noise in (text, f"{{{text}", f"{{a: {text}}}"):
+        with suppress(ConfigError):
+            assert isinstance(parse_values(noise), dict)
+
+
+# --- messages out
+
+
+@pytest.mark.parametrize(
+    "name", ["sensor_msgs/msg/Imu", "nav_msgs/msg/Odometry", "diagnostic_msgs/msg/DiagnosticArray"]
+)
+def test_lines_are_yaml(name: str) -> None:
+    message = ros_message.empty(name)
+    if "status" in message:
+        message["status"] = [
+            ros_message.empty("diagnostic_msgs/msg/DiagnosticStatus") | {"message": "a: b", "name": "5"},
+            ros_message.empty("diagnostic_msgs/msg/DiagnosticStatus") | {"values": [{"key": "k", "value": "true"}]},
+        ]
+    assert read_yaml("\n".join(lines(message))) == json.loads(json.dumps(message))
+
+
+def test_long_arrays_are_cut_short() -> None:
+    text = lines({"data": bytes(1000), "flags": (True, False)})
+    assert text[0].startswith("data: [0, 0, ")
+    assert text[0].endswith("... (1000 in all)]")
+    assert len(text[0]) < 300
+    assert text[1] == "flags: [true, false]"
+
+
+def test_words() -> None:
+    assert [plain_value(word) for word in ("1", "1.5", "true", "~", "a", "1_0a")] == [1, 1.5, True, None, "a", "1_0a"]
+
+
+def test_listing() -> None:
+    entities = [
+        Entity("NN", "/uuv1", "s", 0, 0),
+        Entity("MP", "/uuv1", "s", 0, 1, "/uuv1/imu", "sensor_msgs/msg/Imu", "h", Qos()),
+        Entity("MS", "/b", "s", 0, 2, "/uuv1/imu", "sensor_msgs/msg/Imu", "h", Qos()),
+        Entity("MS", "/a", "s", 0, 3, "/uuv1/imu", "sensor_msgs/msg/Imu", "h", Qos()),
+        Entity("SS", "/uuv1", "s", 0, 4, "/uuv1/arm", "std_srvs/srv/SetBool", "h", Qos()),
+    ]
+    rows = [re.split("  +", line) for line in listing(entities).splitlines()]
+    assert rows[2] == ["/uuv1/imu", "sensor_msgs/msg/Imu", "/uuv1", "/a, /b"]
+    assert "/uuv1/arm  std_srvs/srv/SetBool  /uuv1        -" in listing(entities)
+    assert listing(entities[:1]) == "no topics and no services"
+
+
+def test_rates() -> None:
+    gap = 10_000_000
+    assert rate_line([0]) == "1 messages: no rate yet"
+    text = rate_line([0, gap, 2 * gap, 5 * gap])
+    assert text.startswith("60.00 Hz; gaps 10.00 to 30.00 ms, standard deviation 9.43 ms; 4 messages")
+
+
+def test_types_may_be_short() -> None:
+    assert whole_type("geometry_msgs/Twist") == "geometry_msgs/msg/Twist"
+    assert all(whole_type(name) == name for name in types.names() if "/msg/" in name)
+    with pytest.raises(ConfigError, match="did you mean 'geometry_msgs/msg/Twist'"):
+        whole_type("geometry_msgs/Twst")
+
+
+# --- as a user runs it
+
+
+class User:
+    """Runs `uuv-hil topic` against a slave."""
+
+    def __init__(self, folder: Path, slave: Program, port: int) -> None:
+        self.folder, self.slave, self.endpoint = folder, slave, f"tcp/127.0.0.1:{port}"
+
+    def start(self, *arguments: object) -> Program:
+        return Program(self.folder, "topic", *arguments, "--connect", self.endpoint)
+
+    def run(self, *arguments: object, code: int = 0) -> str:
+        with self.start(*arguments) as program:
+            assert program.wait() == code, program.output
+            assert "Traceback" not in program.output
+            return program.output
+
+
+@pytest.fixture(scope="module")
+def user(tmp_path_factory: pytest.TempPathFactory) -> Iterator[User]:
+    folder = tmp_path_factory.mktemp("topic")
+    scenario, port = write_scenario(folder)
+    with Program(folder, "slave", scenario) as slave:
+        slave.expect("ready")
+        yield User(folder, slave, port)
+
+
+def test_list(user: User) -> None:
+    text = user.run("list")
+    assert re.search(r"/uuv1/imu +sensor_msgs/msg/Imu +/uuv1 +-\n", text)
+    assert re.search(r"/uuv1/cmd_vel +geometry_msgs/msg/Twist +- +/uuv1\n", text)
+    assert re.search(r"/tf_static +tf2_msgs/msg/TFMessage +/uuv1 +-\n", text)
+    assert re.search(r"/uuv1/reset +std_srvs/srv/Trigger +/uuv1 +-\n", text)
+    entities = json.loads(user.run("list", "--json"))
+    assert {"kind": "MP", "node": "/uuv1", "topic": "/uuv1/imu"}.items() <= next(
+        entity.items() for entity in entities if entity["topic"] == "/uuv1/imu"
+    )
+
+
+def test_echo(user: User) -> None:
+    message = read_yaml(user.run("echo", "/uuv1/odom", "-n", 1).removesuffix("---\n"))
+    assert message["child_frame_id"] == "base_link"
+    assert message["pose"]["pose"]["position"]["x"] == pytest.approx(4.0, abs=0.6)  # east
+    late = read_yaml(user.run("echo", "/tf_static", "-n", 1).removesuffix("---\n"))
+    assert {transform["child_frame_id"] for transform in late["transforms"]} > {"odom", "imu_link"}
+
+
+def test_echo_goes_on_until_it_is_interrupted(user: User) -> None:
+    with user.start("echo", "uuv1/pressure") as program:
+        program.expect("(?s)fluid_pressure: .*fluid_pressure: ")
+        assert program.stop(signal.SIGINT) == 0
+        assert "Traceback" not in program.output
+
+
+def test_hz(user: User) -> None:
+    found = re.match(r"(\S+) Hz; gaps", user.run("hz", "/uuv1/imu", "-n", 60).splitlines()[-1])
+    assert found
+    assert float(found[1]) == pytest.approx(100.0, rel=0.1)
+
+
+def test_pub_drives_the_vehicle(user: User) -> None:
+    with user.start("pub", "/uuv1/cmd_vel", "geometry_msgs/Twist", "{linear: {x: 0.5}}") as program:
+        program.expect("publishing geometry_msgs/msg/Twist on /uuv1/cmd_vel at 20 Hz")
+        user.slave.expect("commands arrive: thrusters armed")
+        assert program.stop(signal.SIGINT) == 0
+    user.slave.expect("deadman")
+
+
+def test_any_type_is_published_by_a_node_of_its_own(tmp_path: Path) -> None:
+    endpoint, heard = f"tcp/127.0.0.1:{free_port()}", list[tuple[str, bytes]]()
+    values = "{header: {frame_id: map}, ranges: [1.5, .inf, 2.0]}"
+    with listen(endpoint) as other:
+        other.subscribe_keys("0/**", lambda key, payload, _: heard.append((key, payload)), 16)
+        arguments = ("pub", "scan", "sensor_msgs/msg/LaserScan", values, "--rate", 20, "-n", 3, "--connect", endpoint)
+        with Program(tmp_path, "topic", *arguments) as program:
+            found = wait_for(lambda: [e for key in other.tokens(graph.ALL) if (e := graph.read_token(key))])
+            assert program.wait() == 0, program.output
+    assert found
+    node = f"/uuv_hil_topic_{program.process.pid}"
+    assert (found[0].node, {e.topic for e in found if e.kind == "MP"}) in ((node, {"/scan"}), (node, set()))
+    assert len(heard) == 3
+    name = "sensor_msgs/msg/LaserScan"
+    assert heard[0][0] == f"0/scan/sensor_msgs::msg::dds_::LaserScan_/{types.type_hash(name)}"
+    message = ros_message.decode(name, heard[0][1])
+    assert message is not None
+    assert (message["ranges"], message["header"]["frame_id"]) == ((1.5, math.inf, 2.0), "map")
+
+
+def test_what_the_scenario_lets_the_vehicle_say_to_ros(tmp_path: Path) -> None:
+    section = '[ros]\nclock = "50 Hz"\nwrench = 10\ntransforms = false\nservices = false\nframe_prefix = "a/"'
+    scenario, port = write_scenario(tmp_path, link=section)
+    with Program(tmp_path, "slave", scenario) as slave:
+        slave.expect("ready")
+        user = User(tmp_path, slave, port)
+        rate = re.match(r"(\S+) Hz; gaps", user.run("hz", "/clock", "-n", 40).splitlines()[-1])
+        assert rate
+        assert float(rate[1]) == pytest.approx(50.0, rel=0.15)
+        wrench = read_yaml(user.run("echo", "/uuv1/thruster_wrench", "-n", 1).removesuffix("---\n"))
+        assert wrench["header"]["frame_id"] == "a/base_link"
+        assert wrench["wrench"]["force"] == {"x": 0.0, "y": 0.0, "z": 0.0}
+        listed = user.run("list")
+    assert "/uuv1/thruster_wrench" in listed
+    assert "/tf" not in listed
+    assert "/uuv1/arm" not in listed
+
+
+def test_call(user: User) -> None:
+    assert user.run("call", "/uuv1/arm", "{data: false}").startswith("success: true\n")
+    user.slave.expect("arm: disarmed")
+    assert "armed: commands are taken" in user.run("call", "/uuv1/arm", "{data: on}")
+    assert "disarmed" in user.run("call", "/uuv1/arm", "{data: OFF}")
+    assert "armed: commands are taken" in user.run("call", "/uuv1/arm", "data = true")
+    assert read_yaml(user.run("call", "/uuv1/reset"))["message"] == "at (4, 4, 2) m, heading 0 rad, at rest"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "words"),
+    [
+        (("echo", "/uuv1/imo", "--wait", "0.3"), 4, "nobody publishes /uuv1/imo; there are: /clock, "),
+        (("call", "/uuv1/rest"), 4, "nobody answers /uuv1/rest; there are: .*did you mean '/uuv1/reset'"),
+        (("call", "/uuv1/arm", "{date: 1}"), 2, "no field 'date'; did you mean 'data'"),
+        (
+            ("pub", "/uuv1/cmd_vel", "std_msgs/msg/Bool"),
+            2,
+            "has the type geometry_msgs/msg/Twist, not std_msgs/msg/Bool",
+        ),
+        (("call", "/uuv1/arm", "{data: perhaps}"), 2, "SetBool_Request.data: expected true or false, found 'perhaps'"),
+        (("call", "/uuv1/arm", '{data: "off"}'), 2, "SetBool_Request.data: expected true or false, found 'off'"),
+        (("pub", "/x", "geometry_msgs/msg/Twist", "{linear: {x: a}}"), 2, "Twist.linear.x: expected a number"),
+        (
+            ("pub", "/x", "std_msgs/msg/Bool", "--rate", "-1"),
+            2,
+            "--rate: expected a number from 0.001 to 10000 Hz",
+        ),
+    ],
+)
+def test_errors_name_cause_and_remedy(user: User, arguments: tuple[str, ...], code: int, words: str) -> None:
+    assert re.search(words, user.run(*arguments, code=code))
+
+
+def test_nobody_there(tmp_path: Path) -> None:
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    with Program(tmp_path, "topic", "list", "--connect", endpoint, "--wait", "0.3") as program:
+        assert program.wait() == 4
+        assert f"nobody answered at {endpoint} within 0.3 s; is `uuv-hil slave` running there" in program.output

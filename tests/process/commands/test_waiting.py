@@ -1,0 +1,30 @@
+"""Who waits for a vehicle says so, and where; who publishes to nobody is told."""
+
+from pathlib import Path
+
+from tests.support.processes import Program, free_port, write_scenario
+
+
+def test_gateway_and_foxglove_say_whom_they_wait_for(tmp_path: Path) -> None:
+    path, port = write_scenario(tmp_path)
+    where = f"127.0.0.1:{port}"
+    waiting = ("gateway", "--connect", where, "--listen", "0"), ("foxglove", "--connect", where, "--port", "0")
+    with Program(tmp_path, *waiting[0]) as gateway, Program(tmp_path, *waiting[1]) as foxglove:
+        gateway.expect(f"no vehicle at tcp/{where} yet; waiting for one")
+        foxglove.expect(f"waiting for a vehicle at tcp/{where}")
+        assert "here: uuv1" not in gateway.output + foxglove.output
+        with Program(tmp_path, "slave", path):
+            gateway.expect("here: uuv1")
+            foxglove.expect("here: uuv1")
+            with Program(
+                tmp_path, "topic", "pub", "/uuv1/cmd_vell", "geometry_msgs/msg/Twist", "--connect", where
+            ) as pub:
+                pub.expect(r"nobody subscribes to /uuv1/cmd_vell yet; .*did you mean '/uuv1/cmd_vel'\?")
+                pub.expect("publishing geometry_msgs/msg/Twist")
+        gateway.expect("no vehicle at .* yet[^$]*no vehicle at")
+
+
+def test_a_free_place_is_not_waited_for_by_a_wrong_port(tmp_path: Path) -> None:
+    with Program(tmp_path, "foxglove", "--connect", f"127.0.0.1:{free_port()}", "--port", "70000") as foxglove:
+        assert foxglove.wait() == 2
+    assert "--port: expected a whole number from 0 to 65535, found '70000'" in foxglove.output

@@ -1,0 +1,235 @@
+"""Children end with their parents, whatever ends those."""
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+import pytest
+
+from hil.common import lifeline
+from hil.common.children import ROOT, foreign_command, module_command, open_lifeline, package_environment, start_child
+from tests.support.processes import wait_for
+
+PATIENCE_S = 30.0
+
+PARENT = """
+import sys, time, threading
+from hil.common.children import *
+{start}
+print(child.pid, flush=True)
+time.sleep(600)
+"""
+ENDLESS = "import time; from hil.common.lifeline import die_with_parent; die_with_parent(); time.sleep(600)"
+
+
+def is_there(pid: int) -> bool:
+    """Whether the process runs: it may have ended and nobody has asked how."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except FileNotFoundError:
+        return False
+
+
+@pytest.fixture
+def ended() -> Iterator[list[int]]:
+    """Processes that are ended in any case."""
+    pids: list[int] = []
+    yield pids
+    for pid in filter(is_there, pids):
+        os.kill(pid, signal.SIGKILL)
+
+
+@contextmanager
+def parent_of(start: str) -> Iterator[subprocess.Popen[str]]:
+    """A process that has started `child` in that way."""
+    command = [sys.executable, "-c", PARENT.format(start=start)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=ROOT) as parent:
+        try:
+            yield parent
+        finally:
+            parent.kill()
+
+
+WAYS = {
+    "our own program": f"child = start_child([sys.executable, '-c', {ENDLESS!r}])",
+    "a program of others": "child = start_child(foreign_command('sleep', '600'))",
+    "a shell in between": "child = start_child(['sh', '-c', 'exec \"$@\"', '', *foreign_command('sleep', '600')])",
+    "with all that it has started": "child = start_child(foreign_command('sh', '-c', 'sleep 600; true'))",
+    "by a thread that ends": """
+started = []
+thread = threading.Thread(target=lambda: started.append(start_child(foreign_command('sleep', '600'))))
+thread.start(); thread.join()
+child = started[0]""",
+}
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_a_child_ends_with_its_parent_and_not_before(way: str, ended: list[int]) -> None:
+    with parent_of(WAYS[way]) as parent:
+        assert parent.stdout is not None
+        child = int(parent.stdout.readline())
+        ended += [parent.pid, child]
+        group = wait_for(lambda: [pid for pid in group_of(child) if command_of(pid) == "sleep"] or is_ours(child))
+        assert group, "it has not come up"
+        assert is_there(child)
+        ended += group_of(child)
+        parent.kill()
+        assert wait_for(lambda: not group_of(child), PATIENCE_S)
+
+
+def is_ours(pid: int) -> list[int]:
+    """The process, if its descriptors tell that the kernel will signal it."""
+    for name in os.listdir(f"/proc/{pid}/fdinfo"):
+        with suppress(FileNotFoundError):  # closed meanwhile
+            flags = int(Path(f"/proc/{pid}/fdinfo/{name}").read_text().split("flags:")[1].split()[0], 8)
+            if flags & os.O_ASYNC:
+                return [pid]
+    return []
+
+
+def group_of(leader: int) -> list[int]:
+    """The living processes of a group."""
+    found = []
+    for pid in map(int, filter(str.isdigit, os.listdir("/proc"))):
+        try:
+            if os.getpgid(pid) == leader and is_there(pid):
+                found.append(pid)
+        except ProcessLookupError:
+            continue
+    return found
+
+
+def command_of(pid: int) -> str:
+    try:
+        return Path(f"/proc/{pid}/comm").read_text().strip()
+    except FileNotFoundError:
+        return ""
+
+
+def test_a_parent_that_ended_before_the_child_could_ask(tmp_path: Path, ended: list[int]) -> None:
+    gate = tmp_path / "gate"
+    os.mkfifo(gate)
+    slow = f"open({str(gate)!r}).read(); import os; open({str(tmp_path / 'late')!r}, 'w').write(str(os.getppid())); "
+    with parent_of(f"child = start_child([sys.executable, '-c', {slow + ENDLESS!r}])") as parent:
+        assert parent.stdout is not None
+        child = int(parent.stdout.readline())
+        ended += [parent.pid, child]
+        parent.kill()
+        parent.wait()
+        assert is_there(child), "it does not know yet"
+        gate.write_text("go")
+        assert wait_for(lambda: not is_there(child), PATIENCE_S)
+    assert int((tmp_path / "late").read_text()) != parent.pid
+
+
+def test_a_process_that_others_started_stays() -> None:
+    lifeline.die_with_parent()  # there is no such parent
+    with subprocess.Popen([sys.executable, "-c", ENDLESS + "\n"], cwd=ROOT) as child:
+        with pytest.raises(subprocess.TimeoutExpired):
+            child.wait(0.3)
+        child.kill()
+
+
+def test_a_number_that_is_no_descriptor_is_no_lifeline(monkeypatch: pytest.MonkeyPatch) -> None:
+    end, other = os.pipe()
+    os.close(other)  # to take it for the lifeline would be the end
+    for text in ("", "x", "1", "-1:1", "999999:1", f"{'9' * 30}:1", f"{end}:0", f"{end}:x", f"{end}"):
+        monkeypatch.setenv(lifeline.VARIABLE, text)
+        lifeline.die_with_parent()
+        assert lifeline.VARIABLE not in os.environ, "what this process starts is not to take it for its own"
+    os.close(end)
+
+
+def test_children_of_one_parent_do_not_know_of_each_other() -> None:
+    children = [start_child(foreign_command("sleep", "600")) for _ in range(3)]
+    try:
+        children[0].kill()
+        children[0].wait()
+        assert wait_for(lambda: all(command_of(child.pid) == "sleep" for child in children[1:]), PATIENCE_S)
+    finally:
+        for child in children:
+            child.kill()
+            child.wait()
+
+
+def test_no_descriptor_is_left_by_a_child() -> None:
+    os.close(open_lifeline())
+    before = os.listdir("/proc/self/fd")
+    for _ in range(3):
+        start_child(["true"]).wait()
+    with pytest.raises(FileNotFoundError):
+        start_child(["/there/is/none"])
+    assert os.listdir("/proc/self/fd") == before
+
+
+def test_a_fork_does_not_keep_its_parents_children() -> None:
+    os.close(open_lifeline())
+    code = "import os, time; from hil.common import children; from hil.common.children import *\n"
+    code += "os.close(open_lifeline())\n"
+    code += "if os.fork() == 0: os._exit(len(children._pipe))\nprint(os.waitstatus_to_exitcode(os.wait()[1]))"
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)
+    assert done.stdout == "0\n", done.stderr
+
+
+def test_a_program_that_is_not_there() -> None:
+    child = start_child(foreign_command("/there/is/none"), stderr=subprocess.PIPE, text=True)
+    assert child.communicate()[1] == "/there/is/none: cannot be started: No such file or directory\n"
+    assert child.returncode == 127
+
+
+def test_a_program_of_others_has_the_signals_of_every_program() -> None:
+    child = start_child(foreign_command("cat", "/proc/self/status"), stdout=subprocess.PIPE, text=True)
+    said = dict(line.split(":\t") for line in child.communicate()[0].splitlines())
+    assert int(said["SigIgn"], 16) & (1 << (signal.SIGPIPE - 1) | 1 << (signal.SIGXFSZ - 1)) == 0
+
+
+def test_a_program_learns_nothing_of_the_lifeline() -> None:
+    child = start_child(foreign_command("env"), environment={"PATH": os.environ["PATH"]}, stdout=subprocess.PIPE)
+    assert lifeline.VARIABLE.encode() not in child.communicate()[0]
+
+
+def test_the_modules_of_the_current_folder_are_not_taken(tmp_path: Path) -> None:
+    (tmp_path / "select.py").write_text("open('executed', 'w')")
+    command = [*module_command("hil.cli"), "--version"]
+    done = start_child(command, environment=package_environment(), cwd=tmp_path, stdout=subprocess.PIPE, text=True)
+    assert done.communicate()[0].startswith("uuv-hil "), "our packages are found"
+    assert not (tmp_path / "executed").exists()
+
+
+def test_threads_that_begin_at_once(ended: list[int]) -> None:
+    code = """
+import threading
+start, started = threading.Barrier(4), []
+def run():
+    start.wait()
+    started.append(start_child(foreign_command('sleep', '600')))
+threads = [threading.Thread(target=run) for _ in range(4)]
+for thread in threads: thread.start()
+for thread in threads: thread.join()
+for child in started: print(child.pid)
+"""
+    with parent_of(code) as parent:
+        assert parent.stdout is not None
+        children = [int(parent.stdout.readline()) for _ in range(5)][:4]  # the last is told twice
+        ended += [parent.pid, *children]
+        assert wait_for(lambda: all(command_of(child) == "sleep" for child in children), PATIENCE_S)
+        parent.kill()
+        assert wait_for(lambda: not any(map(is_there, children)), PATIENCE_S)
+
+
+def test_it_is_the_process_that_counts_and_not_one_descriptor() -> None:
+    end = open_lifeline()
+    other = open_lifeline()
+    os.close(other)
+    child = start_child(foreign_command("sleep", "600"))
+    os.close(end)
+    try:
+        assert wait_for(lambda: command_of(child.pid) == "sleep", PATIENCE_S)
+        assert is_there(child.pid)
+    finally:
+        child.kill()
+        child.wait()

@@ -1,0 +1,129 @@
+"""The rate keeper's schedule, the histogram's promises, instants across processes."""
+
+import math
+import os
+import subprocess
+import sys
+from itertools import count
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hil.common import clock
+from hil.common.clock import LEARN_NS, MOST_FRESH, MOST_LEAD_NS, Histogram, RateKeeper
+
+
+def test_schedule_is_absolute() -> None:
+    keeper = RateKeeper(1000, start_ns=0)
+    assert keeper.due(999) == 0
+    assert keeper.due(1400) == 1
+    assert keeper.deadline_ns == 2000, "a late wake-up does not move the schedule"
+    assert keeper.due(1999) == 0
+    assert keeper.due(4100) == 3
+    assert keeper.deadline_ns == 5000
+    assert keeper.due_total == 4
+    assert keeper.skipped == 0
+
+
+def test_a_long_stall_is_skipped_and_counted() -> None:
+    keeper = RateKeeper(1000, start_ns=0, most_due=5)
+    assert keeper.due(100_500) == 5
+    assert keeper.skipped == 95
+    assert keeper.deadline_ns == 101_000
+    assert keeper.lateness.maximum == 99_500
+
+
+def test_lateness_that_nobody_reads_takes_no_more_memory() -> None:
+    """An hour at 400 Hz, of which every fourth step is late by a period."""
+    keeper, now, late = RateKeeper(1000, start_ns=0), 0, 0
+    for number in range(400 * 60):
+        now += 1000
+        late = 1000 + number % 7 if number % 4 == 3 else number % 7
+        keeper.due(now + late)
+    assert len(keeper._fresh) <= MOST_FRESH + 1
+    assert keeper.lateness.count >= keeper.due_total - MOST_FRESH
+    assert keeper.lateness.count == keeper.due_total, "each is counted, and once"
+    assert keeper.lateness.maximum == 1006
+    assert not keeper._fresh
+
+
+def test_a_loop_does_not_wait_for_who_is_counting() -> None:
+    keeper = RateKeeper(1000, start_ns=0)
+    with keeper._counting:
+        for number in range(1, MOST_FRESH + 100):
+            assert keeper.due(1000 * number) == 1
+        assert len(keeper._fresh) == MOST_FRESH + 99
+    assert keeper.lateness.count == MOST_FRESH + 99
+
+
+@given(st.lists(st.integers(0, 10**15), min_size=1, max_size=200), st.floats(0.01, 1.0))
+def test_quantiles_never_flatter_and_are_close(values: list[int], share: float) -> None:
+    histogram = Histogram()
+    for value in values:
+        histogram.add(value)
+    exact = sorted(values)[math.ceil(share * len(values)) - 1]
+    found = histogram.quantile(share)
+    assert exact <= found <= max(exact * 1.25, 7)
+    assert histogram.quantile(1.0) == max(values)
+
+
+def test_empty_histogram() -> None:
+    assert Histogram().quantile(0.5) == 0
+
+
+def test_wall_clock_there_and_back() -> None:
+    now = clock.now_ns()
+    assert clock.from_wall_ns(clock.to_wall_ns(now)) == now
+
+
+def test_start_of_a_process_is_known_to_a_tick() -> None:
+    code = "from hil.common.clock import *; print(process_start_ns(), now_ns())"
+    environment = {name: value for name, value in os.environ.items() if name != "UUV_HIL_EXEC_NS"}
+    before = clock.now_ns()
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment)
+    start, ready = map(int, done.stdout.split())
+    tick_ns = 10**9 // os.sysconf("SC_CLK_TCK")
+    assert before - tick_ns <= start <= ready
+
+
+def test_parent_may_tell_the_start(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("UUV_HIL_EXEC_NS", "123456789")
+    assert clock.process_start_ns() == 123456789
+
+
+def test_each_realtime_setting_says_whether_it_holds() -> None:
+    names = ("schedule_fifo(10)", "lock_memory()", "stay_awake()", "quiet_garbage_collector()")
+    code = "from hil.common import clock\n" + "\n".join(f"print(clock.{name})" for name in names)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    scheduling, memory, idle, collector = done.stdout.splitlines()
+    assert "SCHED_FIFO" in scheduling
+    assert "lock" in memory
+    assert idle.startswith("idle processors: ")
+    assert collector.startswith("garbage collector: off")
+
+
+def test_a_sleeper_learns_what_waking_up_takes(monkeypatch: pytest.MonkeyPatch) -> None:
+    ticks = count(10**12, 1000)  # each look at the clock takes 1 us
+    monkeypatch.setattr(clock, "now_ns", lambda: next(ticks))
+    now_ns = clock.now_ns
+    keeper = RateKeeper(10**9, now_ns())
+    for _ in range(100):  # each time too late
+        keeper.deadline_ns = now_ns() - 1
+        keeper.woken()
+    learnt = keeper.lead_ns
+    assert learnt == 100 * LEARN_NS
+    keeper.deadline_ns = now_ns() + 20_000
+    assert keeper.woken() >= keeper.deadline_ns, "a little early: it waits out the rest"
+    assert keeper.lead_ns == learnt - 3 * LEARN_NS
+    keeper.deadline_ns = now_ns() + 10**9
+    before = keeper.lead_ns
+    assert keeper.woken() < keeper.deadline_ns, "far too early: something else has woken it"
+    assert keeper.lead_ns == before
+    assert keeper.timeout() == pytest.approx(1.0, abs=1e-4)
+    for _ in range(1000):
+        keeper.deadline_ns = now_ns() - 1
+        keeper.woken()
+    assert keeper.lead_ns == MOST_LEAD_NS
+    keeper.deadline_ns = now_ns() - 1
+    assert keeper.timeout() == 0.0

@@ -1,0 +1,93 @@
+"""Folders for a while: gone at the end, or at the next start."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from hil.common.children import ROOT
+from hil.common.errors import DeviceError
+from hil.common.scratch import PREFIX, ScratchFolder
+from hil.common.tables import cache_path, read_table
+
+
+def killed(base: Path, more: str = "") -> str:
+    """The folder of a process that was killed while it had one."""
+    code = "import os; from hil.common.scratch import ScratchFolder\n"
+    code += f"f = ScratchFolder('test', {str(base)!r}); print(f.path)\n"
+    code += f"open(f.file('kept.toml'), 'w').write('a = 1')\n{more}"
+    code += "import sys; sys.stdout.flush(); os.kill(os.getpid(), 9)"
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == -9, done.stderr
+    return done.stdout.strip()
+
+
+def test_it_is_private_and_gone_at_the_end(tmp_path: Path) -> None:
+    with ScratchFolder("test", str(tmp_path)) as folder:
+        assert Path(folder.path).stat().st_mode & 0o777 == 0o700
+        Path(folder.file("a")).write_text("")
+        assert os.path.basename(folder.path).startswith(f"{PREFIX}test-")
+    assert not list(tmp_path.iterdir())
+    folder.close()
+
+
+def test_what_a_killed_process_left_is_gone_with_the_next_one(tmp_path: Path) -> None:
+    left = killed(tmp_path)
+    assert os.path.exists(left)
+    with ScratchFolder("other", str(tmp_path)) as folder:
+        assert list(tmp_path.iterdir()) == [Path(folder.path)]
+
+
+def test_its_parsed_files_are_forgotten_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    left = killed(tmp_path, "from hil.common.tables import read_table; read_table(f.file('kept.toml'))\n")
+    beside = tmp_path / "beside.toml"
+    beside.write_text("a = 1")
+    read_table(str(beside))
+    assert os.path.exists(cache_path(f"{left}/kept.toml"))
+    ScratchFolder("other", str(tmp_path)).close()
+    assert os.listdir(tmp_path / "cache/uuv-hil") == [os.path.basename(cache_path(str(beside)))]
+
+
+def test_what_is_in_use_or_of_others_stays(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "mine").mkdir()
+    (tmp_path / f"{PREFIX}link").symlink_to(tmp_path / "mine")
+    (tmp_path / f"{PREFIX}file").write_text("")
+    with ScratchFolder("one", str(tmp_path)) as one, ScratchFolder("two", str(tmp_path)):
+        assert os.path.exists(one.path)
+    stranger = tmp_path / f"{PREFIX}stranger"
+    stranger.mkdir()
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "geteuid", lambda: stranger.stat().st_uid + 1)
+        ScratchFolder("three", str(tmp_path)).close()
+    assert {path.name for path in tmp_path.iterdir()} == {
+        "mine", f"{PREFIX}link", f"{PREFIX}file", f"{PREFIX}stranger"
+    }  # fmt: skip
+
+
+def test_one_that_is_taken_for_abandoned_before_it_is_locked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Another process that makes one may come between the making and the locking."""
+    import fcntl
+
+    real = fcntl.flock
+    begun: list[bool] = []
+    others: list[ScratchFolder] = []
+
+    def late(descriptor: int, how: int) -> None:
+        if how == fcntl.LOCK_EX and not begun:
+            begun.append(True)
+            others.append(ScratchFolder("other", str(tmp_path)))
+        real(descriptor, how)
+
+    monkeypatch.setattr(fcntl, "flock", late)
+    with ScratchFolder("test", str(tmp_path)) as folder:
+        assert {folder.path, others[0].path} == {str(path) for path in tmp_path.iterdir()}
+    others[0].close()
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_folder_that_cannot_be_made(tmp_path: Path) -> None:
+    with pytest.raises(DeviceError, match=r"nowhere: no folder can be made: No such file or directory; .*TMPDIR"):
+        ScratchFolder("test", str(tmp_path / "nowhere"))

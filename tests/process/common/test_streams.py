@@ -1,0 +1,152 @@
+"""Standard streams that are closed, full, left or know no more than ASCII, and Ctrl-C while modules load."""
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from hil import cli
+from hil.common import streams
+from tests.support.processes import ROOT
+
+TIMEOUT_S = 60.0
+
+
+def run(command: str, **environment: str) -> tuple[int, str]:
+    """A line of shell, UUV being the command; exit code and what came on standard error."""
+    line = command.replace("UUV", f"{sys.executable} -m hil.cli")
+    done = subprocess.run(
+        ["bash", "-o", "pipefail", "-c", line],
+        cwd=ROOT, env=os.environ | environment, capture_output=True, text=True, timeout=TIMEOUT_S, errors="replace",
+    )  # fmt: skip
+    assert "Traceback" not in done.stderr
+    assert "Exception ignored" not in done.stderr
+    return done.returncode, done.stderr
+
+
+@pytest.mark.parametrize("buffered", ["", "1"])
+@pytest.mark.parametrize(
+    ("command", "codes", "words"),
+    [
+        ("UUV --help | head -1", {0, 141}, ""),
+        ("UUV sim --help | true", {0, 141}, ""),
+        ("UUV --help > /dev/full", {3}, "uuv-hil: the output: No space left on device; free some space"),
+        ("UUV sim --help > /dev/full", {3}, "uuv-hil sim: the output: No space left"),
+        ("UUV vehicle > /dev/full", {3}, "uuv-hil vehicle: the output: No space left"),
+        ("UUV --help >&-", {2}, "uuv-hil: standard output is closed"),
+        ("UUV --help >&- 2>&-", {2}, ""),
+        ("UUV frame list 2>&- <&-", {0}, ""),
+    ],
+)
+def test_an_output_that_takes_nothing(command: str, codes: set[int], words: str, buffered: str) -> None:
+    code, said = run(command, PYTHONUNBUFFERED=buffered)
+    assert code in codes, said
+    assert said.startswith(words)
+    assert said.count("\n") == bool(words)
+
+
+def test_a_closed_descriptor_is_not_given_to_a_file(tmp_path: Path) -> None:
+    """It was: what children print went into the first file that was opened."""
+    code = """
+import os, sys
+from hil.common import streams
+try:
+    streams.prepare()
+except streams.ConfigError:
+    print(os.open("/", 0), file=sys.stderr)
+"""
+    done = subprocess.run(
+        ["bash", "-c", f'exec {sys.executable} -c "$CODE" >&- <&-'],
+        cwd=ROOT, env=os.environ | {"CODE": code}, capture_output=True, text=True, timeout=TIMEOUT_S,
+    )  # fmt: skip
+    assert int(done.stderr) > 2
+
+
+@pytest.mark.parametrize(
+    "environment",
+    [{"PYTHONIOENCODING": "ascii"}, {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}],
+)
+def test_a_terminal_of_ascii_alone(environment: dict[str, str]) -> None:
+    code, said = run("UUV vehicle paper_six | grep 'kg/m3' > /dev/null && UUV vehicle --density x", **environment)
+    assert code == 2
+    assert said.isascii()
+    assert "kg/m3" in said
+
+
+def test_ctrl_c_while_modules_load() -> None:
+    """As early as a handler can be: the command's own module is what loads first."""
+    code = """
+import os, signal, sys
+sys.argv = ["/usr/bin/uuv-hil"]
+class Find:
+    @staticmethod
+    def find_spec(name, *_):
+        if name == "hil.common.lifeline":
+            os.kill(os.getpid(), signal.SIGINT)
+sys.meta_path.insert(0, Find)
+import hil.cli
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, timeout=TIMEOUT_S, check=False
+    )
+    assert (done.returncode, done.stderr) == (130, "")
+
+
+def test_ctrl_c_is_an_exception_again_once_all_is_loaded() -> None:
+    before = signal.getsignal(signal.SIGINT)
+    try:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+        streams.leave_on_ctrl_c()
+        assert signal.getsignal(signal.SIGINT) is not signal.default_int_handler
+        assert cli.main(["frame", "list"]) == 0
+        assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # nohup, or in the background of a script
+        streams.leave_on_ctrl_c()
+        assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.parametrize("command", [["sim"], ["demo"], ["campaign"], ["master", "--connect", "127.0.0.1"]])
+def test_a_fleet_is_named_where_one_vehicle_is_flown(command: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main([*command, "target_hunting"]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "this is a fleet (uuv1, uuv2, uuv3" in line
+    assert "`uuv-hil slave target_hunting --member uuv1`" in line
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ('"paper_six"', '"paper_sx"', "vehicle: no vehicle 'paper_sx'; did you mean 'paper_six'?"),
+        ('"pool"', '"pol"', "world: no world 'pol'; did you mean 'pool'?"),
+        ('"pool"', '"pol.toml"', "pol.toml: no such file"),
+        ('"pool"', '"../worlds/pool"', "world: no world '../worlds/pool'"),
+        ("[link]", '[link]\nframe = "aa5"', "link.frame: no frame 'aa5'; did you mean 'aa55'?"),
+    ],
+)
+def test_what_a_scenario_names_is_told_by_its_file_and_key(
+    old: str, new: str, words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from tests.support.processes import write_scenario
+
+    path, _ = write_scenario(tmp_path)
+    path.write_text(path.read_text().replace(old, new))
+    for command in (["sim", "--fast"], ["slave"], ["doctor"]):
+        assert cli.main([command[0], str(path), *command[1:]]) == 2
+        (line,) = capsys.readouterr().err.splitlines()
+        assert line.startswith(f"uuv-hil {command[0]}: {path}: ")
+        assert words in line
+        assert "sim/" not in line
+
+
+def test_an_empty_recording(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    empty = tmp_path / "empty.mcap"
+    empty.touch()
+    for command in (["replay"], ["replay", "--check"], ["plot"]):
+        assert cli.main([command[0], str(empty), *command[1:]]) == 2
+        out, err = capsys.readouterr()
+        assert (out, err) == ("", f"uuv-hil {command[0]}: {empty}: not an MCAP file: it is empty\n")

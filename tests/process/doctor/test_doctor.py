@@ -1,0 +1,240 @@
+"""The doctor tells what is there and what is not, and changes nothing."""
+
+import compileall
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from importlib import metadata
+from pathlib import Path
+
+import pytest
+
+from boards.tree import Tree
+from hil import cli
+from hil.commands import doctor
+from hil.common.errors import ConfigError
+from hil.doctor import software as doctor_software
+from hil.doctor.findings import Case, Finding, User
+from hil.ros.topics import TOPICS
+from hil.scenario.config import load_scenario
+from sim.native import build
+from tests.support.processes import write_scenario
+
+ROOT = Path(__file__).parents[3]
+
+
+def run(*arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "hil.cli", "doctor", *arguments],
+        cwd=ROOT, capture_output=True, text=True, env=os.environ | environment,
+    )  # fmt: skip
+
+
+def here(scenario: str | None = None) -> Case:
+    return Case(Tree("/"), None, load_scenario(scenario) if scenario else None, doctor.find_user(Tree("/"), None))
+
+
+def test_every_row_without_a_scenario() -> None:
+    done = run("--json", UUV_HIL_NATIVE="0")
+    assert (done.returncode, done.stderr) == (0, "")
+    rows = {row["topic"]: row for row in json.loads(done.stdout)}
+    assert rows["Python"]["text"].startswith(".".join(map(str, sys.version_info[:3])))
+    assert rows["zenoh"]["text"] == metadata.version("eclipse-zenoh")
+    assert rows["pyserial"]["text"] == metadata.version("pyserial")
+    assert rows["step"]["text"] == "Python, as UUV_HIL_NATIVE=0 says"
+    assert (rows["step"]["level"], rows["step"]["remedy"]) == ("note", "unset UUV_HIL_NATIVE")
+    assert "modules" in rows["bytecode"]["text"]
+    assert rows["board"]["text"]
+    assert "SCHED_FIFO" in rows["scheduling"]["text"]
+    assert "locked" in rows["memory"]["text"]
+    assert rows["clock"]["text"]
+    assert {row["level"] for row in rows.values()} <= {"ok", "note"}
+
+
+def test_a_line_a_finding() -> None:
+    done = run()
+    assert (done.returncode, done.stderr) == (0, "")
+    lines = done.stdout.splitlines()
+    assert len(lines) == len(list(doctor.findings(here())))
+    assert all(line.split()[0] in ("ok", "note") for line in lines)
+
+
+def test_a_wish_that_cannot_be_is_a_problem() -> None:
+    done = run("paper_field", UUV_HIL_NATIVE="maybe")
+    assert done.returncode == 1
+    assert "problem  step" in done.stdout
+    assert "UUV_HIL_NATIVE='maybe'" in done.stdout
+    assert "-> unset UUV_HIL_NATIVE" in done.stdout
+    assert run(UUV_HIL_NATIVE="maybe").returncode == 0  # nothing is needed yet
+
+
+def test_the_step_in_c_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "sim.native._native", None)
+    monkeypatch.delenv("UUV_HIL_NATIVE", raising=False)
+    found = next(doctor_software.step(here()))
+    assert (found.level, found.topic) == ("note", "step")
+    assert "Python; the step in C is not there" in found.text
+    assert "python -m sim.native.build" in found.remedy
+
+
+@pytest.mark.parametrize("module", [build.module(path) for path in build.SOURCES if path != build.BINARY])
+def test_another_binary_is_missing(monkeypatch: pytest.MonkeyPatch, module: str) -> None:
+    monkeypatch.setitem(sys.modules, module, None)
+    monkeypatch.delenv("UUV_HIL_NATIVE", raising=False)
+    (found,) = [found for found in doctor_software.step(here()) if found.topic != "step"]
+    assert (found.level, found.topic) == ("note", module.rpartition("._")[2])
+    assert module in found.text
+    assert "python -m sim.native.build" in found.remedy
+
+
+def test_help_by_the_one_command(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as end:
+        cli.main(["doctor", "--help"])
+    assert end.value.code == 0
+    assert "usage: uuv-hil doctor" in capsys.readouterr().out
+
+
+def test_nothing_of_this_process_changes() -> None:
+    def settings() -> tuple[int, list[str]]:
+        status = Path("/proc/self/status").read_text().splitlines()
+        return os.sched_getscheduler(0), [line for line in status if line.startswith("VmLck")]
+
+    before = settings()
+    assert "memory" in {finding.topic for finding in doctor.findings(here())}
+    assert settings() == before
+
+
+def test_what_is_not_installed() -> None:
+    found = doctor_software.library("tea", "no-such-distribution", "the afternoon", "tea", "problem")
+    assert found == Finding("problem", "tea", "not installed; it is for the afternoon", "pip install tea")
+
+
+def test_packages_that_only_this_scenario_needs(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(doctor_software.WANTED, "python", ("tea", "no-such-distribution", "tea", "tea"))
+    assert "tea" not in {finding.topic for finding in doctor_software.software(here())}
+    found = {finding.topic: finding for finding in doctor_software.software(here("paper_field"))}
+    assert found["tea"].level == "problem"
+
+
+def test_bytecode(tmp_path: Path) -> None:
+    """Not there, there, then older than its source."""
+    source = tmp_path / "sim" / "deep" / "one.py"
+    source.parent.mkdir(parents=True)
+    source.write_text("x = 1\n")
+    found = doctor_software.bytecode(str(tmp_path))
+    assert found.level == "note"
+    assert found.text.startswith("1 of 1 modules are not compiled")
+    compileall.compile_dir(str(tmp_path), quiet=1)
+    assert doctor_software.bytecode(str(tmp_path)) == Finding("ok", "bytecode", "compiled, 1 modules")
+    source.write_text("x = 1000\n")
+    assert doctor_software.bytecode(str(tmp_path)).level == "note"
+
+
+def test_a_step_that_costs_more_than_its_share(monkeypatch: pytest.MonkeyPatch) -> None:
+    scenario = load_scenario("paper_field")
+    measured = doctor_software.step_cost_s(scenario)
+    assert 0.0 < measured < 0.1
+    monkeypatch.setattr(doctor_software, "step_cost_s", lambda _: 0.001)
+    assert doctor_software.step_cost(scenario, 0.5).level == "ok"
+    found = doctor_software.step_cost(scenario, 0.3)
+    assert (found.level, found.text) == ("problem", "1000 µs of every 2500 µs, 40.0% of a core; 30% are for it")
+
+
+@pytest.fixture
+def topics() -> Iterator[None]:
+    """A scenario's own sensor is known as long as the test."""
+    before = dict(TOPICS)
+    yield
+    TOPICS.clear()
+    TOPICS.update(before)
+
+
+NOWHERE = '[security]\nslave = "keys/a"\nmaster = "keys/b"\nmay_command = ["b"]'
+TAPE = "[recording]\nslave = true\nfolder = '"
+WILD = """
+class Wild:
+    def __init__(self):
+        1 / 0
+    def begin(self, brief): pass
+    def command(self, time, samples): pass
+
+class Sour:
+    message = "std_msgs/msg/Float64"
+    def begin(self, scene, mounting, random): pass
+    def sample(self, time_ns, state): raise OverflowError("too sour")
+"""
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "topic", "words"),
+    [
+        ("[slave]", f"{NOWHERE}\n[slave]", "slave", "keys/a/ca.pem is not there; `uuv-hil keys add a`"),
+        ("goal = [8, 7]", "goal = [800, 7]", "planner", "the goal (800.00 m north, 7.00 m east) is outside the map"),
+        ("depth = 2", "depth = 900", "slave", "an obstacle or the seabed of pool is there"),
+        ("[slave]", '[planner]\nclass = "nope:Nope"\n[slave]', "planner", "nope cannot be imported"),
+        ("[slave]", '[planner]\nclass = "wild:Wild"\n[slave]', "planner", "ZeroDivisionError: division by zero"),
+        ("[slave]", f"{TAPE}/dev/null/x'\n[slave]", "recording", "/dev/null is no folder"),
+        ("[slave]", f"{TAPE}/proc/x'\n[slave]", "recording", "0 MiB free"),
+        ("[link]", '[sensors.mine]\nclass = "wild:Sour"\nrate = 50\n[link]', "step", "OverflowError: too sour"),
+    ],
+)  # fmt: skip
+def test_what_the_slave_or_the_planner_would_refuse(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, topics: None, old: str, new: str, topic: str, words: str
+) -> None:
+    """Each is one problem with what to do about it, and nothing is raised."""
+    (tmp_path / "wild.py").write_text(WILD)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    path, _ = write_scenario(tmp_path)
+    assert [found.level for found in doctor_software.software(here(str(path))) if found.topic == "start"] == ["ok"]
+    path.write_text(path.read_text().replace(old, new, 1))
+    case = here(str(path))
+    problems = [
+        found for found in (*doctor_software.software(case), *doctor_software.step(case)) if found.level == "problem"
+    ]
+    (found,) = problems
+    assert found.topic == topic
+    assert words in found.text
+    assert str(path) in found.remedy or "uuv-hil keys" in found.text or "mend the sensor" in found.remedy
+
+
+def test_what_a_start_does_not_need() -> None:
+    """A fleet has a planner for each, an external controller none, and who names no goal flies by hand."""
+    scenario = load_scenario("paper_field", {"master.goal": [900.0, 0.0]})
+    user = doctor.find_user(Tree("/"), None)
+    lost = [found.topic for found in doctor_software.start(scenario, user)]
+    (away,) = doctor_software.start(load_scenario("paper_field", {"start.north": -500.0}), user)
+    assert "the start (-500.00 m north, 0.00 m east) is outside the map" in away.text
+    by_hand = scenario._replace(master=scenario.master._replace(goal=None))
+    for other in (by_hand, scenario._replace(controller="external"), load_scenario("target_hunting")):
+        assert [found.level for found in doctor_software.start(other, user)] == ["ok"]
+    assert lost == ["planner"]
+
+
+def test_a_recording_of_another_user(tmp_path: Path) -> None:
+    """By the folder's mode; nothing is made."""
+    folder = tmp_path / "closed"
+    folder.mkdir(mode=0o755)
+    stranger = User("stranger", 4711, (4711,))
+    scenario = load_scenario("paper_field", {"recording.slave": True, "recording.folder": str(folder / "a" / "b")})
+    (found,) = doctor_software.start(scenario, stranger)
+    assert (found.level, found.topic) == ("problem", "recording")
+    assert f"no permission for stranger in {folder}" in found.text
+    folder.chmod(0o777)
+    assert [found.level for found in doctor_software.start(scenario, stranger)] == ["ok"]
+    assert list(folder.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--root", "/no/such/folder"], "--root: /no/such/folder: no such folder"),
+        (["--user", "no-such-user"], "no user 'no-such-user'"),
+        (["--listen", "tcp/0.0.0.0:7447"], "go with a scenario"),
+        (["--board", "raspberry_pi_4c"], "did you mean 'raspberry_pi_4b'"),
+    ],
+)
+def test_options_that_cannot_be_meant(arguments: list[str], message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
+        doctor.main(arguments)

@@ -1,0 +1,250 @@
+"""The doctor judges what the user who is to run the slave may do, and says what it cannot see."""
+
+import os
+import pty
+import pwd
+import stat
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from boards.tree import Tree
+from hil.commands import doctor
+from hil.commands.board import service as board_service
+from hil.common.errors import ConfigError
+from hil.doctor import board as doctor_board
+from hil.doctor import links as doctor_links
+from hil.doctor import software as doctor_software
+from hil.doctor.findings import Account, Case, User, accounts
+from hil.install.units import LIMITS as SHELLS
+from hil.install.units import UNIT
+from hil.scenario.config import Scenario, load_scenario
+from tests.support.recorded import plant
+
+NOBODY = pwd.getpwnam("nobody")
+LIMITS = """\
+Limit                     Soft Limit           Hard Limit           Units
+Max locked memory         {locked:<20} 8388608              bytes
+Max realtime priority     {priority:<20} 0
+"""
+STATUS = "Name:\tcat\nCapEff:\t{:016x}\n"
+as_root = pytest.mark.skipif(os.geteuid() != 0, reason="only root may start a process as another user")
+
+
+class Runner(Tree):
+    """This machine, where starting a process as another user gives what the test says."""
+
+    def __init__(self, answer: str | None, files: dict[str, str] | None = None) -> None:
+        super().__init__("/")
+        self.answer, self.files = answer, files or {}
+        self.asked: list[tuple[str, ...]] = []
+
+    def text(self, name: str) -> str:
+        return self.files.get(name, "")
+
+    def run(self, *command: str) -> str | None:
+        self.asked.append(command)
+        return self.answer
+
+
+def scenario(port: str = "pty:") -> Scenario:
+    plain = load_scenario("paper_field")
+    return plain._replace(link=plain.link._replace(port=port))
+
+
+@pytest.fixture
+def other(monkeypatch: pytest.MonkeyPatch) -> User:
+    """Somebody else, for root."""
+    monkeypatch.setattr("os.getuid", lambda: 0)
+    monkeypatch.setattr("os.geteuid", lambda: 0)
+    return User("uuv", 4711, (4711,))
+
+
+@pytest.mark.parametrize(
+    ("priority", "locked", "capabilities", "levels"),
+    [
+        ("0", "8388608", 0, ["problem", "note"]),
+        ("40", "unlimited", 0, ["ok", "ok"]),
+        ("0", "8388608", 1 << 23 | 1 << 14, []),  # CAP_SYS_NICE, CAP_IPC_LOCK: limits do not matter
+    ],
+)
+def test_root_asks_for_another_user(
+    other: User, priority: str, locked: str, capabilities: int, levels: list[str]
+) -> None:
+    """Root's own capabilities grant everything; those of the other's process count."""
+    tree = Runner(
+        LIMITS.format(priority=priority, locked=locked) + STATUS.format(capabilities),
+        {
+            "/proc/self/status": STATUS.format(~0 & 0xFFFFFFFF),
+            "/proc/self/limits": LIMITS.format(priority=99, locked=9),
+        },
+    )
+    found = list(doctor_board.realtime_limits(Case(tree, None, scenario(), other)))
+    assert [row.level for row in found] == levels
+    assert tree.asked == [("runuser", "-u", "uuv", "--", "cat", "/proc/self/limits", "/proc/self/status")]
+
+
+@pytest.mark.parametrize(("user", "level"), [("uuv", "note"), ("somebody", "problem")])
+def test_an_installed_service_has_its_limits_of_its_unit(other: User, user: str, level: str) -> None:
+    unit = f"[Service]\nUser={user}\nLimitRTPRIO=40\n"
+    tree = Runner(LIMITS.format(priority=0, locked="unlimited") + STATUS.format(0), {UNIT: unit})
+    found = next(doctor_board.realtime_limits(Case(tree, None, scenario(), other)))
+    assert (found.level, found.topic) == (level, "real time")
+    assert ("as the installed service it has 40" in found.text) == (user == "uuv")
+
+
+def test_an_installed_grant_counts_from_the_next_login(other: User) -> None:
+    """To install it once more would change nothing."""
+    files = {
+        UNIT: "[Service]\nUser=uuv\nLimitRTPRIO=40\n",
+        SHELLS: "# Written\nuuv - rtprio 40\nuuv - memlock unlimited\n",
+    }
+    tree = Runner(LIMITS.format(priority=0, locked="8388608") + STATUS.format(0), files)
+    remedies = {row.remedy for row in doctor_board.realtime_limits(Case(tree, None, scenario(), other))}
+    assert remedies == {f"log in again: pam_limits grants it to new sessions, by {SHELLS}"}
+    (elsewhere, _) = doctor_board.realtime_limits(Case(tree, None, scenario(), other._replace(name="somebody")))
+    assert elsewhere.remedy.startswith("uuv-hil board install")
+
+
+@pytest.mark.parametrize("unit", ["", "User=uuv", "User=uuv\nLimitRTPRIO=", "User=uuv\nLimitRTPRIO=infinity-ish"])
+def test_an_odd_unit_grants_nothing(other: User, unit: str) -> None:
+    tree = Runner(LIMITS.format(priority=0, locked=0) + STATUS.format(0), {UNIT: unit})
+    assert next(doctor_board.realtime_limits(Case(tree, None, scenario(), other))).level == "problem"
+
+
+def test_who_is_not_root_cannot_ask_for_others(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("os.getuid", lambda: 1000)
+    monkeypatch.setattr("os.geteuid", lambda: 1000)
+    case = Case(Runner(None), None, scenario(), User("uuv", 4711, ()))
+    (found,) = doctor_board.realtime_limits(case)
+    assert (found.level, found.text) == ("note", "what uuv is granted cannot be told")
+    assert found.remedy == "the same with sudo, --user uuv"
+    assert not list(doctor_software.granted(case))
+
+
+def test_a_session_that_cannot_be_opened(other: User) -> None:
+    (found,) = doctor_board.realtime_limits(Case(Runner(None), None, scenario(), other))
+    assert (found.level, found.text) == ("note", "what uuv is granted cannot be told")
+    assert found.remedy == "see: runuser -u uuv -- true"
+
+
+@as_root
+def test_what_this_machine_grants_to_nobody(capsys: pytest.CaptureFixture[str]) -> None:
+    """A session of that user: root's capabilities are gone."""
+    case = Case(Tree("/"), None, scenario(), doctor.find_user(Tree("/"), "nobody"))
+    (found, *_) = doctor_board.realtime_limits(case)
+    assert found.topic == "real time"
+    assert "is permitted, the slave's loop wants 40" in found.text
+    assert "SCHED_FIFO" in next(doctor_software.granted(case._replace(user=doctor.find_user(Tree("/"), None)))).text
+
+
+@as_root
+def test_an_installation_that_the_user_cannot_read(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    tmp_path.chmod(0o700)
+    monkeypatch.setattr("sys.executable", str(tmp_path / "python"))
+    (found,) = doctor_software.granted(Case(Tree("/"), None, None, doctor.find_user(Tree("/"), "nobody")))
+    assert found.level == "note"
+    assert found.text == f"could not be tried: nobody cannot start {tmp_path}/python"
+    assert found.remedy == f"see: runuser -u nobody -- {tmp_path}/python -V"
+
+
+PASSWD = "odd\npi:x:1000:1000:,,,:/home/pi:/bin/bash\npilot:x:4242:many::\n"
+GROUP = "dialout:x:20:uuv,pi\nodd\nvideo:x:44:pilot\nlarge:x:99999999999:pi\n"
+
+
+@pytest.mark.parametrize(
+    ("name", "uid", "user"),
+    [
+        ("pi", 0, User("pi", 1000, (1000, 20))),
+        ("pilot", 0, User("pilot", 4242, (44,))),
+        (None, 1000, User("pi", 1000, (1000, 20))),
+        (None, 7, User("7", 7, ())),
+    ],
+)
+def test_users_of_a_recorded_machine(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str | None, uid: int, user: User
+) -> None:
+    """They are its own: this one's may have the same names and other groups."""
+    monkeypatch.setattr("os.getuid", lambda: uid)
+    plant(tmp_path, "etc/passwd", PASSWD)
+    plant(tmp_path, "etc/group", GROUP)
+    assert doctor.find_user(Tree(str(tmp_path)), name) == user
+    with pytest.raises(ConfigError, match=f"no user 'nobody' in {tmp_path}/etc/passwd"):
+        doctor.find_user(Tree(str(tmp_path)), "nobody")
+
+
+BROKEN = """
+odd
+::
+:x:0:0
+few:x:7
+word:x:seven:7::
+large:x:99999999999:7::
++::::::
+#old:x:5:5::
+ pi:x:1000:1000:\u2028seen:x:6:6:/home/pi:/bin/sh
+\0\ufffd"""
+
+
+def test_what_is_no_account(tmp_path: Path) -> None:
+    """Comments and broken lines, to whoever reads the file; blanks before a name are none of it."""
+    plant(tmp_path, "etc/passwd", BROKEN)
+    tree = Tree(str(tmp_path))
+    assert accounts(tree, "/etc/passwd") == [Account("pi", 1000, "1000")]
+    board_service.check_user(tree, "pi")
+    for name in ("odd", "few", "word", "large", "seen", "old"):
+        with pytest.raises(ConfigError, match=f"there is no user '{name}'"):
+            board_service.check_user(tree, name)
+        with pytest.raises(ConfigError, match=f"there is no user '{name}'"):
+            doctor.find_user(tree, name)
+
+
+@pytest.fixture
+def port() -> Iterator[str]:
+    master, slave = pty.openpty()
+    yield os.ttyname(slave)
+    os.close(slave)
+    os.close(master)
+
+
+def test_only_root_sees_who_has_the_port(port: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    def found(user: User, uid: int) -> list[tuple[str, str]]:
+        monkeypatch.setattr("os.geteuid", lambda: uid)
+        rows = doctor_links.holders(Case(Tree("/"), None, scenario(port), user))
+        return [(row.level, row.remedy) for row in rows]
+
+    monkeypatch.setattr(Tree, "openers", lambda *_: [])
+    owner = User("pilot", os.stat(port).st_uid, ())
+    assert found(owner, 0) == []
+    assert found(owner, 1000) == [("note", "the same with sudo, --user pilot")]
+    os.chmod(port, 0)
+    assert found(User("stranger", 4711, ()), 1000) == [], "the port is not theirs anyway"
+    monkeypatch.setattr(Tree, "openers", lambda *_: [(812, "cat")])
+    assert [level for level, _ in found(owner, 1000)] == ["problem"]
+
+
+def test_a_port_that_is_not_there_hides_nobody(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("os.geteuid", lambda: 1000)
+    case = Case(Tree("/"), None, scenario("/dev/ttyNONE"), User("pilot", 1000, ()))
+    assert not list(doctor_links.holders(case))
+
+
+RULE = "uuv-hil board install gives it to the group dialout, by a rule for udev; sudo usermod -aG dialout pilot, "
+
+
+@pytest.mark.parametrize(
+    ("mode", "gid", "remedy"),
+    [
+        (0o660, 20, "sudo usermod -aG dialout pilot, "),
+        (0o660, 987, "sudo usermod -aG uucp pilot, "),  # Arch and others
+        (0o620, 5, RULE),  # a console's: the group of write(1) may not read
+        (0o600, 20, RULE),
+        (0o660, 0, RULE),  # nobody is to join root's
+        (0o660, 4242, RULE),  # a group without a name
+    ],
+)
+def test_what_gives_permission(tmp_path: Path, mode: int, gid: int, remedy: str) -> None:
+    plant(tmp_path, "etc/group", "root:x:0:\ntty:x:5:\ndialout:x:20:\nodd\nuucp:x:987:\n")
+    found = os.stat_result((stat.S_IFCHR | mode, 0, 0, 1, 0, gid, 0, 0, 0, 0))
+    assert doctor_links.permission(Tree(str(tmp_path)), found, User("pilot", 1000, ())) == f"{remedy}then log in again"

@@ -1,0 +1,81 @@
+"""The core in C as VESCs on a CAN bus: against its specification in Python, and on the emulated chip."""
+
+import struct
+
+import pytest
+
+from firmware_stub.stub import Stm32
+from hil.links.can_thrusters import MotorValues
+from hil.links.contract import ThrusterCommand, ThrusterTelemetry
+from hil.links.protocols import open_protocol
+from hil.links.vesc.end import STATUS
+from hil.links.wires.can_frame import CanFrame, pack_frame, unpack_frames
+from tests.support.c_core import Clock, Done, Script, run_c
+from tests.support.c_vesc import vesc_script
+from tests.support.link_contract import uuv_hil
+
+FULL = (1900, 1100, 1600, 1400, 1501, 1499)
+
+
+def run_python(script: Script) -> list[Done]:
+    """The specification: at each step the frame, if there is one, else the time."""
+    unmeasured, clock = MotorValues(0.0, 0.0, 273.15), Clock()
+    device = open_protocol("vesc", "device", script.channels, motor_values=lambda *_: unmeasured, clock=clock)
+    stm32 = Stm32(script.channels, script.watchdog_us * 1000)
+    heard_any, results = False, []
+    for step in script.steps:
+        output, now_ns = b"", step.now_us * 1000
+        clock.now_ns = now_ns
+        for message in device.feed(pack_frame(step.can)) if step.can else []:
+            assert isinstance(message, ThrusterCommand)
+            if stm32.command(message, now_ns):
+                output += device.encode(stm32.telemetry(now_ns))
+        heard_any = heard_any or (step.can is not None and step.can.id & 0xFF in range(1, script.channels + 1))
+        if step.can is None and stm32.tick(now_ns):
+            output += device.encode(stm32.telemetry(now_ns))
+        results.append(Done(b"", tuple(stm32.pwm_us), 0, tuple(unpack_frames(output)) if heard_any else ()))
+    return results
+
+
+def meant(frame: CanFrame) -> tuple[int, int, int]:
+    """Identifier, current and duty of a STATUS; its ERPM follows from the duty."""
+    erpm, current, duty = struct.unpack(">ihh", frame.data)
+    assert abs(erpm - duty * 24.5) <= 24.5
+    return frame.id, current, duty
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_it_does_what_the_specification_does(core: str, seed: int) -> None:
+    script = vesc_script(seed, 400)
+    for step, c, python in zip(script.steps, run_c(core, script), run_python(script), strict=True):
+        assert c.pwm_us == python.pwm_us, step
+        if c.sent:  # nothing was heard yet: it still reports by the frame
+            continue
+        reported, wanted = list(map(meant, c.can)), list(map(meant, python.can))
+        assert [row[:2] for row in reported] == [row[:2] for row in wanted], step
+        assert all(abs(a[2] - b[2]) <= 1 for a, b in zip(reported, wanted, strict=True)), step
+
+
+def test_on_the_emulated_chip() -> None:
+    """The shipped image: CAN controller, interrupts, mailboxes, timers."""
+    pytest.importorskip("unicorn")
+    from firmware_stub.unicorn_board import UnicornBoard, shipped_image
+
+    board = UnicornBoard(shipped_image(), 6)
+    host = open_protocol("vesc", "host", 6)
+    received: list[ThrusterTelemetry] = []
+    for ms in range(0, 500, 5):
+        if ms % 20 == 0 and ms < 200:
+            board.receive_can(unpack_frames(host.encode(ThrusterCommand(ms, True, FULL if ms else (1500,) * 6))))
+        board.run_until((ms + 5) * 1_000_000)
+        output = b"".join(map(pack_frame, board.transmitted_can()))
+        received += [message for message in host.feed(output) if isinstance(message, ThrusterTelemetry)]
+        if ms == 180:
+            assert board.pwm_us == list(FULL)
+            assert received[-1].pwm_us == FULL
+    assert board.pwm_us == [1500] * 6
+    assert received[-1].timed_out
+    assert received[-1].watchdog_trips == 1
+    assert board.resets == 0
+    assert uuv_hil().feed(board.transmitted()) != [], "before it heard VESC it reported by the frame"
+    assert {frame.id >> 8 for frame in unpack_frames(output)} <= {STATUS}

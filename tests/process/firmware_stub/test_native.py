@@ -1,0 +1,231 @@
+"""The firmware in C as a process on a pty."""
+
+import os
+import shutil
+import signal
+import subprocess
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from firmware_stub import mavlink_headers
+from firmware_stub.native import NAME, NativeStm32, build_native, cache_folder
+from hil.common.errors import DeviceError
+from hil.links.contract import Protocol, ThrusterCommand, ThrusterLink, ThrusterTelemetry
+from hil.links.protocols import open_protocol
+from hil.links.wires.terminal import PtyHostWire
+from tests.support.busy import retry_when_busy
+from tests.support.link_contract import nothing_leaks, uuv_hil, wait_readable
+
+FULL = (1900, 1100, 1600, 1400, 1500, 1501)
+NEUTRAL = (1500,) * 6
+PATIENCE_S = 60.0
+
+pytestmark = pytest.mark.skipif(not shutil.which("cc"), reason="needs a C compiler")
+
+
+@pytest.fixture(scope="module", autouse=True)
+def cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """A cache of our own."""
+    folder = tmp_path_factory.mktemp("cache")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_CACHE_HOME", str(folder))
+        patch.delenv("CC", raising=False)
+        yield folder
+
+
+@pytest.fixture
+def device(tmp_path: Path) -> str:
+    return str(tmp_path / "stm32")
+
+
+@pytest.fixture
+def stm32(device: str) -> Iterator[NativeStm32]:
+    with nothing_leaks():
+        stm32 = NativeStm32(device, 6, 0.15)
+        yield stm32
+        stm32.close()
+
+
+def wait(link: ThrusterLink, wanted: Callable[[ThrusterTelemetry], bool]) -> ThrusterTelemetry:
+    deadline = time.monotonic() + PATIENCE_S
+    while time.monotonic() < deadline:
+        wait_readable(link.wire, 0.1)
+        for message in link.receive():
+            if isinstance(message, ThrusterTelemetry) and wanted(message):
+                return message
+    pytest.fail("no such telemetry")
+
+
+def host(device: str, protocol: Protocol | None = None) -> ThrusterLink:
+    return ThrusterLink(PtyHostWire(device), protocol or uuv_hil())
+
+
+def test_it_serves(stm32: NativeStm32, device: str) -> None:
+    link = host(device)
+    first = wait(link, lambda report: True)
+    assert (first.armed, first.frames, first.pwm_us) == (False, 0, NEUTRAL)
+    link.send(ThrusterCommand(41, True, FULL))
+    answer = wait(link, lambda report: report.sequence == 41)
+    assert (answer.armed, answer.timed_out, answer.pwm_us, answer.frames, answer.age_us) == (True, False, FULL, 1, 0)
+    silent = wait(link, lambda report: report.timed_out)
+    assert (silent.armed, silent.pwm_us, silent.watchdog_trips, silent.errors) == (False, NEUTRAL, 1, 0)
+    assert 150_000 <= silent.age_us < 60_000_000
+    counters = link.counters
+    assert (counters.checksum_errors, counters.malformed, counters.dropped_bytes) == (0, 0, 0)
+    link.close()
+
+
+def test_it_reports_fifty_times_a_second(stm32: NativeStm32, device: str) -> None:
+    link = host(device)
+    wait(link, lambda report: True)
+
+    def reports() -> None:
+        link.receive()  # what came before
+        began = time.monotonic()
+        for _ in range(15):
+            wait(link, lambda report: True)
+        assert 0.25 < time.monotonic() - began < 0.6
+
+    retry_when_busy(reports, "a process of its own", attempts=20)
+    link.close()
+
+
+def test_it_speaks_mavlink(stm32: NativeStm32, device: str) -> None:
+    if mavlink_headers.version() is None:
+        pytest.skip("without pymavlink it cannot")
+    link = host(device, open_protocol("mavlink", "host", 6))
+    for sequence in range(1, 10):
+        link.send(ThrusterCommand(sequence, True, FULL))
+        if wait(link, lambda report: True).armed:
+            break
+    link.send(ThrusterCommand(20, True, (1555, *FULL[1:])))
+    answer = wait(link, lambda report: report.sequence == 20)
+    assert (answer.armed, answer.pwm_us[0]) == (True, 1555)
+    silent = wait(link, lambda report: report.timed_out)
+    assert (silent.armed, silent.pwm_us, silent.watchdog_trips) == (False, NEUTRAL, 1)
+    link.close()
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_a_signal_ends_it_neutral(stm32: NativeStm32, device: str, number: signal.Signals) -> None:
+    link = host(device)
+    link.send(ThrusterCommand(1, True, FULL))
+    wait(link, lambda report: report.armed)
+    os.kill(stm32.pid, number)
+    assert stm32.close().endswith("1 commands, 0 refused, 0 checksum errors, 0 malformed, 0 bytes dropped, "
+                                  "0 watchdog trips; disarmed, pwm 1500 1500 1500 1500 1500 1500")  # fmt: skip
+    assert os.listdir(os.path.dirname(device)) == []
+    link.close()
+
+
+def test_nobody_reads_and_it_goes_on(stm32: NativeStm32, device: str) -> None:
+    """As on a UART what nobody reads is lost: who opens the port later reads no old reports for long."""
+    fd = os.open(device, os.O_RDWR | os.O_NOCTTY)
+    order = uuv_hil()
+    for sequence in range(400):
+        os.write(fd, order.encode(ThrusterCommand(sequence, True, FULL)))
+        time.sleep(0.0005)
+    time.sleep(0.05)
+    waiting = os.read(fd, 65536)
+    assert len(waiting) < 4096
+    link = host(device)
+    assert wait(link, lambda report: report.sequence == 399).frames == 400
+    os.close(fd)
+    link.close()
+
+
+def test_a_second_one_on_the_same_path_says_so(stm32: NativeStm32, device: str) -> None:
+    with pytest.raises(DeviceError, match="already served by another process"):
+        NativeStm32(device, 6, 0.2)
+    link = host(device)
+    wait(link, lambda report: True)
+    link.close()
+
+
+def test_after_a_kill_the_next_one_starts(stm32: NativeStm32, device: str) -> None:
+    os.kill(stm32.pid, signal.SIGKILL)
+    stm32.close()
+    assert os.path.islink(device)
+    second = NativeStm32(device, 2, 0.2)
+    link = host(device)
+    assert wait(link, lambda report: True).pwm_us == (1500, 1500)
+    link.close()
+    second.close()
+
+
+def test_a_file_in_its_place_is_not_touched(device: str) -> None:
+    Path(device).write_text("precious")
+    with pytest.raises(DeviceError, match="exists and is not a link to a pty"):
+        NativeStm32(device, 6, 0.2)
+    assert Path(device).read_text() == "precious"
+    assert os.listdir(os.path.dirname(device)) == ["stm32"]
+
+
+@pytest.mark.parametrize(
+    ("options", "code", "words"),
+    [
+        (["--watchdog", "200"], 2, "200 has no unit; write it as 200 ms or 0.2 s"),
+        (["--watchdog", "1 ms"], 2, "1 ms is outside 10 ms to 60 s"),
+        (["--watchdog", "nan s"], 2, "nan s is outside"),
+        (["--channels", "17"], 2, "17 is not a number from 1 to 16"),
+        (["--channels", "6x"], 2, "6x is not a number"),
+        (["--channels"], 2, "needs a value"),
+        (["--frame", "uuv_hil"], 2, "is no option"),
+        (["--device", "/nowhere/stm32"], 3, "/nowhere/stm32: cannot be made: No such file or directory"),
+    ],
+)
+def test_a_mistake_is_one_line(options: list[str], code: int, words: str) -> None:
+    done = subprocess.run([build_native(), *options], capture_output=True, text=True, timeout=PATIENCE_S)
+    assert (done.returncode, done.stdout) == (code, "")
+    (line,) = done.stderr.splitlines()
+    assert line.startswith("uuv-hil-stm32-native: ")
+    assert words in line
+
+
+def test_it_is_compiled_once(cache: Path) -> None:
+    program = build_native()
+    before = os.stat(program).st_mtime_ns
+    assert build_native() == program
+    assert os.stat(program).st_mtime_ns == before
+    assert os.path.dirname(program) == cache_folder() == str(cache / "uuv-hil")
+    assert [name for name in os.listdir(cache_folder()) if name.startswith(f"{NAME}-") and "." in name] == []
+
+
+def test_old_programs_go(tmp_path: Path) -> None:
+    old = [tmp_path / f"{NAME}-{number:016x}" for number in range(20)]
+    for number, path in enumerate(old):
+        path.write_bytes(b"x")
+        os.utime(path, (number, number))
+    (tmp_path / "a.toml.cpython").write_bytes(b"x")
+    program = Path(build_native(str(tmp_path)))
+    assert [path.exists() for path in old] == [False] * 13 + [True] * 7
+    assert program.exists()
+    assert (tmp_path / "a.toml.cpython").exists()
+
+
+def test_without_pymavlink_it_speaks_the_frame(device: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("pymavlink")
+    with_it = build_native()
+    monkeypatch.setattr(mavlink_headers, "version", lambda: None)
+    assert build_native() != with_it
+    stm32 = NativeStm32(device, 6, 0.2)
+    link = host(device)
+    link.send(ThrusterCommand(3, True, FULL))
+    assert wait(link, lambda report: report.sequence == 3).pwm_us == FULL
+    link.close()
+    stm32.close()
+
+
+def test_without_a_compiler_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("CC", "no-such-compiler")
+    with pytest.raises(DeviceError, match=r"no C compiler 'no-such-compiler'.*sudo apt install gcc"):
+        build_native()
+
+
+def test_a_cache_that_cannot_be_made(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", "/proc/nowhere")
+    with pytest.raises(DeviceError, match=r"/proc/nowhere/uuv-hil: .*; set XDG_CACHE_HOME"):
+        build_native()

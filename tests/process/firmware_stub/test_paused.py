@@ -1,0 +1,60 @@
+"""An STM32 in a process that was stopped does not execute, when it goes on, what was written to it meanwhile."""
+
+import contextlib
+import os
+import signal
+import time
+from pathlib import Path
+
+import pytest
+
+from hil.common.clock import now_ns
+from hil.links.contract import ThrusterCommand
+from hil.scenario.records import Link
+from hil.slave.drivers.driver import ThrusterDriver, open_driver
+from tests.support.processes import free_port, wait_for
+
+WATCHDOG_S = 0.2
+BEFORE, MEANWHILE = (1600,) * 6, (1700,) * 6
+
+
+def reports(driver: ThrusterDriver) -> set[tuple[int, ...]]:
+    return {telemetry.pwm_us for telemetry in driver.service(now_ns())}
+
+
+@pytest.mark.parametrize(("kind", "wire"), [("process", "pty"), ("process", "udp"), ("native", "pty")])
+def test_old_commands_are_thrown_away(kind: str, wire: str, tmp_path: Path) -> None:
+    port = f"udp://127.0.0.1:{free_port()}" if wire == "udp" else f"pty:{tmp_path / 'stm32'}"
+    driver = open_driver(kind, Link(port=port, watchdog=WATCHDOG_S), 6, True, 1, print)
+    with contextlib.closing(driver):
+        sequence = 0
+
+        def command(pulses: tuple[int, ...]) -> None:
+            nonlocal sequence
+            sequence += 1
+            driver.send(ThrusterCommand(sequence, True, pulses))
+
+        def obeys() -> bool:
+            command(BEFORE)
+            return BEFORE in reports(driver)
+
+        assert wait_for(obeys)
+        os.kill(driver.children[0], signal.SIGSTOP)
+        try:
+            stat = Path(f"/proc/{driver.children[0]}/stat")
+            assert wait_for(lambda: stat.read_text().rpartition(")")[2].split()[0] == "T")
+            reports(driver)
+            for _ in range(20):
+                command(MEANWHILE)
+            time.sleep(1.5 * WATCHDOG_S)
+        finally:
+            os.kill(driver.children[0], signal.SIGCONT)
+        seen: set[tuple[int, ...]] = set()
+
+        def stops() -> bool:
+            seen.update(reports(driver))
+            return (1500,) * 6 in seen
+
+        assert wait_for(stops)
+        assert MEANWHILE not in seen
+        assert wait_for(obeys), "and new commands count"

@@ -1,0 +1,239 @@
+"""The STM32 as a process, commanded by a program that knows only the port and the bytes."""
+
+import os
+import re
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+import serial
+
+from firmware_stub.serve import main, serve
+from firmware_stub.stub import Stm32, Stm32End
+from hil.common.errors import DeviceError
+from hil.links.contract import ThrusterCommand, ThrusterLink, ThrusterTelemetry
+from hil.links.wires.terminal import PtyHostWire, PtyWire, UartWire
+from tests.support.busy import retried_when_busy, retry_when_busy
+from tests.support.link_contract import nothing_leaks, read_messages, uuv_hil
+
+ROOT = Path(__file__).parents[3]
+PATIENCE_S = 60.0
+FULL = (1900, 1100, 1600, 1400, 1500, 1501)
+
+
+def start(*options: object) -> subprocess.Popen[str]:
+    return subprocess.Popen(
+        [sys.executable, "-m", "firmware_stub.serve", *map(str, options)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        cwd=ROOT,
+    )
+
+
+def finish(process: subprocess.Popen[str]) -> tuple[int, str, str]:
+    """Exit code, standard output and standard error of a process that is about to end."""
+    out, err = process.communicate(timeout=PATIENCE_S)
+    return process.returncode, out, err
+
+
+@pytest.fixture
+def device(tmp_path: Path) -> Path:
+    return tmp_path / "stm32"
+
+
+@pytest.fixture
+def stm32(device: Path) -> Iterator[subprocess.Popen[str]]:
+    process = start("--port", f"pty:{device}", "--watchdog", "150 ms")
+    assert process.stdout is not None
+    assert str(device) in process.stdout.readline()
+    yield process
+    process.kill()
+    process.communicate()
+
+
+class ForeignProgram:
+    """Someone else's vehicle software: pyserial and the frame, nothing of our link."""
+
+    def __init__(self, device: Path) -> None:
+        self.port = serial.Serial(str(device), 115_200, timeout=0.05, exclusive=True)
+        self.frames = uuv_hil()
+
+    def order(self, sequence: int, armed: bool, pwm_us: tuple[int, ...]) -> None:
+        self.port.write(self.frames.encode(ThrusterCommand(sequence, armed, pwm_us)))
+
+    def wait(self, wanted: Callable[[ThrusterTelemetry], bool]) -> ThrusterTelemetry:
+        deadline = time.monotonic() + PATIENCE_S
+        while time.monotonic() < deadline:
+            for message in self.frames.feed(self.port.read(max(1, self.port.in_waiting))):
+                if isinstance(message, ThrusterTelemetry) and wanted(message):
+                    return message
+        pytest.fail("no such telemetry")
+
+
+def test_a_foreign_program_commands_it(stm32: subprocess.Popen[str], device: Path) -> None:
+    program = ForeignProgram(device)
+    with program.port:
+        first = program.wait(lambda report: True)
+        assert (first.armed, first.frames, first.pwm_us) == (False, 0, (1500,) * 6)
+        program.order(41, True, FULL)
+        answer = program.wait(lambda report: report.sequence == 41)
+        assert (answer.armed, answer.timed_out, answer.pwm_us, answer.frames) == (True, False, FULL, 1)
+        assert answer.age_us == 0
+        silent = program.wait(lambda report: report.timed_out)
+        assert (silent.armed, silent.pwm_us, silent.watchdog_trips, silent.errors) == (False, (1500,) * 6, 1, 0)
+        assert 150_000 <= silent.age_us < 60_000_000
+        program.order(42, True, FULL)
+        assert program.wait(lambda report: report.sequence == 42).pwm_us == FULL
+        counters = program.frames.counters
+        assert (counters.checksum_errors, counters.malformed) == (0, 0)
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_a_signal_ends_it_cleanly(stm32: subprocess.Popen[str], device: Path, number: signal.Signals) -> None:
+    program = ForeignProgram(device)
+    with program.port:
+        program.order(1, True, FULL)
+        program.wait(lambda report: report.armed)
+        stm32.send_signal(number)
+        code, out, err = finish(stm32)
+    assert (code, err) == (0, "")
+    (line,) = out.splitlines()
+    assert line.startswith("stopped: 1 commands, 0 refused, 0 checksum errors")
+    assert line.endswith("disarmed, pwm 1500 1500 1500 1500 1500 1500")
+    assert os.listdir(device.parent) == []
+
+
+def test_a_second_one_on_the_same_path_says_so(stm32: subprocess.Popen[str], device: Path) -> None:
+    code, out, err = finish(start("--port", f"pty:{device}"))
+    assert code == DeviceError.exit_code
+    assert out == ""
+    (line,) = err.splitlines()
+    assert line.startswith(f"uuv-hil stm32: {device}: already served by another process")
+    with ForeignProgram(device).port:
+        assert stm32.poll() is None
+
+
+def test_after_a_kill_the_next_one_starts(stm32: subprocess.Popen[str], device: Path) -> None:
+    left = os.readlink(device)
+    stm32.kill()
+    stm32.wait(PATIENCE_S)
+    assert os.readlink(device) == left
+    second = start("--port", f"pty:{device}")
+    assert second.stdout is not None
+    assert str(device) in second.stdout.readline()
+    program = ForeignProgram(device)
+    with program.port:
+        program.wait(lambda report: report.frames == 0)
+    second.terminate()
+    assert finish(second)[0] == 0
+
+
+@pytest.mark.parametrize(
+    ("options", "code", "words"),
+    [
+        (["--watchdog", "200"], 2, ["--watchdog", "with its unit", "'200'"]),
+        (["--watchdog", "0 ms"], 2, ["watchdog", "from 0.01 to 60 s", "'0 ms'"]),
+        (["--channels", "17"], 2, ["channels", "from 1 to 16", "'17'"]),
+        (["--frame", "uuv_hill"], 2, ["'uuv_hill'", "did you mean 'uuv_hil'"]),
+        (["--frame", "/nowhere/lab.toml"], 2, ["/nowhere/lab.toml", "no such file"]),
+        (["--protocol", "vesc"], 2, ["protocol 'vesc' needs a CAN bus", "the port is 'pty:/"]),
+        (["--port", "can:virtual:a"], 2, ["protocol 'frame' needs a wire of bytes", "can:virtual:a"]),
+        (["--port", "com3"], 2, ["'com3' is not the address of a wire"]),
+        (["--protocol", "mavlink", "--option", "sistem=1"], 2, ["mavlink", "'sistem'", "did you mean 'system'"]),
+        (["--protocol", "mavlink", "--option", "system"], 2, ["option", "'system' is not NAME=VALUE"]),
+        (["--port", "/dev/ttyNOWHERE"], 3, ["/dev/ttyNOWHERE", "no such device", "serial ports here"]),
+    ],
+)
+def test_a_mistake_is_one_line(options: list[str], code: int, words: list[str]) -> None:
+    found, out, err = finish(start(*options))
+    assert (found, out) == (code, "")
+    (line,) = err.splitlines()
+    assert line.startswith("uuv-hil stm32: ")
+    assert all(word in line for word in words), line
+
+
+def test_a_frame_that_cannot_carry_so_many_thrusters(tmp_path: Path) -> None:
+    ours = (ROOT / "firmware_stub" / "frames" / "uuv_hil.toml").read_text()
+    frame = tmp_path / "four.toml"
+    frame.write_text(ours.replace('name = "pwm_us", type = "u16"', 'name = "pwm_us", type = "u16", channels = 4'))
+    code, _, err = finish(start("--frame", frame))
+    assert code == 2
+    assert re.search(rf"frame {re.escape(str(frame))} carries 4 thrusters, not 6", err)
+
+
+def test_serve_ends_when_told_and_reports(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("firmware_stub.serve.REPORT_PERIOD_NS", 30_000_000)
+    with nothing_leaks():
+        wire = PtyWire()
+        host = ThrusterLink(PtyHostWire(wire.path), uuv_hil())
+        end = Stm32End(Stm32(6), ThrusterLink(wire, uuv_hil()))
+        reports: list[int] = []
+        stop = os.eventfd(0)
+        thread = threading.Thread(target=serve, args=(end, stop, lambda end: reports.append(end.stm32.frames)))
+        thread.start()
+
+        def reports_fifty_times_a_second() -> None:
+            host.receive()  # what came before
+            began = time.monotonic()
+            received = read_messages(host, 10)
+            took = time.monotonic() - began
+            assert len(received) == 10
+            assert 0.15 < took < 0.4
+
+        retry_when_busy(reports_fifty_times_a_second, "two threads of one process", attempts=20)
+        os.eventfd_write(stop, 1)
+        thread.join(PATIENCE_S)
+        assert not thread.is_alive()
+        assert reports
+        host.close()
+        os.close(stop)
+
+
+@pytest.mark.parametrize("quiet", [True, False])
+def test_quiet_it_says_nothing_between_start_and_end(
+    quiet: bool, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def served(end: Stm32End, _: int, report: Callable[[Stm32End], None] | None) -> None:
+        if report:
+            report(end)
+        end.close()
+
+    monkeypatch.setattr("firmware_stub.serve.serve", served)
+    assert main(["--port", "pty:", *["--quiet"] * quiet]) == 0
+    assert len(capsys.readouterr().out.splitlines()) == (2 if quiet else 3)
+
+
+@retried_when_busy("when another process, or the kernel, has its turn")
+def test_quiet_it_sleeps_as_before_when_a_report_would_be_due(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("firmware_stub.serve.REPORT_PERIOD_NS", 1)
+    read_fd, write_fd = os.pipe()
+    end = Stm32End(Stm32(6), ThrusterLink(PtyWire(), uuv_hil()))
+    serving = threading.Thread(target=serve, args=(end, read_fd))
+    before = time.process_time()
+    serving.start()
+    time.sleep(0.5)
+    took = time.process_time() - before
+    os.write(write_fd, b"x")
+    serving.join()
+    os.close(read_fd)
+    os.close(write_fd)
+    assert took < 0.1
+
+
+def test_serve_gives_up_when_its_uart_is_gone() -> None:
+    with nothing_leaks():
+        far = PtyWire()
+        end = Stm32End(Stm32(6), ThrusterLink(UartWire(far.path), uuv_hil()))
+        read_fd, write_fd = os.pipe()
+        far.close()
+        with pytest.raises(DeviceError, match="went away"):
+            serve(end, read_fd)
+        assert end.fileno() == -1
+        os.close(read_fd)
+        os.close(write_fd)

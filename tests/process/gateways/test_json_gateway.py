@@ -1,0 +1,412 @@
+"""Lines of JSON: what another program sees of a real vehicle, and what it cannot break; and Octave as one."""
+
+import json
+import os
+import shutil
+import signal
+import socket
+import subprocess
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import hil
+from hil.client.fleet import Fleet
+from hil.client.vehicle_handle import Vehicle
+from hil.common.errors import NetworkError
+from hil.gateways.access import Access, token_path
+from hil.gateways.json_connection import LONGEST_LINE, SOCKET_OPTIONS, Connection
+from hil.gateways.json_requests import COMMANDS
+from hil.gateways.json_server import MAX_CONNECTIONS, JsonGateway
+from tests.support.processes import ROOT, Program, free_port, wait_for, write_scenario
+
+MATLAB = ROOT / "hil" / "gateways" / "matlab"
+Message = dict[str, Any]
+
+
+@pytest.fixture(scope="module")
+def fleet(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Fleet]:
+    folder = tmp_path_factory.mktemp("slave")
+    scenario, port = write_scenario(folder)
+    with Program(folder, "slave", scenario) as slave:
+        slave.expect("ready")
+        with hil.connect(f"tcp/127.0.0.1:{port}") as fleet:
+            yield fleet
+
+
+@pytest.fixture(autouse=True)
+def _own_state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+
+
+@pytest.fixture
+def gateway(fleet: Fleet) -> Iterator[JsonGateway]:
+    with JsonGateway(fleet, "127.0.0.1", 0) as gateway:
+        yield gateway
+
+
+class Client:
+    """A program with a socket."""
+
+    def __init__(self, gateway: JsonGateway) -> None:
+        self.socket = socket.create_connection(("127.0.0.1", gateway.port), timeout=5)
+        self._lines = self.socket.makefile("rb")
+        self.samples: list[Message] = []
+
+    def close(self) -> None:
+        self._lines.close()
+        self.socket.close()
+
+    def __enter__(self) -> "Client":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def read(self) -> Message:
+        message: Message = json.loads(self._lines.readline())
+        return message
+
+    def send(self, line: bytes) -> Message:
+        """A line, and its answer; samples that come in between are kept."""
+        self.socket.sendall(line + b"\n")
+        while "ok" not in (message := self.read()):
+            self.samples.append(message)
+        return message
+
+    def ask(self, **request: object) -> Message:
+        return self.send(json.dumps(request).encode())
+
+
+@pytest.fixture
+def client(gateway: JsonGateway) -> Iterator[Client]:
+    client = Client(gateway)
+    with client:
+        assert client.ask(do="login", token=gateway.access.token)["ok"]
+        yield client
+
+
+def test_questions_and_commands(client: Client, fleet: Fleet) -> None:
+    assert client.ask(id=7, do="vehicles") == {"id": 7, "ok": True, "vehicles": ["uuv1"]}
+    state = client.ask(id="a", vehicle="uuv1", do="get", sensor="state")
+    assert state["id"] == "a"
+    assert 0 <= state["age"] < 0.3
+    north, east, depth = state["sample"]["position"]
+    assert depth == state["sample"]["depth"]
+    assert client.ask(do="drive", surge=0.3, depth=depth)["ok"]
+    assert wait_for(lambda: fleet["uuv1"].state.velocity[0] > 0.15)
+    assert client.ask(do="go_to", north=north + 0.5, east=east, depth=depth)["ok"]
+    assert wait_for(lambda: client.ask(do="status")["done"])
+    assert client.ask(do="follow", path=[north, east, depth], speed=0.5, lookahead=0.8, tolerance=0.5)["ok"]
+    assert client.ask(do="status") == {"id": None, "ok": True, "done": False, "over": False, "error": ""}
+    assert client.ask(do="thrust", newtons=[-5, -5, -5, -5, 0, 0])["ok"]
+    assert wait_for(lambda: fleet["uuv1"].state.velocity[0] < -0.05)
+    client.socket.close()
+    client._lines.close()
+    assert wait_for(lambda: abs(fleet["uuv1"].state.velocity[0]) < 0.05), "it stops with the connection"
+
+
+def test_samples_come_by_themselves(client: Client) -> None:
+    assert client.ask(do="subscribe", sensor="imu", rate=20)["ok"]
+    assert client.ask(do="subscribe", sensor="state", rate=5)["ok"]
+    times: dict[str, list[int]] = {"imu": [], "odom": []}
+    while len(times["imu"]) < 20:
+        message = client.read()
+        assert message["vehicle"] == "uuv1"
+        times[message["sensor"]].append(message["sample"]["time_ns"])
+    assert (times["imu"][-1] - times["imu"][0]) / 19 > 0.85 * 50e6, "no faster than asked"
+    assert 3 <= len(times["odom"]) <= 7
+    client.ask(do="unsubscribe", sensor="imu")
+    client.samples.clear()
+    for _ in range(3):
+        client.samples.append(client.read())
+    assert {message["sensor"] for message in client.samples[-2:]} == {"odom"}
+
+
+NONSENSE: list[tuple[bytes, str]] = [
+    (b"[1]", "an object"),
+    (b"{}", "drive"),
+    (b'{"do": "drvie"}', "did you mean 'drive'"),
+    (b'{"do": "close"}', "none of"),
+    (b'{"do": "__class__"}', "none of"),
+    (b'{"do": "drive", "surge": "fast"}', "'fast' is not a number"),
+    (b'{"do": "drive", "surge": NaN}', "surge: nan"),
+    (b'{"do": "drive", "surge": true}', "not a number"),
+    (b'{"do": "drive", "surge": 1' + b"0" * 400 + b"}", "surge: 1000"),
+    (b'{"id": ' + b"[" * 600 + b"]" * 600 + b', "do": "vehicles"}', "id: expected a text or a number"),
+    (b'{"do": "drive", "sruge": 1}', "did you mean 'surge'"),
+    (b'{"do": "go_to", "north": 1}', "also needs east, depth"),
+    (b'{"do": "follow"}', "array of points"),
+    (b'{"do": "follow", "path": "/etc/passwd"}', "array of points"),
+    (b'{"do": "follow", "path": [[1, 2]]}', "(north, east, depth)"),
+    (b'{"do": "follow", "path": [[1, 2, 3]], "limits": 1}', "no 'limits'"),
+    (b'{"do": "follow", "path": [[1e5, 2, 3]], "smooth": true}', "longer than 10000 m"),
+    (b'{"do": "thrust", "newtons": [1, 2]}', "6 thrusters"),
+    (b'{"do": "get", "sensor": "sonarr"}', "no topic"),
+    (b'{"do": "get", "sensor": "camera/image_raw"}', "pictures"),
+    (b'{"do": "subscribe", "sensor": "imu", "rate": 0}', "rate"),
+    (b'{"do": "subscribe", "sensor": "imu", "rate": 1e9}', "rate"),
+    (b'{"do": "subscribe", "sensor": "imu", "rate": 1e-320}', "rate"),
+]
+
+
+def test_nonsense_is_answered(client: Client) -> None:
+    for line, words in NONSENSE:
+        answer = client.send(line)
+        assert not answer["ok"], line
+        assert words in answer["error"], line
+        assert client.ask(do="vehicles")["ok"], "and the connection goes on"
+
+
+POST = b"POST / HTTP/1.1\r\nHost: localhost\r\nContent-Length: 99\r\n\r\n"
+
+
+@pytest.mark.parametrize("line", [b"hello", b"", b"\xff\xfe", b"[" * 50_000, POST + b'{"do": "drive", "surge": 1}'])
+def test_the_connection_ends_at_what_is_not_json(client: Client, fleet: Fleet, line: bytes) -> None:
+    """Even after a login: what follows a header of HTTP is not carried out."""
+    client.socket.sendall(line + b'\n{"do": "drive", "surge": 0.5}\n')
+    answer = client.read()
+    assert not answer["ok"]
+    assert "not a line of JSON" in answer["error"]
+    with suppress(ConnectionResetError):
+        assert client._lines.readline() == b""
+    assert fleet["uuv1"]._maneuver is None or fleet["uuv1"].state.velocity[0] < 0.05
+
+
+@pytest.mark.parametrize("login", [{}, {"token": ""}, {"token": "x" * 32}, {"token": None}, {"token": ["a"]}])
+def test_nobody_commands_without_the_token(gateway: JsonGateway, login: dict[str, Any]) -> None:
+    client = Client(gateway)
+    with client:
+        if login:
+            answer = client.ask(do="login", **login)
+            assert "not the token" in answer["error"]
+        for what in COMMANDS:
+            answer = client.ask(do=what)
+            assert not answer["ok"]
+            assert '"do": "login"' in answer["error"]
+            assert gateway.access.path in answer["error"]
+        assert client.ask(do="get")["ok"], "everybody may look"
+        assert client.ask(do="login", token=gateway.access.token)["ok"]
+        assert client.ask(do="stop")["ok"]
+
+
+def test_the_token_is_new_private_and_removed(tmp_path: Path) -> None:
+    (tmp_path / "uuv-hil").mkdir()
+    target = tmp_path / "somebody's"
+    target.write_text("precious")
+    os.symlink(target, token_path(7450))
+    first = Access(7450)
+    assert first.path == token_path(7450)
+    assert target.read_text() == "precious", "a link is replaced, not followed"
+    assert os.stat(first.path).st_mode & 0o777 == 0o600
+    assert Path(first.path).read_text().strip() == first.token
+    second = Access(7450)
+    assert second.token != first.token
+    assert not second.admits(first.token)
+    first.close()
+    assert Path(second.path).exists(), "the file of the next one stays"
+    second.close()
+    assert not Path(second.path).exists()
+
+
+def test_a_token_that_cannot_be_written_is_only_shown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "file").write_text("")
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "file"))
+    access = Access(7450)
+    assert access.path == ""
+    assert access.admits(access.token)
+    access.close()
+
+
+def test_so_many_connections_and_no_more(gateway: JsonGateway) -> None:
+    clients = [Client(gateway) for _ in range(MAX_CONNECTIONS)]
+    try:
+        assert clients[-1].ask(do="vehicles")["ok"]
+        refused = Client(gateway)
+        with refused:
+            assert "32 connections are open already" in refused.read()["error"]
+            assert refused._lines.readline() == b""
+        clients.pop().close()
+        assert wait_for(lambda: not gateway._connections[-1].is_alive)
+        clients.append(Client(gateway))
+        assert clients[-1].ask(do="vehicles")["ok"], "there is room again"
+    finally:
+        for client in clients:
+            client.close()
+
+
+def test_idle_connections_cost_nothing(gateway: JsonGateway) -> None:
+    """By the processor time of their threads, which no other load changes."""
+    clients = [Client(gateway) for _ in range(10)]
+    try:
+        assert all(client.ask(do="vehicles")["ok"] for client in clients)
+        threads = [thread for connection in gateway._connections for thread in connection._threads]
+        clocks = [time.pthread_getcpuclockid(thread.ident) for thread in threads if thread.ident]
+        assert len(clocks) == 20
+        before = sum(map(time.clock_gettime, clocks))
+        time.sleep(1.0)
+        assert sum(map(time.clock_gettime, clocks)) - before < 0.005
+    finally:
+        for client in clients:
+            client.close()
+
+
+def test_a_client_that_falls_silent_drives_no_longer(gateway: JsonGateway, fleet: Fleet) -> None:
+    client = Client(gateway)
+    with client:
+        assert client.ask(do="login", token=gateway.access.token, deadman=0.5)["ok"]
+        assert client.ask(do="drive", surge=0.3)["ok"]
+        (connection,) = gateway._connections
+        assert wait_for(lambda: "no line came for 0.5 s" in connection._stopped)
+        answer = client.ask(do="status")
+        assert (answer["over"], answer["error"]) == (True, "stopped: no line came for 0.5 s, the deadman of this login")
+        assert wait_for(lambda: abs(fleet["uuv1"].state.velocity[0]) < 0.05)
+
+
+def test_a_deadman_that_is_none_is_refused(client: Client, gateway: JsonGateway) -> None:
+    for deadman in (0, -1, 1e9, "soon", None, True):
+        answer = client.ask(do="login", token=gateway.access.token, deadman=deadman)
+        assert "deadman: " in answer["error"], deadman
+
+
+def test_a_client_that_does_not_read_is_given_up(gateway: JsonGateway, fleet: Fleet) -> None:
+    client = Client(gateway)
+    client.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+    with client:
+        assert client.ask(do="login", token=gateway.access.token)["ok"]
+        assert client.ask(do="drive", surge=0.3)["ok"]
+        (connection,) = gateway._connections
+        with suppress(OSError):  # it hangs up while we still ask
+            for _ in range(100_000):
+                client.socket.sendall(b'{"do": "get", "sensor": "diagnostics"}\n')
+                if not connection.is_alive:
+                    break
+        assert wait_for(lambda: not connection.is_alive)
+        assert wait_for(lambda: abs(fleet["uuv1"].state.velocity[0]) < 0.05)
+
+
+@pytest.mark.parametrize("size", [LONGEST_LINE, LONGEST_LINE + 1, 3 * LONGEST_LINE - 1, 3 * LONGEST_LINE])
+def test_a_line_that_is_too_long_is_answered_once(client: Client, size: int) -> None:
+    """`size` bytes and the newline; the next line is understood."""
+    answer = client.send(b" " * (size - 2) + b"{}")
+    assert (answer["ok"], answer["error"]) == (False, "a line of more than 65536 bytes; send several")
+    assert client.ask(id=1, do="vehicles")["id"] == 1
+
+
+def test_the_longest_line_is_understood(client: Client) -> None:
+    request = b'{"do": "vehicles"}'
+    assert client.send(b" " * (LONGEST_LINE - 1 - len(request)) + request)["ok"]
+
+
+def test_what_nobody_foresaw_is_answered_too(client: Client, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Vehicle, "release", lambda _: 1 / 0)
+    answer = client.ask(id=3, do="release")
+    monkeypatch.undo()
+    assert answer == {"id": 3, "ok": False, "error": "ZeroDivisionError: division by zero"}
+    assert client.ask(do="vehicles")["ok"], "and the connection goes on"
+
+
+def test_a_vehicle_is_stopped_whatever_ended_the_connection(
+    client: Client, fleet: Fleet, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also one that was told nothing but nonsense; and one that cannot be told to stop is told nothing more."""
+    stopped: list[Vehicle] = []
+
+    def stop(vehicle: Vehicle) -> None:
+        stopped.append(vehicle)
+        raise NetworkError("gone")
+
+    assert client.ask(do="drive")["ok"]
+    assert fleet["uuv1"]._maneuver
+    monkeypatch.setattr(Vehicle, "stop", stop)
+    monkeypatch.setattr(threading, "excepthook", lambda _: None)
+    monkeypatch.setattr(Connection, "_send", lambda *_: 1 / 0)
+    client.socket.sendall(b"{}\n")
+    assert wait_for(lambda: bool(stopped) and fleet["uuv1"]._maneuver is None)
+    assert stopped == [fleet["uuv1"]]
+
+
+def test_a_connection_is_watched(gateway: JsonGateway, client: Client) -> None:
+    """The kernel's part of it; tests/system/netns lets a machine vanish."""
+    assert client.ask(do="vehicles")["ok"]
+    assert wait_for(lambda: bool(gateway._connections))
+    (connection,) = gateway._connections
+    for level, option, value in SOCKET_OPTIONS:
+        assert connection._socket.getsockopt(level, option) == value
+    assert connection.is_alive
+
+
+def test_what_is_no_number_is_null(client: Client) -> None:
+    sample = client.ask(do="get", sensor="diagnostics")
+    assert sample["sample"]["thrusters"] == 6
+    raw = json.dumps(sample)
+    assert "NaN" not in raw
+
+
+def test_the_place_may_be_taken(gateway: JsonGateway, fleet: Fleet) -> None:
+    with pytest.raises(NetworkError, match=f"127.0.0.1:{gateway.port}.*in use"):
+        JsonGateway(fleet, "127.0.0.1", gateway.port)
+
+
+def test_the_command(fleet: Fleet, tmp_path: Path) -> None:
+    port, endpoint = free_port(), fleet._endpoints[0]
+    with Program(tmp_path, "gateway", "--connect", endpoint, "--listen", f"127.0.0.1:{port}") as program:
+        program.expect(f"lines of JSON at 127.0.0.1:{port}")
+        program.expect(f"(in {token_path(port)})")
+        with socket.create_connection(("127.0.0.1", port)) as connection:
+            connection.sendall(b'{"do": "vehicles"}\n')
+            assert b"uuv1" in connection.recv(1000)
+            assert program.stop(signal.SIGINT) == 0
+        assert "Traceback" not in program.output
+    with Program(tmp_path, "gateway", "--matlab") as program:
+        assert program.wait() == 0
+        assert os.path.samefile(program.output.strip(), MATLAB)
+    with Program(tmp_path, "gateway") as program:
+        assert program.wait() == 2
+        assert "--connect" in program.output
+
+
+OCTAVE = """
+addpath('{folder}');
+uuv = uuv_hil('127.0.0.1', {port});
+names = uuv.vehicles();
+state = uuv.get('uuv1', 'state');
+here = state.position;
+uuv.tell('uuv1', 'go_to', 'north', here(1) + 0.4, 'east', here(2), 'depth', here(3), 'heading', state.heading);
+uuv.wait('uuv1', 20);
+uuv.subscribe('uuv1', 'imu', 50);
+count = 0;
+while count < 25
+  message = uuv.next(2);
+  count = count + strcmp(message.sensor, 'imu');
+end
+uuv.tell('uuv1', 'follow', 'path', [here(1) here(2) here(3)], 'speed', 0.5, 'lookahead', 0.8, 'tolerance', 0.5);
+uuv.tell('uuv1', 'thrust', 'newtons', [1 1 1 1 0 0]);
+try
+  uuv.tell('uuv1', 'drive', 'surge', 1000);
+  said = 'nothing';
+catch problem
+  said = problem.message;
+end
+uuv.tell('uuv1', 'stop');
+after = uuv.get('uuv1', 'state');
+uuv.close();
+printf('%s|%d|%.3f|%.3f|%s\\n', names{{1}}, count, here(1), after.position(1), said);
+"""
+
+
+@pytest.mark.skipif(not shutil.which("octave-cli"), reason="GNU Octave is not installed: apt install octave")
+def test_octave_flies(gateway: JsonGateway) -> None:
+    script = OCTAVE.format(folder=MATLAB, port=gateway.port)
+    done = subprocess.run(
+        ["octave-cli", "--norc", "--quiet", "--eval", script], capture_output=True, text=True, timeout=60
+    )
+    name, count, before, after, said = done.stdout.strip().split("|")
+    assert (name, count) == ("uuv1", "25"), done.stderr
+    assert float(after) - float(before) == pytest.approx(0.4, abs=0.4)
+    assert "surge: 1000 is not between -20 and 20 m/s" in said

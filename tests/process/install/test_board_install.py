@@ -1,0 +1,459 @@
+"""What a slave as a service needs of systemd, udev and the network, and what is refused before it is made one.
+
+What only a real systemd shows is in tests/system/boards/test_whole_board.py.
+"""
+
+import json
+import os
+import pwd
+import re
+import resource
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from boards import load_board
+from boards.tree import Tree
+from hil import cli
+from hil.commands.board import service as board_service
+from hil.common.errors import ConfigError
+from hil.install import check as board_check
+from hil.install import units as board_install
+from hil.install.changes import MANIFEST
+from hil.install.units import CAN_UNIT, LIMITS, MANAGER, MODULE_UNIT, RULES, UNIT, Service
+from hil.scenario.config import load_scenario
+from tests.process.commands.test_board_command import CAN, KNOWN, SERIAL, files, install, settings
+from tests.support.recorded import build, link, plant
+
+PASSWD = "root:x:0:0:root:/root:/bin/bash\nuuv:x:999:999::/var/lib/uuv-hil:/usr/sbin/nologin\n"
+
+
+@pytest.fixture
+def root(tmp_path: Path) -> Path:
+    root = build("raspberry_pi_4b", tmp_path / "root")
+    plant(root, "etc/passwd", PASSWD)
+    return root
+
+
+@pytest.fixture
+def scenario(tmp_path: Path) -> str:
+    path = tmp_path / "mine.toml"
+    path.write_text(SERIAL)
+    return str(path)
+
+
+@pytest.fixture
+def ran(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """The commands that would be run if it were this machine, in order."""
+    found: list[str] = []
+    monkeypatch.setattr(board_service, "_run", lambda _, commands: found.extend(map(" ".join, commands)))
+    return found
+
+
+def linked(port: str, more: str = "") -> str:
+    return SERIAL + f'[link]\nport = "{port}"\n{more}'
+
+
+def values(root: Path, path: str, key: str) -> list[str]:
+    return [value for _, name, value in settings((root / path[1:]).read_text()) if name == key]
+
+
+def uninstall(root: Path) -> int:
+    return cli.main(["board", "uninstall", "--root", str(root), "--yes"])
+
+
+def test_a_device_that_is_not_there_is_waited_for(root: Path, scenario: str) -> None:
+    assert install(root, scenario, "--yes") == 0
+    assert values(root, UNIT, "StartLimitIntervalSec") == ["0"]
+    assert values(root, UNIT, "StartLimitBurst") == []
+    assert 1.0 < float(values(root, UNIT, "RestartSec")[0]) <= 5.0
+    assert values(root, UNIT, "RestartPreventExitStatus") == ["2 5"]
+
+
+@pytest.mark.parametrize(
+    ("port", "kinds", "modules", "rule"),
+    [
+        ("/dev/ttyTHS1", "ttyTHS", "", 'KERNEL=="ttyTHS1"'),
+        ("/dev/ttymxc2", "ttymxc", "", 'KERNEL=="ttymxc2"'),
+        ("/dev/ttyUSB0", "ttyUSB", "usbserial", 'KERNEL=="ttyUSB0"'),
+        ("rs485:/dev/ttyACM0", "ttyACM", "cdc_acm", 'KERNEL=="ttyACM0"'),
+        ("/dev/serial0", "ttyS ttyAMA", "", 'SYMLINK=="serial0"'),
+        ("/dev/serial/by-id/usb-X-if00", "ttyUSB ttyACM", "usbserial cdc_acm", 'SYMLINK=="serial/by-id/usb-X-if00"'),
+        ("/dev/ttySTM32", "ttyACM", "cdc_acm", 'SYMLINK=="ttySTM32"'),
+        ("/dev/serial/by-id/usb-there-if00", "ttyACM", "cdc_acm", 'SYMLINK=="serial/by-id/usb-there-if00"'),
+        (
+            "/dev/serial/by-path/pci-0000:00:14.0-usb-0:1:1.0-port0",
+            "ttyS ttyAMA ttyTHS ttyUSB ttyACM",
+            "usbserial cdc_acm",
+            'SYMLINK=="serial/by-path/pci-0000:00:14.0-usb-0:1:1.0-port0"',
+        ),
+    ],
+)  # fmt: skip
+def test_which_devices_may_be_opened(root: Path, scenario: str, port: str, kinds: str, modules: str, rule: str) -> None:
+    """A driver that is not loaded has no devices that could be allowed: it is loaded before."""
+    plant(root, "dev/ttyACM0", "")
+    link(root, "dev/serial/by-id/usb-there-if00", "../../ttyACM0")
+    link(root, "dev/ttySTM32", "ttyACM0")
+    Path(scenario).write_text(linked(port))
+    assert install(root, scenario, "--yes") == 0
+    allowed = [f"char-{kind} rw" for kind in kinds.split()] + ["/dev/cpu_dma_latency w"]
+    assert values(root, UNIT, "DeviceAllow") == allowed
+    wanted = [f"modprobe@{module}.service" for module in modules.split()]
+    assert " ".join(values(root, UNIT, "Wants")).split() == wanted
+    assert values(root, UNIT, "After")[0].split()[2:] == wanted
+    assert f'SUBSYSTEM=="tty", {rule}, GROUP="dialout"' in (root / RULES[1:]).read_text()
+
+
+def test_a_usb_can_adapter_without_the_kernel(root: Path, scenario: str, capsys: pytest.CaptureFixture[str]) -> None:
+    Path(scenario).write_text(linked("can:gs_usb:0", 'protocol = "vesc"'))
+    assert install(root, scenario, "--yes") == 0
+    assert "DeviceAllow=" not in capsys.readouterr().out.replace("+DeviceAllow=", "")
+    assert "char-usb_device rw" in values(root, UNIT, "DeviceAllow")
+    assert 'ATTR{idVendor}=="1d50", ATTR{idProduct}=="606f", GROUP="dialout"' in (root / RULES[1:]).read_text()
+    Path(scenario).write_text(linked("can:pcan:PCAN_USBBUS1", 'protocol = "vesc"'))
+    assert install(root, scenario, "--yes") == 0
+    assert "note: which device can:pcan:PCAN_USBBUS1 opens only python-can knows" in capsys.readouterr().out
+
+
+def test_a_can_adapter_at_a_serial_port(root: Path, scenario: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """python-can knows a speed behind the device; slcan is not python-can's here."""
+    Path(scenario).write_text(linked("can:robotell:/dev/ttyUSB0@115200", 'protocol = "vesc"'))
+    assert install(root, scenario, "--yes") == 0
+    assert 'SUBSYSTEM=="tty", KERNEL=="ttyUSB0", GROUP' in (root / RULES[1:]).read_text()
+    assert values(root, UNIT, "DeviceAllow")[0] == "char-ttyUSB rw"
+    Path(scenario).write_text(linked("can:slcan:/dev/ttyACM0@115200", 'protocol = "vesc"'))
+    assert install(root, scenario, "--yes") == 2
+    assert "set baud = 115200 in [link]" in capsys.readouterr().err
+
+
+def test_names_that_would_be_patterns(root: Path, scenario: str, capsys: pytest.CaptureFixture[str]) -> None:
+    Path(scenario).write_text(linked("/dev/tty*"))
+    assert install(root, scenario, "--yes") == 2
+    assert "'/dev/tty*' cannot stand in a rule" in capsys.readouterr().err
+
+
+def test_a_pty_of_others_is_in_no_rule(root: Path, scenario: str) -> None:
+    Path(scenario).write_text(linked("/tmp/stm32"))
+    assert install(root, scenario, "--yes") == 0
+    assert "# None: it is no device of a serial port." in (root / RULES[1:]).read_text()
+    assert values(root, UNIT, "PrivateTmp") == ["no"]
+
+
+def test_rules_are_applied_at_once(root: Path, scenario: str, ran: list[str]) -> None:
+    """By a change of everything that they are for, which none of them leaves out."""
+    Path(scenario).write_text(linked("can:gs_usb:0", 'protocol = "vesc"'))
+    assert install(root, scenario, "--yes") == 0
+    rules = (root / RULES[1:]).read_text()
+    (trigger,) = [command for command in ran if command.startswith("udevadm trigger")]
+    subsystems = {*re.findall('SUBSYSTEM=="([^"]+)"', rules), "tty", "misc"}  # /dev/cpu_dma_latency is one of misc
+    assert subsystems == set(re.findall(r"--subsystem-match=(\S+)", trigger))
+    assert all("change" in events.split("|") for events in re.findall('ACTION=="([^"]+)"', rules))
+    assert ran.index("udevadm control --reload") < ran.index(trigger)
+
+
+def test_power_saving_of_the_wlan(root: Path, scenario: str, ran: list[str]) -> None:
+    """Whatever the interface is called, after it got that name; and NetworkManager does not turn it on again."""
+    assert install(root, scenario, "--yes") == 0
+    assert os.path.basename(RULES) > "99-com.rules" > "80-net-setup-link.rules"
+    assert 'ENV{DEVTYPE}=="wlan", RUN+="/usr/sbin/iw dev $name set' in (root / RULES[1:]).read_text()
+    assert not (root / MANAGER[1:]).exists()
+    (root / "etc/NetworkManager/conf.d").mkdir(parents=True)
+    assert install(root, scenario, "--yes") == 0
+    assert "[connection]\nwifi.powersave = 2\n" in (root / MANAGER[1:]).read_text()
+    assert os.path.basename(MANAGER) > "default-wifi-powersave-on.conf"
+    again = "systemctl try-reload-or-restart NetworkManager"
+    assert ran.count(again) == 1
+    assert uninstall(root) == 0
+    assert ran.count(again) == 2
+    assert not (root / MANAGER[1:]).exists()
+
+
+def test_a_limit_that_the_kernel_does_not_hold(root: Path, scenario: str, capsys: pytest.CaptureFixture[str]) -> None:
+    for controllers, told in (("cpu io memory pids", False), ("cpu io pids", True)):
+        plant(root, "sys/fs/cgroup/cgroup.controllers", controllers)
+        assert install(root, scenario, "--dry-run") == 0
+        notes = [line for line in capsys.readouterr().out.splitlines() if line.startswith("note:")]
+        assert any("MemoryMax=" in note and "cgroup_enable=memory" in note for note in notes) is told
+
+
+@pytest.mark.parametrize(("version", "filtered"), [(237, False), (239, True), (252, True)])
+def test_system_calls_are_filtered_where_systemd_knows_how(
+    root: Path, scenario: str, version: int, filtered: bool
+) -> None:
+    plant(root, "commands/systemctl_--version", f"systemd {version} ({version}.5-1)\n+PAM +AUDIT")
+    assert install(root, scenario, "--yes") == 0
+    assert values(root, UNIT, "SystemCallFilter") == (["@system-service"] if filtered else [])
+
+
+def test_the_module_of_a_boards_can_interface(tmp_path: Path, scenario: str) -> None:
+    """Jetsons have mttcan on a denylist, which modules-load.d and modprobe@.service obey."""
+    root = build("jetson_orin_nano", tmp_path / "orin")
+    plant(root, "etc/passwd", PASSWD)
+    Path(scenario).write_text(CAN)
+    assert install(root, scenario, "--yes") == 0
+    assert values(root, MODULE_UNIT, "ExecStart") == ["/sbin/modprobe mttcan"]
+    assert values(root, CAN_UNIT, "Wants") == ["uuv-hil-module.service"]
+    assert all(key in KNOWN[section].split() for section, key, _ in settings((root / MODULE_UNIT[1:]).read_text()))
+    Path(scenario).write_text(CAN.replace("can0", "can7"))  # an adapter's
+    assert install(root, scenario, "--yes") == 0
+    assert not (root / MODULE_UNIT[1:]).exists()
+    assert values(root, CAN_UNIT, "Wants") == []
+
+
+def test_a_dash_in_an_interfaces_name(root: Path, scenario: str) -> None:
+    Path(scenario).write_text(CAN.replace("can0", "can-a"))
+    assert install(root, scenario, "--yes") == 0
+    device = r"sys-subsystem-net-devices-can\x2da.device"
+    assert values(root, CAN_UNIT, "BindsTo") == values(root, CAN_UNIT, "After") == [device]
+    assert values(root, CAN_UNIT, "WantedBy") == [f"multi-user.target {device}"]
+    assert "/sbin/ip link set can-a type can bitrate 500000" in values(root, CAN_UNIT, "ExecStart")
+
+
+@pytest.mark.parametrize(
+    ("listen", "waits"),
+    [
+        ("tcp/0.0.0.0:7447", False),
+        ("tcp/[::]:7447", False),
+        ("tcp/127.0.0.1:7447", False),
+        ("tcp/localhost:7447", False),
+        ("tcp/192.168.3.116:7447", True),
+    ],
+)
+def test_the_network_is_waited_for_only_where_an_address_is_its(
+    root: Path, scenario: str, listen: str, waits: bool
+) -> None:
+    assert install(root, scenario, "--yes", "--listen", listen) == 0
+    for key in ("Wants", "After"):
+        assert ("network-online.target" in " ".join(values(root, UNIT, key)).split()) is waits
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (SERIAL.replace("depth = 2", "depth = 50"), "the seabed of pool is there"),
+        (SERIAL + '[slave]\nstep = "20 ms"\n[sensors.imu]\nrate = "60 Hz"\n', "its rate is above 50 Hz"),
+    ],
+)
+def test_what_the_slave_would_refuse(
+    root: Path, scenario: str, capsys: pytest.CaptureFixture[str], text: str, message: str
+) -> None:
+    Path(scenario).write_text(text)
+    before = files(root)
+    assert install(root, scenario, "--yes") == 2
+    assert message in capsys.readouterr().err
+    assert files(root) == before
+
+
+def test_a_vehicle_of_a_fleet(root: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert install(root, "target_hunting", "--yes") == 2
+    assert "say with --member which vehicle this is" in capsys.readouterr().err
+    assert install(root, "target_hunting", "--yes", "--member", "uuv2") == 0
+    assert values(root, UNIT, "ExecStart")[0].endswith("slave target_hunting --member uuv2")
+
+
+def test_sensors_that_make_pictures_are_no_hindrance(root: Path, scenario: str) -> None:
+    Path(scenario).write_text(SERIAL + "[sensors.camera]\n")
+    assert load_scenario(scenario).sensors["camera"].offloaded
+    assert install(root, scenario, "--yes") == 0
+
+
+def service(path: Path, user: str = "nobody") -> Service:
+    return Service(load_scenario(str(path)), str(path), user)
+
+
+def test_a_scenario_where_the_service_has_other_files(scenario: str) -> None:
+    """This very machine: pytest's folders are in /tmp. With --dry-run nothing is written."""
+    path = Path("/var/tmp") / f"uuv-hil-{os.getpid()}.toml"
+    path.write_text(SERIAL)
+    try:
+        with pytest.raises(ConfigError, match="has a /tmp of its own"):
+            board_check.check(Tree("/"), service(path))
+    finally:
+        path.unlink()
+
+
+def test_the_slave_is_tried_as_its_user(
+    scenario: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """Python, the packages, and all that the scenario names have to be that user's to read."""
+    monkeypatch.setattr(board_check, "VOLATILE", ("/nowhere/",))
+    monkeypatch.setattr("os.geteuid", lambda: 0)
+    asked: dict[str, object] = {}
+
+    def run(words: list[str], **how: object) -> subprocess.CompletedProcess[str]:
+        asked.update(how, words=words)
+        return subprocess.CompletedProcess(words, 1, "", "warning\nmine.toml: cannot be read\n")
+
+    monkeypatch.setattr(subprocess, "run", run)
+    nobody = pwd.getpwnam("nobody")
+    with pytest.raises(ConfigError, match=r"the slave would not start as nobody: mine\.toml: cannot be read$"):
+        board_check.check(Tree("/"), service(Path(scenario)))
+    assert (asked["user"], asked["group"], asked["cwd"]) == (nobody.pw_uid, nobody.pw_gid, "/")
+    assert asked["words"] == [sys.executable, "-P", "-c", board_check.CODE, scenario, "", ""]
+    with pytest.raises(SystemExit, match=r"nothing\.toml: no such file"):
+        board_check.main(str(tmp_path / "nothing.toml"), "", "")
+    board_check.main(scenario, "tcp/0.0.0.0:7447", "")
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root can try as another user")
+def test_a_python_that_its_user_cannot_execute(scenario: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(board_check, "VOLATILE", ("/nowhere/",))
+    closed = tmp_path / "closed"
+    closed.mkdir(mode=0o700)
+    (closed / "python3").symlink_to(sys.executable)
+    monkeypatch.setattr("sys.executable", str(closed / "python3"))
+    with pytest.raises(ConfigError, match="python3: nobody may not execute it"):
+        board_check.check(Tree("/"), service(Path(scenario)))
+
+
+def test_units_end_before_their_files_go(root: Path, scenario: str, ran: list[str]) -> None:
+    Path(scenario).write_text(CAN)
+    assert install(root, scenario, "--yes") == 0
+    assert ran[:2] == ["systemctl daemon-reload", "systemctl enable uuv-hil-can.service uuv-hil.service"]
+    ran.clear()
+    Path(scenario).write_text(SERIAL)
+    assert install(root, scenario, "--yes") == 0
+    gone = "uuv-hil-can.service"
+    assert ran[:2] == [f"systemctl disable --now {gone}", f"systemctl reset-failed {gone}"]
+    assert "systemctl enable uuv-hil.service" in ran
+    ran.clear()
+    assert uninstall(root) == 0
+    assert ran[:2] == ["systemctl disable --now uuv-hil.service", "systemctl reset-failed uuv-hil.service"]
+
+
+def test_a_unit_that_somebody_changed(
+    root: Path, scenario: str, ran: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    """It is ended like the others; it stays, and is known, until somebody takes it away."""
+    assert install(root, scenario, "--yes") == 0
+    plant(root, UNIT[1:], "# mine\n")
+    for _ in range(2):
+        ran.clear()
+        assert uninstall(root) == 0
+        assert f"{UNIT}: changed since it was written; it stays; take it away with: sudo rm {UNIT}" in (
+            capsys.readouterr().out
+        )
+        assert ran[0] == "systemctl disable --now uuv-hil.service"
+    (root / UNIT[1:]).unlink()
+    assert uninstall(root) == 0
+    assert not (root / MANIFEST[1:]).exists()
+    assert uninstall(root) == 2
+    assert "nothing is installed here" in capsys.readouterr().err
+
+
+def test_what_the_service_kept_is_named(root: Path, scenario: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert install(root, scenario, "--yes") == 0
+    (root / "var/lib/uuv-hil").mkdir(parents=True)
+    capsys.readouterr()
+    assert uninstall(root) == 0
+    assert capsys.readouterr().out.endswith("take it away with: sudo rm -r /var/lib/uuv-hil\n")
+    assert (root / "var/lib/uuv-hil").is_dir()
+
+
+def test_folders_that_were_made_go(root: Path, scenario: str) -> None:
+    (root / "etc/udev").mkdir()
+    before = sorted(root.rglob("*"))
+    for text in (CAN, SERIAL):
+        Path(scenario).write_text(text)
+        assert install(root, scenario, "--yes") == 0
+    assert uninstall(root) == 0
+    assert sorted(root.rglob("*")) == before
+
+
+def test_a_file_in_another_encoding(root: Path, scenario: str, capsys: pytest.CaptureFixture[str]) -> None:
+    before = "# für uuv\r\nuuv - rtprio 10\r\n".encode("latin-1")
+    plant(root, LIMITS[1:], "")
+    (root / LIMITS[1:]).write_bytes(before)
+    assert install(root, scenario, "--yes") == 0
+    assert "-# f\ufffdr uuv" in capsys.readouterr().out
+    assert b"memlock" in (root / LIMITS[1:]).read_bytes()
+    assert uninstall(root) == 0
+    assert (root / LIMITS[1:]).read_bytes() == before
+
+
+def test_a_unit_that_is_masked_is_left_alone(root: Path, scenario: str, capsys: pytest.CaptureFixture[str]) -> None:
+    link(root, UNIT[1:], "/dev/null")
+    assert install(root, scenario, "--yes") == 2
+    assert f"{UNIT}: is a link to /dev/null; take that away first" in capsys.readouterr().err
+    assert (root / UNIT[1:]).is_symlink()
+
+
+@pytest.mark.parametrize(
+    ("made", "told"),
+    [
+        (f"{RULES}/", f"{RULES}: is no file"),
+        (f"{MANIFEST}/", f"{MANIFEST}: is no file"),
+        ("/etc/udev", f"/etc/udev: is no folder, where {RULES} belongs"),
+        ("/etc/uuv-hil", f"/etc/uuv-hil: is no folder, where {MANIFEST} belongs"),
+    ],
+)
+def test_files_for_folders(root: Path, scenario: str, capsys: pytest.CaptureFixture[str], made: str, told: str) -> None:
+    plant(root, f"{made[1:]}mine" if made.endswith("/") else made[1:], "")
+    before = sorted(root.rglob("*"))
+    assert install(root, scenario, "--yes") == 2
+    assert re.fullmatch(rf"uuv-hil board: {told}.*; take it away first\n", capsys.readouterr().err)
+    assert sorted(root.rglob("*")) == before
+
+
+@pytest.mark.parametrize(("size", "path"), [(100, MANIFEST), (1500, UNIT)])
+def test_a_full_disk_leaves_everything_as_it_was(
+    root: Path, scenario: str, capsys: pytest.CaptureFixture[str], size: int, path: str
+) -> None:
+    """Full in the first file or in a later one: a disk is as good as full to who may write no longer files."""
+    plant(root, LIMITS[1:], "uuv - rtprio 10\n")
+    before = [(found, found.read_bytes() if found.is_file() else None) for found in sorted(root.rglob("*"))]
+    _, hard = limit = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))
+    try:
+        assert install(root, scenario, "--yes") == 3
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limit)
+    assert capsys.readouterr().err.startswith(f"uuv-hil board: {path}: cannot be written: File too large; ")
+    assert [(found, found.read_bytes() if found.is_file() else None) for found in sorted(root.rglob("*"))] == before
+    assert uninstall(root) == 2
+    assert "nothing is installed here" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("text", ["", "{", "null", "[]", '""', '{"a": 3}', '{"a": {}}', '{"a": {"sha256": 1}}'])
+def test_a_damaged_manifest(root: Path, scenario: str, capsys: pytest.CaptureFixture[str], text: str) -> None:
+    plant(root, MANIFEST[1:], text)
+    for code in (install(root, scenario, "--yes"), uninstall(root)):
+        assert code == 2
+    assert capsys.readouterr().err.count(f"{MANIFEST}: is not what was written there; remove it, and the files") == 2
+
+
+def test_a_manifest_of_an_earlier_release(root: Path, scenario: str) -> None:
+    """It told no mode and no owner."""
+    plant(root, LIMITS[1:], "uuv - rtprio 10\n")
+    before = files(root)
+    assert install(root, scenario, "--yes") == 0
+    notes = json.loads((root / MANIFEST[1:]).read_text())
+    told = {path: {key: note[key] for key in ("before", "folders", "sha256")} for path, note in notes.items()}
+    plant(root, MANIFEST[1:], json.dumps(told))
+    assert uninstall(root) == 0
+    assert files(root) == before
+
+
+def test_whose_a_file_was(root: Path, scenario: str) -> None:
+    """And who might read it: nobody may read it in the manifest who could not."""
+    plant(root, LIMITS[1:], "uuv - rtprio 10\n")
+    place, manifest = root / LIMITS[1:], root / MANIFEST[1:]
+    place.chmod(0o600)
+    if os.geteuid() == 0:
+        os.chown(place, 999, 998)
+    before = place.stat()
+    assert install(root, scenario, "--yes") == 0
+    assert (place.stat().st_mode & 0o777, place.stat().st_uid) == (0o644, os.geteuid())
+    assert manifest.stat().st_mode & 0o777 == 0o600
+    assert uninstall(root) == 0
+    after = place.stat()
+    assert (after.st_mode, after.st_uid, after.st_gid) == (before.st_mode, before.st_uid, before.st_gid)
+
+
+def test_a_port_of_the_board_itself(tmp_path: Path) -> None:
+    """The board's, when the scenario names none: Raspberry Pis call it serial0."""
+    board = load_board("raspberry_pi_4b")
+    assert board_install.drivers(Tree(str(tmp_path)), board.uart) == ("ttyS", "ttyAMA")
+    assert board_install.drivers(Tree(str(tmp_path)), "") == ()

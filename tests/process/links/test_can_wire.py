@@ -1,0 +1,289 @@
+"""What only CAN wires do: other software on the bus, adapters and their noise, and every way they cannot be opened."""
+
+import select
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+
+import can
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hil.common.errors import ConfigError, DeviceError, MissingExtraError
+from hil.links.contract import Wire
+from hil.links.wires.can_bus import SlcanWire, SocketCanWire, open_socketcan
+from hil.links.wires.can_frame import ERROR, REMOTE, CanFrame, pack_frame, unpack_frames
+from hil.links.wires.faults import FaultyWire
+from hil.links.wires.python_can_bus import PythonCanWire
+from hil.links.wires.terminal import PtyHostWire, PtyWire, UartWire
+from tests.support.busy import retry_when_busy
+from tests.support.can_pairs import GROUP, socket_pair, until, virtual_pair
+from tests.support.link_contract import EVERY_BYTE, nothing_leaks, read_bytes, records, wait_readable
+from tests.support.slcan_adapter import SlcanBus
+
+STANDARD = CanFrame(0x7FF, b"\x01\x02\x03", extended=False)
+EXTENDED = CanFrame(0x1FFF_FFFF, bytes(range(8)))
+EMPTY = CanFrame(0, b"", extended=False)
+
+
+@pytest.fixture(autouse=True)
+def _no_leaks() -> Iterator[None]:
+    with nothing_leaks():
+        yield
+
+
+def message(frame: CanFrame) -> can.Message:
+    return can.Message(arbitration_id=frame.id, data=frame.data, is_extended_id=frame.extended)
+
+
+def frame_of(heard: can.Message | None) -> CanFrame:
+    assert heard is not None
+    return CanFrame(heard.arbitration_id, bytes(heard.data), heard.is_extended_id)
+
+
+def nothing_taken_is_lost(device: Wire, host: Wire, frames: int) -> None:
+    """More is sent than the bus holds while nobody reads; what it took is all there."""
+    wanted = records(bytes(8 * frames), 0)
+    sent = 0
+    for _ in range(4):
+        sent += host.write(wanted[sent:])
+        time.sleep(0.03)  # longer than the reading thread's period
+    assert 0 < sent < len(wanted)
+    assert read_bytes(device, sent) == wanted[:sent], "nothing is lost that the bus took"
+
+
+class TestSocketCan:
+    def test_no_such_interface(self) -> None:
+        """Where the kernel has no CAN at all it says that."""
+        with pytest.raises(
+            DeviceError, match=r"^can:socketcan:can77: (no such interface|this kernel has no CAN)"
+        ) as caught:
+            open_socketcan("can77")
+        assert "sudo ip link set can77 up type can bitrate 1000000" in str(caught.value) or "modprobe" in str(
+            caught.value
+        )
+
+    def test_bus_off(self) -> None:
+        device, host = socket_pair()
+        device.write((ERROR | 0x40).to_bytes(4, sys.byteorder) + b"\x08" + bytes(11))
+        with pytest.raises(DeviceError, match=r"bus-off: check wiring, .*sudo ip link set can0 up"):
+            host.read()
+        device.close()
+        host.close()
+
+    def test_one_read_gives_all_frames(self) -> None:
+        device, host = socket_pair()
+        sent = records(EVERY_BYTE)
+        device.write(sent)
+        assert host.read() == sent
+        assert isinstance(host, SocketCanWire)
+        device.close()
+        host.close()
+
+
+class TestSlcan:
+    def test_an_adapter_is_set_up_and_closed(self) -> None:
+        bus = SlcanBus(1)
+        wire = SlcanWire(UartWire(bus.paths[0]), 500_000)
+        assert wait_readable(wire)
+        assert wire.read() == b"", "acknowledgements are no frames"
+        wire.close()
+        until(lambda: len(bus.said[0]) == 4)
+        bus.close()
+        assert bus.said == [[b"C", b"S6", b"O", b"C"]]
+
+    def test_with_other_software_on_the_bus(self) -> None:
+        """python-can's own slcan is the other end."""
+        bus = SlcanBus(2)
+        wire = SlcanWire(UartWire(bus.paths[0]))
+        other = can.Bus(bus.paths[1], "slcan", bitrate=1_000_000, sleep_after_open=0.0, ignore_config=True)
+        until(lambda: bus.said[0][-1:] == [b"O"] and bus.said[1].count(b"O") == 2)
+        wire.read()
+        for frame in (STANDARD, EXTENDED, EMPTY):
+            wire.write(pack_frame(frame))
+            assert frame_of(other.recv(2.0)) == frame
+            other.send(message(frame))
+            assert list(unpack_frames(read_bytes(wire, 16))) == [frame]
+        other.shutdown()
+        wire.close()
+        bus.close()
+
+    def test_a_full_line_cuts_no_frame(self) -> None:
+        adapter = PtyWire()
+        wire = SlcanWire(PtyHostWire(adapter.path))
+        numbered = records(bytes(8) * 2000, 0)
+        taken = wire.write(numbered)
+        assert 0 < taken < len(numbered)
+        text = read_bytes(adapter, 1 << 20, 0.1)
+        wire.read()  # a loop does
+        text += read_bytes(adapter, 1 << 20, 0.1)
+        *lines, rest = text.split(b"\r")
+        assert rest == b""
+        assert lines[4:] == [b"T%08X8%016X" % (number, 0) for number in range(taken // 16)]
+        wire.close()
+        adapter.close()
+
+    @given(
+        noise=st.lists(st.one_of(st.binary(max_size=40), st.sampled_from([b"t123", b"T00000FFF8", b"t12381", b"tz"])))
+    )
+    def test_noise_never_raises_and_costs_no_frame_behind_it(self, noise: list[bytes]) -> None:
+        line = Canned([*noise, b"\rtF23", b"\x07T1FFFFFFF8000102030405", b"0607\r"])
+        wire = SlcanWire(line)
+        heard = b"".join(wire.read() for _ in line.parts)
+        assert list(unpack_frames(heard))[-1] == EXTENDED
+        assert len(heard) % 16 == 0
+
+    def test_a_timestamp_is_passed_over(self) -> None:
+        line = Canned([b"t7FF3010203A1B2\r"])
+        assert list(unpack_frames(SlcanWire(line).read())) == [STANDARD]
+
+    def test_a_bitrate_that_adapters_do_not_have(self) -> None:
+        adapter = PtyWire()
+        with pytest.raises(ConfigError, match="666000 bit/s is not one of 10000, 20000"):
+            SlcanWire(PtyHostWire(adapter.path), 666_000)
+        adapter.close()
+
+    def test_it_can_be_damaged(self) -> None:
+        adapter = PtyWire()
+        wire = FaultyWire(SlcanWire(PtyHostWire(adapter.path)))
+        assert wire.record_size == 16
+        wire.write(pack_frame(STANDARD))
+        assert read_bytes(adapter, 20) == b"\rC\rS8\rO\rt7FF3010203\r"
+        wire.close()
+        adapter.close()
+
+
+class TestPythonCan:
+    def test_other_software_on_a_virtual_bus(self) -> None:
+        wire = PythonCanWire("virtual", "shared")
+        with can.Bus("shared", "virtual", ignore_config=True) as other:
+            for frame in (STANDARD, EXTENDED, EMPTY):
+                wire.write(pack_frame(frame))
+                assert frame_of(other.recv(2.0)) == frame
+                other.send(message(frame))
+                assert list(unpack_frames(read_bytes(wire, 16))) == [frame]
+        wire.close()
+
+    def test_what_is_no_classic_data_frame_is_passed_over(self) -> None:
+        wire = PythonCanWire("virtual", "mixed")
+        with can.Bus("mixed", "virtual", ignore_config=True) as other:
+            other.send(can.Message(arbitration_id=1, is_remote_frame=True, dlc=2))
+            other.send(can.Message(arbitration_id=2, is_error_frame=True))
+            other.send(can.Message(arbitration_id=3, is_fd=True, data=bytes(32)))
+            other.send(message(EXTENDED))
+            assert read_bytes(wire, 16) == pack_frame(EXTENDED)
+        wire.close()
+
+    def test_only_data_frames_are_sent(self) -> None:
+        device, host = virtual_pair()
+        marks = b"".join((5 | mark).to_bytes(4, sys.byteorder) + bytes(12) for mark in (REMOTE, ERROR))
+        assert host.write(marks + pack_frame(STANDARD)) == 48
+        assert read_bytes(device, 48, 0.1) == pack_frame(STANDARD)
+        device.close()
+        host.close()
+
+    def test_what_is_on_a_virtual_bus_can_be_read_at_once(self) -> None:
+        """No thread has to wake up in between; the descriptor says exactly whether there is something."""
+        before = threading.active_count()
+        device, host = virtual_pair()
+        assert threading.active_count() == before
+        for count in (1, 6, 256):
+            wanted = records(bytes(8 * count), 0)
+            assert host.write(wanted) == len(wanted)
+            assert select.select([device], [], [], 0)[0]
+            assert device.read() == wanted
+            assert not select.select([device, host], [], [], 0)[0]
+            assert device.read() == b""
+        device.close()
+        host.close()
+
+    def test_who_leaves_a_virtual_bus_holds_nobody_up(self) -> None:
+        device, host = virtual_pair()
+        device.close()
+        for _ in range(2):
+            assert host.write(records(bytes(8 * 300), 0)) == 300 * 16
+        host.close()
+        with pytest.raises(DeviceError, match="is closed"):
+            host.write(pack_frame(EXTENDED))
+
+    def test_a_bus_without_descriptor_is_read_by_a_thread(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setattr("hil.links.wires.virtual_bus.VirtualBus.fileno", can.BusABC.fileno)
+        device, host = virtual_pair()
+
+        def wakes_at_once() -> None:
+            took = []
+            for _ in range(21):
+                began = time.perf_counter()
+                host.write(pack_frame(EXTENDED))
+                assert wait_readable(device)
+                took.append(time.perf_counter() - began)
+                assert device.read() == pack_frame(EXTENDED)
+            assert sorted(took)[10] < 0.002, "and not when the thread would look by itself"
+
+        retry_when_busy(wakes_at_once, "threads of one process", attempts=20)
+        nothing_taken_is_lost(device, host, frames=2000)
+        device.close()
+        host.close()
+
+    def test_a_bus_that_nobody_reads_for_a_while_loses_nothing_that_it_took(self) -> None:
+        device, host = virtual_pair()
+        nothing_taken_is_lost(device, host, frames=1000)
+        device.close()
+        host.close()
+
+    def test_other_software_on_a_multicast_bus(self) -> None:
+        wire = PythonCanWire("udp_multicast", GROUP)
+        with can.Bus(GROUP, "udp_multicast", hop_limit=0, ignore_config=True) as other:
+            wire.write(pack_frame(STANDARD))
+            assert frame_of(other.recv(2.0)) == STANDARD
+            other.recv(0)
+            with socket.socket(type=socket.SOCK_DGRAM) as stranger:
+                stranger.sendto(b"no frame at all", (GROUP, 43113))
+            other.send(message(STANDARD))  # the very frame that it has just sent itself
+            assert list(unpack_frames(read_bytes(wire, 16))) == [STANDARD]
+        wire.close()
+
+    def test_an_interface_that_is_none(self) -> None:
+        with pytest.raises(
+            DeviceError, match=r"^can:socketcam:can0: python-can has no such interface; it has .*virtual"
+        ):
+            PythonCanWire("socketcam", "can0")
+
+    def test_a_channel_that_is_none(self) -> None:
+        with pytest.raises(DeviceError, match=r"^can:seeedstudio:/dev/nowhere: .*check the channel"):
+            PythonCanWire("seeedstudio", "/dev/nowhere")
+
+    def test_without_the_package(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setitem(sys.modules, "can", None)
+        with pytest.raises(MissingExtraError, match=r"can:virtual:x needs python-can: pip install 'uuv-hil\[can\]'"):
+            PythonCanWire("virtual", "x")
+
+    def test_it_is_not_loaded_before_it_is_used(self) -> None:
+        modules = "hil.links.address, hil.links.wires.can_bus, hil.links.wires.python_can_bus"
+        code = f"import sys, {modules}; print('can' in sys.modules)"
+        assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout == "False\n"
+
+
+class Canned(Wire):
+    """A line that says what it was given, a part a read, and takes all it is told."""
+
+    def __init__(self, parts: list[bytes]) -> None:
+        self.name = "canned"
+        self.parts = parts
+        self._left = iter(parts)
+
+    def fileno(self) -> int:
+        return -1
+
+    def close(self) -> None:
+        pass
+
+    def read(self) -> bytes:
+        return next(self._left, b"")
+
+    def write(self, data: bytes) -> int:
+        return len(data)

@@ -1,0 +1,79 @@
+"""A vehicle that answers and whose samples do not come is connected to anew, and they come again."""
+
+import socket
+import time
+from pathlib import Path
+
+import zenoh
+
+from hil.client.client import VehicleClient
+from hil.network.roles import open_client_session, open_master_session
+from hil.network.session import listen
+from hil.network.sockets import cut
+from hil.network.unread_links import UnreadLinks, read_progress
+from tests.support.processes import Program, free_port, wait_for, write_scenario
+
+
+def test_samples_come_again_when_the_library_does_not_read_a_link(tmp_path: Path) -> None:
+    """It never reads one if its time limit for opening it ends while it tells a listener who is slow."""
+    scenario, port = write_scenario(tmp_path)
+    reports: list[str] = []
+    opened: list[str] = []
+
+    def be_slow(event: zenoh.LinkEvent) -> None:
+        if event.kind == zenoh.SampleKind.PUT and f":{port + 1}" in event.link.dst:
+            opened.append(event.link.dst)
+            if len(opened) == 1:
+                time.sleep(0.7)  # the limit is 0.3 s
+
+    with open_master_session(f"tcp/127.0.0.1:{port}") as session:
+        listener = session._session.info.declare_link_events_listener(zenoh.handlers.Callback(be_slow, indirect=False))
+        with (
+            VehicleClient(session, "uuv1", part="observer", report=reports.append) as client,
+            Program(tmp_path, "slave", scenario),
+        ):
+            assert wait_for(lambda: client.contact.reconnections)
+            assert wait_for(lambda: client.received["imu"] > 10 and client.contact.present)
+        listener.undeclare()  # type: ignore[no-untyped-call]
+    assert [line for line in reports if "open and not read, or lost; connecting again" in line]
+    assert len(opened) > 1
+
+
+def test_it_connects_again_when_the_vehicle_never_appears() -> None:
+    """What was declared first may have been lost on the way, as now and then on a busy machine."""
+    endpoint, reports = f"tcp/127.0.0.1:{free_port()}", list[str]()
+    with listen(endpoint), VehicleClient(endpoint, "uuv1", part="observer", report=reports.append) as client:
+        assert wait_for(lambda: client.contact.reconnections)
+        assert [line for line in reports if "has a link, but nothing else has come of it" in line]
+        assert wait_for(lambda: len(client.session.links()) > 0)
+
+
+def test_a_socket_that_cannot_be_cut_is_left() -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as end:
+        end.bind(("127.0.0.1", 0))
+        cut({(end.getsockname()[1], 0)})
+        assert end.getsockname()[1]
+
+
+def test_a_recorder_is_not_cut_off() -> None:
+    """It has one link, as all who only listen."""
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    with listen(endpoint) as slave, open_client_session(endpoint):
+        links = UnreadLinks(0.5)
+        ends = time.monotonic() + 2.5
+        while time.monotonic() < ends:
+            assert not links.mend(slave)
+            time.sleep(0.1)
+
+
+def test_what_a_socket_has_not_read_is_counted() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as listener, socket.create_connection(listener.getsockname()) as far:
+        near, _ = listener.accept()
+        with near:
+            pair = near.getsockname()[1], near.getpeername()[1]
+            far.sendall(bytes(1000))
+            assert wait_for(lambda: read_progress({pair}) == {pair: 0})
+            assert len(near.recv(400)) == 400
+            assert read_progress({pair}) == {pair: 400}
+            cut({pair})
+            assert far.recv(1) == b""

@@ -1,0 +1,229 @@
+"""Mutual TLS and access control: who is let in, who may command, and what the refused are told."""
+
+from collections.abc import Iterator
+from itertools import cycle
+from pathlib import Path
+
+import pytest
+
+from hil.commands.keys import add_machine, init
+from hil.common.errors import ConfigError, NetworkError
+from hil.common.schema import parse
+from hil.network.diagnosis import why_not
+from hil.network.presence import declare_presence, watch_presence
+from hil.network.roles import open_master_session
+from hil.network.security import Security
+from hil.network.session import Session, listen
+from hil.network.tokens import Presence, clock_keys
+from hil.ros import graph
+from hil.ros.topics import TOPICS
+from tests.support.processes import free_port, wait_for
+
+MACHINES = ("uuv1", "laptop", "viewer", "stranger")
+
+
+@pytest.fixture(scope="module")
+def keys(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folders of four machines of one authority, and one of another."""
+    folder = tmp_path_factory.mktemp("keys")
+    init(str(folder))
+    for name in MACHINES:
+        add_machine(str(folder), name, [])
+    init(str(folder / "other"))
+    add_machine(str(folder / "other"), "laptop", [])
+    return folder
+
+
+def security(keys: Path, master: str = "laptop", may_listen: tuple[str, ...] = ("viewer",)) -> Security:
+    return Security(str(keys / "uuv1"), str(keys / master), ("laptop",), may_listen)
+
+
+@pytest.fixture
+def slave(keys: Path) -> Iterator[tuple[Session, str, list[str]]]:
+    """A slave, its endpoint, and whose commands came."""
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    heard: list[str] = []
+    with listen(endpoint, security=security(keys)) as session:
+        session.subscribe("uuv1", "cmd_vel", lambda _, payload, __: heard.append(payload.decode()), 8)
+        declare_presence(session, "uuv1", "slave")
+        yield session, endpoint, heard
+
+
+def meets(session: Session) -> list[Presence]:
+    """Who the session sees of the node; filled in while one waits."""
+    seen: list[Presence] = []
+    watch_presence(session, "uuv1", lambda presence, alive: seen.append(presence) if alive else None)
+    return seen
+
+
+def test_each_may_do_what_its_certificate_says(slave: tuple[Session, str, list[str]], keys: Path) -> None:
+    session, endpoint, heard = slave
+    samples = session.publisher("uuv1", TOPICS["pressure"])
+    got: dict[str, list[str]] = {name: [] for name in MACHINES[1:]}
+    sessions = {name: open_master_session(endpoint, security=security(keys, name)) for name in got}
+    commands = {}
+    for name, other in sessions.items():
+        other.subscribe("uuv1", "*", lambda topic, _, __, name=name: got[name].append(topic), 8)  # type: ignore[misc]
+        commands[name] = other.publisher("uuv1", TOPICS["cmd_vel"])
+
+    def everyone_speaks() -> bool:
+        samples.put(b"sample", 0)
+        for name, publisher in commands.items():
+            publisher.put(name.encode(), 0)
+        return len(heard) > 20 and len(got["laptop"]) > 20 and len(got["viewer"]) > 20
+
+    assert wait_for(everyone_speaks), (heard, got)
+    assert set(heard) == {"laptop"}
+    assert set(got["laptop"]) == set(got["viewer"]) == {"pressure"}
+    assert got["stranger"] == []
+    assert sessions["laptop"].others() == ["uuv1"]
+    assert {"laptop", "viewer", "stranger"} == set(session.others())
+    for other in sessions.values():
+        other.close()
+
+
+def test_presence_is_for_those_who_may_listen(slave: tuple[Session, str, list[str]], keys: Path) -> None:
+    _, endpoint, _ = slave
+    with (
+        open_master_session(endpoint, security=security(keys, "viewer")) as viewer,
+        open_master_session(endpoint, security=security(keys, "stranger")) as stranger,
+    ):
+        seen, unseen = meets(viewer), meets(stranger)
+        assert wait_for(lambda: [presence.part for presence in seen]) == ["slave"]
+        assert not unseen
+
+
+def test_who_may_listen_is_seen_as_nothing_else(slave: tuple[Session, str, list[str]], keys: Path) -> None:
+    session, endpoint, _ = slave
+    seen: list[str] = []
+    session.watch_tokens("uuv_hil/**", lambda key, _: seen.append(key))
+    with (
+        open_master_session(endpoint, security=security(keys, "viewer")) as viewer,
+        open_master_session(endpoint, security=security(keys, "laptop")) as laptop,
+    ):
+        for forged in ("uuv1/alive/master/9/ab/x", "uuv1/alive/slave/0/ab/x", "*/alive/**", "uuv1/alive/$*r/9/ab/x"):
+            viewer.declare_token(f"uuv_hil/{forged}")
+        declare_presence(viewer, "uuv1", "observer", "0b")
+        graph.Node(viewer, "rviz")
+        declare_presence(laptop, "uuv1", "master", "0a", 3)
+        assert wait_for(lambda: len(seen) >= 3 and any("rviz" in key for key in session.tokens(graph.ALL)))
+        others = sorted(key.split("/")[3:6] for key in seen if "/slave/" not in key or "/ab/" in key)
+        assert others == [["master", "3", "0a"], ["observer", "0", "0b"]]
+    assert wait_for(lambda: len(seen) == 5), "both have gone, and nobody else"
+
+
+def test_who_may_listen_asks_for_the_time_but_pings_for_no_master(
+    slave: tuple[Session, str, list[str]], keys: Path
+) -> None:
+    session, endpoint, _ = slave
+    ask, _, masters = clock_keys("uuv1")
+    asked: list[bytes] = []
+    told: list[bytes] = []
+    session.receive(ask, asked.append, 64)
+    session.receive(masters, told.append, 64)
+    with (
+        open_master_session(endpoint, security=security(keys, "viewer")) as viewer,
+        open_master_session(endpoint, security=security(keys, "laptop")) as laptop,
+    ):
+        forged = ("uuv_hil/**", "uuv_hil/uuv1/*/*", "uuv_hil/uuv1/ping/**", "**/master")
+        viewers = cycle([viewer.sender(key) for key in (masters, *forged, ask)])
+        laptops = [laptop.sender(key) for key in (masters, ask)]
+
+        def everyone_speaks() -> bool:
+            next(viewers)(b"viewer")  # one at a time: many at once would be dropped as a flood, whatever they may do
+            for send in laptops:
+                send(b"laptop")
+            return len(told) > 20 and {b"viewer", b"laptop"} <= set(asked)
+
+        assert wait_for(everyone_speaks), (asked, told)
+    assert set(told) == {b"laptop"}
+
+
+def test_everyone_with_a_certificate_may_listen(keys: Path) -> None:
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    with (
+        listen(endpoint, security=security(keys, may_listen=("*",))) as slave,
+        open_master_session(endpoint, security=security(keys, "stranger")) as stranger,
+    ):
+        declare_presence(slave, "uuv1", "slave")
+        seen = meets(stranger)
+        assert wait_for(lambda: seen)
+
+
+@pytest.mark.parametrize(
+    ("folder", "words"),
+    [("other/laptop", ["not of the authority", "ca.pem"]), ("", ["wants a certificate", "[security]"])],
+)
+def test_a_wrong_or_missing_certificate_is_refused_with_a_reason(
+    slave: tuple[Session, str, list[str]], keys: Path, folder: str, words: list[str]
+) -> None:
+    session, endpoint, heard = slave
+    with open_master_session(endpoint, security=security(keys, folder) if folder else None) as refused:
+        publisher, seen = refused.publisher("uuv1", TOPICS["cmd_vel"]), meets(refused)
+        assert not wait_for(lambda: publisher.put(b"refused", 0) and (heard or seen or refused.others()), 1)
+    assert session.others() == []
+    fault = why_not(endpoint, str(keys / folder) if folder else "")
+    assert fault is not None
+    assert fault.lasting
+    assert all(word in fault.text for word in words), fault.text
+
+
+def test_a_certificate_that_they_do_not_know(slave: tuple[Session, str, list[str]], keys: Path, tmp_path: Path) -> None:
+    """We trust their authority, they do not know ours."""
+    for name, source in (("ca.pem", "laptop"), ("cert.pem", "other/laptop"), ("key.pem", "other/laptop")):
+        (tmp_path / name).write_bytes((keys / source / name).read_bytes())
+    fault = why_not(slave[1], str(tmp_path))
+    assert fault is not None
+    assert fault.lasting
+    assert "refuses our certificate" in fault.text, fault.text
+    assert str(tmp_path) in fault.text
+
+
+def test_a_name_that_is_not_in_the_certificate(keys: Path) -> None:
+    endpoint = f"tcp/127.0.0.2:{free_port()}"
+    with (
+        listen(endpoint, security=security(keys)) as slave,
+        open_master_session(endpoint, security=security(keys)) as master,
+    ):
+        declare_presence(slave, "uuv1", "slave")
+        seen = meets(master)
+        fault = why_not(endpoint, str(keys / "laptop"))
+        assert fault is not None
+        assert "not made for '127.0.0.2'" in fault.text
+        assert "--host 127.0.0.2" in fault.text
+        assert not wait_for(lambda: seen, 0.5)
+
+
+def test_the_right_certificate_has_no_fault(slave: tuple[Session, str, list[str]], keys: Path) -> None:
+    assert why_not(slave[1], str(keys / "laptop")) is None
+
+
+def test_open_and_secure_sides_do_not_meet(keys: Path) -> None:
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    with listen(endpoint):
+        assert why_not(endpoint) is None
+        fault = why_not(endpoint, str(keys / "laptop"))
+        assert fault is not None
+        assert "without TLS" in fault.text
+    fault = why_not(endpoint)
+    assert fault is not None
+    assert not fault.lasting
+    assert "uuv-hil slave" in fault.text
+
+
+def test_missing_files_and_sections_are_named(keys: Path, tmp_path: Path) -> None:
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    with pytest.raises(NetworkError, match=r"nowhere/ca\.pem is not there; `uuv-hil keys add nowhere`"):
+        open_master_session(endpoint, security=Security("", str(tmp_path / "nowhere"), ("laptop",)))
+    with pytest.raises(NetworkError, match=r"names no slave"):
+        listen(endpoint, security=Security("", str(keys / "laptop"), ("laptop",)))
+    with pytest.raises(NetworkError, match=r"needs certificates"):
+        open_master_session("tls/127.0.0.1:7447")
+    with pytest.raises(ConfigError, match="may_command"):
+        parse({"slave": "a", "master": "b"}, Security, "file: security")
+
+
+def test_folders_are_found_beside_the_scenario() -> None:
+    found = Security("keys/uuv1", "/abs/laptop", ("laptop",)).beside("/home/me")
+    assert (found.slave, found.master, found.router) == ("/home/me/keys/uuv1", "/abs/laptop", "")
+    assert found.name("slave") == "uuv1"

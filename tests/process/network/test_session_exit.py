@@ -1,0 +1,76 @@
+"""A process with an open session ends when it should: normally, by an exception, by sys.exit, by a signal."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from tests.support.processes import ROOT, Program, free_port, wait_for
+
+OPEN = """
+import sys, time, threading
+from hil.client.client import VehicleClient
+from hil.network.presence import declare_presence, serve_last, watch_presence
+from hil.network.session import listen
+session = listen("tcp/127.0.0.1:{port}")
+session.subscribe("uuv1", "cmd_vel", print, 8)
+watch_presence(session, "uuv1", lambda presence, alive: None)
+declare_presence(session, "uuv1", "slave")
+serve_last(session, "uuv1")
+session.receive("uuv_hil/uuv1/ping", lambda payload: None, 8)
+client = VehicleClient("tcp/127.0.0.1:{port}", "uuv1")
+while not client.contact.present:
+    time.sleep(0.01)
+print("open", flush=True)
+"""
+
+
+@pytest.mark.parametrize(
+    ("ending", "code"),
+    [("", 0), ("raise ValueError('x')", 1), ("sys.exit(7)", 7), ("client.close(); session.close()", 0)],
+)
+def test_it_ends_by_itself_with_the_session_open(ending: str, code: int) -> None:
+    text = OPEN.format(port=free_port()) + ending
+    done = subprocess.run([sys.executable, "-c", text], cwd=ROOT, capture_output=True, text=True, timeout=60)
+    assert done.returncode == code, done.stderr
+    assert done.stdout == "open\n"
+
+
+def test_ctrl_c_ends_it() -> None:
+    text = OPEN.format(port=free_port()) + "time.sleep(60)"
+    with subprocess.Popen(
+        [sys.executable, "-c", text], cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    ) as ours:
+        assert ours.stdout is not None
+        assert ours.stdout.readline() == b"open\n"
+        began = time.monotonic()
+        ours.send_signal(signal.SIGINT)
+        ours.communicate(timeout=60)
+        assert time.monotonic() - began < 30, "it would sleep for 60 s"
+    assert ours.returncode == -signal.SIGINT
+
+
+def test_closing_leaves_no_thread_and_no_descriptor(tmp_path: Path) -> None:
+    text = (
+        OPEN.format(port=free_port())
+        + "import os\nbefore = len(os.listdir('/proc/self/fd'))\nclient.close(); session.close()\n"
+        + "print(threading.enumerate(), len(os.listdir('/proc/self/fd')) < before)"
+    )
+    done = subprocess.run([sys.executable, "-c", text], cwd=ROOT, capture_output=True, text=True, timeout=60)
+    assert "MainThread" in done.stdout
+    assert done.stdout.count("<") == 1, done.stdout
+    assert done.stdout.endswith("True\n")
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_the_router_ends_cleanly(tmp_path: Path, number: int) -> None:
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    with Program(tmp_path, "router", "--listen", endpoint) as router:
+        router.expect("forwarding")
+        assert router.stop(number) == 0
+    assert "Traceback" not in router.output
+    assert wait_for(lambda: not os.path.exists(f"/proc/{router.process.pid}"))

@@ -1,0 +1,254 @@
+"""One vehicle and several who want something of it: as processes and clients, over the whole way."""
+
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from hil.autonomy.control.controller import VelocityCommand
+from hil.client.client import VehicleClient
+from hil.commands.keys import add_machine, init
+from hil.network.roles import open_master_session
+from hil.ros import encoders as ros
+from hil.ros.diagnostics import or_nan
+from hil.ros.topics import TOPICS
+from tests.support.busy import retry_when_busy
+from tests.support.processes import ROOT, Program, command_until, surge_of, wait_for, write_scenario
+
+
+@pytest.fixture
+def slave(tmp_path: Path) -> Iterator[tuple[Program, str]]:
+    scenario, port = write_scenario(tmp_path)
+    with Program(tmp_path, "slave", scenario) as program:
+        program.expect("ready")
+        yield program, f"tcp/127.0.0.1:{port}"
+
+
+def command(seconds: float, *clients: VehicleClient) -> None:
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        for client in clients:
+            client.command(VelocityCommand(surge=0.1))
+        time.sleep(0.02)
+
+
+def figure(client: VehicleClient, name: str) -> int:
+    return int(client.diagnostics()[name] or 0)
+
+
+def test_one_master_at_a_time_and_any_number_of_observers(slave: tuple[Program, str]) -> None:
+    program, endpoint = slave
+    with (
+        VehicleClient(endpoint, "uuv1") as first,
+        VehicleClient(endpoint, "uuv1") as second,
+        VehicleClient(endpoint, "uuv1", part="observer") as watching,
+    ):
+        assert all(client.wait_for_vehicle(60) for client in (first, second, watching))
+        assert command_until(lambda: len(first.delays) > 5, first)
+        assert command_until(lambda: figure(watching, "commands_refused") > 30, first, second)
+        assert command_until(lambda: figure(watching, "commands_taken") > 80, first, second)
+        assert command_until(lambda: "another master" in second.refusal(), first, second)
+        assert first.refusal() == ""
+        assert "--take-over" in second.refusal()
+        assert watching.diagnostics().observers == 1
+        with VehicleClient(endpoint, "uuv1", rank=1) as third:
+            assert third.wait_for_vehicle(60)
+            assert command_until(lambda: "another master" in first.refusal(), first, third)
+            assert third.refusal() == ""
+            taken = figure(third, "commands_taken")
+        program.expect("is gone, which commanded")
+        assert command_until(lambda: first.refusal() == "", first), "the vehicle is free again"
+        assert command_until(lambda: figure(first, "commands_taken") > taken + 50, first)
+        assert command_until(lambda: figure(first, "masters_lost") == 1, first)
+
+
+def test_a_silent_master_gives_way(slave: tuple[Program, str]) -> None:
+    _, endpoint = slave
+    with VehicleClient(endpoint, "uuv1") as first, VehicleClient(endpoint, "uuv1") as second:
+        assert first.wait_for_vehicle(60)
+        assert second.wait_for_vehicle(60)
+        assert command_until(lambda: len(first.delays) > 5, first)
+        time.sleep(0.6)  # longer than the deadman's 0.5 s
+        before = len(second.delays)
+        assert command_until(lambda: len(second.delays) > before + 15, second)
+
+
+def test_a_flood_of_commands_is_thinned(slave: tuple[Program, str]) -> None:
+    program, endpoint = slave
+    with VehicleClient(endpoint, "uuv1") as client:
+        assert client.wait_for_vehicle(60)
+        began, sent = time.monotonic(), 0
+        while sent < 5000 or not figure(client, "commands_flooded"):
+            sent = client.command(VelocityCommand(surge=0.1))
+            assert sent < 1_000_000, client.diagnostics()
+        news = client.received["diagnostics"]
+        assert wait_for(lambda: client.received["diagnostics"] > news + 1)
+        received, took_s = figure(client, "commands_received"), time.monotonic() - began
+        assert received < 220 * took_s + 50, "command_rate is 200 Hz"
+        assert sent > received
+    assert program.process.poll() is None
+
+
+def test_a_flood_of_another_does_not_take_the_vehicle(slave: tuple[Program, str]) -> None:
+    _, endpoint = slave
+    with VehicleClient(endpoint, "uuv1") as first, VehicleClient(endpoint, "uuv1") as second:
+        assert first.wait_for_vehicle(60)
+        assert command_until(lambda: len(first.delays) > 5, first)
+
+        def is_refused() -> bool:
+            for _ in range(40):  # 2000 a second
+                second.command(VelocityCommand(surge=-0.1))
+            return figure(first, "commands_refused") > 500 and "another master" in second.refusal()
+
+        assert command_until(is_refused, first)
+        assert command_until(lambda: is_refused() and surge_of(first) > 0.05, first)
+        assert first.refusal() == ""
+
+
+FLOOD = """
+import sys, time, zenoh
+from hil.network.roles import open_master_session
+from hil.network.tokens import PING, clock_keys
+
+with open_master_session(sys.argv[1]) as session:
+    ask = session._session.declare_publisher(clock_keys("uuv1")[0], priority=zenoh.Priority.REAL_TIME)
+    payload, begin, sent = PING.pack(b"x" * 16, time.time_ns(), 0, 0), time.monotonic(), 0
+    while True:
+        while sent < (time.monotonic() - begin) * 20_000:
+            ask.put(payload)
+            sent += 1
+        time.sleep(0.001)
+"""
+
+
+def test_a_flood_of_pings_by_one_that_may_only_listen_hides_the_vehicle_from_nobody(slave: tuple[Program, str]) -> None:
+    program, endpoint = slave
+    with VehicleClient(endpoint, "uuv1") as master, VehicleClient(endpoint, "uuv1", part="observer") as observer:
+        assert wait_for(lambda: master.contact.reported and observer.contact.present)
+
+        def is_there() -> None:
+            lost = master.contact.losses + observer.contact.losses
+            before = master.delays.clock.exchanges
+            time.sleep(2.0)  # 10 pings; without commands each exchange is one of them
+            assert master.delays.clock.exchanges >= before + 7
+            assert master.contact.losses + observer.contact.losses == lost
+
+        with subprocess.Popen([sys.executable, "-c", FLOOD, endpoint], cwd=ROOT) as flood:
+            try:
+                assert wait_for(lambda: master.diagnostics().pings_dropped)
+                retry_when_busy(is_there, "20,000 pings a second need their time of the processor")
+            finally:
+                flood.kill()
+    assert program.process.poll() is None
+
+
+def test_clocks_are_compared_all_the_time_and_by_both(slave: tuple[Program, str]) -> None:
+    """On one machine the truth is known: no offset, no drift."""
+    _, endpoint = slave
+    with VehicleClient(endpoint, "uuv1") as client:
+        assert client.wait_for_vehicle(60)
+        ours = client.delays.clock
+        assert command_until(lambda: ours.exchanges > 40 and client.contact.reported, client), "traces and pings"
+
+        def is_exact() -> bool:
+            """As soon as one exchange was not held up at either end."""
+            found, values = ours.at(time.time_ns()), client.diagnostics()
+            if found is None or values.clock_offset_ms is None:
+                return False
+            assert abs(found.offset_ns) <= found.uncertainty_ns
+            assert abs(values.clock_offset_ms) <= or_nan(values.clock_uncertainty_ms)
+            close = found.uncertainty_ns < 5_000_000 and or_nan(values.clock_uncertainty_ms) < 5
+            return close and abs(or_nan(values.clock_drift_ppm)) < 100
+
+        assert command_until(is_exact, client), client.diagnostics()
+        assert client.contact.reported is not None
+        assert abs(client.contact.reported.offset_ns) <= client.contact.reported.uncertainty_ns
+
+
+def test_a_late_joiner_has_slow_topics_at_once(slave: tuple[Program, str]) -> None:
+    _, endpoint = slave
+
+    def comes_at_once() -> None:
+        with VehicleClient(endpoint, "uuv1") as late:
+            assert late.wait_for_vehicle(60)
+            before = late.received["odom"]
+            assert wait_for(late.diagnostics), "published once a second"
+            assert late.received["odom"] < before + 10, "at 20 Hz that is half a second"
+
+    with VehicleClient(endpoint, "uuv1") as early:
+        assert wait_for(early.diagnostics), "there is one already"
+    retry_when_busy(comes_at_once, "they may meet just as the next is published, or be held up")
+
+
+def test_one_session_for_several_vehicles(tmp_path: Path) -> None:
+    folders = [tmp_path / name for name in ("a", "b")]
+    endpoints, programs = [], []
+    for number, folder in enumerate(folders):
+        folder.mkdir()
+        scenario, port = write_scenario(folder, slave=f'node = "uuv{number}"')
+        programs.append(Program(folder, "slave", scenario))
+        endpoints.append(f"tcp/127.0.0.1:{port}")
+    with programs[0], programs[1], open_master_session(*endpoints) as session:
+        clients = [VehicleClient(session, f"uuv{number}") for number in range(2)]
+        assert all(client.wait_for_vehicle(60) for client in clients)
+        assert command_until(lambda: all(len(client.delays) > 15 for client in clients), *clients)
+        for client in clients:
+            client.close()
+
+
+def test_a_command_for_the_future_or_without_sense_changes_nothing(slave: tuple[Program, str]) -> None:
+    _, endpoint = slave
+    with VehicleClient(endpoint, "uuv1") as client, open_master_session(endpoint) as stranger:
+        assert client.wait_for_vehicle(60)
+        command(0.3, client)
+        forged = stranger.publisher("uuv1", TOPICS["cmd_vel"])
+        future = ros.encode_twist((9, 0, 0), (0, 0, 0)), 1 << 62
+        for payload, wall_ns in (future, (b"", 0), (b"x" * 100_000, 0), (b"\xff" * 52, 0)):
+            before = figure(client, "commands_refused")
+
+            def is_refused(payload: bytes = payload, wall_ns: int = wall_ns, before: int = before) -> bool:
+                forged.put(payload, wall_ns)  # again and again: the network may leave out what it cannot send at once
+                return figure(client, "commands_refused") > before
+
+            assert command_until(is_refused, client), payload[:60]
+        command(1.2, client)
+        values = client.diagnostics()
+        assert values.commands_malformed == 0, "a refused command is not decoded"
+        assert abs(client.get("ground_truth").nu[0]) < 0.5
+
+
+SECURITY = """
+[security]
+slave = "keys/uuv1"
+master = "keys/{master}"
+may_command = ["laptop"]
+may_listen = ["viewer"]
+"""
+
+
+def test_the_refused_master_is_told_why(tmp_path: Path) -> None:
+    init(str(tmp_path / "keys"))
+    for name in ("uuv1", "laptop", "viewer", "stranger"):
+        add_machine(str(tmp_path / "keys"), name, [])
+    plain, port = write_scenario(tmp_path)
+    text = plain.read_text()
+    arguments = ("--connect", f"tcp/127.0.0.1:{port}", "--wait", 10, "--run-dir", tmp_path / "run")
+    said = {"viewer": "may_command", "stranger": "may_listen does not name 'stranger'", "": "wants a certificate"}
+    scenarios = {}
+    for name in ("laptop", *said):
+        scenarios[name] = tmp_path / f"{name or 'none'}.toml"
+        scenarios[name].write_text(text + (SECURITY.format(master=name) if name else ""))
+    with Program(tmp_path, "slave", scenarios["laptop"]) as slave:
+        slave.expect("ready")
+        running = {name: Program(tmp_path, "master", scenarios[name], *arguments) for name in said}
+        for name, words in said.items():
+            with running[name] as master:
+                assert master.wait() == 4, master.output
+                assert words in master.output
+                assert "Traceback" not in master.output
+        with Program(tmp_path, "master", scenarios["laptop"], *arguments) as master:
+            master.expect("flying")
+        assert "Traceback" not in slave.output

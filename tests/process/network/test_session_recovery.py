@@ -1,0 +1,189 @@
+"""What vanishes is missed within the lease and found again at once; what is late is not obeyed."""
+
+import os
+import socket
+import struct
+import threading
+import time
+from collections.abc import Collection, Iterator
+from contextlib import suppress
+
+import pytest
+
+from hil.common.clock import from_wall_ns, now_ns, to_wall_ns
+from hil.network.presence import declare_presence, fetch_last, serve_last, watch_presence
+from hil.network.roles import open_master_session
+from hil.network.session import Session, listen, open_session
+from hil.network.settings import Network, settings
+from hil.network.tokens import Presence
+from hil.ros import encoders as ros
+from hil.ros.topics import TOPICS
+from hil.slave.command_receiver import CommandReceiver
+from tests.support.busy import retry_when_busy
+from tests.support.processes import free_port, wait_for
+from tools.faults.relay import Relay
+
+AGE_LIMIT_S = 0.3
+
+
+class End:
+    """A session that remembers who came and went, and when."""
+
+    def __init__(self, session: Session, part: str, ident: str = "") -> None:
+        self.session = session
+        self.seen: list[tuple[float, str, bool]] = []
+        watch_presence(session, "uuv1", self._meet)
+        declare_presence(session, "uuv1", part, ident)  # type: ignore[arg-type]
+
+    def _meet(self, presence: Presence, alive: bool) -> None:
+        self.seen.append((time.monotonic(), presence.part, alive))
+
+    def sees(self, part: str, alive: bool, after: float) -> float:
+        """Seconds from `after` until the news that a part came or went."""
+        found = wait_for(lambda: [at for at, *news in self.seen if news == [part, alive] and at >= after])
+        assert found, f"no {part} {'came' if alive else 'went'} in {self.seen}"
+        return found[0] - after
+
+
+@pytest.fixture
+def ends() -> Iterator[tuple[End, End, Relay]]:
+    port, began = free_port(), time.monotonic()
+    with listen(f"tcp/127.0.0.1:{port}") as slave, Relay(port) as relay, open_master_session(relay.endpoint) as master:
+        pair = End(slave, "slave"), End(master, "master")
+        pair[0].sees("master", True, began)
+        pair[1].sees("slave", True, began)
+        yield *pair, relay
+
+
+def test_a_black_hole_is_seen_by_both_and_data_flow_again(ends: tuple[End, End, Relay]) -> None:
+    slave, master, relay = ends
+    command_receiver = CommandReceiver(round(AGE_LIMIT_S * 1e9))
+    commanded: list[tuple[float, float]] = []  # sent and received, both s
+    slave.session.subscribe("uuv1", "cmd_vel", command_receiver.on_message, 8)
+    publisher = master.session.publisher("uuv1", TOPICS["cmd_vel"])
+
+    def command(seconds: float) -> int:
+        """How many of them were obeyed."""
+        before, end = len(commanded), time.monotonic() + seconds
+        while time.monotonic() < end:
+            publisher.put(ros.encode_twist((0.1, 0, 0), (0, 0, 0)), to_wall_ns(now_ns()))
+            time.sleep(0.02)
+            taken = command_receiver.take_latest()
+            if taken:
+                commanded.append((taken.published_ns / 1e9, taken.received_ns / 1e9))
+        return len(commanded) - before
+
+    def falls_and_returns() -> None:
+        assert wait_for(lambda: command(0.3) > 2)
+        began = time.monotonic()
+        relay.hold()
+        command(3.0)
+        missed = slave.sees("master", False, began), master.sees("slave", False, began)
+        returned, during = time.monotonic(), len(commanded)
+        relay.release()
+        assert wait_for(lambda: command(0.3) > 2)
+        found = master.sees("slave", True, returned), slave.sees("master", True, returned)
+        assert all(taken - to_monotonic(sent) < AGE_LIMIT_S for sent, taken in commanded), "none from before it"
+        assert max(missed) < 1.3
+        assert commanded[during][1] - returned < 0.8
+        assert max(found) < 0.8
+
+    retry_when_busy(falls_and_returns, "seconds of two sessions and a relay, in threads of one process")
+    command_receiver.close()
+
+
+def to_monotonic(wall_s: float) -> float:
+    return from_wall_ns(round(wall_s * 1e9)) / 1e9
+
+
+def test_cut_links_come_back(ends: tuple[End, End, Relay]) -> None:
+    slave, master, relay = ends
+
+    def are_cut_and_mended() -> None:
+        began = time.monotonic()
+        relay.cut()
+        missed = slave.sees("master", False, began), master.sees("slave", False, began)
+        time.sleep(0.5)
+        returned = time.monotonic()
+        relay.mend()
+        found = master.sees("slave", True, returned), slave.sees("master", True, returned)
+        assert max(missed) < 0.5
+        assert max(found) < 0.6
+
+    retry_when_busy(are_cut_and_mended, "seconds of two sessions and a relay, in threads of one process")
+
+
+def test_a_late_joiner_gets_the_last_state() -> None:
+    port = free_port()
+    with listen(f"tcp/127.0.0.1:{port}") as slave:
+        battery, silent = slave.publisher("uuv1", TOPICS["battery"]), slave.publisher("uuv1", TOPICS["gps"])
+        for number in (1, 2):
+            battery.put(bytes([number]) * 9, 1000 + number)
+        assert silent.last is None
+        serve_last(slave, "uuv1")
+        got: list[tuple[str, bytes, bytes]] = []
+        with open_master_session(f"tcp/127.0.0.1:{port}") as late:
+
+            def ask() -> bool:
+                fetch_last(late, "uuv1", lambda *message: got.append(message))
+                return bool(got)
+
+            assert wait_for(ask)
+    ((topic, payload, attachment),) = got
+    assert (topic, payload) == ("battery", b"\2" * 9)
+    stamp = ros.unpack_attachment(attachment)
+    assert stamp is not None
+    assert (stamp.sequence, stamp.time_ns, stamp.gid) == (2, 1002, battery.gid)
+
+
+def sockets() -> dict[str, str]:
+    """What is open in this process by descriptor."""
+    found = {}
+    for name in os.listdir("/proc/self/fd"):
+        with suppress(OSError):
+            found[name] = os.readlink(f"/proc/self/fd/{name}")
+    return {name: place for name, place in found.items() if place.startswith("socket:")}
+
+
+def lingering(besides: Collection[str]) -> list[bool]:
+    """Of each connected TCP socket of this process, `besides` those that other tests have left to the library."""
+    found = []
+    for name, place in sockets().items():
+        with suppress(OSError):
+            if place in besides:
+                continue
+            with socket.socket(fileno=os.dup(int(name))) as end:
+                if end.family == socket.AF_INET and end.getpeername():
+                    on, _ = struct.unpack("ii", end.getsockopt(socket.SOL_SOCKET, socket.SO_LINGER, 8))
+                    found.append(bool(on))
+    return found
+
+
+def test_no_link_lingers() -> None:
+    """Closing one whose bytes nobody acknowledges would block a thread that others need."""
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    before = sockets().values()
+    with listen(endpoint) as slave:
+        plain = settings("master", (), (endpoint,), Network(), None)
+        with open_session("dial", endpoint, plain):
+            assert wait_for(lambda: len(lingering(before)) == 4)
+            assert any(lingering(before)), "if the library's links linger no more, ours need not be watched"
+            slave.free_links()
+            assert wait_for(lambda: not any(lingering(before)))
+            with open_master_session(endpoint):
+                assert wait_for(lambda: len(lingering(before)) == 8 and not any(lingering(before)))
+    assert not [thread for thread in threading.enumerate() if thread.name == "worker"]
+
+
+def test_what_was_said_last_arrives_though_links_do_not_linger() -> None:
+    endpoint, heard = f"tcp/127.0.0.1:{free_port()}", list[bytes]()
+    with listen(endpoint) as slave:
+        slave.subscribe("uuv1", "cmd_vel", lambda _, payload, __: heard.append(payload), 64)
+        slave.free_links()
+        for number in range(5):
+            with open_master_session(endpoint) as master:
+                publisher = master.publisher("uuv1", TOPICS["cmd_vel"])
+                assert wait_for(lambda: publisher.put(b"first", 0) and b"first" in heard)  # noqa: B023
+                publisher.put(b"last of %d" % number, 0)
+            assert wait_for(lambda: b"last of %d" % number in heard)  # noqa: B023
+            heard.clear()

@@ -1,0 +1,205 @@
+"""What a session is told, and how it finds others."""
+
+import os
+import re
+import shutil
+import socket
+import stat
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from hil.commands.keys import add_machine, init, main
+from hil.common.errors import ConfigError, NetworkError
+from hil.common.schema import parse
+from hil.network.discovery import find
+from hil.network.presence import declare_presence, watch_presence
+from hil.network.role import Role
+from hil.network.roles import open_master_session, open_router_session
+from hil.network.security import Security
+from hil.network.session import listen
+from hil.network.settings import BATCH, PINGS, Network, endpoints, json5, settings
+from hil.network.tokens import Presence, clock_keys, presence_key, read_presence
+from hil.ros.topics import TOPICS
+from hil.scenario.config import load_scenario
+from tests.support.processes import ROOT, Program, free_port, wait_for, write_scenario
+
+
+def test_an_endpoint_is_two_links_by_priority() -> None:
+    urgent, rest = endpoints("tcp/10.0.0.1:7447")
+    assert urgent.startswith("tcp/10.0.0.1:7447?prio=1-3#so_sndbuf=")
+    assert rest.startswith("tcp/10.0.0.1:7448?prio=4-7#so_sndbuf=")
+    assert endpoints("tcp/[::1]:7447", secure=True)[0].startswith("tls/[::1]:7447?")
+    (only,) = endpoints("tcp/10.0.0.1:7447", one=True)
+    assert only.startswith("tcp/10.0.0.1:7447#so_sndbuf=")
+
+
+@pytest.mark.parametrize("endpoint", ["7447", "udp/1.2.3.4:7447", "tcp/:7447", "tcp/h:65535", "tcp/h:0", "tcp/h:x", ""])
+def test_what_is_no_endpoint_is_told(endpoint: str) -> None:
+    with pytest.raises(NetworkError, match="tcp/HOST:PORT"):
+        open_master_session(endpoint)
+
+
+def test_an_unknown_host_is_told_with_the_remedy() -> None:
+    with pytest.raises(NetworkError, match=r"^cannot listen on tcp/no\.such\.invalid:7447: .* give its address$"):
+        listen("tcp/no.such.invalid:7447")
+
+
+@pytest.mark.skipif(not shutil.which("setpriv"), reason="util-linux's setpriv is not installed")
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root can give the right to such ports away")
+def test_a_port_that_only_root_may_have_is_told_with_the_remedy() -> None:
+    code = 'from hil.network.session import listen; listen("tcp/127.0.0.1:81")'
+    unprivileged = ["setpriv", "--bounding-set=-net_bind_service", "--inh-caps=-net_bind_service"]
+    done = subprocess.run([*unprivileged, sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT)
+    assert re.search(r"cannot listen on tcp/127.0.0.1:81: no permission .* below 1024 .* --listen$", done.stderr, re.M)
+
+
+@pytest.mark.parametrize("number", [0, 1])
+def test_a_port_that_another_has_is_named_and_who_that_may_be(number: int) -> None:
+    """As rmw_zenohd has it, at all addresses of both kinds."""
+    port = free_port()
+    with (
+        socket.create_server(("::", port + number), family=socket.AF_INET6, dualstack_ipv6=True),
+        pytest.raises(NetworkError, match=f"port {port + number} is in use.*rmw_zenohd.*--listen"),
+    ):
+        listen(f"tcp/127.0.0.1:{port}")
+
+
+def test_settings_reach_the_library() -> None:
+    network = Network(lease=2.5, retry=0.2, open_timeout=0.7)
+    text = settings("master", (), ("tcp/10.0.0.1:7447",), network, None)
+    for words in (
+        "'lease':2500",
+        "'period_max_ms':200",
+        "'open_timeout':700",
+        f"'batch_size':{BATCH}",
+        "'mode':'peer'",
+    ):
+        assert words in text
+    routed = Network(mode="routed", router="tcp/10.0.0.9:7447")
+    assert "'mode':'client'" in settings("master", (), ("tcp/10.0.0.9:7447",), routed, None)
+
+
+def test_a_slave_that_is_dialled_bounds_what_others_than_masters_ask() -> None:
+    routed = Network(mode="routed", router="tcp/10.0.0.9:7447")
+    here = ("tcp/10.0.0.1:7447",)
+    bound = f"'downsampling':[{{'messages':['put','delete'],'flows':['ingress'],'rules':[{{'key_expr':'{PINGS}'"
+    assert bound in settings("slave", here, (), Network(), None)
+    assert "downsampling" not in settings("slave", here, (routed.router,), routed, None)
+    assert clock_keys("*")[0] == PINGS
+
+
+def test_who_tells_whom_of_others(tmp_path: Path) -> None:
+    """ROS 2 contexts find each other by it; under TLS, and by those that only look on, nobody is told of anybody."""
+    here = ("tcp/10.0.0.1:7447",)
+    told = (
+        "'gossip':{'enabled':true,'multihop':false,'target':{'router':['router','peer']},'autoconnect':{'router':[]}}"
+    )
+    roles: tuple[Role, ...] = ("slave", "router", "master", "client", "imaging")
+    for role in roles:
+        text = settings(role, here, (), Network(), None)
+        assert (told in text) == (role in ("slave", "router")), role
+        assert "'autoconnect':{'peer':[],'router':[]}" in text, "found by multicast, nobody is dialled either"
+    init(str(tmp_path / "keys"))
+    for name in ("uuv1", "hub"):
+        add_machine(str(tmp_path / "keys"), name, [])
+    security = Security(f"{tmp_path}/keys/uuv1", "", ("laptop",), router=f"{tmp_path}/keys/hub")
+    hosts: tuple[Role, ...] = ("slave", "router")
+    for role in hosts:
+        assert "'gossip':{'enabled':false}" in settings(role, ("tls/10.0.0.1:7447",), (), Network(), security)
+
+
+def test_json5() -> None:
+    assert json5({"a": [True, False, 1, 0.5, "True's"], "b": ()}) == "{'a':[true,false,1,0.5,\"True's\"],'b':[]}"
+
+
+@pytest.mark.parametrize(
+    ("table", "word"),
+    [
+        ({"mode": "routed"}, "router"),
+        ({"router": "tcp/a:1"}, "routed"),
+        ({"lease": 0.01}, "0.2"),
+        ({"laese": 1}, "lease"),
+    ],
+)
+def test_a_wrong_network_section_is_named(table: dict[str, object], word: str) -> None:
+    with pytest.raises(ConfigError, match=word):
+        parse(table, Network, "file: network")
+
+
+def test_presence_keys_come_back() -> None:
+    presence = Presence("uuv1", "master", 3, "ab" * 16, "my host/é*:7")
+    assert read_presence(presence_key(presence)) == presence._replace(who="my_host___:7")
+    for key in (
+        "uuv_hil/uuv1/alive/master/3/zz/x",
+        "uuv_hil/uuv1/alive/cook/3/ab/x",
+        "uuv_hil/uuv1/alive/master/11/ab/x",
+        f"uuv_hil/uuv1/alive/master/{'1' * 5000}/ab/x",  # more than int() reads
+        "a",
+    ):
+        assert read_presence(key) is None
+
+
+def test_multicast_finds_those_that_allow_it() -> None:
+    hidden, shown = (f"tcp/127.0.0.1:{free_port()}" for _ in range(2))
+    with listen(hidden), listen(shown, Network(discovery=True)):
+        assert wait_for(lambda: shown in find(0.3))
+        assert hidden not in find(0.3)
+
+
+def test_a_router_forwards_and_keeps_the_links_apart() -> None:
+    endpoint, own = f"tcp/127.0.0.1:{free_port()}", f"tcp/127.0.0.1:{free_port()}"
+    network = Network(mode="routed", router=endpoint)
+    heard: list[str] = []
+    with (
+        listen(own, network) as slave,
+        open_router_session(endpoint),
+        open_master_session(endpoint, network=network) as master,
+    ):
+        slave.subscribe("uuv1", "cmd_vel", lambda _, payload, __: heard.append(payload.decode()), 8)
+        declare_presence(slave, "uuv1", "slave")
+        seen: list[Presence] = []
+        watch_presence(master, "uuv1", lambda presence, _: seen.append(presence))
+        publisher = master.publisher("uuv1", TOPICS["cmd_vel"])
+        assert wait_for(lambda: publisher.put(b"go", 0) and heard and seen)
+
+
+def test_a_master_says_that_there_is_no_router(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("hil.network.settings.ROUTER_WAIT_MS", 200)
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    with pytest.raises(NetworkError, match="uuv-hil router"):
+        open_master_session(endpoint, network=Network(mode="routed", router=endpoint))
+
+
+def test_a_mission_by_multicast(tmp_path: Path) -> None:
+    scenario, _ = write_scenario(tmp_path)
+    scenario.write_text(scenario.read_text() + "[network]\ndiscovery = true\n")
+    with Program(tmp_path, "slave", scenario) as slave:
+        slave.expect("ready")
+        with Program(tmp_path, "master", scenario, "--connect", "lan", "--run-dir", tmp_path / "run") as master:
+            master.expect("flying|several answer")  # another slave on this machine may answer too
+    assert load_scenario(str(scenario)).network.discovery
+
+
+def test_keys_are_private_and_never_overwritten(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = str(tmp_path / "keys")
+    assert main(["--dir", folder, "init"]) == 0
+    assert main(["--dir", folder, "add", "uuv1", "--host", "10.0.0.1", "--host", "uuv1.local"]) == 0
+    assert f"{folder}/uuv1" in capsys.readouterr().out
+    for root, _, files in os.walk(folder):
+        for name in files:
+            assert stat.S_IMODE(os.stat(os.path.join(root, name)).st_mode) == 0o600
+    assert sorted(os.listdir(f"{folder}/uuv1")) == ["ca.pem", "cert.pem", "key.pem"]
+    with pytest.raises(ConfigError, match="exists already"):
+        add_machine(folder, "uuv1", [])
+    with pytest.raises(ConfigError, match="worthless"):
+        init(folder)
+    with pytest.raises(ConfigError, match="keys init"):
+        add_machine(str(tmp_path), "uuv1", [])
+    for name in ("", "..", "a/b", "authority"):
+        with pytest.raises(ConfigError, match="name"):
+            add_machine(folder, name, [])
+    with pytest.raises(ConfigError, match="neither an address nor a name"):
+        add_machine(folder, "uuv2", ["ü"])

@@ -1,0 +1,96 @@
+"""One thread for all that comes seldom: in order, bounded, and without a wake-up while nothing comes."""
+
+import threading
+import time
+from pathlib import Path
+
+import pytest
+
+from hil.common.clock import NS_PER_S
+from hil.network.roles import open_master_session
+from hil.network.session import listen
+from hil.network.worker import WorkerThread
+from tests.support.processes import free_port, wait_for
+
+
+def test_items_are_used_in_order_and_beyond_the_most_are_lost() -> None:
+    worker, few, all_ = WorkerThread(), list[int](), list[int]()
+    some, every = worker.open_queue(few.append, 3).put, worker.open_queue(all_.append).put
+    for number in range(5):
+        some(number)
+    for number in range(5):
+        every(number)
+    worker.end()
+    worker.run()
+    assert (few, all_) == ([0, 1, 2], [0, 1, 2, 3, 4])
+
+
+def test_beyond_the_rate_items_are_lost_until_the_second_is_over(monkeypatch: pytest.MonkeyPatch) -> None:
+    now = NS_PER_S
+    monkeypatch.setattr("hil.network.worker.now_ns", lambda: now)
+    worker, used = WorkerThread(), list[int]()
+    queue = worker.open_queue(used.append, 6, 2)
+    for number in range(12):
+        now += NS_PER_S // 4
+        queue.put(number)
+    worker.end()
+    worker.run()
+    assert used == [0, 1, 4, 5, 8, 9]
+    assert queue.lost == 6
+    now += NS_PER_S
+    full = worker.open_queue(used.append, 0, 2)
+    full.put(12)
+    assert full.lost == 1, "what finds no room is counted too"
+
+
+def test_what_raises_loses_its_item_and_is_told_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    worker, used, told = WorkerThread(), list[float](), list[threading.ExceptHookArgs]()
+    monkeypatch.setattr(threading, "excepthook", told.append)
+    divide = worker.open_queue(lambda number: used.append(1 / number)).put
+    for number in (1, 0, 2, 0, 4):
+        divide(number)
+    worker.end()
+    worker.run()
+    assert used == [1.0, 0.5, 0.25]
+    assert worker.failures == 2
+    assert [args.exc_type for args in told] == [ZeroDivisionError]
+
+
+def wakeups(name: str) -> int:
+    """How often a thread of this process has slept."""
+    thread = next(thread for thread in threading.enumerate() if thread.name == name)
+    status = Path(f"/proc/self/task/{thread.native_id}/status").read_text()
+    return next(int(line.split()[1]) for line in status.splitlines() if line.startswith("voluntary_ctxt"))
+
+
+def test_pings_and_presence_share_a_thread_which_sleeps_while_nothing_comes() -> None:
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    pings, there, threads = list[bytes](), list[tuple[str, bool]](), set[str]()
+
+    def ping(payload: bytes) -> None:
+        pings.append(payload)
+        threads.add(threading.current_thread().name)
+
+    def on_token(key: str, alive: bool) -> None:
+        there.append((key, alive))
+        threads.add(threading.current_thread().name)
+
+    def both() -> bool:
+        send(b"1")
+        return bool(pings and there)
+
+    with listen(endpoint) as slave, open_master_session(endpoint) as master:
+        slave.receive("ping", ping, 16)
+        slave.watch_tokens("alive/**", on_token)
+        send = master.sender("ping")
+        withdraw = master.declare_token("alive/1")
+        assert wait_for(both)
+        withdraw()
+        assert wait_for(lambda: len(there) == 2)
+        time.sleep(0.1)
+        before = wakeups("worker")
+        time.sleep(0.5)
+        assert wakeups("worker") - before <= 1, "a channel of the library would have woken it five times"
+    assert there == [("alive/1", True), ("alive/1", False)]
+    assert threads == {"worker"}
+    assert not [thread for thread in threading.enumerate() if thread.name == "worker"]

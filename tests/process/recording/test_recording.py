@@ -1,0 +1,486 @@
+"""Recordings: whole at every instant, readable by others' tools, bounded, and no danger to whoever records."""
+
+import json
+import os
+import random
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections import Counter
+from pathlib import Path
+
+import pytest
+from mcap.reader import make_reader
+from mcap.records import Message as McapMessage
+from mcap.stream_reader import StreamReader
+from rosbags.highlevel import AnyReader
+from rosbags.rosbag2 import Reader
+
+import hil.recording.recorder as recording_module
+from hil.common.errors import ConfigError
+from hil.recording.mcap_file import Message, RecordingFile, qos_profile, schema_of
+from hil.recording.reader import About, read_about, read_messages
+from hil.recording.recorder import Recorder, describe, new_folder
+from hil.recording.run import read_run
+from hil.ros import encoders as ros
+from hil.ros.topics import TOPICS
+from hil.scenario.config import load_scenario
+from hil.scenario.records import Recording
+from sim.sensors.samples import ImuSample, OdometrySample
+from tests.support.busy import retried_when_busy
+from tests.support.processes import ROOT, wait_for
+
+SMALL = Recording(file_size=1.0, total_size=2.0, keep_free=0.0)
+EPOCH_NS = 1_795_000_000_000_000_000
+
+
+def imu(number: int, topic: str = "/uuv1/imu", noise: bool = False) -> Message:
+    time_ns = EPOCH_NS + number * 10_000_000
+    chance = random.Random(number)
+    turn = (chance.random(), chance.random(), chance.random()) if noise else (0.1, 0.2, 0.3)
+    payload = ros.encode_imu(ImuSample(time_ns, (1.0, 0.0, 0.0, 0.0), turn, (0.0, 0.0, 9.8 + number)))
+    return Message(topic, "sensor_msgs/msg/Imu", number, time_ns, time_ns + 1_000, payload)
+
+
+def by_rosbags(path: Path) -> list[tuple[str, int, float]]:
+    """Topic, log time and one field of each message, as others' reader has them, and by the recording's own schemas."""
+    with AnyReader([path]) as reader:
+        return [
+            (connection.topic, at, reader.deserialize(raw, connection.msgtype).linear_acceleration.z)  # type: ignore[attr-defined]
+            for connection, at, raw in reader.messages()
+        ]
+
+
+def by_mcap(path: Path) -> list[Message]:
+    with path.open("rb") as file:
+        return [
+            Message(channel.topic, schema.name if schema else "", m.sequence, m.publish_time, m.log_time, m.data)
+            for schema, channel, m in make_reader(file, validate_crcs=True).iter_messages()
+        ]
+
+
+class Slow(int):
+    """A count to which nothing can be added without another thread having its turn meanwhile."""
+
+    def __add__(self, other: int) -> "Slow":
+        time.sleep(0.002)
+        return Slow(int(self) + other)
+
+
+@pytest.mark.parametrize("fails", [False, True])
+def test_messages_of_several_threads_are_all_counted(fails: bool, tmp_path: Path) -> None:
+    with Recorder(str(tmp_path / "bag"), SMALL, {}) as recorder:
+        recorder.lost, recorder._put = Slow(0), Slow(0)
+        if fails:
+            recorder.failure = "the disk is full"
+        threads = [threading.Thread(target=recorder.put, args=(imu(number),)) for number in range(8)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+    size = len(imu(0).data)
+    assert (recorder.written, recorder.lost, recorder._put) == ((0, 8, 0) if fails else (8, 0, 8 * size))
+
+
+@pytest.mark.parametrize("compression", ["zstd", "lz4", "none"])
+def test_a_file_is_whole_after_every_flush(tmp_path: Path, compression: str) -> None:
+    path = tmp_path / "one.mcap"
+    file = RecordingFile(str(path), {"seed": "7"}, {"scenario.toml": "seed = 7\n"}, compression)
+    sent: list[Message] = []
+    for number in range(1, 2001):
+        sent.append(imu(number, f"/uuv{number % 3 + 1}/imu"))
+        file.write(sent[-1])
+        if number in (1, 50, 700, 1999):
+            file.flush()
+            assert by_mcap(path) == sent
+            assert [z for _, _, z in by_rosbags(path)] == pytest.approx([-(9.8 + n) for n in range(1, number + 1)])
+            assert list(read_messages(str(path))) == sent
+    summary = file.close()
+    assert by_mcap(path) == list(read_messages(str(path))) == sent
+    assert len(by_rosbags(path)) == 2000
+    assert summary.size == path.stat().st_size
+    assert summary.first_ns == sent[0].logged_ns
+    assert summary.last_ns == sent[-1].logged_ns
+    assert read_about(str(path)) == ({"seed": "7"}, {"scenario.toml": "seed = 7\n"})
+
+
+def test_the_index_leads_to_the_messages(tmp_path: Path) -> None:
+    path = tmp_path / "one.mcap"
+    file = RecordingFile(str(path), {"a": "b"}, {"x": "y"}, "zstd")
+    sent = [imu(number, f"/uuv{number % 2}/imu") for number in range(1, 3000)]
+    for message in sent:
+        file.write(message)
+    file.close()
+    with path.open("rb") as stream:
+        reader = make_reader(stream, validate_crcs=True)
+        summary = reader.get_summary()
+        assert summary
+        assert summary.statistics
+        assert summary.statistics.message_count == 2999
+        assert summary.statistics.chunk_count == len(summary.chunk_indexes) > 10
+        assert (summary.statistics.message_start_time, summary.statistics.message_end_time) == (
+            sent[0].logged_ns,
+            sent[-1].logged_ns,
+        )
+        assert {channel.metadata["offered_qos_profiles"] for channel in summary.channels.values()} == {
+            qos_profile("/uuv1/imu")
+        }
+        assert [schema.encoding for schema in summary.schemas.values()] == ["ros2msg"]
+        first, last = sent[1000].logged_ns, sent[1500].logged_ns
+        found = reader.iter_messages(topics=["/uuv1/imu"], starting_at=first, ending_before=last)
+        assert [m.sequence for _, _, m in found] == [
+            m.sequence for m in sent if m.topic == "/uuv1/imu" and first <= m.logged_ns < last
+        ]
+        assert [each.name for each in reader.iter_attachments()] == ["x"]
+        assert [each.metadata for each in reader.iter_metadata()] == [{"a": "b"}]
+        stream.seek(0)
+        assert (
+            sum(isinstance(record, McapMessage) for record in StreamReader(stream, validate_crcs=True).records) == 2999
+        )
+
+
+def test_every_type_of_ours_explains_itself() -> None:
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+    for kind in sorted({topic.type for topic in TOPICS.values()}):
+        encoding, text = schema_of(kind)
+        assert encoding == "ros2msg"
+        store = get_typestore(Stores.EMPTY)
+        store.register(get_types_from_msg(text.decode(), kind))
+        from hil.ros.topics import hash_of
+
+        assert store.hash_rihs01(kind) == hash_of(kind), kind
+    assert schema_of("my_msgs/msg/Thing") == ("", b"")
+
+
+def test_a_torn_file_gives_what_is_before_the_tear(tmp_path: Path) -> None:
+    path = tmp_path / "one.mcap"
+    file = RecordingFile(str(path), {"seed": "7"}, {}, "zstd")
+    sent = [imu(number, noise=True) for number in range(1, 800)]
+    for message in sent:
+        file.write(message)
+    file.close()
+    whole, torn = path.read_bytes(), tmp_path / "torn.mcap"
+    chance, most = random.Random(5), 0
+    for _ in range(60):
+        cut = chance.randrange(1500, len(whole))
+        garbage = bytes(chance.randrange(256) for _ in range(chance.choice((0, 4096))))
+        torn.write_bytes(whole[:cut] + garbage)
+        found = list(read_messages(str(torn)))
+        assert found == sent[: len(found)]
+        most = max(most, len(found))
+    assert most > 600
+    for broken in (b"", b"\x89MCAP0\r\n", b"not a recording", whole[:20]):
+        torn.write_bytes(broken)
+        with pytest.raises(ConfigError, match=r"torn\.mcap"):
+            list(read_messages(str(torn)))
+
+
+def test_rotation_keeps_within_its_bounds_and_the_index_follows(tmp_path: Path) -> None:
+    folder = tmp_path / "bag"
+    with Recorder(str(folder), SMALL, {"seed": "1"}) as recorder:
+        for number in range(1, 40_001):
+            recorder.put(imu(number, noise=True))
+    assert (recorder.written, recorder.lost, recorder.failure) == (40_000, 0, "")
+    sizes = {name: (folder / name).stat().st_size for name in os.listdir(folder) if name.endswith(".mcap")}
+    assert len(sizes) >= 2
+    assert "bag_0.mcap" not in sizes, "the oldest went"
+    assert max(sizes.values()) <= 1 << 20
+    assert sum(sizes.values()) <= 2 << 20
+    numbers = [message.sequence for message in read_messages(str(folder))]
+    assert numbers == list(range(numbers[0], 40_001)), "what stays is without a gap"
+    with Reader(folder) as reader:
+        assert reader.message_count == len(numbers) == sum(1 for _ in reader.messages())
+        assert reader.start_time == imu(numbers[0]).logged_ns
+        (connection,) = reader.connections
+        assert (connection.topic, connection.msgtype, connection.msgcount) == (
+            "/uuv1/imu",
+            "sensor_msgs/msg/Imu",
+            len(numbers),
+        )
+    assert len(by_rosbags(folder)) == len(numbers)
+
+
+def test_topics_are_offered_as_they_were(tmp_path: Path) -> None:
+    from rosbags.interfaces import QosDurability, QosReliability
+
+    with Recorder(str(tmp_path / "bag"), SMALL, {}) as recorder:
+        recorder.put(imu(1))
+        recorder.put(Message("/tf_static", "tf2_msgs/msg/TFMessage", 1, 5, 5, b"\0\1\0\0\0\0\0\0"))
+    with Reader(tmp_path / "bag") as reader:
+        offered = {c.topic: c.ext.offered_qos_profiles[0] for c in reader.connections}  # type: ignore[union-attr]
+    assert offered["/uuv1/imu"].durability == QosDurability.VOLATILE
+    assert offered["/uuv1/imu"].reliability == QosReliability.RELIABLE
+    assert offered["/tf_static"].durability == QosDurability.TRANSIENT_LOCAL
+
+
+RECORD = """
+import sys, time
+from hil.scenario.records import Recording
+from hil.recording.recorder import Recorder
+from tests.process.recording.test_recording import imu
+recorder = Recorder(sys.argv[1], Recording(keep_free=0.0), {"seed": "7"})
+began, number = time.monotonic(), 0
+while True:
+    while number < 2000 * (time.monotonic() - began):
+        number += 1
+        recorder.put(imu(number, noise=True))
+        print(number, time.monotonic_ns(), flush=True)
+    time.sleep(0.001)
+"""
+
+
+@retried_when_busy("a process is killed, and others are late")
+def test_kill_takes_at_most_the_last_second(tmp_path: Path) -> None:
+    own = tmp_path / str(time.monotonic_ns())
+    own.mkdir()
+    folder, printed = own / "bag", own / "printed"
+    with printed.open("w") as out:
+        process = subprocess.Popen(
+            [sys.executable, "-c", RECORD, str(folder)],
+            stdout=out,
+            cwd=ROOT,
+            env={**os.environ, "PYTHONPATH": str(ROOT)},
+        )
+    wait_for(lambda: printed.stat().st_size > 100_000)
+    time.sleep(0.4)
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    killed_ns = time.monotonic_ns()
+    rows = [tuple(map(int, line.split())) for line in printed.read_text().splitlines()[:-1]]
+    path = folder / "bag_0.mcap"
+    ours = [message.sequence for message in read_messages(str(path))]
+    assert ours == list(range(1, len(ours) + 1))
+    lost_since = next(at for number, at in rows if number > len(ours))
+    assert 0.0 < (killed_ns - lost_since) / 1e9 < 1.3, "a second, and what it takes to notice"
+    assert [m.sequence for m in by_mcap(path)] == ours, "the library's reader"
+    with path.open("rb") as stream:
+        assert [r.sequence for r in StreamReader(stream).records if isinstance(r, McapMessage)] == ours
+    assert len(by_rosbags(path)) == len(ours), "others' reader, of the file"
+    assert len(by_rosbags(folder)) == len(ours), "and of the folder, whose index was there from the beginning"
+
+
+FILL = """
+import resource, sys, time
+from hil.scenario.records import Recording
+from hil.recording.recorder import Recorder
+from tests.process.recording.test_recording import imu
+resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))
+told = []
+recorder = Recorder(sys.argv[1], Recording(keep_free=0.0), {"seed": "7"}, report=told.append)
+number = 0
+while not told and number < 30_000:
+    number += 1
+    recorder.put(imu(number, noise=True))
+    time.sleep(0.0002)
+recorder.put(imu(0))
+recorder.close()
+print(told == [recorder.failure], recorder.lost, recorder.failure)
+"""
+
+
+def test_a_disk_that_takes_no_more_ends_the_recording_and_nothing_else(tmp_path: Path) -> None:
+    folder = tmp_path / "bag"
+    done = subprocess.run(
+        [sys.executable, "-c", FILL, str(folder)],
+        capture_output=True,
+        text=True,
+        cwd=ROOT,
+        timeout=30,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+    )
+    told, lost, failure = done.stdout.strip().split(" ", 2)
+    assert told == "True", done.stderr
+    assert int(lost) >= 1
+    assert str(folder) in failure
+    assert "File too large" in failure
+    found = [message.sequence for message in by_mcap(folder / "bag_0.mcap")]
+    assert found == list(range(1, len(found) + 1))
+    assert len(found) > 100
+    assert len(by_rosbags(folder)) == len(found)
+
+
+def test_room_is_left_on_the_disk(tmp_path: Path) -> None:
+    told: list[str] = []
+    recorder = Recorder(str(tmp_path / "bag"), SMALL._replace(keep_free=1e7), {}, report=told.append)
+    assert wait_for(lambda: told)
+    recorder.put(imu(1))
+    recorder.close()
+    assert recorder.lost == 1
+    assert "keep_free" in told[0]
+    assert "free some space" in told[0]
+
+
+def test_what_comes_faster_than_the_disk_takes_it_is_counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(recording_module, "MOST_WAITING", 100)
+    monkeypatch.setattr(recording_module, "DRAIN_PERIOD_S", 5.0)
+    with Recorder(str(tmp_path / "bag"), SMALL, {}) as recorder:
+        for number in range(1, 151):
+            recorder.put(imu(number))
+    assert (recorder.written, recorder.lost) == (100, 50)
+
+
+def test_a_clock_before_1970_does_not_end_a_recording(tmp_path: Path) -> None:
+    sent = [imu(1), imu(2)._replace(published_ns=-1), imu(3)]
+    with Recorder(str(tmp_path / "bag"), SMALL, {}) as recorder:
+        for message in sent:
+            recorder.put(message)
+    assert (recorder.written, recorder.failure) == (3, "")
+    found = by_mcap(tmp_path / "bag" / "bag_0.mcap")
+    assert found == [sent[0], sent[1]._replace(published_ns=0), sent[2]]
+
+
+def test_whatever_ends_the_recording_is_told(tmp_path: Path) -> None:
+    told: list[str] = []
+    with Recorder(str(tmp_path / "bag"), SMALL, {}, report=told.append) as recorder:
+        recorder.put(imu(1))
+        assert wait_for((tmp_path / "bag" / "bag_0.mcap").exists)
+        recorder.put(imu(2)._replace(logged_ns=-1))  # which no clock says
+        assert wait_for(lambda: told)
+        recorder.put(imu(3))
+    assert told == [recorder.failure]
+    assert recorder.failure.startswith(f"recording into {tmp_path / 'bag'} ended: error: ")
+    assert recorder.lost == 1
+    assert by_mcap(tmp_path / "bag" / "bag_0.mcap") in ([], [imu(1)]), "whole up to the last flush"
+
+
+def test_a_source_is_asked_until_the_end(tmp_path: Path) -> None:
+    sent = [imu(number, noise=True) for number in range(1, 2001)]
+    portions = [sent[:700], [], sent[700:1990]]
+    with Recorder(str(tmp_path / "bag"), SMALL, {}, source=lambda: portions.pop(0) if portions else []) as recorder:
+        recorder.put(imu(1, "/uuv2/imu"))
+        assert wait_for(lambda: recorder.written == 1991)
+        portions.append(sent[1990:])
+    found = list(read_messages(str(tmp_path / "bag")))
+    assert [message for message in found if message.topic == "/uuv1/imu"] == sent
+    assert [message for message in found if message.topic == "/uuv2/imu"] == [imu(1, "/uuv2/imu")]
+
+
+def test_a_folder_is_used_once(tmp_path: Path) -> None:
+    folder = tmp_path / "bag"
+    Recorder(str(folder), SMALL, {}).close()
+    with pytest.raises(ConfigError, match="choose another"):
+        Recorder(str(folder), SMALL, {})
+    (tmp_path / "file").write_text("")
+    with pytest.raises(ConfigError, match="cannot be made"):
+        Recorder(str(tmp_path / "file"), SMALL, {})
+    Recorder(new_folder("uuv1", str(tmp_path)), SMALL, {}).close()
+
+
+def test_an_empty_recording_is_one_too(tmp_path: Path) -> None:
+    Recorder(str(tmp_path / "bag"), SMALL, {}).close()
+    assert list(read_messages(str(tmp_path / "bag"))) == []
+    with Reader(tmp_path / "bag") as reader:
+        assert reader.message_count == 0
+
+
+def test_the_scenario_comes_back_out_of_a_recording(tmp_path: Path) -> None:
+    cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "uuv-hil"
+    scenario = load_scenario("paper_field")._replace(seed=42)
+    about, files = describe(scenario, "slave", board="raspberry_pi_4b")
+    with Recorder(str(tmp_path / "bag"), SMALL, about, files) as recorder:
+        recorder.put(imu(1))
+    before = set(os.listdir(cache)) if cache.exists() else set()
+    found = read_about(str(tmp_path / "bag"))
+    assert found.facts["board"] == "raspberry_pi_4b"
+    assert {"uuv_hil_version", "python_version", "scenario", "node", "seed", "vehicle", "world"} <= set(found.facts)
+    run = read_run(found, "bag")
+    assert run
+    assert run.scenario.seed == 42
+    assert run.scenario.start == scenario.start
+    assert (run.vehicle.name, run.world.name) == ("paper_six", "paper_field")
+    assert not {name for name in os.listdir(cache) if "uuv-hil-" in name} - before, "no litter"
+    damaged = found._replace(attachments=found.attachments | {"vehicle.toml": "mass = 3"})
+    with pytest.raises(ConfigError, match="bag: what it says of its run"):
+        read_run(damaged, "bag")
+
+
+@pytest.mark.parametrize(
+    "section",
+    [
+        '[[force]]\nclass = "{}:Pull"',
+        '[sensors.mine]\nclass = "{}:Warmth"\nrate = 1',
+    ],
+)
+def test_a_recording_loads_no_class_unless_that_is_asked_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, section: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    name = f"strange_{section[2:6]}"
+    (tmp_path / f"{name}.py").write_text(
+        f"open({str(tmp_path / 'trace')!r}, 'w').close()\n"
+        "class Pull:\n"
+        "    def begin(self, time_ns): pass\n"
+        "    def wrench(self, position, rotation, nu_r): return [0.0] * 6\n"
+        "class Warmth:\n"
+        "    message = 'std_msgs/msg/Float64'\n"
+        "    def begin(self, scene, mounting, random): pass\n"
+        "    def sample(self, time_ns, state): return {}\n"
+    )
+    about, files = describe(load_scenario("paper_field"), "slave")
+    files["scenario.toml"] += "\n" + section.format(name)
+    with Recorder(str(tmp_path / "bag"), SMALL, about, files) as recorder:
+        recorder.put(imu(1))
+    found = read_about(str(tmp_path / "bag"))
+    with pytest.raises(ConfigError, match=rf"'{name}:\w+' is not loaded: .*--own-classes, only if you trust"):
+        read_run(found, "bag")
+    assert not (tmp_path / "trace").exists()
+    monkeypatch.setattr(sys, "path", [*sys.path])
+    run = read_run(found, "bag", own_classes=True)
+    assert run
+    assert run.scenario.force or "mine" in run.scenario.sensors
+    assert (tmp_path / "trace").exists()
+
+
+def test_a_recording_brings_its_three_files_and_no_others(tmp_path: Path) -> None:
+    about, files = describe(load_scenario("paper_field"), "slave")
+    assert read_run(About(about, files | {"..": "", "other.toml": "x = 1"}), "bag")
+
+
+def test_messages_of_others_are_read(tmp_path: Path) -> None:
+    """A bag by others' writer: no facts of ours, types that we do not know."""
+    from rosbags.rosbag2 import StoragePlugin, Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.ROS2_JAZZY)
+    sample = OdometrySample(5_000_000_000, (1.0, 2.0, 3.0), (1.0, 0.0, 0.0, 0.0), (0.5, 0.0, 0.0, 0.0, 0.0, 0.0))
+    with Writer(tmp_path / "bag", version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        odom = writer.add_connection("/uuv1/odom", "nav_msgs/msg/Odometry", typestore=store)
+        text = writer.add_connection("/chat", "std_msgs/msg/String", typestore=store)
+        writer.write(odom, 5, ros.encode_odometry(sample))
+        writer.write(text, 6, b"\0\1\0\0\2\0\0\0a\0")
+    found = list(read_messages(str(tmp_path / "bag")))
+    assert Counter(message.topic for message in found) == {"/uuv1/odom": 1, "/chat": 1}
+    assert found[0].data == ros.encode_odometry(sample)
+    assert read_about(str(tmp_path / "bag")) == ({}, {})
+
+
+def test_the_recorder_does_not_keep_a_real_time_priority() -> None:
+    """A slave's thread under SCHED_FIFO makes it; writing must not run before the vehicle's loop."""
+    code = """
+import os, sys, threading, time, json
+os.sched_setscheduler(0, os.SCHED_BATCH, os.sched_param(0))
+from hil.scenario.records import Recording
+from hil.recording.recorder import Recorder
+with Recorder(sys.argv[1], Recording(keep_free=0.0), {}) as recorder:
+    time.sleep(0.3)
+    policies = {t.name: os.sched_getscheduler(t.native_id) for t in threading.enumerate()}
+print(json.dumps(policies))
+"""
+    import tempfile
+
+    with tempfile.TemporaryDirectory() as folder:
+        done = subprocess.run(
+            [sys.executable, "-c", code, f"{folder}/bag"], capture_output=True, text=True, cwd=ROOT,
+            env={**os.environ, "PYTHONPATH": str(ROOT)},
+        )  # fmt: skip
+    assert json.loads(done.stdout) == {"MainThread": os.SCHED_BATCH, "recorder": os.SCHED_OTHER}, done.stderr
+
+
+def test_sequence_numbers_wrap_as_the_format_has_them(tmp_path: Path) -> None:
+    file = RecordingFile(str(tmp_path / "one.mcap"), {}, {}, "none")
+    file.write(imu(1)._replace(sequence=(1 << 32) + 3))
+    file.close()
+    assert next(read_messages(str(tmp_path / "one.mcap"))).sequence == 3

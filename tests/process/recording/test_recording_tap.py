@@ -1,0 +1,217 @@
+"""A tap: everything that is said and told, in order, with its time; losses counted; endpoints that come and go."""
+
+import threading
+import time
+from collections import Counter
+from collections.abc import Callable
+from itertools import pairwise
+
+import pytest
+import zenoh
+
+from hil.network.roles import open_master_session
+from hil.network.session import listen
+from hil.recording import tap as recording_tap
+from hil.recording.mcap_file import Message
+from hil.recording.tap import Tap
+from hil.ros.topics import TOPICS
+from tests.support.busy import retried_when_busy, retry_when_busy
+from tests.support.processes import free_port, wait_for
+
+
+def collect(tap: Tap, enough: Callable[[list[Message]], object], seconds: float = 10.0) -> list[Message]:
+    messages: list[Message] = []
+
+    def poll() -> object:
+        messages.extend(tap.take())
+        return enough(messages)
+
+    wait_for(poll, seconds)
+    return messages
+
+
+def met(*audiences: Callable[[], bool]) -> object:
+    """Whether there is somebody who listens to each: before, what is said is nobody's."""
+    return wait_for(lambda: all(is_heard() for is_heard in audiences))
+
+
+@retried_when_busy("three sessions, of which one may be late")
+def test_it_hears_the_vehicle_and_its_master() -> None:
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    with listen(endpoint) as slave, open_master_session(endpoint) as master, Tap([endpoint]) as tap:
+        slave.subscribe("uuv1", "cmd_vel", lambda *_: None, depth=8)
+        imu, commands = slave.publisher("uuv1", TOPICS["imu"]), master.publisher("uuv1", TOPICS["cmd_vel"])
+        assert wait_for(lambda: tap.connected)
+        assert met(slave.watch_keys("0/uuv1/imu/**"), master.watch_keys("0/uuv1/cmd_vel/**"))
+        began = time.time_ns()
+        for number in range(100):
+            imu.put(b"imu %d" % number, began + number)
+            commands.put(b"command %d" % number, began + number)
+            time.sleep(0.01)  # a command that finds two others waiting to be sent is dropped
+        last = {b"imu 99", b"command 99"}
+        heard = collect(tap, lambda messages: last <= {message.data for message in messages})
+    topics = Counter(message.topic for message in heard)
+    assert topics["/uuv1/imu"] == 100
+    assert topics["/uuv1/cmd_vel"] >= 95, "those before the sessions had met are nobody's"
+    assert tap.missed == 0
+    first = next(message for message in heard if message.topic == "/uuv1/imu")
+    assert first[:4] == ("/uuv1/imu", "sensor_msgs/msg/Imu", 1, began)
+    assert first.data == b"imu 0"
+    assert [m.sequence for m in heard if m.topic == "/uuv1/imu"] == list(range(1, 101))
+    assert all(a.logged_ns <= b.logged_ns for a, b in pairwise(heard))
+    assert all(0 < message.logged_ns - began < 60_000_000_000 for message in heard)
+
+
+def test_latched_topics_come_late_but_once() -> None:
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    with listen(endpoint) as slave:
+        imu, tf = slave.publisher("uuv1", TOPICS["imu"]), slave.publisher("uuv1", TOPICS["/tf_static"])
+        imu.put(b"missed", 6)
+        tf.put(b"before", 7)
+        with Tap([endpoint]) as tap:
+            heard = collect(tap, lambda messages: messages)
+            tf.put(b"after", 8)
+            heard += collect(tap, lambda messages: messages)
+            time.sleep(0.2)
+            heard += tap.take()
+    assert [(message.topic, message.sequence, message.data) for message in heard] == [
+        ("/tf_static", 1, b"before"),
+        ("/tf_static", 2, b"after"),
+    ]
+    assert tap.missed == 0
+
+
+def test_one_topic_of_two_vehicles() -> None:
+    ends = [f"tcp/127.0.0.1:{free_port()}" for _ in range(2)]
+    with listen(ends[0]) as one, listen(ends[1]) as two, Tap(ends) as tap:
+        publishers = [slave.publisher("", TOPICS["/tf"]) for slave in (one, two)]
+        imu = two.publisher("uuv2", TOPICS["imu"])
+        assert met(one.watch_keys("0/tf/**"), two.watch_keys("0/tf/**"), two.watch_keys("0/uuv2/imu/**"))
+        for number in range(50):
+            publishers[0].put(b"one %d" % number, 7)
+            publishers[1].put(b"two %d" % number, 8)
+            imu.put(b"imu %d" % number, 9)
+            if number == 20:  # from here on the keys are known, and go by number
+                collect(tap, lambda messages: len(messages) >= 63)
+        heard = collect(tap, lambda messages: len(messages) >= 87)
+    for name, topic in ((b"one", "/tf"), (b"two", "/tf"), (b"imu", "/uuv2/imu")):
+        mine = [message for message in heard if message.data.startswith(name)]
+        assert [(m.topic, m.sequence, m.data) for m in mine] == [
+            (topic, n + 1, b"%s %d" % (name, n)) for n in range(21, 50)
+        ]
+    assert tap.missed == 0
+
+
+def test_topics_of_one_publisher_are_told_apart() -> None:
+    """All commands of a master have one gid; each topic counts its own."""
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    with listen(endpoint) as slave, Tap([endpoint]) as tap:
+        topics = "imu", "pressure", "odom"
+        publishers = [slave.publisher("uuv1", TOPICS[topic]) for topic in topics]
+        for publisher in publishers:
+            publisher.gid = publishers[0].gid
+        assert met(*[slave.watch_keys(f"0/uuv1/{topic}/**") for topic in topics])
+        for number in range(1, 31):
+            for topic, publisher in zip(topics, publishers, strict=True):
+                if topic != "odom" or not number % 3:
+                    publisher.put(b"%s %d" % (topic.encode(), number), 7)
+        heard = collect(tap, lambda messages: len(messages) >= 70)
+    found = {topic: [(m.sequence, m.data) for m in heard if m.topic == f"/uuv1/{topic}"] for topic in topics}
+    for topic in ("imu", "pressure"):
+        assert found[topic] == [(n, b"%s %d" % (topic.encode(), n)) for n in range(1, 31)]
+    assert found["odom"] == [(n, b"odom %d" % (3 * n)) for n in range(1, 11)]
+    assert tap.missed == 0
+
+
+def test_a_vehicle_that_comes_late_goes_and_comes_back() -> None:
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    heard: list[Message] = []
+    with Tap([endpoint]) as tap:
+        time.sleep(0.3)
+        assert not tap.connected
+        for life in range(2):
+            with listen(endpoint) as slave:
+                imu = slave.publisher("uuv1", TOPICS["imu"])
+
+                def say(messages: list[Message], imu: object = imu, life: int = life) -> object:
+                    imu.put(b"%d" % life, 7)  # type: ignore[attr-defined]
+                    time.sleep(0.01)
+                    return [message for message in messages if message.data == b"%d" % life]
+
+                heard += collect(tap, say)
+    assert {message.data for message in heard} == {b"0", b"1"}
+
+
+def test_gaps_are_counted() -> None:
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    with listen(endpoint) as slave, Tap([endpoint]) as tap:
+        assert wait_for(lambda: tap.connected)
+        imu = slave.publisher("uuv1", TOPICS["imu"])
+        assert met(slave.watch_keys("0/uuv1/imu/**"))
+        imu.put(b"a", 7)
+        imu.sequence += 4
+        imu.put(b"b", 7)
+        heard = collect(tap, lambda messages: len(messages) >= 2)
+    assert [message.sequence for message in heard] == [1, 6]
+    assert tap.missed == 4
+
+
+def test_who_is_not_there_is_named_once_in_a_while(monkeypatch: pytest.MonkeyPatch) -> None:
+    ends = [f"tcp/127.0.0.1:{free_port()}" for _ in range(2)]
+    monkeypatch.setattr(recording_tap, "PATIENCE_NS", 100_000_000)
+    with listen(ends[0]), Tap(ends) as tap:
+        assert tap.complaint() == ""
+        assert wait_for(lambda: tap.connected)
+        assert wait_for(tap.complaint) == f"still nobody at {ends[1]}; waiting"
+        time.sleep(0.2)  # longer than the patience
+        assert tap.complaint() == "", "not again for a minute"
+        with listen(ends[1]):
+            assert wait_for(lambda: len(tap.connected) == 2)
+        monkeypatch.setattr(tap, "_say_ns", 0)
+        assert tap.complaint() == ""
+
+
+def test_its_threads_end_with_it() -> None:
+    before = set(threading.enumerate())
+    with Tap([f"tcp/127.0.0.1:{free_port()}" for _ in range(3)]):
+        assert len(set(threading.enumerate()) - before) == 3
+    assert not set(threading.enumerate()) - before
+    tap = Tap([f"tcp/127.0.0.1:{free_port()}"])
+    assert not set(threading.enumerate()) - before, "it dials when it is entered"
+    tap.close()
+
+
+def test_closing_does_not_wait_for_an_endpoint_that_is_not_there() -> None:
+
+    def comes_and_goes() -> None:
+        began = time.monotonic()
+        with Tap([f"tcp/127.0.0.1:{free_port()}"]) as tap:
+            assert tap.take() == []
+        assert time.monotonic() - began < 1.0
+
+    retry_when_busy(comes_and_goes, "a session is opened and closed")
+
+
+class Left:
+    """Stands for a publisher, and notes whether the session was open when it was undeclared."""
+
+    def __init__(self, session: zenoh.Session) -> None:
+        self._session = session
+        self.was_open: bool | None = None
+
+    def undeclare(self) -> None:
+        self.was_open = not self._session.is_closed()
+
+
+def test_no_publisher_is_left_in_a_closed_session() -> None:
+    """The library never frees one: with a dozen topics each reconnection took 15 kB for good."""
+    with listen(endpoint := f"tcp/127.0.0.1:{free_port()}"):
+        with Tap([endpoint]) as tap:
+            wait_for(lambda: tap.connected)
+            (line,) = tap._lines
+            line.learn("0/a/b")
+            left = Left(line.session)
+            line._known["0/c/d"] = None, left
+        assert left.was_open
+        assert not line._known
+        assert line.session.is_closed()

@@ -1,0 +1,154 @@
+"""Messages say how good their figures are: what the error models give, found again by measuring often."""
+
+from collections.abc import Sequence
+from math import nan
+from pathlib import Path
+from statistics import mean
+from typing import Any
+
+import pytest
+
+from hil.network.roles import open_master_session
+from hil.ros import encoders as ros
+from hil.ros import message as ros_message
+from hil.ros.topics import TOPICS
+from sim.dynamics import State
+from sim.environment.world import load_world
+from sim.sensors.ahrs import AhrsModel
+from sim.sensors.error import ErrorModel, variance
+from sim.sensors.mounting import Mounting
+from sim.sensors.ranging.dvl import Dvl, DvlModel
+from sim.sensors.samples import DvlSample
+from sim.sensors.spread import spreads
+from sim.sensors.suite import SensorSpec, fit
+from sim.simulation import Simulation
+from sim.vehicle.vehicle import load_vehicle
+from tests.support.processes import slave_with, wait_for
+
+VEHICLE, WORLD = load_vehicle("paper_six")[0], load_world("pool")
+DEPTH = 2.0
+RUNS = 200  # the variance of so many is known to a tenth (1 sigma); the random numbers are always the same
+QUICK = AhrsModel(rate=20.0, level_time=1.0, heading_time=1.0)  # it has settled after 100 samples
+
+
+def simulation(suite: Any = None) -> Simulation:
+    return Simulation(VEHICLE, WORLD, dt_ns=2_500_000, position=(4.0, 4.0, DEPTH), sensors=suite)
+
+
+def at_rest() -> State:
+    return State((4.0, 4.0, DEPTH))
+
+
+def mean_squares(rows: Sequence[Sequence[float]]) -> list[float]:
+    return [mean(x * x for x in column) for column in zip(*rows, strict=True)]
+
+
+@pytest.mark.parametrize(("name", "samples"), [("imu", 1), ("ahrs", 100)])
+def test_an_inertial_unit_is_as_good_as_it_says(name: str, samples: int) -> None:
+    suite = fit(ahrs=QUICK)
+    fitted, scene, rows = suite[name], simulation(), []
+    for seed in range(RUNS):
+        unit = fitted.sensor(fitted.model, Mounting(), seed, scene)
+        for number in range(samples):
+            sample: Any = unit.sample(number * 50_000_000, at_rest())
+        _, x, y, z = sample.orientation
+        a, b, c = sample.acceleration
+        rows.append((2.0 * x, 2.0 * y, 2.0 * z, *sample.angular_velocity, a, b, c + WORLD.gravity))
+    level, heading, rate, force = spreads(suite, WORLD)[name]
+    assert mean_squares(rows) == pytest.approx([level, level, heading, *[rate] * 3, *[force] * 3], rel=0.35)
+
+
+@pytest.mark.parametrize("lost", [None, 0, 3])
+def test_a_velocity_log_is_as_good_as_its_beams_let_it(lost: int | None, monkeypatch: pytest.MonkeyPatch) -> None:
+    model = DvlModel(velocity=ErrorModel(noise=0.02), range=ErrorModel(noise=0.004))
+    log = Dvl(model, Mounting(), 3, simulation())
+    if lost is not None:
+        whole = log._ranges
+        monkeypatch.setattr(
+            log, "_ranges", lambda state: [None if at == lost else x for at, x in enumerate(whole(state))]
+        )
+    samples = [log.sample(number, at_rest()) for number in range(3000)]
+    rows = [sample.velocity for sample in samples]
+    found = [mean(row[i] * row[j] for row in rows) for i in range(3) for j in range(3)]
+    told: Sequence[float] = samples[0].covariance
+    assert found == pytest.approx(told, rel=0.12, abs=0.03 * told[0])
+    truth = mean(sample.altitude for sample in samples)
+    assert mean((s.altitude - truth) ** 2 for s in samples) == pytest.approx(samples[0].altitude_variance, rel=0.12)
+
+
+def said(suite: Any) -> dict[str, dict[str, Any]]:
+    """The first message of each topic of a suite, by its fields."""
+    vehicle, known, found = simulation(suite), spreads(suite, WORLD), dict[str, dict[str, Any]]()
+    for _ in range(480):
+        for topic, sample in vehicle.step((1500,) * 6):
+            for name, payload in ros.encoder(topic)(sample, "", *known.get(topic, ())):
+                message = ros_message.decode(TOPICS[name].type, payload)
+                assert message is not None
+                found.setdefault(name, message)
+    return found
+
+
+def diagonal(values: Sequence[float]) -> list[float]:
+    size = round(len(values) ** 0.5)
+    assert [x for at, x in enumerate(values) if abs(x) > 1e-15 and at % (size + 1)] == [], "only its diagonal"
+    return [values[axis * (size + 1)] for axis in range(size)]
+
+
+def test_every_message_that_has_a_place_for_it_says_so() -> None:
+    from sim.sensors.magnetometer import Magnetometer, MagnetometerModel
+    from sim.sensors.ranging.altimeter import Altimeter, AltimeterModel
+    from sim.sensors.ranging.echosounder import Echosounder, EchosounderModel
+
+    suite = fit(
+        ahrs=QUICK,
+        altimeter=SensorSpec(Altimeter, AltimeterModel()),
+        echosounder=SensorSpec(Echosounder, EchosounderModel()),
+        magnetometer=SensorSpec(Magnetometer, MagnetometerModel()),
+    )
+    models: Any = {name: fitted.model for name, fitted in suite.items()}
+
+    def of(name: str, key: str) -> float:
+        return variance(getattr(models[name], key), 1.0 / models[name].rate)
+
+    found = said(suite)
+    imu, odometry = found["imu"], found["odom"]
+    assert diagonal(imu["orientation_covariance"]) == [of("imu", "attitude")] * 3
+    assert diagonal(imu["angular_velocity_covariance"]) == [of("imu", "angular_velocity")] * 3
+    assert diagonal(imu["linear_acceleration_covariance"]) == [of("imu", "acceleration")] * 3
+    level, heading, *_ = spreads(suite, WORLD)["ahrs"]
+    assert diagonal(found["ahrs"]["orientation_covariance"]) == [level, level, heading]
+    pose = [of("odometry", key) for key in ("horizontal", "horizontal", "depth")]  # east, north, up
+    assert diagonal(odometry["pose"]["covariance"]) == [*pose, *[of("odometry", "attitude")] * 3]
+    twist = [*[of("odometry", "velocity")] * 3, *[of("odometry", "angular_velocity")] * 3]
+    assert diagonal(odometry["twist"]["covariance"]) == twist
+    assert found["pressure"]["variance"] == of("pressure", "error")
+    for name in ("altimeter", "echosounder"):
+        assert found[name]["variance"] == pytest.approx(of(name, "error"), rel=1e-6)
+    field = [of("magnetometer", key) for key in ("error_xy", "error_xy", "error_z")]
+    assert diagonal(found["magnetometer"]["magnetic_field_covariance"]) == field
+    assert found["dvl"]["velocity_covar"][0] > 0.0 < found["altitude"]["variance"]
+    assert diagonal(found["dvl_twist"]["twist"]["covariance"])[3:] == [-1.0] * 3, "nothing is known of turning"
+    assert not any(found["ground_truth"]["pose"]["covariance"]), "the truth has no errors"
+
+
+def test_a_log_s_covariance_turns_with_its_axes() -> None:
+    covariance = (1.0, 0.1, 0.2, 0.1, 2.0, 0.3, 0.2, 0.3, 3.0)
+    sample = DvlSample(1, (0.1, 0.2, 0.3), 5.0, True, covariance, 0.25)
+    payloads = dict(ros.encoder("dvl")(sample, ""))
+    messages: Any = {name: ros_message.decode(TOPICS[name].type, payload) for name, payload in payloads.items()}
+    assert messages["dvl"]["velocity_covar"] == covariance
+    rows = messages["dvl_twist"]["twist"]["covariance"]
+    assert [*rows[0:3], *rows[6:9], *rows[12:15]] == [1.0, -0.1, -0.2, -0.1, 2.0, 0.3, -0.2, 0.3, 3.0]
+    assert messages["altitude"]["variance"] == 0.25
+    lost = sample._replace(velocity=(nan,) * 3, altitude=nan, locked=False)
+    gone: Any = ros_message.decode(TOPICS["dvl"].type, dict(ros.encoder("dvl")(lost, ""))["dvl"])
+    assert gone["velocity_covar"][0] == -1.0
+
+
+def test_the_slave_says_it(tmp_path: Path) -> None:
+    heard: list[bytes] = []
+    with slave_with(tmp_path, "") as endpoint, open_master_session(endpoint) as session:
+        session.subscribe("uuv1", "imu", lambda _, payload, __: heard.append(payload), 8)
+        assert wait_for(lambda: heard, 30)
+    message: Any = ros_message.decode(TOPICS["imu"].type, heard[0])
+    assert diagonal(message["orientation_covariance"]) == [spreads(fit(), WORLD)["imu"][0]] * 3

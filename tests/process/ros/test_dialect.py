@@ -1,0 +1,129 @@
+"""The domain and the release of ROS: from the scenario, else the environment; in keys, tokens and messages."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from hil.common.errors import ConfigError
+from hil.network.publisher import key_of
+from hil.network.roles import open_client_session, open_master_session
+from hil.network.session import Session
+from hil.ros import dialect, graph
+from hil.ros import dvl as ros_dvl
+from hil.ros import sensors as ros_sensors
+from hil.ros.topics import TOPICS, TYPE_HASHES
+from hil.scenario.config import load_scenario
+from sim.sensors.extra_samples import RangeSample
+from sim.sensors.samples import DvlSample
+from tests.support.processes import Program, wait_for, write_scenario
+
+IMU = TOPICS["imu"]
+CAMERA = '[sensors.camera]\nrate = "2 Hz"\nwidth = 64\nheight = 48\n[ros]\nimages = "raw"\n'
+
+
+@pytest.fixture(autouse=True)
+def spoken(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    monkeypatch.delenv("ROS_DOMAIN_ID", raising=False)
+    dialect.speak()
+    yield
+    monkeypatch.undo()
+    dialect.speak()
+
+
+def nodes_and_topics(session: Session) -> tuple[list[str], set[str], list[tuple[str, int]]]:
+    """What is there to ROS: nodes, topics that are published, and what tells entities apart."""
+    entities = [entity for key in session.tokens(graph.ALL) if (entity := graph.read_token(key))]
+    nodes = [entity.node for entity in entities if entity.kind == "NN"]
+    return nodes, {e.topic for e in entities if e.kind == "MP"}, [(e.session, e.ident) for e in entities]
+
+
+def scenario_with(folder: Path, text: str) -> str:
+    path, _ = write_scenario(folder)
+    path.write_text(path.read_text() + text)
+    return str(path)
+
+
+def test_the_scenario_s_domain_comes_before_the_environment_s(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    load_scenario(scenario_with(tmp_path, ""))
+    assert dialect.domain() == 0
+    monkeypatch.setenv("ROS_DOMAIN_ID", "42")
+    load_scenario(scenario_with(tmp_path, ""))
+    assert dialect.domain() == 42
+    load_scenario(scenario_with(tmp_path, "[ros]\ndomain = 7\n"))
+    assert dialect.domain() == 7
+    monkeypatch.setenv("ROS_DOMAIN_ID", "")
+    load_scenario(scenario_with(tmp_path, ""))
+    assert dialect.domain() == 0
+
+
+@pytest.mark.parametrize("text", ["x", "-1", "233", "1" * 5000, "1.5"])
+def test_no_domain_in_the_environment_is_told(text: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ROS_DOMAIN_ID", text)
+    scenario = scenario_with(tmp_path, "")
+    with pytest.raises(ConfigError, match=r"ROS_DOMAIN_ID: .* 0 to 232"):
+        load_scenario(scenario)
+    assert load_scenario(scenario_with(tmp_path, "[ros]\ndomain = 3\n")).ros.domain == 3, "which is not asked then"
+
+
+@pytest.mark.parametrize("text", ["domain = 233", "domain = 1.5", 'distro = "foxy"'])
+def test_no_domain_and_no_release_in_the_scenario_is_told(text: str, tmp_path: Path) -> None:
+    scenario = scenario_with(tmp_path, f"[ros]\n{text}\n")
+    with pytest.raises(ConfigError, match="ros: d"):
+        load_scenario(scenario)
+
+
+def test_keys_and_tokens_are_of_the_domain_and_the_release() -> None:
+    entity = graph.Entity("MP", "/uuv1", "ab", 0, 1, "/uuv1/imu", IMU.type, TYPE_HASHES[IMU.type])
+    at_home = graph.token(entity)
+    assert at_home.startswith("@ros2_lv/0/")
+    dialect.speak(5, "humble")
+    assert key_of(IMU, "uuv1") == "5/uuv1/imu/sensor_msgs::msg::dds_::Imu_/TypeHashNotSupported"
+    assert graph.token(entity).startswith("@ros2_lv/5/")
+    assert graph.read_token(graph.token(entity)) == entity
+    assert graph.read_token(at_home) is None, "of another domain"
+    dialect.speak(5, "rolling")
+    assert key_of(IMU, "uuv1") == f"5/uuv1/imu/sensor_msgs::msg::dds_::Imu_/{TYPE_HASHES[IMU.type]}"
+
+
+def test_humble_s_range_has_no_variance() -> None:
+    sample, depth = DvlSample(1, (0.0, 0.0, 0.0), 12.5, True), RangeSample(1, 3.5, (0.5, 10.0))
+    new = ros_dvl.encode_range(sample, variance=0.25), ros_sensors.encode_distance(depth, variance=0.25)
+    dialect.speak(0, "humble")
+    old = ros_dvl.encode_range(sample, variance=0.25), ros_sensors.encode_distance(depth, variance=0.25)
+    assert [data[:-4] for data in new] == list(old)
+    assert [ros_dvl.decode_range(data) for data in (new[0], old[0])] == [(1, 12.5)] * 2
+    assert [ros_sensors.decode_distance(data) for data in (new[1], old[1])] == [depth] * 2
+
+
+def test_a_slave_of_another_domain_is_heard_there_and_nowhere_else(tmp_path: Path) -> None:
+    path, port = write_scenario(tmp_path)
+    path.write_text(path.read_text() + '[ros]\ndistro = "humble"\n')
+    heard: dict[str, int] = {}
+
+    def hear(key: str, _payload: bytes, _attachment: bytes) -> None:
+        heard["/".join(key.split("/")[:3])] = key.count("TypeHashNotSupported")
+
+    with Program(tmp_path, "slave", path, environment={"ROS_DOMAIN_ID": "9"}) as slave:
+        slave.expect("ready")
+        with open_master_session(f"tcp/127.0.0.1:{port}") as session:
+            for domain in (0, 9):
+                session.subscribe_keys(f"{domain}/**", hear, 64)
+            assert wait_for(lambda: "9/uuv1/imu" in heard, 30)
+            assert heard["9/uuv1/imu"] == 1, "and Humble has no hashes"
+            assert not [key for key in heard if key.startswith("0/")]
+        with Program(tmp_path, "topic", "hz", "/uuv1/imu", "--connect", f"tcp/127.0.0.1:{port}", "--count", 5,
+                     environment={"ROS_DOMAIN_ID": "9"}) as topic:  # fmt: skip
+            assert topic.wait(60) == 0, topic.output
+
+
+def test_a_vehicle_with_a_camera_is_one_node_that_has_its_pictures(tmp_path: Path) -> None:
+    path, port = write_scenario(tmp_path)
+    path.write_text(path.read_text() + CAMERA)
+    with Program(tmp_path, "slave", path) as slave:
+        slave.expect("ready")
+        with open_client_session(f"tcp/127.0.0.1:{port}", seconds=30.0) as session:
+            assert wait_for(lambda: {"/uuv1/imu", "/uuv1/camera/camera_info"} <= nodes_and_topics(session)[1], 60)
+            nodes, _, ids = nodes_and_topics(session)
+    assert nodes == ["/uuv1"]
+    assert len(ids) == len(set(ids)), "no two endpoints are one to ROS"

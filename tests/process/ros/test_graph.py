@@ -1,0 +1,222 @@
+"""Liveliness tokens, held against a reader written from rmw_zenoh's rules and against tokens of another library."""
+
+import time
+from contextlib import nullcontext
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hil.client.client import VehicleClient
+from hil.common.errors import NetworkError
+from hil.network.roles import open_client_session, open_master_session, open_router_session
+from hil.network.session import Session, listen
+from hil.network.settings import Network
+from hil.ros import graph
+from hil.ros.graph import Entity, Node, read_token, token
+from hil.ros.topics import TOPICS, TYPE_HASHES, Qos, hash_of
+from tests.support.processes import free_port, wait_for
+
+TWIST = TYPE_HASHES["geometry_msgs/msg/Twist"]
+SETBOOL = "RIHS01_abe9e4bb6b41b40e6789712c00ec8871923e089af3f667a79992a428cff2da0a"
+# What zenoh-ros2-sdk 0.1.8 (ROBOTIS) declares, and what it means.
+OTHERS = {
+    "@ros2_lv/0/5dc6c55f2a9a8ba2ac0f2ef3ba7bc0e3/3/3/NN/%/%/talker": Entity(
+        "NN", "/talker", "5dc6c55f2a9a8ba2ac0f2ef3ba7bc0e3", 3, 3
+    ),
+    f"@ros2_lv/0/5dc6/1/2/MP/%/%/talker/%uuv1%cmd_vel/geometry_msgs::msg::dds_::Twist_/{TWIST}/::,10:,:,:,,": Entity(
+        "MP", "/talker", "5dc6", 1, 2, "/uuv1/cmd_vel", "geometry_msgs/msg/Twist", TWIST, Qos()
+    ),
+    f"@ros2_lv/0/5dc6/4/5/MS/%/%a%b/rviz/%map/nav_msgs::msg::dds_::OccupancyGrid_/{TWIST}/:1:,1:,:,:,,": Entity(
+        "MS", "/a/b/rviz", "5dc6", 4, 5, "/map", "nav_msgs/msg/OccupancyGrid", TWIST, Qos(latched=True, depth=1)
+    ),
+    f"@ros2_lv/0/5dc6/6/7/MS/%/%/view/%i/sensor_msgs::msg::dds_::Image_/{TWIST}/2::,5:,:,:,,": Entity(
+        "MS", "/view", "5dc6", 6, 7, "/i", "sensor_msgs/msg/Image", TWIST, Qos(reliable=False, depth=5)
+    ),
+    f"@ros2_lv/0/5dc6/6/7/MS/%/%/log/%i/sensor_msgs::msg::dds_::Image_/{TWIST}/::2,:,:,:,,": Entity(
+        "MS", "/log", "5dc6", 6, 7, "/i", "sensor_msgs/msg/Image", TWIST, Qos(depth=0)
+    ),
+    f"@ros2_lv/0/5dc6/8/9/SC/%/%/cli/%uuv1%arm/std_srvs::srv::dds_::SetBool_/{SETBOOL}/::,10:,:,:,,": Entity(
+        "SC", "/cli", "5dc6", 8, 9, "/uuv1/arm", "std_srvs/srv/SetBool", SETBOOL, Qos()
+    ),
+}
+NAMES = st.from_regex(r"[a-z][a-z0-9_]{0,8}", fullmatch=True)
+
+
+def read_by_the_rules(key: str) -> dict[str, Any]:
+    """As rmw_zenoh_cpp takes a token apart, in its order of parts and with its numbers (rmw/types.h)."""
+    order = (
+        "admin",
+        "domain",
+        "zid",
+        "nid",
+        "id",
+        "kind",
+        "enclave",
+        "namespace",
+        "name",
+        "topic",
+        "type",
+        "hash",
+        "qos",
+    )
+    parts = key.split("/")
+    assert all(parts), "an empty part is refused"
+    assert len(parts) in (9, 13)
+    found: dict[str, Any] = dict(zip(order, parts, strict=False))
+    for name in ("enclave", "namespace", "name", "topic", "type"):
+        if name in found:
+            found[name] = found[name].replace("%", "/")
+    if "qos" in found:
+        reliability, durability, history, deadline, lifespan, liveliness = found["qos"].split(":")
+        kept, depth = history.split(",")
+        found["reliability"] = {"": "reliable", "1": "reliable", "2": "best effort"}[reliability]
+        found["durability"] = {"": "volatile", "1": "transient local", "2": "volatile"}[durability]
+        found["history"] = {"": "keep last", "1": "keep last", "2": "keep all"}[kept]
+        found["depth"] = int(depth or 42)
+        assert [deadline, lifespan, liveliness] == [",", ",", ",,"]
+    return found
+
+
+@pytest.mark.parametrize(("key", "entity"), OTHERS.items(), ids=[entity.node for entity in OTHERS.values()])
+def test_tokens_of_others(key: str, entity: Entity) -> None:
+    assert read_token(key) == entity
+    assert token(entity) == key
+
+
+def check_topic(topic: Any) -> None:
+    type_hash = hash_of(topic.type)
+    full = topic.full_name("uuv1")
+    entity = Entity("MP", "/uuv1", "abc123", 0, 4, full, topic.type, type_hash, topic.qos)
+    found = read_by_the_rules(token(entity))
+    package, _, name = topic.type.split("/")
+    assert found["topic"] == (topic.name if topic.name.startswith("/") else f"/uuv1/{topic.name}")
+    assert found["type"] == f"{package}::msg::dds_::{name}_"
+    assert (found["hash"], found["name"], found["namespace"], found["enclave"]) == (type_hash, "uuv1", "/", "/")
+    assert found["reliability"] == ("reliable" if topic.qos.reliable else "best effort")
+    assert found["durability"] == ("transient local" if topic.qos.latched else "volatile")
+    assert (found["history"], found["depth"]) == ("keep last", topic.qos.depth)
+    assert read_token(token(entity)) == entity
+
+
+def test_each_topic_by_the_rules() -> None:
+    for topic in TOPICS.values():
+        check_topic(topic)
+
+
+def test_quality_of_service_of_the_topics_that_all_nodes_share() -> None:
+    assert graph.qos_text(TOPICS["/tf_static"].qos) == ":1:,1:,:,:,,"
+    assert graph.qos_text(TOPICS["/tf"].qos) == "::,100:,:,:,,"
+    assert graph.qos_text(TOPICS["/clock"].qos) == "2::,1:,:,:,,"
+    assert graph.qos_text(TOPICS["imu"].qos) == "::,10:,:,:,,"
+
+
+@given(
+    st.sampled_from(["MP", "MS", "SS", "SC"]), st.lists(NAMES, min_size=1, max_size=3), st.lists(NAMES, min_size=1),
+    st.integers(0, 999), st.builds(Qos, st.booleans(), st.booleans(), st.integers(0, 1000)),
+)  # fmt: skip
+def test_round_trip(kind: Any, node: list[str], topic: list[str], ident: int, qos: Qos) -> None:
+    entity = Entity(kind, "/" + "/".join(node), "a1", 0, ident, "/" + "/".join(topic), "a_b/msg/C", "RIHS01_0", qos)
+    assert read_token(token(entity)) == entity
+    read_by_the_rules(token(entity))
+
+
+@given(st.text(max_size=60), st.sampled_from(list(OTHERS)), st.integers(0, 12))
+def test_noise_never_raises(noise: str, key: str, place: int) -> None:
+    """And what is read of it is an entity, whose own token says the same."""
+    parts = key.split("/")
+    parts[min(place, len(parts) - 1)] = noise
+    for text in (noise, "/".join(parts)):
+        entity = read_token(text)
+        assert entity is None or read_token(token(entity)) == entity
+
+
+def test_what_a_newer_rmw_zenoh_adds_hides_nothing() -> None:
+    entity = Entity("MP", "/n", "ab", 1, 2, "/chat", "std_msgs/msg/String", "RIHS01_1", Qos(latched=True, depth=1))
+    newer = token(entity)
+    for more in ("/cuda:shm", "/a/b", ":9,", ":/a"):
+        assert read_token(newer + more) == entity, more
+    node = entity._replace(kind="NN", topic="", type="", type_hash="", qos=Qos())
+    assert read_token(token(node) + "/more") == node
+
+
+@pytest.mark.parametrize(
+    "key",
+    ["", "@ros2_lv", "0/uuv1/imu/a/b", "@ros2_lv/0/a/0/0/XX/%/%/n", "@ros2_lv/0/a/x/0/NN/%/%/n",
+     "@ros2_lv/0/a/0/0/MP/%/%/n", "@ros2_lv/0/a/0/0/MP/%/%/n/%t/a::msg::dds_::B_/h/::,x:,:,:,,",
+     "@ros2_lv/0/a/0/0/MP/%/%/n/%t/a::msg::B/h/::,1:,:,:,,", "@ros2_lv/0/a/0/0/MP/%/%/n/%t/a::msg::dds_::B_/h/"],
+)  # fmt: skip
+def test_what_is_no_token_is_none(key: str) -> None:
+    assert read_token(key) is None
+
+
+def test_a_node_and_its_endpoints_are_seen_and_go_with_the_session() -> None:
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    with open_master_session(endpoint) as master:
+        with listen(endpoint) as slave:
+            node = Node(slave, "uuv1")
+            node.publishes(TOPICS["imu"], "uuv1")
+            node.subscribes(TOPICS["cmd_vel"], "uuv1")
+            node.serves("/uuv1/arm", "std_srvs/srv/SetBool")
+            wait_for(lambda: len(master.tokens(graph.ALL)) == 4)
+            found = [read_token(key) for key in master.tokens(graph.ALL)]
+            assert slave.zid != master.zid
+            assert {(e.kind, e.node, e.topic, e.type) for e in found if e} == {
+                ("NN", "/uuv1", "", ""),
+                ("MP", "/uuv1", "/uuv1/imu", "sensor_msgs/msg/Imu"),
+                ("MS", "/uuv1", "/uuv1/cmd_vel", "geometry_msgs/msg/Twist"),
+                ("SS", "/uuv1", "/uuv1/arm", "std_srvs/srv/SetBool"),
+            }
+            assert {e.session for e in found if e} == {slave.zid}
+            assert len({e.ident for e in found if e}) == 4
+        assert wait_for(lambda: not master.tokens(graph.ALL))
+
+
+def seen(session: Session) -> set[tuple[str, str, str]]:
+    return {(e.kind, e.node, e.topic) for key in session.tokens(graph.ALL) if (e := read_token(key))}
+
+
+@pytest.mark.parametrize("routed", [False, True])
+def test_masters_and_observers_are_nodes_too_while_they_are_there(routed: bool) -> None:
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    network = Network(mode="routed", router=endpoint) if routed else Network()
+    own = f"tcp/127.0.0.1:{free_port()}" if routed else endpoint
+    with (
+        open_router_session(endpoint) if routed else nullcontext(),
+        listen(own, network) as slave,
+        open_master_session(endpoint, network=network) as ours,
+        open_client_session(endpoint, network, seconds=3.0) as visitor,
+    ):
+        Node(slave, "uuv1").subscribes(TOPICS["cmd_vel"], "uuv1")
+        vehicle = {("NN", "/uuv1", ""), ("MS", "/uuv1", "/uuv1/cmd_vel")}
+        clients = [
+            VehicleClient(ours, "uuv1"),
+            VehicleClient(ours, "uuv2", part="observer"),
+            VehicleClient(ours, "uuv3"),
+        ]
+        third = {("NN", "/uuv3_master", ""), ("MP", "/uuv3_master", "/uuv3/cmd_vel")}
+        others = {
+            ("NN", "/uuv1_master", ""),
+            ("MP", "/uuv1_master", "/uuv1/cmd_vel"),
+            ("NN", "/uuv2_observer", ""),
+        }
+        assert wait_for(lambda: seen(visitor) == vehicle | others | third), seen(visitor)
+        found = [e for key in visitor.tokens(graph.ALL) if (e := read_token(key)) and e.session == ours.zid]
+        assert len({e.ident for e in found}) == len(found) == 5, "one session, so all have numbers of their own"
+        for client in clients[:2]:
+            client.close()
+        assert wait_for(lambda: seen(visitor) == vehicle | third), seen(visitor)
+        clients[2].close()
+
+
+def test_a_visitor_is_told_that_nobody_is_there() -> None:
+    endpoint, tries = f"tcp/127.0.0.1:{free_port()}", list[float]()
+    with pytest.raises(NetworkError, match=f"nobody answered at {endpoint} within 0.2 s; is `uuv-hil slave` running"):
+        open_client_session(endpoint, seconds=0.2, pause=lambda: tries.append(time.monotonic()))
+    assert not tries
+    with pytest.raises(NetworkError, match="nobody answered"):
+        open_client_session(endpoint, seconds=0.8, pause=lambda: tries.append(time.monotonic()))
+    assert tries
+    with pytest.raises(NetworkError, match="tcp/HOST:PORT"):
+        open_client_session("7447", seconds=60.0)

@@ -1,0 +1,197 @@
+"""The README's sensor of a user's own, run as it stands there: in the simulator, in a slave, recorded, shown."""
+
+import os
+import re
+import signal
+import struct
+import subprocess
+import sys
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+import hil
+from hil.common.errors import ConfigError
+from hil.recording.reader import read_messages
+from hil.ros import encoders as ros
+from hil.ros.topics import TOPICS
+from hil.scenario.config import build_simulation, load_scenario
+from sim.environment.world import load_world
+from sim.sensors.own import OwnSample
+from sim.vehicle.vehicle import load_vehicle
+from tests.support.processes import ROOT, Program, write_scenario
+
+OTHERS = """
+class Bare:
+    message = "std_msgs/Float64"
+    def begin(self, scene, mounting, random): pass
+    def sample(self, time_ns, state): return {"data": state.position[2]} if time_ns % 200_000_000 else None
+
+class Wrong(Bare):
+    def sample(self, time_ns, state): return {"date": 1.0}
+
+class Typeless(Bare):
+    message = None
+
+class Unknown(Bare):
+    message = "std_msgs/msg/Flaot64"
+
+class Deaf:
+    message = "std_msgs/msg/Float64"
+"""
+
+
+def from_tutorial(language: str) -> str:
+    section = (ROOT / "docs" / "tutorials" / "own_sensor.md").read_text()
+    found = re.search(rf"```{language}\n(.*?)```", section, re.DOTALL)
+    assert found, f"the tutorial shows no {language} there"
+    return found[1]
+
+
+@pytest.fixture(autouse=True)
+def topics_as_before() -> Iterator[None]:
+    before = dict(TOPICS)
+    yield
+    TOPICS.clear()
+    TOPICS.update(before)
+
+
+@pytest.fixture
+def where(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    (tmp_path / "my_sensors.py").write_text(from_tutorial("python") + OTHERS)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.delitem(sys.modules, "my_sensors", raising=False)
+    return tmp_path
+
+
+def scenario_with(folder: Path, section: str, top: str = "") -> tuple[Path, int]:
+    path, port = write_scenario(folder, top=top)
+    path.write_text(path.read_text() + section)
+    return path, port
+
+
+def samples(path: Path, seconds: float, topic: str) -> list[OwnSample]:
+    scenario = load_scenario(str(path))
+    vehicle, _ = load_vehicle(scenario.vehicle)
+    simulation = build_simulation(scenario, vehicle, load_world(scenario.world))
+    found = []
+    while simulation.time_ns < seconds * 1e9:
+        found += [sample for name, sample in simulation.step((1500,) * 6) if name == topic]
+    return found  # type: ignore[return-value]
+
+
+def test_it_is_as_short_as_it_says_and_measures(where: Path) -> None:
+    assert len([line for line in from_tutorial("python").splitlines() if line.strip()]) == 9
+    assert tomllib.loads(from_tutorial("toml"))["sensors"]["thermometer"]["rate"] == "5 Hz"
+    path, _ = scenario_with(where, from_tutorial("toml"))
+    found = samples(path, 2.0, "thermometer")
+    assert [sample.time_ns for sample in found] == [200_000_000 * (k + 1) for k in range(10)]
+    warm = [sample.values["temperature"] for sample in found]
+    assert sum(warm) / 10 == pytest.approx(18.0 - 0.5 * 2.1, abs=0.03)  # 2 m deep, 0.1 m below the middle
+    assert len(set(warm)) == 10
+    assert samples(path, 2.0, "thermometer") == found, "the same seed, the same luck"
+    ((topic, payload),) = ros.encoder("thermometer")(found[0], "uuv7/")
+    decode = ros.decoder(topic)
+    assert decode
+    back = decode(payload)
+    assert (back.time_ns, back.values["temperature"]) == (found[0].time_ns, warm[0])
+    assert back.values["header"]["frame_id"] == "uuv7/thermometer_link"
+    assert decode(payload[:-9]) is None
+
+
+def test_a_short_type_no_header_and_no_measurement(where: Path) -> None:
+    section = '[sensors.mine]\nclass = "my_sensors:Bare"\nrate = "10 Hz"\n'
+    path, _ = scenario_with(where, section)
+    found = samples(path, 1.0, "mine")
+    assert [sample.time_ns for sample in found] == [100_000_000 * k for k in (1, 3, 5, 7, 9)]
+    ((_, payload),) = ros.encoder("mine")(found[0], "")
+    assert payload == bytes.fromhex("00010000") + struct.pack("<d", found[0].values["data"])
+
+
+def test_a_real_slave_says_it_records_it_and_repeats_it(where: Path) -> None:
+    top = f'[recording]\nslave = true\nfolder = "{where / "tape"}"'
+    path, port = scenario_with(where, from_tutorial("toml"), top)
+    environment = {"PYTHONPATH": str(where)}
+    with Program(where, "slave", path, environment=environment) as slave:
+        slave.expect("ready")
+        with Program(
+            where, "topic", "echo", "/uuv1/thermometer", "-n", "3", "--connect", f"tcp/127.0.0.1:{port}"
+        ) as echo:
+            assert echo.wait() == 0, echo.output
+        load_scenario(str(path))  # from now on Python knows it too
+        with hil.connect(f"tcp/127.0.0.1:{port}") as fleet:
+            sample = next(fleet["uuv1"].samples("thermometer"))
+            assert sample.values["temperature"] == pytest.approx(16.95, abs=0.1)
+            assert fleet["uuv1"].newest("thermometer").age < 1.0
+        assert slave.stop(signal.SIGTERM) == 0, slave.output
+    values = [float(text) for text in re.findall(r"temperature: ([\d.]+)", echo.output)]
+    assert len(values) == 3
+    assert values == pytest.approx([16.95] * 3, abs=0.1)
+    assert echo.output.count("frame_id: thermometer_link") == 3
+    (recorder,) = (where / "tape").iterdir()
+    file = next(recorder.glob("*.mcap"))
+    told = [message for message in read_messages(str(file)) if message.topic == "/uuv1/thermometer"]
+    assert len(told) >= 3
+    assert {message.type for message in told} == {"sensor_msgs/msg/Temperature"}
+    with Program(where, "replay", recorder, "--check", "--own-classes", environment=environment) as check:
+        assert check.wait() == 0, check.output
+
+
+def test_a_planner_gets_it_in_simulated_time_and_over_the_network(where: Path) -> None:
+    (where / "warm.py").write_text(
+        "from hil.autonomy.control.controller import VelocityCommand\n"
+        "from hil.master.planner import Done, Planner\n"
+        "class Warm(Planner):\n"
+        "    def command(self, time, samples):\n"
+        "        found = samples.get('thermometer')\n"
+        "        return Done(f\"{found.values['temperature']:.1f} degrees\") if found else VelocityCommand()\n"
+    )
+    path, _ = scenario_with(where, from_tutorial("toml") + '[planner]\nclass = "warm:Warm"\n')
+    environment = {"PYTHONPATH": str(where)}
+    for command in (("sim", path, "--fast"), ("demo", path, "--run-dir", where / "run")):
+        with Program(where, *command, environment=environment) as program:
+            assert program.wait() == 0, program.output
+        told = re.search(r"([\d.]+) degrees", program.output)
+        assert told, program.output
+        assert float(told[1]) == pytest.approx(16.95, abs=0.3)
+
+
+@pytest.mark.parametrize(
+    ("section", "words"),
+    [
+        ('[sensors.mine]\nclass = "my_sensors:Bare"', "sensors: mine: key 'rate' is missing"),
+        ('[sensors.mine]\nclass = "my_sensors:Bare"\nrate = 1\nx = 2', "does not take these keys"),
+        ('[sensors.mine]\nclass = "my_sensors:Deaf"\nrate = 1', "my_sensors:Deaf has no method 'begin'"),
+        ('[sensors.mine]\nclass = "my_sensors:Typeless"\nrate = 1', "does not say its `message`"),
+        ('[sensors.mine]\nclass = "my_sensors:Unknown"\nrate = 1', "did you mean 'std_msgs/msg/Float64'"),
+        ('[sensors.mine]\nclass = "my_sensors:Nothing"\nrate = 1', "my_sensors has no 'Nothing'"),
+        ('[sensors.odom]\nclass = "my_sensors:Bare"\nrate = 1', "the topic 'odom' is taken"),
+        ('[sensors.imu]\nclass = "my_sensors:Bare"\nrate = 1', "imu: no key 'class'"),
+        ('[sensors."my-own"]\nclass = "my_sensors:Bare"\nrate = 1', "a sensor's name becomes a topic's"),
+        ("[sensors.mine]\nrate = 1", 'one of your own needs class = "module:Class"'),
+    ],
+)
+def test_what_is_wrong_is_told(where: Path, section: str, words: str) -> None:
+    path, _ = scenario_with(where, section)
+    with pytest.raises(ConfigError, match=re.escape(words)):
+        load_scenario(str(path))
+
+
+def test_a_slave_whose_sensor_says_nonsense_ends_with_its_name(where: Path) -> None:
+    path, _ = scenario_with(where, '[sensors.mine]\nclass = "my_sensors:Wrong"\nrate = 10\n')
+    with Program(where, "slave", path, environment={"PYTHONPATH": str(where)}) as slave:
+        assert slave.wait() == 2, slave.output
+    assert "sensors: mine: what it measures is no std_msgs/msg/Float64: no field 'date'" in slave.output
+
+
+def test_without_one_nothing_is_loaded_for_it() -> None:
+    script = (
+        "import sys; from hil.scenario.config import load_scenario; load_scenario('paper_field')\n"
+        "print([m for m in sys.modules if m.endswith(('.own', 'hil.common.plugins', 'modem', 'hil.ros.message'))])"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, cwd=ROOT, env={**os.environ}, timeout=30
+    )
+    assert done.stdout.strip() == "[]", done.stderr

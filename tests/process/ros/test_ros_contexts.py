@@ -1,0 +1,115 @@
+"""ROS 2 with rmw_zenoh's default settings and the vehicle: it and the contexts all find each other, in each way."""
+
+from collections.abc import Iterator
+from contextlib import ExitStack
+
+import pytest
+import zenoh
+
+from hil.network.presence import declare_presence, watch_presence
+from hil.network.roles import open_master_session, open_router_session
+from hil.network.session import listen
+from hil.network.settings import Network
+from hil.network.tokens import Presence
+from hil.ros import encoders as ros
+from hil.ros.graph import Node
+from hil.ros.topics import TOPICS, hash_of
+from tests.support.processes import free_port, wait_for
+from tests.support.rmw import RELEASES, Context, Release, open_router, router_settings
+
+DEADLINE_S = 30.0  # generous: ROS tries anew after up to 4 s
+TWIST = TOPICS["cmd_vel"]
+WAYS = ("to the slave", "through rmw_zenohd", "through uuv-hil router")
+
+
+class Vehicle:
+    """What a slave has on the network, and no more."""
+
+    def __init__(self, endpoint: str, router: str = "") -> None:
+        self.session = listen(endpoint, Network(mode="routed", router=router) if router else Network())
+        self.commands: list[bytes] = []
+        self.session.subscribe("uuv1", "cmd_vel", lambda _, payload, __: self.commands.append(payload), 8)
+        node = Node(self.session, "uuv1")
+        node.subscribes(TWIST, "uuv1")
+        node.publishes(TOPICS["imu"], "uuv1")
+        self._imu = self.session.publisher("uuv1", TOPICS["imu"])
+        declare_presence(self.session, "uuv1", "slave")
+
+    def say(self) -> None:
+        self._imu.put(b"imu", 0)
+
+
+class Site:
+    """A vehicle, and where ROS finds it."""
+
+    def __init__(self, way: str, release: Release, stack: ExitStack) -> None:
+        own, self.endpoint = (f"tcp/127.0.0.1:{free_port()}" for _ in range(2))
+        self.network = Network(mode="routed", router=self.endpoint)
+        if way == "through rmw_zenohd":
+            stack.enter_context(open_router(self.endpoint, release))
+        elif way == "through uuv-hil router":
+            stack.enter_context(open_router_session(self.endpoint))
+        else:
+            self.endpoint, self.network = own, Network()
+        self.vehicle = Vehicle(own, self.network.router)
+        stack.enter_context(self.vehicle.session)
+
+
+@pytest.fixture(params=[(way, release) for way in WAYS for release in RELEASES], ids=" ".join)
+def site(request: pytest.FixtureRequest) -> Iterator[Site]:
+    with ExitStack() as stack:
+        way, release = request.param
+        yield Site(way, release, stack)
+
+
+def all_said(vehicle: Vehicle, *contexts: Context) -> bool:
+    """Everybody says something; whether everybody has heard all of it."""
+    vehicle.say()
+    for context in contexts:
+        context.say(f"/chat_{context.name}")
+        payload = ros.encode_twist((len(context.name), 0.0, 0.0), (0.0, 0.0, 0.0))
+        context.say("/uuv1/cmd_vel", TWIST.type, hash_of(TWIST.type), payload)
+    topics = {"/uuv1/imu", *[f"/chat_{context.name}" for context in contexts]}
+    nodes = {"/uuv1", *[f"/{context.name}" for context in contexts]}
+    commanded = {len(context.name) for context in contexts} <= {round(command(each)) for each in vehicle.commands}
+    return commanded and all(topics <= context.heard and nodes <= context.there for context in contexts)
+
+
+def command(payload: bytes) -> float:
+    decoded = ros.decode_twist(payload)
+    assert decoded
+    return decoded[0][0]
+
+
+def test_two_contexts_and_the_vehicle_hear_and_see_each_other(site: Site) -> None:
+    with Context("a", site.endpoint) as first, Context("bb", site.endpoint) as second:
+        assert wait_for(lambda: all_said(site.vehicle, first, second), DEADLINE_S), (
+            first.heard, first.there, second.heard, second.there, len(site.vehicle.commands),
+        )  # fmt: skip
+
+
+def test_a_master_of_ours_is_at_home_there_too(site: Site) -> None:
+    heard: set[str] = set()
+    seen: set[Presence] = set()
+    with open_master_session(site.endpoint, network=site.network) as master, Context("a", site.endpoint) as context:
+        master.subscribe("uuv1", "*", lambda name, _, __: heard.add(name), 8)
+        watch_presence(master, "uuv1", lambda presence, _: seen.add(presence))
+        publisher = master.publisher("uuv1", TWIST)
+        payload = ros.encode_twist((9.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+
+        def done() -> bool:
+            publisher.put(payload, 0)
+            others = all_said(site.vehicle, context)
+            return others and payload in site.vehicle.commands and heard >= {"imu"} and bool(seen)
+
+        assert wait_for(done, DEADLINE_S), (heard, seen, context.heard, context.there)
+
+
+def test_rmw_zenohd_may_dial_the_vehicle_instead() -> None:
+    """As ROS connects machines: a router each, whose contexts know nothing of the vehicle."""
+    own, hub = (f"tcp/127.0.0.1:{free_port()}" for _ in range(2))
+    vehicle = Vehicle(own)
+    config = zenoh.Config.from_json5(router_settings(hub))
+    config.insert_json5("connect/endpoints", f'["{own}"]')
+    with vehicle.session, zenoh.open(config), Context("a", hub) as context, Context("bb", hub) as other:
+        assert wait_for(lambda: all_said(vehicle, context, other), DEADLINE_S), (context.heard, other.heard)

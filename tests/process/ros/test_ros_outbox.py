@@ -1,0 +1,68 @@
+"""Samples on their way through a session: each on its topic, stamped, and nothing declared that is not said."""
+
+import math
+import time
+
+from hil.network.roles import open_master_session
+from hil.network.session import listen
+from hil.ros import encoders as ros
+from hil.ros.topics import TYPE_HASHES
+from hil.slave.sample_publisher import SamplePublisher
+from sim.sensors import extra_samples, own, samples
+from sim.sensors.extra_samples import FixSample, FlagSample, PositionSample
+from sim.sensors.imaging import samples as imaging_samples
+from sim.sensors.samples import DvlSample, OdometrySample
+from tests.support.processes import free_port
+
+EPOCH_NS = 1_700_000_000_000_000_000
+
+
+def test_samples_arrive_on_their_topics() -> None:
+    endpoint, received = f"tcp/127.0.0.1:{free_port()}", dict[str, bytes]()
+    with listen(endpoint) as slave, open_master_session(endpoint) as master:
+        master.subscribe("uuv1", "*", lambda topic, payload, _: received.update({topic: payload}), depth=64)
+        sample_publisher = SamplePublisher(slave, "uuv1", EPOCH_NS)
+        said = {"gps", "leak", "usbl", "dvl", "dvl_twist", "altitude", "diagnostics"}
+        deadline = time.monotonic() + 60.0
+        while set(received) != said and time.monotonic() < deadline:  # until the sessions have met
+            sample_publisher.sample("gps", FixSample(5, 57.7, 11.9, 36.0, (1.0, 2.0), True))
+            sample_publisher.sample("leak", FlagSample(5, True))
+            sample_publisher.sample(
+                "usbl", PositionSample(5, (1.0, 2.0, 3.0), (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0))
+            )
+            sample_publisher.sample("dvl", DvlSample(5, (1.0, 2.0, 3.0), 7.5, True))
+            sample_publisher.diagnostics("slave", 0, "well", {"cpu": "3"})
+            time.sleep(0.01)
+    assert set(received) == said == set(sample_publisher._publishers)
+    assert sample_publisher.sent >= len(said)
+    decoded = {topic: decoder(received[topic]) for topic in said if (decoder := ros.decoder(topic))}
+    assert decoded["gps"] == (EPOCH_NS + 5, 57.7, 11.9, 36.0, (1.0, 2.0), True)
+    assert decoded["leak"] is True
+    assert decoded["usbl"].position == (1.0, 2.0, 3.0)
+    assert decoded["altitude"] == (EPOCH_NS + 5, 7.5)
+    assert decoded["dvl"] == DvlSample(EPOCH_NS + 5, (1.0, 2.0, 3.0), 7.5, True)
+    assert decoded["dvl_twist"].velocity == (1.0, 2.0, 3.0)
+    assert math.isnan(decoded["dvl_twist"].altitude)
+
+
+def test_every_sample_begins_with_its_time() -> None:
+    """The sample_publisher replaces what comes first."""
+    modules = samples, extra_samples, imaging_samples, own
+    named = [kind for module in modules for name, kind in vars(module).items() if name.endswith("Sample")]
+    kinds = [kind for kind in named if hasattr(kind, "_fields")]  # Sample itself is a protocol
+    assert len(kinds) > 12
+    assert {kind._fields[0] for kind in kinds} == {"time_ns"}
+
+
+def test_what_is_silent_is_not_said_and_frames_have_their_prefix() -> None:
+    endpoint, received = f"tcp/127.0.0.1:{free_port()}", dict[str, bytes]()
+    with listen(endpoint) as slave, open_master_session(endpoint) as master:
+        master.subscribe_keys("0/**", lambda key, payload, _: received.update({key: payload}), depth=64)
+        sample_publisher = SamplePublisher(slave, "uuv1", EPOCH_NS, prefix="uuv1/", excluded_topics=("/tf",))
+        deadline = time.monotonic() + 60.0
+        while not received and time.monotonic() < deadline:
+            sample_publisher.sample("odom", OdometrySample(5, (1.0, 2.0, 3.0), (1.0, 0.0, 0.0, 0.0), (0.0,) * 6))
+            time.sleep(0.01)
+    ((key, payload),) = received.items()
+    assert key == ros.data_key(0, "/uuv1/odom", "nav_msgs/msg/Odometry", TYPE_HASHES["nav_msgs/msg/Odometry"])
+    assert b"uuv1/odom\0" in payload

@@ -1,0 +1,138 @@
+"""Several vehicles in one scenario file: each finds its own part, and every mistake is named."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from hil.cli import main
+from hil.common.errors import ConfigError, MissionError
+from hil.scenario.config import Scenario, load_scenario
+from hil.scenario.fleet import as_member, hunt_plan, hunting_of, member_number
+
+MEMBER = """
+[[member]]
+node = "{node}"
+listen = "tcp/127.0.0.1:{port}"
+agent = "tcp/127.0.0.1:{agent}"
+north = {north}
+east = 0
+"""
+FLEET = "target_hunting.toml: member: this is a fleet (uuv1, uuv2, uuv3, uuv4)"
+ENDS = "name those to listen to, --connect tcp/127.0.0.1:7447 --connect tcp/127.0.0.1:"
+HEAD = """
+vehicle = "paper_seven"
+world = "pool"
+seed = 7
+[start]
+depth = 2
+[master]
+depth = 2
+"""
+
+
+def fleet(folder: Path, nodes: str = "a b c", tail: str = "", **changes: Any) -> Scenario:
+    text = HEAD
+    for number, node in enumerate(nodes.split()):
+        row = {"node": node, "port": 7447 + 2 * number, "agent": 7467 + 2 * number, "north": 3 * number}
+        text += MEMBER.format(**row | {key: value for key, value in changes.items() if number})
+    path = folder / "fleet.toml"
+    path.write_text(text + tail)
+    return load_scenario(str(path))
+
+
+def test_each_is_itself(tmp_path: Path) -> None:
+    scenario = fleet(tmp_path)
+    second = as_member(scenario, "b")
+    assert as_member(scenario, "2") == second
+    assert (second.slave.node, second.slave.listen) == ("b", "tcp/127.0.0.1:7449")
+    assert (second.start.north, second.start.depth) == (3.0, 2.0)
+    assert second.ros.frame_prefix == "b/"
+    assert [as_member(scenario, node).ros.clock > 0.0 for node in "abc"] == [True, False, False]
+
+
+def test_no_two_share_a_seed(tmp_path: Path) -> None:
+    scenario = fleet(tmp_path)
+    seeds = {as_member(scenario._replace(seed=seed), node).seed for seed in range(50) for node in "abc"}
+    assert len(seeds) == 150
+
+
+@pytest.mark.parametrize(
+    ("which", "message"),
+    [("d", "no member 'd'.*there are: a, b, c"), ("0", "no member"), ("4", "no member"), ("", "say with --member")],
+)
+def test_who_is_none_of_them(tmp_path: Path, which: str, message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
+        member_number(fleet(tmp_path), which)
+
+
+def test_one_vehicle_has_no_members() -> None:
+    with pytest.raises(ConfigError, match="is of one vehicle, not of a fleet"):
+        as_member(load_scenario("paper_field"), "uuv1")
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"node": "a"}, "node: two members have 'a'"),
+        ({"port": 7447}, "listen: two members have"),
+        ({"agent": 7467}, "agent: two members have"),
+        ({"node": "1a"}, r"member\[1\]: node: '1a' must be letters"),
+        ({"north": '"far"'}, r"member\[1\]: north"),
+    ],
+)
+def test_wrong_members_are_named(tmp_path: Path, changes: dict[str, Any], message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
+        fleet(tmp_path, nodes="a b", **changes)
+
+
+@pytest.mark.parametrize(
+    ("tail", "message"),
+    [
+        ("[hunting]\nring = 2", "key 'target' is missing"),
+        ("[hunting]\ntarget = [5, 8]\nnoice = 0.1", "no key 'noice'; did you mean 'noise'"),
+        (
+            "[hunting]\ntarget = [5, 8]\nreport_timeout = '100 ms'",
+            "report_timeout must be at least twice report_period",
+        ),
+        ("[hunting]\ntarget = [5, 8]\n[hunting.fields]\ncomfortable = 9", "comfortable must be below"),
+    ],
+)
+def test_wrong_hunts_are_named(tmp_path: Path, tail: str, message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
+        fleet(tmp_path, tail=tail)
+
+
+def test_a_hunt_is_a_table() -> None:
+    with pytest.raises(ConfigError, match="hunting: expected a table"):
+        load_scenario("target_hunting", {"hunting": 3})
+
+
+def test_a_plan_needs_a_hunt_and_three(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r"needs a \[hunting\] section"):
+        hunting_of(fleet(tmp_path))
+    with pytest.raises(MissionError, match="it takes three"):
+        hunt_plan(fleet(tmp_path, nodes="a b", tail="[hunting]\ntarget = [5, 8]"))
+    plan = hunt_plan(fleet(tmp_path, tail="[hunting]\ntarget = [5, 8]\nring = '2 m'"))
+    assert (plan.starts[2], plan.target, plan.ring) == ((6.0, 0.0), (5.0, 8.0), 2.0)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["slave", "target_hunting"], "say with --member which vehicle this is: uuv1, uuv2, uuv3, uuv4"),
+        (["slave", "target_hunting", "--member", "uuv5"], "no member 'uuv5'"),
+        (["slave", "paper_field", "--member", "uuv1"], "it has no [[member]]"),
+        (["agent", "target_hunting"], "say with --member"),
+        (["agent", "paper_field", "--member", "uuv1"], "it has no [[member]]"),
+        (["agent", "target_hunting", "--member", "2", "--wait", "0.2"], "no vehicle 'uuv2' answered at tcp/"),
+        (["bench", "table", "target_hunting"], f"{FLEET}, and a benchmark is of one vehicle: take another scenario"),
+        (["bench", "stream", "target_hunting", "--slave", "HOST"], f"{FLEET}, and a benchmark is of one vehicle"),
+        (["record", "target_hunting"], f"{FLEET}, and each vehicle has an endpoint of its own: {ENDS}"),
+        (["top", "target_hunting", "--once"], f"{FLEET}, and each vehicle has an endpoint of its own: {ENDS}"),
+        (["foxglove", "target_hunting"], f"{FLEET}, and each vehicle has an endpoint of its own: {ENDS}"),
+    ],
+)
+def test_commands_say_what_is_missing(arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(arguments) != 0
+    assert message in capsys.readouterr().err

@@ -1,0 +1,88 @@
+"""The earth's magnetic field at a world's place, against the test values that come with the model."""
+
+import subprocess
+import sys
+from math import degrees
+
+import pytest
+
+from hil.common.errors import MissingExtraError
+from sim.environment.geomagnetism import DEFAULT, field_at, field_of
+from sim.environment.world import World
+from sim.sensors.magnetometer import earth_field
+
+PLACE = (54.005, 10.008)
+SEA = World("sea", "test", (-100.0, 100.0, -100.0, 100.0), 20.0)
+
+# WMM2025_TEST_VALUES.txt of NOAA's National Centers for Environmental Information and the British Geological Survey:
+# year, altitude (km), latitude, longitude, declination, inclination (degrees), intensity (nT).
+PUBLISHED = [
+    (2025.0, 28, 89, -121, -99.77, 88.47, 56214.419888),
+    (2025.0, 39, -59, -8, -15.75, -58.55, 28589.818346),
+    (2025.0, 18, 0, 21, 1.29, -26.06, 32594.761714),
+    (2025.5, 6, -36, -137, 20.28, -52.11, 41280.516301),
+    (2025.5, 63, 26, 81, 0.51, 41.07, 46166.554053),
+    (2026.5, 86, -11, 167, 10.24, -31.60, 38869.300019),
+    (2027.0, 54, 54, 178, 0.63, 65.46, 49634.202547),
+    (2027.0, 12, -63, 178, 57.87, -79.14, 62190.188377),
+    (2029.0, 19, 46, -22, -5.65, 60.89, 46527.066578),
+    (2029.5, 63, 88, 26, 36.52, 87.37, 55344.931586),
+]
+
+
+@pytest.mark.parametrize(("year", "height", "latitude", "longitude", "east", "down", "nanotesla"), PUBLISHED)
+def test_published_values(
+    year: float, height: float, latitude: float, longitude: float, east: float, down: float, nanotesla: float
+) -> None:
+    """Angles to the last digit, intensity to 0.001 nT."""
+    found = field_at(latitude, longitude, 1e3 * height, year)
+    intensity, inclination, declination = found.angles
+    assert intensity * 1e9 == pytest.approx(nanotesla, abs=1e-3)
+    assert (degrees(declination), degrees(inclination)) == pytest.approx((east, down), abs=0.0051)
+    assert found.year == year
+
+
+def test_it_follows_from_the_origin_where_no_field_is_given() -> None:
+    """For the middle of the model's years, so that a run can be repeated; what the file says wins."""
+    field = field_at(*PLACE, altitude=40.0)
+    assert (field.model, field.year) == ("WMM-2025", 2027.5)
+    world = SEA._replace(origin=PLACE, origin_altitude=40.0)
+    assert field_of(world) == field.angles != DEFAULT
+    north, east, down = earth_field(world)
+    assert (north**2 + east**2 + down**2) ** 0.5 == pytest.approx(field.angles[0])
+    assert east > 0.0  # the compass points to the east of north in Holstein
+    given = (50e-6, 1.1, 0.25)
+    assert field_of(world._replace(magnetic_field=given)) == given
+    assert field_of(SEA) == DEFAULT
+
+
+def test_a_time_outside_the_model_is_its_nearest_end() -> None:
+    assert field_at(*PLACE, year=1990.0) == field_at(*PLACE, year=2025.0)
+    assert field_at(*PLACE, year=2044.4) == field_at(*PLACE, year=2030.0)
+
+
+@pytest.mark.parametrize("latitude", [90.0, -90.0])
+def test_the_poles_have_a_field(latitude: float) -> None:
+    here, near = (field_at(place, 0.0).angles for place in (latitude, latitude * 0.99999))
+    assert here == pytest.approx(near, rel=2e-3)
+
+
+def test_without_the_model_it_says_what_to_do(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "pygeomag", None)
+    assert field_of(SEA) == DEFAULT
+    with pytest.raises(MissingExtraError) as caught:
+        field_of(SEA._replace(origin=PLACE))
+    assert str(caught.value) == (
+        "sea: has an origin, but no magnetic_field: give it there, or else the World Magnetic Model needs "
+        "pygeomag: pip install 'uuv-hil[chart]'"
+    )
+
+
+def test_a_board_with_a_field_in_its_world_needs_no_model() -> None:
+    code = (
+        "import sys; from sim.sensors.magnetometer import earth_field; from sim.environment.world import World\n"
+        "earth_field(World('sea', 'test', (-1.0, 1.0, -1.0, 1.0), 9.0, origin=(54.0, 10.0),"
+        " magnetic_field=(5e-5, 1.0, 0.1))); print('pygeomag' in sys.modules)"
+    )
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=120)
+    assert run.stdout == "False\n"

@@ -1,0 +1,251 @@
+import subprocess
+import sys
+from itertools import pairwise
+from math import cos, pi
+from pathlib import Path
+
+import pytest
+
+from hil.common.errors import ConfigError
+from sim.dynamics import State
+from sim.environment.ocean import Layers, Ocean, Profile, Series, Waves
+from sim.environment.water import FluidMotion, SampledWaves, pushed_mass
+from sim.environment.water_column import WaterColumn
+from sim.environment.waves import Sea
+from sim.environment.world import World, load_world
+from sim.rotations import from_euler, rotate
+from sim.sensors.error import ErrorModel
+from sim.sensors.pressure import STANDARD_ATMOSPHERE, PressureModel
+from sim.sensors.samples import PressureSample
+from sim.sensors.suite import fit
+from sim.simulation import Simulation
+from sim.vehicle.vehicle import Vehicle, load_vehicle
+
+G = 9.80665
+VEHICLE = load_vehicle("bluerov2_heavy")[0]._replace(neutrally_buoyant=True)
+SEA = World("sea", "test", (-100.0, 100.0, -100.0, 100.0), 60.0, gravity=G)
+QUIET = fit(
+    imu=None,
+    dvl=None,
+    pressure=PressureModel(error=ErrorModel()),
+    odometry=None,
+)
+# A swell of one wave: 1 m high from trough to crest is Hs = 4 sqrt(a²/2) with a = 0.5 m.
+SWELL = Waves(significant_height=2.0 * 2.0**0.5 * 0.5, peak_period=9.0, components=1, direction=0.4, hold=0.0)
+
+
+def at_sea(ocean: Ocean, vehicle: Vehicle = VEHICLE, seed: int = 1, depth: float = 6.0) -> Simulation:
+    return Simulation(vehicle, SEA._replace(ocean=ocean), QUIET, seed, position=(0.0, 0.0, depth), heading=0.7)
+
+
+def run(simulation: Simulation, seconds: float) -> None:
+    idle = (1500,) * len(simulation.vehicle.thrusters)
+    for _ in range(round(seconds * 400)):
+        simulation.step(idle)
+
+
+def over_ground(simulation: Simulation) -> tuple[float, float, float]:
+    return rotate(simulation.state.quaternion, simulation.state.nu[:3])
+
+
+# -- currents in the simulation -----------------------------------------------------------------------------------
+
+
+def test_a_current_in_the_world_acts_without_being_switched_on() -> None:
+    """An idle vehicle is taken along, at the velocity of its own layer, and does not turn."""
+    simulation = at_sea(Ocean(layers=Layers((0.0, 12.0), north=(0.6, 0.2), east=(0.0, -0.2))))
+    run(simulation, 120.0)
+    assert over_ground(simulation) == pytest.approx((0.4, -0.1, 0.0), abs=0.01)
+    assert simulation.truth().position[0] > 30.0
+
+
+def test_one_row_of_layers_is_the_steady_current() -> None:
+    """The same to the last bit as `current`: it is but another way to say it."""
+    there = at_sea(Ocean(layers=Layers((5.0,), north=(0.3,), east=(-0.1,))))
+    here = Simulation(VEHICLE, SEA._replace(current=(0.3, -0.1, 0.0)), QUIET, 1, position=(0, 0, 6.0), heading=0.7)
+    run(there, 5.0)
+    run(here, 5.0)
+    assert there.truth() == here.truth()
+
+
+def test_a_current_in_time_comes_and_goes() -> None:
+    simulation = at_sea(Ocean(series=Series((0.0, 40.0, 41.0), north=(0.5, 0.5, 0.0))))
+    run(simulation, 40.0)
+    assert over_ground(simulation)[0] == pytest.approx(0.5, abs=0.05)
+    run(simulation, 60.0)
+    assert over_ground(simulation)[0] < 0.1
+
+
+# -- waves in the simulation --------------------------------------------------------------------------------------
+
+
+def test_a_vehicle_without_weight_or_drag_goes_with_the_water() -> None:
+    """Whatever its added mass: in a sea that is slow to change along the hull it moves as the water would.
+
+    Started with the water's velocity, it is for three waves where a bit of water is that was integrated by
+    itself, and stays level.
+    """
+    body = VEHICLE._replace(linear_damping=(0.0,) * 6, quadratic_damping=(0.0,) * 6)
+    body = body._replace(center_of_gravity=(0.0, 0.0, 0.0), center_of_buoyancy=(0.0, 0.0, 0.0))
+    simulation = at_sea(Ocean(waves=SWELL), body)
+    sea = Sea(SWELL, SEA.depth, G, 1)
+    place = [0.0, 0.0, 6.0]
+    simulation.state.nu = [*rotate(from_euler(0.0, 0.0, -0.7), sea.motion(0.0, *place).velocity), 0.0, 0.0, 0.0]
+    largest = 0.0
+    for step in range(400 * 27):
+        middle = [x + 0.00125 * v for x, v in zip(place, sea.motion(step / 400.0, *place).velocity, strict=True)]
+        velocity = sea.motion((step + 0.5) / 400.0, *middle).velocity
+        place = [x + 0.0025 * v for x, v in zip(place, velocity, strict=True)]
+        simulation.step((1500,) * 8)
+        gap = max(abs(a - b) for a, b in zip(simulation.truth().position, place, strict=True))
+        largest = max(largest, gap)
+    assert largest < 0.02  # of a motion of a metre; without the v . grad v of the water 2 m
+    assert simulation.truth().orientation == pytest.approx(from_euler(0.0, 0.0, 0.7), abs=1e-3)
+
+
+def test_waves_move_a_vehicle_less_further_down() -> None:
+    def stroke(depth: float) -> float:
+        simulation, heights = at_sea(Ocean(waves=SWELL), depth=depth), []
+        for _ in range(20):
+            run(simulation, 0.5)
+            heights.append(simulation.truth().position[2] - depth)
+        return max(heights) - min(heights)
+
+    near, far = stroke(5.0), stroke(40.0)
+    assert 0.3 < near < 1.0  # less than the water's own metre at the surface
+    assert far < 0.15 * near
+
+
+def test_the_push_of_the_waves() -> None:
+    """(M_A + rho V) a in body axes, by hand for a vehicle on its side."""
+    body = VEHICLE._replace(added_mass=(5.0, 12.0, 20.0, 0.1, 0.1, 0.1), volume=0.012, neutrally_buoyant=False)
+    body = body._replace(center_of_buoyancy=(0.0, 0.0, -0.02))
+    world = SEA._replace(ocean=Ocean(waves=SWELL))
+    state = State((3.0, 4.0, 2.0), from_euler(pi / 2.0, 0.0, 0.0))  # starboard (y) is down, z is west
+    velocity, wrench = FluidMotion(body, world, 1).act(7_000_000_000, state, (1.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+    motion = Sea(SWELL, SEA.depth, G, 1).motion(7.0, 3.0, 4.0, 2.0)
+    north, east, down = motion.acceleration
+    displaced = 1025.0 * 0.012
+    force = (5.0 + displaced) * north, (12.0 + displaced) * down, (20.0 + displaced) * -east
+    moment = 0.02 * displaced * down, -0.02 * displaced * north, 0.0
+    assert wrench == pytest.approx((1.0 + force[0], *force[1:], *moment))
+    assert velocity == motion.velocity
+    assert abs(north) > 0.01
+    assert abs(down) > 0.01
+
+
+def test_pushed_mass_of_a_trimmed_vehicle() -> None:
+    """What weighs nothing displaces its own mass, and the moment is about the origin."""
+    body = VEHICLE._replace(
+        added_mass=(0.0,) * 6, neutrally_buoyant=True, mass=11.0, center_of_buoyancy=(0.1, 0.0, 0.0)
+    )
+    rows = pushed_mass(body, 1000.0)
+    assert rows[0] == pytest.approx([11.0, 0.0, 0.0])
+    assert rows[4] == pytest.approx([0.0, 0.0, -1.1])  # pushed down ahead of the origin: bow down
+    assert rows[5] == pytest.approx([0.0, 1.1, 0.0])
+
+
+def test_the_sea_is_held() -> None:
+    """Computed at the stated rate, from then on the same until the next; each time exactly the sea."""
+    waves = SWELL._replace(hold=0.01)
+    held, sea = SampledWaves(waves, SEA, 1), Sea(waves, SEA.depth, G, 1)
+    motions = [held.motion(i * 2_500_000, (0.0, 0.0, 3.0)) for i in range(401)]
+    assert all(motions[i] is motions[i - i % 4] for i in range(401))
+    assert len({id(motion) for motion in motions}) == 101
+    assert motions[398] == sea.motion(0.99, 0.0, 0.0, 3.0)
+
+
+def test_same_seed_same_sea() -> None:
+    def end(seed: int) -> object:
+        simulation = at_sea(Ocean(waves=SWELL._replace(components=10, peak_period=5.0)), seed=seed)
+        run(simulation, 4.0)
+        return simulation.truth()
+
+    assert end(1) == end(1)
+    assert end(1) != end(2)
+
+
+# -- density and sound speed --------------------------------------------------------------------------------------
+
+PROFILE = Profile((0.0, 20.0, 100.0), (1022.0, 1026.0, 1027.5), (1510.0, 1495.0, 1490.0))
+
+
+def test_density_and_sound_speed() -> None:
+    column = WaterColumn(PROFILE, G)
+    assert column.density(10.0) == pytest.approx(1024.0)
+    assert column.density(500.0) == 1027.5
+    assert column.sound_speed(60.0) == pytest.approx(1492.5)
+    assert WaterColumn(Profile((5.0,), (1000.0,)), G).sound_speed(3.0) == 1500.0
+
+
+@pytest.mark.parametrize("first", [0.0, 3.0])
+def test_pressure_is_the_weight_of_the_water_above(first: float) -> None:
+    """Against the midpoint rule over each row and the sums by hand; exact, as density is linear in between."""
+    profile = Profile((first, 20.0, 100.0), PROFILE.density)
+    column = WaterColumn(profile, G)
+    for depth in (0.5, 3.0, 10.0, 20.0, 55.5, 100.0, 250.0):
+        edges = sorted({0.0, *(d for d in profile.depth if d < depth), depth})
+        weight = sum(column.density(0.5 * (a + b)) * (b - a) * G for a, b in pairwise(edges))
+        assert column.pressure(depth) == pytest.approx(weight, rel=1e-14)
+    assert column.pressure(0.0) == column.pressure(-2.0) == 0.0
+
+
+def test_pressure_of_linear_stratification() -> None:
+    """rho0 + N² rho0 / g z: p = rho0 g z + N² rho0 z² / 2."""
+    rho0, slope = 1025.0, 1e-4 * 1025.0 / G
+    column = WaterColumn(Profile((0.0, 500.0), (rho0, rho0 + 500.0 * slope)), G)
+    for depth in (1.0, 77.0, 500.0):
+        assert column.pressure(depth) == pytest.approx(rho0 * G * depth + 0.5 * slope * G * depth**2, rel=1e-14)
+
+
+def test_one_density_is_the_plain_product() -> None:
+    assert WaterColumn(Profile((10.0,), (1025.0,)), G).pressure(33.0) == pytest.approx(1025.0 * G * 33.0, rel=1e-15)
+
+
+def test_the_pressure_sensor_knows_the_layers() -> None:
+    simulation = at_sea(Ocean(profile=PROFILE), depth=10.0)
+    samples = [sample for _ in range(400) for topic, sample in simulation.step((1500,) * 8) if topic == "pressure"]
+    depth = simulation.truth().position[2]
+    last = samples[-1]
+    assert isinstance(last, PressureSample)
+    assert last.pascal == pytest.approx(STANDARD_ATMOSPHERE + WaterColumn(PROFILE, G).pressure(depth), rel=1e-12)
+    assert abs(last.pascal - STANDARD_ATMOSPHERE - 1025.0 * G * depth) > 100.0
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("depth = [0, 9]\ndensity = [1020]", "profile: density: expected 2 values, one for each depth, found 1"),
+        ("depth = [0, 9]\ndensity = []", "profile: density: give one value for each depth"),
+        ("depth = [9, 0]\ndensity = [1020, 1025]", "profile: depth: each must be greater than the one before"),
+        ("depth = [0]\ndensity = [1.025]", "profile: density[0]: 1.025 is outside 900 to 1200"),
+        ("depth = [0]\ndensity = [1025]\nsound_speed = [1500, 1]", "sound_speed[1]: 1 m/s is outside 1300 to 1800"),
+    ],
+)
+def test_wrong_profiles_are_named(text: str, words: str, tmp_path: Path) -> None:
+    path = tmp_path / "mine.toml"
+    path.write_text(f'name = "mine"\nsource = "test"\nextent = [0, 9, 0, 9]\ndepth = 30\n[ocean.profile]\n{text}\n')
+    with pytest.raises(ConfigError, match=r"mine\.toml") as caught:
+        load_world(str(path))
+    assert words in str(caught.value)
+
+
+def test_a_world_without_an_ocean_loads_nothing_for_it() -> None:
+    code = (
+        "import sys; from sim.simulation import Simulation; from sim.vehicle.vehicle import load_vehicle\n"
+        "from sim.environment.world import load_world\n"
+        "Simulation(load_vehicle('paper_six')[0], load_world('pool'), position=(0, 0, 2)).step((1500,) * 6)\n"
+        "print(*[m for m in sys.modules if m in "
+        "{f'sim.environment.{n}' for n in 'ocean water waves currents'.split()}])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True,
+                          cwd=Path(__file__).parents[4])  # fmt: skip
+    assert done.stdout.strip() == ""
+
+
+def test_cosine_of_the_swell() -> None:
+    """The one wave of SWELL is 1 m high from trough to crest, so the strokes above mean what they say."""
+    sea = Sea(SWELL, SEA.depth, G, 1)
+    wave = sea.components[0]
+    assert wave.amplitude == pytest.approx(0.5)
+    assert sea.elevation(0.0, 0.0, 0.0) == pytest.approx(0.5 * cos(wave.phase))

@@ -1,0 +1,217 @@
+"""Fins, hull lift, other damping, ballast and waves in C give the very numbers of the Python."""
+
+import gc
+import os
+import random
+import weakref
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from struct import pack
+
+import pytest
+
+from hil.common.schema import preset_names
+from sim.dynamics import Dynamics, Integrator, State
+from sim.environment.ocean import GaussMarkov, Ocean, Waves
+from sim.environment.world import World
+from sim.forces import Force
+from sim.native import NativeDynamics
+from sim.native.waves import NativeSea
+from sim.rotations import normalise
+from sim.sensors.suite import fit
+from sim.simulation import Simulation
+from sim.vehicle.body_lift import (
+    CrossFlow,
+    CrossFlowDrag,
+    FadingDamping,
+    HullLift,
+    Lift,
+    SlowDamping,
+    SpeedDamping,
+)
+from sim.vehicle.failures import Failure
+from sim.vehicle.fins import FinSet
+from sim.vehicle.vehicle import Vehicle, load_vehicle
+from tests.support.twins import taken_from
+
+REMUS, TETHYS, BLUEROV = (load_vehicle(name)[0] for name in ("remus100", "tethys", "bluerov2"))
+EXTENT = (-500.0, 500.0, -500.0, 500.0)
+SWELL = Waves(1.5, 6.0, spread=0.3, components=20)
+CALM = World("calm", "test", EXTENT, 60.0, current=(0.1, -0.05, 0.02))
+ROUGH = CALM._replace(depth=12.0, ocean=Ocean(waves=SWELL))
+MIXED = ROUGH._replace(ocean=Ocean(waves=SWELL, gauss_markov=GaussMarkov((0.1, 0.1, 0.0), 60.0)))
+PULSES = (0, 1100, 1480, 1500, 1650, 1900, 2500)
+MOTIONS = (0.0, 1e-9, 0.01, 0.5, 3.0, 30.0)
+
+
+@pytest.fixture(autouse=True)
+def native(binaries: Path) -> Iterator[None]:
+    with taken_from(binaries):
+        yield
+
+
+def twins(
+    monkeypatch: pytest.MonkeyPatch,
+    world: World,
+    vehicle: Vehicle,
+    integrator: Integrator = "verlet",
+    depth: float = 4.0,
+) -> tuple[Simulation, Simulation]:
+    """The same simulation in Python and in C."""
+    both = []
+    for switch in "01":
+        monkeypatch.setenv("UUV_HIL_NATIVE", switch)
+        both.append(
+            Simulation(vehicle, world, fit(pressure=None), 3, 10_000_000, (0.0, 0.0, depth), 0.4, integrator=integrator)
+        )
+    return both[0], both[1]
+
+
+def bits(simulation: Simulation) -> bytes:
+    """Every bit of state, thrusts, forces and servos."""
+    state, forces = simulation.state, simulation.forces()
+    parts = [state.position, state.quaternion, state.nu, state.nu_dot, simulation.thrusts, *forces]
+    equipment = simulation.equipment
+    parts += [part.servos.values for part in ((equipment.fins, equipment.bladder) if equipment else ()) if part]
+    numbers = [x for part in parts for x in part]
+    return pack(f"{len(numbers)}d", *numbers)
+
+
+def ride(both: tuple[Simulation, Simulation], steps: int, seed: int = 1, pulses: Sequence[int] = PULSES) -> None:
+    """Change the pulses now and then; compare all after each step."""
+    chance = random.Random(seed)
+    for step in range(steps):
+        if step % 40 == 0:
+            given = tuple(chance.choice(pulses) for _ in both[0].vehicle.channels)
+        found = []
+        for switch, simulation in zip("01", both, strict=True):
+            os.environ["UUV_HIL_NATIVE"] = switch  # one that drops a weight is built anew
+            found.append(repr(simulation.step(given)))
+        assert found[0] == found[1]
+        assert bits(both[0]) == bits(both[1])
+
+
+@pytest.mark.parametrize("integrator", ["verlet", "rk4"])
+@pytest.mark.parametrize("world", [CALM, ROUGH, MIXED], ids=["calm", "waves", "waves and current"])
+@pytest.mark.parametrize("name", ["bluerov2", "eca_a9", "lauv", "remus100", "tethys"])
+def test_whole_steps_are_equal(
+    name: str, world: World, integrator: Integrator, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """At some depth, half out of the water, and among waves; all of it in one call of C."""
+    both = twins(monkeypatch, world, load_vehicle(name)[0], integrator)
+    assert both[1]._coast
+    assert not both[0]._coast
+    for depth in (4.0, 0.05, -0.2, 1.5):
+        for simulation in both:
+            simulation.state.position = [0.0, 0.0, depth]
+        ride(both, 120, seed=round(10 * depth))
+
+
+def test_a_failure_among_waves_is_equal(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What fins, sea and propeller had come to in C is gone on with in Python."""
+    both = twins(monkeypatch, MIXED, REMUS, depth=1.0)
+    ride(both, 133)
+    for simulation in both:
+        simulation.fail(Failure("propeller", "efficiency", 0.0, efficiency=0.5))
+    assert both[1]._coast is None
+    assert bits(both[0]) == bits(both[1])
+    ride(both, 200, seed=2)
+
+
+def test_a_dropped_weight_is_equal(monkeypatch: pytest.MonkeyPatch) -> None:
+    both = twins(monkeypatch, ROUGH, TETHYS)
+    ride(both, 100, pulses=(1500, 1600))
+    assert both[1].equipment
+    assert both[1].equipment.aboard
+    ride(both, 100, seed=2, pulses=(1900,))
+    assert not both[1].equipment.aboard
+    assert both[1]._coast
+    ride(both, 100, seed=3)
+
+
+class Tether:
+    """A force of a user's own."""
+
+    def begin(self, time_ns: int) -> None:
+        """Nothing changes."""
+
+    def wrench(self, position: Sequence[float], rotation: Sequence[float], nu_r: Sequence[float]) -> Sequence[float]:
+        """A pull towards the start."""
+        return [-x for x in position] + [0.0] * 3
+
+
+@pytest.mark.parametrize("integrator", ["verlet", "rk4"])
+def test_a_force_of_ones_own_keeps_all_in_python(integrator: Integrator, monkeypatch: pytest.MonkeyPatch) -> None:
+    both = []
+    for switch in "01":
+        monkeypatch.setenv("UUV_HIL_NATIVE", switch)
+        place = (0.0, 0.0, 2.0)
+        both.append(Simulation(REMUS, ROUGH, {}, 3, position=place, integrator=integrator, forces=[Tether()]))
+    assert both[1]._coast is None
+    ride((both[0], both[1]), 200)
+
+
+def some_forces(chance: random.Random) -> list[Force]:
+    """Every kind, with numbers drawn."""
+    place = (chance.uniform(-1, 1), chance.uniform(-0.3, 0.3), chance.uniform(-0.3, 0.3))
+    lift = Lift(chance.uniform(0.01, 1.0), 0.5, stall_angle=chance.choice((0.0, 0.3, 1.5)), position=place)
+    fins = FinSet([fin._replace(straightening=chance.random()) for fin in REMUS.fins], 1025.0, 0.01)
+    fins.step([chance.choice(PULSES) for _ in REMUS.fins])
+    return [
+        HullLift(lift._replace(plane=chance.choice(("any", "vertical"))), 1025.0),
+        CrossFlowDrag(CrossFlow((1.1, 0.5, 0.3), (0.1, 0.5, 2.0)), (1.6, 0.2, 0.3), 1025.0),
+        SpeedDamping([chance.uniform(-5.0, 5.0) for _ in range(36)]),
+        SlowDamping(FadingDamping((1.0, 2.0, 3.0, 0.1, 0.2, 0.3), 3.0, chance.choice((0.5, 1.0, 2.0)))),
+        fins,
+    ]
+
+
+def test_every_force_is_equal_at_any_motion() -> None:
+    """One step from many states, with full damping matrices, and motions from none to absurd."""
+    chance = random.Random(5)
+    for _ in range(400):
+        full = tuple(chance.uniform(-1.0, 1.0) + (9.0 if i % 7 == 0 else 0.0) for i in range(36))
+        vehicle = REMUS._replace(linear_damping=full, quadratic_damping=full)
+        integrator: Integrator = chance.choice(("verlet", "rk4"))
+        forces = some_forces(chance)
+        python = Dynamics(vehicle, 1025.0, 9.81, integrator, forces)
+        states = State(), State()
+        nu = [chance.choice((-1.0, 1.0)) * chance.choice(MOTIONS) for _ in range(6)]
+        for state in states:
+            state.position = [1.0, 2.0, 3.0]
+            state.nu = list(nu)
+        quaternion = normalise([chance.gauss(0.0, 1.0) for _ in range(4)])
+        states[0].quaternion, states[1].quaternion = list(quaternion), list(quaternion)
+        python.step(states[0], (1.0, 2.0, 3.0, 0.1, 0.2, 0.3), (0.1, 0.2, 0.3), 0.001)
+        c = NativeDynamics(vehicle, 1025.0, 9.81, integrator, forces)
+        assert c.is_whole
+        c.step(states[1], (1.0, 2.0, 3.0, 0.1, 0.2, 0.3), (0.1, 0.2, 0.3), 0.001)
+        numbers = [[*s.position, *s.quaternion, *s.nu, *s.nu_dot] for s in states]
+        assert pack("19d", *numbers[0]) == pack("19d", *numbers[1])
+
+
+@pytest.mark.parametrize("depth", [4.0, 12.0, 2000.0])
+def test_a_sea_is_equal(depth: float) -> None:
+    from sim.environment.waves import Sea
+
+    python, c = Sea(SWELL, depth, 9.81, 4), NativeSea(SWELL, depth, 9.81, 4)
+    chance = random.Random(6)
+    for _ in range(200):
+        place = chance.uniform(0.0, 1e4), chance.uniform(-900, 900), chance.uniform(-900, 900)
+        down = chance.uniform(-1.0, 1.2 * min(depth, 100.0))
+        assert python.elevation(*place) == c.elevation(*place)
+        assert python.pressure_depth(*place, down) == c.pressure_depth(*place, down)
+        assert repr(python.motion(*place, down)) == repr(c.motion(*place, down))
+
+
+@pytest.mark.parametrize("name", preset_names("sim/vehicles"))
+def test_every_vehicle_is_whole_in_c(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """No vehicle of ours pays for Python between its steps."""
+    assert twins(monkeypatch, ROUGH, load_vehicle(name)[0])[1]._coast
+
+
+def test_a_simulation_that_is_dropped_is_freed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A whole step in C calls back for new pulses, so that it is in a circle with its simulation."""
+    gone = weakref.ref(twins(monkeypatch, MIXED, TETHYS)[1])
+    gc.collect()
+    assert gone() is None

@@ -1,0 +1,382 @@
+"""The step in C gives the very bytes of the step in Python; and which of the two is taken."""
+
+import os
+import random
+import re
+import shutil
+import subprocess
+import sys
+import zipfile
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from struct import pack
+from typing import NamedTuple
+
+import pytest
+
+import sim.native
+from hil.common.errors import ConfigError
+from hil.common.schema import preset_names
+from sim import rotations
+from sim.assembly import make_dynamics, make_error_bank, make_thruster_set
+from sim.dynamics import Dynamics, Integrator, State
+from sim.matrices import square
+from sim.native import NativeDynamics, NativeErrorBank, NativeThrusterSet, build, choose, has_native
+from sim.sensors.error import ErrorBank, ErrorModel
+from sim.vehicle.failures import Failure
+from sim.vehicle.thrusters import ThrusterSet
+from sim.vehicle.vehicle import Vehicle, load_vehicle
+from tests.support.twins import taken_from
+
+ROOT = Path(__file__).parents[4]
+BINARY = "sim.native._native"
+INTEGRATORS: tuple[Integrator, ...] = ("verlet", "rk4")
+STEPS = 2000
+DT = 0.0025
+
+
+@pytest.fixture
+def native(binaries: Path) -> Iterator[None]:
+    with taken_from(binaries):
+        yield
+
+
+@pytest.fixture
+def no_native(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, BINARY, None)
+    monkeypatch.delattr(sim.native, "_native", raising=False)
+    monkeypatch.delenv("UUV_HIL_NATIVE", raising=False)
+
+
+def coupled() -> Vehicle:
+    """A vehicle whose matrices are all full, and which floats."""
+    chance = random.Random(5)
+    vehicle, _ = load_vehicle("bluerov2_heavy")
+
+    def full(diagonal: tuple[float, ...]) -> tuple[float, ...]:
+        matrix = square(diagonal, 6)
+        for i in range(6):
+            for j in range(i):
+                matrix[i][j] = matrix[j][i] = chance.uniform(-0.02, 0.02)
+        return tuple(x for row in matrix for x in row)
+
+    return vehicle._replace(
+        name="coupled", neutrally_buoyant=False, volume=1.1 * vehicle.mass / 1000.0,
+        center_of_gravity=(0.01, -0.02, 0.03), added_mass=full(vehicle.added_mass),
+        linear_damping=full(vehicle.linear_damping), quadratic_damping=full(vehicle.quadratic_damping),
+        munk_share=(0.9, 0.3, 0.0),
+    )  # fmt: skip
+
+
+VEHICLES = [*(load_vehicle(name)[0] for name in preset_names("sim/vehicles")), coupled()]
+
+
+class Flight(NamedTuple):
+    """A start and what acts on each step."""
+
+    position: tuple[float, ...]
+    quaternion: tuple[float, ...]
+    nu: tuple[float, ...]
+    inputs: list[tuple[list[float], tuple[float, ...]]]
+
+    def state(self) -> State:
+        return State(self.position, self.quaternion, self.nu)
+
+
+def flight(seed: int, depth: float, steps: int = STEPS) -> Flight:
+    """Random attitude, speeds, currents, and wrenches that hold for a while; from `depth` m."""
+    chance = random.Random(seed)
+
+    def numbers(count: int, size: float) -> tuple[float, ...]:
+        return tuple(chance.uniform(-size, size) for _ in range(count))
+
+    inputs = []
+    for i in range(steps):
+        if i % 50 == 0:
+            wrench, current = [*numbers(3, 60.0), *numbers(3, 8.0)], numbers(3, 0.6)
+        inputs.append((wrench, current))
+    return Flight((*numbers(2, 9.0), depth), rotations.normalise(numbers(4, 1.0)), numbers(6, 1.5), inputs)
+
+
+def packed(numbers: Sequence[float]) -> bytes:
+    return pack(f"{len(numbers)}d", *numbers)
+
+
+def surface(state: State) -> None:
+    """Keep it near the surface, so that the waterline goes through the hull again and again."""
+    north, east, down = state.position
+    if abs(down) > 0.3:
+        state.position = [north, east, 0.1 * down]
+
+
+def nowhere(state: State) -> None:
+    """Let it go where it goes."""
+
+
+def fly(dynamics: Dynamics, path: Flight, keep: Callable[[State], None] = nowhere) -> tuple[bytes, int]:
+    """All 19 numbers of each step as bytes, and in how many steps the hull stood partly out of the water."""
+    state, chunks, crossing = path.state(), [], 0
+    for wrench, current in path.inputs:
+        keep(state)
+        lift = dynamics.hull.lift(state.position[2], rotations.matrix(state.quaternion))[0]
+        crossing += 0.0 < lift < dynamics.hull.full
+        dynamics.step(state, wrench, current, DT)
+        chunks.append(packed([*state.position, *state.quaternion, *state.nu, *state.nu_dot]))
+    return b"".join(chunks), crossing
+
+
+@pytest.mark.parametrize("vehicle", VEHICLES, ids=lambda vehicle: vehicle.name)
+@pytest.mark.parametrize("integrator", INTEGRATORS)
+@pytest.mark.usefixtures("native")
+def test_every_bit_is_equal(vehicle: Vehicle, integrator: Integrator) -> None:
+    python, native = Dynamics(vehicle, 1025.0, 9.81, integrator), NativeDynamics(vehicle, 1025.0, 9.81, integrator)
+    deep, shallow = flight(7, 500.0), flight(8, 0.05)
+    expected, crossing = fly(python, deep)
+    assert crossing == 0
+    assert fly(native, deep) == (expected, 0)
+    expected, crossing = fly(python, shallow, surface)
+    assert crossing > STEPS / 4
+    assert fly(native, shallow, surface) == (expected, crossing)
+
+
+AARCH64 = ("aarch64-linux-gnu-gcc", "qemu-aarch64")
+needs_aarch64 = [
+    pytest.mark.aarch64,
+    pytest.mark.skipif(not all(map(shutil.which, AARCH64)), reason=f"needs {' and '.join(AARCH64)}"),
+]
+
+
+@pytest.mark.parametrize("integrator", INTEGRATORS)
+@pytest.mark.parametrize(
+    ("compiler", "emulator", "flags"),
+    [
+        pytest.param("cc", [], ["-O2"], id="this-machine"),
+        pytest.param("cc", [], ["-O3", "-march=native"], id="this-machine-O3"),
+        pytest.param(AARCH64[0], [AARCH64[1]], ["-O2"], id="aarch64", marks=needs_aarch64),
+        pytest.param(AARCH64[0], [AARCH64[1]], ["-O3", "-mcpu=cortex-a72"], id="cortex-a72", marks=needs_aarch64),
+    ],
+)
+def test_the_kernel_alone_is_equal_on_each_machine(
+    compiler: str, emulator: list[str], flags: list[str], integrator: Integrator, tmp_path: Path
+) -> None:
+    """A C program without Python around the same kernel, against Python on this machine."""
+    if not shutil.which(compiler):
+        pytest.skip(f"no {compiler}")
+    program = tmp_path / "kernel"
+    source = [str(Path(__file__).with_name("kernel_main.c")), f"-I{ROOT / 'sim/native'}"]
+    common = [flag for flag in build.FLAGS if not flag.startswith("-O") and flag not in ("-fPIC", "-shared")]
+    subprocess.run([compiler, *common, *flags, *source, "-static", "-o", str(program), "-lm"], check=True)
+    python = Dynamics(VEHICLES[-1], 1025.0, 9.81, integrator)
+    path = flight(9, -0.1)
+    start = (*path.position, *path.quaternion, *path.nu, DT, float(len(path.inputs)))
+    inputs = [x for wrench, current in path.inputs for x in (*wrench, *current)]
+    done = subprocess.run(
+        [*emulator, str(program)], input=packed([*python.numbers(), *start, *inputs]), capture_output=True
+    )
+    expected, crossing = fly(python, path)
+    assert crossing > 100
+    assert done.returncode == 0
+    assert done.stdout == expected
+
+
+@pytest.mark.usefixtures("native")
+def test_who_kept_the_old_lists_keeps_the_old_numbers() -> None:
+    path = flight(3, 500.0)
+    state = path.state()
+    position, quaternion, nu = state.position, state.quaternion, state.nu
+    NativeDynamics(VEHICLES[0], 1025.0, 9.81).step(state, *path.inputs[0], DT)
+    assert (tuple(position), tuple(quaternion), tuple(nu)) == (path.position, path.quaternion, path.nu)
+    assert state.nu != nu
+
+
+@pytest.mark.parametrize("dynamics", [Dynamics, NativeDynamics])
+@pytest.mark.usefixtures("native")
+def test_what_cannot_be_stepped_is_refused(dynamics: type[Dynamics]) -> None:
+    """The same error from either: too few numbers, no numbers, no attitude."""
+    for integrator in INTEGRATORS:
+        one = dynamics(VEHICLES[0], 1025.0, 9.81, integrator)
+        for wrench, current in (([0.0] * 5, (0.0,) * 3), ([0.0] * 7, (0.0,) * 3), ([0.0] * 6, (0.0,) * 2)):
+            with pytest.raises(ValueError, match=r"\d"):
+                one.step(State(), wrench, current, DT)
+        with pytest.raises(TypeError):
+            one.step(State(), ["x"] * 6, (0.0,) * 3, DT)  # type: ignore[list-item]
+        with pytest.raises(FloatingPointError):
+            one.step(State(quaternion=(0.0,) * 4), [0.0] * 6, (0.0,) * 3, DT)
+
+
+@pytest.mark.usefixtures("native")
+def test_a_step_leaks_nothing() -> None:
+    dynamics, state = NativeDynamics(VEHICLES[0], 1025.0, 9.81), State()
+    wrench, current = [1.0] * 6, (0.1, 0.2, 0.3)
+    thrusters, bank = NativeThrusterSet(VEHICLES[0], DT), NativeErrorBank(MODELS, DT, random.Random(1))
+    pulses, true = [1600] * len(VEHICLES[0].thrusters), [1.0] * len(MODELS)
+    counts = []
+    for _ in range(3):
+        for _ in range(1000):
+            dynamics.step(state, wrench, current, DT)
+            thrusters.step(pulses)
+            bank.measure(true)
+        counts.append((sys.getrefcount(state), sys.getrefcount(wrench), sys.getallocatedblocks()))
+    assert abs(counts[2][2] - counts[1][2]) < 100
+    assert counts[2][:2] == counts[1][:2]
+
+
+MODELS = [
+    ErrorModel(),
+    ErrorModel(noise=0.3),
+    ErrorModel(bias=0.2, bias_time=3.0),
+    ErrorModel(offset=-1.0, turn_on=0.5, bias=0.1, noise=0.02, noise_density=0.01, scale=0.05),
+    ErrorModel(noise=2.0, resolution=0.25),
+    ErrorModel(noise=3.0, resolution=0.5, limit=4.0),
+]
+
+
+@pytest.mark.parametrize("drawn", [0, 1, 2, 777])
+@pytest.mark.usefixtures("native")
+def test_every_error_is_equal(drawn: int) -> None:
+    """Whatever was drawn before: in the middle of a pair of normal numbers, before and after a new twist."""
+    banks = []
+    for kind in (ErrorBank, NativeErrorBank):
+        chance = random.Random(f"9/{drawn}")
+        for _ in range(drawn):
+            chance.gauss(0.0, 1.0)
+        banks.append(kind(MODELS, 0.01, chance))
+    python, native = banks
+    chance = random.Random(3)
+    for _ in range(2000):
+        true = [chance.uniform(-5.0, 5.0) for _ in MODELS]
+        first, second = python.measure(true), native.measure(tuple(true))
+        assert packed(first) == packed(second)  # == would take -0.0 for 0.0
+
+
+@pytest.mark.usefixtures("native")
+def test_every_thrust_is_equal() -> None:
+    """While nothing fails, and from the moment something does."""
+    vehicle, _ = load_vehicle("bluerov2_heavy")
+    python, native = (kind(vehicle, DT, 4) for kind in (ThrusterSet, NativeThrusterSet))
+    chance = random.Random(3)
+    for step in range(1000):
+        if step % 40 == 0:
+            pulses = [chance.choice((0, 1100, 1480, 1500, 1650, 1900, 2500)) for _ in vehicle.thrusters]
+        if step == 700:
+            for thrusters in (python, native):
+                thrusters.fail([Failure("front_left", "efficiency", 1.8, efficiency=0.5)])
+        assert packed(python.step(pulses)) == packed(native.step(pulses))
+        assert packed(python.thrusts) == packed(native.thrusts)
+
+
+@pytest.mark.usefixtures("native")
+def test_what_cannot_be_measured_is_refused() -> None:
+    bank = NativeErrorBank(MODELS, 0.01, random.Random(1))
+    with pytest.raises(ValueError, match="6 numbers are needed, found 2"):
+        bank.measure([1.0, 2.0])
+    with pytest.raises(TypeError):
+        bank.measure(["1"] * 6)  # type: ignore[list-item]
+    module = sys.modules[BINARY]
+    with pytest.raises(ValueError, match="up to 32 records of 64 bytes are needed, found 3"):
+        module.Errors(b"123", bytes(2500), None)
+    with pytest.raises(ValueError, match="a state of 625 numbers"):
+        module.Errors(bytes(64), bytes(9), None)
+    with pytest.raises(ValueError, match="up to 16 records of 144 bytes are needed, found 2448"):
+        module.ThrusterBank(bytes(17 * 144))
+
+
+@pytest.mark.usefixtures("native")
+def test_the_quickest_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+    vehicle, _ = load_vehicle("bluerov2_heavy")
+    assert type(make_thruster_set(vehicle, DT)) is NativeThrusterSet
+    assert type(make_error_bank(MODELS, DT, random.Random(1))) is NativeErrorBank
+    monkeypatch.setenv("UUV_HIL_NATIVE", "0")
+    assert type(make_thruster_set(vehicle, DT)) is ThrusterSet
+    assert type(make_error_bank(MODELS, DT, random.Random(1))) is ErrorBank
+
+
+@pytest.mark.usefixtures("native")
+def test_the_binary_checks_its_parameters() -> None:
+    kernel = sys.modules[BINARY].Kernel
+    with pytest.raises(ValueError, match="bytes of parameters"):
+        kernel(b"\0" * 8, ())
+    with pytest.raises(TypeError, match="a tuple of forces"):
+        kernel(bytes(8 * len(Dynamics(VEHICLES[0], 1025.0, 9.81).numbers())), (3,))
+    force = sys.modules[BINARY].Force
+    for kind, numbers, servos in ((7, 1, 0), (-1, 1, 0), (0, 10, 0), (1, 22, 0), (1, 25, 0), (4, 17, 0), (5, 5, 2)):
+        with pytest.raises(ValueError, match=f"a force of kind {kind} is not made of"):
+            force(kind, bytes(8 * numbers), bytes(32 * servos), None)
+    with pytest.raises(ValueError, match="a force of kind 6"):
+        force(6, bytes(8), b"", None)
+    with pytest.raises(TypeError, match="a Sea or None"):
+        force(6, bytes(8), b"", 3)
+
+
+@pytest.mark.usefixtures("native")
+def test_c_is_taken_where_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    for wish in ("", "1"):
+        monkeypatch.setenv("UUV_HIL_NATIVE", wish)
+        assert type(make_dynamics(VEHICLES[0], 1025.0, 9.81)) is NativeDynamics
+        assert choose()[1].startswith("C, ")
+    monkeypatch.setenv("UUV_HIL_NATIVE", "0")
+    assert type(make_dynamics(VEHICLES[0], 1025.0, 9.81, "rk4")) is Dynamics
+    monkeypatch.setenv("UUV_HIL_NATIVE", "yes")
+    with pytest.raises(ConfigError, match="UUV_HIL_NATIVE='yes'"):
+        choose()
+
+
+@pytest.mark.usefixtures("no_native")
+def test_python_is_taken_where_c_is_not(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert type(make_dynamics(VEHICLES[0], 1025.0, 9.81)) is Dynamics
+    assert "python -m sim.native.build" in choose()[1]
+    monkeypatch.setenv("UUV_HIL_NATIVE", "1")
+    with pytest.raises(ConfigError, match="UUV_HIL_NATIVE=1, but"):
+        choose()
+
+
+@pytest.mark.usefixtures("native")
+@pytest.mark.parametrize("name", [build.module(path) for path in build.SOURCES])
+def test_who_insists_on_c_gets_all_of_it_or_none(name: str) -> None:
+    """A binary that is missing beside the others, as in a tree that was compiled before there was one."""
+    with pytest.MonkeyPatch.context() as patch:  # undone before what `native` put in place is taken out
+        patch.setenv("UUV_HIL_NATIVE", "1")
+        assert has_native(name)
+        patch.setitem(sys.modules, name, None)
+        if name == BINARY:
+            patch.delattr(sim.native, "_native", raising=False)
+        with pytest.raises(ConfigError, match=r"UUV_HIL_NATIVE=1, but .*python -m sim.native.build"):
+            has_native(name)
+        patch.delenv("UUV_HIL_NATIVE")
+        assert not has_native(name)
+
+
+@pytest.mark.usefixtures("native")
+def test_every_binary_is_asked_for_in_one_way() -> None:
+    """By `has_native`, so that who insists on the C is not given Python in silence."""
+    asked = {"sim.native._native"}
+    for path in (ROOT / name for name in ("sim/assembly.py", "sim/native/__init__.py", "hil/slave/native/firmware.py")):
+        text = path.read_text()
+        asked |= set(re.findall(r'has_native\("([\w.]+)"\)', text))
+        assert text.count("except ImportError") <= 2, path
+    assert asked == {build.module(path) for path in build.SOURCES}
+
+
+def test_build_says_what_is_missing(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    if reason := build.obstacle():
+        pytest.skip(f"no step in C: {reason}")
+    monkeypatch.setattr(build, "compiler", lambda: None)
+    assert "no C compiler" in str(build.build(str(tmp_path)))
+    monkeypatch.setattr(build, "compiler", lambda: ["cc", "-include", "no_such_header.h"])
+    assert "no_such_header.h" in str(build.build(str(tmp_path)))
+    assert not [path for path in tmp_path.rglob("*") if path.is_file()]
+
+
+@pytest.mark.parametrize("wish", ["", "0"])
+def test_wheel(wish: str, tmp_path: Path) -> None:
+    """With a compiler one wheel for all Pythons from 3.11 on this platform; without, or if told so, a pure one."""
+    command = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(tmp_path)]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, env=os.environ | {"UUV_HIL_NATIVE": wish})
+    assert done.returncode == 0, done.stderr
+    (path,) = tmp_path.iterdir()
+    names = zipfile.ZipFile(path).namelist()
+    inside = build.BINARY in names
+    assert {binary in names for binary in build.SOURCES} == {inside}
+    assert inside == (wish == "" and build.obstacle() is None)
+    assert ("-cp311-abi3-linux_" in path.name) == inside
+    assert path.name.endswith("-py3-none-any.whl") != inside

@@ -1,0 +1,262 @@
+"""A whole simulation in C gives the very numbers of the one in Python, whatever comes between its steps."""
+
+import random
+import sys
+from collections.abc import Iterator, Sequence
+from math import pi
+from pathlib import Path
+from struct import pack
+
+import pytest
+
+from hil.common.errors import ConfigError
+from hil.common.schema import preset_names
+from sim.assembly import make_state
+from sim.dynamics import Integrator, State
+from sim.environment.obstacles import Box, Cylinder
+from sim.environment.relief import Sinusoid
+from sim.environment.terrain import Terrain, covering
+from sim.environment.world import World
+from sim.rotations import from_euler, normalise
+from sim.sensors.imu import Imu, ImuModel
+from sim.sensors.mounting import Mounting
+from sim.sensors.samples import ImuSample
+from sim.sensors.suite import SensorSet, SensorSpec, fit
+from sim.simulation import Simulation
+from sim.vehicle.failures import Failure
+from sim.vehicle.vehicle import Vehicle, load_vehicle
+from tests.support.twins import taken_from
+
+VEHICLE, _ = load_vehicle("bluerov2_heavy")
+EXTENT = (-6.0, 6.0, -6.0, 6.0)
+FLAT = World("flat", "test", EXTENT, 6.0, current=(0.1, -0.05, 0.02))
+PILES = Cylinder(3.0, 0.0, 1.0), Cylinder(-4.0, 0.0, 1.5, top=4.0)
+FIELD = FLAT._replace(walls=True, cylinder=PILES, box=(Box(0.0, 4.0, 3.0, 1.0, 0.5),))
+PULSES = (0, 1100, 1480, 1500, 1650, 1900, 2500)
+SENSORS = fit(imu=SensorSpec(Imu, ImuModel(100.0), Mounting((0.1, -0.2, 0.05))))
+
+
+@pytest.fixture(autouse=True)
+def native(binaries: Path) -> Iterator[None]:
+    with taken_from(binaries):
+        yield
+
+
+def twins(
+    monkeypatch: pytest.MonkeyPatch,
+    world: World,
+    vehicle: Vehicle = VEHICLE,
+    integrator: Integrator = "verlet",
+    sensors: SensorSet = SENSORS,
+    failures: Sequence[Failure] = (),
+) -> tuple[Simulation, Simulation]:
+    """The same simulation in Python and in C."""
+    both = []
+    for native in "01":
+        monkeypatch.setenv("UUV_HIL_NATIVE", native)
+        start = (0.0, 0.0, 3.0)
+        both.append(
+            Simulation(
+                vehicle, world, sensors, 3, position=start, heading=0.4, integrator=integrator, failures=failures
+            )
+        )
+    python, quick = both
+    assert type(python.state) is State
+    assert type(quick.state) is not State
+    return python, quick
+
+
+def all_of(simulation: Simulation) -> bytes:
+    """Every bit of what can be asked of it: == would take -0.0 for 0.0."""
+    state, forces = simulation.state, simulation.forces()
+    parts = (
+        state.position,
+        state.quaternion,
+        state.nu,
+        state.nu_dot,
+        simulation.thrusts,
+        forces.thrusters,
+        forces.total,
+    )
+    numbers = [x for part in parts for x in part]
+    return pack(f"{len(numbers)}d?q", *numbers, simulation.touching, simulation.contacts)
+
+
+class Ride:
+    """Two twins under the same pulses, which change now and then; they differ in nothing after any step."""
+
+    def __init__(self, both: tuple[Simulation, Simulation], seed: int = 1) -> None:
+        self.both = both
+        self.chance = random.Random(seed)
+        self.samples = self.touches = 0
+        self._pulses = [1500] * len(both[0].thrusts)
+
+    def go(self, steps: int) -> None:
+        for step in range(steps):
+            if step % 60 == 0:  # in place: the same list, with other numbers
+                self._pulses[:] = [self.chance.choice(PULSES) for _ in self._pulses]
+            held = tuple(self._pulses)
+            given: Sequence[int] = self._pulses if step % 7 else held
+            first, second = (simulation.step(given) for simulation in self.both)
+            assert repr(first) == repr(second)
+            assert all_of(self.both[0]) == all_of(self.both[1])
+            self.samples += len(first)
+            self.touches += self.both[0].touching
+
+    def place(self, position: Sequence[float]) -> None:
+        """As the slave's loop does, with any attitude, and at speed."""
+        quaternion = normalise([self.chance.uniform(-1.0, 1.0) for _ in range(4)])
+        nu = [self.chance.uniform(-2.0, 2.0) for _ in range(6)]
+        for simulation in self.both:
+            state = simulation.state
+            state.position, state.quaternion, state.nu = list(position), list(quaternion), list(nu)
+            state.nu_dot = [0.0] * 6
+
+
+@pytest.mark.parametrize("integrator", ["verlet", "rk4"])
+def test_steps_are_equal_among_obstacles(integrator: Integrator, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Pushed against walls, piles, a block and the seabed, and put elsewhere now and then, also into something."""
+    ride = Ride(twins(monkeypatch, FIELD, integrator=integrator))
+    assert ride.both[1]._coast
+    for _ in range(100):
+        ride.go(80)
+        ride.place([ride.chance.uniform(-6.5, 6.5), ride.chance.uniform(-6.5, 6.5), ride.chance.uniform(-0.2, 6.2)])
+    assert 400 < ride.touches < 6000
+    assert ride.both[0].contacts > 25
+    assert ride.samples > 1000
+
+
+def test_steps_are_equal_above_a_bare_seabed(monkeypatch: pytest.MonkeyPatch) -> None:
+    ride = Ride(twins(monkeypatch, FLAT))
+    ride.go(500)
+    assert not ride.touches
+    for depth in (5.9, 0.0, 5.0, 6.5):
+        ride.place((1.0, 2.0, depth))
+        ride.go(500)
+    assert 100 < ride.touches < 1500
+
+
+@pytest.mark.parametrize("name", preset_names("sim/vehicles"))
+def test_steps_of_every_vehicle_are_equal(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    vehicle, _ = load_vehicle(name)
+    python, quick = twins(monkeypatch, FLAT._replace(depth=60.0), vehicle)
+    chance = random.Random(7)
+    for step in range(600):
+        if step % 60 == 0:
+            pulses = tuple([chance.choice(PULSES) for _ in vehicle.channels])
+        assert repr(python.step(pulses)) == repr(quick.step(pulses))
+        assert all_of(python) == all_of(quick)
+
+
+def test_steps_are_equal_over_relief(monkeypatch: pytest.MonkeyPatch) -> None:
+    grid = covering(EXTENT, 0.5)
+    relief = Terrain(grid, Sinusoid(5.0, 0.5, 5.0, 0.3).depths(grid), 5.0)
+    ride = Ride(twins(monkeypatch, FLAT._replace(terrain=relief)))
+    for depth in (3.0, 4.0, 4.5, 4.7, 4.8, 5.0, 5.5):
+        ride.place((0.0, 0.0, depth))
+        ride.go(300)
+    assert 20 < ride.touches < 2000
+
+
+def test_a_failure_in_the_middle_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """At once or planned, and from pulses that were held before; what has failed before is asked for, too."""
+    ride = Ride(twins(monkeypatch, FIELD))
+    ride.go(333)
+    wrench = ride.both[1].forces().thrusters
+    failures = [Failure("front_left", "efficiency", 0.0, efficiency=0.5), Failure("front_right", "stuck", 1.5)]
+    failures.append(Failure("rear_left", "noisy", 1.2, noise=0.3))
+    for simulation in ride.both:
+        simulation.fail(*failures)
+        assert simulation.forces().thrusters == wrench
+        assert simulation.failures("front_left") == (failures[0],)
+    assert all_of(ride.both[0]) == all_of(ride.both[1])
+    assert ride.both[1]._coast is None
+    ride.go(600)
+    for simulation in ride.both:
+        simulation.fail(*[Failure(failure.thruster, "repaired") for failure in failures])
+    ride.go(300)
+
+
+def test_failures_from_the_start_are_equal(monkeypatch: pytest.MonkeyPatch) -> None:
+    ride = Ride(twins(monkeypatch, FIELD, failures=[Failure("front_left", "delayed", 0.2, delay=0.1)]))
+    assert ride.both[1]._coast is None
+    ride.go(500)
+
+
+def test_wrong_pulses_and_failures_are_refused_alike(monkeypatch: pytest.MonkeyPatch) -> None:
+    ride = Ride(twins(monkeypatch, FLAT))
+    for simulation in ride.both:
+        with pytest.raises(ConfigError, match="5 pulses for a vehicle of 8 thrusters"):
+            simulation.step([1500] * 5)
+        with pytest.raises(TypeError):
+            simulation.step(1500)  # type: ignore[arg-type]
+        with pytest.raises(ConfigError, match="no thruster 'nose'"):
+            simulation.fail(Failure("nose", "off"))
+        assert simulation.time_ns == 0
+    ride.go(100)
+
+
+def test_a_state_in_c_is_written_whole() -> None:
+    state = make_state((1.0, 2.0, 3.0), from_euler(0.1, 0.2, 0.3))
+    kept = state.nu
+    state.nu = [1, 2.0, 3.0, 4.0, 5.0, 6.0]
+    assert list(kept) == [0.0] * 6
+    assert list(state.nu) == [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]
+    with pytest.raises(TypeError):
+        state.nu[0] = 7.0
+    with pytest.raises(ValueError, match="3 numbers are needed, found 2"):
+        state.position = (1.0, 2.0)
+    with pytest.raises(TypeError):
+        state.quaternion = ["x"] * 4  # type: ignore[list-item]
+    with pytest.raises(AttributeError, match="nu_dot"):
+        del state.nu_dot
+    assert list(state.position) == [1.0, 2.0, 3.0]
+
+
+@pytest.mark.parametrize("position", [(0.0, 0.0, 0.0), (0.3, -0.2, 0.1), (0.0, 0.0, -0.5)])
+@pytest.mark.parametrize("turn", [(0.0, 0.0, 0.0), (0.0, pi, 0.2)])
+def test_every_imu_sample_is_equal(
+    position: tuple[float, float, float], turn: tuple[float, float, float], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of any state, be it one of Python or of C."""
+    scenes = twins(monkeypatch, FLAT, sensors={})
+    units = []
+    for native, scene in zip("01", scenes, strict=True):
+        monkeypatch.setenv("UUV_HIL_NATIVE", native)
+        units.append(Imu(ImuModel(), Mounting(position, turn), 5, scene))
+    chance = random.Random(2)
+    for step in range(1000):
+        quaternion = normalise([chance.gauss(0.0, 1.0) for _ in range(4)])
+        states = State((0.0, 0.0, 5.0), quaternion), make_state((0.0, 0.0, 5.0), quaternion)
+        nu, nu_dot = ([chance.gauss(0.0, 2.0) for _ in range(6)] for _ in "ab")
+        for state in states:
+            state.nu, state.nu_dot = nu, nu_dot
+        first, second = (unit.sample(step, states[(step + i) % 2]) for i, unit in enumerate(units))
+        assert type(first) is type(second) is ImuSample
+        assert repr(first) == repr(second)
+        assert hash(first) == hash(second)
+
+
+def test_steps_and_samples_leak_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    _, simulation = twins(monkeypatch, FIELD)
+    state, counts = simulation.state, []
+    for _ in range(3):
+        for step in range(1000):
+            simulation.step([1500 + step % 3] * 8)
+            state.nu, state.nu_dot = state.nu, state.nu_dot
+        counts.append((sys.getrefcount(state), sys.getallocatedblocks()))
+    assert abs(counts[2][1] - counts[1][1]) < 100
+    assert counts[2][0] == counts[1][0]
+
+
+def test_the_binary_checks_what_a_step_is_made_of() -> None:
+    module = sys.modules["sim.native._native"]
+    state, mixer = make_state((0.0,) * 3, (1.0, 0.0, 0.0, 0.0)), module.ThrusterBank(bytes(144))
+    with pytest.raises(TypeError):
+        module.FusedStep(State(), None, mixer, print, 1, 0.1, (0.0,) * 3, None, None, None, (0.0,) * 5)
+    with pytest.raises(TypeError):
+        module.FusedStep(state, None, mixer, print, 1, 0.1, (0.0,) * 3, None, None, None, (0.0,) * 5)
+    with pytest.raises(ValueError, match="the errors of 9 quantities"):
+        module.Imu(module.Errors(bytes(64), bytes(2500), None), ImuSample, (0.0,) * 3, 9.8)
+    with pytest.raises(TypeError, match="a class of tuples"):
+        module.Imu(module.Errors(bytes(9 * 64), bytes(2500), None), State, (0.0,) * 3, 9.8)

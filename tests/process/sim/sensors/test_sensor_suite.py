@@ -1,0 +1,164 @@
+"""All sensors at once, the same in every run, and none loaded that is not carried."""
+
+import os
+import subprocess
+import sys
+from collections import Counter
+from pathlib import Path
+
+import pytest
+
+from hil.common.errors import ConfigError
+from hil.ros import encoders as ros
+from hil.ros.topics import TOPICS
+from hil.scenario.config import build_simulation, load_scenario
+from sim.environment.world import load_world
+from sim.sensors.suite import DEFAULT_SENSORS, SENSORS
+from sim.simulation import Simulation
+from sim.vehicle.vehicle import load_vehicle
+
+ROOT = Path(__file__).parents[4]
+RARE = sorted(set(SENSORS) - set(DEFAULT_SENSORS))
+BATTERY = """
+[battery]
+capacity_wh = 266.0
+charge = [0.0, 0.1, 1.0]
+open_circuit = [12.4, 14.0, 16.8]
+resistance = 0.05
+"""
+WORLD = """
+name = "bay"
+source = "test"
+extent = [-100, 100, -100, 100]
+depth = 30
+origin = [57.7, 11.9]
+origin_altitude = "36 m"
+magnetic_field = [50e-6, "70 deg", "4 deg"]
+[ocean.waves]
+significant_height = "0.5 m"
+peak_period = "4 s"
+components = 5
+[ocean.profile]
+depth = [0, 30]
+density = [1020.0, 1026.0]
+sound_speed = [1510.0, 1490.0]
+"""
+SCENARIO = """
+vehicle = "vehicle.toml"
+world = "world.toml"
+start = { depth = 0.3 }
+[master]
+goal = [10, 0]
+"""
+
+
+def scenario(folder: Path, sections: str = "") -> Simulation:
+    """A vehicle with all sensors that have a section, in a bay with everything."""
+    vehicle = (ROOT / "sim/vehicles/paper_six.toml").read_text().replace("time_constant = 0.05", "")
+    (folder / "vehicle.toml").write_text(
+        vehicle.replace("[every_thruster]", f'{BATTERY}\n[every_thruster]\ncurve = {{ kind = "t200" }}')
+    )
+    (folder / "world.toml").write_text(WORLD)
+    sections = sections or "".join(f"[sensors.{name}]\n" for name in RARE)
+    (folder / "scenario.toml").write_text(SCENARIO + sections)
+    read = load_scenario(str(folder / "scenario.toml"))
+    return build_simulation(read, load_vehicle(read.vehicle)[0], load_world(read.world))
+
+
+IF_ASKED_FOR = (  # [ros] images, points, ground_truth
+    "camera/image_raw/compressed", "camera/depth/points", "camera/labels"
+)  # fmt: skip
+
+
+def test_all_sensors_fly_at_their_rates_and_every_sample_goes_out(tmp_path: Path) -> None:
+    """Every topic of the table that a vehicle sends comes at the rate the table says, in a message that reads."""
+    simulation, counts = scenario(tmp_path), Counter[str]()
+    for _ in range(1602):  # 4 s, and two steps for the sound to the station
+        for name, sample in simulation.step((1600, 1600, 1600, 1600, 1500, 1500)):
+            for topic, payload in ros.encoder(name)(sample, ""):
+                decoder = ros.decoder(topic)
+                assert decoder is not None
+                assert decoder(payload) is not None
+                counts[topic] += 1
+    others = ("trace", "diagnostics", "thruster_wrench", "/tf_static", "/clock", *IF_ASKED_FOR)
+    ours = {name: topic for name, topic in TOPICS.items() if name not in others and not topic.from_master}
+    assert counts == {name: round(4 * topic.rate_hz) for name, topic in ours.items()}
+
+
+def test_the_same_ride_gives_the_same_bits(tmp_path: Path) -> None:
+    def ride() -> list[str]:
+        simulation = scenario(tmp_path)
+        return [repr(pair) for _ in range(800) for pair in simulation.step((1700, 1500, 1600, 1550, 1500, 1490))]
+
+    first = ride()
+    assert first == ride()
+    assert len(first) > 500
+
+
+def test_keys_of_a_scenario_reach_the_sensors(tmp_path: Path) -> None:
+    sections = """
+[sensors.gps]
+rate = "5 Hz"
+position = [0.0, 0.0, -0.4]
+latency = "100 ms"
+[sensors.usbl]
+station = [0, 0, 2]
+drop_out = 0.5
+[sensors.leak]
+at = "1 s"
+"""
+    simulation, counts = scenario(tmp_path, sections), Counter[str]()
+    for _ in range(4000):
+        counts.update(topic for topic, _ in simulation.step((1500,) * 6))
+    assert counts["gps"] == 49  # the last one is still under way
+    assert counts["leak"] == 10
+    assert 1 <= counts["usbl"] <= 9
+
+
+@pytest.mark.parametrize(
+    ("section", "words"),
+    [
+        ("[sensors.gpss]\n", "no sensor 'gpss'; did you mean 'gps'?"),
+        ("[sensors.altimeter]\nmin_range = 5\nmax_range = 1\n", "altimeter: min_range is not below max_range"),
+        ("[sensors.dvl_water]\nnear = 5\nfar = 1\n", "dvl_water: near is not below far"),
+        ("[sensors.leak]\nat = true\n", "leak: at: expected a number in s, found true"),
+        ("[sensors.ahrs]\nrate = 800\n", "sensor 'ahrs': its rate is above 400 Hz"),
+    ],
+)
+def test_wrong_keys_are_named(tmp_path: Path, section: str, words: str) -> None:
+    with pytest.raises(ConfigError) as caught:
+        scenario(tmp_path, section)
+    assert words in str(caught.value)
+
+
+LEAN = """
+import sys
+import hil.commands.slave, hil.slave.daemon
+from hil.scenario.config import build_simulation, load_scenario
+from hil.ros import encoders as ros
+from sim.vehicle.vehicle import load_vehicle
+from sim.environment.world import load_world
+scenario = load_scenario("paper_field")
+simulation = build_simulation(scenario, load_vehicle(scenario.vehicle)[0], load_world(scenario.world))
+for _ in range(400):
+    for topic, sample in simulation.step((1500,) * 6):
+        list(ros.encoder(topic)(sample, ""))
+print(*sorted(name for name in sys.modules if name.startswith(("sim.", "hil."))))
+"""
+
+
+def test_sensors_that_are_not_carried_are_not_loaded() -> None:
+    """A second of the usual sensors, up to their messages: nothing of the others, nor of waves and currents."""
+    done = subprocess.run(
+        [sys.executable, "-c", LEAN], capture_output=True, text=True, cwd=ROOT, env={**os.environ, "PYTHONPATH": "."}
+    )
+    assert done.returncode == 0, done.stderr
+    loaded = set(done.stdout.split())
+    assert "sim.sensors.imu" in loaded
+    rare = {SENSORS[name].partition(":")[0] for name in RARE}
+    helpers = {"sim.sensors.extra_samples", "sim.sensors.surface", "sim.sensors.geodesy", "hil.ros.sensors"}
+    assert not loaded & (
+        rare
+        | helpers
+        | {"sim.environment.water", "sim.environment.waves", "sim.environment.currents", "sim.environment.ocean"}
+    )

@@ -1,0 +1,253 @@
+"""Numbers that are none: refused at the start, and a state that is not finite ends the run with time and term."""
+
+from collections.abc import Iterator, Sequence
+from math import inf, isfinite, nan
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from hil.cli import main
+from hil.common.errors import ConfigError, DivergenceError
+from sim.dynamics import Dynamics, Integrator, State
+from sim.environment.world import load_world
+from sim.native import NativeDynamics
+from sim.rotations import Rotation
+from sim.simulation import Simulation
+from sim.vehicle.vehicle import Vehicle, load_vehicle
+from tests.support.processes import Program, write_scenario
+from tests.support.twins import taken_from
+
+SIX, _ = load_vehicle("paper_six")
+POOL = load_world("pool")
+PLACE, NEUTRAL = (4.0, 4.0, 2.0), [1500] * 6
+STILL, NOTHING = (0.0, 0.0, 0.0), (0.0,) * 6
+BROKEN = """
+class Broken:
+    def begin(self, time_ns):
+        self.time_ns = time_ns
+    def wrench(self, position, rotation, nu_r):
+        return (float("nan") if self.time_ns >= 250_000_000 else 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+"""
+
+
+@pytest.fixture(params=["python", "C"])
+def twin(request: pytest.FixtureRequest, binaries: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Both steps in turn."""
+    if request.param == "python":
+        monkeypatch.setenv("UUV_HIL_NATIVE", "0")
+        yield
+        return
+    with taken_from(binaries):
+        yield
+
+
+class Broken:
+    """A force that gives what is no number from `since` ns on."""
+
+    def __init__(self, since: int, value: float = nan) -> None:
+        self._since, self._value = since, value
+        self._now = 0
+
+    def begin(self, time_ns: int) -> None:
+        self._now = time_ns
+
+    def wrench(self, position: Sequence[float], rotation: Rotation, nu_r: Sequence[float]) -> Sequence[float]:
+        return (0.0, 0.0, self._value if self._now >= self._since else 0.0, 0.0, 0.0, 0.0)
+
+
+def fly(simulation: Simulation, steps: int = 2000) -> str:
+    """What ends it; its state is the last finite one."""
+    try:
+        for _ in range(steps):
+            simulation.step(NEUTRAL)
+    except DivergenceError as error:
+        return f"{error.exit_code}: {error}"
+    pytest.fail("it flew on")
+
+
+# -- at the start -----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ({"dt_ns": 0}, "dt_ns = 0"), ({"dt_ns": -2_500_000}, "dt_ns = -2.5e+06"),
+        ({"dt_ns": 10**12}, "dt_ns = 1e+12"), ({"dt_ns": nan}, "dt_ns = nan"),
+        ({"position": (4.0, nan, 2.0)}, "position: nan"), ({"position": (inf, 4.0, 2.0)}, "position: inf"),
+        ({"heading": nan}, "heading: nan"),
+        ({"world": POOL._replace(current=(0.0, nan, 0.0))}, "current of pool: nan"),
+        ({"world": POOL._replace(density=inf)}, "density of pool: inf"),
+        ({"vehicle": SIX._replace(added_mass=(inf, 1.0, 1.0, 0.1, 0.1, 0.1))}, "paper_six: added_mass: inf"),
+        ({"vehicle": SIX._replace(mass=nan)}, "paper_six: mass: nan"),
+        ({"vehicle": SIX._replace(linear_damping=(-1.0,) * 6)}, "paper_six: linear_damping is negative"),
+    ],
+    ids=lambda value: value if isinstance(value, str) else "",
+)  # fmt: skip
+def test_a_simulation_refuses_what_cannot_be(arguments: dict[str, Any], words: str) -> None:
+    given = {"vehicle": SIX, "world": POOL, "position": PLACE, **arguments}
+    with pytest.raises(ConfigError) as caught:
+        Simulation(**given)
+    assert str(caught.value).startswith(words)
+    assert "\n" not in str(caught.value)
+
+
+def test_the_ends_of_what_a_step_may_take() -> None:
+    for dt_ns in (1_000, 100_000_000):
+        assert Simulation(SIX, POOL, {}, dt_ns=dt_ns, position=PLACE).step(NEUTRAL) == []
+
+
+# -- in a step --------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("integrator", ["verlet", "rk4"])
+@pytest.mark.parametrize("kind", [Dynamics, NativeDynamics])
+def test_a_step_that_is_no_number_leaves_the_state(
+    kind: type[Dynamics], integrator: Integrator, binaries: Path
+) -> None:
+    with taken_from(binaries):
+        dynamics = kind(SIX, 1025.0, 9.8, integrator)
+        for wrench, current in (((0.0, nan, 0.0, 0.0, 0.0, 0.0), STILL), (NOTHING, (0.0, 0.0, inf))):
+            state = State(PLACE, nu=(0.5, 0.0, 0.1, 0.0, 0.0, 0.2))
+            before = [*state.position, *state.quaternion, *state.nu, *state.nu_dot]
+            with pytest.raises(FloatingPointError):
+                dynamics.step(state, wrench, current, 0.01)
+            assert [*state.position, *state.quaternion, *state.nu, *state.nu_dot] == before
+
+
+@pytest.mark.usefixtures("twin")
+@pytest.mark.parametrize("integrator", ["verlet", "rk4"])
+@pytest.mark.parametrize(("value", "said"), [(nan, "nan"), (-inf, "-inf")])
+def test_a_force_that_breaks_is_named_with_its_time(value: float, said: str, integrator: Integrator) -> None:
+    simulation = Simulation(
+        SIX, POOL, {}, position=PLACE, forces=[Broken(0, 0.0), Broken(250_000_000, value)], integrator=integrator
+    )
+    words = fly(simulation)
+    assert words.startswith("6: paper_six: its state is not finite any more after 0.2500 s: the force ")
+    assert f"test_divergence:Broken is {said}: mend that class" in words
+    assert simulation.time_ns == 250_000_000
+    assert all(isfinite(x) for x in (*simulation.state.position, *simulation.state.nu))
+
+
+@pytest.mark.usefixtures("twin")
+def test_a_step_too_long_for_its_damping_is_named() -> None:
+    """Explicit steps overshoot where damping times the step is beyond twice the inertia: also in one call of C."""
+    stiff = SIX._replace(quadratic_damping=(1e5, 46.4, 59.9, 0.694, 0.274, 0.875))
+    simulation = Simulation(stiff, POOL._replace(current=(0.9, 0.0, 0.0)), {}, position=PLACE, dt_ns=20_000_000)
+    words = fly(simulation)
+    assert "the term quadratic_damping has grown to" in words
+    assert "a step of 20 ms is too long" in words
+
+
+@pytest.mark.usefixtures("twin")
+@pytest.mark.parametrize(
+    ("name", "numbers", "words"),
+    [("nu", [nan] * 6, "its velocity is nan"), ("position", [0.0, inf, 0.0], "its position is inf")],
+)
+def test_a_state_that_was_set_so_is_named(name: str, numbers: list[float], words: str) -> None:
+    simulation = Simulation(SIX, POOL, {}, position=PLACE)
+    simulation.step(NEUTRAL)
+    setattr(simulation.state, name, numbers)
+    assert f"after 0.0025 s: {words}" in fly(simulation, 2)
+
+
+# -- to a person ------------------------------------------------------------------------------------------------------
+
+
+def scenario_of(folder: Path) -> Path:
+    (folder / "broken.py").write_text(BROKEN)
+    path, _ = write_scenario(folder)
+    path.write_text(f'{path.read_text()}[[force]]\nclass = "broken:Broken"\n')
+    return path
+
+
+def test_sim_ends_with_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.syspath_prepend(tmp_path)
+    assert main(["sim", str(scenario_of(tmp_path)), "--fast"]) == 6
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    assert "after 0.2500 s: the force broken:Broken is nan" in error
+
+
+def test_the_slave_ends_with_its_thrusters_neutral(tmp_path: Path) -> None:
+    here = {"PYTHONPATH": str(tmp_path)}
+    with Program(tmp_path, "slave", scenario_of(tmp_path), environment=here) as slave:
+        assert slave.wait(60.0) == 6
+        output = slave.output
+    assert "thrusters neutral" in output
+    assert "uuv-hil slave: paper_six: its state is not finite any more after 0.2500 s" in output
+    assert "Traceback" not in output
+
+
+# -- vehicles that cannot be ------------------------------------------------------------------------------------------
+
+
+def changed(folder: Path, key: str, numbers: Sequence[float], name: str = "paper_six") -> str:
+    """A copy of a preset in which `key` has these numbers."""
+    import tomllib
+
+    from hil.common.schema import find_preset
+
+    text = Path(find_preset("sim/vehicles", name)).read_text()
+    top, cut, rest = text.partition("\n[")
+    table = {k: v for k, v in tomllib.loads(top).items() if k != key}
+    lines = [f"{k} = {_toml(v)}" for k, v in {**table, key: list(numbers)}.items()]
+    path = folder / "mine.toml"
+    path.write_text("\n".join(lines) + cut + rest)
+    return str(path)
+
+
+def _toml(value: Any) -> str:
+    if isinstance(value, list):
+        return f"[{', '.join(map(_toml, value))}]"
+    return str(value).lower() if isinstance(value, bool) else repr(value).replace("'", '"')
+
+
+def _full(diagonal: float, **entries: float) -> list[float]:
+    """36 numbers: `diagonal`, and entries such as e16, row 1 and column 6."""
+    numbers = [diagonal if i % 7 == 0 else 0.0 for i in range(36)]
+    for key, value in entries.items():
+        numbers[6 * (int(key[1]) - 1) + int(key[2]) - 1] = value
+    return numbers
+
+
+@pytest.mark.parametrize(
+    ("key", "numbers", "words"),
+    [
+        ("linear_damping", _full(1.0, e26=-3.0), "makes energy in some motions"),
+        ("linear_damping", _full(1.0, e26=1.5, e62=1.5), "makes energy in some motions"),
+        ("linear_damping", [1.0, 1.0, -0.1, 1.0, 1.0, 1.0], "negative on its diagonal"),
+        ("forward_speed_damping", [-5.0, 1.0, 1.0, 1.0, 1.0, 1.0], "negative on its diagonal"),
+        ("forward_speed_damping", _full(1.0, e35=2.5), "makes energy in some motions"),
+        ("forward_speed_damping", [1.0, 2.0], "needs 6 numbers (diagonal) or 36 (full), found 2"),
+        ("quadratic_damping", [1.0, 1.0, nan, 1.0, 1.0, 1.0], "quadratic_damping[2]: nan is outside"),
+        ("added_mass", [inf, 1.0, 1.0, 0.1, 0.1, 0.1], "added_mass[0]: inf is outside"),
+        ("inertia", [0.1, 0.1, 0.21], "each principal moment is at most the sum of the other two"),
+        ("inertia", [0.2, 0.12, 0.0, 0.12, 0.2, 0.0, 0.0, 0.0, 0.05], "each principal moment is at most"),
+    ],
+)
+def test_a_file_that_makes_energy_is_refused(key: str, numbers: list[float], words: str, tmp_path: Path) -> None:
+    path = changed(tmp_path, key, numbers)
+    with pytest.raises(ConfigError) as caught:
+        load_vehicle(path)
+    message = str(caught.value)
+    assert message.startswith(f"{path}: {key}")
+    assert words in message
+    assert "\n" not in message
+
+
+@pytest.mark.parametrize(
+    ("key", "numbers"),
+    [
+        ("linear_damping", _full(1.0, e26=1.9, e62=-3.0)),  # what is not symmetric does no work
+        ("linear_damping", [0.0] * 6),
+        ("forward_speed_damping", _full(1.0, e26=-7.0, e62=7.0)),
+        ("inertia", [0.1, 0.2, 0.3]),  # a plate
+        ("inertia", [0.2, 0.1, 0.0, 0.1, 0.2, 0.0, 0.0, 0.0, 0.3]),
+    ],
+)
+def test_what_is_at_the_edge_is_not(key: str, numbers: list[float], tmp_path: Path) -> None:
+    vehicle: Vehicle = load_vehicle(changed(tmp_path, key, numbers))[0]
+    assert getattr(vehicle, key) == tuple(numbers)

@@ -1,0 +1,177 @@
+import os
+import subprocess
+import sys
+from collections import Counter
+from hashlib import sha256
+from pathlib import Path
+
+import pytest
+
+from hil.common.errors import ConfigError
+from sim.environment.world import load_world
+from sim.sensors.imu import ImuModel
+from sim.sensors.mounting import Mounting
+from sim.sensors.odometry import OdometryModel
+from sim.sensors.ranging.dvl import Dvl, DvlModel
+from sim.sensors.samples import OdometrySample
+from sim.sensors.suite import SensorSet, SensorSpec, fit, read_suite
+from sim.simulation import Simulation
+from sim.vehicle.vehicle import load_vehicle
+
+VEHICLE, _ = load_vehicle("paper_six")
+FIELD = load_world("paper_field")
+IDLE = (1500,) * 6
+
+
+def fingerprint(seed: int, steps: int = 1200, integrator: str = "verlet") -> str:
+    """Every bit of every sample and of the end state of a ride with changing pulses, into an obstacle."""
+    simulation = Simulation(
+        VEHICLE, FIELD._replace(current=(0.1, -0.05, 0.0)), seed=seed, position=(4.0, 5.0, 3.0), heading=0.7,
+        integrator=integrator,  # type: ignore[arg-type]
+    )  # fmt: skip
+    digest = sha256()
+    for step in range(steps):
+        a, b = 1500 + step % 300, 1700 - step % 251
+        for topic, sample in simulation.step((a, b, b, a, 1500 + step % 77, 1490)):
+            digest.update(f"{topic} {sample!r}".encode())
+    digest.update(repr(simulation.truth()).encode())
+    digest.update(str(simulation.contacts).encode())
+    return digest.hexdigest()
+
+
+def test_same_seed_same_bits_in_another_process_too() -> None:
+    here = fingerprint(7)
+    assert fingerprint(7) == here
+    assert fingerprint(8) != here
+    assert fingerprint(7, integrator="rk4") != here
+    root = Path(__file__).parents[3]
+    code = "import sys; sys.path.insert(0, 'tests/process/sim')\nfrom test_simulation import fingerprint\n"
+    code += "print(fingerprint(7))"
+    environment = {**os.environ, "PYTHONHASHSEED": "123", "PYTHONPATH": str(root)}
+    there = subprocess.run(
+        [sys.executable, "-c", code], cwd=root, env=environment, capture_output=True, text=True, check=True
+    )  # fmt: skip
+    assert there.stdout.strip() == here
+
+
+def test_a_sensor_does_not_change_its_neighbours() -> None:
+    def imu(suite: SensorSet) -> list[object]:
+        simulation = Simulation(VEHICLE, FIELD, suite, seed=3, position=(0, 0, 3))
+        return [sample for _ in range(200) for topic, sample in simulation.step(IDLE) if topic == "imu"]
+
+    alone = fit(dvl=None, odometry=OdometryModel(rate=3.0))
+    assert imu(fit()) == imu(alone)
+    assert len(imu(fit())) == 50
+
+
+def test_rates_do_not_drift() -> None:
+    """7 Hz does not divide 400 Hz: over 20 s there are 7 a second and each comes with the first step due."""
+    simulation = Simulation(VEHICLE, FIELD, fit(dvl=DvlModel(rate=7.0)), position=(0, 0, 3))
+    counts: Counter[str] = Counter()
+    for step in range(1, 8001):
+        for topic, sample in simulation.step(IDLE):
+            counts[topic] += 1
+            assert sample.time_ns == step * 2_500_000
+            if topic == "dvl":
+                assert 0 <= sample.time_ns - counts["dvl"] * 1e9 / 7.0 < 2_500_001
+    assert simulation.time_ns == 20_000_000_000
+    assert counts == {"imu": 2000, "dvl": 139 if 20e9 < 140 * 142_857_143 else 140, "pressure": 400, "odom": 400,
+                      "ground_truth": 400}  # fmt: skip
+
+
+def test_it_goes_where_it_is_told() -> None:
+    """Forward at heading 90 deg is east; both verticals push down; the left bank turns it to starboard."""
+    simulation = Simulation(VEHICLE, FIELD, position=(0.0, 0.0, 3.0), heading=1.5707963)
+    for _ in range(800):
+        simulation.step((1600, 1600, 1600, 1600, 1500, 1500))
+    north, east, _ = simulation.truth().position
+    assert east > 0.5
+    assert abs(north) < 0.01
+    for _ in range(800):
+        simulation.step((1500, 1500, 1500, 1500, 1600, 1600))
+    assert simulation.truth().position[2] > 3.5
+    for _ in range(100):
+        simulation.step((1500, 1600, 1500, 1600, 1500, 1500))
+    assert simulation.truth().nu[5] > 0.1
+
+
+def test_rest_is_rest() -> None:
+    """Neutral, or outputs off: a trimmed vehicle hangs where it is for a minute."""
+    for pulses in (IDLE, (0,) * 6):
+        simulation = Simulation(VEHICLE, FIELD, position=(0.0, 0.0, 3.0), heading=1.0)
+        start = simulation.truth()
+        for _ in range(24_000 if pulses == IDLE else 400):
+            simulation.step(pulses)
+        assert simulation.truth().position == pytest.approx(start.position, abs=1e-9)
+        assert simulation.truth().orientation == pytest.approx(start.orientation, abs=1e-9)
+        assert simulation.contacts == 0
+
+
+def test_ground_truth_sample_is_the_truth() -> None:
+    simulation = Simulation(VEHICLE, FIELD, position=(0.0, 0.0, 3.0))
+    samples = [pair for _ in range(20) for pair in simulation.step((1700,) * 6)]
+    topic, sample = samples[-1]
+    assert topic == "ground_truth"
+    assert isinstance(sample, OdometrySample)
+    assert sample == simulation.truth()
+
+
+def test_the_accelerometer_feels_a_blow() -> None:
+    simulation = Simulation(VEHICLE, load_world("pool"), position=(8.5, 0.0, 2.0))
+    hardest = 0.0
+    for _ in range(1200):
+        simulation.step((1900, 1900, 1900, 1900, 1500, 1500))
+        hardest = min(hardest, simulation.state.nu_dot[0])
+    assert simulation.contacts > 0
+    assert hardest < -20.0
+
+
+def test_what_cannot_be() -> None:
+    with pytest.raises(ConfigError, match="paper_six cannot start at"):
+        Simulation(VEHICLE, FIELD, position=(6.5, 7.5, 3.0))
+    with pytest.raises(ConfigError, match="'imu': its rate is above 400 Hz"):
+        Simulation(VEHICLE, FIELD, fit(imu=ImuModel(rate=500.0)))
+
+
+def test_sensors_from_a_scenario() -> None:
+    table = {"imu": {"rate": "50 Hz", "acceleration": {"noise": 0.1}}, "dvl": {"rate": 0}, "odometry": {"rate": 10}}
+    suite = read_suite(table, "scenario.toml: sensors")
+    assert suite["imu"].model.acceleration.noise == 0.1
+    assert suite["imu"].model.angular_velocity == ImuModel().angular_velocity
+    simulation = Simulation(VEHICLE, FIELD, suite, position=(0, 0, 3))
+    counts = Counter(topic for _ in range(400) for topic, _ in simulation.step(IDLE))
+    assert counts == {"imu": 50, "pressure": 20, "odom": 10, "ground_truth": 20}
+
+
+@pytest.mark.parametrize(
+    ("sections", "words"),
+    [
+        ({"imy": {}}, "no sensor 'imy'; did you mean 'imu'?"),
+        ({"imu": 7}, "imu: expected a table, such as [sensors.imu]"),
+        ({"imu": {"latancy": 1}}, "imu: no key 'latancy'; did you mean 'latency'?"),
+        ({"imu": {"drop_out": 2}}, "imu: drop_out: 2 is outside 0 to 1"),
+        ({"dvl": {"velocity": {"nois": 1}}}, "dvl: velocity: no key 'nois'; did you mean 'noise'?"),
+        ([], "expected a table for each sensor, such as [sensors.imu]"),
+    ],
+)
+def test_wrong_sensors_are_named(sections: object, words: str) -> None:
+    with pytest.raises(ConfigError, match=r"mine\.toml: sensors") as caught:
+        read_suite(sections, "mine.toml: sensors")
+    assert words in str(caught.value)
+
+
+def test_latency_delays_and_drop_out_loses() -> None:
+    """A late sample keeps the instant it was measured; a lost one leaves the others as they are."""
+
+    def dvl(mounting: Mounting) -> list[tuple[int, object]]:
+        suite = fit(dvl=SensorSpec(Dvl, DvlModel(rate=10.0), mounting))
+        simulation = Simulation(VEHICLE, FIELD, suite, seed=2, position=(0, 0, 3))
+        stream = ((simulation.time_ns, pair) for _ in range(8000) for pair in simulation.step(IDLE))
+        return [(now, sample) for now, (topic, sample) in stream if topic == "dvl"]
+
+    prompt, late, lossy = dvl(Mounting()), dvl(Mounting(latency=0.33)), dvl(Mounting(drop_out=0.25))
+    assert [now for now, _ in prompt] == [k * 100_000_000 for k in range(1, 201)]
+    assert [now for now, _ in late] == [now + 330_000_000 for now, _ in prompt[:-4]]
+    assert [sample for _, sample in late] == [sample for _, sample in prompt[:-4]]
+    assert set(lossy) < set(prompt)
+    assert 25 < len(prompt) - len(lossy) < 75

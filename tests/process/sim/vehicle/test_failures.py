@@ -1,0 +1,170 @@
+import subprocess
+import sys
+from itertools import pairwise
+from pathlib import Path
+from statistics import pstdev
+from typing import Any
+
+import pytest
+
+from hil.common.errors import ConfigError
+from hil.common.schema import parse
+from sim.assembly import make_thrusters
+from sim.environment.world import load_world
+from sim.simulation import Simulation
+from sim.vehicle.failures import Failure
+from sim.vehicle.thrusters import ThrusterSet, steady_thrust
+from sim.vehicle.vehicle import load_vehicle
+
+LAGGED, _ = load_vehicle("paper_six")
+VEHICLE = LAGGED._replace(thrusters=tuple(t._replace(time_constant=0.0) for t in LAGGED.thrusters))
+FULL = VEHICLE.thrusters[0].max_forward
+DT = 0.0025
+
+
+def failing(*failures: dict[str, Any], seed: int = 0, dt: float = DT) -> ThrusterSet:
+    parsed = [parse(table, Failure, "scenario.toml: failure[0]") for table in failures]
+    return make_thrusters(VEHICLE, dt, parsed, seed)
+
+
+def ride(thrusters: ThrusterSet, pulses: list[int], thruster: int = 1) -> list[float]:
+    """The thrust of one thruster in each step; the others must not care."""
+    thrusts = []
+    for pulse in pulses:
+        thrusters.step((pulse,) * 6)
+        healthy = steady_thrust(VEHICLE.thrusters[0], pulse)
+        assert [t for i, t in enumerate(thrusters.thrusts) if i != thruster] == pytest.approx([healthy] * 5)
+        thrusts.append(thrusters.thrusts[thruster])
+    return thrusts
+
+
+def test_off_from_its_time_on() -> None:
+    """0.1 s are 40 steps of 2.5 ms: the 41st is the first without."""
+    assert ride(failing({"thruster": "front_left", "kind": "off", "time": "100 ms"}), [1900] * 60) == pytest.approx(
+        [FULL] * 40 + [0.0] * 20
+    )
+
+
+def test_efficiency_then_repair() -> None:
+    thrusters = failing(
+        {"thruster": "front_left", "kind": "efficiency", "efficiency": 0.4},
+        {"thruster": "front_left", "kind": "repaired", "time": 0.05},
+    )
+    assert ride(thrusters, [1900] * 30) == pytest.approx([0.4 * FULL] * 20 + [FULL] * 10)
+
+
+def test_stuck_at_a_pulse_or_at_the_last_one() -> None:
+    here = steady_thrust(VEHICLE.thrusters[0], 1700)
+    thrusters = failing({"thruster": "front_left", "kind": "stuck", "pwm_us": 1700})
+    assert ride(thrusters, [1900, 0, 1100]) == pytest.approx([here] * 3)
+    thrusters = failing({"thruster": "front_left", "kind": "stuck", "time": 2 * DT})
+    assert ride(thrusters, [1500, 1700, 1900, 0]) == pytest.approx([0.0, here, here, here])
+
+
+def test_delayed_by_whole_steps() -> None:
+    thrusters = failing({"thruster": "front_left", "kind": "delayed", "delay": "10 ms", "time": 2 * DT})
+    pulses = [1600, 1700, 1500, 1900, 1100, 1600, 1500, 1500, 1500]
+    acting = [1600, 1700, 1700, 1700, 1700, 1700, 1500, 1900, 1100]
+    assert ride(thrusters, pulses) == pytest.approx([steady_thrust(VEHICLE.thrusters[0], pulse) for pulse in acting])
+
+
+def test_noise_is_seeded_of_its_size_and_of_no_rate() -> None:
+    table = {"thruster": "front_left", "kind": "noisy", "noise": 0.1}
+    first, again, other = (ride(failing(table, seed=seed), [1900] * 200) for seed in (1, 1, 2))
+    assert first == again
+    assert first != other
+    for dt in (0.0025, 0.02):
+        thrusts = ride(failing(table, seed=3, dt=dt), [1900] * round(200.0 / dt))
+        assert pstdev(thrusts) == pytest.approx(0.1 * FULL, rel=0.06)  # 2000 correlation times: 2 sigma is 3 %
+        steps = [b - a for a, b in pairwise(thrusts)]
+        expected = 0.1 * FULL * (2.0 * (1.0 - 2.718281828 ** (-dt / 0.05))) ** 0.5
+        assert pstdev(steps) == pytest.approx(expected, rel=0.06)
+
+
+def test_the_lag_runs_on_below_a_failure() -> None:
+    """Half efficiency of a lagged thruster is half of its lagged thrust, not a lag of halves."""
+    half, whole = make_thrusters(LAGGED, DT), make_thrusters(LAGGED, DT)
+    half.fail([Failure("front_left", "efficiency", efficiency=0.5)])
+    for pulse in [1900] * 30 + [1200] * 30:
+        half.step((pulse,) * 6)
+        whole.step((pulse,) * 6)
+        assert half.thrusts[1] == pytest.approx(0.5 * whole.thrusts[1], rel=1e-15)
+        assert half.thrusts[0] == whole.thrusts[0]
+
+
+def test_at_run_time_the_vehicle_turns() -> None:
+    """Losing the front left thruster on the way: the bow goes to port. And the same failure later is the same."""
+    ends = []
+    for planned in (True, False):
+        failure = Failure("front_left", "off", time=0.5)
+        simulation = Simulation(
+            LAGGED, load_world("paper_field"), position=(0.0, 0.0, 3.0), failures=[failure] if planned else []
+        )
+        for step in range(400):
+            if step == 200 and not planned:
+                simulation.fail(failure)
+            simulation.step((1600, 1600, 1600, 1600, 1500, 1500))
+        ends.append(simulation.truth())
+    assert ends[0] == ends[1]
+    assert ends[0].nu[5] < -0.05
+    assert simulation.thrusts[1] == pytest.approx(0.0, abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("table", "words"),
+    [
+        ({"kind": "efficiency"}, "does nothing without efficiency"),
+        ({"kind": "delayed"}, "does nothing without delay"),
+        ({"kind": "noisy"}, "does nothing without noise"),
+        ({"kind": "off", "delay": 1.0}, "delay belongs to kind 'delayed', not 'off'"),
+        ({"kind": "of"}, "did you mean 'off'"),
+        ({"kind": "off", "time": "1 m"}, "has the unit 'm'"),
+    ],
+)
+def test_wrong_failures_are_named(table: dict[str, Any], words: str) -> None:
+    with pytest.raises(ConfigError, match=r"scenario\.toml: failure") as caught:
+        failing({"thruster": "front_left", **table})
+    assert words in str(caught.value)
+
+
+def test_unknown_thruster_is_named_with_the_nearest() -> None:
+    with pytest.raises(ConfigError, match="no thruster 'front_lef'; did you mean 'front_left'"):
+        failing({"thruster": "front_lef", "kind": "off"})
+    with pytest.raises(ConfigError, match="5 pulses for a vehicle of 6"):
+        failing({"thruster": "front_left", "kind": "off"}).step((1500,) * 5)
+
+
+def test_a_plain_vehicle_loads_none_of_this() -> None:
+    code = """if True:
+    import sys
+    from sim.simulation import Simulation
+    from sim.vehicle.vehicle import load_vehicle
+    from sim.environment.world import load_world
+    Simulation(load_vehicle("paper_six")[0], load_world("paper_field"), position=(0, 0, 3)).step((1600,) * 6)
+    heavy = {"thruster_curves", "thruster_lags", "t200", "battery", "failures", "propulsion"}
+    print(*sorted({f"sim.{name}" for name in heavy} & set(sys.modules)))
+    """
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=Path(__file__).parents[4]
+    )
+    assert done.stdout.split() == []
+
+
+def test_what_is_wrong_is_known_from_when_it_begins() -> None:
+    weak, off = (
+        Failure("front_left", "efficiency", efficiency=0.4),
+        Failure("front_left", "off", time=0.05),
+    )
+    thrusters = make_thrusters(VEHICLE, DT, [off, weak])
+    assert thrusters.failures("front_left") == (weak,)
+    ride(thrusters, [1900] * 20)
+    assert thrusters.failures("front_left") == (weak,)
+    ride(thrusters, [1900])
+    assert thrusters.failures("front_left") == (weak, off)
+    weaker = weak._replace(efficiency=0.2)
+    thrusters.fail([weaker])
+    assert thrusters.failures("front_left") == (weaker, off), "one a kind, at once"
+    thrusters.fail([Failure("front_left", "repaired")])
+    assert thrusters.failures("front_left") == ()
+    assert thrusters.failures("front_right") == ()
+    assert make_thrusters(VEHICLE, DT).failures("front_left") == ()

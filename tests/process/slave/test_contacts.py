@@ -1,0 +1,166 @@
+"""Who is there for a vehicle: whose clocks it knows, and what others say in a master's name or out of all bounds."""
+
+import os
+import re
+import signal
+import time
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import pytest
+
+from hil.client.client import VehicleClient
+from hil.common.clock import NS_PER_S, now_ns, to_wall_ns
+from hil.network.presence import declare_presence
+from hil.network.roles import open_master_session
+from hil.network.session import Session, listen
+from hil.network.tokens import PING, PONG, clock_keys
+from hil.ros.diagnostics import Diagnostics
+from hil.slave.command_receiver import CommandReceiver
+from hil.slave.contacts import MOST_THERE, TWIN_S, Contacts
+from hil.slave.sample_publisher import SamplePublisher
+from tests.support.processes import free_port, wait_for
+
+ASK, ANSWER, MASTERS = clock_keys("uuv1")
+LAST, FIRST = (1 << 63) - 1, -(1 << 63)
+
+
+class Slave(NamedTuple):
+    """What there is of a vehicle to get in touch with, and a session that has dialled it."""
+
+    endpoint: str
+    command_receiver: CommandReceiver
+    contacts: Contacts
+    other: Session
+
+    @property
+    def said(self) -> Diagnostics:
+        """What the contacts add to the diagnostics now."""
+        said = Diagnostics()
+        self.contacts.add_figures(said)
+        return said
+
+
+@pytest.fixture
+def slave() -> Iterator[Slave]:
+    endpoint, command_receiver = f"tcp/127.0.0.1:{free_port()}", CommandReceiver(NS_PER_S)
+    with listen(endpoint) as session, open_master_session(endpoint) as other:
+        contacts = Contacts(
+            session, "uuv1", command_receiver, SamplePublisher(session, "uuv1", 0), lambda _: None, None
+        )
+        yield Slave(endpoint, command_receiver, contacts, other)
+    command_receiver.close()
+
+
+def ping(ident: bytes, ahead_ns: int) -> bytes:
+    """A ping by a clock that is ahead, with an answer that came to it a moment ago."""
+    now = to_wall_ns(now_ns())
+    return PING.pack(ident, now + ahead_ns, now - 1_000_000, now + ahead_ns - 100_000)
+
+
+@pytest.mark.parametrize("key", [ASK, MASTERS])
+def test_instants_that_cannot_be_are_malformed_and_others_are_served_after_them(slave: Slave, key: str) -> None:
+    send = slave.other.sender(key)
+
+    def tell() -> int:
+        for instants in ((LAST, FIRST, LAST), (FIRST, 0, 0), (0, LAST, 0)):
+            send(PING.pack(b"x" * 16, *instants))
+        return slave.command_receiver.malformed >= 3
+
+    assert wait_for(tell)
+    assert not slave.command_receiver.clocks
+    with VehicleClient(slave.endpoint, "uuv1", part="observer") as observer:
+        assert observer.contact.known.wait(60)
+
+
+def test_only_masters_make_their_clocks_known(slave: Slave) -> None:
+    answers: list[bytes] = []
+    slave.other.receive(ANSWER, answers.append, 16)
+    with VehicleClient(slave.endpoint, "uuv1") as master, VehicleClient(slave.endpoint, "uuv1", part="observer") as one:
+        ident, ask = master._commands.gid, slave.other.sender(ASK)
+        assert one.contact.known.wait(60)
+        assert wait_for(lambda: ident in slave.command_receiver.clocks and master.contact.reported)
+        assert wait_for(lambda: ask(ping(ident, 3600 * NS_PER_S)) or len(answers) > 20)
+        assert {known: clock.steps for known, clock in slave.command_receiver.clocks.items()} == {ident: 0}
+        told = [PONG.unpack(answer)[-3:-1] for answer in answers if answer.startswith(ident)]
+    assert all(abs(offset) < NS_PER_S for offset, _ in told)
+
+
+def test_many_pings_do_not_push_out_the_clock_of_the_one_that_is_obeyed(slave: Slave) -> None:
+    slave.command_receiver.master = b"m" * 16
+    for number in range(3 * MOST_THERE):
+        ident = slave.command_receiver.master if number == 3 else number.to_bytes(16, "big")
+        slave.contacts._on_masters_ping(ping(ident, 0))
+    assert len(slave.command_receiver.clocks) == MOST_THERE
+    assert slave.command_receiver.master in slave.command_receiver.clocks
+
+
+def test_an_observer_with_a_masters_ident_does_not_stand_for_it(slave: Slave) -> None:
+    slave.command_receiver.master = bytes.fromhex("ab" * 16)
+    declare_presence(slave.other, "uuv1", "master", "ab" * 16)
+    assert wait_for(lambda: slave.said.commander)
+    name = slave.said.commander
+    withdraw = declare_presence(slave.other, "uuv1", "observer", "ab" * 16)
+    assert wait_for(lambda: slave.said.observers == 1)
+    assert slave.said.masters == (name,)
+    withdraw()
+    assert wait_for(lambda: slave.said.observers == 0)
+    assert slave.said.commander == name
+
+
+def test_of_very_many_masters_only_some_are_told(slave: Slave) -> None:
+    """A stranger announces thousands: neither the log nor the table of ranks grows with them."""
+    reported: list[str] = []
+    slave.contacts._report = reported.append
+    for number in range(3 * MOST_THERE):
+        declare_presence(slave.other, "uuv1", "master", f"{number:032x}")
+    assert wait_for(lambda: len(slave.said.masters or ()) == MOST_THERE, 60)
+    slave.other.close()
+    assert wait_for(lambda: not slave.said.masters, 60)
+    assert len(reported) == 2 * MOST_THERE
+    assert len(slave.command_receiver.ranks) <= MOST_THERE
+
+
+def test_a_newcomer_gives_way_to_a_slave_of_its_name(slave: Slave, monkeypatch: pytest.MonkeyPatch) -> None:
+    signals: list[int] = []
+    monkeypatch.setattr(os, "kill", lambda _, number: signals.append(number))
+    declare_presence(slave.other, "uuv1", "slave", "00" * 16)
+    assert wait_for(lambda: slave.contacts.conflict is not None, 60)
+    assert signals == [signal.SIGTERM]
+    assert re.match(r"another slave of the name uuv1 is there: .+:\d+; end that one", str(slave.contacts.conflict))
+
+
+def test_of_two_that_start_at_once_the_younger_gives_way(slave: Slave, monkeypatch: pytest.MonkeyPatch) -> None:
+    """However soon each sees the other."""
+    signals: list[int] = []
+    monkeypatch.setattr(os, "kill", lambda _, number: signals.append(number))
+    monkeypatch.setattr("hil.slave.contacts.FIRST_NS", 3600 * NS_PER_S)
+    monkeypatch.setattr("hil.slave.contacts.TWIN_S", 0.0)
+    reported: list[str] = []
+    slave.contacts._report = reported.append
+    began_ns = int(slave.contacts._ident[:16], 16)
+    declare_presence(slave.other, "uuv1", "slave", f"{began_ns + NS_PER_S:016x}{16 * '0'}")
+    assert wait_for(lambda: bool(reported), 60), "the other is younger"
+    assert slave.contacts.conflict is None
+    declare_presence(slave.other, "uuv1", "slave", f"{began_ns - NS_PER_S:016x}{16 * '0'}")
+    slave.contacts._began_ns = now_ns()
+    assert wait_for(lambda: signals == [signal.SIGTERM], 60), "the other is older"
+
+
+def test_a_slave_that_is_there_stays_when_another_comes(slave: Slave) -> None:
+    reported: list[str] = []
+    slave.contacts._report = reported.append
+    slave.contacts._began_ns -= 3600 * NS_PER_S
+    declare_presence(slave.other, "uuv1", "slave")
+    assert wait_for(lambda: bool(reported), 60)
+    assert reported[0].startswith("WARNING: another slave of the name uuv1 is there")
+    assert slave.contacts.conflict is None
+
+
+def test_a_slave_that_was_killed_just_before_is_no_other(slave: Slave) -> None:
+    leave = declare_presence(slave.other, "uuv1", "slave")
+    assert wait_for(lambda: bool(slave.contacts._twins), 60)
+    leave()
+    assert wait_for(lambda: not slave.contacts._twins, 60)
+    time.sleep(TWIN_S + 0.1)
+    assert slave.contacts.conflict is None

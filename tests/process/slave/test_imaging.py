@@ -1,0 +1,310 @@
+"""A slave with sensors that make pictures: a second process, and a loop that does not notice it."""
+
+import io
+import itertools
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from hil.client.client import VehicleClient
+from hil.recording.reader import read_messages
+from hil.ros.diagnostics import Diagnostics, or_nan
+from sim.environment.world import load_world
+from tests.support.busy import retry_when_busy
+from tests.support.processes import ROOT, Program, wait_for, write_scenario
+
+WIDTH, HEIGHT = 64, 48
+SENSORS = f"""
+[ros]
+images = "both"
+[sensors.camera]
+rate = 10
+width = {WIDTH}
+height = {HEIGHT}
+depth_noise = 0
+points = true
+[sensors.forward_sonar]
+rate = 5
+beams = 64
+"""
+PICTURES = (
+    "camera/image_raw", "camera/image_raw/compressed", "camera/camera_info", "camera/depth/image_raw",
+    "camera/depth/points", "forward_sonar/image",
+)  # fmt: skip
+
+
+def start(folder: Path, sensors: str = SENSORS, environment: dict[str, str] | None = None) -> tuple[Program, str]:
+    scenario, port = write_scenario(folder, top=sensors)
+    return Program(folder, "slave", scenario, environment=environment), f"tcp/127.0.0.1:{port}"
+
+
+@pytest.fixture
+def slave(tmp_path: Path) -> Iterator[tuple[Program, VehicleClient]]:
+    program, endpoint = start(tmp_path)
+    with program:
+        program.expect("ready")
+        with VehicleClient(endpoint, "uuv1") as client:
+            client.watch(*PICTURES)
+            yield program, client
+
+
+@pytest.fixture(scope="module")
+def watched(tmp_path_factory: pytest.TempPathFactory) -> Iterator[VehicleClient]:
+    """A master that has every picture of a slave which nobody harms."""
+    program, endpoint = start(tmp_path_factory.mktemp("watched"))
+    with program, VehicleClient(endpoint, "uuv1") as client:
+        client.watch(*PICTURES)
+        assert wait_for(lambda: has_all(client)), program.output
+        yield client
+
+
+def has_all(client: VehicleClient) -> bool:
+    return all(client.received[topic] > 2 for topic in PICTURES)
+
+
+def alive(pid: int) -> bool:
+    """A process that has ended and waits for its parent to notice is not."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] not in ("Z", "X")
+    except OSError:
+        return False
+
+
+def imaging_pid(client: VehicleClient) -> int:
+    return wait_for(lambda: client.diagnostics().imaging_pid or 0) or 0
+
+
+def test_pictures_arrive_as_they_were_taken(watched: VehicleClient) -> None:
+    latest: dict[str, Any] = {topic: watched.latest[topic].value for topic in PICTURES}
+    raw, packed = latest["camera/image_raw"], latest["camera/image_raw/compressed"]
+    assert (raw.width, raw.height, raw.encoding) == (WIDTH, HEIGHT, "rgb8")
+    assert Image.open(io.BytesIO(packed.data)).size == (WIDTH, HEIGHT)
+    assert len(set(raw.data)) > 10, "something is on it"
+    sonar = latest["forward_sonar/image"]
+    assert len(sonar.beams) == 64
+    assert sonar.beams[0] < 0 < sonar.beams[-1]
+    assert len(sonar.intensities) == 64 * sonar.bins
+
+
+def test_down_is_down(watched: VehicleClient) -> None:
+    """Depth along the optical axis of the pool's floor, from the middle column at the lower edge."""
+    picture, info = (watched.latest[f"camera/{name}"].value for name in ("depth/image_raw", "camera_info"))
+    depth = np.frombuffer(picture.data, "<f4").reshape(HEIGHT, WIDTH)
+    water = load_world("pool").depth - watched.latest["ground_truth"].value.position[2]
+    expected = water * info.intrinsics.fy / (HEIGHT - 1 - info.intrinsics.cy)
+    assert depth[-1, WIDTH // 2] == pytest.approx(expected, rel=0.1)
+    assert depth[-1, WIDTH // 2] < depth[HEIGHT // 2, WIDTH // 2]
+
+
+def test_points_are_those_of_the_depth_image(watched: VehicleClient) -> None:
+    """Of the same instant, through the pinhole of the same camera, in the frame that is z ahead, x right, y down."""
+
+    def both() -> tuple[Any, Any] | None:
+        cloud, picture = (watched.latest[f"camera/depth/{name}"].value for name in ("points", "image_raw"))
+        return (cloud, picture) if cloud.time_ns == picture.time_ns else None
+
+    found = wait_for(both)
+    assert found
+    cloud, picture = found
+    assert (cloud.width, cloud.height) == (WIDTH, HEIGHT)
+    x, y, z, _ = np.frombuffer(cloud.data, "<f4").reshape(HEIGHT, WIDTH, 4).transpose(2, 0, 1)
+    depth = np.frombuffer(picture.data, "<f4").reshape(HEIGHT, WIDTH)
+    fx, fy, cx, cy = watched.latest["camera/camera_info"].value.intrinsics
+    columns, rows = np.meshgrid(np.arange(WIDTH), np.arange(HEIGHT))
+    seen = np.isfinite(depth)
+    assert seen.sum() > 1000
+    assert (np.isnan(z) == ~seen).all()
+    for axis, expected in ((x, (columns - cx) / fx * depth), (y, (rows - cy) / fy * depth), (z, depth)):
+        assert axis[seen] == pytest.approx(expected[seen], abs=1e-4)
+
+
+def test_stamps_are_those_of_the_simulation(watched: VehicleClient) -> None:
+    truth = watched.latest["ground_truth"].value.time_ns  # at 20 Hz
+    for topic in PICTURES:
+        stamp = watched.latest[topic].value.time_ns
+        assert (stamp - truth) % 50_000_000 == 0
+        assert abs(stamp - time.time_ns()) < 2_000_000_000
+    figures = watched.diagnostics()
+    assert (figures.imaging_requested or {})["camera"] > 0
+    assert figures.imaging_restarts == 0
+
+
+def test_a_killed_process_is_told_and_started_again(slave: tuple[Program, VehicleClient]) -> None:
+    program, client = slave
+    assert wait_for(lambda: has_all(client)), client.received
+    kills = itertools.count(1)
+
+    def goes_on() -> None:
+        before, began = newest(client), time.monotonic()
+        calm, passed = newest(client), time.monotonic() - began
+        skipped = steps_skipped_by_a_kill(program, client, next(kills))
+        assert skipped <= 2 * (or_nan(calm.steps_skipped) - or_nan(before.steps_skipped)) / passed + 20
+
+    retry_when_busy(goes_on, "steps left out in a second, before and while its child is started again")
+    assert "signal 9; started again in 0.5 s" in program.output
+
+
+def steps_skipped_by_a_kill(program: Program, client: VehicleClient, restarts: int) -> float:
+    """Kills the imaging process and waits for the next one's pictures: steps that the loop left out, a second.
+
+    A loop that waited for the half second until the next one starts would leave out some 50 of 400.
+    """
+    then, began = newest(client), time.monotonic()
+    os.kill(then.imaging_pid or 0, signal.SIGKILL)
+    program.expect(rf"(?s)(WARNING: the imaging process ended, signal 9; started again in .*){{{restarts}}}")
+    before = client.received["camera/image_raw"], client.received["imu"]
+    assert wait_for(lambda: client.received["camera/image_raw"] > before[0] + 3)
+    assert client.received["imu"] > before[1] + 50, "the loop goes on"
+    now = newest(client)
+    assert now.imaging_restarts == restarts
+    assert now.imaging_pid != then.imaging_pid
+    return (or_nan(now.steps_skipped) - or_nan(then.steps_skipped)) / (time.monotonic() - began)
+
+
+def camera(client: VehicleClient, what: Literal["requested", "dropped", "took_ms"]) -> float:
+    """Of the pictures of the camera, as last reported."""
+    figures: dict[str, float] = client.diagnostics()[f"imaging_{what}"]
+    return figures["camera"]
+
+
+def newest(client: VehicleClient) -> Diagnostics:
+    """The diagnostics of this moment, not of up to a second ago: the second of two that come."""
+    before = client.received["diagnostics"]
+    assert wait_for(lambda: client.received["diagnostics"] > before + 1)
+    return client.diagnostics()
+
+
+IDLE = 0.03  # of a core, of a process that makes no pictures; those below take four times as much where it is calm
+
+
+def test_pictures_are_made_for_those_who_watch(tmp_path: Path) -> None:
+    """By the processor time that the process takes."""
+    program, endpoint = start(tmp_path, "[sensors.camera]\nrate = 10\nwidth = 640\nheight = 480\n")
+    with program, VehicleClient(endpoint, "uuv1") as client:
+        program.expect("ready")
+        assert wait_for(lambda: or_nan(client.diagnostics().imaging_cpu_s) > 0.0)
+        assert wait_for(lambda: takes(client, 0.9) < IDLE), "nobody watches"
+        with VehicleClient(endpoint, "uuv1", part="observer") as onlooker:
+            onlooker.watch("camera/depth/image_raw")
+            assert wait_for(lambda: onlooker.received["camera/depth/image_raw"] > 3)
+            assert wait_for(lambda: takes(client, 0.9) > 2.0 * IDLE)
+        assert wait_for(lambda: takes(client, 0.9) < IDLE), "the onlooker has gone"
+
+
+def test_a_first_picture_that_is_lost_does_not_end_them(tmp_path: Path) -> None:
+    """As the first one shows what there is to listen to."""
+    program, endpoint = start(tmp_path, "[sensors.camera]\nrate = 20\nwidth = 40\nheight = 30\ndrop_out = 0.9\n")
+    with program, VehicleClient(endpoint, "uuv1") as client:
+        client.watch("camera/camera_info")
+        assert wait_for(lambda: client.received["camera/camera_info"] > 3)
+
+
+def takes(client: VehicleClient, seconds: float) -> float:
+    """The processor's share that pictures take, for so long."""
+
+    def spent() -> tuple[float, float]:
+        stamped = client.latest["diagnostics"]
+        return or_nan(stamped.value.imaging_cpu_s), stamped.sent_ns / 1e9
+
+    before, began = spent()
+    assert wait_for(lambda: spent()[1] > began + seconds)  # diagnostics come once a second
+    after, ended = spent()
+    return (after - before) / (ended - began)
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
+def test_it_ends_with_the_slave(slave: tuple[Program, VehicleClient], number: int) -> None:
+    program, client = slave
+    pid = imaging_pid(client)
+    assert alive(pid)
+    code = program.stop(number)
+    assert code == (-9 if number == signal.SIGKILL else 0)
+    assert wait_for(lambda: not alive(pid))
+    assert "Traceback" not in program.output
+    assert "the imaging process ended" not in program.output
+
+
+def test_a_slow_process_drops_pictures(tmp_path: Path) -> None:
+    program, endpoint = start(tmp_path, "[sensors.camera]\nrate = 50\nwidth = 1200\nheight = 900\ndepth = false\n")
+    with program, VehicleClient(endpoint, "uuv1") as client:
+        assert wait_for(client.diagnostics)
+        calm = max(or_nan(newest(client).real_time_factor) for _ in range(2))
+        client.watch("camera/camera_info")
+        assert wait_for(lambda: client.received["camera/camera_info"] > 2)
+        assert wait_for(lambda: camera(client, "dropped") > 10)
+        assert wait_for(lambda: camera(client, "took_ms") > 20.0)
+        assert wait_for(lambda: or_nan(client.diagnostics().real_time_factor) > 0.7 * calm), "it waits for none"
+        assert camera(client, "requested") > camera(client, "dropped")
+
+
+def start_with_pillow(folder: Path, text: str) -> Program:
+    """A slave for which this is all that there is of Pillow."""
+    package = folder / "other" / "PIL"
+    package.mkdir(parents=True)
+    (package / "__init__.py").write_text(text)
+    return start(folder, environment={"PYTHONPATH": str(package.parent)})[0]
+
+
+def test_what_cannot_be_mended_is_told_once(tmp_path: Path) -> None:
+    with start_with_pillow(tmp_path, "raise ImportError") as program:
+        program.expect(r"no pictures: pictures as JPEG need Pillow: pip install 'uuv-hil\[imaging\]'")
+        assert program.process.poll() is None
+        assert "ended" not in program.output
+
+
+def test_why_it_ended_is_told_and_it_is_started_less_and_less_often(tmp_path: Path) -> None:
+    with start_with_pillow(tmp_path, "raise RuntimeError('no lens')") as program:
+        for pause in ("0.5", "1"):
+            program.expect(
+                rf"the imaging process ended, exit code 1: RuntimeError: no lens; started again in {pause} s"
+            )
+        assert program.process.poll() is None
+        assert "Traceback" not in program.output
+
+
+def test_recordings(tmp_path: Path) -> None:
+    """A recorder has the pictures; the slave's own has not, and is repeated to the bit."""
+    kept = tmp_path / "tape"
+    program, endpoint = start(tmp_path, f'{SENSORS}\n[recording]\nslave = true\nfolder = "{kept}"\n')
+    with program:
+        program.expect("ready")
+        with VehicleClient(endpoint, "uuv1", part="observer") as onlooker:
+            onlooker.watch(*PICTURES)
+            assert wait_for(lambda: has_all(onlooker)), "they take their time to begin"
+        with Program(tmp_path, "record", "--connect", endpoint, "-o", tmp_path / "bag", "--seconds", "3") as recorder:
+            assert recorder.wait() == 0, recorder.output
+        assert program.stop(signal.SIGINT) == 0
+    topics = {message.topic for message in read_messages(str(tmp_path / "bag"))}
+    assert {f"/uuv1/{topic}" for topic in PICTURES} <= topics
+    (recording,) = kept.iterdir()
+    assert not any("camera" in message.topic for message in read_messages(str(recording)))
+    with Program(tmp_path, "replay", recording, "--check") as check:
+        assert check.wait() == 0, check.output
+        assert "the same bit for bit" in check.output
+
+
+LEAN = """
+import sys
+from hil.scenario.config import load_scenario
+from hil.slave.imaging.sensors import Imaging
+import hil.slave.daemon
+imaging = Imaging(load_scenario(sys.argv[1]), print)
+assert set(imaging.dropped) == {0}
+print(*sorted({"numpy", "PIL", "subprocess", "socket", "ctypes", "hil.ros.images"} & set(sys.modules)))
+"""
+
+
+def test_the_loops_side_is_lean(tmp_path: Path) -> None:
+    scenario, _ = write_scenario(tmp_path, top=SENSORS)
+    done = subprocess.run([sys.executable, "-c", LEAN, scenario], capture_output=True, text=True, cwd=ROOT)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.split() == []

@@ -1,0 +1,90 @@
+"""The session of the imaging process: heard through that of the slave, by those who may."""
+
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack
+from pathlib import Path
+
+import pytest
+
+from hil.commands.keys import add_machine, init
+from hil.common.errors import NetworkError
+from hil.network.roles import open_master_session, open_router_session
+from hil.network.security import Security
+from hil.network.session import Session, listen
+from hil.network.settings import Network
+from hil.ros.topics import TOPICS
+from hil.scenario.config import Scenario
+from hil.scenario.records import Master, Slave
+from hil.slave.imaging.process import join
+from tests.support.processes import free_port, wait_for
+
+PICTURE = bytes(3_000_000)  # more than a slave takes from a master
+
+
+def scenario(endpoint: str, network: Network = Network(), security: Security | None = None) -> Scenario:
+    slave = Slave(listen=endpoint)
+    return Scenario("paper_six", "pool", Master((1.0, 1.0)), slave=slave, network=network, security=security)
+
+
+@pytest.fixture
+def stack() -> Iterator[ExitStack]:
+    with ExitStack() as stack:
+        yield stack
+
+
+def arrives(imaging: Session, *masters: Session) -> list[set[int]]:
+    """The sizes of pictures that each of the masters gets."""
+    got: list[set[int]] = [set() for _ in masters]
+    for sizes, master in zip(got, masters, strict=True):
+        master.subscribe("uuv1", "camera/image_raw", lambda _, data, __, sizes=sizes: sizes.add(len(data)), 2)  # type: ignore[misc]
+    publisher = imaging.publisher("uuv1", TOPICS["camera/image_raw"])
+
+    pause = iter([0.05, 0.1, 0.2, 0.4, 0.8, *[1.6] * 40])  # a busy machine must get one through before the next comes
+
+    def spoken() -> bool:
+        publisher.put(PICTURE, 0)
+        time.sleep(next(pause))
+        return bool(got[0])
+
+    wait_for(spoken)
+    return got
+
+
+def test_masters_hear_it_through_the_slave(stack: ExitStack) -> None:
+    asked = scenario(f"tcp/0.0.0.0:{free_port()}")
+    stack.enter_context(listen(asked.slave.listen, pictures=True))
+    master = stack.enter_context(open_master_session(asked.slave.listen.replace("0.0.0.0", "127.0.0.1")))
+    assert arrives(stack.enter_context(join(asked)), master) == [{len(PICTURE)}]
+
+
+def test_with_a_router(stack: ExitStack) -> None:
+    router = f"tcp/127.0.0.1:{free_port()}"
+    network = Network(mode="routed", router=router)
+    asked = scenario(f"tcp/127.0.0.1:{free_port()}", network)
+    stack.enter_context(open_router_session(router, network))
+    stack.enter_context(listen(asked.slave.listen, network))
+    master = stack.enter_context(open_master_session(router, network=network))
+    assert arrives(stack.enter_context(join(asked)), master) == [{len(PICTURE)}]
+
+
+def test_only_those_who_may_listen(stack: ExitStack, tmp_path: Path) -> None:
+    init(str(tmp_path))
+    for name in ("uuv1", "laptop", "stranger"):
+        add_machine(str(tmp_path), name, [])
+
+    def security(master: str) -> Security:
+        return Security(str(tmp_path / "uuv1"), str(tmp_path / master), ("laptop",))
+
+    asked = scenario(f"tcp/127.0.0.1:{free_port()}", security=security("laptop"))
+    stack.enter_context(listen(asked.slave.listen, security=asked.security, pictures=True))
+    masters = [
+        stack.enter_context(open_master_session(asked.slave.listen, security=security(name)))
+        for name in ("laptop", "stranger")
+    ]
+    assert arrives(stack.enter_context(join(asked)), *masters) == [{len(PICTURE)}, set()]
+
+
+def test_without_a_slave() -> None:
+    with pytest.raises(NetworkError, match=r"cannot join tcp/127\.0\.0\.1"):
+        join(scenario(f"tcp/127.0.0.1:{free_port()}"))

@@ -1,0 +1,219 @@
+"""Commands of every kind, from the bytes of their messages to where the vehicle then is, without network and clock."""
+
+import random
+import subprocess
+import sys
+from collections.abc import Iterator
+from math import inf, nan, pi
+
+import pytest
+
+from hil.autonomy.control.controller import VelocityCommand, heading_of, wrap
+from hil.common.clock import NS_PER_S
+from hil.ros.commands import DECODERS, PoseCommand, encode_number, encode_pose, encode_thrusts
+from hil.ros.frames import encode_wrench
+from hil.ros.message import decode
+from hil.ros.topics import COMMANDS
+from hil.slave.command_mux import CommandMux
+from hil.slave.setpoints import PoseSetpoint
+from sim.sensors.samples import OdometrySample
+from tests.support.flying import GID, VEHICLE, Bench, twist
+
+OTHER = b"b" * 16
+
+
+@pytest.fixture
+def bench() -> Iterator[Bench]:
+    bench = Bench()
+    yield bench
+    bench.command_receiver.close()
+
+
+def heading(truth: OdometrySample) -> float:
+    return heading_of(truth.orientation)
+
+
+def test_depth_alone_dives_on_the_spot(bench: Bench) -> None:
+    truth = bench.fly(8.0, cmd_depth=encode_number(3.0))
+    assert truth.position[2] == pytest.approx(3.0, abs=0.1)
+    assert truth.position[:2] == pytest.approx((4.0, 4.0), abs=0.2)
+
+
+def test_a_heading_is_turned_to_the_short_way(bench: Bench) -> None:
+    assert heading(bench.fly(8.0, cmd_heading=encode_number(-2.5))) == pytest.approx(-2.5, abs=0.1)
+    truth = bench.fly(5.0, cmd_heading=encode_number(2.5))
+    assert wrap(heading(truth) - 2.5) == pytest.approx(0.0, abs=0.1)
+
+
+def test_speed_depth_and_heading_go_together(bench: Bench) -> None:
+    messages = {"cmd_depth": encode_number(2.5), "cmd_heading": encode_number(1.0), "cmd_vel": twist(surge=0.3)}
+    truth = bench.fly(8.0, **messages)
+    assert truth.nu[0] == pytest.approx(0.3, abs=0.05)
+    assert truth.position[2] == pytest.approx(2.5, abs=0.1)
+    assert heading(truth) == pytest.approx(1.0, abs=0.1)
+
+
+def test_who_asks_for_heave_and_turn_gets_them_in_spite_of_a_hold(bench: Bench) -> None:
+    messages = {"cmd_depth": encode_number(2.0), "cmd_heading": encode_number(0.0)}
+    bench.fly(1.0, **messages)
+    truth = bench.fly(3.0, **messages, cmd_vel=twist(heave=0.2, yaw_rate=0.3))
+    assert truth.nu[2] == pytest.approx(0.2, abs=0.05)
+    assert truth.nu[5] == pytest.approx(0.3, abs=0.05)
+
+
+def test_a_pose_is_gone_to_and_kept(bench: Bench) -> None:
+    pose = encode_pose(PoseCommand((6.0, 5.0, 2.6), 1.2), 0, "uuv1/odom")
+    truth = bench.fly(14.0, cmd_pose=pose)
+    assert bench.pilot.position == pytest.approx((6.0, 5.0, 2.6), abs=0.1), "as far as it knows"
+    assert truth.position == pytest.approx((6.0, 5.0, 2.6), abs=0.4)
+    assert heading(truth) == pytest.approx(1.2, abs=0.1)
+    truth = bench.fly(4.0, cmd_pose=pose)
+    assert bench.pilot.position == pytest.approx((6.0, 5.0, 2.6), abs=0.1)
+    assert max(map(abs, truth.nu[:3])) < 0.05
+
+
+def test_a_wrench_goes_straight_to_the_thrusters(bench: Bench) -> None:
+    bench.fly(0.5, cmd_wrench=encode_wrench(0, (20.0, 0.0, 0.0, 0.0, 0.0, 0.0)))
+    forces = bench.simulation.forces().thrusters
+    assert forces[0] == pytest.approx(20.0, rel=0.05)
+    assert max(map(abs, (forces[1], forces[2], forces[5]))) < 0.5
+    bench.fly(1.0, cmd_wrench=encode_wrench(0, (0.0, 0.0, 0.0, 0.0, 0.0, 5.0)))
+    assert bench.simulation.forces().thrusters[5] == pytest.approx(5.0, rel=0.1)
+
+
+def test_each_thruster_has_its_own_thrust(bench: Bench) -> None:
+    bench.fly(0.5, cmd_thrusters=encode_thrusts((5.0, -5.0, 0.0, 0.0, 1e5, 0.0)))
+    limits = VEHICLE.thrusters[4]
+    assert bench.pulses[0] > 1500 > bench.pulses[1]
+    assert bench.pulses[2] == bench.pulses[3] == bench.pulses[5] == 1500
+    assert bench.pulses[4] == limits.pwm_max_us, "what is too much is as much as there is"
+
+
+def test_silence_ends_every_kind(bench: Bench) -> None:
+    kinds = {
+        "cmd_depth": encode_number(4.0),
+        "cmd_pose": encode_pose(PoseCommand((9.0, 9.0, 2.0), 0.0), 0),
+        "cmd_wrench": encode_wrench(0, (30.0, 0.0, 0.0, 0.0, 0.0, 0.0)),
+        "cmd_thrusters": encode_thrusts((9.0,) * 6),
+    }
+    for trips, (topic, payload) in enumerate(kinds.items(), 1):
+        bench.fly(0.3, **{topic: payload})
+        assert bench.pulses != (1500,) * 6
+        bench.fly(0.7)
+        assert bench.pulses == (1500,) * 6
+        assert bench.pilot.deadman_trips == trips
+
+
+def test_after_an_open_loop_the_controller_begins_anew(bench: Bench) -> None:
+    """Integrals from before do not push for what is not asked any more."""
+    bench.fly(3.0, cmd_vel=twist(surge=0.6))
+    bench.fly(6.0, cmd_wrench=encode_wrench(0, (0.0,) * 6))
+    truth = bench.fly(0.5, cmd_vel=twist())
+    assert truth.nu[0] < 0.2
+
+
+@pytest.mark.parametrize(
+    ("topic", "payload"),
+    [
+        ("cmd_depth", encode_number(nan)),
+        ("cmd_depth", encode_number(12_000.0)),
+        ("cmd_heading", encode_number(inf)),
+        ("cmd_heading", encode_number(1e9)),
+        ("cmd_vel", twist(surge=1e4)),
+        ("cmd_pose", encode_pose(PoseCommand((nan, 0.0, 0.0), 0.0), 0)),
+        ("cmd_pose", encode_pose(PoseCommand((1e7, 0.0, 0.0), 0.0), 0)),
+        ("cmd_pose", encode_pose(PoseCommand((1.0, 0.0, 0.0), 0.0), 0, "base_link")),
+        ("cmd_pose", encode_pose(PoseCommand((1.0, 0.0, 0.0), nan), 0)),
+        ("cmd_pose", encode_pose(PoseCommand((1.0, 0.0, 0.0), 0.0), 0)[:-32] + bytes(32)),  # no attitude
+        ("cmd_wrench", encode_wrench(0, (nan, 0.0, 0.0, 0.0, 0.0, 0.0))),
+        ("cmd_wrench", encode_wrench(0, (0.0, 0.0, 0.0, 0.0, 0.0, 1e7))),
+        ("cmd_thrusters", encode_thrusts((1.0,) * 5)),
+        ("cmd_thrusters", encode_thrusts((1.0,) * 7)),
+        ("cmd_thrusters", encode_thrusts(())),
+        ("cmd_thrusters", encode_thrusts((nan,) * 6)),
+        ("cmd_nothing", encode_number(1.0)),
+        ("imu", encode_number(1.0)),
+        *[(topic, b"") for topic in COMMANDS],
+        *[(topic, b"\0\1\0\0" + b"\xff" * 60) for topic in COMMANDS],
+    ],
+)
+def test_what_cannot_be_meant_is_counted_and_harmless(bench: Bench, topic: str, payload: bytes) -> None:
+    bench.tell(topic, payload)
+    assert bench.command_receiver.malformed == 1
+    assert bench.command_receiver.take_latest() is None
+    assert bench.command_receiver.master == b""
+
+
+def test_the_wrong_number_of_thrusts_is_told(bench: Bench) -> None:
+    bench.tell("cmd_thrusters", encode_thrusts((1.0,) * 5))
+    assert bench.command_receiver.fault == "cmd_thrusters: 5 thrusts for 6 thrusters"
+
+
+@pytest.mark.parametrize("topic", sorted(DECODERS))
+def test_any_bytes_are_survived(topic: str) -> None:
+    noise = random.Random(topic)
+    for length in range(120):
+        DECODERS[topic](b"\0\1\0\0" + noise.randbytes(length))
+        DECODERS[topic](noise.randbytes(length))
+
+
+def test_a_pose_keeps_place_and_heading_on_its_way_through_enu() -> None:
+    pose = PoseCommand((3.0, -4.0, 5.0), 2.2)
+    back = DECODERS["cmd_pose"](encode_pose(pose, 123, "map"))
+    assert back.position == pytest.approx(pose.position)
+    assert back.heading == pytest.approx(2.2)
+    east = encode_pose(PoseCommand((0.0, 1.0, 0.0), pi / 2), 0)
+    message = decode("geometry_msgs/msg/PoseStamped", east)  # what ROS sees: x east, and no turn
+    assert message is not None
+    seen = message["pose"]
+    assert (seen["position"]["x"], seen["position"]["y"]) == pytest.approx((1.0, 0.0))
+    assert abs(seen["orientation"]["w"]) == pytest.approx(1.0)
+
+
+def test_one_master_has_one_number_line_a_topic(bench: Bench) -> None:
+    bench.command_receiver.ranks[GID] = bench.command_receiver.ranks[OTHER] = 0
+    bench.tell("cmd_vel", twist())
+    bench.tell("cmd_depth", encode_number(2.0))
+    assert (bench.command_receiver.refused, bench.command_receiver.disordered) == (0, 0)
+    bench.tell("cmd_pose", encode_pose(PoseCommand((0.0, 0.0, 2.0), 0.0), 0), OTHER)
+    assert bench.command_receiver.refused == 1, "another master, on whatever topic"
+
+
+def test_nodes_that_do_not_say_who_they_are_share_a_vehicle_by_topic(bench: Bench) -> None:
+    """Two ROS 2 publishers, one of speeds and one of depths, are as good as one master; two of speeds are not."""
+    bench.tell("cmd_depth", encode_number(3.0), OTHER)
+    bench.tell("cmd_vel", twist(surge=0.2))
+    taken = bench.command_receiver.take_latest()
+    assert taken is not None
+    assert taken.command == VelocityCommand(surge=0.2, depth=3.0)
+    bench.tell("cmd_vel", twist(surge=0.9), OTHER)
+    assert bench.command_receiver.refused == 1
+    bench.tell("cmd_depth", encode_number(2.0), GID)
+    assert bench.command_receiver.refused == 2
+
+
+def test_a_hold_of_the_master_before_is_forgotten(bench: Bench) -> None:
+    bench.command_receiver.ranks.update({GID: 0, OTHER: 1})
+    bench.tell("cmd_depth", encode_number(3.0))
+    bench.tell("cmd_vel", twist(surge=0.2), OTHER)
+    taken = bench.command_receiver.take_latest()
+    assert taken is not None
+    assert taken.command == VelocityCommand(surge=0.2)
+
+
+def test_the_newest_kind_counts() -> None:
+    orders = CommandMux(6, NS_PER_S)
+    pose = PoseCommand((1.0, 2.0, 3.0), 0.5)
+    assert orders.combine("cmd_depth", 4.0, 0) == VelocityCommand(depth=4.0)
+    assert orders.combine("cmd_pose", pose, 1) == PoseSetpoint(pose)
+    assert orders.combine("cmd_vel", VelocityCommand(surge=1.0), 2) == VelocityCommand(surge=1.0, depth=4.0)
+    assert orders.combine("cmd_vel", VelocityCommand(surge=1.0), NS_PER_S + 1) == VelocityCommand(surge=1.0)
+
+
+def test_a_plain_start_loads_none_of_this() -> None:
+    code = (
+        "import sys; import hil.commands.slave, hil.slave.daemon; "
+        "print([m for m in sys.modules if m in ('hil.slave.command_mux', 'hil.ros.commands', "
+        "'hil.autonomy.control.position')])"
+    )
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout == "[]\n"

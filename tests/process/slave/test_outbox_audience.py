@@ -1,0 +1,222 @@
+"""What nobody listens to is not sent, whoever comes gets it from then on, and what was last is known all the same."""
+
+import time
+from collections import defaultdict
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from hil.common.clock import now_ns, to_wall_ns
+from hil.network.presence import fetch_last, serve_last
+from hil.network.roles import open_master_session
+from hil.network.session import Session, listen
+from hil.network.settings import Network
+from hil.ros import encoders as ros
+from hil.slave.sample_publisher import SamplePublisher
+from sim.sensors.samples import DvlSample, ImuSample, OdometrySample, PressureSample
+from tests.support.processes import Program, free_port, wait_for
+
+
+def imu(number: int) -> ImuSample:
+    return ImuSample(number, (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, -9.8))
+
+
+def pressure(number: int) -> PressureSample:
+    return PressureSample(number, 1e5)
+
+
+class Vehicle:
+    """Says what it measures, sample after sample, and counts how often."""
+
+    def __init__(self, session: Session) -> None:
+        self.sample_publisher = SamplePublisher(session, "uuv1", 0)
+        self.steps = 0
+
+    def step(self) -> None:
+        self.steps += 1
+        self.sample_publisher.sample("imu", imu(self.steps))
+        self.sample_publisher.sample("pressure", pressure(self.steps))
+
+    def sent(self, topic: str) -> int:
+        return self.sample_publisher._publishers[topic].sequence
+
+    def falls_silent(self) -> bool:
+        """Whether soon nothing is sent any more."""
+
+        def excluded_topics() -> bool:
+            before = self.sample_publisher.sent
+            self.step()
+            return self.sample_publisher.sent == before
+
+        return bool(wait_for(excluded_topics))
+
+    def run(self, count: int) -> None:
+        for _ in range(count):
+            self.step()
+            time.sleep(0.001)
+
+    def until(self, true: Callable[[], bool]) -> bool:
+        """Whether that comes true while it goes on measuring."""
+
+        def stepped() -> bool:
+            self.step()
+            return true()
+
+        return bool(wait_for(stepped))
+
+
+class Heard(defaultdict[str, list[int]]):
+    """The sequence numbers heard, by topic."""
+
+    def __init__(self, session: Session, *topics: str) -> None:
+        super().__init__(list)
+        for topic in topics:
+            session.subscribe("uuv1", topic, self._take, depth=1000)
+
+    def _take(self, topic: str, _: bytes, attachment: bytes) -> None:
+        stamp = ros.unpack_attachment(attachment)
+        assert stamp
+        self[topic].append(stamp.sequence)
+
+    def all_of(self, topic: str, last: int) -> bool:
+        """Whether all from the first to the last has come."""
+        return bool(wait_for(lambda: self[topic] == list(range(self[topic][0], last + 1))))
+
+
+@contextmanager
+def listening(endpoint: str, *topics: str) -> Iterator[Heard]:
+    with open_master_session(endpoint) as session:
+        yield Heard(session, *topics)
+
+
+@pytest.fixture
+def endpoint() -> str:
+    return f"tcp/127.0.0.1:{free_port()}"
+
+
+@pytest.fixture
+def vehicle(endpoint: str) -> Iterator[Vehicle]:
+    with listen(endpoint) as session:
+        yield Vehicle(session)
+
+
+def test_only_what_somebody_listens_to_is_sent(vehicle: Vehicle, endpoint: str) -> None:
+    vehicle.step()
+    assert vehicle.falls_silent()
+    with listening(endpoint, "pressure") as heard:
+        assert vehicle.until(lambda: "pressure" in heard)
+        before = vehicle.sent("imu"), vehicle.sent("pressure")
+        vehicle.run(50)
+        assert vehicle.sent("imu") == before[0]
+        assert vehicle.sent("pressure") == before[1] + 50
+        assert heard.all_of("pressure", vehicle.sent("pressure"))
+    assert vehicle.falls_silent()
+
+
+def test_all_listeners_get_the_same(vehicle: Vehicle, endpoint: str) -> None:
+    vehicle.step()
+    with listening(endpoint, "imu") as one, listening(endpoint, "*") as other:
+        assert vehicle.until(lambda: "imu" in one and "imu" in other and "pressure" in other)
+        vehicle.run(20)
+        assert one.all_of("imu", vehicle.sent("imu"))
+        assert other.all_of("imu", vehicle.sent("imu"))
+        assert other.all_of("pressure", vehicle.sent("pressure"))
+
+
+def test_one_listener_to_one_of_its_messages_is_enough(endpoint: str) -> None:
+    """A sample may go out as several messages."""
+    with listen(endpoint) as session:
+        sample_publisher = SamplePublisher(session, "uuv1", 0)
+
+        def said() -> set[str]:
+            sample_publisher.sample("dvl", DvlSample(1, (1.0, 0.0, 0.0), 7.5, True))
+            return set(heard)
+
+        with listening(endpoint, "altitude") as heard:
+            assert wait_for(lambda: said() == {"altitude"})
+
+
+def test_what_is_silent_is_no_outlet(endpoint: str) -> None:
+    """Who listens to /tf does not get odometry from it where transforms are not wanted."""
+    with listen(endpoint) as session, open_master_session(endpoint) as other:
+        other.subscribe_keys("0/tf/*/*", lambda *_: None, 8)
+        sample_publisher = SamplePublisher(session, "uuv1", 0, excluded_topics=("/tf",))
+        sample = OdometrySample(1, (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), (0.0,) * 6)
+        assert wait_for(session.watch_keys("0/tf/*/*"))
+        sample_publisher.sample("odom", sample)
+        assert wait_for(lambda: not sample_publisher._publishers["odom"].has_subscribers)
+        before = sample_publisher.sent
+        sample_publisher.sample("odom", sample)
+        assert sample_publisher.sent == before
+        assert set(sample_publisher._publishers) == {"odom"}
+
+
+def test_a_late_joiner_gets_the_newest_though_it_was_never_sent(vehicle: Vehicle, endpoint: str) -> None:
+    serve_last(vehicle.sample_publisher._session, "uuv1", vehicle.sample_publisher.catch_up)
+    vehicle.step()
+    assert vehicle.falls_silent()
+    vehicle.run(10)
+    before = to_wall_ns(now_ns())
+    vehicle.step()
+    after, sent = to_wall_ns(now_ns()), vehicle.sample_publisher.sent
+    last: dict[str, tuple[bytes, bytes]] = {}
+    with open_master_session(endpoint) as late:
+
+        def ask(topic: str = "*") -> set[str]:
+            last.clear()
+            fetch_last(late, "uuv1", lambda name, *message: last.update({name: message}), topic)
+            return set(last)
+
+        assert wait_for(ask)
+        assert set(last) == {"imu", "pressure"}
+        decoded, stamp = ros.decode_imu(last["imu"][0]), ros.unpack_attachment(last["imu"][1])
+        assert decoded is not None
+        assert decoded.time_ns == vehicle.steps
+        assert stamp is not None
+        assert before <= stamp.time_ns <= after, "it is as old as it is"
+        assert ask("pressure") == {"pressure"}, "only what was asked for"
+    assert vehicle.sample_publisher.sent == sent
+
+
+def test_what_was_kept_does_not_come_after_what_was_sent(vehicle: Vehicle, endpoint: str) -> None:
+    vehicle.step()
+    assert vehicle.falls_silent()
+    with listening(endpoint, "*") as heard:
+        assert vehicle.until(lambda: "imu" in heard)
+        sent = vehicle.sample_publisher._publishers["imu"].last
+        vehicle.sample_publisher.catch_up()
+        assert vehicle.sample_publisher._publishers["imu"].last is sent
+
+
+def test_all_is_sent_where_it_has_to_be(endpoint: str) -> None:
+    """For the slave's own recording."""
+
+    class Recorded(SamplePublisher):
+        sends_all = True
+
+    with listen(endpoint) as session:
+        sample_publisher = Recorded(session, "uuv1", 0)
+        for number in range(30):
+            sample_publisher.sample("imu", imu(number))
+            time.sleep(0.002)
+    assert sample_publisher.sent == 30
+
+
+def test_a_listener_behind_a_router_counts(tmp_path: Path, endpoint: str) -> None:
+    router = f"tcp/127.0.0.1:{free_port()}"
+    network = Network(mode="routed", router=router)
+    with Program(tmp_path, "router", "--listen", router) as between:
+        between.expect("forwarding")
+        with listen(endpoint, network) as session:
+            vehicle = Vehicle(session)
+            vehicle.step()
+            assert vehicle.falls_silent()
+            with open_master_session(router, network=network) as master:
+                heard = Heard(master, "imu")
+                assert vehicle.until(lambda: "imu" in heard)
+                before = vehicle.sent("pressure")
+                vehicle.run(20)
+                assert vehicle.sent("pressure") == before
+            assert vehicle.falls_silent()

@@ -1,0 +1,51 @@
+"""What a loop publishes on a network that cannot carry it."""
+
+import time
+from collections import Counter
+
+from hil.network.presence import fetch_last, serve_last
+from hil.network.roles import open_master_session
+from hil.network.session import listen
+from hil.slave.sample_publisher import SamplePublisher
+from tests.support.processes import free_port, wait_for
+from tools.faults.relay import Relay
+
+BYTES_PER_S = 0.4e6
+LASER, IMU = bytes(60_000), bytes(300)
+
+
+def test_large_messages_hold_up_neither_the_loop_nor_small_ones() -> None:
+    port = free_port()
+    heard, last, spent_ns = Counter[str](), dict[str, bytes](), 0
+    with (
+        listen(f"tcp/127.0.0.1:{port}") as slave,
+        Relay(port, BYTES_PER_S) as relay,
+        open_master_session(relay.endpoint) as master,
+    ):
+        sample_publisher = SamplePublisher(slave, "uuv1", 0)
+        serve_last(slave, "uuv1")
+        master.subscribe("uuv1", "*", lambda topic, *_: heard.update([topic]), depth=64)
+        assert wait_for(slave.watch_keys("0/uuv1/**"))
+
+        def is_heard() -> bool:
+            sample_publisher.put("imu", IMU)
+            sample_publisher.put("laser", IMU)
+            return heard["imu"] > 0 < heard["laser"]
+
+        assert wait_for(is_heard)
+        before = sample_publisher.sent
+        for step in range(300):
+            began = time.monotonic_ns()
+            sample_publisher.put("imu", IMU)
+            if step % 10 == 0:
+                sample_publisher.put("laser", LASER)  # 600 kB a second
+            spent_ns += time.monotonic_ns() - began
+            if step == 150:
+                fetch_last(master, "uuv1", lambda topic, payload, _: last.update({topic: payload}))
+            time.sleep(0.01)
+        assert wait_for(lambda: heard["laser"] > 2), "as many as it carries"
+        assert wait_for(lambda: heard["imu"] > 250)
+    carried_s = 30 * len(LASER) / BYTES_PER_S
+    assert spent_ns / 1e9 < 0.2 * carried_s, "who waits for the network waits as long as it takes to carry them"
+    assert sample_publisher.sent - before == 330, "those that were left out are missing in the numbers"
+    assert last == {"imu": IMU}, "what is large is not kept for who comes late"

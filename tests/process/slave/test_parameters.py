@@ -1,0 +1,258 @@
+"""The failures of thrusters as parameters, of a slave as a user runs it: what is asked, set, refused and repeated."""
+
+import signal
+import time
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hil.autonomy.control.controller import VelocityCommand
+from hil.client.client import VehicleClient
+from hil.common.errors import ConfigError
+from hil.network.roles import open_master_session
+from hil.network.services import call
+from hil.network.session import Session
+from hil.recording import check as recording_check
+from hil.recording.events import EVENTS, decode_event
+from hil.recording.reader import read_messages
+from hil.slave.parameters import failures_text, read_failures
+from sim.vehicle.failures import Failure
+from tests.support.processes import Program, write_scenario
+
+NAMES = ["front_right", "front_left", "rear_right", "rear_left", "vertical_right", "vertical_left"]
+PARAMETERS = [f"failures.{name}" for name in NAMES]
+TOP = """
+[[failure]]
+thruster = "vertical_left"
+kind = "noisy"
+noise = 0.25
+[recording]
+slave = true
+folder = "{folder}"
+keep_free = 0
+"""
+STRING = 4
+
+
+class Asker:
+    """Asks a slave's node as `ros2 param` does."""
+
+    def __init__(self, session: Session) -> None:
+        self.session = session
+
+    def call(self, name: str, kind: str, **request: Any) -> Any:
+        return call(self.session, f"/uuv1/{name}", f"rcl_interfaces/srv/{kind}", request)
+
+    def get(self, name: str) -> str:
+        (value,) = self.call("get_parameters", "GetParameters", names=[name])["values"]
+        assert value["type"] == STRING
+        return str(value["string_value"])
+
+    def set(self, *pairs: tuple[str, Any], atomically: bool = False) -> Any:
+        """The results of `name, text` pairs; a value that is no text is a ParameterValue."""
+        asked = [
+            {"name": name, "value": {"type": STRING, "string_value": value} if isinstance(value, str) else value}
+            for name, value in pairs
+        ]
+        if atomically:
+            return self.call("set_parameters_atomically", "SetParametersAtomically", parameters=asked)["result"]
+        return self.call("set_parameters", "SetParameters", parameters=asked)["results"]
+
+
+class Flown:
+    """A slave that is driven and recorded, and those who ask it."""
+
+    def __init__(self, slave: Program, client: VehicleClient, asker: Asker, folder: Path) -> None:
+        self.slave, self.client, self.asker, self.folder = slave, client, asker, folder
+
+    def fly(self) -> None:
+        for _ in range(6):
+            self.client.command(VelocityCommand(surge=0.5, heave=0.1, yaw_rate=0.4))
+            time.sleep(0.02)
+
+
+@pytest.fixture(scope="module")
+def flown(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Flown]:
+    folder = tmp_path_factory.mktemp("parameters")
+    scenario, port = write_scenario(folder)
+    with scenario.open("a") as file:
+        file.write(TOP.format(folder=folder / "recordings"))
+    with Program(folder, "slave", scenario) as slave:
+        slave.expect("recording into")
+        with open_master_session(f"tcp/127.0.0.1:{port}") as session, VehicleClient(session, "uuv1") as client:
+            assert client.wait_for_vehicle(60)
+            yield Flown(slave, client, Asker(session), folder)
+
+
+@pytest.fixture
+def asker(flown: Flown) -> Asker:
+    """With a vehicle in which all is well."""
+    results = flown.asker.set(*[(name, "") for name in PARAMETERS])
+    assert results == [{"successful": True, "reason": ""}] * len(PARAMETERS)
+    return flown.asker
+
+
+def test_the_failures_of_the_scenario_are_there_from_the_beginning(flown: Flown) -> None:
+    assert flown.asker.get("failures.vertical_left") == 'kind = "noisy", noise = 0.25'
+    assert flown.asker.get("failures.front_left") == ""
+
+
+@pytest.mark.parametrize(
+    ("request_", "names"),
+    [
+        ({}, PARAMETERS),
+        ({"prefixes": ["failures"]}, PARAMETERS),
+        ({"prefixes": ["failures.rear_left", "other"]}, ["failures.rear_left"]),
+        ({"prefixes": ["fail"]}, []),
+        ({"depth": 1}, []),
+        ({"depth": 2}, PARAMETERS),
+        ({"prefixes": ["failures"], "depth": 1}, PARAMETERS),
+    ],
+)
+def test_list(asker: Asker, request_: Any, names: list[str]) -> None:
+    result = asker.call("list_parameters", "ListParameters", **request_)["result"]
+    assert result == {"names": names, "prefixes": ["failures"] if names else []}
+
+
+def test_types_values_and_descriptions_in_the_order_asked_for(asker: Asker) -> None:
+    asked = ["failures.rear_left", "use_sim_time", "failures.front_left"]
+    assert asker.call("get_parameter_types", "GetParameterTypes", names=asked)["types"] == bytes((STRING, 0, STRING))
+    values = asker.call("get_parameters", "GetParameters", names=asked)["values"]
+    assert [value["type"] for value in values] == [STRING, 0, STRING]
+    descriptors = asker.call("describe_parameters", "DescribeParameters", names=asked)["descriptors"]
+    assert [(each["name"], each["type"]) for each in descriptors] == list(zip(asked, (STRING, 0, STRING), strict=True))
+    assert descriptors[0]["description"] == "what is wrong with the thruster 'rear_left'"
+    assert 'kind = "efficiency", efficiency = 0.5' in descriptors[0]["additional_constraints"]
+    assert not descriptors[0]["read_only"]
+
+
+@pytest.mark.parametrize(
+    ("text", "reads"),
+    [
+        ('kind = "off"', 'kind = "off"'),
+        ("kind = off", 'kind = "off"'),
+        ('kind = "efficiency", efficiency = 0.5', 'kind = "efficiency", efficiency = 0.5'),
+        ('kind = "stuck", pwm_us = 1700', 'kind = "stuck", pwm_us = 1700'),
+        ('kind = "stuck"', 'kind = "stuck"'),
+        ('kind = "delayed", delay = "100 ms"', 'kind = "delayed", delay = 0.1'),
+        ("kind=noisy,noise=1", 'kind = "noisy", noise = 1.0'),
+        ('kind = "repaired"', ""),
+        (
+            'kind = "noisy", noise = 0.2; kind = "off"; kind = "noisy", noise = 0.3;',
+            'kind = "noisy", noise = 0.3; kind = "off"',
+        ),
+        ("", ""),
+    ],
+)
+def test_every_kind_begins_and_ends(asker: Asker, text: str, reads: str) -> None:
+    (result,) = asker.set(("failures.rear_left", text))
+    assert result == {"successful": True, "reason": ""}
+    assert asker.get("failures.rear_left") == reads
+    assert asker.set(("failures.rear_left", reads)) == [result]
+    assert asker.get("failures.rear_left") == reads
+    assert asker.get("failures.rear_right") == ""
+    asker.set(("failures.rear_left", ""))
+    assert asker.get("failures.rear_left") == ""
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "words"),
+    [
+        ("failures.rear_left", 'kind = "of"', "failures.rear_left: kind: 'of' is not one of off, efficiency"),
+        ("failures.rear_left", "kind = off, efficency = 1", "no key 'efficency'; did you mean 'efficiency'?"),
+        ("failures.rear_left", "kind = efficiency, efficiency = 1.5", "efficiency: 1.5 is outside 0 to 1"),
+        ("failures.rear_left", "kind = efficiency", "does nothing without efficiency"),
+        ("failures.rear_left", "kind = off, noise = 0.5", "noise belongs to kind 'noisy', not 'off'"),
+        ("failures.rear_left", "kind = delayed, delay = 3 Hz", "delay: has the unit 'Hz'; expected one of s"),
+        ("failures.rear_left", "kind = off, time = 3", "key 'time' is not for parameters"),
+        ("failures.rear_left", "kind = off, kind = off", "key 'kind' is given twice"),
+        ("failures.rear_left", "off", "'off' is not KEY = VALUE; write it as kind = "),
+        ("failures.rear_left", "kind = off," + 200 * " ", "211 characters, at most 200"),
+        ("failures.rear_left", {"type": 1, "bool_value": False}, "expected a text, such as kind = "),
+        ("failures.rear_left", {"type": 0}, "expected a text, such as kind = "),
+        ("failures.raer_left", "kind = off", "no parameter 'failures.raer_left'; did you mean 'failures.rear_left'?"),
+        ("use_sim_time", {"type": 1, "bool_value": True}, "no parameter 'use_sim_time'"),
+    ],
+)
+def test_what_cannot_be_is_refused_with_the_reason(asker: Asker, name: str, value: Any, words: str) -> None:
+    before = 'kind = "efficiency", efficiency = 0.25'
+    good = ("failures.front_left", "kind = off")
+    asker.set(("failures.rear_left", before))
+    first, second = asker.set((name, value), good)
+    assert not first["successful"]
+    assert words in first["reason"]
+    assert second["successful"], "the others are set"
+    assert asker.get("failures.rear_left") == before
+    asker.set(("failures.front_left", ""))
+    refused = asker.set(good, (name, value), atomically=True)
+    assert refused == first
+    assert asker.get("failures.front_left") == "", "all or none"
+
+
+def test_all_at_once(asker: Asker) -> None:
+    texts = {name: f'kind = "efficiency", efficiency = 0.{digit}' for digit, name in enumerate(PARAMETERS, 1)}
+    assert asker.set(*texts.items(), atomically=True) == {"successful": True, "reason": ""}
+    assert {name: asker.get(name) for name in PARAMETERS} == texts
+
+
+def test_what_the_service_says_is_read_too(asker: Asker) -> None:
+    fail = "/uuv1/thrusters/front_right/fail"
+    asker.set(("failures.front_right", "kind = delayed, delay = 1"))
+    call(asker.session, fail, "std_srvs/srv/SetBool", {"data": True})
+    assert asker.get("failures.front_right") == 'kind = "delayed", delay = 1.0; kind = "off"'
+    call(asker.session, fail, "std_srvs/srv/SetBool", {"data": False})
+    assert asker.get("failures.front_right") == ""
+
+
+def test_they_are_told_recorded_and_repeated_to_the_bit(flown: Flown, asker: Asker) -> None:
+    """The last that is done to this slave: all kinds while it is driven, then its recording is flown anew."""
+    kinds = (
+        "kind = efficiency, efficiency = 0.3", "kind = stuck, pwm_us = 1700", "kind = delayed, delay = 50 ms",
+        "kind = noisy, noise = 0.4", "kind = off", "kind = stuck", "",
+    )  # fmt: skip
+    flown.fly()
+    for name in ("failures.front_right", "failures.vertical_left"):
+        for text in kinds:
+            assert asker.set((name, text))[0]["successful"]
+            flown.fly()
+    assert flown.slave.stop(signal.SIGINT) == 0
+    assert 'parameter: failures.front_right: kind = "efficiency", efficiency = 0.3' in flown.slave.output
+    assert "parameter: failures.front_right: nothing is wrong" in flown.slave.output
+    (recorder,) = (flown.folder / "recordings").iterdir()
+    events = [decode_event(each.data) for each in read_messages(str(recorder)) if each.topic == f"/uuv1/{EVENTS.name}"]
+    done = [failure["kind"] for event in events[-14:] for failure in event["fail"] if failure["kind"] != "repaired"]
+    assert done == 2 * ["efficiency", "stuck", "delayed", "noisy", "off", "stuck"]
+    verdict = recording_check.check(str(recorder))
+    assert verdict.difference == ""
+    assert verdict.compared > 100
+
+
+# --- texts
+
+
+FAILURES = st.one_of(
+    st.just({"kind": "off"}),
+    st.floats(0.0, 1.0, exclude_max=True).map(lambda x: {"kind": "efficiency", "efficiency": x}),
+    st.integers(1, 2200).map(lambda x: {"kind": "stuck", "pwm_us": x}),
+    st.floats(0.0, 10.0, exclude_min=True).map(lambda x: {"kind": "delayed", "delay": x}),
+    st.floats(0.0, 2.0, exclude_min=True).map(lambda x: {"kind": "noisy", "noise": x}),
+)
+
+
+@given(st.lists(FAILURES, max_size=5, unique_by=lambda keys: str(keys["kind"])))
+def test_what_is_shown_can_be_set(tables: list[dict[str, Any]]) -> None:
+    """Also the longest."""
+    failures = [Failure("bow", **table) for table in tables]
+    assert read_failures(failures_text(failures), "bow", "failures.bow") == failures
+
+
+@given(st.text(max_size=60) | st.text('kind=off,;. "0123456789efnoisy_', max_size=60))
+def test_noise_is_refused_and_nothing_else(text: str) -> None:
+    with suppress(ConfigError):
+        found = read_failures(text, "bow", "failures.bow")
+        assert read_failures(failures_text(found), "bow", "failures.bow") == found

@@ -1,0 +1,212 @@
+"""What the documents show is run as it stands there: no block of Python, TOML or commands is left out."""
+
+import argparse
+import importlib
+import re
+import shlex
+import subprocess
+import sys
+import tomllib
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import boards
+from hil.cases.simulated import fly
+from hil.cli import COMMANDS
+from hil.master.flight import prepare
+from hil.scenario.config import load_scenario
+from sim.environment.world import load_world
+from sim.vehicle.vehicle import load_vehicle
+from tests.support.documents import PAGES, ROOT, Block, blocks, commands
+from tests.support.processes import Program
+
+PYTHON, TOML = blocks("python"), blocks("toml")
+# Who runs the Python of a page: blocks of a file with a name are modules, of which the next TOML makes use (here);
+# pages that talk to a vehicle are run beside a slave.
+RUN_BESIDE_A_SLAVE = "tests/process/client/test_python_docs.py"
+RUNNERS = {
+    "docs/how-to/python.md": RUN_BESIDE_A_SLAVE, "docs/tutorials/two_machines.md": RUN_BESIDE_A_SLAVE,
+    "docs/reference/links.md": "beside an STM32", "docs/reference/sensors.md": "alone",
+}  # fmt: skip
+
+
+def name_of(block: Block) -> str:
+    return f"{block.page}:{block.line}"
+
+
+def flat(table: dict[str, Any], prefix: str = "") -> dict[str, Any]:
+    """{"sensors.laser.rate": 5} of the tables of a TOML file."""
+    changes: dict[str, Any] = {}
+    for key, value in table.items():
+        changes |= flat(value, f"{prefix}{key}.") if isinstance(value, dict) else {prefix + key: value}
+    return changes
+
+
+@pytest.fixture
+def modules(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """A folder with all modules of the pages in it, which Python finds."""
+    for block in PYTHON:
+        if block.file:
+            (tmp_path / block.file).write_text(block.text)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    importlib.invalidate_caches()
+    yield tmp_path
+    for path in tmp_path.glob("*.py"):
+        sys.modules.pop(path.stem, None)
+
+
+def test_all_python_is_run_by_somebody() -> None:
+    assert len(PYTHON) >= 7
+    for block in PYTHON:
+        assert block.file or block.page in RUNNERS, f"{name_of(block)}: nobody runs this"
+
+
+@pytest.mark.parametrize("block", [b for b in PYTHON if RUNNERS.get(b.page) == "alone"], ids=name_of)
+def test_python_that_needs_nothing(block: Block) -> None:
+    done = subprocess.run([sys.executable, "-c", block.text], cwd=ROOT, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout
+
+
+def test_the_library_in_your_software(tmp_path: Path) -> None:
+    (block,) = blocks("python", page=ROOT / "docs" / "reference" / "links.md")
+    port = f"pty:{tmp_path / 'stm32'}"
+    with Program(tmp_path, "stm32", "--port", port) as stm32:
+        stm32.expect("Ctrl-C")
+        script = block.text.replace("pty:/tmp/uuv-hil-stm32", port)
+        done = subprocess.run([sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0, done.stderr
+    lines = done.stdout.splitlines()
+    assert re.match(r"(4\d|50) \(1550, 1550, 1550, 1550, 1550, 1550\) 0", lines[-1]), "the last may be under way"
+    assert len(lines) >= 50
+
+
+# What a whole file has on its top level -> what reads it.
+WHOLE: dict[str, Callable[[str], Any]] = {
+    "mass": load_vehicle,
+    "extent": load_world,
+    "architecture": boards.load_board,
+    "world": load_scenario,
+}
+
+
+def reader_of(table: dict[str, Any]) -> Callable[[str], Any] | None:
+    """What reads a block that is a whole file; None for a part of a scenario."""
+    return next((load for key, load in WHOLE.items() if key in table), None)
+
+
+@pytest.mark.parametrize("block", [b for b in TOML if not reader_of(tomllib.loads(b.text))], ids=name_of)
+def test_toml_is_a_part_of_a_scenario(block: Block, modules: Path) -> None:
+    """Every key of it is read, with the classes that it names; in a fleet if it is about one."""
+    table = tomllib.loads(block.text)
+    base = "target_hunting" if "modem" in table else "paper_field"
+    scenario = load_scenario(base, flat(table))
+    for section in table:
+        assert getattr(scenario, section), f"{name_of(block)}: [{section}]"
+
+
+@pytest.mark.parametrize("page", sorted({b.page for b in TOML if reader_of(tomllib.loads(b.text))}))
+def test_whole_files_are_read(page: str, tmp_path: Path) -> None:
+    """In the order of the page: a scenario names the world that stands before it."""
+    for number, block in enumerate(blocks("toml", page=ROOT / page)):
+        load = reader_of(tomllib.loads(block.text))
+        if load:
+            path = tmp_path / (re.findall(r"`(\w+\.toml)`", block.before) or [f"{number}.toml"])[-1]
+            path.write_text(block.text)
+            assert load(str(path))
+
+
+def test_toml_is_there() -> None:
+    assert {section for block in TOML for section in re.findall(r"^\[+([a-z_]+)", block.text, flags=re.MULTILINE)} >= {
+        "planner", "sensors", "modem", "slave", "network",
+    }  # fmt: skip
+
+
+def fly_example(**place: float) -> Any:
+    """The tutorial's planner in the reference field."""
+    (toml,) = [block for block in TOML if "straight:Straight" in block.text]
+    planner = tomllib.loads(toml.text)["planner"] | place
+    scenario = load_scenario("paper_field", {"planner": planner})
+    outcome, _ = fly(scenario, prepare(scenario))
+    return outcome
+
+
+def test_the_example_of_a_planner_flies_somewhere_free(modules: Path) -> None:
+    outcome = fly_example()
+    assert outcome.success, outcome.verdict
+    assert outcome.verdict == "there"
+    assert not outcome.events
+    assert outcome.least_clearance > 1.0
+
+
+def test_a_place_in_a_pile_is_no_success(modules: Path) -> None:
+    """What the README showed before: along a pile for ten seconds, and "there"."""
+    outcome = fly_example(north=8.0, east=7.0, depth=2.0)
+    assert outcome.reached
+    assert not outcome.success
+    assert outcome.verdict == "there, but collision with the pile at (6.5, 7.5)"
+    (event,) = outcome.events
+    assert event.duration_ns > 5e9
+
+
+class Parsed(BaseException):
+    """The arguments were accepted: no more is wanted."""
+
+
+@pytest.fixture
+def parse_only(monkeypatch: pytest.MonkeyPatch) -> None:
+    def stopping(parse: Callable[..., object]) -> Callable[..., None]:
+        def stop(parser: argparse.ArgumentParser, arguments: Any = None, namespace: Any = None) -> None:
+            parse(parser, arguments, namespace)
+            raise Parsed
+
+        return stop
+
+    for method in ("parse_args", "parse_intermixed_args"):
+        monkeypatch.setattr(argparse.ArgumentParser, method, stopping(getattr(argparse.ArgumentParser, method)))
+    from hil.commands import slave
+
+    monkeypatch.setattr(slave, "_quick", lambda arguments: None)
+
+
+def examples() -> list[tuple[str, str]]:
+    """The commands in the examples of every --help."""
+    found = []
+    for name, (module, _) in COMMANDS.items():
+        text = getattr(importlib.import_module(module), "EXAMPLES", "")
+        lines = re.findall(r"^ +uuv-hil (.*)$", text, flags=re.MULTILINE)
+        # What follows two spaces is a remark.
+        found += [(f"{name} --help", re.sub(r"\s{2,}.*$|\s+[&>].*$", "", line)) for line in lines]
+    return found
+
+
+@pytest.mark.usefixtures("parse_only")
+def test_the_arguments_of_commands_are_accepted(capsys: pytest.CaptureFixture[str]) -> None:
+    for where, line in [*commands(), *examples()]:
+        name, *arguments = shlex.split(line)
+        assert name in COMMANDS, f"{where}: {name}"
+        try:
+            with pytest.raises(Parsed):
+                importlib.import_module(COMMANDS[name][0]).main(arguments)
+        except SystemExit as refusal:
+            if refusal.code:  # not --help
+                pytest.fail(f"{where}: uuv-hil {line}\n{capsys.readouterr().err}")
+
+
+def test_commands_are_found() -> None:
+    assert len(commands()) > 20
+    assert len(examples()) > 40
+    assert any("set_parameters" in line and "value" in line for _, line in commands()), "a line that goes on"
+
+
+def test_files_are_called_by_what_they_are() -> None:
+    """A scenario is tuned nowhere, and a check needs what only a slave records."""
+    lines = [line for page in PAGES for line in page.read_text().splitlines() if line.strip().startswith("uuv-hil ")]
+    tuned = [line for line in lines if "uuv-hil tune " in line]
+    assert tuned
+    assert not any("mine.toml" in line for line in tuned)
+    checks = [line for line in lines if "uuv-hil replay " in line and "--check" in line and "how-to" not in line]
+    assert any("slave = true" in line for line in checks)

@@ -1,0 +1,339 @@
+"""Slave and master as processes: the way of a command, and every way it can end."""
+
+import itertools
+import json
+import os
+import signal
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+import serial
+
+from hil.client.client import VehicleClient
+from hil.common.schema import find_preset
+from hil.links.contract import ThrusterCommand, ThrusterTelemetry
+from hil.links.frame.protocol import FrameProtocol
+from sim.native import NativeDynamics, choose
+from tests.support.processes import Program, command_until, run_here, surge_of, wait_for, write_scenario
+
+
+def protocol() -> FrameProtocol:
+    return FrameProtocol(find_preset("firmware_stub/frames", "uuv_hil"))
+
+
+@pytest.fixture
+def slave(tmp_path: Path) -> Iterator[tuple[Program, str]]:
+    scenario, port = write_scenario(tmp_path)
+    with Program(tmp_path, "slave", scenario) as program:
+        program.expect("ready")
+        yield program, f"tcp/127.0.0.1:{port}"
+
+
+def pulses(client: VehicleClient) -> list[int]:
+    return list(client.diagnostics().pwm_us or ())
+
+
+def test_a_mission(tmp_path: Path) -> None:
+    scenario, _ = write_scenario(tmp_path)
+    folder = tmp_path / "run"
+    with Program(tmp_path, "demo", scenario, "--run-dir", folder) as demo:
+        assert demo.wait() == 0, demo.output
+    assert "goal reached" in demo.output
+    assert {"table.json", "track.csv", "trajectory.png", "master.log", "slave.log"} <= set(os.listdir(folder))
+    record = json.loads((folder / "table.json").read_text())
+    table, outcome = record["table"], record["outcome"]
+    assert outcome["reached"]
+    assert outcome["goal_error"] < 0.6
+    assert 0 < table["startup_s"] < 60
+    assert 0 < table["slave_ready_s"] <= table["startup_s"]
+    assert 0 < table["slave_pss_mib"] < table["slave_rss_mib"] < 40
+    assert table["commands"] > 50
+    assert 0 < table["delay"]["p50_ms"] < 1000
+    assert sum(hop["p50_ms"] for hop in table["hops"].values()) == pytest.approx(table["delay"]["p50_ms"], rel=0.5)
+    assert table["slave"]["link_checksum_errors"] == "0"
+    assert int(table["slave"]["processes"]) == 1
+    assert "thrusters neutral" in (folder / "slave.log").read_text()
+    assert (folder / "trajectory.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_deadman(slave: tuple[Program, str]) -> None:
+    program, endpoint = slave
+    with VehicleClient(endpoint, "uuv1") as client:
+        assert client.wait_for_vehicle(60)
+        assert command_until(lambda: abs(surge_of(client) - 0.5) < 0.15, client, surge=0.5)
+        assert any(pulse != 1500 for pulse in pulses(client))
+        program.expect("deadman: no command in time, stopping the thrusters")
+        assert wait_for(lambda: set(pulses(client)) == {1500})
+        assert (client.diagnostics().deadman_trips or 0) >= 1
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_ends_the_slave_with_neutral_thrusters(slave: tuple[Program, str], number: int) -> None:
+    program, endpoint = slave
+    with VehicleClient(endpoint, "uuv1") as client:
+        assert command_until(lambda: any(pulse != 1500 for pulse in pulses(client)), client, surge=1.0)
+        assert program.stop(number) == 0
+    assert "thrusters neutral" in program.output.splitlines()[-1]
+    assert "Traceback" not in program.output
+
+
+def test_a_second_slave_on_the_same_port_says_so(slave: tuple[Program, str], tmp_path: Path) -> None:
+    _, endpoint = slave
+    other, _ = write_scenario(tmp_path)
+    with Program(tmp_path, "slave", other, "--listen", endpoint) as second:
+        assert second.wait() == 4
+        assert "in use" in second.output
+        assert endpoint in second.output
+        assert "Traceback" not in second.output
+
+
+def test_a_second_slave_on_the_same_device_says_so(tmp_path: Path) -> None:
+    device = tmp_path / "stm32"
+    first, _ = write_scenario(tmp_path, link=f'port = "pty:{device}"')
+    with Program(tmp_path, "slave", first) as slave:
+        slave.expect("ready")
+        second, _ = write_scenario(tmp_path, link=f'port = "pty:{device}"')
+        with Program(tmp_path, "slave", second) as other:
+            assert other.wait() == 3
+            assert str(device) in other.output
+            assert "Traceback" not in other.output
+
+
+def test_garbage_from_the_network_is_counted_and_harmless(slave: tuple[Program, str]) -> None:
+    program, endpoint = slave
+    with VehicleClient(endpoint, "uuv1") as client:
+        assert client.wait_for_vehicle(60)
+        assert command_until(lambda: len(client.delays) > 0, client, surge=0.0)
+        for payload in (b"", b"\0\1\0\0", b"\xff" * 52, bytes(100_000)):
+            before = client.diagnostics().commands_malformed or 0
+
+            def is_counted(payload: bytes = payload, before: int = before) -> bool:
+                client._commands.put(payload, 0)  # again and again: what finds others waiting to be sent is dropped
+                time.sleep(0.1)
+                return (client.diagnostics().commands_malformed or 0) > before
+
+            assert wait_for(is_counted), (payload[:60], client.diagnostics())
+    assert program.process.poll() is None
+
+
+def test_foreign_vehicle_software_drives_the_thrusters(tmp_path: Path) -> None:
+    """With controller = "external" any program that opens the port is the vehicle's computer."""
+    device = tmp_path / "stm32"
+    scenario, port = write_scenario(tmp_path, top='controller = "external"', link=f'port = "pty:{device}"')
+    with Program(tmp_path, "slave", scenario) as slave:
+        slave.expect("waiting for your software")
+        ours = protocol()
+        client = VehicleClient(f"tcp/127.0.0.1:{port}", "uuv1")
+        with client, serial.Serial(str(device), 115_200, timeout=0.1, exclusive=True) as wire:
+            assert client.wait_for_vehicle(60)
+            heard: list[ThrusterTelemetry] = []
+            sequences = itertools.count(1)
+
+            def moves_forward() -> bool:
+                command = ThrusterCommand(next(sequences), True, (1600, 1600, 1600, 1600, 1500, 1500))
+                wire.write(ours.encode(command))
+                time.sleep(0.03)
+                heard.extend(m for m in ours.feed(wire.read(wire.in_waiting)) if isinstance(m, ThrusterTelemetry))
+                return surge_of(client) > 0.3 and heard[-1].sequence >= 58 and heard[-1].armed
+
+            assert wait_for(moves_forward)
+        assert heard[-1].pwm_us[:4] == (1600,) * 4
+
+
+def test_a_device_on_a_serial_port(tmp_path: Path) -> None:
+    """stm32 = "device" with pyserial; at the other end of the line the firmware's twin, then nothing."""
+    device = tmp_path / "ttyUSB0"
+    top, link = 'stm32 = "device"', f'port = "{device}"'
+    scenario, port = write_scenario(tmp_path, top=top, link=link)
+    with Program(tmp_path, "slave", scenario) as slave:
+        assert slave.wait() == 3
+        assert str(device) in slave.output
+    with Program(tmp_path, "stm32", "--port", f"pty:{device}") as stm32:
+        stm32.expect("Ctrl-C")
+        with Program(tmp_path, "slave", scenario) as slave:
+            slave.expect("ready")
+            with VehicleClient(f"tcp/127.0.0.1:{port}", "uuv1") as client:
+                assert client.wait_for_vehicle(60)
+                assert command_until(
+                    lambda: abs(surge_of(client) - 0.5) < 0.15 and len(client.delays) > 30, client, surge=0.5
+                )
+                stm32.stop(signal.SIGTERM)
+                slave.expect("thruster link lost, the STM32's watchdog stops the thrusters")
+                assert f"{device}: went away" in slave.output
+                assert wait_for(lambda: client.diagnostics().pwm_us == (1500,) * 6)
+                with Program(tmp_path, "stm32", "--port", f"pty:{device}") as again:
+                    again.expect("Ctrl-C")
+                    slave.expect("thruster link back")
+                    delays = len(client.delays)
+                    assert command_until(lambda: len(client.delays) > delays + 10, client, surge=0.5)
+                    slave.stop(signal.SIGTERM)
+            assert slave.output.count("thruster link lost") == slave.output.count("thruster link back") == 1
+            assert "Traceback" not in slave.output
+
+
+def test_the_master_says_when_nobody_answers(tmp_path: Path) -> None:
+    scenario, port = write_scenario(tmp_path)
+    endpoint = f"tcp/127.0.0.1:{port}"
+    with Program(
+        tmp_path, "master", scenario, "--connect", endpoint, "--wait", 2, "--run-dir", tmp_path / "r"
+    ) as master:
+        assert master.wait() == 4
+    assert endpoint in master.output
+    assert "uuv-hil slave" in master.output
+    assert "Traceback" not in master.output
+
+
+def test_the_master_survives_a_slave_that_comes_back(tmp_path: Path) -> None:
+    scenario, port = write_scenario(tmp_path, allow="")
+    folder = tmp_path / "run"
+    arguments = ("master", scenario, "--connect", f"tcp/127.0.0.1:{port}", "--run-dir", folder)
+    with Program(tmp_path, *arguments) as master:
+        with Program(tmp_path, "slave", scenario) as slave:
+            master.expect("flying")
+            time.sleep(1)
+            slave.process.kill()
+            slave.wait()
+        master.expect("no word from the vehicle")
+        with Program(tmp_path, "slave", scenario):
+            assert master.wait() == 6, master.output
+    assert "goal reached, but link lost: no word from uuv1" in master.output, "the goal is not all there is to say"
+    record = json.loads((folder / "table.json").read_text())
+    (event,) = [event for event in record["outcome"]["events"] if event["kind"] == "link_lost"]
+    assert event["duration_s"] > 0.5
+    assert record["outcome"]["reached"]
+    assert not record["outcome"]["success"]
+    assert record["table"]["startup_s"] > 0, "that of the second slave, by its own first sample"
+
+
+def test_a_thruster_that_fails(tmp_path: Path) -> None:
+    scenario, _ = write_scenario(tmp_path)
+    whole = scenario.read_text()
+    scenario.write_text(whole + '\n[[failure]]\nthruster = "front_left"\nkind = "off"\ntime = 1\n')
+    with Program(tmp_path, "sim", scenario, "--fast") as lame:
+        lame.wait()
+    scenario.write_text(whole)
+    with Program(tmp_path, "sim", scenario, "--fast") as sound:
+        assert sound.wait() == 0
+    assert lame.output.splitlines()[-1] != sound.output.splitlines()[-1]
+    scenario.write_text(whole + '\n[[failure]]\nthruster = "front_lft"\nkind = "off"\ntime = 1\n')
+    with Program(tmp_path, "sim", scenario, "--fast") as wrong:
+        assert wrong.wait() == 2
+    assert "front_left" in wrong.output
+    assert "Traceback" not in wrong.output
+
+
+def test_a_goal_that_cannot_be_reached(tmp_path: Path) -> None:
+    scenario, _ = write_scenario(tmp_path)
+    scenario.write_text(scenario.read_text().replace("goal = [8, 7]", "goal = [80, 7]"))
+    with Program(tmp_path, "demo", scenario, "--run-dir", tmp_path / "run") as demo:
+        assert demo.wait() == 6, demo.output
+    assert "80" in demo.output
+    assert "Traceback" not in demo.output
+
+
+def test_a_time_limit_that_is_too_short(tmp_path: Path) -> None:
+    scenario, _ = write_scenario(tmp_path)
+    scenario.write_text(scenario.read_text().replace("time_limit = 40", "time_limit = 2"))
+    with Program(tmp_path, "demo", scenario, "--run-dir", tmp_path / "run") as demo:
+        assert demo.wait() == 6, demo.output
+    assert "time limit" in demo.output
+    assert (tmp_path / "run" / "table.json").exists(), "what was measured is not lost"
+
+
+def final_state(folder: Path, scenario: Path, seed: int, native: bool) -> str:
+    environment = {"UUV_HIL_NATIVE": str(int(native))}
+    with Program(folder, "sim", scenario, "--fast", "--seed", seed, environment=environment) as sim:
+        assert sim.wait() == 0, sim.output
+        assert "goal reached" in sim.output
+        return sim.output.splitlines()[-1]
+
+
+def test_simulated_time_repeats_to_the_bit(tmp_path: Path) -> None:
+    scenario, _ = write_scenario(tmp_path)
+    first = final_state(tmp_path, scenario, 5, native=False)
+    assert first.startswith("final state 0x")
+    assert first == final_state(tmp_path, scenario, 5, native=False)
+    assert first != final_state(tmp_path, scenario, 6, native=False)
+
+
+@pytest.mark.skipif(choose()[0] is not NativeDynamics, reason="no C step here: python -m sim.native.build")
+def test_a_whole_mission_is_the_same_in_c_to_the_bit(tmp_path: Path) -> None:
+    scenario, _ = write_scenario(tmp_path)
+    assert final_state(tmp_path, scenario, 5, native=True) == final_state(tmp_path, scenario, 5, native=False)
+
+
+def test_ctrl_c_ends_the_demo(tmp_path: Path) -> None:
+    scenario, _ = write_scenario(tmp_path)
+    folder = tmp_path / "run"
+    with Program(tmp_path, "demo", scenario, "--run-dir", folder) as demo:
+        demo.expect("flying")
+        time.sleep(1)
+        assert demo.stop(signal.SIGINT) == 130
+        assert "Traceback" not in demo.output
+    assert "thrusters neutral" in (folder / "slave.log").read_text().splitlines()[-1]
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("vehicle = 3\n", ["vehicle", "text"]),
+        ('vehicel = "paper_six"\n', ["vehicel", "vehicle"]),
+        ('vehicle = "paper_sex"\nworld = "pool"\n[master]\ngoal = [1, 1]\n', ["paper_six"]),
+        (
+            'vehicle = "paper_six"\nworld = "pool"\n[master]\ngoal = [1, 1]\n[slave]\ndeadman = 500\n',
+            ["deadman", "500 s"],
+        ),
+        (
+            'vehicle = "paper_six"\nworld = "pool"\n[master]\ngoal = [1, 1]\n[slave]\ndeadman = "x"\n',
+            ["deadman", "1 s"],
+        ),
+        ("vehicle = ", ["TOML"]),
+        ('vehicle = "paper_six"\nworld = "pool"\n[master]\ngoal = [1, 1]\n[start]\ndepth = 90\n', ["seabed"]),
+        (
+            'vehicle = "paper_six"\nworld = "pool"\n[sensors]\nimu = { rate = 0 }\n[master]\ngoal = [1, 1]\n',
+            ["imu", "controller"],
+        ),
+        (
+            'vehicle = "paper_six"\nworld = "pool"\nstm32 = "device"\n[start]\ndepth = 2\n[master]\ngoal = [1, 1]\n',
+            ["--board"],
+        ),
+    ],
+)
+def test_a_wrong_scenario_is_one_clear_line(tmp_path: Path, text: str, words: list[str]) -> None:
+    path = tmp_path / "wrong.toml"
+    path.write_text(text)
+    code, output = run_here("slave", str(path))
+    assert code == 2, output
+    (line,) = output.strip().splitlines()
+    assert all(word in line for word in words), line
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "word"),
+    [
+        (["slave", "nowhere.toml"], 2, "nowhere.toml: no such file"),
+        (["slave", "nowhere"], 2, "paper_field"),
+        (["slave", "paper_field", "--listen", "7447"], 2, "tcp/HOST:PORT"),
+        (["slave", "paper_field", "--board", "pi"], 2, "raspberry_pi_4b"),
+        (["fly"], 2, "slave"),
+        ([], 0, "usage"),
+        (["--version"], 0, "uuv-hil"),
+        (["slave", "--help"], 0, "examples"),
+        (["master", "--help"], 0, "examples"),
+        (["demo", "--help"], 0, "examples"),
+        (["stm32", "--help"], 0, "examples"),
+        (["sim", "--help"], 0, "examples"),
+    ],
+)
+def test_the_command_line(arguments: list[str], code: int, word: str) -> None:
+    found, output = run_here(*arguments)
+    assert found == code, output
+    assert word in output
+
+
+def test_an_error_of_a_process_is_one_line_and_its_exit_code(tmp_path: Path) -> None:
+    with Program(tmp_path, "slave", "nowhere.toml") as program:
+        assert program.wait() == 2
+    assert program.output.splitlines() == [run_here("slave", "nowhere.toml")[1].strip()]

@@ -1,0 +1,263 @@
+"""What happens to the thrusters when a part of the chain fails, measured at the STM32's end of a real pty.
+
+The slave is a process of its own; the STM32's end is here, where it can be silenced, reset and unplugged.
+"""
+
+import itertools
+import random
+import select
+import signal
+import subprocess
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from firmware_stub.stub import Stm32, Stm32End
+from hil.autonomy.control.controller import VelocityCommand
+from hil.client.client import VehicleClient
+from hil.common.clock import now_ns
+from hil.common.errors import DeviceError
+from hil.links.contract import ThrusterLink
+from hil.links.protocols import open_protocol
+from hil.links.wires.terminal import PtyWire
+from tests.support.busy import retry_when_busy
+from tests.support.processes import Program, wait_for, write_scenario
+
+WATCHDOG_S, DEADMAN_S = 0.2, 0.5
+SLACK_S = 0.15  # a shared machine wakes processes late
+NEUTRAL = [1500] * 6
+
+
+class Bench:
+    """An STM32 on a pty of a fixed name, served by a thread, and a record of when its outputs changed."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.changes: list[tuple[float, bool]] = []  # when, and whether neutral from then on
+        self.silent = False
+        self._running = True
+        self.plug()
+        self._thread = threading.Thread(target=self._serve)
+        self._thread.start()
+
+    def plug(self) -> None:
+        self.end = Stm32End(Stm32(6), ThrusterLink(PtyWire(str(self.path)), open_protocol("frame", "device", 6)))
+
+    def unplug(self) -> None:
+        end, self.silent = self.end, True
+        time.sleep(0.05)  # the thread is through with it
+        end.close()
+
+    def replug(self) -> None:
+        self.plug()
+        self.silent = False
+
+    def reset(self) -> None:
+        """As by its reset pin: everything it knew is gone."""
+        self.end.stm32 = Stm32(6)
+
+    @property
+    def spinning(self) -> bool:
+        return self.end.stm32.pwm_us != NEUTRAL
+
+    def neutral_after(self, since: float) -> float:
+        """Seconds from `since` until the outputs were neutral for good."""
+        assert wait_for(lambda: not self.spinning), "the thrusters still turn"
+        time.sleep(0.1)
+        assert not self.spinning
+        return next(t for t, neutral in reversed(self.changes) if neutral) - since
+
+    def close(self) -> None:
+        self._running = False
+        self._thread.join(5.0)
+        self.end.close()
+
+    def _serve(self) -> None:
+        was = None
+        while self._running:
+            if self.silent:
+                time.sleep(0.005)
+                continue
+            try:
+                select.select([self.end.fileno()], [], [], 0.005)
+                self.end.service(now_ns())
+            except (DeviceError, ValueError):
+                continue
+            neutral = not self.spinning
+            if neutral != was:
+                self.changes.append((time.monotonic(), neutral))
+                was = neutral
+
+
+class Master:
+    """A planner that sends a command 20 times a second until told to stop."""
+
+    def __init__(self, client: VehicleClient) -> None:
+        self.client = client
+        self.speaking = True
+        self._running = True
+        self._thread = threading.Thread(target=self._speak)
+        self._thread.start()
+
+    def _speak(self) -> None:
+        while self._running:
+            if self.speaking:
+                self.client.command(VelocityCommand(surge=0.4))
+            time.sleep(0.05)
+
+    def close(self) -> None:
+        self._running = False
+        self._thread.join(5.0)
+
+
+@contextmanager
+def rig(tmp_path: Path) -> Iterator[tuple[Program, Bench, Master]]:
+    bench = Bench(tmp_path / "ttySTM32")
+    scenario, port = write_scenario(tmp_path, top='stm32 = "device"', link=f'port = "{bench.path}"')
+    try:
+        with Program(tmp_path, "slave", scenario) as slave:
+            slave.expect("ready")
+            with VehicleClient(f"tcp/127.0.0.1:{port}", "uuv1") as client:
+                assert client.wait_for_vehicle(60)
+                master = Master(client)
+                try:
+                    assert wait_for(lambda: bench.spinning)
+                    time.sleep(0.3)
+                    yield slave, bench, master
+                finally:
+                    master.close()
+    finally:
+        bench.close()
+
+
+Judged = Callable[[Program, Bench, Master], None]
+
+
+def by_the_clock(judge: Judged) -> Callable[[Path], None]:
+    """The test that starts a rig and judges it, with another rig where that was late."""
+
+    def test(tmp_path: Path) -> None:
+        attempts = itertools.count()
+
+        def attempt() -> None:
+            folder = tmp_path / str(next(attempts))
+            folder.mkdir()
+            with rig(folder) as parts:
+                judge(*parts)
+
+        retry_when_busy(attempt, "seconds of a slave, a master and an STM32, in processes and threads", attempts=4)
+
+    test.__doc__ = judge.__doc__
+    return test
+
+
+def again(bench: Bench, slave: Program, within: float) -> None:
+    """The thrusters turn again, by themselves, and the slave is still the same process."""
+    began = time.monotonic()
+    assert wait_for(lambda: bench.spinning), slave.output
+    assert time.monotonic() - began < within
+    assert slave.process.poll() is None, slave.output
+    assert "Traceback" not in slave.output
+
+
+@by_the_clock
+def test_the_master_falls_silent(slave: Program, bench: Bench, master: Master) -> None:
+    for turn in (1, 2):
+        master.speaking = False
+        silent = time.monotonic()
+        assert bench.neutral_after(silent) < DEADMAN_S + SLACK_S
+        assert slave.output.count("deadman: no command in time, stopping the thrusters") == turn
+        master.speaking = True
+        again(bench, slave, 0.5)
+
+
+@by_the_clock
+def test_the_slave_is_killed(slave: Program, bench: Bench, master: Master) -> None:
+    slave.process.send_signal(signal.SIGKILL)
+    killed = time.monotonic()
+    assert bench.neutral_after(killed) < WATCHDOG_S + SLACK_S
+    assert bench.end.stm32.watchdog_trips == 1
+
+
+@by_the_clock
+def test_the_slave_is_stopped_and_goes_on(slave: Program, bench: Bench, master: Master) -> None:
+    slave.process.send_signal(signal.SIGSTOP)
+    stopped = time.monotonic()
+    assert bench.neutral_after(stopped) < WATCHDOG_S + SLACK_S
+    time.sleep(1.0)
+    slave.process.send_signal(signal.SIGCONT)
+    again(bench, slave, 1.0)
+    slave.expect("the STM32's watchdog tripped")
+    assert slave.output.count("the STM32's watchdog tripped") == 1
+
+
+@by_the_clock
+def test_the_stm32_falls_silent(slave: Program, bench: Bench, master: Master) -> None:
+    """The vehicle in the simulator stops being pushed, as its watchdog would see to; then all goes on."""
+    bench.silent = True
+    assert wait_for(lambda: master.client.diagnostics().pwm_us == tuple(NEUTRAL)), slave.output
+    slave.expect(f"{bench.path}: the STM32 has not answered for 0.5 s; check wiring, baud, protocol")
+    assert wait_for(lambda: (master.client.diagnostics().commands_unanswered or 0) > 10)
+    bench.silent = False
+    again(bench, slave, 1.0)
+    slave.expect(f"{bench.path}: the STM32 answers, after")
+    assert slave.output.count("has not answered") == 1
+
+
+@by_the_clock
+def test_the_stm32_is_reset(slave: Program, bench: Bench, master: Master) -> None:
+    bench.reset()
+    again(bench, slave, 0.5)
+    slave.expect("the STM32 has started anew")
+    time.sleep(0.5)
+    assert slave.output.count("the STM32 has started anew") == 1
+
+
+@by_the_clock
+def test_a_flood_of_garbage(slave: Program, bench: Bench, master: Master) -> None:
+    """A second of noise at 921 600 bit/s from a broken driver: counted, and the vehicle is still under command."""
+    noise, end = random.Random(1), time.monotonic() + 1.0
+    written = 0
+    while time.monotonic() < end:
+        written += bench.end.link.wire.write(noise.randbytes(900))
+        time.sleep(0.01)
+    assert written > 40_000
+    again(bench, slave, 0.5)
+
+    def dropped() -> bool:
+        figures = master.client.diagnostics()
+        return (figures.link_dropped_bytes or 0) > 20_000 and figures.link_checksum_errors is not None
+
+    assert wait_for(dropped), master.client.diagnostics()
+    master.speaking = False
+    assert bench.neutral_after(time.monotonic()) < DEADMAN_S + SLACK_S
+
+
+@by_the_clock
+def test_a_flood_towards_the_stm32_may_stop_it_while_it_lasts(slave: Program, bench: Bench, master: Master) -> None:
+    """Another program writes all that the port takes: too few commands get through, and the STM32's watchdog trips."""
+    with open(bench.path, "wb", buffering=0) as port, subprocess.Popen(["cat", "/dev/urandom"], stdout=port) as cat:
+        stopped = wait_for(lambda: not bench.spinning)
+        cat.terminate()
+    assert stopped
+    again(bench, slave, 1.0)
+
+
+@by_the_clock
+def test_the_port_is_unplugged_and_comes_back(slave: Program, bench: Bench, master: Master) -> None:
+
+    def told(text: str, times: int) -> bool:
+        return bool(wait_for(lambda: slave.output.count(text) == times))
+
+    for turn in (1, 2):
+        bench.unplug()
+        assert bench.end.stm32.pwm_us == NEUTRAL
+        assert told("thruster link lost, the STM32's watchdog stops the thrusters", turn), slave.output
+        time.sleep(0.7)
+        bench.replug()
+        again(bench, slave, 1.0)
+        assert told("thruster link back after", turn), slave.output
+    assert f"{bench.path}: went away" in slave.output
+    assert wait_for(lambda: master.client.diagnostics().link_losses == 2)

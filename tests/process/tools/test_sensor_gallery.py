@@ -1,0 +1,40 @@
+"""docs/reference/sensors.md is what tools/sensor_gallery.py makes, and its code runs."""
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from sim.sensors.suite import SENSORS
+from tools import sensor_gallery
+
+ROOT = Path(__file__).parents[3]
+PAGE = (ROOT / "docs" / "reference" / "sensors.md").read_text()
+
+
+def test_the_page_is_up_to_date() -> None:
+    """Its texts and numbers are those of the sensors' source. If not: python -m tools.sensor_gallery."""
+    assert sensor_gallery.page(sensor_gallery.ENTRIES, "sensors") == PAGE
+
+
+def test_every_picture_is_there_and_no_other() -> None:
+    named = {picture.__name__ for entry in sensor_gallery.ENTRIES for picture in entry.pictures}
+    assert {path.stem for path in (ROOT / "docs" / "reference" / "sensors").glob("*.png")} == named
+    assert {entry.sensor for entry in sensor_gallery.ENTRIES} <= set(SENSORS)
+
+
+def test_its_code_runs() -> None:
+    (code,) = re.findall(r"```python\n(.*?)```", PAGE, flags=re.DOTALL)
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, timeout=30)
+    assert done.returncode == 0, done.stderr
+    assert len(re.findall(r"\[ *\d+ +\d+ +\d+\]", done.stdout)) == 3
+
+
+def test_a_picture_is_drawn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sys.argv", ["sensor_gallery", "--out", str(tmp_path), "--only", "dvl"])
+    assert sensor_gallery.main() == 0
+    (made,) = (tmp_path / "sensors").iterdir()
+    assert made.read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
+    assert made.stat().st_size > 3000

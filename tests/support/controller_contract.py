@@ -1,0 +1,116 @@
+"""What every control law promises, whatever its family: one class, subclassed with the law to test."""
+
+import math
+from abc import ABC, abstractmethod
+from itertools import product
+from typing import Any, ClassVar
+
+import pytest
+from hypothesis import HealthCheck, given
+from hypothesis import strategies as st
+
+from hil.autonomy.control.controller import NO_RESIDUAL, Navigation, VelocityCommand, Wrench
+from hil.autonomy.control.families import Controller
+from sim.rotations import from_euler
+from tests.support.examples import examples
+
+DT = 0.02
+AT_REST = Navigation((1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 5.0)
+ANY = st.floats(allow_nan=True, allow_infinity=True)
+# Every subclass runs these tests for itself.
+EACH = examples(40, HealthCheck.differing_executors)
+FINITE = st.floats(allow_nan=False, allow_infinity=False)
+
+
+def triples(numbers: st.SearchStrategy[float]) -> st.SearchStrategy[tuple[float, float, float]]:
+    return st.tuples(numbers, numbers, numbers)
+
+
+def inputs(numbers: st.SearchStrategy[float]) -> st.SearchStrategy[tuple[VelocityCommand, Navigation, float, Wrench]]:
+    """Commands, navigation, periods and residuals of such numbers: attitudes need not even be of length 1."""
+    optional = st.none() | numbers
+    return st.tuples(
+        st.builds(VelocityCommand, numbers, numbers, numbers, numbers, optional, optional),
+        st.builds(Navigation, st.tuples(numbers, *[numbers] * 3), triples(numbers), triples(numbers), numbers),
+        st.floats(1e-6, 1.0),
+        st.tuples(*[numbers] * 6),
+    )
+
+
+class ControllerContract(ABC):
+    """Subclass with `make`, and `limits` (N, N m) that no axis goes beyond."""
+
+    limits: ClassVar[Wrench]
+
+    @abstractmethod
+    def make(self) -> Controller:
+        """A new one."""
+
+    @EACH
+    @given(st.lists(inputs(ANY), min_size=1, max_size=4))
+    def test_nothing_but_numbers_leaves_it_and_nothing_stays(self, calls: list[Any]) -> None:
+        """After whatever came in, an ordinary call has an ordinary answer."""
+        controller = self.make()
+        for call in calls:
+            self.within_limits(controller.update(*call))
+        for _ in range(3):
+            wrench = controller.update(VelocityCommand(surge=0.2), AT_REST, DT)
+            self.within_limits(wrench)
+        controller.reset()
+        assert controller.update(VelocityCommand(), AT_REST, DT) == self.make().update(VelocityCommand(), AT_REST, DT)
+
+    @EACH
+    @given(st.lists(inputs(FINITE), min_size=1, max_size=4))
+    def test_within_its_limits_for_any_finite_input(self, calls: list[Any]) -> None:
+        controller = self.make()
+        for call in calls:
+            self.within_limits(controller.update(*call))
+
+    @EACH
+    @given(st.lists(inputs(st.floats(-3.0, 3.0)), min_size=1, max_size=5))
+    def test_the_same_calls_give_the_same_wrenches(self, calls: list[Any]) -> None:
+        first, second = self.make(), self.make()
+        for call in calls:
+            assert first.update(*call) == second.update(*call)
+
+    @EACH
+    @given(st.lists(inputs(st.floats(-3.0, 3.0)), min_size=1, max_size=5))
+    def test_reset_is_as_good_as_new(self, calls: list[Any]) -> None:
+        used, new = self.make(), self.make()
+        for call in calls:
+            used.update(*call)
+        used.reset()
+        for call in calls:
+            assert used.update(*call) == new.update(*call)
+
+    @pytest.mark.parametrize(("axis", "sign"), list(product(range(3), (1.0, -1.0))))
+    def test_it_pushes_where_it_is_told_to_go(self, axis: int, sign: float) -> None:
+        rest = self.make().update(VelocityCommand(), AT_REST, DT)
+        command = VelocityCommand(*(sign * 0.3 if number == axis else 0.0 for number in range(3)))
+        wrench = self.make().update(command, AT_REST, DT)
+        assert sign * (wrench[axis] - rest[axis]) > 0.0
+
+    @pytest.mark.parametrize("sign", [1.0, -1.0])
+    def test_it_turns_to_the_heading_and_dives_to_the_depth(self, sign: float) -> None:
+        turning = self.make().update(VelocityCommand(heading=sign * 0.5), AT_REST, DT)
+        assert sign * turning[5] > 0.0
+        diving = self.make().update(VelocityCommand(depth=5.0 + sign), AT_REST, DT)
+        assert sign * (diving[2] - self.make().update(VelocityCommand(), AT_REST, DT)[2]) > 0.0
+
+    @pytest.mark.parametrize(("roll", "pitch"), [(0.3, 0.0), (-0.3, 0.0), (0.0, 0.3), (0.0, -0.3)])
+    def test_it_levels(self, roll: float, pitch: float) -> None:
+        tilted = AT_REST._replace(orientation=from_euler(roll, pitch, 1.0))
+        held, level = self.unlevelled(tilted), self.make().update(VelocityCommand(), tilted, DT)
+        assert (level[3] - held[3]) * roll <= 0.0
+        assert (level[4] - held[4]) * pitch <= 0.0
+        assert (level[3] - held[3], level[4] - held[4]) != (0.0, 0.0)
+
+    def unlevelled(self, navigation: Navigation) -> Wrench:
+        """What it asks for at this attitude for other reasons than to level: weight and lift, if it knows them."""
+        return NO_RESIDUAL
+
+    def within_limits(self, wrench: Wrench) -> None:
+        assert len(wrench) == 6
+        for value, limit in zip(wrench, self.limits, strict=True):
+            assert math.isfinite(value)
+            assert abs(value) <= limit * (1.0 + 1e-9)

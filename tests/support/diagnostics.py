@@ -1,0 +1,13 @@
+"""Diagnostics for tests, made of the table: a name that is not in it is a KeyError."""
+
+from typing import Any
+
+from hil.ros.diagnostics import Diagnostics
+
+
+def reported(**values: Any) -> Diagnostics:
+    """What a slave would publish that reports these figures."""
+    said = Diagnostics()
+    for name, value in values.items():
+        said[name] = value
+    return said

@@ -1,0 +1,24 @@
+"""A flight over a chart, and what its report has to have."""
+
+import os
+from pathlib import Path
+
+from tests.support.processes import Program, free_port
+
+
+def check_dive(tmp_path: Path, chart: str) -> None:
+    """Fly 5 m over that chart with `uuv-hil demo`; its report names the chart and shows what was seen."""
+    folder = tmp_path / "run"
+    listen = f"tcp/127.0.0.1:{free_port()}"
+    arguments = ["demo", "--world", chart, "--length", "5", "--run-dir", folder, "--listen", listen]
+    with Program(tmp_path, *arguments) as program:
+        assert program.wait() == 0, program.output
+    assert "goal reached" in program.output
+    assert f"what it saw: {folder}/report.html" in program.output
+    report = (folder / "report.md").read_text()
+    for name in ("map", "altitude", "camera", "sonar", "laser"):
+        assert (folder / f"{name}.png").stat().st_size > 10_000
+        assert f"({name}.png)" in report
+        assert f'src="{name}.png"' in (folder / "report.html").read_text()
+    assert os.path.splitext(os.path.basename(chart))[0] in report
+    assert " 0 of" not in report, "pictures came"

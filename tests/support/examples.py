@@ -1,0 +1,26 @@
+"""How many random examples a test tries, and what about them is no fault; `tests/conftest.py` has the profiles.
+
+The default profile draws the same examples each time: what fails, fails for everybody. `make search` draws three times
+as many from a seed that can be chosen.
+"""
+
+from hypothesis import HealthCheck, settings
+
+USUAL = 100  # of the default profile
+# How long it takes to draw examples is a matter of what else the machine does.
+_MACHINE = (HealthCheck.too_slow,)
+
+
+def register_profiles() -> None:
+    """Make the profiles known, and the default one valid for all that is imported from now on."""
+    common = settings(deadline=None, database=None, suppress_health_check=_MACHINE, print_blob=True)
+    settings.register_profile("default", common, derandomize=True, max_examples=USUAL)
+    settings.register_profile("search", common, derandomize=False, max_examples=3 * USUAL)
+    settings.load_profile("default")
+
+
+def examples(number: int, *unhealthy: HealthCheck) -> settings:
+    """Settings for a test that tries `number` examples, as many times more as the profile says."""
+    return settings(
+        max_examples=number * settings().max_examples // USUAL, suppress_health_check=(*_MACHINE, *unhealthy)
+    )

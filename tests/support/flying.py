@@ -1,0 +1,73 @@
+"""A vehicle in the pool that obeys the bytes of messages, without network and clock."""
+
+from collections.abc import Callable
+from typing import Any
+
+from hil.autonomy.control.controller import Gains
+from hil.client.samples import State
+from hil.common.clock import NS_PER_MS, NS_PER_S, now_ns, to_wall_ns
+from hil.common.schema import parse
+from hil.ros import encoders as ros
+from hil.slave.command_receiver import CommandReceiver
+from hil.slave.pilot import Pilot
+from sim.environment.world import load_world
+from sim.sensors.samples import OdometrySample
+from sim.simulation import Simulation
+from sim.vehicle.vehicle import load_vehicle
+
+VEHICLE, CONTROL = load_vehicle("paper_six")
+WORLD = load_world("pool")
+GID = b"a" * 16
+
+
+def twist(surge: float = 0.0, sway: float = 0.0, heave: float = 0.0, yaw_rate: float = 0.0) -> bytes:
+    """A message on cmd_vel."""
+    return ros.encode_twist((surge, sway, heave), (0.0, 0.0, yaw_rate))
+
+
+class Bench:
+    """An command_receiver, a pilot and a vehicle in the pool; commands are repeated ten times a simulated second."""
+
+    def __init__(self) -> None:
+        gains = parse(CONTROL, Gains, "control")
+        self.command_receiver = CommandReceiver(NS_PER_S, rate=5000.0, thrusters=6)
+        self.pilot = Pilot(VEHICLE, gains, WORLD.density * WORLD.gravity, 500 * NS_PER_MS)
+        self.simulation = Simulation(VEHICLE, WORLD, seed=3, position=(4.0, 4.0, 2.0))
+        self.pulses: tuple[int, ...] = (1500,) * 6
+        self.state = State(*self.simulation.truth())
+        self._sequence = 0
+
+    def tell(self, topic: str, payload: bytes, gid: bytes = GID) -> None:
+        """A message comes."""
+        self._sequence += 1
+        stamp = ros.pack_attachment(self._sequence, to_wall_ns(now_ns()), gid)
+        self.command_receiver.on_message(topic, payload, stamp)
+
+    def fly(self, seconds: float, **messages: bytes) -> OdometrySample:
+        """Say the same all the time; where the vehicle then is."""
+
+        def say(_: State) -> None:
+            for topic, payload in messages.items():
+                self.tell(topic, payload)
+
+        return self.lead(seconds, say)
+
+    def lead(self, seconds: float, say: Callable[[State], object]) -> OdometrySample:
+        """Call `say` with the navigation's state ten times a second, until it gives True."""
+        for step in range(round(400 * seconds)):
+            if step % 40 == 0 and self._hear(say):
+                break
+            sample: Any
+            for topic, sample in self.simulation.step(self.pulses):
+                self.pilot.update_sensor(topic, sample)
+                self.state = State(*sample) if topic == "odom" else self.state
+            if step % 8 == 0:
+                self.pulses = self.pilot.update(self.simulation.time_ns, 0.02)[0].pwm_us
+        return self.simulation.truth()
+
+    def _hear(self, say: Callable[[State], object]) -> bool:
+        over = say(self.state) is True
+        taken = self.command_receiver.take_latest()
+        if taken:
+            self.pilot.command(taken.command, self.simulation.time_ns)
+        return over

@@ -1,0 +1,58 @@
+"""How level a vehicle flies under its own controller, whatever speed it is asked for."""
+
+from math import acos, asin, atan2, degrees, inf
+from typing import NamedTuple
+
+from hil.cases.simulated import SimulatedVehicle, fly
+from hil.commands.vehicle.command import top
+from hil.master.flight import prepare
+from hil.scenario.config import load_scenario
+from sim.vehicle.vehicle import load_vehicle
+
+# What a vehicle is asked that can stop and turn, and what one that has to keep moving.
+FIELD, OPEN = "paper_field", "open_water"
+
+
+class LevelFlight(NamedTuple):
+    """The furthest from level, in deg, and from the depth asked for, in m.
+
+    `tilt` is the angle between the vehicle's down and the world's, `speed` the highest surge in m/s.
+    """
+
+    pitch: float
+    roll: float
+    tilt: float
+    depth_error: float
+    speed: float
+
+
+def top_speed(name: str) -> float:
+    """The surge (m/s) at which drag takes up all that the thrusters of a preset give."""
+    return top(load_vehicle(name)[0])[0].speed[0]
+
+
+def fly_level(name: str, speed: float, scenario: str = FIELD, seconds: float = inf) -> LevelFlight:
+    """Fly a preset through a scenario, asked for `speed` m/s all the way, for at most so long."""
+    given = load_scenario(scenario)
+    depth = given.start.depth
+    limit = min(seconds, 60.0 + 75.0 / speed)
+    asked = given._replace(vehicle=name, master=given.master._replace(speed=speed, depth=depth, time_limit=limit))
+    plan = prepare(asked)
+    vehicle = SimulatedVehicle(asked, plan.world)
+    found = LevelFlight(0.0, 0.0, 0.0, 0.0, 0.0)
+
+    def watch(vehicle: SimulatedVehicle) -> None:
+        nonlocal found
+        if vehicle.time_ns % 20_000_000:
+            return
+        truth = vehicle.simulation.truth()
+        w, x, y, z = truth.orientation
+        upright = min(1.0, max(-1.0, 1.0 - 2.0 * (x * x + y * y)))
+        pitch = asin(min(1.0, max(-1.0, 2.0 * (w * y - z * x))))
+        roll = atan2(2.0 * (w * x + y * z), upright)
+        off = abs(truth.position[2] - depth)
+        now = degrees(abs(pitch)), degrees(abs(roll)), degrees(acos(upright)), off, truth.nu[0]
+        found = LevelFlight(*map(max, now, found))
+
+    fly(asked, plan, vehicle, [watch])
+    return found

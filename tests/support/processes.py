@@ -1,0 +1,166 @@
+"""Our programs as a user runs them: real processes, real ptys, real sockets."""
+
+import io
+import math
+import re
+import subprocess
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, redirect_stderr, redirect_stdout
+from pathlib import Path
+from typing import TypeVar
+
+from hil.autonomy.control.controller import VelocityCommand
+from hil.cli import main
+from hil.client.client import VehicleClient
+from hil.common.children import module_command, package_environment, start_child
+from hil.common.ports import free_ports
+
+T = TypeVar("T")
+ROOT = Path(__file__).parents[2]
+PATIENCE_S = 60.0  # for what must happen: nothing is said of how soon, as others use the machine too
+
+SCENARIO = """
+vehicle = "paper_six"
+world = "pool"
+{top}
+[start]
+north = 4
+east = 4
+depth = 2
+[slave]
+listen = "tcp/127.0.0.1:{port}"
+{slave}
+[link]
+{link}
+[master]
+goal = [8, 7]
+depth = 2
+speed = 0.8
+time_limit = 40
+allow = [{allow}]
+"""
+
+
+def free_port() -> int:
+    """A port whose neighbour is free too."""
+    return free_ports(1)[0]
+
+
+def write_scenario(
+    folder: Path, top: str = "", slave: str = "", link: str = "", allow: str = '"link_lost"'
+) -> tuple[Path, int]:
+    """A short mission in the pool; the file and its port.
+
+    On a machine that others use too a slave may be held up for longer than a second: what is no test of that allows it.
+    """
+    port = free_port()
+    path = folder / "short.toml"
+    path.write_text(SCENARIO.format(top=top, slave=slave, link=link, port=port, allow=allow))
+    return path, port
+
+
+class Program:
+    """`uuv-hil ...` in a process; its output collected in a file. Use as a context, which ends it.
+
+    command: instead of this checkout's, to be given the arguments. cwd: the folder that it runs in.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        *arguments: object,
+        environment: dict[str, str] | None = None,
+        command: list[str] | None = None,
+        cwd: Path = ROOT,
+    ) -> None:
+        self._output = folder / f"output-{time.monotonic_ns()}"
+        with self._output.open("w") as file:
+            self.process = start_child(
+                [*(command or module_command("hil.cli")), *map(str, arguments)],
+                stdout=file,
+                stderr=subprocess.STDOUT,
+                cwd=cwd,
+                environment={**package_environment(), "PYTHONUNBUFFERED": "1", **(environment or {})},
+            )
+
+    def __enter__(self) -> "Program":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self.process.poll() is None:
+            self.process.terminate()
+            try:
+                self.process.wait(30)
+            except subprocess.TimeoutExpired:
+                self.process.kill()
+                self.process.wait()
+
+    @property
+    def output(self) -> str:
+        """What it has printed so far."""
+        return self._output.read_text()
+
+    def expect(self, pattern: str, seconds: float = PATIENCE_S) -> re.Match[str]:
+        """Wait until the output matches; fails with the whole output if it does not."""
+        found = wait_for(lambda: re.search(pattern, self.output), seconds)
+        assert found, f"no {pattern!r} in:\n{self.output}"
+        return found
+
+    def wait(self, seconds: float = 2.0 * PATIENCE_S) -> int:
+        """The exit code."""
+        return self.process.wait(seconds)
+
+    def stop(self, number: int) -> int:
+        """Send a signal and wait; the exit code."""
+        self.process.send_signal(number)
+        return self.wait()
+
+
+def run_here(*arguments: str) -> tuple[int, str]:
+    """`uuv-hil ...` in this process, which saves its start: exit code and output. For what ends by itself at once."""
+    output = io.StringIO()
+    with redirect_stdout(output), redirect_stderr(output):
+        try:
+            code = main(list(arguments))
+        except SystemExit as end:  # of --help, and of a wrong option
+            code = int(end.code or 0)
+    return code, output.getvalue()
+
+
+@contextmanager
+def slave_with(folder: Path, sensors: str) -> Iterator[str]:
+    """The endpoint of a slave of the short mission with these lines in [sensors]; it must not fail."""
+    scenario, port = write_scenario(folder)
+    scenario.write_text(f"{scenario.read_text()}[sensors]\n{sensors}\n")
+    with Program(folder, "slave", scenario) as program:
+        program.expect("ready")
+        yield f"tcp/127.0.0.1:{port}"
+    assert "Traceback" not in program.output
+
+
+def command_until(condition: Callable[[], object], *clients: VehicleClient, surge: float = 0.1) -> bool:
+    """Command some forty times a second, each client in its turn, until that comes true; whether it does."""
+
+    def commanded() -> object:
+        for client in clients:
+            client.command(VelocityCommand(surge=surge))
+        return condition()
+
+    return bool(wait_for(commanded))
+
+
+def surge_of(client: VehicleClient) -> float:
+    """How fast its vehicle truly goes ahead, m/s; not a number before that is known."""
+    stamped = client.latest.get("ground_truth")
+    return float(stamped.value.nu[0]) if stamped else math.nan
+
+
+def wait_for(condition: Callable[[], T | None], seconds: float = PATIENCE_S) -> T | None:
+    """The first true value of `condition` within the time, else its last."""
+    deadline = time.monotonic() + seconds
+    while True:
+        value = condition()
+        if value or time.monotonic() > deadline:
+            return value
+        time.sleep(0.02)

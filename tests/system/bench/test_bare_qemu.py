@@ -1,0 +1,69 @@
+"""The floor of an STM32 in QEMU is that of a real one in the scenario's protocol."""
+
+import shutil
+from typing import Any
+
+import pytest
+
+from firmware_stub import qemu
+from hil.bench.delay_run import Plan, measure
+from hil.bench.floors import bare_qemu
+from hil.bench.floors.bare_qemu import TIMES, answer_ms
+from hil.bench.harness import Bench
+from hil.common.errors import DeviceError, NetworkError
+from hil.scenario.config import load_scenario
+
+needs_qemu = pytest.mark.skipif(not shutil.which(qemu.PROGRAM), reason=f"needs {qemu.PROGRAM}")
+
+
+@pytest.mark.qemu
+@needs_qemu
+def test_it_answers_in_the_protocol_of_the_link() -> None:
+    """22 bytes there and 32 back cannot be had in a twentieth of a millisecond; MAVLink's are longer."""
+    scenario = load_scenario("paper_field")
+    mavlink = scenario._replace(link=scenario.link._replace(protocol="mavlink"))
+    took = answer_ms(scenario), answer_ms(mavlink)
+    assert 0.05 < took[0] < 50.0
+    assert 0.05 < took[1] < 50.0
+
+
+@pytest.mark.qemu
+@needs_qemu
+def test_it_is_not_above_what_the_product_takes_of_it() -> None:
+    """And what the firmware takes is not split at a place where nobody looked."""
+    with Bench("paper_field", {"stm32": "qemu"}) as bench:
+        result = measure(bench, Plan(seconds=2.0, steps=0))
+    assert 0.05 < result.wire < result.at(0.5)
+    assert result.wire <= min(result.hops["STM32"])
+    assert set(result.hops["wire"]) == {0.0}
+
+
+def test_the_quickest_counts(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Machine:
+        wire = None
+
+        def __init__(self, *_: Any, **__: Any) -> None:
+            pass
+
+        def close(self) -> None:
+            pass
+
+    def answer_ns(_link: object, _channels: int, number: int) -> int:
+        return (TIMES + 1 - number) * 1_000_000
+
+    monkeypatch.setattr(bare_qemu, "QemuStm32", Machine)
+    monkeypatch.setattr(bare_qemu, "_answer_ns", answer_ns)
+    assert answer_ms(load_scenario("paper_field")) == 1.0
+
+
+def test_without_qemu_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(qemu, "PROGRAM", "no-such-emulator")
+    with pytest.raises(DeviceError, match="apt install"):
+        answer_ms(load_scenario("paper_field"))
+
+
+def test_a_bench_without_qemu_says_so_too(monkeypatch: pytest.MonkeyPatch, tmp_path: Any) -> None:
+    (tmp_path / "empty").mkdir()
+    monkeypatch.setenv("PATH", str(tmp_path / "empty"))
+    with Bench("paper_field", {"stm32": "qemu"}) as bench, pytest.raises(NetworkError, match="apt install"):
+        measure(bench, Plan(seconds=0.1))

@@ -1,0 +1,189 @@
+"""Ctrl-C in the middle of a benchmark: what is there is kept and says what it lacks, and nothing stays behind."""
+
+import os
+import pty
+import select
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from itertools import count
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+
+from hil.bench.record import load
+from hil.bench.stream_run import Listening, Stream
+from hil.cli import main
+from hil.commands.bench import stream as bench_stream
+from hil.common.errors import STOPPED, NetworkError
+from tests.support.busy import retry_when_busy
+from tests.support.processes import ROOT, wait_for
+
+PATIENCE_S = 60.0
+
+
+class Case(NamedTuple):
+    """A benchmark, what it shows in its first configuration and in the second, and what is there after the first.
+
+    `place` is where it is stopped, `most` how many values a figure may have, `missing` begins the names
+    of what has none.
+    """
+
+    words: list[str]
+    first: str
+    second: str
+    place: str
+    most: dict[str, int]  # values of each figure: a busy machine may lose a command
+    missing: str
+    printed: str
+    pictured: bool = False
+
+
+CASES = [
+    Case(
+        ["stream", "--seconds", "1", "--repeat", "9"],
+        "run 1 of 9: listening", "run 2 of 9: listening", "run 2 of 9",
+        {"imu rate": 1}, "nothing else", "medians of up to 9 runs",
+    ),
+    Case(
+        ["jitter", "--rates", "200,300,400", "--seconds", "1"],
+        "200 Hz: slave", "300 Hz: slave", "run 1 of 1: 300 Hz",
+        {"200 Hz slave p50": 1}, "300 Hz", "200 Hz, slave",
+    ),
+    Case(
+        ["load", "--vehicles", "1,2", "--seconds", "2"],
+        "1 of 4: as it is", "2 of 4: 1 vehicle", "2 of 4: 1 vehicle",
+        {"as it is cpu": 2}, "1 vehicle", "as it is", pictured=True,
+    ),
+    Case(
+        ["startup", "--runs", "3"],
+        "warm: 1 of 3", "cold: 2 of 3", "cold: 2 of 3",
+        {"all [warm]": 3, "all [cold]": 1}, "nothing else", "medians of up to 3 starts",
+    ),
+    Case(
+        ["delay", "--load", "0,1", "--seconds", "1", "--steps", "0"],
+        "1 of 2: load 0", "2 of 2: load 1", "2 of 2: load 1",
+        {"delay [load 0]": 20}, "load 1", "load 0",
+    ),
+]  # fmt: skip
+TOO_LATE = "Ctrl-C is to come while a benchmark of a second runs"
+of_each = pytest.mark.parametrize("case", CASES, ids=[case.words[0] for case in CASES])
+
+
+def of_folder(folder: Path) -> list[int]:
+    """The processes that have it for temporary files, as a benchmark's have from it."""
+    return [int(path.parent.name) for path in Path("/proc").glob("[0-9]*/environ") if f"TMPDIR={folder}" in text(path)]
+
+
+def text(environment: Path) -> str:
+    """Of a process; empty when that is gone or another user's."""
+    try:
+        return environment.read_text(errors="replace")
+    except OSError:
+        return ""
+
+
+def shown(terminal: int, words: str) -> bool:
+    """Whether it shows those in time."""
+    said, deadline = "", time.monotonic() + PATIENCE_S
+    while words not in said and select.select((terminal,), (), (), deadline - time.monotonic())[0]:
+        said += os.read(terminal, 4096).decode()
+    return words in said
+
+
+def is_ready(folder: Path) -> bool:
+    """Whether a slave in it is."""
+    return any("ready" in log.read_text() for log in folder.glob("uuv-hil-scratch-bench-*/slave-*.log"))
+
+
+def interrupt(folder: Path, words: list[str], when: str) -> tuple[int, str]:
+    """Its exit code, and what it printed; Ctrl-C comes once that is shown on its terminal and a slave runs."""
+    terminal, theirs = pty.openpty()
+    with (folder / "printed").open("w") as printed:
+        process = subprocess.Popen(
+            [sys.executable, "-m", "hil.cli", "bench", *words],
+            stdout=printed,
+            stderr=theirs,
+            cwd=ROOT,
+            env={**os.environ, "TMPDIR": str(folder)},
+            start_new_session=True,
+        )
+    os.close(theirs)
+    try:
+        assert shown(terminal, when)
+        assert wait_for(lambda: is_ready(folder), PATIENCE_S)
+        process.send_signal(signal.SIGINT)
+        return process.wait(PATIENCE_S), (folder / "printed").read_text()
+    finally:
+        process.kill()
+        process.wait()
+        os.close(terminal)
+
+
+@pytest.fixture(autouse=True)
+def _nothing_left(tmp_path: Path) -> Iterator[None]:
+    yield
+    left = of_folder(tmp_path)
+    for pid in left:
+        os.kill(pid, signal.SIGKILL)
+    assert left == []
+    assert not list(tmp_path.glob("uuv-hil-scratch-bench-*"))
+
+
+@of_each
+def test_what_was_measured_before_ctrl_c_is_kept(case: Case, tmp_path: Path) -> None:
+    attempts = count()
+
+    def is_kept() -> None:
+        number = next(attempts)
+        file, png = tmp_path / f"found-{number}.json", tmp_path / f"found-{number}.png"
+        picture = ["--png", str(png)] if case.pictured else []
+        code, said = interrupt(tmp_path, [*case.words, "--json", str(file), *picture], case.second)
+        assert code == STOPPED
+        assert case.printed in said
+        assert f"label: STOPPED: {case.place}\n" in said
+        record = load(str(file))
+        assert record.labels[-1] == f"STOPPED: {case.place}"
+        assert all(0 < len(record.figures[name].values) <= most for name, most in case.most.items())
+        for names in (record.figures, said.splitlines()):
+            assert not any(name.startswith(case.missing) for name in names)
+        assert png.exists() == case.pictured
+
+    retry_when_busy(is_kept, TOO_LATE)
+
+
+@of_each
+def test_with_nothing_measured_ctrl_c_leaves_nothing(case: Case, tmp_path: Path) -> None:
+    attempts = count()
+
+    def leaves_nothing() -> None:
+        file = tmp_path / f"found-{next(attempts)}.json"
+        assert interrupt(tmp_path, [*case.words, "--json", str(file)], case.first) == (STOPPED, "")
+        assert not file.exists()
+
+    retry_when_busy(leaves_nothing, TOO_LATE)
+
+
+def test_runs_before_one_that_fails_are_kept(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    heard = [Listening([Stream("imu", 100.0, 100.0, 0.0, 0.0, 1.0, 2.0, 9.0)], [])]
+
+    def listen(*_: object) -> tuple[Listening, tuple[str, ...]]:
+        if not heard:
+            raise NetworkError("the slave is gone")
+        return heard.pop(), ("limited: for the test",)
+
+    monkeypatch.setattr(bench_stream, "_listen", listen)
+    file = str(tmp_path / "stream.json")
+    assert main(["bench", "stream", "--repeat", "3", "--json", file]) == NetworkError.exit_code
+    said = capsys.readouterr()
+    assert "label: RUN FAILED: run 2 of 3: the slave is gone" in said.out
+    assert "the slave is gone" in said.err
+    assert load(file).figures["imu rate"].values == [100.0]
+    assert "limited: for the test" in load(file).labels
+    assert main(["bench", "stream", "--repeat", "3"]) == NetworkError.exit_code
+    assert capsys.readouterr().out == ""

@@ -1,0 +1,275 @@
+"""The table of boards side by side: its forms, its budgets, and one quick run of the real thing."""
+
+import csv
+import io
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from boards import load_board
+from hil.bench.record import Figure, load, new_record, save
+from hil.bench.table import boards as board_table
+from hil.bench.table.boards import Column
+from hil.bench.table.run import ROWS, Run
+from hil.cli import main
+from hil.commands.bench import table as bench_table
+from hil.common.errors import NetworkError
+from hil.plots.plotting import pyplot
+from tests.support.diagnostics import reported
+
+ONE = min(os.sched_getaffinity(0))
+GOOD = {
+    "master_cpu": Figure([2.0, 2.2, 2.1], "% of a core"),
+    "startup": Figure([0.100, 0.120, 0.110], "s"),
+    "memory": Figure([18.0, 18.2, 18.1], "MiB"),
+    "memory_share": Figure([0.44], "%"),
+    "delay_p50": Figure([0.5, 0.6, 0.7], "ms"),
+    "delay_p99": Figure([1.0, 1.1, 1.2], "ms"),
+    "slave_cpu": Figure([4.0, 4.1, 4.2], "% of a core"),
+}
+LIMITED = Column("lim", GOOD, "EPYC, 2 cores; 2026-11-22", ("virtual machine", "limited: processor 0 only"))
+BUDGETS = load_board("generic_x86_64").budgets
+
+
+def test_text_stands_beside_the_papers() -> None:
+    text = board_table.text([*board_table.paper(), Column("mine", GOOD)])
+    rows = {line[:38].strip(): line[38:].split("  ") for line in text.splitlines()}
+    startup = [cell.strip() for cell in rows["start-up to the first sample (s)"] if cell.strip()]
+    assert startup == ["3.200", "3.600", "0.110 (0.020)"]
+    delay = [cell.strip() for cell in rows["command delay p50 (ms)"] if cell.strip()]
+    assert delay == ["2000.000", "1900.000", "0.600 (0.200)"]
+    assert [cell.strip() for cell in rows["command delay max (ms)"] if cell.strip()] == ["-", "-", "-"]
+
+
+def test_only_a_real_board_of_theirs_is_compared() -> None:
+    pi = "Raspberry Pi 4 Model B"
+    line = board_table.ratios(Column("mine", GOOD), pi)
+    assert line.startswith("mine against Raspberry Pi 4B, 2022: ")
+    assert "start-up to the first sample 32.7 x less" in line
+    assert board_table.ratios(Column("mine", GOOD), "x86-64 computer") == ""
+    assert board_table.ratios(Column("mine", GOOD, labels=("emulated: x",)), pi) == ""
+    doubted = board_table.ratios(Column("mine", GOOD, warnings=("a clock",)), pi)
+    assert "start-up" not in doubted
+    assert "master CPU" in doubted
+
+
+def test_markdown_is_a_table() -> None:
+    lines = board_table.markdown([Column("a|b", GOOD)]).splitlines()
+    assert {line.count("|") for line in lines} == {3}
+    assert lines[0].endswith("| a/b |")
+
+
+def test_csv_has_a_line_a_figure() -> None:
+    rows = list(csv.DictReader(io.StringIO(board_table.comma_separated([Column("mine", GOOD)]))))
+    found = {row["figure"]: row for row in rows}
+    assert set(found) == set(GOOD)
+    assert (found["startup"]["median"], found["startup"]["runs"]) == ("0.11", "3")
+    assert found["memory_share"]["spread"] == ""
+
+
+def test_labels_and_warnings_stand_in_every_form() -> None:
+    column = LIMITED._replace(warnings=("a clock is wrong",))
+    rows = list(csv.DictReader(io.StringIO(board_table.comma_separated([*board_table.paper(), column]))))
+    assert {row["labels"] for row in rows if row["column"] == "lim"} == {"virtual machine; limited: processor 0 only"}
+    assert {row["labels"] for row in rows if row["column"] != "lim"} == {""}
+    assert {row["figure"] for row in rows if row["warnings"]} == {"startup", "delay_p50", "delay_p99"}
+    (line,) = [line for line in board_table.markdown([column]).splitlines() if line.startswith("- lim: ")]
+    for words in ("EPYC, 2 cores", "label: virtual machine", "limited: processor 0 only", "WARNING: a clock is wrong"):
+        assert words in line
+    assert "0.600 (!) (0.200)" in board_table.text([column])
+    assert "18.1 (0.2)" in board_table.text([column])
+
+
+def test_a_column_knows_the_labels_of_its_record() -> None:
+    details = {board_table.HERE: {"slave": {}, "warnings": ["a clock is wrong"]}}
+    record = new_record("table", {}, GOOD, ["limited: 25% of a core"], details)
+    (column,) = board_table.columns_of(record, "lim")
+    assert column.labels[-1] == "limited: 25% of a core"
+    assert column.warnings == ("a clock is wrong",)
+    assert record.made[:10] in column.about
+    elsewhere = {f"{name} @ tcp/a:1": figure for name, figure in GOOD.items()}
+    slave: dict[str, str] = {"board": "Raspberry Pi 4B"}
+    details = {"tcp/a:1": {"slave": slave}}
+    (column,) = board_table.columns_of(new_record("table", {}, elsewhere, ["emulated: x"], details))
+    assert "board: Raspberry Pi 4B; master: " in column.about
+    assert column.labels[-1] == "master: emulated: x", "of the slave's machine nothing is known"
+    slave["labels"] = "emulated: y"
+    (column,) = board_table.columns_of(
+        new_record("table", {}, elsewhere, ["emulated: x", "slave: emulated: y"], details)
+    )
+    assert column.labels[-2:] == ("master: emulated: x", "slave: emulated: y")
+
+
+@pytest.mark.parametrize("long", [False, True])
+def test_picture(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, long: bool) -> None:
+    """All that is written lies inside its frame, each axis has numbers, also where a figure has no place on it."""
+    plt = pyplot()
+    kept: list[Any] = []
+    monkeypatch.setattr(plt, "close", kept.append)
+    path = tmp_path / "table.png"
+    without = {name: figure for name, figure in GOOD.items() if name != "startup"}
+    wrong = Column("tcp/192.168.3.116:7447", without | {"delay_p50": Figure([-4.361], "ms")})
+    mine = LIMITED._replace(title="yesterday-on-a-board-far-away " * 3) if long else LIMITED
+    board_table.draw([*board_table.paper(), wrong, *([mine] if long else [])], str(path))
+    assert path.read_bytes().startswith(b"\x89PNG")
+    (figure,) = kept
+    figure.draw_without_rendering()  # saved, it had other dots an inch
+    frame = figure.bbox
+    for panel in figure.axes:
+        inside = panel.get_window_extent()
+        for text in panel.texts:
+            extent = text.get_window_extent()
+            assert inside.x0 < extent.x0 < extent.x1 < inside.x1, text.get_text()
+        numbers = [
+            tick for tick in panel.get_xticks() if inside.x0 < panel.transData.transform((tick, 0))[0] < inside.x1
+        ]
+        assert len(numbers) >= 2
+        assert all(text.get_window_extent().x0 >= frame.x0 for text in panel.get_yticklabels() if text.get_visible())
+    said = [text.get_text() for panel in figure.axes for text in panel.texts]
+    assert "not measured" in said
+    assert "-4.361" in said
+    if long:
+        below = figure.get_supxlabel()
+        assert "limited: processor 0 only" in below
+        assert "2026-11-22" in below
+
+
+def test_budgets_that_are_kept() -> None:
+    assert board_table.missed(Column("", GOOD), BUDGETS) == []
+
+
+@pytest.mark.parametrize(
+    ("name", "figure", "words"),
+    [
+        ("startup", Figure([0.36], "s"), "start-up to the first sample: 0.360 s, the budget is 0.350 s"),
+        ("memory", Figure([41.0], "MiB"), "slave memory: 41.0 MiB, the budget is 40.0 MiB"),
+        ("slave_cpu", Figure([4.0, 5.1, 6.0], "% of a core"), "5.10 % of a core, the budget is 5.00 % of a core"),
+        ("delay_p50", Figure([1.01], "ms"), "command delay p50: 1.010 ms, the budget is 1.000 ms"),
+        ("delay_p99", Figure([3.1], "ms"), "command delay p99: 3.100 ms, the budget is 3.000 ms"),
+        ("startup", Figure([], "s"), "not measured, the budget is 0.350 s"),
+    ],
+)
+def test_a_budget_that_is_missed(name: str, figure: Figure, words: str) -> None:
+    (found,) = board_table.missed(Column("", GOOD | {name: figure}), BUDGETS)
+    assert words in found
+
+
+def test_a_figure_by_a_wrong_clock_keeps_no_budget() -> None:
+    missed = board_table.missed(Column("", GOOD, warnings=("a clock is wrong",)), BUDGETS)
+    assert [line.partition(":")[0] for line in missed] == [
+        "start-up to the first sample", "command delay p50", "command delay p99"
+    ]  # fmt: skip
+    assert all("is not to be trusted: a clock is wrong" in line for line in missed)
+
+
+def test_the_budget_of_memory_is_for_what_it_takes_alone() -> None:
+    """Beside others a slave seems small, as they pay for what they share."""
+    shared = GOOD | {"memory_alone": Figure([41.0], "MiB")}
+    (missed,) = board_table.missed(Column("", shared), BUDGETS)
+    assert "alone on its machine: 41.0 MiB, the budget is 40.0 MiB" in missed
+    assert board_table.missed(Column("", GOOD | {"memory_alone": Figure([], "MiB")}), BUDGETS) == []
+
+
+def flown(**slave: Any) -> Run:
+    return Run({row.name: GOOD.get(row.name, GOOD["memory"]).median for row in ROWS}, reported(**slave), [], [])
+
+
+def test_runs_before_one_that_fails_are_kept(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def fly(_bench: object, number: int, endpoint: str) -> Run:
+        if number == 2 or endpoint.endswith(":2"):
+            raise NetworkError("the slave is gone")
+        return flown()
+
+    monkeypatch.setattr(bench_table, "fly", fly)
+    path = tmp_path / "kept.json"
+    slaves = ["--slave", "tcp/127.0.0.1:1", "--slave", "tcp/127.0.0.1:2"]
+    assert main(["bench", "table", *slaves, "--json", str(path)]) == NetworkError.exit_code
+    said = capsys.readouterr().out
+    assert "RUN FAILED: tcp/127.0.0.1:1: run 3 of 5: the slave is gone" in said
+    assert "medians of up to 5 runs" in said
+    assert "RUN FAILED: tcp/127.0.0.1:2: run 1 of 5: the slave is gone" in said
+    assert {len(figure.values) for figure in load(str(path)).figures.values()} == {2}
+    assert main(["bench", "table", *slaves[2:]]) == NetworkError.exit_code
+    assert "the slave is gone" in capsys.readouterr().err
+
+
+def test_budgets_of_a_slave_elsewhere(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    """Those of the board that it says it is; else somebody has to say which."""
+    slave = {"board": "BeagleBone Black"}
+    monkeypatch.setattr(bench_table, "fly", lambda *_: flown(**slave))
+    words = ["bench", "table", "--repeat", "1", "--check", "--slave", "tcp/127.0.0.1:1"]
+    assert main(words) == 0
+    slave["board"] = "this machine"
+    assert main(words) == 2
+    said = capsys.readouterr().err
+    assert "no budgets for tcp/127.0.0.1:1, which says that its board is 'this machine'" in said
+    assert "--board NAME: beaglebone_black, " in said
+    assert main([*words, "--board", "raspberry_pi_4b"]) == 0
+
+
+def test_several_slaves_are_columns_of_one_record() -> None:
+    record = new_record("table", {}, {"startup @ tcp/a:1": GOOD["startup"], "startup @ tcp/b:1": GOOD["startup"]})
+    assert [column.title for column in board_table.columns_of(record, "old")] == ["old tcp/a:1", "old tcp/b:1"]
+
+
+def test_one_quick_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    old, new = tmp_path / "old.json", tmp_path / "new.json"
+    save(new_record("table", {}, GOOD), str(old))
+    options = ["--repeat", "1", "--seconds", "1", "--against", str(old), "--json", str(new), "--cpus", str(ONE)]
+    code = main(["bench", "table", *options, "--check", "--board", "beaglebone_black"])
+    said = capsys.readouterr().out
+    assert code == 0, said  # 0.9 of a core, 3.2 s, 25 ms: only a broken slave takes that here
+    assert "every budget is kept" in said
+    assert said.count(f"label: limited: processor {ONE} only") == 1
+    assert "old" in said.splitlines()[0]
+    figures = json.loads(new.read_text())["figures"]
+    assert 0.01 < figures["startup"]["median"] < 3.2
+    assert 0.0 < figures["ready"]["median"] < figures["startup"]["median"]
+    assert 8.0 < figures["memory"]["median"] < figures["memory_alone"]["median"] < 80.0
+    assert 0.0 < figures["delay_p50"]["median"] <= figures["delay_p99"]["median"] <= figures["delay_max"]["median"]
+    assert 0.0 < figures["slave_cpu"]["median"] < 90.0
+    assert 0.0 < figures["slave_cpu_floor"]["median"] < 90.0
+
+
+def test_a_missed_budget_is_an_exit_code(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    board = tmp_path / "strict.toml"
+    text = Path("boards/beaglebone_black.toml").read_text().replace('memory = "40 MiB"', 'memory = "1 MiB"')
+    board.write_text(text)
+    assert main(["bench", "table", "--repeat", "1", "--seconds", "1", "--check", "--board", str(board)]) == 1
+    missed = [line for line in capsys.readouterr().out.splitlines() if line.startswith("BUDGET MISSED")]
+    assert len(missed) == 1
+    assert "slave memory" in missed[0]
+    assert "the budget is 1.0 MiB" in missed[0]
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--repeat", "0"], "--repeat: expected a whole number from 1"),
+        (["--board", "nosuch"], "nosuch"),
+        (["--check", "--board", "nosuch"], "nosuch"),
+        (["--csv", "/proc/table.csv"], "/proc/table.csv: cannot be written"),
+        (["--against", "no.json"], "no.json: no such file"),
+        (["--slave", "tcp/127.0.0.1:1", "--cpus", "0"], "limit a slave started here"),
+        (["--cpus", "zero"], "--cpus: expected"),
+        (["--set", "slave.stop=1"], "did you mean 'step'"),
+        (["no_such_scenario"], "no scenario 'no_such_scenario'"),
+    ],
+)
+def test_what_cannot_be_meant(options: list[str], words: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["bench", "table", *options]) == 2
+    said = capsys.readouterr().err
+    assert words in said
+    assert len(said.strip().splitlines()) == 1
+
+
+def test_a_benchmark_that_is_none(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["bench", "tabel"]) == 2
+    assert "there are: table" in capsys.readouterr().err
+    assert main(["bench", "--help"]) == 0
+    assert "compare" in capsys.readouterr().out

@@ -1,0 +1,507 @@
+"""`uuv-hil bench delay`, quickly: its figures add up, it notices wrong clocks, and it refuses nonsense."""
+
+import itertools
+import json
+import os
+import signal
+import subprocess
+import threading
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, Literal
+
+import pytest
+
+from hil.bench import delay_report, delay_run
+from hil.bench.delay_report import draw, text
+from hil.bench.delay_run import HOPS, Plan, Result, first_motion, measure, pooled, wire_ms
+from hil.bench.harness import Bench, Process, program
+from hil.bench.record import Record
+from hil.cli import main
+from hil.client.client import VehicleClient
+from hil.client.delay import DelayMeter, find_doubts
+from hil.commands.bench import delay as bench_delay
+from hil.common.clock import NS_PER_S, from_wall_ns, now_ns
+from hil.common.errors import ConfigError, NetworkError
+from hil.links.address import wire_kind
+from hil.links.wires.faults import Faults
+from hil.ros.diagnostics import Diagnostics
+from hil.scenario.config import load_scenario
+from tests.support.busy import retried_when_busy
+from tests.support.diagnostics import reported
+from tests.support.processes import wait_for
+
+MS = 1_000_000
+
+
+def meter(offset: int, same_clock: bool, network: int = MS // 2, count: int = 60, back: int = MS // 2) -> DelayMeter:
+    """Commands to a slave whose clock is `offset` ns ahead."""
+    found = DelayMeter()
+    found.same_clock = same_clock
+    for number in range(count):
+        published = number * 50 * MS
+        received = published + network + offset
+        taken, computed, written, applied = (received + us * 1000 for us in (20, 100, 150, 160))
+        sent = applied + 20_000
+        instants = [number, published, received, taken, written, applied, computed]
+        found.add(instants, sent, sent - offset + back)
+    return found
+
+
+def some_result(delay: list[float], **changes: Any) -> Result:
+    """A run at 20 Hz that found these delays (ms), its floor 0.05 ms."""
+    hops = {name: [value / len(HOPS) for value in delay] for name in HOPS}
+    at_s = [number / 20 for number in range(len(delay))]
+    found = Result(delay, at_s, hops, [4.0] * 9, [0.06] * 9, [0.05] * 9, 0.0, len(delay), 20.0, 0.0, 0.0, [])
+    return found._replace(**changes)
+
+
+def test_right_clocks_are_trusted() -> None:
+    assert find_doubts(meter(0, same_clock=True)) == []
+    assert find_doubts(meter(7_000 * MS, same_clock=False, network=MS // 10, back=MS // 10)) == []
+
+
+@pytest.mark.parametrize("offset", [-3_600_000 * MS, -5 * MS, 5 * MS, 3_600_000 * MS])
+def test_one_machine_whose_clock_was_set_between_two_starts_has_the_measured_offset(offset: int) -> None:
+    """Both processes share a boot, and yet not a wall clock: each took its own at its start."""
+    shifted = meter(offset, same_clock=True, network=MS // 10, back=MS // 10)
+    assert all(abs(total - 260_000) < MS // 5 for total in shifted.totals_ns())
+    assert abs(shifted.offset_ns()[0] - offset) < MS // 5
+    assert find_doubts(shifted) == []
+
+
+def test_one_clock_that_seems_to_be_off_within_the_error_is_one() -> None:
+    lopsided = meter(0, same_clock=True, network=2 * MS, back=MS // 10)
+    assert lopsided.offset_ns() == (0, 0)
+    assert set(lopsided.totals_ns()) == {2_160_000}
+
+
+def test_an_offset_that_is_not_known_well_enough_is_said() -> None:
+    found = find_doubts(meter(3 * MS, same_clock=False, network=MS, back=30 * MS))
+    assert any("known only to" in words for words in found)
+
+
+def test_a_clock_that_is_set_meanwhile_is_noticed() -> None:
+    found = meter(0, same_clock=False)
+    late = meter(900 * MS, same_clock=False, count=70)
+    for sample in late.samples[60:]:
+        published, received = sample.published_ns, sample.published_ns + sample.hops[0]
+        sent = received + 180_000
+        instants = [1, published, received, received + 20_000, received + 150_000, received + 160_000]
+        found.add(instants, sent, sent - 900 * MS + MS // 2)
+    assert any("a clock was set" in words for words in find_doubts(found))
+
+
+def test_no_answer_is_no_result() -> None:
+    assert find_doubts(DelayMeter()) == ["no command was answered by the STM32"]
+
+
+def test_text_leaves_out_what_too_few_commands_cannot_tell() -> None:
+    result = some_result([0.7] * 200, warnings=["a clock"])
+    lines = text({"case": result}).splitlines()
+    assert lines[2].split() == [
+        "case", "200/200", "0.700", "0.700", "0.700", "-", "0.700", "0.050", "0.650", "0.060", "0.050", "4.0",
+    ]  # fmt: skip
+    assert "0.100 (14%)" in text({"case": result})
+    assert lines[-1] == "WARNING, case: a clock"
+
+
+def test_motion_is_what_leaves_the_line() -> None:
+    decay = [(number * 10 * MS, 0.5 - 0.02 * number) for number in range(10)]
+    moved = [*decay[:7], (71 * MS, 0.5 - 0.02 * 7 + 0.3), (81 * MS, 0.9)]
+    assert first_motion(moved, 65 * MS, 1.0) == 71 * MS
+    assert first_motion(moved, 65 * MS, -1.0) == 0
+    assert first_motion(decay, 65 * MS, 1.0) == 0
+    assert first_motion(moved[:1], 65 * MS, 1.0) == 0
+
+
+@retried_when_busy("a process that gets no turn for a while answers some commands together")
+def test_quick_runs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path, picture = tmp_path / "delay.json", tmp_path / "delay.png"
+    options = ["--seconds", "0.5", "--rate", "40", "--steps", "3", "--baud", "0,115200", "--json", str(path)]
+    code = main(["bench", "delay", *options, "--most-p50", "500", "--most-over-floor", "0.0001", "--png", str(picture)])
+    said = capsys.readouterr().out
+    assert code == 1, said
+    assert said.count("LIMIT BROKEN") == 2
+    assert "p50 above the floor" in said
+    assert "clock" not in said  # wrong ones would be warned of
+    assert "its baud is not" not in said
+    figures = json.loads(path.read_text())["figures"]
+    for case in ("baud 0", "baud 115200"):
+        delays = figures[f"delay [{case}]"]["values"]
+        assert len(delays) == 20
+        hops = [figures[f"hop {name} [{case}]"]["values"] for name in HOPS]
+        assert [sum(parts) for parts in zip(*hops, strict=True)] == pytest.approx(delays, abs=1e-6)
+        assert all(value >= 0.0 for values in hops for value in values)
+        assert figures[f"motion [{case}]"]["values"]
+        assert min(figures[f"motion [{case}]"]["values"]) > min(delays)
+        assert figures[f"tcp floor [{case}]"]["count"] >= 5
+        assert figures[f"tcp floor [{case}]"]["better"] == figures[f"udp floor [{case}]"]["better"] == ""
+        assert figures[f"delay [{case}]"]["better"] == "lower"
+    assert figures["hop wire [baud 0]"]["median"] == 0.0
+    assert figures["hop wire [baud 115200]"]["median"] == pytest.approx(22 * 10 / 115.2)
+    assert min(figures["delay [baud 115200]"]["values"]) > 22 * 10 / 115.2
+    assert picture.read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--baud", "fast"], "--baud: expected"),
+        (["--baud", "-1"], "--baud: expected"),
+        (["--rate", "0"], "--rate: expected"),
+        (["--rate", "true"], "--rate: expected"),
+        (["--rate", "nan"], "--rate: expected"),
+        (["--load", "true"], "--load: expected"),
+        (["--most-p50", "nan"], "--most-p50: expected"),
+        (["--most-over-floor", "inf"], "--most-over-floor: expected"),
+        (["--seconds", "nan"], "--seconds: expected"),
+        (["--security", "maybe"], "--security: expected"),
+        (["--seconds", "0"], "--seconds"),
+        (["--protocol", "morse"], "protocol"),
+        (["--stm32", "abacus"], "stm32"),
+        (["--stm32", "0"], "--stm32: expected"),
+        (["--slave", "tcp/127.0.0.1:1", "--stm32", "native"], "--slave is measured as it is"),
+        (["--echo", "here"], "--echo: expected"),
+        (["--echo", "127.0.0.1:99999:2"], "found '127.0.0.1:99999:2'"),
+        (["--repeat", "0"], "--repeat"),
+        (["--slave", "tcp/127.0.0.1:1", "--port", "pty:"], "--slave is measured as it is"),
+        (["--slave", "tcp/127.0.0.1:1", "--set", "slave.step=0.001"], "--set slave.step"),
+        (["--slave", "tcp/127.0.0.1:1", "--security", "on"], "--security on"),
+        (["--slave", "tcp/127.0.0.1:1", "--payload", "1000"], "--echo"),
+        (["--slave", "tcp/127.0.0.1:1", "--most-over-floor", "1"], "--echo"),
+        (["--json", "/proc/nope/a.json"], "/proc/nope/a.json"),
+        (["--png", "/proc/nope/a.png"], "/proc/nope/a.png"),
+    ],
+)
+def test_what_cannot_be_meant(options: list[str], words: str, capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = [f"{options[0]}={options[1]}", *options[2:]]
+    assert main(["bench", "delay", *arguments]) == 2
+    assert words in capsys.readouterr().err
+
+
+def on(port: str) -> Diagnostics:
+    """What a slave reports whose link is there."""
+    return reported(link_port=port, link_wire=wire_kind(port))
+
+
+def test_the_time_on_the_line() -> None:
+    """115200 bit/s, ten bits a byte; the answer counts where it has to be heard."""
+    scenario = load_scenario("paper_field")
+    paced = scenario._replace(link=scenario.link._replace(faults=Faults(baud=115_200)))
+    assert wire_ms(scenario, on("/dev/pts/0")) == 0.0
+    command = wire_ms(paced, reported())
+    assert command == pytest.approx(22 * 10 / 115.2)
+    assert wire_ms(scenario, on("/dev/ttyUSB0")) == command
+    assert wire_ms(paced._replace(stm32="native"), reported()) > 2 * command
+    assert wire_ms(paced._replace(stm32="unicorn"), reported()) == command
+
+
+def test_on_its_line_mavlink_is_the_packet_of_pulses_alone() -> None:
+    """The host asks for arming beside it until the device has said that it is: SERVO_OUTPUT_RAW has 28 bytes here."""
+    scenario = load_scenario("paper_field")
+    link = scenario.link._replace(protocol="mavlink", faults=Faults(baud=115_200))
+    assert wire_ms(scenario._replace(link=link), reported()) == pytest.approx(28 * 10 / 115.2)
+    assert wire_ms(scenario._replace(link=link, stm32="native"), reported()) == pytest.approx(2 * 28 * 10 / 115.2)
+
+
+@pytest.mark.parametrize(("protocol", "bits"), [("vesc", 6 * (67 + 32)), ("dronecan", 2 * 67 + 64 + 56)])
+def test_a_command_on_a_can_bus_takes_the_bits_of_all_its_frames(
+    protocol: Literal["vesc", "dronecan"], bits: int
+) -> None:
+    """VESC: a frame of 4 bytes a thruster. DroneCAN: 6 x 14 bits and the checksum, with two tails in two frames."""
+    scenario = load_scenario("paper_field")
+    link = scenario.link._replace(protocol=protocol, port="can:virtual:bits", faults=Faults(baud=500_000))
+    paced = scenario._replace(link=link)
+    assert wire_ms(paced, reported()) == pytest.approx(bits / 500)
+    assert wire_ms(paced._replace(stm32="process"), reported()) > 2 * wire_ms(paced, reported())
+
+
+def test_a_slave_elsewhere_tells_its_line_itself() -> None:
+    """The scenario here may say another protocol, another baud, an STM32 that is in the slave."""
+    here = load_scenario("paper_field")
+
+    def there(port: str) -> Diagnostics:
+        said = on(port)
+        said.link_protocol, said.link_baud, said.pwm_us = "mavlink", 57_600, (1500,) * 6
+        return said
+
+    assert wire_ms(here, there("/dev/ttyAMA0"), elsewhere=True) == pytest.approx(2 * 28 * 10 / 57.6)
+    assert wire_ms(here, there("rs485:/dev/serial0"), elsewhere=True) > 0.0
+    paced = here._replace(link=here.link._replace(faults=Faults(baud=9600)))
+    assert wire_ms(paced, there("/dev/ttyAMA0"), elsewhere=True) == pytest.approx(2 * 28 * 10 / 57.6)
+    for port in ("/dev/pts/3", "tcp://127.0.0.1:5760", "can:socketcan:can0"):
+        assert wire_ms(paced, there(port), elsewhere=True) == 0.0
+    assert wire_ms(paced, reported(), elsewhere=True) == 0.0
+
+
+def test_what_could_not_be_had_is_said_and_not_made_up() -> None:
+    """No echo: no floor. Nothing answered by UDP: not 0."""
+    none = text({"case": some_result([0.7] * 20, udp=[], tcp=[])})
+    assert none.splitlines()[2].split()[7:] == ["-", "-", "-", "-", "4.0"]
+    assert "no floor" in none
+    assert "uuv-hil bench echo" in none
+    deaf = text({"case": some_result([0.7] * 20, udp=[])}).splitlines()[2].split()
+    assert deaf[7:] == ["0.050", "0.650", "-", "0.050", "4.0"]
+    assert "nan" not in text({"case": some_result([])})
+
+
+def test_runs_are_pooled_and_told_apart() -> None:
+    runs = [some_result([0.7] * 4), some_result([0.9] * 3, sent=4, rate=18.0, warnings=["late"])]
+    both = pooled(runs)
+    assert both.delay == [0.7] * 4 + [0.9] * 3
+    assert both.at_s == sorted(both.at_s)
+    assert (both.sent, both.warnings, len(both.hops["wire"])) == (8, ["run 2: late"], 7)
+    assert pooled(runs[:1]) == runs[0]
+
+
+def doubts(result: Result, plan: Plan = Plan(), losses: int = 0, paced: bool = False) -> list[str]:
+    return list(delay_run._doubts(result, plan, None, None, losses, paced))
+
+
+def test_what_was_not_as_asked_is_said() -> None:
+    assert doubts(some_result([0.7] * 20, rate=20.9)) == []
+    assert "5 of 25 commands were not answered" in doubts(some_result([0.7] * 20, sent=25))[0]
+    assert "at 150.0 Hz instead of 200" in doubts(some_result([0.7] * 20, rate=150.0), Plan(rate=200.0))[0]
+    assert "gone 2 times" in doubts(some_result([0.7] * 20), losses=2)[0]
+    assert doubts(some_result([0.7], rate=float("nan"))) == []
+    assert doubts(some_result([0.7] * 20, motion=[]), Plan(steps=1)) == [], "the first step does not count"
+    assert "3 of 9 steps in surge did not show" in doubts(some_result([0.7] * 20, motion=[4.0] * 6))[0]
+
+
+def test_a_line_that_is_quicker_than_its_bits_is_said_unless_it_is_ours() -> None:
+    on_line = some_result([0.7] * 20, hops={name: [0.7 if name == "STM32" else 0.0] * 20 for name in HOPS})
+    assert "baud is not what" in doubts(on_line._replace(wire=1.9))[0]
+    assert doubts(on_line._replace(wire=1.9), paced=True) == []
+    assert doubts(on_line._replace(wire=0.7001)) == [], "no baud is wrong by so little"
+
+
+def test_the_wire_has_its_bits_also_those_that_left_during_the_write() -> None:
+    """Here the write ends 50 us after the encoder began, and the pulses are there after 10 more."""
+    heard = meter(0, same_clock=True)
+    spans = [(sample.published_ns, sample.published_ns + 1000) for sample in heard.samples]
+    whole = delay_run._result(heard, spans, [], None, 0.0)
+    assert (whole.hops["link encode"][0], whole.hops["STM32"][0]) == pytest.approx((0.05, 0.01))
+    for wire, expected in ((0.005, (0.05, 0.005, 0.005)), (0.04, (0.02, 0.04, 0.0)), (0.2, (0.0, 0.06, 0.0))):
+        found = delay_run._result(heard, spans, [], None, wire)
+        assert [found.hops[hop][0] for hop in ("link encode", "wire", "STM32")] == pytest.approx(expected)
+        assert found.delay == whole.delay
+
+
+class Commanded:
+    """A vehicle that keeps when it was commanded (ns), by `clock`."""
+
+    def __init__(self, clock: Callable[[], int] = now_ns) -> None:
+        self.at: list[int] = []
+        self.surge: list[tuple[int, float]] = []
+        self.delays = DelayMeter()
+        self._clock = clock
+
+    def command(self, _: Any) -> None:
+        self.at.append(self._clock())
+
+
+def test_the_last_command_has_its_time_like_all_others(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Or the first step of the motion is in the slave's command_receiver before it is taken up."""
+    monkeypatch.setattr(delay_run, "check_there", lambda *_: None)
+    vehicle: Any = Commanded()
+    delay_run._command(vehicle, None, Plan(rate=200.0, seconds=0.1), None, None)
+    assert now_ns() - vehicle.at[-1] > 0.9 * NS_PER_S / 200.0
+
+
+def test_what_comes_before_the_pulses_shows_no_motion() -> None:
+    """But how the motion before went on. A command that has no trace counts from when it was sent."""
+    heard = meter(0, same_clock=True)
+    sent = from_wall_ns(heard.samples[-1].published_ns)
+    applied = delay_run._applied_ns(heard, sent - 1000)
+    assert applied - sent == heard.totals_ns()[-1] == 660_000
+    assert delay_run._applied_ns(heard, sent + 1) == sent + 1
+    assert delay_run._applied_ns(DelayMeter(), sent) == sent
+    bent = [(sent + at, value) for at, value in ((-20 * MS, 0.0), (-10 * MS, 0.0), (300_000, 0.06), (10 * MS, 0.3))]
+    assert first_motion(bent, sent, 1.0) == sent + 300_000
+    assert first_motion(bent, applied, 1.0) == sent + 10 * MS
+
+
+@pytest.mark.parametrize("late_us", [0, 300, 480])
+def test_steps_begin_all_over_the_time_between_two_samples(monkeypatch: pytest.MonkeyPatch, late_us: int) -> None:
+    """However late each is: else the motion waits for its sample equally long in all of a run."""
+    clock = [0]
+
+    def wait_ns(deadline: int) -> None:
+        clock[0] = deadline + late_us * 1000
+
+    monkeypatch.setattr(delay_run, "check_there", lambda *_: None)
+    monkeypatch.setattr(delay_run, "now_ns", lambda: clock[0])
+    monkeypatch.setattr(delay_run, "wait_ns", wait_ns)
+    vehicle: Any = Commanded(lambda: clock[0])
+    delay_run._motion(vehicle, None, 11)
+    phases = sorted(at % (10 * MS) / MS for at in vehicle.at)
+    assert len(phases) == 11
+    assert max(after - before for before, after in itertools.pairwise([*phases, phases[0] + 10.0])) < 2.0
+
+
+def test_a_slave_that_is_killed_is_no_result() -> None:
+    with Bench("paper_field") as bench:
+
+        def kill() -> None:
+            assert wait_for(lambda: bench.processes and "ready" in bench.processes[0].output)
+            with VehicleClient(bench.endpoint, "uuv1", part="observer") as onlooker:
+                assert wait_for(lambda: (onlooker.diagnostics().commands_taken or 0) > 20)
+                os.kill(bench.processes[0].pid, signal.SIGKILL)
+
+        thread = threading.Thread(target=kill)
+        thread.start()
+        with pytest.raises(NetworkError, match=r"the slave was ended by signal 9"):
+            measure(bench, Plan(seconds=120.0))
+        thread.join()
+
+
+def test_nor_is_one_elsewhere(tmp_path: Path) -> None:
+    """And without an echo there is no floor."""
+    with Bench("paper_field") as bench:
+        slave = bench.start_slave()
+        command = [*program(), "bench", "delay", "--slave", bench.endpoint, "--steps", "2", "--seconds"]
+        with Process([*command, "1"], str(tmp_path / "whole")) as whole:
+            assert whole.wait(120.0) == 0, whole.output
+            assert "no floor" in whole.output
+        with VehicleClient(bench.endpoint, "uuv1", part="observer") as onlooker:
+            before = wait_for(onlooker.diagnostics)
+            assert before
+            with Process([*command, "120"], str(tmp_path / "log")) as delay:
+                taken = before.commands_taken or 0
+                assert wait_for(lambda: (onlooker.diagnostics().commands_taken or 0) > taken + 20), delay.output
+                os.kill(slave.pid, signal.SIGKILL)
+                assert delay.wait(60.0) == 4, delay.output
+            assert f"uuv1 at {bench.endpoint} has " in delay.output  # been silent, in one way or another
+
+
+def failing_second(results: list[Result]) -> Any:
+    def run(*_: Any) -> tuple[Result, tuple[str, ...]]:
+        if not results:
+            raise NetworkError("the slave ended")
+        return results.pop(0), ("limited: for the test",)
+
+    return run
+
+
+def test_what_is_there_is_kept_when_the_rest_fails(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(bench_delay, "_measure", failing_second([some_result([0.7] * 20, motion=[])]))
+    path = tmp_path / "kept.json"
+    assert main(["bench", "delay", "--load", "0,1,2", "--json", str(path)]) == 4
+    said = capsys.readouterr()
+    assert "load 0" in said.out
+    assert "label: limited: for the test" in said.out
+    assert "the slave ended" in said.err
+    figures = json.loads(path.read_text())["figures"]
+    assert figures["delay [load 0]"]["count"] == 20
+    assert "motion [load 0]" not in figures
+
+
+def test_a_picture_that_fails_costs_no_figures(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def full(*_: Any) -> None:
+        raise ConfigError("disk full")
+
+    monkeypatch.setattr(bench_delay, "_measure", failing_second([some_result([0.7] * 20)]))
+    monkeypatch.setattr(delay_report, "draw", full)
+    path = tmp_path / "kept.json"
+    assert main(["bench", "delay", "--json", str(path), "--png", str(tmp_path / "a.png")]) == 2
+    assert "disk full" in capsys.readouterr().err
+    assert json.loads(path.read_text())["figures"]
+
+
+def test_repeated_runs_are_in_the_record_one_by_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """In turn, so that a machine that slows down does so for all configurations."""
+    results = [some_result([value] * count) for value, count in ((0.1, 4), (0.2, 3), (0.3, 2), (0.4, 1))]
+    monkeypatch.setattr(bench_delay, "_measure", failing_second(results))
+    path = tmp_path / "a.json"
+    assert main(["bench", "delay", "--load", "0,1", "--repeat", "2", "--json", str(path)]) == 0
+    figure = json.loads(path.read_text())["figures"]["delay [load 0]"]
+    assert figure["values"] == [0.1] * 4 + [0.3] * 2
+    assert figure["runs"] == [4, 2]
+    assert "6/6" in capsys.readouterr().out
+
+
+def test_the_record_rebuilds_the_series_and_one_of_earlier_still_compares(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    result = some_result([0.7] * 20, clock_offset=-3.5, clock_uncertainty=0.125, sent=21)
+    monkeypatch.setattr(bench_delay, "_measure", failing_second([result]))
+    new, old = tmp_path / "new.json", tmp_path / "old.json"
+    assert main(["bench", "delay", "--json", str(new)]) == 0
+    record = json.loads(new.read_text())
+    (run,) = record["details"]["as the scenario has it"]["runs"]
+    assert (run["clock offset"], run["clock uncertainty"]) == (-3.5, 0.125)
+    assert run["at_s"] == result.at_s
+    for later in ("clock offset", "clock uncertainty", "at_s"):
+        del run[later]
+    old.write_text(json.dumps(record))
+    capsys.readouterr()
+    assert main(["bench", "compare", str(old), str(new)]) == 0
+    assert "delay [as the scenario has it]" in capsys.readouterr().out
+
+
+def test_who_burns_processor_time_hears_no_ctrl_c(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It goes to the whole group of the terminal, and their tracebacks with it."""
+    started: list[subprocess.Popen[bytes]] = []
+    real = subprocess.Popen
+
+    def popen(*arguments: Any, **options: Any) -> subprocess.Popen[bytes]:
+        started.append(real(*arguments, **options))
+        return started[-1]
+
+    monkeypatch.setattr(subprocess, "Popen", popen)
+    with delay_run._burners(2):
+        assert len({os.getpgid(process.pid) for process in started} - {os.getpgid(0)}) == 2
+    assert [process.poll() for process in started] == [-signal.SIGKILL] * 2
+
+
+def record_of(**changes: Any) -> Record:
+    machine = {"name": "vessel", "board": "", "cpu": "Cortex-A72", "usable_cores": 4}
+    return Record("delay", {}, {}, ("limited: 25%",), {}, machine, "2022-10-20T12:00:00+0000")._replace(**changes)
+
+
+def test_the_picture_says_what_it_is_of(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With one outlier far away, many configurations, and one without answers."""
+    seen = keep_figure(monkeypatch)
+    far = some_result([0.7] * 99 + [150.0])
+    many = {f"rate {number}": some_result([0.5 + number / 10] * 20) for number in range(12)}
+    draw({"far": far, "none": some_result([], tcp=[]), **many}, record_of(), str(tmp_path / "a.png"))
+    figure = seen[0]
+    title = figure.get_suptitle()
+    for words in ("Command delay", "vessel", "Cortex-A72", "2022-10-20", "limited: 25%"):
+        assert words in title
+    histogram, series, hops = figure.axes
+    assert histogram.get_xlim()[1] < 5.0
+    assert "1 more beyond, up to 150.0 ms" in histogram.get_xlabel()
+    assert series.get_yscale() == "log"
+    assert len({line.get_color() for line in series.lines}) == 14
+    assert hops.get_legend() is None  # which would lie on the bars
+    assert len(figure.legends) == 2
+
+
+def keep_figure(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
+    """The figures that are drawn from now on."""
+    from matplotlib.figure import Figure
+
+    seen = []
+
+    def savefig(figure: Figure, *_: Any, **__: Any) -> None:
+        seen.append(figure)
+
+    monkeypatch.setattr(Figure, "savefig", savefig)
+    return seen
+
+
+def test_a_picture_of_a_calm_run_leaves_nothing_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    seen = keep_figure(monkeypatch)
+    warned = record_of(details={"calm": {"warnings": ["a clock"]}})
+    draw({"calm": some_result([0.5, 0.6, 0.7] * 10)}, warned, str(tmp_path / "a.png"))
+    assert seen[0].axes[0].get_xlabel() == "command delay (ms)"
+    assert seen[0].axes[1].get_yscale() == "linear"
+    assert "with WARNINGS" in seen[0].get_suptitle()

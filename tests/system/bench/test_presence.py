@@ -1,0 +1,157 @@
+"""A slave that ends, hangs or has another clock while it is measured never passes for a good one."""
+
+import os
+import signal
+import time
+from collections.abc import Callable, Iterator
+from threading import Timer
+
+import pytest
+
+from hil.bench.harness import Bench, Process
+from hil.bench.jitter_run import slave_loop
+from hil.bench.limits import Limits
+from hil.bench.load_run import Setting, run
+from hil.bench.soak_run import Soak, Soaking
+from hil.bench.stream_run import Listener, Listening
+from hil.common import clock
+from hil.common.clock import NS_PER_S
+from hil.common.errors import NetworkError
+from tests.support.busy import retried_when_busy
+
+KILL_S = 6.0  # after which a hanging slave is killed, as its end would take longer than the tests have
+
+
+class Victim:
+    """The slave that was started last."""
+
+    slave: Process
+    hangs = False
+
+    def hit(self, number: int) -> None:
+        """Send it a signal, once."""
+        if not self.hangs:
+            self.hangs = True
+            os.kill(self.slave.pid, number)
+            Timer(KILL_S, self.slave._process.kill).start()
+
+
+@pytest.fixture
+def victim(monkeypatch: pytest.MonkeyPatch) -> Iterator[Victim]:
+    found, start = Victim(), Bench.start_slave
+
+    def start_slave(bench: Bench) -> Process:
+        found.slave, found.hangs = start(bench), False
+        return found.slave
+
+    monkeypatch.setattr(Bench, "start_slave", start_slave)
+    yield found
+    found.slave._process.kill()
+
+
+def stream(seconds: float, watch: Callable[[float], None] = lambda _: None) -> Listening:
+    """Of a slave of its own."""
+    with Bench("paper_field") as bench:
+        slave = bench.start_slave()
+        with Listener(bench.endpoint, bench.scenario) as listener:
+            return listener.listen(seconds, slave, watch)
+
+
+def at(share: float, number: int, victim: Victim) -> Callable[[float], None]:
+    """What hits it when so much is done."""
+    return lambda done: victim.hit(number) if done >= share else None
+
+
+@pytest.mark.parametrize(
+    ("number", "text"), [(signal.SIGKILL, r"the slave was ended by signal 9"), (signal.SIGSTOP, "has not answered for")]
+)
+def test_a_stream_that_ends(number: int, text: str, victim: Victim) -> None:
+    with pytest.raises(NetworkError, match=text):
+        stream(3.0, at(0.4, number, victim))
+
+
+@retried_when_busy("a slave, and who watches it, in processes of their own")
+def test_a_stream_tells_what_an_interruption_cost(victim: Victim) -> None:
+    def watch(done: float) -> None:
+        if done >= 0.2 and not victim.hangs:
+            victim.hit(signal.SIGSTOP)
+            Timer(1.4, os.kill, (victim.slave.pid, signal.SIGCONT)).start()
+
+    heard = stream(3.0, watch)
+    assert "the vehicle was out of reach meanwhile (times: 1)" in heard.warnings
+    imu = next(each for each in heard.streams if each.topic == "imu")
+    assert imu.missing > 0.2
+
+
+def test_a_load_of_a_slave_that_hangs(victim: Victim) -> None:
+    with pytest.raises(NetworkError, match="has not answered for"):
+        run(Setting("as it is", {}), "paper_field", 2.0, Limits(), at(0.5, signal.SIGSTOP, victim))
+
+
+def test_the_jitter_of_a_slave_that_hangs(victim: Victim) -> None:
+    with Bench("paper_field") as bench, pytest.raises(NetworkError, match="has not answered for"):
+        slave_loop(bench, 2.0, at(0.3, signal.SIGSTOP, victim))
+
+
+def soak(victim: Victim, number: int, seconds: float, leave_every: float, stop_after_s: float = 60.0) -> Soak:
+    """Hit it after three looks; the end is wished so long after."""
+    read_fd, write_fd = os.pipe()
+    looks = []
+    stop = Timer(stop_after_s, os.write, (write_fd, b"x"))
+
+    def watch(look: object) -> None:
+        looks.append(look)
+        if len(looks) == 3:
+            victim.hit(number)
+            stop.start()
+
+    with Bench("paper_field") as bench:
+        found = Soaking(bench, 0.3, watch, read_fd).run(seconds, leave_every)
+    stop.cancel()
+    stop.join()
+    os.close(read_fd)
+    os.close(write_fd)
+    return found
+
+
+@retried_when_busy("a slave, and who watches it, in processes of their own")
+def test_a_soak_finds_a_slave_that_hangs(victim: Victim) -> None:
+    began = time.monotonic()
+    found = soak(victim, signal.SIGSTOP, 5.0, 60.0)
+    assert time.monotonic() - began < 5.0 + 5.0, "who hangs is not asked to end"
+    ((at_s, seconds, reason),) = found.silences
+    assert 0.5 < at_s < 4.0
+    assert at_s + seconds == pytest.approx(5.0, abs=1.0)
+    assert reason == "uuv1 did not answer"
+    assert found.looks[-1].real_time_factor != found.looks[-1].real_time_factor, "nobody knows"
+
+
+def test_a_soak_finds_a_slave_that_ends(victim: Victim) -> None:
+    found = soak(victim, signal.SIGKILL, 60.0, 60.0)
+    assert found.silences[-1].reason.startswith("the slave was ended by signal 9 (KILL)")
+    assert len(found.looks) >= 3
+
+
+@pytest.mark.parametrize("leave_every", [1.5, 60.0])
+@retried_when_busy("a slave, and who watches it, in processes of their own")
+def test_a_soak_whose_slave_hangs_can_be_ended(leave_every: float, victim: Victim) -> None:
+    began = time.monotonic()
+    found = soak(victim, signal.SIGSTOP, 60.0, leave_every, stop_after_s=2.5)
+    assert time.monotonic() - began < 9.0  # start, three looks, 2.5 s and one
+    assert len(found.looks) >= 3
+    assert len(found.silences) == 1
+
+
+@pytest.mark.parametrize("off_s", [-5, 5])
+@retried_when_busy("a slave, and who watches it, in processes of their own")
+def test_a_stream_measures_a_clock_that_was_set(off_s: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Between the start of the slave and ours: same boot, another time."""
+    monkeypatch.setattr(clock, "_WALL_OFFSET_NS", clock._WALL_OFFSET_NS + off_s * NS_PER_S)
+    heard = stream(1.0)
+    imu = next(each for each in heard.streams if each.topic == "imu")
+    assert abs(imu.age_p50) < 50.0, f"ms, by clocks that are {off_s} s apart"
+
+
+@retried_when_busy("a slave, and who watches it, in processes of their own")
+def test_a_stream_trusts_one_clock() -> None:
+    assert not [text for text in stream(1.0).warnings if "known only" in text or "a clock was set" in text]

@@ -1,0 +1,187 @@
+"""The slave as a service of a whole emulated board: its own kernel, systemd, two CAN controllers, a network.
+
+It takes one to three minutes, and is skipped unless it is asked for:
+
+    pytest -m board
+"""
+
+import pytest
+
+from hil.autonomy.control.controller import VelocityCommand
+from hil.client.client import VehicleClient
+from tests.support.emulated import built_board
+from tests.support.processes import free_port, wait_for
+from tools.virtual_board.commands import TO_BOOT, missing
+from tools.virtual_board.system import Booted
+
+pytestmark = [
+    pytest.mark.board,
+    pytest.mark.timeout(3600),
+    pytest.mark.skipif(bool(missing(TO_BOOT)), reason=missing(TO_BOOT)),
+]
+
+
+@pytest.fixture(autouse=True)
+def asked_for(request: pytest.FixtureRequest) -> None:
+    """Skips what nobody asked for."""
+    if "board" not in str(request.config.option.markexpr):
+        pytest.skip("boots a whole emulated board: pytest -m board")
+
+
+# The slave as a service under a real systemd. First its device is a pty that is not there yet; then its STM32 is on the
+# other of two CAN controllers of the board.
+JOB = r"""
+set -e
+cat >/etc/board.toml <<'END'
+vehicle = "paper_six"
+world = "pool"
+stm32 = "device"
+[start]
+north = 4
+east = 4
+depth = 2
+[slave]
+listen = "tcp/0.0.0.0:7447"
+step = "20 ms"
+control_period = "50 ms"
+deadman = "2 s"
+[link]
+protocol = "vesc"
+port = "can:socketcan:can-a"
+watchdog = "1 s"
+[sensors.imu]
+rate = "25 Hz"
+[master]
+goal = [8, 7]
+END
+echo 'pilot:x:1000:1000::/tmp:/bin/sh' >>/etc/passwd
+echo 'pilot:x:1000:' >>/etc/group
+cp /etc/board.toml /root/board.toml
+chmod 700 /root
+python3 -m hil.cli board install /root/board.toml --user pilot --yes || echo "refused: $?"
+sed 's/^protocol.*//; s/^port.*/port = "\/dev\/late"/' /etc/board.toml >/etc/late.toml
+python3 -m hil.cli board install /etc/late.toml --user pilot --yes
+udevadm settle
+echo "awake: $(stat -c '%G %a' /dev/cpu_dma_latency)"
+systemctl start --no-block uuv-hil
+until test $(systemctl show -P NRestarts uuv-hil) -gt 5; do sleep 1; done
+python3 -c '
+import os, pty, time
+name = os.ttyname(pty.openpty()[1])
+os.chmod(name, 0o666)
+os.symlink(name, "/dev/late")
+time.sleep(600)' &
+until systemctl -q is-active uuv-hil; do sleep 1; done
+echo 'late: came up'
+ip link set can0 name can-a
+ip link set can1 up type can bitrate 1000000
+python3 -m hil.cli stm32 --protocol vesc --port can:socketcan:can1 --channels 6 >/tmp/stm32.log 2>&1 &
+python3 -m hil.cli board install /etc/board.toml --user pilot --yes
+systemctl restart uuv-hil
+echo "service: $(systemctl is-active uuv-hil uuv-hil-can | xargs)"
+until journalctl -u uuv-hil | grep -q 'commands arrive'; do sleep 1; done
+echo "can-a: $(ip -s -d link show can-a | grep -o 'state ERROR-ACTIVE\|bitrate [0-9]*\|qlen [0-9]*' | xargs)"
+before=$(systemctl show -P NRestarts uuv-hil)
+echo "restarts so far: $before"
+kill -STOP $(systemctl show -P MainPID uuv-hil)
+until test $(systemctl show -P NRestarts uuv-hil) -gt $before && systemctl -q is-active uuv-hil; do sleep 1; done
+echo "watchdog: $(journalctl -u uuv-hil | grep -o 'Watchdog timeout' | head -1)"
+# Its own lines: on a busy machine the STM32 is slow to answer, and that is told behind it.
+until journalctl _PID=$(systemctl show -P MainPID uuv-hil) | grep -q 'commands arrive'; do sleep 1; done
+echo flown
+systemctl stop uuv-hil
+journalctl -u uuv-hil -o cat
+python3 -m hil.cli board install /etc/late.toml --user pilot --yes >/dev/null
+systemctl start --no-block uuv-hil
+echo "dropped: $(systemctl is-active uuv-hil-can || true) $(find /etc/systemd -name '*uuv-hil-can*')"
+python3 -m hil.cli board uninstall --yes
+left=$(find /etc/systemd -name '*uuv-hil*'; systemctl list-units --all --plain --no-legend 'uuv-hil*')
+echo "${left:-nothing is left}"
+"""
+
+# What a process gets under limits: its share of a core, how two end that take 32 and 96 MiB, and where it is.
+LIMITED = r"""
+import subprocess, sys, time
+from hil.bench.limits import Confinement, Limits
+def used_ns(pid):
+    with open(f"/proc/{pid}/schedstat") as file:
+        return int(file.read().split()[0])
+with Confinement(Limits(cpu_share=0.25, memory_mib=64.0)) as place:
+    take = [["dd", "if=/dev/zero", "of=/dev/null", "count=1", "status=none", f"bs={mib}M"] for mib in (32, 96)]
+    ends = [subprocess.run(place.command(command)).returncode for command in take]
+    busy = subprocess.Popen(place.command(["sh", "-c", "while :; do :; done"]))
+    share = 0.0
+    for _ in range(10):  # what runs the board may have others to run too
+        time.sleep(1)
+        began, used = time.monotonic_ns(), used_ns(busy.pid)
+        time.sleep(1)
+        share = max(share, (used_ns(busy.pid) - used) / (time.monotonic_ns() - began))
+        if share > 0.24:
+            break
+    group = open(f"/proc/{busy.pid}/cgroup").read().split("/")[1]
+    print("limited:", sys.argv[1], place.by, group, *ends, share, flush=True)
+    busy.kill()
+"""
+
+# As root, and as a user whose processes systemd keeps. The board has no message bus, and so nobody who logs users in.
+LIMITS = rf"""
+cat >/tmp/limited.py <<'END'
+{LIMITED}
+END
+python3 /tmp/limited.py root >/tmp/root.log 2>&1 &
+root=$!
+cd /etc/systemd/system
+mkdir user@.service.d user-runtime-dir@.service.d
+printf '[Service]\nPAMName=\nEnvironment=XDG_RUNTIME_DIR=/run/user/%%i\n' >user@.service.d/board.conf
+printf '[Service]\nExecStart=\nExecStart=install -d -o pilot /run/user/%%i\n' >user-runtime-dir@.service.d/board.conf
+systemctl daemon-reload
+systemctl start user@1000
+XDG_RUNTIME_DIR=/run/user/1000 setpriv --reuid 1000 --regid 1000 --clear-groups systemd-run --user --quiet \
+  -E PYTHONPATH -p Type=oneshot -p StandardOutput=file:/tmp/pilot.log -p StandardError=file:/tmp/pilot.log \
+  python3 /tmp/limited.py pilot || true
+cd /
+wait $root || true
+cat /tmp/root.log /tmp/pilot.log
+systemctl stop user@1000
+"""
+
+
+def last_of(booted: Booted) -> str:
+    """The newest lines of what the job printed: where it stands."""
+    return "\n".join(booted.output.splitlines()[-30:])
+
+
+def test_the_service_on_a_whole_board() -> None:
+    board = built_board()
+    port = free_port()
+    with Booted(board, JOB + LIMITS, {port: 7447}) as booted:
+        assert wait_for(lambda: "service: " in booted.output or booted.status is not None, 900), last_of(booted)
+        assert "service: active active" in booted.output, last_of(booted)
+        with VehicleClient(f"tcp/127.0.0.1:{port}", "uuv1") as client:
+
+            def flown() -> bool:
+                client.command(VelocityCommand(surge=0.3))
+                return "flown" in booted.output or booted.status is not None
+
+            assert wait_for(flown, 600), last_of(booted)
+            assert "flown" in booted.output, last_of(booted)
+            assert client.received["imu"] > 20
+            assert client.diagnostics().cores == 2
+            losses = client.contact.losses
+        assert booted.wait() == 0, last_of(booted)
+        assert losses >= 1, booted.output
+        assert "thrusters neutral" in booted.output
+    assert "uuv-hil board: the slave would not start as pilot: /root/board.toml: cannot be read" in booted.output
+    assert "refused: 2" in booted.output
+    assert "awake: dialout 660" in booted.output
+    assert "late: came up" in booted.output
+    assert "can-a: qlen 100 state ERROR-ACTIVE bitrate 1000000" in booted.output
+    assert "dropped: inactive\n" in booted.output
+    assert "take it away with: sudo rm -r /var/lib/uuv-hil /var/cache/uuv-hil" in booted.output
+    assert "watchdog: Watchdog timeout" in booted.output
+    assert "nothing is left" in booted.output
+    output = [line.split() for line in booted.output.splitlines() if line.startswith("limited: ")]
+    limited = {words[1]: words[2:] for words in output}
+    assert limited["root"][:-1] == ["systemd", "system.slice", "0", "-9"]
+    assert limited["pilot"][:-1] == ["systemd", "user.slice", "0", "-9"]
+    assert [float(words[-1]) for words in limited.values()] == pytest.approx([0.25, 0.25], abs=0.04)

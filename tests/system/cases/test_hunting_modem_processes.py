@@ -1,0 +1,40 @@
+"""The hunt by modem, with a process for each slave and planner and the water between them."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from hil.cases import hunt_processes, hunt_watch
+from hil.cases.hunt_watch import HuntWatch
+from hil.cases.target_hunting import members_on_free_ports
+from hil.cases.variant import write_variant
+from hil.scenario.config import load_scenario
+
+SCENARIO = "target_hunting_acoustic"
+STARTS = ((6.2, 7.1), (3.0, 6.4), (3.0, 3.6), (6.2, 2.9))  # half round the target already, 2.4 m from it
+
+
+def test_in_processes_with_the_water_between_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Agents hear what the water delivers and nothing else."""
+    monkeypatch.setattr(hunt_watch, "SETTLE_S", 1.0)
+    members = members_on_free_ports(SCENARIO)
+    for table, (north, east) in zip(members, STARTS, strict=True):
+        table.update(north=north, east=east)
+    changes = {"member": members, "hunting.target": [5.0, 5.0]}
+    scenario = load_scenario(write_variant(SCENARIO, str(tmp_path), changes))
+    watch = HuntWatch(scenario)
+    costs = hunt_processes.fly(scenario, str(tmp_path), watch)
+    outcome = watch.outcome()
+    assert outcome.success, outcome
+    assert outcome.judgement.separation > 1.0
+    counts = costs.messages
+    assert counts["sent"] >= 3 * outcome.duration
+    assert counts["delivered"] >= 0.8 * 3 * (counts["sent"] - 4)
+    heard = 0
+    for member in scenario.member:
+        said = (tmp_path / f"agent_{member.node}.log").read_text()
+        found = re.search(r"reports: (\d+) heard, \d+ from out of range, 0 malformed", said)
+        assert found, said
+        heard += int(found[1])
+    assert heard == pytest.approx(counts["delivered"], abs=12)

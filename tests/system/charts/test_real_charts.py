@@ -1,0 +1,77 @@
+"""Against NOAA's ENC cells, where UUV_HIL_CHARTS points to a folder of them, and GDAL's reading where it is."""
+
+import os
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hil.charts.build import Built, build
+from hil.charts.sources.choose import read_sources
+from hil.charts.sources.s57 import read_cell
+from hil.charts.sources.survey import Survey
+from hil.common.errors import ConfigError
+from tests.support.dive import check_dive
+
+CHARTS = os.environ.get("UUV_HIL_CHARTS", "")
+pytestmark = pytest.mark.skipif(not CHARTS, reason="UUV_HIL_CHARTS names no folder with NOAA's cells")
+
+
+def cell_path(name: str) -> str:
+    return os.path.join(CHARTS, name, f"{name}.000")
+
+
+def built(*names: str, resolution: float = 20.0) -> tuple[Survey, Built]:
+    survey, extent = read_sources([cell_path(name) for name in names], None, resolution)
+    return survey, build(survey, extent, resolution)
+
+
+@pytest.mark.parametrize(("name", "counts"), [
+    ("US5AK5SI", {"SOUNDG": 8, "DEPCNT": 82, "DEPARE": 69, "COALNE": 24, "LNDARE": 7, "OBSTRN": 6, "WRECKS": 3}),
+    ("US5AK5SJ", {"SOUNDG": 2, "DEPCNT": 113, "DEPARE": 108, "COALNE": 68, "LNDARE": 31, "OBSTRN": 1}),
+    ("US5WA22M", {"SOUNDG": 24, "DEPCNT": 406, "DEPARE": 364, "COALNE": 123, "LNDARE": 67, "OBSTRN": 123, "WRECKS": 20,
+                  "DRGARE": 21, "BRIDGE": 18}),
+])  # fmt: skip
+def test_objects_of_the_cells(name: str, counts: dict[str, int]) -> None:
+    cell = read_cell(cell_path(name))
+    assert {kind: len(cell.select(kind)) for kind in counts} == counts
+
+
+def test_updates_change_the_chart() -> None:
+    plain, updated = (read_cell(cell_path("US5WA22M"), updates) for updates in (False, True))
+    assert (plain.update, updated.update) == (0, 4)
+    assert (len(plain.select("DEPARE")), len(updated.select("DEPARE"))) == (365, 364)
+    assert (len(plain.select("SOUNDG")), len(updated.select("SOUNDG"))) == (22, 24)
+
+
+def test_a_missing_update_is_named(tmp_path: Path) -> None:
+    for ending in ("000", "001", "002", "004"):
+        shutil.copy(cell_path("US5WA22M")[:-3] + ending, tmp_path / f"US5WA22M.{ending}")
+    with pytest.raises(ConfigError, match=r"US5WA22M\.003: no such update"):
+        read_cell(str(tmp_path / "US5WA22M.000"))
+
+
+@pytest.mark.parametrize(("name", "ours", "linear"), [("US5AK5SI", 4.0, 6.46), ("US5WA22M", 5.6, 6.80)])
+def test_soundings_that_were_held_out(name: str, ours: float, linear: float) -> None:
+    """Better than the limits, and than the linear interpolation, which comes out as it is known to."""
+    survey, found = built(name)
+    report = found.report
+    assert report.rmse < ours
+    assert report.rmse_all < ours
+    assert report.linear_rmse == pytest.approx(linear, rel=0.03)
+    grid = found.placed.grid
+    depths = grid.at(survey.soundings[:, :2]) - survey.soundings[:, 2]
+    assert np.nanmax(depths) < 0.2, "nowhere deeper than a sounding"
+    assert np.sqrt(np.nanmean(depths**2)) < 0.5
+
+
+def test_two_charts_of_other_scales_side_by_side() -> None:
+    survey, found = built("US5AK5SI", "US5AK5SJ", resolution=50.0)
+    assert [sheet.name for sheet in survey.sheets] == ["US5AK5SJ", "US5AK5SI"]
+    assert found.report.rmse < 0.75 * found.report.linear_rmse
+    assert found.report.unknown < 0.01
+
+
+def test_a_short_flight_over_homer_harbour(tmp_path: Path) -> None:
+    check_dive(tmp_path, cell_path("US5AK5SI"))

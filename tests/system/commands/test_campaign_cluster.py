@@ -1,0 +1,283 @@
+"""Campaigns on clusters: the same rows whoever runs them, and workers that have only what they were sent."""
+
+import csv
+import os
+import shutil
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager, suppress
+from multiprocessing import get_context
+from pathlib import Path
+
+import pytest
+
+from hil.commands.campaign import files as campaign_files
+from hil.commands.campaign.command import run_one
+from hil.commands.campaign.engines import Task, _run_unpacked
+from hil.commands.campaign.files import Bundle, collect, unpack
+from hil.common.errors import ConfigError
+from hil.common.schema import preset_folder
+from tests.support.processes import ROOT, Program, free_port, wait_for, write_scenario
+
+ENGINES = ("dask", "ray")
+NO_CLUSTER = {"DASK_SCHEDULER_ADDRESS": "", "RAY_ADDRESS": ""}
+START_S = 240.0  # for engines to start, run and end, whatever else the machine does
+
+PLANNER = """
+from {helper} import SPEED
+
+from hil.autonomy.control.controller import VelocityCommand
+from hil.master.planner import Done, Planner
+
+
+class Ahead(Planner):
+    subscriptions = ()
+
+    def __init__(self, seconds):
+        self.seconds = seconds
+
+    def begin(self, brief):
+        self.path = ()
+
+    def command(self, time, samples):
+        return Done("far enough") if time > self.seconds else VelocityCommand(surge=SPEED, depth=2.0)
+"""
+
+
+def write_own(folder: Path, module: str, speed: float = 0.3, absolute: bool = False) -> Path:
+    """A scenario whose vehicle, world, seabed and planner are the user's own; its file."""
+    (folder / "water").mkdir(parents=True)
+    (folder / "code").mkdir()
+    shutil.copy(f"{preset_folder('sim/vehicles')}/paper_six.toml", folder / "mine.toml")
+    world = Path(preset_folder("sim/worlds"), "pool.toml").read_text()
+    seabed = folder / "water" / "bed.f32"
+    seabed.write_bytes(b"\0\0\x80\x40" * 4)  # 4 m
+    stored = f'file = "{seabed if absolute else seabed.name}"'
+    grid = "north_min = 0\neast_min = 0\nresolution = 12\nrows = 2\ncolumns = 2"
+    (folder / "water" / "pond.toml").write_text(f"{world}\n[terrain]\n{stored}\n{grid}\n")
+    (folder / "code" / f"{module}.py").write_text(PLANNER.format(helper=f"{module}_helper"))
+    (folder / "code" / f"{module}_helper.py").write_text(f"SPEED = {speed}\n")
+    path, _ = write_scenario(folder)
+    text = path.read_text().replace('"paper_six"', f'"{folder / "mine.toml" if absolute else "mine.toml"}"')
+    planner = f'[planner]\nclass = "{module}:Ahead"\nseconds = 3.0\n'
+    path.write_text(text.replace('"pool"', '"water/pond.toml"') + planner)
+    return path
+
+
+@pytest.fixture
+def plain_imports(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """What workers and users add to the modules and the path of this process goes with the test."""
+    before = set(sys.modules)
+    monkeypatch.setattr(sys, "path", [*sys.path])
+    yield
+    campaign_files._Kept.clear()
+    for name in set(sys.modules) - before:
+        if name.startswith("campaign_own"):
+            del sys.modules[name]
+
+
+@contextmanager
+def importing(folder: Path) -> Iterator[None]:
+    """The user's machine: the planner's folder is on its path."""
+    sys.path.insert(0, str(folder / "code"))
+    yield
+    sys.path.remove(str(folder / "code"))
+    for name in [name for name in sys.modules if name.startswith("campaign_own")]:
+        del sys.modules[name]
+
+
+def sent(folder: Path, scenario: Path) -> tuple[Bundle, dict[str, object]]:
+    """What is sent of it, and a run where it was written."""
+    with importing(folder):
+        bundle = collect(str(scenario), [{}, {"master.speed": 0.5}])
+        row = run_one(str(scenario), {}, 3)
+    return bundle, row
+
+
+@pytest.mark.usefixtures("plain_imports")
+@pytest.mark.parametrize("absolute", [False, True])
+def test_a_worker_that_has_nothing_of_the_users_does_the_same_run(absolute: bool, tmp_path: Path) -> None:
+    """The user's folder is gone, as it never was there on another machine."""
+    folder = tmp_path / "user"
+    scenario = write_own(folder, f"campaign_own_{absolute:d}", absolute=absolute)
+    bundle, row = sent(folder, scenario)
+    assert row["travelled"]
+    assert row["reason"] == "far enough"
+    # Other tests in this process may have loaded modules of other folders, which are sent along.
+    names = {Path(path).relative_to(folder).as_posix() for path in bundle.files if Path(path).is_relative_to(folder)}
+    module = f"code/campaign_own_{absolute:d}"
+    own = {"short.toml", "mine.toml", "water/pond.toml", "water/bed.f32", f"{module}.py", f"{module}_helper.py"}
+    assert names == own, "and nothing that is installed"
+    shutil.rmtree(folder)
+    assert repr(_run_unpacked(run_one, bundle, Task(7, {}, 3))) == repr((7, row))
+
+
+@pytest.mark.usefixtures("plain_imports")
+def test_what_goes_wrong_on_a_worker_names_the_users_files(tmp_path: Path) -> None:
+    folder = tmp_path / "user"
+    scenario = write_own(folder, "campaign_own_wrong")
+    bundle, _ = sent(folder, scenario)
+    with importing(folder):
+        here = run_one(str(scenario), {"master.depth": "deep"}, 1)
+    _, there = _run_unpacked(run_one, bundle, Task(0, {"master.depth": "deep"}, 1))
+    assert str(scenario) in there["reason"]
+    assert repr(there) == repr(here)
+
+
+@pytest.mark.usefixtures("plain_imports")
+def test_the_next_campaign_on_the_same_workers_brings_its_own_content(tmp_path: Path) -> None:
+    """Under the same names: a module that was imported before is not taken for it."""
+    rows = []
+    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as worker:
+        for number, speed in enumerate((0.3, 0.5, 0.3)):
+            folder = tmp_path / str(number)
+            bundle, row = sent(folder, write_own(folder, "campaign_own_again", speed))
+            shutil.rmtree(folder)
+            there = worker.submit(_run_unpacked, run_one, bundle, Task(0, {}, 3)).result()
+            assert repr(there) == repr((0, row)), "to the last digit"
+            rows.append(row["travelled"])
+    assert rows[0] == rows[2] != rows[1]
+
+
+def test_what_is_installed_is_not_sent(tmp_path: Path) -> None:
+    bundle = collect("paper_field", [{}])
+    assert not bundle.files
+    root = Path(unpack(bundle).root)
+    assert root.is_dir()
+    campaign_files._Kept.clear()
+    assert not root.exists(), "nothing is left"
+
+
+def test_a_worker_of_another_version_is_refused() -> None:
+    bundle = collect("paper_field", [{}])._replace(version="0.0.1")
+    with pytest.raises(ConfigError, match=r"campaign was started by 0\.0\.1: install the same version"):
+        unpack(bundle)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize(("address", "code", "words"), [("127.0.0.1:PORT", 4, "refused"), ("here", 2, "HOST:PORT")])
+def test_a_scheduler_that_is_not_there(engine: str, address: str, code: int, words: str, tmp_path: Path) -> None:
+    variable = {"dask": "DASK_SCHEDULER_ADDRESS", "ray": "RAY_ADDRESS"}[engine]
+    there = address.replace("PORT", str(free_port()))
+    program = Program(tmp_path, "campaign", "paper_field", "--backend", engine, environment={variable: there})
+    with program:
+        assert program.wait(60) == code, program.output
+    (line,) = program.output.splitlines()
+    assert line.startswith("uuv-hil campaign: ")
+    assert words in line
+    assert f"{variable}=" in line
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_without_the_package_the_extra_is_named(engine: str, tmp_path: Path) -> None:
+    package = {"dask": "distributed", "ray": "ray"}[engine]
+    (tmp_path / f"{package}.py").write_text(f"raise ModuleNotFoundError('no {package}', name={package!r})\n")
+    arguments = ("campaign", "paper_field", "--seeds", "1", "--backend", engine)
+    with Program(tmp_path, *arguments, environment={**NO_CLUSTER, "PYTHONPATH": str(tmp_path)}) as program:
+        assert program.wait(60) == 5, program.output
+    assert "pip install 'uuv-hil[cluster]'" in program.output
+
+
+def campaign(folder: Path, scenario: Path, engine: str, environment: dict[str, str]) -> list[dict[str, str]]:
+    """The rows of two parameter sets with two seeds, by two workers."""
+    output = folder / f"{engine}.csv"
+    arguments = [scenario, "--seeds", "2", "--vary", "master.speed=0.4,0.8", "--jobs", "2", "--backend", engine]
+    code = {"PYTHONPATH": os.pathsep.join([str(scenario.parent / "code"), str(ROOT)])}
+    with Program(folder, "campaign", *arguments, "-o", output, environment={**environment, **code}) as program:
+        program.wait(START_S)
+    assert "Traceback" not in program.output, program.output
+    assert output.exists(), program.output
+    with output.open() as file:
+        return list(csv.DictReader(file))
+
+
+@pytest.fixture
+def asked_for(request: pytest.FixtureRequest) -> None:
+    if "cluster" not in str(request.config.option.markexpr):
+        pytest.skip("starts clusters, for a minute: pytest -m cluster")
+
+
+@pytest.mark.cluster
+@pytest.mark.usefixtures("asked_for")
+@pytest.mark.timeout(3 * START_S)
+@pytest.mark.parametrize("engine", ENGINES)
+def test_two_workers_of_each_engine_give_the_rows_of_joblib(engine: str, tmp_path: Path) -> None:
+    """On a cluster of two that the command makes itself."""
+    scenario = write_own(tmp_path / "user", "campaign_own_engine")
+    rows = campaign(tmp_path, scenario, engine, NO_CLUSTER)
+    assert len(rows) == 4
+    assert {row["reason"] for row in rows} == {"far enough"}
+    assert rows == campaign(tmp_path, scenario, "loky", NO_CLUSTER)
+
+
+@contextmanager
+def dask_cluster(folder: Path) -> Iterator[str]:
+    """A scheduler and two workers of one thread each, which know nothing of the user; its address."""
+    port = free_port()
+    address = f"tcp://127.0.0.1:{port}"
+    roles = [["scheduler", "--host", "127.0.0.1", "--port", str(port), "--no-dashboard"]]
+    roles += [["worker", address, "--nthreads", "1", "--no-dashboard", "--local-directory", str(folder)]] * 2
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    running = []
+    with (folder / "cluster.log").open("w") as log:
+        for role, *options in roles:
+            command = [sys.executable, "-m", "dask", role, *options]
+            running.append(subprocess.Popen(command, cwd=folder, env=environment, stdout=log, stderr=log))
+    try:
+        seen = wait_for(lambda: (folder / "cluster.log").read_text().count("Registered to:") == 2, 120)
+        assert seen, (folder / "cluster.log").read_text()
+        yield address
+    finally:
+        for process in reversed(running):
+            process.send_signal(signal.SIGTERM)
+        for process in running:
+            process.wait(30)
+
+
+@pytest.mark.cluster
+@pytest.mark.usefixtures("asked_for")
+@pytest.mark.timeout(3 * START_S)
+def test_a_cluster_of_dask_that_was_there_before(tmp_path: Path) -> None:
+    scenario = write_own(tmp_path / "user", "campaign_own_elsewhere")
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    with dask_cluster(elsewhere) as address:
+        rows = campaign(tmp_path, scenario, "dask", {"DASK_SCHEDULER_ADDRESS": address})
+    assert rows == campaign(tmp_path, scenario, "loky", NO_CLUSTER)
+
+
+@pytest.mark.cluster
+@pytest.mark.usefixtures("asked_for")
+@pytest.mark.timeout(3 * START_S)
+@pytest.mark.parametrize("engine", ENGINES)
+def test_nothing_of_a_cluster_outlives_the_command(engine: str, tmp_path: Path) -> None:
+    arguments = ("campaign", "paper_field", "--vary", "master.time_limit=2", "--seeds", "10000", "--jobs", "2")
+    with Program(tmp_path, *arguments, "--backend", engine, environment=NO_CLUSTER) as program:
+        assert wait_for(lambda: "/10000" in program.output, START_S), program.output
+        others = family(program.process.pid) - {program.process.pid}
+        assert len(others) >= 2
+        program.process.send_signal(signal.SIGTERM)
+        assert program.wait(60) == 130, program.output
+    assert "Traceback" not in program.output, program.output
+    assert wait_for(lambda: not [pid for pid in others if is_running(pid)], 30), others
+
+
+def family(pid: int) -> set[int]:
+    """A process and all that descend from it."""
+    found, parents = {pid}, {}
+    for entry in filter(str.isdigit, os.listdir("/proc")):
+        with suppress(OSError):
+            parents[int(entry)] = int(Path(f"/proc/{entry}/stat").read_text().rpartition(")")[2].split()[1])
+    while more := {child for child, parent in parents.items() if parent in found} - found:
+        found |= more
+    return found
+
+
+def is_running(pid: int) -> bool:
+    """Whether it has not ended, or is a zombie."""
+    with suppress(OSError):
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    return False

@@ -1,0 +1,192 @@
+"""The shipped image on QEMU: what its timers hold is read by QEMU, not told by the firmware."""
+
+import os
+import shutil
+import signal
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from firmware_stub import qemu
+from firmware_stub.qemu import PROGRAM, QemuStm32
+from hil.common.errors import DeviceError
+from hil.links.contract import Protocol, ThrusterCommand, ThrusterLink, ThrusterTelemetry
+from hil.links.protocols import open_protocol
+from tests.support.busy import retry_when_busy
+from tests.support.link_contract import nothing_leaks, uuv_hil, wait_readable
+
+PATIENCE_S = 60.0
+NEUTRAL = (1500,) * 8
+FULL = (1900, 1100, 1600, 1400, 1500, 1501, 800, 2200)
+
+
+@pytest.fixture
+def cpu() -> Iterator[int]:
+    """The one processor for both ends."""
+    before = os.sched_getaffinity(0)
+    cpu = max(before)
+    os.sched_setaffinity(0, {cpu})
+    yield cpu
+    os.sched_setaffinity(0, before)
+
+
+@pytest.fixture
+def stm32(cpu: int) -> Iterator[QemuStm32]:
+    with nothing_leaks():
+        stm32 = QemuStm32(8, 0.2, cpu)
+        yield stm32
+        stm32.close()
+    assert not os.path.exists(f"/proc/{stm32.pid}")
+
+
+def wait(link: ThrusterLink, wanted: Callable[[ThrusterTelemetry], bool]) -> ThrusterTelemetry:
+    deadline = time.monotonic() + PATIENCE_S
+    while time.monotonic() < deadline:
+        wait_readable(link.wire, 0.1)
+        for message in link.receive():
+            if isinstance(message, ThrusterTelemetry) and wanted(message):
+                return message
+    pytest.fail("no such telemetry")
+
+
+def link_to(stm32: QemuStm32, protocol: Protocol | None = None) -> ThrusterLink:
+    return ThrusterLink(stm32.wire, protocol or uuv_hil())
+
+
+@pytest.mark.qemu
+@pytest.mark.skipif(not shutil.which(PROGRAM), reason=f"needs {PROGRAM}")
+class TestQemu:
+    def test_the_pulses_of_a_command_are_in_the_timers(self, stm32: QemuStm32) -> None:
+        link = link_to(stm32)
+        assert stm32.pwm_us() == NEUTRAL
+        link.send(ThrusterCommand(7, True, FULL))
+        answer = wait(link, lambda report: report.sequence == 7)
+        assert (answer.pwm_us, answer.armed, answer.frames, answer.errors) == (FULL, True, 1, 0)
+        assert stm32.pwm_us() == FULL
+        link.send(ThrusterCommand(8, True, (700, *FULL[1:])))
+        wait(link, lambda report: report.sequence == 8)
+        assert stm32.pwm_us() == (0, *FULL[1:])
+
+    def test_silence_puts_the_timers_to_neutral(self, stm32: QemuStm32) -> None:
+        link = link_to(stm32)
+        link.send(ThrusterCommand(7, True, FULL))
+        silent = wait(link, lambda report: report.timed_out)
+        assert 200_000 <= silent.age_us < 210_000, "of its own time"
+        assert (silent.armed, silent.pwm_us, silent.watchdog_trips) == (False, NEUTRAL, 1)
+        assert stm32.pwm_us() == NEUTRAL
+        link.send(ThrusterCommand(1, True, FULL))
+        assert not wait(link, lambda report: report.sequence == 1).timed_out
+        assert stm32.pwm_us() == FULL
+
+    def test_a_damaged_frame_moves_nothing_and_is_counted(self, stm32: QemuStm32) -> None:
+        link = link_to(stm32)
+        frame = bytearray(uuv_hil().encode(ThrusterCommand(7, True, FULL)))
+        frame[10] ^= 1
+        link.wire.write(bytes(range(256)) + frame)
+        assert wait(link, lambda report: report.errors > 0).frames == 0
+        assert stm32.pwm_us() == NEUTRAL
+
+    def test_every_command_is_answered(self, stm32: QemuStm32) -> None:
+        link = link_to(stm32)
+        for sequence in range(1, 101):
+            pulses = tuple(1400 + (sequence * 7 + i) % 200 for i in range(8))
+            link.send(ThrusterCommand(sequence, True, pulses))
+            answer = wait(link, lambda report, wanted=sequence: report.sequence == wanted)  # type: ignore[misc]
+            assert (answer.pwm_us, answer.frames) == (pulses, sequence)
+        assert link.counters.checksum_errors == link.counters.dropped_bytes == 0
+
+    def test_it_speaks_mavlink(self, stm32: QemuStm32) -> None:
+        pytest.importorskip("pymavlink")
+        link = link_to(stm32, open_protocol("mavlink", "host", 8))
+        for sequence in range(1, 10):
+            link.send(ThrusterCommand(sequence, True, FULL))
+            if wait(link, lambda report: True).armed:
+                break
+        link.send(ThrusterCommand(20, True, (1555, *FULL[1:])))
+        assert wait(link, lambda report: report.sequence == 20).armed
+        assert stm32.pwm_us() == (1555, *FULL[1:])
+
+    def test_every_byte_comes_through_as_it_is(self, stm32: QemuStm32) -> None:
+        """QEMU's multiplexer has a byte of its own, 0x01, for commands to itself."""
+        link = link_to(stm32)
+        link.send(ThrusterCommand(0x0101, True, (0x0401, 0x0501, 0x0601, 0x0701, 0x0101, 0x0401, 0x0501, 0x0601)))
+        answer = wait(link, lambda report: report.frames > 0)
+        assert (answer.sequence, answer.errors) == (0x0101, 0)
+        assert answer.pwm_us[:4] == (0x0401, 0x0501, 0x0601, 0x0701)
+
+    def test_a_write_tells_that_it_died(self, stm32: QemuStm32) -> None:
+        def talk() -> None:
+            while True:
+                stm32.wire.write(b"?")
+                time.sleep(0.001)  # on a busy processor it has to get to its end first
+
+        os.kill(stm32.pid, signal.SIGKILL)
+        with pytest.raises(DeviceError, match=r"udp://127.0.0.2.*went away"):
+            talk()
+
+    def test_its_clock_goes_as_ours(self, stm32: QemuStm32) -> None:
+        """Of one age to the next; QEMU loses ticks, it never makes up any."""
+        link = link_to(stm32)
+        link.send(ThrusterCommand(1, True, FULL))
+        first = wait(link, lambda report: report.sequence == 1)
+
+        def goes_as_ours() -> None:
+            before, began = wait(link, lambda report: report.age_us > first.age_us), time.monotonic()
+            later = wait(link, lambda report: report.age_us > before.age_us + 500_000)
+            ratio = (later.age_us - before.age_us) / 1e6 / (time.monotonic() - began)
+            assert 0.3 < ratio < 1.1
+
+        retry_when_busy(goes_as_ours, "an emulator in a process of its own", attempts=10)
+
+
+@pytest.mark.qemu
+@pytest.mark.skipif(not shutil.which(PROGRAM), reason=f"needs {PROGRAM}")
+def test_what_qemu_has_against_the_image_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(qemu, "IMAGE", "/no/such/image.bin")
+    with nothing_leaks(), pytest.raises(DeviceError, match=r"did not come up: .*/no/such/image\.bin"):
+        QemuStm32()
+
+
+def test_without_qemu_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(qemu, "PROGRAM", "no-such-emulator")
+    with pytest.raises(DeviceError, match="no no-such-emulator: sudo apt install"):
+        QemuStm32()
+
+
+@pytest.fixture
+def folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Where temporary folders are made."""
+    folders = tmp_path / "temporary"
+    folders.mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(folders))
+    return folders
+
+
+@pytest.mark.parametrize(
+    ("program", "reason"),
+    [
+        ("\x7fELF of another processor", "cannot be started: Exec format error"),
+        ("#!/bin/sh\nkill -KILL $$\n", "did not come up: it says nothing"),
+    ],
+)
+def test_a_qemu_that_does_not_start_leaves_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, folders: Path, program: str, reason: str
+) -> None:
+    path = tmp_path / "qemu"
+    path.write_text(program)
+    path.chmod(0o755)
+    monkeypatch.setattr(qemu, "PROGRAM", str(path))
+    with nothing_leaks(), pytest.raises(DeviceError, match=f"^{path}: {reason}$"):
+        QemuStm32()
+    assert not os.listdir(folders)
+
+
+def test_a_usart_that_cannot_be_made_leaves_nothing(monkeypatch: pytest.MonkeyPatch, folders: Path) -> None:
+    monkeypatch.setattr(qemu, "PROGRAM", "sh")
+    monkeypatch.setattr(qemu, "THERE", "255.255.255.255")  # where a socket needs to be asked for broadcasts
+    with nothing_leaks(), pytest.raises(PermissionError):
+        QemuStm32()
+    assert not os.listdir(folders)

@@ -1,0 +1,80 @@
+"""Commands keep their time on a link that is full, and get through one that loses."""
+
+import json
+import time
+from contextlib import ExitStack, closing
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from hil.client.delay import quantiles
+from hil.ros.diagnostics import Diagnostics, or_nan
+from tests.support.busy import retried_when_busy
+from tests.support.processes import SCENARIO
+from tests.system.netns.network import Lines, Network
+
+pytestmark = pytest.mark.netns
+
+ENDPOINT = "tcp/{}:7447"
+
+
+@retried_when_busy("figures of processes that have their turns")
+def test_pictures_do_not_delay_commands(tmp_path: Path) -> None:
+    """26 Mbit/s of pictures on 20 Mbit/s, both ways limited."""
+    tool = "tools/network_cost.py"
+    with Network("slave", "master") as network, closing(Lines(tmp_path / "asked.txt")) as asked:
+        for machine in ("slave", "master"):
+            network.slow(machine, 20)
+        endpoint = ENDPOINT.format(network.address("slave"))
+        network.start("slave", tool, "--answer", endpoint, "--camera", "--seconds", 30)
+        network.start("master", tool, "--ask", endpoint, "--seconds", 5, output=asked.file).wait(60)
+        time.sleep(0.05)
+        figures: dict[str, float] = json.loads(asked.seen[-1][1])
+    print(figures)
+    assert figures["round_trip_p50"] < 15
+    assert figures["round_trip_p95"] < 30
+    assert figures["frame_age_p50"] < 60
+    assert figures["frames_per_s"] > 20
+    assert figures["answered"] > 0.98 * figures["sent"]
+
+
+@retried_when_busy("figures of processes that have their turns")
+def test_a_link_that_loses_and_wavers(tmp_path: Path) -> None:
+    """5 % of packets lost and 0 to 50 ms of delay each way: slower, but never late."""
+    text = SCENARIO.format(top="", port=7447, slave="", link="", allow="").replace("127.0.0.1", "0.0.0.0")
+    scenario, ending = tmp_path / "scenario.toml", tmp_path / "end"
+    scenario.write_text(text)
+    ending.write_text("")
+    with Network("slave", "master") as network, ExitStack() as stack:
+        said = {
+            name: stack.enter_context(closing(Lines(tmp_path / f"{name}.txt"))) for name in ("wire", "slave", "master")
+        }
+        spaces = [network.space(machine) for machine in ("slave", "master")]
+        network.start("", "tests/system/netns/bad_wire.py", *spaces, 0.05, 0.05, output=said["wire"].file)
+        said["wire"].first("carrying", time.monotonic(), 60)
+        network.start("slave", "-m", "hil.cli", "slave", scenario, output=said["slave"].file)
+        script = "tests/system/netns/commander.py"
+        arguments = (script, scenario, ENDPOINT.format("10.79.0.1"), ending)
+        master = network.start("master", *arguments, output=said["master"].file)
+        said["master"].first("commanding", time.monotonic(), 60)
+        time.sleep(8)
+        ending.write_text("end")
+        master.wait(60)
+        time.sleep(0.05)
+        figures: dict[str, Any] = json.loads(said["master"].seen[-1][1])
+        losses = sum("is gone" in line for _, line in said["master"].seen)
+    delay, counts = quantiles([round(ms * 1e6) for ms in figures["delays_ms"]]), Diagnostics(figures["diagnostics"])
+    print(
+        delay,
+        len(figures["delays_ms"]),
+        losses,
+        {name: text for name, text in counts.raw.items() if "command" in name or "clock" in name},
+    )
+    assert len(figures["delays_ms"]) > 200, "of 400"
+    assert delay.p50_ms < 150
+    assert delay.max_ms < 500 + 50
+    assert losses <= 2
+    assert len([at for at in figures["came"] if at > figures["came"][-1] - 5]) > 60, "of 100 samples in five seconds"
+    assert or_nan(counts.clock_uncertainty_ms) < 60
+    assert abs(or_nan(counts.clock_offset_ms)) <= or_nan(counts.clock_uncertainty_ms)

@@ -1,0 +1,279 @@
+"""The camera's pictures by OpenGL against the same by rays: the same things in the same places.
+
+Rays are exact; what is drawn may differ from them by rounding to 32 bits, and at the outlines of things by a pixel.
+"""
+
+import subprocess
+import sys
+from math import nan, radians, tan
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from hil.common.errors import ConfigError, MissingExtraError
+from hil.common.schema import parse
+from sim.dynamics import State
+from sim.environment.obstacles import Box, Cylinder
+from sim.environment.relief import Fractal
+from sim.environment.terrain import Terrain, covering
+from sim.environment.world import World
+from sim.rays import opengl
+from sim.rays.geometry import NOTHING, SEABED
+from sim.rays.scene import RayScene
+from sim.rays.solids import BOX, KIND, box, half_space, hull, mesh, sphere
+from sim.rotations import from_euler, matrix
+from sim.sensors.imaging.camera import Camera
+from sim.sensors.imaging.camera_model import CameraModel
+from sim.sensors.imaging.camera_picture import pixel_rays
+from sim.sensors.imaging.samples import CameraSample, Intrinsics
+from sim.sensors.mounting import Mounting
+from sim.simulation import Simulation
+from sim.vehicle.vehicle import load_vehicle
+
+ROOT = Path(__file__).parents[4]
+VEHICLE, _ = load_vehicle("bluerov2_heavy")
+WIDTH, HEIGHT, FOV, REACH = 160, 120, radians(80.0), 30.0
+FOCAL = 0.5 * WIDTH / tan(0.5 * FOV)
+PIXELS = pixel_rays(WIDTH, HEIGHT, Intrinsics(FOCAL, FOCAL, 0.5 * (WIDTH - 1), 0.5 * (HEIGHT - 1)), (0.0,) * 5)
+GROUND, EXTENT = (-24.0, 24.0, -20.0, 20.0), (-25.0, 25.0, -21.0, 21.0)
+# Relative error of distances, error of normals, and the share of pixels that must keep them.
+CLOSE, ALIKE, SHARE = 1e-4, 1e-3, 0.999
+
+
+@pytest.fixture(scope="module")
+def context() -> Any:
+    """OpenGL, if only in software; CI installs what it needs."""
+    try:
+        return opengl.open_context()
+    except ConfigError as error:
+        pytest.skip(str(error))
+
+
+def relief(holes: bool = False) -> World:
+    """Rough ground that ends a metre before the walls as a step, with piles and boxes; or with places unknown."""
+    grid = covering(GROUND, 0.8)
+    depths = Fractal(14.0, 2.0, 0.9, seed=3).depths(grid)
+    if holes:
+        for row, column in [
+            (40, 30),
+            (40, 31),
+            (41, 30),
+            (10, 5),
+            (0, 25),
+            (60, 50),
+            *((20, k) for k in range(12, 19)),
+        ]:
+            depths[row * grid.columns + column] = nan
+    return World(
+        "rough", "test", EXTENT, 12.5, walls=True, terrain=Terrain(grid, depths, 12.5),
+        cylinder=(Cylinder(6.0, 2.0, 0.4), Cylinder(-5.0, -4.0, 1.0, top=11.0)),
+        box=(Box(5.0, -4.0, 2.0, 1.0, 0.6, top=10.0), Box(-8.0, 3.0, 1.0, 3.0, -0.3)),
+    )  # fmt: skip
+
+
+TETRAHEDRON = (
+    ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)), ((0.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, -1.0)),
+    ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, -1.0)), ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, -1.0)),
+)  # fmt: skip
+OTHER = (3.0, 0.5, 9.5)
+
+
+def pair(world: World) -> tuple[RayScene, opengl.PictureScene, State]:
+    """By rays and by OpenGL, with the water's surface, a ball, a mesh and another vehicle, whose state is given."""
+    other = State(OTHER, from_euler(0.4, -0.2, 1.0))
+    scenes = RayScene(world), opengl.PictureScene(world, WIDTH, HEIGHT, FOCAL)
+    for scene in scenes:
+        scene.add(half_space((0.0, 0.0, 1.0), 0.0))
+        scene.add(sphere((4.0, -1.5, 11.0), 0.7))
+        scene.add(hull(VEHICLE), other)
+        scene.add(mesh(TETRAHEDRON), State((3.0, 1.8, 11.0), from_euler(0.1, 0.2, 0.3)))
+    return *scenes, other
+
+
+def agree(
+    rays: RayScene, drawn: RayScene, place: Any, angles: tuple[float, float, float], share: float = SHARE
+) -> set[int]:
+    """Asserts that both find the same, from a place (m) and by roll, pitch and yaw (deg); what is to be seen."""
+    turned = matrix(from_euler(*map(radians, angles)))
+    one, other = (scene.hits(place, PIXELS, REACH, turned) for scene in (rays, drawn))
+    objects, found = np.asarray(one.objects), np.asarray(other.objects)
+    assert (objects == found).mean() >= share
+    some = (objects == found) & (objects != NOTHING)
+    assert np.isinf(np.asarray(other.distances)[found == NOTHING]).all()
+    distances, ways = np.asarray(one.distances)[some], np.asarray(other.distances)[some]
+    assert (np.abs(ways - distances) <= CLOSE * distances).mean() >= share
+    for exact, near in ((one.points, other.points), (one.normals, other.normals)):
+        apart = np.abs(np.asarray(exact).reshape(-1, 3) - np.asarray(near)).max(axis=1)
+        assert (apart[some] < ALIKE).mean() >= share
+        assert np.isnan(np.asarray(near)[found == NOTHING]).all()
+    return {int(number) for number in np.unique(objects)}
+
+
+# Where from, how it looks, and what it sees at least: 1, 2 are piles, 3, 4 boxes, 5 to 8 the walls, then what is added.
+VIEWS = [
+    ((0.0, 0.0, 10.0), (0.0, 0.0, 0.0), {SEABED, 1, 3, 10, 11, 12}),
+    ((0.0, 0.0, 9.0), (5.0, -30.0, 10.0), {SEABED, 10, 11}),
+    ((3.0, 0.0, 7.0), (0.0, -90.0, 0.0), {SEABED, 10, 11, 12}),
+    ((0.0, 0.0, 9.0), (-20.0, -15.0, -160.0), {SEABED, 2, 4}),
+    ((0.0, 0.0, 6.0), (0.0, 60.0, 0.0), {9}),
+    ((18.0, 12.0, 9.0), (0.0, -10.0, 30.0), {SEABED}),
+    ((20.0, -17.0, 10.0), (170.0, 5.0, -130.0), {SEABED}),
+]
+
+
+@pytest.mark.parametrize(("place", "angles", "things"), VIEWS)
+@pytest.mark.parametrize("holes", [False, True])
+def test_it_draws_what_rays_meet(context: Any, place: Any, angles: Any, things: set[int], holes: bool) -> None:
+    rays, drawn, _ = pair(relief(holes))
+    assert agree(rays, drawn, place, angles) >= things
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_from_wherever(context: Any, seed: int) -> None:
+    """Poses by chance, the edge of the grid and places without data included."""
+    random = np.random.default_rng(seed)
+    rays, drawn, other = pair(relief(holes=True)._replace(walls=False))
+    for _ in range(6):
+        north, east, roll, pitch, yaw = (random.uniform(-1.0, 1.0, 5) * (40, 40, 180, 90, 180)).tolist()
+        other.position = [north + 2.0, east + 1.0, 9.5]
+        agree(rays, drawn, (north, east, random.uniform(1.0, 10.0)), (roll, pitch, yaw), 0.998)
+
+
+def test_a_flat_seabed_and_a_wide_lens(context: Any) -> None:
+    world = relief()._replace(terrain=None, walls=False)
+    rays, drawn, _ = pair(world)
+    assert agree(rays, drawn, (0.0, 0.0, 10.0), (0.0, -20.0, 0.0)) >= {NOTHING, SEABED, 7}
+    focal = 0.5 * WIDTH / tan(radians(85.0))
+    pixels = pixel_rays(WIDTH, HEIGHT, Intrinsics(focal, focal, 0.5 * (WIDTH - 1), 0.5 * (HEIGHT - 1)), (0.0,) * 5)
+    scenes = RayScene(relief()), opengl.PictureScene(relief(), WIDTH, HEIGHT, focal)
+    one, other = (np.asarray(scene.hits((0.0, 0.0, 9.0), pixels, REACH).objects) for scene in scenes)
+    assert (one == other).mean() > SHARE
+
+
+def test_what_moves_and_what_comes_later(context: Any) -> None:
+    rays, drawn, other = pair(relief())
+    here = (0.0, 0.0, 10.0)
+    assert 11 in agree(rays, drawn, here, (0.0, 0.0, 0.0))
+    other.position = [2.0, -1.0, 10.2]
+    other.quaternion = list(from_euler(1.0, 0.5, 0.2))
+    assert 11 in agree(rays, drawn, here, (0.0, 0.0, 0.0))
+    other.position = [0.0, 0.0, 1e6]  # a neighbour that is not heard
+    assert 11 not in agree(rays, drawn, here, (0.0, 0.0, 0.0))
+    for scene in (rays, drawn):
+        scene.add(box((2.0, 0.0, 10.0), (0.3, 0.4, 0.5), matrix(from_euler(0.2, 0.5, 0.8))))
+    assert 13 in agree(rays, drawn, here, (0.0, 0.0, 0.0))
+
+
+def test_from_within_things_everything_is_at_no_distance(context: Any) -> None:
+    rays, drawn, _ = pair(relief())
+    for place in ((-8.0, 3.0, 11.0), (6.0, 2.0, 9.0), (0.0, 0.0, 17.0), (23.9, 30.0, 8.0), OTHER):
+        for scene in (rays, drawn):
+            assert not np.asarray(scene.hits(place, PIXELS, REACH).distances).any()
+
+
+# --- the camera
+
+
+def shot(renderer: Any, world: World, **keys: Any) -> CameraSample:
+    model = CameraModel(width=WIDTH, height=HEIGHT, renderer=renderer, **keys)
+    scene = Simulation(VEHICLE, world, {}, position=(0.0, 0.0, 5.0))
+    camera = Camera(model, Mounting(orientation=(0.0, radians(-20.0), 0.0)), 1, scene)
+    camera.add(hull(VEHICLE), State(OTHER))
+    return camera.sample(0, State((0.0, 0.0, 9.5)))
+
+
+def test_the_pictures_are_the_same(context: Any) -> None:
+    """Colours to a level or two, depths, labels and points as by rays; noise too, which the seed says."""
+    true = [shot(renderer, relief(), ground_truth=True, points=True) for renderer in ("rays", "opengl")]
+    labels = [np.frombuffer(sample.labels or b"", np.int32) for sample in true]
+    assert (labels[0] == labels[1]).mean() > SHARE
+    assert len(np.unique(labels[1])) > 4
+    points = [np.frombuffer(sample.points or b"", np.float32) for sample in true]
+    assert np.isclose(points[0], points[1], atol=ALIKE, equal_nan=True).mean() > SHARE
+    for one, other in (true, [shot(renderer, relief(), lamps=1.0) for renderer in ("rays", "opengl")]):
+        colours = [np.frombuffer(sample.rgb, np.uint8).astype(int) for sample in (one, other)]
+        assert (np.abs(colours[0] - colours[1]) <= 2).mean() > SHARE
+        assert colours[0].std() > 5.0
+        depths = [np.frombuffer(sample.depth or b"", np.float32) for sample in (one, other)]
+        assert np.isclose(depths[0], depths[1], rtol=CLOSE).mean() > SHARE
+
+
+def test_rays_are_the_default_and_load_no_opengl() -> None:
+    code = (
+        "import sys; from tests.unit.sim.sensors.test_camera import camera, FLAT, HERE; camera(FLAT).sample(0, HERE)\n"
+        "print(*({'moderngl', 'sim.rays.opengl'} & set(sys.modules)))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT)
+    assert (done.stdout.strip(), done.returncode) == ("", 0), done.stderr
+
+
+# --- what cannot be
+
+
+def test_another_renderer_is_refused() -> None:
+    with pytest.raises(ConfigError, match=r"renderer.*vulkan"):
+        parse({"renderer": "vulkan"}, CameraModel, "deep.toml: sensors.camera")
+    assert parse({"renderer": "opengl"}, CameraModel, "deep.toml: sensors.camera").renderer == "opengl"
+
+
+def test_a_lens_that_distorts_is_refused() -> None:
+    model = CameraModel(renderer="opengl", distortion=(-0.1, 0.0, 0.0, 0.0, 0.0))
+    assert "no distortion" in str(model.validate())
+    assert model._replace(renderer="rays").validate() is None
+
+
+@pytest.fixture
+def unopened() -> Any:
+    """No context yet, before and after."""
+    opengl.open_context.cache_clear()
+    yield
+    opengl.open_context.cache_clear()
+
+
+def test_without_moderngl_the_way_out_is_named(unopened: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "moderngl", None)
+    with pytest.raises(MissingExtraError, match=r"moderngl: pip install 'uuv-hil\[opengl\]'"):
+        shot("opengl", relief())
+
+
+def test_without_a_driver_the_way_out_is_named(unopened: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(**_: Any) -> None:
+        raise Exception("eglInitialize failed (0x3001)")  # noqa: TRY002 - what it raises
+
+    monkeypatch.setattr("moderngl.create_context", fail)
+    with pytest.raises(ConfigError, match=r"eglInitialize failed.*apt install libegl1 libgl1 libgl1-mesa-dri.*rays"):
+        shot("opengl", relief())
+
+
+def test_more_ground_than_a_texture_takes(context: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    most = context.info["GL_MAX_TEXTURE_SIZE"]
+    monkeypatch.setattr(opengl, "nodes", lambda *_: (np.arange(most + 1), np.arange(most + 1.0)))
+    with pytest.raises(ConfigError, match=f"sees {most} nodes of a terrain at most: lower max_range"):
+        shot("opengl", relief())
+
+
+# --- the grid
+
+
+def test_nodes_within_and_beyond_the_grid() -> None:
+    """Of 5 nodes every 2 m, the camera at the second: all that is wanted, then the edge once more and far away."""
+    numbers, places = opengl.nodes(1.0, 5, 2.0, -0.5, 3.0, 100.0)
+    assert (numbers.tolist(), places.tolist()) == ([0, 1, 2, 3], [-2.0, 0.0, 2.0, 4.0])
+    numbers, places = opengl.nodes(1.0, 5, 2.0, -9.0, 9.0, 100.0)
+    assert numbers.tolist() == [-2, -1, 0, 1, 2, 3, 4, 5, 6]
+    assert places.tolist() == [-100.0, -2.0, -2.0, 0.0, 2.0, 4.0, 6.0, 6.0, 100.0]
+    for beside in (-60.0, 70.0):
+        numbers, places = opengl.nodes(beside, 5, 2.0, -20.0, 20.0, 40.0)
+        assert places[0] <= -20.0
+        assert places[-1] >= 20.0
+        assert not ((numbers >= 0) & (numbers < 4)).any()
+
+
+def test_only_the_rim_of_what_is_unknown_is_drawn() -> None:
+    unknown = np.zeros((9, 9), bool)
+    unknown[2:7, 2:7] = True  # 6 x 6 cells, 20 of them on the rim
+    boxes = opengl.columns_without_data(unknown, np.arange(9.0), np.arange(9.0), 60.0)
+    assert len(boxes) == 20
+    assert (boxes[:, KIND] == BOX).all()

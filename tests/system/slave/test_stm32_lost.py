@@ -1,0 +1,223 @@
+"""A link that is lost is opened again beside the loop, and what plays the STM32 is ended whatever comes between."""
+
+import os
+import shutil
+import signal
+import socket
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from firmware_stub import child
+from firmware_stub.build import native_compiler
+from firmware_stub.child import Child
+from hil.common.clock import now_ns
+from hil.common.errors import DeviceError
+from hil.links.contract import ThrusterCommand, Wire
+from hil.links.wires.net import TcpWire
+from hil.scenario.records import Link
+from hil.slave.drivers import driver as stm32
+from hil.slave.drivers import external as stm32_outside
+from hil.slave.drivers import in_process as stm32_inside
+from hil.slave.drivers.driver import ReconnectingDriver, ThrusterDriver, open_driver, stop_thrusters
+from tests.support.link_contract import nothing_leaks
+from tests.support.processes import wait_for
+from tests.unit.slave.test_stm32_silent import Bench
+
+COMMAND = ThrusterCommand(1, True, (1600,) * 6)
+AT_ONCE_S = 1.5  # for what takes some microseconds; what waits for the other end waits 2 s at least, or for ever
+PROCESSES = [
+    "process",
+    pytest.param("native", marks=pytest.mark.skipif(not native_compiler(), reason="no C compiler")),
+    pytest.param("qemu", marks=[
+        pytest.mark.qemu, pytest.mark.skipif(not shutil.which("qemu-system-arm"), reason="no qemu-system-arm")
+    ]),
+]  # fmt: skip
+
+
+def children() -> set[str]:
+    return {pid for file in Path("/proc/self/task").glob("*/children") for pid in file.read_text().split()}
+
+
+@pytest.fixture(autouse=True)
+def _nothing_left() -> Iterator[None]:
+    before = children()  # other tests may leave helpers of libraries
+    with nothing_leaks():
+        yield
+    assert children() <= before
+
+
+@pytest.fixture(autouse=True)
+def _no_wait(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(stm32, "RETRY_S", 0.01)
+
+
+def seconds_of(task: Callable[[], object]) -> float:
+    began = time.monotonic()
+    task()
+    return time.monotonic() - began
+
+
+class Slow:
+    """Opens a bench at once the first time, and then only when it may; `opened` are all of them."""
+
+    def __init__(self) -> None:
+        self.opened: list[Bench] = []
+        self.closed: list[ThrusterDriver] = []
+        self.asked, self.may = threading.Event(), threading.Event()
+        self.driver = ReconnectingDriver(self._open, 6, lambda _: None, end_s=5.0)
+
+    def lose(self) -> None:
+        self.opened[-1].broken = True
+        self.driver.service(now_ns())
+        assert self.asked.wait(60)
+
+    def _open(self) -> Bench:
+        if self.opened:
+            self.asked.set()
+            self.may.wait()
+        bench: Any = Bench()
+        bench.close = lambda: self.closed.append(bench)
+        self.opened.append(bench)
+        return self.opened[-1]
+
+
+def test_to_open_it_again_may_take_its_time() -> None:
+    slow = Slow()
+    slow.lose()
+    first = slow.opened[0]
+    assert slow.closed == [first]
+    assert seconds_of(lambda: [slow.driver.service(now_ns()) for _ in range(100)]) < AT_ONCE_S
+    assert slow.driver.descriptors() == []
+    assert now_ns() < slow.driver.deadline_ns, "or the loop would spin"
+    slow.may.set()
+    assert wait_for(lambda: slow.driver.service(now_ns()) or slow.driver._driver is slow.opened[-1] is not first)
+    slow.driver.close()
+    assert slow.closed == slow.opened
+
+
+def test_what_comes_when_it_is_not_wanted_any_more_is_closed() -> None:
+    slow = Slow()
+    slow.lose()
+    timer = threading.Timer(0.05, slow.may.set)
+    timer.start()
+    slow.driver.close()
+    timer.join()
+    assert len(slow.opened) == 2
+    assert slow.closed == slow.opened
+
+
+def test_what_has_come_and_was_not_taken_up_is_closed() -> None:
+    slow = Slow()
+    slow.lose()
+    slow.may.set()
+    assert wait_for(lambda: len(slow.opened) == 2)
+    slow.driver.close()
+    assert slow.closed == slow.opened
+
+
+def test_a_machine_that_does_not_answer_any_more_keeps_nobody_waiting() -> None:
+    """As one that has left the network: attempts to connect are neither taken up nor refused."""
+    device = TcpWire()
+    said: list[str] = []
+    driver = open_driver("device", Link(port=device.name), 6, True, 1, said.append)
+    device.close()
+    deaf = socket.create_server(("127.0.0.1", device.port), backlog=0)
+    callers = [socket.socket() for _ in range(4)]
+    for caller in callers:
+        caller.setblocking(False)
+        caller.connect_ex(deaf.getsockname())
+    assert wait_for(lambda: driver.service(now_ns()) or said)
+
+    def go_on() -> None:
+        for _ in range(20):
+            driver.send(COMMAND)
+            driver.service(now_ns())
+            time.sleep(0.01)
+
+    assert seconds_of(go_on) < 10.0, "20 turns that wait for the other end take 40 s"
+    assert not stop_thrusters(driver, 2)
+    assert seconds_of(driver.close) < stm32.WIRE_END_S + AT_ONCE_S
+    for opened in (deaf, *callers):
+        opened.close()
+    assert [line.partition(":")[0] for line in said] == ["thruster link lost, the STM32's watchdog stops the thrusters"]
+    for thread in threading.enumerate():  # which would end with the slave
+        if thread.name == "thruster link":
+            thread.join(5.0)
+
+
+@pytest.mark.parametrize("kind", PROCESSES)
+def test_a_process_that_cannot_be_reached_is_ended(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(stm32_outside, "host_end", held)
+    with pytest.raises(DeviceError, match="held by another program"):
+        open_driver(kind, Link(), 6, True, 1, print)
+
+
+@pytest.mark.parametrize("kind", ["python", "unicorn"])
+def test_an_stm32_in_here_that_cannot_be_reached_is_ended(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(stm32_inside, "host_end", held)
+    with pytest.raises(DeviceError, match="held by another program"):
+        open_driver(kind, Link(), 6, True, 1, print)
+
+
+def held(wire: Wire, *_: object) -> Any:
+    wire.close()  # as `host_end` does
+    raise DeviceError("held by another program")
+
+
+def test_a_wire_for_which_there_is_no_protocol_is_given_back() -> None:
+    device = TcpWire()
+    with pytest.raises(Exception, match="no_such_frame"):
+        open_driver("device", Link(port=device.name, frame="no_such_frame"), 6, True, 1, print)
+    device.close()
+
+
+@pytest.mark.parametrize("kind", PROCESSES)
+def test_a_process_that_is_stopped_is_killed(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(child, "END_S", 0.1)
+    driver = open_driver(kind, Link(), 6, True, 1, print)
+    os.kill(driver.children[0], signal.SIGSTOP)
+    driver.close()
+
+
+@pytest.mark.parametrize("kind", PROCESSES)
+def test_a_process_that_died_is_started_again(kind: str) -> None:
+    said: list[str] = []
+    driver = open_driver(kind, Link(), 6, True, 1, said.append)
+    os.kill(driver.children[0], signal.SIGKILL)
+
+    def goes_on() -> bool:
+        driver.send(COMMAND)
+        return bool(driver.service(now_ns())) and len(said) == 2
+
+    assert wait_for(goes_on), said
+    assert [line[:19] for line in said] == ["thruster link lost,", "thruster link back "]
+    driver.close()
+
+
+def test_a_program_that_never_serves_is_ended(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(child, "START_S", 0.05)
+    with pytest.raises(DeviceError, match="sleep: did not come up"):
+        Child(["sleep", "60"])
+
+
+def test_a_process_that_cannot_start_says_why(tmp_path: Path) -> None:
+    taken = tmp_path / "stm32"
+    taken.write_text("my thesis")
+    with pytest.raises(DeviceError, match=rf"^uuv-hil stm32: {taken}: exists and is not a link to a pty"):
+        open_driver("process", Link(port=f"pty:{taken}"), 6, True, 1, print)
+
+
+def test_nobody_reads_what_a_process_says_so_it_says_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Or its pipe is full after half an hour, and it stands still."""
+
+    def start(command: list[str], _environment: dict[str, str]) -> Child:
+        raise DeviceError(" ".join(command))
+
+    monkeypatch.setattr(child, "Child", start)
+    with pytest.raises(DeviceError, match=" --quiet "):
+        open_driver("process", Link(), 6, True, 1, print)

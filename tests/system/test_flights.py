@@ -1,0 +1,94 @@
+"""The same mission over every kind of link and with every kind of STM32: the planner cannot tell them apart."""
+
+import shutil
+from concurrent.futures import ThreadPoolExecutor
+from importlib.util import find_spec
+from itertools import count
+from pathlib import Path
+
+import pytest
+
+from firmware_stub.build import native_compiler
+from tests.support.busy import retry_when_busy
+from tests.support.processes import Program, write_scenario
+
+# stm32, port, protocol
+FLIGHTS = {
+    "frame on a pty": ("python", "pty:", "frame"),
+    "frame, slow as 115200 baud": ("python", "pty:", "frame"),
+    "mavlink on a pty": ("python", "pty:", "mavlink"),
+    "mavlink over udp, in a process": ("process", "udp://127.0.0.1:{port}", "mavlink"),
+    "dronecan": ("python", "can:udp_multicast:239.74.163.77", "dronecan"),
+    "vesc": ("python", "can:virtual:bus0", "vesc"),
+    "image in Unicorn": ("unicorn", "pty:", "frame"),
+    "image in Unicorn, mavlink": ("unicorn", "pty:", "mavlink"),
+    "image in Unicorn, vesc on its CAN": ("unicorn", "can:virtual:bus0", "vesc"),
+    "C as a process": ("native", "pty:", "frame"),
+    "C as a process, mavlink": ("native", "pty:", "mavlink"),
+    "image in QEMU": ("qemu", "pty:", "frame"),
+}
+
+
+def missing(stm32: str, port: str, protocol: str) -> str:
+    """What this machine lacks for such a flight, if anything."""
+    if stm32 == "qemu" and not shutil.which("qemu-system-arm"):
+        return "qemu-system-arm"
+    if stm32 == "native" and not native_compiler():
+        return "a C compiler"
+    wanted = {"unicorn": stm32 == "unicorn", "pymavlink": protocol == "mavlink", "can": port.startswith("can:")}
+    return next((name for name, needed in wanted.items() if needed and not find_spec(name)), "")
+
+
+def fly(name: str, folder: Path) -> None:
+    """One flight, with its own slave and master."""
+    stm32, port, protocol = FLIGHTS[name]
+    folder.mkdir()
+    slow = "\n[link.faults]\nbaud = 115200" if "115200" in name else ""
+    link = f'port = "{port}"\nprotocol = "{protocol}"{slow}'
+    scenario, number = write_scenario(folder, top=f'stm32 = "{stm32}"', link=link)
+    scenario.write_text(scenario.read_text().replace("{port}", str(number + 1000)))
+    with Program(folder, "demo", scenario, "--run-dir", folder / "run") as program:
+        assert program.wait() == 0, f"{name}:\n{program.output}"
+        assert "goal reached" in program.output, f"{name}:\n{program.output}"
+        assert "Traceback" not in program.output, f"{name}:\n{program.output}"
+
+
+def test_the_path_is_flown_to_its_end_over_every_link(tmp_path: Path) -> None:
+    """Three at a time, as on as many boards: more than two processors carry would not keep real time."""
+    ready = [name for name, flight in FLIGHTS.items() if not missing(*flight)]
+
+    def fly_again(name: str) -> None:
+        attempts = count()
+        reason = "a machine that stalls for a second loses the link, which is told and fails the flight"
+        retry_when_busy(lambda: fly(name, tmp_path / f"{name.replace(' ', '_')}-{next(attempts)}"), reason)
+
+    with ThreadPoolExecutor(3) as pool:
+        flights = [pool.submit(fly_again, name) for name in ready]
+    for flight in flights:
+        flight.result()
+    assert len(ready) >= 5
+
+
+@pytest.mark.parametrize(
+    ("top", "link", "words"),
+    [
+        ("", 'protocol = "vesc"', "protocol 'vesc' needs a CAN bus, can:INTERFACE:CHANNEL, and the port is 'pty:'"),
+        ("", 'port = "can:virtual:a"', "protocol 'frame' needs a wire of bytes"),
+        ("", 'port = "COM3"', "'COM3' is not the address of a wire"),
+        ('stm32 = "native"', 'frame = "aa55"', "stm32 = 'native' does not speak [link] frame = 'aa55'"),
+        (
+            'stm32 = "qemu"',
+            'port = "can:virtual:a"\nprotocol = "vesc"',
+            "'qemu' does not speak [link] protocol = 'vesc'",
+        ),
+        ('controller = "external"\nstm32 = "qemu"', "", "'qemu' would hide"),
+        ("", "[link.faults]\ndrop = 2", "link.faults: drop: 2 is outside 0 to 1"),
+        ("", 'protocol = "mavlink"\noptions = { sistem = 2 }', "no key 'sistem'; did you mean 'system'?"),
+    ],
+)
+def test_links_that_cannot_be(top: str, link: str, words: str, tmp_path: Path) -> None:
+    scenario, _ = write_scenario(tmp_path, top=top, link=link)
+    with Program(tmp_path, "slave", scenario) as slave:
+        assert slave.wait() == 2, slave.output
+    assert words in slave.output
+    assert "Traceback" not in slave.output

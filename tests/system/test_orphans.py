@@ -1,0 +1,158 @@
+"""Whoever is killed leaves no process behind, no port taken, and no folder that the next start does not clear."""
+
+import os
+import signal
+import sys
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from hil.commands.demo import require_free
+from hil.common.scratch import ScratchFolder
+from tests.support.processes import Program, wait_for, write_scenario
+
+PATIENCE_S = 60.0
+CAMERA = "[sensors.camera]\nwidth = 16\nheight = 16\nrate = 2\n"
+HOSTILE = "select", "numpy", "joblib", "tempfile", "hashlib"
+
+
+def parents() -> dict[int, int]:
+    """The parent of each living process."""
+    found = {}
+    for pid in filter(str.isdigit, os.listdir("/proc")):
+        try:
+            state, parent, *_ = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+        except (FileNotFoundError, ProcessLookupError):
+            continue
+        if state != "Z":
+            found[int(pid)] = int(parent)
+    return found
+
+
+def descendants(pid: int) -> list[int]:
+    """All that a process has started, and they."""
+    found, tree = [pid], parents()
+    for ancestor in found:
+        found += [child for child, parent in tree.items() if parent == ancestor]
+    return found[1:]
+
+
+def kill(program: Program, least: int) -> None:
+    """End it by force; nothing that it has started may be left."""
+    family = descendants(program.process.pid)
+    assert len(family) >= least, program.output
+    program.process.kill()
+    try:
+        assert wait_for(lambda: not set(family) & set(parents()), PATIENCE_S)
+    finally:
+        for pid in set(family) & set(parents()):
+            os.kill(pid, signal.SIGKILL)
+
+
+@pytest.fixture
+def scratch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """A folder for temporary files; after the next start nothing is in it."""
+    folder = tmp_path / "scratch"
+    folder.mkdir()
+    for name in ("TMPDIR", "XDG_RUNTIME_DIR"):
+        monkeypatch.setenv(name, str(folder))
+    monkeypatch.setattr(tempfile, "tempdir", None)
+    yield folder
+    ScratchFolder("next").close()
+    assert not list(folder.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("kind", "more"), [("process", ""), ("native", ""), ("qemu", ""), ("python", CAMERA)], ids=lambda word: word[:8]
+)
+def test_a_slave(tmp_path: Path, scratch: Path, kind: str, more: str) -> None:
+    scenario, port = write_scenario(tmp_path, top=f'stm32 = "{kind}"')
+    scenario.write_text(scenario.read_text() + more)
+    with Program(tmp_path, "slave", scenario) as program:
+        program.expect("ready", PATIENCE_S)
+        assert wait_for(lambda: descendants(program.process.pid), PATIENCE_S)
+        kill(program, 1)
+    require_free(f"tcp/127.0.0.1:{port}")
+
+
+def test_a_demo_and_all_below_it(tmp_path: Path, scratch: Path) -> None:
+    scenario, port = write_scenario(tmp_path, top='stm32 = "process"')
+    with Program(tmp_path, "demo", scenario, "--run-dir", tmp_path / "run") as program:
+        log = tmp_path / "run/slave.log"
+        assert wait_for(lambda: log.exists() and "ready" in log.read_text(), PATIENCE_S), program.output
+        kill(program, 3)  # master, slave, and the slave's STM32
+    require_free(f"tcp/127.0.0.1:{port}")
+
+
+def test_a_benchmark(tmp_path: Path, scratch: Path) -> None:
+    scenario, _ = write_scenario(tmp_path)
+    with Program(tmp_path, "bench", "delay", scenario, "--seconds", "600", "--load", "1") as program:
+
+        def is_ready() -> bool:
+            return any("ready" in log.read_text() for log in scratch.glob("uuv-hil-scratch-bench-*/slave-*.log"))
+
+        assert wait_for(is_ready, PATIENCE_S), program.output
+        assert wait_for(lambda: len(descendants(program.process.pid)) >= 3, PATIENCE_S)  # slave, echo, burner
+        kill(program, 3)
+    assert list(scratch.iterdir()), "it had a folder"
+
+
+@pytest.mark.parametrize("name", ["campaign", "case"])
+def test_runs_on_all_cores(tmp_path: Path, name: str) -> None:
+    what = [write_scenario(tmp_path)[0]] if name == "campaign" else ["path_planning", "--out", tmp_path / "out"]
+    with Program(tmp_path, name, *what, "--seeds", "10000", "--jobs", "2") as program:
+        assert wait_for(lambda: len(workers(program)) == 2, PATIENCE_S), program.output
+        kill(program, 2)
+
+
+def workers(program: Program) -> list[int]:
+    """Those of joblib's processes that have begun to work, so that they belong to the program."""
+    return [pid for pid in descendants(program.process.pid) if b"LokyProcess" in _read(f"/proc/{pid}/cmdline")]
+
+
+def _read(path: str) -> bytes:
+    try:
+        return Path(path).read_bytes()
+    except (FileNotFoundError, ProcessLookupError):
+        return b""
+
+
+COMMANDS = {
+    "demo": ["demo", "{scenario}", "--run-dir", "run"],
+    "bench": ["bench", "delay", "{scenario}", "--seconds", "1", "--steps", "0", "--load", "1"],
+    "campaign": ["campaign", "{scenario}", "--seeds", "2", "--jobs", "2"],
+    "case": ["case", "path_planning", "--out", "out", "--seeds", "2", "--jobs", "2"],
+    "doctor": ["doctor", "{scenario}"],
+}
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_no_module_of_the_current_folder_is_executed(tmp_path: Path, name: str) -> None:
+    """The installed program does not look there either, so whatever is executed is by a child."""
+    scenario, _ = write_scenario(tmp_path, top='stm32 = "process"')
+    scenario.write_text(scenario.read_text() + CAMERA)
+    here = tmp_path / "here"
+    here.mkdir()
+    for module in HOSTILE:
+        (here / f"{module}.py").write_text(
+            f"open({str(tmp_path / 'executed')!r}, 'a').write('{module} ')\nraise SystemExit(99)"
+        )
+    words = [word.format(scenario=scenario) for word in COMMANDS[name]]
+    with Program(
+        tmp_path, *words, cwd=here, command=[os.path.join(os.path.dirname(sys.executable), "uuv-hil")]
+    ) as program:
+        program.wait(300)
+    executed = tmp_path / "executed"
+    assert not executed.exists(), executed.read_text() + program.output
+
+
+def test_a_class_of_the_users_own_is_found_in_the_current_folder(tmp_path: Path) -> None:
+    """By its explicit name in the scenario: that the interpreter does not look there makes no difference."""
+    scenario, _ = write_scenario(tmp_path)
+    scenario.write_text(f'{scenario.read_text()}[planner]\nclass = "mine:Mine"\n')
+    (tmp_path / "mine.py").write_text("from hil.master.follow import Follow\nclass Mine(Follow):\n    pass\n")
+    with Program(tmp_path, "demo", scenario, "--run-dir", "run", cwd=tmp_path) as program:
+        program.expect("starting the slave", PATIENCE_S)
+        assert program.wait(120) == 0, program.output

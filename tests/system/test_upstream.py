@@ -1,0 +1,31 @@
+"""The reports for other projects in docs/upstream: their scripts show what they say."""
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.support.busy import retry_when_busy
+from tests.support.documents import ROOT, blocks
+from tests.support.processes import free_port
+
+
+@pytest.mark.parametrize(("seconds", "is_read"), [("0", True), ("0.6", False)])
+def test_the_report_of_a_link_that_is_never_read(seconds: str, is_read: bool, tmp_path: Path) -> None:
+    """Where this fails with the sleep, the library has been mended, and `hil.network.unread_links` may go."""
+    (block,) = blocks("python", page=ROOT / "docs" / "upstream" / "zenoh_pause.md")
+    script = tmp_path / block.file
+
+    def shows_it() -> None:
+        script.write_text(block.text.replace("17447", str(free_port())).replace("< 300", "< 30"))
+        try:
+            done = subprocess.run([sys.executable, script, seconds], capture_output=True, text=True, timeout=40)
+        except subprocess.TimeoutExpired as error:
+            raise AssertionError(f"neither link is read: {error.output}") from None
+        assert done.returncode == 0, done.stderr
+        count = ast.literal_eval(done.stdout.splitlines()[-1].partition("}")[0] + "}")
+        assert (count["data"] > count["urgent"] / 2) is is_read
+
+    retry_when_busy(shows_it, "the window that it shows may catch the other link too")

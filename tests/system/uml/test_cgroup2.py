@@ -1,0 +1,158 @@
+"""Limits by control groups of version 2, made by root: what a process under them really gets."""
+
+import os
+import shlex
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from hil.bench.limits import ROOT, Confinement, Limits
+from hil.bench.processes import read_threads, shares
+from hil.common.errors import ConfigError
+from tests.support.processes import wait_for
+from tools import uml
+
+BUSY_S = 1.0
+ZRAM = "/dev/zram0"  # a disk in memory, compressed: what a Raspberry Pi swaps to
+in_the_guest = pytest.mark.usefixtures("guest", "cgroup2")
+
+
+def do(command: str) -> None:
+    """Run it; it has to succeed."""
+    subprocess.run(shlex.split(command), check=True, stdout=subprocess.DEVNULL)
+
+
+@contextmanager
+def mounted() -> Iterator[None]:
+    """Control groups of version 2, where they belong."""
+    do(f"mount -t cgroup2 cgroup2 {ROOT}")
+    try:
+        yield
+    finally:
+        do(f"umount {ROOT}")
+
+
+@pytest.fixture(scope="module")
+def cgroup2() -> Iterator[None]:
+    """For the tests of a module."""
+    with mounted():
+        yield
+
+
+@pytest.fixture
+def swap() -> Iterator[None]:
+    """256 MiB to swap to."""
+    for module in uml.module_files(["zram"]):
+        do(f"busybox insmod {module}")
+    Path("/sys/block/zram0/disksize").write_text("256M")
+    do(f"mkswap {ZRAM}")
+    do(f"swapon {ZRAM}")
+    yield
+    do(f"swapoff {ZRAM}")
+
+
+def share_of_a_core(place: Confinement) -> float:
+    """That a process gets which never rests: its own time over that which passes."""
+    process = subprocess.Popen(place.command(["sh", "-c", "while :; do :; done"]))
+    time.sleep(0.1)
+    before = read_threads([process.pid])
+    time.sleep(BUSY_S)
+    (share,) = shares(before, read_threads([process.pid])).values()
+    process.kill()
+    process.wait()
+    return share
+
+
+def most_of_a_core(place: Confinement, expected: float) -> float:
+    """Of up to ten measurements, until one comes up to it: a busy machine may keep the guest from some periods."""
+    most = 0.0
+    for _ in range(10):
+        most = max(most, share_of_a_core(place))
+        if most > 0.95 * expected:
+            break
+    return most
+
+
+def end_of_one_that_takes(mib: int, place: Confinement) -> int:
+    """The exit code of a process that writes to so much memory."""
+    return subprocess.run(place.command([sys.executable, "-c", f"bytearray(b'x') * ({mib} << 20)"])).returncode
+
+
+@in_the_guest
+@pytest.mark.parametrize("share", [0.25, 0.03])
+def test_a_share_of_a_core(share: float) -> None:
+    with Confinement(Limits(cpu_share=share)) as place:
+        assert place.by == "cgroup v2"
+        assert most_of_a_core(place, share) == pytest.approx(share, rel=0.1)
+
+
+@in_the_guest
+def test_all_of_a_core() -> None:
+    with Confinement(Limits(memory_mib=64.0)) as place:
+        assert most_of_a_core(place, 1.0) > 0.9
+
+
+@in_the_guest
+def test_less_memory() -> None:
+    with Confinement(Limits(memory_mib=48.0)) as place:
+        assert end_of_one_that_takes(24, place) == 0
+        assert end_of_one_that_takes(64, place) == -signal.SIGKILL
+    with Confinement(Limits(cpu_share=1.0)) as place:
+        assert end_of_one_that_takes(64, place) == 0
+
+
+@in_the_guest
+@pytest.mark.usefixtures("swap")
+def test_what_does_not_fit_is_not_swapped_out() -> None:
+    with Confinement(Limits(memory_mib=48.0)) as place:
+        assert end_of_one_that_takes(64, place) == -signal.SIGKILL
+        (group,) = Path(ROOT).glob("uuv-hil-bench-*")
+        (group / "memory.swap.max").write_text("max")
+        assert end_of_one_that_takes(64, place) == 0, "there was something to swap to"
+
+
+@in_the_guest
+def test_nothing_is_left_when_it_is_left() -> None:
+    before = os.listdir(ROOT)
+    with Confinement(Limits(cpu_share=0.5, memory_mib=64.0)) as place:
+        process = subprocess.Popen(place.command(["sh", "-c", "sleep 60 & wait"]))
+        (group,) = Path(ROOT).glob("uuv-hil-bench-*")
+        assert wait_for(lambda: len(members(group)) == 2)
+        (child,) = members(group) - {process.pid}
+    assert process.wait(60) == -signal.SIGKILL
+    assert wait_for(lambda: not os.path.exists(f"/proc/{child}"))
+    assert os.listdir(ROOT) == before
+
+
+def members(group: Path) -> set[int]:
+    """The processes in a group."""
+    return set(map(int, (group / "cgroup.procs").read_text().split()))
+
+
+def as_on_a_raspberry_pi() -> None:
+    """What the other kernel does: a share of a core, but no less memory."""
+    with mounted():
+        with Confinement(Limits(cpu_share=0.25)) as place:
+            print(place.by, most_of_a_core(place, 0.25))
+        try:
+            Confinement(Limits(memory_mib=64.0)).__enter__()
+        except ConfigError as error:
+            print(error)
+
+
+def test_a_kernel_whose_memory_controller_is_off() -> None:
+    call = f"from {__name__} import {as_on_a_raspberry_pi.__name__} as test; test()"
+    ended = uml.run([sys.executable, "-c", call], cwd=str(uml.ROOT), options=["cgroup_disable=memory"])
+    assert ended.status == 0, ended.output
+    by_and_share, error = ended.output.splitlines()
+    assert by_and_share.startswith("cgroup v2 ")
+    assert float(by_and_share.split()[-1]) == pytest.approx(0.25, rel=0.1)
+    assert error.startswith(f"--memory: no memory controller in {ROOT}; ")
+    assert "cgroup_enable=memory" in error
+    assert "/boot/firmware/cmdline.txt" in error

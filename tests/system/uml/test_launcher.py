@@ -1,0 +1,108 @@
+"""The launcher itself: what a command sees in there, and every way it can end."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from hil.common.errors import DeviceError
+from tools import uml
+
+SCRIPT = """
+echo $WHO in $(pwd)
+test $(id -u) = 0 && ls /sys/class/net && uname -r
+echo lost > {lost}
+echo kept > "{share}/kept"
+printf 'two\\n\\nlast without end'
+exit 7
+"""
+
+# Sets the extended registers of a stopped child from less than their full size, as User Mode Linux does.
+SET_REGISTERS = """
+import ctypes, os, signal, sys
+libc = ctypes.CDLL(None)
+libc.ptrace.argtypes = [ctypes.c_long, ctypes.c_long, ctypes.c_void_p, ctypes.c_void_p]
+child = os.fork()
+if not child:
+    libc.ptrace(0, 0, None, None)
+    os.kill(os.getpid(), signal.SIGSTOP)
+    os._exit(0)
+os.waitpid(child, os.WUNTRACED)
+buffer = ctypes.create_string_buffer({size})
+vector = (ctypes.c_size_t * 2)(ctypes.addressof(buffer), {size})
+read = libc.ptrace(0x4204, child, 0x202, ctypes.addressof(vector))
+vector[1] = {size}
+written = libc.ptrace(0x4205, child, 0x202, ctypes.addressof(vector))
+os.kill(child, signal.SIGKILL)
+print(read, written)
+"""
+LEGACY_SIZE = 576  # of XSAVE's fixed part: every processor that has AVX has more
+
+
+def test_a_command_and_what_stays_of_it(tmp_path: Path) -> None:
+    share, lost = tmp_path / "a share", tmp_path / "lost"
+    share.mkdir()
+    told: list[str] = []
+    script = SCRIPT.format(share=share, lost=lost)
+    ended = uml.run(["sh", "-c", script], ["vcan"], str(share), {"WHO": "it's me"}, cwd=str(tmp_path), tell=told.append)
+    assert ended.status == 7
+    release = next(uml.MODULES.iterdir()).name
+    assert ended.output.splitlines() == [f"it's me in {tmp_path}", "lo", release, "two", "", "last without end"]
+    assert told == ended.output.splitlines()
+    assert (share / "kept").read_text() == "kept\n"
+    assert not lost.exists()
+    assert processes() == 0
+
+
+def test_a_command_that_does_not_end(tmp_path: Path) -> None:
+    with pytest.raises(DeviceError, match=r"killed after 3 s; the command had printed:\nfirst$"):
+        uml.run(["sh", "-c", "echo first; sleep 60"], seconds=3)
+    assert processes() == 0
+
+
+def test_a_kernel_that_does_not_start() -> None:
+    with pytest.raises(DeviceError, match=r"before the command began: .*Too few physical memory"):
+        uml.run(["true"], memory_mib=4)
+
+
+def test_a_module_that_does_not_exist() -> None:
+    with pytest.raises(DeviceError, match=r"no module vcam in /usr/lib/uml/modules/.*modules.dep"):
+        uml.run(["true"], ["vcan", "vcam"])
+
+
+def test_a_module_comes_behind_those_it_needs() -> None:
+    names = [Path(file).stem for file in uml.module_files(["slcan", "can_raw", "vcan"])]
+    assert names == ["can-dev", "slcan", "can", "can-raw", "vcan"]
+
+
+def test_by_hand() -> None:
+    done = subprocess.run(
+        [sys.executable, uml.__file__, "--", "sh", "-c", "echo hello; exit 3"], capture_output=True, text=True
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (3, "hello\n", "")
+
+
+@pytest.mark.parametrize("missing", ["linux.uml", "busybox", "cc"])
+def test_what_is_missing_is_named(missing: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("shutil.which", lambda name: None if name == missing else name)
+    with pytest.raises(DeviceError, match=f"there is no {missing}: sudo apt install "):
+        uml.run(["true"])
+
+
+def test_registers_that_outgrew_it() -> None:
+    """The processor's registers are set from a buffer that is too short, with the shim and only with it."""
+    code = SET_REGISTERS.format(size=LEGACY_SIZE)
+    said = []
+    for preload in ("", uml._shim()):
+        environment = {**os.environ, "LD_PRELOAD": preload}
+        done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment)
+        said.append(done.stdout.split())
+    assert said == [["0", "-1"], ["0", "0"]], "a processor without AVX would not need the shim"
+
+
+def processes() -> int:
+    """How many processes of a guest of ours there still are; those that were killed may take a moment."""
+    listed = subprocess.run(["ps", "-eo", "stat,args"], capture_output=True, text=True).stdout
+    return sum("linux.uml mem=" in line and not line.startswith("Z") for line in listed.splitlines())

@@ -1,0 +1,190 @@
+"""Allocation: exact within the limits, ordered beyond them, and sound for vehicles that cannot do everything."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+from hypothesis import assume, example, given
+from hypothesis import strategies as st
+
+from hil.autonomy.control.allocation import Allocator, pseudo_inverse
+from hil.common.errors import ConfigError
+
+Vector = tuple[float, float, float]
+
+
+def column(position: Vector, axis: Vector) -> list[float]:
+    """The wrench of 1 N along `axis` at `position`."""
+    (x, y, z), (a, b, c) = position, axis
+    return [a, b, c, y * c - z * b, z * a - x * c, x * b - y * a]
+
+
+def matrix_of(thrusters: Sequence[tuple[Vector, Vector]]) -> list[list[float]]:
+    columns = [column(*thruster) for thruster in thrusters]
+    return [list(row) for row in zip(*columns, strict=True)]
+
+
+S = math.sqrt(0.5)
+VECTORED = [
+    ((0.156, 0.111, 0.085), (S, -S, 0.0)),
+    ((0.156, -0.111, 0.085), (S, S, 0.0)),
+    ((-0.156, 0.111, 0.085), (S, S, 0.0)),
+    ((-0.156, -0.111, 0.085), (S, -S, 0.0)),
+]
+# eight thrusters: everything; six: no pitch
+HEAVY = matrix_of([*VECTORED, *[((x, y, 0.0), (0.0, 0.0, 1.0)) for x in (0.12, -0.12) for y in (0.218, -0.218)]])
+SIX = matrix_of([*VECTORED, ((0.0, 0.111, 0.0), (0.0, 0.0, 1.0)), ((0.0, -0.111, 0.0), (0.0, 0.0, 1.0))])
+
+FORCES = st.floats(-400.0, 400.0)
+WRENCHES = st.tuples(FORCES, FORCES, FORCES, st.floats(-30, 30), st.floats(-30, 30), st.floats(-30, 30))
+
+
+def made(matrix: list[list[float]], thrusts: Sequence[float]) -> list[float]:
+    return [sum(a * f for a, f in zip(row, thrusts, strict=True)) for row in matrix]
+
+
+def allocator(matrix: list[list[float]], forward: float = 50.0, reverse: float = 40.0) -> Allocator:
+    count = len(matrix[0])
+    return Allocator(matrix, [forward] * count, [reverse] * count)
+
+
+@given(WRENCHES)
+def test_what_fits_is_made_exactly(wrench: tuple[float, ...]) -> None:
+    thrusts, residual = allocator(HEAVY, 1e6, 1e6).allocate(wrench)
+    assert made(HEAVY, thrusts) == pytest.approx(wrench, abs=1e-9)
+    assert residual == pytest.approx([0.0] * 6, abs=1e-9)
+
+
+@given(WRENCHES)
+def test_the_norm_is_the_smallest(wrench: tuple[float, ...]) -> None:
+    """The vertical thrusters can push against each other without effect: a good answer never does."""
+    thrusts, _ = allocator(HEAVY, 1e6, 1e6).allocate(wrench)
+    idle = [0.0, 0.0, 0.0, 0.0, 1.0, -1.0, -1.0, 1.0]
+    assert made(HEAVY, idle) == pytest.approx([0.0] * 6, abs=1e-12)
+    assert sum(a * b for a, b in zip(thrusts, idle, strict=True)) == pytest.approx(0.0, abs=1e-9)
+
+
+@given(WRENCHES)
+def test_six_thrusters_leave_pitch_and_nothing_else(wrench: tuple[float, ...]) -> None:
+    thrusts, residual = allocator(SIX, 1e6, 1e6).allocate(wrench)
+    delivered = made(SIX, thrusts)
+    for axis in (0, 1, 2, 3, 5):
+        assert delivered[axis] == pytest.approx(wrench[axis], abs=1e-3 + 1e-5 * abs(wrench[0]))
+    # the surge thrusters lie low: their moment comes with the surge
+    assert residual[4] == pytest.approx(wrench[4] - 0.085 * delivered[0], abs=1e-9)
+
+
+@pytest.mark.parametrize(("matrix", "rank"), [(HEAVY, 6), (SIX, 5), (matrix_of(VECTORED), 3)])
+def test_rank(matrix: list[list[float]], rank: int) -> None:
+    assert allocator(matrix).rank == rank
+
+
+HUNDREDTHS = st.integers(-100, 100).map(lambda number: number / 100.0)
+
+
+@given(st.lists(st.lists(HUNDREDTHS, min_size=6, max_size=6), min_size=1, max_size=9))
+@example([[0.01, 0, 0.01, 0, 0, 0], [0.01, 0.01, 0, 0, 0, 0.01], [0.01, 0.01, 0, 0, 0.01, 0.01]])  # weak beside strong
+def test_pseudo_inverse_agrees_with_lapack(columns: list[list[float]]) -> None:
+    assume(any(map(any, columns)))
+    weights = np.array([1.0, 1.0, 1.0, 0.01, 0.01, 1.0])
+    weighted = np.array(columns).T * weights[:, None]
+    values = np.linalg.svd(weighted, compute_uv=False)
+    assume(not np.any((values > 0.9e-4 * values[0]) & (values < 1.1e-4 * values[0])))  # on the edge of the rank
+    inverse, rank = pseudo_inverse([list(row) for row in zip(*columns, strict=True)])
+    assert rank == np.sum(values > 1e-4 * values[0])
+    expected = np.linalg.pinv(weighted, rcond=1e-4) * weights
+    assert np.array(inverse) == pytest.approx(expected, rel=1e-6, abs=1e-8 * np.abs(expected).max())
+
+
+@given(WRENCHES)
+def test_limits_hold_and_the_residual_is_what_lacks(wrench: tuple[float, ...]) -> None:
+    thrusts, residual = allocator(HEAVY).allocate(wrench)
+    assert all(-40.0 <= thrust <= 50.0 for thrust in thrusts)
+    assert [a + b for a, b in zip(made(HEAVY, thrusts), residual, strict=True)] == pytest.approx(wrench, abs=1e-9)
+
+
+@given(st.tuples(FORCES, FORCES, FORCES), st.floats(-1.0, 1.0))
+def test_saturated_horizontal_force_keeps_its_direction(force: Vector, yaw: float) -> None:
+    x, y, z = force
+    thrusts, residual = allocator(HEAVY).allocate((x, y, z, 0.0, 0.0, yaw))
+    delivered = made(HEAVY, thrusts)
+    assert delivered[0] * y == pytest.approx(delivered[1] * x, abs=1e-6)
+    assert delivered[0] * x + delivered[1] * y >= -1e-9
+    assert residual[5] == pytest.approx(0.0, abs=1e-9)  # a small moment is served first
+
+
+def test_order_moments_then_heave_then_horizontal() -> None:
+    plain = allocator(HEAVY, 10.0, 10.0)
+    # a yaw moment that takes all of the horizontal thrusters leaves nothing for surge
+    most = 4 * 10.0 * S * (0.156 + 0.111)
+    thrusts, residual = plain.allocate((100.0, 0.0, 0.0, 0.0, 0.0, most))
+    assert made(HEAVY, thrusts) == pytest.approx([0.0, 0.0, 0.0, 0.0, 0.0, most], abs=1e-9)
+    assert residual == pytest.approx([100.0, 0.0, 0.0, 0.0, 0.0, 0.0], abs=1e-9)
+    # too much heave is cut at the vertical thrusters' limit and does not touch surge
+    thrusts, residual = plain.allocate((10.0, 0.0, 100.0, 0.0, 0.0, 0.0))
+    assert residual[2] > 55.0
+    assert made(HEAVY, thrusts)[5] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_forward_and_reverse_limits_differ() -> None:
+    single = [[1.0], [0.0], [0.0], [0.0], [0.0], [0.0]]
+    one = Allocator(single, [30.0], [20.0])
+    assert one.allocate((100.0, 0.0, 0.0, 0.0, 0.0, 0.0)) == ([30.0], (70.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+    assert one.allocate((-100.0, 0.0, 0.0, 0.0, 0.0, 0.0)) == ([-20.0], (-80.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+    assert one.allocate((0.0, 5.0, 0.0, 0.0, 0.0, 0.0)) == ([0.0], (0.0, 5.0, 0.0, 0.0, 0.0, 0.0))
+
+
+def test_what_cannot_be_a_vehicle_is_refused() -> None:
+    with pytest.raises(ConfigError, match="6 rows and 7 columns"):
+        Allocator(HEAVY, [1.0] * 7, [1.0] * 7)
+    with pytest.raises(ConfigError, match="6 rows"):
+        Allocator(HEAVY[:5], [1.0] * 8, [1.0] * 8)
+    with pytest.raises(ConfigError, match="above 0 N"):
+        Allocator(HEAVY, [1.0] * 8, [0.0, *[1.0] * 7])
+    with pytest.raises(ConfigError, match="pushes"):
+        Allocator([[0.0]] * 6, [1.0], [1.0])
+
+
+@given(WRENCHES, st.lists(st.floats(0.1, 10.0), min_size=8, max_size=8))
+def test_thruster_weights_give_the_least_cost(wrench: tuple[float, ...], weights: list[float]) -> None:
+    """Still exact; and of all exact answers that with the least sum of weight x thrust²."""
+    plain = Allocator(HEAVY, [1e6] * 8, [1e6] * 8, thruster_weights=weights)
+    thrusts, _ = plain.allocate(wrench)
+    assert made(HEAVY, thrusts) == pytest.approx(wrench, abs=1e-7)
+    vanishing = np.linalg.svd(np.array(HEAVY))[2][6:]  # what thrusts can do without effect
+    slope = 2.0 * np.array(weights) * np.array(thrusts)
+    assert vanishing @ slope == pytest.approx(np.zeros(2), abs=1e-6)
+
+
+def test_a_thruster_of_weight_four_does_a_quarter_of_the_work() -> None:
+    """Two side by side on one axis; and equal weights, however large, change nothing."""
+    side_by_side = [[1.0, 1.0], *[[0.0, 0.0]] * 5]
+    spared = Allocator(side_by_side, [90.0] * 2, [90.0] * 2, thruster_weights=[1.0, 4.0])
+    assert spared.allocate((50.0, 0, 0, 0, 0, 0))[0] == pytest.approx([40.0, 10.0])
+    assert np.array(pseudo_inverse(HEAVY, thruster_weights=[7.0] * 8)[0]) == pytest.approx(
+        np.array(pseudo_inverse(HEAVY)[0]), abs=1e-12
+    )
+
+
+def test_axis_weights_say_what_matters_where_not_all_can_be_had() -> None:
+    """One thruster a metre to starboard: surge comes with yaw. Least squares by hand: f = w² / (w² + v²) X."""
+    lone = [[1.0], [0.0], [0.0], [0.0], [0.0], [-1.0]]
+    for surge, yaw in ((1.0, 1.0), (1.0, 0.01), (0.01, 1.0)):
+        one = Allocator(lone, [900.0], [900.0], axis_weights=[surge, 1.0, 1.0, 1.0, 1.0, yaw])
+        thrusts, residual = one.allocate((100.0, 0, 0, 0, 0, 0))
+        assert thrusts[0] == pytest.approx(100.0 * surge**2 / (surge**2 + yaw**2))
+        assert residual == pytest.approx((100.0 - thrusts[0], 0, 0, 0, 0, thrusts[0]))
+
+
+@given(WRENCHES, st.lists(st.floats(0.1, 10.0), min_size=6, max_size=6))
+def test_axis_weights_do_not_matter_where_all_can_be_had(wrench: tuple[float, ...], weights: list[float]) -> None:
+    thrusts, _ = Allocator(HEAVY, [1e6] * 8, [1e6] * 8, axis_weights=weights).allocate(wrench)
+    assert thrusts == pytest.approx(allocator(HEAVY, 1e6, 1e6).allocate(wrench)[0], abs=1e-6)
+
+
+def test_wrong_weights_are_refused() -> None:
+    with pytest.raises(ConfigError, match="thruster weights must be 8 numbers above 0"):
+        Allocator(HEAVY, [1.0] * 8, [1.0] * 8, thruster_weights=[1.0] * 7)
+    with pytest.raises(ConfigError, match="axis weights must be 6 numbers above 0"):
+        Allocator(HEAVY, [1.0] * 8, [1.0] * 8, axis_weights=[1.0, 1.0, 1.0, 0.0, 1.0, 1.0])

@@ -1,0 +1,59 @@
+"""The source paper's four horizontal thrusters in closed form, against the general answer from poses."""
+
+from math import sqrt
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hil.autonomy.control.allocation import Allocator
+from sim.vehicle.thrusters import wrench_matrix
+from sim.vehicle.vehicle import Vehicle, load_vehicle
+from tests.support.four_vectored import four_vectored
+
+FORCES = st.floats(-500.0, 500.0)
+
+
+def general(vehicle: Vehicle, wrench: tuple[float, ...]) -> list[float]:
+    count = len(vehicle.thrusters)
+    return Allocator(wrench_matrix(vehicle), [1e6] * count, [1e6] * count).allocate(wrench)[0]
+
+
+@pytest.mark.parametrize("name", ["paper_six", "paper_seven"])
+@given(FORCES, FORCES, FORCES)
+def test_it_is_the_general_answer_for_its_geometry(name: str, surge: float, sway: float, yaw: float) -> None:
+    vehicle, _ = load_vehicle(name)
+    lever = (0.14 + 0.11) / sqrt(2.0)
+    thrusts = general(vehicle, (surge, sway, 0.0, 0.0, 0.0, yaw))
+    assert list(four_vectored(surge, sway, yaw, lever)) == pytest.approx(thrusts[:4], abs=1e-9)
+    assert thrusts[4:] == pytest.approx([0.0] * len(thrusts[4:]), abs=1e-9)
+
+
+def test_it_is_not_for_levers_that_differ() -> None:
+    """BlueROV2: 164 mm in front, 171 mm astern. By the closed form a sway force turns it, by 5 N m for each kN;
+    in the general answer the pair astern does less and nothing turns."""
+    vehicle, _ = load_vehicle("bluerov2")
+    signs = (-1.0, -1.0, 1.0, 1.0)  # its two in front push astern
+    matrix = wrench_matrix(vehicle)
+
+    def made(thrusts: list[float]) -> list[float]:
+        return [sum(a * f for a, f in zip(row, thrusts, strict=False)) for row in matrix]
+
+    mean_lever = 0.5 * (0.14 + 0.15 + 2.0 * 0.092) / sqrt(2.0)
+    closed = made([sign * f for sign, f in zip(signs, four_vectored(0.0, 1000.0, 10.0, mean_lever), strict=True)])
+    assert closed[1] == pytest.approx(1000.0)
+    assert closed[5] == pytest.approx(10.0 - 5.0)
+    assert made(general(vehicle, (0.0, 1000.0, 0.0, 0.0, 0.0, 10.0)))[5] == pytest.approx(10.0, abs=1e-9)
+
+
+def test_it_knows_no_limits_where_the_allocator_does() -> None:
+    """Full yaw and full surge together: the closed form asks 85 N of thrusters that have 73.5 N and 49 N."""
+    vehicle, _ = load_vehicle("paper_six")
+    wrench = (150.0, 0.0, 0.0, 0.0, 0.0, 23.0)
+    closed = four_vectored(150.0, 0.0, 23.0, (0.14 + 0.11) / sqrt(2.0))
+    assert max(closed) > 85.0
+    forward, reverse = zip(*((t.max_forward, t.max_reverse) for t in vehicle.thrusters), strict=True)
+    thrusts, residual = Allocator(wrench_matrix(vehicle), forward, reverse).allocate(wrench)
+    assert all(-49.04 < f < 73.55 for f in thrusts)
+    assert residual[5] == pytest.approx(0.0, abs=1e-9)  # moments first
+    assert residual[0] > 30.0  # and what is missing is said

@@ -1,0 +1,112 @@
+"""Any-angle ways: free of obstacles, near the true shortest, and lines of sight as the grid sees them."""
+
+import math
+from itertools import combinations, pairwise
+
+import networkx as nx
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hil.autonomy.paths.any_angle import Sight, plan_any_angle
+from hil.autonomy.paths.astar import path_length, plan
+from hil.autonomy.paths.occupancy import OccupancyGrid
+from hil.common.errors import MissionError
+
+SEEDS = st.integers(0, 2**32 - 1)
+
+
+def random_grid(seed: int) -> tuple[OccupancyGrid, list[tuple[int, int]]]:
+    """A few cells grown to blobs, and two free cells."""
+    generator = np.random.default_rng(seed)
+    grid = OccupancyGrid(generator.random(generator.integers(5, 22, 2)) < 0.06, 0.5, (2.0, -9.0))
+    grown = grid.inflate(float(generator.choice([0.0, 0.5, 0.8])))
+    free = np.argwhere(~grown.cells)
+    if not len(free):
+        return random_grid(seed + 1)
+    rows = generator.integers(len(free), size=2)
+    return grown, [(int(free[i][0]), int(free[i][1])) for i in rows]
+
+
+def shortest(grid: OccupancyGrid, start: tuple[int, int], goal: tuple[int, int]) -> float:
+    """Dijkstra over every line between two free cells that touches nothing: the best way over centres of cells."""
+    made: nx.Graph[tuple[int, int]] = nx.Graph()
+    sight = Sight(~grid.cells)
+    nodes = [(int(row), int(column)) for row, column in np.argwhere(~grid.cells)]
+    for a, b in combinations(nodes, 2):
+        if sight.is_free(a, b):
+            made.add_edge(a, b, weight=math.dist(grid.centre(a), grid.centre(b)))
+    return float(nx.dijkstra_path_length(made, start, goal))
+
+
+@given(SEEDS)
+def test_it_touches_nothing_and_is_no_longer_than_the_grids_way(seed: int) -> None:
+    grid, (start, goal) = random_grid(seed)
+    ends = grid.centre(start), grid.centre(goal)
+    try:
+        straight = plan(grid, *ends)
+    except MissionError:
+        with pytest.raises(MissionError, match="no path"):
+            plan_any_angle(grid, *ends)
+        return
+    path = plan_any_angle(grid, *ends)
+    assert path[0] == ends[0]
+    assert path[-1] == ends[1]
+    assert all(grid.line_is_free(a, b) for a, b in pairwise(path))
+    assert path_length(path) <= path_length(straight) + 1e-9
+
+
+def test_near_the_true_shortest() -> None:
+    """On 25 maps; the grid's own way, with its turns of 45 degrees, is several per cent longer."""
+    ratios: list[float] = []
+    straight: list[float] = []
+    for seed in range(120):
+        grid, (start, goal) = random_grid(seed)
+        if grid.cells.size > 150 or math.dist(start, goal) < 5.0:
+            continue
+        ends = grid.centre(start), grid.centre(goal)
+        try:
+            length = path_length(plan(grid, *ends))
+        except MissionError:
+            continue
+        best = shortest(grid, start, goal)
+        straight.append(length / best)
+        ratios.append(path_length(plan_any_angle(grid, *ends)) / best)
+    assert len(ratios) > 15
+    assert min(ratios) > 0.96  # smoothing bends between centres too
+    assert max(ratios) < 1.08
+    assert sum(ratios) / len(ratios) < 1.01
+    assert sum(straight) / len(straight) > 1.02
+
+
+@given(SEEDS)
+def test_lines_of_sight_are_those_of_the_grid(seed: int) -> None:
+    generator = np.random.default_rng(seed)
+    cells = generator.random(generator.integers(2, 60, 2)) < generator.choice([0.005, 0.03, 0.2])
+    grid, sight = OccupancyGrid(cells, 1.0, (0.0, 0.0)), Sight(~cells)
+    free = np.argwhere(~cells)
+    for first, second in generator.integers(len(free), size=(10, 2)):
+        a, b = ((int(row), int(column)) for row, column in (free[first], free[second]))
+        assert sight.is_free(a, b) == grid.line_is_free(grid.centre(a), grid.centre(b))
+
+
+def test_round_a_wall_by_hand() -> None:
+    """A wall of 10 cells across the straight line: one bend at either end of it, 2 hypotenuses long."""
+    cells = np.zeros((21, 21), bool)
+    cells[10, 5:16] = True
+    grid = OccupancyGrid(cells, 1.0, (0.0, 0.0))
+    path = plan_any_angle(grid, (0.5, 10.5), (20.5, 10.5))
+    # past the end of the wall at column 16, whose corners the line must not touch
+    assert path_length(path) == pytest.approx(2.0 * math.hypot(9.0, 6.0) + 2.0, abs=0.35)
+    assert path_length(path) < path_length(plan(grid, (0.5, 10.5), (20.5, 10.5))) - 0.5
+
+
+def test_impossible_ends_are_named() -> None:
+    cells = np.zeros((5, 5), bool)
+    cells[2] = True
+    grid = OccupancyGrid(cells, 1.0, (0.0, 0.0))
+    with pytest.raises(MissionError, match="no path from"):
+        plan_any_angle(grid, (0.5, 0.5), (4.5, 4.5))
+    with pytest.raises(MissionError, match="inside an obstacle"):
+        plan_any_angle(grid, (2.5, 0.5), (4.5, 4.5))

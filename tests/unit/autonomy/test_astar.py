@@ -1,0 +1,160 @@
+"""Path planning: as short as Dijkstra's, never through an obstacle, and smoothed without touching one."""
+
+import heapq
+import math
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from hil.autonomy.paths.astar import path_length, plan, smooth
+from hil.autonomy.paths.occupancy import OccupancyGrid
+from hil.common.errors import MissionError
+
+Cell = tuple[int, int]
+MOVES = [(a, b) for a in (-1, 0, 1) for b in (-1, 0, 1) if a or b]
+
+
+def neighbours(cells: NDArray[np.bool_], cell: Cell) -> list[tuple[Cell, float]]:
+    """Free neighbours and the way to them; a diagonal needs both cells beside it."""
+
+    def free(row: int, column: int) -> bool:
+        return 0 <= row < cells.shape[0] and 0 <= column < cells.shape[1] and not cells[row, column]
+
+    row, column = cell
+    return [
+        ((row + a, column + b), math.hypot(a, b))
+        for a, b in MOVES
+        if free(row + a, column + b) and free(row + a, column) and free(row, column + b)
+    ]
+
+
+def distances(cells: NDArray[np.bool_], start: Cell) -> dict[Cell, float]:
+    """Dijkstra's algorithm: the shortest way to every cell that can be reached."""
+    found: dict[Cell, float] = {}
+    queue = [(0.0, start)]
+    while queue:
+        distance, cell = heapq.heappop(queue)
+        if cell not in found:
+            found[cell] = distance
+            for neighbour, step in neighbours(cells, cell):
+                heapq.heappush(queue, (distance + step, neighbour))
+    return found
+
+
+def random_grid(seed: int, resolution: float = 1.0) -> tuple[OccupancyGrid, Any]:
+    generator = np.random.default_rng(seed)
+    shape = generator.integers(2, 16, 2)
+    cells = generator.random(shape) < generator.choice([0.05, 0.2, 0.35, 0.5])
+    cells[tuple(generator.integers(0, shape))] = False
+    return OccupancyGrid(cells, resolution, (-7.0, 30.0)), generator
+
+
+def random_free(grid: OccupancyGrid, generator: Any) -> Cell:
+    row, column = generator.choice(np.argwhere(~grid.cells))
+    return int(row), int(column)
+
+
+SEEDS = st.integers(0, 2**32 - 1)
+
+
+@given(SEEDS)
+def test_as_short_as_brute_force(seed: int) -> None:
+    grid, generator = random_grid(seed, resolution=0.5)
+    start, goal = random_free(grid, generator), random_free(grid, generator)
+    expected = distances(grid.cells, start).get(goal)
+    if expected is None:
+        with pytest.raises(MissionError, match="no path"):
+            plan(grid, grid.centre(start), grid.centre(goal))
+    else:
+        path = plan(grid, grid.centre(start), grid.centre(goal))
+        assert path_length(path) == pytest.approx(0.5 * expected, abs=1e-9)
+        assert path[0] == grid.centre(start)
+        assert path[-1] == grid.centre(goal)
+
+
+@given(SEEDS)
+def test_neither_the_path_nor_its_smoothed_form_touches_an_obstacle(seed: int) -> None:
+    grid, generator = random_grid(seed)
+    start = random_free(grid, generator)
+    goals = sorted(distances(grid.cells, start))
+    goal = goals[int(generator.integers(len(goals)))]
+    ends = [
+        (north + generator.uniform(-0.49, 0.49), east + generator.uniform(-0.49, 0.49))
+        for north, east in map(grid.centre, (start, goal))
+    ]
+    path = plan(grid, *ends)
+    smoothed = smooth(grid, path)
+    for way in (path, smoothed):
+        assert [way[0], way[-1]] == [ends[0], ends[-1]] or ends[0] == ends[1]
+        assert all(grid.line_is_free(a, b) for a, b in pairwise(way))
+        assert all(a != b for a, b in pairwise(way))
+    assert path_length(smoothed) <= path_length(path) + 1e-9
+
+
+def test_smoothing_leaves_the_turns_at_the_corners_only() -> None:
+    """Two walls with gaps at opposite ends: the taut line has two bends and is 15 % shorter than the grid's way."""
+    cells = np.zeros((60, 60), bool)
+    cells[20, :50] = True
+    cells[40, 10:] = True
+    grid = OccupancyGrid(cells, 0.5, (0.0, 0.0))
+    path = plan(grid, (1.0, 1.0), (29.0, 29.0))
+    smoothed = smooth(grid, path)
+    assert len(smoothed) <= 6
+    taut = (
+        math.dist((1.0, 1.0), (10.25, 25.0))
+        + math.dist((10.25, 25.0), (20.25, 5.0))
+        + math.dist((20.25, 5.0), (29.0, 29.0))
+    )
+    assert path_length(smoothed) < 1.03 * taut
+    assert path_length(path) > 1.04 * taut
+
+
+def test_smooth_keeps_what_is_straight_and_what_is_nothing() -> None:
+    grid = OccupancyGrid(np.zeros((30, 30), bool), 1.0, (0.0, 0.0))
+    assert smooth(grid, plan(grid, (2.0, 3.0), (27.0, 22.0))) == [(2.0, 3.0), (27.0, 22.0)]
+    assert smooth(grid, [(2.0, 3.0)]) == [(2.0, 3.0)]
+    assert smooth(grid, []) == []
+
+
+def test_start_and_goal_in_one_cell() -> None:
+    grid = OccupancyGrid(np.zeros((3, 3), bool), 1.0, (0.0, 0.0))
+    assert plan(grid, (1.2, 1.2), (1.2, 1.2))[-1] == (1.2, 1.2)
+    assert plan(grid, (1.5, 1.5), (1.5, 1.5)) == [(1.5, 1.5)]
+
+
+def test_no_corner_is_cut() -> None:
+    cells = np.zeros((2, 2), bool)
+    cells[0, 1] = True
+    grid = OccupancyGrid(cells, 1.0, (0.0, 0.0))
+    assert plan(grid, (0.5, 0.5), (1.5, 1.5)) == [(0.5, 0.5), (1.5, 0.5), (1.5, 1.5)]
+    cells[1, 0] = True
+    with pytest.raises(MissionError, match="no path from"):
+        plan(grid, (0.5, 0.5), (1.5, 1.5))
+
+
+def test_impossible_ends_are_named_with_the_nearest_free_cell() -> None:
+    cells = np.zeros((10, 10), bool)
+    cells[4:7, 4:7] = True
+    grid = OccupancyGrid(cells, 1.0, (0.0, 0.0))
+    with pytest.raises(
+        MissionError, match=r"start \(4\.20 m north, 5\.00 m east\) is inside an obstacle; .*\(3\.50 m north"
+    ):
+        plan(grid, (4.2, 5.0), (1.0, 1.0))
+    with pytest.raises(MissionError, match=r"goal \(1\.00 m north, -3\.00 m east\) is outside the map; .*0\.50 m east"):
+        plan(grid, (1.0, 1.0), (1.0, -3.0))
+    with pytest.raises(MissionError, match="no free cell"):
+        plan(OccupancyGrid(np.ones((2, 2), bool), 1.0, (0.0, 0.0)), (0.5, 0.5), (1.5, 1.5))
+
+
+def test_a_large_map_with_a_detour() -> None:
+    """A bag with its mouth away from the goal, where a search that looks at every cell takes long."""
+    cells = np.zeros((120, 120), bool)
+    cells[90, 15:105] = cells[6:90, 15] = cells[6:90, 104] = True
+    grid = OccupancyGrid(cells, 1.0, (0.0, 0.0))
+    path = plan(grid, (84.5, 60.5), (114.5, 60.5))
+    assert path_length(path) == pytest.approx(distances(cells, (84, 60))[(114, 60)])

@@ -1,0 +1,55 @@
+"""A* against networkx's Dijkstra, an independent implementation, on 200 random maps."""
+
+import networkx as nx
+import numpy as np
+import pytest
+
+from hil.autonomy.paths.astar import path_length, plan
+from hil.autonomy.paths.dstar import DStarLite
+from hil.autonomy.paths.occupancy import OccupancyGrid
+from hil.common.errors import MissionError
+
+
+def graph(cells: np.ndarray[tuple[int, int], np.dtype[np.bool_]]) -> "nx.Graph[tuple[int, int]]":
+    """Free cells, joined to their 8 neighbours; a diagonal one needs both cells beside it."""
+    made: nx.Graph[tuple[int, int]] = nx.Graph()
+    free = {(int(row), int(column)) for row, column in np.argwhere(~cells)}
+    made.add_nodes_from(free)
+    for row, column in free:
+        for down, right in ((0, 1), (1, 0), (1, 1), (1, -1)):
+            around = {(row + down, column + right), (row + down, column), (row, column + right)}
+            if around <= free:
+                made.add_edge((row, column), (row + down, column + right), weight=float(np.hypot(down, right)))
+    return made
+
+
+@pytest.mark.parametrize("batch", range(10))
+def test_the_cost_is_optimal_on_two_hundred_random_maps(batch: int) -> None:
+    found = 0
+    for seed in range(20 * batch, 20 * batch + 20):
+        generator = np.random.default_rng(seed)
+        cells = generator.random(generator.integers(8, 25, 2)) < generator.uniform(0.05, 0.45)
+        free = [(int(row), int(column)) for row, column in np.argwhere(~cells)]
+        start, goal = (free[int(generator.integers(len(free)))] for _ in "ab")
+        grid = OccupancyGrid(cells, 0.5, (-3.0, 7.0))
+        ends = grid.centre(start), grid.centre(goal)
+        try:
+            expected = nx.dijkstra_path_length(graph(cells), start, goal)
+        except nx.NetworkXNoPath:
+            for planner in (plan, DStarLite().plan):
+                with pytest.raises(MissionError, match="no path"):
+                    planner(grid, *ends)
+            continue
+        found += 1
+        assert path_length(plan(grid, *ends)) == pytest.approx(0.5 * expected, abs=1e-9)
+        assert path_length(DStarLite().plan(grid, *ends)) == pytest.approx(0.5 * expected, abs=1e-9)
+    assert found > 10
+
+
+def test_the_graph_is_the_one_meant() -> None:
+    """2 x 2 with one cell occupied: two straight edges, no diagonal past the corner."""
+    cells = np.array([[False, True], [False, False]])
+    assert {frozenset(edge) for edge in graph(cells).edges} == {
+        frozenset({(0, 0), (1, 0)}),
+        frozenset({(1, 0), (1, 1)}),
+    }

@@ -1,0 +1,296 @@
+"""The cascade: single loops against closed forms, then the whole on a vehicle of one's own making."""
+
+import math
+from collections.abc import Callable, Sequence
+
+import pytest
+
+from hil.autonomy.control.allocation import Allocator
+from hil.autonomy.control.controller import (
+    NO_RESIDUAL,
+    AxisGains,
+    CascadedController,
+    Gains,
+    HoldGains,
+    Navigation,
+    VelocityCommand,
+    Wrench,
+    heading_of,
+    wrap,
+)
+from hil.common.schema import parse
+from sim.rotations import from_euler, integrate, rotate, rotate_inverse, to_euler
+
+LEVEL = (1.0, 0.0, 0.0, 0.0)
+STILL = (0.0, 0.0, 0.0)
+AT_REST = Navigation(LEVEL, STILL, STILL, 5.0)
+# a small observation vehicle: rigid plus added
+INERTIA: Wrench = (19.9, 20.6, 32.2, 0.45, 0.37, 0.59)
+DT = 0.02
+
+PLAIN = AxisGains(p=2.0, limit=100.0)
+P_ONLY = Gains(
+    *(PLAIN, PLAIN, PLAIN, PLAIN, PLAIN, PLAIN),
+    depth=HoldGains(p=0.5, limit=0.4),
+    heading=HoldGains(p=1.5, limit=0.5),
+    roll=HoldGains(p=2.0, limit=2.0),
+    pitch=HoldGains(p=2.0, limit=2.0),
+)
+
+
+def once(gains: Gains, command: VelocityCommand, navigation: Navigation = AT_REST) -> Wrench:
+    return CascadedController(gains, INERTIA).update(command, navigation, DT)
+
+
+def test_proportional_acceleration_times_inertia() -> None:
+    wrench = once(P_ONLY, VelocityCommand(0.3, -0.2, 0.1, 0.25))
+    rates = (0.3, -0.2, 0.1, 0.0, 0.0, 0.25)
+    assert wrench == pytest.approx([2.0 * rate * inertia for rate, inertia in zip(rates, INERTIA, strict=True)])
+    moving = AT_REST._replace(velocity=(0.3, -0.2, 0.1), angular_velocity=(0.0, 0.0, 0.25))
+    assert once(P_ONLY, VelocityCommand(0.3, -0.2, 0.1, 0.25), moving) == pytest.approx([0.0] * 6)
+
+
+def test_integral_grows_with_error_times_time() -> None:
+    gains = P_ONLY._replace(surge=AxisGains(p=0.0, i=3.0))
+    controller = CascadedController(gains, INERTIA)
+    forces = [controller.update(VelocityCommand(surge=0.1), AT_REST, DT)[0] for _ in range(50)]
+    assert forces[-1] == pytest.approx(INERTIA[0] * 3.0 * 0.1 * 50 * DT)
+    controller.reset()
+    assert controller.update(VelocityCommand(), AT_REST, DT) == pytest.approx([0.0] * 6)
+
+
+def test_derivative_opposes_acceleration_and_ignores_steps_of_the_command() -> None:
+    gains = P_ONLY._replace(yaw_rate=AxisGains(p=0.0, d=0.5, filter=0.0))
+    controller = CascadedController(gains, INERTIA)
+    controller.update(VelocityCommand(), AT_REST, DT)
+    assert controller.update(VelocityCommand(yaw_rate=1.0), AT_REST, DT)[5] == 0.0
+    turning = AT_REST._replace(angular_velocity=(0.0, 0.0, 0.1))
+    assert controller.update(VelocityCommand(yaw_rate=1.0), turning, DT)[5] == pytest.approx(-0.5 * 0.1 / DT * 0.59)
+
+
+def test_derivative_of_an_irregularly_called_loop_does_not_kick() -> None:
+    """A command that comes just after an update calls the loop again 10 us later."""
+    gains = P_ONLY._replace(yaw_rate=AxisGains(p=0.0, d=0.5, filter=0.02))
+    controller = CascadedController(gains, INERTIA)
+    controller.update(VelocityCommand(), AT_REST, DT)
+    noisy = AT_REST._replace(angular_velocity=(0.0, 0.0, 0.001))
+    assert abs(controller.update(VelocityCommand(), noisy, 1e-5)[5]) <= 0.5 * 0.001 / 0.02 * 0.59
+
+
+def test_feedforward_and_limit() -> None:
+    gains = P_ONLY._replace(surge=AxisGains(p=0.0, feedforward=1.5), sway=AxisGains(p=5.0, limit=2.0))
+    wrench = once(gains, VelocityCommand(surge=0.4, sway=-3.0))
+    assert wrench[0] == pytest.approx(1.5 * 0.4 * INERTIA[0])
+    assert wrench[1] == pytest.approx(-2.0 * INERTIA[1])
+
+
+def test_integral_stops_at_the_limit_and_comes_back_at_once() -> None:
+    gains = P_ONLY._replace(surge=AxisGains(p=1.0, i=5.0, limit=2.0))
+    controller = CascadedController(gains, INERTIA)
+    for _ in range(1000):
+        controller.update(VelocityCommand(surge=1.0), AT_REST, DT)
+    fast = AT_REST._replace(velocity=(1.5, 0.0, 0.0))
+    forces = [controller.update(VelocityCommand(surge=1.0), fast, DT)[0] for _ in range(30)]
+    assert forces[0] < 2.0 * INERTIA[0]
+    assert forces[-1] < 0.0
+
+
+@pytest.mark.parametrize(("lack", "grows"), [(10.0, False), (0.0, True), (-10.0, True)])
+def test_an_axis_that_lacks_force_does_not_integrate_further(lack: float, grows: bool) -> None:
+    gains = P_ONLY._replace(surge=AxisGains(p=1.0, i=5.0))
+    controller = CascadedController(gains, INERTIA)
+    residual = (lack, 0.0, 0.0, 0.0, 0.0, 0.0)
+    first, *_, last = [controller.update(VelocityCommand(surge=0.2), AT_REST, DT, residual)[0] for _ in range(20)]
+    assert (last > first) == grows
+
+
+@pytest.mark.parametrize(
+    ("field", "value"), [("velocity", (math.nan,) * 3), ("orientation", (math.nan,) * 4), ("depth", math.nan)]
+)
+def test_a_measurement_that_is_no_number_neither_shows_nor_stays(field: str, value: object) -> None:
+    broken = Navigation(**(AT_REST._asdict() | {field: value}))
+    controller = CascadedController(Gains(), INERTIA)
+    command = VelocityCommand(depth=5.0, heading=0.0)
+    controller.update(command, AT_REST, DT)
+    assert all(map(math.isfinite, controller.update(command, broken, DT)))
+    assert controller.update(command, AT_REST, DT) == pytest.approx([0.0] * 6)
+
+
+def test_depth_becomes_heave_within_its_limit() -> None:
+    assert once(P_ONLY, VelocityCommand(depth=5.2))[2] == pytest.approx(2.0 * 0.5 * 0.2 * INERTIA[2])
+    assert once(P_ONLY, VelocityCommand(depth=50.0))[2] == pytest.approx(2.0 * 0.4 * INERTIA[2])
+    assert once(P_ONLY, VelocityCommand(depth=0.0))[2] == pytest.approx(-2.0 * 0.4 * INERTIA[2])
+    assert once(P_ONLY, VelocityCommand(heave=9.0, depth=5.0))[2] == 0.0
+
+
+@pytest.mark.parametrize(("roll", "pitch"), [(0.3, 0.0), (0.0, -0.4), (-0.2, 0.3)])
+def test_depth_is_held_when_tilted(roll: float, pitch: float) -> None:
+    """With the heave the loop asks for, the vertical speed is what the depth error asks for."""
+    orientation = from_euler(roll, pitch, 0.7)
+    navigation = Navigation(orientation, STILL, (0.3, 0.1, 0.0), 5.0)
+    heave = once(P_ONLY, VelocityCommand(depth=5.2), navigation)[2] / (2.0 * INERTIA[2])
+    assert rotate(orientation, (0.3, 0.1, heave))[2] == pytest.approx(0.5 * 0.2)
+
+
+@pytest.mark.parametrize(("heading", "wanted", "rate"), [(0.0, 0.2, 0.3), (3.1, -3.1, 0.5), (-3.1, 3.1, -0.5)])
+def test_heading_takes_the_short_way_within_its_limit(heading: float, wanted: float, rate: float) -> None:
+    navigation = AT_REST._replace(orientation=from_euler(0.0, 0.0, heading))
+    turn = once(P_ONLY, VelocityCommand(heading=wanted), navigation)[5] / (2.0 * INERTIA[5])
+    assert turn == pytest.approx(max(-0.5, min(0.5, 1.5 * wrap(wanted - heading))))
+    assert turn * rate > 0.0
+
+
+@pytest.mark.parametrize(("roll", "pitch"), [(0.0, 0.0), (0.5, 0.0), (0.0, 0.6), (-0.4, 0.5)])
+def test_rates_turn_about_the_vertical_and_level(roll: float, pitch: float) -> None:
+    """A short turn at the rates asked for changes heading as wanted, roll and pitch as their loops say."""
+    orientation = from_euler(roll, pitch, 1.0)
+    navigation = AT_REST._replace(orientation=orientation)
+    moments = once(P_ONLY, VelocityCommand(yaw_rate=0.3), navigation)[3:]
+    rates = [moment / (2.0 * inertia) for moment, inertia in zip(moments, INERTIA[3:], strict=True)]
+    after = to_euler(integrate(orientation, rates, 1e-6))
+    change = [(b - a) / 1e-6 for a, b in zip(to_euler(orientation), after, strict=True)]
+    assert change == pytest.approx([-2.0 * roll, -2.0 * pitch, 0.3], abs=1e-5)
+
+
+@pytest.mark.parametrize("angle", [-10.0, -math.pi, -3.0, 0.0, 3.0, math.pi, 7.0, 100.0])
+def test_wrap(angle: float) -> None:
+    assert -math.pi <= wrap(angle) < math.pi
+    assert math.remainder(wrap(angle) - angle, 2.0 * math.pi) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_gains_from_a_table() -> None:
+    table = {
+        "surge": {"p": 3.0, "limit": 5.0},
+        "yaw_rate": {"p": 2.0, "filter": "10 ms"},
+        "depth": {"p": 1, "limit": 0.3},
+    }
+    gains = parse(table, Gains, "vehicle.toml: control")
+    assert gains.surge == AxisGains(p=3.0, limit=5.0)
+    assert gains.yaw_rate.filter == 0.01
+    assert gains.depth == HoldGains(1.0, 0.3)
+    assert gains.sway == Gains().sway
+
+
+Forces = Callable[[Wrench], tuple[Wrench, Wrench]]
+
+
+class Plant:
+    """Six decoupled masses with linear and quadratic drag, a thruster lag, some buoyancy and a righting moment."""
+
+    def __init__(self, orientation: Sequence[float] = LEVEL, depth: float = 5.0, lag: float = 0.1) -> None:
+        self.orientation = orientation
+        self.nu = [0.0] * 6
+        self.position = [0.0, 0.0, depth]
+        self.lag = lag
+        self.applied = [0.0] * 6
+
+    def navigation(self) -> Navigation:
+        u, v, w, p, q, r = self.nu
+        a, b, c, d = self.orientation
+        return Navigation((a, b, c, d), (p, q, r), (u, v, w), self.position[2])
+
+    def advance(self, wrench: Wrench, dt: float) -> None:
+        """Move by `dt` under `wrench`, in some smaller steps."""
+        for _ in range(5):
+            self._step(wrench, dt / 5)
+
+    def _step(self, wrench: Wrench, dt: float) -> None:
+        linear, quadratic = (13.7, 14.0, 33.0, 0.2, 0.8, 0.3), (141.0, 217.0, 190.0, 1.2, 0.5, 1.5)
+        x, y, z = rotate_inverse(self.orientation, (0.0, 0.0, -2.0))  # 2 N of buoyancy
+        roll, pitch, _ = to_euler(self.orientation)
+        passive = (x, y, z, -1.3 * math.sin(roll), -1.3 * math.sin(pitch), 0.0)
+        for axis in range(6):
+            self.applied[axis] += (wrench[axis] - self.applied[axis]) * dt / self.lag
+            speed = self.nu[axis]
+            drag = (linear[axis] + quadratic[axis] * abs(speed)) * speed
+            self.nu[axis] += (self.applied[axis] + passive[axis] - drag) / INERTIA[axis] * dt
+        velocity = rotate(self.orientation, self.nu[:3])
+        self.position = [a + b * dt for a, b in zip(self.position, velocity, strict=True)]
+        self.orientation = integrate(self.orientation, self.nu[3:], dt)
+
+
+def everything(wrench: Wrench) -> tuple[Wrench, Wrench]:
+    return wrench, NO_RESIDUAL
+
+
+def fly(plant: Plant, command: VelocityCommand, seconds: float, forces: Forces = everything) -> list[Navigation]:
+    """Close the loop with the default gains; the vehicle's state at each step."""
+    controller, residual, history = CascadedController(Gains(), INERTIA), NO_RESIDUAL, []
+    for _ in range(round(seconds / DT)):
+        history.append(plant.navigation())
+        wrench, residual = forces(controller.update(command, history[-1], DT, residual))
+        plant.advance(wrench, DT)
+    return history
+
+
+@pytest.mark.parametrize("lag", [0.02, 0.1, 0.2])
+def test_velocity_steps_settle_without_much_overshoot(lag: float) -> None:
+    command = VelocityCommand(surge=0.5, sway=-0.2, heave=0.1, yaw_rate=0.3)
+    history = fly(Plant(lag=lag), command, 10.0)
+    for axis, wanted in enumerate(command[:3]):
+        speeds = [navigation.velocity[axis] / wanted for navigation in history]
+        assert max(speeds) < 1.25
+        assert all(abs(speed - 1.0) < 0.05 for speed in speeds[int(5.0 / DT) :])
+    turns = [navigation.angular_velocity[2] for navigation in history]
+    assert max(turns) < 1.25 * 0.3
+    assert turns[-1] == pytest.approx(0.3, rel=0.02)
+
+
+def test_depth_and_heading_are_reached_and_held_against_buoyancy() -> None:
+    history = fly(Plant(depth=5.0), VelocityCommand(surge=0.3, depth=8.0, heading=-2.0), 25.0)
+    assert max(navigation.depth for navigation in history) < 8.15
+    assert history[-1].depth == pytest.approx(8.0, abs=0.02)
+    assert heading_of(history[-1].orientation) == pytest.approx(-2.0, abs=0.01)
+    assert heading_of(from_euler(0.3, -0.4, 2.5)) == pytest.approx(2.5)
+    assert history[-1].velocity[0] == pytest.approx(0.3, abs=0.01)
+
+
+def test_a_tilted_vehicle_is_levelled() -> None:
+    history = fly(Plant(from_euler(0.5, -0.4, 1.0)), VelocityCommand(), 6.0)
+    assert to_euler(history[-1].orientation)[:2] == pytest.approx((0.0, 0.0), abs=0.01)
+
+
+def test_on_a_vehicle_that_cannot_pitch_the_rest_works_and_nothing_winds_up() -> None:
+    """Six thrusters: the pitch moment is dropped by the allocator and comes back as the residual."""
+    s = math.sqrt(0.5)
+    matrix = [
+        [s, s, s, s, 0.0, 0.0],
+        [-s, s, s, -s, 0.0, 0.0],
+        [0.0, 0.0, 0.0, 0.0, 1.0, 1.0],
+        [0.0, 0.0, 0.0, 0.0, 0.11, -0.11],
+        [0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
+        [-0.19, 0.19, -0.19, 0.19, 0.0, 0.0],
+    ]
+    allocator = Allocator(matrix, [40.0] * 6, [32.0] * 6)
+
+    def six(wrench: Wrench) -> tuple[Wrench, Wrench]:
+        _, residual = allocator.allocate(wrench)
+        x, y, z, k, m, n = (asked - lack for asked, lack in zip(wrench, residual, strict=True))
+        return (x, y, z, k, m, n), residual
+
+    plant = Plant(from_euler(0.3, 0.2, 0.0))
+    history = fly(plant, VelocityCommand(surge=0.4, depth=6.0, heading=1.0), 25.0, six)
+    roll, _, heading = to_euler(history[-1].orientation)
+    assert roll == pytest.approx(0.0, abs=0.01)
+    assert heading == pytest.approx(1.0, abs=0.02)
+    assert history[-1].depth == pytest.approx(6.0, abs=0.03)
+    assert history[-1].velocity[0] == pytest.approx(0.4, abs=0.02)
+    assert plant.applied[4] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_weak_vehicle_recovers_quickly_from_a_command_beyond_its_power() -> None:
+    """Saturated for 20 s; then asked for a speed it can make it must not run on with a full integral."""
+
+    def weak(wrench: Wrench) -> tuple[Wrench, Wrench]:
+        x = max(-20.0, min(20.0, wrench[0]))
+        return (x, *wrench[1:]), (wrench[0] - x, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+    plant, controller, residual = Plant(), CascadedController(Gains(), INERTIA), NO_RESIDUAL
+    speeds = []
+    for step in range(round(25.0 / DT)):
+        command = VelocityCommand(surge=1.5 if step * DT < 20.0 else 0.1)
+        wrench, residual = weak(controller.update(command, plant.navigation(), DT, residual))
+        plant.advance(wrench, DT)
+        speeds.append(plant.nu[0])
+    assert max(speeds) < 0.4  # 20 N against drag
+    assert all(abs(speed - 0.1) < 0.02 for speed in speeds[round(23.0 / DT) :])

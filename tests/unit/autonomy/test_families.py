@@ -1,0 +1,293 @@
+"""The control laws: one contract for all, then each by hand, then the words that choose them."""
+
+import math
+import sys
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hil.autonomy.control.controller import (
+    NO_RESIDUAL,
+    AxisGains,
+    CascadedController,
+    Gains,
+    Navigation,
+    VelocityCommand,
+    Wrench,
+)
+from hil.autonomy.control.families import FAMILIES, Controller, make_controller
+from hil.autonomy.control.fin_control import FinController, FinGains
+from hil.autonomy.control.model import Plant
+from hil.autonomy.control.restoring_pd import Damper, PdSettings, RestoringPd
+from hil.autonomy.control.sliding_mode import SlidingMode, SlidingSettings, Surface
+from hil.common.errors import ConfigError
+from hil.slave.pilot import OTHERS
+from hil.slave.plant_model import plant_of
+from hil.tuning.rig import Rig
+from sim.dynamics import Dynamics, State
+from sim.rotations import from_euler, matrix
+from sim.vehicle.vehicle import load_vehicle
+from tests.support.controller_contract import AT_REST, DT, ControllerContract
+
+INERTIA: Wrench = (19.9, 20.6, 32.2, 0.45, 0.37, 0.59)
+HEAVY = Plant(
+    INERTIA, (13.7, 0.0, 33.0, 0.0, 0.8, 0.0), (141.0, 217.0, 190.0, 1.2, 0.5, 1.5), 132.0, 131.0,
+    center_of_buoyancy=(0.0, 0.0, -0.01),
+)  # fmt: skip
+# Without drag, weight and lift: what is left is the law.
+BARE = HEAVY._replace(linear_damping=(0.0,) * 6, quadratic_damping=(0.0,) * 6, weight=0.0, buoyancy=0.0)
+SLEWED = Gains()._replace(surge=AxisGains(p=4.0, i=6.0, limit=5.0, slew=2.0), yaw_rate=AxisGains(4.0, d=0.5, slew=50.0))
+
+
+def limits(*accelerations: float) -> Wrench:
+    x, y, z, k, m, n = (a * b for a, b in zip(accelerations, INERTIA, strict=True))
+    return x, y, z, k, m, n
+
+
+class TestCascade(ControllerContract):
+    limits = limits(10.0, 10.0, 10.0, 20.0, 20.0, 20.0)
+
+    def make(self) -> Controller:
+        return CascadedController(Gains(), INERTIA)
+
+
+class TestSlewedCascade(ControllerContract):
+    limits = limits(5.0, 10.0, 10.0, 20.0, 20.0, 10.0)
+
+    def make(self) -> Controller:
+        return CascadedController(SLEWED, INERTIA)
+
+
+class TestSlidingMode(ControllerContract):
+    limits = limits(*[10.0] * 6)
+
+    def make(self) -> Controller:
+        return SlidingMode(HEAVY, Gains())
+
+    def unlevelled(self, navigation: Navigation) -> Wrench:
+        return HEAVY.restoring(navigation.orientation)
+
+
+class TestRestoringPd(ControllerContract):
+    limits = limits(10.0, 10.0, 10.0, 20.0, 20.0, 20.0)
+
+    def make(self) -> Controller:
+        return RestoringPd(HEAVY, Gains())
+
+    def unlevelled(self, navigation: Navigation) -> Wrench:
+        return HEAVY.restoring(navigation.orientation)
+
+
+class TestFins(ControllerContract):
+    """A torpedo has no sway and no heave, and does not go slowly astern: of the contract what is left."""
+
+    limits = limits(10.0, 0.0, 0.0, 20.0, 20.0, 20.0)
+
+    def make(self) -> Controller:
+        return FinController(Gains(), FinGains(), INERTIA)
+
+    @pytest.mark.parametrize(("axis", "sign"), [(0, 1.0)])
+    def test_it_pushes_where_it_is_told_to_go(self, axis: int, sign: float) -> None:
+        super().test_it_pushes_where_it_is_told_to_go(axis, sign)
+
+    @pytest.mark.parametrize("sign", [1.0, -1.0])
+    def test_it_turns_to_the_heading_and_dives_to_the_depth(self, sign: float) -> None:
+        """It dives by its pitch, bow down."""
+        moving = AT_REST._replace(velocity=(1.0, 0.0, 0.0))
+        wrench = self.make().update(VelocityCommand(surge=1.0, heading=sign * 0.5, depth=5.0 + sign), moving, DT)
+        assert sign * wrench[5] > 0.0
+        assert sign * wrench[4] < 0.0
+
+
+def test_a_fin_vehicle_told_to_hold_north_or_the_surface_keeps_moving() -> None:
+    """A set point of 0 is one."""
+    for command in (VelocityCommand(heading=0.0), VelocityCommand(depth=0.0)):
+        assert TestFins().make().update(command, AT_REST, DT)[0] > 0.0
+    assert TestFins().make().update(VelocityCommand(), AT_REST, DT)[0] == 0.0
+
+
+# -- slew ---------------------------------------------------------------------------------------------------------
+
+
+@given(st.lists(st.tuples(st.floats(-2.0, 2.0), st.floats(-2.0, 2.0), st.floats(1e-3, 0.1)), min_size=1, max_size=30))
+def test_the_output_never_changes_faster_than_its_slew(calls: list[tuple[float, float, float]]) -> None:
+    controller, last = CascadedController(SLEWED, INERTIA), 0.0
+    for surge, speed, dt in calls:
+        force = controller.update(VelocityCommand(surge=surge), AT_REST._replace(velocity=(speed, 0.0, 0.0)), dt)[0]
+        assert abs(force - last) <= 2.0 * dt * INERTIA[0] * (1.0 + 1e-9) + 1e-9
+        last = force
+
+
+def test_a_ramp_by_hand_and_no_windup_on_it() -> None:
+    """4 m/s² wanted at 2 m/s³: 0.04 m/s² more each 20 ms, the integral at rest till it is there."""
+    gains = Gains()._replace(surge=AxisGains(p=4.0, i=6.0, slew=2.0))
+    controller = CascadedController(gains, INERTIA)
+    forces = [controller.update(VelocityCommand(surge=1.0), AT_REST, DT)[0] / INERTIA[0] for _ in range(120)]
+    assert forces[:100] == pytest.approx([0.04 * (number + 1) for number in range(100)])
+    first = AxisGains(p=4.0).p + 6.0 * DT  # the first call integrates: nothing is behind yet
+    assert forces[102] == pytest.approx(first, abs=6.0 * 3 * DT)
+    assert CascadedController(gains, INERTIA).update(VelocityCommand(), AT_REST, DT)[0] == 0.0
+
+
+def test_without_a_slew_limit_the_first_output_is_the_whole() -> None:
+    assert CascadedController(Gains(), INERTIA).update(VelocityCommand(surge=1.0), AT_REST, DT)[0] > 4.0 * INERTIA[0]
+
+
+# -- the model ----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["bluerov2_heavy", "paper_six", "bluerov2"])
+def test_the_load_is_what_holds_the_simulated_vehicle_steady(name: str) -> None:
+    """Drag, weight, lift and Coriolis of the simulator, term by term, at an attitude and a speed of no symmetry."""
+    vehicle, _ = load_vehicle(name)
+    plant = plant_of(vehicle, 1025.0, 9.81)
+    attitude = from_euler(0.3, -0.4, 1.0)
+    nu = (0.4, -0.2, 0.1, 0.2, -0.3, 0.5)
+    forces = Dynamics(vehicle, 1025.0, 9.81).forces(State((0.0, 0.0, 20.0), attitude, nu), NO_RESIDUAL, (0.0, 0.0, 0.0))
+    assert plant.restoring(attitude) == pytest.approx([-x for x in forces.restoring], abs=1e-9)
+    if vehicle.center_of_gravity == (0.0, 0.0, 0.0):  # else the mass matrix is not diagonal
+        assert plant.coriolis(nu) == pytest.approx([-x for x in forces.coriolis], abs=1e-9)
+        assert plant.load(Navigation(attitude, nu[3:], nu[:3], 20.0), nu) == pytest.approx([-x for x in forces.total])
+    assert matrix(attitude)[8] < 0.95
+
+
+# -- sliding mode -------------------------------------------------------------------------------------------------
+
+
+def sliding(surface: Surface, plant: Plant = BARE) -> SlidingMode:
+    return SlidingMode(plant, Gains(), SlidingSettings(surge=surface))
+
+
+@pytest.mark.parametrize(("speed", "push"), [(0.0, 2.0), (0.45, 0.5), (0.5, 0.0), (0.55, -0.5), (2.0, -2.0)])
+def test_the_push_saturates_outside_the_layer_and_is_linear_within(speed: float, push: float) -> None:
+    """2 m/s² beyond a layer of 0.2 m/s, without a slide."""
+    controller = sliding(Surface(strength=2.0, layer=0.2, slide=0.0))
+    force = controller.update(VelocityCommand(surge=0.5), AT_REST._replace(velocity=(speed, 0.0, 0.0)), DT)[0]
+    assert force == pytest.approx(push * INERTIA[0])
+
+
+def test_it_does_not_wind_up_outside_the_layer_nor_where_force_lacks() -> None:
+    surface = Surface(strength=2.0, layer=0.2, slide=1.0)
+    command, near = VelocityCommand(surge=0.5), AT_REST._replace(velocity=(0.4, 0.0, 0.0))
+    lack = (5.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    for navigation, residual, grows in (
+        (AT_REST, NO_RESIDUAL, False), (near, lack, False), (near, NO_RESIDUAL, True), (near, (-5.0, *lack[1:]), True)
+    ):  # fmt: skip
+        controller = sliding(surface)
+        forces = [controller.update(command, navigation, DT, residual)[0] for _ in range(20)]
+        assert (forces[-1] > forces[0]) == grows
+
+
+def test_it_overcomes_whatever_is_weaker_than_its_strength() -> None:
+    """A mass of its own, half as heavy again, pushed back by 1.2 m/s²: no error is left, and no oscillation."""
+    controller, speed, speeds = sliding(Surface(strength=2.0, layer=0.4, slide=1.5)), 0.0, []
+    for _ in range(1000):
+        force = controller.update(VelocityCommand(surge=0.5), AT_REST._replace(velocity=(speed, 0.0, 0.0)), DT)[0]
+        speed += (force / (1.5 * INERTIA[0]) - 1.2) * DT
+        speeds.append(speed)
+    assert speeds[-1] == pytest.approx(0.5, abs=1e-3)
+    assert max(speeds) < 0.55
+    assert max(speeds[500:]) - min(speeds[500:]) < 0.01
+
+
+# -- PD with restoring compensation -------------------------------------------------------------------------------
+
+
+def test_pd_by_hand() -> None:
+    """d times the error times the inertia, and weight less lift at rest: 1 N heavy, held up."""
+    controller = RestoringPd(HEAVY, Gains(), PdSettings(surge=Damper(3.0)))
+    wrench = controller.update(VelocityCommand(), AT_REST._replace(velocity=(-0.1, 0.0, 0.0)), DT)
+    assert wrench[0] == pytest.approx(3.0 * 0.1 * INERTIA[0])
+    assert wrench[2] == pytest.approx(-1.0)
+    assert controller.update(VelocityCommand(surge=9.0), AT_REST, DT)[0] == pytest.approx(10.0 * INERTIA[0])
+
+
+def test_pd_leaves_the_error_it_says() -> None:
+    """Against a push f the velocity error is f / (inertia d)."""
+    controller, speed = RestoringPd(BARE, Gains(), PdSettings(surge=Damper(5.0))), 0.0
+    for _ in range(1000):
+        force = controller.update(VelocityCommand(surge=0.5), AT_REST._replace(velocity=(speed, 0.0, 0.0)), DT)[0]
+        speed += (force - 10.0) / INERTIA[0] * DT
+    assert 0.5 - speed == pytest.approx(10.0 / (INERTIA[0] * 5.0), rel=1e-3)
+
+
+# -- the words ----------------------------------------------------------------------------------------------------
+
+
+def test_every_family_is_made_by_its_word_and_known_to_the_pilot() -> None:
+    for family in FAMILIES:
+        controller = make_controller(family, {}, Gains(), HEAVY, "vehicle.toml: control")
+        assert all(map(math.isfinite, controller.update(VelocityCommand(surge=0.3), AT_REST, DT)))
+        assert family in OTHERS
+
+
+def test_a_familys_own_table() -> None:
+    control = {"sliding_mode": {"surge": {"strength": 3.0, "layer": 0.1, "slide": 0.0}}}
+    strong = make_controller("sliding_mode", control, Gains(), BARE, "v.toml: control")
+    assert strong.update(VelocityCommand(surge=0.5), AT_REST, DT)[0] == pytest.approx(3.0 * INERTIA[0])
+    control["sliding_mode"]["surge"] = {"strenght": 3.0, "layer": 0.1}
+    with pytest.raises(ConfigError, match=r"v\.toml: control\.sliding_mode: surge: no key 'strenght'.*'strength'"):
+        make_controller("sliding_mode", control, Gains(), BARE, "v.toml: control")
+
+
+@pytest.mark.parametrize(
+    ("family", "words"),
+    [
+        ("sliding_mod", "'sliding_mod' is not one of cascade, sliding_mode, restoring_pd; did you mean 'sliding_mode'"),
+        ("nowhere:Law", "nowhere cannot be imported"),
+        (3, "expected text"),
+    ],
+)
+def test_a_wrong_word_is_named(family: str, words: str) -> None:
+    with pytest.raises(ConfigError, match=words):
+        make_controller(family, {}, Gains(), HEAVY, "vehicle.toml: control")
+
+
+def test_fins_are_for_the_cascade() -> None:
+    vehicle, control = load_vehicle("lauv")
+    with pytest.raises(ConfigError, match="lauv: control: family: a vehicle with fins is steered by the cascade"):
+        Rig("lauv", vehicle, {**control, "family": "sliding_mode"})
+
+
+def test_the_word_in_the_vehicles_file_is_what_flies() -> None:
+    """The same flight, other wrenches; and a table of a family that is not chosen does not matter."""
+    vehicle, control = load_vehicle("paper_six")
+    command = VelocityCommand(surge=0.3)
+    wrenches = {}
+    for family in ("cascade", *FAMILIES):
+        table = {**control, "family": family, "restoring_pd": {"surge": {"d": 4.0}}}
+        wrenches[family] = [moment.wrench for moment in Rig("six", vehicle, table).fly(0.5, lambda time: command)]
+    plain = [moment.wrench for moment in Rig("six", vehicle, control).fly(0.5, lambda time: command)]
+    assert wrenches["cascade"] == plain
+    assert wrenches["sliding_mode"] != plain != wrenches["restoring_pd"]
+
+
+OWN = """
+class Bang:
+    def __init__(self, plant, gains, force):
+        self.force = force
+
+    def reset(self):
+        pass
+
+    def update(self, command, navigation, dt, residual=(0.0,) * 6):
+        side = 1.0 if command.surge > navigation.velocity[0] else -1.0
+        return (self.force if side > 0.0 else -self.force, 0.0, 0.0, 0.0, 0.0, 0.0)
+"""
+
+
+def test_a_law_of_the_users_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "my_bang_law.py").write_text(OWN)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", [*sys.path])
+    control = {"family": "my_bang_law:Bang", "options": {"force": 7.0}}
+    law = make_controller("my_bang_law:Bang", control, Gains(), HEAVY, "v.toml: control")
+    assert law.update(VelocityCommand(surge=0.5), AT_REST, DT)[0] == 7.0
+    with pytest.raises(ConfigError, match="does not take these keys"):
+        make_controller("my_bang_law:Bang", {"options": {"farce": 7.0}}, Gains(), HEAVY, "v.toml: control")
+    for force in (float("nan"), "much"):
+        law = make_controller("my_bang_law:Bang", {"options": {"force": force}}, Gains(), HEAVY, "v.toml: control")
+        with pytest.raises(ConfigError, match=r"my_bang_law:Bang: update gave .* six finite numbers"):
+            law.update(VelocityCommand(surge=0.5), AT_REST, DT)

@@ -1,0 +1,148 @@
+"""Steering by fins: sharing moments, loops against the simulator, and a mission across open water."""
+
+from collections.abc import Callable
+from math import copysign, radians
+
+import pytest
+
+from hil.autonomy.control.controller import Gains, Navigation, VelocityCommand
+from hil.autonomy.control.fin_control import FinAllocator, FinController, FinGains
+from hil.cases import simulated
+from hil.common.errors import ConfigError
+from hil.master.flight import prepare
+from hil.scenario.config import build_simulation, load_scenario
+from hil.slave.pilot import Pilot, build_pilot
+from sim.environment.world import load_world
+from sim.rotations import from_euler, to_euler
+from sim.simulation import Simulation
+from sim.vehicle.fins import fin_matrix
+from sim.vehicle.vehicle import load_vehicle
+
+TORPEDOES = ("remus100", "lauv", "eca_a9", "tethys")
+OPEN = load_world("open_water")._replace(cylinder=(), box=())
+STEP = 0.01
+
+
+# -- sharing ------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["lauv", "eca_a9"])
+def test_four_fins_make_any_small_moment(name: str) -> None:
+    fins = load_vehicle(name)[0].fins
+    matrix = fin_matrix(fins, 1025.0)
+    allocator = FinAllocator(matrix, [fin.max_deflection for fin in fins], 0.5)
+    for speed in (0.8, 2.0, -1.0):
+        wanted = (7.0, 0.0, 0.0, 0.02, -0.3, 0.4)
+        angles, lack = allocator.allocate(wanted, speed)
+        assert lack == (7.0, 0.0, 0.0, 0.0, 0.0, 0.0)  # what the propeller lacks is not theirs
+        pressure = copysign(speed * speed, speed)
+        made = [pressure * sum(a * b for a, b in zip(row, angles, strict=True)) for row in matrix]
+        assert made[3:] == pytest.approx(wanted[3:], rel=1e-4)
+
+
+def test_what_cannot_be_had_is_told() -> None:
+    fins = load_vehicle("remus100")[0].fins
+    matrix = fin_matrix(fins, 1025.0)
+    allocator = FinAllocator(matrix, [fin.max_deflection for fin in fins], 0.5)
+    angles, lack = allocator.allocate((0.0, 0.0, 0.0, 0.5, 0.0, 100.0), 1.0)
+    assert angles[0] == pytest.approx(radians(20.0))
+    assert lack[3] == pytest.approx(0.5)  # a rudder and planes on the axis make no roll
+    assert lack[5] == pytest.approx(100.0 - matrix[5][0] * radians(20.0))
+    slow, _ = allocator.allocate((0.0, 0.0, 0.0, 0.0, 0.0, 0.1), 0.0)
+    least, _ = allocator.allocate((0.0, 0.0, 0.0, 0.0, 0.0, 0.1), 0.5)
+    assert slow == least
+
+
+def controller() -> FinController:
+    return FinController(Gains(), FinGains(pitch_limit=0.3, least_speed=0.6), (30.0, 60.0, 60.0, 0.2, 8.0, 8.0))
+
+
+def navigation(u: float, pitch: float = 0.0, w: float = 0.0) -> Navigation:
+    return Navigation(from_euler(0.0, pitch, 0.0), (0.0, 0.0, 0.0), (u, 0.0, w), 10.0)
+
+
+def test_it_keeps_moving_while_it_steers_and_stops_when_told() -> None:
+    going = controller().update(VelocityCommand(surge=0.1, yaw_rate=0.1), navigation(0.3), 0.02)
+    least = controller().update(VelocityCommand(surge=0.6, yaw_rate=0.1), navigation(0.3), 0.02)
+    stopping = controller().update(VelocityCommand(), navigation(0.3), 0.02)
+    assert going == least
+    assert stopping[0] < 0.0 < going[0]
+    assert going[1:3] == (0.0, 0.0)
+
+
+def test_it_dives_bow_down_ahead_and_bow_up_astern() -> None:
+    for u, sign in ((1.5, -1.0), (-1.5, 1.0)):
+        pitching = controller().update(VelocityCommand(surge=u, heave=0.3), navigation(u), 0.02)[4]
+        assert copysign(1.0, pitching) == sign
+        steep = controller().update(VelocityCommand(surge=u, heave=9.0), navigation(u, sign * 0.31), 0.02)[4]
+        assert copysign(1.0, steep) == -sign  # beyond its limit already
+
+
+# -- in the water -------------------------------------------------------------------------------------------------
+
+
+def fly(name: str, seconds: float, command: Callable[[float], VelocityCommand]) -> tuple[Simulation, Pilot]:
+    scenario = load_scenario("open_water", {"vehicle": name, "start.heading": 0.0, "slave.step": STEP})
+    vehicle, control = load_vehicle(name)
+    simulation, pilot = build_simulation(scenario, vehicle, OPEN), build_pilot(scenario, vehicle, control, OPEN)
+    for step in range(round(seconds / STEP)):
+        if step % 2 == 0:
+            pilot.command(command(step * STEP), simulation.time_ns)
+            pulses, _ = pilot.update(simulation.time_ns, 2 * STEP)
+        for topic, sample in simulation.step(pulses.pwm_us):
+            pilot.update_sensor(topic, sample)
+    return simulation, pilot
+
+
+@pytest.mark.parametrize("name", TORPEDOES)
+def test_speed_heading_and_depth(name: str) -> None:
+    """To 1 m/s, a quarter turn and 3 m deeper, all at once; measured with noise and a gyro's turn-on error."""
+    simulation, _ = fly(name, 90.0, lambda t: VelocityCommand(surge=1.0, heading=1.5, depth=8.0))
+    roll, pitch, yaw = to_euler(simulation.state.quaternion)
+    assert simulation.state.nu[0] == pytest.approx(1.0, abs=0.05)
+    assert yaw == pytest.approx(1.5, abs=0.05)
+    assert simulation.state.position[2] == pytest.approx(8.0, abs=0.25)
+    assert abs(roll) < 0.05
+    assert abs(pitch) < 0.05
+
+
+@pytest.mark.parametrize("name", TORPEDOES)
+def test_turn_rate(name: str) -> None:
+    simulation, _ = fly(name, 40.0, lambda t: VelocityCommand(surge=1.0, yaw_rate=0.06, depth=5.0))
+    assert simulation.state.nu[5] == pytest.approx(0.06, abs=0.015)
+    assert simulation.state.position[2] == pytest.approx(5.0, abs=0.3)
+
+
+def test_idle_channels_are_neutral_and_weights_stay_aboard() -> None:
+    simulation, pilot = fly("tethys", 2.0, lambda t: VelocityCommand(surge=1.0, yaw_rate=0.05))
+    command, _ = pilot.update(simulation.time_ns, 0.02)
+    assert len(command.pwm_us) == 5
+    assert command.pwm_us[3:] == (1500, 1500)
+    assert command.pwm_us[1] != 1500
+    stopped, _ = pilot.update(simulation.time_ns + 10**9, 0.02)  # the deadman
+    assert stopped.pwm_us == (1500,) * 5
+    assert simulation.vehicle.mass == load_vehicle("tethys")[0].mass
+
+
+def test_a_wrong_gain_is_named() -> None:
+    scenario = load_scenario("open_water")
+    vehicle, control = load_vehicle("remus100")
+    with pytest.raises(ConfigError, match=r"remus100: control.fins: no key 'pich_limit'; did you mean 'pitch_limit'"):
+        build_pilot(scenario, vehicle, {**control, "fins": {"pich_limit": 0.1}}, OPEN)
+
+
+@pytest.mark.parametrize("name", ["remus100", "lauv"])
+def test_it_crosses_the_open_water(name: str) -> None:
+    """The scenario as it is delivered, but for a coarser step: it arrives, and nothing comes nearer than 5 m."""
+    scenario = load_scenario("open_water", {"vehicle": name, "slave.step": STEP})
+    plan = prepare(scenario)
+    boat = simulated.SimulatedVehicle(scenario, plan.world)
+    outcome, _ = simulated.fly(scenario, plan, boat)
+    simulation = boat.simulation
+    assert outcome.reason == "goal reached"
+    assert outcome.goal_error < 3.1
+    assert outcome.least_clearance > 5.0
+    assert outcome.cross_track_max < 4.0
+    assert outcome.travelled / outcome.duration > 1.35
+    assert simulation.contacts == 0
+    assert simulation.state.position[2] == pytest.approx(10.0, abs=0.3)

@@ -1,0 +1,238 @@
+"""The fields: each the gradient of its potential, numbers by hand, and vehicles that keep apart."""
+
+import math
+from collections.abc import Callable
+
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from hil.autonomy.fleets.formation import (
+    Body,
+    FieldSettings,
+    Vector,
+    attraction,
+    communication,
+    formation_error,
+    repulsion,
+    resultant,
+    separation,
+)
+from hil.autonomy.fleets.localisation_noise import LocalisationNoise
+from hil.common.errors import ConfigError
+
+METRES = st.floats(-8.0, 8.0)
+POINTS = st.tuples(METRES, METRES)
+ORIGIN = (0.0, 0.0)
+
+
+def downhill(potential: Callable[[Vector], float], at: Vector, step: float = 1e-5) -> Vector:
+    """Minus the gradient by central differences."""
+    north, east = at
+    return (
+        (potential((north - step, east)) - potential((north + step, east))) / (2.0 * step),
+        (potential((north, east - step)) - potential((north, east + step))) / (2.0 * step),
+    )
+
+
+def test_attraction_by_hand() -> None:
+    """0.6 1/s: 0.3 m from the place 0.18 m/s; 5 m away no more than at 0.5 m, 0.3 m/s, along 3-4-5."""
+    assert attraction(ORIGIN, (0.3, 0.0), 0.6, 0.5) == pytest.approx((0.18, 0.0))
+    assert attraction(ORIGIN, (3.0, 4.0), 0.6, 0.5) == pytest.approx((0.18, 0.24))
+    assert attraction(ORIGIN, ORIGIN, 0.6, 0.5) == (0.0, 0.0)
+
+
+def test_repulsion_by_hand() -> None:
+    """Rim 0.5 m away, reach 1 m, place 2 m behind the body: (1/0.5 - 1) 2² / 0.5² = 16 away, (2 - 1)² 2 = 2 back."""
+    body = Body((1.0, 0.0), 0.5)
+    assert repulsion(ORIGIN, (2.0, 0.0), body, 1.0, 1.0) == pytest.approx((-16.0 + 2.0, 0.0))
+    assert repulsion((0.0, 0.0), (0.0, 0.0), body, 1.0, 1.0) == pytest.approx((0.0, 0.0))  # it is where it belongs
+    assert repulsion((-0.5, 0.0), (2.0, 0.0), body, 1.0, 1.0) == (0.0, 0.0)  # the reach ends here
+
+
+def test_communication_by_hand() -> None:
+    """Range 6 m, comfortable to 4: at 5 m (1/1 - 1/2) / 1² = 0.5 towards the neighbour; nothing nearer or beyond."""
+    assert communication(ORIGIN, (0.0, 5.0), 1.0, 4.0, 6.0) == pytest.approx((0.0, 0.5))
+    assert communication(ORIGIN, (3.0, 4.0), 1.0, 4.0, 6.0) == pytest.approx((0.3, 0.4))
+    assert communication(ORIGIN, (0.0, 4.0), 1.0, 4.0, 6.0) == (0.0, 0.0)
+    assert communication(ORIGIN, (0.0, 6.1), 1.0, 4.0, 6.0) == (0.0, 0.0)
+
+
+@given(POINTS, POINTS)
+def test_attraction_is_the_gradient_of_its_potential(position: Vector, place: Vector) -> None:
+    def potential(at: Vector) -> float:
+        distance = math.dist(at, place)
+        return 0.3 * distance**2 if distance < 0.5 else 0.3 * (distance - 0.25)
+
+    assume(math.dist(position, place) > 1e-3)
+    assert attraction(position, place, 0.6, 0.5) == pytest.approx(downhill(potential, position), abs=1e-5)
+
+
+@given(POINTS, POINTS, st.floats(0.6, 2.4), st.floats(-math.pi, math.pi))
+def test_repulsion_is_the_gradient_of_its_potential(body: Vector, place: Vector, away: float, bearing: float) -> None:
+    def potential(at: Vector) -> float:
+        rho = math.dist(at, body) - 0.5
+        return 0.05 * (1.0 / rho - 1.0 / 2.0) ** 2 * math.dist(at, place) ** 2 if rho < 2.0 else 0.0
+
+    position = body[0] + away * math.cos(bearing), body[1] + away * math.sin(bearing)
+    expected = downhill(potential, position, 1e-6)
+    assert repulsion(position, place, Body(body, 0.5), 0.1, 2.0) == pytest.approx(expected, rel=1e-4, abs=1e-4)
+
+
+@given(POINTS, st.floats(0.1, 5.9), st.floats(-math.pi, math.pi))
+def test_communication_is_the_gradient_of_its_potential(position: Vector, away: float, bearing: float) -> None:
+    neighbour = position[0] + away * math.cos(bearing), position[1] + away * math.sin(bearing)
+
+    def potential(at: Vector) -> float:
+        distance = math.dist(at, neighbour)
+        return 0.05 * (1.0 / (6.0 - distance) - 1.0 / 1.5) ** 2 if distance > 4.5 else 0.0
+
+    expected = downhill(potential, position, 1e-6)
+    assert communication(position, neighbour, 0.1, 4.5, 6.0) == pytest.approx(expected, rel=1e-3, abs=1e-4)
+
+
+@given(POINTS, POINTS, st.lists(POINTS, max_size=4), st.lists(POINTS, max_size=2))
+def test_the_resultant_is_the_sum_within_the_top_speed(
+    position: Vector, place: Vector, neighbours: list[Vector], obstacles: list[Vector]
+) -> None:
+    settings = FieldSettings()
+    bodies, rocks = [Body(n, 0.5) for n in neighbours], [Body(o, 0.8) for o in obstacles]
+    moving = 0.1, -0.05
+    north, east = resultant(position, place, moving, bodies, rocks, settings)
+    assert math.hypot(north, east) <= settings.max_speed + 1e-9
+    s = settings
+    parts = [moving, attraction(position, place, s.attraction, s.conic)]
+    for body in bodies:
+        if math.dist(body.position, position) < s.communication_range:
+            parts.append(repulsion(position, place, body, s.repulsion, s.repulsion_range))
+            parts.append(communication(position, body.position, s.communication, s.comfortable, s.communication_range))
+    parts += [repulsion(position, place, rock, s.repulsion, s.repulsion_range) for rock in rocks]
+    whole = math.fsum(part[0] for part in parts), math.fsum(part[1] for part in parts)
+    size = math.hypot(*whole)
+    share = min(1.0, s.max_speed / size) if size > 1e-3 else 1.0
+    assert (north, east) == pytest.approx((share * whole[0], share * whole[1]), rel=1e-6, abs=1e-6)
+
+
+@given(POINTS, st.lists(POINTS, min_size=1, max_size=3))
+def test_who_is_out_of_range_is_not_known(position: Vector, neighbours: list[Vector]) -> None:
+    settings = FieldSettings(communication_range=3.0, comfortable=2.0)
+    received = [Body(n, 0.5) for n in neighbours if math.dist(n, position) < 3.0]
+    everyone = [Body(n, 0.5) for n in neighbours]
+    assert resultant(position, (1.0, 1.0), ORIGIN, everyone, [], settings) == resultant(
+        position, (1.0, 1.0), ORIGIN, received, [], settings
+    )
+
+
+@given(POINTS, POINTS, st.lists(POINTS, max_size=3), st.floats(-math.pi, math.pi), POINTS)
+def test_no_direction_is_special(
+    position: Vector, place: Vector, neighbours: list[Vector], turn: float, shift: Vector
+) -> None:
+    """A world that is turned and moved turns the velocity with it."""
+    assume(all(abs(math.dist(position, n) - edge) > 1e-6 for n in neighbours for edge in (0.0, 0.5, 1.4, 4.0, 5.0)))
+
+    def turned(vector: Vector) -> Vector:
+        c, s = math.cos(turn), math.sin(turn)
+        return c * vector[0] - s * vector[1], s * vector[0] + c * vector[1]
+
+    def moved(point: Vector) -> Vector:
+        north, east = turned(point)
+        return north + shift[0], east + shift[1]
+
+    settings = FieldSettings()
+    wanted = resultant(position, place, (0.1, 0.0), [Body(n, 0.5) for n in neighbours], [], settings)
+    bodies = [Body(moved(n), 0.5) for n in neighbours]
+    found = resultant(moved(position), moved(place), turned((0.1, 0.0)), bodies, [], settings)
+    assert found == pytest.approx(turned(wanted), rel=1e-6, abs=1e-6)
+
+
+@given(POINTS, st.floats(0.0, 4.9), st.floats(0.01, 5.0), st.floats(-math.pi, math.pi))
+def test_fields_pull_and_push_the_right_way(position: Vector, near: float, more: float, bearing: float) -> None:
+    """To the place; off a body, the harder the nearer; to a neighbour about to be lost, the harder the farther."""
+
+    def ahead(distance: float) -> Vector:
+        return position[0] + distance * math.cos(bearing), position[1] + distance * math.sin(bearing)
+
+    def along(vector: Vector) -> float:
+        return vector[0] * math.cos(bearing) + vector[1] * math.sin(bearing)
+
+    far, rounding = near + more, 1e-9
+    draws = [along(attraction(position, ahead(d), 0.6, 0.5)) for d in (near, far)]
+    assert 0.0 <= draws[0] <= draws[1] + rounding
+    behind = ahead(-3.0)  # the place
+    pushes = [along(repulsion(position, behind, Body(ahead(d), 0.5), 0.12, 0.9)) for d in (near, far) if d > 0.6]
+    assert all(push <= rounding for push in pushes)
+    assert len(pushes) < 2 or pushes[0] <= pushes[1] + rounding
+    pulls = [along(communication(position, ahead(d), 0.05, 4.0, 5.0)) for d in (near, far) if d < 5.0]
+    assert min(pulls) >= -rounding
+    assert len(pulls) < 2 or pulls[0] <= pulls[1] + rounding
+
+
+@given(POINTS, st.lists(POINTS, min_size=1, max_size=3))
+def test_who_is_not_kept_does_not_pull(position: Vector, neighbours: list[Vector]) -> None:
+    """Without links it is as if the field of communication had no gain; repulsion stays."""
+    mute = FieldSettings(communication=0.0)
+    bodies = [Body(n, 0.5, stays_in_range=False) for n in neighbours]
+    loose = resultant(position, ORIGIN, ORIGIN, bodies, [], FieldSettings())
+    assert loose == resultant(position, ORIGIN, ORIGIN, [Body(n, 0.5) for n in neighbours], [], mute)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_four_that_change_places_crosswise_do_not_meet(seed: int) -> None:
+    """Each goes to the far corner of a square, all at once, 0.05 m unsure of everyone: the fields' worst case."""
+    settings, noise, step, min_separation = FieldSettings(), LocalisationNoise(0.05, seed), 0.1, 0.5
+    positions: list[Vector] = [(0.0, 0.2), (3.1, 0.0), (3.0, 3.0), (-0.2, 3.0)]
+    places = [(3.0, 3.0), (0.0, 3.0), (0.0, 0.0), (3.0, 0.0)]
+    least = math.inf
+    for _ in range(1500):
+        seen = [noise.measured(position) for position in positions]
+        wanted = [
+            resultant(
+                here, places[k], ORIGIN, [Body(p, min_separation) for p in (*seen[:k], *seen[k + 1 :])], [], settings
+            )
+            for k, here in enumerate(seen)
+        ]
+        positions = [(p[0] + v[0] * step, p[1] + v[1] * step) for p, v in zip(positions, wanted, strict=True)]
+        least = min(least, separation(positions))
+    assert least > min_separation
+    assert max(math.dist(p, q) for p, q in zip(positions, places, strict=True)) < 0.2
+
+
+def test_a_neighbour_is_not_lost() -> None:
+    """One runs for a place 9 m away, the other stays at home: the link's range is 5 m, and it holds."""
+    settings, step = FieldSettings(), 0.1
+    runner, other = (3.5, 0.0), (0.0, 0.0)
+    for _ in range(600):
+        velocity = resultant(runner, (9.0, 0.0), ORIGIN, [Body(other, 0.5)], [], settings)
+        runner = runner[0] + velocity[0] * step, runner[1] + velocity[1] * step
+    assert 4.0 < math.dist(runner, other) < 5.0
+    without = resultant((4.9, 0.0), (9.0, 0.0), ORIGIN, [], [], settings)
+    assert without[0] > 0.2
+
+
+def test_formation_error_and_separation() -> None:
+    """A formation moved as a whole is none the worse; one vehicle 0.4 m off leaves 0.3 m at best by the middle."""
+    places = [(0.0, 0.0), (3.0, 0.0), (6.0, 0.0), (9.0, 0.0)]
+    moved = [(n + 5.0, e - 2.0) for n, e in places]
+    assert formation_error(moved, places) == pytest.approx(0.0, abs=1e-12)
+    moved[0] = (5.0, -2.4)
+    assert formation_error(moved, places) == pytest.approx(0.3)
+    assert separation([(0.0, 0.0), (3.0, 4.0), (3.0, 3.0)]) == pytest.approx(1.0)
+    assert separation([(0.0, 0.0)]) == math.inf
+
+
+def test_localisation_noise_is_centred_and_of_its_size() -> None:
+    noise = LocalisationNoise(0.2, 7)
+    errors = [value for _ in range(20_000) for value in noise.measured(ORIGIN)]
+    mean = math.fsum(errors) / len(errors)
+    assert mean == pytest.approx(0.0, abs=0.005)
+    assert math.fsum((e - mean) ** 2 for e in errors) / len(errors) == pytest.approx(0.04, rel=0.03)
+    assert sum(abs(e) > 0.4 for e in errors) / len(errors) == pytest.approx(0.0455, abs=0.005)
+    again = LocalisationNoise(0.2, 7)
+    assert [value for _ in range(20_000) for value in again.measured(ORIGIN)] == errors
+    with pytest.raises(ConfigError, match="give 0 or more"):
+        LocalisationNoise(-0.1, 0)
+
+
+def test_settings_that_contradict_each_other() -> None:
+    assert FieldSettings().validate() is None
+    assert "below communication_range" in str(FieldSettings(comfortable=7.0).validate())

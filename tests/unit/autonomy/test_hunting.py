@@ -1,0 +1,183 @@
+"""The source paper's hunt: four vehicles, two formations, fifty seeds each of localisation noise."""
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hil.autonomy.fleets.formation import FieldSettings, Vector, separation
+from hil.autonomy.fleets.hunting import FORMATIONS, TARGET, Criteria, Hunter, HuntPlan, Judgement, Referee, Report
+from hil.autonomy.fleets.localisation_noise import LocalisationNoise
+from hil.common.errors import MissionError
+
+FIELDS = FieldSettings()
+RING = 1.5
+BERTH = 0.5  # 0.38 m x 0.30 m vehicles need 0.49 m from middle to middle
+STEP, LAG = 0.25, 0.3
+
+
+def plan_of(name: str) -> HuntPlan:
+    return HuntPlan(FORMATIONS[name], TARGET, RING, FIELDS.max_speed)
+
+
+class Hunt:
+    """Point masses that follow the wanted velocity with a lag; each knows itself and others with noise."""
+
+    def __init__(self, name: str, seed: int, deviation: float = 0.05, fields: FieldSettings = FIELDS) -> None:
+        self.plan = plan_of(name)
+        self.hunters = [Hunter(self.plan, number, fields, BERTH) for number in range(4)]
+        self.positions = list(self.plan.starts)
+        self.referee = Referee(self.plan, Criteria(BERTH))
+        self._velocities: list[Vector] = [(0.0, 0.0)] * 4
+        self._noise = LocalisationNoise(deviation, seed)
+
+    def step(self, holds: int = -1) -> None:
+        seen = [self._noise.measured(position) for position in self.positions]
+        reports = [Report(here, hunter.clock) for here, hunter in zip(seen, self.hunters, strict=True)]
+        for k, hunter in enumerate(self.hunters):
+            wanted = hunter.update(seen[k], [*reports[:k], *reports[k + 1 :]], STEP)
+            assert math.hypot(*wanted) <= FIELDS.max_speed + 1e-9
+            north, east = (v + (w - v) * STEP / LAG for v, w in zip(self._velocities[k], wanted, strict=True))
+            self._velocities[k] = (0.0, 0.0) if k == holds else (north, east)
+        self.positions = [
+            (p[0] + v[0] * STEP, p[1] + v[1] * STEP) for p, v in zip(self.positions, self._velocities, strict=True)
+        ]
+        self.referee.watch(self.positions, max(hunter.clock for hunter in self.hunters))
+
+    def run(self, seconds: float) -> Judgement:
+        for _ in range(int(seconds / STEP)):
+            self.step()
+        return self.referee.judge(self.positions)
+
+
+@pytest.mark.parametrize("name", FORMATIONS)
+@pytest.mark.parametrize("batch", range(5))
+def test_fifty_seeds_surround_the_target_without_collision(name: str, batch: int) -> None:
+    for seed in range(10 * batch, 10 * batch + 10):
+        hunt = Hunt(name, seed)
+        found = hunt.run(1.3 * hunt.plan.duration + 10.0)
+        assert found.success, (seed, found)
+        assert found.separation > 3.0 * BERTH  # far from a collision at any time
+        assert found.formation_error < 0.3
+        assert found.largest_gap < math.radians(100.0)
+
+
+@pytest.mark.parametrize("name", FORMATIONS)
+def test_the_plan_itself(name: str) -> None:
+    """Places start as the paper has them, keep their formation, and end evenly round the target."""
+    plan = plan_of(name)
+    assert [plan.place(k, 0.0) for k in range(4)] == list(FORMATIONS[name])
+    half = [plan.place(k, 0.5 * plan.approach) for k in range(4)]
+    shift = [(h[0] - s[0], h[1] - s[1]) for h, s in zip(half, FORMATIONS[name], strict=True)]
+    assert all(s == pytest.approx(shift[0]) for s in shift)
+    for number in range(401):
+        places = [plan.place(k, plan.duration * number / 400) for k in range(4)]
+        assert separation(places) > 1.3
+        assert min(math.dist(place, TARGET) for place in places) > RING - 1e-9
+        speeds = [math.hypot(*plan.velocity(k, plan.duration * number / 400)) for k in range(4)]
+        assert max(speeds) < FIELDS.max_speed
+    ends = [plan.place(k, plan.duration) for k in range(4)]
+    assert [math.dist(end, TARGET) for end in ends] == pytest.approx([RING] * 4)
+    assert separation(ends) == pytest.approx(RING * math.sqrt(2.0))
+
+
+def test_all_wait_for_one_who_is_held_up() -> None:
+    """A vehicle stands still for 20 s: those who hear it, directly or through others, slow down with it."""
+    hunt, free = Hunt("line", 3), Hunt("line", 3)
+    for _ in range(int(20.0 / STEP)):
+        hunt.step(holds=0)
+        free.step()
+    clocks = [hunter.clock for hunter in hunt.hunters]
+    assert max(clocks) < 0.6 * min(hunter.clock for hunter in free.hunters)
+    assert clocks == sorted(clocks)  # the farther along the line the later the news
+    found = hunt.run(2.0 * hunt.plan.duration)
+    assert found.success or found.failures == ("formation",), found
+
+
+def test_a_deaf_vehicle_goes_by_its_own_clock() -> None:
+    """Reports from beyond the range, their clocks far behind, change nothing; the same from within hold it back."""
+    alone, far, near = (Hunter(plan_of("diamond"), 0, FIELDS, BERTH) for _ in range(3))
+    here = FORMATIONS["diamond"][0]
+    for _ in range(20):
+        wanted = alone.update(here, [], STEP)
+        assert far.update(here, [Report((40.0, 40.0), 0.0)], STEP) == wanted
+        near.update(here, [Report((4.5, 0.0), 0.0)], STEP)
+        here = alone._plan.place(0, alone.clock)
+    assert alone.clock == pytest.approx(20 * STEP, rel=0.1)
+    assert near.clock < 0.5 * alone.clock
+
+
+REPORTS = st.lists(
+    st.builds(Report, st.tuples(st.floats(-9.0, 9.0), st.floats(-9.0, 9.0)), st.floats(0.0, 90.0), st.booleans()),
+    max_size=4,
+)
+
+
+@given(st.lists(st.tuples(st.floats(-2.0, 10.0), st.floats(-2.0, 10.0), REPORTS, st.floats(0.0, 1.0)), max_size=12))
+def test_whatever_is_heard_the_clock_goes_on_and_the_speed_is_kept(
+    steps: list[tuple[float, float, list[Report], float]],
+) -> None:
+    hunter = Hunter(plan_of("line"), 1, FIELDS, BERTH)
+    for north, east, reports, dt in steps:
+        before = hunter.clock
+        wanted = hunter.update((north, east), reports, dt)
+        assert math.hypot(*wanted) <= FIELDS.max_speed + 1e-9
+        assert before <= hunter.clock <= min(before + dt, plan_of("line").duration)
+
+
+def test_a_clock_that_stands_holds_its_place() -> None:
+    """With no time to go on, and at the end of the plan, the place does not move and neither does who is there."""
+    plan = plan_of("diamond")
+    hunter = Hunter(plan, 2, FIELDS, BERTH)
+    assert hunter.update(plan.starts[2], [], 0.0) == (0.0, 0.0)
+    hunter.clock = plan.duration
+    assert hunter.update(plan.place(2, plan.duration), [], STEP) == pytest.approx((0.0, 0.0), abs=1e-9)
+    hunter.clock = 10.0
+    late = [Report((40.0, 40.0), 0.0), Report((4.5, 1.0), 0.0)]  # the second is heard, and far behind
+    assert hunter.update(plan.place(2, 10.0), late, STEP) == pytest.approx((0.0, 0.0), abs=1e-9)
+    assert hunter.clock == 10.0
+
+
+def test_the_bow_turns_to_the_target() -> None:
+    plan = plan_of("diamond")
+    hunter = Hunter(plan, 0, FIELDS, BERTH)
+    north, east = Hunter(plan, 0, FIELDS, BERTH).update(FORMATIONS["diamond"][0], [], STEP)
+    command = hunter.command(FORMATIONS["diamond"][0], math.pi / 2.0, [], STEP)
+    assert (command.surge, command.sway) == pytest.approx((east, -north))
+    assert command.yaw_rate == pytest.approx(math.atan2(6.0, 0.5) - math.pi / 2.0)
+
+
+def test_a_referee_by_hand() -> None:
+    """Three on the ring, the fourth 0.5 m outside of it, two of them 0.4 m apart once."""
+    plan = plan_of("diamond")
+    referee = Referee(plan, Criteria(BERTH))
+    referee.watch([(0.0, 0.0), (0.0, 0.4), (3.0, 0.0), (6.0, 0.0)], plan.duration)
+    ends = [(6.5, 8.0), (5.0, 9.5), (3.5, 8.0), (5.0, 6.0)]
+    found = referee.judge(ends)
+    assert found.separation == pytest.approx(0.4)
+    assert found.ring_error == pytest.approx(0.5)
+    assert found.largest_gap == pytest.approx(math.pi / 2.0)
+    assert found.spacing_error == pytest.approx(2.5 / (1.5 * math.sqrt(2.0)) - 1.0)
+    assert found.failures == ("separation", "ring")
+    assert not found.success
+    one_side = referee.judge([(6.5, 8.0), (5.0, 9.5), (6.06, 9.06), (6.06, 6.94)])
+    assert "gap" in one_side.failures
+    assert one_side.largest_gap > math.pi  # the target is not between them
+
+
+@given(st.lists(st.tuples(st.floats(-9.0, 9.0), st.floats(-9.0, 9.0)), min_size=3, max_size=7))
+def test_any_start_ends_in_an_even_ring_in_the_order_it_began(starts: list[Vector]) -> None:
+    if min(math.dist(start, TARGET) for start in starts) < 1.2 * RING:
+        with pytest.raises(MissionError, match="lessen the ring"):
+            HuntPlan(starts, TARGET, RING, 0.4)
+        return
+    plan = HuntPlan(starts, TARGET, RING, 0.4)
+    ends = [plan.place(k, plan.duration) for k in range(len(starts))]
+    assert [math.dist(end, TARGET) for end in ends] == pytest.approx([RING] * len(starts))
+    assert separation(ends) == pytest.approx(2.0 * RING * math.sin(math.pi / len(starts)))
+
+
+def test_two_cannot_surround() -> None:
+    with pytest.raises(MissionError, match="it takes three"):
+        HuntPlan([(0.0, 0.0), (1.0, 0.0)], TARGET, RING, 0.4)

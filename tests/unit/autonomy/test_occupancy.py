@@ -1,0 +1,251 @@
+"""Occupancy grids: orientation above all, growth, lines of sight and the files of map_server."""
+
+import math
+import os
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hil.autonomy.paths.occupancy import Extent, OccupancyGrid
+from hil.common.errors import ConfigError
+
+# 4 rows to the north, 5 columns to the east; "#" is occupied; north is up, as on a map
+PICTURE = (
+    "#....",
+    "....#",
+    ".....",
+    "..#..",
+)
+
+
+def grid_of(
+    picture: tuple[str, ...], resolution: float = 1.0, origin: tuple[float, float] = (0.0, 0.0)
+) -> OccupancyGrid:
+    rows = [[letter == "#" for letter in line] for line in reversed(picture)]
+    return OccupancyGrid(np.array(rows), resolution, origin)
+
+
+def picture_of(grid: OccupancyGrid) -> tuple[str, ...]:
+    return tuple("".join("#" if cell else "." for cell in row) for row in grid.cells[::-1])
+
+
+def test_rasterise_an_asymmetric_world() -> None:
+    """One round obstacle in the north-west, seen by its distance; scalar and vectorised functions agree."""
+    extent = Extent(south=-10.0, west=20.0, north=10.0, east=50.0)
+
+    def scalar(north: float, east: float) -> float:
+        return math.hypot(north - 6.0, east - 24.0) - 2.0
+
+    def vectorised(north: Any, east: Any) -> Any:
+        return np.hypot(north - 6.0, east - 24.0) - 2.0
+
+    grid = OccupancyGrid.rasterise(scalar, extent, 0.5)
+    assert grid.cells.shape == (40, 60)
+    assert not grid.is_free((6.0, 24.0))
+    assert all(grid.is_free(mirrored) for mirrored in [(-6.0, 24.0), (6.0, 46.0), (-6.0, 46.0)])
+    north, east = np.argwhere(grid.cells).mean(axis=0) + 0.5
+    assert (-10.0 + 0.5 * north, 20.0 + 0.5 * east) == pytest.approx((6.0, 24.0))
+    assert grid.cells.sum() * 0.25 == pytest.approx(math.pi * 4.0, rel=0.05)
+    assert np.array_equal(OccupancyGrid.rasterise(vectorised, extent, 0.5, vectorised=True).cells, grid.cells)
+
+
+def test_margin_takes_in_what_falls_between_the_centres() -> None:
+    def post(north: float, east: float) -> float:
+        return math.hypot(north - 5.0, east - 5.0) - 0.1  # on the corner of four cells
+
+    extent = Extent(0.0, 0.0, 10.0, 10.0)
+    assert not OccupancyGrid.rasterise(post, extent, 1.0).cells.any()
+    assert OccupancyGrid.rasterise(post, extent, 1.0, margin=0.71).cells.sum() == 4
+
+
+def test_an_extent_that_is_no_multiple_of_the_cell_is_covered() -> None:
+    grid = OccupancyGrid.rasterise(lambda north, east: 1.0, Extent(0.0, 0.0, 1.05, 0.3), 0.1)
+    assert grid.cells.shape == (11, 3)
+    with pytest.raises(ConfigError, match="no cell"):
+        OccupancyGrid.rasterise(lambda north, east: 1.0, Extent(0.0, 0.0, 0.0, 1.0), 0.1)
+
+
+def test_cells_and_points() -> None:
+    grid = grid_of(PICTURE, 0.5, (-1.0, 10.0))
+    assert grid.cell((-1.0, 10.0)) == (0, 0)
+    assert grid.cell((-0.01, 11.6)) == (1, 3)
+    assert grid.centre((1, 3)) == pytest.approx((-0.25, 11.75))
+    assert grid.cell(grid.centre((2, 4))) == (2, 4)
+    assert not grid.is_free((-0.8, 11.2))  # the post in the south
+    assert not grid.is_free((0.9, 10.2))  # the one in the north-west
+    assert grid.contains((0.99, 12.49))
+    assert not any(map(grid.contains, [(1.01, 10.2), (-1.01, 10.2), (0.0, 9.9), (0.0, 12.6)]))
+    assert not grid.is_free((5.0, 5.0))
+
+
+def test_nearest_free() -> None:
+    grid = grid_of(("###.", "####", "####"))
+    assert grid.nearest_free((0.1, 0.1)) == (2.5, 3.5)
+    assert grid_of(PICTURE).nearest_free((0.5, 2.4)) == (0.5, 1.5)
+    assert grid_of(("##", "##")).nearest_free((0.0, 0.0)) is None
+
+
+@pytest.mark.parametrize("radius", [0.0, 0.5, 1.0, 1.5, 2.0, 3.3, 50.0])
+def test_inflate_is_a_disc(radius: float) -> None:
+    generator = np.random.default_rng(1)
+    cells = generator.random((23, 17)) < 0.03
+    grown = OccupancyGrid(cells, 0.5, (3.0, 4.0)).inflate(radius)
+    rows, columns = np.indices(cells.shape)
+    expected = np.zeros_like(cells)
+    for row, column in np.argwhere(cells):
+        expected |= np.hypot(rows - row, columns - column) * 0.5 <= radius + 1e-9
+    assert np.array_equal(grown.cells, expected)
+    assert (grown.resolution, grown.origin) == (0.5, (3.0, 4.0))
+
+
+def test_lines_through_corners_and_along_edges() -> None:
+    grid = grid_of(("..", "#."))
+    assert grid.line_is_free((1.5, 0.5), (1.5, 1.5))
+    assert grid.line_is_free((1.5, 1.5), (0.5, 1.5))
+    assert not grid.line_is_free((1.5, 0.5), (0.5, 1.5))  # past the corner of the occupied cell
+    assert not grid.line_is_free((1.0, 0.1), (1.0, 1.9))  # along its edge
+    assert not grid.line_is_free((1.5, 1.5), (1.5, 2.5))  # off the map
+    assert grid.line_is_free((1.5, 1.5), (1.5, 1.5))
+    assert not grid.line_is_free((0.5, 0.5), (0.5, 0.5))
+
+
+POINTS = st.tuples(st.floats(0.01, 7.99), st.floats(0.01, 7.99))
+
+
+@given(st.integers(0, 2**32 - 1), POINTS, POINTS)
+def test_line_of_sight_agrees_with_walking_the_line(
+    seed: int, start: tuple[float, float], end: tuple[float, float]
+) -> None:
+    grid = OccupancyGrid(np.random.default_rng(seed).random((8, 8)) < 0.2, 1.0, (0.0, 0.0))
+    shares = np.linspace(0.0, 1.0, 2001)
+    north = start[0] + shares * (end[0] - start[0])
+    east = start[1] + shares * (end[1] - start[1])
+    hit = grid.cells[north.astype(int), east.astype(int)].any()
+    if hit:
+        assert not grid.line_is_free(start, end)
+    elif not grid.line_is_free(start, end):  # then it at least grazes one
+        near = [
+            grid.cells[np.clip(north + a, 0, 7.999).astype(int), np.clip(east + b, 0, 7.999).astype(int)].any()
+            for a in (-0.01, 0.0, 0.01)
+            for b in (-0.01, 0.0, 0.01)
+        ]
+        assert any(near)
+
+
+def test_pgm_is_what_map_server_reads(tmp_path: Any) -> None:
+    """Byte by byte: north at the top, west at the left, 254 free, 0 occupied."""
+    path = os.path.join(tmp_path, "reef.pgm")
+    grid_of(PICTURE, 0.25, (-3.0, 7.5)).write_pgm(path)
+    with open(path, "rb") as file:
+        data = file.read()
+    assert data.startswith(b"P5\n5 4\n255\n")
+    image = data.removeprefix(b"P5\n5 4\n255\n")
+    assert image == bytes(0 if letter == "#" else 254 for letter in "".join(PICTURE))
+    with open(os.path.join(tmp_path, "reef.yaml"), encoding="utf-8") as file:
+        settings = dict(line.strip().split(": ", 1) for line in file)
+    assert settings == {
+        "image": "reef.pgm",
+        "mode": "trinary",
+        "resolution": "0.250000000",
+        "origin": "[7.500000000, -3.000000000, 0.0]",  # x is east, y is north
+        "negate": "0",
+        "occupied_thresh": "0.65",
+        "free_thresh": "0.196",
+    }
+
+
+def test_read_gives_back_what_was_written(tmp_path: Any) -> None:
+    path = os.path.join(tmp_path, "reef.pgm")
+    grid_of(PICTURE, 0.1, (-3.0, 7.5)).write_pgm(path)
+    grid = OccupancyGrid.read(os.path.join(tmp_path, "reef.yaml"))
+    assert picture_of(grid) == PICTURE
+    assert (grid.resolution, *grid.origin) == pytest.approx((0.1, -3.0, 7.5))
+
+
+def test_read_a_file_of_another_hand(tmp_path: Any) -> None:
+    """Comments in both files, unknown (205) taken as occupied, a raster that begins with what looks like blanks."""
+    with open(os.path.join(tmp_path, "m.pgm"), "wb") as image:
+        image.write(b"P5\n# CREATOR: map_saver.cpp 0.050 m/pix\n3 2\n255\n" + bytes([32, 254, 254, 205, 0, 254]))
+    with open(os.path.join(tmp_path, "m.yaml"), "w", encoding="utf-8") as text:
+        text.write(
+            'image: "m.pgm"  # beside\nresolution: 0.05\norigin: [-2.3, -1.69, 0]\nnegate: 0\nfree_thresh: 0.196\n'
+        )
+    grid = OccupancyGrid.read(os.path.join(tmp_path, "m.yaml"))
+    assert picture_of(grid) == ("#..", "##.")
+    assert grid.origin == (-1.69, -2.3)
+
+
+@pytest.mark.parametrize(
+    ("yaml", "pgm"),
+    [
+        ("image: m.pgm\nresolution: 0.1\norigin: [0, 0, 0.5]\nfree_thresh: 0.2\n", b"P5 1 1 255\n\0"),
+        ("image: m.pgm\nresolution: 0\norigin: [0, 0, 0]\nfree_thresh: 0.2\n", b"P5 1 1 255\n\0"),
+        ("image: m.pgm\nresolution: 0.1\norigin: [0, 0]\nfree_thresh: 0.2\n", b"P5 1 1 255\n\0"),
+        ("resolution: 0.1\norigin: [0, 0, 0]\nfree_thresh: 0.2\n", b"P5 1 1 255\n\0"),
+        ("image: no.pgm\nresolution: 0.1\norigin: [0, 0, 0]\nfree_thresh: 0.2\n", b"P5 1 1 255\n\0"),
+        ("image: m.pgm\nresolution: 0.1\norigin: [0, 0, 0]\nfree_thresh: 0.2\n", b"P2 1 1 255\n0"),
+        ("image: m.pgm\nresolution: 0.1\norigin: [0, 0, 0]\nfree_thresh: 0.2\n", b"P5 4 4 255\n\0"),
+        ("image: m.pgm\nresolution: 0.1\norigin: [0, 0, 0]\nfree_thresh: 0.2\n", b"P5 4"),
+    ],
+)
+def test_other_files_are_refused_by_name(tmp_path: Any, yaml: str, pgm: bytes) -> None:
+    with open(os.path.join(tmp_path, "m.pgm"), "wb") as image:
+        image.write(pgm)
+    with open(os.path.join(tmp_path, "m.yaml"), "w", encoding="utf-8") as text:
+        text.write(yaml)
+    with pytest.raises(ConfigError, match=r"\.yaml|\.pgm"):
+        OccupancyGrid.read(os.path.join(tmp_path, "m.yaml"))
+
+
+GOOD_YAML = "image: m.pgm\nresolution: 0.1\norigin: [0, 0, 0]\nfree_thresh: 0.2\n"
+GOOD_PGM = b"P5 1 1 255\n\0"
+
+
+@pytest.mark.parametrize(
+    ("yaml", "pgm", "words"),
+    [
+        (GOOD_YAML.replace("0.1", "nan"), GOOD_PGM, "resolution of nan m"),
+        (GOOD_YAML.replace("0.1", "inf"), GOOD_PGM, "resolution of inf m"),
+        (GOOD_YAML.replace("0.1", "1e-300"), GOOD_PGM, "resolution of 1e-300 m"),
+        (GOOD_YAML.replace("[0, 0, 0]", "[nan, 0, 0]"), GOOD_PGM, "origin beyond"),
+        (GOOD_YAML.replace("[0, 0, 0]", "[0, 1e300, 0]"), GOOD_PGM, "origin beyond"),
+        (GOOD_YAML.replace("0.2", "nan"), GOOD_PGM, "no share: nan"),
+        (GOOD_YAML.replace("0.1", "9" * 100_000 + "x"), GOOD_PGM, "not a map of map_server"),
+        ("x" * (1 << 20) + ": y\n", GOOD_PGM, "at most 1 MiB"),
+        (GOOD_YAML, b"P5 " + b"#\n" * 500_000 + b"1 1 255\n\0", "not an 8-bit P5"),
+        (GOOD_YAML, b"P5 999999999 999999999 255\n\0", "not a map of map_server"),
+        (GOOD_YAML, b"P5 " + b"9" * 100_000 + b" 1 255\n\0", "not an 8-bit P5"),
+        (GOOD_YAML, b"P5 -1 1 255\n\0", "not an 8-bit P5"),
+    ],
+)
+def test_hostile_maps_are_refused_in_one_line(tmp_path: Any, yaml: str, pgm: bytes, words: str) -> None:
+    (tmp_path / "m.pgm").write_bytes(pgm)
+    (tmp_path / "m.yaml").write_text(yaml, encoding="utf-8")
+    with pytest.raises(ConfigError, match=words) as error:
+        OccupancyGrid.read(str(tmp_path / "m.yaml"))
+    assert len(str(error.value)) < len(str(tmp_path)) + 350
+
+
+def test_what_is_no_file_is_not_read(tmp_path: Any) -> None:
+    """A pipe would be waited for, a device never ends, and a sparse file may be larger than the memory."""
+    (tmp_path / "m.yaml").write_text(GOOD_YAML, encoding="utf-8")
+    os.mkfifo(tmp_path / "m.pgm")
+    with pytest.raises(ConfigError, match=r"m\.pgm: is no regular file"):
+        OccupancyGrid.read(str(tmp_path / "m.yaml"))
+    os.remove(tmp_path / "m.pgm")
+    with open(tmp_path / "m.pgm", "wb") as image:
+        image.truncate(1 << 40)
+    with pytest.raises(ConfigError, match=r"m\.pgm: has 1048576 MiB; such a file has at most 256 MiB"):
+        OccupancyGrid.read(str(tmp_path / "m.yaml"))
+    with pytest.raises(ConfigError, match="no regular file"):
+        OccupancyGrid.read("/dev/zero")
+
+
+def test_files_that_cannot_be_opened_are_named(tmp_path: Any) -> None:
+    with pytest.raises(ConfigError, match=r"no\.yaml"):
+        OccupancyGrid.read(os.path.join(tmp_path, "no.yaml"))
+    with pytest.raises(ConfigError, match="cannot be written"):
+        grid_of(PICTURE).write_pgm(os.path.join(tmp_path, "no", "m.pgm"))

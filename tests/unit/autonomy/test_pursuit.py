@@ -1,0 +1,185 @@
+"""Path following on a simple vehicle: surge and turn rate follow the command with a lag."""
+
+import math
+import random
+from collections.abc import Callable
+from itertools import pairwise
+
+import pytest
+
+from hil.autonomy.control.controller import VelocityCommand
+from hil.autonomy.paths.pursuit import PurePursuit
+from hil.common.errors import MissionError
+
+DT = 0.05
+Point = tuple[float, float]
+
+
+class Track:
+    """What a run looked like, one entry a step."""
+
+    def __init__(self) -> None:
+        self.points: list[Point] = []
+        self.surges: list[float] = []
+        self.turns: list[float] = []
+        self.cross: list[float] = []
+        self.progress: list[float] = []
+
+
+def follow(
+    pursuit: PurePursuit,
+    start: Point,
+    heading: float,
+    seconds: float = 300.0,
+    noise: Callable[[], float] = lambda: 0.0,
+    lag: float = 0.4,
+) -> Track:
+    """Let a vehicle follow until done or out of time. `noise` is added to each measured coordinate, m."""
+    (north, east), surge, turn, track = start, 0.0, 0.0, Track()
+    for _ in range(int(seconds / DT)):
+        command = pursuit.update((north + noise(), east + noise(), 3.0), heading)
+        surge += (command.surge - surge) * DT / lag
+        turn += (command.yaw_rate - turn) * DT / lag
+        heading += turn * DT
+        north += surge * math.cos(heading) * DT
+        east += surge * math.sin(heading) * DT
+        track.points.append((north, east))
+        track.surges.append(command.surge)
+        track.turns.append(command.yaw_rate)
+        track.cross.append(pursuit.cross_track)
+        track.progress.append(pursuit.progress)
+        if pursuit.done:
+            break
+    return track
+
+
+def test_straight_path_is_followed_and_the_end_reached() -> None:
+    pursuit = PurePursuit([(0.0, 0.0), (30.0, 0.0)], lookahead=2.0, speed=0.8, tolerance=0.3)
+    track = follow(pursuit, (0.0, 0.0), 0.0)
+    assert pursuit.done
+    assert math.dist(track.points[-1], (30.0, 0.0)) <= 0.3
+    assert max(map(abs, track.cross)) < 1e-9
+    assert max(track.surges) == pytest.approx(0.8)
+    assert 30.0 / 0.8 < len(track.points) * DT < 30.0 / 0.8 + 10.0
+    assert math.dist(track.points[-1], track.points[-2]) < 0.5 * 0.8 * DT  # it came slowly
+
+
+def test_a_command_by_hand() -> None:
+    """1 m to port of a path to the north, lookahead 2 m: the aim is 2 m north, 1 m east. Coulter's curvature
+    2 sin(error) / lookahead for small errors, at 0.5 m/s: a gain of 0.5 rad/s for each rad."""
+    pursuit = PurePursuit([(0.0, 0.0), (30.0, 0.0)], lookahead=2.0, speed=0.5)
+    command = pursuit.update((1.0, -1.0), 0.0)
+    assert pursuit.aim == pytest.approx(math.atan2(1.0, 2.0))
+    assert command.yaw_rate == pytest.approx(0.5 * 0.46364761)
+    assert command.surge == pytest.approx(0.5 * 2.0 / math.sqrt(5.0))
+    assert pursuit.cross_track == pytest.approx(-1.0)
+
+
+def test_stop_command_once_done_even_when_carried_away() -> None:
+    pursuit = PurePursuit([(0.0, 0.0), (1.0, 0.0)], lookahead=1.0, speed=0.5, depth=4.0)
+    assert pursuit.update((0.0, 0.0), 0.0).depth == 4.0
+    assert pursuit.update((0.9, 0.1), 0.0) == VelocityCommand(depth=4.0)
+    assert pursuit.done
+    assert pursuit.progress == 1.0
+    assert pursuit.update((-9.0, 5.0), 2.0) == VelocityCommand(depth=4.0)
+
+
+@pytest.mark.parametrize("offset", [-6.0, -0.7, 0.7, 6.0])
+@pytest.mark.parametrize("heading", [0.0, math.pi / 2.0, math.pi, -2.0])
+def test_from_beside_the_path_it_closes_in_without_oscillation(offset: float, heading: float) -> None:
+    pursuit = PurePursuit([(0.0, 0.0), (60.0, 0.0)], lookahead=2.5, speed=0.7)
+    track = follow(pursuit, (0.0, offset), heading)
+    assert pursuit.done
+    side = math.copysign(1.0, offset)
+    assert min(cross * side for cross in track.cross) > -0.35  # hardly beyond the path
+    settled = track.cross[len(track.cross) // 2 :]
+    assert max(map(abs, settled)) < 0.02
+    swings = sum(a * b < 0.0 for a, b in pairwise(settled) if abs(a) > 1e-3)
+    assert swings == 0
+
+
+def test_cross_track_is_positive_to_starboard() -> None:
+    pursuit = PurePursuit([(0.0, 0.0), (0.0, 20.0)], lookahead=2.0, speed=0.5)
+    command = pursuit.update((-1.5, 0.5), math.pi / 2.0)  # bound east, south of the path
+    assert pursuit.cross_track == pytest.approx(1.5)
+    assert command.yaw_rate < 0.0  # back to port
+    assert pursuit.progress == pytest.approx(0.5 / 20.0)
+
+
+def test_a_right_angle_is_rounded_inside_of_a_third_of_the_lookahead() -> None:
+    path = [(0.0, 0.0), (20.0, 0.0), (20.0, 20.0)]
+    pursuit = PurePursuit(path, lookahead=2.0, speed=0.6)
+    track = follow(pursuit, (0.0, 0.0), 0.0)
+    assert pursuit.done
+    assert max(map(abs, track.cross)) < 2.0 / 3.0
+    assert max(north for north, _ in track.points) < 20.3  # no swing wide of the bend
+    assert track.progress == sorted(track.progress)
+
+
+def test_a_hairpin_is_driven_to_its_end() -> None:
+    """Out and back over the same line: no short cut, although both ways lie on each other."""
+    pursuit = PurePursuit([(0.0, 0.0), (15.0, 0.0), (0.0, 0.0)], lookahead=2.0, speed=0.6, tolerance=0.4)
+    track = follow(pursuit, (0.0, 0.0), 0.0)
+    assert pursuit.done
+    assert max(north for north, _ in track.points) == pytest.approx(15.0, abs=0.5)
+    assert max(map(abs, track.cross)) < 0.7
+    assert math.dist(track.points[-1], (0.0, 0.0)) <= 0.4
+    assert track.progress == sorted(track.progress)
+
+
+def test_lawn_mower_with_legs_closer_than_the_lookahead() -> None:
+    path = [(0.0, 0.0), (12.0, 0.0), (12.0, 1.5), (0.0, 1.5), (0.0, 3.0), (12.0, 3.0)]
+    pursuit = PurePursuit(path, lookahead=2.0, speed=0.5, tolerance=0.4)
+    track = follow(pursuit, (0.0, 0.0), 0.0)
+    assert pursuit.done
+    length = sum(map(math.dist, track.points, track.points[1:]))
+    assert length > 0.85 * 39.0  # all legs, with the corners cut
+    assert max(map(abs, track.cross)) < 1.0
+
+
+def test_closed_path_is_not_done_at_its_start_and_crossings_do_not_confuse() -> None:
+    eight = [(0.0, 0.0), (10.0, 10.0), (10.0, 0.0), (0.0, 10.0), (0.0, 0.0)]
+    pursuit = PurePursuit(eight, lookahead=1.5, speed=0.5, tolerance=0.4)
+    assert pursuit.update((0.0, 0.0), 0.8).surge > 0.0
+    assert not pursuit.done
+    track = follow(pursuit, (0.0, 0.0), 0.8)
+    assert pursuit.done
+    assert sum(map(math.dist, track.points, track.points[1:])) > 40.0
+
+
+def test_limits_hold_and_the_vehicle_turns_before_it_goes() -> None:
+    pursuit = PurePursuit([(0.0, 0.0), (10.0, 0.0)], lookahead=1.0, speed=0.6, max_yaw_rate=0.3)
+    behind = pursuit.update((0.0, 0.0), math.pi - 0.1)
+    assert behind.surge == 0.0
+    assert behind.yaw_rate == -0.3
+    track = follow(pursuit, (0.0, 0.0), math.pi - 0.1)
+    assert pursuit.done
+    assert max(map(abs, track.turns)) <= 0.3
+    assert min(track.surges) >= 0.0
+    assert min(north for north, _ in track.points) > -0.2
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_any_path_with_a_noisy_position_is_finished(seed: int) -> None:
+    generator = random.Random(seed)
+    path = [(generator.uniform(0.0, 30.0), generator.uniform(0.0, 30.0)) for _ in range(6)]
+    pursuit = PurePursuit(path, lookahead=2.0, speed=0.7, tolerance=0.5)
+    follow(pursuit, (0.0, 0.0), generator.uniform(-3.0, 3.0), 600.0, lambda: generator.gauss(0.0, 0.05))
+    assert pursuit.done
+
+
+def test_a_path_of_one_point_and_repeated_points() -> None:
+    pursuit = PurePursuit([(5.0, 5.0)], lookahead=1.0, speed=0.5)
+    track = follow(pursuit, (0.0, 0.0), 0.0)
+    assert pursuit.done
+    assert math.dist(track.points[-1], (5.0, 5.0)) <= 0.5
+    pursuit = PurePursuit([(0.0, 0.0), (0.0, 0.0), (4.0, 0.0), (4.0, 0.0)], lookahead=1.0, speed=0.5)
+    follow(pursuit, (0.0, 0.0), 0.0)
+    assert pursuit.done
+
+
+def test_what_cannot_be_followed_is_refused() -> None:
+    with pytest.raises(MissionError, match="empty"):
+        PurePursuit([], lookahead=1.0, speed=0.5)
+    with pytest.raises(MissionError, match="above 0"):
+        PurePursuit([(0.0, 0.0), (1.0, 0.0)], lookahead=1.0, speed=0.0)

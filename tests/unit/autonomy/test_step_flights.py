@@ -1,0 +1,138 @@
+"""Every family in the real simulator: with its own vehicle, in a current, with a mass it does not know of."""
+
+from itertools import pairwise
+from statistics import fmean
+from typing import Any
+
+import pytest
+
+from hil.autonomy.control.controller import VelocityCommand
+from hil.common.schema import preset_names
+from hil.tuning.rig import START_DEPTH, Moment, Rig
+from sim.vehicle.vehicle import Vehicle, load_vehicle
+
+FAMILIES = ("cascade", "sliding_mode", "restoring_pd")
+VEHICLES = ("bluerov2_heavy", "paper_six")
+STILL = VelocityCommand(depth=START_DEPTH, heading=0.0)
+GYRO = 0.03  # rad: what a gyro's turn-on error leaves of a heading, whoever controls
+CURRENT = (0.2, 0.2, 0.0)
+
+
+def heavier(vehicle: Vehicle, share: float) -> Vehicle:
+    """That much more mass, trimmed to weigh what it did: a full sample box."""
+    added = vehicle.mass * share
+    return vehicle._replace(mass=vehicle.mass + added, volume=vehicle.volume + added / 1025.0)
+
+
+def rig(family: str, name: str, **changes: Any) -> Rig:
+    vehicle, control = load_vehicle(name)
+    return Rig(name, vehicle, {**control, "family": family}, **changes)
+
+
+def late(moments: list[Moment]) -> list[Moment]:
+    return moments[-len(moments) // 3 :]
+
+
+def error(moments: list[Moment], wanted: float) -> float:
+    """The mean error of surge over the last third."""
+    return fmean(moment.nu[0] for moment in late(moments)) - wanted
+
+
+def restlessness(moments: list[Moment]) -> float:
+    """How much the surge force goes up and down in a second, N/s, over the last third: sample noise, or chatter."""
+    last = late(moments)
+    travelled = sum(abs(b.wrench[0] - a.wrench[0]) for a, b in pairwise(last))
+    return travelled / (last[-1].time - last[0].time)
+
+
+@pytest.mark.parametrize("name", VEHICLES)
+@pytest.mark.parametrize("family", FAMILIES)
+def test_a_step_of_speed_depth_and_heading(family: str, name: str) -> None:
+    vehicle = rig(family, name)
+    vehicle.fly(4.0, lambda time: STILL)
+    ahead = vehicle.fly(8.0, lambda time: STILL._replace(surge=0.3))
+    assert abs(error(ahead, 0.3)) < 0.01
+    assert max(moment.nu[0] for moment in ahead) < 1.15 * 0.3
+    assert min(moment.time for moment in ahead if moment.nu[0] > 0.27) < 1.5
+    both = vehicle.fly(15.0, lambda time: STILL._replace(surge=0.3, depth=START_DEPTH + 1.0, heading=1.0))
+    assert max(moment.position[2] for moment in both) < START_DEPTH + 1.05
+    assert late(both)[-1].position[2] == pytest.approx(START_DEPTH + 1.0, abs=0.03)
+    assert max(moment.attitude[2] for moment in both) < 1.06
+    assert late(both)[-1].attitude[2] == pytest.approx(1.0, abs=GYRO)
+    assert max(abs(angle) for moment in late(both) for angle in moment.attitude[:2]) < 0.05
+
+
+@pytest.mark.parametrize("name", VEHICLES)
+@pytest.mark.parametrize(("family", "left"), [("cascade", 0.01), ("sliding_mode", 0.01), ("restoring_pd", 0.15)])
+def test_in_a_current_that_nobody_tells_it_of(family: str, left: float, name: str) -> None:
+    """What integrates leaves nothing; the PD law what its page says, drag of the current over inertia and d."""
+    vehicle = rig(family, name, current=CURRENT)
+    vehicle.fly(6.0, lambda time: STILL)
+    ahead = vehicle.fly(10.0, lambda time: STILL._replace(surge=0.3))
+    assert abs(error(ahead, 0.3)) < left
+    assert (abs(error(ahead, 0.3)) > 0.03) == (family == "restoring_pd")
+    assert max(moment.nu[0] for moment in ahead[50:]) < 0.3 * 1.2 + left
+    assert late(ahead)[-1].position[2] == pytest.approx(START_DEPTH, abs=0.03)
+    assert late(ahead)[-1].attitude[2] == pytest.approx(0.0, abs=GYRO if family != "restoring_pd" else 0.06)
+
+
+@pytest.mark.parametrize("share", [-0.2, 0.3])
+@pytest.mark.parametrize("name", VEHICLES)
+@pytest.mark.parametrize("family", FAMILIES)
+def test_with_a_wrong_mass(family: str, name: str, share: float) -> None:
+    vehicle, _ = load_vehicle(name)
+    flown = heavier(vehicle._replace(neutrally_buoyant=False, volume=vehicle.mass / 1025.0), share)
+    flight = rig(family, name, flown=flown)
+    flight.fly(4.0, lambda time: STILL)
+    ahead = flight.fly(8.0, lambda time: STILL._replace(surge=0.3))
+    assert abs(error(ahead, 0.3)) < 0.01
+    assert max(moment.nu[0] for moment in ahead) < 1.2 * 0.3
+    # a PD law holds what weighs nothing against the weight that its own model has
+    assert late(ahead)[-1].position[2] == pytest.approx(START_DEPTH, abs=0.03 if family != "restoring_pd" else 0.08)
+
+
+@pytest.mark.parametrize("name", VEHICLES)
+def test_sliding_mode_does_not_chatter(name: str) -> None:
+    """Its force is about as restless as the cascade's, which is that of the noise of the measured velocity."""
+    restless = {}
+    for family in ("cascade", "sliding_mode"):
+        vehicle = rig(family, name)
+        vehicle.fly(4.0, lambda time: STILL)
+        restless[family] = restlessness(vehicle.fly(8.0, lambda time: STILL._replace(surge=0.3)))
+    assert restless["sliding_mode"] < 1.6 * restless["cascade"]
+    assert restless["sliding_mode"] < 30.0
+
+
+@pytest.mark.parametrize("name", VEHICLES)
+@pytest.mark.parametrize("family", FAMILIES)
+def test_it_comes_back_from_more_than_it_can(family: str, name: str) -> None:
+    """10 s of asking for a speed beyond its thrusters, then for a slow one: it is there in seconds, not when an
+    integral has run down; depth is kept meanwhile."""
+    vehicle = rig(family, name)
+    vehicle.fly(3.0, lambda time: STILL)
+    beyond = vehicle.fly(10.0, lambda time: STILL._replace(sway=4.0))
+    assert max(moment.nu[1] for moment in beyond) < 2.0
+    assert all(abs(moment.position[2] - START_DEPTH) < 0.6 for moment in beyond)
+    back = vehicle.fly(6.0, lambda time: STILL._replace(sway=0.1))
+    assert all(abs(moment.nu[1] - 0.1) < 0.04 for moment in back if moment.time > 3.0)
+    jump = beyond[-1].nu[1] - 0.1
+    assert min(moment.nu[1] for moment in back) > 0.1 - 0.35 * jump
+
+
+THRUSTER_DRIVEN = [name for name in preset_names("sim/vehicles") if not load_vehicle(name)[0].fins]
+
+
+@pytest.mark.parametrize("name", THRUSTER_DRIVEN)
+def test_every_preset_holds_depth_and_heading_and_follows(name: str) -> None:
+    """With the gains of its file: 0.3 m/s ahead, 2 m deeper and a turn of 1 rad at once; then it stays."""
+    vehicle = rig("cascade", name)
+    hold = vehicle.fly(4.0, lambda time: STILL)
+    assert late(hold)[-1].position[2] == pytest.approx(START_DEPTH, abs=0.05)
+    moments = vehicle.fly(16.0, lambda time: STILL._replace(surge=0.3, depth=START_DEPTH + 2.0, heading=1.0))
+    assert abs(error(moments, 0.3)) < 0.01
+    assert all(abs(moment.nu[0] - 0.3) < 0.03 for moment in late(moments))
+    assert all(abs(moment.position[2] - START_DEPTH - 2.0) < 0.03 for moment in late(moments))
+    assert all(abs(moment.attitude[2] - 1.0) < GYRO for moment in late(moments))
+    assert max(moment.position[2] for moment in moments) < START_DEPTH + 2.15
+    assert max(moment.attitude[2] for moment in moments) < 1.1
+    assert max(abs(angle) for moment in late(moments) for angle in moment.attitude[:2]) < 0.03

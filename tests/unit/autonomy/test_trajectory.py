@@ -1,0 +1,351 @@
+"""Trajectories: on the curve they promise, within the limits, from rest to rest."""
+
+import importlib
+import math
+import os
+from itertools import groupby, pairwise
+from typing import Any
+
+import pytest
+from hypothesis import assume, example, given
+from hypothesis import strategies as st
+
+from hil.autonomy.paths.curves import Chain, Curve, circle, helix, polyline, straight
+from hil.autonomy.paths.dubins import Pose, dubins
+from hil.autonomy.paths.spline import Spline
+from hil.autonomy.paths.trajectory import Limits, Setpoint, Trajectory, track
+from hil.autonomy.paths.waypoints import read_waypoints
+from hil.common.errors import ConfigError, MissionError
+from tests.support.examples import examples
+
+WIDE = Limits(speed=2.0, vertical_speed=2.0, yaw_rate=2.0, acceleration=0.3, lateral_acceleration=5.0)
+COORDINATES = st.floats(-20.0, 20.0)
+POINTS = st.tuples(COORDINATES, COORDINATES, st.floats(1.0, 10.0))
+HEADINGS = st.floats(-math.pi, math.pi)
+WAY = [(0.0, 0.0, 3.0), (10.0, 2.0, 4.0), (14.0, 12.0, 6.0), (5.0, 15.0, 5.0), (0.0, 25.0, 5.0)]
+CURVES: dict[str, Curve] = {
+    "straight": Chain([straight((1.0, 2.0, 3.0), (9.0, -4.0, 5.0))]),
+    "spline": Spline(WAY),
+    "dubins": dubins(Pose((0.0, 0.0, 2.0), 1.0), Pose((15.0, 5.0, 6.0), -2.0), 2.0),
+    "helix": helix((5.0, 5.0, 2.0), 3.0, -2.5, 6.0, 0.7),
+    "circle": circle((5.0, 5.0, 2.0), 3.0),
+    "polyline": polyline(WAY),
+}
+
+
+def wrapped(angle: float) -> float:
+    return math.remainder(angle, 2.0 * math.pi)
+
+
+@pytest.mark.parametrize("name", CURVES)
+def test_places_agree_with_each_other(name: str) -> None:
+    """Direction, turn and length by finite differences of the position: the curve is what it says of itself."""
+    curve, step = CURVES[name], 1e-4
+    corners = curve.corners()
+    for number in range(1, 200):
+        along = curve.length * number / 200
+        if any(abs(along - corner) < 2.0 * step for corner in corners):
+            continue
+        before, here, after = (curve.at(along + side * step) for side in (-1.0, 0.0, 1.0))
+        north, east, down = ((b - a) / (2.0 * step) for a, b in zip(before.position, after.position, strict=True))
+        assert math.hypot(north, east, down) == pytest.approx(1.0, abs=1e-6)  # measured by the way along it
+        assert math.atan2(down, math.hypot(north, east)) == pytest.approx(here.slope, abs=1e-6)
+        assert wrapped(math.atan2(east, north) - here.heading) == pytest.approx(0.0, abs=1e-6)
+        assert wrapped(after.heading - before.heading) / (2.0 * step) == pytest.approx(here.turn, abs=1e-5)
+
+
+@pytest.mark.parametrize("name", CURVES)
+def test_a_trajectory_is_run_over_from_rest_to_rest(name: str) -> None:
+    run, step = Trajectory(CURVES[name], 0.8, WIDE), 0.01
+    times = [step * number for number in range(int(run.duration / step) + 1)]
+    points = [run.at(time) for time in times]
+    assert points[0].position == pytest.approx(CURVES[name].at(0.0).position)
+    end = CURVES[name].at(CURVES[name].length).position
+    assert run.at(run.duration + 5.0).position == pytest.approx(end, abs=1e-6)
+    assert run.at(run.duration).velocity == pytest.approx((0.0, 0.0, 0.0), abs=1e-6)
+    for before, after in pairwise(points):
+        moved = [(b - a) / step for a, b in zip(before.position, after.position, strict=True)]
+        mean = [(a + b) / 2.0 for a, b in zip(before.velocity, after.velocity, strict=True)]
+        assert moved == pytest.approx(mean, abs=0.01)  # the velocity is that of the position
+        assert math.hypot(*after.velocity) <= 0.8 + 1e-9
+        assert abs(math.hypot(*after.velocity) - math.hypot(*before.velocity)) <= WIDE.acceleration * step + 1e-9
+        assert abs(wrapped(after.heading - before.heading)) <= WIDE.yaw_rate * step + 1e-9
+        assert abs(after.yaw_rate) <= WIDE.yaw_rate
+
+
+def test_a_trapezoid_by_hand() -> None:
+    """10 m at 1 m/s with 0.5 m/s²: 2 s and 1 m of ramp at both ends, 12 s in all; 1 m never gets that fast."""
+    limits = WIDE._replace(acceleration=0.5)
+    run = Trajectory(polyline([(0.0, 0.0, 5.0), (10.0, 0.0, 5.0)]), 1.0, limits)
+    assert run.duration == pytest.approx(12.0)
+    for time, north, speed in ((1.0, 0.25, 0.5), (2.0, 1.0, 1.0), (6.0, 5.0, 1.0), (11.0, 9.75, 0.5)):
+        assert run.at(time).position == pytest.approx((north, 0.0, 5.0))
+        assert run.at(time).velocity == pytest.approx((speed, 0.0, 0.0))
+    short = Trajectory(polyline([(0.0, 0.0, 5.0), (0.5, 0.0, 5.0)]), 1.0, limits)
+    assert short.duration == pytest.approx(2.0)
+    assert short.at(1.0).velocity[0] == pytest.approx(0.5)
+
+
+def test_corners_are_turned_on_the_spot() -> None:
+    """Two legs of 10 m with a right angle between: 2 x 12 s, and a quarter turn at 0.5 rad/s."""
+    limits = WIDE._replace(acceleration=0.5, yaw_rate=0.5)
+    run = Trajectory(polyline([(0.0, 0.0, 5.0), (10.0, 0.0, 5.0), (10.0, -10.0, 5.0)]), 1.0, limits)
+    assert run.duration == pytest.approx(24.0 + math.pi)
+    turning = run.at(12.0 + math.pi / 2.0)
+    assert turning.position == pytest.approx((10.0, 0.0, 5.0))
+    assert turning.velocity == (0.0, 0.0, 0.0)
+    assert (turning.heading, turning.yaw_rate) == pytest.approx((-math.pi / 4.0, -0.5))
+    assert run.at(12.0 + math.pi + 6.0).position == pytest.approx((10.0, -5.0, 5.0))
+
+
+@given(st.floats(0.5, 5.0), st.floats(0.1, 3.0), st.sampled_from([-1.0, 1.0]), st.floats(-5.0, 5.0), HEADINGS)
+def test_helix(radius: float, turns: float, side: float, dive: float, bearing: float) -> None:
+    curve = helix((7.0, -3.0, 10.0), radius, side * turns, dive, bearing)
+    assert curve.length == pytest.approx(math.hypot(2.0 * math.pi * radius * turns, dive))
+    for share in (0.0, 0.3, 1.0):
+        (north, east, down), *_ = curve.at(share * curve.length)
+        assert math.dist((north, east), (7.0, -3.0)) == pytest.approx(radius)
+        assert down == pytest.approx(10.0 + share * dive)
+        angle = bearing + side * share * turns * 2.0 * math.pi
+        assert wrapped(math.atan2(east + 3.0, north - 7.0) - angle) == pytest.approx(0.0, abs=1e-6)
+
+
+TO_AND_FRO = [(0, 3.75, 1.9375), (0, 1.25, 1.5), (0, 3.75, 1.9375), (0, 1.25, 1.5), (0, 3.71875, 1.9375), (0, 0, 1.5)]
+STRAIGHT_BACK = [(0.0, 0.0, 5.0), (4.0, 0.0, 5.0), (0.0, 0.0, 5.0), (1.0, 0.0, 5.0)]
+
+
+@example(TO_AND_FRO)  # it all but stops where it turns back
+@example(STRAIGHT_BACK)  # it stops
+@examples(40)
+@given(st.lists(POINTS, min_size=2, max_size=6))
+def test_a_spline_passes_through_its_points_without_jumps(points: list[tuple[float, float, float]]) -> None:
+    assume(min(math.dist(a, b) for a, b in pairwise(points)) > 0.5)
+    curve = Spline(points)
+    assert curve.length >= sum(math.dist(a, b) for a, b in pairwise(points)) * (1.0 - 1e-6)
+    step = curve.length / 1000
+    samples = [curve.at(step * number) for number in range(1001)]
+    for point in points:
+        assert min(math.dist(point, sample.position) for sample in samples) <= 0.5 * step * (1.0 + 1e-6)
+    assert all(math.dist(a.position, b.position) <= step * (1.0 + 1e-6) for a, b in pairwise(samples))
+
+
+@pytest.mark.parametrize("points", [WAY, TO_AND_FRO, STRAIGHT_BACK], ids=["open", "narrow bends", "cusps"])
+def test_a_spline_knows_its_length(points: list[tuple[float, float, float]]) -> None:
+    """Against the chords between 200,000 points of it, which near a cusp no rule of a few nodes can tell."""
+    numpy = pytest.importorskip("numpy")
+    curve, length = Spline(points), 0.0
+    chords = [math.dist(a, b) for a, b in pairwise(points)]
+    for (_, cubics), chord in zip(groupby(curve._parts, key=lambda part: id(part.cubics)), chords, strict=True):
+        t = numpy.linspace(0.0, chord, 200_001)
+        axes = [cubic.value(t) for cubic in next(cubics).cubics]
+        length += numpy.sqrt(sum(numpy.diff(axis) ** 2 for axis in axes)).sum()
+    assert curve.length == pytest.approx(length, rel=1e-8)
+
+
+def test_a_spline_against_scipy() -> None:
+    interpolate = importlib.import_module("scipy.interpolate")  # it has no type information
+    knots = [0.0]
+    for a, b in pairwise(WAY):
+        knots.append(knots[-1] + math.dist(a, b))
+    reference = interpolate.CubicSpline(knots, WAY, bc_type="natural")
+    curve = Spline(WAY)
+    fine = [reference(knots[-1] * number / 20000) for number in range(20001)]
+    along = [0.0]
+    for a, b in pairwise(fine):
+        along.append(along[-1] + math.dist(a, b))
+    assert curve.length == pytest.approx(along[-1], rel=1e-6)
+    for number in range(0, 20001, 997):
+        assert curve.at(along[number]).position == pytest.approx(fine[number], abs=1e-4)
+
+
+@given(POINTS, HEADINGS, POINTS, HEADINGS, st.floats(0.5, 4.0))
+def test_dubins_arrives_within_radius_and_slope(
+    start: Any, heading: float, end: Any, toward: float, radius: float
+) -> None:
+    if math.dist(start[:2], end[:2]) < 0.1:
+        return
+    curve = dubins(Pose(start, heading), Pose(end, toward), radius, 0.4)
+    place = curve.at(curve.length)
+    assert place.position == pytest.approx(end, abs=1e-6)
+    assert wrapped(place.heading - toward) == pytest.approx(0.0, abs=1e-6)
+    assert curve.corners() == []
+    for piece in curve.pieces:
+        assert abs(piece.slope) <= 0.4 + 1e-9
+        assert abs(piece.turn) <= math.cos(piece.slope) / radius + 1e-9
+    again = curve.at(0.0)
+    assert again.position == start
+    assert wrapped(again.heading - heading) == pytest.approx(0.0, abs=1e-9)
+
+
+@given(st.floats(-8.0, 8.0), st.floats(-8.0, 8.0), HEADINGS, HEADINGS)
+def test_no_other_three_pieces_are_shorter_than_dubins(
+    north: float, east: float, heading: float, toward: float
+) -> None:
+    """Brute force over first arcs: from where each ends, the way on is no shorter than the whole path says."""
+    if math.hypot(north, east) < 0.1:
+        return
+    goal = Pose((north, east, 0.0), toward)
+    best = dubins(Pose((0.0, 0.0, 0.0), heading), goal, 1.0).length
+    assert best >= math.hypot(north, east) - 1e-9
+    for turn in (-1.0, 0.0, 1.0):
+        for length in (0.3, 1.0, 2.5):
+            on = (
+                circle((0.0, 0.0, 0.0), 1.0)
+                .pieces[0]
+                ._replace(start=(0.0, 0.0, 0.0), heading=heading, turn=turn, length=length)
+                .at(length)
+            )
+            if math.dist(on.position[:2], (north, east)) > 1e-3:
+                assert best <= length + dubins(Pose(on.position, on.heading), goal, 1.0).length + 1e-6
+
+
+def test_dubins_by_hand() -> None:
+    """Straight on; a U-turn of two radii; a climb that needs two rounds more than the plane way of 10 m."""
+    ahead = dubins(Pose((0.0, 0.0, 0.0), 0.0), Pose((10.0, 0.0, 0.0), 0.0), 2.0)
+    assert len(ahead.pieces) == 1
+    assert ahead.length == pytest.approx(10.0)
+    back = dubins(Pose((0.0, 0.0, 0.0), 0.0), Pose((0.0, 4.0, 0.0), math.pi), 2.0)
+    assert back.length == pytest.approx(2.0 * math.pi)
+    steep = dubins(Pose((0.0, 0.0, 0.0), 0.0), Pose((10.0, 0.0, 40.0), 0.0), 2.0, math.pi / 4.0)
+    assert steep.pieces[-1].slope == pytest.approx(math.pi / 4.0)  # rounds just wide enough
+    assert steep.length == pytest.approx(40.0 * math.sqrt(2.0))
+    assert steep.pieces[-1].length * abs(steep.pieces[-1].turn) == pytest.approx(2 * 2 * math.pi)
+
+
+@pytest.mark.parametrize(
+    ("curve", "speed", "limits", "message"),
+    [
+        (CURVES["circle"], 3.0, WIDE, "not between 0 and the vehicle's 2 m/s"),
+        (CURVES["circle"], 1.0, WIDE._replace(yaw_rate=0.3), r"go at 0\.9 m/s"),  # 0.3 rad/s x 3 m
+        (CURVES["circle"], 1.0, WIDE._replace(lateral_acceleration=0.12), r"go at 0\.6 m/s"),  # root of 0.12 x 3
+        (polyline([(0.0, 0.0, 0.0), (3.0, 0.0, 4.0)]), 1.0, WIDE._replace(vertical_speed=0.4), r"go at 0\.5 m/s"),
+        (CURVES["helix"], 0.5, WIDE._replace(deepest=7.0), r"0 to 7 m; move the path"),
+        (CURVES["straight"], 0.5, WIDE._replace(shallowest=3.5), r"3\.0 m deep.*3\.5 to 11000 m"),
+        (polyline([(0.0, 0.0, 0.0), (3.0, 0.0, 4.0)]), 0.1, WIDE._replace(climb_angle=0.5), r"53\.1 deg.*28\.6 deg"),
+        (polyline([(0.0, 0.0, 4.0), (3.0, 0.0, 0.0)]), 0.1, WIDE._replace(climb_angle=0.5), r"53\.1 deg.*longer"),
+        (CURVES["circle"], 0.1, WIDE._replace(turn_radius=3.5), r"radius of 3\.00 m.*needs 3\.5 m"),
+        (CURVES["helix"], 0.1, WIDE._replace(turn_radius=3.01), r"radius of 3\.00 m"),
+        (CURVES["spline"], 0.1, WIDE._replace(turn_radius=30.0), r"bends with a radius"),
+        (CURVES["polyline"], 0.1, WIDE._replace(turn_radius=1.0), r"10\.2 m along.*a corner.*spline or Dubins"),
+    ],
+)
+def test_what_breaks_a_limit_is_refused_with_the_remedy(
+    curve: Curve, speed: float, limits: Limits, message: str
+) -> None:
+    with pytest.raises(MissionError, match=message):
+        Trajectory(curve, speed, limits)
+
+
+@pytest.mark.parametrize(
+    "make", [lambda: polyline([(0.0, 0.0, 1.0)]), lambda: Spline([(0.0, 0.0, 1.0)]), lambda: Chain([])]
+)
+def test_what_is_no_way_is_refused(make: Any) -> None:
+    with pytest.raises(MissionError, match="at least"):
+        make()
+    with pytest.raises(MissionError, match="neither may be 0"):
+        circle((0.0, 0.0, 0.0), 1.0, 0.0)
+    with pytest.raises(MissionError, match="turning radius above 0 m"):
+        dubins(Pose((0.0, 0.0, 0.0), 0.0), Pose((9.0, 0.0, 0.0), 0.0), 0.0)
+
+
+@pytest.mark.parametrize("name", ["spline", "helix", "polyline", "dubins"])
+def test_a_vehicle_that_follows_the_commands_stays_on_the_curve(name: str) -> None:
+    """A vehicle with a lag of 0.3 s starts 1 m beside and 0.5 rad off; it closes in and arrives."""
+    limits = WIDE._replace(speed=1.0, yaw_rate=1.0)
+    run, step = Trajectory(CURVES[name], 0.5, limits), 0.05
+    (north, east, down), heading = run.at(0.0).position, run.at(0.0).heading + 0.5
+    north, errors = north + 1.0, []
+    surge = sway = heave = turn = 0.0
+    for number in range(int((run.duration + 10.0) / step)):
+        command = track(run.at(number * step), (north, east, down), heading, limits, gain=0.8)
+        assert math.hypot(command.surge, command.sway) <= 1.0 + 1e-9
+        assert abs(command.yaw_rate) <= 1.0
+        surge += (command.surge - surge) * step / 0.3
+        sway += (command.sway - sway) * step / 0.3
+        heave += (command.heave - heave) * step / 0.3
+        turn += (command.yaw_rate - turn) * step / 0.3
+        heading += turn * step
+        north += (surge * math.cos(heading) - sway * math.sin(heading)) * step
+        east += (surge * math.sin(heading) + sway * math.cos(heading)) * step
+        down += heave * step
+        errors.append(math.dist((north, east, down), run.at((number + 1) * step).position))
+    assert max(errors[int(10.0 / step) :]) < 0.35
+    assert errors[-1] < 0.01
+
+
+def test_track_by_hand() -> None:
+    """Bound north at 0.4 m/s, 1 m too far west, bow to the east: half ahead for the error, the rest to port."""
+    wanted = Setpoint((5.0, 5.0, 3.0), (0.4, 0.0, 0.1), 0.0, 0.2)
+    command = track(wanted, (5.0, 4.0, 3.5), math.pi / 2.0, Limits(), 0.5)
+    assert (command.surge, command.sway, command.heave) == pytest.approx((0.5, -0.4, -0.15))
+    assert command.yaw_rate == pytest.approx(-0.5)  # 0.2 - 0.5 x 1.57, held at the limit
+
+
+@pytest.mark.parametrize("name", ["circle", "helix", "dubins", "straight"])
+def test_what_is_just_within_turn_radius_and_climb_angle_is_allowed(name: str) -> None:
+    """3 m round, helix and circle; 2 m of Dubins; and 0.3 rad is steeper than any of them."""
+    radius = 2.0 if name == "dubins" else 3.0
+    trajectory = Trajectory(CURVES[name], 0.3, WIDE._replace(turn_radius=radius, climb_angle=0.3))
+    assert trajectory.duration == Trajectory(CURVES[name], 0.3, WIDE).duration
+
+
+def test_dubins_keeps_the_limits_it_was_made_for() -> None:
+    limits = WIDE._replace(turn_radius=4.0, climb_angle=0.25, vertical_speed=1.0)
+    way = dubins(Pose((0.0, 0.0, 2.0), 1.0), Pose((10.0, -6.0, 30.0), 2.5), limits.turn_radius, limits.climb_angle)
+    assert Trajectory(way, 0.5, limits).at(1e9).position == pytest.approx((10.0, -6.0, 30.0), abs=1e-6)
+    with pytest.raises(MissionError, match="bends with a radius"):
+        Trajectory(way, 0.5, limits._replace(turn_radius=12.0))
+
+
+def test_a_waypoint_file(tmp_path: Any) -> None:
+    path = os.path.join(tmp_path, "way.toml")
+    text = "".join(f"[[waypoint]]\nnorth = {n}\neast = {e}\ndepth = {d}\n" for n, e, d in WAY)
+    for smooth, length in (("", polyline(WAY).length), ("smooth = true\n", Spline(WAY).length)):
+        with open(path, "w", encoding="utf-8") as file:
+            file.write(smooth + text)
+        assert read_waypoints(path).length == pytest.approx(length)
+    with open(path, "w", encoding="utf-8") as file:
+        file.write("[[waypoint]]\nnorth = 1.0\neast = 2.0\ndeep = 3.0\n")
+    with pytest.raises(ConfigError, match=r"way\.toml.*'deep'"):
+        read_waypoints(path)
+
+
+def write(path: str, text: str) -> str:
+    with open(path, "w", encoding="utf-8") as file:
+        file.write(text)
+    return path
+
+
+def test_a_waypoint_file_as_csv(tmp_path: Any) -> None:
+    """Columns in any order, a comment, an empty line, a byte order mark and numbers with their unit."""
+    rows = "".join(f"{d} m, {n},{e}\n" for n, e, d in WAY)
+    way = read_waypoints(write(os.path.join(tmp_path, "way.csv"), f"\ufeffdepth,north, east\n# my way\n\n{rows}"))
+    assert way.length == polyline(WAY).length
+    assert way.at(0.0).position == WAY[0]
+    assert way.at(way.length).position == pytest.approx(WAY[-1])
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("north,east\n1,2\n", r"way\.csv: line 1: name the columns north, east, depth; found north, east"),
+        ("north,east,depth\n1,2,3\n4,5\n", r"way\.csv: line 3: 3 numbers expected, found 2"),
+        ("north,east,depth\n1,2,deep\n", r"way\.csv: line 2: depth: expected a number and a unit"),
+        ("north,east,depth\n\n1,2,nan\n", r"way\.csv: line 3: depth: nan m is outside -1 to 11000 m"),
+        ("north,east,depth\n1,inf,3\n", r"way\.csv: line 2: east: inf m is outside"),
+        ("north,east,depth\n1,2,3\n", r"way\.csv: a path needs at least two different points"),
+        ("", r"way\.csv: a path needs at least two"),
+    ],
+)
+def test_a_wrong_csv_is_told_by_its_line(text: str, message: str, tmp_path: Any) -> None:
+    with pytest.raises((ConfigError, MissionError), match=message):
+        read_waypoints(write(os.path.join(tmp_path, "way.csv"), text))
+
+
+def test_a_file_that_is_not_there_or_no_text(tmp_path: Any) -> None:
+    with pytest.raises(ConfigError, match=r"none\.csv: no such file"):
+        read_waypoints(os.path.join(tmp_path, "none.csv"))
+    with open(os.path.join(tmp_path, "way.csv"), "wb") as file:
+        file.write(b"\xff\xfe\x00")
+    with pytest.raises(ConfigError, match=r"way\.csv: not a CSV file"):
+        read_waypoints(os.path.join(tmp_path, "way.csv"))

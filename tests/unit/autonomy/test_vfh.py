@@ -1,0 +1,175 @@
+"""VFH+ against cases worked by hand, and what must hold for any scan."""
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hil.autonomy.control.controller import wrap
+from hil.autonomy.paths.vfh import Scan, Vfh, VfhSettings
+
+# 36 sectors of 10 degrees; berth 0.5 m: at 1 m an obstacle fills asin(0.5) = 30 degrees to both sides
+SETTINGS = VfhSettings(
+    radius=0.3, safety=0.2, range=4.0, block_within=2.0, free_beyond=3.0, sectors=36, wide=math.radians(40.0)
+)
+DEGREE = math.pi / 180.0
+
+
+def echo(bearing: float, distance: float) -> Scan:
+    """One echo in a scan all round, a beam each degree, `bearing` in degrees from the bow."""
+    return echoes({bearing: distance})
+
+
+def echoes(where: dict[float, float]) -> Scan:
+    ranges = [math.inf] * 360
+    for bearing, distance in where.items():
+        ranges[int(bearing + 180) % 360] = distance
+    return Scan(-math.pi, DEGREE, ranges)
+
+
+def blocked(vfh: Vfh) -> list[int]:
+    """The blocked sectors in degrees from north."""
+    return [10 * sector for sector, state in enumerate(vfh.blocked) if state]
+
+
+def degrees(angle: float | None) -> float:
+    assert angle is not None
+    return angle / DEGREE
+
+
+def test_open_water_leads_straight_to_the_target() -> None:
+    vfh = Vfh(SETTINGS)
+    assert vfh.steer(echoes({}), 0.3, -1.2) == -1.2
+    command = vfh.command(echoes({}), 0.0, 0.3, 0.8)
+    assert command.surge == pytest.approx(0.8 * math.cos(0.3))
+    assert command.yaw_rate == pytest.approx(0.3)
+
+
+def test_an_obstacle_is_widened_by_the_berth() -> None:
+    """At 1 m by 30 degrees to both sides: sectors from 330 to 30 degrees; its magnitude is 1 - 1/16."""
+    vfh = Vfh(SETTINGS)
+    vfh.steer(echo(0, 1.0 - 1e-9), 0.0, 0.0)
+    assert blocked(vfh) == [0, 10, 20, 30, 330, 340, 350]
+    assert vfh.density[0] == pytest.approx(15.0 / 16.0)
+    assert vfh.density[4] == 0.0
+
+
+def test_the_free_side_nearest_the_target_is_taken_at_half_the_wide_opening() -> None:
+    """Blocked to 35 degrees on either side: past it at 35 + 20 degrees, on the target's side."""
+    for target, expected in ((10.0, 55.0), (-10.0, -55.0), (90.0, 90.0), (-170.0, -170.0)):
+        vfh = Vfh(SETTINGS)
+        assert degrees(vfh.steer(echo(0, 1.0 - 1e-9), 0.0, target * DEGREE)) == pytest.approx(expected)
+
+
+def test_a_narrow_opening_is_passed_in_its_middle() -> None:
+    """Two posts 50 degrees to port and starboard at 1 m: between them 335 + ... to 25, less the berth: 30 degrees."""
+    vfh = Vfh(SETTINGS)
+    heading = vfh.steer(echoes({-50: 1.0 - 1e-9, 50: 1.0 - 1e-9}), 0.0, 8.0 * DEGREE)
+    assert blocked(vfh) == [20, 30, 40, 50, 60, 70, 80, 280, 290, 300, 310, 320, 330, 340]
+    assert degrees(heading) == pytest.approx(0.0)
+
+
+def test_sectors_are_fixed_to_the_world() -> None:
+    """The same post, seen after a turn of 70 degrees to starboard: 70 degrees to port now, the same sectors."""
+    vfh = Vfh(SETTINGS)
+    vfh.steer(echo(0, 1.0 - 1e-9), 0.0, 0.0)
+    before = blocked(vfh)
+    vfh.steer(echo(-70, 1.0 - 1e-9), 70.0 * DEGREE, 0.0)
+    assert blocked(vfh) == before
+
+
+def test_hysteresis_between_the_two_distances() -> None:
+    """Free at 2.5 m coming near, blocked at 1.9 m, still blocked at 2.5 m going away, free at 3.1 m."""
+    vfh, states = Vfh(SETTINGS), []
+    for distance in (3.1, 2.5, 1.9, 2.5, 2.9, 3.1, 2.5):
+        vfh.steer(echo(0, distance), 0.0, 0.0)
+        states.append(vfh.blocked[0])
+    assert states == [False, False, True, True, True, False, False]
+
+
+def test_what_is_out_of_sight_keeps_its_state() -> None:
+    vfh = Vfh(SETTINGS)
+    vfh.steer(echo(0, 1.0), 0.0, 0.0)
+    ahead = Scan(-30.0 * DEGREE, DEGREE, [math.inf] * 61)
+    vfh.steer(ahead, math.pi, 0.0)
+    assert vfh.blocked[0]
+    vfh.steer(ahead, 0.0, 0.0)
+    assert not vfh.blocked[0]
+
+
+def test_a_turning_circle_masks_what_lies_behind_an_obstacle_beside() -> None:
+    """A post 40 degrees to starboard at 1.5 m. The circle of 1 m to starboard has its centre at 1 m abeam; the post
+    is 1.15 m from it, within 1 m + 0.5 m: no way round that side. To port all is free."""
+    vfh = Vfh(SETTINGS._replace(turning_radius=1.0))
+    heading = degrees(vfh.steer(echo(40, 1.5), 0.0, 120.0 * DEGREE))
+    assert [10 * k for k, masked in enumerate(vfh.masked) if masked] == [50, 60, 70, 80, 90, *range(100, 180, 10)]
+    assert heading == pytest.approx(5.0)  # blocked from 25 degrees on, and half of the wide opening off that
+    spot = Vfh(SETTINGS)
+    assert degrees(spot.steer(echo(40, 1.5), 0.0, 120.0 * DEGREE)) == pytest.approx(120.0)
+
+
+def test_the_last_choice_holds_where_two_are_equal() -> None:
+    """Blocked ahead: once it went to starboard it stays there, though the target is a bit to port now."""
+    scan = echo(0, 1.0 - 1e-9)
+    vfh = Vfh(SETTINGS)
+    assert degrees(vfh.steer(scan, 0.0, 2.0 * DEGREE)) == pytest.approx(55.0)
+    assert degrees(vfh.steer(scan, 0.0, -2.0 * DEGREE)) == pytest.approx(55.0)
+    assert degrees(Vfh(SETTINGS).steer(scan, 0.0, -2.0 * DEGREE)) == pytest.approx(-55.0)
+
+
+def test_the_speed_falls_with_the_water_ahead() -> None:
+    """Full from block_within (2 m) on, nothing at the berth (0.5 m), evenly between; what is beside does not count."""
+    far = SETTINGS._replace(safety=0.2)
+    for distance, share in ((3.5, 1.0), (2.0, 1.0), (1.25, 0.5), (0.5, 0.0), (0.4, 0.0)):
+        vfh = Vfh(far)
+        free = vfh.steer(echo(0, distance), 0.0, 0.0)
+        command = Vfh(far).command(echo(0, distance), 0.0, 0.0, 0.6)
+        assert free is not None
+        assert command.surge == pytest.approx(0.6 * share * max(0.0, math.cos(free)), abs=1e-9)
+    assert Vfh(SETTINGS).command(echo(90, 0.6), 0.0, 0.0, 0.6).surge > 0.0
+
+
+def test_beyond_the_goal_nothing_counts() -> None:
+    scan = echo(0, 1.5)
+    assert Vfh(SETTINGS).steer(scan, 0.0, 0.0, reach=1.4) == 0.0
+    assert Vfh(SETTINGS).steer(scan, 0.0, 0.0, reach=1.6) != 0.0
+
+
+def test_enclosed_it_turns_on_the_spot_to_look() -> None:
+    ring = Scan(-math.pi, DEGREE, [1.0] * 360)
+    vfh = Vfh(SETTINGS)
+    assert vfh.steer(ring, 0.0, 1.0) is None
+    command = vfh.command(ring, 0.0, 1.0, 0.6, max_yaw_rate=0.4)
+    assert (command.surge, command.yaw_rate) == (0.0, 0.4)
+
+
+DISTANCES = st.one_of(st.floats(-1.0, 8.0), st.sampled_from([math.inf, math.nan, 0.0]))
+ANGLES = st.floats(-10.0, 10.0)
+
+
+@given(st.lists(st.tuples(st.lists(DISTANCES, min_size=2, max_size=40), ANGLES, ANGLES), min_size=1, max_size=4))
+def test_any_scan_gives_a_free_heading_and_a_command_within_limits(
+    rounds: list[tuple[list[float], float, float]],
+) -> None:
+    vfh = Vfh(SETTINGS)
+    for ranges, heading, target in rounds:
+        scan = Scan(-1.5, 3.0 / len(ranges), ranges)
+        command = vfh.command(scan, heading, target, 0.7, 0.5)
+        assert 0.0 <= command.surge <= 0.7
+        assert abs(command.yaw_rate) <= 0.5
+        chosen = vfh.steer(scan, heading, target)
+        if chosen is None:
+            assert all(vfh.blocked)
+            continue
+        assert not vfh.blocked[round(chosen / (10.0 * DEGREE)) % 36]
+        for angle, distance in scan.points():  # no straight way on leads nearer than the berth, to half a sector
+            aside = abs(wrap(chosen - heading - angle))
+            if distance < SETTINGS.block_within and aside < math.pi / 2.0:
+                assert aside >= math.asin(min(1.0, 0.5 / distance)) - 5.1 * DEGREE
+
+
+def test_settings_that_contradict_each_other_are_named() -> None:
+    assert SETTINGS.validate() is None
+    assert "must grow" in str(SETTINGS._replace(block_within=0.4).validate())
+    assert "must grow" in str(SETTINGS._replace(free_beyond=1.0).validate())

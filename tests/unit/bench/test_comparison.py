@@ -1,0 +1,286 @@
+"""`uuv-hil bench compare`: real differences are found, chance is not, and what is no result is refused."""
+
+import json
+import random
+from pathlib import Path
+
+import pytest
+
+from hil.bench.comparison import compare, difference, unlike
+from hil.bench.record import Better, Figure, Record, load, new_record, save
+from hil.cli import main
+from hil.common.errors import ConfigError
+
+NAN = float("nan")
+
+
+def values(middle: float, seed: int, count: int = 30, scatter: float = 0.1) -> list[float]:
+    generator = random.Random(seed)
+    return [middle * (1.0 + generator.gauss(0.0, scatter)) for _ in range(count)]
+
+
+def starts(values: list[float], unit: str = "ms", better: Better = "lower") -> Figure:
+    """A value a start."""
+    return Figure(values, unit, better, (1,) * len(values))
+
+
+def runs(seed: str, count: int, size: int, middle: float = 20.0) -> Figure:
+    """Starts that lie apart, each with commands of which neighbours are alike: AR(1), 0.5."""
+    generator, found = random.Random(seed), []
+    for _ in range(count):
+        at, offset = 0.0, generator.gauss(0.0, 1.0)
+        for _ in range(size):
+            at = 0.5 * at + generator.gauss(0.0, 1.0)
+            found.append(middle + offset + at)
+    return Figure(found, "ms", "lower", (size,) * count)
+
+
+def write(path: Path, kind: str = "table", **figures: Figure) -> str:
+    save(new_record(kind, {"repeat": 30}, figures), str(path))
+    return str(path)
+
+
+@pytest.mark.parametrize(
+    ("after", "better", "verdict"),
+    [
+        (1.3, "lower", "worse"),
+        (1.3, "higher", "better"),
+        (0.7, "lower", "better"),
+        (0.7, "higher", "worse"),
+        (1.3, "", "changed"),
+        (1.0, "lower", "same"),
+    ],
+)
+def test_verdicts(after: float, better: Better, verdict: str) -> None:
+    before = starts(values(1.0, 1), "ms", better)
+    found = difference("x", before, before._replace(values=values(after, 2)), 0.05, 0.95)
+    assert found.verdict == verdict
+    assert found.interval.holds(found.ratio)
+    assert found.ratio == pytest.approx(after, rel=0.1)
+
+
+def test_a_real_difference_that_does_not_matter_is_none() -> None:
+    before, after = starts(values(1.0, 1, 400, 0.001)), starts(values(1.02, 2, 400, 0.001))
+    assert difference("x", before, after, 0.05, 0.95).verdict == "same"
+    assert difference("x", before, after, 0.01, 0.95).verdict == "worse"
+
+
+def test_chance_is_seldom_taken_for_real() -> None:
+    pairs = [(starts(values(1.0, seed)), starts(values(1.0, seed + 1000))) for seed in range(40)]
+    wrong = [pair for pair in pairs if difference("x", *pair, 0.0, 0.95).verdict != "same"]
+    assert len(wrong) <= 6
+
+
+def test_starts_are_counted_and_not_their_commands() -> None:
+    """Five starts of one program against five more: nearly never real, though their commands differ."""
+    pairs = [(runs(f"a{seed}", 5, 40), runs(f"b{seed}", 5, 40)) for seed in range(60)]
+    wrong = [pair for pair in pairs if difference("x", *pair, 0.0, 0.95).verdict != "same"]
+    assert len(wrong) <= 6, "some 3 of 60 are nominal"
+    slower = [difference("x", runs(f"a{seed}", 5, 40), runs(f"b{seed}", 5, 40, 26.0), 0.0, 0.95) for seed in range(9)]
+    assert {found.verdict for found in slower} == {"worse"}
+
+
+def test_two_single_starts_are_never_called_better_or_worse(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("hil.bench.statistics.RESAMPLES", 400)  # sooner done
+    pairs = [(runs(f"a{seed}", 1, 200), runs(f"b{seed}", 1, 200)) for seed in range(30)]
+    verdicts = [difference("x", *pair, 0.0, 0.95).verdict for pair in pairs]
+    assert set(verdicts) == {"same", "few starts"}
+    assert verdicts.count("few starts") > 10, "starts do differ"
+    untold = [figure._replace(runs=()) for figure in pairs[0]]
+    assert difference("x", untold[0], untold[1], 0.0, 0.95).verdict == verdicts[0], "an old file"
+    assert difference("x", runs("a", 4, 9), runs("b", 9, 9, 40.0), 0.0, 0.95).verdict == "few starts"
+
+
+def test_a_table_has_a_value_a_start() -> None:
+    """Also of files that do not tell."""
+    before, after = (Figure(values(middle, 1), "s") for middle in (1.0, 2.0))
+    verdict = {
+        kind: compare(Record(kind, {}, {"x": before}), Record(kind, {}, {"x": after}))[0].verdict
+        for kind in ("table", "startup", "delay")
+    }
+    assert verdict == {"table": "worse", "startup": "worse", "delay": "few starts"}
+
+
+def test_few_values_prove_nothing() -> None:
+    assert difference("x", Figure([1.0] * 4, "ms"), Figure([9.0] * 40, "ms"), 0.05, 0.95).verdict == "too few"
+    assert difference("x", starts([1.0] * 4), starts([9.0] * 40), 0.05, 0.95).verdict == "too few"
+
+
+def test_a_median_of_zero() -> None:
+    nothing, something = starts([0.0] * 9), starts([2.0] * 9)
+    assert difference("losses", nothing, something, 0.05, 0.95).verdict == "worse"
+    assert difference("losses", something, nothing, 0.05, 0.95).verdict == "better"
+    assert difference("losses", nothing, nothing, 0.05, 0.95).verdict == "same"
+
+
+@pytest.mark.parametrize(("before", "after"), [(-2.0, -1.0), (-1.0, 1.0), (-1.0, -0.5)])
+def test_negative_medians_have_a_direction_too(before: float, after: float) -> None:
+    one, other = starts([before] * 9), starts([after] * 9)
+    assert difference("x", one, other, 0.05, 0.95).verdict == "worse"
+    assert difference("x", other, one, 0.05, 0.95).verdict == "better"
+    assert difference("x", one, starts([before * 1.01] * 9), 0.05, 0.95).verdict == "same"
+
+
+def test_only_common_figures_are_compared() -> None:
+    one, two = (Record("table", {}, {name: Figure([1.0] * 5, "s"), "both": Figure([1.0] * 5, "s")}) for name in "ab")
+    assert [found.name for found in compare(one, two)] == ["both"]
+
+
+def test_the_exit_code_for_continuous_integration(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    before = write(tmp_path / "a.json", delay=Figure(values(0.5, 1), "ms"))
+    after = write(tmp_path / "b.json", delay=Figure(values(0.8, 2), "ms"))
+    assert main(["bench", "compare", before, after]) == 0
+    assert main(["bench", "compare", before, after, "--fail-on-regression"]) == 1
+    assert "worse" in capsys.readouterr().out
+    assert main(["bench", "compare", after, before, "--fail-on-regression"]) == 0
+    assert main(["bench", "compare", before, after, "--fail-on-regression", "--least", "90%"]) == 0
+    capsys.readouterr()
+    assert main(["bench", "compare", before, after, "--json"]) == 0
+    rows = json.loads(capsys.readouterr().out)["differences"]
+    assert rows[0]["verdict"] == "worse"
+    assert rows[0]["interval"][0] > 1.0
+
+
+def test_a_record_is_read_as_it_was_written(tmp_path: Path) -> None:
+    figures = {"delay": Figure([0.1, NAN, 0.3, NAN], "ms", runs=(1, 2, 1)), "rate": Figure([], "Hz", "higher")}
+    record = new_record("table", {"repeat": 3}, figures, ["limited: processor 0 only"], {"more": float("inf")})
+    save(record, str(tmp_path / "a.json"))
+    read = load(str(tmp_path / "a.json"))
+    assert read.figures == {"delay": Figure([0.1, 0.3], "ms", runs=(1, 1)), "rate": Figure([], "Hz", "higher")}
+    assert read.labels == record.labels
+    assert "limited: processor 0 only" in read.labels
+    assert read.machine["cores"] >= 1
+    assert read.details == {"more": None}
+
+
+@pytest.mark.parametrize("text", ["", "{}", "[1]", '{"format": "uuv-hil bench 1"}', '{"format": "other"}', "\x00"])
+def test_what_is_no_result(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "a.json"
+    path.write_text(text)
+    with pytest.raises(ConfigError, match=r"a\.json: is not a result"):
+        load(str(path))
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("machine", None),
+        ("machine", [1]),
+        ("settings", None),
+        ("settings", []),
+        ("details", 1),
+        ("labels", [1, 2]),
+        ("labels", "emulated"),
+        ("labels", None),
+        ("kind", 3),
+        ("made", None),
+        ("figures", []),
+        ("more", 1),
+    ],
+)
+def test_a_field_of_another_type(tmp_path: Path, key: str, value: object) -> None:
+    path = write(tmp_path / "a.json", x=Figure([1.0], "s"))
+    damage(path, key, value)
+    with pytest.raises(ConfigError, match=r"a\.json: is not a result"):
+        load(path)
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("values", [10**400]),
+        ("values", [NAN]),
+        ("values", [True]),
+        ("values", [None]),
+        ("values", "12"),
+        ("values", 3),
+        ("unit", 3),
+        ("better", "more"),
+        ("better", []),
+        ("runs", [2]),
+        ("runs", [2, -1]),
+        ("runs", [1.0]),
+        ("runs", None),
+    ],
+)
+def test_a_figure_that_is_none(tmp_path: Path, key: str, value: object) -> None:
+    path = write(tmp_path / "a.json", x=Figure([1.0], "s"))
+    damage(path, key, value, "figures", "x")
+    with pytest.raises(ConfigError, match=r"a\.json: is not a result"):
+        load(path)
+
+
+def damage(path: str, key: str, value: object, *way: str) -> None:
+    root = table = json.loads(Path(path).read_text())
+    for name in way:
+        table = table[name]
+    table[key] = value
+    Path(path).write_text(json.dumps(root))
+
+
+def test_files_from_before_runs_were_told(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.json", x=Figure([1.0, 2.0], "s"))
+    table = json.loads(Path(path).read_text())
+    del table["figures"]["x"]["runs"]
+    Path(path).write_text(json.dumps(table))
+    assert load(path).figures == {"x": Figure([1.0, 2.0], "s")}
+
+
+def test_what_makes_two_results_unlike() -> None:
+    one = Record(
+        "table",
+        {"repeat": 5},
+        {},
+        machine={
+            "load": 0.4, "governors": {"performance": 4}, "python": "3.11.2", "packages": {"eclipse-zenoh": "1.2"}
+        },
+    )  # fmt: skip
+    other = Record(
+        "table",
+        {"repeat": 5},
+        {},
+        ("virtual machine",),
+        machine={
+            "load": 3.1, "governors": {"powersave": 4}, "python": "3.11.2",
+            "packages": {"eclipse-zenoh": "1.3", "numpy": "2.0"},
+        },
+    )  # fmt: skip
+    assert unlike(one, one) == []
+    assert unlike(one, other) == [
+        "governors of the machine: performance (4) and powersave (4)",
+        "load of the machine: 0.4 and 3.1",
+        "eclipse-zenoh: 1.2 and 1.3",
+        "numpy: none and 2.0",
+        "labels: none and virtual machine",
+    ]
+    assert unlike(one, one._replace(machine={**one.machine, "load": 0.9})) == [], "it always varies a little"
+    assert unlike(one, one._replace(machine={**one.machine, "load": "much"})) == []
+
+
+def test_few_starts_are_marked_and_fail_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    before = write(tmp_path / "a.json", "delay", delay=Figure(values(0.5, 1), "ms", runs=(30,)))
+    after = write(tmp_path / "b.json", "delay", delay=Figure(values(0.8, 2), "ms", runs=(30,)))
+    assert main(["bench", "compare", before, after, "--fail-on-regression"]) == 0
+    said = capsys.readouterr().out
+    assert "between two starts rather than two programs; measure with --repeat 5" in said
+    assert "0 worse, 0 better, 1 not to be told, of 1" in said
+
+
+def test_results_of_different_benchmarks(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    one = write(tmp_path / "a.json", "table", a=Figure([1.0], "s"))
+    other = write(tmp_path / "b.json", "delay", b=Figure([1.0], "s"))
+    assert main(["bench", "compare", one, other]) == 2
+    assert "a.json is of `bench table`, " in (said := capsys.readouterr().err)
+    assert "b.json of `bench delay`: they have no figure in common" in said
+
+
+def test_what_cannot_be_compared(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    one, other = write(tmp_path / "a.json", a=Figure([1.0], "s")), write(tmp_path / "b.json", b=Figure([1.0], "s"))
+    assert main(["bench", "compare", one, other]) == 2
+    assert main(["bench", "compare", one, str(tmp_path / "none.json")]) == 2
+    assert main(["bench", "compare", one, one, "--least", "much"]) == 2
+    said = capsys.readouterr().err
+    assert all(
+        word in said
+        for word in ("no figure in common", "none.json: no such file", "--least: expected a share from 0% to 99%")
+    )

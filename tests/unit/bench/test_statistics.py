@@ -1,0 +1,125 @@
+"""The statistics of benchmarks, against numbers worked out by hand or by others."""
+
+import math
+import random
+import statistics
+
+import pytest
+
+from hil.bench.jitter_run import _quantile as cyclictest_quantile
+from hil.bench.statistics import Interval, median, median_interval, ratio_interval, spread
+from hil.client.delay import quantiles
+from hil.common.clock import Histogram
+from hil.common.quantiles import quantile, rank
+
+
+@pytest.mark.parametrize(
+    ("share", "value"),
+    [(0.0, 15.0), (0.05, 15.0), (0.3, 20.0), (0.4, 20.0), (0.5, 35.0), (1.0, 50.0)],
+)
+def test_nearest_rank(share: float, value: float) -> None:
+    assert quantile([15.0, 20.0, 35.0, 40.0, 50.0], share) == value  # the usual example of the method
+
+
+@pytest.mark.parametrize("count", [1, 7, 100, 1000, 4096])
+def test_every_share_of_whole_percents_is_that_rank(count: int) -> None:
+    """In whole numbers, which floats do not round: 0.07 * 100 is 7.000000000000001."""
+    values = list(range(1, count + 1))
+    for percent in range(101):
+        exact = max(-(-percent * count // 100), 1)
+        assert quantile(values, percent / 100) == rank(percent / 100, count) == exact
+
+
+def test_all_quantiles_are_of_one_definition() -> None:
+    """Of a histogram of what was measured, of cyclictest's, of loopback's and of delays: small whole numbers here."""
+    for count, share in ((100, 0.07), (100, 0.55), (100, 0.99), (7, 0.5), (1000, 0.999)):
+        histogram, values = Histogram(), [number % 8 for number in range(count)]
+        for value in values:
+            histogram.add(value)  # those below 8 have bins of their own
+        expected = quantile(sorted(values), share)
+        counts = [(value, values.count(value)) for value in range(8)]
+        assert histogram.quantile(share) == cyclictest_quantile(counts, count, share) == expected
+    assert quantiles(list(range(1_000_000, 101_000_000, 1_000_000)))[:3] == (50.0, 90.0, 99.0)
+
+
+def test_quantiles_of_a_hundred() -> None:
+    values = [float(value) for value in range(1, 101)]
+    assert [quantile(values, share) for share in (0.5, 0.9, 0.99, 0.999, 1.0)] == [50.0, 90.0, 99.0, 100.0, 100.0]
+
+
+def test_median_is_the_standard_librarys() -> None:
+    generator = random.Random(4)
+    for size in (1, 2, 3, 10, 101):
+        values = [generator.gauss(0.0, 1.0) for _ in range(size)]
+        assert median(values) == statistics.median(values)
+
+
+def test_spread_is_that_of_the_middle_half() -> None:
+    assert spread([1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0]) == 6.0 - 2.0
+    assert spread([3.0]) == 0.0
+
+
+def test_nothing_has_no_median() -> None:
+    assert all(math.isnan(value) for value in (median([]), quantile([], 0.5), spread([])))
+    assert all(map(math.isnan, median_interval([])))
+    assert all(map(math.isnan, ratio_interval([], [1.0])))
+    assert all(map(math.isnan, ratio_interval([0.0] * 5, [1.0] * 5)))
+
+
+def test_the_interval_of_equal_values_is_that_value() -> None:
+    assert median_interval([7.0] * 9) == Interval(7.0, 7.0)
+    assert ratio_interval([2.0] * 9, [3.0] * 9) == Interval(1.5, 1.5)
+
+
+def test_the_interval_holds_the_true_median_as_often_as_it_says() -> None:
+    generator = random.Random(5)
+    trials, held = 120, 0
+    for seed in range(trials):
+        values = [generator.expovariate(1.0) for _ in range(25)]
+        held += median_interval(values, 0.9, seed).holds(math.log(2.0))
+    assert 0.82 <= held / trials <= 0.98
+
+
+def test_more_values_narrow_the_interval() -> None:
+    generator = random.Random(6)
+    few, many = ([generator.gauss(10.0, 1.0) for _ in range(size)] for size in (10, 400))
+    narrow, wide = (interval.high - interval.low for interval in map(median_interval, (many, few)))
+    assert narrow < wide / 3
+
+
+def wander(generator: random.Random, count: int, alike: float) -> list[float]:
+    """A first-order autoregressive series (AR(1)) around 20."""
+    at, found = generator.gauss(0.0, 1.0) / math.sqrt(1.0 - alike**2), []
+    for _ in range(count):
+        at = alike * at + generator.gauss(0.0, 1.0)
+        found.append(20.0 + at)
+    return found
+
+
+def test_neighbours_that_are_alike_are_drawn_in_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two series of one process: of a hundred pairs some five may seem to differ, not a quarter."""
+    monkeypatch.setattr("hil.bench.statistics.RESAMPLES", 400)  # sooner done
+    generator, trials = random.Random(7), 60
+    wrong = {True: 0, False: 0}
+    for _ in range(trials):
+        one, other = (wander(generator, 200, 0.54) for _ in range(2))
+        for block in wrong:
+            wrong[block] += not ratio_interval(one, other, block=block).holds(1.0)
+    assert wrong[False] / trials > 0.15, "the fault"
+    assert wrong[True] / trials <= 0.12
+
+
+def test_blocks_of_equal_and_of_few_values() -> None:
+    assert median_interval([7.0] * 9, block=True) == Interval(7.0, 7.0)
+    assert median_interval([7.0], block=True) == Interval(7.0, 7.0)
+    assert all(map(math.isnan, median_interval([], block=True)))
+
+
+def test_a_ratio_needs_medians_above_zero() -> None:
+    assert all(map(math.isnan, ratio_interval([-2.0] * 5, [-3.0] * 5)))
+    assert all(map(math.isnan, ratio_interval([2.0] * 5, [-3.0] * 5)))
+
+
+def test_a_seed_gives_the_same_interval_again() -> None:
+    values = [float(value % 7) for value in range(50)]
+    assert median_interval(values, seed=3) == median_interval(values, seed=3)

@@ -1,0 +1,165 @@
+"""The HIL table: what it computes, and how it says what it could not measure."""
+
+import json
+import math
+import re
+from typing import Any
+
+import pytest
+
+from hil.bench.table import hil_table as table
+from hil.client.client import Stamped
+from hil.client.delay import DelayMeter, quantiles
+from hil.common.process import boot_id
+from hil.master.flight import Outcome
+from hil.ros.diagnostics import Diagnostics
+from sim.run_events import RunEvent
+from tests.support.diagnostics import reported
+
+OUTCOME = Outcome(True, "goal reached", 100.0, 70.0, 71.0, 0.3, 0.2, 0.8, cpu_s=2.0)
+HEALTH = {
+    "boot_id": boot_id(), "cpu_s": 6.0, "cores": 4, "pss_mib": 12.0, "rss_mib": 20.0, "ram_mib": 2048,
+    "bytecode_compiled": True, "startup_ready_ms": 40.0, "exec_wall_ns": 1_000_000_000,
+    "link_wire": "pty", "link_baud": 115_200, "link_held_baud": 0,
+    "link_bytes_out": 2200, "link_messages_out": 100, "link_port": "/dev/pts/9",
+}  # fmt: skip
+
+
+class Client:
+    """What the table reads of a client."""
+
+    def __init__(self, dialled_ns: int, health: Diagnostics, offset_ns: int) -> None:
+        self.delays = DelayMeter()
+        for number in range(100):
+            published = number * 50_000_000
+            instants = [number, published, *(published + offset_ns + us * 1000 for us in (200, 250, 350, 400))]
+            self.delays.add(instants, published + offset_ns + 420_000, published + 600_000)
+        self.dialled_wall_ns = dialled_ns
+        self.latest = {"diagnostics": Stamped(health, 101 * 10**9, 101 * 10**9)}
+        self._health = health
+
+    def first_sample_ns(self, exec_wall_ns: int) -> int | None:
+        return 1_080_000_000 if exec_wall_ns <= 1_080_000_000 else None
+
+    def diagnostics(self) -> Diagnostics:
+        return self._health
+
+
+def build(dialled_ns: int = 0, offset_ns: int = 0, **health: Any) -> table.HilTable:
+    client = Client(dialled_ns, reported(**HEALTH | health), offset_ns)
+    first = table.CpuMark(1.0, 1.0, 1_000_000_000)
+    return table.build(client, OUTCOME, first)  # type: ignore[arg-type]  # a stand-in
+
+
+def test_figures() -> None:
+    result = build()
+    assert result.master_cpu_core == 0.02
+    assert result.slave_cpu_core == 0.05
+    assert result.slave_cpu_machine == 0.0125
+    assert result.startup_s == 0.08
+    assert result.delay.p50_ms == 0.4
+    assert [round(hop.p50_ms, 6) for hop in result.hops.values()] == [0.2, 0.05, 0.1, 0.0, 0.05]
+    assert result.notes == result.warnings == ()
+
+
+def test_a_label_of_the_slave_stands_below_the_figures() -> None:
+    assert "label: emulated: x" in table.render(build(labels=("emulated: x",))).splitlines()
+    assert "label" not in table.render(build())
+
+
+def test_text() -> None:
+    text = table.render(build())
+    for word in (
+        "2.0% of a core",
+        "0.080 s",
+        "20.0 MiB, 0.98% of 2 GiB (12.0 MiB PSS)",
+        "p50 0.40 ms",
+        "Jetson Nano, 2022  Raspberry Pi 4B, 2022  this run",
+        "wire: /dev/pts/9, a pseudo terminal, which carries a frame of 22 bytes at once; ",
+        "; a UART at 115200 baud would add 1.9 ms",
+    ):
+        assert word in text
+    assert not re.search(r"\d x|better", text), "loopback here, a wlan there: no ratio"
+    rows = {line[:13].strip(): re.split("  +", line)[1:3] for line in text.splitlines()[2:6]}
+    assert rows == {
+        "master CPU": ["42%", "42%"],
+        "start-up": ["3.2 s", "3.6 s"],
+        "slave memory": ["37%", "59%"],
+        "command delay": ["2.0 s", "1.9 s"],
+    }
+    assert "NO (python -m compileall)" in table.render(build(bytecode_compiled=False))
+
+
+@pytest.mark.parametrize(
+    ("health", "added"),
+    [
+        ({"link_wire": "tcp"}, "a socket, which carries a frame of 22 bytes at once; a UART at 115200 baud would add"),
+        ({"link_wire": "uart", "link_port": "/dev/ttyUSB0"}, ""),
+        ({"link_wire": "rs485"}, ""),
+        ({"link_wire": "can"}, ""),
+        ({"link_held_baud": 9600}, ""),
+        ({"link_messages_out": 0}, ""),
+    ],
+)
+def test_what_a_uart_would_add_where_there_is_none(health: dict[str, Any], added: str) -> None:
+    """On a wire that has the speed of a UART, or is held to one, it is in the delays already."""
+    text = table.render(build(**health))
+    assert ("would add" in text) == bool(added)
+    assert added in text
+
+
+def test_what_could_not_be_had_is_no_number() -> None:
+    before = build(dialled_ns=2_000_000_000)
+    nothing = quantiles([])
+    text = table.render(before._replace(delay=nothing, hops=dict.fromkeys(before.hops, nothing)))
+    assert "nan" not in text
+    assert "p50 -, p99 -, max -" in text
+    assert re.search(r"start-up +3\.2 s +3\.6 s +- to the first sample", text)
+
+
+def test_a_mission_without_path_and_goal_says_nothing_of_them() -> None:
+    there = OUTCOME._replace(path_length=math.nan, goal_error=math.nan, cross_track_max=math.nan)
+    assert there.summary == "71.0 m travelled, at least 0.80 m from every obstacle"
+    assert "m from the goal" in OUTCOME.summary
+
+
+def test_a_slave_that_ran_before_has_no_startup_time() -> None:
+    result = build(dialled_ns=2_000_000_000)
+    assert math.isnan(result.startup_s)
+    assert "before this master" in result.notes[0]
+    assert json.loads(json.dumps(table.to_json(result, OUTCOME)))["table"]["startup_s"] is None
+
+
+def test_a_slave_that_was_started_anew_has_no_share_of_a_core() -> None:
+    """Its processor time begins again at 0: the difference would be less than nothing."""
+    result = build(exec_wall_ns=1_050_000_000)
+    assert math.isnan(result.slave_cpu_core)
+    assert "started anew" in result.notes[0]
+    assert result.startup_s == 0.03, "of the one that is there now"
+    assert "nan" not in table.render(result)
+
+
+def test_what_went_wrong_is_in_the_table() -> None:
+    hit = RunEvent("collision", 9_300_000_000, 10_200_000_000, (6.4, 5.7, 2.0), "the pile at (6.5, 7.5)")
+    client = Client(0, reported(**HEALTH), 0)
+    outcome = OUTCOME._replace(events=(hit,))
+    result = table.build(client, outcome, table.CpuMark(1.0, 1.0, 1_000_000_000))  # type: ignore[arg-type]
+    line = "collision with the pile at (6.5, 7.5) 9.3 s after the start, for 10.2 s, at N 6.4 E 5.7 depth 2.0 m"
+    assert f"EVENT: {line}" in table.render(result).splitlines()
+    assert table.to_json(result, outcome)["table"]["events"] == [f"EVENT: {line}"]
+    assert not table.to_json(result, outcome)["outcome"]["success"]
+
+
+def test_two_machines_are_said_to_be_two() -> None:
+    result = build(boot_id="another")
+    assert "two machines" in result.notes[0]
+    assert result.clock_uncertainty_ms > 0
+
+
+@pytest.mark.parametrize("offset_ns", [-5_000_000, 5_000_000, 5_000_000_000])
+def test_a_clock_that_was_set_on_one_machine_is_said(offset_ns: int) -> None:
+    """The slave was started before the clock was set: same boot, another time."""
+    result = build(offset_ns=offset_ns)
+    assert result.clock_offset_ms == pytest.approx(offset_ns / 1e6, abs=1.0)
+    assert any(note.startswith("one machine whose clock was set between the two starts") for note in result.notes)
+    assert result.warnings == ()

@@ -1,0 +1,279 @@
+"""Planners by themselves: within limits whatever they are told, and the same over the network as without."""
+
+import math
+from itertools import pairwise
+from typing import Any
+
+import pytest
+from hypothesis import Phase, given, settings
+from hypothesis import strategies as st
+
+from hil.autonomy.control.controller import VelocityCommand
+from hil.cases.simulated import SimulatedVehicle
+from hil.common.errors import MissionError
+from hil.master.avoid import Avoid
+from hil.master.flight import HEADING_HOLD, Flight, distance_to_path, held, prepare
+from hil.master.follow import Follow
+from hil.master.planner import Done, Planner, PlanRequest, Samples
+from hil.master.tasks import Tasks, hold_position
+from hil.master.world_map import known_map
+from hil.ros import encoders as ros
+from hil.scenario.config import load_scenario
+from hil.scenario.records import Master, Start
+from sim.environment.obstacles import Cylinder
+from sim.environment.world import World
+from sim.rotations import from_euler
+from sim.sensors.extra_samples import BatterySample, LaserSample
+from sim.sensors.samples import OdometrySample
+from sim.vehicle.vehicle import load_vehicle
+from tests.support.examples import examples
+
+SIX, _ = load_vehicle("paper_six")
+NS = 1_000_000_000
+SPEED, TURN, CELL, MARGIN = 0.7, 0.4, 0.25, 0.4
+TASKS = [
+    {"name": "look", "at": [4.0, 16.0], "duration": 2.0},
+    {"name": "charge", "at": [4.0, 2.0], "duration": 1.0, "when": "battery < 0.3", "urgent": True, "priority": 5,
+     "repeat": True},
+]  # fmt: skip
+
+numbers = st.floats(-1e3, 1e3)
+ranges = st.one_of(st.floats(0.0, 30.0), st.sampled_from([math.inf, -math.inf, math.nan, -1.0]))
+places = st.tuples(st.floats(-5.0, 25.0), st.floats(-5.0, 25.0), st.floats(0.0, 10.0))
+piles = st.lists(
+    st.builds(
+        Cylinder, st.floats(4.0, 16.0), st.floats(4.0, 16.0), st.floats(0.2, 2.0), st.just(-100.0), st.just(False)
+    ),
+    max_size=7,
+)
+
+
+def brief(world: World, text: str = "known") -> PlanRequest:
+    master = Master(goal=(19.0, 18.0), depth=5.0, speed=SPEED, margin=MARGIN, map=text)
+    radius = math.hypot(*SIX.dimensions[:2]) / 2
+    return PlanRequest("uuv1", SIX, Start(1.0, 1.0), master, known_map(master, SIX, world), radius + MARGIN)
+
+
+def pool(cylinders: list[Cylinder]) -> World:
+    return World("some", "made up", (0.0, 20.0, 0.0, 20.0), 10.0, cylinder=tuple(cylinders))
+
+
+def odometry(position: tuple[float, float, float], heading: float, time_ns: int) -> OdometrySample:
+    return OdometrySample(time_ns, position, from_euler(0.0, 0.0, heading), (0.1, 0.0, 0.0, 0.0, 0.0, 0.0))
+
+
+def planners() -> list[Planner]:
+    return [
+        Follow(),
+        Avoid(max_yaw_rate=TURN),
+        Avoid(max_yaw_rate=TURN, search="any_angle"),
+        Tasks(home=[1.0, 1.0], task=TASKS, max_yaw_rate=TURN),
+    ]
+
+
+@examples(40)
+@given(piles, st.lists(st.tuples(places, st.floats(-4.0, 4.0), st.lists(ranges, min_size=2, max_size=40)), max_size=6))
+def test_commands_stay_within_limits_whatever_comes(cylinders: list[Cylinder], told: list[Any]) -> None:
+    """Any place, heading and scan, in any order, echoes that are no numbers among them."""
+    for planner in planners():
+        try:
+            planner.begin(brief(pool(cylinders)))
+        except MissionError:
+            continue  # the piles close every way: said so, before the dive
+        for number, (place, heading, echoes) in enumerate(told):
+            scan = LaserSample(number * NS // 10, -1.5, 3.0 / (len(echoes) - 1), tuple(echoes), (0.1, 30.0))
+            samples = {"odom": odometry(place, heading, number * NS // 10), "laser": scan}
+            answer = planner.command(0.1 * number, samples)
+            if isinstance(answer, Done):
+                assert answer.reason
+                break
+            assert math.hypot(answer.surge, answer.sway) <= SPEED + 1e-9
+            assert answer.surge >= 0.0 or isinstance(planner, Tasks)  # which keeps its place
+            assert abs(answer.yaw_rate) <= 0.5 + 1e-9
+            assert answer.depth == 5.0
+            assert 0.0 <= planner.progress <= 1.0
+            resolved = held(answer, samples["odom"])  # type: ignore[arg-type]
+            assert resolved.depth is None
+            assert abs(resolved.heave) <= 0.8
+
+
+@examples(40)
+@given(piles, st.sampled_from(["astar", "any_angle", "dstar"]))
+def test_no_way_leads_through_an_obstacle_or_nearer_than_it_may(cylinders: list[Cylinder], search: str) -> None:
+    """By the world's own measure, all along, to half the diagonal of a cell at either end of the distance."""
+    world = pool(cylinders)
+    told = brief(world)
+    planner = Avoid(search=search)
+    try:
+        planner.begin(told)
+    except MissionError:
+        return
+    path = planner.path
+    assert path[0] == pytest.approx((1.0, 1.0))
+    assert path[-1] == pytest.approx((19.0, 18.0))
+    for a, b in pairwise(path):
+        for share in (i / 60 for i in range(61)):
+            at = a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1])
+            assert world.clearance(*at) > told.clearance - CELL * math.sqrt(2.0)
+
+
+@settings(examples(6), phases=(Phase.generate,))  # a flight is too long to shrink
+@given(piles.filter(bool), st.integers(0, 2**31), st.sampled_from(["known", "unknown"]))
+def test_a_vehicle_so_led_touches_nothing(cylinders: list[Cylinder], seed: int, text: str) -> None:
+    """Flown in simulated time, all noise on, among any piles with room between, on the map or not."""
+    apart = [a for i, a in enumerate(cylinders) if all(gap(a, b) > 2.2 for b in cylinders[:i])]
+    scenario = load_scenario("path_planning", {"master.goal": [19.0, 18.0], "master.map": text})._replace(seed=seed)
+    world = pool(apart)._replace(extent=(-3.0, 23.0, -3.0, 23.0))
+    plan = prepare(scenario, world)
+    vehicle, flight = SimulatedVehicle(scenario, world), Flight(scenario, plan)
+    while not flight.reason:
+        for _ in range(20):
+            vehicle.step()
+        command = flight.command(vehicle.time_ns / NS, vehicle.samples, vehicle.simulation.truth())
+        assert 0.0 <= command.surge <= 0.8
+        vehicle.command(command)
+    outcome = flight.outcome(vehicle.time_ns / NS, 0.0)
+    assert outcome.reached, outcome.reason
+    assert vehicle.simulation.contacts == 0
+    assert outcome.least_clearance > math.hypot(*SIX.dimensions[:2]) / 2
+
+
+def gap(a: Cylinder, b: Cylinder) -> float:
+    return math.dist(a[:2], b[:2]) - a.radius - b.radius
+
+
+class Sent(Planner):
+    """Passes samples on as they are after they have been bytes on the network, and compares what comes of it.
+
+    Only what the planner listens to is sent there.
+    """
+
+    def __init__(self, here: Planner, there: Planner) -> None:
+        self.here, self.there = here, there
+        self.commands = 0
+
+    def begin(self, brief: PlanRequest) -> None:
+        self.here.begin(brief)
+        self.there.begin(brief)
+
+    def command(self, time: float, samples: Samples) -> VelocityCommand | Done:
+        over, listened = {}, ("odom", *self.there.subscriptions)
+        for topic, sample in samples.items():
+            for name, payload in ros.encoder(topic)(sample, ""):
+                decode = ros.decoder(name)
+                if name in listened:
+                    over[name] = decode(payload) if decode else None
+        answer, other = self.here.command(time, samples), self.there.command(time, over)
+        if isinstance(answer, VelocityCommand):
+            assert isinstance(other, VelocityCommand)
+            assert other[:4] == pytest.approx(answer[:4], abs=2e-3)
+            assert other.depth == answer.depth
+            self.commands += 1
+        else:
+            assert other == answer
+        return answer
+
+
+@pytest.mark.parametrize("name", ["path_planning", "task_scheduling"])
+def test_over_the_network_the_planner_says_the_same(name: str) -> None:
+    """Twice the same class: one told the simulator's records, one what of them comes out of ROS 2 messages."""
+    scenario = load_scenario(name, {"master.time_limit": 40.0})
+    plan, other = prepare(scenario), prepare(scenario)
+    both = Sent(plan.planner, other.planner)
+    flight, vehicle = Flight(scenario, plan._replace(planner=both)), SimulatedVehicle(scenario)
+    while not flight.reason:
+        for _ in range(20):
+            vehicle.step()
+        vehicle.command(flight.command(vehicle.time_ns / NS, vehicle.samples, vehicle.simulation.truth()))
+    assert flight.reason == "time limit"
+    assert both.commands > 700
+
+
+def test_a_planner_without_eyes_stands_still() -> None:
+    planner = Avoid()
+    planner.begin(brief(pool([])))
+    still = VelocityCommand(depth=5.0)
+    assert planner.command(0.0, {"odom": odometry((1.0, 1.0, 5.0), 0.0, 0)}) == still
+    free = LaserSample(NS, -1.0, 0.5, (math.inf,) * 5, (0.1, 30.0))
+    moving = planner.command(1.0, {"odom": odometry((1.0, 1.0, 5.0), 0.7, NS), "laser": free})
+    assert isinstance(moving, VelocityCommand)
+    assert moving.surge > 0.5
+    assert planner.command(3.0, {"odom": odometry((1.0, 1.0, 5.0), 0.7, 3 * NS), "laser": free}) == still
+
+
+def test_walled_in_it_gives_up_and_says_why() -> None:
+    planner = Avoid()
+    planner.begin(brief(pool([]), "unknown"))
+    ring = (1.0,) * 120
+    answer: VelocityCommand | Done = VelocityCommand()
+    for tick in range(400):
+        now = tick * NS // 10
+        scan = LaserSample(now, -math.pi, math.tau / 120, ring, (0.1, 30.0))
+        answer = planner.command(0.1 * tick, {"odom": odometry((10.0, 10.0, 5.0), 0.7, now), "laser": scan})
+        if isinstance(answer, Done):
+            break
+        assert answer.surge < 0.2
+    assert isinstance(answer, Done)
+    assert not answer.reached
+    assert "no path" in answer.reason
+    assert 190 < tick < 260
+
+
+def test_tasks_break_off_for_an_urgent_one() -> None:
+    """The battery falls below its limit on the way: it charges first, then goes on, and home at the end."""
+    planner = Tasks(home=[1.0, 1.0], task=TASKS)
+    planner.begin(brief(pool([])))
+    place, heading, charge = [1.0, 1.0], 0.0, 7.0
+    answer: VelocityCommand | Done = VelocityCommand()
+    for tick in range(4000):
+        now = tick * NS // 10
+        samples = {
+            "odom": odometry((place[0], place[1], 5.0), heading, now),
+            "laser": LaserSample(now, -math.pi, math.tau / 60, (math.inf,) * 60, (0.1, 30.0)),
+            "battery": BatterySample(now, 15.0, 1.0, charge, 10.0, False),
+        }
+        answer = planner.command(0.1 * tick, samples)
+        if isinstance(answer, Done):
+            break
+        charge = 10.0 if planner.status == "charge work" else charge - 0.02
+        heading += 0.1 * answer.yaw_rate
+        place[0] += 0.1 * (answer.surge * math.cos(heading) - answer.sway * math.sin(heading))
+        place[1] += 0.1 * (answer.surge * math.sin(heading) + answer.sway * math.cos(heading))
+    assert answer == Done(f"home after {', '.join(planner.finished)}")
+    assert planner.finished.count("look") == 1
+    assert "charge" in planner.finished
+    states = [state for _, state in planner.log]
+    first = states.index("charge travel")
+    assert states[first - 1] == "look travel", "broken off"
+    assert "look travel" in states[first:], "and begun anew"
+    assert math.dist(place, (1.0, 1.0)) < 0.9
+
+
+@given(numbers, numbers, st.floats(-4.0, 4.0))
+def test_keeping_a_place_leads_there(north: float, east: float, heading: float) -> None:
+    command = hold_position((north, east), heading, (3.0, -2.0))
+    speed = math.hypot(command.surge, command.sway)
+    assert speed <= 0.2 + 1e-9
+    c, s = math.cos(heading), math.sin(heading)
+    to_north, to_east = c * command.surge - s * command.sway, s * command.surge + c * command.sway
+    assert to_north * (3.0 - north) + to_east * (-2.0 - east) == pytest.approx(
+        speed * math.dist((north, east), (3.0, -2.0)), abs=1e-6
+    )
+
+
+def test_depth_and_heading_are_held_before_they_travel() -> None:
+    here = odometry((0.0, 0.0, 4.0), 1.0, 0)
+    command = held(VelocityCommand(surge=0.3, yaw_rate=0.1, depth=5.0, heading=1.2), here)
+    assert command[:4] == pytest.approx((0.3, 0.0, 0.4, 0.3))
+    assert command[4:] == (None, None)
+    assert held(VelocityCommand(heading=-2.0), here).yaw_rate == -HEADING_HOLD.limit
+    plain = VelocityCommand(0.1, 0.2, 0.3, 0.4)
+    assert held(plain, here) == plain
+
+
+def test_distance_to_a_path_by_hand() -> None:
+    path = [(0.0, 0.0), (4.0, 0.0), (4.0, 3.0)]
+    assert distance_to_path((2.0, -1.0), path) == 1.0
+    assert distance_to_path((7.0, 7.0), path) == 5.0
+    assert distance_to_path((4.0, 1.5), path) == 0.0
+    assert distance_to_path((1.0, 1.0), [(0.0, 0.0), (0.0, 0.0)]) == pytest.approx(math.sqrt(2.0))

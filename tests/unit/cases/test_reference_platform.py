@@ -1,0 +1,140 @@
+"""What the page reference_platform.md says that Zhang et al. 2022 print, held against the scenarios and the code."""
+
+from itertools import pairwise
+from math import hypot, isclose, pi, tan
+from pathlib import Path
+from random import Random
+
+import pytest
+
+from hil.autonomy.fleets.formation import Body, FieldSettings, attraction, communication, repulsion
+from hil.autonomy.fleets.hunting import FORMATIONS, TARGET
+from hil.bench.table.hil_table import PAPER_BOARDS
+from hil.scenario.config import load_scenario
+from sim.environment.world import load_world
+from sim.sensors.error import ErrorModel, ErrorProcess
+from sim.vehicle.vehicle import load_vehicle
+from tests.support.four_vectored import four_vectored
+
+PAGE = Path(__file__).parents[3] / "docs/explanation/reference_platform.md"
+LINE = ((0.0, 0.0), (3.0, 0.0), (6.0, 0.0), (9.0, 0.0))
+DIAMOND = ((4.5, 2.0), (3.0, 1.0), (6.0, 1.0), (4.5, 0.0))
+STATIONS = {"charging": (5.0, 5.0), "acquisition": (53.0, 13.0), "transmission": (15.0, 46.0)}
+
+
+@pytest.mark.parametrize(
+    ("name", "starts"),
+    [("target_hunting", LINE), ("target_hunting_acoustic", LINE), ("target_hunting_diamond", DIAMOND)],
+)
+def test_formations_and_target(name: str, starts: tuple[tuple[float, float], ...]) -> None:
+    scenario = load_scenario(name)
+    assert tuple((member.north, member.east) for member in scenario.member) == starts
+    assert scenario.hunting is not None
+    assert tuple(scenario.hunting.target) == TARGET == (5.0, 8.0)
+    assert (FORMATIONS["line"], FORMATIONS["diamond"]) == (LINE, DIAMOND)
+    assert load_world(scenario.world).extent == (-1.0, 11.0, -1.0, 11.0)
+
+
+def test_the_path_planning_field() -> None:
+    scenario = load_scenario("path_planning")
+    assert (scenario.start.north, scenario.start.east) == (0.0, 0.0)
+    assert tuple(scenario.master.goal or ()) == (50.0, 50.0)
+    south, north, west, east = load_world(scenario.world).extent or (0.0,) * 4
+    assert max(south, west) <= 0.0 <= 50.0 <= min(north, east)
+
+
+def test_the_stations_of_task_scheduling() -> None:
+    scenario = load_scenario("task_scheduling")
+    tasks = {task["name"]: tuple(task["at"]) for task in scenario.planner["task"]}
+    assert tasks == STATIONS
+    assert tuple(scenario.planner["home"]) == (scenario.start.north, scenario.start.east) == (0.0, 0.0)
+    south, north, west, east = load_world(scenario.world).extent or (0.0,) * 4
+    assert all(south < x < north and west < y < east for x, y in tasks.values())
+
+
+def test_table_1() -> None:
+    found = {board.title: board[2:] for board in PAPER_BOARDS}
+    assert found == {"Jetson Nano": (0.42, 3.2, 0.37, 2.0), "Raspberry Pi 4B": (0.42, 3.6, 0.59, 1.9)}
+    page = PAGE.read_text()
+    for title, (cpu, startup, memory, delay) in found.items():
+        row = next(line for line in page.splitlines() if line.startswith(f"| table 1, {title} |"))
+        printed = f"master CPU {cpu:.0%}, start-up {startup} s, slave memory {memory:.0%}, command delay {delay:g} s"
+        assert printed.replace("%", " %") in row
+
+
+def test_the_vehicle_has_seven_thrusters_four_of_them_at_right_angles() -> None:
+    vehicle, _ = load_vehicle("paper_seven")
+    assert len(vehicle.thrusters) == 7
+    level = [thruster.direction for thruster in vehicle.thrusters if thruster.direction[2] == 0.0]
+    assert len(level) == 4
+    front_right, front_left, rear_right, rear_left = level
+    for one, other in ((front_right, front_left), (rear_right, rear_left), (front_left, rear_left)):
+        assert one[0] * other[0] + one[1] * other[1] == pytest.approx(0.0)
+
+
+def printed_13(angle: float, radius: float, surge: float, sway: float, yaw: float) -> list[float]:
+    """Equation (13): thrusters 1 to 4."""
+    cot, lever = 1.0 / tan(angle), radius * (tan(angle) + 1.0) / tan(angle)
+    rows = ((1, cot, -lever), (1, -cot, lever), (1, -cot, -lever), (1, cot, lever))
+    return [a * surge + b * sway + c * yaw for a, b, c in rows]
+
+
+@pytest.mark.parametrize("axis", range(3))
+def test_equation_13_at_45_degrees_has_our_patterns(axis: int) -> None:
+    motion = [float(axis == number) for number in range(3)]
+    front_right, front_left, rear_right, rear_left = four_vectored(motion[0], motion[1], motion[2], 0.2)
+    ours = (rear_right, rear_left, front_right, front_left)
+    theirs = printed_13(pi / 4.0, 0.2, *motion)
+    scale = ours[0] / theirs[0]
+    assert scale > 0.0
+    assert [scale * value for value in theirs] == pytest.approx(ours)
+
+
+def test_equation_12_contradicts_equation_13() -> None:
+    """Thruster 3: (12) has + V_y and + W_z, (13) - V_y and - W_z."""
+    angle, radius = pi / 3.0, 0.2
+    lever = radius * (tan(angle) + 1.0) / tan(angle)
+    for motion, twelve in (((0.0, 1.0, 0.0), 1.0 / tan(angle)), ((0.0, 0.0, 1.0), lever)):
+        assert printed_13(angle, radius, *motion)[2] == pytest.approx(-twelve)
+
+
+def test_equation_5_is_ours_near_the_place() -> None:
+    settings = FieldSettings()
+    pull = attraction((0.3, -0.2), (0.0, 0.0), settings.attraction, settings.conic)
+    assert pull == pytest.approx((-0.3 * settings.attraction, 0.2 * settings.attraction))
+
+
+def test_equation_7_as_printed_attracts_and_ours_repels() -> None:
+    x, y, gain, reach = 0.4, 0.3, 0.12, 0.9
+
+    def potential(x: float) -> float:
+        return 0.5 * gain * (1.0 / hypot(x, y) - 1.0 / reach) ** 2
+
+    r = hypot(x, y)
+    printed = -gain * x * (1.0 / r - 1.0 / reach) * r**-3
+    gradient = (potential(x + 1e-6) - potential(x - 1e-6)) / 2e-6
+    assert isclose(printed, gradient, rel_tol=1e-6), "and not minus the gradient"
+    assert printed < 0.0 < repulsion((x, y), (5.0, 0.3), Body((0.0, 0.0), 0.0), gain, reach)[0]
+
+
+def test_equation_8_as_printed_jumps_and_ours_does_not() -> None:
+    settings = FieldSettings()
+    reach, at = settings.communication_range, settings.comfortable
+
+    def ours(distance: float) -> float:
+        return communication((0.0, 0.0), (distance, 0.0), settings.communication, at, reach)[0]
+
+    assert ours(at - 1e-9) == 0.0
+    assert ours(at + 1e-6) == pytest.approx(0.0, abs=1e-6)
+    assert ours(at + 0.2) < ours(at + 0.5) < ours(reach - 0.1)
+    assert ours(reach + 1e-9) == 0.0, "who cannot be heard does not count"
+
+
+def test_equation_2_with_its_n_forgets_its_start() -> None:
+    """As printed, n' = -1/tau, a bias of 1 would be at 1 - t / tau, wherever it began."""
+    process = ErrorProcess(ErrorModel(bias=1.0, bias_time=10.0), 1.0, Random(2))
+    bias = [process.measure(0.0) for _ in range(20_000)]
+    mean = sum(bias) / len(bias)
+    following = sum(a * b for a, b in pairwise(bias)) / sum(a * a for a in bias)
+    assert mean == pytest.approx(0.0, abs=0.2)
+    assert following == pytest.approx(0.9048, abs=0.02)  # exp(-1 / 10)

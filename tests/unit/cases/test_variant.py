@@ -1,0 +1,53 @@
+"""Scenarios written to files again: what is written is read back."""
+
+import math
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hil.cases.variant import write_toml, write_variant
+from hil.common.errors import ConfigError
+from hil.scenario.config import load_scenario
+from sim.environment.world import load_world
+
+words = st.text(st.characters(blacklist_categories=["Cs", "Cc"]), max_size=12)
+keys = st.text("abcdefghij_", min_size=1, max_size=6)
+plain = st.one_of(
+    words, st.booleans(), st.integers(-(2**60), 2**60), st.floats(allow_nan=False), st.lists(st.floats(-9, 9))
+)
+tables = st.recursive(
+    st.dictionaries(keys, plain, max_size=4),
+    lambda inner: st.dictionaries(
+        keys, st.one_of(plain, inner, st.lists(inner.filter(bool), min_size=1, max_size=3)), max_size=4
+    ),
+    max_leaves=8,
+)
+
+
+@given(tables)
+def test_any_table_comes_back(tmp_path_factory: pytest.TempPathFactory, table: dict[str, Any]) -> None:
+    path = tmp_path_factory.getbasetemp() / "any.toml"
+    write_toml(str(path), table)
+    assert tomllib.loads(path.read_text()) == table
+
+
+def test_a_variant_is_the_scenario_but_for_the_changes(tmp_path: Path) -> None:
+    pile = {"north": 1.0, "east": 9.0, "radius": 0.5, "hidden": True}
+    path = write_variant("task_scheduling", str(tmp_path), {"seed": 7, "slave.node": "other"}, {"cylinder": [pile]})
+    whole, varied = load_scenario("task_scheduling"), load_scenario(path)
+    assert varied.seed == 7
+    assert varied.slave.node == "other"
+    same = {"seed": 1, "path": whole.path, "world": whole.world, "slave": whole.slave, "sensors": whole.sensors}
+    assert varied._replace(**same) == whole  # type: ignore[arg-type]
+    assert varied.sensors["laser"].model == whole.sensors["laser"].model
+    before, after = load_world(whole.world), load_world(varied.world)
+    assert after.cylinder[:-1] == before.cylinder
+    assert (after.cylinder[-1].north, after.cylinder[-1].hidden) == (1.0, True)
+    assert after.box == before.box
+    assert not any(math.isnan(edge) for edge in after.extent)
+    with pytest.raises(ConfigError, match="cannot be written as TOML"):
+        write_toml(str(tmp_path / "x.toml"), {"a": object()})

@@ -1,0 +1,184 @@
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from hil.charts.bounds import LAND_RISE, Bounds, allowance, clamp, keep_shoals, limits_at, paint, raise_land
+from hil.charts.build import build
+from hil.charts.grid import Grid
+from hil.charts.hazards import LEAST_HEIGHT, OUT_OF_WATER, place
+from hil.charts.polygons import contains, fill
+from hil.charts.sources.survey import DepthArea, Hazard, Sheet, Survey, block_means, first_in_cell, resample
+
+Array = NDArray[np.float64]
+
+
+def ring(*corners: tuple[float, float]) -> Array:
+    return np.array([*corners, corners[0]], float)
+
+
+def box(south: float, west: float, north: float, east: float) -> Array:
+    return ring((south, west), (north, west), (north, east), (south, east))
+
+
+def filled(edges: tuple[Array, ...], north: Array, east: Array) -> NDArray[np.bool_]:
+    mask = np.zeros((len(north), len(east)), bool)
+    part, inside = fill(edges, north, east)
+    mask[part] = inside
+    return mask
+
+
+def test_filling_agrees_with_asking_each_point() -> None:
+    """A star with a hole, its edges in pieces, any order and direction; nodes on no edge."""
+    angles = np.linspace(0.0, 2.0 * np.pi, 11)
+    radius = np.where(np.arange(11) % 2, 40.0, 17.0)
+    star = np.column_stack([radius * np.cos(angles), radius * np.sin(angles)])
+    star[-1] = star[0]
+    edges = (star[4:][::-1], box(-6.2, -5.1, 7.3, 4.4), star[:5])
+    north, east = np.linspace(-50.0, 50.0, 83), np.linspace(-45.0, 52.0, 71)
+    nodes = np.column_stack([axis.ravel() for axis in np.meshgrid(north, east, indexing="ij")])
+    asked = contains(edges, nodes).reshape(83, 71)
+    assert (filled(edges, north, east) == asked).all()
+    area = asked.mean() * 100.0 * 97.0 * (83 * 71) / (82 * 70)
+    points = star[:-1]
+    shoelace = 0.5 * abs(np.sum(points[:, 0] * np.roll(points[:, 1], -1) - np.roll(points[:, 0], -1) * points[:, 1]))
+    assert area == pytest.approx(shoelace - 13.5 * 9.5, rel=0.03)
+
+
+def test_nothing_in_an_area_off_the_grid() -> None:
+    axis = np.arange(5.0)
+    assert not filled((box(10.0, 10.0, 20.0, 20.0),), axis, axis).any()
+    assert not filled((), axis, axis).any()
+    assert not contains((), np.zeros((3, 2))).any()
+
+
+def test_the_finer_sheet_paints_over_the_coarser() -> None:
+    everywhere = (box(-1.0, -1.0, 101.0, 101.0),)
+    middle = (box(30.0, 30.0, 60.0, 60.0),)
+    coarse = Sheet("coarse", everywhere, (DepthArea(everywhere, 5.0, 10.0),), (middle,))
+    fine = Sheet("fine", middle, (DepthArea(everywhere, 20.0, 30.0),), (), ((box(30.0, 30.0, 40.0, 40.0),),))
+    axis = np.arange(0.0, 101.0, 5.0)
+    bounds = paint(Survey("", None, np.zeros((3, 3)), sheets=(coarse, fine)), axis, axis)
+    inside = filled(middle, axis, axis)
+    assert (bounds.low[inside] == 20.0).all()
+    assert (bounds.high[~inside] == 10.0).all()
+    assert not bounds.land.any()
+    assert not bounds.known[6:8, 6:8].any()
+    assert bounds.known.sum() == bounds.known.size - 4
+    low, high = limits_at(
+        Survey("", None, np.zeros((3, 3)), sheets=(coarse, fine)), np.array([[45.0, 45.0], [9.0, 9.0]])
+    )
+    assert (low.tolist(), high.tolist()) == ([20.0, 5.0], [30.0, 10.0])
+
+
+def test_the_shoal_limit_is_hard_and_the_deep_one_yields_to_soundings() -> None:
+    axis = np.arange(0.0, 100.0, 5.0)
+    shape = (20, 20)
+    bounds = Bounds(np.full(shape, 5.0), np.full(shape, 10.0), np.zeros(shape, bool), np.ones(shape, bool))
+    deep = np.array([[50.0, 50.0, 13.0]])
+    extra = allowance(deep, np.array([10.0]), axis, axis, 10.0)
+    held = clamp(np.full(shape, 20.0), bounds, extra)
+    assert held[10, 10] == 13.0
+    assert held[0, 0] == 10.0
+    assert (clamp(np.full(shape, 2.0), bounds, extra) == 5.0).all()
+
+
+def test_between_the_nodes_no_sounding_is_shoaler_than_the_grid() -> None:
+    random = np.random.default_rng(4)
+    grid = Grid(np.full((20, 30), 20.0, np.float32), -10.0, 5.0, 2.0)
+    soundings = np.column_stack(
+        [random.uniform(-9.0, 27.0, 60), random.uniform(6.0, 62.0, 60), random.uniform(12.0, 25.0, 60)]
+    )
+    limits = np.full(60, 8.0)
+    kept = keep_shoals(grid, soundings, limits, np.full((20, 30), 8.0), passes=200)
+    assert (kept.at(soundings[:, :2]) <= soundings[:, 2] + 0.01).all()
+    assert kept.depths.max() == 20.0
+    assert kept.depths.min() >= 8.0
+    hard = keep_shoals(grid, soundings, np.full(60, 19.0), np.full((20, 30), 19.0))
+    assert hard.depths.min() == 19.0
+
+
+def test_a_shoal_smaller_than_a_cell_is_kept() -> None:
+    axis = np.arange(0.0, 101.0, 20.0)
+    everywhere, knoll = (box(-1.0, -1.0, 101.0, 101.0),), (box(48.0, 48.0, 52.0, 52.0),)
+    sheet = Sheet("", everywhere, (DepthArea(everywhere, 10.0, 20.0), DepthArea(knoll, 2.0, 10.0)), ())
+    soundings = np.array([[50.0, 50.0, 3.0], *((n, e, 15.0) for n in axis for e in axis)])
+    built = build(Survey("", None, soundings, sheets=(sheet,)), (0.0, 100.0, 0.0, 100.0), 20.0)
+    grid = built.placed.grid
+    assert grid.at(soundings[:1, :2]) == pytest.approx([3.0], abs=0.01)
+    away = np.ones((6, 6), bool)
+    away[2:4, 2:4] = False
+    assert grid.depths[away].min() >= 10.0
+
+
+def test_land_rises_from_its_shore() -> None:
+    depths = np.full((11, 11), 6.0, np.float32)
+    land = np.zeros((11, 11), bool)
+    land[6:] = True
+    depths[5] = -4.0  # a beach
+    raised = raise_land(depths, land, ~land, 10.0)
+    assert (raised[:6] == depths[:6]).all()
+    assert (raised[6:] <= -4.0).all()
+    assert (np.diff(raised[5:, 3]) < 0.0).all()
+    quay = raise_land(np.full((11, 11), 6.0, np.float32), land, ~land, 10.0)
+    assert (quay[6:] <= -LAND_RISE).all()
+
+
+def hazard(kind: str, places: list[tuple[float, float]], top: float | None, edges: tuple[Array, ...] = ()) -> Hazard:
+    return Hazard(kind, np.array(places, float), 2.0, top, edges)
+
+
+def test_where_hazards_end_up() -> None:
+    grid = Grid(np.full((21, 21), 12.0, np.float32), 0.0, 0.0, 5.0)
+    grid.depths[:, 15:] = -3.0  # land
+    area = box(8.0, 8.0, 32.0, 32.0)
+    placed = place((
+        hazard("UWTROC", [(50.0, 20.0)], 4.0),
+        hazard("UWTROC", [(50.0, 90.0)], 4.0),  # on land
+        hazard("UWTROC", [(50.0, 30.0)], 12.5),  # below the bed
+        hazard("OBSTRN", [(60.0, 20.0)], None),  # no depth: up to the shoal limit
+        hazard("PILPNT", [(70.0, 20.0)], OUT_OF_WATER),
+        hazard("OBSTRN", [(80.0, 10.0), (80.0, 30.0), (95.0, 30.0)], 3.0),
+        hazard("OBSTRN", [(20.0, 20.0)], 7.0, (area,)),
+        hazard("OBSTRN", [(41.0, 41.0), (42.0, 42.0)], 6.0, (box(41.0, 41.0, 42.0, 42.0),)),  # smaller than a cell
+        hazard("WRECKS", [(500.0, 20.0)], 3.0),  # off the grid
+    ), grid, np.full((21, 21), 9.0))  # fmt: skip
+    tops = [(pile.north, pile.east, pile.top) for pile in placed.cylinders]
+    assert tops == [(50.0, 20.0, 4.0), (60.0, 20.0, 9.0), (70.0, 20.0, OUT_OF_WATER), (41.5, 41.5, 6.0)]
+    assert [(b.north, b.east, b.size_north, round(b.heading, 3)) for b in placed.boxes] == [
+        (80.0, 20.0, 24.0, 1.571), (87.5, 30.0, 19.0, 0.0)
+    ]  # fmt: skip
+    inside = filled((area,), grid.north, grid.east)
+    assert (placed.grid.depths[inside] == 7.0).all()
+    assert (placed.grid.depths[~inside] == grid.depths[~inside]).all()
+    assert (grid.depths[:, :15] == 12.0).all()
+
+
+def test_what_is_only_known_to_be_there_has_some_height() -> None:
+    grid = Grid(np.full((5, 5), 9.0, np.float32), 0.0, 0.0, 5.0)
+    placed = place((hazard("WRECKS", [(10.0, 10.0)], None),), grid, np.full((5, 5), 9.0))
+    assert placed.cylinders[0].top == 9.0 - LEAST_HEIGHT
+
+
+def test_samples_of_lines_and_blocks_of_points() -> None:
+    line = np.array([[0.0, 0.0], [30.0, 0.0], [30.0, 40.0]])
+    found = resample(line, 8.0)
+    assert (found[0] == line[0]).all()
+    assert (found[-1] == line[-1]).all()
+    assert np.hypot(*np.diff(found, axis=0).T).max() <= 8.0
+    points = np.array([[1.0, 1.0, 5.0], [3.0, 1.0, 7.0], [11.0, 1.0, 1.0]])
+    assert block_means(points, 10.0).tolist() == [[2.0, 1.0, 6.0], [11.0, 1.0, 1.0]]
+    assert first_in_cell(points, 10.0).tolist() == [0, 2]
+
+
+def test_the_grid_keeps_to_its_areas_and_the_shoaler_of_two_soundings_in_one_place() -> None:
+    edges = (box(-5.0, -5.0, 205.0, 205.0),)
+    slope = np.array([(n, e, 5.0 + 0.1 * n) for n in range(0, 201, 20) for e in range(0, 201, 20)], float)
+    twice = np.array([[100.0, 100.0, 9.0]])
+    sheet = Sheet("x", edges, (DepthArea(edges, 7.0, 20.0),), ())
+    built = build(Survey("x", None, np.vstack([slope, twice]), sheets=(sheet,)), (0.0, 200.0, 0.0, 200.0), 10.0)
+    depths = built.placed.grid.depths
+    assert depths.min() == 7.0
+    assert depths[10, 10] == pytest.approx(9.0, abs=1e-3)
+    assert built.report.off_limits == 33
+    assert depths[20, 10] == pytest.approx(25.0, abs=1e-3)
+    assert built.report.clamped > 0.1

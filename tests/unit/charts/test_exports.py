@@ -1,0 +1,235 @@
+import json
+import struct
+import xml.etree.ElementTree as ElementTree
+import zlib
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from hil.autonomy.paths.occupancy import OccupancyGrid
+from hil.charts.free_water import free_water
+from hil.charts.gazebo import height_map, write_gazebo
+from hil.charts.geotiff import write_geotiff
+from hil.charts.grid import Grid, grid_of
+from hil.charts.mesh import triangulate, write_glb, write_stl
+from hil.charts.png import write_png
+from hil.common.errors import ConfigError
+from hil.plots.stl import read_stl
+from sim.environment.obstacles import Box, Cylinder
+from sim.environment.world import World, load_world
+
+NORTH, EAST = np.arange(12)[:, None], np.arange(17)
+
+
+def sloping(hole: bool = True) -> Grid:
+    """Deeper to the north, shoaler to the east, land in the south-east."""
+    depths = (10.0 + 1.5 * NORTH - 1.0 * EAST).astype(np.float32)
+    if hole:
+        depths[9, 3] = np.nan
+    return Grid(depths, -20.0, 40.0, 5.0)
+
+
+def read_png(path: Path) -> NDArray[np.uint16]:
+    """Our own grey 16-bit pictures, and that their checksums are right."""
+    data, at, image = path.read_bytes(), 8, b""
+    assert data[:8] == b"\x89PNG\r\n\x1a\n"
+    while at < len(data):
+        (size,), kind = struct.unpack_from(">I", data, at), data[at + 4 : at + 8]
+        body = data[at + 8 : at + 8 + size]
+        assert zlib.crc32(kind + body) == struct.unpack_from(">I", data, at + 8 + size)[0]
+        if kind == b"IHDR":
+            columns, rows, bits = struct.unpack_from(">IIB", body)
+        image += body if kind == b"IDAT" else b""
+        at += 12 + size
+    lines = np.frombuffer(zlib.decompress(image), np.uint8).reshape(rows, -1)
+    assert bits == 16
+    assert not lines[:, 0].any()
+    return np.ascontiguousarray(lines[:, 1:]).view(">u2").reshape(rows, columns).astype(np.uint16)
+
+
+def test_the_grid_of_a_world() -> None:
+    ridge = load_world("ridge")
+    grid = grid_of(ridge)
+    assert grid.extent == (-150.0, 150.0, -150.0, 150.0)
+    assert grid.at(np.array([[0.0, 33.0], [100.0, -7.7]])) == pytest.approx([10.0, 25.0], abs=0.01)
+    coarse = grid_of(ridge, 7.0)
+    assert coarse.resolution == 7.0
+    assert coarse.at(np.array([[-150.0 + 21 * 7.0, 4.0]])) == pytest.approx(ridge.seabed(-3.0, 4.0), abs=1e-4)
+    flat = grid_of(load_world("pool"))
+    assert (flat.depths == 5.0).all()
+    assert flat.extent == (-10.0, 10.0, -10.0, 10.0)
+
+
+def test_grid_values_between_the_nodes_and_outside() -> None:
+    grid = sloping()
+    assert grid.at(np.array([[-20.0, 40.0], [-17.5, 42.5], [35.0, 120.0]])) == pytest.approx([10.0, 10.25, 10.5])
+    assert np.isnan(grid.at(np.array([[-20.1, 40.0], [35.0, 120.1], [24.0, 56.0]]))).all()
+
+
+def test_stl_has_the_heights(tmp_path: Path) -> None:
+    path = tmp_path / "bed.stl"
+    grid = sloping()
+    write_stl(grid, str(path))
+    faces = read_stl(str(path))
+    assert len(faces) == 2 * (11 * 16) - 6, "a node without a depth takes six triangles with it"
+    corners = faces.reshape(-1, 3)
+    assert sloping(hole=False).at(corners[:, 1::-1]) == pytest.approx(-corners[:, 2], abs=1e-4)
+    normals = np.cross(faces[:, 1] - faces[:, 0], faces[:, 2] - faces[:, 0])
+    assert (normals[:, 2] > 0.0).all(), "seen from above"
+    area = 0.5 * np.linalg.norm(normals, axis=1).sum()
+    assert area == pytest.approx((11 * 16 * 25.0 - 6 * 12.5) * np.sqrt(1.0 + 0.3**2 + 0.2**2), rel=1e-6)
+
+
+def test_no_mesh_of_nothing() -> None:
+    with pytest.raises(ConfigError, match="no cell with four known depths"):
+        triangulate(Grid(np.full((4, 4), np.nan, np.float32), 0.0, 0.0, 1.0))
+
+
+def test_glb_says_the_same(tmp_path: Path) -> None:
+    path = tmp_path / "bed.glb"
+    grid = sloping()
+    write_glb(grid, str(path))
+    data = path.read_bytes()
+    magic, version, size, text_size, kind = struct.unpack_from("<4sII I4s", data)
+    assert (magic, version, size, kind) == (b"glTF", 2, len(data), b"JSON")
+    scene = json.loads(data[20 : 20 + text_size])
+    body_size, body_kind = struct.unpack_from("<I4s", data, 20 + text_size)
+    body = data[28 + text_size :]
+    assert (body_kind, body_size, len(body) % 4) == (b"BIN\0", len(body), 0)
+    views, accessors = scene["bufferViews"], scene["accessors"]
+    points = np.frombuffer(body[: views[0]["byteLength"]], "<f4").reshape(-1, 3)
+    indices = np.frombuffer(body[views[1]["byteOffset"] :], "<u4")
+    assert (accessors[0]["count"], accessors[1]["count"]) == (len(points), len(indices))
+    assert accessors[0]["min"] == points.min(axis=0).tolist()
+    corners, triangles = triangulate(grid)
+    assert (indices.reshape(-1, 3) == triangles).all()
+    assert (points == np.column_stack([corners[:, 0], corners[:, 2], -corners[:, 1]])).all()
+
+
+def tags_of(data: bytes) -> dict[int, tuple[float | bytes, ...]]:
+    """A reader of little-endian TIFF directories, for what ours hold."""
+    order, magic, start = struct.unpack_from("<2sHI", data)
+    assert (order, magic) == (b"II", 42)
+    (count,) = struct.unpack_from("<H", data, start)
+    found = {}
+    for i in range(count):
+        tag, kind, number = struct.unpack_from("<HHI", data, start + 2 + 12 * i)
+        form = {2: "s", 3: "H", 4: "I", 12: "d"}[kind]
+        size = number * struct.calcsize(form)
+        at = start + 10 + 12 * i if size <= 4 else struct.unpack_from("<I", data, start + 10 + 12 * i)[0]
+        found[tag] = struct.unpack_from(f"<{number}{form}", data, at)
+    assert list(found) == sorted(found)
+    return found
+
+
+def test_geotiff(tmp_path: Path) -> None:
+    path = tmp_path / "bed.tif"
+    grid = sloping()
+    write_geotiff(grid, (59.5, -151.25), str(path))
+    data = path.read_bytes()
+    tags = tags_of(data)
+    assert (tags[256], tags[257], tags[258], tags[339]) == ((17,), (12,), (32,), (3,))
+    image = np.frombuffer(data, "<f4", 12 * 17, offset=int(tags[273][0])).reshape(12, 17)
+    assert np.array_equal(image[::-1], -grid.depths, equal_nan=True)
+    assert tags[33550][:2] == (5.0, 5.0)
+    assert tags[33922] == (0.0, 0.0, 0.0, 40.0, 35.0, 0.0)
+    assert tags[34736] == (-151.25, 59.5, 0.0, 0.0, 1.0)
+    keys = tags[34735]
+    assert keys[3] == len(keys) // 4 - 1
+    assert b"".join(part for part in tags[42113] if isinstance(part, bytes)) == b"nan\0"
+    write_geotiff(grid, None, str(path))
+    assert 34736 not in tags_of(path.read_bytes())
+
+
+def test_geotiff_lies_where_gdal_reads_it(tmp_path: Path) -> None:
+    rasterio = pytest.importorskip("rasterio", reason="GDAL's view of our GeoTIFF: pip install 'uuv-hil[raster]'")
+    path = tmp_path / "bed.tif"
+    write_geotiff(sloping(), (59.5, -151.25), str(path))
+    with rasterio.open(path) as source:
+        assert source.crs.to_dict()["proj"] == "tmerc"
+        assert source.crs.to_dict()["lat_0"] == 59.5
+        assert (source.transform.c, source.transform.f) == (37.5, 37.5), "the corner of the pixel around the first node"
+        assert np.isnan(source.nodata)
+
+
+def test_png_of_colours(tmp_path: Path) -> None:
+    mpl_image = pytest.importorskip("matplotlib.image")
+    colours = np.random.default_rng(1).integers(0, 256, (5, 7, 3), dtype=np.uint8)
+    write_png(colours, str(tmp_path / "c.png"))
+    assert np.array_equal(np.rint(mpl_image.imread(tmp_path / "c.png") * 255), colours)
+
+
+def test_gazebo_world(tmp_path: Path) -> None:
+    grid = sloping()
+    world = World(
+        "bay", "a chart -- and more", (-20.0, 35.0, 40.0, 120.0), 30.0, origin=(59.5, -151.25),
+        cylinder=(Cylinder(20.0, 60.0, 2.0, 4.0), Cylinder(-20.0, 119.0, 1.0)),
+        box=(Box(10.0, 50.0, 8.0, 2.0, 0.5, 3.0),),
+    )  # fmt: skip
+    rounding = write_gazebo(world, grid, str(tmp_path / "bay.sdf"))
+    low, high = -float(np.nanmax(grid.depths)), -float(np.nanmin(grid.depths))
+    assert rounding == pytest.approx((high - low) / 65535 / 2)
+    root = ElementTree.parse(tmp_path / "bay.sdf").getroot()
+    assert root.get("version") == "1.9"
+    maps = root.findall(".//heightmap")
+    assert len(maps) == 2
+    for field in maps:
+        size, middle = ([float(x) for x in (field.findtext(key) or "").split()] for key in ("size", "pos"))
+        assert size == pytest.approx([80.0, 55.0, high - low], abs=1e-3)
+        assert middle == pytest.approx([80.0, 7.5, low], abs=1e-3)
+        assert (tmp_path / (field.findtext("uri") or "")).exists()
+    for picture in (root.findtext(".//diffuse"), root.findtext(".//normal")):
+        assert (tmp_path / (picture or "")).exists()
+    assert root.findtext(".//latitude_deg") == "59.500000000"
+    poses = {m.get("name"): [float(x) for x in (m.findtext("pose") or "0").split()] for m in root.findall(".//model")}
+    bed = 10.0 + 1.5 * 8 - 4.0
+    assert poses["obstacle_0"][:3] == pytest.approx([60.0, 20.0, -0.5 * (bed + 4.0)])
+    assert float(root.findtext(".//cylinder/length") or 0.0) == pytest.approx(bed - 4.0)
+    assert poses["obstacle_2"][5] == pytest.approx(np.pi / 2 - 0.5)
+    heights = read_png(tmp_path / "bay_heights.png")
+    assert heights.shape == (17, 17)
+    metres = low + heights / 65535 * (high - low)
+    rows = np.linspace(35.0, -20.0, 17)  # the first row is the north
+    assert metres[:, 0] == pytest.approx(-(10.0 + 0.3 * (rows + 20.0)), abs=rounding * 1.01, rel=0.0)
+    assert metres[0, 0] == pytest.approx(-26.5, abs=rounding * 1.01)
+    assert metres[-1, -1] == pytest.approx(6.0, abs=rounding * 1.01)
+
+
+def test_walls_of_a_pool_in_gazebo(tmp_path: Path) -> None:
+    pool = load_world("pool")
+    write_gazebo(pool, grid_of(pool), str(tmp_path / "pool.sdf"))
+    root = ElementTree.parse(tmp_path / "pool.sdf").getroot()
+    assert len(root.findall(".//model")) == 5
+    assert len(root.findall(".//collision/geometry/box")) == 4
+
+
+@pytest.mark.parametrize(("nodes", "side"), [(2, 3), (17, 17), (18, 33), (300, 513)])
+def test_height_maps_are_square_and_one_more_than_a_power_of_two(nodes: int, side: int) -> None:
+    image, _, _ = height_map(Grid(np.random.default_rng(1).random((2, nodes)).astype(np.float32), 0.0, 0.0, 1.0))
+    assert image.shape == (side, side)
+    assert (image.min(), image.max()) == (0, 65535)
+
+
+def test_free_water(tmp_path: Path) -> None:
+    grid = sloping()
+    pile, sunk = Cylinder(20.0, 60.0, 2.0), Cylinder(30.0, 45.0, 3.0, 15.0)
+    mole = Box(0.0, 50.0, 20.0, 0.5, 0.4, 1.0)
+    world = World("bay", "x", (-20.0, 35.0, 40.0, 120.0), 30.0, cylinder=(pile, sunk), box=(mole,))
+    found = free_water(world, grid, 8.0, 1.0)
+    rows, columns = found.cells.shape
+    assert (rows, columns) == (55, 80)
+    for row in range(0, rows, 2):
+        for column in range(0, columns, 2):
+            place = found.centre((row, column))
+            depth = grid.at(np.array([place]))[0]
+            away = min(pile.separation(*place)[0], mole.separation(*place)[0])
+            if not depth > 8.0 or away <= 0.7:
+                assert found.cells[row, column], place
+            elif away > 0.72:
+                assert not found.cells[row, column], place
+    assert found.is_free((30.5, 45.5)), "the sunk one ends 7 m below"
+    assert not free_water(world, grid, 15.5, 1.0).is_free((30.5, 45.5))
+    found.write_pgm(str(tmp_path / "map.pgm"))
+    assert (OccupancyGrid.read(str(tmp_path / "map.yaml")).cells == found.cells).all()

@@ -1,0 +1,111 @@
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from hil.charts.build import build
+from hil.charts.gridding import LEAF, Surface
+from hil.charts.sources.survey import Survey
+from hil.common.errors import ConfigError
+from tests.support.known_bed import SIDE, STEP, contoured, known_bed, sounded
+
+Array = NDArray[np.float64]
+
+AXIS: Array = np.asarray(STEP * np.arange(SIDE))
+ALL = np.ones((SIDE, SIDE), bool)
+
+
+def rms(errors: Array) -> float:
+    return float(np.sqrt(np.nanmean(errors**2)))
+
+
+def scattered(count: int) -> tuple[Array, Array]:
+    random = np.random.default_rng(5)
+    points = random.uniform(0.0, 100.0, (count, 2))
+    return points, np.sin(points[:, 0] / 15.0) * 4.0 + np.cos(points[:, 1] / 20.0) * 3.0
+
+
+@pytest.mark.parametrize("count", [3, 4, 40, 700])
+def test_it_goes_through_every_point(count: int) -> None:
+    points, depths = scattered(count)
+    surface = Surface(points, depths)
+    order = np.argsort(points[:, 0])
+    for index in order[:: max(1, count // 20)]:
+        at = surface.evaluate(points[index : index + 1, 0], points[index : index + 1, 1], np.ones((1, 1), bool))
+        assert at[0, 0] == pytest.approx(depths[index], abs=1e-5)
+
+
+def test_a_plane_stays_nearly_a_plane_and_a_level_bed_is_level() -> None:
+    points, _ = scattered(400)
+    axis = np.linspace(5.0, 95.0, 40)
+    level = Surface(points, np.full(400, 7.0)).evaluate(axis, axis, np.ones((40, 40), bool))
+    assert level == pytest.approx(np.full((40, 40), 7.0), abs=1e-6)
+    sloped = Surface(points, 10.0 + 0.2 * points[:, 0] - 0.1 * points[:, 1])
+    found = sloped.evaluate(axis, axis, np.ones((40, 40), bool))
+    assert np.abs(found - (10.0 + 0.2 * axis[:, None] - 0.1 * axis)).max() < 0.35
+
+
+def test_no_creases_between_patches() -> None:
+    """Along a fine section through many patches no step, and slopes that change little from one mm to the next."""
+    points, depths = scattered(6 * LEAF)
+    surface = Surface(points, depths)
+    centres = 0.5 * np.linspace(20.0, 80.0, 9)
+    for east in centres:
+        fine = np.linspace(20.0, 80.0, 6001)  # 1 cm apart
+        section = surface.evaluate(fine, np.array([east]), np.ones((6001, 1), bool))[:, 0]
+        away = (
+            np.min(np.hypot(fine[:, None] - points[:, 0], east - points[:, 1]), axis=1) > 0.3
+        )  # cones of the linear kernel
+        bends = np.abs(np.diff(section, 2))[away[1:-1]]
+        assert np.abs(np.diff(section)).max() < 0.02
+        assert bends.max() < 4e-4
+
+
+def test_held_out_is_what_leaving_out_gives() -> None:
+    """Against fits really made without those points, in one patch, whose frame the kept corners hold in place."""
+    points, depths = scattered(LEAF - 4)
+    corners = np.array([[0.0, 0.0], [0.0, 100.0], [100.0, 0.0], [100.0, 100.0]])
+    points, depths = np.vstack([points, corners]), np.append(depths, [1.0, 2.0, 3.0, 4.0])
+    folds = np.append(np.arange(LEAF - 4) % 5, [-1] * 4)
+    found = Surface(points, depths).held_out(folds)
+    assert np.isnan(found[-4:]).all()
+    for fold in range(5):
+        rest = Surface(points[folds != fold], depths[folds != fold])
+        for index in np.flatnonzero(folds == fold):
+            truth = rest.evaluate(points[index : index + 1, 0], points[index : index + 1, 1], np.ones((1, 1), bool))
+            assert found[index] == pytest.approx(truth[0, 0], abs=1e-7)
+
+
+def test_points_in_one_line_and_only_two() -> None:
+    line = np.column_stack([np.linspace(0.0, 50.0, 30), np.zeros(30)])
+    found = Surface(line, line[:, 0] / 10.0).evaluate(np.array([12.0]), np.array([0.0, 3.0]), np.ones((1, 2), bool))
+    assert found[0] == pytest.approx([1.2, 1.2], abs=0.1)
+    with pytest.raises(ConfigError, match="three depths or more, and there are 2"):
+        Surface(line[:2], np.zeros(2))
+
+
+def test_only_what_is_wanted_is_found() -> None:
+    points, depths = scattered(300)
+    axis = np.linspace(0.0, 100.0, 30)
+    wanted = np.random.default_rng(2).random((30, 30)) < 0.3
+    part, whole = (Surface(points, depths).evaluate(axis, axis, mask) for mask in (wanted, np.ones((30, 30), bool)))
+    assert np.isnan(part[~wanted]).all()
+    assert part[wanted] == pytest.approx(whole[wanted], abs=1e-9)
+
+
+def test_a_known_bed_is_found_better_than_by_triangles() -> None:
+    """300 soundings, then with contours each 10 m: far better than linear interpolation of the soundings."""
+    from scipy.interpolate import LinearNDInterpolator
+
+    bed = known_bed()
+    soundings = sounded(bed, 300)
+    nodes = np.column_stack([axis.ravel() for axis in np.meshgrid(AXIS, AXIS, indexing="ij")])
+    linear = LinearNDInterpolator(soundings[:, :2], soundings[:, 2])(nodes).reshape(SIDE, SIDE)
+    inside = np.isfinite(linear)
+    plain = Surface(soundings[:, :2], soundings[:, 2]).evaluate(AXIS, AXIS, ALL)
+    survey = Survey("known", None, soundings, guides=contoured(bed, [10.0, 20.0, 30.0, 40.0, 50.0, 60.0]), reach=1e4)
+    built = build(survey, (0.0, AXIS[-1], 0.0, AXIS[-1]), STEP)
+    errors = [rms((found - bed)[inside]) for found in (linear, plain, built.placed.grid.depths.astype(float))]
+    assert errors[1] < 0.97 * errors[0]
+    assert errors[2] < 0.7 * errors[0]
+    assert built.report.rmse < 0.8 * built.report.linear_rmse
+    assert built.report.linear_rmse == pytest.approx(errors[0], rel=0.3), "held out as good as the truth tells"

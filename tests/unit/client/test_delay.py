@@ -1,0 +1,61 @@
+"""Delay by hop, and the offset between two clocks."""
+
+import math
+import random
+
+import pytest
+
+from hil.client.delay import DelayMeter, quantiles
+
+MS = 1_000_000
+
+
+def trace(sequence: int, published: int, network: int, offset: int) -> list[int]:
+    received = published + network + offset
+    return [sequence, published, received, received + 20_000, received + 100_000, received + 300_000]
+
+
+def test_one_clock() -> None:
+    meter = DelayMeter()
+    meter.add(trace(1, 1000 * MS, 200_000, 0), sent_ns=1001 * MS, received_ns=1002 * MS)
+    assert meter.totals_ns() == [500_000]
+    assert [meter.hop_ns(hop) for hop in range(5)] == [[200_000], [20_000], [80_000], [0], [200_000]]
+    assert meter.offset_ns() == (0, 0)
+
+
+@pytest.mark.parametrize("offset", [0, 5_000 * MS, -90_000 * MS])
+def test_two_clocks_are_told_apart_from_delay(offset: int) -> None:
+    generator = random.Random(1)
+    meter = DelayMeter()
+    meter.same_clock = False
+    for number in range(200):
+        published = number * 50 * MS
+        there, back = (round(generator.expovariate(1 / (2 * MS))) + 300_000 for _ in range(2))
+        sent = published + there + offset + 400_000
+        meter.add(trace(number, published, there, offset), sent, sent - offset + back)
+    found, uncertainty = meter.offset_ns()
+    assert abs(found - offset) <= uncertainty < 1 * MS
+    assert 0 < quantiles(meter.totals_ns()).p50_ms < 10
+
+
+def test_only_the_newest_are_kept() -> None:
+    meter, whole = DelayMeter(min_commands=10), DelayMeter(min_commands=0)
+    for number in range(1005):
+        for one in (meter, whole):
+            one.add(trace(number, number * MS, 200_000 + number, 0), 0, 0)
+    assert len(meter) == len(whole) == 1005
+    assert 10 <= len(meter.samples) < 20
+    assert meter.samples == whole.samples[-len(meter.samples) :]
+
+
+def test_malformed_traces_are_counted() -> None:
+    meter = DelayMeter()
+    meter.add([1, 2, 3], 0, 0)
+    assert meter.malformed == 1
+    assert len(meter) == 0
+
+
+def test_quantiles_are_of_nearest_rank_as_everywhere() -> None:
+    q = quantiles([value * MS for value in range(1, 101)])
+    assert (q.p50_ms, q.p90_ms, q.p99_ms, q.max_ms) == (50, 90, 99, 100)
+    assert math.isnan(quantiles([]).p50_ms)

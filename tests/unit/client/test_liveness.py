@@ -1,0 +1,112 @@
+"""When a vehicle counts as gone, by a clock of the test's own."""
+
+from collections.abc import Callable
+from typing import Any, cast
+
+import pytest
+
+from hil.client import liveness
+from hil.client.liveness import GRACE_S, STALL_S, LivenessMonitor
+from hil.common.clock import NS_PER_S
+from hil.network.clock_offset import ClockOffset
+
+LEASE_S = 0.8
+
+
+class Clock:
+    """Monotonic, and waits by it. `held_up`: from which instant on the process is held up, and for how long (s).
+
+    `every` is called at the end of each wait, but not of one in which the process was held up, nor of a short one
+    after it: others catch up as slowly.
+    """
+
+    def __init__(self) -> None:
+        self.now_s = 1000.0
+        self.ends_s = self.now_s
+        self.held_up: dict[float, float] = {}
+        self.every: Callable[[], None] = lambda: None
+
+    def now_ns(self) -> int:
+        return round(self.now_s * NS_PER_S)
+
+    def wait(self, seconds: float) -> bool:
+        """As the event of closing: True at the end."""
+        self.now_s += seconds
+        late = [at_s for at_s in self.held_up if at_s <= self.now_s]
+        self.now_s += sum(self.held_up.pop(at_s) for at_s in late)
+        if not late and seconds > STALL_S:
+            self.every()
+        return self.now_s >= self.ends_s
+
+    def is_set(self) -> bool:
+        return False
+
+
+class Nobody:
+    """A session without links."""
+
+    name = "tcp/bench"
+    has_pairs = False
+
+    def links(self) -> list[tuple[str, str, str]]:
+        return []
+
+
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
+    clock = Clock()
+    monkeypatch.setattr(liveness, "now_ns", clock.now_ns)
+    return clock
+
+
+def run(clock: Clock, seconds: float, answers: Callable[[], bool]) -> list[tuple[float, str]]:
+    """Ping for so long a vehicle that is there and answers when that is true: what was reported, and when."""
+    reported: list[tuple[float, str]] = []
+    began_s = clock.now_s
+    monitor = LivenessMonitor(
+        cast(Any, Nobody()),
+        "uuv1",
+        ClockOffset(),
+        lambda: None,
+        lambda line: reported.append((clock.now_s - began_s, line)),
+        LEASE_S,
+    )
+    monitor._closing = cast(Any, clock)
+    monitor._gid = bytes(16)
+    sent: list[bytes] = []
+    monitor._send = sent.append
+
+    def answer() -> None:
+        """The pings that were sent, while this process waits for the next."""
+        if sent and answers():
+            sent.clear()
+            monitor._received_ns = clock.now_ns()
+            monitor._is_there(True)
+
+    monitor._received_ns = clock.now_ns()
+    monitor._is_there(True)
+    monitor.known.set()
+    clock.every, clock.ends_s = answer, clock.now_s + seconds
+    monitor._ping()
+    return reported
+
+
+def test_a_vehicle_that_falls_silent_is_gone_after_the_lease(clock: Clock) -> None:
+    silent_s = clock.now_s + 5.0
+    ((at_s, line),) = run(clock, 60.0, lambda: clock.now_s < silent_s)
+    assert line == "uuv1 at tcp/bench is gone; trying to reach it again"
+    assert 5.0 + LEASE_S - 0.2 < at_s < 5.0 + LEASE_S + 2 * GRACE_S
+
+
+def test_it_is_back_with_its_first_answer(clock: Clock) -> None:
+    began_s = clock.now_s
+    gone, back = run(clock, 60.0, lambda: not 5.0 < clock.now_s - began_s < 10.0)
+    assert back[1] == f"uuv1 is back after {back[0] - gone[0]:.1f} s"
+    assert 10.0 <= back[0] < 10.4
+
+
+def test_a_process_that_is_held_up_has_not_lost_it(clock: Clock) -> None:
+    """It asked nothing and read nothing meanwhile; the answer to its next ping is the first that can come."""
+    began_s = clock.now_s
+    clock.held_up = {began_s + 5.0: 0.95, began_s + 10.0: 30.0, began_s + 50.0: 2.0}
+    assert run(clock, 60.0, lambda: True) == []

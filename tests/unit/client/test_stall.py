@@ -1,0 +1,78 @@
+"""Whether answers without samples are a stall, by a clock of the test's own."""
+
+from hil.client.stall import StallDetector
+from hil.common.clock import NS_PER_MS
+
+LEASE_S = 0.8
+LOOK_MS = 200
+
+
+class Bed:
+    """A detector that is asked five times a second by a clock of its own."""
+
+    def __init__(self) -> None:
+        self.detector = StallDetector(LEASE_S)
+        self.now_ms = 1000
+        self.answers = self.samples = 0
+
+    def run(self, seconds: float, samples: int = 0, answers: int = 1, is_deaf: bool = False) -> list[float]:
+        """So many of each come between two looks; when (s from now on) it says that it is time to connect again."""
+        began, told = self.now_ms, []
+        while self.now_ms < began + 1000 * seconds:
+            self.now_ms += LOOK_MS
+            self.answers += answers
+            self.samples += samples
+            if self.detector.is_stalled(self.now_ms * NS_PER_MS, self.answers, self.samples, is_deaf):
+                told.append((self.now_ms - began) / 1000)
+        return told
+
+
+def test_answers_without_samples_for_two_leases_are_a_stall() -> None:
+    bed = Bed()
+    assert bed.run(60.0, samples=4) == []
+    first, *_ = bed.run(3.0)
+    assert 2 * LEASE_S <= first <= 2 * LEASE_S + 0.5
+    assert bed.detector.attempts == 1
+    assert 2 * LEASE_S <= bed.detector.lasted_s <= first
+
+
+def test_each_attempt_waits_longer_until_a_sample_comes() -> None:
+    bed = Bed()
+    bed.run(60.0, samples=4)
+    told = bed.run(600.0)
+    waits = [later - sooner for sooner, later in zip([0.0, *told], told, strict=False)]
+    assert waits[1] > 1.8 * waits[0]
+    assert waits[-1] > 55.0
+    assert len(told) < 20
+    bed.run(60.0, samples=4)
+    assert bed.detector.attempts == 0
+    assert bed.run(3.0)[0] < 2 * LEASE_S + 0.5
+
+
+def test_a_vehicle_of_which_nothing_comes_at_all_is_gone_and_not_stalled() -> None:
+    bed = Bed()
+    bed.run(10.0, samples=4)
+    assert bed.run(600.0, answers=0) == []
+
+
+def test_a_link_without_answers_is_a_stall_too() -> None:
+    bed = Bed()
+    bed.run(10.0, samples=4)
+    first, second, *_ = bed.run(60.0, answers=0, is_deaf=True)
+    assert 2 * LEASE_S <= first <= 2 * LEASE_S + 0.5
+    assert second - first > 1.8 * first
+
+
+def test_figures_of_health_once_a_second_are_enough() -> None:
+    bed = Bed()
+    for _ in range(100):
+        assert bed.run(0.8) == bed.run(0.2, samples=1) == []
+    assert bed.run(2 * LEASE_S + 1.0) == [], "what comes seldom is waited for longer"
+    assert bed.run(3.0)
+
+
+def test_a_pause_of_this_process_is_no_stall() -> None:
+    bed = Bed()
+    bed.run(10.0, samples=4)
+    bed.now_ms += 3_600_000
+    assert bed.run(1.0) == []

@@ -1,0 +1,134 @@
+"""`uuv-hil frame`: byte tables, wire times, and bytes taken apart."""
+
+import io
+from pathlib import Path
+
+import pytest
+
+from hil.commands import frame
+from hil.common.errors import ConfigError
+from hil.common.schema import find_preset, preset_names
+from hil.links.contract import ThrusterCommand
+from hil.links.frame.check import split_bytes
+from hil.links.frame.protocol import FrameProtocol
+
+NAMES = preset_names("firmware_stub/frames")
+SOUND = "AA 55 05 10 07 01 f4 01 12"
+
+
+def opened(name: str) -> FrameProtocol:
+    return FrameProtocol(find_preset("firmware_stub/frames", name))
+
+
+def said(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, str]:
+    code = frame.main(list(arguments))
+    return code, capsys.readouterr().out
+
+
+def test_help_has_examples(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as end:
+        frame.main(["--help"])
+    assert end.value.code == 0
+    assert "uuv-hil frame check aa55" in capsys.readouterr().out
+
+
+def test_list(capsys: pytest.CaptureFixture[str]) -> None:
+    code, text = said(capsys, "list")
+    assert code == 0
+    rows = {line.split()[0]: line.split() for line in text.splitlines()[1:]}
+    assert list(rows) == NAMES
+    assert rows["uuv_hil"] == ["uuv_hil", "22", "B", "32", "B", "crc16-ccitt-false", "none"]
+    assert rows["cobs_thrust"][1:] == ["33", "B", "39", "B", "crc32", "cobs"]
+
+
+def test_byte_tables_and_wire_times(capsys: pytest.CaptureFixture[str]) -> None:
+    code, text = said(capsys, "check", "aa55", "--thrusters", "2", "--rate", "100")
+    assert code == 0
+    assert "sum8 from byte 2 up to itself" in text
+    for words in (
+        "command, 11 bytes", "6 i16[2] pwm_us 0.001 normalised, 1900 us is 1 normalised", "3 u8 id 0x10",
+        "telemetry, 20 bytes", "5 u8 flags bit 0 armed, bit 7 timed_out", "8 u16 supply_voltage 0.001 V, ignored",
+        "15 i16 pwm_us[1] rpm, 1900 us is 3000 rpm", "keep-alive, from the host after 100 ms of silence, 5 bytes",
+        "at 100 Hz: 1100 bytes/s of commands, 2000 of telemetry; 8N1:",
+        "115200 0.95 ms 9.5 % 1.74 ms 17.4 %",
+    ):  # fmt: skip
+        assert words in " ".join(text.split()), words
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_table_is_as_long_as_its_frame(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    protocol = opened(name)
+    stuffing = 2 if name == "cobs_thrust" else 0  # the code byte and the delimiter
+    for thrusters in (1, 7, 16):
+        size = len(protocol.encode(ThrusterCommand(1, True, (1600,) * thrusters))) - stuffing
+        assert f"command, {size} bytes" in said(capsys, "check", name, "--thrusters", str(thrusters))[1]
+
+
+def test_a_sound_message(capsys: pytest.CaptureFixture[str]) -> None:
+    for words in ([SOUND], SOUND.split(), ["0xAA,0x55 0x5", "0x1007", "01:f4:01", r"\x12"]):
+        code, text = said(capsys, "check", "aa55", *words)
+        assert code == 0
+        assert " ".join(text.split()).startswith("0 command sequence 7 armed True pwm_us 1700")
+        assert text.endswith("9 bytes, 1 messages, 0 bytes wrong\n")
+
+
+def test_from_standard_input(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sys.stdin", io.StringIO("aa5505100701\nf40112\n"))
+    assert said(capsys, "check", "aa55", "-")[0] == 0
+
+
+def test_the_one_wrong_byte_is_named(capsys: pytest.CaptureFixture[str]) -> None:
+    data = bytearray(opened("uuv_hil").encode(ThrusterCommand(9, True, (1500, 1600))))
+    data[6] = 0x03
+    code, text = said(capsys, "check", "uuv_hil", data.hex())
+    assert code == 1
+    assert "damaged: command: checksum 0x" in text
+    assert "right if byte 6 (flags) were 0x01, not 0x03" in text
+
+
+def test_noise_cuts_and_strangers(capsys: pytest.CaptureFixture[str]) -> None:
+    protocol = opened("uuv_hil")
+    good = protocol.encode(ThrusterCommand(9, True, (1500,)))
+    unknown = bytes.fromhex("a5 5a 03 7f 01 02 03 74 08")
+    code, text = said(capsys, "check", "uuv_hil", (b"\x00\x01" + good + good[:5] + unknown + good + good[:3]).hex())
+    assert code == 1
+    kinds = [line.strip() for line in text.splitlines() if line[:6].strip()]
+    assert kinds == [
+        "0  dropped: no frame",
+        "2  command",
+        "14  dropped: a frame cut short, or of a message that is not known",
+        "19  malformed: sound, but its message is not known",
+        "28  command",
+        "40  unfinished: the beginning of a frame whose end is not there",
+        "43 bytes, 2 messages, 19 bytes wrong",
+    ]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_byte_is_in_one_part(name: str) -> None:
+    good = opened(name).encode(ThrusterCommand(9, True, (1500, 1600)))
+    damaged = bytes([*good[:-3], good[-3] ^ 0x10, *good[-2:]])
+    data = b"\xff\xaa" + good + damaged + good[:4] + good + b"\x00\x00" + good + good[:5]
+    parts = split_bytes(opened(name), data)
+    assert b"".join(part.data for part in parts) == data
+    assert [part.start for part in parts] == [sum(len(p.data) for p in parts[:i]) for i in range(len(parts))]
+    heard = [part.message for part in parts if part.message]
+    assert heard == opened(name).feed(data)
+    assert len(heard) == 3
+    assert "damaged" in {part.kind for part in parts}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["check", "aa56"], ["no frame 'aa56'", "did you mean 'aa55'"]),
+        (["check", "nowhere.toml"], ["nowhere.toml", "no such file"]),
+        (["check", "aa55", "AA 5G"], ["HEX", "'5G'", "pairs"]),
+        (["check", "aa55", "--thrusters", "17"], ["--thrusters", "1 to 16", "'17'"]),
+        (["check", "aa55", "--rate", "0"], ["--rate"]),
+    ],
+)
+def test_mistakes(arguments: list[str], words: list[str], tmp_path: Path) -> None:
+    with pytest.raises(ConfigError) as caught:
+        frame.main(arguments)
+    assert all(word in str(caught.value) for word in words), caught.value

@@ -1,0 +1,101 @@
+"""Every number that a person can write in a file has a range, and what is outside it is refused by its key."""
+
+import importlib
+import math
+import pkgutil
+import types
+from collections.abc import Iterator
+from typing import Annotated, Any, NamedTuple, Union, get_args, get_origin
+
+import pytest
+
+from hil.common.errors import ConfigError
+from hil.common.schema import Range, parse
+
+PACKAGES = ("hil", "sim", "boards", "firmware_stub")
+PASSED_OVER = {"hil.__main__", "hil.slave.imaging.process", "hil.install.changes"}  # processes; a file it makes
+WITHOUT_LIMIT = {("AxisGains", "slew"), ("Surface", "slew")}  # inf there: as fast as it comes
+HUGEST = 1e15  # with which a simulation still reckons: its fourth power is a number
+HOSTILE = (math.inf, -math.inf, math.nan, 1e300, -1e300, 10**400, -(10**400))
+
+
+def records() -> Iterator[type[Any]]:
+    """Those with at least one range, which are read from files or messages."""
+    for package in PACKAGES:
+        for found in pkgutil.walk_packages(importlib.import_module(package).__path__, f"{package}."):
+            if found.name in PASSED_OVER or ".native._" in found.name or ".images" in found.name:
+                continue
+            for record in vars(importlib.import_module(found.name)).values():
+                is_record = isinstance(record, type) and issubclass(record, tuple) and hasattr(record, "_fields")
+                if is_record and record.__module__ == found.name and any(map(has_range, annotations(record).values())):
+                    yield record
+
+
+def annotations(record: type[Any]) -> dict[str, Any]:
+    return record.__annotations__
+
+
+def has_range(annotation: Any) -> bool:
+    return any(limit is not None for limit in numbers(annotation))
+
+
+def numbers(annotation: Any) -> Iterator[Range | None]:
+    """The range of each number in an annotation, None for one without."""
+    origin, parts = get_origin(annotation), get_args(annotation)
+    if origin is Annotated:
+        yield next((part for part in parts[1:] if isinstance(part, Range)), None)
+    elif annotation in (int, float):
+        yield None
+    elif origin in (tuple, dict, Union, types.UnionType):
+        for part in parts:
+            yield from numbers(part)
+
+
+@pytest.fixture(scope="module")
+def keys() -> list[tuple[type[Any], str]]:
+    """The keys with numbers. Found here and not above: to import all modules would make every collection slow."""
+    return [
+        (record, key)
+        for record in sorted(set(records()), key=lambda record: (record.__module__, record.__name__))
+        for key, annotation in annotations(record).items()
+        if any(True for _ in numbers(annotation)) and (record.__name__, key) not in WITHOUT_LIMIT
+    ]
+
+
+def test_the_records_are_found(keys: list[tuple[type[Any], str]]) -> None:
+    names = {record.__name__ for record, _ in keys}
+    assert names >= {"Vehicle", "Thruster", "Fin", "World", "Scenario", "Master", "Slave", "Start", "Member", "Network"}
+    assert len(keys) > 250
+
+
+def test_no_number_of_a_file_is_without_a_range(keys: list[tuple[type[Any], str]]) -> None:
+    bare = {
+        f"{record.__module__}.{record.__name__}.{key}"
+        for record, key in keys
+        for limit in numbers(annotations(record)[key])
+        if limit is None or not (-HUGEST <= limit.low <= limit.high <= HUGEST or key == "seed")
+    }
+    assert not bare, f"give it an Annotated[float, Range(low, high)]: {', '.join(sorted(bare))}"
+
+
+def filled(annotation: Any, value: Any) -> Any:
+    """A value of that kind whose every number is `value`."""
+    origin, parts = get_origin(annotation), get_args(annotation)
+    if origin is tuple:
+        return [filled(parts[0], value)] * 3 if parts[-1] is Ellipsis else [filled(part, value) for part in parts]
+    if origin is dict:
+        return {"x": filled(parts[1], value)}
+    if origin in (Union, types.UnionType):
+        return filled(next(part for part in parts if part is not type(None)), value)
+    return value
+
+
+def test_what_is_no_size_of_anything_is_refused_by_its_key(keys: list[tuple[type[Any], str]]) -> None:
+    for record, key in keys:
+        annotation = annotations(record)[key]
+        alone: Any = NamedTuple("alone", [(key, annotation)])  # type: ignore[misc]
+        for value in HOSTILE:
+            with pytest.raises(ConfigError, match=rf"^file\.toml: {key}(\[0\]|\.x)*: ") as error:
+                parse({key: filled(annotation, value)}, alone, "file.toml")
+            assert "\n" not in str(error.value)
+            assert len(str(error.value)) < 150

@@ -1,0 +1,69 @@
+"""`uuv-hil tune` from the outside: the table, the file that a scenario can use, the picture, and what it refuses."""
+
+from pathlib import Path
+
+import pytest
+
+from hil import cli
+from hil.autonomy.control.controller import Gains
+from hil.common.schema import parse
+from sim.vehicle.vehicle import load_vehicle
+
+
+def run(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int, str, str]:
+    code = cli.main(["tune", *map(str, arguments)])
+    out = capsys.readouterr()
+    return code, out.out, out.err
+
+
+def test_a_table_a_vehicle_file_and_a_picture(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    output, picture = tmp_path / "tuned.toml", tmp_path / "steps.png"
+    code, out, err = run(capsys, "paper_six", "--axis", "heave", "--axis", "depth", "-o", output, "--plot", picture)
+    assert (code, err) == (0, "")
+    lines = out.splitlines()
+    assert lines[0].split() == ["axis", "step", "rise", "overshoot", "settling", "steady", "error"]
+    assert lines[1].split()[:4] == ["heave", "0.30", "m/s", "before"]
+    assert lines[2].split()[0] == "after"
+    assert picture.read_bytes()[:4] == b"\x89PNG"
+    tuned, control = load_vehicle(str(output))
+    preset, old = load_vehicle("paper_six")
+    assert tuned == preset
+    new, before = parse(control, Gains, ""), parse(old, Gains, "")
+    assert new.heave != before.heave
+    assert new.surge == before.surge
+    code, out, _ = run(capsys, output, "--axis", "surge")  # it is a vehicle that can be flown
+    assert code == 0
+
+
+def test_help_has_examples(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as ended:
+        cli.main(["tune", "--help"])
+    assert ended.value.code == 0
+    assert "uuv-hil tune vehicle.toml -o tuned.toml --plot steps.png" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "words"),
+    [
+        ((), 2, "the following arguments are required: VEHICLE"),
+        (("paper_sx",), 2, "no vehicle 'paper_sx'; did you mean 'paper_six'?"),
+        (("paper_six", "--axis", "sideways"), 2, "--axis: 'sideways' is not one of"),
+        (("paper_six", "--axis", "pitch"), 2, "paper_six: its thrusters do not drive pitch"),
+        (("lauv",), 2, "lauv: steers by fins"),
+        (("paper_six", "-o", "gains.txt"), 2, "--output 'gains.txt': a vehicle's file ends in .toml"),
+        (("paper_six", "--axis", "yaw", "-o", "/proc/nowhere/x.toml"), 2, "/proc/nowhere/x.toml: cannot be written"),
+        (("paper_six", "--seed", "one"), 2, "expected a whole number from 0"),
+    ],
+)
+def test_what_it_refuses(arguments: tuple[str, ...], code: int, words: str, capsys: pytest.CaptureFixture[str]) -> None:
+    found, _, err = run(capsys, *arguments)
+    assert found == code
+    assert words in err
+    assert "Traceback" not in err
+
+
+def test_a_scenario_is_no_vehicle(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "mine.toml"
+    path.write_text('vehicle = "paper_six"\nworld = "pool"\n')
+    code, _, err = run(capsys, path)
+    assert (code, err) == (2, f"uuv-hil tune: {path}: is a scenario, not a vehicle; its vehicle is 'paper_six'\n")

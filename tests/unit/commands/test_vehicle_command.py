@@ -1,0 +1,119 @@
+"""`uuv-hil vehicle` as a person and a program see it."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from hil.cli import main
+from hil.commands.vehicle.command import top
+from hil.common.schema import preset_names
+from sim.vehicle.vehicle import load_vehicle
+
+VECTORS = Path(__file__).parents[2] / "vectors"
+
+
+def run(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, str, str]:
+    code = main(["vehicle", *arguments])
+    captured = capsys.readouterr()
+    return code, captured.out, captured.err
+
+
+def test_alone_it_lists_every_preset(capsys: pytest.CaptureFixture[str]) -> None:
+    code, out, _ = run(capsys)
+    assert code == 0
+    assert [line.split()[0] for line in out.splitlines()[1:]] == preset_names("sim/vehicles")
+    assert "pitch" in next(line for line in out.splitlines() if "paper_six" in line)
+
+
+@pytest.mark.parametrize("name", preset_names("sim/vehicles"))
+def test_a_preset_as_text(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    code, out, _ = run(capsys, name)
+    vehicle, _ = load_vehicle(name)
+    assert code == 0
+    assert vehicle.source in out
+    assert all(channel in out for channel in vehicle.channels)
+    assert f"{top(vehicle)[0].speed[0]:.3f} m/s" in out
+    idle = [reach.axis for reach in top(vehicle) if not reach.driven]
+    assert (f"cannot be driven alone: {', '.join(idle)}\n" in out) == bool(idle)
+
+
+def test_what_is_printed_of_one(capsys: pytest.CaptureFixture[str]) -> None:
+    _, out, _ = run(capsys, "bluerov2_heavy")
+    for words in ("13.5 kg", "0.457 x 0.575 x 0.254 m", "0.98 N heavy in water of 1000", "rank 6 of 6", "51.44 N"):
+        assert words in out
+    _, out, _ = run(capsys, "bluerov2_heavy", "--density", "1028")
+    assert "2.70 N light in water of 1028" in out
+
+
+def test_json_is_the_same(capsys: pytest.CaptureFixture[str]) -> None:
+    _, out, _ = run(capsys, "paper_six", "--json")
+    table = json.loads(out)
+    assert table["mass"] == 9.7
+    assert (table["rank"], table["not_driven"]) == (5, ["pitch"])
+    assert [len(table["wrench_matrix"]), len(table["wrench_matrix"][0])] == [6, 6]
+    assert table["reach"]["surge"]["speed"][0] == pytest.approx(2.208, abs=1e-3)
+
+
+def test_the_picture_is_a_picture(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    image = pytest.importorskip("matplotlib.image")
+    path = tmp_path / "seven.png"
+    code, _, _ = run(capsys, "paper_seven", "--picture", str(path))
+    pixels = image.imread(path)
+    assert code == 0
+    assert pixels.shape[0] > 800
+    assert pixels[..., :3].std() > 0.05  # something is drawn
+    code, _, err = run(capsys, "paper_seven", "--picture", str(tmp_path / "no" / "such.png"))
+    assert (code, err.count("\n")) == (2, 1)
+    code, _, err = run(capsys, "paper_seven", "--picture", str(tmp_path / "a.nonsense"))
+    assert (code, err.count("\n")) == (2, 1)
+
+
+def test_import_writes_a_vehicle_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "mine.toml"
+    code, out, _ = run(capsys, "--import", str(VECTORS / "hydra.urdf"), "-o", str(path))
+    assert (code, out) == (0, f"{path}: hydra, 30 kg, 3 thrusters\n")
+    code, out, _ = run(capsys, str(path))
+    assert code == 0
+    assert "cannot be driven alone: sway, roll, pitch, yaw" in out
+
+
+def test_import_asks_for_what_is_missing_and_takes_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    code, _, err = run(capsys, "--import", str(VECTORS / "hydra_gz.urdf"))
+    assert code == 2
+    assert "does not say volume" in err
+    rest = tmp_path / "rest.toml"
+    rest.write_text(
+        "volume = 0.024\ndimensions = [0.6, 0.4, 0.35]\ncenter_of_buoyancy = [0, 0, -0.05]\n"
+        '[every_thruster]\nmax_forward = "60 N"\nmax_reverse = "45 N"\n'
+    )
+    code, out, _ = run(capsys, "--import", str(VECTORS / "hydra_gz.urdf"), "--add", str(rest))
+    (tmp_path / "gz.toml").write_text(out)
+    assert code == 0
+    assert load_vehicle(str(tmp_path / "gz.toml"))[0].thrusters[0].max_reverse == 45.0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["bluerov"], "did you mean 'bluerov2'"),
+        (["paper_six", "--density", "1.025"], "--density: expected a number from 500 to 2000 kg/m³, found '1.025'"),
+        (["paper_six", "-o", "a.toml"], "go with --import"),
+        (["nowhere.toml"], "nowhere.toml: no such file"),
+        (["--import", "nowhere.urdf"], "nowhere.urdf: no such file"),
+        (["--import", str(VECTORS / "hydra.urdf"), "-o", "/proc/no/such"], "/proc/no/such: cannot be written"),
+    ],
+)
+def test_errors_are_one_line(arguments: list[str], words: str, capsys: pytest.CaptureFixture[str]) -> None:
+    code, out, err = run(capsys, *arguments)
+    assert (code, out) == (2, "")
+    assert err.startswith("uuv-hil vehicle: ")
+    assert words in err
+    assert err.count("\n") == 1
+
+
+def test_help_has_examples(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(["vehicle", "--help"])
+    assert ended.value.code == 0
+    assert "uuv-hil vehicle bluerov2 --picture bluerov2.png" in capsys.readouterr().out

@@ -1,0 +1,122 @@
+"""A vehicle out of xacro, with macros, arguments and packages, and without ROS."""
+
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import pytest
+
+from hil.cli import main
+from hil.commands.vehicle.xacro_expand import expand, is_xacro
+from hil.common.errors import ConfigError, MissingExtraError
+from sim.vehicle.urdf.importer import read_urdf
+from sim.vehicle.urdf.text import find_mesh
+
+HYDRA = Path(__file__).parents[2] / "vectors" / "hydra.urdf"
+NAMESPACE = 'xmlns:xacro="http://www.ros.org/wiki/xacro"'
+
+
+@pytest.fixture
+def hydra(tmp_path: Path) -> Path:
+    """The URDF of the vectors as an author would have it: two packages, a property, an argument, an include."""
+    body = HYDRA.read_text().split('<robot name="hydra">')[1]
+    links, _, water = body.partition("<gazebo>")
+    for name, folder in (("hydra_description", "anywhere"), ("hydra_water", "hydra_water")):
+        (tmp_path / folder / "urdf").mkdir(parents=True)
+        (tmp_path / folder / "package.xml").write_text(f"<package><name> {name} </name></package>")
+    (tmp_path / "hydra_water" / "urdf" / "water.xacro").write_text(
+        f"<robot {NAMESPACE}><gazebo>" + water.replace("1028.0", "${rho}")
+    )
+    main_file = tmp_path / "anywhere" / "urdf" / "hydra.urdf.xacro"
+    main_file.write_text(
+        f'<?xml version="1.0"?><robot name="hydra" {NAMESPACE}><xacro:arg name="mass" default="24.0"/>'
+        '<xacro:property name="rho" value="${1000.0 + 28.0}"/>'
+        + links.replace('"24.0"', '"$(arg mass)"')
+        + '<xacro:include filename="$(find hydra_water)/urdf/water.xacro"/></robot>'
+    )
+    return main_file
+
+
+def test_it_is_the_vehicle_of_the_urdf(hydra: Path) -> None:
+    vehicle, _ = read_urdf(str(hydra), text=expand(str(hydra)))
+    assert vehicle._replace(source="") == read_urdf(str(HYDRA))[0]._replace(source="")
+    heavier, _ = read_urdf(str(hydra), text=expand(str(hydra), ["mass:=34"]))
+    assert heavier.mass == pytest.approx(vehicle.mass + 10.0)
+    assert "ament_index_python" not in sys.modules
+
+
+@pytest.fixture
+def far() -> Iterator[Path]:
+    """A folder that is not around those of pytest."""
+    with TemporaryDirectory() as folder:
+        yield Path(folder)
+
+
+@pytest.mark.parametrize("place", ["near", "AMENT_PREFIX_PATH", "ROS_PACKAGE_PATH"])
+def test_packages_are_found_where_ros_has_them(
+    place: str, hydra: Path, far: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """However deep near the file, and far from it by ROS's variables; a mesh of such a package too."""
+    package = hydra.parents[2] / "hydra_water"
+    elsewhere = hydra.parents[2] if place == "near" else far
+    inside = {"near": "src/vehicles/hydra/hydra_water", "AMENT_PREFIX_PATH": "share/AMENT_PREFIX_PATH_water"}
+    new = elsewhere / inside.get(place, "a/b/c/water")
+    new.parent.mkdir(parents=True, exist_ok=True)
+    (package / "hull.stl").touch()
+    (package / "package.xml").write_text(f"<package><name>{place}_water</name></package>")
+    hydra.write_text(hydra.read_text().replace("hydra_water", f"{place}_water"))
+    package.rename(new)
+    if place != "near":
+        with pytest.raises(ConfigError, match=f"no package '{place}_water'"):
+            expand(str(hydra))
+        monkeypatch.setenv(place, f"{elsewhere / 'nowhere'}:{elsewhere}")
+    vehicle, _ = read_urdf(str(hydra), text=expand(str(hydra)))
+    assert vehicle.volume == 0.0301
+    assert find_mesh(f"package://{place}_water/hull.stl", str(hydra)) == str(new / "hull.stl")
+
+
+def test_the_command(hydra: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "hydra.toml"
+    assert main(["vehicle", "--import", str(hydra), "--xacro", "mass=25", "-o", str(out)]) == 0
+    assert "mass = 31" in out.read_text()
+    assert "hydra, 31 kg" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("text", "arguments", "words"),
+    [
+        (
+            '<xacro:include filename="$(find moon)/x.xacro"/>',
+            [],
+            "no package 'moon' by AMENT_PREFIX_PATH, by ROS_PACKAGE_PATH or in the folders",
+        ),
+        ("<a b='${1/0}'/>", [], "division by zero"),
+        ("<a b='$(arg depth)'/>", [], "depth"),
+        ("<a", [], "not well-formed"),
+        ("<a/>", ["depth"], "xacro argument 'depth': write NAME=VALUE"),
+        ("<a/>", ["=3"], "xacro argument '=3': write NAME=VALUE"),
+    ],
+)
+def test_what_cannot_be_expanded(text: str, arguments: list[str], words: str, tmp_path: Path) -> None:
+    path = tmp_path / "m.xacro"
+    path.write_text(f"<robot {NAMESPACE}>{text}</robot>")
+    with pytest.raises(ConfigError) as caught:
+        expand(str(path), arguments)
+    assert words in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_without_the_package(hydra: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "xacro", None)
+    with pytest.raises(MissingExtraError, match="pip install"):
+        expand(str(hydra))
+
+
+def test_what_is_xacro(hydra: Path, tmp_path: Path) -> None:
+    assert is_xacro(str(hydra))
+    assert not is_xacro(str(HYDRA))
+    assert not is_xacro(str(tmp_path / "nowhere.urdf"))
+    plain = tmp_path / "robot.urdf"
+    plain.write_text(f"<robot {NAMESPACE}/>")
+    assert is_xacro(str(plain))

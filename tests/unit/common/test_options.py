@@ -1,0 +1,229 @@
+"""Every option of every command takes only what it can mean: checked for all of them by asking the parsers."""
+
+import argparse
+import re
+from collections.abc import Iterator
+from importlib import import_module
+from typing import Any, NamedTuple
+
+import pytest
+
+from hil import cli
+from hil.commands.bench import command as bench
+from hil.common import options as parser
+from hil.common.options import List, Number, Parser, Share, subparsers
+
+# What options take that are no numbers. An option with another metavar needs a type of hil/common/options.py.
+TEXTS = {
+    "SCENARIO", "NAME", "DIR", "FOLDER", "FILE", "PATH", "WORLD", "VEHICLE", "TYPE", "VALUES", "TOPIC", "SERVICE",
+    "HEX", "ADDRESS", "KEY=VALUE", "NAME=VALUE", "KEY=A,B,...", "NAME|FILE", "NAME|FILE.toml", "CHART.000",
+    "MODEL.urdf", "FILE.csv", "FILE.png", "FILE.toml", "OUT.toml", "A.json", "B.json", "OUT.pgm|.tif|.stl|.glb|.sdf",
+    "init|add", "build|show|export|list", "list | check", "ACTION",
+}  # fmt: skip
+UNNAMED = {"--dir", "--protocol", "--frame", "--backend"}  # texts without a metavar
+VALUES = ["nan", "inf", "-inf", "-1", "0", "1e12", "x", "", "9" * 5000, "0x10", "1_0", "½", "1e400", "5 kg"]
+
+
+class CapturedError(Exception):
+    """The parser of a command, before it reads anything."""
+
+
+class AcceptedError(Exception):
+    """What a parser made of a command line."""
+
+
+class Option(NamedTuple):
+    """An option and where it is."""
+
+    words: tuple[str, ...]
+    parser: argparse.ArgumentParser
+    action: argparse.Action
+
+    @property
+    def name(self) -> str:
+        return self.action.option_strings[-1] if self.action.option_strings else str(self.action.metavar)
+
+
+def commands() -> Iterator[tuple[tuple[str, ...], str]]:
+    for name, (module, _) in cli.COMMANDS.items():
+        if name != "bench":
+            yield (name,), module
+    for name, (module, _) in bench.BENCHMARKS.items():
+        yield ("bench", name), module
+
+
+def parser_of(module: str) -> Parser:
+    """The parser that a command reads its command line with, caught as it is about to."""
+
+    def catch(self: Parser, *_: Any) -> None:
+        raise CapturedError(self)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Parser, "parse_args", catch)
+        patch.setattr(Parser, "parse_intermixed_args", catch)
+        with pytest.raises(CapturedError) as caught:
+            import_module(module).main([])
+    found = caught.value.args[0]
+    assert isinstance(found, Parser)
+    return found
+
+
+def options() -> Iterator[Option]:
+    for words, module in commands():
+        outer = parser_of(module)
+        for inner_words, inner in ((words, outer), *(((*words, name), one) for name, one in subparsers(outer).items())):
+            for action in inner._actions:
+                takes_value = action.nargs != 0 and not isinstance(action, argparse._SubParsersAction)
+                if takes_value and not isinstance(action, (argparse._HelpAction, argparse.BooleanOptionalAction)):
+                    yield Option(inner_words, inner, action)
+
+
+OPTIONS = list(options())
+NUMBERS = [
+    option for option in OPTIONS if isinstance(option.action.type, (Number, List)) and option.action.option_strings
+]
+
+
+def test_every_option_is_a_text_a_choice_or_has_a_checked_type() -> None:
+    for option in OPTIONS:
+        kind = option.action.type
+        assert kind not in (int, float), f"{option.words} {option.name}: use a type of hil/common/options.py"
+        if kind is None and not option.action.choices:
+            known = option.action.metavar in TEXTS or option.name in UNNAMED
+            assert known, f"{option.words} {option.name}: a text? then add its metavar here; else give it a type"
+    assert len(NUMBERS) > 60, "the parsers were not found"
+
+
+def command_line(option: Option, value: str) -> list[str]:
+    """A command line with that option, and a word for everything that has to be there."""
+    inner = option.parser
+    required = [action for action in inner._actions if action.required and action is not option.action]
+    words = [*option.words, f"{option.name}={value}"]
+    for action in required:
+        dummy = next(iter(action.choices)) if action.choices else "tcp/127.0.0.1:1"
+        words += [action.option_strings[-1], dummy] if action.option_strings else [dummy]
+    return words
+
+
+def accept(self: Parser, *arguments: Any) -> None:
+    raise AcceptedError(original_parse_args(self, *arguments))
+
+
+original_parse_args = Parser.parse_args
+
+
+def test_a_number_is_in_its_range_or_a_line_with_exit_code_2(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(Parser, "parse_args", accept)
+    for option in NUMBERS:
+        check_numbers(option, capsys)
+
+
+def check_numbers(option: Option, capsys: pytest.CaptureFixture[str]) -> None:
+    """Each of VALUES for that option is taken in its range, or refused by its name."""
+    kind = option.action.type
+    number = kind.item if isinstance(kind, List) else kind
+    for value in VALUES:
+        try:
+            code = cli.main(command_line(option, value))
+        except AcceptedError as accepted:
+            made = getattr(accepted.args[0], option.action.dest)
+            for one in made if isinstance(made, (tuple, list)) else [made]:
+                assert isinstance(number, Number), f"{value!r} went through"
+                assert number.low <= one <= number.high or one in number.also, f"{value!r} went through"
+            continue
+        said = capsys.readouterr().err
+        assert code == 2, (value, said)
+        assert said.count("\n") == 1, said
+        assert option.name in said
+        assert "expected" in said
+        assert repr(value[:10])[:-1] in said, "what was typed"
+
+
+@pytest.mark.parametrize(
+    ("kind", "text", "value"),
+    [
+        (Number(0.0, 10.0, "s"), "500 ms", 0.5),
+        (Number(0.0, 10.0, "s"), " 3 ", 3.0),
+        (Number(1.0, 10.0, also=(0,)), "0", 0.0),
+        (parser.whole(1, 5), "5", 5),
+        (Share(), "5%", 0.05),
+        (List(parser.whole(0, 9)), "1,2,1", (1, 2)),
+        (parser.serving_address, "9747", ("127.0.0.1", 9747)),
+        (parser.serving_address, "[::1]:0", ("::1", 0)),
+        (parser.host, "pi.local", "pi.local"),
+        (parser.ENDPOINT, "192.168.3.116", "tcp/192.168.3.116:7447"),
+        (parser.ENDPOINT, "pi:9000", "tcp/pi:9000"),
+        (parser.ENDPOINT, "[::1]", "tcp/[::1]:7447"),
+        (parser.ENDPOINT, "[::1]:9000", "tcp/[::1]:9000"),
+        (parser.ENDPOINT, "tls/pi", "tls/pi:7447"),
+        (parser.endpoint_or_lan, "lan", "lan"),
+        (parser.place, "59.6,-151.4", (59.6, -151.4)),
+    ],
+)
+def test_what_is_meant(kind: Any, text: str, value: Any) -> None:
+    assert kind(text) == value
+
+
+@pytest.mark.parametrize(
+    ("kind", "text"),
+    [
+        (parser.PORT, "65536"),
+        (parser.ENDPOINT, "pi:65535"),  # its neighbour is used too
+        (parser.ENDPOINT, "pi:99999999999999999999"),
+        (parser.ENDPOINT, "::1"),
+        (parser.ENDPOINT, "udp/pi:7447"),
+        (parser.ENDPOINT, "tcp/pi:²"),
+        (parser.ENDPOINT, "not a host"),
+        (parser.ENDPOINT, ""),
+        (parser.serving_address, "127.0.0.1:99999"),
+        (parser.serving_address, "here"),
+        (parser.host, "not a host!!"),
+        (parser.host, "1.2.3"),
+        (parser.host, "x" * 300),
+        (parser.place, "91,0"),
+        (parser.place, "nan,0"),
+        (parser.area, "1,2,1,3"),
+        (List(parser.whole(0, 9), most=2), "1,2,3"),
+    ],
+)
+def test_what_cannot_be_meant(kind: Any, text: str) -> None:
+    with pytest.raises(argparse.ArgumentTypeError) as error:
+        kind(text)
+    assert len(str(error.value)) < 300
+
+
+@pytest.mark.parametrize("more", [[], ["--member="]], ids=["without argparse", "with argparse"])
+def test_the_slave_checks_its_endpoint_either_way(more: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["slave", "paper_field", "--listen", "tcp/127.0.0.1:99999", *more]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("uuv-hil slave: --listen: endpoint 'tcp/127.0.0.1:99999' is not of the form tcp/HOST:PORT")
+
+
+@pytest.mark.parametrize(
+    ("words", "meant"),
+    [
+        (["slav"], "slave"),
+        (["bench", "tabel"], "table"),
+        (["topic", "lst"], "list"),
+        (["board", "instal", "mine.toml"], "install"),
+        (["sim", "--fsat"], "--fast"),
+        (["master", "paper_field", "--connect=pi", "--takeover"], "--take-over"),
+        (["sim", "paper_feild"], "paper_field"),
+        (["vehicle", "blurov2"], "bluerov2"),
+        (["world", "show", "pol"], "pool"),
+        (["frame", "check", "aa5"], "aa55"),
+        (["case", "path_planing"], "path_planning"),
+        (["loopback", "--stm32", "unicron"], "unicorn"),
+        (["loopback", "--protocol", "mavlnk"], "mavlink"),
+        (["slave", "paper_field", "--board", "raspbery_pi_4b"], "raspberry_pi_4b"),
+        (["doctor", "--board", "raspbery_pi_4b"], "raspberry_pi_4b"),
+        (["bench", "delay", "--stm32", "pyton"], "python"),
+    ],
+)
+def test_did_you_mean(words: list[str], meant: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(words) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert f"did you mean '{meant}'?" in line
+    assert len(re.findall("uuv-hil", line.partition("; see ")[0])) == 1, "a prefix twice"

@@ -1,0 +1,56 @@
+"""Classes of a user's own: what is none is not made, and none is loaded where that is refused."""
+
+import re
+import threading
+from pathlib import Path
+from typing import Any, Protocol
+
+import pytest
+
+from hil.common.errors import ConfigError
+from hil.common.plugins import load_class, refusing
+
+
+class Contract(Protocol):
+    def begin(self) -> None: ...
+
+
+class Good:
+    def __init__(self, size: int = 0) -> None:
+        self.size = size
+
+    def begin(self) -> None: ...
+
+
+def load(name: str, **arguments: Any) -> Any:
+    return load_class({"class": name, **arguments}, Contract, "mine.toml: force")
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [("subprocess:Popen", "has no method 'begin'"), ("subprocess:check_call", "is no class"), ("os:path", "no class")],
+)
+def test_what_does_not_follow_the_contract_is_never_called(tmp_path: Path, name: str, words: str) -> None:
+    trace = tmp_path / "trace"
+    key = "args" if name == "subprocess:Popen" else "popenargs"
+    with pytest.raises(ConfigError, match=rf"mine\.toml: force: {name} .*{words}"):
+        load(name, **{key: ["touch", str(trace)]})
+    assert not trace.exists()
+
+
+def test_where_it_is_refused_nothing_is_imported() -> None:
+    here = f"{__name__}:Good"
+    told = re.escape(f"mine.toml: force: class {here!r} is not loaded: because")
+    with refusing("because"):
+        with refusing("of another reason"):
+            pass
+        with pytest.raises(ConfigError, match=told):
+            load(here)
+        with pytest.raises(ConfigError, match="is not loaded: because"):
+            load("no_such_module:Good")
+        made: list[Any] = []
+        thread = threading.Thread(target=lambda: made.append(load(here, size=3)))  # which reads a file of its own
+        thread.start()
+        thread.join()
+        assert made[0].size == 3
+    assert isinstance(load(here), Good)

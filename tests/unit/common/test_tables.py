@@ -1,0 +1,98 @@
+"""A TOML file that was read is kept parsed, and never used when it should not be."""
+
+import os
+import sys
+from pathlib import Path
+
+import pytest
+
+from hil.common import tables
+from hil.common.errors import ConfigError
+from hil.common.tables import cache_path, read_table
+
+
+@pytest.fixture(autouse=True)
+def own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    path = tmp_path / "a.toml"
+    path.write_text("a = 1\n")
+    return path
+
+
+def test_the_second_reading_needs_no_parser(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert read_table(str(file)) == {"a": 1}
+    monkeypatch.setitem(sys.modules, "tomllib", None)
+    assert read_table(str(file)) == {"a": 1}
+
+
+@pytest.mark.parametrize(("most", "most_bytes"), [(10, 1 << 20), (1000, 600)], ids=["number", "size"])
+def test_the_oldest_go_when_there_are_too_many(
+    most: int, most_bytes: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(tables, "MOST_KEPT", most)
+    monkeypatch.setattr(tables, "MOST_KEPT_BYTES", most_bytes)
+    program = Path(cache_path("x")).parent / f"{tables.PROGRAM}-abc"
+    program.parent.mkdir(parents=True)
+    program.write_bytes(b"x" * 1000)
+    for number in range(40):
+        path = tmp_path / f"{number}.toml"
+        path.write_text(f"a = {number}\n")
+        read_table(str(path))
+        os.utime(cache_path(str(path)), (number, number))
+        kept = [kept for kept in program.parent.iterdir() if kept != program]
+        assert len(kept) <= most
+        assert sum(file.stat().st_size for file in kept) <= most_bytes
+    assert Path(cache_path(str(tmp_path / "39.toml"))).exists(), "the newest"
+    assert not Path(cache_path(str(tmp_path / "0.toml"))).exists(), "the oldest"
+    assert program.exists(), "is no file that was parsed"
+
+
+def test_what_is_large_is_not_kept(tmp_path: Path) -> None:
+    path = tmp_path / "large.toml"
+    path.write_text(f"a = '{'x' * tables.LARGEST_KEPT}'\n")
+    read_table(str(path))
+    assert not Path(cache_path(str(path))).exists()
+
+
+def test_a_changed_file_is_read_again(file: Path) -> None:
+    read_table(str(file))
+    before = file.stat()
+    file.write_text("a = 2\n")
+    os.utime(file, ns=(before.st_atime_ns, before.st_mtime_ns + 1))
+    assert read_table(str(file)) == {"a": 2}
+
+
+@pytest.mark.parametrize("damage", [b"", b"\xff", b"i\x01\x00\x00\x00", b"(\x00\x00\x00\x00"])
+def test_a_damaged_copy_is_not_used(file: Path, damage: bytes) -> None:
+    read_table(str(file))
+    Path(cache_path(str(file))).write_bytes(damage)
+    assert read_table(str(file)) == {"a": 1}
+
+
+@pytest.mark.skipif(os.getuid() != 0, reason="only root can give a file away")
+def test_the_copy_of_another_user_is_not_used(file: Path) -> None:
+    read_table(str(file))
+    copy = Path(cache_path(str(file)))
+    os.chown(copy, 12345, 12345)
+    copy.write_bytes(copy.read_bytes().replace(b"a", b"b", 1))
+    assert read_table(str(file)) == {"a": 1}
+
+
+def test_what_cannot_be_kept_is_read_all_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    dated = tmp_path / "dated.toml"
+    dated.write_text("day = 2026-01-01\n")
+    assert read_table(str(dated))["day"].year == 2026
+    monkeypatch.setenv("XDG_CACHE_HOME", "/proc/nowhere")
+    dated.write_text("a = 3\n")
+    assert read_table(str(dated)) == {"a": 3}
+
+
+def test_a_file_that_went_is_missed(file: Path) -> None:
+    read_table(str(file))
+    file.unlink()
+    with pytest.raises(ConfigError, match="no such file"):
+        read_table(str(file))

@@ -1,0 +1,61 @@
+"""What others wrote cannot drive a terminal, forge a line of a log, or fill it."""
+
+import pytest
+
+from hil.common.columns import aligned
+from hil.common.text import clean
+from hil.network.tokens import Presence, presence_key, read_presence
+from hil.slave import log
+from hil.slave.log import Log
+
+
+@pytest.mark.parametrize(
+    ("text", "shown"),
+    [
+        ("uuv1", "uuv1"),
+        ("Prüfstand 5 µm", "Prüfstand 5 µm"),
+        ("\x1b[2Jgone", "?[2Jgone"),
+        ("a\nslave: ready", "a?slave: ready"),
+        ("\u202eright to left\x9b", "?right to left?"),
+        ("x" * 300, "x" * 197 + "..."),
+    ],
+)
+def test_text_of_others_is_cleaned(text: str, shown: str) -> None:
+    assert clean(text) == shown
+    assert aligned([[text]]) == [shown]
+
+
+def test_a_line_of_the_log_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
+    written = Log("slave")
+    written.say("master evil\n[    0.000] slave: ready\x1b]0;owned\x07 is there")
+    written.say("y" * 5000)
+    written.flush()
+    first, second = capsys.readouterr().err.splitlines()
+    assert first.endswith("slave: master evil?[    0.000] slave: ready?]0;owned? is there")
+    assert len(second) < 1100
+
+
+def test_a_flood_of_lines_is_counted(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    now = [0]
+    monkeypatch.setattr(log, "now_ns", lambda: now[0])
+    written = Log("slave")
+    for number in range(5000):
+        written.say(f"line {number}")
+    written.flush()
+    assert len(capsys.readouterr().err.splitlines()) == log.MOST_LINES
+    now[0] += log.WINDOW_NS + 1
+    written.flush()
+    assert "4000 lines left out: more than 1000 in 10 s" in capsys.readouterr().err
+    written.say("calm again")
+    written.flush()
+    assert capsys.readouterr().err.splitlines()[0].endswith("calm again")
+
+
+def test_a_presence_of_others_is_plain_and_short() -> None:
+    honest = Presence("uuv1", "master", 0, "ab" * 16, "laptop:42")
+    assert read_presence(presence_key(honest)) == honest
+    evil = read_presence("uuv_hil/uuv\x1b1/alive/master/0/" + "ab" * 16 + "/\x1b[31m\nslave: ready" + "z" * 500)
+    assert evil
+    assert evil.node == "uuv_1"
+    assert evil.who == "__31m_slave:_ready" + "z" * 46
+    assert read_presence(f"uuv_hil/uuv1/alive/master/0/{'ab' * 40}/x") is None

@@ -1,0 +1,161 @@
+"""Whatever stands in the files of a machine: the doctor says that it cannot tell, or leaves it out."""
+
+import json
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from boards import load_board
+from boards.tree import Tree
+from hil.commands import doctor
+from hil.doctor.findings import Case, Finding, User
+from hil.scenario.config import Scenario, load_scenario
+from tests.support.examples import examples
+from tests.support.recorded import build, plant
+
+IP = "commands/ip_-details_-json_link_show_can0"
+FLAGS = "sys/class/net/can0/flags"
+LIMIT = "Limit                     Soft Limit           Hard Limit\n"
+SOCKET = "header\n 0: {} 00000000:0000 0A 0:0 00:0 0 1000 0 {} 1 0\n"
+
+
+def scenario(port: str) -> Scenario:
+    plain = load_scenario("paper_field")
+    link = plain.link._replace(port=port, bitrate=500_000)
+    return plain._replace(link=link, slave=plain.slave._replace(listen="tcp/0.0.0.0:7447"))
+
+
+SCENARIOS = [scenario("/dev/serial0"), scenario("can:socketcan:can0")]
+
+
+def examine(tree: Tree) -> list[Finding]:
+    user = User("nobody", 65534, (65534,))
+    cases = [Case(tree, load_board("raspberry_pi_4b"), one, user) for one in SCENARIOS]
+    return [finding for case in cases for finding in doctor.findings(case)]
+
+
+@pytest.fixture
+def board(tmp_path: Path) -> Path:
+    root = build("raspberry_pi_4b", tmp_path / "root")
+    plant(root, FLAGS, "0x40081\n")
+    return root
+
+
+def can(details: object) -> str:
+    return json.dumps([{"linkinfo": {"info_kind": "can", "info_data": details}}])
+
+
+@pytest.mark.parametrize(
+    ("path", "text"),
+    [
+        ("proc/meminfo", "MemAvailable:"),
+        ("proc/meminfo", "MemAvailable: much kB\n"),
+        ("proc/meminfo", f"MemAvailable: {'9' * 5000} kB\n"),
+        ("proc/self/status", "CapEff:"),
+        ("proc/self/status", "CapEff:\tall of them\n"),
+        ("proc/self/limits", f"{LIMIT}Max realtime priority     forty                40\n"),
+        ("proc/self/limits", f"{LIMIT}Max locked memory         {'9' * 5000}\n"),
+        ("proc/net/tcp", SOCKET.format("00000000:????", 4711)),
+        ("proc/net/tcp6", SOCKET.format("nothing", 4711)),
+        ("proc/cmdline", "console=a\0b,115200 console=,\n"),
+        (FLAGS, "up"),
+        (FLAGS, ""),
+        (IP, ""),
+        (IP, "[" * 100_000),
+        (IP, "[null]"),
+        (IP, '[{"linkinfo": null}]'),
+        (IP, '[{"linkinfo": {"info_kind": null}}]'),
+        (IP, can(None)),
+        (IP, can([])),
+        (IP, can({"state": "ERROR-ACTIVE", "bittiming": None})),
+        (IP, can({"state": "ERROR-ACTIVE", "bittiming": [500_000]})),
+        (IP, can({"state": None, "bittiming": {"bitrate": 500_000}})),
+        ("etc/group", "root\n:::\n"),
+        ("commands/iw_dev_wlan0_get_power_save", "command failed: No such device (-19)\n"),
+        ("commands/timedatectl_show_--property=NTPSynchronized_--value", "perhaps\n"),
+        ("commands/vcgencmd_get_throttled", "throttled=very\n"),
+        ("etc/systemd/system/uuv-hil.service", "User=nobody\nLimitRTPRIO=high\n"),
+        ("sys/fs/cgroup/cgroup.controllers", "\0memory\0"),
+    ],
+)
+def test_odd_files(board: Path, path: str, text: str) -> None:
+    """No traceback, and no problem out of what cannot be understood."""
+    healthy = {row.topic for row in examine(Tree(str(board))) if row.level == "problem"}
+    assert {"CAN"}.isdisjoint(healthy)
+    plant(board, path, text)
+    assert {row.topic for row in examine(Tree(str(board))) if row.level == "problem"} <= healthy
+
+
+@pytest.mark.parametrize(
+    ("details", "texts"),
+    [
+        ({"state": "ERROR-ACTIVE", "bittiming": None}, ["bit rate and state cannot be told"]),
+        ({"state": "BUS-OFF", "bittiming": None}, ["bit rate and state cannot be told", "BUS-OFF"]),
+        ({"bittiming": {"bitrate": 250_000}}, ["bit rate and state cannot be told", "runs at 250000 bit/s"]),
+    ],
+)
+def test_half_of_what_there_is_to_know_of_a_can_bus(board: Path, details: object, texts: list[str]) -> None:
+    plant(board, IP, can(details))
+    found = [row.text for row in examine(Tree(str(board))) if row.topic == "CAN"]
+    assert len(found) == len(texts)
+    assert all(part in text for part, text in zip(texts, found, strict=True))
+
+
+@pytest.mark.parametrize("answer", ["", "Power save: perhaps", "odd"])
+def test_a_wlan_that_says_nothing_understandable(board: Path, answer: str) -> None:
+    plant(board, "commands/iw_dev_wlan0_get_power_save", answer)
+    (found, _) = [row for row in examine(Tree(str(board))) if row.topic == "wlan"]
+    assert (found.level, found.text) == ("note", "wlan0: power saving cannot be told")
+
+
+# Parts that readers look for, and what they do not expect beside them.
+PIECES = [
+    "\n", " ", ":", "=", "\t", "\0", "0x", "-1", "0A", "ff", "1e999", "nan", "9" * 400, "²", "é", "\ud800", "\x1b[2J",
+    "MemAvailable:", "CapEff:", LIMIT, "Max realtime priority     ", "Max locked memory         ", "unlimited", "kB",
+    "header\n", " 0: 00000000:1D17 00000000:0000 0A 0 0 0 0 0 0\n", "console=", "../..", "Power save: on", "yes", "no",
+    "throttled=", '[{"linkinfo": {"info_kind": "can", "info_data": ', '{"bittiming": ', '{"bitrate": ', "null", "{}",
+    "[", "]", "}", '"state": ', '"BUS-OFF"', ", ", "User=nobody\nLimitRTPRIO=", "dialout:x:20:", "performance",
+]  # fmt: skip
+garbage = st.lists(st.sampled_from(PIECES), max_size=12).map("".join)
+
+
+class Garbled(Tree):
+    """A recorded machine whose every file and command may say something else."""
+
+    def __init__(self, root: str, draw: Callable[[], str | None]) -> None:
+        super().__init__(root)
+        self.draw = draw
+
+    def text(self, name: str) -> str:
+        drawn = self.draw()
+        return super().text(name) if drawn is None else drawn.strip(" \t\r\n\0")
+
+    def run(self, *command: str) -> str | None:
+        return self.draw()
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> str:
+    root = build("raspberry_pi_4b", tmp_path_factory.mktemp("garbage") / "root")
+    plant(root, FLAGS, "0x40081\n")
+    return str(root)
+
+
+@examples(150)
+@given(data=st.data())
+def test_any_text_in_any_file(recorded: str, data: st.DataObject) -> None:
+    for finding in examine(Garbled(recorded, lambda: data.draw(st.none() | garbage))):
+        text = doctor.line(finding)
+        text.encode()
+        assert text.isprintable(), "one line, and nothing that a terminal would obey"
+
+
+def test_a_file_that_is_a_folder(board: Path) -> None:
+    for path in ("proc/meminfo", "proc/self/limits", "proc/net/tcp", FLAGS):
+        (board / path).unlink(missing_ok=True)
+        os.makedirs(board / path)
+    assert examine(Tree(str(board)))

@@ -1,0 +1,287 @@
+"""The shipped image on the emulated STM32F405."""
+
+import hashlib
+import random
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import pytest
+
+from firmware_stub.stub import Stm32, Stm32End
+from firmware_stub.unicorn_board import UnicornBoard, shipped_image
+from hil.common.errors import DeviceError
+from hil.links.contract import ThrusterCommand, ThrusterLink, ThrusterTelemetry, Wire
+from hil.links.protocols import open_protocol
+from hil.links.wires.can_frame import pack_frame, unpack_frames
+from tests.support.link_contract import uuv_hil
+
+MS = 1_000_000
+FULL = (1900, 1100, 1600, 1400, 1501, 1499)
+NEUTRAL = [1500] * 6
+IMAGE = shipped_image()
+FOREVER = b"\xfe\xe7"  # b .
+
+
+def encode(sequence: int, pwm_us: tuple[int, ...] = FULL, armed: bool = True) -> bytes:
+    return uuv_hil().encode(ThrusterCommand(sequence, armed, pwm_us))
+
+
+def decode(data: bytes) -> list[ThrusterTelemetry]:
+    protocol = uuv_hil()
+    reports = [message for message in protocol.feed(data) if isinstance(message, ThrusterTelemetry)]
+    assert (protocol.counters.checksum_errors, protocol.counters.dropped_bytes) == (0, 0)
+    return reports
+
+
+@pytest.fixture
+def board() -> UnicornBoard:
+    return UnicornBoard(IMAGE, 6)
+
+
+def test_it_starts_neutral_and_reports_each_20_ms(board: UnicornBoard) -> None:
+    assert board.pwm_us == NEUTRAL
+    board.run_until(1000 * MS)
+    reports = decode(board.transmitted())
+    assert len(reports) == 51
+    assert {(r.armed, r.timed_out, r.pwm_us, r.frames, r.errors) for r in reports} == {
+        (False, False, (1500,) * 6, 0, 0)
+    }
+    assert (board.resets, board.lost) == (0, 0)
+
+
+@pytest.mark.parametrize("channels", [1, 4, 5, 8])
+def test_it_drives_as_many_thrusters_as_it_is_told(channels: int) -> None:
+    board = UnicornBoard(IMAGE, channels)
+    board.transmitted()
+    pulses = tuple(1200 + 50 * i for i in range(channels))
+    board.receive(encode(1, pulses))
+    assert tuple(board.pwm_us) == pulses
+    assert decode(board.transmitted())[0].pwm_us == pulses
+
+
+def test_more_thrusters_than_outputs_are_refused() -> None:
+    with pytest.raises(DeviceError, match="1 to 8 thrusters, not 9"):
+        UnicornBoard(IMAGE, 9)
+
+
+def test_a_command_is_answered_at_once(board: UnicornBoard) -> None:
+    board.run_until(12_345_678)
+    board.transmitted()
+    board.receive(encode(41))
+    (answer,) = decode(board.transmitted())
+    assert (answer.sequence, answer.armed, answer.pwm_us, answer.age_us, answer.frames) == (41, True, FULL, 0, 1)
+    assert board.pwm_us == list(FULL)
+
+
+@pytest.mark.parametrize("watchdog_ms", [50, 200, 1000])
+def test_silence_stops_the_thrusters_in_the_registers(watchdog_ms: int) -> None:
+    board = UnicornBoard(IMAGE, 6, watchdog_ms * MS)
+    board.run_until(7 * MS)
+    board.receive(encode(1))
+    board.run_until((7 + watchdog_ms) * MS - 1)
+    assert board.pwm_us == list(FULL)
+    board.run_until((7 + watchdog_ms) * MS)
+    assert board.pwm_us == NEUTRAL
+    last = decode(board.transmitted())[-1]
+    assert (last.timed_out, last.armed, last.watchdog_trips, last.age_us) == (True, False, 1, watchdog_ms * 1000)
+    assert board.resets == 0, "the watchdog of the link is not that of the chip"
+
+
+def test_a_hung_program_is_reset_by_the_watchdog_and_comes_back_neutral(board: UnicornBoard) -> None:
+    board.run_until(30 * MS)
+    board.receive(encode(1))
+    hangs_at, whole = board.pc, board.read_memory(board.pc, 2)
+    board.write_memory(hangs_at, FOREVER)
+    board.run_until(130 * MS)
+    assert (board.resets, board.pwm_us) == (0, list(FULL)), "nothing else stops it"
+    board.run_until(131 * MS)
+    assert (board.resets, board.pwm_us) == (1, NEUTRAL)
+    board.run_until(500 * MS)
+    assert board.resets == 4, "it hangs again, and again"
+    board.write_memory(hangs_at, whole)
+    board.run_until(1000 * MS)
+    assert (board.resets, board.pwm_us) == (4, NEUTRAL)
+    board.transmitted()
+    board.receive(encode(2))
+    assert [(r.sequence, r.frames) for r in decode(board.transmitted())] == [(2, 1)], "it counts anew"
+
+
+def test_what_a_program_cannot_do_ends_it_with_a_message(board: UnicornBoard) -> None:
+    board.write_memory(board.pc, bytes.fromhex("4ff0c0400168"))  # mov.w r0,#0x60000000; ldr r1,[r0]
+    with pytest.raises(DeviceError, match=r"read 4 bytes at 0x60000000.*pc 0x080.*addr2line"):
+        board.run_until(2 * MS)
+
+
+@pytest.mark.parametrize("access", ["read", "write"])
+def test_what_goes_wrong_in_a_peripheral_is_raised_to_the_caller(
+    board: UnicornBoard, access: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It happens below a library that would lose it; afterwards the board goes on."""
+
+    def breaks(*_: object) -> int:
+        raise ZeroDivisionError("in the peripheral")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(board._chip.usarts["USART1"], access, breaks)
+        with pytest.raises(ZeroDivisionError, match="in the peripheral"):
+            board.receive(encode(1))
+    board.run_until(board.now_ns + 300 * MS)
+    board.transmitted()
+    board.receive(encode(2))
+    assert decode(board.transmitted())
+
+
+def test_garbage_neither_stops_it_nor_moves_a_thruster(board: UnicornBoard) -> None:
+    noise = random.Random(3).randbytes(1_000_000)
+    board.run_until(10 * MS)
+    board.receive(noise)  # a line holds 4096 of them
+    assert board.lost == len(noise) - 4096
+    for start in range(0, 20_480, 1024):
+        board.run_until(board.now_ns + MS)
+        board.receive(noise[start : start + 1024])
+    assert (board.pwm_us, board.resets) == (NEUTRAL, 0)
+    board.run_until(board.now_ns + 20 * MS)
+    board.transmitted()
+    board.receive(bytes(300) + encode(5))
+    board.run_until(board.now_ns + 2 * MS)
+    assert board.pwm_us == list(FULL)
+    (answer, *_) = decode(board.transmitted())
+    assert (answer.sequence, answer.frames) == (5, 1)
+
+
+# ---- the same as the specification, and the same each time
+
+
+class Event(NamedTuple):
+    """Bytes that arrive at an instant (ms)."""
+
+    at_ms: float
+    data: bytes
+
+
+def life(seed: int) -> Iterator[Event]:
+    """A host's life: commands of all kinds, damage, and silences that trip the watchdog."""
+    chance, at_ms, sequence = random.Random(seed), 3.5, 0
+    for _ in range(60):
+        at_ms += chance.choice((0, 5, 20, 20, 20, 30, 300)) * chance.uniform(0.9, 1.1)
+        sequence += chance.choice((1, 1, 1, 1, 0, -3, 40))
+        pulses = tuple(chance.choice((1100, 1500, 1900, 800, 2200, 799, 0, 65535)) for _ in range(6))
+        frame = encode(sequence & 0xFFFF, pulses, chance.random() < 0.8)
+        kind = chance.random()
+        if kind < 0.1:
+            frame = frame[:-1] + bytes([frame[-1] ^ 1])
+        elif kind < 0.15:
+            frame = encode(sequence & 0xFFFF, pulses[:5])
+        elif kind < 0.2:
+            frame = uuv_hil().encode(ThrusterTelemetry(1, True, False, FULL, 0, 0, 0, 0))
+        elif kind < 0.3:
+            frame = chance.randbytes(5).replace(b"\xa5", b"") + frame
+        yield Event(at_ms, frame)
+
+
+class MemoryWire(Wire):
+    """Bytes in lists."""
+
+    name = "memory"
+
+    def __init__(self) -> None:
+        self.incoming, self.outgoing = b"", b""
+
+    def fileno(self) -> int:
+        return -1
+
+    def read(self) -> bytes:
+        data, self.incoming = self.incoming, b""
+        return data
+
+    def write(self, data: bytes) -> int:
+        self.outgoing += data
+        return len(data)
+
+    def close(self) -> None:
+        pass
+
+
+def run_python(events: list[Event], end_ms: int) -> tuple[list[ThrusterTelemetry], list[list[int]]]:
+    """Reports of the firmware's specification in Python, and its pulses after each event."""
+    wire = MemoryWire()
+    end = Stm32End(Stm32(6), ThrusterLink(wire, uuv_hil()))
+    pulses = []
+    for event in [*events, Event(end_ms, b"")]:
+        while end.deadline_ns < event.at_ms * MS:
+            end.service(end.deadline_ns)
+        wire.incoming = event.data
+        end.service(round(event.at_ms * MS))
+        pulses.append(list(end.stm32.pwm_us))
+    return decode(wire.outgoing), pulses
+
+
+def run_image(events: list[Event], end_ms: int, slice_ms: float = 0.0) -> tuple[bytes, list[list[int]], str]:
+    """What the image says, its pulses after each event, and a digest of its RAM at the end."""
+    board, pulses = UnicornBoard(IMAGE, 6), []
+    for event in [*events, Event(end_ms, b"")]:
+        at_ns = round(event.at_ms * MS)
+        while slice_ms and board.now_ns + slice_ms * MS < at_ns:
+            board.run_until(board.now_ns + round(slice_ms * MS))
+        board.run_until(at_ns)
+        board.receive(event.data)
+        pulses.append(board.pwm_us)
+    return board.transmitted(), pulses, hashlib.sha256(board.read_memory(0x2000_0000, 0x2_0000)).hexdigest()
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_it_does_what_its_specification_in_python_does(seed: int) -> None:
+    events = list(life(seed))
+    end_ms = round(events[-1].at_ms) + 500
+    specified, pulses = run_python(events, end_ms)
+    output, moved, _ = run_image(events, end_ms)
+    reports = decode(output)
+    assert moved == pulses
+    assert [report._replace(age_us=0) for report in reports] == [report._replace(age_us=0) for report in specified]
+    # the image looks at its watchdog and its schedule each millisecond only
+    assert all(0 <= a.age_us - b.age_us <= 1000 for a, b in zip(reports, specified, strict=True))
+    assert reports[-1].watchdog_trips > 1
+    assert reports[-1].errors > 3
+
+
+def test_the_same_input_gives_the_same_bits_however_time_is_sliced() -> None:
+    events = list(life(9))
+    end_ms = round(events[-1].at_ms) + 300
+    whole = run_image(events, end_ms)
+    assert len(whole[0]) > 2000
+    assert run_image(events, end_ms) == whole
+    assert run_image(events, end_ms, slice_ms=0.37) == whole
+    assert run_image(events, end_ms, slice_ms=7.3) == whole
+
+
+def test_paced_bytes_delay_the_answer_by_their_time_on_the_line() -> None:
+    board = UnicornBoard(IMAGE, 6, paced=True)
+    board.run_until(25 * MS)
+    board.transmitted()
+    command = encode(7)
+    board.receive(command)
+    byte_ns = 10 * MS // 115.2
+    board.run_until(25 * MS + int(len(command) * byte_ns * 0.99))
+    assert board.pwm_us == NEUTRAL
+    board.run_until(25 * MS + int(len(command) * byte_ns * 1.01))
+    assert board.pwm_us == list(FULL)
+    assert board.transmitted() == b""
+    board.run_until(25 * MS + int((len(command) + 33) * byte_ns * 1.01))
+    (answer,) = decode(board.transmitted())
+    assert (answer.sequence, answer.age_us) == (7, 0)
+
+
+def test_as_motor_controllers_on_a_can_bus(board: UnicornBoard) -> None:
+    host = open_protocol("vesc", "host", 6)
+    reports: list[ThrusterTelemetry] = []
+    for sequence in range(1, 30):
+        board.run_until(sequence * 20 * MS)
+        records = host.encode(ThrusterCommand(sequence, True, FULL))
+        board.receive_can(unpack_frames(records))
+        received = host.feed(b"".join(map(pack_frame, board.transmitted_can())))
+        reports += [report for report in received if isinstance(report, ThrusterTelemetry)]
+        assert board.pwm_us == list(FULL)
+    assert {report.pwm_us for report in reports[1:]} == {FULL}
+    assert reports[-1].sequence == 29
+    board.run_until((29 * 20 + 200) * MS)
+    assert board.pwm_us == NEUTRAL

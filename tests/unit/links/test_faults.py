@@ -1,0 +1,394 @@
+"""Each fault does what it says, as often as it says, and is counted; time on the wire is that of the wire."""
+
+import os
+import select
+import socket
+import statistics
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+
+import pytest
+
+from hil.common.clock import NS_PER_S, now_ns
+from hil.common.errors import ConfigError, DeviceError
+from hil.common.schema import parse
+from hil.links.contract import Wire
+from hil.links.wires.can_frame import RECORD_SIZE, CanFrame, pack_frame, unpack_frames
+from hil.links.wires.faults import BACKLOG, Faults, FaultyWire, Tally
+from hil.links.wires.terminal import DescriptorWire, PtyHostWire, PtyWire
+from hil.links.wires.timer import Timer
+from tests.support.busy import retried_when_busy
+from tests.support.can_pairs import socket_pair
+from tests.support.link_contract import EVERY_BYTE, nothing_leaks, read_bytes, records, wait_readable
+
+CHUNKS = [number.to_bytes(2, "big") * 8 for number in range(2000)]
+Open = Callable[..., tuple[Wire, FaultyWire]]
+
+
+@pytest.fixture
+def opened() -> Iterator[ExitStack]:
+    """Closes what a test opens; nothing leaks."""
+    with nothing_leaks(), ExitStack() as stack:
+        yield stack
+
+
+def instant_pair(opened: ExitStack, faults: Faults = Faults(), seed: int = 1) -> tuple[Wire, FaultyWire]:
+    """A wire that takes no time, its host's end with faults."""
+    device, host = socket.socketpair()
+    for end in (device, host):
+        end.setblocking(False)
+    far = DescriptorWire(device.detach(), "device")
+    near = FaultyWire(DescriptorWire(host.detach(), "host"), faults, seed)
+    opened.callback(far.close)
+    opened.callback(near.close)
+    return far, near
+
+
+def pty_pair(opened: ExitStack, faults: Faults) -> tuple[Wire, FaultyWire]:
+    far = PtyWire()
+    near = FaultyWire(PtyHostWire(far.path), faults)
+    opened.callback(far.close)
+    opened.callback(near.close)
+    return far, near
+
+
+@contextmanager
+def one_cpu() -> Iterator[None]:
+    """Both ends on one CPU: a wake-up on another one can cost as much as a frame."""
+    before = os.sched_getaffinity(0)
+    os.sched_setaffinity(0, {max(before)})
+    yield
+    os.sched_setaffinity(0, before)
+
+
+def cross(sender: Wire, receiver: Wire, data: bytes) -> tuple[bytes, int]:
+    """Send `data` at once and wait for as much, moving both ends; what came, and in how many ns."""
+    began, received, sent = now_ns(), b"", 0
+    while len(received) < len(data):
+        sent += sender.write(data[sent:])
+        ready = select.select([sender, receiver], [], [], 30.0)[0]
+        assert ready, "nothing is due any more"
+        if sender in ready:
+            assert sender.read() == b""
+        if receiver in ready:
+            received += receiver.read()
+    return received, now_ns() - began
+
+
+def struck(opened: ExitStack, faults: Faults, seed: int = 1) -> tuple[list[bytes], Tally]:
+    """What comes out of CHUNKS, sent one by one."""
+    far, near = instant_pair(opened, faults, seed)
+    received = []
+    for chunk in CHUNKS:
+        assert near.write(chunk) == len(chunk)
+        received.append(far.read())
+    return received, near.sent
+
+
+def near_share(count: int, share: float, of: int) -> bool:
+    """Whether so many of so many is that share, within five standard deviations."""
+    return bool(abs(count - share * of) < 5 * (of * share * (1 - share)) ** 0.5)
+
+
+class TestTime:
+    @pytest.mark.parametrize("downward", [True, False])
+    @retried_when_busy("when bytes come, by the clock", attempts=10)
+    def test_a_frame_takes_its_time_on_the_wire(self, opened: ExitStack, downward: bool) -> None:
+        paced, bare = (self.least_ns(opened, baud, downward) for baud in (115_200, 0))
+        wire_time_ns = 32 * 10 * NS_PER_S / 115_200
+        assert abs(paced - bare - wire_time_ns) < 0.05 * wire_time_ns
+
+    def least_ns(self, opened: ExitStack, baud: int, downward: bool) -> int:
+        """Of many frames: a machine that others use too wakes those who wait late, never early."""
+        far, near = pty_pair(opened, Faults(baud=baud))
+        sender, receiver = (near, far) if downward else (far, near)
+        with one_cpu():
+            return min([cross(sender, receiver, bytes(32))[1] for _ in range(101)])
+
+    @pytest.mark.parametrize("downward", [True, False])
+    @retried_when_busy("when bytes come, by the clock", attempts=10)
+    def test_throughput_is_that_of_the_baud_rate(self, opened: ExitStack, downward: bool) -> None:
+        """The best of five: a machine that others use too may be late, never early."""
+        far, near = pty_pair(opened, Faults(baud=230_400))
+        data = EVERY_BYTE * 40
+        sender, receiver = (near, far) if downward else (far, near)
+        wire_time_ns = len(data) * 10 * NS_PER_S / 230_400
+        took_ns: list[int] = []
+        while not took_ns or (len(took_ns) < 5 and min(took_ns) > 1.01 * wire_time_ns):
+            received, took = cross(sender, receiver, data)
+            assert received == data
+            took_ns.append(took)
+        assert min(took_ns) == pytest.approx(wire_time_ns, rel=0.01)
+
+    @retried_when_busy("when bytes come, by the clock", attempts=10)
+    def test_bytes_come_as_the_line_carries_them(self, opened: ExitStack) -> None:
+        far, near = instant_pair(opened, Faults(baud=9600))
+        far.write(bytes(96))
+        first = read_bytes(near, 1)
+        assert len(first) == 32, "and not all 96 after 100 ms"
+        assert len(first + read_bytes(near, 64)) == 96
+
+    def test_a_paced_line_refuses_what_its_buffer_cannot_hold(self, opened: ExitStack) -> None:
+        _, near = instant_pair(opened, Faults(baud=9600))
+        assert near.write(bytes(3 * BACKLOG)) == BACKLOG
+        assert near.write(bytes(100)) <= 20
+        assert near.sent.chunks <= 2
+
+    @retried_when_busy("when bytes come, by the clock", attempts=10)
+    def test_a_flood_is_held_back_without_a_busy_loop(self, opened: ExitStack) -> None:
+        far, near = instant_pair(opened, Faults(baud=115_200))
+        far.write(bytes(3 * BACKLOG))
+        wakes, received, began = 0, 0, now_ns()
+        while now_ns() - began < NS_PER_S // 20:
+            wait_readable(near)
+            received += len(near.read())
+            wakes += 1
+        assert received == pytest.approx(11_520 * (now_ns() - began) / NS_PER_S, abs=64)
+        assert wakes < 50
+
+    @retried_when_busy("when bytes come, by the clock", attempts=10)
+    def test_delay_and_jitter(self, opened: ExitStack) -> None:
+        far, near = instant_pair(opened, Faults(delay=0.01, jitter=0.01))
+        took_ms = []
+        for _ in range(30):
+            received, took_ns = cross(near, far, b"abc")
+            assert received == b"abc"
+            took_ms.append(took_ns / 1e6)
+        assert 9.8 <= min(took_ms) < 13.0
+        assert statistics.quantiles(took_ms, n=20)[-2] > 17.0
+
+    def test_a_wire_with_jitter_does_not_overtake_itself(self, opened: ExitStack) -> None:
+        far, near = instant_pair(opened, Faults(jitter=0.02))
+        for byte in EVERY_BYTE:
+            far.write(bytes([byte]))
+            assert near.read() in (b"", EVERY_BYTE[: byte + 1])
+        assert read_bytes(near, 256)[-1] == 255
+
+    @retried_when_busy("when bytes come, by the clock", attempts=10)
+    def test_it_wakes_when_something_is_due_and_not_before(self, opened: ExitStack) -> None:
+        far, near = instant_pair(opened, Faults(delay=0.1))
+        due_ns = now_ns() + NS_PER_S // 10
+        near.write(b"later")
+        assert not wait_readable(near, 0.06)
+        assert wait_readable(near)
+        assert now_ns() >= due_ns - Timer.MOST_LEAD_NS
+        assert near.read() == b""
+        assert far.read() == b"later"
+        assert not wait_readable(near, 0)
+
+    @retried_when_busy("when bytes come, by the clock", attempts=10)
+    def test_stall(self, opened: ExitStack) -> None:
+        far, near = instant_pair(opened, Faults(stall=1.0, stall_time=0.1))
+        near.write(b"stood")
+        near.faults = Faults()
+        near.write(b"behind")
+        assert far.read() == b""
+        assert not wait_readable(near, 0.06)
+        assert wait_readable(near)
+        near.read()
+        assert far.read() == b"stoodbehind"
+        assert near.sent.stalls == 1
+
+
+class TestDamage:
+    def test_drop(self, opened: ExitStack) -> None:
+        received, tally = struck(opened, Faults(drop=0.2))
+        assert [chunk for chunk in received if chunk] == [CHUNKS[i] for i, chunk in enumerate(received) if chunk]
+        assert tally.dropped == received.count(b"")
+        assert near_share(tally.dropped, 0.2, len(CHUNKS))
+
+    def test_corrupt_flips_one_bit_of_so_many_bytes(self, opened: ExitStack) -> None:
+        received, tally = struck(opened, Faults(corrupt=0.01))
+        flips = [a ^ b for a, b in zip(b"".join(received), b"".join(CHUNKS), strict=True)]
+        assert all(flip.bit_count() <= 1 for flip in flips)
+        assert sum(map(bool, flips)) == tally.corrupted_bytes
+        assert near_share(tally.corrupted_bytes, 0.01, len(flips))
+        assert len(set(flips)) == 9, "each of the eight bits, and none"
+
+    def test_duplicate(self, opened: ExitStack) -> None:
+        received, tally = struck(opened, Faults(duplicate=0.1))
+        assert set(received) <= {*CHUNKS, *[chunk + chunk for chunk in CHUNKS]}
+        assert sum(len(chunk) == 32 for chunk in received) == tally.duplicated
+        assert near_share(tally.duplicated, 0.1, len(CHUNKS))
+
+    def test_reorder_changes_places_with_the_next(self, opened: ExitStack) -> None:
+        received, tally = struck(opened, Faults(reorder=0.1))
+        order = [int.from_bytes(heard_at[:2], "big") for heard_at in split(b"".join(received), 16)]
+        swaps = [i for i in range(len(order) - 1) if order[i] == order[i + 1] + 1]
+        assert tally.reordered - len(swaps) in (0, 1), "the very last one has no next"
+        assert near_share(tally.reordered, 0.1 / 1.1, len(CHUNKS))
+        for i in swaps:
+            order[i], order[i + 1] = order[i + 1], order[i]
+        assert order == sorted(order)
+
+    def test_what_nothing_follows_is_not_lost(self, opened: ExitStack) -> None:
+        far, near = instant_pair(opened, Faults(reorder=1.0))
+        received, took_ns = cross(near, far, b"alone")
+        assert received == b"alone"
+        assert took_ns > 0.09 * NS_PER_S
+
+    def test_what_is_received_is_struck_too(self, opened: ExitStack) -> None:
+        far, near = instant_pair(opened, Faults(drop=0.5))
+        received = 0
+        for chunk in CHUNKS:
+            far.write(chunk)
+            received += len(near.read()) // len(chunk)
+        assert near.received.dropped == len(CHUNKS) - received
+        assert near_share(received, 0.5, len(CHUNKS))
+        assert near.sent.chunks == 0
+
+    @pytest.mark.parametrize(("direction", "sent", "received"), [("sent", 1, 0), ("received", 0, 1), ("both", 1, 1)])
+    def test_direction(self, opened: ExitStack, direction: str, sent: int, received: int) -> None:
+        faults = parse({"direction": direction, "drop": 1.0}, Faults, "link.faults")
+        far, near = instant_pair(opened, faults)
+        near.write(b"down")
+        far.write(b"up")
+        assert far.read() == (b"" if sent else b"down")
+        assert near.read() == (b"" if received else b"up")
+        assert (near.sent.dropped, near.received.dropped) == (sent, received)
+
+    def test_the_seed_decides(self, opened: ExitStack) -> None:
+        faults = Faults(drop=0.1, corrupt=0.02, duplicate=0.1, reorder=0.1)
+        first, again, other = (struck(opened, faults, seed)[0] for seed in (5, 5, 6))
+        assert first == again
+        assert first != other
+
+    def test_what_comes_back_does_not_disturb_what_goes(self, opened: ExitStack) -> None:
+        alone = struck(opened, Faults(drop=0.5))[0]
+        far, near = instant_pair(opened, Faults(drop=0.5))
+        received = []
+        for chunk in CHUNKS:
+            far.write(b"up")
+            near.read()
+            near.write(chunk)
+            received.append(far.read())
+        assert received == alone
+
+
+class TestGone:
+    @retried_when_busy("when bytes come, by the clock", attempts=10)
+    def test_disconnect_and_return(self, opened: ExitStack) -> None:
+        far, near = instant_pair(opened, Faults(disconnect=1.0, disconnect_time=0.1))
+        near.write(b"cut")
+        near.faults = near.faults._replace(disconnect=0.0)
+        near.write(b"lost")
+        far.write(b"lost too")
+        assert near.read() == b""
+        assert far.read() == b""
+        time.sleep(0.1)
+        near.write(b"back")
+        far.write(b"and here")
+        assert far.read() == b"back"
+        assert near.read() == b"and here"
+        assert (near.sent.disconnects, near.sent.lost, near.received.lost) == (1, 2, 1)
+
+    def test_unplugged_and_plugged_in_again(self, opened: ExitStack) -> None:
+        far, near = instant_pair(opened)
+        assert not wait_readable(near, 0)
+        near.faults = Faults(unplugged=True)
+        assert wait_readable(near, 0), "a loop that waits must wake up"
+        with pytest.raises(DeviceError, match="host: went away"):
+            near.read()
+        with pytest.raises(DeviceError, match="host: went away"):
+            near.write(b"x")
+        near.faults = Faults()
+        assert not wait_readable(near, 0)
+        near.write(b"x")
+        assert far.read() == b"x"
+
+    def test_a_wire_that_is_really_gone(self, opened: ExitStack) -> None:
+        far, near = instant_pair(opened, Faults(delay=0.01))
+        far.close()
+        assert wait_readable(near)
+        with pytest.raises(DeviceError, match="host: went away"):
+            near.read()
+
+    def test_what_the_wire_beneath_refuses_is_counted(self, opened: ExitStack) -> None:
+        _, near = instant_pair(opened, Faults(duplicate=1.0))
+        taken = sum(near.write(bytes(4096)) for _ in range(200))
+        assert taken == 200 * 4096, "a delayed byte cannot be refused any more"
+        assert near.sent.refused_bytes > 0
+
+
+class TestOnCan:
+    def test_frames_stay_whole(self, opened: ExitStack) -> None:
+        far, near = can_pair(opened, Faults(drop=0.1, corrupt=0.05, duplicate=0.1, reorder=0.1))
+        sent = records(EVERY_BYTE)
+        received = b""
+        for _ in range(20):
+            assert near.write(sent) == len(sent)
+            received += far.read()
+        frames = list(unpack_frames(received))
+        assert len(received) == len(frames) * RECORD_SIZE
+        assert {frame.id for frame in frames} <= {frame.id for frame in unpack_frames(sent)}
+        assert all(len(frame.data) == 8 for frame in frames)
+        tally = near.sent
+        assert tally.chunks == 640
+        assert 640 - tally.dropped + tally.duplicated - len(frames) in (0, 1), "the very last one may wait for its next"
+        assert near_share(tally.dropped, 0.1, 640)
+        assert near_share(tally.corrupted_bytes, 0.05, (640 - tally.dropped) * 8)
+
+    def test_a_frame_takes_its_bits(self, opened: ExitStack) -> None:
+        """At 20 kbit/s an extended frame with 8 bytes, 131 bits, takes 6.55 ms and a standard empty one 2.35 ms."""
+        far, near = can_pair(opened, Faults(baud=20_000))
+        for frame, wire_time_ms in ((CanFrame(1, bytes(8)), 6.55), (CanFrame(1, b"", extended=False), 2.35)):
+            took = cross(near, far, pack_frame(frame))[1] / 1e6
+            for _ in range(100):
+                assert took > wire_time_ms - 0.05
+                if took < wire_time_ms + 0.2:  # what is more is the machine's lateness
+                    break
+                took = cross(near, far, pack_frame(frame))[1] / 1e6
+            else:
+                pytest.fail(f"never in {wire_time_ms} ms")
+
+    def test_a_paced_bus_refuses_whole_frames(self, opened: ExitStack) -> None:
+        _, near = can_pair(opened, Faults(baud=10_000))
+        taken = sum(near.write(records(EVERY_BYTE)) for _ in range(30))
+        assert 0 < taken < 30 * 512
+        assert taken % RECORD_SIZE == 0
+
+
+class TestSettings:
+    def test_they_stand_in_a_scenario(self) -> None:
+        table = {"baud": 115_200, "delay": "20 ms", "drop": 0.02, "stall_time": 1.5}
+        assert parse(table, Faults, "x.toml: link.faults") == Faults(115_200, delay=0.02, drop=0.02, stall_time=1.5)
+
+    @pytest.mark.parametrize(
+        ("key", "value", "fault"),
+        [
+            ("drop", 1.1, "drop: 1.1 is outside 0 to 1"),
+            ("delay", "1 m", "delay: has the unit 'm'"),
+            ("dorp", 0.1, "no key 'dorp'; did you mean 'drop'"),
+            ("direction", "up", "direction: 'up' is not one of both, sent, received"),
+        ],
+    )
+    def test_mistakes_are_named(self, key: str, value: object, fault: str) -> None:
+        with pytest.raises(ConfigError, match=fault):
+            parse({key: value}, Faults, "x.toml: link.faults")
+
+    def test_they_change_while_it_runs(self, opened: ExitStack) -> None:
+        far, near = instant_pair(opened)
+        near.write(b"one")
+        assert far.read() == b"one"
+        near.faults = near.faults._replace(drop=1.0)
+        near.write(b"two")
+        assert far.read() == b""
+        near.faults = near.faults._replace(drop=0.0, delay=0.01)
+        assert cross(near, far, b"three")[1] > 0.01 * NS_PER_S - Timer.MOST_LEAD_NS
+        near.faults = Faults()
+        assert near.write(b"four") == 4
+        assert far.read() == b"four"
+        assert (near.sent.chunks, near.sent.dropped) == (4, 1)
+
+
+def can_pair(opened: ExitStack, faults: Faults) -> tuple[Wire, FaultyWire]:
+    far, host = socket_pair()
+    near = FaultyWire(host, faults, seed=3)
+    opened.callback(far.close)
+    opened.callback(near.close)
+    return far, near
+
+
+def split(data: bytes, size: int) -> list[bytes]:
+    return [data[start : start + size] for start in range(0, len(data), size)]

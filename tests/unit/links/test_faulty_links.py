@@ -1,0 +1,15 @@
+"""The contract on a wire with faults around it that has none: it must be as if it were not there."""
+
+from hil.links.contract import Wire
+from hil.links.wires.faults import FaultyWire
+from hil.links.wires.terminal import PtyHostWire, PtyWire
+from tests.support.link_contract import LinkContract
+
+
+def faultless_pair() -> tuple[Wire, Wire]:
+    device = PtyWire()
+    return FaultyWire(device), FaultyWire(PtyHostWire(device.path))
+
+
+class TestFaultlessPty(LinkContract):
+    open_wires = staticmethod(faultless_pair)

@@ -1,0 +1,310 @@
+"""Thrusters on VESC controllers: bytes by hand from the protocol's document, and both of our ends."""
+
+import json
+from pathlib import Path
+from struct import pack, unpack
+from typing import Any, cast
+
+import pytest
+
+from firmware_stub.stub import Stm32, Stm32End
+from hil.common.errors import ConfigError
+from hil.links.can_thrusters import MotorValues
+from hil.links.contract import MAX_THRUSTERS, PWM_NEUTRAL_US, ThrusterCommand, ThrusterLink, ThrusterTelemetry
+from hil.links.vesc.device import VescDevice
+from hil.links.vesc.host import VescHost
+from hil.links.vesc.link import open_vesc
+from hil.links.wires.can_frame import CanFrame
+from tests.support.can_bench import MemoryBus, VirtualCanContract, exchange, frames, noise, records
+from tests.support.can_pairs import socket_pair
+from tests.support.link_contract import CanLinkContract
+
+# Computed by hand after documentation/comm_can.md of github.com/vedderb/bldc.
+GOLDEN: dict[str, Any] = json.loads((Path(__file__).parents[2] / "vectors" / "vesc.json").read_text())
+PULSES = (1100, 1499, 1500, 1501, 1777, 1900)
+NEUTRAL = (PWM_NEUTRAL_US,) * 6
+MS = 1_000_000
+
+
+def host(channels: int = 6, **settings: Any) -> VescHost:
+    return cast("VescHost", open_vesc("host", channels, **settings))
+
+
+def device(channels: int = 6, **settings: Any) -> VescDevice:
+    return cast("VescDevice", open_vesc("device", channels, **settings))
+
+
+def report(pulses: tuple[int, ...] = PULSES, **changes: Any) -> ThrusterTelemetry:
+    return ThrusterTelemetry(0, True, False, pulses, 0, 0, 0, 0)._replace(**changes)
+
+
+def hexed(output: bytes) -> list[list[str]]:
+    return [[f"{frame.id:08x}", frame.data.hex()] for frame in frames(output)]
+
+
+def golden_records(vector: dict[str, Any]) -> bytes:
+    return records(CanFrame(int(can_id, 16), bytes.fromhex(data)) for can_id, data in vector["frames"])
+
+
+def one(command: int, controller: int, argument: int | bytes) -> bytes:
+    data = argument if isinstance(argument, bytes) else pack(">i", argument)
+    return records([CanFrame(command << 8 | controller, data)])
+
+
+@pytest.mark.parametrize("vector", GOLDEN["commands"], ids=lambda vector: vector["name"])
+def test_golden_commands(vector: dict[str, Any]) -> None:
+    command = ThrusterCommand(5, vector["armed"], tuple(vector["pwm_us"]))
+    assert hexed(host(3, command=vector["command"]).encode(command)) == vector["frames"]
+    shown = tuple(pulse if pulse in range(800, 2201) else 0 for pulse in command.pwm_us)
+    expected = command._replace(sequence=0, pwm_us=shown if command.armed else (1500,) * 3)
+    assert device(3).feed(golden_records(vector)) == [expected]
+
+
+@pytest.mark.parametrize("vector", GOLDEN["reports"], ids=lambda vector: vector["name"])
+def test_golden_reports(vector: dict[str, Any]) -> None:
+    pulses = tuple(vector["pwm_us"])
+    assert hexed(device(3).encode(report(pulses))) == vector["frames"]
+    (received,) = host(3).feed(golden_records(vector))
+    assert isinstance(received, ThrusterTelemetry)
+    assert received.pwm_us == pulses
+
+
+def test_the_documents_example() -> None:
+    """51 A to VESC 23 is 0x0117 with 00 00 C7 38: no thruster is ruled by amperes here, so it is refused."""
+    receiver = device(1, first_id=23)
+    assert receiver.feed(records([CanFrame(0x0117, bytes.fromhex("0000c738"))])) == []
+    assert receiver.counters.malformed == 1
+
+
+@pytest.mark.parametrize("command", ["duty", "rpm", "current_rel"])
+@pytest.mark.parametrize("full_erpm", [800.0, 24_500.0, 1e6])
+def test_there_and_back_at_every_microsecond(command: str, full_erpm: float) -> None:
+    settings = {"command": command, "full_erpm": full_erpm}
+    master, end = host(3, **settings), device(3, **settings)
+    for sequence, pulse in enumerate(range(1100, 1901)):
+        pulses = (pulse, 3000 - pulse, 1500)
+        (order,) = exchange(master, ThrusterCommand(sequence, True, pulses), end)
+        assert order == ThrusterCommand(0, True, pulses)
+        (answer,) = exchange(end, report(pulses), master)
+        if pulse != 1500:  # three commands of equal pulses are one
+            assert answer == report(pulses, sequence=sequence, frames=cast("ThrusterTelemetry", answer).frames)
+    assert (master.counters.malformed, end.counters.malformed) == (0, 0)
+
+
+@pytest.mark.parametrize("channels", range(1, MAX_THRUSTERS + 1))
+def test_every_number_of_thrusters(channels: int) -> None:
+    master, end = host(channels, first_id=40), device(channels, first_id=40)
+    for sequence in range(1, 30):
+        pulses = tuple(1600 + (sequence * 7 + i) % 300 for i in range(channels))
+        assert exchange(master, ThrusterCommand(sequence, True, pulses), end) == [ThrusterCommand(0, True, pulses)]
+        assert exchange(end, report(pulses), master) == [report(pulses, sequence=sequence, frames=sequence)]
+
+
+def test_what_cannot_be_said_is_the_nearest() -> None:
+    (received,) = exchange(host(), ThrusterCommand(1, True, (0, 800, 2200, 1901, 65535, 1099)), device())
+    assert received == ThrusterCommand(0, True, (0, 1100, 1900, 1900, 0, 1100))
+
+
+def test_a_command_is_whole_when_each_has_come() -> None:
+    end = device(3)
+    assert end.feed(one(0, 1, 100_000)) == []
+    assert end.feed(one(0, 3, -100_000)) == []
+    assert end.feed(one(0, 2, 50_000)) == [ThrusterCommand(0, True, (1900, 1700, 1100))]
+    assert end.feed(one(0, 2, 0)) == []
+    assert end.feed(one(0, 2, 25_000)) == [ThrusterCommand(0, True, (1900, 1500, 1100))], "the others go on"
+    assert end.feed(one(0, 2, 75_000)) == [ThrusterCommand(0, True, (1900, 1600, 1100))]
+
+
+@pytest.mark.parametrize("status_period", [0.01, 0.1, 1.0, 10.0])
+def test_a_controller_that_hears_nothing_lets_go(status_period: float) -> None:
+    now_ns = 0
+    end = device(3, status_period=status_period, clock=lambda: now_ns)
+    end.feed(one(0, 1, 100_000) + one(0, 2, 100_000) + one(0, 3, 100_000))
+    for now_ns in range(0, 700 * MS, 20 * MS):
+        if now_ns >= end.deadline_ns:
+            end.tick(now_ns)
+        received = end.feed(one(0, 2, 50_000))
+        held = 1900 if now_ns <= 500 * MS else 0
+        if now_ns:
+            assert received == [ThrusterCommand(0, True, (held, 1700, held))]
+
+
+def test_the_address_of_all() -> None:
+    assert device(3).feed(one(0, 255, 50_000)) == [ThrusterCommand(0, True, (1700,) * 3)]
+    assert device(3).feed(one(1, 255, 0)) == [ThrusterCommand(0, False, (1500,) * 3)]
+    assert device(1).feed(one(0, 255, 10**9)) == [ThrusterCommand(0, True, (1900,))], "beyond full is full"
+
+
+def test_others_are_let_be() -> None:
+    end, master = device(3), host(3)
+    assert end.feed(one(0, 4, 5) + one(0, 0, 5) + one(9, 77, bytes(8))) == []
+    assert master.feed(one(9, 4, bytes(8)) + one(0, 1, 0) + one(14, 1, bytes(8)) + one(15, 2, bytes(8))) == []
+    short = records([CanFrame(1, pack(">i", 5), extended=False)])
+    assert end.feed(short) == []
+    assert (end.counters.malformed, master.counters.malformed) == (0, 0)
+
+
+def test_what_is_not_obeyed_is_counted() -> None:
+    end, master = device(3), host(3)
+    for number in (2, 4, 11, 12, 13, 99):
+        assert end.feed(one(number, 1, 5)) == []
+    assert end.feed(one(0, 1, b"abc") + one(17, 1, b"")) == []
+    assert end.counters.malformed == 8
+    assert master.feed(one(9, 1, bytes(7)) + one(16, 1, bytes(6)) + one(27, 1, bytes(5))) == []
+    assert master.counters.malformed == 3
+
+
+def test_ping() -> None:
+    end = device(2, first_id=10)
+    assert end.feed(one(17, 11, b"\xfe")) == []
+    assert hexed(end.replies()) == [["000012fe", "0b00"]]
+    assert end.replies() == b""
+    end.feed(one(17, 255, b"\xfe"))
+    assert [data for _, data in hexed(end.replies())] == ["0a00", "0b00"]
+
+
+def test_slow_status() -> None:
+    def values(thruster: int, _pulse_us: int) -> MotorValues:
+        return MotorValues(14.8, 2.5 + thruster, 273.15 + 31.5)
+
+    end, master = device(2, motor_values=values, status_period=0.2, full_erpm=6000), host(2, full_erpm=6000)
+    exchange(end, report((1900, 1300)), master)
+    for now_ns in range(0, 1001 * MS, 50 * MS):
+        output = end.tick(now_ns) if now_ns >= end.deadline_ns else b""
+        assert bool(output) == (now_ns % (200 * MS) == 0)
+        assert master.feed(output) == []
+    first, second = master.motors
+    assert (first.voltage_v, first.fet_c, first.input_a, second.input_a) == (14.8, 31.5, 2.5, 3.5)
+    assert (first.erpm, first.duty, second.erpm, second.duty) == (6000, 1.0, -3000, -0.5)
+    assert first.current_a == 2.5
+    assert (first.tachometer, second.tachometer) == (600, -300), "6 a turn, 100 and -50 turns in a second"
+
+
+def test_status_5_goes_as_the_firmware_sends_it() -> None:
+    end = device(1)
+    *_, (can_id, data) = hexed(end.tick(0))
+    assert (can_id, data) == ("00001b01", "00000000" + "00a0" + "0000")
+    master = host(1)
+    master.feed(one(27, 1, bytes.fromhex("fffffff4" + "00a0")))
+    assert (master.motors[0].tachometer, master.motors[0].voltage_v) == (-12, 16.0)
+
+
+def test_true_controllers_ruled_by_speed_are_seen_by_speed() -> None:
+    master = host(1, command="rpm")
+    (received,) = master.feed(one(9, 1, pack(">ihh", 12_250, 30, 617)))
+    assert cast("ThrusterTelemetry", received).pwm_us == (1700,)
+    (received,) = host(1).feed(one(9, 1, pack(">ihh", 12_250, 30, 617)))
+    assert cast("ThrusterTelemetry", received).pwm_us == (1747,)
+
+
+def test_a_lost_status_never_mixes_two_reports() -> None:
+    for lost in range(6):
+        end, master = device(), host()
+        reported: list[tuple[int, ...]] = []
+        for count in range(5):
+            cut = frames(end.encode(report((1600 + count,) * 6)))
+            if count == 2:
+                del cut[lost]
+            reported += [message.pwm_us for message in master.feed(records(cut))]
+        assert reported == [(1600 + count,) * 6 for count in (0, 1, 3, 4)]
+
+
+def test_the_stm32_on_the_bus() -> None:
+    bus = MemoryBus()
+    master = ThrusterLink(bus.wire(), host())
+    end = Stm32End(Stm32(6), ThrusterLink(bus.wire(), device()))
+    received: list[ThrusterTelemetry] = []
+    now_ns = 0
+
+    def run(seconds: float) -> None:
+        nonlocal now_ns
+        for _ in range(round(seconds * 200)):
+            now_ns += 5 * MS
+            end.service(now_ns)
+            received.extend(cast("list[ThrusterTelemetry]", master.receive()))
+
+    run(0.1)
+    assert not any(t.armed or t.timed_out or t.frames for t in received)
+    assert {t.pwm_us for t in received} == {NEUTRAL}
+    for sequence in range(1, 21):
+        master.send(ThrusterCommand(sequence, True, (1500 + sequence,) * 6))
+        run(0.02)
+        assert received[-1] == ThrusterTelemetry(sequence, True, False, (1500 + sequence,) * 6, 0, sequence, 0, 0)
+    run(0.5)
+    assert received[-1] == ThrusterTelemetry(20, False, True, NEUTRAL, 0, 20, 0, 1)
+    assert end.stm32.watchdog_trips == 1
+    master.send(ThrusterCommand(21, True, PULSES))
+    run(0.02)
+    assert received[-1] == ThrusterTelemetry(21, True, False, PULSES, 0, 21, 0, 1)
+    master.send(ThrusterCommand(22, False, PULSES))
+    run(0.02)
+    assert received[-1] == ThrusterTelemetry(22, False, False, NEUTRAL, 0, 22, 0, 1)
+    assert not end.stm32.armed
+    run(0.5)
+    assert received[-1] == ThrusterTelemetry(22, False, False, NEUTRAL, 0, 22, 0, 1)
+    for link in (master, end.link):
+        assert (link.counters.malformed, link.counters.dropped_bytes) == (0, 0)
+
+
+@pytest.mark.parametrize(
+    ("channels", "settings", "words"),
+    [
+        (17, {}, "1 to 16 thrusters"),
+        (6, {"first_id": 250}, "no room"),
+        (6, {"command": "dutty"}, "duty"),
+        (6, {"status_period": 0}, "status_period"),
+        (6, {"id": 3}, "id"),
+    ],
+)
+@pytest.mark.parametrize("role", ["host", "device"])
+def test_wrong_settings_are_named(role: Any, channels: int, settings: dict[str, Any], words: str) -> None:
+    with pytest.raises(ConfigError, match=words):
+        open_vesc(role, channels, **settings)
+
+
+def test_a_hundred_thousand_bad_records() -> None:
+    end, master = device(), host()
+    sound = frames(host().encode(ThrusterCommand(1, True, PULSES)) + device().encode(report()) + device().tick(0))
+    sound += frames(one(17, 1, b"\xfe") + one(0, 255, 7))
+    received, answered = 0, 0
+    for count, record in enumerate(noise(100_000, sound)):
+        received += len(end.feed(record)) + len(master.feed(record))
+        answered += len(end.replies())
+        if count % 20 == 0:
+            end.tick(count * MS)
+            end.encode(report(tuple(end._held)))
+    assert received > 1000
+    assert answered > 1000
+    assert end.counters.malformed > 100
+    assert master.counters.malformed > 100
+    assert len(end._waiting) <= 6
+    assert len(master._rounds._pulses) <= 6
+    end.feed(b"\0" * 17)
+    assert end.counters.dropped_bytes == 1
+
+
+def test_the_tachometer_goes_round() -> None:
+    end = device(1, full_erpm=1e6)
+    end.encode(report((1900,)))
+    end.tick(0)
+    end._tachometers[0] = 2.0**31 - 1
+    output = frames(end.tick(end.deadline_ns))
+    (tachometer,) = unpack(">i", output[-1].data[:4])
+    assert tachometer == -(2**31) + 10_000 - 1
+
+
+class Vesc(CanLinkContract):
+    """What crosses on VESC's protocol."""
+
+    protocol = "vesc"
+    commands_carry = ("armed", "pwm_us")
+    reports_carry = ("sequence", "armed", "timed_out", "pwm_us", "frames")
+
+
+class TestVescOnSocketCan(Vesc):
+    open_wires = staticmethod(socket_pair)
+    host_sees_hangup = True
+
+
+class TestVescOnVirtualCan(VirtualCanContract, Vesc):
+    pass

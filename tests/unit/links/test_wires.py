@@ -1,0 +1,283 @@
+"""What only ptys and serial devices do: names, locks, speeds, and every way they cannot be opened."""
+
+import fcntl
+import os
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import serial
+
+from hil.common.errors import DeviceError
+from hil.links.contract import Wire
+from hil.links.wires.terminal import UNREAD_LIMIT, PtyHostWire, PtyWire, UartWire
+from tests.support.busy import retried_when_busy
+from tests.support.link_contract import nothing_leaks, read_bytes
+
+
+@pytest.fixture(autouse=True)
+def _no_leaks() -> Iterator[None]:
+    with nothing_leaks():
+        yield
+
+
+@pytest.fixture
+def link_path(tmp_path: Path) -> Path:
+    return tmp_path / "stm32"
+
+
+def test_the_link_is_another_name_of_the_pty(link_path: Path) -> None:
+    wire = PtyWire(str(link_path))
+    assert wire.name == str(link_path)
+    assert os.readlink(link_path) == wire.path
+    host = PtyHostWire(str(link_path))
+    host.write(b"hello")
+    assert read_bytes(wire, 5) == b"hello"
+    host.close()
+    wire.close()
+    assert os.listdir(link_path.parent) == []
+
+
+def test_one_process_at_a_time_holds_a_name(link_path: Path) -> None:
+    first = PtyWire(str(link_path))
+    with pytest.raises(DeviceError) as caught:
+        PtyWire(str(link_path))
+    assert str(link_path) in str(caught.value)
+    assert "already served" in str(caught.value)
+    assert os.readlink(link_path) == first.path, "the loser must not harm the winner"
+    first.close()
+    PtyWire(str(link_path)).close()
+
+
+def test_the_name_is_never_held_twice(link_path: Path) -> None:
+    """Many come and go at once: removing the lock file must not let two of them in."""
+    holders, most, opened = 0, 0, 0
+    guard = threading.Lock()
+
+    def come_and_go() -> None:
+        nonlocal holders, most, opened
+        for _ in range(60):
+            try:
+                wire = PtyWire(str(link_path))
+            except DeviceError:
+                continue
+            with guard:
+                holders, opened = holders + 1, opened + 1
+                most = max(most, holders)
+            with guard:
+                holders -= 1
+            wire.close()
+
+    threads = [threading.Thread(target=come_and_go) for _ in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert opened > 0
+    assert most == 1
+    assert os.listdir(link_path.parent) == []
+
+
+def test_what_a_killed_run_left_is_replaced(link_path: Path) -> None:
+    link_path.symlink_to("/dev/pts/987654")
+    link_path.with_name("stm32.new").symlink_to("/dev/pts/987653")
+    link_path.with_name("stm32.lock").touch()
+    wire = PtyWire(str(link_path))
+    assert os.readlink(link_path) == wire.path
+    wire.close()
+    assert os.listdir(link_path.parent) == []
+
+
+def test_what_is_not_ours_is_not_touched(link_path: Path) -> None:
+    link_path.write_text("my thesis")
+    with pytest.raises(DeviceError, match="not a link to a pty"):
+        PtyWire(str(link_path))
+    assert link_path.read_text() == "my thesis"
+    link_path.unlink()
+    link_path.symlink_to("/dev/null")  # as a udev name of a real port would be
+    with pytest.raises(DeviceError, match="not a link to a pty"):
+        PtyWire(str(link_path))
+    assert os.readlink(link_path) == "/dev/null"
+    assert os.listdir(link_path.parent) == ["stm32"]
+
+
+def test_a_link_that_another_took_over_stays(link_path: Path) -> None:
+    wire = PtyWire(str(link_path))
+    link_path.unlink()
+    link_path.write_text("not ours any more")
+    wire.close()
+    assert link_path.read_text() == "not ours any more"
+
+
+def test_a_lock_that_was_cleaned_away_is_not_taken_from_the_next(link_path: Path) -> None:
+    first = PtyWire(str(link_path))
+    lock = link_path.with_name("stm32.lock")
+    lock.unlink()
+    second = PtyWire(str(link_path))
+    first.close()
+    assert os.readlink(link_path) == second.path
+    with pytest.raises(DeviceError, match="already served"):
+        PtyWire(str(link_path))
+    lock.unlink()
+    second.close()
+    assert os.listdir(link_path.parent) == []
+
+
+def test_a_link_in_a_folder_that_is_not_there(tmp_path: Path) -> None:
+    path = str(tmp_path / "nowhere" / "stm32")
+    with pytest.raises(DeviceError, match="cannot be made: No such file or directory; choose another") as caught:
+        PtyWire(path)
+    assert str(caught.value).startswith(path)
+
+
+@pytest.mark.parametrize("baud", [9600, 115_200, 921_600, 250_000, 123_456])
+def test_the_device_sees_the_speed_the_host_asked_for(baud: int) -> None:
+    wire = PtyWire()
+    with serial.Serial(wire.path, baud):
+        assert wire.baud == baud
+    wire.close()
+
+
+def test_programs_come_and_go_unnoticed() -> None:
+    wire = PtyWire()
+    for word in (b"one", b"two"):
+        with serial.Serial(wire.path, 115_200, timeout=0.2) as program:
+            program.write(word)
+            assert read_bytes(wire, 3) == word
+            wire.write(word)
+            assert program.read(3) == word
+        assert wire.read() == b""
+    wire.close()
+
+
+@pytest.mark.parametrize("open_host", [PtyHostWire, UartWire])
+@retried_when_busy("what the kernel takes to hand bytes over", attempts=5)
+def test_a_program_that_opens_the_port_reads_nothing_old(open_host: Callable[[str], Wire]) -> None:
+    wire = PtyWire()
+    written = 0
+    for _ in range(200):
+        written += wire.write(b"o" * 32)
+        time.sleep(0.0002)  # what the kernel takes to hand it to the other side
+    assert UNREAD_LIMIT <= written < 4096, "kept while nobody reads"
+    host = open_host(wire.path)
+    wire.write(b"new")
+    assert read_bytes(host, 3) == b"new"
+    host.close()
+    wire.close()
+
+
+@retried_when_busy("what the kernel takes to hand bytes over", attempts=5)
+def test_what_has_been_read_makes_room_again() -> None:
+    wire = PtyWire()
+    host = PtyHostWire(wire.path)
+    frames = [b"%032d" % number for number in range(200)]
+    for frame in frames:
+        assert wire.write(frame) == 32, "three times the limit, but never unread at once"
+        assert read_bytes(host, 32) == frame
+    kept = 0
+    while taken := wire.write(b"o" * 32):
+        kept += taken
+        time.sleep(0.0002)
+    assert UNREAD_LIMIT <= kept < 2 * UNREAD_LIMIT
+    assert read_bytes(host, kept) == b"o" * kept
+    assert wire.write(b"new") == 3
+    host.close()
+    wire.close()
+
+
+@pytest.mark.parametrize("open_host", [PtyHostWire, UartWire])
+class TestCannotOpen:
+    """Each message is one line that names the device and what to do."""
+
+    def failure(self, open_host: Callable[[str], Wire], path: object) -> str:
+        with pytest.raises(DeviceError) as caught:
+            open_host(str(path))
+        message = str(caught.value)
+        assert message.startswith(f"{path}: ")
+        assert "\n" not in message
+        return message
+
+    def test_no_such_device(self, open_host: Callable[[str], Wire], tmp_path: Path) -> None:
+        message = self.failure(open_host, tmp_path / "ttyUSB7")
+        assert "no such device" in message
+        assert ("serial ports here: " in message) == (open_host is UartWire)
+
+    def test_not_a_terminal(self, open_host: Callable[[str], Wire], tmp_path: Path) -> None:
+        file = tmp_path / "notes.txt"
+        file.write_text("kept")
+        self.failure(open_host, file)
+        assert file.read_text() == "kept"
+
+    @pytest.mark.parametrize("holder", [PtyHostWire, UartWire])
+    def test_busy(self, open_host: Callable[[str], Wire], holder: Callable[[str], Wire]) -> None:
+        device = PtyWire()
+        first = holder(device.path)
+        assert "already in use by another process" in self.failure(open_host, device.path)
+        first.close()
+        open_host(device.path).close()
+        device.close()
+
+    def test_not_permitted(self, open_host: Callable[[str], Wire], tmp_path: Path) -> None:
+        device = tmp_path / "ttyACM0"
+        device.touch(mode=0)
+        user = os.geteuid()
+        os.seteuid(user or 65534)  # root may open anything
+        try:
+            message = self.failure(open_host, device)
+        finally:
+            os.seteuid(user)
+        assert "permission denied" in message
+        assert "dialout" in message
+
+
+@pytest.mark.parametrize("when", ["__init__", "_reset_input_buffer"])
+def test_a_device_that_is_pulled_out_while_it_is_opened(when: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Behind pyserial's set-up and within it: both find no terminal any more, and say so by an error of their own."""
+    device = PtyWire()
+    step = getattr(serial.Serial, when)
+
+    def and_out(port: serial.Serial, *arguments: Any, **options: Any) -> None:
+        device.close()
+        step(port, *arguments, **options)
+
+    def opened_and_out(port: serial.Serial, *arguments: Any, **options: Any) -> None:
+        step(port, *arguments, **options)
+        device.close()
+
+    monkeypatch.setattr(serial.Serial, when, opened_and_out if when == "__init__" else and_out)
+    with pytest.raises(DeviceError, match=rf"^{device.path}: no device answers; is it plugged in"):
+        UartWire(device.path)
+
+
+def test_rs485_where_the_driver_has_none() -> None:
+    device = PtyWire()
+    with pytest.raises(DeviceError, match=rf"^{device.path}: its driver has no RS-485 mode; use an adapter"):
+        UartWire(device.path, rs485=True)
+    UartWire(device.path).close()
+    device.close()
+
+
+def test_rs485_asks_the_driver_to_switch_direction(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A pty's driver cannot; this one says yes to TIOCGRS485 and TIOCSRS485 and is otherwise the pty's."""
+    asked: list[tuple[int, bytes]] = []
+
+    def driver(fd: int, request: int, *arguments: Any) -> Any:
+        if request not in (0x542E, 0x542F):
+            return ioctl(fd, request, *arguments)
+        asked.append((request, bytes(arguments[0])))
+        return 0
+
+    ioctl = fcntl.ioctl
+    monkeypatch.setattr(fcntl, "ioctl", driver)
+    device = PtyWire()
+    UartWire(device.path, rs485=True).close()
+    device.close()
+    request, settings = asked[-1]
+    flags = int.from_bytes(settings[:4], sys.byteorder)
+    enabled, rts_on_send, rts_after_send = 1, 2, 4  # linux/serial.h: struct serial_rs485
+    assert request == 0x542F
+    assert flags & (enabled | rts_on_send | rts_after_send) == enabled | rts_on_send

@@ -1,0 +1,59 @@
+"""Links that are not read, or that have lost the other of two, by a clock of the test's own."""
+
+import itertools
+
+from hil.common.clock import NS_PER_S
+from hil.network.unread_links import LONGEST_CHECK_NS, UnreadLinks
+
+LEASE_S = 0.8
+LOOK_NS = NS_PER_S // 2
+
+
+def test_a_link_is_unread_when_nothing_is_taken_for_two_leases() -> None:
+    links, alive, stuck = UnreadLinks(LEASE_S), (1, 2), (1, 4)
+    for tick in range(20):
+        found = links.find_unread(LOOK_NS, {alive: 40 * tick, stuck: 30})
+        assert found == ({stuck} if tick / 2 >= 2 * LEASE_S else set())
+    assert links.find_unread(LOOK_NS, {stuck: 31}) == set()
+
+
+def test_a_process_that_was_held_up_has_not_read_a_sound_link() -> None:
+    """However long: a look after the pause counts as one second, and by the next something was read."""
+    links, sound = UnreadLinks(LEASE_S), (1, 2)
+    assert LONGEST_CHECK_NS < 2 * LEASE_S * NS_PER_S
+    for pause in range(100):
+        assert links.find_unread(LOOK_NS, {sound: pause}) == set()
+        assert links.find_unread(LONGEST_CHECK_NS, {sound: pause}) == set()
+
+
+def test_a_link_on_which_nothing_waits_is_read() -> None:
+    """As nothing has come: the peer, or the network between, is held up."""
+    links, idle = UnreadLinks(LEASE_S), (1, 2)
+    for _ in range(3):
+        for _ in range(3):
+            assert links.find_unread(LOOK_NS, {idle: 30}) == set()
+        assert links.find_unread(LOOK_NS, {}) == set()
+
+
+def test_one_link_of_two_for_two_leases_is_half_a_session() -> None:
+    """Not that of who only listens, and never had two."""
+    links = UnreadLinks(LEASE_S)
+    assert links.find_halves(LOOK_NS, ["whole", "half", "whole", "half", "listener"]) == set()
+    for tick in range(4):
+        found = links.find_halves(LOOK_NS, ["whole", "half", "whole", "listener"])
+        assert found == ({"half"} if tick / 2 >= 2 * LEASE_S else set())
+    assert links.find_halves(LOOK_NS, ["half", "half", "whole"]) == set()
+    assert links.find_halves(LOOK_NS, ["half", "whole", "whole"]) == set()
+
+
+def test_a_master_has_two_links_or_half_a_session() -> None:
+    """From the beginning; and as the other port may be out of reach for good, each time it waits twice as long."""
+    links, told = UnreadLinks(LEASE_S, has_pairs=True), []
+    for tick in range(1200):
+        if links.find_halves(LOOK_NS, ["half"]) == {"half"}:
+            told.append(tick / 2)
+            links.find_halves(LOOK_NS, [])  # cut off
+    waits = [later - sooner for sooner, later in itertools.pairwise(told)]
+    assert told[0] <= 2 * LEASE_S + 0.5
+    assert waits[1] > 1.5 * waits[0]
+    assert 55.0 < waits[-1] < 62.0

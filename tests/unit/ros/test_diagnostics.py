@@ -1,0 +1,101 @@
+"""The table of diagnostics: typed both ways, complete, and nothing besides it."""
+
+import ast
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from hil.links.address import wire_kind
+from hil.links.contract import Counters
+from hil.ros import encoders as ros
+from hil.ros.diagnostics import Diagnostics, or_nan, shown
+from sim.run_events import RunEvent
+from tests.support.diagnostics import reported
+
+ROOT = Path(__file__).parents[3]
+SAMPLES: dict[str, Any] = {
+    "number": 2.0, "integer": 7, "counter": 3, "flag": True, "text": "a b; c", "integers": (1500, 1600),
+    'texts, separated by " "': ("one", "two"), 'texts, separated by "; "': ("emulated: a test", "two"),
+    "sensor=number": {"camera": 3.0, "forward_sonar": 9.0},
+    "events": (RunEvent("collision", 5, 7, (1.0, 2.5, -3.125), "the pile"), RunEvent("capsize", 9, 0, (0.0, 0.0, 4.0))),
+}  # fmt: skip
+
+
+def test_every_figure_comes_back_over_the_network_in_its_type() -> None:
+    said = reported(**{name: SAMPLES[figure.kind] for name, figure in Diagnostics.FIGURES.items()})
+    statuses = ros.decode_diagnostics(ros.encode_diagnostics(0, [("slave", 0, "running", said.raw)]))
+    back = Diagnostics(statuses[0][3] if statuses else {})
+    for name, figure in Diagnostics.FIGURES.items():
+        assert getattr(back, name) == back[name] == SAMPLES[figure.kind], name
+        assert type(back[name]) is type(SAMPLES[figure.kind]), name
+    assert list(back.as_dict()) == list(Diagnostics.FIGURES)
+
+
+def test_a_name_that_is_not_in_the_table_fails() -> None:
+    said = Diagnostics({"link_wires": "pty"})
+    with pytest.raises(KeyError, match="link_wires"):
+        said["link_wires"]
+    with pytest.raises(KeyError, match="link_wires"):
+        said["link_wires"] = "pty"
+    with pytest.raises(AttributeError):
+        print(said.link_wires)  # type: ignore[attr-defined]  # the type checker says so too
+    with pytest.raises(AttributeError):
+        said.link_wires = "pty"  # type: ignore[attr-defined]  # and here
+    assert said.as_dict() == {}
+
+
+def test_what_was_not_reported_or_is_none_of_its_type_is_none() -> None:
+    assert Diagnostics().cpu_s is None
+    assert not Diagnostics()
+    wrong = {"cpu_s": "nan", "cores": "many", "armed": "yes", "pwm_us": "1500 x", "imaging_took_ms": "camera=inf"}
+    said = Diagnostics(wrong)
+    assert set(said.as_dict().values()) == {None}
+    assert str(or_nan(said.cpu_s)) == "nan"
+    assert (shown(said.cpu_s), shown(2.5, ".2f"), shown("x")) == ("-", "2.50", "x")
+
+
+def test_each_counter_of_a_link_has_its_figure() -> None:
+    for name in Counters.__slots__:
+        assert Diagnostics.FIGURES[f"link_{name}"].is_counter
+
+
+@pytest.mark.parametrize(
+    ("name", "kind"),
+    [
+        ("/dev/ttyUSB0", "uart"), ("/dev/pts/3", "pty"), ("rs485:/dev/ttyUSB0", "rs485"), ("tcp://h:1", "tcp"),
+        ("udp://h:1", "udp"), ("can:socketcan:can0", "can"), ("pty:/dev/pts/3", "pty"),
+    ],
+)  # fmt: skip
+def test_what_carries_the_bytes_of_a_link(name: str, kind: str) -> None:
+    assert wire_kind(name) == kind
+
+
+def test_a_name_that_a_person_gave_a_pty(tmp_path: Path) -> None:
+    (tmp_path / "stm32").symlink_to("/dev/pts/0")
+    assert wire_kind(str(tmp_path / "stm32")) == "pty"
+
+
+def test_figures_are_read_by_the_table_and_no_other_way() -> None:
+    """Nobody but the table takes the texts apart: there a name could be invented again."""
+    raw = {
+        path.relative_to(ROOT).as_posix()
+        for folder in ("hil", "sim", "boards", "tools")
+        for path in (ROOT / folder).rglob("*.py")
+        for node in ast.walk(ast.parse(path.read_text()))
+        if (isinstance(node, ast.Subscript) and _ends_in_raw(node.value))
+        or (isinstance(node, ast.Attribute) and node.attr == "get" and _ends_in_raw(node.value))
+    }
+    assert raw == {"hil/ros/diagnostics.py"}
+
+
+def _ends_in_raw(node: ast.expr) -> bool:
+    return isinstance(node, ast.Attribute) and node.attr == "raw"
+
+
+def test_names_in_docs_are_in_the_table() -> None:
+    """Where a document names one as `vehicle.diagnostics.NAME`."""
+    for path in [ROOT / "README.md", *(ROOT / "docs").rglob("*.md")]:
+        for name in re.findall(r"diagnostics\.([a-z]\w+)", path.read_text()):
+            assert name in {*Diagnostics.FIGURES, "py", "md"}, f"{path.name}: {name}"

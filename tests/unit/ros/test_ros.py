@@ -1,0 +1,291 @@
+"""ROS messages: golden bytes of another implementation, frames by rotation matrices, noise."""
+
+import json
+import math
+import os
+import runpy
+import struct
+from collections.abc import Sequence
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hil.ros import encoders as ros
+from hil.ros import types
+from hil.ros.topics import TOPICS, TYPE_HASHES, hash_of
+from sim.rotations import from_euler, matrix, to_euler
+from sim.sensors.samples import ImuSample, OdometrySample, PressureSample
+
+with open(os.path.join(os.path.dirname(__file__), "..", "..", "vectors", "cdr_golden.json"), encoding="utf-8") as _file:
+    GOLDEN = json.load(_file)
+
+TIME_NS = 1_700_000_000_123_456_789
+LEVEL_NORTH = (1.0, 0.0, 0.0, 0.0)
+NUMBERS = st.floats(-1e6, 1e6)
+VECTORS = st.tuples(NUMBERS, NUMBERS, NUMBERS)
+TIMES = st.integers(0, 2**31 * 10**9 - 1)
+ATTITUDES = st.builds(from_euler, st.floats(-3, 3), st.floats(-1.5, 1.5), st.floats(-3, 3))
+
+
+def golden(type_name: str, index: int = 0) -> tuple[dict[str, Any], bytes]:
+    found = [message for message in GOLDEN["messages"] if message["type"] == type_name][index]
+    return found["fields"], bytes.fromhex(found["hex"])
+
+
+def decode(topic: str, data: bytes) -> Any:
+    decoder = ros.decoder(topic)
+    assert decoder is not None
+    return decoder(data)
+
+
+def xyz(fields: dict[str, float]) -> tuple[float, float, float]:
+    return fields["x"], fields["y"], fields["z"]
+
+
+# --- golden bytes
+
+
+def test_type_hashes_are_those_of_the_other_implementation() -> None:
+    """Of rosbags, as are those of the definitions, see test_ros_types."""
+    assert {name: TYPE_HASHES[name] for name in GOLDEN["hashes"]} == GOLDEN["hashes"]
+    assert {name: types.type_hash(name) for name in TYPE_HASHES} == TYPE_HASHES
+
+
+def test_each_topic_has_hash_decoder_and_encoder() -> None:
+    assert set(TYPE_HASHES) <= {topic.type for topic in TOPICS.values()}
+    assert all(hash_of(topic.type).startswith("RIHS01_") for topic in TOPICS.values())
+    assert all(ros.decoder(topic) for topic in TOPICS)
+    assert ros.decoder("imy") is None
+
+
+def test_twist() -> None:
+    _, data = golden("geometry_msgs/msg/Twist")
+    linear, angular = (1.5, 0.5, -0.25), (0.125, 0.25, -0.75)
+    assert ros.encode_twist(linear, angular) == data
+    assert ros.decode_twist(data) == (linear, angular)
+
+
+def test_imu_level_heading_north() -> None:
+    _, data = golden("sensor_msgs/msg/Imu")
+    sample = ImuSample(TIME_NS, LEVEL_NORTH, (0.1, 0.2, -0.3), (-0.4, -0.5, -9.75))
+    assert ros.encode_imu(sample, variances=(1.0, 1.0, 2.0, 3.0)) == data
+    decoded = ros.decode_imu(data)
+    assert decoded is not None
+    assert decoded.orientation == pytest.approx(LEVEL_NORTH)
+    assert decoded._replace(orientation=LEVEL_NORTH) == sample
+
+
+def test_imu_at_any_attitude_and_frame() -> None:
+    fields, data = golden("sensor_msgs/msg/Imu", 1)
+    sample = ros.decode_imu(data)
+    assert sample is not None
+    w, x, y, z = ros.swap_attitude(sample.orientation)
+    assert {"w": w, "x": x, "y": y, "z": z} == pytest.approx(fields["orientation"])
+    again = ros.encode_imu(sample, "vehicle_1/imu", (1.0, 1.0, 2.0, 3.0))
+    head = len(data) - 37 * 8
+    assert again[:head] == data[:head]
+    assert struct.unpack("<37d", again[head:]) == pytest.approx(struct.unpack("<37d", data[head:]), abs=1e-15)
+
+
+@pytest.mark.parametrize(("index", "frames"), [(0, ("odom", "base_link")), (1, ("map", "a"))])
+def test_odometry(index: int, frames: tuple[str, str]) -> None:
+    _, data = golden("nav_msgs/msg/Odometry", index)
+    sample = OdometrySample(TIME_NS, (-20.25, 10.5, 3.125), LEVEL_NORTH, (1.5, 0.25, -0.125, 0.01, 0.02, -0.03))
+    assert ros.encode_odometry(sample, *frames, variances=(0.25, 0.25, 0.5, 0.75, 1.25)) == data
+    decoded = ros.decode_odometry(data)
+    assert decoded is not None
+    assert decoded.orientation == pytest.approx(LEVEL_NORTH)
+    assert decoded._replace(orientation=LEVEL_NORTH) == sample
+
+
+def test_pressure() -> None:
+    _, data = golden("sensor_msgs/msg/FluidPressure")
+    sample = PressureSample(TIME_NS, 201_325.5)
+    assert ros.encode_pressure(sample, "p", 4.0) == data
+    assert ros.decode_pressure(data) == sample
+
+
+def test_the_transform_of_an_odometry_sample() -> None:
+    _, data = golden("tf2_msgs/msg/TFMessage")
+    sample = OdometrySample(TIME_NS, (-20.25, 10.5, 3.125), LEVEL_NORTH, (0.0,) * 6)
+    assert ros.encode_transform(sample) == data
+    ((topic, message), (other, transform)) = ros.encoder("odom")(sample, "uuv1/")
+    assert (topic, other) == ("odom", "/tf")
+    assert (b"uuv1/odom\0" in message, b"uuv1/base_link\0" in transform) == (True, True)
+
+
+@pytest.mark.parametrize("index", [0, 1])
+def test_int64_array(index: int) -> None:
+    fields, data = golden("std_msgs/msg/Int64MultiArray", index)
+    assert ros.encode_int64_array(fields["data"]) == data
+    assert ros.decode_int64_array(data) == tuple(fields["data"])
+
+
+def test_int64_array_with_named_dimensions_reads() -> None:
+    fields, data = golden("std_msgs/msg/Int64MultiArray", 2)
+    assert ros.decode_int64_array(data) == tuple(fields["data"])
+
+
+@pytest.mark.parametrize("index", [0, 1])
+def test_diagnostics(index: int) -> None:
+    fields, data = golden("diagnostic_msgs/msg/DiagnosticArray", index)
+    statuses = [
+        (status["name"], status["level"], status["message"], {pair["key"]: pair["value"] for pair in status["values"]})
+        for status in fields["status"]
+    ]
+    assert ros.encode_diagnostics(TIME_NS, statuses, "pi4b") == data
+    assert ros.decode_diagnostics(data) == statuses
+
+
+def test_golden_file_is_what_rosbags_makes_today() -> None:
+    path = os.path.join(os.path.dirname(__file__), "..", "..", "vectors", "make_cdr_golden.py")
+    made = runpy.run_path(path)["golden"]()
+    assert made["messages"] == GOLDEN["messages"]
+    assert made["hashes"] == GOLDEN["hashes"]
+
+
+# --- frames
+
+ENU_OF_NED = ((0.0, 1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, -1.0))
+FRD_OF_FLU = ((1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0))
+Rows = Sequence[Sequence[float]]
+
+
+def multiply(a: Rows, b: Rows) -> list[list[float]]:
+    return [[sum(row[k] * b[k][column] for k in range(3)) for column in range(3)] for row in a]
+
+
+def rows(quaternion: Sequence[float]) -> list[Sequence[float]]:
+    flat = matrix(quaternion)
+    return [flat[0:3], flat[3:6], flat[6:9]]
+
+
+@given(ATTITUDES)
+def test_attitude_goes_the_way_of_the_rotation_matrices(attitude: Sequence[float]) -> None:
+    expected = multiply(multiply(ENU_OF_NED, rows(attitude)), FRD_OF_FLU)
+    for found, wanted in zip(rows(ros.swap_attitude(attitude)), expected, strict=True):
+        assert found == pytest.approx(wanted, abs=1e-12)
+    assert ros.swap_attitude(ros.swap_attitude(attitude)) == pytest.approx(attitude, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("heading", "yaw"), [(0.0, 90.0), (90.0, 0.0), (45.0, 45.0), (-90.0, 180.0), (135.0, -45.0), (-120.0, -150.0)]
+)
+def test_heading_clockwise_from_north_is_yaw_anticlockwise_from_east(heading: float, yaw: float) -> None:
+    quaternion = from_euler(0.1, -0.2, math.radians(heading))
+    roll, pitch, found = to_euler(ros.swap_attitude(quaternion))
+    assert math.remainder(found - math.radians(yaw), 2.0 * math.pi) == pytest.approx(0.0, abs=1e-12)
+    # starboard down stays roll, bow up becomes a negative pitch about the axis to port
+    assert (roll, pitch) == pytest.approx((0.1, 0.2))
+
+
+@given(VECTORS)
+def test_vectors(vector: tuple[float, float, float]) -> None:
+    world = tuple(sum(row[k] * vector[k] for k in range(3)) for row in ENU_OF_NED)
+    body = tuple(sum(row[k] * vector[k] for k in range(3)) for row in FRD_OF_FLU)
+    assert ros.swap_world(vector) == world
+    assert ros.swap_body(vector) == body
+    assert ros.swap_world(ros.swap_world(vector)) == ros.swap_body(ros.swap_body(vector)) == vector
+
+
+def test_a_vehicle_at_rest_reports_gravity_upwards() -> None:
+    data = ros.encode_imu(ImuSample(0, LEVEL_NORTH, (0.0, 0.0, 0.0), (0.0, 0.0, -9.81)))
+    assert struct.unpack("<3d", data[-96:-72]) == (0.0, 0.0, 9.81)
+
+
+def test_a_turn_to_starboard_is_negative_in_ros() -> None:
+    data = ros.encode_twist((0.0, 0.0, 0.0), (0.0, 0.0, 0.3))
+    assert struct.unpack("<6d", data[4:])[5] == -0.3
+
+
+# --- round trips
+
+
+@given(TIMES, ATTITUDES, VECTORS, VECTORS, st.text(max_size=40))
+def test_imu_round_trip(time_ns: int, attitude: Any, rate: Any, force: Any, frame: str) -> None:
+    decoded = ros.decode_imu(ros.encode_imu(ImuSample(time_ns, attitude, rate, force), frame))
+    assert decoded is not None
+    assert decoded.orientation == pytest.approx(attitude, abs=1e-12)
+    assert decoded == (time_ns, decoded.orientation, rate, force)
+
+
+@given(TIMES, VECTORS, ATTITUDES, VECTORS, VECTORS)
+def test_odometry_round_trip(time_ns: int, position: Any, attitude: Any, velocity: Any, rate: Any) -> None:
+    decoded = ros.decode_odometry(ros.encode_odometry(OdometrySample(time_ns, position, attitude, velocity + rate)))
+    assert decoded is not None
+    assert decoded.orientation == pytest.approx(attitude, abs=1e-12)
+    assert decoded == (time_ns, position, decoded.orientation, velocity + rate)
+
+
+@given(st.lists(st.tuples(st.text(), st.integers(0, 255), st.text(), st.dictionaries(st.text(), st.text()))))
+def test_diagnostics_round_trip(statuses: list[Any]) -> None:
+    def plain(words: str) -> str:
+        return words.encode(errors="replace").decode().rstrip("\0")
+
+    decoded = ros.decode_diagnostics(ros.encode_diagnostics(TIME_NS, statuses))
+    assert decoded is not None
+    assert [status[:3] for status in decoded] == [
+        (plain(name), level, plain(words)) for name, level, words, _ in statuses
+    ]
+
+
+# --- noise
+
+
+@pytest.mark.parametrize("message", GOLDEN["messages"], ids=lambda message: message["type"])
+def test_a_shortened_message_is_none(message: dict[str, Any]) -> None:
+    topics = [name for name, topic in TOPICS.items() if topic.type == message["type"]]
+    data = bytes.fromhex(message["hex"])
+    for topic in topics:
+        # Humble's Range ends before the variance, and is one too.
+        least = len(data) - 4 if message["type"] == "sensor_msgs/msg/Range" else len(data)
+        assert all(decode(topic, data[:end]) is None for end in range(least))
+        assert decode(topic, data) is not None
+
+
+@given(st.sampled_from(sorted(TOPICS)), st.binary(max_size=400))
+def test_noise_never_raises(topic: str, noise: bytes) -> None:
+    assert decode(topic, noise) is None or noise.startswith(b"\0\1")
+    assert isinstance(decode(topic, b"\0\1\0\0" + noise), tuple | list | dict | bool | int | float | None)
+
+
+@given(st.sampled_from(range(len(GOLDEN["messages"]))), st.data())
+def test_bytes_hit_by_noise_never_raise(index: int, data: st.DataObject) -> None:
+    message = GOLDEN["messages"][index]
+    payload = bytearray.fromhex(message["hex"])
+    for _ in range(data.draw(st.integers(1, 4))):
+        payload[data.draw(st.integers(0, len(payload) - 1))] = data.draw(st.integers(0, 255))
+    for name, topic in TOPICS.items():
+        if topic.type == message["type"]:
+            assert isinstance(decode(name, bytes(payload)), tuple | list | dict | bool | int | float | None)
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
+@pytest.mark.parametrize("place", range(6))
+def test_a_command_that_is_not_finite_is_malformed(place: int, bad: float) -> None:
+    values = [0.0] * 6
+    values[place] = bad
+    assert ros.decode_twist(ros.encode_twist(values[:3], values[3:])) is None
+
+
+# --- rmw_zenoh
+
+
+def test_data_key() -> None:
+    name = "sensor_msgs/msg/Imu"
+    expected = f"7/auv/imu/sensor_msgs::msg::dds_::Imu_/{TYPE_HASHES[name]}"
+    assert ros.data_key(7, "/auv/imu", name, TYPE_HASHES[name]) == expected
+    assert ros.data_key(7, "auv/imu", name, TYPE_HASHES[name]) == expected
+
+
+def test_attachment() -> None:
+    gid = bytes(range(16))
+    data = ros.pack_attachment(1, 2, gid)
+    assert data == b"\x01" + bytes(7) + b"\x02" + bytes(7) + b"\x10" + gid
+    assert ros.unpack_attachment(data) == (1, 2, gid)
+    assert ros.unpack_attachment(data[:-1]) is None
+    assert ros.unpack_attachment(data + b"\0") is None
+    assert ros.unpack_attachment(data[:16] + b"\x0f" + gid) is None
+    assert ros.unpack_attachment(b"") is None

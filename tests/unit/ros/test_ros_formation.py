@@ -1,0 +1,62 @@
+"""The report of a vehicle in a formation: as ROS has it, there and back, and what is none."""
+
+import math
+import struct
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hil.ros import encoders as ros
+from hil.ros import message as ros_message
+from hil.ros.formation import FormationSample, decode_formation, encode_formation
+from hil.ros.topics import TOPICS
+
+METRES = st.floats(-1e5, 1e5)
+TYPE = "trajectory_msgs/msg/MultiDOFJointTrajectoryPoint"
+SAMPLE = FormationSample((3.0, 4.0, 2.0), (1.0, 0.0, 0.0, 0.0), 12_345_678_901)
+
+
+def test_as_the_definition_has_it() -> None:
+    """North 3, east 4, depth 2 is ENU (4, 3, -2); a bow to the north is a yaw of 90 degrees from the east."""
+    message = ros_message.decode(TYPE, encode_formation(SAMPLE))
+    assert message is not None
+    (transform,) = message["transforms"]
+    assert transform["translation"] == {"x": 4.0, "y": 3.0, "z": -2.0}
+    rotation = [transform["rotation"][axis] for axis in "wxyz"]
+    assert rotation == pytest.approx([math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5)])
+    assert (message["velocities"], message["accelerations"]) == ([], [])
+    assert message["time_from_start"] == {"sec": 12, "nanosec": 345_678_901}
+    assert TOPICS["formation"].type == TYPE
+    assert ros.decoder("formation") is decode_formation
+
+
+@given(st.tuples(METRES, METRES, METRES), st.floats(-math.pi, math.pi), st.integers(0, 10**15))
+def test_there_and_back(position: tuple[float, float, float], heading: float, clock_ns: int) -> None:
+    sample = FormationSample(position, (math.cos(heading / 2), 0.0, 0.0, math.sin(heading / 2)), clock_ns)
+    found = decode_formation(encode_formation(sample))
+    assert found is not None
+    assert (found.position, found.clock_ns) == (position, clock_ns)
+    assert found.orientation == pytest.approx(sample.orientation, abs=1e-12)
+
+
+@given(st.binary(max_size=200))
+def test_what_is_none_never_raises(data: bytes) -> None:
+    decode_formation(data)
+    decode_formation(b"\x00\x01\x00\x00" + data)
+
+
+@pytest.mark.parametrize("cut", [0, 3, 4, 20, 79])
+def test_a_part_is_none(cut: int) -> None:
+    assert decode_formation(encode_formation(SAMPLE)[:cut]) is None
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf])
+def test_what_is_not_finite_is_none(value: float) -> None:
+    assert decode_formation(encode_formation(SAMPLE._replace(position=(value, 0.0, 0.0)))) is None
+
+
+def test_two_vehicles_in_one_are_none() -> None:
+    data = bytearray(encode_formation(SAMPLE))
+    data[4:8] = struct.pack("<I", 2)
+    assert decode_formation(bytes(data)) is None

@@ -1,0 +1,83 @@
+"""Scans as sensor_msgs/LaserScan, read by an independent library."""
+
+import json
+from math import inf, radians
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from rosbags.typesys import Stores, get_typestore
+
+from hil.ros import encoders as ros
+from hil.ros import scans as ros_scans
+from hil.ros.topics import TOPICS
+from sim.sensors.extra_samples import LaserSample, RangeSample
+
+STORE = get_typestore(Stores.ROS2_JAZZY)
+FLOATS = st.floats(-100.0, 100.0, width=32)
+SCAN = LaserSample(7_000_000_009, radians(-30.0), radians(15.0), (1.0, 2.0, inf, -inf, 5.0), (0.5, 20.0))
+
+
+def read(name: str, sample: Any) -> Any:
+    ((topic, payload),) = ros.encoder(name)(sample, "uuv1/")
+    assert topic == name
+    return STORE.deserialize_cdr(payload, TOPICS[topic].type)
+
+
+def test_golden_bytes() -> None:
+    golden = json.loads((Path(__file__).parents[2] / "vectors" / "cdr_golden.json").read_text())["messages"]
+    (data,) = [bytes.fromhex(message["hex"]) for message in golden if message["type"] == "sensor_msgs/msg/LaserScan"]
+    stamp = next(m["fields"]["header"]["stamp"] for m in golden if m["type"] == "sensor_msgs/msg/LaserScan")
+    sample = LaserSample(stamp["sec"] * 10**9 + stamp["nanosec"], -0.5, 0.25, (1.0, 2.0, 3.0, 4.0, 5.0), (0.5, 20.0))
+    assert ros_scans.encode_scan(sample) == data
+    assert ros_scans.decode_scan(data) == sample
+
+
+@pytest.mark.parametrize("name", ["laser", "scanning_sonar"])
+def test_angles_grow_to_port(name: str) -> None:
+    """What the sensor saw at 30 deg to starboard is the first of the message, at -30 deg in FLU."""
+    message = read(name, SCAN)
+    assert message.header.frame_id == f"uuv1/{name}_link"
+    assert (message.header.stamp.sec, message.header.stamp.nanosec) == (7, 9)
+    assert message.angle_min == pytest.approx(radians(-30.0))
+    assert message.angle_max == pytest.approx(radians(30.0))
+    assert list(message.ranges) == [5.0, -inf, inf, 2.0, 1.0]
+    assert (message.range_min, message.range_max) == (0.5, 20.0)
+    assert len(message.intensities) == 0
+
+
+def test_a_profile_keeps_its_order() -> None:
+    message = read("profiler", SCAN)
+    assert message.header.frame_id == "uuv1/profiler_scan"
+    assert message.angle_min == pytest.approx(radians(-30.0))
+    assert list(message.ranges) == list(SCAN.ranges)
+
+
+def test_an_echosounder_is_a_range() -> None:
+    sample = RangeSample(5, 7.5, (0.5, 50.0))
+    assert read("echosounder", sample).range == 7.5
+    ((_, payload),) = ros.encoder("echosounder")(sample, "")
+    decoder = ros.decoder("echosounder")
+    assert decoder is not None
+    assert decoder(payload) == sample
+
+
+@given(st.integers(0, 2**31 * 10**9 - 1), FLOATS, st.floats(0.0625, 1.0, width=32), st.lists(FLOATS, max_size=50))
+def test_bytes_are_theirs_and_come_back(time_ns: int, first: float, step: float, ranges: list[float]) -> None:
+    sample = LaserSample(time_ns, first, step, tuple(ranges), (0.5, 20.0))
+    data = ros_scans.encode_profile(sample)
+    message = STORE.deserialize_cdr(data, "sensor_msgs/msg/LaserScan")
+    assert bytes(STORE.serialize_cdr(message, "sensor_msgs/msg/LaserScan")) == data
+    assert ros_scans.decode_profile(data) == sample
+    again = ros_scans.decode_scan(ros_scans.encode_scan(sample))
+    assert again is not None
+    assert again.ranges == sample.ranges
+    assert again.angle_min == pytest.approx(first, abs=1e-4)
+
+
+@pytest.mark.parametrize("decode", [ros_scans.decode_scan, ros_scans.decode_profile])
+def test_what_is_cut_is_malformed(decode: Any) -> None:
+    data = ros_scans.encode_scan(SCAN)
+    assert [decode(data[:end]) for end in range(len(data))] == [None] * len(data)

@@ -1,0 +1,81 @@
+"""Who asks a vehicle's model for more speed than it is level at is warned by sim, demo and doctor."""
+
+from pathlib import Path
+
+import pytest
+
+from hil.cli import main
+from hil.doctor.findings import User
+from hil.doctor.software import start
+from hil.scenario.attitude_warning import attitude_warning
+from hil.scenario.config import load_scenario
+
+SCENARIO = """
+vehicle = "{vehicle}"
+world = "pool"
+[start]
+north = 5.0
+east = 5.0
+depth = 2.0
+[master]
+goal = [5.6, 5.0]
+depth = 2.0
+speed = "{speed} m/s"
+time_limit = "30 s"
+"""
+TIPPING = "bluerov2_heavy_vonbenzon2022"  # above 0.7 m/s
+
+
+def scenario_file(folder: Path, vehicle: str, speed: float) -> str:
+    path = folder / "mine.toml"
+    path.write_text(SCENARIO.format(vehicle=vehicle, speed=speed))
+    return str(path)
+
+
+@pytest.mark.parametrize(
+    ("vehicle", "speed", "warns"), [(TIPPING, 0.71, True), (TIPPING, 0.7, False), ("bluerov2_heavy", 1.5, False)]
+)
+def test_the_warning_names_file_key_vehicle_and_both_speeds(
+    vehicle: str, speed: float, warns: bool, tmp_path: Path
+) -> None:
+    path = scenario_file(tmp_path, vehicle, speed)
+    warning = attitude_warning(load_scenario(path))
+    assert (warning is not None) == warns
+    told = (path, "master: speed", "0.71 m/s", TIPPING, "0.7 m/s", "attitude_limit_speed")
+    assert warning is None or all(words in warning for words in told)
+
+
+def test_a_hunt_is_asked_by_its_fields(tmp_path: Path) -> None:
+    scenario = load_scenario("target_hunting")
+    assert scenario.hunting is not None
+    assert attitude_warning(scenario) is None
+    quick = scenario.hunting._replace(fields=scenario.hunting.fields._replace(max_speed=0.9))
+    warning = attitude_warning(scenario._replace(vehicle=TIPPING, hunting=quick))
+    assert warning is not None
+    assert "hunting: fields: max_speed: 0.9 m/s" in warning
+
+
+def test_sim_warns_and_flies(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    main(["sim", scenario_file(tmp_path, TIPPING, 0.8), "--fast"])
+    assert capsys.readouterr().err.startswith("WARNING: ")
+    main(["sim", scenario_file(tmp_path, "bluerov2_heavy", 0.8), "--fast"])
+    assert "WARNING" not in capsys.readouterr().err
+
+
+def test_demo_warns_before_it_starts_anything(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("hil.commands.demo.require_free", lambda *_, **__: None)
+    monkeypatch.setattr("hil.commands.demo._run", lambda *_: 0)
+    path = scenario_file(tmp_path, TIPPING, 0.8)
+    assert main(["demo", path, "--run-dir", str(tmp_path / "run")]) == 0
+    assert capsys.readouterr().err.startswith("WARNING: ")
+
+
+def test_doctor_notes_it(tmp_path: Path) -> None:
+    me = User("me", 0, ())
+    for vehicle, noted in ((TIPPING, True), ("bluerov2_heavy", False)):
+        scenario = load_scenario(scenario_file(tmp_path, vehicle, 0.8))
+        found = {finding.topic: finding for finding in start(scenario, me)}
+        assert ("attitude" in found) == noted
+        assert not noted or found["attitude"].level == "note"

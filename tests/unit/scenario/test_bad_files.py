@@ -1,0 +1,236 @@
+"""Whatever stands in a file that a person wrote, it is read or is one line that names the file."""
+
+import importlib
+import math
+import operator
+import os
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from boards import load_board
+from hil.cli import main
+from hil.common import tables
+from hil.common.errors import ConfigError
+from hil.common.schema import find_preset, preset_folder, preset_names
+from hil.common.tables import read_table
+from hil.links.frame.protocol import FrameProtocol
+from hil.scenario.config import load_scenario
+from sim.environment.world import load_world
+from sim.vehicle.vehicle import load_vehicle
+
+BAD: list[Any] = [
+    [], {}, [[]], [{}], [1], True, "", "x", "-1 s", "nan m", "1e400 s", math.nan, math.inf, -math.inf, -1, 0, 1e308,
+    -1e308, 10**400, -(10**400), 2**63, [math.nan] * 3, [1e308] * 6, {"x": {}},
+]  # fmt: skip
+READERS: dict[str, Callable[[str], Any]] = {
+    "hil/scenario/presets": load_scenario,
+    "sim/vehicles": load_vehicle,
+    "sim/worlds": load_world,
+    "firmware_stub/frames": lambda name: FrameProtocol(find_preset("firmware_stub/frames", name)),
+    "boards": load_board,
+}
+
+
+@pytest.fixture(autouse=True)
+def own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+
+
+def places(table: Any, so_far: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
+    """The way to every value in a table."""
+    items = table.items() if isinstance(table, dict) else enumerate(table) if isinstance(table, list) else ()
+    for key, value in items:
+        yield (*so_far, key)
+        yield from places(value, (*so_far, key))
+
+
+def copy(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: copy(item) for key, item in value.items()}
+    return [copy(item) for item in value] if isinstance(value, list) else value
+
+
+def changed(table: Any, place: tuple[Any, ...], value: Any) -> Any:
+    table = copy(table)
+    inner = table
+    for key in place[:-1]:
+        inner = inner[key]
+    inner[place[-1]] = value
+    return table
+
+
+PRESETS = [(folder, name) for folder in READERS for name in preset_names(folder)]
+
+
+@pytest.mark.parametrize(("folder", "name"), PRESETS, ids=lambda text: text.rpartition("/")[2])
+def test_a_wrong_value_of_any_key(folder: str, name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A value of a preset replaced by what it cannot be: accepted as meant, or refused by file and key."""
+    path = os.path.join(preset_folder(folder), f"{name}.toml")
+    whole, read = read_table(path), tables.read_table
+    bad: list[Any] = []
+    compiled: dict[Any, Any] = {}  # the frames that are kept, by path
+    monkeypatch.setattr("hil.links.frame.protocol._compiled", compiled)
+
+    def read_changed(asked: str) -> dict[str, Any]:
+        return copy(bad[0]) if asked == path else read(asked)
+
+    for module in (
+        "hil.common.schema",
+        "hil.scenario.config",
+        "sim.vehicle.vehicle",
+        "sim.environment.world",
+        "sim.sensors.suite",
+        "boards",
+    ):
+        monkeypatch.setattr(f"{module}.read_table", read_changed)
+    first = PRESETS.index((folder, name))
+    for number, place in enumerate(places(whole), first):  # each with one of them, every time another
+        value = BAD[number % len(BAD)]
+        bad[:] = [changed(whole, place, value)]
+        compiled.clear()
+        said = path
+        try:
+            READERS[folder](name)
+        except ConfigError as error:
+            said = str(error)
+        except Exception as error:
+            raise AssertionError(f"{place} = {value!r:.60}: {type(error).__name__}: {error}") from error
+        assert path in said, f"{place} = {value!r:.60}"
+        assert "\n" not in said
+
+
+def written(folder: Path, data: bytes) -> str:
+    path = folder / "odd.toml"
+    path.write_bytes(data)
+    return str(path)
+
+
+@pytest.mark.parametrize(
+    ("data", "words"),
+    [
+        (b"a = " + b"[" * 100_000 + b"]" * 100_000, "32 deep"),
+        (b"a = " + b"[" * 40 + b"]" * 40, "32 deep"),
+        (b"a = " + b"{a = " * 100_000, "deep|valid TOML"),
+        (b".".join([b"a"] * 100_000) + b" = 1", "32 deep"),
+        (b"[" + b".".join([b"a"] * 5_000) + b"]", "32 deep"),
+        (b"a = " + b"9" * 100_000, "not valid TOML"),
+        (b"a = 1e" + b"9" * 100_000 + b"x", "not valid TOML"),
+        ("a = 1".encode("utf-16"), "UTF-16; save it as UTF-8"),
+        (b"\xff\xff", "not valid TOML"),
+        (b"\x00" * 100, "not valid TOML"),
+        (b"a = 1\r", "not valid TOML"),
+    ],
+)
+def test_no_toml(tmp_path: Path, data: bytes, words: str) -> None:
+    path = written(tmp_path, data)
+    with pytest.raises(ConfigError, match=words) as error:
+        read_table(path)
+    assert str(error.value).startswith(path)
+    assert len(str(error.value)) < len(path) + 200
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("seed = " + "9" * 5_000, "not valid TOML"), ("seed = " + "9" * 4_000, "seed: a number of hundreds of digits"),
+        ("seed = 1" + "0" * 100_000, "not valid TOML"), ("x = " + "[" * 100_000 + "]" * 100_000, "32 deep"),
+        ('[sensors.laser]\nkind = []', "sensors: laser"), ("[sensors]\nlaser = []", "sensors: laser"),
+        ("[[force]]\nclass = []", "force"), ("[[force]]\nclass = 1", "force"), ("[modem]\nkind = []", "modem"),
+    ],
+    ids=lambda text: text[:20],
+)  # fmt: skip
+def test_a_hostile_scenario_is_one_line(
+    line: str, words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "mine.toml"
+    path.write_text(f'vehicle = "paper_six"\nworld = "pool"\n{line}\n[master]\ngoal = [1, 1]\n', encoding="utf-8")
+    for command in (["sim", "--fast"], ["slave"], ["campaign"]):
+        assert main([command[0], str(path), *command[1:]]) == 2
+        (said,) = capsys.readouterr().err.splitlines()
+        assert f"{path}: " in said
+        assert words in said
+        assert len(said) < len(str(path)) + 250
+
+
+def test_a_kind_of_seabed_that_is_none(tmp_path: Path) -> None:
+    for kind in ("[]", "{}", "1", "true", '""', f'"{"x" * 5_000}"'):
+        path = tmp_path / "w.toml"
+        path.write_text(
+            f'name = "w"\nsource = "-"\nextent = [0, 10, 0, 10]\ndepth = 5\n[terrain]\nkind = {kind}\n',
+            encoding="utf-8",
+        )
+        with pytest.raises(ConfigError, match="terrain: kind: no relief") as error:
+            load_world(str(path))
+        assert len(str(error.value)) < len(str(path)) + 250
+
+
+def test_a_byte_order_mark_is_passed_over(tmp_path: Path) -> None:
+    assert read_table(written(tmp_path, b"\xef\xbb\xbfa = 1\n")) == {"a": 1}
+
+
+def test_what_is_no_file_is_not_read(tmp_path: Path) -> None:
+    pipe, zero, huge = tmp_path / "pipe.toml", tmp_path / "zero.toml", tmp_path / "huge.toml"
+    os.mkfifo(pipe)
+    zero.symlink_to("/dev/zero")
+    with huge.open("wb") as file:
+        file.truncate(1 << 40)
+    began = time.monotonic()
+    for path, words in (
+        (pipe, "no regular file"), (zero, "no regular file"), (huge, "at most 16 MiB"), (tmp_path, "is a folder"),
+        (tmp_path / ("x" * 300), "File name too long"), (Path("a\0b"), "cannot be read"),
+    ):  # fmt: skip
+        with pytest.raises(ConfigError, match=words):
+            read_table(str(path))
+    assert time.monotonic() - began < 60.0, "it waited"
+
+
+@pytest.mark.parametrize(
+    ("ending", "reader"),
+    [
+        ("urdf", "sim.vehicle.urdf.text:read_xml"), ("xacro", "sim.vehicle.urdf.text:read_xml"),
+        ("stl", "hil.plots.stl:read_stl"),
+        ("csv", "hil.autonomy.paths.waypoints:read_waypoints"), ("json", "hil.bench.record:load"),
+        ("yaml", "hil.autonomy.paths.occupancy:OccupancyGrid.read"),
+    ],
+)  # fmt: skip
+def test_no_reader_waits_for_a_pipe_or_reads_without_end(ending: str, reader: str, tmp_path: Path) -> None:
+    module, _, names = reader.partition(":")
+    read = operator.attrgetter(names)(importlib.import_module(module))
+    pipe, huge = tmp_path / f"pipe.{ending}", tmp_path / f"huge.{ending}"
+    os.mkfifo(pipe)
+    with huge.open("wb") as file:
+        file.truncate(1 << 40)
+    for path, words in ((pipe, "no regular file"), (huge, "has 1048576 MiB; such a file has at most")):
+        with pytest.raises(ConfigError, match=words):
+            read(str(path))
+
+
+def test_a_seabed_is_no_pipe(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "bed.f32")
+    (tmp_path / "w.toml").write_text(
+        'name = "w"\nsource = "-"\nextent = [0, 10, 0, 10]\ndepth = 5\n[terrain]\nfile = "bed.f32"\nnorth_min = 0\n'
+        "east_min = 0\nresolution = 1\nrows = 11\ncolumns = 11\n",
+        encoding="utf-8",
+    )
+    with pytest.raises(ConfigError, match=r"bed\.f32: is no regular file"):
+        load_world(str(tmp_path / "w.toml"))
+
+
+@pytest.mark.parametrize("command", [["sim"], ["sim", "--fast"], ["slave"], ["campaign"], ["doctor"], ["agent"]])
+@pytest.mark.parametrize("scenario", ["/dev/zero", "/", "pipe.toml", "/etc/passwd", ""])
+def test_a_scenario_that_is_none(
+    command: list[str],
+    scenario: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    os.mkfifo(tmp_path / "pipe.toml")
+    monkeypatch.chdir(tmp_path)
+    assert main([command[0], scenario, *command[1:]]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "scenario" in line or "no regular file" in line

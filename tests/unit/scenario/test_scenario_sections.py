@@ -1,0 +1,28 @@
+"""A section of the scenario that is none: told with file, key and remedy."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from hil.common.errors import ConfigError
+from hil.scenario.config import load_scenario
+
+FLOWN = 'vehicle = "paper_six"\nworld = "pool"\nmaster = {}\n'
+
+
+@pytest.mark.parametrize("value", ['"/dev/ttyUSB0"', "3", "true", "[1]", '[["port", "pty:"]]'])
+@pytest.mark.parametrize("name", ["link", "link.options"])
+def test_a_value_in_place_of_a_section(tmp_path: Path, name: str, value: str) -> None:
+    path = tmp_path / "mine.toml"
+    path.write_text(f"{FLOWN}{name} = {value}\n")
+    with pytest.raises(ConfigError) as caught:
+        load_scenario(str(path))
+    assert str(caught.value).startswith(f"{path}: {name}: expected a table: write its keys under [{name}], found ")
+
+
+@pytest.mark.parametrize(("section", "options"), [("", {}), ("[link]", {}), ("[link.options]\na = 1", {"a": 1})])
+def test_what_the_section_may_be(tmp_path: Path, section: str, options: dict[str, Any]) -> None:
+    path = tmp_path / "mine.toml"
+    path.write_text(f"{FLOWN}{section}\n")
+    assert load_scenario(str(path)).link.options == options

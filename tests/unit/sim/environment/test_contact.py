@@ -1,0 +1,120 @@
+from collections.abc import Sequence
+from math import pi
+from random import Random
+
+import pytest
+
+from sim.dynamics import Dynamics, State
+from sim.environment.collision import Contact, starts_inside
+from sim.environment.obstacles import Box, Cylinder
+from sim.environment.world import World
+from sim.rotations import normalise, rotate, to_euler
+from sim.sensors.suite import SensorSet
+from sim.simulation import Simulation
+from sim.vehicle.vehicle import Vehicle, load_vehicle
+
+VEHICLE, _ = load_vehicle("paper_six")
+SEA = World(
+    "sea", "test", (-10.0, 10.0, -10.0, 10.0), 10.0,
+    cylinder=(Cylinder(3.0, 0.0, 1.0), Cylinder(-5.0, 0.0, 1.5, top=6.0)), box=(Box(0.0, 4.0, 3.0, 1.0, 0.5),),
+)  # fmt: skip
+QUIET: SensorSet = {}
+
+
+def kinetic(mass: list[list[float]], nu: Sequence[float]) -> float:
+    return 0.5 * sum(v * sum(m * x for m, x in zip(row, nu, strict=True)) for row, v in zip(mass, nu, strict=True))
+
+
+def test_a_blow_never_adds_energy() -> None:
+    """Random states inside things, an uneven mass matrix: energy falls or stays."""
+    skewed = VEHICLE._replace(center_of_gravity=(0.03, -0.02, 0.05))
+    dynamics = Dynamics(skewed, 1025.0, 9.8)
+    random, blows = Random(1), 0
+    for _ in range(2000):
+        contact = Contact(skewed, SEA, dynamics.inverse_mass)
+        place = (random.uniform(-8, 8), random.uniform(-8, 8), random.uniform(4, 10.5))
+        state = State(place, normalise([random.gauss(0, 1) for _ in range(4)]), [random.gauss(0, 2) for _ in range(6)])
+        before = kinetic(dynamics.mass, state.nu)
+        blows += contact.resolve(state)
+        assert kinetic(dynamics.mass, state.nu) <= before * (1.0 + 1e-12)
+    assert blows > 200
+
+
+def test_after_a_blow_nothing_closes() -> None:
+    dynamics = Dynamics(VEHICLE, 1025.0, 9.8)
+    contact = Contact(VEHICLE, SEA, dynamics.inverse_mass)
+    state = State((1.8, 0.0, 5.0), normalise((1.0, 0.2, 0.1, 0.4)), (1.0, -0.8, 0.2, 0.1, 0.0, 0.3))
+    assert rotate(state.quaternion, state.nu[:3])[0] > 0.5  # northwards, into the cylinder at 3 m
+    assert contact.resolve(state)
+    assert rotate(state.quaternion, state.nu[:3])[0] == pytest.approx(0.0, abs=1e-12)
+    assert SEA.clearance(*state.position[:2]) == pytest.approx(contact.radius)
+    state.nu = nu = [state.nu[0] - 3.0, *state.nu[1:]]  # on its way out again: nothing holds it
+    contact.resolve(state)
+    assert state.nu == nu
+
+
+@pytest.mark.parametrize("heading", [0.0, 0.7, 1.5, 2.6, 3.1, 4.0, 5.5])
+def test_nothing_gets_through(heading: float) -> None:
+    """Ahead at 1 m/s on one heading for 20 s within walls: it slides along things, never into them."""
+    world = SEA._replace(walls=True)
+    simulation = Simulation(VEHICLE, world, QUIET, position=(0.0, 0.0, 5.0), heading=heading)
+    radius = simulation._contact.radius
+    for step in range(8000):
+        off = (heading - to_euler(simulation.state.quaternion)[2] + pi) % (2.0 * pi) - pi
+        turn = round(max(-100.0, min(100.0, 300.0 * off - 150.0 * simulation.state.nu[5])))
+        left, right, down_us = 1650 + turn, 1650 - turn, 1500 + step // 80
+        simulation.step((right, left, right, left, down_us, down_us))
+        north, east, down = simulation.state.position
+        assert world.clearance(north, east, down + 0.117) >= radius - 0.02  # in a corner one step of sinking in
+        assert down + 0.117 <= world.depth + 1e-9
+        assert max(map(abs, simulation.state.nu)) < 20.0
+    assert simulation.contacts > 0
+
+
+def sinking(**changes: object) -> Vehicle:
+    """Frictionless, 5 kg too heavy, and with nothing that would turn it."""
+    vehicle = VEHICLE._replace(
+        neutrally_buoyant=False, volume=4.7 / 1025.0, center_of_buoyancy=(0.0, 0.0, 0.0),
+        added_mass=(6.0, 6.0, 6.0, 0.1, 0.1, 0.1),
+        linear_damping=(0.0,) * 6, quadratic_damping=(0.0,) * 6,
+    )  # fmt: skip
+    return vehicle._replace(**changes)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("place", [(-8.0, -8.0, 2.0), (-5.0, 0.1, 2.0), (-5.0, 1.6, 2.0), (0.0, 4.9, 2.0)])
+def test_falling_never_gains_energy(place: tuple[float, float, float]) -> None:
+    """On the seabed, on top of a stump, on its edge, down along a box: total energy falls step by step."""
+    vehicle = sinking()
+    dynamics = Dynamics(vehicle, SEA.density, SEA.gravity, "rk4")
+    contact = Contact(vehicle, SEA, dynamics.inverse_mass)
+    state = State(place, nu=(0.3, -0.4, 0.0, 0.0, 0.0, 0.0))
+    offloaded = dynamics.weight - dynamics.hull.full
+
+    def energy() -> float:
+        return kinetic(dynamics.mass, state.nu) - offloaded * state.position[2]
+
+    last, touched = energy(), 0
+    for _ in range(4000):
+        dynamics.step(state, (0.0,) * 6, (0.0, 0.0, 0.0), 0.0025)
+        touched += contact.resolve(state)
+        now = energy()
+        assert now <= last + 1e-9
+        last = now
+    assert touched > 0
+    assert contact.count >= 1
+
+
+def test_it_lies_on_top_of_a_stump() -> None:
+    simulation = Simulation(sinking(linear_damping=(5.0,) * 6), SEA, QUIET, position=(-5.0, 0.0, 2.0))
+    for _ in range(4000):
+        simulation.step((1500,) * 6)
+    assert simulation.state.position[2] == pytest.approx(6.0 - 0.117, abs=1e-4)
+    assert simulation.touching
+    assert simulation.contacts == 1  # lying still is one touch
+
+
+def test_over_a_stump_there_is_a_way() -> None:
+    assert starts_inside(VEHICLE, SEA, (-5.0, 0.0, 7.0))
+    assert starts_inside(VEHICLE, SEA, (9.0, 9.0, 9.95))
+    assert not starts_inside(VEHICLE, SEA, (-5.0, 0.0, 5.0))
+    assert not starts_inside(VEHICLE, SEA, (0.0, 0.0, 5.0))

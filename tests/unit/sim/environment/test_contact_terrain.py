@@ -1,0 +1,180 @@
+"""A vehicle on relief: it is kept out of slopes and steps, slides, and makes no energy."""
+
+from array import array
+from collections.abc import Sequence
+from math import atan, cos, nan, pi, sin
+from random import Random
+
+import pytest
+
+from sim.dynamics import Dynamics, State
+from sim.environment.collision import Contact, Footprint, starts_inside
+from sim.environment.relief import Fractal, Ridge, Sinusoid, Slope, Step
+from sim.environment.terrain import Terrain, covering
+from sim.environment.terrain_grid import Grid
+from sim.environment.world import World
+from sim.rotations import normalise, rotate, to_euler
+from sim.simulation import Simulation
+from sim.vehicle.vehicle import Vehicle, load_vehicle
+
+VEHICLE, _ = load_vehicle("paper_six")
+HALF_HEIGHT = 0.5 * VEHICLE.dimensions[2]
+EXTENT = (-15.0, 15.0, -15.0, 15.0)
+
+
+def world_of(rule: Slope | Ridge | Sinusoid | Fractal | Step, holes: int = 0) -> World:
+    grid = covering(EXTENT, rule.resolution)
+    depths, chance = rule.depths(grid), Random(holes)
+    for _ in range(holes):
+        depths[chance.randrange(len(depths))] = nan
+    return World("relief", "test", EXTENT, 8.0, terrain=Terrain(grid, depths, 8.0))
+
+
+def kinetic(mass: list[list[float]], nu: Sequence[float]) -> float:
+    return 0.5 * sum(v * sum(m * x for m, x in zip(row, nu, strict=True)) for row, v in zip(mass, nu, strict=True))
+
+
+def footprint(world: World) -> Footprint:
+    assert world.terrain is not None
+    return Footprint(world.terrain, Contact(VEHICLE, world, []).radius, HALF_HEIGHT)
+
+
+def sinking() -> Vehicle:
+    """Frictionless, 5 kg too heavy, and with nothing that would turn it."""
+    return VEHICLE._replace(
+        neutrally_buoyant=False, volume=4.7 / 1025.0, center_of_buoyancy=(0.0, 0.0, 0.0),
+        added_mass=(6.0, 6.0, 6.0, 0.1, 0.1, 0.1),
+        linear_damping=(0.0,) * 6, quadratic_damping=(0.0,) * 6,
+    )  # fmt: skip
+
+
+def test_a_blow_never_adds_kinetic_energy() -> None:
+    """Random states in rough ground, an uneven mass matrix."""
+    skewed = VEHICLE._replace(center_of_gravity=(0.03, -0.02, 0.05))
+    world, dynamics = world_of(Fractal(8.0, 1.0, seed=2)), Dynamics(skewed, 1025.0, 9.8)
+    chance, blows = Random(1), 0
+    for _ in range(500):
+        contact = Contact(skewed, world, dynamics.inverse_mass)
+        place = (chance.uniform(-8, 8), chance.uniform(-8, 8), chance.uniform(4, 10.5))
+        state = State(place, normalise([chance.gauss(0, 1) for _ in range(4)]), [chance.gauss(0, 2) for _ in range(6)])
+        before = kinetic(dynamics.mass, state.nu)
+        blows += contact.resolve(state)
+        assert kinetic(dynamics.mass, state.nu) <= before * (1.0 + 1e-12)
+    assert blows > 100
+
+
+@pytest.mark.parametrize("heading", [0.0, 0.7, -2.2])
+def test_on_a_slope_it_is_put_back_along_the_normal(heading: float) -> None:
+    slope = Slope(8.0, 0.5, heading)
+    world, dynamics = world_of(slope), Dynamics(VEHICLE, 1025.0, 9.8)
+    contact = Contact(VEHICLE, world, dynamics.inverse_mass)
+    state = State(
+        (0.5, -0.5, world.seabed(0.5, -0.5) - 0.1), normalise((1.0, 0.2, 0.1, 0.4)), (1.0, -0.8, 0.6, 0.1, 0.0, 0.3)
+    )
+    before = list(state.position)
+    assert contact.resolve(state)
+    moved = [a - b for a, b in zip(state.position, before, strict=True)]
+    out = 0.5 * cos(heading), 0.5 * sin(heading), -1.0
+    scale = -moved[2]
+    assert moved == pytest.approx([scale * x for x in out], abs=1e-4)  # nodes are 32-bit floats
+    assert footprint(world).deepest(state.position)[0] == pytest.approx(0.0, abs=1e-5)
+    velocity = rotate(state.quaternion, state.nu[:3])
+    assert sum(v * n for v, n in zip(velocity, out, strict=True)) >= -1e-6
+
+
+def test_it_slides_down_a_slope() -> None:
+    """Without friction it gains speed along the slope as a body on an incline does, added mass included."""
+    vehicle = sinking()
+    simulation = Simulation(vehicle, world_of(Slope(6.0, 0.3)), {}, position=(-10.0, 0.0, 2.0))
+    speeds = []
+    for step in range(1800):
+        simulation.step((1500,) * 6)
+        if step in (1000, 1400):
+            speeds.append(rotate(simulation.state.quaternion, simulation.state.nu[:3]))
+    assert simulation.contacts == 1
+    angle, weight = atan(0.3), (vehicle.mass - 4.7) * 9.80665
+    gained = [b - a for a, b in zip(*speeds, strict=True)]
+    expected = weight * sin(angle) / (vehicle.mass + 6.0)  # m/s in the second between
+    assert gained == pytest.approx([expected * cos(angle), 0.0, expected * sin(angle)], rel=0.01, abs=1e-4)
+
+
+RULES = [
+    Slope(8.0, 1.5, 0.4, resolution=0.5),
+    Ridge(8.0, 3.0, 0.6, 1.0, resolution=0.25),
+    Sinusoid(8.0, 0.7, 4.0, 1.0, resolution=0.25),
+    Fractal(8.0, 1.2, seed=3, resolution=0.5),
+    Step(8.0, 2.0, 0.3, resolution=0.5),
+]
+
+
+@pytest.mark.parametrize("holes", [0, 3])
+@pytest.mark.parametrize("rule", RULES, ids=lambda rule: type(rule).__name__)
+def test_a_ride_over_relief_makes_no_energy(rule: Slope, holes: int) -> None:
+    """Falls on it, slides, meets walls. Where a slope gets steeper a step may add what its own way is worth: no more.
+
+    Over the whole ride energy is lost, and after each step nothing is in the seabed.
+    """
+    world, vehicle = world_of(rule, holes), sinking()
+    dynamics = Dynamics(vehicle, world.density, world.gravity, "rk4")
+    contact, disc = Contact(vehicle, world, dynamics.inverse_mass), footprint(world)
+    state = State((1.3, -2.1, 2.0), nu=(0.7, -0.9, 0.0, 0.0, 0.0, 0.0))
+    offloaded = dynamics.weight - dynamics.hull.full
+
+    def energy() -> float:
+        return kinetic(dynamics.mass, state.nu) - offloaded * state.position[2]
+
+    first = last = energy()
+    touched, gained = 0, 0.0
+    for _ in range(3000):
+        before = state.position
+        dynamics.step(state, (0.0,) * 6, (0.0, 0.0, 0.0), 0.0025)
+        touched += contact.resolve(state)
+        way = sum((a - b) ** 2 for a, b in zip(state.position, before, strict=True)) ** 0.5
+        gain = energy() - last
+        assert gain <= offloaded * way + 1e-9
+        gained += max(0.0, gain)
+        last += gain
+        assert disc.deepest(state.position)[0] < 1e-3
+    assert touched > 100
+    assert last < first - 1.0
+    assert gained < 0.002 * (first - last)
+
+
+@pytest.mark.parametrize("heading", [0.0, 0.5, 1.2, 2.6, 4.0, 5.5])
+def test_nothing_gets_through_steps(heading: float) -> None:
+    """Ahead on one heading in a basin with an edge and pillars without data: along them, never into them."""
+    grid = Grid(-6.0, -6.0, 1.0, 13, 13)
+    depths = array("f", [9.0] * 169)
+    depths[6 * 13 + 9] = depths[9 * 13 + 5] = nan
+    world = World("basin", "test", EXTENT, 4.0, terrain=Terrain(grid, depths, 4.0))
+    simulation, disc = Simulation(VEHICLE, world, {}, position=(0.0, 0.0, 7.0), heading=heading), footprint(world)
+    for step in range(5000):
+        off = (heading - to_euler(simulation.state.quaternion)[2] + pi) % (2.0 * pi) - pi
+        turn = round(max(-100.0, min(100.0, 300.0 * off - 150.0 * simulation.state.nu[5])))
+        left, right, down_us = 1650 + turn, 1650 - turn, 1500 + step // 80
+        simulation.step((right, left, right, left, down_us, down_us))
+        assert disc.deepest(simulation.state.position)[0] < 1e-6
+        assert max(map(abs, simulation.state.nu)) < 20.0
+    assert simulation.contacts > 0
+
+
+def test_it_lies_where_it_fell() -> None:
+    """In a hollow, with the water's drag: at rest, and that is one touch."""
+    vehicle = sinking()._replace(linear_damping=(20.0,) * 6)
+    simulation = Simulation(vehicle, world_of(Sinusoid(8.0, 1.0, 10.0)), {}, position=(-2.0, 0.0, 5.0))
+    for _ in range(8000):
+        simulation.step((1500,) * 6)
+    assert simulation.touching
+    assert simulation.contacts == 1
+    assert simulation.state.position[0] == pytest.approx(-2.5, abs=0.3)
+    assert max(map(abs, simulation.state.nu)) < 0.01
+
+
+def test_where_it_cannot_start() -> None:
+    world = world_of(Slope(8.0, 0.5))
+    assert not starts_inside(VEHICLE, world, (0.0, 0.0, 7.0))
+    assert starts_inside(VEHICLE, world, (-4.0, 0.0, 7.0))
+    assert not starts_inside(VEHICLE, world, (4.0, 0.0, 9.0))
+    edge = 8.0 - HALF_HEIGHT - 0.5 * Contact(VEHICLE, world, []).radius  # its rim is as deep as the slope there
+    assert not starts_inside(VEHICLE, world, (0.0, 0.0, edge - 0.01))
+    assert starts_inside(VEHICLE, world, (0.0, 0.0, edge + 0.01))

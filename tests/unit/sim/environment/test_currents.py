@@ -1,0 +1,254 @@
+from itertools import pairwise
+from math import cos, exp, hypot, pi, radians, sin, sqrt
+from pathlib import Path
+from random import Random
+from statistics import fmean, pstdev
+
+import pytest
+
+from hil.common.errors import ConfigError
+from sim.environment.currents import TIDAL_SPEEDS, Current, Wandering, layered, ocean_current, recorded, tidal
+from sim.environment.ocean import Constituent, GaussMarkov, Layers, Ocean, Series, Tide
+from sim.environment.world import load_world
+
+SECOND = 1_000_000_000
+HOUR = 3600 * SECOND
+STILL = (0.0, 0.0, 0.0)
+
+
+def test_layers() -> None:
+    current = layered(Layers((5.0, 15.0, 35.0), north=(0.4, 0.2, 0.0), down=(0.0, 0.0, 0.1)))
+    assert current(0, 5.0) == (0.4, 0.0, 0.0)
+    assert current(9 * HOUR, 10.0) == pytest.approx((0.3, 0.0, 0.0))
+    assert current(0, 30.0) == pytest.approx((0.05, 0.0, 0.075))
+    assert current(0, -1.0) == current(0, 5.0) == (0.4, 0.0, 0.0)  # the ends hold
+    assert current(0, 99.0) == (0.0, 0.0, 0.1)
+
+
+def test_series() -> None:
+    current = recorded(Series((10.0, 20.0, 60.0), north=(0.1, 0.3, -0.1), east=(0.0, 1.0, 1.0)))
+    assert current(15 * SECOND, 3.0) == pytest.approx((0.2, 0.5, 0.0))
+    assert current(40 * SECOND, 3.0) == pytest.approx((0.1, 1.0, 0.0))
+    assert current(0, 0.0) == (0.1, 0.0, 0.0)  # the ends hold
+    assert current(999 * SECOND, 0.0) == (-0.1, 1.0, 0.0)
+    assert Series((4.0,), east=(0.2,)).validate() is None
+    assert recorded(Series((4.0,), east=(0.2,)))(0, 0.0) == (0.0, 0.2, 0.0)
+
+
+# -- Gauss-Markov -------------------------------------------------------------------------------------------------
+
+TAU, SD, MEAN = 1.0, 0.2, 0.5
+MODEL = GaussMarkov((SD, 0.1, 0.0), TAU, (MEAN, 0.0, 0.0))
+RATE_STEPS = {1000: 1_000_000, 100: 10_000_000, 10: 100_000_000}
+
+
+def gazebo_spread(mu: float, noise: float, dt: float) -> float:
+    """The sd that GaussMarkovProcess.cc of uuv_simulator and dave settles at, by its own recursion:
+
+    var = (1 - step mu) var + noise (uniform(0, 1) - 0.5).
+    """
+    keep, kick, variance = 1.0 - dt * mu, noise * noise / 12.0, 0.0
+    for _ in range(round(10.0 / (mu * dt))):
+        variance = keep * keep * variance + kick
+    return sqrt(variance)
+
+
+def gazebo_path(mu: float, noise: float, dt: float, mean: float, seconds: float) -> list[float]:
+    random, value, values = Random(5), mean, []
+    for _ in range(round(seconds / dt)):
+        value = (1.0 - dt * mu) * value + noise * (random.random() - 0.5)
+        values.append(value)
+    return values
+
+
+def sampled(current: Current, dt_ns: int, seconds: float) -> list[float]:
+    return [current(i * dt_ns, 0.0)[0] for i in range(round(seconds * SECOND / dt_ns))]
+
+
+def test_the_formula_of_others_depends_on_the_step_and_forgets_its_mean() -> None:
+    """Red: sd 2.04, 0.646, 0.205 m/s of one and the same current at steps of 1, 10, 100 ms."""
+    sizes = [gazebo_spread(0.1, 0.1, dt) for dt in (0.001, 0.01, 0.1)]
+    assert sizes == pytest.approx([2.04, 0.646, 0.205], rel=0.005)
+    assert pstdev(gazebo_path(0.1, 0.1, 0.1, 0.0, 20_000.0)) == pytest.approx(sizes[2], rel=0.1)
+    assert abs(fmean(gazebo_path(0.1, 0.1, 0.1, 1.0, 20_000.0))) < 0.05  # and it was to have mean 1
+
+
+def test_a_wandering_current_keeps_its_mean_and_size_at_every_step() -> None:
+    """Green: the same seed is the same current, whatever the step, and its mean and size are those asked for."""
+    paths = {rate: sampled(Wandering(MODEL, 3), step, 1500.0) for rate, step in RATE_STEPS.items() if rate != 1000}
+    paths[1000] = sampled(Wandering(MODEL, 3), RATE_STEPS[1000], 100.0)
+    assert paths[100][::10] == paths[10]
+    assert paths[1000][::100] == paths[10][:1000]
+    for rate in (100, 10):
+        assert fmean(paths[rate]) == pytest.approx(MEAN, abs=0.03)
+        assert pstdev(paths[rate]) == pytest.approx(SD, rel=0.07)
+
+
+def test_a_wandering_current_has_the_memory_asked_for() -> None:
+    values = sampled(Wandering(MODEL, 4), RATE_STEPS[10], 3000.0)
+    for lag in (1, 5, 10):
+        changes = [b - a for a, b in zip(values, values[lag:], strict=False)]
+        assert pstdev(changes) == pytest.approx(SD * sqrt(2.0 * (1.0 - exp(-0.1 * lag / TAU))), rel=0.06)
+
+
+def test_a_wandering_current_has_its_size_from_the_start() -> None:
+    starts = [Wandering(MODEL, seed)(0, 0.0) for seed in range(2000)]
+    north, east, down = zip(*starts, strict=True)
+    assert pstdev(north) == pytest.approx(SD, rel=0.06)
+    assert pstdev(east) == pytest.approx(0.1, rel=0.06)
+    assert set(down) == {0.0}
+    assert abs(fmean([(n - MEAN) * e for n, e in zip(north, east, strict=True)])) < 0.1 * SD * 0.1  # independent
+
+
+def test_seeds_of_a_wandering_current() -> None:
+    assert Wandering(MODEL, 3)(7 * SECOND, 0.0) == Wandering(MODEL, 3)(7 * SECOND, 30.0)
+    assert Wandering(MODEL, 3)(7 * SECOND, 0.0) != Wandering(MODEL, 4)(7 * SECOND, 0.0)
+    assert Wandering(MODEL, 42)(0, 0.0)[0] == pytest.approx(0.5 + SD * Random("42/ocean.gauss_markov").gauss(0.0, 1.0))
+
+
+# -- tides --------------------------------------------------------------------------------------------------------
+
+
+def dave_tide(level: float, flood: float, ebb: float) -> tuple[float, float]:
+    """tidal_oscillation.cc of dave: the velocity keeps its sign, and the heading changes besides."""
+    heading = flood if level > 0.0 else ebb
+    return -cos(radians(heading)) * level, -sin(radians(heading)) * level
+
+
+def test_the_tide_turns() -> None:
+    """Red: dave's flood and ebb, with its headings of 255 and 69 deg, flow the same way. Green: ours turn about."""
+    (flood_n, flood_e), (ebb_n, ebb_e) = dave_tide(1.0, 255.0, 69.0), dave_tide(-1.0, 255.0, 69.0)
+    assert flood_n * ebb_n + flood_e * ebb_e > 0.99
+    current = tidal([Tide("M2", 0.6, radians(75.0))])
+    half = round(180.0 / TIDAL_SPEEDS["M2"] * HOUR)
+    for time in (0, HOUR, 5 * HOUR):
+        north, east, down = current(time, 3.0)
+        assert current(time + half, 8.0) == pytest.approx((-north, -east, 0.0), abs=1e-9)
+        assert down == 0.0
+    assert current(0, 0.0) == pytest.approx((0.6 * cos(radians(75.0)), 0.6 * sin(radians(75.0)), 0.0))
+
+
+SUN, MOON, PERIGEE = 0.0410686, 0.5490165, 0.0046418  # mean motion in degrees an hour (Schureman 1958, table 1)
+
+
+@pytest.mark.parametrize(
+    ("name", "speed", "hours"),
+    [
+        ("M2", 30.0 + 2.0 * SUN - 2.0 * MOON, 12.4206),
+        ("S2", 30.0, 12.0),
+        ("N2", 30.0 + 2.0 * SUN - 3.0 * MOON + PERIGEE, 12.6583),
+        ("K1", 15.0 + SUN, 23.9345),
+        ("O1", 15.0 + SUN - 2.0 * MOON, 25.8193),
+    ],
+)
+def test_periods_of_the_constituents(name: Constituent, speed: float, hours: float) -> None:
+    """From the motions of sun, moon and the moon's perigee; and in hours, as every almanac has them."""
+    assert TIDAL_SPEEDS[name] == pytest.approx(speed, abs=1.5e-7)
+    assert 360.0 / TIDAL_SPEEDS[name] == pytest.approx(hours, abs=6e-5)
+    current = tidal([Tide(name, 1.0, 0.0)])
+    period = 360.0 / speed * HOUR
+    assert current(round(100.0 * period), 0.0)[0] == pytest.approx(1.0, abs=1e-9)
+    assert current(round(0.25 * period), 0.0)[0] == pytest.approx(0.0, abs=1e-6)
+
+
+def test_phase_is_the_lag_of_the_flood() -> None:
+    current = tidal([Tide("S2", 0.5, 0.0, phase=pi / 2)])
+    assert current(0, 0.0)[0] == pytest.approx(0.0, abs=1e-12)
+    assert current(3 * HOUR, 0.0)[0] == pytest.approx(0.5)
+
+
+def test_spring_and_neap() -> None:
+    """M2 and S2 beat: spring tides every 14.77 days, neap in between."""
+    current = tidal([Tide("M2", 0.6, 0.0), Tide("S2", 0.2, 0.0)])
+
+    def strongest(day: float) -> float:
+        return max(abs(current(round(day * 24 * HOUR) + i * HOUR // 6, 0.0)[0]) for i in range(-39, 40))
+
+    assert strongest(0.0) == pytest.approx(0.8, abs=0.01)
+    assert strongest(14.765 / 2) == pytest.approx(0.4, abs=0.01)
+    assert strongest(14.765) == pytest.approx(0.8, abs=0.01)
+
+
+def test_two_lines_make_an_ellipse() -> None:
+    current = tidal([Tide("M2", 0.5, 0.0), Tide("M2", 0.3, pi / 2, phase=pi / 2)])
+    speeds = [hypot(*current(i * HOUR // 20, 0.0)[:2]) for i in range(500)]
+    assert max(speeds) == pytest.approx(0.5, abs=1e-3)
+    assert min(speeds) == pytest.approx(0.3, abs=1e-3)
+
+
+# -- all of them --------------------------------------------------------------------------------------------------
+
+
+def test_currents_add_up() -> None:
+    layers, tide = Layers((0.0, 10.0), north=(0.4, 0.0)), Tide("M2", 0.3, 1.0)
+    series = Series((0.0, HOUR / SECOND), east=(0.0, 0.2))
+    both = ocean_current(Ocean(layers, MODEL, (tide,), series), (0.05, -0.05, 0.01), 9)
+    for time, depth in pairwise((0, 3 * SECOND, 9 * SECOND)):
+        parts = (layered(layers), Wandering(MODEL, 9), tidal([tide]), recorded(series), lambda *_: (0.05, -0.05, 0.01))
+        expected = [sum(axis) for axis in zip(*(part(time, depth * 1e-9) for part in parts), strict=True)]
+        assert both(time, depth * 1e-9) == pytest.approx(expected, abs=1e-15)
+    assert ocean_current(Ocean(), STILL, 1)(5, 5.0) == STILL
+
+
+GOOD = """
+name = "mine"
+source = "test"
+extent = [0, 9, 0, 9]
+depth = 30
+current = [0.1, 0, 0]
+[ocean.layers]
+depth = [0, 10]
+north = ["0.5 kn", 0]
+[ocean.gauss_markov]
+sd = [0.05, 0.05, 0]
+time = "5 min"
+[[ocean.tide]]
+constituent = "M2"
+amplitude = "0.6 m/s"
+heading = "75 deg"
+[[ocean.tide]]
+constituent = "S2"
+amplitude = 0.2
+heading = "75 deg"
+phase = "30 deg"
+[ocean.series]
+time = [0, "10 min"]
+down = [0, 0.1]
+"""
+
+
+def test_a_world_with_currents(tmp_path: Path) -> None:
+    path = tmp_path / "mine.toml"
+    path.write_text(GOOD)
+    for _ in range(2):  # the second time from the cache
+        world = load_world(str(path))
+        assert world.ocean is not None
+        assert world.ocean.moves
+        assert world.ocean.layers == Layers((0.0, 10.0), north=(0.5 * 1852.0 / 3600.0, 0.0))
+        assert world.ocean.tide[1] == Tide("S2", 0.2, radians(75.0), radians(30.0))
+        assert world.ocean.series == Series((0.0, 600.0), down=(0.0, 0.1))
+        assert world.current == (0.1, 0.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("ocean = 3", "ocean: expected a table"),
+        ("[ocean.layer]", "ocean: no key 'layer'; did you mean 'layers'"),
+        ("[ocean.layers]\ndepth = []", "ocean: layers: depth: give at least one"),
+        ("[ocean.layers]\ndepth = [0, 5, 5]", "ocean: layers: depth: each must be greater"),
+        ("[ocean.layers]\ndepth = [0, 5]\neast = [1]", "layers: east: expected 2 values, one for each depth, found 1"),
+        ("[ocean.layers]\ndepth = [0, 5]\neast = [1, 99]", "layers: east[1]: 99 m/s is outside -10 to 10"),
+        ("[ocean.series]\ntime = [0, 5]\nnorth = [1]", "series: north: expected 2 values, one for each time"),
+        ("[ocean.gauss_markov]\nsd = [0.1, 0.1, 0]", "gauss_markov: key 'time' is missing"),
+        ('[ocean.gauss_markov]\nsd = [0.1, 0.1, -1]\ntime = "1 s"', "gauss_markov: sd[2]: -1 m/s is outside 0"),
+        ('[[ocean.tide]]\nconstituent = "M3"\namplitude = 1\nheading = 0', "tide[0]: constituent: 'M3' is not one of"),
+        ('[[ocean.tide]]\nconstituent = "M2"\namplitude = 1\nheading = "75"', "heading: has no unit"),
+    ],
+)
+def test_wrong_oceans_are_named(text: str, words: str, tmp_path: Path) -> None:
+    path = tmp_path / "mine.toml"
+    path.write_text(f'name = "mine"\nsource = "test"\nextent = [0, 9, 0, 9]\ndepth = 30\n{text}\n')
+    with pytest.raises(ConfigError, match=r"mine\.toml") as caught:
+        load_world(str(path))
+    assert words in str(caught.value)

@@ -1,0 +1,115 @@
+"""The model of what water does to a picture, against numbers worked out by hand."""
+
+from math import exp, sqrt
+from typing import get_args
+
+import numpy as np
+import pytest
+
+from hil.common.errors import ConfigError
+from hil.common.schema import preset_folder
+from hil.common.tables import read_table
+from sim.environment import optics
+from sim.environment.optics import CLEAR, Water, jaffe_mcglamery, jerlov, ray_lengths, underwater
+from sim.sensors.imaging.camera_model import WaterType
+
+WATER = Water((0.5, 0.2, 0.1), (0.4, 0.3, 0.05), (0.02, 0.1, 0.2))
+TYPES = [name for name in get_args(WaterType) if name != "clear"]
+
+
+def test_a_picture_by_hand() -> None:
+    """Two pixels, at 2 m and at 10 m: each term of the equation on its own."""
+    picture, ways = np.array([[[0.8, 0.6, 0.4], [1.0, 0.5, 0.0]]]), np.array([[2.0, 10.0]])
+    wet = underwater(picture, ways, WATER)
+    for column, way in enumerate((2.0, 10.0)):
+        for channel in range(3):
+            scene = picture[0, column, channel] * exp(-WATER.attenuation[channel] * way)
+            veil = WATER.veil[channel] * (1.0 - exp(-WATER.backscatter[channel] * way))
+            assert wet[0, column, channel] == pytest.approx(scene + veil, rel=1e-6)
+    assert wet[0, 0, 0] == pytest.approx(0.8 * 0.36787944 + 0.02 * (1.0 - 0.44932896), rel=1e-6)
+
+
+def test_jaffe_mcglamery_is_the_case_of_one_coefficient() -> None:
+    """I = J e^-cz + B (1 - e^-cz): a picture of the veil's own colour does not change."""
+    water = jaffe_mcglamery((0.3, 0.2, 0.1), (0.1, 0.2, 0.3))
+    assert water.attenuation == water.backscatter
+    wet = underwater(np.full((4, 3), (0.1, 0.2, 0.3)), [0.0, 1.0, 7.0, 400.0], water)
+    assert wet == pytest.approx(np.full((4, 3), (0.1, 0.2, 0.3)), abs=1e-6)
+    assert underwater([[1.0, 1.0, 1.0]], [2.0], water)[0] == pytest.approx(
+        [exp(-0.6) * 0.9 + 0.1, exp(-0.4) * 0.8 + 0.2, exp(-0.2) * 0.7 + 0.3], rel=1e-6
+    )
+
+
+@pytest.mark.parametrize("water", [WATER, CLEAR])
+@pytest.mark.parametrize("nothing", [np.inf, np.nan])
+def test_where_there_is_nothing_there_is_the_veil(water: Water, nothing: float) -> None:
+    wet = underwater([[0.9, 0.9, 0.9], [0.9, 0.9, 0.9]], [nothing, 0.0], water)
+    assert wet[0] == pytest.approx(water.veil)
+    assert wet[1] == pytest.approx([0.9, 0.9, 0.9])
+
+
+def test_bytes_are_srgb() -> None:
+    """Each of the 256 levels comes back as it was; between, the light counts and not the level."""
+    levels = np.arange(256, dtype=np.uint8)
+    grey = np.stack([levels] * 3, axis=-1)
+    assert (underwater(grey, np.full(256, 3.0), CLEAR) == grey).all()
+    half = jaffe_mcglamery((np.log(2.0),) * 3, (0.0, 0.0, 0.0))
+    assert underwater(np.full((1, 3), 255, np.uint8), [1.0], half).tolist() == [[188, 188, 188]]  # IEC 61966-2-1: 0.5
+    assert optics.decode(np.array([0, 188, 255], np.uint8)) == pytest.approx([0.0, 0.5029, 1.0], abs=1e-4)
+    assert optics.encode(np.array([-1.0, 0.0, 2.0])).tolist() == [0, 0, 255]
+
+
+def test_ray_lengths() -> None:
+    lengths = ray_lengths(3, 1, 2.0, 2.0, 1.0, 0.0)
+    assert lengths[0] == pytest.approx([sqrt(1.25), 1.0, sqrt(1.25)])
+
+
+def test_jerlovs_types_are_those_a_camera_may_name() -> None:
+    table = read_table(f"{preset_folder('sim/data')}/jerlov.toml")
+    assert sorted(TYPES) == sorted(table["types"])
+    for rows in table["types"].values():
+        assert len(rows["daylight"]) == len(table["wavelength"]) == len(table["pure_water"])
+    assert jerlov("clear") == CLEAR
+    with pytest.raises(ConfigError, match=r"no water 'IC'.*1C"):
+        jerlov("IC")
+
+
+def test_of_one_wavelength_the_coefficients_are_those_of_the_water(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A camera that sees 650, 550 and 450 nm alone: both coefficients are a + b there, and the veil 0.3125 b E / c."""
+    lines = {"red": (650.0, 0.1), "green": (550.0, 0.1), "blue": (450.0, 0.1)}
+    monkeypatch.setattr(optics, "_SENSITIVITY", lines)
+    water = jerlov("III", depth=2.0, distance=3.0, forward=0.0)
+    beams = 0.340 + 0.001 + 0.737, 0.0565 + 0.003 + 0.998, 0.00922 + 0.022 + 1.413
+    assert water.attenuation == pytest.approx(beams, rel=1e-9)
+    assert water.backscatter == pytest.approx(beams, rel=1e-9)
+    light = [exp(-2.0 * k) for k in (0.445, 0.12, 0.135)]
+    assert water.light == pytest.approx(light)
+    scattering = 0.737, 0.998, 1.413
+    assert water.veil == pytest.approx([0.3125 * b / c * e for b, c, e in zip(scattering, beams, light, strict=True)])
+    forward = jerlov("III", depth=2.0, distance=3.0, forward=0.5)
+    assert forward.attenuation[1] == pytest.approx(0.0595 + 0.499)
+
+
+def test_of_broad_colours_scene_and_veil_go_different_ways() -> None:
+    """What Akkaynak & Treibitz found: the two coefficients differ, and the scene's falls with range."""
+    near, far = jerlov("I", distance=1.0), jerlov("I", distance=20.0)
+    assert near.attenuation[0] > 1.2 * near.backscatter[0]
+    assert near.attenuation[0] > 1.2 * far.attenuation[0]
+    assert near.veil == far.veil
+
+
+@pytest.mark.parametrize("name", TYPES)
+def test_natural_waters(name: str) -> None:
+    """Turbid ones weaken more; deeper it is darker, and red goes before what the type lets through best."""
+    shallow, deep = jerlov(name, 1.0), jerlov(name, 20.0)
+    assert all(a > b for a, b in zip(shallow.light, deep.light, strict=True))
+    assert all(0.0 < x < 1.0 for x in (*shallow.light, *shallow.veil, *deep.veil))
+    assert deep.light[1] > 2.0 * deep.light[0] or name in ("7C", "9C")
+    assert (deep.light[2] > deep.light[1]) == (name in ("I", "IA", "IB", "II"))
+
+
+def test_turbid_waters_weaken_more() -> None:
+    ocean = [jerlov(name).attenuation[1] for name in ("I", "IA", "IB", "II", "III")]
+    coast = [jerlov(name).attenuation[1] for name in ("1C", "3C", "7C", "9C")]
+    assert ocean == sorted(ocean)
+    assert coast == sorted(coast)

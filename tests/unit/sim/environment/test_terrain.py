@@ -1,0 +1,183 @@
+"""Seabeds with relief: the surface between the nodes, the rules, the file, and what a world says of them."""
+
+from array import array
+from itertools import pairwise
+from math import cos, exp, nan, pi, sin, sqrt
+from pathlib import Path
+from statistics import fmean, pstdev
+
+import pytest
+
+from hil.common.errors import ConfigError
+from sim.environment.relief import Fractal, Ridge, Sinusoid, Slope, Step
+from sim.environment.terrain import NO_DATA, Terrain, covering
+from sim.environment.terrain_grid import Grid
+from sim.environment.world import World, load_world
+
+WORLD = """
+name = "mine"
+source = "test"
+extent = [-10, 30, -20, 20]
+depth = 25
+"""
+
+
+def world_file(folder: Path, text: str) -> str:
+    path = folder / "mine.toml"
+    path.write_text(WORLD + text)
+    return str(path)
+
+
+def test_between_the_nodes_it_is_bilinear() -> None:
+    """d = 3 + 2 x + y + x y / 2 in rows and columns is what any bilinear cell keeps; nodes are 2 m apart."""
+    nodes = array("f", [3.0 + 2.0 * i + j + 0.5 * i * j for i in range(4) for j in range(5)])
+    terrain = Terrain(Grid(10.0, -4.0, 2.0, 4, 5), nodes, 99.0)
+    for i in range(25):
+        for j in range(33):
+            x, y = i / 8.0, j / 8.0
+            north, east = 10.0 + 2.0 * x, -4.0 + 2.0 * y
+            assert terrain.depth(north, east) == pytest.approx(3.0 + 2.0 * x + y + 0.5 * x * y, abs=1e-12)
+            to_north, to_east = terrain.gradient(north, east)
+            assert (to_north, to_east) == pytest.approx(((2.0 + 0.5 * y) / 2.0, (1.0 + 0.5 * x) / 2.0), abs=1e-12)
+            normal = terrain.normal(north, east)
+            assert sum(a * a for a in normal) == pytest.approx(1.0)
+            assert [a / -normal[2] for a in normal[:2]] == pytest.approx([to_north, to_east])
+    assert terrain.depth(9.99, 0.0) == terrain.depth(16.01, 0.0) == terrain.depth(12.0, 4.01) == 99.0
+    assert terrain.normal(9.99, 0.0) == (0.0, 0.0, -1.0)
+
+
+def test_a_node_without_data_is_a_wall() -> None:
+    terrain = Terrain(Grid(0.0, 0.0, 1.0, 4, 4), array("f", [nan] + [20.0] * 15), 20.0)
+    assert terrain.depth(0.5, 0.5) == NO_DATA
+    assert terrain.gradient(0.5, 0.5) == (0.0, 0.0)
+    assert terrain.depth(0.5, 1.5) == 20.0
+    with pytest.raises(ValueError, match="3 depths for 2 x 2 nodes"):
+        Terrain(Grid(0.0, 0.0, 1.0, 2, 2), array("f", [1.0] * 3), 1.0)
+
+
+def test_the_shallowest_around_is_never_deeper_than_it_is() -> None:
+    grid = covering((-10.0, 10.0, -10.0, 10.0), 0.7)
+    terrain = Terrain(grid, Fractal(15.0, 2.0, seed=4).depths(grid), 15.0)
+    for north, east in ((0.0, 0.0), (-9.9, 3.0), (9.0, -9.0), (-30.0, 0.0), (4.4, 11.0)):
+        least = terrain.shallowest(north, east, 2.5)
+        places = [(north + 0.25 * i, east + 0.25 * j) for i in range(-10, 11) for j in range(-10, 11)]
+        assert least <= min(terrain.depth(*place) for place in places)
+        assert least >= terrain.shallowest(north, east, 4.0)
+    assert terrain.shallowest(100.0, 0.0, 3.0) == 15.0
+    grid = Grid(0.0, 0.0, 1.0, 9, 9)
+    assert Terrain(grid, array("f", [5.0] * 40 + [nan] + [5.0] * 40), 5.0).shallowest(4.0, 4.0, 1.0) == NO_DATA
+
+
+# --- rules
+
+
+@pytest.mark.parametrize("heading", [0.0, 0.7, -2.0])
+def test_rules_are_what_they_say(heading: float) -> None:
+    grid = Grid(-20.0, -20.0, 1.0, 41, 41)
+    common = {"heading": heading, "north": 3.0, "east": -2.0}
+    slope, ridge = Slope(12.0, 0.2, **common), Ridge(12.0, 3.0, 4.0, **common)
+    waves, step = Sinusoid(12.0, 0.5, 7.0, **common), Step(12.0, 5.0, **common)
+    made = [Terrain(grid, rule.depths(grid), 12.0) for rule in (slope, ridge, waves, step)]
+    for i in range(41):
+        for j in range(41):
+            north, east = i - 20.0, j - 20.0
+            x = cos(heading) * (north - 3.0) + sin(heading) * (east + 2.0)
+            expected = [12.0 + 0.2 * x, 12.0 - 3.0 * exp(-x * x / 32.0), 12.0 - 0.5 * sin(2.0 * pi * x / 7.0)]
+            assert [terrain.depth(north, east) for terrain in made[:3]] == pytest.approx(expected, abs=1e-5)
+            if abs(x) > 1e-9:
+                assert made[3].depth(north, east) == (7.0 if x > 0.0 else 12.0)
+
+
+def test_rough_ground_has_its_mean_its_size_and_its_seed() -> None:
+    grid = covering((0.0, 100.0, 0.0, 60.0), 1.0)
+    rule = Fractal(40.0, 2.5, seed=7)
+    depths = rule.depths(grid)
+    assert len(depths) == 101 * 61
+    assert fmean(depths) == pytest.approx(40.0, abs=1e-4)
+    assert pstdev(depths) == pytest.approx(2.5, rel=1e-5)
+    assert depths == rule.depths(grid)
+    assert depths != rule._replace(seed=8).depths(grid)
+    assert set(Fractal(40.0, 0.0).depths(grid)) == {40.0}
+
+
+def test_a_higher_hurst_exponent_is_smoother() -> None:
+    """From node to node it changes by much less, though the whole is as high."""
+    grid = covering((0.0, 128.0, 0.0, 128.0), 1.0)
+
+    def roughness(hurst: float) -> float:
+        nodes = Fractal(40.0, 2.0, hurst, 3).depths(grid)
+        rows = [nodes[i * 129 : (i + 1) * 129] for i in range(129)]
+        return sqrt(fmean((a - b) ** 2 for row in rows for a, b in pairwise(row)))
+
+    assert roughness(1.0) < 0.5 * roughness(0.5) < 0.3 * roughness(0.0)
+
+
+# --- worlds
+
+
+def test_a_world_with_a_rule(tmp_path: Path) -> None:
+    world = load_world(
+        world_file(tmp_path, '[terrain]\nkind = "slope"\ndepth = "20 m"\nslope = 0.25\nresolution = 2\n')
+    )
+    assert world.seabed(0.0, 0.0) == 20.0
+    assert world.seabed(9.0, 5.0) == 22.25
+    assert world.seabed(-10.0, 20.0) == 17.5
+    assert world.seabed(31.0, 0.0) == 25.0  # beyond: flat
+    assert World("flat", "test", (0.0, 1.0, 0.0, 1.0), 8.0).seabed(0.5, 0.5) == 8.0
+
+
+FILE = '[terrain]\nfile = "bay.f32"\nnorth_min = -4\neast_min = 2\nresolution = 0.5\nrows = 3\ncolumns = 4\n'
+
+
+def test_a_world_with_a_file(tmp_path: Path) -> None:
+    """Rows go to the north, columns to the east; the file lies beside the world's."""
+    (tmp_path / "bay.f32").write_bytes(array("f", [10.0 + i for i in range(12)]).tobytes())
+    world = load_world(world_file(tmp_path, FILE))
+    assert world.terrain is not None
+    assert world.seabed(-4.0, 2.0) == 10.0
+    assert world.seabed(-4.0, 2.5) == 11.0
+    assert world.seabed(-3.5, 2.0) == 14.0
+    assert world.seabed(-3.0, 3.5) == 21.0
+    assert world.seabed(-3.25, 2.25) == 16.5
+    assert isinstance(world.terrain.depths, memoryview)
+    assert world.terrain.depths.readonly
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (FILE, "bay.f32: no such file"),
+        ("[terrain]\n", "mine.toml: terrain: expected a table with either file"),
+        ('terrain = "bay.f32"\n', "expected a table with either file"),
+        ('[terrain]\nfile = "x"\nkind = "slope"\n', "expected a table with either file"),
+        ('[terrain]\nkind = "slop"\n', "no relief 'slop'; did you mean 'slope'?; there are: slope, step, ridge"),
+        ('[terrain]\nkind = "slope"\ndepth = 9\n', "terrain: key 'slope' is missing"),
+        ('[terrain]\nkind = "slope"\ndepth = 9\nslopes = 1\n', "terrain: no key 'slopes'; did you mean 'slope'?"),
+        (FILE.replace("rows = 3", "rows = 1"), "terrain: rows: 1 is outside 2 to 100000"),
+        (
+            '[terrain]\nkind = "fractal"\ndepth = 9\ndeviation = 1\nresolution = 0.01\n',
+            "4001 x 4001 nodes are too many",
+        ),
+    ],
+)
+def test_wrong_terrain_is_named(tmp_path: Path, text: str, words: str) -> None:
+    with pytest.raises(ConfigError) as caught:
+        load_world(world_file(tmp_path, text))
+    assert words in str(caught.value)
+
+
+def test_a_file_of_another_size_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "bay.f32").write_bytes(bytes(44))
+    with pytest.raises(ConfigError, match=r"bay\.f32: 44 bytes, but 3 x 4 depths are 48"):
+        load_world(world_file(tmp_path, FILE))
+
+
+def test_obstacles_stand_on_the_relief(tmp_path: Path) -> None:
+    """A top at 26 m is in the flat seabed at 25 m, but not where the slope is 30 m deep; at 10 m it is."""
+    pile = "[[cylinder]]\nnorth = {}\neast = 0\nradius = 1\ntop = 26\n"
+    slope = '[terrain]\nkind = "slope"\ndepth = 20\nslope = 0.5\n'
+    with pytest.raises(ConfigError, match=r"the obstacle at \(20, 0\) has its top in the seabed"):
+        load_world(world_file(tmp_path, pile.format(20)))
+    assert load_world(world_file(tmp_path, pile.format(20) + slope)).cylinder
+    with pytest.raises(ConfigError, match=r"the obstacle at \(0, 0\) has its top in the seabed"):
+        load_world(world_file(tmp_path, pile.format(0) + slope))

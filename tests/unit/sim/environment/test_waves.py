@@ -1,0 +1,254 @@
+from itertools import pairwise
+from math import cos, cosh, exp, pi, sin, sqrt, tanh
+from pathlib import Path
+from statistics import fmean, pstdev
+
+import pytest
+
+from hil.common.errors import ConfigError
+from sim.environment.ocean import Waves
+from sim.environment.waves import Sea, components, spectral_density, wave_number
+from sim.environment.world import load_world
+
+G = 9.80665
+SEA = Waves(significant_height=1.5, peak_period=7.0, direction=0.6, spread=0.3)
+DEPTHS = [3.0, 20.0, 4000.0]  # shallow, in between, deep
+
+
+def single(depth: float, period: float = 7.0) -> Sea:
+    """A sea of one wave."""
+    return Sea(Waves(0.5, period, components=1), depth, G, 1)
+
+
+# -- spectrum and components --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("waves", "tolerance"),
+    [
+        (Waves(2.0, 8.0, "pierson_moskowitz"), 0.002),
+        (Waves(2.0, 8.0, gamma=1.0), 0.002),
+        (Waves(2.0, 8.0), 0.02),
+        (Waves(2.0, 8.0, gamma=6.0), 0.03),
+    ],
+)
+def test_energy_and_peak_of_the_spectrum(waves: Waves, tolerance: float) -> None:
+    """The spectrum's area is Hs²/16; its greatest value is at the peak period."""
+    omegas = [0.002 * i for i in range(100, 5000)]
+    values = [spectral_density(waves, omega) for omega in omegas]
+    assert 4.0 * sqrt(0.002 * sum(values)) == pytest.approx(2.0, rel=tolerance)
+    assert omegas[values.index(max(values))] == pytest.approx(2.0 * pi / 8.0, abs=0.003)
+
+
+def test_jonswap_with_gamma_one_is_pierson_moskowitz() -> None:
+    for omega in (0.3, 0.785, 1.0, 3.0):
+        one, other = Waves(2.0, 8.0, gamma=1.0), Waves(2.0, 8.0, "pierson_moskowitz")
+        assert spectral_density(one, omega) == pytest.approx(spectral_density(other, omega), rel=1e-14)
+    ratio = spectral_density(Waves(2.0, 8.0), 2.0 * pi / 8.0) / spectral_density(other, 2.0 * pi / 8.0)
+    assert ratio == pytest.approx(3.3 * (1.0 - 0.287 * 1.19392), rel=1e-5)
+
+
+def test_pierson_moskowitz_against_its_first_form() -> None:
+    """0.0081 g² / omega⁵ exp(-0.74 (g / (U omega))⁴) (Pierson and Moskowitz 1964), for its own Hs and Tp."""
+    wind = 12.0
+    peak = (4.0 * 0.74 / 5.0) ** 0.25 * G / wind
+    height = 4.0 * sqrt(0.0081 * G * G / (4.0 * 0.74) * (wind / G) ** 4)
+    waves = Waves(height, 2.0 * pi / peak, "pierson_moskowitz")
+    for omega in (0.5, 0.7, 1.0, 2.0):
+        first = 0.0081 * G * G / omega**5 * exp(-0.74 * (G / (wind * omega)) ** 4)
+        assert spectral_density(waves, omega) == pytest.approx(first, rel=1e-9)
+
+
+@pytest.mark.parametrize(("count", "gamma"), [(5, 3.3), (50, 3.3), (50, 1.0), (200, 10.0)])
+def test_components_carry_the_energy(count: int, gamma: float) -> None:
+    """Elevation: sum of a²/2 = Hs²/16. Its rate: sum of (a omega)²/2 = the second moment of the spectrum."""
+    waves = Waves(1.5, 7.0, gamma=gamma, components=count)
+    made = components(waves, 50.0, G, 3)
+    assert len(made) == count
+    assert sum(0.5 * wave.amplitude**2 for wave in made) == pytest.approx(1.5**2 / 16.0, rel=1e-12)
+    cell = 1e-3
+    omegas = [cell * i for i in range(260, 5386)]  # 0.3 to 6 times the peak
+    values = [spectral_density(waves, omega) for omega in omegas]
+    moment = sum(v * w * w for v, w in zip(values, omegas, strict=True)) / sum(values)
+    rate = sum(0.5 * (wave.amplitude * wave.omega) ** 2 for wave in made) / (1.5**2 / 16.0)
+    assert rate == pytest.approx(moment, rel=2e-3)
+    assert all(b.omega > a.omega * (1.0 + 1e-5) for a, b in pairwise(made))  # no two swing alike
+
+
+def test_a_flat_sea_is_still() -> None:
+    sea = Sea(Waves(0.0, 7.0), 20.0, G, 1)
+    assert sea.elevation(5.0, 1.0, 2.0) == 0.0
+    assert sea.motion(5.0, 1.0, 2.0, 0.0).velocity == pytest.approx((0.0, 0.0, 0.0), abs=0.0)
+
+
+def test_variance_of_the_elevation() -> None:
+    """Two hours at one place: a standard deviation of Hs/4, a mean of zero; the same by the spread of seeds."""
+    sea = Sea(SEA, 30.0, G, 5)
+    heights = [sea.elevation(0.7 * i, 3.0, -4.0) for i in range(10_000)]
+    assert 4.0 * pstdev(heights) == pytest.approx(1.5, rel=0.04)
+    assert abs(fmean(heights)) < 0.02
+    seeds = [Sea(SEA._replace(components=20), 30.0, G, seed).elevation(0.0, 0.0, 0.0) for seed in range(600)]
+    assert 4.0 * pstdev(seeds) == pytest.approx(1.5, rel=0.1)
+
+
+def test_seeds_and_directions() -> None:
+    assert components(SEA, 30.0, G, 5) == components(SEA, 30.0, G, 5)
+    assert components(SEA, 30.0, G, 5) != components(SEA, 30.0, G, 6)
+    headings = [wave.heading for wave in components(SEA._replace(components=500), 30.0, G, 5)]
+    assert fmean(headings) == pytest.approx(0.6, abs=0.05)
+    assert pstdev(headings) == pytest.approx(0.3, rel=0.1)
+    assert {wave.heading for wave in components(SEA._replace(spread=0.0), 30.0, G, 5)} == {0.6}
+
+
+# -- dispersion ---------------------------------------------------------------------------------------------------
+
+
+def test_dispersion() -> None:
+    """omega² = g k tanh(k h), from ripples over the deep sea to swell over a puddle."""
+    for depth in (0.1, 1.0, 5.0, 30.0, 300.0, 11_000.0):
+        for omega in (0.05, 0.2, 0.5, 1.0, 2.0, 6.0, 40.0):
+            k = wave_number(omega, depth, G)
+            assert abs(G * k * tanh(k * depth) - omega * omega) < 1e-10 * max(1.0, omega * omega)
+            assert abs(G * k * tanh(k * depth) / omega**2 - 1.0) < 1e-12
+
+
+def test_limits_of_the_dispersion() -> None:
+    assert wave_number(1.0, 4000.0, G) == pytest.approx(1.0 / G, rel=1e-14)  # deep: omega² / g
+    assert wave_number(0.01, 2.0, G) == pytest.approx(0.01 / sqrt(G * 2.0), rel=1e-4)  # shallow: omega / sqrt(g h)
+
+
+# -- the field ----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("depth", DEPTHS)
+def test_velocity_is_the_gradient_of_the_potential(depth: float) -> None:
+    """phi = sum of a g / omega cosh(k (h - z)) / cosh(k h) sin(theta): potential flow, and Laplace's equation holds."""
+    sea = Sea(SEA, depth, G, 2)
+
+    def potential(time: float, north: float, east: float, z: float) -> float:
+        total = 0.0
+        for a, omega, k, heading, phase in sea.components:
+            rise = cosh(k * (depth - z)) / cosh(k * depth) if k * depth < 300.0 else exp(-k * z)
+            theta = k * (cos(heading) * north + sin(heading) * east) - omega * time + phase
+            total += a * G / omega * rise * sin(theta)
+        return total
+
+    step = 1e-4
+    for time, n, e, z in [(0.0, 1.0, 2.0, 0.5), (31.0, -8.0, 5.0, 1.7), (77.0, 40.0, -9.0, 2.5)]:
+        gradient = (
+            (potential(time, n + step, e, z) - potential(time, n - step, e, z)) / (2.0 * step),
+            (potential(time, n, e + step, z) - potential(time, n, e - step, z)) / (2.0 * step),
+            (potential(time, n, e, z + step) - potential(time, n, e, z - step)) / (2.0 * step),
+        )
+        assert sea.motion(time, n, e, z).velocity == pytest.approx(gradient, abs=1e-7)
+
+
+@pytest.mark.parametrize("depth", DEPTHS)
+def test_no_water_is_made_or_turned(depth: float) -> None:
+    """Divergence and curl of the velocity are zero, by central differences; single gradients are not."""
+    sea, step = Sea(SEA, depth, G, 3), 1e-3
+    place = (2.0, -3.0, 1.2)
+
+    def difference(axis: int) -> list[float]:
+        ahead, behind = list(place), list(place)
+        ahead[axis] += step
+        behind[axis] -= step
+        pair = sea.motion(9.0, *ahead).velocity, sea.motion(9.0, *behind).velocity
+        return [(a - b) / (2.0 * step) for a, b in zip(*pair, strict=True)]
+
+    by_north, by_east, by_down = (difference(axis) for axis in range(3))
+    assert by_north[0] + by_east[1] + by_down[2] == pytest.approx(0.0, abs=1e-7)
+    assert by_north[1] - by_east[0] == pytest.approx(0.0, abs=1e-7)
+    assert by_north[2] - by_down[0] == pytest.approx(0.0, abs=1e-7)
+    assert by_east[2] - by_down[1] == pytest.approx(0.0, abs=1e-7)
+    assert abs(by_down[2]) > 1e-3
+
+
+@pytest.mark.parametrize("depth", DEPTHS)
+def test_acceleration_is_that_of_a_bit_of_water(depth: float) -> None:
+    """The rate of the velocity, seen by one that goes with the water; at a fixed place it is another."""
+    sea, step = Sea(SEA._replace(peak_period=4.0), depth, G, 4), 1e-4
+    place = (5.0, 6.0, 1.0)
+    for time in (0.0, 12.0, 100.0):
+        velocity, acceleration = sea.motion(time, *place)
+        ahead = [x + step * v for x, v in zip(place, velocity, strict=True)]
+        behind = [x - step * v for x, v in zip(place, velocity, strict=True)]
+        later, earlier = sea.motion(time + step, *ahead).velocity, sea.motion(time - step, *behind).velocity
+        rate = [(b - a) / (2.0 * step) for a, b in zip(earlier, later, strict=True)]
+        assert acceleration == pytest.approx(rate, abs=1e-6)
+        fixed = sea.motion(time + step, *place).velocity[0] - sea.motion(time - step, *place).velocity[0]
+        assert abs(fixed / (2.0 * step) - acceleration[0]) > 1e-4
+
+
+def test_the_surface_goes_with_the_water() -> None:
+    """The elevation grows as fast as the water there rises."""
+    sea, step = Sea(SEA, 12.0, G, 6), 1e-4
+    for time in (1.0, 20.0, 33.0):
+        rate = (sea.elevation(time + step, 3.0, 4.0) - sea.elevation(time - step, 3.0, 4.0)) / (2.0 * step)
+        assert -sea.motion(time, 3.0, 4.0, 0.0).velocity[2] == pytest.approx(rate, abs=1e-6)
+
+
+def orbit(sea: Sea, z: float) -> tuple[float, float]:
+    """Greatest horizontal and vertical speed of a sea of one wave at `z`."""
+    wave = sea.components[0]
+    motions = [sea.motion(i * pi / wave.omega / 200.0, 0.0, 0.0, z).velocity for i in range(400)]
+    return max(abs(v[0]) for v in motions), max(abs(v[2]) for v in motions)
+
+
+def test_decay_in_deep_water() -> None:
+    """Circles of a omega exp(-k z): half a wave's length down 4 % are left."""
+    sea = single(4000.0)
+    wave = sea.components[0]
+    for z in (0.0, 5.0, pi / wave.wave_number):
+        speed = wave.amplitude * wave.omega * exp(-wave.wave_number * z)
+        assert orbit(sea, z) == pytest.approx((speed, speed), rel=1e-3)
+    assert orbit(sea, pi / wave.wave_number)[0] < 0.044 * orbit(sea, 0.0)[0]
+
+
+def test_decay_over_a_near_seabed() -> None:
+    """Ellipses that are flat at the seabed: cosh and sinh of k (h - z)."""
+    sea = single(5.0)
+    wave = sea.components[0]
+    k = wave.wave_number
+    top, middle, bottom = (orbit(sea, z) for z in (0.0, 2.0, 5.0))
+    assert top[1] == pytest.approx(wave.amplitude * wave.omega, rel=1e-3)
+    assert middle[0] / top[0] == pytest.approx(cosh(k * 3.0) / cosh(k * 5.0), rel=1e-3)
+    assert bottom[0] / top[0] == pytest.approx(1.0 / cosh(k * 5.0), rel=1e-3)
+    assert bottom[1] == pytest.approx(0.0, abs=1e-12)
+    assert sea.motion(3.0, 0.0, 0.0, 9.0) == sea.motion(3.0, 0.0, 0.0, 5.0)
+    assert sea.motion(3.0, 0.0, 0.0, -1.0) == sea.motion(3.0, 0.0, 0.0, 0.0)
+
+
+def test_far_below_short_waves() -> None:
+    """No overflow where exp(k z) would be beyond all numbers."""
+    sea = Sea(Waves(0.1, 1.0), 11_000.0, G, 1)
+    assert sea.motion(1.0, 0.0, 0.0, 10_999.0).velocity == pytest.approx((0.0, 0.0, 0.0), abs=1e-300)
+    assert any(sea.motion(1.0, 0.0, 0.0, 0.0).velocity)
+
+
+def test_waves_travel_where_they_are_told() -> None:
+    """A crest seen at one place is seen k / omega later further on, towards east."""
+    sea = Sea(Waves(0.5, 7.0, direction=pi / 2.0, components=1), 50.0, G, 1)
+    wave = sea.components[0]
+    later = 10.0 * wave.wave_number / wave.omega
+    assert sea.elevation(4.0 + later, 0.0, 10.0) == pytest.approx(sea.elevation(4.0, 0.0, 0.0))
+    assert sea.elevation(4.0, 77.0, 0.0) == pytest.approx(sea.elevation(4.0, 0.0, 0.0))
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("significant_height = 1", "waves: key 'peak_period' is missing"),
+        ("significant_height = 2.1\npeak_period = 3", "they would break; give a longer peak_period"),
+        ('significant_height = 1\npeak_period = 6\nspectrum = "jonswop"', "did you mean 'jonswap'"),
+        ('significant_height = 1\npeak_period = 6\ngamma = 2\nspectrum = "pierson_moskowitz"', "gamma is for jonswap"),
+        ('significant_height = 1\npeak_period = "6 m"', "has the unit 'm'"),
+        ("significant_height = 1\npeak_period = 6\ncomponents = 0", "components: 0 is outside 1 to 500"),
+    ],
+)
+def test_wrong_waves_are_named(text: str, words: str, tmp_path: Path) -> None:
+    path = tmp_path / "mine.toml"
+    path.write_text(f'name = "mine"\nsource = "test"\nextent = [0, 9, 0, 9]\ndepth = 30\n[ocean.waves]\n{text}\n')
+    with pytest.raises(ConfigError, match=r"mine\.toml") as caught:
+        load_world(str(path))
+    assert words in str(caught.value)

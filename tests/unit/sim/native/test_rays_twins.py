@@ -1,0 +1,191 @@
+"""The rays in C give the very numbers of those in plain Python."""
+
+import random
+import sys
+from array import array
+from collections.abc import Iterator
+from math import nan, sqrt
+from pathlib import Path
+from struct import pack
+
+import numpy as np
+import pytest
+
+from hil.common.errors import ConfigError
+from sim.dynamics import State
+from sim.environment.obstacles import Box, Cylinder
+from sim.environment.relief import Fractal
+from sim.environment.terrain import Terrain, covering
+from sim.environment.world import World
+from sim.rays import solids
+from sim.rays.scene import Engine, RayScene
+from sim.rotations import matrix, normalise
+from tests.support.twins import taken_from
+
+EXTENT = (-20.0, 20.0, -25.0, 30.0)
+UPRIGHT = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
+
+
+@pytest.fixture
+def native(binaries: Path) -> Iterator[None]:
+    with taken_from(binaries):
+        yield
+
+
+def attitude(chance: random.Random) -> tuple[float, ...]:
+    return normalise([chance.gauss(0.0, 1.0) for _ in range(4)])
+
+
+def random_world(seed: int) -> World:
+    """Rough or flat, coarse or fine, deeper or shallower than what is around it, with holes in its data."""
+    chance = random.Random(seed)
+    depth = chance.choice([12.0, 5.0, 30.0])
+    world = World(
+        "random", "test", EXTENT, depth, walls=seed % 4 == 0,
+        cylinder=(Cylinder(3.0, 4.0, 2.0), Cylinder(-9.0, 4.0, 1.0, 8.0)), box=(Box(0.0, -10.0, 3.0, 8.0, 0.4, 6.0),),
+    )  # fmt: skip
+    if seed % 5 == 0:
+        return world
+    grid = covering(EXTENT, chance.choice([0.5, 1.0, 2.0, 3.3]))
+    depths = Fractal(12.0, chance.choice([0.0, 0.5, 2.0, 6.0]), chance.random(), seed).depths(grid)
+    for _ in range(5 if seed % 3 == 0 else 0):
+        depths[chance.randrange(len(depths))] = nan
+    return world._replace(terrain=Terrain(grid, depths, depth))
+
+
+def random_scene(seed: int, engine: Engine) -> RayScene:
+    chance, scene = random.Random(f"{seed}/solids"), RayScene(random_world(seed), engine)
+    for _ in range(2):
+        place = [chance.uniform(-15.0, 15.0), chance.uniform(-15.0, 15.0), chance.uniform(0.0, 12.0)]
+        turned = matrix(attitude(chance))
+        scene.add(solids.sphere(place, chance.uniform(0.3, 3.0)))
+        scene.add(solids.box((place[1], place[0], place[2]), (1.0, 2.0, 3.0), turned))
+        scene.add(solids.cylinder((-place[0], place[1], place[2]), 0.7, 2.0, turned))
+    crumpled = [[[chance.gauss(0.0, 1.0) for _ in range(3)] for _ in range(3)] for _ in range(60)]
+    scene.add(solids.mesh(crumpled), State((5.0, 5.0, 5.0), attitude(chance)))
+    scene.add(solids.half_space((0.0, 0.0, 1.0), -2.0))
+    return scene
+
+
+def random_rays(chance: random.Random) -> "array[float]":
+    """Along the axes, nearly level, and all around."""
+    rays = array("d")
+    for ray in range(60):
+        if ray < 6:
+            direction = [0.0, 0.0, 0.0]
+            direction[ray // 2] = 1.0 if ray % 2 else -1.0
+        else:
+            direction = [chance.gauss(0.0, 1.0), chance.gauss(0.0, 1.0), chance.gauss(0.0, 0.05 if ray < 20 else 1.0)]
+        length = sqrt(sum(x * x for x in direction))
+        rays.extend(x / length for x in direction)
+    return rays
+
+
+@pytest.mark.parametrize("seed", range(15))
+@pytest.mark.usefixtures("native")
+def test_hits_are_equal(seed: int) -> None:
+    """Distances, points, normals and objects, from places in the water, in things, on nodes and beside the grid."""
+    chance = random.Random(f"{seed}/rays")
+    engines: tuple[Engine, ...] = ("C", "python")
+    scenes, seen = [random_scene(seed, engine) for engine in engines], set[int]()
+    for shot in range(4):
+        origin = [chance.uniform(-30.0, 30.0), chance.uniform(-30.0, 30.0), chance.uniform(-2.0, 14.0)]
+        if shot == 1:
+            origin = [float(round(x)) for x in origin]
+        rotation = matrix(attitude(chance)) if shot else UPRIGHT
+        rays, reach = random_rays(chance), chance.choice([5.0, 50.0, 1000.0])
+        native, plain = (scene.hits(origin, rays, reach, rotation) for scene in scenes)
+        for values, expected in zip(native, plain, strict=True):
+            np.testing.assert_array_equal(np.array(values), np.array(expected))
+        assert native.distances == scenes[0].ranges(origin, rays, reach, rotation)
+        seen.update(plain.objects)
+    assert len(seen) > 1
+
+
+@pytest.mark.usefixtures("native")
+def test_blocks_change_nothing_on_a_large_grid() -> None:
+    """The C strides over blocks of 16 x 16 cells: over hundreds of cells, with edges that are no multiples of that."""
+    grid = covering((0.0, 333.0, 0.0, 275.0), 1.0)
+    terrain = Terrain(grid, Fractal(20.0, 3.0, 0.6, seed=5).depths(grid), 20.0)
+    world, chance = World("large", "test", EXTENT, 20.0, terrain=terrain), random.Random(4)
+    native, plain = RayScene(world, "C"), RayScene(world, "python")
+    for _ in range(3):
+        origin = (chance.uniform(0.0, 333.0), chance.uniform(0.0, 275.0), 9.0)
+        rays = random_rays(chance)
+        assert native.ranges(origin, rays, 500.0) == plain.ranges(origin, rays, 500.0)
+
+
+@pytest.mark.usefixtures("native")
+def test_casting_leaks_nothing() -> None:
+    scene, rays = random_scene(1, "C"), random_rays(random.Random(1))
+    counts = []
+    for _ in range(3):
+        for _ in range(300):
+            scene.hits((0.0, 0.0, 3.0), rays, 50.0)
+        for _ in range(20):
+            scene.add(solids.sphere((0.0, 0.0, 9.0), 0.1))
+            scene.ranges((0.0, 0.0, 3.0), rays, 50.0)
+            scene._solids.pop()
+        counts.append((sys.getrefcount(rays), sys.getallocatedblocks()))
+    assert counts[2][0] == counts[1][0]
+    assert abs(counts[2][1] - counts[1][1]) < 100
+
+
+@pytest.mark.usefixtures("native")
+def test_the_binary_checks_its_buffers() -> None:
+    caster = sys.modules["sim.native._rays"].Caster
+    flat, empty = (0, 0, 0.0, 0.0, 1.0, 10.0), array("d")
+    with pytest.raises(ValueError, match="depths: 8 bytes are not 2 x 2 of 4"):
+        caster((2, 2, 0.0, 0.0, 1.0, 10.0), array("f", [1.0, 2.0]), empty, empty, empty)
+    with pytest.raises(ValueError, match="solids: 8 bytes are no records of 168 bytes"):
+        caster(flat, b"", pack("d", 1.0), empty, empty)
+    cast = caster(flat, b"", empty, empty, empty).cast
+    down, out = array("d", (0.0, 0.0, 1.0)), array("d", (0.0,))
+    cast((0.0, 0.0, 1.0), UPRIGHT, down, 100.0, out)
+    assert out[0] == 9.0
+    with pytest.raises(ValueError, match="buffer 1 has 16 bytes, 8 a ray are needed"):
+        cast((0.0, 0.0, 1.0), UPRIGHT, down, 100.0, array("d", (0.0, 0.0)))
+    with pytest.raises(ValueError, match="3 numbers are needed, found 2"):
+        cast((0.0, 0.0), UPRIGHT, down, 100.0, out)
+    with pytest.raises(BufferError):
+        cast((0.0, 0.0, 1.0), UPRIGHT, down, 100.0, bytes(8))
+    for wrong in (("x", 0.0, 1.0), ("x" * 3)):
+        with pytest.raises(TypeError):
+            cast(wrong, UPRIGHT, down, 100.0, out)
+    with pytest.raises(TypeError, match="all or none"):
+        cast((0.0, 0.0, 1.0), UPRIGHT, down, 100.0, out, out)
+
+
+@pytest.mark.usefixtures("native")
+def test_numpys_arrays_go_in_as_they_are() -> None:
+    rays = np.array([[0.0, 0.0, 1.0], [0.0, 0.6, 0.8]])
+    engines: tuple[Engine, ...] = ("C", "python")
+    for engine in engines:
+        scene = RayScene(World("flat", "test", EXTENT, 10.0), engine)
+        assert np.frombuffer(scene.ranges((0.0, 0.0, 2.0), rays, 50.0)).tolist() == pytest.approx([8.0, 10.0])
+        with pytest.raises(ValueError, match="three doubles a ray"):
+            scene.ranges((0.0, 0.0, 2.0), rays.astype(np.float32), 50.0)
+
+
+def test_without_c_there_are_still_rays(monkeypatch: pytest.MonkeyPatch) -> None:
+    """In plain Python; and C is not pretended."""
+    monkeypatch.setenv("UUV_HIL_NATIVE", "0")
+    world, rays = random_world(1), random_rays(random.Random(2))
+    origin = (0.0, 0.0, 3.0)
+    plain = RayScene(world, "python").ranges(origin, rays, 50.0)
+    assert RayScene(world).ranges(origin, rays, 50.0) == plain
+    assert RayScene(world).ranges(origin, rays[:12], 50.0) == plain[:4]
+    with pytest.raises(ConfigError, match=r"python -m sim\.native\.build"):
+        RayScene(world, "C").ranges(origin, rays, 50.0)
+
+
+@pytest.mark.parametrize(
+    ("rows", "columns"),
+    [(1 << 32, 1 << 32), (1 << 62, 4), (4, 1 << 62), (1 << 31, 2), ((1 << 63) - 1, 2), (-1, -1), (2, 0), (3, 2)],
+)
+def test_a_grid_that_its_buffer_does_not_have_is_refused(rows: int, columns: int) -> None:
+    """Also where rows times columns is beyond 64 bits, and comes out as the size of the buffer."""
+    caster = pytest.importorskip("sim.native._rays").Caster
+    for depths in (b"", bytes(16)):
+        with pytest.raises(ValueError, match=f"are not {rows} x {columns} of 4"):
+            caster((rows, columns, 0.0, 0.0, 1.0, 5.0), depths, b"", b"", b"")

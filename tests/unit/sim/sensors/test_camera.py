@@ -1,0 +1,356 @@
+"""The camera against what planes, steps, spheres and cylinders must look like."""
+
+from math import cos, hypot, inf, radians, sin, sqrt, tan
+from typing import Any
+
+import numpy as np
+import pytest
+
+from hil.common.errors import ConfigError, MissingExtraError
+from sim.dynamics import State
+from sim.environment.obstacles import Box, Cylinder
+from sim.environment.optics import decode, jerlov, underwater
+from sim.environment.relief import Fractal, Step
+from sim.environment.terrain import Terrain, covering
+from sim.environment.world import World
+from sim.rays import solids
+from sim.rays.scene import NOTHING, SEABED
+from sim.rotations import from_euler
+from sim.sensors.imaging import scenery
+from sim.sensors.imaging.camera import Camera
+from sim.sensors.imaging.camera_model import CameraModel
+from sim.sensors.imaging.camera_picture import automatic_exposure, distorted, pixel_rays, undistorted
+from sim.sensors.imaging.samples import CameraSample, Intrinsics
+from sim.sensors.mounting import Mounting
+from sim.simulation import Simulation
+from sim.vehicle.vehicle import load_vehicle
+
+EXTENT = (-60.0, 60.0, -60.0, 60.0)
+VEHICLE, _ = load_vehicle("bluerov2_heavy")
+FLAT = World("flat", "test", EXTENT, 12.0)
+DEEP = World("deep", "test", EXTENT, 500.0)
+TRUE = CameraModel(ground_truth=True, width=81, height=61)
+HERE = State((0.0, 0.0, 8.0))
+DOWN = Mounting(orientation=(0.0, radians(-90.0), 0.0))
+
+
+def camera(world: World, model: CameraModel = TRUE, mounting: Mounting = Mounting(), seed: int = 1) -> Camera:
+    return Camera(model, mounting, seed, Simulation(VEHICLE, world, {}, position=(0.0, 0.0, 5.0)))
+
+
+def depths(sample: CameraSample) -> Any:
+    assert sample.depth is not None
+    return np.frombuffer(sample.depth, np.float32).reshape(sample.height, sample.width)
+
+
+def labels(sample: CameraSample) -> Any:
+    assert sample.labels is not None
+    return np.frombuffer(sample.labels, np.int32).reshape(sample.height, sample.width)
+
+
+def colours(sample: CameraSample) -> Any:
+    return np.frombuffer(sample.rgb, np.uint8).reshape(sample.height, sample.width, 3)
+
+
+def tangents(sample: CameraSample) -> tuple[Any, Any]:
+    """To the right and down, of each column and row."""
+    fx, fy, cx, cy = sample.intrinsics
+    return (np.arange(sample.width) - cx) / fx, ((np.arange(sample.height) - cy) / fy)[:, None]
+
+
+# --- geometry
+
+
+def test_a_plane_across_the_axis_is_equally_deep_all_over() -> None:
+    sample = camera(FLAT, mounting=DOWN).sample(5, HERE)
+    assert (sample.time_ns, sample.width, sample.height) == (5, 81, 61)
+    assert depths(sample) == pytest.approx(np.full((61, 81), 4.0), abs=1e-6)
+    assert (labels(sample) == SEABED).all()
+
+
+def test_a_plane_below_gives_exact_depths() -> None:
+    """Level: a row down by t sees the seabed 4 m below at depth 4 / t, above the horizon the surface at 8 / -t."""
+    sample = camera(FLAT, TRUE._replace(max_range=1000.0)).sample(0, HERE)
+    _, down = tangents(sample)
+    below, above = down[31:, 0], down[:30, 0]
+    assert depths(sample)[31:, 7] == pytest.approx(4.0 / below, rel=1e-6)
+    assert depths(sample)[:30, 70] == pytest.approx(-8.0 / above, rel=1e-6)
+    assert depths(sample)[-1, 40] == pytest.approx(4.0 / down[-1, 0], abs=1e-6)
+
+
+def test_a_step_gives_exact_depths() -> None:
+    """Looking down on a cliff 2 m high from north 0.5 to 1: the plateau is in the north, which is up in the picture."""
+    grid = covering(EXTENT, 0.5)
+    world = FLAT._replace(terrain=Terrain(grid, Step(12.0, 2.0, north=1.0, resolution=0.5).depths(grid), 12.0))
+    sample = camera(world, mounting=DOWN).sample(0, HERE)
+    _, down = tangents(sample)
+    north = -down[:, 0]
+    expected = np.where(north * 4.0 < 0.5, 4.0, np.where(north * 2.0 > 1.0, 2.0, (4.0 + 2.0) / (1.0 + 4.0 * north)))
+    assert depths(sample)[:, 40] == pytest.approx(expected, abs=1e-6)
+    assert depths(sample)[0, 40] == pytest.approx(2.0, abs=1e-6)
+
+
+def test_a_sphere_and_a_cylinder_give_exact_depths() -> None:
+    world = DEEP._replace(cylinder=(Cylinder(9.0, 3.0, 1.0),))
+    eye = camera(world)
+    eye.add(solids.sphere((0.0, 0.0, 0.0), 1.2), State((6.0, -2.0, 8.5)))
+    sample = eye.sample(0, HERE)
+    right, down = np.broadcast_arrays(*tangents(sample))
+    a, b = 1.0 + right**2 + down**2, 6.0 - 2.0 * right + 0.5 * down
+    c = 6.0**2 + 2.0**2 + 0.5**2 - 1.2**2
+    d, e = 1.0 + right**2, 9.0 + 3.0 * right
+    with np.errstate(invalid="ignore"):
+        ball = (b - np.sqrt(b * b - a * c)) / a
+        pile = (e - np.sqrt(e * e - d * (9.0**2 + 3.0**2 - 1.0))) / d
+    on_pile = labels(sample) == 1
+    on_ball = labels(sample) == 3
+    assert on_pile.sum() > 300
+    assert on_ball.sum() > 150
+    assert depths(sample)[on_pile] == pytest.approx(pile[on_pile], abs=2e-6)  # 32-bit floats
+    assert depths(sample)[on_ball] == pytest.approx(ball[on_ball], abs=1e-6)
+    assert (np.isfinite(ball) == on_ball).all()
+    assert (labels(sample)[np.isinf(depths(sample))] == NOTHING).all()
+
+
+def test_right_is_starboard_and_below_is_down() -> None:
+    world = FLAT._replace(cylinder=(Cylinder(8.0, 3.0, 0.5, top=6.0),))
+    sample = camera(world).sample(0, HERE)
+    rows, columns = np.nonzero(labels(sample) == 1)
+    assert columns.min() > 40
+    assert columns.mean() == pytest.approx(sample.intrinsics.cx + sample.intrinsics.fx * 3.0 / 8.0, abs=1.0)
+    assert rows.min() == pytest.approx(sample.intrinsics.cy - sample.intrinsics.fy * 2.0 / 7.7, abs=1.5)
+    assert (labels(sample)[-1, :30] == SEABED).all()
+    turned = camera(world).sample(0, State((0.0, 0.0, 8.0), from_euler(radians(90.0), 0.0, 0.0)))
+    rows, columns = np.nonzero(labels(turned) == 1)  # rolled to starboard: what was right is above
+    assert rows.max() < 30
+
+
+def test_field_of_view() -> None:
+    sample = camera(DEEP, TRUE._replace(field_of_view=radians(90.0), width=100)).sample(0, HERE)
+    assert sample.intrinsics == pytest.approx((50.0, 50.0, 49.5, 30.0))
+    assert sample.distortion == (0.0,) * 5
+
+
+def test_a_lens_that_distorts() -> None:
+    """What the lens puts in a pixel is what the pixel looks at; a plane is then still a plane."""
+    lens = (-0.2, 0.03, 0.001, -0.0005, -0.001)
+    x, y = np.meshgrid(np.linspace(-0.8, 0.8, 33), np.linspace(-0.6, 0.6, 25))
+    u, v = undistorted(x, y, lens)
+    assert np.hypot(u - x, v - y).max() > 0.05
+    a, b = distorted(u, v, lens)
+    assert np.hypot(a - x, b - y).max() < 1e-9
+    rays = pixel_rays(3, 1, Intrinsics(2.0, 2.0, 1.0, 0.0), lens)
+    assert np.linalg.norm(rays, axis=1) == pytest.approx([1.0] * 3)
+    assert rays[2, 1] / rays[2, 0] > 0.5  # a barrel: it sees more than a pinhole
+    sample = camera(FLAT, TRUE._replace(distortion=lens), DOWN).sample(0, HERE)
+    assert depths(sample) == pytest.approx(np.full((61, 81), 4.0), abs=1e-6)
+    assert sample.distortion == lens
+
+
+def test_without_numpy_the_way_out_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    with pytest.raises(MissingExtraError, match=r"camera needs numpy: pip install 'uuv-hil\[imaging\]'"):
+        camera(FLAT)
+
+
+def test_a_lens_that_folds_the_picture_is_refused() -> None:
+    with pytest.raises(ConfigError, match="distortion"):
+        camera(FLAT, TRUE._replace(distortion=(-0.9, 0.0, 0.0, 0.0, 0.0)))
+
+
+def test_k1_by_hand() -> None:
+    assert distorted(np.array(0.3), np.array(-0.4), (0.2, 0.0, 0.0, 0.0, 0.0)) == pytest.approx((0.315, -0.42))
+    found = distorted(np.array(0.3), np.array(-0.4), (0.0, 0.0, 0.1, 0.01, 0.0))  # OpenCV's tangential terms
+    assert found == pytest.approx((0.3 - 0.024 + 0.01 * (0.25 + 0.18), -0.4 + 0.1 * (0.25 + 0.32) - 0.0024))
+
+
+def test_beyond_reach_and_in_the_air() -> None:
+    assert np.isinf(depths(camera(FLAT, TRUE._replace(max_range=3.0), DOWN).sample(0, HERE))).all()
+    sample = camera(FLAT).sample(0, State((0.0, 0.0, -0.5)))
+    assert np.isinf(depths(sample)).all()
+    assert not colours(sample).any()
+
+
+# --- light
+
+RAW = TRUE._replace(ground_truth=False, vignetting=0.0, read_noise=0.0, full_well=1e7, exposure=1.0, depth_noise=0.0)
+
+
+def test_the_picture_is_the_scene_through_the_water() -> None:
+    """Radiances without water, in the light that is left, through sim.environment.optics.underwater: the same as the
+    camera's.
+    """
+    grid = covering(EXTENT, 1.0)
+    world = FLAT._replace(
+        terrain=Terrain(grid, Fractal(12.0, 0.6, seed=2).depths(grid), 12.0), box=(Box(6.0, 1.0, 1.0, 1.0, top=7.0),)
+    )
+    dry, wet = camera(world, RAW._replace(water="clear")), camera(world, RAW._replace(water="1C"))
+    scene, ranges, _ = dry._eye.render(0, HERE)
+    seen, _, _ = wet._eye.render(0, HERE)
+    water = jerlov("1C", 8.0)
+    assert seen == pytest.approx(underwater(scene * np.array(water.light, np.float32), ranges, water), abs=1e-6)
+    assert np.abs(seen - scene).mean() > 0.05
+
+
+@pytest.mark.parametrize("water", ["IB", "II", "1C"])
+def test_far_things_fade_into_the_veil(water: Any) -> None:
+    world = DEEP._replace(walls=True, extent=(-50.0, 25.0, -500.0, 500.0))
+    near, far = (
+        camera(world._replace(extent=(-50.0, d, -500.0, 500.0)), RAW._replace(water=water))._eye.render(0, HERE)[0]
+        for d in (1.0, 29.0)
+    )
+    middle = 30 * 81 + 40
+    veil = np.array(jerlov(water, 8.0).veil)
+    assert np.abs(far[middle] - veil).max() < 0.3 * np.abs(near[middle] - veil).max()
+
+
+def test_lamps_fall_with_the_square_of_the_distance() -> None:
+    """In the dark, clear water of the truth: a wall at 1 m and at 3 m, the lamp's part by its cosine."""
+    for distance in (1.0, 3.0):
+        world = DEEP._replace(walls=True, extent=(-50.0, distance, -500.0, 500.0))
+        lit, unlit = (
+            camera(world, RAW._replace(water="clear", lamps=lamps, max_range=5.0))._eye.render(0, HERE)[0]
+            for lamps in (2.0, 0.0)
+        )
+        tone = unlit / 0.6  # of a wall in full daylight
+        axial = pixel_rays(81, 61, camera(world)._intrinsics, (0.0,) * 5)[:, 0]
+        on_wall = unlit[:, 0] > 0.0
+        expected = 2.0 * axial * (axial / distance) ** 2
+        share = (lit - unlit)[on_wall] / tone[on_wall]
+        assert share == pytest.approx(np.repeat(expected[on_wall, None], 3, axis=1), rel=1e-4)
+
+
+def test_exposure() -> None:
+    """By hand: twice the factor is twice the light; by itself: bright parts near white, whatever the light."""
+    wall = DEEP._replace(walls=True, extent=(-50.0, 2.0, -500.0, 500.0))
+    linear = [decode(colours(camera(wall, RAW._replace(exposure=e)).sample(0, HERE))) for e in (0.5, 1.0)]
+    assert linear[1].mean() == pytest.approx(2.0 * linear[0].mean(), rel=0.02)
+    light = np.random.default_rng(1).random((10_000, 3)) * 1e-3
+    factor = automatic_exposure(light)
+    assert np.percentile((factor * light).max(axis=1), 98.0) == pytest.approx(0.9, rel=0.02)
+    assert automatic_exposure(np.zeros((10, 3))) == 1.0
+    for depth in (4.0, 40.0):
+        picture = colours(camera(FLAT._replace(depth=depth + 4.0), RAW._replace(exposure=0.0), DOWN).sample(
+            0, State((0.0, 0.0, depth))
+        ))  # fmt: skip
+        assert np.percentile(picture.max(axis=2), 98.0) == pytest.approx(243, abs=4)
+
+
+def test_noise_is_that_of_electrons() -> None:
+    """Variance = signal / full well + (read noise / full well)², in shares of white."""
+    model = RAW._replace(full_well=1000.0, read_noise=20.0)
+    eye = camera(FLAT, model)
+    for signal in (0.0, 0.25, 0.5):
+        light = np.full((61 * 81, 3), signal, np.float32)
+        rgb, _ = eye._development.develop(light, np.ones(61 * 81))
+        found = decode(np.frombuffer(rgb, np.uint8))
+        if signal:
+            assert found.std() == pytest.approx(sqrt(signal / 1000.0 + 0.02**2), rel=0.05)
+            assert found.mean() == pytest.approx(signal, rel=0.01)
+        else:
+            assert 0.3 < (found > 0.0).mean() < 0.55  # half of the noise is below black
+
+
+def test_vignetting() -> None:
+    eye = camera(FLAT, RAW._replace(vignetting=1.0, field_of_view=radians(80.0)))
+    rgb, _ = eye._development.develop(np.full((61 * 81, 3), 0.5, np.float32), np.ones(61 * 81))
+    picture = decode(np.frombuffer(rgb, np.uint8).reshape(61, 81, 3))
+    axial = cos(np.arctan(hypot(40.0, 30.0) * tan(radians(40.0)) / 40.5))
+    assert picture[0, 0, 0] == pytest.approx(0.5 * axial**4, rel=0.02)
+    assert picture[30, 40, 0] == pytest.approx(0.5, rel=0.02)
+
+
+def test_depth_noise_grows_with_the_square() -> None:
+    for height, expected in ((2.0, 0.008), (4.0, 0.032)):
+        model = RAW._replace(depth_noise=0.002)
+        found = depths(camera(FLAT, model, DOWN).sample(0, State((0.0, 0.0, 12.0 - height))))
+        assert found.std() == pytest.approx(expected, rel=0.05)
+        assert found.mean() == pytest.approx(height, abs=0.003)
+
+
+def test_same_seed_same_picture_and_a_camera_without_depth() -> None:
+    model = TRUE._replace(ground_truth=False, depth=False)
+    one, other, third = (camera(FLAT, model, seed=seed).sample(0, HERE) for seed in (3, 3, 4))
+    assert one == other
+    assert one.rgb != third.rgb
+    assert one.depth is None
+    assert one.labels is None
+    assert len(one.rgb) == 81 * 61 * 3
+
+
+def test_things_look_the_same_from_elsewhere() -> None:
+    """Grain and paint stay where they are: a place seen from two sides has one colour."""
+    world = FLAT._replace(box=(Box(5.0, 0.0, 0.5, 8.0),))
+    eye = camera(world, TRUE._replace(width=801, height=3, exposure=1.0))
+    pictures = [eye.sample(0, State((0.0, east, 8.0))) for east in (0.0, 0.5)]
+    columns = [round(400 + p.intrinsics.fx * (0.3 - east) / 4.75) for p, east in zip(pictures, (0.0, 0.5), strict=True)]
+    assert [labels(p)[1, c] for p, c in zip(pictures, columns, strict=True)] == [1, 1]
+    one, other = (colours(p)[1, c].astype(int) for p, c in zip(pictures, columns, strict=True))
+    assert np.abs(one - other).max() <= 6
+    assert colours(pictures[0])[1, :, 0].std() > 5.0
+
+
+def test_shade(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What looks up is 1 / 0.6 times as bright as a wall; what is beneath the surface sees it bright."""
+    monkeypatch.setattr(scenery, "_SCALES", ())
+    world = FLAT._replace(box=(Box(5.0, 0.0, 2.0, 2.0, top=9.0),))
+    sample = camera(world, TRUE._replace(exposure=1.0, width=161, height=121)).sample(0, State((0.0, 0.0, 7.0)))
+    picture, rows = colours(sample), np.nonzero(labels(sample)[:, 80] == 1)[0]
+    top, wall = picture[rows[0] + 1 : rows[0] + 5, 70:91], picture[rows[-1] - 8 : rows[-1], 70:91]
+    assert decode(top).mean() == pytest.approx(decode(wall).mean() / 0.6, rel=0.02)
+    up = camera(FLAT, TRUE._replace(exposure=1.0), Mounting(orientation=(0.0, radians(90.0), 0.0))).sample(0, HERE)
+    assert (colours(up) == 255).all()
+    assert depths(up) == pytest.approx(np.full((61, 81), 8.0), abs=1e-6)
+
+
+def test_rays_meet_a_tilted_plane() -> None:
+    """Pitched down by 30 deg over a flat seabed: depth = 4 / (sin 30 + t cos 30)."""
+    sample = camera(FLAT, mounting=Mounting(orientation=(0.0, radians(-30.0), 0.0))).sample(0, HERE)
+    _, down = tangents(sample)
+    steep = sin(radians(30.0)) + down * cos(radians(30.0))
+    expected = np.where(steep > 0.15, 4.0 / steep, inf)
+    seen = np.broadcast_to(steep > 0.15, (61, 81)) & (labels(sample) == SEABED)
+    assert seen.sum() > 3000
+    assert depths(sample)[seen] == pytest.approx(np.broadcast_to(expected, (61, 81))[seen], rel=1e-6)
+
+
+# --- points
+
+
+@pytest.mark.parametrize("distortion", [(0.0,) * 5, (-0.2, 0.05, 0.002, -0.003, 0.01)])
+def test_points_are_what_the_lens_puts_on_their_pixels(distortion: Any) -> None:
+    """Each is as deep as its pixel, and comes back to it through the lens; what is not seen is no number."""
+    model = TRUE._replace(points=True, distortion=distortion, max_range=20.0)
+    sample = camera(FLAT._replace(cylinder=(Cylinder(9.0, 3.0, 1.0),)), model).sample(0, HERE)
+    assert sample.points is not None
+    ahead, right, down = np.frombuffer(sample.points, np.float32).reshape(61, 81, 3).transpose(2, 0, 1)
+    seen = np.isfinite(depths(sample))
+    assert 1000 < seen.sum() < seen.size
+    assert (np.isnan(ahead) == ~seen).all()
+    assert (np.isnan(down) == ~seen).all()
+    assert ahead[seen] == pytest.approx(depths(sample)[seen], abs=1e-5)
+    fx, fy, cx, cy = sample.intrinsics
+    x, y = distorted((right / ahead).astype(float), (down / ahead).astype(float), distortion)
+    columns, rows = np.meshgrid(np.arange(81), np.arange(61))
+    assert (fx * x + cx)[seen] == pytest.approx(columns[seen], abs=1e-4)
+    assert (fy * y + cy)[seen] == pytest.approx(rows[seen], abs=1e-4)
+    on_seabed = labels(sample) == SEABED
+    assert down[on_seabed] == pytest.approx(np.full(on_seabed.sum(), 4.0), abs=1e-5)
+
+
+def test_points_are_of_the_depths_that_were_measured() -> None:
+    model = CameraModel(width=81, height=61, points=True, depth_noise=0.01)
+    sample = camera(FLAT, model, DOWN).sample(0, HERE)
+    assert sample.points is not None
+    assert np.frombuffer(sample.points, np.float32)[::3] == pytest.approx(depths(sample).ravel(), abs=1e-5)
+    assert depths(sample).std() > 0.01
+    assert camera(FLAT, model._replace(points=False)).sample(0, HERE).points is None
+
+
+@pytest.mark.parametrize(
+    ("keys", "words"),
+    [({"depth": False}, "needs depth = true"), ({"width": 4096, "height": 1000}, "more than 4000000")],
+)
+def test_points_that_cannot_be(keys: dict[str, Any], words: str) -> None:
+    assert words in str(CameraModel(points=True, **keys).validate())
+    assert CameraModel(**keys).validate() is None

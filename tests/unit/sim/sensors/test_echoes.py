@@ -1,0 +1,78 @@
+"""Absorption, beam patterns, speckle, and how echoes are shared between range bins."""
+
+from math import exp, pi, radians, sqrt
+
+import numpy as np
+import pytest
+
+from sim.environment.absorption import francois_garrison
+from sim.sensors.imaging.echoes import Bins, Echoes, main_lobe, pattern, speckled
+
+
+def ainslie_mccolm(f: float, t: float, s: float, z: float) -> float:
+    """dB/km at f kHz, pH 8, z km (Ainslie & McColm 1998, J. Acoust. Soc. Am. 103(3):1671): another formula."""
+    f1, f2 = 0.78 * sqrt(s / 35.0) * exp(t / 26.0), 42.0 * exp(t / 17.0)
+    boric = 0.106 * f1 * f * f / (f1 * f1 + f * f)
+    magnesium = 0.52 * (1.0 + t / 43.0) * s / 35.0 * f2 * f * f / (f2 * f2 + f * f) * exp(-z / 6.0)
+    return boric + magnesium + 0.00049 * f * f * exp(-(t / 27.0 + z / 17.0))
+
+
+@pytest.mark.parametrize("frequency", [10.0, 30.0, 100.0, 450.0, 750.0, 1200.0])
+@pytest.mark.parametrize("temperature", [2.0, 10.0, 19.0, 21.0])
+def test_absorption_as_another_formula_has_it(frequency: float, temperature: float) -> None:
+    found = francois_garrison(frequency * 1e3, temperature, 35.0, 50.0)
+    assert found == pytest.approx(ainslie_mccolm(frequency, temperature, 35.0, 0.05) * 1e-3, rel=0.12)
+
+
+def test_absorption_in_fresh_water_is_that_of_water() -> None:
+    """25e-15 f² Np/m at 20 deg C (Pinkerton 1949), f in Hz."""
+    assert francois_garrison(1e6, 20.0, 0.0, 0.0) == pytest.approx(25e-15 * 1e12 * 20.0 / np.log(10.0), rel=0.03)
+
+
+def test_pattern() -> None:
+    width = radians(20.0)
+    found = pattern(np.array([0.0, 0.5 * width, -0.5 * width, main_lobe(width) + 1e-9, 0.5 * pi]), width)
+    assert found == pytest.approx([1.0, 0.5, 0.5, 0.0, 0.0], abs=1e-6)
+    assert main_lobe(radians(140.0)) == pytest.approx(0.5 * pi)
+
+
+def test_bins_share_an_echo_as_one_from_a_plane() -> None:
+    """With the fifth power of the range, and absorption; what is before the first bin or beyond the last is lost."""
+    near, far = np.array([[10.3, 40.5, 19.0, 5.0]]), np.array([[30.7, 40.5, 80.0, 11.0]])
+    energy = np.array([[9.0, 0.5, 3.0, 2.0]])
+    found = Bins(10.0, 0.1, 500, 0.2).shares(Echoes(near, near, far, energy))[0]
+
+    def share(low: float, high: float, first: float, last: float) -> float:
+        def integral(a: float, b: float) -> float:
+            r = np.linspace(a, b, 2001)
+            return float(np.trapezoid(r**-5 * 10.0 ** (-0.04 * r), r))
+
+        return integral(low, high) / integral(first, last)
+
+    assert found[:60].sum() == pytest.approx(
+        9.0 * share(10.3, 16.0, 10.3, 30.7) + 2.0 * share(10.0, 11.0, 5.0, 11.0), rel=1e-3
+    )
+    assert found[60:90].sum() == pytest.approx(9.0 * share(16.0, 19.0, 10.3, 30.7), rel=1e-3)
+    assert found[250:310].sum() == pytest.approx(0.5 + 3.0 * share(35.0, 41.0, 19.0, 80.0), rel=1e-3)
+    assert found[305] - found[304] == pytest.approx(0.5, rel=1e-3)
+    assert found[310:].sum() == pytest.approx(3.0 * share(41.0, 60.0, 19.0, 80.0), rel=1e-3)
+
+
+def test_an_echo_without_length_is_in_one_bin() -> None:
+    at = np.array([[0.3], [4.7], [5.7]])
+    found = Bins(0.0, 0.5, 11, 0.1).shares(Echoes(at, at, at, np.array([[2.0], [3.0], [1.0]])))
+    assert found.sum(axis=1) == pytest.approx([2.0, 3.0, 0.0])
+    assert [int(row.argmax()) for row in found] == [0, 9, 0]
+
+
+def test_speckle_is_rayleighs() -> None:
+    """Intensity is exponential: as much deviation as mean; amplitude has sqrt(pi / (4 - pi)) times its deviation."""
+    found = speckled(np.full(400_000, 3.0, np.float32), 1.0, np.random.default_rng(1))
+    assert found.mean() == pytest.approx(3.0, rel=0.01)
+    assert found.std() == pytest.approx(3.0, rel=0.01)
+    assert (found > 9.0).mean() == pytest.approx(exp(-3.0), rel=0.03)
+    amplitude = np.sqrt(found)
+    assert amplitude.mean() / amplitude.std() == pytest.approx(sqrt(pi / (4.0 - pi)), rel=0.01)
+    many = speckled(np.full(400_000, 3.0, np.float32), 4.0, np.random.default_rng(1))
+    assert (many.mean(), many.std()) == pytest.approx((3.0, 1.5), rel=0.01)
+    assert (speckled(found, 0.0, np.random.default_rng(1)) == found).all()

@@ -1,0 +1,259 @@
+"""Forward-looking sonar against what planes, steps, spheres and cylinders must give."""
+
+from math import asin, atan2, cos, inf, log10, radians, sin
+from typing import Any
+
+import numpy as np
+import pytest
+
+from sim.dynamics import State
+from sim.environment.absorption import francois_garrison
+from sim.environment.obstacles import Box, Cylinder
+from sim.environment.ocean import Ocean, Profile
+from sim.environment.relief import Slope, Step
+from sim.environment.terrain import Terrain, covering
+from sim.environment.world import World
+from sim.rays import solids
+from sim.rotations import from_euler, matrix
+from sim.sensors.error import ErrorModel
+from sim.sensors.imaging.echoes import main_lobe, pattern
+from sim.sensors.imaging.forward_sonar import ForwardSonar, ForwardSonarModel
+from sim.sensors.imaging.samples import SonarImageSample
+from sim.sensors.mounting import Mounting
+from sim.simulation import Simulation
+from sim.vehicle.vehicle import load_vehicle
+
+EXTENT = (-60.0, 60.0, -60.0, 60.0)
+VEHICLE, _ = load_vehicle("bluerov2_heavy")
+FLAT = World("flat", "test", EXTENT, 20.0)
+DEEP = World("deep", "test", EXTENT, 500.0)
+TRUE = ForwardSonarModel(ground_truth=True, beams=65, sector=radians(65.0), rays=60, min_range=0.0)
+AHEAD = State((0.0, 0.0, 10.0))
+NEVER = ErrorModel()
+
+
+def scene(world: World = FLAT) -> Simulation:
+    return Simulation(VEHICLE, world, {}, position=(0.0, 0.0, 5.0))
+
+
+def forward(
+    world: World, model: ForwardSonarModel = TRUE, mounting: Mounting = Mounting(), seed: int = 1
+) -> ForwardSonar:
+    return ForwardSonar(model, mounting, seed, scene(world))
+
+
+def image(sample: SonarImageSample) -> Any:
+    """Bins x beams."""
+    return np.frombuffer(sample.intensities, sample.encoding).reshape(sample.bins, len(sample.beams))
+
+
+def facing_wall(distance: float) -> World:
+    return DEEP._replace(walls=True, extent=(-50.0, distance, -500.0, 500.0))
+
+
+# --- ranges
+
+
+def test_a_wall_gives_exact_ranges() -> None:
+    """Each ray's range is that of the wall along it; the patches' edges touch and lie on it too."""
+    sonar = forward(facing_wall(17.0))
+    echoes = sonar._pinger.ping(0, AHEAD)
+    assert echoes is not None
+    directions, edges, _ = sonar._pinger._aperture
+    assert echoes.ranges == pytest.approx(17.0 / directions[..., 0], abs=1e-6)
+    at_edges = 17.0 / edges[..., 0]
+    assert np.maximum(at_edges[:, 1:], at_edges[:, :-1]) == pytest.approx(echoes.far, abs=1e-6)
+
+
+def test_a_slope_gives_exact_ranges() -> None:
+    rule = Slope(20.0, 0.25)
+    grid = covering(EXTENT, 1.0)
+    world = FLAT._replace(terrain=Terrain(grid, rule.depths(grid), 20.0))
+    mounting = Mounting((0.5, 0.0, 0.3), (0.0, radians(-40.0), 0.0))
+    sonar, state = forward(world, mounting=mounting), State((1.0, 2.0, 8.0), from_euler(0.1, 0.0, 1.0))
+    echoes = sonar._pinger.ping(0, state)
+    assert echoes is not None
+    hit = np.isfinite(echoes.ranges)
+    assert hit.sum() > 1000
+    place = mounting.place(state)
+    turned = sonar._pinger._aperture.directions[hit] @ np.array(matrix(mounting.attitude(state))).reshape(3, 3).T
+    expected = (20.0 + 0.25 * place[0] - place[2]) / (turned[:, 2] - 0.25 * turned[:, 0])
+    assert echoes.ranges[hit] == pytest.approx(expected, abs=1e-6)
+
+
+def test_a_sphere_and_a_cylinder_give_exact_ranges() -> None:
+    sonar = forward(DEEP._replace(cylinder=(Cylinder(20.0, 8.0, 2.0),)))
+    sonar.add(solids.sphere((0.0, 0.0, 0.0), 1.5), State((15.0, -5.0, 10.0)))
+    echoes = sonar._pinger.ping(0, AHEAD)
+    assert echoes is not None
+    rays = sonar._pinger._aperture.directions
+    to_sphere, across = rays @ np.array([15.0, -5.0, 0.0]), 15.0**2 + 5.0**2 - 1.5**2
+    level = np.hypot(rays[..., 0], rays[..., 1])
+    to_pile = (rays[..., 0] * 20.0 + rays[..., 1] * 8.0) / level
+    with np.errstate(invalid="ignore"):
+        ball = to_sphere - np.sqrt(to_sphere**2 - across)
+        pile = (to_pile - np.sqrt(to_pile**2 - (20.0**2 + 8.0**2 - 2.0**2))) / level
+    expected = np.fmin(np.where(np.isnan(ball), inf, ball), np.where(np.isnan(pile), inf, pile))
+    seen = np.isfinite(echoes.ranges)
+    assert (seen == np.isfinite(expected) & (10.0 + expected * rays[..., 2] > 0.0)).all()
+    assert seen.sum() > 200
+    assert echoes.ranges[seen] == pytest.approx(expected[seen], abs=1e-6)
+
+
+def test_the_bin_of_a_thing_is_that_of_its_range() -> None:
+    """Of a pile 17.03 m ahead: the first bin that echoes begins at 17.0 m; the others lie behind it."""
+    world = DEEP._replace(cylinder=(Cylinder(18.03, 0.0, 1.0),))
+    column = image(forward(world).sample(0, AHEAD))[:, 32]
+    assert np.nonzero(column)[0][0] == 170
+    assert column[170:173].sum() > 0.5 * column.sum()
+
+
+def test_a_step_echoes_where_it_is() -> None:
+    """A cliff 6 m high from north 24 to 25: its face is far brighter than the seabed before it, behind is shadow."""
+    grid = covering(EXTENT, 1.0)
+    world = FLAT._replace(terrain=Terrain(grid, Step(20.0, 6.0, north=25.0).depths(grid), 20.0))
+    model = TRUE._replace(beams=1, sector=radians(1.0), rays=400)
+    column = image(forward(world, model).sample(0, State((0.0, 0.0, 15.0))))[:, 0]
+    assert 10.0 * log10(column[242:250].max() / column[230:238].max()) > 10.0
+    assert column[245:].argmax() < 8
+    assert column[290:].max() < 1e-6 * column.max()  # the sonar is below its edge
+
+
+# --- intensities
+
+
+@pytest.mark.parametrize("distance", [5.0, 10.0, 40.0])
+def test_a_wall_fades_as_the_equation_says(distance: float) -> None:
+    """Of a thin beam: mu dO / r² 10^(-2 alpha r / 10)."""
+    model = TRUE._replace(beams=1, sector=radians(1.0), beam_height=radians(0.5), rays=9)
+    sonar = forward(facing_wall(distance), model)
+    total = image(sonar.sample(0, AHEAD)).sum()
+    alpha = francois_garrison(750e3)
+    spread = sonar._pinger._aperture.weights.sum()
+    assert total == pytest.approx(0.01 * spread / distance**2 * 10.0 ** (-0.2 * alpha * distance), rel=1e-3)
+
+
+def test_a_flat_seabed_as_the_integral_over_it() -> None:
+    """Every bin of one beam against quadrature: mu sin(e) b² cos(e) de da / r² with r = h / sin(e)."""
+    model = TRUE._replace(beams=1, sector=radians(1.0), rays=200, range_step=0.5)
+    column = image(forward(FLAT, model).sample(0, AHEAD))[:, 0]
+    alpha, lobe = francois_garrison(750e3), main_lobe(model.beam_height)
+    for number in range(60, 100, 7):
+        near, far = number * 0.5, (number + 1) * 0.5
+        downs = np.linspace(asin(10.0 / far), asin(10.0 / near), 2001)
+        ranges = 10.0 / np.sin(downs)
+        terms = np.sin(downs) * pattern(downs, model.beam_height) ** 2 * np.cos(downs) / ranges**2
+        terms *= 10.0 ** (-0.2 * alpha * ranges - 2.7) * radians(1.0)
+        assert column[number] == pytest.approx(np.trapezoid(terms, downs), rel=0.01)
+    first = 10.0 / sin(lobe)
+    assert not column[: int(first / 0.5)].any()
+    assert column[int(first / 0.5) + 1 :].all()  # no gap
+
+
+@pytest.mark.parametrize("rays", [8, 20])
+def test_few_rays_leave_no_gap(rays: int) -> None:
+    column = image(forward(FLAT, TRUE._replace(rays=rays)).sample(0, AHEAD))[:, 32]
+    found = np.nonzero(column)[0]
+    assert found[-1] == 499
+    assert (np.diff(found) == 1).all()
+
+
+def test_lambert() -> None:
+    """A wall that is turned by 50 deg: cos of it less, for a beam that is all on it."""
+    model = TRUE._replace(beams=1, sector=radians(0.5), beam_height=radians(0.5), rays=9, object_strength=-27.0)
+    turned = DEEP._replace(box=(Box(20.0, 0.0, 0.02, 40.0, radians(50.0)),))
+    straight = DEEP._replace(box=(Box(20.0, 0.0, 0.02, 40.0),))
+    one, other = (image(forward(world, model).sample(0, AHEAD)).sum() for world in (turned, straight))
+    assert one / other == pytest.approx(cos(radians(50.0)), rel=0.01)
+
+
+def test_shadow_behind_a_pile() -> None:
+    """The beams it fills are dark behind all of its height to the end, those beside it are not."""
+    world = FLAT._replace(cylinder=(Cylinder(25.0, 0.0, 1.0),))
+    picture = image(forward(world).sample(0, State((0.0, 0.0, 14.0))))
+    assert picture[200:239, 32].min() > 0.0
+    assert picture[270:, 32].max() < 1e-9 * picture[200:239, 32].min()
+    assert picture[260:, 20].min() > 0.0
+
+
+def test_port_is_left_and_starboard_right() -> None:
+    world = DEEP._replace(cylinder=(Cylinder(20.0, 6.0, 0.5),))
+    sample = forward(world).sample(0, AHEAD)
+    assert list(sample.beams) == sorted(sample.beams)
+    brightest = int(image(sample).sum(axis=0).argmax())
+    assert sample.beams[brightest] == pytest.approx(atan2(6.0, 20.0), abs=radians(0.6))
+    assert sample.beams[32] == pytest.approx(0.0, abs=1e-12)
+    assert sample.beams[0] == pytest.approx(radians(-32.0))
+
+
+def test_a_wide_beam_smears_by_its_pattern() -> None:
+    """A thin pile in the middle beam is heard by the others as the pattern says."""
+    world = DEEP._replace(cylinder=(Cylinder(20.0, 0.0, 0.1),))
+    model = TRUE._replace(beams=101, sector=radians(25.25), beam_width=radians(2.0))
+    across = image(forward(world, model).sample(0, AHEAD)).sum(axis=0)
+    angles = np.array(forward(world, model).sample(0, AHEAD).beams)
+    on_it = np.abs(angles) < asin(0.1 / 20.0)
+    expected = [pattern(angle - angles[on_it], radians(2.0)).sum() for angle in angles]
+    assert across / across.max() == pytest.approx(np.array(expected) / max(expected), abs=0.02)
+
+
+def test_side_lobes_ring() -> None:
+    world = DEEP._replace(cylinder=(Cylinder(20.0, 0.0, 0.5),))
+    picture = image(forward(world, TRUE._replace(side_lobes=25.0)).sample(0, AHEAD))
+    row = picture[picture[:, 32].argmax()]
+    assert 0.0 < row[0] < 0.02 * row[32]
+    assert image(forward(world).sample(0, AHEAD))[:, 0].max() == 0.0
+
+
+# --- pictures
+
+
+def test_gain_over_time_makes_a_wall_as_bright_near_as_far() -> None:
+    quiet = TRUE._replace(ground_truth=False, looks=0.0, noise_level=0.0, error=NEVER, gain=-10.0, range_step=1.0)
+    near, far = (int(image(forward(facing_wall(d), quiet).sample(0, AHEAD))[:, 32].max()) for d in (10.5, 40.5))
+    assert near == pytest.approx(far, abs=20)
+    flat = quiet._replace(tvg=0.0, gain=-20.0)
+    near, far = (int(image(forward(facing_wall(d), flat).sample(0, AHEAD))[:, 32].max()) for d in (10.5, 40.5))
+    assert near > 2 * far
+
+
+def test_noise_grows_where_nothing_comes_back() -> None:
+    """With gain over time the far end of an empty sea is brighter; its level is that of the model."""
+    model = TRUE._replace(ground_truth=False, looks=0.0, noise_level=90.0, contrast=1.0)
+    picture = image(forward(DEEP, model).sample(0, AHEAD))
+    assert picture[50:100].mean() < picture[200:250].mean() < picture[400:].mean()
+    louder = image(forward(DEEP, model._replace(noise_level=96.0206)).sample(0, AHEAD))
+    assert louder[300].mean() == pytest.approx(2.0 * picture[300].mean(), abs=2.0)
+
+
+def test_the_devices_clock_and_its_speed_of_sound() -> None:
+    """It takes 1500 m/s; in water of 1450 m/s all seems 1500 / 1450 times as far."""
+    ocean = Ocean(profile=Profile((0.0, 100.0), (1025.0, 1025.0), (1450.0, 1450.0)))
+    world = DEEP._replace(cylinder=(Cylinder(30.0, 0.0, 1.0),), ocean=ocean)
+    model = TRUE._replace(ground_truth=False, looks=0.0, noise_level=0.0, error=NEVER)
+    first = np.nonzero(image(forward(world, model).sample(0, AHEAD))[:, 32])[0][0]
+    assert first == int(29.0 * 1500.0 / 1450.0 / 0.1)
+    true = np.nonzero(image(forward(world).sample(0, AHEAD))[:, 32])[0][0]
+    assert true == 290
+    scaled = forward(world, model._replace(error=ErrorModel(offset=2.0))).sample(0, AHEAD)
+    assert np.nonzero(image(scaled)[:, 32])[0][0] == int((29.0 * 1500.0 / 1450.0 + 2.0) / 0.1)
+
+
+def test_same_seed_same_picture() -> None:
+    model = TRUE._replace(ground_truth=False)
+    samples = [forward(FLAT, model, seed=seed).sample(0, AHEAD) for seed in (3, 3, 4)]
+    assert samples[0] == samples[1]
+    assert samples[0].intensities != samples[2].intensities
+    assert samples[0].encoding == "uint8"
+
+
+def test_out_of_the_water_there_is_nothing() -> None:
+    assert not image(forward(FLAT).sample(0, State((0.0, 0.0, -0.5)))).any()
+
+
+def test_what_stands_out_of_the_water_is_not_heard() -> None:
+    """A tall wall is heard up to the surface only: its upper patches would come earlier from deeper down."""
+    model = TRUE._replace(beams=1, sector=radians(1.0), rays=200)
+    shallow = forward(facing_wall(20.0), model).sample(0, State((0.0, 0.0, 1.0)))
+    deep = forward(facing_wall(20.0), model).sample(0, State((0.0, 0.0, 30.0)))
+    assert 0.5 < image(shallow).sum() / image(deep).sum() < 0.75

@@ -1,0 +1,211 @@
+"""Altimeter, acoustic positions, current meter and water track."""
+
+from math import cos, inf, isnan, radians
+from statistics import fmean, pstdev
+
+import numpy as np
+import pytest
+
+from sim.dynamics import State
+from sim.environment.ocean import Layers, Ocean, Profile, Waves
+from sim.environment.world import World
+from sim.rotations import from_euler, rotate, rotate_inverse
+from sim.sensors.current_meter import CurrentMeter, CurrentMeterModel
+from sim.sensors.error import ErrorModel
+from sim.sensors.mounting import Mounting
+from sim.sensors.ranging.altimeter import Altimeter, AltimeterModel
+from sim.sensors.ranging.dvl_water import DvlWater, DvlWaterModel
+from sim.sensors.suite import SensorSpec
+from sim.sensors.usbl import Usbl, UsblModel
+from sim.simulation import Simulation
+from sim.vehicle.vehicle import load_vehicle
+
+EXACT = ErrorModel()
+SEA = World("sea", "test", (-900.0, 900.0, -900.0, 900.0), 20.0, current=(0.3, -0.2, 0.05))
+DEEP = SEA._replace(depth=1000.0)
+VEHICLE, _ = load_vehicle("bluerov2_heavy")
+NU = (0.8, -0.3, 0.2, 0.4, -0.5, 0.6)
+ASKEW = Mounting((0.3, -0.1, 0.2), (0.3, -0.4, 2.5))
+
+
+def scene(world: World = SEA) -> Simulation:
+    return Simulation(VEHICLE, world, {}, position=(0.0, 0.0, 5.0))
+
+
+# --- altimeter
+
+ALTIMETER = AltimeterModel(error=EXACT)
+
+
+def test_altimeter_measures_along_its_beam() -> None:
+    state = State((1.0, 2.0, 3.0), from_euler(0.15, -0.2, 2.0), NU)
+    straight = Altimeter(ALTIMETER, Mounting((0.4, 0.1, 0.3)), 1, scene()).sample(9, state)
+    depth = 3.0 + rotate(state.quaternion, (0.4, 0.1, 0.3))[2]
+    assert straight.time_ns == 9
+    assert straight.distance == pytest.approx((20.0 - depth) / (cos(0.15) * cos(0.2)))
+    assert straight.limits == (0.3, 100.0)
+    ahead = Mounting(orientation=(0.0, radians(60), 0.0))  # tips the beam ahead by 60 deg
+    level = State((0.0, 0.0, 5.0))
+    assert Altimeter(ALTIMETER, ahead, 1, scene()).sample(0, level).distance == pytest.approx(30.0)
+
+
+@pytest.mark.parametrize(
+    ("depth", "roll", "expected"),
+    [
+        (5.0, 0.0, 15.0),
+        (19.8, 0.0, -inf),  # too near
+        (-0.1, 0.0, inf),  # in the air
+        (5.0, radians(90), inf),  # along the seabed
+        (5.0, radians(180), inf),
+        (5.0, radians(82), inf),  # 108 m: too far
+        (5.0, radians(81), 15.0 / cos(radians(81))),
+    ],
+)
+def test_altimeter_without_an_echo(depth: float, roll: float, expected: float) -> None:
+    state = State((0.0, 0.0, depth), from_euler(roll, 0.0, 0.0))
+    assert Altimeter(ALTIMETER, Mounting(), 1, scene()).sample(0, state).distance == pytest.approx(expected)
+
+
+def test_altimeter_errors_have_their_size() -> None:
+    one = Altimeter(AltimeterModel(), Mounting(), 1, scene())
+    state = State((0.0, 0.0, 10.0))
+    assert pstdev(one.sample(i, state).distance for i in range(2000)) == pytest.approx(0.005, rel=0.06)
+    many = [Altimeter(AltimeterModel(), Mounting(), seed, scene()).sample(0, state).distance for seed in range(300)]
+    assert pstdev(many) == pytest.approx(10.0 * 0.005, rel=0.15)
+    assert fmean(many) == pytest.approx(10.0, abs=0.01)
+
+
+# --- USBL
+
+USBL = UsblModel(range=EXACT, angle=EXACT, station=(10.0, -20.0, 2.0))
+
+
+def test_usbl_is_exact_without_errors() -> None:
+    state = State((100.0, 200.0, 30.0), from_euler(0.3, -0.5, 2.0), NU)
+    sample = Usbl(USBL, ASKEW, 1, scene(DEEP)).sample(5, state)
+    assert sample is not None
+    assert sample.time_ns == 5
+    assert sample.position == pytest.approx(ASKEW.place(state), rel=1e-13)
+
+
+@pytest.mark.parametrize("place", [(300.0, 0.0, 100.0), (-200.0, 150.0, 4.0), (0.0, 0.0, 400.0), (50.0, -60.0, 7.0)])
+def test_usbl_errors_have_the_size_it_says(place: tuple[float, float, float]) -> None:
+    """The scatter of 3000 fixes is the covariance in the sample: thin along the line of sight, wide across it."""
+    model = UsblModel(range=ErrorModel(noise=0.5), angle=ErrorModel(noise=0.01), station=(0.0, 0.0, 1.0))
+    usbl, state = Usbl(model, Mounting(), 1, scene(DEEP)), State(place)
+    samples = [usbl.sample(i, state) for i in range(3000)]
+    found = np.array([sample.position for sample in samples if sample])
+    stated = np.array(samples[0].covariance if samples[0] else ()).reshape(3, 3)
+    root = np.linalg.inv(np.linalg.cholesky(stated))
+    assert len(found) == 3000
+    assert np.mean(found, axis=0) == pytest.approx(place, abs=0.3)
+    assert root @ np.cov(found.T) @ root.T == pytest.approx(np.eye(3), abs=0.12)
+    line = np.array(place) - (0.0, 0.0, 1.0)
+    line /= np.linalg.norm(line)
+    assert line @ stated @ line == pytest.approx(0.25)
+
+
+@pytest.mark.parametrize("place", [(0.0, 0.0, -1.0), (1200.0, 0.0, 5.0), (10.0, -20.0, 2.0)])
+def test_usbl_has_no_fix(place: tuple[float, float, float]) -> None:
+    """In the air, out of reach, and where the station is itself."""
+    assert Usbl(USBL, Mounting(), 1, scene(DEEP)).sample(0, State(place)) is None
+
+
+@pytest.mark.parametrize("latency", [0.0, 0.25])
+@pytest.mark.parametrize(
+    ("ocean", "speed"),
+    [(None, 1500.0), (Ocean(profile=Profile((0.0, 200.0), (1025.0, 1027.0), (1520.0, 1480.0))), 1505.0)],
+)
+def test_usbl_samples_come_after_the_sounds_way(ocean: Ocean | None, speed: float, latency: float) -> None:
+    """600 m away and both at 75 m on average: 0.4 s, and the mounting's latency; the stamp is that of the ping."""
+    station = (600.0, 0.0, 75.0)
+    fitted = SensorSpec(Usbl, USBL._replace(station=station, rate=2.0), Mounting(latency=latency))
+    world = DEEP._replace(ocean=ocean, current=(0.0, 0.0, 0.0))
+    simulation = Simulation(VEHICLE, world, {"usbl": fitted}, position=(0.0, 0.0, 75.0))
+    arrived = [(simulation.time_ns, sample) for _ in range(720) for _, sample in simulation.step((1500,) * 8)]
+    assert [sample.time_ns for _, sample in arrived] == [500_000_000, 1_000_000_000]
+    for now, sample in arrived:
+        delay = (now - sample.time_ns) * 1e-9
+        assert 600.0 / speed + latency <= delay < 600.0 / speed + latency + 0.0026
+
+
+# --- water
+
+METER = CurrentMeterModel(velocity=EXACT)
+
+
+@pytest.mark.parametrize("mounting", [Mounting(), ASKEW])
+def test_current_meter_is_exact_without_errors(mounting: Mounting) -> None:
+    """Water less vehicle at the meter's place, by hand with the lever arm."""
+    state = State((1.0, 2.0, 3.0), from_euler(0.15, -0.2, 2.0), NU)
+    sample = CurrentMeter(METER, mounting, 1, scene()).sample(4, state)
+    assert sample is not None
+    swing = np.array(NU[:3]) + np.cross(NU[3:], mounting.position)
+    past = np.array(SEA.current) - np.array(rotate(state.quaternion, swing.tolist()))
+    axes = from_euler(*mounting.orientation)
+    assert sample.time_ns == 4
+    assert sample.velocity == pytest.approx(rotate_inverse(axes, rotate_inverse(state.quaternion, past.tolist())))
+
+
+def test_current_meter_feels_the_waves_where_it_is_and_nothing_in_the_air() -> None:
+    world = SEA._replace(ocean=Ocean(waves=Waves(1.0, 6.0, components=3)), current=(0.0, 0.0, 0.0))
+    simulation = scene(world)
+    meter = CurrentMeter(METER, Mounting((0.0, 0.0, 2.0)), 1, simulation)
+    sample, sea = meter.sample(0, State((3.0, 4.0, 1.0))), simulation.sea
+    assert sample is not None
+    assert sea is not None
+    assert sample.velocity == pytest.approx(sea.motion(0.0, 3.0, 4.0, 3.0).velocity)
+    assert meter.sample(0, State((3.0, 4.0, -4.0))) is None
+
+
+def test_current_meter_errors_have_their_size() -> None:
+    meter, state = CurrentMeter(CurrentMeterModel(), Mounting(), 2, scene()), State((0.0, 0.0, 5.0))
+    samples = [meter.sample(i, state) for i in range(2000)]
+    assert pstdev(sample.velocity[1] for sample in samples if sample) == pytest.approx(0.005, rel=0.06)
+    fast = State((0.0, 0.0, 5.0), nu=(-2.7, 0.0, 0.0, 0.0, 0.0, 0.0))  # 3 m/s past it, of which 1 % is 3 cm/s
+    many = [CurrentMeter(CurrentMeterModel(), Mounting(), seed, scene()).sample(0, fast) for seed in range(300)]
+    assert pstdev(sample.velocity[0] for sample in many if sample) == pytest.approx(0.0304, rel=0.15)
+
+
+TRACK = DvlWaterModel(velocity=EXACT, near=2.0, far=6.0)
+
+
+@pytest.mark.parametrize("mounting", [Mounting((0.3, -0.1, 0.2)), ASKEW._replace(orientation=(0.1, -0.1, 2.5))])
+def test_water_track_is_relative_to_its_layer(mounting: Mounting) -> None:
+    """In a current that grows with depth: that of the middle of the layer counts, not that at the vehicle."""
+    layers = Layers((0.0, 20.0), (0.0, 2.0), (1.0, 0.0))
+    simulation = scene(SEA._replace(ocean=Ocean(layers=layers), current=(0.0, 0.0, 0.0)))
+    state = State((1.0, 2.0, 3.0), from_euler(0.15, -0.2, 2.0), NU)
+    sample = DvlWater(TRACK, mounting, 1, simulation).sample(4, state)
+    depth = mounting.depth(state) + 4.0 * rotate(mounting.attitude(state), (0.0, 0.0, 1.0))[2]
+    flow = 0.1 * depth, 1.0 - 0.05 * depth, 0.0
+    through = [v - x for v, x in zip(mounting.velocity(NU), rotate_inverse(state.quaternion, flow), strict=True)]
+    assert sample.locked
+    assert isnan(sample.altitude)
+    assert sample.velocity == pytest.approx(rotate_inverse(from_euler(*mounting.orientation), through))
+
+
+@pytest.mark.parametrize(
+    ("depth", "roll", "locked"),
+    [
+        (5.0, 0.0, True),
+        (12.4, 0.0, True),  # 80 % of 7.6 m is 6.08 m
+        (12.6, 0.0, False),
+        (12.6, radians(30), True),  # tilted, the layer ends higher
+        (5.0, radians(100), False),
+        (-0.1, 0.0, False),
+    ],
+)
+def test_water_track_lock(depth: float, roll: float, locked: bool) -> None:
+    sample = DvlWater(TRACK, Mounting(), 1, scene()).sample(0, State((0.0, 0.0, depth), from_euler(roll, 0.0, 0.0), NU))
+    assert sample.locked is locked
+    assert all(isnan(x) is not locked for x in sample.velocity)
+
+
+def test_water_track_errors_have_their_size() -> None:
+    track, state = DvlWater(DvlWaterModel(), Mounting(), 1, scene()), State((0.0, 0.0, 5.0), nu=NU)
+    samples = [track.sample(i, state).velocity for i in range(2000)]
+    for axis in range(3):
+        assert pstdev(sample[axis] for sample in samples) == pytest.approx(0.0035, rel=0.06)
+    assert fmean(sample[0] for sample in samples) == pytest.approx(0.8 - 0.3, abs=0.001)
+    assert fmean(sample[1] for sample in samples) == pytest.approx(-0.3 + 0.2, abs=0.001)

@@ -1,0 +1,129 @@
+from math import isnan, pi, radians
+from statistics import fmean, pstdev
+
+import pytest
+
+from hil.common.errors import ConfigError
+from sim.dynamics import State
+from sim.environment.ocean import Ocean, Waves
+from sim.environment.world import World, load_world
+from sim.rotations import from_euler
+from sim.sensors.error import ErrorModel
+from sim.sensors.geodesy import FLATTENING, SEMI_MAJOR_AXIS, TangentPlane, earth_centred, geodetic
+from sim.sensors.gps import Gps, GpsModel
+from sim.sensors.mounting import Mounting
+from sim.simulation import Simulation
+from sim.vehicle.vehicle import load_vehicle
+
+EXACT = ErrorModel()
+MODEL = GpsModel(acquisition=0.0, horizontal=EXACT, vertical=EXACT)
+ORIGIN = (57.7, 11.9)
+SEA = World("sea", "test", (-100.0, 100.0, -100.0, 100.0), 20.0, origin=ORIGIN, origin_altitude=36.2)
+VEHICLE, _ = load_vehicle("bluerov2_heavy")
+SCENE = Simulation(VEHICLE, SEA, {}, position=(0.0, 0.0, 5.0))
+S = 1_000_000_000
+
+
+# --- the earth
+
+# Origin (deg, deg, m), place (NED, m), and that place as PROJ 9.5.1 has it (topocentric, then cart, inverse, WGS84).
+PROJ = [
+    ((57.7, 11.9, 36.2), (1000.0, -2000.0, 30.0), (57.708974429763394, 11.866449656856558, 6.591175411827862)),
+    ((57.7, 11.9, 36.2), (3.0, 4.0, -2.0), (57.70002693648956, 11.90006708380619, 38.20000195596367)),
+    ((-33.9, 151.3, 20.0), (1000.0, -2000.0, 30.0), (-33.89098262279403, 151.27837896195504, -9.608079967088997)),
+    ((-33.9, 151.3, 20.0), (-5e4, 8e4, 4e3), (-34.347938405864596, 152.16998518106232, -3281.741399866529)),
+    ((0.0, 0.0, 0.0), (1000.0, -2000.0, 30.0), (0.009043737071537956, -0.017966389599660054, -29.60750585142523)),
+    ((71.1, -179.9999, 0.0), (1e3, -2e3, 30.0), (71.10895438162791, 179.94477522534845, -29.60915513895452)),
+    ((89.9999, 10.0, 5.0), (1000.0, -2000.0, 30.0), (89.98002485101229, -106.30849703398988, -24.60934868361801)),
+]
+
+
+@pytest.mark.parametrize(("origin", "place", "expected"), PROJ)
+def test_places_are_those_of_another_implementation(
+    origin: tuple[float, float, float], place: tuple[float, float, float], expected: tuple[float, float, float]
+) -> None:
+    latitude, longitude, altitude = TangentPlane(*origin).geodetic(place)
+    assert latitude == pytest.approx(expected[0], abs=2e-12)
+    assert longitude == pytest.approx(expected[1], abs=2e-12)
+    assert altitude == pytest.approx(expected[2], abs=1e-6)
+
+
+@pytest.mark.parametrize("latitude", [-90.0, -60.0, -1e-9, 0.0, 12.3, 45.0, 89.99999, 90.0])
+@pytest.mark.parametrize("altitude", [-11_000.0, 0.0, 9000.0])
+def test_there_and_back(latitude: float, altitude: float) -> None:
+    found = geodetic(*earth_centred(latitude, 33.3, altitude))
+    assert found[0] == pytest.approx(latitude, abs=1e-13)
+    assert found[2] == pytest.approx(altitude, abs=5e-9)
+    if abs(latitude) < 90.0:
+        assert found[1] == pytest.approx(33.3, abs=1e-8)
+
+
+def test_a_degree_of_the_meridian() -> None:
+    """At the equator the meridian is curved with b²/a, at the pole with a²/b."""
+    b = SEMI_MAJOR_AXIS * (1.0 - FLATTENING)
+    for latitude, radius in ((0.0, b * b / SEMI_MAJOR_AXIS), (90.0, SEMI_MAJOR_AXIS**2 / b)):
+        found, _, _ = TangentPlane(latitude, 0.0).geodetic((-100.0, 0.0, 0.0))
+        assert latitude - found == pytest.approx(100.0 / radius * 180.0 / pi, rel=1e-8)
+
+
+# --- the receiver
+
+
+def test_exact_at_the_surface() -> None:
+    """The place is that of the antenna, 0.5 m above the origin of a vehicle that rolls to its side."""
+    gps = Gps(MODEL, Mounting((0.0, 0.0, -0.5)), 1, SCENE)
+    sample = gps.sample(5, State((3.0, 4.0, 0.2)))
+    assert sample.fix
+    assert sample[:4] == pytest.approx((5, *TangentPlane(*ORIGIN, 36.2).geodetic((3.0, 4.0, -0.3))), rel=1e-14)
+    assert sample.altitude == pytest.approx(36.5, abs=1e-5)
+    on_its_side = State((3.0, 4.0, -0.1), from_euler(radians(90), 0.0, 0.0))
+    latitude, longitude, altitude = TangentPlane(*ORIGIN, 36.2).geodetic((3.0, 4.5, -0.1))
+    assert gps.sample(5, on_its_side)[1:4] == pytest.approx((latitude, longitude, altitude), rel=1e-14)
+
+
+def test_no_fix_under_water() -> None:
+    gps = Gps(MODEL, Mounting((0.0, 0.0, -0.5)), 1, SCENE)
+    for depth in (0.5, 0.6, 10.0):
+        sample = gps.sample(1, State((0.0, 0.0, depth)))
+        assert not sample.fix
+        assert all(map(isnan, sample[1:4]))
+
+
+def test_a_fix_takes_its_time_after_each_dive() -> None:
+    gps = Gps(MODEL._replace(acquisition=3.0), Mounting(), 1, SCENE)
+    depths = [5.0, -0.1, -0.1, -0.1, -0.1, -0.1, 0.1, -0.1, -0.1, -0.1, -0.1]
+    fixes = [gps.sample(i * S, State((0.0, 0.0, depth))).fix for i, depth in enumerate(depths)]
+    assert fixes == [False, False, False, False, True, True, False, False, False, False, True]
+
+
+def test_waves_wash_over_the_antenna() -> None:
+    """A long swell of 2 m over an antenna 0.3 m above the mean surface: fixes while the surface is lower."""
+    ocean = Ocean(waves=Waves(2.0, 8.0, components=1))
+    scene = Simulation(VEHICLE, SEA._replace(ocean=ocean), {}, position=(0.0, 0.0, 5.0))
+    gps, sea = Gps(MODEL, Mounting(), 1, scene), scene.sea
+    assert sea is not None
+    fixes = [gps.sample(i * S // 10, State((7.0, -3.0, -0.3))).fix for i in range(200)]
+    assert fixes == [sea.elevation(i / 10.0, 7.0, -3.0) < 0.3 for i in range(200)]
+    assert 20 < sum(fixes) < 180
+
+
+def test_errors_have_their_size() -> None:
+    """Half of all fixes are within 2.5 m, as the data sheet says; what the device says of itself is right."""
+    state, plane = State((0.0, 0.0, -1.0)), TangentPlane(*ORIGIN, 36.2)
+    north_degree = 1.0 / (plane.geodetic((1.0, 0.0, 0.0))[0] - ORIGIN[0])
+    east_degree = 1.0 / (plane.geodetic((0.0, 1.0, 0.0))[1] - ORIGIN[1])
+    samples = [Gps(GpsModel(acquisition=0.0), Mounting(), seed, SCENE).sample(0, state) for seed in range(2000)]
+    norths = [(sample.latitude - ORIGIN[0]) * north_degree for sample in samples]
+    easts = [(sample.longitude - ORIGIN[1]) * east_degree for sample in samples]
+    away = sorted(n * n + e * e for n, e in zip(norths, easts, strict=True))
+    assert away[1000] ** 0.5 == pytest.approx(2.5, rel=0.05)
+    horizontal, vertical = samples[0].variances
+    assert pstdev(norths) == pytest.approx(horizontal**0.5, rel=0.06)
+    assert pstdev(sample.altitude for sample in samples) == pytest.approx(vertical**0.5, rel=0.06)
+    assert fmean(easts) == pytest.approx(0.0, abs=0.2)
+
+
+def test_a_world_without_a_place_on_earth_is_named() -> None:
+    scene = Simulation(VEHICLE, load_world("pool"), {}, position=(0.0, 0.0, 1.0))
+    with pytest.raises(ConfigError, match=r"the world pool does not say .*origin = \[latitude, longitude\]"):
+        Gps(MODEL, Mounting(), 1, scene)

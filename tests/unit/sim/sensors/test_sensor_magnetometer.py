@@ -1,0 +1,74 @@
+from math import atan2, cos, pi, sin
+from statistics import fmean, pstdev
+
+import pytest
+
+from hil.common.errors import ConfigError
+from sim.dynamics import State
+from sim.environment.world import World
+from sim.rotations import from_euler, rotate
+from sim.sensors.error import ErrorModel
+from sim.sensors.magnetometer import Magnetometer, MagnetometerModel, earth_field
+from sim.sensors.mounting import Mounting
+from sim.sensors.suite import read_suite
+from sim.simulation import Simulation
+from sim.vehicle.vehicle import load_vehicle
+
+EXACT = ErrorModel()
+MODEL = MagnetometerModel(error_xy=EXACT, error_z=EXACT)
+SEA = World("sea", "test", (-100.0, 100.0, -100.0, 100.0), 20.0, magnetic_field=(50e-6, 1.1, 0.25))
+SCENE = Simulation(load_vehicle("bluerov2_heavy")[0], SEA, {}, position=(0.0, 0.0, 5.0))
+
+
+def test_the_field_of_the_earth() -> None:
+    north, east, down = earth_field(SEA)
+    assert (north**2 + east**2 + down**2) ** 0.5 == pytest.approx(50e-6)
+    assert atan2(east, north) == pytest.approx(0.25)
+    assert atan2(down, (north**2 + east**2) ** 0.5) == pytest.approx(1.1)
+    southern = earth_field(SEA._replace(magnetic_field=(50e-6, -1.1, 0.0)))
+    assert southern[2] < 0.0
+
+
+@pytest.mark.parametrize("heading", [0.0, 1.0, -2.0, pi])
+def test_a_compass(heading: float) -> None:
+    """Level, the field's horizontal part points to magnetic north: heading less declination from the bow."""
+    x, y, z = Magnetometer(MODEL, Mounting(), 1, SCENE).sample(7, State(quaternion=from_euler(0, 0, heading))).field
+    level = 50e-6 * cos(1.1)
+    assert (x, y, z) == pytest.approx((level * cos(heading - 0.25), -level * sin(heading - 0.25), 50e-6 * sin(1.1)))
+
+
+def test_tilted_and_askew() -> None:
+    state = State(quaternion=from_euler(0.5, -0.4, 2.0))
+    mounting = Mounting((0.3, 0.2, 0.1), (1.0, 0.5, -2.0))
+    sample = Magnetometer(MODEL, mounting, 1, SCENE).sample(7, state)
+    turned = rotate(state.quaternion, rotate(from_euler(*mounting.orientation), sample.field))
+    assert sample.time_ns == 7
+    assert turned == pytest.approx(earth_field(SEA))
+
+
+def test_iron() -> None:
+    """Soft iron first, row after row, then hard iron, along the sensor's axes."""
+    soft = (1.1, 0.2, 0.0, 0.0, 0.9, 0.0, 0.0, 0.1, 1.0)
+    model = MODEL._replace(hard_iron=(3e-6, -2e-6, 1e-6), soft_iron=soft)
+    north, east, down = earth_field(SEA)
+    expected = 1.1 * north + 0.2 * east + 3e-6, 0.9 * east - 2e-6, 0.1 * east + down + 1e-6
+    assert Magnetometer(model, Mounting(), 1, SCENE).sample(0, State()).field == pytest.approx(expected)
+
+
+def test_errors_have_their_size() -> None:
+    sensor, state = Magnetometer(MagnetometerModel(), Mounting(), 3, SCENE), State()
+    samples = [sensor.sample(i, state).field for i in range(2000)]
+    for axis, size in enumerate((1e-6, 1e-6, 1.4e-6)):
+        assert pstdev(sample[axis] for sample in samples) == pytest.approx(size, rel=0.06)
+    norths = [
+        Magnetometer(MagnetometerModel(), Mounting(), seed, SCENE).sample(0, state).field[0] for seed in range(400)
+    ]
+    assert pstdev(norths) == pytest.approx(5**0.5 * 1e-6, rel=0.12)
+    assert fmean(norths) == pytest.approx(earth_field(SEA)[0], abs=4e-7)
+
+
+def test_keys() -> None:
+    suite = read_suite({"magnetometer": {"hard_iron": [1e-6, 0, 0]}}, "a.toml: sensors")
+    assert suite["magnetometer"].model.hard_iron == (1e-6, 0.0, 0.0)
+    with pytest.raises(ConfigError, match="soft_iron: expected 9 values"):
+        read_suite({"magnetometer": {"soft_iron": [1.0]}}, "a.toml: sensors")

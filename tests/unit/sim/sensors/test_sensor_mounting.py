@@ -1,0 +1,77 @@
+"""Sensors that sit somewhere and look somewhere: what they say belongs to their own place and axes."""
+
+from math import pi, radians
+
+import pytest
+
+from sim.dynamics import State
+from sim.environment.world import World
+from sim.rotations import from_euler, multiply, rotate, rotate_inverse
+from sim.sensors.error import ErrorModel
+from sim.sensors.imu import Imu, ImuModel, specific_force
+from sim.sensors.mounting import Mounting
+from sim.sensors.ranging.dvl import Dvl, DvlModel
+from sim.simulation import Simulation
+from sim.vehicle.vehicle import load_vehicle
+
+EXACT = ErrorModel()
+EXACT_IMU = ImuModel(attitude=EXACT, angular_velocity=EXACT, acceleration=EXACT)
+EXACT_DVL = DvlModel(velocity=EXACT, range=EXACT)
+SEA = World("sea", "test", (-100.0, 100.0, -100.0, 100.0), 20.0, gravity=9.8)
+SCENE = Simulation(load_vehicle("bluerov2_heavy")[0], SEA, {}, position=(0.0, 0.0, 5.0))
+NU = (0.8, -0.3, 0.2, 0.4, -0.5, 0.6)
+ASKEW = Mounting((0.3, -0.1, 0.2), (0.3, -0.4, 2.5))
+
+
+def moving() -> State:
+    state = State((1.0, 2.0, 3.0), from_euler(0.15, -0.2, 2.0), NU)
+    state.nu_dot = [0.1, 0.2, -0.3, 0.4, -0.5, 0.6]
+    return state
+
+
+def test_place_and_attitude_of_a_mounting() -> None:
+    nose_up = State((10.0, 20.0, 5.0), from_euler(0.0, radians(90), 0.0))
+    mounting = Mounting((2.0, 0.0, 0.0), (0.0, radians(-90), 0.0))
+    assert mounting.place(nose_up) == pytest.approx((10.0, 20.0, 3.0))
+    assert mounting.depth(nose_up) == pytest.approx(3.0)
+    assert mounting.attitude(nose_up) == pytest.approx((1.0, 0.0, 0.0, 0.0))
+
+
+def test_an_imu_that_lies_on_its_side() -> None:
+    """Rolled to starboard by a quarter turn: its y axis is the vehicle's z."""
+    imu = Imu(EXACT_IMU, Mounting(orientation=(pi / 2.0, 0.0, 0.0)), 1, SCENE)
+    sample = imu.sample(0, State(nu=(0.0, 0.0, 0.0, 0.1, 0.2, 0.3)))
+    assert sample.acceleration == pytest.approx((0.0, -9.8, 0.0))
+    assert sample.angular_velocity == pytest.approx((0.1, 0.3, -0.2))
+    assert sample.orientation == pytest.approx(from_euler(pi / 2.0, 0.0, 0.0))
+
+
+def test_imu_askew_says_the_same_in_other_axes() -> None:
+    state = moving()
+    straight = Imu(EXACT_IMU, Mounting(ASKEW.position), 1, SCENE).sample(0, state)
+    askew = Imu(EXACT_IMU, ASKEW, 1, SCENE).sample(0, state)
+    assert straight.acceleration == pytest.approx(specific_force(state, ASKEW.position, 9.8))
+    turn = from_euler(*ASKEW.orientation)
+    assert rotate(turn, askew.acceleration) == pytest.approx(straight.acceleration)
+    assert rotate(turn, askew.angular_velocity) == pytest.approx(NU[3:])
+    assert askew.orientation == pytest.approx(multiply(state.quaternion, turn))
+
+
+@pytest.mark.parametrize("orientation", [(0.0, 0.0, pi / 4.0), (0.1, -0.15, 2.5), (0.0, 0.0, -1.0)])
+def test_dvl_askew_says_the_same_in_other_axes(orientation: tuple[float, float, float]) -> None:
+    state = moving()
+    mounting = Mounting((0.3, -0.1, 0.2), orientation)
+    sample = Dvl(EXACT_DVL, mounting, 1, SCENE).sample(0, state)
+    assert sample.locked
+    expected = rotate_inverse(from_euler(*orientation), mounting.velocity(NU))
+    assert sample.velocity == pytest.approx(expected)
+    assert sample.altitude == pytest.approx(20.0 - mounting.depth(state))
+
+
+def test_a_dvl_that_looks_ahead_has_no_bottom_until_the_vehicle_dives() -> None:
+    ahead = Dvl(EXACT_DVL, Mounting(orientation=(0.0, radians(90), 0.0)), 1, SCENE)
+    assert not ahead.sample(0, State((0.0, 0.0, 5.0), nu=NU)).locked
+    diving = ahead.sample(0, State((0.0, 0.0, 5.0), from_euler(0.0, radians(-90), 0.0), NU))
+    assert diving.locked
+    assert diving.velocity == pytest.approx((-NU[2], NU[1], NU[0]))
+    assert diving.altitude == pytest.approx(15.0)

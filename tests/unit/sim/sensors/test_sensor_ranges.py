@@ -1,0 +1,314 @@
+"""Laser, profiler, echosounder, scanning sonar; and log and altimeter over relief and obstacles."""
+
+from math import atan, cos, inf, pi, radians, sin, sqrt, tan
+from random import Random
+from statistics import fmean, pstdev
+
+import pytest
+
+from sim.dynamics import State
+from sim.environment.obstacles import Box, Cylinder
+from sim.environment.relief import Slope
+from sim.environment.terrain import Terrain, covering
+from sim.environment.world import World
+from sim.rotations import from_euler, rotate
+from sim.sensors.error import ErrorModel
+from sim.sensors.imaging.scanning_sonar import ScanningSonar, ScanningSonarModel
+from sim.sensors.mounting import Mounting
+from sim.sensors.ranging.altimeter import Altimeter, AltimeterModel
+from sim.sensors.ranging.dvl import Dvl, DvlModel
+from sim.sensors.ranging.echosounder import Echosounder, EchosounderModel
+from sim.sensors.ranging.laser import Laser, LaserModel
+from sim.sensors.ranging.profiler import Profiler, ProfilerModel
+from sim.sensors.suite import SensorSpec
+from sim.simulation import Simulation
+from sim.vehicle.vehicle import load_vehicle
+
+EXTENT = (-60.0, 60.0, -60.0, 60.0)
+VEHICLE, _ = load_vehicle("bluerov2_heavy")
+FLAT = World("flat", "test", EXTENT, 20.0)
+POOL = World("pool", "test", (-8.0, 10.0, -7.0, 9.0), 20.0, walls=True)
+SLOPE = Slope(20.0, 0.25)  # 20 m + north / 4: exact in 32-bit floats
+EXACT = ErrorModel()
+ASKEW = Mounting((0.3, -0.1, 0.2), (0.1, -0.2, 2.5))
+NU = (0.8, -0.3, 0.2, 0.4, -0.5, 0.6)
+
+
+def sloping() -> World:
+    grid = covering(EXTENT, 1.0)
+    return FLAT._replace(terrain=Terrain(grid, SLOPE.depths(grid), 20.0))
+
+
+def scene(world: World = FLAT) -> Simulation:
+    return Simulation(VEHICLE, world, {}, position=(0.0, 0.0, 5.0))
+
+
+def to_slope(place: tuple[float, ...], direction: tuple[float, ...]) -> float:
+    """Distance from a place to the plane depth = 20 + north / 4, by hand."""
+    return (20.0 + 0.25 * place[0] - place[2]) / (direction[2] - 0.25 * direction[0])
+
+
+# --- laser
+
+
+@pytest.mark.parametrize("heading", [0.0, 0.8, -2.5])
+def test_laser_in_a_pool(heading: float) -> None:
+    """Every beam's wall follows from heading and angle, which grows from the bow to starboard."""
+    laser = Laser(LaserModel(ground_truth=True), Mounting(), 1, scene(POOL))
+    sample = laser.sample(7, State((1.0, 2.0, 5.0), from_euler(0.0, 0.0, heading)))
+    assert sample.time_ns == 7
+    assert len(sample.ranges) == 360
+    assert sample.angle_min == pytest.approx(-pi)
+    assert sample.angle_increment == pytest.approx(radians(1.0))
+    assert sample.limits == (0.1, 30.0)
+    for i, distance in enumerate(sample.ranges):
+        course = heading + sample.angle_min + i * sample.angle_increment
+        to_north = 9.0 / abs(cos(course) or 1e-9)
+        to_east = (7.0 if sin(course) > 0.0 else 9.0) / abs(sin(course) or 1e-9)
+        assert distance == pytest.approx(min(to_north, to_east), abs=1e-6)
+
+
+def test_laser_sees_a_pile_on_the_side_where_it_is() -> None:
+    world = FLAT._replace(cylinder=(Cylinder(0.0, 6.0, 1.0),))  # to starboard of a vehicle that looks north
+    sample = Laser(LaserModel(ground_truth=True), Mounting(), 1, scene(world)).sample(0, State((0.0, 0.0, 5.0)))
+    seen = {round(sample.angle_min / radians(1)) + i for i, distance in enumerate(sample.ranges) if distance < inf}
+    assert seen == set(range(81, 100))  # asin(1 / 6) is 9.6 deg
+    assert sample.ranges[270] == pytest.approx(5.0, abs=1e-9)
+
+
+def test_laser_limits_and_air() -> None:
+    world = FLAT._replace(cylinder=(Cylinder(2.0, 0.0, 1.95), Cylinder(-45.0, 0.0, 1.0)))
+    laser = Laser(LaserModel(), Mounting(), 1, Simulation(VEHICLE, world, {}, position=(30.0, 30.0, 5.0)))
+    under_water = laser.sample(0, State((0.0, 0.0, 5.0))).ranges
+    assert under_water[180] == -inf  # 5 cm ahead
+    assert under_water[0] == inf  # 44 m astern
+    assert set(laser.sample(1, State((0.0, 0.0, -0.1))).ranges) == {inf}
+
+
+def test_laser_errors_are_common_and_each_beams_own() -> None:
+    """Noise is independent from beam to beam; what is drawn at the start is the same for all."""
+    state, model = State((1.0, 1.0, 5.0)), LaserModel(beams=40)
+    true = Laser(model._replace(ground_truth=True), Mounting(), 1, scene(POOL)).sample(0, state).ranges
+    noisy = Laser(model._replace(error=ErrorModel(noise=0.02)), Mounting(), 1, scene(POOL))
+    gaps = [a - b for i in range(100) for a, b in zip(noisy.sample(i, state).ranges, true, strict=True)]
+    assert pstdev(gaps) == pytest.approx(0.02, rel=0.05)
+    assert fmean(gaps) == pytest.approx(0.0, abs=0.002)
+    off = Laser(model._replace(error=ErrorModel(turn_on=0.5, scale=0.1)), Mounting(), 3, scene(POOL)).sample(0, state)
+    (first, _), (second, _) = pairs = list(zip(off.ranges, true, strict=True))[:2]
+    gain = (first - second) / (true[0] - true[1])
+    constant = first - gain * true[0]
+    assert all(a == pytest.approx(gain * b + constant, abs=1e-9) for a, b in pairs)
+    assert all(a == pytest.approx(gain * b + constant, abs=1e-9) for a, b in zip(off.ranges, true, strict=True))
+    assert gain != pytest.approx(1.0, abs=1e-3)
+    assert constant != pytest.approx(0.0, abs=1e-3)
+    rounded = Laser(model._replace(error=ErrorModel(resolution=0.25)), Mounting(), 3, scene(POOL)).sample(0, state)
+    assert all((4.0 * x).is_integer() for x in rounded.ranges)
+
+
+def test_laser_flies_with_its_rate_latency_and_pose() -> None:
+    """Samples of a second at 20 Hz that come 30 ms late, from a place off the body's origin."""
+    mounting = Mounting((0.5, 0.0, 0.1), (0.0, 0.0, pi / 2.0), latency=0.03)
+    fitted = SensorSpec(Laser, LaserModel(rate=20.0, ground_truth=True), mounting)
+    simulation = Simulation(VEHICLE, POOL, {"laser": fitted}, position=(0.0, 0.0, 5.0))
+    arrived = [(simulation.time_ns, *pair) for _ in range(400) for pair in simulation.step((1500,) * 8)]
+    assert [(now - sample.time_ns, topic) for now, topic, sample in arrived] == [(30_000_000, "laser")] * 19
+    _, _, sample = arrived[0]
+    assert isinstance(sample.ranges[180], float)  # type: ignore[attr-defined]
+    assert sample.ranges[180] == pytest.approx(9.0, abs=1e-3)  # type: ignore[attr-defined]  # looks to the east
+    assert sample.ranges[90] == pytest.approx(9.5, abs=1e-3)  # type: ignore[attr-defined]  # its left is the north
+
+
+# --- profiler
+
+
+@pytest.mark.parametrize("mounting", [Mounting(), ASKEW])
+def test_profiler_over_a_slope(mounting: Mounting) -> None:
+    model = ProfilerModel(beams=61, ground_truth=True)
+    state = State((1.0, 2.0, 5.0), from_euler(0.1, -0.15, 0.9), NU)
+    sample = Profiler(model, mounting, 1, scene(sloping())).sample(3, state)
+    attitude, place = mounting.attitude(state), mounting.place(state)
+    assert sample.angle_min == pytest.approx(radians(-60))
+    for i, distance in enumerate(sample.ranges):
+        angle = sample.angle_min + i * sample.angle_increment
+        expected = to_slope(place, rotate(attitude, (0.0, sin(angle), cos(angle))))
+        assert distance == pytest.approx(expected, abs=1e-6)
+
+
+def test_profiler_sees_a_block_to_starboard() -> None:
+    world = FLAT._replace(box=(Box(0.0, 8.0, 4.0, 4.0, top=15.0),))
+    sample = Profiler(ProfilerModel(ground_truth=True), Mounting(), 1, scene(world)).sample(0, State((0.0, 0.0, 5.0)))
+    heights = [x * cos(sample.angle_min + i * sample.angle_increment) for i, x in enumerate(sample.ranges)]
+    on_top = [i for i, height in enumerate(heights) if height == pytest.approx(10.0)]
+    assert on_top
+    assert all(sample.angle_min + i * sample.angle_increment > atan(0.6) - 1e-9 for i in on_top)
+
+
+# --- echosounder
+
+
+@pytest.mark.parametrize("width", [0.0, 5.0, 25.0, 60.0])
+def test_echosounder_hears_the_nearest_of_its_cone(width: float) -> None:
+    """Over a slope of 14 deg: the perpendicular if the cone is wide enough, else the edge of the cone."""
+    model = EchosounderModel(beam_width=radians(width), rings=12, ground_truth=True)
+    echosounder = Echosounder(model, Mounting(), 1, scene(sloping()))
+    distance = echosounder.sample(0, State((0.0, 0.0, 5.0))).distance
+    slope, half = atan(0.25), radians(0.5 * width)
+    aside = min(half, slope)
+    expected = 15.0 / (cos(aside) + 0.25 * sin(aside))
+    assert distance == pytest.approx(expected, rel=0.001)
+    assert distance >= expected - 1e-9
+
+
+def test_echosounder_errors_and_limits() -> None:
+    echosounder, state = Echosounder(EchosounderModel(), Mounting(), 1, scene()), State((0.0, 0.0, 10.0))
+    assert pstdev(echosounder.sample(i, state).distance for i in range(1000)) == pytest.approx(0.005, rel=0.1)
+    assert echosounder.sample(0, State((0.0, 0.0, 19.9))).distance == -inf
+    assert echosounder.sample(0, State((0.0, 0.0, -1.0))).distance == inf
+    assert echosounder.sample(0, State((0.0, 0.0, 5.0), from_euler(pi, 0.0, 0.0))).distance == inf
+
+
+# --- scanning sonar
+
+SONAR = ScanningSonarModel(ground_truth=True, beam_width=0.0, beam_height=0.0, rings=0)
+
+
+def test_scanning_sonar_goes_round() -> None:
+    """400 pings of 1 grad are a turn; each range is that of the wall in its direction."""
+    sonar, state = ScanningSonar(SONAR, Mounting(), 1, scene(POOL)), State((0.0, 0.0, 5.0))
+    samples = [sonar.sample(i, state) for i in range(401)]
+    assert samples[400].angle_min == samples[0].angle_min == pytest.approx(-pi)
+    assert samples[200].angle_min == pytest.approx(0.0, abs=1e-12)
+    for sample in samples:
+        north, east = cos(sample.angle_min), sin(sample.angle_min)
+        walls = [(10.0 if north > 0.0 else -8.0) / (north or 1e-9), (9.0 if east > 0.0 else -7.0) / (east or 1e-9)]
+        assert list(sample.ranges) == pytest.approx([min(walls)], abs=1e-6)
+
+
+def test_scanning_sonar_sweeps_a_sector() -> None:
+    model = SONAR._replace(angle_min=-0.2, angle_max=0.2, step=0.1)
+    sonar = ScanningSonar(model, Mounting(), 1, scene(POOL))
+    angles = [sonar.sample(i, State((0.0, 0.0, 5.0))).angle_min for i in range(10)]
+    assert angles == pytest.approx([-0.2, -0.1, 0.0, 0.1, 0.2, 0.1, 0.0, -0.1, -0.2, -0.1])
+    assert model._replace(angle_max=-0.2).validate()
+    assert model._replace(angle_max=7.0).validate()
+    assert model.validate() is None
+
+
+def test_scanning_sonars_beam_is_tall() -> None:
+    """A 25 deg tall beam 3 m above a flat seabed meets it at 3 m / sin(12.5 deg), a thin one never."""
+    world, state = FLAT, State((0.0, 0.0, 17.0))
+    tall = ScanningSonar(ScanningSonarModel(ground_truth=True), Mounting(), 1, scene(world)).sample(0, state)
+    assert tall.ranges[0] == pytest.approx(3.0 / sin(radians(12.5)), rel=1e-6)
+    assert ScanningSonar(SONAR, Mounting(), 1, scene(world)).sample(0, state).ranges == (inf,)
+    rounded = ScanningSonar(ScanningSonarModel(error=ErrorModel(resolution=0.5)), Mounting(), 1, scene(POOL))
+    assert rounded.sample(0, State((0.2, 0.3, 5.0))).ranges[0] % 0.5 == 0.0
+
+
+# --- log and altimeter
+
+DVL = DvlModel(velocity=EXACT, range=EXACT)
+ALTIMETER = AltimeterModel(error=EXACT)
+
+
+@pytest.mark.parametrize("mounting", [Mounting(), ASKEW._replace(orientation=(0.1, -0.2, 0.8))])
+def test_log_over_a_slope(mounting: Mounting) -> None:
+    """Each beam's range is that to the slope; velocity is exact; altitude is at right angles to the slope."""
+    state = State((1.0, 2.0, 5.0), from_euler(0.1, -0.15, 0.9), NU)
+    dvl = Dvl(DVL, mounting, 1, scene(sloping()))
+    place, attitude = mounting.place(state), mounting.attitude(state)
+    for i, found in enumerate(dvl._ranges(state)):
+        angle, tilt = pi / 4.0 + i * pi / 2.0, DVL.tilt
+        beam = rotate(attitude, (sin(tilt) * cos(angle), sin(tilt) * sin(angle), cos(tilt)))
+        assert found == pytest.approx(to_slope(place, beam), abs=1e-6)
+    sample = dvl.sample(0, state)
+    height = (20.0 + 0.25 * place[0] - place[2]) / sqrt(1.0 + 0.25**2)
+    assert sample.locked
+    assert sample.altitude == pytest.approx(height, abs=1e-6)
+    swing = mounting.velocity(NU)
+    assert rotate(mounting.quaternion, sample.velocity) == pytest.approx(swing, abs=1e-9)
+
+
+def test_log_over_a_block_and_out_of_reach() -> None:
+    """One beam ends on a block; over a slope that falls away two of them find nothing any more, and lock is lost."""
+    across = 15.0 * tan(DVL.tilt) / sqrt(2.0)
+    world = FLAT._replace(box=(Box(across, across, 4.0, 4.0, top=16.0),))
+    ranges = Dvl(DVL, Mounting(), 1, scene(world))._ranges(State((0.0, 0.0, 5.0)))
+    assert ranges == pytest.approx([11.0 / cos(DVL.tilt), *[15.0 / cos(DVL.tilt)] * 3])
+    short = DVL._replace(max_range=16.5)
+    dvl = Dvl(short, Mounting(), 1, scene(sloping()))
+    assert [x is None for x in dvl._ranges(State((0.0, 0.0, 5.0)))] == [True, False, False, True]
+    assert not dvl.sample(0, State((0.0, 0.0, 5.0))).locked
+
+
+def test_an_obstacle_out_of_reach_changes_no_bit() -> None:
+    """While only the flat seabed is within reach the formula is taken; nearer, the rays, which say the same."""
+    near = FLAT._replace(cylinder=(Cylinder(30.0, 0.0, 2.0),), box=(Box(-20.0, -20.0, 3.0, 3.0, 0.3, 15.0),))
+    one, other = Dvl(DvlModel(), ASKEW, 5, scene()), Dvl(DvlModel(), ASKEW, 5, scene(near))
+    rays = Dvl(DvlModel(), ASKEW, 5, scene(near))
+    rays._ground.is_flat = lambda state, across: False  # type: ignore[method-assign]
+    for i in range(50):
+        state = State((0.3 * i - 8.0, 0.1 * i, 3.0 + 0.1 * i), from_euler(0.01 * i, -0.008 * i, 0.3 * i), NU)
+        first, second, third = (dvl.sample(i, state) for dvl in (one, other, rays))
+        assert repr(first) == repr(second)
+        assert (third.altitude, *third.velocity) == pytest.approx((first.altitude, *first.velocity), abs=1e-9)
+
+
+def test_ground_is_flat_only_while_nothing_is_in_reach() -> None:
+    world = FLAT._replace(cylinder=(Cylinder(10.0, 0.0, 2.0),))
+    ground = Dvl(DVL, Mounting(), 1, scene(world))._ground
+    for north in [0.5 * i for i in range(30)]:
+        state = State((north, 1.0, 5.0))
+        assert ground.is_flat(state, 3.0) == (world.clearance(north, 1.0) > 3.0)
+    assert not Dvl(DVL, Mounting(), 1, scene(sloping()))._ground.is_flat(State((0.0, 0.0, 5.0)), 0.0)
+
+
+def test_ground_measures_clearance_only_when_it_could_tell(monkeypatch: pytest.MonkeyPatch) -> None:
+    """On a way among obstacles the answer is always that of the clearance here, which is seldom measured."""
+    world = FLAT._replace(cylinder=(Cylinder(10.0, 0.0, 2.0),), box=(Box(-6.0, -9.0, 3.0, 3.0, 0.3, 15.0),))
+    measured: list[tuple[float, ...]] = []
+    clearance = World.clearance
+    ground = Dvl(DVL, Mounting(), 1, scene(world))._ground
+
+    def watched(world: World, *place: float) -> float:
+        measured.append(place)
+        return clearance(world, *place)
+
+    monkeypatch.setattr(World, "clearance", watched)
+    random, north, east, answers = Random(4), 0.0, 0.0, []
+    for _ in range(2000):
+        north, east = north + random.uniform(-0.1, 0.11), east + random.uniform(-0.1, 0.1)
+        across = random.uniform(2.0, 3.0)
+        answers.append(ground.is_flat(State((north, east, 5.0)), across))
+        assert answers[-1] == (clearance(world, north, east) > across)
+    assert 100 < sum(answers) < 1900
+    assert len(measured) < 500
+
+
+def test_altimeter_over_relief_and_obstacles() -> None:
+    state = State((1.0, 2.0, 5.0), from_euler(0.15, -0.2, 2.0), NU)
+    sample = Altimeter(ALTIMETER, ASKEW, 1, scene(sloping())).sample(0, state)
+    beam = rotate(ASKEW.attitude(state), (0.0, 0.0, 1.0))
+    assert sample.distance == pytest.approx(to_slope(ASKEW.place(state), beam), abs=1e-6)
+    stump = FLAT._replace(cylinder=(Cylinder(0.0, 0.0, 2.0, top=12.0),))
+    altimeter = Altimeter(ALTIMETER, Mounting(), 1, scene(stump))
+    assert altimeter.sample(0, State((0.0, 1.0, 5.0))).distance == pytest.approx(7.0)
+    assert altimeter.sample(0, State((0.0, 3.0, 5.0))).distance == pytest.approx(15.0)
+    ahead = Altimeter(ALTIMETER, Mounting(orientation=(0.0, pi / 2.0, 0.0)), 1, scene(stump))
+    assert ahead.sample(0, State((-20.0, 0.0, 13.0))).distance == pytest.approx(18.0)
+    assert ahead.sample(0, State((-20.0, 0.0, 11.0))).distance == inf
+
+
+def test_samples_are_the_same_in_every_run() -> None:
+    def ride() -> list[str]:
+        suite = {
+            "laser": SensorSpec(Laser, LaserModel(rate=20.0)),
+            "profiler": SensorSpec(Profiler, ProfilerModel()),
+            "echosounder": SensorSpec(Echosounder, EchosounderModel()),
+            "scanning_sonar": SensorSpec(ScanningSonar, ScanningSonarModel()),
+        }
+        simulation = Simulation(VEHICLE, sloping(), suite, seed=3, position=(0.0, 0.0, 12.0))
+        return [repr(pair) for _ in range(200) for pair in simulation.step((1600,) * 8)]
+
+    first = ride()
+    assert first == ride()
+    assert len(first) == 10 + 2 + 5 + 5

@@ -1,0 +1,113 @@
+"""Battery monitor, leak detector and contact switch."""
+
+from statistics import fmean, pstdev
+
+import pytest
+
+from hil.common.errors import ConfigError
+from sim.dynamics import State
+from sim.environment.world import load_world
+from sim.rotations import from_euler
+from sim.sensors.battery import BatteryMonitor, BatteryMonitorModel
+from sim.sensors.contact import ContactModel, ContactSwitch
+from sim.sensors.error import ErrorModel
+from sim.sensors.extra_samples import BatterySample, FlagSample
+from sim.sensors.leak import Leak, LeakModel
+from sim.sensors.mounting import Mounting
+from sim.sensors.suite import SensorSpec, read_suite
+from sim.simulation import Simulation
+from sim.vehicle.battery import Battery, BatteryState
+from sim.vehicle.thruster_curves import T200
+from sim.vehicle.vehicle import Vehicle, load_vehicle
+
+VEHICLE, _ = load_vehicle("paper_six")
+POOL = load_world("pool")
+SCENE = Simulation(VEHICLE, POOL, {}, position=(0.0, 0.0, 1.0))
+S = 1_000_000_000
+
+
+def with_battery() -> Vehicle:
+    thrusters = tuple(thruster._replace(curve=T200(), time_constant=0.0) for thruster in VEHICLE.thrusters)
+    battery = Battery(266.0, (0.0, 0.1, 1.0), (12.4, 14.0, 16.8), 0.05, cut_off=11.0, hotel_current=1.5)
+    return VEHICLE._replace(thrusters=thrusters, battery=battery)
+
+
+def test_battery_monitor_reads_the_battery() -> None:
+    vehicle = with_battery()
+    exact = BatteryMonitorModel(voltage=ErrorModel(), current=ErrorModel())
+    simulation = Simulation(vehicle, POOL, {"battery": SensorSpec(BatteryMonitor, exact)}, position=(0.0, 0.0, 1.0))
+    stream = (sample for _ in range(800) for _, sample in simulation.step((1700,) * 6))
+    samples = [sample for sample in stream if isinstance(sample, BatterySample)]
+    assert vehicle.battery is not None
+    assert len(samples) == 2
+    state = simulation.battery
+    assert isinstance(state, BatteryState)
+    full = vehicle.battery.capacity_ah
+    assert samples[-1] == (2 * S, state.voltage, state.current, state.fraction * full, full, False)
+    assert state.current > 10.0
+    assert samples[0].charge - samples[1].charge == pytest.approx(state.current / 3600.0, rel=0.02)
+
+
+def test_battery_monitor_errors_have_their_size() -> None:
+    """Beside the scale's error: noise of one step of the converter and the rounding to it, 1/12 of its square."""
+    scene = Simulation(with_battery(), POOL, {}, position=(0.0, 0.0, 1.0))
+    scene.step((1600,) * 6)
+    battery = scene.battery
+    assert battery is not None
+    monitor = BatteryMonitor(BatteryMonitorModel(), Mounting(), 1, scene)
+    volts = [monitor.sample(i, State()).voltage for i in range(2000)]
+    assert pstdev(volts) == pytest.approx(0.0089 * (13.0 / 12.0) ** 0.5, rel=0.06)
+    assert all(abs(v / 0.0089 - round(v / 0.0089)) < 1e-9 for v in volts)
+    seeds = range(300)
+    amperes = [BatteryMonitor(BatteryMonitorModel(), Mounting(), s, scene).sample(0, State()).current for s in seeds]
+    assert fmean(amperes) == pytest.approx(battery.current, rel=0.003)
+    size = ((0.01 * battery.current) ** 2 + 0.0305**2 * 13.0 / 12.0) ** 0.5
+    assert pstdev(amperes) == pytest.approx(size, rel=0.12)
+
+
+def test_a_vehicle_without_a_battery_is_named() -> None:
+    with pytest.raises(ConfigError, match=r"paper_six has no battery: give its vehicle file a \[battery\]"):
+        Simulation(VEHICLE, POOL, read_suite({"battery": {}}, "a"), position=(0.0, 0.0, 1.0))
+
+
+def test_leak_at_a_time() -> None:
+    leak = Leak(LeakModel(at=2.5), Mounting(), 1, SCENE)
+    wet = [leak.sample(i * S, State()).on for i in range(6)]
+    assert wet == [False, False, False, True, True, True]
+
+
+def test_leak_below_a_depth_stays() -> None:
+    """The depth is the detector's: 1 m ahead of the origin of a vehicle that dives steeply."""
+    leak = Leak(LeakModel(below=10.0), Mounting((1.0, 0.0, 0.0)), 1, SCENE)
+    depths = [5.0, 9.6, 9.4, 9.6, 3.0]
+    down = from_euler(0.0, -1.5707963, 0.0)
+    level = [leak.sample(0, State((0.0, 0.0, depth))).on for depth in depths]
+    assert not any(level)
+    assert leak.sample(0, State((0.0, 0.0, 9.4), down)).on
+    assert leak.sample(0, State((0.0, 0.0, 0.0))).on
+
+
+def test_leak_never() -> None:
+    leak = Leak(LeakModel(), Mounting(), 1, SCENE)
+    assert not any(leak.sample(i * 10**15, State((0.0, 0.0, 9000.0))).on for i in range(10))
+
+
+def test_contact_tells_of_every_touch() -> None:
+    """Against a wall at full speed, and read so rarely that the touch is long over when it is asked for."""
+    slow = SensorSpec(ContactSwitch, ContactModel(rate=1.0))
+    simulation = Simulation(VEHICLE, POOL, {"contact": slow}, position=(6.0, 0.0, 2.0))
+    found: list[tuple[bool, int]] = []
+    for step in range(4800):
+        ahead = 1900 if step < 1000 else 1100 if step < 1500 else 1500
+        before = simulation.contacts
+        for _, sample in simulation.step((ahead,) * 4 + (1500, 1500)):
+            assert isinstance(sample, FlagSample)
+            found.append((sample.on, before))
+    assert simulation.contacts > 0
+    on = [pressed for pressed, _ in found]
+    assert on[0] is False
+    assert any(on)
+    first = on.index(True)
+    assert found[first][1] > found[first - 1][1]
+    assert not simulation.touching
+    assert not on[-1]  # off again once it has backed away

@@ -1,0 +1,171 @@
+from itertools import pairwise
+from math import cos, hypot, isnan, radians, sin
+from statistics import fmean, pstdev
+
+import pytest
+
+from sim import rotations
+from sim.dynamics import Dynamics, State
+from sim.environment.world import World
+from sim.matrices import inverse
+from sim.rotations import from_euler, rotate, rotate_inverse
+from sim.sensors.error import ErrorModel
+from sim.sensors.imu import Imu, ImuModel, specific_force
+from sim.sensors.mounting import Mounting
+from sim.sensors.odometry import GroundTruth, GroundTruthModel, Odometry, OdometryModel
+from sim.sensors.pressure import Pressure, PressureModel
+from sim.sensors.ranging.dvl import Dvl, DvlModel
+from sim.simulation import Simulation
+from sim.vehicle.vehicle import load_vehicle
+
+EXACT = ErrorModel()
+EXACT_IMU = ImuModel(attitude=EXACT, angular_velocity=EXACT, acceleration=EXACT)
+EXACT_DVL = DvlModel(velocity=EXACT, range=EXACT)
+PLAIN = Mounting()
+SEA = World("sea", "test", (-100.0, 100.0, -100.0, 100.0), 20.0, gravity=9.8)
+SCENE = Simulation(load_vehicle("bluerov2_heavy")[0], SEA, {}, position=(0.0, 0.0, 5.0))
+NU = (0.8, -0.3, 0.2, 0.4, -0.5, 0.6)
+
+
+def test_imu_at_rest_feels_its_support() -> None:
+    sample = Imu(EXACT_IMU, PLAIN, 1, SCENE).sample(5, State())
+    assert sample == (5, (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, -9.8))
+    nose_up = State(quaternion=from_euler(0.0, radians(90), 0.0))
+    assert Imu(EXACT_IMU, PLAIN, 1, SCENE).sample(5, nose_up).acceleration == pytest.approx((9.8, 0.0, 0.0))
+
+
+def test_imu_off_the_axis_feels_the_turn() -> None:
+    state = State(nu=(0, 0, 0, 0, 0, 2.0))
+    state.nu_dot = [0.0, 0.0, 0.0, 0.0, 0.0, 3.0]
+    assert specific_force(state, (0.5, 0.0, 0.0), 0.0) == pytest.approx((-0.5 * 4.0, 0.5 * 3.0, 0.0))
+
+
+def test_specific_force_is_the_acceleration_of_the_place() -> None:
+    """Against the second difference of the sensor's place in the world, on a wild ride in a current."""
+    vehicle, _ = load_vehicle("bluerov2_heavy")
+    dynamics = Dynamics(vehicle, 1025.0, 9.8, "rk4")
+    state, place, dt = State((0, 0, 50.0), from_euler(0.3, -0.2, 0.7), NU), (0.2, -0.1, 0.3), 0.001
+
+    def world() -> list[float]:
+        return [a + b for a, b in zip(state.position, rotate(state.quaternion, place), strict=True)]
+
+    def step() -> None:
+        dynamics.step(state, (40.0, -20.0, 30.0, 2.0, -3.0, 4.0), (0.3, -0.2, 0.1), dt)
+
+    for _ in range(300):
+        step()
+    before = world()
+    step()
+    middle, at = world(), (list(state.quaternion), list(state.nu))
+    step()
+    after = world()
+    felt = State(quaternion=at[0], nu=at[1])
+    felt.nu_dot = [(b - a) / dt for a, b in zip(at[1], state.nu, strict=True)]
+    seen = [(a - 2.0 * b + c) / dt**2 for a, b, c in zip(before, middle, after, strict=True)]
+    expected = rotate_inverse(at[0], (seen[0], seen[1], seen[2] - 9.8))
+    assert specific_force(felt, place, 9.8) == pytest.approx(expected, abs=0.02)
+
+
+def test_imu_noise_is_on_by_default_and_of_its_size() -> None:
+    imu, state = Imu(ImuModel(), PLAIN, 3, SCENE), State()
+    samples = [imu.sample(i, state) for i in range(2000)]
+    rates = [sample.angular_velocity[0] for sample in samples]
+    changes = [b - a for a, b in pairwise(rates)]
+    assert pstdev(changes) == pytest.approx(2**0.5 * 3.394e-4 * 10.0, rel=0.1)  # density * sqrt(100 Hz)
+    assert all(sum(x * x for x in sample.orientation) == pytest.approx(1.0) for sample in samples)
+    roll = [rotations.to_euler(sample.orientation)[0] for sample in samples]
+    assert 0.0005 < pstdev(roll) < 0.02
+
+
+def test_dvl_is_exact_without_errors() -> None:
+    """Tilted, turning, off the origin: velocity is that of its place, altitude that over the seabed."""
+    q, place = from_euler(0.15, -0.2, 2.0), (0.3, -0.1, 0.2)
+    state = State((1.0, 2.0, 3.0), q, NU)
+    sample = Dvl(EXACT_DVL, Mounting(place), 1, SCENE).sample(9, state)
+    u, v, w, p, q_, r = NU
+    x, y, z = place
+    assert sample.locked
+    assert sample.velocity == pytest.approx((u + q_ * z - r * y, v + r * x - p * z, w + p * y - q_ * x))
+    assert sample.altitude == pytest.approx(20.0 - 3.0 - rotate(q, place)[2])
+    slant = 17.0 / cos(EXACT_DVL.tilt)  # what the mean of the beams would be, level
+    assert abs(sample.altitude - slant) > 1.0
+
+
+def test_dvl_beams_have_their_own_noise() -> None:
+    """Least squares over four beams: sd of u is the beam's over sqrt(2) sin(tilt), of w over 2 cos(tilt)."""
+    model = DvlModel(velocity=ErrorModel(noise=0.02), range=ErrorModel(noise=0.05))
+    dvl, state = Dvl(model, PLAIN, 1, SCENE), State((0.0, 0.0, 5.0), nu=NU)
+    samples = [dvl.sample(i, state) for i in range(1500)]
+    along, down = [s.velocity[0] for s in samples], [s.velocity[2] for s in samples]
+    assert fmean(along) == pytest.approx(0.8, abs=0.003)
+    assert pstdev(along) == pytest.approx(0.02 / (2.0**0.5 * sin(model.tilt)), rel=0.08)
+    assert pstdev(down) == pytest.approx(0.02 / (2.0 * cos(model.tilt)), rel=0.08)
+    assert pstdev([s.altitude for s in samples]) == pytest.approx(0.05 * cos(model.tilt) / 2.0, rel=0.08)
+
+
+@pytest.mark.parametrize(
+    ("depth", "roll", "locked"),
+    [
+        (5.0, 0.0, True),
+        (19.9, 0.0, False),  # too near the seabed
+        (-1.0, 0.0, False),  # out of the water
+        (5.0, radians(179), False),  # beams to the sky
+        (5.0, radians(60), False),  # two beams above the horizon
+    ],
+)
+def test_dvl_lock(depth: float, roll: float, locked: bool) -> None:
+    sample = Dvl(DvlModel(), PLAIN, 1, SCENE).sample(0, State((0.0, 0.0, depth), from_euler(roll, 0.0, 0.0), NU))
+    assert sample.locked is locked
+    assert isnan(sample.altitude) is not locked
+    assert all(isnan(x) is not locked for x in sample.velocity)
+
+
+def test_dvl_with_three_beams() -> None:
+    """Over a slant one beam loses the seabed; three still give velocity and altitude."""
+    model = EXACT_DVL._replace(max_range=23.0)
+    state = State((0.0, 0.0, 0.5), from_euler(0.11, 0.11, 0.0), NU)
+    dvl = Dvl(model, PLAIN, 1, SCENE)
+    assert sum(distance is None for distance in dvl._ranges(state)) == 1
+    sample = dvl.sample(0, state)
+    assert sample.velocity == pytest.approx(NU[:3])
+    assert sample.altitude == pytest.approx(19.5)
+
+
+def test_a_beam_without_lock_counts_for_nothing() -> None:
+    """With three beams each error is that of its own beam: the three measured speeds and ends are met exactly."""
+    model = DvlModel(max_range=23.0, velocity=ErrorModel(offset=0.1), range=ErrorModel(offset=0.5))
+    dvl = Dvl(model, PLAIN, 1, SCENE)
+    state = State((0.0, 0.0, 0.5), from_euler(0.11, 0.11, 0.0), NU)
+    sample = dvl.sample(0, state)
+    locked = [(beam, found) for beam, found in zip(dvl._beams, dvl._ranges(state), strict=True) if found is not None]
+    for (x, y, z), _ in locked:
+        u, v, w = (found - true for found, true in zip(sample.velocity, NU[:3], strict=True))
+        assert x * u + y * v + z * w == pytest.approx(0.1)
+    ends = [[(found + 0.5) * x for x in beam] for beam, found in locked]
+    normal = [sum(row) for row in inverse(ends)]  # of the plane through them: normal . end = 1
+    assert sample.altitude == pytest.approx(1.0 / hypot(*normal))
+
+
+def test_pressure() -> None:
+    sensor = Pressure(PressureModel(error=EXACT), Mounting((0.1, 0.0, 0.2)), 1, SCENE)
+    assert sensor.sample(3, State((0, 0, 10.0))).time_ns == 3
+    assert sensor.sample(3, State((0, 0, 10.0))).pascal == pytest.approx(101_325.0 + 1025.0 * 9.8 * 10.2)
+    assert sensor.sample(3, State((0, 0, -1.0))).pascal == 101_325.0
+    tipped = State((0, 0, 10.0), from_euler(0.0, radians(-90), 0.0))
+    assert sensor.sample(3, tipped).pascal == pytest.approx(101_325.0 + 1025.0 * 9.8 * 10.1)
+    noisy = Pressure(PressureModel(), PLAIN, 1, SCENE)
+    assert pstdev([noisy.sample(i, State()).pascal for i in range(500)]) == pytest.approx(20.0, rel=0.5)
+
+
+def test_odometry_is_near_the_truth_and_ground_truth_is_it() -> None:
+    state = State((1.0, 2.0, 3.0), from_euler(0.1, 0.2, 0.3), NU)
+    exact = GroundTruth(GroundTruthModel(), PLAIN, 1, SCENE).sample(7, state)
+    assert exact == (7, (1.0, 2.0, 3.0), from_euler(0.1, 0.2, 0.3), NU)
+    assert Odometry(OdometryModel(20.0, EXACT, EXACT, EXACT, EXACT, EXACT), PLAIN, 1, SCENE).sample(7, state) == exact
+    odometry = Odometry(OdometryModel(), PLAIN, 1, SCENE)
+    samples = [odometry.sample(i, state) for i in range(20_000)]  # 1000 s
+    north = [sample.position[0] for sample in samples]
+    assert pstdev(north) == pytest.approx((0.1**2 + 0.02**2) ** 0.5, rel=0.3)
+    assert min(north) < 0.85  # to both sides
+    assert max(north) > 1.15
+    assert pstdev([sample.nu[0] for sample in samples]) == pytest.approx(0.01, rel=0.05)

@@ -1,0 +1,133 @@
+"""Side-scan sonar against what planes and blocks must give; devices; and all that makes images with either engine."""
+
+from math import isinf, pi, radians, sqrt
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from hil.common.errors import ConfigError
+from sim.dynamics import State
+from sim.environment.obstacles import Box, Cylinder
+from sim.environment.relief import Fractal
+from sim.environment.terrain import Terrain, covering
+from sim.environment.world import World
+from sim.rays.scene import Engine, RayScene
+from sim.rotations import from_euler
+from sim.sensors.imaging.camera import Camera
+from sim.sensors.imaging.camera_model import CameraModel
+from sim.sensors.imaging.forward_sonar import ForwardSonar, ForwardSonarModel
+from sim.sensors.imaging.samples import SideScanSample
+from sim.sensors.imaging.side_scan import SideScan, SideScanModel
+from sim.sensors.mounting import Mounting
+from sim.sensors.suite import read_suite
+from sim.simulation import Simulation
+from sim.vehicle.vehicle import load_vehicle
+from tests.support.twins import taken_from
+
+EXTENT = (-60.0, 60.0, -60.0, 60.0)
+VEHICLE, _ = load_vehicle("bluerov2_heavy")
+FLAT = World("flat", "test", EXTENT, 20.0)
+AHEAD = State((0.0, 0.0, 10.0))
+
+
+def scene(world: World = FLAT) -> Simulation:
+    return Simulation(VEHICLE, world, {}, position=(0.0, 0.0, 5.0))
+
+
+def side(sample: SideScanSample, which: str) -> Any:
+    return np.frombuffer(getattr(sample, which), sample.encoding)
+
+
+SCAN = SideScanModel(ground_truth=True, max_range=60.0, rays=3000)
+
+
+def test_first_bottom_return_is_the_altitude() -> None:
+    scan = SideScan(SCAN, Mounting(), 1, scene())
+    sample = scan.sample(0, AHEAD)
+    assert sample.altitude == pytest.approx(10.0, abs=1e-4)
+    for which in ("port", "starboard"):
+        column = side(sample, which)
+        assert len(column) == sample.bins == 600
+        assert not column[:99].any()
+        assert column[101:].all()
+    assert side(sample, "port") == pytest.approx(side(sample, "starboard"), rel=1e-6)
+
+
+def test_shadow_of_a_block_to_starboard() -> None:
+    """A block from 18 to 22 m aside and 4 m high, 10 m above the seabed: its top's far edge shades to 22 * 10 / 6 m."""
+    world = FLAT._replace(box=(Box(0.0, 20.0, 6.0, 4.0, top=16.0),))
+    sample = SideScan(SCAN, Mounting(), 1, scene(world)).sample(0, AHEAD)
+    starboard, port = side(sample, "starboard"), side(sample, "port")
+    front = sqrt(18.0**2 + 6.0**2), sqrt(18.0**2 + 10.0**2)  # the face, from its upper edge on
+    shade = sqrt(22.0**2 + 6.0**2), sqrt((22.0 / 0.6) ** 2 + 10.0**2)
+    face = slice(int(front[0] / 0.1) + 1, int(front[1] / 0.1) - 1)
+    assert starboard[face].min() > 3.0 * port[face].max()
+    dark = starboard[int(shade[0] / 0.1) + 2 : int(shade[1] / 0.1) - 2]
+    assert len(dark) > 100
+    assert dark.max() < 1e-9 * port.max()
+    assert starboard[int(shade[1] / 0.1) + 6] > 0.0
+    assert port.nonzero()[0][0] == 100
+    assert (port[101:] > 0.0).all()
+
+
+def test_out_of_the_water_a_side_scan_hears_nothing() -> None:
+    ping = SideScan(SideScanModel(ground_truth=True), Mounting(), 1, scene()).sample(0, State((0.0, 0.0, -0.5)))
+    assert isinf(ping.altitude)
+    assert not side(ping, "port").any()
+
+
+def test_side_scan_turns_with_the_vehicle() -> None:
+    """Heading south the block to the east is to port."""
+    world = FLAT._replace(box=(Box(0.0, 20.0, 6.0, 4.0, top=16.0),))
+    scan = SideScan(SCAN, Mounting(), 1, scene(world))
+    north, south = (scan.sample(0, State((0.0, 0.0, 10.0), from_euler(0.0, 0.0, yaw))) for yaw in (0.0, pi))
+    assert side(north, "starboard") == pytest.approx(side(south, "port"), rel=1e-3, abs=1e-15)
+    assert side(north, "port") != pytest.approx(side(south, "port"), rel=0.1, abs=1e-15)
+
+
+def test_a_side_scan_picture_is_noisy_and_seeded() -> None:
+    model = SideScanModel()
+    one, other = (SideScan(model, Mounting(), 5, scene()).sample(0, AHEAD) for _ in range(2))
+    assert one == other
+    assert one.encoding == "uint8"
+    grey = side(one, "port")
+    assert grey[110:600].mean() > 4.0 * grey[:90].mean()
+
+
+@pytest.mark.parametrize("device", ["oculus_m750d", "oculus_m750d_high", "gemini_720is", "blueview_p900_130"])
+def test_devices(device: str) -> None:
+    suite = read_suite({"forward_sonar": {"device": device, "rays": 4, "max_range": 30.0, "rate": 2.0}}, "test")
+    fitted = suite["forward_sonar"]
+    assert fitted.model.max_range == 30.0
+    sample = ForwardSonar(fitted.model, fitted.mounting, 1, scene()).sample(0, AHEAD)
+    assert len(sample.beams) * sample.bins == len(sample.intensities)
+    assert sample.frequency >= 720e3
+
+
+def test_a_device_is_of_its_sensor() -> None:
+    with pytest.raises(ConfigError, match=r"side_scan: device: .*gemini_720is\.toml is no side_scan"):
+        read_suite({"side_scan": {"device": "gemini_720is"}}, "test")
+    with pytest.raises(ConfigError, match="starfish_450"):
+        read_suite({"side_scan": {"device": "starfish"}}, "test")
+    assert read_suite({"side_scan": {"device": "starfish_450"}}, "test")["side_scan"].model.beam_width == radians(0.8)
+
+
+def test_numpys_rays_give_the_same_pictures(binaries: Path) -> None:
+    """As those in C, to the last byte: sonars and camera, over rough ground with things on it."""
+    grid = covering(EXTENT, 1.0)
+    terrain = Terrain(grid, Fractal(15.0, 1.5, seed=4).depths(grid), 20.0)
+    world = FLAT._replace(terrain=terrain, cylinder=(Cylinder(15.0, 5.0, 1.0),), box=(Box(8.0, -4.0, 2.0, 2.0, 0.4),))
+    makers: list[Any] = [
+        lambda: ForwardSonar(ForwardSonarModel(beams=128, rays=16), Mounting(), 1, scene(world)),
+        lambda: SideScan(SideScanModel(rays=200), Mounting(), 1, scene(world)),
+        lambda: Camera(CameraModel(width=64, height=48), Mounting(), 1, scene(world)),
+    ]
+
+    def samples(engine: Engine) -> list[Any]:
+        with pytest.MonkeyPatch.context() as patch, taken_from(binaries):
+            patch.setattr(RayScene.__init__, "__defaults__", (engine,))
+            return [make().sample(0, State((0.0, 0.0, 8.0), from_euler(0.1, -0.2, 0.3))) for make in makers]
+
+    assert samples("C") == samples("python")

@@ -1,0 +1,252 @@
+"""Acoustic and optical modems against worked cases."""
+
+from math import exp, hypot, log10, pi
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sim.environment.ocean import Profile
+from sim.environment.water_column import WaterColumn
+from sim.modems.acoustic import NS, AcousticChannel, AcousticModem, Packet
+from sim.modems.optical import OpticalModem, bit_error, packet_arrives, quality
+from sim.modems.optical_channel import OpticalChannel, Pose
+from sim.modems.sound import ambient_noise, paths, thorp_absorption, transmission_loss
+from sim.rotations import from_euler
+from sim.sensors.error import ErrorModel
+
+EXACT = AcousticModem(range_error=ErrorModel())
+TWO = {"a": (0.0, 0.0, 10.0), "b": (300.0, 400.0, 10.0)}
+
+
+def run(channel: AcousticChannel, until_s: float = 10.0) -> list[Packet]:
+    return channel.receive(round(until_s * NS))
+
+
+def test_thorp_and_wenz_worked_by_hand() -> None:
+    # f = 10 kHz: 0.11*100/101 + 44*100/4200 + 0.0275 + 0.003
+    assert thorp_absorption(10_000.0) * 1000.0 == pytest.approx(0.10891 + 1.04762 + 0.0275 + 0.003, abs=1e-4)
+    assert transmission_loss(1000.0, 10_000.0, 2.0) == pytest.approx(60.0 + 1.18703 * 0.999, abs=1e-3)
+    # 10 kHz, wind 4 m/s, shipping 0.5: 10^-1.3 + 10^(40+26-60.078)/10 + 10^(50+15+20-40.680)/10 + 10^0.5
+    parts = 10**-1.3 + 10 ** ((66.0 - 60.0 * log10(10.03)) / 10) + 10 ** ((85.0 - 40.0 * log10(10.4)) / 10) + 10**0.5
+    assert ambient_noise(10_000.0, 4.0, 0.5) == pytest.approx(10.0 * log10(parts))
+
+
+def test_a_message_takes_its_way_and_its_airtime() -> None:
+    channel = AcousticChannel(EXACT, 50.0, seed=1)
+    through = channel.send(0, "a", b"x" * 16, TWO)
+    assert through == round((0.03 + 128 / 640) * NS)
+    arrives = round(500.0 / 1500.0 * NS) + through
+    assert channel.receive(arrives - 1) == []
+    (packet,) = channel.receive(arrives)
+    assert (packet.sender, packet.receiver, packet.payload) == ("a", "b", b"x" * 16)
+    assert (packet.sent_ns, packet.received_ns) == (0, arrives)
+    assert packet.distance == pytest.approx(500.0, abs=1e-6)
+    assert channel.receive(arrives + NS) == []
+    assert channel.counts == {"sent": 1, "delivered": 1}
+
+
+def test_signal_to_noise_is_the_sonar_equation() -> None:
+    channel = AcousticChannel(EXACT, 50.0, seed=1)
+    channel.send(0, "a", b"x", TWO)
+    (packet,) = run(channel)
+    noise = ambient_noise(28_000.0, 5.0, 0.5) + 10.0 * log10(8000.0)
+    assert packet.snr == pytest.approx(168.0 - transmission_loss(500.0, 28_000.0, 1.5) - noise)
+
+
+def test_the_speed_of_sound_of_the_water_makes_a_range_wrong() -> None:
+    column = WaterColumn(Profile((0.0, 100.0), (1000.0, 1000.0), (1480.0, 1480.0)), 9.81)
+    channel = AcousticChannel(EXACT, 50.0, seed=1, column=column)
+    channel.send(0, "a", b"x", TWO)
+    (packet,) = run(channel)
+    assert packet.distance == pytest.approx(500.0 * 1500.0 / 1480.0, rel=1e-6)
+
+
+def test_who_sends_is_deaf() -> None:
+    channel = AcousticChannel(EXACT, 50.0, seed=1)
+    channel.send(0, "a", b"x" * 16, TWO)
+    channel.send(round(0.2 * NS), "b", b"y" * 16, TWO)  # a's message comes at 0.33 s, while b still sends
+    assert [packet.receiver for packet in run(channel)] == ["a"]
+    assert channel.counts["deaf"] == 1
+
+
+def test_who_begins_to_send_loses_what_it_was_hearing() -> None:
+    channel = AcousticChannel(EXACT, 50.0, seed=1)
+    channel.send(0, "a", b"x" * 16, TWO)
+    channel.receive(round(0.35 * NS))
+    channel.send(round(0.4 * NS), "b", b"y", TWO)
+    assert [packet.receiver for packet in run(channel)] == ["a"]
+    assert channel.counts["deaf"] == 1
+
+
+def test_a_modem_sends_one_message_at_a_time_and_none_that_is_too_long() -> None:
+    channel = AcousticChannel(EXACT, 50.0, seed=1)
+    assert channel.send(0, "a", b"x", TWO)
+    assert channel.send(1, "a", b"x", TWO) == 0
+    assert channel.send(NS, "a", b"x" * 65, TWO) == 0
+    assert (channel.counts["busy"], channel.counts["too_long"]) == (1, 1)
+
+
+def test_of_two_that_collide_the_first_is_heard_and_disturbed() -> None:
+    places = {"near": (0.0, 0.0, 5.0), "ear": (30.0, 0.0, 5.0), "far": (900.0, 0.0, 5.0)}
+    channel = AcousticChannel(EXACT, 50.0, seed=1)
+    channel.send(0, "near", b"x" * 16, places)
+    channel.send(1, "far", b"y" * 2, places)  # reaches the ear at 0.58 s; near's is over at 0.25 s
+    assert [(p.sender, p.receiver) for p in run(channel, 0.3)] == [("near", "ear")]
+    alone = AcousticChannel(EXACT, 50.0, seed=1)
+    alone.send(0, "near", b"x" * 16, places | {"far": (150.0, 0.0, 5.0)})
+    alone.send(1, "far", b"y" * 16, places | {"far": (150.0, 0.0, 5.0)})  # at 0.08 s, over near's
+    heard = [p for p in run(alone) if p.receiver == "ear"]
+    assert [p.sender for p in heard] == ["near"]
+    assert alone.counts["collided"] == 1
+    # 120 m against 30 m: 15 log10(4) = 9 dB less, plus absorption; all but 0.06 s of the 0.23 s
+    assert 8.0 < heard[0].snr < 12.0
+
+
+def test_a_longer_message_that_came_first_keeps_the_receiver() -> None:
+    places = {"a": (0.0, 0.0, 5.0), "b": (30.0, 0.0, 5.0), "c": (60.0, 0.0, 5.0)}
+    channel = AcousticChannel(EXACT, 50.0, seed=1)
+    channel.send(0, "a", b"x" * 60, places)
+    channel.send(round(0.1 * NS), "c", b"y", places)
+    assert [p.sender for p in run(channel, 0.5) if p.receiver == "b"] == []
+    assert channel.counts["collided"] == 1
+
+
+def test_too_far_is_not_heard() -> None:
+    channel = AcousticChannel(EXACT, 50.0, seed=1)
+    channel.send(0, "a", b"x", {"a": (0.0, 0.0, 5.0), "b": (20_000.0, 0.0, 5.0)})
+    assert run(channel, 30.0) == []
+    assert channel.counts["unheard"] == 1
+
+
+def test_packets_are_lost_as_often_as_the_formula_says() -> None:
+    modem = EXACT._replace(source_level=126.0, detection=-30.0, bit_rate=2000.0, overhead=0.0)
+    channel = AcousticChannel(modem, 50.0, seed=3)
+    for number in range(2000):
+        channel.send(number * NS, "a", bytes(16), TWO)
+        channel.receive(number * NS + NS - 1)
+    noise = ambient_noise(28_000.0, 5.0, 0.5) + 10.0 * log10(8000.0)
+    ratio = 10 ** ((126.0 - transmission_loss(500.0, 28_000.0, 1.5) - noise) / 10.0)
+    whole = (1.0 - 0.5 * exp(-0.5 * ratio * 4.0)) ** 128
+    assert 0.05 < whole < 0.95, "the case must be one of doubt"
+    assert channel.counts["delivered"] / 2000 == pytest.approx(whole, abs=0.035)
+    assert channel.counts["delivered"] + channel.counts["damaged"] == channel.counts["sent"] == 2000
+
+
+def test_the_ways_of_sound_by_hand() -> None:
+    ways = paths(100.0, 10.0, 20.0, 50.0, bounces=1)
+    # direct; over the surface, 10 up and 20 down; over the bottom, 40 down and 30 up
+    assert [way.length for way in ways] == pytest.approx([hypot(100.0, across) for across in (10.0, 30.0, 70.0)])
+    assert [(way.surface, way.bottom) for way in ways] == [(0, 0), (1, 0), (0, 1)]
+    twice = paths(100.0, 10.0, 20.0, 50.0, bounces=2)
+    # surface then bottom, 10 + 50 + 30; bottom then surface, 40 + 50 + 20
+    assert [way.length for way in twice[3:]] == pytest.approx([hypot(100.0, 90.0), hypot(100.0, 110.0)])
+
+
+def test_echoes_lessen_what_is_understood() -> None:
+    modem = EXACT._replace(surface_loss=15.0, bottom_loss=15.0)
+    plain, echoing = (AcousticChannel(modem._replace(bounces=n), 15.0, seed=1) for n in (0, 1))
+    snr = []
+    for channel in (plain, echoing):
+        channel.send(0, "a", b"x" * 16, TWO)
+        snr.append(run(channel)[0].snr)
+    level = hypot(500.0, 20.0), hypot(500.0, 10.0)  # over the surface, over the bottom; both come almost at once
+    echo = sum(
+        10 ** (-1.5 - (transmission_loss(x, 28_000.0, 1.5) - transmission_loss(500.0, 28_000.0, 1.5)) / 10)
+        for x in level
+    )
+    assert snr[1] == pytest.approx(-10.0 * log10(10 ** (-snr[0] / 10.0) + echo), abs=0.05)
+
+
+@given(
+    st.lists(st.tuples(st.integers(0, 3), st.integers(0, 400_000_000), st.integers(0, 80)), min_size=1, max_size=40),
+    st.integers(0, 3),
+)
+def test_every_message_has_one_fate(calls: list[tuple[int, int, int]], bounces: int) -> None:
+    names = "abcd"
+    places = {name: (120.0 * i, 40.0 * i * i, 3.0 + i) for i, name in enumerate(names)}
+    channel = AcousticChannel(EXACT._replace(bounces=bounces), 20.0, seed=5)
+    time_ns, heard = 0, 0
+    for sender, wait, size in calls:
+        time_ns += wait
+        channel.send(time_ns, names[sender], bytes(size), places)
+        heard += len(channel.receive(time_ns))
+    heard += len(channel.receive(time_ns + 100 * NS))
+    counts = channel.counts
+    assert sum(counts[fate] for fate in ("delivered", "damaged", "collided", "deaf", "unheard")) == 3 * counts["sent"]
+    assert heard == counts["delivered"]
+    assert counts["sent"] + counts["busy"] + counts["too_long"] == len(calls)
+    assert not channel._arrivals, "what is over is forgotten"
+
+
+AHEAD, BACK = (1.0, 0.0, 0.0), (-1.0, 0.0, 0.0)
+
+
+def test_light_reaches_as_far_as_it_is_said_to() -> None:
+    modem = OpticalModem()
+    errors = bit_error(modem, (0.0, 0.0, 5.0), AHEAD, (20.0, 0.0, 5.0), BACK)
+    assert (1.0 - errors) ** 1024 == pytest.approx(0.5, rel=1e-6)
+    assert packet_arrives(errors, 128, 0.49)
+    assert not packet_arrives(errors, 128, 0.51)
+    assert bit_error(modem, (0.0, 0.0, 5.0), AHEAD, (15.0, 0.0, 5.0), BACK) < 1e-9
+    assert bit_error(modem, (0.0, 0.0, 5.0), AHEAD, (30.0, 0.0, 5.0), BACK) > 0.05
+
+
+def test_light_needs_both_to_look_at_each_other() -> None:
+    modem, here, there = OpticalModem(), (0.0, 0.0, 5.0), (5.0, 0.0, 5.0)
+    assert bit_error(modem, here, AHEAD, there, BACK) < 1e-12
+    assert bit_error(modem, here, BACK, there, BACK) == 0.5
+    assert bit_error(modem, here, AHEAD, there, AHEAD) == 0.5
+    aside = (0.0, 1.0, 0.0)
+    assert bit_error(modem, here, AHEAD, there, aside) == 0.5
+    weak = bit_error(modem, here, AHEAD, (16.0, 8.0, 5.0), BACK), bit_error(modem, here, AHEAD, (17.9, 0.0, 5.0), BACK)
+    assert weak[0] > weak[1], "off its axis the lamp is weaker"
+
+
+def test_murky_water_swallows_light() -> None:
+    clear, harbour = OpticalModem(), OpticalModem(attenuation=2.2)
+    assert bit_error(clear, (0.0, 0.0, 0.0), AHEAD, (10.0, 0.0, 0.0), BACK) < 1e-12
+    assert bit_error(harbour, (0.0, 0.0, 0.0), AHEAD, (10.0, 0.0, 0.0), BACK) == pytest.approx(0.5, abs=0.01)
+    assert OpticalModem(half_angle=pi / 3).half_angle == pytest.approx(pi / 3)
+
+
+LEVEL = from_euler(0.0, 0.0, 0.0)
+
+
+def seen(distance: float, heading: float = 0.0, count: int = 1) -> OpticalChannel:
+    """What became of `count` messages over that distance, in clear ocean water."""
+    channel = OpticalChannel(OpticalModem(), seed=2)
+    places = {"a": Pose((0.0, 0.0, 5.0), LEVEL), "b": Pose((distance, 0.0, 5.0), from_euler(0.0, 0.0, heading))}
+    for number in range(count):
+        assert channel.send(number * NS, "a", bytes(128), places) == number * NS + 1_024_000
+        packets = channel.receive(number * NS + 1_023_999)
+        assert packets == []
+        assert len(channel.receive(number * NS + 1_024_000)) <= 1
+    return channel
+
+
+def test_light_between_vehicles_goes_as_far_as_the_modem_reaches() -> None:
+    assert seen(15.0).counts == {"sent": 1, "delivered": 1}
+    assert seen(200.0).counts == {"sent": 1, "unheard": 1}
+    counts = seen(20.0, count=1000).counts  # where one packet in two is whole
+    assert counts["delivered"] / 1000 == pytest.approx(0.5, abs=0.06)
+    assert counts["delivered"] + counts["damaged"] == 1000
+
+
+def test_four_heads_see_all_round_and_worst_between_them() -> None:
+    for quarter in range(4):
+        assert seen(19.0, quarter * pi / 2.0, 50).counts["delivered"] > 45
+    assert seen(19.0, pi / 4.0, 50).counts["delivered"] < 15
+
+
+def test_light_is_half_duplex_too_and_tells_how_well_it_is_seen() -> None:
+    places = {name: Pose((float(north), 0.0, 5.0), LEVEL) for name, north in (("a", 0), ("b", 12))}
+    channel = OpticalChannel(OpticalModem(), seed=2)
+    assert channel.send(0, "a", bytes(16), places)
+    assert channel.send(1, "a", bytes(16), places) == 0
+    assert channel.counts["busy"] == 1
+    (packet,) = channel.receive(NS)
+    assert (packet.sender, packet.receiver, packet.sent_ns) == ("a", "b", 0)
+    errors = bit_error(OpticalModem(), (0.0, 0.0, 5.0), AHEAD, (12.0, 0.0, 5.0), BACK)
+    assert packet.snr == pytest.approx(20.0 * log10(quality(errors)))
+    assert 0.5 * exp(-0.5 * quality(errors) ** 2) == pytest.approx(errors)

@@ -1,0 +1,162 @@
+"""What goes wrong in a run: found from positions, attitudes and contacts alone, joined, counted, written down."""
+
+from math import cos, hypot, pi, radians, sin
+from typing import Any
+
+import pytest
+
+from sim.environment.obstacles import Box, Cylinder
+from sim.environment.world import World
+from sim.run_events import (
+    MOST_EVENTS,
+    EventLog,
+    RunEvent,
+    RunMonitor,
+    decode_events,
+    encode_events,
+    events_since,
+    merge_events,
+)
+from sim.simulation import Simulation
+from sim.vehicle.vehicle import load_vehicle
+
+S = 1_000_000_000
+TICK = S // 20
+LEVEL = (1.0, 0.0, 0.0, 0.0)
+SIX = load_vehicle("paper_six")[0]
+
+
+def rolled(degrees: float) -> tuple[float, float, float, float]:
+    return cos(radians(degrees) / 2), sin(radians(degrees) / 2), 0.0, 0.0
+
+
+def monitor(tilt: float = pi / 3) -> RunMonitor:
+    return RunMonitor(EventLog(), tilt, half_height=0.2, margin=1.0)
+
+
+def dive(judge: RunMonitor, *depths: float, asked: float | None = None) -> list[RunEvent]:
+    """One look each 50 ms."""
+    for number, depth in enumerate(depths):
+        judge.observe(number * TICK, (1.0, 2.0, depth), LEVEL, asked)
+    return list(judge.log.events())
+
+
+def test_a_condition_is_one_event_however_often_it_is_seen() -> None:
+    log = EventLog()
+    for step in range(100):  # in touch every other step, as a hull that slides along a wall
+        log.hold("collision", step * TICK, step * TICK + TICK // 2, (step, 0.0, 5.0), "the wall")
+    assert log.events() == (RunEvent("collision", 0, 99 * TICK + TICK // 2, (0, 0.0, 5.0), "the wall"),)
+    log.hold("collision", 100 * TICK, 101 * TICK, (7.0, 0.0, 5.0), "the pile")
+    log.hold("collision", 1000 * TICK, 1001 * TICK, (8.0, 0.0, 5.0), "the wall")
+    assert [event.what for event in log.events()] == ["the wall", "the pile", "the wall"]
+
+
+def test_a_log_has_an_end() -> None:
+    log = EventLog()
+    for number in range(MOST_EVENTS + 3):
+        log.hold("capsize", 10 * number * S, 10 * number * S, (0.0, 0.0, 0.0))
+    assert (len(log), log.dropped) == (MOST_EVENTS, 3)
+
+
+@pytest.mark.parametrize(("degrees", "capsized"), [(0, False), (59, False), (61, True), (-61, True), (180, True)])
+def test_a_vehicle_that_is_tilted_too_far_has_capsized(degrees: float, capsized: bool) -> None:
+    judge = monitor()
+    judge.observe(0, (0.0, 0.0, 5.0), rolled(degrees), 5.0)
+    assert [event.kind for event in judge.log.events()] == (["capsize"] if capsized else [])
+    lenient = monitor(tilt=3.2)
+    lenient.observe(0, (0.0, 0.0, 5.0), rolled(degrees), 5.0)
+    assert not lenient.log.events()
+
+
+def test_a_vehicle_at_the_surface_that_was_to_be_deeper_has_surfaced() -> None:
+    up = dive(monitor(), 5.0, 3.0, 0.21, 0.19, 0.1, 3.0, asked=5.0)
+    assert [(event.kind, event.start_ns, event.duration_ns) for event in up] == [("surfaced", 3 * TICK, TICK)]
+    assert up[0].place == (1.0, 2.0, 0.19)
+
+
+def test_depths_that_were_asked_for_are_none_of_its_faults() -> None:
+    assert not dive(monitor(), 0.1, 0.1, 3.0, 0.1, asked=5.0), "it began at the surface"
+    assert not dive(monitor(), 5.0, 0.0, 9.0, 0.0), "it was asked for no depth"
+    assert not dive(monitor(), 5.0, 5.9, 4.0, asked=2.0), "within the margin"
+    judge = monitor()
+    judge.observe(0, (0.0, 0.0, 9.0), LEVEL, 0.1)
+    judge.observe(TICK, (0.0, 0.0, 0.1), LEVEL, 9.0)
+    assert not judge.log.events(), "it had been called up"
+
+
+def test_a_vehicle_that_sinks_is_too_deep() -> None:
+    down = dive(monitor(), 5.0, 6.0, 6.1, 8.0, asked=4.0)
+    assert [(event.kind, event.start_ns) for event in down] == [("too_deep", 2 * TICK)]
+
+
+def test_events_cross_the_network_and_rubbish_does_not() -> None:
+    events = (
+        RunEvent("collision", 5 * S, S, (1.5, -2.25, 3.125), "the pile at (1, 2)"),
+        RunEvent("capsize", 7 * S, 0, (0.0, 0.0, 5.0)),
+    )
+    assert decode_events(encode_events(events)) == events
+    assert decode_events(encode_events([events[0]._replace(what="a\nsea\tmine ")]))[0].what == "a sea mine"
+    rubbish = "", "collision", "collision 1 2 3 4", "eaten 1 2 3 4 5 x", "capsize 1 -2 3 4 5", "capsize 1 2 nan 4 5"
+    assert decode_events("\n".join(rubbish)) == ()
+
+
+def test_events_of_a_run_are_those_after_its_beginning() -> None:
+    before = RunEvent("collision", 0, S, (0.0, 0.0, 5.0), "x")
+    across = before._replace(start_ns=5 * S, duration_ns=10 * S)
+    after = before._replace(start_ns=12 * S)
+    shifted = events_since([before, across, after], 10 * S)
+    assert [(event.start_ns, event.duration_ns) for event in shifted] == [(0, 5 * S), (2 * S, S)]
+
+
+def test_of_two_observers_the_first_is_believed() -> None:
+    exact = RunEvent("capsize", 5 * S, S, (0.0, 0.0, 5.0))
+    coarse = exact._replace(start_ns=exact.start_ns + TICK, duration_ns=S // 2)
+    later, other = exact._replace(start_ns=20 * S), exact._replace(kind="surfaced")
+    assert merge_events([exact], [other, later, coarse]) == (exact, other, later)
+
+
+def sliding(**world: Any) -> Simulation:
+    """The paper's vehicle ahead, for 15 s, at a pile that it hits off its middle, and slides along."""
+    place = World("some", "made up", (-20.0, 20.0, -20.0, 20.0), 10.0)._replace(**world)
+    simulation = Simulation(SIX, place, {}, position=(0.0, 0.0, 5.0))
+    for _ in range(15 * 400):
+        simulation.step((1600, 1600, 1500, 1500, 1500, 1500))
+    return simulation
+
+
+def test_a_collision_says_with_what_and_where() -> None:
+    (hit, *_) = sliding(cylinder=(Cylinder(4.0, 0.2, 0.5, name="the north buoy"),)).events.events()
+    assert (hit.kind, hit.what) == ("collision", "the north buoy")
+    assert hit.place[0] == pytest.approx(3.5 - hypot(*SIX.dimensions[:2]) / 2, abs=0.1)
+    assert hit.start_ns > S
+    assert "collision with the north buoy" in hit.describe()
+    assert "the pile at (4, 0.2)" in sliding(cylinder=(Cylinder(4.0, 0.2, 0.5),)).events.events()[0].describe()
+    assert sliding(box=(Box(6.0, 0.0, 1.0, 9.0),)).events.events()[0].what == "the block at (6, 0)"
+    assert sliding(extent=(-4.0, 4.0, -4.0, 4.0), walls=True).events.events()[0].what == "the north wall"
+    assert not sliding().events.events()
+
+
+def test_each_touch_is_noted_to_the_step() -> None:
+    """A touch of one step is an event of one step; lying on the seabed is one event as long as it lies."""
+    world = World("some", "made up", (-20.0, 20.0, -20.0, 20.0), 10.0)
+    simulation = Simulation(SIX, world, {}, position=(0.0, 0.0, 10.0 - 0.5 * SIX.dimensions[2] - 1e-4))
+    simulation.state.nu = [0.0, 0.0, 0.1, 0.0, 0.0, 0.0]
+    seen = []
+    for _ in range(400):
+        simulation.step((1500,) * 6)
+        if simulation.touching:
+            seen.append(simulation.time_ns)
+    (event,) = simulation.events.events()
+    assert event.what == "the seabed"
+    assert event.end_ns == seen[-1]
+    assert event.start_ns == seen[0] - 2_500_000
+
+
+def test_what_began_since_it_was_asked_last() -> None:
+    log = EventLog()
+    assert log.fresh() == []
+    log.hold("collision", 0, 0, (0.0, 0.0, 1.0), "a pile")
+    log.hold("surfaced", 10, 10, (0.0, 0.0, 0.0))
+    assert [event.kind for event in log.fresh()] == ["collision", "surfaced"]
+    log.hold("surfaced", 20, 20, (0.0, 0.0, 0.0))
+    assert log.fresh() == [], "it goes on"

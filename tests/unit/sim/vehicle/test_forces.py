@@ -1,0 +1,95 @@
+"""Forces beside those of the dynamics: a user's own, from a scenario."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import pytest
+
+from hil.common.errors import ConfigError
+from hil.scenario.config import build_simulation, load_scenario
+from sim.assembly import make_dynamics
+from sim.dynamics import Dynamics, State
+from sim.environment.world import load_world
+from sim.rotations import Rotation, from_euler
+from sim.vehicle.vehicle import load_vehicle
+
+MINE = """
+class Tether:
+    def __init__(self, pull, limit=1e9):
+        if pull < 0:
+            raise ValueError("pull is negative")
+        self.pull, self.limit, self.began = pull, limit, []
+
+    def begin(self, time_ns):
+        self.began.append(time_ns)
+
+    def wrench(self, position, rotation, nu_r):
+        return [-min(self.pull, self.limit), 0.0, 0.0, 0.0, 0.0, 0.0]
+
+class Deaf:
+    def wrench(self, position, rotation, nu_r):
+        return [0.0] * 6
+"""
+
+
+class Crosswind:
+    """Depends on all it is given."""
+
+    def begin(self, time_ns: int) -> None:
+        """Nothing changes with time."""
+
+    def wrench(self, position: Sequence[float], rotation: Rotation, nu_r: Sequence[float]) -> list[float]:
+        return [rotation[1] * 3.0, nu_r[1] * -2.0, position[2] * 0.01, 0.1, nu_r[4] * -0.3, rotation[2]]
+
+
+def scenario_file(folder: Path, force: str) -> str:
+    (folder / "my_forces.py").write_text(MINE)
+    path = folder / "mine.toml"
+    path.write_text(
+        f'vehicle = "paper_six"\nworld = "pool"\n[master]\ngoal = [1.0, 1.0]\n[start]\ndepth = 2.0\n{force}'
+    )
+    return str(path)
+
+
+def test_a_force_of_a_users_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    scenario = load_scenario(scenario_file(tmp_path, '[[force]]\nclass = "my_forces:Tether"\npull = 5.0\n'))
+    vehicle, _ = load_vehicle(scenario.vehicle)
+    simulation = build_simulation(scenario, vehicle, load_world(scenario.world))
+    for _ in range(400):
+        simulation.step((1500,) * 6)
+    assert simulation.truth().nu[0] < -0.1
+    (force,) = scenario.force
+    assert force.began == [k * 2_500_000 for k in range(400)]  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize(
+    ("force", "words"),
+    [
+        ("[[force]]\npull = 5.0", 'force[0]: class: expected "module:Class", found None'),
+        ('[[force]]\nclass = "my_forces"', "class: expected \"module:Class\", found 'my_forces'"),
+        ('[[force]]\nclass = "no_such_module:A"', "no_such_module cannot be imported"),
+        ('[[force]]\nclass = "my_forces:Nothing"', "my_forces has no 'Nothing'"),
+        ('[[force]]\nclass = "my_forces:Tether"\npul = 1', "unexpected keyword argument 'pul'"),
+        ('[[force]]\nclass = "my_forces:Tether"\npull = -1', "pull is negative"),
+        ('[[force]]\nclass = "my_forces:Deaf"', "my_forces:Deaf has no method 'begin'"),
+        ("[force]\npull = 1", "force: expected tables, each under [[force]]"),
+    ],
+)
+def test_wrong_forces_are_named(force: str, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(ConfigError, match=r"mine\.toml: force") as caught:
+        load_scenario(scenario_file(tmp_path, force))
+    assert words in str(caught.value)
+
+
+@pytest.mark.parametrize("integrator", ["verlet", "rk4"])
+def test_c_and_python_agree_with_a_force_too(integrator: str) -> None:
+    vehicle, _ = load_vehicle("bluerov2_heavy")
+    both = [kind(vehicle, 1025.0, 9.81, integrator, [Crosswind()]) for kind in (Dynamics, make_dynamics)]  # type: ignore[arg-type]
+    states = [State((1.0, 2.0, 9.0), from_euler(0.3, -0.2, 1.0), [0.4, -0.3, 0.2, 0.1, -0.2, 0.3]) for _ in both]
+    for step in range(500):
+        for dynamics, state in zip(both, states, strict=True):
+            dynamics.step(state, [10.0, 0.01 * step, 0.0, 0.0, 0.5, 0.0], (0.1, -0.1, 0.0), 0.01)
+    python, native = ([*state.position, *state.quaternion, *state.nu, *state.nu_dot] for state in states)
+    assert python == native

@@ -1,0 +1,151 @@
+"""The presets against what was published of them, beyond what loading checks."""
+
+from math import sqrt
+
+import pytest
+
+from hil.common.schema import preset_names
+from sim.environment.world import load_world
+from sim.matrices import square
+from sim.simulation import Simulation
+from sim.vehicle.thrusters import wrench_matrix
+from sim.vehicle.vehicle import Vehicle, load_vehicle
+
+NAMES = preset_names("sim/vehicles")
+# Six rows, X Y Z K M N.
+TAM_VON_BENZON: list[list[float]] = [  # the authors' TAM_mat
+    [0.707107, 0.707107, -0.707107, -0.707107, 0, 0, 0, 0],
+    [-0.707107, 0.707107, -0.707107, 0.707107, 0, 0, 0, 0],
+    [0, 0, 0, 0, -1, 1, 1, -1],
+    [0, 0, 0, 0, 0.218, 0.218, -0.218, -0.218],
+    [0, 0, 0, 0, 0.12, -0.12, 0.12, -0.12],
+    [-0.188798, 0.188798, 0.188798, -0.188798, 0, 0, 0, 0],
+]
+TAM_REXROV = [  # uuv_simulator, uuv_thruster_manager/config/rexrov/TAM.yaml (Apache-2.0), rounded; FLU
+    [0.1597427, 0.1597427, -0.1597424, -0.1597424, 0.7071069, 0.7071069, -0.7071065, -0.7071065],
+    [-0.2136101, 0.2136101, -0.2136098, 0.2136098, 0.7071067, -0.7071067, 0.7071070, -0.7071070],
+    [0.9637702, 0.9637702, 0.9637703, 0.9637703, 0.0, 0.0, 0.0, 0.0],
+    [0.4352320, -0.4352320, 0.4352319, -0.4352319, -0.0912168, 0.0912168, -0.0912168, 0.0912168],
+    [0.9430935, 0.9430935, -0.9430935, -0.9430935, 0.0912168, 0.0912168, -0.0912167, -0.0912167],
+    [0.1368886, -0.1368886, -0.1368884, 0.1368884, -0.6487988, 0.6487988, 0.6487987, -0.6487987],
+]
+TAM_BLUE_CLASSIC = [  # blue, config/bluerov2/controllers.yaml (MIT)
+    [-0.707, -0.707, 0.707, 0.707, 0.0, 0.0],
+    [0.707, -0.707, 0.707, -0.707, 0.0, 0.0],
+    [0.0, 0.0, 0.0, 0.0, 1.0, 1.0],
+    [0.0, 0.0, 0.0, 0.0, -0.21805, 0.21805],
+    [0.0, 0.0, 0.0, 0.0, -0.12, -0.12],
+    [0.1888, -0.1888, -0.1888, 0.1888, 0.0, 0.0],
+]
+
+
+def columns(matrix: list[list[float]]) -> list[tuple[float, ...]]:
+    return list(zip(*matrix, strict=True))
+
+
+def matrix_of(name: str) -> list[list[float]]:
+    return wrench_matrix(load_vehicle(name)[0])
+
+
+def diagonal(values: tuple[float, ...], size: int) -> list[float]:
+    matrix = square(values, size)
+    return [matrix[i][i] for i in range(size)]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_it_holds_still_and_moves_ahead(name: str) -> None:
+    """Neutral pulses leave it within what its trim allows; it answers a push on every thruster without blowing up."""
+    vehicle, _ = load_vehicle(name)
+    world = load_world("paper_field")._replace(cylinder=(), box=())
+    still = Simulation(vehicle, world, position=(5.0, 5.0, 4.0))
+    for _ in range(400):
+        still.step([1500] * len(vehicle.channels))
+    assert all(abs(x) < 0.3 for x in still.state.nu)
+    for pulses in ([1900] * len(vehicle.channels), [1100] * len(vehicle.channels)):
+        busy = Simulation(vehicle, world, position=(5.0, 5.0, 4.0))
+        for _ in range(800):
+            busy.step(pulses)
+        assert all(abs(x) < 20.0 for x in busy.state.nu)
+
+
+def test_von_benzon_published_matrix_is_that_of_the_poses() -> None:
+    """The same eight columns, in another order and some with the other sign of thrust."""
+    ours = columns(matrix_of("bluerov2_heavy"))
+    for published in columns(TAM_VON_BENZON):
+        flipped = tuple(-x for x in published)
+        assert any(column == pytest.approx(same, abs=1e-6) for column in ours for same in (published, flipped))
+
+
+def test_rexrov_published_matrix_is_that_of_the_poses() -> None:
+    """Turned from FLU to FRD its rows Y, Z, M and N change sign; so this tests the preset's turn as well."""
+    signs = (1.0, -1.0, -1.0, 1.0, -1.0, -1.0)
+    for sign, row, published in zip(signs, matrix_of("rexrov"), TAM_REXROV, strict=True):
+        assert row == pytest.approx([sign * x for x in published], abs=2e-6)
+
+
+def test_blue_published_matrix_is_not_that_of_its_poses() -> None:
+    """Forces agree; the levers are another vehicle's. What blue gives as roll is twice what the thrusters have."""
+    ours = matrix_of("bluerov2_blue")
+    for row, published in zip(ours[:3], TAM_BLUE_CLASSIC[:3], strict=True):
+        assert row == pytest.approx(published, abs=2e-4)
+    assert [abs(x) for x in ours[3][4:]] == [0.109, 0.109]
+    assert [abs(x) for x in TAM_BLUE_CLASSIC[3][4:]] == [0.21805, 0.21805]
+    assert ours[4] == pytest.approx([0.0] * 6, abs=1e-12)  # no thruster makes pitch, but blue's matrix says -0.12
+    expected = [0.164, -0.164, -0.171, 0.171]
+    assert ours[5][:4] == pytest.approx(expected, abs=5e-4)
+    assert all(
+        abs(a / b) == pytest.approx(1.13, abs=0.03) for a, b in zip(TAM_BLUE_CLASSIC[5][:4], expected, strict=True)
+    )
+
+
+def test_paper_seven_is_paper_six_with_another_thruster() -> None:
+    six, seven = load_vehicle("paper_six")[0], load_vehicle("paper_seven")[0]
+    assert seven._replace(name=six.name, thrusters=six.thrusters) == six
+    assert len(seven.thrusters) == 7
+    vertical = [t for t in seven.thrusters if t.direction[2]]
+    assert len(vertical) == 3
+    horizontal = [t.unit_direction for t in seven.thrusters if not t.direction[2]]
+    for i, a in enumerate(horizontal):  # each at 90 degrees to its neighbours, along the one across
+        cosines = sorted(abs(sum(x * y for x, y in zip(a, b, strict=True))) for j, b in enumerate(horizontal) if j != i)
+        assert cosines == pytest.approx([0.0, 0.0, 1.0], abs=1e-12)
+    assert sum(t.position[0] for t in vertical) == pytest.approx(0.0)  # equal thrusts make no pitch
+    length, width, _ = seven.dimensions
+    assert all(abs(t.position[0]) < length / 2 and abs(t.position[1]) < width / 2 for t in seven.thrusters)
+
+
+def test_estimates_follow_their_stated_rules() -> None:
+    """The numbers that the paper lacks, worked out again from the rules in the file's comments."""
+    for name in ("paper_six", "paper_seven"):
+        vehicle, _ = load_vehicle(name)
+        assert vehicle.inertia == pytest.approx(box_inertia(vehicle), rel=0.01)
+        length, width, height = vehicle.dimensions
+        faces = width * height, length * height, length * width
+        assert vehicle.quadratic_damping[:3] == pytest.approx([0.5 * 1000.0 * 1.05 * face for face in faces], rel=0.005)
+        for size, face, added in zip(vehicle.dimensions, faces, vehicle.added_mass, strict=False):
+            assert added == pytest.approx(prism_coefficient(size / sqrt(face)) * vehicle.mass, rel=0.01)
+
+
+def box_inertia(vehicle: Vehicle) -> list[float]:
+    squares = [size * size for size in vehicle.dimensions]
+    return [vehicle.mass / 12.0 * (sum(squares) - own) for own in squares]
+
+
+def prism_coefficient(ratio: float) -> float:
+    """DNV-RP-H103, table A-2, as the preset says: by line from 0.68 at 1 to 0.36 at 2, a power law below 1."""
+    if ratio >= 1.0:
+        return 0.68 + (0.36 - 0.68) * (ratio - 1.0)
+    exponent = 0.917  # of the line from 0.68 at 1 through the ratio of 0.36 to 0.68 at 2
+    return float(0.68 * ratio**-exponent)
+
+
+def test_numbers_as_published() -> None:
+    """Once more, from another table: what was typed into a preset was typed right."""
+    wu, _ = load_vehicle("bluerov2_heavy_wu2018")
+    assert wu.added_mass == (5.5, 12.7, 14.57, 0.12, 0.12, 0.12)
+    assert (wu.mass - 1000.0 * wu.volume) * 9.80665 == pytest.approx(114.8 - 112.8, abs=2e-3)
+    px4, offloaded = load_vehicle("bluerov2_heavy_px4")[0], load_vehicle("bluerov2_heavy")[0]
+    assert px4.added_mass == pytest.approx([0.2 * x for x in offloaded.added_mass], rel=1e-9)
+    assert px4.quadratic_damping == pytest.approx([0.1 * x for x in offloaded.quadratic_damping], rel=1e-9)
+    rexrov, _ = load_vehicle("rexrov")
+    assert diagonal(rexrov.added_mass, 6) == [779.79, 1222.0, 3659.9, 534.9, 842.69, 224.32]
+    assert diagonal(rexrov.inertia, 3) == [525.39, 794.2, 691.23]

@@ -1,0 +1,150 @@
+"""Top speeds: the published anchors, and the speed that a simulated run settles at."""
+
+from collections.abc import Callable, Sequence
+from math import inf
+
+import pytest
+
+from hil.autonomy.control.allocation import Allocator, pseudo_inverse
+from hil.common.schema import preset_names
+from sim.dynamics import Dynamics, State
+from sim.vehicle.terminal_speed import AXES, Reach, reaches, terminal_speed
+from sim.vehicle.thrusters import ThrusterSet, pulse_finder, wrench_matrix
+from sim.vehicle.vehicle import Vehicle, load_vehicle
+
+HEAVY, _ = load_vehicle("bluerov2_heavy")
+NET_WEIGHT = (13.5 - 13.4) * 9.82  # N in fresh water, von Benzon's gravity
+
+
+def top(vehicle: Vehicle, density: float = 1000.0) -> tuple[Reach, ...]:
+    return reaches(vehicle, pseudo_inverse(wrench_matrix(vehicle))[0], density)
+
+
+@pytest.mark.parametrize(
+    ("force", "axis", "speed"),
+    [(120.0 + NET_WEIGHT, 2, 0.716), (85.0, 1, 0.630), (85.0, 0, 0.730), (10.0, 5, 2.582)],
+)
+def test_anchors_of_von_benzon(force: float, axis: int, speed: float) -> None:
+    """His own model's runs, table 4: 0.72 m/s at 85 N surge and 0.735 at the peak of a run lie on either side."""
+    found = terminal_speed(force, HEAVY.linear_damping[axis], HEAVY.quadratic_damping[axis])
+    assert found == pytest.approx(speed, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("name", "speed"),
+    [
+        ("bluerov2_heavy", 0.91),
+        ("bluerov2_heavy_wu2018", 2.56),
+        ("bluerov2", 1.82),
+        ("bluerov2_blue", 1.96),
+        ("bluerov2_heavy_blue", 1.49),
+        ("bluerov2_heavy_px4", 2.58),
+    ],
+)
+def test_the_published_sets_disagree(name: str, speed: float) -> None:
+    """The same 129.2 N, four T200 at 45 degrees in full thrust, two ahead and two astern: 2.8 times between them."""
+    vehicle, _ = load_vehicle(name)
+    full = 2.0 * 0.5**0.5 * (51.44 + 39.91)
+    assert full == pytest.approx(129.2, abs=0.05)
+    assert terminal_speed(full, vehicle.linear_damping[0], vehicle.quadratic_damping[0]) == pytest.approx(
+        speed, rel=0.01
+    )
+
+
+def test_terminal_speed_solves_its_equation() -> None:
+    for force, linear, quadratic in (
+        (5.0, 2.0, 3.0),
+        (-5.0, 2.0, 3.0),
+        (1e-9, 2.0, 3.0),
+        (8.0, 2.0, 0.0),
+        (8.0, 0.0, 2.0),
+    ):
+        v = terminal_speed(force, linear, quadratic)
+        assert linear * v + quadratic * v * abs(v) == pytest.approx(force, rel=1e-12)
+    assert terminal_speed(0.0, 0.0, 0.0) == 0.0
+    assert terminal_speed(-1.0, 0.0, 0.0) == -inf
+
+
+def settled(vehicle: Vehicle, axis: int, wrench: Callable[[], Sequence[float]]) -> float:
+    """The speed after 6 s under this wrench; the vehicle must not have left the axis."""
+    dynamics, state = Dynamics(vehicle, 1000.0, 9.80665, "rk4"), State((0.0, 0.0, 1e4))
+    for _ in range(300):
+        dynamics.step(state, wrench(), (0.0, 0.0, 0.0), 0.02)
+    assert all(abs(state.nu[i]) < 1e-3 for i in range(6) if i != axis)
+    return float(state.nu[axis])
+
+
+def shares(vehicle: Vehicle, axis: int, force: float) -> list[float]:
+    """The thrusts that the vehicle's own computer would choose."""
+    forward, reverse = zip(*((t.max_forward, t.max_reverse) for t in vehicle.thrusters), strict=True)
+    wrench = [0.0] * 6
+    wrench[axis] = force
+    thrusts, residual = Allocator(wrench_matrix(vehicle), forward, reverse).allocate(wrench)
+    assert residual == pytest.approx([0.0] * 6, abs=1e-6)
+    return thrusts
+
+
+@pytest.mark.parametrize("way", [0, 1])
+@pytest.mark.parametrize("axis", [0, 1, 2, 5])
+@pytest.mark.parametrize("name", ["paper_six", "paper_seven", "bluerov2_heavy"])
+def test_a_run_settles_there(name: str, axis: int, way: int) -> None:
+    """Six degrees of freedom under what the allocated thrusts of all thrusters make together."""
+    vehicle, _ = load_vehicle(name)
+    if axis != 2:  # weight would sink it meanwhile
+        vehicle = vehicle._replace(neutrally_buoyant=True)
+    reach = top(vehicle)[axis]
+    thrusts = shares(vehicle, axis, reach.force[way])
+    wrench = [sum(a * f for a, f in zip(row, thrusts, strict=True)) for row in wrench_matrix(vehicle)]
+    assert settled(vehicle, axis, lambda: wrench) == pytest.approx(reach.speed[way], rel=0.001)
+
+
+@pytest.mark.parametrize("axis", [0, 2])
+def test_a_run_by_pulses_settles_there(axis: int) -> None:
+    """The whole chain, with whole microseconds, the thrusters' curve and their lag."""
+    vehicle, _ = load_vehicle("paper_seven")
+    reach, thrusters = top(vehicle)[axis], ThrusterSet(vehicle, 0.02)
+    pulses = [pulse_finder(t)(f) for t, f in zip(vehicle.thrusters, shares(vehicle, axis, reach.force[0]), strict=True)]
+    assert settled(vehicle, axis, lambda: thrusters.step(pulses)) == pytest.approx(reach.speed[0], rel=0.001)
+
+
+def test_more_than_the_limits_is_not_to_be_had() -> None:
+    """The stated force is the edge: a hundredth more leaves a residual, along that very axis."""
+    for name in preset_names("sim/vehicles"):
+        vehicle, _ = load_vehicle(name)
+        forward, reverse = zip(*((t.max_forward, t.max_reverse) for t in vehicle.thrusters), strict=True)
+        allocator = Allocator(wrench_matrix(vehicle), forward, reverse)
+        for axis, reach in enumerate(top(vehicle)):
+            for force in reach.force if reach.driven else ():
+                wrench = [0.0] * 6
+                wrench[axis] = 1.01 * force
+                _, residual = allocator.allocate(wrench)
+                assert residual[axis] == pytest.approx(0.01 * force, rel=0.02), (name, axis)
+
+
+def test_axes_that_cannot_be_driven() -> None:
+    idle = {name: [r.axis for r in top(load_vehicle(name)[0]) if not r.driven] for name in preset_names("sim/vehicles")}
+    assert {name: axes for name, axes in idle.items() if axes} == {
+        "bluerov2": ["pitch"], "bluerov2_blue": ["pitch"], "bluerov2_li2020": ["pitch"], "paper_six": ["pitch"],
+        **{name: list(AXES[1:]) for name in ("eca_a9", "lauv", "remus100", "tethys")},  # which have fins
+    }  # fmt: skip
+
+
+def test_a_propeller_loses_thrust_and_a_hull_drags() -> None:
+    """REMUS at 1525 rpm does what its source says, 2.540 m/s; the others what their sources' drag allows."""
+    speeds = {name: top(load_vehicle(name)[0], 1026.0)[0].speed[0] for name in ("remus100", "eca_a9", "lauv")}
+    assert speeds == pytest.approx({"remus100": 2.540, "eca_a9": (53.0 / 8.0) ** 0.5, "lauv": 2.0495}, abs=5e-4)
+
+
+def test_a_lone_thruster_off_the_middle_drives_nothing_alone() -> None:
+    thruster = HEAVY.thrusters[0]._replace(position=(0.0, 0.3, 0.0), direction=(1.0, 0.0, 0.0))
+    found = top(HEAVY._replace(thrusters=(thruster,)))
+    assert [reach.axis for reach in found if reach.driven] == []
+    assert all(reach.speed == (0.0, 0.0) for reach in found)
+    assert tuple(reach.axis for reach in found) == AXES
+
+
+def test_weight_helps_down_and_hinders_up() -> None:
+    vehicle = HEAVY._replace(volume=0.0134 - 0.001)  # 1 kg heavier than the water it displaces, and 0.1 kg
+    heave = top(vehicle)[2]
+    down, up = heave.force[0] + 1.1 * 9.80665, heave.force[1] + 1.1 * 9.80665
+    assert heave.speed == pytest.approx((terminal_speed(down, 33.0, 190.0), terminal_speed(up, 33.0, 190.0)))

@@ -1,0 +1,180 @@
+import csv
+from itertools import pairwise
+from math import pi
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from hil.common.errors import ConfigError
+from sim.assembly import make_thrusters
+from sim.vehicle.t200 import performance, pulse_for
+from sim.vehicle.thruster_curves import Advance
+from sim.vehicle.thruster_model import Thruster
+from sim.vehicle.thruster_tables import with_models
+from sim.vehicle.thrusters import pulse_finder, steady_thrust
+from sim.vehicle.vehicle import load_vehicle
+
+PRESET = Path(__file__).parents[4] / "sim/vehicles/paper_six.toml"
+PLAIN = Thruster("plain", (0, 0, 0), (1, 0, 0), 60.0, 50.0, dead_band_us=25)
+TABLE = {"kind": "table", "pwm_us": [1100, 1450, 1540, 1700, 1900], "thrust_n": [-40.0, 0.0, 0.0, 20.0, 55.0]}
+CURVES: list[dict[str, Any]] = [
+    {"kind": "dead_zone", "gain_forward": 60.0, "gain_reverse": 40.0, "delta_forward": 0.04, "delta_reverse": 0.09},
+    TABLE,
+    {"kind": "advance", "diameter": 0.076, "full_speed": 58.9, "kt0": 0.43, "kt0_reverse": 0.34, "alpha": 0.5},
+    {"kind": "t200"},
+    {"kind": "t200", "supply": 13.1},
+]  # fmt: skip
+
+
+def curved(**curve: Any) -> Thruster:
+    return with_models(PLAIN, {"curve": curve}, "test.toml")
+
+
+@pytest.mark.parametrize("curve", CURVES)
+def test_every_curve_keeps_the_contract(curve: dict[str, Any]) -> None:
+    """No output outside the pulses, never falling, within the limits, both ways, and an inverse to half a pulse."""
+    thruster = curved(**curve)
+    assert [steady_thrust(thruster, pulse) for pulse in (0, -1, 799, 2201, 65535)] == [0.0] * 5
+    thrusts = [steady_thrust(thruster, pulse) for pulse in range(800, 2201)]
+    assert all(a <= b for a, b in pairwise(thrusts))
+    assert -50.0 <= thrusts[0] < -20.0
+    assert 30.0 < thrusts[-1] <= 60.0
+    assert steady_thrust(thruster, 1500) == 0.0
+    assert pulse_finder(thruster)(0.0) == 1500
+    assert pulse_finder(thruster)(1e9) <= 1900
+    assert pulse_finder(thruster)(-1e9) >= 1100
+    for pulse in range(1100, 1901):
+        thrust = steady_thrust(thruster, pulse)
+        near = [steady_thrust(thruster, pulse + d) for d in (-1, 1)]
+        assert steady_thrust(thruster, pulse_finder(thruster)(thrust)) == pytest.approx(thrust, abs=1e-9)
+        if near[0] < thrust < near[1] and abs(thrust) > 1e-6:
+            assert pulse_finder(thruster)(thrust) == pulse
+
+
+def test_saturation_of_a_table() -> None:
+    assert steady_thrust(curved(**{**TABLE, "thrust_n": [-90.0, 0.0, 0.0, 20.0, 95.0]}), 1900) == 60.0
+    assert steady_thrust(curved(**{**TABLE, "thrust_n": [-90.0, 0.0, 0.0, 20.0, 95.0]}), 1100) == -50.0
+    assert steady_thrust(curved(**TABLE), 1620) == pytest.approx(10.0)
+
+
+def test_dead_zone_is_that_of_bessa() -> None:
+    """u|u| - delta times the gain, each side its own (deflection 0.5: 25 + 375 / 2 us from neutral)."""
+    thruster = curved(**CURVES[0])._replace(dead_band_us=0.0)
+    assert steady_thrust(thruster, 1700) == pytest.approx(60.0 * (0.25 - 0.04))
+    assert steady_thrust(thruster, 1300) == pytest.approx(-40.0 * (0.25 - 0.09))
+    assert steady_thrust(thruster, 1580) == pytest.approx(0.0, abs=1e-12)
+    assert steady_thrust(thruster, 1390) == 0.0
+    scaled = {**CURVES[0], "full_scale": 10.0, "gain_forward": 0.6, "delta_forward": 4.0}
+    assert steady_thrust(curved(**scaled), 1777) == pytest.approx(steady_thrust(curved(**CURVES[0]), 1777))
+
+
+def official() -> dict[tuple[int, int], tuple[float, float, float, float]]:
+    """Points of the official table that are not among those we keep: thrust (N), current, power, rpm."""
+    path = Path(__file__).parents[3] / "vectors/t200_held_out.csv"
+    lines = [line for line in path.read_text().splitlines() if not line.startswith("#")]
+    return {
+        (int(row["volt"]), int(row["pwm_us"])): (
+            float(row["force_kgf"]) * 9.80665, float(row["current_A"]), float(row["power_W"]), float(row["rpm"])
+        )
+        for row in csv.DictReader(lines)
+    }  # fmt: skip
+
+
+def test_t200_against_held_out_points() -> None:
+    held_out = official()
+    assert len(held_out) > 300
+    worst = [0.0] * 4
+    square = 0.0
+    for (volts, pulse), truth in held_out.items():
+        found = performance(pulse, volts)
+        full = max(abs(x[0]) for (v, _), x in held_out.items() if v == volts)
+        square += (found.thrust - truth[0]) ** 2 / len(held_out)
+        worst[0] = max(worst[0], abs(found.thrust - truth[0]) / full)
+        worst[1] = max(worst[1], abs(found.current - truth[1]))
+        worst[2] = max(worst[2], abs(found.power - truth[2]))
+        worst[3] = max(worst[3], abs(found.rpm - truth[3]))
+    assert square**0.5 < 0.2  # N
+    assert worst[0] < 0.022  # of full thrust
+    assert worst[1] < 0.5
+    assert worst[2] < 8.0
+    assert worst[3] < 60.0
+
+
+def test_t200_between_the_voltages() -> None:
+    """14 V from 12 and 16 V as if it were not there, as a check of straight lines in the voltage."""
+    for pulse in range(1100, 1901, 20):
+        middle = (performance(pulse, 12.0).thrust + performance(pulse, 16.0).thrust) / 2.0
+        assert performance(pulse, 14.0).thrust == pytest.approx(middle, abs=0.6)
+        assert performance(pulse, 13.0).thrust == pytest.approx(
+            (performance(pulse, 12.0).thrust + performance(pulse, 14.0).thrust) / 2.0
+        )
+    assert performance(1900, 5.0).thrust == pytest.approx(performance(1900, 10.0).thrust / 2.0)
+    assert performance(1900, 25.0).thrust == performance(1900, 20.0).thrust
+    assert performance(0, 16.0) == (0.0, 0.0, 0.0, 0.0)
+    for volts in (10.0, 11.7, 16.0, 20.0):
+        for tenth in (-200, -73, -1, 1, 50, 250):
+            found = performance(pulse_for(0.1 * tenth, volts), volts).thrust
+            assert found == pytest.approx(0.1 * tenth, abs=0.15)
+
+
+def test_advance_speed() -> None:
+    """T = rho D⁴ n² (KT0 - alpha J) at full speed, J = v / (n D); nothing is lost by a propeller that stands."""
+    thruster = curved(**CURVES[2])._replace(max_forward=1e3, max_reverse=1e3)
+    vehicle = load_vehicle("paper_six")[0]._replace(thrusters=(thruster._replace(position=(0.0, 1.0, 0.0)),))
+    thrusters = make_thrusters(vehicle, 0.01)
+    assert thrusters.feels_water
+    for pulse, n, kt in ((1900, 58.9, 0.43), (1100, -58.9, 0.34)):
+        for u, r in ((0.0, 0.0), (1.5, 0.0), (-0.7, 0.0), (1.0, 0.5)):
+            thrusters.step((pulse,), (u, 9.0, 9.0, 0.0, 0.0, r))
+            v = u - r  # a thruster to starboard falls back when the bow turns to starboard
+            expected = 1025.0 * 0.076**4 * (kt * n * abs(n) - 0.5 * abs(n) * v / 0.076)
+            assert thrusters.thrusts == pytest.approx([expected])
+    thrusters.step((1500,), (2.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+    assert thrusters.thrusts == [0.0]
+    assert Advance(0.1, 10.0, 0.4, 0.5, wake_fraction=0.2).loss(1.0, 1.0) == pytest.approx(
+        0.8 * Advance(0.1, 10.0, 0.4, 0.5).loss(1.0, 1.0)
+    )
+
+
+@pytest.mark.parametrize(
+    ("curve", "words"),
+    [
+        ({"kind": "t-200"}, "kind: 't-200' is not one of dead_zone, table, advance, t200"),
+        ({"kind": []}, "kind: [] is not one of dead_zone"),
+        ({"kind": {}}, "kind: {} is not one of dead_zone"),
+        ({**TABLE, "thrust_n": [-40.0, 0.0, 1.0, 0.5, 55.0]}, "thrust_n: each must be at least"),
+        ({**TABLE, "pwm_us": [1100, 1450, 1450, 1700, 1900]}, "pwm_us: each must be greater"),
+        ({**TABLE, "thrust_n": [1.0]}, "5 pwm_us and 1 thrust_n"),
+        ({**TABLE, "thrust_n": [0.0, 0.0, 0.0, 20.0, 55.0]}, "begins with full reverse"),
+        ({**CURVES[0], "delta_forward": 1.0}, "nothing ever turns"),
+        ({"kind": "t200", "volts": 16}, "no key 'volts'"),
+    ],
+)
+def test_wrong_curves_are_named(curve: dict[str, Any], words: str) -> None:
+    with pytest.raises(ConfigError, match=r"test\.toml: curve") as caught:
+        curved(**curve)
+    assert words in str(caught.value)
+
+
+def test_curve_and_dynamics_in_a_vehicle_file(tmp_path: Path) -> None:
+    """For all thrusters at once, and one of its own; and a thruster of each kind runs."""
+    text = PRESET.read_text().replace("time_constant = 0.05", "# no lag")
+    text = text.replace(
+        "[every_thruster]",
+        '[every_thruster]\ncurve = { kind = "t200" }\ndynamics = { kind = "yoerger", alpha = 0.1, full_speed = 370 }',
+    )
+    own = 'name = "rear_left"\ncurve = { kind = "dead_zone", gain_forward = 50, gain_reverse = 40 }\n'
+    path = tmp_path / "mine.toml"
+    path.write_text(text.replace('name = "rear_left"\n', own))
+    vehicle, control = load_vehicle(str(path))
+    assert control
+    assert [type(t.curve).__name__ for t in vehicle.thrusters] == ["T200"] * 3 + ["DeadZone"] + ["T200"] * 2
+    thrusters = make_thrusters(vehicle, 0.0025)
+    for _ in range(400):
+        thrusters.step((1800,) * 6)
+    assert thrusters.thrusts == pytest.approx([33.54] * 3 + [50.0 * (272 / 372) ** 2] + [33.54] * 2, abs=0.01)
+    assert 2 * pi * performance(1800, 16.0).rpm / 60 < 370
+    path.write_text(text.replace("# no lag", "time_constant = 0.05"))
+    with pytest.raises(ConfigError, match="front_right: give time_constant or dynamics, not both"):
+        load_vehicle(str(path))

@@ -1,0 +1,102 @@
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from hil.common.errors import ConfigError
+from hil.common.schema import parse, preset_names
+from sim.matrices import inverse, is_positive_definite, product
+from sim.vehicle.vehicle import Vehicle, load_vehicle, mass_matrix, rigid_mass_matrix
+
+TABLE: dict[str, Any] = {
+    "name": "cube",
+    "source": "test",
+    "mass": 10.0,
+    "volume": 0.01,
+    "dimensions": [0.3, 0.3, 0.3],
+    "inertia": [0.1, 0.1, 0.1],
+    "center_of_buoyancy": [0.0, 0.0, -0.01],
+    "added_mass": [5.0, 5.0, 5.0, 0.1, 0.1, 0.1],
+    "linear_damping": [1.0] * 6,
+    "quadratic_damping": [10.0] * 6,
+    "thrusters": [{"name": "a", "position": [0, 0, 0], "direction": [3, 4, 0], "max_forward": 10, "max_reverse": 5}],
+}
+
+
+def build(**changes: Any) -> Vehicle:
+    return parse({**TABLE, **changes}, Vehicle, "test.toml")
+
+
+@pytest.mark.parametrize("name", preset_names("sim/vehicles"))
+def test_every_preset_loads(name: str) -> None:
+    vehicle, control = load_vehicle(name)
+    assert vehicle.name == name
+    assert vehicle.source
+    assert isinstance(control, dict)
+    assert is_positive_definite(mass_matrix(vehicle))
+
+
+def test_the_paper_vehicle_is_that_of_the_paper() -> None:
+    vehicle, _ = load_vehicle("paper_six")
+    assert vehicle.dimensions == (0.378, 0.302, 0.234)
+    assert vehicle.mass == 9.7
+    assert vehicle.neutrally_buoyant
+    assert len(vehicle.thrusters) == 6
+    assert {round(t.max_forward, 6) for t in vehicle.thrusters} == {73.549875}
+    assert {round(t.max_reverse, 6) for t in vehicle.thrusters} == {49.03325}
+
+
+def test_control_table_and_common_thruster_keys(tmp_path: Path) -> None:
+    preset = Path(__file__).parents[4] / "sim/vehicles/paper_six.toml"
+    text = preset.read_text().split("[control")[0]
+    path = tmp_path / "mine.toml"
+    path.write_text(text + "\n[control]\ngain = 3\n")
+    vehicle, control = load_vehicle(str(path))
+    assert control == {"gain": 3}
+    assert vehicle == load_vehicle("paper_six")[0]
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"inertia": [0.1, 0.1]}, "inertia needs 3 numbers"),
+        ({"inertia": [0.1, 0.05, 0, 0.2, 0.1, 0, 0, 0, 0.1]}, "inertia is not symmetric"),
+        ({"inertia": [0.1, 0.1, -0.1]}, "inertia is not symmetric and positive definite"),
+        ({"added_mass": [-20.0, 5.0, 5.0, 0.1, 0.1, 0.1]}, "write added mass positive"),
+        ({"added_mass": [1.0] + [0.0] * 34 + [1.0, 2.0]}, "added_mass needs 6 numbers"),
+        ({"added_mass": [1.0, 2.0] + [0.0] * 34}, "added_mass is not symmetric"),
+        ({"linear_damping": [-1.0] * 6}, "linear_damping is negative"),
+        ({"thrusters": []}, "1 to 16 thrusters, found 0"),
+        ({"thrusters": TABLE["thrusters"] * 2}, "same name"),
+        ({"thrusters": [{**TABLE["thrusters"][0], "direction": [0, 0, 0]}]}, "'a': direction is zero"),
+        ({"thrusters": [{**TABLE["thrusters"][0], "direction": [1e-300, 0, 0]}]}, "direction is shorter than 1e-06"),
+        ({"thrusters": [{**TABLE["thrusters"][0], "direction": [1e-160, 1e-160, 0]}]}, "shorter than 1e-06"),
+        ({"thrusters": [{**TABLE["thrusters"][0], "direction": [1e300, 0, 0]}]}, "direction[0]: 1e+300 is outside"),
+        ({"thrusters": [{**TABLE["thrusters"][0], "pwm_max_us": 1400}]}, "leave no pulse"),
+        ({"mass": -1.0}, "mass: -1 kg is outside"),
+    ],
+)
+def test_wrong_vehicles_are_named(changes: dict[str, Any], words: str) -> None:
+    with pytest.raises(ConfigError, match=r"test\.toml") as caught:
+        build(**changes)
+    assert words in str(caught.value)
+
+
+def test_direction_of_any_length() -> None:
+    assert build().thrusters[0].unit_direction == pytest.approx((0.6, 0.8, 0.0))
+
+
+def test_rigid_mass_of_an_offset_point() -> None:
+    """Kinetic energy of a body turning about the origin with its mass 1 m away: half (I + m) r²."""
+    vehicle = build(center_of_gravity=[1.0, 0.0, 0.0])
+    nu = [[0.0], [0.0], [0.0], [0.0], [0.0], [2.0]]
+    momentum = product(rigid_mass_matrix(vehicle), nu)
+    assert momentum[5][0] == pytest.approx((0.1 + 10.0) * 2.0)
+    assert momentum[1][0] == pytest.approx(10.0 * 2.0)  # the mass moves to starboard at 2 m/s
+    assert momentum[0][0] == 0.0
+
+
+def test_inverse() -> None:
+    matrix = mass_matrix(build(center_of_gravity=[0.01, 0.02, 0.03]))
+    unit = product(matrix, inverse(matrix))
+    assert [x for row in unit for x in row] == pytest.approx([float(i % 7 == 0) for i in range(36)], abs=1e-13)

@@ -1,0 +1,106 @@
+"""Thrusters push water, not air: they lose thrust as they come out of it."""
+
+from collections.abc import Sequence
+from itertools import pairwise
+from math import pi
+
+import pytest
+
+from sim.environment.ocean import Ocean, Waves
+from sim.environment.world import World
+from sim.rotations import from_euler
+from sim.sensors.suite import fit
+from sim.simulation import Simulation
+from sim.vehicle.vehicle import load_vehicle
+from sim.vehicle.ventilation import Ventilation, thrust_share
+from tests.process.sim.native.test_step_twins import FLAT, Ride, native, twins
+
+__all__ = ["native"]  # the fixture, for the twins
+
+HEAVY, _ = load_vehicle("bluerov2_heavy")
+REMUS, _ = load_vehicle("remus100")
+QUIET = fit(imu=None, dvl=None, pressure=None, odometry=None, ground_truth=None)
+NEARLY_OUT = -max(thruster.position[2] for thruster in HEAVY.thrusters)  # the lowest hubs at the surface
+SEA = World("sea", "test", (-100.0, 100.0, -100.0, 100.0), 50.0)
+
+
+def test_the_share_is_that_of_the_source() -> None:
+    """At the surface a third is left; none half a radius above it, and all 1.3 radii below. Without a jump."""
+    assert thrust_share(0.0) == pytest.approx(0.325)
+    assert thrust_share(1.0) == pytest.approx(1.0 - 0.675 * 0.231**1.258)
+    assert thrust_share(1.31) == thrust_share(1e9) == 1.0
+    assert thrust_share(-0.49) == thrust_share(-1e9) == 0.0
+    shares = [thrust_share(0.001 * step) for step in range(-600, 1500)]
+    assert all(0.0 <= after - before < 0.003 for before, after in pairwise(shares))
+
+
+def pushed(depth: float, roll: float = 0.0, world: World = SEA) -> tuple[list[float], Sequence[float]]:
+    """The thrusts of bluerov2_heavy and their wrench a moment after full ahead was ordered, held at `depth` m."""
+    simulation = Simulation(HEAVY, world, QUIET, position=(0.0, 0.0, depth))
+    for _ in range(200):
+        state = simulation.state
+        state.position, state.quaternion, state.nu = [0.0, 0.0, depth], from_euler(roll, 0.0, 0.0), [0.0] * 6
+        simulation.step([1900] * 8)
+    return simulation.thrusts, simulation.forces().thrusters
+
+
+def test_a_vehicle_in_the_air_has_no_thrust() -> None:
+    in_air, nothing = pushed(-0.4)
+    assert not any(in_air)
+    assert not any(nothing)
+    deep, force = pushed(5.0)
+    assert min(map(abs, deep)) > 10.0
+    assert any(force)
+    (*less,), _ = pushed(NEARLY_OUT)
+    assert all(0.0 <= a / b <= 1.0 for a, b in zip(less, deep, strict=True))
+    assert 0.1 < sum(a / b for a, b in zip(less, deep, strict=True)) / 8 < 0.99
+
+
+def test_each_thruster_loses_by_its_own_place() -> None:
+    """Rolled by a quarter turn, those of the side that is up are in the air, and those below push as deep down."""
+    deep, _ = pushed(5.0)
+    shares = [a / b for a, b in zip(pushed(0.0, 0.5 * pi)[0], deep, strict=True)]
+    up = [i for i, thruster in enumerate(HEAVY.thrusters) if thruster.position[1] < -0.1]
+    down = [i for i, thruster in enumerate(HEAVY.thrusters) if thruster.position[1] > 0.1]
+    assert up
+    assert down
+    assert [shares[i] for i in up] == [0.0] * len(up)
+    assert [shares[i] for i in down] == pytest.approx([1.0] * len(down))
+
+
+def test_waves_cover_and_bare_them() -> None:
+    """At one place and depth the share goes up and down with the surface over it."""
+    waves = Waves(significant_height=1.0, peak_period=5.0)
+    simulation = Simulation(HEAVY, SEA._replace(ocean=Ocean(waves=waves)), QUIET, position=(0.0, 0.0, 0.5))
+    sea = simulation.sea
+    assert sea is not None
+    surface = Ventilation(HEAVY, sea)
+    calm = Ventilation(HEAVY, None)
+    place, level = (3.0, -2.0, 0.0), (1.0, 0.0, 0.0, 0.0)
+    for time in (0.0, 0.7, 1.9, 3.1):
+        height = sea.elevation(time, 3.0, -2.0)
+        assert surface.shares(place, level, time) == calm.shares((3.0, -2.0, height), level, time)
+    assert {0.0, 1.0} <= {share for step in range(100) for share in surface.shares(place, level, 0.1 * step)}
+    assert surface.reach > calm.reach + 1.0
+
+
+def test_a_propeller_of_known_diameter_uses_it() -> None:
+    assert REMUS.thrusters[0].disc == 0.14  # that of its curve
+    assert HEAVY.thrusters[0]._replace(diameter=0.1).disc == 0.1
+    assert 0.06 < HEAVY.thrusters[0].disc < 0.09  # a T200's 76 mm
+
+
+def test_deep_down_nothing_is_asked(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It costs a comparison."""
+    monkeypatch.delattr(Ventilation, "shares")
+    simulation = Simulation(HEAVY, SEA, QUIET, position=(0.0, 0.0, 2.0))
+    for _ in range(100):
+        simulation.step([1600] * 8)
+
+
+def test_c_and_python_agree_at_the_surface(monkeypatch: pytest.MonkeyPatch) -> None:
+    """In and out of the water, thrown about, and back to the deep."""
+    ride = Ride(twins(monkeypatch, FLAT))
+    for depth in (0.05, -0.3, 0.2, 3.0, 0.0):
+        ride.place((0.0, 0.0, depth))
+        ride.go(400)

@@ -1,0 +1,39 @@
+"""The slave's own reading of its command line, which is quicker than argparse and means the same."""
+
+import itertools
+
+import pytest
+
+from hil.commands.slave import _parse, _quick
+
+VALUES = {
+    "--listen": ("tcp/a:1", "tcp/b:2"),
+    "--board": ("x", "y"),
+    "--port": ("/dev/a", "pty:"),
+    "--member": ("1", "2"),
+}
+
+
+@pytest.mark.parametrize("first", VALUES)
+@pytest.mark.parametrize("second", VALUES)
+def test_what_is_given_twice_means_the_last_as_with_argparse(first: str, second: str) -> None:
+    words = ["paper_field", first, VALUES[first][0], second, VALUES[second][1]]
+    found = _quick(words)
+    assert found is not None
+    assert found == _parse(words)
+    assert vars_of(found)[second[2:]] == VALUES[second][1]
+
+
+@pytest.mark.parametrize("given", list(itertools.permutations(VALUES, 3)))
+def test_any_order_of_options(given: tuple[str, ...]) -> None:
+    words = ["paper_field", *[word for name in given for word in (name, VALUES[name][0])]]
+    assert _quick(words) == _parse(words)
+
+
+@pytest.mark.parametrize("words", [["--port", "x", "paper_field"], ["paper_field", "--port=x"], ["a", "--port", "-x"]])
+def test_what_is_not_plain_is_left_to_argparse(words: list[str]) -> None:
+    assert _quick(words) is None
+
+
+def vars_of(options: object) -> dict[str, str]:
+    return options._asdict() if hasattr(options, "_asdict") else vars(options)

@@ -1,0 +1,347 @@
+"""Commands: the newest counts, old and broken ones are dropped and counted."""
+
+import select
+import time
+from collections import deque
+from collections.abc import Iterator
+from typing import ClassVar
+
+import pytest
+
+from hil.autonomy.control.controller import VelocityCommand
+from hil.common.clock import to_wall_ns
+from hil.network.clock_offset import ClockOffset
+from hil.ros import encoders as ros
+from hil.ros.commands import encode_number
+from hil.slave import command_receiver as module
+from hil.slave.command_receiver import AgeFilter, CommandReceiver
+
+GID, OTHER = bytes(range(16)), bytes(16)
+MS = 1_000_000
+HOLD_MS = 500  # of an command_receiver that is told nothing else
+
+
+class Clock:
+    """Passes only when told, and when somebody sleeps; `current` is that of the test."""
+
+    current: ClassVar["Clock"]
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        Clock.current, self.now_ns = self, 10**12
+        self.slept: list[float] = []
+        monkeypatch.setattr(module, "now_ns", lambda: self.now_ns)
+        monkeypatch.setattr(time, "sleep", self.sleep)
+
+    def sleep(self, seconds: float) -> None:
+        self.slept.append(seconds)
+        self.wait(seconds * 1000)
+
+    def wait(self, milliseconds: float) -> None:
+        self.now_ns += round(milliseconds * MS)
+
+    def deliver(
+        self,
+        command_receiver: CommandReceiver,
+        sequence: int,
+        gid: bytes = GID,
+        age_ms: float = 0.0,
+        topic: str = "cmd_vel",
+    ) -> bool:
+        """Whether it is obeyed."""
+        stamp = ros.pack_attachment(sequence, to_wall_ns(self.now_ns) - round(age_ms * MS), gid)
+        command_receiver.on_message(topic, ros.encode_twist((0.5, 0, 0), (0, 0, 0)), stamp)
+        return command_receiver.take_latest() is not None
+
+
+@pytest.fixture(autouse=True)
+def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
+    """For every test: none has a real age or rate to go by."""
+    return Clock(monkeypatch)
+
+
+@pytest.fixture
+def command_receiver() -> Iterator[CommandReceiver]:
+    command_receiver = CommandReceiver(age_limit_ns=100 * MS)
+    yield command_receiver
+    command_receiver.close()
+
+
+def deliver(
+    command_receiver: CommandReceiver, sequence: int, surge: float = 0.5, age_ms: float = 0.0, gid: bytes = GID
+) -> None:
+    sent = to_wall_ns(Clock.current.now_ns) - round(age_ms * MS)
+    command_receiver.on_message(
+        "cmd_vel", ros.encode_twist((surge, 0, 0), (0, 0, 0)), ros.pack_attachment(sequence, sent, gid)
+    )
+
+
+def test_a_command_wakes_and_is_taken_once(command_receiver: CommandReceiver) -> None:
+    assert command_receiver.take_latest() is None
+    deliver(command_receiver, 1, surge=0.7)
+    assert select.select((command_receiver,), (), (), 0)[0]
+    taken = command_receiver.take_latest()
+    assert taken is not None
+    assert isinstance(taken.command, VelocityCommand)
+    assert taken.command.surge == pytest.approx(0.7)
+    assert taken.sequence == 1
+    assert command_receiver.take_latest() is None
+    assert not select.select((command_receiver,), (), (), 0)[0]
+
+
+def test_the_newest_wins(command_receiver: CommandReceiver) -> None:
+    for sequence in (1, 2, 3):
+        deliver(command_receiver, sequence, surge=sequence / 10)
+    taken = command_receiver.take_latest()
+    assert taken is not None
+    assert taken.sequence == 3
+    assert command_receiver.superseded == 2
+
+
+def test_a_command_that_nobody_took_in_time_is_dropped(command_receiver: CommandReceiver, clock: Clock) -> None:
+    deliver(command_receiver, 1)
+    clock.wait(99)
+    assert command_receiver.take_latest() is not None
+    deliver(command_receiver, 2)
+    clock.wait(101)  # longer than its limit
+    assert command_receiver.take_latest() is None
+    assert command_receiver.stale == 1
+
+
+def test_another_master_is_refused_until_this_one_is_silent(command_receiver: CommandReceiver) -> None:
+    deliver(command_receiver, 1)
+    deliver(command_receiver, 1, gid=OTHER)
+    assert (command_receiver.master, command_receiver.refused) == (GID, 1)
+    taken = command_receiver.take_latest()
+    assert taken is not None
+    command_receiver.remove_sender(GID)
+    deliver(command_receiver, 2, gid=OTHER)
+    assert command_receiver.master == OTHER
+    command_receiver.ranks[GID] = 1
+    deliver(command_receiver, 2)
+    assert command_receiver.master == GID, "a higher rank takes over at once"
+    deliver(command_receiver, 3, gid=OTHER)
+    assert command_receiver.refused == 2
+    assert command_receiver.news.is_set()
+
+
+def test_who_commanded_before_it_was_known_and_left_is_followed_by_one_master(
+    command_receiver: CommandReceiver,
+) -> None:
+    deliver(command_receiver, 1)
+    command_receiver.ranks[GID] = 0
+    command_receiver.remove_sender(GID)
+    command_receiver.on_message(
+        "cmd_depth", encode_number(2.0), ros.pack_attachment(1, to_wall_ns(Clock.current.now_ns), OTHER)
+    )
+    assert command_receiver.master == OTHER
+
+
+def test_a_stale_command_gives_no_right(command_receiver: CommandReceiver) -> None:
+    deliver(command_receiver, 1)
+    command_receiver.remove_sender(GID)
+    deliver(command_receiver, 2, age_ms=3000)
+    assert command_receiver.master == b""
+
+
+def test_an_exact_clock_judges_even_the_first_command(command_receiver: CommandReceiver) -> None:
+    """Without one the fastest message so far stands for age zero, and the first has nothing before it."""
+    clock = ClockOffset()
+    now = to_wall_ns(Clock.current.now_ns)
+    clock.add(now, now + 3600 * 10**9, now + 3600 * 10**9, now)  # the master is an hour ahead
+    command_receiver.clocks[GID] = clock
+    deliver(command_receiver, 1, age_ms=-3_600_000 + 1000)
+    assert (command_receiver.stale, command_receiver.take_latest()) == (1, None)
+    deliver(command_receiver, 2, age_ms=-3_600_000)
+    assert command_receiver.take_latest() is not None
+
+
+def test_a_flood_lets_the_reader_rest(command_receiver: CommandReceiver, clock: Clock) -> None:
+    for sequence in range(1, 61):
+        deliver(command_receiver, sequence)
+    assert sum(clock.slept) == pytest.approx(0.2, abs=0.02), "60 commands at 200 a second, less a burst of a tenth"
+    assert command_receiver.flooded > 30
+
+
+@pytest.mark.parametrize("rate", [300, 20_000])
+@pytest.mark.parametrize("known", [False, True], ids=["strangers", "masters"])
+def test_a_flood_of_who_is_refused_neither_hides_the_master_nor_replaces_it(
+    command_receiver: CommandReceiver, clock: Clock, rate: int, known: bool
+) -> None:
+    """What has come while the reader rested waits in a ring of eight, as on the network."""
+    if known:
+        command_receiver.ranks.update({GID: 0, OTHER: 0})
+    ring: deque[tuple[int, bytes]] = deque(maxlen=8)
+    sent = dict.fromkeys((GID, OTHER), 0)
+    obeyed = dict.fromkeys((GID, OTHER), 0)
+    began = clock.now_ns
+    while clock.now_ns < began + 2 * 10**9:
+        for gid, due in ((GID, 20), (OTHER, rate)):
+            while sent[gid] < (clock.now_ns - began) * due / 1e9:
+                sent[gid] += 1
+                ring.append((sent[gid], gid))
+        while ring:
+            sequence, gid = ring.popleft()
+            obeyed[gid] += clock.deliver(command_receiver, sequence, gid)
+        clock.wait(0.05)
+    assert obeyed == {GID: sent[GID], OTHER: 0}
+    assert command_receiver.master == GID
+    assert command_receiver.refused > 0.9 * sent[OTHER]
+    assert max(clock.slept, default=0.0) < 0.001
+
+
+@pytest.mark.parametrize("gid", [GID, OTHER], ids=["master", "other"])
+def test_in_a_crowd_silence_proves_nothing(command_receiver: CommandReceiver, clock: Clock, gid: bytes) -> None:
+    """Whether the master is silent, or all it says is lost among thousands of others."""
+    command_receiver.ranks[OTHER] = 0
+    clock.deliver(command_receiver, 1)
+    for sequence in range(1, 6001):  # 0.6 s
+        assert not clock.deliver(command_receiver, sequence, OTHER)
+        clock.wait(0.1)
+    assert not command_receiver.is_master_timed_out
+    assert clock.slept, "the loop gets its time"
+    clock.wait(HOLD_MS + 1)
+    assert command_receiver.is_master_timed_out
+    assert clock.deliver(command_receiver, 6001, gid)
+    assert command_receiver.master == gid
+
+
+def test_who_repeats_its_commands_as_a_planner_does_is_no_crowd(
+    command_receiver: CommandReceiver, clock: Clock
+) -> None:
+    clock.deliver(command_receiver, 1)
+    refused = 0
+    while not clock.deliver(command_receiver, refused + 1, OTHER):
+        refused += 1
+        clock.wait(5)
+    assert refused == HOLD_MS / 5 + 1
+    assert not clock.slept
+
+
+def test_who_is_refused_is_not_read(command_receiver: CommandReceiver) -> None:
+    deliver(command_receiver, 1)
+    command_receiver.on_message("cmd_vel", b"\xff" * 52, ros.pack_attachment(1, 0, OTHER))
+    command_receiver.on_message("cmd_pose", b"\xff" * 52, ros.pack_attachment(1, 0, bytes(15) + b"x"))
+    assert (command_receiver.refused, command_receiver.malformed) == (1, 1), "a stranger may have a topic of its own"
+
+
+def test_a_stranger_who_is_refused_makes_nobody_forgotten(command_receiver: CommandReceiver, clock: Clock) -> None:
+    for sequence in range(1, 40):
+        assert clock.deliver(command_receiver, sequence)
+        clock.wait(50)
+    for number in range(200):
+        assert not clock.deliver(command_receiver, 1, number.to_bytes(16, "big"))
+    assert not clock.deliver(command_receiver, 5, age_ms=1700)
+    assert (command_receiver.disordered, command_receiver.stale) == (1, 0)
+
+
+def test_many_who_have_commanded_do_not_make_the_master_forgotten(
+    command_receiver: CommandReceiver, clock: Clock
+) -> None:
+    command_receiver.ranks[GID] = 1
+    assert clock.deliver(command_receiver, 7)
+    for number in range(200):
+        clock.wait(HOLD_MS + 1)
+        assert clock.deliver(command_receiver, 1, number.to_bytes(16, "big"))
+        assert clock.deliver(command_receiver, 8 + number)
+    assert not clock.deliver(command_receiver, 100)
+    assert command_receiver.disordered == 1
+
+
+def test_overtaken_and_repeated_commands_are_dropped(command_receiver: CommandReceiver) -> None:
+    for sequence in (5, 4, 5):
+        deliver(command_receiver, sequence)
+    assert command_receiver.disordered == 2
+
+
+def test_a_new_sender_starts_its_own_count(command_receiver: CommandReceiver) -> None:
+    deliver(command_receiver, 50)
+    deliver(command_receiver, 1, gid=bytes(16))
+    assert command_receiver.disordered == 0
+
+
+def test_stale_commands_are_never_executed(command_receiver: CommandReceiver) -> None:
+    deliver(command_receiver, 1)
+    assert command_receiver.take_latest() is not None
+    deliver(command_receiver, 2, age_ms=3000)
+    assert command_receiver.take_latest() is None
+    assert command_receiver.stale == 1
+    deliver(command_receiver, 3)
+    assert command_receiver.take_latest() is not None
+
+
+@pytest.mark.parametrize("payload", [b"", b"\0\1\0\0", b"\xff" * 52, b"\0\1\0\0" + b"\xff" * 48])
+def test_malformed_commands_are_counted(command_receiver: CommandReceiver, payload: bytes) -> None:
+    command_receiver.on_message("cmd_vel", payload, ros.pack_attachment(1, 0, GID))
+    assert command_receiver.malformed == 1
+    assert command_receiver.take_latest() is None
+
+
+def test_a_command_without_its_time_is_malformed(command_receiver: CommandReceiver) -> None:
+    command_receiver.on_message("cmd_vel", ros.encode_twist((0, 0, 0), (0, 0, 0)), b"")
+    assert command_receiver.malformed == 1
+
+
+def test_age_needs_no_common_clock() -> None:
+    ages = AgeFilter()
+    offset = -7 * 3600 * 10**9  # the master's clock is seven hours wrong
+    assert ages.age_ns(offset, 5 * MS) == 0
+    assert ages.age_ns(offset + 50 * MS, 57 * MS) == pytest.approx(2 * MS, abs=10_000)
+    assert ages.age_ns(offset + 100 * MS, 103 * MS) == 0
+
+
+def test_age_follows_drifting_clocks() -> None:
+    ages = AgeFilter()
+    hour = 3600 * 10**9
+    age = 0
+    for second in range(0, 3600, 10):
+        sent = second * 10**9
+        age = ages.age_ns(sent, sent + round(second * 10**9 * 40e-6))  # 40 ppm apart
+    assert age < 1 * MS, f"after {hour} ns the drift of 144 ms does not count as age"
+
+
+def commands(
+    command_receiver: CommandReceiver, clock: Clock, first: int, seconds: float, age_ms: float, each: int = 1
+) -> list[bool]:
+    """Which of those that come twenty times a second are obeyed; `each`: so many numbers apart."""
+    obeyed = []
+    for sequence in range(first, first + round(20 * seconds) * each, each):
+        clock.wait(50)
+        obeyed.append(clock.deliver(command_receiver, sequence, age_ms=age_ms + sequence % 3 * 5))
+    return obeyed
+
+
+def test_a_clock_that_is_set_back_is_believed_after_some_seconds(
+    command_receiver: CommandReceiver, clock: Clock
+) -> None:
+    assert all(commands(command_receiver, clock, 1, 5, 2))
+    obeyed = commands(command_receiver, clock, 101, 10, 2002)
+    assert obeyed.index(True) == pytest.approx(100, abs=3), "five seconds"
+    assert all(obeyed[103:])
+    assert command_receiver.stale == obeyed.index(True)
+    assert command_receiver.fault == "cmd_vel: the clock of its sender was set back by 2.00 s"
+    assert not clock.deliver(command_receiver, 1000, age_ms=2500), "age counts from there"
+    assert command_receiver.fault.startswith("cmd_vel: 0.5")
+
+
+def test_old_commands_do_not_pass_for_a_clock_that_was_set(command_receiver: CommandReceiver, clock: Clock) -> None:
+    commands(command_receiver, clock, 1, 5, 2)
+    for sequence in range(101, 501):  # the network was away for 20 s, and all of that comes now
+        clock.wait(1)
+        age_ms = (500.0 - sequence) * 50
+        assert not clock.deliver(command_receiver, sequence, age_ms=age_ms) or age_ms < 103
+    for draining_s in (6.0, 60.0):  # a queue of 3 s that lasts
+        for step in range(round(20 * draining_s)):
+            clock.wait(50)
+            age_ms = 3000 * (1 - step / 20 / draining_s)
+            sequence = round(500 + 2000 * draining_s + step)
+            assert not clock.deliver(command_receiver, sequence, age_ms=age_ms) or age_ms < 103
+    assert not any(commands(command_receiver, clock, 200_000, 20, 3000, each=2)), (
+        "one that is full, and loses every other"
+    )
+
+
+def test_a_clock_that_is_compared_needs_no_guess(command_receiver: CommandReceiver, clock: Clock) -> None:
+    exact = command_receiver.clocks[GID] = ClockOffset()
+    now = to_wall_ns(clock.now_ns)
+    exact.add(now, now, now, now)
+    assert not any(commands(command_receiver, clock, 1, 10, 2000))

@@ -1,0 +1,161 @@
+"""The firmware's C in the slave does what its Python twin does, byte for byte; and which of the two is taken."""
+
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from firmware_stub.stub import Stm32, Stm32End
+from hil.common.clock import NS_PER_MS, now_ns
+from hil.links.contract import ThrusterCommand, ThrusterLink, Wire
+from hil.links.frame.protocol import open_frame
+from hil.scenario.config import load_scenario
+from hil.slave.drivers.driver import open_driver
+from hil.slave.drivers.in_process import open_python
+from hil.slave.native.firmware import FirmwareEnd
+from tests.support.link_contract import nothing_leaks
+from tests.support.twins import EACH, taken_from
+
+CHANNELS = 3
+WATCHDOG_NS = 200 * NS_PER_MS
+
+
+@pytest.fixture(autouse=True)
+def native(binaries: Path) -> Iterator[None]:
+    with taken_from(binaries):
+        yield
+
+
+class Line(Wire):
+    """A wire in memory: what is put into `coming` is read, and `said` is what was written, write by write."""
+
+    def __init__(self) -> None:
+        self.name = "line"
+        self.coming = b""
+        self.said: list[bytes] = []
+        self.closed = False
+
+    def fileno(self) -> int:
+        return -1
+
+    def read(self) -> bytes:
+        data, self.coming = self.coming, b""
+        return data
+
+    def write(self, data: bytes) -> int:
+        self.said.append(data)
+        return len(data)
+
+    def close(self) -> None:
+        self.closed = True
+
+
+def ends() -> tuple[Line, FirmwareEnd, Line, Stm32End]:
+    quick, plain = Line(), Line()
+    stub = Stm32End(Stm32(CHANNELS, WATCHDOG_NS), ThrusterLink(plain, open_frame("device", CHANNELS)))
+    return quick, FirmwareEnd(quick, CHANNELS, WATCHDOG_NS), plain, stub
+
+
+FRAME = open_frame("host", CHANNELS)
+COMMANDS = st.builds(
+    ThrusterCommand,
+    st.integers(0, 80),
+    st.booleans(),
+    st.lists(st.integers(0, 3000), min_size=2, max_size=4).map(tuple),
+).map(FRAME.encode)
+HEARD = st.one_of(
+    st.just(b""), COMMANDS, COMMANDS, st.lists(COMMANDS, max_size=5).map(b"".join), st.binary(max_size=40)
+)
+
+
+@EACH
+@given(st.lists(st.tuples(st.integers(0, 120_000), HEARD), min_size=1, max_size=30))
+def test_the_same_of_any_hour(hour: list[tuple[int, bytes]]) -> None:
+    """Commands sound, late, of too many thrusters, noise and silence, at instants of whole microseconds."""
+    quick, end, plain, stub = ends()
+    now = 0
+    for pause_us, data in hour:
+        now += pause_us * 1000
+        quick.coming = plain.coming = data
+        end.service(now)
+        stub.service(now)
+        assert quick.said == plain.said
+        assert list(end.pwm_us) == stub.pwm_us
+        assert end.deadline_ns == stub.deadline_ns
+        assert (end.command_ns > 0) == (stub.command_ns > 0)
+
+
+def test_the_instant_is_that_of_the_last_command_obeyed() -> None:
+    quick, end, _, _ = ends()
+    before = now_ns()
+    quick.coming = FRAME.encode(ThrusterCommand(9, True, (1600,) * CHANNELS))
+    end.service(NS_PER_MS)
+    obeyed = end.command_ns
+    assert before < obeyed < now_ns()
+    quick.coming = FRAME.encode(ThrusterCommand(8, True, (1700,) * CHANNELS))  # late
+    end.service(2 * NS_PER_MS)
+    end.service(3 * WATCHDOG_NS)  # the watchdog is no command
+    assert end.pwm_us == (1500,) * CHANNELS
+    assert end.command_ns == obeyed
+
+
+def test_closed_it_is_neutral() -> None:
+    quick, end, _, _ = ends()
+    quick.coming = FRAME.encode(ThrusterCommand(9, True, (1600,) * CHANNELS))
+    end.service(NS_PER_MS)
+    assert end.pwm_us == (1600,) * CHANNELS
+    end.close()
+    assert end.pwm_us == (1500,) * CHANNELS
+    assert quick.closed
+
+
+def test_it_is_taken_on_its_own_frame(monkeypatch: pytest.MonkeyPatch) -> None:
+    link = load_scenario("paper_field").link
+
+    def kind(**changes: Any) -> type:
+        with nothing_leaks():
+            driver = open_python(link._replace(**changes), 6, 1, True)
+            found = type(driver.end)  # type: ignore[attr-defined]
+            driver.close()
+        return found
+
+    assert kind() is FirmwareEnd
+    assert kind(frame="aa55") is Stm32End
+    assert kind(protocol="mavlink") is Stm32End
+    with monkeypatch.context() as patch:
+        patch.setitem(sys.modules, "hil.slave.native._firmware", None)  # as if made before there was one
+        assert kind() is Stm32End
+    monkeypatch.setenv("UUV_HIL_NATIVE", "0")
+    assert kind() is Stm32End
+
+
+def test_without_c_the_slave_s_stm32_does_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    answers = []
+    for wish in ("1", "0"):
+        monkeypatch.setenv("UUV_HIL_NATIVE", wish)
+        with nothing_leaks():
+            driver = open_driver("python", load_scenario("paper_field").link, 6, True, 1, lambda _: None)
+            driver.send(ThrusterCommand(7, True, (1600, 1400, 1500, 700, 2300, 1501)))
+            heard = driver.service(now_ns())
+            answers.append([report._replace(age_us=0) for report in heard if report.sequence == 7])
+            driver.close()
+    assert answers[0]
+    assert answers[0] == answers[1]
+
+
+def test_what_cannot_be_meant_is_refused() -> None:
+    module = sys.modules["hil.slave.native._firmware"]
+    for channels in (0, 17):
+        with pytest.raises(ValueError, match=f"1 to 16 channels are needed, found {channels}"):
+            module.Firmware(channels, 200_000)
+    firmware = module.Firmware(6, 200_000)
+    with pytest.raises(TypeError):
+        firmware.service("text", 0)
+    with pytest.raises(TypeError):
+        firmware.service(b"", "now")
+    with pytest.raises(TypeError):
+        firmware.service(b"")

@@ -1,0 +1,117 @@
+"""Telemetry that is overtaken on its way, as on UDP, is neither a restart of the STM32 nor what it does now."""
+
+from itertools import pairwise
+from typing import Any, cast
+
+import pytest
+
+from hil.common.clock import now_ns
+from hil.links.contract import ThrusterTelemetry, has_restarted, is_overtaken
+from hil.scenario.records import Link
+from hil.slave.drivers.external import ExternalDriver
+from hil.slave.loop import Loop
+from sim.environment.world import load_world
+from sim.simulation import Simulation
+from sim.vehicle.vehicle import load_vehicle
+
+NEUTRAL, PUSHING, OTHER = (1500,) * 6, (1600,) * 6, (1700,) * 6
+STARTED = ThrusterTelemetry(0, False, False, NEUTRAL, 0, 0, 0, 0)
+
+
+def report(sequence: int, frames: int, pwm_us: tuple[int, ...] = PUSHING, **more: Any) -> ThrusterTelemetry:
+    return ThrusterTelemetry(sequence & 0xFFFF, True, False, pwm_us, 100, frames & 0xFFFF, 0, 0)._replace(**more)
+
+
+@pytest.mark.parametrize("begin", [5, 500, 40_000, 65_530])
+@pytest.mark.parametrize("sent_before", [0, 3, 40_000])
+def test_order(begin: int, sent_before: int) -> None:
+    """The slave may have sent more commands than the STM32 has counted; both wrap."""
+    reports = [report(begin + sent_before + number, begin + number) for number in range(20)]
+    for newest, later in pairwise(reports):
+        assert is_overtaken(newest, later)
+        assert not is_overtaken(later, newest)
+        assert not is_overtaken(later, later)
+        assert not has_restarted(later, newest)
+    lost = report(begin + sent_before + 3000, begin + 2000)
+    assert not has_restarted(lost, reports[0]), "of a minute's commands some never came"
+    assert not is_overtaken(lost, reports[0])
+
+
+@pytest.mark.parametrize("counted", [2, 500, 40_000, 65_000])
+def test_an_stm32_that_begins_anew(counted: int) -> None:
+    newest = report(7000, counted)
+    assert not is_overtaken(STARTED, newest), "it has counted nothing and is disarmed"
+    assert not is_overtaken(report(7001, 1), newest)
+    assert has_restarted(report(7001, 1), newest)
+    assert not has_restarted(report(7001, 1), STARTED), "it was reported before"
+
+
+@pytest.mark.parametrize("ahead", [0, 3, 40_000])
+@pytest.mark.parametrize("counted", [2, 500, 40_000, 65_000])
+def test_one_that_reports_before_its_first_command(counted: int, ahead: int) -> None:
+    """Its sequence begins at 0 as its count does: the slave has sent as many commands as it had counted, or more."""
+    newest = report(counted + ahead, counted)
+    assert has_restarted(STARTED, newest)
+    assert not has_restarted(STARTED, STARTED)
+    assert not has_restarted(report(counted + ahead + 1, 1), STARTED)
+
+
+class Wire:
+    """Nothing comes but what a test puts there."""
+
+    name = "udp://bench"
+
+    def fileno(self) -> int:
+        return -1
+
+
+def make_driver(heard: list[ThrusterTelemetry]) -> ExternalDriver:
+    driver = ExternalDriver(cast(Any, Wire()), Link(options={}), 6, 1)
+    host: Any = driver.host
+    host.receive = lambda: [heard.pop(0)]
+    return driver
+
+
+def test_the_thrusters_have_what_the_newest_report_says() -> None:
+    driver = make_driver([report(1, 1, PUSHING), report(3, 3, NEUTRAL), report(2, 2, OTHER), STARTED])
+    seen = []
+    for _ in range(4):
+        driver.service(now_ns())
+        seen.append(tuple(driver.pwm_us))
+    assert seen == [PUSHING, NEUTRAL, NEUTRAL, NEUTRAL]
+
+
+def make_loop(driver: ExternalDriver) -> tuple[Loop, list[str]]:
+    """A loop on that driver that only reads its link, and what it reports."""
+    nobody: Any = None
+    lines: list[str] = []
+    simulation = Simulation(load_vehicle("paper_six")[0], load_world("pool"))
+    return Loop(simulation, driver, nobody, nobody, nobody, 2_500_000, 20_000_000, lines.append), lines
+
+
+class Pilot:
+    """One whose deadman has tripped."""
+
+    active = False
+
+
+def test_the_loop_tells_a_restart_and_nothing_of_what_is_late(capsys: pytest.CaptureFixture[str]) -> None:
+    late = report(99, 49, timed_out=True)
+    driver = make_driver([report(100, 50), late, report(101, 51), report(102, 1), report(103, 2)])
+    loop, lines = make_loop(driver)
+    for _ in range(3):
+        loop._service_link(now_ns())
+    assert lines == []
+    for _ in range(2):
+        loop._service_link(now_ns())
+    assert lines == ["the STM32 has started anew"]
+
+
+def test_a_report_from_before_the_stop_confirms_none() -> None:
+    driver = make_driver([report(100, 50, PUSHING), report(99, 49, NEUTRAL), report(101, 51, NEUTRAL)])
+    loop, lines = make_loop(driver)
+    loop.pilot = cast(Any, Pilot())
+    loop._stopping_ns = now_ns()
+    for expected in (0, 0, 1):
+        loop._service_link(now_ns())
+        assert len([line for line in lines if "confirmed by the STM32" in line]) == expected

@@ -1,0 +1,104 @@
+"""The vehicle's computer: deadman, disarming, and a closed loop with the simulator."""
+
+from math import pi
+
+import pytest
+
+from hil.autonomy.control.controller import Gains, VelocityCommand
+from hil.common.clock import NS_PER_MS
+from hil.common.schema import parse
+from hil.slave.pilot import ATMOSPHERE_PA, Pilot
+from sim.environment.world import load_world
+from sim.rotations import from_euler
+from sim.sensors.mounting import Mounting
+from sim.sensors.samples import ImuSample, OdometrySample, PressureSample
+from sim.simulation import Simulation
+from sim.vehicle.vehicle import load_vehicle
+
+VEHICLE, CONTROL = load_vehicle("paper_six")
+WORLD = load_world("pool")
+NEUTRAL = (1500,) * 6
+
+
+def new_pilot(deadman_ms: int = 500) -> Pilot:
+    gains = parse(CONTROL, Gains, "control")
+    return Pilot(VEHICLE, gains, WORLD.density * WORLD.gravity, deadman_ms * NS_PER_MS)
+
+
+def test_before_the_first_command_everything_is_neutral() -> None:
+    command, tripped = new_pilot().update(0, 0.02)
+    assert not command.armed
+    assert command.pwm_us == NEUTRAL
+    assert not tripped
+
+
+def test_the_deadman_trips_once_and_a_command_ends_it() -> None:
+    pilot = new_pilot()
+    pilot.command(VelocityCommand(surge=1.0), now=0)
+    command, tripped = pilot.update(500 * NS_PER_MS, 0.02)
+    assert command.armed
+    assert command.pwm_us != NEUTRAL
+    assert not tripped
+    command, tripped = pilot.update(500 * NS_PER_MS + 1, 0.02)
+    assert (command.armed, command.pwm_us, tripped) == (False, NEUTRAL, True)
+    command, tripped = pilot.update(600 * NS_PER_MS, 0.02)
+    assert (command.armed, command.pwm_us, tripped) == (False, NEUTRAL, False)
+    pilot.command(VelocityCommand(surge=1.0), now=700 * NS_PER_MS)
+    assert pilot.update(700 * NS_PER_MS, 0.02)[0].armed
+    assert pilot.deadman_trips == 1
+
+
+def test_every_command_on_the_link_has_its_own_number() -> None:
+    pilot = new_pilot()
+    numbers = [pilot.update(0, 0.02)[0].sequence for _ in range(70_000)]
+    assert numbers[:3] == [1, 2, 3]
+    assert numbers[65_534:65_537] == [65_535, 0, 1]
+
+
+def test_each_sensor_tells_its_part_until_its_next_sample() -> None:
+    pilot, attitude = new_pilot(), from_euler(0.1, -0.2, 0.3)
+    assert pilot.navigation == ((1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0)
+    pilot.update_sensor("pressure", PressureSample(0, ATMOSPHERE_PA + 5.0 * WORLD.density * WORLD.gravity))
+    pilot.update_sensor("imu", ImuSample(0, attitude, (0.1, 0.2, 0.3), (0.0, 0.0, -9.8)))
+    pilot.update_sensor(
+        "odom", OdometrySample(0, (7.0, 8.0, 9.0), (1.0, 0.0, 0.0, 0.0), (1.0, 2.0, 3.0, 4.0, 5.0, 6.0))
+    )
+    assert pilot.navigation[:3] == (attitude, (0.1, 0.2, 0.3), (1.0, 2.0, 3.0))
+    assert pilot.navigation.depth == pytest.approx(5.0)
+    assert pilot.position == (7.0, 8.0, 9.0)
+
+
+def test_an_imu_that_sits_askew_tells_of_the_vehicle() -> None:
+    """Turned by a quarter about z: what is ahead of the vehicle is to port of the sensor."""
+    askew = Mounting(orientation=(0.0, 0.0, 0.5 * pi))
+    pilot = Pilot(VEHICLE, parse(CONTROL, Gains, "control"), WORLD.density * WORLD.gravity, NS_PER_MS, askew)
+    pilot.update_sensor("imu", ImuSample(0, from_euler(0.0, 0.0, 0.5 * pi + 0.4), (0.0, -0.1, 0.3), (0.0, 0.0, -9.8)))
+    assert pilot.navigation.orientation == pytest.approx(from_euler(0.0, 0.0, 0.4))
+    assert pilot.navigation.angular_velocity == pytest.approx((0.1, 0.0, 0.3))
+
+
+@pytest.mark.parametrize(
+    ("wanted", "axis"),
+    [
+        (VelocityCommand(surge=0.6), 0),
+        (VelocityCommand(surge=-0.4), 0),
+        (VelocityCommand(sway=0.4), 1),
+        (VelocityCommand(heave=0.2), 2),
+        (VelocityCommand(yaw_rate=0.4), 5),
+    ],
+)
+def test_the_vehicle_does_what_it_is_told(wanted: VelocityCommand, axis: int) -> None:
+    pilot = new_pilot(10_000)
+    simulation = Simulation(VEHICLE, WORLD, seed=3, position=(0.0, 0.0, 2.0))
+    pulses: tuple[int, ...] = NEUTRAL
+    for step in range(400 * 5):
+        for topic, sample in simulation.step(pulses):
+            pilot.update_sensor(topic, sample)
+        if step % 8 == 0:
+            pilot.command(wanted, simulation.time_ns)
+            pulses = pilot.update(simulation.time_ns, 0.02)[0].pwm_us
+    target = (wanted.surge, wanted.sway, wanted.heave, 0.0, 0.0, wanted.yaw_rate)
+    nu = simulation.truth().nu
+    assert nu[axis] == pytest.approx(target[axis], abs=0.05)
+    others = [abs(nu[i]) for i in (0, 1, 2, 5) if i != axis]
+    assert max(others) < 0.06

@@ -1,0 +1,115 @@
+"""What the slave's loop notes of a run that went wrong: contacts to the step, tilt, depth, and its thruster link."""
+
+from math import pi
+
+import pytest
+
+from hil.autonomy.control.controller import VelocityCommand
+from hil.ros.commands import PoseCommand
+from hil.slave.run_watch import RunWatch
+from hil.slave.setpoints import PoseSetpoint
+from sim.run_events import PERIOD_NS
+from sim.simulation import Simulation
+from tests.support.flying import VEHICLE, WORLD, Bench
+
+STILL = (1500,) * 6
+
+
+class Driver:
+    """A link that can be lost, and an STM32 that can fall silent."""
+
+    losses = 0
+    lost = is_silent = False
+
+
+class Watched(Bench):
+    """The vehicle in the pool with its watch, looked at as the loop does."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.driver, self.said = Driver(), list[str]()
+        self.watch = RunWatch(self.simulation, self.driver, self.pilot, self.said.append)  # type: ignore[arg-type]
+
+    def run(self, seconds: float, pulses: tuple[int, ...] = STILL) -> list[str]:
+        """The kinds of events so far."""
+        for _ in range(round(400 * seconds)):
+            self.simulation.step(pulses)
+            if self.simulation.time_ns >= self.watch.due_ns:
+                self.watch.check()
+        return [event.kind for event in self.simulation.events.events()]
+
+
+@pytest.fixture
+def watched() -> Watched:
+    return Watched()
+
+
+def test_nothing_is_said_of_a_vehicle_that_lies_still(watched: Watched) -> None:
+    assert watched.run(2.0) == []
+    assert watched.said == []
+
+
+def test_a_link_that_is_lost_is_one_event_as_long_as_it_lasts(watched: Watched) -> None:
+    watched.driver.lost, watched.driver.losses = True, 1
+    watched.run(3.0)
+    watched.driver.lost = False
+    assert watched.run(3.0) == ["link_lost"]
+    (event,) = watched.simulation.events.events()
+    assert event.duration_ns == pytest.approx(3e9, abs=2 * PERIOD_NS)
+    assert watched.said == ["link lost: the thruster link, at N 4.0 E 4.0 depth 2.0 m"]
+
+
+def test_a_loss_between_two_looks_is_not_missed(watched: Watched) -> None:
+    watched.run(1.0)
+    watched.driver.losses += 1
+    assert watched.run(1.0) == ["link_lost"]
+
+
+def test_an_stm32_that_does_not_answer(watched: Watched) -> None:
+    watched.driver.is_silent = True
+    watched.run(0.5)
+    assert watched.simulation.events.events()[0].what == "the STM32 does not answer"
+
+
+def test_a_vehicle_upside_down_has_capsized(watched: Watched) -> None:
+    watched.simulation.state.quaternion = [0.0, 1.0, 0.0, 0.0]
+    assert watched.run(0.1) == ["capsize"]
+
+
+def test_a_touch_between_two_looks_is_told(watched: Watched) -> None:
+    """Contacts are noted by the step, and said at the next look."""
+    watched.simulation.state.position = [4.0, 4.0, WORLD.depth - 0.5 * VEHICLE.dimensions[2] - 1e-4]
+    watched.simulation.state.nu = [0.0, 0.0, 0.3, 0.0, 0.0, 0.0]
+    assert watched.run(0.5) == ["collision"]
+    assert watched.said[0].startswith("collision with the seabed, at N 4.0 E 4.0 depth ")
+
+
+def test_depth_is_judged_only_where_one_was_asked_for(watched: Watched) -> None:
+    def drift_up() -> list[str]:
+        watched.simulation.state.position = [4.0, 4.0, 2.0]
+        watched.run(0.1)
+        watched.simulation.state.position = [4.0, 4.0, 0.05]
+        return watched.run(0.1)
+
+    assert drift_up() == [], "nobody commands it"
+    for command in (VelocityCommand(surge=0.5), VelocityCommand(heave=-0.5)):
+        watched.pilot.command(command, watched.simulation.time_ns)
+        assert drift_up() == [], "it is moved by velocities"
+
+
+@pytest.mark.parametrize("command", [VelocityCommand(depth=2.0), PoseSetpoint(PoseCommand((4.0, 4.0, 2.0), pi))])
+def test_a_vehicle_that_was_to_stay_below_has_surfaced(
+    watched: Watched, command: VelocityCommand | PoseSetpoint
+) -> None:
+    watched.pilot.command(command, watched.simulation.time_ns)
+    watched.run(0.1)
+    watched.simulation.state.position = [4.0, 4.0, 0.05]
+    assert watched.run(0.1) == ["surfaced"]
+
+
+def test_a_vehicle_says_itself_when_it_counts_as_capsized() -> None:
+    lenient = Simulation(VEHICLE._replace(capsize_tilt=pi), WORLD, {}, position=(4.0, 4.0, 2.0))
+    lenient.state.quaternion = [0.0, 1.0, 0.0, 0.0]
+    watch = RunWatch(lenient, Driver(), None, print)  # type: ignore[arg-type]
+    watch.check()
+    assert len(lenient.events) == 0

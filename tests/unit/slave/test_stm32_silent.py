@@ -1,0 +1,201 @@
+"""An STM32 that does not answer (wrong wiring, baud or protocol) is told of, counted, and costs no memory."""
+
+import os
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from hil.autonomy.control.controller import VelocityCommand
+from hil.common.clock import NS_PER_S
+from hil.common.errors import DeviceError
+from hil.links.contract import ThrusterCommand, ThrusterTelemetry
+from hil.scenario.config import load_scenario
+from hil.scenario.records import Link
+from hil.slave import loop as slave_loop
+from hil.slave.command_receiver import Received
+from hil.slave.drivers import driver as stm32
+from hil.slave.drivers.driver import ReconnectingDriver, ThrusterDriver, open_driver, stop_thrusters
+from hil.slave.loop import Loop
+from hil.slave.pilot import build_pilot
+from sim.environment.world import load_world
+from sim.simulation import Simulation
+from sim.vehicle.vehicle import load_vehicle
+from tests.support.processes import wait_for
+
+NEUTRAL = (1500,) * 6
+COMMAND = ThrusterCommand(1, True, NEUTRAL)
+ANSWER = ThrusterTelemetry(1, True, False, NEUTRAL, 0, 1, 0, 0)
+SILENT = "/dev/bench: the STM32 has not answered for 0.5 s; check wiring, baud, protocol"
+
+
+class Bench(ThrusterDriver):
+    """Says what is put into `says`; `broken` is a cable that was pulled."""
+
+    port = "/dev/bench"
+    host: Any = "ours"
+    deadline_ns = 0
+    pwm_us: Sequence[int] = NEUTRAL
+
+    def __init__(self) -> None:
+        self.says: list[ThrusterTelemetry] = []
+        self.broken = False
+
+    def descriptors(self) -> list[int]:
+        return []
+
+    def service(self, now: int) -> list[ThrusterTelemetry]:
+        if self.broken:
+            raise DeviceError("gone")
+        said, self.says = self.says, []
+        return said
+
+    def send(self, command: ThrusterCommand) -> None:
+        pass
+
+    def applied_ns(self, telemetry: ThrusterTelemetry, now: int) -> int:
+        return now
+
+    def close(self) -> None:
+        pass
+
+
+@pytest.fixture
+def still(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The clock of the drivers and of the loop stands: only what a test adds has passed."""
+    for module in (stm32, slave_loop):
+        monkeypatch.setattr(module, "now_ns", lambda: 10**12)
+
+
+def now_ns() -> int:
+    """By the clock of the drivers."""
+    return int(vars(stm32)["now_ns"]())
+
+
+class Bed:
+    """A mended bench, looked at some seconds after its first command."""
+
+    def __init__(self) -> None:
+        self.bench, self.said = Bench(), list[str]()
+        self.driver = ReconnectingDriver(lambda: self.bench, 6, self.said.append)
+
+    def look(self, seconds: float) -> None:
+        self.driver.service(now_ns() + round(seconds * NS_PER_S))
+
+    def look_until(self, seconds: float, lines: int) -> None:
+        """Look again and again until so many lines have been said."""
+
+        def said() -> bool:
+            self.look(seconds)
+            return len(self.said) == lines
+
+        assert wait_for(said), self.said
+
+    def hear(self, seconds: float) -> None:
+        self.bench.says = [ANSWER]
+        self.look(seconds)
+
+
+@pytest.mark.usefixtures("still")
+def test_silence_is_told_once_and_its_end_too() -> None:
+    bed = Bed()
+    for began in (0.0, 10.0):
+        bed.driver.send(COMMAND)
+        bed.look(0.4)
+        assert not bed.driver.is_silent
+        bed.said.clear()
+        for later in (0.6, 0.8, 5.0):
+            bed.driver.send(COMMAND)
+            bed.look(later)
+        assert bed.said == [SILENT], began
+        assert bed.driver.is_silent
+        bed.hear(6.0)
+        bed.hear(6.1)
+        assert bed.said == [SILENT, "/dev/bench: the STM32 answers, after 6.0 s"]
+        assert not bed.driver.is_silent
+
+
+@pytest.mark.usefixtures("still")
+def test_who_was_asked_nothing_need_not_answer() -> None:
+    """Before the first command, between two, and where another program has the host's end."""
+    bed = Bed()
+    bed.look(5.0)
+    bed.driver.send(COMMAND)
+    bed.hear(0.1)
+    bed.look(5.0)
+    assert bed.said == []
+
+
+@pytest.mark.usefixtures("still")
+def test_a_lost_link_is_not_silence_too() -> None:
+    bed = Bed()
+    bed.driver.send(COMMAND)
+    bed.look(1.0)
+    bed.bench.broken = True
+    bed.look(2.0)
+    assert bed.driver.lost
+    assert not bed.driver.is_silent
+    bed.bench.broken = False
+    bed.driver.send(COMMAND)
+    bed.look_until(4.0, lines=3)
+    assert not bed.driver.lost
+    assert [line.partition(":")[0][:24] for line in bed.said] == [
+        "/dev/bench", "thruster link lost, the ", "thruster link back after"
+    ]  # fmt: skip
+    bed.driver.send(COMMAND)
+    bed.look(6.0)
+    assert bed.said[3:] == [SILENT]
+
+
+def test_the_silent_and_the_lost_confirm_nothing() -> None:
+    bed = Bed()
+    bed.bench.says = [ANSWER]
+    assert stop_thrusters(bed.driver, 2)
+    assert not stop_thrusters(bed.driver, 2), "what it said before is no answer"
+    bed.bench.says = [ANSWER._replace(pwm_us=(1500, 1600, 1500, 1500, 1500, 1500))]
+    assert not stop_thrusters(bed.driver, 2)
+    bed.bench.broken = True
+    bed.look(2.0)
+    assert tuple(bed.driver.pwm_us) == NEUTRAL
+    assert not stop_thrusters(bed.driver, 2), "a lost link is taken for neutral, which is no answer"
+    bed.driver.close()
+
+
+class Master:
+    """An command_receiver with always a new command."""
+
+    def take_latest(self) -> Received:
+        return Received(VelocityCommand(surge=0.2), 1, 0, now_ns())
+
+
+@pytest.fixture
+def loop(tmp_path: Path) -> Iterator[Loop]:
+    """One whose device is a terminal that nobody reads."""
+    scenario = load_scenario("paper_field")
+    vehicle, control = load_vehicle(scenario.vehicle)
+    world = load_world(scenario.world)
+    ours, theirs = os.openpty()
+    driver = open_driver("device", Link(port=os.ttyname(theirs)), len(vehicle.channels), True, 1, print)
+    nobody: Any = None
+    master: Any = Master()
+    pilot = build_pilot(scenario, vehicle, control, world)
+    made = Loop(Simulation(vehicle, world), driver, pilot, master, nobody, 2_500_000, 20_000_000, print)
+    yield made
+    driver.close()
+    os.close(ours)
+    os.close(theirs)
+
+
+@pytest.mark.usefixtures("still")
+def test_commands_without_an_answer_are_counted_and_forgotten(loop: Loop, capsys: pytest.CaptureFixture[str]) -> None:
+    for _ in range(100):
+        loop._apply_command(now_ns())
+    loop._service_link(now_ns())
+    assert loop.unanswered == 0
+    assert len(loop._awaited) == 100
+    loop._service_link(now_ns() + NS_PER_S + 1)
+    assert loop.unanswered == 100
+    assert loop._awaited == {}
+    assert loop.driver.is_silent
+    assert "the STM32 has not answered for 0.5 s" in capsys.readouterr().out

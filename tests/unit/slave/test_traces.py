@@ -1,0 +1,123 @@
+"""The ways of commands are told with a sample that goes out, or soon; none is lost."""
+
+import os
+from collections.abc import Iterator
+from typing import Any, cast
+
+import pytest
+
+from hil.autonomy.control.controller import VelocityCommand
+from hil.common.clock import now_ns
+from hil.scenario.config import load_scenario
+from hil.slave.command_receiver import Received
+from hil.slave.drivers.driver import open_driver
+from hil.slave.loop import Loop, Trace
+from hil.slave.pilot import build_pilot
+from sim.environment.world import load_world
+from sim.simulation import Simulation
+from sim.vehicle.vehicle import load_vehicle
+
+STEP_NS = 2_500_000
+
+
+class CommandReceiver:
+    """Has what is put into it."""
+
+    def __init__(self) -> None:
+        self.waiting: list[Received] = []
+        self.event = os.eventfd(0)
+
+    def fileno(self) -> int:
+        return self.event
+
+    def take_latest(self) -> Received:
+        return self.waiting.pop(0)
+
+
+class SamplePublisher:
+    """Notes what goes out; `wanted` are the topics somebody listens to."""
+
+    def __init__(self) -> None:
+        self.said: list[str | Trace] = []
+        self.wanted: tuple[str, ...] = ()
+
+    def sample(self, topic: str, sample: Any) -> bool:
+        if topic in self.wanted:
+            self.said.append(topic)
+        return topic in self.wanted
+
+    def trace(self, trace: Trace) -> None:
+        self.said.append(trace)
+
+    def wake_publisher(self) -> None:
+        """What is said has gone out already."""
+
+
+class Bed:
+    """A loop on a thruster link of its own, stepped by hand."""
+
+    def __init__(self) -> None:
+        scenario = load_scenario("paper_field")
+        vehicle, control = load_vehicle(scenario.vehicle)
+        world = load_world(scenario.world)
+        simulation = Simulation(vehicle, world, dt_ns=STEP_NS, position=(0.0, 0.0, 5.0))
+        pilot = build_pilot(scenario, vehicle, control, world)
+        driver = open_driver("python", scenario.link, len(vehicle.channels), True, 1, print)
+        self.command_receiver, self.sample_publisher = CommandReceiver(), SamplePublisher()
+        ends = cast(Any, self.command_receiver), cast(Any, self.sample_publisher)
+        self.loop = Loop(simulation, driver, pilot, *ends, STEP_NS, 20_000_000, print)
+
+    def run(self, steps: int) -> None:
+        for _ in range(steps):
+            self.loop.advance(1)
+
+    def obey(self, sequence: int) -> None:
+        """A command arrives, and the STM32 answers it."""
+        self.command_receiver.waiting.append(Received(VelocityCommand(surge=0.3), sequence, 7, now_ns()))
+        self.loop._apply_command(now_ns())
+        self.loop._service_link(now_ns())
+
+    def told(self) -> list[int]:
+        return [said.sequence for said in self.sample_publisher.said if isinstance(said, Trace)]
+
+
+@pytest.fixture
+def bed() -> Iterator[Bed]:
+    bed = Bed()
+    yield bed
+    bed.loop.driver.close()
+    os.close(bed.command_receiver.event)
+
+
+def test_they_go_with_the_next_sample_that_goes_out(bed: Bed) -> None:
+    bed.sample_publisher.wanted = ("odom",)
+    bed.obey(1)
+    bed.obey(2)
+    assert bed.told() == []
+    bed.run(40)  # 0.1 s: odometry twice
+    assert [said if isinstance(said, str) else said.sequence for said in bed.sample_publisher.said] == [
+        "odom",
+        1,
+        2,
+        "odom",
+    ]
+    bed.obey(3)
+    bed.run(40)
+    assert bed.told() == [1, 2, 3]
+
+
+def test_they_go_soon_where_nobody_listens_to_samples(bed: Bed) -> None:
+    bed.run(3)
+    bed.obey(1)
+    bed.run(19)
+    assert bed.told() == []
+    bed.run(1)  # 50 ms after the answer
+    assert bed.told() == [1]
+
+
+def test_the_last_is_told_at_the_end(bed: Bed) -> None:
+    bed.obey(1)
+    stop = os.eventfd(1)
+    bed.loop.run(stop)
+    os.close(stop)
+    assert bed.told() == [1]

@@ -1,0 +1,264 @@
+"""What may be asked of the vehicle: each service by what the vehicle does then."""
+
+import math
+from collections.abc import Iterator
+from itertools import product
+from typing import Any
+
+import pytest
+
+from hil.autonomy.control.controller import VelocityCommand
+from hil.common.clock import now_ns
+from hil.network.services import Answer
+from hil.ros import message as ros_message
+from hil.scenario.config import load_scenario
+from hil.slave import services
+from hil.slave.command_receiver import CommandReceiver
+from hil.slave.drivers.driver import open_driver
+from hil.slave.loop import Loop
+from hil.slave.pilot import build_pilot
+from sim.environment.world import load_world
+from sim.rotations import from_euler, to_euler
+from sim.simulation import Simulation
+from sim.vehicle.vehicle import load_vehicle
+from tests.support.processes import ROOT
+
+STEP_NS = 2_500_000
+STANDS_NS = 10**12  # for the pilot no time passes: a command holds for as long as its test takes
+VEHICLES = sorted(path.stem for path in (ROOT / "sim" / "vehicles").glob("*.toml"))
+
+
+class SilentOutbox:
+    """Nobody listens."""
+
+    published = 0
+
+    def sample(self, topic: str, sample: Any) -> bool:
+        self.published += 1
+        return False
+
+    def wake_publisher(self) -> None:
+        """There is nothing to send."""
+
+
+class RecordedServer:
+    """Keeps what is offered."""
+
+    def __init__(self) -> None:
+        self.offered: dict[str, tuple[str, Answer]] = {}
+
+    def offer(self, name: str, type_name: str, answer: Answer) -> None:
+        self.offered[name] = type_name, answer
+
+    def call(self, name: str, request: Any = None) -> Any:
+        """The response, with request and response on the wire in between."""
+        type_name, answer = self.offered[name]
+        request_type, response_type = f"{type_name}_Request", f"{type_name}_Response"
+        asked = ros_message.decode(request_type, ros_message.encode(request_type, request or {}))
+        assert asked is not None
+        return ros_message.decode(response_type, ros_message.encode(response_type, answer(asked)))
+
+
+class Vehicle:
+    """A real loop, stepped by hand."""
+
+    def __init__(self) -> None:
+        scenario = load_scenario("paper_field")
+        vehicle, control = load_vehicle(scenario.vehicle)
+        world = load_world(scenario.world)
+        self.start = scenario.start
+        self.simulation = Simulation(vehicle, world, dt_ns=STEP_NS, position=(0.0, 0.0, 5.0))
+        pilot = build_pilot(scenario, vehicle, control, world)
+        driver = open_driver("python", scenario.link, len(vehicle.channels), True, 1, print)
+        self.command_receiver = CommandReceiver(10**9, 10**9, 1000.0)
+        sample_publisher: Any = SilentOutbox()
+        self.loop = Loop(
+            self.simulation, driver, pilot, self.command_receiver, sample_publisher, STEP_NS, 20_000_000, print
+        )
+        self.server, self.said = RecordedServer(), list[str]()
+        offered: Any = self.server
+        services.offer_services(offered, "uuv1", self.loop, self.start, self.said.append)
+
+    def command(self, surge: float) -> None:
+        assert self.loop.pilot
+        self.loop.pilot.command(VelocityCommand(surge=surge), STANDS_NS)
+
+    def run(self, steps: int) -> None:
+        """As the loop does, with as many updates of the controller."""
+        assert self.loop.pilot
+        for _ in range(steps):
+            command, _ = self.loop.pilot.update(STANDS_NS, 0.0025)
+            self.loop.driver.send(command)
+            self.loop._service_link(now_ns())
+            self.loop.advance(1)
+
+    def close(self) -> None:
+        self.loop.driver.close()
+        self.command_receiver.close()
+
+
+@pytest.fixture
+def vehicle() -> Iterator[Vehicle]:
+    made = Vehicle()
+    yield made
+    made.close()
+
+
+def pose(x: float, y: float, z: float, yaw: float = 0.0, **more: Any) -> dict[str, Any]:
+    """A request of set_pose, ENU."""
+    orientation = {"z": math.sin(yaw / 2), "w": math.cos(yaw / 2)}
+    return {"state": {"pose": {"position": {"x": x, "y": y, "z": z}, "orientation": orientation}, **more}}
+
+
+def test_all_that_is_offered(vehicle: Vehicle) -> None:
+    thrusters = [thruster.name for thruster in vehicle.simulation.vehicle.thrusters]
+    expected = {"/uuv1/arm": "std_srvs/srv/SetBool", "/uuv1/reset": "std_srvs/srv/Trigger"}
+    expected["/uuv1/set_pose"] = "simulation_interfaces/srv/SetEntityState"
+    expected |= {f"/uuv1/thrusters/{name}/fail": "std_srvs/srv/SetBool" for name in thrusters}
+    expected |= {
+        f"/uuv1/{name}": f"rcl_interfaces/srv/{name.title().replace('_', '')}"
+        for name in ("list_parameters", "get_parameters", "get_parameter_types", "describe_parameters")
+    }
+    expected["/uuv1/set_parameters"] = "rcl_interfaces/srv/SetParameters"
+    expected["/uuv1/set_parameters_atomically"] = "rcl_interfaces/srv/SetParametersAtomically"
+    assert {name: type_name for name, (type_name, _) in vehicle.server.offered.items()} == expected
+
+
+def test_disarmed_the_thrusters_are_neutral_and_commands_are_not_taken(vehicle: Vehicle) -> None:
+    loop = vehicle.loop
+    vehicle.command(0.8)
+    vehicle.run(200)
+    assert max(vehicle.simulation.thrusts) > 1.0
+    assert vehicle.server.call("/uuv1/arm", {"data": False})["success"]
+    vehicle.run(20)
+    assert set(loop.driver.pwm_us) == {1500}
+    loop._apply_command(now_ns())
+    assert not loop.armed
+    assert vehicle.server.call("/uuv1/arm", {"data": True})["success"]
+    assert loop.armed
+    vehicle.command(0.8)
+    vehicle.run(20)
+    assert set(loop.driver.pwm_us) != {1500}
+
+
+def test_reset_is_the_start_at_rest_with_all_thrusters_repaired(vehicle: Vehicle) -> None:
+    name = vehicle.simulation.vehicle.thrusters[0].name
+    vehicle.server.call(f"/uuv1/thrusters/{name}/fail", {"data": True})
+    vehicle.command(0.8)
+    vehicle.run(400)
+    before, start = vehicle.simulation.time_ns, vehicle.start
+    assert vehicle.server.call("/uuv1/reset")["success"]
+    state = vehicle.simulation.state
+    assert list(state.position) == [start.north, start.east, start.depth]
+    assert list(state.nu) == [0.0] * 6
+    assert to_euler(state.quaternion)[2] == pytest.approx(start.heading)
+    assert vehicle.simulation.time_ns == before, "time goes on"
+    vehicle.command(0.8)
+    vehicle.run(400)
+    assert vehicle.simulation.thrusts[0] != 0.0
+    assert vehicle.simulation.state.nu[0] > 0.2
+
+
+def test_a_thruster_fails_and_is_repaired(vehicle: Vehicle) -> None:
+    name = vehicle.simulation.vehicle.thrusters[0].name
+    vehicle.command(0.8)
+    vehicle.run(200)
+    assert abs(vehicle.simulation.thrusts[0]) > 0.5
+    assert vehicle.server.call(f"/uuv1/thrusters/{name}/fail", {"data": True}) == {
+        "success": True,
+        "message": f"{name} is off",
+    }
+    vehicle.run(400)
+    assert vehicle.simulation.thrusts[0] == pytest.approx(0.0, abs=0.05)
+    assert max(map(abs, vehicle.simulation.thrusts[1:])) > 0.5
+    vehicle.server.call(f"/uuv1/thrusters/{name}/fail", {"data": False})
+    vehicle.run(400)
+    assert abs(vehicle.simulation.thrusts[0]) > 0.5
+    assert vehicle.said == [f"thruster: {name} is off", f"thruster: {name} is repaired"]
+
+
+def test_a_parameter_lets_a_thruster_fail(vehicle: Vehicle) -> None:
+    """Half the thrust, then none, then all of it."""
+    name = vehicle.simulation.vehicle.thrusters[0].name
+
+    def thrust_with(text: str) -> float:
+        value = {"type": 4, "string_value": text}
+        answer = vehicle.server.call(
+            "/uuv1/set_parameters", {"parameters": [{"name": f"failures.{name}", "value": value}]}
+        )
+        assert answer == {"results": [{"successful": True, "reason": ""}]}
+        for _ in range(400):  # until the lag has passed
+            vehicle.simulation.step((1700,) * len(vehicle.simulation.vehicle.channels))
+        return vehicle.simulation.thrusts[0]
+
+    whole = thrust_with("")
+    assert whole > 1.0
+    assert thrust_with("kind = efficiency, efficiency = 0.5") == pytest.approx(0.5 * whole)
+    assert thrust_with("kind = off") == pytest.approx(0.0, abs=1e-6)
+    assert thrust_with("") == pytest.approx(whole)
+    assert vehicle.said[-2:] == [
+        f'parameter: failures.{name}: kind = "off"', f"parameter: failures.{name}: nothing is wrong"
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize("name", ["a", "upper starboard fin", "7", "ü-1", "T_1"])
+def test_names_of_thrusters_as_ros_allows_them(name: str) -> None:
+    plain = services.plain_name(name)
+    assert plain.isidentifier()
+    assert plain.isascii()
+
+
+def test_set_pose_takes_enu_and_a_velocity_along_the_world(vehicle: Vehicle) -> None:
+    request = pose(3.0, 1.0, -4.0, yaw=math.pi / 2, twist={"linear": {"y": 0.7, "z": 0.1}, "angular": {"z": 0.2}})
+    assert vehicle.server.call("/uuv1/set_pose", request) == {"result": {"result": 1, "error_message": ""}}
+    state = vehicle.simulation.state
+    assert list(state.position) == [1.0, 3.0, 4.0]
+    assert to_euler(state.quaternion) == pytest.approx((0.0, 0.0, 0.0), abs=1e-12)  # to the north
+    assert state.nu == pytest.approx([0.7, 0.0, -0.1, 0.0, 0.0, -0.2], abs=1e-12)
+    vehicle.run(40)
+    assert vehicle.simulation.state.position[0] > 1.02
+
+
+def test_set_pose_at_any_heading(vehicle: Vehicle) -> None:
+    vehicle.server.call("/uuv1/set_pose", pose(2.0, 2.0, -4.0, yaw=0.3, twist={"linear": {"x": 1.0}}))
+    state = vehicle.simulation.state
+    assert state.quaternion == pytest.approx(from_euler(0.0, 0.0, math.pi / 2 - 0.3))
+    assert state.nu[:2] == pytest.approx([math.cos(0.3), math.sin(0.3)])  # eastwards, off the bow to starboard
+
+
+@pytest.mark.parametrize("name", VEHICLES)
+def test_the_most_that_set_pose_takes_does_no_harm(name: str) -> None:
+    """Full thrust, spinning about any axis while it goes along any other, also with long steps."""
+    vehicle, _ = load_vehicle(name)
+    ways = [[sign * (axis == i) for i in range(3)] for axis in range(3) for sign in (1.0, -1.0)]
+    for step_ns in (STEP_NS, 20_000_000):
+        most = services._MAX_PATH * 1e9 / step_ns
+        for linear, angular in product(ways, ways):
+            simulation = Simulation(vehicle, load_world("pool"), sensors={}, dt_ns=step_ns, position=(5.0, 5.0, 2.0))
+            simulation.state.nu = [most * x for x in linear + angular]
+            for _ in range(40):
+                simulation.step((1900,) * len(vehicle.channels))
+            assert max(map(abs, simulation.state.nu)) < 20.0 * most, (step_ns, linear, angular)
+
+
+@pytest.mark.parametrize(
+    ("request_", "code", "words"),
+    [
+        (pose(0.0, 0.0, -400.0), 101, "an obstacle or the seabed of paper_field is there"),
+        (pose(math.nan, 0.0, -4.0), 101, "a place is not finite"),
+        (pose(1.1e6, 0.0, -4.0), 101, "more than 1e+06 m away"),
+        (pose(0.0, 0.0, -4.0, twist={"linear": {"x": 1e160}}), 101, "a velocity is not finite, or more than 10 m/s"),
+        (pose(0.0, 0.0, -4.0, twist={"angular": {"y": 8.0, "z": 8.0}}), 101, "or more than 10 m/s or rad/s"),
+        (pose(0.0, 0.0, -4.0, twist={"angular": {"x": math.nan}}), 101, "a velocity is not finite"),
+        (pose(0.0, 0.0, -4.0) | {"entity": "uuv2"}, 2, "no entity 'uuv2'; there is: uuv1"),
+        ({"state": {"pose": {"orientation": {"w": 0.0}}}}, 101, "orientation is none"),
+        ({"state": {"header": {"frame_id": "odom2"}}}, 4, "frame 'odom2' is not known"),
+    ],
+)
+def test_what_cannot_be_is_refused_with_a_reason(vehicle: Vehicle, request_: Any, code: int, words: str) -> None:
+    before = list(vehicle.simulation.state.position)
+    result = vehicle.server.call("/uuv1/set_pose", request_)["result"]
+    assert result["result"] == code
+    assert words in result["error_message"]
+    assert list(vehicle.simulation.state.position) == before
+    assert vehicle.said == []

@@ -1,0 +1,104 @@
+"""The recipes of CONTRIBUTING.md, followed step by step."""
+
+import re
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+
+from boards import load_board
+from hil.common.schema import preset_folder
+from hil.links.contract import Protocol, ThrusterCommand
+from hil.links.frame.protocol import open_frame
+from hil.links.protocols import PROTOCOLS, Role, open_protocol
+from hil.ros import encoders, sensors, topics
+from hil.ros.types import definition
+from sim.dynamics import State
+from sim.environment.world import load_world
+from sim.sensors.extra_samples import FlagSample
+from sim.sensors.mounting import Mounting
+from sim.sensors.samples import Scene
+from sim.sensors.suite import SENSORS, read_suite
+from sim.simulation import Simulation
+from sim.vehicle.vehicle import load_vehicle
+
+HERE = "tests.unit.test_recipes"
+TEXT = (Path(__file__).parents[2] / "CONTRIBUTING.md").read_text(encoding="utf-8")
+
+
+class DoorModel(NamedTuple):
+    """Rate in Hz."""
+
+    rate: float = 10.0
+
+
+class Door:
+    """A switch that is closed below 1 m."""
+
+    Model = DoorModel
+    topic = "door"
+
+    def __init__(self, model: DoorModel, mounting: Mounting, seed: int, scene: Scene) -> None:
+        self._mounting = mounting
+
+    def sample(self, time_ns: int, state: State) -> FlagSample:
+        return FlagSample(time_ns, self._mounting.depth(state) > 1.0)
+
+
+def test_a_sensor(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(SENSORS, "door", f"{HERE}:Door")
+    monkeypatch.setitem(topics.TOPICS, "door", topics.TOPICS["leak"]._replace(name="door"))
+    leak = sensors.ENCODERS["leak"]
+    encode: encoders.Encoder = lambda sample, prefix: [("door", data) for _, data in leak(sample, prefix)]  # noqa: E731
+    monkeypatch.setitem(sensors.ENCODERS, "door", encode)
+    monkeypatch.setattr(encoders, "_ENCODERS", dict(encoders._ENCODERS))
+    suite = read_suite({"door": {"rate": 20.0, "position": [0.1, 0.0, 0.0]}}, "mine.toml")
+    vehicle, _ = load_vehicle("paper_six")
+    simulation = Simulation(vehicle, load_world("pool"), position=(4.0, 4.0, 2.0), sensors=suite)
+    steps = [simulation.step((1500,) * len(vehicle.channels)) for _ in range(400)]
+    samples = [sample for step in steps for name, sample in step if name == "door"]
+    assert len(samples) == 20
+    assert isinstance(samples[-1], FlagSample)
+    assert samples[-1].on
+    ((topic, payload),) = encoders.encoder("door")(samples[-1], "")
+    assert topic == "door"
+    assert payload
+
+
+def open_mine(role: Role, channels: int) -> Protocol:
+    """A protocol of one's own, here another name of the frame."""
+    return open_frame(role, channels)
+
+
+def test_a_thruster_protocol(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(PROTOCOLS, "mine", f"{HERE}:open_mine")
+    host, device = open_protocol("mine", "host", 6), open_protocol("mine", "device", 6)
+    command = ThrusterCommand(7, True, (1500, 1600, 1400, 1500, 1550, 1450))
+    assert device.feed(host.encode(command)) == [command]
+
+
+def test_a_board(tmp_path: Path) -> None:
+    copy = tmp_path / "mine.toml"
+    text = Path(preset_folder("boards"), "generic_arm64.toml").read_text(encoding="utf-8")
+    copy.write_text(text, encoding="utf-8")
+    assert load_board(str(copy)).serial == load_board("generic_arm64").serial
+
+
+def test_a_vehicle(tmp_path: Path) -> None:
+    copy = tmp_path / "mine.toml"
+    text = Path(preset_folder("sim/vehicles"), "bluerov2.toml").read_text(encoding="utf-8")
+    copy.write_text(re.sub(r"(?m)^mass = .*$", "mass = 10.5", text), encoding="utf-8")
+    assert load_vehicle(str(copy))[0].mass != load_vehicle("bluerov2")[0].mass
+
+
+def test_a_message() -> None:
+    """Of each topic there is a definition, which its message is made and read by."""
+    for topic in topics.TOPICS.values():
+        assert definition(topic.type)
+
+
+def test_the_files_that_they_name_are_there() -> None:
+    root = Path(__file__).parents[2]
+    named = re.findall(r"`((?:hil|sim|boards|tests|docs)/[\w/.]+)`", TEXT)
+    assert len(named) > 10
+    assert [name for name in named if "NAME" not in name and not (root / name).exists()] == []

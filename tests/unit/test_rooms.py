@@ -1,0 +1,107 @@
+"""The rooms: imports go down the floors only and never round, the slave stays lean, the picture is current."""
+
+import ast
+import os
+import subprocess
+import sys
+from itertools import pairwise
+
+from tools import rooms
+
+# Rooms on one floor, or one floor apart, that must not know each other, whatever the floors permit.
+APART = {
+    ("hil.links", "hil.ros"), ("hil.links", "sim"), ("firmware_stub", "sim"), ("firmware_stub", "hil.ros"),
+    ("hil.slave", "hil.master"), ("hil.master", "hil.slave"), ("hil.master", "hil.links"),
+    ("hil.slave", "hil.gateways"), ("hil.gateways", "hil.slave"), ("hil.client", "hil.links"),
+    ("hil.gateways", "hil.links"),
+    ("sim", "hil.autonomy"), ("sim", "boards"), ("hil.autonomy", "sim"), ("hil.autonomy", "boards"), ("boards", "sim"),
+}  # fmt: skip
+
+
+def test_imports_go_down_the_floors() -> None:
+    up = [f"{one} -> {other}" for one, other in rooms.arrows() if rooms.FLOOR[other] > rooms.FLOOR[one]]
+    assert not up
+    assert not rooms.arrows() & APART
+
+
+def test_rooms_of_one_floor_do_not_import_each_other_both_ways() -> None:
+    arrows = rooms.arrows()
+    assert not [pair for pair in arrows if pair[::-1] in arrows]
+
+
+def test_no_modules_import_each_other_in_a_circle() -> None:
+    assert rooms.circles() == []
+
+
+def test_every_room_says_what_it_is_for() -> None:
+    """Its purpose, its public interface, what it must not know; a folder holds at most 25 modules."""
+    for name in rooms.FLOOR:
+        folder = rooms.ROOT / name.replace(".", "/")
+        if name != "hil" and folder.is_dir():
+            text = ast.get_docstring(ast.parse((folder / "__init__.py").read_text(encoding="utf-8"))) or ""
+            assert len(text) > 40, name
+    for folder in {path.parent for _, path in rooms.modules()}:
+        assert len(list(folder.glob("*.py"))) <= 26, folder
+
+
+def test_no_relative_import_and_no_import_of_tools_or_tests() -> None:
+    for module, path in rooms.modules():
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        assert not [node for node in ast.walk(tree) if isinstance(node, ast.ImportFrom) and node.level], module
+        assert not [name for name in rooms.imports(path) if name.split(".")[0] in ("tools", "tests")], module
+
+
+def test_importing_a_part_costs_no_more_than_that_part() -> None:
+    """`hil` imports what `hil.connect` needs when that is called."""
+    body = ast.parse((rooms.ROOT / "hil/__init__.py").read_text(encoding="utf-8")).body
+    assert not [node for node in body if isinstance(node, (ast.Import, ast.ImportFrom))]
+
+
+def test_no_module_is_named_like_a_dependency() -> None:
+    names = {path.stem for _, path in rooms.modules()}
+    assert not names & {
+        "serial",
+        "can",
+        "zenoh",
+        "numpy",
+        "scipy",
+        "psutil",
+        "dronecan",
+        "pymavlink",
+        "matplotlib",
+        "mcap",
+    }
+
+
+def test_the_ways_are_those_of_the_imports() -> None:
+    """Of two rooms that follow on the way, one imports the other, or the slave reaches it by a table of names."""
+    known = rooms.arrows() | {("hil.slave", "firmware_stub")}
+    for way in (rooms.COMMAND, rooms.SAMPLE):
+        for one, other in pairwise(way):
+            met = {(one, other), (other, one)} & known
+            by_slave = {("hil.slave", one), ("hil.slave", other)} <= known
+            assert met or by_slave, f"{one} -> {other}"
+
+
+def test_the_picture_is_current() -> None:
+    assert rooms.PICTURE.read_text(encoding="utf-8") == rooms.draw(), "run: python -m tools.rooms"
+
+
+LEAN = """
+import sys
+before = set(sys.modules)
+import hil.commands.slave, hil.slave.daemon, hil.slave.drivers.driver, firmware_stub.stub, boards
+import sim.simulation
+heavy = {"numpy", "scipy", "asyncio", "can", "serial", "matplotlib", "pymavlink", "dataclasses", "inspect", "email",
+         "moderngl", "ssl", "logging", "psutil", "subprocess", "ctypes", "pathlib", "json",
+         "hil.autonomy.paths.astar", "hil.autonomy.control.families", "hil.master"}
+print(*sorted(heavy & set(sys.modules)))
+"""
+
+
+def test_the_slave_loads_nothing_heavy() -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", LEAN], capture_output=True, text=True, cwd=rooms.ROOT, env={**os.environ}
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.split() == [], "the slave's start-up and memory are headline figures: import these when used"

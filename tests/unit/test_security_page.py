@@ -1,0 +1,39 @@
+"""Each statement of the security page names its tests, and all of these exist."""
+
+import ast
+import re
+from functools import cache
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+PAGE = (ROOT / "docs" / "explanation" / "security.md").read_text()
+NAMED = re.compile(r"`(tests/[\w/]+\.py)::(\w+)`")
+
+
+@cache
+def functions_of(path: str) -> frozenset[str]:
+    """The test functions of a file, and what a function decorated as a test is assigned to."""
+    tree = ast.parse((ROOT / path).read_text())
+    return frozenset(node.name for node in ast.walk(tree) if isinstance(node, ast.FunctionDef))
+
+
+def test_each_named_test_exists() -> None:
+    for path, test in NAMED.findall(PAGE):
+        assert (ROOT / path).is_file(), f"docs/explanation/security.md names {path}"
+        assert test in functions_of(path), f"docs/explanation/security.md names {path}::{test}"
+        assert test.startswith("test_")
+
+
+def test_every_statement_in_a_table_has_a_test() -> None:
+    rows = re.findall(r"^\| (?!statement)([^|]+) \| ([^|]+) \|$", PAGE.partition("## An attacker on the network")[2],
+                      flags=re.MULTILINE)  # fmt: skip
+    assert len(rows) > 25
+    for statement, tests in rows:
+        assert NAMED.search(tests), f"docs/explanation/security.md: no test is named for: {statement}"
+
+
+def test_how_to_report_is_said() -> None:
+    text = (ROOT / "SECURITY.md").read_text()
+    assert "privately" in text
+    assert "docs/explanation/security.md" in text
+    assert "(../../SECURITY.md)" in PAGE

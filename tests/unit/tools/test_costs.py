@@ -1,0 +1,40 @@
+"""Every tool that takes a vehicle runs with every vehicle: with fins and drop weights there are more channels than
+thrusters."""
+
+import sys
+from pathlib import Path
+
+import pytest
+
+from hil.common.schema import preset_names
+from sim.native import SWITCH
+from tools import sim_cost, step_cost
+
+TOOLS = Path(__file__).parents[3] / "tools"
+VEHICLES = preset_names("sim/vehicles")
+
+
+def test_these_are_all_tools_that_take_a_vehicle() -> None:
+    found = {path.name for path in TOOLS.rglob("*.py") if '"--vehicle"' in path.read_text()}
+    assert found == {"sim_cost.py", "step_cost.py"}
+
+
+@pytest.mark.parametrize("name", VEHICLES)
+def test_what_a_simulation_costs(
+    name: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys, "argv", ["sim_cost.py", "--vehicle", name, "--rounds", "1"])
+    monkeypatch.setattr(sim_cost, "ROUND_STEPS", 5)
+    monkeypatch.setattr(sim_cost, "REAL_TIME_S", 0.005)
+    monkeypatch.setenv(SWITCH, "")
+    assert sim_cost.main() == 0
+    assert capsys.readouterr().out.count("us a step") == 2
+
+
+@pytest.mark.parametrize("name", VEHICLES)
+def test_what_a_step_costs(name: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    """Of Python and C, and of numpy, which also has to fly the same path."""
+    monkeypatch.setattr(sys, "argv", ["step_cost.py", "--vehicle", name, "--rounds", "1"])
+    monkeypatch.setattr(step_cost, "STEPS", 5)
+    assert step_cost.main() == 0
+    assert "numpy" in capsys.readouterr().out
