@@ -1,32 +1,62 @@
-# make demo    the main job: slave and master as two processes, then the HIL table
-# make test    the tests
-# make lint    style and types
-# Each sets up what it needs in a virtual environment of its own.
+# make demo    run slave and master as two processes, then print the HIL table
+# make test    run the tests that need no emulator, no benchmark and no second system
+# make check   run everything: make test, emulators, User Mode Linux, clusters, random search, style and types
+# make coverage  run the unit tests alone and tell which share of the lines they run
+# make search  run the random tests with three times as many examples, from SEED
+# make lint    check style and types
+# make docs    build the documentation into site/index.html
+# make clean   remove what these have made
+# Each sets up what it needs in a virtual environment of its own: VENV=.venv. JOBS=N tests run at a time.
 
 PYTHON ?= python3
 VENV ?= .venv
 PACKAGES = hil sim boards firmware_stub
+SEED ?= 1
+JOBS ?= $(shell expr $$(nproc) \* 2)
 NATIVE = sim/native hil/slave/native
 BIN = $(VENV)/bin
+# The tests of a file share what is expensive to start, and run one after the other. Those of tests/process mostly
+# wait, so there are two jobs a processor; they come first, and the many short files of tests/unit fill the end.
+PYTEST = $(BIN)/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder
 
-.PHONY: demo test lint clean
+.PHONY: demo test check coverage search lint docs clean help
 .DEFAULT_GOAL = demo
 
 demo: $(VENV)/.run
 	@$(BIN)/uuv-hil demo
 
+help:
+	@sed -n '/^# make/,/^$$/s/^# //p' $(firstword $(MAKEFILE_LIST))
+
 test: $(VENV)/.dev
-	$(BIN)/python -m pytest
+	$(PYTEST) tests/process tests/unit
+
+coverage: $(VENV)/.dev
+	$(PYTEST) tests/unit $(PACKAGES:%=--cov=%) --cov-report=term:skip-covered --durations=0
+
+check: test search lint
+	$(PYTEST) tests/system
+	$(BIN)/python -m pytest tests/system/uml
+	$(BIN)/python -m pytest -m board tests/system/boards
+	$(BIN)/python -m pytest -m cluster tests/system/commands
+
+search: $(VENV)/.dev
+	$(PYTEST) -m hypothesis --hypothesis-profile=search --hypothesis-seed=$(SEED)
 
 lint: $(VENV)/.dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 
+docs: $(VENV)/.docs
+	@NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+	@echo "open site/index.html"
+
 # Bytecode is compiled at install: the start-up time of the first run is that of every run.
 $(VENV)/.run: EXTRA = master
 $(VENV)/.dev: EXTRA = dev
-$(VENV)/.run $(VENV)/.dev: pyproject.toml hatch_build.py $(wildcard $(NATIVE:%=%/*.[ch]) firmware_stub/src/*.c firmware_stub/include/*.h)
+$(VENV)/.docs: EXTRA = docs
+$(VENV)/.run $(VENV)/.dev $(VENV)/.docs: pyproject.toml hatch_build.py $(wildcard $(NATIVE:%=%/*.[ch]) firmware_stub/src/*.c firmware_stub/include/*.h)
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
 	  || { echo "Python 3.11 or later is needed; name one with: make PYTHON=/path/to/python3.11"; exit 1; }
 	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV) \
@@ -37,4 +67,4 @@ $(VENV)/.run $(VENV)/.dev: pyproject.toml hatch_build.py $(wildcard $(NATIVE:%=%
 	@touch $@
 
 clean:
-	rm -rf $(VENV) $(NATIVE:%=%/*.so) runs .mypy_cache .ruff_cache .pytest_cache
+	rm -rf $(VENV) $(NATIVE:%=%/*.so) runs site .mypy_cache .ruff_cache .pytest_cache
