@@ -3,9 +3,11 @@
 import fcntl
 import os
 import sys
+import termios
 import threading
 import time
 from collections.abc import Callable, Iterator
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -14,9 +16,8 @@ import serial
 
 from hil.common.errors import DeviceError
 from hil.links.contract import Wire
-from hil.links.wires.terminal import UNREAD_LIMIT, PtyHostWire, PtyWire, UartWire
-from tests.support.busy import retried_when_busy
-from tests.support.link_contract import nothing_leaks, read_bytes
+from hil.links.wires.terminal import UNREAD_LIMIT, PtyHostWire, PtyWire, UartWire, queued_bytes
+from tests.support.link_contract import PATIENCE_S, nothing_leaks, read_bytes
 
 
 @pytest.fixture(autouse=True)
@@ -154,39 +155,46 @@ def test_programs_come_and_go_unnoticed() -> None:
     wire.close()
 
 
-@pytest.mark.parametrize("open_host", [PtyHostWire, UartWire])
-@retried_when_busy("what the kernel takes to hand bytes over", attempts=5)
-def test_a_program_that_opens_the_port_reads_nothing_old(open_host: Callable[[str], Wire]) -> None:
-    wire = PtyWire()
+def wait_for_unread(wire: PtyWire, count: int) -> None:
+    """Wait until the kernel has handed `count` bytes to the other end: it does so in a thread of its own."""
+    end = os.open(wire.path, os.O_RDONLY | os.O_NOCTTY)
+    deadline = time.monotonic() + PATIENCE_S
+    try:
+        while (unread := queued_bytes(end, termios.FIONREAD)) != count:
+            assert time.monotonic() < deadline, f"{unread} bytes instead of {count}"
+            time.sleep(0.0001)
+    finally:
+        os.close(end)
+
+
+def fill(wire: PtyWire) -> int:
+    """Write until the wire refuses, each time after the last bytes have arrived; the bytes it took."""
     written = 0
-    for _ in range(200):
-        written += wire.write(b"o" * 32)
-        time.sleep(0.0002)  # what the kernel takes to hand it to the other side
-    assert UNREAD_LIMIT <= written < 4096, "kept while nobody reads"
-    host = open_host(wire.path)
-    wire.write(b"new")
-    assert read_bytes(host, 3) == b"new"
-    host.close()
-    wire.close()
-
-
-@retried_when_busy("what the kernel takes to hand bytes over", attempts=5)
-def test_what_has_been_read_makes_room_again() -> None:
-    wire = PtyWire()
-    host = PtyHostWire(wire.path)
-    frames = [b"%032d" % number for number in range(200)]
-    for frame in frames:
-        assert wire.write(frame) == 32, "three times the limit, but never unread at once"
-        assert read_bytes(host, 32) == frame
-    kept = 0
     while taken := wire.write(b"o" * 32):
-        kept += taken
-        time.sleep(0.0002)
-    assert UNREAD_LIMIT <= kept < 2 * UNREAD_LIMIT
-    assert read_bytes(host, kept) == b"o" * kept
-    assert wire.write(b"new") == 3
-    host.close()
-    wire.close()
+        written += taken
+        assert written < 4096, "what a terminal holds"
+        wait_for_unread(wire, written)
+    return written
+
+
+@pytest.mark.parametrize("open_host", [PtyHostWire, UartWire])
+def test_a_program_that_opens_the_port_reads_nothing_old(open_host: Callable[[str], Wire]) -> None:
+    with closing(PtyWire()) as wire:
+        assert fill(wire) == UNREAD_LIMIT
+        with closing(open_host(wire.path)) as host:
+            wire.write(b"new")
+            assert read_bytes(host, 3) == b"new"
+
+
+def test_what_has_been_read_makes_room_again() -> None:
+    with closing(PtyWire()) as wire, closing(PtyHostWire(wire.path)) as host:
+        for frame in (b"%032d" % number for number in range(200)):
+            assert wire.write(frame) == 32, "three times the limit, but never unread at once"
+            assert read_bytes(host, 32) == frame
+        kept = fill(wire)
+        assert UNREAD_LIMIT <= kept < 2 * UNREAD_LIMIT
+        assert read_bytes(host, kept) == b"o" * kept
+        assert wire.write(b"new") == 3
 
 
 @pytest.mark.parametrize("open_host", [PtyHostWire, UartWire])
