@@ -1,6 +1,7 @@
 # make demo    run slave and master as two processes, then print the HIL table
 # make test    run the tests that need no emulator, no benchmark and no second system
-# make check   run everything: make test, emulators, User Mode Linux, clusters, random search, style and types
+# make check   run everything, and tell at the end what failed: make test, emulators, User Mode Linux, boards, clusters,
+#              random search, style and types
 # make coverage  run the unit tests alone and tell which share of the lines they run
 # make search  run the random tests with three times as many examples, from SEED
 # make lint    check style and types
@@ -15,9 +16,8 @@ SEED ?= 1
 JOBS ?= $(shell expr $$(nproc) \* 2)
 NATIVE = sim/native hil/slave/native
 BIN = $(VENV)/bin
-# The tests of a file share what is expensive to start, and run one after the other. Those of tests/process mostly
-# wait, so there are two jobs a processor; they come first, and the many short files of tests/unit fill the end.
-PYTEST = $(BIN)/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder
+# Parts of the check, one after the other: a test that fails beside others runs once more, alone (tools/check.py).
+CHECK = $(BIN)/python -m tools.check --jobs $(JOBS) --seed $(SEED)
 
 .PHONY: demo test check coverage search lint docs clean help
 .DEFAULT_GOAL = demo
@@ -28,25 +28,14 @@ demo: $(VENV)/.run
 help:
 	@sed -n '/^# make/,/^$$/s/^# //p' $(firstword $(MAKEFILE_LIST))
 
-test: $(VENV)/.dev
-	$(PYTEST) tests/process tests/unit
+test search lint: $(VENV)/.dev
+	@$(CHECK) $@
+
+check: $(VENV)/.dev
+	@$(CHECK)
 
 coverage: $(VENV)/.dev
-	$(PYTEST) tests/unit $(PACKAGES:%=--cov=%) --cov-report=term:skip-covered --durations=0
-
-check: test search lint
-	$(PYTEST) tests/system
-	$(BIN)/python -m pytest tests/system/uml
-	$(BIN)/python -m pytest -m board tests/system/boards
-	$(BIN)/python -m pytest -m cluster tests/system/commands
-
-search: $(VENV)/.dev
-	$(PYTEST) -m hypothesis --hypothesis-profile=search --hypothesis-seed=$(SEED)
-
-lint: $(VENV)/.dev
-	$(BIN)/ruff check .
-	$(BIN)/ruff format --check .
-	$(BIN)/mypy
+	$(BIN)/python -m pytest -n $(JOBS) tests/unit $(PACKAGES:%=--cov=%) --cov-report=term:skip-covered --durations=0
 
 docs: $(VENV)/.docs
 	@NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet

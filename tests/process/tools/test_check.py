@@ -1,0 +1,76 @@
+"""A test that fails by chance is told and passes; one that fails twice, and whatever else pytest says, fails."""
+
+from pathlib import Path
+
+import pytest
+
+from tools import check
+
+BY_CHANCE = """
+from pathlib import Path
+def test_by_chance():
+    first = not Path("been").exists()
+    Path("been").touch()
+    assert not first
+"""
+NEVER = "def test_never(): assert False\n"
+FINE = "def test_fine(): pass\n"
+TEARDOWN = """
+import pytest
+@pytest.fixture
+def left():
+    yield
+    raise OSError("left open")
+def test_leaves(left): pass
+"""
+
+
+def outcome(folder: Path, *files: str, jobs: str = "0") -> tuple[list[str], list[str]]:
+    for number, text in enumerate(files):
+        (folder / f"test_{number}.py").write_text(text)
+    return check.run_tests(["."], ["-n", jobs], folder)
+
+
+def test_a_test_that_fails_once_passes_and_is_told(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    failed, passed_alone = outcome(tmp_path, BY_CHANCE, FINE, jobs="1")
+    assert (failed, passed_alone) == ([], ["test_0.py::test_by_chance"])
+    assert "1 failed beside others; once more, alone:\n  test_0.py::test_by_chance" in capfd.readouterr().out
+    told = check.summary({"test": check.Outcome(3.0, failed, passed_alone), "lint": check.Outcome(1.0, ["mypy"], [])})
+    assert told.splitlines() == [
+        "test     passed in 3 s",
+        "  failed beside others, passed alone (to be mended): test_0.py::test_by_chance",
+        "lint     FAILED in 1 s",
+        "  failed: mypy",
+    ]
+
+
+def test_a_test_that_fails_twice_fails(tmp_path: Path) -> None:
+    expected = ["test_1.py::test_never", "test_2.py::test_leaves"], ["test_0.py::test_by_chance"]
+    assert outcome(tmp_path, BY_CHANCE, NEVER, TEARDOWN) == expected
+
+
+def test_many_failures_are_not_tried_again(tmp_path: Path) -> None:
+    many = "".join(f"def test_{number}(): assert False\n" for number in range(check.MOST_BY_CHANCE + 1))
+    failed, passed_alone = outcome(tmp_path, many, BY_CHANCE)
+    assert len(failed) == check.MOST_BY_CHANCE + 2
+    assert passed_alone == []
+
+
+@pytest.mark.parametrize("text", ["import nothing_of_that_name\n", ""], ids=["not collected", "no test"])
+def test_what_is_no_failure_of_a_test_fails(tmp_path: Path, text: str) -> None:
+    failed, passed_alone = outcome(tmp_path, text)
+    assert failed
+    assert passed_alone == []
+
+
+def test_every_part_runs_whatever_fails(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.setattr(check, "run", lambda command, folder=None: int(command[0] in ("ruff", "pytest")))
+    assert check.main([]) == 1
+    told = capfd.readouterr().out
+    assert [line.split()[0] for line in told.splitlines() if " in " in line] == list(check.PARTS)
+    assert "  failed: ruff format --check ." in told
+    assert "failed: mypy" not in told
+    monkeypatch.setattr(check, "run", lambda command, folder=None: 0)
+    assert check.main(["lint", "test"]) == 0
+    with pytest.raises(SystemExit):
+        check.main(["everything"])

@@ -1,0 +1,129 @@
+"""Runs parts of the check one after the other, all of them whatever fails, and says at the end what did.
+
+    python -m tools.check                          everything, as `make check` does
+    python -m tools.check test                     one part, as `make test` does
+    python -m tools.check --jobs 4 test system
+
+A test that fails beside others may have been late on a busy machine: after its part, it runs once more alone. If it
+passes then, the part passes, and the test is listed: it depends on the machine, which is a defect to mend. A test that
+fails twice fails the part. More than `MOST_BY_CHANCE` failures are no chance and are not tried again.
+"""
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+ROOT = Path(__file__).parent.parent
+MOST_BY_CHANCE = 20
+TESTS_FAILED = 1  # pytest's exit status; others say that tests could not be collected, or that there was none
+# The tests of a file share what is expensive to start, and run one after the other. Those of tests/process mostly
+# wait, so there are two jobs a processor; they come first, and the many short files of tests/unit fill the end.
+PARALLEL = ("--dist", "loadfile", "--no-loadscope-reorder")
+
+
+class Part(NamedTuple):
+    """A part of the check: arguments of pytest, or commands of Python modules."""
+
+    tests: tuple[str, ...] = ()
+    parallel: bool = False
+    modules: tuple[tuple[str, ...], ...] = ()
+
+
+PARTS: dict[str, Part] = {
+    "test": Part(("tests/process", "tests/unit"), parallel=True),
+    "search": Part(("-m", "hypothesis", "--hypothesis-profile=search"), parallel=True),
+    "lint": Part(modules=(("ruff", "check", "."), ("ruff", "format", "--check", "."), ("mypy",))),
+    "system": Part(("tests/system",), parallel=True),
+    "uml": Part(("tests/system/uml",)),
+    "board": Part(("-m", "board", "tests/system/boards")),
+    "cluster": Part(("-m", "cluster", "tests/system/commands")),
+}
+
+
+class Outcome(NamedTuple):
+    """How a part went."""
+
+    seconds: float
+    failed: list[str]  # tests, or commands
+    passed_alone: list[str]  # tests that failed at first
+
+
+def run(command: Sequence[str], folder: Path = ROOT) -> int:
+    """Run a Python module with the arguments given; return its exit status."""
+    print("+ python -m", *command, flush=True)
+    return subprocess.run([sys.executable, "-m", *command], cwd=folder, check=False).returncode
+
+
+def last_failed(cache: Path) -> list[str]:
+    """Return the names of the tests that failed in the last run with this cache."""
+    try:
+        return sorted(json.loads((cache / "v/cache/lastfailed").read_text()))
+    except FileNotFoundError:
+        return []
+
+
+def run_tests(arguments: Sequence[str], apart: Sequence[str] = (), folder: Path = ROOT) -> tuple[list[str], list[str]]:
+    """Run pytest, and what failed once more alone; return those that failed twice, and those that passed then.
+
+    `apart` are arguments of the first run only. `folder` is where pytest starts. What is no test's failure (an error
+    while tests are collected, no test at all) is named by its exit status.
+    """
+    with tempfile.TemporaryDirectory(prefix="uuv-hil-check-") as cache:  # of its own: parts do not mix
+        pytest = ["pytest", "-o", f"cache_dir={cache}", *arguments]
+        status = run([*pytest, *apart], folder)
+        if status == 0:
+            return [], []
+        first = last_failed(Path(cache))
+        if status != TESTS_FAILED or not 0 < len(first) <= MOST_BY_CHANCE:
+            return first or [f"pytest: exit status {status}"], []
+        print(f"{len(first)} failed beside others; once more, alone:", *first, sep="\n  ", flush=True)
+        status = run([*pytest, "--last-failed", "--last-failed-no-failures", "none", "-n", "0"], folder)
+        second = last_failed(Path(cache)) or (first if status else [])
+        return second, sorted({*first} - {*second})
+
+
+def run_part(name: str, jobs: int, seed: int) -> Outcome:
+    """Run the part of that name."""
+    part, began = PARTS[name], time.monotonic()
+    failed = [" ".join(command) for command in part.modules if run(command)]
+    passed_alone: list[str] = []
+    if part.tests:
+        apart = ["-n", str(jobs), *PARALLEL] if part.parallel else []
+        random = [f"--hypothesis-seed={seed}"] if name == "search" else []
+        failed, passed_alone = run_tests([*part.tests, *random], apart)
+    return Outcome(time.monotonic() - began, failed, passed_alone)
+
+
+def summary(outcomes: Mapping[str, Outcome]) -> str:
+    """Return what each part took, and each test or command that failed, once or for good."""
+    lines = []
+    for name, outcome in outcomes.items():
+        lines.append(f"{name:8} {'FAILED' if outcome.failed else 'passed'} in {outcome.seconds:.0f} s")
+        lines += [f"  failed: {test}" for test in outcome.failed]
+        lines += [f"  failed beside others, passed alone (to be mended): {test}" for test in outcome.passed_alone]
+    return "\n".join(lines)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the parts asked for; return 1 if any failed."""
+    parser = argparse.ArgumentParser(prog="tools.check", description="Run parts of the check, by default all.")
+    parser.add_argument("parts", nargs="*", metavar="PART", help=f"of {', '.join(PARTS)}")
+    parser.add_argument("--jobs", type=int, default=2 * (os.cpu_count() or 1), help="tests that run at a time")
+    parser.add_argument("--seed", type=int, default=1, help="of the random search")
+    options = parser.parse_args(arguments)
+    if unknown := [name for name in options.parts if name not in PARTS]:
+        parser.error(f"no part {unknown[0]!r}; there are {', '.join(PARTS)}")
+    outcomes = {name: run_part(name, options.jobs, options.seed) for name in options.parts or PARTS}
+    print(f"\n{summary(outcomes)}", flush=True)
+    return int(any(outcome.failed for outcome in outcomes.values()))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
