@@ -1,0 +1,153 @@
+"""Time on a wire with faults is that of the line: by a clock of the test's own, and in three tests by the machine's."""
+
+import os
+import statistics
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+
+import pytest
+
+from hil.common.clock import NS_PER_S, now_ns
+from hil.links.wires.faults import BACKLOG, PIECE, Faults
+from hil.links.wires.timer import Timer
+from tests.support.busy import retried_when_busy
+from tests.support.faulty_wires import Clock, cross, instant_pair, pty_pair
+from tests.support.link_contract import EVERY_BYTE, wait_readable
+
+
+@contextmanager
+def one_cpu() -> Iterator[None]:
+    """Both ends on one CPU: a wake-up on another one can cost as much as a frame."""
+    before = os.sched_getaffinity(0)
+    os.sched_setaffinity(0, {max(before)})
+    try:
+        yield
+    finally:
+        os.sched_setaffinity(0, before)
+
+
+@pytest.mark.parametrize("downward", [True, False])
+@retried_when_busy("when bytes come, by the clock", attempts=10)
+def test_a_frame_takes_its_time_on_the_wire(opened: ExitStack, downward: bool) -> None:
+    paced, bare = (least_ns(opened, baud, downward) for baud in (115_200, 0))
+    wire_time_ns = 32 * 10 * NS_PER_S / 115_200
+    assert abs(paced - bare - wire_time_ns) < 0.05 * wire_time_ns
+
+
+def least_ns(opened: ExitStack, baud: int, downward: bool) -> int:
+    """Of many frames: a machine that others use too wakes those who wait late, never early."""
+    far, near = pty_pair(opened, Faults(baud=baud))
+    sender, receiver = (near, far) if downward else (far, near)
+    with one_cpu():
+        return min([cross(sender, receiver, bytes(32))[1] for _ in range(101)])
+
+
+@pytest.mark.parametrize("downward", [True, False])
+@retried_when_busy("when bytes come, by the clock", attempts=10)
+def test_throughput_is_that_of_the_baud_rate(opened: ExitStack, downward: bool) -> None:
+    """The best of five: a machine that others use too may be late, never early."""
+    far, near = pty_pair(opened, Faults(baud=230_400))
+    data = EVERY_BYTE * 40
+    sender, receiver = (near, far) if downward else (far, near)
+    wire_time_ns = len(data) * 10 * NS_PER_S / 230_400
+    took_ns: list[int] = []
+    while not took_ns or (len(took_ns) < 5 and min(took_ns) > 1.01 * wire_time_ns):
+        received, took = cross(sender, receiver, data)
+        assert received == data
+        took_ns.append(took)
+    assert min(took_ns) == pytest.approx(wire_time_ns, rel=0.01)
+
+
+@pytest.mark.parametrize("downward", [True, False])
+def test_a_frame_is_there_when_the_line_has_carried_it(opened: ExitStack, clock: Clock, downward: bool) -> None:
+    far, near = instant_pair(opened, Faults(baud=115_200))
+    sender, receiver = (near, far) if downward else (far, near)
+    assert sender.write(bytes(32)) == 32
+    near.read()
+    clock.advance(320 / 115_200 - Timer.MOST_LEAD_NS / NS_PER_S)
+    assert near.read() + far.read() == b""
+    clock.advance(Timer.MOST_LEAD_NS / NS_PER_S)
+    assert near.read() + receiver.read() == bytes(32)
+
+
+def test_bytes_come_as_the_line_carries_them(opened: ExitStack, clock: Clock) -> None:
+    far, near = instant_pair(opened, Faults(baud=9600))
+    far.write(bytes(96))
+    assert near.read() == b""
+    for _ in range(3):
+        clock.advance(320 / 9600)
+        assert len(near.read()) == 32, "and not all 96 after 100 ms"
+
+
+def test_a_paced_line_refuses_what_its_buffer_cannot_hold(opened: ExitStack, clock: Clock) -> None:
+    _, near = instant_pair(opened, Faults(baud=9600))
+    assert near.write(bytes(3 * BACKLOG)) == BACKLOG
+    clock.advance(0.01)
+    assert near.write(bytes(100)) in (9, 10), "what the line has carried meanwhile"
+    assert near.sent.chunks == 2
+
+
+def test_a_flood_is_held_back_without_a_busy_loop(opened: ExitStack, clock: Clock) -> None:
+    far, near = instant_pair(opened, Faults(baud=115_200))
+    far.write(bytes(3 * BACKLOG))
+    received = len(near.read())
+    for milliseconds in range(1, 51):
+        clock.advance(0.001)
+        received += len(near.read())
+        assert received == pytest.approx(11.52 * milliseconds, abs=PIECE)
+        assert not wait_readable(near, 0), "it wakes for what is due, not for what waits beneath"
+
+
+def test_delay_and_jitter(opened: ExitStack, clock: Clock) -> None:
+    far, near = instant_pair(opened, Faults(delay=0.01, jitter=0.01))
+    took_ms = []
+    for _ in range(30):
+        near.write(b"abc")
+        began = clock()
+        while not (received := far.read()):
+            clock.advance(0.0001)
+            near.read()
+        assert received == b"abc"
+        took_ms.append((clock() - began) / 1e6)
+    assert 9.8 <= min(took_ms) < 13.0
+    assert 17.0 < statistics.quantiles(took_ms, n=20)[-2] < 20.2
+
+
+def test_a_wire_with_jitter_does_not_overtake_itself(opened: ExitStack, clock: Clock) -> None:
+    far, near = instant_pair(opened, Faults(jitter=0.02))
+    received = b""
+    for byte in EVERY_BYTE:
+        far.write(bytes([byte]))
+        received += near.read()
+        assert received == EVERY_BYTE[: len(received)]
+        clock.advance(0.0005)
+    assert 100 < len(received) < 256
+    clock.advance(0.02)
+    assert received + near.read() == EVERY_BYTE
+
+
+def test_it_wakes_when_something_is_due_and_not_before(opened: ExitStack) -> None:
+    """By the machine's clock: what it does late is not judged."""
+    far, near = instant_pair(opened, Faults(delay=0.05))
+    due_ns = now_ns() + NS_PER_S // 20
+    near.write(b"later")
+    assert wait_readable(near)
+    assert now_ns() >= due_ns - Timer.MOST_LEAD_NS
+    assert near.read() == b""
+    assert far.read() == b"later"
+    assert not wait_readable(near, 0)
+
+
+def test_stall(opened: ExitStack, clock: Clock) -> None:
+    far, near = instant_pair(opened, Faults(stall=1.0, stall_time=0.1))
+    near.write(b"stood")
+    near.faults = Faults()
+    near.write(b"behind")
+    assert far.read() == b""
+    clock.advance(0.09)
+    near.read()
+    assert far.read() == b""
+    clock.advance(0.01)
+    near.read()
+    assert far.read() == b"stoodbehind"
+    assert near.sent.stalls == 1
