@@ -1,6 +1,7 @@
 """`import hil`: a real slave, found, looked at and flown from Python; and every way in which that can go wrong."""
 
 import asyncio
+import functools
 import signal
 import subprocess
 import sys
@@ -438,9 +439,14 @@ def test_a_recording_of_all_kinds_repeats_to_the_bit(tmp_path: Path) -> None:
                 lambda: vehicle.push(x=10.0),
                 lambda: vehicle.thrust(3.0, 3.0, -3.0, -3.0, 1.0, 1.0),
             ]
-            for tell in kinds:
+            publishers = vehicle.client._publishers
+
+            def told(least: int) -> bool:
+                return sum(publisher.sequence for publisher in publishers.values()) >= least
+
+            for number, tell in enumerate(kinds, 1):
                 tell()
-                time.sleep(0.25)
+                assert wait_for(functools.partial(told, 15 * number)), "20 commands a second, of one to three topics"
             vehicle.client.session.publisher("uuv1", Topic("cmd_other", "std_msgs/msg/Bool", 0, "data")).put(b"x", 0)
             time.sleep(0.1)
         assert slave.stop(signal.SIGTERM) == 0
