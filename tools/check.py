@@ -64,7 +64,7 @@ def run(command: Sequence[str], folder: Path = ROOT) -> int:
 def last_failed(cache: Path) -> list[str]:
     """Return the names of the tests that failed in the last run with this cache."""
     try:
-        return sorted(json.loads((cache / "v/cache/lastfailed").read_text()))
+        return sorted(json.loads((cache / "v/cache/lastfailed").read_text(encoding="utf-8")))
     except FileNotFoundError:
         return []
 
