@@ -3,6 +3,7 @@
 import socket
 import struct
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -96,10 +97,19 @@ def test_a_late_answer_is_not_taken_for_the_next() -> None:
         way = RoundTrips(ours, 16)
         way.measure_once(soon(0.01))
         first = theirs.recv(100)
-        threading.Timer(0.1, lambda: theirs.sendall(first + theirs.recv(100))).start()
+
+        def answer_both() -> None:
+            second = theirs.recv(100)
+            theirs.sendall(first)
+            time.sleep(0.05)  # after it was sent, so it takes at least that
+            theirs.sendall(second)
+
+        answering = threading.Thread(target=answer_both)
+        answering.start()
         way.measure_once(soon())
+        answering.join()
         assert way.lost == 1
-        assert way.taken_ns[0] * 2 > 0.09 * NS_PER_S
+        assert way.taken_ns[0] * 2 > 0.05 * NS_PER_S
 
 
 def test_the_load_is_under_way_before_anything_is_waited_for() -> None:

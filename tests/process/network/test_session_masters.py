@@ -138,7 +138,7 @@ def test_a_flood_of_pings_by_one_that_may_only_listen_hides_the_vehicle_from_nob
 
         with subprocess.Popen([sys.executable, "-c", FLOOD, endpoint], cwd=ROOT) as flood:
             try:
-                assert wait_for(lambda: master.diagnostics().pings_dropped)
+                assert wait_for(lambda: master.diagnostics().pings_dropped), (flood.poll(), master.diagnostics())
                 retry_when_busy(is_there, "20,000 pings a second need their time of the processor")
             finally:
                 flood.kill()
