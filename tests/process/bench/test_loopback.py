@@ -10,6 +10,7 @@ import pytest
 
 from hil.bench.loopback import Plan, _Stm32, _Test, wire_ms
 from hil.cli import main
+from hil.common.clock import NS_PER_S
 from hil.links.wires.faults import Faults
 from hil.links.wires.terminal import PtyWire
 from hil.scenario.records import Link
@@ -21,6 +22,12 @@ from tests.support.processes import Program
 def loopback(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, dict[str, Any]]:
     code = main(["loopback", "--json", "--seconds", "0.4", *arguments])
     return code, json.loads(capsys.readouterr().out)
+
+
+@pytest.fixture
+def patient(monkeypatch: pytest.MonkeyPatch) -> None:
+    """However late the machine lets an answer come, it is not lost."""
+    monkeypatch.setattr("hil.bench.loopback.LOST_NS", 60 * NS_PER_S)
 
 
 @pytest.mark.parametrize(
@@ -37,17 +44,23 @@ def loopback(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, 
     ],
     ids=" ".join,
 )
-@retried_when_busy("round trips of another thread or process", attempts=5)
+@pytest.mark.usefixtures("patient")
 def test_a_sound_link_loses_nothing(arguments: tuple[str, ...], capsys: pytest.CaptureFixture[str]) -> None:
     with nothing_leaks():
         code, found = loopback(capsys, *arguments)
     assert code == 0, found
-    assert found["sent"] == found["answered"] >= 5, "20 where nothing else uses the machine"
+    assert found["sent"] == found["answered"] >= 1, "20 where nothing else uses the machine"
     assert found["lost"] == found["errors"] == 0
     assert found["broken_limits"] == []
     assert 0.0 < found["p50_ms"] <= found["p99_ms"] <= found["max_ms"]
-    assert found["p50_ms"] < 10.0, "the link's time, not what is left of the period"
     assert found["counters"]["bytes_out"] > 0
+
+
+@retried_when_busy("round trips of another thread or process", attempts=5)
+def test_what_is_left_of_the_period_is_not_counted(capsys: pytest.CaptureFixture[str]) -> None:
+    code, found = loopback(capsys, "--rate", "5", "--seconds", "1")
+    assert code == 0, found
+    assert found["p50_ms"] < 100.0, "of 200"
 
 
 def test_p99_of_a_hundred_round_trips_is_no_maximum() -> None:
@@ -64,7 +77,7 @@ def test_what_a_bad_line_does_is_told_and_breaks_limits(capsys: pytest.CaptureFi
     code, found = loopback(capsys, "--fault", "drop=0.2", "--fault", 'delay="20 ms"', "--max-p99", "10 ms")
     assert code == 1
     assert 0.1 < found["loss"] < 0.7  # both ways
-    assert 39.0 < found["p50_ms"] < 90.0  # of a machine that may be busy
+    assert found["p50_ms"] > 39.0
     assert [text.split()[0] for text in found["broken_limits"]] == ["loss", "p99"]
     code, found = loopback(capsys, "--fault", "drop=0.2", "--max-loss", "0.9", "--max-errors", "99")
     assert code == 0
@@ -77,7 +90,7 @@ def test_damage_is_counted(capsys: pytest.CaptureFixture[str]) -> None:
     assert "damaged frames" in found["broken_limits"][0]
 
 
-@retried_when_busy("delays of another thread or process")
+@pytest.mark.usefixtures("patient")
 def test_the_wire_time_is_that_of_the_bits(capsys: pytest.CaptureFixture[str]) -> None:
     """22 + 32 bytes of ten bits at 115200: 4.69 ms, and the paced link takes at least that."""
     plan = Plan("python", Link(faults=Faults(baud=115_200)), 6, 50.0, 1.0, True)
@@ -85,7 +98,7 @@ def test_the_wire_time_is_that_of_the_bits(capsys: pytest.CaptureFixture[str]) -
     code, found = loopback(capsys, "--fault", "baud=115200", "--rate", "0")
     assert code == 0
     assert found["wire_ms"] == pytest.approx(4.6875)
-    assert 4.5 < found["p50_ms"] < 60.0  # of a machine that may be busy
+    assert found["p50_ms"] > 4.2, "its timer may be 0.2 ms early, each way"
     assert loopback(capsys)[1]["wire_ms"] is None
 
 
@@ -103,16 +116,16 @@ def jumper() -> Iterator[str]:
     thread.start()
     yield far.path
     stop.set()
-    thread.join(2.0)
+    thread.join()
     far.close()
 
 
 @pytest.mark.parametrize("protocol", ["frame", "mavlink"])
-@retried_when_busy("delays of another thread or process")
+@pytest.mark.usefixtures("patient")
 def test_a_jumper(protocol: str, jumper: str, capsys: pytest.CaptureFixture[str]) -> None:
     code, found = loopback(capsys, "--stm32", "jumper", "--port", jumper, "--protocol", protocol)
     assert code == 0, found
-    assert found["answered"] == found["sent"] >= 5
+    assert found["answered"] == found["sent"] >= 1
     assert found["counters"]["bytes_in"] == found["counters"]["bytes_out"] > 0
 
 
