@@ -230,17 +230,22 @@ def test_pub_drives_the_vehicle(user: User) -> None:
 
 def test_any_type_is_published_by_a_node_of_its_own(tmp_path: Path) -> None:
     endpoint, heard = f"tcp/127.0.0.1:{free_port()}", list[tuple[str, bytes]]()
+    tokens: list[str] = []
     values = "{header: {frame_id: map}, ranges: [1.5, .inf, 2.0]}"
     with listen(endpoint) as other:
         other.subscribe_keys("0/**", lambda key, payload, _: heard.append((key, payload)), 16)
+        other.watch_tokens(graph.ALL, lambda key, alive: tokens.append(key) if alive else None)
         arguments = ("pub", "scan", "sensor_msgs/msg/LaserScan", values, "--rate", 20, "-n", 3, "--connect", endpoint)
         with Program(tmp_path, "topic", *arguments) as program:
-            found = wait_for(lambda: [e for key in other.tokens(graph.ALL) if (e := graph.read_token(key))])
             assert program.wait() == 0, program.output
-    assert found
-    node = f"/uuv_hil_topic_{program.process.pid}"
-    assert (found[0].node, {e.topic for e in found if e.kind == "MP"}) in ((node, {"/scan"}), (node, set()))
-    assert len(heard) == 3
+        assert wait_for(lambda: len(heard) == 3)
+
+        def published() -> list[tuple[str, str]]:
+            entities = [entity for key in tokens if (entity := graph.read_token(key))]
+            return [(entity.node, entity.topic) for entity in entities if entity.kind == "MP"]
+
+        found = wait_for(published)
+    assert found == [(f"/uuv_hil_topic_{program.process.pid}", "/scan")]
     name = "sensor_msgs/msg/LaserScan"
     assert heard[0][0] == f"0/scan/sensor_msgs::msg::dds_::LaserScan_/{types.type_hash(name)}"
     message = ros_message.decode(name, heard[0][1])
