@@ -22,7 +22,10 @@ FLOORS: list[dict[str, str]] = [
     {"hil.links": "wires and thruster protocols", "hil.ros": "messages of ROS 2", "firmware_stub": "the STM32"},
     {"hil.scenario": "the scenario file", "hil.network": "zenoh sessions, certificates"},
     {"hil.recording": "MCAP: write, read, replay", "hil.client": "Python interface to vehicles"},
-    {"hil.slave": "the daemon on the board", "hil.master": "the planner process", "hil.gateways": "JSON, MATLAB"},
+    {
+        "hil.slave": "the daemon on the board", "hil.master": "the planner process", "hil.gateways": "JSON, MATLAB",
+        "hil.autopilots": "ArduPilot, PX4",
+    },
     {
         "hil.plots": "figures", "hil.charts": "worlds from charts", "hil.bench": "delay, load, start-up",
         "hil.tuning": "gains", "hil.cases": "experiments", "hil.doctor": "findings", "hil.install": "service",

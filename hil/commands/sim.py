@@ -14,7 +14,7 @@ from hil.common.progress_line import ProgressLine
 from hil.master.flight import Outcome, Plan, prepare, require_success
 from hil.plots.plotting import check_picture
 from hil.scenario.attitude_warning import attitude_warning
-from hil.scenario.config import Scenario, load_single
+from hil.scenario.config import AUTOPILOTS, Scenario, load_single
 
 EXAMPLES = """\
 Planner, controller, allocation, thrusters, dynamics and sensors are those of the real run; the same
@@ -46,6 +46,10 @@ def main(arguments: list[str]) -> int:
     scenario = load_single(options.scenario, changes_of(options))
     if options.seed is not None:
         scenario = scenario._replace(seed=options.seed)
+    if scenario.controller in AUTOPILOTS:
+        from hil.commands.sim_autopilot import fly_autopilot
+
+        return fly_autopilot(scenario, options)
     plan = prepare(scenario)
     vehicle = SimulatedVehicle(scenario, plan.world)
     simulation = vehicle.simulation

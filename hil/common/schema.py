@@ -87,6 +87,7 @@ NOUNS = {
     "sim/sensors/devices": "device",
     "firmware_stub/frames": "frame",
     "boards": "board",
+    "hil/autopilots/frames": "autopilot frame",
 }
 
 

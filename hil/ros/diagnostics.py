@@ -209,7 +209,7 @@ class Diagnostics:
         decode_events,
     )
     # Commands
-    controller = _text('"builtin", or "external" if thrusters are left to other software')
+    controller = _text('"builtin", "autopilot", or "external" if thrusters are left to other software')
     armed = _flag("whether the vehicle takes commands")
     thrusters = _integer("", "thrusters of the vehicle")
     commands_received = _counter("commands that arrived")
@@ -241,6 +241,19 @@ class Diagnostics:
     link_dropped_bytes = _counter("bytes between frames, or refused by a full wire", "byte")
     stm32_silent = _flag("whether the STM32 does not answer although its link is there")
     pwm_us = _integers("us", "pulse widths in effect, one for each channel")
+    # The autopilot; with our own controller none of these
+    autopilot = _text("its kind and the address on which it is reached")
+    autopilot_connected = _flag("whether its outputs come")
+    autopilot_frame = _text("the frame by which its motors are the vehicle's thrusters")
+    autopilot_outputs = _integers("us", "its output channels as it sent them, motors and others; 0 is no output")
+    autopilot_packets = _counter("outputs that were taken")
+    autopilot_lost = _counter("outputs that are missing between two that came")
+    autopilot_resets = _counter("times that it started anew")
+    autopilot_stalls = _counter("times that it stopped answering")
+    autopilot_silences = _counter("times that the thrusters were stopped as its outputs stopped")
+    autopilot_steps_held = _counter("steps of the simulation that were dropped, as it answered too late")
+    autopilot_delay_p50_ms = _number("ms", 3, "delay from its outputs to pulse widths at the STM32, median")
+    autopilot_delay_p99_ms = _number("ms", 3, "the same, of 99 in 100")
     # The network
     may_command = _texts("names of the certificates that may command; not reported without [security]")
     may_listen = _texts("names of the certificates that may listen; not reported without [security]")

@@ -19,6 +19,7 @@ from sim.vehicle.vehicle import Vehicle
 
 if TYPE_CHECKING:
     from hil.network.security import Security
+    from hil.scenario.autopilot_records import AutopilotSettings
     from hil.scenario.fleet_records import Hunting, Member
     from hil.scenario.modem_records import Modem
     from sim.forces import Force
@@ -29,6 +30,7 @@ SCENARIOS = "hil/scenario/presets"
 FOLDERS = {"vehicle": "sim/vehicles", "world": "sim/worlds", "link.frame": "firmware_stub/frames"}
 # Sections that most runs do without -> what reads them: a record, a class that theirs follow, or a function.
 LAZY = {
+    "autopilot": "hil.scenario.autopilot_records:AutopilotSettings",
     "failure": "sim.vehicle.failures:Failure",
     "force": "sim.forces:Force",
     "release": "sim.vehicle.ballast:Release",
@@ -39,6 +41,7 @@ LAZY = {
     "link.faults": "hil.links.wires.faults:Faults",
 }
 MANY = ("failure", "force", "release", "member")  # each of them a [[table]]
+AUTOPILOTS = ("ardupilot", "px4")  # controllers that are programs or boards of others
 FEEDBACK = ("imu", "odometry", "pressure")  # what the builtin controller lives on
 
 
@@ -47,8 +50,9 @@ class Scenario(NamedTuple):
 
     stm32: "python" the firmware's twin inside the slave, on its own frame the firmware in C where that was compiled;
     "process" the twin in a process of its own; "native" the firmware in C in one; "unicorn" (inside the slave) and
-    "qemu" its image on an emulated processor; "device" a real one. controller: "builtin", or "external": the link's
-    host end is left to the user's own vehicle software. Each [[failure]] is one of a thruster, at its time; each
+    "qemu" its image on an emulated processor; "device" a real one. controller: "builtin"; "external": the link's
+    host end is left to the user's own vehicle software; "ardupilot" or "px4": a flight controller, reached as
+    [autopilot] says (hil/scenario/autopilot_records.py). Each [[failure]] is one of a thruster, at its time; each
     [[force]] a class of the user's own (sim/forces.py); each [[release]] drops a weight of the vehicle's, at its time
     (sim/vehicle/ballast.py); each [[member]] is one vehicle of a fleet, [hunting] the fleet's task
     (hil/scenario/fleet_records.py),
@@ -61,7 +65,7 @@ class Scenario(NamedTuple):
     description: str = ""
     seed: Annotated[int, Range(0, 2**63 - 1)] = 1
     stm32: Literal["python", "process", "native", "unicorn", "qemu", "device"] = "python"
-    controller: Literal["builtin", "external"] = "builtin"
+    controller: Literal["builtin", "external", "ardupilot"] = "builtin"
     slave: Slave = Slave()
     link: Link = Link()
     start: Start = Start()
@@ -78,6 +82,7 @@ class Scenario(NamedTuple):
     member: "tuple[Member, ...]" = ()
     hunting: "Hunting | None" = None
     modem: "Modem | None" = None
+    autopilot: "AutopilotSettings | None" = None
     path: str = ""  # the file it was read from
 
     def validate(self) -> str | None:
@@ -145,6 +150,11 @@ def load_scenario(name: str, changes: dict[str, Any] | None = None) -> Scenario:
     )
     if scenario.security:
         scenario = scenario._replace(security=scenario.security.beside(folder))
+    if scenario.autopilot:
+        if scenario.controller not in AUTOPILOTS:
+            words = f'belongs to controller = "ardupilot" or "px4", not to {scenario.controller!r}'
+            raise ConfigError(f"{path}: autopilot: {words}")
+        scenario = scenario._replace(autopilot=scenario.autopilot.beside(folder))
     if any("class" in section for section in sensors.values()):
         from hil.ros.own import announce  # most vehicles have no sensor of a user's own
 

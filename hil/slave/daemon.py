@@ -11,7 +11,7 @@ from hil.common.clock import now_ns, seconds_ns, to_wall_ns
 from hil.common.stop import StopSignals
 from hil.network.session import Listening
 from hil.ros.topics import TOPICS
-from hil.scenario.config import Scenario, build_simulation
+from hil.scenario.config import AUTOPILOTS, Scenario, build_simulation
 from hil.slave.command_receiver import CommandReceiver
 from hil.slave.drivers.driver import check_line_rate, open_driver, stop_thrusters
 from hil.slave.log import Log
@@ -84,7 +84,7 @@ def run(
                 if contacts.conflict:
                     raise contacts.conflict
             finally:
-                neutral = stop_thrusters(loop.driver, loop.pilot.next_sequence() if loop.pilot else 0)
+                neutral = stop_thrusters(loop.driver, loop.next_sequence())
                 log.say("thrusters neutral" if neutral else "WARNING: the STM32 did not confirm neutral thrusters")
 
 
@@ -121,10 +121,10 @@ def _assemble(
     if scenario.stm32 == "device" and link.port == "pty:":
         board = board or _recognised()
         link = link._replace(port=board.uart or link.port) if board else link
-    builtin = scenario.controller == "builtin"
+    builtin, ours = scenario.controller == "builtin", scenario.controller != "external"
     if builtin:
         check_line_rate(link, len(vehicle.channels), 1.0 / slave.control_period)
-    driver = open_driver(scenario.stm32, link, len(vehicle.channels), builtin, scenario.seed, report)
+    driver = open_driver(scenario.stm32, link, len(vehicle.channels), ours, scenario.seed, report)
     stack.callback(driver.close)
     startup["link"] = now_ns()
     limits = seconds_ns(slave.command_age_limit), seconds_ns(slave.deadman), scenario.network.command_rate
@@ -154,14 +154,22 @@ def _assemble(
         session.subscribe(slave.node, "cmd_$*", deliver, depth=8)
         sample_publisher.graph.subscribes(TOPICS["cmd_vel"], slave.node)
     steps = seconds_ns(slave.step), seconds_ns(slave.control_period)
-    return (recorder.loop if recorder else Loop)(
+    loop = (recorder.loop if recorder else Loop)(
         simulation, driver, pilot, command_receiver, sample_publisher, *steps, report
     )
+    if scenario.controller in AUTOPILOTS:
+        from hil.slave.autopilot_port import AutopilotPort  # most vehicles are flown by our own controller
+
+        loop.autopilot = AutopilotPort(scenario, vehicle, world, report)
+        stack.callback(loop.autopilot.close)
+    return loop
 
 
 def _ready(scenario: Scenario, loop: Loop, startup: dict[str, int]) -> str:
     milliseconds = (startup["ready"] - startup["exec"]) / clock.NS_PER_MS
     hands = "" if loop.pilot else f"; waiting for your software on {loop.driver.port}"
+    if loop.autopilot:
+        hands = f"; waiting for {loop.autopilot.autopilot.name}"
     return (
         f"ready {milliseconds:.0f} ms after exec: node {scenario.slave.node}, listening on {scenario.slave.listen}, "
         f"STM32 {scenario.stm32} on {loop.driver.port}{hands}"

@@ -149,7 +149,9 @@ class Health:
         figures.commands_refused = command_receiver.refused
         figures.commands_flooded = command_receiver.flooded
         figures.commands_fault = command_receiver.fault
-        figures.controller = "builtin" if loop.pilot else "external"
+        figures.controller = "builtin" if loop.pilot else "autopilot" if loop.autopilot else "external"
+        if loop.autopilot:
+            loop.autopilot.add_figures(figures)
         figures.armed = loop.armed
         figures.thrusters = command_receiver.thrusters
         figures.commands_unanswered = loop.unanswered
@@ -181,6 +183,9 @@ class Health:
             )
         if driver.is_silent:
             return ERROR, f"the STM32 on {driver.port} does not answer: check wiring, baud, protocol"
+        waiting = self._loop.autopilot.state() if self._loop.autopilot else ""
+        if waiting:
+            return WARNING, waiting
         if pilot and not pilot.active:
             neutral = all(pulse == PWM_NEUTRAL_US for pulse in driver.pwm_us)
             return WARNING, "waiting for commands, thrusters " + ("neutral" if neutral else "not neutral yet")

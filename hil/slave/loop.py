@@ -14,6 +14,7 @@ from hil.slave.sample_publisher import SamplePublisher
 from sim.simulation import Simulation
 
 if TYPE_CHECKING:
+    from hil.slave.autopilot_port import AutopilotPort
     from sim.vehicle.failures import Failure
 
 UNANSWERED_NS = NS_PER_S  # a command whose echo has not come by then is counted as lost on the link
@@ -58,7 +59,8 @@ class Trace(NamedTuple):
 class Loop:
     """Run one vehicle. All parts are given; nothing is opened or closed here.
 
-    While it is not `armed` no command is taken. `ros` is given when the vehicle is ready.
+    While it is not `armed` no command is taken. `ros` is given when the vehicle is ready, and
+    `autopilot` where one flies it in place of the pilot.
     """
 
     def __init__(
@@ -79,6 +81,7 @@ class Loop:
         self.sample_publisher = sample_publisher
         self.armed = True
         self.ros: NodeServer | None = None
+        self.autopilot: AutopilotPort | None = None
         self._control_period_ns = control_period_ns
         self._control_wait_ns = control_period_ns - step_ns // 2  # the step nearest to the period's end, not one later
         self._report = report
@@ -90,6 +93,7 @@ class Loop:
         self._computed_ns = 0
         self._control_due_ns = 0
         self._sent = False
+        self._neutral = (PWM_NEUTRAL_US,) * len(driver.pwm_us)
         self.pwm_us = tuple(driver.pwm_us)  # which change only when the driver is serviced
         self._link_due_ns = 0  # when the driver has to be serviced even if nothing came
         self._link_fds = driver.descriptors()
@@ -107,7 +111,8 @@ class Loop:
         """Loop until `stop_fd` becomes readable."""
         command_fd = self.command_receiver.fileno()
         ros_fd = self.ros.fileno() if self.ros else -1
-        own_fds = [stop_fd, command_fd, *([ros_fd] if self.ros else [])]
+        autopilot, autopilot_fd = self.autopilot, self.autopilot.fileno() if self.autopilot else -1
+        own_fds = [stop_fd, command_fd, *([ros_fd] if self.ros else []), *([autopilot_fd] if autopilot else [])]
         link_fds, fds = self._link_fds, own_fds + self._link_fds
         self.started_ns = now_ns()
         schedule = self.schedule = RateKeeper(self.schedule.period_ns, self.started_ns)
@@ -123,6 +128,8 @@ class Loop:
                     self._publish_traces()
                     self.sample_publisher.wake_publisher()
                     return
+            if autopilot and (autopilot_fd in ready or now >= autopilot.due_ns):
+                self._serve_autopilot(autopilot, now)
             if now >= self._control_due_ns and self.pilot:
                 self._control(self.pilot, now)
             if self._sent or now >= self._link_due_ns or (ready and any(fd in ready for fd in link_fds)):
@@ -144,7 +151,7 @@ class Loop:
         if schedule.skipped != self._stamped or stamps.found_ns != stamps.offset_ns:
             self._stamped, stamps.offset_ns = schedule.skipped, stamps.found_ns
             self._stamp_from(schedule.deadline_ns - (steps + 1) * schedule.period_ns)
-        self.advance(steps)
+        self.advance(self.autopilot.permitted(steps) if self.autopilot else steps)
 
     def _stamp_from(self, instant_ns: int) -> None:
         """Stamp the next step as beginning at this instant (monotonic)."""
@@ -157,11 +164,16 @@ class Loop:
     def advance(self, steps: int) -> None:
         """Let the vehicle move by so many steps, and publish what its sensors then say."""
         sent = False
+        autopilot = self.autopilot
         for _ in range(steps):
             for topic, sample in self.simulation.step(self.pwm_us):
                 if self.pilot:
                     self.pilot.update_sensor(topic, sample)
+                if autopilot:
+                    autopilot.update_sensor(topic, sample)
                 sent |= self.sample_publisher.sample(topic, sample)
+            if autopilot:
+                autopilot.advance(self.simulation)
         if self._traces and (sent or self.simulation.time_ns >= self._traces_due_ns):
             self._publish_traces()  # nobody waits for them, and by themselves they would wake the network once more
         if self.simulation.time_ns >= self.watch.due_ns:
@@ -187,6 +199,11 @@ class Loop:
         if self.pilot:
             self.pilot.active = False
 
+    def next_sequence(self) -> int:
+        """Return the number of the next command on the thruster link; 0 where other software sends them."""
+        sender = self.pilot or self.autopilot
+        return sender.next_sequence() if sender else 0
+
     def _apply_command(self, now: int) -> None:
         received = self.command_receiver.take_latest()
         if received is None or self.pilot is None or not self.armed:
@@ -197,6 +214,17 @@ class Loop:
         self.pilot.command(received.command, now)
         sequence = self._control(self.pilot, now)
         self._awaited[sequence] = (received, now, self._computed_ns, now_ns())
+
+    def _serve_autopilot(self, autopilot: "AutopilotPort", now: int) -> None:
+        """Send the autopilot's outputs on at once; in lockstep make up for a step that waited for them."""
+        command = autopilot.take_outputs(now)
+        if now >= autopilot.due_ns:
+            command = autopilot.check(now) or command
+        if command:
+            armed = self.armed and command.armed
+            self.driver.send(command if armed else command._replace(armed=False, pwm_us=self._neutral))
+            self._service_link(now_ns())  # a step that follows at once has them already
+            self.advance(autopilot.permitted(0))
 
     def _control(self, pilot: Pilot, now: int) -> int:
         """Update the controller and send its thrusts at once; return their sequence number on the link."""
@@ -223,6 +251,8 @@ class Loop:
                 self._apply_telemetry(telemetry)
             if self._awaited:
                 self._trace(telemetry, now)
+            if self.autopilot:
+                self.autopilot.echoed(telemetry.sequence, self.driver.applied_ns(telemetry, now))
         if received and self._stopping_ns and self._newest:
             self._confirm_stop(self._newest, now)
         if now - self._counted_ns > UNANSWERED_NS:

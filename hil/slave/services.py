@@ -38,7 +38,7 @@ def offer_services(server: Server, node: str, loop: Loop, start: Start, report: 
         "reset": (TRIGGER, lambda _: _answer(report, "reset", reset(loop, start))),
         "set_pose": (SET_STATE, lambda request: set_pose(loop, node, request, report)),
     }
-    if loop.pilot:
+    if loop.pilot or loop.autopilot:
         offered["arm"] = (SET_BOOL, lambda request: _answer(report, "arm", arm(loop, request["data"])))
     thrusters = {plain_name(thruster.name): thruster.name for thruster in loop.simulation.vehicle.thrusters}
     for plain, name in thrusters.items():

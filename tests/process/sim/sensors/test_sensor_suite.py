@@ -155,6 +155,8 @@ def test_sensors_that_are_not_carried_are_not_loaded() -> None:
     assert done.returncode == 0, done.stderr
     loaded = set(done.stdout.split())
     assert "sim.sensors.imu" in loaded
+    autopilots = ("hil.autopilots", "hil.slave.autopilot_port", "hil.scenario.autopilot_records", "hil.links.mavlink")
+    assert not [name for name in loaded if name.startswith(autopilots)]
     rare = {SENSORS[name].partition(":")[0] for name in RARE}
     helpers = {"sim.sensors.extra_samples", "sim.sensors.surface", "sim.sensors.geodesy", "hil.ros.sensors"}
     assert not loaded & (

@@ -1,0 +1,88 @@
+"""Packets of ArduPilot's JSON interface: servo packets in, lines of JSON out.
+
+A servo packet is little-endian: magic, frame rate in Hz, frame count, then 16 or 32 pulse widths in microseconds. The
+answer is one JSON object between two line ends. ArduPilot looks for names with strstr and then skips a fixed number of
+characters, so that the text has no blanks, and no name contains another one that comes later.
+Source: ArduPilot, libraries/SITL/SIM_JSON.h and examples/JSON/readme.md.
+"""
+
+import struct
+from collections.abc import Sequence
+from typing import NamedTuple
+
+MAGIC_16, MAGIC_32 = 18458, 29569
+_LAYOUTS = {
+    struct.calcsize(f"<HHI{count}H"): (magic, struct.Struct(f"<HHI{count}H"))
+    for magic, count in ((MAGIC_16, 16), (MAGIC_32, 32))
+}
+MOST_RANGES, MOST_RC = 6, 12
+
+
+class ServoPacket(NamedTuple):
+    """What ArduPilot sends once a frame: the rate it asks for (Hz), the frame's number, and its outputs (us)."""
+
+    frame_rate: int
+    frame_count: int
+    pwm_us: tuple[int, ...]
+
+
+class JsonState(NamedTuple):
+    """What ArduPilot gets: time in s; gyro rad/s, acceleration m/s² (specific force), both FRD; NED in m and m/s.
+
+    `quaternion` is w x y z, body to NED. `ranges` (m), `rc` (us) and `battery` (V, A) are left out where empty,
+    `geodetic` (degrees, degrees, m above mean sea level) too; then ArduPilot takes `position`.
+    """
+
+    time: float
+    gyro: Sequence[float]
+    acceleration: Sequence[float]
+    position: Sequence[float]
+    velocity: Sequence[float]
+    quaternion: Sequence[float]
+    ranges: Sequence[float] = ()
+    rc: Sequence[int] = ()
+    battery: Sequence[float] = ()
+    geodetic: Sequence[float] = ()
+
+
+def decode_servos(packet: bytes) -> ServoPacket | None:
+    """Return what a servo packet says; None for anything else."""
+    layout = _LAYOUTS.get(len(packet))
+    if layout is None:
+        return None
+    magic, packed = layout
+    found, rate, count, *pwm_us = packed.unpack(packet)
+    return ServoPacket(rate, count, tuple(pwm_us)) if found == magic else None
+
+
+def encode_servos(packet: ServoPacket) -> bytes:
+    """Return the servo packet with these 16 or 32 outputs, as ArduPilot sends it."""
+    _, packed = _LAYOUTS[8 + 2 * len(packet.pwm_us)]
+    magic = MAGIC_16 if len(packet.pwm_us) == 16 else MAGIC_32
+    return packed.pack(magic, packet.frame_rate, packet.frame_count, *packet.pwm_us)
+
+
+def encode_state(state: JsonState) -> bytes:
+    """Return the line for ArduPilot, begun and ended by a line end."""
+    parts = [
+        f'"timestamp":{state.time:.6f}',
+        f'"imu":{{"gyro":{_vector(state.gyro)},"accel_body":{_vector(state.acceleration)}}}',
+        f'"position":{_vector(state.position)}',
+        f'"velocity":{_vector(state.velocity)}',
+        f'"quaternion":{_vector(state.quaternion)}',
+        *[f'"rng_{number}":{value:.3f}' for number, value in enumerate(state.ranges[:MOST_RANGES], 1)],
+    ]
+    if state.geodetic:
+        latitude, longitude, altitude = state.geodetic
+        parts.append(f'"latitude":{latitude:.9f},"longitude":{longitude:.9f},"altitude":{altitude:.4f}')
+    if state.rc:
+        channels = [f'"rc_{number}":{pulse}' for number, pulse in enumerate(state.rc[:MOST_RC], 1)]
+        parts.append(f'"rc":{{{",".join(channels)}}}')
+    if state.battery:
+        voltage, current = state.battery
+        parts.append(f'"battery":{{"voltage":{voltage:.3f},"current":{current:.3f}}}')
+    return f"\n{{{','.join(parts)}}}\n".encode("ascii")
+
+
+def _vector(values: Sequence[float]) -> str:
+    return f"[{','.join([f'{value:.9f}' for value in values])}]"

@@ -1,0 +1,56 @@
+"""Open the autopilot that a scenario asks for."""
+
+from typing import TYPE_CHECKING
+
+from hil.autopilots.contract import Autopilot, Report
+from hil.autopilots.frames import map_motors
+from hil.autopilots.inputs import SensorInputs
+from hil.autopilots.motors import MotorOutputs
+from hil.common.clock import seconds_ns
+from hil.common.errors import ConfigError
+from hil.scenario.autopilot_records import AutopilotSettings
+from hil.scenario.config import Scenario
+from sim.environment.world import World
+from sim.vehicle.vehicle import Vehicle
+
+if TYPE_CHECKING:
+    from hil.autopilots.program import Program
+
+
+def settings_of(scenario: Scenario) -> AutopilotSettings:
+    """Return the section [autopilot] of a scenario, or its defaults."""
+    return scenario.autopilot or AutopilotSettings()
+
+
+def open_autopilot(
+    scenario: Scenario, vehicle: Vehicle, world: World, report: Report
+) -> tuple[Autopilot, MotorOutputs]:
+    """Return the scenario's autopilot, listening, and what turns its outputs into pulse widths.
+
+    Raises ConfigError, DeviceError, MissingExtraError.
+    """
+    settings, inputs = settings_of(scenario), SensorInputs(scenario, world)
+    address = settings.own_address(scenario.controller)
+    frame = settings.frame
+    if scenario.controller == "ardupilot":
+        from hil.autopilots.ardupilot import ArduPilot
+
+        autopilot: Autopilot = ArduPilot(address, inputs, settings.lockstep, settings.rc, report)
+    else:
+        raise ConfigError(f"{scenario.path}: controller: {scenario.controller!r} is no autopilot")
+    try:
+        motors = MotorOutputs(map_motors(frame, vehicle), seconds_ns(settings.silence), autopilot.name, report)
+    except BaseException:
+        autopilot.close()
+        raise
+    return autopilot, motors
+
+
+def start_program(scenario: Scenario, vehicle: Vehicle, world: World, report: Report) -> "Program | None":
+    """Start the autopilot's program where the scenario names it; it ends with this process. Raises ConfigError."""
+    settings = settings_of(scenario)
+    if not settings.program:
+        return None
+    from hil.autopilots.program import Program
+
+    return Program(scenario, settings, vehicle, world, report)

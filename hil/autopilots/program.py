@@ -1,0 +1,115 @@
+"""Start an autopilot's own program, ArduSub's SITL or PX4's, for one vehicle of ours.
+
+It runs in a folder of its own, so that every start is the same, and ends with this process. Its output is in a file
+there, of which the last lines are reported when it ends by itself.
+"""
+
+import os
+import subprocess
+from math import degrees
+
+from hil.autopilots.contract import Report
+from hil.autopilots.frames import AUTO, CUSTOM, map_motors
+from hil.autopilots.parameters import Parameters, all_parameters, format_parameters
+from hil.common.children import foreign_command, start_child
+from hil.common.errors import ConfigError, DeviceError
+from hil.common.scratch import ScratchFolder
+from hil.links.address import parse_address
+from hil.scenario.autopilot_records import AutopilotSettings
+from hil.scenario.config import Scenario
+from sim.environment.world import World
+from sim.vehicle.vehicle import Vehicle
+
+HOME = (50.0, 8.0)  # degrees; of a world without an origin
+SPEEDUP = 100  # more than any run reaches: simulated time is kept by us
+AIRFRAME = "1022"  # PX4's underwater vehicle, whose geometry is then set by parameters
+LAST_LINES = 5
+
+
+class Program:
+    """One running autopilot program. Raises ConfigError if there is none at that path, DeviceError if it cannot start.
+
+    `log` is the path of its output while it runs.
+    """
+
+    def __init__(
+        self, scenario: Scenario, settings: AutopilotSettings, vehicle: Vehicle, world: World, report: Report
+    ) -> None:
+        self._report = report
+        self._folder = ScratchFolder("autopilot")
+        self.log = self._folder.file("log")
+        try:
+            frame = CUSTOM if str(scenario.controller) == "px4" and settings.frame == AUTO else settings.frame
+            parameters = all_parameters(settings, scenario.controller, vehicle, map_motors(frame, vehicle))
+            if scenario.controller == "ardupilot":
+                command, variables = self._ardusub(settings, scenario, world, parameters)
+            else:
+                command, variables = self._px4(settings, parameters)
+            report(f"starting {' '.join(command)}")
+            with open(self.log, "wb") as output:
+                self._process = start_child(
+                    foreign_command(*command),
+                    environment={**os.environ, **variables},
+                    cwd=self._folder.path,
+                    stdin=subprocess.DEVNULL,
+                    stdout=output,
+                    stderr=subprocess.STDOUT,
+                )
+        except OSError as error:
+            self._folder.close()
+            raise DeviceError(f"{settings.program}: cannot be started: {error.strerror}") from None
+        except BaseException:
+            self._folder.close()
+            raise
+
+    @property
+    def pid(self) -> int:
+        """Return its process id."""
+        return self._process.pid
+
+    def ended(self) -> str | None:
+        """Return how it ended, with its last words; None while it runs."""
+        status = self._process.poll()
+        if status is None:
+            return None
+        with open(self.log, encoding="utf-8", errors="replace") as file:
+            last = [line.strip() for line in file.read()[-4000:].splitlines() if line.strip()][-LAST_LINES:]
+        return f"the autopilot's program has ended with status {status}: {' | '.join(last)}"
+
+    def close(self) -> None:
+        """End it: by SIGKILL, as ArduSub ignores all else while it waits for us."""
+        self._process.kill()
+        self._process.wait()
+        self._folder.close()
+
+    def _ardusub(
+        self, settings: AutopilotSettings, scenario: Scenario, world: World, parameters: Parameters
+    ) -> tuple[list[str], dict[str, str]]:
+        program = _executable(settings.program)
+        defaults = self._folder.file("defaults.parm")
+        with open(defaults, "w", encoding="utf-8") as file:
+            file.write(format_parameters(parameters))
+        address = parse_address(settings.own_address("ardupilot"))
+        latitude, longitude = world.origin or HOME
+        home = f"{latitude:.7f},{longitude:.7f},0,{degrees(scenario.start.heading):.1f}"
+        own = ["--model", f"JSON:{address.place}", "--speedup", str(SPEEDUP), "-I", str(settings.instance), "--wipe"]
+        own += ["--serial0", "tcp:0"]  # the same port, without waiting for somebody to connect first
+        ports = ["--sim-port-out", str(address.port), "--home", home, "--defaults", defaults]
+        return [program, *own, *ports, *settings.arguments], {}
+
+    def _px4(self, settings: AutopilotSettings, parameters: Parameters) -> tuple[list[str], dict[str, str]]:
+        build = os.path.abspath(settings.program)
+        program = _executable(os.path.join(build, "bin", "px4"))
+        variables = {f"PX4_PARAM_{name}": f"{value:g}" for name, value in parameters.items()}
+        variables |= {"PX4_SYS_AUTOSTART": AIRFRAME, "PX4_SIM_HOST_ADDR": "127.0.0.1"}
+        command = [program, "-d", "-i", str(settings.instance), "-w", self._folder.path, os.path.join(build, "etc")]
+        return [*command, *settings.arguments], variables
+
+
+def _executable(path: str) -> str:
+    if not os.access(path, os.X_OK) or os.path.isdir(path):
+        raise ConfigError(
+            f"[autopilot] program: {path}: no program there; give ArduSub's SITL program (ardusub), or PX4's build "
+            "folder (build/px4_sitl_default)"
+        )
+    return os.path.abspath(path)

@@ -1,0 +1,100 @@
+"""`uuv-hil sim` with an autopilot as the controller: nobody plans, a ground station flies the vehicle."""
+
+import json
+import sys
+import time
+from argparse import Namespace
+from typing import Any
+
+from hil.autopilots.run import AutopilotRun
+from hil.common.clock import NS_PER_S, RateKeeper, now_ns, seconds_ns
+from hil.common.errors import STOPPED, MissionError
+from hil.common.progress_line import ProgressLine
+from hil.scenario.config import Scenario
+from sim.run_events import merge_events
+
+SHOWN_STEPS = 200
+
+
+def fly_autopilot(scenario: Scenario, options: Namespace) -> int:
+    """Run vehicle and autopilot for [master] time_limit of simulated time; the exit code."""
+    line = ProgressLine()
+
+    def report(text: str) -> None:
+        line.clear()
+        print(text, file=sys.stderr, flush=True)
+
+    with AutopilotRun(scenario, report) as run:
+        watches = [_showing(line)]
+        if not options.fast:
+            watches.append(_pacing(seconds_ns(scenario.slave.step)))
+        flight = None
+        if options.log or options.plot:
+            from hil.plots.force_log import Flight
+
+            flight = Flight(run.simulation)
+            watches.append(lambda run: flight.note(run.simulation))
+        began = time.monotonic()
+        interrupted = False
+        try:
+            run.run(scenario.master.time_limit, watches)
+        except KeyboardInterrupt:
+            interrupted = True
+        line.clear()
+        events = merge_events(run.simulation.events.events(), run.log.events())
+        faults = [event for event in events if event.kind not in scenario.master.allow]
+        print(_account(run, time.monotonic() - began, faults, options.json))
+    if flight and options.log:
+        flight.write(options.log)
+    if flight and options.plot:
+        flight.draw(options.plot, lambda axes: None)
+    if faults:
+        raise MissionError(f"{faults[0].describe()}; if that is to be, name {faults[0].kind!r} in [master] allow")
+    return STOPPED if interrupted else 0
+
+
+def _account(run: AutopilotRun, took: float, faults: list[Any], as_json: bool) -> str:
+    figures = run.autopilot.figures
+    counts = {name: getattr(figures, name) for name in figures.__slots__}
+    simulated = run.simulation.time_ns / NS_PER_S
+    position = run.simulation.truth().position
+    if as_json:
+        return json.dumps({
+            "duration_s": simulated, "took_s": took, "position_m": position, "silences": run.motors.silences,
+            "events": [event.describe() for event in faults], **counts,
+        })  # fmt: skip
+    where = ", ".join(f"{x:.2f}" for x in position)
+    listed = ", ".join(f"{number} {name}" for name, number in counts.items())
+    speed = f"{simulated / took:.3g} times real time" if took else ""
+    return f"{simulated:.1f} s simulated in {took:.2f} s: {speed}\n{run.autopilot.name}: {listed}\nends at {where} m"
+
+
+def _showing(line: ProgressLine) -> Any:
+    steps = 0
+
+    def watch(run: AutopilotRun) -> None:
+        nonlocal steps
+        steps += 1
+        if steps % SHOWN_STEPS == 0:
+            depth = run.simulation.state.position[2]
+            line.show(
+                f"{run.simulation.time_ns / NS_PER_S:.1f} s, depth {depth:.2f} m, {' '.join(map(str, run.pwm_us))}"
+            )
+
+    return watch
+
+
+def _pacing(step_ns: int) -> Any:
+    """Holds each step back until its time has come; what is late is caught up."""
+    schedule: RateKeeper | None = None
+    ahead = 0
+
+    def wait(run: AutopilotRun) -> None:
+        nonlocal schedule, ahead
+        schedule = schedule or RateKeeper(step_ns, now_ns())
+        ahead += 1
+        while ahead > 0:
+            time.sleep(max(0, schedule.deadline_ns - now_ns()) / NS_PER_S)
+            ahead -= schedule.due(now_ns())
+
+    return wait

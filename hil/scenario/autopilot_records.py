@@ -1,0 +1,65 @@
+"""The section [autopilot] of a scenario: the flight controller that is the vehicle's brain."""
+
+import os
+from typing import Annotated, NamedTuple
+
+from hil.common.errors import ConfigError
+from hil.common.schema import Range
+from hil.links.address import parse_address
+
+Pulse = Annotated[int, Range(800, 2200)]
+PORTS = {"ardupilot": 9002, "px4": 4560}  # of the first instance
+STEP = {"ardupilot": 10, "px4": 1}  # from one instance to the next
+
+
+class AutopilotSettings(NamedTuple):
+    """How to reach the autopilot, which motors it drives, and how simulated time goes.
+
+    `program` is ArduSub's SITL program or PX4's build folder, which the slave or `uuv-hil sim` then starts with
+    `arguments` besides its own; left out, it is started by hand. `parameters` is a file of them (.parm), by default the
+    installed one of the vehicle's name if there is one. `frame` is a file of hil/autopilots/frames, "auto" or "custom".
+    `instance` shifts the ports. `address` is where we listen (udp://, tcp://) or the device of a board, left out the
+    interface's own on this machine; `baud` is that of a serial device. With `lockstep` simulated time waits for the
+    autopilot. `silence` without outputs turns the thrusters to neutral. `rate` is that of PX4's HIL_SENSOR. `rc` are
+    pulse widths of a receiver's channels (ArduPilot).
+    """
+
+    program: str = ""
+    arguments: tuple[str, ...] = ()
+    parameters: str = ""
+    frame: str = "auto"
+    instance: Annotated[int, Range(0, 9)] = 0
+    address: str = ""
+    baud: Annotated[int, Range(1200, 12_000_000)] = 921_600
+    lockstep: bool = True
+    silence: Annotated[float, Range(0.02, 10.0, "s")] = 0.2
+    rate: Annotated[float, Range(10.0, 250.0, "Hz")] = 250.0
+    rc: tuple[Pulse, ...] = ()
+
+    def validate(self) -> str | None:
+        """Return why an address is invalid, None if all are."""
+        for key, text in (("address", self.address),):
+            try:
+                if text and parse_address(text).carries_can:
+                    return f"{key}: {text!r}: an autopilot is reached by udp://, tcp:// or a serial device, not by CAN"
+            except ConfigError as error:
+                return f"{key}: {error}"
+        if len(self.rc) > 12:
+            return f"rc: {len(self.rc)} channels, and ArduPilot takes 12"
+        return None
+
+    def own_address(self, controller: str) -> str:
+        """Return the address, or the interface's own for this instance."""
+        scheme = "udp" if controller == "ardupilot" else "tcp"
+        return self.address or f"{scheme}://127.0.0.1:{PORTS[controller] + STEP[controller] * self.instance}"
+
+    def beside(self, folder: str) -> "AutopilotSettings":
+        """Return the same with paths relative to the folder of the scenario file."""
+
+        def placed(text: str) -> str:
+            path = os.path.expanduser(text)
+            is_path = os.path.sep in path or path.endswith((".parm", ".toml"))
+            return os.path.join(folder, path) if is_path else path
+
+        program, parameters, frame = map(placed, (self.program, self.parameters, self.frame))
+        return self._replace(program=program, parameters=parameters, frame=frame)

@@ -1,0 +1,142 @@
+"""The slave's side of an autopilot: its outputs become commands for the STM32, samples and steps go to it.
+
+Loaded only where the scenario's controller is an autopilot. In lockstep a step that is due waits for the autopilot's
+answer and is made up for when that comes, as far as `MOST_OWED` steps; beyond it simulated time falls behind, which is
+counted. An autopilot that is not there holds nothing up.
+"""
+
+from collections.abc import Callable
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+from hil.common.clock import NS_PER_MS, Histogram
+from hil.links.contract import ThrusterCommand
+from hil.scenario.config import Scenario
+from sim.environment.world import World
+from sim.simulation import Simulation
+from sim.vehicle.vehicle import Vehicle
+
+if TYPE_CHECKING:
+    from hil.ros.diagnostics import Diagnostics
+
+MOST_OWED = 40  # steps, a tenth of a second of the usual ones
+MOST_AWAITED = 256  # commands whose echo is waited for
+CHECK_NS = 50 * NS_PER_MS
+
+
+class AutopilotPort:
+    """One autopilot, opened and where the scenario says so started. Raises ConfigError, DeviceError.
+
+    `delay` counts ns from the arrival of outputs to the instant at which the STM32 applied their pulse widths.
+    """
+
+    def __init__(self, scenario: Scenario, vehicle: Vehicle, world: World, report: Callable[[str], None]) -> None:
+        opening = import_module("hil.autopilots.opening")
+        self.autopilot, self.motors = opening.open_autopilot(scenario, vehicle, world, report)
+        try:
+            self._program = opening.start_program(scenario, vehicle, world, report)
+        except BaseException:
+            self.autopilot.close()
+            raise
+        self.delay = Histogram()
+        self.held_steps = 0  # that were dropped, as the autopilot did not answer in time
+        self.due_ns = 0  # when `check` has to be called
+        self._owed = 0
+        self._report = report
+        self._sequence = 0
+        self._awaited: dict[int, int] = {}  # sequence -> arrival of the outputs
+        self._has_ended = False
+
+    def fileno(self) -> int:
+        """Return the descriptor to wait on."""
+        return int(self.autopilot.fileno())
+
+    def take_outputs(self, now: int) -> ThrusterCommand | None:
+        """Return the command for the STM32 that new outputs make; None without new ones. Raises DeviceError."""
+        outputs = self.autopilot.receive(now)
+        if outputs is None:
+            return None
+        pulses = self.motors.update(outputs)
+        command = self._command(pulses)
+        if len(self._awaited) > MOST_AWAITED:
+            self._awaited.clear()
+        self._awaited[command.sequence] = outputs.received_ns
+        return command
+
+    def check(self, now: int) -> ThrusterCommand | None:
+        """Report what is wrong; return a command that stops the thrusters if the autopilot has just fallen silent."""
+        self.due_ns = now + CHECK_NS
+        self.autopilot.check(now)
+        ended = self._program.ended() if self._program and not self._has_ended else None
+        if ended:
+            self._has_ended = True
+            self._report(ended)
+        silences = self.motors.silences
+        pulses = self.motors.at(now)
+        return self._command(pulses) if self.motors.silences != silences else None
+
+    def echoed(self, sequence: int, applied_ns: int) -> None:
+        """Count the delay of the command that the STM32 echoes."""
+        received_ns = self._awaited.pop(sequence, None)
+        if received_ns is not None:
+            self.delay.add(applied_ns - received_ns)
+
+    def permitted(self, due: int) -> int:
+        """Return how many steps may go now that `due` more are due; in lockstep at most one, if it is answered."""
+        if not self.autopilot.lockstep or not self.autopilot.connected:
+            self._owed = 0
+            return due
+        self._owed += due
+        if self._owed > MOST_OWED:
+            self.held_steps += self._owed - MOST_OWED
+            self._owed = MOST_OWED
+        if not self._owed or not self.autopilot.may_step():
+            return 0
+        self._owed -= 1
+        return 1
+
+    def update_sensor(self, topic: str, sample: Any) -> None:
+        """Hand one sample on."""
+        self.autopilot.update_sensor(topic, sample)
+
+    def advance(self, simulation: Simulation) -> None:
+        """Tell the autopilot that a step has ended. Raises DeviceError."""
+        self.autopilot.advance(simulation.time_ns, simulation.truth())
+
+    def next_sequence(self) -> int:
+        """Return the number of the next command on the thruster link."""
+        self._sequence = (self._sequence + 1) & 0xFFFF
+        return self._sequence
+
+    def add_figures(self, figures: "Diagnostics") -> None:
+        """Add the autopilot's figures."""
+        counters = self.autopilot.figures
+        figures.autopilot = self.autopilot.name
+        figures.autopilot_connected = self.autopilot.connected
+        figures.autopilot_frame = self.motors.map.frame
+        figures.autopilot_outputs = self.motors.outputs
+        figures.autopilot_packets = counters.outputs
+        figures.autopilot_lost = counters.lost
+        figures.autopilot_resets = counters.resets
+        figures.autopilot_stalls = counters.stalls
+        figures.autopilot_silences = self.motors.silences
+        figures.autopilot_steps_held = self.held_steps
+        figures.autopilot_delay_p50_ms = self.delay.quantile(0.5) / NS_PER_MS
+        figures.autopilot_delay_p99_ms = self.delay.quantile(0.99) / NS_PER_MS
+
+    def state(self) -> str:
+        """Return what is wrong in words; "" if nothing is."""
+        if not self.autopilot.connected:
+            return f"waiting for {self.autopilot.name}, thrusters neutral"
+        if not self.motors.outputs:
+            return f"{self.autopilot.name} is silent, thrusters neutral"
+        return ""
+
+    def close(self) -> None:
+        """Close the connection, and end the program."""
+        self.autopilot.close()
+        if self._program:
+            self._program.close()
+
+    def _command(self, pulses: Any) -> ThrusterCommand:
+        return ThrusterCommand(self.next_sequence(), pulses.armed, pulses.pwm_us)

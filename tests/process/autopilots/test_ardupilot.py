@@ -1,0 +1,205 @@
+"""ArduPilot's end of the interface against ours, over real sockets: lockstep, resends, restarts, strangers, stalls."""
+
+import itertools
+import socket
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from hil.autopilots.run import AutopilotRun
+from hil.common.errors import DeviceError
+from hil.common.ports import free_ports
+from hil.scenario.config import load_scenario
+from tests.support.ardupilot_peer import ArdupilotPeer
+
+SCENARIO = """
+vehicle = "bluerov2"
+world = "open_water"
+controller = "ardupilot"
+master = {{}}
+[start]
+north = 20
+east = 20
+depth = 5
+[autopilot]
+address = "udp://127.0.0.1:{port}"
+{autopilot}
+[sensors.imu]
+rate = 400
+[sensors.altimeter]
+{sensors}
+"""
+AHEAD = (1400, 1400, 1600, 1600, 1500, 1500)
+
+
+class Bench:
+    """A run whose steps go in a thread as the peer asks for them, and what it reported."""
+
+    def __init__(self, folder: Path, autopilot: str = "", sensors: str = "") -> None:
+        self.port = free_ports(1)[0]
+        path = folder / "bench.toml"
+        path.write_text(SCENARIO.format(port=self.port, autopilot=autopilot, sensors=sensors))
+        self.reports: list[str] = []
+        self.run = AutopilotRun(load_scenario(str(path)), self.reports.append)
+        self._thread: threading.Thread | None = None
+
+    def steps(self, number: int) -> None:
+        """Let the simulation take so many steps, in a thread."""
+
+        def run() -> None:
+            for _ in range(number):
+                self.run.step()
+
+        self._thread = threading.Thread(target=run, daemon=True)
+        self._thread.start()
+
+    def join(self) -> None:
+        assert self._thread
+        self._thread.join(30)
+        assert not self._thread.is_alive()
+
+
+@contextmanager
+def bench(folder: Path, **how: str) -> Iterator[Bench]:
+    made = Bench(folder, **how)
+    with made.run:
+        yield made
+
+
+@pytest.mark.parametrize("channels", [16, 32])
+def test_lockstep_is_one_step_a_packet(tmp_path: Path, channels: int) -> None:
+    with bench(tmp_path) as b:
+        peer = ArdupilotPeer(b.port, channels)
+        b.steps(800)
+        first = peer.step(*[1500] * 6)
+        times = [peer.step(*AHEAD)["timestamp"] for _ in range(799)]
+        b.join()
+        assert all(abs(later - sooner - 0.0025) < 1e-9 for sooner, later in itertools.pairwise(times))
+        assert peer.position[0] - first["position"][0] > 0.1  # ahead is north
+        assert abs(peer.position[1] - first["position"][1]) < 0.05
+        assert b.run.pwm_us == AHEAD
+        figures = b.run.autopilot.figures
+        assert (figures.outputs, figures.states, figures.lost, figures.duplicates) == (800, 800, 0, 0)
+        assert peer.state["rng_1"] == pytest.approx(25.0, abs=0.5)
+        assert peer.state["imu"]["accel_body"][2] == pytest.approx(-9.8, abs=0.8)
+        peer.close()
+
+
+def test_depth_is_that_of_the_pressure_sensor_with_its_errors(tmp_path: Path) -> None:
+    with bench(tmp_path, sensors="[sensors.pressure]\nrate = 50\nerror = { offset = 10045.0 }") as b:
+        peer = ArdupilotPeer(b.port)
+        b.steps(20)
+        for _ in range(20):
+            peer.step(*[1500] * 6)
+        b.join()
+        assert peer.position[2] == pytest.approx(6.0, abs=0.05)  # a metre more than it is deep
+        peer.close()
+
+
+def test_a_resent_packet_is_answered_again_and_not_a_step(tmp_path: Path) -> None:
+    with bench(tmp_path) as b:
+        peer = ArdupilotPeer(b.port)
+        b.steps(3)
+        peer.step(*AHEAD)
+        peer.step(*AHEAD)
+        peer.count -= 1  # the answer got lost: the same frame again
+        answer = peer.step(*AHEAD)
+        b.join()
+        assert answer["timestamp"] == pytest.approx(0.005)
+        assert b.run.autopilot.figures.duplicates == 1
+        peer.close()
+
+
+def test_an_autopilot_that_starts_anew_begins_at_time_zero(tmp_path: Path) -> None:
+    with bench(tmp_path) as b:
+        peer = ArdupilotPeer(b.port)
+        b.steps(405)
+        for _ in range(400):
+            peer.step(*AHEAD)
+        peer.count = 0
+        assert peer.step(*[0] * 6)["timestamp"] == pytest.approx(0.0025, abs=0.003)
+        assert peer.step(*[0] * 6)["timestamp"] == pytest.approx(0.005, abs=0.003)
+        for _ in range(3):
+            peer.step(*[0] * 6)
+        b.join()
+        assert b.run.pwm_us == (1500,) * 6
+        assert b.run.autopilot.figures.resets == 1
+        assert "has started anew (frame 0 after 399)" in b.reports[-1]
+        peer.close()
+
+
+def test_a_second_autopilot_is_ignored_and_reported(tmp_path: Path) -> None:
+    with bench(tmp_path) as b:
+        peer, other = ArdupilotPeer(b.port), ArdupilotPeer(b.port)
+        b.steps(2)
+        peer.step(*AHEAD)
+        other.send(*[1900] * 6)
+        peer.step(*AHEAD)
+        b.join()
+        assert b.run.pwm_us == AHEAD
+        assert "a second autopilot sends from port" in b.reports[-1]
+        other.close()
+        peer.close()
+
+
+def test_noise_is_counted(tmp_path: Path) -> None:
+    with bench(tmp_path) as b:
+        peer = ArdupilotPeer(b.port)
+        b.steps(1)
+        peer.socket.sendto(b"hello", ("127.0.0.1", b.port))
+        peer.step(*AHEAD)
+        b.join()
+        assert b.run.autopilot.figures.malformed == 1
+        peer.close()
+
+
+def test_a_taken_port_is_named(tmp_path: Path) -> None:
+    with bench(tmp_path) as b:
+        path = tmp_path / "second.toml"
+        path.write_text(SCENARIO.format(port=b.port, autopilot="", sensors=""))
+        with pytest.raises(DeviceError, match=f"{b.port}: cannot listen for ArduPilot: .*another simulator"):
+            AutopilotRun(load_scenario(str(path)), print)
+
+
+def test_real_time_answers_at_once_with_the_newest_state(tmp_path: Path) -> None:
+    """Without lockstep the simulation goes by the clock: its time does not depend on how often it is asked."""
+    with bench(tmp_path, autopilot="lockstep = false") as b:
+        peer = ArdupilotPeer(b.port)
+        b.steps(1000)
+        while peer.count < 5:
+            peer.step(*AHEAD)
+        last = peer.time
+        b.join()  # nobody asks any more, and it goes on, its thrusters neutral
+        assert b.run.simulation.time_ns == 2_500_000_000
+        assert 0.0 < last < 2.5
+        assert b.run.pwm_us == (1500,) * 6
+        assert b.run.motors.silences == 1
+        peer.close()
+
+
+def test_a_program_that_is_none(tmp_path: Path) -> None:
+    from hil.common.errors import ConfigError
+
+    with pytest.raises(ConfigError, match="program: /nowhere/ardusub: no program there"):
+        Bench(tmp_path, autopilot='program = "/nowhere/ardusub"')
+
+
+def test_a_program_that_ends_is_reported_with_its_last_words(tmp_path: Path) -> None:
+    program = tmp_path / "ardusub"
+    program.write_text("#!/bin/sh\necho cannot find my eeprom\nexit 3\n")
+    program.chmod(0o755)
+    with bench(tmp_path, autopilot=f'program = "{program}"') as b, pytest.raises(DeviceError) as caught:
+        b.run.step()
+    assert "ended with status 3: cannot find my eeprom" in str(caught.value)
+
+
+def test_the_port_is_free_afterwards(tmp_path: Path) -> None:
+    with bench(tmp_path) as b:
+        port = b.port
+    again: Any = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    again.bind(("127.0.0.1", port))
+    again.close()

@@ -1,0 +1,43 @@
+"""An ArduPilot of ours by the published JSON interface: sends servo packets, blocks until each is answered."""
+
+import json
+import socket
+from typing import Any
+
+from hil.autopilots.json_packets import ServoPacket, encode_servos
+
+PATIENCE_S = 20.0
+
+
+class ArdupilotPeer:
+    """Sends to a simulator on a port of this machine; `time` and `position` are of the last answer."""
+
+    def __init__(self, port: int, channels: int = 16, first: int = 0) -> None:
+        self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self.socket.settimeout(PATIENCE_S)
+        self._address = ("127.0.0.1", port)
+        self._channels = channels
+        self.count = first
+        self.time = -1.0
+        self.position: list[float] = []
+        self.state: dict[str, Any] = {}
+
+    def send(self, *motors: int) -> None:
+        pulses = (*motors, *[1500] * (self._channels - len(motors)))
+        self.socket.sendto(encode_servos(ServoPacket(400, self.count, pulses)), self._address)
+
+    def receive(self) -> dict[str, Any]:
+        text = self.socket.recv(4096)
+        assert text.startswith(b"\n{")
+        assert text.endswith(b"}\n")
+        self.state = json.loads(text)
+        self.time, self.position = self.state["timestamp"], self.state["position"]
+        self.count += 1
+        return self.state
+
+    def step(self, *motors: int) -> dict[str, Any]:
+        self.send(*motors)
+        return self.receive()
+
+    def close(self) -> None:
+        self.socket.close()

@@ -1,0 +1,85 @@
+"""ArduPilot's JSON interface byte by byte: servo packets in, states out, and what a parser like ArduPilot's reads."""
+
+import json
+import struct
+from random import Random
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hil.autopilots.json_packets import JsonState, ServoPacket, decode_servos, encode_servos, encode_state
+from tests.support.captured import needs_captures, rows
+
+REST = JsonState(1.5, (0.1, -0.2, 0.3), (0.0, 0.0, -9.80665), (1.0, 2.0, 3.0), (0.0, 0.0, 0.1), (1.0, 0.0, 0.0, 0.0))
+
+
+@pytest.mark.parametrize(("channels", "magic"), [(16, 18458), (32, 29569)])
+def test_servo_packets(channels: int, magic: int) -> None:
+    pulses = tuple(range(1100, 1100 + channels))
+    packet = struct.pack(f"<HHI{channels}H", magic, 400, 70_000, *pulses)
+    assert decode_servos(packet) == ServoPacket(400, 70_000, pulses)
+    assert encode_servos(ServoPacket(400, 70_000, pulses)) == packet
+    assert decode_servos(packet[:-1]) is None
+    assert decode_servos(b"\0" + packet[1:]) is None
+
+
+def scan(text: str, section: str, key: str) -> str:
+    """What ArduPilot finds: the section anywhere, the key anywhere behind it, then what stands two characters on."""
+    start = text.index(section) + len(section) + 1
+    start = text.index(key, start)
+    return text[start + len(key) + 2 :]
+
+
+def test_a_state_is_what_ardupilots_parser_reads() -> None:
+    full = REST._replace(ranges=(4.25,), rc=(1500, 1600), battery=(16.1, 2.5), geodetic=(50.0, 8.0, -3.0))
+    text = encode_state(full).decode()
+    assert text[0] == text[-1] == "\n"
+    assert " " not in text
+    assert json.loads(text)["imu"]["gyro"] == [0.1, -0.2, 0.3]
+    wanted = {
+        ("", "timestamp"): "1.5", ("imu", "gyro"): "[0.1", ("imu", "accel_body"): "[0.0", ("", "position"): "[1.0",
+        ("", "velocity"): "[0.0", ("", "quaternion"): "[1.0", ("", "rng_1"): "4.25", ("rc", "rc_2"): "1600",
+        ("battery", "voltage"): "16.1", ("battery", "current"): "2.5",
+        ("", "latitude"): "50.0", ("", "longitude"): "8.0", ("", "altitude"): "-3.0",
+    }  # fmt: skip
+    for (section, key), value in wanted.items():
+        assert scan(text, section, key).startswith(value), key
+    assert "attitude" not in text  # a quaternion is there, and this name would be found in others
+
+
+def test_what_is_not_fitted_is_left_out() -> None:
+    assert set(json.loads(encode_state(REST))) == {"timestamp", "imu", "position", "velocity", "quaternion"}
+
+
+@given(st.binary(max_size=100))
+def test_noise_is_no_packet(data: bytes) -> None:
+    found = decode_servos(data)
+    assert found is None or encode_servos(found) == data
+
+
+def test_damaged_packets_never_raise() -> None:
+    random = Random(1)
+    sound = bytearray(encode_servos(ServoPacket(400, 9, (1500,) * 16)))
+    for _ in range(20_000):
+        damaged = bytearray(sound)
+        for _ in range(random.randrange(1, 4)):
+            damaged[random.randrange(len(damaged))] = random.randrange(256)
+        found = decode_servos(bytes(damaged[: random.choice((len(damaged), random.randrange(len(damaged))))]))
+        assert found is None or len(found.pwm_us) == 16
+
+
+@needs_captures
+@pytest.mark.parametrize("frame", ["vectored", "vectored_6dof"])
+def test_recorded_packets(frame: str) -> None:
+    """Every servo packet of a recorded flight decodes, and every recorded answer has our names."""
+    packets = [decode_servos(row.data) for row in rows(f"ardusub_{frame}_physics") if row.way == "ap>sim"]
+    assert len(packets) > 8000
+    assert all(packets)
+    first = packets[0]
+    assert first == ServoPacket(1200, 0, (1500,) * 8 + (1000,) * 8)
+    pulses = {packet.pwm_us[0] for packet in packets if packet}
+    assert 0 in pulses  # no output while it boots
+    assert {1400, 1600} <= pulses
+    names = [set(json.loads(row.data)) for row in rows(f"ardusub_{frame}_physics") if row.way == "sim>ap"]
+    assert all(found <= set(json.loads(encode_state(REST))) for found in names)

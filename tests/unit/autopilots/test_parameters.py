@@ -1,0 +1,50 @@
+"""Parameter files: read with the line of a mistake, and the frame's own values."""
+
+from pathlib import Path
+
+import pytest
+
+from hil.autopilots.frames import map_motors
+from hil.autopilots.parameters import all_parameters, format_parameters, px4_geometry, read_parameters
+from hil.common.errors import ConfigError
+from hil.scenario.autopilot_records import AutopilotSettings
+from sim.vehicle.vehicle import load_vehicle
+
+
+def test_files(tmp_path: Path) -> None:
+    path = tmp_path / "a.parm"
+    path.write_text("# all\nFRAME_CONFIG 1\nPSC_POSZ_P, 3.5 # gain\n\n")
+    assert read_parameters(str(path)) == {"FRAME_CONFIG": 1.0, "PSC_POSZ_P": 3.5}
+    path.write_text("FRAME_CONFIG 1\nPSC_POSZ_P\n")
+    with pytest.raises(ConfigError, match="line 2: expected NAME VALUE, found 'PSC_POSZ_P'"):
+        read_parameters(str(path))
+    path.write_text("A_NAME_THAT_IS_FAR_TOO_LONG 1\n")
+    with pytest.raises(ConfigError, match="is no name of a parameter"):
+        read_parameters(str(path))
+    with pytest.raises(ConfigError, match=r"none\.parm: cannot be read"):
+        read_parameters(str(tmp_path / "none.parm"))
+
+
+@pytest.mark.parametrize(("name", "frame"), [("bluerov2", 1), ("bluerov2_heavy", 2)])
+def test_ardusub_gets_its_frame_and_the_installed_file(name: str, frame: int) -> None:
+    vehicle, _ = load_vehicle(name)
+    found = all_parameters(AutopilotSettings(), "ardupilot", vehicle, map_motors("auto", vehicle))
+    assert found["FRAME_CONFIG"] == frame
+    assert found["SIM_BARO_RND"] == 0
+    assert f"FRAME_CONFIG {frame}\n" in format_parameters(found)
+
+
+def test_px4_gets_the_vehicles_geometry() -> None:
+    vehicle, _ = load_vehicle("bluerov2_heavy")
+    found = px4_geometry(vehicle, map_motors("custom", vehicle))
+    assert (found["CA_AIRFRAME"], found["CA_ROTOR_COUNT"], found["CA_R_REV"]) == (7, 8, 255)
+    assert (found["CA_ROTOR0_PX"], found["CA_ROTOR0_PY"]) == (0.156, 0.111)
+    assert found["CA_ROTOR0_AX"] == -found["CA_ROTOR0_AY"] == pytest.approx(0.70711)
+    assert found["CA_ROTOR7_AZ"] == -1.0
+    assert found["PWM_MAIN_FUNC8"] == 108
+
+
+def test_a_file_that_is_not_there() -> None:
+    vehicle, _ = load_vehicle("bluerov2")
+    with pytest.raises(ConfigError, match="no file 'bluerov3'; there are: ardupilot_bluerov2, "):
+        all_parameters(AutopilotSettings(parameters="bluerov3"), "ardupilot", vehicle, map_motors("auto", vehicle))
