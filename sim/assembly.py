@@ -12,7 +12,7 @@ from sim.dynamics import Dynamics, Integrator, State
 from sim.environment.world import World
 from sim.native import NativeDynamics, NativeErrorBank, NativeThrusterSet, choose, has_native
 from sim.sensors.error import ErrorBank, ErrorModel
-from sim.vehicle.thrusters import ThrusterSet
+from sim.vehicle.thrusters.bank import ThrusterSet
 from sim.vehicle.vehicle import Vehicle
 
 if TYPE_CHECKING:
@@ -48,7 +48,7 @@ def make_thrusters(vehicle: Vehicle, dt: float, failures: "Iterable[Failure]" = 
     Models beyond a curve and a first-order lag are loaded only for a vehicle that has one.
     """
     if vehicle.battery or any(t.dynamics for t in vehicle.thrusters):
-        from sim.vehicle.propulsion import Propulsion
+        from sim.vehicle.thrusters.propulsion import Propulsion
 
         thrusters: ThrusterSet = Propulsion(vehicle, dt, seed)
     else:

@@ -8,8 +8,8 @@ import sys
 from collections import Counter
 from typing import Any
 
-from hil.cases.hunt_simulated import SimulatedHunt
-from hil.cases.hunt_watch import HuntOutcome, HuntWatch
+from hil.cases.hunt.simulated import SimulatedHunt
+from hil.cases.hunt.watch import HuntOutcome, HuntWatch
 from hil.scenario.config import load_scenario
 
 SCENARIO = "target_hunting_acoustic"

@@ -11,10 +11,10 @@ from functools import lru_cache
 from typing import Any
 
 from sim.interpolation import interpolate
-from sim.vehicle.t200 import performance
-from sim.vehicle.thruster_curves import T200
-from sim.vehicle.thruster_model import Thruster
-from sim.vehicle.thrusters import steady_thrust
+from sim.vehicle.thrusters.bank import steady_thrust
+from sim.vehicle.thrusters.curves import T200
+from sim.vehicle.thrusters.model import Thruster
+from sim.vehicle.thrusters.t200 import performance
 from sim.vehicle.vehicle import Vehicle
 
 REFERENCE_V = 16.0

@@ -8,10 +8,10 @@ import os
 from collections.abc import Mapping, Sequence
 from math import degrees, nan
 
-from hil.cases import hunt_processes
 from hil.cases.case import Case
-from hil.cases.hunt_simulated import SimulatedHunt
-from hil.cases.hunt_watch import HuntOutcome, HuntWatch
+from hil.cases.hunt import processes
+from hil.cases.hunt.simulated import SimulatedHunt
+from hil.cases.hunt.watch import HuntOutcome, HuntWatch
 from hil.cases.record import Mode, Result, Run, Track
 from hil.cases.single import radius_of
 from hil.cases.variant import Table, write_variant
@@ -62,7 +62,7 @@ class TargetHunting(Case):
 
     def draw(self, runs: Sequence[Run], path: str) -> None:
         """The paper's figure again: ways, formation, target and ring; and the distances between vehicles over time."""
-        from hil.cases.hunt_picture import draw_hunt
+        from hil.cases.hunt.picture import draw_hunt
 
         draw_hunt(self.title, runs, path)
 
@@ -146,7 +146,7 @@ def _simulate(scenario: Scenario, folder: str, watch: HuntWatch) -> dict[str, fl
 
 
 def _fly_processes(scenario: Scenario, folder: str, watch: HuntWatch) -> dict[str, float]:
-    costs = hunt_processes.fly(scenario, folder, watch)
+    costs = processes.fly(scenario, folder, watch)
     delay = quantiles(costs.delays_ns)
     return {
         "energy": costs.energy,

@@ -1,4 +1,5 @@
-"""The subcommands of `uuv-hil`: arguments in, a room's function, text out; a folder where one has subcommands.
+"""The subcommands of `uuv-hil`: arguments in, a room's function, text out.
 
+A subcommand is a module, or a folder where it has subcommands itself; `recording` holds those of recordings.
 Public: `main(arguments)` of each module that `hil/cli.py` names. No other room imports them.
 """

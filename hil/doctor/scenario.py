@@ -12,7 +12,7 @@ from hil.scenario.fleet import as_member
 from hil.slave.drivers.driver import check_line_rate
 from sim.environment.world import World, load_world
 from sim.vehicle.terminal_speed import reaches
-from sim.vehicle.thrusters import wrench_matrix
+from sim.vehicle.thrusters.bank import wrench_matrix
 from sim.vehicle.vehicle import Vehicle, load_vehicle
 
 

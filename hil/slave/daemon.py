@@ -61,7 +61,7 @@ def run(
         for note in notes:
             log.say(note)
         from hil.slave.contacts import Contacts
-        from hil.slave.health import Health
+        from hil.slave.health.reporter import Health
         from hil.slave.ros_node import RosNode
 
         board, session = board or _recognised(), network.session()
@@ -135,7 +135,7 @@ def _assemble(
     epoch_ns = to_wall_ns(now_ns()) - simulation.time_ns
     recorder = None
     if scenario.recording.slave:
-        from hil.slave.health import own_name
+        from hil.slave.health.reporter import own_name
         from hil.slave.slave_recorder import open_recorder  # most runs do without
 
         board = board or _recognised()

@@ -22,7 +22,7 @@ from hil.slave.setpoints import PoseSetpoint, Setpoint, WrenchSetpoint
 from sim.environment.world import World
 from sim.rotations import multiply, rotate
 from sim.sensors.mounting import Mounting
-from sim.vehicle.thrusters import pulse_finder, wrench_matrix
+from sim.vehicle.thrusters.bank import pulse_finder, wrench_matrix
 from sim.vehicle.vehicle import Vehicle, mass_matrix
 
 if TYPE_CHECKING:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from hil.common.errors import ConfigError
 from sim.dynamics import Dynamics, Integrator, State
 from sim.sensors.error import ErrorBank, ErrorModel
-from sim.vehicle.thrusters import ThrusterSet
+from sim.vehicle.thrusters.bank import ThrusterSet
 from sim.vehicle.vehicle import Vehicle
 
 if TYPE_CHECKING:

@@ -1,4 +1,4 @@
-/* The errors of sim/sensors/error.py and the thrusts of sim/vehicle/thrusters.py and ventilation.py once more, to the last bit.
+/* The errors of sim/sensors/error.py and the thrusts of sim/vehicle/thrusters/bank.py and ventilation.py once more, to the last bit.
  *
  * Random numbers are those of Python's random.Random: the Mersenne Twister MT19937 (Matsumoto and Nishimura
  * 1998) with 53 bits a number, and its gauss(). Logarithm, sine and cosine are those of the C library, which
@@ -84,7 +84,7 @@ static double measure(Channel *channel, Random *random, double value)
 }
 
 /* One thruster, as ThrusterSet.numbers() lists it: its gain of a step, the wrench of 1 N of it, what turns a velocity
- * into the speed along it, and what that costs it (Advance of sim/vehicle/thruster_curves.py; full_speed 0: nothing). */
+ * into the speed along it, and what that costs it (Advance of sim/vehicle/thrusters/curves.py; full_speed 0: nothing). */
 typedef struct {
     double gain, column[6], way[6], full_speed, forward, reverse, loss, kept;
 } Thruster;

@@ -7,7 +7,7 @@ from hil.common.schema import Range
 from sim.forces import Wrench, lift_wrench
 from sim.rotations import Rotation
 from sim.vehicle.servos import Servos
-from sim.vehicle.thruster_model import PULSE_MAX_US, Point, Pulse, is_pulse
+from sim.vehicle.thrusters.model import PULSE_MAX_US, Point, Pulse, is_pulse
 
 RELEASE_US = 1700  # a pulse above, up to PULSE_MAX_US, lets a weight go
 

@@ -10,7 +10,7 @@ from sim.interpolation import PiecewiseLinear, validate_columns
 from sim.matrices import Matrix, square, times
 from sim.rotations import Rotation
 from sim.vehicle.fins import Angle, Area, Coefficient, Polar, slope_and_induced
-from sim.vehicle.thruster_model import Point
+from sim.vehicle.thrusters.model import Point
 
 STRIPS = 20
 Damping = Annotated[float, Range(0.0, 1e6)]

@@ -19,7 +19,7 @@ from sim.forces import Wrench
 from sim.matrices import Matrix
 from sim.rotations import Rotation
 from sim.vehicle.servos import Servos
-from sim.vehicle.thruster_model import SHORTEST, Direction, Point, Pulse, is_pulse
+from sim.vehicle.thrusters.model import SHORTEST, Direction, Point, Pulse, is_pulse
 
 Area = Annotated[float, Range(1e-6, 100.0)]
 Angle = Annotated[float, Range(0.0, pi / 2.0, "rad")]

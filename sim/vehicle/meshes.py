@@ -4,7 +4,7 @@ from math import pi
 from typing import Annotated, NamedTuple
 
 from hil.common.schema import Range
-from sim.vehicle.thruster_model import Point
+from sim.vehicle.thrusters.model import Point
 
 Scale = Annotated[float, Range(-1e6, 1e6)]
 Angle = Annotated[float, Range(-2.0 * pi, 2.0 * pi, "rad")]

@@ -4,8 +4,8 @@ from math import inf, sqrt
 from typing import NamedTuple
 
 from sim.matrices import Matrix, square
-from sim.vehicle.thruster_curves import Advance
-from sim.vehicle.thrusters import wrench_matrix
+from sim.vehicle.thrusters.bank import wrench_matrix
+from sim.vehicle.thrusters.curves import Advance
 from sim.vehicle.vehicle import Vehicle, displaced_volume
 
 AXES = ("surge", "sway", "heave", "roll", "pitch", "yaw")

@@ -23,7 +23,7 @@ from sim.matrices import (
     total,
     transpose,
 )
-from sim.vehicle.thruster_model import Point, Thruster
+from sim.vehicle.thrusters.model import Point, Thruster
 
 if TYPE_CHECKING:
     from sim.vehicle.ballast import BuoyancyEngine, DropWeight
@@ -180,7 +180,9 @@ def load_vehicle(name_or_path: str) -> tuple[Vehicle, dict[str, Any]]:
     models: list[dict[str, Any]] = [{key: row.pop(key) for key in ("curve", "dynamics") if key in row} for row in rows]
     vehicle = parse(table, Vehicle, path)
     if any(models):
-        from sim.vehicle.thruster_tables import with_models  # most vehicles do without, as they do without what follows
+        from sim.vehicle.thrusters.tables import (
+            with_models,  # most vehicles do without, as they do without what follows
+        )
 
         named = zip(vehicle.thrusters, models, strict=True)
         vehicle = vehicle._replace(thrusters=tuple([with_models(t, m, f"{path}: {t.name}") for t, m in named]))
@@ -207,7 +209,7 @@ def with_equipment(vehicle: Vehicle, tables: dict[str, Any], where: str) -> Vehi
 def _with_battery(vehicle: Vehicle, table: Any, path: str) -> Vehicle:
     """`vehicle` with the battery of its TOML table. Raises ConfigError."""
     from sim.vehicle.battery import Battery
-    from sim.vehicle.thruster_curves import T200
+    from sim.vehicle.thrusters.curves import T200
 
     if not isinstance(table, dict):
         raise ConfigError(f"{path}: battery: expected a table, found {table!r}")

@@ -23,9 +23,10 @@ from sim.modems.optical import OpticalModem
 from sim.sensors.error import ErrorModel
 from sim.sensors.mounting import Mounting
 from sim.sensors.suite import DEFAULT_SENSORS, DEVICES, SENSORS, load_sensor
-from sim.vehicle import ballast, battery, body_lift, fins, meshes, thruster_curves, thruster_lags, vehicle
+from sim.vehicle import ballast, battery, body_lift, fins, meshes, vehicle
 from sim.vehicle.failures import Failure
-from sim.vehicle.thruster_model import Thruster
+from sim.vehicle.thrusters import curves, lags
+from sim.vehicle.thrusters.model import Thruster
 from tools.reference.records import Section, describe
 
 TABLES = (
@@ -135,9 +136,9 @@ def vehicle_file() -> str:
         Section("thrusters", Thruster, "Each `[[thrusters]]` is one. What all have in common may stand once, in "
                 "`[every_thruster]`.", shown={"curve": "table with `kind`", "dynamics": "table with `kind`"}),
         *[Section(f"curve {kind}", record, f"`curve = {{ kind = \"{kind}\", ... }}` of a thruster.",
-                  shown={"table": "table"}) for kind, record in thruster_curves.CURVES.items()],
+                  shown={"table": "table"}) for kind, record in curves.CURVES.items()],
         *[Section(f"dynamics {kind}", record, f"`dynamics = {{ kind = \"{kind}\", ... }}` of a thruster.")
-          for kind, record in thruster_lags.DYNAMICS.items()],
+          for kind, record in lags.DYNAMICS.items()],
         Section("fins", fins.Fin, "Each `[[fins]]` is one; what all have in common may stand once, in `[every_fin]`."),
         Section("lift", body_lift.Lift),
         Section("cross_flow", body_lift.CrossFlow, shown={"drag": "number, or array of numbers"}),

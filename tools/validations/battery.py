@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from hil.common.schema import parse
 from sim.assembly import make_thrusters
 from sim.vehicle.battery import Battery, BatteryPack
-from sim.vehicle.t200 import VOLTS, performance
+from sim.vehicle.thrusters.t200 import VOLTS, performance
 from sim.vehicle.vehicle import Vehicle, load_vehicle
 from tests.unit.sim.vehicle import test_battery as supply
 from tools.validations.sheet import SHADES, Finding, Sheet, below, label, near, ours, theirs

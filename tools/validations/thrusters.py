@@ -6,7 +6,7 @@ from math import cos, exp, sin, sqrt, tanh
 from matplotlib.axes import Axes
 
 from sim.assembly import make_thrusters
-from sim.vehicle.t200 import performance
+from sim.vehicle.thrusters.t200 import performance
 from sim.vehicle.vehicle import load_vehicle
 from tests.unit.sim import test_remus as remus
 from tests.unit.sim.vehicle import test_thruster_curves as curves

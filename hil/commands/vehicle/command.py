@@ -11,7 +11,7 @@ from hil.common.options import Number, new_parser
 from hil.common.schema import preset_names
 from sim.matrices import Matrix, square
 from sim.vehicle.terminal_speed import AXES, Reach, reaches
-from sim.vehicle.thrusters import wrench_matrix
+from sim.vehicle.thrusters.bank import wrench_matrix
 from sim.vehicle.vehicle import Vehicle, displaced_volume, load_vehicle
 
 EXAMPLES = """\

@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
-from hil.cases.hunt_simulated import SimulatedHunt
-from hil.cases.hunt_watch import HuntOutcome, HuntWatch
+from hil.cases.hunt.simulated import SimulatedHunt
+from hil.cases.hunt.watch import HuntOutcome, HuntWatch
 from hil.cases.target_hunting import TargetHuntingAcoustic
 from hil.scenario.config import load_scenario
 from tests.support.processes import Program

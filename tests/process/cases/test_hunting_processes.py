@@ -9,9 +9,10 @@ from typing import Self
 
 import pytest
 
-from hil.cases import hunt_processes, hunt_watch
 from hil.cases.crew import Crew
-from hil.cases.hunt_watch import HuntRow, HuntWatch
+from hil.cases.hunt import processes
+from hil.cases.hunt import watch as hunt_watch
+from hil.cases.hunt.watch import HuntRow, HuntWatch
 from hil.cases.target_hunting import members_on_free_ports
 from hil.cases.variant import write_variant
 from hil.common.errors import NetworkError
@@ -40,7 +41,7 @@ def crews(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[Crew]]:
             found.append(self)
             return super().__enter__()
 
-    monkeypatch.setattr(hunt_processes, "Crew", Noted)
+    monkeypatch.setattr(processes, "Crew", Noted)
     yield found
     assert [len(crew.pids) for crew in found] == [4, 4]
     assert not [pid for crew in found for pid in crew.pids if os.path.exists(f"/proc/{pid}")]
@@ -51,7 +52,7 @@ def test_four_slaves_and_four_planners_surround_the_target(
 ) -> None:
     monkeypatch.setattr(hunt_watch, "SETTLE_S", 1.0)
     watch = HuntWatch(scenario)
-    costs = hunt_processes.fly(scenario, str(tmp_path), watch)
+    costs = processes.fly(scenario, str(tmp_path), watch)
     outcome = watch.outcome()
     assert outcome.success, outcome
     assert outcome.judgement.separation > 1.0
@@ -77,14 +78,14 @@ def test_a_planner_that_ends_is_named_and_all_others_end_too(
             return super().add_row(row)
 
     with pytest.raises(NetworkError, match=r"agent_uuv3 ended with exit code -9: uuv3: planning, reports at tcp/"):
-        hunt_processes.fly(scenario, str(tmp_path), KillsThird(scenario))
+        processes.fly(scenario, str(tmp_path), KillsThird(scenario))
 
 
 def test_a_slave_that_cannot_start_says_why(scenario: Scenario, crews: list[Crew], tmp_path: Path) -> None:
     file = Path(scenario.path)
     file.write_text(file.read_text().replace('vehicle = "paper_seven"', 'vehicle = "paper_sevven"'))
     with pytest.raises(NetworkError, match=r"slave_uuv\d ended with exit code 2: .* did you mean 'paper_seven'"):
-        hunt_processes.fly(scenario, str(tmp_path), HuntWatch(scenario))
+        processes.fly(scenario, str(tmp_path), HuntWatch(scenario))
 
 
 def test_ctrl_c_ends_all(tmp_path: Path) -> None:

@@ -20,7 +20,7 @@ from hil.commands.top.prometheus import Endpoint, exposition
 from hil.common.clock import now_ns
 from hil.network.roles import open_master_session
 from hil.ros.diagnostics import Diagnostics
-from hil.slave.machine_figures import add_machine_figures, network_bytes
+from hil.slave.health.machine_figures import add_machine_figures, network_bytes
 from tests.support.busy import retried_when_busy
 from tests.support.diagnostics import reported
 from tests.support.processes import Program, free_port, wait_for, write_scenario

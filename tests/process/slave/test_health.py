@@ -16,7 +16,7 @@ from hil.client.health_watch import HealthWatch
 from hil.common.clock import NS_PER_MS, NS_PER_S, Histogram
 from hil.network.roles import open_master_session
 from hil.ros.diagnostics import Diagnostics, or_nan
-from hil.slave.health import RecentLateness, own_name
+from hil.slave.health.reporter import RecentLateness, own_name
 from tests.support.processes import wait_for
 
 NO_ANSWER = "has not answered for 0.5 s; check wiring, baud, protocol"

@@ -5,8 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from hil.cases import hunt_processes, hunt_watch
-from hil.cases.hunt_watch import HuntWatch
+from hil.cases.hunt import processes
+from hil.cases.hunt import watch as hunt_watch
+from hil.cases.hunt.watch import HuntWatch
 from hil.cases.target_hunting import members_on_free_ports
 from hil.cases.variant import write_variant
 from hil.scenario.config import load_scenario
@@ -24,7 +25,7 @@ def test_in_processes_with_the_water_between_them(tmp_path: Path, monkeypatch: p
     changes = {"member": members, "hunting.target": [5.0, 5.0]}
     scenario = load_scenario(write_variant(SCENARIO, str(tmp_path), changes))
     watch = HuntWatch(scenario)
-    costs = hunt_processes.fly(scenario, str(tmp_path), watch)
+    costs = processes.fly(scenario, str(tmp_path), watch)
     outcome = watch.outcome()
     assert outcome.success, outcome
     assert outcome.judgement.separation > 1.0

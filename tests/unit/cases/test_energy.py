@@ -4,9 +4,9 @@ import pytest
 
 from hil.cases.energy import EnergyMeter, power, power_of_thrust
 from sim.sensors.extra_samples import BatterySample
-from sim.vehicle.t200 import performance
-from sim.vehicle.thruster_curves import T200
-from sim.vehicle.thrusters import steady_thrust
+from sim.vehicle.thrusters.bank import steady_thrust
+from sim.vehicle.thrusters.curves import T200
+from sim.vehicle.thrusters.t200 import performance
 from sim.vehicle.vehicle import load_vehicle
 
 SIX, _ = load_vehicle("paper_six")

@@ -8,8 +8,8 @@ import pytest
 
 from hil.autonomy.fleets.formation import separation
 from hil.autonomy.fleets.hunting import FORMATIONS, TARGET, HuntPlan
-from hil.cases.hunt_simulated import SimulatedHunt
-from hil.cases.hunt_watch import HuntRow, HuntWatch, shortest_paths
+from hil.cases.hunt.simulated import SimulatedHunt
+from hil.cases.hunt.watch import HuntRow, HuntWatch, shortest_paths
 from hil.cases.target_hunting import TargetHunting, TargetHuntingDiamond
 from hil.ros.formation import decode_formation
 from hil.scenario.config import load_scenario

@@ -21,7 +21,7 @@ from sim.sensors.suite import fit
 from sim.simulation import Simulation
 from sim.vehicle.body_lift import CrossFlowDrag, FadingDamping, HullLift, SlowDamping
 from sim.vehicle.fins import FinSet
-from sim.vehicle.thruster_curves import Advance
+from sim.vehicle.thrusters.curves import Advance
 from sim.vehicle.vehicle import Vehicle, load_vehicle, mass_matrix
 
 VECTORS = Path(__file__).parents[2] / "vectors"

@@ -24,7 +24,7 @@ from sim.matrices import square
 from sim.native import NativeDynamics, NativeErrorBank, NativeThrusterSet, build, choose, has_native
 from sim.sensors.error import ErrorBank, ErrorModel
 from sim.vehicle.failures import Failure
-from sim.vehicle.thrusters import ThrusterSet
+from sim.vehicle.thrusters.bank import ThrusterSet
 from sim.vehicle.vehicle import Vehicle, load_vehicle
 from tests.support.twins import taken_from
 

@@ -13,7 +13,7 @@ from sim.assembly import make_thrusters
 from sim.environment.world import load_world
 from sim.simulation import Simulation
 from sim.vehicle.failures import Failure
-from sim.vehicle.thrusters import ThrusterSet, steady_thrust
+from sim.vehicle.thrusters.bank import ThrusterSet, steady_thrust
 from sim.vehicle.vehicle import load_vehicle
 
 LAGGED, _ = load_vehicle("paper_six")
@@ -141,8 +141,8 @@ def test_a_plain_vehicle_loads_none_of_this() -> None:
     from sim.vehicle.vehicle import load_vehicle
     from sim.environment.world import load_world
     Simulation(load_vehicle("paper_six")[0], load_world("paper_field"), position=(0, 0, 3)).step((1600,) * 6)
-    heavy = {"thruster_curves", "thruster_lags", "t200", "battery", "failures", "propulsion"}
-    print(*sorted({f"sim.{name}" for name in heavy} & set(sys.modules)))
+    heavy = {"thrusters.curves", "thrusters.lags", "thrusters.t200", "battery", "failures", "thrusters.propulsion"}
+    print(*sorted({f"sim.vehicle.{name}" for name in heavy} & set(sys.modules)))
     """
     done = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=Path(__file__).parents[4]

@@ -17,7 +17,7 @@ from sim.sensors.mounting import Mounting
 from sim.sensors.suite import SensorSpec, read_suite
 from sim.simulation import Simulation
 from sim.vehicle.battery import Battery, BatteryState
-from sim.vehicle.thruster_curves import T200
+from sim.vehicle.thrusters.curves import T200
 from sim.vehicle.vehicle import Vehicle, load_vehicle
 
 VEHICLE, _ = load_vehicle("paper_six")

@@ -10,7 +10,7 @@ from sim.assembly import make_thrusters
 from sim.environment.world import load_world
 from sim.simulation import Simulation
 from sim.vehicle.battery import Battery, BatteryPack
-from sim.vehicle.t200 import VOLTS, performance
+from sim.vehicle.thrusters.t200 import VOLTS, performance
 from sim.vehicle.vehicle import load_vehicle
 
 PRESET = Path(__file__).parents[4] / "sim/vehicles/paper_six.toml"

@@ -8,7 +8,7 @@ from hil.common.schema import preset_names
 from sim.environment.world import load_world
 from sim.matrices import square
 from sim.simulation import Simulation
-from sim.vehicle.thrusters import wrench_matrix
+from sim.vehicle.thrusters.bank import wrench_matrix
 from sim.vehicle.vehicle import Vehicle, load_vehicle
 
 NAMES = preset_names("sim/vehicles")

@@ -16,7 +16,7 @@ from sim.rotations import Rotation
 from sim.simulation import Simulation
 from sim.vehicle.body_lift import CrossFlow, CrossFlowDrag, HullLift, Lift, SpeedDamping
 from sim.vehicle.fins import Fin, FinSet, fin_matrix, lift_slope
-from sim.vehicle.thrusters import ThrusterSet
+from sim.vehicle.thrusters.bank import ThrusterSet
 from sim.vehicle.vehicle import Vehicle, load_vehicle
 
 LEVEL: Rotation = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)

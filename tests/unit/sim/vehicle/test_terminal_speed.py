@@ -9,7 +9,7 @@ from hil.autonomy.control.allocation import Allocator, pseudo_inverse
 from hil.common.schema import preset_names
 from sim.dynamics import Dynamics, State
 from sim.vehicle.terminal_speed import AXES, Reach, reaches, terminal_speed
-from sim.vehicle.thrusters import ThrusterSet, pulse_finder, wrench_matrix
+from sim.vehicle.thrusters.bank import ThrusterSet, pulse_finder, wrench_matrix
 from sim.vehicle.vehicle import Vehicle, load_vehicle
 
 HEAVY, _ = load_vehicle("bluerov2_heavy")

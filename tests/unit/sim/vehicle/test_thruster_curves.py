@@ -8,11 +8,11 @@ import pytest
 
 from hil.common.errors import ConfigError
 from sim.assembly import make_thrusters
-from sim.vehicle.t200 import performance, pulse_for
-from sim.vehicle.thruster_curves import Advance
-from sim.vehicle.thruster_model import Thruster
-from sim.vehicle.thruster_tables import with_models
-from sim.vehicle.thrusters import pulse_finder, steady_thrust
+from sim.vehicle.thrusters.bank import pulse_finder, steady_thrust
+from sim.vehicle.thrusters.curves import Advance
+from sim.vehicle.thrusters.model import Thruster
+from sim.vehicle.thrusters.t200 import performance, pulse_for
+from sim.vehicle.thrusters.tables import with_models
 from sim.vehicle.vehicle import load_vehicle
 
 PRESET = Path(__file__).parents[4] / "sim/vehicles/paper_six.toml"

@@ -5,8 +5,8 @@ import pytest
 
 from hil.common.errors import ConfigError
 from sim.assembly import make_thrusters
-from sim.vehicle.thruster_model import Thruster
-from sim.vehicle.thruster_tables import with_models
+from sim.vehicle.thrusters.model import Thruster
+from sim.vehicle.thrusters.tables import with_models
 from sim.vehicle.vehicle import load_vehicle
 
 PAPER, _ = load_vehicle("paper_six")

@@ -3,7 +3,7 @@ from math import exp
 import pytest
 
 from hil.common.errors import ConfigError
-from sim.vehicle.thrusters import ThrusterSet, pulse_finder, steady_thrust, wrench_matrix
+from sim.vehicle.thrusters.bank import ThrusterSet, pulse_finder, steady_thrust, wrench_matrix
 from sim.vehicle.vehicle import Thruster, load_vehicle
 
 T200 = load_vehicle("bluerov2_heavy")[0].thrusters[0]

@@ -10,7 +10,7 @@ import pytest
 from hil.commands.vehicle.import_urdf import to_toml
 from hil.common.errors import ConfigError
 from sim.matrices import square
-from sim.vehicle.thrusters import wrench_matrix
+from sim.vehicle.thrusters.bank import wrench_matrix
 from sim.vehicle.urdf.importer import read_urdf
 from sim.vehicle.vehicle import Vehicle, load_vehicle
 

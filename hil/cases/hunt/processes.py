@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from hil.bench.processes import cpu_s
 from hil.cases.crew import Crew
 from hil.cases.energy import EnergyMeter
-from hil.cases.hunt_watch import HuntRow, HuntWatch
+from hil.cases.hunt.watch import HuntRow, HuntWatch
 from hil.client.delay import DelayMeter
 from hil.common.clock import NS_PER_S, RateKeeper, from_wall_ns, now_ns, seconds_ns, to_wall_ns
 from hil.common.errors import NetworkError

@@ -15,9 +15,9 @@ from hil.links.contract import PWM_NEUTRAL_US
 from hil.ros.diagnostics import Diagnostics
 from hil.scenario.records import Link
 from hil.slave.contacts import Contacts
+from hil.slave.health.machine_figures import add_machine_figures
 from hil.slave.log import Log
 from hil.slave.loop import Loop
-from hil.slave.machine_figures import add_machine_figures
 from hil.slave.notify import Heartbeat
 
 if TYPE_CHECKING:

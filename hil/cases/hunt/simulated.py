@@ -8,7 +8,7 @@ import time
 
 from hil.autonomy.control.controller import VelocityCommand
 from hil.cases.energy import EnergyMeter
-from hil.cases.hunt_watch import HuntRow, HuntWatch
+from hil.cases.hunt.watch import HuntRow, HuntWatch
 from hil.cases.simulated import SimulatedVehicle
 from hil.common.clock import NS_PER_S, seconds_ns
 from hil.master.flight import held

@@ -1,6 +1,6 @@
 """The T200 thruster's public performance data: thrust, current, power and speed over pulse and voltage.
 
-Blue Robotics, "T200 Public Performance Data 10-20 V", September 2019. `data/t200.csv` holds every fifth of
+Blue Robotics, "T200 Public Performance Data 10-20 V", September 2019. `sim/data/t200.csv` holds every fifth of
 the published pulses and all of those at the edges of the dead band. Between them straight lines in the pulse
 and in the voltage. Below 10 V nothing is published: everything falls there in proportion to the voltage.
 """
@@ -9,6 +9,7 @@ import os
 from bisect import bisect_right
 from typing import NamedTuple
 
+import sim
 from sim.interpolation import interpolate, nearest_pulse
 
 Rows = tuple[list[float], list[float], list[float]]
@@ -25,7 +26,7 @@ class Performance(NamedTuple):
 
 def _read() -> tuple[list[float], list[float], list[list[list[float]]]]:
     """Voltages, pulses, and thrust, current, rpm as [quantity][pulse][voltage]."""
-    path = os.path.join(os.path.dirname(os.path.dirname(os.path.abspath(__file__))), "data", "t200.csv")
+    path = os.path.join(os.path.dirname(sim.__file__), "data", "t200.csv")
     with open(path, encoding="ascii") as file:
         lines = [line.split(",") for line in file if not line.startswith("#")]
     volts = [0.0] + [float(name.split("V")[0]) for name in lines[0][1::3]]

@@ -4,7 +4,7 @@ from typing import Any
 
 from hil.common.errors import ConfigError
 from hil.common.schema import parse
-from sim.vehicle.thruster_model import Thruster
+from sim.vehicle.thrusters.model import Thruster
 
 
 def with_models(thruster: Thruster, tables: dict[str, Any], where: str) -> Thruster:
@@ -13,11 +13,11 @@ def with_models(thruster: Thruster, tables: dict[str, Any], where: str) -> Thrus
     The models are loaded here, when a vehicle uses one: most do without.
     """
     if "curve" in tables:
-        from sim.vehicle.thruster_curves import CURVES
+        from sim.vehicle.thrusters.curves import CURVES
 
         thruster = thruster._replace(curve=_read_kind(tables["curve"], CURVES, f"{where}: curve"))
     if "dynamics" in tables:
-        from sim.vehicle.thruster_lags import DYNAMICS
+        from sim.vehicle.thrusters.lags import DYNAMICS
 
         if thruster.time_constant:
             raise ConfigError(f"{where}: give time_constant or dynamics, not both")

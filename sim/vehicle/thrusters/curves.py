@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 from hil.common.schema import Range
 from sim.interpolation import interpolate, nearest_pulse
-from sim.vehicle.thruster_model import Pulse, Thruster
+from sim.vehicle.thrusters.model import Pulse, Thruster
 
 if TYPE_CHECKING:
-    from sim.vehicle.t200 import Rows
+    from sim.vehicle.thrusters.t200 import Rows
 
 Positive = Annotated[float, Range(1e-9, 1e9)]
 NotNegative = Annotated[float, Range(0.0, 1e9)]
@@ -126,7 +126,7 @@ class Advance(NamedTuple):
 
 
 class T200(NamedTuple):
-    """The Blue Robotics T200 by its maker's table of 10 to 20 V (sim/vehicle/t200.py).
+    """The Blue Robotics T200 by its maker's table of 10 to 20 V (sim/vehicle/thrusters/t200.py).
 
     `supply` is the voltage at the thruster: what holds if the vehicle has no battery, and what the vehicle's
     own software reckons with. Pulses are those of the table; `dead_band_us` and its like do not count.
@@ -136,19 +136,19 @@ class T200(NamedTuple):
 
     def thrust(self, thruster: Thruster, pwm_us: int) -> float:
         """Return the steady thrust in N."""
-        from sim.vehicle.t200 import performance
+        from sim.vehicle.thrusters.t200 import performance
 
         return performance(pwm_us, self.supply).thrust
 
     def pulse(self, thruster: Thruster, thrust: float) -> int:
         """Return the pulse in us nearest a thrust in N."""
-        from sim.vehicle.t200 import pulse_for
+        from sim.vehicle.thrusters.t200 import pulse_for
 
         return pulse_for(thrust, self.supply)
 
     def rows(self, pwm_us: int) -> "Rows":
         """Thrust and current at this pulse over the voltages of the table."""
-        from sim.vehicle.t200 import rows
+        from sim.vehicle.thrusters.t200 import rows
 
         return rows(pwm_us)
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from hil.common.errors import ConfigError
 from sim.matrices import Matrix
-from sim.vehicle.thruster_model import Thruster, is_pulse
+from sim.vehicle.thrusters.model import Thruster, is_pulse
 from sim.vehicle.vehicle import Vehicle
 
 if TYPE_CHECKING:
@@ -97,7 +97,7 @@ class ThrusterSet:
         self._columns = list(zip(*wrench_matrix(vehicle), strict=True))
         # What turns a velocity of the vehicle into the speed along each thruster.
         self._ways = list(zip(*wrench_matrix(vehicle, torque=False), strict=True))
-        # The propellers that lose thrust to the water which meets them (Advance of sim/vehicle/thruster_curves.py).
+        # The propellers that lose thrust to the water which meets them (Advance of sim/vehicle/thrusters/curves.py).
         self._advances: list[Any] = [t.curve if hasattr(t.curve, "loss") else None for t in vehicle.thrusters]
         # True if `step` needs the speed through the water.
         self.feels_water = any(self._advances)

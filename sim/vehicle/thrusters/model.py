@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple, Protocol
 from hil.common.schema import Range
 
 if TYPE_CHECKING:
-    from sim.vehicle.thruster_lags import Lagging
+    from sim.vehicle.thrusters.lags import Lagging
 
 Metres = Annotated[float, Range(-50.0, 50.0, "m")]
 Point = tuple[Metres, Metres, Metres]
@@ -25,7 +25,7 @@ def is_pulse(pwm_us: float) -> bool:
 
 
 class Curve(Protocol):
-    """A curve from pulse to steady thrust (sim/vehicle/thruster_curves.py)."""
+    """A curve from pulse to steady thrust (sim/vehicle/thrusters/curves.py)."""
 
     def thrust(self, thruster: "Thruster", pwm_us: int) -> float:
         """Return the steady thrust in N at a pulse of `pwm_us` microseconds in water at rest."""
@@ -41,10 +41,10 @@ class Thruster(NamedTuple):
     thrust grows from the edge of the dead band (`dead_band_us` each side of neutral) to `max_forward` at
     `pwm_max_us` and `max_reverse` (both positive) at `pwm_min_us`, a share `linear_share` of it in
     proportion to the pulse and the rest with its square. Another `curve` is a table with its `kind`
-    (sim/vehicle/thruster_curves.py); `max_forward` and `max_reverse` limit that one too.
+    (sim/vehicle/thrusters/curves.py); `max_forward` and `max_reverse` limit that one too.
 
     Thrust follows the curve at once if `time_constant` is 0, else with this first-order lag, or as the table
-    `dynamics` and its `kind` say (sim/vehicle/thruster_lags.py). The propeller turns the vehicle by `torque` N m for
+    `dynamics` and its `kind` say (sim/vehicle/thrusters/lags.py). The propeller turns the vehicle by `torque` N m for
     each N
     of thrust, right-handed about `direction`. Near the surface it loses thrust by the `diameter` of its propeller (m;
     sim/vehicle/ventilation.py): that of its curve if left out, or what makes as much thrust per area as a Blue

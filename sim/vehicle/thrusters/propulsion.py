@@ -3,11 +3,11 @@
 from math import exp
 
 from sim.vehicle.battery import BatteryPack, BatteryState
-from sim.vehicle.t200 import VOLTS
-from sim.vehicle.thruster_curves import T200
-from sim.vehicle.thruster_lags import Lag
-from sim.vehicle.thruster_model import Thruster
-from sim.vehicle.thrusters import ThrusterSet
+from sim.vehicle.thrusters.bank import ThrusterSet
+from sim.vehicle.thrusters.curves import T200
+from sim.vehicle.thrusters.lags import Lag
+from sim.vehicle.thrusters.model import Thruster
+from sim.vehicle.thrusters.t200 import VOLTS
 from sim.vehicle.vehicle import Vehicle
 
 
