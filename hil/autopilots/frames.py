@@ -14,7 +14,7 @@ from hil.autopilots.contract import is_output
 from hil.common.errors import ConfigError
 from hil.common.schema import Range, find_preset, load, preset_names
 from hil.links.contract import PWM_NEUTRAL_US
-from sim.vehicle.thrusters import wrench_matrix
+from sim.vehicle.thrusters.bank import wrench_matrix
 from sim.vehicle.vehicle import Vehicle
 
 FRAMES = "hil/autopilots/frames"

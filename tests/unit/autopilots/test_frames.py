@@ -5,7 +5,7 @@ import pytest
 from hil.autopilots.frames import CUSTOM, Motor, load_frame, map_motors, push_text
 from hil.common.errors import ConfigError
 from hil.common.schema import preset_names
-from sim.vehicle.thrusters import steady_thrust, wrench_matrix
+from sim.vehicle.thrusters.bank import steady_thrust, wrench_matrix
 from sim.vehicle.vehicle import Vehicle, load_vehicle
 
 FRAMES = {"bluerov2": "vectored", "bluerov2_blue": "vectored", "bluerov2_li2020": "vectored",
