@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from hil.common.ports import free_ports
 from hil.ros import dialect, topics
 from tests.support.examples import register_profiles
 
@@ -33,6 +34,11 @@ def _own_scenario(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     if len(topics.TOPICS) != len(before):  # a user's own sensor
         topics.TOPICS.clear()
         topics.TOPICS.update(before)
+
+
+def pytest_sessionstart() -> None:
+    """Reserve ports once: what holds them stays open, and is no leak of the first test that asks for one."""
+    free_ports(1)
 
 
 SYSTEM_TESTS = Path(__file__).parent / "system"

@@ -1,21 +1,40 @@
 """Find free ports of this machine for slaves of benchmarks, cases and tests."""
 
+import os
 import socket
+from functools import cache
+from itertools import cycle, islice
 from random import SystemRandom
 
 # Below those that Linux hands out by itself, from 32768 on: one of these any connection may take before its slave does.
-_PORTS = range(10_000, 31_000, 2)
+_FIRST, _END, _BLOCK = 10_000, 31_000, 125 * 2
+_holders: list[socket.socket] = []  # of names, which end with this process
 
 
 def free_ports(count: int) -> list[int]:
-    """Ports that nobody listens on, and of each the next one too, which a slave also takes."""
-    found: list[int] = []
-    for port in SystemRandom().sample(_PORTS, len(_PORTS)):
-        if len(found) == count:
-            break
-        if _is_free(port) and _is_free(port + 1):
-            found.append(port)
-    return found
+    """Ports that nobody listens on, and of each the next one too, which a slave also takes; fewer if there are no more.
+
+    No other process that asks here gets them meanwhile, and this one gets others the next 100 times.
+    """
+    block, ports = _own_block(os.getpid())
+    return list(islice((port for port in islice(ports, block) if _is_free(port) and _is_free(port + 1)), count))
+
+
+@cache
+def _own_block(pid: int) -> tuple[int, "cycle[int]"]:
+    """Reserve a block for this process, by a name of Linux that one at a time can have; all ports if none is left."""
+    blocks = list(range(_FIRST, _END, _BLOCK))
+    for first in SystemRandom().sample(blocks, len(blocks)):
+        holder = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+        try:
+            holder.bind(f"\0uuv-hil-ports-{first}")
+        except OSError:
+            holder.close()
+            continue
+        _holders.append(holder)
+        return _BLOCK // 2, cycle(range(first, first + _BLOCK, 2))
+    ports = range(_FIRST, _END, 2)
+    return len(ports), cycle(SystemRandom().sample(ports, len(ports)))
 
 
 def _is_free(port: int) -> bool:

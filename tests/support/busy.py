@@ -1,6 +1,7 @@
 """What can only be judged by the clock of a machine that others use too."""
 
 import functools
+import sys
 from collections.abc import Callable
 from typing import ParamSpec
 
@@ -20,7 +21,8 @@ def retry_when_busy(judge: Callable[[], object], reason: str, attempts: int = 5)
         except AssertionError as error:
             if attempt == attempts:
                 raise
-            print(f"attempt {attempt} of {attempts} ({reason}): {error}")
+            # Not to standard output, which the next attempt may read.
+            print(f"attempt {attempt} of {attempts} ({reason}): {error}", file=sys.stderr)
 
 
 def retried_when_busy(reason: str, attempts: int = 3) -> Callable[[Callable[P, object]], Callable[P, None]]:
