@@ -32,8 +32,8 @@ sys.path.insert(0, str(ROOT))
 
 from hil.common.children import foreign_command, start_child  # noqa: E402
 from hil.common.clock import now_ns, to_wall_ns  # noqa: E402 - works from a bare checkout too
+from hil.network.opening import listen  # noqa: E402
 from hil.network.roles import open_master_session  # noqa: E402
-from hil.network.session import listen  # noqa: E402
 from hil.ros import dialect  # noqa: E402
 from hil.ros.topics import TOPICS, Topic  # noqa: E402
 

@@ -84,7 +84,7 @@ def _run(options: Options, startup: dict[str, int]) -> None:
     if options.port:
         scenario = with_port(scenario, options.port)
     startup["scenario"] = now_ns()
-    from hil.network.session import Listening
+    from hil.network.opening import Listening
     from hil.network.settings import save_threads
 
     pictures = any(fitted.offloaded for fitted in scenario.sensors.values())

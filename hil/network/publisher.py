@@ -23,23 +23,42 @@ _PRIORITIES: dict[Priority, zenoh.Priority] = {
 }
 
 
+class Declared:
+    """Something that is declared on the library's session, and again on each that takes its place.
+
+    `current` is what the library gave for it; it lives as long as this does.
+    """
+
+    def __init__(self, declare: Callable[[zenoh.Session], Any], session: zenoh.Session) -> None:
+        self._declare = declare
+        self.current = declare(session)
+
+    def renew(self, session: zenoh.Session) -> None:
+        """Declare it on this session."""
+        self.current = self._declare(session)
+
+
+Declare = Callable[[Callable[[zenoh.Session], Any]], Declared]
+
+
 class Publisher:
     """Publish one topic of one node: count and stamp messages, and store the last.
 
     `gid` (16 bytes) tells publishers apart; `last` is payload and attachment, None before the first. What the network
-    cannot take in time is left out; with `wait` it is waited for; what is sent `aside` holds up nobody. `wanted` tells
-    whether anybody listens, where that is watched.
+    cannot take in time is left out; with `wait` it is waited for; what is sent in the background holds up nobody.
+    `has_subscribers` tells whether anybody listens, where that is watched. `declare` declares on the library's session,
+    as `hil.network.session.Session` does; while that is closed nothing is sent.
     """
 
     background = False
     has_subscribers = True
-    _listener: Any = None  # it lives as long as someone holds it
 
-    def __init__(self, session: zenoh.Session, node: str, topic: Topic, wait: bool = False) -> None:
+    def __init__(self, declare: Declare, node: str, topic: Topic, wait: bool = False) -> None:
         self.topic = topic
         self.key = key_of(topic, node)
-        self._publisher = _declare(session, self.key, topic, wait)
-        self._send: Callable[..., None] = self._publisher.put
+        self._declare = declare
+        self._publisher = declare(lambda session: _declare(session, self.key, topic, wait))
+        self._send: Callable[..., None] = self._send_now
         self.gid = os.urandom(16)
         self.sequence = 0
         self.last: tuple[bytes, bytes] | None = None
@@ -49,13 +68,13 @@ class Publisher:
         self.sequence = sequence = self.sequence + 1
         attachment = ros.pack_attachment(sequence, wall_ns, self.gid)
         self.last = payload, attachment
-        self._send(payload, attachment=attachment)
+        self._send(payload, attachment)
         return sequence
 
     def check_subscribers(self) -> bool:
         """Return whether anybody out there listens now; False too when the session was closed."""
         try:
-            return is_matched(self._publisher)
+            return is_matched(self._publisher.current)
         except zenoh.ZError:
             return False
 
@@ -68,26 +87,26 @@ class Publisher:
 
         def update(_: object) -> None:
             with suppress(zenoh.ZError):  # the session was closed
-                self.has_subscribers = self.background or is_matched(self._publisher)
+                self.has_subscribers = self.background or is_matched(self._publisher.current)
 
         queue = worker.open_queue(update)
-        self._listener = self._publisher.declare_matching_listener(queue.callback)
+        self._declare(lambda _: self._publisher.current.declare_matching_listener(queue.callback))
         queue.put(None)
 
-    def publish_in_background(self, session: zenoh.Session, worker: "WorkerThread") -> None:
+    def publish_in_background(self, worker: "WorkerThread") -> None:
         """Send in the thread of `worker` from now on; while a message waits there, the next ones are dropped.
 
         They go after everything else, as two who send with one priority wait for each other.
         """
         self.background = self.has_subscribers = True
-        publisher = self._publisher = _declare(session, self.key, self.topic._replace(priority="background"))
-
-        def send(message: tuple[bytes, bytes]) -> None:
-            with suppress(zenoh.ZError):  # the session was closed
-                publisher.put(message[0], attachment=message[1])
-
-        queue = worker.open_queue(send, WAITING)
+        topic = self.topic._replace(priority="background")
+        self._publisher = self._declare(lambda session: _declare(session, self.key, topic))
+        queue = worker.open_queue(lambda message: self._send_now(message[0], message[1]), WAITING)
         self._send = lambda payload, attachment: queue.put((payload, attachment))
+
+    def _send_now(self, payload: bytes, attachment: bytes) -> None:
+        with suppress(zenoh.ZError):  # the session was closed, or is being opened again
+            self._publisher.current.put(payload, attachment=attachment)
 
 
 def key_of(topic: Topic, node: str) -> str:

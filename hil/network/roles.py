@@ -1,11 +1,12 @@
-"""Open the sessions of masters, clients, peers and routers. `hil.network.session` opens a slave's."""
+"""Open the sessions of masters, clients, peers and routers. `hil.network.opening` opens a slave's."""
 
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from hil.common.clock import now_ns, seconds_ns
 from hil.common.errors import NetworkError
-from hil.network.session import Session, open_session
+from hil.network.opening import open_session
+from hil.network.session import Session
 from hil.network.settings import Network, settings
 
 if TYPE_CHECKING:
@@ -19,7 +20,7 @@ def open_master_session(*endpoints: str, network: Network = Network(), security:
     """
     text = settings("master", (), endpoints, network, security)
     try:
-        return _open("dial", ", ".join(endpoints), text, has_pairs=network.mode == "direct")
+        return _open("dial", ", ".join(endpoints), text, network.mode == "direct", len(endpoints))
     except NetworkError as error:
         raise NetworkError(_refusal(endpoints, network, security) or str(error)) from None
 
@@ -73,8 +74,8 @@ def open_router_session(endpoint: str, network: Network = Network(), security: "
     return session
 
 
-def _open(action: str, name: str, text: str, has_pairs: bool = False) -> Session:
-    session = open_session(action, name, text, has_pairs)
+def _open(action: str, name: str, text: str, has_pairs: bool = False, dialled: int = 1) -> Session:
+    session = open_session(action, name, text, has_pairs, dialled)
     session.free_links()
     return session
 

@@ -3,26 +3,26 @@
 The slave listens, the master dials, never both; with a router in between both dial it. How loss is noticed and mended
 is in `hil.network.settings`. A reader is a thread of ours on a channel, because an open session with a Python
 callback hangs the interpreter at exit. What comes seldom shares one, see `hil.network.worker`.
+
+Each declaration is stored as a function of the library's session, so that a session which has stopped working can be
+opened again with all that was declared (`Session.reopen`).
 """
 
 import atexit
-import os
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import suppress
+from functools import partial
 from math import inf
 from typing import TYPE_CHECKING, Any
 
 import zenoh
 
-from hil.common.errors import NetworkError
-from hil.network.publisher import Publisher, is_matched, key_of
-from hil.network.settings import Network, settings
+from hil.network.publisher import Declared, Publisher, is_matched, key_of
 from hil.ros import dialect
 from hil.ros.topics import TOPICS, Topic
 
 if TYPE_CHECKING:
-    from hil.network.security import Security
     from hil.network.worker import BoundedQueue, WorkerThread
 
 ASKING = 8  # queries that may wait for a reader at once
@@ -33,106 +33,33 @@ REFUSAL = zenoh.Encoding.TEXT_PLAIN  # of the reason why there is no answer
 Deliver = Callable[[str, bytes, bytes], None]
 
 
-def listen(
-    endpoint: str, network: Network = Network(), security: "Security | None" = None, pictures: bool = False
-) -> "Session":
-    """Return the session of a slave: it waits for masters at `endpoint`, and dials a router if `network` names one.
-
-    `pictures`: it passes on those of its imaging process. Raises NetworkError, also when the port is taken.
-    """
-    text = settings("slave", (endpoint,), (network.router,) if network.router else (), network, security, pictures)
-    return open_session("listen on", endpoint, text)
-
-
-class Listening:
-    """A session that is being opened in a thread while the caller does other work."""
-
-    def __init__(
-        self, endpoint: str, network: Network = Network(), security: "Security | None" = None, pictures: bool = False
-    ) -> None:
-        self._arguments = endpoint, network, security, pictures
-        self._session: Session | None = None
-        self._error: NetworkError | None = None
-        self._thread = threading.Thread(target=self._run, name="open session")
-        self._thread.start()
-
-    def _run(self) -> None:
-        # The library's threads inherit it. What a peer declares can keep them busy for a second: real-time ones would
-        # keep the processor from the kernel's threads for that long, and so from the loop's serial line.
-        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
-        try:
-            self._session = listen(*self._arguments)
-        except NetworkError as error:
-            self._error = error
-
-    def session(self) -> "Session":
-        """Return the open session. Raises NetworkError as `listen` does."""
-        self._thread.join()
-        if self._error:
-            raise self._error
-        assert self._session
-        return self._session
-
-    def cancel(self) -> None:
-        """Close it, if it came to be open: for the case that something else failed meanwhile."""
-        self._thread.join()
-        if self._session:
-            self._session.close()
-
-
-def open_session(action: str, name: str, text: str, has_pairs: bool = False) -> "Session":
-    """Return a session with the settings `text`, and `has_pairs` as in `Session`.
-
-    Raises NetworkError, which says that we cannot `action` `name`, and why.
-    """
-    try:
-        return Session(zenoh.open(zenoh.Config.from_json5(text)), name, has_pairs)
-    except zenoh.ZError as error:
-        raise NetworkError(f"cannot {action} {name}: {_reason(str(error))}") from None
-
-
-def _reason(text: str) -> str:
-    if "Address already in use" in text:
-        return (
-            f"{_taken(text)} is in use: by another slave or router, or by ROS 2's rmw_zenohd, whose port is 7447 too; "
-            "end that, or choose another with --listen"
-        )
-    if "Cannot assign requested address" in text or "os error 99" in text:
-        return "this machine does not have that address"
-    if "Permission denied" in text:
-        return "no permission for that port: those below 1024 are root's alone; choose another with --listen"
-    if "lookup address" in text:
-        return "no machine is called that here; give its address"
-    if "Unable to connect" in text:
-        return "there is no router, or it refuses us; start it first, `uuv-hil router`"
-    return text.partition(" at /")[0]  # without the place in the library's source
-
-
-def _taken(text: str) -> str:
-    """Return which port the library could not have, by what it says of it."""
-    address = text.partition("bound to ")[2].partition(": ")[0].partition("?")[0].partition("#")[0]
-    port = address.rpartition(":")[2]
-    return f"port {port}" if port.isdigit() else "the port (or the next one)"
-
-
 class Session:
     """The process's one session. Use as a context; leaving it ends the readers.
 
-    `name` is where it listens or what it dials, `publishers` all that were made so far. `has_pairs`: it has two links
-    with each peer, as a master has with a slave.
+    `open_library` returns an open session of the library; it may raise zenoh.ZError. `name` is where it listens or what
+    it dials, `publishers` all that were made so far. `has_pairs`: it has two links with each peer, as a master has with
+    a slave. `dialled` is how many peers it dials. `reopenings` counts how often it was opened again.
     """
 
-    def __init__(self, session: zenoh.Session, name: str, has_pairs: bool = False) -> None:
+    def __init__(
+        self, open_library: Callable[[], zenoh.Session], name: str, has_pairs: bool = False, dialled: int = 1
+    ) -> None:
         self.name = name
         self.has_pairs = has_pairs
-        self._session = session
+        self.dialled = dialled
+        self.reopenings = 0
+        self._open_library = open_library
+        self._session = open_library()
+        self._zid = str(self._session.info.zid())
+        self._turn = threading.Condition()  # of declarations, and of opening and closing
+        self._declared: list[Declared] = []
+        self._is_open = True
         self._readers: list[threading.Thread] = []
         self._worker: WorkerThread | None = None  # of what comes seldom
         self._sending: WorkerThread | None = None  # of what is large
         self._closed = threading.Event()
         self.publishers: list[Publisher] = []
-        self._tokens: list[zenoh.LivelinessToken] = []  # one lives as long as someone holds it
-        self._numbered: dict[str, Any] = {}  # by key what nobody reads: it lives as long too
+        self._numbered: set[str] = set()  # keys that have a number
         # A reader that the ending interpreter catches inside the library aborts the process: they end before.
         atexit.register(self.close)
 
@@ -144,7 +71,7 @@ class Session:
 
     def publisher(self, node: str, topic: Topic, wait: bool = False) -> Publisher:
         """Return a publisher of one topic of one node; `wait` as in `Publisher`."""
-        publisher = Publisher(self._session, node, topic, wait)
+        publisher = Publisher(self._declare, node, topic, wait)
         self.publishers.append(publisher)
         return publisher
 
@@ -156,7 +83,7 @@ class Session:
         """Let it send in another thread, for a loop with messages so large that the network takes its time."""
         if self._sending is None:
             self._sending = self._start_worker("sender")
-        publisher.publish_in_background(self._session, self._sending)
+        publisher.publish_in_background(self._sending)
 
     def subscribe(self, node: str, topic: str, deliver: Deliver, depth: int) -> None:
         """Call `deliver(topic name, payload, attachment)` for what a node publishes, in a thread of its own.
@@ -165,23 +92,25 @@ class Session:
         dropped. `deliver` must be quick and must not raise.
         """
         keys = f"{dialect.domain()}/{node}/{topic}/*/*"
-        channel = self._session.declare_subscriber(keys, zenoh.handlers.RingChannel(depth))
+        channel = self._declare(lambda session: session.declare_subscriber(keys, zenoh.handlers.RingChannel(depth)))
         self._number(node, zenoh.KeyExpr(keys))
         self._read(channel, lambda sample: _deliver(sample, deliver), f"reader {topic}")
 
     def sender(self, key: str) -> Callable[[bytes], None]:
         """Return what sends bytes at once on a key of `hil.network.tokens`, before everything else."""
-        publisher = self._session.declare_publisher(
-            key,
-            priority=zenoh.Priority.REAL_TIME,
-            express=True,
-            congestion_control=zenoh.CongestionControl.DROP,
-            allowed_destination=zenoh.Locality.REMOTE,
+        publisher = self._declare(
+            lambda session: session.declare_publisher(
+                key,
+                priority=zenoh.Priority.REAL_TIME,
+                express=True,
+                congestion_control=zenoh.CongestionControl.DROP,
+                allowed_destination=zenoh.Locality.REMOTE,
+            )
         )
 
         def send(payload: bytes) -> None:
             with suppress(zenoh.ZError):  # the session was closed
-                publisher.put(payload)
+                publisher.current.put(payload)
 
         return send
 
@@ -192,30 +121,32 @@ class Session:
         dropped, and counted by what this gives.
         """
         queue = self._shared_worker().open_queue(lambda sample: deliver(sample.payload.to_bytes()), depth, rate)
-        self._session.declare_subscriber(key, queue.callback)
+        self._declare(lambda session: session.declare_subscriber(key, queue.callback))
         return queue
 
     @property
     def zid(self) -> str:
-        """Zenoh id of the session."""
-        return str(self._session.info.zid())
+        """Zenoh id of the session as it was opened first, by which ROS tells our nodes apart."""
+        return self._zid
 
     def declare_token(self, key: str) -> Callable[[], None]:
         """Declare a liveliness token, which lives until what this gives is called, or the session lost."""
-        token = self._session.liveliness().declare_token(key)
-        self._tokens.append(token)
+        token = self._declare(lambda session: session.liveliness().declare_token(key))
 
         def withdraw() -> None:
-            self._tokens.remove(token)
-            with suppress(zenoh.ZError):  # the session was closed, which withdraws it too
-                token.undeclare()  # type: ignore[no-untyped-call]
+            with self._turn:
+                self._declared.remove(token)
+                with suppress(zenoh.ZError):  # the session was closed, which withdraws it too
+                    token.current.undeclare()
 
         return withdraw
 
     def tokens(self, keys: str, seconds: float = ANSWER_WITHIN_S) -> list[str]:
         """Return the liveliness tokens that others have declared on `keys`, asked for here and now."""
-        replies = self._session.liveliness().get(keys, zenoh.handlers.FifoChannel(1024), timeout=seconds)
-        return sorted({str(reply.ok.key_expr) for reply in replies if reply.ok is not None})
+        with suppress(zenoh.ZError):  # the session was closed
+            replies = self._session.liveliness().get(keys, zenoh.handlers.FifoChannel(1024), timeout=seconds)
+            return sorted({str(reply.ok.key_expr) for reply in replies if reply.ok is not None})
+        return []
 
     def watch_tokens(self, keys: str, deliver: Callable[[str, bool], None]) -> None:
         """Call `deliver(key, alive)` for each token of others on `keys` that is there, comes or goes.
@@ -226,7 +157,8 @@ class Session:
         def pass_on(sample: zenoh.Sample) -> None:
             deliver(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
 
-        self._session.liveliness().declare_subscriber(keys, self._worker_callback(pass_on), history=True)
+        queue = self._shared_worker().open_queue(pass_on)
+        self._declare(lambda session: session.liveliness().declare_subscriber(keys, queue.callback, history=True))
 
     def subscribe_keys(self, keys: str, deliver: Deliver, depth: int, latched: bool = False) -> None:
         """Call `deliver(key, payload, attachment)` for what anyone publishes on `keys`; otherwise like `subscribe`.
@@ -236,16 +168,19 @@ class Session:
         declare: Any = zenoh.Session.declare_subscriber
         if latched:
             from hil.network.latched import declare_subscriber as declare
-        channel = declare(self._session, keys, zenoh.handlers.RingChannel(depth))
+        channel = self._declare(lambda session: declare(session, keys, zenoh.handlers.RingChannel(depth)))
         self._read(channel, lambda sample: deliver(str(sample.key_expr), *_content(sample)), f"reader {keys}")
 
     def answer_queries(self, key: str, take: Callable[[zenoh.Query], None]) -> None:
         """Call `take` for each query of `key`, in a thread of the library: it must be quick and must not raise."""
-        self._session.declare_queryable(key, zenoh.handlers.Callback(take, indirect=False), complete=True)
+        self._declare(
+            lambda session: session.declare_queryable(key, zenoh.handlers.Callback(take, indirect=False), complete=True)
+        )
 
     def answer(self, keys: str, take: Callable[[zenoh.Query], None]) -> None:
         """Call `take` for each query of `keys`, otherwise like `receive`; of many at once the youngest are dropped."""
-        self._session.declare_queryable(keys, self._worker_callback(take, ASKING))
+        queue = self._shared_worker().open_queue(take, ASKING)
+        self._declare(lambda session: session.declare_queryable(keys, queue.callback))
 
     def ask(
         self,
@@ -286,8 +221,9 @@ class Session:
 
     def watch_keys(self, keys: str) -> Callable[[], bool]:
         """Return what tells whether anybody out there wants messages with such keys."""
-        publisher = self._session.declare_publisher(keys, allowed_destination=zenoh.Locality.REMOTE)
-        return lambda: is_matched(publisher)
+        remote = zenoh.Locality.REMOTE
+        publisher = self._declare(lambda session: session.declare_publisher(keys, allowed_destination=remote))
+        return lambda: is_matched(publisher.current)
 
     def every(self, seconds: float, run: Callable[[], None], name: str) -> None:
         """Call `run` every so many seconds until the session is closed, in a thread of its own."""
@@ -305,14 +241,38 @@ class Session:
     def close(self) -> None:
         """Close the session and wait for its readers to end. Closing twice is harmless."""
         atexit.unregister(self.close)
-        self._closed.set()
-        self._session.close()  # type: ignore[no-untyped-call]  # zenoh leaves it unannotated; it wakes the readers
+        with self._turn:
+            self._closed.set()
+            self._close_library()
+            self._turn.notify_all()
         for worker in (self._worker, self._sending):
             if worker:
                 worker.end()
         for reader in self._readers:
             if reader is not threading.current_thread():
                 reader.join(1.0)
+
+    def reopen(self) -> None:
+        """Close the library's session and open another with all that was declared; harmless once it was closed.
+
+        What was on its way is lost. Where it cannot be opened, as when its router is gone, each later call tries again.
+        """
+        with self._turn:
+            if self._closed.is_set():
+                return
+            self.reopenings += self._is_open
+            self._close_library()
+            with suppress(zenoh.ZError):
+                self._session = self._open_library()
+                for declared in self._declared:
+                    declared.renew(self._session)
+                self._is_open = True
+                self._turn.notify_all()
+
+    @property
+    def is_lost(self) -> bool:
+        """Whether it could not be opened again so far."""
+        return not (self._is_open or self._closed.is_set())
 
     def links(self) -> list[tuple[str, str, str]]:
         """Of each link the identity of the peer, and the addresses, ours and theirs."""
@@ -322,7 +282,8 @@ class Session:
         """Close lost links at once, so that they do not delay the next one; see `hil.network.sockets`."""
         from hil.network.sockets import free_new  # the vehicle is ready before this is loaded
 
-        self._session.info.declare_link_events_listener(self._worker_callback(free_new), history=True)
+        queue = self._shared_worker().open_queue(free_new)
+        self._declare(lambda session: session.info.declare_link_events_listener(queue.callback, history=True))
 
     def _number(self, node: str, keys: zenoh.KeyExpr) -> None:
         """Let the library give numbers to those of `keys` on which messages come often.
@@ -332,11 +293,20 @@ class Session:
         """
         for key in [key_of(topic, node) for topic in TOPICS.values() if topic.rate_hz >= OFTEN_HZ]:
             if key not in self._numbered and keys.includes(zenoh.KeyExpr(key)):
-                self._numbered[key] = self._session.declare_subscriber(key, zenoh.handlers.RingChannel(1))
+                self._numbered.add(key)
+                self._declare(partial(_declare_unread, key))
 
-    def _worker_callback(self, handle: Callable[[Any], None], capacity: float = inf) -> "zenoh.handlers.Callback[Any]":
-        """Return the handler for a declaration whose items `handle` gets in the worker thread."""
-        return self._shared_worker().open_queue(handle, capacity).callback
+    def _declare(self, declare: Callable[[zenoh.Session], Any]) -> Declared:
+        """Declare something now, and each time that the session is opened again."""
+        with self._turn:
+            declared = Declared(declare, self._session)
+            self._declared.append(declared)
+        return declared
+
+    def _close_library(self) -> None:
+        """Close the library's session, which wakes the readers."""
+        self._is_open = False
+        self._session.close()  # type: ignore[no-untyped-call]  # zenoh leaves it unannotated
 
     def _shared_worker(self) -> "WorkerThread":
         """Return the thread for everything that is rare, started on first use."""
@@ -352,22 +322,32 @@ class Session:
         self._start(worker.run, name=name)
         return worker
 
-    def _read(self, channel: Any, use: Callable[[Any], None], name: str) -> None:
-        self._start(_receive, channel, use, name=name)
+    def _read(self, channel: Declared, use: Callable[[Any], None], name: str) -> None:
+        def receive() -> None:
+            while not self._closed.is_set():
+                current = channel.current
+                try:
+                    item = current.recv()
+                except zenoh.ZError:  # the session was closed, or is opened again
+                    self._await_other(channel, current)
+                else:
+                    use(item)
 
-    def _start(self, run: Callable[..., None], *arguments: Any, name: str) -> None:
-        reader = threading.Thread(target=run, args=arguments, name=name, daemon=True)
+        self._start(receive, name=name)
+
+    def _await_other(self, declared: Declared, current: object) -> None:
+        """Wait until it is declared on another session of the library, or ours is closed."""
+        with self._turn:
+            self._turn.wait_for(lambda: self._closed.is_set() or declared.current is not current)
+
+    def _start(self, run: Callable[[], None], name: str) -> None:
+        reader = threading.Thread(target=run, name=name, daemon=True)
         reader.start()
         self._readers.append(reader)
 
 
-def _receive(channel: Any, use: Callable[[Any], None]) -> None:
-    while True:
-        try:
-            item = channel.recv()
-        except zenoh.ZError:  # the session was closed
-            return
-        use(item)
+def _declare_unread(key: str, session: zenoh.Session) -> Any:
+    return session.declare_subscriber(key, zenoh.handlers.RingChannel(1))
 
 
 def _deliver(sample: zenoh.Sample, deliver: Deliver) -> None:

@@ -102,11 +102,6 @@ def read_progress(pairs: Collection[Pair]) -> dict[Pair, int]:
     return found
 
 
-def reconnect(session: Session) -> None:
-    """Cut all links of a session; who dialled opens them anew, and all that was declared stays so."""
-    cut({(_port(ours), _port(theirs)) for _, ours, theirs in session.links()})
-
-
 def _port(locator: str) -> int:
     """That of "tcp/HOST:PORT?..."; 0 if it has none."""
     port = locator.partition("?")[0].partition("#")[0].rpartition(":")[2]

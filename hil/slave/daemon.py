@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from hil.common import clock
 from hil.common.clock import now_ns, seconds_ns, to_wall_ns
 from hil.common.stop import StopSignals
-from hil.network.session import Listening
+from hil.network.opening import Listening
 from hil.ros.topics import TOPICS
 from hil.scenario.config import AUTOPILOTS, Scenario, build_simulation
 from hil.slave.command_receiver import CommandReceiver

@@ -75,7 +75,7 @@ def _check(path: str, own_classes: bool) -> int:
 
 
 def _play(options: argparse.Namespace, stop_fd: int) -> int:
-    from hil.network.session import listen
+    from hil.network.opening import listen
     from hil.recording.player import Player, pace
 
     read_about(options.recording)  # what is no recording is told before anybody is listened to

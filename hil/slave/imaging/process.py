@@ -21,7 +21,8 @@ from hil.common.endpoint import split_endpoint
 from hil.common.errors import HilError
 from hil.common.lifeline import die_with_parent
 from hil.common.stop import StopSignals
-from hil.network.session import Session, open_session
+from hil.network.opening import open_session
+from hil.network.session import Session
 from hil.network.settings import settings
 from hil.ros import dialect
 from hil.ros import encoders as ros

@@ -12,9 +12,10 @@ from hil.client.liveness import LivenessMonitor
 from hil.common.clock import NS_PER_S, now_ns, to_wall_ns
 from hil.common.errors import NetworkError
 from hil.network.clock_offset import ClockOffset
+from hil.network.opening import listen
 from hil.network.presence import declare_presence
 from hil.network.roles import open_master_session
-from hil.network.session import Session, listen
+from hil.network.session import Session
 from hil.network.tokens import PING, PONG, Part, clock_keys
 from tests.support.processes import free_port, wait_for
 

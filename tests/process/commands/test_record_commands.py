@@ -20,7 +20,7 @@ from websockets.typing import Subprotocol
 from hil.autonomy.control.controller import VelocityCommand
 from hil.client.client import VehicleClient
 from hil.common.errors import HilError
-from hil.network.session import listen
+from hil.network.opening import listen
 from hil.plots.run_data import collect
 from hil.recording.mcap_file import Message
 from hil.recording.player import Player

@@ -18,7 +18,7 @@ from ruamel.yaml import YAML
 from hil.commands.topic.command import listing, rate_line, whole_type
 from hil.commands.topic.text import lines, parse_values, plain_value
 from hil.common.errors import ConfigError
-from hil.network.session import listen
+from hil.network.opening import listen
 from hil.ros import graph, types
 from hil.ros import message as ros_message
 from hil.ros.graph import Entity

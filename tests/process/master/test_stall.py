@@ -7,8 +7,8 @@ from pathlib import Path
 import zenoh
 
 from hil.client.client import VehicleClient
+from hil.network.opening import listen
 from hil.network.roles import open_client_session, open_master_session
-from hil.network.session import listen
 from hil.network.sockets import cut
 from hil.network.unread_links import UnreadLinks, read_progress
 from tests.support.processes import Program, free_port, wait_for, write_scenario

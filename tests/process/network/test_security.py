@@ -10,10 +10,11 @@ from hil.commands.keys import add_machine, init
 from hil.common.errors import ConfigError, NetworkError
 from hil.common.schema import parse
 from hil.network.diagnosis import why_not
+from hil.network.opening import listen
 from hil.network.presence import declare_presence, watch_presence
 from hil.network.roles import open_master_session
 from hil.network.security import Security
-from hil.network.session import Session, listen
+from hil.network.session import Session
 from hil.network.tokens import Presence, clock_keys
 from hil.ros import graph
 from hil.ros.topics import TOPICS

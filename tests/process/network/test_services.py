@@ -13,9 +13,10 @@ import zenoh
 
 from hil.common.errors import ConfigError, NetworkError
 from hil.network import services
+from hil.network.opening import listen
 from hil.network.roles import open_master_session
 from hil.network.services import Server, call
-from hil.network.session import Session, listen
+from hil.network.session import Session
 from hil.ros import encoders as ros
 from hil.ros import graph
 from hil.ros.cdr import HEADER

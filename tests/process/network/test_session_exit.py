@@ -15,7 +15,7 @@ OPEN = """
 import sys, time, threading
 from hil.client.client import VehicleClient
 from hil.network.presence import declare_presence, serve_last, watch_presence
-from hil.network.session import listen
+from hil.network.opening import listen
 session = listen("tcp/127.0.0.1:{port}")
 session.subscribe("uuv1", "cmd_vel", print, 8)
 watch_presence(session, "uuv1", lambda presence, alive: None)

@@ -4,8 +4,8 @@ import threading
 
 import pytest
 
+from hil.network.opening import listen
 from hil.network.roles import open_master_session
-from hil.network.session import listen
 from hil.ros.topics import TOPICS
 from tests.support.processes import free_port, wait_for
 from tools.faults.relay import Relay

@@ -11,9 +11,10 @@ from contextlib import suppress
 import pytest
 
 from hil.common.clock import from_wall_ns, now_ns, to_wall_ns
+from hil.network.opening import listen, open_session
 from hil.network.presence import declare_presence, fetch_last, serve_last, watch_presence
 from hil.network.roles import open_master_session
-from hil.network.session import Session, listen, open_session
+from hil.network.session import Session
 from hil.network.settings import Network, settings
 from hil.network.tokens import Presence
 from hil.ros import encoders as ros

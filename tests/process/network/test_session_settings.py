@@ -15,11 +15,11 @@ from hil.commands.keys import add_machine, init, main
 from hil.common.errors import ConfigError, NetworkError
 from hil.common.schema import parse
 from hil.network.discovery import find
+from hil.network.opening import listen
 from hil.network.presence import declare_presence, watch_presence
 from hil.network.role import Role
 from hil.network.roles import open_master_session, open_router_session
 from hil.network.security import Security
-from hil.network.session import listen
 from hil.network.settings import BATCH, PINGS, Network, endpoints, json5, settings
 from hil.network.tokens import Presence, clock_keys, presence_key, read_presence
 from hil.ros.topics import TOPICS
@@ -50,7 +50,7 @@ def test_an_unknown_host_is_told_with_the_remedy() -> None:
 @pytest.mark.skipif(not shutil.which("setpriv"), reason="util-linux's setpriv is not installed")
 @pytest.mark.skipif(os.geteuid() != 0, reason="only root can give the right to such ports away")
 def test_a_port_that_only_root_may_have_is_told_with_the_remedy() -> None:
-    code = 'from hil.network.session import listen; listen("tcp/127.0.0.1:81")'
+    code = 'from hil.network.opening import listen; listen("tcp/127.0.0.1:81")'
     unprivileged = ["setpriv", "--bounding-set=-net_bind_service", "--inh-caps=-net_bind_service"]
     done = subprocess.run([*unprivileged, sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT)
     assert re.search(r"cannot listen on tcp/127.0.0.1:81: no permission .* below 1024 .* --listen$", done.stderr, re.M)

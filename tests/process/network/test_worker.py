@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from hil.common.clock import NS_PER_S
+from hil.network.opening import listen
 from hil.network.roles import open_master_session
-from hil.network.session import listen
 from hil.network.worker import WorkerThread
 from tests.support.processes import free_port, wait_for
 

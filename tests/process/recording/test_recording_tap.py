@@ -9,8 +9,8 @@ from itertools import pairwise
 import pytest
 import zenoh
 
+from hil.network.opening import listen
 from hil.network.roles import open_master_session
-from hil.network.session import listen
 from hil.recording import tap as recording_tap
 from hil.recording.mcap_file import Message
 from hil.recording.tap import Tap

@@ -10,8 +10,9 @@ from hypothesis import strategies as st
 
 from hil.client.client import VehicleClient
 from hil.common.errors import NetworkError
+from hil.network.opening import listen
 from hil.network.roles import open_client_session, open_master_session, open_router_session
-from hil.network.session import Session, listen
+from hil.network.session import Session
 from hil.network.settings import Network
 from hil.ros import graph
 from hil.ros.graph import Entity, Node, read_token, token

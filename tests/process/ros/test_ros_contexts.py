@@ -6,9 +6,9 @@ from contextlib import ExitStack
 import pytest
 import zenoh
 
+from hil.network.opening import listen
 from hil.network.presence import declare_presence, watch_presence
 from hil.network.roles import open_master_session, open_router_session
-from hil.network.session import listen
 from hil.network.settings import Network
 from hil.network.tokens import Presence
 from hil.ros import encoders as ros

@@ -3,8 +3,8 @@
 import math
 import time
 
+from hil.network.opening import listen
 from hil.network.roles import open_master_session
-from hil.network.session import listen
 from hil.ros import encoders as ros
 from hil.ros.topics import TYPE_HASHES
 from hil.slave.sample_publisher import SamplePublisher

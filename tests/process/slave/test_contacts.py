@@ -11,9 +11,10 @@ import pytest
 
 from hil.client.client import VehicleClient
 from hil.common.clock import NS_PER_S, now_ns, to_wall_ns
+from hil.network.opening import listen
 from hil.network.presence import declare_presence
 from hil.network.roles import open_master_session
-from hil.network.session import Session, listen
+from hil.network.session import Session
 from hil.network.tokens import PING, PONG, clock_keys
 from hil.ros.diagnostics import Diagnostics
 from hil.slave.command_receiver import CommandReceiver

@@ -9,9 +9,10 @@ import pytest
 
 from hil.commands.keys import add_machine, init
 from hil.common.errors import NetworkError
+from hil.network.opening import listen
 from hil.network.roles import open_master_session, open_router_session
 from hil.network.security import Security
-from hil.network.session import Session, listen
+from hil.network.session import Session
 from hil.network.settings import Network
 from hil.ros.topics import TOPICS
 from hil.scenario.config import Scenario

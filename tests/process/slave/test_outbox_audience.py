@@ -9,9 +9,10 @@ from pathlib import Path
 import pytest
 
 from hil.common.clock import now_ns, to_wall_ns
+from hil.network.opening import listen
 from hil.network.presence import fetch_last, serve_last
 from hil.network.roles import open_master_session
-from hil.network.session import Session, listen
+from hil.network.session import Session
 from hil.network.settings import Network
 from hil.ros import encoders as ros
 from hil.slave.sample_publisher import SamplePublisher

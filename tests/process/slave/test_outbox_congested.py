@@ -3,9 +3,9 @@
 import time
 from collections import Counter
 
+from hil.network.opening import listen
 from hil.network.presence import fetch_last, serve_last
 from hil.network.roles import open_master_session
-from hil.network.session import listen
 from hil.slave.sample_publisher import SamplePublisher
 from tests.support.processes import free_port, wait_for
 from tools.faults.relay import Relay

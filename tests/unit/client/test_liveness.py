@@ -43,13 +43,24 @@ class Clock:
 
 
 class Nobody:
-    """A session without links."""
+    """A session with links to `peers`. `failures`: so often it cannot be opened again."""
 
     name = "tcp/bench"
     has_pairs = False
+    dialled = 1
+    is_lost = False
+    reopened = failures = 0
+
+    def __init__(self, *peers: str) -> None:
+        self.peers = peers
 
     def links(self) -> list[tuple[str, str, str]]:
-        return []
+        return [(peer, "", "") for peer in self.peers]
+
+    def reopen(self) -> None:
+        self.reopened += 1
+        self.failures -= 1
+        self.is_lost = self.failures >= 0
 
 
 @pytest.fixture
@@ -59,12 +70,22 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
     return clock
 
 
-def run(clock: Clock, seconds: float, answers: Callable[[], bool]) -> list[tuple[float, str]]:
-    """Ping for so long a vehicle that is there and answers when that is true: what was reported, and when."""
+def run(
+    clock: Clock,
+    seconds: float,
+    answers: Callable[[], bool],
+    samples: Callable[[], bool] = lambda: True,
+    session: Nobody | None = None,
+    is_there: bool = True,
+) -> list[tuple[float, str]]:
+    """Ping for so long a vehicle that is there; it answers and sends samples when that is true.
+
+    Returns what was reported, and when.
+    """
     reported: list[tuple[float, str]] = []
     began_s = clock.now_s
     monitor = LivenessMonitor(
-        cast(Any, Nobody()),
+        cast(Any, session or Nobody()),
         "uuv1",
         ClockOffset(),
         lambda: None,
@@ -81,10 +102,12 @@ def run(clock: Clock, seconds: float, answers: Callable[[], bool]) -> list[tuple
         if sent and answers():
             sent.clear()
             monitor._received_ns = clock.now_ns()
+            monitor._answers += 1
             monitor._is_there(True)
+        monitor.samples += samples()
 
     monitor._received_ns = clock.now_ns()
-    monitor._is_there(True)
+    monitor._is_there(is_there)
     monitor.known.set()
     clock.every, clock.ends_s = answer, clock.now_s + seconds
     monitor._ping()
@@ -110,3 +133,28 @@ def test_a_process_that_is_held_up_has_not_lost_it(clock: Clock) -> None:
     began_s = clock.now_s
     clock.held_up = {began_s + 5.0: 0.95, began_s + 10.0: 30.0, began_s + 50.0: 2.0}
     assert run(clock, 60.0, lambda: True) == []
+
+
+def test_answers_without_samples_open_the_session_again(clock: Clock) -> None:
+    session, silent_s = Nobody("slave"), clock.now_s + 30.0
+    reported = run(clock, 90.0, lambda: True, lambda: clock.now_s < silent_s, session)
+    assert 2 <= session.reopened <= 8, "each attempt waits longer than the one before"
+    assert len(reported) == session.reopened
+    assert all("answers, but nothing else has come of it" in line for _, line in reported)
+    assert 30.0 + 2 * LEASE_S < reported[0][0] < 30.0 + 2 * LEASE_S + 2.0
+
+
+def test_a_session_that_could_not_be_opened_again_is_tried_at_each_look(clock: Clock) -> None:
+    session, silent_s = Nobody("slave"), clock.now_s + 30.0
+    session.failures = 5
+    run(clock, 34.0, lambda: True, lambda: clock.now_s < silent_s, session)
+    assert session.reopened == 1 + 5
+
+
+@pytest.mark.parametrize(("peers", "reopens"), [((), False), (("a",), False), (("a", "b"), True)])
+def test_a_vehicle_of_two_that_never_appears(clock: Clock, peers: tuple[str, ...], reopens: bool) -> None:
+    """It may not run; but where each that we dial has a link, one of them is it."""
+    session = Nobody(*peers)
+    session.has_pairs, session.dialled = True, 2
+    run(clock, 20.0, lambda: False, lambda: False, session, is_there=False)
+    assert (session.reopened > 0) == reopens

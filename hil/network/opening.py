@@ -1,0 +1,96 @@
+"""Open the session of a slave, at once or in a thread; and any other by its settings."""
+
+import os
+import threading
+from typing import TYPE_CHECKING
+
+import zenoh
+
+from hil.common.errors import NetworkError
+from hil.network.session import Session
+from hil.network.settings import Network, settings
+
+if TYPE_CHECKING:
+    from hil.network.security import Security
+
+
+def listen(
+    endpoint: str, network: Network = Network(), security: "Security | None" = None, pictures: bool = False
+) -> Session:
+    """Return the session of a slave: it waits for masters at `endpoint`, and dials a router if `network` names one.
+
+    `pictures`: it passes on those of its imaging process. Raises NetworkError, also when the port is taken.
+    """
+    text = settings("slave", (endpoint,), (network.router,) if network.router else (), network, security, pictures)
+    return open_session("listen on", endpoint, text)
+
+
+class Listening:
+    """A session that is being opened in a thread while the caller does other work."""
+
+    def __init__(
+        self, endpoint: str, network: Network = Network(), security: "Security | None" = None, pictures: bool = False
+    ) -> None:
+        self._arguments = endpoint, network, security, pictures
+        self._session: Session | None = None
+        self._error: NetworkError | None = None
+        self._thread = threading.Thread(target=self._run, name="open session")
+        self._thread.start()
+
+    def _run(self) -> None:
+        # The library's threads inherit it. What a peer declares can keep them busy for a second: real-time ones would
+        # keep the processor from the kernel's threads for that long, and so from the loop's serial line.
+        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+        try:
+            self._session = listen(*self._arguments)
+        except NetworkError as error:
+            self._error = error
+
+    def session(self) -> Session:
+        """Return the open session. Raises NetworkError as `listen` does."""
+        self._thread.join()
+        if self._error:
+            raise self._error
+        assert self._session
+        return self._session
+
+    def cancel(self) -> None:
+        """Close it, if it came to be open: for the case that something else failed meanwhile."""
+        self._thread.join()
+        if self._session:
+            self._session.close()
+
+
+def open_session(action: str, name: str, text: str, has_pairs: bool = False, dialled: int = 1) -> Session:
+    """Return a session with the settings `text`, `has_pairs` and `dialled` as in `Session`.
+
+    Raises NetworkError, which says that we cannot `action` `name`, and why.
+    """
+    try:
+        return Session(lambda: zenoh.open(zenoh.Config.from_json5(text)), name, has_pairs, dialled)
+    except zenoh.ZError as error:
+        raise NetworkError(f"cannot {action} {name}: {_reason(str(error))}") from None
+
+
+def _reason(text: str) -> str:
+    if "Address already in use" in text:
+        return (
+            f"{_taken(text)} is in use: by another slave or router, or by ROS 2's rmw_zenohd, whose port is 7447 too; "
+            "end that, or choose another with --listen"
+        )
+    if "Cannot assign requested address" in text or "os error 99" in text:
+        return "this machine does not have that address"
+    if "Permission denied" in text:
+        return "no permission for that port: those below 1024 are root's alone; choose another with --listen"
+    if "lookup address" in text:
+        return "no machine is called that here; give its address"
+    if "Unable to connect" in text:
+        return "there is no router, or it refuses us; start it first, `uuv-hil router`"
+    return text.partition(" at /")[0]  # without the place in the library's source
+
+
+def _taken(text: str) -> str:
+    """Return which port the library could not have, by what it says of it."""
+    address = text.partition("bound to ")[2].partition(": ")[0].partition("?")[0].partition("#")[0]
+    port = address.rpartition(":")[2]
+    return f"port {port}" if port.isdigit() else "the port (or the next one)"

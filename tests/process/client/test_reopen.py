@@ -1,0 +1,153 @@
+"""Samples come again when the library has a sound link and brings nothing of it: the session is opened anew."""
+
+import socket
+import time
+from pathlib import Path
+
+import pytest
+import zenoh
+
+from hil.client.client import VehicleClient
+from hil.network.opening import listen
+from hil.network.roles import open_master_session
+from hil.ros.topics import TOPICS
+from tests.support.processes import Program, command_until, free_port, surge_of, wait_for, write_scenario
+from tools.faults.relay import Relay
+
+FRAME, FRAGMENT = 0x05, 0x06  # ids of zenoh's transport messages that carry data
+KEEP_ALIVE = b"\x01\x00\x04"  # with its length before it; a link that carries data sends none
+
+
+class WithoutSamples(Relay):
+    """Passes on what keeps a link open, and none of the slave's messages on the link of samples.
+
+    It does so to the session that connected while `withholds` was set, on whichever connection, so that a new
+    connection does not help it and a new session does.
+    """
+
+    withholds = False
+
+    def __init__(self, target: int) -> None:
+        self._sessions: dict[socket.socket, bytes] = {}  # by our end towards a client
+        self._buffers: dict[socket.socket, bytes] = {}
+        self.withheld_from: set[bytes] = set()
+        super().__init__(target)
+
+    def _pass(self, end: socket.socket) -> None:
+        far = self._pairs[end] if end not in self._far else end
+        near = self._pairs[far]
+        is_samples = near.getsockname()[1] == self.port + 1
+        if end is near and near not in self._sessions:
+            first = near.recv(64, socket.MSG_PEEK)
+            size = (first[4] >> 4) + 1 if len(first) > 4 else 0  # length, header, version, size of the id and role
+            self._sessions[near] = first[5 : 5 + size]
+        session = self._sessions.get(near, b"")
+        if self.withholds and session:
+            self.withheld_from.add(session)
+        if end is near or not is_samples or session not in self.withheld_from:
+            super()._pass(end)
+            return
+        try:
+            data = far.recv(65536)
+        except OSError:
+            data = b""
+        if not data:
+            self._close(far, near)
+            return
+        data = self._buffers.pop(far, b"") + data
+        while len(data) >= 2 and len(data) >= (size := 2 + int.from_bytes(data[:2], "little")):
+            near.sendall(KEEP_ALIVE if data[2] & 0x1F in (FRAME, FRAGMENT) else data[:size])
+            data = data[size:]
+        self._buffers[far] = data
+
+
+def test_samples_come_again_and_commands_arrive_after_the_session_was_opened_anew(tmp_path: Path) -> None:
+    scenario, port = write_scenario(tmp_path)
+    reports: list[str] = []
+    with (
+        Program(tmp_path, "slave", scenario),
+        WithoutSamples(port) as relay,
+        VehicleClient(relay.endpoint, "uuv1", report=reports.append) as client,
+    ):
+        assert wait_for(lambda: client.received["odom"] > 10 and relay._sessions)
+        relay.withholds = True
+        assert wait_for(lambda: relay.withheld_from)
+        relay.withholds = False
+        assert wait_for(lambda: client.session.reopenings), reports
+        assert client.contact.reconnections
+        assert [line for line in reports if "but nothing else has come of it" in line and "again" in line]
+        before = client.received["odom"]
+        assert wait_for(lambda: client.received["odom"] > before + 10 and client.contact.present)
+        assert command_until(lambda: surge_of(client) > 0.05, client, surge=0.3), "who commands is obeyed again"
+
+
+def test_all_that_was_declared_works_again() -> None:
+    with (
+        listen(f"tcp/127.0.0.1:{(port := free_port())}") as slave,
+        open_master_session(f"tcp/127.0.0.1:{port}") as master,
+    ):
+        samples: list[bytes] = []
+        keys: list[bytes] = []
+        commands: list[bytes] = []
+        pings: list[bytes] = []
+        tokens: list[tuple[str, bool]] = []
+        master.subscribe("uuv1", "odom", lambda _topic, payload, _: samples.append(payload), 8)
+        master.subscribe_keys("some/**", lambda _key, payload, _: keys.append(payload), 8)
+        master.receive("uuv_hil/x", pings.append, 8)
+        slave.subscribe("uuv1", "cmd_vel", lambda _topic, payload, _: commands.append(payload), 8)
+        slave.watch_tokens("t/*", lambda key, alive: tokens.append((key, alive)))
+        odom, some = slave.publisher("uuv1", TOPICS["odom"]), slave.sender("some/key")
+        ping, command = slave.sender("uuv_hil/x"), master.publisher("uuv1", TOPICS["cmd_vel"])
+        master.declare_token("t/stays")
+        master.declare_token("t/withdrawn")()
+
+        def exchange() -> bool:
+            for received in (samples, keys, commands, pings):
+                received.clear()
+            odom.put(b"odom", 1)
+            some(b"some")
+            ping(b"ping")
+            command.put(b"command", 1)
+            time.sleep(0.05)
+            return bool(samples and keys and commands and pings)
+
+        for number in range(3):
+            assert wait_for(exchange)
+            assert wait_for(lambda: ("t/stays", True) in tokens)
+            tokens.clear()
+            master.reopen()
+            assert master.reopenings == number + 1
+        assert wait_for(exchange)
+        assert ("t/withdrawn", True) not in tokens
+
+
+def test_it_is_harmless_when_it_was_closed() -> None:
+    session = open_master_session("tcp/127.0.0.1:9")
+    session.close()
+    session.reopen()
+    assert session.reopenings == 0
+    assert not session.is_lost
+    assert session.links() == []
+
+
+@pytest.mark.parametrize("attempts", [1, 3])
+def test_one_that_cannot_be_opened_tries_again(attempts: int) -> None:
+    with open_master_session("tcp/127.0.0.1:9") as session:
+        command, opened = session.publisher("uuv1", TOPICS["cmd_vel"]), session._open_library
+        failures = attempts
+
+        def fail() -> object:
+            nonlocal failures
+            failures -= 1
+            if failures >= 0:
+                raise zenoh.ZError("no router")
+            return opened()
+
+        session._open_library = fail  # type: ignore[assignment]
+        for _ in range(attempts):
+            session.reopen()
+            assert session.is_lost
+            command.put(b"", 1)  # nothing is sent meanwhile, and nothing raised
+        session.reopen()
+        assert not session.is_lost
+        assert session.reopenings == 1
