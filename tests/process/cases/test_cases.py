@@ -9,7 +9,6 @@ import pytest
 
 from hil.cases import fidelity, table
 from hil.cases.case import CASES, find_case
-from hil.cases.flights import fly_all, fly_one
 from hil.cases.path_planning import PathPlanning, hidden_piles
 from hil.cases.record import Result, Run, Track
 from hil.cases.report import write_report
@@ -38,23 +37,6 @@ def check(result: Result, at_work: float = 0.0) -> None:
     assert 10.0 < result.energy / result.duration < 300.0  # W
     assert result.cross_track_rms < result.cross_track_max < 1.5
     assert 0.0 < result.planner_cpu < 0.1
-
-
-def test_path_planning_of_two_seeds_on_all_cores(tmp_path: Path) -> None:
-    (tmp_path / "one").mkdir()
-    (tmp_path / "many").mkdir()
-    runs = fly_all("path_planning", str(tmp_path / "many"), [1, 2], jobs=2)
-    for run in runs:
-        check(run.result)
-        assert run.result.goal_error < 0.8  # 0.5 by its own navigation, which errs by 0.1 m and more
-    assert [run.result.seed for run in runs] == [1, 2]
-    assert runs[0].result.optimum > 70.7  # the diagonal, in the way of which things stand
-    assert math.dist(runs[0].tracks[0].points[0], (0.0, 0.0)) < 0.1
-    assert math.dist(runs[1].tracks[0].points[0], (0.0, 0.0)) > 0.1
-    again = fly_one("path_planning", "sil", 2, str(tmp_path / "one"))
-    assert again.tracks == runs[1].tracks, "alone or with others, a seed is the same to the last bit"
-    first, second = again.result, runs[1].result
-    assert first[: first.index(first.goal_error) + 1] == second[: second.index(second.goal_error) + 1]
 
 
 def test_sil_and_hil_side_by_side(tmp_path: Path) -> None:

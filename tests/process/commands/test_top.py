@@ -167,7 +167,8 @@ def test_every_figure_of_the_table_is_told_by_a_slave(slave: int) -> None:
     assert set(status.figures.raw) <= set(Diagnostics.FIGURES), "nothing that is not in the table"
     missing = set(Diagnostics.FIGURES) - set(status.figures.raw)
     unsaid = ("temperature_c", "throttled", "cpu_mhz", "labels", "memory_available_mib")  # what machines may not have
-    elsewhere = ("may_", "clock_", "imaging_")  # with certificates, with a master, with a camera
+    # with certificates, with a master, with a camera, with an autopilot
+    elsewhere = ("may_", "clock_", "imaging_", "autopilot_")
     assert [name for name in missing if not name.startswith((*unsaid, *elsewhere))] == []
     assert status.figures.link_wire == "pty"
 

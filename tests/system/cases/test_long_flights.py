@@ -1,14 +1,33 @@
 """Cases of one vehicle that fly for long in simulated time."""
 
+import math
 from itertools import pairwise
 from pathlib import Path
 
 from hil.cases.case import find_case
+from hil.cases.flights import fly_all, fly_one
 from hil.cases.path_planning import PathPlanning
 from hil.cases.variant import write_variant
 from hil.scenario.config import load_scenario
 from sim.environment.world import load_world
 from tests.process.cases.test_cases import RADIUS, check
+
+
+def test_path_planning_of_two_seeds_on_all_cores(tmp_path: Path) -> None:
+    (tmp_path / "one").mkdir()
+    (tmp_path / "many").mkdir()
+    runs = fly_all("path_planning", str(tmp_path / "many"), [1, 2], jobs=2)
+    for run in runs:
+        check(run.result)
+        assert run.result.goal_error < 0.8  # 0.5 by its own navigation, which errs by 0.1 m and more
+    assert [run.result.seed for run in runs] == [1, 2]
+    assert runs[0].result.optimum > 70.7  # the diagonal, in the way of which things stand
+    assert math.dist(runs[0].tracks[0].points[0], (0.0, 0.0)) < 0.1
+    assert math.dist(runs[1].tracks[0].points[0], (0.0, 0.0)) > 0.1
+    again = fly_one("path_planning", "sil", 2, str(tmp_path / "one"))
+    assert again.tracks == runs[1].tracks, "alone or with others, a seed is the same to the last bit"
+    first, second = again.result, runs[1].result
+    assert first[: first.index(first.goal_error) + 1] == second[: second.index(second.goal_error) + 1]
 
 
 def test_obstacles_that_the_map_lacks_are_seen_and_passed(tmp_path: Path) -> None:
