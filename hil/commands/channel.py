@@ -32,7 +32,7 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("scenario", metavar="SCENARIO")
     scenario = load_scenario(parser.parse_args(arguments).scenario)
     if scenario.security:
-        raise ConfigError(f"{scenario.path}: planners of a fleet have no [security] yet: leave it out")
+        raise ConfigError(f"{scenario.path}: the simulated acoustic channel has no [security]: leave it out")
     modem = modem_of(scenario)
     routed = scenario.network.mode == "routed"
     ends = [end for member in scenario.member for end in (member.listen, member.agent)]

@@ -42,19 +42,27 @@ def run(scenario: Scenario, which: str, stop_fd: int, report: Report, wait: floa
     Waits up to `wait` s for the vehicle. Raises ConfigError, NetworkError, and MissionError if something of
     sim/run_events.py befell the vehicle that the scenario does not allow.
     """
-    if scenario.security:
-        raise ConfigError(f"{scenario.path}: planners of a fleet have no [security] yet: leave it out")
+    if scenario.security and scenario.modem:
+        raise ConfigError(
+            f"{scenario.path}: the simulated acoustic channel of [modem] has no [security]: leave out one of the two"
+        )
     number = member_number(scenario, which)
     me, others = scenario.member[number], scenario.member[:number]
     planner = HuntPlanner(scenario, number)
     network = scenario.network
     faults: list[RunEvent] = []
-    with open_peer_session(me.agent, me.listen, *(other.agent for other in others), network=network) as session:
+    dialled = me.listen, *(other.agent for other in others)
+    with open_peer_session(me.agent, *dialled, network=network, security=scenario.security) as session:
         began = now_ns()
         modem = _modem(session, scenario, number, planner, began)
         _subscribe_reports(session, scenario, me.node, planner, began)
         with VehicleClient(
-            session, me.node, network=network, report=report, topics=("odom", *planner.subscriptions)
+            session,
+            me.node,
+            network=network,
+            security=scenario.security,
+            report=report,
+            topics=("odom", *planner.subscriptions),
         ) as client:
             report(f"{me.node}: planning, reports at {me.agent}")
             if _wait(client, stop_fd, wait):

@@ -2,4 +2,4 @@
 
 from typing import Literal
 
-Role = Literal["slave", "master", "client", "router", "imaging"]
+Role = Literal["slave", "master", "planner", "client", "router", "imaging"]

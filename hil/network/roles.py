@@ -53,25 +53,36 @@ def open_client_session(
     )
 
 
-def open_peer_session(endpoint: str, *endpoints: str, network: Network = Network()) -> Session:
+def open_peer_session(
+    endpoint: str, *endpoints: str, network: Network = Network(), security: "Security | None" = None
+) -> Session:
     """Open the session of one planner among several: others connect to `endpoint`, it connects to `endpoints`.
 
-    Of two peers only one may connect to the other. With a router in between all connect to
-    that alone. Raises NetworkError, also when the port is taken.
+    Of two peers only one may connect to the other. With a router in between all connect to that alone. With `security`
+    those that connect here may do what `hil.network.security.planner_access` says. Raises NetworkError, also when the
+    port is taken.
     """
     if network.mode == "routed":
-        return open_master_session(network.router, network=network)
-    return open_session("listen on", endpoint, settings("master", (endpoint,), endpoints, network, None))
+        return open_master_session(network.router, network=network, security=security)
+    session = _open("listen on", endpoint, settings("planner", (endpoint,), endpoints, network, security))
+    if security:
+        _shorten_queues()
+    return session
 
 
 def open_router_session(endpoint: str, network: Network = Network(), security: "Security | None" = None) -> Session:
     """Open the session of a router at `endpoint`, which forwards between all that connect. Raises NetworkError."""
     session = _open("listen on", endpoint, settings("router", (endpoint,), (), network, security))
     if security:
-        from hil.network.admission import shorten_queues
-
-        shorten_queues()
+        _shorten_queues()
     return session
+
+
+def _shorten_queues() -> None:
+    """Let few connections wait where we listen with TLS."""
+    from hil.network.admission import shorten_queues
+
+    shorten_queues()
 
 
 def _open(action: str, name: str, text: str, has_pairs: bool = False, dialled: int = 1) -> Session:

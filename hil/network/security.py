@@ -50,7 +50,7 @@ class Security(NamedTuple):
 
     def folder(self, role: Role) -> str:
         """Return where the keys of a role are. Raises NetworkError when the scenario names none."""
-        folder: str = self.master if role == "client" else getattr(self, role)
+        folder: str = self.master if role in ("client", "planner") else getattr(self, role)
         if not folder:
             raise NetworkError(f"[security] names no {role}; add {role} = a folder made by `uuv-hil keys add NAME`")
         return folder
@@ -93,11 +93,42 @@ def access(security: Security) -> dict[str, Any]:
     ]
     vehicles = [security.name("slave")] + ([security.name("router")] if security.router else [])
     listen = ["ask", "hear", "ask the last state", "ask the time", "look on"]
-    parties = [
+    return _table(
+        rules,
         _party("commanders", list(security.may_command), [*listen, "be a master", "command", "call services"]),
         _party("listeners", list(security.may_listen), listen),
         _party("vehicles", vehicles, ["say", "be asked"]),
+    )
+
+
+def planner_access(security: Security) -> dict[str, Any]:
+    """Return what each certificate may do at a planner of a fleet, to which other planners connect.
+
+    Planners, those in `may_command`, exchange reports: none sends another's vehicle a command through it, none passes
+    for a vehicle. Who may listen reads the reports. The vehicle that it connects to may do everything.
+    """
+    reports = [f"*/*/{TOPICS['formation'].name}/*/*"]
+    rules = [
+        _rule("ask", "ingress", _ASK, _EVERYTHING),
+        _rule("ask others", "egress", _ASK, _EVERYTHING),
+        _rule("look on", "ingress", _BE_THERE, _LOOKING_ON),
+        _rule("be seen", "egress", _BE_THERE, [_GRAPH]),
+        _rule("hear reports", "egress", ["put"], reports),
+        _rule("report", "ingress", ["put"], reports),
+        _rule("say", "ingress", _ALL, _EVERYTHING),
+        _rule("be asked", "egress", _ALL, _EVERYTHING),
     ]
+    listen = ["ask", "look on", "be seen", "hear reports"]
+    return _table(
+        rules,
+        _party("planners", list(security.may_command), [*listen, "ask others", "report"]),
+        _party("listeners", list(security.may_listen), listen),
+        _party("vehicles", [security.name("slave")], ["say", "be asked"]),
+    )
+
+
+def _table(rules: list[dict[str, Any]], *parties: tuple[dict[str, Any], dict[str, Any]] | None) -> dict[str, Any]:
+    """Return the library's table of these rules and the parties that are somebody."""
     named = [party for party in parties if party]
     return {
         "enabled": True,

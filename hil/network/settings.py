@@ -24,7 +24,7 @@ FIRST_RETRY_MS = 20
 ROUTER_WAIT_MS = 5000  # that a master waits for a router to begin with
 CLIENT_WAIT_MS = 500  # that one attempt of a visitor takes at most
 # Bytes that one message to a role may have.
-LARGEST = {"slave": 1 << 20, "master": 1 << 26, "client": 1 << 26, "router": 1 << 26, "imaging": 1 << 20}
+LARGEST = dict.fromkeys(("master", "planner", "client", "router"), 1 << 26) | {"slave": 1 << 20, "imaging": 1 << 20}
 LARGEST_PICTURE = 1 << 26  # which a slave gets from its imaging process
 # Where all but masters ping a slave, and how many of them a second it lets in over each link: what is beyond costs it
 # next to nothing. Not behind a router, where they share a link, and one that comes just after another would be lost.
@@ -142,7 +142,7 @@ def settings(
 
 def _secure(table: dict[str, Any], role: Role, security: "Security") -> None:
     """Add certificates and, where others dial us, what they may do. Raises NetworkError."""
-    from hil.network.security import access, tls  # no session without certificates pays for it
+    from hil.network.security import access, planner_access, tls  # no session without certificates pays for it
 
     machine: Role = "slave" if role == "imaging" else role
     table["transport"]["link"] |= {"tls": tls(security.folder(machine)), "protocols": ["tls"]}
@@ -150,6 +150,8 @@ def _secure(table: dict[str, Any], role: Role, security: "Security") -> None:
         table["transport"]["link"]["tls"]["verify_name_on_connect"] = False
     elif role in ("slave", "router"):
         table["access_control"] = access(security)
+    elif role == "planner":
+        table["access_control"] = planner_access(security)
 
 
 def _mode(role: Role, network: Network) -> str:
@@ -161,7 +163,7 @@ def _mode(role: Role, network: Network) -> str:
         return "router"
     if network.mode == "routed":
         return "router" if role == "imaging" else "client"  # the pictures' process starts without a router, too
-    return "peer" if role == "master" else "client"
+    return "peer" if role in ("master", "planner") else "client"
 
 
 def _gossip(role: Role, security: "Security | None") -> dict[str, Any]:

@@ -1,0 +1,147 @@
+"""Planners of a fleet under TLS: who exchanges reports with them, and who gets nothing."""
+
+import signal
+from collections.abc import Iterator
+from contextlib import ExitStack
+from pathlib import Path
+
+import pytest
+
+from hil.cases.target_hunting import members_on_free_ports
+from hil.cases.variant import write_variant
+from hil.commands.keys import add_machine, init
+from hil.common.errors import ConfigError
+from hil.master.agent import run
+from hil.network.opening import listen
+from hil.network.presence import declare_presence, watch_presence
+from hil.network.roles import open_client_session, open_master_session, open_peer_session
+from hil.network.security import Security
+from hil.network.session import Session
+from hil.ros.topics import TOPICS
+from hil.scenario.config import load_scenario
+from tests.support.processes import Program, free_port, wait_for
+
+PLANNERS = ("planner1", "planner2", "planner3")
+
+
+@pytest.fixture(scope="module")
+def keys(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("keys")
+    init(str(folder))
+    for name in ("uuv", *PLANNERS, "viewer", "stranger"):
+        add_machine(str(folder), name, [])
+    init(str(folder / "other"))
+    add_machine(str(folder / "other"), "planner2", [])
+    return folder
+
+
+def security(keys: Path, master: str) -> Security:
+    return Security(str(keys / "uuv"), str(keys / master), PLANNERS, ("viewer",))
+
+
+@pytest.fixture
+def first(keys: Path) -> Iterator[tuple[Session, str, str]]:
+    """The first planner, connected to its vehicle; where it listens and where the vehicle does."""
+    agent, vehicle = (f"tcp/127.0.0.1:{free_port()}" for _ in range(2))
+    with (
+        listen(vehicle, security=security(keys, PLANNERS[0])),
+        open_peer_session(agent, vehicle, security=security(keys, PLANNERS[0])) as session,
+    ):
+        yield session, agent, vehicle
+
+
+def test_only_reports_pass_between_planners_and_only_planners_report(
+    first: tuple[Session, str, str], keys: Path
+) -> None:
+    session, endpoint, _ = first
+    received: list[tuple[str, str]] = []
+    session.subscribe("uuv1", "*", lambda topic, payload, _: received.append((payload.decode(), topic)), 64)
+    sent = [session.publisher("uuv1", TOPICS[topic]) for topic in ("formation", "cmd_vel", "odom")]
+    others = {
+        name: open_master_session(endpoint, security=security(keys, name))
+        for name in (PLANNERS[1], "viewer", "stranger", "other/planner2")
+    }
+    got: dict[str, set[str]] = {name: set() for name in others}
+    publishers = []
+    for name, other in others.items():
+        other.subscribe("uuv1", "*", lambda topic, _, __, name=name: got[name].add(topic), 64)  # type: ignore[misc]
+        publishers += [(name, other.publisher("uuv1", TOPICS[topic])) for topic in ("formation", "cmd_vel", "odom")]
+
+    def all_speak() -> bool:
+        for publisher in sent:
+            publisher.put(b"first", 0)
+        for name, publisher in publishers:
+            publisher.put(name.encode(), 0)
+        return len(received) > 20 and bool(got[PLANNERS[1]] and got["viewer"])
+
+    assert wait_for(all_speak), (received, got)
+    for _ in range(20):
+        all_speak()
+    assert set(received) == {(PLANNERS[1], "formation")}
+    assert got == {PLANNERS[1]: {"formation"}, "viewer": {"formation"}, "stranger": set(), "other/planner2": set()}
+    for other in others.values():
+        other.close()
+
+
+def test_who_connects_to_a_planner_passes_for_no_vehicle(first: tuple[Session, str, str], keys: Path) -> None:
+    session, endpoint, _ = first
+    seen: list[str] = []
+    watch_presence(session, "uuv1", lambda presence, _: seen.append(presence.part))
+    with open_master_session(endpoint, security=security(keys, PLANNERS[1])) as other:
+        declare_presence(other, "uuv1", "slave")
+        declare_presence(other, "uuv1", "master")
+        declare_presence(other, "uuv1", "observer")
+        assert wait_for(lambda: seen)
+    assert set(seen) == {"observer"}
+
+
+def test_a_planner_still_commands_its_vehicle_and_sees_it(keys: Path) -> None:
+    agent, vehicle = (f"tcp/127.0.0.1:{free_port()}" for _ in range(2))
+    heard: list[str] = []
+    got: list[str] = []
+    with (
+        listen(vehicle, security=security(keys, PLANNERS[0])) as slave,
+        open_peer_session(agent, vehicle, security=security(keys, PLANNERS[0])) as planner,
+        open_client_session(vehicle, security=security(keys, "viewer"), seconds=30.0),
+    ):
+        slave.subscribe("uuv1", "cmd_vel", lambda topic, _, __: heard.append(topic), 8)
+        planner.subscribe("uuv1", "odom", lambda topic, _, __: got.append(topic), 8)
+        command, odom = planner.publisher("uuv1", TOPICS["cmd_vel"]), slave.publisher("uuv1", TOPICS["odom"])
+        assert wait_for(lambda: (command.put(b"", 0), odom.put(b"", 0)) and heard and got)
+
+
+def test_vehicles_and_planners_with_a_key_each_hunt_under_tls(keys: Path, tmp_path: Path) -> None:
+    vehicles = [f"vehicle{number}" for number in (1, 2, 3)]
+    for name in vehicles:
+        add_machine(str(keys), name, [])
+    changes = {
+        "member": members_on_free_ports("target_hunting")[:3],
+        "security.slave": str(keys / "uuv"),
+        "security.master": str(keys / PLANNERS[0]),
+        "security.may_command": list(PLANNERS),
+    }
+    scenario = write_variant("target_hunting", str(tmp_path), changes)
+    members = load_scenario(scenario).member
+    with ExitStack() as stack:
+        agents = []
+        for member, vehicle, planner in zip(members, vehicles, PLANNERS, strict=True):
+            own = "--set", f'security.slave="{keys / vehicle}"', "--set", f'security.master="{keys / planner}"'
+            stack.enter_context(Program(tmp_path, "slave", scenario, "--member", member.node, *own))
+            agents.append(stack.enter_context(Program(tmp_path, "agent", scenario, "--member", member.node, *own)))
+        for agent in agents:
+            agent.expect(r"[1-9]\d*% of the plan")
+        for agent in agents:
+            agent.process.send_signal(signal.SIGINT)
+        for agent in agents:
+            assert int(agent.expect(r"reports: (\d+) heard")[1]) > 0, agent.output
+
+
+def test_a_modem_has_no_security(keys: Path, tmp_path: Path) -> None:
+    changes = {
+        "security.slave": str(keys / "uuv"),
+        "security.master": str(keys / PLANNERS[0]),
+        "security.may_command": list(PLANNERS),
+    }
+    scenario = load_scenario(write_variant("target_hunting_acoustic", str(tmp_path), changes))
+    with pytest.raises(ConfigError, match="leave out one of the two"):
+        run(scenario, scenario.member[0].node, -1, print)
