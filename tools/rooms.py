@@ -25,6 +25,7 @@ FLOORS: list[dict[str, str]] = [
     {
         "hil.slave": "the daemon on the board", "hil.master": "the planner process", "hil.gateways": "JSON, MATLAB",
         "hil.autopilots": "ArduPilot, PX4",
+        "hil.gateways.mavlink": "ground stations",
     },
     {
         "hil.plots": "figures", "hil.charts": "worlds from charts", "hil.bench": "delay, load, start-up",

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from hil.network.security import Security
     from hil.scenario.autopilot_records import AutopilotSettings
     from hil.scenario.fleet_records import Hunting, Member
+    from hil.scenario.mavlink_records import Mavlink
     from hil.scenario.modem_records import Modem
     from sim.forces import Force
     from sim.vehicle.ballast import Release
@@ -37,6 +38,7 @@ LAZY = {
     "member": "hil.scenario.fleet_records:read_members",
     "hunting": "hil.scenario.fleet_records:Hunting",
     "modem": "hil.scenario.modem_records:read_modem",
+    "mavlink": "hil.scenario.mavlink_records:Mavlink",
     "security": "hil.network.security:Security",
     "link.faults": "hil.links.wires.faults:Faults",
 }
@@ -56,7 +58,8 @@ class Scenario(NamedTuple):
     [[force]] a class of the user's own (sim/forces.py); each [[release]] drops a weight of the vehicle's, at its time
     (sim/vehicle/ballast.py); each [[member]] is one vehicle of a fleet, [hunting] the fleet's task
     (hil/scenario/fleet_records.py),
-    [modem] the modems through which its vehicles report to each other (hil/scenario/modem_records.py).
+    [modem] the modems through which its vehicles report to each other (hil/scenario/modem_records.py), [mavlink] the
+    vehicle as ground stations know it (hil/scenario/mavlink_records.py).
     """
 
     vehicle: str
@@ -83,6 +86,7 @@ class Scenario(NamedTuple):
     hunting: "Hunting | None" = None
     modem: "Modem | None" = None
     autopilot: "AutopilotSettings | None" = None
+    mavlink: "Mavlink | None" = None
     path: str = ""  # the file it was read from
 
     def validate(self) -> str | None:

@@ -33,6 +33,14 @@ class TangentPlane:
         ]  # fmt: skip
         return geodetic(x, y, z)
 
+    def local(self, latitude: float, longitude: float, altitude: float) -> Vector3:
+        """Place (m, NED from the origin) of a latitude and longitude (degrees) and an altitude (m)."""
+        offset = [a - b for a, b in zip(earth_centred(latitude, longitude, altitude), self._origin, strict=True)]
+        north, east, down = [
+            sum(x * axis for x, axis in zip(offset, column, strict=True)) for column in zip(*self._axes, strict=True)
+        ]
+        return north, east, down
+
 
 def earth_centred(latitude: float, longitude: float, altitude: float) -> Vector3:
     """Geodetic (degrees, m) to Cartesian, earth-centred and earth-fixed, in m."""

@@ -16,7 +16,7 @@ from hil.links.wires.faults import Faults
 from hil.master.avoid import AvoidSettings
 from hil.network.security import Security
 from hil.network.settings import Network
-from hil.scenario import autopilot_records, config, fleet_records, modem_records, records
+from hil.scenario import autopilot_records, config, fleet_records, mavlink_records, modem_records, records
 from sim.environment import obstacles, ocean, relief, terrain, world
 from sim.modems.acoustic import AcousticModem
 from sim.modems.optical import OpticalModem
@@ -32,6 +32,7 @@ from tools.reference.records import Section, describe
 TABLES = (
     "master", "slave", "link", "start", "network", "ros", "recording", "security", "planner", "hunting", "modem",
     "autopilot",
+    "mavlink",
 )  # fmt: skip
 NUMBERS = (
     'A number with a unit is written as an SI number (`0.2`) or as text with its unit (`"200 ms"`). '
@@ -93,6 +94,7 @@ def scenario() -> str:
         Section("member", fleet_records.Member, "Each `[[member]]` is one vehicle of a fleet."),
         Section("hunting", fleet_records.Hunting, shown={"fields": "table, [`hunting.fields`](#huntingfields)"}),
         Section("hunting.fields", FieldSettings),
+        Section("mavlink", mavlink_records.Mavlink),
         Section("modem", modem_records.Modem, hidden=("model",)),
         Section("autopilot", autopilot_records.AutopilotSettings, "The flight controller, where `controller` is one. "
                 "The section may be left out. Installed frames: "

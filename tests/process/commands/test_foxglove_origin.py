@@ -6,7 +6,7 @@ from typing import Any
 from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Origin, Subprotocol
 
-from hil.commands.foxglove import EXAMPLES, LiveView
+from hil.commands.gateways.foxglove import EXAMPLES, LiveView
 from hil.recording.mcap_file import Message
 from tests.support.processes import free_port
 

@@ -5,7 +5,7 @@ import json
 from websockets.sync.client import connect
 from websockets.typing import Subprotocol
 
-from hil.commands.foxglove import LiveView
+from hil.commands.gateways.foxglove import LiveView
 from hil.recording.mcap_file import Message
 from tests.support.processes import free_port
 

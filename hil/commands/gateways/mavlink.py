@@ -1,0 +1,130 @@
+"""`uuv-hil mavlink`: serve a vehicle to QGroundControl and other MAVLink software."""
+
+import argparse
+from contextlib import ExitStack
+
+from hil.client.client import Stamped, VehicleClient
+from hil.commands.listening import scenario_and_endpoints
+from hil.common.errors import ConfigError
+from hil.common.options import ENDPOINT, PORT, checked, new_parser, whole
+from hil.common.stop import StopSignals
+from hil.network.roles import open_master_session
+from hil.network.settings import Network
+from hil.scenario.config import Scenario
+from hil.scenario.mavlink_records import Mavlink, parse_endpoint
+
+EXAMPLES = """\
+An endpoint is udpout:HOST:PORT (a ground station), udpin:HOST:PORT or tcpin:HOST:PORT (several of them),
+tcpout:HOST:PORT (a router), serial:/dev/ttyUSB0:57600, or zenoh:tcp/HOST:PORT (BlueOS' keys).
+
+examples:
+  uuv-hil mavlink paper_field                          QGroundControl on this machine finds it by itself
+  uuv-hil mavlink --connect tcp/192.168.3.116:7447     a slave elsewhere
+  uuv-hil mavlink paper_field --endpoint udpin:0.0.0.0:14550 --commands-from network
+                                                       ground stations on other machines may command
+
+Without --commands-from network, who is on another machine may only look. A section [mavlink] of the scenario has
+the same settings, and more: docs/how-to/qgroundcontrol.md.
+"""
+
+
+def main(arguments: list[str]) -> int:
+    """Serve until told to stop; the exit code."""
+    options = _parser().parse_args(arguments)
+    scenario, endpoints = scenario_and_endpoints(options.scenario, options.connect)
+    if not endpoints:
+        raise ConfigError("give --connect tcp/ADDRESS:PORT, or a scenario")
+    settings = _settings(options, scenario)
+    network, security = (scenario.network, scenario.security) if scenario else (Network(), None)
+    from hil.gateways.mavlink.assembly import camera_of, defaults_of, origin_of, parameter_file
+    from hil.gateways.mavlink.endpoints.opening import open_link
+    from hil.gateways.mavlink.gateway import Gateway
+    from hil.gateways.mavlink.protocols.parameters import ParameterTable
+    from hil.gateways.mavlink.vehicle_port import NetworkVehicle
+    from hil.gateways.mavlink.video import PICTURES, VideoServer
+
+    with ExitStack() as stack:
+        stop_fd = stack.enter_context(StopSignals())
+        links = [open_link(parse_endpoint(text)) for text in settings.endpoints]
+        session = stack.enter_context(open_master_session(*endpoints, network=network, security=security))
+        node = options.vehicle or (scenario.slave.node if scenario else "uuv1")
+        video = stack.enter_context(VideoServer(settings.video_port)) if settings.video_port else None
+        client = stack.enter_context(
+            VehicleClient(
+                session, node, rank=int(options.take_over), network=network, security=security, report=_print,
+                on_sample=video.on_sample if video else _ignore, topics=("odom",),
+            )
+        )  # fmt: skip
+        if video:
+            video.on_viewer = lambda: client.watch(PICTURES)
+        port = stack.enter_context(NetworkVehicle(client))
+        table = ParameterTable(
+            settings.parameters or parameter_file(node), port.parameters, port.set_parameter, defaults_of(scenario)
+        )
+        for fault in table.faults:
+            print(fault, flush=True)
+        settings = settings._replace(system=int(table["SYSID_THISMAV"]) if not options.system else settings.system)
+        picture = camera_of(scenario, video.address) if video else None
+        gateway = Gateway(port, settings, table, links, origin_of(scenario), picture, _print)
+        ways = ", ".join([link.name for link in links])
+        print(
+            f"MAVLink system {settings.system} is {node} at {', '.join(endpoints)}: {ways}; Ctrl-C ends it", flush=True
+        )
+        gateway.run(stop_fd)
+    return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = new_parser("mavlink", __doc__, EXAMPLES)
+    parser.add_argument("scenario", metavar="SCENARIO", nargs="?")
+    parser.add_argument(
+        "--connect",
+        metavar="ENDPOINT",
+        type=ENDPOINT,
+        action="append",
+        help="a slave or a router, HOST:PORT [the scenario's]",
+    )
+    parser.add_argument(
+        "--endpoint",
+        metavar="MAVLINK",
+        type=checked(_endpoint),
+        action="append",
+        help="where MAVLink is spoken; may be given several times [udpout:127.0.0.1:14550, tcpin:127.0.0.1:5760]",
+    )
+    parser.add_argument("--vehicle", metavar="NAME", default="", help="which vehicle [the scenario's, or uuv1]")
+    parser.add_argument("--system", type=whole(1, 250), help="MAVLink system id [the stored SYSID_THISMAV, or 1]")
+    parser.add_argument(
+        "--commands-from", choices=("localhost", "network"), help="which machines may command [localhost]"
+    )
+    parser.add_argument("--video-port", type=PORT, help="port of the camera's picture, MJPEG over HTTP; 0: none [0]")
+    parser.add_argument("--logs", metavar="FOLDER", help="folder that MAVFTP offers [recordings]")
+    parser.add_argument("--parameters", metavar="FILE", help="file of stored parameters [one of this user's]")
+    parser.add_argument("--take-over", action="store_true", help="command even if another master does already")
+    return parser
+
+
+def _endpoint(text: str) -> str:
+    parse_endpoint(text)
+    return text
+
+
+def _settings(options: argparse.Namespace, scenario: Scenario | None) -> Mavlink:
+    """Return the settings of the scenario, changed by options."""
+    settings = (scenario.mavlink if scenario else None) or Mavlink()
+    given = {
+        "endpoints": tuple(options.endpoint) if options.endpoint else None,
+        "system": options.system,
+        "commands_from": options.commands_from,
+        "video_port": options.video_port,
+        "logs": options.logs,
+        "parameters": options.parameters,
+    }
+    return settings._replace(**{key: value for key, value in given.items() if value is not None})
+
+
+def _ignore(_topic: str, _sample: Stamped) -> None:
+    """Do nothing with a sample: the newest are kept by the client."""
+
+
+def _print(line: str) -> None:
+    print(line, flush=True)

@@ -1,0 +1,190 @@
+"""Commands (COMMAND_LONG, COMMAND_INT): a function each. Every command is acknowledged; unknown ones as unsupported."""
+
+from collections.abc import Callable
+from math import isfinite, radians
+from typing import Any, NamedTuple
+
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from hil.gateways.mavlink.core import Core
+from hil.gateways.mavlink.flight.modes import Mode
+from hil.gateways.mavlink.flight.targets import GLOBAL_FRAMES, Target, TargetError, depth_of, earth_place
+from hil.gateways.mavlink.snapshot import Origin
+
+ACCEPTED: int = dialect.MAV_RESULT_ACCEPTED
+REJECTED: int = dialect.MAV_RESULT_TEMPORARILY_REJECTED
+DENIED: int = dialect.MAV_RESULT_DENIED
+UNSUPPORTED: int = dialect.MAV_RESULT_UNSUPPORTED
+FAILED: int = dialect.MAV_RESULT_FAILED
+FORCE = 21196.0  # param2 of arming and disarming: whatever the checks say
+
+
+class CommandRequest(NamedTuple):
+    """A command of either form: seven parameters, x and y in degrees, and its frame."""
+
+    command: int
+    params: tuple[float, float, float, float, float, float, float]
+    frame: int
+    target_component: int = 0
+
+
+def read_command(packet: Any) -> CommandRequest:
+    """Return the command of a COMMAND_LONG or COMMAND_INT."""
+    first = packet.param1, packet.param2, packet.param3, packet.param4
+    if packet.get_msgId() == dialect.MAVLINK_MSG_ID_COMMAND_INT:
+        last = packet.x * 1e-7, packet.y * 1e-7, packet.z
+        return CommandRequest(packet.command, (*first, *last), packet.frame, packet.target_component)
+    last = packet.param5, packet.param6, packet.param7
+    return CommandRequest(packet.command, (*first, *last), dialect.MAV_FRAME_GLOBAL, packet.target_component)
+
+
+class Commands:
+    """The commands that change what the vehicle does. Those that only ask are answered in `dispatch`."""
+
+    def __init__(self, core: Core) -> None:
+        self._core = core
+        self._table: dict[int, Callable[[CommandRequest, int], int]] = {
+            dialect.MAV_CMD_DO_SET_MODE: self._set_mode,
+            dialect.MAV_CMD_DO_SET_HOME: self._set_home,
+            dialect.MAV_CMD_DO_REPOSITION: self._reposition,
+            dialect.MAV_CMD_DO_CHANGE_SPEED: self._change_speed,
+            dialect.MAV_CMD_CONDITION_YAW: self._turn,
+            dialect.MAV_CMD_MISSION_START: self._start_mission,
+            dialect.MAV_CMD_DO_SET_MISSION_CURRENT: self._select_item,
+            dialect.MAV_CMD_DO_PAUSE_CONTINUE: self._pause,
+            dialect.MAV_CMD_NAV_RETURN_TO_LAUNCH: self._return_home,
+            dialect.MAV_CMD_NAV_LAND: lambda _, now: core.set_mode(Mode.SURFACE, now),
+            dialect.MAV_CMD_NAV_LOITER_UNLIM: lambda _, now: core.set_mode(Mode.POSHOLD, now),
+            dialect.MAV_CMD_DO_FLIGHTTERMINATION: self._terminate,
+            dialect.MAV_CMD_PREFLIGHT_STORAGE: self._storage,
+        }
+
+    def execute(self, request: CommandRequest, now: int, settled: Callable[[int], None]) -> None:
+        """Do a command; `settled` gets its MAV_RESULT, that of arming perhaps later."""
+        if request.command == dialect.MAV_CMD_COMPONENT_ARM_DISARM:
+            self._arm(request, now, settled)
+            return
+        do = self._table.get(request.command)
+        try:
+            settled(do(request, now) if do else UNSUPPORTED)
+        except TargetError as error:
+            self._core.texts.append((4, str(error)))
+            settled(DENIED)
+
+    def _arm(self, request: CommandRequest, now: int, settled: Callable[[int], None]) -> None:
+        wish = request.params[0]
+        if wish == 1.0:
+            self._core.arm(now, settled)
+        elif wish == 0.0:
+            self._core.disarm(everybody=request.params[1] == FORCE)
+            settled(ACCEPTED)
+        else:
+            settled(DENIED)
+
+    def _set_mode(self, request: CommandRequest, now: int) -> int:
+        flags, mode = request.params[:2]
+        if not (isfinite(flags) and int(flags) & dialect.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED):
+            return DENIED
+        return self._core.set_mode(mode, now)
+
+    def _set_home(self, request: CommandRequest, _: int) -> int:
+        core, (latitude, longitude, altitude) = self._core, request.params[4:]
+        if request.params[0] == 1.0:
+            if core.snapshot is None:
+                return REJECTED
+            north, east, _depth = core.snapshot.state.position
+            core.set_home((north, east, 0.0))
+            return ACCEPTED
+        if not all(isfinite(value) for value in (latitude, longitude, altitude)):
+            return DENIED
+        core.set_home(earth_place(latitude * 1e7, longitude * 1e7, 0.0, core.origin))
+        return ACCEPTED
+
+    def _reposition(self, request: CommandRequest, now: int) -> int:
+        """Go to a place on the earth in mode Guided; param2 bit 0 permits the change of mode."""
+        core, snapshot = self._core, self._core.snapshot
+        relative = GLOBAL_FRAMES.get(request.frame)
+        if relative is None:
+            return DENIED
+        if snapshot is None:
+            return REJECTED
+        speed, flags, _, yaw, latitude, longitude, altitude = request.params
+        if core.pilot.mode != Mode.GUIDED:
+            if not (isfinite(flags) and int(flags) & 1):
+                return DENIED
+            core.set_mode(Mode.GUIDED, now)
+        north, east, depth = snapshot.state.position
+        if isfinite(latitude) and isfinite(longitude):
+            north, east, _ = earth_place(latitude * 1e7, longitude * 1e7, 0.0, core.origin)
+        if isfinite(altitude):
+            depth = max(0.0, depth_of(altitude, relative, core.origin, core.home[2]))
+        heading = radians(yaw) if isfinite(yaw) else None
+        wanted = min(speed, 5.0) if isfinite(speed) and speed > 0.0 else None
+        core.pilot.set_target(Target((north, east, depth), None, heading, 0.0, wanted), now)
+        return ACCEPTED
+
+    def _change_speed(self, request: CommandRequest, _: int) -> int:
+        speed = request.params[1]
+        if not isfinite(speed) or speed <= 0.0:
+            return DENIED
+        return FAILED if self._core.table.set("WP_SPEED", speed) else ACCEPTED
+
+    def _turn(self, request: CommandRequest, now: int) -> int:
+        """Turn on the spot in mode Guided."""
+        core, snapshot = self._core, self._core.snapshot
+        angle, _, direction, relative = request.params[:4]
+        if snapshot is None or core.pilot.mode != Mode.GUIDED:
+            return REJECTED
+        if not isfinite(angle):
+            return DENIED
+        turn = radians(angle)
+        heading = snapshot.state.heading + (-turn if direction < 0.0 else turn) if relative == 1.0 else turn
+        place = core.pilot.place or snapshot.state.position
+        core.pilot.set_target(Target(place, None, heading), now)
+        return ACCEPTED
+
+    def _start_mission(self, request: CommandRequest, now: int) -> int:
+        first = request.params[0]
+        if isfinite(first) and first > 0.0 and not self._core.flight.select(int(first)):
+            return DENIED
+        return self._core.set_mode(Mode.AUTO, now)
+
+    def _select_item(self, request: CommandRequest, _: int) -> int:
+        index = request.params[0]
+        return ACCEPTED if isfinite(index) and self._core.flight.select(int(index)) else DENIED
+
+    def _pause(self, request: CommandRequest, now: int) -> int:
+        core = self._core
+        if request.params[0] == 1.0:
+            return REJECTED if core.flight.begin(now) else ACCEPTED
+        if request.params[0] != 0.0:
+            return DENIED
+        core.flight.pause()
+        if core.pilot.mode == Mode.GUIDED and core.snapshot:
+            core.pilot.hold_here(core.snapshot.state)
+        return ACCEPTED
+
+    def _return_home(self, _: CommandRequest, now: int) -> int:
+        core = self._core
+        result = core.set_mode(Mode.GUIDED, now)
+        if result == ACCEPTED:
+            north, east, _down = core.home
+            core.pilot.set_target(Target((north, east, core.table["SURFACE_DEPTH"])), now)
+        return result
+
+    def _terminate(self, request: CommandRequest, _: int) -> int:
+        if request.params[0] != 1.0:
+            return DENIED
+        self._core.disarm(everybody=True)
+        return ACCEPTED
+
+    def _storage(self, request: CommandRequest, _: int) -> int:
+        """Parameters are stored as they are set: to store them again is done already, to reset them is not offered."""
+        return ACCEPTED if request.params[0] in (0.0, 1.0) else UNSUPPORTED
+
+
+def origin_of(packet: Any) -> Origin | None:
+    """Return the origin of SET_GPS_GLOBAL_ORIGIN, None for one that cannot be."""
+    if abs(packet.latitude) > 90 * 10**7 or abs(packet.longitude) > 180 * 10**7 or abs(packet.altitude) > 10**7:
+        return None
+    return Origin(packet.latitude * 1e-7, packet.longitude * 1e-7, packet.altitude * 1e-3)

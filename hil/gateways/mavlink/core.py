@@ -1,0 +1,231 @@
+"""The MAVLink vehicle without its packets: modes, mission, parameters, home and origin, and when it may be armed."""
+
+from collections import deque
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from hil.common.clock import NS_PER_S
+from hil.gateways.mavlink.flight.guidance import Point
+from hil.gateways.mavlink.flight.mission_flight import MissionFlight
+from hil.gateways.mavlink.flight.mission_items import Item
+from hil.gateways.mavlink.flight.modes import MODES, Mode, mode_of
+from hil.gateways.mavlink.flight.pilot import Pilot
+from hil.gateways.mavlink.protocols.missions import MissionProtocol
+from hil.gateways.mavlink.protocols.parameters import ParameterProtocol, ParameterTable
+from hil.gateways.mavlink.snapshot import Origin, Snapshot, VehiclePort
+from hil.gateways.mavlink.telemetry import Context, place_e7
+from hil.scenario.mavlink_records import Mavlink
+from sim.sensors.geodesy import TangentPlane
+
+GONE_NS = 3 * NS_PER_S  # a vehicle that is away for longer is disarmed
+DRIVE_NS = NS_PER_S // 20  # between two commands to the vehicle
+URGENT_NS = NS_PER_S // 100  # the same, where a stick has moved
+ARMING_NS = 9 * NS_PER_S // 5  # that the slave may take to say that it obeys
+WARNING, NOTICE, ERROR, CRITICAL = 4, 5, 3, 2
+Settled = Callable[[int], None]  # gets the MAV_RESULT of arming
+
+
+class Core:
+    """One vehicle. `tick` is called with the time (ns), 50 times a second; nothing else looks at a clock.
+
+    `texts` are what ground stations are to be told: severity and text.
+    """
+
+    def __init__(
+        self, port: VehiclePort, settings: Mavlink, table: ParameterTable, origin: Origin | None, start_ns: int
+    ) -> None:
+        self.port, self.table, self.start_ns = port, table, start_ns
+        self.is_ardupilot = settings.autopilot == "ardupilot"
+        self.system = settings.system
+        self.texts: deque[tuple[int, str]] = deque(maxlen=50)
+        self.snapshot: Snapshot | None = None
+        self.home: Point = (0.0, 0.0, 0.0)
+        self.origin: Origin | None = None
+        self.plane: TangentPlane | None = None
+        self._has_home = False
+        self._origin_is_given = False
+        if origin:
+            self.set_origin(origin)
+        first = 1 if self.is_ardupilot else 0
+        self.flight = MissionFlight(table, lambda: self.origin, lambda: self.home, first)
+        self.pilot = Pilot(table, self.flight)
+        home = self._home_item if self.is_ardupilot else None
+        self.missions = MissionProtocol(self._on_new_mission, lambda: self.origin, home)
+        self.parameters = ParameterProtocol(table)
+        self._arming: list[tuple[int, Settled]] = []  # until when, and who is told
+        self._sent_ns = self._seen_ns = 0
+        self._urgent = False
+        self._gcs_ns: int | None = None  # last heartbeat of a ground station
+        self._gcs_lost = self._leaks = False
+        self._refusal = ""
+
+    def set_origin(self, origin: Origin) -> bool:
+        """Say where on the earth north and east are 0; return whether that was free to be said."""
+        if self._origin_is_given:
+            return False
+        self.origin = origin
+        self.plane = TangentPlane(origin.latitude, origin.longitude, origin.altitude)
+        self._origin_is_given = True
+        return True
+
+    def set_home(self, place: Point) -> None:
+        """Set home (m, NED)."""
+        self.home, self._has_home = place, True
+
+    def heard_ground_station(self, now: int) -> None:
+        """Note the heartbeat of a ground station."""
+        self._gcs_ns = now
+        if self._gcs_lost:
+            self._gcs_lost = False
+            self.texts.append((NOTICE, "ground station is back"))
+
+    def is_ready(self) -> bool:
+        """Return whether arming would be accepted."""
+        return self.snapshot is not None and not self._refusal
+
+    def arm(self, now: int, settled: Settled) -> None:
+        """Arm, or begin to: `settled` gets the MAV_RESULT, at once or within ARMING_NS."""
+        if self.pilot.armed:
+            settled(dialect.MAV_RESULT_ACCEPTED)
+        elif self.snapshot is None:
+            self.texts.append((CRITICAL, "Arm: the vehicle is not there"))
+            settled(dialect.MAV_RESULT_TEMPORARILY_REJECTED)
+        elif not self.port.refusal():
+            self._finish_arming(settled)
+        else:
+            self.port.arm()
+            self._arming.append((now + ARMING_NS, settled))
+
+    def disarm(self, everybody: bool = False) -> None:
+        """Stop the thrusters; with `everybody` the slave then takes commands of nobody."""
+        if self.pilot.armed:
+            self.texts.append((6, "Disarmed"))
+        self.pilot.disarm()
+        self._urgent = True
+        if everybody:
+            self.port.disarm()
+
+    def set_mode(self, number: float, now: int) -> int:
+        """Set the mode with that number; return the MAV_RESULT."""
+        mode = mode_of(number)
+        if mode is None:
+            self.texts.append((WARNING, f"no mode {number:g}"))
+            return int(dialect.MAV_RESULT_DENIED)
+        reason = self.pilot.set_mode(mode, self.snapshot, now)
+        if reason:
+            self.texts.append((WARNING, reason))
+            return int(dialect.MAV_RESULT_TEMPORARILY_REJECTED)
+        self._urgent = True
+        return int(dialect.MAV_RESULT_ACCEPTED)
+
+    def expedite(self) -> None:
+        """Send the next command soon: somebody has moved a stick, or set a target."""
+        self._urgent = True
+
+    def context(self, now: int, wall_ns: int) -> Context:
+        """Return what the messages of the state need."""
+        pilot = self.pilot
+        return Context(
+            now - self.start_ns, wall_ns, self.home, self.origin, self.plane, pilot.mode, pilot.armed, self.is_ready(),
+            pilot.place,
+        )  # fmt: skip
+
+    def tick(self, now: int) -> None:
+        """Look at the vehicle, watch over it, and send it a command when one is due."""
+        snapshot = self.snapshot = self.port.snapshot()
+        if snapshot:
+            self._seen_ns = now
+            self._find_places(snapshot)
+        elif self.pilot.armed and now - self._seen_ns > GONE_NS:
+            self.texts.append((CRITICAL, "the vehicle is gone"))
+            self.disarm()
+        self._refusal = self.port.refusal() if snapshot else ""
+        self._finish_armings(now)
+        if self.pilot.armed:
+            self._watch(now)
+        if now - self._sent_ns >= (URGENT_NS if self._urgent else DRIVE_NS):
+            command = self.pilot.step(snapshot, now)
+            self._urgent, self._sent_ns = False, now
+            if command is not None:
+                self.port.send(command)
+        for texts in (self.pilot.texts, self.flight.texts):
+            self.texts.extend(texts)
+            texts.clear()
+
+    def _finish_armings(self, now: int) -> None:
+        for deadline, settled in list(self._arming):
+            if self._refusal == "" and self.snapshot:
+                self._finish_arming(settled)
+            elif now >= deadline:
+                self.texts.append((CRITICAL, f"Arm: {self._refusal or 'the vehicle is not there'}"))
+                settled(dialect.MAV_RESULT_FAILED)
+            else:
+                continue
+            self._arming.remove((deadline, settled))
+
+    def _finish_arming(self, settled: Settled) -> None:
+        if not self.pilot.armed:
+            self.texts.append((6, f"Armed, mode {MODES[self.pilot.mode].name}"))
+        self.pilot.arm()
+        settled(dialect.MAV_RESULT_ACCEPTED)
+
+    def _watch(self, now: int) -> None:
+        """Disarm where the vehicle obeys another, and act on silence of ground stations and on leaks."""
+        if self._refusal:
+            self.texts.append((CRITICAL, f"Disarmed: {self._refusal}"))
+            self.disarm()
+            return
+        silence_ns = now - (now if self._gcs_ns is None else self._gcs_ns)
+        if silence_ns > self.table["FS_GCS_TIMEOUT"] * NS_PER_S and not self._gcs_lost:
+            self._gcs_lost = True
+            self._act_on_silence(now)
+        leaks = self.snapshot is not None and self.snapshot.leak
+        if leaks and not self._leaks and self.table["FS_LEAK_ENABLE"]:
+            self.texts.append((CRITICAL, "Leak detected"))
+            if self.table["FS_LEAK_ENABLE"] == 2:
+                self.set_mode(Mode.SURFACE, now)
+        self._leaks = leaks
+
+    def _act_on_silence(self, now: int) -> None:
+        action = int(self.table["FS_GCS_ENABLE"])
+        if action:
+            self.texts.append((CRITICAL, "no ground station any more"))
+        if action == 2:
+            self.disarm()
+        elif action == 3:
+            self.set_mode(Mode.ALT_HOLD, now)
+        elif action == 4:
+            self.set_mode(Mode.SURFACE, now)
+
+    def _find_places(self, snapshot: Snapshot) -> None:
+        """Find home and origin: home is where the vehicle was first seen, at the surface; a fix gives the origin."""
+        north, east, depth = snapshot.state.position
+        if not self._has_home:
+            self.set_home((north, east, 0.0))
+        fix = snapshot.fix
+        if fix and fix.fix and self.origin is None:
+            # The tangent plane at the fix, seen from the vehicle: its north and east differ by less than a mm a km.
+            latitude, longitude, _ = TangentPlane(fix.latitude, fix.longitude).geodetic((-north, -east, 0.0))
+            self.set_origin(Origin(latitude, longitude, fix.altitude + depth))
+            self.texts.append((6, "origin set by the first fix"))
+
+    def _on_new_mission(self, items: Sequence[Item]) -> None:
+        self.flight.replace(items)
+        count = max(0, len(items) - 1) if self.is_ardupilot else len(items)
+        self.texts.append((6, f"mission: {count} items"))
+
+    def _home_item(self) -> Item:
+        latitude, longitude = place_e7(self.context(0, 0), self.home)
+        altitude = (self.origin.altitude if self.origin else 0.0) - self.home[2]
+        return Item(
+            dialect.MAV_FRAME_GLOBAL, dialect.MAV_CMD_NAV_WAYPOINT, (0.0, 0.0, 0.0, 0.0), latitude, longitude, altitude
+        )
+
+
+def mission_current(core: Core) -> Any:
+    """Return MISSION_CURRENT."""
+    flight = core.flight
+    last = max(0, flight.total - 1)
+    return dialect.MAVLink_mission_current_message(min(flight.current, last), last, flight.status, 0)

@@ -1,0 +1,1 @@
+"""UDP, TCP, serial and zenoh endpoints, and the partners at their other ends."""

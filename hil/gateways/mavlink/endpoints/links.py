@@ -1,0 +1,393 @@
+"""Where MAVLink comes from and goes to: UDP, TCP and serial endpoints, each with one or more partners.
+
+None of them waits: what a partner does not take is dropped, as on a radio.
+"""
+
+import contextlib
+import errno
+import socket
+from abc import ABC, abstractmethod
+from collections.abc import Hashable
+from ipaddress import ip_address
+from typing import Any, cast
+
+from hil.common.clock import NS_PER_S
+from hil.common.errors import DeviceError, NetworkError
+from hil.links.wires.terminal import UartWire
+
+READ_SIZE = 65_536
+MOST_DATAGRAMS = 200  # of one turn
+MOST_PARTNERS = 16
+SILENT_NS = 30 * NS_PER_S  # after which a partner that only sent datagrams is forgotten
+RETRY_NS = NS_PER_S
+MARKERS = (0xFD, 0xFE)  # that a MAVLink packet begins with
+TICKS_PER_S = 50
+
+Address = Hashable
+Received = list[tuple[Address, bytes]]
+
+
+class Link(ABC):
+    """One endpoint. `burst` is how many bytes of lists it takes a turn (1/50 s)."""
+
+    name: str
+    burst = 20_000
+
+    @abstractmethod
+    def descriptors(self) -> list[int]:
+        """Return what to wait on."""
+
+    @abstractmethod
+    def receive(self, now: int) -> Received:
+        """Return the bytes that have come, and from whom."""
+
+    @abstractmethod
+    def send(self, address: Address, data: bytes, message: Any) -> None:
+        """Send a packet, which `message` is in, to a partner."""
+
+    @abstractmethod
+    def partners(self) -> list[Address]:
+        """Return whom it speaks with now, whether they have said anything or not."""
+
+    @abstractmethod
+    def is_local(self, address: Address) -> bool:
+        """Return whether a partner is on this machine, or on a wire of it."""
+
+    def tick(self, now: int) -> None:  # noqa: B027  # most have nothing to do
+        """Connect again, if need be."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Close it."""
+
+
+class UdpOut(Link):
+    """Sends to one address, and receives only from there. Raises NetworkError for a host that there is not."""
+
+    def __init__(self, host: str, port: int) -> None:
+        self.name = f"udpout:{host}:{port}"
+        self._to: tuple[Any, ...]
+        try:
+            family, kind, _, _, self._to = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
+            self._socket = socket.socket(family, kind)
+            self._socket.setblocking(False)
+            self._socket.connect(self._to)
+        except OSError as error:
+            raise NetworkError(f"{self.name}: {error.strerror or error}; correct the endpoint") from None
+
+    def descriptors(self) -> list[int]:
+        """Return the socket's."""
+        return [self._socket.fileno()]
+
+    def receive(self, now: int) -> Received:
+        """Return the datagrams that have come."""
+        received: Received = []
+        for _ in range(MOST_DATAGRAMS):
+            try:
+                received.append((self._to[:2], self._socket.recv(READ_SIZE)))
+            except OSError:  # nothing more, or nobody was there for our last one
+                break
+        return received
+
+    def send(self, address: Address, data: bytes, message: Any) -> None:
+        """Send a datagram."""
+        with contextlib.suppress(OSError):
+            self._socket.send(data)
+
+    def partners(self) -> list[Address]:
+        """Return the address."""
+        return [self._to[:2]]
+
+    def is_local(self, address: Address) -> bool:
+        """Return whether it is this machine's."""
+        return _is_loopback(str(self._to[0]))
+
+    def close(self) -> None:
+        """Close the socket."""
+        self._socket.close()
+
+
+class UdpIn(Link):
+    """Receives from whoever sends, and sends to those until they are silent. Raises NetworkError for a taken port."""
+
+    def __init__(self, host: str, port: int) -> None:
+        self.name = f"udpin:{host}:{port}"
+        try:
+            family, kind, _, _, where = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
+            self._socket = socket.socket(family, kind)
+            self._socket.setblocking(False)
+            self._socket.bind(where)
+        except OSError as error:
+            raise NetworkError(f"{self.name}: {error.strerror or error}; choose another endpoint") from None
+        self.port: int = self._socket.getsockname()[1]
+        self._heard: dict[tuple[Any, ...], int] = {}
+        self._now = 0
+
+    def descriptors(self) -> list[int]:
+        """Return the socket's."""
+        return [self._socket.fileno()]
+
+    def receive(self, now: int) -> Received:
+        """Return the datagrams that have come."""
+        received: Received = []
+        for _ in range(MOST_DATAGRAMS):
+            try:
+                data, sender = self._socket.recvfrom(READ_SIZE)
+            except OSError:
+                break
+            if sender not in self._heard and (len(self._heard) >= MOST_PARTNERS or data[:1] not in _FIRST):
+                continue
+            self._heard[sender] = now
+            received.append((sender, data))
+        return received
+
+    def send(self, address: Address, data: bytes, message: Any) -> None:
+        """Send a datagram."""
+        with contextlib.suppress(OSError):
+            self._socket.sendto(data, cast(tuple[str, int], address))
+
+    def partners(self) -> list[Address]:
+        """Return those that have been heard lately."""
+        return list(self._heard)
+
+    def is_local(self, address: Address) -> bool:
+        """Return whether a sender is on this machine."""
+        return isinstance(address, tuple) and _is_loopback(str(address[0]))
+
+    def tick(self, now: int) -> None:
+        """Forget those that are silent."""
+        for address in [address for address, heard in self._heard.items() if now - heard > SILENT_NS]:
+            del self._heard[address]
+
+    def close(self) -> None:
+        """Close the socket."""
+        self._socket.close()
+
+
+_FIRST = tuple(bytes((marker,)) for marker in MARKERS)
+
+
+class _Stream:
+    """One TCP connection: what it does not take at once waits, up to a limit; beyond it is closed."""
+
+    MOST_UNSENT = 1 << 18  # bytes
+
+    def __init__(self, opened: socket.socket) -> None:
+        opened.setblocking(False)
+        opened.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self.socket = opened
+        self.unsent = b""
+        self.is_mavlink = False
+        self.is_open = True
+
+    def receive(self) -> bytes:
+        """Return the bytes that have come. A connection whose first byte begins no packet is closed: a web page's."""
+        try:
+            data = self.socket.recv(READ_SIZE)
+        except BlockingIOError:
+            return b""
+        except OSError:
+            data = b""
+        if not data or not (self.is_mavlink or data[0] in MARKERS):
+            self.close()
+            return b""
+        self.is_mavlink = True
+        return data
+
+    def send(self, data: bytes) -> None:
+        """Send bytes, and those that waited."""
+        self.unsent += data
+        try:
+            self.unsent = self.unsent[self.socket.send(self.unsent) :]
+        except BlockingIOError:
+            pass
+        except OSError:
+            self.close()
+        if len(self.unsent) > self.MOST_UNSENT:
+            self.close()
+
+    def close(self) -> None:
+        """Close the connection."""
+        self.is_open = False
+        self.socket.close()
+
+
+class TcpIn(Link):
+    """Listens for several. Raises NetworkError for a taken port."""
+
+    def __init__(self, host: str, port: int) -> None:
+        self.name = f"tcpin:{host}:{port}"
+        try:
+            family = socket.AF_INET6 if ":" in host else socket.AF_INET
+            self._listener = socket.create_server((host, port), family=family)
+        except OSError as error:
+            raise NetworkError(f"{self.name}: {error.strerror or error}; choose another endpoint") from None
+        self._listener.setblocking(False)
+        self.port: int = self._listener.getsockname()[1]
+        self._streams: dict[Address, _Stream] = {}
+
+    def descriptors(self) -> list[int]:
+        """Return the listener's and the connections'."""
+        return [self._listener.fileno(), *[one.socket.fileno() for one in self._open().values()]]
+
+    def receive(self, now: int) -> Received:
+        """Return what has come, and accept who calls."""
+        while True:
+            try:
+                opened, caller = self._listener.accept()
+            except OSError:
+                break
+            if len(self._open()) >= MOST_PARTNERS:
+                opened.close()
+            else:
+                self._streams[caller] = _Stream(opened)
+        received = [(address, stream.receive()) for address, stream in self._open().items()]
+        return [(address, data) for address, data in received if data]
+
+    def send(self, address: Address, data: bytes, message: Any) -> None:
+        """Send a packet over one connection."""
+        stream = self._streams.get(address)
+        if stream and stream.is_open:
+            stream.send(data)
+
+    def partners(self) -> list[Address]:
+        """Return the connections."""
+        return list(self._open())
+
+    def is_local(self, address: Address) -> bool:
+        """Return whether who called is on this machine."""
+        return isinstance(address, tuple) and _is_loopback(str(address[0]))
+
+    def close(self) -> None:
+        """Close all."""
+        for stream in self._streams.values():
+            stream.close()
+        self._listener.close()
+
+    def _open(self) -> dict[Address, _Stream]:
+        if not all(stream.is_open for stream in self._streams.values()):
+            self._streams = {address: stream for address, stream in self._streams.items() if stream.is_open}
+        return self._streams
+
+
+class TcpOut(Link):
+    """Connects to one address, again and again."""
+
+    def __init__(self, host: str, port: int) -> None:
+        self.name = f"tcpout:{host}:{port}"
+        self._where = host, port
+        self._stream: _Stream | None = None
+        self._pending: socket.socket | None = None
+        self._due_ns = 0
+        self._to: Any = self._where
+
+    def descriptors(self) -> list[int]:
+        """Return the connection's, if there is one."""
+        return [self._stream.socket.fileno()] if self._stream and self._stream.is_open else []
+
+    def receive(self, now: int) -> Received:
+        """Return what has come."""
+        data = self._stream.receive() if self._stream and self._stream.is_open else b""
+        return [(self._where, data)] if data else []
+
+    def send(self, address: Address, data: bytes, message: Any) -> None:
+        """Send a packet."""
+        if self._stream and self._stream.is_open:
+            self._stream.send(data)
+
+    def partners(self) -> list[Address]:
+        """Return the address while it is connected."""
+        return [self._where] if self._stream and self._stream.is_open else []
+
+    def is_local(self, address: Address) -> bool:
+        """Return whether it is this machine."""
+        return _is_loopback(str(self._to[0]))
+
+    def tick(self, now: int) -> None:
+        """Connect, without waiting for it."""
+        if self._stream and self._stream.is_open:
+            return
+        if self._pending is None and now >= self._due_ns:
+            self._due_ns = now + RETRY_NS
+            with contextlib.suppress(OSError):
+                family, kind, _, _, self._to = socket.getaddrinfo(*self._where, type=socket.SOCK_STREAM)[0]
+                self._pending = socket.socket(family, kind)
+                self._pending.setblocking(False)
+        if self._pending is None:
+            return
+        result = self._pending.connect_ex(self._to)
+        if result in (0, errno.EISCONN):
+            self._stream, self._pending = _Stream(self._pending), None
+        elif result not in (errno.EINPROGRESS, errno.EALREADY):
+            self._pending.close()
+            self._pending = None
+
+    def close(self) -> None:
+        """Close the connection."""
+        for opened in (self._pending, self._stream and self._stream.socket):
+            if opened:
+                opened.close()
+
+
+class SerialLink(Link):
+    """A serial device, opened again when it is back."""
+
+    def __init__(self, device: str, baud: int) -> None:
+        self.name = f"serial:{device}:{baud}"
+        self._device, self._baud = device, baud
+        self.burst = max(300, baud // 10 // TICKS_PER_S // 2)  # half of what it carries
+        self._wire: UartWire | None = UartWire(device, baud)
+        self._due_ns = 0
+
+    def descriptors(self) -> list[int]:
+        """Return the device's."""
+        return [self._wire.fileno()] if self._wire else []
+
+    def receive(self, now: int) -> Received:
+        """Return what has come."""
+        data = b""
+        try:
+            data = self._wire.read() if self._wire else b""
+        except DeviceError:
+            self._lose(now)
+        return [(self._device, data)] if data else []
+
+    def send(self, address: Address, data: bytes, message: Any) -> None:
+        """Write a packet; what the device does not take is lost."""
+        try:
+            if self._wire:
+                self._wire.write(data)
+        except DeviceError:
+            self._lose(0)
+
+    def partners(self) -> list[Address]:
+        """Return the device while it is open."""
+        return [self._device] if self._wire else []
+
+    def is_local(self, address: Address) -> bool:
+        """Return true: it is a wire of this machine."""
+        return True
+
+    def tick(self, now: int) -> None:
+        """Open the device again."""
+        if self._wire is None and now >= self._due_ns:
+            self._due_ns = now + RETRY_NS
+            with contextlib.suppress(DeviceError):
+                self._wire = UartWire(self._device, self._baud)
+
+    def close(self) -> None:
+        """Close the device."""
+        if self._wire:
+            self._wire.close()
+
+    def _lose(self, now: int) -> None:
+        self.close()
+        self._wire, self._due_ns = None, now + RETRY_NS
+
+
+def _is_loopback(host: str) -> bool:
+    with contextlib.suppress(ValueError):
+        address = ip_address(host.partition("%")[0])
+        mapped = getattr(address, "ipv4_mapped", None)
+        return (mapped or address).is_loopback
+    return False

@@ -1,0 +1,74 @@
+"""One ground station, companion computer or router at the other end: its packets, rates, rights and queue."""
+
+from collections import deque
+from collections.abc import Callable
+from typing import Any
+
+from hil.gateways.mavlink.camera import COMPONENT as CAMERA
+from hil.gateways.mavlink.protocols.streams import StreamRates
+from hil.links.contract import Counters
+from hil.links.mavlink.stream import MavlinkStream, signing_secret
+
+COMPONENT = 1  # the autopilot's
+MOST_WAITING = 4000  # messages of lists that wait for a slow link
+
+Write = Callable[[bytes, Any], None]  # the packet, and its message
+
+
+class Peer:
+    """A partner, known by `number`; packets go out by `write`, `burst` bytes of lists at most a turn.
+
+    `counters` counts what came damaged, unsigned or cut; `may_command` whether it may change anything.
+    """
+
+    def __init__(
+        self,
+        number: int,
+        name: str,
+        system: int,
+        write: Write,
+        may_command: bool,
+        burst: int = 20_000,
+        signing_key: str = "",
+        wall_clock: Callable[[], int] = lambda: 0,
+    ) -> None:
+        self.number, self.name, self.may_command = number, name, may_command
+        self.counters = Counters()
+        self.rates = StreamRates()
+        self.received_ns = 0
+        self.denied = 0
+        self._write, self._burst = write, burst
+        self._stream = MavlinkStream(system, COMPONENT, self.counters)
+        self._camera = MavlinkStream(system, CAMERA, Counters())
+        if signing_key:
+            for stream in (self._stream, self._camera):
+                stream.sign(signing_secret(signing_key), wall_clock)
+        self._waiting: deque[Any] = deque(maxlen=MOST_WAITING)
+
+    def unpack(self, data: bytes) -> list[Any]:
+        """Return the messages that bytes complete. Never raises."""
+        return self._stream.unpack(data)
+
+    def send(self, *messages: Any) -> None:
+        """Send messages now."""
+        for message in messages:
+            self._write(self._stream.pack(message), message)
+
+    def send_as_camera(self, *messages: Any) -> None:
+        """Send messages as the camera's component."""
+        for message in messages:
+            self._write(self._camera.pack(message), message)
+
+    def send_later(self, messages: list[Any]) -> None:
+        """Send messages as fast as the link takes them, so that a list does not hold up what is urgent."""
+        self._waiting.extend(messages)
+        self.flush()
+
+    def flush(self) -> None:
+        """Send what waits, at most `burst` bytes."""
+        left = self._burst
+        while self._waiting and left > 0:
+            message = self._waiting.popleft()
+            packet = self._stream.pack(message)
+            self._write(packet, message)
+            left -= len(packet)

@@ -1,0 +1,193 @@
+"""Fly a mission: from its items, the vehicle's state and the time to a target; a machine without a clock."""
+
+from collections.abc import Callable, Sequence
+from math import isfinite, radians
+
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from hil.autonomy.control.controller import wrap
+from hil.client.samples import State
+from hil.common.clock import NS_PER_S
+from hil.gateways.mavlink.flight.guidance import Point, is_reached
+from hil.gateways.mavlink.flight.mission_items import (
+    WAYPOINTS,
+    Item,
+    heading_of_item,
+    place_of,
+    radius_of,
+    wait_of,
+)
+from hil.gateways.mavlink.flight.targets import Target, TargetError
+from hil.gateways.mavlink.protocols.parameters import ParameterTable
+from hil.gateways.mavlink.snapshot import Origin
+
+IDLE, ACTIVE, PAUSED, COMPLETE = (
+    dialect.MISSION_STATE_NOT_STARTED,
+    dialect.MISSION_STATE_ACTIVE,
+    dialect.MISSION_STATE_PAUSED,
+    dialect.MISSION_STATE_COMPLETE,
+)
+MOST_PER_STEP = 50  # items that take no time, which a loop of jumps would else repeat for ever
+HEADING_REACHED = 0.1  # rad
+
+
+class MissionFlight:
+    """The flight over a mission's items. `first` is the first that is flown: 1 where item 0 is home.
+
+    `reached` collects the numbers of items that were reached, `texts` what a person is to be told.
+    """
+
+    def __init__(
+        self, parameters: ParameterTable, origin: Callable[[], Origin | None], home: Callable[[], Point], first: int
+    ) -> None:
+        self._parameters, self._origin, self._home, self._first = parameters, origin, home, first
+        self._items: Sequence[Item] = ()
+        self.current = 0
+        self.status = int(dialect.MISSION_STATE_NO_MISSION)
+        self.reached: list[int] = []
+        self.texts: list[tuple[int, str]] = []
+        self._speed: float | None = None
+        self._arrived_ns: int | None = None  # at the current item
+        self._jumps: dict[int, int] = {}
+        self._stay: Target | None = None  # where it is once the mission is complete, or paused
+
+    @property
+    def total(self) -> int:
+        """How many items there are."""
+        return len(self._items)
+
+    def replace(self, items: Sequence[Item]) -> None:
+        """Take a new mission, which begins at its first item."""
+        self._items = items
+        self._restart()
+        self.status = IDLE if len(items) > self._first else int(dialect.MISSION_STATE_NO_MISSION)
+
+    def select(self, index: int) -> bool:
+        """Go on with that item; return whether there is one."""
+        if not 0 <= index < len(self._items):
+            return False
+        self.current = max(index, self._first)
+        self._arrived_ns = self._stay = None
+        self._jumps = {}
+        if self.status in (COMPLETE, PAUSED):
+            self.status = ACTIVE
+        return True
+
+    def begin(self, now: int) -> str:
+        """Begin, resume, or begin anew when it was complete; return why that cannot be, "" if it can."""
+        if len(self._items) <= self._first:
+            return "there is no mission"
+        if self.status == COMPLETE:
+            self._restart()
+        self.status = ACTIVE
+        self._arrived_ns = self._stay = None
+        return ""
+
+    def pause(self) -> None:
+        """Stay where the vehicle is until `begin`."""
+        if self.status == ACTIVE:
+            self.status, self._stay = PAUSED, None
+
+    def step(self, state: State, now: int) -> Target | None:
+        """Return where to go; a place to stay at once the mission is complete or paused."""
+        if self.status == ACTIVE:
+            for _ in range(MOST_PER_STEP):
+                if self.current >= len(self._items):
+                    self.status = COMPLETE
+                    self.texts.append((6, "mission complete"))
+                    break
+                target = self._fly(self._items[self.current], state, now)
+                if target:
+                    self._stay = target
+                    return target
+                if self.status != ACTIVE:
+                    break
+        if self._stay is None or self._stay.place is None:
+            self._stay = Target(state.position, None, state.heading)
+        return self._stay
+
+    def _restart(self) -> None:
+        self.current = self._first
+        self._speed = self._arrived_ns = self._stay = None
+        self._jumps = {}
+
+    def _fly(self, item: Item, state: State, now: int) -> Target | None:
+        """Return the target of an item; None once it is done and the next one is current."""
+        command = item.command
+        if command in WAYPOINTS:
+            return self._fly_to(item, state, now)
+        if command in (dialect.MAV_CMD_NAV_RETURN_TO_LAUNCH, dialect.MAV_CMD_NAV_LAND):
+            north, east, _ = self._home() if command == dialect.MAV_CMD_NAV_RETURN_TO_LAUNCH else state.position
+            return self._approach((north, east, self._parameters["SURFACE_DEPTH"]), None, 0.0, None, state, now)
+        if command in (dialect.MAV_CMD_NAV_DELAY, dialect.MAV_CMD_CONDITION_DELAY):
+            return self._wait(item.params[0], state, now)
+        if command == dialect.MAV_CMD_CONDITION_YAW:
+            return self._turn(item, state)
+        if command == dialect.MAV_CMD_DO_CHANGE_SPEED and 0.0 < item.params[1] <= 5.0:
+            self._speed = item.params[1]
+        elif command == dialect.MAV_CMD_DO_JUMP:
+            self._jump(item)
+            return None
+        self._next()
+        return None
+
+    def _fly_to(self, item: Item, state: State, now: int) -> Target | None:
+        try:
+            place = place_of(item, self._origin(), self._home()[2])
+        except TargetError as error:
+            self.status = PAUSED
+            self.texts.append((3, f"mission item {self.current}: {error}"))
+            return None
+        radius = radius_of(item, self._parameters["WP_RADIUS"])
+        return self._approach(place, radius, wait_of(item), heading_of_item(item), state, now)
+
+    def _approach(
+        self, place: Point, radius: float | None, wait: float, heading: float | None, state: State, now: int
+    ) -> Target | None:
+        if self._arrived_ns is None:
+            if not is_reached(place, state, radius or self._parameters["WP_RADIUS"]):
+                return Target(place, None, heading, 0.0, self._speed)
+            self._arrived_ns = now
+            self.reached.append(self.current)
+        if (now - self._arrived_ns) / NS_PER_S < wait:
+            return Target(place, None, heading, 0.0, self._speed)
+        self._stay = Target(place, None, state.heading if heading is None else heading, 0.0, self._speed)
+        self._next()
+        return None
+
+    def _wait(self, seconds: float, state: State, now: int) -> Target | None:
+        if self._arrived_ns is None:
+            self._arrived_ns = now
+            self._stay = self._stay or Target(state.position, None, state.heading)
+        if isfinite(seconds) and (now - self._arrived_ns) / NS_PER_S < seconds:
+            return self._stay
+        self.reached.append(self.current)
+        self._next()
+        return None
+
+    def _turn(self, item: Item, state: State) -> Target | None:
+        angle, _, direction, relative = item.params
+        if self._stay is None or self._arrived_ns is None:
+            turn = radians(angle) if isfinite(angle) else 0.0
+            heading = state.heading + (-turn if direction < 0.0 else turn) if relative == 1.0 else turn
+            place = self._stay.place if self._stay and self._stay.place else state.position
+            self._stay, self._arrived_ns = Target(place, None, wrap(heading)), 0
+        heading = self._stay.heading or 0.0
+        if abs(wrap(heading - state.heading)) > HEADING_REACHED:
+            return self._stay
+        self.reached.append(self.current)
+        self._next()
+        return None
+
+    def _jump(self, item: Item) -> None:
+        done = self._jumps.get(self.current, 0)
+        if item.params[1] == -1 or done < item.params[1]:
+            self._jumps[self.current] = done + 1
+            self.current = max(int(item.params[0]), self._first)
+            self._arrived_ns = None
+        else:
+            self._next()
+
+    def _next(self) -> None:
+        self.current += 1
+        self._arrived_ns = None

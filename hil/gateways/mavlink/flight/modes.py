@@ -1,0 +1,76 @@
+"""Modes of the vehicle, with ArduSub's numbers, and their messages."""
+
+from enum import IntEnum
+from typing import Any, NamedTuple
+
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from hil.gateways.mavlink.protocols.newer_messages import AvailableModes, CurrentMode
+
+
+class Mode(IntEnum):
+    """The number of a mode in HEARTBEAT.custom_mode, as ArduSub has it."""
+
+    STABILIZE = dialect.SUB_MODE_STABILIZE
+    ALT_HOLD = dialect.SUB_MODE_ALT_HOLD
+    AUTO = dialect.SUB_MODE_AUTO
+    GUIDED = dialect.SUB_MODE_GUIDED
+    SURFACE = dialect.SUB_MODE_SURFACE
+    POSHOLD = dialect.SUB_MODE_POSHOLD
+    MANUAL = dialect.SUB_MODE_MANUAL
+
+
+class ModeText(NamedTuple):
+    """What a ground station shows of a mode: its name and its standard mode (MAV_STANDARD_MODE)."""
+
+    name: str
+    standard: int
+    meaning: str
+
+
+NON_STANDARD = dialect.MAV_STANDARD_MODE_NON_STANDARD
+MODES: dict[Mode, ModeText] = {
+    Mode.MANUAL: ModeText("Manual", NON_STANDARD, "sticks are forces and moments"),
+    Mode.STABILIZE: ModeText("Stabilize", NON_STANDARD, "sticks are velocities; roll and pitch level, heading held"),
+    Mode.ALT_HOLD: ModeText("Depth hold", dialect.MAV_STANDARD_MODE_ALTITUDE_HOLD, "as Stabilize, and depth held"),
+    Mode.POSHOLD: ModeText("Position hold", dialect.MAV_STANDARD_MODE_POSITION_HOLD, "as Depth hold, and place held"),
+    Mode.GUIDED: ModeText("Guided", NON_STANDARD, "position and velocity targets of companion software"),
+    Mode.AUTO: ModeText("Auto", dialect.MAV_STANDARD_MODE_MISSION, "the mission"),
+    Mode.SURFACE: ModeText("Surface", NON_STANDARD, "rises to the surface, heading held"),
+}
+PILOTED = frozenset((Mode.MANUAL, Mode.STABILIZE, Mode.ALT_HOLD, Mode.POSHOLD))
+_SELF_DRIVEN = 4  # MAV_MODE_PROPERTY_AUTO_MODE: newer than pymavlink's dialect
+
+
+def mode_of(number: float) -> Mode | None:
+    """Return the mode with that number, None if there is none."""
+    return Mode(int(number)) if number == number and abs(number) < 1e6 and number in list(Mode) else None
+
+
+def available_modes(index: int) -> list[Any]:
+    """Return AVAILABLE_MODES of the mode with that index, counted from 1; of all for 0; none for another."""
+    chosen = list(enumerate(MODES.items(), 1))
+    return [
+        AvailableModes(
+            mode, 0 if mode in PILOTED else _SELF_DRIVEN, len(MODES), number, text.standard, text.name.encode()
+        )
+        for number, (mode, text) in chosen
+        if index in (0, number)
+    ]
+
+
+def current_mode(mode: Mode, intended: Mode) -> Any:
+    """Return CURRENT_MODE."""
+    return CurrentMode(mode, intended, MODES[mode].standard)
+
+
+def base_mode(mode: Mode, armed: bool) -> int:
+    """Return the flags of HEARTBEAT.base_mode."""
+    flags: int = dialect.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
+    if mode in PILOTED:
+        flags |= dialect.MAV_MODE_FLAG_MANUAL_INPUT_ENABLED
+    else:
+        flags |= dialect.MAV_MODE_FLAG_GUIDED_ENABLED | dialect.MAV_MODE_FLAG_AUTO_ENABLED
+    if mode != Mode.MANUAL:
+        flags |= dialect.MAV_MODE_FLAG_STABILIZE_ENABLED
+    return flags | (dialect.MAV_MODE_FLAG_SAFETY_ARMED if armed else 0)

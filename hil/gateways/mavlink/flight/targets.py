@@ -1,0 +1,137 @@
+"""Position and velocity targets of companion software: SET_POSITION_TARGET_LOCAL_NED and _GLOBAL_INT."""
+
+from math import isfinite
+from typing import Any, NamedTuple
+
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from hil.client.samples import State
+from hil.gateways.mavlink.flight.guidance import Point, in_body, in_world
+from hil.gateways.mavlink.snapshot import Origin
+from hil.ros.commands import MOST_DEPTH, MOST_PLACE
+from sim.sensors.geodesy import TangentPlane
+
+NO_POSITION, NO_DEPTH, NO_VELOCITY, NO_ACCELERATION = 0b11, 0b100, 0b111000, 0b111000000
+FORCE, NO_YAW, NO_YAW_RATE = 1 << 9, 1 << 10, 1 << 11
+MOST_SPEED = 20.0  # m/s, rad/s
+GLOBAL_FRAMES = {
+    dialect.MAV_FRAME_GLOBAL: False, dialect.MAV_FRAME_GLOBAL_INT: False,
+    dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT: True, dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT: True,
+}  # fmt: skip
+BODY_FRAMES = (dialect.MAV_FRAME_BODY_NED, dialect.MAV_FRAME_BODY_OFFSET_NED, dialect.MAV_FRAME_BODY_FRD)
+LOCAL_FRAMES = (dialect.MAV_FRAME_LOCAL_NED, dialect.MAV_FRAME_LOCAL_OFFSET_NED, *BODY_FRAMES)
+
+
+class Target(NamedTuple):
+    """What companion software asks for: a `place` (m, NED) or a velocity (m/s, FRD), each with heading or turn rate."""
+
+    place: Point | None = None
+    velocity: tuple[float, float, float] | None = None
+    heading: float | None = None
+    yaw_rate: float = 0.0
+    speed: float | None = None  # m/s at most on the way to `place`
+
+
+class TargetError(Exception):
+    """A target that cannot be meant, or not be obeyed."""
+
+
+def local_target(packet: Any, state: State) -> Target:
+    """Return the target of a SET_POSITION_TARGET_LOCAL_NED. Raises TargetError."""
+    frame = packet.coordinate_frame
+    if frame not in LOCAL_FRAMES:
+        raise TargetError(f"frame {frame} is not supported")
+    _require_finite(packet, (packet.x, packet.y, packet.z))
+    mask = packet.type_mask
+    place = None
+    if not mask & NO_POSITION or not mask & NO_DEPTH:
+        north, east, depth = packet.x, packet.y, packet.z
+        if frame in BODY_FRAMES:
+            north, east = in_world(north, east, state.heading)
+        if frame != dialect.MAV_FRAME_LOCAL_NED:
+            north, east, depth = [a + b for a, b in zip((north, east, depth), state.position, strict=True)]
+        place = _place(mask, (north, east, depth), state)
+    return _target(packet, place, state, frame in BODY_FRAMES)
+
+
+def global_target(packet: Any, state: State, origin: Origin | None, home_depth: float) -> Target:
+    """Return the target of a SET_POSITION_TARGET_GLOBAL_INT. Raises TargetError, also without an origin."""
+    relative = GLOBAL_FRAMES.get(packet.coordinate_frame)
+    if relative is None:
+        raise TargetError(f"frame {packet.coordinate_frame} is not supported")
+    _require_finite(packet, (packet.alt,))
+    place = None
+    if not packet.type_mask & NO_POSITION or not packet.type_mask & NO_DEPTH:
+        position = state.position
+        if not packet.type_mask & NO_POSITION:
+            position = earth_place(packet.lat_int, packet.lon_int, 0.0, origin)
+        place = _place(
+            packet.type_mask, (position[0], position[1], depth_of(packet.alt, relative, origin, home_depth)), state
+        )
+    return _target(packet, place, state, False)
+
+
+def earth_place(latitude_e7: float, longitude_e7: float, depth: float, origin: Origin | None) -> Point:
+    """Return the place (m, NED) of a latitude and longitude (1e-7 degrees). Raises TargetError without an origin."""
+    if origin is None:
+        raise TargetError("the vehicle has no origin: its world has none, or send SET_GPS_GLOBAL_ORIGIN")
+    if not (abs(latitude_e7) <= 90e7 and abs(longitude_e7) <= 180e7):
+        raise TargetError("no such latitude and longitude")
+    north, east, _ = TangentPlane(origin.latitude, origin.longitude, origin.altitude).local(
+        latitude_e7 * 1e-7, longitude_e7 * 1e-7, origin.altitude
+    )
+    if max(abs(north), abs(east)) > MOST_PLACE:
+        raise TargetError(f"further than {MOST_PLACE / 1000.0:g} km away")
+    return north, east, depth
+
+
+def depth_of(altitude: float, relative: bool, origin: Origin | None, home_depth: float) -> float:
+    """Return the depth (m) of an altitude (m) above home, or above the sea."""
+    if relative:
+        return home_depth - altitude
+    return (origin.altitude if origin else 0.0) - altitude
+
+
+def _place(mask: int, place: Point, state: State) -> Point:
+    """Return a place whose ignored parts are those of now. Raises TargetError."""
+    north, east = state.position[:2] if mask & NO_POSITION else place[:2]
+    depth = state.depth if mask & NO_DEPTH else place[2]
+    if not (abs(north) <= MOST_PLACE and abs(east) <= MOST_PLACE and -MOST_DEPTH <= depth <= MOST_DEPTH):
+        raise TargetError("the place is further than any vehicle goes")
+    return north, east, max(0.0, depth)
+
+
+def _target(packet: Any, place: Point | None, state: State, in_body_frame: bool) -> Target:
+    mask = packet.type_mask
+    if mask & NO_ACCELERATION != NO_ACCELERATION:
+        raise TargetError("accelerations and forces are not supported: ignore them in type_mask")
+    has_velocity = mask & NO_VELOCITY != NO_VELOCITY
+    heading = None if mask & NO_YAW else packet.yaw + (state.heading if in_body_frame else 0.0)
+    yaw_rate = 0.0 if mask & NO_YAW_RATE else packet.yaw_rate
+    if place is not None:
+        return Target(place, None, heading, 0.0)
+    if not has_velocity:
+        if heading is None and not yaw_rate:
+            raise TargetError("type_mask ignores everything")
+        return Target(None, (0.0, 0.0, 0.0), heading, yaw_rate)
+    x, y, z = [0.0 if mask & 1 << 3 + axis else value for axis, value in enumerate((packet.vx, packet.vy, packet.vz))]
+    if not in_body_frame:
+        x, y = in_body(x, y, state.heading)
+    return Target(None, (x, y, z), heading, yaw_rate)
+
+
+def _require_finite(packet: Any, place: tuple[float, ...]) -> None:
+    """Raise TargetError for numbers that cannot be meant; what the mask ignores may be anything."""
+    mask = packet.type_mask
+    used = [
+        *(place if not mask & NO_POSITION or not mask & NO_DEPTH else ()),
+        *((packet.vx, packet.vy, packet.vz) if mask & NO_VELOCITY != NO_VELOCITY else ()),
+        *(() if mask & NO_YAW else (packet.yaw,)),
+        *(() if mask & NO_YAW_RATE else (packet.yaw_rate,)),
+    ]
+    if not all(isfinite(value) for value in used):
+        raise TargetError("a number is not finite")
+    speeds = [*((packet.vx, packet.vy, packet.vz) if mask & NO_VELOCITY != NO_VELOCITY else ())]
+    speeds += [] if mask & NO_YAW_RATE else [packet.yaw_rate]
+    if any(abs(value) > MOST_SPEED for value in speeds):
+        raise TargetError(f"faster than {MOST_SPEED:g} m/s or rad/s")

@@ -1,0 +1,113 @@
+"""The gateway's loop: endpoints in, the vehicle's commands and messages out."""
+
+import select
+from collections.abc import Callable, Hashable, Sequence
+from contextlib import ExitStack
+
+from hil.common.clock import NS_PER_S, now_ns, to_wall_ns
+from hil.gateways.mavlink.camera import CameraInfo
+from hil.gateways.mavlink.core import Core
+from hil.gateways.mavlink.dispatch import Dispatcher
+from hil.gateways.mavlink.endpoints.links import Link
+from hil.gateways.mavlink.endpoints.peer import Peer
+from hil.gateways.mavlink.protocols.ftp import FtpServer
+from hil.gateways.mavlink.protocols.logs import LogProtocol
+from hil.gateways.mavlink.protocols.parameters import ParameterTable
+from hil.gateways.mavlink.snapshot import Origin, VehiclePort
+from hil.scenario.mavlink_records import Mavlink
+
+TICK_NS = NS_PER_S // 50
+STALL_NS = NS_PER_S // 2  # after which sticks and targets that have come meanwhile are too old to be obeyed
+
+Clock = Callable[[], int]
+
+
+class Gateway:
+    """One MAVLink vehicle on its endpoints. `report` gets a line when a partner comes. Closes what it is given."""
+
+    def __init__(
+        self,
+        port: VehiclePort,
+        settings: Mavlink,
+        table: ParameterTable,
+        links: Sequence[Link],
+        origin: Origin | None = None,
+        picture: CameraInfo | None = None,
+        report: Callable[[str], None] = lambda _: None,
+        clock: Clock = now_ns,
+        wall_clock: Clock = lambda: to_wall_ns(now_ns()),
+    ) -> None:
+        self._settings, self._links, self._report = settings, links, report
+        self._clock, self._wall_clock = clock, wall_clock
+        self._ftp = FtpServer(settings.logs, table)
+        self.core = Core(port, settings, table, origin, clock())
+        self.dispatcher = Dispatcher(self.core, self._ftp, LogProtocol(settings.logs), picture)
+        self._peers: dict[tuple[int, Hashable], Peer] = {}
+        self._numbers = 0
+        self._due_ns = self._polled_ns = clock()
+
+    def run(self, stop_fd: int) -> None:
+        """Serve until `stop_fd` becomes readable; the vehicle is then stopped if it was armed here."""
+        with ExitStack() as stack:
+            stack.callback(self.close)
+            while True:
+                wait = max(0.0, (self._due_ns - self._clock()) / NS_PER_S)
+                descriptors = [stop_fd, *[fd for link in self._links for fd in link.descriptors()]]
+                ready = select.select(descriptors, (), (), wait)[0]
+                if stop_fd in ready:
+                    return
+                self.poll()
+
+    def poll(self) -> None:
+        """Read what has come, and do what is due."""
+        now = self._clock()
+        self.dispatcher.stale = now - self._polled_ns > STALL_NS
+        self._polled_ns = now
+        for number, link in enumerate(self._links):
+            for address, data in link.receive(now):
+                peer = self._peer(number, link, address)
+                peer.received_ns = now
+                for packet in peer.unpack(data):
+                    self.dispatcher.handle(peer, packet, now)
+        if now >= self._due_ns:
+            self._due_ns = max(self._due_ns + TICK_NS, now)
+            self._update_partners(now)
+            self.core.tick(now)
+            self.dispatcher.tick(now, self._wall_clock())
+
+    def close(self) -> None:
+        """Stop the vehicle if it was armed here, and close all endpoints."""
+        if self.core.pilot.armed:
+            self.core.disarm()
+            self.core.tick(self._clock() + NS_PER_S)
+        self._ftp.close()
+        for link in self._links:
+            link.close()
+
+    def _update_partners(self, now: int) -> None:
+        """Meet those who have come, and forget those who have gone."""
+        present = set()
+        for number, link in enumerate(self._links):
+            link.tick(now)
+            for address in link.partners():
+                present.add((number, address))
+                self._peer(number, link, address)
+        for key in [key for key in self._peers if key not in present]:
+            peer = self._peers.pop(key)
+            self.dispatcher.peers.pop(peer.number, None)
+            self._report(f"gone: {peer.name}")
+
+    def _peer(self, number: int, link: Link, address: Hashable) -> Peer:
+        peer = self._peers.get((number, address))
+        if peer is None:
+            settings = self._settings
+            self._numbers += 1
+            may_command = settings.commands_from == "network" or link.is_local(address)
+            name = ":".join(map(str, address[:2])) if isinstance(address, tuple) else str(address)
+            peer = self._peers[number, address] = Peer(
+                self._numbers, name, settings.system, lambda data, message: link.send(address, data, message),
+                may_command, link.burst, settings.signing_key, self._wall_clock,
+            )  # fmt: skip
+            self.dispatcher.peers[peer.number] = peer
+            self._report(f"{link.name}: {name}{'' if may_command else ' (may only look)'}")
+        return peer

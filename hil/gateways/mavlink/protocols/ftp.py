@@ -1,0 +1,256 @@
+"""MAVFTP server: parameters as one file, and the folder of logs, to read only. What it does not do gets a NAK at once.
+
+The layout of a payload: mavlink.io, services/ftp. `@PARAM/param.pck` is packed as ArduPilot packs it
+(AP_Filesystem_Param); logs are below `/logs`.
+"""
+
+import binascii
+import os
+import struct
+from collections.abc import Iterator
+from contextlib import suppress
+from typing import Any, NamedTuple
+
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from hil.common.clock import NS_PER_S
+from hil.gateways.mavlink.protocols.parameters import INT8, INT16, INT32, REAL32, ParameterTable
+
+HEADER = struct.Struct("<HBBBBBxI")  # sequence, session, opcode, size, requested opcode, burst complete, offset
+PAYLOAD = 251
+MOST_DATA = PAYLOAD - HEADER.size
+(TERMINATE, RESET, LIST, OPEN_READ, READ, CREATE, WRITE, REMOVE, MAKE_FOLDER, REMOVE_FOLDER, OPEN_WRITE, TRUNCATE,
+ RENAME, CRC32, BURST) = range(1, 16)  # fmt: skip
+ACK, NAK = 128, 129
+FAIL, BAD_SIZE, BAD_SESSION, NO_SESSIONS, END_OF_FILE, UNKNOWN, PROTECTED, NOT_FOUND = 1, 3, 4, 5, 6, 7, 9, 10
+WRITING = (CREATE, WRITE, REMOVE, MAKE_FOLDER, REMOVE_FOLDER, OPEN_WRITE, TRUNCATE, RENAME)
+MOST_SESSIONS = 8
+IDLE_NS = 60 * NS_PER_S  # after which a session that nobody uses is closed
+BURST_AT_ONCE = 40  # packets of one burst; the client asks for the next
+MOST_CRC = 1 << 28  # bytes
+PARAMETERS = "@PARAM/param.pck"
+PACK_MAGIC = 0x671B
+PACK_TYPES = {INT8: (1, "<b"), INT16: (2, "<h"), INT32: (3, "<i"), REAL32: (4, "<f")}
+
+Partner = tuple[int, int, int]  # peer, system, component
+
+
+class _Request(NamedTuple):
+    sequence: int
+    session: int
+    opcode: int
+    size: int
+    offset: int
+    data: bytes
+
+
+class _Session:
+    """An open file: its contents in memory, or a descriptor."""
+
+    def __init__(self, partner: Partner, descriptor: int, content: bytes, size: int, now: int) -> None:
+        self.partner, self.descriptor, self.content, self.size = partner, descriptor, content, size
+        self.used_ns = now
+
+    def read(self, offset: int, size: int) -> bytes:
+        """Return up to `size` bytes from `offset` on."""
+        if self.descriptor < 0:
+            return self.content[offset : offset + size]
+        return os.pread(self.descriptor, size, offset)
+
+    def close(self) -> None:
+        """Close the file."""
+        if self.descriptor >= 0:
+            os.close(self.descriptor)
+            self.descriptor = -1
+
+
+class FtpServer:
+    """Serves `folder` as /logs, and parameters, to read only. Never raises."""
+
+    def __init__(self, folder: str, parameters: ParameterTable) -> None:
+        self._folder = os.path.realpath(folder) if folder else ""
+        self._parameters = parameters
+        self._sessions: dict[int, _Session] = {}
+        self._last: dict[Partner, tuple[int, bytes]] = {}  # number of the last request, and its answer
+
+    def handle(self, payload: bytes, partner: Partner, now: int) -> list[bytes]:
+        """Return the payloads that answer one; nothing for what is no request."""
+        data = bytes(payload).ljust(PAYLOAD, b"\0")[:PAYLOAD]
+        sequence, session, opcode, size, _, _, offset = HEADER.unpack_from(data)
+        if opcode in (0, ACK, NAK):
+            return []
+        request = _Request(sequence, session, opcode, size, offset, data[HEADER.size : HEADER.size + size])
+        known = self._last.get(partner)
+        if known and known[0] == sequence and opcode not in (BURST, READ):
+            return [known[1]]  # it has come twice: nothing is done twice
+        self._close_idle(now)
+        try:
+            answers = list(self._answer(request, partner, now))
+        except OSError:
+            answers = [_nak(request, FAIL)]
+        if len(self._last) > 4 * MOST_SESSIONS:
+            self._last.clear()
+        self._last[partner] = sequence, answers[0]
+        return answers
+
+    def close(self) -> None:
+        """Close all files."""
+        for session in self._sessions.values():
+            session.close()
+        self._sessions.clear()
+
+    def _answer(self, request: _Request, partner: Partner, now: int) -> Iterator[bytes]:
+        if request.size > MOST_DATA:
+            yield _nak(request, BAD_SIZE)
+        elif request.opcode == TERMINATE:
+            session = self._sessions.pop(request.session, None)
+            if session:
+                session.close()
+            yield _ack(request) if session else _nak(request, BAD_SESSION)
+        elif request.opcode == RESET:
+            for number in [number for number, session in self._sessions.items() if session.partner == partner]:
+                self._sessions.pop(number).close()
+            yield _ack(request)
+        elif request.opcode == LIST:
+            yield self._list(request)
+        elif request.opcode == OPEN_READ:
+            yield self._open(request, partner, now)
+        elif request.opcode in (READ, BURST):
+            yield from self._read(request, partner, now)
+        elif request.opcode == CRC32:
+            yield self._crc(request)
+        else:
+            yield _nak(request, PROTECTED if request.opcode in WRITING else UNKNOWN)
+
+    def _list(self, request: _Request) -> bytes:
+        path = _path(request)
+        if path in ("", "/"):
+            entries = ["D@PARAM", "Dlogs"]
+        elif path.strip("/") == "@PARAM":
+            entries = [f"Fparam.pck\t{len(pack_parameters(self._parameters))}"]
+        else:
+            real = self._real(path)
+            if real is None or not os.path.isdir(real):
+                return _nak(request, NOT_FOUND)
+            entries = [_entry(real, name) for name in sorted(os.listdir(real))]
+        text = b""
+        for entry in entries[request.offset :]:
+            encoded = entry.encode("utf-8", "replace") + b"\0"
+            if len(text) + len(encoded) > MOST_DATA:
+                break
+            text += encoded
+        return _ack(request, text) if text else _nak(request, END_OF_FILE)
+
+    def _open(self, request: _Request, partner: Partner, now: int) -> bytes:
+        path = _path(request)
+        number = next((number for number in range(MOST_SESSIONS) if number not in self._sessions), None)
+        if number is None:
+            return _nak(request, NO_SESSIONS)
+        if path.split("?")[0].strip("/") == PARAMETERS:
+            content = pack_parameters(self._parameters)
+            session = _Session(partner, -1, content, len(content), now)
+        else:
+            real = self._real(path)
+            if real is None or not os.path.isfile(real):
+                return _nak(request, NOT_FOUND)
+            descriptor = os.open(real, os.O_RDONLY | os.O_CLOEXEC | os.O_NOFOLLOW)
+            session = _Session(partner, descriptor, b"", os.fstat(descriptor).st_size, now)
+        self._sessions[number] = session
+        return _ack(request, session.size.to_bytes(4, "little"), session=number)
+
+    def _read(self, request: _Request, partner: Partner, now: int) -> Iterator[bytes]:
+        session = self._sessions.get(request.session)
+        if session is None or session.partner != partner:
+            yield _nak(request, BAD_SESSION)
+            return
+        session.used_ns = now
+        size = min(request.size or MOST_DATA, MOST_DATA)
+        if request.opcode == READ:
+            data = session.read(request.offset, size)
+            yield _ack(request, data, offset=request.offset) if data else _nak(request, END_OF_FILE)
+            return
+        offset, number = request.offset, request.sequence
+        for turn in range(BURST_AT_ONCE):
+            data = session.read(offset, size)
+            step = request._replace(sequence=number)
+            if not data:
+                yield _nak(step, END_OF_FILE)
+                return
+            is_last = turn == BURST_AT_ONCE - 1
+            yield _ack(step, data, offset=offset, complete=is_last)
+            offset += len(data)
+            number = number + 1 & 0xFFFF
+
+    def _crc(self, request: _Request) -> bytes:
+        real = self._real(_path(request))
+        if real is None or not os.path.isfile(real) or os.path.getsize(real) > MOST_CRC:
+            return _nak(request, NOT_FOUND)
+        crc = 0
+        with open(real, "rb") as file:
+            while data := file.read(1 << 16):
+                crc = binascii.crc32(data, crc)
+        return _ack(request, crc.to_bytes(4, "little"))
+
+    def _real(self, path: str) -> str | None:
+        """Return the file below the folder of logs that a path names, None for one outside it."""
+        plain = path.strip("/")
+        if not self._folder or "\0" in plain or not (plain == "logs" or plain.startswith("logs/")):
+            return None
+        real = os.path.realpath(os.path.join(self._folder, plain[5:]))
+        inside = real == self._folder or real.startswith(self._folder + os.sep)
+        return real if inside else None
+
+    def _close_idle(self, now: int) -> None:
+        for number in [number for number, one in self._sessions.items() if now - one.used_ns > IDLE_NS]:
+            self._sessions.pop(number).close()
+
+
+def pack_parameters(table: ParameterTable) -> bytes:
+    """Return all parameters as the file param.pck: names share their beginnings with the one before."""
+    names = table.names()
+    parts, last = [struct.pack("<HHH", PACK_MAGIC, len(names), len(names))], ""
+    for name in names:
+        kind, form = PACK_TYPES[table.kind(name)]
+        common = next(
+            (i for i, (a, b) in enumerate(zip(name, last, strict=False)) if a != b), min(len(name), len(last))
+        )
+        common = min(common, 15, len(name) - 1)
+        rest = name[common:].encode()
+        value = table.value(name) or 0.0
+        number = value if form == "<f" else round(value)
+        parts.append(bytes((kind, common | len(rest) - 1 << 4)) + rest + struct.pack(form, number))
+        last = name
+    return b"".join(parts)
+
+
+def ftp_message(payload: bytes, system: int, component: int) -> Any:
+    """Return FILE_TRANSFER_PROTOCOL with a payload."""
+    return dialect.MAVLink_file_transfer_protocol_message(0, system, component, list(payload.ljust(PAYLOAD, b"\0")))
+
+
+def _path(request: _Request) -> str:
+    return request.data.split(b"\0", 1)[0].decode("utf-8", "replace")
+
+
+def _entry(folder: str, name: str) -> str:
+    path = os.path.join(folder, name)
+    with suppress(OSError):
+        if os.path.isdir(path):
+            return f"D{name}"
+        if os.path.isfile(path):
+            return f"F{name}\t{os.path.getsize(path)}"
+    return "S"
+
+
+def _ack(
+    request: _Request, data: bytes = b"", offset: int | None = None, session: int | None = None, complete: bool = False
+) -> bytes:
+    number = request.session if session is None else session
+    where = request.offset if offset is None else offset
+    head = HEADER.pack(request.sequence + 1 & 0xFFFF, number, ACK, len(data), request.opcode, complete, where)
+    return head + data
+
+
+def _nak(request: _Request, reason: int) -> bytes:
+    sequence = request.sequence + 1 & 0xFFFF
+    return HEADER.pack(sequence, request.session, NAK, 1, request.opcode, 0, request.offset) + bytes((reason,))

@@ -1,0 +1,208 @@
+"""Parameters of the vehicle, typed and stored, and the parameter protocol (PARAM_*).
+
+Those of the gateway (speeds of the sticks, mission, failsafes) are stored in a file of this machine. Those of the slave
+(gains of its controller, failures of its thrusters) are the slave's, and last as long as it runs.
+Numbers travel as floats whatever their type, as ArduPilot sends them.
+"""
+
+import math
+import os
+import tomllib
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from typing import Any, NamedTuple
+
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+INT8, INT16, INT32, REAL32 = (
+    dialect.MAV_PARAM_TYPE_INT8,
+    dialect.MAV_PARAM_TYPE_INT16,
+    dialect.MAV_PARAM_TYPE_INT32,
+    dialect.MAV_PARAM_TYPE_REAL32,
+)
+LONGEST_NAME = 16
+HASH_NAME = "_HASH_CHECK"  # a parameter that PX4's ground stations ask for; ours has none
+
+
+class Parameter(NamedTuple):
+    """One parameter of the gateway: its type, default and range, and what it means."""
+
+    kind: int
+    default: float
+    least: float
+    most: float
+    meaning: str
+
+
+def _real(default: float, least: float, most: float, meaning: str) -> Parameter:
+    return Parameter(REAL32, default, least, most, meaning)
+
+
+GATEWAY: dict[str, Parameter] = {
+    "SYSID_THISMAV": Parameter(INT16, 1, 1, 250, "MAVLink system id, from the next start on"),
+    "PILOT_SPEED": _real(0.5, 0.0, 5.0, "m/s ahead at full stick"),
+    "PILOT_SPEED_SIDE": _real(0.4, 0.0, 5.0, "m/s sideways at full stick"),
+    "PILOT_SPEED_UP": _real(0.3, 0.0, 5.0, "m/s up and down at full stick"),
+    "PILOT_YAW_RATE": _real(30.0, 0.0, 360.0, "degrees/s at full stick"),
+    "MAN_FORCE_X": _real(40.0, 0.0, 1e5, "N ahead at full stick in Manual"),
+    "MAN_FORCE_Y": _real(40.0, 0.0, 1e5, "N to starboard at full stick in Manual"),
+    "MAN_FORCE_Z": _real(40.0, 0.0, 1e5, "N up at full stick in Manual"),
+    "MAN_MOMENT_K": _real(5.0, 0.0, 1e5, "N m about the roll axis at full stick in Manual"),
+    "MAN_MOMENT_M": _real(5.0, 0.0, 1e5, "N m about the pitch axis at full stick in Manual"),
+    "MAN_MOMENT_N": _real(8.0, 0.0, 1e5, "N m about the yaw axis at full stick in Manual"),
+    "JS_DEADZONE": _real(0.03, 0.0, 0.5, "share of a stick's way that counts as its middle"),
+    "WP_SPEED": _real(0.5, 0.05, 5.0, "m/s between waypoints and to guided positions"),
+    "WP_RADIUS": _real(0.5, 0.1, 100.0, "m from a waypoint that count as reached"),
+    "WP_YAW_BEHAVE": Parameter(INT8, 1, 0, 1, "0 keep the heading, 1 bow to the next waypoint"),
+    "NAV_STEER": Parameter(INT8, 0, 0, 1, "0 vehicle that can stop and move sideways, 1 one that turns by fins"),
+    "DEPTH_MAX": _real(100.0, 0.0, 11_000.0, "m: deeper targets are limited to it"),
+    "SURFACE_DEPTH": _real(0.2, 0.0, 10.0, "m that mode Surface rises to"),
+    "FS_PILOT_TOUT": _real(0.5, 0.1, 10.0, "s of silence of the joystick until sticks count as centred"),
+    "FS_GCS_TIMEOUT": _real(3.0, 1.0, 120.0, "s of silence of all ground stations until FS_GCS_ENABLE acts"),
+    "FS_GCS_ENABLE": Parameter(INT8, 2, 0, 4, "0 nothing, 1 warn, 2 disarm, 3 depth hold, 4 surface"),
+    "FS_LEAK_ENABLE": Parameter(INT8, 1, 0, 2, "0 nothing, 1 warn, 2 surface"),
+    "GUIDED_TIMEOUT": _real(3.0, 0.1, 60.0, "s after which a velocity target ends, and the place is held"),
+}  # fmt: skip
+
+
+class ParameterTable:
+    """All parameters by name. `slave` gives those of the slave, `set_slave` begins to set one of them.
+
+    `path` is the file of stored ones ("": none). What does not fit there is left at its default, and `faults` says so.
+    """
+
+    def __init__(
+        self,
+        path: str = "",
+        slave: Callable[[], Mapping[str, float]] = dict,
+        set_slave: Callable[[str, float], None] = lambda _name, _value: None,
+        defaults: Mapping[str, float] | None = None,
+    ) -> None:
+        self._path, self._slave, self._set_slave = path, slave, set_slave
+        self._values = {name: parameter.default for name, parameter in GATEWAY.items()} | dict(defaults or {})
+        self._defaults = dict(self._values)
+        self.faults: list[str] = []
+        self._load()
+
+    def __getitem__(self, name: str) -> float:
+        """The value of a parameter of the gateway."""
+        return self._values[name]
+
+    def names(self) -> list[str]:
+        """Return the names of all, sorted: their places are their indices."""
+        return sorted([*self._values, *self._slave()])
+
+    def kind(self, name: str) -> int:
+        """Return the MAV_PARAM_TYPE of a parameter."""
+        if name in GATEWAY:
+            return GATEWAY[name].kind
+        return int(INT8 if name.endswith("_KIND") else REAL32)
+
+    def value(self, name: str) -> float | None:
+        """Return the value of any parameter, None if there is none of that name."""
+        found = self._values.get(name)
+        return self._slave().get(name) if found is None else found
+
+    def set(self, name: str, value: float) -> str:
+        """Set a parameter, or begin to; return why that cannot be, "" if it can."""
+        if self.value(name) is None:
+            return f"{name}: no such parameter"
+        if not math.isfinite(value):
+            return f"{name}: not a finite number"
+        parameter = GATEWAY.get(name)
+        if parameter is None:
+            self._set_slave(name, value)
+            return ""
+        if not parameter.least <= value <= parameter.most:
+            return f"{name}: {value:g} is not between {parameter.least:g} and {parameter.most:g}"
+        self._values[name] = value if parameter.kind == REAL32 else float(round(value))
+        return self._store()
+
+    def _load(self) -> None:
+        if not self._path or not os.path.exists(self._path):
+            return
+        try:
+            with open(self._path, "rb") as file:
+                stored = tomllib.load(file)
+        except (OSError, ValueError) as error:
+            self.faults.append(f"parameters: {self._path}: {error}; defaults are used")
+            return
+        for name, value in stored.items():
+            parameter = GATEWAY.get(name)
+            is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
+            if parameter and is_number and parameter.least <= value <= parameter.most:
+                self._values[name] = float(value)
+            else:
+                self.faults.append(f"parameters: {self._path}: {name}: {value!r} is left out")
+
+    def _store(self) -> str:
+        """Write what differs from the defaults; return why it could not be written, else ""."""
+        if not self._path:
+            return ""
+        changed = [(name, value) for name, value in sorted(self._values.items()) if value != self._defaults[name]]
+        text = "".join([f"{name} = {value!r}\n" for name, value in changed])
+        new = f"{self._path}.{os.getpid()}"
+        try:
+            os.makedirs(os.path.dirname(self._path) or ".", exist_ok=True)
+            with open(new, "w", encoding="utf-8") as file:
+                file.write(text)
+            os.replace(new, self._path)
+        except OSError as error:
+            with suppress(OSError):
+                os.unlink(new)
+            return f"not stored: {error.strerror}"
+        return ""
+
+
+class ParameterProtocol:
+    """Answers PARAM_REQUEST_LIST, PARAM_REQUEST_READ and PARAM_SET."""
+
+    def __init__(self, table: ParameterTable) -> None:
+        self._table = table
+
+    def request_list(self) -> list[Any]:
+        """Return PARAM_VALUE of all."""
+        names = self._table.names()
+        return [self._message(name, index, len(names)) for index, name in enumerate(names)]
+
+    def request_read(self, packet: Any) -> tuple[list[Any], str]:
+        """Return PARAM_VALUE of one by name or index, or nothing and why."""
+        names = self._table.names()
+        index, name = packet.param_index, _text(packet.param_id)
+        if index >= 0:
+            if index >= len(names):
+                return [], f"no parameter {index}"
+            return [self._message(names[index], index, len(names))], ""
+        if name not in names:
+            return [], "" if name == HASH_NAME else f"no parameter {name}"
+        return [self._message(name, names.index(name), len(names))], ""
+
+    def request_set(self, packet: Any) -> tuple[list[Any], str]:
+        """Set one; return PARAM_VALUE with what it is now, and why it was not set.
+
+        Of one that the slave is to set it follows when that is done (`value_of`).
+        """
+        name = _text(packet.param_id)
+        reason = self._table.set(name, packet.param_value)
+        if not reason and name not in GATEWAY:
+            return [], ""
+        names = self._table.names()
+        return ([self._message(name, names.index(name), len(names))] if name in names else []), reason
+
+    def value_of(self, name: str) -> list[Any]:
+        """Return PARAM_VALUE of one, if there is such a parameter."""
+        names = self._table.names()
+        return [self._message(name, names.index(name), len(names))] if name in names else []
+
+    def _message(self, name: str, index: int, count: int) -> Any:
+        value = self._table.value(name)
+        return dialect.MAVLink_param_value_message(
+            name.encode("ascii", "replace")[:LONGEST_NAME], 0.0 if value is None else value, self._table.kind(name),
+            count, index,
+        )  # fmt: skip
+
+
+def _text(name: str | bytes) -> str:
+    """Return a parameter's name as a packet has it."""
+    plain = name if isinstance(name, str) else name.decode("ascii", "replace")
+    return plain.split("\0", 1)[0]

@@ -1,0 +1,112 @@
+"""Parameters of the slave (hil.slave.parameters) under MAVLink's short names.
+
+gains.surge.p                    G_SURGE_P; likewise _I, _D, _LIM, _FF, _FILT, _SLEW
+gains.roll_rate.p                G_RLLR_P; pitch_rate PITR, yaw_rate YAWR, heading HDG
+failures.NAME of thruster 1      FAIL1_KIND: 0 none, 1 off, 2 efficiency, 3 stuck, 4 delayed, 5 noisy
+                                 FAIL1_VALUE: share of thrust, us, s, share of noise
+"""
+
+from collections.abc import Mapping
+from typing import Any
+
+from hil.network.services import call
+from hil.network.session import Session
+
+AXES = {
+    "surge": "SURGE", "sway": "SWAY", "heave": "HEAVE", "roll_rate": "RLLR", "pitch_rate": "PITR", "yaw_rate": "YAWR",
+    "depth": "DEPTH", "heading": "HDG", "roll": "ROLL", "pitch": "PITCH",
+}  # fmt: skip
+FIELDS = {
+    "p": "P", "i": "I", "d": "D", "limit": "LIM", "feedforward": "FF", "filter": "FILT", "slew": "SLEW",
+}  # fmt: skip
+KINDS = ("", "off", "efficiency", "stuck", "delayed", "noisy")
+KEYS = {"efficiency": "efficiency", "stuck": "pwm_us", "delayed": "delay", "noisy": "noise"}
+DOUBLE, STRING = 3, 4  # rcl_interfaces/ParameterType
+AT_ONCE = 30  # names of one request
+
+
+class SlaveParameters:
+    """`values` by MAVLink name, as of the last `refresh`. Methods wait for the slave, and raise NetworkError."""
+
+    def __init__(self, session: Session, node: str) -> None:
+        self._session, self._node = session, node
+        self.values: Mapping[str, float] = {}
+        self._thrusters: list[str] = []  # ROS names, in the order of the vehicle
+        self._wished: dict[str, float] = {}  # values of failures whose kind is set afterwards, or has none
+        self._names: dict[str, str] = {}  # MAVLink -> ROS, of gains
+
+    def refresh(self) -> None:
+        """Fetch all names and values."""
+        result = self._call("list_parameters", "ListParameters", {"prefixes": [], "depth": 0})["result"]
+        names = list(result["names"])
+        values: dict[str, Any] = {}
+        for start in range(0, len(names), AT_ONCE):
+            chunk = names[start : start + AT_ONCE]
+            answers = self._call("get_parameters", "GetParameters", {"names": chunk})["values"]
+            values |= dict(zip(chunk, answers, strict=False))
+        self._thrusters = [name for name in names if name.startswith("failures.")]
+        self._names = {short: name for name in names if (short := short_name(name))}
+        found = {short: values[name]["double_value"] for short, name in self._names.items() if name in values}
+        for number, name in enumerate(self._thrusters, 1):
+            text = values[name]["string_value"] if name in values else ""
+            kind, value = read_failure(text)
+            found[f"FAIL{number}_KIND"] = float(kind)
+            found[f"FAIL{number}_VALUE"] = value if kind > 1 else self._wished.get(f"FAIL{number}_VALUE", 0.0)
+        self.values = found
+
+    def set(self, name: str, value: float) -> str:
+        """Set one; return why it was not set, "" if it was."""
+        ros = self._names.get(name)
+        wanted: dict[str, Any] = {"type": DOUBLE, "double_value": value}
+        if ros is None:
+            number, _, part = name.removeprefix("FAIL").partition("_")
+            self._wished[name] = value
+            kind = int(value if part == "KIND" else self.values.get(f"FAIL{number}_KIND", 0.0))
+            if not 0 <= kind < len(KINDS):
+                return f"{name}: {value:g} is none of 0 to {len(KINDS) - 1}"
+            if part == "VALUE" and kind < 2:
+                self.values = {**self.values, name: value}
+                return ""
+            amount = value if part == "VALUE" else self.values.get(f"FAIL{number}_VALUE", 0.0)
+            ros, wanted = (
+                self._thrusters[int(number) - 1],
+                {"type": STRING, "string_value": failure_text(kind, amount)},
+            )
+        request = {"parameters": [{"name": ros, "value": wanted}]}
+        result = self._call("set_parameters", "SetParameters", request)["results"][0]
+        self.refresh()
+        return "" if result["successful"] else f"{name}: {result['reason']}"
+
+    def _call(self, name: str, kind: str, request: Mapping[str, Any]) -> Any:
+        return call(self._session, f"/{self._node}/{name}", f"rcl_interfaces/srv/{kind}", request)
+
+
+def short_name(name: str) -> str:
+    """Return the MAVLink name of a gain, "" for another parameter."""
+    parts = name.split(".")
+    if len(parts) != 3 or parts[0] != "gains" or parts[1] not in AXES or parts[2] not in FIELDS:
+        return ""
+    return f"G_{AXES[parts[1]]}_{FIELDS[parts[2]]}"
+
+
+def read_failure(text: str) -> tuple[int, float]:
+    """Return the first failure of a parameter's text as its number and value; (0, 0) for none."""
+    words = [pair.partition("=") for pair in text.split(";", maxsplit=1)[0].split(",")]
+    pairs = {key.strip(): value.strip().strip('"') for key, _, value in words}
+    kind = pairs.get("kind", "")
+    if kind not in KINDS[1:]:
+        return 0, 0.0
+    try:
+        return KINDS.index(kind), float(pairs.get(KEYS.get(kind, ""), "0"))
+    except ValueError:
+        return KINDS.index(kind), 0.0
+
+
+def failure_text(kind: int, value: float) -> str:
+    """Return the text of a failure, as hil.slave.parameters reads it; "" for none."""
+    word = KINDS[kind]
+    if not word:
+        return ""
+    if word not in KEYS:
+        return f"kind = {word}"
+    return f"kind = {word}, {KEYS[word]} = {round(value) if word == 'stuck' else value!r}"

@@ -1,0 +1,75 @@
+"""What the gateway knows of its vehicle at one instant, and what it may ask of it: `VehiclePort`."""
+
+from collections.abc import Mapping
+from typing import NamedTuple, Protocol
+
+from hil.autonomy.control.controller import VelocityCommand
+from hil.client.samples import State
+from hil.ros.commands import PoseCommand
+from sim.sensors.extra_samples import BatterySample, FixSample
+
+Wrench = tuple[float, float, float, float, float, float]
+Command = VelocityCommand | PoseCommand | Wrench
+NEUTRAL: Wrench = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+class Echo(NamedTuple):
+    """A distance (m) below the vehicle, and the reach (m) of the device that measured it."""
+
+    distance: float
+    least: float
+    most: float
+
+
+class Snapshot(NamedTuple):
+    """Newest samples of the vehicle; None where it has no such sensor, or that is silent.
+
+    `state` is the navigation solution (NED, FRD). `pulses` are in us. `sensors` are the topics that it sends.
+    """
+
+    state: State
+    battery: BatterySample | None = None
+    pascal: float | None = None
+    echo: Echo | None = None
+    fix: FixSample | None = None
+    leak: bool = False
+    pulses: tuple[int, ...] = ()
+    sensors: frozenset[str] = frozenset()
+    slave_load: float = 0.0  # share of one processor
+    link_silent: bool = False
+
+
+class Origin(NamedTuple):
+    """Where north and east are 0: latitude and longitude in degrees; altitude of the surface in m."""
+
+    latitude: float
+    longitude: float
+    altitude: float = 0.0
+
+
+class VehiclePort(Protocol):
+    """The vehicle as the gateway commands it; no call waits for the network."""
+
+    def snapshot(self) -> Snapshot | None:
+        """Return its newest samples; None while it is not there."""
+
+    def send(self, command: Command) -> None:
+        """Send a command once; the vehicle forgets it after its deadman's time."""
+
+    def refusal(self) -> str:
+        """Return why it would not obey us, and the remedy; "" if it would."""
+
+    def arm(self) -> None:
+        """Let the slave take commands again, if it was disarmed; `refusal` says when it does."""
+
+    def disarm(self) -> None:
+        """Let the slave take commands of nobody."""
+
+    def parameters(self) -> Mapping[str, float]:
+        """Return the parameters that the slave has, by their MAVLink names; empty until they came."""
+
+    def set_parameter(self, name: str, value: float) -> None:
+        """Begin to set one of them; `parameters` has its value when that is done."""
+
+    def take_settled(self) -> list[tuple[str, str]]:
+        """Return the parameters that were set since the last call, or could not be: name, and why not."""

@@ -1,0 +1,164 @@
+"""The vehicle of the gateway over the network, a `VehiclePort`: what waits for answers has a thread of its own."""
+
+import threading
+from collections import deque
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from hil.autonomy.control.controller import VelocityCommand
+from hil.client import samples
+from hil.client.client import VehicleClient
+from hil.common.errors import HilError, NetworkError
+from hil.gateways.mavlink.slave_parameters import SlaveParameters
+from hil.gateways.mavlink.snapshot import Command, Echo, Snapshot
+from hil.network.services import call
+from hil.ros.commands import PoseCommand, encode_pose, encode_thrusts
+from hil.ros.frames import encode_wrench
+from sim.sensors.extra_samples import BatterySample, FixSample
+
+TOPICS = ("odom", "pressure", "battery", "gps", "altitude", "altimeter", "leak")
+STALE_S = 1.0  # after which a vehicle whose position does not come counts as gone
+SLOW_STALE_S = 3.0  # the same of what comes once a second
+DVL_REACH = 0.05, 200.0  # m: its messages do not say it
+REFRESH_S = 5.0  # between two looks at what the slave has: sensors, parameters
+
+
+class NetworkVehicle:
+    """One vehicle by its client. Use as a context; leaving it ends the thread, not the client."""
+
+    def __init__(self, client: VehicleClient) -> None:
+        self._client = client
+        self._parameters = SlaveParameters(client.session, client.node)
+        self._jobs: deque[Callable[[], None]] = deque()
+        self._wake = threading.Event()
+        self._ending = threading.Event()
+        self._settled: deque[tuple[str, str]] = deque()
+        self._sensors: frozenset[str] = frozenset()
+        self._is_known = False  # what the slave has was asked for since it appeared
+        client.watch(*TOPICS)
+        self._thread = threading.Thread(target=self._work, name="mavlink requests", daemon=True)
+        self._thread.start()
+
+    def __enter__(self) -> "NetworkVehicle":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._ending.set()
+        self._wake.set()
+        self._thread.join(5.0)
+
+    def snapshot(self) -> Snapshot | None:
+        """Return its newest samples; None while it is not there, or has not said what it has."""
+        client = self._client
+        odometry = client.latest.get("odom")
+        if not client.contact.present or odometry is None or odometry.age_s > STALE_S or not self._is_known:
+            self._is_known &= client.contact.present
+            return None
+        figures = client.diagnostics()
+        battery, fix = self._newest("battery", SLOW_STALE_S), self._newest("gps", SLOW_STALE_S)
+        pressure, leak = self._newest("pressure", STALE_S), self._newest("leak", SLOW_STALE_S)
+        return Snapshot(
+            samples.aged("odom", odometry),
+            battery if isinstance(battery, BatterySample) else None,
+            pressure.pascal if pressure else None,
+            self._echo(),
+            fix if isinstance(fix, FixSample) else None,
+            bool(leak),
+            figures.pwm_us or (),
+            self._sensors,
+            (figures.cpu_s or 0.0) / max(figures.uptime_s or 0.0, 1.0),
+            bool(figures.stm32_silent),
+        )
+
+    def send(self, command: Command) -> None:
+        """Send a command once."""
+        client = self._client
+        try:
+            if isinstance(command, VelocityCommand):
+                client.command(command)
+            elif isinstance(command, PoseCommand):
+                client.send("cmd_pose", encode_pose(command, 0))
+            elif not any(command):
+                client.send("cmd_thrusters", encode_thrusts((0.0,) * (client.diagnostics().thrusters or 0)))
+            else:
+                client.send("cmd_wrench", encode_wrench(0, command))
+        except NetworkError:  # several of its name: `refusal` says so
+            return
+
+    def refusal(self) -> str:
+        """Return why it would not obey us, and the remedy."""
+        client = self._client
+        reason = client.unavailable_reason()
+        return reason or (f"{client.node} has just named another master" if client.in_doubt else "")
+
+    def arm(self) -> None:
+        """Let the slave take commands again."""
+        if self._client.diagnostics().armed is False:
+            self._do(lambda: self._call_arm(True))
+
+    def disarm(self) -> None:
+        """Let the slave take commands of nobody."""
+        self._do(lambda: self._call_arm(False))
+
+    def parameters(self) -> Mapping[str, float]:
+        """Return the parameters that the slave has."""
+        return self._parameters.values
+
+    def set_parameter(self, name: str, value: float) -> None:
+        """Begin to set one of them."""
+
+        def set_one() -> None:
+            try:
+                self._settled.append((name, self._parameters.set(name, value)))
+            except HilError as error:
+                self._settled.append((name, f"{name}: {error}"))
+
+        self._do(set_one)
+
+    def take_settled(self) -> list[tuple[str, str]]:
+        """Return the parameters that were set since the last call, or could not be."""
+        settled = []
+        while self._settled:
+            settled.append(self._settled.popleft())
+        return settled
+
+    def _newest(self, topic: str, within_s: float) -> Any:
+        stamped = self._client.latest.get(topic)
+        return samples.aged(topic, stamped) if stamped and stamped.age_s <= within_s else None
+
+    def _echo(self) -> Echo | None:
+        altimeter = self._newest("altimeter", STALE_S)
+        if altimeter:
+            return Echo(altimeter.distance, *altimeter.limits)
+        altitude = self._newest("altitude", STALE_S)
+        return Echo(altitude.distance, *DVL_REACH) if altitude else None
+
+    def _call_arm(self, on: bool) -> None:
+        call(self._client.session, f"/{self._client.node}/arm", "std_srvs/srv/SetBool", {"data": on})
+
+    def _do(self, job: Callable[[], None]) -> None:
+        self._jobs.append(job)
+        self._wake.set()
+
+    def _work(self) -> None:
+        """Do what waits for answers, and look every now and then at what the slave has."""
+        while not self._ending.is_set():
+            while self._jobs:
+                self._attempt(self._jobs.popleft())
+            if self._client.contact.present:
+                self._attempt(self._look)
+            self._wake.wait(REFRESH_S if self._is_known else 0.1)
+            self._wake.clear()
+
+    def _look(self) -> None:
+        try:
+            self._sensors = frozenset(self._client.offers())
+            self._parameters.refresh()
+        finally:
+            self._is_known = True
+
+    def _attempt(self, job: Callable[[], None]) -> None:
+        try:
+            job()
+        except HilError:  # the network is down, or the slave has no services: what is known stays
+            return

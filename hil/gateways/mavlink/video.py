@@ -1,0 +1,113 @@
+"""The camera's picture as MJPEG over HTTP, on this machine only: for browsers, ffmpeg and GStreamer."""
+
+import threading
+from collections.abc import Callable
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from typing import Any
+
+from hil.client.client import Stamped
+from hil.common.errors import NetworkError
+
+PICTURES = "camera/image_raw/compressed"  # the topic of pictures as JPEG
+BOUNDARY = "uuv-hil-picture"
+SILENT_S = 10.0  # after which a stream without a new picture ends
+MOST_VIEWERS = 8
+HOSTS = ("127.0.0.1", "localhost", "[::1]")  # a page of another name must not see it
+
+
+class VideoServer:
+    """Serves the newest JPEG at "/", one response without end for each viewer. Use as a context. Raises NetworkError.
+
+    `on_viewer` is called when the first viewer comes: pictures are not fetched before.
+    """
+
+    def __init__(self, port: int, on_viewer: Callable[[], None] = lambda: None) -> None:
+        self.news = threading.Condition()
+        self.picture: bytes = b""
+        self.count = 0
+        self.viewers = 0
+        self.on_viewer = on_viewer
+        self.is_ending = False
+        handler = type("Handler", (_Handler,), {"video": self})
+        try:
+            self._server = ThreadingHTTPServer(("127.0.0.1", port), handler)
+        except OSError as error:
+            raise NetworkError(f"video: 127.0.0.1:{port}: {error.strerror}; choose another video_port") from None
+        self._server.daemon_threads = True
+        self.port: int = self._server.server_address[1]
+        self._thread = threading.Thread(target=self._server.serve_forever, name="video", daemon=True)
+        self._thread.start()
+
+    def __enter__(self) -> "VideoServer":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        with self.news:
+            self.is_ending = True
+            self.news.notify_all()
+        self._server.shutdown()
+        self._server.server_close()
+        self._thread.join(2.0)
+
+    @property
+    def address(self) -> str:
+        """Return where it is, as a URL."""
+        return f"http://127.0.0.1:{self.port}/"
+
+    def on_sample(self, topic: str, stamped: Stamped) -> None:
+        """Show a sample of the vehicle, if it is a picture."""
+        if topic == PICTURES:
+            self.show(stamped.value.data)
+
+    def show(self, jpeg: bytes) -> None:
+        """Show a new picture to all viewers."""
+        with self.news:
+            self.picture, self.count = jpeg, self.count + 1
+            self.news.notify_all()
+
+
+class _Handler(BaseHTTPRequestHandler):
+    video: VideoServer
+    timeout = 10.0
+
+    def do_GET(self) -> None:  # http.server's name
+        """Answer with a stream of pictures."""
+        video = self.video
+        host = self.headers.get("Host", "").rpartition(":")[0] or self.headers.get("Host", "")
+        if host not in HOSTS:
+            self.send_error(403)
+            return
+        if self.path != "/":
+            self.send_error(404)
+            return
+        with video.news:
+            if video.viewers >= MOST_VIEWERS:
+                self.send_error(503)
+                return
+            video.viewers += 1
+        try:
+            video.on_viewer()
+            self._stream(video)
+        except OSError:  # the viewer has gone
+            return
+        finally:
+            with video.news:
+                video.viewers -= 1
+
+    def log_message(self, *_: Any) -> None:
+        """Say nothing."""
+
+    def _stream(self, video: VideoServer) -> None:
+        self.send_response(200)
+        self.send_header("Content-Type", f"multipart/x-mixed-replace; boundary={BOUNDARY}")
+        self.send_header("Cache-Control", "no-store")
+        self.end_headers()
+        shown = 0
+        while True:
+            with video.news:
+                video.news.wait_for(lambda last=shown: video.count != last or video.is_ending, SILENT_S)  # type: ignore[misc]
+                if video.is_ending or video.count == shown:
+                    return
+                picture, shown = video.picture, video.count
+            head = f"--{BOUNDARY}\r\nContent-Type: image/jpeg\r\nContent-Length: {len(picture)}\r\n\r\n"
+            self.wfile.write(head.encode() + picture + b"\r\n")

@@ -1,0 +1,75 @@
+"""Record of the section [mavlink], and the endpoints that it names: `uuv-hil mavlink` reads both."""
+
+from typing import Annotated, Literal, NamedTuple
+
+from hil.common.endpoint import validate_endpoint
+from hil.common.errors import ConfigError
+from hil.common.schema import Range
+
+FORMS = (
+    "udpout:HOST:PORT, udpin:HOST:PORT, tcpin:HOST:PORT, tcpout:HOST:PORT, serial:/dev/ttyUSB0:57600, "
+    "zenoh:tcp/HOST:PORT"
+)
+BAUD = 57_600  # of a serial device whose endpoint does not name one
+Kind = Literal["udpout", "udpin", "tcpin", "tcpout", "serial", "zenoh"]
+
+
+class MavlinkEndpoint(NamedTuple):
+    """The parts of an endpoint: `place` is a host, a device or the endpoint of a zenoh router."""
+
+    kind: Kind
+    place: str
+    port: int = 0  # bit/s of a serial device
+
+
+def parse_endpoint(text: str) -> MavlinkEndpoint:
+    """Return the parts of an endpoint. Raises ConfigError that lists the forms."""
+    kind, _, rest = text.partition(":")
+    if kind == "serial" and rest.startswith("/"):
+        device, _, baud = rest.rpartition(":")
+        if device and baud.isdecimal() and 1200 <= int(baud) <= 12_000_000:
+            return MavlinkEndpoint("serial", device, int(baud))
+        if ":" not in rest:
+            return MavlinkEndpoint("serial", rest, BAUD)
+    elif kind == "zenoh" and validate_endpoint("zenoh", rest) is None:
+        return MavlinkEndpoint("zenoh", rest)
+    elif kind in ("udpout", "udpin", "tcpin", "tcpout"):
+        host, _, port = rest.rpartition(":")
+        if host and port.isascii() and port.isdecimal() and int(port) < 65_536 and (int(port) or kind.endswith("in")):
+            words: dict[str, Kind] = {"udpout": "udpout", "udpin": "udpin", "tcpin": "tcpin", "tcpout": "tcpout"}
+            return MavlinkEndpoint(words[kind], host.strip("[]"), int(port))
+    raise ConfigError(f"{text!r} is not a MAVLink endpoint; there are {FORMS}")
+
+
+class Mavlink(NamedTuple):
+    """Vehicle that MAVLink ground stations and companion software know, served by a process beside the slave.
+
+    `endpoints` are where it speaks: "udpout" sends to a ground station, "udpin" and "tcpin" wait for several, "tcpout"
+    connects to a router, "serial" is a radio or a companion computer, "zenoh" offers the keys that BlueOS has.
+    `system` is its MAVLink system id. `autopilot` is the firmware whose mode numbers and mission rules it follows:
+    "ardupilot" those of ArduSub, which QGroundControl knows best, "generic" those of the MAVLink standard alone.
+    Ground stations on other machines may only look unless `commands_from` is "network". `signing_key`, a passphrase
+    or 64 hexadecimal digits, signs all packets and refuses unsigned ones. `parameters` is the file of stored
+    parameters ("": one of this user's for the node), `logs` the folder that MAVFTP offers. `video_port` is that of the
+    camera's picture as MJPEG over HTTP on this machine, 0 for none. With `start` the slave starts the process; else
+    `uuv-hil mavlink` does.
+    """
+
+    endpoints: tuple[str, ...] = ("udpout:127.0.0.1:14550", "tcpin:127.0.0.1:5760")
+    system: Annotated[int, Range(1, 250)] = 1
+    autopilot: Literal["ardupilot", "generic"] = "ardupilot"
+    commands_from: Literal["localhost", "network"] = "localhost"
+    signing_key: str = ""
+    parameters: str = ""
+    logs: str = "recordings"
+    video_port: Annotated[int, Range(0, 65_535)] = 0
+    start: bool = True
+
+    def validate(self) -> str | None:
+        """Return why an endpoint is none, or None."""
+        try:
+            for text in self.endpoints:
+                parse_endpoint(text)
+        except ConfigError as error:
+            return f"endpoints: {error}"
+        return None if self.endpoints else "endpoints: none is given; name at least one"

@@ -1,0 +1,301 @@
+"""Modes of the MAVLink vehicle: what each sends, what is held, and what stops it."""
+
+from math import pi
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from hil.autonomy.control.controller import VelocityCommand
+from hil.gateways.mavlink.flight.modes import MODES, Mode
+from hil.gateways.mavlink.flight.targets import TargetError, local_target
+from hil.gateways.mavlink.snapshot import NEUTRAL
+from tests.support.mavlink_vehicle import Bench, PointVehicle
+
+ACCEPTED, FAILED = dialect.MAV_RESULT_ACCEPTED, dialect.MAV_RESULT_FAILED
+ARM = dialect.MAV_CMD_COMPONENT_ARM_DISARM
+POSITION_ONLY, VELOCITY_ONLY = 0b110111111000, 0b110111000111
+
+
+def test_disarmed_nothing_is_sent() -> None:
+    bench = Bench()
+    bench.run(1.0, lambda: bench.partner.sticks(x=1000))
+    assert bench.vehicle.commands == []
+
+
+def test_manual_turns_sticks_into_forces() -> None:
+    bench = Bench()
+    bench.arm()
+    bench.run(0.2, lambda: bench.partner.sticks(x=500, y=-500, z=750, r=1000))
+    x, y, z, _, _, n = bench.vehicle.pushed()
+    table = bench.table
+    assert (x, y) == (0.5 * table["MAN_FORCE_X"], -0.5 * table["MAN_FORCE_Y"])
+    assert (z, n) == (-0.5 * table["MAN_FORCE_Z"], table["MAN_MOMENT_N"])  # z of FRD is down: up is negative
+
+
+@pytest.mark.parametrize("mode", [mode for mode in Mode if mode != Mode.AUTO])
+def test_a_silent_joystick_is_a_centred_one(mode: Mode) -> None:
+    bench = Bench()
+    bench.arm(mode)
+    bench.run(1.0, lambda: bench.partner.sticks(x=1000, r=1000))
+    bench.run(2.0)
+    command = bench.vehicle.commands[-1]
+    if mode == Mode.MANUAL:
+        assert command == NEUTRAL
+    else:
+        assert isinstance(command, VelocityCommand)
+        assert abs(command.surge) < 0.05
+        assert command.yaw_rate == 0.0
+    assert ("joystick silent" in bench.partner.texts()) == (mode in (0, 2, 16, 19))
+
+
+def test_a_stick_that_is_no_axis_is_centred() -> None:
+    bench = Bench()
+    bench.arm()
+    bench.run(0.2, lambda: bench.partner.sticks(x=0x7FFF, y=0x7FFF, z=0x7FFF, r=0x7FFF))
+    assert bench.vehicle.commands[-1] == NEUTRAL
+
+
+def test_the_first_of_two_joysticks_counts_until_it_is_silent() -> None:
+    bench = Bench()
+    other = bench.add_partner(system=254)
+    bench.arm()
+
+    def both() -> None:
+        bench.partner.sticks(x=1000)
+        other.sticks(x=-1000)
+
+    bench.run(1.0, both)
+    assert bench.vehicle.pushed()[0] > 0.0
+    assert bench.core.pilot.joystick.refused > 40
+    bench.run(1.0, lambda: other.sticks(x=-1000))
+    assert bench.vehicle.pushed()[0] < 0.0
+
+
+def test_sticks_that_waited_too_long_are_not_obeyed() -> None:
+    bench = Bench()
+    bench.arm()
+    bench.dispatcher.stale = True
+    bench.run(0.5, lambda: bench.partner.sticks(x=1000))
+    assert bench.vehicle.commands[-1] == NEUTRAL
+    assert bench.core.pilot.joystick.stale == 25
+
+
+def test_depth_hold_holds_the_depth_where_the_stick_was_let_go() -> None:
+    bench = Bench()
+    bench.arm(Mode.ALT_HOLD)
+    bench.run(2.0, lambda: bench.partner.sticks(z=0))
+    dived = bench.vehicle.depth
+    assert dived > 2.4
+    bench.run(3.0, bench.partner.sticks)
+    assert abs(bench.vehicle.depth - dived) < 0.2
+    held = bench.vehicle.commands[-1]
+    assert isinstance(held, VelocityCommand)
+    assert held.depth == pytest.approx(bench.vehicle.depth, abs=0.01)
+
+
+def test_position_hold_comes_back_when_it_is_pushed_away() -> None:
+    bench = Bench()
+    bench.arm(Mode.POSHOLD)
+    bench.run(0.5, bench.partner.sticks)
+    bench.vehicle.north += 2.0
+    bench.run(15.0, bench.partner.sticks)
+    assert abs(bench.vehicle.north) < 0.05
+
+
+def test_guided_goes_to_a_place_and_stays() -> None:
+    bench = Bench()
+    bench.arm(Mode.GUIDED)
+    bench.partner.send(
+        dialect.MAVLink_set_position_target_local_ned_message(
+            0, 1, 1, dialect.MAV_FRAME_LOCAL_NED, POSITION_ONLY, 3.0, -4.0, 3.0, 0, 0, 0, 0, 0, 0, 0, 0
+        )
+    )
+    bench.run(40.0)
+    assert abs(bench.vehicle.north - 3.0) < 0.3
+    assert abs(bench.vehicle.east + 4.0) < 0.3
+    assert abs(bench.vehicle.depth - 3.0) < 0.3
+
+
+def test_guided_goes_to_a_place_on_the_earth() -> None:
+    bench = Bench()
+    bench.arm(Mode.GUIDED)
+    north, east, _ = bench.core.plane.geodetic((5.0, 2.0, 0.0))  # type: ignore[union-attr]
+    bench.partner.send(
+        dialect.MAVLink_set_position_target_global_int_message(
+            0, 1, 1, dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT, POSITION_ONLY, round(north * 1e7), round(east * 1e7),
+            -4.0, 0, 0, 0, 0, 0, 0, 0, 0,
+        )
+    )  # fmt: skip
+    bench.run(40.0)
+    assert abs(bench.vehicle.north - 5.0) < 0.35
+    assert abs(bench.vehicle.east - 2.0) < 0.35
+    assert abs(bench.vehicle.depth - 4.0) < 0.3
+
+
+def test_a_velocity_target_ends_by_itself() -> None:
+    bench = Bench()
+    bench.arm(Mode.GUIDED)
+    bench.partner.send(
+        dialect.MAVLink_set_position_target_local_ned_message(
+            0, 1, 1, dialect.MAV_FRAME_BODY_NED, VELOCITY_ONLY, 0, 0, 0, 0.4, 0, 0, 0, 0, 0, 0, 0
+        )
+    )
+    bench.run(2.0)
+    assert bench.vehicle.north == pytest.approx(0.8, abs=0.05)
+    bench.run(10.0)
+    assert bench.vehicle.north < 1.6
+    assert "timed out" in bench.partner.texts()
+
+
+def test_surface_rises() -> None:
+    bench = Bench()
+    bench.vehicle.depth = 5.0
+    bench.arm(Mode.SURFACE)
+    bench.run(15.0)
+    assert bench.vehicle.depth == pytest.approx(bench.table["SURFACE_DEPTH"], abs=0.05)
+
+
+def test_no_target_is_deeper_than_the_limit() -> None:
+    bench = Bench()
+    bench.table.set("DEPTH_MAX", 5.0)
+    bench.arm(Mode.GUIDED)
+    bench.partner.send(
+        dialect.MAVLink_set_position_target_local_ned_message(
+            0, 1, 1, dialect.MAV_FRAME_LOCAL_NED, POSITION_ONLY, 0, 0, 30.0, 0, 0, 0, 0, 0, 0, 0, 0
+        )
+    )
+    bench.run(30.0)
+    assert bench.vehicle.depth <= 5.01
+
+
+def test_arming_waits_for_the_slave_and_fails_in_words() -> None:
+    bench = Bench()
+    bench.vehicle.refused = "uuv1 obeys another master"
+    assert bench.partner.command(ARM, 1) is None
+    assert bench.vehicle.armed_calls == [True]
+    bench.run(2.5)
+    assert [ack.result for ack in bench.partner.take("COMMAND_ACK")] == [FAILED]
+    assert "obeys another master" in bench.partner.texts()
+    assert not bench.core.pilot.armed
+
+
+def test_arming_that_waited_is_acknowledged_once_the_slave_obeys() -> None:
+    bench = Bench()
+    bench.vehicle.refused = "uuv1 is disarmed"
+    assert bench.partner.command(ARM, 1) is None
+    bench.run(0.5)
+    bench.vehicle.refused = ""
+    bench.run(0.2)
+    assert [ack.result for ack in bench.partner.take("COMMAND_ACK")] == [ACCEPTED]
+    assert bench.core.pilot.armed
+
+
+def test_another_master_disarms() -> None:
+    bench = Bench()
+    bench.arm()
+    bench.vehicle.refused = "uuv1 obeys another master"
+    bench.run(0.5)
+    assert not bench.core.pilot.armed
+    assert "another master" in bench.partner.texts()
+
+
+def test_disarming_sends_neutral_and_then_nothing() -> None:
+    bench = Bench()
+    bench.arm()
+    bench.run(0.5, lambda: bench.partner.sticks(x=1000))
+    assert bench.partner.command(ARM, 0) == ACCEPTED
+    count = len(bench.vehicle.commands)
+    bench.run(1.0, lambda: bench.partner.sticks(x=1000))
+    assert 0 < len(bench.vehicle.commands) - count <= 3
+    assert bench.vehicle.commands[-1] == NEUTRAL
+    assert bench.vehicle.armed_calls == []
+    assert bench.partner.command(ARM, 0, 21196) == ACCEPTED
+    assert bench.vehicle.armed_calls == [False]
+
+
+@pytest.mark.parametrize(("action", "armed", "mode"), [(0, True, 19), (1, True, 19), (2, False, 19), (4, True, 9)])
+def test_silence_of_all_ground_stations(action: int, armed: bool, mode: int) -> None:
+    bench = Bench()
+    bench.table.set("FS_GCS_ENABLE", action)
+    bench.arm()
+    bench.run(2.0, bench.partner.heartbeat)
+    assert bench.core.pilot.armed
+    bench.run(4.0)
+    assert (bench.core.pilot.armed, bench.core.pilot.mode) == (armed, mode)
+
+
+def test_without_a_ground_station_its_silence_means_nothing() -> None:
+    bench = Bench()
+    bench.arm()
+    bench.run(10.0)
+    assert bench.core.pilot.armed
+
+
+def test_a_vehicle_that_is_gone_has_no_heartbeat_and_is_disarmed() -> None:
+    bench = Bench()
+    bench.arm()
+    bench.vehicle.is_present = False
+    bench.run(1.0)
+    bench.partner.received.clear()
+    bench.run(4.0)
+    assert bench.partner.take("HEARTBEAT") == []
+    assert not bench.core.pilot.armed
+
+
+def test_a_leak_is_told_and_brings_it_up_if_asked_for() -> None:
+    bench = Bench()
+    bench.table.set("FS_LEAK_ENABLE", 2)
+    bench.arm(Mode.ALT_HOLD)
+    bench.vehicle.leak = True
+    bench.run(0.5)
+    assert "Leak" in bench.partner.texts()
+    assert bench.core.pilot.mode == Mode.SURFACE
+
+
+def test_an_unknown_mode_is_refused() -> None:
+    bench = Bench()
+    for number in (1.0, 99.0, float("nan"), 1e30):
+        assert bench.partner.command(dialect.MAV_CMD_DO_SET_MODE, 1, number) != ACCEPTED
+    assert bench.partner.command(dialect.MAV_CMD_DO_SET_MODE, 0, 2) != ACCEPTED
+
+
+def test_all_modes_are_listed() -> None:
+    bench = Bench()
+    assert bench.partner.command(dialect.MAV_CMD_REQUEST_MESSAGE, 435, 0) == ACCEPTED
+    listed = bench.partner.take("AVAILABLE_MODES")
+    assert {message.custom_mode for message in listed} == set(MODES)
+    assert {message.number_modes for message in listed} == {len(MODES)}
+    assert [message.mode_index for message in listed] == list(range(1, len(MODES) + 1))
+
+
+def test_targets_that_cannot_be_meant() -> None:
+    state = PointVehicle().state
+
+    def read(frame: int, mask: int, *values: float) -> None:
+        local_target(
+            dialect.MAVLink_set_position_target_local_ned_message(
+                0, 1, 1, frame, mask, *values, *[0.0] * (11 - len(values))
+            ),
+            state,
+        )
+
+    for frame, mask, values in (
+        (1, POSITION_ONLY, (float("nan"), 0.0, 0.0)),
+        (1, POSITION_ONLY, (1e9, 0.0, 0.0)),
+        (99, POSITION_ONLY, (1.0, 0.0, 0.0)),
+        (1, 0b110111111111, ()),
+        (1, VELOCITY_ONLY, (0.0, 0.0, 0.0, 1e6)),
+        (1, 0b110000111111, ()),
+    ):
+        with pytest.raises(TargetError):
+            read(frame, mask, *values)
+
+
+def test_frames_of_local_targets() -> None:
+    vehicle = PointVehicle()
+    vehicle.heading, vehicle.north = pi / 2, 10.0
+    message = dialect.MAVLink_set_position_target_local_ned_message
+    body = local_target(message(0, 1, 1, 9, POSITION_ONLY, 2.0, 0, -1.0, 0, 0, 0, 0, 0, 0, 0, 0), vehicle.state)
+    assert body.place == pytest.approx((10.0, 2.0, 1.0))
+    world = local_target(message(0, 1, 1, 1, VELOCITY_ONLY, 0, 0, 0, 0.3, 0, 0, 0, 0, 0, 0, 0), vehicle.state)
+    assert world.velocity == pytest.approx((0.0, -0.3, 0.0))

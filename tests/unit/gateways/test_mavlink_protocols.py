@@ -1,0 +1,432 @@
+"""Parameters, missions, files, logs, streams and rights of the MAVLink vehicle, packet by packet."""
+
+import struct
+from pathlib import Path
+from typing import Any
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from hil.gateways.mavlink.flight.mission_flight import COMPLETE
+from hil.gateways.mavlink.flight.modes import Mode
+from hil.gateways.mavlink.protocols import ftp
+from hil.gateways.mavlink.protocols.parameters import GATEWAY, ParameterTable
+from hil.gateways.mavlink.protocols.streams import DEFAULT_HZ
+from hil.scenario.mavlink_records import Mavlink
+from tests.support.mavlink_vehicle import Bench, Partner
+
+ACCEPTED, UNSUPPORTED, DENIED = (
+    dialect.MAV_RESULT_ACCEPTED,
+    dialect.MAV_RESULT_UNSUPPORTED,
+    dialect.MAV_RESULT_DENIED,
+)
+LOCAL = dialect.MAV_FRAME_LOCAL_NED
+HOME_ROW = (0, 16, 0.0, 0.0, 0.0)
+
+
+def test_every_command_is_acknowledged() -> None:
+    bench = Bench()
+    for number in range(3000):
+        if number != dialect.MAV_CMD_COMPONENT_ARM_DISARM:
+            assert bench.partner.command(number) is not None, number
+    assert bench.partner.command(2999) == UNSUPPORTED
+    bench.partner.send(dialect.MAVLink_command_int_message(1, 1, 0, 2999, 0, 0, 0, 0, 0, 0, 0, 0, 0))
+    assert [ack.result for ack in bench.partner.take("COMMAND_ACK")] == [UNSUPPORTED]
+
+
+def test_commands_for_others_are_not_answered() -> None:
+    bench = Bench()
+    bench.partner.send(dialect.MAVLink_command_long_message(7, 1, 400, 0, 1, 0, 0, 0, 0, 0, 0))
+    bench.partner.send(dialect.MAVLink_command_long_message(1, 154, 400, 0, 1, 0, 0, 0, 0, 0, 0))
+    assert bench.partner.received == []
+    assert not bench.core.pilot.armed
+
+
+def test_all_parameters_come_once_with_their_places() -> None:
+    bench = Bench()
+    bench.partner.send(dialect.MAVLink_param_request_list_message(1, 1))
+    bench.run(0.2)
+    values = bench.partner.take("PARAM_VALUE")
+    assert [value.param_index for value in values] == list(range(len(values)))
+    assert {value.param_count for value in values} == {len(values)}
+    names = [value.param_id for value in values]
+    assert names == sorted([*GATEWAY, *bench.vehicle.values])
+    assert all(len(name) <= 16 for name in names)
+
+
+def test_parameters_by_name_and_index_and_what_there_is_not() -> None:
+    bench = Bench()
+    bench.partner.send(dialect.MAVLink_param_request_read_message(1, 1, b"WP_SPEED", -1))
+    (value,) = bench.partner.take("PARAM_VALUE")
+    assert (value.param_id, value.param_value, value.param_type) == ("WP_SPEED", 0.5, dialect.MAV_PARAM_TYPE_REAL32)
+    bench.partner.send(dialect.MAVLink_param_request_read_message(1, 1, b"", value.param_index))
+    assert bench.partner.take("PARAM_VALUE")[0].param_id == "WP_SPEED"
+    for name, index in ((b"NONE", -1), (b"", 9999), (b"_HASH_CHECK", -1)):
+        bench.partner.send(dialect.MAVLink_param_request_read_message(1, 1, name, index))
+    assert bench.partner.take("PARAM_VALUE") == []
+
+
+def test_setting_a_parameter_tells_everybody_what_it_is() -> None:
+    bench = Bench()
+    other = bench.add_partner(system=254)
+
+    def set_one(name: bytes, value: float) -> list[float]:
+        bench.partner.send(dialect.MAVLink_param_set_message(1, 1, name, value, dialect.MAV_PARAM_TYPE_REAL32))
+        bench.run(0.1)
+        return [value.param_value for value in bench.partner.take("PARAM_VALUE")]
+
+    assert set_one(b"WP_SPEED", 1.5) == [1.5]
+    assert len(other.take("PARAM_VALUE")) == 1
+    assert set_one(b"WP_SPEED", 1e9) == [1.5]
+    assert "not between" in bench.partner.texts()
+    assert set_one(b"WP_SPEED", float("nan")) == [1.5]
+    assert set_one(b"FS_GCS_ENABLE", 3.4) == [3.0]
+    assert set_one(b"NONE", 1.0) == []
+    assert set_one(b"G_SURGE_P", 2.5) == [2.5]
+    assert bench.vehicle.values["G_SURGE_P"] == 2.5
+
+
+def test_parameters_are_stored_and_a_broken_file_is_named(tmp_path: Path) -> None:
+    path = str(tmp_path / "deep" / "vehicle.toml")
+    assert ParameterTable(path).set("WP_RADIUS", 2.0) == ""
+    assert ParameterTable(path)["WP_RADIUS"] == 2.0
+    Path(path).write_text('WP_RADIUS = 3.0\nWP_SPEED = "fast"\nNOTHING = 1\n', encoding="utf-8")
+    table = ParameterTable(path)
+    assert (table["WP_RADIUS"], table["WP_SPEED"], len(table.faults)) == (3.0, 0.5, 2)
+    Path(path).write_text("not toml", encoding="utf-8")
+    assert "defaults are used" in ParameterTable(path).faults[0]
+
+
+def _upload(partner: Partner, rows: list[tuple[Any, ...]], count: int | None = None) -> int | None:
+    """Upload items (frame, command, x, y, z, and four parameters); return the MAV_MISSION_RESULT."""
+    partner.send(dialect.MAVLink_mission_count_message(1, 1, len(rows) if count is None else count, 0))
+    while requests := partner.take("MISSION_REQUEST_INT"):
+        frame, command, x, y, z, *params = rows[requests[-1].seq]
+        four = [*params, *[0.0] * (4 - len(params))]
+        partner.send(
+            dialect.MAVLink_mission_item_int_message(
+                1, 1, requests[-1].seq, frame, command, 0, 1, *four, round(x * 1e4), round(y * 1e4), z
+            )
+        )
+    acks = partner.take("MISSION_ACK")
+    return acks[0].type if acks else None
+
+
+def test_a_mission_goes_up_and_comes_down_again() -> None:
+    bench = Bench()
+    rows = [HOME_ROW, (LOCAL, 16, 5.0, 0.0, 3.0), (LOCAL, 16, 5.0, -5.0, 3.0, 2.0), (LOCAL, 20, 0.0, 0.0, 0.0)]
+    assert _upload(bench.partner, rows) == dialect.MAV_MISSION_ACCEPTED
+    bench.partner.send(dialect.MAVLink_mission_request_list_message(1, 1, 0))
+    assert bench.partner.take("MISSION_COUNT")[0].count == 4
+    for index in range(4):
+        bench.partner.send(dialect.MAVLink_mission_request_int_message(1, 1, index, 0))
+    items = bench.partner.take("MISSION_ITEM_INT")
+    assert [item.seq for item in items] == [0, 1, 2, 3]
+    assert (items[2].x, items[2].y, items[2].z, items[2].param1) == (50_000, -50_000, 3.0, 2.0)
+    assert (items[0].x, items[0].y) == (round(45e7), round(10e7))  # item 0 is home, wherever the upload had it
+    bench.partner.send(dialect.MAVLink_mission_request_message(1, 1, 1, 0))
+    assert bench.partner.take("MISSION_ITEM")[0].x == pytest.approx(5.0)
+
+
+def test_item_zero_is_a_waypoint_for_a_generic_autopilot() -> None:
+    bench = Bench(Mavlink(autopilot="generic"))
+    assert _upload(bench.partner, [(LOCAL, 16, 5.0, 0.0, 3.0)]) == dialect.MAV_MISSION_ACCEPTED
+    assert bench.core.flight.current == 0
+    assert bench.partner.command(dialect.MAV_CMD_MISSION_START) == ACCEPTED
+
+
+@pytest.mark.parametrize(
+    ("row", "result"),
+    [
+        ((LOCAL, 22, 0.0, 0.0, 0.0), dialect.MAV_MISSION_UNSUPPORTED),
+        ((10, 16, 0.0, 0.0, 0.0), dialect.MAV_MISSION_UNSUPPORTED_FRAME),
+        ((6, 16, 99e3, 0.0, 0.0), dialect.MAV_MISSION_INVALID_PARAM5_X),
+        ((LOCAL, 16, 0.0, 0.0, float("nan")), dialect.MAV_MISSION_INVALID),
+        ((LOCAL, 177, 0.0, 0.0, 0.0, 9.0, 1.0), dialect.MAV_MISSION_INVALID_PARAM1),
+        ((LOCAL, 178, 0.0, 0.0, 0.0, 0.0, float("nan")), dialect.MAV_MISSION_INVALID_PARAM2),
+    ],
+)
+def test_items_that_cannot_be_flown_are_refused(row: tuple[Any, ...], result: int) -> None:
+    bench = Bench()
+    rows = [HOME_ROW, row]
+    assert _upload(bench.partner, rows) == result
+    assert bench.core.flight.total == 0
+
+
+def test_places_on_the_earth_need_an_origin() -> None:
+    bench = Bench(origin=None)
+    rows = [HOME_ROW, (6, 16, 45e3, 10e3, -2.0)]
+    assert _upload(bench.partner, rows) == dialect.MAV_MISSION_INVALID_PARAM5_X
+    bench.partner.send(dialect.MAVLink_set_gps_global_origin_message(1, round(45e7), round(10e7), 0))
+    assert _upload(bench.partner, rows) == dialect.MAV_MISSION_ACCEPTED
+
+
+def test_an_upload_that_stalls_is_asked_for_and_then_given_up() -> None:
+    bench = Bench()
+    bench.partner.send(dialect.MAVLink_mission_count_message(1, 1, 2, 0))
+    assert len(bench.partner.take("MISSION_REQUEST_INT")) == 1
+    bench.run(2.0)
+    assert 3 <= len(bench.partner.take("MISSION_REQUEST_INT")) <= 5
+    bench.run(3.0)
+    assert [ack.type for ack in bench.partner.take("MISSION_ACK")] == [dialect.MAV_MISSION_OPERATION_CANCELLED]
+    assert _upload(bench.partner, [HOME_ROW]) == dialect.MAV_MISSION_ACCEPTED
+
+
+def test_what_missions_do_not_have_is_answered() -> None:
+    bench = Bench()
+    other = bench.add_partner(system=254)
+    send, take = bench.partner.send, bench.partner.take
+    for kind, count in ((0, 1), (1, 0), (2, 0)):  # home, no fence, no rally points
+        send(dialect.MAVLink_mission_request_list_message(1, 1, kind))
+        assert take("MISSION_COUNT")[0].count == count
+    send(dialect.MAVLink_mission_request_int_message(1, 1, 0, 0))
+    assert len(take("MISSION_ITEM_INT")) == 1
+    send(dialect.MAVLink_mission_request_message(1, 1, 1, 0))
+    assert take("MISSION_ACK")[0].type == dialect.MAV_MISSION_INVALID_SEQUENCE
+    send(dialect.MAVLink_mission_count_message(1, 1, 3, dialect.MAV_MISSION_TYPE_FENCE))
+    assert take("MISSION_ACK")[0].type == dialect.MAV_MISSION_UNSUPPORTED
+    send(dialect.MAVLink_mission_count_message(1, 1, 60_000, 0))
+    assert take("MISSION_ACK")[0].type == dialect.MAV_MISSION_NO_SPACE
+    send(dialect.MAVLink_mission_count_message(1, 1, 2, 0))
+    other.send(dialect.MAVLink_mission_count_message(1, 1, 2, 0))
+    assert other.take("MISSION_ACK")[0].type == dialect.MAV_MISSION_DENIED
+
+
+def test_a_mission_is_flown_item_by_item() -> None:
+    bench = Bench()
+    rows = [
+        HOME_ROW,
+        (LOCAL, 16, 3.0, 0.0, 3.0),
+        (LOCAL, 178, 0.0, 0.0, 0.0, 1.0, 1.0),
+        (LOCAL, 16, 3.0, 3.0, 3.0, 1.0),
+        (LOCAL, 177, 0.0, 0.0, 0.0, 1.0, 1.0),
+        (LOCAL, 201, 0.0, 0.0, 0.0),
+        (LOCAL, 20, 0.0, 0.0, 0.0),
+    ]
+    assert _upload(bench.partner, rows) == dialect.MAV_MISSION_ACCEPTED
+    bench.arm(Mode.AUTO)
+    bench.run(120.0)
+    reached = [message.seq for message in bench.partner.take("MISSION_ITEM_REACHED")]
+    assert reached == [1, 3, 1, 3, 6]
+    assert bench.core.flight.status == COMPLETE
+    assert abs(bench.vehicle.north) < 0.6
+    assert abs(bench.vehicle.depth - 0.2) < 0.5
+    assert "mission complete" in bench.partner.texts()
+    assert bench.partner.take("MISSION_CURRENT")[-1].mission_state == COMPLETE
+
+
+def test_a_mission_pauses_goes_on_and_jumps() -> None:
+    bench = Bench()
+    rows = [HOME_ROW, (LOCAL, 16, 50.0, 0.0, 3.0), (LOCAL, 16, 0.0, 5.0, 3.0)]
+    _upload(bench.partner, rows)
+    bench.arm(Mode.AUTO)
+    bench.run(4.0)
+    assert bench.partner.command(dialect.MAV_CMD_DO_PAUSE_CONTINUE, 0) == ACCEPTED
+    bench.run(5.0)
+    held = bench.vehicle.north
+    assert 1.0 < held < 4.0
+    bench.run(5.0)
+    assert bench.vehicle.north == pytest.approx(held, abs=0.05)
+    assert bench.partner.command(dialect.MAV_CMD_DO_PAUSE_CONTINUE, 1) == ACCEPTED
+    bench.partner.send(dialect.MAVLink_mission_set_current_message(1, 1, 2))
+    assert bench.partner.take("MISSION_CURRENT")[-1].seq == 2
+    bench.run(60.0)
+    assert abs(bench.vehicle.east - 5.0) < 0.6
+    assert bench.partner.command(dialect.MAV_CMD_DO_SET_MISSION_CURRENT, 77) == DENIED
+
+
+def test_auto_needs_a_mission() -> None:
+    bench = Bench()
+    assert bench.partner.command(dialect.MAV_CMD_DO_SET_MODE, 1, Mode.AUTO) != ACCEPTED
+    bench.run(0.1)
+    assert "no mission" in bench.partner.texts()
+
+
+def test_jumps_for_ever_do_not_hang() -> None:
+    bench = Bench()
+    _upload(bench.partner, [HOME_ROW, (LOCAL, 201, 0, 0, 0.0), (LOCAL, 177, 0, 0, 0.0, 1.0, -1.0)])
+    bench.arm(Mode.AUTO)
+    bench.run(1.0)
+    assert bench.core.pilot.armed
+
+
+def _ftp(
+    bench: Bench, opcode: int, text: bytes = b"", session: int = 0, offset: int = 0, size: int | None = None
+) -> list[Any]:
+    number = getattr(bench, "ftp_number", 0)
+    bench.ftp_number = number + 1000  # type: ignore[attr-defined]
+    length = len(text) if size is None else size
+    payload = ftp.HEADER.pack(number, session, opcode, length, 0, 0, offset) + text
+    bench.partner.send(ftp.ftp_message(payload, 1, 1))
+    bench.run(0.2)
+    answers = []
+    for message in bench.partner.take("FILE_TRANSFER_PROTOCOL"):
+        data = bytes(message.payload)
+        head = ftp.HEADER.unpack_from(data)
+        answers.append((head[2], head[1], head[6], data[ftp.HEADER.size : ftp.HEADER.size + head[3]]))
+    return answers
+
+
+def test_parameters_as_one_file() -> None:
+    bench = Bench()
+    ((kind, session, _, size),) = _ftp(bench, ftp.OPEN_READ, b"@PARAM/param.pck?withdefaults=1\0")
+    assert kind == ftp.ACK
+    answers = _ftp(bench, ftp.BURST, session=session, size=239)
+    data = b"".join(part for kind, _, _, part in answers if kind == ftp.ACK)
+    assert answers[-1][3] == bytes((ftp.END_OF_FILE,))
+    assert len(data) == int.from_bytes(size, "little")
+    assert _unpacked(data) == pytest.approx({name: bench.table.value(name) for name in bench.table.names()}, rel=1e-6)
+    assert _ftp(bench, ftp.TERMINATE, session=session)[0][0] == ftp.ACK
+    assert _ftp(bench, ftp.READ, session=session, size=10)[0][3] == bytes((ftp.BAD_SESSION,))
+
+
+def _unpacked(data: bytes) -> dict[str, float]:
+    """Read param.pck as its description says: type, shared beginning, rest of the name, value."""
+    magic, count, _ = struct.unpack_from("<HHH", data)
+    assert magic == 0x671B
+    values, last, at = {}, "", 6
+    while at < len(data):
+        kind, lengths = data[at] & 15, data[at + 1]
+        common, rest = lengths & 15, (lengths >> 4) + 1
+        last = last[:common] + data[at + 2 : at + 2 + rest].decode()
+        form = {1: "<b", 2: "<h", 3: "<i", 4: "<f"}[kind]
+        (values[last],) = struct.unpack_from(form, data, at + 2 + rest)
+        at += 2 + rest + struct.calcsize(form)
+    assert len(values) == count
+    return values
+
+
+def test_logs_are_read_and_nothing_else(tmp_path: Path) -> None:
+    (tmp_path / "logs").mkdir()
+    (tmp_path / "logs" / "run.mcap").write_bytes(bytes(range(256)) * 4)
+    (tmp_path / "secret").write_text("x", encoding="ascii")
+    (tmp_path / "logs" / "link").symlink_to(tmp_path / "secret")
+    bench = Bench(folder=str(tmp_path / "logs"))
+    assert _ftp(bench, ftp.LIST, b"/\0")[0][3] == b"D@PARAM\0Dlogs\0"
+    assert b"Frun.mcap\t1024\0" in _ftp(bench, ftp.LIST, b"/logs\0")[0][3]
+    ((_, session, _, _),) = _ftp(bench, ftp.OPEN_READ, b"/logs/run.mcap\0")
+    assert _ftp(bench, ftp.READ, session=session, offset=1000, size=239)[0][3] == bytes(range(256))[1000 % 256 :]
+    for path in (
+        b"/logs/../secret\0",
+        b"/secret\0",
+        b"/logs/link\0",
+        b"/logs\0",
+        b"/logs/none\0",
+        b"\xff\xfe\0",
+        b"/etc/passwd\0",
+    ):
+        assert _ftp(bench, ftp.OPEN_READ, path)[0][3] == bytes((ftp.NOT_FOUND,)), path
+    assert _ftp(bench, ftp.CRC32, b"/logs/run.mcap\0")[0][0] == ftp.ACK
+
+
+@pytest.mark.parametrize("opcode", [*ftp.WRITING, 77])
+def test_what_files_do_not_do_is_refused_at_once(opcode: int) -> None:
+    bench = Bench()
+    assert [kind for kind, *_ in _ftp(bench, opcode, b"/logs/new\0")] == [ftp.NAK]
+
+
+def test_sessions_are_few_and_close_by_themselves() -> None:
+    bench = Bench()
+    opened = [_ftp(bench, ftp.OPEN_READ, b"@PARAM/param.pck\0")[0] for _ in range(ftp.MOST_SESSIONS + 1)]
+    assert opened[-1][3] == bytes((ftp.NO_SESSIONS,))
+    bench.run(61.0)
+    assert _ftp(bench, ftp.OPEN_READ, b"@PARAM/param.pck\0")[0][0] == ftp.ACK
+
+
+def test_logs_by_the_old_protocol(tmp_path: Path) -> None:
+    (tmp_path / "a.mcap").write_bytes(bytes(1000))
+    bench = Bench(folder=str(tmp_path))
+    bench.partner.send(dialect.MAVLink_log_request_list_message(1, 1, 0, 0xFFFF))
+    (entry,) = bench.partner.take("LOG_ENTRY")
+    assert (entry.id, entry.num_logs, entry.size) == (1, 1, 1000)
+    bench.partner.send(dialect.MAVLink_log_request_data_message(1, 1, 1, 0, 0xFFFFFFFF))
+    bench.run(1.0)
+    data = bench.partner.take("LOG_DATA")
+    assert sum(part.count for part in data) == 1000
+    assert [part.ofs for part in data] == list(range(0, 1000, 90))
+    bench.partner.send(dialect.MAVLink_log_request_data_message(1, 1, 9, 0, 100))
+    assert bench.partner.take("LOG_DATA")[0].count == 0
+
+
+def test_rates_of_messages() -> None:
+    bench = Bench()
+    number = dialect.MAVLINK_MSG_ID_ATTITUDE
+    command = bench.partner.command
+    for hertz in (25.0, 5.0):
+        assert command(dialect.MAV_CMD_SET_MESSAGE_INTERVAL, number, 1e6 / hertz) == ACCEPTED
+        bench.partner.take("ATTITUDE")
+        bench.run(2.0)
+        assert abs(len(bench.partner.take("ATTITUDE")) - 2 * hertz) <= 1
+    assert command(dialect.MAV_CMD_GET_MESSAGE_INTERVAL, number) == ACCEPTED
+    assert bench.partner.take("MESSAGE_INTERVAL")[0].interval_us == 200_000
+    assert command(dialect.MAV_CMD_SET_MESSAGE_INTERVAL, number, -1) == ACCEPTED
+    bench.partner.take("ATTITUDE")
+    bench.run(1.0)
+    assert bench.partner.take("ATTITUDE") == []
+    assert command(dialect.MAV_CMD_SET_MESSAGE_INTERVAL, number, 0) == ACCEPTED
+    bench.run(2.0)
+    assert abs(len(bench.partner.take("ATTITUDE")) - 2 * DEFAULT_HZ[number]) <= 1
+    assert command(dialect.MAV_CMD_SET_MESSAGE_INTERVAL, 9999, 1000) == DENIED
+    assert command(dialect.MAV_CMD_SET_MESSAGE_INTERVAL, number, float("nan")) == DENIED
+
+
+def test_groups_of_messages_and_messages_once() -> None:
+    bench = Bench()
+    bench.partner.send(dialect.MAVLink_request_data_stream_message(1, 1, dialect.MAV_DATA_STREAM_ALL, 0, 0))
+    bench.run(1.0)
+    bench.partner.received.clear()
+    bench.partner.send(dialect.MAVLink_request_data_stream_message(1, 1, dialect.MAV_DATA_STREAM_EXTRA2, 10, 1))
+    bench.run(1.0)
+    assert 9 <= len(bench.partner.take("VFR_HUD")) <= 11
+    assert bench.partner.take("ATTITUDE") == []
+    assert bench.partner.command(dialect.MAV_CMD_REQUEST_MESSAGE, 30) == ACCEPTED
+    assert len(bench.partner.take("ATTITUDE")) == 1
+    assert bench.partner.command(dialect.MAV_CMD_REQUEST_MESSAGE, 148) == ACCEPTED
+    (version,) = bench.partner.take("AUTOPILOT_VERSION")
+    assert version.capabilities & dialect.MAV_PROTOCOL_CAPABILITY_FTP
+    assert bench.partner.command(dialect.MAV_CMD_REQUEST_MESSAGE, 147) == UNSUPPORTED  # it has no battery
+
+
+def test_signs_of_positions_and_velocities() -> None:
+    bench = Bench()
+    bench.vehicle.depth = 7.5
+    bench.run(0.6)
+    place = bench.partner.take("GLOBAL_POSITION_INT")[-1]
+    assert (place.relative_alt, place.alt) == (-7500, -7500)
+    assert bench.partner.take("VFR_HUD")[-1].alt == -7.5
+    assert bench.partner.take("LOCAL_POSITION_NED")[-1].z == 7.5
+
+
+def test_clocks_are_compared() -> None:
+    bench = Bench()
+    bench.partner.send(dialect.MAVLink_timesync_message(0, 1234))
+    (answer,) = bench.partner.take("TIMESYNC")
+    assert (answer.ts1, answer.tc1) == (1234, bench.now)
+    bench.partner.send(dialect.MAVLink_timesync_message(5, 1234))
+    assert bench.partner.take("TIMESYNC") == []
+    bench.partner.send(dialect.MAVLink_ping_message(1, 2, 0, 0))
+    assert bench.partner.take("PING")[0].target_system == 255
+
+
+def test_who_may_only_look_changes_nothing() -> None:
+    bench = Bench()
+    guest = bench.add_partner(system=250, may_command=False)
+    assert guest.command(dialect.MAV_CMD_COMPONENT_ARM_DISARM, 1) == DENIED
+    assert guest.command(dialect.MAV_CMD_DO_SET_MODE, 1, 2) == DENIED
+    guest.send(dialect.MAVLink_set_mode_message(1, 1, 2))
+    guest.send(dialect.MAVLink_param_set_message(1, 1, b"WP_SPEED", 3.0, 9))
+    assert guest.take("PARAM_VALUE")[0].param_value == 0.5
+    assert _upload(guest, [HOME_ROW]) == dialect.MAV_MISSION_DENIED
+    bench.arm(Mode.GUIDED)
+    before = bench.core.pilot.target
+    guest.sticks(x=1000)
+    guest.send(dialect.MAVLink_set_position_target_local_ned_message(0, 1, 1, 1, 0b110111111000, *[9.0] * 11))
+    guest.send(dialect.MAVLink_set_gps_global_origin_message(1, 1, 1, 1))
+    bench.run(0.2)
+    assert bench.core.pilot.target == before
+    assert bench.core.pilot.joystick.stale == 0
+    assert "only look" in guest.texts()
+    assert guest.command(dialect.MAV_CMD_REQUEST_MESSAGE, 30) == ACCEPTED
+    guest.send(dialect.MAVLink_param_request_list_message(1, 1))
+    bench.run(0.2)
+    assert len(guest.take("PARAM_VALUE")) == len(bench.table.names())

@@ -1,0 +1,152 @@
+"""What comes off a wire never raises in the MAVLink vehicle, signed or not."""
+
+import os
+import random
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from hil.gateways.mavlink.endpoints.peer import Peer
+from hil.gateways.mavlink.flight.modes import Mode
+from hil.gateways.mavlink.protocols import newer_messages as newer
+from hil.gateways.mavlink.protocols.ftp import HEADER, FtpServer
+from hil.gateways.mavlink.protocols.parameters import ParameterTable
+from hil.links.contract import Counters
+from hil.links.mavlink.stream import MavlinkStream, signing_secret
+from tests.support.mavlink_vehicle import Bench
+
+COUNT = int(os.environ.get("UUV_HIL_FUZZ", "8000"))  # frames; 1000000 by hand
+HANDLED = [
+    "HEARTBEAT", "PING", "TIMESYNC", "COMMAND_LONG", "COMMAND_INT", "REQUEST_DATA_STREAM", "PARAM_REQUEST_LIST",
+    "PARAM_REQUEST_READ", "PARAM_SET", "MISSION_REQUEST_LIST", "MISSION_REQUEST_INT", "MISSION_REQUEST",
+    "MISSION_COUNT", "MISSION_ITEM_INT", "MISSION_ITEM", "MISSION_CLEAR_ALL", "MISSION_SET_CURRENT",
+    "FILE_TRANSFER_PROTOCOL", "LOG_REQUEST_LIST", "LOG_REQUEST_DATA", "LOG_REQUEST_END", "SET_MODE",
+    "MANUAL_CONTROL", "SET_POSITION_TARGET_LOCAL_NED", "SET_POSITION_TARGET_GLOBAL_INT", "SET_GPS_GLOBAL_ORIGIN",
+]  # fmt: skip
+
+
+def _random_packet(generator: random.Random, stream: MavlinkStream, targets: bool) -> bytes:
+    """Return a valid packet of a message that is handled, with random bytes in it."""
+    kind = dialect.mavlink_map[getattr(dialect, f"MAVLINK_MSG_ID_{generator.choice(HANDLED)}")]
+    payload = bytearray(generator.randbytes(kind.unpacker.size))
+    message = kind(*_fields(kind, payload))
+    if targets:
+        for name in ("target_system", "target", "target_component"):
+            if name in kind.fieldnames:
+                setattr(message, name, 1)
+    return stream.pack(message)
+
+
+def _fields(kind: type, payload: bytearray) -> list[object]:
+    """Return the fields of random bytes, as pymavlink has them."""
+    values = kind.unpacker.unpack(payload)  # type: ignore[attr-defined]
+    fields: list[object] = []
+    at = 0
+    in_order: dict[str, object] = {}
+    for name, length in zip(kind.ordered_fieldnames, kind.array_lengths, strict=True):  # type: ignore[attr-defined]
+        if length == 0 or isinstance(values[at], bytes):
+            in_order[name], at = values[at], at + 1
+        else:
+            in_order[name], at = list(values[at : at + length]), at + length
+    fields += [in_order[name] for name in kind.fieldnames]  # type: ignore[attr-defined]
+    return fields
+
+
+def test_random_frames_never_raise() -> None:
+    generator = random.Random(26)
+    bench = Bench()
+    bench.arm(Mode.GUIDED)
+    stream = MavlinkStream(255, 190, Counters())
+    for number in range(COUNT):
+        packet = _random_packet(generator, stream, targets=number % 4 != 0)
+        if number % 10 == 0:
+            at = generator.randrange(len(packet))
+            packet = packet[:at] + bytes((packet[at] ^ 1 << generator.randrange(8),)) + packet[at + 1 :]
+        bench.partner.feed(packet)
+        if number % 50 == 0:
+            bench.run(0.02)
+            bench.partner.received.clear()
+    bench.run(1.0)
+    assert bench.partner.take("HEARTBEAT")
+
+
+def test_random_bytes_never_raise() -> None:
+    generator = random.Random(27)
+    bench = Bench()
+    for _ in range(COUNT // 20):
+        bench.partner.feed(generator.randbytes(generator.randrange(1, 300)))
+    bench.run(0.1)
+    assert bench.partner.peer.counters.dropped_bytes > 0
+
+
+def test_random_file_requests_never_raise(tmp_path: object) -> None:
+    generator = random.Random(28)
+    server = FtpServer(str(tmp_path), ParameterTable())
+    for number in range(COUNT // 4):
+        head = HEADER.pack(
+            generator.randrange(1 << 16), generator.randrange(10), generator.randrange(20), generator.randrange(256),
+            generator.randrange(256), generator.randrange(2), generator.choice((0, 5, 1 << 31, (1 << 32) - 1)),
+        )  # fmt: skip
+        path = generator.choice((b"/logs\0", b"@PARAM/param.pck\0", b"/logs/" + generator.randbytes(9), b""))
+        answers = server.handle(head + path, (generator.randrange(3), 1, 1), number * 10**7)
+        assert all(len(answer) <= 251 for answer in answers)
+    server.close()
+
+
+@pytest.mark.parametrize(
+    "kind", [newer.AvailableModes, newer.CurrentMode, newer.AvailableModesMonitor, newer.EscStatus]
+)
+def test_newer_messages_have_the_checksum_of_their_definition(kind: type[newer._NewerMessage]) -> None:
+    mavparse = pytest.importorskip("pymavlink.generator.mavparse")
+    size = {"uint64_t": 8, "float": 4, "uint32_t": 4, "int32_t": 4, "uint8_t": 1, "char": 1}
+    definitions = {
+        newer.AvailableModes: ["uint8_t number_modes", "uint8_t mode_index", "uint8_t standard_mode",
+                               "uint32_t custom_mode", "uint32_t properties", "char mode_name 35"],
+        newer.CurrentMode: ["uint8_t standard_mode", "uint32_t custom_mode", "uint32_t intended_custom_mode"],
+        newer.AvailableModesMonitor: ["uint8_t seq"],
+        newer.EscStatus: ["uint8_t index", "uint64_t time_usec", "int32_t rpm 4", "float voltage 4", "float current 4"],
+    }  # fmt: skip
+    fields = []
+    for text in definitions[kind]:
+        word, name, *length = text.split()
+        field = type("Field", (), {"type": word, "name": name, "array_length": int(length[0]) if length else 0})
+        field.type_length = size[word]  # type: ignore[attr-defined]
+        fields.append(field)
+    message = type("Message", (), {})()
+    message.name = kind.msgname
+    message.ordered_fields = sorted(fields, key=lambda field: -field.type_length)
+    message.base_fields = lambda: len(fields)
+    assert mavparse.message_checksum(message) == kind.crc_extra
+
+
+def _signed_peer(key: str, wall: list[int], sent: list[bytes]) -> Peer:
+    return Peer(1, "signed", 1, lambda data, _: sent.append(data), True, signing_key=key, wall_clock=lambda: wall[0])
+
+
+def _sender(key: str, wall: list[int]) -> MavlinkStream:
+    stream = MavlinkStream(255, 190, Counters())
+    if key:
+        stream.sign(signing_secret(key), lambda: wall[0])
+    return stream
+
+
+def test_with_a_key_only_signed_packets_count_and_all_are_signed() -> None:
+    wall, sent = [1_800_000_000 * 10**9], []  # type: ignore[var-annotated]
+    peer = _signed_peer("secret", wall, sent)
+    beat = dialect.MAVLink_heartbeat_message(6, 8, 0, 0, 0, 3)
+    assert len(peer.unpack(_sender("secret", wall).pack(beat))) == 1
+    assert peer.unpack(_sender("", wall).pack(beat)) == []
+    assert peer.unpack(_sender("wrong", wall).pack(beat)) == []
+    peer.send(beat)
+    assert _sender("secret", wall).unpack(sent[0])
+    assert sent[0][2] & 1
+
+
+def test_a_signed_packet_counts_once() -> None:
+    wall = [1_800_000_000 * 10**9]
+    peer = _signed_peer("secret", wall, [])
+    packet = _sender("secret", wall).pack(dialect.MAVLink_heartbeat_message(6, 8, 0, 0, 0, 3))
+    assert len(peer.unpack(packet)) == 1
+    assert peer.unpack(packet) == []
+    late = [wall[0] - 120 * 10**9]
+    assert peer.unpack(_sender("secret", late).pack(dialect.MAVLink_heartbeat_message(6, 8, 0, 0, 0, 3))) == []
