@@ -90,6 +90,9 @@ TOPICS = {
     )
 }
 
+# The sensors whose samples go out on several topics, by the simulator's name of their samples.
+_SAMPLE_TOPICS = {"dvl": ("dvl", "dvl_twist", "altitude"), "odom": ("odom", "/tf")}
+
 ALL = "*"  # the topics of a node, but for pictures
 COMMANDS = tuple([name for name in TOPICS if name.startswith("cmd_")])  # what a vehicle obeys
 
@@ -125,6 +128,11 @@ TYPE_HASHES = {
     ),
     "rosgraph_msgs/msg/Clock": "RIHS01_692f7a66e93a3c83e71765d033b60349ba68023a8c689a79e48078bcb5c58564",
 }
+
+
+def sample_topics(name: str) -> tuple[str, ...]:
+    """Return the topics on which samples of that name go out; none for those of a sensor that makes pictures."""
+    return _SAMPLE_TOPICS.get(name) or ((name,) if name in TOPICS else ())
 
 
 def is_picture(topic: str) -> bool:

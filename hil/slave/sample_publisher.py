@@ -1,7 +1,7 @@
 """Publish simulator samples as ROS messages, each on its topic."""
 
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from types import MappingProxyType
 from typing import Any
@@ -14,7 +14,7 @@ from hil.network.session import Session
 from hil.network.settings import BATCH
 from hil.ros import encoders as ros
 from hil.ros.graph import Identity, Node
-from hil.ros.topics import TOPICS
+from hil.ros.topics import TOPICS, sample_topics
 from hil.slave.publishing import PublishingThread
 
 LARGE = BATCH - 1024  # bytes; a longer message may go out in parts, and wait for room for each
@@ -64,6 +64,10 @@ class SamplePublisher:
         self._publishers: dict[str, Publisher] = {}  # of the topics there was something to say on so far
         self._outlets: dict[str, list[Publisher]] = {}  # by the simulator's name for a sample: where it goes out
         self._unsent: dict[str, tuple[Any, int]] = {}  # the newest of those that nobody listens to, and when it came
+
+    def declare(self, names: Iterable[str]) -> None:
+        """Declare the publishers of samples with these names, so that ROS sees their topics before the first one."""
+        self._defer(self._declare_outlets, tuple(names))
 
     def sample(self, topic: str, sample: Any) -> bool:
         """Publish one sensor sample (NED, FRD) under the simulator's name for it; False if nobody listens to it."""
@@ -126,7 +130,7 @@ class SamplePublisher:
     def _send_sample(self, topic: str, sample: Any, stamp_ns: int, received_ns: int) -> None:
         """Send the messages of a sample with this stamp (ns since 1970), which came at that instant (monotonic ns)."""
         messages = self._messages(topic, sample, stamp_ns)
-        if topic not in self._outlets:  # what becomes of the first shows where all go
+        if topic not in self._outlets:  # it was not declared: its first messages show on which topics it goes out
             self._outlets[topic] = [self._publishers.get(name) or self._declare(name) for name, _ in messages]
         for name, payload in messages:
             self._send(name, payload, received_ns)
@@ -148,6 +152,12 @@ class SamplePublisher:
         stamped = tuple.__new__(type(sample), (stamp_ns, *sample[1:]))
         messages = ros.encoder(topic)(stamped, self._prefix, *self._variances.get(topic, ()))
         return [message for message in messages if message[0] not in self._excluded_topics]
+
+    def _declare_outlets(self, samples: tuple[str, ...]) -> None:
+        for sample in samples:
+            names = [name for name in sample_topics(sample) if name not in self._excluded_topics]
+            if names:
+                self._outlets[sample] = [self._publishers.get(name) or self._declare(name) for name in names]
 
     def _declare(self, name: str) -> Publisher:
         publisher = self._publishers[name] = self._session.publisher(self._node, TOPICS[name])

@@ -6,13 +6,14 @@ import time
 from hil.network.opening import listen
 from hil.network.roles import open_master_session
 from hil.ros import encoders as ros
+from hil.ros import graph
 from hil.ros.topics import TYPE_HASHES
 from hil.slave.sample_publisher import SamplePublisher
 from sim.sensors import extra_samples, own, samples
 from sim.sensors.extra_samples import FixSample, FlagSample, PositionSample
 from sim.sensors.imaging import samples as imaging_samples
 from sim.sensors.samples import DvlSample, OdometrySample
-from tests.support.processes import free_port
+from tests.support.processes import free_port, wait_for
 
 EPOCH_NS = 1_700_000_000_000_000_000
 
@@ -43,6 +44,22 @@ def test_samples_arrive_on_their_topics() -> None:
     assert decoded["dvl"] == DvlSample(EPOCH_NS + 5, (1.0, 2.0, 3.0), 7.5, True)
     assert decoded["dvl_twist"].velocity == (1.0, 2.0, 3.0)
     assert math.isnan(decoded["dvl_twist"].altitude)
+
+
+def test_topics_are_declared_before_the_first_sample() -> None:
+    """ROS sees the publisher of a slow sensor at once."""
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    with listen(endpoint) as slave, open_master_session(endpoint) as master:
+        sample_publisher = SamplePublisher(slave, "uuv1", EPOCH_NS, excluded_topics=("/tf",))
+        sample_publisher.declare(["gps", "dvl", "odom"])
+
+        def published() -> set[str]:
+            entities = [graph.read_token(key) for key in master.tokens(graph.ALL)]
+            return {entity.topic for entity in entities if entity and entity.kind == "MP"}
+
+        topics = {f"/uuv1/{name}" for name in ("gps", "dvl", "dvl_twist", "altitude", "odom")}
+        assert wait_for(lambda: published() == topics)
+        assert sample_publisher.sent == 0
 
 
 def test_every_sample_begins_with_its_time() -> None:

@@ -1,0 +1,31 @@
+"""The table of topics on which samples go out, held against what the encoders make of every scalar sensor's samples."""
+
+from hil.ros import encoders as ros
+from hil.ros.topics import TOPICS, sample_topics
+from sim.environment.world import load_world
+from sim.sensors.spread import spreads
+from sim.sensors.suite import SENSORS, fit, load_sensor
+from sim.simulation import Simulation
+from sim.vehicle.vehicle import load_vehicle
+
+PICTURES = {"camera", "forward_sonar", "side_scan"}
+NEEDS_A_BATTERY = {"battery"}  # which this vehicle has not
+
+
+def test_samples_go_out_on_the_topics_that_are_declared_for_them() -> None:
+    sensors = fit(**{name: load_sensor(name).Model() for name in SENSORS if name not in PICTURES | NEEDS_A_BATTERY})
+    world = load_world("paper_field")._replace(origin=(57.7, 11.9))
+    simulation = Simulation(load_vehicle("bluerov2")[0], world, position=(0.0, 0.0, 3.0), sensors=sensors)
+    variances = spreads(sensors, world)
+    found: dict[str, tuple[str, ...]] = {}
+    while simulation.time_ns < 2_000_000_000:
+        for name, sample in simulation.step((1500,) * 6):
+            found[name] = tuple(topic for topic, _ in ros.encoder(name)(sample, "", *variances.get(name, ())))
+    assert set(found) >= {each.sensor.topic for name, each in sensors.items() if name != "usbl"}
+    assert found == {name: sample_topics(name) for name in found}
+    assert {topic for topics in found.values() for topic in topics} <= set(TOPICS)
+
+
+def test_pictures_are_declared_with_the_first_one() -> None:
+    """What a camera sends depends on its options."""
+    assert [sample_topics(name) for name in PICTURES] == [(), (), ()]
