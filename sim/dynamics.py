@@ -46,6 +46,7 @@ from collections.abc import Callable, Sequence
 from math import isfinite
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
+from hil.common.vectors import Quaternion
 from sim import rotations
 from sim.matrices import inverse, is_diagonal, square, times
 from sim.rotations import Rotation
@@ -270,9 +271,7 @@ class Dynamics:
         linear = times(self._linear, u, v, w, p, q, r)
         return [a + b for a, b in zip(linear, times(self._quadratic, *squares), strict=True)]
 
-    def midway(
-        self, state: State, dt: float
-    ) -> tuple[Sequence[float], Rotation, Sequence[float], rotations.Quaternion]:
+    def midway(self, state: State, dt: float) -> tuple[Sequence[float], Rotation, Sequence[float], Quaternion]:
         """Half a step of `dt` s on: position (m, NED), rotation, predicted nu, quaternion. Where Verlet looks."""
         half = 0.5 * dt
         nu = state.nu

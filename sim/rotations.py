@@ -6,8 +6,8 @@ Only `+ - * /` and `sqrt` in what a step uses; sines and cosines stand in the Eu
 from collections.abc import Sequence
 from math import asin, atan2, cos, sin, sqrt
 
-Vector3 = tuple[float, float, float]
-Quaternion = tuple[float, float, float, float]
+from hil.common.vectors import Quaternion, Vector3
+
 # Row after row: (xx, xy, xz, yx, yy, yz, zx, zy, zz).
 Rotation = tuple[float, float, float, float, float, float, float, float, float]
 

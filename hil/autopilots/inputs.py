@@ -5,9 +5,10 @@ from math import isfinite
 from typing import Any
 
 from hil.common.errors import ConfigError
+from hil.common.vectors import Vector3
 from hil.scenario.config import Scenario
 from sim.environment.world import World, water_pressure
-from sim.rotations import Vector3, rotate
+from sim.rotations import rotate
 from sim.sensors.magnetometer import earth_field
 from sim.sensors.mounting import Mounting
 from sim.sensors.pressure import STANDARD_ATMOSPHERE

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 from hil.autonomy.control.controller import clamp, down_in_body, heading_of
 from hil.client.client import Stamped
 from hil.common.clock import NS_PER_S, now_ns
-from sim.rotations import Vector3
+from hil.common.vectors import Vector3
 from sim.sensors import extra_samples as extra
 from sim.sensors.samples import DvlSample, ImuSample, OdometrySample, PressureSample
 

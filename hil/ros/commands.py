@@ -7,10 +7,10 @@ from collections.abc import Callable, Sequence
 from math import atan2, cos, isfinite, sin
 from typing import NamedTuple
 
+from hil.common.vectors import Vector3
 from hil.ros.cdr import HEADER, Layout, MalformedError, Reader, Writer, text, tolerant
 from hil.ros.encoders import Decoder, Encoder, pack_stamped, swap_attitude, swap_world
 from hil.ros.frames import decode_wrench
-from sim.rotations import Vector3
 
 MOST_DEPTH = 11_000.0  # m
 MOST_HEADING = 100.0  # rad: some turns, which do no harm

@@ -11,9 +11,9 @@ from math import isfinite, sqrt
 from struct import Struct, pack
 from typing import Any, NamedTuple
 
+from hil.common.vectors import Quaternion, Vector3
 from hil.ros import dialect
 from hil.ros.cdr import HEADER, Layout, MalformedError, Reader, Writer, check_header, diagonal, tolerant
-from sim.rotations import Quaternion, Vector3
 from sim.sensors.samples import ImuSample, OdometrySample, PressureSample
 
 Status = tuple[str, int, str, dict[str, str]]  # name, level (0 ok, 1 warning, 2 error, 3 stale), message, values

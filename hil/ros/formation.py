@@ -6,9 +6,9 @@ trajectory_msgs/MultiDOFJointTrajectoryPoint of one transform: the place, and th
 from math import isfinite
 from typing import NamedTuple
 
+from hil.common.vectors import Quaternion, Vector3
 from hil.ros.cdr import HEADER, Layout, MalformedError, tolerant
 from hil.ros.encoders import Decoder, Encoder, swap_attitude, swap_world
-from sim.rotations import Quaternion, Vector3
 
 _NS_PER_S = 1_000_000_000
 _POINT = Layout("I 7d I I i I")  # one transform, no velocities, no accelerations

@@ -3,9 +3,9 @@
 from collections.abc import Sequence
 from typing import NamedTuple
 
+from hil.common.vectors import Quaternion, Vector3
 from hil.ros.cdr import HEADER, Layout, Reader, Writer, tolerant
 from hil.ros.encoders import Decoder, Encoder, pack_stamped, swap_body, unpack_stamped
-from sim.rotations import Quaternion, Vector3
 
 _NS_PER_S = 1_000_000_000
 _CLOCK = Layout("i I")

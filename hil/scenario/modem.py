@@ -12,6 +12,7 @@ from typing import NamedTuple, Protocol
 
 from hil.common.clock import NS_PER_MS, NS_PER_S, seconds_ns
 from hil.common.errors import ConfigError
+from hil.common.vectors import Vector3
 from hil.scenario.config import Scenario
 from hil.scenario.fleet import hunting_of
 from hil.scenario.modem_records import Modem
@@ -20,7 +21,6 @@ from sim.environment.world import World, load_world
 from sim.modems.acoustic import AcousticChannel, AcousticModem, Packet
 from sim.modems.optical import OpticalModem
 from sim.modems.optical_channel import OpticalChannel, Pose
-from sim.rotations import Vector3
 from sim.sensors.error import sensor_random
 
 _REPORT = Struct("<iiHbbI")  # cm, cm, dm; 2 cm/s, 2 cm/s; ms

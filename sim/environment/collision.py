@@ -15,10 +15,11 @@ from collections.abc import Sequence
 from math import inf, sqrt
 from typing import TYPE_CHECKING
 
+from hil.common.vectors import Vector3
 from sim.dynamics import State
 from sim.environment.world import World
 from sim.matrices import Matrix
-from sim.rotations import Vector3, rotate_inverse
+from sim.rotations import rotate_inverse
 from sim.vehicle.vehicle import Vehicle
 
 if TYPE_CHECKING:

@@ -30,8 +30,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from hil.common.errors import ConfigError
 from hil.common.schema import nearest, parse, shortened
 from hil.common.tables import check_file
+from hil.common.vectors import Vector3
 from sim.environment.terrain_grid import Count, Edge, Grid, Resolution
-from sim.rotations import Vector3
 
 if TYPE_CHECKING:
     from array import array

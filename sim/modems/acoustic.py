@@ -11,9 +11,9 @@ from math import exp, hypot, log10
 from typing import Annotated, NamedTuple
 
 from hil.common.schema import Range
+from hil.common.vectors import Vector3
 from sim.environment.water_column import SOUND_SPEED, WaterColumn
 from sim.modems.sound import ambient_noise, paths, power, transmission_loss
-from sim.rotations import Vector3
 from sim.sensors.error import ErrorModel, ErrorProcess, sensor_random
 
 NS = 1_000_000_000

@@ -4,7 +4,7 @@ from math import acos, cos, exp, log, pi, sqrt
 from typing import Annotated, NamedTuple
 
 from hil.common.schema import Range
-from sim.rotations import Vector3
+from hil.common.vectors import Vector3
 
 
 class OpticalModem(NamedTuple):

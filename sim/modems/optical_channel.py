@@ -9,9 +9,10 @@ from collections.abc import Mapping
 from math import cos, log10, nan, pi, sin
 from typing import NamedTuple
 
+from hil.common.vectors import Quaternion, Vector3
 from sim.modems.acoustic import Packet
 from sim.modems.optical import OpticalModem, bit_error, packet_arrives, quality
-from sim.rotations import Quaternion, Vector3, rotate
+from sim.rotations import rotate
 from sim.sensors.error import sensor_random
 
 HEADS = 4  # lamps with an eye each, evenly round a vehicle, the first one ahead

@@ -1,7 +1,8 @@
 from collections.abc import Callable, Sequence
 
+from hil.common.vectors import Vector3
 from sim import dynamics
-from sim.rotations import Rotation, Vector3
+from sim.rotations import Rotation
 from sim.sensors.samples import ImuSample
 from sim.vehicle.servos import Servos
 

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from math import inf, sqrt
 from typing import TYPE_CHECKING
 
-from sim.rotations import Vector3
+from hil.common.vectors import Vector3
 
 if TYPE_CHECKING:
     from sim.environment.terrain import Terrain

@@ -9,11 +9,11 @@ from collections.abc import Sequence
 from math import inf, nan, sqrt
 from typing import NamedTuple
 
+from hil.common.vectors import Vector3
 from sim.rays.geometry import NOTHING, SEABED, Geometry, Hits
 from sim.rays.seabed import STEP_EAST, STEP_NORTH, TINY, intersect_seabed, slab
 from sim.rays.solids import BOX, CYLINDER, HALF_SPACE, KIND, MESH, POSITION, REACH, ROOT, ROTATION, ROW, SIZES, SPHERE
 from sim.rays.tree import NODE, TRIANGLE
-from sim.rotations import Vector3
 
 
 class Hit(NamedTuple):

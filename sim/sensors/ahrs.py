@@ -5,10 +5,11 @@ from math import atan2, pi, remainder, sqrt
 from typing import Annotated, NamedTuple
 
 from hil.common.schema import Range
+from hil.common.vectors import Quaternion, Vector3
 from sim.assembly import make_error_bank
 from sim.dynamics import State
 from sim.environment.geomagnetism import field_of
-from sim.rotations import Quaternion, Vector3, integrate, multiply, rotate, rotate_inverse
+from sim.rotations import integrate, multiply, rotate, rotate_inverse
 from sim.sensors.error import ErrorModel, sensor_random
 from sim.sensors.imu import specific_force
 from sim.sensors.magnetometer import earth_field

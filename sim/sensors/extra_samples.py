@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-from sim.rotations import Vector3
+from hil.common.vectors import Vector3
 from sim.sensors.samples import Covariance
 
 

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from math import atan2, cos, degrees, hypot, radians, sin, sqrt
 
-from sim.rotations import Vector3
+from hil.common.vectors import Vector3
 
 SEMI_MAJOR_AXIS = 6_378_137.0  # m; WGS 84: NIMA TR8350.2, table 3.1
 FLATTENING = 1.0 / 298.257223563

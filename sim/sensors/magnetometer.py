@@ -4,11 +4,12 @@ from math import cos, sin
 from typing import Annotated, NamedTuple
 
 from hil.common.schema import Range
+from hil.common.vectors import Vector3
 from sim.assembly import make_error_bank
 from sim.dynamics import State
 from sim.environment.geomagnetism import field_of
 from sim.environment.world import World
-from sim.rotations import Vector3, rotate_inverse
+from sim.rotations import rotate_inverse
 from sim.sensors.error import ErrorModel, sensor_random
 from sim.sensors.extra_samples import FieldSample
 from sim.sensors.mounting import Mounting

@@ -5,8 +5,9 @@ from math import pi
 from typing import Annotated, NamedTuple
 
 from hil.common.schema import Range
+from hil.common.vectors import Quaternion, Vector3
 from sim.dynamics import State
-from sim.rotations import Quaternion, Vector3, down_axis, from_euler, multiply, rotate
+from sim.rotations import down_axis, from_euler, multiply, rotate
 from sim.vehicle.vehicle import Point
 
 Angle = Annotated[float, Range(-2.0 * pi, 2.0 * pi, "rad")]

@@ -7,8 +7,8 @@ quaternions (w, x, y, z) from the sensor's axes to the world's.
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
+from hil.common.vectors import Quaternion, Vector3
 from sim.dynamics import State
-from sim.rotations import Quaternion, Vector3
 
 if TYPE_CHECKING:
     from sim.environment.waves import Sea

@@ -4,11 +4,11 @@ from math import sqrt
 from typing import Annotated, NamedTuple
 
 from hil.common.schema import Range
+from hil.common.vectors import Vector3
 from sim.assembly import make_error_bank
 from sim.dynamics import State
 from sim.environment.water_column import SOUND_SPEED, WaterColumn
 from sim.environment.world import World
-from sim.rotations import Vector3
 from sim.sensors.error import ErrorModel, sensor_random, variance
 from sim.sensors.extra_samples import PositionSample
 from sim.sensors.mounting import Mounting

@@ -16,9 +16,8 @@ from math import asin, atan2, cos, inf, pi, sin
 from typing import Annotated, NamedTuple
 
 from hil.common.schema import Range
+from hil.common.vectors import Quaternion, Vector3
 
-Vector3 = tuple[float, float, float]
-Quaternion = tuple[float, float, float, float]
 Wrench = tuple[float, float, float, float, float, float]
 
 NO_RESIDUAL: Wrench = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)

@@ -7,7 +7,8 @@ left out of damping and inertia.
 
 from typing import NamedTuple
 
-from hil.autonomy.control.controller import ABSURD, Navigation, Quaternion, Vector3, Wrench, down_in_body
+from hil.autonomy.control.controller import ABSURD, Navigation, Wrench, down_in_body
+from hil.common.vectors import Quaternion, Vector3
 
 
 class Plant(NamedTuple):

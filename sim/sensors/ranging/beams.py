@@ -5,9 +5,10 @@ from collections.abc import Iterable, Sequence
 from math import cos, inf, isfinite, pi, sin, sqrt
 from random import Random
 
+from hil.common.vectors import Quaternion, Vector3
 from sim.dynamics import State
 from sim.rays.scene import RayScene
-from sim.rotations import Quaternion, Vector3, matrix, multiply
+from sim.rotations import matrix, multiply
 from sim.sensors.error import ErrorModel, ErrorProcess
 from sim.sensors.mounting import Mounting
 from sim.sensors.samples import Scene

@@ -6,10 +6,11 @@ from operator import mul
 from typing import Annotated, NamedTuple
 
 from hil.common.schema import Range
+from hil.common.vectors import Vector3
 from sim.assembly import make_error_bank
 from sim.dynamics import State
 from sim.matrices import Matrix, inverse, product, transpose
-from sim.rotations import Vector3, down_axis, rotate
+from sim.rotations import down_axis, rotate
 from sim.sensors.error import ErrorModel, sensor_random, variance
 from sim.sensors.mounting import Mounting
 from sim.sensors.ranging.ground import Ground

@@ -5,8 +5,8 @@ from math import pi
 from typing import Annotated, Any
 
 from hil.common.schema import Range
+from hil.common.vectors import Vector3
 from sim.dynamics import State
-from sim.rotations import Vector3
 from sim.sensors.error import sensor_random
 from sim.sensors.extra_samples import LaserSample
 from sim.sensors.mounting import Mounting

@@ -4,9 +4,10 @@ from collections.abc import Iterable, Sequence
 from math import inf, nan, sqrt
 from typing import TYPE_CHECKING
 
+from hil.common.vectors import Vector3
 from sim.dynamics import State
 from sim.environment.world import World
-from sim.rotations import Vector3, matrix
+from sim.rotations import matrix
 from sim.sensors.mounting import Mounting
 
 if TYPE_CHECKING:

@@ -4,7 +4,7 @@ from math import cos, sin
 from typing import Annotated, NamedTuple
 
 from hil.common.schema import Range
-from sim.rotations import Vector3
+from hil.common.vectors import Vector3
 from sim.sensors.error import ErrorModel
 from sim.sensors.ranging.fan import DEGREE, Angle, Fan, validate_fan
 

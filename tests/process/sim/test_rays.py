@@ -9,6 +9,7 @@ from typing import get_args
 
 import pytest
 
+from hil.common.vectors import Vector3
 from sim.dynamics import State
 from sim.environment.obstacles import Box, Cylinder
 from sim.environment.relief import Fractal, Slope, Step
@@ -18,7 +19,7 @@ from sim.environment.world import World
 from sim.rays import solids
 from sim.rays.scene import NOTHING, SEABED, Engine, RayScene
 from sim.rays.solids import Solid
-from sim.rotations import Vector3, from_euler, matrix, rotate
+from sim.rotations import from_euler, matrix, rotate
 from sim.vehicle.vehicle import load_vehicle
 from tests.support.twins import taken_from
 

@@ -4,10 +4,11 @@ from statistics import fmean, pstdev
 import allantools
 import pytest
 
+from hil.common.vectors import Quaternion
 from sim.dynamics import State
 from sim.environment.geomagnetism import DEFAULT
 from sim.environment.world import World
-from sim.rotations import Quaternion, from_euler, integrate, multiply, rotate, to_euler
+from sim.rotations import from_euler, integrate, multiply, rotate, to_euler
 from sim.sensors.ahrs import Ahrs, AhrsModel
 from sim.sensors.error import ErrorModel
 from sim.sensors.mounting import Mounting
