@@ -23,7 +23,7 @@ CHECK = $(BIN)/python -m tools.check --jobs $(JOBS) --seed $(SEED)
 .DEFAULT_GOAL = demo
 
 demo: $(VENV)/.run
-	@$(BIN)/uuv-hil demo
+	@$(BIN)/uuv-hil demo --view
 
 help:
 	@sed -n '/^# make/,/^$$/s/^# //p' $(firstword $(MAKEFILE_LIST))
@@ -42,7 +42,7 @@ docs: $(VENV)/.docs
 	@echo "open site/index.html"
 
 # Bytecode is compiled at install: the start-up time of the first run is that of every run.
-$(VENV)/.run: EXTRA = master
+$(VENV)/.run: EXTRA = master,view
 $(VENV)/.dev: EXTRA = dev
 $(VENV)/.docs: EXTRA = docs
 $(VENV)/.run $(VENV)/.dev $(VENV)/.docs: pyproject.toml hatch_build.py $(wildcard $(NATIVE:%=%/*.[ch]) firmware_stub/src/*.c firmware_stub/include/*.h)

@@ -26,6 +26,7 @@ FLOORS: list[dict[str, str]] = [
         "hil.slave": "the daemon on the board", "hil.master": "the planner process", "hil.gateways": "JSON, MATLAB",
         "hil.autopilots": "ArduPilot, PX4",
         "hil.gateways.mavlink": "ground stations",
+        "hil.view": "the live view in a browser",
     },
     {
         "hil.plots": "figures", "hil.charts": "worlds from charts", "hil.bench": "delay, load, start-up",

@@ -153,6 +153,8 @@ def expected(scenario: Scenario) -> dict[str, float]:
             found |= dict.fromkeys(SENSOR_TOPICS.get(name, (name,)), fitted.model.rate)
     if scenario.ros.wrench:
         found["thruster_wrench"] = scenario.ros.wrench
+    if scenario.ros.joints:
+        found["joint_states"] = scenario.ros.joints
     return {topic: rate for topic, rate in found.items() if not is_picture(topic)}
 
 

@@ -10,6 +10,7 @@ import sys
 from collections.abc import Callable
 from importlib.util import find_spec
 
+from hil.commands.view.opening import view_process
 from hil.common.children import module_command, package_environment, start_child
 from hil.common.clock import now_ns
 from hil.common.endpoint import split_endpoint
@@ -26,6 +27,7 @@ EXAMPLES = """\
 examples:
   uuv-hil demo                         the reference platform's field
   uuv-hil demo mine.toml --run-dir out
+  uuv-hil demo --view                  and in a browser while it flies
   uuv-hil demo --listen tcp/127.0.0.1:9000    beside a slave that runs already
   uuv-hil demo --world US5AK5SI.000    over the seabed of a chart, with laser, sonar and camera
   uuv-hil demo --world US5AK5SI.000 --start 59.6032,-151.4117 --goal 59.6032,-151.4101 --depth 6
@@ -42,6 +44,7 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("scenario", metavar="SCENARIO", nargs="?", default="paper_field")
     add_changes(parser)
     parser.add_argument("--run-dir", metavar="DIR", help="where to put the results [runs/SCENARIO-TIME]")
+    parser.add_argument("--view", action="store_true", help="show it in a browser while it flies")
     parser.add_argument(
         "--listen", metavar="ENDPOINT", type=ENDPOINT, help="of its slave, tcp/ADDRESS:PORT [the scenario's]"
     )
@@ -66,7 +69,8 @@ def main(arguments: list[str]) -> int:
     require_free(endpoint, routed=scenario.network.mode == "routed")
     folder = make_folder(options.run_dir) if options.run_dir else new_folder(options.scenario)
     words = [options.scenario, *[word for text in options.set for word in ("--set", text)]]
-    return _run(words, endpoint, folder, lambda: None)
+    with view_process(words, endpoint, options.view):
+        return _run(words, endpoint, folder, lambda: None)
 
 
 def _dive(options: argparse.Namespace) -> int:
@@ -83,7 +87,7 @@ def _dive(options: argparse.Namespace) -> int:
     path = prepare_dive(options.world, wish, folder)
     scenario = load_scenario(path)
     require_free(endpoint)
-    with DiveWatch(scenario) as watch:
+    with view_process([path], endpoint, options.view), DiveWatch(scenario) as watch:
         code = _run([path], endpoint, folder, watch.look)
     from hil.charts.dive.report import write_report
 

@@ -1,8 +1,10 @@
 """`uuv-hil sim`: fly the mission of a scenario in one process, without network or link."""
 
+import argparse
 import json
 import sys
 import time
+from contextlib import ExitStack
 from typing import Any
 
 from hil.bench.record import check_writable
@@ -25,6 +27,7 @@ examples:
   uuv-hil sim paper_field --fast                as fast as it goes
   uuv-hil sim mine.toml --fast --seed 7
   uuv-hil sim mine.toml --fast --plot flight.png --log flight.csv
+  uuv-hil sim mine.toml --view                  in a browser, with pause and speed
 """
 
 
@@ -38,6 +41,7 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--log", metavar="FILE.csv", help="write state, thrusts and every force, 20 times a second")
     parser.add_argument("--json", action="store_true", help="print the outcome as one JSON object")
     parser.add_argument("--plot", metavar="FILE.png", help="draw the same")
+    parser.add_argument("--view", action="store_true", help="show it in a browser: pause, step, speed")
     options = parser.parse_args(arguments)
     for path in filter(None, (options.log, options.plot)):
         check_writable(path)
@@ -56,7 +60,18 @@ def main(arguments: list[str]) -> int:
     warning = attitude_warning(scenario, simulation.vehicle)
     if warning:
         print(f"WARNING: {warning}", file=sys.stderr, flush=True)
-    watches: list[Watch] = [] if options.fast else [_pace(seconds_ns(scenario.slave.step))]
+    with ExitStack() as opened:
+        if options.view:
+            watches = [_show(opened, scenario, vehicle)]
+        else:
+            watches = [] if options.fast else [_pace(seconds_ns(scenario.slave.step))]
+        return _fly(options, scenario, plan, vehicle, watches)
+
+
+def _fly(
+    options: argparse.Namespace, scenario: Scenario, plan: Plan, vehicle: SimulatedVehicle, watches: list[Watch]
+) -> int:
+    simulation = vehicle.simulation
     line = ProgressLine()
     watches.append(showing(plan.planner, line.show))
     flight = None
@@ -83,6 +98,16 @@ def main(arguments: list[str]) -> int:
         return STOPPED
     require_success(outcome)
     return 0
+
+
+def _show(opened: ExitStack, scenario: Scenario, vehicle: SimulatedVehicle) -> Watch:
+    """Show the flight in a browser; its time is that of the view."""
+    from hil.commands.view.opening import open_view, shown_of
+    from hil.view.simulated_source import SimulatedSource
+
+    source = SimulatedSource(scenario.slave.node, vehicle)
+    view = opened.enter_context(open_view(source, shown_of(scenario)))
+    return source.pace(view.update, time.sleep)
 
 
 def _draw_field(axes: Any, scenario: Scenario, plan: Plan, outcome: Outcome | None) -> None:

@@ -23,7 +23,7 @@ from sim.sensors.spread import spreads
 LONGEST_SILENCE_S = 20.0  # of simulated time: then the sensors will say no more
 # What a slave hears, or says of its own accord.
 COMMANDS = {topic.name for topic in TOPICS.values() if topic.from_master}
-NOT_SAMPLES = {*COMMANDS, "trace", "diagnostics", "thruster_wrench", "/clock", "/tf_static"}
+NOT_SAMPLES = {*COMMANDS, "trace", "diagnostics", "thruster_wrench", "joint_states", "/clock", "/tf_static"}
 
 
 class Verdict(NamedTuple):

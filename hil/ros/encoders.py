@@ -316,6 +316,7 @@ _ELSEWHERE = {
     "camera/labels": "images",
     **dict.fromkeys(("forward_sonar/image", "side_scan/image"), "images"),
     **dict.fromkeys(("/tf", "/tf_static", "/clock", "thruster_wrench"), "frames"),
+    "joint_states": "joints",
     "formation": "formation",
     **dict.fromkeys(("modem_tx", "modem_rx", "modem_range"), "modem"),
 }

@@ -47,6 +47,12 @@ class Entity(NamedTuple):
     qos: Qos = Qos()
 
 
+def plain_name(name: str) -> str:
+    """Return a name, of a thruster say, as a part of a ROS name: letters, digits and _, no digit first."""
+    plain = "".join([c if c.isascii() and c.isalnum() else "_" for c in name])
+    return f"_{plain}" if plain[:1].isdigit() else plain
+
+
 def token(entity: Entity) -> str:
     """Return the key that says so."""
     namespace, _, name = entity.node.rpartition("/")

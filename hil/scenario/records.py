@@ -136,8 +136,9 @@ class Recording(NamedTuple):
 class Ros(NamedTuple):
     """Interface to ROS 2 beyond the sensors: transforms, clock, services, image format.
 
-    `transforms`: /tf, of every odometry sample, and /tf_static, of the sensors' places. `clock` and `wrench` are the
-    rates of /clock and of the thrusters' wrench, 0 for none. `services`: arm, reset, set_pose, failures of thrusters.
+    `transforms`: /tf, of every odometry sample, and /tf_static, of the sensors' places. `clock`, `wrench` and `joints`
+    are the rates of /clock, of the thrusters' wrench and of joint_states, 0 for none. `services`: arm, reset,
+    set_pose, failures of thrusters.
     `frame_prefix` ("uuv1/") separates the frames of vehicles that share one /tf; of several only one has a `clock`.
     `images` is the format of a camera's pictures, `jpeg_quality` (of libjpeg, 1 to 95) that of JPEG. `domain` is that
     of ROS; left out (-1), it is the variable ROS_DOMAIN_ID, or 0. `distro` is the release of ROS.
@@ -148,6 +149,7 @@ class Ros(NamedTuple):
     frame_prefix: str = ""
     clock: Annotated[float, Range(0.0, 1000.0, "Hz")] = 20.0
     wrench: Annotated[float, Range(0.0, 1000.0, "Hz")] = 0.0
+    joints: Annotated[float, Range(0.0, 1000.0, "Hz")] = 10.0
     images: Literal["jpeg", "raw", "both"] = "jpeg"
     jpeg_quality: Annotated[int, Range(1, 95)] = 80
     domain: Annotated[int, Range(dialect.FROM_ENVIRONMENT, dialect.MOST)] = dialect.FROM_ENVIRONMENT

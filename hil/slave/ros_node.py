@@ -42,6 +42,7 @@ class RosNode:
         self._prefix = settings.frame_prefix
         self._clock = _Due(settings.clock)
         self._wrench = _Due(settings.wrench)
+        self._joints = _Due(settings.joints)
         for fitted in [fitted for fitted in scenario.sensors.values() if not fitted.offloaded]:
             ros.encoder(fitted.sensor.topic)  # loaded now, not at the first sample
         if loop.pilot:
@@ -71,7 +72,18 @@ class RosNode:
             wrench = self._loop.simulation.forces().thrusters
             payload = encode_wrench(sample_publisher.stamps.stamp(time_ns), wrench, f"{self._prefix}base_link")
             sample_publisher.put("thruster_wrench", payload)
-        self.due_ns = min(self._clock.due_ns, self._wrench.due_ns)
+        if self._joints.passes(time_ns) and sample_publisher.has_subscribers(("joint_states",)):
+            self._publish_joints(time_ns)
+        self.due_ns = min(self._clock.due_ns, self._wrench.due_ns, self._joints.due_ns)
+
+    def _publish_joints(self, time_ns: int) -> None:
+        from hil.ros.joints import JointStates, encode_joints  # loaded when somebody listens
+
+        simulation = self._loop.simulation
+        names = tuple([thruster.name for thruster in simulation.vehicle.thrusters])
+        stamp_ns = self._loop.sample_publisher.stamps.stamp(time_ns)
+        states = JointStates(stamp_ns, names, tuple(simulation.thrusts))
+        self._loop.sample_publisher.put("joint_states", encode_joints(states))
 
     def close(self) -> None:
         """Close the descriptor."""

@@ -12,6 +12,7 @@ from hil.common.clock import NS_PER_S
 from hil.network.services import Answer, Server
 from hil.ros import encoders as ros
 from hil.ros.commands import MOST_PLACE
+from hil.ros.graph import plain_name
 from hil.ros.message import Message
 from hil.scenario.records import Start
 from hil.slave.loop import Loop
@@ -46,12 +47,6 @@ def offer_services(server: Server, node: str, loop: Loop, start: Start, report: 
     offered |= Parameters(loop, thrusters, report).services()
     for name, (type_name, answer) in offered.items():
         server.offer(f"/{node}/{name}", type_name, answer)
-
-
-def plain_name(name: str) -> str:
-    """Return a thruster's name as a part of a ROS name: letters, digits and _, no digit first."""
-    plain = "".join([c if c.isascii() and c.isalnum() else "_" for c in name])
-    return f"_{plain}" if plain[:1].isdigit() else plain
 
 
 def arm(loop: Loop, on: bool) -> str:

@@ -27,6 +27,7 @@ examples:
   uuv-hil replay recordings/dive7                                    for masters that dial this machine
   uuv-hil replay dive7.mcap --listen tcp/0.0.0.0:7447 --speed 10     ten times as fast
   uuv-hil replay dive7 --connect tcp/127.0.0.1:7447                  its commands to a slave that runs there
+  uuv-hil replay dive7 --view                                        in a browser, with pause, speed and a slider
   uuv-hil replay dive7 --check                                       does the vehicle do the same, bit for bit?
 
 --check needs a slave's own recording ([recording] slave = true). It runs the simulator with the pulses that the
@@ -50,6 +51,7 @@ def main(arguments: list[str]) -> int:
     )
     way.add_argument("--connect", metavar="ENDPOINT", type=ENDPOINT, help="send its commands to this slave")
     way.add_argument("--check", action="store_true", help="repeat it without network and clock")
+    way.add_argument("--view", action="store_true", help="show it in a browser")
     parser.add_argument("--speed", metavar="X", type=SPEED, default=1.0, help="times as fast; 0: at once [%(default)g]")
     parser.add_argument("--wait", metavar="S", type=WAIT, default=0.0, help="for somebody to listen, at most so long")
     parser.add_argument("--own-classes", action="store_true", help="load the classes it names; only if you trust it")
@@ -57,6 +59,8 @@ def main(arguments: list[str]) -> int:
     if options.check:
         return _check(options.recording, options.own_classes)
     with StopSignals() as stop_fd:
+        if options.view:
+            return _show(options.recording, options.own_classes, stop_fd)
         return _command(options, stop_fd) if options.connect else _play(options, stop_fd)
 
 
@@ -93,6 +97,23 @@ def _play(options: argparse.Namespace, stop_fd: int) -> int:
     print(f"{player.sent} messages of {seconds:.1f} s played in {(now_ns() - began) / NS_PER_S:.1f} s")
     if player.unknown:
         print(f"left out, of types unknown here: {', '.join(sorted(player.unknown))}")
+    return 0
+
+
+def _show(path: str, own_classes: bool, stop_fd: int) -> int:
+    from hil.commands.view.opening import open_view
+    from hil.view.live_view import PERIOD_S, Shown
+    from hil.view.recorded_source import RecordedSource
+
+    source = RecordedSource(path)
+    run = read_run(read_about(path), path, own_classes)
+    shown = Shown()
+    if run:
+        master = run.scenario.master
+        shown = Shown(run.world, dict.fromkeys(source.names, run.vehicle), (), master.depth, master.goal)
+    with open_view(source, shown) as view:
+        while not select.select((stop_fd,), (), (), PERIOD_S)[0]:
+            view.update()
     return 0
 
 

@@ -3,7 +3,7 @@
 import json
 from typing import Any
 
-from websockets.sync.client import ClientConnection, connect
+from websockets.sync.client import connect
 from websockets.typing import Origin, Subprotocol
 
 from hil.commands.gateways.foxglove import EXAMPLES, LiveView
@@ -15,7 +15,7 @@ IMU = Message("/uuv1/imu", "sensor_msgs/msg/Imu", 1, TIME_NS, TIME_NS, b"\0\1\0\
 PAGE = Origin("https://somewhere.example")
 
 
-def messages(socket: ClientConnection, last: str) -> list[dict[str, Any]]:
+def messages(socket: Any, last: str) -> list[dict[str, Any]]:
     """What the server says until a message of that kind."""
     found: list[dict[str, Any]] = []
     while not found or found[-1]["op"] != last:

@@ -11,6 +11,7 @@ from hil.autonomy.control.controller import VelocityCommand
 from hil.common.clock import now_ns
 from hil.network.services import Answer
 from hil.ros import message as ros_message
+from hil.ros.graph import plain_name
 from hil.scenario.config import load_scenario
 from hil.slave import services
 from hil.slave.command_receiver import CommandReceiver
@@ -203,7 +204,7 @@ def test_a_parameter_lets_a_thruster_fail(vehicle: Vehicle) -> None:
 
 @pytest.mark.parametrize("name", ["a", "upper starboard fin", "7", "ü-1", "T_1"])
 def test_names_of_thrusters_as_ros_allows_them(name: str) -> None:
-    plain = services.plain_name(name)
+    plain = plain_name(name)
     assert plain.isidentifier()
     assert plain.isascii()
 

@@ -1,0 +1,1 @@
+"""`uuv-hil view`, and the view as a part of other commands."""

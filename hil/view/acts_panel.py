@@ -1,0 +1,157 @@
+"""The panel of acts: hold depth and heading, go to places, waypoints, failures, reset, pose, recording, playback."""
+
+import threading
+from collections.abc import Callable, Sequence
+from math import radians
+from typing import Any
+
+import numpy as np
+
+from hil.client.vehicle_handle import Vehicle
+from hil.common.errors import HilError
+from hil.ros.graph import plain_name
+from hil.view import acts
+from hil.view.frames import from_scene, to_scene
+
+PLACE = "click: nothing", "click: go there", "click: add a waypoint"
+
+
+class ActsPanel:
+    """Buttons for one chosen vehicle. `chosen` returns it, None where nobody may command; `report` gets the outcome.
+
+    `server` is a viser.ViserServer, `container` where the panel goes, `thrusters` are names of the vehicle's thrusters.
+    """
+
+    def __init__(
+        self,
+        server: Any,
+        container: Any,
+        chosen: Callable[[], Vehicle | None],
+        report: Callable[[str], None],
+        thrusters: Sequence[str],
+    ) -> None:
+        self._server, self._chosen, self._report = server, chosen, report
+        self._waypoints: list[Any] = []
+        self._buttons: list[Any] = []
+        with container:
+            self._reason = server.gui.add_markdown("")
+            self._add_hold()
+            self._add_places()
+            self._add_simulated(thrusters)
+        server.scene.on_click()(self._on_click)
+
+    def show_reason(self, reason: str) -> None:
+        """Grey the buttons while there is a reason why the vehicle would not obey."""
+        if self._reason.content != reason:
+            self._reason.content = reason
+            for button in self._buttons:
+                button.disabled = bool(reason)
+                button.hint = reason or None
+
+    def _add_hold(self) -> None:
+        gui = self._server.gui
+        with gui.add_folder("hold"):
+            depth = gui.add_number("depth (m)", 2.0, min=0.0, max=11_000.0, step=0.1)
+            heading = gui.add_number("heading (°)", 0.0, min=-180.0, max=360.0, step=1.0)
+            self._button("hold depth", lambda vehicle: vehicle.hold_depth(depth.value))
+            self._button("hold heading", lambda vehicle: vehicle.hold_heading(_wrapped(heading.value)))
+            self._button("stand still", lambda vehicle: vehicle.stop())
+            self._button("send no more commands", lambda vehicle: vehicle.release())
+
+    def _add_places(self) -> None:
+        gui = self._server.gui
+        with gui.add_folder("places"):
+            self._place = gui.add_dropdown("in the scene", PLACE, hint="on the level at which the vehicle is")
+            self._speed = gui.add_number("speed (m/s)", 0.4, min=0.05, max=5.0, step=0.05)
+            self._button("fly the waypoints", self._fly)
+            clear = gui.add_button("remove the waypoints")
+            clear.on_click(lambda _: self._clear())
+
+    def _add_simulated(self, thrusters: Sequence[str]) -> None:
+        gui = self._server.gui
+        with gui.add_folder("simulated vehicle"):
+            for name in thrusters:
+                box = gui.add_checkbox(f"{name} has failed", False)
+                box.on_update(self._on_failure(name))
+            self._button("back to the start", lambda vehicle: self._report(acts.reset(vehicle)))
+            place = gui.add_vector3("north, east, depth (m)", (0.0, 0.0, 1.0), step=0.1)
+            heading = gui.add_number("at heading (°)", 0.0, min=-180.0, max=360.0, step=1.0)
+            self._button(
+                "put it there",
+                lambda vehicle: self._report(acts.set_pose(vehicle, place.value, radians(heading.value))),
+            )
+
+    def _button(self, label: str, act: Callable[[Vehicle], object]) -> None:
+        button = self._server.gui.add_button(label)
+        button.on_click(lambda _: self._do(label, act))
+        self._buttons.append(button)
+
+    def _on_failure(self, thruster: str) -> Callable[[Any], None]:
+        def change(event: Any) -> None:
+            self._do(
+                f"failure of {thruster}",
+                lambda vehicle: self._report(acts.fail_thruster(vehicle, plain_name(thruster), event.target.value)),
+            )
+
+        return change
+
+    def _do(self, label: str, act: Callable[[Vehicle], object]) -> None:
+        """Do it in a thread: it may wait for the vehicle's answer."""
+
+        def run() -> None:
+            vehicle = self._chosen()
+            try:
+                if vehicle is None:
+                    self._report(f"{label}: this view only observes")
+                    return
+                act(vehicle)
+                self._report(f"{vehicle.name}: {label}")
+            except HilError as error:
+                self._report(f"{label}: {error}")
+
+        threading.Thread(target=run, name=label, daemon=True).start()
+
+    def _on_click(self, event: Any) -> None:
+        vehicle = self._chosen()
+        chosen = PLACE.index(self._place.value)
+        if vehicle is None or not chosen or event.ray_origin is None:
+            return
+        try:
+            depth = vehicle.state.depth
+        except HilError as error:
+            self._report(str(error))
+            return
+        origin, along = np.array(event.ray_origin), np.array(event.ray_direction)
+        if abs(along[2]) < 1e-6 or (reach := (-depth - origin[2]) / along[2]) <= 0.0:
+            self._report("that place is not on the level of the vehicle: look from above")
+            return
+        north, east, _ = from_scene(origin + reach * along)
+        if chosen == 1:
+            self._do(f"go to ({north:.1f}, {east:.1f}) m", lambda vehicle: vehicle.go_to(north, east, depth))
+        else:
+            self._add_waypoint(north, east, depth)
+
+    def _add_waypoint(self, north: float, east: float, depth: float) -> None:
+        number = len(self._waypoints) + 1
+        handle = self._server.scene.add_transform_controls(
+            f"/waypoints/{number}", scale=0.8, disable_rotations=True, position=to_scene([(north, east, depth)])[0]
+        )
+        self._server.scene.add_label(f"/waypoints/{number}/name", str(number), position=(0.0, 0.0, 0.4))
+        self._waypoints.append(handle)
+
+    def _fly(self, vehicle: Vehicle) -> None:
+        points = [from_scene(handle.position) for handle in self._waypoints]
+        if not points:
+            self._report("no waypoints yet: choose 'click: add a waypoint', and click in the scene")
+            return
+        vehicle.follow(points, speed=float(self._speed.value))
+
+    def _clear(self) -> None:
+        for handle in self._waypoints:
+            handle.remove()
+        self._waypoints = []
+
+
+def _wrapped(angle: float) -> float:
+    """Degrees as radians from -pi to pi."""
+    return radians((angle + 180.0) % 360.0 - 180.0)

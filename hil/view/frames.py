@@ -1,0 +1,31 @@
+"""From NED and FRD to the axes of the scene: x east, y north, z up; of a vehicle x ahead, y to port, z up."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from hil.ros.encoders import swap_attitude
+
+
+def to_scene(points: Any) -> Any:
+    """n x 3 places NED (m) in the axes of the scene."""
+    north, east, down = np.asarray(points, float).reshape(-1, 3).T
+    return np.stack([east, north, -down], axis=1)
+
+
+def from_scene(point: Sequence[float]) -> tuple[float, float, float]:
+    """A place of the scene as north, east, depth (m)."""
+    east, north, up = (float(value) for value in point)
+    return north, east, -up
+
+
+def to_body(points: Any) -> Any:
+    """n x 3 places along FRD in the axes of a vehicle of the scene."""
+    x, y, z = np.asarray(points, float).reshape(-1, 3).T
+    return np.stack([x, -y, -z], axis=1)
+
+
+def attitude(quaternion: Sequence[float]) -> tuple[float, float, float, float]:
+    """The attitude (w, x, y, z), FRD to NED, as that of a vehicle in the scene."""
+    return swap_attitude(quaternion)

@@ -1,0 +1,190 @@
+"""The web server of the live view: its page, the scene behind it, and the stick of who steers.
+
+The scene is served by viser, which knows no passwords. It listens on this machine only, on a port of its own, and
+takes no client but this server, which sends it a secret that nobody else knows. This server lets nobody in without the
+token, and no page of another origin.
+"""
+
+import asyncio
+import json
+import secrets
+import threading
+from collections.abc import Awaitable, Callable, Mapping
+from contextlib import suppress
+from importlib.resources import files
+from ssl import SSLContext
+from typing import Any
+
+from aiohttp import ClientSession, WSMsgType, web
+
+from hil.common.errors import NetworkError
+
+COOKIE = "uuv_hil_view"
+SECRET_HEADER = "X-Uuv-Hil-Secret"
+MOST_STICK_BYTES = 4096  # of one message of the stick
+MOST_CLIENTS = 32
+LARGEST_MESSAGE = 256 << 20  # of the scene, towards the browser
+
+StickMessage = Mapping[str, Any]
+# Takes a message of the stick of a client (its number), None when the client is gone; the answer is shown there.
+Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
+OnStick = Callable[[int, StickMessage | None], Mapping[str, Any]]
+
+
+class Front:
+    """Serves at `host`:`port` (0: any free one) in a thread of its own. Use as a context.
+
+    `scene_port` is where viser listens, `secret` what it wants to be told, `token` what a browser has to know. Raises
+    NetworkError when the port is taken.
+    """
+
+    def __init__(
+        self,
+        host: str,
+        port: int,
+        scene_port: int,
+        secret: str,
+        token: str,
+        on_stick: OnStick,
+        tls: SSLContext | None = None,
+    ) -> None:
+        self._scene = f"http://127.0.0.1:{scene_port}"
+        self._secret, self._token, self._on_stick = secret, token, on_stick
+        self._clients = 0
+        self._loop = asyncio.new_event_loop()
+        self._runner: web.AppRunner | None = None
+        try:
+            self.port: int = self._loop.run_until_complete(self._start(host, port, tls))
+        except OSError as error:
+            self._loop.run_until_complete(self._stop())
+            raise NetworkError(
+                f"cannot listen on {host}:{port}: {error.strerror}; choose another place with --listen"
+            ) from None
+        self._thread = threading.Thread(target=self._loop.run_forever, name="view front", daemon=True)
+        self._thread.start()
+
+    def __enter__(self) -> "Front":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        asyncio.run_coroutine_threadsafe(self._stop(), self._loop).result(10.0)
+        self._loop.call_soon_threadsafe(self._loop.stop)
+        self._thread.join()
+        self._loop.close()
+
+    async def _start(self, host: str, port: int, tls: SSLContext | None) -> int:
+        app = web.Application(middlewares=[self._admit])
+        app.router.add_get("/", self._page)
+        app.router.add_get("/stick", self._stick)
+        app.router.add_get("/scene{path:(/.*)?}", self._pass_on)
+        self._runner = web.AppRunner(app, access_log=None, shutdown_timeout=1.0)
+        await self._runner.setup()
+        site = web.TCPSite(self._runner, host, port, ssl_context=tls)
+        await site.start()
+        return int(self._runner.addresses[0][1])
+
+    async def _stop(self) -> None:
+        if self._runner:
+            await self._runner.cleanup()
+
+    @web.middleware
+    async def _admit(self, request: web.Request, handler: Handler) -> web.StreamResponse:
+        """Refuse who has no token, and pages of other origins."""
+        origin = request.headers.get("Origin")
+        if origin and origin.partition("://")[2] != request.host:
+            raise web.HTTPForbidden(text="this page is not of the live view\n")
+        given = request.query.get("token", "")
+        known = request.cookies.get(self._cookie, "")
+        if self._is_token(given):
+            answer: web.StreamResponse
+            answer = web.HTTPFound("/") if request.path == "/" else await handler(request)
+            if not answer.prepared:
+                answer.set_cookie(self._cookie, given, httponly=True, samesite="Strict", secure=request.secure)
+            return answer
+        if not self._is_token(known):
+            raise web.HTTPForbidden(text="open the address that `uuv-hil view` printed, with its token\n")
+        answer = await handler(request)
+        if not answer.prepared:
+            answer.headers["Content-Security-Policy"] = "frame-ancestors 'self'"
+        return answer
+
+    @property
+    def _cookie(self) -> str:
+        return f"{COOKIE}_{self.port}"  # browsers do not tell the ports of a host apart
+
+    def _is_token(self, text: str) -> bool:
+        return secrets.compare_digest(text.encode(), self._token.encode())
+
+    async def _page(self, _: web.Request) -> web.Response:
+        text = files("hil.view").joinpath("page.html").read_text(encoding="utf-8")
+        return web.Response(text=text, content_type="text/html", headers={"Cache-Control": "no-store"})
+
+    async def _stick(self, request: web.Request) -> web.WebSocketResponse:
+        """Talk with the page: stick and buttons in, what can be done and what is shown out."""
+        socket = web.WebSocketResponse(max_msg_size=MOST_STICK_BYTES, heartbeat=5.0)
+        await socket.prepare(request)
+        if self._clients >= MOST_CLIENTS:
+            await socket.close(message=f"{MOST_CLIENTS} browsers are there already".encode())
+            return socket
+        self._clients += 1
+        number = id(socket)
+        try:
+            async for message in socket:
+                if message.type is not WSMsgType.TEXT:
+                    continue
+                values = _parse(message.data)
+                if values is not None:
+                    answer = await asyncio.to_thread(self._on_stick, number, values)
+                    await socket.send_str(json.dumps(answer))
+        finally:
+            self._clients -= 1
+            await asyncio.to_thread(self._on_stick, number, None)
+        return socket
+
+    async def _pass_on(self, request: web.Request) -> web.StreamResponse:
+        """Forward a request or a websocket to viser."""
+        url = self._scene + (request.match_info["path"] or "/")
+        headers = {SECRET_HEADER: self._secret}
+        async with ClientSession(headers=headers) as client:
+            if request.headers.get("Upgrade", "").lower() == "websocket":
+                return await self._pass_socket(request, client, url)
+            async with client.get(url) as answer:
+                kept = {name: answer.headers[name] for name in ("Content-Type",) if name in answer.headers}
+                return web.Response(status=answer.status, body=await answer.read(), headers=kept)
+
+    async def _pass_socket(self, request: web.Request, client: ClientSession, url: str) -> web.WebSocketResponse:
+        protocols = [word.strip() for word in request.headers.get("Sec-WebSocket-Protocol", "").split(",") if word]
+        outside = web.WebSocketResponse(protocols=protocols, max_msg_size=1 << 20, heartbeat=10.0)
+        await outside.prepare(request)
+        async with client.ws_connect(url, protocols=protocols, max_msg_size=LARGEST_MESSAGE) as inside:
+            await _first_done(_pump(outside, inside), _pump(inside, outside))
+        await outside.close()
+        return outside
+
+
+async def _pump(source: Any, sink: Any) -> None:
+    async for message in source:
+        if message.type is WSMsgType.BINARY:
+            await sink.send_bytes(message.data)
+        elif message.type is WSMsgType.TEXT:
+            await sink.send_str(message.data)
+
+
+async def _first_done(*work: Any) -> None:
+    """Wait until one of them is done, and end the others."""
+    tasks = [asyncio.ensure_future(each) for each in work]
+    try:
+        await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+    finally:
+        for task in tasks:
+            task.cancel()
+            with suppress(asyncio.CancelledError, ConnectionError):
+                await task
+
+
+def _parse(text: str) -> StickMessage | None:
+    try:
+        values = json.loads(text)
+    except (ValueError, RecursionError):
+        return None
+    return values if isinstance(values, dict) else None

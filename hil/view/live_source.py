@@ -1,0 +1,133 @@
+"""Samples of vehicles on the network, for the live view."""
+
+import threading
+from collections import deque
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import hil
+from hil.client.delay import HOPS, DelayMeter
+from hil.client.fleet import Fleet
+from hil.client.samples import aged
+from hil.client.vehicle_handle import Vehicle
+from hil.common.errors import NetworkError
+from hil.common.quantiles import quantile
+from hil.ros.diagnostics import Diagnostics
+from hil.ros.topics import ALL
+
+PICTURES = ("camera/image_raw/compressed", "camera/image_raw", "forward_sonar/image", "side_scan/image")
+NEWEST = 400  # commands whose delays are shown: the last 20 s of a master that sends 20 a second
+LOG_LINES = 200
+
+
+class LiveSource:
+    """The vehicles at some endpoints. Use as a context. Pictures come over a session of their own, while wanted.
+
+    With `observe` no vehicle is ever commanded; `keys` is this machine's folder of certificates. Raises NetworkError.
+    """
+
+    playback = None
+
+    def __init__(
+        self, endpoints: Sequence[str], *, observe: bool = False, routed: bool = False, keys: str = ""
+    ) -> None:
+        self._endpoints = endpoints
+        self._routed, self._keys = routed, keys
+        self._observe = observe
+        self._fleet = self._connect(observe)
+        self._pictures: Fleet | None = None
+        self._known: dict[str, Vehicle] = {}
+        self._present: dict[str, bool] = {}
+        self._log: deque[str] = deque(maxlen=LOG_LINES)
+        self._turn = threading.Lock()
+
+    def __enter__(self) -> "LiveSource":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.show_pictures(False)
+        self._fleet.close()
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the vehicles that are there or have been."""
+        for name in self._fleet.names:
+            if name not in self._known:
+                self._add(name)
+        for name, vehicle in self._known.items():
+            self._report_presence(name, vehicle.present)
+        return sorted(self._known)
+
+    def is_present(self, name: str) -> bool:
+        """Whether the vehicle is there."""
+        return self._known[name].present
+
+    def latest(self, name: str) -> Mapping[str, Any]:
+        """Return the newest value of each topic."""
+        stamped = dict(self._known[name].client.latest)
+        with self._turn:
+            pictures = self._pictures
+        if pictures and name in pictures.names:
+            newest = dict(pictures[name].client.latest)
+            stamped |= {topic: newest[topic] for topic in PICTURES if topic in newest}
+        return {topic: each.value if topic in PICTURES else aged(topic, each) for topic, each in stamped.items()}
+
+    def diagnostics(self, name: str) -> Diagnostics:
+        """Return the figures of health."""
+        return self._known[name].diagnostics
+
+    def vehicle(self, name: str) -> Vehicle | None:
+        """Return what commands the vehicle; None for one that only observes."""
+        return None if self._observe else self._known[name]
+
+    def delays_ms(self, name: str) -> tuple[list[float], dict[str, float]]:
+        """Return the delays of the newest commands, whoever sent them.
+
+        Their first hop is between the clocks of the master and of the slave; where these are of two machines, the
+        offset is that which the slave measured.
+        """
+        meter: DelayMeter = self._known[name].client.delays
+        samples = meter.samples[-NEWEST:]
+        if not samples:
+            return [], {}
+        offset_ns = round((self.diagnostics(name).clock_offset_ms or 0.0) * 1e6)
+        networks = [sample.hops[0] + offset_ns for sample in samples]
+        columns = [networks, *[[sample.hops[hop] for sample in samples] for hop in range(1, len(HOPS))]]
+        medians = {hop: quantile(sorted(values), 0.5) / 1e6 for hop, values in zip(HOPS, columns, strict=True)}
+        return [(sample.total_ns + offset_ns) / 1e6 for sample in samples], medians
+
+    def show_pictures(self, wanted: bool) -> None:
+        """Open or close the session of the pictures."""
+        with self._turn:
+            pictures, self._pictures = self._pictures, None
+            if wanted:
+                self._pictures = pictures or self._connect(observe=True)
+                pictures = None
+        if pictures:
+            pictures.close()
+        elif wanted and self._pictures:
+            for name in self._pictures.names:
+                self._pictures[name].client.watch(*PICTURES)
+
+    def log_lines(self) -> list[str]:
+        """Return what happened since the last call."""
+        lines = []
+        while self._log:
+            lines.append(self._log.popleft())
+        return lines
+
+    def _connect(self, observe: bool) -> Fleet:
+        return hil.connect(*self._endpoints, observe=observe, routed=self._routed, keys=self._keys)
+
+    def _add(self, name: str) -> None:
+        try:
+            vehicle = self._fleet.wait_for(name, seconds=0.0)[0]
+        except NetworkError:  # it is there, but has said nothing yet: at the next look
+            return
+        vehicle.client.watch(ALL)
+        self._known[name] = vehicle
+
+    def _report_presence(self, name: str, present: bool) -> None:
+        if self._present.get(name) != present:
+            self._present[name] = present
+            self._log.append(f"{name} is {'here' if present else 'gone; waiting for it'}")

@@ -1,0 +1,223 @@
+"""The live view: a scene and panels of some vehicles in the browser, brought up to date 20 times a second."""
+
+from collections.abc import Mapping, Sequence
+from ssl import SSLContext
+from typing import Any, NamedTuple
+
+from hil.client.vehicle_handle import Vehicle
+from hil.common.errors import HilError
+from hil.view import acts, instruments, pictures
+from hil.view.acts_panel import ActsPanel
+from hil.view.front import Front
+from hil.view.panels import Panels
+from hil.view.playback_panel import PlaybackPanel
+from hil.view.scene_server import SceneServer
+from hil.view.source import Source
+from hil.view.steering import Steering
+from hil.view.vehicle_scene import VehicleScene
+from hil.view.world_scene import WorldScene
+from sim.environment.world import World
+from sim.vehicle.vehicle import Vehicle as VehicleFile
+
+PERIOD_S = 0.05  # of the scene
+PANEL_EVERY = 4  # frames
+TRACK_EVERY = 10
+CAMERA_OFFSET = (-4.0, -4.0, 3.0)  # m, of a camera that follows
+TOP_HEIGHT = 20.0  # m
+CAMERAS = {"camera/image_raw/compressed": "camera", "camera/image_raw": "camera"}
+
+
+class Shown(NamedTuple):
+    """What is known of a run from its scenario; None and empty where there is none."""
+
+    world: World | None = None
+    vehicles: Mapping[str, VehicleFile] = {}
+    path: Sequence[Sequence[float]] = ()
+    depth: float = 0.0
+    goal: tuple[float, float] | None = None
+    camera_fov: float = 1.4  # rad, of the camera's frustum on the level
+
+
+class LiveView:
+    """The view at `host`:`port`. Use as a context; call `update` every `PERIOD_S` s. Raises NetworkError."""
+
+    def __init__(
+        self, source: Source, shown: Shown, host: str, port: int, token: str, tls: SSLContext | None = None
+    ) -> None:
+        self._source, self._shown = source, shown
+        self._scene = SceneServer()
+        server = self._server = self._scene.server
+        server.scene.set_up_direction("+z")
+        server.gui.configure_theme(show_share_button=False, show_logo=False, control_width="large")
+        self._panels = Panels(server, source.names)
+        self._world = WorldScene(server, shown.world) if shown.world else None
+        if self._world:
+            self._world.draw_path(shown.path, shown.depth)
+            if shown.goal:
+                self._world.draw_goal(*shown.goal, shown.depth)
+        else:
+            server.scene.add_grid("/grid", 100.0, 100.0)
+        thrusters = [thruster.name for vehicle in list(shown.vehicles.values())[:1] for thruster in vehicle.thrusters]
+        self._acts = ActsPanel(server, self._panels.acts, self._vehicle, self._panels.note, thrusters)
+        self._playback = PlaybackPanel(server, source.playback) if source.playback else None
+        self._drawn: dict[str, VehicleScene] = {}
+        self._steering: dict[str, Steering] = {}
+        self._waterfalls: dict[str, pictures.Waterfall] = {}
+        self._frames = 0
+        self._last_place: tuple[float, ...] | None = None
+        server.on_client_connect(self._look)
+        self._panels.camera.on_update(lambda _: self._look_all())
+        self._front = Front(host, port, self._scene.port, self._scene.secret, token, self._on_stick, tls)
+        self.port = self._front.port
+
+    def __enter__(self) -> "LiveView":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._front.__exit__()
+        for steering in self._steering.values():
+            steering.__exit__()
+        self._scene.__exit__()
+
+    @property
+    def viewers(self) -> int:
+        """How many browsers look."""
+        return self._scene.viewers
+
+    def update(self) -> None:
+        """Draw the newest samples of all vehicles; while nobody looks, twice a second, for the tracks."""
+        names = self._source.names
+        self._panels.choose_from(names)
+        for line in self._source.log_lines():
+            self._panels.note(line)
+        self._source.show_pictures(bool(self._panels.pictures.value) and self.viewers > 0)
+        self._frames += 1
+        if not self.viewers and self._frames % TRACK_EVERY:
+            return
+        with self._server.atomic():
+            for name in names:
+                self._draw_vehicle(name)
+            if self._frames % PANEL_EVERY == 0 and self._name in names:
+                self._draw_panels(self._name)
+        if self._panels.camera.value == "follow":
+            self._follow()
+
+    @property
+    def _name(self) -> str:
+        return str(self._panels.vehicle.value)
+
+    def _vehicle(self) -> Vehicle | None:
+        return self._source.vehicle(self._name) if self._name in self._source.names else None
+
+    def _draw_vehicle(self, name: str) -> None:
+        drawn = self._drawn.get(name)
+        if drawn is None:
+            vehicles = self._shown.vehicles
+            file = vehicles.get(name) or next(iter(vehicles.values()), None)
+            drawn = self._drawn[name] = VehicleScene(self._server, name, file)
+        latest = self._source.latest(name)
+        drawn.move(latest)
+        if self._frames % TRACK_EVERY == 0:
+            drawn.draw_tracks()
+        if self._frames % PANEL_EVERY == 0:
+            drawn.draw_scans(latest)
+            self._draw_pictures(name, drawn, latest)
+
+    def _draw_pictures(self, name: str, drawn: VehicleScene, latest: Mapping[str, Any]) -> None:
+        for topic, title in CAMERAS.items():
+            if topic in latest and (picture := pictures.camera_picture(latest[topic])) is not None:
+                drawn.draw_camera(picture, self._shown.camera_fov)
+                if name == self._name:
+                    self._panels.show_picture(title, picture)
+                break
+        if sonar := latest.get("forward_sonar/image"):
+            altitude = latest["altitude"].distance if "altitude" in latest else 0.0
+            drawn.draw_sonar(*pictures.fan_points(sonar, altitude))
+            if name == self._name:
+                self._panels.show_picture("forward sonar, ahead is up", pictures.fan_picture(sonar))
+        if (ping := latest.get("side_scan/image")) and name == self._name:
+            waterfall = self._waterfalls.setdefault(name, pictures.Waterfall())
+            if waterfall.add(ping):
+                self._panels.show_picture("side scan, port left", waterfall.picture())
+
+    def _draw_panels(self, name: str) -> None:
+        figures = self._source.diagnostics(name)
+        file = self._shown.vehicles.get(name)
+        names = [thruster.name for thruster in file.thrusters] if file else []
+        now = instruments.reading(self._source.latest(name), figures.pwm_us or (), names)
+        if now:
+            self._panels.show_instruments(instruments.draw(now))
+        self._panels.show_health(figures)
+        self._panels.show_delays(*self._source.delays_ms(name))
+        self._acts.show_reason(acts.unavailable_reason(self._source.vehicle(name), self._source.is_present(name)))
+        if self._playback:
+            self._playback.update()
+
+    def _look_all(self) -> None:
+        for client in self._server.get_clients().values():
+            self._look(client)
+
+    def _look(self, client: Any) -> None:
+        """Place a browser's camera as chosen."""
+        place = self._drawn[self._name].place if self._name in self._drawn else (0.0, 0.0, 0.0)
+        if self._panels.camera.value == "top":
+            client.camera.position = (place[0], place[1] - 0.01, place[2] + TOP_HEIGHT)
+        else:
+            client.camera.position = tuple(a + b for a, b in zip(place, CAMERA_OFFSET, strict=True))
+        client.camera.look_at = tuple(place)
+        self._last_place = tuple(place)
+
+    def _follow(self) -> None:
+        """Move the cameras along with the chosen vehicle, wherever persons have turned them to."""
+        if self._name not in self._drawn:
+            return
+        place = self._drawn[self._name].place
+        last = self._last_place
+        self._last_place = tuple(place)
+        if last is None:
+            return
+        moved = [a - b for a, b in zip(place, last, strict=True)]
+        if max(abs(value) for value in moved) < 1e-3:
+            self._last_place = last
+            return
+        for client in self._server.get_clients().values():
+            with client.atomic():
+                client.camera.position = client.camera.position + moved
+
+    def _on_stick(self, person: int, message: Mapping[str, Any] | None) -> Mapping[str, Any]:
+        """Take a message of a browser's stick; what its bar shows."""
+        names = self._source.names
+        if message is None:
+            for steering in self._steering.values():
+                steering.update(person, None)
+            return {}
+        name = str(message.get("vehicle") or "")
+        if name not in names:
+            return {"vehicles": names, "text": "no vehicle yet; waiting for one", "may_stop": False, "may_steer": False}
+        vehicle, present = self._source.vehicle(name), self._source.is_present(name)
+        reason = acts.unavailable_reason(vehicle, present)
+        text = reason
+        if vehicle:
+            text = self._act(vehicle, message) or reason
+            if not reason:
+                if name not in self._steering:
+                    self._steering[name] = Steering(vehicle, self._panels.note)
+                text = text or self._steering[name].update(person, dict(message))
+        return {
+            "vehicles": names, "text": text or "ready", "may_stop": bool(vehicle) and present,
+            "may_steer": not reason, "armed": self._source.diagnostics(name).armed,
+        }  # fmt: skip
+
+    def _act(self, vehicle: Vehicle, message: Mapping[str, Any]) -> str:
+        """Do what a button of the bar asked for; what came of it, or ""."""
+        wanted = message.get("acts")
+        for name in wanted if isinstance(wanted, list) else ():
+            try:
+                if name in ("stop", "disarm"):
+                    self._panels.note(f"{vehicle.name}: {acts.arm(vehicle, False)}")
+                elif name == "arm":
+                    self._panels.note(f"{vehicle.name}: {acts.arm(vehicle, True)}")
+            except HilError as error:
+                self._panels.note(f"{vehicle.name}: {name}: {error}")
+                return f"{name}: {error}"
+        return ""

@@ -1,0 +1,146 @@
+"""The panels beside the scene: instruments, pictures, the thruster link, acts, the log."""
+
+from collections import deque
+from html import escape
+from typing import Any
+
+import numpy as np
+
+from hil.ros.diagnostics import Diagnostics, shown
+from hil.view import colours
+
+LOG_LINES = 12
+BINS = 40  # of the histogram of delays
+STYLE = "font-family:system-ui,sans-serif;font-size:12px;line-height:1.45"
+
+
+class Panels:
+    """The panels of one view. `server` is a viser.ViserServer, `names` the vehicles that can be chosen."""
+
+    def __init__(self, server: Any, names: list[str]) -> None:
+        self._gui = gui = server.gui
+        self.log = deque[str](maxlen=LOG_LINES)
+        self.vehicle = gui.add_dropdown("vehicle", tuple(names) or ("-",))
+        self.camera = gui.add_dropdown("camera", ("follow", "free", "top"))
+        tabs = gui.add_tab_group()
+        with tabs.add_tab("Vehicle"):
+            self._instruments = gui.add_html("<p>waiting for a vehicle</p>")
+            self._legend = gui.add_html(_legend())
+        with tabs.add_tab("Pictures"):
+            self.pictures = gui.add_checkbox("receive pictures", False, hint="they are only sent while somebody looks")
+            self._images: dict[str, Any] = {}
+            self._images_note = gui.add_html(_text("cameras and sonars of the vehicle appear here"))
+            self._image_folder = gui.add_folder("cameras and sonars")
+        with tabs.add_tab("Link"):
+            self._histogram: Any = None
+            self._histogram_folder = gui.add_folder("command delay")
+            self._hops = gui.add_html(_text("no command was answered yet"))
+            self._health = gui.add_html("")
+        self.acts = tabs.add_tab("Acts")
+        with tabs.add_tab("Log"):
+            self._log = gui.add_html("")
+
+    def choose_from(self, names: list[str]) -> None:
+        """Offer these vehicles."""
+        if names and tuple(names) != tuple(self.vehicle.options):
+            self.vehicle.options = tuple(names)
+
+    def show_instruments(self, svg: str) -> None:
+        """Show an SVG image of the instruments."""
+        self._instruments.content = svg
+
+    def show_picture(self, title: str, picture: Any) -> None:
+        """Show a picture (height x width x 3) under its title."""
+        handle = self._images.get(title)
+        if handle is None:
+            with self._image_folder:
+                self._images[title] = self._gui.add_image(picture, label=title, format="jpeg", jpeg_quality=80)
+        else:
+            handle.image = picture
+
+    def show_delays(self, delays_ms: list[float], hops: dict[str, float]) -> None:
+        """Show how long the newest commands took, and the median of each hop."""
+        if not delays_ms:
+            return
+        ordered = sorted(delays_ms)
+        middle, most = ordered[len(ordered) // 2], ordered[min(len(ordered) - 1, int(0.99 * len(ordered)))]
+        counts, edges = np.histogram(ordered, BINS, (0.0, max(most * 1.1, 0.1)))
+        centres = 0.5 * (edges[1:] + edges[:-1])
+        data = (centres, counts.astype(float))
+        if self._histogram is None:
+            from viser import uplot
+
+            with self._histogram_folder:
+                self._histogram = self._gui.add_uplot(
+                    data,
+                    (
+                        uplot.Series(label="delay (ms)"),
+                        uplot.Series(label="commands", stroke=colours.css(colours.PATH), fill="#93c5fd", width=1.5),
+                    ),
+                    title="commands by delay, ms",
+                    scales={"x": uplot.Scale(time=False, auto=True), "y": uplot.Scale(auto=True)},
+                    aspect=1.6,
+                )
+        else:
+            self._histogram.data = data
+        rows = [("all", middle), *hops.items()]
+        self._hops.content = _table(
+            [(name, f"{value:.3f} ms") for name, value in rows],
+            f"medians of {len(ordered)} commands; 99 % within {most:.2f} ms",
+        )
+
+    def show_health(self, figures: Diagnostics) -> None:
+        """Show the figures of health of the slave."""
+        if figures:
+            self._health.content = _table(health_rows(figures), "the slave, once a second")
+
+    def note(self, line: str) -> None:
+        """Add a line to the log."""
+        self.log.append(line)
+        self._log.content = "".join(_text(line) for line in reversed(self.log))
+
+
+def health_rows(figures: Diagnostics) -> list[tuple[str, str]]:
+    """Return the figures of health that a person looks at, as names and texts."""
+    return [
+        ("armed", "-" if figures.armed is None else "yes" if figures.armed else "no"),
+        ("controller", shown(figures.controller)),
+        ("commanded by", figures.commander or "nobody"),
+        ("STM32", "silent" if figures.stm32_silent else "answers"),
+        ("link", f"{shown(figures.link_protocol)} over {shown(figures.link_wire)}"),
+        ("messages out, in", f"{shown(figures.link_messages_out)}, {shown(figures.link_messages_in)}"),
+        ("checksum errors", shown(figures.link_checksum_errors)),
+        ("commands taken", shown(figures.commands_taken)),
+        ("commands stale, refused", f"{shown(figures.commands_stale)}, {shown(figures.commands_refused)}"),
+        ("deadman, watchdog", f"{shown(figures.deadman_trips)}, {shown(figures.watchdog_trips)} trips"),
+        (
+            "loop",
+            f"{shown(figures.loop_rate_hz, '.0f')} Hz, late p99 {shown(figures.lateness_recent_p99_us, '.0f')} us",
+        ),
+        ("memory", f"{shown(figures.pss_mib, '.1f')} MiB"),
+        ("processor time", f"{shown(figures.cpu_s, '.1f')} s of {shown(figures.uptime_s, '.0f')} s"),
+        ("temperature", f"{shown(figures.temperature_c, '.1f')} °C"),
+        ("contacts", shown(figures.contacts)),
+        ("board", shown(figures.board)),
+    ]
+
+
+def _table(rows: list[tuple[str, str]], caption: str) -> str:
+    cells = "".join(
+        f'<tr><td style="padding-right:10px;opacity:.75">{escape(name)}</td><td>{escape(value)}</td></tr>'
+        for name, value in rows
+    )
+    return f'<table style="{STYLE};width:100%"><caption style="opacity:.75">{escape(caption)}</caption>{cells}</table>'
+
+
+def _text(line: str) -> str:
+    return f'<p style="{STYLE};margin:3px 8px">{escape(line)}</p>'
+
+
+def _legend() -> str:
+    spots = "".join(
+        f'<span style="display:inline-block;margin-right:10px"><span style="color:{colours.css(colour)}">&#9644;</span>'
+        f" {name}</span> "
+        for name, colour in colours.LEGEND
+    )
+    return f'<p style="{STYLE};margin:3px 8px">{spots}</p>'

@@ -1,0 +1,105 @@
+"""Samples of a recording, for the live view: at any instant the newest message of each topic."""
+
+from bisect import bisect_right
+from collections.abc import Mapping
+from typing import Any
+
+from hil.client.client import Stamped
+from hil.client.samples import aged
+from hil.common.clock import NS_PER_S, now_ns
+from hil.common.errors import ConfigError
+from hil.recording.reader import read_messages
+from hil.ros import encoders as ros
+from hil.ros.diagnostics import Diagnostics
+from hil.ros.topics import is_picture
+from hil.view.paced_time import PacedTime
+
+LARGEST = 2 << 30  # bytes of messages that are held at once
+
+
+class _Column:
+    """The messages of one topic of one vehicle, in the order of their times."""
+
+    def __init__(self) -> None:
+        self.times: list[int] = []
+        self._payloads: list[bytes] = []
+        self._decoded: tuple[int, Any] = (-1, None)
+
+    def append(self, time_ns: int, payload: bytes) -> None:
+        """Add a message that is not older than the last."""
+        self.times.append(max(time_ns, self.times[-1] if self.times else 0))
+        self._payloads.append(payload)
+
+    def at(self, topic: str, time_ns: int) -> Any:
+        """Return the newest message at that time, decoded; None if there is none or it is malformed."""
+        index = bisect_right(self.times, time_ns) - 1
+        if index < 0:
+            return None
+        if self._decoded[0] != index:
+            decode = ros.decoder(topic)
+            self._decoded = index, decode(self._payloads[index]) if decode else None
+        return self._decoded[1]
+
+
+class RecordedSource:
+    """The vehicles of a recording (a file or a folder). Raises ConfigError, MissingExtraError."""
+
+    def __init__(self, path: str) -> None:
+        self._columns: dict[str, dict[str, _Column]] = {}
+        first, last, size = 0, 0, 0
+        for message in read_messages(path):
+            _, node, *rest = message.topic.split("/", 2)
+            if not rest or ros.decoder(rest[0]) is None:
+                continue
+            size += len(message.data)
+            if size > LARGEST:
+                raise ConfigError(f"{path}: more than {LARGEST >> 30} GiB of messages; cut it, or show a part of it")
+            first, last = first or message.logged_ns, max(last, message.logged_ns)
+            self._columns.setdefault(node, {}).setdefault(rest[0], _Column()).append(message.logged_ns, message.data)
+        if not self._columns:
+            raise ConfigError(f"{path}: no messages of a vehicle in it")
+        self._first_ns = first
+        self.playback = PacedTime((last - first) / NS_PER_S)
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the vehicles that were recorded."""
+        return sorted(self._columns)
+
+    def is_present(self, name: str) -> bool:
+        """Whether the vehicle had begun to send by now."""
+        return any(column.times[0] <= self._now_ns for column in self._columns[name].values())
+
+    def latest(self, name: str) -> Mapping[str, Any]:
+        """Return the newest sample of each topic at this instant."""
+        found = {}
+        for topic, column in self._columns[name].items():
+            value = column.at(topic, self._now_ns)
+            if value is not None and topic not in ("diagnostics", "trace"):
+                found[topic] = value if is_picture(topic) else aged(topic, Stamped(value, now_ns(), now_ns()))
+        return found
+
+    def diagnostics(self, name: str) -> Diagnostics:
+        """Return the figures of health at this instant."""
+        column = self._columns[name].get("diagnostics")
+        value = column.at("diagnostics", self._now_ns) if column else None
+        return Diagnostics(value[0][3] if value else {})
+
+    def vehicle(self, _name: str) -> None:
+        """Nobody commands a recording."""
+        return
+
+    def delays_ms(self, _name: str) -> tuple[list[float], dict[str, float]]:
+        """Delays are not computed of recordings here; `uuv-hil plot` draws them."""
+        return [], {}
+
+    def show_pictures(self, wanted: bool) -> None:
+        """Pictures of a recording are always there."""
+
+    def log_lines(self) -> list[str]:
+        """Nothing happens but what was recorded."""
+        return []
+
+    @property
+    def _now_ns(self) -> int:
+        return self._first_ns + round(self.playback.time * NS_PER_S)

@@ -1,0 +1,63 @@
+"""viser, which draws the scene in the browser, closed to all but the live view's own web server."""
+
+import secrets
+import threading
+from contextlib import redirect_stdout
+from io import StringIO
+from typing import Any
+
+from hil.common.errors import MissingExtraError
+from hil.common.ports import free_ports
+from hil.view.front import SECRET_HEADER
+
+
+class SceneServer:
+    """A viser server on a free port of this machine. Use as a context; `server` is the viser.ViserServer.
+
+    Clients that do not send `secret` in the header of their websocket are disconnected before anything of them is read.
+    Raises MissingExtraError.
+    """
+
+    def __init__(self) -> None:
+        try:
+            import viser
+        except ImportError:
+            raise MissingExtraError("the live view needs viser: pip install 'uuv-hil[view]'") from None
+        self.secret = secrets.token_urlsafe(24)
+        self.port = free_ports(1)[0]
+        self._viewers: set[int] = set()
+        self._turn = threading.Lock()
+        with redirect_stdout(StringIO()):  # its address is of no use to anybody
+            self.server = viser.ViserServer("127.0.0.1", self.port, label="uuv-hil view", verbose=False)
+        self.port = self.server.get_port()
+        # viser has no interface for it: its websocket server keeps the connections, with the request of each.
+        websockets: Any = self.server._websock_server
+
+        async def check(client: Any) -> None:
+            connection = websockets._live_connections[client.client_id]
+            given = connection.request.headers.get(SECRET_HEADER, "")
+            if not secrets.compare_digest(given.encode(), self.secret.encode()):
+                await connection.close(1008, "only by way of the live view's page")
+                return
+            with self._turn:
+                self._viewers.add(client.client_id)
+
+        def leave(client: Any) -> None:
+            with self._turn:
+                self._viewers.discard(client.client_id)
+
+        websockets.on_client_connect(check)
+        websockets.on_client_disconnect(leave)
+
+    def __enter__(self) -> "SceneServer":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        with redirect_stdout(StringIO()):
+            self.server.stop()
+
+    @property
+    def viewers(self) -> int:
+        """How many browsers look."""
+        with self._turn:
+            return len(self._viewers)

@@ -1,0 +1,96 @@
+"""Samples of a simulation in this process, for the live view; its time can be paused, stepped and sped up."""
+
+from collections.abc import Callable, Mapping
+from typing import Any, Protocol
+
+from hil.client.client import Stamped
+from hil.client.samples import State, aged
+from hil.common.clock import NS_PER_S, now_ns
+from hil.ros.diagnostics import Diagnostics
+from hil.ros.images import Picture
+from hil.ros.joints import JointStates
+from hil.view.paced_time import PacedTime
+from sim.simulation import Simulation
+
+RENAMED = {"forward_sonar": "forward_sonar/image", "side_scan": "side_scan/image"}
+WAIT_S = 0.005  # that a step waits at a time for its instant
+UPDATE_NS = NS_PER_S // 20
+
+
+class SimulatedVehicle(Protocol):
+    """A vehicle in simulated time: hil.cases.simulated.SimulatedVehicle."""
+
+    simulation: Simulation
+    samples: dict[str, Any]
+    pwm_us: tuple[int, ...]
+
+
+class SimulatedSource:
+    """The vehicle `name` of a simulation."""
+
+    def __init__(self, name: str, vehicle: SimulatedVehicle) -> None:
+        self._name, self._vehicle = name, vehicle
+        self.playback = PacedTime()
+
+    @property
+    def names(self) -> list[str]:
+        """The one vehicle."""
+        return [self._name]
+
+    def is_present(self, _name: str) -> bool:
+        """It always is."""
+        return True
+
+    def latest(self, _name: str) -> Mapping[str, Any]:
+        """Return the newest sample of each sensor, the truth, and the thrusts."""
+        simulation = self._vehicle.simulation
+        found: dict[str, Any] = {"ground_truth": State(*simulation.truth())}
+        for topic, sample in self._vehicle.samples.items():
+            if topic == "camera":
+                picture = Picture(sample.time_ns, sample.width, sample.height, "rgb8", sample.rgb)
+                found["camera/image_raw"] = picture
+            elif topic in RENAMED:
+                found[RENAMED[topic]] = sample
+            else:
+                found[topic] = aged(topic, Stamped(sample, now_ns(), now_ns()))
+        names = tuple([thruster.name for thruster in simulation.vehicle.thrusters])
+        found["joint_states"] = JointStates(simulation.time_ns, names, tuple(simulation.thrusts))
+        return found
+
+    def diagnostics(self, _name: str) -> Diagnostics:
+        """Return the pulse widths: a simulation without a slave has no other figures of health."""
+        figures = Diagnostics()
+        figures.pwm_us = tuple(self._vehicle.pwm_us)
+        figures.contacts = self._vehicle.simulation.contacts
+        return figures
+
+    def vehicle(self, _name: str) -> None:
+        """The scenario's planner commands it."""
+        return
+
+    def delays_ms(self, _name: str) -> tuple[list[float], dict[str, float]]:
+        """There is no network and no link."""
+        return [], {}
+
+    def show_pictures(self, wanted: bool) -> None:
+        """The scenario says which cameras and sonars are simulated."""
+
+    def log_lines(self) -> list[str]:
+        """Return nothing: what happens is in the run's outcome."""
+        return []
+
+    def pace(self, update: Callable[[], None], wait: Callable[[float], None]) -> Callable[[Any], None]:
+        """Return what holds each step of a flight until its instant, and calls `update` 20 times a second meanwhile."""
+        due_ns = 0
+
+        def step(_vehicle: Any) -> None:
+            nonlocal due_ns
+            while True:
+                if now_ns() >= due_ns:
+                    due_ns = now_ns() + UPDATE_NS
+                    update()
+                if self.playback.time * NS_PER_S >= self._vehicle.simulation.time_ns:
+                    return
+                wait(WAIT_S)
+
+        return step

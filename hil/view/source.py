@@ -1,0 +1,42 @@
+"""What the live view shows: the newest samples of each vehicle, wherever they come from."""
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, Protocol
+
+if TYPE_CHECKING:
+    from hil.client.vehicle_handle import Vehicle
+    from hil.ros.diagnostics import Diagnostics
+    from hil.view.paced_time import PacedTime
+
+
+class Source(Protocol):
+    """The samples of some vehicles."""
+
+    @property
+    def playback(self) -> "PacedTime | None":
+        """Return the time that can be paused and sped up; None of vehicles that live in real time."""
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the vehicles there are, sorted; those that are gone included."""
+
+    def is_present(self, name: str) -> bool:
+        """Whether samples of that vehicle come."""
+
+    def latest(self, name: str) -> Mapping[str, Any]:
+        """Return the newest sample of each topic (hil.client.samples), of pictures the message: NED, FRD, SI units."""
+
+    def diagnostics(self, name: str) -> "Diagnostics":
+        """Return the figures of health; empty before the first."""
+
+    def vehicle(self, name: str) -> "Vehicle | None":
+        """Return what commands that vehicle; None where nobody may."""
+
+    def delays_ms(self, name: str) -> tuple[list[float], dict[str, float]]:
+        """Return the delays (ms) of the newest commands, and the median (ms) of each hop; empty if not known."""
+
+    def show_pictures(self, wanted: bool) -> None:
+        """Receive pictures of cameras and sonars from now on, or not any more."""
+
+    def log_lines(self) -> list[str]:
+        """Return what happened since the last call, a line each."""

@@ -1,0 +1,111 @@
+"""Let persons at sticks steer vehicles through the Python interface: 20 commands a second, one person a vehicle."""
+
+import threading
+from collections.abc import Callable
+
+from hil.client.vehicle_handle import Vehicle
+from hil.common.clock import now_ns
+from hil.common.errors import HilError
+from hil.view.stick import Stick, StickCommand
+
+PERIOD_S = 0.05
+HOLD_WITHIN = 0.02  # of the full stick: below it depth and heading are held, where that is wanted
+
+Report = Callable[[str], None]
+
+
+class Steering:
+    """One vehicle that persons at sticks may steer. Use as a context.
+
+    Who holds the dead man's switch first steers; the others get the reason. A vehicle that another master commands
+    is not taken from it. `report` gets a line when something changes.
+    """
+
+    def __init__(self, vehicle: Vehicle, report: Report) -> None:
+        self._vehicle = vehicle
+        self._report = report
+        self._sticks: dict[int, Stick] = {}
+        self._steers: int | None = None
+        self._depth: float | None = None
+        self._heading: float | None = None
+        self._turn = threading.Lock()
+        self._ending = threading.Event()
+        self.error = ""
+        self._thread = threading.Thread(target=self._run, name=f"steering {vehicle.name}", daemon=True)
+        self._thread.start()
+
+    def __enter__(self) -> "Steering":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._ending.set()
+        self._thread.join()
+
+    def update(self, person: int, message: dict[str, object] | None) -> str:
+        """Take a message of one person's stick, None when the person has left; why it does not steer, or ""."""
+        with self._turn:
+            if message is None:
+                self._sticks.pop(person, None)
+            else:
+                self._sticks.setdefault(person, Stick()).update(message, now_ns())
+            if self._steers not in (None, person) and message is not None and message.get("held") is True:
+                return "another person steers"
+            return self.error if self._steers == person or message is None or message.get("held") is True else ""
+
+    def _run(self) -> None:
+        while not self._ending.wait(PERIOD_S):
+            command = self._choose()
+            if command is not None:
+                self._drive(command)
+        self._let_go()
+
+    def _choose(self) -> StickCommand | None:
+        """Return the command of who steers; the first who holds the switch does when nobody did."""
+        with self._turn:
+            now = now_ns()
+            wanted = {person: stick.command(now) for person, stick in self._sticks.items()}
+            if self._steers is not None and wanted.get(self._steers) is None:
+                self._let_go()
+            if self._steers is None:
+                self._steers = next((person for person, command in wanted.items() if command), None)
+                if self._steers is not None:
+                    self.error = ""
+                    self._report(f"{self._vehicle.name} is steered by hand")
+            return wanted.get(self._steers) if self._steers is not None else None
+
+    def _drive(self, command: StickCommand) -> None:
+        try:
+            if command.mode == "effort":
+                self._vehicle.push(x=command.surge, y=command.sway, z=command.heave, n=command.yaw)
+                return
+            depth, heading = self._held_values(command)
+            self._vehicle.drive(
+                command.surge, command.sway, 0.0 if depth is not None else command.heave,
+                0.0 if heading is not None else command.yaw, depth=depth, heading=heading,
+            )  # fmt: skip
+        except HilError as error:
+            self.error = str(error)
+
+    def _held_values(self, command: StickCommand) -> tuple[float | None, float | None]:
+        """Depth and heading to hold: those the vehicle had when the stick came back to the middle."""
+        state = self._vehicle.state
+        if not command.hold_depth or abs(command.heave) > HOLD_WITHIN:
+            self._depth = None
+        elif self._depth is None:
+            self._depth = max(state.depth, 0.0)
+        if not command.hold_heading or abs(command.yaw) > HOLD_WITHIN:
+            self._heading = None
+        elif self._heading is None:
+            self._heading = state.heading
+        return self._depth, self._heading
+
+    def _let_go(self) -> None:
+        if self._steers is None:
+            return
+        self._steers = self._depth = self._heading = None
+        try:
+            self._vehicle.stop()
+            self._vehicle.release()
+        except HilError as error:
+            self.error = str(error)
+        self._report(f"{self._vehicle.name} is not steered by hand any more")

@@ -1,0 +1,72 @@
+"""What a person at a stick wants, as commands: a state machine without a clock or I/O."""
+
+from collections.abc import Mapping
+from math import isfinite
+from typing import Any, Literal, NamedTuple
+
+SILENT_AFTER_NS = 300_000_000  # a stick that says nothing for so long is let go; it speaks 20 times a second
+AXES = ("surge", "sway", "heave", "yaw")
+Mode = Literal["velocity", "effort"]
+
+
+class Limits(NamedTuple):
+    """What a full stick means: m/s and rad/s in the mode "velocity", N and N m in the mode "effort"."""
+
+    speed: float = 0.5
+    heave: float = 0.3
+    yaw_rate: float = 0.5
+    force: float = 40.0
+    moment: float = 10.0
+
+
+class StickCommand(NamedTuple):
+    """Along FRD: velocities (m/s, rad/s), or forces (N) and a moment (N m) about the vertical axis."""
+
+    mode: Mode
+    surge: float
+    sway: float
+    heave: float
+    yaw: float
+    hold_depth: bool
+    hold_heading: bool
+
+
+class Stick:
+    """One person's stick. The vehicle moves only while the dead man's switch is held and messages come."""
+
+    def __init__(self, limits: Limits = Limits()) -> None:
+        self._limits = limits
+        self._received_ns = 0
+        self._held = False
+        self._command: StickCommand | None = None
+        self.malformed = 0
+
+    def update(self, message: Mapping[str, Any], now_ns: int) -> None:
+        """Take over a message of the stick; `axes` are numbers from -1 to 1. A malformed one lets the stick go."""
+        self._received_ns = now_ns
+        axes = message.get("axes")
+        given = [axes.get(name, 0.0) for name in AXES] if isinstance(axes, Mapping) else []
+        values = [max(-1.0, min(1.0, value)) for value in given if isinstance(value, int | float) and isfinite(value)]
+        if len(values) != len(AXES):
+            self.malformed += 1
+            self._held = False
+            return
+        surge, sway, heave, yaw = values
+        self._held = message.get("held") is True
+        mode: Mode = "effort" if message.get("mode") == "effort" else "velocity"
+        speed, heave_speed, turn, force, moment = self._limits
+        scale = (force, force, force, moment) if mode == "effort" else (speed, speed, heave_speed, turn)
+        self._command = StickCommand(
+            mode, surge * scale[0], sway * scale[1], heave * scale[2], yaw * scale[3],
+            message.get("hold_depth") is True, message.get("hold_heading") is True,
+        )  # fmt: skip
+
+    def release(self) -> None:
+        """Let the stick go."""
+        self._held = False
+
+    def command(self, now_ns: int) -> StickCommand | None:
+        """Return what is wanted now; None while the switch is not held, or nothing was heard for 0.3 s."""
+        if now_ns - self._received_ns > SILENT_AFTER_NS:
+            self._held = False
+        return self._command if self._held else None

@@ -1,0 +1,191 @@
+"""One vehicle in the scene: its shape, thrusts, tracks, and what its sensors see."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from hil.view import colours
+from hil.view.frames import attitude, to_body, to_scene
+from hil.view.world_scene import arrows
+from sim.vehicle.vehicle import Vehicle
+
+TRACK_STEP = 0.1  # m between two points of a track
+MOST_POINTS = 4000  # of a track; then every second one goes
+THRUST_SCALE = 0.02  # m of an arrow per N
+AXES = 0.6  # m
+
+
+class Track:
+    """A line where something has been, thinned out as it grows."""
+
+    def __init__(self, scene: Any, name: str, colour: colours.RGB) -> None:
+        self._scene, self._name, self._colour = scene, name, colour
+        self._points: list[Any] = []
+        self._drawn = 0
+        self._handle: Any = None
+
+    def add(self, place: Any) -> None:
+        """Add a place of the scene, unless it is as good as the last."""
+        if not self._points or np.linalg.norm(place - self._points[-1]) >= TRACK_STEP:
+            self._points.append(place)
+        if len(self._points) > MOST_POINTS:
+            del self._points[1:-1:2]
+            self._drawn = 0
+
+    def clear(self) -> None:
+        """Forget where it was."""
+        self._points, self._drawn = [], 0
+        if self._handle:
+            self._handle.remove()
+            self._handle = None
+
+    def draw(self) -> None:
+        """Show what was added."""
+        if len(self._points) < 2 or len(self._points) == self._drawn:
+            return
+        self._drawn = len(self._points)
+        line = np.array(self._points, np.float32)
+        segments = np.stack([line[:-1], line[1:]], axis=1)
+        self._handle = self._scene.add_line_segments(
+            self._name, segments, self._colour, thickness=2.5, thickness_units="screen"
+        )
+
+
+class VehicleScene:
+    """A vehicle that is drawn as its file says: box or mesh, thrusters, axes. `server` is a viser.ViserServer.
+
+    Without `vehicle` it is a box of a metre.
+    """
+
+    def __init__(self, server: Any, name: str, vehicle: Vehicle | None) -> None:
+        self._scene = server.scene
+        self._vehicle = vehicle
+        self._root = f"/vehicles/{name}"
+        self.place = np.zeros(3)
+        self._frame = self._scene.add_frame(self._root, axes_length=AXES, axes_radius=0.01)
+        self._scene.add_label(f"{self._root}/name", name, position=(0.0, 0.0, 0.8))
+        self._draw_shape()
+        self._thrusts: Any = None
+        self._track = Track(self._scene, f"/tracks/{name}/true", colours.TRACK)
+        self._navigation = Track(self._scene, f"/tracks/{name}/navigation", colours.NAVIGATION)
+
+    def move(self, latest: Mapping[str, Any]) -> None:
+        """Place the vehicle where the newest samples say it is; by the truth where that is known."""
+        state = latest.get("ground_truth") or latest.get("odom")
+        if state is None:
+            return
+        self.place = to_scene([state.position])[0]
+        self._frame.position, self._frame.wxyz = self.place, attitude(state.orientation)
+        self._track.add(self.place)
+        if "ground_truth" in latest and "odom" in latest:
+            self._navigation.add(to_scene([latest["odom"].position])[0])
+        if joints := latest.get("joint_states"):
+            self._draw_thrusts(joints.efforts)
+
+    def draw_tracks(self) -> None:
+        """Show where it has been."""
+        self._track.draw()
+        self._navigation.draw()
+
+    def clear_tracks(self) -> None:
+        """Forget where it has been."""
+        self._track.clear()
+        self._navigation.clear()
+
+    def draw_scans(self, latest: Mapping[str, Any]) -> None:
+        """Show the points of laser and profiler, in the axes of the vehicle."""
+        for topic, colour, points in (
+            ("laser", colours.LASER, _laser_points), ("profiler", colours.PROFILER, _profiler_points)
+        ):  # fmt: skip
+            scan = latest.get(topic)
+            if scan is not None and len(found := points(scan)):
+                self._scene.add_point_cloud(
+                    f"{self._root}/{topic}", to_body(found), colour, point_size=0.06, point_shape="circle"
+                )
+
+    def draw_camera(self, picture: Any, horizontal_fov: float) -> None:
+        """Show the camera's frustum with its picture (height x width x 3)."""
+        height, width = picture.shape[:2]
+        vertical = 2.0 * np.arctan(np.tan(0.5 * horizontal_fov) * height / width)
+        self._scene.add_camera_frustum(
+            f"{self._root}/camera", float(vertical), width / height, scale=0.6, image=picture,
+            wxyz=(0.5, -0.5, 0.5, -0.5), position=(0.3, 0.0, 0.0), color=colours.SONAR,
+        )  # fmt: skip
+
+    def draw_sonar(self, points: Any, strengths: Any) -> None:
+        """Show the fan of the forward sonar: places along FRD (m), and strengths from 0 to 1."""
+        shade = np.clip(strengths, 0.0, 1.0)[:, None]
+        tint = (np.array(colours.SONAR) * shade).astype(np.uint8)
+        self._scene.add_point_cloud(f"{self._root}/sonar", to_body(points), tint, point_size=0.08)
+
+    def _draw_shape(self) -> None:
+        vehicle = self._vehicle
+        size = vehicle.dimensions if vehicle else (1.0, 0.5, 0.4)
+        meshes = [drawn for mesh in vehicle.meshes if (drawn := _mesh(mesh)) is not None] if vehicle else []
+        for number, drawn in enumerate(meshes):
+            self._scene.add_mesh_simple(f"{self._root}/hull/{number}", drawn.vertices, drawn.faces, color=colours.HULL)
+        if not meshes:
+            self._scene.add_box(f"{self._root}/hull", color=colours.HULL, dimensions=size)
+        for number, thruster in enumerate(vehicle.thrusters if vehicle else ()):
+            along = to_body([thruster.unit_direction])[0]
+            self._scene.add_cylinder(
+                f"{self._root}/thrusters/{number}", 0.05, 0.1, color=colours.THRUSTER,
+                position=to_body([thruster.position])[0], wxyz=_turn_up_to(along),
+            )  # fmt: skip
+
+    def _draw_thrusts(self, thrusts: Sequence[float]) -> None:
+        vehicle = self._vehicle
+        if vehicle is None or len(thrusts) != len(vehicle.thrusters):
+            return
+        starts = to_body([thruster.position for thruster in vehicle.thrusters])
+        along = to_body([thruster.unit_direction for thruster in vehicle.thrusters])
+        segments = arrows(starts, along * np.array(thrusts)[:, None] * THRUST_SCALE).astype(np.float32)
+        if self._thrusts is None:
+            self._thrusts = self._scene.add_line_segments(
+                f"{self._root}/thrusts", segments, colours.THRUST, thickness=4.0, thickness_units="screen"
+            )
+        else:
+            self._thrusts.points = segments
+
+
+def _mesh(mesh: Any) -> Any:
+    """The triangles of a mesh's file as a trimesh.Trimesh (m, axes of the scene); None for a file that is not there."""
+    import os
+
+    import trimesh
+
+    from sim.rotations import from_euler, matrix
+
+    if not os.path.exists(mesh.file):
+        return None
+    loaded: Any = trimesh.load(mesh.file, force="mesh")
+    rotation = np.array(matrix(from_euler(*mesh.orientation))).reshape(3, 3)
+    loaded.vertices = to_body((loaded.vertices * mesh.scale) @ rotation.T + mesh.position)
+    return loaded
+
+
+def _turn_up_to(along: Any) -> tuple[float, float, float, float]:
+    """The quaternion (w, x, y, z) that turns z to the unit vector `along`."""
+    x, y, z = (float(value) for value in along)
+    if z < -0.999999:
+        return 0.0, 1.0, 0.0, 0.0
+    w = float(np.sqrt(0.5 * (1.0 + z)))
+    return w, -y / (2.0 * w), x / (2.0 * w), 0.0
+
+
+def _laser_points(scan: Any) -> Any:
+    """Places (FRD, m) where the beams of a level fan end; angles count to port in ROS, to starboard here."""
+    return _fan(scan, lambda r, a: (r * np.cos(a), r * np.sin(a), np.zeros_like(r)))
+
+
+def _profiler_points(scan: Any) -> Any:
+    """Places (FRD, m) where the beams of a fan across the vehicle end; 0 is straight down."""
+    return _fan(scan, lambda r, a: (np.zeros_like(r), r * np.sin(a), r * np.cos(a)))
+
+
+def _fan(scan: Any, place: Any) -> Any:
+    ranges = np.asarray(scan.ranges, float)
+    angles = scan.angle_min + scan.angle_increment * np.arange(len(ranges))
+    there = np.isfinite(ranges)
+    return np.stack(place(ranges[there], angles[there]), axis=1)

@@ -1,0 +1,35 @@
+"""A browser's place taken by an HTTP client: the page, the stick's websocket, the scene's websocket."""
+
+import asyncio
+from collections.abc import Awaitable, Callable
+from typing import Any, TypeVar
+
+import aiohttp
+import viser
+
+T = TypeVar("T")
+ADDRESS = r"watch at (http://\S+/)\?token=(\S+)"
+
+
+def with_session(work: Callable[[aiohttp.ClientSession], Awaitable[T]]) -> T:
+    """Run `work` with a client that keeps cookies."""
+
+    async def run() -> T:
+        async with aiohttp.ClientSession(cookie_jar=aiohttp.CookieJar(unsafe=True)) as client:
+            found = await work(client)
+        await asyncio.sleep(0.1)  # what aiohttp needs to close its connections
+        return found
+
+    return asyncio.run(run())
+
+
+def stick(held: bool = False, acts: tuple[str, ...] = (), vehicle: str = "uuv1", **axes: float) -> dict[str, Any]:
+    """Return a message of a stick."""
+    return {"vehicle": vehicle, "held": held, "axes": axes, "mode": "velocity", "acts": list(acts)}
+
+
+async def scene_bytes(client: aiohttp.ClientSession, address: str) -> int:
+    """Connect as viser's page does; how many bytes of the scene come first."""
+    async with client.ws_connect(f"{address}scene", protocols=[f"viser-v{viser.__version__}"]) as scene:
+        message = await scene.receive(timeout=30.0)
+        return len(message.data) if message.type is aiohttp.WSMsgType.BINARY else 0

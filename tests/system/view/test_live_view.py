@@ -1,0 +1,143 @@
+"""`uuv-hil view` with a real slave: who is let in, what is shown, and who steers."""
+
+import asyncio
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import aiohttp
+import pytest
+
+from tests.support.processes import Program, run_here, write_scenario
+from tests.support.view_client import ADDRESS, scene_bytes, stick, with_session
+
+pytest.importorskip("viser", reason="the live view needs the extra view")
+
+
+@contextmanager
+def viewed(folder: Path, *options: str) -> Iterator[tuple[str, str, Program]]:
+    """A slave and a view of it: the view's address, its token, and its program."""
+    scenario, _ = write_scenario(folder)
+    words = ("view", scenario, "--listen", "127.0.0.1:0", "--no-browser", *options)
+    with Program(folder, "slave", scenario), Program(folder, *words) as view:
+        found = view.expect(ADDRESS)
+        yield found[1], found[2], view
+
+
+async def status(client: aiohttp.ClientSession, url: str, headers: dict[str, str] | None = None) -> int:
+    async with client.get(url, headers=headers) as answer:
+        await answer.read()
+        return answer.status
+
+
+async def talk(client: aiohttp.ClientSession, address: str, seconds: float, **message: Any) -> dict[str, Any]:
+    """Send a stick's message 20 times a second; the last answer."""
+    answer: dict[str, Any] = {}
+    async with client.ws_connect(f"{address}stick") as socket:
+        for number in range(round(seconds * 20)):
+            await socket.send_json(stick(**message) | ({} if number else {"acts": list(message.get("acts", ()))}))
+            answer = await socket.receive_json(timeout=30.0)
+            message["acts"] = ()
+            await asyncio.sleep(0.05)
+    return answer
+
+
+async def until_ready(client: aiohttp.ClientSession, address: str) -> None:
+    """Wait until the vehicle is seen and may be steered."""
+    for _ in range(300):
+        answer = await talk(client, address, 0.05)
+        if answer.get("may_steer"):
+            return
+        await asyncio.sleep(0.1)
+    raise AssertionError(answer)
+
+
+def test_it_lets_in_who_has_the_token_and_its_own_page_alone(tmp_path: Path) -> None:
+    with viewed(tmp_path) as (address, token, _):
+
+        async def try_it(client: aiohttp.ClientSession) -> None:
+            for path in ("", "stick", "scene/", "scene", "?token=wrong"):
+                assert await status(client, address + path) == 403
+            async with client.get(f"{address}?token={token}") as page:
+                assert page.status == 200
+                assert "STOP" in await page.text()
+                assert str(page.url) == address, "the token does not stay in the address"
+            assert await status(client, f"{address}scene/") == 200
+            elsewhere = {"Origin": "http://evil.example"}
+            assert await status(client, address, elsewhere) == 403
+            with pytest.raises(aiohttp.WSServerHandshakeError):
+                await client.ws_connect(f"{address}stick", headers=elsewhere)
+            assert await scene_bytes(client, address) > 1000
+
+        with_session(try_it)
+
+
+def test_the_scene_is_closed_to_all_but_the_view(tmp_path: Path) -> None:
+    from hil.view.scene_server import SceneServer
+
+    with SceneServer() as scene:
+        scene.server.gui.add_button("act")
+
+        async def dial(client: aiohttp.ClientSession) -> tuple[int, int]:
+            direct = await scene_bytes(client, f"http://127.0.0.1:{scene.port}/")
+            async with aiohttp.ClientSession(headers={"X-Uuv-Hil-Secret": scene.secret}) as knowing:
+                return direct, await scene_bytes(knowing, f"http://127.0.0.1:{scene.port}/")
+
+        direct, knowing = with_session(dial)
+        assert direct == 0
+        assert knowing > 0
+
+
+def test_a_person_steers_lets_go_and_stops(tmp_path: Path) -> None:
+    with viewed(tmp_path) as (address, token, view):
+
+        async def steer(client: aiohttp.ClientSession) -> None:
+            assert await status(client, f"{address}?token={token}") == 200
+            await until_ready(client, address)
+            answer = await talk(client, address, 3.0, held=True, surge=1.0)
+            assert answer["text"] == "ready", answer
+            assert answer["vehicles"] == ["uuv1"]
+            stopped = await talk(client, address, 0.2, acts=("stop",))
+            assert stopped["may_stop"]
+            assert "rror" not in stopped["text"]
+            for _ in range(100):
+                answer = await talk(client, address, 0.1)
+                if answer["armed"] is False:
+                    break
+            assert "disarmed" in answer["text"], answer
+            assert not answer["may_steer"]
+
+        with_session(steer)
+        assert view.process.poll() is None
+        assert "Traceback" not in view.output
+
+
+def test_an_observer_steers_nothing(tmp_path: Path) -> None:
+    with viewed(tmp_path, "--observe") as (address, token, _):
+
+        async def try_it(client: aiohttp.ClientSession) -> dict[str, Any]:
+            assert await status(client, f"{address}?token={token}") == 200
+            answer: dict[str, Any] = {}
+            for _ in range(100):
+                answer = await talk(client, address, 0.1, held=True, surge=1.0, acts=("stop",))
+                if answer.get("vehicles"):
+                    break
+            return answer
+
+        answer = with_session(try_it)
+        assert answer["text"] == "this view only observes"
+        assert not answer["may_stop"]
+        assert not answer["may_steer"]
+
+
+def test_bad_input_is_one_line() -> None:
+    for words, reason in (
+        ((), "give a scenario, or --connect"),
+        (("paper_field", "--listen", "127.0.0.1:99999"), "a port from 0 to 65535"),
+        (("paper_fiel",), "paper_field"),
+    ):
+        code, output = run_here("view", *words)
+        assert code == 2
+        assert reason in output
+        assert "Traceback" not in output

@@ -1,0 +1,34 @@
+"""Thrusts as sensor_msgs/JointState, held against the codec that works by the definition."""
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hil.ros import message
+from hil.ros.joints import JointStates, decode_joints, encode_joints
+
+NAME = st.text(st.characters(min_codepoint=33, max_codepoint=0x2FF), max_size=20)
+
+
+@given(st.lists(st.tuples(NAME, st.floats(allow_nan=False)), max_size=8), st.integers(0, 2**31 * 10**9 - 1))
+def test_a_message_is_that_of_the_definition_and_comes_back(joints: list[tuple[str, float]], time_ns: int) -> None:
+    states = JointStates(time_ns, tuple(name for name, _ in joints), tuple(effort for _, effort in joints))
+    payload = encode_joints(states)
+    assert decode_joints(payload) == states
+    fields = message.decode("sensor_msgs/msg/JointState", payload)
+    assert fields is not None
+    assert fields["name"] == list(states.names)
+    assert fields["effort"] == states.efforts
+    assert message.encode("sensor_msgs/msg/JointState", fields) == payload
+
+
+def test_cut_and_contradicting_messages_are_malformed() -> None:
+    payload = encode_joints(JointStates(1, ("a", "b"), (1.0, 2.0)))
+    assert all(decode_joints(payload[:length]) is None for length in range(len(payload)))
+    contradicting = message.encode("sensor_msgs/msg/JointState", {"name": ["a"], "effort": (1.0, 2.0)})
+    assert decode_joints(contradicting) is None
+
+
+@given(st.binary(max_size=80))
+def test_any_bytes_are_survived(payload: bytes) -> None:
+    found = decode_joints(payload)
+    assert found is None or len(found.names) == len(found.efforts)

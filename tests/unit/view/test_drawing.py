@@ -1,0 +1,157 @@
+"""What the scene and the panels are given: axes, meshes, arrows, pictures, instruments."""
+
+from math import pi
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+
+from hil.ros.images import Picture
+from hil.view import frames, instruments, pictures, world_scene
+from sim.environment.obstacles import Box, Cylinder
+from sim.environment.terrain import Terrain
+from sim.environment.terrain_grid import Grid
+from sim.environment.world import World
+from sim.rotations import from_euler, rotate
+from sim.sensors.imaging.samples import SideScanSample, SonarImageSample
+
+
+class Recorder:
+    """Takes the place of viser's scene: keeps what it was told to add."""
+
+    def __init__(self) -> None:
+        self.added: dict[str, tuple[str, tuple[Any, ...], dict[str, Any]]] = {}
+        self.scene = self
+
+    def __getattr__(self, kind: str) -> Any:
+        def add(name: str, *arguments: Any, **options: Any) -> None:
+            self.added[name] = kind, arguments, options
+
+        return add
+
+
+def test_places_and_attitudes_of_the_scene() -> None:
+    assert frames.to_scene([(1.0, 2.0, 3.0)]).tolist() == [[2.0, 1.0, -3.0]]
+    assert frames.from_scene((2.0, 1.0, -3.0)) == (1.0, 2.0, 3.0)
+    attitude = from_euler(0.1, 0.2, 0.5 * pi)
+    ahead = frames.to_scene([rotate(attitude, (1.0, 0.0, 0.0))])[0]
+    assert rotate(frames.attitude(attitude), (1.0, 0.0, 0.0)) == pytest.approx(ahead)
+    starboard = frames.to_scene([rotate(attitude, (0.0, 1.0, 0.0))])[0]
+    assert rotate(frames.attitude(attitude), frames.to_body([(0.0, 1.0, 0.0)])[0]) == pytest.approx(starboard)
+
+
+def relief(rows: int, columns: int) -> Terrain:
+    from array import array
+
+    depths = array("f", [5.0 + 0.01 * row + 0.002 * column for row in range(rows) for column in range(columns)])
+    depths[3 * columns + 3] = float("nan")
+    return Terrain(Grid(-10.0, 20.0, 1.0, rows, columns), depths, 9.0)
+
+
+def test_a_seabed_is_drawn_with_holes_contours_and_no_more_nodes_than_a_browser_turns() -> None:
+    world = World("bay", "", (-10.0, 90.0, 20.0, 120.0), 9.0, terrain=relief(1001, 901))
+    recorder = Recorder()
+    drawn = world_scene.WorldScene(recorder, world)
+    kind, (mesh,), _ = recorder.added["/seabed"]
+    assert kind == "add_mesh_trimesh"
+    assert len(mesh.vertices) <= world_scene.MOST_NODES**2
+    east, north, up = mesh.vertices[-1]
+    assert (east, north) == (20.0 + 900.0, -10.0 + 999.0)
+    assert up == pytest.approx(-drawn.seabed(north, east), abs=1e-4)
+    levels = [name for name in recorder.added if name.startswith("/contours") and name.endswith("depth")]
+    assert 4 <= len(levels) <= world_scene.CONTOURS + 1
+    assert recorder.added[levels[0]][1][0].endswith(" m")
+    small = Recorder()
+    world_scene.WorldScene(small, world._replace(terrain=relief(30, 30)))
+    faces = small.added["/seabed"][1][0].faces
+    assert len(faces) == 2 * 29 * 29 - 2 * 4 + 2, "the four cells round the node without data are left out, but corners"
+
+
+def test_obstacles_current_path_and_goal_are_drawn() -> None:
+    world = World(
+        "pool", "", (0.0, 10.0, 0.0, 10.0), 4.0, current=(0.2, 0.0, 0.0), cylinder=(Cylinder(3.0, 4.0, 0.5),),
+        box=(Box(6.0, 7.0, 1.0, 2.0, 0.25 * pi, 1.0),),
+    )  # fmt: skip
+    recorder = Recorder()
+    scene = world_scene.WorldScene(recorder, world)
+    scene.draw_path([(1.0, 1.0), (2.0, 3.0), (5.0, 5.0)], 2.0)
+    scene.draw_goal(5.0, 5.0, 2.0)
+    assert recorder.added["/obstacles/0"][0] == "add_cylinder"
+    assert recorder.added["/obstacles/1"][0] == "add_box"
+    assert recorder.added["/obstacles/1"][2]["position"].tolist() == [7.0, 6.0, -2.5]
+    assert recorder.added["/path"][1][0].shape == (2, 2, 3)
+    assert recorder.added["/goal"][2]["position"].tolist() == [5.0, 5.0, -2.0]
+    starts, ends = recorder.added["/current"][1][0][0]
+    assert ends[1] > starts[1], "to the north"
+    assert ends[0] == pytest.approx(starts[0])
+    assert not any(name.startswith("/contours") for name in recorder.added), "of a flat bed"
+
+
+def test_arrows_of_any_direction_and_length() -> None:
+    along = np.array([(1.0, 0.0, 0.0), (0.0, 0.0, -2.0), (0.0, 0.0, 0.0)])
+    drawn = world_scene.arrows(np.zeros((3, 3)), along)
+    assert drawn.shape == (9, 2, 3)
+    assert np.isfinite(drawn).all()
+    assert drawn[:3, 1].tolist() == along.tolist()
+
+
+def sonar(echoes: np.ndarray[Any, Any]) -> SonarImageSample:
+    bins, beams = echoes.shape
+    angles = tuple(np.linspace(-1.0, 1.0, beams))
+    return SonarImageSample(1, angles, bins, 0.0, 0.1, 7e5, 1500.0, 0.02, 0.3, "uint8", echoes.tobytes())
+
+
+def test_a_target_of_the_forward_sonar_is_where_it_is_in_the_fan() -> None:
+    echoes = np.zeros((100, 65), np.uint8)
+    echoes[50, 48] = 255  # 5 m ahead, half a radian to starboard
+    picture = pictures.fan_picture(sonar(echoes))
+    rows, columns = np.nonzero(picture.sum(axis=2) > 500)
+    ahead = (pictures.FAN_SIZE - 1 - rows.mean()) * 10.0 / pictures.FAN_SIZE
+    right = (columns.mean() - 0.5 * picture.shape[1]) * 10.0 / pictures.FAN_SIZE
+    assert (ahead, right) == (pytest.approx(5.05 * np.cos(0.5), abs=0.1), pytest.approx(5.05 * np.sin(0.5), abs=0.15))
+    places, strengths = pictures.fan_points(sonar(np.full((100, 65), 255, np.uint8)), 3.0)
+    assert len(places) == len(strengths)
+    assert places[:, 2].max() == 3.0
+    assert np.linalg.norm(places, axis=1).max() <= 10.0
+
+
+def test_a_side_scan_scrolls() -> None:
+    waterfall = pictures.Waterfall()
+    ping = SideScanSample(1, 3, 0.1, 4e5, 1500.0, 0.01, 0.8, 2.0, "uint8", bytes((10, 20, 255)), bytes((1, 2, 3)))
+    assert waterfall.add(ping)
+    assert not waterfall.add(ping)
+    assert waterfall.add(ping._replace(time_ns=2, port=bytes(3), starboard=bytes(3)))
+    picture = waterfall.picture()
+    assert picture.shape == (pictures.WATERFALL, 6, 3)
+    assert picture[0].sum() == 0, "the newest on top"
+    assert picture[1, 0].sum() > 600, "port on the left, farthest outside"
+
+
+def test_pictures_of_a_camera_and_what_is_none() -> None:
+    raw = Picture(1, 2, 1, "rgb8", bytes((1, 2, 3, 4, 5, 6)))
+    assert pictures.camera_picture(raw).tolist() == [[[1, 2, 3], [4, 5, 6]]]
+    for broken in (raw._replace(data=b"12"), Picture(1, 0, 0, "jpeg", b"no picture")):
+        assert pictures.camera_picture(broken) is None
+
+
+def test_instruments_are_an_image_whose_words_are_escaped() -> None:
+    now = instruments.Reading(
+        0.1, -0.2, 1.0, 3.456, float("nan"), 0.5, (1.0, 2.0, 3.0), 15.5, (1500, 1700), (0.0, 12.5), ("<left>", "right")
+    )
+    drawn = ElementTree.fromstring(instruments.draw(now))
+    words = " ".join(text.strip() for text in drawn.itertext() if text.strip())
+    for shown in (
+        "roll +6°",
+        "pitch -11°",
+        "heading 57°",
+        "3.46 m",
+        "altitude -",
+        "15.5 V",
+        "<left>",
+        "1700 us",
+        "+12.5 N",
+    ):
+        assert shown in words
+    bars = [each for each in drawn.iter() if each.get("fill") == "#dc2626" and each.tag == "rect"]
+    assert [float(each.get("width", "")) for each in bars] == [0.0, 25.0]

@@ -1,0 +1,72 @@
+"""A stick moves a vehicle only while its switch is held and its messages come."""
+
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hil.view.stick import SILENT_AFTER_NS, Limits, Stick
+
+NOW = 10**12
+
+
+def message(held: bool = True, **axes: Any) -> dict[str, Any]:
+    return {"held": held, "axes": axes}
+
+
+def test_a_held_stick_commands_in_proportion() -> None:
+    stick = Stick(Limits(speed=0.8, heave=0.4, yaw_rate=0.6))
+    stick.update(message(surge=0.5, sway=-1.0, heave=0.25, yaw=1.0), NOW)
+    command = stick.command(NOW)
+    assert command is not None
+    assert command.mode == "velocity"
+    assert command[1:5] == pytest.approx((0.4, -0.8, 0.1, 0.6))
+    stick.update({**message(surge=1.0, yaw=-0.5), "mode": "effort"}, NOW)
+    command = stick.command(NOW)
+    assert command is not None
+    assert (command.mode, command.surge, command.yaw) == ("effort", 40.0, -5.0)
+
+
+def test_it_commands_nothing_when_let_go_or_silent() -> None:
+    stick = Stick()
+    assert stick.command(NOW) is None, "before the first message"
+    stick.update(message(held=False, surge=1.0), NOW)
+    assert stick.command(NOW) is None
+    stick.update(message(surge=1.0), NOW)
+    assert stick.command(NOW + SILENT_AFTER_NS) is not None
+    assert stick.command(NOW + SILENT_AFTER_NS + 1) is None
+    assert stick.command(NOW) is None, "a stick that was silent has to be heard again first"
+    stick.update(message(surge=1.0), NOW)
+    stick.release()
+    assert stick.command(NOW) is None
+
+
+@pytest.mark.parametrize(
+    "broken", [{}, {"axes": None, "held": True}, message(surge="ahead"), message(surge=float("nan")), {"held": True}]
+)
+def test_a_malformed_message_lets_it_go(broken: dict[str, Any]) -> None:
+    stick = Stick()
+    stick.update(message(surge=1.0), NOW)
+    stick.update(broken, NOW)
+    assert stick.command(NOW) is None
+    assert stick.malformed == 1
+
+
+ANY = st.none() | st.booleans() | st.floats() | st.text(max_size=5) | st.lists(st.integers(), max_size=3)
+
+
+@given(ANY, st.dictionaries(st.sampled_from(("surge", "sway", "heave", "yaw", "other")), ANY), ANY, ANY)
+def test_any_message_is_survived(held: Any, axes: dict[str, Any], mode: Any, holds: Any) -> None:
+    stick = Stick()
+    stick.update({"held": held, "axes": axes, "mode": mode, "hold_depth": holds}, NOW)
+    command = stick.command(NOW)
+    assert command is None or max(abs(value) for value in command[1:5]) <= 40.0
+
+
+@given(st.lists(st.floats(), min_size=4, max_size=4))
+def test_the_limits_hold_for_any_axes(values: list[float]) -> None:
+    stick = Stick()
+    stick.update({"held": True, "axes": dict(zip(("surge", "sway", "heave", "yaw"), values, strict=True))}, NOW)
+    command = stick.command(NOW)
+    assert command is None or (abs(command.surge) <= 0.5 and abs(command.heave) <= 0.3)
