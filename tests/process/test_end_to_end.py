@@ -200,8 +200,8 @@ def test_the_master_survives_a_slave_that_comes_back(tmp_path: Path) -> None:
             assert master.wait() == 6, master.output
     assert "goal reached, but link lost: no word from uuv1" in master.output, "the goal is not all there is to say"
     record = json.loads((folder / "table.json").read_text())
-    (event,) = [event for event in record["outcome"]["events"] if event["kind"] == "link_lost"]
-    assert event["duration_s"] > 0.5
+    lost = [event["duration_s"] for event in record["outcome"]["events"] if event["kind"] == "link_lost"]
+    assert max(lost) > 0.5, "and on a busy machine there may be more"
     assert record["outcome"]["reached"]
     assert not record["outcome"]["success"]
     assert record["table"]["startup_s"] > 0, "that of the second slave, by its own first sample"

@@ -4,7 +4,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
@@ -41,16 +40,18 @@ def test_it_ends_by_itself_with_the_session_open(ending: str, code: int) -> None
 
 
 def test_ctrl_c_ends_it() -> None:
-    text = OPEN.format(port=free_port()) + "time.sleep(60)"
+    # A signal that comes just before a sleep does not shorten it: many short ones.
+    text = OPEN.format(port=free_port()) + "while True:\n    time.sleep(0.05)\n"
     with subprocess.Popen(
         [sys.executable, "-c", text], cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE
     ) as ours:
         assert ours.stdout is not None
         assert ours.stdout.readline() == b"open\n"
-        began = time.monotonic()
         ours.send_signal(signal.SIGINT)
-        ours.communicate(timeout=60)
-        assert time.monotonic() - began < 30, "it would sleep for 60 s"
+        try:
+            ours.communicate(timeout=60)
+        finally:
+            ours.kill()
     assert ours.returncode == -signal.SIGINT
 
 

@@ -111,11 +111,17 @@ def onlooker(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFa
 def test_it_is_where_its_slave_says(onlooker: Onlooker) -> None:
     """Its stern stands half its length before its middle, and is as wide and high as it is."""
     assert wait_for(lambda: abs(onlooker.middle() - (2.0 - LENGTH / 2.0)) < 0.1), onlooker.middle()
-    labels = np.frombuffer(onlooker.client.latest["camera/labels"].value.data, "<i4").reshape(HEIGHT, WIDTH)
-    on_it = labels == labels[HEIGHT // 2, WIDTH // 2]
-    focal = onlooker.client.get("camera/camera_info").intrinsics.fx
-    for axis, size in ((0, BREADTH), (1, TALL)):
-        assert on_it.any(axis).sum() == pytest.approx(focal * size / (2.0 - LENGTH / 2.0), abs=1.0)
+    assert wait_for(lambda: {"camera/labels", "camera/camera_info"} <= set(onlooker.client.latest))
+    focal = onlooker.client.latest["camera/camera_info"].value.intrinsics.fx
+    wanted = [focal * size / (2.0 - LENGTH / 2.0) for size in (BREADTH, TALL)]
+
+    def sizes() -> list[int]:
+        """Its breadth and height in the picture of labels, which may come later than that of depths, pixels."""
+        labels = np.frombuffer(onlooker.client.latest["camera/labels"].value.data, "<i4").reshape(HEIGHT, WIDTH)
+        on_it = labels == labels[HEIGHT // 2, WIDTH // 2]
+        return [int(on_it.any(axis).sum()) for axis in (0, 1)]
+
+    assert wait_for(lambda: sizes() == pytest.approx(wanted, abs=1.0)), (sizes(), wanted)
 
 
 def test_the_sonar_hears_it(onlooker: Onlooker) -> None:
