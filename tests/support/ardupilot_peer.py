@@ -6,7 +6,7 @@ from typing import Any
 
 from hil.autopilots.json_packets import ServoPacket, encode_servos
 
-PATIENCE_S = 20.0
+PATIENCE_S = 60.0
 
 
 class ArdupilotPeer:

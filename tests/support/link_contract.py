@@ -32,7 +32,7 @@ from hil.links.contract import (
 from hil.links.protocols import Role, open_protocol
 from hil.links.wires.can_frame import RECORD_SIZE, CanFrame, pack_frame
 
-PATIENCE_S = 30.0
+PATIENCE_S = 60.0
 EVERY_BYTE = bytes(range(256))
 
 

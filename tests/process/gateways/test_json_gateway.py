@@ -54,7 +54,7 @@ class Client:
     """A program with a socket."""
 
     def __init__(self, gateway: JsonGateway) -> None:
-        self.socket = socket.create_connection(("127.0.0.1", gateway.port), timeout=5)
+        self.socket = socket.create_connection(("127.0.0.1", gateway.port), timeout=60)
         self._lines = self.socket.makefile("rb")
         self.samples: list[Message] = []
 

@@ -146,7 +146,7 @@ def test_calls_beyond_the_queue_go_without_an_answer_and_harm_nothing() -> None:
                 key_of("/uuv1/arm"),
                 zenoh.handlers.FifoChannel(2),
                 target=zenoh.QueryTarget.ALL_COMPLETE,
-                timeout=5.0,
+                timeout=60.0,
                 payload=payload,
                 attachment=attachment,
             )

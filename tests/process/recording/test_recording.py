@@ -288,7 +288,7 @@ def test_a_disk_that_takes_no_more_ends_the_recording_and_nothing_else(tmp_path:
         capture_output=True,
         text=True,
         cwd=ROOT,
-        timeout=30,
+        timeout=100,
         env={**os.environ, "PYTHONPATH": str(ROOT)},
     )
     told, lost, failure = done.stdout.strip().split(" ", 2)

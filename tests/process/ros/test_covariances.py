@@ -149,6 +149,6 @@ def test_the_slave_says_it(tmp_path: Path) -> None:
     heard: list[bytes] = []
     with slave_with(tmp_path, "") as endpoint, open_master_session(endpoint) as session:
         session.subscribe("uuv1", "imu", lambda _, payload, __: heard.append(payload), 8)
-        assert wait_for(lambda: heard, 30)
+        assert wait_for(lambda: heard)
     message: Any = ros_message.decode(TOPICS["imu"].type, heard[0])
     assert diagonal(message["orientation_covariance"]) == [spreads(fit(), WORLD)["imu"][0]] * 3

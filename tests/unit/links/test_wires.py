@@ -146,7 +146,7 @@ def test_the_device_sees_the_speed_the_host_asked_for(baud: int) -> None:
 def test_programs_come_and_go_unnoticed() -> None:
     wire = PtyWire()
     for word in (b"one", b"two"):
-        with serial.Serial(wire.path, 115_200, timeout=0.2) as program:
+        with serial.Serial(wire.path, 115_200, timeout=PATIENCE_S) as program:
             program.write(word)
             assert read_bytes(wire, 3) == word
             wire.write(word)
