@@ -1,0 +1,112 @@
+"""`uuv-hil teleop`: steer a vehicle from a terminal, by keys or with a gamepad."""
+
+import os
+import select
+import sys
+import termios
+import tty
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import hil
+from hil.client.vehicle_handle import Vehicle
+from hil.commands.listening import scenario_and_endpoints
+from hil.common.clock import now_ns
+from hil.common.errors import ConfigError, HilError
+from hil.common.options import endpoint_or_lan, new_parser
+from hil.common.progress_line import ProgressLine
+from hil.common.stop import StopSignals
+from hil.view import acts
+from hil.view.gamepad import Gamepad
+from hil.view.keys import HELP, Keys
+from hil.view.steering import PERIOD_S, Steering
+
+EXAMPLES = f"""\
+{HELP}.
+The vehicle moves while a key repeats. With --gamepad it moves while a shoulder button is held; left stick ahead and
+turn, right stick up, down and sideways. Depth and heading are held while nothing changes them.
+
+examples:
+  uuv-hil teleop paper_field
+  uuv-hil teleop --connect tcp/192.168.3.116:7447 --gamepad
+"""
+
+
+def main(arguments: list[str]) -> int:
+    """Steer until Ctrl-C; the exit code."""
+    parser = new_parser("teleop", __doc__, EXAMPLES)
+    parser.add_argument("scenario", metavar="SCENARIO", nargs="?")
+    parser.add_argument(
+        "--connect", metavar="ENDPOINT", type=endpoint_or_lan, action="append",
+        help="a slave or a router, HOST:PORT; or lan [the scenario's]",
+    )  # fmt: skip
+    parser.add_argument("--vehicle", metavar="NAME", help="which of several [the first]")
+    parser.add_argument("--gamepad", action="store_true", help="steer with the first gamepad of this machine")
+    parser.add_argument("--take-over", action="store_true", help="command even if another master does already")
+    options = parser.parse_args(arguments)
+    scenario, endpoints = scenario_and_endpoints(options.scenario, options.connect)
+    if not endpoints:
+        raise ConfigError("give a scenario, or --connect tcp/ADDRESS:PORT")
+    pad = Gamepad() if options.gamepad else None
+    keys = scenario.security.folder("master") if scenario and scenario.security else ""
+    routed = bool(scenario and scenario.network.mode == "routed")
+    with (
+        StopSignals() as stop_fd,
+        hil.connect(*endpoints, routed=routed, keys=keys, take_over=options.take_over) as fleet,
+    ):
+        vehicle = fleet[options.vehicle] if options.vehicle else next(iter(fleet))
+        print(f"{vehicle.name}, steered by {pad.name if pad else 'keys'}: {HELP}", flush=True)
+        with _raw_terminal() as keyboard_fd, Steering(vehicle, lambda _: None) as steering:
+            _steer(vehicle, steering, pad, keyboard_fd, stop_fd)
+    return 0
+
+
+def _steer(vehicle: Vehicle, steering: Steering, pad: Gamepad | None, keyboard_fd: int, stop_fd: int) -> None:
+    keys, line, said = Keys(), ProgressLine(), ""
+    while True:
+        ready = select.select((keyboard_fd, stop_fd), (), (), PERIOD_S)[0]
+        if stop_fd in ready:
+            break
+        if keyboard_fd in ready:
+            typed = os.read(keyboard_fd, 64).decode(errors="ignore")
+            if not typed:  # the terminal is gone
+                break
+            for key in typed:
+                said = _act(vehicle, key) or said
+                keys.press(key, now_ns())
+        reason = steering.update(0, pad.message() if pad else keys.message(now_ns()))
+        line.show(f"{_state(vehicle)}  {reason or said}")
+    line.clear()
+
+
+def _act(vehicle: Vehicle, key: str) -> str:
+    """Disarm or arm by a key; what came of it."""
+    if key not in "xv":
+        return ""
+    try:
+        return acts.arm(vehicle, key == "v")
+    except HilError as error:
+        return str(error)
+
+
+def _state(vehicle: Vehicle) -> str:
+    try:
+        state = vehicle.state
+    except HilError as error:
+        return str(error)
+    north, east, depth = state.position
+    return f"N {north:.1f} E {east:.1f} depth {depth:.2f} m, {state.speed:.2f} m/s"
+
+
+@contextmanager
+def _raw_terminal() -> Iterator[int]:
+    """Let keys come one by one, without an echo; Ctrl-C stays a signal. Raises ConfigError where there is none."""
+    number = sys.stdin.fileno()
+    if not os.isatty(number):
+        raise ConfigError("teleop reads keys from a terminal; standard input is none")
+    before = termios.tcgetattr(number)
+    tty.setcbreak(number)
+    try:
+        yield number
+    finally:
+        termios.tcsetattr(number, termios.TCSADRAIN, before)

@@ -1,0 +1,43 @@
+"""Keys of a terminal as a stick. A terminal tells no releases: a key counts as held while it repeats."""
+
+from typing import Any
+
+HELD_NS = 650_000_000  # after a key: keyboards wait up to 0.6 s before they repeat, and then come 10 times a second
+AXES = {
+    "w": ("surge", 1.0), "s": ("surge", -1.0), "d": ("yaw", 1.0), "a": ("yaw", -1.0),
+    "e": ("sway", 1.0), "q": ("sway", -1.0), "f": ("heave", 1.0), "r": ("heave", -1.0),
+}  # fmt: skip
+HELP = (
+    "w s ahead, astern; a d turn; q e to port, to starboard; r f up, down; space stop; x disarm; v arm; m mode; Ctrl-C"
+)
+
+
+class Keys:
+    """The keys that are held, as a message of a stick (hil.view.stick.Stick)."""
+
+    def __init__(self) -> None:
+        self._until_ns: dict[str, int] = {}
+        self.effort = False
+
+    def press(self, key: str, now_ns: int) -> None:
+        """A key has come: one of the axes, " " for none of them, "m" for the other mode. Others do nothing."""
+        if key in AXES:
+            opposite = next((other for other in AXES if AXES[other] == (AXES[key][0], -AXES[key][1])), "")
+            self._until_ns.pop(opposite, None)
+            self._until_ns[key] = now_ns + HELD_NS
+        elif key == " ":
+            self._until_ns.clear()
+        elif key == "m":
+            self.effort = not self.effort
+            self._until_ns.clear()
+
+    def message(self, now_ns: int) -> dict[str, Any]:
+        """Return the stick as it is held now."""
+        held = [key for key, until in self._until_ns.items() if now_ns <= until]
+        return {
+            "held": bool(held),
+            "axes": dict(AXES[key] for key in held),
+            "mode": "effort" if self.effort else "velocity",
+            "hold_depth": True,
+            "hold_heading": True,
+        }

@@ -1,0 +1,42 @@
+"""`uuv-hil teleop` in a real terminal: keys move the vehicle, and it stops when they end."""
+
+import os
+import pty
+from math import dist
+from pathlib import Path
+
+import hil
+from hil.common.children import module_command, package_environment, start_child
+from tests.support.processes import Program, run_here, wait_for, write_scenario
+
+
+def test_keys_move_the_vehicle_and_it_stops_without_them(tmp_path: Path) -> None:
+    scenario, port = write_scenario(tmp_path)
+    keyboard, terminal = pty.openpty()
+    with Program(tmp_path, "slave", scenario), hil.connect(f"tcp/127.0.0.1:{port}", observe=True) as fleet:
+        vehicle = fleet["uuv1"]
+        place = vehicle.ground_truth.position
+        command = module_command("hil.cli", "teleop", str(scenario))
+        teleop = start_child(command, environment=package_environment(), stdin=terminal, stdout=terminal)
+        try:
+
+            def moved() -> bool:
+                os.write(keyboard, b"w")
+                return dist(vehicle.ground_truth.position, place) > 0.5
+
+            assert wait_for(moved, 120.0), "w moves it"
+            assert wait_for(lambda: vehicle.ground_truth.speed < 0.05, 60.0), "and without a key it stops"
+            os.write(keyboard, b"x")
+            assert wait_for(lambda: vehicle.diagnostics.armed is False), "x disarms"
+            os.write(keyboard, b"\x03")  # Ctrl-C
+        finally:
+            teleop.terminate()
+            assert teleop.wait(30) == 0
+    os.close(keyboard)
+    os.close(terminal)
+
+
+def test_without_a_terminal_and_without_a_place_it_says_so() -> None:
+    code, output = run_here("teleop")
+    assert code == 2
+    assert "give a scenario, or --connect" in output
