@@ -1,9 +1,13 @@
 """Find the endpoints that a command connects to, and the scenario if one is given."""
 
+from typing import Any
+
 from hil.scenario.config import Scenario, load_scenario, load_single
 
 
-def scenario_and_endpoints(name: str | None, connect: list[str] | None) -> tuple[Scenario | None, list[str]]:
+def scenario_and_endpoints(
+    name: str | None, connect: list[str] | None, changes: dict[str, Any] | None = None
+) -> tuple[Scenario | None, list[str]]:
     """Return the scenario of that name, and the endpoints of `connect`, else the scenario's; none without both.
 
     A scenario with a router is reached there. Raises ConfigError, also for a fleet with neither a router nor `connect`:
@@ -11,7 +15,7 @@ def scenario_and_endpoints(name: str | None, connect: list[str] | None) -> tuple
     """
     if name is None:
         return None, connect or []
-    scenario = load_scenario(name)
+    scenario = load_scenario(name, changes)
     if connect:
         return scenario, connect
     if scenario.network.router:

@@ -6,6 +6,7 @@ import select
 
 from hil.bench.table import hil_table as table
 from hil.client.client import VehicleClient
+from hil.commands.view.opening import view_process
 from hil.common.clock import NS_PER_S, now_ns
 from hil.common.errors import MissingExtraError, NetworkError
 from hil.common.options import DESCRIPTOR, WAIT, add_changes, changes_of, endpoint_or_lan, new_parser
@@ -42,6 +43,7 @@ def main(arguments: list[str]) -> int:
         "--connect", metavar="ENDPOINT", type=endpoint_or_lan, required=True, help="slave or router, HOST:PORT; or lan"
     )
     add_changes(parser)
+    parser.add_argument("--view", action="store_true", help="show it in a browser while it flies")
     parser.add_argument("--take-over", action="store_true", help="command even if another master does already")
     parser.add_argument("--wait", metavar="S", type=WAIT, default=60.0, help="how long to wait for it [%(default)s s]")
     parser.add_argument("--run-dir", metavar="DIR", help="where to put the results [runs/SCENARIO-TIME]")
@@ -58,7 +60,12 @@ def main(arguments: list[str]) -> int:
     planner = plan.planner
     progress.print_line(f"{type(planner).__name__} planned {len(planner.path)} points in {plan.duration:.2f} s")
     where = options.connect if options.connect != "lan" else _report_vehicles(options.wait)
-    with StopSignals() as stop_fd, _client(where, scenario, plan, int(options.take_over), progress) as client:
+    words = [options.scenario, *[word for text in options.set for word in ("--set", text)]]
+    with (
+        view_process(words, where, options.view),
+        StopSignals() as stop_fd,
+        _client(where, scenario, plan, int(options.take_over), progress) as client,
+    ):
         progress.print_line(f"waiting for {scenario.slave.node} at {where}")
         if options.ready_fd is not None:
             os.write(options.ready_fd, b"\n")

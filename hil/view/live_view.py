@@ -48,7 +48,6 @@ class LiveView:
         self._scene = SceneServer()
         server = self._server = self._scene.server
         server.scene.set_up_direction("+z")
-        server.gui.configure_theme(show_share_button=False, show_logo=False, control_width="large")
         self._panels = Panels(server, source.names)
         self._world = WorldScene(server, shown.world) if shown.world else None
         if self._world:

@@ -22,6 +22,9 @@ class Panels:
         self.log = deque[str](maxlen=LOG_LINES)
         self.vehicle = gui.add_dropdown("vehicle", tuple(names) or ("-",))
         self.camera = gui.add_dropdown("camera", ("follow", "free", "top"))
+        dark = gui.add_checkbox("dark", False)
+        dark.on_update(lambda _: _set_theme(gui, bool(dark.value)))
+        _set_theme(gui, False)
         tabs = gui.add_tab_group()
         with tabs.add_tab("Vehicle"):
             self._instruments = gui.add_html("<p>waiting for a vehicle</p>")
@@ -98,6 +101,11 @@ class Panels:
         """Add a line to the log."""
         self.log.append(line)
         self._log.content = "".join(_text(line) for line in reversed(self.log))
+
+
+def _set_theme(gui: Any, dark: bool) -> None:
+    """Of all browsers of this view; without viser's button that shares a page over the internet."""
+    gui.configure_theme(show_share_button=False, show_logo=False, control_width="large", dark_mode=dark)
 
 
 def health_rows(figures: Diagnostics) -> list[tuple[str, str]]:

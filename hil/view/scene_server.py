@@ -21,6 +21,7 @@ class SceneServer:
     def __init__(self) -> None:
         try:
             import viser
+            from viser import _messages
         except ImportError:
             raise MissingExtraError("the live view needs viser: pip install 'uuv-hil[view]'") from None
         self.secret = secrets.token_urlsafe(24)
@@ -46,6 +47,7 @@ class SceneServer:
             with self._turn:
                 self._viewers.discard(client.client_id)
 
+        websockets.unregister_handler(_messages.ShareUrlRequest)  # a tunnel to a server of others
         websockets.on_client_connect(check)
         websockets.on_client_disconnect(leave)
 

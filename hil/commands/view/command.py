@@ -6,7 +6,7 @@ from hil.commands.listening import scenario_and_endpoints
 from hil.commands.view.opening import open_view, shown_of
 from hil.common.clock import NS_PER_S, RateKeeper, now_ns, seconds_ns
 from hil.common.errors import ConfigError
-from hil.common.options import endpoint_or_lan, new_parser, serving_address
+from hil.common.options import add_changes, changes_of, endpoint_or_lan, new_parser, serving_address
 from hil.common.stop import StopSignals
 
 EXAMPLES = """\
@@ -35,12 +35,13 @@ def main(arguments: list[str]) -> int:
     parser.add_argument(
         "--listen", metavar="[HOST:]PORT", type=serving_address, default="127.0.0.1:7480", help="[%(default)s]"
     )
+    add_changes(parser)
     parser.add_argument("--observe", action="store_true", help="never command a vehicle")
     parser.add_argument("--routed", action="store_true", help="ENDPOINT is that of a router")
     parser.add_argument("--keys", metavar="FOLDER", default="", help="this machine's certificates")
     parser.add_argument("--no-browser", action="store_true", help="print the address, but open no browser")
     options = parser.parse_args(arguments)
-    scenario, endpoints = scenario_and_endpoints(options.scenario, options.connect)
+    scenario, endpoints = scenario_and_endpoints(options.scenario, options.connect, changes_of(options))
     if not endpoints:
         raise ConfigError("give a scenario, or --connect tcp/ADDRESS:PORT")
     from hil.view.live_source import LiveSource

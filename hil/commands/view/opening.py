@@ -4,7 +4,6 @@ import os
 import secrets
 import subprocess
 import sys
-import webbrowser
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
@@ -37,6 +36,8 @@ def open_view(
         address = f"http://{seen}:{view.port}/?token={token}"
         print(f"watch at {address}", flush=True)
         if browser and (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+            import webbrowser
+
             webbrowser.open(address)
         yield view
 
