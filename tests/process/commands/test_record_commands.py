@@ -41,11 +41,11 @@ SENSORS = {"imu", "dvl", "dvl_twist", "altitude", "pressure", "odom", "ground_tr
 
 
 def command_for(endpoint: str, seconds: float) -> int:
-    """Fly a curve, for so long and with thirty commands at least; how many they are."""
+    """Fly a curve, for so long and with thirty commands and 200 answers of the IMU at least; how many commands."""
     with VehicleClient(endpoint, "uuv1") as client:
         assert client.wait_for_vehicle(60)
         end, count = time.monotonic() + seconds, 0
-        while time.monotonic() < end or count < 30:
+        while time.monotonic() < end or count < 30 or client.received["imu"] < 200:
             client.command(VelocityCommand(surge=0.5, heave=0.1, yaw_rate=0.3))
             count += 1
             time.sleep(0.05)

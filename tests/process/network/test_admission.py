@@ -65,12 +65,15 @@ def test_a_newcomer_is_let_in_after_an_attack(tmp_path: Path) -> None:
         slave.expect("ready")
         security = load_scenario(str(scenario)).security
         endpoint = f"tcp/127.0.0.1:{port}"
+        began = time.monotonic()
         with VehicleClient(endpoint, "uuv1", security=security) as first:
             assert first.wait_for_vehicle(60), "and what it listens on is in its final state"
+        usual_s = time.monotonic() - began
         before = len(os.listdir(f"/proc/{slave.process.pid}/fd"))
         attack(port, 600, 2.0)
         assert len(os.listdir(f"/proc/{slave.process.pid}/fd")) < before + 50
         began = time.monotonic()
         with VehicleClient(endpoint, "uuv1", security=security) as newcomer:
             assert newcomer.wait_for_vehicle(60), slave.output
-        assert time.monotonic() - began < 15.0, "0.3 to 2 s on a quiet machine; 30 s if all had to be failed before"
+        took_s = time.monotonic() - began
+        assert took_s < 15.0 + 5.0 * usual_s, "0.3 to 2 s on a quiet machine; 30 s if all had to be failed before"

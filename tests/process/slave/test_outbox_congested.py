@@ -1,5 +1,6 @@
 """What a loop publishes on a network that cannot carry it."""
 
+import statistics
 import time
 from collections import Counter
 
@@ -16,7 +17,7 @@ LASER, IMU = bytes(60_000), bytes(300)
 
 def test_large_messages_hold_up_neither_the_loop_nor_small_ones() -> None:
     port = free_port()
-    heard, last, spent_ns = Counter[str](), dict[str, bytes](), 0
+    heard, last, spent_s = Counter[str](), dict[str, bytes](), list[float]()
     with (
         listen(f"tcp/127.0.0.1:{port}") as slave,
         Relay(port, BYTES_PER_S) as relay,
@@ -35,17 +36,17 @@ def test_large_messages_hold_up_neither_the_loop_nor_small_ones() -> None:
         assert wait_for(is_heard)
         before = sample_publisher.sent
         for step in range(300):
-            began = time.monotonic_ns()
             sample_publisher.put("imu", IMU)
             if step % 10 == 0:
+                began = time.monotonic()
                 sample_publisher.put("laser", LASER)  # 600 kB a second
-            spent_ns += time.monotonic_ns() - began
+                spent_s.append(time.monotonic() - began)
             if step == 150:
                 fetch_last(master, "uuv1", lambda topic, payload, _: last.update({topic: payload}))
             time.sleep(0.01)
         assert wait_for(lambda: heard["laser"] > 2), "as many as it carries"
         assert wait_for(lambda: heard["imu"] > 250)
-    carried_s = 30 * len(LASER) / BYTES_PER_S
-    assert spent_ns / 1e9 < 0.2 * carried_s, "who waits for the network waits as long as it takes to carry them"
+    carried_s = len(LASER) / BYTES_PER_S
+    assert statistics.median(spent_s) < 0.2 * carried_s, "who waits for the network waits until it is carried"
     assert sample_publisher.sent - before == 330, "those that were left out are missing in the numbers"
     assert last == {"imu": IMU}, "what is large is not kept for who comes late"
