@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 from hil.common.clock import NS_PER_S
 from sim.sensors.samples import OdometrySample
 
+CHECK_NS = NS_PER_S // 10  # between two looks for what is wrong
 STALL_NS = NS_PER_S  # without an answer in lockstep: said once
 SILENT_NS = NS_PER_S // 5  # without outputs: thrusters neutral, as PX4's own simulators do
 ABSENT_NS = 10 * NS_PER_S  # without any sign of an autopilot: said once, and again after that time
@@ -83,6 +84,10 @@ class Autopilot(ABC):
     @abstractmethod
     def may_step(self) -> bool:
         """Return whether the next step may go: always, unless lockstep waits for an answer."""
+
+    def patience_ns(self) -> int:
+        """Return how long to wait at most for its descriptor before `may_step` is asked again."""
+        return CHECK_NS
 
     @abstractmethod
     def check(self, now: int) -> None:

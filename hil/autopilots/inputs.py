@@ -9,6 +9,7 @@ from hil.common.vectors import Vector3
 from hil.scenario.config import Scenario
 from sim.environment.world import World, water_pressure
 from sim.rotations import rotate
+from sim.sensors.geodesy import TangentPlane
 from sim.sensors.magnetometer import earth_field
 from sim.sensors.mounting import Mounting
 from sim.sensors.pressure import STANDARD_ATMOSPHERE
@@ -49,6 +50,8 @@ class SensorInputs:
         self.has: Mapping[str, bool] = {
             name: name in fitted for name in ("pressure", "magnetometer", "gps", "odometry")
         }
+        self.plane = TangentPlane(*world.origin, world.origin_altitude) if world.origin else None
+        # What a compass without errors feels, NED in T, where none is fitted.
         self.earth_field = None if "magnetometer" in fitted else earth_field(world)
 
     def update(self, topic: str, sample: Any) -> None:

@@ -3,11 +3,10 @@
 from typing import TYPE_CHECKING
 
 from hil.autopilots.contract import Autopilot, Report
-from hil.autopilots.frames import map_motors
+from hil.autopilots.frames import AUTO, CUSTOM, map_motors
 from hil.autopilots.inputs import SensorInputs
 from hil.autopilots.motors import MotorOutputs
 from hil.common.clock import seconds_ns
-from hil.common.errors import ConfigError
 from hil.scenario.autopilot_records import AutopilotSettings
 from hil.scenario.config import Scenario
 from sim.environment.world import World
@@ -37,7 +36,10 @@ def open_autopilot(
 
         autopilot: Autopilot = ArduPilot(address, inputs, settings.lockstep, settings.rc, report)
     else:
-        raise ConfigError(f"{scenario.path}: controller: {scenario.controller!r} is no autopilot")
+        from hil.autopilots.px4 import Px4
+
+        frame = CUSTOM if frame == AUTO else frame  # PX4 gets the vehicle's own geometry as parameters
+        autopilot = Px4(address, inputs, settings, report)
     try:
         motors = MotorOutputs(map_motors(frame, vehicle), seconds_ns(settings.silence), autopilot.name, report)
     except BaseException:

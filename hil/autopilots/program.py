@@ -37,9 +37,9 @@ class Program:
     ) -> None:
         self._report = report
         self._folder = ScratchFolder("autopilot")
-        self.log = self._folder.file("log")
+        self.log = self._folder.file("output.txt")
         try:
-            frame = CUSTOM if str(scenario.controller) == "px4" and settings.frame == AUTO else settings.frame
+            frame = CUSTOM if scenario.controller == "px4" and settings.frame == AUTO else settings.frame
             parameters = all_parameters(settings, scenario.controller, vehicle, map_motors(frame, vehicle))
             if scenario.controller == "ardupilot":
                 command, variables = self._ardusub(settings, scenario, world, parameters)

@@ -8,7 +8,7 @@ import select
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 
-from hil.autopilots.contract import Report
+from hil.autopilots.contract import CHECK_NS, Report
 from hil.autopilots.opening import open_autopilot, start_program
 from hil.common.clock import NS_PER_S, now_ns, seconds_ns
 from hil.common.errors import DeviceError
@@ -19,7 +19,6 @@ from sim.simulation import Simulation
 from sim.vehicle.vehicle import load_vehicle
 
 PATIENCE_NS = 60 * NS_PER_S  # without a word of the autopilot, before a run is given up
-CHECK_S = 0.1
 
 Watch = Callable[["AutopilotRun"], None]
 
@@ -98,12 +97,12 @@ class AutopilotRun:
             if is_ready():
                 break
             now = now_ns()
-            if now - self._checked_ns > CHECK_S * NS_PER_S:
+            if now - self._checked_ns > CHECK_NS:
                 self._checked_ns = now
                 self.autopilot.check(now)
                 self._check_program(now - began)
-            wait_s = CHECK_S if self.autopilot.lockstep else max(0.0, min(CHECK_S, (self._due_ns - now) / NS_PER_S))
-            select.select([self.autopilot.fileno()], [], [], wait_s)
+            patience = self.autopilot.patience_ns() if self.autopilot.lockstep else self._due_ns - now
+            select.select([self.autopilot.fileno()], [], [], max(0, min(patience, CHECK_NS)) / NS_PER_S)
         self.pwm_us = self.motors.at(now_ns()).pwm_us
 
     def _check_program(self, waited_ns: int) -> None:

@@ -68,7 +68,7 @@ class Scenario(NamedTuple):
     description: str = ""
     seed: Annotated[int, Range(0, 2**63 - 1)] = 1
     stm32: Literal["python", "process", "native", "unicorn", "qemu", "device"] = "python"
-    controller: Literal["builtin", "external", "ardupilot"] = "builtin"
+    controller: Literal["builtin", "external", "ardupilot", "px4"] = "builtin"
     slave: Slave = Slave()
     link: Link = Link()
     start: Start = Start()

@@ -109,6 +109,11 @@ class TcpWire(Wire):
         self._epoll = select.epoll()  # one descriptor that wakes for a connection and for bytes
         self._epoll.register(self._listener, select.EPOLLIN)
 
+    @property
+    def connected(self) -> bool:
+        """Return whether there is a peer."""
+        return self._peer is not None
+
     def fileno(self) -> int:
         """Return the descriptor to wait on for incoming bytes; -1 once closed."""
         return -1 if self._epoll.closed else self._epoll.fileno()

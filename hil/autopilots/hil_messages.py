@@ -1,0 +1,109 @@
+"""MAVLink's messages of a simulator for PX4, in its units: gauss, hectopascal, degrees * 1e7, millimetres, cm/s.
+
+Positions and velocities are NED, vectors of the body FRD, as everywhere here. Source: MAVLink common.xml, and what PX4
+reads of it (src/modules/simulation/simulator_mavlink).
+"""
+
+from collections.abc import Sequence
+from math import atan2, degrees, hypot, isfinite, sqrt
+from typing import Any, NamedTuple
+
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from hil.links.contract import PWM_NEUTRAL_US
+from sim.sensors.samples import OdometrySample
+
+SPAN_US = 400  # from neutral to a control of 1 or -1
+ACCELEROMETER, GYROSCOPE, MAGNETOMETER, BAROMETER = 0x007, 0x038, 0x1C0, 0x1A00
+ARMED, LOCKSTEP = 0x80, 0x01
+UNKNOWN_16 = 0xFFFF
+STANDARD_HPA = 1013.25
+BOX_TEMPERATURE = 20.0  # degC; of sensors in the vehicle's hull
+LOCAL_NED, BODY_FRD = 1, 12  # MAV_FRAME
+VISION = 2  # MAV_ESTIMATOR_TYPE: one that PX4 fuses as external navigation
+
+
+class Inertial(NamedTuple):
+    """What one HIL_SENSOR carries: m/s², rad/s, T, Pa; None where nothing new was measured."""
+
+    acceleration: Sequence[float] | None
+    gyro: Sequence[float] | None
+    magnetic_field: Sequence[float] | None
+    pascal: float | None
+
+
+def sensor(time_us: int, inertial: Inertial) -> Any:
+    """Return a HIL_SENSOR; the groups of values that are None are not marked as updated."""
+    acceleration, gyro, field, pascal = inertial
+    updated = 0
+    for group, value in ((ACCELEROMETER, acceleration), (GYROSCOPE, gyro), (MAGNETOMETER, field), (BAROMETER, pascal)):
+        updated |= group if value is not None else 0
+    hectopascal = 0.0 if pascal is None else pascal / 100.0
+    gauss = [1e4 * x for x in field] if field is not None else (0.0, 0.0, 0.0)
+    return dialect.MAVLink_hil_sensor_message(
+        time_us, *(acceleration or (0.0, 0.0, 0.0)), *(gyro or (0.0, 0.0, 0.0)), *gauss, hectopascal, 0.0,
+        pressure_altitude(hectopascal) if pascal is not None else 0.0, BOX_TEMPERATURE, updated, 0,
+    )  # fmt: skip
+
+
+def pressure_altitude(hectopascal: float) -> float:
+    """Return the altitude (m) at which the air of the standard atmosphere has this pressure."""
+    ratio: float = (hectopascal / STANDARD_HPA) ** 0.190263
+    return 44_330.77 * (1.0 - ratio)
+
+
+def gps(time_us: int, fix: Any, velocity: Sequence[float]) -> Any:
+    """Return a HIL_GPS of a FixSample, without a position where it has no fix; `velocity` NED in m/s."""
+    if not fix.fix:
+        return dialect.MAVLink_hil_gps_message(
+            time_us, 0, 0, 0, 0, UNKNOWN_16, UNKNOWN_16, UNKNOWN_16, 0, 0, 0, UNKNOWN_16, 0
+        )
+    north, east, down = (_limited(100.0 * x, 32_767) for x in velocity)
+    course = round(100.0 * degrees(atan2(east, north))) % 36_000
+    return dialect.MAVLink_hil_gps_message(
+        time_us, 3, round(1e7 * fix.latitude), round(1e7 * fix.longitude), round(1000.0 * fix.altitude),
+        _limited(100.0 * sqrt(fix.variances[0]), 65_534), _limited(100.0 * sqrt(fix.variances[1]), 65_534),
+        _limited(hypot(north, east), 65_534), north, east, down, course, 12,
+    )  # fmt: skip
+
+
+def odometry(time_us: int, sample: OdometrySample) -> Any:
+    """Return an ODOMETRY of a navigation solution, as of a vision system: the kind that PX4 takes for a position."""
+    pose = [0.0] * 21
+    twist = [0.0] * 21
+    for place, variance in ((0, 0.01), (6, 0.01), (11, 0.01), (15, 1e-6), (18, 1e-6), (20, 1e-6)):
+        pose[place] = twist[place] = variance  # the diagonals of upper triangles of 6 x 6
+    return dialect.MAVLink_odometry_message(
+        time_us,
+        LOCAL_NED,
+        BODY_FRD,
+        *sample.position,
+        list(sample.orientation),
+        *sample.nu,
+        pose,
+        twist,
+        0,
+        VISION,
+        100,
+    )
+
+
+def truth_state(time_us: int, truth: OdometrySample, velocity: Sequence[float], acceleration: Sequence[float],
+                place: Sequence[float]) -> Any:  # fmt: skip
+    """Return a HIL_STATE_QUATERNION: the truth, for PX4's log. `place`: latitude, longitude (degrees), altitude (m)."""
+    latitude, longitude, altitude = place
+    north, east, down = (_limited(100.0 * x, 32_767) for x in velocity)
+    milli_g = [_limited(1000.0 * x / 9.80665, 32_767) for x in acceleration]
+    return dialect.MAVLink_hil_state_quaternion_message(
+        time_us, list(truth.orientation), *truth.nu[3:], round(1e7 * latitude), round(1e7 * longitude),
+        round(1000.0 * altitude), north, east, down, 0, 0, *milli_g,
+    )  # fmt: skip
+
+
+def pulses_of(controls: Sequence[float]) -> tuple[int, ...]:
+    """Return pulse widths (us) of HIL_ACTUATOR_CONTROLS; what is not finite is no output."""
+    return tuple([PWM_NEUTRAL_US + round(SPAN_US * max(-1.0, min(1.0, x))) if isfinite(x) else 0 for x in controls])
+
+
+def _limited(value: float, most: int) -> int:
+    return round(max(-most, min(most, value)))

@@ -1,0 +1,211 @@
+"""PX4's end of the HIL interface against ours, over real sockets and ptys: boot, lockstep, leaving, boards."""
+
+import itertools
+import os
+import pty
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from hil.autopilots.run import AutopilotRun
+from hil.common.errors import DeviceError
+from hil.common.ports import free_ports
+from hil.links.contract import Counters
+from hil.links.mavlink.stream import MavlinkStream
+from hil.scenario.config import load_scenario
+from tests.support.px4_peer import Px4Peer
+
+SCENARIO = """
+vehicle = "bluerov2_heavy"
+world = "{world}"
+controller = "px4"
+master = {{}}
+[start]
+north = 20
+east = 20
+depth = {depth}
+[slave]
+step = 0.004
+[autopilot]
+{autopilot}
+[sensors.imu]
+rate = 250
+[sensors.pressure]
+rate = 50
+{sensors}
+"""
+WORLD = """
+name = "here"
+source = "made up"
+extent = [-50, 50, -50, 50]
+depth = 30.0
+origin = [50.0, 8.0]
+magnetic_field = [49e-6, 1.15, 0.0]
+"""
+
+
+class Bench:
+    """A run whose steps go in a thread, and what it reported."""
+
+    def __init__(self, folder: Path, autopilot: str = "", sensors: str = "", depth: float = 5.0) -> None:
+        self.port = free_ports(1)[0]
+        world, path = folder / "here.toml", folder / "bench.toml"
+        world.write_text(WORLD)
+        autopilot = autopilot or f'address = "tcp://127.0.0.1:{self.port}"'
+        path.write_text(SCENARIO.format(world=world, autopilot=autopilot, sensors=sensors, depth=depth))
+        self.reports: list[str] = []
+        self.run = AutopilotRun(load_scenario(str(path)), self.reports.append)
+        self._stopping = False
+        self._thread = threading.Thread(target=self._run, daemon=True)
+
+    def _run(self) -> None:
+        while not self._stopping:
+            try:
+                self.run.step()
+            except (DeviceError, ValueError, OSError):  # the test has ended
+                return
+
+    def start(self) -> None:
+        self._thread.start()
+
+    def stop(self) -> None:
+        self._stopping = True
+
+    def wait_report(self, words: str) -> None:
+        deadline = time.monotonic() + 30
+        while not any(words in report for report in self.reports):
+            assert time.monotonic() < deadline, self.reports
+            time.sleep(0.01)
+
+
+@contextmanager
+def bench(folder: Path, autopilot: str = "", sensors: str = "", depth: float = 5.0) -> Iterator[Bench]:
+    made = Bench(folder, autopilot, sensors, depth)
+    with made.run:
+        made.start()
+        yield made
+        made.stop()
+
+
+def test_it_boots_by_the_clock_and_then_in_lockstep(tmp_path: Path) -> None:
+    with bench(tmp_path) as b:
+        peer = Px4Peer(b.port)
+        booting = [peer.sensor() for _ in range(50)]  # unanswered, and yet they go on
+        assert {later.time_usec - sooner.time_usec for sooner, later in itertools.pairwise(booting)} == {4000}
+        for _ in range(500):
+            sensor = peer.sensor()
+            peer.answer(sensor, (0.5, 0.5, -0.5, -0.5))  # ahead, with von Benzon's directions
+        last = peer.sensor()
+        time.sleep(0.2)
+        assert not peer._sensors  # it waits for the answer
+        assert peer.last["HIL_SENSOR"].time_usec == last.time_usec
+        position = b.run.simulation.state.position
+        assert position[0] > 20.3
+        assert abs(position[1] - 20.0) < 0.05
+        assert {"HIL_SENSOR", "ODOMETRY", "HIL_STATE_QUATERNION", "HEARTBEAT"} <= set(peer.received)
+        assert peer.last["HIL_SENSOR"].fields_updated & 0x1FF == 0x1FF
+        peer.close()
+
+
+def test_disarmed_is_neutral(tmp_path: Path) -> None:
+    with bench(tmp_path) as b:
+        peer = Px4Peer(b.port)
+        for _ in range(20):
+            peer.answer(peer.sensor(), (1.0,) * 8, armed=False)
+        peer.sensor()
+        assert b.run.pwm_us == (1500,) * 8
+        peer.close()
+
+
+def test_gps_has_a_fix_at_the_surface_only(tmp_path: Path) -> None:
+    for depth, fix in ((0.0, 3), (5.0, 0)):
+        gps = "[sensors.gps]\nrate = 10\nacquisition = 0\nposition = [0, 0, -0.3]"
+        with bench(tmp_path, sensors=gps, depth=depth) as b:
+            peer = Px4Peer(b.port)
+            while "HIL_GPS" not in peer.last:
+                peer.answer(peer.sensor(), ())
+            assert peer.last["HIL_GPS"].fix_type == fix
+            peer.close()
+
+
+def test_a_px4_that_stalls_and_one_that_leaves_are_told_apart(tmp_path: Path) -> None:
+    with bench(tmp_path) as b:
+        peer = Px4Peer(b.port)
+        peer.answer(peer.sensor(), ())
+        peer.answer(peer.sensor(), ())
+        sensor = peer.sensor()
+        b.wait_report("lockstep stalls")
+        peer.answer(sensor, ())
+        b.wait_report("it answers again")
+        peer.close()
+        b.wait_report("PX4 has gone; it does not connect again by itself")
+        again = Px4Peer(b.port)
+        again.sensor()
+        assert b.run.autopilot.figures.resets == 1
+        again.close()
+
+
+def test_time_that_goes_back_is_reported(tmp_path: Path) -> None:
+    with bench(tmp_path) as b:
+        peer = Px4Peer(b.port)
+        sensor = peer.sensor()
+        peer.answer(sensor, ())
+        sensor.time_usec -= 500_000
+        peer.answer(sensor, ())
+        b.wait_report("its time goes back by 0.500 s")
+        peer.close()
+
+
+def test_a_taken_port_is_named(tmp_path: Path) -> None:
+    with bench(tmp_path) as b, pytest.raises(DeviceError, match=f"{b.port}: cannot listen"):
+        Bench(tmp_path, f'address = "tcp://127.0.0.1:{b.port}"')
+
+
+class Board:
+    """A board on a pty: sends its heartbeat, or noise, as told."""
+
+    def __init__(self) -> None:
+        self.end, self._other = pty.openpty()
+        self.path = os.ttyname(self._other)
+        os.set_blocking(self.end, False)
+        self.stream = MavlinkStream(1, 1, Counters())
+        self.received: list[str] = []
+
+    def send(self, message: object) -> None:
+        os.write(self.end, self.stream.pack(message))
+
+    def read(self) -> None:
+        try:
+            data = os.read(self.end, 65_536)
+        except BlockingIOError:
+            return
+        self.received += [message.get_type() for message in self.stream.unpack(data)]
+
+    def close(self) -> None:
+        os.close(self.end)
+        os.close(self._other)
+
+
+def test_a_board_on_a_serial_line_is_flown_by_the_clock(tmp_path: Path) -> None:
+    board = Board()
+    with bench(tmp_path, autopilot=f'address = "{board.path}"') as b:
+        assert not b.run.autopilot.lockstep
+        board.send(dialect.MAVLink_heartbeat_message(12, dialect.MAV_AUTOPILOT_PX4, 0, 0, 4, 3))
+        deadline = time.monotonic() + 30
+        while b.run.pwm_us != (1700,) + (1500,) * 7:
+            board.send(dialect.MAVLink_hil_actuator_controls_message(1, [0.5] + [0.0] * 15, 0x81, 0))
+            board.read()
+            time.sleep(0.02)
+            assert time.monotonic() < deadline
+        while b.run.pwm_us != (1500,) * 8:  # it says nothing any more: neutral after 0.2 s
+            board.read()
+            time.sleep(0.02)
+            assert time.monotonic() < deadline
+        assert "HIL_SENSOR" in board.received
+        assert b.run.motors.silences >= 1
+    board.close()
