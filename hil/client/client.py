@@ -27,6 +27,7 @@ PICTURES = 2  # of one topic that may wait
 OWN = ("diagnostics", "trace")  # what a client listens to for itself
 CLOCK_WAIT_S = 0.3  # that the last state of a vehicle may wait until its age is known
 URGENT = ("trace",)  # what comes by the link of commands and answers, and says nothing of that of samples
+SOFTWARE_WITHIN_NS = 3 * NS_PER_S  # that software of a vehicle's own may take to drive it as we command
 HOLDS_ON = 2  # diagnostics in a row that name another master: it is not about to give way
 
 
@@ -100,6 +101,7 @@ class VehicleClient:
         self._certificate = security.name("master") if security else ""
         self._named_other = 0  # diagnostics in a row
         self._named_before = False  # by the last diagnostics before we came
+        self._undriven_ns = 0  # since when (monotonic) commands have driven no thruster, as far as is known
         self._owns_session = isinstance(where, str)
         self.session = (
             open_master_session(where, network=network, security=security) if isinstance(where, str) else where
@@ -154,7 +156,7 @@ class VehicleClient:
         if self.contact.rivals:
             raise NetworkError(self.refusal())
         if not self.has_commanded:
-            self._named_other = 0
+            self._named_other, self._undriven_ns = 0, now_ns()
         publisher = self._publishers.get(topic)
         if publisher is None:
             publisher = self._publishers[topic] = self.session.publisher(self.node, TOPICS[topic])
@@ -227,14 +229,26 @@ class VehicleClient:
     def unavailable_reason(self) -> str:
         """Return why the vehicle obeys nobody, or not us, and the remedy; "" while nothing says so."""
         values = self.diagnostics()
-        if values.controller == "external" and not self._commands.check_subscribers():
+        if values.controller == "external" and (lack := self._lack_of_software()):
             return (
                 f'{self.node} is left to software of its own (controller = "external" in its scenario), and none '
-                'listens to cmd_vel: start that first, or let the slave have controller = "builtin"'
+                f'{lack}: start that first, or let the slave have controller = "builtin"'
             )
         if values.armed is False:
             return f"{self.node} is disarmed: uuv-hil topic call /{self.node}/arm '{{data: true}}'"
         return self.refusal()
+
+    def _lack_of_software(self) -> str:
+        """Return what no software of a vehicle's own does, "" if it may be there.
+
+        Who listens may be a recorder: what tells is whether anybody drives the thrusters while we command.
+        """
+        if not self._commands.check_subscribers():
+            return "listens to cmd_vel"
+        undriven = self.diagnostics().thrusters_driven is False and self.has_commanded
+        if undriven and now_ns() - self._undriven_ns > SOFTWARE_WITHIN_NS:
+            return f"has driven its thrusters for {SOFTWARE_WITHIN_NS / NS_PER_S:.0f} s of commands"
+        return ""
 
     def refusal(self) -> str:
         """Return why the vehicle obeys others but not us, and the remedy; "" while nothing says so."""
@@ -275,6 +289,8 @@ class VehicleClient:
         if topic == "diagnostics":
             value = Diagnostics(value[0][3] if value else {})
             self._check_commander(value)
+            if value.thrusters_driven is not False:
+                self._undriven_ns = received_ns
         stamped = self.latest[topic] = Stamped(value, received_ns, self.contact.sent_ns(stamp.time_ns, received_ns))
         self._on_sample(topic, stamped)
         if topic != "diagnostics":

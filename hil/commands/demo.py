@@ -13,7 +13,7 @@ from importlib.util import find_spec
 from hil.commands.view.opening import view_process
 from hil.common.children import module_command, package_environment, start_child
 from hil.common.clock import now_ns
-from hil.common.endpoint import split_endpoint
+from hil.common.endpoint import no_certificates, split_endpoint
 from hil.common.errors import ConfigError, MissingExtraError, NetworkError
 from hil.common.options import ENDPOINT, Number, add_changes, changes_of, new_parser, place
 from hil.common.ports import free_ports
@@ -66,6 +66,8 @@ def main(arguments: list[str]) -> int:
     if warning:
         print(f"WARNING: {warning}", file=sys.stderr, flush=True)
     endpoint = options.listen or scenario.slave.listen
+    if not scenario.security and (problem := no_certificates(endpoint)):
+        raise ConfigError(f"--listen: {problem}")
     require_free(endpoint, routed=scenario.network.mode == "routed")
     folder = make_folder(options.run_dir) if options.run_dir else new_folder(options.scenario)
     words = [options.scenario, *[word for text in options.set for word in ("--set", text)]]

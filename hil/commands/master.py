@@ -8,7 +8,8 @@ from hil.bench.table import hil_table as table
 from hil.client.client import VehicleClient
 from hil.commands.view.opening import view_process
 from hil.common.clock import NS_PER_S, now_ns
-from hil.common.errors import MissingExtraError, NetworkError
+from hil.common.endpoint import no_certificates
+from hil.common.errors import ConfigError, MissingExtraError, NetworkError
 from hil.common.options import DESCRIPTOR, WAIT, add_changes, changes_of, endpoint_or_lan, new_parser
 from hil.common.stop import StopSignals
 from hil.master.flight import Flight, Outcome, Plan, prepare, require_success
@@ -52,6 +53,8 @@ def main(arguments: list[str]) -> int:
     )
     options = parser.parse_args(arguments)
     scenario = load_single(options.scenario, changes_of(options))
+    if options.connect != "lan" and not scenario.security and (problem := no_certificates(options.connect)):
+        raise ConfigError(f"--connect: {problem}")
     if scenario.recording.master:
         require_library()
     folder = make_folder(options.run_dir) if options.run_dir else new_folder(options.scenario)

@@ -9,6 +9,7 @@ from hil.common.columns import aligned
 from hil.common.errors import ConfigError
 from hil.common.options import add_changes, changes_of, new_parser
 from hil.common.schema import find_preset, preset_names, shortened
+from hil.common.tables import read_bytes
 from hil.scenario.config import SCENARIOS, Scenario, load_scenario
 
 EXAMPLES = """\
@@ -82,10 +83,9 @@ def _described(name: str, scenario: Scenario) -> dict[str, Any]:
 
 def _text(path: str) -> str:
     try:
-        with open(path, encoding="utf-8-sig") as file:
-            return file.read()
-    except (OSError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{path}: cannot be read: {error}") from None
+        return read_bytes(path).decode("utf-8-sig")
+    except UnicodeDecodeError:
+        raise ConfigError(f"{path}: is not UTF-8 text; save it as UTF-8") from None
 
 
 def _new(path: str, name: str) -> int:

@@ -31,6 +31,16 @@ def split_endpoint(endpoint: str) -> tuple[str, str, int]:
     return scheme, host, int(port)
 
 
+def no_certificates(endpoint: str) -> str:
+    """Return what is wrong with an endpoint where there are no certificates, "" if nothing is. Raises NetworkError."""
+    if split_endpoint(endpoint)[0] != "tls":
+        return ""
+    return (
+        f"endpoint {endpoint!r} asks for TLS, which needs certificates: make them with `uuv-hil keys add NAME` and "
+        "name them in a [security] section of the scenario, or begin it with tcp/"
+    )
+
+
 def validate_endpoint(key: str, endpoint: str) -> str | None:
     """Return what is wrong with the endpoint under `key` of a file, None if nothing is."""
     try:

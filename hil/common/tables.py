@@ -115,8 +115,13 @@ def _read_toml(path: str, stamp: Stamp) -> dict[str, Any]:
             raise RecursionError
     except RecursionError:
         raise ConfigError(f"{path}: tables or arrays in each other, more than {DEEPEST} deep") from None
-    except ValueError as error:  # also a number of thousands of digits, and bytes that are no UTF-8
+    except UnicodeDecodeError:
+        raise ConfigError(f"{path}: is not UTF-8 text; save it as UTF-8") from None
+    except tomllib.TOMLDecodeError as error:
         raise ConfigError(f"{path}: not valid TOML: {error}") from None
+    except ValueError:  # whose own words name a setting of the interpreter
+        digits = sys.get_int_max_str_digits()
+        raise ConfigError(f"{path}: not valid TOML: a number of more than {digits} digits") from None
     _write_cache(path, stamp, table)
     return table
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import zenoh
 
-from hil.common.errors import NetworkError
+from hil.common.errors import HilError, NetworkError
 from hil.network.session import Session
 from hil.network.settings import Network, settings
 
@@ -33,7 +33,7 @@ class Listening:
     ) -> None:
         self._arguments = endpoint, network, security, pictures
         self._session: Session | None = None
-        self._error: NetworkError | None = None
+        self._error: HilError | None = None
         self._thread = threading.Thread(target=self._run, name="open session")
         self._thread.start()
 
@@ -43,11 +43,11 @@ class Listening:
         os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
         try:
             self._session = listen(*self._arguments)
-        except NetworkError as error:
+        except HilError as error:
             self._error = error
 
     def session(self) -> Session:
-        """Return the open session. Raises NetworkError as `listen` does."""
+        """Return the open session. Raises what `listen` does."""
         self._thread.join()
         if self._error:
             raise self._error

@@ -9,8 +9,8 @@ anything any more after a router had been out of reach.
 import os
 from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
-from hil.common.endpoint import split_endpoint, validate_endpoint
-from hil.common.errors import NetworkError
+from hil.common.endpoint import no_certificates, split_endpoint, validate_endpoint
+from hil.common.errors import ConfigError
 from hil.common.schema import Range
 from hil.network.role import Role
 
@@ -67,11 +67,11 @@ def endpoints(endpoint: str, secure: bool = False, one: bool = False) -> list[st
     """The two links of an endpoint "tcp/HOST:PORT": urgent traffic on PORT, the rest on PORT + 1; or `one` for all.
 
     With `secure` they are TLS, whatever the scheme says. Raises NetworkError when the endpoint is not of this form,
-    or asks for TLS without certificates.
+    ConfigError when it asks for TLS without certificates.
     """
-    scheme, host, port = split_endpoint(endpoint)
-    if scheme == "tls" and not secure:
-        raise NetworkError(f"endpoint {endpoint!r} asks for TLS, which needs certificates: a [security] section")
+    if not secure and (problem := no_certificates(endpoint)):
+        raise ConfigError(problem)
+    _, host, port = split_endpoint(endpoint)
     scheme, buffer = "tls" if secure else "tcp", f"#so_sndbuf={SEND_BUFFER}"
     if one:
         return [f"{scheme}/{host}:{port}{buffer}"]
@@ -86,7 +86,7 @@ def settings(
     security: "Security | None",
     pictures: bool = False,
 ) -> str:
-    """Return the configuration of a session, as text for the library. Raises NetworkError.
+    """Return the configuration of a session, as text for the library. Raises NetworkError, ConfigError.
 
     `pictures`: a slave passes on those of its imaging process.
     """

@@ -28,10 +28,9 @@ def recording_files(path: str) -> list[str]:
 
     Raises ConfigError.
     """
-    if os.path.isfile(path):
-        return [path]
     if not os.path.isdir(path):
-        raise ConfigError(f"{path}: no such file or folder")
+        check_file(path, sys.maxsize)  # of any size: a chunk at a time is read
+        return [path]
     names = [name for name in os.listdir(path) if name.endswith(".mcap")]
     if not names:
         raise ConfigError(f"{path}: no .mcap file in this folder")

@@ -210,6 +210,7 @@ class Diagnostics:
     )
     # Commands
     controller = _text('"builtin", "autopilot", or "external" if thrusters are left to other software')
+    thrusters_driven = _flag("whether the STM32 took a command in the last second, where they are left to others")
     armed = _flag("whether the vehicle takes commands")
     thrusters = _integer("", "thrusters of the vehicle")
     commands_received = _counter("commands that arrived")

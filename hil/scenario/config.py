@@ -6,6 +6,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
 from hil.common.clock import seconds_ns
+from hil.common.endpoint import no_certificates
 from hil.common.errors import ConfigError
 from hil.common.schema import Range, find_preset, parse, preset_names, shortened
 from hil.common.tables import read_table
@@ -154,6 +155,8 @@ def load_scenario(name: str, changes: dict[str, Any] | None = None) -> Scenario:
     )
     if scenario.security:
         scenario = scenario._replace(security=scenario.security.beside(folder))
+    else:
+        _check_certificates(scenario)
     if scenario.autopilot:
         if scenario.controller not in AUTOPILOTS:
             words = f'belongs to controller = "ardupilot" or "px4", not to {scenario.controller!r}'
@@ -168,6 +171,16 @@ def load_scenario(name: str, changes: dict[str, Any] | None = None) -> Scenario:
         raise ConfigError(f"{path}: sensors: the builtin controller needs {blind[0]}: its rate must be above 0")
     dialect.speak(scenario.ros.domain, scenario.ros.distro)
     return scenario
+
+
+def _check_certificates(scenario: Scenario) -> None:
+    """Raises ConfigError for an endpoint with TLS in a scenario without [security]."""
+    named = {"slave: listen": scenario.slave.listen, "network: router": scenario.network.router}
+    for number, member in enumerate(scenario.member):
+        named |= {f"member[{number}]: listen": member.listen, f"member[{number}]: agent": member.agent}
+    for key, endpoint in named.items():
+        if endpoint and (problem := no_certificates(endpoint)):
+            raise ConfigError(f"{scenario.path}: {key}: {problem}")
 
 
 def load_single(name: str, changes: dict[str, Any] | None = None, remedy: str = "") -> Scenario:

@@ -1,6 +1,7 @@
 """Depths from rasters: GeoTIFF, BAG, GEBCO's NetCDF, and whatever else GDAL reads, through rasterio."""
 
 import os
+import sys
 import warnings
 from math import ceil, floor
 from typing import Any
@@ -11,6 +12,7 @@ from hil.charts.chart_survey import Box
 from hil.charts.projection import LocalPlane
 from hil.charts.sources.points import Points, Positive, downwards
 from hil.common.errors import ConfigError, MissingExtraError
+from hil.common.tables import check_file
 
 WGS84 = "EPSG:4326"
 ENDINGS = (".tif", ".tiff", ".bag", ".nc", ".asc", ".vrt")
@@ -28,8 +30,7 @@ def read_raster(path: str, area: Box | None = None, positive: Positive = "auto")
         from rasterio.errors import NotGeoreferencedWarning, RasterioError
     except ImportError:
         raise MissingExtraError(f"{path}: rasters need rasterio: pip install 'uuv-hil[raster]'") from None
-    if not os.path.exists(path):
-        raise ConfigError(f"{path}: no such file")
+    check_file(path, sys.maxsize)  # of any size: only what is asked for is read
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", NotGeoreferencedWarning)  # of a NetCDF as a whole; and see _window

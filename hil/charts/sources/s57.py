@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from hil.charts.sources.s57_process import NO_LIBRARY, UNFIT_UPDATE
 from hil.common.children import module_command, package_environment, start_child
 from hil.common.errors import ConfigError, MissingExtraError
+from hil.common.tables import check_file
 from hil.common.text import clean
 
 MAX_BYTES = 64 << 20  # of a file; the ENC product specification allows 5 MB
@@ -84,13 +85,12 @@ def read_cell(path: str, updates: bool = True) -> Cell:
 
 
 def _head(path: str) -> bytes:
+    if not os.path.exists(path):
+        raise ConfigError(f"{path}: the chart cannot be read: No such file; {_WHERE}")
+    check_file(path, MAX_BYTES)
     try:
         with open(path, "rb") as file:
-            if os.fstat(file.fileno()).st_size > MAX_BYTES:
-                raise ConfigError(f"{path}: larger than {MAX_BYTES >> 20} MiB, which no chart is: name another file")
             return file.read(HEAD_BYTES)
-    except FileNotFoundError:
-        raise ConfigError(f"{path}: the chart cannot be read: No such file; {_WHERE}") from None
     except OSError as error:
         raise ConfigError(f"{path}: the chart cannot be read: {error.strerror}; copy it again") from None
 

@@ -48,9 +48,11 @@ class ThrusterDriver(ABC):
 
     `pwm_us` is what the thrusters get now; `port` the path or address at which another program may command
     them; `children` the process ids that belong to it; `losses` how often its link has gone away, `lost` whether it
-    is away; `silent` whether the STM32 does not answer although its link is there.
+    is away; `silent` whether the STM32 does not answer although its link is there; `command_ns` when (monotonic) its
+    outputs last took a command, 0 where that is not known: it is for an STM32 in this process.
     """
 
+    command_ns = 0
     losses = 0
     lost = False
     is_silent = False
@@ -162,6 +164,11 @@ class ReconnectingDriver(ThrusterDriver):
     def host(self) -> ThrusterLink | None:  # type: ignore[override]
         """Of the driver there is, or was last."""
         return self._last.host
+
+    @property
+    def command_ns(self) -> int:  # type: ignore[override]
+        """Of the driver there is, or was last."""
+        return self._last.command_ns
 
     @property
     def children(self) -> tuple[int, ...]:  # type: ignore[override]

@@ -58,6 +58,11 @@ class InProcessDriver(ThrusterDriver):
         return self.end.pwm_us
 
     @property
+    def command_ns(self) -> int:  # type: ignore[override]
+        """Straight from the firmware."""
+        return self.end.command_ns
+
+    @property
     def deadline_ns(self) -> int:
         """Of the firmware, or of what the host's protocol says by itself; at once while the host has said something."""
         if self._owing:

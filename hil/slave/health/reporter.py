@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 PERIOD_S = 1.0
 LEAST_PERIOD_S = 0.1  # when there is news all the time
 RECENT_NS = 900 * NS_PER_MS  # that recent figures are of: what there is each second, however often there is news
+DRIVEN_NS = NS_PER_S  # without a command from elsewhere, the thrusters are driven by nobody
 COLLECT_PERIOD_NS = 30 * NS_PER_S
 OK, WARNING, ERROR = 0, 1, 2
 
@@ -152,6 +153,8 @@ class Health:
         figures.controller = "builtin" if loop.pilot else "autopilot" if loop.autopilot else "external"
         if loop.autopilot:
             loop.autopilot.add_figures(figures)
+        elif loop.pilot is None:
+            figures.thrusters_driven = now_ns() - loop.driver.command_ns < DRIVEN_NS
         figures.armed = loop.armed
         figures.thrusters = command_receiver.thrusters
         figures.commands_unanswered = loop.unanswered

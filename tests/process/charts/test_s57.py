@@ -195,7 +195,7 @@ def test_other_products_are_named(tmp_path: Path) -> None:
         read_cell(str(path))
     with path.open("wb") as file:
         file.truncate(65 << 20)
-    with pytest.raises(ConfigError, match="larger than 64 MiB"):
+    with pytest.raises(ConfigError, match="at most 64 MiB"):
         read_cell(str(path))
 
 

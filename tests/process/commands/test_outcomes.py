@@ -158,6 +158,29 @@ def test_the_master_refuses_a_vehicle_that_obeys_nobody(top: str, words: str, tm
     assert "time limit" not in master.output
 
 
+def test_who_only_listens_is_no_software_of_the_vehicle(tmp_path: Path) -> None:
+    """A recorder hears cmd_vel too, and hid that nobody drives the thrusters."""
+    scenario, port = write_scenario(tmp_path, top='controller = "external"')
+    endpoint = f"tcp/127.0.0.1:{port}"
+    arguments = "master", scenario, "--connect", endpoint, "--run-dir", tmp_path / "run"
+    with Program(tmp_path, "slave", scenario) as slave:
+        slave.expect("ready")
+        with Program(tmp_path, "record", "--connect", endpoint, "-o", tmp_path / "recording") as recorder:
+            recorder.expect("recording")
+            with Program(tmp_path, *arguments) as master:
+                assert master.wait() == 4, master.output
+    assert "and none has driven its thrusters for 3 s of commands: start that first" in master.output
+    assert "none listens" not in master.output
+
+
+def test_a_slave_with_tls_and_no_certificates_says_so(tmp_path: Path) -> None:
+    """Its session is opened in a thread, whose error is the command's."""
+    with Program(tmp_path, "slave", "paper_field", "--listen", "tls/127.0.0.1:7447") as slave:
+        assert slave.wait() == 2, slave.output
+    assert "`uuv-hil keys add NAME`" in slave.output
+    assert "Traceback" not in slave.output
+
+
 def test_the_master_refuses_a_disarmed_vehicle(tmp_path: Path) -> None:
     scenario, port = write_scenario(tmp_path)
     endpoint = f"tcp/127.0.0.1:{port}"

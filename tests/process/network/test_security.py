@@ -218,7 +218,7 @@ def test_missing_files_and_sections_are_named(keys: Path, tmp_path: Path) -> Non
         open_master_session(endpoint, security=Security("", str(tmp_path / "nowhere"), ("laptop",)))
     with pytest.raises(NetworkError, match=r"names no slave"):
         listen(endpoint, security=Security("", str(keys / "laptop"), ("laptop",)))
-    with pytest.raises(NetworkError, match=r"needs certificates"):
+    with pytest.raises(ConfigError, match=r"needs certificates: make them with `uuv-hil keys"):
         open_master_session("tls/127.0.0.1:7447")
     with pytest.raises(ConfigError, match="may_command"):
         parse({"slave": "a", "master": "b"}, Security, "file: security")

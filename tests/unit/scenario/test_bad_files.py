@@ -4,6 +4,7 @@ import importlib
 import math
 import operator
 import os
+import re
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -120,7 +121,7 @@ def written(folder: Path, data: bytes) -> str:
         (b"a = " + b"9" * 100_000, "not valid TOML"),
         (b"a = 1e" + b"9" * 100_000 + b"x", "not valid TOML"),
         ("a = 1".encode("utf-16"), "UTF-16; save it as UTF-8"),
-        (b"\xff\xff", "not valid TOML"),
+        (b"\xff\xff", "is not UTF-8 text"),
         (b"\x00" * 100, "not valid TOML"),
         (b"a = 1\r", "not valid TOML"),
     ],
@@ -209,6 +210,27 @@ def test_no_reader_waits_for_a_pipe_or_reads_without_end(ending: str, reader: st
             read(str(path))
 
 
+@pytest.mark.parametrize(
+    ("ending", "reader"),
+    [
+        ("000", "hil.charts.sources.s57:read_cell"), ("tif", "hil.charts.sources.rasters:read_raster"),
+        ("mcap", "hil.recording.reader:recording_files"),
+    ],
+)  # fmt: skip
+def test_no_reader_of_files_of_any_size_waits_for_a_pipe(ending: str, reader: str, tmp_path: Path) -> None:
+    module, _, name = reader.partition(":")
+    os.mkfifo(tmp_path / f"pipe.{ending}")
+    with pytest.raises(ConfigError, match="no regular file"):
+        getattr(importlib.import_module(module), name)(str(tmp_path / f"pipe.{ending}"))
+
+
+def test_the_error_of_a_file_has_no_words_of_the_interpreter(tmp_path: Path) -> None:
+    for content, words in ((b"a = " + b"9" * 5000, "more than 4300 digits"), (b"# b\xfcoot", "is not UTF-8 text")):
+        with pytest.raises(ConfigError, match=words) as error:
+            read_table(written(tmp_path, content))
+        assert not re.search("sys|codec|Errno", str(error.value))
+
+
 def test_a_seabed_is_no_pipe(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "bed.f32")
     (tmp_path / "w.toml").write_text(
@@ -220,7 +242,19 @@ def test_a_seabed_is_no_pipe(tmp_path: Path) -> None:
         load_world(str(tmp_path / "w.toml"))
 
 
-@pytest.mark.parametrize("command", [["sim"], ["sim", "--fast"], ["slave"], ["campaign"], ["doctor"], ["agent"]])
+@pytest.mark.parametrize(
+    "command",
+    [
+        ["sim"],
+        ["sim", "--fast"],
+        ["slave"],
+        ["campaign"],
+        ["doctor"],
+        ["agent"],
+        ["scenario", "show"],
+        ["scenario", "check"],
+    ],
+)
 @pytest.mark.parametrize("scenario", ["/dev/zero", "/", "pipe.toml", "/etc/passwd", ""])
 def test_a_scenario_that_is_none(
     command: list[str],
@@ -231,6 +265,7 @@ def test_a_scenario_that_is_none(
 ) -> None:
     os.mkfifo(tmp_path / "pipe.toml")
     monkeypatch.chdir(tmp_path)
-    assert main([command[0], scenario, *command[1:]]) == 2
+    words = [*command, scenario] if command[0] == "scenario" else [command[0], scenario, *command[1:]]
+    assert main(words) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert "scenario" in line or "no regular file" in line

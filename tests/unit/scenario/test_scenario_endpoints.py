@@ -11,17 +11,15 @@ from hil.scenario.config import load_scenario
 HEAD = 'vehicle = "paper_seven"\nworld = "pool"\n[master]\n'
 MEMBER = 'node = "a"\nnorth = 0\neast = 0\n'
 GOOD = "tcp/127.0.0.1:7447"
+ENDPOINTS = [
+    ('[slave]\nlisten = "{}"', "slave: listen"),
+    ('[network]\nmode = "routed"\nrouter = "{}"', "network: router"),
+    (f'[[member]]\n{MEMBER}listen = "{{}}"\nagent = "{GOOD}"', "member[0]: listen"),
+    (f'[[member]]\n{MEMBER}listen = "{GOOD}"\nagent = "{{}}"', "member[0]: agent"),
+]
 
 
-@pytest.mark.parametrize(
-    ("tail", "key"),
-    [
-        ('[slave]\nlisten = "{}"', "slave: listen"),
-        ('[network]\nmode = "routed"\nrouter = "{}"', "network: router"),
-        (f'[[member]]\n{MEMBER}listen = "{{}}"\nagent = "{GOOD}"', "member[0]: listen"),
-        (f'[[member]]\n{MEMBER}listen = "{GOOD}"\nagent = "{{}}"', "member[0]: agent"),
-    ],
-)
+@pytest.mark.parametrize(("tail", "key"), ENDPOINTS)
 def test_an_endpoint_that_is_none_is_named_by_file_and_key(
     tail: str, key: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -49,3 +47,32 @@ def test_an_endpoint_that_is_none_is_named_by_file_and_key(
     for endpoint in ("192.168.3.116", "pi.local:7449", "tcp/[::1]:7447"):
         path.write_text(HEAD + tail.format(endpoint))
         load_scenario(str(path))
+
+
+@pytest.mark.parametrize(("tail", "key"), ENDPOINTS)
+def test_tls_without_certificates_is_an_error_of_the_file(
+    tail: str, key: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "mine.toml"
+    path.write_text(HEAD + tail.format("tls/127.0.0.1:7447"))
+    assert main(["scenario", "check", str(path)]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert f"{path}: {key}: " in line
+    assert "`uuv-hil keys add NAME`" in line
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["master", "paper_field", "--connect"], ["demo", "--listen"], ["topic", "list", "--connect"],
+        ["top", "--connect"], ["router", "--listen"], ["record", "--connect"],
+    ],
+)  # fmt: skip
+def test_tls_without_certificates_is_an_error_of_the_option(
+    words: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """It was told as a fault of the network, and by the master after it had planned."""
+    monkeypatch.chdir(tmp_path)
+    assert main([*words, "tls/127.0.0.1:7447"]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "certificates: make them with `uuv-hil keys add NAME`" in line
