@@ -103,7 +103,7 @@ def _fly(
 def _show(opened: ExitStack, scenario: Scenario, vehicle: SimulatedVehicle) -> Watch:
     """Show the flight in a browser; its time is that of the view."""
     from hil.commands.view.opening import open_view, shown_of
-    from hil.view.simulated_source import SimulatedSource
+    from hil.view.sources.simulated import SimulatedSource
 
     source = SimulatedSource(scenario.slave.node, vehicle)
     view = opened.enter_context(open_view(source, shown_of(scenario)))

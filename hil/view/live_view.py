@@ -6,16 +6,17 @@ from typing import Any, NamedTuple
 
 from hil.client.vehicle_handle import Vehicle
 from hil.common.errors import HilError
-from hil.view import acts, instruments, pictures
-from hil.view.acts_panel import ActsPanel
 from hil.view.front import Front
-from hil.view.panels import Panels
-from hil.view.playback_panel import PlaybackPanel
-from hil.view.scene_server import SceneServer
-from hil.view.source import Source
-from hil.view.steering import Steering
-from hil.view.vehicle_scene import VehicleScene
-from hil.view.world_scene import WorldScene
+from hil.view.panels import instruments, pictures
+from hil.view.panels.acts import ActsPanel
+from hil.view.panels.panels import Panels
+from hil.view.panels.playback import PlaybackPanel
+from hil.view.scene.server import SceneServer
+from hil.view.scene.vehicle import VehicleScene
+from hil.view.scene.world import WorldScene
+from hil.view.sources.source import Source
+from hil.view.teleop import acts
+from hil.view.teleop.steering import Steering
 from sim.environment.world import World
 from sim.vehicle.vehicle import Vehicle as VehicleFile
 

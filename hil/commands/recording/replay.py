@@ -103,7 +103,7 @@ def _play(options: argparse.Namespace, stop_fd: int) -> int:
 def _show(path: str, own_classes: bool, stop_fd: int) -> int:
     from hil.commands.view.opening import open_view
     from hil.view.live_view import PERIOD_S, Shown
-    from hil.view.recorded_source import RecordedSource
+    from hil.view.sources.recorded import RecordedSource
 
     source = RecordedSource(path)
     run = read_run(read_about(path), path, own_classes)

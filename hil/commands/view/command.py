@@ -44,8 +44,8 @@ def main(arguments: list[str]) -> int:
     scenario, endpoints = scenario_and_endpoints(options.scenario, options.connect, changes_of(options))
     if not endpoints:
         raise ConfigError("give a scenario, or --connect tcp/ADDRESS:PORT")
-    from hil.view.live_source import LiveSource
     from hil.view.live_view import PERIOD_S
+    from hil.view.sources.live import LiveSource
 
     keys = options.keys or (scenario.security.folder("master") if scenario and scenario.security else "")
     routed = options.routed or bool(scenario and scenario.network.mode == "routed")

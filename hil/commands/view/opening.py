@@ -14,7 +14,7 @@ from hil.scenario.config import Scenario
 
 if TYPE_CHECKING:
     from hil.view.live_view import LiveView, Shown
-    from hil.view.source import Source
+    from hil.view.sources.source import Source
 
 DEFAULT_PLACE = "127.0.0.1", 7480
 

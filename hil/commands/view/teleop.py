@@ -16,10 +16,10 @@ from hil.common.errors import ConfigError, HilError
 from hil.common.options import endpoint_or_lan, new_parser
 from hil.common.progress_line import ProgressLine
 from hil.common.stop import StopSignals
-from hil.view import acts
-from hil.view.gamepad import Gamepad
-from hil.view.keys import HELP, Keys
-from hil.view.steering import PERIOD_S, Steering
+from hil.view.teleop import acts
+from hil.view.teleop.gamepad import Gamepad
+from hil.view.teleop.keys import HELP, Keys
+from hil.view.teleop.steering import PERIOD_S, Steering
 
 EXAMPLES = f"""\
 {HELP}.

@@ -74,7 +74,7 @@ def test_it_lets_in_who_has_the_token_and_its_own_page_alone(tmp_path: Path) -> 
 
 
 def test_the_scene_is_closed_to_all_but_the_view(tmp_path: Path) -> None:
-    from hil.view.scene_server import SceneServer
+    from hil.view.scene.server import SceneServer
 
     with SceneServer() as scene:
         scene.server.gui.add_button("act")

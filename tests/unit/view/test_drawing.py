@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 from hil.ros.images import Picture
-from hil.view import frames, instruments, pictures, world_scene
+from hil.view.panels import instruments, pictures
+from hil.view.scene import frames
+from hil.view.scene import world as world_scene
 from sim.environment.obstacles import Box, Cylinder
 from sim.environment.terrain import Terrain
 from sim.environment.terrain_grid import Grid

@@ -1,6 +1,6 @@
 """Keys of a terminal as a stick, by instants that the test gives."""
 
-from hil.view.keys import HELD_NS, Keys
+from hil.view.teleop.keys import HELD_NS, Keys
 
 NOW = 10**12
 

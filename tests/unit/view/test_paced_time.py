@@ -1,7 +1,7 @@
 """Time that is paused, stepped and sped up, by a clock that the test moves."""
 
 from hil.common.clock import NS_PER_S
-from hil.view.paced_time import STEP_S, PacedTime
+from hil.view.sources.paced_time import STEP_S, PacedTime
 
 
 class Clock:

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hil.view.stick import SILENT_AFTER_NS, Limits, Stick
+from hil.view.teleop.stick import SILENT_AFTER_NS, Limits, Stick
 
 NOW = 10**12
 

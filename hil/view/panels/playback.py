@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from hil.view.paced_time import PacedTime
+from hil.view.sources.paced_time import PacedTime
 
 SPEEDS = ("0.25", "0.5", "1", "2", "5", "10", "50")
 

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from hil.client.vehicle_handle import Vehicle
 from hil.common.clock import now_ns
 from hil.common.errors import HilError
-from hil.view.stick import Stick, StickCommand
+from hil.view.teleop.stick import Stick, StickCommand
 
 PERIOD_S = 0.05
 HOLD_WITHIN = 0.02  # of the full stick: below it depth and heading are held, where that is wanted

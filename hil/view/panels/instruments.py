@@ -5,7 +5,7 @@ from html import escape
 from math import cos, degrees, isfinite, sin
 from typing import Any, NamedTuple
 
-from hil.view import colours
+from hil.view.scene import colours
 
 WIDTH = 320
 PWM_RANGE = 400.0  # us from the middle that a bar reaches

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 if TYPE_CHECKING:
     from hil.client.vehicle_handle import Vehicle
     from hil.ros.diagnostics import Diagnostics
-    from hil.view.paced_time import PacedTime
+    from hil.view.sources.paced_time import PacedTime
 
 
 class Source(Protocol):

@@ -10,8 +10,8 @@ import numpy as np
 from hil.client.vehicle_handle import Vehicle
 from hil.common.errors import HilError
 from hil.ros.graph import plain_name
-from hil.view import acts
-from hil.view.frames import from_scene, to_scene
+from hil.view.scene.frames import from_scene, to_scene
+from hil.view.teleop import acts
 
 PLACE = "click: nothing", "click: go there", "click: add a waypoint"
 

@@ -13,7 +13,7 @@ HELP = (
 
 
 class Keys:
-    """The keys that are held, as a message of a stick (hil.view.stick.Stick)."""
+    """The keys that are held, as a message of a stick (hil.view.teleop.stick.Stick)."""
 
     def __init__(self) -> None:
         self._until_ns: dict[str, int] = {}

@@ -9,7 +9,7 @@ from hil.common.clock import NS_PER_S, now_ns
 from hil.ros.diagnostics import Diagnostics
 from hil.ros.images import Picture
 from hil.ros.joints import JointStates
-from hil.view.paced_time import PacedTime
+from hil.view.sources.paced_time import PacedTime
 from sim.simulation import Simulation
 
 RENAMED = {"forward_sonar": "forward_sonar/image", "side_scan": "side_scan/image"}

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from hil.view import colours
-from hil.view.frames import to_scene
+from hil.view.scene import colours
+from hil.view.scene.frames import to_scene
 from sim.environment.obstacles import Box, Cylinder
 from sim.environment.world import World
 

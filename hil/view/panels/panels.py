@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from hil.ros.diagnostics import Diagnostics, shown
-from hil.view import colours
+from hil.view.scene import colours
 
 LOG_LINES = 12
 BINS = 40  # of the histogram of delays

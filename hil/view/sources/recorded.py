@@ -12,7 +12,7 @@ from hil.recording.reader import read_messages
 from hil.ros import encoders as ros
 from hil.ros.diagnostics import Diagnostics
 from hil.ros.topics import is_picture
-from hil.view.paced_time import PacedTime
+from hil.view.sources.paced_time import PacedTime
 
 LARGEST = 2 << 30  # bytes of messages that are held at once
 

@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 
-from hil.view import colours
-from hil.view.frames import attitude, to_body, to_scene
-from hil.view.world_scene import arrows
+from hil.view.scene import colours
+from hil.view.scene.frames import attitude, to_body, to_scene
+from hil.view.scene.world import arrows
 from sim.vehicle.vehicle import Vehicle
 
 TRACK_STEP = 0.1  # m between two points of a track

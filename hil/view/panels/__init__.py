@@ -1,0 +1,1 @@
+"""The panels beside the scene: instruments, pictures, links, acts, time."""

@@ -1,0 +1,1 @@
+"""Steering by hand: sticks, keys and gamepads, and what else a person lets a vehicle do."""
