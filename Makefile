@@ -46,8 +46,8 @@ $(VENV)/.run: EXTRA = master,view
 $(VENV)/.dev: EXTRA = dev
 $(VENV)/.docs: EXTRA = docs
 $(VENV)/.run $(VENV)/.dev $(VENV)/.docs: pyproject.toml hatch_build.py $(wildcard $(NATIVE:%=%/*.[ch]) firmware_stub/src/*.c firmware_stub/include/*.h)
-	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
-	  || { echo "Python 3.11 or later is needed; name one with: make PYTHON=/path/to/python3.11"; exit 1; }
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 10))' \
+	  || { echo "Python 3.10 or later is needed; name one with: make PYTHON=/path/to/python3.10"; exit 1; }
 	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV) \
 	  || { echo "no virtual environment: sudo apt install python3-venv"; rm -rf $(VENV); exit 1; }
 	@echo "installing into $(VENV) (once)"

@@ -34,7 +34,7 @@ class NativeBuildHook(BuildHookInterface[Any]):
             self.app.display_warning(f"the step stays in Python: {reason}")
             return
         build_data["pure_python"] = False
-        build_data["tag"] = f"cp311-abi3-{platform()}"
+        build_data["tag"] = f"cp310-abi3-{platform()}"
         if not editable:
             for binary in tools["SOURCES"]:
                 build_data["force_include"][os.path.join(folder, binary)] = binary

@@ -79,7 +79,8 @@ class Board(NamedTuple):
 
     `models` are beginnings of the text in /proc/device-tree/model, or of the DMI product name, by which it is
     recognised; the first of `serial` is the port on its pin header. `ram` are the sizes it is sold with. `system` is
-    an operating system for it with Python 3.11, or one and how to get that. The service needs systemd 239 or later.
+    an operating system for it with Python 3.10 or later, or one and how to get that. The service needs systemd 239 or
+    later.
     `thermal_zones` are names of the processor's zone, whichever of them the kernel has; it slows down from
     `throttles_at` (°C, 0: unknown). `throttling` is the source of that: the firmware of a Raspberry Pi by
     "vcgencmd", else the kernel.

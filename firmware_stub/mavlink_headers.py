@@ -5,9 +5,9 @@ A dialect of just these messages is cut out of pymavlink's own definitions: that
 
 import os
 import subprocess
-import sys
 import xml.etree.ElementTree as ElementTree
 
+from hil.common.children import module_command
 from hil.common.errors import MissingExtraError
 
 DIALECT = "uuv_hil"
@@ -43,7 +43,7 @@ def make_headers(folder: str) -> None:
         raise MissingExtraError("the firmware's MAVLink is made with pymavlink: pip install pymavlink")
     path = os.path.join(folder, f"{DIALECT}.xml")
     _write_dialect(path)
-    command = [sys.executable, "-P", "-m", "pymavlink.tools.mavgen", "--no-validate", "--lang", "C"]
+    command = module_command("pymavlink.tools.mavgen", "--no-validate", "--lang", "C")
     command += ["--wire-protocol", "2.0", "--output", folder, path]
     subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
 

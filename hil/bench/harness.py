@@ -11,7 +11,7 @@ import select
 import signal
 import subprocess
 import sys
-from typing import Any, Self
+from typing import Any
 
 from hil.bench.limits import Confinement, Limits
 from hil.bench.processes import family
@@ -73,7 +73,7 @@ class Process:
                     os.sched_setaffinity(0, before)
         self.pid = self._process.pid
 
-    def __enter__(self) -> Self:
+    def __enter__(self) -> "Process":
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -185,7 +185,7 @@ class Bench:
             self._scratch.close()
             raise
 
-    def __enter__(self) -> Self:
+    def __enter__(self) -> "Bench":
         try:
             self._confinement.__enter__()
         except BaseException:

@@ -3,7 +3,6 @@
 import json
 import re
 import shutil
-import sys
 import time
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -11,7 +10,7 @@ from typing import Any, NamedTuple
 from hil.autonomy.control.controller import VelocityCommand
 from hil.bench.harness import Bench, await_vehicle
 from hil.bench.presence import check_end, check_there
-from hil.common.children import foreign_command
+from hil.common.children import foreign_command, python_command
 from hil.common.clock import LOOP_PRIORITY, seconds_ns
 from hil.common.errors import NetworkError
 from hil.common.quantiles import rank
@@ -98,7 +97,7 @@ def bare_loop(bench: Bench, seconds: float) -> Lateness:
     """Return the loop of `bench`'s slave, under its limits, with nothing to do: its floor. Raises NetworkError."""
     slave = bench.scenario.slave
     words = [str(seconds_ns(slave.step)), str(seconds), str(int(slave.realtime)), str(int(slave.stay_awake))]
-    code, output = _run(bench, "bare-loop", [sys.executable, "-P", "-c", BARE, *words])
+    code, output = _run(bench, "bare-loop", python_command("-c", BARE, *words))
     if code:
         raise NetworkError(f"the bare loop failed: {output}")
     found = json.loads(output.splitlines()[-1])

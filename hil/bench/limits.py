@@ -16,7 +16,7 @@ import subprocess
 import time
 from collections.abc import Iterator
 from contextlib import suppress
-from typing import NamedTuple, Self
+from typing import NamedTuple
 
 from hil.common.errors import ConfigError
 from hil.common.scratch import lock_unused
@@ -85,7 +85,7 @@ class Confinement:
             allowed = ",".join(map(str, sorted(os.sched_getaffinity(0))))
             raise ConfigError(f"no processor {min(wrong)} here; there are: {allowed}")
 
-    def __enter__(self) -> Self:
+    def __enter__(self) -> "Confinement":
         if self.limits.controllers:
             self._confine()
         return self

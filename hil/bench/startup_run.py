@@ -3,14 +3,13 @@
 import os
 import re
 import subprocess
-import sys
 from collections.abc import Callable, Iterable
 from importlib.util import find_spec
 from typing import NamedTuple
 
 from hil.bench.harness import Bench, await_vehicle
 from hil.bench.processes import mapped_files
-from hil.common.children import ROOT
+from hil.common.children import ROOT, python_command
 from hil.common.clock import NS_PER_MS, now_ns, to_wall_ns
 from hil.common.errors import ConfigError, NetworkError
 from hil.ros.diagnostics import or_nan
@@ -74,7 +73,7 @@ def time_floor(bench: Bench, code: str) -> float:
 
     Raises NetworkError when it fails.
     """
-    process = bench.start("floor", [sys.executable, "-P", "-c", code], limited=True)
+    process = bench.start("floor", python_command("-c", code), limited=True)
     failed = process.join()
     took = (now_ns() - process.exec_ns) / NS_PER_MS
     if failed:
@@ -92,9 +91,7 @@ def files_of_a_start(bench: Bench) -> list[str]:
         slave.stop()
         found |= _modules(slave.output)
     for code in floors().values():
-        done = subprocess.run(
-            [sys.executable, "-P", "-v", "-c", code], capture_output=True, text=True, check=True, cwd=ROOT
-        )
+        done = subprocess.run(python_command("-v", "-c", code), capture_output=True, text=True, check=True, cwd=ROOT)
         found |= _modules(done.stderr)
     return sorted(path for path in found if os.path.isfile(path) and not path.startswith(("/dev/", "/proc/")))
 

@@ -4,10 +4,13 @@ import os
 import signal
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from typing import Self
+from typing import TYPE_CHECKING
 
 from hil.bench.harness import GRACE_S, Process, program
 from hil.common.errors import NetworkError
+
+if TYPE_CHECKING:
+    from typing_extensions import Self
 
 
 class Crew:
@@ -21,7 +24,7 @@ class Crew:
         self._folder = folder
         self._running: dict[str, Process] = {}
 
-    def __enter__(self) -> Self:
+    def __enter__(self) -> "Self":
         for name, arguments in self._programs.items():
             log = os.path.join(self._folder, f"{name}.log")
             self._running[name] = Process([*program(), *arguments], log, environment={"PYTHONUNBUFFERED": "1"})

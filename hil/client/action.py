@@ -8,7 +8,7 @@ import threading
 from collections.abc import Callable, Generator
 from itertools import pairwise
 from math import dist
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any
 
 from hil.autonomy.control.controller import VelocityCommand, wrap
 from hil.autonomy.paths.pursuit import PurePursuit
@@ -60,7 +60,7 @@ class Action:
         self.error = self.error or error
         self._over.set()
 
-    def wait(self, timeout: float | None = None) -> Self:
+    def wait(self, timeout: float | None = None) -> "Action":
         """Wait until it is done, at most `timeout` s. Raises MissionError if it does not come to it, NetworkError."""
         if not self._over.wait(timeout):
             raise MissionError(f"the vehicle has not come to what was asked within {timeout:g} s; give it more time")
@@ -70,11 +70,11 @@ class Action:
             raise MissionError("the vehicle was told something else before it came to what was asked")
         return self
 
-    def __await__(self) -> Generator[Any, None, Self]:
+    def __await__(self) -> Generator[Any, None, "Action"]:
         """`await maneuver` is `wait` without keeping asyncio from other work."""
         return self._finish().__await__()
 
-    async def _finish(self) -> Self:
+    async def _finish(self) -> "Action":
         import asyncio  # who is here has it already
 
         while not self._over.is_set():

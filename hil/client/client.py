@@ -3,7 +3,7 @@
 import threading
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from typing import Any, Literal, NamedTuple, Self
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from hil.autonomy.control.controller import VelocityCommand
 from hil.client.delay import DelayMeter
@@ -21,6 +21,9 @@ from hil.ros.diagnostics import Diagnostics
 from hil.ros.graph import Node
 from hil.ros.topics import ALL, TOPICS, is_picture
 from sim.run_events import RunEvent, events_since
+
+if TYPE_CHECKING:
+    from typing_extensions import Self
 
 QUEUE = 256  # messages that may wait for the reader; beyond it the oldest are dropped
 PICTURES = 2  # of one topic that may wait
@@ -117,7 +120,7 @@ class VehicleClient:
         if part == "master":
             self._graph.publishes(TOPICS["cmd_vel"], node)
 
-    def __enter__(self) -> Self:
+    def __enter__(self) -> "Self":
         return self
 
     def __exit__(self, *_: object) -> None:

@@ -5,7 +5,7 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import suppress
-from typing import Literal, Self
+from typing import Literal
 
 from hil.client.vehicle_handle import Vehicle
 from hil.common.errors import NetworkError
@@ -73,13 +73,13 @@ class Fleet:
         watch_presence(session, "*", self._on_presence)
         atexit.register(self.close)
 
-    def __enter__(self) -> Self:
+    def __enter__(self) -> "Fleet":
         return self
 
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    async def __aenter__(self) -> Self:
+    async def __aenter__(self) -> "Fleet":
         return self
 
     async def __aexit__(self, *_: object) -> None:

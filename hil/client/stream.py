@@ -5,7 +5,7 @@ import time
 from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
-from typing import Any, Self
+from typing import Any
 
 POLL_S = 0.1  # how often one who waits looks whether the vehicle is still there
 
@@ -39,7 +39,7 @@ class Stream:
             self._news.notify()
         self._wake_loop()
 
-    def __iter__(self) -> Self:
+    def __iter__(self) -> "Stream":
         return self
 
     def __next__(self) -> Any:
@@ -53,7 +53,7 @@ class Stream:
                 self._check(time.monotonic() - began)
         return self._waiting.popleft()
 
-    def __aiter__(self) -> Self:
+    def __aiter__(self) -> "Stream":
         return self
 
     async def __anext__(self) -> Any:

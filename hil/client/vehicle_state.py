@@ -2,7 +2,7 @@
 
 import threading
 import weakref
-from typing import Any, Generic, Literal, Self, TypeVar, overload
+from typing import TYPE_CHECKING, Any, Generic, Literal, TypeVar, overload
 
 from hil.client import samples
 from hil.client.client import Stamped, VehicleClient
@@ -16,6 +16,9 @@ from hil.network.settings import Network
 from hil.ros import graph
 from hil.ros.diagnostics import Diagnostics
 from hil.ros.topics import TOPICS, is_picture
+
+if TYPE_CHECKING:
+    from typing_extensions import Self
 
 COMPRESSED = "/compressed"  # what ROS calls a topic's pictures as JPEG ends so
 FIRST_WITHIN_S = 1.0  # that a sensor which has said nothing yet is waited for
@@ -34,7 +37,7 @@ class Newest(Generic[T]):
         self._topic = self._topic or name
 
     @overload
-    def __get__(self, vehicle: None, owner: type) -> Self: ...
+    def __get__(self, vehicle: None, owner: type) -> "Self": ...
     @overload
     def __get__(self, vehicle: "VehicleState", owner: type) -> T: ...
     def __get__(self, vehicle: "VehicleState | None", owner: type) -> "T | Self":

@@ -20,7 +20,7 @@ ROOT = os.path.dirname(
     os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
 )  # the folder of the project's packages
 _INSTALLED = ("site-packages", "dist-packages")
-_SAFE_PATH = "PYTHONSAFEPATH"  # as the interpreter's option -P
+_SAFE_PATH = "PYTHONSAFEPATH"  # as the interpreter's option -P; Python 3.10 has neither
 
 _pipe: list[int] = []  # its ends, the read end first; of two pipes if two threads began at once, which is as good
 
@@ -53,7 +53,21 @@ def open_lifeline() -> int:
 
 def module_command(module: str, *arguments: str) -> list[str]:
     """Return the command that runs a module of ours, which does not look for modules in the current folder."""
-    return [sys.executable, "-P", "-m", module, *arguments]
+    return python_command("-m", module, *arguments)
+
+
+def python_command(*words: str) -> list[str]:
+    """Return the command that gives this interpreter `words`: options, then -c CODE or -m MODULE, then arguments.
+
+    Modules are not looked for in the current folder.
+    """
+    if sys.version_info >= (3, 11):
+        return [sys.executable, "-P", *words]
+    at = next(number for number, word in enumerate(words) if word in ("-c", "-m"))
+    options, (kind, code), arguments = words[:at], words[at : at + 2], words[at + 2 :]
+    if kind == "-m":
+        code = f"from runpy import run_module\nrun_module({code!r}, run_name='__main__', alter_sys=True)"
+    return [sys.executable, *options, "-c", f"import sys\ndel sys.path[0]\n{code}", *arguments]
 
 
 def foreign_command(*command: str) -> list[str]:
@@ -72,7 +86,8 @@ def package_environment() -> dict[str, str]:
 def worker_options() -> Iterator[dict[str, Any]]:
     """Options of `joblib.Parallel`, used inside, with which the processes of loky end with this one.
 
-    These look for modules in the current folder no more than our own programs do.
+    These look for modules in the current folder no more than our own programs do; but under Python 3.10, which cannot
+    be told so, until they have taken over this process's `sys.path`.
     """
     before = os.environ.get(_SAFE_PATH)
     os.environ[_SAFE_PATH] = "1"

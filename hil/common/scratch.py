@@ -8,7 +8,6 @@ import fcntl
 import os
 from collections.abc import Iterator
 from contextlib import suppress
-from typing import Self
 
 from hil.common.errors import DeviceError
 from hil.common.tables import forget_parsed
@@ -41,7 +40,7 @@ class ScratchFolder:
                 return
             os.close(self._lock)
 
-    def __enter__(self) -> Self:
+    def __enter__(self) -> "ScratchFolder":
         return self
 
     def __exit__(self, *_: object) -> None:

@@ -10,6 +10,7 @@ import os
 import stat
 import sys
 from collections.abc import Iterable
+from types import ModuleType
 from typing import Any
 
 from hil.common.errors import ConfigError
@@ -62,12 +63,24 @@ def check_file(path: str, largest: int) -> Stamp:
 
 def value_of(text: str) -> Any:
     """Return what a command line's `text` stands for: the value TOML reads in it, else the text itself."""
-    import tomllib
-
     try:
-        return tomllib.loads(f"value = {text}")["value"]
+        return parse_toml(f"value = {text}")["value"]
     except (ValueError, RecursionError):  # no TOML, or a number of thousands of digits, or too deep
         return text
+
+
+def parse_toml(text: str) -> dict[str, Any]:
+    """Return the tables of a text. Raises ValueError where it is not TOML, RecursionError where it is too deep."""
+    table: dict[str, Any] = _parser().loads(text)
+    return table
+
+
+def _parser() -> ModuleType:
+    if sys.version_info >= (3, 11):
+        import tomllib as parser
+    else:  # the same as a package
+        import tomli as parser
+    return parser
 
 
 def settings(texts: Iterable[str], name: str) -> dict[str, Any]:
@@ -101,23 +114,22 @@ def forget_parsed(folder: str) -> None:
 
 def _read_toml(path: str, stamp: Stamp) -> dict[str, Any]:
     import re
-    import tomllib
 
     data = read_bytes(path)
     if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         raise ConfigError(f"{path}: not valid TOML: its text is UTF-16; save it as UTF-8")
     try:
         text = data.decode("utf-8-sig")  # some editors put a byte order mark first
-        if re.search(rf"(?<![\w-])(?:[\w-]+\.){{{DEEPEST}}}", text):  # a.b.c...: for which tomllib takes minutes
+        if re.search(rf"(?<![\w-])(?:[\w-]+\.){{{DEEPEST}}}", text):  # a.b.c...: for which the parser takes minutes
             raise RecursionError
-        table = tomllib.loads(text)
+        table = parse_toml(text)
         if _is_deep(table):
             raise RecursionError
     except RecursionError:
         raise ConfigError(f"{path}: tables or arrays in each other, more than {DEEPEST} deep") from None
     except UnicodeDecodeError:
         raise ConfigError(f"{path}: is not UTF-8 text; save it as UTF-8") from None
-    except tomllib.TOMLDecodeError as error:
+    except _parser().TOMLDecodeError as error:
         raise ConfigError(f"{path}: not valid TOML: {error}") from None
     except ValueError:  # whose own words name a setting of the interpreter
         digits = sys.get_int_max_str_digits()

@@ -11,6 +11,7 @@ from importlib import import_module, metadata
 from importlib.util import cache_from_source, find_spec
 
 from hil import __version__
+from hil.common.children import python_command
 from hil.common.clock import LOOP_PRIORITY
 from hil.common.errors import ConfigError, HilError, MissingExtraError, NetworkError
 from hil.doctor.findings import Case, Finding, Level, User, as_user, grant
@@ -233,7 +234,7 @@ def granted(case: Case) -> Iterator[Finding]:
     code = f"from hil.common import clock; print(clock.schedule_fifo({LOOP_PRIORITY})); print(clock.lock_memory())"
     environment = os.environ | {"PYTHONPATH": ROOT}
     try:
-        command = [*prefix, sys.executable, "-P", "-c", code]
+        command = [*prefix, *python_command("-c", code)]
         said = subprocess.run(command, capture_output=True, text=True, check=False, env=environment).stdout
     except OSError:  # no runuser here, or below an emulator that cannot start another program
         said = ""

@@ -6,6 +6,7 @@ import subprocess
 import sys
 
 from boards.tree import Tree
+from hil.common.children import python_command
 from hil.common.errors import ConfigError, HilError
 from hil.install.units import Service, command, python_path
 from hil.network.settings import settings
@@ -64,7 +65,7 @@ def _check_as_user(service: Service) -> None:
     name = words[words.index("slave") + 1]
     # XDG_CACHE_HOME as in the unit.
     environment = {"PATH": os.environ.get("PATH", ""), "PYTHONPATH": python_path(), "XDG_CACHE_HOME": "/var/cache"}
-    words = [sys.executable, "-P", "-c", CODE, name, service.listen or "", service.member or ""]
+    words = python_command("-c", CODE, name, service.listen or "", service.member or "")
     try:
         done = subprocess.run(
             words, user=entry.pw_uid, group=entry.pw_gid, extra_groups=os.getgrouplist(service.user, entry.pw_gid),

@@ -14,7 +14,7 @@ from cryptography.hazmat.primitives.asymmetric import ec
 from hil.common.errors import ConfigError
 
 # A single-board computer without a battery for its clock starts in the past: certificates must hold there already.
-VALID_FROM = datetime.datetime(2020, 1, 1, tzinfo=datetime.UTC)
+VALID_FROM = datetime.datetime(2020, 1, 1, tzinfo=datetime.timezone.utc)
 AUTHORITY_DAYS = 3650
 
 
@@ -63,7 +63,7 @@ def _builder(
 ) -> x509.CertificateBuilder:
     builder = x509.CertificateBuilder(issuer, subject, key.public_key(), x509.random_serial_number())
     builder = builder.not_valid_before(VALID_FROM)
-    builder = builder.not_valid_after(datetime.datetime.now(datetime.UTC) + datetime.timedelta(days=days))
+    builder = builder.not_valid_after(datetime.datetime.now(datetime.timezone.utc) + datetime.timedelta(days=days))
     return builder.add_extension(x509.SubjectKeyIdentifier.from_public_key(key.public_key()), critical=False)
 
 

@@ -38,7 +38,9 @@ class BoundedQueue:
     @property
     def callback(self) -> "zenoh.handlers.Callback[Any]":
         """Handler for a zenoh declaration whose items go into this queue."""
-        return zenoh.handlers.Callback(self.put, indirect=False)  # called in a thread of the library
+        # Called in a thread of the library.
+        handler: zenoh.handlers.Callback[Any] = zenoh.handlers.Callback(self.put, indirect=False)
+        return handler
 
     def put(self, item: Any) -> None:
         """Add an item, or count it as lost. Called in a thread of zenoh, which a flood must not keep busy."""

@@ -1,12 +1,12 @@
 """Write a vehicle's file with other gains: everything unchanged but its [control] table."""
 
 import os
-import tomllib
 from math import inf
 from typing import Any
 
 from hil.autonomy.control.controller import AxisGains, Gains, HoldGains
 from hil.common.errors import ConfigError
+from hil.common.tables import parse_toml
 from sim.vehicle.vehicle import Vehicle
 
 
@@ -23,8 +23,8 @@ def with_gains(text: str, gains: Gains, note: str, where: str) -> str:
     """
     made = f"{_without_gains(text)}\n# {note}\n{control_text(gains)}"
     try:
-        control = tomllib.loads(made)["control"]
-    except tomllib.TOMLDecodeError as error:
+        control = parse_toml(made)["control"]
+    except ValueError as error:
         raise ConfigError(f"{where}: its gains stand outside of a [control] table: {error}; write them there") from None
     if {key for key in control if key in Gains._fields} != set(Gains._fields):
         raise ConfigError(f"{where}: its gains could not be replaced; write them under [control]")

@@ -4,6 +4,7 @@
 
 #include <stdlib.h>
 
+#include "buffer.h"
 #include "rays.h"
 
 /* The memory a caster reads belongs to others, who must not resize it meanwhile: Python sees to that. */

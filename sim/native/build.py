@@ -1,6 +1,6 @@
 """Compile the C twins of what runs in a slave's loop: `python -m sim.native.build` puts each beside its source.
 
-A C compiler and the headers of this Python are all it takes. The binaries serve CPython 3.11 and later.
+A C compiler and the headers of this Python are all it takes. The binaries serve CPython 3.10 and later.
 """
 
 import os

@@ -1,7 +1,7 @@
 /* Numbers out of Python and back, and what every type of ours needs. Include it first. */
 
 #define PY_SSIZE_T_CLEAN
-#define Py_LIMITED_API 0x030B0000
+#define Py_LIMITED_API 0x030A0000
 #include <Python.h>
 #include <stddef.h>
 #include <string.h>

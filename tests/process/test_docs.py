@@ -6,7 +6,6 @@ import re
 import shlex
 import subprocess
 import sys
-import tomllib
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -16,6 +15,7 @@ import pytest
 import boards
 from hil.cases.simulated import fly
 from hil.cli import COMMANDS
+from hil.common.tables import parse_toml
 from hil.master.flight import prepare
 from hil.scenario.config import load_scenario
 from sim.environment.world import load_world
@@ -98,21 +98,21 @@ def reader_of(table: dict[str, Any]) -> Callable[[str], Any] | None:
     return next((load for key, load in WHOLE.items() if key in table), None)
 
 
-@pytest.mark.parametrize("block", [b for b in TOML if not reader_of(tomllib.loads(b.text))], ids=name_of)
+@pytest.mark.parametrize("block", [b for b in TOML if not reader_of(parse_toml(b.text))], ids=name_of)
 def test_toml_is_a_part_of_a_scenario(block: Block, modules: Path) -> None:
     """Every key of it is read, with the classes that it names; in a fleet if it is about one."""
-    table = tomllib.loads(block.text)
+    table = parse_toml(block.text)
     base = "target_hunting" if "modem" in table else "paper_field"
     scenario = load_scenario(base, flat(table))
     for section in table:
         assert getattr(scenario, section), f"{name_of(block)}: [{section}]"
 
 
-@pytest.mark.parametrize("page", sorted({b.page for b in TOML if reader_of(tomllib.loads(b.text))}))
+@pytest.mark.parametrize("page", sorted({b.page for b in TOML if reader_of(parse_toml(b.text))}))
 def test_whole_files_are_read(page: str, tmp_path: Path) -> None:
     """In the order of the page: a scenario names the world that stands before it."""
     for number, block in enumerate(blocks("toml", page=ROOT / page)):
-        load = reader_of(tomllib.loads(block.text))
+        load = reader_of(parse_toml(block.text))
         if load:
             path = tmp_path / (re.findall(r"`(\w+\.toml)`", block.before) or [f"{number}.toml"])[-1]
             path.write_text(block.text)
@@ -127,8 +127,8 @@ def test_toml_is_there() -> None:
 
 def fly_example(**place: float) -> Any:
     """The tutorial's planner in the reference field."""
-    (toml,) = [block for block in TOML if "straight:Straight" in block.text]
-    planner = tomllib.loads(toml.text)["planner"] | place
+    (text,) = [block for block in TOML if "straight:Straight" in block.text]
+    planner = parse_toml(text.text)["planner"] | place
     scenario = load_scenario("paper_field", {"planner": planner})
     outcome, _ = fly(scenario, prepare(scenario))
     return outcome

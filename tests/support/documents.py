@@ -3,9 +3,10 @@
 import ast
 import re
 import textwrap
-import tomllib
 from pathlib import Path
 from typing import NamedTuple
+
+from hil.common.tables import parse_toml
 
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
@@ -66,8 +67,8 @@ def _guess(text: str) -> str:
         ast.parse(text)
         return "python"
     try:
-        return "toml" if tomllib.loads(text) else "text"
-    except tomllib.TOMLDecodeError:
+        return "toml" if parse_toml(text) else "text"
+    except ValueError:
         return "text"
 
 

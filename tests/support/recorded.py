@@ -5,8 +5,9 @@ the project has: each says in `source` which public records its lines were taken
 """
 
 import os
-import tomllib
 from pathlib import Path
+
+from hil.common.tables import parse_toml
 
 TREES = Path(__file__).parent / "trees"
 NAMES = sorted(path.stem for path in TREES.glob("*.toml"))
@@ -14,7 +15,7 @@ NAMES = sorted(path.stem for path in TREES.glob("*.toml"))
 
 def build(name: str, root: Path) -> Path:
     """The machine called `name` below `root`."""
-    table = tomllib.loads((TREES / f"{name}.toml").read_text())
+    table = parse_toml((TREES / f"{name}.toml").read_text())
     for path, text in table["files"].items():
         plant(root, path, text)
     for path, target in table.get("links", {}).items():
@@ -36,5 +37,5 @@ def link(root: Path, path: str, target: str) -> None:
 
 def expected_board(name: str) -> str:
     """The preset that the machine is to be recognised as."""
-    board: str = tomllib.loads((TREES / f"{name}.toml").read_text())["board"]
+    board: str = parse_toml((TREES / f"{name}.toml").read_text())["board"]
     return board

@@ -7,9 +7,12 @@ import time
 from collections import deque
 from contextlib import suppress
 from types import TracebackType
-from typing import Literal, Self
+from typing import TYPE_CHECKING, Literal
 
 from hil.common.ports import free_ports
+
+if TYPE_CHECKING:
+    from typing_extensions import Self
 
 PIECE = 4096  # bytes that pass at a time where there is a rate
 LAG_S = 0.02  # that is made up for, as we do not wake exactly
@@ -45,7 +48,7 @@ class Relay:
         self._thread = threading.Thread(target=self._run, daemon=True)
         self._thread.start()
 
-    def __enter__(self) -> Self:
+    def __enter__(self) -> "Self":
         return self
 
     def __exit__(self, _: type[BaseException] | None, __: BaseException | None, ___: TracebackType | None) -> None:

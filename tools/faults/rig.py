@@ -8,7 +8,7 @@ from collections.abc import Callable
 from contextlib import ExitStack, suppress
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 import psutil
 
@@ -83,7 +83,7 @@ class Rig:
         self.processes: dict[str, Process] = {}
         self.stm32: Any = None  # a Process, or what plays QEMU's
 
-    def __enter__(self) -> Self:
+    def __enter__(self) -> "Rig":
         return self
 
     def __exit__(self, _: type[BaseException] | None, __: BaseException | None, ___: TracebackType | None) -> None:

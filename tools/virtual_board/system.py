@@ -7,7 +7,6 @@ import subprocess
 import threading
 import time
 from collections.abc import Callable, Mapping
-from typing import Self
 
 from boards.emulation import MARK
 from hil.common.children import foreign_command, start_child
@@ -55,7 +54,7 @@ class Booted:
         self._reader = threading.Thread(target=self._read, daemon=True)
         self._reader.start()
 
-    def __enter__(self) -> Self:
+    def __enter__(self) -> "Booted":
         return self
 
     def __exit__(self, *_: object) -> None:

@@ -6,7 +6,7 @@ One way is half a round trip: which of the two ways took longer cannot be told w
 import select
 import socket
 from contextlib import suppress
-from typing import Any, Self
+from typing import Any
 
 from hil.common.clock import NS_PER_S, now_ns
 from hil.common.errors import NetworkError
@@ -135,7 +135,7 @@ class Floor:
             raise
         self._turn = False
 
-    def __enter__(self) -> Self:
+    def __enter__(self) -> "Floor":
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -168,7 +168,7 @@ class Load:
         self._unsent = self._awaited = 0
         self.late = 0
 
-    def __enter__(self) -> Self:
+    def __enter__(self) -> "Load":
         return self
 
     def __exit__(self, *_: object) -> None:

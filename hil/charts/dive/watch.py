@@ -1,6 +1,6 @@
 """Store what a diving vehicle's sensors show every other second, for the report."""
 
-from typing import Any, NamedTuple, Self
+from typing import Any, NamedTuple
 
 from hil.client.client import VehicleClient
 from hil.common.clock import NS_PER_S, now_ns
@@ -40,7 +40,7 @@ class DiveWatch:
         self._due_ns = self._began_ns = 0
         self.looks: list[Look] = []
 
-    def __enter__(self) -> Self:
+    def __enter__(self) -> "DiveWatch":
         return self
 
     def __exit__(self, *_: object) -> None:

@@ -4,7 +4,7 @@ import socket
 import threading
 from collections.abc import Iterable
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
-from typing import Any, Self
+from typing import Any
 
 from hil.client.health_watch import HealthWatch, Status
 from hil.common.errors import NetworkError
@@ -96,7 +96,7 @@ class Endpoint:
         self.address = f"http://{f'[{address}]' if ':' in address else address}:{self._server.server_port}/metrics"
         self._thread = threading.Thread(target=self._server.serve_forever, name="prometheus", daemon=True)
 
-    def __enter__(self) -> Self:
+    def __enter__(self) -> "Endpoint":
         self._thread.start()
         return self
 

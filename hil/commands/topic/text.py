@@ -27,10 +27,10 @@ def parse_values(text: str) -> dict[str, Any]:
         return {}
     if stripped.startswith("{"):
         return _parse_flow(stripped)
-    import tomllib
+    from hil.common.tables import parse_toml
 
     try:
-        return tomllib.loads(stripped)
+        return parse_toml(stripped)
     except (ValueError, RecursionError) as error:  # also a number of thousands of digits
         raise ConfigError(
             f"{shortened(stripped)} is no message: {error}; write it as '{{linear: {{x: 0.5}}}}'"

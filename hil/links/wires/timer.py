@@ -9,7 +9,7 @@ from hil.common.errors import DeviceError
 
 
 class Timer:
-    """A descriptor that becomes readable about an instant: Linux's timerfd, which Python 3.11 does not have.
+    """A descriptor that becomes readable about an instant: Linux's timerfd, which Python has from 3.13 on.
 
     A process wakes some 50 to 150 us after its timer. `lead_ns` is how much that is, learned from each
     wake-up, and by so much the timer is early: half of the wake-ups come before the instant, half after.

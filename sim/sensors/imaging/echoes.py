@@ -189,8 +189,11 @@ def speckled(mean: Floats, looks: float, random: np.random.Generator) -> Floats:
     if looks == 0.0:
         return mean
     if looks == 1.0:
-        return mean * random.standard_exponential(mean.shape, np.float32)
-    return mean * (random.standard_gamma(looks, mean.shape, np.float32) / np.float32(looks))
+        factors: Floats = random.standard_exponential(mean.shape, np.float32)
+    else:
+        factors = random.standard_gamma(looks, mean.shape, np.float32) / np.float32(looks)
+    speckled: Floats = mean * factors
+    return speckled
 
 
 def bins_of(first: float, last: float, step: float) -> int:

@@ -78,7 +78,8 @@ class Scenery:
             out *= self._colours[:, channel].take(seen.objects, mode="wrap") + rock * np.float32(
                 _ROCK[channel] - _SAND[channel]
             )
-        return radiance.T
+        pixels: Pixels = radiance.T
+        return pixels
 
     def _bent(self, points: Pixels) -> Pixels:
         """Crests are bright, hollows dark."""
@@ -123,7 +124,8 @@ def _grain(seen: Seen) -> Pixels:
         # A pixel sees the mean of the grain within it: of noise whose size falls with 1 / frequency, this much is left.
         left = np.float32(deviation) / np.maximum(np.float32(1.0), seen.footprint / np.float32(8.0 * node))
         tone += left * _looked_up(u / np.float32(node), v / np.float32(node))
-    return np.maximum(tone, np.float32(0.1))
+    bounded: Pixels = np.maximum(tone, np.float32(0.1))
+    return bounded
 
 
 def _looked_up(u: Pixels, v: Pixels) -> Pixels:

@@ -5,7 +5,6 @@ import re
 import signal
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Self
 
 import pytest
 
@@ -37,9 +36,10 @@ def crews(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[Crew]]:
     found: list[Crew] = []
 
     class Noted(Crew):
-        def __enter__(self) -> Self:
+        def __enter__(self) -> "Noted":
             found.append(self)
-            return super().__enter__()
+            super().__enter__()
+            return self
 
     monkeypatch.setattr(processes, "Crew", Noted)
     yield found

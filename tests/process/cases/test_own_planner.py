@@ -2,13 +2,13 @@
 
 import json
 import re
-import tomllib
 from pathlib import Path
 
 import pytest
 
 from hil.cases.simulated import fly
 from hil.common.errors import ConfigError
+from hil.common.tables import parse_toml
 from hil.master.flight import prepare
 from hil.scenario.config import load_scenario
 from tests.support.processes import ROOT, Program, write_scenario
@@ -32,7 +32,7 @@ def scenario(tmp_path: Path) -> Path:
 def test_it_is_as_short_as_it_says() -> None:
     lines = [line for line in from_tutorial("python").split("class ")[1].splitlines() if line.strip()]
     assert len(lines) == 10
-    assert tomllib.loads(from_tutorial("toml"))["planner"]["class"] == "straight:Straight"
+    assert parse_toml(from_tutorial("toml"))["planner"]["class"] == "straight:Straight"
 
 
 def test_it_flies_in_simulated_time_and_over_the_network(tmp_path: Path, scenario: Path) -> None:

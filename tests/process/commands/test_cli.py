@@ -4,7 +4,6 @@ import errno
 import os
 import re
 import sys
-import tomllib
 from importlib.metadata import packages_distributions
 from pathlib import Path
 from types import SimpleNamespace
@@ -12,6 +11,7 @@ from types import SimpleNamespace
 import pytest
 
 from hil import cli
+from hil.common.tables import parse_toml
 from hil.recording.recorder import Recorder
 from hil.scenario.records import Recording
 from tests.support.processes import ROOT, Program, free_port
@@ -65,7 +65,7 @@ def test_a_recording_without_mcap(tmp_path: Path, arguments: list[str]) -> None:
 
 def extras() -> dict[str, set[str]]:
     """The distributions of each extra of pyproject.toml but those of the project itself."""
-    tables = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
+    tables = parse_toml((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
     names = {extra: {re.split(r"[^\w.-]", text)[0].lower() for text in texts} for extra, texts in tables.items()}
     del names["dev"], names["docs"]
     return names

@@ -4,7 +4,6 @@ import json
 import math
 import re
 import signal
-import tomllib
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
@@ -18,6 +17,7 @@ from ruamel.yaml import YAML
 from hil.commands.topic.command import listing, rate_line, whole_type
 from hil.commands.topic.text import lines, parse_values, plain_value
 from hil.common.errors import ConfigError
+from hil.common.tables import parse_toml
 from hil.network.opening import listen
 from hil.ros import graph, types
 from hil.ros import message as ros_message
@@ -78,7 +78,7 @@ def test_not_a_number() -> None:
 
 def test_toml_is_read() -> None:
     text = 'linear = {x = 0.5}\nangular.z = 0.1\nname = "a"'
-    assert parse_values(text) == tomllib.loads(text)
+    assert parse_values(text) == parse_toml(text)
     assert parse_values("") == {}
 
 

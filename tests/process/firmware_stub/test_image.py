@@ -2,7 +2,6 @@
 
 import shutil
 import struct
-import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +10,7 @@ import pytest
 from firmware_stub import build
 from firmware_stub.image import IMAGE, parameters
 from hil.common.errors import DeviceError
+from hil.common.tables import parse_toml
 
 FLASH, SECTOR = 0x0800_0000, 16 * 1024
 RAM_TOP = 0x2002_0000
@@ -19,7 +19,7 @@ REMEDY = "make it again: python -m firmware_stub.build"
 
 @pytest.fixture
 def recipe() -> dict[str, Any]:
-    return tomllib.loads(Path(build.RECIPE).read_text())
+    return parse_toml(Path(build.RECIPE).read_text())
 
 
 def test_it_is_whole(recipe: dict[str, Any]) -> None:

@@ -18,6 +18,7 @@ from boards import load_board
 from boards.tree import Tree
 from hil import cli
 from hil.commands.board import service as board_service
+from hil.common.children import python_command
 from hil.common.errors import ConfigError
 from hil.install import check as board_check
 from hil.install import units as board_install
@@ -291,7 +292,7 @@ def test_the_slave_is_tried_as_its_user(
     with pytest.raises(ConfigError, match=r"the slave would not start as nobody: mine\.toml: cannot be read$"):
         board_check.check(Tree("/"), service(Path(scenario)))
     assert (asked["user"], asked["group"], asked["cwd"]) == (nobody.pw_uid, nobody.pw_gid, "/")
-    assert asked["words"] == [sys.executable, "-P", "-c", board_check.CODE, scenario, "", ""]
+    assert asked["words"] == python_command("-c", board_check.CODE, scenario, "", "")
     with pytest.raises(SystemExit, match=r"nothing\.toml: no such file"):
         board_check.main(str(tmp_path / "nothing.toml"), "", "")
     board_check.main(scenario, "tcp/0.0.0.0:7447", "")

@@ -6,7 +6,6 @@ import signal
 import struct
 import subprocess
 import sys
-import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -14,6 +13,7 @@ import pytest
 
 import hil
 from hil.common.errors import ConfigError
+from hil.common.tables import parse_toml
 from hil.recording.reader import read_messages
 from hil.ros import encoders as ros
 from hil.ros.topics import TOPICS
@@ -84,7 +84,7 @@ def samples(path: Path, seconds: float, topic: str) -> list[OwnSample]:
 
 def test_it_is_as_short_as_it_says_and_measures(where: Path) -> None:
     assert len([line for line in from_tutorial("python").splitlines() if line.strip()]) == 9
-    assert tomllib.loads(from_tutorial("toml"))["sensors"]["thermometer"]["rate"] == "5 Hz"
+    assert parse_toml(from_tutorial("toml"))["sensors"]["thermometer"]["rate"] == "5 Hz"
     path, _ = scenario_with(where, from_tutorial("toml"))
     found = samples(path, 2.0, "thermometer")
     assert [sample.time_ns for sample in found] == [200_000_000 * (k + 1) for k in range(10)]

@@ -186,13 +186,12 @@ def test_the_slave_ends_with_its_thrusters_neutral(tmp_path: Path) -> None:
 
 def changed(folder: Path, key: str, numbers: Sequence[float], name: str = "paper_six") -> str:
     """A copy of a preset in which `key` has these numbers."""
-    import tomllib
-
     from hil.common.schema import find_preset
+    from hil.common.tables import parse_toml
 
     text = Path(find_preset("sim/vehicles", name)).read_text()
     top, cut, rest = text.partition("\n[")
-    table = {k: v for k, v in tomllib.loads(top).items() if k != key}
+    table = {k: v for k, v in parse_toml(top).items() if k != key}
     lines = [f"{k} = {_toml(v)}" for k, v in {**table, key: list(numbers)}.items()]
     path = folder / "mine.toml"
     path.write_text("\n".join(lines) + cut + rest)

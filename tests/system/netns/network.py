@@ -6,7 +6,7 @@ import sys
 import threading
 import time
 from pathlib import Path
-from typing import IO, Any, Self
+from typing import IO, Any
 
 from tests.support.processes import ROOT
 
@@ -32,7 +32,7 @@ class Network:
         self._machines = machines
         self._running: list[subprocess.Popen[Any]] = []
 
-    def __enter__(self) -> Self:
+    def __enter__(self) -> "Network":
         try:
             self._build()
         except BaseException:

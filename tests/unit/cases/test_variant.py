@@ -1,7 +1,6 @@
 """Scenarios written to files again: what is written is read back."""
 
 import math
-import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +10,7 @@ from hypothesis import strategies as st
 
 from hil.cases.variant import write_toml, write_variant
 from hil.common.errors import ConfigError
+from hil.common.tables import parse_toml
 from hil.scenario.config import load_scenario
 from sim.environment.world import load_world
 
@@ -32,7 +32,7 @@ tables = st.recursive(
 def test_any_table_comes_back(tmp_path_factory: pytest.TempPathFactory, table: dict[str, Any]) -> None:
     path = tmp_path_factory.getbasetemp() / "any.toml"
     write_toml(str(path), table)
-    assert tomllib.loads(path.read_text()) == table
+    assert parse_toml(path.read_text()) == table
 
 
 def test_a_variant_is_the_scenario_but_for_the_changes(tmp_path: Path) -> None:

@@ -7,12 +7,13 @@ Numbers travel as floats whatever their type, as ArduPilot sends them.
 
 import math
 import os
-import tomllib
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from typing import Any, NamedTuple
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from hil.common.tables import parse_toml
 
 INT8, INT16, INT32, REAL32 = (
     dialect.MAV_PARAM_TYPE_INT8,
@@ -122,8 +123,8 @@ class ParameterTable:
         if not self._path or not os.path.exists(self._path):
             return
         try:
-            with open(self._path, "rb") as file:
-                stored = tomllib.load(file)
+            with open(self._path, encoding="utf-8") as file:
+                stored = parse_toml(file.read())
         except (OSError, ValueError) as error:
             self.faults.append(f"parameters: {self._path}: {error}; defaults are used")
             return
