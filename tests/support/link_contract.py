@@ -61,10 +61,8 @@ def nothing_leaks() -> Iterator[None]:
     os.close(open_lifeline())  # the pipe for children is made once and stays
     before = _held()
     yield
-    for _ in range(100):
-        leaked = _held() - before
-        if not leaked:
-            break
+    deadline = time.monotonic() + PATIENCE_S / 2
+    while (leaked := _held() - before) and time.monotonic() < deadline:
         time.sleep(0.02)
     assert not leaked
 
