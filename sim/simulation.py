@@ -292,8 +292,11 @@ class Simulation:
 
 def _require_finite(vehicle: Vehicle, world: World, dt_ns: int, position: Sequence[float], heading: float) -> None:
     """Raise ConfigError for what no file can hold, but a program may: numbers that are none, an endless step."""
-    if not MIN_DT_NS <= dt_ns <= MAX_DT_NS:
-        raise ConfigError(f"dt_ns = {dt_ns:g}: a step takes {MIN_DT_NS:,} ns to {MAX_DT_NS:,} ns (1 us to 100 ms)")
+    if not isinstance(dt_ns, int) or not MIN_DT_NS <= dt_ns <= MAX_DT_NS:
+        raise ConfigError(f"dt_ns = {dt_ns:g}: a step takes whole ns, {MIN_DT_NS:,} to {MAX_DT_NS:,} (1 us to 100 ms)")
+    for key, triple in (("position", position), (f"current of {world.name}", world.current)):
+        if len(triple) != 3:
+            raise ConfigError(f"{key}: {len(triple)} numbers: give three, north, east and down")
     given = {
         "position": position, "heading": (heading,), f"current of {world.name}": world.current,
         f"density of {world.name}": (world.density,), f"gravity of {world.name}": (world.gravity,),

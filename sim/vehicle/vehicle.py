@@ -44,6 +44,7 @@ MAX_CHANNELS = 16
 # The diagonals of matrices, which may also be given whole.
 SIZES = {"inertia": 3, "added_mass": 6, "linear_damping": 6, "quadratic_damping": 6, "forward_speed_damping": 6}
 DAMPING = ("linear_damping", "quadratic_damping", "forward_speed_damping")
+TILT_NEVER = 3.2  # rad: more than a vehicle can tilt
 POINTS = ("dimensions", "center_of_gravity", "center_of_buoyancy", "munk_share")
 # What of a vehicle's file is described in sim/vehicle/equipment.py: most vehicles do without.
 EQUIPMENT = (
@@ -83,7 +84,7 @@ class Vehicle(NamedTuple):
     thrusters: tuple[Thruster, ...]
     center_of_gravity: Point = (0.0, 0.0, 0.0)
     neutrally_buoyant: bool = False
-    capsize_tilt: Annotated[float, Range(0.05, 3.2, "rad")] = 1.0472  # 60 deg
+    capsize_tilt: Annotated[float, Range(0.05, TILT_NEVER, "rad")] = 1.0472  # 60 deg
     munk_share: tuple[Share, Share, Share] = (1.0, 1.0, 1.0)
     attitude_limit_speed: Annotated[float, Range(0.01, 20.0, "m/s")] | None = None
     battery: "Battery | None" = None
@@ -119,6 +120,12 @@ class Vehicle(NamedTuple):
             odd = next((x for x in numbers if not isfinite(x)), None)
             if odd is not None:
                 return f"{key}: {odd:g} is no number to reckon with: write a finite one"
+        if min(self.mass, self.volume, *self.dimensions) <= 0.0:
+            return "mass, volume and dimensions must be above 0"
+        if not all(0.0 <= share <= 1.0 for share in self.munk_share):
+            return "munk_share: each share is from 0 to 1"
+        if not 0.0 < self.capsize_tilt <= TILT_NEVER:
+            return f"capsize_tilt: {self.capsize_tilt:g} rad is outside 0 to {TILT_NEVER:g}"
         for key, size in SIZES.items():
             count = len(getattr(self, key))
             if count not in (size, size * size) and (count or key not in EQUIPMENT):

@@ -74,6 +74,14 @@ def fly(simulation: Simulation, steps: int = 2000) -> str:
     [
         ({"dt_ns": 0}, "dt_ns = 0"), ({"dt_ns": -2_500_000}, "dt_ns = -2.5e+06"),
         ({"dt_ns": 10**12}, "dt_ns = 1e+12"), ({"dt_ns": nan}, "dt_ns = nan"),
+        ({"dt_ns": 2.5e6}, "dt_ns = 2.5e+06: a step takes whole ns"),
+        ({"position": (4.0, 2.0)}, "position: 2 numbers: give three"),
+        ({"position": (4.0, 2.0, 2.0, 0.0)}, "position: 4 numbers"),
+        ({"world": POOL._replace(current=(0.0, 0.1))}, "current of pool: 2 numbers"),  # type: ignore[arg-type]
+        ({"vehicle": SIX._replace(mass=-1.0)}, "paper_six: mass, volume and dimensions must be above 0"),
+        ({"vehicle": SIX._replace(dimensions=(0.0, 0.1, 0.1))}, "paper_six: mass, volume and dimensions"),
+        ({"vehicle": SIX._replace(munk_share=(2.0, 0.0, 0.0))}, "paper_six: munk_share"),
+        ({"vehicle": SIX._replace(capsize_tilt=nan)}, "paper_six: capsize_tilt: nan"),
         ({"position": (4.0, nan, 2.0)}, "position: nan"), ({"position": (inf, 4.0, 2.0)}, "position: inf"),
         ({"heading": nan}, "heading: nan"),
         ({"world": POOL._replace(current=(0.0, nan, 0.0))}, "current of pool: nan"),
