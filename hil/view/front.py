@@ -86,6 +86,10 @@ class Front:
     async def _stop(self) -> None:
         if self._runner:
             await self._runner.cleanup()
+        rest = asyncio.all_tasks() - {asyncio.current_task()}  # of browsers that were still there
+        for task in rest:
+            task.cancel()
+        await asyncio.gather(*rest, return_exceptions=True)
 
     @web.middleware
     async def _admit(self, request: web.Request, handler: Handler) -> web.StreamResponse:
