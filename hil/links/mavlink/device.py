@@ -14,6 +14,8 @@
                             command ends the test
       REQUEST_MESSAGE       AUTOPILOT_VERSION, also by its old name REQUEST_AUTOPILOT_CAPABILITIES
     COMMAND_INT             acknowledged: COMMAND_LONG only
+    PARAM_*, MISSION_*,     answered at once, as empty as they are: see ground_station.py
+    FILE_TRANSFER_PROTOCOL
 
 Commands are accepted from any sender, and the last one wins; `signing_key` restricts that to senders with the key. A
 command for some of the pulses leaves the others unchanged. All of these count as commands for the STM32's watchdog. A
@@ -38,6 +40,7 @@ from hil.links.mavlink.end import (
     sender,
     share_to_pulse,
 )
+from hil.links.mavlink.ground_station import GroundStationAnswers
 from hil.links.mavlink.outputs import Outputs
 from hil.links.mavlink.reports import autopilot_version, device_heartbeat, esc_telemetry, sys_status
 from hil.links.mavlink.servos import ServoOutputRaw
@@ -73,6 +76,8 @@ class MavlinkDevice(MavlinkEnd):
             dialect.MAVLINK_MSG_ID_COMMAND_LONG: self._command_long,
             dialect.MAVLINK_MSG_ID_COMMAND_INT: self._command_int,
         }
+        self._answers = GroundStationAnswers(settings.system).handlers
+        self.handlers |= dict.fromkeys(self._answers, self._answer_ground_station)
         self._commands: dict[int, Callable[[Any], Result]] = {
             dialect.MAV_CMD_COMPONENT_ARM_DISARM: self._arm_disarm,
             dialect.MAV_CMD_DO_SET_SERVO: self._set_servo,
@@ -147,6 +152,11 @@ class MavlinkDevice(MavlinkEnd):
         z = 0.0 if packet.z == AXIS_INVALID else (max(0, min(packet.z, 1000)) - 500) / 500
         shares = [forward * x + right * y + up * z + yaw * r for forward, right, up, yaw in self.settings.mix]
         return self._outputs.set_pulses(self._pulses(shares), self._outputs.armed, packet)
+
+    def _answer_ground_station(self, packet: Any) -> None:
+        if self._is_addressed_here(packet.target_system, packet.target_component):
+            for message in self._answers[packet.get_msgId()](packet):
+                self.reply(message)
 
     def _command_int(self, packet: Any) -> None:
         if self._is_addressed_here(packet.target_system, packet.target_component):

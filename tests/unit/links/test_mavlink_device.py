@@ -313,3 +313,32 @@ def test_the_last_of_several_commanders_wins(armed: Ground) -> None:
         assert armed.set_servo(1, 1700 + i) == ACCEPTED
         assert armed.board.pwm_us == [1700 + i] + [1550 + i] * 3
     assert armed.board.stm32.refused == 0
+
+
+def test_a_ground_station_does_not_wait_for_parameters_missions_and_files(ground: Ground) -> None:
+    def ask(message: Any) -> Any:
+        (answer,) = ground.say(ground.pack(message))
+        return answer
+
+    value = ask(dialect.MAVLink_param_request_list_message(1, 1))
+    assert (value.param_id, value.param_value, value.param_count, value.param_index) == ("SYSID_THISMAV", 1.0, 1, 0)
+    assert ask(dialect.MAVLink_param_request_read_message(1, 1, b"", 0)).param_id == "SYSID_THISMAV"
+    assert ask(dialect.MAVLink_param_set_message(1, 1, b"SYSID_THISMAV", 9.0, 9)).param_value == 1.0
+    assert ground.say(ground.pack(dialect.MAVLink_param_request_read_message(1, 1, b"OTHER", -1))) == []
+    for kind in range(3):
+        count = ask(dialect.MAVLink_mission_request_list_message(1, 1, kind))
+        assert (count.get_type(), count.count, count.mission_type) == ("MISSION_COUNT", 0, kind)
+    wrong = dialect.MAV_MISSION_INVALID_SEQUENCE
+    assert ask(dialect.MAVLink_mission_request_int_message(1, 1, 0, 0)).type == wrong
+    assert ask(dialect.MAVLink_mission_request_message(1, 1, 0, 0)).type == wrong
+    assert ask(dialect.MAVLink_mission_count_message(1, 1, 3, 0)).type == dialect.MAV_MISSION_NO_SPACE
+    assert ask(dialect.MAVLink_mission_count_message(1, 1, 0, 0)).type == dialect.MAV_MISSION_ACCEPTED
+    assert ask(dialect.MAVLink_mission_clear_all_message(1, 1, 0)).type == dialect.MAV_MISSION_ACCEPTED
+    for opcode in range(1, 16):
+        request = bytes((5, 0, 2, opcode, 0, 0, 0, 0, 0, 0, 0, 0)).ljust(251, b"\0")
+        data = bytes(ask(dialect.MAVLink_file_transfer_protocol_message(0, 1, 1, list(request))).payload)
+        assert data[:6] == bytes((6, 0, 2, 129, 1, opcode)), opcode
+        assert data[12] == 7
+    reply = bytes((5, 0, 2, 128)).ljust(251, b"\0")
+    assert ground.say(ground.pack(dialect.MAVLink_file_transfer_protocol_message(0, 1, 1, list(reply)))) == []
+    assert ground.say(ground.pack(dialect.MAVLink_param_request_list_message(9, 1))) == []
