@@ -77,6 +77,11 @@ def run(
         if imaging:
             imaging.start(loop.sample_publisher.stamps, loop.sample_publisher.graph.identity)
             stack.callback(imaging.close)
+        if scenario.mavlink and scenario.mavlink.start:
+            from hil.slave.spawn import start_program  # a process of its own: the slave stays as it is
+
+            at = "--connect", scenario.slave.listen, "--vehicle", scenario.slave.node
+            stack.callback(start_program("mavlink", scenario.path, *at))
         with Health(loop, log, startup, notes, board, scenario.link, contacts, imaging):
             try:
                 loop.run(stop_fd)

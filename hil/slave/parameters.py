@@ -1,7 +1,15 @@
-"""Offer thruster failures as ROS 2 parameters of the vehicle's node, for `ros2 param` and similar tools.
+"""Offer thruster failures and gains as ROS 2 parameters of the vehicle's node, for `ros2 param` and similar tools.
 
-Each thruster has one, "failures.NAME". It is a text: empty while nothing is wrong, else the keys of a [[failure]] of a
-scenario (sim.vehicle.failures.Failure) without its thruster and time, with ; between several. Quotes may be left out:
+Each gain of the cascade (`[control]` of a vehicle file) has one, "gains.LOOP.KEY", a number:
+
+    ros2 param set /uuv1 gains.surge.p 3.0
+
+It holds from the next step on, until the slave ends; integrals stay as they are. A key without a limit (`slew`, where
+the file leaves it out) is not among them, and other control laws have none.
+
+Each thruster has one of failures, "failures.NAME". It is a text: empty while nothing is wrong, else the keys of a
+[[failure]] of a scenario (sim.vehicle.failures.Failure) without its thruster and time, with ; between several. Quotes
+may be left out:
 
     ros2 param set /uuv1 failures.bow 'kind = "efficiency", efficiency = 0.5; kind = "delayed", delay = "100 ms"'
     ros2 param set /uuv1 failures.bow 'kind = off'
@@ -14,8 +22,10 @@ reason. Not there: the topic /parameter_events.
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from typing import Any
+from math import isfinite
+from typing import Any, NamedTuple
 
+from hil.autonomy.control.controller import CascadedController
 from hil.common.errors import ConfigError
 from hil.common.schema import nearest, parse
 from hil.network.services import Answer
@@ -26,10 +36,70 @@ from sim.vehicle.failures import Failure
 PREFIX = "failures"
 LONGEST = 200  # characters of a value, which is parsed between two steps
 MOST = 32  # parameters that one request is answered for; a vehicle has a thruster for each
-_NOT_SET, _STRING = 0, 4  # constants of rcl_interfaces/ParameterType
+GAINS = "gains"
+_NOT_SET, _DOUBLE, _STRING = 0, 3, 4  # constants of rcl_interfaces/ParameterType
 _RECURSIVE = 0  # of ListParameters
 _GIVEN = ("thruster", "time")  # keys that the parameter stands for
 _EXAMPLE = 'kind = "efficiency", efficiency = 0.5'
+
+
+class _GainChange(NamedTuple):
+    axis: str
+    key: str
+    value: float
+
+
+class _Gains:
+    """The gains of a running loop's cascade, by the names of their parameters."""
+
+    def __init__(self, loop: Loop) -> None:
+        self._loop = loop
+
+    def names(self) -> list[str]:
+        """Return the names of all; none without a cascade."""
+        controller = self._controller()
+        rows = controller.gains._asdict().items() if controller else ()
+        return [f"{GAINS}.{axis}.{key}" for axis, row in rows for key, value in _finite(row).items()]
+
+    def value(self, name: str) -> dict[str, Any]:
+        """Return the ParameterValue of a gain."""
+        _, axis, key = name.split(".")
+        return {"type": _DOUBLE, "double_value": float(_finite(self._row(axis))[key])}
+
+    def descriptor(self, name: str) -> dict[str, Any]:
+        """Return the ParameterDescriptor of a gain."""
+        _, axis, key = name.split(".")
+        return {"name": name, "type": _DOUBLE, "description": f"{key} of the controller's loop {axis}"}
+
+    def read(self, name: str, value: Message) -> _GainChange:
+        """Return what is to be changed. Raises ConfigError for a value that cannot be."""
+        _, axis, key = name.split(".")
+        if value["type"] != _DOUBLE:
+            raise ConfigError(f"{name}: expected a number with a decimal point, such as 1.0")
+        row = self._row(axis)
+        parse({**_finite(row), key: value["double_value"]}, type(row), f"{GAINS}.{axis}")
+        return _GainChange(axis, key, value["double_value"])
+
+    def apply(self, change: _GainChange) -> None:
+        """Let it hold from the next step on."""
+        controller = self._controller()
+        if controller:
+            row = self._row(change.axis)._replace(**{change.key: change.value})
+            controller.set_gains(controller.gains._replace(**{change.axis: row}))
+
+    def _row(self, axis: str) -> Any:
+        controller = self._controller()
+        assert controller
+        return getattr(controller.gains, axis)
+
+    def _controller(self) -> CascadedController | None:
+        controller = self._loop.pilot.controller if self._loop.pilot else None
+        return controller if isinstance(controller, CascadedController) else None
+
+
+def _finite(row: Any) -> dict[str, float]:
+    """Return the gains of a loop that are numbers: those without a limit are inf."""
+    return {key: value for key, value in row._asdict().items() if isfinite(value)}
 
 
 class Parameters:
@@ -39,6 +109,7 @@ class Parameters:
         self._loop = loop
         self._thrusters = {f"{PREFIX}.{name}": thruster for name, thruster in thrusters.items()}
         self._report = report
+        self._gains = _Gains(loop)
 
     def services(self) -> dict[str, tuple[str, Answer]]:
         """Type and answer of each service, by its name below the node's."""
@@ -64,22 +135,29 @@ class Parameters:
     def _list(self, request: Message) -> dict[str, Any]:
         """As rclcpp does: a depth counts the parts of a name behind the prefix."""
         prefixes, depth = request["prefixes"][:MOST], request["depth"]
-        names = [name for name in self._thrusters if _is_below(name, prefixes, depth)]
-        return {"result": {"names": names, "prefixes": [PREFIX] if names else []}}
+        names = [name for name in [*self._thrusters, *self._gains.names()] if _is_below(name, prefixes, depth)]
+        parents = dict.fromkeys([name.rpartition(".")[0] for name in names])
+        return {"result": {"names": names, "prefixes": list(parents)}}
 
     def _each(self, request: Message, answer: Callable[[str], Any]) -> list[Any]:
         return [answer(name) for name in request["names"][:MOST]]
 
     def _value(self, name: str) -> dict[str, Any]:
         """Return a ParameterValue, which is not set for a name that is none."""
+        if name in self._gains.names():
+            return self._gains.value(name)
         if name not in self._thrusters:
             return {}
         return {"type": _STRING, "string_value": failures_text(self._loop.simulation.failures(self._thrusters[name]))}
 
     def _type(self, name: str) -> int:
+        if name in self._gains.names():
+            return _DOUBLE
         return _STRING if name in self._thrusters else _NOT_SET
 
     def _descriptor(self, name: str) -> dict[str, Any]:
+        if name in self._gains.names():
+            return self._gains.descriptor(name)
         if name not in self._thrusters:
             return {"name": name}
         return {
@@ -98,14 +176,21 @@ class Parameters:
         except ConfigError as error:
             return {"successful": False, "reason": str(error)}
         for name, failures in wanted:
+            if isinstance(failures, _GainChange):
+                self._gains.apply(failures)
+                self._report(f"parameter: {name}: {self._gains.value(name)['double_value']:g}")
+                continue
             self._loop.fail(Failure(self._thrusters[name], "repaired"), *failures)
             now = failures_text(self._loop.simulation.failures(self._thrusters[name]))
             self._report(f"parameter: {name}: {now or 'nothing is wrong'}")
         return {"successful": True}
 
-    def _read(self, name: str, value: Message) -> list[Failure]:
+    def _read(self, name: str, value: Message) -> list[Failure] | _GainChange:
+        gains = self._gains.names()
+        if name in gains:
+            return self._gains.read(name, value)
         if name not in self._thrusters:
-            raise ConfigError(f"no parameter {name!r}{nearest(name[:LONGEST], list(self._thrusters))}")
+            raise ConfigError(f"no parameter {name!r}{nearest(name[:LONGEST], [*self._thrusters, *gains])}")
         if value["type"] != _STRING:
             raise ConfigError(f"{name}: expected a text, such as {_EXAMPLE}")
         return read_failures(value["string_value"], self._thrusters[name], name)

@@ -6,7 +6,10 @@ takes as long as the child waits for a processor. The same call through ctypes l
 
 import ctypes
 import os
-from collections.abc import Mapping, Sequence
+import signal
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 
 _SETSID = 0x80  # POSIX_SPAWN_SETSID
 _ROOM = 1024  # bytes; glibc's and musl's structures have up to 336
@@ -37,3 +40,29 @@ def spawn(arguments: Sequence[str], environment: Mapping[str, str], ends: Sequen
 def _texts(words: Sequence[str]) -> "ctypes.Array[ctypes.c_char_p]":
     """As C has them, with a null at the end."""
     return (ctypes.c_char_p * (len(words) + 1))(*map(os.fsencode, words), None)
+
+
+def start_program(*arguments: str) -> Callable[[], None]:
+    """Start `uuv-hil ARGUMENTS` beside the slave, with its output; return what ends it.
+
+    It ends with this process too, whatever ends that. Raises OSError.
+    """
+    from hil.common import lifeline
+    from hil.common.children import module_command, open_lifeline  # few slaves start anything
+
+    ends = (os.open(os.devnull, os.O_RDONLY | os.O_CLOEXEC), 1, 2, open_lifeline())
+    try:
+        environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+        environment[lifeline.VARIABLE] = lifeline.word(len(ends) - 1, ends[-1])
+        pid = spawn(module_command("hil.cli", *arguments), environment, ends)
+    finally:
+        os.close(ends[0])
+        os.close(ends[-1])
+
+    def end() -> None:
+        with suppress(ProcessLookupError):
+            os.kill(pid, signal.SIGTERM)
+        with suppress(ChildProcessError):
+            os.waitpid(pid, 0)
+
+    return end

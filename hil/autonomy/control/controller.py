@@ -109,6 +109,17 @@ class CascadedController:
         self._loops = [_Loop(axis) for axis in gains[:6]]
         self._pitch = 0.0  # rad, what it holds
 
+    @property
+    def gains(self) -> Gains:
+        """The gains that hold now."""
+        return self._gains
+
+    def set_gains(self, gains: Gains) -> None:
+        """Let other gains hold from the next call on; integrals stay as they are."""
+        self._gains = gains
+        for loop, axis in zip(self._loops, gains[:6], strict=True):
+            loop.set_gains(axis)
+
     def reset(self) -> None:
         """Reset all integrals and derivatives, after a pause or a change of controller."""
         for loop in self._loops:
@@ -180,8 +191,11 @@ class _Loop:
     __slots__ = ("_behind", "_gains", "_integral", "_last", "_output", "_slope")
 
     def __init__(self, gains: AxisGains) -> None:
-        self._gains = tuple(gains)  # a plain tuple is unpacked faster than a record
+        self.set_gains(gains)
         self.reset()
+
+    def set_gains(self, gains: AxisGains) -> None:
+        self._gains = tuple(gains)  # a plain tuple is unpacked faster than a record
 
     def reset(self) -> None:
         self._integral = 0.0

@@ -105,7 +105,6 @@ def test_the_failures_of_the_scenario_are_there_from_the_beginning(flown: Flown)
 @pytest.mark.parametrize(
     ("request_", "names"),
     [
-        ({}, PARAMETERS),
         ({"prefixes": ["failures"]}, PARAMETERS),
         ({"prefixes": ["failures.rear_left", "other"]}, ["failures.rear_left"]),
         ({"prefixes": ["fail"]}, []),
@@ -117,6 +116,32 @@ def test_the_failures_of_the_scenario_are_there_from_the_beginning(flown: Flown)
 def test_list(asker: Asker, request_: Any, names: list[str]) -> None:
     result = asker.call("list_parameters", "ListParameters", **request_)["result"]
     assert result == {"names": names, "prefixes": ["failures"] if names else []}
+
+
+def test_gains_of_the_cascade_are_numbers_that_can_be_set(asker: Asker) -> None:
+    names = asker.call("list_parameters", "ListParameters")["result"]["names"]
+    gains = [name for name in names if name.startswith("gains.")]
+    assert [name for name in names if name not in gains] == PARAMETERS
+    assert {"gains.surge.p", "gains.yaw_rate.i", "gains.depth.limit"} <= set(gains)
+
+    def change(**values: float) -> list[bool]:
+        rows = [
+            {"name": name.replace("__", "."), "value": {"type": 3, "double_value": value}}
+            for name, value in values.items()
+        ]
+        results = asker.call("set_parameters", "SetParameters", parameters=rows)["results"]
+        return [result["successful"] for result in results]
+
+    def read(name: str) -> float:
+        (value,) = asker.call("get_parameters", "GetParameters", names=[name])["values"]
+        assert value["type"] == 3
+        return float(value["double_value"])
+
+    before = read("gains.surge.p")
+    assert change(gains__surge__p=before + 0.5, gains__surge__i=2.5) == [True, True]
+    assert (read("gains.surge.p"), read("gains.surge.i")) == (before + 0.5, 2.5)
+    assert change(gains__surge__p=-1.0, gains__surge__none=1.0, gains__depth__p=float("nan")) == [False] * 3
+    assert read("gains.surge.p") == before + 0.5
 
 
 def test_types_values_and_descriptions_in_the_order_asked_for(asker: Asker) -> None:
