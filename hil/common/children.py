@@ -113,4 +113,5 @@ def _let_go() -> None:
         os.close(_pipe.pop())
 
 
-os.register_at_fork(after_in_child=_let_go)
+if hasattr(os, "register_at_fork"):  # not on Windows, which has no fork
+    os.register_at_fork(after_in_child=_let_go)

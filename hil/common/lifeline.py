@@ -10,7 +10,6 @@ This is not PR_SET_PDEATHSIG: that follows the thread that started the child, an
 that then end; it is lost where a program changes its user; and it needs ctypes, which costs a slave's start-up.
 """
 
-import fcntl
 import os
 import signal
 import sys
@@ -42,6 +41,8 @@ def tie(lifeline: int) -> None:
 
     Raises OSError if the descriptor is not open.
     """
+    import fcntl  # not on Windows, where nothing of ours is started with a lifeline
+
     fcntl.fcntl(lifeline, fcntl.F_SETOWN, -os.getpid() if os.getpgrp() == os.getpid() else os.getpid())
     fcntl.fcntl(lifeline, fcntl.F_SETSIG, signal.SIGKILL)
     fcntl.fcntl(lifeline, fcntl.F_SETFL, fcntl.fcntl(lifeline, fcntl.F_GETFL) | os.O_ASYNC | os.O_NONBLOCK)

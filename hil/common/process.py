@@ -87,8 +87,13 @@ def ram_mib() -> float:
 
 def boot_id() -> str:
     """Names this boot of this machine: processes that see the same one share a clock."""
-    with open("/proc/sys/kernel/random/boot_id", encoding="utf-8") as file:
-        return file.read().strip()
+    try:
+        with open("/proc/sys/kernel/random/boot_id", encoding="utf-8") as file:
+            return file.read().strip()
+    except FileNotFoundError:  # not Linux
+        import uuid
+
+        return f"machine {uuid.getnode():x}"
 
 
 def bytecode_compiled(package: str) -> bool:

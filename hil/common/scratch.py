@@ -4,7 +4,6 @@ Each is locked by who uses it, and the kernel takes a lock back when its process
 can be locked is nobody's any more: whoever makes a new one removes it first. No process id could be told that.
 """
 
-import fcntl
 import os
 from collections.abc import Iterator
 from contextlib import suppress
@@ -35,7 +34,7 @@ class ScratchFolder:
                 remedy = "free some space, or choose another folder with TMPDIR"
                 raise DeviceError(f"{base}: no folder can be made: {error.strerror}; {remedy}") from None
             self._lock = os.open(self.path, os.O_RDONLY | os.O_DIRECTORY)
-            fcntl.flock(self._lock, fcntl.LOCK_EX)
+            _lock(self._lock, wait=True)
             if os.path.exists(self.path):  # else another took it for abandoned before it was locked
                 return
             os.close(self._lock)
@@ -65,7 +64,7 @@ def lock_unused(path: str) -> int | None:
     """
     folder = os.open(path, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
     try:
-        fcntl.flock(folder, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        _lock(folder, wait=False)
         if os.fstat(folder).st_uid == os.geteuid():
             return folder
     except BlockingIOError:
@@ -92,3 +91,10 @@ def _remove(path: str) -> None:
 
     forget_parsed(path)
     shutil.rmtree(path, ignore_errors=True)
+
+
+def _lock(folder: int, wait: bool) -> None:
+    """Raises BlockingIOError without `wait` when another process has it."""
+    import fcntl  # not on Windows, where importing this file must do no harm
+
+    fcntl.flock(folder, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))

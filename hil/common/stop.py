@@ -9,8 +9,9 @@ from types import FrameType
 
 def stop_signals() -> list[signal.Signals]:
     """What ends a process: also that its terminal has gone, unless whoever started it had that ignored (nohup)."""
-    hung_up = [] if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN else [signal.SIGHUP]
-    return [signal.SIGINT, signal.SIGTERM, *hung_up]
+    hung_up = getattr(signal, "SIGHUP", None)  # Windows has none
+    others = [] if hung_up is None or signal.getsignal(hung_up) is signal.SIG_IGN else [hung_up]
+    return [signal.SIGINT, signal.SIGTERM, *others]
 
 
 @contextmanager

@@ -152,7 +152,8 @@ def _is_deep(table: dict[str, Any]) -> bool:
 def _read_cache(path: str, stamp: Stamp) -> dict[str, Any] | None:
     try:
         with open(cache_path(path), "rb") as file:
-            if os.fstat(file.fileno()).st_uid != os.getuid():  # never trust what another user left there
+            # Never trust what another user left there. Windows has no such numbers, and folders of one user only.
+            if hasattr(os, "getuid") and os.fstat(file.fileno()).st_uid != os.getuid():
                 return None
             kept_stamp, table = marshal.load(file)
     except (OSError, EOFError, ValueError, TypeError):  # none, or damaged

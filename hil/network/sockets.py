@@ -7,6 +7,7 @@ as it is there; what is on its way when a session closes is still sent, by the k
 """
 
 import os
+import sys
 from _socket import AF_INET, AF_INET6, SHUT_RDWR, SO_LINGER, SOL_SOCKET, socket  # the whole module costs a slave 7 ms
 from collections.abc import Collection, Iterator
 from contextlib import suppress
@@ -40,8 +41,10 @@ def cut(pairs: Collection[tuple[int, int]]) -> None:
 def network_sockets() -> Iterator[tuple[tuple[int, int], socket]]:
     """Yield a second descriptor of each, by which the first can be worked on, and its ports, ours and theirs (0: none).
 
-    What raises OSError with one, as that it has been closed meanwhile, is left to the next.
+    What raises OSError with one, as that it has been closed meanwhile, is left to the next. Only Linux has the list.
     """
+    if sys.platform != "linux":
+        return
     for name in os.listdir("/proc/self/fd"):
         with suppress(OSError):
             if os.readlink(f"/proc/self/fd/{name}").startswith("socket:"):

@@ -7,12 +7,11 @@ that is read, keep-alives come several times a lease, or the library closes it. 
 and how much of that still waits. And of two links to a peer it dials a lost one again only when both are lost.
 """
 
+import sys
 from collections import Counter
 from collections.abc import Collection, Mapping
 from contextlib import suppress
-from fcntl import ioctl
 from struct import unpack_from
-from termios import FIONREAD
 
 from hil.common.clock import NS_PER_S, now_ns
 from hil.network.session import Session
@@ -89,7 +88,15 @@ class UnreadLinks:
 
 
 def read_progress(pairs: Collection[Pair]) -> dict[Pair, int]:
-    """Of each of this process's connections with such ports on which bytes wait: how many were read so far."""
+    """Of each of this process's connections with such ports on which bytes wait: how many were read so far.
+
+    Only Linux tells; elsewhere none is found.
+    """
+    if sys.platform != "linux":
+        return {}
+    from fcntl import ioctl
+    from termios import FIONREAD
+
     found = {}
     for pair, end in network_sockets():
         if pair not in pairs:

@@ -1,0 +1,79 @@
+"""Client, gateways and planners need nothing that only Linux has: Windows and macOS run them too.
+
+A process without those modules and functions imports all of them, flies a simulation, and steers a slave.
+"""
+
+import subprocess
+import sys
+from pathlib import Path
+
+from hil.common.children import ROOT
+from tests.support.processes import Program, write_scenario
+
+BLOCK = """
+import importlib, os, pkgutil, select, signal, socket, sys, time
+import zenoh, numpy, psutil  # others' own affair
+
+GONE = {"fcntl", "termios", "resource", "pty", "tty", "pwd", "grp", "syslog"}
+NAMES = {
+    os: "sched_setscheduler sched_param sched_getaffinity sched_setaffinity SCHED_FIFO SCHED_OTHER SCHED_BATCH pipe2 "
+        "eventfd eventfd_read eventfd_write EFD_NONBLOCK EFD_CLOEXEC register_at_fork fork forkpty getuid geteuid "
+        "getgid O_NONBLOCK O_CLOEXEC O_NOFOLLOW statvfs mkfifo openpty",
+    select: "epoll poll",
+    signal: "SIGHUP SIGKILL SIGUSR1 pthread_sigmask pthread_kill sigwait setitimer",
+    time: "clock_gettime clock_gettime_ns CLOCK_MONOTONIC CLOCK_BOOTTIME CLOCK_REALTIME",
+    socket: "AF_UNIX AF_CAN",
+}
+
+class Blocker:
+    def find_spec(self, name, path=None, target=None):
+        if name in GONE:
+            raise ModuleNotFoundError(f"No module named {name!r}", name=name)
+
+sys.meta_path.insert(0, Blocker())
+for name in GONE:
+    sys.modules.pop(name, None)
+for module, names in NAMES.items():
+    for name in names.split():
+        if hasattr(module, name):
+            delattr(module, name)
+"""
+IMPORT = """
+count = 0
+ROOMS = "hil.client hil.gateways hil.master hil.autonomy hil.network hil.scenario hil.ros sim"
+for room in ROOMS.split():
+    for found in pkgutil.walk_packages(importlib.import_module(room).__path__, room + "."):
+        importlib.import_module(found.name)
+        count += 1
+print("imported", count)
+"""
+STEER = """
+import hil
+sys.platform = "darwin"
+with hil.connect(sys.argv[1]) as fleet:
+    (vehicle,) = fleet.wait_for("uuv1")
+    vehicle.drive(0.3)
+    print("imu", vehicle.imu)
+"""
+
+
+def run(code: str, *arguments: str) -> str:
+    command = [sys.executable, "-c", BLOCK + code, *arguments]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_client_gateways_and_planners_import_nothing_that_only_linux_has() -> None:
+    assert int(run(IMPORT).split()[1]) > 100
+
+
+def test_a_client_without_them_commands_a_slave(tmp_path: Path) -> None:
+    scenario, port = write_scenario(tmp_path)
+    with Program(tmp_path, "slave", scenario):
+        assert run(STEER, f"tcp/127.0.0.1:{port}").startswith("imu ")
+
+
+def test_what_is_taken_away_is_missed() -> None:
+    command = [sys.executable, "-c", BLOCK + "import hil.slave.drivers.pty_driver, hil.links.wires.terminal"]
+    assert "No module named" in subprocess.run(command, cwd=ROOT, capture_output=True, text=True).stderr
