@@ -63,6 +63,7 @@ class SamplePublisher:
         self.graph = Node(session, node, of)
         self._publishers: dict[str, Publisher] = {}  # of the topics there was something to say on so far
         self._outlets: dict[str, list[Publisher]] = {}  # by the simulator's name for a sample: where it goes out
+        self._made: set[str] = set()  # names of samples of which one was made into messages
         self._unsent: dict[str, tuple[Any, int]] = {}  # the newest of those that nobody listens to, and when it came
 
     def declare(self, names: Iterable[str]) -> None:
@@ -77,7 +78,7 @@ class SamplePublisher:
             if publisher.has_subscribers:
                 break
         else:
-            if outlets is not None:  # else it is the first: who listens to it is not known yet
+            if topic in self._made:  # the first is made into messages, heard or not: one of the user's own may be wrong
                 self._unsent[topic] = sample, received_ns
                 return False
         self._unsent.pop(topic, None)
@@ -130,6 +131,7 @@ class SamplePublisher:
     def _send_sample(self, topic: str, sample: Any, stamp_ns: int, received_ns: int) -> None:
         """Send the messages of a sample with this stamp (ns since 1970), which came at that instant (monotonic ns)."""
         messages = self._messages(topic, sample, stamp_ns)
+        self._made.add(topic)
         if topic not in self._outlets:  # it was not declared: its first messages show on which topics it goes out
             self._outlets[topic] = [self._publishers.get(name) or self._declare(name) for name, _ in messages]
         for name, payload in messages:
