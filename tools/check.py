@@ -34,6 +34,7 @@ class Part(NamedTuple):
     tests: tuple[str, ...] = ()
     parallel: bool = False
     modules: tuple[tuple[str, ...], ...] = ()
+    again: bool = True  # what fails runs once more
 
 
 PARTS: dict[str, Part] = {
@@ -42,7 +43,7 @@ PARTS: dict[str, Part] = {
     "lint": Part(modules=(("ruff", "check", "."), ("ruff", "format", "--check", "."), ("mypy",))),
     "system": Part(("tests/system",), parallel=True),
     "uml": Part(("tests/system/uml",)),
-    "board": Part(("-m", "board", "tests/system/boards")),
+    "board": Part(("-m", "board", "tests/system/boards"), again=False),  # it boots for minutes
     "cluster": Part(("-m", "cluster", "tests/system/commands")),
 }
 
@@ -69,11 +70,13 @@ def last_failed(cache: Path) -> list[str]:
         return []
 
 
-def run_tests(arguments: Sequence[str], apart: Sequence[str] = (), folder: Path = ROOT) -> tuple[list[str], list[str]]:
+def run_tests(
+    arguments: Sequence[str], apart: Sequence[str] = (), folder: Path = ROOT, again: bool = True
+) -> tuple[list[str], list[str]]:
     """Run pytest, and what failed once more alone; return those that failed twice, and those that passed then.
 
-    `apart` are arguments of the first run only. `folder` is where pytest starts. What is no test's failure (an error
-    while tests are collected, no test at all) is named by its exit status.
+    `apart` are arguments of the first run only. `folder` is where pytest starts. Without `again` nothing runs twice.
+    What is no test's failure (an error while tests are collected, no test at all) is named by its exit status.
     """
     with tempfile.TemporaryDirectory(prefix="uuv-hil-check-") as cache:  # of its own: parts do not mix
         pytest = ["pytest", "-o", f"cache_dir={cache}", *arguments]
@@ -81,7 +84,7 @@ def run_tests(arguments: Sequence[str], apart: Sequence[str] = (), folder: Path 
         if status == 0:
             return [], []
         first = last_failed(Path(cache))
-        if status != TESTS_FAILED or not 0 < len(first) <= MOST_BY_CHANCE:
+        if status != TESTS_FAILED or not again or not 0 < len(first) <= MOST_BY_CHANCE:
             return first or [f"pytest: exit status {status}"], []
         print(f"{len(first)} failed beside others; once more, alone:", *first, sep="\n  ", flush=True)
         status = run([*pytest, "--last-failed", "--last-failed-no-failures", "none", "-n", "0"], folder)
@@ -97,7 +100,7 @@ def run_part(name: str, jobs: int, seed: int) -> Outcome:
     if part.tests:
         apart = ["-n", str(jobs), *PARALLEL] if part.parallel else []
         random = [f"--hypothesis-seed={seed}"] if name == "search" else []
-        failed, passed_alone = run_tests([*part.tests, *random], apart)
+        failed, passed_alone = run_tests([*part.tests, *random], apart, again=part.again)
     return Outcome(time.monotonic() - began, failed, passed_alone)
 
 

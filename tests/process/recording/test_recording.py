@@ -298,7 +298,7 @@ def test_a_disk_that_takes_no_more_ends_the_recording_and_nothing_else(tmp_path:
     assert "File too large" in failure
     found = [message.sequence for message in by_mcap(folder / "bag_0.mcap")]
     assert found == list(range(1, len(found) + 1))
-    assert len(found) > 100
+    assert len(found) > 10, "what was written before the last chunk"
     assert len(by_rosbags(folder)) == len(found)
 
 

@@ -49,6 +49,11 @@ def test_a_test_that_fails_twice_fails(tmp_path: Path) -> None:
     assert outcome(tmp_path, BY_CHANCE, NEVER, TEARDOWN) == expected
 
 
+def test_a_part_may_have_no_second_attempt(tmp_path: Path) -> None:
+    (tmp_path / "test_0.py").write_text(BY_CHANCE)
+    assert check.run_tests(["."], ["-n", "0"], tmp_path, again=False) == (["test_0.py::test_by_chance"], [])
+
+
 def test_many_failures_are_not_tried_again(tmp_path: Path) -> None:
     many = "".join(f"def test_{number}(): assert False\n" for number in range(check.MOST_BY_CHANCE + 1))
     failed, passed_alone = outcome(tmp_path, many, BY_CHANCE)
