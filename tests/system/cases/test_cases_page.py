@@ -1,0 +1,11 @@
+"""The same as tests/process/cases/test_cases_page.py, of the cases that take longer."""
+
+import pytest
+
+from hil.cases.case import CASES
+from tests.support.cases_page import check_page
+
+
+@pytest.mark.parametrize("name", [name for name in CASES if not name.startswith("path_planning")])
+def test_the_page_has_the_figures_of_its_flights(name: str) -> None:
+    check_page(name)
