@@ -221,6 +221,16 @@ def schedule_fifo(priority: int) -> str:
     return f"scheduling: SCHED_FIFO priority {priority}"
 
 
+def schedule_below_loop() -> None:
+    """Let the loop preempt this thread, and nothing else that is not real-time either, if the loop is.
+
+    A thread with normal scheduling that holds the interpreter's lock holds up the loop for as long as other programs
+    keep it from the processor: on a machine with a load of 25 for seconds.
+    """
+    if os.sched_getscheduler(0) == os.SCHED_FIFO:
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(LOOP_PRIORITY - 1))
+
+
 def lock_memory() -> str:
     """Keep the process's memory from being paged out; a line that says whether it holds."""
     import ctypes  # 3 ms, so only here, after the process is ready

@@ -37,6 +37,12 @@ class Declared:
         """Declare it on this session."""
         self.current = self._declare(session)
 
+    def end_publishing(self) -> None:
+        """Undeclare it if it is a publisher; nothing is published with it any more."""
+        if hasattr(self.current, "put"):
+            with suppress(zenoh.ZError):  # the session was closed
+                self.current.undeclare()
+
 
 Declare = Callable[[Callable[[zenoh.Session], Any]], Declared]
 

@@ -304,8 +304,13 @@ class Session:
         return declared
 
     def _close_library(self) -> None:
-        """Close the library's session, which wakes the readers."""
+        """Close the library's session, which wakes the readers.
+
+        A publisher that is still declared then would keep all of the session for good, 30 kB.
+        """
         self._is_open = False
+        for declared in self._declared:
+            declared.end_publishing()
         self._session.close()  # type: ignore[no-untyped-call]  # zenoh leaves it unannotated
 
     def _shared_worker(self) -> "WorkerThread":

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from boards.tree import Tree
 from hil.common import process
-from hil.common.clock import NS_PER_MS, NS_PER_S, NS_PER_US, Histogram, now_ns, to_wall_ns
+from hil.common.clock import NS_PER_MS, NS_PER_S, NS_PER_US, Histogram, now_ns, schedule_below_loop, to_wall_ns
 from hil.common.stamps import wall_offset_ns
 from hil.links.address import wire_kind
 from hil.links.contract import PWM_NEUTRAL_US
@@ -29,6 +29,7 @@ LEAST_PERIOD_S = 0.1  # when there is news all the time
 RECENT_NS = 900 * NS_PER_MS  # that recent figures are of: what there is each second, however often there is news
 DRIVEN_NS = NS_PER_S  # without a command from elsewhere, the thrusters are driven by nobody
 COLLECT_PERIOD_NS = 30 * NS_PER_S
+SKIPPED_PERIOD_NS = 60 * NS_PER_S  # between two lines about steps that were skipped
 OK, WARNING, ERROR = 0, 1, 2
 
 
@@ -56,6 +57,25 @@ class RecentLateness:
         figures.lateness_recent_max_us = self._recent.maximum / NS_PER_US
 
 
+class SkippedSteps:
+    """Says in the log that the loop came so late that it skipped steps: at once, then at most once a minute."""
+
+    def __init__(self) -> None:
+        self._reported = 0
+        self._due_ns = 0
+
+    def line(self, skipped: int, worst_ns: int, now: int) -> str:
+        """Return what to say of all that were `skipped` so far; "" for nothing new. `now`: monotonic ns."""
+        more = skipped - self._reported
+        if more <= 0 or now < self._due_ns:
+            return ""
+        self._reported, self._due_ns = skipped, now + SKIPPED_PERIOD_NS
+        return (
+            f"WARNING: the loop did not get the processor in time: {more} steps skipped, {skipped} since the start, at "
+            f"most {worst_ns / NS_PER_MS:.0f} ms late; end other programs, or see `uuv-hil doctor`"
+        )
+
+
 class Health:
     """Writes the log and publishes a diagnostic status, when there is news and once a second.
 
@@ -80,7 +100,7 @@ class Health:
         self._startup = startup
         self._fixed = _fixed_figures(startup, notes, board, link)
         self._tree, self._board = Tree(), board
-        self._recent = RecentLateness()
+        self._recent, self._skipped = RecentLateness(), SkippedSteps()
         self._memory = process.Memory()
         self._news = log.news  # the inbox's too
         self._stop = threading.Event()
@@ -195,13 +215,17 @@ class Health:
         return OK, "running"
 
     def _run(self) -> None:
-        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+        schedule_below_loop()
         self._add_labels()
         collect_due_ns, heart = now_ns() + COLLECT_PERIOD_NS, Heartbeat()
         while not self._stop.wait(LEAST_PERIOD_S):
             self._news.wait(PERIOD_S - LEAST_PERIOD_S)
             self._news.clear()
             self._check_clock()
+            schedule = self._loop.schedule
+            skipped = self._skipped.line(schedule.skipped, schedule.lateness.maximum, now_ns())
+            if skipped:
+                self._log.say(skipped)
             self._log.flush()
             heart.beat(self._loop.schedule.due_total)
             self._publish()

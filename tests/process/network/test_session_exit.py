@@ -75,3 +75,39 @@ def test_the_router_ends_cleanly(tmp_path: Path, number: int) -> None:
         assert router.stop(number) == 0
     assert "Traceback" not in router.output
     assert wait_for(lambda: not os.path.exists(f"/proc/{router.process.pid}"))
+
+
+def test_sessions_that_published_leave_no_memory_behind() -> None:
+    """A publisher that is declared when its session is closed keeps the whole session, 30 kB, in the library."""
+    text = """
+from ctypes import CDLL
+from hil.network.roles import open_master_session
+from hil.ros.topics import TOPICS
+
+def private_kib():
+    CDLL(None).malloc_trim(0)
+    lines = open("/proc/self/smaps_rollup").read().splitlines()
+    return sum(int(line.split()[1]) for line in lines if line.startswith("Private_"))
+
+def grown(again, count):
+    before = private_kib()
+    for _ in range(count):
+        again()
+    return (private_kib() - before) / count
+
+def open_and_close():
+    with open_master_session("tcp/127.0.0.1:9") as session:
+        session.publisher("uuv1", TOPICS["cmd_vel"])
+        session.sender("a/key")
+
+grown(open_and_close, 40)
+closed = grown(open_and_close, 100)
+held = open_master_session("tcp/127.0.0.1:9")
+held.publisher("uuv1", TOPICS["cmd_vel"])
+print(closed, grown(held.reopen, 100))
+"""
+    done = subprocess.run([sys.executable, "-c", text], cwd=ROOT, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0, done.stderr
+    closed, reopened = map(float, done.stdout.split())
+    assert closed < 10.0
+    assert reopened < 10.0

@@ -1,6 +1,9 @@
 """What the slave says of its health: how late it is now, and what its machine is called."""
 
 import os
+import re
+import signal
+import time
 import tty
 from contextlib import suppress
 from pathlib import Path
@@ -16,8 +19,8 @@ from hil.client.health_watch import HealthWatch
 from hil.common.clock import NS_PER_MS, NS_PER_S, Histogram
 from hil.network.roles import open_master_session
 from hil.ros.diagnostics import Diagnostics, or_nan
-from hil.slave.health.reporter import RecentLateness, own_name
-from tests.support.processes import wait_for
+from hil.slave.health.reporter import SKIPPED_PERIOD_NS, RecentLateness, SkippedSteps, own_name
+from tests.support.processes import Program, wait_for, write_scenario
 
 NO_ANSWER = "has not answered for 0.5 s; check wiring, baud, protocol"
 
@@ -36,6 +39,56 @@ def test_what_a_histogram_counted_since_a_look() -> None:
     assert 7000 <= recent.maximum <= 7000 * 1.25, "known to its bin, and never flattering"
     assert lateness.count == 6
     assert lateness.since([0] * 256).maximum == 40_000_000
+
+
+def test_skipped_steps_are_reported_at_once_and_then_once_a_minute() -> None:
+    skipped, began = SkippedSteps(), 5 * NS_PER_S
+    assert not skipped.line(0, 0, began)
+    assert "651 steps skipped, 651 since the start, at most 917 ms late" in skipped.line(651, 917 * NS_PER_MS, began)
+    assert not skipped.line(651, 917 * NS_PER_MS, began + SKIPPED_PERIOD_NS)
+    assert skipped.line(700, 917 * NS_PER_MS, began + SKIPPED_PERIOD_NS)
+    assert not skipped.line(710, 917 * NS_PER_MS, began + SKIPPED_PERIOD_NS + NS_PER_S)
+    assert "30 steps skipped, 730" in skipped.line(730, 917 * NS_PER_MS, began + 2 * SKIPPED_PERIOD_NS)
+
+
+def test_a_slave_that_was_stopped_reports_the_steps_it_skipped(tmp_path: Path) -> None:
+    scenario, _ = write_scenario(tmp_path)
+    with Program(tmp_path, "slave", scenario) as slave:
+        slave.expect("ready")
+
+        def stop_and_look() -> bool:
+            """Its loop begins a while after it is ready."""
+            slave.process.send_signal(signal.SIGSTOP)
+            time.sleep(0.6)  # it makes up for 0.4 s
+            slave.process.send_signal(signal.SIGCONT)
+            return bool(
+                wait_for(lambda: re.search(r"not get the processor in time: \d+ steps skipped", slave.output), 2.0)
+            )
+
+        assert wait_for(stop_and_look), slave.output
+
+
+def test_no_thread_of_ours_has_a_lower_class_of_scheduling_than_the_loop(tmp_path: Path) -> None:
+    """One that has the interpreter's lock when other programs take its processor would hold up the loop."""
+    scenario, port = write_scenario(tmp_path)
+    with Program(tmp_path, "slave", scenario) as slave, open_master_session(f"tcp/127.0.0.1:{port}") as session:
+        assert wait_for(session.others)
+        slave.expect("memory: ")
+        pid = slave.process.pid
+
+        def classes() -> dict[int, int]:
+            """Of each thread that runs our code: the library names its own otherwise."""
+            ours = Path(f"/proc/{pid}/comm").read_text()
+            found = {}
+            for task in Path(f"/proc/{pid}/task").iterdir():
+                with suppress(OSError):  # it has just ended
+                    if (task / "comm").read_text() == ours:
+                        found[int(task.name)] = os.sched_getscheduler(int(task.name))
+            return found
+
+        assert wait_for(lambda: len(classes()) >= 4 and len(set(classes().values())) == 1), classes()
+        below = [os.sched_getparam(thread).sched_priority for thread in classes()]
+        assert max(below) == os.sched_getparam(pid).sched_priority
 
 
 def test_a_loop_that_was_late_long_ago_is_well_now() -> None:
