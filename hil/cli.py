@@ -25,6 +25,7 @@ COMMANDS = {
     "channel": ("hil.commands.channel", "simulate the acoustic or optical channel between the modems of a fleet"),
     "scenario": ("hil.commands.scenario", "list, show, copy and check scenarios"),
     "sim": ("hil.commands.sim", "fly the same mission in one process, in real time or as fast as it goes"),
+    "autopilot": ("hil.commands.autopilot", "test motors and connection of an autopilot, show its parameters"),
     "campaign": (
         "hil.commands.campaign.command",
         "run a mission many times, with other seeds and parameters",

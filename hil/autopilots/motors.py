@@ -58,9 +58,9 @@ class MotorOutputs:
         return self._pulses
 
     @property
-    def due_ns(self) -> int:
-        """When (monotonic ns) `at` has to be asked, so that silence is noticed."""
-        return self._received_ns + self._silence_ns
+    def latest(self) -> Pulses:
+        """Return the pulses of the last outputs, however old they are."""
+        return self._pulses
 
     def _check_frame(self, outputs: Outputs) -> None:
         problem = self._contradiction(outputs.pwm_us)

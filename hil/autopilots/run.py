@@ -10,7 +10,7 @@ from contextlib import ExitStack
 
 from hil.autopilots.contract import CHECK_NS, Report
 from hil.autopilots.opening import open_autopilot, start_program
-from hil.common.clock import NS_PER_S, now_ns, seconds_ns
+from hil.common.clock import NS_PER_S, Histogram, now_ns, seconds_ns
 from hil.common.errors import DeviceError
 from hil.scenario.config import Scenario, build_simulation
 from sim.environment.world import load_world
@@ -48,6 +48,9 @@ class AutopilotRun:
             self._stack.close()
             raise
         self.pwm_us = self.motors.map.neutral
+        self.is_dry = False  # outputs are taken, and the thrusters stay neutral
+        self.round_trip = Histogram()  # ns, from a state that was sent to the outputs that answer it
+        self._sent_ns = 0  # of the state that is not answered; 0 if there is none
         self._due_ns = now_ns()
 
     def __enter__(self) -> "AutopilotRun":
@@ -66,7 +69,10 @@ class AutopilotRun:
         simulation, autopilot = self.simulation, self.autopilot
         for topic, sample in simulation.step(self.pwm_us):
             autopilot.update_sensor(topic, sample)
+        states = autopilot.figures.states
         autopilot.advance(simulation.time_ns, simulation.truth())
+        if autopilot.figures.states != states:
+            self._sent_ns = now_ns()
         if simulation.time_ns >= self._monitor_ns:
             self._monitor_ns = simulation.time_ns + PERIOD_NS
             state = simulation.state
@@ -94,6 +100,9 @@ class AutopilotRun:
             outputs = self.autopilot.receive(now_ns())
             if outputs:
                 self.motors.update(outputs)
+                if self._sent_ns:
+                    self.round_trip.add(outputs.received_ns - self._sent_ns)
+                    self._sent_ns = 0
             if is_ready():
                 break
             now = now_ns()
@@ -103,7 +112,10 @@ class AutopilotRun:
                 self._check_program(now - began)
             patience = self.autopilot.patience_ns() if self.autopilot.lockstep else self._due_ns - now
             select.select([self.autopilot.fileno()], [], [], max(0, min(patience, CHECK_NS)) / NS_PER_S)
-        self.pwm_us = self.motors.at(now_ns()).pwm_us
+        # In lockstep no simulated time passes while the autopilot is silent, so that its last outputs hold.
+        motors = self.motors
+        pulses = (motors.latest if self.autopilot.lockstep else motors.at(now_ns())).pwm_us
+        self.pwm_us = self.motors.map.neutral if self.is_dry else pulses
 
     def _check_program(self, waited_ns: int) -> None:
         ended = self.program.ended() if self.program else None

@@ -1,0 +1,74 @@
+"""Measure the connection to an autopilot before a run: loss, round trip, jitter, and the rate that it carries."""
+
+import time
+from typing import NamedTuple
+
+from hil.autopilots.contract import Report
+from hil.autopilots.opening import settings_of
+from hil.autopilots.run import AutopilotRun
+from hil.common.clock import NS_PER_MS, NS_PER_S, seconds_ns
+from hil.links.address import parse_address
+from hil.scenario.config import Scenario
+
+BITS_A_BYTE = 10  # of a serial line: start bit, eight of data, stop bit
+HIL_SET_BYTES = 90  # HIL_SENSOR in full (77), and its share of HIL_GPS, ODOMETRY and HIL_STATE_QUATERNION
+WARM_UP_NS = NS_PER_S // 2
+
+
+class LinkResult(NamedTuple):
+    """What a link test found. Rates in Hz, times in ms; `line_rate` is what the line's speed allows, 0 without one."""
+
+    states: int
+    outputs: int
+    lost: int
+    malformed: int
+    round_trip_p50_ms: float
+    round_trip_p99_ms: float
+    round_trip_max_ms: float
+    output_rate: float
+    speed: float
+    line_rate: float
+
+    @property
+    def jitter_ms(self) -> float:
+        """Return how much later the slowest of a hundred answers comes than the middle one."""
+        return self.round_trip_p99_ms - self.round_trip_p50_ms
+
+
+def measure_link(scenario: Scenario, seconds: float, report: Report) -> LinkResult:
+    """Exchange states and outputs for so many simulated seconds, thrusters neutral. Raises DeviceError, ConfigError.
+
+    In lockstep it goes as fast as the autopilot answers, which is the rate that can be reached.
+    """
+    with AutopilotRun(scenario, report) as run:
+        run.is_dry = True
+        figures = run.autopilot.figures
+        while figures.outputs < 2 or run.simulation.time_ns < WARM_UP_NS:  # it boots
+            run.step()
+        trips, outputs, states = list(run.round_trip.bins), figures.outputs, figures.states
+        lost, malformed = figures.lost, figures.malformed
+        start_ns, began = run.simulation.time_ns, time.monotonic()
+        while run.simulation.time_ns < start_ns + seconds_ns(seconds):
+            run.step()
+        took = time.monotonic() - began
+        trip = run.round_trip.since(trips)
+        return LinkResult(
+            figures.states - states,
+            figures.outputs - outputs,
+            figures.lost - lost,
+            figures.malformed - malformed,
+            trip.quantile(0.5) / NS_PER_MS,
+            trip.quantile(0.99) / NS_PER_MS,
+            trip.maximum / NS_PER_MS,
+            (figures.outputs - outputs) / took,
+            seconds / took,
+            line_rate(scenario),
+        )
+
+
+def line_rate(scenario: Scenario) -> float:
+    """Return how many HIL_SENSOR a second a serial line of the scenario's speed carries; 0 where there is none."""
+    settings = settings_of(scenario)
+    if parse_address(settings.own_address(scenario.controller)).kind not in ("uart", "rs485"):
+        return 0.0
+    return settings.baud / BITS_A_BYTE / HIL_SET_BYTES

@@ -1,0 +1,91 @@
+"""`uuv-hil autopilot`: test motors and connection of an autopilot, and show what it is started with."""
+
+from hil.autopilots.frames import AUTO, CUSTOM, map_motors
+from hil.autopilots.opening import settings_of
+from hil.common.errors import ConfigError, DeviceError
+from hil.common.options import Number, add_changes, changes_of, new_parser
+from hil.scenario.config import AUTOPILOTS, Scenario, load_single
+from sim.vehicle.vehicle import Vehicle, load_vehicle
+
+EXAMPLES = """\
+motors      turn each motor alone in the simulation, and say which way the vehicle goes
+link        exchange states and outputs with the autopilot: losses, round trip, jitter, rate; thrusters neutral
+parameters  print the parameters that make the autopilot right for this vehicle, as a file for it
+
+examples:
+  uuv-hil autopilot motors ardusub
+  uuv-hil autopilot link ardusub --seconds 20
+  uuv-hil autopilot parameters px4_uuv > bluerov2_heavy.parm
+"""
+SLOW_MS = 10.0  # of a round trip, beyond which an estimator of 250 Hz sees old values
+
+
+def main(arguments: list[str]) -> int:
+    """Do one of the three; the exit code."""
+    parser = new_parser("autopilot", __doc__, EXAMPLES)
+    parser.add_argument("what", choices=("motors", "link", "parameters"), metavar="motors|link|parameters")
+    parser.add_argument("scenario", metavar="SCENARIO")
+    parser.add_argument(
+        "--seconds", type=Number(1.0, 3600.0, "s"), default=10.0, metavar="S", help="simulated time of a link test [10]"
+    )
+    add_changes(parser)
+    options = parser.parse_args(arguments)
+    scenario = load_single(options.scenario, changes_of(options))
+    if scenario.controller not in AUTOPILOTS:
+        raise ConfigError(f"{scenario.path}: controller is {scenario.controller!r}, no autopilot: see `ardusub`")
+    vehicle, _ = load_vehicle(scenario.vehicle)
+    if options.what == "motors":
+        return _motors(scenario, vehicle)
+    if options.what == "link":
+        return _link(scenario, options.seconds)
+    return _parameters(scenario, vehicle)
+
+
+def _frame(scenario: Scenario) -> str:
+    frame = settings_of(scenario).frame
+    return CUSTOM if scenario.controller == "px4" and frame == AUTO else frame
+
+
+def _motors(scenario: Scenario, vehicle: Vehicle) -> int:
+    from hil.autopilots.motor_test import test_motors
+
+    motors = map_motors(_frame(scenario), vehicle)
+    print(f"{vehicle.name}, frame {motors.frame}: each motor at 1700 us for 0.25 s, from rest")
+    results = test_motors(scenario, vehicle, motors)
+    for result in results:
+        wires = ", mirrored" if result.mirrored else ""
+        verdict = "" if result.agrees else f"; WRONG: the frame expects {result.expected}"
+        print(f"  motor {result.number} ({result.thruster}{wires}): {result.push}{verdict}")
+    wrong = [str(result.number) for result in results if not result.agrees]
+    if wrong:
+        raise ConfigError(
+            f"{scenario.path}: autopilot: frame {motors.frame!r}: motors {', '.join(wrong)} push elsewhere"
+        )
+    return 0
+
+
+def _link(scenario: Scenario, seconds: float) -> int:
+    from hil.autopilots.link_test import measure_link
+
+    found = measure_link(scenario, seconds, lambda text: print(text, flush=True))
+    print(f"states sent {found.states}, outputs {found.outputs}, lost {found.lost}, malformed {found.malformed}")
+    print(
+        f"round trip: median {found.round_trip_p50_ms:.2f} ms, 99 % {found.round_trip_p99_ms:.2f} ms, "
+        f"at most {found.round_trip_max_ms:.2f} ms; jitter {found.jitter_ms:.2f} ms"
+    )
+    print(f"outputs {found.output_rate:.0f} Hz, {found.speed:.2f} times real time")
+    if found.line_rate:
+        print(f"the line carries at most {found.line_rate:.0f} HIL_SENSOR a second")
+    if not found.outputs:
+        raise DeviceError("no outputs came: the autopilot does not answer")
+    if found.round_trip_p50_ms > SLOW_MS:
+        print(f"WARNING: a round trip above {SLOW_MS:g} ms: the autopilot's estimator sees old values")
+    return 0
+
+
+def _parameters(scenario: Scenario, vehicle: Vehicle) -> int:
+    from hil.autopilots.parameters import all_parameters, format_parameters
+
+    motors = map_motors(_frame(scenario), vehicle)
+    print(format_parameters(all_parameters(settings_of(scenario), scenario.controller, vehicle, motors)), end="")
+    return 0

@@ -1,0 +1,47 @@
+"""The link test against a model of ArduPilot: what it counts, and that the thrusters stay neutral meanwhile."""
+
+import threading
+from pathlib import Path
+
+from hil.autopilots.link_test import line_rate, measure_link
+from hil.common.ports import free_ports
+from hil.scenario.config import load_scenario
+from tests.process.autopilots.test_ardupilot import SCENARIO
+from tests.support.ardupilot_peer import ArdupilotPeer
+
+
+def test_it_counts_what_goes_and_comes(tmp_path: Path) -> None:
+    port = free_ports(1)[0]
+    path = tmp_path / "link.toml"
+    path.write_text(SCENARIO.format(port=port, autopilot="", sensors=""))
+    peer = ArdupilotPeer(port)
+    states: list[float] = []
+    over = threading.Event()
+
+    def fly() -> None:
+        while not over.is_set():
+            try:
+                states.append(peer.step(1900, 1900, 1900, 1900, 1900, 1900)["position"][0])
+            except TimeoutError:  # nobody listens yet, or any more: the same packet again, as ArduPilot does
+                continue
+
+    peer.socket.settimeout(0.3)
+    thread = threading.Thread(target=fly, daemon=True)
+    thread.start()
+    found = measure_link(load_scenario(str(path)), 2.0, print)
+    over.set()
+    thread.join(30)
+    assert found.states == 800
+    assert abs(found.outputs - 800) <= 2
+    assert (found.lost, found.malformed) == (0, 0)
+    assert 0.0 < found.round_trip_p50_ms <= found.round_trip_p99_ms <= found.round_trip_max_ms
+    assert found.output_rate > 0.0
+    assert abs(states[-1] - 20.0) < 0.1  # it stays where it is, whatever the outputs say
+    peer.close()
+
+
+def test_what_a_serial_line_carries(tmp_path: Path) -> None:
+    path = tmp_path / "link.toml"
+    text = SCENARIO.format(port=1, autopilot="", sensors="").replace('controller = "ardupilot"', 'controller = "px4"')
+    path.write_text(text.replace('address = "udp://127.0.0.1:1"', 'address = "/dev/ttyACM0"\nbaud = 115200'))
+    assert 100 < line_rate(load_scenario(str(path))) < 160  # as is known of boards at this speed
