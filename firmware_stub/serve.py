@@ -124,11 +124,22 @@ def _parser() -> argparse.ArgumentParser:
     parser = new_parser("stm32", __doc__, EXAMPLES)
     add = parser.add_argument
     add("--port", default="pty:/tmp/uuv-hil-stm32", metavar="ADDRESS", help=f"{FORMS} [%(default)s]")
-    add("--protocol", default="frame", help="frame, mavlink, dronecan or vesc [%(default)s]")
-    add("--frame", default="uuv_hil", help="name of a frame, or path of a frame's TOML file [%(default)s]")
-    add("--baud", type=BAUD, default=115_200, help="speed of a serial device, bit/s [%(default)s]")
-    add("--bitrate", type=BITRATE, default=1_000_000, help="of a CAN bus, bit/s, where it is ours to set [%(default)s]")
-    add("--channels", type=whole(1, MAX_THRUSTERS), default=6, help="number of thrusters, 1 to 16 [%(default)s]")
+    add("--protocol", metavar="NAME", default="frame", help="frame, mavlink, dronecan or vesc [%(default)s]")
+    add(
+        "--frame",
+        metavar="NAME|FILE",
+        default="uuv_hil",
+        help="name of a frame, or path of a frame's TOML file [%(default)s]",
+    )
+    add("--baud", metavar="BIT/S", type=BAUD, default=115_200, help="speed of a serial device, bit/s [%(default)s]")
+    add(
+        "--bitrate",
+        metavar="BIT/S",
+        type=BITRATE,
+        default=1_000_000,
+        help="of a CAN bus, bit/s, where it is ours to set [%(default)s]",
+    )
+    add("--channels", metavar="N", type=whole(1, MAX_THRUSTERS), default=6, help="number of thrusters [%(default)s]")
     add(
         "--watchdog",
         metavar="S",

@@ -13,7 +13,7 @@ import os
 from collections.abc import Callable
 from importlib import import_module
 
-from hil.common.errors import STOPPED, ConfigError, DeviceError, HilError, MissingExtraError
+from hil.common.errors import EXIT_CODES, STOPPED, ConfigError, DeviceError, HilError, MissingExtraError
 from hil.common.lifeline import die_with_parent
 
 # name -> module with `main(arguments) -> exit code`, and what it does
@@ -125,8 +125,8 @@ def main(arguments: list[str] | None = None) -> int:
 
 def _dispatch(words: list[str]) -> int:
     """One subcommand's exit code, or that of --help and --version. Raises HilError, OSError."""
-    if words[:1] == ["help"]:  # `uuv-hil help sim` is `uuv-hil sim --help`
-        words = [*words[1:2], "--help"]
+    if words[:1] == ["help"]:  # `uuv-hil help scenario check` is `uuv-hil scenario check --help`
+        words = [*words[1:], "--help"]
     name = words[0] if words else "--help"
     if name in ("-h", "--help"):
         print(_help())
@@ -159,7 +159,9 @@ def _run(name: str, arguments: list[str]) -> int:
 
 
 def _help() -> str:
-    rows = "\n".join(f"  {name:9} {text}" for name, (_, text) in COMMANDS.items())
+    from hil.common.columns import aligned
+
+    rows = "\n".join(aligned([(name, text) for name, (_, text) in COMMANDS.items()], indent="  "))
     return f"""usage: uuv-hil COMMAND [OPTIONS]
 
 Hardware-in-the-loop bridge and simulator for unmanned underwater vehicles.
@@ -168,11 +170,20 @@ commands:
 {rows}
 
 examples:
-  uuv-hil demo                                            everything on this machine
-  uuv-hil slave paper_field --listen tcp/0.0.0.0:7447     on the board
+  uuv-hil demo                                           all on this machine
+  uuv-hil slave paper_field --listen tcp/0.0.0.0:7447    on the board
   uuv-hil master paper_field --connect tcp/192.168.3.116:7447
 
-uuv-hil COMMAND --help, or uuv-hil help COMMAND, tells each command's options; -V the version."""
+uuv-hil COMMAND --help, or uuv-hil help COMMAND, shows each command's options,
+uuv-hil -V the version.
+
+{_exit_codes()}"""
+
+
+def _exit_codes() -> str:
+    import textwrap
+
+    return textwrap.fill(EXIT_CODES, 79)
 
 
 if __name__ == "__main__":

@@ -43,7 +43,7 @@ def fly(chart: str, folder: str) -> tuple[Scenario, list[Look]]:
     scenario = load_scenario(path)
     with DiveWatch(scenario) as watch:
         demo = start_child(
-            module_command("hil.cli", "demo", path, "--run-dir", folder), environment=package_environment()
+            module_command("hil.cli", "demo", path, "--output", folder), environment=package_environment()
         )
         while demo.poll() is None:
             watch.look()

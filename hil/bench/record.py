@@ -13,6 +13,7 @@ from hil.bench.statistics import median, spread
 from hil.common.errors import ConfigError
 from hil.common.quantiles import quantile
 from hil.common.tables import read_bytes
+from hil.common.text import json_text
 
 FORMAT = "uuv-hil bench 1"
 LARGEST = 256 << 20  # bytes of a file; an hour of values takes a tenth
@@ -89,7 +90,7 @@ def new_record(
 def save(record: Record, path: str) -> None:
     """Write it as JSON. Raises ConfigError."""
     figures = {name: figure._asdict() | _summary(figure) for name, figure in record.figures.items()}
-    text = json.dumps(plain({"format": FORMAT, **record._asdict(), "figures": figures}), indent=1)
+    text = json_text({"format": FORMAT, **record._asdict(), "figures": figures}, indent=1)
     write_text(path, text + "\n")
 
 
@@ -106,7 +107,7 @@ def load(path: str) -> Record:
         _check(record)
         return record
     except (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError):
-        raise ConfigError(f"{path}: is not a result of `uuv-hil bench`; write one with --json FILE") from None
+        raise ConfigError(f"{path}: is not a result of `uuv-hil bench`; write one with --output FILE") from None
 
 
 def check_writable(path: str) -> None:
@@ -130,15 +131,6 @@ def write_text(path: str, text: str) -> None:
             file.write(text)
     except OSError as error:
         raise _unwritable(path, error) from None
-
-
-def plain(value: Any) -> Any:
-    """`value` as JSON has it: what is not a finite number becomes null."""
-    if isinstance(value, dict):
-        return {str(key): plain(item) for key, item in value.items()}
-    if isinstance(value, (tuple, list)):
-        return [plain(item) for item in value]
-    return value if not isinstance(value, float) or isfinite(value) else None
 
 
 def _unwritable(path: str, error: OSError) -> ConfigError:

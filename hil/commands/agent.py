@@ -1,6 +1,6 @@
 """`uuv-hil agent`: plan for one vehicle of a fleet, beside its neighbours' planners."""
 
-from hil.common.options import WAIT, add_changes, changes_of, new_parser
+from hil.common.options import WAIT, add_scenario, changes_of, new_parser
 from hil.common.stop import StopSignals
 from hil.master.agent import run
 from hil.scenario.config import load_scenario
@@ -20,8 +20,7 @@ All of them at once: uuv-hil case target_hunting --hil
 def main(arguments: list[str]) -> int:
     """Lead the vehicle until told to stop; the exit code. Raises MissionError if something went wrong with it."""
     parser = new_parser("agent", __doc__, EXAMPLES)
-    parser.add_argument("scenario", metavar="SCENARIO")
-    add_changes(parser)
+    add_scenario(parser, None)
     parser.add_argument("--member", metavar="NAME", default="", help="which vehicle, by its node or its number")
     parser.add_argument("--wait", metavar="S", type=WAIT, default=60.0, help="how long to wait for it [%(default)s s]")
     options = parser.parse_args(arguments)

@@ -4,7 +4,7 @@ import select
 
 from hil.common.clock import NS_PER_S, now_ns
 from hil.common.errors import ConfigError
-from hil.common.options import new_parser
+from hil.common.options import add_scenario, changes_of, new_parser
 from hil.common.stop import StopSignals
 from hil.master.acoustic_channel import ModemNetwork, summary
 from hil.network.roles import open_master_session
@@ -29,8 +29,9 @@ REPORT_PERIOD_S = 5.0
 def main(arguments: list[str]) -> int:
     """Carry messages until SIGINT or SIGTERM; the exit code. Raises ConfigError, NetworkError."""
     parser = new_parser("channel", __doc__, EXAMPLES)
-    parser.add_argument("scenario", metavar="SCENARIO")
-    scenario = load_scenario(parser.parse_args(arguments).scenario)
+    add_scenario(parser, None)
+    options = parser.parse_args(arguments)
+    scenario = load_scenario(options.scenario, changes_of(options))
     if scenario.security:
         raise ConfigError(f"{scenario.path}: the simulated acoustic channel has no [security]: leave it out")
     modem = modem_of(scenario)

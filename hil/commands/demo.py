@@ -15,7 +15,7 @@ from hil.common.children import module_command, package_environment, start_child
 from hil.common.clock import now_ns
 from hil.common.endpoint import no_certificates, split_endpoint
 from hil.common.errors import ConfigError, MissingExtraError, NetworkError
-from hil.common.options import ENDPOINT, Number, add_changes, changes_of, new_parser, place
+from hil.common.options import ENDPOINT, Number, add_output, add_scenario, changes_of, new_parser, place
 from hil.common.ports import free_ports
 from hil.common.stop import StopSignals
 from hil.master.recorder import make_folder
@@ -26,7 +26,7 @@ from hil.scenario.config import load_scenario, load_single
 EXAMPLES = """\
 examples:
   uuv-hil demo                         the reference platform's field
-  uuv-hil demo mine.toml --run-dir out
+  uuv-hil demo mine.toml --output out
   uuv-hil demo --view                  and in a browser while it flies
   uuv-hil demo --listen tcp/127.0.0.1:9000    beside a slave that runs already
   uuv-hil demo --world US5AK5SI.000    over the seabed of a chart, with laser, sonar and camera
@@ -41,9 +41,8 @@ LENGTH = Number(1.0, 100_000.0, "m")
 def main(arguments: list[str]) -> int:
     """Run slave and master as two processes; the master's exit code."""
     parser = new_parser("demo", __doc__, EXAMPLES)
-    parser.add_argument("scenario", metavar="SCENARIO", nargs="?", default="paper_field")
-    add_changes(parser)
-    parser.add_argument("--run-dir", metavar="DIR", help="where to put the results [runs/SCENARIO-TIME]")
+    add_scenario(parser)
+    add_output(parser, "DIR", "where to put the results [runs/SCENARIO-TIME]")
     parser.add_argument("--view", action="store_true", help="show it in a browser while it flies")
     parser.add_argument(
         "--listen", metavar="ENDPOINT", type=ENDPOINT, help="of its slave, tcp/ADDRESS:PORT [the scenario's]"
@@ -69,7 +68,7 @@ def main(arguments: list[str]) -> int:
     if not scenario.security and (problem := no_certificates(endpoint)):
         raise ConfigError(f"--listen: {problem}")
     require_free(endpoint, routed=scenario.network.mode == "routed")
-    folder = make_folder(options.run_dir) if options.run_dir else new_folder(options.scenario)
+    folder = make_folder(options.output) if options.output else new_folder(options.scenario)
     words = [options.scenario, *[word for text in options.set for word in ("--set", text)]]
     with view_process(words, endpoint, options.view):
         return _run(words, endpoint, folder, lambda: None)
@@ -83,7 +82,7 @@ def _dive(options: argparse.Namespace) -> int:
 
     endpoint = options.listen or Wish().listen
     require_free(endpoint)  # now: to find a place takes long
-    folder = make_folder(options.run_dir) if options.run_dir else new_folder(options.world)
+    folder = make_folder(options.output) if options.output else new_folder(options.world)
     print(f"looking for a place to dive in {options.world}", flush=True)
     wish = Wish(options.start, options.goal, options.depth, options.length, endpoint)
     path = prepare_dive(options.world, wish, folder)
@@ -147,7 +146,7 @@ def _run(scenario: list[str], endpoint: str, folder: str, look: Callable[[], Non
 
 def _start_master(scenario: list[str], endpoint: str, folder: str) -> tuple[subprocess.Popen[bytes], int]:
     read_fd, write_fd = os.pipe()
-    command = module_command("hil.cli", "master", *scenario, "--connect", endpoint, "--run-dir", folder)
+    command = module_command("hil.cli", "master", *scenario, "--connect", endpoint, "--output", folder)
     command += ["--ready-fd", str(write_fd)]
     master = start_child(command, environment=package_environment(), pass_fds=[write_fd])
     os.close(write_fd)

@@ -10,7 +10,7 @@ from boards import load_board
 from boards.health import recognise
 from boards.tree import Tree
 from hil.common.errors import ConfigError
-from hil.common.options import ENDPOINT, add_changes, changes_of, new_parser
+from hil.common.options import ENDPOINT, add_json, add_scenario, changes_of, new_parser
 from hil.doctor import board as doctor_board
 from hil.doctor import links as doctor_links
 from hil.doctor import network as doctor_network
@@ -57,8 +57,7 @@ def main(arguments: list[str]) -> int:
 
 def _parser() -> argparse.ArgumentParser:
     parser = new_parser("doctor", __doc__, EXAMPLES)
-    parser.add_argument("scenario", metavar="SCENARIO", nargs="?", help="what is to be run here")
-    add_changes(parser)
+    add_scenario(parser, None, optional=True)
     parser.add_argument("--board", metavar="NAME", help="the single-board computer this is [recognised]")
     parser.add_argument(
         "--listen", metavar="ENDPOINT", type=ENDPOINT, help="where masters are to connect [the scenario's]"
@@ -66,7 +65,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--port", metavar="ADDRESS", help="of the thruster link [the scenario's]")
     parser.add_argument("--user", metavar="NAME", help="who is to run it [you]")
     parser.add_argument("--root", metavar="PATH", default="/", help="where the machine's /proc and /sys are [/]")
-    parser.add_argument("--json", action="store_true", help="for other programs")
+    add_json(parser)
     return parser
 
 

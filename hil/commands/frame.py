@@ -152,7 +152,7 @@ def _message(name: str, layout: FrameLayout, message: MessageLayout | Other, cha
     for row in rows:
         kind = row.type if row.numbers == 1 else f"{row.type}[{row.numbers}]"
         cells.append([str(row.offset), kind, row.name, _meaning(row)])
-    yield from ("  " + line for line in aligned(cells))
+    yield from aligned(cells, indent="  ")
 
 
 def _meaning(row: Row) -> str:
@@ -184,7 +184,7 @@ def _wire_times(protocol: FrameProtocol, channels: int, rate: float) -> Iterator
     for baud in BAUDS:
         times = [size * BITS_PER_BYTE / baud for size in sizes]
         rows.append([str(baud), *(cell for t in times for cell in (f"{t * 1e3:.2f} ms", f"{100 * t * rate:.1f} %"))])
-    yield from ("  " + line for line in aligned(rows, right=True))
+    yield from aligned(rows, right=True, indent="  ")
 
 
 def _part(part: Part) -> Iterator[str]:

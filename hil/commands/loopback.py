@@ -6,7 +6,7 @@ from typing import Any
 
 from hil.bench.loopback import Plan, Result, run
 from hil.common.clock import NS_PER_MS
-from hil.common.options import BAUD, BITRATE, DAY_S, SEED, Number, Quantity, Share, new_parser, whole
+from hil.common.options import BAUD, BITRATE, DAY_S, SEED, Number, Quantity, Share, add_json, new_parser, whole
 from hil.common.schema import parse
 from hil.common.tables import settings
 from hil.links.address import FORMS
@@ -56,12 +56,25 @@ def _parser() -> Any:
     parser = new_parser("loopback", __doc__, EXAMPLES)
     add = parser.add_argument
     add("--port", default="pty:", metavar="ADDRESS", help=f"{FORMS} [%(default)s]")
-    add("--protocol", default="frame", help="frame, mavlink, dronecan or vesc [%(default)s]")
-    add("--frame", default="uuv_hil", help="name of a frame, or path of a frame's TOML file [%(default)s]")
+    add("--protocol", metavar="NAME", default="frame", help="frame, mavlink, dronecan or vesc [%(default)s]")
+    add(
+        "--frame",
+        metavar="NAME|FILE",
+        default="uuv_hil",
+        help="name of a frame, or path of a frame's TOML file [%(default)s]",
+    )
     add("--option", action="append", default=[], metavar="NAME=VALUE", help="a setting of the protocol")
-    add("--stm32", default="python", choices=[*DRIVERS, "jumper"], help="what answers [%(default)s]")
-    add("--baud", type=BAUD, default=115_200, help="speed of a serial device, bit/s [%(default)s]")
-    add("--bitrate", type=BITRATE, default=1_000_000, help="of a CAN bus, bit/s, where it is ours to set [%(default)s]")
+    players = [*DRIVERS, "jumper"]
+    about = f"what answers: {', '.join(players)} [%(default)s]"
+    add("--stm32", metavar="NAME", default="python", choices=players, help=about)
+    add("--baud", metavar="BIT/S", type=BAUD, default=115_200, help="speed of a serial device, bit/s [%(default)s]")
+    add(
+        "--bitrate",
+        metavar="BIT/S",
+        type=BITRATE,
+        default=1_000_000,
+        help="of a CAN bus, bit/s, where it is ours to set [%(default)s]",
+    )
     add("--channels", type=CHANNELS, default=6, metavar="N", help="number of thrusters [%(default)s]")
     add("--rate", type=RATE, default=50.0, metavar="HZ", help="commands a second; 0: one at a time [%(default)s]")
     add("--seconds", type=SECONDS, default=5.0, metavar="S", help="how long [%(default)s]")
@@ -72,7 +85,7 @@ def _parser() -> Any:
     add("--max-loss", type=Share(), default=0.0, metavar="SHARE", help="commands without an answer [%(default)s]")
     add("--max-errors", type=ERRORS, default=0, metavar="N", help="damaged frames [%(default)s]")
     add("--max-p99", metavar="TIME", type=LIMIT, help='round trip of 99 %% of the answered, such as "5 ms" [any]')
-    add("--json", action="store_true", help="for other programs")
+    add_json(parser)
     return parser
 
 

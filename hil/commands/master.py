@@ -10,7 +10,7 @@ from hil.commands.view.opening import view_process
 from hil.common.clock import NS_PER_S, now_ns
 from hil.common.endpoint import no_certificates
 from hil.common.errors import ConfigError, MissingExtraError, NetworkError
-from hil.common.options import DESCRIPTOR, WAIT, add_changes, changes_of, endpoint_or_lan, new_parser
+from hil.common.options import DESCRIPTOR, WAIT, add_output, add_scenario, changes_of, endpoint_or_lan, new_parser
 from hil.common.stop import StopSignals
 from hil.master.flight import Flight, Outcome, Plan, prepare, require_success
 from hil.master.mission import Mission, topics_of
@@ -29,7 +29,7 @@ Start it before the slave and the start-up time is measured too.
 
 examples:
   uuv-hil master paper_field --connect tcp/192.168.3.116:7447
-  uuv-hil master mine.toml --connect tcp/127.0.0.1:7447 --run-dir runs/today
+  uuv-hil master mine.toml --connect tcp/127.0.0.1:7447 --output runs/today
   uuv-hil master mine.toml --connect lan               a slave with [network] discovery = true
 
 The folder of the run then holds trajectory.png, table.json, track.csv and master.log.
@@ -39,15 +39,14 @@ The folder of the run then holds trajectory.png, table.json, track.csv and maste
 def main(arguments: list[str]) -> int:
     """Fly one mission; the exit code."""
     parser = new_parser("master", __doc__, EXAMPLES)
-    parser.add_argument("scenario", metavar="SCENARIO")
+    add_scenario(parser)
     parser.add_argument(
         "--connect", metavar="ENDPOINT", type=endpoint_or_lan, required=True, help="slave or router, HOST:PORT; or lan"
     )
-    add_changes(parser)
     parser.add_argument("--view", action="store_true", help="show it in a browser while it flies")
     parser.add_argument("--take-over", action="store_true", help="command even if another master does already")
     parser.add_argument("--wait", metavar="S", type=WAIT, default=60.0, help="how long to wait for it [%(default)s s]")
-    parser.add_argument("--run-dir", metavar="DIR", help="where to put the results [runs/SCENARIO-TIME]")
+    add_output(parser, "DIR", "where to put the results [runs/SCENARIO-TIME]")
     parser.add_argument(
         "--ready-fd", metavar="N", type=DESCRIPTOR, help="write a line to this descriptor when dialling"
     )
@@ -57,7 +56,7 @@ def main(arguments: list[str]) -> int:
         raise ConfigError(f"--connect: {problem}")
     if scenario.recording.master:
         require_library()
-    folder = make_folder(options.run_dir) if options.run_dir else new_folder(options.scenario)
+    folder = make_folder(options.output) if options.output else new_folder(options.scenario)
     plan = prepare(scenario)
     progress = Progress(os.path.join(folder, "master.log"))
     planner = plan.planner

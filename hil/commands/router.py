@@ -2,7 +2,7 @@
 
 import select
 
-from hil.common.options import ENDPOINT, new_parser
+from hil.common.options import ENDPOINT, LOCAL_SLAVE, add_settings, changes_of, new_parser
 from hil.common.stop import StopSignals
 from hil.network.roles import open_router_session
 from hil.network.settings import Network
@@ -16,7 +16,7 @@ Vehicles and masters then all dial the router; their scenario says
 
 examples:
   uuv-hil router --listen tcp/0.0.0.0:7447
-  uuv-hil router mine.toml --listen tcp/0.0.0.0:7447     with the [network] and [security] of a scenario
+  uuv-hil router --scenario mine.toml --listen tcp/0.0.0.0:7447     with the [network] and [security] of a scenario
   uuv-hil master mine.toml --connect tcp/192.168.3.1:7447
 
 Without a [security] section anyone who reaches the port can command.
@@ -26,16 +26,16 @@ Without a [security] section anyone who reaches the port can command.
 def main(arguments: list[str]) -> int:
     """Forward until SIGINT or SIGTERM; the exit code."""
     parser = new_parser("router", __doc__, EXAMPLES)
-    parser.add_argument("scenario", metavar="SCENARIO", nargs="?")
     parser.add_argument(
-        "--listen", metavar="ENDPOINT", type=ENDPOINT, default="tcp/127.0.0.1:7447", help="[%(default)s]"
+        "--listen", metavar="ENDPOINT", type=ENDPOINT, default=LOCAL_SLAVE, help="where to serve [%(default)s]"
     )
+    add_settings(parser)
     options = parser.parse_args(arguments)
     network, security = Network(), None
     if options.scenario is not None:
         from hil.scenario.config import load_scenario
 
-        scenario = load_scenario(options.scenario)
+        scenario = load_scenario(options.scenario, changes_of(options))
         network, security = scenario.network, scenario.security
     with StopSignals() as stop_fd, open_router_session(options.listen, network, security) as session:
         print(f"forwarding between all who dial {options.listen}", flush=True)

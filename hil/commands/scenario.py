@@ -7,7 +7,7 @@ from typing import Any
 
 from hil.common.columns import aligned
 from hil.common.errors import ConfigError
-from hil.common.options import add_changes, changes_of, new_parser
+from hil.common.options import add_json, add_scenario, changes_of, new_parser
 from hil.common.schema import find_preset, preset_names, shortened
 from hil.common.tables import read_bytes
 from hil.scenario.config import SCENARIOS, Scenario, load_scenario
@@ -44,16 +44,15 @@ def _parser() -> argparse.ArgumentParser:
     parser = new_parser("scenario", __doc__, EXAMPLES)
     actions = parser.add_subparsers(dest="action", metavar="list | show | new | check", required=True)
     listed = actions.add_parser("list", help="the installed scenarios")
-    listed.add_argument("--json", action="store_true", help="for other programs")
+    add_json(listed)
     shown = actions.add_parser("show", help="print the file of one, with its comments")
     shown.add_argument("scenario", metavar="SCENARIO")
     new = actions.add_parser("new", help="copy an installed one to a file of your own")
     new.add_argument("file", metavar="FILE.toml")
     new.add_argument("--copy", metavar="NAME", default="paper_field", help="which one [%(default)s]")
     checked = actions.add_parser("check", help="find what is wrong without flying it")
-    checked.add_argument("scenario", metavar="SCENARIO")
-    add_changes(checked)
-    checked.add_argument("--json", action="store_true", help="for other programs")
+    add_scenario(checked, None)
+    add_json(checked)
     return parser
 
 

@@ -1,7 +1,6 @@
 """`uuv-hil sim`: fly the mission of a scenario in one process, without network or link."""
 
 import argparse
-import json
 import sys
 import time
 from contextlib import ExitStack
@@ -11,8 +10,9 @@ from hil.bench.record import check_writable
 from hil.cases.simulated import SimulatedVehicle, Watch, fly, showing
 from hil.common.clock import NS_PER_S, RateKeeper, now_ns, seconds_ns
 from hil.common.errors import STOPPED
-from hil.common.options import SEED, add_changes, changes_of, new_parser
+from hil.common.options import SEED, add_json, add_output, add_plot, add_scenario, changes_of, new_parser
 from hil.common.progress_line import ProgressLine
+from hil.common.text import json_text
 from hil.master.flight import Outcome, Plan, prepare, require_success
 from hil.plots.plotting import check_picture
 from hil.scenario.attitude_warning import attitude_warning
@@ -26,7 +26,7 @@ examples:
   uuv-hil sim paper_field                       in real time; Ctrl-C ends it
   uuv-hil sim paper_field --fast                as fast as it goes
   uuv-hil sim mine.toml --fast --seed 7
-  uuv-hil sim mine.toml --fast --plot flight.png --log flight.csv
+  uuv-hil sim mine.toml --fast --plot flight.png --output flight.csv
   uuv-hil sim mine.toml --view                  in a browser, with pause and speed
 """
 
@@ -34,16 +34,15 @@ examples:
 def main(arguments: list[str]) -> int:
     """Fly one mission in simulated time; the exit code."""
     parser = new_parser("sim", __doc__, EXAMPLES)
-    parser.add_argument("scenario", metavar="SCENARIO", nargs="?", default="paper_field")
+    add_scenario(parser)
     parser.add_argument("--fast", action="store_true", help="as fast as it goes, instead of in real time")
-    add_changes(parser)
     parser.add_argument("--seed", type=SEED, metavar="N", help="instead of the scenario's")
-    parser.add_argument("--log", metavar="FILE.csv", help="write state, thrusts and every force, 20 times a second")
-    parser.add_argument("--json", action="store_true", help="print the outcome as one JSON object")
-    parser.add_argument("--plot", metavar="FILE.png", help="draw the same")
+    add_output(parser, "FILE.csv", "state, thrusts and every force, 20 times a second")
+    add_plot(parser, "draw the same")
+    add_json(parser)
     parser.add_argument("--view", action="store_true", help="show it in a browser: pause, step, speed")
     options = parser.parse_args(arguments)
-    for path in filter(None, (options.log, options.plot)):
+    for path in filter(None, (options.output, options.plot)):
         check_writable(path)
     if options.plot:
         check_picture(options.plot)
@@ -75,7 +74,7 @@ def _fly(
     line = ProgressLine()
     watches.append(showing(plan.planner, line.show))
     flight = None
-    if options.log or options.plot:
+    if options.output or options.plot:
         from hil.plots.force_log import Flight
 
         flight = Flight(simulation)
@@ -90,8 +89,8 @@ def _fly(
     except KeyboardInterrupt:
         line.clear()
         print(f"interrupted after {simulation.time_ns / NS_PER_S:.1f} s")
-    if flight and options.log:
-        flight.write(options.log)
+    if flight and options.output:
+        flight.write(options.output)
     if flight and options.plot:
         flight.draw(options.plot, lambda axes: _draw_field(axes, scenario, plan, outcome))
     if outcome is None:
@@ -142,6 +141,6 @@ def _as_text(outcome: Outcome, digest: str, took: float, cpu: float) -> str:
 
 
 def _as_json(outcome: Outcome, digest: str, took: float, cpu: float) -> str:
-    from hil.bench.table.hil_table import plain_outcome, without_nan
+    from hil.bench.table.hil_table import plain_outcome
 
-    return json.dumps(without_nan({**plain_outcome(outcome), "took_s": took, "cpu_s": cpu, "final_state": digest}))
+    return json_text({**plain_outcome(outcome), "took_s": took, "cpu_s": cpu, "final_state": digest})

@@ -9,8 +9,6 @@ if TYPE_CHECKING:
     from boards import Board
 
 EXAMPLES = """\
-SCENARIO is a .toml file or the name of an installed scenario.
-
 examples:
   uuv-hil slave paper_field                                   for a master on this machine
   uuv-hil slave paper_field --listen tcp/0.0.0.0:7447         for a master on the network
@@ -53,10 +51,10 @@ def _quick(arguments: list[str]) -> Options | None:
 
 
 def _parse(arguments: list[str]) -> Options:
-    from hil.common.options import ENDPOINT, add_changes, new_parser
+    from hil.common.options import ENDPOINT, add_scenario, new_parser
 
     parser = new_parser("slave", __doc__, EXAMPLES)
-    parser.add_argument("scenario", metavar="SCENARIO")
+    add_scenario(parser)
     parser.add_argument(
         "--listen", metavar="ENDPOINT", type=ENDPOINT, help="where masters connect, tcp/ADDRESS:PORT [the scenario's]"
     )
@@ -65,7 +63,6 @@ def _parse(arguments: list[str]) -> Options:
     )
     parser.add_argument("--port", metavar="ADDRESS", help="of the thruster link: /dev/ttyUSB0, pty:/tmp/name, can:...")
     parser.add_argument("--member", metavar="NAME", default="", help="which vehicle of a fleet this is, or its number")
-    add_changes(parser)
     found = vars(parser.parse_args(arguments))
     return Options(**{**found, "set": tuple(found["set"])})
 

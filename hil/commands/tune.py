@@ -8,7 +8,7 @@ from hil.autonomy.control.controller import AxisGains, HoldGains
 from hil.bench.record import check_writable
 from hil.common.columns import aligned
 from hil.common.errors import ConfigError
-from hil.common.options import SEED, new_parser
+from hil.common.options import SEED, add_output, add_plot, new_parser
 from hil.common.schema import find_preset
 from hil.common.tables import read_table
 from hil.plots.plotting import check_picture
@@ -38,8 +38,8 @@ def main(arguments: list[str]) -> int:
         "--axis", action="append", choices=list(AXES), help="only this one; again for more [all its thrusters drive]"
     )
     parser.add_argument("--seed", type=SEED, default=1, metavar="N", help="of the sensors' noise [1]")
-    parser.add_argument("-o", "--output", metavar="FILE.toml", help="write the vehicle with the new gains")
-    parser.add_argument("--plot", metavar="FILE.png", help="draw the responses")
+    add_output(parser, "FILE.toml", "the vehicle with the new gains")
+    add_plot(parser, "draw the responses")
     options = parser.parse_args(arguments)
     _check_output(options.output)
     _check_vehicle(options.vehicle)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from hil.common.columns import aligned
 from hil.common.errors import ConfigError, MissingExtraError
-from hil.common.options import Number, area, new_parser
+from hil.common.options import Number, add_json, add_output, add_plot, area, new_parser
 from hil.common.schema import preset_names
 from sim.environment.world import World, load_world
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 EXAMPLES = """\
 examples:
-  uuv-hil world build US5AK5SI.000 --resolution 20 -o worlds/homer --picture homer.png
+  uuv-hil world build US5AK5SI.000 --resolution 20 -o worlds/homer --plot homer.png
   uuv-hil world build US5AK5SI.000 US5AK5SJ.000 --area 59.58,-151.46,59.62,-151.38 -o worlds/spit
   uuv-hil world build survey.tif -o worlds/survey        GeoTIFF, BAG, GEBCO's NetCDF, XYZ or CSV as well
   uuv-hil world show worlds/homer.toml -o homer.png
@@ -52,7 +52,7 @@ def _parser() -> argparse.ArgumentParser:
     actions = parser.add_subparsers(metavar="build|show|export|list", required=True)
     build = actions.add_parser("build", help="a world of charts and soundings")
     build.add_argument("files", metavar="FILE", nargs="+", help=".000 charts, .tif, .bag, .nc, .xyz, .csv; several")
-    build.add_argument("-o", "--output", metavar="WORLD", required=True, help="writes WORLD.toml and WORLD.f32")
+    add_output(build, "WORLD", "writes WORLD.toml and WORLD.f32", required=True)
     build.add_argument("--resolution", metavar="M", type=RESOLUTION, default=5.0, help="of the grid [%(default)g]")
     build.add_argument(
         "--area", metavar="S,W,N,E", type=area, help="degrees; --area=-34,... for the south [all that is known]"
@@ -64,15 +64,15 @@ def _parser() -> argparse.ArgumentParser:
         "--positive",
         choices=("auto", "up", "down"),
         default="auto",
-        help="what soundings and rasters count as positive",
+        help="what soundings and rasters count as positive [%(default)s]",
     )
     build.add_argument("--reach", metavar="M", type=REACH, help="how far from loose soundings the bed is known")
-    build.add_argument("--picture", metavar="FILE.png", help="draw it with soundings and contours")
-    build.add_argument("--json", action="store_true", help="the report as one JSON object")
+    add_plot(build, "draw it with soundings and contours")
+    add_json(build)
     build.set_defaults(run=_build)
     show = actions.add_parser("show", help="a picture of a world")
     show.add_argument("world", metavar="NAME|FILE.toml")
-    show.add_argument("-o", "--output", metavar="FILE.png", help="[NAME.png]")
+    add_output(show, "FILE.png", "the picture [NAME.png]")
     show.add_argument("--resolution", metavar="M", type=RESOLUTION, help="[the world's own]")
     show.set_defaults(run=_show)
     export = actions.add_parser("export", help="the same world for other programs")
@@ -83,6 +83,7 @@ def _parser() -> argparse.ArgumentParser:
     export.set_defaults(run=_export)
     listing = actions.add_parser("list", help="the worlds there are")
     listing.add_argument("folders", metavar="FOLDER", nargs="*", help="with worlds of your own")
+    add_json(listing)
     listing.set_defaults(run=_list)
     return parser
 
@@ -110,13 +111,13 @@ def _build(options: argparse.Namespace) -> int:
         _progress(1.0)  # the line goes, also on Ctrl-C
     head = (NOTE, *(line.strip() for line in describe(survey, built)))
     write_world(path, built.placed, survey.source, survey.origin, head)
-    if options.picture:
+    if options.plot:
         from hil.charts.picture import Marks, draw
 
         name = os.path.splitext(os.path.basename(path))[0]
         marks = Marks(survey.soundings, survey.contours, survey.shore, survey.bridges)
         title = f"{name}: {survey.source}"
-        draw(built.placed.grid, built.placed.cylinders, built.placed.boxes, marks, title, options.picture)
+        draw(built.placed.grid, built.placed.cylinders, built.placed.boxes, marks, title, options.plot)
     if options.json:
         print(json.dumps({"world": path, **built.report._asdict()}))
     else:

@@ -10,14 +10,16 @@ import math
 import re
 import sys
 from collections.abc import Callable
+from itertools import groupby
 from typing import Any, NoReturn
 
 from hil.common.endpoint import full_endpoint
-from hil.common.errors import ConfigError, HilError
+from hil.common.errors import EXIT_CODES, ConfigError, HilError
 from hil.common.schema import UNITS, nearest, shortened, with_unit
 from hil.common.tables import settings
 
 UNKNOWN = "unrecognized arguments: "  # how argparse begins what it says of words and options that it does not know
+LOCAL_SLAVE = "tcp/127.0.0.1:7447"  # where a slave of this machine listens, unless its scenario says otherwise
 MOST_SEEDS = 100_000
 MOST_JOBS = 1024
 DAY_S = 86_400.0
@@ -25,8 +27,47 @@ YEAR_S = 366.0 * DAY_S
 HOST = re.compile(r"(?=.{1,253}\Z)[A-Za-z0-9_]([A-Za-z0-9_-]{0,62})(\.[A-Za-z0-9_][A-Za-z0-9_-]{0,62})*\.?\Z")
 
 
+class HelpFormatter(argparse.HelpFormatter):
+    """Wraps the paragraphs of a text to the terminal; its indented lines stay lines, such as those of examples."""
+
+    def _fill_text(self, text: str, width: int, indent: str) -> str:
+        lines: list[str] = []
+        for is_prose, group in groupby(text.splitlines(), lambda line: line[:1] not in ("", " ")):
+            if is_prose:
+                lines += super()._fill_text(" ".join(group), width, indent).splitlines()
+            else:
+                lines += [piece for line in group for piece in _example(line, width)]
+        return "\n".join(lines)
+
+
+def _example(line: str, width: int) -> list[str]:
+    """Return a line "command   remark" as lines of at most `width` letters that a shell reads as the same command."""
+    if len(line) <= width or not line.strip():
+        return [line]
+    _, indent, command, remark = re.split(r"^( *)(\S+(?: \S+)*)(?:  +)?", line, maxsplit=1)
+    lines = [indent]
+    for word in re.findall(r"(?:'[^']*'|\"[^\"]*\"|[^ '\"])+", command):
+        if len(lines[-1]) + len(word) + 2 > width and lines[-1].strip():
+            lines[-1] += "\\"
+            lines.append(f"{indent}    ")
+        lines[-1] += f"{word} "
+    return [piece.rstrip() for piece in lines] + ([f"{indent}    # {remark}"] if remark else [])
+
+
 class Parser(argparse.ArgumentParser):
-    """An argument parser that raises ConfigError, one line, where argparse prints its usage and exits."""
+    """An argument parser that raises ConfigError, one line, where argparse prints its usage and exits.
+
+    Its help, and that of its subcommands, ends with the exit codes.
+    """
+
+    def __init__(self, *args: Any, **settings: Any) -> None:
+        super().__init__(*args, **{"formatter_class": HelpFormatter, **settings})
+
+    def format_help(self) -> str:
+        """Return the help: what argparse makes of the options, then what each exit code means."""
+        formatter = self._get_formatter()
+        formatter.add_text(EXIT_CODES)
+        return f"{super().format_help().rstrip()}\n\n{formatter.format_help()}"
 
     def error(self, message: str) -> NoReturn:
         """Raise ConfigError with the message, and where to read more."""
@@ -61,8 +102,47 @@ def new_parser(name: str, description: str | None, examples: str) -> Parser:
         prog=f"uuv-hil {name}",
         description=description,
         epilog=examples,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
+
+
+def add_scenario(
+    parser: argparse.ArgumentParser, default: str | None = "paper_field", *, optional: bool = False
+) -> None:
+    """Add SCENARIO, which the command flies or runs, and --set. Without a default it is required unless `optional`."""
+    usual = f" [{default}]" if default else ""
+    parser.add_argument(
+        "scenario", metavar="SCENARIO", nargs="?" if default or optional else None, default=default,
+        help=f"a .toml file, or the name of an installed scenario{usual}",
+    )  # fmt: skip
+    add_changes(parser)
+
+
+def add_settings(parser: argparse.ArgumentParser) -> None:
+    """Add --scenario and --set, for a command that flies nothing and needs only how the network is set up."""
+    about = "whose [network] and [security] hold, and where its vehicle listens"
+    parser.add_argument("--scenario", metavar="SCENARIO", help=about)
+    add_changes(parser)
+
+
+def add_connect(parser: argparse.ArgumentParser) -> None:
+    """Add --connect, which may be given several times; `hil.commands.listening` finds its default."""
+    about = f"a slave or a router, HOST:PORT; may be given several times [the scenario's, else {LOCAL_SLAVE}]"
+    parser.add_argument("--connect", metavar="ENDPOINT", type=ENDPOINT, action="append", help=about)
+
+
+def add_output(parser: argparse.ArgumentParser, metavar: str, about: str, *, required: bool = False) -> None:
+    """Add -o and --output, the file or folder that the command writes."""
+    parser.add_argument("-o", "--output", metavar=metavar, help=about, required=required)
+
+
+def add_json(parser: argparse.ArgumentParser) -> None:
+    """Add --json, which prints one JSON value in place of text."""
+    parser.add_argument("--json", action="store_true", help="print JSON, for other programs")
+
+
+def add_plot(parser: argparse.ArgumentParser, about: str) -> None:
+    """Add --plot, the picture that the command draws."""
+    parser.add_argument("--plot", metavar="FILE.png", help=about)
 
 
 def add_changes(parser: argparse.ArgumentParser) -> None:

@@ -1,4 +1,7 @@
-"""Clean text from others for a terminal or a log: no control characters, limited length."""
+"""Text for terminals, logs and other programs: without control characters, of limited length, or as JSON."""
+
+from math import isfinite
+from typing import Any
 
 LONGEST = 200  # characters that one name or one value of somebody else may take in a line
 ELLIPSIS = "..."
@@ -9,3 +12,21 @@ def clean(text: str, most: int = LONGEST) -> str:
     if len(text) > most:
         text = text[: most - len(ELLIPSIS)] + ELLIPSIS
     return text if text.isprintable() else "".join([c if c.isprintable() else "?" for c in text])
+
+
+def json_text(value: Any, indent: int | None = None) -> str:
+    """Return a value as JSON: tuples as arrays, bytes in hexadecimal, what is not a finite number as null."""
+    import json
+
+    return json.dumps(json_value(value), indent=indent)
+
+
+def json_value(value: Any) -> Any:
+    """Return a value as JSON has it, for `json_text` and for those who add to it."""
+    if isinstance(value, dict):
+        return {str(key): json_value(item) for key, item in value.items()}
+    if isinstance(value, (tuple, list)):
+        return [json_value(item) for item in value]
+    if isinstance(value, bytes):
+        return value.hex()
+    return value if not isinstance(value, float) or isfinite(value) else None

@@ -3,7 +3,7 @@
 import json
 from inspect import signature
 from itertools import pairwise
-from math import hypot, isfinite
+from math import hypot
 from operator import sub
 from typing import Any
 
@@ -12,6 +12,7 @@ from hil.client.client import Stamped
 from hil.client.vehicle_handle import Vehicle
 from hil.common.errors import ConfigError
 from hil.common.schema import nearest
+from hil.common.text import json_text
 from hil.ros.commands import MOST_FORCE, MOST_PLACE
 from hil.ros.topics import is_picture
 
@@ -119,7 +120,7 @@ def show(value: Any) -> str:
 
 def encode(message: Request) -> bytes:
     """Return the line of a message."""
-    return json.dumps(_plain(message), allow_nan=False).encode() + b"\n"
+    return json_text(message).encode() + b"\n"
 
 
 def describe(sample: Any) -> Request:
@@ -129,14 +130,3 @@ def describe(sample: Any) -> Request:
     values = sample._asdict()
     values |= {name: getattr(sample, name) for name in STATE_EXTRAS if hasattr(sample, name)}
     return {"age": sample.age, "sample": values}
-
-
-def _plain(value: Any) -> Any:
-    """Return what JSON can say; a number that is none becomes null."""
-    if isinstance(value, dict):
-        return {name: _plain(item) for name, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_plain(item) for item in value]
-    if isinstance(value, bytes):
-        return value.hex()
-    return None if isinstance(value, float) and not isfinite(value) else value

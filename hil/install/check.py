@@ -4,10 +4,12 @@ import os
 import pwd
 import subprocess
 import sys
+from collections.abc import Sequence
 
 from boards.tree import Tree
 from hil.common.children import python_command
 from hil.common.errors import ConfigError, HilError
+from hil.common.tables import settings as settings_of
 from hil.install.units import Service, command, python_path
 from hil.network.settings import settings
 from hil.scenario.config import Scenario, build_simulation, load_scenario
@@ -21,9 +23,9 @@ VOLATILE = ("/tmp/", "/var/tmp/")  # of which a service has its own
 CODE = "import sys; from hil.install.check import main; main(*sys.argv[1:])"
 
 
-def read(name: str, listen: str | None = None, member: str | None = None) -> Scenario:
+def read(name: str, listen: str | None = None, member: str | None = None, changes: Sequence[str] = ()) -> Scenario:
     """Return the scenario as the slave reads it with these options. Raises HilError."""
-    scenario = load_scenario(name)
+    scenario = load_scenario(name, settings_of(changes, "--set"))
     if member or scenario.member:
         scenario = as_member(scenario, member or "")
     return scenario._replace(slave=scenario.slave._replace(listen=listen)) if listen else scenario
@@ -65,7 +67,7 @@ def _check_as_user(service: Service) -> None:
     name = words[words.index("slave") + 1]
     # XDG_CACHE_HOME as in the unit.
     environment = {"PATH": os.environ.get("PATH", ""), "PYTHONPATH": python_path(), "XDG_CACHE_HOME": "/var/cache"}
-    words = python_command("-c", CODE, name, service.listen or "", service.member or "")
+    words = python_command("-c", CODE, name, service.listen or "", service.member or "", *service.changes)
     try:
         done = subprocess.run(
             words, user=entry.pw_uid, group=entry.pw_gid, extra_groups=os.getgrouplist(service.user, entry.pw_gid),
@@ -79,9 +81,9 @@ def _check_as_user(service: Service) -> None:
         raise ConfigError(f"the slave would not start as {service.user}: {last}")
 
 
-def main(name: str, listen: str, member: str) -> None:
+def main(name: str, listen: str, member: str, *changes: str) -> None:
     """In a process of the service's user: ends it with the reason on standard error."""
     try:
-        assemble(read(name, listen, member))
+        assemble(read(name, listen, member, changes))
     except HilError as error:
         sys.exit(str(error))

@@ -50,6 +50,7 @@ class Service(NamedTuple):
     listen: str | None = None
     board: str | None = None
     member: str | None = None
+    changes: tuple[str, ...] = ()  # of keys of the scenario, "master.speed=0.5"
 
 
 def texts(tree: Tree, service: Service, board: Board | None) -> dict[str, str]:
@@ -201,7 +202,7 @@ def command(service: Service) -> list[str]:
     words = module_command("hil.cli", "slave", name)
     for option, value in (("--listen", service.listen), ("--board", service.board), ("--member", service.member)):
         words += [option, value] if value else []
-    return words
+    return words + [word for change in service.changes for word in ("--set", change)]
 
 
 def python_path() -> str:

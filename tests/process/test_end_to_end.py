@@ -38,7 +38,7 @@ def pulses(client: VehicleClient) -> list[int]:
 def test_a_mission(tmp_path: Path) -> None:
     scenario, _ = write_scenario(tmp_path)
     folder = tmp_path / "run"
-    with Program(tmp_path, "demo", scenario, "--run-dir", folder) as demo:
+    with Program(tmp_path, "demo", scenario, "--output", folder) as demo:
         assert demo.wait() == 0, demo.output
     assert "goal reached" in demo.output
     assert {"table.json", "track.csv", "trajectory.png", "master.log", "slave.log"} <= set(os.listdir(folder))
@@ -177,7 +177,7 @@ def test_the_master_says_when_nobody_answers(tmp_path: Path) -> None:
     scenario, port = write_scenario(tmp_path)
     endpoint = f"tcp/127.0.0.1:{port}"
     with Program(
-        tmp_path, "master", scenario, "--connect", endpoint, "--wait", 2, "--run-dir", tmp_path / "r"
+        tmp_path, "master", scenario, "--connect", endpoint, "--wait", 2, "--output", tmp_path / "r"
     ) as master:
         assert master.wait() == 4
     assert endpoint in master.output
@@ -188,7 +188,7 @@ def test_the_master_says_when_nobody_answers(tmp_path: Path) -> None:
 def test_the_master_survives_a_slave_that_comes_back(tmp_path: Path) -> None:
     scenario, port = write_scenario(tmp_path, allow="")
     folder = tmp_path / "run"
-    arguments = ("master", scenario, "--connect", f"tcp/127.0.0.1:{port}", "--run-dir", folder)
+    arguments = ("master", scenario, "--connect", f"tcp/127.0.0.1:{port}", "--output", folder)
     with Program(tmp_path, *arguments) as master:
         with Program(tmp_path, "slave", scenario) as slave:
             master.expect("flying")
@@ -227,7 +227,7 @@ def test_a_thruster_that_fails(tmp_path: Path) -> None:
 def test_a_goal_that_cannot_be_reached(tmp_path: Path) -> None:
     scenario, _ = write_scenario(tmp_path)
     scenario.write_text(scenario.read_text().replace("goal = [8, 7]", "goal = [80, 7]"))
-    with Program(tmp_path, "demo", scenario, "--run-dir", tmp_path / "run") as demo:
+    with Program(tmp_path, "demo", scenario, "--output", tmp_path / "run") as demo:
         assert demo.wait() == 6, demo.output
     assert "80" in demo.output
     assert "Traceback" not in demo.output
@@ -236,7 +236,7 @@ def test_a_goal_that_cannot_be_reached(tmp_path: Path) -> None:
 def test_a_time_limit_that_is_too_short(tmp_path: Path) -> None:
     scenario, _ = write_scenario(tmp_path)
     scenario.write_text(scenario.read_text().replace("time_limit = 40", "time_limit = 2"))
-    with Program(tmp_path, "demo", scenario, "--run-dir", tmp_path / "run") as demo:
+    with Program(tmp_path, "demo", scenario, "--output", tmp_path / "run") as demo:
         assert demo.wait() == 6, demo.output
     assert "time limit" in demo.output
     assert (tmp_path / "run" / "table.json").exists(), "what was measured is not lost"
@@ -267,7 +267,7 @@ def test_a_whole_mission_is_the_same_in_c_to_the_bit(tmp_path: Path) -> None:
 def test_ctrl_c_ends_the_demo(tmp_path: Path) -> None:
     scenario, _ = write_scenario(tmp_path)
     folder = tmp_path / "run"
-    with Program(tmp_path, "demo", scenario, "--run-dir", folder) as demo:
+    with Program(tmp_path, "demo", scenario, "--output", folder) as demo:
         demo.expect("flying")
         time.sleep(1)
         assert demo.stop(signal.SIGINT) == 130

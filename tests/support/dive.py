@@ -10,7 +10,7 @@ def check_dive(tmp_path: Path, chart: str) -> None:
     """Fly 5 m over that chart with `uuv-hil demo`; its report names the chart and shows what was seen."""
     folder = tmp_path / "run"
     listen = f"tcp/127.0.0.1:{free_port()}"
-    arguments = ["demo", "--world", chart, "--length", "5", "--run-dir", folder, "--listen", listen]
+    arguments = ["demo", "--world", chart, "--length", "5", "--output", folder, "--listen", listen]
     with Program(tmp_path, *arguments) as program:
         assert program.wait() == 0, program.output
     assert "goal reached" in program.output

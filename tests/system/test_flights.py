@@ -47,7 +47,7 @@ def fly(name: str, folder: Path) -> None:
     link = f'port = "{port}"\nprotocol = "{protocol}"{slow}'
     scenario, number = write_scenario(folder, top=f'stm32 = "{stm32}"', link=link)
     scenario.write_text(scenario.read_text().replace("{port}", str(number + 1000)))
-    with Program(folder, "demo", scenario, "--run-dir", folder / "run") as program:
+    with Program(folder, "demo", scenario, "--output", folder / "run") as program:
         assert program.wait() == 0, f"{name}:\n{program.output}"
         assert "goal reached" in program.output, f"{name}:\n{program.output}"
         assert "Traceback" not in program.output, f"{name}:\n{program.output}"

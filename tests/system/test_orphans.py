@@ -79,7 +79,7 @@ def test_a_slave(tmp_path: Path, scratch: Path, kind: str, more: str) -> None:
 
 def test_a_demo_and_all_below_it(tmp_path: Path, scratch: Path) -> None:
     scenario, port = write_scenario(tmp_path, top='stm32 = "process"')
-    with Program(tmp_path, "demo", scenario, "--run-dir", tmp_path / "run") as program:
+    with Program(tmp_path, "demo", scenario, "--output", tmp_path / "run") as program:
         log = tmp_path / "run/slave.log"
         assert wait_for(lambda: log.exists() and "ready" in log.read_text(), PATIENCE_S), program.output
         kill(program, 3)  # master, slave, and the slave's STM32
@@ -101,7 +101,7 @@ def test_a_benchmark(tmp_path: Path, scratch: Path) -> None:
 
 @pytest.mark.parametrize("name", ["campaign", "case"])
 def test_runs_on_all_cores(tmp_path: Path, name: str) -> None:
-    what = [write_scenario(tmp_path)[0]] if name == "campaign" else ["path_planning", "--out", tmp_path / "out"]
+    what = [write_scenario(tmp_path)[0]] if name == "campaign" else ["path_planning", "--output", tmp_path / "out"]
     with Program(tmp_path, name, *what, "--seeds", "10000", "--jobs", "2") as program:
         assert wait_for(lambda: len(workers(program)) == 2, PATIENCE_S), program.output
         kill(program, 2)
@@ -120,10 +120,10 @@ def _read(path: str) -> bytes:
 
 
 COMMANDS = {
-    "demo": ["demo", "{scenario}", "--run-dir", "run"],
+    "demo": ["demo", "{scenario}", "--output", "run"],
     "bench": ["bench", "delay", "{scenario}", "--seconds", "1", "--steps", "0", "--load", "1"],
     "campaign": ["campaign", "{scenario}", "--seeds", "2", "--jobs", "2"],
-    "case": ["case", "path_planning", "--out", "out", "--seeds", "2", "--jobs", "2"],
+    "case": ["case", "path_planning", "--output", "out", "--seeds", "2", "--jobs", "2"],
     "doctor": ["doctor", "{scenario}"],
 }
 
@@ -153,6 +153,6 @@ def test_a_class_of_the_users_own_is_found_in_the_current_folder(tmp_path: Path)
     scenario, _ = write_scenario(tmp_path)
     scenario.write_text(f'{scenario.read_text()}[planner]\nclass = "mine:Mine"\n')
     (tmp_path / "mine.py").write_text("from hil.master.follow import Follow\nclass Mine(Follow):\n    pass\n")
-    with Program(tmp_path, "demo", scenario, "--run-dir", "run", cwd=tmp_path) as program:
+    with Program(tmp_path, "demo", scenario, "--output", "run", cwd=tmp_path) as program:
         program.expect("starting the slave", PATIENCE_S)
         assert program.wait(120) == 0, program.output

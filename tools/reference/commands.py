@@ -71,8 +71,8 @@ def _describe(parser: argparse.ArgumentParser) -> Iterator[str]:
 def _row(parser: argparse.ArgumentParser, action: argparse.Action) -> str:
     formatter = parser._get_formatter()
     meaning = formatter._expand_help(action) if action.help else USUAL.get(str(action.metavar), "")
-    if action.choices is not None:
-        meaning += f" ({', '.join(map(str, action.choices))})" if not action.help or "{" not in action.help else ""
+    if action.choices is not None and not all(str(choice) in meaning for choice in action.choices):
+        meaning += f" ({', '.join(map(str, action.choices))})"
     return f"| {_name(action)} | {_cell(meaning)} |\n"
 
 

@@ -2,7 +2,7 @@
 
     python -m tools.virtual_board build --package numpy
     python -m tools.virtual_board run -- slave paper_field
-    python -m tools.virtual_board run -- bench startup --runs 3
+    python -m tools.virtual_board run -- bench startup --repeat 3
     python -m tools.virtual_board python -- -c 'import platform; print(platform.machine())'
     python -m tools.virtual_board boot --port 7447:7447 -- 'ip link; uuv-hil doctor'
 

@@ -16,6 +16,7 @@ from hil.client.client import VehicleClient
 from hil.client.delay import HOPS, Quantiles, find_doubts, quantiles
 from hil.common.columns import aligned
 from hil.common.process import boot_id
+from hil.common.text import json_value
 from hil.master.flight import Outcome
 from hil.ros.diagnostics import Diagnostics, or_nan, shown
 
@@ -235,7 +236,7 @@ def to_json(table: HilTable, outcome: Outcome) -> dict[str, Any]:
         }
         for board in PAPER_BOARDS
     }
-    plain: dict[str, Any] = without_nan({"table": values, "paper": paper, "outcome": plain_outcome(outcome)})
+    plain: dict[str, Any] = json_value({"table": values, "paper": paper, "outcome": plain_outcome(outcome)})
     return plain
 
 
@@ -252,13 +253,3 @@ def plain_outcome(outcome: Outcome) -> dict[str, Any]:
         for e in outcome.events
     ]
     return outcome._asdict() | {"success": outcome.success, "events": events}
-
-
-def without_nan(value: Any) -> Any:
-    """Return plain values with None in place of what is not finite, which JSON has no word for."""
-    if isinstance(value, dict):
-        return {key: without_nan(item) for key, item in value.items()}
-    if isinstance(value, (tuple, list)):
-        return [without_nan(item) for item in value]
-    finite = not isinstance(value, float) or value - value == 0.0
-    return value if finite else None

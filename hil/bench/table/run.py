@@ -64,7 +64,7 @@ def fly(bench: Bench, number: int, endpoint: str = "") -> Run:
     Raises NetworkError.
     """
     folder = bench.file(f"run-{number}")
-    master = bench.start_master("--run-dir", folder, endpoint=endpoint)
+    master = bench.start_master("--output", folder, endpoint=endpoint)
     slave = None if endpoint else bench.start_slave()
     code = master.wait(bench.scenario.master.time_limit + 2 * READY_S)
     if slave and not slave.running:

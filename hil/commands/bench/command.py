@@ -1,11 +1,13 @@
 """`uuv-hil bench`: measure what a board, a link or a network can do."""
 
 import signal
+import textwrap
 from collections.abc import Callable
 from importlib import import_module
 
 from hil.commands.bench.options import show
-from hil.common.errors import ConfigError
+from hil.common.columns import aligned
+from hil.common.errors import EXIT_CODES, ConfigError
 from hil.common.schema import nearest
 from hil.common.stop import stop_signals
 
@@ -44,7 +46,7 @@ def main(arguments: list[str]) -> int:
 
 
 def _help() -> str:
-    rows = "\n".join(f"  {name:9} {text}" for name, (_, text) in BENCHMARKS.items())
+    rows = "\n".join(aligned([(name, text) for name, (_, text) in BENCHMARKS.items()], indent="  "))
     return f"""usage: uuv-hil bench BENCHMARK [OPTIONS]
 
 What a board, a link or a network can do. Leave the machine alone meanwhile.
@@ -53,9 +55,11 @@ benchmarks:
 {rows}
 
 examples:
-  uuv-hil bench table --check                       this machine, against its budgets; exit code 1 when one is missed
-  uuv-hil bench table --slave tcp/192.168.3.116:7447 --json pi.json
+  uuv-hil bench table --check               this machine, against its budgets
+  uuv-hil bench table --connect tcp/192.168.3.116:7447 --output pi.json
   uuv-hil bench delay --protocol mavlink --stm32 native
   uuv-hil bench compare before.json after.json --fail-on-regression
 
-uuv-hil bench BENCHMARK --help tells each one's options."""
+uuv-hil bench BENCHMARK --help shows each one's options.
+
+{textwrap.fill(EXIT_CODES, 79)}"""

@@ -1,16 +1,16 @@
 """`uuv-hil bench compare`: tell which differences between two results are real."""
 
-import json
 import sys
 from collections import Counter
 from math import isfinite
 from typing import Any
 
 from hil.bench.comparison import FEWEST, Difference, Verdict, compare, unlike
-from hil.bench.record import load, plain
+from hil.bench.record import load
 from hil.common.columns import aligned
 from hil.common.errors import ConfigError
-from hil.common.options import Share, new_parser
+from hil.common.options import Share, add_json, new_parser
+from hil.common.text import json_text
 
 EXAMPLES = """\
 A difference is real when the bootstrap interval of the ratio of the two medians leaves out 1. Starts of the programs
@@ -42,7 +42,7 @@ def main(arguments: list[str]) -> int:
         "--confidence", type=Share(0.5, 0.9999), default="95%", metavar="SHARE", help="of the intervals [%(default)s]"
     )
     parser.add_argument("--fail-on-regression", action="store_true", help="exit code 1 when a figure is really worse")
-    parser.add_argument("--json", action="store_true", help="for other programs")
+    add_json(parser)
     options = parser.parse_args(arguments)
     least, confidence = options.least, options.confidence
     before, after = load(options.before), load(options.after)
@@ -53,7 +53,7 @@ def main(arguments: list[str]) -> int:
     if not found:
         raise ConfigError(f"{options.before} and {options.after} have no figure in common")
     warnings = unlike(before, after)
-    print(json.dumps(_record(found, warnings), indent=1) if options.json else _text(found, confidence))
+    print(json_text(_record(found, warnings), indent=1) if options.json else _text(found, confidence))
     for warning in warnings:
         print(f"not alike: {warning}", file=sys.stderr)
     worse = any(one.verdict == "worse" for one in found)
@@ -76,4 +76,4 @@ def _text(found: list[Difference], confidence: float) -> str:
 
 def _record(found: list[Difference], warnings: list[str]) -> Any:
     rows = [one._asdict() | {"interval": list(one.interval)} for one in found]
-    return plain({"differences": rows, "not_alike": warnings})
+    return {"differences": rows, "not_alike": warnings}

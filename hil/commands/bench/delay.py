@@ -12,9 +12,8 @@ from hil.bench.harness import Bench
 from hil.bench.limits import Limits
 from hil.bench.record import Figure, new_record
 from hil.commands.bench.options import (
-    add_json,
     add_limits,
-    add_scenario,
+    add_record,
     check_outputs,
     limits_of,
     save_record,
@@ -22,7 +21,20 @@ from hil.commands.bench.options import (
 )
 from hil.commands.bench.partial_failures import PartialFailures
 from hil.common.errors import ConfigError
-from hil.common.options import DAY_S, ENDPOINT, REPEAT, List, Number, changes_of, host, new_parser, one_of, whole
+from hil.common.options import (
+    DAY_S,
+    ENDPOINT,
+    REPEAT,
+    List,
+    Number,
+    add_plot,
+    add_scenario,
+    changes_of,
+    host,
+    new_parser,
+    one_of,
+    whole,
+)
 from hil.common.schema import shortened
 from hil.common.scratch import ScratchFolder
 from hil.slave.drivers.driver import DRIVERS
@@ -39,11 +51,11 @@ To compare two versions of a program, --repeat 5: two starts of one program diff
 
 examples:
   uuv-hil bench delay
-  uuv-hil bench delay --stm32 python,process,native,unicorn --baud 0,115200 --png delay.png
+  uuv-hil bench delay --stm32 python,process,native,unicorn --baud 0,115200 --plot delay.png
   uuv-hil bench delay --protocol frame,mavlink --security off,on
   uuv-hil bench delay --protocol vesc,dronecan --load 0,2
-  uuv-hil bench delay --rate 10,50,100 --payload 0,100000 --seconds 30 --json delay.json
-  uuv-hil bench delay --slave tcp/192.168.3.116:7447 --echo 192.168.3.116:40001:40002
+  uuv-hil bench delay --rate 10,50,100 --payload 0,100000 --seconds 30 --output delay.json
+  uuv-hil bench delay --connect tcp/192.168.3.116:7447 --echo 192.168.3.116:40001:40002
   uuv-hil bench delay --most-over-floor 0.8 --most-p99 3      exit code 1 when a configuration takes longer (ms)
 """
 LIMIT_BROKEN = 1
@@ -120,8 +132,8 @@ def _report(runs: dict[str, list[Result]], labels: tuple[str, ...], options: Any
     broken = [text for name, result in results.items() for text in _broken(name, result, options)]
     for text in broken:
         print(f"LIMIT BROKEN: {text}")
-    if options.png:
-        delay_report.draw(results, record, options.png)
+    if options.plot:
+        delay_report.draw(results, record, options.plot)
     return broken
 
 
@@ -140,14 +152,14 @@ def _parser() -> Any:
     add("--seconds", type=SECONDS, default=10.0, metavar="S", help="of each configuration [%(default)s]")
     add("--steps", type=STEPS, default=11, metavar="N", help="steps in surge, for the delay until motion [%(default)s]")
     add("--repeat", type=REPEAT, default=1, metavar="N", help="times, with new processes each time [%(default)s]")
-    add("--slave", metavar="ENDPOINT", type=ENDPOINT, help="a slave elsewhere, as it is")
+    add("--connect", metavar="ENDPOINT", type=ENDPOINT, help="a slave elsewhere, as it is")
     add("--echo", metavar="HOST:UDP:TCP", type=_echo, help="`uuv-hil bench echo` beside it")
     add("--most-p50", type=LIMIT, metavar="MS", help="limit of the median")
     add("--most-p99", type=LIMIT, metavar="MS", help="limit of 99 of 100 commands")
     add("--most-over-floor", type=LIMIT, metavar="MS", help="limit of the median above the floor")
     add_limits(parser)
-    add_json(parser)
-    add("--png", metavar="FILE", help="histogram, time series and hops")
+    add_record(parser)
+    add_plot(parser, "histogram, time series and hops")
     return parser
 
 
@@ -156,7 +168,7 @@ def _cases(options: Any) -> list[Case]:
     defaults = {"baud": (0,), "rate": (20,), "load": (0,), "payload": (0,)}
     values = [getattr(options, key) or defaults.get(key, ("",)) for key in Case._fields]
     cases = [Case(*row) for row in itertools.product(*values)]
-    if options.slave:
+    if options.connect:
         _check_elsewhere(options, cases)
     return cases
 
@@ -165,23 +177,23 @@ def _check_elsewhere(options: Any, cases: list[Case]) -> None:
     """That nothing is asked of a slave elsewhere which nobody there would hear of. Raises ConfigError."""
     if limits_of(options) != Limits() or any((options.protocol, options.stm32, options.baud, options.port)):
         raise ConfigError(
-            "command line: --slave is measured as it is: without limits, --protocol, --stm32, --baud, --port"
+            "command line: --connect is measured as it is: without limits, --protocol, --stm32, --baud, --port"
         )
     deaf = [key for key in changes_of(options) if not key.startswith(OF_A_MASTER)]
     if deaf:
-        raise ConfigError(f"--set {deaf[0]}: --slave is measured as it is; change it in the scenario over there")
+        raise ConfigError(f"--set {deaf[0]}: --connect is measured as it is; change it in the scenario over there")
     if any(case.security == "on" for case in cases):
         raise ConfigError(
-            "--security on: makes keys that --slave does not have; leave it out, and name the SCENARIO with this "
+            "--security on: makes keys that --connect does not have; leave it out, and name the SCENARIO with this "
             "machine's in its [security] section"
         )
     if options.echo:
         return
     if any(case.payload for case in cases):
-        raise ConfigError("--payload: needs somebody to send it to: `uuv-hil bench echo` beside --slave, and --echo")
+        raise ConfigError("--payload: needs somebody to send it to: `uuv-hil bench echo` beside --connect, and --echo")
     if options.most_over_floor is not None:
         raise ConfigError(
-            "--most-over-floor: there is no floor without `uuv-hil bench echo` beside --slave, and --echo"
+            "--most-over-floor: there is no floor without `uuv-hil bench echo` beside --connect, and --echo"
         )
 
 
@@ -190,7 +202,7 @@ def _measure(case: Case, options: Any, echo: Echo | None) -> tuple[Result, tuple
     with _keys(case.security) as security:
         changes = {**changes_of(options), **_changes(case, options), **security}
         with Bench(options.scenario, changes, limits_of(options)) as bench:
-            result = measure(bench, plan, options.slave or "", echo)
+            result = measure(bench, plan, options.connect or "", echo)
             return result, (*bench.labels, *result.labels)
 
 

@@ -9,7 +9,7 @@ It prints what `uuv-hil bench delay --echo` wants to be told, and ends with Ctrl
 what he sends: run it while you measure.
 
 examples:
-  uuv-hil bench echo --address 192.168.3.116
+  uuv-hil bench echo --listen 192.168.3.116
 """
 
 
@@ -17,9 +17,13 @@ def main(arguments: list[str]) -> int:
     """Answer until told to stop. Raises NetworkError."""
     parser = new_parser("bench echo", __doc__, EXAMPLES)
     parser.add_argument(
-        "--address", type=host, default="127.0.0.1", help="of this machine, to be reached at [%(default)s]"
+        "--listen",
+        metavar="ADDRESS",
+        type=host,
+        default="127.0.0.1",
+        help="of this machine, to be reached at [%(default)s]",
     )
     options = parser.parse_args(arguments)
     with StopSignals() as stop_fd:
-        serve(options.address, stop_fd)
+        serve(options.listen, stop_fd)
     return 0

@@ -11,9 +11,8 @@ from hil.bench.presence import simulation_of
 from hil.bench.record import Figure, new_record
 from hil.bench.statistics import median
 from hil.commands.bench.options import (
-    add_json,
     add_limits,
-    add_scenario,
+    add_record,
     check_outputs,
     limits_of,
     save_record,
@@ -21,7 +20,7 @@ from hil.commands.bench.options import (
 )
 from hil.commands.bench.partial_failures import PartialFailures
 from hil.common.columns import aligned
-from hil.common.options import DAY_S, REPEAT, List, Number, changes_of, new_parser
+from hil.common.options import DAY_S, REPEAT, List, Number, add_scenario, changes_of, new_parser
 
 EXAMPLES = f"""\
 For each rate, one after the other on the same processor: cyclictest (rt-tests, where it is installed), the slave's loop
@@ -32,8 +31,8 @@ wake-up that comes three periods late, three. Since the start, its own included.
 
 examples:
   uuv-hil bench jitter                                     250 Hz, 400 Hz and 1 kHz, pinned to the last processor
-  uuv-hil bench jitter --rates 400 --seconds 60 --json jitter.json
-  uuv-hil bench jitter --repeat 5 --json today.json        enough for `uuv-hil bench compare`
+  uuv-hil bench jitter --rates 400 --seconds 60 --output jitter.json
+  uuv-hil bench jitter --repeat 5 --output today.json        enough for `uuv-hil bench compare`
   uuv-hil bench jitter --cpus 0 --check                    exit code 1 when less than 99 % of cycles are within 2 ms
 """
 WITHIN = 0.99
@@ -96,7 +95,7 @@ def _parser() -> Any:
     add("--repeat", type=REPEAT, default=1, metavar="N", help="whole runs, each with new slaves [%(default)s]")
     add("--check", action="store_true", help="whether 99 %% of the cycles are within 2 ms")
     add_limits(parser)
-    add_json(parser)
+    add_record(parser)
     return parser
 
 

@@ -10,9 +10,8 @@ from hil.bench.load_run import Course, Setting, difference, impossible, settings
 from hil.bench.record import Figure, Record, new_record
 from hil.bench.statistics import median, spread
 from hil.commands.bench.options import (
-    add_json,
     add_limits,
-    add_scenario,
+    add_record,
     check_outputs,
     limits_of,
     save_record,
@@ -21,7 +20,7 @@ from hil.commands.bench.options import (
 from hil.commands.bench.partial_failures import PartialFailures
 from hil.common.columns import aligned
 from hil.common.errors import ConfigError, HilError, NetworkError
-from hil.common.options import DAY_S, List, Number, changes_of, new_parser, whole
+from hil.common.options import DAY_S, List, Number, add_plot, add_scenario, changes_of, new_parser, whole
 from hil.plots.plotting import pyplot
 
 EXAMPLES = """\
@@ -33,7 +32,7 @@ the vehicle or the world cannot have is left out and named. Exit code 1 when a s
 examples:
   uuv-hil bench load                                    the scenario as it is
   uuv-hil bench load --each-sensor --seconds 5          what each sensor costs
-  uuv-hil bench load --rates 100,400,1000 --vehicles 1,2,4 --png load.png --json load.json
+  uuv-hil bench load --rates 100,400,1000 --vehicles 1,2,4 --plot load.png --output load.json
 """
 MOST_VEHICLES = 64
 SECONDS = Number(2.0, DAY_S, "s")
@@ -70,8 +69,8 @@ def main(arguments: list[str]) -> int:
     for each in failed:
         print(f"FAILED: {each.setting.name}: {each.failure}")
     save_record(record, options)
-    if options.png:
-        _draw(done, record, options.png)
+    if options.plot:
+        _draw(done, record, options.plot)
     endings.raise_first()
     return FAILED if failed else 0
 
@@ -85,8 +84,8 @@ def _parser() -> Any:
     add("--vehicles", default=(), metavar="LIST", type=VEHICLES, help="also with so many slaves at once")
     add("--seconds", type=SECONDS, default=10.0, metavar="S", help="for each [%(default)s]")
     add_limits(parser)
-    add_json(parser)
-    add("--png", metavar="FILE", help="CPU and memory over time")
+    add_record(parser)
+    add_plot(parser, "CPU and memory over time")
     return parser
 
 
@@ -155,7 +154,7 @@ def _processes(courses: list[Course]) -> list[str]:
             cpu, memory = f"{100.0 * median(cost.cpu):.2f}", f"{median(cost.memory):.2f}"
             rows.append([course.setting.name, name, cpu, memory, ", ".join(most)])
         if len(costly) > MOST_PROCESSES:
-            rows.append([course.setting.name, f"{len(costly) - MOST_PROCESSES} more", "", "", "in --json"])
+            rows.append([course.setting.name, f"{len(costly) - MOST_PROCESSES} more", "", "", "in --output"])
     return aligned(rows, rule=True)
 
 

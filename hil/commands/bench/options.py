@@ -7,18 +7,12 @@ from typing import Any
 
 from hil.bench.limits import Limits, parse_cpus, parse_memory
 from hil.bench.record import Record, check_writable, save
-from hil.common.options import Share, add_changes, checked
+from hil.common.options import Share, add_output, checked
 from hil.plots.plotting import check_picture
 
 CPU_SHARE = Share(0.01, 64.0)  # of one core
-OUTPUTS = ("json", "csv", "markdown", "png")
+OUTPUTS = ("output", "csv", "markdown", "plot")
 PRINT_EVERY_S = 60.0  # where nobody looks on, such as in a log
-
-
-def add_scenario(parser: argparse.ArgumentParser) -> None:
-    """SCENARIO and what is changed in it."""
-    parser.add_argument("scenario", metavar="SCENARIO", nargs="?", default="paper_field", help="[%(default)s]")
-    add_changes(parser)
 
 
 def add_limits(parser: argparse.ArgumentParser) -> None:
@@ -43,9 +37,9 @@ def add_limits(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def add_json(parser: argparse.ArgumentParser) -> None:
-    """Where the record goes."""
-    parser.add_argument("--json", metavar="FILE", help="write the record, for `uuv-hil bench compare` and --against")
+def add_record(parser: argparse.ArgumentParser) -> None:
+    """Add --output, where the record goes."""
+    add_output(parser, "FILE.json", "write the record, for `uuv-hil bench compare` and --against")
 
 
 def limits_of(options: Any) -> Limits:
@@ -60,16 +54,16 @@ def check_outputs(options: Any) -> None:
     """
     for path in filter(None, (getattr(options, name, None) for name in OUTPUTS)):
         check_writable(path)
-    if getattr(options, "png", None):
-        check_picture(options.png)
+    if getattr(options, "plot", None):
+        check_picture(options.plot)
 
 
 def save_record(record: Record, options: Any) -> None:
     """Say what makes the figures stand for something else, and write the record if asked. Raises ConfigError."""
     for label in record.labels:
         print(f"label: {label}")
-    if options.json:
-        save(record, options.json)
+    if options.output:
+        save(record, options.output)
 
 
 class Progress:

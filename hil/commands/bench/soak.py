@@ -10,16 +10,15 @@ from hil.bench.record import Figure, Record, new_record
 from hil.bench.soak_run import Observation, Soak, Soaking, measured, trend
 from hil.bench.statistics import median
 from hil.commands.bench.options import (
-    add_json,
     add_limits,
-    add_scenario,
+    add_record,
     check_outputs,
     limits_of,
     save_record,
     show,
 )
 from hil.common.errors import STOPPED, ConfigError
-from hil.common.options import Number, changes_of, new_parser
+from hil.common.options import Number, add_plot, add_scenario, changes_of, new_parser
 from hil.common.stop import StopSignals
 from hil.plots.plotting import pyplot
 
@@ -30,7 +29,7 @@ one when the interval is above 0 and the line steeper than --leak, and not befor
 or is out of reach is a finding. Ctrl-C ends early and judges what there is.
 
 examples:
-  uuv-hil bench soak --hours 8 --json soak.json --png soak.png
+  uuv-hil bench soak --hours 8 --output soak.json --plot soak.png
   uuv-hil bench soak --hours 0.05 --every 2 --leave-every 30
 """
 FOUND = 1
@@ -70,8 +69,8 @@ def main(arguments: list[str]) -> int:
     findings = judge(found, options.leak)
     record = _record(found, findings, options, labels)
     save_record(record, options)
-    if options.png:
-        _draw(found, record, options.png)
+    if options.plot:
+        _draw(found, record, options.plot)
     return FOUND if findings else 0
 
 
@@ -84,8 +83,8 @@ def _parser() -> Any:
     add("--leave-every", type=EVERY, default=300.0, metavar="S", help="the master comes back anew [%(default)s]")
     add("--leak", type=LEAK, default=0.5, metavar="MIB", help="growth an hour that is one [%(default)s]")
     add_limits(parser)
-    add_json(parser)
-    add("--png", metavar="FILE", help="memory, delay and time over the run")
+    add_record(parser)
+    add_plot(parser, "memory, delay and time over the run")
     return parser
 
 

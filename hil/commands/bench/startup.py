@@ -8,9 +8,8 @@ from hil.bench.record import Figure, new_record
 from hil.bench.startup_run import AT_MASTER, PHASES, coldness, files_of_a_start, floors, start, time_floor
 from hil.bench.statistics import median, spread
 from hil.commands.bench.options import (
-    add_json,
     add_limits,
-    add_scenario,
+    add_record,
     check_outputs,
     limits_of,
     save_record,
@@ -18,7 +17,7 @@ from hil.commands.bench.options import (
 )
 from hil.commands.bench.partial_failures import PartialFailures
 from hil.common.columns import aligned
-from hil.common.options import REPEAT, Number, changes_of, new_parser
+from hil.common.options import REPEAT, Number, add_scenario, changes_of, new_parser
 
 EXAMPLES = """\
 The slave and the interpreters start in turn. Warm: all files are in memory, from a start before. Cold: they have been
@@ -27,9 +26,9 @@ dropped from the page cache before each start; by default only the files that a 
 
 examples:
   uuv-hil bench startup
-  uuv-hil bench startup --runs 20 --most 0.35          exit code 1 when a warm start takes longer (s, median)
+  uuv-hil bench startup --repeat 20 --most 0.35          exit code 1 when a warm start takes longer (s, median)
   sudo uuv-hil bench startup --drop-caches
-  uuv-hil bench startup --cpu-quota 25% --json small.json
+  uuv-hil bench startup --cpu-quota 25% --output small.json
 """
 LIMIT_BROKEN = 1
 MOST = Number(0.0, 3600.0, "s")
@@ -42,12 +41,12 @@ def main(arguments: list[str]) -> int:
     """Measure and print; 0, or 1 when a limit is broken. Raises HilError."""
     parser = new_parser("bench startup", __doc__, EXAMPLES)
     add_scenario(parser)
-    parser.add_argument("--runs", type=REPEAT, default=10, metavar="N", help="starts of each kind [%(default)s]")
+    parser.add_argument("--repeat", type=REPEAT, default=10, metavar="N", help="starts of each kind [%(default)s]")
     parser.add_argument("--warm-only", action="store_true", help="leave the cold starts out")
     parser.add_argument("--drop-caches", action="store_true", help="cold: drop all caches of the machine, as root")
     parser.add_argument("--most", type=MOST, metavar="S", help="limit of a warm start, until the first sample")
     add_limits(parser)
-    add_json(parser)
+    add_record(parser)
     options = parser.parse_args(arguments)
     check_outputs(options)
     endings = PartialFailures()
@@ -55,11 +54,11 @@ def main(arguments: list[str]) -> int:
     if not found:
         endings.raise_first()
     print(_text(found))
-    print(f"medians of {endings.most(options.runs)} starts each, (range of the middle half); ms")
+    print(f"medians of {endings.most(options.repeat)} starts each, (range of the middle half); ms")
     for line in how:
         print(line)
     figures = {f"{row} [{kind}]": Figure(v, "ms") for kind, rows in found.items() for row, v in rows.items()}
-    settings = {key: getattr(options, key) for key in ("scenario", "set", "runs", "drop_caches")}
+    settings = {key: getattr(options, key) for key in ("scenario", "set", "repeat", "drop_caches")}
     save_record(new_record("startup", settings, figures, (*labels, *endings.labels), {"cold": how}), options)
     took = median(found["warm"]["all"]) / 1e3
     broken = options.most is not None and not took <= options.most
@@ -83,8 +82,8 @@ def _measure(options: Any, endings: PartialFailures) -> tuple[dict[str, Series],
         if not options.warm_only:
             kinds["cold"], words = coldness(files, options.drop_caches)
         for kind, before in kinds.items():
-            for number in range(options.runs):
-                endings.place = f"{kind}: {number + 1} of {options.runs}"
+            for number in range(options.repeat):
+                endings.place = f"{kind}: {number + 1} of {options.repeat}"
                 show(endings.place)
                 row = _start(bench, before)
                 rows.setdefault(kind, []).append(row)

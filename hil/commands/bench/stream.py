@@ -10,9 +10,8 @@ from hil.bench.record import Better, Figure, new_record
 from hil.bench.statistics import median
 from hil.bench.stream_run import Listener, Listening, Stream, missing
 from hil.commands.bench.options import (
-    add_json,
     add_limits,
-    add_scenario,
+    add_record,
     check_outputs,
     limits_of,
     save_record,
@@ -21,20 +20,20 @@ from hil.commands.bench.options import (
 from hil.commands.bench.partial_failures import PartialFailures
 from hil.common.columns import aligned
 from hil.common.errors import ConfigError
-from hil.common.options import DAY_S, ENDPOINT, REPEAT, Number, changes_of, new_parser
+from hil.common.options import DAY_S, ENDPOINT, REPEAT, Number, add_scenario, changes_of, new_parser
 from hil.scenario.config import load_single
 
 EXAMPLES = """\
 Loss is by sequence numbers, "missing" what the nominal rate leaves to be wished for: what was never sent is in it too.
 Age is from publish to receipt by the estimated offset of the two clocks (0 on one machine). Topics that a slave of the
-scenario should send and does not have a row of 0 Hz. A vehicle elsewhere is only listened to; without --slave one is
+scenario should send and does not have a row of 0 Hz. A vehicle elsewhere is only listened to; without --connect one is
 started here.
 
 examples:
   uuv-hil bench stream --seconds 30
-  uuv-hil bench stream --slave tcp/192.168.3.116:7447 --json wlan.json
+  uuv-hil bench stream --connect tcp/192.168.3.116:7447 --output wlan.json
   uuv-hil bench stream --set sensors.laser.rate=20 --set sensors.imu.rate=400
-  uuv-hil bench stream --repeat 5 --json today.json            enough for `uuv-hil bench compare`
+  uuv-hil bench stream --repeat 5 --output today.json            enough for `uuv-hil bench compare`
 """
 # What goes into the record: a field of Stream, what it is called there, its unit, what makes it that, which is better.
 SECONDS = Number(1.0, DAY_S, "s")
@@ -52,9 +51,9 @@ def main(arguments: list[str]) -> int:
     """Measure and print; the exit code. Raises HilError."""
     options = _parser().parse_args(arguments)
     check_outputs(options)
-    if options.slave and (options.set or limits_of(options) != Limits()):
+    if options.connect and (options.set or limits_of(options) != Limits()):
         raise ConfigError(
-            "command line: --set, --cpus, --cpu-quota and --memory change a slave started here, not --slave; "
+            "command line: --set, --cpus, --cpu-quota and --memory change a slave started here, not --connect; "
             "start that one as it shall be, and give its scenario as a file"
         )
     runs: list[Listening] = []
@@ -78,8 +77,8 @@ def main(arguments: list[str]) -> int:
     warnings = list(dict.fromkeys(warning for heard in runs for warning in heard.warnings))
     for warning in warnings:
         print(f"WARNING: {warning}")
-    settings = {key: getattr(options, key) for key in ("scenario", "set", "slave", "seconds", "repeat")}
-    figures = _figures(streams, bool(options.slave))
+    settings = {key: getattr(options, key) for key in ("scenario", "set", "connect", "seconds", "repeat")}
+    figures = _figures(streams, bool(options.connect))
     save_record(new_record("stream", settings, figures, (*labels, *endings.labels), {"warnings": warnings}), options)
     endings.raise_first()
     return 0
@@ -89,11 +88,11 @@ def _parser() -> Any:
     parser = new_parser("bench stream", __doc__, EXAMPLES)
     add_scenario(parser)
     add = parser.add_argument
-    add("--slave", metavar="ENDPOINT", type=ENDPOINT, help="a slave elsewhere [one is started here]")
+    add("--connect", metavar="ENDPOINT", type=ENDPOINT, help="a slave elsewhere [one is started here]")
     add("--seconds", type=SECONDS, default=10.0, metavar="S", help="[%(default)s]")
     add("--repeat", type=REPEAT, default=1, metavar="N", help="whole runs, each with a slave of its own [%(default)s]")
     add_limits(parser)
-    add_json(parser)
+    add_record(parser)
     return parser
 
 
@@ -105,9 +104,9 @@ def _listen(options: Any, place: str) -> tuple[Listening, tuple[str, ...]]:
 
     with ExitStack() as stack:
         stack.callback(show, "")
-        if options.slave:
-            show(f"{place}: waiting for {options.slave}")
-            listener = stack.enter_context(Listener(options.slave, load_single(options.scenario, remedy=ONE_VEHICLE)))
+        if options.connect:
+            show(f"{place}: waiting for {options.connect}")
+            listener = stack.enter_context(Listener(options.connect, load_single(options.scenario, remedy=ONE_VEHICLE)))
             heard = listener.listen(options.seconds, None, watch)
             return heard, labels_of(listener.client.diagnostics())
         bench = stack.enter_context(Bench(options.scenario, changes_of(options), limits_of(options)))

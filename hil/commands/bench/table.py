@@ -13,9 +13,8 @@ from hil.bench.table.boards import HERE, Column
 from hil.bench.table.hil_table import PAPER_NOTE
 from hil.bench.table.run import Run, figures, fly
 from hil.commands.bench.options import (
-    add_json,
     add_limits,
-    add_scenario,
+    add_record,
     check_outputs,
     limits_of,
     save_record,
@@ -23,13 +22,13 @@ from hil.commands.bench.options import (
 )
 from hil.commands.bench.partial_failures import PartialFailures
 from hil.common.errors import ConfigError
-from hil.common.options import DAY_S, ENDPOINT, REPEAT, Number, changes_of, new_parser
+from hil.common.options import DAY_S, ENDPOINT, REPEAT, Number, add_plot, add_scenario, changes_of, new_parser
 from hil.common.process import boot_id
 from hil.common.schema import preset_names
 from hil.ros.diagnostics import Diagnostics, shown
 
 EXAMPLES = """\
-Each repetition flies the scenario for --seconds with a master process of its own, and without --slave with a slave
+Each repetition flies the scenario for --seconds with a master process of its own, and without --connect with a slave
 process of its own, started once the master dials. One start before them warms the caches and is not counted. What
 each figure is exactly: docs/explanation/benchmark.md.
 
@@ -39,8 +38,8 @@ examples:
   uuv-hil bench table                                  this machine, beside the reference platform's boards
   uuv-hil bench table --check                          exit code 1 when a budget of the board is missed
   uuv-hil bench table --cpu-quota 25% --memory 512M --cpus 0      a laptop as a small board
-  uuv-hil bench table --slave tcp/192.168.3.116:7447 --slave tcp/192.168.3.117:7447 --markdown boards.md
-  uuv-hil bench table --json today.json --against yesterday.json --png table.png
+  uuv-hil bench table --connect tcp/192.168.3.116:7447 --connect tcp/192.168.3.117:7447 --markdown boards.md
+  uuv-hil bench table --output today.json --against yesterday.json --plot table.png
 """
 BUDGET_MISSED = 1
 SECONDS = Number(1.0, DAY_S, "s")
@@ -55,10 +54,10 @@ def main(arguments: list[str]) -> int:
     options = _parser().parse_args(arguments)
     check_outputs(options)
     earlier = [column for path in options.against for column in _earlier(path)]
-    if options.slave and (options.cpus or options.cpu_quota or options.memory):
-        raise ConfigError("command line: --cpus, --cpu-quota and --memory limit a slave started here, not --slave")
+    if options.connect and (options.cpus or options.cpu_quota or options.memory):
+        raise ConfigError("command line: --cpus, --cpu-quota and --memory limit a slave started here, not --connect")
     unheard = [key for key in changes_of(options) if key.startswith(OF_SLAVE_ALONE) and key != "slave.node"]
-    if options.slave and unheard:
+    if options.connect and unheard:
         raise ConfigError(f"command line: --set {unheard[0]}: nobody tells a slave elsewhere; set it there")
     board = _board(options)
     endings = PartialFailures()
@@ -84,7 +83,7 @@ def _parser() -> Any:
     add_scenario(parser)
     add = parser.add_argument
     add(
-        "--slave",
+        "--connect",
         action="append",
         default=[],
         metavar="ENDPOINT",
@@ -93,14 +92,14 @@ def _parser() -> Any:
     )
     add("--repeat", type=REPEAT, default=5, metavar="N", help="repetitions [%(default)s]")
     add("--seconds", type=SECONDS, default=10.0, metavar="S", help="of flight in each [%(default)s]")
-    add("--against", action="append", default=[], metavar="FILE", help="an earlier --json beside it")
+    add("--against", action="append", default=[], metavar="FILE", help="an earlier record beside it")
     add("--check", action="store_true", help="against the budgets of the board")
     add("--board", metavar="NAME", help="whose budgets [recognised]")
     add_limits(parser)
-    add_json(parser)
+    add_record(parser)
     add("--csv", metavar="FILE", help="the table as CSV")
     add("--markdown", metavar="FILE", help="the table as Markdown")
-    add("--png", metavar="FILE", help="the table as a picture")
+    add_plot(parser, "the table as a picture")
     return parser
 
 
@@ -110,7 +109,7 @@ def _measure(options: Any, endings: PartialFailures) -> Record:
     found: dict[str, Figure] = {}
     details: dict[str, Any] = {}
     labels: list[str] = []
-    for endpoint in options.slave or [""]:
+    for endpoint in options.connect or [""]:
         name = endpoint or HERE
         runs: list[Run] = []
         endings.place = f"{name}: run 1 of {options.repeat}"
@@ -130,7 +129,7 @@ def _measure(options: Any, endings: PartialFailures) -> Record:
             break
     if not found:
         endings.raise_first()
-    settings = {key: getattr(options, key) for key in ("scenario", "set", "slave", "repeat", "seconds")}
+    settings = {key: getattr(options, key) for key in ("scenario", "set", "connect", "repeat", "seconds")}
     return new_record("table", settings, found, dict.fromkeys((*labels, *endings.labels)), details)
 
 
@@ -170,8 +169,8 @@ def _write(columns: list[Column], options: Any) -> None:
         write_text(options.csv, board_table.comma_separated(columns))
     if options.markdown:
         write_text(options.markdown, board_table.markdown(columns) + "\n")
-    if options.png:
-        board_table.draw(columns, options.png)
+    if options.plot:
+        board_table.draw(columns, options.plot)
 
 
 def _said(record: Record) -> list[str]:
@@ -212,7 +211,7 @@ def _board(options: Any) -> Board | None:
     """
     if options.board:
         return load_board(options.board)
-    if options.slave or not options.check:
+    if options.connect or not options.check:
         return None
     found = recognise(Tree())
     if found is None:

@@ -9,7 +9,7 @@ from boards.health import Throttling, governors, recognise, temperature, throttl
 from boards.tree import Tree, architecture
 from hil.common.columns import aligned
 from hil.common.errors import ConfigError
-from hil.common.options import ENDPOINT, new_parser
+from hil.common.options import ENDPOINT, add_json, add_scenario, new_parser
 from hil.common.schema import preset_names
 
 EXAMPLES = """\
@@ -29,7 +29,7 @@ examples:
 OPTIONS = {
     "show": ("board", "root", "json", "sources"),
     "list": ("json",),
-    "install": ("scenario", "board", "root", "user", "listen", "member", "dry_run", "yes"),
+    "install": ("scenario", "set", "board", "root", "user", "listen", "member", "dry_run", "yes"),
     "uninstall": ("root", "dry_run", "yes"),
 }
 
@@ -61,11 +61,11 @@ def main(arguments: list[str]) -> int:
 
 def _parser() -> argparse.ArgumentParser:
     parser = new_parser("board", __doc__, EXAMPLES)
-    parser.add_argument("action", nargs="?", choices=tuple(OPTIONS), default="show")
-    parser.add_argument("scenario", metavar="SCENARIO", nargs="?", help="install: what the service is to run")
+    parser.add_argument("action", nargs="?", choices=tuple(OPTIONS), default="show", help="[%(default)s]")
+    add_scenario(parser, None, optional=True)
     parser.add_argument("--board", metavar="NAME", help="show, install: the single-board computer this is [recognised]")
     parser.add_argument("--root", metavar="PATH", default="/", help="where the machine's /proc, /sys, /etc are [/]")
-    parser.add_argument("--json", action="store_true", help="show, list: for other programs")
+    add_json(parser)
     parser.add_argument("--sources", action="store_true", help="show: also where each of it was read")
     parser.add_argument("--user", metavar="NAME", help="install: who runs the slave [who called sudo]")
     parser.add_argument(

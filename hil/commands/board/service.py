@@ -36,8 +36,8 @@ def install(tree: Tree, options: argparse.Namespace) -> int:
     user = options.user or os.environ.get("SUDO_USER") or getpass.getuser()
     check_user(tree, user)
     here = load_board(options.board) if options.board else recognise(tree)
-    scenario = board_check.read(options.scenario, options.listen, options.member)
-    service = Service(scenario, options.scenario, user, options.listen, options.board, options.member)
+    scenario = board_check.read(options.scenario, options.listen, options.member, options.set)
+    service = Service(scenario, options.scenario, user, options.listen, options.board, options.member, (*options.set,))
     plan = board_changes.plan_install(tree, board_install.texts(tree, service, here))
     board_check.check(tree, service)
     for finding in memory_limit(Case(tree, here, scenario, User(user, 0, ()))):

@@ -2,7 +2,6 @@
 
 import csv
 import itertools
-import json
 import math
 import statistics
 import time
@@ -10,17 +9,17 @@ from collections.abc import Sequence
 from contextlib import closing
 
 from hil.bench.record import check_writable
-from hil.bench.table.hil_table import without_nan
 from hil.cases.simulated import fly
 from hil.commands.campaign.engines import CLUSTERS, Changes, Row, Task, run_here, run_on_cluster
 from hil.commands.campaign.files import collect
 from hil.common.columns import aligned
 from hil.common.errors import ConfigError, HilError
-from hil.common.options import JOBS, SEEDS, new_parser
+from hil.common.options import JOBS, SEEDS, add_json, add_output, add_scenario, changes_of, new_parser
 from hil.common.progress_line import ProgressLine
 from hil.common.schema import shortened
 from hil.common.stop import every_end_like_ctrl_c
 from hil.common.tables import value_of
+from hil.common.text import json_text
 from hil.master.flight import prepare
 from hil.scenario.config import load_scenario, load_single
 from sim.run_events import KINDS
@@ -46,14 +45,17 @@ METRICS = ("duration", "travelled", "goal_error", "cross_track_max", "least_clea
 def main(arguments: list[str]) -> int:
     """Run the campaign; 0 when every run reached its goal and nothing went wrong in any, else 6."""
     parser = new_parser("campaign", __doc__, EXAMPLES)
-    parser.add_argument("scenario", metavar="SCENARIO")
+    add_scenario(parser)
     parser.add_argument("--seeds", type=SEEDS, default=10, metavar="N", help="seeds 1 to N [%(default)s]")
     parser.add_argument("--vary", action="append", default=[], metavar="KEY=A,B,...", help="may be given several times")
     parser.add_argument("--jobs", type=JOBS, default=-1, metavar="N", help="processes at once [all cores]")
-    parser.add_argument("--backend", default="loky", help="joblib's: loky, threading, dask, ray [%(default)s]")
-    parser.add_argument("-o", "--output", metavar="FILE.csv", help="a row a run")
-    parser.add_argument("--json", action="store_true", help="print all rows as JSON instead of the summary")
+    parser.add_argument(
+        "--backend", metavar="NAME", default="loky", help="joblib's: loky, threading, dask, ray [%(default)s]"
+    )
+    add_output(parser, "FILE.csv", "a row a run")
+    add_json(parser)
     options = parser.parse_args(arguments)
+    fixed = changes_of(options)
     sets = combinations(options.vary)
     if len(sets) * options.seeds > MOST_RUNS:
         raise ConfigError(
@@ -61,12 +63,14 @@ def main(arguments: list[str]) -> int:
             "runs: give fewer, or several campaigns"
         )
     for changes in sets:  # a wrong key shall not cost a campaign
-        load_single(options.scenario, changes)
+        load_single(options.scenario, fixed | changes)
     if options.output:
         check_writable(options.output)
     with every_end_like_ctrl_c():
-        rows = run_all(options.scenario, sets, options.seeds, options.jobs, options.backend)
-    print(json.dumps(without_nan(rows)) if options.json else summary(rows, sets), flush=True)
+        rows = run_all(
+            options.scenario, [fixed | changes for changes in sets], options.seeds, options.jobs, options.backend
+        )
+    print(json_text(rows) if options.json else summary(rows, sets), flush=True)
     if options.output:
         write_csv(options.output, rows)
     return 0 if all(row["success"] for row in rows) else 6

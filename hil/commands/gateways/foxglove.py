@@ -4,8 +4,8 @@ import select
 from typing import Any
 
 from hil.commands.listening import scenario_and_endpoints
-from hil.common.errors import ConfigError, MissingExtraError, NetworkError
-from hil.common.options import ENDPOINT, PORT, host, new_parser
+from hil.common.errors import MissingExtraError, NetworkError
+from hil.common.options import add_connect, add_settings, new_parser, serving_address
 from hil.common.stop import StopSignals
 from hil.network.settings import Network
 from hil.recording.mcap_file import Message, schema_of
@@ -14,42 +14,36 @@ from hil.ros.topics import TOPICS
 EXAMPLES = """\
 Then open Foxglove, "open connection", ws://localhost:8765. The messages are those of ROS 2, byte for byte.
 Its clients only look. Foxglove's library asks for no password and checks no origin: any web page that is open in a
-browser on this machine can look too, and with --host everybody who reaches the port.
+browser on this machine can look too, and with another --listen everybody who reaches the port.
 
 examples:
   uuv-hil foxglove --connect tcp/192.168.3.116:7447
-  uuv-hil foxglove paper_field --host 0.0.0.0 --port 9000      for other machines: anyone who reaches it can look
+  uuv-hil foxglove --listen 0.0.0.0:9000      for other machines: anyone who reaches it can look
 """
+LISTEN = "127.0.0.1:8765"
 POLL_S = 0.02
 
 
 def main(arguments: list[str]) -> int:
     """Show until told to stop; the exit code."""
     parser = new_parser("foxglove", __doc__, EXAMPLES)
-    parser.add_argument("scenario", metavar="SCENARIO", nargs="?")
+    add_connect(parser)
+    add_settings(parser)
     parser.add_argument(
-        "--connect",
-        metavar="ENDPOINT",
-        type=ENDPOINT,
-        action="append",
-        help="a slave or a router, HOST:PORT [the scenario's]",
+        "--listen", metavar="[HOST:]PORT", type=serving_address, default=LISTEN, help="where to serve [%(default)s]"
     )
-    parser.add_argument("--host", type=host, default="127.0.0.1", help="address to serve at [%(default)s]")
-    parser.add_argument("--port", type=PORT, default=8765, help="[%(default)s]")
     options = parser.parse_args(arguments)
-    scenario, endpoints = scenario_and_endpoints(options.scenario, options.connect)
-    if not endpoints:
-        raise ConfigError("give --connect tcp/ADDRESS:PORT, or a scenario")
+    scenario, endpoints = scenario_and_endpoints(options)
     network, security = (scenario.network, scenario.security) if scenario else (Network(), None)
     from hil.recording.tap import Tap, save_processor
 
     save_processor()
     with (
         StopSignals() as stop_fd,
-        LiveView(options.host, options.port) as view,
+        LiveView(*options.listen) as view,
         Tap(endpoints, network, security) as tap,
     ):
-        print(f"ws://{options.host}:{view.port} shows {', '.join(endpoints)}; Ctrl-C ends it", flush=True)
+        print(f"ws://{options.listen[0]}:{view.port} shows {', '.join(endpoints)}; Ctrl-C ends it", flush=True)
         print(f"waiting for a vehicle at {', '.join(endpoints)} (`uuv-hil slave` there)", flush=True)
         nodes: set[str] = set()
         while not select.select((stop_fd,), (), (), POLL_S)[0]:
@@ -79,7 +73,7 @@ class LiveView:
         try:
             self._server = self._library.start_server(name="uuv-hil", **how)
         except (RuntimeError, OSError) as error:
-            raise NetworkError(f"cannot serve at {host}:{port}: {error}; choose another with --port") from None
+            raise NetworkError(f"cannot serve at {host}:{port}: {error}; choose another with --listen") from None
         self.port: int = self._server.port
 
     def __enter__(self) -> "LiveView":

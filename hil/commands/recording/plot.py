@@ -2,7 +2,7 @@
 
 import os
 
-from hil.common.options import new_parser
+from hil.common.options import add_output, new_parser
 
 EXAMPLES = """\
 FILE is an .mcap file or the folder of a recording. Pictures go where the recording is, unless -o says otherwise.
@@ -21,7 +21,7 @@ def main(arguments: list[str]) -> int:
     """Draw; the exit code."""
     parser = new_parser("plot", __doc__, EXAMPLES)
     parser.add_argument("recording", metavar="FILE")
-    parser.add_argument("-o", "--output", metavar="DIR", help="a folder for the pictures")
+    add_output(parser, "DIR", "a folder for the pictures [that of the recording]")
     parser.add_argument("--own-classes", action="store_true", help="load the classes it names; only if you trust it")
     options = parser.parse_args(arguments)
     from hil.plots.run_plots import plot_recording

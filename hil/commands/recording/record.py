@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 from hil.commands.listening import scenario_and_endpoints
 from hil.common.clock import NS_PER_S, now_ns, seconds_ns
-from hil.common.errors import ConfigError, DeviceError, NetworkError
-from hil.common.options import ENDPOINT, YEAR_S, Number, new_parser
+from hil.common.errors import DeviceError, NetworkError
+from hil.common.options import YEAR_S, Number, add_connect, add_output, add_settings, new_parser
 from hil.common.stop import StopSignals
 from hil.network.settings import Network
 from hil.recording.mcap_writer import require_library
@@ -21,12 +21,12 @@ if TYPE_CHECKING:
 
 EXAMPLES = """\
 The folder holds MCAP files and an index; it is a rosbag2 bag. Every file is whole at any time: a recorder that is
-killed loses at most its last second. A SCENARIO tells the node's name, the keys of a secured network and the limits of
+killed loses at most its last second. A scenario gives the node's name, the keys of a secured network and the limits of
 [recording], and is kept in the files, for pictures with a map.
 
 examples:
   uuv-hil record --connect tcp/192.168.3.116:7447                       until Ctrl-C, into recordings/
-  uuv-hil record paper_field --connect tcp/127.0.0.1:7447 -o dive7
+  uuv-hil record --scenario paper_field -o dive7
   uuv-hil record --connect tcp/10.0.0.1:7447 --connect tcp/10.0.0.2:7447 --seconds 60
 """
 POLL_S = 0.1
@@ -37,20 +37,12 @@ SAY_PERIOD_NS = NS_PER_S
 def main(arguments: list[str]) -> int:
     """Record until told to stop; the exit code."""
     parser = new_parser("record", __doc__, EXAMPLES)
-    parser.add_argument("scenario", metavar="SCENARIO", nargs="?")
-    parser.add_argument(
-        "--connect",
-        metavar="ENDPOINT",
-        type=ENDPOINT,
-        action="append",
-        help="a slave or a router, HOST:PORT [the scenario's]",
-    )
-    parser.add_argument("-o", "--output", metavar="DIR", help="a folder for the recording [recordings/NAME-TIME]")
+    add_connect(parser)
+    add_settings(parser)
+    add_output(parser, "DIR", "a folder for the recording [recordings/NAME-TIME]")
     parser.add_argument("--seconds", metavar="S", type=SECONDS, help="for how long [until Ctrl-C]")
     options = parser.parse_args(arguments)
-    scenario, endpoints = scenario_and_endpoints(options.scenario, options.connect)
-    if not endpoints:
-        raise ConfigError("give --connect tcp/ADDRESS:PORT, or a scenario")
+    scenario, endpoints = scenario_and_endpoints(options)
     recording = scenario.recording if scenario else Recording()
     about, files = _about(scenario, endpoints)
     from hil.recording.tap import Tap, save_processor

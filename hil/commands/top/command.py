@@ -12,8 +12,9 @@ from hil.commands.listening import scenario_and_endpoints
 from hil.common.clock import now_ns, seconds_ns
 from hil.common.columns import aligned
 from hil.common.errors import NetworkError
-from hil.common.options import ENDPOINT, WAIT, new_parser, serving_address
+from hil.common.options import WAIT, add_connect, add_json, add_settings, new_parser, serving_address
 from hil.common.stop import StopSignals
+from hil.common.text import json_text
 from hil.network.roles import open_client_session, open_master_session
 from hil.network.session import Session
 from hil.ros.diagnostics import Diagnostics as Said
@@ -27,10 +28,9 @@ same to a monitoring system.
 examples:
   uuv-hil top --connect tcp/192.168.3.116:7447
   uuv-hil top --connect tcp/pi1:7447 --connect tcp/pi2:7447      several slaves side by side
-  uuv-hil top --connect tcp/pi1:7447 --once                      one table, for a script
-  uuv-hil top paper_field --prometheus 9747                      also at http://127.0.0.1:9747/metrics
+  uuv-hil top --once --json                                      for a script
+  uuv-hil top --prometheus 9747                      also at http://127.0.0.1:9747/metrics
 """
-DEFAULT = "tcp/127.0.0.1:7447"
 REDRAW_S = 0.5
 STALE_S = 3.0  # after which figures are old news
 RED, YELLOW, PLAIN = "\x1b[31m", "\x1b[33m", "\x1b[0m"
@@ -39,8 +39,8 @@ RED, YELLOW, PLAIN = "\x1b[31m", "\x1b[33m", "\x1b[0m"
 def main(arguments: list[str]) -> int:
     """Show until told to stop; the exit code. Raises ConfigError, NetworkError."""
     options = _parser().parse_args(arguments)
-    scenario, endpoints = scenario_and_endpoints(options.scenario, options.connect)
-    endpoints = endpoints or [DEFAULT]
+    options.once = options.once or options.json
+    scenario, endpoints = scenario_and_endpoints(options)
     secure: dict[str, Any] = {"network": scenario.network, "security": scenario.security} if scenario else {}
     with StopSignals() as stop_fd, _session(endpoints, secure) as session, ExitStack() as stack:
         watch = HealthWatch(session)
@@ -57,7 +57,10 @@ def main(arguments: list[str]) -> int:
         if options.once:
             _settle(watch, options.wait, stop_fd)
             unanswered.check_endpoints()
-            print("\n".join([table(watch.statuses(), watch.without_answer()), *_remarks(watch, unanswered)]))
+            if options.json:
+                print(as_json(watch.statuses()))
+            else:
+                print("\n".join([table(watch.statuses(), watch.without_answer()), *_remarks(watch, unanswered)]))
             return 0
         _show(watch, unanswered, endpoints, stop_fd)
     return 0
@@ -65,15 +68,10 @@ def main(arguments: list[str]) -> int:
 
 def _parser() -> Any:
     parser = new_parser("top", __doc__, EXAMPLES)
-    parser.add_argument("scenario", metavar="SCENARIO", nargs="?", help="whose [network] and [security] hold")
-    parser.add_argument(
-        "--connect",
-        metavar="ENDPOINT",
-        type=ENDPOINT,
-        action="append",
-        help=f"a slave or a router; several times [{DEFAULT}]",
-    )
+    add_connect(parser)
+    add_settings(parser)
     parser.add_argument("--once", action="store_true", help="print one table and end")
+    add_json(parser)
     parser.add_argument(
         "--prometheus", metavar="[HOST:]PORT", type=serving_address, help="serve the figures to a monitoring system too"
     )
@@ -219,6 +217,16 @@ ROWS: dict[str, Callable[[Status], str]] = {
     "machine's net in / out (kB/s)": _traffic,
     "heard (s ago)": lambda status: f"{status.age_s:.1f}",
 }
+
+
+def as_json(statuses: list[Status]) -> str:
+    """Return what each slave reports of itself, by its node, as JSON."""
+    return json_text({
+        status.node: {"present": status.present, "message": status.message, "age_s": status.age_s,
+                      "paces": {**status.paces},
+                      "figures": status.figures.as_dict()}
+        for status in statuses
+    })  # fmt: skip
 
 
 def table(statuses: list[Status], silent: list[str], colour: bool = False) -> str:

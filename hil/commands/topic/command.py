@@ -1,32 +1,32 @@
 """`uuv-hil topic`: list, echo, measure and publish topics of ROS 2, and call services, without ROS."""
 
 import argparse
-import json
 import os
 import select
 import statistics
 import sys
 from collections import deque
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from contextlib import suppress
-from typing import Any
+from typing import Any, NamedTuple
 
+from hil.commands.listening import scenario_and_endpoints
 from hil.commands.topic.text import lines, parse_values
 from hil.common.clock import NS_PER_S, RateKeeper, now_ns, seconds_ns, to_wall_ns
 from hil.common.columns import aligned
 from hil.common.errors import ConfigError, NetworkError
-from hil.common.options import ENDPOINT, WAIT, Number, new_parser, whole
+from hil.common.options import WAIT, Number, add_connect, add_json, add_settings, new_parser, whole
 from hil.common.schema import nearest
 from hil.common.stop import StopSignals
+from hil.common.text import json_text
 from hil.network import services
 from hil.network.publisher import Publisher
-from hil.network.roles import open_client_session
+from hil.network.roles import open_client_session, open_master_session
 from hil.network.session import Session
 from hil.ros import dialect, graph, types
 from hil.ros import message as ros_message
 from hil.ros.graph import Entity, Node
 from hil.ros.topics import TOPICS, Topic
-from hil.scenario.config import load_scenario
 
 EXAMPLES = """\
 examples:
@@ -39,7 +39,6 @@ examples:
 Messages are written as YAML in one line, as JSON, or as TOML (linear.x = 0.5), in the units and frames of ROS: metres,
 radians, ENU and FLU. Ctrl-C ends it.
 """
-DEFAULT = "tcp/127.0.0.1:7447"
 POLL_S = 0.02
 SETTLE_S = 1.0  # for what the other side declares to arrive, if it declares anything
 WINDOW = 10_000  # arrivals that hz looks back on
@@ -51,7 +50,7 @@ RATE = Number(0.001, 10_000.0, "Hz")
 def main(arguments: list[str]) -> int:
     """Do one of list, echo, hz, pub and call; 0. Raises ConfigError, NetworkError."""
     options = _parser().parse_args(arguments)
-    scenario = load_scenario(options.scenario) if options.scenario is not None else None
+    scenario, endpoints = scenario_and_endpoints(options)
     secure: dict[str, Any] = {"network": scenario.network, "security": scenario.security} if scenario else {}
     actions = {"list": _list, "echo": _echo, "hz": _hz, "pub": _pub, "call": _call}
     interrupted = suppress(KeyboardInterrupt)  # which is how echo, hz and pub end
@@ -60,7 +59,7 @@ def main(arguments: list[str]) -> int:
         def pause() -> None:
             _pause(stop_fd, POLL_S)
 
-        with open_client_session(options.connect, **secure, seconds=options.wait, pause=pause) as session:
+        with _open(endpoints, secure, options.wait, pause) as session:
             _settle(session, stop_fd)
             actions[options.action](session, options, stop_fd)
     return 0
@@ -74,7 +73,6 @@ def _parser() -> argparse.ArgumentParser:
     hz = actions.add_parser("hz", help="how often it is")
     pub = actions.add_parser("pub", help="publish a message again and again")
     call = actions.add_parser("call", help="call a service")
-    list_.add_argument("--json", action="store_true", help="for other programs")
     for action in (echo, hz, pub):
         action.add_argument("topic", metavar="TOPIC", help="its whole name, such as /uuv1/imu")
         action.add_argument("-n", "--count", metavar="N", type=COUNT, help="end after so many messages")
@@ -84,12 +82,19 @@ def _parser() -> argparse.ArgumentParser:
     call.add_argument("service", metavar="SERVICE", help="its whole name, such as /uuv1/reset")
     call.add_argument("values", metavar="VALUES", nargs="?", default="", help="fields that are not 0")
     for action in (list_, echo, hz, pub, call):
-        action.add_argument(
-            "--connect", metavar="ENDPOINT", type=ENDPOINT, default=DEFAULT, help="the slave [%(default)s]"
-        )
-        action.add_argument("--scenario", metavar="SCENARIO", help="whose [network] and [security] hold")
+        add_connect(action)
+        add_settings(action)
         action.add_argument("--wait", metavar="S", type=WAIT, default=5.0, help="how long for it [%(default)g s]")
+    for action in (list_, echo, hz, call):
+        add_json(action)
     return parser
+
+
+def _open(endpoints: list[str], secure: dict[str, Any], seconds: float, pause: Callable[[], None]) -> Session:
+    """Open the session: as a client at one endpoint, which may be a router, else as a master of several."""
+    if len(endpoints) == 1:
+        return open_client_session(endpoints[0], **secure, seconds=seconds, pause=pause)
+    return open_master_session(*endpoints, **secure)
 
 
 def _settle(session: Session, stop_fd: int) -> None:
@@ -110,7 +115,7 @@ def _entities(session: Session) -> list[Entity]:
 
 def _list(session: Session, options: argparse.Namespace, stop_fd: int) -> None:
     entities = _entities(session)
-    print(json.dumps([entity._asdict() for entity in entities]) if options.json else listing(entities))
+    print(json_text([entity._asdict() for entity in entities]) if options.json else listing(entities))
 
 
 def listing(entities: Sequence[Entity]) -> str:
@@ -174,16 +179,18 @@ def _echo(session: Session, options: argparse.Namespace, stop_fd: int) -> None:
     shown = 0
     while True:
         for _, key, payload in came:
-            print("\n".join(_message(key, payload)), flush=True)
+            print("\n".join(_message(key, payload, options.json)), flush=True)
             shown += 1
             if shown == options.count:
                 return
         came = arrivals.take(stop_fd, 1.0)
 
 
-def _message(key: str, payload: bytes) -> list[str]:
+def _message(key: str, payload: bytes, as_json: bool) -> list[str]:
     name = graph.ros_name(key.split("/")[-2])
     fields = ros_message.decode(name, payload)
+    if as_json:
+        return [json_text(fields)]
     return [*lines(fields), "---"] if fields is not None else [f"malformed {name}, {len(payload)} bytes", "---"]
 
 
@@ -196,20 +203,39 @@ def _hz(session: Session, options: argparse.Namespace, stop_fd: int) -> None:
         ended = options.count is not None and len(instants) >= options.count
         if ended or now_ns() - told_ns >= NS_PER_S:
             told_ns = now_ns()
-            print(rate_line(instants), flush=True)
+            print(json_text(rate(instants)._asdict()) if options.json else rate_line(instants), flush=True)
         if ended:
             return
         came = arrivals.take(stop_fd, 1.0)
 
 
-def rate_line(instants: Sequence[int]) -> str:
+class Rate(NamedTuple):
+    """How often messages came. Without two of them there is no rate."""
+
+    messages: int
+    rate_hz: float | None = None
+    least_gap_s: float | None = None
+    greatest_gap_s: float | None = None
+    gap_deviation_s: float | None = None
+
+
+def rate(instants: Sequence[int]) -> Rate:
     """Return the mean rate of arrivals (ns), and how their gaps differ."""
     gaps = [(b - a) / NS_PER_S for a, b in zip(list(instants), list(instants)[1:], strict=False)]
     if not gaps:
-        return f"{len(instants)} messages: no rate yet"
+        return Rate(len(instants))
+    mean = len(gaps) / max(sum(gaps), 1e-9)
+    return Rate(len(instants), mean, min(gaps), max(gaps), statistics.pstdev(gaps))
+
+
+def rate_line(instants: Sequence[int]) -> str:
+    """Return the rate of arrivals (ns) as a line."""
+    messages, rate_hz, least, greatest, deviation = rate(instants)
+    if rate_hz is None or least is None or greatest is None or deviation is None:
+        return f"{messages} messages: no rate yet"
     return (
-        f"{len(gaps) / max(sum(gaps), 1e-9):.2f} Hz; gaps {min(gaps) * 1e3:.2f} to {max(gaps) * 1e3:.2f} ms, standard "
-        f"deviation {statistics.pstdev(gaps) * 1e3:.2f} ms; {len(instants)} messages"
+        f"{rate_hz:.2f} Hz; gaps {least * 1e3:.2f} to {greatest * 1e3:.2f} ms, standard "
+        f"deviation {deviation * 1e3:.2f} ms; {messages} messages"
     )
 
 
@@ -263,4 +289,4 @@ def _call(session: Session, options: argparse.Namespace, stop_fd: int) -> None:
     if name not in offered:
         raise NetworkError(f"nobody answers {name}; {_there_is(name, offered)}")
     response = services.call(session, name, offered[name], parse_values(options.values), options.wait)
-    print("\n".join(lines(response)))
+    print(json_text(response) if options.json else "\n".join(lines(response)))

@@ -1,14 +1,14 @@
 """`uuv-hil vehicle`: describe a vehicle and what it can do, from its file alone."""
 
 import argparse
-import json
 from typing import Any
 
 from hil.autonomy.control.allocation import pseudo_inverse
 from hil.common.columns import aligned
 from hil.common.errors import ConfigError
-from hil.common.options import Number, new_parser
+from hil.common.options import Number, add_json, add_output, add_plot, new_parser
 from hil.common.schema import preset_names
+from hil.common.text import json_text
 from sim.matrices import Matrix, square
 from sim.vehicle.terminal_speed import AXES, Reach, reaches
 from sim.vehicle.thrusters.bank import wrench_matrix
@@ -17,7 +17,7 @@ from sim.vehicle.vehicle import Vehicle, displaced_volume, load_vehicle
 EXAMPLES = """\
 examples:
   uuv-hil vehicle                                     the presets there are
-  uuv-hil vehicle bluerov2 --picture bluerov2.png     numbers, and a drawing of them
+  uuv-hil vehicle bluerov2 --plot bluerov2.png        numbers, and a drawing of them
   uuv-hil vehicle mine.toml --json                    for other programs
   uuv-hil vehicle --import robot.urdf -o mine.toml    from a URDF or xacro, FLU there, FRD here
   uuv-hil vehicle --import robot.urdf --add rest.toml -o mine.toml
@@ -36,44 +36,49 @@ def main(arguments: list[str]) -> int:
 
         return convert(options.urdf, options.add, options.output, options.xacro)
     if options.vehicle is None:
-        print(listing())
+        print(json_text(presets()) if options.json else listing())
         return 0
     vehicle, _ = load_vehicle(options.vehicle)
-    print(json.dumps(to_json(vehicle, options.density)) if options.json else describe(vehicle, options.density))
-    if options.picture:
+    print(json_text(to_json(vehicle, options.density)) if options.json else describe(vehicle, options.density))
+    if options.plot:
         from hil.plots.vehicle_picture import draw
 
-        draw(vehicle, top(vehicle, options.density), options.picture)
+        draw(vehicle, top(vehicle, options.density), options.plot)
     return 0
 
 
 def _parser() -> argparse.ArgumentParser:
     parser = new_parser("vehicle", __doc__, EXAMPLES)
     parser.add_argument("vehicle", metavar="NAME|FILE", nargs="?", help="a preset, or a .toml file")
-    parser.add_argument("--picture", metavar="FILE.png", help="draw it from three sides, with its top speeds")
-    parser.add_argument("--json", action="store_true", help="everything as one JSON object")
+    add_plot(parser, "draw it from three sides, with its top speeds")
+    add_json(parser)
     parser.add_argument("--density", metavar="KG/M3", type=DENSITY, default=1000.0, help="of the water [1000]")
     parser.add_argument("--import", metavar="MODEL.urdf", dest="urdf", help="make a vehicle file of a URDF")
     parser.add_argument("--add", metavar="FILE.toml", help="with --import: keys that the URDF lacks, and [[fins]]")
     parser.add_argument(
         "--xacro", metavar="NAME=VALUE", action="append", default=[], help="with --import: an argument of a xacro file"
     )
-    parser.add_argument("-o", "--output", metavar="OUT.toml", help="with --import: where to write it [to the screen]")
+    add_output(parser, "FILE.toml", "with --import: where to write it [the screen]")
     return parser
 
 
 def listing() -> str:
-    """One line a preset: mass, thrusters, top surge, surge up to which it is level, axes it cannot drive, source."""
-    rows: list[tuple[str, ...]] = [("preset", "mass", "thrusters", "surge", "level up to", "cannot drive", "source")]
+    """One line a preset: mass, thrusters, top surge, surge up to which it is level, axes it cannot drive."""
+    rows: list[tuple[str, ...]] = [("preset", "mass", "thrusters", "surge", "level up to", "cannot drive")]
     for name in preset_names("sim/vehicles"):
         vehicle, _ = load_vehicle(name)
         found = top(vehicle)
         rows.append((
             name, f"{vehicle.mass:.4g} kg", _drives(vehicle), f"{found[0].speed[0]:.2f} m/s",
             f"{vehicle.attitude_limit_speed:g} m/s" if vehicle.attitude_limit_speed else "-",
-            ", ".join(reach.axis for reach in found if not reach.driven) or "-", vehicle.source,
+            ", ".join(reach.axis for reach in found if not reach.driven) or "-",
         ))  # fmt: skip
     return _columns(rows)
+
+
+def presets() -> list[dict[str, Any]]:
+    """Return every preset by its name, and all that is known of it."""
+    return [{"preset": name, **to_json(load_vehicle(name)[0], 1000.0)} for name in preset_names("sim/vehicles")]
 
 
 def describe(vehicle: Vehicle, density: float = 1000.0) -> str:
@@ -217,4 +222,4 @@ def _finite(values: tuple[float, float]) -> list[float | None]:
 
 
 def _columns(rows: list[tuple[str, ...]]) -> str:
-    return "\n".join([f"  {line}" for line in aligned(rows)])
+    return "\n".join(aligned(rows, indent="  "))

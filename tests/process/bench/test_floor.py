@@ -57,7 +57,7 @@ def test_a_port_of_datagrams_that_cannot_be() -> None:
 
 
 def test_an_address_of_another_machine(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["bench", "echo", "--address", "192.0.2.1"]) == 4
+    assert main(["bench", "echo", "--listen", "192.0.2.1"]) == 4
     assert "cannot listen on 192.0.2.1" in capsys.readouterr().err
 
 

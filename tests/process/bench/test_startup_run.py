@@ -22,7 +22,7 @@ def test_phases_follow_each_other() -> None:
 
 def test_one_quick_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "startup.json"
-    assert main(["bench", "startup", "--runs", "1", "--json", str(path), "--most", "30"]) == 0
+    assert main(["bench", "startup", "--repeat", "1", "--output", str(path), "--most", "30"]) == 0
     record = json.loads(path.read_text())
     assert "dropped (posix_fadvise)" in record["details"]["cold"][0]
     for kind in ("warm", "cold"):
@@ -34,7 +34,7 @@ def test_one_quick_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> No
         assert figures[AT_MASTER] > 45.0, "odometry is measured 20 times a second: not the IMU's first sample"
         assert record["figures"][f"bare interpreter [{kind}]"]["median"] < figures["all"]
         assert all(f"{name} [{kind}]" in record["figures"] for name in floors())
-    assert main(["bench", "startup", "--runs", "1", "--warm-only", "--most", "0.001"]) == 1
+    assert main(["bench", "startup", "--repeat", "1", "--warm-only", "--most", "0.001"]) == 1
     assert "LIMIT BROKEN" in capsys.readouterr().out
 
 
@@ -62,7 +62,7 @@ def test_dropping_leaves_files_as_they_are(tmp_path: Path) -> None:
 
 
 def test_what_cannot_be_meant(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["bench", "startup", "--runs", "0"]) == 2
-    assert "--runs" in capsys.readouterr().err
-    assert main(["bench", "startup", "--json", "/proc/startup.json"]) == 2
+    assert main(["bench", "startup", "--repeat", "0"]) == 2
+    assert "--repeat" in capsys.readouterr().err
+    assert main(["bench", "startup", "--output", "/proc/startup.json"]) == 2
     assert "/proc/startup.json: cannot be written" in capsys.readouterr().err

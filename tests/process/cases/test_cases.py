@@ -142,7 +142,7 @@ def test_tables(tmp_path: Path) -> None:
 
 
 def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert command.main(["path_planning", "--out", str(tmp_path / "out")]) == 0
+    assert command.main(["path_planning", "--output", str(tmp_path / "out")]) == 0
     said = capsys.readouterr().out
     assert "1 of 1" in said
     assert "path_planning.png, report.md, results.csv, results.json" in said

@@ -56,7 +56,7 @@ def test_the_same_planner_leads_it(tmp_path: Path) -> None:
         network = load_scenario(str(path)).network
         with (
             VehicleClient(router, "uuv1", part="observer", network=network) as client,
-            Program(tmp_path, "master", path, "--connect", router, "--run-dir", folder) as master,
+            Program(tmp_path, "master", path, "--connect", router, "--output", folder) as master,
         ):
             assert client.wait_for_vehicle(60)
             taken = be_the_vehicle(client, path, device, master)

@@ -90,7 +90,7 @@ def test_a_slave_that_cannot_start_says_why(scenario: Scenario, crews: list[Crew
 
 def test_ctrl_c_ends_all(tmp_path: Path) -> None:
     folder = tmp_path / "out"
-    with Program(tmp_path, "case", "target_hunting", "--hil", "--out", folder) as case:
+    with Program(tmp_path, "case", "target_hunting", "--hil", "--output", folder) as case:
         hil = folder / "target_hunting-hil-001"
         log = hil / "slave_uuv4.log"
         assert wait_for(lambda: log.exists() and "commands arrive" in log.read_text()), case.output

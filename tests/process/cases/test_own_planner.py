@@ -39,7 +39,7 @@ def test_it_flies_in_simulated_time_and_over_the_network(tmp_path: Path, scenari
     where = {"PYTHONPATH": str(tmp_path)}
     folder = tmp_path / "run"
     with (
-        Program(tmp_path, "demo", scenario, "--run-dir", folder, environment=where) as demo,
+        Program(tmp_path, "demo", scenario, "--output", folder, environment=where) as demo,
         Program(tmp_path, "sim", scenario, "--fast", environment=where) as simulated,
     ):
         assert simulated.wait() == 0, simulated.output

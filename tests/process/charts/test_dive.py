@@ -74,7 +74,7 @@ def test_a_world_of_another_kind(tmp_path: Path) -> None:
 
 
 def test_what_cannot_be_meant(tmp_path: Path) -> None:
-    where = ["--listen", f"tcp/127.0.0.1:{free_port()}", "--run-dir", str(tmp_path)]
+    where = ["--listen", f"tcp/127.0.0.1:{free_port()}", "--output", str(tmp_path)]
     with pytest.raises(ConfigError, match="--start and --goal go together"):
         demo.main(["--world", "ridge", "--start", "1,2", *where])
     with pytest.raises(ConfigError, match=r"nowhere.000: the chart cannot be read"):
@@ -84,7 +84,7 @@ def test_what_cannot_be_meant(tmp_path: Path) -> None:
 def test_without_scipy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("hil.commands.demo.find_spec", lambda name: None if name == "scipy" else True)
     with pytest.raises(MissingExtraError, match=r"needs scipy: pip install 'uuv-hil\[master,chart,imaging\]'"):
-        demo.main(["--world", "BAY.000", "--run-dir", str(tmp_path)])
+        demo.main(["--world", "BAY.000", "--output", str(tmp_path)])
 
 
 def test_a_short_flight_over_a_small_chart(tmp_path: Path) -> None:

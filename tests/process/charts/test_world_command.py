@@ -21,7 +21,7 @@ def chart(folder: Path) -> str:
 def test_a_chart_becomes_a_world_that_the_simulator_loads(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = str(tmp_path / "worlds" / "bay")
     assert (
-        command.main(["build", chart(tmp_path), "--resolution", "20", "-o", out, "--picture", str(tmp_path / "b.png")])
+        command.main(["build", chart(tmp_path), "--resolution", "20", "-o", out, "--plot", str(tmp_path / "b.png")])
         == 0
     )
     said = capsys.readouterr().out

@@ -69,7 +69,7 @@ def test_a_mission_spares_the_network_what_its_planner_does_not_use(tmp_path: Pa
         folder.mkdir()
         scenario, _ = write_scenario(folder)
         scenario.write_text(scenario.read_text().replace("goal = [8, 7]", "goal = [6, 5]") + wish)
-        demos.append(Program(folder, "demo", scenario, "--run-dir", folder / "run"))
+        demos.append(Program(folder, "demo", scenario, "--output", folder / "run"))
     with demos[0], demos[1]:
         for demo in demos:
             assert demo.wait() == 0, demo.output

@@ -420,7 +420,7 @@ def test_a_router_is_told_from_a_slave(tmp_path: Path) -> None:
     """Who dials it as if it were a slave hears how to; a slave whose router is down, what to start."""
     port = free_port()
     scenario, _ = write_scenario(tmp_path)
-    options = ("--connect", f"tcp/127.0.0.1:{port}", "--run-dir", tmp_path / "run", "--wait", 1)
+    options = ("--connect", f"tcp/127.0.0.1:{port}", "--output", tmp_path / "run", "--wait", 1)
     with Program(tmp_path, "router", "--listen", f"tcp/127.0.0.1:{port}") as router:
         router.expect("forwarding")
         with (

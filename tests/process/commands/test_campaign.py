@@ -96,7 +96,7 @@ def test_no_worker_outlives_it(tmp_path: Path) -> None:
 
 def check_workers_end(tmp_path: Path, name: str, number: int) -> None:
     """Start that command with two workers, send it a signal, and see that nothing of it is left."""
-    what = [write_scenario(tmp_path)[0]] if name == "campaign" else ["path_planning", "--out", tmp_path / "out"]
+    what = [write_scenario(tmp_path)[0]] if name == "campaign" else ["path_planning", "--output", tmp_path / "out"]
     with Program(tmp_path, name, *what, "--seeds", "10000", "--jobs", "2") as program:
         assert wait_for(lambda: "/10000" in program.output or (tmp_path / "out/path_planning-sil-004").exists())
         assert len(workers(program)) == 2

@@ -67,11 +67,11 @@ def test_a_slave_that_runs_already_is_left_alone(tmp_path: Path) -> None:
     folder = tmp_path / "run"
     with Program(tmp_path, "slave", scenario) as stranger:
         stranger.expect("ready")
-        with Program(tmp_path, "demo", scenario, "--run-dir", folder) as demo:
+        with Program(tmp_path, "demo", scenario, "--output", folder) as demo:
             assert demo.wait() == 4, demo.output
         (line,) = demo.output.strip().splitlines()
         free = line.rpartition(" ")[2]
-        with Program(tmp_path, "demo", scenario, "--run-dir", folder, "--listen", free) as demo:
+        with Program(tmp_path, "demo", scenario, "--output", folder, "--listen", free) as demo:
             assert demo.wait() == 0, demo.output
         assert "goal reached" in demo.output
         assert "to the first sample" in demo.output
@@ -83,7 +83,7 @@ def test_a_slave_that_runs_already_is_left_alone(tmp_path: Path) -> None:
 def test_no_table_when_its_slave_fails(tmp_path: Path) -> None:
     scenario, _ = write_scenario(tmp_path)
     folder = tmp_path / "run"
-    with Program(tmp_path, "demo", scenario, "--run-dir", folder) as demo:
+    with Program(tmp_path, "demo", scenario, "--output", folder) as demo:
         demo.expect("flying")
         assert wait_for(lambda: (folder / "track.csv").read_text().count("\n") > 1), "rows are there at once"
         os.kill(slave_of(demo), signal.SIGKILL)

@@ -74,14 +74,14 @@ def test_a_campaign_counts_it(
     ("arguments", "words"),
     [
         (["sim", "paper_field", "--fast", "--plot", "FOLDER/x.png/y.png"], "cannot be written"),
-        (["sim", "paper_field", "--fast", "--log", "FOLDER"], "cannot be written"),
+        (["sim", "paper_field", "--fast", "--output", "FOLDER"], "cannot be written"),
         (["sim", "paper_field", "--fast", "--plot", "FOLDER/x.jjj"], "pictures end in"),
         (["campaign", "paper_field", "-o", "FOLDER"], "cannot be written"),
         (["tune", "paper_six", "-o", "FOLDER/x.png/y.toml"], "cannot be written"),
         (["tune", "paper_six", "--plot", "FOLDER/x.jjj"], "pictures end in"),
-        (["case", "path_planning", "--out", "FOLDER/x.png"], "cannot be made"),
-        (["master", "paper_field", "--connect", "tcp/127.0.0.1:1", "--run-dir", "FOLDER/x.png"], "cannot be made"),
-        (["demo", "paper_field", "--listen", "tcp/127.0.0.1:PORT", "--run-dir", "FOLDER/x.png"], "cannot be made"),
+        (["case", "path_planning", "--output", "FOLDER/x.png"], "cannot be made"),
+        (["master", "paper_field", "--connect", "tcp/127.0.0.1:1", "--output", "FOLDER/x.png"], "cannot be made"),
+        (["demo", "paper_field", "--listen", "tcp/127.0.0.1:PORT", "--output", "FOLDER/x.png"], "cannot be made"),
     ],
 )
 def test_where_results_go_is_looked_at_before_the_flight(arguments: list[str], words: str, tmp_path: Path) -> None:
@@ -149,7 +149,7 @@ def test_long_work_shows_how_far_it_is(terminal: bool, shown: int) -> None:
 def test_the_master_refuses_a_vehicle_that_obeys_nobody(top: str, words: str, tmp_path: Path) -> None:
     """It flew to its time limit."""
     scenario, port = write_scenario(tmp_path, top=top)
-    arguments = "master", scenario, "--connect", f"tcp/127.0.0.1:{port}", "--run-dir", tmp_path / "run"
+    arguments = "master", scenario, "--connect", f"tcp/127.0.0.1:{port}", "--output", tmp_path / "run"
     with Program(tmp_path, "slave", scenario) as slave:
         slave.expect("ready")
         with Program(tmp_path, *arguments) as master:
@@ -188,6 +188,6 @@ def test_the_master_refuses_a_disarmed_vehicle(tmp_path: Path) -> None:
         slave.expect("ready")
         with Program(tmp_path, "topic", "call", "--connect", endpoint, "/uuv1/arm", "{data: false}") as call:
             assert call.wait() == 0, call.output
-        with Program(tmp_path, "master", scenario, "--connect", endpoint, "--run-dir", tmp_path / "run") as master:
+        with Program(tmp_path, "master", scenario, "--connect", endpoint, "--output", tmp_path / "run") as master:
             assert master.wait() == 4, master.output
     assert "uuv1 is disarmed: uuv-hil topic call /uuv1/arm" in master.output

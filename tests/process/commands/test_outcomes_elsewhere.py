@@ -46,7 +46,7 @@ def test_a_case_tells_an_event_and_returns_6(
     """As above, in the table and in the results; the report's pictures are drawn elsewhere."""
     monkeypatch.setattr(case, "write_report", lambda *_: [])
     monkeypatch.setattr(PathPlanning, "vary", lambda _self, _seed: ({"master.depth_margin": 0.0}, {}))
-    assert main(["case", "path_planning", "--jobs", "1", "--out", str(tmp_path)]) == 6
+    assert main(["case", "path_planning", "--jobs", "1", "--output", str(tmp_path)]) == 6
     said = capsys.readouterr().out
     assert "EVENT: too deep" in said, said
     (row,) = json.loads((tmp_path / "results.json").read_text(encoding="utf-8"))

@@ -70,7 +70,7 @@ def dive(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path, str]:
     folder = tmp_path_factory.mktemp("dive")
     scenario, endpoint = recorded_slave(folder, "seed = 5")
     heard = folder / "heard"
-    with Program(folder, "record", scenario, "-o", heard) as record:
+    with Program(folder, "record", "--scenario", scenario, "-o", heard) as record:
         record.expect("recording tcp")
         with Program(folder, "slave", scenario) as slave:
             slave.expect("recording into .*uuv1-")
@@ -113,7 +113,10 @@ def test_every_command_is_recorded_on_its_topic(tmp_path: Path) -> None:
             sent[f"/uuv1/{topic}"].append((sequence, payload))
             return sequence
 
-    with Program(tmp_path, "slave", scenario) as slave, Program(tmp_path, "record", scenario, "-o", heard) as record:
+    with (
+        Program(tmp_path, "slave", scenario) as slave,
+        Program(tmp_path, "record", "--scenario", scenario, "-o", heard) as record,
+    ):
         slave.expect("ready")
         record.expect("recording tcp")
         with Client(f"tcp/127.0.0.1:{port}", "uuv1") as client:
@@ -302,7 +305,7 @@ def test_what_the_figures_show(dive: tuple[Path, Path, str]) -> None:
 
 def test_a_kill_of_the_command_leaves_a_bag(tmp_path: Path) -> None:
     scenario, endpoint = recorded_slave(tmp_path)
-    with Program(tmp_path, "record", scenario, "-o", tmp_path / "heard") as record:
+    with Program(tmp_path, "record", "--scenario", scenario, "-o", tmp_path / "heard") as record:
         record.expect("recording")
         with Program(tmp_path, "slave", scenario) as slave:
             command_for(endpoint, 1.8)
@@ -350,7 +353,7 @@ def test_the_master_records_its_flight(tmp_path: Path) -> None:
     folder = tmp_path / "run"
     with Program(tmp_path, "slave", scenario) as slave:
         slave.expect("ready")
-        with Program(tmp_path, "master", scenario, "--connect", endpoint, "--run-dir", folder) as master:
+        with Program(tmp_path, "master", scenario, "--connect", endpoint, "--output", folder) as master:
             assert master.wait() == 0, master.output
     found = list(read_messages(str(folder / "recording")))
     counts = Counter(message.topic for message in found)
@@ -365,7 +368,10 @@ def test_the_master_records_its_flight(tmp_path: Path) -> None:
 def test_foxglove_gets_the_messages_as_they_are(tmp_path: Path) -> None:
     scenario, endpoint = recorded_slave(tmp_path)
     port = free_port()
-    with Program(tmp_path, "slave", scenario) as slave, Program(tmp_path, "foxglove", scenario, "--port", port) as live:
+    with (
+        Program(tmp_path, "slave", scenario) as slave,
+        Program(tmp_path, "foxglove", "--scenario", scenario, "--listen", port) as live,
+    ):
         slave.expect("ready")
         live.expect(f"ws://127.0.0.1:{port}")
         channels: dict[int, dict[str, str]] = {}
@@ -385,7 +391,7 @@ def test_foxglove_gets_the_messages_as_they_are(tmp_path: Path) -> None:
         imu = next(channel for channel in channels.values() if channel["topic"] == "/uuv1/imu")
         assert (imu["encoding"], imu["schemaName"], imu["schemaEncoding"]) == ("cdr", "sensor_msgs/msg/Imu", "ros2msg")
         assert "geometry_msgs/Quaternion orientation" in imu["schema"]
-        with Program(tmp_path, "foxglove", "--connect", endpoint, "--port", port) as second:
+        with Program(tmp_path, "foxglove", "--connect", endpoint, "--listen", port) as second:
             assert second.wait() == 4
         assert "--port" in second.output
         assert live.stop(signal.SIGINT) == 0, live.output
@@ -394,7 +400,6 @@ def test_foxglove_gets_the_messages_as_they_are(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "code", "word"),
     [
-        (["record"], 2, "--connect"),
         (["record", "--connect", "7447"], 2, "tcp/HOST:PORT"),
         (["record", "--help"], 0, "examples"),
         (["replay", "nothing.mcap"], 2, "nothing.mcap: no such file"),
@@ -404,7 +409,6 @@ def test_foxglove_gets_the_messages_as_they_are(tmp_path: Path) -> None:
         (["replay", "--help"], 0, "bit for bit"),
         (["plot", "README.md"], 2, "not an MCAP file"),
         (["plot", "--help"], 0, "examples"),
-        (["foxglove"], 2, "--connect"),
         (["foxglove", "--help"], 0, "examples"),
     ],
 )
@@ -432,7 +436,7 @@ def test_a_recorder_that_refuses_is_one_line(tmp_path: Path) -> None:
 def test_ctrl_c_while_nobody_is_there(tmp_path: Path) -> None:
     endpoint, port = f"tcp/127.0.0.1:{free_port()}", free_port()
     for _ in range(3):
-        with Program(tmp_path, "foxglove", "--connect", endpoint, "--port", port) as live:
+        with Program(tmp_path, "foxglove", "--connect", endpoint, "--listen", port) as live:
             live.expect("ws://")
             assert live.stop(signal.SIGINT) == 0, live.output
         assert len(live.output.strip().splitlines()) == 2, "where it is, and for whom it waits"

@@ -8,7 +8,7 @@ from tests.support.processes import Program, free_port, write_scenario
 def test_gateway_and_foxglove_say_whom_they_wait_for(tmp_path: Path) -> None:
     path, port = write_scenario(tmp_path)
     where = f"127.0.0.1:{port}"
-    waiting = ("gateway", "--connect", where, "--listen", "0"), ("foxglove", "--connect", where, "--port", "0")
+    waiting = ("gateway", "--connect", where, "--listen", "0"), ("foxglove", "--connect", where, "--listen", "0")
     with Program(tmp_path, *waiting[0]) as gateway, Program(tmp_path, *waiting[1]) as foxglove:
         gateway.expect(f"no vehicle at tcp/{where} yet; waiting for one")
         foxglove.expect(f"waiting for a vehicle at tcp/{where}")
@@ -25,6 +25,9 @@ def test_gateway_and_foxglove_say_whom_they_wait_for(tmp_path: Path) -> None:
 
 
 def test_a_free_place_is_not_waited_for_by_a_wrong_port(tmp_path: Path) -> None:
-    with Program(tmp_path, "foxglove", "--connect", f"127.0.0.1:{free_port()}", "--port", "70000") as foxglove:
+    with Program(tmp_path, "foxglove", "--connect", f"127.0.0.1:{free_port()}", "--listen", "70000") as foxglove:
         assert foxglove.wait() == 2
-    assert "--port: expected a whole number from 0 to 65535, found '70000'" in foxglove.output
+    assert (
+        "--listen: expected [HOST:]PORT, such as 9747 or 0.0.0.0:9747, with a port from 0 to 65535, found '70000'"
+        in foxglove.output
+    )

@@ -63,7 +63,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
         plain.read_text() + SECTIONS.format(endpoint=endpoint, master="").split("[sec")[0]
     )
     with (
-        Program(folder, "router", folder / "laptop.toml", "--listen", endpoint) as router,
+        Program(folder, "router", "--scenario", folder / "laptop.toml", "--listen", endpoint) as router,
         Program(folder, "slave", folder / "laptop.toml") as slave,
     ):
         router.expect("connected: uuv1")
@@ -126,7 +126,7 @@ def test_a_wrong_or_missing_certificate_is_refused_with_a_reason(
 
 def test_the_commands_say_so_too(site: Site) -> None:
     scenario = site.folder / "foreigner.toml"
-    options = ("--connect", site.endpoint, "--run-dir", site.folder / "run")
+    options = ("--connect", site.endpoint, "--output", site.folder / "run")
     asking = ("list", "--connect", site.endpoint, "--scenario", scenario, "--wait", 0.3)
     with (
         Program(site.folder, "master", scenario, *options) as master,

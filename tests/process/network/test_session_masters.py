@@ -235,7 +235,7 @@ def test_the_refused_master_is_told_why(tmp_path: Path) -> None:
         add_machine(str(tmp_path / "keys"), name, [])
     plain, port = write_scenario(tmp_path)
     text = plain.read_text()
-    arguments = ("--connect", f"tcp/127.0.0.1:{port}", "--wait", 10, "--run-dir", tmp_path / "run")
+    arguments = ("--connect", f"tcp/127.0.0.1:{port}", "--wait", 10, "--output", tmp_path / "run")
     said = {"viewer": "may_command", "stranger": "may_listen does not name 'stranger'", "": "wants a certificate"}
     scenarios = {}
     for name in ("laptop", *said):

@@ -178,7 +178,7 @@ def test_a_mission_by_multicast(tmp_path: Path) -> None:
     scenario.write_text(scenario.read_text() + "[network]\ndiscovery = true\n")
     with Program(tmp_path, "slave", scenario) as slave:
         slave.expect("ready")
-        with Program(tmp_path, "master", scenario, "--connect", "lan", "--run-dir", tmp_path / "run") as master:
+        with Program(tmp_path, "master", scenario, "--connect", "lan", "--output", tmp_path / "run") as master:
             master.expect("flying|several answer")  # another slave on this machine may answer too
     assert load_scenario(str(scenario)).network.discovery
 

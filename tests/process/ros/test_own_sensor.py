@@ -150,7 +150,7 @@ def test_a_planner_gets_it_in_simulated_time_and_over_the_network(where: Path) -
     )
     path, _ = scenario_with(where, from_tutorial("toml") + '[planner]\nclass = "warm:Warm"\n')
     environment = {"PYTHONPATH": str(where)}
-    for command in (("sim", path, "--fast"), ("demo", path, "--run-dir", where / "run")):
+    for command in (("sim", path, "--fast"), ("demo", path, "--output", where / "run")):
         with Program(where, *command, environment=environment) as program:
             assert program.wait() == 0, program.output
         told = re.search(r"([\d.]+) degrees", program.output)

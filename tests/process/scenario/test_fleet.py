@@ -20,6 +20,7 @@ east = 0
 """
 FLEET = "target_hunting.toml: member: this is a fleet (uuv1, uuv2, uuv3, uuv4)"
 ENDS = "name those to listen to, --connect tcp/127.0.0.1:7447 --connect tcp/127.0.0.1:"
+EACH = f"{FLEET}, and each vehicle has an endpoint of its own: {ENDS}"
 HEAD = """
 vehicle = "paper_seven"
 world = "pool"
@@ -127,10 +128,10 @@ def test_a_plan_needs_a_hunt_and_three(tmp_path: Path) -> None:
         (["agent", "paper_field", "--member", "uuv1"], "it has no [[member]]"),
         (["agent", "target_hunting", "--member", "2", "--wait", "0.2"], "no vehicle 'uuv2' answered at tcp/"),
         (["bench", "table", "target_hunting"], f"{FLEET}, and a benchmark is of one vehicle: take another scenario"),
-        (["bench", "stream", "target_hunting", "--slave", "HOST"], f"{FLEET}, and a benchmark is of one vehicle"),
-        (["record", "target_hunting"], f"{FLEET}, and each vehicle has an endpoint of its own: {ENDS}"),
-        (["top", "target_hunting", "--once"], f"{FLEET}, and each vehicle has an endpoint of its own: {ENDS}"),
-        (["foxglove", "target_hunting"], f"{FLEET}, and each vehicle has an endpoint of its own: {ENDS}"),
+        (["bench", "stream", "target_hunting", "--connect", "HOST"], f"{FLEET}, and a benchmark is of one vehicle"),
+        (["record", "--scenario", "target_hunting"], EACH),
+        (["top", "--scenario", "target_hunting", "--once"], EACH),
+        (["foxglove", "--scenario", "target_hunting"], EACH),
     ],
 )
 def test_commands_say_what_is_missing(arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:

@@ -59,7 +59,7 @@ CASES = [
         {"as it is cpu": 2}, "1 vehicle", "as it is", pictured=True,
     ),
     Case(
-        ["startup", "--runs", "3"],
+        ["startup", "--repeat", "3"],
         "warm: 1 of 3", "cold: 2 of 3", "cold: 2 of 3",
         {"all [warm]": 3, "all [cold]": 1}, "nothing else", "medians of up to 3 starts",
     ),
@@ -140,8 +140,8 @@ def test_what_was_measured_before_ctrl_c_is_kept(case: Case, tmp_path: Path) -> 
     def is_kept() -> None:
         number = next(attempts)
         file, png = tmp_path / f"found-{number}.json", tmp_path / f"found-{number}.png"
-        picture = ["--png", str(png)] if case.pictured else []
-        code, said = interrupt(tmp_path, [*case.words, "--json", str(file), *picture], case.second)
+        picture = ["--plot", str(png)] if case.pictured else []
+        code, said = interrupt(tmp_path, [*case.words, "--output", str(file), *picture], case.second)
         assert code == STOPPED
         assert case.printed in said
         assert f"label: STOPPED: {case.place}\n" in said
@@ -161,7 +161,7 @@ def test_with_nothing_measured_ctrl_c_leaves_nothing(case: Case, tmp_path: Path)
 
     def leaves_nothing() -> None:
         file = tmp_path / f"found-{next(attempts)}.json"
-        assert interrupt(tmp_path, [*case.words, "--json", str(file)], case.first) == (STOPPED, "")
+        assert interrupt(tmp_path, [*case.words, "--output", str(file)], case.first) == (STOPPED, "")
         assert not file.exists()
 
     retry_when_busy(leaves_nothing, TOO_LATE)
@@ -179,7 +179,7 @@ def test_runs_before_one_that_fails_are_kept(
 
     monkeypatch.setattr(bench_stream, "_listen", listen)
     file = str(tmp_path / "stream.json")
-    assert main(["bench", "stream", "--repeat", "3", "--json", file]) == NetworkError.exit_code
+    assert main(["bench", "stream", "--repeat", "3", "--output", file]) == NetworkError.exit_code
     said = capsys.readouterr()
     assert "label: RUN FAILED: run 2 of 3: the slave is gone" in said.out
     assert "the slave is gone" in said.err

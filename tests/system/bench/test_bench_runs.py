@@ -203,7 +203,7 @@ def test_growth_is_told_from_noise() -> None:
 def test_jitter_of_a_real_slave(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = str(tmp_path / "jitter.json")
     words = ["--rates", "200", "--seconds", "1", "--repeat", "2", "--set", "sensors.imu.rate=50"]
-    assert main(["bench", "jitter", *words, "--json", file]) == 0
+    assert main(["bench", "jitter", *words, "--output", file]) == 0
     said = capsys.readouterr().out
     assert "200 Hz, slave" in said
     assert "medians of 2 runs" in said
@@ -236,7 +236,7 @@ def test_jitter_errs_before_it_measures(
 def test_stream_of_a_real_slave(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = str(tmp_path / "stream.json")
     changes = ["--set", "sensors.imu.rate=50", "--set", "sensors.ground_truth.drop_out=1.0"]
-    assert main(["bench", "stream", "--seconds", "2", "--repeat", "2", *changes, "--json", file]) == 0
+    assert main(["bench", "stream", "--seconds", "2", "--repeat", "2", *changes, "--output", file]) == 0
     figures = load(file).figures
     assert len(figures["imu rate"].values) == 2
     assert figures["imu rate"].median == pytest.approx(50.0, rel=0.1)
@@ -281,7 +281,7 @@ def test_what_is_missing_by_the_nominal_rate() -> None:
 @retried_when_busy("processes that get no turn for a while")
 def test_load_of_real_slaves(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file, png = tmp_path / "load.json", tmp_path / "load.png"
-    words = ["--seconds", "2", "--vehicles", "2", "--set", "stm32=process", "--json", str(file), "--png", str(png)]
+    words = ["--seconds", "2", "--vehicles", "2", "--set", "stm32=process", "--output", str(file), "--plot", str(png)]
     assert main(["bench", "load", *words]) == 0
     figures = load(str(file)).figures
     one, two = figures["as it is cpu"].median, figures["2 vehicles cpu"].median
@@ -311,7 +311,7 @@ def test_load_leaves_out_what_cannot_be(
 
     monkeypatch.setattr(load_run, "run", run)
     file = tmp_path / "load.json"
-    assert main(["bench", "load", "--each-sensor", "--json", str(file)]) == 1
+    assert main(["bench", "load", "--each-sensor", "--output", str(file)]) == 1
     said = capsys.readouterr().out
     assert "left out: with battery: sensor 'battery': paper_six has no battery" in said
     assert "left out: with gps: " in said
@@ -359,8 +359,8 @@ def test_the_foot_of_a_picture_tells_where_when_and_under_what() -> None:
 @retried_when_busy("a slave that gets no turn for a while is behind its time")
 def test_soak_of_a_real_slave(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file, png = str(tmp_path / "soak.json"), tmp_path / "soak.png"
-    words = ["bench", "soak", "--hours", "0.0015", "--every", "0.5", "--leave-every", "2.5", "--png", str(png)]
-    assert main([*words, "--json", file]) == 0, capsys.readouterr().out
+    words = ["bench", "soak", "--hours", "0.0015", "--every", "0.5", "--leave-every", "2.5", "--plot", str(png)]
+    assert main([*words, "--output", file]) == 0, capsys.readouterr().out
     figures = load(file).figures
     assert len(figures["return"].values) == 2, "the start is none"
     assert max(figures["return"].values) < 1.0
@@ -395,19 +395,19 @@ def test_a_master_that_comes_after_another_is_not_refused() -> None:
         (["load", "--vehicles", "nan"], "--vehicles: expected"),
         (["load", "--vehicles", "inf"], "--vehicles: expected"),
         (["stream", "target_hunting"], "this is a fleet (uuv1, uuv2, uuv3, uuv4), and a benchmark is of one vehicle"),
-        (["table", "--png", "table.xyz"], "pictures end in"),
-        (["table", "--slave", "tcp/127.0.0.1:1", "--set", "slave.step=0.001"], "slave.step: nobody tells"),
+        (["table", "--plot", "table.xyz"], "pictures end in"),
+        (["table", "--connect", "tcp/127.0.0.1:1", "--set", "slave.step=0.001"], "slave.step: nobody tells"),
         (["table", "--set", "link.port=/dev/ttyNONE", "--set", "stm32=device"], "/dev/ttyNONE"),
         (["startup", "--set", "link.port=/dev/ttyNONE", "--set", "stm32=device"], "/dev/ttyNONE"),
         (["stream", "nowhere"], "no scenario 'nowhere'"),
         (["stream", "--repeat", "0"], "--repeat"),
-        (["stream", "--slave", "tcp/127.0.0.1:1", "--cpus", "0"], "start that one as it shall be"),
-        (["stream", "--slave", "tcp/127.0.0.1:1", "--set", "seed=2"], "start that one as it shall be"),
-        (["stream", "--json", "/proc/no/file"], "cannot be written"),
-        (["load", "--png", "/proc/no/file"], "cannot be written"),
+        (["stream", "--connect", "tcp/127.0.0.1:1", "--cpus", "0"], "start that one as it shall be"),
+        (["stream", "--connect", "tcp/127.0.0.1:1", "--set", "seed=2"], "start that one as it shall be"),
+        (["stream", "--output", "/proc/no/file"], "cannot be written"),
+        (["load", "--plot", "/proc/no/file"], "cannot be written"),
         (["load", "--rates", "50", "--set", "slave.step=0.02"], "sensor 'imu'"),
-        (["soak", "--json", "/proc/no/file"], "cannot be written"),
-        (["jitter", "--json", "/proc/no/file"], "cannot be written"),
+        (["soak", "--output", "/proc/no/file"], "cannot be written"),
+        (["jitter", "--output", "/proc/no/file"], "cannot be written"),
     ],
 )
 def test_bad_input_is_named(words: list[str], text: str, capsys: pytest.CaptureFixture[str]) -> None:
@@ -416,7 +416,7 @@ def test_bad_input_is_named(words: list[str], text: str, capsys: pytest.CaptureF
 
 
 def test_what_was_measured_before_an_interrupt_is_told(tmp_path: Path) -> None:
-    words = ("bench", "table", "--seconds", "1", "--repeat", "99", "--json", str(tmp_path / "table.json"))
+    words = ("bench", "table", "--seconds", "1", "--repeat", "99", "--output", str(tmp_path / "table.json"))
     with Program(tmp_path, *words, environment={"TMPDIR": str(tmp_path)}) as program:
         assert wait_for(lambda: len(list(tmp_path.glob("uuv-hil-scratch-bench-*/slave-*.log"))) >= 3, 60)
         assert program.stop(signal.SIGINT) == 130

@@ -187,8 +187,8 @@ def test_runs_before_one_that_fails_are_kept(
 
     monkeypatch.setattr(bench_table, "fly", fly)
     path = tmp_path / "kept.json"
-    slaves = ["--slave", "tcp/127.0.0.1:1", "--slave", "tcp/127.0.0.1:2"]
-    assert main(["bench", "table", *slaves, "--json", str(path)]) == NetworkError.exit_code
+    slaves = ["--connect", "tcp/127.0.0.1:1", "--connect", "tcp/127.0.0.1:2"]
+    assert main(["bench", "table", *slaves, "--output", str(path)]) == NetworkError.exit_code
     said = capsys.readouterr().out
     assert "RUN FAILED: tcp/127.0.0.1:1: run 3 of 5: the slave is gone" in said
     assert "medians of up to 5 runs" in said
@@ -202,7 +202,7 @@ def test_budgets_of_a_slave_elsewhere(monkeypatch: pytest.MonkeyPatch, capsys: p
     """Those of the board that it says it is; else somebody has to say which."""
     slave = {"board": "BeagleBone Black"}
     monkeypatch.setattr(bench_table, "fly", lambda *_: flown(**slave))
-    words = ["bench", "table", "--repeat", "1", "--check", "--slave", "tcp/127.0.0.1:1"]
+    words = ["bench", "table", "--repeat", "1", "--check", "--connect", "tcp/127.0.0.1:1"]
     assert main(words) == 0
     slave["board"] = "this machine"
     assert main(words) == 2
@@ -220,7 +220,7 @@ def test_several_slaves_are_columns_of_one_record() -> None:
 def test_one_quick_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     old, new = tmp_path / "old.json", tmp_path / "new.json"
     save(new_record("table", {}, GOOD), str(old))
-    options = ["--repeat", "1", "--seconds", "1", "--against", str(old), "--json", str(new), "--cpus", str(ONE)]
+    options = ["--repeat", "1", "--seconds", "1", "--against", str(old), "--output", str(new), "--cpus", str(ONE)]
     code = main(["bench", "table", *options, "--check", "--board", "beaglebone_black"])
     said = capsys.readouterr().out
     assert code == 0, said  # 0.9 of a core, 3.2 s, 25 ms: only a broken slave takes that here
@@ -255,7 +255,7 @@ def test_a_missed_budget_is_an_exit_code(tmp_path: Path, capsys: pytest.CaptureF
         (["--check", "--board", "nosuch"], "nosuch"),
         (["--csv", "/proc/table.csv"], "/proc/table.csv: cannot be written"),
         (["--against", "no.json"], "no.json: no such file"),
-        (["--slave", "tcp/127.0.0.1:1", "--cpus", "0"], "limit a slave started here"),
+        (["--connect", "tcp/127.0.0.1:1", "--cpus", "0"], "limit a slave started here"),
         (["--cpus", "zero"], "--cpus: expected"),
         (["--set", "slave.stop=1"], "did you mean 'step'"),
         (["no_such_scenario"], "no scenario 'no_such_scenario'"),

@@ -118,8 +118,10 @@ def test_motion_is_what_leaves_the_line() -> None:
 @retried_when_busy("a process that gets no turn for a while answers some commands together")
 def test_quick_runs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path, picture = tmp_path / "delay.json", tmp_path / "delay.png"
-    options = ["--seconds", "0.5", "--rate", "40", "--steps", "3", "--baud", "0,115200", "--json", str(path)]
-    code = main(["bench", "delay", *options, "--most-p50", "500", "--most-over-floor", "0.0001", "--png", str(picture)])
+    options = ["--seconds", "0.5", "--rate", "40", "--steps", "3", "--baud", "0,115200", "--output", str(path)]
+    code = main(
+        ["bench", "delay", *options, "--most-p50", "500", "--most-over-floor", "0.0001", "--plot", str(picture)]
+    )
     said = capsys.readouterr().out
     assert code == 1, said
     assert said.count("LIMIT BROKEN") == 2
@@ -161,17 +163,17 @@ def test_quick_runs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
         (["--protocol", "morse"], "protocol"),
         (["--stm32", "abacus"], "stm32"),
         (["--stm32", "0"], "--stm32: expected"),
-        (["--slave", "tcp/127.0.0.1:1", "--stm32", "native"], "--slave is measured as it is"),
+        (["--connect", "tcp/127.0.0.1:1", "--stm32", "native"], "--connect is measured as it is"),
         (["--echo", "here"], "--echo: expected"),
         (["--echo", "127.0.0.1:99999:2"], "found '127.0.0.1:99999:2'"),
         (["--repeat", "0"], "--repeat"),
-        (["--slave", "tcp/127.0.0.1:1", "--port", "pty:"], "--slave is measured as it is"),
-        (["--slave", "tcp/127.0.0.1:1", "--set", "slave.step=0.001"], "--set slave.step"),
-        (["--slave", "tcp/127.0.0.1:1", "--security", "on"], "--security on"),
-        (["--slave", "tcp/127.0.0.1:1", "--payload", "1000"], "--echo"),
-        (["--slave", "tcp/127.0.0.1:1", "--most-over-floor", "1"], "--echo"),
-        (["--json", "/proc/nope/a.json"], "/proc/nope/a.json"),
-        (["--png", "/proc/nope/a.png"], "/proc/nope/a.png"),
+        (["--connect", "tcp/127.0.0.1:1", "--port", "pty:"], "--connect is measured as it is"),
+        (["--connect", "tcp/127.0.0.1:1", "--set", "slave.step=0.001"], "--set slave.step"),
+        (["--connect", "tcp/127.0.0.1:1", "--security", "on"], "--security on"),
+        (["--connect", "tcp/127.0.0.1:1", "--payload", "1000"], "--echo"),
+        (["--connect", "tcp/127.0.0.1:1", "--most-over-floor", "1"], "--echo"),
+        (["--output", "/proc/nope/a.json"], "/proc/nope/a.json"),
+        (["--plot", "/proc/nope/a.png"], "/proc/nope/a.png"),
     ],
 )
 def test_what_cannot_be_meant(options: list[str], words: str, capsys: pytest.CaptureFixture[str]) -> None:
@@ -360,7 +362,7 @@ def test_nor_is_one_elsewhere(tmp_path: Path) -> None:
     """And without an echo there is no floor."""
     with Bench("paper_field") as bench:
         slave = bench.start_slave()
-        command = [*program(), "bench", "delay", "--slave", bench.endpoint, "--steps", "2", "--seconds"]
+        command = [*program(), "bench", "delay", "--connect", bench.endpoint, "--steps", "2", "--seconds"]
         with Process([*command, "1"], str(tmp_path / "whole")) as whole:
             assert whole.wait(120.0) == 0, whole.output
             assert "no floor" in whole.output
@@ -389,7 +391,7 @@ def test_what_is_there_is_kept_when_the_rest_fails(
 ) -> None:
     monkeypatch.setattr(bench_delay, "_measure", failing_second([some_result([0.7] * 20, motion=[])]))
     path = tmp_path / "kept.json"
-    assert main(["bench", "delay", "--load", "0,1,2", "--json", str(path)]) == 4
+    assert main(["bench", "delay", "--load", "0,1,2", "--output", str(path)]) == 4
     said = capsys.readouterr()
     assert "load 0" in said.out
     assert "label: limited: for the test" in said.out
@@ -408,7 +410,7 @@ def test_a_picture_that_fails_costs_no_figures(
     monkeypatch.setattr(bench_delay, "_measure", failing_second([some_result([0.7] * 20)]))
     monkeypatch.setattr(delay_report, "draw", full)
     path = tmp_path / "kept.json"
-    assert main(["bench", "delay", "--json", str(path), "--png", str(tmp_path / "a.png")]) == 2
+    assert main(["bench", "delay", "--output", str(path), "--plot", str(tmp_path / "a.png")]) == 2
     assert "disk full" in capsys.readouterr().err
     assert json.loads(path.read_text())["figures"]
 
@@ -420,7 +422,7 @@ def test_repeated_runs_are_in_the_record_one_by_one(
     results = [some_result([value] * count) for value, count in ((0.1, 4), (0.2, 3), (0.3, 2), (0.4, 1))]
     monkeypatch.setattr(bench_delay, "_measure", failing_second(results))
     path = tmp_path / "a.json"
-    assert main(["bench", "delay", "--load", "0,1", "--repeat", "2", "--json", str(path)]) == 0
+    assert main(["bench", "delay", "--load", "0,1", "--repeat", "2", "--output", str(path)]) == 0
     figure = json.loads(path.read_text())["figures"]["delay [load 0]"]
     assert figure["values"] == [0.1] * 4 + [0.3] * 2
     assert figure["runs"] == [4, 2]
@@ -433,7 +435,7 @@ def test_the_record_rebuilds_the_series_and_one_of_earlier_still_compares(
     result = some_result([0.7] * 20, clock_offset=-3.5, clock_uncertainty=0.125, sent=21)
     monkeypatch.setattr(bench_delay, "_measure", failing_second([result]))
     new, old = tmp_path / "new.json", tmp_path / "old.json"
-    assert main(["bench", "delay", "--json", str(new)]) == 0
+    assert main(["bench", "delay", "--output", str(new)]) == 0
     record = json.loads(new.read_text())
     (run,) = record["details"]["as the scenario has it"]["runs"]
     assert (run["clock offset"], run["clock uncertainty"]) == (-3.5, 0.125)

@@ -34,7 +34,7 @@ def test_the_documented_examples_are_understood() -> None:
     assert [one.arguments for one in options] == [
         [],
         ["slave", "paper_field"],
-        ["bench", "startup", "--runs", "3"],
+        ["bench", "startup", "--repeat", "3"],
         ["-c", "import platform; print(platform.machine())"],
         ["ip link; uuv-hil doctor"],
     ]

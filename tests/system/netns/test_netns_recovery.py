@@ -77,7 +77,7 @@ class Run:
         self.slave = self.network.start("slave", *arguments, output=self.slave_said.file)
 
     def start_router(self) -> None:
-        arguments = ("-m", "hil.cli", "router", self.scenario, "--listen", f"tcp/0.0.0.0:{PORT}")
+        arguments = ("-m", "hil.cli", "router", "--scenario", self.scenario, "--listen", f"tcp/0.0.0.0:{PORT}")
         self.router = self.network.start("router", *arguments)
 
     def suffer(self, fault: "Fault") -> Outcome:

@@ -6,6 +6,7 @@ import pytest
 
 from hil.commands.listening import scenario_and_endpoints
 from hil.common.errors import ConfigError
+from hil.common.options import LOCAL_SLAVE, add_connect, add_settings, new_parser
 from tests.support.processes import write_scenario
 
 ROUTER = '[network]\nmode = "routed"\nrouter = "tcp/127.0.0.1:7448"\n'
@@ -17,22 +18,29 @@ def scenario(folder: Path, more: str = "") -> tuple[str, int]:
     return str(path), port
 
 
+def endpoints_of(*words: str) -> list[str]:
+    parser = new_parser("x", "", "")
+    add_connect(parser)
+    add_settings(parser)
+    return scenario_and_endpoints(parser.parse_args(words))[1]
+
+
 def test_a_scenario_is_reached_where_its_slave_listens(tmp_path: Path) -> None:
     path, port = scenario(tmp_path)
-    assert scenario_and_endpoints(path, None)[1] == [f"tcp/127.0.0.1:{port}"]
+    assert endpoints_of("--scenario", path) == [f"tcp/127.0.0.1:{port}"]
 
 
 def test_a_scenario_with_a_router_is_reached_there(tmp_path: Path) -> None:
     path, _ = scenario(tmp_path, ROUTER)
-    assert scenario_and_endpoints(path, None)[1] == ["tcp/127.0.0.1:7448"]
+    assert endpoints_of("--scenario", path) == ["tcp/127.0.0.1:7448"]
 
 
 def test_what_is_named_is_dialled(tmp_path: Path) -> None:
     path, _ = scenario(tmp_path, ROUTER)
-    assert scenario_and_endpoints(path, ["tcp/10.0.0.1:7447"])[1] == ["tcp/10.0.0.1:7447"]
-    assert scenario_and_endpoints(None, None) == (None, [])
+    assert endpoints_of("--scenario", path, "--connect", "10.0.0.1") == ["tcp/10.0.0.1:7447"]
+    assert endpoints_of() == [LOCAL_SLAVE]
 
 
 def test_a_fleet_without_a_router_names_the_endpoints_of_its_vehicles() -> None:
     with pytest.raises(ConfigError, match="--connect"):
-        scenario_and_endpoints("target_hunting", None)
+        endpoints_of("--scenario", "target_hunting")

@@ -22,7 +22,9 @@ def run(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, str, 
 def test_alone_it_lists_every_preset(capsys: pytest.CaptureFixture[str]) -> None:
     code, out, _ = run(capsys)
     assert code == 0
-    assert [line.split()[0] for line in out.splitlines()[1:]] == preset_names("sim/vehicles")
+    names = [line.split()[0] for line in out.splitlines()[1:] if line.startswith("  ") and line[2] != " "]
+    assert names == preset_names("sim/vehicles")
+    assert max(map(len, out.splitlines())) <= 80
     assert "pitch" in next(line for line in out.splitlines() if "paper_six" in line)
 
 
@@ -58,14 +60,14 @@ def test_json_is_the_same(capsys: pytest.CaptureFixture[str]) -> None:
 def test_the_picture_is_a_picture(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     image = pytest.importorskip("matplotlib.image")
     path = tmp_path / "seven.png"
-    code, _, _ = run(capsys, "paper_seven", "--picture", str(path))
+    code, _, _ = run(capsys, "paper_seven", "--plot", str(path))
     pixels = image.imread(path)
     assert code == 0
     assert pixels.shape[0] > 800
     assert pixels[..., :3].std() > 0.05  # something is drawn
-    code, _, err = run(capsys, "paper_seven", "--picture", str(tmp_path / "no" / "such.png"))
+    code, _, err = run(capsys, "paper_seven", "--plot", str(tmp_path / "no" / "such.png"))
     assert (code, err.count("\n")) == (2, 1)
-    code, _, err = run(capsys, "paper_seven", "--picture", str(tmp_path / "a.nonsense"))
+    code, _, err = run(capsys, "paper_seven", "--plot", str(tmp_path / "a.nonsense"))
     assert (code, err.count("\n")) == (2, 1)
 
 
@@ -116,4 +118,4 @@ def test_help_has_examples(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as ended:
         main(["vehicle", "--help"])
     assert ended.value.code == 0
-    assert "uuv-hil vehicle bluerov2 --picture bluerov2.png" in capsys.readouterr().out
+    assert "uuv-hil vehicle bluerov2 --plot bluerov2.png" in capsys.readouterr().out

@@ -11,16 +11,15 @@ import pytest
 from hil import cli
 from hil.commands.bench import command as bench
 from hil.common import options as parser
-from hil.common.options import List, Number, Parser, Share, subparsers
+from hil.common.options import List, Number, Parser, Share, new_parser, subparsers
 
 # What options take that are no numbers. An option with another metavar needs a type of hil/common/options.py.
 TEXTS = {
     "SCENARIO", "NAME", "DIR", "FOLDER", "FILE", "PATH", "WORLD", "VEHICLE", "TYPE", "VALUES", "TOPIC", "SERVICE",
     "HEX", "ADDRESS", "KEY=VALUE", "NAME=VALUE", "KEY=A,B,...", "NAME|FILE", "NAME|FILE.toml", "CHART.000",
-    "MODEL.urdf", "FILE.csv", "FILE.png", "FILE.toml", "OUT.toml", "A.json", "B.json", "OUT.pgm|.tif|.stl|.glb|.sdf",
+    "MODEL.urdf", "FILE.csv", "FILE.png", "FILE.toml", "FILE.json", "A.json", "B.json", "OUT.pgm|.tif|.stl|.glb|.sdf",
     "init|add", "build|show|export|list", "list | check", "ACTION",
 }  # fmt: skip
-UNNAMED = {"--dir", "--protocol", "--frame", "--backend"}  # texts without a metavar
 VALUES = ["nan", "inf", "-inf", "-1", "0", "1e12", "x", "", "9" * 5000, "0x10", "1_0", "½", "1e400", "5 kg"]
 
 
@@ -89,7 +88,7 @@ def test_every_option_is_a_text_a_choice_or_has_a_checked_type() -> None:
         kind = option.action.type
         assert kind not in (int, float), f"{option.words} {option.name}: use a type of hil/common/options.py"
         if kind is None and not option.action.choices:
-            known = option.action.metavar in TEXTS or option.name in UNNAMED
+            known = option.action.metavar in TEXTS
             assert known, f"{option.words} {option.name}: a text? then add its metavar here; else give it a type"
     assert len(NUMBERS) > 60, "the parsers were not found"
 
@@ -227,3 +226,15 @@ def test_did_you_mean(words: list[str], meant: str, capsys: pytest.CaptureFixtur
     (line,) = capsys.readouterr().err.splitlines()
     assert f"did you mean '{meant}'?" in line
     assert len(re.findall("uuv-hil", line.partition("; see ")[0])) == 1, "a prefix twice"
+
+
+def test_long_examples_are_broken_as_a_shell_reads_them(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "62")
+    examples = "examples:\n  uuv-hil topic pub /uuv1/cmd_vel geometry_msgs/msg/Twist '{linear: {x: 0.5}}'    drive\n"
+    text = new_parser("x", "", examples).format_help()
+    lines = text[text.index("examples:") : text.index("exit codes")].strip().splitlines()[1:]
+    assert lines == [
+        "  uuv-hil topic pub /uuv1/cmd_vel geometry_msgs/msg/Twist \\",
+        "      '{linear: {x: 0.5}}'",
+        "      # drive",
+    ]

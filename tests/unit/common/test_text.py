@@ -22,7 +22,7 @@ from hil.slave.log import Log
 )
 def test_text_of_others_is_cleaned(text: str, shown: str) -> None:
     assert clean(text) == shown
-    assert aligned([[text]]) == [shown]
+    assert aligned([[text]], width=300) == [shown]
 
 
 def test_a_line_of_the_log_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:

@@ -68,7 +68,7 @@ def test_demo_warns_before_it_starts_anything(
     monkeypatch.setattr("hil.commands.demo.require_free", lambda *_, **__: None)
     monkeypatch.setattr("hil.commands.demo._run", lambda *_: 0)
     path = scenario_file(tmp_path, TIPPING, 0.8)
-    assert main(["demo", path, "--run-dir", str(tmp_path / "run")]) == 0
+    assert main(["demo", path, "--output", str(tmp_path / "run")]) == 0
     assert capsys.readouterr().err.startswith("WARNING: ")
 
 

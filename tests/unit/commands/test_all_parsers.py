@@ -1,0 +1,164 @@
+"""One option has one name, one meaning and one default in every command, and every help fits a terminal."""
+
+import argparse
+from collections import defaultdict
+from collections.abc import Iterator
+
+import pytest
+
+from hil.cli import COMMANDS, main
+from hil.commands.bench.command import BENCHMARKS
+from hil.commands.completion import find_parser
+from hil.common.errors import EXIT_CODES
+from hil.common.options import subparsers
+
+MODULES = [module for name, (module, _) in COMMANDS.items() if name != "bench"]
+MODULES += [module for module, _ in BENCHMARKS.values()]
+# What an option may not be called, and what it is called.
+OTHER_NAMES = {
+    "--out": "--output", "--run-dir": "--output", "--dest": "--output", "--log": "--output", "--slave": "--connect",
+    "--endpoint": "--connect", "--host-port": "--listen", "--bind": "--listen", "--address": "--listen",
+    "--png": "--plot", "--picture": "--plot", "--figure": "--plot", "--format": "--json", "--runs": "--repeat",
+}  # fmt: skip
+# The same word for another thing, with the reason.
+OTHER_MEANINGS = {
+    ("uuv-hil foxglove", "--listen"): "a websocket, no zenoh endpoint",
+    ("uuv-hil gateway", "--listen"): "lines of JSON, no zenoh endpoint",
+    ("uuv-hil bench echo", "--listen"): "an address without a port, which is any that is free",
+    ("uuv-hil keys add", "--host"): "a machine",
+}
+# Options whose values differ from command to command.
+OF_THE_COMMAND = {"--output", "--plot", "--rate", "--seconds", "--repeat", "--wait", "--seed", "--option"}
+# Commands that take a scenario without --set, with the reason.
+UNCHANGED = {
+    "uuv-hil scenario show": "prints the file as it is",
+}
+
+
+def parsers(parser: argparse.ArgumentParser) -> Iterator[argparse.ArgumentParser]:
+    """A parser and those of its subcommands."""
+    yield parser
+    for inner in subparsers(parser).values():
+        yield from parsers(inner)
+
+
+ALL = [parser for module in MODULES for parser in parsers(find_parser(module))]
+LEAVES = [parser for parser in ALL if not subparsers(parser)]
+every = pytest.mark.parametrize("parser", ALL, ids=lambda parser: parser.prog)
+each = pytest.mark.parametrize("parser", LEAVES, ids=lambda parser: parser.prog)
+
+
+def options(parser: argparse.ArgumentParser) -> dict[str, argparse.Action]:
+    """The options of a parser by their long names."""
+    return {action.option_strings[-1]: action for action in parser._actions if action.option_strings}
+
+
+def test_all_commands_are_looked_at() -> None:
+    names = {parser.prog.split()[1] for parser in ALL}
+    assert names == set(COMMANDS)
+    assert len(LEAVES) > 45
+
+
+@every
+def test_a_help_fits_a_terminal(parser: argparse.ArgumentParser, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    text = parser.format_help()
+    assert [line for line in text.splitlines() if len(line) > 80] == []
+    assert " ".join(text.split()).endswith(" ".join(EXIT_CODES.split())), "the exit codes are in every help"
+
+
+@pytest.mark.parametrize("words", [["--help"], ["help"], ["bench", "--help"]])
+def test_the_lists_of_commands_fit_a_terminal(
+    words: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    assert main(words) == 0
+    text = capsys.readouterr().out
+    assert [line for line in text.splitlines() if len(line) > 80] == []
+    assert " ".join(EXIT_CODES.split()) in " ".join(text.split())
+
+
+@pytest.mark.parametrize("words", ["sim", "bench delay", "scenario check", "topic"])
+def test_help_of_a_command(words: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(["help", *words.split()])
+    assert ended.value.code == 0
+    assert capsys.readouterr().out.startswith(f"usage: uuv-hil {words} ")
+
+
+@each
+def test_every_option_says_what_it_is(parser: argparse.ArgumentParser) -> None:
+    for action in parser._actions:
+        if action.option_strings:
+            assert action.help, f"{parser.prog} {action.option_strings}"
+            assert action.nargs == 0 or action.metavar or action.choices, f"{parser.prog} {action.option_strings}"
+
+
+@each
+def test_every_default_stands_in_the_help(parser: argparse.ArgumentParser) -> None:
+    for action in parser._actions:
+        if action.default not in (None, False, True, "", 0, 0.0, argparse.SUPPRESS, [], ()):
+            assert "[" in (action.help or ""), f"{parser.prog} {action.dest}: [{action.default}]"
+
+
+@each
+def test_one_name_for_one_thing(parser: argparse.ArgumentParser) -> None:
+    for name in options(parser):
+        assert name not in OTHER_NAMES, f"{parser.prog}: {name} is called {OTHER_NAMES[name]}"
+
+
+def test_one_meaning_of_one_name() -> None:
+    """Two commands with an option of one name read its value alike, and show it alike."""
+    found: dict[str, dict[object, list[str]]] = defaultdict(lambda: defaultdict(list))
+    for parser in LEAVES:
+        for name, action in options(parser).items():
+            if (parser.prog, name) not in OTHER_MEANINGS and name not in ("--help", *OF_THE_COMMAND):
+                found[name][(type(action).__name__.lstrip("_"), action.metavar, action.nargs)].append(parser.prog)
+    several = {name: dict(kinds) for name, kinds in found.items() if len(kinds) > 1}
+    for name in ALLOWED:
+        several.pop(name, None)
+    assert not several
+
+
+# Lists of values in a benchmark that measures every combination, where another command has one value.
+ALLOWED = {"--baud", "--protocol", "--stm32", "--connect"}
+
+
+@each
+def test_the_common_options(parser: argparse.ArgumentParser) -> None:
+    found = options(parser)
+    if "--output" in found:
+        assert found["--output"].option_strings == ["-o", "--output"]
+    if "--json" in found:
+        assert found["--json"].nargs == 0, f"{parser.prog}: --json prints JSON; a file is --output"
+    if "--plot" in found:
+        assert found["--plot"].metavar == "FILE.png"
+    if "--connect" in found:
+        assert found["--connect"].metavar == "ENDPOINT"
+    if "--listen" in found:
+        assert found["--listen"].metavar in ("ENDPOINT", "[HOST:]PORT", "ADDRESS")
+
+
+@each
+def test_who_reads_a_scenario_lets_it_be_changed(parser: argparse.ArgumentParser) -> None:
+    reads = "--scenario" in options(parser) or any(action.metavar == "SCENARIO" for action in parser._actions)
+    if reads and parser.prog not in UNCHANGED:
+        assert options(parser)["--set"].metavar == "KEY=VALUE"
+    positional = [action for action in parser._actions if action.metavar == "SCENARIO" and not action.option_strings]
+    for action in positional:
+        assert action.default in (None, "paper_field"), parser.prog
+    assert not (positional and "--scenario" in options(parser)), f"{parser.prog}: two ways to name one scenario"
+
+
+@pytest.mark.parametrize("command", ["sim", "campaign", "vehicle", "top", "doctor", "loopback", "board"])
+def test_json_for_other_programs(command: str) -> None:
+    (parser,) = [parser for parser in LEAVES if parser.prog == f"uuv-hil {command}"]
+    assert "--json" in options(parser)
+
+
+@pytest.mark.parametrize(
+    "action", ["topic list", "topic echo", "topic hz", "topic call", "scenario list", "world list"]
+)
+def test_json_of_subcommands(action: str) -> None:
+    (parser,) = [parser for parser in LEAVES if parser.prog == f"uuv-hil {action}"]
+    assert "--json" in options(parser)
