@@ -31,6 +31,7 @@ FLOORS: list[dict[str, str]] = [
     {
         "hil.plots": "figures", "hil.charts": "worlds from charts", "hil.bench": "delay, load, start-up",
         "hil.tuning": "gains", "hil.cases": "experiments", "hil.doctor": "findings", "hil.install": "service",
+        "hil.schemas": "JSON Schemas",
     },
     {"hil.commands": "arguments in, text out", "hil.cli": "the command uuv-hil", "hil": "hil.connect, lazily"},
 ]  # fmt: skip

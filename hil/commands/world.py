@@ -1,7 +1,6 @@
 """`uuv-hil world`: build worlds from charts and soundings; draw them and export them to other simulators."""
 
 import argparse
-import json
 import os
 import sys
 from importlib.util import find_spec
@@ -11,6 +10,7 @@ from hil.common.columns import aligned
 from hil.common.errors import ConfigError, MissingExtraError
 from hil.common.options import Number, add_json, add_output, add_plot, area, new_parser
 from hil.common.schema import preset_names
+from hil.common.text import json_text
 from sim.environment.world import World, load_world
 
 if TYPE_CHECKING:
@@ -119,7 +119,7 @@ def _build(options: argparse.Namespace) -> int:
         title = f"{name}: {survey.source}"
         draw(built.placed.grid, built.placed.cylinders, built.placed.boxes, marks, title, options.plot)
     if options.json:
-        print(json.dumps({"world": path, **built.report._asdict()}))
+        print(json_text({"world": path, **built.report._asdict()}))
     else:
         print("\n".join([f"{path}: gridded in {built.report.seconds:.1f} s", *describe(survey, built)]))
     return 0
@@ -215,9 +215,12 @@ def _list(options: argparse.Namespace) -> int:
         if not os.path.isdir(folder):
             raise ConfigError(f"{folder}: no such folder")
         names += sorted(os.path.join(folder, name) for name in os.listdir(folder) if name.endswith(".toml"))
+    worlds = {name: load_world(name) for name in names}
+    if options.json:
+        print(json_text([_described(name, world) for name, world in worlds.items()]))
+        return 0
     rows = [("world", "size", "depth", "bed", "obstacles", "source")]
-    for name in names:
-        world = load_world(name)
+    for name, world in worlds.items():
         south, north, west, east = world.extent
         bed = f"{world.terrain.grid.resolution:g} m grid" if world.terrain else "flat"
         standing = len(world.cylinder) + len(world.box)
@@ -226,3 +229,15 @@ def _list(options: argparse.Namespace) -> int:
         ))  # fmt: skip
     print("\n".join(aligned(rows)))
     return 0
+
+
+def _described(name: str, world: World) -> dict[str, Any]:
+    """Return what a list shows of a world, lengths in m."""
+    return {
+        "world": name,
+        "source": world.source,
+        "extent": world.extent,
+        "depth": world.depth,
+        "grid": world.terrain.grid.resolution if world.terrain else None,
+        "obstacles": len(world.cylinder) + len(world.box),
+    }

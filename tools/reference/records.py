@@ -2,14 +2,11 @@
 
 import types
 from collections.abc import Iterator
-from functools import cache
-from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple, Union, get_args, get_origin
 
 from hil.common.schema import FINITE, Range
-from hil.common.tables import read_table
+from hil.schemas.meanings import meaning_of
 
-MEANINGS = Path(__file__).parent / "meanings.toml"
 HEAD = "| key | type | unit | default | range | meaning |\n|---|---|---|---|---|---|\n"
 PLAIN = {str: "text", bool: "true or false", float: "number", int: "whole number", Any: "any"}
 
@@ -36,12 +33,6 @@ class Kind(NamedTuple):
     inner: Any = None  # the record of a table
 
 
-@cache
-def meanings() -> dict[str, dict[str, str]]:
-    """Return record -> key -> what the key means."""
-    return read_table(str(MEANINGS))
-
-
 def describe(section: Section) -> str:
     """Return a section as Markdown. Raises KeyError for a key without a meaning."""
     rows = "".join(_rows(section))
@@ -56,15 +47,8 @@ def _rows(section: Section) -> Iterator[str]:
             continue
         kind = kind_of(annotation) if key not in section.shown else Kind(section.shown[key])
         default = _default(record, key)
-        meaning = _meaning(record, key)
+        meaning = meaning_of(record, key)
         yield f"| `{key}` | {kind.type} | {kind.unit} | {default} | {kind.range} | {meaning} |\n"
-
-
-def _meaning(record: Any, key: str) -> str:
-    own = meanings().get(record.__name__, {})
-    if key not in own and key not in meanings()["common"]:
-        raise KeyError(f"{record.__name__}.{key} has no meaning: write it into {MEANINGS}")
-    return own.get(key) or meanings()["common"][key]
 
 
 def _default(record: Any, key: str) -> str:

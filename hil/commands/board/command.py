@@ -61,7 +61,7 @@ def main(arguments: list[str]) -> int:
 
 def _parser() -> argparse.ArgumentParser:
     parser = new_parser("board", __doc__, EXAMPLES)
-    parser.add_argument("action", nargs="?", choices=tuple(OPTIONS), default="show", help="[%(default)s]")
+    parser.add_argument("action", nargs="?", choices=tuple(OPTIONS), default="show", help="[show]")
     add_scenario(parser, None, optional=True)
     parser.add_argument("--board", metavar="NAME", help="show, install: the single-board computer this is [recognised]")
     parser.add_argument("--root", metavar="PATH", default="/", help="where the machine's /proc, /sys, /etc are [/]")

@@ -146,7 +146,7 @@ def summary(rows: list[Row], sets: list[Changes]) -> str:
     Then mean and standard deviation of each figure of the successes.
     """
     seen = [kind for kind in KINDS if any(row.get(kind) for row in rows)]
-    header = ["", "success", *[kind.replace("_", " ") for kind in seen], *METRICS]
+    header = ["", "success", *[name.replace("_", " ") for name in (*seen, *METRICS)]]
     lines = [header, *[_line(changes, [r for r in rows if changes.items() <= r.items()], seen) for changes in sets]]
     reasons = sorted({row["reason"] for row in rows if not row["success"]})
     return "\n".join([*aligned(lines, right=True), *(f"no success: {reason}" for reason in reasons)])

@@ -7,6 +7,7 @@ import pytest
 
 from hil.charts.gridding import Progress
 from hil.charts.sources.survey import Survey
+from hil.cli import main
 from hil.commands import world as command
 from hil.common.errors import ConfigError, MissingExtraError
 from sim.environment.geomagnetism import field_at
@@ -24,7 +25,7 @@ def test_a_chart_becomes_a_world_that_the_simulator_loads(tmp_path: Path, capsys
         command.main(["build", chart(tmp_path), "--resolution", "20", "-o", out, "--plot", str(tmp_path / "b.png")])
         == 0
     )
-    said = capsys.readouterr().out
+    said = " ".join(capsys.readouterr().out.split())
     assert f"{out}.toml: gridded in" in said
     assert "by linear interpolation between soundings" in said
     assert (tmp_path / "b.png").stat().st_size > 20_000
@@ -93,7 +94,8 @@ def test_too_fine_and_too_coarse(tmp_path: Path) -> None:
         command.main(["build", chart(tmp_path), "-o", str(tmp_path / "w"), "--resolution", "5000"])
 
 
-def test_list(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_list(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.setenv("COLUMNS", "200")
     command.main(["build", chart(tmp_path), "--resolution", "25", "-o", str(tmp_path / "own")])
     capsys.readouterr()
     assert command.main(["list", str(tmp_path)]) == 0
@@ -101,6 +103,8 @@ def test_list(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for name in ("pool", "slope", "ridge", "fractal", "harbour", str(tmp_path / "own.toml")):
         assert name in said
     assert "25 m grid" in said
+    assert main(["world", "list", str(tmp_path), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)[-1]["grid"] == 25.0
 
 
 def test_an_interrupted_build_leaves_the_old_world(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

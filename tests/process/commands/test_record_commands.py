@@ -393,7 +393,7 @@ def test_foxglove_gets_the_messages_as_they_are(tmp_path: Path) -> None:
         assert "geometry_msgs/Quaternion orientation" in imu["schema"]
         with Program(tmp_path, "foxglove", "--connect", endpoint, "--listen", port) as second:
             assert second.wait() == 4
-        assert "--port" in second.output
+        assert "--listen" in second.output
         assert live.stop(signal.SIGINT) == 0, live.output
 
 

@@ -5,8 +5,9 @@ from pathlib import Path
 import pytest
 
 from hil.cli import COMMANDS
+from hil.schemas.meanings import meanings
 from tools.reference import files, pages
-from tools.reference.records import Section, describe, meanings
+from tools.reference.records import Section, describe
 
 FOLDER = Path(__file__).parents[3] / "docs" / "reference"
 

@@ -1,0 +1,109 @@
+"""Turn a record of hil.common.schema into JSON Schema, draft 7, which editors of TOML understand."""
+
+import re
+import types
+from collections.abc import Mapping
+from math import isfinite
+from typing import Annotated, Any, Literal, Union, get_args, get_origin
+
+from hil.common.schema import FINITE, UNITS, Range
+from hil.common.text import json_value
+from hil.schemas.meanings import meaning_of
+
+Schema = dict[str, Any]
+PLAIN = {str: {"type": "string"}, bool: {"type": "boolean"}, int: {"type": "integer"}, float: {"type": "number"}}
+NUMBER = r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?"
+
+
+class Converter:
+    """Converts records, and keeps each under `definitions` once, however often it occurs."""
+
+    def __init__(self) -> None:
+        self.definitions: dict[str, Schema] = {}
+
+    def of(self, annotation: Any) -> Schema:
+        """Return the schema of an annotation that `hil.common.schema.parse` understands."""
+        origin, arguments = get_origin(annotation), get_args(annotation)
+        if origin is Annotated:
+            limit = next((extra for extra in arguments[1:] if isinstance(extra, Range)), FINITE)
+            return number(arguments[0], limit)
+        if origin is Literal:
+            return {"enum": list(arguments)}
+        if origin in (types.UnionType, Union):
+            return self.of(next(each for each in arguments if each is not type(None)))
+        if origin is tuple:
+            return self._array(arguments)
+        if origin is dict:
+            return {"type": "object", "additionalProperties": self.of(arguments[1])}
+        if isinstance(annotation, type) and issubclass(annotation, tuple):
+            return self.reference(annotation)
+        return {} if annotation is Any else dict(PLAIN[annotation])
+
+    def _array(self, items: tuple[Any, ...]) -> Schema:
+        many = {"type": "array", "items": self.of(items[0])}
+        return many if items[-1] is Ellipsis else many | {"minItems": len(items), "maxItems": len(items)}
+
+    def reference(self, record: Any) -> Schema:
+        """Return a reference to a record, which is converted when it is met first."""
+        name = f"{record.__module__}.{record.__qualname__}"
+        if name not in self.definitions:
+            self.definitions[name] = {}  # a record inside itself ends here
+            self.definitions[name] = table(self.keys(record), required(record))
+        return {"$ref": f"#/definitions/{name}"}
+
+    def keys(self, record: Any, shown: Mapping[str, Schema | None] | None = None) -> dict[str, Schema]:
+        """Return the schemas of a record's keys: those of `shown` as they stand there, without those that are None."""
+        shown = shown or {}
+        found: dict[str, Schema] = {}
+        for key, annotation in record.__annotations__.items():
+            schema = shown[key] if key in shown else self.of(annotation)
+            if schema is not None:
+                found[key] = _described(schema, meaning_of(record, key), record._field_defaults.get(key))
+        return found
+
+
+def _described(schema: Schema, meaning: str, default: Any) -> Schema:
+    """Return the schema of a key with its meaning and its default; a reference allows nothing beside it."""
+    schema = {"allOf": [schema]} if "$ref" in schema else schema
+    plain = isinstance(default, (bool, int, float, str)) or (isinstance(default, tuple) and type(default) is tuple)
+    worth = plain and default not in ("", ()) and "$ref" not in str(schema)
+    return {"description": meaning} | schema | ({"default": json_value(default)} if worth else {})
+
+
+def number(kind: type, limit: Range) -> Schema:
+    """Return the schema of a number in its range; one with a unit may also be a text with its unit."""
+    plain: Schema = {"type": "integer" if kind is int else "number"}
+    ends = {"minimum": limit.low, "maximum": limit.high} if limit is not FINITE else {}
+    plain |= {name: end for name, end in ends.items() if isfinite(end)}  # JSON knows no infinity
+    if not limit.unit:
+        return plain
+    units = [unit for unit, (si, _) in UNITS.items() if si == limit.unit]
+    if not units:
+        return plain
+    text = {"type": "string", "pattern": rf"^\s*{NUMBER} +({'|'.join(map(re.escape, units))})\s*$"}
+    return {"anyOf": [plain, text]}
+
+
+def table(keys: dict[str, Schema], needed: list[str] | None = None, others: Any = False) -> Schema:
+    """Return the schema of a table with these keys; `others` is that of all further keys, False: there are none."""
+    found: Schema = {"type": "object", "properties": keys, "additionalProperties": others}
+    return found | ({"required": needed} if needed else {})
+
+
+def tables(row: Schema) -> Schema:
+    """Return the schema of an array of tables."""
+    return {"type": "array", "items": row}
+
+
+def required(record: Any, but: tuple[str, ...] = ()) -> list[str]:
+    """Return the keys of a record that have no default."""
+    return [key for key in record.__annotations__ if key not in record._field_defaults and key not in but]
+
+
+def chosen(kinds: Mapping[str, Schema]) -> Schema:
+    """Return the schema of a table whose key `kind` says which keys the others are."""
+    rows = []
+    for kind, schema in kinds.items():
+        keys = {"kind": {"const": kind, "description": f"One of {', '.join(kinds)}."}, **schema["properties"]}
+        rows.append(table(keys, ["kind", *schema.get("required", [])]))
+    return {"anyOf": rows}

@@ -1,0 +1,140 @@
+"""The JSON Schema of each kind of file: scenario, fleet, vehicle, world, board, frame."""
+
+from collections.abc import Callable
+from typing import Any
+
+import boards
+from hil.autonomy.control import controller, fin_control, restoring_pd, sliding_mode
+from hil.common.errors import ConfigError
+from hil.common.schema import nearest, preset_names, shortened
+from hil.links.frame.layout import FrameLayout
+from hil.links.wires.faults import Faults
+from hil.master.avoid import AvoidSettings
+from hil.network.security import Security
+from hil.scenario import config, fleet_records, modem_records, records
+from hil.schemas.convert import Converter, Schema, chosen, required, table, tables
+from sim.environment import relief, terrain, world
+from sim.environment.ocean import Ocean
+from sim.modems.acoustic import AcousticModem
+from sim.modems.optical import OpticalModem
+from sim.sensors.mounting import Mounting
+from sim.sensors.suite import DEVICES, SENSORS, load_sensor
+from sim.vehicle import ballast, battery, meshes, thruster_curves, thruster_lags, vehicle
+from sim.vehicle.equipment_keys import EquipmentKeys
+from sim.vehicle.failures import Failure
+from sim.vehicle.fins import Fin
+from sim.vehicle.thruster_model import Thruster
+
+DRAFT = "http://json-schema.org/draft-07/schema#"
+OPEN: Schema = {"type": "object"}
+OWN_CLASS: Schema = {
+    "type": "string",
+    "pattern": r"^[\w.]+:\w+$",
+    "description": 'Class of your own, "module:Class"; the other keys are passed to its __init__.',
+}
+
+
+def schema(kind: str) -> Schema:
+    """Return the schema of a kind of file in KINDS, as values that JSON can have. Raises ConfigError for another."""
+    if kind not in KINDS:
+        raise ConfigError(f"no file {shortened(kind)}{nearest(kind, list(KINDS))}; there are: {', '.join(KINDS)}")
+    converter = Converter()
+    body = KINDS[kind](converter)
+    title = f"uuv-hil: {kind} file"
+    return {"$schema": DRAFT, "title": title, **body, "definitions": converter.definitions}
+
+
+def _scenario(converter: Converter) -> Schema:
+    return table(_scenario_keys(converter), required(config.Scenario))
+
+
+def _fleet(converter: Converter) -> Schema:
+    """A fleet is a scenario that has members."""
+    return table(_scenario_keys(converter), [*required(config.Scenario), "member"])
+
+
+def _scenario_keys(converter: Converter) -> dict[str, Schema]:
+    own = table({"class": OWN_CLASS}, ["class"], others=True)
+    faults = {"options": OPEN, "faults": converter.reference(Faults)}
+    avoid = converter.keys(AvoidSettings, {"search": {"type": "string"}})
+    return converter.keys(config.Scenario, {
+        "path": None,
+        "link": table(converter.keys(records.Link, faults)),
+        "security": converter.reference(Security),
+        "planner": table({"class": OWN_CLASS, **avoid}, ["class"], others=True),
+        "sensors": _sensors(converter, own),
+        "failure": tables(converter.reference(Failure)),
+        "force": tables(own),
+        "release": tables(converter.reference(ballast.Release)),
+        "member": tables(converter.reference(fleet_records.Member)),
+        "hunting": converter.reference(fleet_records.Hunting),
+        "modem": {"anyOf": [_modem(converter, "acoustic", AcousticModem), _modem(converter, "optical", OpticalModem)]},
+    })  # fmt: skip
+
+
+def _modem(converter: Converter, kind: str, record: Any) -> Schema:
+    keys = converter.keys(modem_records.Modem, {"model": None, "kind": {"enum": [kind]}}) | converter.keys(record)
+    return table(keys, ["kind"] if kind != modem_records.Modem().kind else None)
+
+
+def _sensors(converter: Converter, own: Schema) -> Schema:
+    found = {}
+    for name in SENSORS:
+        device = {"type": "string", "description": f"One that can be bought: {', '.join(preset_names(DEVICES))}."}
+        keys = converter.keys(load_sensor(name).Model) | converter.keys(Mounting)
+        found[name] = table(keys | {"device": device})
+    return table(found, others=own)
+
+
+def _vehicle(converter: Converter) -> Schema:
+    curves = {kind: _record(converter, record) for kind, record in thruster_curves.CURVES.items()}
+    curves["table"]["properties"]["table"] = OPEN
+    dynamics = {kind: _record(converter, record) for kind, record in thruster_lags.DYNAMICS.items()}
+    models = {"curve": chosen(curves), "dynamics": chosen(dynamics)}
+    # What all have in common may stand once, so none of a thruster's keys is required in its own table.
+    thruster, fin = table(converter.keys(Thruster, models)), table(converter.keys(Fin))
+    equipment = {key: converter.of(annotation) for key, annotation in EquipmentKeys.__annotations__.items()}
+    shown: dict[str, Schema | None] = {
+        **equipment,
+        "fins": tables(fin),
+        "thrusters": tables(thruster),
+        "battery": converter.reference(battery.Battery),
+        "meshes": tables(converter.reference(meshes.Mesh)),
+    }
+    keys = converter.keys(vehicle.Vehicle, shown)
+    common = {"every_thruster": thruster, "every_fin": fin, "control": _control(converter)}
+    return table(keys | common, required(vehicle.Vehicle))
+
+
+def _control(converter: Converter) -> Schema:
+    words = ["cascade", "sliding_mode", "restoring_pd"]
+    family = {"anyOf": [{"enum": words}, OWN_CLASS], "default": "cascade", "description": "Law of the controller."}
+    return table({
+        "family": family,
+        **converter.keys(controller.Gains),
+        "fins": converter.reference(fin_control.FinGains),
+        "sliding_mode": converter.reference(sliding_mode.SlidingSettings),
+        "restoring_pd": converter.reference(restoring_pd.PdSettings),
+        "options": OPEN,
+    })  # fmt: skip
+
+
+def _world(converter: Converter) -> Schema:
+    by_rule = chosen({kind: _record(converter, record) for kind, record in relief.KINDS.items()})
+    ground = {"anyOf": [converter.reference(terrain.StoredKeys), *by_rule["anyOf"]]}
+    keys = converter.keys(world.World, {"ocean": converter.reference(Ocean), "terrain": ground})
+    return table(keys, required(world.World))
+
+
+def _record(converter: Converter, record: Any) -> Schema:
+    return table(converter.keys(record), required(record))
+
+
+KINDS: dict[str, Callable[[Converter], Schema]] = {
+    "scenario": _scenario,
+    "fleet": _fleet,
+    "vehicle": _vehicle,
+    "world": _world,
+    "board": lambda converter: _record(converter, boards.Board),
+    "frame": lambda converter: _record(converter, FrameLayout),
+}

@@ -1,0 +1,185 @@
+"""Follow a page as a reader would: save its files, type its commands in order, compare what they print.
+
+Changed are the addresses alone, so that pages can be followed beside each other: a slave listens on a free port, and
+what would connect to this machine's usual port connects there.
+"""
+
+import os
+import re
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import ExitStack
+from pathlib import Path
+from typing import NamedTuple
+
+from hil.common.children import package_environment
+from tests.support.documents import ROOT, Block, blocks
+from tests.support.processes import Program, free_port, wait_for
+
+# What needs another machine, a device, a chart, a cluster, or changes the machine: the page says so at its place.
+ELSEWHERE = re.compile(
+    r"/dev/tty|ADDRESS-OF|US5AK5SI|board install|--backend|^sudo |^git clone|^make |^pip install|^ros2 |^export |"
+    r"^python3 -m venv|^\. \.venv|^cat /proc|192\.168\.3\.11[67]|^git |recordings/FOLDER|--prometheus 9100$|^taplo"
+)
+# What runs until Ctrl-C, and what it says when it does what it is for.
+UNTIL_CTRL_C = {
+    "slave": r"ready", "router": r"forwarding", "stm32": r"Ctrl-C", "gateway": r"lines of JSON", "foxglove": r"here:",
+    "topic hz": r"[1-9]\d*\.\d\d Hz", "topic pub": r"publishing", "top": r"loop \(Hz\)", "record": r"recording",
+    "agent": r"", "channel": r"modems of",
+}  # fmt: skip
+SERVERS = ("slave", "stm32", "router")  # they stay while the rest of the page is followed
+LISTENERS = {"slave", "demo"}
+CLIENTS = {"topic", "top", "record", "foxglove", "gateway"}
+SECONDS = 400.0
+
+
+class Step(NamedTuple):
+    """One command of a page, and what it printed."""
+
+    line: str
+    output: str
+
+
+class Follower:
+    """Follows one page in a folder. Use as a context, which ends what is left running."""
+
+    def __init__(self, page: str, folder: Path) -> None:
+        self.page, self.folder, self.cwd = page, folder, folder
+        self.port = free_port()
+        self.steps: list[Step] = []
+        self._running = ExitStack()
+        self._servers: dict[str, Program] = {}
+
+    def __enter__(self) -> "Follower":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._running.close()
+
+    def follow(self) -> None:
+        """Do all that the page says. Fails with the line that does not do what the page promises."""
+        for block in blocks("shell", "text", "toml", "python", "xml", page=ROOT / self.page):
+            where = f"{self.page}:{block.line}"
+            if block.language == "text":
+                self._compare(block, where)
+            elif block.language == "shell":
+                for line in block.text.replace("\\\n", " ").splitlines():
+                    self._type(re.sub(r"\s{2,}#\s.*$", "", line).strip(), where)
+            elif name := file_of(block):
+                self._save(name, block)
+            elif block.language == "python":
+                self._run_python(block.text, where)
+
+    def _save(self, name: str, block: Block) -> None:
+        path = self.cwd / name
+        appended = re.search(r"Add at the end of `[^`]+`:\s*$", block.before)
+        path.write_text((path.read_text() if appended else "") + block.text)
+
+    def _compare(self, block: Block, where: str) -> None:
+        """A block of text is a line to be put in place of another, or what the command before it printed."""
+        said = re.search(r"In `(\w+\.toml)`, replace the line `([^`]+)`:\s*$", block.before)
+        if said:
+            path = self.cwd / said[1]
+            assert said[2] in path.read_text(), f"{where}: {said[1]} has no line {said[2]!r}"
+            path.write_text(path.read_text().replace(said[2], block.text.strip()))
+            return
+        if not self.steps:
+            return
+        outputs = [step.output for step in self.steps[-3:]]
+        for line in filter(None, map(str.strip, block.text.splitlines())):
+            if line != "...":
+                found = any(pattern_of(line).search(output) for output in outputs)
+                assert found, f"{where}: no line like {line!r} in\n" + "\n".join(outputs)
+
+    def _type(self, line: str, where: str) -> None:
+        if not line or ELSEWHERE.search(line):
+            return
+        words = line.removesuffix("&").split()
+        if words[0] == "mkdir" or words[0] == "cd":
+            for folder in re.findall(r"(?:mkdir|cd) (\w+)", line):
+                (self.cwd / folder).mkdir(exist_ok=True)
+            self.cwd = self.cwd / re.findall(r"cd (\w+)", line)[-1]
+            return
+        if words[0] == "uuv-hil":
+            self._command(self._addressed(line), where)
+            return
+        done = subprocess.run(
+            ["bash", "-c", line], cwd=self.cwd, capture_output=True, text=True, timeout=60, check=False
+        )
+        assert done.returncode == 0, f"{where}: {line}\n{done.stderr}"
+
+    def _addressed(self, line: str) -> str:
+        line = line.replace("0.0.0.0", "127.0.0.1").replace("127.0.0.1:7447", f"127.0.0.1:{self.port}")
+        name = line.split()[1]
+        if name in LISTENERS and "--listen" not in line:
+            line += f" --listen tcp/127.0.0.1:{self.port}"
+        if name in CLIENTS and "--connect" not in line and "--matlab" not in line:
+            line += f" --connect tcp/127.0.0.1:{self.port}"
+        if name in ("gateway", "foxglove") and "--listen" not in line:
+            line += " --listen 0"
+        return line
+
+    def _command(self, line: str, where: str) -> None:
+        words = line.removesuffix("&").split()[1:]
+        name = next((n for n in (" ".join(words[:2]), words[0]) if n in UNTIL_CTRL_C), "")
+        endless = name and not {"--count", "--once", "--matlab", "--json"} & set(words)
+        command = ["bash", "-c", f'exec {sys.executable} -m hil "$@"'.replace('"$@"', line.removeprefix("uuv-hil "))]
+        path = os.pathsep.join([str(self.cwd), str(ROOT)])
+        environment = {**package_environment(), "COLUMNS": "80", "PYTHONPATH": path}
+        if name in self._servers:
+            self._servers.pop(name).stop(signal.SIGINT)
+        program = Program(self.folder, command=command, cwd=self.cwd, environment=environment)
+        self._running.enter_context(program)
+        if endless:
+            program.expect(UNTIL_CTRL_C[name])
+            if name in SERVERS:
+                self._servers[name] = program
+            else:
+                wait_for(lambda: program.process.poll() is not None, 1.5)  # it works for a while
+                assert program.stop(signal.SIGINT) in (0, 130), f"{where}: {line}\n{program.output}"
+        else:
+            code = program.wait(SECONDS)
+            wanted = expected_code(words)
+            assert code in wanted, f"{where}: {line}: exit code {code}\n{program.output}"
+        assert "Traceback" not in program.output, f"{where}: {line}\n{program.output}"
+        self.steps.append(Step(line, program.output))
+
+    def _run_python(self, text: str, where: str) -> None:
+        code = re.sub(r"tcp/[\d.]+:7447", f"tcp/127.0.0.1:{self.port}", text)
+        done = subprocess.run(
+            [sys.executable, "-c", code], cwd=self.cwd, capture_output=True, text=True, timeout=120, check=False,
+            env={**os.environ, **package_environment()},
+        )  # fmt: skip
+        assert done.returncode == 0, f"{where}: {done.stderr}"
+        self.steps.append(Step("python", done.stdout))
+
+
+def expected_code(words: list[str]) -> tuple[int, ...]:
+    """The exit codes of a command that a page shows: what a check finds is what the page is about."""
+    if words[:2] == ["scenario", "check"] or "--import" in words:
+        return 0, 2
+    return (0, 1) if words[0] in ("doctor", "bench") else (0,)
+
+
+def file_of(block: Block) -> str:
+    """The file that the text before a block says it is, of any ending."""
+    found = re.findall(r"`(\w+\.(?:py|toml|urdf))`[^`]*:\s*$", block.before.rstrip()[-120:])
+    return found[-1] if found else ""
+
+
+def pattern_of(line: str) -> re.Pattern[str]:
+    """A pattern of a line whose numbers, addresses and ptys are those of the day."""
+    pieces = re.split(r"([-+]?\d[\d.]*|/dev/pts/\d+|tcp/[\w.]+:\d+)", line)
+    return re.compile(r"\s+".join(
+        "".join(r"[-+\w./:]+" if number % 2 else re.escape(piece) for number, piece in enumerate(pieces)).replace(
+            "\\ ", " ").split()
+    ))  # fmt: skip
+
+
+def pages() -> Iterator[str]:
+    """The tutorials and how-to pages."""
+    for folder in ("tutorials", "how-to"):
+        for path in sorted((ROOT / "docs" / folder).glob("*.md")):
+            yield path.relative_to(ROOT).as_posix()
