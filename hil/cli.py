@@ -23,8 +23,11 @@ COMMANDS = {
     "master": ("hil.commands.master", "plan and fly a scenario with a slave somewhere on the network"),
     "agent": ("hil.commands.agent", "plan for one vehicle of a fleet, beside its neighbours' planners"),
     "channel": ("hil.commands.channel", "simulate the acoustic or optical channel between the modems of a fleet"),
-    "scenario": ("hil.commands.scenario", "list, show, copy and check scenarios"),
-    "schema": ("hil.commands.schema", "print JSON Schemas of all files, for editors that complete and check TOML"),
+    "scenario": ("hil.commands.files.scenario", "list, show, copy and check scenarios"),
+    "schema": (
+        "hil.commands.files.schema",
+        "print JSON Schemas of all files, for editors that complete and check TOML",
+    ),
     "sim": ("hil.commands.sim", "fly the same mission in one process, in real time or as fast as it goes"),
     "autopilot": ("hil.commands.autopilot", "test motors and connection of an autopilot, show its parameters"),
     "campaign": (

@@ -11,7 +11,7 @@ from hil.links.frame.layout import FrameLayout
 from hil.links.wires.faults import Faults
 from hil.master.avoid import AvoidSettings
 from hil.network.security import Security
-from hil.scenario import config, fleet_records, modem_records, records
+from hil.scenario import autopilot_records, config, fleet_records, modem_records, records
 from hil.schemas.convert import Converter, Schema, chosen, required, table, tables
 from sim.environment import relief, terrain, world
 from sim.environment.ocean import Ocean
@@ -19,11 +19,13 @@ from sim.modems.acoustic import AcousticModem
 from sim.modems.optical import OpticalModem
 from sim.sensors.mounting import Mounting
 from sim.sensors.suite import DEVICES, SENSORS, load_sensor
-from sim.vehicle import ballast, battery, meshes, thruster_curves, thruster_lags, vehicle
+from sim.vehicle import ballast, battery, meshes, vehicle
 from sim.vehicle.equipment_keys import EquipmentKeys
 from sim.vehicle.failures import Failure
 from sim.vehicle.fins import Fin
-from sim.vehicle.thruster_model import Thruster
+from sim.vehicle.thrusters import curves as thruster_curves
+from sim.vehicle.thrusters import lags as thruster_lags
+from sim.vehicle.thrusters.model import Thruster
 
 DRAFT = "http://json-schema.org/draft-07/schema#"
 OPEN: Schema = {"type": "object"}
@@ -63,6 +65,7 @@ def _scenario_keys(converter: Converter) -> dict[str, Schema]:
         "security": converter.reference(Security),
         "planner": table({"class": OWN_CLASS, **avoid}, ["class"], others=True),
         "sensors": _sensors(converter, own),
+        "autopilot": converter.reference(autopilot_records.AutopilotSettings),
         "failure": tables(converter.reference(Failure)),
         "force": tables(own),
         "release": tables(converter.reference(ballast.Release)),
