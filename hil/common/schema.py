@@ -31,7 +31,7 @@ Record = TypeVar("Record", bound=tuple[Any, ...])
 
 # unit -> (the SI unit it measures, factor to it)
 UNITS: dict[str, tuple[str, float]] = {
-    "s": ("s", 1.0), "ms": ("s", 1e-3), "us": ("s", 1e-6), "min": ("s", 60.0),
+    "s": ("s", 1.0), "ms": ("s", 1e-3), "us": ("s", 1e-6), "min": ("s", 60.0), "h": ("s", 3600.0),
     "Hz": ("Hz", 1.0), "kHz": ("Hz", 1e3),
     "m": ("m", 1.0), "cm": ("m", 1e-2), "mm": ("m", 1e-3),
     "m/s": ("m/s", 1.0), "kn": ("m/s", 1852.0 / 3600.0),
