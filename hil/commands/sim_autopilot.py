@@ -29,7 +29,7 @@ def fly_autopilot(scenario: Scenario, options: Namespace) -> int:
         if not options.fast:
             watches.append(_pacing(seconds_ns(scenario.slave.step)))
         flight = None
-        if options.log or options.plot:
+        if options.output or options.plot:
             from hil.plots.force_log import Flight
 
             flight = Flight(run.simulation)
@@ -44,8 +44,8 @@ def fly_autopilot(scenario: Scenario, options: Namespace) -> int:
         events = merge_events(run.simulation.events.events(), run.log.events())
         faults = [event for event in events if event.kind not in scenario.master.allow]
         print(_account(run, time.monotonic() - began, faults, options.json))
-    if flight and options.log:
-        flight.write(options.log)
+    if flight and options.output:
+        flight.write(options.output)
     if flight and options.plot:
         flight.draw(options.plot, lambda axes: None)
     if faults:

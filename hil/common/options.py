@@ -30,6 +30,17 @@ HOST = re.compile(r"(?=.{1,253}\Z)[A-Za-z0-9_]([A-Za-z0-9_-]{0,62})(\.[A-Za-z0-9
 class HelpFormatter(argparse.HelpFormatter):
     """Wraps the paragraphs of a text to the terminal; its indented lines stay lines, such as those of examples."""
 
+    def _format_usage(self, *arguments: Any) -> str:
+        """Return the usage; argparse leaves a group of options that exclude each other on one line."""
+        lines = super()._format_usage(*arguments).split("\n")
+        width = self._width + 2
+        return "\n".join(
+            f"{line[:cut]}\n{' ' * (len(line) - len(line.lstrip()) + 1)}{line[cut:].lstrip()}"
+            if len(line) > width and (cut := line.rfind("| ", 0, width) + 1)
+            else line
+            for line in lines
+        )
+
     def _fill_text(self, text: str, width: int, indent: str) -> str:
         lines: list[str] = []
         for is_prose, group in groupby(text.splitlines(), lambda line: line[:1] not in ("", " ")):
@@ -124,10 +135,15 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
     add_changes(parser)
 
 
-def add_connect(parser: argparse.ArgumentParser) -> None:
-    """Add --connect, which may be given several times; `hil.commands.listening` finds its default."""
-    about = f"a slave or a router, HOST:PORT; may be given several times [the scenario's, else {LOCAL_SLAVE}]"
-    parser.add_argument("--connect", metavar="ENDPOINT", type=ENDPOINT, action="append", help=about)
+def add_connect(parser: argparse.ArgumentParser, *, lan: bool = False) -> None:
+    """Add --connect, which may be given several times; with `lan` also the word "lan".
+
+    `hil.commands.listening` finds its default.
+    """
+    whom = f"a slave or a router, HOST:PORT{', or lan' if lan else ''}"
+    about = f"{whom}; may be given several times [the scenario's, else {LOCAL_SLAVE}]"
+    kind = endpoint_or_lan if lan else ENDPOINT
+    parser.add_argument("--connect", metavar="ENDPOINT", type=kind, action="append", help=about)
 
 
 def add_output(parser: argparse.ArgumentParser, metavar: str, about: str, *, required: bool = False) -> None:

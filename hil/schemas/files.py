@@ -1,6 +1,7 @@
 """The JSON Schema of each kind of file: scenario, fleet, vehicle, world, board, frame."""
 
 from collections.abc import Callable
+from importlib import import_module
 from typing import Any
 
 import boards
@@ -10,8 +11,7 @@ from hil.common.schema import nearest, preset_names, shortened
 from hil.links.frame.layout import FrameLayout
 from hil.links.wires.faults import Faults
 from hil.master.avoid import AvoidSettings
-from hil.network.security import Security
-from hil.scenario import autopilot_records, config, fleet_records, modem_records, records
+from hil.scenario import config, fleet_records, modem_records, records
 from hil.schemas.convert import Converter, Schema, chosen, required, table, tables
 from sim.environment import relief, terrain, world
 from sim.environment.ocean import Ocean
@@ -19,9 +19,8 @@ from sim.modems.acoustic import AcousticModem
 from sim.modems.optical import OpticalModem
 from sim.sensors.mounting import Mounting
 from sim.sensors.suite import DEVICES, SENSORS, load_sensor
-from sim.vehicle import ballast, battery, meshes, vehicle
+from sim.vehicle import battery, meshes, vehicle
 from sim.vehicle.equipment_keys import EquipmentKeys
-from sim.vehicle.failures import Failure
 from sim.vehicle.fins import Fin
 from sim.vehicle.thrusters import curves as thruster_curves
 from sim.vehicle.thrusters import lags as thruster_lags
@@ -59,20 +58,27 @@ def _scenario_keys(converter: Converter) -> dict[str, Schema]:
     own = table({"class": OWN_CLASS}, ["class"], others=True)
     faults = {"options": OPEN, "faults": converter.reference(Faults)}
     avoid = converter.keys(AvoidSettings, {"search": {"type": "string"}})
-    return converter.keys(config.Scenario, {
+    return converter.keys(config.Scenario, _sections(converter) | {
         "path": None,
         "link": table(converter.keys(records.Link, faults)),
-        "security": converter.reference(Security),
         "planner": table({"class": OWN_CLASS, **avoid}, ["class"], others=True),
         "sensors": _sensors(converter, own),
-        "autopilot": converter.reference(autopilot_records.AutopilotSettings),
-        "failure": tables(converter.reference(Failure)),
         "force": tables(own),
-        "release": tables(converter.reference(ballast.Release)),
         "member": tables(converter.reference(fleet_records.Member)),
-        "hunting": converter.reference(fleet_records.Hunting),
         "modem": {"anyOf": [_modem(converter, "acoustic", AcousticModem), _modem(converter, "optical", OpticalModem)]},
     })  # fmt: skip
+
+
+def _sections(converter: Converter) -> dict[str, Schema | None]:
+    """Return the schemas of the sections that a scenario reads by a record of theirs when it has them."""
+    found: dict[str, Schema | None] = {}
+    for name, place in config.LAZY.items():
+        module, _, attribute = place.partition(":")
+        record = getattr(import_module(module), attribute)
+        if hasattr(record, "_fields") and "." not in name:
+            row = converter.reference(record)
+            found[name] = tables(row) if name in config.MANY else row
+    return found
 
 
 def _modem(converter: Converter, kind: str, record: Any) -> Schema:

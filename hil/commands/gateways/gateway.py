@@ -4,8 +4,8 @@ import os
 import select
 
 import hil
-from hil.common.errors import ConfigError
-from hil.common.options import endpoint_or_lan, new_parser, serving_address
+from hil.commands.listening import scenario_and_endpoints
+from hil.common.options import add_connect, add_settings, new_parser, serving_address
 from hil.common.stop import StopSignals
 from hil.gateways.json_server import JsonGateway
 
@@ -27,11 +27,14 @@ this user reads.
 def main(arguments: list[str]) -> int:
     """Serve until told to stop; the exit code."""
     parser = new_parser("gateway", __doc__, EXAMPLES)
+    add_connect(parser, lan=True)
+    add_settings(parser)
     parser.add_argument(
-        "--connect", metavar="ENDPOINT", type=endpoint_or_lan, action="append", help="a slave, HOST:PORT; or lan"
-    )
-    parser.add_argument(
-        "--listen", metavar="[HOST:]PORT", type=serving_address, default="127.0.0.1:7450", help="[%(default)s]"
+        "--listen",
+        metavar="[HOST:]PORT",
+        type=serving_address,
+        default="127.0.0.1:7450",
+        help="where to serve [%(default)s]",
     )
     parser.add_argument("--routed", action="store_true", help="ENDPOINT is that of a router")
     parser.add_argument("--keys", metavar="FOLDER", default="", help="this machine's certificates")
@@ -41,22 +44,23 @@ def main(arguments: list[str]) -> int:
     if options.matlab:
         print(os.path.join(os.path.dirname(os.path.abspath(hil.__file__)), "gateways", "matlab"))
         return 0
-    if not options.connect:
-        raise ConfigError("give --connect tcp/ADDRESS:PORT, or --connect lan")
+    scenario, endpoints = scenario_and_endpoints(options)
+    keys = options.keys or (scenario.security.folder("master") if scenario and scenario.security else "")
+    routed = options.routed or bool(scenario and scenario.network.mode == "routed")
     host, port = options.listen
     with (
         StopSignals() as stop_fd,
-        hil.connect(*options.connect, routed=options.routed, keys=options.keys, take_over=options.take_over) as fleet,
+        hil.connect(*endpoints, routed=routed, keys=keys, take_over=options.take_over) as fleet,
         JsonGateway(fleet, host, port) as gateway,
     ):
-        print(f"lines of JSON at {host}:{gateway.port} for {', '.join(options.connect)}; Ctrl-C ends it")
+        print(f"lines of JSON at {host}:{gateway.port} for {', '.join(endpoints)}; Ctrl-C ends it")
         access = gateway.access
         print(f"token for commands: {access.token}" + (f" (in {access.path})" if access.path else ""), flush=True)
         told: list[str] | None = None
         while not select.select((stop_fd,), (), (), POLL_S)[0]:
             if fleet.names != told:
                 told = fleet.names
-                print(presence(told, options.connect), flush=True)
+                print(presence(told, endpoints), flush=True)
     return 0
 
 

@@ -6,8 +6,7 @@ from contextlib import ExitStack
 
 from hil.client.client import Stamped, VehicleClient
 from hil.commands.listening import scenario_and_endpoints
-from hil.common.errors import ConfigError
-from hil.common.options import ENDPOINT, PORT, checked, new_parser, whole
+from hil.common.options import PORT, add_connect, add_settings, checked, new_parser, whole
 from hil.common.stop import StopSignals
 from hil.network.roles import open_master_session
 from hil.network.settings import Network
@@ -19,10 +18,9 @@ An endpoint is udpout:HOST:PORT (a ground station), udpin:HOST:PORT or tcpin:HOS
 tcpout:HOST:PORT (a router), serial:/dev/ttyUSB0:57600, or zenoh:tcp/HOST:PORT (BlueOS' keys).
 
 examples:
-  uuv-hil mavlink paper_field                          QGroundControl on this machine finds it by itself
+  uuv-hil mavlink                                      QGroundControl on this machine finds it by itself
   uuv-hil mavlink --connect tcp/192.168.3.116:7447     a slave elsewhere
-  uuv-hil mavlink paper_field --endpoint udpin:0.0.0.0:14550 --commands-from network
-                                                       ground stations on other machines may command
+  uuv-hil mavlink --endpoint udpin:0.0.0.0:14550 --commands-from network    from other machines too
 
 Without --commands-from network, who is on another machine may only look. A section [mavlink] of the scenario has
 the same settings, and more: docs/how-to/qgroundcontrol.md.
@@ -34,9 +32,7 @@ def main(arguments: list[str]) -> int:
     if os.sched_getscheduler(0) != os.SCHED_OTHER:  # inherited from a slave: nothing here is as urgent as its loop
         os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
     options = _parser().parse_args(arguments)
-    scenario, endpoints = scenario_and_endpoints(options.scenario, options.connect)
-    if not endpoints:
-        raise ConfigError("give --connect tcp/ADDRESS:PORT, or a scenario")
+    scenario, endpoints = scenario_and_endpoints(options)
     settings = _settings(options, scenario)
     network, security = (scenario.network, scenario.security) if scenario else (Network(), None)
     from hil.gateways.mavlink.assembly import camera_of, defaults_of, origin_of, parameter_file
@@ -79,14 +75,8 @@ def main(arguments: list[str]) -> int:
 
 def _parser() -> argparse.ArgumentParser:
     parser = new_parser("mavlink", __doc__, EXAMPLES)
-    parser.add_argument("scenario", metavar="SCENARIO", nargs="?")
-    parser.add_argument(
-        "--connect",
-        metavar="ENDPOINT",
-        type=ENDPOINT,
-        action="append",
-        help="a slave or a router, HOST:PORT [the scenario's]",
-    )
+    add_connect(parser)
+    add_settings(parser)
     parser.add_argument(
         "--endpoint",
         metavar="MAVLINK",
@@ -95,11 +85,15 @@ def _parser() -> argparse.ArgumentParser:
         help="where MAVLink is spoken; may be given several times [udpout:127.0.0.1:14550, tcpin:127.0.0.1:5760]",
     )
     parser.add_argument("--vehicle", metavar="NAME", default="", help="which vehicle [the scenario's, or uuv1]")
-    parser.add_argument("--system", type=whole(1, 250), help="MAVLink system id [the stored SYSID_THISMAV, or 1]")
+    parser.add_argument(
+        "--system", metavar="N", type=whole(1, 250), help="MAVLink system id [the stored SYSID_THISMAV, or 1]"
+    )
     parser.add_argument(
         "--commands-from", choices=("localhost", "network"), help="which machines may command [localhost]"
     )
-    parser.add_argument("--video-port", type=PORT, help="port of the camera's picture, MJPEG over HTTP; 0: none [0]")
+    parser.add_argument(
+        "--video-port", metavar="PORT", type=PORT, help="port of the camera's picture, MJPEG over HTTP; 0: none [0]"
+    )
     parser.add_argument("--logs", metavar="FOLDER", help="folder that MAVFTP offers [recordings]")
     parser.add_argument("--parameters", metavar="FILE", help="file of stored parameters [one of this user's]")
     parser.add_argument("--take-over", action="store_true", help="command even if another master does already")

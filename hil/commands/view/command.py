@@ -5,8 +5,7 @@ import select
 from hil.commands.listening import scenario_and_endpoints
 from hil.commands.view.opening import open_view, shown_of
 from hil.common.clock import NS_PER_S, RateKeeper, now_ns, seconds_ns
-from hil.common.errors import ConfigError
-from hil.common.options import add_changes, changes_of, endpoint_or_lan, new_parser, serving_address
+from hil.common.options import add_connect, add_settings, new_parser, serving_address
 from hil.common.stop import StopSignals
 
 EXAMPLES = """\
@@ -14,36 +13,32 @@ Open the address that it prints in any browser; it holds a token that is new at 
 vehicle the view also shows the seabed, the obstacles, the planned path and the vehicle's shape.
 
 examples:
-  uuv-hil view paper_field                                   a slave on this machine
-  uuv-hil view mine.toml --connect tcp/192.168.3.116:7447    one elsewhere
-  uuv-hil view paper_field --listen 0.0.0.0:7480             for browsers of other machines, who need the token
-  uuv-hil view paper_field --observe                         to look only
+  uuv-hil view                                         a slave on this machine
+  uuv-hil view --scenario paper_field                  with the map of its world
+  uuv-hil view --connect tcp/192.168.3.116:7447        one elsewhere
+  uuv-hil view --listen 0.0.0.0:7480                   for browsers of other machines, who need the token
+  uuv-hil view --observe                               to look only
 """
 
 
 def main(arguments: list[str]) -> int:
     """Show until told to stop; the exit code."""
     parser = new_parser("view", __doc__, EXAMPLES)
-    parser.add_argument("scenario", metavar="SCENARIO", nargs="?")
+    add_connect(parser, lan=True)
+    add_settings(parser)
     parser.add_argument(
-        "--connect",
-        metavar="ENDPOINT",
-        type=endpoint_or_lan,
-        action="append",
-        help="a slave or a router, HOST:PORT; or lan [the scenario's]",
+        "--listen",
+        metavar="[HOST:]PORT",
+        type=serving_address,
+        default="127.0.0.1:7480",
+        help="where to serve [%(default)s]",
     )
-    parser.add_argument(
-        "--listen", metavar="[HOST:]PORT", type=serving_address, default="127.0.0.1:7480", help="[%(default)s]"
-    )
-    add_changes(parser)
     parser.add_argument("--observe", action="store_true", help="never command a vehicle")
     parser.add_argument("--routed", action="store_true", help="ENDPOINT is that of a router")
     parser.add_argument("--keys", metavar="FOLDER", default="", help="this machine's certificates")
     parser.add_argument("--no-browser", action="store_true", help="print the address, but open no browser")
     options = parser.parse_args(arguments)
-    scenario, endpoints = scenario_and_endpoints(options.scenario, options.connect, changes_of(options))
-    if not endpoints:
-        raise ConfigError("give a scenario, or --connect tcp/ADDRESS:PORT")
+    scenario, endpoints = scenario_and_endpoints(options)
     from hil.view.live_view import PERIOD_S
     from hil.view.sources.live import LiveSource
 

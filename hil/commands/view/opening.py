@@ -74,7 +74,9 @@ def view_process(scenario: Sequence[str], endpoint: str, wanted: bool) -> Iterat
     if not wanted:
         yield
         return
-    command = module_command("hil.cli", "view", *scenario, "--connect", endpoint, "--listen", "127.0.0.1:0")
+    command = module_command(
+        "hil.cli", "view", "--scenario", *scenario, "--connect", endpoint, "--listen", "127.0.0.1:0"
+    )
     process = start_child(command, environment=package_environment(), stdout=subprocess.PIPE, text=True)
     assert process.stdout
     try:

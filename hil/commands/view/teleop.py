@@ -13,7 +13,7 @@ from hil.client.vehicle_handle import Vehicle
 from hil.commands.listening import scenario_and_endpoints
 from hil.common.clock import now_ns
 from hil.common.errors import ConfigError, HilError
-from hil.common.options import endpoint_or_lan, new_parser
+from hil.common.options import add_connect, add_settings, new_parser
 from hil.common.progress_line import ProgressLine
 from hil.common.stop import StopSignals
 from hil.view.teleop import acts
@@ -27,7 +27,7 @@ The vehicle moves while a key repeats. With --gamepad it moves while a shoulder 
 turn, right stick up, down and sideways. Depth and heading are held while nothing changes them.
 
 examples:
-  uuv-hil teleop paper_field
+  uuv-hil teleop
   uuv-hil teleop --connect tcp/192.168.3.116:7447 --gamepad
 """
 
@@ -35,18 +35,13 @@ examples:
 def main(arguments: list[str]) -> int:
     """Steer until Ctrl-C; the exit code."""
     parser = new_parser("teleop", __doc__, EXAMPLES)
-    parser.add_argument("scenario", metavar="SCENARIO", nargs="?")
-    parser.add_argument(
-        "--connect", metavar="ENDPOINT", type=endpoint_or_lan, action="append",
-        help="a slave or a router, HOST:PORT; or lan [the scenario's]",
-    )  # fmt: skip
+    add_connect(parser, lan=True)
+    add_settings(parser)
     parser.add_argument("--vehicle", metavar="NAME", help="which of several [the first]")
     parser.add_argument("--gamepad", action="store_true", help="steer with the first gamepad of this machine")
     parser.add_argument("--take-over", action="store_true", help="command even if another master does already")
     options = parser.parse_args(arguments)
-    scenario, endpoints = scenario_and_endpoints(options.scenario, options.connect)
-    if not endpoints:
-        raise ConfigError("give a scenario, or --connect tcp/ADDRESS:PORT")
+    scenario, endpoints = scenario_and_endpoints(options)
     pad = Gamepad() if options.gamepad else None
     keys = scenario.security.folder("master") if scenario and scenario.security else ""
     routed = bool(scenario and scenario.network.mode == "routed")

@@ -162,7 +162,7 @@ def test_who_only_listens_is_no_software_of_the_vehicle(tmp_path: Path) -> None:
     """A recorder hears cmd_vel too, and hid that nobody drives the thrusters."""
     scenario, port = write_scenario(tmp_path, top='controller = "external"')
     endpoint = f"tcp/127.0.0.1:{port}"
-    arguments = "master", scenario, "--connect", endpoint, "--run-dir", tmp_path / "run"
+    arguments = "master", scenario, "--connect", endpoint, "--output", tmp_path / "run"
     with Program(tmp_path, "slave", scenario) as slave:
         slave.expect("ready")
         with Program(tmp_path, "record", "--connect", endpoint, "-o", tmp_path / "recording") as recorder:

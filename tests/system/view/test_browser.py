@@ -42,7 +42,7 @@ def test_it_shows_the_vehicle_steers_it_and_stops_it(tmp_path: Path) -> None:
     scenario, port = write_scenario(tmp_path)
     with (
         Program(tmp_path, "slave", scenario) as slave,
-        Program(tmp_path, "view", scenario, "--listen", "127.0.0.1:0", "--no-browser") as view,
+        Program(tmp_path, "view", "--scenario", scenario, "--listen", "127.0.0.1:0", "--no-browser") as view,
         hil.connect(f"tcp/127.0.0.1:{port}", observe=True) as fleet,
         open_page() as seen,
     ):
@@ -93,7 +93,7 @@ def steer_by_keyboard(seen: Seen, vehicle: Vehicle) -> None:
 def test_a_recording_plays_pauses_and_goes_where_its_slider_is(tmp_path: Path) -> None:
     scenario, _ = write_scenario(tmp_path)
     scenario.write_text(scenario.read_text() + "[recording]\nslave = true\n")
-    record = Program(tmp_path, "demo", scenario, "--run-dir", tmp_path / "run", cwd=tmp_path)
+    record = Program(tmp_path, "demo", scenario, "--output", tmp_path / "run", cwd=tmp_path)
     with record:
         assert record.wait() == 0, record.output
     recording = next(tmp_path.rglob("*.mcap"))

@@ -16,7 +16,7 @@ def test_keys_move_the_vehicle_and_it_stops_without_them(tmp_path: Path) -> None
     with Program(tmp_path, "slave", scenario), hil.connect(f"tcp/127.0.0.1:{port}", observe=True) as fleet:
         vehicle = fleet["uuv1"]
         place = vehicle.ground_truth.position
-        command = module_command("hil.cli", "teleop", str(scenario))
+        command = module_command("hil.cli", "teleop", "--scenario", str(scenario))
         teleop = start_child(command, environment=package_environment(), stdin=terminal, stdout=terminal)
         try:
 

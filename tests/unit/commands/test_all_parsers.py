@@ -17,12 +17,13 @@ MODULES += [module for module, _ in BENCHMARKS.values()]
 # What an option may not be called, and what it is called.
 OTHER_NAMES = {
     "--out": "--output", "--run-dir": "--output", "--dest": "--output", "--log": "--output", "--slave": "--connect",
-    "--endpoint": "--connect", "--host-port": "--listen", "--bind": "--listen", "--address": "--listen",
+    "--host-port": "--listen", "--bind": "--listen", "--address": "--listen",
     "--png": "--plot", "--picture": "--plot", "--figure": "--plot", "--format": "--json", "--runs": "--repeat",
 }  # fmt: skip
 # The same word for another thing, with the reason.
 OTHER_MEANINGS = {
     ("uuv-hil foxglove", "--listen"): "a websocket, no zenoh endpoint",
+    ("uuv-hil view", "--listen"): "a web page, no zenoh endpoint",
     ("uuv-hil gateway", "--listen"): "lines of JSON, no zenoh endpoint",
     ("uuv-hil bench echo", "--listen"): "an address without a port, which is any that is free",
     ("uuv-hil keys add", "--host"): "a machine",
