@@ -7,7 +7,7 @@ from hil.autonomy.control.allocation import pseudo_inverse
 from hil.common.errors import ConfigError, MissionError
 from hil.master.flight import prepare
 from hil.scenario.attitude_warning import attitude_warning, requested_speed
-from hil.scenario.config import Scenario, build_simulation
+from hil.scenario.config import AUTOPILOTS, Scenario, build_simulation
 from hil.scenario.fleet import as_member
 from hil.slave.drivers.driver import check_line_rate
 from sim.environment.world import World, load_world
@@ -42,6 +42,8 @@ def check_scenario(scenario: Scenario) -> Iterator[ScenarioFinding]:
             yield from _check_start(as_member(scenario, member.node), vehicle, world, f"member[{number}]")
         return
     yield from _check_start(scenario, vehicle, world, "start")
+    if scenario.controller in AUTOPILOTS:  # it flies its own mission
+        return
     try:
         prepare(scenario, world)
     except (ConfigError, MissionError) as error:

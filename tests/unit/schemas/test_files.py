@@ -14,7 +14,7 @@ from boards import load_board
 from hil.cli import main
 from hil.common.errors import ConfigError
 from hil.common.schema import preset_folder
-from hil.common.tables import read_table
+from hil.common.tables import parse_toml, read_table
 from hil.links.frame.rules import load_layout
 from hil.scenario.config import load_scenario
 from hil.schemas.files import DRAFT, KINDS, schema
@@ -63,11 +63,9 @@ def test_fleets_have_members() -> None:
 
 def whole_blocks() -> Iterator[tuple[str, str, dict[str, Any]]]:
     """The whole files that pages show: where, of which kind, and what stands in them."""
-    import tomllib
-
     marks = {"mass": "vehicle", "extent": "world", "architecture": "board", "byte_order": "frame", "world": "scenario"}
     for block in blocks("toml"):
-        table = tomllib.loads(block.text)
+        table = parse_toml(block.text)
         kind = next((kind for key, kind in marks.items() if key in table), None)
         if kind:
             yield f"{block.page}:{block.line}", kind, table
@@ -79,14 +77,12 @@ def test_the_files_on_our_pages_fit(where: str, kind: str, table: dict[str, Any]
 
 
 def test_every_block_of_a_page_fits_a_scenario() -> None:
-    import tomllib
-
     wholes = {where for where, _, _ in whole_blocks()}
     field = {"vehicle": "paper_six", "world": "paper_field", "master": {"goal": [1.0, 2.0]}}
     count = 0
     for block in blocks("toml"):
         if f"{block.page}:{block.line}" not in wholes:
-            table = tomllib.loads(block.text)
+            table = parse_toml(block.text)
             assert faults("scenario", field | table | {"master": field["master"] | table.get("master", {})}) == []
             count += 1
     assert count > 10
