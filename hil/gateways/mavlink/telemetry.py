@@ -187,6 +187,7 @@ def sys_status(s: Snapshot, c: Context) -> Any:
         health |= bits if topic in s.sensors else 0
     present |= dialect.MAV_SYS_STATUS_PREARM_CHECK | dialect.MAV_SYS_STATUS_SENSOR_MOTOR_OUTPUTS
     health |= dialect.MAV_SYS_STATUS_PREARM_CHECK if c.ready else 0
+    health |= dialect.MAV_SYS_STATUS_GEOFENCE  # there is none, and MAVProxy says "fence breach" without it
     health |= 0 if s.link_silent else dialect.MAV_SYS_STATUS_SENSOR_MOTOR_OUTPUTS
     if s.battery and s.battery.cut_off:
         health &= ~dialect.MAV_SYS_STATUS_SENSOR_BATTERY

@@ -47,8 +47,8 @@ class _Request(NamedTuple):
 class _Session:
     """An open file: its contents in memory, or a descriptor."""
 
-    def __init__(self, partner: Partner, descriptor: int, content: bytes, size: int, now: int) -> None:
-        self.partner, self.descriptor, self.content, self.size = partner, descriptor, content, size
+    def __init__(self, descriptor: int, content: bytes, size: int, now: int) -> None:
+        self.descriptor, self.content, self.size = descriptor, content, size
         self.used_ns = now
 
     def read(self, offset: int, size: int) -> bytes:
@@ -70,7 +70,7 @@ class FtpServer:
     def __init__(self, folder: str, parameters: ParameterTable) -> None:
         self._folder = os.path.realpath(folder) if folder else ""
         self._parameters = parameters
-        self._sessions: dict[int, _Session] = {}
+        self._sessions: dict[tuple[Partner, int], _Session] = {}  # each client numbers its own, as ArduPilot lets it
         self._last: dict[Partner, tuple[int, bytes]] = {}  # number of the last request, and its answer
 
     def handle(self, payload: bytes, partner: Partner, now: int) -> list[bytes]:
@@ -103,13 +103,13 @@ class FtpServer:
         if request.size > MOST_DATA:
             yield _nak(request, BAD_SIZE)
         elif request.opcode == TERMINATE:
-            session = self._sessions.pop(request.session, None)
+            session = self._sessions.pop((partner, request.session), None)
             if session:
                 session.close()
             yield _ack(request) if session else _nak(request, BAD_SESSION)
         elif request.opcode == RESET:
-            for number in [number for number, session in self._sessions.items() if session.partner == partner]:
-                self._sessions.pop(number).close()
+            for key in [key for key in self._sessions if key[0] == partner]:
+                self._sessions.pop(key).close()
             yield _ack(request)
         elif request.opcode == LIST:
             yield self._list(request)
@@ -143,24 +143,26 @@ class FtpServer:
 
     def _open(self, request: _Request, partner: Partner, now: int) -> bytes:
         path = _path(request)
-        number = next((number for number in range(MOST_SESSIONS) if number not in self._sessions), None)
-        if number is None:
+        before = self._sessions.pop((partner, request.session), None)
+        if before:
+            before.close()
+        if len(self._sessions) >= MOST_SESSIONS:
             return _nak(request, NO_SESSIONS)
         if path.split("?")[0].strip("/") == PARAMETERS:
             content = pack_parameters(self._parameters)
-            session = _Session(partner, -1, content, len(content), now)
+            session = _Session(-1, content, len(content), now)
         else:
             real = self._real(path)
             if real is None or not os.path.isfile(real):
                 return _nak(request, NOT_FOUND)
             descriptor = os.open(real, os.O_RDONLY | os.O_CLOEXEC | os.O_NOFOLLOW)
-            session = _Session(partner, descriptor, b"", os.fstat(descriptor).st_size, now)
-        self._sessions[number] = session
-        return _ack(request, session.size.to_bytes(4, "little"), session=number)
+            session = _Session(descriptor, b"", os.fstat(descriptor).st_size, now)
+        self._sessions[partner, request.session] = session
+        return _ack(request, session.size.to_bytes(4, "little"))
 
     def _read(self, request: _Request, partner: Partner, now: int) -> Iterator[bytes]:
-        session = self._sessions.get(request.session)
-        if session is None or session.partner != partner:
+        session = self._sessions.get((partner, request.session))
+        if session is None:
             yield _nak(request, BAD_SESSION)
             return
         session.used_ns = now
@@ -201,8 +203,8 @@ class FtpServer:
         return real if inside else None
 
     def _close_idle(self, now: int) -> None:
-        for number in [number for number, one in self._sessions.items() if now - one.used_ns > IDLE_NS]:
-            self._sessions.pop(number).close()
+        for key in [key for key, one in self._sessions.items() if now - one.used_ns > IDLE_NS]:
+            self._sessions.pop(key).close()
 
 
 def pack_parameters(table: ParameterTable) -> bytes:
@@ -242,12 +244,9 @@ def _entry(folder: str, name: str) -> str:
     return "S"
 
 
-def _ack(
-    request: _Request, data: bytes = b"", offset: int | None = None, session: int | None = None, complete: bool = False
-) -> bytes:
-    number = request.session if session is None else session
+def _ack(request: _Request, data: bytes = b"", offset: int | None = None, complete: bool = False) -> bytes:
     where = request.offset if offset is None else offset
-    head = HEADER.pack(request.sequence + 1 & 0xFFFF, number, ACK, len(data), request.opcode, complete, where)
+    head = HEADER.pack(request.sequence + 1 & 0xFFFF, request.session, ACK, len(data), request.opcode, complete, where)
     return head + data
 
 

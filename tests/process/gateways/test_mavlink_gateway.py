@@ -1,0 +1,232 @@
+"""A real slave as a MAVLink vehicle, with pymavlink as its ground station: over UDP, TCP, a pty, and by a scenario."""
+
+import os
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from pymavlink import mavparm, mavutil
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from hil.gateways.mavlink.flight.modes import Mode
+from tests.support.processes import PATIENCE_S, Program, free_port, wait_for, write_scenario
+
+POSITION_ONLY = 0b110111111000
+LAYOUT = (
+    '[mavlink]\nendpoints = ["udpin:127.0.0.1:{udp}", "tcpin:127.0.0.1:{tcp}"]\nparameters = "{file}"\nlogs = "{logs}"'
+)
+
+
+class Ground:
+    """A ground station that sends its heartbeat while it waits."""
+
+    def __init__(self, address: str, system: int = 255, **options: Any) -> None:
+        os.environ["MAVLINK20"] = "1"
+        self.link: Any = mavutil.mavlink_connection(address, source_system=system, dialect="ardupilotmega", **options)
+        self.send = self.link.mav
+        self._beat_s = 0.0
+
+    def beat(self) -> None:
+        if time.monotonic() - self._beat_s > 0.5:
+            self._beat_s = time.monotonic()
+            self.send.heartbeat_send(dialect.MAV_TYPE_GCS, dialect.MAV_AUTOPILOT_INVALID, 0, 0, 0)
+
+    def wait(
+        self, kind: str, fits: Callable[[Any], object] = lambda _: True, do: Callable[[], Any] = lambda: None
+    ) -> Any:
+        """Return the first message of a kind that fits; `do` is called meanwhile, 20 times a second."""
+        deadline = time.monotonic() + PATIENCE_S
+        while time.monotonic() < deadline:
+            self.beat()
+            do()
+            message = self.link.recv_match(type=kind, blocking=True, timeout=0.05)
+            if message and fits(message):
+                return message
+        raise AssertionError(f"no {kind} that fits came")
+
+    def connect(self) -> Any:
+        return self.wait("HEARTBEAT", lambda message: message.type == dialect.MAV_TYPE_SUBMARINE)
+
+    def command(self, command: int, *params: float) -> int:
+        values = [*params, *[0.0] * (7 - len(params))]
+        self.send.command_long_send(1, 1, command, 0, *values)
+        return int(self.wait("COMMAND_ACK", lambda ack: ack.command == command).result)
+
+    def set_mode(self, mode: Mode) -> None:
+        assert self.command(dialect.MAV_CMD_DO_SET_MODE, 1, mode) == 0
+        self.wait("HEARTBEAT", lambda beat: beat.custom_mode == mode)
+
+    def arm(self) -> None:
+        assert self.command(dialect.MAV_CMD_COMPONENT_ARM_DISARM, 1) == 0
+
+    def disarm(self) -> None:
+        assert self.command(dialect.MAV_CMD_COMPONENT_ARM_DISARM, 0) == 0
+
+    def sticks(self, x: int = 0, y: int = 0, z: int = 500, r: int = 0) -> None:
+        self.send.manual_control_send(1, x, y, z, r, 0)
+
+    def place(self) -> Any:
+        while self.link.recv_match(type="LOCAL_POSITION_NED", blocking=False):
+            pass
+        return self.wait("LOCAL_POSITION_NED")
+
+
+class Vehicle:
+    """The ports of a slave with a MAVLink vehicle beside it."""
+
+    def __init__(self, slave: Program, udp: int, tcp: int, port: int, scenario: Path) -> None:
+        self.slave, self.udp, self.tcp, self.port, self.scenario = slave, udp, tcp, port, scenario
+
+
+@pytest.fixture(scope="module")
+def vehicle(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Vehicle]:
+    folder = tmp_path_factory.mktemp("vehicle")
+    (folder / "logs").mkdir()
+    (folder / "logs" / "run.mcap").write_bytes(bytes(range(256)) * 20)
+    udp, tcp = free_port(), free_port()
+    layout = LAYOUT.format(udp=udp, tcp=tcp, file=folder / "parameters.toml", logs=folder / "logs")
+    scenario, port = write_scenario(folder, top="", slave="", link="")
+    scenario.write_text(scenario.read_text() + layout)
+    with Program(folder, "slave", scenario) as slave:
+        slave.expect("MAVLink system 1 is uuv1")
+        yield Vehicle(slave, udp, tcp, port, scenario)
+
+
+@pytest.fixture
+def ground(vehicle: Vehicle) -> Iterator[Ground]:
+    ground = Ground(f"udpout:127.0.0.1:{vehicle.udp}")
+    ground.beat()
+    ground.connect()
+    yield ground
+    ground.disarm()
+    ground.link.close()
+
+
+def test_parameters_are_read_and_set(ground: Ground) -> None:
+    ground.send.param_request_list_send(1, 1)
+    names: set[str] = set()
+
+    def is_last(value: Any) -> bool:
+        names.add(value.param_id)
+        return bool(len(names) == value.param_count)
+
+    count = ground.wait("PARAM_VALUE", is_last)
+    assert count.param_count > 60
+    assert {"WP_SPEED", "G_SURGE_P", "FAIL1_KIND"} <= names
+    parameters = mavparm.MAVParmDict()
+    for name, value in (("WP_SPEED", 0.8), ("G_SURGE_P", 3.5), ("FAIL1_VALUE", 0.5), ("FAIL1_KIND", 2.0)):
+        assert parameters.mavset(ground.link, name, value, retries=10, parm_type=None)
+    ground.send.param_request_read_send(1, 1, b"FAIL1_VALUE", -1)
+    assert ground.wait("PARAM_VALUE", lambda value: value.param_id == "FAIL1_VALUE").param_value == 0.5
+    assert parameters.mavset(ground.link, "FAIL1_KIND", 0.0, retries=10)
+    assert parameters.mavset(ground.link, "WP_SPEED", 0.5, retries=10)
+
+
+def test_a_joystick_moves_it_and_silence_stops_it(ground: Ground) -> None:
+    ground.set_mode(Mode.ALT_HOLD)
+    ground.arm()
+    start = ground.place()
+    ground.wait("VFR_HUD", lambda hud: hud.groundspeed > 0.15, lambda: ground.sticks(x=600))
+    ground.wait("STATUSTEXT", lambda text: "joystick silent" in text.text)
+    ground.wait("VFR_HUD", lambda hud: hud.groundspeed < 0.05)
+    assert abs(ground.place().z - start.z) < 0.3
+    ground.set_mode(Mode.MANUAL)
+    before = ground.wait("ATTITUDE").yaw
+    ground.wait("ATTITUDE", lambda a: abs(a.yaw - before) > 0.2, lambda: ground.sticks(r=400))
+
+
+def test_a_position_target_is_reached_and_held(ground: Ground) -> None:
+    ground.set_mode(Mode.GUIDED)
+    ground.arm()
+    zeros = [0.0] * 8
+    ground.send.set_position_target_local_ned_send(0, 1, 1, 1, POSITION_ONLY, 5.0, 5.0, 1.5, *zeros)
+    near = ground.wait(
+        "LOCAL_POSITION_NED", lambda p: abs(p.x - 5) < 0.3 and abs(p.y - 5) < 0.3 and abs(p.z - 1.5) < 0.2
+    )
+    assert near
+    assert abs(ground.place().z - 1.5) < 0.3
+
+
+def test_a_mission_is_uploaded_read_back_and_flown(ground: Ground) -> None:
+    rows = [(0, 16, 0.0, 0.0, 0.0), (1, 16, 4.0, 4.0, 1.5), (1, 16, 5.0, 4.0, 1.5)]
+    ground.send.mission_count_send(1, 1, len(rows), 0)
+    for index, (frame, command, x, y, z) in enumerate(rows):
+        assert ground.wait("MISSION_REQUEST_INT").seq == index
+        ground.send.mission_item_int_send(1, 1, index, frame, command, 0, 1, 0, 0, 0, 0, int(x * 1e4), int(y * 1e4), z)
+    assert ground.wait("MISSION_ACK").type == 0
+    ground.send.mission_request_list_send(1, 1, 0)
+    assert ground.wait("MISSION_COUNT").count == 3
+    ground.send.mission_request_int_send(1, 1, 2, 0)
+    assert ground.wait("MISSION_ITEM_INT").x == 50_000
+    ground.arm()
+    assert ground.command(dialect.MAV_CMD_MISSION_START) == 0
+    ground.wait("MISSION_ITEM_REACHED", lambda reached: reached.seq == 2)
+    ground.wait("MISSION_CURRENT", lambda current: current.mission_state == dialect.MISSION_STATE_COMPLETE)
+
+
+def test_logs_are_listed_and_read(ground: Ground) -> None:
+    ground.send.log_request_list_send(1, 1, 0, 0xFFFF)
+    entry = ground.wait("LOG_ENTRY")
+    assert entry.size == 5120
+    ground.send.log_request_data_send(1, 1, entry.id, 0, 0xFFFFFFFF)
+    data: dict[int, bytes] = {}
+
+    def take(part: Any) -> bool:
+        data[part.ofs] = bytes(part.data[: part.count])
+        return bool(part.count < 90)
+
+    ground.wait("LOG_DATA", take)
+    assert b"".join(data[at] for at in sorted(data)) == bytes(range(256)) * 20
+
+
+def test_several_ground_stations_and_web_pages(ground: Ground, vehicle: Vehicle) -> None:
+    other = Ground(f"tcp:127.0.0.1:{vehicle.tcp}", system=254)
+    other.beat()
+    other.connect()
+    ground.set_mode(Mode.STABILIZE)
+    other.wait("HEARTBEAT", lambda beat: beat.custom_mode == Mode.STABILIZE)
+    other.link.close()
+    import socket
+
+    with socket.create_connection(("127.0.0.1", vehicle.tcp)) as page:
+        arm = dialect.MAVLink_command_long_message(1, 1, 400, 0, 1, 0, 0, 0, 0, 0, 0)
+        page.sendall(b"POST / HTTP/1.1\r\nHost: x\r\n\r\n" + arm.pack(dialect.MAVLink(None, 255, 190)))
+        page.settimeout(PATIENCE_S)
+        assert wait_for(lambda: not page.recv(4096) or None, PATIENCE_S)
+    assert not ground.connect().base_mode & dialect.MAV_MODE_FLAG_SAFETY_ARMED
+
+
+def test_over_a_serial_line_and_one_master_only(ground: Ground, vehicle: Vehicle, tmp_path: Path) -> None:
+    """A second vehicle process at the end of a pty; the one that is armed first is obeyed."""
+    radio, line = os.openpty()
+    device = os.ttyname(line)
+    options = ("--connect", f"tcp/127.0.0.1:{vehicle.port}", "--endpoint", f"serial:{device}:115200")
+    with Program(tmp_path, "mavlink", *options, "--parameters", tmp_path / "p.toml") as second:
+        second.expect("MAVLink system 1")
+        ground.set_mode(Mode.ALT_HOLD)
+        ground.arm()
+        parser = dialect.MAVLink(None, 255, 190)
+        parser.robust_parsing = True
+        os.set_blocking(radio, False)
+        acks: list[Any] = []
+
+        def ask() -> Any:
+            ground.beat()
+            ground.sticks()
+            ground.link.recv_match(blocking=False)
+            arm = dialect.MAVLink_command_long_message(1, 1, 400, 0, 1, 0, 0, 0, 0, 0, 0)
+            os.write(radio, arm.pack(parser))
+            try:
+                messages = parser.parse_buffer(os.read(radio, 4096)) or []
+            except BlockingIOError:
+                messages = []
+            acks.extend(message for message in messages if message.get_type() == "COMMAND_ACK")
+            time.sleep(0.2)  # the slave says once a second whom it obeys
+            return any(ack.result == dialect.MAV_RESULT_FAILED for ack in acks)
+
+        assert wait_for(ask)
+        assert ground.connect().base_mode & dialect.MAV_MODE_FLAG_SAFETY_ARMED
+    os.close(radio)
+    os.close(line)
