@@ -3,7 +3,7 @@
 import select
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
 from statistics import median
 from typing import NamedTuple
@@ -82,13 +82,11 @@ def open_bench(kind: str) -> Bench:
 
 
 @contextmanager
-def benched() -> Iterator[Bench]:
-    made = open_bench("udp")
-    yield made
-    for link in (made.host, made.end.link):
-        counters = link.counters
-        assert (counters.checksum_errors, counters.malformed, counters.dropped_bytes) == (0, 0, 0)
-        link.close()
+def benched(kind: str = "udp") -> Iterator[Bench]:
+    """A bench that is closed whatever happens: the next attempt needs its port."""
+    made = open_bench(kind)
+    with closing(made.host), closing(made.end.link):
+        yield made
 
 
 def on_a_bench(judge: Callable[[Bench], None]) -> Callable[[], None]:
@@ -98,6 +96,8 @@ def on_a_bench(judge: Callable[[Bench], None]) -> Callable[[], None]:
         def attempt() -> None:
             with benched() as bench:
                 judge(bench)
+                for counters in (bench.host.counters, bench.end.link.counters):
+                    assert (counters.checksum_errors, counters.malformed, counters.dropped_bytes) == (0, 0, 0)
 
         retry_when_busy(attempt, LATE)
 
@@ -149,29 +149,28 @@ def test_a_black_hole_downward(bench: Bench) -> None:
 @retried_when_busy(LATE)
 def test_a_stream_whose_peer_vanishes_ends_and_can_be_opened_anew() -> None:
     """TCP over a cable that is out: both ends give up in `PEER_TIMEOUT_S`, the STM32 has stopped long before."""
-    made = open_bench("tcp")
-    made.run(0.3)
-    stm32 = made.end.stm32
-    assert stm32.pwm_us == list(PULSES)
-    with shaped("shore", AWAY), shaped("vehicle", AWAY, "vehicle"):
-        began = time.monotonic()
-        with pytest.raises(DeviceError, match=r"^tcp://10.9.0.2:5760: went away"):
-            made.run(2 * AWAY_S, first=100)
-        assert 1.5 < time.monotonic() - began < 4.0
-        assert stm32.pwm_us == [1500, 1500]
-        made.host.close()
-        assert stm32.watchdog_trips == 1
-        give_up = began + 4.0
-        while time.monotonic() < give_up:
-            made.end.service(now_ns())
-            time.sleep(0.02)
-    again = ThrusterLink(open_address("tcp://10.9.0.2:5760", "host"), open_protocol("frame", "host", 2))
-    again_bench = Bench(again, made.end, [])
-    again_bench.run(0.5, first=500)
-    assert stm32.pwm_us == list(PULSES)
-    assert again_bench.heard[-1][1].sequence >= 500
-    again.close()
-    made.end.link.close()
+    with benched("tcp") as made:
+        made.run(0.3)
+        stm32 = made.end.stm32
+        assert stm32.pwm_us == list(PULSES)
+        with shaped("shore", AWAY), shaped("vehicle", AWAY, "vehicle"):
+            began = time.monotonic()
+            with pytest.raises(DeviceError, match=r"^tcp://10.9.0.2:5760: went away"):
+                made.run(2 * AWAY_S, first=100)
+            assert 1.5 < time.monotonic() - began < 4.0
+            assert stm32.pwm_us == [1500, 1500]
+            made.host.close()
+            assert stm32.watchdog_trips == 1
+            give_up = began + 4.0
+            while time.monotonic() < give_up:
+                made.end.service(now_ns())
+                time.sleep(0.02)
+        again = ThrusterLink(open_address("tcp://10.9.0.2:5760", "host"), open_protocol("frame", "host", 2))
+        with closing(again):
+            again_bench = Bench(again, made.end, [])
+            again_bench.run(0.5, first=500)
+            assert stm32.pwm_us == list(PULSES)
+            assert again_bench.heard[-1][1].sequence >= 500
 
 
 @retried_when_busy(LATE)

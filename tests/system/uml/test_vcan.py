@@ -3,7 +3,7 @@
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
 
 import can
 import pytest
@@ -159,16 +159,15 @@ def test_there_and_back_is_quicker_than_through_the_package() -> None:
 
 def median_and_late(device: Wire, host: Wire) -> tuple[float, float]:
     record, took = pack_frame(FRAME), []
-    for _ in range(ROUNDS):
-        began = time.perf_counter()
-        host.write(record)
-        assert wait_readable(device)
-        device.write(device.read())
-        assert wait_readable(host)
-        assert host.read() == record
-        took.append(time.perf_counter() - began)
-    device.close()
-    host.close()
+    with closing(device), closing(host):
+        for _ in range(ROUNDS):
+            began = time.perf_counter()
+            host.write(record)
+            assert wait_readable(device)
+            device.write(device.read())
+            assert wait_readable(host)
+            assert host.read() == record
+            took.append(time.perf_counter() - began)
     return _microseconds(took)
 
 
