@@ -17,9 +17,9 @@ def connect(
 ) -> "Fleet":
     """Return the vehicles that answer at `endpoints`, as objects to look at and to command; see docs/how-to/python.md.
 
-    An endpoint is that of a slave, "tcp/192.168.3.116:7447" or "tls/...", or "lan": whoever answers by multicast; with
-    `routed` it is that of a router, which all vehicles behind it are reached through. With `take_over` a vehicle is
-    commanded even if another master does already; with `observe` never. `keys` is this machine's folder of
+    An endpoint is that of a slave, "tcp/192.168.3.116:7447" or "tls/...", or "lan": the one that answers by multicast;
+    with `routed` it is that of a router, which all vehicles behind it are reached through. With `take_over` a vehicle
+    is commanded even if another master does already; with `observe` never. `keys` is this machine's folder of
     certificates (`uuv-hil keys add`). A vehicle that is asked for is waited for, up to `wait` s. Raises NetworkError.
     """
     from hil.client.fleet import connect as connect_fleet

@@ -110,7 +110,7 @@ def main(arguments: list[str] | None = None) -> int:
         try:
             return _dispatch(words)
         finally:
-            sys.stdout.flush()  # what cannot be written is told by us, not by the interpreter as it ends
+            sys.stdout.flush()  # we report what cannot be written, not the interpreter as it ends
     except HilError as error:
         print(f"{name}: {error}", file=sys.stderr)
         return error.exit_code

@@ -176,7 +176,7 @@ class Dynamics:
         return nu_dot
 
     def forces(self, state: State, wrench: Sequence[float], current: Sequence[float]) -> Forces:
-        """Return the forces that make a step, apart; arguments as in `step`. For whoever wants to look."""
+        """Return the forces that make a step, apart; arguments as in `step`. For inspection."""
         rotation = rotations.matrix(state.quaternion)
         nu_r = through_water(rotation, state.nu, current)
         u, v, w, p, q, r = nu_r

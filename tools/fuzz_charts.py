@@ -9,7 +9,7 @@ asks; an end by a signal of the one that asks; more than `SLOWEST_S`; an error o
 any of that was found, and the mutated cell is then kept.
 
 The modules are loaded once, and each cell is read by a copy of this process (fork) that has the limits of the real one:
-a process begun anew takes 0.3 s.
+a process that is started again takes 0.3 s.
 """
 
 import argparse

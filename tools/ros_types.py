@@ -4,7 +4,7 @@
 
 Run by hand when a package is added or ROS changes one. Messages of ROS's own packages are taken from rosbags
 (Ternaris, typestore of ROS 2 Jazzy); all services and the other packages are what the files say already, and only
-their hashes are made anew. Hashes follow REP 2016 and rosidl_generator_type_description: SHA-256 of the
+their hashes are made again. Hashes follow REP 2016 and rosidl_generator_type_description: SHA-256 of the
 type's description as JSON, with the descriptions of all messages in it.
 """
 
@@ -122,7 +122,7 @@ def _forget() -> None:
 
 
 def main() -> int:
-    """Write all files anew: definitions first, then, as they can be read, with their hashes."""
+    """Write all files again: definitions first, then, as they can be read, with their hashes."""
     argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter).parse_args()
     packages = {package: definitions_of_rosbags(package) | services_here(package) for package in FROM_ROSBAGS}
     for package, definitions in packages.items():

@@ -63,7 +63,7 @@ begin() {{
 }}
 begin
 set +e
-($b sleep {orphan}; echo o >/proc/sysrq-trigger) & # in case that whoever started it cannot kill it any more
+($b sleep {orphan}; echo o >/proc/sysrq-trigger) & # in case its parent cannot kill it any more
 echo {mark} begin
 $b chroot . /bin/sh -c {steps} </dev/null 2>&1
 echo {mark} end $?

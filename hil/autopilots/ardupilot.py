@@ -146,7 +146,7 @@ class ArduPilot(Autopilot):
         elif step > WRAP // 2 and count < RESTART_BELOW:
             self._restarting = True
             self.figures.resets += 1
-            self._report(f"{self.name}: the autopilot has started anew (frame {count} after {self._count})")
+            self._report(f"{self.name}: the autopilot has restarted (frame {count} after {self._count})")
         elif step > WRAP // 2:
             self._report(f"{self.name}: frame numbers go back, from {self._count} to {count}")
         else:

@@ -1,7 +1,7 @@
 """Decide which differences between two results are significant: bootstrap intervals of the ratio of medians.
 
 What one start of the programs gives is alike: where they came to lie in memory and what else ran then is in all of it.
-So a start counts as one value, its median. With few starts the commands themselves are drawn anew, in blocks as
+So a start counts as one value, its median. With few starts the commands themselves are drawn again, in blocks as
 neighbours are alike; then two starts of one program differ as well, and no difference is called better or worse.
 """
 
@@ -13,7 +13,7 @@ from hil.bench.statistics import Interval, median, median_interval, ratio_interv
 
 FEWEST = 5  # values, or starts, on each side; of fewer, intervals are as narrow as chance wants
 A_START_A_VALUE = ("table", "startup")  # benchmarks whose every value is of a start of its own
-LOADED = 1.0  # a difference of the machine's load that is told: a processor's worth
+LOADED = 1.0  # a difference of the machine's load that is reported: a processor's worth
 Verdict = Literal["same", "better", "worse", "changed", "too few", "few starts"]
 
 

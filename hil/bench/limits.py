@@ -33,10 +33,10 @@ OPTIONS = {"cpu": "--cpu-quota", "memory": "--memory"}  # controller -> what ask
 REMEDIES = {
     "cpu": "use a kernel with CONFIG_CFS_BANDWIDTH",
     "memory": "take cgroup_disable=memory out of the kernel's command line; on a Raspberry Pi, add "
-    "cgroup_enable=memory to the line in /boot/firmware/cmdline.txt; and boot anew",
+    "cgroup_enable=memory to the line in /boot/firmware/cmdline.txt; and reboot",
 }
 LINGER = "log in as this user, or loginctl enable-linger and set XDG_RUNTIME_DIR=/run/user/$(id -u)"
-DELEGATE = "put Delegate=pids memory cpu below [Service] with: sudo systemctl edit user@.service, and boot anew"
+DELEGATE = "put Delegate=pids memory cpu below [Service] with: sudo systemctl edit user@.service, and reboot"
 GROUP = "uuv-hil-bench-"  # the beginning of a group's name
 # Names the files of the group it runs in; without a "$", which is a variable to some versions of systemd-run.
 LOOK = f"sed -n 's|^0::|{ROOT}|p' /proc/self/cgroup | xargs ls"

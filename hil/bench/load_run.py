@@ -83,7 +83,7 @@ def impossible(setting: Setting, scenario: str) -> str:
 
 
 def run(setting: Setting, scenario: str, seconds: float, limits: Limits, watch: Callable[[float], None]) -> Course:
-    """Let slaves be commanded for so long; `watch` is told the share that is done. Raises HilError."""
+    """Let slaves be commanded for so long; `watch` is called with the share that is done. Raises HilError."""
     with ExitStack() as stack:
         benches = [
             stack.enter_context(Bench(scenario, {**setting.changes, "slave.node": f"uuv{number + 1}"}, limits))

@@ -160,7 +160,7 @@ class _Jumper(_Far):
 
 
 def run(plan: Plan, report: Callable[[str], None], progress: Callable[[int, int], None] | None = None) -> Result:
-    """Test the link. `progress` is told the commands sent and answered once a second.
+    """Test the link. `progress` is called with the commands sent and answered once a second.
 
     Ends early with what there is on KeyboardInterrupt. Raises ConfigError, DeviceError, MissingExtraError.
     """

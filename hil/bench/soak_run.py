@@ -22,10 +22,10 @@ from hil.common.quantiles import quantile
 from hil.ros.diagnostics import Diagnostics, or_nan
 
 COMMAND_HZ = 20.0
-QUIET_S = 1.0  # after which a vehicle that does not answer a master is told to be silent
+QUIET_S = 1.0  # after which a vehicle that does not answer a master is reported as silent
 RETURN_S = 10.0  # that the vehicle may take to answer a master that comes back
 GLANCE_S = 0.25  # between looks for an end that is wished, while the vehicle is waited for
-BLOCKS = 20  # of the record that are drawn anew for an interval
+BLOCKS = 20  # of the record that are drawn again for an interval
 DRAWS = 1000
 
 
@@ -170,7 +170,7 @@ def measured(values: Sequence[float]) -> list[float]:
 
 
 def trend(at_s: Sequence[float], values: Sequence[float], seed: int = 1) -> tuple[float, Interval]:
-    """Slope in units an hour by least squares, and where it lies with 95 %: blocks of the record drawn anew.
+    """Slope in units an hour by least squares, and where it lies with 95 %: blocks of the record drawn again.
 
     Blocks, because neighbours are alike (moving block bootstrap: Kuensch, Annals of Statistics 17, 1989).
     """

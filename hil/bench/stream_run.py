@@ -78,7 +78,7 @@ class Listener:
         self._session.close()
 
     def listen(self, seconds: float, slave: Process | None, watch: Callable[[float], None]) -> Listening:
-        """Return what came in so long; `watch` is told the share that is done.
+        """Return what came in so long; `watch` is called with the share that is done.
 
         Raises NetworkError when the vehicle is not there, goes or hangs.
         """

@@ -2,7 +2,7 @@
 
 From the battery's own voltage and current where the vehicle has a battery and a monitor of it. Else from the pulses at
 the thrusters: a thruster whose current is known (the T200's table) takes that times its supply; any other one is
-reckoned to take what a T200 at 16 V takes for the same thrust, and beyond the T200's reach in proportion to the
+assumed to take what a T200 at 16 V takes for the same thrust, and beyond the T200's reach in proportion to the
 thrust to the power 3/2, as an ideal propeller does (momentum theory). Electronics are not counted in that case.
 """
 

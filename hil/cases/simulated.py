@@ -17,7 +17,7 @@ from sim.vehicle.vehicle import load_vehicle
 if TYPE_CHECKING:
     from hil.master.recorder import TrackWriter
 
-SHOWN_STEPS = 40  # between two times that it is told how far a flight is
+SHOWN_STEPS = 40  # between two reports of a flight's progress
 # Called after each step with the vehicle.
 Watch = Callable[["SimulatedVehicle"], None]
 

@@ -36,7 +36,7 @@ FINE_M = 0.1  # cells of the map that the shortest way is sought on
 
 
 class Measured(NamedTuple):
-    """What a flight was, whoever flew it."""
+    """The result of a flight, simulated or flown by a slave."""
 
     outcome: Outcome
     energy: float

@@ -11,7 +11,7 @@ from hil.cases.record import Result
 from hil.common.columns import aligned
 from hil.common.errors import ConfigError
 
-# heading, what of a flight, and with how many decimals its mean or which of all its values is told
+# heading, what of a flight, and with how many decimals its mean, or which of all its values, is reported
 _MEAN: tuple[tuple[str, Callable[[Result], float], int], ...] = (
     ("travelled m", lambda r: r.path_length, 1),
     ("over optimum", lambda r: r.ratio, 3),

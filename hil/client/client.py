@@ -210,7 +210,7 @@ class VehicleClient:
     def first_sample_ns(self, exec_wall_ns: int) -> int | None:
         """When (ns since 1970, ours) the first sample of a slave came that was started at `exec_wall_ns` (its clock).
 
-        None: none yet. Samples that a slave sent before it ended and was started anew do not count.
+        None: none yet. Samples that a slave sent before it ended and was restarted do not count.
         """
         firsts = list(self._first_samples.values())
         return min([first.received_wall_ns for first in firsts if first.sent_wall_ns >= exec_wall_ns], default=None)
@@ -269,7 +269,7 @@ class VehicleClient:
             )
         if self._named_other >= HOLDS_ON and (self.has_commanded or not self._rank):
             return (
-                f"{self.node} obeys another master, {values.commander or 'a stranger'}; end that one first, "
+                f"{self.node} obeys another master, {values.commander or 'an anonymous sender'}; end that one first, "
                 "or take over with --take-over (in Python take_over=True)"
             )
         return ""

@@ -166,7 +166,7 @@ class Fleet:
 
     def _require_open(self) -> None:
         if self._closed:
-            raise NetworkError("the connection was closed; connect anew")
+            raise NetworkError("the connection was closed; connect again")
 
     def _missing(self, name: str, seconds: float) -> str:
         there = self.names

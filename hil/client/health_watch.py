@@ -130,7 +130,7 @@ class Unanswered:
 
 
 def _paces(before: Status | None, figures: Diagnostics, received_ns: int) -> dict[str, float]:
-    """Return how fast counters ran since `before`; none after a restart, when they begin anew."""
+    """Return how fast counters ran since `before`; none after a restart, when they begin again."""
     if before is None or before.figures.exec_wall_ns != figures.exec_wall_ns:
         return {}
     seconds = max((received_ns - before.received_ns) / NS_PER_S, 1e-3)

@@ -25,11 +25,11 @@ class LivenessMonitor:
     It comes with its token or its first answer, and goes with its token or when it has not answered for a little
     more than `lease` s. `present` says whether it is there, `losses` how often it went. `arrived` is called in a
     thread of its own, which may wait a while, when the vehicle comes; `report` gets a line when it comes and goes.
-    `samples` counts what comes beside answers, as whoever takes it notes. The session is opened again while answers
-    come and samples do not (`hil.client.stall`), and its links are cut where one is not read
+    `samples` counts messages other than answers; the code that receives them increments it. The session is opened
+    again while answers come and samples do not (`hil.client.stall`), and its links are cut where one is not read
     (`hil.network.unread_links`); `reconnections` counts both.
-    `same_clock` is set by whoever finds that both are on one machine: then the offset is exactly 0, unless exchanges
-    say otherwise, as when the wall clock was set between the two starts.
+    `same_clock` is set by the code that finds that both are on one machine: then the offset is exactly 0, unless
+    exchanges say otherwise, as when the wall clock was set between the two starts.
     """
 
     def __init__(
@@ -63,7 +63,7 @@ class LivenessMonitor:
         self.same_clock = False
         self.present = False
         self.losses = 0
-        self.reported: Estimate | None = None  # our clock minus the vehicle's, as the vehicle reckons
+        self.reported: Estimate | None = None  # our clock minus the vehicle's, as the vehicle computes
 
     def begin(self, part: Part, gid: bytes, rank: int) -> None:
         """Announce us as `part`; commands carry `gid`."""
@@ -147,7 +147,7 @@ class LivenessMonitor:
         return now_ns() - self._received_ns >= self._patience_s * NS_PER_S
 
     def _reconnect_stalled(self) -> None:
-        """Connect again where a link is open and not read; open the session anew where only answers come.
+        """Connect again where a link is open and not read; open the session again where only answers come.
 
         The second is for whatever cause. Cutting the links was not always enough: one client in 5,000 had both links
         again, and the library still brought it nothing.

@@ -38,7 +38,7 @@ class Vehicle(VehicleState):
     """One vehicle. Its samples are attributes; its commands are methods.
 
     They return at once; only the first waits, when another master was there, until the vehicle says whether it stays.
-    It does what it was told until it is told something else; this process repeats it meanwhile, and when that ends the
+    The vehicle executes a command until it gets another one; this process repeats it meanwhile, and when that ends the
     vehicle stops. All units are SI and radians; places are NED in m, with depth down; what is along the body is FRD.
     Every attribute raises NetworkError when the vehicle is gone or has no such sensor, every command also when the
     vehicle does not obey, and ConfigError for numbers that cannot be meant.

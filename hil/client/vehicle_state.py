@@ -167,7 +167,7 @@ class VehicleState:
 
     def _require_presence(self) -> None:
         if self._closing.is_set():
-            raise NetworkError(f"{self.name}: the connection was closed; connect anew")
+            raise NetworkError(f"{self.name}: the connection was closed; connect again")
         if not self.present:
             silence = self.client.contact.silence_s
             raise NetworkError(

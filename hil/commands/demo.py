@@ -109,7 +109,7 @@ def _require_extras() -> None:
 def require_free(endpoint: str, routed: bool = False) -> None:
     """Raise NetworkError unless a slave of this machine can listen at `endpoint`; unless `routed` on the next port too.
 
-    Otherwise the demo's master would arm and command the vehicle of whoever is there.
+    Otherwise the demo's master would arm and command the vehicle of another slave on this port.
     """
     _, host, port = split_endpoint(endpoint)
     for number in (port,) if routed else (port, port + 1):

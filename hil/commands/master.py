@@ -92,7 +92,7 @@ def _client(where: str, scenario: Scenario, plan: Plan, rank: int, progress: Pro
 
 
 def _report_vehicles(seconds: float) -> str:
-    """Return the endpoint of whoever answers by multicast. Raises NetworkError when nobody does, or several do."""
+    """Return the endpoint of the slave that multicast finds. Raises NetworkError when nobody does, or several do."""
     from hil.network.discovery import find
 
     found = find(seconds)

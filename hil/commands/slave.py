@@ -33,7 +33,7 @@ class Options(NamedTuple):
 
 
 def main(arguments: list[str]) -> int:
-    """Run the slave until it is told to stop; the exit code."""
+    """Run the slave until a signal stops it; return the exit code."""
     startup = {"exec": process_start_ns(), "python": now_ns()}
     gc.disable()  # most modules are still to come; the daemon says how it goes on
     _run(_quick(arguments) or _parse(arguments), startup)

@@ -146,7 +146,7 @@ class RateKeeper:
 
     @property
     def lateness(self) -> Histogram:
-        """How late each period was noticed (ns). Counting is left to whoever asks: the loop has no time for it.
+        """How late each period was noticed (ns). The reader counts them: the loop has no time for it.
 
         Where nobody asks for long, the loop counts what is more than `MOST_FRESH`.
         """
@@ -160,7 +160,7 @@ class RateKeeper:
         return left / NS_PER_S if left > 0 else 0.0
 
     def woken(self) -> int:
-        """Return the instant (monotonic ns) after such a sleep; whoever wakes a little early waits out the rest here.
+        """Return the instant (monotonic ns) after such a sleep; the caller, awake early, waits here.
 
         What waking up takes is learnt so that one in four comes early: the lateness is a third of what it was, and the
         processor time no more that can be measured.

@@ -303,7 +303,7 @@ ENDPOINT = checked(full_endpoint)  # tcp/HOST:PORT, HOST:PORT or HOST, as tcp/HO
 
 
 def endpoint_or_lan(text: str) -> str:
-    """Return an endpoint, or "lan": whoever answers by multicast."""
+    """Return an endpoint, or "lan": the one that answers by multicast."""
     return text if text == "lan" else str(ENDPOINT(text))
 
 

@@ -1,6 +1,6 @@
 """Load users' own classes named in a file: `class = "module:Class"`, with its arguments beside it.
 
-To load one is to run what it says, so only the files of the user's own may name one: whoever reads those of others
+Loading a class runs its code, so only the user's own files may name one: code that reads the files of others
 does so within `refusing`.
 """
 

@@ -12,7 +12,7 @@ _holders: list[socket.socket] = []  # of names, which end with this process
 
 
 def free_ports(count: int) -> list[int]:
-    """Ports that nobody listens on, and of each the next one too, which a slave also takes; fewer if there are no more.
+    """Return free ports whose next one is free too, as a slave uses both; fewer if there are no more.
 
     No other process that asks here gets them meanwhile, and this one gets others the next 100 times.
     """

@@ -1,7 +1,8 @@
 """Temporary folders, removed at the end; those of a killed process at the next start.
 
 Each is locked by who uses it, and the kernel takes a lock back when its process ends, however that is. So a folder that
-can be locked is nobody's any more: whoever makes a new one removes it first. No process id could be told that.
+can be locked has no owner any more: the process that makes a new one removes it first. A process id would not show
+that.
 """
 
 import os

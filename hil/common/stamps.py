@@ -28,7 +28,7 @@ class Stamps:
     """The epoch, `epoch_ns`, and those that were.
 
     `offset_ns` is what the wall clock is ahead of the monotonic one by what the epoch was made with; `found_ns` what
-    whoever looks after the clock has found since, which the loop takes up.
+    the clock watch has found since, which the loop takes up.
     """
 
     def __init__(self, epoch_ns: int, offset_ns: int | None = None) -> None:

@@ -85,7 +85,7 @@ def line_rate(case: Case) -> Iterator[Finding]:
         problem, _, remedy = str(error).partition(": use ")
         yield Finding("problem", "line rate", problem, f"use {remedy}")
     except MissingExtraError:
-        return  # what is missing is told with the software
+        return  # what is missing is reported with the software
 
 
 def can_bus(case: Case) -> Iterator[Finding]:

@@ -31,7 +31,7 @@ def network_ports(case: Case) -> Iterator[Finding]:
             "ok", "network", f"{listen} is free" + ("" if case.remote else ", for masters on this machine only")
         )
     if case.remote and case.scenario.security is None:
-        text = "whoever reaches the port can command the vehicle"
+        text = "anybody who reaches the port can command the vehicle"
         yield Finding("note", "security", text, "uuv-hil keys, and a [security] section in the scenario")
 
 

@@ -237,7 +237,7 @@ class Connection:
                 due_keys = [key for key, (_, due) in self._wanted.items() if due <= now_ns()]
             self._check_deadman()
             for key in due_keys:
-                with suppress(Exception):  # gone for now, or nobody listens any more: the others are sent all the same
+                with suppress(Exception):  # disconnected, or without subscribers: the others are sent nevertheless
                     self._send_sample(key, sent)
 
     def _send_sample(self, key: tuple[str, str], sent: dict[tuple[str, str], int]) -> None:
@@ -270,7 +270,7 @@ class Connection:
 
 
 def _leave(vehicle: Vehicle) -> None:
-    """Bring it to a standstill. One that is gone is told nothing any more, or it would go on when it is back."""
+    """Stop the vehicle. One that is disconnected gets no command, or it would move when it is back."""
     try:
         vehicle.stop()
     except Exception:  # noqa: BLE001 - what keeps one from stopping must not keep the others

@@ -27,7 +27,7 @@ Request = dict[str, Any]
 
 
 class NotJsonError(ConfigError):
-    """A line that is no JSON: whoever sends it speaks another protocol, such as HTTP."""
+    """A line that is not JSON: the client speaks another protocol, such as HTTP."""
 
 
 def read_request(line: bytes) -> Request:

@@ -19,7 +19,7 @@ from hil.common.schema import Range, parse
 
 MANIFEST = "/etc/uuv-hil/installed.json"  # not in /var/lib: the service's user could write there what root deletes
 MODE = 0o644
-SAME = (-1, -1)  # for chown(2): whoever writes it
+SAME = (-1, -1)  # for chown(2): the owner does not change
 BESIDE = ".new"  # an ending that none of those who read these folders looks for
 
 

@@ -152,7 +152,7 @@ class _Agent:
         return [event for event in events if event.kind not in self._allow]
 
     def run(self, stop_fd: int) -> None:
-        """Until `stop_fd` becomes readable; then the vehicle is told to stand still."""
+        """Run until `stop_fd` becomes readable; then stop the vehicle."""
         while True:
             due = min(self._commands_due.deadline_ns, self._reports_due.deadline_ns)
             due = min(due, self._modem.deadline_ns) if self._modem else due

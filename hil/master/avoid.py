@@ -7,7 +7,7 @@
     [planner.vfh]
     safety = "0.2 m"
 
-The scan also goes into the map; when something on the way comes to light, the rest is planned anew.
+The scan also goes into the map; when something on the way comes to light, the rest is planned again.
 """
 
 from math import hypot

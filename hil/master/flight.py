@@ -127,7 +127,7 @@ def make_planner(scenario: Scenario) -> Planner:
 
 
 def make_brief(scenario: Scenario, vehicle: Vehicle, world: World) -> PlanRequest:
-    """Return what the scenario's planner is told. Raises ConfigError."""
+    """Return the plan request for the scenario's planner. Raises ConfigError."""
     length, width = vehicle.dimensions[:2]
     clearance = hypot(length, width) / 2 + scenario.master.margin
     grid = known_map(scenario.master, vehicle, world)

@@ -1,8 +1,8 @@
 """The interface of a planner: samples and time in, a command out.
 
 The same object runs in `uuv-hil sim` (software in the loop), in `uuv-hil master` over the network (hardware in the
-loop), and before a real vehicle that listens to `cmd_vel`: it is told samples and time, and tells a command. It has no
-I/O and no clock of its own. The scenario names it, with the keys its class takes:
+loop), and before a real vehicle that listens to `cmd_vel`: it gets samples and the time, and returns a command. It has
+no I/O and no clock of its own. The scenario names it, with the keys its class takes:
 
     [planner]
     class = "hil.master.avoid:Avoid"

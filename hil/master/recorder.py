@@ -42,7 +42,7 @@ def complain(text: str) -> None:
 class TrackWriter:
     """Write `track.csv`, a row per command, at once. Use as a context.
 
-    If the disk fills up or fails, the track ends with its last whole row, `report` is told so, and nothing else does.
+    If the disk fills up or fails, the track ends with its last whole row, `report` is called, and nothing else does.
     """
 
     def __init__(self, folder: str, report: Callable[[str], None] = complain) -> None:
@@ -125,7 +125,7 @@ class RecordedClient(VehicleClient):
 def recorded(client: RecordedClient, scenario: Scenario, folder: str, report: Callable[[str], None]) -> Iterator[None]:
     """Record what `client` receives and commands in `folder`/recording, if the scenario says so.
 
-    `report` is told if the recording ends before the flight. Raises ConfigError, MissingExtraError.
+    `report` is called if the recording ends before the flight. Raises ConfigError, MissingExtraError.
     """
     if not scenario.recording.master:
         yield

@@ -16,7 +16,7 @@ WINDOW_NS = NS_PER_S
 NEAREST = 16  # kept exchanges that are looked at for one instant
 MOST_DRIFT = 100e-6  # two crystals of 50 ppm each
 WANDER = 1e-6  # how much the drift itself changes with temperature while we look
-LEAST_SPAN_NS = 8 * NS_PER_S  # of what the drift is told from
+LEAST_SPAN_NS = 8 * NS_PER_S  # of the samples from which the drift is estimated
 TURNAROUND_NS = 10 * NS_PER_S  # an answer after longer than this says nothing
 
 
@@ -35,7 +35,7 @@ class _Point(NamedTuple):
 
 
 class ClockOffset:
-    """Estimates the other clock minus ours. Times are integer nanoseconds, each of whoever's clock read it.
+    """Estimates the other clock minus ours. Times are integer nanoseconds, each of the clock that read it.
 
     `history` is how many seconds are kept. `malformed` counts exchanges that cannot have been, `steps` how often
     a clock was set. Threads may add and ask at once.

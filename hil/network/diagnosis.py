@@ -120,7 +120,8 @@ def _without(connection: socket.socket) -> Fault | None:
 def _shake(context: ssl.SSLContext, connection: socket.socket, host: str) -> None:
     """The handshake, and what follows it: a refusal of our certificate comes after our last word (RFC 8446, 4.4).
 
-    Whoever accepts us waits for our first message, and closes the connection after its own limit for opening a link.
+    The peer that accepts us waits for our first message, and closes the connection after its own limit for opening a
+    link.
     """
     with context.wrap_socket(connection, server_hostname=host or None) as secure:
         try:

@@ -1,6 +1,6 @@
 """Mutual TLS and access control as zenoh settings. Loaded only by sessions with a [security] section.
 
-Who is at the other end is told by the name (CN) in its certificate, which the handshake proves; what it may do there
+The name (CN) in its certificate identifies the peer, which the handshake proves; what it may do there
 is decided where vehicles are: by the slave, and by a router in between.
 """
 

@@ -192,7 +192,7 @@ class Session:
     ) -> Iterator[tuple[str, bytes, bytes]]:
         """Key, payload and attachment of each answer to a query that comes within the time.
 
-        `refused` is told why, by each who says that there will be none.
+        `refused` is called with the reason, by each who says that there will be none.
         """
         with suppress(zenoh.ZError):  # the session was closed
             replies: Any = self._session.get(
@@ -289,7 +289,7 @@ class Session:
         """Let the library give numbers to those of `keys` on which messages come often.
 
         It does so for a key that somebody subscribes to letter by letter. With wildcards each message carries the text
-        of its key, and is looked up anew where it arrives: 110 bytes and 40 us of a command's way.
+        of its key, and is looked up again where it arrives: 110 bytes and 40 us of a command's way.
         """
         for key in [key_of(topic, node) for topic in TOPICS.values() if topic.rate_hz >= OFTEN_HZ]:
             if key not in self._numbered and keys.includes(zenoh.KeyExpr(key)):

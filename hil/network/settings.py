@@ -22,7 +22,7 @@ BATCH = 8192  # bytes
 KEEP_ALIVES = 4  # a lease
 FIRST_RETRY_MS = 20
 ROUTER_WAIT_MS = 5000  # that a master waits for a router to begin with
-CLIENT_WAIT_MS = 500  # that one attempt of a visitor takes at most
+CLIENT_WAIT_MS = 500  # that one attempt of a client takes at most
 # Bytes that one message to a role may have.
 LARGEST = dict.fromkeys(("master", "planner", "client", "router"), 1 << 26) | {"slave": 1 << 20, "imaging": 1 << 20}
 LARGEST_PICTURE = 1 << 26  # which a slave gets from its imaging process
@@ -170,7 +170,7 @@ def _gossip(role: Role, security: "Security | None") -> dict[str, Any]:
     """Settings of gossip: tell those who connect to us about each other, so that they connect directly.
 
     ROS 2 contexts need it: their messages go from one to the other, and through no router. None of ours ever dials
-    whom it is told of. Under TLS nobody is told: who may not listen must not learn who is there, and what goes past
+    whose addresses it gets. Under TLS gossip is off: who may not listen must not learn who is there, and what goes past
     the vehicle, or the router, is not under its access control.
     """
     if role not in ("slave", "router") or security:

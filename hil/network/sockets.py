@@ -2,7 +2,7 @@
 
 The library's sockets linger: closing one whose last bytes nobody has acknowledged blocks a thread of the library for up
 to ten seconds, and that may be the one which accepts or opens the next link (eclipse-zenoh/zenoh#2350,
-tokio-rs/tokio#7751). A black-out of 7 s was mended up to 14 s after its end. So each link is told not to linger as soon
+tokio-rs/tokio#7751). A black-out of 7 s was mended up to 14 s after its end. So linger is disabled on each link as soon
 as it is there; what is on its way when a session closes is still sent, by the kernel.
 """
 
@@ -31,7 +31,7 @@ def free_sockets() -> None:
 
 
 def cut(pairs: Collection[tuple[int, int]]) -> None:
-    """End this process's connections with these ports, ours and theirs; who dialled opens them anew."""
+    """End this process's connections with these ports, ours and theirs; who dialled opens them again."""
     for pair, end in network_sockets():
         if pair in pairs:
             with suppress(OSError):  # it has just ended by itself

@@ -12,7 +12,7 @@ _RANKS = frozenset("0123456789")
 _LONGEST_NAME = 64  # characters of who somebody is
 _LONGEST_NODE = 255  # characters of the name of a node
 _LONGEST_IDENT = 64  # hexadecimal digits
-_FARTHEST_NS = 4 * 10**18  # that an instant may be from 1970: what is reckoned of such instants fits into a pong
+_FARTHEST_NS = 4 * 10**18  # that an instant may be from 1970: what is computed of such instants fits into a pong
 
 
 class Presence(NamedTuple):

@@ -21,7 +21,7 @@ from hil.scenario.config import build_simulation
 from sim.sensors.spread import spreads
 
 LONGEST_SILENCE_S = 20.0  # of simulated time: then the sensors will say no more
-# What a slave hears, or says of its own accord.
+# What a slave receives, or publishes without a request.
 COMMANDS = {topic.name for topic in TOPICS.values() if topic.from_master}
 NOT_SAMPLES = {*COMMANDS, "trace", "diagnostics", "thruster_wrench", "joint_states", "/clock", "/tf_static"}
 
@@ -128,7 +128,7 @@ class _Repetition:
 
     def _go_to(self, step: int) -> None:
         if step < self._steps:
-            raise ConfigError(f"{self._path}: the simulation was begun anew here; only the part before can be repeated")
+            raise ConfigError(f"{self._path}: the simulation was restarted here; only the part before can be repeated")
         while self._steps < step:
             self._step()
 

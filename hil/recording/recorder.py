@@ -59,7 +59,7 @@ class Recorder:
     """Records into `folder`, which is made, until `close`. Use as a context.
 
     `about` and `attachments` (name -> text) stand at the beginning of every file. `source` is asked ten times a second,
-    and at the end, for what has come since, which costs less than to `put` it. `report` is told when recording ends
+    and at the end, for what has come since, which costs less than to `put` it. `report` is called when recording ends
     before it was asked to; both in the recorder's thread. `written` counts messages, `lost` those that came faster
     than the disk took them; `failure` says why recording ended early. Raises ConfigError, MissingExtraError.
     """

@@ -73,7 +73,7 @@ class _Line:
     def learn(self, key: str) -> None:
         """Make messages with this key cheaper, on the wire and here.
 
-        Of a declared key the library remembers the subscribers, which it otherwise seeks anew for each message. And a
+        Of a declared key the library remembers the subscribers, which it otherwise seeks again for each message. And a
         publisher, through which nothing is ever said, tells the other end a number for the key, which then comes in
         place of the text: 100 bytes less of 240.
         """

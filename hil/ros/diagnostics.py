@@ -249,7 +249,7 @@ class Diagnostics:
     autopilot_outputs = _integers("us", "its output channels as it sent them, motors and others; 0 is no output")
     autopilot_packets = _counter("outputs that were taken")
     autopilot_lost = _counter("outputs that are missing between two that came")
-    autopilot_resets = _counter("times that it started anew")
+    autopilot_resets = _counter("times that it restarted")
     autopilot_stalls = _counter("times that it stopped answering")
     autopilot_silences = _counter("times that the thrusters were stopped as its outputs stopped")
     autopilot_steps_held = _counter("steps of the simulation that were dropped, as it answered too late")

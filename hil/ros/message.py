@@ -1,6 +1,6 @@
 """Encode and decode any message by its definition, as nested dicts, where there is no encoder of its own.
 
-Images, clouds and maps, `uuv-hil topic`, and whoever plans with messages that the vehicle does not speak. The
+Images, clouds and maps, `uuv-hil topic`, and planners that use messages which the vehicle does not. The
 vehicle's usual messages have fixed layouts instead, which are ten times as fast (hil.ros.encoders).
 
 A message is a dict by field name. An array of numbers is a tuple, one of bytes (uint8, byte, char) is `bytes`, one

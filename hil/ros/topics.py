@@ -8,7 +8,7 @@ Priority = Literal["real_time", "data", "background"]
 
 
 class Qos(NamedTuple):
-    """Quality of service, as ROS 2 calls it. Whoever comes late to a `latched` topic gets its last messages."""
+    """Quality of service, as ROS 2 calls it. A late subscriber to a `latched` topic gets its last messages."""
 
     reliable: bool = True
     latched: bool = False
@@ -20,7 +20,7 @@ class Topic(NamedTuple):
 
     `name` is that below the node's, or with a leading slash the same for all nodes. `type` is the ROS 2 message type;
     `rate_hz` the nominal rate (0: on events); `priority` the place in the network's queues; `express` sends at once
-    instead of in batches, which only commands are worth. `qos` is what ROS 2 is told (REP 2003: sensors are reliable).
+    instead of in batches, which only commands are worth. `qos` is announced to ROS 2 (REP 2003: sensors are reliable).
     """
 
     name: str

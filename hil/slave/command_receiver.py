@@ -73,7 +73,7 @@ class AgeFilter:
         return difference - self._least
 
     def was_set(self, sent_wall_ns: int, received_wall_ns: int, follows: bool) -> bool:
-        """Return whether the sender's clock makes a message look old, and not its way; if so, ages begin anew with it.
+        """Return whether the sender's clock makes a message look old, and not its way; if so, ages begin again with it.
 
         To be asked of each that looks old; `follows`: upon the one before it, as not in a queue that is full. Old
         messages come faster than they were sent, or slower; to look equally old for seconds takes a clock.
@@ -110,7 +110,7 @@ class CommandReceiver:
 
     Counts what it drops: `malformed`, `stale` (older than the limit), `disordered` (overtaken by a newer one of the
     same sender), `refused` (another master is obeyed), `flooded` (times the rate was above its limit, when the
-    reader rests and the network keeps but the newest; or above that of a crowd) and `superseded` (replaced before the
+    reader rests and the network keeps but the newest; or of all together) and `superseded` (replaced before the
     loop took it).
     """
 

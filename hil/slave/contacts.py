@@ -1,6 +1,6 @@
 """Track masters and observers of a slave: presence, clock offsets, ranks, last messages for late joiners.
 
-Loaded when the vehicle is ready; until then commands are taken as from strangers.
+Loaded when the vehicle is ready; until then commands are taken as from anonymous senders.
 """
 
 import os
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from hil.network.security import Security
 
 WAITING = 16  # pings that may wait for the reader; half of that for all but masters
-MOST_THERE = 32  # that are told apart, of each part; of more nothing is told
+MOST_THERE = 32  # that are distinguished, of each role; more are not reported
 NEW_NS = 3 * NS_PER_S  # so long after its start a slave gives way to an older one of its name
 FIRST_NS = NS_PER_S // 5  # what is met so soon was there before
 TWIN_S = 1.5  # that another must stay there for that: one that was killed is there for a lease of 1 s
@@ -36,7 +36,7 @@ PINGS_A_S = 200  # that are answered of all but masters: so many observers, and 
 class Contacts:
     """Keeps an command_receiver informed about its senders, and those about the vehicle.
 
-    `conflict` is set where another slave of this name was there first: then this process is told to end, by SIGTERM.
+    `conflict` is set where another slave of this name was there first: then this process gets SIGTERM.
     """
 
     def __init__(
@@ -76,7 +76,7 @@ class Contacts:
         declare_presence(session, node, "slave", self._ident)
 
     def mend_links(self) -> None:
-        """Cut links that the library holds open and does not read: their masters open them anew."""
+        """Cut links that the library holds open and does not read: their masters open them again."""
         if self._unread.mend(self._session):
             self._report("a link was open and not read, or lost: its master has to connect again")
 
@@ -153,7 +153,7 @@ class Contacts:
             self._report(f"master {presence.who} is gone" + (", which commanded" if was_active else ""))
 
     def _on_ping(self, payload: bytes) -> None:
-        """Answer at once, whoever asks."""
+        """Answer every request at once."""
         received_ns = to_wall_ns(now_ns())
         ping = self._read(payload)
         if ping:
@@ -184,7 +184,7 @@ class Contacts:
     def _clock_of(self, sender: bytes) -> ClockOffset:
         clocks = self._command_receiver.clocks
         if sender not in clocks:
-            while len(clocks) >= MOST_THERE:  # many strangers do not make the one that is obeyed forgotten
+            while len(clocks) >= MOST_THERE:  # many anonymous senders do not displace the active master
                 del clocks[next(other for other in clocks if other != self._command_receiver.master)]
             clocks[sender] = ClockOffset()
         return clocks[sender]

@@ -9,7 +9,7 @@ from hil.common.clock import NS_PER_S, now_ns
 from hil.common.text import clean
 
 LONGEST = 1000  # characters of a line
-MOST_LINES = 1000  # in each WINDOW_NS: more is a flood, of which only the number is told
+MOST_LINES = 1000  # in each WINDOW_NS: more is a flood, of which only the number is reported
 WINDOW_NS = 10 * NS_PER_S
 
 
@@ -18,7 +18,7 @@ class Log:
 
     Writing may block (a slow terminal, a full disk); noting never does. `news` is set when there is something to write.
     What others on the network can cause is bounded: characters that do not print are replaced, long lines are cut, and
-    of more than 1000 lines in 10 s only the number is told.
+    of more than 1000 lines in 10 s only the number is reported.
     """
 
     def __init__(self, name: str) -> None:

@@ -184,7 +184,7 @@ class Loop:
         self.sample_publisher.wake_publisher()
 
     def place(self, position: Sequence[float], quaternion: Sequence[float], nu: Sequence[float]) -> None:
-        """Put the vehicle somewhere (NED, body to world, FRD), between two steps; its next command begins anew."""
+        """Put the vehicle somewhere (NED, body to world, FRD), between two steps; its next command begins again."""
         state = self.simulation.state
         state.position, state.quaternion, state.nu = list(position), list(quaternion), list(nu)
         state.nu_dot = [0.0] * 6
@@ -264,7 +264,7 @@ class Loop:
         if telemetry.timed_out and not (newest and newest.timed_out):
             self._report("the STM32's watchdog tripped: thrusters neutral")
         if newest and has_restarted(telemetry, newest):
-            self._report("the STM32 has started anew")
+            self._report("the STM32 has restarted")
         self._newest = telemetry
         self.watchdog_trips = telemetry.watchdog_trips
 

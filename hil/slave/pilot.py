@@ -187,7 +187,7 @@ class Pilot:
         return tuple([find(thrust) for find, thrust in zip(self._pulse_finders, thrusts, strict=True)])
 
     def reset(self) -> None:
-        """Let the controller begin anew."""
+        """Let the controller begin again."""
         self.controller.reset()
         self._residual = NO_RESIDUAL
 

@@ -1,6 +1,6 @@
 """The thread that publishes for the real-time loop, which never calls the network itself.
 
-The library's routing lock can hold whoever publishes for a second, as when a peer that had declared thousands of
+The library's routing lock can hold a publishing thread for a second, as when a peer that had declared thousands of
 subscriptions leaves. So the loop only appends calls, with references to its samples, to a bounded ring.
 """
 

@@ -29,12 +29,12 @@ class SamplePublisher:
     """Publish the samples of the slave as one node.
 
     `epoch_ns` is the wall time (ns since 1970) of simulation time 0 to begin with; `stamps` has what messages are
-    stamped with. `prefix` is set before the names of its frames; `silent` are topics that are left out; `variances` are
+    stamped with. `prefix` is set before the names of its frames; `excluded_topics` are left out; `variances` are
     those of `sim.sensors.spread`; `of` is the node in another process for which this one speaks. `graph` is the node as
     ROS sees it. With a `thread` that one publishes, and no method waits for the network but `diagnostics`, which is not
-    for the loop. Without one the caller publishes, and waits for a slow network if it `waits`. What nobody listens to
-    is not sent, but for latched topics; a sample is not even made into messages before somebody asks. With `sends_all`
-    everything is sent.
+    for the loop. Without one the caller publishes, and waits for a slow network if it `waits`. Without
+    subscribers nothing is sent, but for latched topics; a sample is not even encoded before it is requested. With
+    `sends_all` everything is sent.
     """
 
     sends_all = False
@@ -64,14 +64,14 @@ class SamplePublisher:
         self._publishers: dict[str, Publisher] = {}  # of the topics there was something to say on so far
         self._outlets: dict[str, list[Publisher]] = {}  # by the simulator's name for a sample: where it goes out
         self._made: set[str] = set()  # names of samples of which one was made into messages
-        self._unsent: dict[str, tuple[Any, int]] = {}  # the newest of those that nobody listens to, and when it came
+        self._unsent: dict[str, tuple[Any, int]] = {}  # the newest of those without subscribers, and when it came
 
     def declare(self, names: Iterable[str]) -> None:
         """Declare the publishers of samples with these names, so that ROS sees their topics before the first one."""
         self._defer(self._declare_outlets, tuple(names))
 
     def sample(self, topic: str, sample: Any) -> bool:
-        """Publish one sensor sample (NED, FRD) under the simulator's name for it; False if nobody listens to it."""
+        """Publish one sensor sample (NED, FRD) under the simulator's name for it; False if it has no subscribers."""
         received_ns = now_ns()
         outlets = self._outlets.get(topic)
         for publisher in outlets or ():
@@ -86,7 +86,7 @@ class SamplePublisher:
         return True
 
     def catch_up(self) -> None:
-        """Make messages of what was kept, for those who ask what was said last; called in another thread."""
+        """Encode the stored samples, for late joiners that request the last messages; called in another thread."""
         for topic in list(self._unsent):
             sample, received_ns = self._unsent.pop(topic, (None, 0))
             if sample is None:  # there was a newer one, which has been sent
@@ -105,7 +105,7 @@ class SamplePublisher:
         self._send("diagnostics", ros.encode_diagnostics(now, [(name, level, message, values)]), now_ns())
 
     def put(self, name: str, payload: bytes) -> None:
-        """Publish a message on a topic of `hil.ros.topics`; it is kept as the last if nobody listens."""
+        """Publish a message on a topic of `hil.ros.topics`; it is stored if there are no subscribers."""
         self._defer(self._send, name, payload, now_ns())
 
     def wake_publisher(self) -> None:
@@ -119,7 +119,7 @@ class SamplePublisher:
         return self._thread.dropped if self._thread else 0
 
     def has_subscribers(self, names: Sequence[str]) -> bool:
-        """Return whether anybody listens to one of these topics, or may: nothing was said on it yet."""
+        """Return whether one of these topics has subscribers, or may have: it is not declared yet."""
         publishers = [self._publishers.get(name) for name in names]
         return any(publisher is None or publisher.has_subscribers for publisher in publishers)
 

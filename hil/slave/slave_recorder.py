@@ -111,7 +111,7 @@ class SlaveRecorder:
 def open_recorder(
     scenario: Scenario, board: str, epoch_ns: int, report: Callable[[str], None], stack: ExitStack
 ) -> SlaveRecorder:
-    """Return the recorder of a slave, closed with `stack`; `report` is told where it is.
+    """Return the recorder of a slave, closed with `stack`; `report` is called with where it is.
 
     Raises ConfigError, MissingExtraError.
     """

@@ -39,7 +39,7 @@ class Water(NamedTuple):
     """Coefficients in 1/m, and radiances as shares of that of a white surface under full daylight; red, green, blue.
 
     `attenuation` is beta_D, `backscatter` beta_B, `veil` B. `light` is what is left of daylight where the scene is:
-    a scene rendered in full daylight is to be multiplied by it; `underwater` leaves it to whoever calls.
+    a scene rendered in full daylight is to be multiplied by it; `underwater` leaves it to the caller.
     """
 
     attenuation: Rgb

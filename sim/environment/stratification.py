@@ -50,7 +50,7 @@ class WavySurface:
     def __init__(self, hull: Hull, sea: "Sea") -> None:
         self._hull = hull
         self.sea = sea
-        self.twin: Twin | None = None  # in C, which is told the time too
+        self.twin: Twin | None = None  # in C, which gets the time too
         highest = sum(abs(wave.amplitude) for wave in sea.components)
         self._deep = highest + hull.reach
         self._time = 0.0

@@ -59,7 +59,7 @@ class FluidMotion:
         return self._sea.sea if self._sea else None
 
     def velocity(self, time_ns: int, place: Sequence[float]) -> Velocity:
-        """Return the water's velocity (m/s, NED) at a place (m, NED), which need not be the vehicle's."""
+        """Return the water's velocity (m/s, NED) at any position (m, NED)."""
         north, east, down = self.current(time_ns, place[2])
         if self._sea is None:
             return north, east, down

@@ -119,7 +119,7 @@ class Vehicle(NamedTuple):
             numbers = value if isinstance(value, tuple) else (value,)
             odd = next((x for x in numbers if not isfinite(x)), None)
             if odd is not None:
-                return f"{key}: {odd:g} is no number to reckon with: write a finite one"
+                return f"{key}: {odd:g} is not finite: write a finite number"
         if min(self.mass, self.volume, *self.dimensions) <= 0.0:
             return "mass, volume and dimensions must be above 0"
         if not all(0.0 <= share <= 1.0 for share in self.munk_share):
@@ -174,7 +174,7 @@ class Vehicle(NamedTuple):
 def load_vehicle(name_or_path: str) -> tuple[Vehicle, dict[str, Any]]:
     """Return a preset of `sim/vehicles`, or a file ending in `.toml`: the vehicle, and its `[control]` table.
 
-    The table belongs to whoever controls the vehicle and is handed on as it is, {} if absent. What all
+    The table is the controller's; it is passed on unchanged, {} if absent. What all
     thrusters have in common may stand once, in `[every_thruster]`, and for fins in `[every_fin]`. Raises ConfigError.
     """
     path = find_preset("sim/vehicles", name_or_path)

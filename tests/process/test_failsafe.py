@@ -210,9 +210,9 @@ def test_the_stm32_falls_silent(slave: Program, bench: Bench, master: Master) ->
 def test_the_stm32_is_reset(slave: Program, bench: Bench, master: Master) -> None:
     bench.reset()
     again(bench, slave, 0.5)
-    slave.expect("the STM32 has started anew")
+    slave.expect("the STM32 has restarted")
     time.sleep(0.5)
-    assert slave.output.count("the STM32 has started anew") == 1
+    assert slave.output.count("the STM32 has restarted") == 1
 
 
 @by_the_clock

@@ -26,7 +26,7 @@ def retry_when_busy(judge: Callable[[], object], reason: str, attempts: int = 5)
 
 
 def retried_when_busy(reason: str, attempts: int = 3) -> Callable[[Callable[P, object]], Callable[P, None]]:
-    """`retry_when_busy` for a whole test, which starts anew what it needs: its fixtures are those of the first time."""
+    """`retry_when_busy` for a whole test, which restarts what it needs: its fixtures are those of the first time."""
 
     def decorate(test: Callable[P, object]) -> Callable[P, None]:
         @functools.wraps(test)

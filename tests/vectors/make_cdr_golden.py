@@ -1,6 +1,6 @@
 """Writes cdr_golden.json: ROS 2 messages as another implementation serialises them, and its type hashes.
 
-Run by hand when a message is added. Its peer is rosbags (Ternaris); the tests read the file and make it anew.
+Run by hand when a message is added. Its peer is rosbags (Ternaris); the tests read the file and make it again.
 """
 
 import importlib

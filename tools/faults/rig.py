@@ -65,7 +65,7 @@ class Rig:
         self.has_disk = False  # a small one, where the slave records
         self._network = network
         self._stack = ExitStack()
-        self._words: dict[str, int] = {}  # the descriptors over which planners are told
+        self._words: dict[str, int] = {}  # the descriptors over which planners get their orders
         self._starts = 0
         self._wish = "silent"  # of the planner
         self.port = free_ports(1)[0]
@@ -103,7 +103,7 @@ class Rig:
         self.start_planner("planner")
 
     def start_slave(self) -> None:
-        """Start the slave, or start it anew."""
+        """Start the slave, or restart it."""
         command = module_command("hil.cli", "slave", str(self.scenario))
         self.start_process("slave", command).expect("ready", START_S)
 
@@ -230,7 +230,7 @@ class Rig:
         return f"{wire}://127.0.0.1:{ports[0]}", f"{wire}://127.0.0.1:{ports[1]}"
 
     def _open_near(self) -> Wire | None:
-        """None on a CAN bus, where the slave is beside us: whoever joined two such buses would hear both on each."""
+        """None on a CAN bus, where the slave is beside us: a bridge would carry the frames of both buses on each."""
         return None if self.near == self.far else open_address(self.near, "device")
 
     def _open_far(self) -> Wire:

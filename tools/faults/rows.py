@@ -9,7 +9,7 @@ if TYPE_CHECKING:
 
 DEADMAN_S, WATCHDOG_S = 0.5, 0.2
 REPORT_S = 0.02  # the longest between two reports of the STM32, which is how finely its outputs are seen
-RECOVERY_S = 15.0  # the longest that a vehicle may take to obey again: a slave starts anew, a session is opened
+RECOVERY_S = 15.0  # the longest that a vehicle may take to obey again: a slave restarts, a session is opened
 
 
 class Link(NamedTuple):

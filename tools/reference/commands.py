@@ -18,7 +18,7 @@ KINDS = (
 OTHER_CODES = {
     0: "It did what was asked.",
     errors.STOPPED: "Ctrl-C or a signal ended it.",
-    141: "Whoever read its output ended, as in `uuv-hil ... | head`.",
+    141: "The reader of its output ended, as in `uuv-hil ... | head`.",
 }
 USUAL = {"SCENARIO": "a `.toml` file, or the name of an installed scenario"}
 ONE = "A check has found a problem (`doctor`, `frame check`, `--check`, `--fail-on-regression`), or another error."

@@ -1,7 +1,7 @@
 """Travel to a goal on a partly known map: plan a path, follow it, avoid obstacles, plan again.
 
 A* finds the path on the map, pure pursuit follows it, VFH+ bends the heading and the speed round whatever the scan
-shows. The scans go into the map as well; when an obstacle turns up on the path, the rest is planned anew. With a map of
+shows. The scans go into the map as well; when an obstacle turns up on the path, the rest is replanned. With a map of
 the world this is the map-known mode, with one that lacks obstacles or is empty (`OccupancyGrid.empty`) the
 obstacle-unknown mode: nothing else differs.
 """

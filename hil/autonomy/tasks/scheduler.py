@@ -15,7 +15,7 @@ A mission is a list of tasks, in Python or in a TOML file:
 Out of it comes a chart (`hil.autonomy.tasks.statechart`) like the source paper's template in Stateflow: idle, each
 task with
 its parts travel and work, home, done. Of the tasks that are ready the one of highest priority is next, of equals the
-nearest. An urgent one interrupts those of lower priority, which are begun anew later.
+nearest. An urgent one interrupts those of lower priority, which are restarted later.
 """
 
 from collections.abc import Mapping, Sequence

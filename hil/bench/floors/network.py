@@ -95,7 +95,7 @@ class RoundTrips:
     def measure_once(self, until_ns: int) -> None:
         """One round trip, given up at `until_ns` (monotonic)."""
         self._count += 1
-        message = self._count.to_bytes(8, "big").ljust(self._size, b"\0")  # late answers are told from this one's
+        message = self._count.to_bytes(8, "big").ljust(self._size, b"\0")  # distinguishes late answers from this one's
         began = now_ns()
         try:
             self._socket.send(message)

@@ -129,7 +129,7 @@ def build(client: VehicleClient, outcome: Outcome, first_cpu: CpuMark) -> HilTab
 def _cpu_share(first: CpuMark, last: CpuMark, notes: list[str]) -> float:
     """Return the slave's processor time over the time between, in cores; nan if they are not of one process."""
     if first.exec_wall_ns != last.exec_wall_ns:
-        notes.append("slave CPU not measured: the slave was started anew during the run")
+        notes.append("slave CPU not measured: the slave was restarted during the run")
         return float("nan")
     return (last.cpu_s - first.cpu_s) / max(last.at_s - first.at_s, 1e-9)
 

@@ -135,7 +135,7 @@ class HuntWatch:
 
 
 def shortest_paths(plan: HuntPlan) -> float:
-    """Return the least length (m) of all ways together that ends in an even ring round the target, whoever ends where.
+    """Return the least length (m) of all ways together that ends in an even ring round the target, wherever each ends.
 
     Straight lines: no formation is kept and nobody makes way, so no hunt is that short.
     """

@@ -1,9 +1,9 @@
 """S-57 charts (`.000`) with their updates (`.001`...): objects, attributes and geometry in degrees and metres.
 
 GDAL reads them, in a process of its own with limits on memory and time (`hil.charts.sources.s57_process`): a damaged or
-hostile file ends that process and nothing else. Areas are left as the rings that bound them, holes among them: whoever
-fills them by counting crossings needs no order. Not read: relations between objects, names in national languages, and
-how good the data are (CATZOC).
+hostile file ends that process and nothing else. Areas are left as the rings that bound them, holes among them: code
+that fills them by counting crossings needs no order. Not read: relations between objects, names in national languages,
+and how good the data are (CATZOC).
 """
 
 import json

@@ -12,7 +12,7 @@ from hil.plots.plotting import check_picture
 
 CPU_SHARE = Share(0.01, 64.0)  # of one core
 OUTPUTS = ("output", "csv", "markdown", "plot")
-PRINT_EVERY_S = 60.0  # where nobody looks on, such as in a log
+PRINT_EVERY_S = 60.0  # where no person watches, such as in a log
 
 
 def add_limits(parser: argparse.ArgumentParser) -> None:

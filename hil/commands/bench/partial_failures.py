@@ -7,9 +7,9 @@ from hil.common.errors import HilError
 
 
 class PartialFailures:
-    """The errors and the Ctrl-C that ended measurements, which are told beside the figures and raised at last.
+    """The errors and the Ctrl-C that ended measurements, which are reported beside the figures and raised at the end.
 
-    `place` is what is being measured: whoever measures keeps it up to date.
+    `place` is what is being measured; the measuring code keeps it up to date.
     """
 
     def __init__(self) -> None:

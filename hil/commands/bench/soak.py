@@ -24,7 +24,7 @@ from hil.plots.plotting import pyplot
 
 EXAMPLES = """\
 A slave that is commanded 20 times a second; the master leaves and comes back now and then. Growth is a straight line
-through the memory that no other process shares, without the first tenth, with its interval of 95 %: it is told to be
+through the memory that no other process shares, without the first tenth, with its interval of 95 %: it is said to be
 one when the interval is above 0 and the line steeper than --leak, and not before half an hour. A slave that ends, hangs
 or is out of reach is a finding. Ctrl-C ends early and judges what there is.
 
@@ -36,7 +36,7 @@ FOUND = 1
 HOURS = Number(0.001, 10_000.0, "h")
 EVERY = Number(0.2, 1e6, "s")
 LEAK = Number(0.0, 1e6, "MiB")
-LATE_S = 1.0  # a return that takes longer is told
+LATE_S = 1.0  # a return that takes longer is reported
 LEAK_AFTER_S = 1800.0  # before, caches and buffers that fill once look like one
 # What the record and the picture have: a field of Look, what it is called, its unit, whether it is in the picture.
 SERIES = (
@@ -80,7 +80,13 @@ def _parser() -> Any:
     add = parser.add_argument
     add("--hours", type=HOURS, default=1.0, metavar="H", help="[%(default)s]")
     add("--every", type=EVERY, default=10.0, metavar="S", help="between looks [%(default)s]")
-    add("--leave-every", type=EVERY, default=300.0, metavar="S", help="the master comes back anew [%(default)s]")
+    add(
+        "--leave-every",
+        type=EVERY,
+        default=300.0,
+        metavar="S",
+        help="the master is disconnected and comes back [%(default)s]",
+    )
     add("--leak", type=LEAK, default=0.5, metavar="MIB", help="growth an hour that is one [%(default)s]")
     add_limits(parser)
     add_record(parser)
@@ -127,7 +133,7 @@ def _judge_looks(looks: list[Observation], leak: float) -> list[str]:
 
 
 def _judge_memory(looks: list[Observation], leak: float) -> list[str]:
-    """By what is the slave's alone: its share of the rest moves with whoever else uses it."""
+    """By what is the slave's alone: its share of the rest changes with the other processes that use it."""
     first, last = looks[0], looks[-1]
     slope, interval = trend([look.at_s for look in looks], [look.private for look in looks])
     if isnan(slope):

@@ -49,7 +49,7 @@ OF_SLAVE_ALONE = ("slave.", "stm32", "link.", "sensors.")  # keys of a scenario 
 def main(arguments: list[str]) -> int:
     """Measure and print; 0, or 1 with --check when a budget is missed. Raises HilError.
 
-    When a run fails after others, or is stopped, those are told all the same before it is raised.
+    When a run fails after others, or is stopped, the results of those are reported before the error is raised.
     """
     options = _parser().parse_args(arguments)
     check_outputs(options)
@@ -58,7 +58,9 @@ def main(arguments: list[str]) -> int:
         raise ConfigError("command line: --cpus, --cpu-quota and --memory limit a slave started here, not --connect")
     unheard = [key for key in changes_of(options) if key.startswith(OF_SLAVE_ALONE) and key != "slave.node"]
     if options.connect and unheard:
-        raise ConfigError(f"command line: --set {unheard[0]}: nobody tells a slave elsewhere; set it there")
+        raise ConfigError(
+            f"command line: --set {unheard[0]}: a slave that runs elsewhere does not get it; set it there"
+        )
     board = _board(options)
     endings = PartialFailures()
     record = _measure(options, endings)

@@ -93,7 +93,7 @@ class _Engine(NamedTuple):
 @contextmanager
 def _dask(jobs: int) -> Iterator[_Engine]:
     distributed = import_module("distributed")
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what goes wrong is told in one line
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # errors are reported in one line
     address = os.environ.get(DASK_ADDRESS, "")
     if address:
         _check_there("dask", DASK_ADDRESS, address, "start it with `dask scheduler`")

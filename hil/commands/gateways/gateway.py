@@ -18,7 +18,7 @@ examples:
 
 A line is a request, {"id": 1, "vehicle": "uuv1", "do": "drive", "surge": 0.4}, and each has a line as its answer;
 docs/how-to/matlab.md lists what can be done. For MATLAB and Octave there is a class, uuv_hil.m; `uuv-hil gateway
---matlab` says in which folder, for addpath. Whoever reaches the port can read what vehicles send; who commands them
+--matlab` says in which folder, for addpath. Anybody who reaches the port can read what vehicles send; who commands them
 first sends {"do": "login", "token": "..."}. The token is new at each start, is shown, and lies in a file that only
 this user reads.
 """

@@ -82,7 +82,7 @@ def _play(options: argparse.Namespace, stop_fd: int) -> int:
     from hil.network.opening import listen
     from hil.recording.player import Player, pace
 
-    read_about(options.recording)  # what is no recording is told before anybody is listened to
+    read_about(options.recording)  # reports a bad file before the network is opened
     messages = read_messages(options.recording)
     with listen(options.listen) as session:
         print(f"playing {options.recording} at {options.listen}; Ctrl-C ends it", flush=True)

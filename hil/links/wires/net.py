@@ -78,7 +78,7 @@ class _TcpStream(_SocketWire):
 
 
 class TcpHostWire(_TcpStream):
-    """Host end: connects to `host` and `port`. Raises DeviceError if nobody listens there."""
+    """Host end: connects to `host` and `port`. Raises DeviceError if no process listens there."""
 
     def __init__(self, host: str, port: int) -> None:
         name = f"tcp://{host}:{port}"

@@ -94,7 +94,7 @@ class ThrusterDriver(ABC):
 
 
 class _Opening:
-    """A thread that closes a lost driver and opens it anew until that works.
+    """A thread that closes a lost driver and opens it again until that works.
 
     The loop cannot: a connection, the name of a machine or the start of a process may take seconds.
     """
@@ -138,7 +138,8 @@ class _Opening:
 class ReconnectingDriver(ThrusterDriver):
     """A driver whose link may go away: then the thrusters are neutral, and it is opened again until that works.
 
-    `report` is told once when it goes, with the reason, and once when it is back; and so of an STM32 that falls silent.
+    `report` is called once when the link is lost, with the reason, and once when it is back; likewise for an STM32 that
+    does not answer.
     `end_s`: how long `close` waits for an attempt to open it that is under way.
     """
 
@@ -266,7 +267,7 @@ def open_driver(kind: str, link: Link, channels: int, host: bool, seed: int, rep
     """Return the STM32 of that kind (see the module) for so many channels. Raises DeviceError, MissingExtraError.
 
     With `host` false the host's end of the link is left to another program; only what runs in this process can
-    do that. `seed` is that of the link's faults, if it has any. `report` is told when the link goes and comes.
+    do that. `seed` is that of the link's faults, if it has any. `report` is called when the link goes and comes.
     """
     module, _, name = DRIVERS[kind].partition(":")
     opener: Callable[[Link, int, int, bool], ThrusterDriver] = getattr(import_module(module), name)

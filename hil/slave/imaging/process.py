@@ -51,7 +51,7 @@ def main() -> int:
     """Serve requests until the input ends or a signal arrives; return the exit code."""
     die_with_parent()
     answers = os.dup(OUT)
-    os.dup2(ERRORS, OUT)  # whoever prints does not answer for us
+    os.dup2(ERRORS, OUT)  # a library that prints does not write into our answers
     _lower_priority()
     try:
         with StopSignals() as stop_fd:

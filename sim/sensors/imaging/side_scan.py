@@ -56,7 +56,7 @@ class SideScanModel(NamedTuple):
 class SideScan:
     """Two beams in the sensor's y-z plane, to port (-y) and to starboard (+y), from above the horizontal to nadir.
 
-    A picture is made by whoever puts the pings one below the other. Not modelled: what sim.sensors.imaging.echoes
+    The receiver makes a picture by placing the pings one below the other. Not modelled: what sim.sensors.imaging.echoes
     leaves out,
     how beams spread as a real array's do within its near field, what one side hears of the other.
     """

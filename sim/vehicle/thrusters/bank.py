@@ -75,7 +75,7 @@ def wrench_matrix(vehicle: Vehicle, torque: bool = True) -> Matrix:
 
 
 class _Steady(dict[int, float]):
-    """The steady thrust (N) of one thruster by pulse (us), reckoned once for each."""
+    """The steady thrust (N) of one thruster by pulse (us), computed once for each."""
 
     def __init__(self, thruster: Thruster) -> None:
         self._thruster = thruster

@@ -129,7 +129,7 @@ class T200(NamedTuple):
     """The Blue Robotics T200 by its maker's table of 10 to 20 V (sim/vehicle/thrusters/t200.py).
 
     `supply` is the voltage at the thruster: what holds if the vehicle has no battery, and what the vehicle's
-    own software reckons with. Pulses are those of the table; `dead_band_us` and its like do not count.
+    own software uses. Pulses are those of the table; `dead_band_us` and its like do not count.
     """
 
     supply: Annotated[float, Range(6.0, 20.0)] = 16.0

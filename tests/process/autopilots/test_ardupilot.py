@@ -128,7 +128,7 @@ def test_an_autopilot_that_starts_anew_begins_at_time_zero(tmp_path: Path) -> No
         b.join()
         assert b.run.pwm_us == (1500,) * 6
         assert b.run.autopilot.figures.resets == 1
-        assert "has started anew (frame 0 after 399)" in b.reports[-1]
+        assert "has restarted (frame 0 after 399)" in b.reports[-1]
         peer.close()
 
 

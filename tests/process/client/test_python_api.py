@@ -390,9 +390,9 @@ def test_closing_ends_the_threads_and_the_iterations(endpoint: str) -> None:
     fleet.close()
     assert len(list(stream)) < 256
     assert wait_for(lambda: set(threading.enumerate()) == before)
-    with pytest.raises(NetworkError, match="connect anew"):
+    with pytest.raises(NetworkError, match="connect again"):
         _ = vehicle.imu
-    with pytest.raises(NetworkError, match="connect anew"):
+    with pytest.raises(NetworkError, match="connect again"):
         fleet["uuv1"]
 
 

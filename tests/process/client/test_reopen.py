@@ -1,4 +1,4 @@
-"""Samples come again when the library has a sound link and brings nothing of it: the session is opened anew."""
+"""Samples come again when the library has a sound link and brings nothing of it: the session is opened again."""
 
 import socket
 import time

@@ -203,8 +203,8 @@ def test_a_report_overtaken_on_the_way_does_not_count() -> None:
     for number in (30, 32, 31, 33):
         seen += [(received.pwm_us[0], received.frames) for received in reports(host.feed(reported[number - 1]))]
     assert seen == [(1530, 30), (1532, 32), (1533, 33)]
-    anew = device_end(clock=Clock())
-    (received,) = reports(host.feed(anew.encode(report((1501,) * 4, frames=1, watchdog_trips=1))))[-1:]
+    again = device_end(clock=Clock())
+    (received,) = reports(host.feed(again.encode(report((1501,) * 4, frames=1, watchdog_trips=1))))[-1:]
     assert (received.pwm_us[0], received.frames) == (1501, 1)
 
 

@@ -1,4 +1,4 @@
-"""A mission with a vehicle that says too little, does not obey, or was started anew: without network, at once."""
+"""A mission with a vehicle that says too little, does not obey, or was restarted: without network, at once."""
 
 import json
 import threading

@@ -1,4 +1,4 @@
-"""A vehicle that answers and whose samples do not come is connected to anew, and they come again."""
+"""A vehicle that answers and whose samples do not come is connected to again, and they come again."""
 
 import socket
 import time

@@ -17,7 +17,7 @@ from hil.ros.topics import TOPICS, hash_of
 from tests.support.processes import free_port, wait_for
 from tests.support.rmw import RELEASES, Context, Release, open_router, router_settings
 
-DEADLINE_S = 30.0  # generous: ROS tries anew after up to 4 s
+DEADLINE_S = 30.0  # generous: ROS tries again after up to 4 s
 TWIST = TOPICS["cmd_vel"]
 WAYS = ("to the slave", "through rmw_zenohd", "through uuv-hil router")
 

@@ -114,7 +114,7 @@ def test_an_interface_that_goes_down_and_comes_back() -> None:
         ip("link set vcan1 up")
         again = open_socketcan("vcan1")
         assert again.write(pack_frame(FRAME)) == RECORD_SIZE
-        assert read_bytes(host, RECORD_SIZE) == pack_frame(FRAME), "even without opening it anew"
+        assert read_bytes(host, RECORD_SIZE) == pack_frame(FRAME), "even without opening it again"
         for wire in (device, host, again):
             wire.close()
 

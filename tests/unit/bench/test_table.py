@@ -134,7 +134,7 @@ def test_a_slave_that_was_started_anew_has_no_share_of_a_core() -> None:
     """Its processor time begins again at 0: the difference would be less than nothing."""
     result = build(exec_wall_ns=1_050_000_000)
     assert math.isnan(result.slave_cpu_core)
-    assert "started anew" in result.notes[0]
+    assert "restarted" in result.notes[0]
     assert result.startup_s == 0.03, "of the one that is there now"
     assert "nan" not in table.render(result)
 

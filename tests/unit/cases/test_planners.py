@@ -245,7 +245,7 @@ def test_tasks_break_off_for_an_urgent_one() -> None:
     states = [state for _, state in planner.log]
     first = states.index("charge travel")
     assert states[first - 1] == "look travel", "broken off"
-    assert "look travel" in states[first:], "and begun anew"
+    assert "look travel" in states[first:], "and restarted"
     assert math.dist(place, (1.0, 1.0)) < 0.9
 
 

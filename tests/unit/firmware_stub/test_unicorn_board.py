@@ -103,7 +103,7 @@ def test_a_hung_program_is_reset_by_the_watchdog_and_comes_back_neutral(board: U
     assert (board.resets, board.pwm_us) == (4, NEUTRAL)
     board.transmitted()
     board.receive(encode(2))
-    assert [(r.sequence, r.frames) for r in decode(board.transmitted())] == [(2, 1)], "it counts anew"
+    assert [(r.sequence, r.frames) for r in decode(board.transmitted())] == [(2, 1)], "it counts again"
 
 
 def test_what_a_program_cannot_do_ends_it_with_a_message(board: UnicornBoard) -> None:

@@ -104,7 +104,7 @@ def test_the_loop_tells_a_restart_and_nothing_of_what_is_late(capsys: pytest.Cap
     assert lines == []
     for _ in range(2):
         loop._service_link(now_ns())
-    assert lines == ["the STM32 has started anew"]
+    assert lines == ["the STM32 has restarted"]
 
 
 def test_a_report_from_before_the_stop_confirms_none() -> None:

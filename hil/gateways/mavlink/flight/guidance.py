@@ -30,7 +30,7 @@ class Holds:
         self.release()
 
     def release(self) -> None:
-        """Hold nothing: each is found anew."""
+        """Hold nothing: each is found again."""
         self.depth: float | None = None
         self.heading: float | None = None
         self.place: tuple[float, float] | None = None

@@ -74,7 +74,7 @@ class MissionFlight:
         return True
 
     def begin(self, now: int) -> str:
-        """Begin, resume, or begin anew when it was complete; return why that cannot be, "" if it can."""
+        """Begin, resume, or begin again when it was complete; return why that cannot be, "" if it can."""
         if len(self._items) <= self._first:
             return "there is no mission"
         if self.status == COMPLETE:

@@ -85,7 +85,7 @@ def ride(both: tuple[Simulation, Simulation], steps: int, seed: int = 1, pulses:
             given = tuple(chance.choice(pulses) for _ in both[0].vehicle.channels)
         found = []
         for switch, simulation in zip("01", both, strict=True):
-            os.environ["UUV_HIL_NATIVE"] = switch  # one that drops a weight is built anew
+            os.environ["UUV_HIL_NATIVE"] = switch  # one that drops a weight is built again
             found.append(repr(simulation.step(given)))
         assert found[0] == found[1]
         assert bits(both[0]) == bits(both[1])
