@@ -14,6 +14,8 @@ import sys
 import tempfile
 from pathlib import Path
 
+from hil.common.ports import free_ports
+
 ROOT = Path(__file__).parent.parent
 FOLDER = ROOT / "docs" / "how-to"
 OPTIONS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-background-networking"]
@@ -33,11 +35,11 @@ def take(address: str, seconds: float) -> list[Path]:
             frame = page.frame_locator("#scene")
             frame.get_by_text("Pictures").first.wait_for(timeout=PATIENCE_MS)
             if scheme == "dark":
-                frame.get_by_text("dark", exact=True).click()
-            notice = frame.get_by_role("button", name="close")  # viser's word on a browser without a graphics card
+                frame.get_by_role("checkbox").first.check(force=True)
             page.wait_for_timeout(1000.0 * seconds)
+            notice = frame.locator(".mantine-Notification-closeButton")  # on a browser without a graphics card
             if notice.count():
-                notice.first.click()
+                notice.first.click(force=True)
             page.screenshot(path=file, timeout=PATIENCE_MS)
             page.close()
         browser.close()
@@ -52,6 +54,7 @@ def main() -> None:
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         command = [sys.executable, "-m", "hil.cli", "demo", options.scenario, "--view", "--run-dir", folder]
+        command += ["--listen", f"tcp/127.0.0.1:{free_ports(1)[0]}"]
         with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True) as demo:
             assert demo.stdout
             found = re.search(r"http://\S+", demo.stdout.readline())

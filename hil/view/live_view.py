@@ -23,7 +23,7 @@ from sim.vehicle.vehicle import Vehicle as VehicleFile
 PERIOD_S = 0.05  # of the scene
 PANEL_EVERY = 4  # frames
 TRACK_EVERY = 10
-CAMERA_OFFSET = (-4.0, -4.0, 3.0)  # m, of a camera that follows
+CAMERA_OFFSET = (-1.8, -3.0, 1.8)  # m, of a camera that follows
 TOP_HEIGHT = 20.0  # m
 CAMERAS = {"camera/image_raw/compressed": "camera", "camera/image_raw": "camera"}
 

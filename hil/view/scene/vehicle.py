@@ -64,7 +64,7 @@ class VehicleScene:
         self._root = f"/vehicles/{name}"
         self.place = np.zeros(3)
         self._frame = self._scene.add_frame(self._root, axes_length=AXES, axes_radius=0.01)
-        self._scene.add_label(f"{self._root}/name", name, position=(0.0, 0.0, 0.8))
+        self._scene.add_label(f"{self._root}/name", name, position=(0.0, 0.0, 0.8), anchor="bottom-center")
         self._draw_shape()
         self._thrusts: Any = None
         self._track = Track(self._scene, f"/tracks/{name}/true", colours.TRACK)

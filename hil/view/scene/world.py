@@ -16,8 +16,8 @@ CONTOURS = 10
 CURRENT_ARROWS = 6  # a side
 STEPS = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0, 1000.0)  # m between contours
 SHALLOW, DEEP = np.array([214.0, 200.0, 160.0]), np.array([24.0, 60.0, 110.0])  # colours: sand to deep blue
-SURFACE_OPACITY = 0.12
-OPACITY = 0.6  # of obstacles
+SURFACE_OPACITY = 0.06
+OPACITY = 0.35  # of obstacles
 
 
 class WorldScene:
