@@ -68,7 +68,10 @@ def _find(name: str, where: str) -> Any:
     try:
         found = getattr(import_module(module), attribute)
     except ImportError as error:
-        raise ConfigError(f"{where}: {module} cannot be imported: {error}; it has to be on PYTHONPATH") from error
+        remedy = "it has to be on PYTHONPATH" if getattr(error, "name", None) == module else "mend its imports"
+        raise ConfigError(f"{where}: {module} cannot be imported: {error}; {remedy}") from error
+    except SyntaxError as error:
+        raise ConfigError(f"{where}: {module} cannot be imported: {error}") from error
     except AttributeError:
         raise ConfigError(f"{where}: {module} has no {attribute!r}") from None
     loaded.add(module)

@@ -18,6 +18,7 @@ from hil.autonomy.control.controller import (
 from hil.autonomy.paths.astar import path_length
 from hil.common.clock import seconds_ns
 from hil.common.errors import MissionError
+from hil.common.schema import shortened
 from hil.master.follow import Follow
 from hil.master.planner import Done, Planner, PlanRequest, Point, Samples
 from hil.master.world_map import known_map
@@ -167,6 +168,12 @@ class Flight:
         if isinstance(answer, Done):
             self.reason, self._reached = answer.reason, answer.reached
             answer = VelocityCommand()
+        if not _is_command(answer):
+            name = f"{type(self.planner).__module__}:{type(self.planner).__qualname__}"
+            raise MissionError(
+                f"planner {name}: command() returned {shortened(str(answer))} {elapsed:.1f} s after the start: "
+                "it returns a VelocityCommand of finite numbers, or Done"
+            )
         self._add_truth(truth)
         self._monitor.observe(seconds_ns(elapsed), truth.position, truth.orientation, answer.depth)
         if not self.reason and elapsed > self._master.time_limit:
@@ -272,3 +279,13 @@ def require_success(outcome: Outcome) -> None:
         )
     if not outcome.reached:
         raise MissionError(ended)
+
+
+def _is_command(answer: object) -> bool:
+    """Return whether a planner of a user's own has returned what it is to return."""
+    if not isinstance(answer, VelocityCommand):
+        return False
+    try:
+        return all(number is None or isfinite(number) for number in answer)
+    except TypeError:  # a text, an array
+        return False

@@ -2,12 +2,13 @@
 
 import json
 import re
+import sys
 from pathlib import Path
 
 import pytest
 
 from hil.cases.simulated import fly
-from hil.common.errors import ConfigError
+from hil.common.errors import ConfigError, MissionError
 from hil.common.tables import parse_toml
 from hil.master.flight import prepare
 from hil.scenario.config import load_scenario
@@ -67,3 +68,17 @@ def test_what_is_wrong_with_a_planner_is_told(tmp_path: Path, scenario: Path, mo
     ):
         with pytest.raises(ConfigError, match=re.escape(words)):
             prepare(load_scenario(name, {"planner": planner}))
+
+
+@pytest.mark.parametrize("answer", ["None", "5", "VelocityCommand(surge=float('nan'))", "VelocityCommand(surge='a')"])
+def test_a_planner_that_returns_no_command_ends_the_flight(
+    answer: str, tmp_path: Path, scenario: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """nan flew on to the time limit, the others ended in a traceback of ours."""
+    monkeypatch.syspath_prepend(str(tmp_path))
+    text = (tmp_path / "straight.py").read_text()
+    (tmp_path / "crooked.py").write_text(re.sub(r"return VelocityCommand\(.*\)", f"return {answer}", text))
+    scenario.write_text(scenario.read_text().replace("straight:Straight", "crooked:Straight"))
+    monkeypatch.delitem(sys.modules, "crooked", raising=False)
+    with pytest.raises(MissionError, match=r"planner crooked:Straight: command\(\) returned .* it returns a Velocity"):
+        fly(load_scenario(str(scenario)), prepare(load_scenario(str(scenario))))

@@ -54,3 +54,26 @@ def test_where_it_is_refused_nothing_is_imported() -> None:
         thread.join()
         assert made[0].size == 3
     assert isinstance(load(here), Good)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("import nowhere_at_all", "No module named 'nowhere_at_all'; mend its imports"),
+        ("from os import nothing_there", "mend its imports"), ("def x(", "was never closed"),
+    ],
+)  # fmt: skip
+def test_a_module_that_does_not_load_says_why(
+    text: str, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It was said to be missing."""
+    (tmp_path / "unloadable.py").write_text(text)
+    monkeypatch.syspath_prepend(tmp_path)
+    with pytest.raises(ConfigError, match=re.escape(words)) as error:
+        load("unloadable:Class")
+    assert "PYTHONPATH" not in str(error.value)
+
+
+def test_a_module_that_is_missing_says_where_it_is_looked_for() -> None:
+    with pytest.raises(ConfigError, match="No module named 'nowhere_at_all'; it has to be on PYTHONPATH"):
+        load("nowhere_at_all:Class")
