@@ -1,9 +1,14 @@
 """The reference pages of the documentation, made from the code: `python -m tools.reference` writes docs/reference."""
 
-from tools.reference import commands, diagnostics, files, topics
+from tools.reference import commands, diagnostics, files, mavlink, topics
 
 
 def pages() -> dict[str, str]:
     """Return the text of every generated page, by the name of its file without `.md`."""
     made = {name: page() for name, page in files.PAGES.items()}
-    return made | {"commands": commands.page(), "topics": topics.page(), "diagnostics": diagnostics.page()}
+    return made | {
+        "commands": commands.page(),
+        "topics": topics.page(),
+        "diagnostics": diagnostics.page(),
+        "mavlink": mavlink.page(),
+    }

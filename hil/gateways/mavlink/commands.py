@@ -59,6 +59,10 @@ class Commands:
             dialect.MAV_CMD_PREFLIGHT_STORAGE: self._storage,
         }
 
+    def numbers(self) -> list[int]:
+        """Return the commands (MAV_CMD) that are known."""
+        return [dialect.MAV_CMD_COMPONENT_ARM_DISARM, *self._table]
+
     def execute(self, request: CommandRequest, now: int, settled: Callable[[int], None]) -> None:
         """Do a command; `settled` gets its MAV_RESULT, that of arming perhaps later."""
         if request.command == dialect.MAV_CMD_COMPONENT_ARM_DISARM:
