@@ -352,7 +352,7 @@ import hil
 fleet = hil.connect("{endpoint}")
 fleet["uuv1"].push(x=20.0)
 print("pushing", flush=True)
-time.sleep(0.3)
+sys.stdin.readline()
 {ending}
 """
 
@@ -366,14 +366,19 @@ def test_however_the_program_ends_the_vehicle_stops(endpoint: str, ending: str, 
         vehicle = watching["uuv1"]
         text = LEAVE.format(endpoint=endpoint, ending=ending)
         with subprocess.Popen(
-            [sys.executable, "-c", text], cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+            [sys.executable, "-c", text],
+            cwd=ROOT,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
         ) as program:
             assert program.stdout is not None
             assert program.stdout.readline() == "pushing\n"
             assert wait_for(lambda: vehicle.diagnostics.commanded_by != "")
             if code < 0:
                 program.send_signal(signal.SIGINT)
-            _, said = program.communicate(timeout=60)
+            _, said = program.communicate("\n", timeout=60)
         assert program.returncode == code, said
         assert wait_for(lambda: vehicle.diagnostics.commanded_by == "")
         assert wait_for(lambda: set(vehicle.diagnostics.pwm_us or ()) == {1500})
