@@ -45,7 +45,8 @@ def _messages() -> str:
     rows = [f"| {names[number]} | {rate:g} |\n" for number, rate in ordered]
     text = (
         "## Messages that are streamed\n\nUntil a ground station asks for another rate, up to 50 Hz. What the vehicle "
-        "does not\nmeasure is not sent. Currents and turns of the ESCs, and the water's temperature, are not measured.\n\n"
+        "does not\nmeasure is not sent. Currents and turns of ESCs, and the water's temperature, are not measured.\n"
+        "\n"
     )
     return text + "| message | Hz |\n|---|---|\n" + "".join(rows)
 

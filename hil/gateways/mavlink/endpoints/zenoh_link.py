@@ -81,8 +81,12 @@ class ZenohLink(Link):
 
 
 def plain_fields(message: Any) -> dict[str, Any]:
-    """Return the fields of a message as JSON has them: no NaN, texts without their padding."""
-    return {name: _plain(getattr(message, name)) for name in message.get_fieldnames() if hasattr(message, name)}
+    """Return the fields of a message as JSON has them: no NaN, texts without their padding.
+
+    A field called "type" is "mavtype", as in mavlink2rest: "type" is that of the message.
+    """
+    names = [name for name in message.get_fieldnames() if hasattr(message, name)]
+    return {"mavtype" if name == "type" else name: _plain(getattr(message, name)) for name in names}
 
 
 def _plain(value: Any) -> Any:

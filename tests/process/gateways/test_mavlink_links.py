@@ -1,0 +1,135 @@
+"""Endpoints of the MAVLink vehicle one by one: TCP out, partners that come and go, BlueOS' keys, the picture."""
+
+import http.client
+import json
+import socket
+import threading
+import time
+from typing import Any
+
+import pytest
+import zenoh
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from hil.common.clock import NS_PER_S, now_ns
+from hil.common.errors import NetworkError
+from hil.gateways.mavlink.endpoints.links import TcpIn, TcpOut, UdpIn, UdpOut
+from hil.gateways.mavlink.endpoints.zenoh_link import ZenohLink
+from hil.gateways.mavlink.video import BOUNDARY, VideoServer
+from tests.support.processes import PATIENCE_S, free_port, wait_for
+
+BEAT = dialect.MAVLink_heartbeat_message(12, 3, 0, 19, 3, 3)
+PACKET: bytes = BEAT.pack(dialect.MAVLink(None, 1, 1))
+
+
+def test_datagrams_of_several_and_their_end() -> None:
+    link = UdpIn("127.0.0.1", 0)
+    ends = [UdpOut("127.0.0.1", link.port) for _ in range(2)]
+    try:
+        for end in ends:
+            end.send(end.partners()[0], PACKET, BEAT)
+        assert wait_for(lambda: (link.receive(NS_PER_S) and len(link.partners()) == 2) or None)
+        assert all(link.is_local(partner) for partner in link.partners())
+        assert not link.is_local(("192.0.2.1", 14550))
+        link.send(link.partners()[0], PACKET, BEAT)
+        assert wait_for(lambda: ends[0].receive(0) or None) == [(ends[0].partners()[0], PACKET)]
+        link.tick(100 * NS_PER_S)
+        assert link.partners() == []
+    finally:
+        for one in (link, *ends):
+            one.close()
+
+
+def test_noise_makes_nobody_a_partner() -> None:
+    link = UdpIn("127.0.0.1", 0)
+    noise = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    noise.sendto(b"GET / HTTP/1.1", ("127.0.0.1", link.port))
+    time.sleep(0.1)
+    assert link.receive(0) == []
+    assert link.partners() == []
+    noise.close()
+    link.close()
+
+
+def test_a_connection_is_made_again() -> None:
+    port = free_port()
+    out = TcpOut("127.0.0.1", port)
+    for _ in range(2):
+        _meet_and_part(out, port)
+    out.close()
+
+
+def _meet_and_part(out: TcpOut, port: int) -> None:
+    server = TcpIn("127.0.0.1", port)
+
+    def meet() -> Any:
+        out.tick(now_ns())
+        server.receive(0)
+        return out.partners() and server.partners()
+
+    assert wait_for(meet)
+    out.send(out.partners()[0], PACKET, BEAT)
+    assert wait_for(lambda: server.receive(0) or None)
+    server.close()
+    assert wait_for(lambda: out.receive(0) or not out.partners() or None)
+
+
+def test_a_taken_port_is_named() -> None:
+    link = TcpIn("127.0.0.1", 0)
+    with pytest.raises(NetworkError, match=f"tcpin:127.0.0.1:{link.port}"):
+        TcpIn("127.0.0.1", link.port)
+    link.close()
+    with pytest.raises(NetworkError, match="udpout:no"):
+        UdpOut("no.such.host.invalid", 1)
+
+
+def test_the_keys_of_blueos() -> None:
+    port = free_port()
+    where = f'listen: {{endpoints: ["tcp/127.0.0.1:{port}"]}}'
+    config = zenoh.Config.from_json5(f'{{mode: "router", {where}, scouting: {{multicast: {{enabled: false}}}}}}')
+    samples: dict[str, bytes] = {}
+    with zenoh.open(config) as router:
+        readers = [
+            router.declare_subscriber(keys, zenoh.handlers.FifoChannel(1000))
+            for keys in ("mavlink/**", "mavlink_raw/out")
+        ]
+        publisher = router.declare_publisher("mavlink_raw/in")
+        link = ZenohLink(f"tcp/127.0.0.1:{port}")
+
+        def exchange() -> Any:
+            link.send(link.partners()[0], PACKET, BEAT)
+            publisher.put(PACKET)
+            time.sleep(0.05)
+            for reader in readers:
+                while (sample := reader.try_recv()) is not None:
+                    samples[str(sample.key_expr)] = sample.payload.to_bytes()
+            received = link.receive(0)
+            return received if received and "mavlink/1/1/HEARTBEAT/mavtype" in samples else None
+
+        assert (wait_for(exchange) or [])[0][1] == PACKET
+        link.close()
+    assert samples["mavlink_raw/out"] == PACKET
+    message = json.loads(samples["mavlink/1/1/HEARTBEAT"])
+    assert message["header"] == {"system_id": 1, "component_id": 1, "sequence": 0}
+    assert (message["message"]["type"], message["message"]["custom_mode"]) == ("HEARTBEAT", 19)
+    assert not link.is_local("zenoh")
+
+
+def test_the_picture_is_served_to_this_machine() -> None:
+    seen = threading.Event()
+    with VideoServer(0, seen.set) as video:
+        browser = http.client.HTTPConnection("127.0.0.1", video.port, timeout=PATIENCE_S)
+        browser.request("GET", "/")
+        answer = browser.getresponse()
+        assert BOUNDARY in (answer.getheader("Content-Type") or "")
+        assert seen.wait(PATIENCE_S)
+        for number in range(3):
+            video.show(b"\xff\xd8" + bytes((number,)) * 500)
+            head = b"".join(answer.readline() for _ in range(4))
+            assert b"Content-Length: 502" in head
+            assert answer.read(504) == b"\xff\xd8" + bytes((number,)) * 500 + b"\r\n"
+        page = http.client.HTTPConnection("127.0.0.1", video.port, timeout=PATIENCE_S)
+        page.request("GET", "/", headers={"Host": "attacker.example"})
+        assert page.getresponse().status == 403
+        browser.close()
+        page.close()
