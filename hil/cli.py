@@ -49,6 +49,7 @@ COMMANDS = {
     "stm32": ("firmware_stub.serve", "emulate the STM32 alone, on a pty or a serial port"),
     "top": ("hil.commands.top.command", "show the health of slaves: loop, processor, memory, temperature, links"),
     "router": ("hil.commands.router", "forward between vehicles and masters that cannot reach each other"),
+    "fleet": ("hil.commands.fleet", "start, show and stop the slaves of a fleet, here and on hosts over ssh"),
     "keys": ("hil.commands.keys", "make certificates: who may command a vehicle, and who may listen"),
     "vehicle": ("hil.commands.vehicle.command", "describe a vehicle and what it can do; import one from a URDF"),
     "tune": ("hil.commands.tune", "find gains for a vehicle's controller from step responses"),

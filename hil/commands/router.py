@@ -17,6 +17,8 @@ Vehicles and masters then all dial the router; their scenario says
 examples:
   uuv-hil router --listen tcp/0.0.0.0:7447
   uuv-hil router --scenario mine.toml --listen tcp/0.0.0.0:7447     with the [network] and [security] of a scenario
+  uuv-hil router mine.toml --listen tcp/0.0.0.0:7447     with the [network] and [security] of a scenario
+  uuv-hil router --listen tcp/0.0.0.0:7447 --connect tcp/10.0.2.1:7447       joined with that of another site
   uuv-hil master mine.toml --connect tcp/192.168.3.1:7447
 
 Without a [security] section anyone who reaches the port can command.
@@ -30,6 +32,9 @@ def main(arguments: list[str]) -> int:
         "--listen", metavar="ENDPOINT", type=ENDPOINT, default=LOCAL_SLAVE, help="where to serve [%(default)s]"
     )
     add_settings(parser)
+    parser.add_argument(
+        "--connect", metavar="ENDPOINT", type=ENDPOINT, action="append", default=[], help="another router; repeatable"
+    )
     options = parser.parse_args(arguments)
     network, security = Network(), None
     if options.scenario is not None:
@@ -37,12 +42,13 @@ def main(arguments: list[str]) -> int:
 
         scenario = load_scenario(options.scenario, changes_of(options))
         network, security = scenario.network, scenario.security
-    with StopSignals() as stop_fd, open_router_session(options.listen, network, security) as session:
+    others = tuple(options.connect)
+    with StopSignals() as stop_fd, open_router_session(options.listen, network, security, others) as session:
         print(f"forwarding between all who dial {options.listen}", flush=True)
         known: list[str] = []
         while not select.select((stop_fd,), (), (), 0.5)[0]:
-            others = session.others()
-            if others != known:
-                known = others
+            found = session.others()
+            if found != known:
+                known = found
                 print(f"connected: {', '.join(known) or 'nobody'}", flush=True)
     return 0

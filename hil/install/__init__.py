@@ -1,4 +1,4 @@
-"""The slave as a service of a board: systemd units, udev rules, and what removes them again.
+"""Slaves on the machines they are for: a board's service and what removes it again, and a fleet's, over ssh.
 
-Public: `hil.install.units`. It must not start a slave itself.
+Public: `hil.install.units`, `hil.install.fleet`. It must not know what a slave does.
 """

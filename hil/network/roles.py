@@ -70,9 +70,14 @@ def open_peer_session(
     return session
 
 
-def open_router_session(endpoint: str, network: Network = Network(), security: "Security | None" = None) -> Session:
-    """Open the session of a router at `endpoint`, which forwards between all that connect. Raises NetworkError."""
-    session = _open("listen on", endpoint, settings("router", (endpoint,), (), network, security))
+def open_router_session(
+    endpoint: str, network: Network = Network(), security: "Security | None" = None, others: tuple[str, ...] = ()
+) -> Session:
+    """Open the session of a router at `endpoint`, which forwards between all that connect. Raises NetworkError.
+
+    `others`: endpoints of further routers; it forwards to whoever is behind them, and dials them until they are there.
+    """
+    session = _open("listen on", endpoint, settings("router", (endpoint,), others, network, security))
     if security:
         _shorten_queues()
     return session

@@ -1,0 +1,72 @@
+"""`uuv-hil fleet`: start, show and stop the slaves of a fleet, on this machine and on hosts over ssh."""
+
+import json
+import os
+import sys
+
+from hil.common.columns import aligned
+from hil.common.errors import ConfigError, DeviceError
+from hil.common.options import new_parser
+from hil.common.tables import read_bytes
+from hil.install import fleet
+from hil.scenario.config import load_scenario
+
+EXAMPLES = """\
+Each [[member]] of the scenario becomes a slave with a log in ~/.cache/uuv-hil/fleet-NAME of its machine. They run on
+when this command has ended, until `down`. A host is a name that `ssh` knows, with a key that asks for no password; the
+scenario's file goes there, the vehicles and worlds that it names by path must be there.
+
+examples:
+  uuv-hil fleet up mine.toml                                         all on this machine
+  uuv-hil fleet up mine.toml --on uuv1=pi@192.168.3.116 --on uuv2=pi@192.168.3.117
+  uuv-hil fleet status mine.toml
+  uuv-hil fleet down mine.toml
+"""
+
+
+def main(arguments: list[str]) -> int:
+    """Start, show or stop a fleet; 3 if `status` finds one that does not run. Raises HilError."""
+    parser = new_parser("fleet", __doc__, EXAMPLES)
+    parser.add_argument("action", choices=("up", "status", "down"))
+    parser.add_argument("scenario", metavar="SCENARIO")
+    parser.add_argument("--on", metavar="NODE=HOST", action="append", default=[], help="up: where a member runs [here]")
+    parser.add_argument("--ssh", metavar="COMMAND", default=fleet.SSH, help="up: how hosts are reached [%(default)s]")
+    parser.add_argument("--program", metavar="PATH", default="uuv-hil", help="up: this command on hosts [%(default)s]")
+    parser.add_argument("--json", action="store_true", help="status: print JSON")
+    options = parser.parse_args(arguments)
+    if options.action == "up":
+        hosts = _hosts(options.scenario, options.on)
+        programs = {host: [options.program] for host in hosts.values()} | {"": [sys.executable, "-m", "hil"]}
+        path = os.path.abspath(load_scenario(options.scenario).path)
+        text = read_bytes(path).decode("utf-8-sig")
+        for one in fleet.start(path, text, hosts, programs, options.ssh):
+            print(f"{one.member}: started{f' on {one.host}' if one.host else ''}, process {one.pid}")
+        return 0
+    members, ssh = fleet.noted(options.scenario)
+    if options.action == "down":
+        shown = fleet.stop(options.scenario, members, ssh)
+        failed = [one for one in shown if one.state == "unreachable"]
+    else:
+        shown = fleet.look(members, ssh)
+        failed = [one for one in shown if one.state != "running"]
+    if options.json:
+        print(json.dumps([one._asdict() for one in shown]))
+    else:
+        print(*aligned([(one.member, one.host or "here", one.state, one.last) for one in shown]), sep="\n")
+    return DeviceError.exit_code if failed else 0
+
+
+def _hosts(name: str, places: list[str]) -> dict[str, str]:
+    """Return member -> host. Raises ConfigError."""
+    scenario = load_scenario(name)
+    if not scenario.member:
+        raise ConfigError(f"{scenario.path}: has no [[member]], so it is no fleet; start it by: uuv-hil slave {name}")
+    hosts = {member.node: "" for member in scenario.member}
+    for place in places:
+        node, equals, host = place.partition("=")
+        if not equals or not host or host.startswith("-"):
+            raise ConfigError(f"--on {place!r}: write NODE=HOST")
+        if node not in hosts:
+            raise ConfigError(f"--on {place!r}: no member {node!r}; there are {', '.join(hosts)}")
+        hosts[node] = host
+    return hosts

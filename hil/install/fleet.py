@@ -1,0 +1,176 @@
+"""Start, look at and stop the slaves of a fleet: on this machine by the shell, on other hosts by `ssh HOST` and theirs.
+
+A member is a process in a session of its own. What was started is noted in a file, with the instant of each start as
+the kernel counts it: a number that another process has taken over meanwhile is never signalled.
+"""
+
+import json
+import os
+import shlex
+import subprocess
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+from hil.common.errors import ConfigError, DeviceError
+
+SSH = "ssh -o BatchMode=yes -o ConnectTimeout=10"
+PATIENCE_S = 60.0  # with one host, which has GRACE_S for its member to end
+GRACE_S = 10
+
+# Field 22 of /proc/PID/stat is when the process began; the name before it may hold blanks, but no line has two ')'.
+BEGAN = "began() { sed 's/.*) //' /proc/$1/stat 2>/dev/null | cut -d' ' -f1,20; }"
+ALIVE = 'alive() { set -- $(began $1) $2; test -n "$3" && test "$1" != Z && test "$2" = "$3"; }'
+START = """\
+{began}
+mkdir -p {folder} && cd {folder} && cat > {member}.toml && : > {member}.log || exit 1
+setsid sh -c 'exec "$@"' - {command} < /dev/null >> {member}.log 2>&1 &
+sleep 1
+set -- $! $(began $!)
+echo "$1 ${{3:-0}}"
+"""
+STATUS = """\
+{began}
+{alive}
+if alive {pid} {start}; then echo running; else echo ended; fi
+tail -n 1 {folder}/{member}.log 2>/dev/null
+true
+"""
+STOP = """\
+{began}
+{alive}
+if alive {pid} {start}; then kill -TERM {pid}; fi
+n=0; while alive {pid} {start} && test $n -lt {tenths}; do sleep 0.1; n=$((n + 1)); done
+if alive {pid} {start}; then kill -KILL -{pid}; echo killed; else echo ended; fi
+rm -f {folder}/{member}.toml
+"""
+
+
+class Started(NamedTuple):
+    """A member: its host ("" is this machine), process, start in clock ticks since the boot, and folder there."""
+
+    member: str
+    host: str
+    pid: int
+    start: int
+    folder: str
+
+
+class Shown(NamedTuple):
+    """What is known of a member: "running", "ended" or "unreachable", and the last line of its log."""
+
+    member: str
+    host: str
+    state: str
+    last: str
+
+
+def state_file(scenario: str) -> str:
+    """Return where it is noted what was started of a scenario."""
+    base = os.environ.get("XDG_STATE_HOME") or os.path.expanduser("~/.local/state")
+    name = os.path.splitext(os.path.basename(scenario))[0]
+    return os.path.join(base, "uuv-hil", "fleets", f"{name}.json")
+
+
+def start(
+    scenario: str, text: str, hosts: Mapping[str, str], programs: Mapping[str, Sequence[str]], ssh: str = SSH
+) -> list[Started]:
+    """Start a slave for each member in `hosts` (member -> host); none is left running if one does not start.
+
+    `scenario` is the path of its file, `text` what is in it, which goes to each host. `programs`: host -> the words
+    that stand for `uuv-hil` there.
+
+    Raises ConfigError when the fleet runs already, DeviceError when a host or a member fails.
+    """
+    path = state_file(scenario)
+    if os.path.exists(path):
+        raise ConfigError(f"{path}: this fleet was started already; end it first: uuv-hil fleet down {scenario}")
+    folder = f".cache/uuv-hil/fleet-{os.path.splitext(os.path.basename(path))[0]}"
+    done: list[Started] = []
+    try:
+        for member, host in hosts.items():
+            there = os.path.expanduser(f"~/{folder}") if not host else folder
+            command = shlex.join([*programs[host], "slave", f"{member}.toml" if host else scenario, "--member", member])
+            script = START.format(began=BEGAN, folder=there, member=member, command=command)
+            pid, began = map(int, _run(host, script, ssh, text).split())
+            done.append(Started(member, host, pid, began, there))
+            _note(path, done, ssh)
+        for member in (shown for shown in look(done, ssh) if shown.state != "running"):
+            raise DeviceError(f"{member.member}{_at(member.host)} {member.state}: {member.last or 'it said nothing'}")
+    except BaseException:
+        stop(scenario, done, ssh)
+        raise
+    return done
+
+
+def noted(scenario: str) -> tuple[list[Started], str]:
+    """Return what was started, and the command for ssh. Raises ConfigError when nothing was, or the note is damaged."""
+    path = state_file(scenario)
+    try:
+        with open(path, encoding="utf-8") as file:
+            table = json.load(file)
+        return [Started(**entry) for entry in table["members"]], table["ssh"]
+    except FileNotFoundError:
+        raise ConfigError(f"nothing of {scenario} was started here: uuv-hil fleet up {scenario}") from None
+    except (ValueError, TypeError, KeyError):
+        raise ConfigError(f"{path}: is not what was written there; end the slaves by hand and remove it") from None
+
+
+def look(members: Sequence[Started], ssh: str) -> list[Shown]:
+    """Return the state of each."""
+    found = []
+    for one in members:
+        try:
+            state, _, last = _run(one.host, _filled(STATUS, one), ssh).partition("\n")
+            found.append(Shown(one.member, one.host, state, last.strip()))
+        except DeviceError as error:
+            found.append(Shown(one.member, one.host, "unreachable", str(error)))
+    return found
+
+
+def stop(scenario: str, members: Sequence[Started], ssh: str) -> list[Shown]:
+    """End them: SIGTERM, and after GRACE_S SIGKILL. Those that cannot be reached stay noted."""
+    found, left = [], []
+    for one in members:
+        try:
+            found.append(Shown(one.member, one.host, _run(one.host, _filled(STOP, one), ssh).strip(), ""))
+        except DeviceError as error:
+            found.append(Shown(one.member, one.host, "unreachable", str(error)))
+            left.append(one)
+    if left:
+        _note(state_file(scenario), left, ssh)
+    elif os.path.exists(state_file(scenario)):
+        os.unlink(state_file(scenario))
+    return found
+
+
+def _filled(script: str, one: Started) -> str:
+    return script.format(began=BEGAN, alive=ALIVE, tenths=GRACE_S * 10, **one._asdict())
+
+
+def _run(host: str, script: str, ssh: str, text: str = "") -> str:
+    """Return what the script prints on a host, whose standard input is `text`. Raises DeviceError."""
+    command = [*shlex.split(ssh), host, f"sh -c {shlex.quote(script)}"] if host else ["sh", "-c", script]
+    try:
+        done = subprocess.run(command, input=text, capture_output=True, text=True, check=False, timeout=PATIENCE_S)
+    except FileNotFoundError:
+        raise DeviceError(f"{command[0]}: no such program (sudo apt install openssh-client)") from None
+    except subprocess.TimeoutExpired:
+        raise DeviceError(f"{host or 'this machine'}: no answer within {PATIENCE_S:g} s") from None
+    if done.returncode:
+        last = (done.stderr.strip() or f"exit code {done.returncode}").splitlines()[-1]
+        raise DeviceError(f"{host or 'this machine'}: {last}; try: {shlex.join(command[:-1])} true")
+    return done.stdout
+
+
+def _note(path: str, members: Sequence[Started], ssh: str) -> None:
+    try:
+        os.makedirs(os.path.dirname(path), mode=0o700, exist_ok=True)
+        with open(f"{path}.new", "w", encoding="utf-8") as file:
+            json.dump({"ssh": ssh, "members": [one._asdict() for one in members]}, file, indent=1)
+        os.replace(f"{path}.new", path)
+    except OSError as error:
+        raise DeviceError(f"{path}: cannot be written: {error.strerror}") from None
+
+
+def _at(host: str) -> str:
+    return f" on {host}" if host else ""

@@ -1,0 +1,95 @@
+"""`uuv-hil fleet`: what it starts runs until `down`, and nothing of it is left then."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import psutil
+import pytest
+
+from hil.common.children import ROOT
+from hil.common.schema import find_preset
+from tests.support.processes import free_port, wait_for
+
+MEMBERS = ("uuv1", "uuv2")
+HEAD = Path(find_preset("hil/scenario/presets", "target_hunting")).read_text().partition("[[member]]")[0]
+DOWN = f"{sys.executable} -c 'import sys; sys.exit(\"down\")'"
+
+
+class Command:
+    """The command with a home of its own."""
+
+    def __init__(self, home: Path) -> None:
+        self.environment = {**os.environ, "HOME": str(home), "XDG_STATE_HOME": str(home), "PYTHONPATH": ROOT}
+        self.scenario = home / "pair.toml"
+        rows = [HEAD]
+        for number, name in enumerate(MEMBERS):
+            rows.append(f'[[member]]\nnode = "{name}"\nnorth = {number}.0\neast = 0.0\n')
+            rows.append(f'listen = "tcp/127.0.0.1:{free_port()}"\nagent = "tcp/127.0.0.1:{free_port()}"\n')
+        self.scenario.write_text("".join(rows))
+
+    def run(self, *words: str) -> "subprocess.CompletedProcess[str]":
+        command = [sys.executable, "-m", "hil", "fleet", words[0], str(self.scenario), *words[1:]]
+        return subprocess.run(command, env=self.environment, capture_output=True, text=True, timeout=100)
+
+    def slaves(self) -> list[psutil.Process]:
+        found = []
+        for process in psutil.process_iter(["cmdline", "environ"]):
+            words, variables = process.info["cmdline"] or [], process.info["environ"] or {}
+            if "--member" in words and variables.get("HOME") == self.environment["HOME"]:
+                found.append(process)
+        return found
+
+
+@pytest.fixture
+def command(tmp_path: Path) -> Iterator[Command]:
+    made = Command(tmp_path)
+    yield made
+    for process in made.slaves():
+        process.kill()
+
+
+def test_up_status_down(command: Command) -> None:
+    up = command.run("up")
+    assert up.returncode == 0, up.stderr
+    assert len(command.slaves()) == 2
+    status = command.run("status", "--json")
+    assert [(row["member"], row["state"]) for row in json.loads(status.stdout)] == [(m, "running") for m in MEMBERS]
+    again = command.run("up")
+    assert again.returncode == 2
+    assert "fleet down" in again.stderr
+    command.slaves()[0].send_signal(signal.SIGKILL)
+    assert wait_for(lambda: command.run("status").returncode == 3)
+    down = command.run("down")
+    assert down.returncode == 0, down.stderr
+    assert not command.slaves()
+    assert command.run("status").returncode == 2
+
+
+def test_none_is_left_when_one_does_not_start(command: Command) -> None:
+    """The second host cannot be reached."""
+    up = command.run("up", "--on", "uuv2=nobody.invalid", "--ssh", DOWN)
+    assert up.returncode == 3
+    assert "nobody.invalid: down; try: " in up.stderr
+    assert not command.slaves()
+
+
+@pytest.mark.parametrize("place", ["uuv1", "uuv1=", "uuv9=pi", "uuv1=-oProxyCommand=x"])
+def test_a_place_that_is_none(command: Command, place: str) -> None:
+    up = command.run("up", "--on", place)
+    assert up.returncode == 2
+    assert f"--on {place!r}" in up.stderr
+
+
+def test_a_process_that_took_the_number_is_not_signalled(command: Command) -> None:
+    assert command.run("up").returncode == 0
+    note = next(command.scenario.parent.glob("uuv-hil/fleets/*.json"))
+    table = json.loads(note.read_text())
+    table["members"][0]["start"] += 1
+    note.write_text(json.dumps(table))
+    assert command.run("down").returncode == 0
+    assert len(command.slaves()) == 1
