@@ -94,8 +94,10 @@ def start(
             pid, began = map(int, _run(host, script, ssh, text).split())
             done.append(Started(member, host, pid, began, there))
             _note(path, done, ssh)
-        for member in (shown for shown in look(done, ssh) if shown.state != "running"):
-            raise DeviceError(f"{member.member}{_at(member.host)} {member.state}: {member.last or 'it said nothing'}")
+        for shown in look(done, ssh):
+            if shown.state != "running":
+                place = f" on {shown.host}" if shown.host else ""
+                raise DeviceError(f"{shown.member}{place} {shown.state}: {shown.last or 'it said nothing'}")
     except BaseException:
         stop(scenario, done, ssh)
         raise
@@ -170,7 +172,3 @@ def _note(path: str, members: Sequence[Started], ssh: str) -> None:
         os.replace(f"{path}.new", path)
     except OSError as error:
         raise DeviceError(f"{path}: cannot be written: {error.strerror}") from None
-
-
-def _at(host: str) -> str:
-    return f" on {host}" if host else ""
