@@ -53,7 +53,7 @@ def main() -> None:
     parser.add_argument("--after", type=float, default=15.0, metavar="SECONDS", help="[%(default)g]")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
-        command = [sys.executable, "-m", "hil.cli", "demo", options.scenario, "--view", "--run-dir", folder]
+        command = [sys.executable, "-m", "hil.cli", "demo", options.scenario, "--view", "--output", folder]
         command += ["--listen", f"tcp/127.0.0.1:{free_ports(1)[0]}"]
         with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True) as demo:
             assert demo.stdout

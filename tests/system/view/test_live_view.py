@@ -19,7 +19,7 @@ pytest.importorskip("viser", reason="the live view needs the extra view")
 def viewed(folder: Path, *options: str) -> Iterator[tuple[str, str, Program]]:
     """A slave and a view of it: the view's address, its token, and its program."""
     scenario, _ = write_scenario(folder)
-    words = ("view", scenario, "--listen", "127.0.0.1:0", "--no-browser", *options)
+    words = ("view", "--scenario", scenario, "--listen", "127.0.0.1:0", "--no-browser", *options)
     with Program(folder, "slave", scenario), Program(folder, *words) as view:
         found = view.expect(ADDRESS)
         yield found[1], found[2], view

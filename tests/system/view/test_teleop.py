@@ -44,6 +44,6 @@ def test_without_a_terminal_and_without_a_place_it_says_so() -> None:
 
 def test_a_gamepad_that_is_not_there_is_one_line(tmp_path: Path) -> None:
     scenario, _ = write_scenario(tmp_path)
-    code, output = run_here("teleop", str(scenario), "--gamepad")
+    code, output = run_here("teleop", "--scenario", str(scenario), "--gamepad")
     assert code == 3
     assert "no gamepad is plugged in; leave out --gamepad" in output
