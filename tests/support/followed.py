@@ -20,7 +20,7 @@ from tests.support.processes import Program, free_port, wait_for
 
 # What needs another machine, a device, a chart, a cluster, or changes the machine: the page says so at its place.
 ELSEWHERE = re.compile(
-    r"/dev/tty|ADDRESS-OF|US5AK5SI|board install|--backend|^sudo |^git clone|^pip install|^ros2 |^export |"
+    r"/path/to|/dev/tty|ADDRESS-OF|US5AK5SI|board install|--backend|^sudo |^git clone|^pip install|^ros2 |^export |"
     r"^python3 -m venv|^\. \.venv|^cat /proc|192\.168\.3\.11[67]|^git |recordings/FOLDER|--prometheus 9100$|^taplo"
 )
 # What runs until Ctrl-C, and what it says when it does what it is for.

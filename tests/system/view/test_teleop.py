@@ -7,7 +7,7 @@ from pathlib import Path
 
 import hil
 from hil.common.children import module_command, package_environment, start_child
-from tests.support.processes import Program, run_here, wait_for, write_scenario
+from tests.support.processes import Program, free_port, run_here, wait_for, write_scenario
 
 
 def test_keys_move_the_vehicle_and_it_stops_without_them(tmp_path: Path) -> None:
@@ -36,10 +36,10 @@ def test_keys_move_the_vehicle_and_it_stops_without_them(tmp_path: Path) -> None
     os.close(terminal)
 
 
-def test_without_a_terminal_and_without_a_place_it_says_so() -> None:
-    code, output = run_here("teleop")
-    assert code == 2
-    assert "give a scenario, or --connect" in output
+def test_where_nobody_is_it_says_so() -> None:
+    code, output = run_here("teleop", "--connect", f"127.0.0.1:{free_port()}")
+    assert code == 4
+    assert output.count("\n") == 1
 
 
 def test_a_gamepad_that_is_not_there_is_one_line(tmp_path: Path) -> None:
