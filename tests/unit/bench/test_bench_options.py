@@ -15,7 +15,7 @@ def outputs(**paths: Path) -> Namespace:
 
 
 def test_an_output_is_tried_and_not_left_behind(tmp_path: Path) -> None:
-    check_outputs(outputs(json=tmp_path / "a.json", csv=tmp_path / "new" / "a.csv"))
+    check_outputs(outputs(output=tmp_path / "a.json", csv=tmp_path / "new" / "a.csv"))
     assert not (tmp_path / "a.json").exists()
     assert list((tmp_path / "new").iterdir()) == []
 
@@ -23,18 +23,18 @@ def test_an_output_is_tried_and_not_left_behind(tmp_path: Path) -> None:
 def test_an_earlier_output_is_kept_until_there_is_another(tmp_path: Path) -> None:
     path = tmp_path / "a.json"
     path.write_text("earlier")
-    check_outputs(outputs(json=path))
+    check_outputs(outputs(output=path))
     assert path.read_text() == "earlier"
-    save_record(new_record("table", {}, {"x": Figure([1.0], "s")}), outputs(json=path))
+    save_record(new_record("table", {}, {"x": Figure([1.0], "s")}), outputs(output=path))
     assert load(str(path)).figures["x"].values == [1.0]
 
 
 def test_outputs_that_are_not_asked_for() -> None:
     check_outputs(Namespace())
-    check_outputs(Namespace(json=None, csv=None, markdown=None, png=None))
+    check_outputs(Namespace(output=None, csv=None, markdown=None, plot=None))
 
 
-@pytest.mark.parametrize("name", ["json", "csv", "markdown", "png"])
+@pytest.mark.parametrize("name", ["output", "csv", "markdown", "plot"])
 @pytest.mark.parametrize(
     ("place", "reason"),
     [("folder", "Is a directory"), ("file/a.json", "its folder is a file"), ("file/more/a.json", "Not a directory")],
