@@ -1,4 +1,4 @@
-"""Each statement of the security page names its tests, and all of these exist."""
+"""Each statement of the security page names its tests; all of these exist, and those of the page on reliability."""
 
 import ast
 import re
@@ -6,7 +6,7 @@ from functools import cache
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
-PAGE = (ROOT / "docs" / "explanation" / "security.md").read_text()
+PAGE, RELIABILITY = ((ROOT / "docs" / "explanation" / f"{name}.md").read_text() for name in ("security", "reliability"))
 NAMED = re.compile(r"`(tests/[\w/]+\.py)::(\w+)`")
 
 
@@ -18,9 +18,9 @@ def functions_of(path: str) -> frozenset[str]:
 
 
 def test_each_named_test_exists() -> None:
-    for path, test in NAMED.findall(PAGE):
-        assert (ROOT / path).is_file(), f"docs/explanation/security.md names {path}"
-        assert test in functions_of(path), f"docs/explanation/security.md names {path}::{test}"
+    for path, test in NAMED.findall(PAGE + RELIABILITY):
+        assert (ROOT / path).is_file(), f"a page names {path}"
+        assert test in functions_of(path), f"a page names {path}::{test}"
         assert test.startswith("test_")
 
 

@@ -37,7 +37,7 @@ SLAVE = ("slave", "{file}")
 BUILD = ("world", "build", "-o", "{folder}/built", "{file}")
 BAD_FILES = (
     BadFile("scenario that is no TOML", "not valid TOML", ".toml", lambda r: b"vehicle = [\n", SLAVE),
-    BadFile("scenario of random bytes", "not valid TOML", ".toml", lambda r: r.randbytes(4096), SLAVE),
+    BadFile("scenario of random bytes", "not UTF-8 text", ".toml", lambda r: r.randbytes(4096), SLAVE),
     BadFile(
         "scenario nested 20,000 deep",
         "more than 32 deep",
