@@ -6,7 +6,7 @@ import sys
 
 from hil.common.columns import aligned
 from hil.common.errors import ConfigError, DeviceError
-from hil.common.options import new_parser
+from hil.common.options import add_json, new_parser
 from hil.common.tables import read_bytes
 from hil.install import fleet
 from hil.scenario.config import load_scenario
@@ -32,7 +32,7 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--on", metavar="NODE=HOST", action="append", default=[], help="up: where a member runs [here]")
     parser.add_argument("--ssh", metavar="COMMAND", default=fleet.SSH, help="up: how hosts are reached [%(default)s]")
     parser.add_argument("--program", metavar="PATH", default="uuv-hil", help="up: this command on hosts [%(default)s]")
-    parser.add_argument("--json", action="store_true", help="status: print JSON")
+    add_json(parser)
     options = parser.parse_args(arguments)
     if options.action == "up":
         hosts = _hosts(options.scenario, options.on)

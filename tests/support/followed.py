@@ -187,7 +187,6 @@ def pattern_of(line: str) -> re.Pattern[str]:
 
 
 def pages() -> Iterator[str]:
-    """The tutorials and how-to pages."""
-    for folder in ("tutorials", "how-to"):
-        for path in sorted((ROOT / "docs" / folder).glob("*.md")):
-            yield path.relative_to(ROOT).as_posix()
+    """The tutorials."""
+    for path in sorted((ROOT / "docs" / "tutorials").glob("*.md")):
+        yield path.relative_to(ROOT).as_posix()

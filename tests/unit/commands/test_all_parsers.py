@@ -33,6 +33,7 @@ OF_THE_COMMAND = {"--output", "--plot", "--rate", "--seconds", "--repeat", "--wa
 # Commands that take a scenario without --set, with the reason.
 UNCHANGED = {
     "uuv-hil scenario show": "prints the file as it is",
+    "uuv-hil fleet": "copies the file as it is to every host",
 }
 
 
