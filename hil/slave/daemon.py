@@ -81,7 +81,7 @@ def run(
             from hil.slave.spawn import start_program  # a process of its own: the slave stays as it is
 
             at = "--connect", scenario.slave.listen, "--vehicle", scenario.slave.node
-            stack.callback(start_program("mavlink", "--scenario", scenario.path, *at))
+            stack.callback(start_program("mavlink", scenario.path, *at))
         with Health(loop, log, startup, notes, board, scenario.link, contacts, imaging):
             try:
                 loop.run(stop_fd)

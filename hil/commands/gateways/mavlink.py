@@ -6,7 +6,7 @@ from contextlib import ExitStack
 
 from hil.client.client import Stamped, VehicleClient
 from hil.commands.listening import scenario_and_endpoints
-from hil.common.options import PORT, add_connect, add_settings, checked, new_parser, whole
+from hil.common.options import PORT, add_connect, add_scenario, checked, new_parser, whole
 from hil.common.stop import StopSignals
 from hil.network.roles import open_master_session
 from hil.network.settings import Network
@@ -18,7 +18,7 @@ An endpoint is udpout:HOST:PORT (a ground station), udpin:HOST:PORT or tcpin:HOS
 tcpout:HOST:PORT (a router), serial:/dev/ttyUSB0:57600, or zenoh:tcp/HOST:PORT (BlueOS' keys).
 
 examples:
-  uuv-hil mavlink                                      QGroundControl on this machine finds it by itself
+  uuv-hil mavlink paper_field                          QGroundControl on this machine finds it by itself
   uuv-hil mavlink --connect tcp/192.168.3.116:7447     a slave elsewhere
   uuv-hil mavlink --endpoint udpin:0.0.0.0:14550 --commands-from network    from other machines too
 
@@ -75,8 +75,8 @@ def main(arguments: list[str]) -> int:
 
 def _parser() -> argparse.ArgumentParser:
     parser = new_parser("mavlink", __doc__, EXAMPLES)
+    add_scenario(parser, None, optional=True)  # it flies a vehicle, in every mode
     add_connect(parser)
-    add_settings(parser)
     parser.add_argument(
         "--endpoint",
         metavar="MAVLINK",
