@@ -24,6 +24,7 @@ HOME = (50.0, 8.0)  # degrees; of a world without an origin
 SPEEDUP = 100  # more than any run reaches: simulated time is kept by us
 AIRFRAME = "1022"  # PX4's underwater vehicle, whose geometry is then set by parameters
 LAST_LINES = 5
+NUDGE = 1e-5
 
 
 class Program:
@@ -100,10 +101,18 @@ class Program:
     def _px4(self, settings: AutopilotSettings, parameters: Parameters) -> tuple[list[str], dict[str, str]]:
         build = os.path.abspath(settings.program)
         program = _executable(os.path.join(build, "bin", "px4"))
-        variables = {f"PX4_PARAM_{name}": f"{value:g}" for name, value in parameters.items()}
+        variables = {f"PX4_PARAM_{name}": f"{_stored(name, value):g}" for name, value in parameters.items()}
         variables |= {"PX4_SYS_AUTOSTART": AIRFRAME, "PX4_SIM_HOST_ADDR": "127.0.0.1"}
         command = [program, "-d", "-i", str(settings.instance), "-w", self._folder.path, os.path.join(build, "etc")]
         return [*command, *settings.arguments], variables
+
+
+def _stored(name: str, value: float) -> float:
+    """Return a value that PX4 stores: one that equals the firmware's default it forgets, and the airframe's would hold.
+
+    For the direction and the place of a motor a hundred-thousandth makes no difference.
+    """
+    return value + NUDGE if name.startswith("CA_ROTOR") and name[-2:-1] in ("A", "P") else value
 
 
 def _executable(path: str) -> str:

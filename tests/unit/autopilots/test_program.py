@@ -1,0 +1,13 @@
+"""Starting an autopilot's program: values that PX4 would forget are made others."""
+
+from hil.autopilots.program import _stored
+
+
+def test_a_motors_pose_is_never_the_firmwares_default() -> None:
+    """PX4 drops a value that equals its compiled default, and then the airframe's own default holds."""
+    for default in (-1.0, 0.0):
+        assert _stored("CA_ROTOR5_AZ", default) != default
+        assert abs(_stored("CA_ROTOR5_AZ", default) - default) < 1e-4
+        assert _stored("CA_ROTOR11_PX", default) != default
+    assert _stored("CA_ROTOR0_KM", 0.0) == 0.0
+    assert _stored("CA_ROTOR_COUNT", 8.0) == 8.0
