@@ -17,7 +17,6 @@ Vehicles and masters then all dial the router; their scenario says
 examples:
   uuv-hil router --listen tcp/0.0.0.0:7447
   uuv-hil router --scenario mine.toml --listen tcp/0.0.0.0:7447     with the [network] and [security] of a scenario
-  uuv-hil router mine.toml --listen tcp/0.0.0.0:7447     with the [network] and [security] of a scenario
   uuv-hil router --listen tcp/0.0.0.0:7447 --connect tcp/10.0.2.1:7447       joined with that of another site
   uuv-hil master mine.toml --connect tcp/192.168.3.1:7447
 

@@ -1,5 +1,6 @@
 """Find free ports of this machine for slaves of benchmarks, cases and tests."""
 
+import atexit
 import os
 import socket
 from functools import cache
@@ -8,7 +9,6 @@ from random import SystemRandom
 
 # Below those that Linux hands out by itself, from 32768 on: one of these any connection may take before its slave does.
 _FIRST, _END, _BLOCK = 10_000, 31_000, 125 * 2
-_holders: list[socket.socket] = []  # of names, which end with this process
 
 
 def free_ports(count: int) -> list[int]:
@@ -31,7 +31,7 @@ def _own_block(pid: int) -> tuple[int, "cycle[int]"]:
         except OSError:
             holder.close()
             continue
-        _holders.append(holder)
+        atexit.register(holder.close)
         return _BLOCK // 2, cycle(range(first, first + _BLOCK, 2))
     ports = range(_FIRST, _END, 2)
     return len(ports), cycle(SystemRandom().sample(ports, len(ports)))

@@ -1,6 +1,7 @@
 """Publish one topic of one node, with the keys and attachments of rmw_zenoh."""
 
 import os
+import time
 from collections.abc import Callable
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
@@ -15,12 +16,32 @@ if TYPE_CHECKING:
     from hil.network.worker import WorkerThread
 
 WAITING = 1  # large messages that may wait for the thread that sends them
+UNDECLARE_ATTEMPTS, UNDECLARE_WAIT_S = 200, 0.005  # of a publisher that another thread is using
+# The session was closed; or, of the bindings' own, another thread is undeclaring the publisher at this moment.
+_UNDECLARED = (zenoh.ZError, RuntimeError)
 
 _PRIORITIES: dict[Priority, zenoh.Priority] = {
     "real_time": zenoh.Priority.REAL_TIME,
     "data": zenoh.Priority.DATA,
     "background": zenoh.Priority.BACKGROUND,
 }
+
+
+class _Ended:
+    """Takes the place of a publisher of a session that is closed: publishes nothing, and nobody listens."""
+
+    matching = False
+
+    @property
+    def matching_status(self) -> "_Ended":
+        """Return that nobody listens."""
+        return self
+
+    def put(self, _payload: bytes, attachment: bytes) -> None:
+        """Publish nothing."""
+
+    def declare_matching_listener(self, _handler: Any) -> None:
+        """Watch nobody."""
 
 
 class Declared:
@@ -39,9 +60,18 @@ class Declared:
 
     def end_publishing(self) -> None:
         """Undeclare it if it is a publisher; nothing is published with it any more."""
-        if hasattr(self.current, "put"):
-            with suppress(zenoh.ZError):  # the session was closed
-                self.current.undeclare()
+        if not hasattr(self.current, "put") or isinstance(self.current, _Ended):
+            return
+        publisher, self.current = self.current, _Ended()  # who publishes does not come to it any more
+        for _ in range(UNDECLARE_ATTEMPTS):
+            try:
+                publisher.undeclare()
+            except zenoh.ZError:  # the session was closed
+                return
+            except RuntimeError:  # another thread is publishing with it at this moment
+                time.sleep(UNDECLARE_WAIT_S)
+            else:
+                return
 
 
 Declare = Callable[[Callable[[zenoh.Session], Any]], Declared]
@@ -81,7 +111,7 @@ class Publisher:
         """Return whether anybody out there listens now; False too when the session was closed."""
         try:
             return is_matched(self._publisher.current)
-        except zenoh.ZError:
+        except _UNDECLARED:
             return False
 
     def store_last(self, payload: bytes, wall_ns: int) -> None:
@@ -92,7 +122,7 @@ class Publisher:
         """Track whether there are subscribers; the thread of `worker` checks when that may have changed."""
 
         def update(_: object) -> None:
-            with suppress(zenoh.ZError):  # the session was closed
+            with suppress(*_UNDECLARED):
                 self.has_subscribers = self.background or is_matched(self._publisher.current)
 
         queue = worker.open_queue(update)
@@ -111,7 +141,7 @@ class Publisher:
         self._send = lambda payload, attachment: queue.put((payload, attachment))
 
     def _send_now(self, payload: bytes, attachment: bytes) -> None:
-        with suppress(zenoh.ZError):  # the session was closed, or is being opened again
+        with suppress(*_UNDECLARED):
             self._publisher.current.put(payload, attachment=attachment)
 
 

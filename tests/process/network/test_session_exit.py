@@ -4,10 +4,14 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
 import pytest
 
+from hil.network.opening import listen
+from hil.network.publisher import Publisher
+from hil.ros.topics import TOPICS
 from tests.support.processes import ROOT, Program, free_port, wait_for
 
 OPEN = """
@@ -111,3 +115,28 @@ print(closed, grown(held.reopen, 100))
     closed, reopened = map(float, done.stdout.split())
     assert closed < 10.0
     assert reopened < 10.0
+
+
+def test_a_session_closes_while_other_threads_publish_and_look_for_subscribers() -> None:
+    """The bindings let no thread undeclare a publisher that another uses at that moment."""
+    errors: list[BaseException] = []
+
+    def use(publisher: Publisher, ending: threading.Event) -> None:
+        try:
+            while not ending.is_set():
+                publisher.put(b"x" * 1000, 1)
+                publisher.check_subscribers()
+        except BaseException as error:  # noqa: BLE001 - whatever it is, the thread would have ended with it
+            errors.append(error)
+
+    for _ in range(20):
+        ending = threading.Event()
+        with listen(f"tcp/127.0.0.1:{free_port()}") as session:
+            publisher = session.publisher("uuv1", TOPICS["odom"])
+            threads = [threading.Thread(target=use, args=(publisher, ending)) for _ in range(3)]
+            for thread in threads:
+                thread.start()
+        ending.set()
+        for thread in threads:
+            thread.join()
+    assert not errors, errors

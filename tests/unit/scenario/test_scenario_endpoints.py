@@ -40,8 +40,8 @@ def test_an_endpoint_that_is_none_is_named_by_file_and_key(
         assert str(error.value).startswith(f"{path}: {key}: endpoint ")
         assert "is not of the form tcp/HOST:PORT" in str(error.value)
         assert len(str(error.value)) < len(str(path)) + 300
-    for command in (["slave"], ["sim", "--fast"], ["agent", "--member", "a"], ["top"]):
-        assert main([command[0], str(path), *command[1:]]) == 2
+    for command in ("slave FILE", "sim FILE --fast", "agent FILE --member a", "top --scenario FILE"):
+        assert main([str(path) if word == "FILE" else word for word in command.split()]) == 2
         (line,) = capsys.readouterr().err.splitlines()
         assert f"{path}: {key}: endpoint" in line
     for endpoint in ("192.168.3.116", "pi.local:7449", "tcp/[::1]:7447"):
