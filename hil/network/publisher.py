@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from hil.network.worker import WorkerThread
 
 WAITING = 1  # large messages that may wait for the thread that sends them
-UNDECLARE_ATTEMPTS, UNDECLARE_WAIT_S = 200, 0.005  # of a publisher that another thread is using
+UNDECLARE_ATTEMPTS, UNDECLARE_WAIT_S = 20, 0.005  # of a publisher that another thread is using
 # The session was closed; or, of the bindings' own, another thread is undeclaring the publisher at this moment.
 _UNDECLARED = (zenoh.ZError, RuntimeError)
 
