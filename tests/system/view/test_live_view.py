@@ -133,9 +133,8 @@ def test_an_observer_steers_nothing(tmp_path: Path) -> None:
 
 def test_bad_input_is_one_line() -> None:
     for words, reason in (
-        ((), "give a scenario, or --connect"),
-        (("paper_field", "--listen", "127.0.0.1:99999"), "a port from 0 to 65535"),
-        (("paper_fiel",), "paper_field"),
+        (("--listen", "127.0.0.1:99999"), "a port from 0 to 65535"),
+        (("--scenario", "paper_fiel"), "paper_field"),
     ):
         code, output = run_here("view", *words)
         assert code == 2
