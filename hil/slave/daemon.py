@@ -52,12 +52,7 @@ def run(
         from hil.slave.notify import notify  # the vehicle is ready before these are loaded
 
         notify("READY=1")
-        if scenario.slave.realtime:
-            notes = [*notes, clock.lock_memory(), clock.quiet_garbage_collector()]
-            notes += [clock.stay_awake()] if scenario.slave.stay_awake else []
-            sys.setswitchinterval(0.0005)  # the loop gets the interpreter back at once from the other threads
-        else:
-            gc.enable()
+        notes = [*notes, *_settle_realtime(scenario)]
         for note in notes:
             log.say(note)
         from hil.slave.contacts import Contacts
@@ -92,6 +87,16 @@ def run(
             finally:
                 neutral = stop_thrusters(loop.driver, loop.next_sequence())
                 log.say("thrusters neutral" if neutral else "WARNING: the STM32 did not confirm neutral thrusters")
+
+
+def _settle_realtime(scenario: Scenario) -> list[str]:
+    """Lock memory and quiet the interpreter as the scenario asks for; a note of each thing that was settled."""
+    if not scenario.slave.realtime:
+        gc.enable()
+        return []
+    sys.setswitchinterval(0.0005)  # the loop gets the interpreter back at once from the other threads
+    notes = [clock.lock_memory(), clock.quiet_garbage_collector()]
+    return [*notes, clock.stay_awake()] if scenario.slave.stay_awake else notes
 
 
 def _imaging(scenario: Scenario, report: Callable[[str], None]) -> "Imaging | None":
