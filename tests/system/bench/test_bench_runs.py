@@ -396,7 +396,10 @@ def test_a_master_that_comes_after_another_is_not_refused() -> None:
         (["load", "--vehicles", "inf"], "--vehicles: expected"),
         (["stream", "target_hunting"], "this is a fleet (uuv1, uuv2, uuv3, uuv4), and a benchmark is of one vehicle"),
         (["table", "--plot", "table.xyz"], "pictures end in"),
-        (["table", "--connect", "tcp/127.0.0.1:1", "--set", "slave.step=0.001"], "slave.step: a slave that runs elsewhere"),
+        (
+            ["table", "--connect", "tcp/127.0.0.1:1", "--set", "slave.step=0.001"],
+            "slave.step: a slave that runs elsewhere",
+        ),
         (["table", "--set", "link.port=/dev/ttyNONE", "--set", "stm32=device"], "/dev/ttyNONE"),
         (["startup", "--set", "link.port=/dev/ttyNONE", "--set", "stm32=device"], "/dev/ttyNONE"),
         (["stream", "nowhere"], "no scenario 'nowhere'"),
