@@ -32,7 +32,7 @@ class Panels:
         with tabs.add_tab("Pictures"):
             self.pictures = gui.add_checkbox("receive pictures", False, hint="they are only sent while somebody looks")
             self._images: dict[str, Any] = {}
-            self._images_note = gui.add_html(_text("cameras and sonars of the vehicle appear here"))
+            gui.add_html(_text("cameras and sonars of the vehicle appear here"))
             self._image_folder = gui.add_folder("cameras and sonars")
         with tabs.add_tab("Link"):
             self._histogram: Any = None

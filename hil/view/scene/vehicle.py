@@ -23,7 +23,6 @@ class Track:
         self._scene, self._name, self._colour = scene, name, colour
         self._points: list[Any] = []
         self._drawn = 0
-        self._handle: Any = None
 
     def add(self, place: Any) -> None:
         """Add a place of the scene, unless it is as good as the last."""
@@ -33,13 +32,6 @@ class Track:
             del self._points[1:-1:2]
             self._drawn = 0
 
-    def clear(self) -> None:
-        """Forget where it was."""
-        self._points, self._drawn = [], 0
-        if self._handle:
-            self._handle.remove()
-            self._handle = None
-
     def draw(self) -> None:
         """Show what was added."""
         if len(self._points) < 2 or len(self._points) == self._drawn:
@@ -47,9 +39,7 @@ class Track:
         self._drawn = len(self._points)
         line = np.array(self._points, np.float32)
         segments = np.stack([line[:-1], line[1:]], axis=1)
-        self._handle = self._scene.add_line_segments(
-            self._name, segments, self._colour, thickness=2.5, thickness_units="screen"
-        )
+        self._scene.add_line_segments(self._name, segments, self._colour, thickness=2.5, thickness_units="screen")
 
 
 class VehicleScene:
@@ -87,11 +77,6 @@ class VehicleScene:
         """Show where it has been."""
         self._track.draw()
         self._navigation.draw()
-
-    def clear_tracks(self) -> None:
-        """Forget where it has been."""
-        self._track.clear()
-        self._navigation.clear()
 
     def draw_scans(self, latest: Mapping[str, Any]) -> None:
         """Show the points of laser and profiler, in the axes of the vehicle."""
