@@ -15,7 +15,7 @@ from hil.common.children import module_command, package_environment, start_child
 from hil.common.clock import now_ns
 from hil.common.endpoint import no_certificates, split_endpoint
 from hil.common.errors import ConfigError, MissingExtraError, NetworkError
-from hil.common.options import ENDPOINT, Number, add_output, add_scenario, changes_of, new_parser, place
+from hil.common.options import ENDPOINT, Number, add_output, add_scenario, changes_of, new_parser, place, scenario_words
 from hil.common.ports import free_ports
 from hil.common.stop import StopSignals
 from hil.master.recorder import make_folder
@@ -69,7 +69,7 @@ def main(arguments: list[str]) -> int:
         raise ConfigError(f"--listen: {problem}")
     require_free(endpoint, routed=scenario.network.mode == "routed")
     folder = make_folder(options.output) if options.output else new_folder(options.scenario)
-    words = [options.scenario, *[word for text in options.set for word in ("--set", text)]]
+    words = scenario_words(options)
     with view_process(words, endpoint, options.view):
         return _run(words, endpoint, folder, lambda: None)
 

@@ -10,7 +10,16 @@ from hil.commands.view.opening import view_process
 from hil.common.clock import NS_PER_S, now_ns
 from hil.common.endpoint import no_certificates
 from hil.common.errors import ConfigError, MissingExtraError, NetworkError
-from hil.common.options import DESCRIPTOR, WAIT, add_output, add_scenario, changes_of, endpoint_or_lan, new_parser
+from hil.common.options import (
+    DESCRIPTOR,
+    WAIT,
+    add_output,
+    add_scenario,
+    changes_of,
+    endpoint_or_lan,
+    new_parser,
+    scenario_words,
+)
 from hil.common.stop import StopSignals
 from hil.master.flight import Flight, Outcome, Plan, prepare, require_success
 from hil.master.mission import Mission, topics_of
@@ -62,7 +71,7 @@ def main(arguments: list[str]) -> int:
     planner = plan.planner
     progress.print_line(f"{type(planner).__name__} planned {len(planner.path)} points in {plan.duration:.2f} s")
     where = options.connect if options.connect != "lan" else _report_vehicles(options.wait)
-    words = [options.scenario, *[word for text in options.set for word in ("--set", text)]]
+    words = scenario_words(options)
     with (
         view_process(words, where, options.view),
         StopSignals() as stop_fd,

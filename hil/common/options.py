@@ -172,6 +172,11 @@ def changes_of(options: Any) -> dict[str, Any]:
     return settings(options.set, "--set")
 
 
+def scenario_words(options: Any) -> list[str]:
+    """Return the words that name the scenario and its changes, for the command of a child process."""
+    return [options.scenario, *[word for text in options.set for word in ("--set", text)]]
+
+
 def subparsers(parser: argparse.ArgumentParser) -> dict[str, argparse.ArgumentParser]:
     """Return the parsers of a parser's subcommands, by name."""
     groups = [action for action in parser._actions if isinstance(action, argparse._SubParsersAction)]
