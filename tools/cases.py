@@ -32,28 +32,38 @@ MOST_CPU = 0.1  # of a core, of the master in the first case
 HEAD = """\
 # The reference platform's cases, flown again
 
-Made by `python tools/cases.py`, which flies every case anew: {seeds} seeds in simulated time (SIL), {hil} with slaves
-as processes of their own, each with an emulated STM32, led by this project's masters over zenoh (HIL). `uuv-hil case`
-flies any of them. The reference platform, and what its paper prints beside what is done here, equation by equation,
-is in [reference_platform.md](reference_platform.md). What the paper leaves out, such as
-positions of obstacles and durations of tasks, is ours and stands in the scenario files.
+`python tools/cases.py` makes this page. It flies every case with {seeds} seeds in simulated time (SIL) and with {hil}
+against real processes (HIL): slaves with an emulated STM32 each, and this project's masters over zenoh.
+`uuv-hil case NAME` flies one of them.
 
-Planner, controller, allocation, thrusters, dynamics, sensors and noise are the same code in SIL and HIL, and both
-read the same files. Seed 1 is the case as it stands; others have other noise, starts, and, where the map lacks them,
-obstacles. Means stand with their standard deviation, the others are the worst of all flights. **Over optimum** is the
-way travelled over the shortest one that the vehicle's size allows, without any margin. **Least clearance** is from the
-vehicle's middle to the nearest obstacle (in target hunting to the hull of the nearest vehicle, or to the target); a
-collision is where that is not more than the vehicle's radius, {radius:.2f} m, or where it touched something.
-**Events** are whatever of `sim/run_events.py` befell a vehicle; with any a flight fails.
-**Energy** is what the thrusters take,
-reckoned from their pulses (in HIL as the slave tells them, once a second) as T200s of the same thrust at 16 V, without
-electronics, because the paper gives no figures of power. **Off path** is the true distance from the path (in target
-hunting from the place) that was being followed. **Master CPU** is the processor time of the master's whole process
-while it flies, of one core (in target hunting of all four agents together), **planner CPU** that of the planner
-alone, in SIL for a second of simulated time.
-**Delays** are from a command's publishing to its pulses being applied, by the STM32 end.
+- Planner, controller, allocation, thrusters, dynamics, sensors and noise are the same code in SIL and HIL. Both read
+  the same files.
+- Seed 1 is the case as its scenario file gives it. The other seeds have other noise, other starts, and, where the map
+  leaves them open, other obstacles.
+- The paper does not print the positions of obstacles nor the durations of tasks. Ours stand in the scenario files.
+- [reference_platform.md](reference_platform.md) compares the paper with this project equation by equation.
 
-HIL figures are those of {cores} cores of a shared x86-64 server with {ram:.0f} GiB, master and slaves all on it,
+| Row | Meaning |
+| --- | --- |
+| collisions | flights with a distance to an obstacle of at most the vehicle's radius ({radius:.2f} m), or a contact |
+| events | what `sim/run_events.py` recorded, such as a contact or a capsize; a flight with any event fails |
+| travelled | length of the true path |
+| over optimum | that length over the length of the shortest path that the vehicle's size allows, without a margin |
+| energy | electrical energy of the thrusters, \
+computed from their pulse widths as T200s of the same thrust at 16 V, \
+without electronics (the paper prints no power); in HIL from the telemetry of 1 Hz |
+| off path | true distance from the path; in target hunting from the assigned place |
+| goal error | true distance from the goal at the end |
+| least clearance | from the vehicle's middle to the nearest obstacle; \
+in target hunting to the hull of the nearest vehicle or to the target |
+| master CPU | processor time of the master's process while it flies, as a share of one core; \
+in target hunting of all four agents together |
+| planner CPU | the same of the planner alone; in SIL per second of simulated time |
+| delay | from publishing a command to applying its pulse widths at the STM32 end |
+
+Rows with ± give the mean and the standard deviation, the other rows the worst flight.
+
+The HIL figures are from {cores} cores of a shared x86-64 server with {ram:.0f} GiB. Master and slaves all ran on it,
 over loopback: no claim about a board or a wireless network."""
 
 

@@ -56,8 +56,8 @@ def distances(points: Sequence[Point], track: Track) -> NDArray[np.float64]:
 
 
 ROWS = (
-    ("distance between the ways, rms", "{:.3f} m"),
-    ("distance between the ways, most", "{:.3f} m"),
+    ("distance between the paths, rms", "{:.3f} m"),
+    ("distance between the paths, greatest", "{:.3f} m"),
     ("length", "{:+.2%}"),
     ("time", "{:+.2%}"),
     ("energy", "{:+.2%}"),

@@ -31,12 +31,12 @@ class PathPlanning(SingleCase):
     scenario = "path_planning"
     title = "Path planning with a map"
     paper = (
-        "Figures 8 and 9: the vehicle crosses a field of 50 m x 50 m from (0, 0) to (50, 50) past obstacles, led by A* "
-        "on the map and by VFH on the laser's scan, its speed adjusted to the room there is."
+        "Figures 8 and 9: the vehicle crosses a field of 50 m x 50 m with obstacles, from (0, 0) to (50, 50). A* plans "
+        "on the map, VFH avoids what the laser sees, and the speed depends on the free space."
     )
     criterion = (
-        "by its own navigation within 0.5 m of the goal, in 5 min, and never nearer to an obstacle than the vehicle's "
-        "radius"
+        "Within 5 min the vehicle is within 0.5 m of the goal by its own navigation. It never came nearer to an "
+        "obstacle than its radius"
     )
 
     def vary(self, seed: int) -> tuple[Mapping[str, Any], Mapping[str, Sequence[Table]]]:
@@ -64,18 +64,18 @@ class PathPlanning(SingleCase):
 
 
 class PathPlanningUnknown(PathPlanning):
-    """Some piles stand in the way that no map shows."""
+    """Some piles that no map shows stand on the path."""
 
     name = "path_planning_unknown"
     title = "Path planning past obstacles that the map lacks"
     method = (
-        "Seen by the laser, they go into the map and the rest of the way is planned anew, while VFH+ bends heading and "
-        "speed. A pile in the middle of the way can be passed on either side, and which one is a matter of centimetres "
-        "of noise: two ways that part at a pile and meet again behind it are two choices of the planner"
+        "The laser sees the piles. They are added to the map, the rest of the path is planned again, and VFH+ adjusts "
+        "heading and speed meanwhile. A pile in the middle of the path can be passed on either side; centimetres of "
+        "noise decide which. Two paths that separate at a pile and meet behind it are two such choices"
     )
     paper = (
-        "Not a figure of its own there: the paper names VFH for obstacles that the map lacks. Here five piles that no "
-        "map shows are put on and beside the way that A* had found; elsewhere each seed has others."
+        "No figure of its own: the paper names VFH for obstacles that are not on the map. Here five such piles stand "
+        "on and beside the path that A* found. Each seed has its own piles."
     )
 
     def vary(self, seed: int) -> tuple[Mapping[str, Any], Mapping[str, Sequence[Table]]]:
@@ -87,12 +87,12 @@ class PathPlanningUnknown(PathPlanning):
         return changes, {"cylinder": hidden_piles(plan.world, plan.planner.path, ends, Random(f"piles/{seed}"))}
 
     def extra(self, planner: Planner) -> Mapping[str, float]:
-        """Return how many ways were planned."""
+        """Return how many paths were planned."""
         return {"plans": float(planner.status.split()[1].rstrip(","))}
 
 
 def hidden_piles(world: World, path: Sequence[Point], ends: Sequence[Point], random: Random) -> list[Table]:
-    """Piles that no map shows, three of five on `path` and the others within 4 m of it, with ways past all of them."""
+    """Piles that no map shows, three of five on `path` and the others within 4 m of it, all passable."""
     found: list[Table] = []
     for _ in range(10_000):
         if len(found) == PILES:
@@ -101,7 +101,7 @@ def hidden_piles(world: World, path: Sequence[Point], ends: Sequence[Point], ran
         gap = min([world.clearance(*place), *(dist(place, (p["north"], p["east"])) - p["radius"] for p in found)])
         if gap - radius >= GAP_M and all(dist(place, end) > radius + CLEAR_M for end in ends):
             found.append({"north": place[0], "east": place[1], "radius": radius, "hidden": True})
-    raise ConfigError(f"{world.name} has no room for {PILES} piles beside the way")
+    raise ConfigError(f"{world.name} has no room for {PILES} piles beside the path")
 
 
 def _beside(path: Sequence[Point], most: float, random: Random) -> Point:

@@ -42,12 +42,12 @@ def write_report(path: str, flights: Flights, pictures: str, head: str = "# Case
 
 
 def _about(case: Case, runs: Sequence[Run]) -> list[str]:
-    parts = [f"## {case.title}", f"**The paper.** {case.paper}", f"**Success here:** {case.criterion}."]
+    parts = [f"## {case.title}", f"**The paper.** {case.paper}", f"**Criterion of success.** {case.criterion}."]
     if case.method:
-        parts.insert(2, f"**How it is done here.** {case.method}.")
+        parts.insert(2, f"**This project.** {case.method}.")
     extra = _extra([run.result for run in runs])
     if extra:
-        parts.append(f"**Besides:** {extra}.")
+        parts.append(f"**Figures of this case:** {extra}.")
     pair = _pair(runs)
     if pair:
         parts.append("**SIL and HIL side by side**, the same files, planner and seed:")

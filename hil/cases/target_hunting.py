@@ -29,25 +29,25 @@ class TargetHunting(Case):
     scenario = "target_hunting"
     title = 'Target hunting from the formation "line"'
     paper = (
-        "Figure 13 (a, c): four vehicles begin at (0, 0), (3, 0), (6, 0) and (9, 0) in 10 m x 10 m, go towards the "
-        "target at (5, 8) in formation and surround it, by artificial potential fields (its eqs 4 to 9), localisation "
-        "noise on."
+        "Figure 13 (a, c): four vehicles start at (0, 0), (3, 0), (6, 0) and (9, 0) in 10 m x 10 m. They approach the "
+        "target at (5, 8) in formation and surround it. Artificial potential fields (eqs 4 to 9) control them, with "
+        "localisation noise."
     )
     method = (
-        "Every vehicle has a planner of its own, in HIL a process of its own. It knows the plan agreed on before the "
-        "dive (the virtual structure: where each place is at any time), its own position, and what the planners "
-        "within 5 m tell it ten times a second on the topic `formation`; in the line that is the next vehicle, not "
-        "the one after. Its velocity is the sum of the fields that the paper names (attraction to its place, "
-        "repulsion from vehicles and target, a field that holds neighbours within range, the velocity of the place) "
-        "in their standard forms; why not as printed is in docs/explanation/reference_platform.md. Its reading of the"
-        " plan's clock slows while it or a neighbour lags. Its position is that of its navigation, whose error drifts"
-        " (0.1 m), and white noise of 5 cm each axis on top, Gaussian and zero-mean: the paper's eq. (10) as printed "
-        "is never below its amplitude and has no bound. That the target's position is known wrongly is not modelled"
+        "Every vehicle has its own planner, in HIL its own process. The planner knows three things: the plan agreed on "
+        "before the dive (the virtual structure: the position of each place at any time), its own position, and what "
+        "the planners within 5 m publish ten times a second on the topic `formation`. In the line only the next "
+        "vehicle is that near. The velocity is the sum of the fields that the paper names: attraction to the place, "
+        "repulsion from vehicles and target, a field that keeps neighbours within range, the velocity of the place. "
+        "They have their standard forms; docs/explanation/reference_platform.md says why not as printed. The plan's "
+        "clock runs slower while the vehicle or a neighbour lags. The position is that of the navigation, whose error "
+        "drifts (0.1 m), with Gaussian white noise of 5 cm an axis: the paper's eq. (10) as printed is never below "
+        "its amplitude and has no bound. An error of the target's position is not modelled"
     )
     criterion = (
-        "no two middles nearer than 0.5 m; on the approach the formation kept to 0.5 m; at the end all within a "
-        "quarter of the ring's radius (0.375 m, the length of a vehicle) of the ring, spacing even to 25 %, no gap "
-        "round the target above 115 degrees; judged by the truth"
+        "No two vehicles' middles come nearer than 0.5 m. On the approach no vehicle is more than 0.5 m from its "
+        "place. At the end all are within a quarter of the ring's radius (0.375 m, the length of a vehicle) of the "
+        "ring, their spacing is even to 25 %, and no gap round the target exceeds 115 degrees. All by true positions"
     )
 
     def fly(self, mode: Mode, seed: int, folder: str) -> Run:
@@ -61,7 +61,7 @@ class TargetHunting(Case):
         return Run(self._result(mode, seed, scenario, watch.outcome(), figures), tracks_of(scenario, watch), file)
 
     def draw(self, runs: Sequence[Run], path: str) -> None:
-        """The paper's figure again: ways, formation, target and ring; and the distances between vehicles over time."""
+        """The paper's figure again: paths, formation, target and ring; and the distances between vehicles over time."""
         from hil.cases.hunt.picture import draw_hunt
 
         draw_hunt(self.title, runs, path)
@@ -105,8 +105,8 @@ class TargetHuntingDiamond(TargetHunting):
     scenario = "target_hunting_diamond"
     title = 'Target hunting from the formation "diamond"'
     paper = 'Figure 13 (b, d): the same from the formation "diamond", (4.5, 2), (3, 1), (6, 1) and (4.5, 0).'
-    method = "As from the line, but that all four are within the range of each other from the start"
-    criterion = "as from the line"
+    method = "As from the line, but all four vehicles are within range of each other from the start"
+    criterion = "As from the line"
 
 
 class TargetHuntingAcoustic(TargetHunting):
@@ -115,13 +115,12 @@ class TargetHuntingAcoustic(TargetHunting):
     name = "target_hunting_acoustic"
     scenario = "target_hunting_acoustic"
     title = "Target hunting with acoustic modems"
-    paper = "Figure 13 (a, c), as above; how its vehicles tell each other where they are, the paper does not say."
+    paper = "Figure 13 (a, c), as above. The paper does not say how its vehicles exchange their positions."
     method = (
-        "As target_hunting, but a report is 16 bytes that go by a simulated acoustic modem "
-        "(docs/explanation/modems.md) in the vehicle's slot of time, so each vehicle is heard once a second by all "
-        "others, a quarter of a second late; the planner lets neighbours go on as fast as they said until their next "
-        "report. In HIL the water between the modems is the process that looks on: the agents hear nothing but what "
-        "it delivers"
+        "As target_hunting, but a report is 16 bytes that a simulated acoustic modem (docs/explanation/modems.md) "
+        "sends in the vehicle's time slot. Each vehicle receives a report of every other once a second, a quarter of a "
+        "second late. Until the next report the planner extrapolates a neighbour at its reported velocity. In HIL one "
+        "process simulates the acoustic channel, and the planners receive only what it delivers"
     )
 
 

@@ -28,9 +28,12 @@ class TaskScheduling(SingleCase):
     title = "Task scheduling"
     paper = (
         "Figure 10: charging at (5, 5), acquisition at (53, 13) and transmission at (15, 46) are done in the order "
-        "that the scheduler, a chart in Stateflow, decides on; then the vehicle returns to its start."
+        "that the scheduler, a Stateflow chart, decides. Then the vehicle returns to its start."
     )
-    criterion = "all three tasks done, and home, in 10 min, never nearer to an obstacle than the vehicle's radius"
+    criterion = (
+        "Within 10 min all three tasks are done and the vehicle is home. It never came nearer to an obstacle than its "
+        "radius"
+    )
 
     def vary(self, seed: int) -> tuple[Mapping[str, Any], Mapping[str, Sequence[Table]]]:
         """Return the start, by up to a metre, and the heading, any."""
@@ -60,7 +63,7 @@ class TaskScheduling(SingleCase):
         return {f"{state[:-5]} done": end for state, end in ends.items() if state.endswith(" work")}
 
     def draw(self, runs: Sequence[Run], path: str) -> None:
-        """Figure 10: the ways from task to task on the map."""
+        """Figure 10: the paths from task to task on the map."""
         from hil.cases.pictures import draw_field
 
         draw_field(self.title, runs, path)
