@@ -14,7 +14,8 @@ from hil.common.quantiles import quantile
 from hil.links.address import open_address, parse_address
 from hil.links.contract import Counters, ThrusterCommand, ThrusterLink, ThrusterTelemetry
 from hil.scenario.records import Link
-from hil.slave.drivers.driver import ThrusterDriver, end_protocol, open_driver, with_faults
+from hil.slave.drivers.driver import ThrusterDriver, open_driver
+from hil.slave.drivers.ends import end_protocol, with_faults
 
 BITS_A_BYTE = 10  # start bit, eight of data, stop bit
 LOST_NS = NS_PER_S  # an echo that has not come by then will not come
@@ -107,7 +108,7 @@ class _Stm32(_Far):
         return self._driver.host.counters
 
     def descriptors(self) -> list[int]:
-        return self._driver.descriptors()
+        return self._driver.descriptors
 
     def deadline_ns(self) -> int:
         return self._driver.deadline_ns

@@ -75,7 +75,7 @@ def line_rate(case: Case) -> Iterator[Finding]:
     scenario = case.scenario
     if not scenario or scenario.controller != "builtin":
         return
-    from hil.slave.drivers.driver import check_line_rate
+    from hil.slave.drivers.ends import check_line_rate
     from sim.vehicle.vehicle import load_vehicle
 
     link = scenario.link._replace(port=case.device or scenario.link.port)

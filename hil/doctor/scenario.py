@@ -9,7 +9,7 @@ from hil.master.flight import prepare
 from hil.scenario.attitude_warning import attitude_warning, requested_speed
 from hil.scenario.config import AUTOPILOTS, Scenario, build_simulation
 from hil.scenario.fleet import as_member
-from hil.slave.drivers.driver import check_line_rate
+from hil.slave.drivers.ends import check_line_rate
 from sim.environment.world import World, load_world
 from sim.vehicle.terminal_speed import reaches
 from sim.vehicle.thrusters.bank import wrench_matrix

@@ -100,7 +100,7 @@ def _assemble(scenario: Scenario) -> None:
 def _open_protocols(scenario: Scenario) -> None:
     """Raises ConfigError or MissingExtraError when an end of the link that is ours would not open."""
     from hil.links.protocols import Role
-    from hil.slave.drivers.driver import end_protocol
+    from hil.slave.drivers.ends import end_protocol
     from sim.vehicle.vehicle import load_vehicle
 
     vehicle, _ = load_vehicle(scenario.vehicle)

@@ -13,7 +13,8 @@ from hil.network.opening import Listening
 from hil.ros.topics import TOPICS
 from hil.scenario.config import AUTOPILOTS, Scenario, build_simulation
 from hil.slave.command_receiver import CommandReceiver
-from hil.slave.drivers.driver import check_line_rate, open_driver, stop_thrusters
+from hil.slave.drivers.driver import open_driver, stop_thrusters
+from hil.slave.drivers.ends import check_line_rate
 from hil.slave.log import Log
 from hil.slave.loop import Loop
 from hil.slave.pilot import build_pilot

@@ -94,9 +94,9 @@ class Loop:
         self._control_due_ns = 0
         self._sent = False
         self._neutral = (PWM_NEUTRAL_US,) * len(driver.pwm_us)
-        self.pwm_us = tuple(driver.pwm_us)  # which change only when the driver is serviced
+        self.pwm_us = driver.pwm_us  # which change only when the driver is serviced
         self._link_due_ns = 0  # when the driver has to be serviced even if nothing came
-        self._link_fds = driver.descriptors()
+        self._link_fds = driver.descriptors
         self._stopping_ns = 0  # when the deadman tripped, until the STM32 has confirmed that the thrusters are neutral
         self._newest: ThrusterTelemetry | None = None  # that has come
         self.schedule = RateKeeper(step_ns, now_ns())
@@ -244,8 +244,8 @@ class Loop:
         self._sent = False
         received = self.driver.service(now)
         now = now_ns() if received else now  # reading takes its time, and what was read is as old as that
-        self._link_due_ns, self._link_fds = self.driver.deadline_ns, self.driver.descriptors()
-        self.pwm_us = tuple(self.driver.pwm_us)  # a step knows it again at a glance
+        self._link_due_ns, self._link_fds = self.driver.deadline_ns, self.driver.descriptors
+        self.pwm_us = self.driver.pwm_us  # a step knows it again at a glance
         for telemetry in received:
             if self._newest is None or not is_overtaken(telemetry, self._newest):
                 self._apply_telemetry(telemetry)

@@ -65,7 +65,7 @@ class Stm32Contract:
         while (now := now_ns()) < end:
             wait_ns = max(0, min(end, driver.deadline_ns) - now)
             worked_ns = time.thread_time_ns()
-            select.select(driver.descriptors(), (), (), wait_ns / NS_PER_S)
+            select.select(driver.descriptors, (), (), wait_ns / NS_PER_S)
             slept_ns = min(now_ns() - now, wait_ns)
             heard = driver.service(now_ns())
             worked_ns = time.thread_time_ns() - worked_ns

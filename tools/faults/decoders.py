@@ -24,7 +24,7 @@ from hil.links.contract import Protocol, ThrusterCommand, ThrusterTelemetry
 from hil.links.protocols import PROTOCOLS, Role, open_protocol
 from hil.ros.topics import TOPICS
 from hil.scenario.records import Link
-from hil.slave.drivers.driver import end_protocol
+from hil.slave.drivers.ends import end_protocol
 from tools.fuzz_links import fuzz
 
 SANITIZERS = ["-O1", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]

@@ -15,7 +15,7 @@ from hil.common.errors import DeviceError, HilError
 from hil.common.lifeline import die_with_parent
 from hil.links.contract import PWM_NEUTRAL_US, ThrusterCommand, ThrusterLink, ThrusterTelemetry
 from hil.scenario.config import Scenario, load_scenario
-from hil.slave.drivers.driver import end_protocol
+from hil.slave.drivers.ends import end_protocol
 from sim.vehicle.vehicle import load_vehicle
 
 TIMES = 100

@@ -11,26 +11,24 @@
 import select
 import threading
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import suppress
 from importlib import import_module
 
-from hil.common.clock import NS_PER_S, now_ns
-from hil.common.errors import ConfigError, DeviceError, HilError
-from hil.links.address import parse_address
-from hil.links.contract import PWM_NEUTRAL_US, Protocol, ThrusterCommand, ThrusterLink, ThrusterTelemetry, Wire
-from hil.links.protocols import Role, open_protocol
+from hil.common.clock import NS_PER_S, now_ns, seconds_ns
+from hil.common.errors import DeviceError, HilError
+from hil.links.contract import PWM_NEUTRAL_US, ThrusterCommand, ThrusterTelemetry
 from hil.scenario.records import Link
+from hil.slave.drivers.ends import Ends
 
-# the word in the scenario -> what opens it, given the link, the number of channels, the seed, and whether the host's
-# end of the link is ours
+# the word in the scenario -> the driver, and what opens its link
 DRIVERS = {
-    "python": "hil.slave.drivers.in_process:open_python",
-    "unicorn": "hil.slave.drivers.in_process:open_unicorn",
-    "process": "hil.slave.drivers.external:open_process",
-    "native": "hil.slave.drivers.external:open_native",
-    "qemu": "hil.slave.drivers.external:open_qemu",
-    "device": "hil.slave.drivers.external:open_device",
+    "python": ("hil.slave.drivers.in_process", "InProcessDriver", "open_python"),
+    "unicorn": ("hil.slave.drivers.in_process", "InProcessDriver", "open_unicorn"),
+    "process": ("hil.slave.drivers.external", "ExternalDriver", "open_process"),
+    "native": ("hil.slave.drivers.external", "ExternalDriver", "open_native"),
+    "qemu": ("hil.slave.drivers.external", "ExternalDriver", "open_qemu"),
+    "device": ("hil.slave.drivers.external", "ExternalDriver", "open_device"),
 }
 STARTED = ("process", "native", "qemu")  # those for which a process is started
 SETTLE_NS = NS_PER_S // 10
@@ -43,73 +41,23 @@ SILENT_NS = NS_PER_S // 2  # without any answer to commands: then the STM32 coun
 Report = Callable[[str], None]
 
 
-class ThrusterDriver(ABC):
-    """The STM32 at the end of the slave's link.
-
-    `pwm_us` is what the thrusters get now; `port` the path or address at which another program may command
-    them; `children` the process ids that belong to it; `losses` how often its link has gone away, `lost` whether it
-    is away; `silent` whether the STM32 does not answer although its link is there; `command_ns` when (monotonic) its
-    outputs last took a command, 0 where that is not known: it is for an STM32 in this process.
-    """
-
-    command_ns = 0
-    losses = 0
-    lost = False
-    is_silent = False
-
-    port: str
-    host: ThrusterLink | None
-    children: tuple[int, ...] = ()
-
-    @property
-    @abstractmethod
-    def pwm_us(self) -> Sequence[int]:
-        """Pulse widths in effect, microseconds, one a channel."""
-
-    @property
-    @abstractmethod
-    def deadline_ns(self) -> int:
-        """When (monotonic ns) `service` has to be called even if no byte came."""
-
-    @abstractmethod
-    def descriptors(self) -> list[int]:
-        """Return what to wait on for incoming bytes; it changes when a lost link comes back."""
-
-    @abstractmethod
-    def service(self, now: int) -> list[ThrusterTelemetry]:
-        """Do what is due at `now` (monotonic ns); the telemetry that has reached the host end."""
-
-    @abstractmethod
-    def applied_ns(self, telemetry: ThrusterTelemetry, now: int) -> int:
-        """Return when (monotonic ns) the STM32 applied the command that this telemetry, received at `now`, echoes."""
-
-    def send(self, command: ThrusterCommand) -> None:
-        """Send `command` from the host's end. Only where the controller is ours."""
-        assert self.host is not None
-        self.host.send(command)
-
-    @abstractmethod
-    def close(self) -> None:
-        """End it and give the devices back."""
-
-
 class _Opening:
-    """A thread that closes a lost driver and opens it again until that works.
+    """A thread that closes a lost link and opens it again until that works.
 
     The loop cannot: a connection, the name of a machine or the start of a process may take seconds.
     """
 
-    def __init__(self, lost: ThrusterDriver, open_driver: Callable[[], ThrusterDriver]) -> None:
-        self._lost, self._open = lost, open_driver
-        self._opened: ThrusterDriver | None = None
+    def __init__(self, lost: Ends, open_ends: Callable[[], Ends]) -> None:
+        self._lost, self._open = lost, open_ends
+        self._opened: Ends | None = None
         self._canceled = threading.Event()
         self._handing_over = threading.Lock()
         # As real-time as the loop that makes it, and so then is a process that it starts, as the lost one was.
         self._thread = threading.Thread(target=self._run, name="thruster link", daemon=True)
         self._thread.start()
 
-    def opened_driver(self) -> ThrusterDriver | None:
-        """Return the driver, once there is one."""
+    def opened_ends(self) -> Ends | None:
+        """Return the link, once it is open."""
         return None if self._thread.is_alive() else self._opened
 
     def cancel(self, patience_s: float) -> None:
@@ -135,75 +83,58 @@ class _Opening:
             opened.close()
 
 
-class ReconnectingDriver(ThrusterDriver):
-    """A driver whose link may go away: then the thrusters are neutral, and it is opened again until that works.
+class ThrusterDriver(ABC):
+    """The STM32 at the end of the slave's link, which may go away: it is opened again until that works.
 
-    `report` is called once when the link is lost, with the reason, and once when it is back; likewise for an STM32 that
-    does not answer.
+    `open_ends` opens the link; an STM32 that gets no command goes to neutral after `watchdog_ns`. `report` is called
+    once when the link is lost, with the reason, and once when it is back; likewise for an STM32 that does not answer.
     `end_s`: how long `close` waits for an attempt to open it that is under way.
+
+    `pwm_us` is what the thrusters get since the last `service`: neutral while there is no link, which is what the
+    STM32's watchdog does with a silent one. `descriptors` is what to wait on for incoming bytes: another list once the
+    link is lost or back. `port` and `host` are those of the link there is, or was last, see `Ends`; `children` the
+    process ids that belong to it; `losses` how often it has gone away, `lost` whether it is away; `is_silent` whether
+    the STM32 does not answer although its link is there; `command_ns` when (monotonic) its outputs last took a command,
+    0 where that is not known: it is for an STM32 in this process.
     """
 
+    command_ns = 0
+    losses = 0
+    lost = False
+    is_silent = False
+    children: tuple[int, ...]
+    descriptors: list[int]
+    pwm_us: tuple[int, ...]
+
     def __init__(
-        self, open_driver: Callable[[], ThrusterDriver], channels: int, report: Report, end_s: float = WIRE_END_S
+        self,
+        open_ends: Callable[[], Ends],
+        channels: int,
+        watchdog_ns: int,
+        report: Report,
+        end_s: float = WIRE_END_S,
     ) -> None:
-        self._open = open_driver
-        self._neutral = (PWM_NEUTRAL_US,) * channels
+        self._open = open_ends
+        self._watchdog_ns = watchdog_ns
         self._report = report
         self._end_s = end_s
-        self._driver: ThrusterDriver | None = open_driver()
-        self._last = self._driver
-        self._opening: _Opening | None = None  # while there is no driver
+        self._neutral = self.pwm_us = (PWM_NEUTRAL_US,) * channels
+        self._opening: _Opening | None = None  # while the link is lost
         self._lost_ns = self._check_ns = 0
         self._requested_ns = 0  # when the first command was sent that has had no answer yet; 0 if there is none
-
-    @property
-    def port(self) -> str:  # type: ignore[override]
-        """Of the driver there is, or was last."""
-        return self._last.port
-
-    @property
-    def host(self) -> ThrusterLink | None:  # type: ignore[override]
-        """Of the driver there is, or was last."""
-        return self._last.host
-
-    @property
-    def command_ns(self) -> int:  # type: ignore[override]
-        """Of the driver there is, or was last."""
-        return self._last.command_ns
-
-    @property
-    def children(self) -> tuple[int, ...]:  # type: ignore[override]
-        """Of the driver there is."""
-        driver = self._driver  # another thread asks
-        return driver.children if driver else ()
-
-    @property
-    def lost(self) -> bool:  # type: ignore[override]
-        """Whether there is no driver."""
-        return self._driver is None
-
-    @property
-    def pwm_us(self) -> Sequence[int]:
-        """Neutral while there is no link: that is what the STM32's watchdog does with a silent one."""
-        driver = self._driver  # another thread asks too
-        return driver.pwm_us if driver else self._neutral
+        self._attach(open_ends())
 
     @property
     def deadline_ns(self) -> int:
-        """The driver's, or that of the next look for one."""
-        return self._driver.deadline_ns if self._driver else self._check_ns
-
-    def descriptors(self) -> list[int]:
-        """Return the driver's."""
-        return self._driver.descriptors() if self._driver else []
+        """When (monotonic ns) `service` has to be called even if no byte came."""
+        return self._check_ns if self.lost else self._due_ns()
 
     def service(self, now: int) -> list[ThrusterTelemetry]:
-        """Return what the driver does, if there is one, or again one."""
-        driver = self._driver or self._found(now)
-        if driver is None:
+        """Do what is due at `now` (monotonic ns); the telemetry that has reached the host end."""
+        if self.lost and not self._reopened(now):
             return []
         try:
-            telemetry = driver.service(now)
+            telemetry = self._exchange(now)
         except DeviceError as error:
             self._lose(error, now)
             return []
@@ -219,48 +150,68 @@ class ReconnectingDriver(ThrusterDriver):
         return telemetry
 
     def send(self, command: ThrusterCommand) -> None:
-        """To the driver if there is one; a command for a lost link is lost."""
-        if self._driver is None:
+        """Send `command` from the host's end, where that is ours; a command for a lost link is lost."""
+        if self.lost:
             return
         self._requested_ns = self._requested_ns or now_ns()
         try:
-            self._driver.send(command)
+            self._send(command)
         except DeviceError as error:
             self._lose(error, now_ns())
 
+    @abstractmethod
     def applied_ns(self, telemetry: ThrusterTelemetry, now: int) -> int:
-        """As the driver has it."""
-        return self._last.applied_ns(telemetry, now)
+        """Return when (monotonic ns) the STM32 applied the command that this telemetry, received at `now`, echoes."""
 
     def close(self) -> None:
-        """Close the driver, if there is one, and look for none any more."""
-        if self._driver:
-            self._driver.close()
+        """Give the devices back, or open none any more."""
         if self._opening:
             self._opening.cancel(self._end_s)
+        else:
+            self._ends.close()
+
+    def _attach(self, ends: Ends) -> None:
+        """Begin with what has been opened."""
+        self._ends = ends
+        self.port, self.host = ends.port, ends.host
+        self.children = (ends.process.pid,) if ends.process else ()
+        self.descriptors = [end.fileno() for end in (ends.device, ends.host and ends.host.wire) if end]
+
+    @abstractmethod
+    def _due_ns(self) -> int:
+        """Return the deadline while the link is there."""
+
+    @abstractmethod
+    def _exchange(self, now: int) -> list[ThrusterTelemetry]:
+        """Do what is due while the link is there, and set `pwm_us`. Raises DeviceError when it is lost."""
+
+    def _send(self, command: ThrusterCommand) -> None:
+        """Send while the link is there. Raises DeviceError when it is lost."""
+        assert self.host is not None
+        self.host.send(command)
 
     def _answers(self, now: int) -> None:
         self.is_silent = False
         self._report(f"{self.port}: the STM32 answers, after {(now - self._requested_ns) / NS_PER_S:.1f} s")
 
     def _lose(self, error: DeviceError, now: int) -> None:
-        assert self._driver is not None
         self._report(f"thruster link lost, the STM32's watchdog stops the thrusters: {error}")
+        self.lost, self.is_silent, self._requested_ns = True, False, 0
         self.losses += 1
-        self.is_silent, self._requested_ns = False, 0
+        self.children, self.descriptors, self.pwm_us = (), [], self._neutral
         self._lost_ns, self._check_ns = now, now + CHECK_NS
-        lost, self._driver = self._driver, None
-        self._opening = _Opening(lost, self._open)
+        self._opening = _Opening(self._ends, self._open)
 
-    def _found(self, now: int) -> ThrusterDriver | None:
-        """Return the driver that has been opened again, if so."""
+    def _reopened(self, now: int) -> bool:
+        """Return whether the link has been opened again."""
         self._check_ns = now + CHECK_NS
-        found = self._opening.opened_driver() if self._opening else None
-        if found:
-            self._driver = self._last = found
-            self._opening = None
-            self._report(f"thruster link back after {(now - self._lost_ns) / NS_PER_S:.1f} s: {found.port}")
-        return found
+        ends = self._opening.opened_ends() if self._opening else None
+        if ends is None:
+            return False
+        self.lost, self._opening = False, None
+        self._attach(ends)
+        self._report(f"thruster link back after {(now - self._lost_ns) / NS_PER_S:.1f} s: {ends.port}")
+        return True
 
 
 def open_driver(kind: str, link: Link, channels: int, host: bool, seed: int, report: Report) -> ThrusterDriver:
@@ -269,58 +220,12 @@ def open_driver(kind: str, link: Link, channels: int, host: bool, seed: int, rep
     With `host` false the host's end of the link is left to another program; only what runs in this process can
     do that. `seed` is that of the link's faults, if it has any. `report` is called when the link goes and comes.
     """
-    module, _, name = DRIVERS[kind].partition(":")
-    opener: Callable[[Link, int, int, bool], ThrusterDriver] = getattr(import_module(module), name)
+    module, driver, opener = DRIVERS[kind]
+    driver_class: type[ThrusterDriver] = getattr(import_module(module), driver)
+    open_ends: Callable[[Link, int, int, bool], Ends] = getattr(import_module(module), opener)
     end_s = PROCESS_END_S if kind in STARTED else WIRE_END_S
-    return ReconnectingDriver(lambda: opener(link, channels, seed, host), channels, report, end_s)
-
-
-def end_protocol(link: Link, role: Role, channels: int) -> Protocol:
-    """That end's protocol of the link. Raises ConfigError, MissingExtraError."""
-    if link.protocol != "frame":
-        return open_protocol(link.protocol, role, channels, **link.options)
-    from hil.links.frame.protocol import open_frame
-
-    return open_frame(role, channels, link.frame)
-
-
-def check_line_rate(link: Link, channels: int, rate: float) -> None:
-    """Raises ConfigError if the link's line cannot carry `rate` commands a second. Loads nothing if it has no speed."""
-    address = parse_address(link.port)
-    if link.faults is None and address.kind not in ("uart", "rs485", "can"):
-        return
-    from hil.links.line_rate import line_speed, validate_rate
-
-    speed, key = line_speed(address, link.baud, link.bitrate, link.faults.baud if link.faults else 0)
-    problem = validate_rate(end_protocol(link, "host", channels), channels, address, speed, rate) if speed else None
-    if problem:
-        raise ConfigError(f"link: {key}: {problem}")
-
-
-def with_faults(wire: Wire, link: Link, seed: int) -> Wire:
-    """`wire` with the faults that the scenario has in mind for the link."""
-    if link.faults is None:
-        return wire
-    from hil.links.wires.faults import FaultyWire
-
-    return FaultyWire(wire, link.faults, seed)
-
-
-def host_end(wire: Wire, link: Link, channels: int, seed: int) -> ThrusterLink:
-    """Return the host's end of the link, with its faults, on `wire`, which is closed if that cannot be.
-
-    Raises ConfigError, DeviceError, MissingExtraError.
-    """
-    try:
-        return ThrusterLink(with_faults(wire, link, seed), end_protocol(link, "host", channels))
-    except HilError:
-        wire.close()
-        raise
-
-
-def telemetry_of(link: ThrusterLink) -> list[ThrusterTelemetry]:
-    """Return the telemetry among what has come in. Raises DeviceError."""
-    return [message for message in link.receive() if isinstance(message, ThrusterTelemetry)]
+    watchdog_ns = seconds_ns(link.watchdog)
+    return driver_class(lambda: open_ends(link, channels, seed, host), channels, watchdog_ns, report, end_s)
 
 
 def stop_thrusters(driver: ThrusterDriver, sequence: int) -> bool:
@@ -347,4 +252,4 @@ def _stop_thrusters(driver: ThrusterDriver, sequence: int) -> bool:
         left = deadline - now_ns()
         if left <= 0:
             return False
-        select.select(driver.descriptors(), [], [], min(left, CHECK_NS) / NS_PER_S)
+        select.select(driver.descriptors, [], [], min(left, CHECK_NS) / NS_PER_S)

@@ -1,25 +1,16 @@
 """Drive an STM32 that is reached through its link only: a real one, or the firmware in another process."""
 
 import os
-from collections.abc import Callable, Sequence
-from typing import Protocol
+from collections.abc import Callable
 
-from hil.common.clock import NS_PER_US, now_ns, seconds_ns
+from hil.common.clock import NS_PER_US, now_ns
 from hil.common.errors import ConfigError
 from hil.common.scratch import ScratchFolder
 from hil.links.address import open_address, parse_address
-from hil.links.contract import PWM_NEUTRAL_US, ThrusterLink, ThrusterTelemetry, Wire, is_overtaken
+from hil.links.contract import ThrusterLink, ThrusterTelemetry, Wire, is_overtaken
 from hil.scenario.records import Link
-from hil.slave.drivers.driver import ThrusterDriver, host_end, telemetry_of
-
-
-class Process(Protocol):
-    """A process that plays an STM32: firmware_stub's Child, NativeStm32, QemuStm32."""
-
-    pid: int
-
-    def close(self) -> object:
-        """End it."""
+from hil.slave.drivers.driver import ThrusterDriver
+from hil.slave.drivers.ends import Ends, Process, host_end, telemetry_of
 
 
 class _InFolder:
@@ -36,72 +27,52 @@ class _InFolder:
 
 
 class ExternalDriver(ThrusterDriver):
-    """What is at the other end of `wire`; `process` plays it, unless it is a real one.
+    """What is at the other end of a wire; a process plays it, unless it is a real one.
 
     Silent for longer than its watchdog, it is taken to have gone to neutral, which is what the watchdog
     does. `applied_ns` is an upper bound: it includes the way of the telemetry back.
     """
 
-    def __init__(self, wire: Wire, link: Link, channels: int, seed: int, process: Process | None = None) -> None:
-        self.port = wire.name
-        self.host: ThrusterLink = host_end(wire, link, channels, seed)
-        self.children = (process.pid,) if process else ()
-        self._process = process
-        self._descriptors = [self.host.wire.fileno()]
-        self._neutral = (PWM_NEUTRAL_US,) * channels
-        self._pwm_us: tuple[int, ...] = self._neutral
+    host: ThrusterLink
+
+    def applied_ns(self, telemetry: ThrusterTelemetry, now: int) -> int:
+        """Received, minus the age the STM32 gives."""
+        return now - telemetry.age_us * NS_PER_US
+
+    def _attach(self, ends: Ends) -> None:
+        super()._attach(ends)
         self._newest: ThrusterTelemetry | None = None
-        self._timeout_ns = seconds_ns(link.watchdog)
         self._received_ns = now_ns()
 
-    @property
-    def pwm_us(self) -> Sequence[int]:
-        """As the newest telemetry said."""
-        return self._pwm_us
-
-    @property
-    def deadline_ns(self) -> int:
+    def _due_ns(self) -> int:
         """When its silence has to be noticed, or the protocol has something to say."""
-        return min(self._received_ns + self._timeout_ns, self.host.deadline_ns)
+        return min(self._received_ns + self._watchdog_ns, self.host.deadline_ns)
 
-    def descriptors(self) -> list[int]:
-        """Return the host's end."""
-        return self._descriptors
-
-    def service(self, now: int) -> list[ThrusterTelemetry]:
+    def _exchange(self, now: int) -> list[ThrusterTelemetry]:
         """Read telemetry, or notice its absence."""
         self.host.tick(now)
         received = [t for t in telemetry_of(self.host) if len(t.pwm_us) == len(self._neutral)]
         for telemetry in received:
             if self._newest is None or not is_overtaken(telemetry, self._newest):
                 self._newest = telemetry
-                self._pwm_us = telemetry.pwm_us
+                self.pwm_us = telemetry.pwm_us
         if received:
             self._received_ns = now
-        elif now - self._received_ns > self._timeout_ns:
-            self._pwm_us = self._neutral
+        elif now - self._received_ns > self._watchdog_ns:
+            self.pwm_us = self._neutral
             self._received_ns = now  # to be noticed again a watchdog's time later, not at once
         return received
 
-    def applied_ns(self, telemetry: ThrusterTelemetry, now: int) -> int:
-        """Received, minus the age the STM32 gives."""
-        return now - telemetry.age_us * NS_PER_US
 
-    def close(self) -> None:
-        """Close the wire, and end the process."""
-        self.host.close()
-        if self._process:
-            self._process.close()
-
-
-def open_device(link: Link, channels: int, seed: int, host: bool) -> ThrusterDriver:
+def open_device(link: Link, channels: int, seed: int, host: bool) -> Ends:
     """Return a real STM32 at the link's address. Raises ConfigError, DeviceError, MissingExtraError."""
     if parse_address(link.port).kind == "pty":
         raise ConfigError('no device: set [link] port = "/dev/..." or another address, or name the board with --board')
-    return ExternalDriver(open_address(link.port, "host", link.baud, link.bitrate), link, channels, seed)
+    wire = open_address(link.port, "host", link.baud, link.bitrate)
+    return Ends(wire.name, host_end(wire, link, channels, seed))
 
 
-def open_process(link: Link, channels: int, seed: int, host: bool) -> ThrusterDriver:
+def open_process(link: Link, channels: int, seed: int, host: bool) -> Ends:
     """Return the Python twin as a process of its own. Raises DeviceError."""
     from firmware_stub.child import Child
     from hil.common.children import module_command, package_environment
@@ -115,7 +86,7 @@ def open_process(link: Link, channels: int, seed: int, host: bool) -> ThrusterDr
     return _reached(stm32, lambda: open_address(port, "host", link.baud, link.bitrate), link, channels, seed)
 
 
-def open_native(link: Link, channels: int, seed: int, host: bool) -> ThrusterDriver:
+def open_native(link: Link, channels: int, seed: int, host: bool) -> Ends:
     """Return the firmware in C as a process of this machine, on a pty. Raises DeviceError."""
     from firmware_stub.native import NativeStm32
 
@@ -123,7 +94,7 @@ def open_native(link: Link, channels: int, seed: int, host: bool) -> ThrusterDri
     return _reached(stm32, lambda: open_address(port, "host"), link, channels, seed)
 
 
-def open_qemu(link: Link, channels: int, seed: int, host: bool) -> ThrusterDriver:
+def open_qemu(link: Link, channels: int, seed: int, host: bool) -> Ends:
     """Return the firmware's image on QEMU's STM32F405. Raises DeviceError."""
     from firmware_stub.qemu import QemuStm32
 
@@ -131,10 +102,11 @@ def open_qemu(link: Link, channels: int, seed: int, host: bool) -> ThrusterDrive
     return _reached(stm32, lambda: stm32.wire, link, channels, seed)
 
 
-def _reached(stm32: Process, open_wire: Callable[[], Wire], link: Link, channels: int, seed: int) -> ExternalDriver:
-    """Return what that process plays; it is ended if it cannot be reached."""
+def _reached(stm32: Process, open_wire: Callable[[], Wire], link: Link, channels: int, seed: int) -> Ends:
+    """Return the link to what that process plays; it is ended if it cannot be reached."""
     try:
-        return ExternalDriver(open_wire(), link, channels, seed, stm32)
+        wire = open_wire()
+        return Ends(wire.name, host_end(wire, link, channels, seed), process=stm32)
     except BaseException:
         stm32.close()
         raise

@@ -187,7 +187,7 @@ class Health:
         figures.link_wire = wire_kind(driver.port)
         figures.link_losses = driver.losses
         figures.stm32_silent = driver.is_silent
-        figures.pwm_us = tuple(driver.pwm_us)
+        figures.pwm_us = driver.pwm_us
         if driver.host:
             counters = driver.host.counters
             for name in counters.__slots__:

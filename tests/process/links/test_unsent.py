@@ -23,7 +23,8 @@ from hil.links.wires.faults import Faults, FaultyWire
 from hil.links.wires.net import TcpHostWire, TcpWire
 from hil.links.wires.terminal import PtyHostWire, PtyWire, UartWire
 from hil.scenario.records import Link
-from hil.slave.drivers.driver import check_line_rate, open_driver
+from hil.slave.drivers.driver import open_driver
+from hil.slave.drivers.ends import check_line_rate
 from tests.support.processes import Program, wait_for, write_scenario
 
 FULL = (1900,) * 6

@@ -15,7 +15,7 @@ import pytest
 from firmware_stub import child
 from firmware_stub.build import native_compiler
 from firmware_stub.child import Child
-from hil.common.clock import now_ns
+from hil.common.clock import NS_PER_S, now_ns
 from hil.common.errors import DeviceError
 from hil.links.contract import ThrusterCommand, Wire
 from hil.links.wires.net import TcpWire
@@ -23,10 +23,12 @@ from hil.scenario.records import Link
 from hil.slave.drivers import driver as stm32
 from hil.slave.drivers import external as stm32_outside
 from hil.slave.drivers import in_process as stm32_inside
-from hil.slave.drivers.driver import ReconnectingDriver, ThrusterDriver, open_driver, stop_thrusters
+from hil.slave.drivers.driver import open_driver, stop_thrusters
+from hil.slave.drivers.ends import Ends
+from hil.slave.drivers.external import ExternalDriver
+from tests.support.bench_link import BenchLink
 from tests.support.link_contract import nothing_leaks
 from tests.support.processes import wait_for
-from tests.unit.slave.test_stm32_silent import Bench
 
 COMMAND = ThrusterCommand(1, True, (1600,) * 6)
 AT_ONCE_S = 1.5  # for what takes some microseconds; what waits for the other end waits 2 s at least, or for ever
@@ -66,24 +68,25 @@ class Slow:
     """Opens a bench at once the first time, and then only when it may; `opened` are all of them."""
 
     def __init__(self) -> None:
-        self.opened: list[Bench] = []
-        self.closed: list[ThrusterDriver] = []
+        self.opened: list[BenchLink] = []
         self.asked, self.may = threading.Event(), threading.Event()
-        self.driver = ReconnectingDriver(self._open, 6, lambda _: None, end_s=5.0)
+        self.driver = ExternalDriver(self._open, 6, NS_PER_S, lambda _: None, end_s=5.0)
 
     def lose(self) -> None:
         self.opened[-1].broken = True
         self.driver.service(now_ns())
         assert self.asked.wait(60)
 
-    def _open(self) -> Bench:
+    @property
+    def closed(self) -> list[BenchLink]:
+        return [link for link in self.opened if link.closed]
+
+    def _open(self) -> Ends:
         if self.opened:
             self.asked.set()
             self.may.wait()
-        bench: Any = Bench()
-        bench.close = lambda: self.closed.append(bench)
-        self.opened.append(bench)
-        return self.opened[-1]
+        self.opened.append(BenchLink())
+        return self.opened[-1].ends()
 
 
 def test_to_open_it_again_may_take_its_time() -> None:
@@ -92,10 +95,11 @@ def test_to_open_it_again_may_take_its_time() -> None:
     first = slow.opened[0]
     assert slow.closed == [first]
     assert seconds_of(lambda: [slow.driver.service(now_ns()) for _ in range(100)]) < AT_ONCE_S
-    assert slow.driver.descriptors() == []
+    assert slow.driver.descriptors == []
     assert now_ns() < slow.driver.deadline_ns, "or the loop would spin"
     slow.may.set()
-    assert wait_for(lambda: slow.driver.service(now_ns()) or slow.driver._driver is slow.opened[-1] is not first)
+    assert wait_for(lambda: slow.driver.service(now_ns()) or not slow.driver.lost)
+    assert slow.driver._ends == slow.opened[-1].ends() != first.ends()
     slow.driver.close()
     assert slow.closed == slow.opened
 

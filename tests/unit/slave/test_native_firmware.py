@@ -118,9 +118,9 @@ def test_it_is_taken_on_its_own_frame(monkeypatch: pytest.MonkeyPatch) -> None:
 
     def kind(**changes: Any) -> type:
         with nothing_leaks():
-            driver = open_python(link._replace(**changes), 6, 1, True)
-            found = type(driver.end)  # type: ignore[attr-defined]
-            driver.close()
+            ends = open_python(link._replace(**changes), 6, 1, True)
+            found = type(ends.device)
+            ends.close()
         return found
 
     assert kind() is FirmwareEnd

@@ -5,14 +5,14 @@ from typing import Any, cast
 
 import pytest
 
-from hil.common.clock import now_ns
+from hil.common.clock import NS_PER_S, now_ns
 from hil.links.contract import ThrusterTelemetry, has_restarted, is_overtaken
-from hil.scenario.records import Link
 from hil.slave.drivers.external import ExternalDriver
 from hil.slave.loop import Loop
 from sim.environment.world import load_world
 from sim.simulation import Simulation
 from sim.vehicle.vehicle import load_vehicle
+from tests.support.bench_link import says_in_turn
 
 NEUTRAL, PUSHING, OTHER = (1500,) * 6, (1600,) * 6, (1700,) * 6
 STARTED = ThrusterTelemetry(0, False, False, NEUTRAL, 0, 0, 0, 0)
@@ -56,20 +56,8 @@ def test_one_that_reports_before_its_first_command(counted: int, ahead: int) -> 
     assert not has_restarted(report(counted + ahead + 1, 1), STARTED)
 
 
-class Wire:
-    """Nothing comes but what a test puts there."""
-
-    name = "udp://bench"
-
-    def fileno(self) -> int:
-        return -1
-
-
 def make_driver(heard: list[ThrusterTelemetry]) -> ExternalDriver:
-    driver = ExternalDriver(cast(Any, Wire()), Link(options={}), 6, 1)
-    host: Any = driver.host
-    host.receive = lambda: [heard.pop(0)]
-    return driver
+    return ExternalDriver(says_in_turn(heard), 6, NS_PER_S, print)
 
 
 def test_the_thrusters_have_what_the_newest_report_says() -> None:

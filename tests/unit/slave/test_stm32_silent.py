@@ -1,7 +1,7 @@
 """An STM32 that does not answer (wrong wiring, baud or protocol) is told of, counted, and costs no memory."""
 
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -9,56 +9,27 @@ import pytest
 
 from hil.autonomy.control.controller import VelocityCommand
 from hil.common.clock import NS_PER_S
-from hil.common.errors import DeviceError
 from hil.links.contract import ThrusterCommand, ThrusterTelemetry
 from hil.scenario.config import load_scenario
 from hil.scenario.records import Link
 from hil.slave import loop as slave_loop
 from hil.slave.command_receiver import Received
 from hil.slave.drivers import driver as stm32
-from hil.slave.drivers.driver import ReconnectingDriver, ThrusterDriver, open_driver, stop_thrusters
+from hil.slave.drivers.driver import open_driver, stop_thrusters
+from hil.slave.drivers.external import ExternalDriver
 from hil.slave.loop import Loop
 from hil.slave.pilot import build_pilot
 from sim.environment.world import load_world
 from sim.simulation import Simulation
 from sim.vehicle.vehicle import load_vehicle
+from tests.support.bench_link import BenchLink
 from tests.support.processes import wait_for
 
 NEUTRAL = (1500,) * 6
+WATCHDOG_NS = NS_PER_S
 COMMAND = ThrusterCommand(1, True, NEUTRAL)
 ANSWER = ThrusterTelemetry(1, True, False, NEUTRAL, 0, 1, 0, 0)
 SILENT = "/dev/bench: the STM32 has not answered for 0.5 s; check wiring, baud, protocol"
-
-
-class Bench(ThrusterDriver):
-    """Says what is put into `says`; `broken` is a cable that was pulled."""
-
-    port = "/dev/bench"
-    host: Any = "ours"
-    deadline_ns = 0
-    pwm_us: Sequence[int] = NEUTRAL
-
-    def __init__(self) -> None:
-        self.says: list[ThrusterTelemetry] = []
-        self.broken = False
-
-    def descriptors(self) -> list[int]:
-        return []
-
-    def service(self, now: int) -> list[ThrusterTelemetry]:
-        if self.broken:
-            raise DeviceError("gone")
-        said, self.says = self.says, []
-        return said
-
-    def send(self, command: ThrusterCommand) -> None:
-        pass
-
-    def applied_ns(self, telemetry: ThrusterTelemetry, now: int) -> int:
-        return now
-
-    def close(self) -> None:
-        pass
 
 
 @pytest.fixture
@@ -74,11 +45,11 @@ def now_ns() -> int:
 
 
 class Bed:
-    """A mended bench, looked at some seconds after its first command."""
+    """A driver of a bench, looked at some seconds after its first command."""
 
     def __init__(self) -> None:
-        self.bench, self.said = Bench(), list[str]()
-        self.driver = ReconnectingDriver(lambda: self.bench, 6, self.said.append)
+        self.bench, self.said = BenchLink(), list[str]()
+        self.driver = ExternalDriver(self.bench.ends, 6, WATCHDOG_NS, self.said.append)
 
     def look(self, seconds: float) -> None:
         self.driver.service(now_ns() + round(seconds * NS_PER_S))
@@ -150,6 +121,7 @@ def test_a_lost_link_is_not_silence_too() -> None:
 
 def test_the_silent_and_the_lost_confirm_nothing() -> None:
     bed = Bed()
+    bed.driver.descriptors = []  # a bench has none to wait on
     bed.bench.says = [ANSWER]
     assert stop_thrusters(bed.driver, 2)
     assert not stop_thrusters(bed.driver, 2), "what it said before is no answer"

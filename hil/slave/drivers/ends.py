@@ -1,0 +1,112 @@
+"""Both ends of an open thruster link, as far as they are the slave's, and how they are opened."""
+
+from collections.abc import Sequence
+from typing import NamedTuple, Protocol
+
+from hil.common.errors import ConfigError, HilError
+from hil.links.address import parse_address
+from hil.links.contract import Protocol as LinkProtocol
+from hil.links.contract import ThrusterLink, ThrusterTelemetry, Wire
+from hil.links.protocols import Role, open_protocol
+from hil.scenario.records import Link
+
+
+class DeviceEnd(Protocol):
+    """The STM32's end of a link: firmware_stub's Stm32End, UnicornEnd; hil.slave.native's FirmwareEnd."""
+
+    @property
+    def deadline_ns(self) -> int:
+        """When `service` has to be called even if no byte came."""
+
+    @property
+    def pwm_us(self) -> Sequence[int]:
+        """Pulse widths in effect, us."""
+
+    @property
+    def command_ns(self) -> int:
+        """When (monotonic ns) its outputs last took a command."""
+
+    def fileno(self) -> int:
+        """Return the descriptor to wait on."""
+
+    def service(self, now_ns: int) -> int | None:
+        """Let it read, apply and answer."""
+
+    def close(self) -> None:
+        """Outputs neutral, wire closed."""
+
+
+class Process(Protocol):
+    """A process that plays an STM32: firmware_stub's Child, NativeStm32, QemuStm32."""
+
+    pid: int
+
+    def close(self) -> object:
+        """End it."""
+
+
+class Ends(NamedTuple):
+    """What is open of one link.
+
+    `port` is the path or address at which another program may command the thrusters, `host` the end that sends
+    commands, if that is ours, `device` the STM32's end if that is in this process, `process` another that plays it.
+    """
+
+    port: str
+    host: ThrusterLink | None
+    device: DeviceEnd | None = None
+    process: Process | None = None
+
+    def close(self) -> None:
+        """Close the host's end first: what plays the STM32 is the last to go."""
+        for end in self[1:]:
+            if end:
+                end.close()
+
+
+def end_protocol(link: Link, role: Role, channels: int) -> LinkProtocol:
+    """That end's protocol of the link. Raises ConfigError, MissingExtraError."""
+    if link.protocol != "frame":
+        return open_protocol(link.protocol, role, channels, **link.options)
+    from hil.links.frame.protocol import open_frame
+
+    return open_frame(role, channels, link.frame)
+
+
+def check_line_rate(link: Link, channels: int, rate: float) -> None:
+    """Raises ConfigError if the link's line cannot carry `rate` commands a second. Loads nothing if it has no speed."""
+    address = parse_address(link.port)
+    if link.faults is None and address.kind not in ("uart", "rs485", "can"):
+        return
+    from hil.links.line_rate import line_speed, validate_rate
+
+    speed, key = line_speed(address, link.baud, link.bitrate, link.faults.baud if link.faults else 0)
+    problem = validate_rate(end_protocol(link, "host", channels), channels, address, speed, rate) if speed else None
+    if problem:
+        raise ConfigError(f"link: {key}: {problem}")
+
+
+def with_faults(wire: Wire, link: Link, seed: int) -> Wire:
+    """`wire` with the faults that the scenario has in mind for the link."""
+    if link.faults is None:
+        return wire
+    from hil.links.wires.faults import FaultyWire
+
+    return FaultyWire(wire, link.faults, seed)
+
+
+def host_end(wire: Wire, link: Link, channels: int, seed: int) -> ThrusterLink:
+    """Return the host's end of the link, with its faults, on `wire`, which is closed if that cannot be.
+
+    Raises ConfigError, DeviceError, MissingExtraError.
+    """
+    try:
+        return ThrusterLink(with_faults(wire, link, seed), end_protocol(link, "host", channels))
+    except HilError:
+        wire.close()
+        raise
+
+
+def telemetry_of(link: ThrusterLink) -> list[ThrusterTelemetry]:
+    """Return the telemetry among what has come in. Raises DeviceError."""
+    return [message for message in link.receive() if isinstance(message, ThrusterTelemetry)]
