@@ -2,6 +2,7 @@
 
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from itertools import product
 from typing import Any, ClassVar
 
@@ -41,6 +42,7 @@ class ControllerContract(ABC):
     """Subclass with `make`, and `limits` (N, N m) that no axis goes beyond."""
 
     limits: ClassVar[Wrench]
+    pushes: ClassVar[Sequence[tuple[int, float]]] = tuple(product(range(3), (1.0, -1.0)))  # axes, and which way
 
     @abstractmethod
     def make(self) -> Controller:
@@ -52,10 +54,10 @@ class ControllerContract(ABC):
         """After whatever came in, an ordinary call has an ordinary answer."""
         controller = self.make()
         for call in calls:
-            self.within_limits(controller.update(*call))
+            assert self.is_within_limits(controller.update(*call))
         for _ in range(3):
             wrench = controller.update(VelocityCommand(surge=0.2), AT_REST, DT)
-            self.within_limits(wrench)
+            assert self.is_within_limits(wrench)
         controller.reset()
         assert controller.update(VelocityCommand(), AT_REST, DT) == self.make().update(VelocityCommand(), AT_REST, DT)
 
@@ -64,7 +66,7 @@ class ControllerContract(ABC):
     def test_within_its_limits_for_any_finite_input(self, calls: list[Any]) -> None:
         controller = self.make()
         for call in calls:
-            self.within_limits(controller.update(*call))
+            assert self.is_within_limits(controller.update(*call))
 
     @EACH
     @given(st.lists(inputs(st.floats(-3.0, 3.0)), min_size=1, max_size=5))
@@ -83,12 +85,12 @@ class ControllerContract(ABC):
         for call in calls:
             assert used.update(*call) == new.update(*call)
 
-    @pytest.mark.parametrize(("axis", "sign"), list(product(range(3), (1.0, -1.0))))
-    def test_it_pushes_where_it_is_told_to_go(self, axis: int, sign: float) -> None:
+    def test_it_pushes_where_it_is_told_to_go(self) -> None:
         rest = self.make().update(VelocityCommand(), AT_REST, DT)
-        command = VelocityCommand(*(sign * 0.3 if number == axis else 0.0 for number in range(3)))
-        wrench = self.make().update(command, AT_REST, DT)
-        assert sign * (wrench[axis] - rest[axis]) > 0.0
+        for axis, sign in self.pushes:
+            command = VelocityCommand(*(sign * 0.3 if number == axis else 0.0 for number in range(3)))
+            wrench = self.make().update(command, AT_REST, DT)
+            assert sign * (wrench[axis] - rest[axis]) > 0.0, (axis, sign)
 
     @pytest.mark.parametrize("sign", [1.0, -1.0])
     def test_it_turns_to_the_heading_and_dives_to_the_depth(self, sign: float) -> None:
@@ -109,8 +111,6 @@ class ControllerContract(ABC):
         """What it asks for at this attitude for other reasons than to level: weight and lift, if it knows them."""
         return NO_RESIDUAL
 
-    def within_limits(self, wrench: Wrench) -> None:
-        assert len(wrench) == 6
-        for value, limit in zip(wrench, self.limits, strict=True):
-            assert math.isfinite(value)
-            assert abs(value) <= limit * (1.0 + 1e-9)
+    def is_within_limits(self, wrench: Wrench) -> bool:
+        finite = all(map(math.isfinite, wrench))
+        return finite and all(abs(x) <= most * (1.0 + 1e-9) for x, most in zip(wrench, self.limits, strict=True))

@@ -202,4 +202,5 @@ def test_the_port_is_free_afterwards(tmp_path: Path) -> None:
         port = b.port
     again: Any = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     again.bind(("127.0.0.1", port))
+    assert again.getsockname() == ("127.0.0.1", port)
     again.close()

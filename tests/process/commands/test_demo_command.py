@@ -37,6 +37,8 @@ def test_with_a_router_it_takes_one_port() -> None:
     port = free_port()
     with taken("127.0.0.1", port + 1):
         require_free(f"tcp/127.0.0.1:{port}", routed=True)
+        with pytest.raises(NetworkError, match=f"port {port + 1}: Address already in use"):
+            require_free(f"tcp/127.0.0.1:{port}")
 
 
 def test_a_port_of_the_other_internet() -> None:

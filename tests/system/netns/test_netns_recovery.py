@@ -183,13 +183,13 @@ def test_it_is_seen_by_both_and_mended(outcomes: dict[str, Outcome | BaseExcepti
         outcome = found.pop() if found else suffer(name, tmp_path / str(next(attempts)))
         if isinstance(outcome, BaseException):
             raise outcome
-        judge_outcome(name, outcome)
+        check_outcome(name, outcome)
 
     found, attempts = [outcomes[name]], itertools.count()
     retry_when_busy(judge, "ten at once were too many for the machine: once more, alone", attempts=4)
 
 
-def judge_outcome(name: str, outcome: Outcome) -> None:
+def check_outcome(name: str, outcome: Outcome) -> None:
     print(name, outcome._replace(delays_ms=[max(outcome.delays_ms)], diagnostics=Diagnostics()))
     assert outcome.master_saw < SEEN_WITHIN_S
     assert outcome.slave_saw < SEEN_WITHIN_S + LOG_S

@@ -184,8 +184,10 @@ def test_a_wire_for_which_there_is_no_protocol_is_given_back() -> None:
 def test_a_process_that_is_stopped_is_killed(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(child, "END_S", 0.1)
     driver = open_driver(kind, Link(), 6, True, 1, print)
-    os.kill(driver.children[0], signal.SIGSTOP)
+    (pid,) = driver.children
+    os.kill(pid, signal.SIGSTOP)
     driver.close()
+    assert not Path(f"/proc/{pid}").exists()
 
 
 @pytest.mark.parametrize("kind", PROCESSES)

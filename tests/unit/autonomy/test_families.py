@@ -84,13 +84,10 @@ class TestFins(ControllerContract):
     """A torpedo has no sway and no heave, and does not go slowly astern: of the contract what is left."""
 
     limits = limits(10.0, 0.0, 0.0, 20.0, 20.0, 20.0)
+    pushes = ((0, 1.0),)
 
     def make(self) -> Controller:
         return FinController(Gains(), FinGains(), INERTIA)
-
-    @pytest.mark.parametrize(("axis", "sign"), [(0, 1.0)])
-    def test_it_pushes_where_it_is_told_to_go(self, axis: int, sign: float) -> None:
-        super().test_it_pushes_where_it_is_told_to_go(axis, sign)
 
     @pytest.mark.parametrize("sign", [1.0, -1.0])
     def test_it_turns_to_the_heading_and_dives_to_the_depth(self, sign: float) -> None:

@@ -138,7 +138,7 @@ def test_from_wherever(context: Any, seed: int) -> None:
     for _ in range(6):
         north, east, roll, pitch, yaw = (random.uniform(-1.0, 1.0, 5) * (40, 40, 180, 90, 180)).tolist()
         other.position = [north + 2.0, east + 1.0, 9.5]
-        agree(rays, drawn, (north, east, random.uniform(1.0, 10.0)), (roll, pitch, yaw), 0.998)
+        assert agree(rays, drawn, (north, east, random.uniform(1.0, 10.0)), (roll, pitch, yaw), 0.998)
 
 
 def test_a_flat_seabed_and_a_wide_lens(context: Any) -> None:

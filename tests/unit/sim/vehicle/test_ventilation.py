@@ -13,7 +13,7 @@ from sim.sensors.suite import fit
 from sim.simulation import Simulation
 from sim.vehicle.vehicle import load_vehicle
 from sim.vehicle.ventilation import Ventilation, thrust_share
-from tests.process.sim.native.test_step_twins import FLAT, Ride, native, twins
+from tests.process.sim.native.test_step_twins import FLAT, Ride, all_of, native, twins
 
 __all__ = ["native"]  # the fixture, for the twins
 
@@ -96,6 +96,7 @@ def test_deep_down_nothing_is_asked(monkeypatch: pytest.MonkeyPatch) -> None:
     simulation = Simulation(HEAVY, SEA, QUIET, position=(0.0, 0.0, 2.0))
     for _ in range(100):
         simulation.step([1600] * 8)
+    assert min(map(abs, simulation.thrusts)) > 1.0, "all push with all they have"
 
 
 def test_c_and_python_agree_at_the_surface(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -104,3 +105,4 @@ def test_c_and_python_agree_at_the_surface(monkeypatch: pytest.MonkeyPatch) -> N
     for depth in (0.05, -0.3, 0.2, 3.0, 0.0):
         ride.place((0.0, 0.0, depth))
         ride.go(400)
+    assert all_of(ride.both[0]) == all_of(ride.both[1])
