@@ -19,7 +19,7 @@ import numpy as np
 from PIL import Image
 
 from hil.charts.dive.dive import Wish, prepare_dive
-from hil.charts.dive.report import MARK, TRACK, draw_camera, draw_seabed, draw_sonar
+from hil.charts.dive.report import MARK, draw_camera, draw_seabed, draw_sonar
 from hil.charts.dive.watch import DiveWatch, Look
 from hil.common.children import module_command, package_environment, start_child
 from hil.common.errors import MissionError

@@ -9,9 +9,8 @@ from hil.bench.footer import footer
 from hil.bench.record import Record
 from hil.bench.statistics import median
 from hil.common.columns import aligned
-from hil.common.errors import ConfigError
 from hil.common.quantiles import quantile
-from hil.plots.plotting import pyplot
+from hil.plots.plotting import pyplot, save_figure
 
 SHARES = {"p50": 0.5, "p90": 0.9, "p99": 0.99, "p99.9": 0.999, "max": 1.0}
 ENOUGH = 1.0  # commands beyond a quantile, or it is only the maximum
@@ -57,12 +56,7 @@ def draw(results: Mapping[str, Result], record: Record, path: str) -> None:
     figure.suptitle(f"Command delay{doubtful}\n{footer(record)}", fontsize="medium")
     figure.legend(*histogram.get_legend_handles_labels(), loc="outside lower left", fontsize="small", ncols=2)
     figure.legend(*hops.get_legend_handles_labels(), loc="outside lower right", fontsize="small", ncols=4)
-    try:
-        figure.savefig(path, dpi=110)
-    except (OSError, ValueError) as error:
-        raise ConfigError(f"{path}: cannot be written: {error}") from None
-    finally:
-        plt.close(figure)
+    save_figure(figure, path)
 
 
 def _range(results: Mapping[str, Result]) -> tuple[float, float]:

@@ -8,7 +8,7 @@ from hil.cases.case import find_case
 from hil.cases.record import Mode, Run
 from hil.common.children import worker_options
 from hil.common.errors import MissingExtraError
-from hil.common.progress_line import ProgressLine
+from hil.common.streams import ProgressLine
 from hil.master.recorder import make_folder
 
 Show = Callable[[str], None]

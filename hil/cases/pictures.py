@@ -5,12 +5,14 @@ from math import isfinite
 from typing import Any
 
 from hil.cases.record import Result, Run
+from hil.common.palette import GOAL, HIDDEN_OBSTACLE, NAVIGATION, OBSTACLE, PATH, TRACK
 from hil.master.world_map import map_at
-from hil.plots.plotting import pyplot
+from hil.plots.plotting import add_legend, pyplot, save_figure
+from hil.plots.run_picture import draw_goal, draw_start
 from hil.scenario.config import load_scenario
 from sim.environment.world import World, load_world
 
-COLOURS = {"sil": "C0", "hil": "C3"}
+COLOURS = {"sil": TRACK, "hil": NAVIGATION}
 SPREAD: tuple[tuple[str, Callable[[Result], float]], ...] = (
     ("path over optimum", lambda r: r.ratio),
     ("least clearance (m)", lambda r: r.least_clearance),
@@ -20,26 +22,28 @@ SPREAD: tuple[tuple[str, Callable[[Result], float]], ...] = (
 
 
 def draw_field(title: str, runs: Sequence[Run], path: str) -> None:
-    """The map with the planned way and the ways flown, and the speeds over time. Raises MissingExtraError."""
+    """The map with the planned path and the paths flown, and the speeds over time. Raises MissingExtraError."""
     plt = pyplot()
-    figure, (field, speed) = plt.subplots(1, 2, figsize=(13, 6.5), width_ratios=(6, 5), layout="constrained")
+    figure, (field, speed) = plt.subplots(1, 2, figsize=(16, 6.5), width_ratios=(6, 5), layout="constrained")
     figure.suptitle(title)
     draw_world(field, runs[0].scenario)
     for number, run in enumerate(runs):
         for track in run.tracks:
             if number == 0 and track.plan:
                 north, east = zip(*track.plan, strict=True)
-                field.plot(east, north, "--", color="C1", linewidth=1.2, label="planned at the start")
+                field.plot(east, north, "--", color=PATH, linewidth=1.2, label="path planned at the start")
             name = run.result.mode.upper()
-            field.plot(track.east, track.north, color=COLOURS[run.result.mode], linewidth=1.4, label=name)
+            field.plot(
+                track.east, track.north, color=COLOURS[run.result.mode], linewidth=1.4, label=f"track (true), {name}"
+            )
     _mark(field, runs[0].scenario)
-    field.legend(loc="lower right", fontsize="small")
+    add_legend(field)
     draw_speeds(speed, runs)
-    save(figure, path)
+    save_figure(figure, path)
 
 
 def draw_world(axes: Any, scenario_path: str) -> None:
-    """Obstacles at the vehicle's depth: grey those of the map, red those that no map shows."""
+    """Draw the obstacles at the vehicle's depth: grey those on the map, brown those that no map shows."""
     scenario = load_scenario(scenario_path)
     world = load_world(scenario.world)
     seen = world._replace(
@@ -48,8 +52,8 @@ def draw_world(axes: Any, scenario_path: str) -> None:
     hidden = world._replace(
         cylinder=tuple(o for o in world.cylinder if o.hidden), box=tuple(o for o in world.box if o.hidden), terrain=None
     )
-    _fill(axes, seen, scenario.master.depth, "0.55")
-    _fill(axes, hidden, scenario.master.depth, "C3")
+    _fill(axes, seen, scenario.master.depth, OBSTACLE)
+    _fill(axes, hidden, scenario.master.depth, HIDDEN_OBSTACLE)
     south, north, west, east = world.extent
     axes.set(xlabel="east (m)", ylabel="north (m)", aspect="equal", xlim=(west, east), ylim=(south, north))
 
@@ -64,12 +68,11 @@ def _fill(axes: Any, world: World, depth: float, colour: str) -> None:
 
 def _mark(axes: Any, scenario_path: str) -> None:
     scenario = load_scenario(scenario_path)
-    axes.plot(scenario.start.east, scenario.start.north, "o", color="C2", label="start")
-    if scenario.master.goal:
-        axes.plot(scenario.master.goal[1], scenario.master.goal[0], "*", color="C4", markersize=13, label="goal")
+    draw_start(axes, scenario)
+    draw_goal(axes, scenario)
     for task in scenario.planner.get("task", ()):
         north, east = task["at"]
-        axes.plot(east, north, "s", color="C4")
+        axes.plot(east, north, "s", color=GOAL)
         axes.annotate(task["name"], (east, north), xytext=(6, 6), textcoords="offset points", fontsize="small")
 
 
@@ -89,7 +92,7 @@ def draw_speeds(axes: Any, runs: Sequence[Run]) -> None:
             )
             axes.plot(track.time, track.surge, color=colour, linewidth=1.1, label=name if is_first else None)
     axes.set(xlabel="time (s)", ylabel="surge (m/s)", xlim=(0, None))
-    axes.legend(loc="lower center", fontsize="small", ncols=2)
+    add_legend(axes)
 
 
 def draw_seeds(title: str, results: Sequence[Result], path: str) -> None:
@@ -109,11 +112,5 @@ def draw_seeds(title: str, results: Sequence[Result], path: str) -> None:
             axes.plot(seed, at, "o", color="k", fillstyle="none", markersize=9)
         axes.set(xlabel="seed", title=name)
         axes.title.set_fontsize("medium")
-    panels[0].legend(fontsize="small")
-    save(figure, path)
-
-
-def save(figure: Any, path: str) -> None:
-    """Write a figure as PNG and let it go."""
-    figure.savefig(path, dpi=100)
-    pyplot().close(figure)
+    add_legend(panels[-1])
+    save_figure(figure, path)

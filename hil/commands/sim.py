@@ -11,7 +11,7 @@ from hil.cases.simulated import SimulatedVehicle, Watch, fly, showing
 from hil.common.clock import NS_PER_S, RateKeeper, now_ns, seconds_ns
 from hil.common.errors import STOPPED
 from hil.common.options import SEED, add_json, add_output, add_plot, add_scenario, changes_of, new_parser
-from hil.common.progress_line import ProgressLine
+from hil.common.streams import ProgressLine
 from hil.common.text import json_text
 from hil.master.flight import Outcome, Plan, prepare, require_success
 from hil.plots.plotting import check_picture

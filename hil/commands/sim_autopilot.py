@@ -9,7 +9,7 @@ from typing import Any
 from hil.autopilots.run import AutopilotRun
 from hil.common.clock import NS_PER_S, RateKeeper, now_ns, seconds_ns
 from hil.common.errors import STOPPED, MissionError
-from hil.common.progress_line import ProgressLine
+from hil.common.streams import ProgressLine
 from hil.scenario.config import Scenario
 from sim.run_events import merge_events
 

@@ -6,7 +6,8 @@ from typing import Any
 
 from hil.common.clock import NS_PER_S
 from hil.common.errors import ConfigError
-from hil.plots.plotting import pyplot
+from hil.common.palette import GRID, START, TRACK
+from hil.plots.plotting import add_legend, pyplot, save_figure
 from sim.dynamics import Forces
 from sim.rotations import to_euler
 from sim.simulation import Simulation
@@ -69,38 +70,36 @@ class Flight:
         `on_track` may draw more into the axes of the track, east to the right. Raises ConfigError, MissingExtraError.
         """
         plt = pyplot()
-        figure, axes = plt.subplots(4, 2, figsize=(13, 14), layout="constrained")
+        figure, axes = plt.subplots(4, 2, figsize=(15, 14), layout="constrained")
         (track, surge, depth, pitch), (speed, heave, thrust, yaw) = axes[:, 0], axes[:, 1]
         self._draw_track(track)
         on_track(track)
         _zoom(track)
-        if len(track.get_legend_handles_labels()[1]) > 1:
-            track.legend(loc="best", fontsize="x-small")
-        self._lines(depth, {"depth": "down_m"}, "m")
+        add_legend(track)
+        self._lines(depth, {"depth": "down_m"}, "depth (m)", "depth of the vehicle's origin")
         depth.invert_yaxis()
-        self._lines(speed, {"surge u": "u_m_s", "sway v": "v_m_s", "heave w": "w_m_s"}, "m/s")
+        speeds = {"surge u": "u_m_s", "sway v": "v_m_s", "heave w": "w_m_s"}
+        self._lines(speed, speeds, "velocity (m/s)", "velocity over ground, body axes")
         names = [name for name in self.columns if name.startswith("thrust_")]
-        self._lines(thrust, {name[7:-2].replace("_", " "): name for name in names}, "thrust (N)")
-        for panel, axis, words in (
-            (surge, "x_n", "force along x (N)"),
-            (heave, "z_n", "force along z (N)"),
-            (pitch, "m_nm", "pitch moment (N m)"),
-            (yaw, "n_nm", "yaw moment (N m)"),
+        self._lines(
+            thrust, {name[7:-2].replace("_", " "): name for name in names}, "thrust (N)", "thrust of each motor"
+        )
+        for panel, axis, quantity, title in (
+            (surge, "x_n", "force (N)", "surge forces, along body x (forward)"),
+            (heave, "z_n", "force (N)", "heave forces, along body z (down)"),
+            (pitch, "m_nm", "moment (N m)", "pitch moments, about body y (starboard)"),
+            (yaw, "n_nm", "moment (N m)", "yaw moments, about body z (down)"),
         ):
-            self._lines(panel, {term.replace("_", " "): f"{term}_{axis}" for term in Forces._fields}, words)
+            curves = {term.replace("_", " "): f"{term}_{axis}" for term in Forces._fields}
+            self._lines(panel, curves, quantity, title)
             self._cut_blows(panel, f"contact_{axis}")
         figure.suptitle(self.title)
-        try:
-            figure.savefig(path, dpi=100)
-        except (OSError, ValueError) as error:
-            raise ConfigError(f"{path}: cannot be written: {error}") from None
-        finally:
-            plt.close(figure)
+        save_figure(figure, path)
 
     def _draw_track(self, axes: Any) -> None:
-        axes.plot(self._column("east_m"), self._column("north_m"), label="vehicle", zorder=3)
-        axes.plot(*[self._column(name)[0] for name in ("east_m", "north_m")], "o", color="C2", label="start", zorder=3)
-        axes.set(xlabel="east (m)", ylabel="north (m)", aspect="equal", title="track")
+        axes.plot(self._column("east_m"), self._column("north_m"), color=TRACK, label="track (true)", zorder=3)
+        axes.plot(*[self._column(name)[0] for name in ("east_m", "north_m")], "o", color=START, label="start", zorder=3)
+        axes.set(xlabel="east (m)", ylabel="north (m)", aspect="equal", title="track from above")
 
     def _cut_blows(self, axes: Any, contact: str) -> None:
         """Leave out of the axis' range what blows reach, a hundred times all other forces, and write it there."""
@@ -117,15 +116,16 @@ class Flight:
                 axes.annotate(f" blow of {forces[row]:.0f}", (times[row], edge), fontsize="x-small", rotation=90,
                               va="bottom" if edge == low else "top")  # fmt: skip
 
-    def _lines(self, axes: Any, curves: dict[str, str], unit: str) -> None:
+    def _lines(self, axes: Any, curves: dict[str, str], quantity: str, title: str) -> None:
         time = self._column("time_s")
-        for label, name in curves.items():
+        for number, (label, name) in enumerate(curves.items()):
             values = self._column(name)
             if any(values):  # a term that is never there needs no line
-                axes.plot(time, values, label=label, linewidth=1.0, color="black" if label == "total" else None)
-        axes.set(xlabel="time (s)", ylabel=unit)
-        if axes.lines:
-            axes.legend(loc="upper right", fontsize="x-small", ncols=2)
+                axes.plot(time, values, label=label, linewidth=1.0, color="black" if label == "total" else f"C{number}")
+        axes.set(xlabel="time (s)", ylabel=quantity, title=title)
+        axes.grid(color=GRID, linewidth=0.6)
+        if len(curves) > 1:
+            add_legend(axes)
 
     def _column(self, name: str) -> list[float]:
         place = self.columns.index(name)

@@ -1,13 +1,15 @@
-"""Import matplotlib on first use, for drawing into files."""
+"""Import matplotlib on first use, for drawing into files; what all pictures share."""
 
 import os
 from typing import Any
 
 from hil.common.errors import ConfigError, MissingExtraError
 
+DPI = 110
+
 
 def pyplot() -> Any:
-    """matplotlib.pyplot, without a screen. Raises MissingExtraError."""
+    """Return matplotlib.pyplot, without a screen. Raises MissingExtraError."""
     try:
         import matplotlib as mpl
     except ImportError:
@@ -19,7 +21,25 @@ def pyplot() -> Any:
 
 
 def check_picture(path: str) -> None:
-    """That a picture can be drawn, of the kind that the file's name says. Raises MissingExtraError, ConfigError."""
+    """Check that this kind of picture can be drawn. Raises MissingExtraError, ConfigError."""
     kinds = sorted(pyplot().FigureCanvasBase.get_supported_filetypes())
     if os.path.splitext(path)[1].removeprefix(".") not in kinds:
         raise ConfigError(f"{path}: pictures end in .{', .'.join(kinds)}")
+
+
+def save_figure(figure: Any, path: str) -> str:
+    """Write the figure to `path`, close it, and return the path. Raises ConfigError."""
+    try:
+        figure.savefig(path, dpi=DPI)
+    except (OSError, ValueError) as error:
+        text = error.strerror if isinstance(error, OSError) else str(error).splitlines()[0]
+        raise ConfigError(f"{path}: cannot be written: {text}") from None
+    finally:
+        pyplot().close(figure)
+    return path
+
+
+def add_legend(axes: Any, **options: Any) -> None:
+    """Put the legend to the right of the axes, so that it never covers a curve. Nothing where no curve has a label."""
+    if axes.get_legend_handles_labels()[1]:
+        axes.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), borderaxespad=0.0, fontsize="small", **options)

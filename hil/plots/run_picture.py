@@ -6,16 +6,14 @@ from collections.abc import Sequence
 from math import cos, sin
 from typing import Any
 
+from hil.common.palette import COMMANDED, EVENT, GOAL, OBSTACLE, PATH, START, TRACK, WATER
 from hil.master.flight import Plan
 from hil.master.planner import Point
-from hil.plots.plotting import pyplot
+from hil.plots.plotting import add_legend, pyplot, save_figure
 from hil.scenario.config import Scenario
 from sim.environment.obstacles import Box
 from sim.environment.world import World
 from sim.run_events import RunEvent
-
-EVENT_COLOR = "#dc2626"
-OBSTACLE, WATER = "#6b7280", "#f3f6f9"
 
 
 def draw(folder: str, scenario: Scenario, plan: Plan, events: Sequence[RunEvent] = ()) -> str:
@@ -23,27 +21,25 @@ def draw(folder: str, scenario: Scenario, plan: Plan, events: Sequence[RunEvent]
     plt = pyplot()
     with open(os.path.join(folder, "track.csv"), newline="", encoding="utf-8") as file:
         rows = [{key: float(value) for key, value in row.items()} for row in csv.DictReader(file)]
-    figure, (field, depth, speed) = plt.subplots(3, 1, figsize=(8, 11), height_ratios=(6, 1, 1), layout="constrained")
+    figure, (field, depth, speed) = plt.subplots(3, 1, figsize=(10, 11), height_ratios=(6, 1, 1), layout="constrained")
     draw_map(field, scenario, plan)
     field.plot(
-        [row["true_east_m"] for row in rows], [row["true_north_m"] for row in rows], color="C0", label="vehicle (true)"
+        [row["true_east_m"] for row in rows], [row["true_north_m"] for row in rows], color=TRACK, label="track (true)"
     )
     draw_events(field, events)
     field.set(xlabel="east (m)", ylabel="north (m)", aspect="equal", title=scenario.description)
-    field.legend(loc="lower right", fontsize="small")
+    add_legend(field)
     time = [row["time_s"] for row in rows]
-    depth.plot(time, [row["true_depth_m"] for row in rows], color="C0")
-    depth.axhline(scenario.master.depth, color="0.6", linewidth=0.8, linestyle="--")
+    depth.plot(time, [row["true_depth_m"] for row in rows], color=TRACK, label="true")
+    depth.axhline(scenario.master.depth, color=COMMANDED, linewidth=0.8, linestyle="--", label="commanded")
     depth.set(ylabel="depth (m)", xlim=(0, None))
     depth.invert_yaxis()
-    speed.plot(time, [row["surge_m_s"] for row in rows], color="C0", label="true")
-    speed.plot(time, [row["commanded_surge_m_s"] for row in rows], color="C1", linewidth=0.8, label="commanded")
+    add_legend(depth)
+    speed.plot(time, [row["surge_m_s"] for row in rows], color=TRACK, label="true")
+    speed.plot(time, [row["commanded_surge_m_s"] for row in rows], color=COMMANDED, linewidth=0.8, label="commanded")
     speed.set(xlabel="time (s)", ylabel="surge (m/s)", xlim=(0, None))
-    speed.legend(loc="lower right", fontsize="small")
-    path = os.path.join(folder, "trajectory.png")
-    figure.savefig(path, dpi=110)
-    plt.close(figure)
-    return path
+    add_legend(speed)
+    return save_figure(figure, os.path.join(folder, "trajectory.png"))
 
 
 def draw_map(axes: Any, scenario: Scenario, plan: Plan) -> None:
@@ -56,7 +52,7 @@ def draw_map(axes: Any, scenario: Scenario, plan: Plan) -> None:
     shade = 1.0 - 0.12 * inflated - 0.55 * grid.cells
     axes.imshow(shade, origin="lower", extent=extent, cmap="gray", vmin=0, vmax=1, interpolation="nearest")
     draw_path(axes, plan.planner.path)
-    axes.plot(scenario.start.east, scenario.start.north, "o", color="C2", label="start")
+    draw_start(axes, scenario)
     draw_goal(axes, scenario)
 
 
@@ -64,14 +60,19 @@ def draw_path(axes: Any, path: Sequence[Point]) -> None:
     """A planned path, if there is one."""
     if path:
         north, east = zip(*path, strict=True)
-        axes.plot(east, north, color="C1", linewidth=1, linestyle="--", label="planned")
+        axes.plot(east, north, color=PATH, linewidth=1, linestyle="--", label="planned path")
+
+
+def draw_start(axes: Any, scenario: Scenario) -> None:
+    """Mark where the vehicle starts."""
+    axes.plot(scenario.start.east, scenario.start.north, "o", color=START, label="start", linestyle="none")
 
 
 def draw_goal(axes: Any, scenario: Scenario) -> None:
     """Where the mission was to go, if to one place."""
     if scenario.master.goal:
         north, east = scenario.master.goal
-        axes.plot(east, north, "*", color="#15803d", markersize=14, linestyle="none", label="goal")
+        axes.plot(east, north, "*", color=GOAL, markersize=14, linestyle="none", label="goal")
 
 
 def draw_world(axes: Any, world: World) -> None:
@@ -81,10 +82,10 @@ def draw_world(axes: Any, world: World) -> None:
     south, north, west, east = world.extent
     edge = "black" if world.walls else "0.75"
     axes.add_patch(Rectangle((west, south), east - west, north - south, facecolor=WATER, edgecolor=edge, zorder=0))
-    for cylinder in world.cylinder:
-        axes.add_patch(Circle((cylinder.east, cylinder.north), cylinder.radius, color=OBSTACLE, zorder=1))
-    for box in world.box:
-        axes.add_patch(Polygon(_corners(box), color=OBSTACLE, zorder=1))
+    piles = [Circle((pile.east, pile.north), pile.radius) for pile in world.cylinder]
+    for number, obstacle in enumerate([*piles, *(Polygon(_corners(box)) for box in world.box)]):
+        obstacle.set(color=OBSTACLE, zorder=1, label="" if number else "obstacle")
+        axes.add_patch(obstacle)
 
 
 def _corners(box: Box) -> list[tuple[float, float]]:
@@ -99,7 +100,7 @@ def draw_events(axes: Any, events: Sequence[RunEvent]) -> None:
     for number, event in enumerate(events, 1):
         north, east, _ = event.place
         axes.plot(
-            east, north, "X", color=EVENT_COLOR, markersize=10, markeredgecolor="white", zorder=5,
+            east, north, "X", color=EVENT, markersize=10, markeredgecolor="white", zorder=5,
             label=f"{number}: {event.name}, {event.start_ns * 1e-9:.1f} s",
         )  # fmt: skip
-        axes.annotate(f" {number}", (east, north), color=EVENT_COLOR, fontweight="bold", zorder=5)
+        axes.annotate(f" {number}", (east, north), color=EVENT, fontweight="bold", zorder=5)

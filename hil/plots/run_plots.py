@@ -7,15 +7,14 @@ from typing import Any
 
 from hil.client.delay import HOPS, quantiles
 from hil.common.errors import ConfigError
-from hil.plots.plotting import pyplot
+from hil.common.palette import COMMANDED, GRID, NAVIGATION, TRACK
+from hil.plots.plotting import add_legend, pyplot, save_figure
 from hil.plots.run_data import Row, VehicleData, collect
 from hil.plots.run_picture import draw_events, draw_goal, draw_world
 from hil.recording.reader import read_about, read_messages
 from hil.recording.run import Run, read_run
 
-DPI = 110
 GAP_S = 1.0  # a longer silence is a gap in a line
-COMMANDED, TRUE, MEASURED = "#c2410c", "#1d4ed8", "#9ca3af"
 RESPONSE = (("surge (m/s)", 1, 5), ("sway (m/s)", 2, 6), ("heave (m/s)", 3, 7), ("yaw rate (rad/s)", 4, 8))
 
 
@@ -39,17 +38,11 @@ def plot_recording(path: str, folder: str, own_classes: bool = False) -> list[st
         figures |= {name + suffix: figure for name, figure in _figures(plt, node, data, run)}
     try:
         os.makedirs(folder, exist_ok=True)
-        return [_save(plt, figure, os.path.join(folder, f"{name}.png")) for name, figure in figures.items() if figure]
+        return [save_figure(figure, os.path.join(folder, f"{name}.png")) for name, figure in figures.items() if figure]
     except OSError as error:
         raise ConfigError(f"{folder}: cannot be written: {error.strerror}; choose another folder with -o") from None
     finally:
         plt.close("all")
-
-
-def _save(plt: Any, figure: Any, path: str) -> str:
-    figure.savefig(path, dpi=DPI)
-    plt.close(figure)
-    return path
 
 
 def _figures(plt: Any, node: str, data: VehicleData, run: Run | None) -> list[tuple[str, Any]]:
@@ -65,7 +58,7 @@ def _trajectory(plt: Any, vehicles: dict[str, VehicleData], run: Run | None) -> 
     """From above; None if no vehicle says where it is."""
     if not any(data.true or data.measured for data in vehicles.values()):
         return None
-    figure, axes = plt.subplots(figsize=(8, 8), layout="constrained")
+    figure, axes = plt.subplots(figsize=(10, 8), layout="constrained")
     if run:
         draw_world(axes, run.world)
         draw_goal(axes, run.scenario)
@@ -75,9 +68,9 @@ def _trajectory(plt: Any, vehicles: dict[str, VehicleData], run: Run | None) -> 
             continue
         alone = len(vehicles) == 1
         if data.true and data.measured and alone:
-            axes.plot(_column(data.measured, 2), _column(data.measured, 1), color=MEASURED, linewidth=2.5,
+            axes.plot(_column(data.measured, 2), _column(data.measured, 1), color=NAVIGATION, linewidth=2.5,
                       label="odometry")  # fmt: skip
-        color = TRUE if alone else f"C{number}"
+        color = TRACK if alone else f"C{number}"
         label = node if not alone else f"{node} (true)" if data.true else node
         axes.plot(_column(rows, 2), _column(rows, 1), color=color, linewidth=1.3, label=label)
         axes.plot(rows[0][2], rows[0][1], "o", color=color, markersize=7)
@@ -86,18 +79,18 @@ def _trajectory(plt: Any, vehicles: dict[str, VehicleData], run: Run | None) -> 
     axes.set(
         xlabel="east (m)", ylabel="north (m)", aspect="equal", title=_title("trajectory", run) + "\n○ start, □ end"
     )
-    axes.grid(color="0.9", linewidth=0.6)
+    axes.grid(color=GRID, linewidth=0.6)
     axes.set_axisbelow(True)
-    axes.legend(loc="best", fontsize=9, framealpha=0.9)
+    add_legend(axes)
     return figure
 
 
 def _depth(plt: Any, node: str, data: VehicleData, run: Run | None) -> Any:
-    figure, axes = plt.subplots(figsize=(9, 4), layout="constrained")
+    figure, axes = plt.subplots(figsize=(10, 4), layout="constrained")
     if data.measured:
-        _line(axes, data.measured, 3, color=MEASURED, linewidth=2.5, label="odometry")
+        _line(axes, data.measured, 3, color=NAVIGATION, linewidth=2.5, label="odometry")
     if data.true:
-        _line(axes, data.true, 3, color=TRUE, linewidth=1.3, label="true")
+        _line(axes, data.true, 3, color=TRACK, linewidth=1.3, label="true")
     if run:
         axes.axhline(run.scenario.master.depth, color=COMMANDED, linewidth=1.0, linestyle="--", label="commanded")
     low, high = axes.get_ylim()
@@ -111,12 +104,12 @@ def _depth(plt: Any, node: str, data: VehicleData, run: Run | None) -> Any:
 
 def _commands(plt: Any, node: str, data: VehicleData) -> Any:
     """Return each commanded velocity over the true one."""
-    figure, panels = plt.subplots(4, 1, figsize=(9, 9), sharex=True, layout="constrained")
+    figure, panels = plt.subplots(4, 1, figsize=(11, 9), sharex=True, layout="constrained")
     response = data.true or data.measured
     for axes, (label, commanded, true) in zip(panels, RESPONSE, strict=True):
         _line(axes, data.commands, commanded, color=COMMANDED, linewidth=1.2, drawstyle="steps-post", label="commanded")
         if response:
-            _line(axes, response, true, color=TRUE, linewidth=1.2, label="true" if data.true else "odometry")
+            _line(axes, response, true, color=TRACK, linewidth=1.2, label="true" if data.true else "odometry")
         _finish(axes, label)
     panels[-1].set_xlabel("time (s)")
     panels[0].set_title(f"{node}: commands and response, along the body's axes (z down)")
@@ -133,10 +126,10 @@ def _thrusters(plt: Any, node: str, data: VehicleData, run: Run | None) -> Any:
         count, 1, figsize=(9, 1.4 + 1.25 * count), sharex=True, sharey=True, squeeze=False, layout="constrained"
     )
     for number, (axes, name) in enumerate(zip(panels[:, 0], names, strict=True), 1):
-        _line(axes, data.pulses, number, color=TRUE, linewidth=1.0, drawstyle="steps-post")
+        _line(axes, data.pulses, number, color=TRACK, linewidth=1.0, drawstyle="steps-post")
         axes.axhline(1500, color="0.6", linewidth=0.8, linestyle="--")
         axes.set_ylabel(name.replace("_", "\n"), fontsize=9)
-        axes.grid(color="0.9", linewidth=0.6)
+        axes.grid(color=GRID, linewidth=0.6)
     panels[0, 0].set_title(f"{node}: pulses of the thrusters (µs; dashed: neutral)")
     panels[-1, 0].set_xlabel("time (s)")
     return figure
@@ -148,13 +141,18 @@ def _delays(plt: Any, node: str, data: VehicleData) -> Any:
         1, 2, figsize=(11, 4.5), width_ratios=(2, 1), sharey=True, layout="constrained"
     )
     hops = [[max(value, 0) / 1e6 for value in data.delays.hop_ns(hop)] for hop in range(len(HOPS))]
-    over_time.stackplot(data.traced, hops, labels=HOPS, colors=("#1d4ed8", "#60a5fa", "#f59e0b", "#facc15", "#c2410c"))
+    times, hops = _with_gaps(data.traced, hops)
+    over_time.stackplot(times, hops, labels=HOPS, colors=("#1d4ed8", "#60a5fa", "#f59e0b", "#facc15", "#c2410c"))
     totals = data.delays.totals_ns()
     whole = quantiles(totals)
-    over_time.set(xlabel="time (s)", ylabel="delay of a command (ms)", title=f"{node}: from publish to the thrusters")
+    over_time.set(
+        xlabel="time (s)",
+        ylabel="delay of a command (ms)",
+        title=f"{node}: delay from publishing to the thrusters",
+    )
     over_time.set_ylim(0.0, max(1.25 * whole.p99_ms, 0.01))
-    over_time.legend(loc="upper left", fontsize=9, ncols=4, framealpha=0.9)
-    over_time.grid(color="0.9", linewidth=0.6)
+    figure.legend(loc="outside lower center", fontsize=9, ncols=len(HOPS))
+    over_time.grid(color=GRID, linewidth=0.6)
     spread.hist([total / 1e6 for total in totals], bins=60, range=(0.0, max(1.25 * whole.p99_ms, 0.01)),
                 orientation="horizontal", color="#94a3b8")  # fmt: skip
     for share, value in (("median", whole.p50_ms), ("99 %", whole.p99_ms)):
@@ -165,6 +163,16 @@ def _delays(plt: Any, node: str, data: VehicleData) -> Any:
     clocks = "one clock" if data.delays.same_clock else "two clocks"
     spread.set(xlabel=f"commands, of {len(totals)}", title=f"{clocks}; longest {whole.max_ms:.2f} ms")
     return figure
+
+
+def _with_gaps(times: Sequence[float], rows: Sequence[Sequence[float]]) -> tuple[list[float], list[list[float]]]:
+    """Return times and rows of values with a NaN in every silence, so that nothing is drawn across it."""
+    silences = [place for place in range(1, len(times)) if times[place] - times[place - 1] > GAP_S]
+    broken = [list(times), *map(list, rows)]
+    for place in reversed(silences):
+        for row, value in zip(broken, (times[place - 1], *[nan] * len(rows)), strict=True):
+            row.insert(place, value)
+    return broken[0], broken[1:]
 
 
 def _line(axes: Any, rows: Sequence[Row], column: int, **style: Any) -> None:
@@ -188,8 +196,8 @@ def _column(rows: Sequence[Row], column: int) -> list[float]:
 def _finish(axes: Any, label: str) -> None:
     axes.set_ylabel(label)
     axes.set_xlim(left=0.0)
-    axes.grid(color="0.9", linewidth=0.6)
-    axes.legend(loc="best", fontsize=9, framealpha=0.9)
+    axes.grid(color=GRID, linewidth=0.6)
+    add_legend(axes)
 
 
 def _title(what: str, run: Run | None) -> str:

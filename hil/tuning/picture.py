@@ -2,8 +2,8 @@
 
 from collections.abc import Sequence
 
-from hil.common.errors import ConfigError
-from hil.plots.plotting import pyplot
+from hil.common.palette import COMMANDED, NAVIGATION, TRACK
+from hil.plots.plotting import add_legend, pyplot, save_figure
 from hil.tuning.search import Tuned
 from hil.tuning.step_response import AXES
 
@@ -17,17 +17,12 @@ def draw(title: str, found: Sequence[Tuned], path: str) -> None:
     for panel in axes.flat[len(found) :]:
         panel.set_axis_off()
     for panel, tuned in zip(axes.flat, found, strict=False):
-        panel.axhline(tuned.before.size, color="0.6", linewidth=0.8)
-        panel.plot(tuned.before.times, tuned.before.values, label="before", color="tab:orange")
-        panel.plot(tuned.after.times, tuned.after.values, label="after", color="tab:blue")
+        panel.axhline(tuned.before.size, color=COMMANDED, linewidth=0.8, linestyle="--", label="commanded")
+        panel.plot(tuned.before.times, tuned.before.values, label="before", color=NAVIGATION)
+        panel.plot(tuned.after.times, tuned.after.values, label="after", color=TRACK)
         panel.set_ylabel(f"{tuned.axis} ({AXES[tuned.axis].unit})")
         panel.set_xlabel("time since the step (s)")
         panel.grid(alpha=0.3)
-    axes.flat[0].legend()
+    add_legend(axes.flat[len(found) - 1])
     figure.suptitle(title)
-    try:
-        figure.savefig(path, dpi=100)
-    except (OSError, ValueError) as error:
-        raise ConfigError(f"{path}: cannot be written: {error}") from None
-    finally:
-        plt.close(figure)
+    save_figure(figure, path)

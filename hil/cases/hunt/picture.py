@@ -1,6 +1,6 @@
 """Draw the figures of a hunt: paths with the formation, and its errors over time.
 
-The ways are drawn as the paper has them, its x (our north) to the right and its y (our east) upwards.
+The paths are drawn as the paper has them, its x (our north) to the right and its y (our east) upwards.
 """
 
 from collections.abc import Sequence
@@ -10,9 +10,9 @@ from typing import Any
 
 from hil.autonomy.fleets.formation import formation_error
 from hil.autonomy.fleets.hunting import HuntPlan
-from hil.cases.pictures import save
 from hil.cases.record import Run, Track
-from hil.plots.plotting import pyplot
+from hil.common.palette import GOAL
+from hil.plots.plotting import add_legend, pyplot, save_figure
 from hil.scenario.config import load_scenario
 from hil.scenario.fleet import hunt_plan, hunting_of
 
@@ -21,13 +21,13 @@ LINES = {"sil": "-", "hil": "--"}
 
 
 def draw_hunt(title: str, runs: Sequence[Run], path: str) -> None:
-    """The ways of each run, and beside them distances and errors over time, all runs in one.
+    """The paths of each run, and beside them distances and errors over time, all runs in one.
 
     Raises MissingExtraError.
     """
     plt = pyplot()
-    figure = plt.figure(figsize=(6.2 * len(runs) + 5.2, 6.8), layout="constrained")
-    grid = figure.add_gridspec(3, len(runs) + 1, width_ratios=[6.2] * len(runs) + [5.2])
+    figure = plt.figure(figsize=(7.0 * len(runs) + 6.8, 6.8), layout="constrained")
+    grid = figure.add_gridspec(3, len(runs) + 1, width_ratios=[7.0] * len(runs) + [5.2])
     figure.suptitle(title)
     scenario = load_scenario(runs[0].scenario)
     plan = hunt_plan(scenario)
@@ -44,12 +44,12 @@ def draw_hunt(title: str, runs: Sequence[Run], path: str) -> None:
     panels[0].set(ylabel="between two\nvehicles (m)", ylim=(0, 1.4 * panels[0].get_ylim()[1]))
     panels[1].set(ylabel="off the formation\n(m)", ylim=(0, None))
     panels[2].set(ylabel="from the target\n(m)", ylim=(0, None), xlabel="time (s)")
-    panels[0].legend(fontsize="small", loc="upper right")
-    save(figure, path)
+    add_legend(panels[0])
+    save_figure(figure, path)
 
 
 def _draw_paths(axes: Any, run: Run, plan: HuntPlan) -> None:
-    """The ways, the formation at some instants, target and ring."""
+    """The paths, the formation at some instants, target and ring."""
     _draw_ring(axes, plan)
     colours = [f"C{number}" for number in (0, 1, 2, 4, 5, 6, 8, 9)]
     for number, track in enumerate(run.tracks):
@@ -62,12 +62,12 @@ def _draw_paths(axes: Any, run: Run, plan: HuntPlan) -> None:
         _draw_snapshot(axes, run.tracks, plan, at, shot / (SNAPSHOTS - 1))
     axes.set(xlabel="north, the paper's x (m)", ylabel="east, the paper's y (m)", aspect="equal")
     axes.set(xlim=(-1, 11), ylim=(-1, 11))
-    axes.legend(loc="upper left", fontsize="small")
+    add_legend(axes)
 
 
 def _draw_ring(axes: Any, plan: HuntPlan) -> None:
-    axes.plot(*plan.target, "*", color="C3", markersize=14, label="target")
-    axes.add_patch(pyplot().Circle(plan.target, plan.ring, fill=False, color="C3", linestyle="--", label="ring"))
+    axes.plot(*plan.target, "*", color=GOAL, markersize=14, label="target", linestyle="none")
+    axes.add_patch(pyplot().Circle(plan.target, plan.ring, fill=False, color=GOAL, linestyle="--", label="ring"))
 
 
 def _draw_snapshot(axes: Any, tracks: Sequence[Track], plan: HuntPlan, at: int, age: float) -> None:

@@ -12,16 +12,17 @@ from hil.charts.dive.watch import Look
 from hil.charts.grid import grid_of, write_file
 from hil.charts.picture import LAND, hillshade
 from hil.common.errors import MissionError
-from hil.plots.plotting import pyplot
+from hil.common.palette import GRID, OBSTACLE, TRACK
+from hil.plots.plotting import add_legend, pyplot, save_figure
+from hil.plots.run_picture import draw_goal, draw_start
 from hil.ros.diagnostics import Diagnostics, shown
 from hil.scenario.config import Scenario
 from sim.environment.world import World, load_world
 from sim.rotations import to_euler
 from sim.sensors.imaging.samples import SonarImageSample
 
-DPI = 110
 FRAMES = 6  # of the camera
-TRACK, MARK = "#c2410c", "#facc15"
+MARK, MEASURED = "#facc15", "#1d4ed8"
 AROUND = 40.0  # m of the map around the track
 
 
@@ -44,9 +45,7 @@ def write_report(folder: str, scenario: Scenario, looks: Sequence[Look], health:
     }
     files = []
     for name, (figure, _) in figures.items():
-        files.append(os.path.join(folder, f"{name}.png"))
-        figure.savefig(files[-1], dpi=DPI)
-        plt.close(figure)
+        files.append(save_figure(figure, os.path.join(folder, f"{name}.png")))
     rows = _figures(world, scenario, looks, health)
     captions = [(f"{name}.png", caption) for name, (_, caption) in figures.items()]
     for ending, text in ((".md", _markdown), (".html", _html)):
@@ -79,20 +78,19 @@ def _bed(world: World, look: Look) -> float:
 
 def _map(plt: Any, world: World, scenario: Scenario, looks: Sequence[Look], chosen: Sequence[Look]) -> Any:
     track = np.array([look.truth.position[:2] for look in looks])
-    figure, axes = plt.subplots(figsize=(9, 8), layout="constrained")
+    figure, axes = plt.subplots(figsize=(11, 8), layout="constrained")
     image, lines = draw_seabed(axes, world, track)
     axes.clabel(lines, fontsize=7, fmt="%.3g m")
-    axes.plot(track[:, 1], track[:, 0], color=TRACK, linewidth=2, label="vehicle (true)")
-    axes.plot(scenario.start.east, scenario.start.north, "o", color="#15803d", markersize=8, label="start")
-    if scenario.master.goal:
-        axes.plot(scenario.master.goal[1], scenario.master.goal[0], "*", color="#b91c1c", markersize=15, label="goal")
+    axes.plot(track[:, 1], track[:, 0], color=TRACK, linewidth=2, label="track (true)")
+    draw_start(axes, scenario)
+    draw_goal(axes, scenario)
     for pile in world.cylinder:
-        axes.add_patch(plt.Circle((pile.east, pile.north), pile.radius, color="#c2410c"))
+        axes.add_patch(plt.Circle((pile.east, pile.north), pile.radius, color=OBSTACLE))
     for number, look in enumerate(chosen, 1):
         _number(axes, look.truth.position[1], look.truth.position[0], number)
     axes.set(xlabel="east (m)", ylabel="north (m)", title=scenario.description)
-    figure.colorbar(image, ax=axes, label="depth (m)", shrink=0.8).ax.invert_yaxis()
-    axes.legend(loc="best", fontsize=9)
+    figure.colorbar(image, ax=axes, label="depth (m)", shrink=0.8, location="left").ax.invert_yaxis()
+    add_legend(axes)
     return figure
 
 
@@ -138,10 +136,10 @@ def _altitude(plt: Any, world: World, looks: Sequence[Look]) -> Any:
     axes.plot(times, depths, color=TRACK, linewidth=2, label="vehicle")
     heard = [(look.time, look.truth.position[2] + look.altitude) for look in looks if isfinite(look.altitude)]
     if heard:
-        axes.plot(*zip(*heard, strict=True), ".", color="#1d4ed8", markersize=5, label="altimeter")
+        axes.plot(*zip(*heard, strict=True), ".", color=MEASURED, markersize=5, label="altimeter")
     axes.set(xlabel="time (s)", ylabel="depth (m)", ylim=(bottom, 0.0), xlim=(times[0], times[-1] + 1e-9))
-    axes.grid(color="0.9", linewidth=0.6)
-    axes.legend(loc="best", fontsize=9)
+    axes.grid(color=GRID, linewidth=0.6)
+    add_legend(axes)
     return figure
 
 
@@ -200,14 +198,14 @@ def _laser(plt: Any, looks: Sequence[Look]) -> Any:
     track = np.array([look.truth.position[:2] for look in looks])
     for look in looks:
         north, east = _met(look)
-        world.plot(east, north, ".", color="#1d4ed8", markersize=2)
+        world.plot(east, north, ".", color=MEASURED, markersize=2)
     world.plot(track[:, 1], track[:, 0], color=TRACK, linewidth=1.5)
     world.set(aspect="equal", xlabel="east (m)", ylabel="north (m)", title="all scans")
     best = max(looks, key=lambda look: sum(map(isfinite, look.laser.ranges)))
     laser = best.laser
     angles = laser.angle_min + laser.angle_increment * np.arange(len(laser.ranges))
     ranges = np.array(laser.ranges)
-    body.plot(ranges * np.sin(angles), ranges * np.cos(angles), ".", color="#1d4ed8", markersize=4)
+    body.plot(ranges * np.sin(angles), ranges * np.cos(angles), ".", color=MEASURED, markersize=4)
     body.plot(0.0, 0.0, "^", color=TRACK, markersize=9)
     reach = laser.limits[1]
     body.add_patch(plt.Circle((0.0, 0.0), reach, fill=False, color="0.7", linestyle="--"))
@@ -216,7 +214,7 @@ def _laser(plt: Any, looks: Sequence[Look]) -> Any:
         xlabel="to starboard (m)", ylabel="ahead (m)", title=f"at {best.time:.0f} s; dashed: its reach",
     )  # fmt: skip
     for axes in (world, body):
-        axes.grid(color="0.9", linewidth=0.6)
+        axes.grid(color=GRID, linewidth=0.6)
     return figure
 
 

@@ -1,6 +1,5 @@
 """`uuv-hil bench load`: measure CPU and memory over time, per process and thread, by sensors, rates and vehicles."""
 
-import os
 from typing import Any
 
 from hil.bench import load_run
@@ -21,7 +20,7 @@ from hil.commands.bench.partial_failures import PartialFailures
 from hil.common.columns import aligned
 from hil.common.errors import ConfigError, HilError, NetworkError
 from hil.common.options import DAY_S, List, Number, add_plot, add_scenario, changes_of, new_parser, whole
-from hil.plots.plotting import pyplot
+from hil.plots.plotting import pyplot, save_figure
 
 EXAMPLES = """\
 Slaves that are commanded 20 times a second, one setting after the other. CPU is in shares of one core, memory the
@@ -204,9 +203,4 @@ def _draw(courses: list[Course], record: Record, path: str) -> None:
         panel.set(xlabel="time (s)")
     figure.legend(*panels[0][0].get_legend_handles_labels(), loc="outside upper center", fontsize="x-small", ncols=5)
     figure.supxlabel(footer(record), fontsize="x-small", color="0.4")
-    try:
-        figure.savefig(path, dpi=110)
-    except (OSError, ValueError) as error:
-        raise ConfigError(f"{os.path.abspath(path)}: cannot be written: {error}") from None
-    finally:
-        plt.close(figure)
+    save_figure(figure, path)

@@ -1,6 +1,5 @@
 """`uuv-hil bench soak`: run for hours: whether memory grows, time drifts, and a master always gets back."""
 
-import os
 from math import isnan, nan
 from typing import Any
 
@@ -20,7 +19,7 @@ from hil.commands.bench.options import (
 from hil.common.errors import STOPPED, ConfigError
 from hil.common.options import Number, add_plot, add_scenario, changes_of, new_parser
 from hil.common.stop import StopSignals
-from hil.plots.plotting import pyplot
+from hil.plots.plotting import pyplot, save_figure
 
 EXAMPLES = """\
 A slave that is commanded 20 times a second; the master leaves and comes back now and then. Growth is a straight line
@@ -183,9 +182,4 @@ def _draw(found: Soak, record: Record, path: str) -> None:
             panel.axvspan(at_s / 3600.0, (at_s + seconds) / 3600.0, color="C3", alpha=0.2)
     panels[-1].set(xlabel="time (h)")
     figure.supxlabel(footer(record), fontsize="x-small", color="0.4")
-    try:
-        figure.savefig(path, dpi=110)
-    except (OSError, ValueError) as error:
-        raise ConfigError(f"{os.path.abspath(path)}: cannot be written: {error}") from None
-    finally:
-        plt.close(figure)
+    save_figure(figure, path)

@@ -15,9 +15,9 @@ from hil.commands.campaign.files import collect
 from hil.common.columns import aligned
 from hil.common.errors import ConfigError, HilError
 from hil.common.options import JOBS, SEEDS, add_json, add_output, add_scenario, changes_of, new_parser
-from hil.common.progress_line import ProgressLine
 from hil.common.schema import shortened
 from hil.common.stop import every_end_like_ctrl_c
+from hil.common.streams import ProgressLine
 from hil.common.tables import value_of
 from hil.common.text import json_text
 from hil.master.flight import prepare

@@ -14,8 +14,8 @@ from hil.commands.listening import scenario_and_endpoints
 from hil.common.clock import now_ns
 from hil.common.errors import ConfigError, HilError
 from hil.common.options import add_connect, add_settings, new_parser
-from hil.common.progress_line import ProgressLine
 from hil.common.stop import StopSignals
+from hil.common.streams import ProgressLine
 from hil.view.teleop import acts
 from hil.view.teleop.gamepad import Gamepad
 from hil.view.teleop.keys import HELP, Keys

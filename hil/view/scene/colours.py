@@ -1,12 +1,18 @@
-"""One legend for all that is drawn: path, track, goal, obstacles."""
+"""The colours of the scene; those that every picture has are the palette's."""
+
+from hil.common import palette
 
 RGB = tuple[int, int, int]
 
-PATH: RGB = (37, 99, 235)
-TRACK: RGB = (234, 88, 12)
-NAVIGATION: RGB = (147, 51, 234)
-GOAL: RGB = (22, 163, 74)
-OBSTACLE: RGB = (100, 116, 139)
+
+def _rgb(colour: str) -> RGB:
+    red, green, blue = bytes.fromhex(colour[1:])
+    return red, green, blue
+
+
+PATH, TRACK, NAVIGATION, GOAL, OBSTACLE = (
+    _rgb(colour) for colour in (palette.PATH, palette.TRACK, palette.NAVIGATION, palette.GOAL, palette.OBSTACLE)
+)
 THRUST: RGB = (220, 38, 38)
 THRUSTER: RGB = (30, 41, 59)
 HULL: RGB = (250, 204, 21)

@@ -10,7 +10,7 @@ from hil.commands.campaign import command as campaign
 from hil.commands.top.command import table as top_table
 from hil.commands.top.prometheus import exposition
 from hil.common.errors import ConfigError
-from hil.common.progress_line import ProgressLine
+from hil.common.streams import ProgressLine
 from sim.run_events import RunEvent
 from tests.support.diagnostics import reported
 from tests.support.processes import Program, write_scenario

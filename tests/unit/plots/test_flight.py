@@ -75,7 +75,7 @@ def test_in_contact_the_forces_still_add_up_to_mass_times_acceleration(tmp_path:
 def test_the_track_shows_what_is_there(flown: Flight, tmp_path: Path) -> None:
     drawn: list[Any] = []
     flown.draw(str(tmp_path / "flight.png"), drawn.append)
-    assert [axes.get_title() for axes in drawn] == ["track"]
+    assert [axes.get_title() for axes in drawn] == ["track from above"]
 
 
 def test_the_picture(flown: Flight, tmp_path: Path) -> None:

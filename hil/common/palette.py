@@ -1,0 +1,13 @@
+"""The colours of what every picture shows: the same for plots, reports and the live view, as #rrggbb."""
+
+PATH = "#2563eb"  # planned
+TRACK = "#ea580c"  # true
+NAVIGATION = "#9333ea"  # the track or value by the vehicle's own navigation
+COMMANDED = PATH
+START = "#0f766e"
+GOAL = "#16a34a"
+OBSTACLE = "#64748b"
+HIDDEN_OBSTACLE = "#a16207"  # not on the planner's map
+EVENT = "#dc2626"
+WATER = "#f3f6f9"
+GRID = "0.9"
