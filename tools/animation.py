@@ -23,6 +23,7 @@ from hil.charts.dive.report import MARK, draw_camera, draw_seabed, draw_sonar
 from hil.charts.dive.watch import DiveWatch, Look
 from hil.common.children import module_command, package_environment, start_child
 from hil.common.errors import MissionError
+from hil.common.palette import TRACK
 from hil.plots.plotting import pyplot
 from hil.scenario.config import Scenario, load_scenario
 from sim.environment.world import World, load_world

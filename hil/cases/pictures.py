@@ -37,6 +37,7 @@ def draw_field(title: str, runs: Sequence[Run], path: str) -> None:
                 track.east, track.north, color=COLOURS[run.result.mode], linewidth=1.4, label=f"track (true), {name}"
             )
     _mark(field, runs[0].scenario)
+    field.set(title="from above, at the vehicle's depth")
     add_legend(field)
     draw_speeds(speed, runs)
     save_figure(figure, path)
@@ -52,18 +53,19 @@ def draw_world(axes: Any, scenario_path: str) -> None:
     hidden = world._replace(
         cylinder=tuple(o for o in world.cylinder if o.hidden), box=tuple(o for o in world.box if o.hidden), terrain=None
     )
-    _fill(axes, seen, scenario.master.depth, OBSTACLE)
-    _fill(axes, hidden, scenario.master.depth, HIDDEN_OBSTACLE)
+    _fill(axes, seen, scenario.master.depth, OBSTACLE, "obstacle")
+    _fill(axes, hidden, scenario.master.depth, HIDDEN_OBSTACLE, "obstacle that no map shows")
     south, north, west, east = world.extent
     axes.set(xlabel="east (m)", ylabel="north (m)", aspect="equal", xlim=(west, east), ylim=(south, north))
 
 
-def _fill(axes: Any, world: World, depth: float, colour: str) -> None:
+def _fill(axes: Any, world: World, depth: float, colour: str, label: str) -> None:
     grid = map_at(world, depth, 0.0, 0.1)
     if grid.cells.any():
         (south, west), (rows, columns) = grid.origin, grid.cells.shape
         extent = (west, west + columns * grid.resolution, south, south + rows * grid.resolution)
         axes.contourf(grid.cells, levels=(0.5, 1.5), colors=[colour], origin="lower", extent=extent)
+        axes.plot([], [], "s", color=colour, label=label)
 
 
 def _mark(axes: Any, scenario_path: str) -> None:
@@ -91,7 +93,7 @@ def draw_speeds(axes: Any, runs: Sequence[Run]) -> None:
                 label=f"{name}, commanded" if is_first else None,
             )
             axes.plot(track.time, track.surge, color=colour, linewidth=1.1, label=name if is_first else None)
-    axes.set(xlabel="time (s)", ylabel="surge (m/s)", xlim=(0, None))
+    axes.set(xlabel="time (s)", ylabel="surge (m/s)", xlim=(0, None), title="surge velocity")
     add_legend(axes)
 
 

@@ -15,6 +15,8 @@ from sim.environment.obstacles import Box
 from sim.environment.world import World
 from sim.run_events import RunEvent
 
+MARGIN = "#dbe0e6"  # around obstacles, where the planner does not go
+
 
 def draw(folder: str, scenario: Scenario, plan: Plan, events: Sequence[RunEvent] = ()) -> str:
     """Draw `track.csv` of a run's folder as `trajectory.png`, with its events; its path. Raises MissingExtraError."""
@@ -44,13 +46,17 @@ def draw(folder: str, scenario: Scenario, plan: Plan, events: Sequence[RunEvent]
 
 def draw_map(axes: Any, scenario: Scenario, plan: Plan) -> None:
     """The planner's map (obstacles dark, what they are widened by light), its path, start and goal, into `axes`."""
+    from matplotlib.colors import ListedColormap
+
     grid = plan.brief.map
     rows_n, columns_n = grid.cells.shape
     south, west = grid.origin
     extent = (west, west + columns_n * grid.resolution, south, south + rows_n * grid.resolution)
-    inflated = grid.inflate(plan.brief.clearance).cells
-    shade = 1.0 - 0.12 * inflated - 0.55 * grid.cells
-    axes.imshow(shade, origin="lower", extent=extent, cmap="gray", vmin=0, vmax=1, interpolation="nearest")
+    kinds = grid.cells.astype(int) + grid.inflate(plan.brief.clearance).cells
+    colours = ListedColormap(["white", MARGIN, OBSTACLE])
+    axes.imshow(kinds, origin="lower", extent=extent, cmap=colours, vmin=0, vmax=2, interpolation="nearest")
+    for colour, label in ((OBSTACLE, "obstacle"), (MARGIN, "margin of the planner")):
+        axes.plot([], [], "s", color=colour, label=label)
     draw_path(axes, plan.planner.path)
     draw_start(axes, scenario)
     draw_goal(axes, scenario)

@@ -141,7 +141,7 @@ def _delays(plt: Any, node: str, data: VehicleData) -> Any:
         1, 2, figsize=(11, 4.5), width_ratios=(2, 1), sharey=True, layout="constrained"
     )
     hops = [[max(value, 0) / 1e6 for value in data.delays.hop_ns(hop)] for hop in range(len(HOPS))]
-    times, hops = _with_gaps(data.traced, hops)
+    times, hops = with_gaps(data.traced, hops)
     over_time.stackplot(times, hops, labels=HOPS, colors=("#1d4ed8", "#60a5fa", "#f59e0b", "#facc15", "#c2410c"))
     totals = data.delays.totals_ns()
     whole = quantiles(totals)
@@ -153,6 +153,7 @@ def _delays(plt: Any, node: str, data: VehicleData) -> Any:
     over_time.set_ylim(0.0, max(1.25 * whole.p99_ms, 0.01))
     figure.legend(loc="outside lower center", fontsize=9, ncols=len(HOPS))
     over_time.grid(color=GRID, linewidth=0.6)
+    over_time.set_axisbelow(True)
     spread.hist([total / 1e6 for total in totals], bins=60, range=(0.0, max(1.25 * whole.p99_ms, 0.01)),
                 orientation="horizontal", color="#94a3b8")  # fmt: skip
     for share, value in (("median", whole.p50_ms), ("99 %", whole.p99_ms)):
@@ -165,7 +166,7 @@ def _delays(plt: Any, node: str, data: VehicleData) -> Any:
     return figure
 
 
-def _with_gaps(times: Sequence[float], rows: Sequence[Sequence[float]]) -> tuple[list[float], list[list[float]]]:
+def with_gaps(times: Sequence[float], rows: Sequence[Sequence[float]]) -> tuple[list[float], list[list[float]]]:
     """Return times and rows of values with a NaN in every silence, so that nothing is drawn across it."""
     silences = [place for place in range(1, len(times)) if times[place] - times[place - 1] > GAP_S]
     broken = [list(times), *map(list, rows)]

@@ -11,7 +11,7 @@ from typing import Any
 from hil.autonomy.fleets.formation import formation_error
 from hil.autonomy.fleets.hunting import HuntPlan
 from hil.cases.record import Run, Track
-from hil.common.palette import GOAL
+from hil.common.palette import EVENT, GOAL
 from hil.plots.plotting import add_legend, pyplot, save_figure
 from hil.scenario.config import load_scenario
 from hil.scenario.fleet import hunt_plan, hunting_of
@@ -38,13 +38,16 @@ def draw_hunt(title: str, runs: Sequence[Run], path: str) -> None:
     panels = [figure.add_subplot(grid[row, len(runs)]) for row in range(3)]
     for run in runs:
         _draw_times(panels, run, plan)
-    panels[0].axhline(hunting_of(scenario).min_separation, color="C3", linewidth=0.8)
-    panels[1].axvline(plan.approach, color="0.6", linewidth=0.8, linestyle=":")
-    panels[2].axhline(plan.ring, color="0.6", linewidth=0.8)
-    panels[0].set(ylabel="between two\nvehicles (m)", ylim=(0, 1.4 * panels[0].get_ylim()[1]))
-    panels[1].set(ylabel="off the formation\n(m)", ylim=(0, None))
-    panels[2].set(ylabel="from the target\n(m)", ylim=(0, None), xlabel="time (s)")
-    add_legend(panels[0])
+    panels[0].axhline(hunting_of(scenario).min_separation, color=EVENT, linewidth=0.8, label="least allowed")
+    panels[1].axvline(plan.approach, color="0.6", linewidth=0.8, linestyle=":", label="end of the approach")
+    panels[2].axhline(plan.ring, color=GOAL, linewidth=0.8, linestyle="--", label="ring")
+    panels[0].set(
+        ylabel="distance (m)", title="between the two nearest vehicles", ylim=(0, 1.4 * panels[0].get_ylim()[1])
+    )
+    panels[1].set(ylabel="distance (m)", title="greatest error of the formation", ylim=(0, None))
+    panels[2].set(ylabel="distance (m)", title="of each vehicle from the target", ylim=(0, None), xlabel="time (s)")
+    for panel in panels:
+        add_legend(panel)
     save_figure(figure, path)
 
 

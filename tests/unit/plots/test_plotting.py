@@ -1,0 +1,48 @@
+"""What all pictures share: legends beside the axes, gaps in silences, errors of a file that cannot be written."""
+
+from math import isnan
+from pathlib import Path
+
+import pytest
+
+from hil.common.errors import ConfigError
+from hil.plots.plotting import add_legend, pyplot, save_figure
+from hil.plots.run_plots import GAP_S, with_gaps
+
+
+def test_a_legend_lies_beside_the_axes_and_covers_no_curve() -> None:
+    plt = pyplot()
+    figure, axes = plt.subplots(layout="constrained")
+    axes.plot([0.0, 1.0], [0.0, 1.0], label="a curve")
+    add_legend(axes)
+    figure.draw_without_rendering()
+    legend = axes.get_legend().get_window_extent()
+    assert legend.x0 >= axes.get_window_extent().x1
+    assert legend.x1 <= figure.bbox.x1
+    plt.close(figure)
+
+
+def test_there_is_no_legend_where_no_curve_has_a_label() -> None:
+    plt = pyplot()
+    figure, axes = plt.subplots()
+    axes.plot([0.0, 1.0], [0.0, 1.0])
+    add_legend(axes)
+    assert axes.get_legend() is None
+    plt.close(figure)
+
+
+def test_nothing_is_drawn_across_a_silence() -> None:
+    late = 0.2 + 2.0 * GAP_S
+    times, (network, control) = with_gaps([0.0, 0.1, 0.2, late], [[1.0, 2.0, 3.0, 4.0], [5.0, 6.0, 7.0, 8.0]])
+    assert times == [0.0, 0.1, 0.2, 0.2, late]
+    for row, values in ((network, [1.0, 2.0, 3.0, 4.0]), (control, [5.0, 6.0, 7.0, 8.0])):
+        assert isnan(row[3])
+        assert row[:3] + row[4:] == values
+
+
+def test_a_picture_that_cannot_be_written_is_an_error_that_names_the_file(tmp_path: Path) -> None:
+    path = str(tmp_path / "none" / "x.png")
+    plt = pyplot()
+    with pytest.raises(ConfigError, match=r"none/x.png: cannot be written: No such file"):
+        save_figure(plt.figure(), path)
+    assert not plt.get_fignums()
