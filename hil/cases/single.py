@@ -22,8 +22,8 @@ from hil.client.delay import quantiles
 from hil.common.ports import free_ports
 from hil.common.stop import StopSignals
 from hil.master.flight import Flight, Outcome, Plan, prepare
-from hil.master.mission import STOPPED, Mission, topics_of
-from hil.master.planner import Planner
+from hil.master.mission import STOPPED, Mission
+from hil.master.planner import Planner, topics_of
 from hil.master.progress import Progress
 from hil.master.recorder import TrackWriter
 from hil.master.world_map import map_at

@@ -23,8 +23,10 @@ SLOW_MS = 10.0  # of a round trip, beyond which an estimator of 250 Hz sees old 
 def main(arguments: list[str]) -> int:
     """Do one of the three; the exit code."""
     parser = new_parser("autopilot", __doc__, EXAMPLES)
-    parser.add_argument("what", choices=("motors", "link", "parameters"), metavar="motors|link|parameters")
-    parser.add_argument("scenario", metavar="SCENARIO")
+    parser.add_argument(
+        "what", choices=("motors", "link", "parameters"), metavar="motors|link|parameters", help="what to do, see below"
+    )
+    parser.add_argument("scenario", metavar="SCENARIO", help="a .toml file, or the name of an installed scenario")
     parser.add_argument(
         "--seconds", type=Number(1.0, 3600.0, "s"), default=10.0, metavar="S", help="simulated time of a link test [10]"
     )

@@ -27,8 +27,8 @@ examples:
 def main(arguments: list[str]) -> int:
     """Start, show or stop a fleet; 3 if `status` finds one that does not run. Raises HilError."""
     parser = new_parser("fleet", __doc__, EXAMPLES)
-    parser.add_argument("action", choices=("up", "status", "down"))
-    parser.add_argument("scenario", metavar="SCENARIO")
+    parser.add_argument("action", choices=("up", "status", "down"), help="start, show or stop the slaves")
+    parser.add_argument("scenario", metavar="SCENARIO", help="the fleet: a .toml file, or an installed scenario")
     parser.add_argument("--on", metavar="NODE=HOST", action="append", default=[], help="up: where a member runs [here]")
     parser.add_argument("--ssh", metavar="COMMAND", default=fleet.SSH, help="up: how hosts are reached [%(default)s]")
     parser.add_argument("--program", metavar="PATH", default="uuv-hil", help="up: this command on hosts [%(default)s]")

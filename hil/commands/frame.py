@@ -56,11 +56,11 @@ def main(arguments: list[str]) -> int:
 def _parser() -> argparse.ArgumentParser:
     parser = new_parser("frame", __doc__, EXAMPLES)
     what = parser.add_subparsers(dest="what", required=True, metavar="list | check")
-    what.add_parser("list", help="the frames there are")
+    what.add_parser("list", help="list the frames")
     check = what.add_parser("check", help="explain a frame file, or bytes by it")
     check.add_argument("file", metavar="NAME|FILE", help="a frame there is, or a .toml file")
     check.add_argument(
-        "hex", metavar="HEX", nargs="*", help="bytes, with or without spaces, commas and 0x; - reads them"
+        "hex", metavar="HEX", nargs="*", help="bytes, with or without spaces, commas and 0x; - reads the standard input"
     )
     check.add_argument(
         "--thrusters", metavar="N", type=CHANNELS, help="how many there are [6, or what the frame carries]"

@@ -22,7 +22,8 @@ from hil.common.options import (
 )
 from hil.common.stop import StopSignals
 from hil.master.flight import Flight, Outcome, Plan, prepare, require_success
-from hil.master.mission import Mission, topics_of
+from hil.master.mission import Mission
+from hil.master.planner import topics_of
 from hil.master.progress import Progress
 from hil.master.recorder import RecordedClient, TrackWriter, make_folder, recorded
 from hil.plots import run_picture as picture

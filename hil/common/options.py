@@ -68,11 +68,19 @@ def _example(line: str, width: int) -> list[str]:
 class Parser(argparse.ArgumentParser):
     """An argument parser that raises ConfigError, one line, where argparse prints its usage and exits.
 
-    Its help, and that of its subcommands, ends with the exit codes.
+    Its help, and that of its subcommands, ends with the exit codes. A subcommand's help has those of the command's
+    examples that show it.
     """
 
     def __init__(self, *args: Any, **settings: Any) -> None:
         super().__init__(*args, **{"formatter_class": HelpFormatter, **settings})
+        self.register("action", "parsers", _Subcommands)
+
+    def add_subparsers(self, **settings: Any) -> Any:
+        """Return the group of subcommands, which gets this parser's examples."""
+        group: Any = super().add_subparsers(**settings)
+        group.examples = self.epilog or ""
+        return group
 
     def format_help(self) -> str:
         """Return the help: what argparse makes of the options, then what each exit code means."""
@@ -105,6 +113,22 @@ class Parser(argparse.ArgumentParser):
             choices = [str(choice) for choice in action.choices]
             words = f"{shortened(str(value))} is not one of {', '.join(choices)}{nearest(str(value), choices)}"
             raise argparse.ArgumentError(action, words)
+
+
+class _Subcommands(argparse._SubParsersAction):  # type: ignore[type-arg] # no generic at run time
+    """The subcommands of a parser. Each says in its own help what it does, and shows its examples."""
+
+    examples = ""
+
+    def add_parser(self, name: str, **settings: Any) -> Parser:
+        """Return the parser of one subcommand; `help` is what it does, in a few words."""
+        about = settings["help"]
+        shows_it = re.compile(rf"\s.*{re.escape(self._prog_prefix)} {re.escape(name)}\b")
+        shown = [line for line in self.examples.splitlines() if shows_it.match(line)]
+        epilog = "\n".join(["examples:", *shown]) if shown else None
+        own = {"description": f"{about[0].upper()}{about[1:]}.", "epilog": epilog}
+        parser: Parser = super().add_parser(name, **(own | settings))
+        return parser
 
 
 def new_parser(name: str, description: str | None, examples: str) -> Parser:

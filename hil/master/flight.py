@@ -20,7 +20,7 @@ from hil.common.clock import seconds_ns
 from hil.common.errors import MissionError
 from hil.common.schema import shortened
 from hil.master.follow import Follow
-from hil.master.planner import Done, Planner, PlanRequest, Point, Samples
+from hil.master.planner import Done, Planner, PlanRequest, Point, ReceivedSamples, Samples, topics_of
 from hil.master.world_map import known_map
 from hil.ros.topics import ALL
 from hil.scenario.config import Scenario
@@ -114,6 +114,7 @@ def prepare(scenario: Scenario, world: World | None = None) -> Plan:
     planner = make_planner(scenario)
     brief = make_brief(scenario, vehicle, world)
     planner.begin(brief)
+    topics_of(planner)  # refuses what is no topic
     return Plan(planner, brief, world, time.monotonic() - began)
 
 
@@ -208,10 +209,8 @@ class Flight:
 
     def _subscribed(self, samples: Samples) -> Samples:
         """Return what the planner listens to: with a simulator in the same process there may be more."""
-        subscriptions = self.planner.subscriptions
-        if ALL in subscriptions:
-            return samples
-        return {topic: sample for topic, sample in samples.items() if topic == "odom" or topic in subscriptions}
+        wanted = ("odom", *self.planner.subscriptions)
+        return ReceivedSamples({topic: samples[topic] for topic in samples if ALL in wanted or topic in wanted})
 
     def _add_truth(self, truth: OdometrySample) -> None:
         self._place = north, east, depth = truth.position

@@ -7,13 +7,10 @@ from typing import Any
 from hil.autonomy.control.controller import VelocityCommand
 from hil.client.client import VehicleClient
 from hil.common.clock import NS_PER_S, RateKeeper, now_ns, seconds_ns
-from hil.common.errors import ConfigError, NetworkError
-from hil.common.schema import nearest
+from hil.common.errors import NetworkError
 from hil.master.flight import Flight, Outcome
-from hil.master.planner import Planner
 from hil.master.progress import Progress
 from hil.master.recorder import TrackWriter
-from hil.ros.topics import ALL, TOPICS
 from sim.run_events import RunEvent
 
 LOST_AFTER_S = 1.0
@@ -22,19 +19,6 @@ FINAL_FIGURES_S = 3.0  # that the vehicle's figures of the time after the flight
 POLL_S = 0.02
 STOPPED = "stopped by the user"
 _NOT_SENSED = ("ground_truth", "diagnostics", "cmd_vel")
-
-
-def topics_of(planner: Planner) -> tuple[str, ...]:
-    """Return what has to be listened to for a mission with this planner. Raises ConfigError for what is no topic."""
-    name, subscriptions = type(planner).__name__, planner.subscriptions
-    if isinstance(subscriptions, str):
-        raise ConfigError(
-            f"{name}: subscriptions = {subscriptions!r}: expected a tuple of topics, such as ({subscriptions!r},)"
-        )
-    for topic in subscriptions:
-        if topic != ALL and topic not in TOPICS:
-            raise ConfigError(f"{name}: subscriptions: no topic {topic!r}{nearest(topic, list(TOPICS))}")
-    return ("odom", "ground_truth", *subscriptions)
 
 
 class Mission:

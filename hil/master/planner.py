@@ -15,7 +15,9 @@ from typing import Any, NamedTuple
 
 from hil.autonomy.control.controller import VelocityCommand
 from hil.autonomy.paths.occupancy import OccupancyGrid
-from hil.ros.topics import ALL
+from hil.common.errors import ConfigError
+from hil.common.schema import nearest
+from hil.ros.topics import ALL, TOPICS
 from hil.scenario.records import Master, Start
 from sim.vehicle.vehicle import Vehicle
 
@@ -24,6 +26,16 @@ Point = tuple[float, float]  # north, east in m
 # The newest sample of each topic (hil/ros/topics.py), records of sim/sensors in NED and FRD. The truth is not among
 # them.
 Samples = Mapping[str, Any]
+
+
+class ReceivedSamples(dict[str, Any]):
+    """The samples received so far. A topic of which nothing came yet is a KeyError that says so; `get` gives None."""
+
+    def __missing__(self, topic: str) -> Any:
+        raise KeyError(
+            f"no sample of {topic!r} yet: a sensor's first sample comes with its first period, and only from a "
+            f"sensor that is fitted; use samples.get({topic!r}). There are: {', '.join(self)}"
+        )
 
 
 class Done(NamedTuple):
@@ -72,3 +84,16 @@ class Planner(ABC):
         Called every `command_period` of the scenario once there is odometry; `samples["odom"]` is always there.
         `depth` and `heading` in the command are held on the planner's side: only velocities travel.
         """
+
+
+def topics_of(planner: Planner) -> tuple[str, ...]:
+    """Return what has to be listened to for a mission with this planner. Raises ConfigError for what is no topic."""
+    name, subscriptions = type(planner).__name__, planner.subscriptions
+    if isinstance(subscriptions, str):
+        raise ConfigError(
+            f"{name}: subscriptions = {subscriptions!r}: expected a tuple of topics, such as ({subscriptions!r},)"
+        )
+    for topic in subscriptions:
+        if topic != ALL and topic not in TOPICS:
+            raise ConfigError(f"{name}: subscriptions: no topic {topic!r}{nearest(topic, list(TOPICS))}")
+    return ("odom", "ground_truth", *subscriptions)

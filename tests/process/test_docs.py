@@ -15,6 +15,10 @@ import pytest
 import boards
 from hil.cases.simulated import fly
 from hil.cli import COMMANDS
+from hil.cli import _help as command_help
+from hil.commands.bench.command import BENCHMARKS
+from hil.commands.bench.command import _help as bench_help
+from hil.commands.completion import find_parser
 from hil.common.tables import parse_toml
 from hil.master.flight import prepare
 from hil.scenario.config import load_scenario
@@ -173,11 +177,13 @@ def parse_only(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def examples() -> list[tuple[str, str]]:
-    """The commands in the examples of every --help."""
+    """The commands in the examples of every --help, those of all commands and of all benchmarks too."""
+    modules = [(name, module) for name, (module, _) in COMMANDS.items() if name != "bench"]
+    modules += [(f"bench {name}", module) for name, (module, _) in BENCHMARKS.items()]
+    texts = [(name, find_parser(module).epilog or "") for name, module in modules]
     found = []
-    for name, (module, _) in COMMANDS.items():
-        text = getattr(importlib.import_module(module), "EXAMPLES", "")
-        lines = re.findall(r"^ +uuv-hil (.*)$", text, flags=re.MULTILINE)
+    for name, text in [*texts, ("uuv-hil", command_help()), ("bench", bench_help())]:
+        lines = re.findall(r"^ +(?:.*[|/ ])?uuv-hil (.*)$", text.replace("\\\n", " "), flags=re.MULTILINE)
         # What follows two spaces is a remark.
         found += [(f"{name} --help", re.sub(r"\s{2,}.*$|\s+[&>].*$", "", line)) for line in lines]
     return found
@@ -198,7 +204,8 @@ def test_the_arguments_of_commands_are_accepted(capsys: pytest.CaptureFixture[st
 
 def test_commands_are_found() -> None:
     assert len(commands()) > 20
-    assert len(examples()) > 40
+    assert len(examples()) > 90
+    assert {where for where, _ in examples()} >= {f"{name} --help" for name in COMMANDS}
     assert any("set_parameters" in line and "value" in line for _, line in commands()), "a line that goes on"
 
 

@@ -21,7 +21,10 @@ OTHER_CODES = {
     141: "The reader of its output ended, as in `uuv-hil ... | head`.",
 }
 USUAL = {"SCENARIO": "a `.toml` file, or the name of an installed scenario"}
-ONE = "A check has found a problem (`doctor`, `frame check`, `--check`, `--fail-on-regression`), or another error."
+ONE = (
+    "A check has found a problem (`doctor`, `scenario check`, `frame check`, `--check`, `--fail-on-regression`), "
+    "or another error."
+)
 HEAD = """\
 # Commands
 
@@ -56,10 +59,11 @@ def page() -> str:
 def _describe(parser: argparse.ArgumentParser) -> Iterator[str]:
     """Yield the parts of one command: usage, table of options, subcommands, examples."""
     inner = subparsers(parser)
+    is_part = len(parser.prog.split()) > 2 and " bench " not in parser.prog  # its examples stand above
     actions = [a for a in parser._actions if not isinstance(a, (argparse._HelpAction, argparse._SubParsersAction))]
     if actions:
         yield "| argument | meaning |\n|---|---|\n" + "".join(_row(parser, action) for action in actions)
-    if parser.epilog:
+    if parser.epilog and not is_part:
         yield f"```text\n{parser.epilog.rstrip()}\n```\n"
     for name, each in inner.items():
         command = f"{parser.prog.removeprefix('uuv-hil ')} {name}"

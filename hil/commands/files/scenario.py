@@ -14,8 +14,8 @@ from hil.scenario.config import SCENARIOS, Scenario, load_scenario
 
 EXAMPLES = """\
 `check` finds what a flight would run into: keys and values that are wrong, a rate that the link's baud cannot carry, a
-start or a goal inside an obstacle, more speed than the vehicle reaches or keeps its attitude at. Its exit code is 2 if
-there is a problem; a warning alone is none.
+start or a goal inside an obstacle, more speed than the vehicle reaches or keeps its attitude at. Its exit code is 1 if
+there is a problem, 2 if the file cannot be read; a warning alone is no problem.
 
 examples:
   uuv-hil scenario list
@@ -24,7 +24,7 @@ examples:
   uuv-hil scenario check mine.toml
   uuv-hil scenario check mine.toml --set master.speed=1.5 --set "start.depth='2 m'"
 """
-PROBLEM = 2
+PROBLEM = 1
 
 
 def main(arguments: list[str]) -> int:
@@ -43,14 +43,14 @@ def main(arguments: list[str]) -> int:
 def _parser() -> argparse.ArgumentParser:
     parser = new_parser("scenario", __doc__, EXAMPLES)
     actions = parser.add_subparsers(dest="action", metavar="list | show | new | check", required=True)
-    listed = actions.add_parser("list", help="the installed scenarios")
+    listed = actions.add_parser("list", help="list the installed scenarios")
     add_json(listed)
     shown = actions.add_parser("show", help="print the file of one, with its comments")
-    shown.add_argument("scenario", metavar="SCENARIO")
+    shown.add_argument("scenario", metavar="SCENARIO", help="a .toml file, or the name of an installed scenario")
     new = actions.add_parser("new", help="copy an installed one to a file of your own")
-    new.add_argument("file", metavar="FILE.toml")
-    new.add_argument("--copy", metavar="NAME", default="paper_field", help="which one [%(default)s]")
-    checked = actions.add_parser("check", help="find what is wrong without flying it")
+    new.add_argument("file", metavar="FILE.toml", help="the new file")
+    new.add_argument("--copy", metavar="NAME", default="paper_field", help="what to copy [%(default)s]")
+    checked = actions.add_parser("check", help="find what is wrong in a scenario without flying it")
     add_scenario(checked, None)
     add_json(checked)
     return parser
@@ -61,10 +61,11 @@ def _list(as_json: bool) -> int:
     if as_json:
         print(json.dumps([_described(name, scenario) for name, scenario in scenarios.items()]))
         return 0
-    rows = [("name", "vehicle", "world", "vehicles", "description")]
+    rows = [("name", "vehicle", "world", "description")]
     for name, scenario in scenarios.items():
         known = _described(name, scenario)
-        rows.append((name, known["vehicle"], known["world"], str(known["vehicles"]), known["description"]))
+        several = f"{known['vehicles']} x " if known["vehicles"] > 1 else ""
+        rows.append((name, several + known["vehicle"], known["world"], known["description"]))
     print("\n".join(aligned(rows, rule=True)))
     return 0
 

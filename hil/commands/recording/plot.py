@@ -5,7 +5,7 @@ import os
 from hil.common.options import add_output, new_parser
 
 EXAMPLES = """\
-FILE is an .mcap file or the folder of a recording. Pictures go where the recording is, unless -o says otherwise.
+Pictures go where the recording is, unless -o says otherwise.
 
 examples:
   uuv-hil plot recordings/dive7
@@ -20,7 +20,7 @@ to load one is to run it: that is refused unless --own-classes is given, for you
 def main(arguments: list[str]) -> int:
     """Draw; the exit code."""
     parser = new_parser("plot", __doc__, EXAMPLES)
-    parser.add_argument("recording", metavar="FILE")
+    parser.add_argument("recording", metavar="FILE", help="an .mcap file, or the folder of a recording")
     add_output(parser, "DIR", "a folder for the pictures [that of the recording]")
     parser.add_argument("--own-classes", action="store_true", help="load the classes it names; only if you trust it")
     options = parser.parse_args(arguments)

@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     from hil.client.client import VehicleClient
 
 EXAMPLES = """\
-FILE is an .mcap file or the folder of a recording.
-
 examples:
   uuv-hil replay recordings/dive7                                    for masters that dial this machine
   uuv-hil replay dive7.mcap --listen tcp/0.0.0.0:7447 --speed 10     ten times as fast
@@ -44,7 +42,7 @@ SPEED = Number(0.001, 1000.0, also=(0,))
 def main(arguments: list[str]) -> int:
     """Replay in one of the three ways; the exit code."""
     parser = new_parser("replay", __doc__, EXAMPLES)
-    parser.add_argument("recording", metavar="FILE")
+    parser.add_argument("recording", metavar="FILE", help="an .mcap file, or the folder of a recording")
     way = parser.add_mutually_exclusive_group()
     way.add_argument(
         "--listen", metavar="ENDPOINT", type=ENDPOINT, default=LISTEN, help="play it to those who dial [%(default)s]"

@@ -68,9 +68,9 @@ def main(arguments: list[str]) -> int:
 def _parser() -> argparse.ArgumentParser:
     parser = new_parser("topic", __doc__, EXAMPLES)
     actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
-    list_ = actions.add_parser("list", help="topics and services, their types, and whose they are")
+    list_ = actions.add_parser("list", help="list topics and services, their types, and whose they are")
     echo = actions.add_parser("echo", help="print what is published")
-    hz = actions.add_parser("hz", help="how often it is")
+    hz = actions.add_parser("hz", help="measure how often messages come")
     pub = actions.add_parser("pub", help="publish a message again and again")
     call = actions.add_parser("call", help="call a service")
     for action in (echo, hz, pub):

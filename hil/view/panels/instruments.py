@@ -9,6 +9,8 @@ from hil.view.scene import colours
 
 WIDTH = 320
 PWM_RANGE = 400.0  # us from the middle that a bar reaches
+BAR_X, BAR_WIDTH = 130, 80
+LONGEST_NAME = 20  # letters beside a bar
 STYLE = "font-family:system-ui,sans-serif;font-size:12px;fill:currentColor"
 
 
@@ -85,7 +87,7 @@ def _values(now: Reading) -> str:
     north, east = now.position[:2]
     cells = (
         ("depth", now.depth, "{:.2f} m"), ("altitude", now.altitude, "{:.2f} m"), ("speed", now.speed, "{:.2f} m/s"),
-        ("north", north, "{:.2f} m"), ("east", east, "{:.2f} m"), ("battery", now.voltage, "{:.1f} V"),
+        ("north", north, _metres(north)), ("east", east, _metres(east)), ("battery", now.voltage, "{:.1f} V"),
     )  # fmt: skip
     drawn = []
     for number, (name, value, form) in enumerate(cells):
@@ -102,16 +104,22 @@ def _motors(now: Reading) -> str:
         pulse = now.pwm_us[number] if number < len(now.pwm_us) else 1500
         thrust = f"{now.thrusts[number]:+.1f} N" if number < len(now.thrusts) else ""
         name = escape(now.names[number]) if number < len(now.names) else f"channel {number + 1}"
-        offset = max(-1.0, min(1.0, (pulse - 1500) / PWM_RANGE)) * 50.0
+        offset = max(-1.0, min(1.0, (pulse - 1500) / PWM_RANGE)) * BAR_WIDTH / 2
+        left = BAR_X + BAR_WIDTH / 2 + min(offset, 0.0)
         rows.append(
-            f'<text x="8" y="{y}" font-size="11">{name[:17]}</text>'
-            f'<rect x="110" y="{y - 10}" width="100" height="11" fill="none" stroke="#94a3b8"/>'
-            f'<rect x="{160 + min(offset, 0.0):.1f}" y="{y - 10}" width="{abs(offset):.1f}" height="11"'
+            f'<text x="8" y="{y}" font-size="11">{name[:LONGEST_NAME]}</text>'
+            f'<rect x="{BAR_X}" y="{y - 10}" width="{BAR_WIDTH}" height="11" fill="none" stroke="#94a3b8"/>'
+            f'<rect x="{left:.1f}" y="{y - 10}" width="{abs(offset):.1f}" height="11"'
             f' fill="{colours.css(colours.THRUST)}"/>'
             f'<text x="216" y="{y}" font-size="11">{pulse} us</text>'
             f'<text x="{WIDTH - 2}" y="{y}" font-size="11" text-anchor="end">{thrust}</text>'
         )
     return "".join(rows)
+
+
+def _metres(value: float) -> str:
+    """Return the form of a coordinate that fits its cell."""
+    return "{:.2f} m" if abs(value) < 1000.0 else "{:.0f} m"
 
 
 def _degrees(angle: float) -> str:

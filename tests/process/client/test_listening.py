@@ -12,8 +12,7 @@ from hil.autonomy.control.controller import VelocityCommand
 from hil.client.client import VehicleClient
 from hil.common.errors import ConfigError
 from hil.master.follow import Follow
-from hil.master.mission import topics_of
-from hil.master.planner import Planner
+from hil.master.planner import Planner, topics_of
 from hil.master.tasks import Tasks
 from hil.network.roles import open_master_session
 from hil.ros.topics import ALL

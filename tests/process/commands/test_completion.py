@@ -1,15 +1,27 @@
 """What a shell is told when somebody presses Tab, asked as the shell does."""
 
 import os
+import pty
+import re
+import select
+import shutil
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
 
 from hil.commands.completion import SHELLS
 
-BASH = Path("/bin/bash")
+# How each shell starts without a person's own settings, and what it needs before it reads a script.
+STARTS = {
+    "bash": (["bash", "--norc", "--noprofile", "-i"], ""),
+    "zsh": (["zsh", "-f", "-i"], "autoload -U compinit; compinit -u; "),
+    "fish": (["fish", "--no-config", "-i"], ""),
+}  # fmt: skip
+PATIENCE_S = 60.0
 
 
 def completions(line: str, folder: Path) -> list[str]:
@@ -35,10 +47,52 @@ def test_commands_options_and_scenarios_are_completed(tmp_path: Path) -> None:
     assert completions("uuv-hil scenario ch", tmp_path) == ["check "]
 
 
+class Terminal:
+    """An interactive shell on a terminal. Use as a context."""
+
+    def __init__(self, command: list[str], folder: Path) -> None:
+        programs = folder / "bin"
+        programs.mkdir()
+        (programs / "uuv-hil").write_text(f'#!/bin/sh\nexec {sys.executable} -m hil "$@"\n')
+        (programs / "uuv-hil").chmod(0o755)
+        environment = {
+            **os.environ, "PATH": f"{programs}:{os.environ['PATH']}", "HOME": str(folder), "TERM": "xterm", "PS1": "$ ",
+            "PYTHONPATH": os.pathsep.join(sys.path),
+        }  # fmt: skip
+        self._process, self._descriptor = pty.fork()  # which makes it the terminal of the shell's session
+        if not self._process:
+            os.chdir(folder)
+            os.execvpe(command[0], command, environment)
+        self._text = ""
+
+    def __enter__(self) -> "Terminal":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        os.kill(self._process, signal.SIGKILL)
+        os.waitpid(self._process, 0)
+        os.close(self._descriptor)
+
+    def type(self, text: str, pattern: str) -> None:
+        """Type and wait until the screen shows `pattern`."""
+        self._text = ""
+        os.write(self._descriptor, text.encode())
+        deadline = time.monotonic() + PATIENCE_S
+        while not re.search(pattern, re.sub(r"\x1b\[[\d;?]*[A-Za-z]", "", self._text)):
+            assert time.monotonic() < deadline, f"no {pattern!r} in {self._text!r}"
+            if select.select([self._descriptor], [], [], 0.2)[0]:
+                self._text += os.read(self._descriptor, 4096).decode(errors="replace")
+
+
 @pytest.mark.parametrize("shell", SHELLS)
-def test_each_shell_gets_its_script(shell: str) -> None:
+def test_a_real_shell_completes(shell: str, tmp_path: Path) -> None:
+    if not shutil.which(shell):
+        pytest.skip(f"needs {shell}, which .ci/run installs")
     command = [sys.executable, "-m", "hil", "completion", shell]
-    script = subprocess.run(command, capture_output=True, text=True, check=True, timeout=60).stdout
-    assert "uuv-hil" in script
-    if shell == "bash" and BASH.exists():
-        subprocess.run([str(BASH), "-n"], input=script, text=True, check=True, timeout=60)
+    script = tmp_path / "completion"
+    script.write_text(subprocess.run(command, capture_output=True, text=True, check=True, timeout=60).stdout)
+    start, before = STARTS[shell]
+    with Terminal(start, tmp_path) as terminal:
+        terminal.type(f"{before}source {script}; echo rea''dy\n", "ready")
+        terminal.type("uuv-hil scenario ch\t", "scenario +check ")
+        terminal.type("\x15uuv-hil slave path_pl\t", "slave +path_planning ")

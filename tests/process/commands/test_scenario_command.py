@@ -60,7 +60,7 @@ def test_what_a_flight_would_run_into_is_found(
     code, output, _ = run(
         capsys, "scenario", "check", "paper_field", "--set", "link.port=/dev/ttyUSB0", "--set", change
     )
-    assert code == (2 if level == "problem" else 0)
+    assert code == (1 if level == "problem" else 0)
     assert output.startswith(f"{level}: ")
     assert words in output
 

@@ -10,11 +10,11 @@ from hypothesis import strategies as st
 
 from hil.autonomy.control.controller import VelocityCommand
 from hil.cases.simulated import SimulatedVehicle
-from hil.common.errors import MissionError
+from hil.common.errors import ConfigError, MissionError
 from hil.master.avoid import Avoid
 from hil.master.flight import HEADING_HOLD, Flight, distance_to_path, held, prepare
 from hil.master.follow import Follow
-from hil.master.planner import Done, Planner, PlanRequest, Samples
+from hil.master.planner import Done, Planner, PlanRequest, ReceivedSamples, Samples
 from hil.master.tasks import Tasks, hold_position
 from hil.master.world_map import known_map
 from hil.ros import encoders as ros
@@ -172,6 +172,19 @@ class Sent(Planner):
         else:
             assert other == answer
         return answer
+
+
+def test_a_sample_that_has_not_come_is_named() -> None:
+    received = ReceivedSamples({"odom": 1, "imu": 2})
+    assert received.get("altimeter") is None
+    with pytest.raises(KeyError, match=r"no sample of 'altimeter' yet.*There are: odom, imu"):
+        received["altimeter"]
+
+
+def test_what_is_no_topic_is_refused_before_the_flight(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Follow, "subscriptions", ("altimetre",))
+    with pytest.raises(ConfigError, match="Follow: subscriptions: no topic 'altimetre'; did you mean 'altimeter'"):
+        prepare(load_scenario("paper_field"))
 
 
 @pytest.mark.parametrize("name", ["path_planning", "task_scheduling"])

@@ -1,6 +1,7 @@
 """One option has one name, one meaning and one default in every command, and every help fits a terminal."""
 
 import argparse
+import re
 from collections import defaultdict
 from collections.abc import Iterator
 
@@ -88,11 +89,18 @@ def test_help_of_a_command(words: str, capsys: pytest.CaptureFixture[str]) -> No
     assert capsys.readouterr().out.startswith(f"usage: uuv-hil {words} ")
 
 
+@every
+def test_every_help_has_a_purpose_and_its_examples(parser: argparse.ArgumentParser) -> None:
+    text = parser.format_help()
+    assert parser.description
+    assert re.search(rf"^examples:\n(.*\n)*? +.*{re.escape(parser.prog)}\b", text, flags=re.MULTILINE)
+
+
 @each
 def test_every_option_says_what_it_is(parser: argparse.ArgumentParser) -> None:
     for action in parser._actions:
+        assert action.help, f"{parser.prog} {action.option_strings or action.metavar or action.dest}"
         if action.option_strings:
-            assert action.help, f"{parser.prog} {action.option_strings}"
             assert action.nargs == 0 or action.metavar or action.choices, f"{parser.prog} {action.option_strings}"
 
 

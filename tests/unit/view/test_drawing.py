@@ -156,4 +156,15 @@ def test_instruments_are_an_image_whose_words_are_escaped() -> None:
     ):
         assert shown in words
     bars = [each for each in drawn.iter() if each.get("fill") == "#dc2626" and each.tag == "rect"]
-    assert [float(each.get("width", "")) for each in bars] == [0.0, 25.0]
+    assert [float(each.get("width", "")) for each in bars] == [0.0, 20.0]
+
+
+def test_large_coordinates_and_long_names_fit_their_cells() -> None:
+    name = "vertical_front_right"
+    now = instruments.Reading(
+        0.0, 0.0, 0.0, 1.0, 2.0, 0.5, (2003.394, -584.08, 1.0), float("nan"), (1500,), (0.0,), (name,)
+    )
+    words = " ".join(ElementTree.fromstring(instruments.draw(now)).itertext())
+    assert "2003 m" in words
+    assert "-584.08 m" in words
+    assert name in words
