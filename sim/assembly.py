@@ -17,7 +17,7 @@ from sim.vehicle.vehicle import Vehicle
 
 if TYPE_CHECKING:
     from sim.environment.water import FluidMotion
-    from sim.environment.waves import Sea
+    from sim.environment.waves import WaveField
     from sim.forces import Force
     from sim.native._native import FusedStep
     from sim.rays.geometry import Geometry
@@ -99,13 +99,13 @@ def make_fused_step(
         return None
     from sim.native._native import FusedStep
 
-    changing, sea, mass = None, None, None
+    changing, wave_field, mass = None, None, None
     if water is not None:
         changing = None if water.is_steady else water.current
-        sea, mass = getattr(water.sea, "twin", None), water.pushed_mass
+        wave_field, mass = getattr(water.wave_field, "twin", None), water.pushed_mass
     return FusedStep(
         state, dynamics.kernel, thrusters.mixer, command or thrusters.command, dt_ns, half_height,
-        current, changing, sea, mass, ventilation,
+        current, changing, wave_field, mass, ventilation,
     )  # fmt: skip
 
 
@@ -159,13 +159,13 @@ def make_moving_water(vehicle: Vehicle, world: World, seed: int) -> "FluidMotion
     return FluidMotion(vehicle, world, seed, NativeSampledWaves)
 
 
-def make_surface_forces(vehicle: Vehicle, world: World, sea: "Sea | None") -> "Sequence[Force]":
+def make_surface_forces(vehicle: Vehicle, world: World, wave_field: "WaveField | None") -> "Sequence[Force]":
     """The forces of layers of density and of waves on the hull of `vehicle`; none in calm water of one density."""
     if not (world.ocean and (world.ocean.profile or world.ocean.waves)):
         return ()
     from sim.environment.stratification import surface_and_layers
 
-    return surface_and_layers(vehicle, world, sea)
+    return surface_and_layers(vehicle, world, wave_field)
 
 
 def make_equipment(vehicle: Vehicle, world: World, dt: float, releases: "Sequence[Release]") -> "Equipment | None":

@@ -64,7 +64,7 @@ class EventLog:
     def __init__(self) -> None:
         self._events: list[RunEvent] = []
         self._newest: dict[tuple[EventKind, str], int] = {}
-        self._asked = 0  # how many `fresh` has given
+        self._returned = 0  # how many `fresh` has given
         self.dropped = 0
 
     def __len__(self) -> int:
@@ -87,7 +87,7 @@ class EventLog:
 
     def fresh(self) -> list[RunEvent]:
         """Those that began to be noted since this was asked last."""
-        found, self._asked = self._events[self._asked :], len(self._events)
+        found, self._returned = self._events[self._returned :], len(self._events)
         return found
 
     def events(self) -> tuple[RunEvent, ...]:

@@ -27,7 +27,7 @@ from sim.vehicle.vehicle import Vehicle, without
 from sim.vehicle.ventilation import Ventilation
 
 if TYPE_CHECKING:
-    from sim.environment.waves import Sea
+    from sim.environment.waves import WaveField
     from sim.forces import Force
     from sim.native._native import FusedStep
     from sim.vehicle.ballast import DropWeight, Release
@@ -89,7 +89,7 @@ class Simulation:
         self._wrench: Sequence[float] = (0.0,) * 6
         self._contact = Contact(vehicle, world, self._dynamics.inverse_mass)
         self._schedule = Schedule(fit() if sensors is None else sensors, self, seed, dt_ns)
-        self._ventilation = Ventilation(vehicle, self.sea)
+        self._ventilation = Ventilation(vehicle, self.wave_field)
         self._aired = False  # whether a thruster draws air
         self._immerse(0)
         self._coast = self._in_one()
@@ -113,9 +113,9 @@ class Simulation:
         return self._thrusters.thrusts
 
     @property
-    def sea(self) -> "Sea | None":
+    def wave_field(self) -> "WaveField | None":
         """The waves; None if there are none."""
-        return self._water.sea if self._water else None
+        return self._water.wave_field if self._water else None
 
     def flow_at(self, place: Sequence[float]) -> Sequence[float]:
         """Return the velocity of the water at a place (m, NED) now, NED in m/s."""
@@ -278,7 +278,7 @@ class Simulation:
         """Return the equations of the vehicle as it is now, with all that pushes it."""
         vehicle, world = self.vehicle, self.world
         forces = [*self.equipment.forces, *self._own_forces] if self.equipment else list(self._own_forces)
-        self._forces = forces = [*forces, *make_surface_forces(vehicle, world, self.sea)]
+        self._forces = forces = [*forces, *make_surface_forces(vehicle, world, self.wave_field)]
         return make_dynamics(vehicle, world.density, world.gravity, self._integrator, forces)
 
     def _push(self, pwm_us: Sequence[int]) -> Sequence[float]:

@@ -144,7 +144,7 @@ class Witness:
         self._systemd.setsockopt(socket.SOL_SOCKET, SO_TIMESTAMPNS, 1)
         self._systemd.bind(f"\0{NOTIFY}")
         os.environ["NOTIFY_SOCKET"] = f"@{NOTIFY}"  # for the processes that are started from now on
-        works = self._hear_forks, self._hear_ready, self._watch
+        works = self._receive_forks, self._await_ready, self._watch
         self._threads = [threading.Thread(target=work) for work in works]
         for thread in self._threads:
             thread.start()
@@ -180,7 +180,7 @@ class Witness:
                 except (OSError, ValueError, subprocess.CalledProcessError):
                     continue  # it has ended
 
-    def _hear_ready(self) -> None:
+    def _await_ready(self) -> None:
         with self._systemd as wire:
             wire.settimeout(0.1)
             while not self._done.is_set():
@@ -192,16 +192,16 @@ class Witness:
                     seconds, nanoseconds = struct.unpack("qq", ancillary[0][2])
                     self.ready.append(seconds * 10**9 + nanoseconds)
 
-    def _hear_forks(self) -> None:
-        with socket.socket(socket.AF_NETLINK, socket.SOCK_DGRAM, NETLINK_CONNECTOR) as news:
-            news.bind((0, CN_IDX_PROC))
+    def _receive_forks(self) -> None:
+        with socket.socket(socket.AF_NETLINK, socket.SOCK_DGRAM, NETLINK_CONNECTOR) as connector:
+            connector.bind((0, CN_IDX_PROC))
             message = struct.pack("=IIIIHHI", CN_IDX_PROC, 1, 0, 0, 4, 0, 1)  # PROC_CN_MCAST_LISTEN
-            news.send(struct.pack("=IHHII", 16 + len(message), 3, 0, 0, os.getpid()) + message)
-            news.settimeout(0.1)
+            connector.send(struct.pack("=IHHII", 16 + len(message), 3, 0, 0, os.getpid()) + message)
+            connector.settimeout(0.1)
             shift = time.time_ns() - time.monotonic_ns()
             while not self._done.is_set():
                 try:
-                    data = news.recv(4096)
+                    data = connector.recv(4096)
                 except TimeoutError:
                     continue
                 what, _, instant, _, _, task, pid = struct.unpack_from("=IIQIIII", data, 36)

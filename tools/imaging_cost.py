@@ -105,20 +105,20 @@ def main() -> int:
     parser.add_argument("--seconds", type=float, default=60.0, help="of each run [%(default)g]")
     parser.add_argument("--rounds", type=int, default=3, help="[%(default)s]")
     options = parser.parse_args()
-    kept: dict[bool, list[Cost]] = {False: [], True: []}
+    costs: dict[bool, list[Cost]] = {False: [], True: []}
     print("              late us: 50 %   99 %  99.9 %   command ms: 50 %  99 %   pictures/s  dropped  imaging cores")
     for _ in range(options.rounds):
         for pictures in (False, True):
             cost = run(pictures, options.seconds)
-            kept[pictures].append(cost)
-            word = "with" if pictures else "without"
+            costs[pictures].append(cost)
+            label = "with" if pictures else "without"
             print(
-                f"{word:8} {cost.p50_us:18.0f} {cost.p99_us:6.0f} {cost.p999_us:7.0f} {cost.delay_p50_ms:18.2f} "
+                f"{label:8} {cost.p50_us:18.0f} {cost.p99_us:6.0f} {cost.p999_us:7.0f} {cost.delay_p50_ms:18.2f} "
                 f"{cost.delay_p99_ms:5.2f} {cost.pictures_hz:12.1f} {cost.dropped:8} {cost.imaging_cores:14.2f}",
                 flush=True,
             )
-    without, beside = (statistics.median(cost.p999_us for cost in kept[pictures]) for pictures in (False, True))
-    ratio = beside / without
+    without, with_pictures = (statistics.median(cost.p999_us for cost in costs[pictures]) for pictures in (False, True))
+    ratio = with_pictures / without
     print(f"late at 99.9 %, with to without: {ratio:.2f}, budget {MOST}; {os.cpu_count()} cores")
     return int(ratio > MOST)
 

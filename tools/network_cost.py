@@ -54,18 +54,18 @@ Put = Callable[[bytes], Any]
 
 
 def open_ours(endpoint: str, answers: bool) -> tuple[Callable[[str, Callable[[bytes], None]], None], dict[str, Put]]:
-    """Return how to hear a topic, and how to say each, by our sessions."""
+    """Return how to subscribe to a topic and how to publish each, with sessions of this project."""
     session = listen(endpoint) if answers else open_master_session(endpoint)
 
-    def hear(topic: str, take: Callable[[bytes], None]) -> None:
-        session.subscribe(NODE, topic, lambda _, payload, __: take(payload), 64)
+    def subscribe(topic: str, on_payload: Callable[[bytes], None]) -> None:
+        session.subscribe(NODE, topic, lambda _, payload, __: on_payload(payload), 64)
 
-    def say(topic: Topic) -> Put:
+    def declare(topic: Topic) -> Put:
         publisher = session.publisher(NODE, topic)
         return lambda payload: publisher.put(payload, to_wall_ns(now_ns()))
 
     own = [TOPICS["trace"], CAMERA] if answers else [TOPICS["cmd_vel"]]
-    return hear, {topic.name: say(topic) for topic in own}
+    return subscribe, {topic.name: declare(topic) for topic in own}
 
 
 def open_bare(endpoint: str, answers: bool) -> tuple[Callable[[str, Callable[[bytes], None]], None], dict[str, Put]]:
@@ -77,24 +77,26 @@ def open_bare(endpoint: str, answers: bool) -> tuple[Callable[[str, Callable[[by
     config.insert_json5("transport/shared_memory/enabled", "false")
     config.insert_json5("listen/endpoints" if answers else "connect/endpoints", f'["{endpoint}"]')
     session = zenoh.open(config)
-    kept = []
+    subscribers = []
 
-    def hear(topic: str, take: Callable[[bytes], None]) -> None:
-        kept.append(session.declare_subscriber(f"bare/{topic}", lambda sample: take(sample.payload.to_bytes())))
+    def subscribe(topic: str, on_payload: Callable[[bytes], None]) -> None:
+        subscribers.append(
+            session.declare_subscriber(f"bare/{topic}", lambda sample: on_payload(sample.payload.to_bytes()))
+        )
 
     own = ["trace", "camera"] if answers else ["cmd_vel"]
-    return hear, {topic: session.declare_publisher(f"bare/{topic}").put for topic in own}
+    return subscribe, {topic: session.declare_publisher(f"bare/{topic}").put for topic in own}
 
 
 def answer(endpoint: str, bare: bool, camera: bool, seconds: float) -> None:
     """Answer each command with its own bytes and when it came; offer pictures meanwhile."""
-    hear, say = (open_bare if bare else open_ours)(endpoint, answers=True)
-    hear("cmd_vel", lambda payload: say["trace"](now_ns().to_bytes(8, "little") + payload))
+    subscribe, put = (open_bare if bare else open_ours)(endpoint, answers=True)
+    subscribe("cmd_vel", lambda payload: put["trace"](now_ns().to_bytes(8, "little") + payload))
     end = now_ns() + round(seconds * 1e9)
     due = now_ns()
     while now_ns() < end:
         if camera:
-            say["camera"](now_ns().to_bytes(8, "little") + bytes(FRAME - 8))
+            put["camera"](now_ns().to_bytes(8, "little") + bytes(FRAME - 8))
         due += 1_000_000_000 // FRAME_HZ
         time.sleep(max(due - now_ns(), 0) / 1e9)
     os._exit(0)  # an open session with a Python callback, as the bare one has it, would hang
@@ -102,14 +104,14 @@ def answer(endpoint: str, bare: bool, camera: bool, seconds: float) -> None:
 
 def ask(endpoint: str, bare: bool, seconds: float) -> dict[str, float]:
     """Command for so long; what it took in milliseconds, quantiles. The two must have one clock."""
-    hear, say = (open_bare if bare else open_ours)(endpoint, answers=False)
+    subscribe, put = (open_bare if bare else open_ours)(endpoint, answers=False)
     one_way: list[float] = []
     round_trip: list[float] = []
     ages: list[float] = []
     here = threading.Event()
     began_ns = 0
 
-    def take(payload: bytes) -> None:
+    def on_answer(payload: bytes) -> None:
         now = now_ns()
         there, sent = (int.from_bytes(payload[at : at + 8], "little") for at in (0, 8))
         if sent >= began_ns:  # not one of those that waited for the sessions to meet
@@ -117,11 +119,11 @@ def ask(endpoint: str, bare: bool, seconds: float) -> dict[str, float]:
             round_trip.append((now - sent) / 1e6)
         here.set()
 
-    hear("trace", take)
-    hear("camera", lambda payload: ages.append((now_ns() - int.from_bytes(payload[:8], "little")) / 1e6))
+    subscribe("trace", on_answer)
+    subscribe("camera", lambda payload: ages.append((now_ns() - int.from_bytes(payload[:8], "little")) / 1e6))
 
     def command() -> None:
-        say["cmd_vel"](now_ns().to_bytes(8, "little") + bytes(56))
+        put["cmd_vel"](now_ns().to_bytes(8, "little") + bytes(56))
 
     while not here.wait(0.1):
         command()
@@ -175,11 +177,11 @@ def imu_cost(count: int = 500) -> tuple[float, float]:
     ours, *others = sorted(os.sched_getaffinity(0))
     os.sched_setaffinity(0, {ours})  # the listener is elsewhere, as a master is
     command = foreign_command(sys.executable, __file__, "--hear", endpoint)
-    with listen(endpoint) as session, start_child(command) as hearing:
-        os.sched_setaffinity(hearing.pid, others or [ours])
+    with listen(endpoint) as session, start_child(command) as listener:
+        os.sched_setaffinity(listener.pid, others or [ours])
         sample_publisher = SamplePublisher(session, NODE, to_wall_ns(now_ns()))
-        is_heard = session.watch_keys(f"{dialect.domain()}/**")
-        while not is_heard():
+        has_subscribers = session.watch_keys(f"{dialect.domain()}/**")
+        while not has_subscribers():
             time.sleep(0.05)
 
         def once(pause: float) -> float:
@@ -191,7 +193,7 @@ def imu_cost(count: int = 500) -> tuple[float, float]:
 
         tight = [once(0.0 if number % BURST else 0.01) for number in range(count * 4)]
         paced = [once(0.01) for _ in range(count)]
-        hearing.kill()
+        listener.kill()
     os.sched_setaffinity(0, {ours, *others})
     return statistics.median(tight), statistics.median(paced)
 

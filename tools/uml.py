@@ -99,7 +99,7 @@ def run(
     memory_mib: int = MEMORY_MIB,
     cpu: int | None = None,
     cwd: str = "",
-    tell: Callable[[str], None] = lambda line: None,
+    report: Callable[[str], None] = lambda line: None,
     options: Sequence[str] = (),
 ) -> Outcome:
     """Run `command` in there.
@@ -121,7 +121,7 @@ def run(
         init.chmod(0o755)
         cpu = max(os.sched_getaffinity(0)) if cpu is None else cpu
         kernel = ["taskset", "-c", str(cpu), *_kernel(str(init), memory_mib), *options]
-        return _Console(mark, tell).follow(kernel, seconds)
+        return _Console(mark, report).follow(kernel, seconds)
 
 
 def module_files(names: Sequence[str]) -> list[str]:
@@ -201,9 +201,9 @@ def _shim() -> str:
 class _Console:
     """Tells the command's output from the kernel's own."""
 
-    def __init__(self, mark: str, tell: Callable[[str], None]) -> None:
+    def __init__(self, mark: str, report: Callable[[str], None]) -> None:
         self._mark = mark
-        self._tell = tell
+        self._report = report
         self._boot: list[str] = []
         self._output: list[str] = []
         self._begun = False
@@ -247,7 +247,7 @@ class _Console:
             output, ended, status = line.partition(end)
             if output or not ended:  # its last line may have had no end
                 self._output.append(output)
-                self._tell(output)
+                self._report(output)
             if ended:
                 self._status = int(status)
                 break
@@ -284,7 +284,7 @@ def main() -> int:
             seconds=chosen.seconds,
             memory_mib=chosen.memory,
             cpu=chosen.cpu,
-            tell=lambda line: print(line, flush=True),
+            report=lambda line: print(line, flush=True),
         ).status
     except DeviceError as error:
         print(error, file=sys.stderr)

@@ -49,7 +49,7 @@ class ArduPilot(Autopilot):
         self._epoch_ns = 0  # simulation time that is 0 for this autopilot
         self._state = b""  # the newest, unless it has been sent
         self._received_ns = self._complained_ns = now_ns()
-        self._strangers: set[Sender] = set()
+        self._other_senders: set[Sender] = set()
 
     def fileno(self) -> int:
         """Return the socket's descriptor; -1 once closed."""
@@ -85,7 +85,7 @@ class ArduPilot(Autopilot):
             servos = decode_servos(packet)
             if servos is None:
                 self.figures.malformed += 1
-            elif self._is_peer(sender, now) and self._take(servos.frame_count, now):
+            elif self._is_peer(sender, now) and self._count_packet(servos.frame_count, now):
                 self.frame_rate = servos.frame_rate
                 newest, arrived_ns = servos, _arrival(ancillary, now)
         if newest is None:
@@ -125,15 +125,15 @@ class ArduPilot(Autopilot):
             self._report(f"{self.name}: servo packets come from port {sender[1]}")
         if sender == self._peer:
             return True
-        if sender not in self._strangers:
-            self._strangers.add(sender)
+        if sender not in self._other_senders:
+            self._other_senders.add(sender)
             self._report(
                 f"{self.name}: a second autopilot sends from port {sender[1]} and is ignored: give each vehicle an "
                 "[autopilot] instance of its own, and its autopilot the same -I"
             )
         return False
 
-    def _take(self, count: int, now: int) -> bool:
+    def _count_packet(self, count: int, now: int) -> bool:
         """Note one packet; return whether its outputs are new."""
         self._received_ns = now
         self._waiting = True

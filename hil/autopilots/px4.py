@@ -104,7 +104,7 @@ class Px4(Autopilot):
             self._counters.bytes_in += len(data)
             for message in self._stream.unpack(data):
                 self._counters.messages_in += 1
-                newest = self._take(message, now) or newest
+                newest = self._handle_message(message, now) or newest
         return newest
 
     def may_step(self) -> bool:
@@ -174,7 +174,7 @@ class Px4(Autopilot):
             self._report(f"{self.name}: PX4 has gone; it does not connect again by itself: start it anew")
         self._complained_ns = now_ns()
 
-    def _take(self, message: Any, now: int) -> Outputs | None:
+    def _handle_message(self, message: Any, now: int) -> Outputs | None:
         kind = message.get_msgId()
         if kind == dialect.MAVLINK_MSG_ID_HEARTBEAT and message.autopilot != dialect.MAV_AUTOPILOT_INVALID:
             self._has_beaten, self._beat_received_ns = True, now

@@ -145,9 +145,9 @@ class Confinement:
     def _request_scope(self) -> None:
         """Each process gets a scope of its own. What it lacks there systemd does not say: see for ourselves."""
         self.by = "systemd"
-        whose = () if os.geteuid() == 0 else ("--user",)
+        manager = () if os.geteuid() == 0 else ("--user",)
         options = [word for name in _properties(self.limits) for word in ("-p", name)]
-        self._prefix = ("systemd-run", *whose, "--scope", "--quiet", "--collect", *options, "--")
+        self._prefix = ("systemd-run", *manager, "--scope", "--quiet", "--collect", *options, "--")
         try:
             seen = subprocess.run(self.command(["sh", "-c", LOOK]), capture_output=True, text=True, check=False)
         except OSError as error:

@@ -23,11 +23,11 @@ def wait_for_silence(client: VehicleClient, slave: Process | None = None, patien
     if slave and not slave.running:
         return f"the slave {slave.ending}"
     stamped = client.latest.get("diagnostics")
-    untold_s = (now_ns() - stamped.received_ns) / NS_PER_S if stamped else 0.0
+    report_age_s = (now_ns() - stamped.received_ns) / NS_PER_S if stamped else 0.0
     if client.contact.silence_s > patience:
         return f"{client.node} at {client.endpoint} has not answered for {client.contact.silence_s:.1f} s"
-    if untold_s > max(patience, PATIENCE_S):  # it tells once a second, in a thread that gives way to all others
-        return f"{client.node} at {client.endpoint} has told nothing of its health for {untold_s:.1f} s"
+    if report_age_s > max(patience, PATIENCE_S):  # it tells once a second, in a thread that gives way to all others
+        return f"{client.node} at {client.endpoint} has told nothing of its health for {report_age_s:.1f} s"
     return ""
 
 

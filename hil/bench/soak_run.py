@@ -74,7 +74,7 @@ class Soaking:
         self._began = time.monotonic()
         self._stopped = False
         self._quiet = ""  # how it shows that the slave is silent now
-        self._found = Soak([], [], [])
+        self._soak = Soak([], [], [])
 
     def run(self, seconds: float, leave_every: float) -> Soak:
         """Command it for so long; the master leaves and comes back every `leave_every` s.
@@ -87,7 +87,7 @@ class Soaking:
             with self._bench.client() as client:
                 came = self._await(client, first)
                 if not (first or self._stopped):
-                    self._found.returns.append(came)
+                    self._soak.returns.append(came)
                 if came is not None:
                     self._stay(client, min(dialled + leave_every, end))
             first = False
@@ -95,7 +95,7 @@ class Soaking:
             self._add_silence(f"the slave {self._slave.ending}", 0.0)
         if self._quiet:
             self._kill()
-        return self._found
+        return self._soak
 
     def _await(self, client: VehicleClient, first: bool) -> float | None:
         """Return seconds from the dialling until data flowed; None if they did not in time, or the end is wished."""
@@ -124,27 +124,27 @@ class Soaking:
             self._add_silence(absent or wait_for_silence(client), 0.0 if there else client.contact.silence_s)
             if time.monotonic() >= due:
                 due += self._every
-                self._found.looks.append(self._observe(client))
-                self._watch(self._found.looks[-1])
+                self._soak.looks.append(self._observe(client))
+                self._watch(self._soak.looks[-1])
 
     def _observe(self, client: VehicleClient) -> Observation:
         """As it is now."""
-        seen, said = read_threads(self._slave.family()), Diagnostics() if self._quiet else client.diagnostics()
-        delays = sorted(client.delays.totals_ns(200)) if said else []
+        seen, diagnostics = read_threads(self._slave.family()), Diagnostics() if self._quiet else client.diagnostics()
+        delays = sorted(client.delays.totals_ns(200)) if diagnostics else []
         return Observation(
             time.monotonic() - self._began,
             seen.pss_mib,
             seen.private_mib,
             len(seen.cpu_s),
             seen.descriptors,
-            or_nan(said.real_time_factor),
-            or_nan(said.steps_skipped),
+            or_nan(diagnostics.real_time_factor),
+            or_nan(diagnostics.steps_skipped),
             quantile(delays, 0.5) / NS_PER_MS if delays else nan,
         )
 
     def _add_silence(self, reason: str, already_s: float) -> None:
         """That the slave is silent now, and has been for so long; "" if it is not."""
-        at_s, silences = time.monotonic() - self._began, self._found.silences
+        at_s, silences = time.monotonic() - self._began, self._soak.silences
         if reason and not self._quiet:
             silences.append(Outage(at_s - already_s, already_s, reason))
         elif reason:

@@ -97,14 +97,14 @@ def hidden_piles(world: World, path: Sequence[Point], ends: Sequence[Point], ran
     for _ in range(10_000):
         if len(found) == PILES:
             return found
-        place, radius = _beside(path, 0.4 if len(found) < 3 else 4.0, random), random.uniform(*PILE_RADIUS_M)
+        place, radius = _random_point_near(path, 0.4 if len(found) < 3 else 4.0, random), random.uniform(*PILE_RADIUS_M)
         gap = min([world.clearance(*place), *(dist(place, (p["north"], p["east"])) - p["radius"] for p in found)])
         if gap - radius >= GAP_M and all(dist(place, end) > radius + CLEAR_M for end in ends):
             found.append({"north": place[0], "east": place[1], "radius": radius, "hidden": True})
     raise ConfigError(f"{world.name} has no room for {PILES} piles beside the path")
 
 
-def _beside(path: Sequence[Point], most: float, random: Random) -> Point:
+def _random_point_near(path: Sequence[Point], most: float, random: Random) -> Point:
     """Return a place up to `most` m aside of one on the path, the legs as likely as they are long."""
     legs = list(pairwise(path))
     (a, b), *_ = random.choices(legs, [dist(*leg) for leg in legs])

@@ -22,17 +22,17 @@ def write_report(path: str, flights: Flights, pictures: str, head: str = "# Case
     results = [run.result for runs in flights.values() for run in runs]
     parts = [head, table.markdown(_turned(table.summary(results))), *_failures(results)]
     files = [path]
-    beside = os.path.relpath(pictures, os.path.dirname(path) or ".")
+    picture_folder = os.path.relpath(pictures, os.path.dirname(path) or ".")
     for name, runs in flights.items():
         case = find_case(name)
         figure, seeds = (os.path.join(pictures, f"{name}{end}.png") for end in ("", "_seeds"))
         case.draw(_pair(runs) or runs[:1], figure)
         files.append(figure)
-        parts += [*_about(case, runs), f"![{case.title}]({os.path.join(beside, os.path.basename(figure))})"]
+        parts += [*_about(case, runs), f"![{case.title}]({os.path.join(picture_folder, os.path.basename(figure))})"]
         if len(runs) > 2:
             draw_seeds(case.title, [run.result for run in runs], seeds)
             files.append(seeds)
-            parts.append(f"![The flights of all seeds]({os.path.join(beside, os.path.basename(seeds))})")
+            parts.append(f"![The flights of all seeds]({os.path.join(picture_folder, os.path.basename(seeds))})")
     try:
         with open(path, "w", encoding="utf-8") as file:
             file.write("\n\n".join(part.strip("\n") for part in parts) + "\n")

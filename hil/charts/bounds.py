@@ -115,8 +115,8 @@ def keep_shoals(grid: Grid, soundings: Array, shoalest: Array, low: Array, passe
         excess = np.where(inside, grid._replace(depths=depths).at(soundings[:, :2]) - soundings[:, 2], 0.0)
         for index in np.flatnonzero(excess > 1e-3):  # nan, beside what is unknown, is not
             (i, j), (u, v) = corners[index], scaled[index] - corners[index]
-            say = np.outer((1 - u, u), (1 - v, v))
-            depths[i : i + 2, j : j + 2] -= (excess[index] * say / (say * say).sum()).astype(np.float32)
+            weights = np.outer((1 - u, u), (1 - v, v))
+            depths[i : i + 2, j : j + 2] -= (excess[index] * weights / (weights * weights).sum()).astype(np.float32)
         np.maximum(depths, low, out=depths, where=np.isfinite(low))
     return grid._replace(depths=depths)
 

@@ -74,13 +74,13 @@ def _judge(grid: Grid, middles: Array, course: float, length: float, depth: floa
     ahead, abeam = np.array([cos(course), sin(course)]), np.array([-sin(course), cos(course)])
     along = np.linspace(-0.5 * length, 0.5 * length, PLACES)
     under = np.stack([grid.at(middles + x * ahead) for x in along])
-    beside = np.stack([grid.at(middles + x * ahead + y * abeam) for x in along[::3] for y in ABEAM])
+    swath = np.stack([grid.at(middles + x * ahead + y * abeam) for x in along[::3] for y in ABEAM])
     least = under.min(axis=0)
     deep = np.full(len(middles), depth) if depth is not None else np.floor(2.0 * (least - LEAST_ALTITUDE)) / 2.0
     relief = np.minimum(under.std(axis=0), MOST_RELIEF)
-    rising = (beside < deep).mean(axis=0)
+    rising = (swath < deep).mean(axis=0)
     score = relief + 4.0 * np.minimum(rising, 0.4) - 0.2 * (under.mean(axis=0) - deep)
-    possible = (deep >= LEAST_DEPTH) & (least - deep >= LEAST_ALTITUDE) & np.isfinite(beside).all(axis=0)
+    possible = (deep >= LEAST_DEPTH) & (least - deep >= LEAST_ALTITUDE) & np.isfinite(swath).all(axis=0)
     if depth is None:
         possible &= (under.max(axis=0) - deep <= MOST_ALTITUDE) & (deep <= MOST_DEPTH)
     return np.where(possible, score, -np.inf), deep

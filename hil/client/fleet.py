@@ -68,7 +68,7 @@ class Fleet:
         self._wait = wait
         self._there: dict[str, set[str]] = {}  # by name, which of its slaves
         self._known: dict[str, Vehicle] = {}
-        self._news = threading.Condition()
+        self._changed = threading.Condition()
         self._closed = False
         watch_presence(session, "*", self._on_presence)
         atexit.register(self.close)
@@ -93,14 +93,14 @@ class Fleet:
     @property
     def names(self) -> list[str]:
         """Names of the vehicles that are present, sorted."""
-        with self._news:
+        with self._changed:
             return sorted(name for name, idents in self._there.items() if idents)
 
     @property
     def vehicles(self) -> dict[str, Vehicle]:
         """Vehicles that are present, by name; waits for the first one. Raises NetworkError if none appears."""
-        with self._news:
-            if not self._news.wait_for(lambda: self.names, self._wait):
+        with self._changed:
+            if not self._changed.wait_for(lambda: self.names, self._wait):
                 raise NetworkError(f"no vehicle answered within {self._wait:g} s: {self._why_not()}")
         return {name: self[name] for name in self.names}
 
@@ -114,9 +114,9 @@ class Fleet:
     def wait_for(self, *names: str, seconds: float = 30.0) -> list[Vehicle]:
         """These vehicles, once each is there and has sent its state. Raises NetworkError after `seconds`."""
         deadline = time.monotonic() + seconds
-        with self._news:
+        with self._changed:
             self._require_open()
-            here = self._news.wait_for(lambda: set(names) <= set(self.names), max(0.0, deadline - time.monotonic()))
+            here = self._changed.wait_for(lambda: set(names) <= set(self.names), max(0.0, deadline - time.monotonic()))
             if not here:
                 raise NetworkError(self._missing(next(name for name in names if name not in self.names), seconds))
             found = [self._handle(name) for name in names]
@@ -142,7 +142,7 @@ class Fleet:
 
     def close(self) -> None:
         """Stop the vehicles and disconnect. Closing twice is harmless."""
-        with self._news:
+        with self._changed:
             if self._closed:
                 return
             self._closed = True
@@ -154,10 +154,10 @@ class Fleet:
     def _on_presence(self, presence: Presence, alive: bool) -> None:
         if presence.part != "slave":
             return
-        with self._news:
+        with self._changed:
             idents = self._there.setdefault(presence.node, set())
             (idents.add if alive else idents.discard)(presence.ident)
-            self._news.notify_all()
+            self._changed.notify_all()
 
     def _handle(self, name: str) -> Vehicle:
         if name not in self._known:

@@ -194,7 +194,7 @@ class LivenessMonitor:
         if presence.part != "slave":
             return
         if alive:
-            self._there[presence.ident] = presence.who
+            self._there[presence.ident] = presence.process
             self._received_ns = now_ns()  # give it time for its first answer
         else:
             self._there.pop(presence.ident, None)

@@ -19,24 +19,24 @@ class Stream:
     def __init__(self, check: Callable[[float], None], depth: int) -> None:
         self._check = check
         self._waiting: deque[Any] = deque(maxlen=depth)
-        self._news = threading.Condition()
+        self._changed = threading.Condition()
         self._wake_loop: Callable[[], object] = bool  # of a loop of asyncio that waits
         self._closed = False
         self.dropped = 0
 
     def put(self, sample: Any) -> None:
         """Add a sample."""
-        with self._news:
+        with self._changed:
             self.dropped += len(self._waiting) == self._waiting.maxlen
             self._waiting.append(sample)
-            self._news.notify()
+            self._changed.notify()
         self._wake_loop()
 
     def close(self) -> None:
         """End the iteration once all that came has been given."""
-        with self._news:
+        with self._changed:
             self._closed = True
-            self._news.notify()
+            self._changed.notify()
         self._wake_loop()
 
     def __iter__(self) -> "Stream":
@@ -47,8 +47,8 @@ class Stream:
         while not self._waiting:
             if self._closed:
                 raise StopIteration
-            with self._news:
-                self._news.wait_for(self._ready, POLL_S)
+            with self._changed:
+                self._changed.wait_for(self._ready, POLL_S)
             if not self._ready():
                 self._check(time.monotonic() - began)
         return self._waiting.popleft()

@@ -213,20 +213,20 @@ class Vehicle(VehicleState):
 
     def _step(self) -> None:
         """Send the current command once more, while the vehicle is present and accepts it."""
-        told, stamped = self._maneuver, self.client.latest.get("odom")
-        if told is None or stamped is None:
+        action, stamped = self._maneuver, self.client.latest.get("odom")
+        if action is None or stamped is None:
             return
         try:
             if self.present:
                 reason = self.client.unavailable_reason()
                 if reason:
                     raise NetworkError(reason)
-                told.step(self.client, samples.aged("odom", stamped))
+                action.step(self.client, samples.aged("odom", stamped))
             elif self.client.contact.silence_s > GIVE_UP_AFTER_S:
                 self._require_presence()
         except (NetworkError, MissionError) as error:
-            self._end_action(told, error)
+            self._end_action(action, error)
 
-    def _end_action(self, told: Action, error: HilError) -> None:
-        told.end(error)
+    def _end_action(self, action: Action, error: HilError) -> None:
+        action.end(error)
         self._maneuver = None

@@ -135,11 +135,11 @@ def _checksum(rule: ChecksumRule, layout: FrameLayout) -> str:
 
 
 def _sender(other: Other) -> str:
-    who = {"host": "from the host", "device": "from the STM32", "both": "from both"}[other.sent_by]
+    sender = {"host": "from the host", "device": "from the STM32", "both": "from both"}[other.sent_by]
     if not other.period:
-        return f"{who}, passed over"
+        return f"{sender}, passed over"
     return (
-        f"{who} {'after' if other.when_silent else 'every'} {other.period * 1e3:g} ms"
+        f"{sender} {'after' if other.when_silent else 'every'} {other.period * 1e3:g} ms"
         + " of silence" * other.when_silent
     )
 

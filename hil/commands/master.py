@@ -120,13 +120,13 @@ def _report_vehicles(seconds: float) -> str:
 def _wait(client: VehicleClient, seconds: float, stop_fd: int, progress: Progress, scenario: Scenario) -> None:
     """Until the vehicle has sent a sample and its figures of health, and is ours to command."""
     began = now_ns()
-    asked = False
+    is_reported = False
     while not (client.has_samples and client.diagnostics() and not client.in_doubt):
         if select.select((stop_fd,), (), (), WAIT_STEP_S)[0]:
             raise KeyboardInterrupt
         waited = (now_ns() - began) / NS_PER_S
-        if not asked and waited > min(ASK_AFTER_S, seconds):
-            asked = True
+        if not is_reported and waited > min(ASK_AFTER_S, seconds):
+            is_reported = True
             progress.print_line(f"no word from {client.node} yet: {_why_silent(client, scenario)}")
         if waited > seconds:
             raise NetworkError(

@@ -113,10 +113,10 @@ def _progress(count: int) -> Callable[[str], None]:
     """Tells on a terminal which of `count` axes is being flown."""
     done = 0
 
-    def tell(axis: str) -> None:
+    def report_axis(axis: str) -> None:
         nonlocal done
         done += 1
         if sys.stderr.isatty():
             print(f"\r\x1b[K{axis} ({done} of {count})", end="\r" if done == count else "", file=sys.stderr, flush=True)
 
-    return tell
+    return report_axis

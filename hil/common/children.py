@@ -36,7 +36,10 @@ def start_child(
     import subprocess  # the slave imports this file, and may never start anything
 
     end = open_lifeline()
-    variables = {**(os.environ if environment is None else environment), lifeline.VARIABLE: lifeline.word(end, end)}
+    variables = {
+        **(os.environ if environment is None else environment),
+        lifeline.VARIABLE: lifeline.describe_end(end, end),
+    }
     try:
         return subprocess.Popen(command, env=variables, pass_fds=(*pass_fds, end), start_new_session=True, **how)
     finally:
@@ -44,7 +47,9 @@ def start_child(
 
 
 def open_lifeline() -> int:
-    """A descriptor for one child to inherit, which has `lifeline.word` in `lifeline.VARIABLE`; to be closed here then.
+    """Return a descriptor for one child to inherit; close it here after the child has started.
+
+    The child's environment names it: `lifeline.describe_end` in `lifeline.VARIABLE`.
 
     Each child needs an open file of its own, as it is there that the kernel keeps whom to signal.
     """

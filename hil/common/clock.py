@@ -44,9 +44,9 @@ def process_start_ns() -> int:
     From the variable UUV_HIL_EXEC_NS when the parent set it just before the exec, else from
     /proc/self/stat, whose resolution is one clock tick (10 ms).
     """
-    told = os.environ.get("UUV_HIL_EXEC_NS", "")
-    if told.isdigit():
-        return int(told)
+    value = os.environ.get("UUV_HIL_EXEC_NS", "")
+    if value.isdigit():
+        return int(value)
     with open("/proc/self/stat", "rb") as file:
         ticks = int(file.read().rpartition(b")")[2].split()[19])
     boot_to_monotonic = time.clock_gettime_ns(time.CLOCK_BOOTTIME) - now_ns()

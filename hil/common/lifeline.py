@@ -31,7 +31,7 @@ def die_with_parent() -> None:
         return
 
 
-def word(number: int, descriptor: int) -> str:
+def describe_end(number: int, descriptor: int) -> str:
     """Return what VARIABLE says to a child that will have this descriptor under that number."""
     return f"{number}:{os.fstat(descriptor).st_ino}"
 

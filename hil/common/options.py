@@ -164,8 +164,8 @@ def add_connect(parser: argparse.ArgumentParser, *, lan: bool = False) -> None:
 
     `hil.commands.listening` finds its default.
     """
-    whom = f"a slave or a router, HOST:PORT{', or lan' if lan else ''}"
-    about = f"{whom}; may be given several times [the scenario's, else {LOCAL_SLAVE}]"
+    peer = f"a slave or a router, HOST:PORT{', or lan' if lan else ''}"
+    about = f"{peer}; may be given several times [the scenario's, else {LOCAL_SLAVE}]"
     kind = endpoint_or_lan if lan else ENDPOINT
     parser.add_argument("--connect", metavar="ENDPOINT", type=kind, action="append", help=about)
 

@@ -20,10 +20,10 @@ ACTIVE_DRIVERS = ("intel_pstate", "amd-pstate-epp")  # their "powersave" does no
 
 def machine(case: Case) -> Iterator[Finding]:
     """Yield what this is, and its free memory."""
-    board, told = case.board, model(case.tree.root)
+    board, model_name = case.board, model(case.tree.root)
     kind = architecture(case.tree) or "unknown architecture"
-    text = f"{board.name}, {board.cpu}" if board else f"none of those known; {told or kind}"
-    yield Finding("ok", "board", text + (f' ("{told}")' if board and told else ""))
+    text = f"{board.name}, {board.cpu}" if board else f"none of those known; {model_name or kind}"
+    yield Finding("ok", "board", text + (f' ("{model_name}")' if board and model_name else ""))
     for line in case.tree.text("/proc/meminfo").splitlines():
         name, _, value = line.partition(":")
         free = number(value.removesuffix("kB")) if name == "MemAvailable" else None
@@ -48,9 +48,9 @@ def memory_limit(case: Case) -> Iterator[Finding]:
 def rates(case: Case) -> Iterator[Finding]:
     """Check whether the scenario asks more of the board than is recommended."""
     if case.scenario and case.board:
-        asked, good = case.scenario.slave.step, case.board.recommended.step
-        if asked < good * 0.999:
-            text = f"a step of {asked * 1e3:g} ms is shorter than the {good * 1e3:g} ms recommended for this board"
+        requested, good = case.scenario.slave.step, case.board.recommended.step
+        if requested < good * 0.999:
+            text = f"a step of {requested * 1e3:g} ms is shorter than the {good * 1e3:g} ms recommended for this board"
             yield Finding("note", "step", text, f'[slave] step = "{good * 1e3:g} ms", or measure it here')
 
 

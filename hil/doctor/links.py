@@ -114,10 +114,10 @@ def can_bus(case: Case) -> Iterator[Finding]:
 def _can_details(tree: Tree, name: str, rate: int, up: str) -> Iterator[Finding]:
     """Yield what the kernel's netlink tells of an interface that is up."""
     try:
-        told = json.loads(tree.run("ip", "-details", "-json", "link", "show", name) or "")[0]
+        details = json.loads(tree.run("ip", "-details", "-json", "link", "show", name) or "")[0]
     except (ValueError, LookupError, TypeError, RecursionError):
-        told = None
-    link = _table(told, "linkinfo")
+        details = None
+    link = _table(details, "linkinfo")
     kind, data = link.get("info_kind"), _table(link, "info_data")
     if kind and kind != "can":
         yield Finding("ok", "CAN", f"{name} is up, {kind}: no wire, no bit rate")

@@ -23,9 +23,9 @@ def network_ports(case: Case) -> Iterator[Finding]:
     taken = listeners(case.tree)
     for port in (first, first + 1):
         if port in taken:
-            who = "".join(f" by process {pid}, {name}" for pid, name in case.tree.openers(f"socket:[{taken[port]}]"))
+            owner = "".join(f" by process {pid}, {name}" for pid, name in case.tree.openers(f"socket:[{taken[port]}]"))
             remedy = "end it (is the slave running already? systemctl status uuv-hil), or take others: --listen"
-            yield Finding("problem", "network", f"port {port} is taken{who}", remedy)
+            yield Finding("problem", "network", f"port {port} is taken{owner}", remedy)
     if first not in taken and first + 1 not in taken:
         yield Finding(
             "ok", "network", f"{listen} is free" + ("" if case.remote else ", for masters on this machine only")

@@ -57,29 +57,29 @@ def software(case: Case) -> Iterator[Finding]:
 
 def start(scenario: Scenario, user: User) -> Iterator[Finding]:
     """Check whether the slave would start, record as `user`, and the planner find a way: what refuses is a problem."""
-    looks: tuple[tuple[str, Callable[[], object]], ...] = (
+    checks: tuple[tuple[str, Callable[[], object]], ...] = (
         ("slave", lambda: _assemble(scenario)),
         ("link", lambda: _open_protocols(scenario)),
         ("recording", lambda: _require_room(scenario.recording, user)),
         ("planner", lambda: _plan(scenario)),
     )
-    told = set()
-    for topic, look in looks:
-        fault = _fault(topic, look, scenario.path)
-        if fault and fault.text not in told:
-            told.add(fault.text)
+    reported = set()
+    for topic, check in checks:
+        fault = _fault(topic, check, scenario.path)
+        if fault and fault.text not in reported:
+            reported.add(fault.text)
             yield fault
-    if not told:
+    if not reported:
         yield Finding("ok", "start", f"{scenario.path} can be put together")
         warning = attitude_warning(scenario)
         if warning:
             yield Finding("note", "attitude", warning)
 
 
-def _fault(topic: str, look: Callable[[], object], path: str) -> Finding | None:
-    """Return what `look` raises, as a problem with the remedy; None if it raises nothing."""
+def _fault(topic: str, check: Callable[[], object], path: str) -> Finding | None:
+    """Return what `check` raises, as a problem with the remedy; None if it raises nothing."""
     try:
-        look()
+        check()
     except (NetworkError, MissingExtraError) as error:  # these tell what to do
         return Finding("problem", topic, str(error))
     except HilError as error:
@@ -235,13 +235,13 @@ def granted(case: Case) -> Iterator[Finding]:
     environment = os.environ | {"PYTHONPATH": ROOT}
     try:
         command = [*prefix, *python_command("-c", code)]
-        said = subprocess.run(command, capture_output=True, text=True, check=False, env=environment).stdout
+        output = subprocess.run(command, capture_output=True, text=True, check=False, env=environment).stdout
     except OSError:  # no runuser here, or below an emulator that cannot start another program
-        said = ""
-    if not said:
+        output = ""
+    if not output:
         text = f"could not be tried: {case.user.name} cannot start {sys.executable}"
         yield Finding("note", "scheduling", text, f"see: {shlex.join([*prefix, sys.executable, '-V'])}")
-    for line in said.splitlines():
+    for line in output.splitlines():
         name, _, text = line.partition(": ")
         refused = "not " in text
         yield Finding("note" if refused else "ok", name, text, grant(case) if refused else "")

@@ -71,8 +71,8 @@ def call(vehicle: Vehicle, what: str, arguments: Request) -> Action | None:
     missing = [name for name, each in parameters.items() if each.default is each.empty and name not in arguments]
     if missing:
         raise ConfigError(f"{vehicle.name}: {what} also needs {', '.join(missing)}")
-    told: Action | None = method(**{name: _argument(name, value) for name, value in arguments.items()})
-    return told
+    action: Action | None = method(**{name: _argument(name, value) for name, value in arguments.items()})
+    return action
 
 
 def _refuse(vehicle: Vehicle, what: str, arguments: Request, names: list[str]) -> None:

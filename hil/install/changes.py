@@ -20,7 +20,7 @@ from hil.common.schema import Range, parse
 MANIFEST = "/etc/uuv-hil/installed.json"  # not in /var/lib: the service's user could write there what root deletes
 MODE = 0o644
 SAME = (-1, -1)  # for chown(2): the owner does not change
-BESIDE = ".new"  # an ending that none of those who read these folders looks for
+TEMPORARY_SUFFIX = ".new"  # an ending that none of those who read these folders looks for
 
 
 class Change(NamedTuple):
@@ -181,8 +181,10 @@ def _manifest(tree: Tree) -> dict[str, Note] | None:
         return None
     try:
         table = json.loads(text)
-        told = {path: {key: value for key, value in note.items() if value is not None} for path, note in table.items()}
-        return {path: parse(note, Note, MANIFEST) for path, note in told.items()}
+        entries = {
+            path: {key: value for key, value in note.items() if value is not None} for path, note in table.items()
+        }
+        return {path: parse(note, Note, MANIFEST) for path, note in entries.items()}
     except (ValueError, AttributeError, ConfigError):
         remedy = "remove it, and the files that this finds: grep -rl 'uuv-hil board install' /etc"
         raise ConfigError(f"{MANIFEST}: is not what was written there; {remedy}") from None
@@ -221,11 +223,11 @@ def _put(tree: Tree, changes: Sequence[Change]) -> None:
     """
     try:
         for change in changes:
-            _write_beside(tree, change)
+            _write_temporary(tree, change)
         for change in changes:
             place = tree.entry(change.path)
             if change.after is not None:
-                os.replace(place + BESIDE, place)
+                os.replace(place + TEMPORARY_SUFFIX, place)
             elif os.path.lexists(place):
                 os.remove(place)
     except OSError as error:
@@ -234,18 +236,18 @@ def _put(tree: Tree, changes: Sequence[Change]) -> None:
     finally:
         for change in changes:
             with suppress(OSError):  # it is in its place
-                os.remove(tree.entry(change.path) + BESIDE)
+                os.remove(tree.entry(change.path) + TEMPORARY_SUFFIX)
 
 
-def _write_beside(tree: Tree, change: Change) -> None:
+def _write_temporary(tree: Tree, change: Change) -> None:
     if change.after is None:
         return
-    beside = tree.entry(change.path) + BESIDE
-    os.makedirs(os.path.dirname(beside), exist_ok=True)
-    with open(beside, "w", newline="", errors="surrogateescape", encoding="utf-8") as file:
+    temporary = tree.entry(change.path) + TEMPORARY_SUFFIX
+    os.makedirs(os.path.dirname(temporary), exist_ok=True)
+    with open(temporary, "w", newline="", errors="surrogateescape", encoding="utf-8") as file:
         with suppress(PermissionError):  # only root can give files away
-            os.chown(beside, *change.owner)
-        os.chmod(beside, change.mode)
+            os.chown(temporary, *change.owner)
+        os.chmod(temporary, change.mode)
         file.write(change.after)
         file.flush()
         os.fsync(file.fileno())

@@ -105,8 +105,8 @@ def unit(tree: Tree, service: Service, board: Board | None) -> str:
         "description": prose(scenario.description) or prose(service.name),
         "wants": f"Wants={' '.join(needs)}" if needs else "",
         "after": " ".join(["network.target", "time-sync.target", *needs]),
-        "command": " ".join(word(part).replace("$", "$$") for part in command(service)),
-        "pythonpath": word(python_path()),
+        "command": " ".join(escape_word(part).replace("$", "$$") for part in command(service)),
+        "pythonpath": escape_word(python_path()),
         "user": service.user,
         "rtprio": str(LOOP_PRIORITY if scenario.slave.realtime else 0),
         "memory_max": f"{LEAK * (board.recommended.memory if board else 64):.0f}M",
@@ -114,7 +114,7 @@ def unit(tree: Tree, service: Service, board: Board | None) -> str:
         "private_tmp": "no" if parse_address(scenario.link.port).place.startswith("/tmp/") else "yes",
         "system_calls": "SystemCallFilter=@system-service" if version is None or version >= SYSTEM_SERVICE else "",
         "devices": "\n".join(_devices(scenario, kinds)),
-        "writable": f"ReadWritePaths={word('-' + recording)}" if os.path.isabs(recording) else "",
+        "writable": f"ReadWritePaths={escape_word('-' + recording)}" if os.path.isabs(recording) else "",
     }
     return _fill("systemd/uuv-hil.service", values)
 
@@ -202,7 +202,7 @@ def command(service: Service) -> list[str]:
     words = module_command("hil.cli", "slave", name)
     for option, value in (("--listen", service.listen), ("--board", service.board), ("--member", service.member)):
         words += [option, value] if value else []
-    return words + [word for change in service.changes for word in ("--set", change)]
+    return words + [escape_word for change in service.changes for escape_word in ("--set", change)]
 
 
 def python_path() -> str:
@@ -210,7 +210,7 @@ def python_path() -> str:
     return os.path.dirname(preset_folder(FOLDER))
 
 
-def word(text: str) -> str:
+def escape_word(text: str) -> str:
     """Return a word or path as a unit has to have it, see systemd.syntax(7); in commands $ is $$ on top of that.
 
     Raises ConfigError for characters that no unit can have.

@@ -47,12 +47,12 @@ def new_machine(authority: Pair, name: str, hosts: list[str], days: int) -> Pair
     if not isinstance(issuer_key, ec.EllipticCurvePrivateKey):
         raise ConfigError("the authority was not made by `uuv-hil keys init`: its key is of another kind")
     key = ec.generate_private_key(ec.SECP256R1())
-    both_ways = [x509.oid.ExtendedKeyUsageOID.SERVER_AUTH, x509.oid.ExtendedKeyUsageOID.CLIENT_AUTH]
+    usages = [x509.oid.ExtendedKeyUsageOID.SERVER_AUTH, x509.oid.ExtendedKeyUsageOID.CLIENT_AUTH]
     identifier = x509.AuthorityKeyIdentifier.from_issuer_public_key(issuer_key.public_key())
     builder = _builder(_name(name), issuer.subject, key, days)
     builder = builder.add_extension(x509.BasicConstraints(ca=False, path_length=None), critical=True)
     builder = builder.add_extension(_usage(authority=False), critical=True)
-    builder = builder.add_extension(x509.ExtendedKeyUsage(both_ways), critical=False)
+    builder = builder.add_extension(x509.ExtendedKeyUsage(usages), critical=False)
     builder = builder.add_extension(x509.SubjectAlternativeName([_host(host) for host in hosts]), critical=False)
     builder = builder.add_extension(identifier, critical=False)
     return _pair(builder.sign(issuer_key, hashes.SHA256()), key)

@@ -17,8 +17,8 @@ def declare_presence(session: Session, node: str, part: Part, ident: str = "", r
 
     `ident` and `rank`: see `hil.network.tokens.Presence`; by default one of chance and 0.
     """
-    who = f"{os.uname().nodename}:{os.getpid()}"
-    return session.declare_token(presence_key(Presence(node, part, rank, ident or os.urandom(16).hex(), who)))
+    process = f"{os.uname().nodename}:{os.getpid()}"
+    return session.declare_token(presence_key(Presence(node, part, rank, ident or os.urandom(16).hex(), process)))
 
 
 def watch_presence(session: Session, node: str, deliver: Watch) -> None:

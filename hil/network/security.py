@@ -39,7 +39,7 @@ class Security(NamedTuple):
     may_listen: tuple[str, ...] = ()
     router: str = ""
 
-    def beside(self, folder: str) -> "Security":
+    def resolve_paths(self, folder: str) -> "Security":
         """Return the same with its folders found from `folder`, that of the scenario."""
         slave, master, router = (path and os.path.join(folder, path) for path in (self.slave, self.master, self.router))
         return self._replace(slave=slave, master=master, router=router)

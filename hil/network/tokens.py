@@ -18,7 +18,7 @@ _FARTHEST_NS = 4 * 10**18  # that an instant may be from 1970: what is computed 
 class Presence(NamedTuple):
     """A participant of a node: the slave itself, a master, an observer.
 
-    `ident` is what its commands are signed with, in hexadecimal; a master of higher `rank` takes over. `who` is for
+    `ident` is what its commands are signed with, in hexadecimal; a master of higher `rank` takes over. `process` is for
     people: machine and process.
     """
 
@@ -26,13 +26,13 @@ class Presence(NamedTuple):
     part: Part
     rank: int
     ident: str
-    who: str
+    process: str
 
 
 def presence_key(presence: Presence) -> str:
     """Return the liveliness token that says so."""
-    node, part, rank, ident, who = presence
-    return f"uuv_hil/{node}/alive/{part}/{rank}/{ident}/{_plain(who)}"
+    node, part, rank, ident, process = presence
+    return f"uuv_hil/{node}/alive/{part}/{rank}/{ident}/{_plain(process)}"
 
 
 def presence_keys(node: str, part: str) -> str:
@@ -45,10 +45,10 @@ def read_presence(key: str) -> Presence | None:
     parts = key.split("/")
     if len(parts) != 7 or parts[2] != "alive" or parts[3] not in _PARTS:
         return None
-    _, node, _, part, rank, ident, who = parts
+    _, node, _, part, rank, ident, process = parts
     if rank not in _RANKS or len(ident) > _LONGEST_IDENT or not _hexadecimal(ident):
         return None
-    return Presence(_plain(node, _LONGEST_NODE), _PARTS[part], int(rank), ident, _plain(who))
+    return Presence(_plain(node, _LONGEST_NODE), _PARTS[part], int(rank), ident, _plain(process))
 
 
 def last_key(node: str, topic: str) -> str:

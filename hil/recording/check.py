@@ -69,7 +69,7 @@ class _Repetition:
         self._epochs_topic = EPOCHS.full_name(node)
         self._pulses: tuple[int, ...] = ()
         self._steps = 0
-        self._said: deque[tuple[str, bytes]] = deque()
+        self._repeated: deque[tuple[str, bytes]] = deque()
         self._numbers: dict[str, int] = {}
 
     def run(self, messages: Iterator[Message]) -> Verdict:
@@ -135,9 +135,9 @@ class _Repetition:
     def _next(self, message: Message) -> tuple[str, bytes]:
         """Return what the sensors say next that the slave recorded too."""
         limit = self._steps + round(LONGEST_SILENCE_S * 1e9) // self._step_ns
-        while not self._said and self._steps < limit:
+        while not self._repeated and self._steps < limit:
             self._step()
-        return self._said.popleft() if self._said else ("", b"")
+        return self._repeated.popleft() if self._repeated else ("", b"")
 
     def _step(self) -> None:
         sample: Any  # the slave's sample_publisher knows no more of it either
@@ -145,7 +145,7 @@ class _Repetition:
             stamped = sample._replace(time_ns=self._stamps.stamp(sample.time_ns))
             for name, payload in ros.encoder(topic)(stamped, self._prefix, *self._variances.get(topic, ())):
                 if name in self._names:
-                    self._said.append((self._names[name], payload))
+                    self._repeated.append((self._names[name], payload))
         self._steps += 1
 
     def _difference(self, message: Message, expected: tuple[str, bytes]) -> str:

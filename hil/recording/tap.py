@@ -31,7 +31,7 @@ DEPTH = 1 << 14  # messages of one endpoint that may wait; beyond it the oldest 
 LINKS = 64  # news of links that may wait
 RETRY_S = 0.2
 PATIENCE_NS = 5 * NS_PER_S  # until it is said first that somebody is not there
-SAY_AGAIN_NS = 60 * NS_PER_S
+COMPLAINT_PERIOD_NS = 60 * NS_PER_S
 
 
 def save_processor() -> None:
@@ -110,10 +110,10 @@ class Tap:
         self._lines: list[_Line] = []
         self._threads: list[threading.Thread] = []
         self._closing = threading.Event()
-        self._say_ns = 0
+        self._complaint_ns = 0
 
     def __enter__(self) -> "Tap":
-        self._say_ns = now_ns() + PATIENCE_NS
+        self._complaint_ns = now_ns() + PATIENCE_NS
         for endpoint, text in self._settings.items():
             thread = threading.Thread(target=self._open, args=(endpoint, text), name=f"tap {endpoint}", daemon=True)
             thread.start()
@@ -139,9 +139,9 @@ class Tap:
     def complaint(self) -> str:
         """That somebody has not been there yet, whenever it is time to say so; else empty."""
         missing = [endpoint for endpoint in self._settings if endpoint not in self.connected]
-        if not missing or now_ns() < self._say_ns:
+        if not missing or now_ns() < self._complaint_ns:
             return ""
-        self._say_ns = now_ns() + SAY_AGAIN_NS
+        self._complaint_ns = now_ns() + COMPLAINT_PERIOD_NS
         return f"still nobody at {', '.join(missing)}; waiting"
 
     def close(self) -> None:
@@ -168,11 +168,11 @@ class Tap:
         stamp = sample.timestamp
         came_ns = stamp.get_time_as_ntp64().as_nanos() if stamp else to_wall_ns(now_ns())
         key, attachment = str(sample.key_expr), sample.attachment
-        told = ros.unpack_attachment(attachment.to_bytes()) if attachment is not None else None
-        if told is None:
+        stamp_fields = ros.unpack_attachment(attachment.to_bytes()) if attachment is not None else None
+        if stamp_fields is None:
             topic = self._topic(key)
             return Message(*topic, 0, came_ns, came_ns, sample.payload.to_bytes()) if topic else None
-        sequence, sent_ns, gid = told
+        sequence, sent_ns, gid = stamp_fields
         try:
             publisher = self._publishers[gid, key]
         except KeyError:

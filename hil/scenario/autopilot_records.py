@@ -53,7 +53,7 @@ class AutopilotSettings(NamedTuple):
         scheme = "udp" if controller == "ardupilot" else "tcp"
         return self.address or f"{scheme}://127.0.0.1:{PORTS[controller] + STEP[controller] * self.instance}"
 
-    def beside(self, folder: str) -> "AutopilotSettings":
+    def resolve_paths(self, folder: str) -> "AutopilotSettings":
         """Return the same with paths relative to the folder of the scenario file."""
 
         def placed(text: str) -> str:

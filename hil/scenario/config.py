@@ -96,16 +96,16 @@ class Scenario(NamedTuple):
             return (
                 f'controller = "external" needs stm32 = "python" or "unicorn": {self.stm32!r} would hide the thrusters'
             )
-        unspoken = self._unspoken()
-        if unspoken:
-            return f"stm32 = {self.stm32!r} does not speak [link] {unspoken}"
+        unsupported = self._unsupported_link()
+        if unsupported:
+            return f"stm32 = {self.stm32!r} does not speak [link] {unsupported}"
         if self.slave.deadman < 2 * self.slave.control_period:
             return "slave: deadman must be at least twice control_period"
         if self.link.watchdog < 2 * self.slave.control_period:
             return "link: watchdog must be at least twice [slave] control_period"
         return None
 
-    def _unspoken(self) -> str:
+    def _unsupported_link(self) -> str:
         """Return what of the link the firmware in C has not learnt."""
         link = self.link
         if self.stm32 not in ("native", "unicorn", "qemu"):
@@ -154,14 +154,14 @@ def load_scenario(name: str, changes: dict[str, Any] | None = None) -> Scenario:
         **lazy,
     )
     if scenario.security:
-        scenario = scenario._replace(security=scenario.security.beside(folder))
+        scenario = scenario._replace(security=scenario.security.resolve_paths(folder))
     else:
         _check_certificates(scenario)
     if scenario.autopilot:
         if scenario.controller not in AUTOPILOTS:
             words = f'belongs to controller = "ardupilot" or "px4", not to {scenario.controller!r}'
             raise ConfigError(f"{path}: autopilot: {words}")
-        scenario = scenario._replace(autopilot=scenario.autopilot.beside(folder))
+        scenario = scenario._replace(autopilot=scenario.autopilot.resolve_paths(folder))
     if any("class" in section for section in sensors.values()):
         from hil.ros.own import announce  # most vehicles have no sensor of a user's own
 

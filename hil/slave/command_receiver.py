@@ -104,7 +104,7 @@ class CommandReceiver:
     """Holds the newest command; `fileno` becomes readable when there is one.
 
     `clocks` and `ranks`, by sender, are filled in by `hil.slave.contacts`; a sender without them (a ROS 2 node) is
-    judged by its fastest message and has rank 0. `master` is who is obeyed, b"" at first; `news` is set when that
+    judged by its fastest message and has rank 0. `master` is who is obeyed, b"" at first; `wakeup` is set when that
     changes. `thrusters` is how many the vehicle has. `fault` is what was wrong with the last command that could be read
     and yet not be obeyed; "" if there was none.
 
@@ -120,7 +120,7 @@ class CommandReceiver:
         hold_ns: int = NS_PER_S // 2,
         rate: float = 200.0,
         thrusters: int = 0,
-        news: threading.Event | None = None,
+        wakeup: threading.Event | None = None,
     ) -> None:
         self._age_limit_ns = age_limit_ns
         self._hold_ns = hold_ns
@@ -140,7 +140,7 @@ class CommandReceiver:
         self.ranks: dict[bytes, int] = {}
         self.master = b""
         self.fault = ""
-        self.news = news or threading.Event()
+        self.wakeup = wakeup or threading.Event()
         self.received = 0
         self.malformed = 0
         self.stale = 0
@@ -201,7 +201,7 @@ class CommandReceiver:
         if sender == self.master:
             self.master = b""
             self._anonymous.clear()  # of which it was one, if it commanded before it was known
-            self.news.set()
+            self.wakeup.set()
 
     def close(self) -> None:
         """Give the descriptor back. The reader must have ended."""
@@ -269,7 +269,7 @@ class CommandReceiver:
         """Make the sender the active master, unless it is already (`is_active`)."""
         if not is_active:
             self.master = sender
-            self.news.set()
+            self.wakeup.set()
             self._anonymous.clear()
             if self._mux:
                 self._mux.clear()

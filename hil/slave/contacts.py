@@ -88,9 +88,9 @@ class Contacts:
             figures.may_command, figures.may_listen = self._security.may_command, self._security.may_listen
         figures.commanded_by = "" if command_receiver.is_master_timed_out else command_receiver.master.hex()
         figures.commander = " ".join(
-            [master.who for master in masters if master.ident == command_receiver.master.hex()]
+            [master.process for master in masters if master.ident == command_receiver.master.hex()]
         )
-        figures.masters = tuple([master.who for master in masters])
+        figures.masters = tuple([master.process for master in masters])
         figures.observers = len(self._there["observer"])
         figures.masters_lost = self.lost
         figures.pings_dropped = sum([pings.lost for pings in self._pings])
@@ -133,7 +133,7 @@ class Contacts:
     def _end_younger(self, other: Presence, is_younger: bool) -> None:
         if other.ident not in self._twins:
             return
-        problem = f"another slave of the name {self._node} is there: {other.who}"
+        problem = f"another slave of the name {self._node} is there: {other.process}"
         if not is_younger:
             self._report(f"WARNING: {problem}; no master commands either until one of them has ended")
             return
@@ -145,12 +145,12 @@ class Contacts:
         if alive:
             self._command_receiver.ranks[sender] = presence.rank
             rank = f" with rank {presence.rank}" if presence.rank else ""
-            self._report(f"master {presence.who} is there{rank}")
+            self._report(f"master {presence.process} is there{rank}")
         else:
             was_active = sender == self._command_receiver.master
             self._command_receiver.remove_sender(sender)
             self.lost += 1
-            self._report(f"master {presence.who} is gone" + (", which commanded" if was_active else ""))
+            self._report(f"master {presence.process} is gone" + (", which commanded" if was_active else ""))
 
     def _on_ping(self, payload: bytes) -> None:
         """Answer every request at once."""

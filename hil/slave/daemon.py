@@ -140,7 +140,7 @@ def _assemble(
     stack.callback(driver.close)
     startup["link"] = now_ns()
     limits = seconds_ns(slave.command_age_limit), seconds_ns(slave.deadman), scenario.network.command_rate
-    command_receiver = CommandReceiver(*limits, len(vehicle.thrusters), log.news)
+    command_receiver = CommandReceiver(*limits, len(vehicle.thrusters), log.wakeup)
     stack.callback(command_receiver.close)
     session = stack.enter_context(network.session())
     startup["session"] = now_ns()

@@ -16,7 +16,7 @@ WINDOW_NS = 10 * NS_PER_S
 class Log:
     """Lines for a person, on standard error. `say` only stores a line; `flush` writes it.
 
-    Writing may block (a slow terminal, a full disk); noting never does. `news` is set when there is something to write.
+    Writing may block (a slow terminal, a full disk); storing never does. `wakeup` is set when a line waits.
     What others on the network can cause is bounded: characters that do not print are replaced, long lines are cut, and
     of more than 1000 lines in 10 s only the number is reported.
     """
@@ -27,7 +27,7 @@ class Log:
         self._lines: deque[str] = deque(maxlen=1000)
         self._window_ns, self._in_window, self._left_out = self._start_ns, 0, 0
         self._noting = threading.Lock()  # several threads do
-        self.news = threading.Event()
+        self.wakeup = threading.Event()
 
     def say(self, text: str) -> None:
         """Store a line with its time since the start."""
@@ -41,7 +41,7 @@ class Log:
                 self._left_out += 1
                 return
             self._add_line(text, now)
-        self.news.set()
+        self.wakeup.set()
 
     def _add_line(self, text: str, now: int) -> None:
         self._lines.append(f"[{(now - self._start_ns) / NS_PER_S:9.3f}] {self._name}: {clean(text, LONGEST)}\n")

@@ -53,7 +53,7 @@ def start_program(*arguments: str) -> Callable[[], None]:
     ends = (os.open(os.devnull, os.O_RDONLY | os.O_CLOEXEC), 1, 2, open_lifeline())
     try:
         environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
-        environment[lifeline.VARIABLE] = lifeline.word(len(ends) - 1, ends[-1])
+        environment[lifeline.VARIABLE] = lifeline.describe_end(len(ends) - 1, ends[-1])
         pid = spawn(module_command("hil.cli", *arguments), environment, ends)
     finally:
         os.close(ends[0])

@@ -52,15 +52,18 @@ def fit_lag(values: Sequence[float], acceleration: float, period: float, where: 
     squares for each delay on a grid, and the best of these (Söderström & Stoica 1989, "System Identification", on
     least squares for integrated models). Raises ConfigError if nothing moves the right way.
     """
-    ways = [0.0, *accumulate(period * (a + b) / 2.0 for a, b in pairwise(values))]
+    distances = [0.0, *accumulate(period * (a + b) / 2.0 for a, b in pairwise(values))]
     best, least = None, inf
     for number in range(round(_DELAY_MOST_S / _DELAY_STEP_S)):
         delay = number * _DELAY_STEP_S
         pushes = [acceleration * max(0.0, place * period - delay) for place in range(len(values))]
-        slope, damping = _two_unknowns(pushes, [-way for way in ways], values)
+        slope, damping = _two_unknowns(pushes, [-distance for distance in distances], values)
         if damping < 0.0:
             slope, damping = _one_unknown(pushes, values), 0.0
-        off = sum((slope * a - damping * way - value) ** 2 for a, way, value in zip(pushes, ways, values, strict=True))
+        off = sum(
+            (slope * a - damping * distance - value) ** 2
+            for a, distance, value in zip(pushes, distances, values, strict=True)
+        )
         if off < least:
             best, least = Process(slope, damping, delay), off
     if best is None or not best.slope > 0.05:

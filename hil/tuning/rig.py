@@ -56,8 +56,8 @@ class Recorder:
     ) -> Wrench:
         """Return the wrench (N, N m) for the next `dt` s."""
         x, y, z, k, m, n = (
-            held + added if axis == self._axis else asked
-            for axis, (asked, held, added) in enumerate(
+            held + added if axis == self._axis else requested
+            for axis, (requested, held, added) in enumerate(
                 zip(self._controller.update(command, navigation, dt, residual), self._held, self._added, strict=True)
             )
         )
@@ -91,13 +91,13 @@ class Rig:
         self.recorder = Recorder(self._pilot.controller)
         self._pilot.controller = self.recorder
 
-    def fly(self, seconds: float, orders: CommandMux) -> list[Moment]:
-        """Go on for so long, under what `orders` says for each time since this call (s); all instants of control."""
+    def fly(self, seconds: float, commands: CommandMux) -> list[Moment]:
+        """Go on for so long, under what `commands` says for each time since this call (s); all instants of control."""
         simulation, pilot = self.simulation, self._pilot
         moments = []
         for number in range(round(seconds / CONTROL_PERIOD_S)):
             time = number * CONTROL_PERIOD_S
-            pilot.command(orders(time), simulation.time_ns)
+            pilot.command(commands(time), simulation.time_ns)
             pulses, _ = pilot.update(simulation.time_ns, CONTROL_PERIOD_S)
             moments.append(self._moment(time))
             for _ in range(_STEPS):

@@ -73,10 +73,10 @@ class Tuner:
         """Return the axes that this vehicle's thrusters drive."""
         return [axis for axis in AXES if self._reach[AXES[axis].loop].driven]
 
-    def tune(self, axes: Sequence[str], tell: Tell = lambda text: None) -> list[Tuned]:
+    def tune(self, axes: Sequence[str], report: Tell = lambda text: None) -> list[Tuned]:
         """Return each of `axes` in turn, inner loops first; `control` and `gains` then hold what was found.
 
-        `tell` hears what is being done. Raises ConfigError for an axis that the thrusters do not drive.
+        `report` hears what is being done. Raises ConfigError for an axis that the thrusters do not drive.
         """
         for axis in axes:
             if axis not in self.axes():
@@ -86,7 +86,7 @@ class Tuner:
         old = dict(self.control)
         found = []
         for axis in (axis for axis in AXES if axis in axes):
-            tell(axis)
+            report(axis)
             found.append(self._tune_axis(axis, old))
         return found
 
@@ -103,7 +103,7 @@ class Tuner:
             response = self._fly(axis, size, self.control | {key: row._asdict() for key, row in gains.items()})
             if _worth(response.figures()) < least:
                 best, least = Tuned(axis, process, before, response, gains, True), _worth(response.figures())
-        self._keep(best.gains)
+        self._apply_gains(best.gains)
         return best
 
     def _identify(self, axis: str, size: float) -> Process:
@@ -145,7 +145,7 @@ class Tuner:
     def _fly(self, axis: str, size: float, control: dict[str, Any]) -> Response:
         return fly_step(self._name, self._vehicle, control, axis, size, self._seed)
 
-    def _keep(self, gains: dict[str, AxisGains | HoldGains]) -> None:
+    def _apply_gains(self, gains: dict[str, AxisGains | HoldGains]) -> None:
         self.gains = self.gains._replace(**gains)  # type: ignore[arg-type]
         self.control |= {key: getattr(self.gains, key)._asdict() for key in gains}
 

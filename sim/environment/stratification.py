@@ -11,7 +11,7 @@ from sim.vehicle.buoyancy import Hull
 from sim.vehicle.vehicle import Vehicle
 
 if TYPE_CHECKING:
-    from sim.environment.waves import Sea
+    from sim.environment.waves import WaveField
     from sim.native._native import Force as Twin
 
 
@@ -47,11 +47,11 @@ class WavySurface:
     change of added mass and of wave forces on a hull partly out of the water.
     """
 
-    def __init__(self, hull: Hull, sea: "Sea") -> None:
+    def __init__(self, hull: Hull, wave_field: "WaveField") -> None:
         self._hull = hull
-        self.sea = sea
+        self.wave_field = wave_field
         self.twin: Twin | None = None  # in C, which gets the time too
-        highest = sum(abs(wave.amplitude) for wave in sea.components)
+        highest = sum(abs(wave.amplitude) for wave in wave_field.components)
         self._deep = highest + hull.reach
         self._time = 0.0
 
@@ -66,7 +66,7 @@ class WavySurface:
         north, east, depth = position
         if depth >= self._deep:
             return (0.0,) * 6
-        under = depth + self.sea.elevation(self._time, north, east)
+        under = depth + self.wave_field.elevation(self._time, north, east)
         calm = self._hull.lift(depth, rotation)
         lift, x, y, z = [a - b for a, b in zip(self._hull.lift(under, rotation), calm, strict=True)]
         return lift_wrench((lift, x, y, z), rotation)
@@ -76,12 +76,12 @@ class WavySurface:
         return [self._deep]
 
 
-def surface_and_layers(vehicle: Vehicle, world: World, sea: "Sea | None") -> list[Force]:
+def surface_and_layers(vehicle: Vehicle, world: World, wave_field: "WaveField | None") -> list[Force]:
     """Return the forces above on `vehicle` that `world` calls for."""
     hull = Hull(vehicle, world.density, world.gravity)
     forces: list[Force] = []
     if world.ocean and world.ocean.profile:
         forces.append(Stratified(hull, WaterColumn(world.ocean.profile, world.gravity), world.density))
-    if sea is not None:
-        forces.append(WavySurface(hull, sea))
+    if wave_field is not None:
+        forces.append(WavySurface(hull, wave_field))
     return forces

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from sim.dynamics import State
 from sim.environment.currents import Velocity, ocean_current
 from sim.environment.ocean import Waves
-from sim.environment.waves import Sea, WaterMotion
+from sim.environment.waves import WaterMotion, WaveField
 from sim.environment.world import World
 from sim.matrices import cross_matrix, square
 from sim.rotations import rotate_inverse
@@ -30,7 +30,7 @@ class FluidMotion:
         self.current = ocean_current(world.ocean, world.current, seed)
         self.is_steady = not world.ocean._replace(waves=None).moves  # but for waves
         waves = world.ocean.waves
-        self._sea = (sampled or SampledWaves)(waves, world, seed) if waves else None
+        self._wave_field = (sampled or SampledWaves)(waves, world, seed) if waves else None
         self._mass = pushed_mass(vehicle, world.density)
 
     def carry(self, vehicle: Vehicle, density: float) -> None:
@@ -40,9 +40,9 @@ class FluidMotion:
     def act(self, time_ns: int, state: State, wrench: Sequence[float]) -> tuple[Velocity, Sequence[float]]:
         """Return the water's velocity (m/s, NED), and `wrench` (N, N m, body axes) with the push of the waves added."""
         velocity = self.current(time_ns, state.position[2])
-        if self._sea is None:
+        if self._wave_field is None:
             return velocity, wrench
-        orbital, acceleration = self._sea.motion(time_ns, state.position)
+        orbital, acceleration = self._wave_field.motion(time_ns, state.position)
         north, east, down = velocity
         a, b, c = rotate_inverse(state.quaternion, acceleration)
         pushed = [force + x * a + y * b + z * c for force, (x, y, z) in zip(wrench, self._mass, strict=True)]
@@ -54,16 +54,16 @@ class FluidMotion:
         return [x for row in self._mass for x in row]
 
     @property
-    def sea(self) -> Sea | None:
+    def wave_field(self) -> WaveField | None:
         """The waves; None if there are none."""
-        return self._sea.sea if self._sea else None
+        return self._wave_field.wave_field if self._wave_field else None
 
     def velocity(self, time_ns: int, place: Sequence[float]) -> Velocity:
         """Return the water's velocity (m/s, NED) at any position (m, NED)."""
         north, east, down = self.current(time_ns, place[2])
-        if self._sea is None:
+        if self._wave_field is None:
             return north, east, down
-        x, y, z = self._sea.sea.motion(time_ns * 1e-9, *place).velocity
+        x, y, z = self._wave_field.wave_field.motion(time_ns * 1e-9, *place).velocity
         return north + x, east + y, down + z
 
 
@@ -72,7 +72,7 @@ class SampledWaves:
 
     def __init__(self, waves: Waves, world: World, seed: int) -> None:
         self._hold_ns = round(waves.hold * 1e9)
-        self.sea = self._make_sea(waves, world, seed)
+        self.wave_field = self._make_wave_field(waves, world, seed)
         self._due_ns = 0
         self._motion = _AT_REST
 
@@ -80,11 +80,11 @@ class SampledWaves:
         """Return the motion of the water at `position` (m, NED), not older than `hold`."""
         if time_ns >= self._due_ns:
             self._due_ns = time_ns + self._hold_ns
-            self._motion = self.sea.motion(time_ns * 1e-9, *position)
+            self._motion = self.wave_field.motion(time_ns * 1e-9, *position)
         return self._motion
 
-    def _make_sea(self, waves: Waves, world: World, seed: int) -> Sea:
-        return Sea(waves, world.depth, world.gravity, seed)
+    def _make_wave_field(self, waves: Waves, world: World, seed: int) -> WaveField:
+        return WaveField(waves, world.depth, world.gravity, seed)
 
 
 def pushed_mass(vehicle: Vehicle, density: float) -> list[list[float]]:

@@ -111,7 +111,7 @@ def _frequencies(waves: Waves) -> list[float]:
     return [sqrt((above - below) / share) for below, above in pairwise(edges)]
 
 
-class Sea:
+class WaveField:
     """The sea of `waves` over a flat seabed at `depth` m under `gravity` m/s²."""
 
     def __init__(self, waves: Waves, depth: float, gravity: float, seed: int) -> None:
@@ -182,7 +182,7 @@ class Sea:
 
 
 def _row(wave: Component, depth: float) -> tuple[float, ...]:
-    """Return what the methods of `Sea` need of one wave.
+    """Return what the methods of `WaveField` need of one wave.
 
     With d = exp(-k z) and the echo e = exp(-2 k h), cosh(k (h - z)) / sinh(k h) is (d + e/d) / (1 - e), and for
     sinh above the line (d - e/d) / (1 - e).

@@ -109,7 +109,7 @@ class AcousticChannel:
         self._sending: dict[str, list[tuple[int, int]]] = {}  # by modem: when it sends
         self._arrivals: list[_Arrival] = []  # not yet judged, or may still disturb
         self._fates: dict[tuple[int, str], str] = {}
-        self._hearing: dict[str, int] = {}  # by modem: until when it is taken by a message
+        self._busy_until_ns: dict[str, int] = {}  # by modem: until when it is taken by a message
         self._number = 0
         self.counts: Counter[str] = Counter()
 
@@ -172,10 +172,10 @@ class AcousticChannel:
             fate = "unheard"
         elif any(begin <= arrival.begin_ns < end for begin, end in self._sending.get(receiver, ())):
             fate = "deaf"
-        elif arrival.begin_ns < self._hearing.get(receiver, 0):
+        elif arrival.begin_ns < self._busy_until_ns.get(receiver, 0):
             fate = "collided"
         if fate == RECEIVED:
-            self._hearing[receiver] = arrival.end_ns
+            self._busy_until_ns[receiver] = arrival.end_ns
         else:
             self.counts[fate] += 1
         return fate

@@ -33,17 +33,17 @@ _CLEAR = 0.15  # 1/m: the water that `reach` is meant for
 _REFERENCE_BITS = 8 * 128
 
 
-def bit_error(modem: OpticalModem, source: Vector3, ahead: Vector3, place: Vector3, looks: Vector3) -> float:
+def bit_error(modem: OpticalModem, source: Vector3, ahead: Vector3, place: Vector3, axis: Vector3) -> float:
     """Return the share of bits that arrive wrong, 0.5 if nothing is seen.
 
-    From `source` (NED, m), whose lamp points `ahead`, to `place`, whose eye `looks` (unit vectors, NED). A Lambertian
+    From `source` (NED, m), whose lamp points `ahead`, to `place`, whose eye `axis` (unit vectors, NED). A Lambertian
     lamp, Beer's law and the inverse square (Kaushal & Kaddoum, IEEE Access 4, 2016), on-off keying in constant noise:
     ½ exp(-½ q²), q proportional to the light. Not modelled: scattering, sunlight, what stands in the way.
     """
     offset = tuple(b - a for a, b in zip(source, place, strict=True))
     distance = max(sqrt(sum(x * x for x in offset)), 1e-3)
     out = sum(a * b for a, b in zip(ahead, offset, strict=True)) / distance
-    back = -sum(a * b for a, b in zip(looks, offset, strict=True)) / distance
+    back = -sum(a * b for a, b in zip(axis, offset, strict=True)) / distance
     if out <= 0.0 or back <= 0.0 or acos(min(back, 1.0)) > modem.view:
         return 0.5
     order = -log(2.0) / log(cos(modem.half_angle)) if modem.half_angle < 0.5 * pi else 1.0

@@ -61,9 +61,9 @@ class OpticalChannel:
 
     def _decide_fate(self, packet: Packet, source: Pose, place: Pose) -> None:
         errors = min(
-            bit_error(self._modem, source.position, ahead, place.position, looks)
+            bit_error(self._modem, source.position, ahead, place.position, axis)
             for ahead in _heads(source)
-            for looks in _heads(place)
+            for axis in _heads(place)
         )
         fate = "damaged"
         if errors > _UNSEEN:

@@ -1,4 +1,4 @@
-/* Shows kernel.h, forces.h, sea.h and errors.h to Python: the module sim.native._native. */
+/* Shows kernel.h, forces.h, waves.h and errors.h to Python: the module sim.native._native. */
 
 #include "moving.h"
 

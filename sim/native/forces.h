@@ -1,14 +1,14 @@
 /* The forces of a vehicle's equipment and of waves at its hull once more, to the last bit: sim/vehicle/body_lift.py,
  * fins.py, ballast.py, servos.py and sim/environment/stratification.py.
  *
- * Functions of the C library as in sea.h. Nothing of Python is in this file but the names of its classes.
+ * Functions of the C library as in waves.h. Nothing of Python is in this file but the names of its classes.
  */
 
 #include <math.h>
 #include <stddef.h>
 
 #include "body.h"
-#include "sea.h"
+#include "waves.h"
 
 enum { HULL_LIFT, CROSS_FLOW, SPEED_DAMPING, SLOW_DAMPING, FINS, BLADDER, WAVY_SURFACE, FORCE_KINDS };
 
@@ -22,7 +22,7 @@ typedef struct {
     long count, servo_count;
     double *numbers;
     Servo *servos;
-    const Waves *sea; /* of a WAVY_SURFACE */
+    const Waves *wave_field; /* of a WAVY_SURFACE */
     double time;
 } Force;
 
@@ -80,7 +80,7 @@ static int force_is_whole(const Force *force)
     long servos = force->kind == FINS ? force->count / each : force->kind == BLADDER;
     if (each == 0 ? rest != 0 : rest < each || rest % each != 0)
         return 0;
-    return force->servo_count == servos && (force->kind == WAVY_SURFACE) == (force->sea != NULL);
+    return force->servo_count == servos && (force->kind == WAVY_SURFACE) == (force->wave_field != NULL);
 }
 
 static void follow_servos(Force *force)
@@ -240,7 +240,7 @@ static void wavy_surface_force(const Force *force, const Body *body, const doubl
             out[i] = 0.0;
         return;
     }
-    hull_lift(body, position[2] + elevation(force->sea, force->time, position[0], position[1]), rotation, lift);
+    hull_lift(body, position[2] + elevation(force->wave_field, force->time, position[0], position[1]), rotation, lift);
     hull_lift(body, position[2], rotation, calm);
     for (int i = 0; i < 4; i++)
         lift[i] = lift[i] - calm[i];

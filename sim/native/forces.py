@@ -26,7 +26,7 @@ def make_twins(forces: Sequence[Force], kind: type[Twin]) -> tuple[Twin, ...] | 
 
     `kind` is the Force of sim.native._native.
     """
-    if len(forces) > MOST or not all(_kind(force) in KINDS and _sea_is_native(force) for force in forces):
+    if len(forces) > MOST or not all(_kind(force) in KINDS and _has_native_waves(force) for force in forces):
         return None
     return tuple([_make_twin(force, kind) for force in forces])
 
@@ -35,24 +35,24 @@ def _kind(force: Force) -> str:
     return f"{type(force).__module__}:{type(force).__qualname__}"
 
 
-def _sea_is_native(force: Force) -> bool:
-    sea = vars(force).get("sea")
-    return sea is None or hasattr(sea, "twin")
+def _has_native_waves(force: Force) -> bool:
+    wave_field = vars(force).get("wave_field")
+    return wave_field is None or hasattr(wave_field, "twin")
 
 
 def _make_twin(force: Any, kind: type[Twin]) -> Twin:
     """Return the twin of one force that is in C; one with servos keeps its first, which knows where they are."""
     parts = vars(force)
-    servos, sea = parts.get("servos"), parts.get("sea")
+    servos, wave_field = parts.get("servos"), parts.get("wave_field")
     if isinstance(servos, kind):
         return servos
     numbers = force.numbers()
     moved = servos.numbers() if servos is not None else []
     packed = pack(f"{len(numbers)}d", *numbers), pack(f"{len(moved)}d", *moved)
     make: Any = kind
-    twin: Twin = make(KINDS.index(_kind(force)), *packed, sea and sea.twin)
+    twin: Twin = make(KINDS.index(_kind(force)), *packed, wave_field and wave_field.twin)
     if servos is not None:
         parts["servos"] = twin
-    if sea is not None:
+    if wave_field is not None:
         parts["twin"] = twin
     return twin

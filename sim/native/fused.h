@@ -6,7 +6,7 @@ typedef struct {
     State *state;
     ThrusterBank *mixer;
     Kernel *kernel;
-    Sea *sea;          /* NULL in water without waves */
+    WaveField *wave_field;          /* NULL in water without waves */
     PyObject *command; /* takes each new tuple of pulses */
     PyObject *current; /* what gives the current at a time and depth; NULL where it is steady */
     PyObject *pulses;  /* the last ones, a tuple; NULL before the first */
@@ -19,17 +19,17 @@ typedef struct {
 
 static PyObject *fused_new(PyTypeObject *type, PyObject *arguments, PyObject *keywords)
 {
-    PyObject *state, *kernel, *mixer, *command, *steady, *current, *sea, *mass, *air;
+    PyObject *state, *kernel, *mixer, *command, *steady, *current, *wave_field, *mass, *air;
     double half_height, water[3], pushed[18] = {0.0}, ventilation[1 + 4 * MOST_THRUSTERS];
     long long dt_ns;
     (void)keywords;
     if (!PyArg_ParseTuple(arguments, "O!O!O!OLdOOOOO", state_type, &state, kernel_type, &kernel, mixer_type, &mixer,
-                          &command, &dt_ns, &half_height, &steady, &current, &sea, &mass, &air)
+                          &command, &dt_ns, &half_height, &steady, &current, &wave_field, &mass, &air)
         || !read_numbers(air, ventilation, 1 + 4 * ((ThrusterBank *)mixer)->count)
-        || !read_numbers(steady, water, 3) || (sea != Py_None && !read_numbers(mass, pushed, 18)))
+        || !read_numbers(steady, water, 3) || (wave_field != Py_None && !read_numbers(mass, pushed, 18)))
         return NULL;
-    if (sea != Py_None && Py_TYPE(sea) != sea_type)
-        return PyErr_Format(PyExc_TypeError, "a Sea or None is needed");
+    if (wave_field != Py_None && Py_TYPE(wave_field) != wave_field_type)
+        return PyErr_Format(PyExc_TypeError, "a WaveField or None is needed");
     FusedStep *fused = (FusedStep *)PyType_GenericAlloc(type, 0);
     if (fused == NULL)
         return NULL;
@@ -38,7 +38,7 @@ static PyObject *fused_new(PyTypeObject *type, PyObject *arguments, PyObject *ke
     fused->kernel = (Kernel *)Py_NewRef(kernel);
     fused->command = Py_NewRef(command);
     fused->current = current != Py_None ? Py_NewRef(current) : NULL;
-    fused->sea = sea != Py_None ? (Sea *)Py_NewRef(sea) : NULL;
+    fused->wave_field = wave_field != Py_None ? (WaveField *)Py_NewRef(wave_field) : NULL;
     memcpy(fused->steady, water, sizeof water);
     memcpy(fused->flow, water, sizeof water);
     memcpy(fused->pushed_mass, pushed, sizeof pushed);
@@ -76,7 +76,7 @@ static void fused_deallocate(PyObject *self)
     Py_XDECREF((PyObject *)fused->state);
     Py_XDECREF((PyObject *)fused->mixer);
     Py_XDECREF((PyObject *)fused->kernel);
-    Py_XDECREF((PyObject *)fused->sea);
+    Py_XDECREF((PyObject *)fused->wave_field);
     Py_XDECREF(fused->pulses);
     PyObject_GC_Del(self);
     Py_DECREF(type);
@@ -135,8 +135,8 @@ static int fused_flow(FusedStep *fused, const double *rotation)
         if (!ok)
             return 0;
     }
-    if (fused->sea != NULL) {
-        const double *motion = sea_held(fused->sea, fused->time_ns, position), *pull = motion + 3;
+    if (fused->wave_field != NULL) {
+        const double *motion = wave_field_held(fused->wave_field, fused->time_ns, position), *pull = motion + 3;
         double body[3];
         for (int i = 0; i < 3; i++) {
             fused->flow[i] = fused->flow[i] + motion[i];
@@ -163,8 +163,8 @@ static void fused_immerse(FusedStep *fused)
         fused->aired = 0;
         return;
     }
-    if (fused->sea != NULL)
-        depth = depth + elevation(&fused->sea->waves, (double)fused->time_ns * 1e-9, position[0], position[1]);
+    if (fused->wave_field != NULL)
+        depth = depth + elevation(&fused->wave_field->waves, (double)fused->time_ns * 1e-9, position[0], position[1]);
     matrix(fused->state->numbers + QUATERNION, rotation);
     for (Py_ssize_t i = 0; i < fused->mixer->count; i++) {
         const double *hub = fused->hubs[i];
@@ -220,7 +220,7 @@ static PyObject *fused_rebuild(PyObject *self, PyObject *arguments)
     PyObject *kernel, *mass;
     double pushed[18] = {0.0};
     if (!PyArg_ParseTuple(arguments, "O!O", kernel_type, &kernel, &mass)
-        || (fused->sea != NULL && !read_numbers(mass, pushed, 18)))
+        || (fused->wave_field != NULL && !read_numbers(mass, pushed, 18)))
         return NULL;
     PyObject *last = (PyObject *)fused->kernel;
     fused->kernel = (Kernel *)Py_NewRef(kernel);
@@ -261,10 +261,11 @@ static PyGetSetDef fused_attributes[] = {
 };
 
 static PyType_Slot fused_slots[] = {
-    {Py_tp_doc, "Whole steps: FusedStep(state, kernel, mixer, command, dt_ns, half_height, steady, current, sea,\n"
-                "pushed_mass, numbers of Ventilation). `command` takes each new tuple of pulses, and aims mixer and servos. `steady` is the\n"
-                "velocity of the water (NED, m/s) where `current` is None, else that is called with time (ns) and depth\n"
-                "(m). `sea` may be None, and `pushed_mass` then too; its 18 numbers are M_A + rho V, row after row."},
+    {Py_tp_doc, "Whole steps: FusedStep(state, kernel, mixer, command, dt_ns, half_height, steady, current,\n"
+                "wave_field, pushed_mass, numbers of Ventilation). `command` takes each new tuple of pulses, and aims\n"
+                "mixer and servos. `steady` is the velocity of the water (NED, m/s) where `current` is None, else that is\n"
+                "called with time (ns) and depth (m). `wave_field` may be None, and `pushed_mass` then too; its 18 numbers\n"
+                "are M_A + rho V, row after row."},
     {Py_tp_new, fused_new},
     {Py_tp_dealloc, fused_deallocate},
     {Py_tp_traverse, fused_traverse},

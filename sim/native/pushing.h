@@ -1,6 +1,7 @@
-/* What pushes a vehicle besides its thrusters, as types of Python: Sea and Force. Include numbers.h and kernel.h first. */
+/* What pushes a vehicle besides its thrusters, as types of Python: WaveField and Force.
+ * Include numbers.h and kernel.h first. */
 
-static PyTypeObject *sea_type, *force_type;
+static PyTypeObject *wave_field_type, *force_type;
 
 /* Memory of its own for the `bytes` bytes at `numbers`; NULL with an exception set if there is none. */
 static void *new_copy(const char *numbers, Py_ssize_t bytes)
@@ -11,26 +12,26 @@ static void *new_copy(const char *numbers, Py_ssize_t bytes)
     return memcpy(copy, numbers, (size_t)bytes);
 }
 
-/* -- Sea ------------------------------------------------------------------------------------------------------------*/
+/* -- WaveField -------------------------------------------------------------------------------------------------------*/
 
 typedef struct {
     PyObject_HEAD
     Waves waves;
     long long hold_ns, due_ns;
     double held[6]; /* the motion of the water that was computed last */
-} Sea;
+} WaveField;
 
 /* The motion of the water at `position`, not older than hold_ns, as SampledWaves.motion. */
-static const double *sea_held(Sea *sea, long long time_ns, const double *position)
+static const double *wave_field_held(WaveField *wave_field, long long time_ns, const double *position)
 {
-    if (time_ns >= sea->due_ns) {
-        sea->due_ns = time_ns + sea->hold_ns;
-        water_motion(&sea->waves, (double)time_ns * 1e-9, position[0], position[1], position[2], sea->held);
+    if (time_ns >= wave_field->due_ns) {
+        wave_field->due_ns = time_ns + wave_field->hold_ns;
+        water_motion(&wave_field->waves, (double)time_ns * 1e-9, position[0], position[1], position[2], wave_field->held);
     }
-    return sea->held;
+    return wave_field->held;
 }
 
-static PyObject *sea_new(PyTypeObject *type, PyObject *arguments, PyObject *keywords)
+static PyObject *wave_field_new(PyTypeObject *type, PyObject *arguments, PyObject *keywords)
 {
     const char *numbers;
     Py_ssize_t bytes;
@@ -41,38 +42,38 @@ static PyObject *sea_new(PyTypeObject *type, PyObject *arguments, PyObject *keyw
         return NULL;
     if (bytes % (Py_ssize_t)sizeof(Wave) != 0)
         return PyErr_Format(PyExc_ValueError, "waves of %zu bytes are needed, found %zd bytes", sizeof(Wave), bytes);
-    Sea *sea = (Sea *)PyType_GenericAlloc(type, 0);
-    if (sea == NULL)
+    WaveField *wave_field = (WaveField *)PyType_GenericAlloc(type, 0);
+    if (wave_field == NULL)
         return NULL;
-    sea->waves.depth = depth;
-    sea->waves.count = (long)(bytes / (Py_ssize_t)sizeof(Wave));
-    sea->hold_ns = hold_ns;
-    sea->waves.waves = new_copy(numbers, bytes);
-    if (sea->waves.waves == NULL)
-        Py_CLEAR(sea);
-    return (PyObject *)sea;
+    wave_field->waves.depth = depth;
+    wave_field->waves.count = (long)(bytes / (Py_ssize_t)sizeof(Wave));
+    wave_field->hold_ns = hold_ns;
+    wave_field->waves.waves = new_copy(numbers, bytes);
+    if (wave_field->waves.waves == NULL)
+        Py_CLEAR(wave_field);
+    return (PyObject *)wave_field;
 }
 
-static void sea_deallocate(PyObject *self)
+static void wave_field_deallocate(PyObject *self)
 {
-    PyMem_Free(((Sea *)self)->waves.waves);
+    PyMem_Free(((WaveField *)self)->waves.waves);
     deallocate(self);
 }
 
-static PyObject *sea_elevation(PyObject *self, PyObject *arguments)
+static PyObject *wave_field_elevation(PyObject *self, PyObject *arguments)
 {
     double time, north, east;
     if (!PyArg_ParseTuple(arguments, "ddd", &time, &north, &east))
         return NULL;
-    return PyFloat_FromDouble(elevation(&((Sea *)self)->waves, time, north, east));
+    return PyFloat_FromDouble(elevation(&((WaveField *)self)->waves, time, north, east));
 }
 
-static PyObject *sea_pressure_depth(PyObject *self, PyObject *arguments)
+static PyObject *wave_field_pressure_depth(PyObject *self, PyObject *arguments)
 {
     double time, north, east, depth;
     if (!PyArg_ParseTuple(arguments, "dddd", &time, &north, &east, &depth))
         return NULL;
-    return PyFloat_FromDouble(pressure_depth(&((Sea *)self)->waves, time, north, east, depth));
+    return PyFloat_FromDouble(pressure_depth(&((WaveField *)self)->waves, time, north, east, depth));
 }
 
 static PyObject *new_motion(const double *motion)
@@ -84,43 +85,47 @@ static PyObject *new_motion(const double *motion)
     return both;
 }
 
-static PyObject *sea_motion(PyObject *self, PyObject *arguments)
+static PyObject *wave_field_motion(PyObject *self, PyObject *arguments)
 {
     double time, north, east, depth, motion[6];
     if (!PyArg_ParseTuple(arguments, "dddd", &time, &north, &east, &depth))
         return NULL;
-    water_motion(&((Sea *)self)->waves, time, north, east, depth, motion);
+    water_motion(&((WaveField *)self)->waves, time, north, east, depth, motion);
     return new_motion(motion);
 }
 
-static PyObject *sea_held_motion(PyObject *self, PyObject *arguments)
+static PyObject *wave_field_held_motion(PyObject *self, PyObject *arguments)
 {
     long long time_ns;
     PyObject *position;
     double place[3];
     if (!PyArg_ParseTuple(arguments, "LO", &time_ns, &position) || !read_numbers(position, place, 3))
         return NULL;
-    return new_motion(sea_held((Sea *)self, time_ns, place));
+    return new_motion(wave_field_held((WaveField *)self, time_ns, place));
 }
 
-static PyMethodDef sea_methods[] = {
-    {"elevation", sea_elevation, METH_VARARGS, "elevation(time, north, east), as of sim.environment.waves.Sea."},
-    {"pressure_depth", sea_pressure_depth, METH_VARARGS, "pressure_depth(time, north, east, depth), as of that Sea."},
-    {"motion", sea_motion, METH_VARARGS, "motion(time, north, east, depth), as of that Sea: velocity and acceleration."},
-    {"held_motion", sea_held_motion, METH_VARARGS, "held_motion(time_ns, position), as SampledWaves.motion."},
+static PyMethodDef wave_field_methods[] = {
+    {"elevation", wave_field_elevation, METH_VARARGS,
+     "elevation(time, north, east), as of sim.environment.waves.WaveField."},
+    {"pressure_depth", wave_field_pressure_depth, METH_VARARGS,
+     "pressure_depth(time, north, east, depth), as of that WaveField."},
+    {"motion", wave_field_motion, METH_VARARGS,
+     "motion(time, north, east, depth), as of that WaveField: velocity and acceleration."},
+    {"held_motion", wave_field_held_motion, METH_VARARGS, "held_motion(time_ns, position), as SampledWaves.motion."},
     {NULL, NULL, 0, NULL},
 };
 
-static PyType_Slot sea_slots[] = {
-    {Py_tp_doc, "Sea(bytes of Sea.numbers(), depth, hold_ns): a sim.environment.waves.Sea, and its SampledWaves."},
-    {Py_tp_new, sea_new},
-    {Py_tp_dealloc, sea_deallocate},
-    {Py_tp_methods, sea_methods},
+static PyType_Slot wave_field_slots[] = {
+    {Py_tp_doc, "WaveField(bytes of WaveField.numbers(), depth, hold_ns): a sim.environment.waves.WaveField,\n"
+                "and its SampledWaves."},
+    {Py_tp_new, wave_field_new},
+    {Py_tp_dealloc, wave_field_deallocate},
+    {Py_tp_methods, wave_field_methods},
     {0, NULL},
 };
 
-static PyType_Spec sea_spec = {
-    "sim.native._native.Sea", sizeof(Sea), 0, Py_TPFLAGS_DEFAULT | Py_TPFLAGS_IMMUTABLETYPE, sea_slots,
+static PyType_Spec wave_field_spec = {
+    "sim.native._native.WaveField", sizeof(WaveField), 0, Py_TPFLAGS_DEFAULT | Py_TPFLAGS_IMMUTABLETYPE, wave_field_slots,
 };
 
 /* -- Force ----------------------------------------------------------------------------------------------------------*/
@@ -128,7 +133,7 @@ static PyType_Spec sea_spec = {
 typedef struct {
     PyObject_HEAD
     Force force;
-    PyObject *sea;
+    PyObject *wave_field;
 } ForceObject;
 
 static PyObject *force_new(PyTypeObject *type, PyObject *arguments, PyObject *keywords)
@@ -136,14 +141,14 @@ static PyObject *force_new(PyTypeObject *type, PyObject *arguments, PyObject *ke
     int kind;
     const char *numbers, *servos;
     Py_ssize_t bytes, servo_bytes;
-    PyObject *sea;
+    PyObject *wave_field;
     (void)keywords;
-    if (!PyArg_ParseTuple(arguments, "iy#y#O", &kind, &numbers, &bytes, &servos, &servo_bytes, &sea))
+    if (!PyArg_ParseTuple(arguments, "iy#y#O", &kind, &numbers, &bytes, &servos, &servo_bytes, &wave_field))
         return NULL;
-    if (sea != Py_None && Py_TYPE(sea) != sea_type)
-        return PyErr_Format(PyExc_TypeError, "a Sea or None is needed");
+    if (wave_field != Py_None && Py_TYPE(wave_field) != wave_field_type)
+        return PyErr_Format(PyExc_TypeError, "a WaveField or None is needed");
     Force force = {kind, bytes / (Py_ssize_t)sizeof(double), servo_bytes / (Py_ssize_t)sizeof(Servo), NULL, NULL,
-                   sea != Py_None ? &((Sea *)sea)->waves : NULL, 0.0};
+                   wave_field != Py_None ? &((WaveField *)wave_field)->waves : NULL, 0.0};
     if (bytes % (Py_ssize_t)sizeof(double) != 0 || servo_bytes % (Py_ssize_t)sizeof(Servo) != 0
         || !force_is_whole(&force))
         return PyErr_Format(PyExc_ValueError, "a force of kind %d is not made of %zd and %zd bytes", kind, bytes,
@@ -152,7 +157,7 @@ static PyObject *force_new(PyTypeObject *type, PyObject *arguments, PyObject *ke
     if (self == NULL)
         return NULL;
     self->force = force;
-    self->sea = Py_NewRef(sea);
+    self->wave_field = Py_NewRef(wave_field);
     self->force.numbers = new_copy(numbers, bytes);
     self->force.servos = self->force.numbers != NULL ? new_copy(servos, servo_bytes) : NULL;
     if (self->force.servos == NULL)
@@ -165,7 +170,7 @@ static void force_deallocate(PyObject *self)
     ForceObject *object = (ForceObject *)self;
     PyMem_Free(object->force.numbers);
     PyMem_Free(object->force.servos);
-    Py_XDECREF(object->sea);
+    Py_XDECREF(object->wave_field);
     deallocate(self);
 }
 
@@ -214,7 +219,7 @@ static PyObject *force_values(PyObject *self, void *closure)
 }
 
 static PyMethodDef force_methods[] = {
-    {"begin", force_begin, METH_O, "begin(time): the sea of this instant (s) holds for the step."},
+    {"begin", force_begin, METH_O, "begin(time): the waves of this instant (s) holds for the step."},
     {"aim", force_aim, METH_O, "aim(targets): what the servos go towards, as sim.vehicle.servos.Servos.aim."},
     {"follow", force_follow, METH_NOARGS, "follow(): move the servos on by one step."},
     {NULL, NULL, 0, NULL},
@@ -226,7 +231,7 @@ static PyGetSetDef force_attributes[] = {
 };
 
 static PyType_Slot force_slots[] = {
-    {Py_tp_doc, "Force(kind, bytes of its class's numbers(), bytes of its servos' numbers(), Sea or None).\n\n"
+    {Py_tp_doc, "Force(kind, bytes of its class's numbers(), bytes of its servos' numbers(), WaveField or None).\n\n"
                 "The kinds stand in sim/native/forces.py."},
     {Py_tp_new, force_new},
     {Py_tp_dealloc, force_deallocate},
@@ -241,5 +246,6 @@ static PyType_Spec force_spec = {
 
 static int add_pushing(PyObject *module)
 {
-    return add_known_type(module, &sea_spec, "Sea", &sea_type) && add_known_type(module, &force_spec, "Force", &force_type);
+    return add_known_type(module, &wave_field_spec, "WaveField", &wave_field_type)
+           && add_known_type(module, &force_spec, "Force", &force_type);
 }

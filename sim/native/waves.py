@@ -1,19 +1,19 @@
-"""The C twin of a sea (sim/native/sea.h). Loaded only for a world that has waves."""
+"""Waves computed in C (sim/native/waves.h). Loaded only for a world that has waves."""
 
 from collections.abc import Sequence
 from struct import pack
 
 from sim.environment.ocean import Waves
 from sim.environment.water import SampledWaves
-from sim.environment.waves import Sea, WaterMotion
+from sim.environment.waves import WaterMotion, WaveField
 from sim.environment.world import World
 
 
-class NativeSea(Sea):
-    """`Sea` in C. Raises ImportError where there is none. `hold_ns` is for NativeSampledWaves."""
+class NativeWaveField(WaveField):
+    """`WaveField` in C. Raises ImportError where there is none. `hold_ns` is for NativeSampledWaves."""
 
     def __init__(self, waves: Waves, depth: float, gravity: float, seed: int, hold_ns: int = 0) -> None:
-        from sim.native._native import Sea as Twin
+        from sim.native._native import WaveField as Twin
 
         super().__init__(waves, depth, gravity, seed)
         numbers = self.numbers()
@@ -35,11 +35,11 @@ class NativeSea(Sea):
 class NativeSampledWaves(SampledWaves):
     """`SampledWaves` in C. Raises ImportError where there is none."""
 
-    sea: NativeSea
+    wave_field: NativeWaveField
 
-    def _make_sea(self, waves: Waves, world: World, seed: int) -> Sea:
-        return NativeSea(waves, world.depth, world.gravity, seed, self._hold_ns)
+    def _make_wave_field(self, waves: Waves, world: World, seed: int) -> WaveField:
+        return NativeWaveField(waves, world.depth, world.gravity, seed, self._hold_ns)
 
     def motion(self, time_ns: int, position: Sequence[float]) -> WaterMotion:
         """As SampledWaves.motion."""
-        return WaterMotion(*self.sea.twin.held_motion(time_ns, position))
+        return WaterMotion(*self.wave_field.twin.held_motion(time_ns, position))

@@ -35,14 +35,14 @@ class Pressure:
         self._atmosphere = model.atmosphere
         self._mounting = mounting
         self._water = water_pressure(scene.world)
-        self._sea = scene.sea
+        self._wave_field = scene.wave_field
         self._errors = make_error_bank([model.error], 1.0 / model.rate, sensor_random(seed, PRESSURE))
 
     def sample(self, time_ns: int, state: State) -> PressureSample:
         """Return the measurement of `state`; in the air that of the air."""
-        if self._sea is None:
+        if self._wave_field is None:
             depth = self._mounting.depth(state)
         else:
-            depth = self._sea.pressure_depth(time_ns * 1e-9, *self._mounting.place(state))
+            depth = self._wave_field.pressure_depth(time_ns * 1e-9, *self._mounting.place(state))
         (pascal,) = self._errors.measure([self._atmosphere + self._water(depth)])
         return PressureSample(time_ns, pascal)

@@ -11,7 +11,7 @@ from hil.common.vectors import Quaternion, Vector3
 from sim.dynamics import State
 
 if TYPE_CHECKING:
-    from sim.environment.waves import Sea
+    from sim.environment.waves import WaveField
     from sim.environment.world import World
     from sim.sensors.mounting import Mounting
     from sim.vehicle.battery import BatteryState
@@ -83,7 +83,7 @@ class Scene(Protocol):
     world: "World"
 
     @property
-    def sea(self) -> "Sea | None":
+    def wave_field(self) -> "WaveField | None":
         """The waves; None if there are none, ever."""
 
     def flow_at(self, place: Sequence[float]) -> Sequence[float]:

@@ -17,7 +17,7 @@ from sim.rotations import down_axis
 from sim.vehicle.vehicle import Vehicle
 
 if TYPE_CHECKING:
-    from sim.environment.waves import Sea
+    from sim.environment.waves import WaveField
 
 _ALL, _NONE = 1.3, -0.48  # h / R
 
@@ -33,20 +33,20 @@ def thrust_share(immersion: float) -> float:
 
 
 class Ventilation:
-    """The thrusters of one vehicle at the surface, which `sea` moves. All have all thrust from `reach` m down."""
+    """The loss of thrust of one vehicle at the surface, which `wave_field` moves; none from `reach` m down."""
 
-    def __init__(self, vehicle: Vehicle, sea: "Sea | None") -> None:
+    def __init__(self, vehicle: Vehicle, wave_field: "WaveField | None") -> None:
         self._hubs = [(*thruster.position, 0.5 * thruster.disc) for thruster in vehicle.thrusters]
-        self._sea = sea
-        highest = sum(abs(wave.amplitude) for wave in sea.components) if sea else 0.0
+        self._wave_field = wave_field
+        highest = sum(abs(wave.amplitude) for wave in wave_field.components) if wave_field else 0.0
         reaches = [(x * x + y * y + z * z) ** 0.5 + _ALL * radius for x, y, z, radius in self._hubs]
         self.reach = highest + max(reaches)
 
     def shares(self, position: Sequence[float], quaternion: Sequence[float], time: float) -> list[float]:
         """Return the share of each thruster's thrust that is left, for a vehicle there (m, NED) at `time` s."""
         north, east, depth = position
-        if self._sea is not None:
-            depth += self._sea.elevation(time, north, east)
+        if self._wave_field is not None:
+            depth += self._wave_field.elevation(time, north, east)
         a, b, c = down_axis(quaternion)
         return [thrust_share((depth + a * x + b * y + c * z) / radius) for x, y, z, radius in self._hubs]
 

@@ -56,9 +56,9 @@ def scanning_sonar(figure: Figure) -> None:
         sonar = ScanningSonar(ScanningSonarModel(), Mounting(), SEED, scene)
         points = []
         for ping in range(400):
-            way = speed * ping / 11.0
+            distance = speed * ping / 11.0
             heading = radians(30.0)
-            state = at(20.0 + way * cos(heading), -8.0 + way * sin(heading), 3.0, heading=30.0)
+            state = at(20.0 + distance * cos(heading), -8.0 + distance * sin(heading), 3.0, heading=30.0)
             points += _points(sonar.sample(ping, state)).tolist()
         axes.plot(*np.array(points).T, ".", color=INK, markersize=2.5)
         ahead_up(axes, 32.0)
@@ -105,20 +105,20 @@ def dvl(figure: Figure) -> None:
     angles = [pi / 4.0 + i * pi / 2.0 for i in range(4)]
     beams = [(sin(tilt) * cos(a), sin(tilt) * sin(a), cos(tilt)) for a in angles]
     found = RayScene(world).ranges(state.position, np.array(beams).ravel(), 75.0, matrix(state.quaternion))
-    beside, above = figure.subplots(1, 2)
+    side_panel, above = figure.subplots(1, 2)
     aheads = np.linspace(-8.0, 8.0, 50)
     course = rotate(state.quaternion, (1.0, 0.0, 0.0))
     seabed = [world.seabed(a * course[0], a * course[1]) for a in aheads]
-    beside.plot(aheads, seabed, color=SOFT, linewidth=2.0, label="seabed")
+    side_panel.plot(aheads, seabed, color=SOFT, linewidth=2.0, label="seabed")
     for angle, (x, y, z), distance in zip(angles, beams, found, strict=True):
-        ahead, aside = distance * x, distance * y
-        beside.plot((0.0, ahead), (12.0, 12.0 + distance * z), color=INK, linewidth=0.8)
-        above.plot((0.0, aside), (0.0, ahead), color=INK, linewidth=0.8)
-        above.annotate(f"{degrees(angle):.0f} deg: {distance:.2f} m", (aside, ahead), ha="center", fontsize=7,
+        ahead, lateral = distance * x, distance * y
+        side_panel.plot((0.0, ahead), (12.0, 12.0 + distance * z), color=INK, linewidth=0.8)
+        above.plot((0.0, lateral), (0.0, ahead), color=INK, linewidth=0.8)
+        above.annotate(f"{degrees(angle):.0f} deg: {distance:.2f} m", (lateral, ahead), ha="center", fontsize=7,
                        xytext=(0, 6 if ahead > 0 else -12), textcoords="offset points")  # fmt: skip
-    beside.plot(0.0, 12.0, "v", color=MARK, markersize=7)
-    beside.set(xlabel="ahead, m", ylabel="depth, m", aspect="equal", xlim=(-8, 8), ylim=(22.5, 10.5))
-    beside.legend(loc="lower left")
+    side_panel.plot(0.0, 12.0, "v", color=MARK, markersize=7)
+    side_panel.set(xlabel="ahead, m", ylabel="depth, m", aspect="equal", xlim=(-8, 8), ylim=(22.5, 10.5))
+    side_panel.legend(loc="lower left")
     ahead_up(above, 5.0)
 
 

@@ -20,14 +20,14 @@ def allocation(panels: Sequence[Axes]) -> list[Finding]:
     rays, turn = panels
     headings = [2.0 * i for i in range(181)]
     inverse, _ = pseudo_inverse(sharing.HEAVY)
-    scaled = [_made(sharing.allocator(sharing.HEAVY).allocate(_asked(heading))[0]) for heading in headings]
-    clipped = [_made(clip(inverse, _asked(heading))) for heading in headings]
+    scaled = [_made(sharing.allocator(sharing.HEAVY).allocate(_requested_wrench(heading))[0]) for heading in headings]
+    clipped = [_made(clip(inverse, _requested_wrench(heading))) for heading in headings]
     for made, color, name in ((clipped, WRONG, "each thrust clipped"), (scaled, OURS, "ours")):
         for m in made[10:180:20]:
             rays.plot([0.0, m[1]], [0.0, m[0]], color=color, marker="o", markersize=3)
         turn.plot(headings, [_turned(m, h) for m, h in zip(made, headings, strict=True)], color=color, label=name)
-    asked = [_asked(heading) for heading in headings[10:180:20]]
-    theirs(rays, [0.9 * w[1] for w in asked], [0.9 * w[0] for w in asked], "direction asked for", size=7.0)
+    requested = [_requested_wrench(heading) for heading in headings[10:180:20]]
+    theirs(rays, [0.9 * w[1] for w in requested], [0.9 * w[0] for w in requested], "direction asked for", size=7.0)
     theirs(turn, headings[::6], [0.0] * 31, "asked for")
     rays.set_aspect("equal", "datalim")
     turn.set_ylim(-26.0, 45.0)
@@ -37,13 +37,13 @@ def allocation(panels: Sequence[Axes]) -> list[Finding]:
 
 
 def _allocation_findings(headings: list[float], scaled: list[list[float]], clipped: list[list[float]]) -> list[Finding]:
-    aside = [abs(m[0] * sin(radians(h)) - m[1] * cos(radians(h))) for m, h in zip(scaled, headings, strict=True)]
+    lateral = [abs(m[0] * sin(radians(h)) - m[1] * cos(radians(h))) for m, h in zip(scaled, headings, strict=True)]
     turned = [abs(_turned(m, h)) for m, h in zip(clipped, headings, strict=True)]
     direction = f"{FILE}::test_saturated_horizontal_force_keeps_its_direction"
     exact = f"{FILE}::test_what_fits_is_made_exactly"
     clipping = "unit/tools/test_validation.py::test_clipping_each_thrust_turns_the_force"
     return [
-        below("beyond the limits: force across that asked for", max(aside), 5e-9, direction, "N"),
+        below("beyond the limits: force across that asked for", max(lateral), 5e-9, direction, "N"),
         below("within them: wrench away from that asked for (N, N m)", _residual(), 1e-9, exact),
         above("each thrust clipped: turned by up to", max(turned), 20.0, clipping, "deg"),
     ]
@@ -55,7 +55,7 @@ def clip(inverse: Sequence[Sequence[float]], wrench: Sequence[float]) -> list[fl
     return [max(-40.0, min(50.0, thrust)) for thrust in thrusts]
 
 
-def _asked(heading: float) -> list[float]:
+def _requested_wrench(heading: float) -> list[float]:
     return [ASKED * cos(radians(heading)), ASKED * sin(radians(heading)), 0.0, 0.0, 0.0, 0.0]
 
 

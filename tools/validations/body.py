@@ -216,16 +216,16 @@ def blows(panels: Sequence[Axes]) -> list[Finding]:
 
 
 def _fall(place: Sequence[float]) -> tuple[list[float], Energies]:
-    vehicle, sea = contacts.sinking(), contacts.SEA
-    dynamics = Dynamics(vehicle, sea.density, sea.gravity, "rk4")
-    contact = Contact(vehicle, sea, dynamics.inverse_mass)
+    vehicle, world = contacts.sinking(), contacts.SEA
+    dynamics = Dynamics(vehicle, world.density, wave_field.gravity, "rk4")
+    contact = Contact(vehicle, world, dynamics.inverse_mass)
     state, depths, energies = State(place, nu=(0.3, -0.4, 0.0, 0.0, 0.0, 0.0)), [], []
     excess = dynamics.weight - dynamics.hull.full
     for _ in range(4000):
         dynamics.step(state, NOTHING, STILL, 0.0025)
         contact.resolve(state)
         depths.append(state.position[2])
-        energies.append(kinetic(dynamics.mass, state.nu) - excess * (state.position[2] - sea.depth))
+        energies.append(kinetic(dynamics.mass, state.nu) - excess * (state.position[2] - world.depth))
     return depths, energies
 
 

@@ -158,8 +158,8 @@ def dvl(panels: Sequence[Axes]) -> list[Finding]:
 
 
 def _log() -> Dvl:
-    sea = World("sea", "made for this", (-9.0, 9.0, -9.0, 9.0), 25.0)
-    scene = Simulation(load_vehicle("bluerov2_heavy")[0], sea, {}, position=(0.0, 0.0, 5.0))
+    world = World("sea", "made for this", (-9.0, 9.0, -9.0, 9.0), 25.0)
+    scene = Simulation(load_vehicle("bluerov2_heavy")[0], world, {}, position=(0.0, 0.0, 5.0))
     return Dvl(DvlModel(velocity=ErrorModel(), range=ErrorModel()), Mounting(), 1, scene)
 
 

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from sim.dynamics import Dynamics, Integrator, State
 from sim.environment.currents import TIDAL_SPEEDS, Wandering, tidal
 from sim.environment.ocean import Tide
-from sim.environment.waves import Sea, components, spectral_density, wave_number
+from sim.environment.waves import WaveField, components, spectral_density, wave_number
 from sim.rotations import from_euler, rotate, rotate_inverse
 from tests.unit.sim.environment import test_currents as flows
 from tests.unit.sim.environment import test_waves as swell
@@ -192,14 +192,14 @@ def waves(panels: Sequence[Axes]) -> list[Finding]:
 
 def _spectrum(axes: Axes) -> list[Finding]:
     waves = swell.SEA
-    sea = Sea(waves._replace(components=400), 30.0, swell.G, 5)
-    omegas, density = _estimate([sea.elevation(0.5 * i, 3.0, -4.0) for i in range(16_384)], 0.5)
+    wave_field = WaveField(waves._replace(components=400), 30.0, swell.G, 5)
+    omegas, density = _estimate([wave_field.elevation(0.5 * i, 3.0, -4.0) for i in range(16_384)], 0.5)
     ours(axes, omegas, density, "ours, 2.3 h of elevation")
     dots = [0.3 + 0.05 * i for i in range(50)]
     theirs(axes, dots, [spectral_density(waves, omega) for omega in dots], "JONSWAP")
     axes.set_xlim(0.0, 2.6)
     label(axes, "angular frequency (rad/s)", "spectrum (m² s/rad)", legend="upper right")
-    tested = Sea(waves, 30.0, swell.G, 5)
+    tested = WaveField(waves, 30.0, swell.G, 5)
     heights = [tested.elevation(0.7 * i, 3.0, -4.0) for i in range(10_000)]
     energy = sum(0.5 * wave.amplitude**2 for wave in components(waves, 50.0, swell.G, 3)) / (1.5**2 / 16.0)
     size, share = f"{WAVES}::test_variance_of_the_elevation", f"{WAVES}::test_components_carry_the_energy"
@@ -222,10 +222,10 @@ def _estimate(values: list[float], dt: float, length: int = 512) -> tuple[list[f
 def _orbits(axes: Axes) -> list[Finding]:
     worst = []
     for depth, deepest, color in ((4000.0, 25.0, SHADES[0]), (5.0, 5.0, SHADES[2])):
-        sea = swell.single(depth)
+        wave_field = swell.single(depth)
         places = [deepest * i / 25.0 for i in range(26)]
-        found = [swell.orbit(sea, z) for z in places]
-        theory = [_airy(sea, z) for z in places]
+        found = [swell.orbit(wave_field, z) for z in places]
+        theory = [_airy(wave_field, z) for z in places]
         differences = [dist(f, t) for f, t in zip(found, theory, strict=True)]
         worst.append(max(differences) / theory[0][0])
         name = "deep" if depth > 100.0 else "5 m"
@@ -242,13 +242,13 @@ def _orbits(axes: Axes) -> list[Finding]:
     ]
 
 
-def _airy(sea: Sea, z: float) -> tuple[float, float]:
-    wave = sea.components[0]
+def _airy(wave_field: WaveField, z: float) -> tuple[float, float]:
+    wave = wave_field.components[0]
     k, size = wave.wave_number, wave.amplitude * wave.omega
-    if sea.depth > 1000.0:
+    if wave_field.depth > 1000.0:
         return size * exp(-k * z), size * exp(-k * z)
-    below_it = k * (sea.depth - z)
-    return size * cosh(below_it) / sinh(k * sea.depth), size * sinh(below_it) / sinh(k * sea.depth)
+    below_it = k * (wave_field.depth - z)
+    return size * cosh(below_it) / sinh(k * wave_field.depth), size * sinh(below_it) / sinh(k * wave_field.depth)
 
 
 def _dispersion(axes: Axes) -> Finding:

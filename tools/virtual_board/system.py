@@ -32,14 +32,14 @@ class Booted:
         board: VirtualBoard,
         job: str,
         ports: Mapping[int, int] | None = None,
-        tell: Callable[[str], None] | None = None,
+        report: Callable[[str], None] | None = None,
     ) -> None:
         missing_tools = missing(TO_BOOT)
         if missing_tools:
             raise DeviceError(f"no virtual board can be booted here; {missing_tools}")
         board.require()
         self._mark = secrets.token_hex(8)
-        self._tell = tell
+        self._report = report
         self._folder = ScratchFolder("board")
         self._lines: list[str] = []
         self.status: int | None = None
@@ -108,8 +108,8 @@ class Booted:
                 self.status, begun = int(rest), False
             elif begun:
                 self._lines.append(text)
-                if self._tell:
-                    self._tell(text)
+                if self._report:
+                    self._report(text)
             if mark and before:
                 self._lines.append(before)
 

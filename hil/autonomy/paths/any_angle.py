@@ -110,21 +110,21 @@ class Sight:
         here = (row + 1) * self._width + column + 1
         along, across = abs(to_row - row), abs(to_column - column)
         ahead = self._width if to_row > row else -self._width
-        aside = 1 if to_column > column else -1
+        lateral = 1 if to_column > column else -1
         if across > along:
-            along, across, ahead, aside = across, along, aside, ahead
-        return self._walk(here, along, across, ahead, aside)
+            along, across, ahead, lateral = across, along, lateral, ahead
+        return self._walk(here, along, across, ahead, lateral)
 
-    def _walk(self, origin: int, along: int, across: int, ahead: int, aside: int) -> bool:
-        """From `origin`, `along` cells in steps of `ahead` and meanwhile `across` (fewer) in steps of `aside`."""
+    def _walk(self, origin: int, along: int, across: int, ahead: int, lateral: int) -> bool:
+        """From `origin`, `along` cells in steps of `ahead` and meanwhile `across` (fewer) in steps of `lateral`."""
         clear, step = self._clear, 0
         while step < along:
             # between this column of cells and the next the line is this far aside, in halves of 1 / along
             shift, rest = divmod((2 * step + 1) * across + along, 2 * along)
-            cell = origin + step * ahead + shift * aside
+            cell = origin + step * ahead + shift * lateral
             if not (clear[cell] and clear[cell + ahead]):
                 return False
-            if not rest and not (clear[cell - aside] and clear[cell - aside + ahead]):  # through the corner of four
+            if not rest and not (clear[cell - lateral] and clear[cell - lateral + ahead]):  # through the corner of four
                 return False
             step += max(1, clear[cell] - 1)
         return True

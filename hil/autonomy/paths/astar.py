@@ -182,8 +182,8 @@ class Jumps:
         for direction in range(1, 8, 2):
             rows, columns = _DIRECTIONS[direction]
             passable = free & _ahead(free, rows, 0) & _ahead(free, 0, columns) & _ahead(free, rows, columns)
-            beside = self._straight[direction // 2], self._straight[(direction // 2 + 1) % 4]
-            self._diagonal.append((rows * self.width + columns, passable.tobytes(), *beside))
+            adjacent = self._straight[direction // 2], self._straight[(direction // 2 + 1) % 4]
+            self._diagonal.append((rows * self.width + columns, passable.tobytes(), *adjacent))
 
     def index(self, cell: Cell) -> int:
         """Return the number of a cell of the map."""

@@ -73,30 +73,30 @@ def _shortest(heading: float, end_heading: float, north: float, east: float) -> 
 
 def _same_turns(a: float, b: float, distance: float) -> Lengths | None:
     """Starboard, straight, starboard: the headings `a` and `b` against the line from start to end."""
-    ahead, aside = distance + sin(a) - sin(b), cos(b) - cos(a)
-    course = atan2(aside, ahead)
-    return _round(course - a), hypot(ahead, aside), _round(b - course)
+    ahead, lateral = distance + sin(a) - sin(b), cos(b) - cos(a)
+    course = atan2(lateral, ahead)
+    return _round(course - a), hypot(ahead, lateral), _round(b - course)
 
 
 def _opposite_turns(a: float, b: float, distance: float) -> Lengths | None:
     """Starboard, straight, port."""
-    ahead, aside = distance + sin(a) + sin(b), -cos(a) - cos(b)
-    square = ahead * ahead + aside * aside - 4.0
+    ahead, lateral = distance + sin(a) + sin(b), -cos(a) - cos(b)
+    square = ahead * ahead + lateral * lateral - 4.0
     if square < 0.0:
         return None
     line = sqrt(square)
-    course = atan2(aside, ahead) + atan2(2.0, line)
+    course = atan2(lateral, ahead) + atan2(2.0, line)
     return _round(course - a), line, _round(course - b)
 
 
 def _three_turns(a: float, b: float, distance: float) -> Lengths | None:
     """Starboard, port, starboard: only for ends near each other."""
-    ahead, aside = distance + sin(a) - sin(b), cos(b) - cos(a)
-    cosine = 1.0 - (ahead * ahead + aside * aside) / 8.0
+    ahead, lateral = distance + sin(a) - sin(b), cos(b) - cos(a)
+    cosine = 1.0 - (ahead * ahead + lateral * lateral) / 8.0
     if cosine < -1.0:
         return None
     middle = 2.0 * pi - acos(cosine)
-    first = _round(atan2(aside, ahead) - a + middle / 2.0)
+    first = _round(atan2(lateral, ahead) - a + middle / 2.0)
     return first, middle, _round(b - a - first + middle)
 
 

@@ -132,9 +132,9 @@ class OccupancyGrid:
         length = hypot(d_north, d_east)
         if length == 0.0:
             return self.is_free(start)
-        aside_north, aside_east = -d_east / length * _HALF_WIDTH, d_north / length * _HALF_WIDTH
+        side_north, side_east = -d_east / length * _HALF_WIDTH, d_north / length * _HALF_WIDTH
         return all(
-            self._strip_is_free(north + side * aside_north, east + side * aside_east, d_north, d_east)
+            self._strip_is_free(north + side * side_north, east + side * side_east, d_north, d_east)
             for side in (-1.0, 1.0)
         )
 

@@ -95,13 +95,13 @@ def _column(record: Record, slave: str, figures: dict[str, Figure], title: str) 
     """That of the slave at an endpoint, or of the one here (""). A record describes the machine of its master."""
     detail = record.details.get(slave or HERE, {})
     master = f"{record.machine.get('cpu') or 'unknown processor'}, {record.machine.get('cores', '?')} cores"
-    said = Diagnostics(detail.get("slave"))
-    board = said.board or "?"
+    diagnostics = Diagnostics(detail.get("slave"))
+    board = diagnostics.board or "?"
     about = f"board: {board}; master: {master}" if slave else master
     labels = record.labels
     if slave:
         ours = (f"master: {label}" for label in labels if not label.startswith(OF_SLAVE))
-        labels = (*ours, *labels_of(said))
+        labels = (*ours, *labels_of(diagnostics))
     name = " ".join(filter(None, (title, slave)))
     return Column(name, figures, f"{about}; {record.made[:10]}", labels, tuple(detail.get("warnings", ())))
 
@@ -112,9 +112,9 @@ def remarks(columns: Sequence[Column]) -> list[str]:
     for column in columns:
         labels = [f"label: {label}" for label in column.labels]
         warnings = [f"WARNING: {text}" for text in column.warnings]
-        said = "; ".join(filter(None, (column.about, *labels, *warnings)))
-        if said:
-            lines.append(f"{column.title}: {said}")
+        remark = "; ".join(filter(None, (column.about, *labels, *warnings)))
+        if remark:
+            lines.append(f"{column.title}: {remark}")
     return lines
 
 
@@ -142,8 +142,8 @@ def comma_separated(columns: Sequence[Column]) -> str:
             figure = column.figures.get(row.name)
             if figure and figure.values:
                 spread = figure.spread if len(figure.values) > 1 else ""
-                said = "; ".join(column.labels), "; ".join(column.doubts(row))
-                writer.writerow((column.title, row.name, row.unit, figure.median, spread, len(figure.values), *said))
+                notes = "; ".join(column.labels), "; ".join(column.doubts(row))
+                writer.writerow((column.title, row.name, row.unit, figure.median, spread, len(figure.values), *notes))
     return out.getvalue()
 
 

@@ -62,8 +62,10 @@ def _figures(world: World, scenario: Scenario, looks: Sequence[Look], health: Di
         ("altitude", f"{min(beds):.1f} to {max(beds):.1f} m"),
     ]
     for name in ("camera", "forward_sonar"):
-        asked, dropped = ((counts or {}).get(name, 0) for counts in (health.imaging_requested, health.imaging_dropped))
-        rows.append((name.replace("_", " "), f"{asked - dropped:.0f} of {asked:.0f} pictures in time"))
+        requested, dropped = (
+            (counts or {}).get(name, 0) for counts in (health.imaging_requested, health.imaging_dropped)
+        )
+        rows.append((name.replace("_", " "), f"{requested - dropped:.0f} of {requested:.0f} pictures in time"))
     return [*rows, ("loop late, 99 %", f"{shown(health.lateness_p99_us, '.0f')} us")]
 
 
@@ -134,9 +136,9 @@ def _altitude(plt: Any, world: World, looks: Sequence[Look]) -> Any:
     axes.fill_between(times, beds, bottom, color="#d6bf8f", label="seabed below the vehicle")
     axes.plot(times, beds, color="#5b4a25", linewidth=1.2)
     axes.plot(times, depths, color=TRACK, linewidth=2, label="vehicle")
-    heard = [(look.time, look.truth.position[2] + look.altitude) for look in looks if isfinite(look.altitude)]
-    if heard:
-        axes.plot(*zip(*heard, strict=True), ".", color=MEASURED, markersize=5, label="altimeter")
+    measured = [(look.time, look.truth.position[2] + look.altitude) for look in looks if isfinite(look.altitude)]
+    if measured:
+        axes.plot(*zip(*measured, strict=True), ".", color=MEASURED, markersize=5, label="altimeter")
     axes.set(xlabel="time (s)", ylabel="depth (m)", ylim=(bottom, 0.0), xlim=(times[0], times[-1] + 1e-9))
     axes.grid(color=GRID, linewidth=0.6)
     add_legend(axes)

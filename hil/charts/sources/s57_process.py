@@ -91,11 +91,11 @@ def _numbered(path: str, edition: str, update: int, folder: str) -> str:
         if not os.path.exists(source):
             break
         try:
-            said = _dataset(source)
+            dataset = _dataset(source)
         except Exception as error:  # noqa: BLE001 - as in main
             raise _UpdateError(str(error)) from None
-        if (str(said["DSID_EDTN"]), _update_of(said)) != (edition, update + number):
-            wrong = f"{source} is update {said['DSID_UPDN']} of edition {said['DSID_EDTN']}"
+        if (str(dataset["DSID_EDTN"]), _update_of(dataset)) != (edition, update + number):
+            wrong = f"{source} is update {dataset['DSID_UPDN']} of edition {dataset['DSID_EDTN']}"
             raise _UpdateError(f"{wrong}, not {update + number} of {edition}")
         os.symlink(source, os.path.join(folder, f"CELL.{number:03d}"))
     return cell
@@ -117,17 +117,17 @@ def _read(path: str) -> tuple[dict[str, Any], bytes]:
     import pyogrio
 
     layers = {str(name) for name, _ in pyogrio.list_layers(path)}
-    said = _dataset(path)
+    dataset = _dataset(path)
     rows: list[dict[str, Any]] = []
     data: list[bytes] = []
     for kind in OBJECTS:
         if kind in layers:
             _read_layer(path, kind, rows, data)
     head = {
-        "edition": int(said["DSID_EDTN"]),
-        "update": _update_of(said),
-        "scale": int(said["DSPM_CSCL"]),
-        "units": [int(said["DSPM_DUNI"]), int(said["DSPM_COUN"])],
+        "edition": int(dataset["DSID_EDTN"]),
+        "update": _update_of(dataset),
+        "scale": int(dataset["DSPM_CSCL"]),
+        "units": [int(dataset["DSPM_DUNI"]), int(dataset["DSPM_COUN"])],
         "features": rows,
     }
     return head, b"".join(data)

@@ -70,8 +70,8 @@ def _text(found: list[Difference], confidence: float) -> str:
     counts = Counter(one.verdict for one in found)
     lines = [*aligned(rows, rule=True), *(text for verdict, text in UNSURE.items() if counts[verdict])]
     unsure = sum(counts[verdict] for verdict in UNSURE)
-    untold = f", {unsure} not to be told" if unsure else ""
-    return "\n".join([*lines, f"{counts['worse']} worse, {counts['better']} better{untold}, of {len(found)}"])
+    undecided = f", {unsure} not to be told" if unsure else ""
+    return "\n".join([*lines, f"{counts['worse']} worse, {counts['better']} better{undecided}, of {len(found)}"])
 
 
 def _record(found: list[Difference], warnings: list[str]) -> Any:

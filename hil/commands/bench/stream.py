@@ -62,8 +62,8 @@ def main(arguments: list[str]) -> int:
     with endings.caught():
         for number in range(options.repeat):
             endings.place = f"run {number + 1} of {options.repeat}"
-            heard, labels = _listen(options, endings.place)
-            runs.append(heard)
+            received, labels = _listen(options, endings.place)
+            runs.append(received)
     show("")
     if not runs:
         endings.raise_first()
@@ -74,7 +74,7 @@ def main(arguments: list[str]) -> int:
     dead = [topic for topic, of_runs in streams.items() if _dead(of_runs, options.seconds)]
     if dead:
         print(f"nothing came on {', '.join(dead)}, though a slave of this scenario should send it")
-    warnings = list(dict.fromkeys(warning for heard in runs for warning in heard.warnings))
+    warnings = list(dict.fromkeys(warning for received in runs for warning in received.warnings))
     for warning in warnings:
         print(f"WARNING: {warning}")
     settings = {key: getattr(options, key) for key in ("scenario", "set", "connect", "seconds", "repeat")}
@@ -107,8 +107,8 @@ def _listen(options: Any, place: str) -> tuple[Listening, tuple[str, ...]]:
         if options.connect:
             show(f"{place}: waiting for {options.connect}")
             listener = stack.enter_context(Listener(options.connect, load_single(options.scenario, remedy=ONE_VEHICLE)))
-            heard = listener.listen(options.seconds, None, watch)
-            return heard, labels_of(listener.client.diagnostics())
+            received = listener.listen(options.seconds, None, watch)
+            return received, labels_of(listener.client.diagnostics())
         bench = stack.enter_context(Bench(options.scenario, changes_of(options), limits_of(options)))
         slave = bench.start_slave()
         listener = stack.enter_context(Listener(bench.endpoint, bench.scenario))
@@ -117,8 +117,8 @@ def _listen(options: Any, place: str) -> tuple[Listening, tuple[str, ...]]:
 
 def _by_topic(runs: list[Listening]) -> dict[str, list[Stream]]:
     found: dict[str, list[Stream]] = {}
-    for heard in runs:
-        for stream in heard.streams:
+    for received in runs:
+        for stream in received.streams:
             found.setdefault(stream.topic, []).append(stream)
     return dict(sorted(found.items()))
 

@@ -56,10 +56,10 @@ def main(arguments: list[str]) -> int:
     earlier = [column for path in options.against for column in _earlier(path)]
     if options.connect and (options.cpus or options.cpu_quota or options.memory):
         raise ConfigError("command line: --cpus, --cpu-quota and --memory limit a slave started here, not --connect")
-    unheard = [key for key in changes_of(options) if key.startswith(OF_SLAVE_ALONE) and key != "slave.node"]
-    if options.connect and unheard:
+    inapplicable = [key for key in changes_of(options) if key.startswith(OF_SLAVE_ALONE) and key != "slave.node"]
+    if options.connect and inapplicable:
         raise ConfigError(
-            f"command line: --set {unheard[0]}: a slave that runs elsewhere does not get it; set it there"
+            f"command line: --set {inapplicable[0]}: a slave that runs elsewhere does not get it; set it there"
         )
     board = _board(options)
     endings = PartialFailures()
@@ -71,7 +71,7 @@ def main(arguments: list[str]) -> int:
     for line in filter(None, (_ratios(_named(column), record) for column in ours)):
         print(line)
     print(f"medians of {endings.most(options.repeat)} runs of {options.seconds:g} s; (range of the middle half)")
-    for line in (*board_table.remarks(earlier), *_said(record)):
+    for line in (*board_table.remarks(earlier), *_description(record)):
         print(line)
     save_record(record, options)
     _write(columns, options)
@@ -175,7 +175,7 @@ def _write(columns: list[Column], options: Any) -> None:
         board_table.draw(columns, options.plot)
 
 
-def _said(record: Record) -> list[str]:
+def _description(record: Record) -> list[str]:
     machine = record.machine
     lines = [
         f"master here: {machine['cpu']}, {machine['cores']} cores, {machine['kernel']}, Python {machine['python']}, "
@@ -223,13 +223,13 @@ def _board(options: Any) -> Board | None:
 
 def _board_of(endpoint: str, slave: Diagnostics) -> Board:
     """Return the board that a slave says it is, or this machine's where it runs here. Raises ConfigError."""
-    said = slave.board or ""
+    name = slave.board or ""
     boards = map(load_board, preset_names("boards"))
-    found = next((board for board in boards if board.name == said), None)
+    found = next((board for board in boards if board.name == name), None)
     if found is None and slave.boot_id == boot_id():
         found = recognise(Tree())
     if found is None:
-        raise ConfigError(f"no budgets for {endpoint}, which says that its board is {said!r}; {_remedy()}")
+        raise ConfigError(f"no budgets for {endpoint}, which says that its board is {name!r}; {_remedy()}")
     return found
 
 

@@ -100,9 +100,9 @@ def boards_json() -> dict[str, object]:
 
 def describe(tree: Tree, board: Board | None) -> str:
     """Return what the machine is and how it does, as text for a terminal."""
-    told = model(tree.root)
+    model_name = model(tree.root)
     if board is None:
-        return f"none of the boards known: {told or 'nameless'}, {architecture(tree) or 'unknown architecture'}"
+        return f"none of the boards known: {model_name or 'nameless'}, {architecture(tree) or 'unknown architecture'}"
     rows = [
         ("processor", board.cpu),
         ("memory", _memory(tree, board)),
@@ -112,7 +112,7 @@ def describe(tree: Tree, board: Board | None) -> str:
         ("throttled", _throttled(throttling(tree, board))),
         ("governor", ", ".join(f"{name} ({count} processors)" for name, count in governors(tree).items())),
     ]
-    parts = [f"{board.name}" + (f' (calls itself "{told}")' if told else "")]
+    parts = [f"{board.name}" + (f' (calls itself "{model_name}")' if model_name else "")]
     parts += aligned([(f"  {name}", text or "not told") for name, text in rows])
     for port in board.serial:
         parts.append(f"{port.device} {_there(tree, port.device)}: {port.at}" + _needs(port.needs))
@@ -122,10 +122,10 @@ def describe(tree: Tree, board: Board | None) -> str:
     for mode in board.power:
         watts = f", {mode.watts:g} W" if mode.watts else ""
         parts.append(f"power mode {mode.name}: {mode.cores} cores{watts} ({mode.command})")
-    asked, most = board.recommended, board.budgets
+    recommended, most = board.recommended, board.budgets
     parts.append(
-        f"recommended: step {asked.step * 1e3:g} ms, control_period {asked.control_period * 1e3:g} ms, at most "
-        f"{asked.core_share:.0%} of a core and {asked.memory:g} MiB"
+        f"recommended: step {recommended.step * 1e3:g} ms, control_period {recommended.control_period * 1e3:g} ms, "
+        f"at most {recommended.core_share:.0%} of a core and {recommended.memory:g} MiB"
     )
     parts.append(
         f"budgets: start {most.startup:g} s, memory {most.memory:g} MiB, {most.slave_cpu:.0%} of a core, delay of a "

@@ -45,7 +45,7 @@ def install(tree: Tree, options: argparse.Namespace) -> int:
     for left_out in (board_install.device_left_out(scenario), board_install.firewall_missing(tree, service)):
         if left_out:
             print(f"note: {left_out}")
-    _tell_changed(plan)
+    _print_changed(plan)
     if not plan.changes:
         print("everything is installed as it should be")
         return 0
@@ -64,7 +64,7 @@ def install(tree: Tree, options: argparse.Namespace) -> int:
 def uninstall(tree: Tree, options: argparse.Namespace) -> int:
     """Put back what was there; the exit code. Raises HilError, and then nothing was changed."""
     plan = board_changes.plan_uninstall(tree)
-    _tell_changed(plan)
+    _print_changed(plan)
     before = _leaving([*(change.path for change in plan.removed), *plan.changed])
     after = [RELOAD, UDEV[0], *_manager(plan)]
     if _agreed(tree, plan, [*before, *after], options):
@@ -96,7 +96,7 @@ def check_user(tree: Tree, user: str) -> None:
         raise ConfigError(f"--user: there is no user {user!r} here; make one: sudo useradd --system -G dialout {user}")
 
 
-def _tell_changed(plan: Plan) -> None:
+def _print_changed(plan: Plan) -> None:
     for path in plan.changed:
         print(f"{path}: changed since it was written; it stays; take it away with: sudo rm {path}")
 

@@ -104,8 +104,8 @@ def run_one(scenario_name: str, changes: Changes, seed: int) -> Row:
         return row | {"reason": str(error)}
     figures = {name: getattr(outcome, name) for name in METRICS}
     counts = {kind: sum(event.kind == kind for event in outcome.events) for kind in KINDS}
-    told = {"success": outcome.success, "reached": outcome.reached, "reason": outcome.verdict}
-    return row | told | figures | counts | {"events": "; ".join([event.describe() for event in outcome.events])}
+    result = {"success": outcome.success, "reached": outcome.reached, "reason": outcome.verdict}
+    return row | result | figures | counts | {"events": "; ".join([event.describe() for event in outcome.events])}
 
 
 def run_all(scenario: str, sets: Sequence[Changes], seeds: int, jobs: int, backend: str) -> list[Row]:

@@ -56,11 +56,11 @@ def main(arguments: list[str]) -> int:
         print(f"lines of JSON at {host}:{gateway.port} for {', '.join(endpoints)}; Ctrl-C ends it")
         access = gateway.access
         print(f"token for commands: {access.token}" + (f" (in {access.path})" if access.path else ""), flush=True)
-        told: list[str] | None = None
+        names: list[str] | None = None
         while not select.select((stop_fd,), (), (), POLL_S)[0]:
-            if fleet.names != told:
-                told = fleet.names
-                print(presence(told, endpoints), flush=True)
+            if fleet.names != names:
+                names = fleet.names
+                print(presence(names, endpoints), flush=True)
     return 0
 
 

@@ -65,9 +65,10 @@ def main(arguments: list[str]) -> int:
         settings = settings._replace(system=int(table["SYSID_THISMAV"]) if not options.system else settings.system)
         picture = camera_of(scenario, video.address) if video else None
         gateway = Gateway(port, settings, table, links, origin_of(scenario), picture, _print)
-        ways = ", ".join([link.name for link in links])
+        link_names = ", ".join([link.name for link in links])
         print(
-            f"MAVLink system {settings.system} is {node} at {', '.join(endpoints)}: {ways}; Ctrl-C ends it", flush=True
+            f"MAVLink system {settings.system} is {node} at {', '.join(endpoints)}: {link_names}; Ctrl-C ends it",
+            flush=True,
         )
         gateway.run(stop_fd)
     return 0

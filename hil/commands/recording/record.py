@@ -85,12 +85,12 @@ def _why_nothing(endpoints: list[str], tap: "Tap") -> str:
 def _wait(recorder: Recorder, tap: "Tap", seconds: float | None, stop_fd: int) -> None:
     """Until it is time to end, and say meanwhile how it goes."""
     end = now_ns() + seconds_ns(seconds) if seconds else None
-    said = now_ns()
+    reported_ns = now_ns()
     while not (recorder.failure or (end and now_ns() > end) or select.select((stop_fd,), (), (), POLL_S)[0]):
         if text := tap.complaint():
             print(("\r\x1b[K" if sys.stdout.isatty() else "") + text, flush=True)
-        if sys.stdout.isatty() and now_ns() - said > SAY_PERIOD_NS:
-            said = now_ns()
+        if sys.stdout.isatty() and now_ns() - reported_ns > SAY_PERIOD_NS:
+            reported_ns = now_ns()
             print(f"\r{recorder.written} messages, {len(tap.connected)} connected", end="\x1b[K", flush=True)
     if sys.stdout.isatty():
         print("\r\x1b[K", end="")

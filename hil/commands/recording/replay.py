@@ -85,8 +85,8 @@ def _play(options: argparse.Namespace, stop_fd: int) -> int:
     with listen(options.listen) as session:
         print(f"playing {options.recording} at {options.listen}; Ctrl-C ends it", flush=True)
         deadline = now_ns() + round(options.wait * NS_PER_S)
-        is_heard = session.watch_keys(f"{dialect.domain()}/**")
-        while not is_heard() and now_ns() < deadline:
+        has_subscribers = session.watch_keys(f"{dialect.domain()}/**")
+        while not has_subscribers() and now_ns() < deadline:
             if select.select((stop_fd,), (), (), WAIT_STEP_S)[0]:
                 return STOPPED
         player = Player(session)

@@ -113,7 +113,7 @@ def _pause(stop_fd: int, seconds: float) -> None:
 
 def _show(watch: HealthWatch, unanswered: Unanswered, endpoints: list[str], stop_fd: int) -> None:
     live = sys.stdout.isatty()
-    told = ""
+    printed = ""
     while not select.select((stop_fd,), (), (), REDRAW_S)[0]:
         statuses, without_answer = watch.statuses(), watch.without_answer()
         text = table(statuses, without_answer, live) if statuses else f"waiting for a slave at {', '.join(endpoints)}"
@@ -123,9 +123,9 @@ def _show(watch: HealthWatch, unanswered: Unanswered, endpoints: list[str], stop
             width, height = shutil.get_terminal_size()
             lines = [line if "\x1b" in line else line[:width] for line in text.splitlines()]
             print("\x1b[H\x1b[2J" + "\n".join(fitting(lines, height - 1, len(remarks))), flush=True)
-        elif text != told:
+        elif text != printed:
             print(text + "\n", flush=True)
-        told = text
+        printed = text
 
 
 def _remarks(watch: HealthWatch, unanswered: Unanswered) -> list[str]:
@@ -240,9 +240,9 @@ def table(statuses: list[Status], silent: list[str], colour: bool = False) -> st
 
 
 def _coloured(line: str, statuses: list[Status]) -> str:
-    gone = any(not status.present or status.age_s > STALE_S for status in statuses)
+    is_lost = any(not status.present or status.age_s > STALE_S for status in statuses)
     hot = any(status.figures.throttled not in (None, "no") for status in statuses)
-    if (line.startswith("state") and gone) or (line.startswith("throttled") and hot):
+    if (line.startswith("state") and is_lost) or (line.startswith("throttled") and hot):
         return f"{RED}{line}{PLAIN}"
     skipped = any((status.figures.steps_skipped or 0) > 0 for status in statuses)
     if line.startswith("events of") and any((status.figures.run_events or 0) > 0 for status in statuses):

@@ -197,12 +197,12 @@ def _message(key: str, payload: bytes, as_json: bool) -> list[str]:
 def _hz(session: Session, options: argparse.Namespace, stop_fd: int) -> None:
     arrivals, came = _first(session, options, stop_fd)
     instants: deque[int] = deque(maxlen=WINDOW)
-    told_ns = now_ns()
+    reported_ns = now_ns()
     while True:
         instants += [instant for instant, _, _ in came]
         ended = options.count is not None and len(instants) >= options.count
-        if ended or now_ns() - told_ns >= NS_PER_S:
-            told_ns = now_ns()
+        if ended or now_ns() - reported_ns >= NS_PER_S:
+            reported_ns = now_ns()
             print(json_text(rate(instants)._asdict()) if options.json else rate_line(instants), flush=True)
         if ended:
             return

@@ -57,7 +57,7 @@ def main(arguments: list[str]) -> int:
 
 
 def _steer(vehicle: Vehicle, steering: Steering, pad: Gamepad | None, keyboard_fd: int, stop_fd: int) -> None:
-    keys, line, said = Keys(), ProgressLine(), ""
+    keys, line, message = Keys(), ProgressLine(), ""
     while True:
         ready = select.select((keyboard_fd, stop_fd), (), (), PERIOD_S)[0]
         if stop_fd in ready:
@@ -67,10 +67,10 @@ def _steer(vehicle: Vehicle, steering: Steering, pad: Gamepad | None, keyboard_f
             if not typed:  # the terminal is gone
                 break
             for key in typed:
-                said = _act(vehicle, key) or said
+                message = _act(vehicle, key) or message
                 keys.press(key, now_ns())
         reason = steering.update(0, pad.message() if pad else keys.message(now_ns()))
-        line.show(f"{_state(vehicle)}  {reason or said}")
+        line.show(f"{_state(vehicle)}  {reason or message}")
     line.clear()
 
 

@@ -74,7 +74,7 @@ class Core:
         """Set home (m, NED)."""
         self.home, self._has_home = place, True
 
-    def heard_ground_station(self, now: int) -> None:
+    def on_ground_station_heartbeat(self, now: int) -> None:
         """Note the heartbeat of a ground station."""
         self._gcs_ns = now
         if self._gcs_lost:

@@ -175,7 +175,7 @@ class Dispatcher:
 
     def _heartbeat(self, _: Peer, packet: Any, now: int) -> None:
         if packet.type == dialect.MAV_TYPE_GCS:
-            self.core.heard_ground_station(now)
+            self.core.on_ground_station_heartbeat(now)
 
     def _ping(self, peer: Peer, packet: Any, _: int) -> None:
         if not packet.target_system:

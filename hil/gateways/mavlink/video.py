@@ -22,7 +22,7 @@ class VideoServer:
     """
 
     def __init__(self, port: int, on_viewer: Callable[[], None] = lambda: None) -> None:
-        self.news = threading.Condition()
+        self.changed = threading.Condition()
         self.picture: bytes = b""
         self.count = 0
         self.viewers = 0
@@ -42,9 +42,9 @@ class VideoServer:
         return self
 
     def __exit__(self, *_: object) -> None:
-        with self.news:
+        with self.changed:
             self.is_ending = True
-            self.news.notify_all()
+            self.changed.notify_all()
         self._server.shutdown()
         self._server.server_close()
         self._thread.join(2.0)
@@ -61,9 +61,9 @@ class VideoServer:
 
     def show(self, jpeg: bytes) -> None:
         """Show a new picture to all viewers."""
-        with self.news:
+        with self.changed:
             self.picture, self.count = jpeg, self.count + 1
-            self.news.notify_all()
+            self.changed.notify_all()
 
 
 class _Handler(BaseHTTPRequestHandler):
@@ -80,7 +80,7 @@ class _Handler(BaseHTTPRequestHandler):
         if self.path != "/":
             self.send_error(404)
             return
-        with video.news:
+        with video.changed:
             if video.viewers >= MOST_VIEWERS:
                 self.send_error(503)
                 return
@@ -91,7 +91,7 @@ class _Handler(BaseHTTPRequestHandler):
         except OSError:  # the viewer has gone
             return
         finally:
-            with video.news:
+            with video.changed:
                 video.viewers -= 1
 
     def log_message(self, *_: Any) -> None:
@@ -104,8 +104,8 @@ class _Handler(BaseHTTPRequestHandler):
         self.end_headers()
         shown = 0
         while True:
-            with video.news:
-                video.news.wait_for(lambda last=shown: video.count != last or video.is_ending, SILENT_S)  # type: ignore[misc]
+            with video.changed:
+                video.changed.wait_for(lambda last=shown: video.count != last or video.is_ending, SILENT_S)  # type: ignore[misc]
                 if video.is_ending or video.count == shown:
                     return
                 picture, shown = video.picture, video.count

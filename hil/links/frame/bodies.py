@@ -85,7 +85,7 @@ class Body:
         self._bits = [
             (1 << bit, kind._fields.index(n)) for n, bit in bits.items() if bit is not None and n in kind._fields
         ]
-        self._says_armed = kind is ThrusterTelemetry or bits.get("armed") is not None
+        self._has_armed_bit = kind is ThrusterTelemetry or bits.get("armed") is not None
         pulses = [place for place, name in enumerate(names) if name == "pwm_us"]
         step = pulses[1] - pulses[0] if len(pulses) > 1 else 1
         self._pulses = slice(pulses[0], pulses[-1] + 1, step)
@@ -102,7 +102,7 @@ class Body:
             if values[index]:
                 numbers[self._flags] += mask
         pulses: Sequence[float] = message.pwm_us
-        if not (message.armed or self._says_armed):
+        if not (message.armed or self._has_armed_bit):
             pulses = self._neutral
         if self._pulse_line:
             pulses = [self._pulse_line.number(width) for width in pulses]

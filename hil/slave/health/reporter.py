@@ -102,7 +102,7 @@ class Health:
         self._tree, self._board = Tree(), board
         self._recent, self._skipped = RecentLateness(), SkippedSteps()
         self._memory = process.Memory()
-        self._news = log.news  # the inbox's too
+        self._wakeup = log.wakeup  # the inbox's too
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="health", daemon=True)
 
@@ -111,7 +111,7 @@ class Health:
 
     def __exit__(self, *_: object) -> None:
         self._stop.set()
-        self._news.set()
+        self._wakeup.set()
         self._thread.join(1.0)  # it may be stuck in writing to a terminal that nobody reads
         self._publish()
         self._log.flush()
@@ -219,8 +219,8 @@ class Health:
         self._add_labels()
         collect_due_ns, heart = now_ns() + COLLECT_PERIOD_NS, Heartbeat()
         while not self._stop.wait(LEAST_PERIOD_S):
-            self._news.wait(PERIOD_S - LEAST_PERIOD_S)
-            self._news.clear()
+            self._wakeup.wait(PERIOD_S - LEAST_PERIOD_S)
+            self._wakeup.clear()
             self._check_clock()
             schedule = self._loop.schedule
             skipped = self._skipped.line(schedule.skipped, schedule.lateness.maximum, now_ns())

@@ -168,7 +168,7 @@ class Imaging:
         try:
             # In a group of its own, as a Ctrl-C is the slave's.
             environment = {**os.environ, **QUIET, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
-            environment[lifeline.VARIABLE] = lifeline.word(len(ends) - 1, ends[-1])
+            environment[lifeline.VARIABLE] = lifeline.describe_end(len(ends) - 1, ends[-1])
             pid = spawn(module_command("hil.slave.imaging.process"), environment, ends)
         except OSError as error:
             for end in (requests[1], answers[0], errors[0]):

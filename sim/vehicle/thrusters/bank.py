@@ -96,7 +96,7 @@ class ThrusterSet:
         self._thrusters = vehicle.thrusters
         self._columns = list(zip(*wrench_matrix(vehicle), strict=True))
         # What turns a velocity of the vehicle into the speed along each thruster.
-        self._ways = list(zip(*wrench_matrix(vehicle, torque=False), strict=True))
+        self._wrench_columns = list(zip(*wrench_matrix(vehicle, torque=False), strict=True))
         # The propellers that lose thrust to the water which meets them (Advance of sim/vehicle/thrusters/curves.py).
         self._advances: list[Any] = [t.curve if hasattr(t.curve, "loss") else None for t in vehicle.thrusters]
         # True if `step` needs the speed through the water.
@@ -177,9 +177,12 @@ class ThrusterSet:
 
     def numbers(self) -> list[float]:
         """All that a step without failures uses but the state, in a row: what the C twin is made of."""
-        rows = zip(self._gains, self._columns, self._ways, self._advances, strict=True)
+        rows = zip(self._gains, self._columns, self._wrench_columns, self._advances, strict=True)
         still = [0.0] * 5
-        lists = [(gain, *column, *way, *(curve.numbers() if curve else still)) for gain, column, way, curve in rows]
+        lists = [
+            (gain, *column, *wrench_column, *(curve.numbers() if curve else still))
+            for gain, column, wrench_column, curve in rows
+        ]
         return [x for numbers in lists for x in numbers]
 
     def _follow(self) -> list[float]:
@@ -191,7 +194,7 @@ class ThrusterSet:
         """What is left of the thrusts (N) at `nu_r` (m/s, rad/s) through the water."""
         u, v, w, p, q, r = nu_r
         thrusts = list(self._lagged)
-        for i, (curve, (a, b, c, d, e, f)) in enumerate(zip(self._advances, self._ways, strict=True)):
+        for i, (curve, (a, b, c, d, e, f)) in enumerate(zip(self._advances, self._wrench_columns, strict=True)):
             if curve is not None:
                 thrusts[i] -= curve.loss(thrusts[i], a * u + b * v + c * w + d * p + e * q + f * r)
         return thrusts

@@ -330,7 +330,7 @@ def test_the_can_unit(root: Path, scenario: str) -> None:
     [("plain", "plain"), ("/a b", '"/a b"'), ("50%", "50%%"), ("$HOME", "$HOME"), ('a"', '"a\\""'), ("a;b", '"a;b"')],
 )
 def test_words_of_a_unit(text: str, written: str) -> None:
-    assert board_install.word(text) == written
+    assert board_install.escape_word(text) == written
 
 
 def test_names_that_would_break_a_unit(root: Path, scenario: str, capsys: pytest.CaptureFixture[str]) -> None:

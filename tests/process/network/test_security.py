@@ -225,6 +225,6 @@ def test_missing_files_and_sections_are_named(keys: Path, tmp_path: Path) -> Non
 
 
 def test_folders_are_found_beside_the_scenario() -> None:
-    found = Security("keys/uuv1", "/abs/laptop", ("laptop",)).beside("/home/me")
+    found = Security("keys/uuv1", "/abs/laptop", ("laptop",)).resolve_paths("/home/me")
     assert (found.slave, found.master, found.router) == ("/home/me/keys/uuv1", "/abs/laptop", "")
     assert found.name("slave") == "uuv1"

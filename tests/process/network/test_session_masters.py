@@ -84,8 +84,8 @@ def test_a_flood_of_commands_is_thinned(slave: tuple[Program, str]) -> None:
         while sent < 5000 or not figure(client, "commands_flooded"):
             sent = client.command(VelocityCommand(surge=0.1))
             assert sent < 1_000_000, client.diagnostics()
-        news = client.received["diagnostics"]
-        assert wait_for(lambda: client.received["diagnostics"] > news + 1)
+        wakeup = client.received["diagnostics"]
+        assert wait_for(lambda: client.received["diagnostics"] > wakeup + 1)
         received, took_s = figure(client, "commands_received"), time.monotonic() - began
         assert received < 220 * took_s + 50, "command_rate is 200 Hz"
         assert sent > received

@@ -41,7 +41,7 @@ class End:
 
     def sees(self, part: str, alive: bool, after: float) -> float:
         """Seconds from `after` until the news that a part came or went."""
-        found = wait_for(lambda: [at for at, *news in self.seen if news == [part, alive] and at >= after])
+        found = wait_for(lambda: [at for at, *wakeup in self.seen if wakeup == [part, alive] and at >= after])
         assert found, f"no {part} {'came' if alive else 'went'} in {self.seen}"
         return found[0] - after
 

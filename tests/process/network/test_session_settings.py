@@ -131,7 +131,7 @@ def test_a_wrong_network_section_is_named(table: dict[str, object], word: str) -
 
 def test_presence_keys_come_back() -> None:
     presence = Presence("uuv1", "master", 3, "ab" * 16, "my host/é*:7")
-    assert read_presence(presence_key(presence)) == presence._replace(who="my_host___:7")
+    assert read_presence(presence_key(presence)) == presence._replace(process="my_host___:7")
     for key in (
         "uuv_hil/uuv1/alive/master/3/zz/x",
         "uuv_hil/uuv1/alive/cook/3/ab/x",

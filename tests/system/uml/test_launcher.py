@@ -46,7 +46,9 @@ def test_a_command_and_what_stays_of_it(tmp_path: Path) -> None:
     share.mkdir()
     told: list[str] = []
     script = SCRIPT.format(share=share, lost=lost)
-    ended = uml.run(["sh", "-c", script], ["vcan"], str(share), {"WHO": "it's me"}, cwd=str(tmp_path), tell=told.append)
+    ended = uml.run(
+        ["sh", "-c", script], ["vcan"], str(share), {"WHO": "it's me"}, cwd=str(tmp_path), report=told.append
+    )
     assert ended.status == 7
     release = next(uml.MODULES.iterdir()).name
     assert ended.output.splitlines() == [f"it's me in {tmp_path}", "lo", release, "two", "", "last without end"]

@@ -57,5 +57,5 @@ def test_a_presence_of_others_is_plain_and_short() -> None:
     evil = read_presence("uuv_hil/uuv\x1b1/alive/master/0/" + "ab" * 16 + "/\x1b[31m\nslave: ready" + "z" * 500)
     assert evil
     assert evil.node == "uuv_1"
-    assert evil.who == "__31m_slave:_ready" + "z" * 46
+    assert evil.process == "__31m_slave:_ready" + "z" * 46
     assert read_presence(f"uuv_hil/uuv1/alive/master/0/{'ab' * 40}/x") is None

@@ -76,8 +76,8 @@ def test_coriolis_is_skew_symmetric() -> None:
 
 def test_dvl_altitude_is_not_the_mean_of_the_slants() -> None:
     """uuv_simulator gives the mean slant range for the altitude; level, that is 10 % too much at 25 degrees."""
-    sea = World("sea", "test", (-9.0, 9.0, -9.0, 9.0), 25.0)
-    scene = Simulation(HEAVY, sea, {}, position=(0.0, 0.0, 5.0))
+    world = World("sea", "test", (-9.0, 9.0, -9.0, 9.0), 25.0)
+    scene = Simulation(HEAVY, world, {}, position=(0.0, 0.0, 5.0))
     model = DvlModel(velocity=ErrorModel(), range=ErrorModel())
     dvl = Dvl(model, Mounting(), 1, scene)
     tilted = State((0.0, 0.0, 5.0), from_euler(radians(8.0), radians(-6.0), 0.4), (0.7, -0.2, 0.1, 0.0, 0.0, 0.0))

@@ -121,7 +121,7 @@ def test_another_master_is_refused_until_this_one_is_silent(command_receiver: Co
     assert command_receiver.master == GID, "a higher rank takes over at once"
     deliver(command_receiver, 3, gid=OTHER)
     assert command_receiver.refused == 2
-    assert command_receiver.news.is_set()
+    assert command_receiver.wakeup.is_set()
 
 
 def test_who_commanded_before_it_was_known_and_left_is_followed_by_one_master(

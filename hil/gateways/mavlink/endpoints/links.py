@@ -120,7 +120,7 @@ class UdpIn(Link):
         except OSError as error:
             raise NetworkError(f"{self.name}: {error.strerror or error}; choose another endpoint") from None
         self.port: int = self._socket.getsockname()[1]
-        self._heard: dict[tuple[Any, ...], int] = {}
+        self._received_ns: dict[tuple[Any, ...], int] = {}
         self._now = 0
 
     def descriptors(self) -> list[int]:
@@ -135,9 +135,9 @@ class UdpIn(Link):
                 data, sender = self._socket.recvfrom(READ_SIZE)
             except OSError:
                 break
-            if sender not in self._heard and (len(self._heard) >= MOST_PARTNERS or data[:1] not in _FIRST):
+            if sender not in self._received_ns and (len(self._received_ns) >= MOST_PARTNERS or data[:1] not in _FIRST):
                 continue
-            self._heard[sender] = now
+            self._received_ns[sender] = now
             received.append((sender, data))
         return received
 
@@ -148,7 +148,7 @@ class UdpIn(Link):
 
     def partners(self) -> list[Address]:
         """Return those that have been heard lately."""
-        return list(self._heard)
+        return list(self._received_ns)
 
     def is_local(self, address: Address) -> bool:
         """Return whether a sender is on this machine."""
@@ -156,8 +156,8 @@ class UdpIn(Link):
 
     def tick(self, now: int) -> None:
         """Forget those that are silent."""
-        for address in [address for address, heard in self._heard.items() if now - heard > SILENT_NS]:
-            del self._heard[address]
+        for address in [address for address, received_ns in self._received_ns.items() if now - received_ns > SILENT_NS]:
+            del self._received_ns[address]
 
     def close(self) -> None:
         """Close the socket."""

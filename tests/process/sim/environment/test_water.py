@@ -11,7 +11,7 @@ from sim.dynamics import State
 from sim.environment.ocean import Layers, Ocean, Profile, Series, Waves
 from sim.environment.water import FluidMotion, SampledWaves, pushed_mass
 from sim.environment.water_column import WaterColumn
-from sim.environment.waves import Sea
+from sim.environment.waves import WaveField
 from sim.environment.world import World, load_world
 from sim.rotations import from_euler, rotate
 from sim.sensors.error import ErrorModel
@@ -88,13 +88,13 @@ def test_a_vehicle_without_weight_or_drag_goes_with_the_water() -> None:
     body = VEHICLE._replace(linear_damping=(0.0,) * 6, quadratic_damping=(0.0,) * 6)
     body = body._replace(center_of_gravity=(0.0, 0.0, 0.0), center_of_buoyancy=(0.0, 0.0, 0.0))
     simulation = at_sea(Ocean(waves=SWELL), body)
-    sea = Sea(SWELL, SEA.depth, G, 1)
+    wave_field = WaveField(SWELL, SEA.depth, G, 1)
     place = [0.0, 0.0, 6.0]
-    simulation.state.nu = [*rotate(from_euler(0.0, 0.0, -0.7), sea.motion(0.0, *place).velocity), 0.0, 0.0, 0.0]
+    simulation.state.nu = [*rotate(from_euler(0.0, 0.0, -0.7), wave_field.motion(0.0, *place).velocity), 0.0, 0.0, 0.0]
     largest = 0.0
     for step in range(400 * 27):
-        middle = [x + 0.00125 * v for x, v in zip(place, sea.motion(step / 400.0, *place).velocity, strict=True)]
-        velocity = sea.motion((step + 0.5) / 400.0, *middle).velocity
+        middle = [x + 0.00125 * v for x, v in zip(place, wave_field.motion(step / 400.0, *place).velocity, strict=True)]
+        velocity = wave_field.motion((step + 0.5) / 400.0, *middle).velocity
         place = [x + 0.0025 * v for x, v in zip(place, velocity, strict=True)]
         simulation.step((1500,) * 8)
         gap = max(abs(a - b) for a, b in zip(simulation.truth().position, place, strict=True))
@@ -123,7 +123,7 @@ def test_the_push_of_the_waves() -> None:
     world = SEA._replace(ocean=Ocean(waves=SWELL))
     state = State((3.0, 4.0, 2.0), from_euler(pi / 2.0, 0.0, 0.0))  # starboard (y) is down, z is west
     velocity, wrench = FluidMotion(body, world, 1).act(7_000_000_000, state, (1.0, 0.0, 0.0, 0.0, 0.0, 0.0))
-    motion = Sea(SWELL, SEA.depth, G, 1).motion(7.0, 3.0, 4.0, 2.0)
+    motion = WaveField(SWELL, SEA.depth, G, 1).motion(7.0, 3.0, 4.0, 2.0)
     north, east, down = motion.acceleration
     displaced = 1025.0 * 0.012
     force = (5.0 + displaced) * north, (12.0 + displaced) * down, (20.0 + displaced) * -east
@@ -148,11 +148,11 @@ def test_pushed_mass_of_a_trimmed_vehicle() -> None:
 def test_the_sea_is_held() -> None:
     """Computed at the stated rate, from then on the same until the next; each time exactly the sea."""
     waves = SWELL._replace(hold=0.01)
-    held, sea = SampledWaves(waves, SEA, 1), Sea(waves, SEA.depth, G, 1)
+    held, wave_field = SampledWaves(waves, SEA, 1), WaveField(waves, SEA.depth, G, 1)
     motions = [held.motion(i * 2_500_000, (0.0, 0.0, 3.0)) for i in range(401)]
     assert all(motions[i] is motions[i - i % 4] for i in range(401))
     assert len({id(motion) for motion in motions}) == 101
-    assert motions[398] == sea.motion(0.99, 0.0, 0.0, 3.0)
+    assert motions[398] == wave_field.motion(0.99, 0.0, 0.0, 3.0)
 
 
 def test_same_seed_same_sea() -> None:
@@ -245,7 +245,7 @@ def test_a_world_without_an_ocean_loads_nothing_for_it() -> None:
 
 def test_cosine_of_the_swell() -> None:
     """The one wave of SWELL is 1 m high from trough to crest, so the strokes above mean what they say."""
-    sea = Sea(SWELL, SEA.depth, G, 1)
-    wave = sea.components[0]
+    wave_field = WaveField(SWELL, SEA.depth, G, 1)
+    wave = wave_field.components[0]
     assert wave.amplitude == pytest.approx(0.5)
-    assert sea.elevation(0.0, 0.0, 0.0) == pytest.approx(0.5 * cos(wave.phase))
+    assert wave_field.elevation(0.0, 0.0, 0.0) == pytest.approx(0.5 * cos(wave.phase))

@@ -16,7 +16,7 @@ from sim.environment.ocean import GaussMarkov, Ocean, Waves
 from sim.environment.world import World
 from sim.forces import Force
 from sim.native import NativeDynamics
-from sim.native.waves import NativeSea
+from sim.native.waves import NativeWaveField
 from sim.rotations import normalise
 from sim.sensors.suite import fit
 from sim.simulation import Simulation
@@ -192,9 +192,9 @@ def test_every_force_is_equal_at_any_motion() -> None:
 
 @pytest.mark.parametrize("depth", [4.0, 12.0, 2000.0])
 def test_a_sea_is_equal(depth: float) -> None:
-    from sim.environment.waves import Sea
+    from sim.environment.waves import WaveField
 
-    python, c = Sea(SWELL, depth, 9.81, 4), NativeSea(SWELL, depth, 9.81, 4)
+    python, c = WaveField(SWELL, depth, 9.81, 4), NativeWaveField(SWELL, depth, 9.81, 4)
     chance = random.Random(6)
     for _ in range(200):
         place = chance.uniform(0.0, 1e4), chance.uniform(-900, 900), chance.uniform(-900, 900)

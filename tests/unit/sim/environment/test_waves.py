@@ -7,7 +7,7 @@ import pytest
 
 from hil.common.errors import ConfigError
 from sim.environment.ocean import Waves
-from sim.environment.waves import Sea, components, spectral_density, wave_number
+from sim.environment.waves import WaveField, components, spectral_density, wave_number
 from sim.environment.world import load_world
 
 G = 9.80665
@@ -15,9 +15,9 @@ SEA = Waves(significant_height=1.5, peak_period=7.0, direction=0.6, spread=0.3)
 DEPTHS = [3.0, 20.0, 4000.0]  # shallow, in between, deep
 
 
-def single(depth: float, period: float = 7.0) -> Sea:
+def single(depth: float, period: float = 7.0) -> WaveField:
     """A sea of one wave."""
-    return Sea(Waves(0.5, period, components=1), depth, G, 1)
+    return WaveField(Waves(0.5, period, components=1), depth, G, 1)
 
 
 # -- spectrum and components --------------------------------------------------------------------------------------
@@ -76,18 +76,18 @@ def test_components_carry_the_energy(count: int, gamma: float) -> None:
 
 
 def test_a_flat_sea_is_still() -> None:
-    sea = Sea(Waves(0.0, 7.0), 20.0, G, 1)
-    assert sea.elevation(5.0, 1.0, 2.0) == 0.0
-    assert sea.motion(5.0, 1.0, 2.0, 0.0).velocity == pytest.approx((0.0, 0.0, 0.0), abs=0.0)
+    wave_field = WaveField(Waves(0.0, 7.0), 20.0, G, 1)
+    assert wave_field.elevation(5.0, 1.0, 2.0) == 0.0
+    assert wave_field.motion(5.0, 1.0, 2.0, 0.0).velocity == pytest.approx((0.0, 0.0, 0.0), abs=0.0)
 
 
 def test_variance_of_the_elevation() -> None:
     """Two hours at one place: a standard deviation of Hs/4, a mean of zero; the same by the spread of seeds."""
-    sea = Sea(SEA, 30.0, G, 5)
-    heights = [sea.elevation(0.7 * i, 3.0, -4.0) for i in range(10_000)]
+    wave_field = WaveField(SEA, 30.0, G, 5)
+    heights = [wave_field.elevation(0.7 * i, 3.0, -4.0) for i in range(10_000)]
     assert 4.0 * pstdev(heights) == pytest.approx(1.5, rel=0.04)
     assert abs(fmean(heights)) < 0.02
-    seeds = [Sea(SEA._replace(components=20), 30.0, G, seed).elevation(0.0, 0.0, 0.0) for seed in range(600)]
+    seeds = [WaveField(SEA._replace(components=20), 30.0, G, seed).elevation(0.0, 0.0, 0.0) for seed in range(600)]
     assert 4.0 * pstdev(seeds) == pytest.approx(1.5, rel=0.1)
 
 
@@ -123,11 +123,11 @@ def test_limits_of_the_dispersion() -> None:
 @pytest.mark.parametrize("depth", DEPTHS)
 def test_velocity_is_the_gradient_of_the_potential(depth: float) -> None:
     """phi = sum of a g / omega cosh(k (h - z)) / cosh(k h) sin(theta): potential flow, and Laplace's equation holds."""
-    sea = Sea(SEA, depth, G, 2)
+    wave_field = WaveField(SEA, depth, G, 2)
 
     def potential(time: float, north: float, east: float, z: float) -> float:
         total = 0.0
-        for a, omega, k, heading, phase in sea.components:
+        for a, omega, k, heading, phase in wave_field.components:
             rise = cosh(k * (depth - z)) / cosh(k * depth) if k * depth < 300.0 else exp(-k * z)
             theta = k * (cos(heading) * north + sin(heading) * east) - omega * time + phase
             total += a * G / omega * rise * sin(theta)
@@ -140,20 +140,20 @@ def test_velocity_is_the_gradient_of_the_potential(depth: float) -> None:
             (potential(time, n, e + step, z) - potential(time, n, e - step, z)) / (2.0 * step),
             (potential(time, n, e, z + step) - potential(time, n, e, z - step)) / (2.0 * step),
         )
-        assert sea.motion(time, n, e, z).velocity == pytest.approx(gradient, abs=1e-7)
+        assert wave_field.motion(time, n, e, z).velocity == pytest.approx(gradient, abs=1e-7)
 
 
 @pytest.mark.parametrize("depth", DEPTHS)
 def test_no_water_is_made_or_turned(depth: float) -> None:
     """Divergence and curl of the velocity are zero, by central differences; single gradients are not."""
-    sea, step = Sea(SEA, depth, G, 3), 1e-3
+    wave_field, step = WaveField(SEA, depth, G, 3), 1e-3
     place = (2.0, -3.0, 1.2)
 
     def difference(axis: int) -> list[float]:
         ahead, behind = list(place), list(place)
         ahead[axis] += step
         behind[axis] -= step
-        pair = sea.motion(9.0, *ahead).velocity, sea.motion(9.0, *behind).velocity
+        pair = wave_field.motion(9.0, *ahead).velocity, wave_field.motion(9.0, *behind).velocity
         return [(a - b) / (2.0 * step) for a, b in zip(*pair, strict=True)]
 
     by_north, by_east, by_down = (difference(axis) for axis in range(3))
@@ -167,72 +167,77 @@ def test_no_water_is_made_or_turned(depth: float) -> None:
 @pytest.mark.parametrize("depth", DEPTHS)
 def test_acceleration_is_that_of_a_bit_of_water(depth: float) -> None:
     """The rate of the velocity, seen by one that goes with the water; at a fixed place it is another."""
-    sea, step = Sea(SEA._replace(peak_period=4.0), depth, G, 4), 1e-4
+    wave_field, step = WaveField(SEA._replace(peak_period=4.0), depth, G, 4), 1e-4
     place = (5.0, 6.0, 1.0)
     for time in (0.0, 12.0, 100.0):
-        velocity, acceleration = sea.motion(time, *place)
+        velocity, acceleration = wave_field.motion(time, *place)
         ahead = [x + step * v for x, v in zip(place, velocity, strict=True)]
         behind = [x - step * v for x, v in zip(place, velocity, strict=True)]
-        later, earlier = sea.motion(time + step, *ahead).velocity, sea.motion(time - step, *behind).velocity
+        later, earlier = (
+            wave_field.motion(time + step, *ahead).velocity,
+            wave_field.motion(time - step, *behind).velocity,
+        )
         rate = [(b - a) / (2.0 * step) for a, b in zip(earlier, later, strict=True)]
         assert acceleration == pytest.approx(rate, abs=1e-6)
-        fixed = sea.motion(time + step, *place).velocity[0] - sea.motion(time - step, *place).velocity[0]
+        fixed = wave_field.motion(time + step, *place).velocity[0] - wave_field.motion(time - step, *place).velocity[0]
         assert abs(fixed / (2.0 * step) - acceleration[0]) > 1e-4
 
 
 def test_the_surface_goes_with_the_water() -> None:
     """The elevation grows as fast as the water there rises."""
-    sea, step = Sea(SEA, 12.0, G, 6), 1e-4
+    wave_field, step = WaveField(SEA, 12.0, G, 6), 1e-4
     for time in (1.0, 20.0, 33.0):
-        rate = (sea.elevation(time + step, 3.0, 4.0) - sea.elevation(time - step, 3.0, 4.0)) / (2.0 * step)
-        assert -sea.motion(time, 3.0, 4.0, 0.0).velocity[2] == pytest.approx(rate, abs=1e-6)
+        rate = (wave_field.elevation(time + step, 3.0, 4.0) - wave_field.elevation(time - step, 3.0, 4.0)) / (
+            2.0 * step
+        )
+        assert -wave_field.motion(time, 3.0, 4.0, 0.0).velocity[2] == pytest.approx(rate, abs=1e-6)
 
 
-def orbit(sea: Sea, z: float) -> tuple[float, float]:
+def orbit(wave_field: WaveField, z: float) -> tuple[float, float]:
     """Greatest horizontal and vertical speed of a sea of one wave at `z`."""
-    wave = sea.components[0]
-    motions = [sea.motion(i * pi / wave.omega / 200.0, 0.0, 0.0, z).velocity for i in range(400)]
+    wave = wave_field.components[0]
+    motions = [wave_field.motion(i * pi / wave.omega / 200.0, 0.0, 0.0, z).velocity for i in range(400)]
     return max(abs(v[0]) for v in motions), max(abs(v[2]) for v in motions)
 
 
 def test_decay_in_deep_water() -> None:
     """Circles of a omega exp(-k z): half a wave's length down 4 % are left."""
-    sea = single(4000.0)
-    wave = sea.components[0]
+    wave_field = single(4000.0)
+    wave = wave_field.components[0]
     for z in (0.0, 5.0, pi / wave.wave_number):
         speed = wave.amplitude * wave.omega * exp(-wave.wave_number * z)
-        assert orbit(sea, z) == pytest.approx((speed, speed), rel=1e-3)
-    assert orbit(sea, pi / wave.wave_number)[0] < 0.044 * orbit(sea, 0.0)[0]
+        assert orbit(wave_field, z) == pytest.approx((speed, speed), rel=1e-3)
+    assert orbit(wave_field, pi / wave.wave_number)[0] < 0.044 * orbit(wave_field, 0.0)[0]
 
 
 def test_decay_over_a_near_seabed() -> None:
     """Ellipses that are flat at the seabed: cosh and sinh of k (h - z)."""
-    sea = single(5.0)
-    wave = sea.components[0]
+    wave_field = single(5.0)
+    wave = wave_field.components[0]
     k = wave.wave_number
-    top, middle, bottom = (orbit(sea, z) for z in (0.0, 2.0, 5.0))
+    top, middle, bottom = (orbit(wave_field, z) for z in (0.0, 2.0, 5.0))
     assert top[1] == pytest.approx(wave.amplitude * wave.omega, rel=1e-3)
     assert middle[0] / top[0] == pytest.approx(cosh(k * 3.0) / cosh(k * 5.0), rel=1e-3)
     assert bottom[0] / top[0] == pytest.approx(1.0 / cosh(k * 5.0), rel=1e-3)
     assert bottom[1] == pytest.approx(0.0, abs=1e-12)
-    assert sea.motion(3.0, 0.0, 0.0, 9.0) == sea.motion(3.0, 0.0, 0.0, 5.0)
-    assert sea.motion(3.0, 0.0, 0.0, -1.0) == sea.motion(3.0, 0.0, 0.0, 0.0)
+    assert wave_field.motion(3.0, 0.0, 0.0, 9.0) == wave_field.motion(3.0, 0.0, 0.0, 5.0)
+    assert wave_field.motion(3.0, 0.0, 0.0, -1.0) == wave_field.motion(3.0, 0.0, 0.0, 0.0)
 
 
 def test_far_below_short_waves() -> None:
     """No overflow where exp(k z) would be beyond all numbers."""
-    sea = Sea(Waves(0.1, 1.0), 11_000.0, G, 1)
-    assert sea.motion(1.0, 0.0, 0.0, 10_999.0).velocity == pytest.approx((0.0, 0.0, 0.0), abs=1e-300)
-    assert any(sea.motion(1.0, 0.0, 0.0, 0.0).velocity)
+    wave_field = WaveField(Waves(0.1, 1.0), 11_000.0, G, 1)
+    assert wave_field.motion(1.0, 0.0, 0.0, 10_999.0).velocity == pytest.approx((0.0, 0.0, 0.0), abs=1e-300)
+    assert any(wave_field.motion(1.0, 0.0, 0.0, 0.0).velocity)
 
 
 def test_waves_travel_where_they_are_told() -> None:
     """A crest seen at one place is seen k / omega later further on, towards east."""
-    sea = Sea(Waves(0.5, 7.0, direction=pi / 2.0, components=1), 50.0, G, 1)
-    wave = sea.components[0]
+    wave_field = WaveField(Waves(0.5, 7.0, direction=pi / 2.0, components=1), 50.0, G, 1)
+    wave = wave_field.components[0]
     later = 10.0 * wave.wave_number / wave.omega
-    assert sea.elevation(4.0 + later, 0.0, 10.0) == pytest.approx(sea.elevation(4.0, 0.0, 0.0))
-    assert sea.elevation(4.0, 77.0, 0.0) == pytest.approx(sea.elevation(4.0, 0.0, 0.0))
+    assert wave_field.elevation(4.0 + later, 0.0, 10.0) == pytest.approx(wave_field.elevation(4.0, 0.0, 0.0))
+    assert wave_field.elevation(4.0, 77.0, 0.0) == pytest.approx(wave_field.elevation(4.0, 0.0, 0.0))
 
 
 @pytest.mark.parametrize(

@@ -151,10 +151,10 @@ def test_current_meter_feels_the_waves_where_it_is_and_nothing_in_the_air() -> N
     world = SEA._replace(ocean=Ocean(waves=Waves(1.0, 6.0, components=3)), current=(0.0, 0.0, 0.0))
     simulation = scene(world)
     meter = CurrentMeter(METER, Mounting((0.0, 0.0, 2.0)), 1, simulation)
-    sample, sea = meter.sample(0, State((3.0, 4.0, 1.0))), simulation.sea
+    sample, wave_field = meter.sample(0, State((3.0, 4.0, 1.0))), simulation.wave_field
     assert sample is not None
-    assert sea is not None
-    assert sample.velocity == pytest.approx(sea.motion(0.0, 3.0, 4.0, 3.0).velocity)
+    assert wave_field is not None
+    assert sample.velocity == pytest.approx(wave_field.motion(0.0, 3.0, 4.0, 3.0).velocity)
     assert meter.sample(0, State((3.0, 4.0, -4.0))) is None
 
 

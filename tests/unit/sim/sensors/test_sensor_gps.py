@@ -100,10 +100,10 @@ def test_waves_wash_over_the_antenna() -> None:
     """A long swell of 2 m over an antenna 0.3 m above the mean surface: fixes while the surface is lower."""
     ocean = Ocean(waves=Waves(2.0, 8.0, components=1))
     scene = Simulation(VEHICLE, SEA._replace(ocean=ocean), {}, position=(0.0, 0.0, 5.0))
-    gps, sea = Gps(MODEL, Mounting(), 1, scene), scene.sea
-    assert sea is not None
+    gps, wave_field = Gps(MODEL, Mounting(), 1, scene), scene.wave_field
+    assert wave_field is not None
     fixes = [gps.sample(i * S // 10, State((7.0, -3.0, -0.3))).fix for i in range(200)]
-    assert fixes == [sea.elevation(i / 10.0, 7.0, -3.0) < 0.3 for i in range(200)]
+    assert fixes == [wave_field.elevation(i / 10.0, 7.0, -3.0) < 0.3 for i in range(200)]
     assert 20 < sum(fixes) < 180
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from sim.dynamics import State
 from sim.environment.ocean import Ocean, Profile, Waves
-from sim.environment.waves import Sea
+from sim.environment.waves import WaveField
 from sim.environment.world import World, water_pressure
 from sim.sensors.error import ErrorModel
 from sim.sensors.mounting import Mounting
@@ -29,35 +29,35 @@ TIMES = [0.31 * i for i in range(40)]
 @pytest.mark.parametrize("share", [0.02, 0.1, 0.5, 1.0])
 def test_a_small_wave_is_that_of_the_theory(depth: float, share: float) -> None:
     """rho g a cosh(k (h - z)) / cosh(k h) cos(theta), here over rho g; to the square of the steepness."""
-    sea = Sea(SMALL, depth, G, 3)
-    (wave,) = sea.components
+    wave_field = WaveField(SMALL, depth, G, 3)
+    (wave,) = wave_field.components
     z = share * min(depth, 50.0)
     k = wave.wave_number
     decay = cosh(k * (depth - z)) / cosh(k * depth) if k * depth < 300.0 else exp(-k * z)
     for time in TIMES:
-        head = sea.pressure_depth(time, 4.0, -3.0, z) - z
-        expected = sea.elevation(time, 4.0, -3.0) * decay
+        head = wave_field.pressure_depth(time, 4.0, -3.0, z) - z
+        expected = wave_field.elevation(time, 4.0, -3.0) * decay
         assert head == pytest.approx(expected, abs=2.0 * k * wave.amplitude**2)
 
 
 def test_it_is_zero_at_the_surface_in_crests_and_troughs() -> None:
-    sea = Sea(ROUGH, 25.0, G, 3)
-    heights = [sea.elevation(time, 4.0, -3.0) for time in TIMES]
+    wave_field = WaveField(ROUGH, 25.0, G, 3)
+    heights = [wave_field.elevation(time, 4.0, -3.0) for time in TIMES]
     assert max(heights) > 0.5
     assert min(heights) < -0.5
     for time, height in zip(TIMES, heights, strict=True):
-        assert sea.pressure_depth(time, 4.0, -3.0, -height) == pytest.approx(0.0, abs=1e-12)
-        assert sea.pressure_depth(time, 4.0, -3.0, -height - 0.2) < 0.0
-        below = [sea.pressure_depth(time, 4.0, -3.0, -height + 0.05 * i) for i in range(400)]
+        assert wave_field.pressure_depth(time, 4.0, -3.0, -height) == pytest.approx(0.0, abs=1e-12)
+        assert wave_field.pressure_depth(time, 4.0, -3.0, -height - 0.2) < 0.0
+        below = [wave_field.pressure_depth(time, 4.0, -3.0, -height + 0.05 * i) for i in range(400)]
         assert all(b > a for a, b in pairwise(below))  # more the deeper, from the surface on
-        just = sea.pressure_depth(time, 4.0, -3.0, 0.01 - height)
+        just = wave_field.pressure_depth(time, 4.0, -3.0, 0.01 - height)
         assert just == pytest.approx(0.01, rel=0.35)  # less the water's own acceleration
 
 
 def test_waves_are_not_felt_far_down() -> None:
-    sea = Sea(ROUGH, 4000.0, G, 3)
-    assert pstdev(sea.pressure_depth(time, 0.0, 0.0, 2.0) for time in TIMES) > 0.2
-    assert pstdev(sea.pressure_depth(time, 0.0, 0.0, 150.0) for time in TIMES) < 1e-3
+    wave_field = WaveField(ROUGH, 4000.0, G, 3)
+    assert pstdev(wave_field.pressure_depth(time, 0.0, 0.0, 2.0) for time in TIMES) > 0.2
+    assert pstdev(wave_field.pressure_depth(time, 0.0, 0.0, 150.0) for time in TIMES) < 1e-3
 
 
 @pytest.mark.parametrize("profile", [None, Profile((0.0, 10.0), (1020.0, 1030.0))])
@@ -65,10 +65,10 @@ def test_the_sensor_feels_the_waves_where_it_is(profile: Profile | None) -> None
     world = SEA._replace(ocean=Ocean(waves=ROUGH, profile=profile))
     simulation = Simulation(VEHICLE, world, {}, seed=5, position=(0.0, 0.0, 5.0))
     sensor, calm = Pressure(MODEL, Mounting((2.0, 0.0, 0.5)), 1, simulation), water_pressure(world)
-    sea = Sea(ROUGH, 25.0, world.gravity, 5)
+    wave_field = WaveField(ROUGH, 25.0, world.gravity, 5)
     for time_ns in range(0, 20_000_000_000, 500_000_000):
         found = sensor.sample(time_ns, State((1.0, 2.0, 1.5))).pascal
-        felt = sea.pressure_depth(time_ns * 1e-9, 3.0, 2.0, 2.0)
+        felt = wave_field.pressure_depth(time_ns * 1e-9, 3.0, 2.0, 2.0)
         assert found == pytest.approx(STANDARD_ATMOSPHERE + calm(felt), rel=1e-14)
     in_the_air = sensor.sample(0, State((1.0, 2.0, -5.0))).pascal
     assert in_the_air == STANDARD_ATMOSPHERE
@@ -78,8 +78,8 @@ def test_a_wave_passes_over() -> None:
     """The period of what it measures is the wave's."""
     waves = Waves(1.0, 2.0 * pi, components=1)
     simulation = Simulation(VEHICLE, SEA._replace(ocean=Ocean(waves=waves)), {}, position=(0.0, 0.0, 5.0))
-    assert simulation.sea is not None
-    period = 2.0 * pi / simulation.sea.components[0].omega
+    assert simulation.wave_field is not None
+    period = 2.0 * pi / simulation.wave_field.components[0].omega
     sensor = Pressure(MODEL, Mounting(), 1, simulation)
     values = [sensor.sample(round(1e9 * period * i / 40), State((0.0, 0.0, 3.0))).pascal for i in range(81)]
     assert values[:40] == pytest.approx(values[40:80], abs=0.01)

@@ -234,13 +234,13 @@ def test_afloat_it_follows_a_long_swell() -> None:
         center_of_buoyancy=(0.0, 0.0, -0.05), linear_damping=(50.0, 50.0, 400.0, 20.0, 100.0, 100.0),
     )  # fmt: skip
     simulation = at_sea(vehicle, 0.0, world)
-    sea, afloat = simulation.sea, 0.305 * 0.3
-    assert sea
+    wave_field, afloat = simulation.wave_field, 0.305 * 0.3
+    assert wave_field
     furthest = highest = 0.0
     for step in range(10_000):
         simulation.step(idle(vehicle))
         north, east, down = simulation.state.position
-        elevation = sea.elevation(simulation.time_ns * 1e-9, north, east)
+        elevation = wave_field.elevation(simulation.time_ns * 1e-9, north, east)
         if step > 4000:
             highest = max(highest, elevation)
             furthest = max(furthest, abs(-down - elevation + afloat))

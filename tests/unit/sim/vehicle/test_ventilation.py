@@ -72,13 +72,13 @@ def test_waves_cover_and_bare_them() -> None:
     """At one place and depth the share goes up and down with the surface over it."""
     waves = Waves(significant_height=1.0, peak_period=5.0)
     simulation = Simulation(HEAVY, SEA._replace(ocean=Ocean(waves=waves)), QUIET, position=(0.0, 0.0, 0.5))
-    sea = simulation.sea
-    assert sea is not None
-    surface = Ventilation(HEAVY, sea)
+    wave_field = simulation.wave_field
+    assert wave_field is not None
+    surface = Ventilation(HEAVY, wave_field)
     calm = Ventilation(HEAVY, None)
     place, level = (3.0, -2.0, 0.0), (1.0, 0.0, 0.0, 0.0)
     for time in (0.0, 0.7, 1.9, 3.1):
-        height = sea.elevation(time, 3.0, -2.0)
+        height = wave_field.elevation(time, 3.0, -2.0)
         assert surface.shares(place, level, time) == calm.shares((3.0, -2.0, height), level, time)
     assert {0.0, 1.0} <= {share for step in range(100) for share in surface.shares(place, level, 0.1 * step)}
     assert surface.reach > calm.reach + 1.0

@@ -8,7 +8,7 @@
 
 #include "floating.h"
 
-/* One wave, as Sea.numbers() lists it. */
+/* One wave, as WaveField.numbers() lists it. */
 typedef struct {
     double kn, ke, k, omega, phase, speed, echo, to_north, to_east, amplitude;
 } Wave;
@@ -24,20 +24,20 @@ static inline double wave_angle(const Wave *wave, double time, double north, dou
     return wave->kn * north + wave->ke * east - wave->omega * time + wave->phase;
 }
 
-static double elevation(const Waves *sea, double time, double north, double east)
+static double elevation(const Waves *waves, double time, double north, double east)
 {
     double sum = 0.0;
-    for (long i = 0; i < sea->count; i++)
-        sum += sea->waves[i].amplitude * cos(wave_angle(&sea->waves[i], time, north, east));
+    for (long i = 0; i < waves->count; i++)
+        sum += waves->waves[i].amplitude * cos(wave_angle(&waves->waves[i], time, north, east));
     return sum;
 }
 
-static double pressure_depth(const Waves *sea, double time, double north, double east, double depth)
+static double pressure_depth(const Waves *waves, double time, double north, double east, double depth)
 {
-    double raised = elevation(sea, time, north, east), above = depth + raised, head = 0.0;
-    double under = (above > 0.0 ? above : 0.0) * sea->depth / (sea->depth + raised);
-    for (long i = 0; i < sea->count; i++) {
-        const Wave *wave = &sea->waves[i];
+    double raised = elevation(waves, time, north, east), above = depth + raised, head = 0.0;
+    double under = (above > 0.0 ? above : 0.0) * waves->depth / (waves->depth + raised);
+    for (long i = 0; i < waves->count; i++) {
+        const Wave *wave = &waves->waves[i];
         double decay = exp(-wave->k * under);
         double share = wave->echo != 0.0 ? (decay + wave->echo / decay) / (1.0 + wave->echo) : decay;
         head += wave->amplitude * share * cos(wave_angle(wave, time, north, east));
@@ -46,14 +46,14 @@ static double pressure_depth(const Waves *sea, double time, double north, double
 }
 
 /* Velocity and acceleration of the water, both north, east, down. */
-static void water_motion(const Waves *sea, double time, double north, double east, double depth, double *out)
+static void water_motion(const Waves *waves, double time, double north, double east, double depth, double *out)
 {
     double v_north = 0.0, v_east = 0.0, v_down = 0.0, a_north = 0.0, a_east = 0.0, a_down = 0.0;
     double nn = 0.0, ne = 0.0, ee = 0.0, nd = 0.0, ed = 0.0;
     depth = 0.0 > depth ? 0.0 : depth;
-    depth = sea->depth < depth ? sea->depth : depth;
-    for (long i = 0; i < sea->count; i++) {
-        const Wave *wave = &sea->waves[i];
+    depth = waves->depth < depth ? waves->depth : depth;
+    for (long i = 0; i < waves->count; i++) {
+        const Wave *wave = &waves->waves[i];
         double theta = wave_angle(wave, time, north, east);
         double decay = exp(-wave->k * depth);
         double rise = wave->echo != 0.0 ? wave->echo / decay : 0.0;
