@@ -50,7 +50,6 @@ def open_lifeline() -> int:
     """Return a descriptor for one child to inherit; close it here after the child has started.
 
     The child's environment names it: `lifeline.describe_end` in `lifeline.VARIABLE`.
-
     Each child needs an open file of its own, as it is there that the kernel keeps whom to signal.
     """
     return os.open(_path("self"), os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)

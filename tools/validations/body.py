@@ -217,7 +217,7 @@ def blows(panels: Sequence[Axes]) -> list[Finding]:
 
 def _fall(place: Sequence[float]) -> tuple[list[float], Energies]:
     vehicle, world = contacts.sinking(), contacts.SEA
-    dynamics = Dynamics(vehicle, world.density, wave_field.gravity, "rk4")
+    dynamics = Dynamics(vehicle, world.density, world.gravity, "rk4")
     contact = Contact(vehicle, world, dynamics.inverse_mass)
     state, depths, energies = State(place, nu=(0.3, -0.4, 0.0, 0.0, 0.0, 0.0)), [], []
     excess = dynamics.weight - dynamics.hull.full
