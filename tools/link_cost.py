@@ -42,16 +42,16 @@ LOAD_S = 3.0
 class Serving(threading.Thread):
     """Answers on the device's end until it is stopped; `cpu_s` is then the processor time it took."""
 
-    def __init__(self, wire: PtyWire, answer: Callable[[], object]) -> None:
+    def __init__(self, wire: PtyWire, fd: int, answer: Callable[[], object]) -> None:
         super().__init__(daemon=True)
-        self._wire, self._answer = wire, answer
+        self._wire, self._fd, self._answer = wire, fd, answer
         self._stop_fd = os.eventfd(0)
         self.cpu_s = 0.0
         self.start()
 
     def run(self) -> None:
         """Wait, answer, wait."""
-        fds = [self._wire.fileno(), self._stop_fd]
+        fds = [self._fd, self._stop_fd]
         began = time.thread_time()
         while self._stop_fd not in select.select(fds, [], [])[0]:
             self._answer()
@@ -71,14 +71,14 @@ class Bare:
     def __init__(self, stack: ExitStack, down: int, up: int) -> None:
         wire = PtyWire()
         host = PtyHostWire(wire.path)
-        self._fd, self._order, self._up = host.fileno(), bytes(down), up
-        fd, report = wire.fileno(), bytes(up)
+        self._fd, self._order, self._up = host.terminal, bytes(down), up
+        fd, report = wire.terminal, bytes(up)
 
         def answer() -> None:
             os.read(fd, 4096)
             os.write(fd, report)
 
-        self.serving = Serving(wire, answer)
+        self.serving = Serving(wire, fd, answer)
         stack.callback(host.close)
         stack.callback(self.serving.stop)
 
@@ -107,7 +107,7 @@ class Linked:
         self._sequence = 0
         end.service(now_ns())  # the report of power-up
         self._await(0)
-        self.serving = Serving(wire, lambda: end.service(now_ns()))
+        self.serving = Serving(wire, wire.fileno(), lambda: end.service(now_ns()))
         stack.callback(self.host.close)
         stack.callback(self.serving.stop)
 

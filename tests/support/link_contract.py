@@ -19,6 +19,7 @@ import pytest
 
 from firmware_stub.stub import Stm32, Stm32End
 from hil.common.children import open_lifeline
+from hil.common.clock import now_ns
 from hil.common.errors import DeviceError
 from hil.links.contract import (
     MAX_THRUSTERS,
@@ -31,6 +32,7 @@ from hil.links.contract import (
 )
 from hil.links.protocols import Role, open_protocol
 from hil.links.wires.can_frame import RECORD_SIZE, CanFrame, pack_frame
+from hil.slave.drivers.driver import ThrusterDriver
 
 PATIENCE_S = 60.0
 EVERY_BYTE = bytes(range(256))
@@ -96,6 +98,17 @@ def read_messages(link: ThrusterLink, count: int) -> list[Message]:
     while len(messages) < count and wait_readable(link.wire):
         messages += link.receive()
     return messages
+
+
+def await_answer(driver: ThrusterDriver, sequence: int) -> list[ThrusterTelemetry]:
+    """The reports that echo the command with this number, once there is one; [] if none comes in time."""
+    deadline = time.monotonic() + PATIENCE_S
+    while time.monotonic() < deadline:
+        found = [report for report in driver.service(now_ns()) if report.sequence == sequence]
+        if found:
+            return found
+        select.select(driver.descriptors, [], [], 0.01)
+    return []
 
 
 class Wires(NamedTuple):

@@ -18,6 +18,7 @@ from types import TracebackType
 from hil.common.errors import DeviceError
 from hil.links.contract import Protocol, ThrusterTelemetry, Wire
 from hil.links.wires.can_frame import RECORD_SIZE
+from hil.links.wires.terminal import TerminalWire
 from tools.faults.pins import Pins
 
 TURN_S = 0.005
@@ -122,7 +123,10 @@ class Line:
             return near.read()
         self._due_s = max(self._due_s, time.monotonic() - 4 * TURN_S) + TURN_S
         with suppress(BlockingIOError, OSError):
-            return os.read(near.fileno(), max(1, round(self.bytes_a_s * TURN_S)))
+            return os.read(
+                near.terminal if isinstance(near, TerminalWire) else near.fileno(),
+                max(1, round(self.bytes_a_s * TURN_S)),
+            )
         return b""
 
     def _carry_down(self, data: bytes) -> None:

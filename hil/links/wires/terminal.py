@@ -11,6 +11,7 @@ import contextlib
 import errno
 import fcntl
 import os
+import select
 import struct
 import termios
 import tty
@@ -89,7 +90,46 @@ class DescriptorWire(Wire):
         return DeviceError(f"{self.name}: went away ({reason}); reconnect it")
 
 
-class PtyWire(DescriptorWire):
+class TerminalWire(DescriptorWire):
+    """A wire on a terminal, none of whose methods waits for the kernel.
+
+    What a driver or the other end of a pty has put in is moved to the reader by a kernel thread of normal priority.
+    A `read` or `select` that finds nothing waits until that thread has had its turn: a real-time loop was 0.1 s late on
+    a busy machine. So `fileno` is an edge-triggered epoll, which wakes once that thread has come, and `read` asks the
+    terminal only then.
+    """
+
+    def __init__(self, fd: int, name: str) -> None:
+        super().__init__(fd, name)
+        self._arrivals = select.epoll(1)
+        self._arrivals.register(fd, select.EPOLLIN | select.EPOLLET)
+
+    def fileno(self) -> int:
+        """Return the descriptor to wait on for incoming bytes; -1 once closed."""
+        return -1 if self._arrivals.closed else self._arrivals.fileno()
+
+    @property
+    def terminal(self) -> int:
+        """Descriptor of the terminal itself, for whoever wants to read less than all; -1 once closed."""
+        return self._fd
+
+    def read(self) -> bytes:
+        """Return the received bytes (4096 at most), or b"". Raises DeviceError when the device is lost."""
+        if self._fd >= 0:
+            events = self._arrivals.poll(0, 1)
+            if not events:
+                return b""
+            if events[0][1] & ~select.EPOLLIN:  # a hang-up, which each further read reports too
+                self._arrivals.modify(self._fd, select.EPOLLIN)
+        return super().read()
+
+    def close(self) -> None:
+        """Close the device. Closing twice is harmless."""
+        self._arrivals.close()
+        super().close()
+
+
+class PtyWire(TerminalWire):
     """Device end (STM32) of a new pseudo terminal; other programs open `path` as if it were a serial port.
 
     `link_path` is a second name for it that stays the same from run to run, a symbolic link such as
@@ -150,7 +190,7 @@ class PtyWire(DescriptorWire):
         return queued_bytes(self._slave, termios.FIONREAD)
 
 
-class PtyHostWire(DescriptorWire):
+class PtyHostWire(TerminalWire):
     """Host end of the pty at `path`, opened exclusively. Discards what was waiting there.
 
     Raises DeviceError if there is no such pty, it is not a terminal, or another program has it open.
@@ -170,7 +210,7 @@ class PtyHostWire(DescriptorWire):
         super().__init__(fd, path)
 
 
-class UartWire(DescriptorWire):
+class UartWire(TerminalWire):
     """A serial device, or the host's end of a pty: 8 data bits, no parity, 1 stop bit, opened exclusively.
 
     `device` is its path (prefer /dev/serial/by-id/..., which stays the same), `baud` in bit/s. With
@@ -206,6 +246,7 @@ class UartWire(DescriptorWire):
 
     def close(self) -> None:
         """Close the device. Closing twice is harmless."""
+        self._arrivals.close()
         self._fd = -1
         self._port.close()
 

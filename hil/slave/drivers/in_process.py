@@ -3,7 +3,7 @@
 from hil.common.clock import NS_PER_US, now_ns, seconds_ns
 from hil.common.errors import HilError
 from hil.links.address import open_address, parse_address
-from hil.links.contract import ThrusterCommand, ThrusterLink, ThrusterTelemetry, Wire
+from hil.links.contract import ThrusterLink, ThrusterTelemetry, Wire
 from hil.scenario.records import Link
 from hil.slave.drivers.driver import ThrusterDriver
 from hil.slave.drivers.ends import DeviceEnd, Ends, end_protocol, host_end, telemetry_of, with_faults
@@ -11,11 +11,7 @@ from hil.slave.native.firmware import open_firmware
 
 
 class InProcessDriver(ThrusterDriver):
-    """The device's end and, if the controller is ours, the host's end, on a real wire between them.
-
-    With both ends ours on a bare pty nothing comes that was not written in `send` or `service`, and there is nothing to
-    wait on: to look at a pty costs a loop that waits a tenth of its time.
-    """
+    """The device's end and, if the controller is ours, the host's end, on a real wire between them."""
 
     @property
     def command_ns(self) -> int:  # type: ignore[override]
@@ -35,21 +31,10 @@ class InProcessDriver(ThrusterDriver):
         self.device = ends.device
         self.pwm_us = tuple(self.device.pwm_us)
         self._received_ns = 0
-        self._owing = False  # the host has said something that the device has not read
-        if _bare_pty(self.host):
-            self.descriptors = []
 
     def _due_ns(self) -> int:
-        """Of the firmware, or of what the host's protocol says by itself; at once while the host has said something."""
-        if self._owing:
-            return 0
+        """Of the firmware, or of what the host's protocol says by itself."""
         return min(self.device.deadline_ns, self.host.deadline_ns) if self.host else self.device.deadline_ns
-
-    def _send(self, command: ThrusterCommand) -> None:
-        """As for any other; what is unread is read first: a pty would give that alone, the command a turn later."""
-        if self._owing:
-            self.device.service(now_ns())
-        super()._send(command)
 
     def _exchange(self, now: int) -> list[ThrusterTelemetry]:
         """Let the firmware read, apply and answer; then read its answer."""
@@ -58,20 +43,10 @@ class InProcessDriver(ThrusterDriver):
         self.pwm_us = tuple(device.pwm_us)
         if host is None:
             return []
-        bytes_before = host.counters.bytes_out
         host.tick(now)
         telemetry = telemetry_of(host)
         self._received_ns = now_ns()
-        self._owing = host.counters.bytes_out != bytes_before
         return telemetry
-
-
-def _bare_pty(host: ThrusterLink | None) -> bool:
-    if host is None:
-        return False
-    from hil.links.wires.terminal import PtyHostWire
-
-    return isinstance(host.wire, PtyHostWire)
 
 
 def open_python(link: Link, channels: int, seed: int, host: bool) -> Ends:

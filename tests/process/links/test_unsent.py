@@ -190,7 +190,7 @@ def test_the_queue_of_a_serial_device_is_asked_for_and_emptied(monkeypatch: pyte
         monkeypatch.setattr("hil.links.wires.terminal.termios.tcflush", lambda fd, what: requests.append((fd, what)))
         assert wire.unsent() == 56
         wire.discard_unsent()
-        assert requests == [(wire.fileno(), termios.TIOCOUTQ), (wire.fileno(), termios.TCOFLUSH)]
+        assert requests == [(wire.terminal, termios.TIOCOUTQ), (wire.terminal, termios.TCOFLUSH)]
 
 
 def test_tcp_counts_what_the_peer_has_no_room_for() -> None:

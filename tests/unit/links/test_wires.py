@@ -2,6 +2,7 @@
 
 import fcntl
 import os
+import select
 import sys
 import termios
 import threading
@@ -175,6 +176,44 @@ def fill(wire: PtyWire) -> int:
         assert written < 4096, "what a terminal holds"
         wait_for_unread(wire, written)
     return written
+
+
+@pytest.mark.parametrize("open_host", [PtyHostWire, UartWire])
+def test_a_terminal_without_bytes_is_not_asked(
+    open_host: Callable[[str], Wire], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """To read or to poll one makes the kernel wait for a thread of normal priority, and a real-time loop with it."""
+    with closing(PtyWire()) as device, closing(open_host(device.path)) as host:
+        host.write(b"ping")
+        assert read_bytes(device, 4) == b"ping"
+        device.write(b"pong")
+        assert read_bytes(host, 4) == b"pong"
+        monkeypatch.setattr("hil.links.wires.terminal.os.read", lambda *_: b"asked")
+        for end in (device, host):
+            assert end.read() == b""
+            assert not os.isatty(end.fileno()), "what is waited on"
+
+
+@pytest.mark.parametrize("open_host", [PtyHostWire, UartWire])
+def test_bytes_that_come_while_others_are_read_wake_again(open_host: Callable[[str], Wire]) -> None:
+    with closing(PtyWire()) as device, closing(open_host(device.path)) as host:
+        sent = bytes(range(256)) * 16
+        received, written = bytearray(), 0
+        while len(received) < len(sent):
+            written += host.write(sent[written : written + 7])
+            received += device.read() if written < len(sent) else read_bytes(device, 1)
+        assert bytes(received) == sent
+
+
+@pytest.mark.parametrize("open_host", [PtyHostWire, UartWire])
+def test_each_read_after_a_hang_up_says_so(open_host: Callable[[str], Wire]) -> None:
+    device = PtyWire()
+    with closing(open_host(device.path)) as host:
+        device.close()
+        for _ in range(3):
+            assert select.select([host.fileno()], (), (), PATIENCE_S)[0], "a hang-up wakes"
+            with pytest.raises(DeviceError, match="went away"):
+                host.read()
 
 
 @pytest.mark.parametrize("open_host", [PtyHostWire, UartWire])

@@ -17,7 +17,7 @@ from hil.scenario.config import load_scenario
 from hil.slave.drivers.driver import open_driver
 from hil.slave.drivers.in_process import open_python
 from hil.slave.native.firmware import FirmwareEnd
-from tests.support.link_contract import nothing_leaks
+from tests.support.link_contract import await_answer, nothing_leaks
 from tests.support.twins import EACH, taken_from
 
 CHANNELS = 3
@@ -140,8 +140,7 @@ def test_without_c_the_slave_s_stm32_does_the_same(monkeypatch: pytest.MonkeyPat
         with nothing_leaks():
             driver = open_driver("python", load_scenario("paper_field").link, 6, True, 1, lambda _: None)
             driver.send(ThrusterCommand(7, True, (1600, 1400, 1500, 700, 2300, 1501)))
-            heard = driver.service(now_ns())
-            answers.append([report._replace(age_us=0) for report in heard if report.sequence == 7])
+            answers.append([report._replace(age_us=0) for report in await_answer(driver, 7)])
             driver.close()
     assert answers[0]
     assert answers[0] == answers[1]

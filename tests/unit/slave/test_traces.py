@@ -1,6 +1,7 @@
 """The ways of commands are told with a sample that goes out, or soon; none is lost."""
 
 import os
+import select
 from collections.abc import Iterator
 from typing import Any, cast
 
@@ -16,6 +17,7 @@ from hil.slave.pilot import build_pilot
 from sim.environment.world import load_world
 from sim.simulation import Simulation
 from sim.vehicle.vehicle import load_vehicle
+from tests.support.link_contract import PATIENCE_S
 
 STEP_NS = 2_500_000
 
@@ -75,7 +77,9 @@ class Bed:
         """A command arrives, and the STM32 answers it."""
         self.command_receiver.waiting.append(Received(VelocityCommand(surge=0.3), sequence, 7, now_ns()))
         self.loop._apply_command(now_ns())
-        self.loop._service_link(now_ns())
+        while self.loop._awaited:
+            assert select.select(self.loop.driver.descriptors, (), (), PATIENCE_S)[0], "it does not answer"
+            self.loop._service_link(now_ns())
 
     def told(self) -> list[int]:
         return [said.sequence for said in self.sample_publisher.said if isinstance(said, Trace)]

@@ -1,6 +1,7 @@
 """What may be asked of the vehicle: each service by what the vehicle does then."""
 
 import math
+import select
 from collections.abc import Iterator
 from itertools import product
 from typing import Any
@@ -22,6 +23,7 @@ from sim.environment.world import load_world
 from sim.rotations import from_euler, to_euler
 from sim.simulation import Simulation
 from sim.vehicle.vehicle import load_vehicle
+from tests.support.link_contract import PATIENCE_S
 from tests.support.processes import ROOT
 
 STEP_NS = 2_500_000
@@ -90,7 +92,9 @@ class Vehicle:
         for _ in range(steps):
             command, _ = self.loop.pilot.update(STANDS_NS, 0.0025)
             self.loop.driver.send(command)
-            self.loop._service_link(now_ns())
+            while not (self.loop._newest and self.loop._newest.sequence == command.sequence):
+                assert select.select(self.loop.driver.descriptors, (), (), PATIENCE_S)[0], "the STM32 is silent"
+                self.loop._service_link(now_ns())
             self.loop.advance(1)
 
     def close(self) -> None:
