@@ -5,7 +5,6 @@ import os
 import re
 import shutil
 import subprocess
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -15,56 +14,10 @@ from hil.common.clock import LOOP_PRIORITY
 from hil.install import units as board_install
 from hil.install.changes import MANIFEST
 from hil.install.units import CAN_UNIT, LIMITS, RULES, UNIT
+from tests.support.installed_service import CAN, KNOWN, SERIAL, files, install, root, scenario, settings
 from tests.support.recorded import build, plant
 
-SERIAL = 'vehicle = "paper_six"\nworld = "pool"\nstm32 = "device"\n[start]\ndepth = 2\n[master]\ngoal = [8, 7]\n'
-CAN = SERIAL + '[link]\nport = "can:socketcan:can0"\nprotocol = "vesc"\nbitrate = 500_000\n'
-# What the unit is to have, by section; systemd ignores what it does not know, so that a slip of the pen would pass.
-KNOWN = {
-    "Unit": "Description Wants After BindsTo StartLimitIntervalSec",
-    "Service": """Type NotifyAccess ExecStart ExecStartPre ExecStop RemainAfterExit Environment User SupplementaryGroups
-        StateDirectory CacheDirectory WorkingDirectory WatchdogSec Restart RestartSec RestartPreventExitStatus
-        TimeoutStartSec TimeoutStopSec LimitRTPRIO LimitMEMLOCK LimitCORE MemoryMax TasksMax CPUWeight OOMScoreAdjust
-        NoNewPrivileges CapabilityBoundingSet ProtectSystem ProtectHome PrivateTmp ProtectProc ProtectHostname
-        ProtectKernelTunables ProtectKernelModules ProtectKernelLogs ProtectControlGroups RestrictNamespaces
-        RestrictSUIDSGID LockPersonality SystemCallArchitectures SystemCallFilter RestrictAddressFamilies DevicePolicy
-        DeviceAllow ReadWritePaths""",
-    "Install": "WantedBy",
-}
-
-
-@pytest.fixture
-def root(tmp_path: Path) -> Path:
-    root = build("raspberry_pi_4b", tmp_path / "root")
-    plant(root, "etc/passwd", "root:x:0:0:root:/root:/bin/bash\nuuv:x:999:999::/var/lib/uuv-hil:/usr/sbin/nologin\n")
-    return root
-
-
-@pytest.fixture
-def scenario(tmp_path: Path) -> str:
-    path = tmp_path / "mine.toml"
-    path.write_text(SERIAL)
-    return str(path)
-
-
-def files(root: Path) -> dict[str, str]:
-    return {str(path.relative_to(root)): path.read_text() for path in sorted(root.rglob("*")) if path.is_file()}
-
-
-def install(root: Path, scenario: str, *more: str) -> int:
-    return cli.main(["board", "install", scenario, "--root", str(root), "--user", "uuv", *more])
-
-
-def settings(text: str) -> Iterator[tuple[str, str, str]]:
-    """Section, key and value of each line of a unit; anything else fails."""
-    section = ""
-    for line in text.splitlines():
-        if line.startswith("["):
-            section = line.strip("[]")
-        elif line and not line.startswith("#"):
-            key, separator, value = line.partition("=")
-            assert separator, line
-            yield section, key, value
+__all__ = ["root", "scenario"]  # the fixtures
 
 
 def test_what_is_shown_of_a_board(root: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -9,23 +9,10 @@ from pathlib import Path
 import pytest
 
 from hil.install.units import FIREWALL, FIREWALL_UNIT
-from tests.process.commands.test_board_command import SERIAL, files, install
-from tests.process.install.test_board_install import PASSWD, uninstall, values
-from tests.support.recorded import build, plant
+from tests.support.installed_service import files, install, root, scenario, uninstall, values
+from tests.support.recorded import plant
 
-
-@pytest.fixture
-def root(tmp_path: Path) -> Path:
-    root = build("raspberry_pi_4b", tmp_path / "root")
-    plant(root, "etc/passwd", PASSWD)
-    return root
-
-
-@pytest.fixture
-def scenario(tmp_path: Path) -> str:
-    path = tmp_path / "mine.toml"
-    path.write_text(SERIAL)
-    return str(path)
+__all__ = ["root", "scenario"]  # the fixtures
 
 
 @pytest.mark.parametrize("listen", ["tcp/0.0.0.0:7500", "tcp/[::]:7500", "tcp/192.168.3.116:7500"])

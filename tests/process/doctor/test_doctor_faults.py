@@ -1,54 +1,28 @@
 """A healthy board has no problem; with each planted fault the doctor finds that one, and says what to do."""
 
 import json
-import os
-import pty
-import socket
-import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
-from boards import load_board
-from boards.tree import Tree
 from hil.commands import doctor
-from hil.doctor import links as doctor_links
-from hil.doctor import network as doctor_network
-from hil.doctor.findings import Case, User, may_open
-from hil.scenario.config import load_scenario
-from tests.support.recorded import build, link, plant
+from tests.support.doctor_board import PASSWD, SERIAL, board, examine
+from tests.support.recorded import link, plant
 
-SERIAL = """
-vehicle = "paper_six"
-world = "pool"
-stm32 = "device"
-[slave]
-listen = "tcp/0.0.0.0:7447"
-[master]
-goal = [8, 7]
-"""
+__all__ = ["board"]  # the fixtures
+
+
 CAN = SERIAL + '[link]\nport = "can:socketcan:can0"\nprotocol = "vesc"\nbitrate = 500_000\n'
+
+
 GOVERNOR = "sys/devices/system/cpu/cpu{}/cpufreq/scaling_governor"
+
+
 THROTTLED = "commands/vcgencmd_get_throttled"
-PASSWD = "root:x:0:0::/root:/bin/sh\nnobody:x:65534:65534::/:/usr/sbin/nologin\n"
+
+
 TCP = "{:4d}: {}:{:04X} 00000000:0000 {} 00000000:00000000 00:00000000 00000000  1000        0 {} 1 0 100 0 0 10 0\n"
-
-
-@pytest.fixture
-def board(tmp_path: Path) -> Path:
-    return build("raspberry_pi_4b", tmp_path / "root")
-
-
-def examine(root: Path, capsys: pytest.CaptureFixture[str], text: str = SERIAL) -> tuple[int, list[dict[str, str]]]:
-    """The exit code, and what is not as it should be."""
-    path = root.parent / "mine.toml"
-    path.write_text(text)
-    plant(root, "etc/passwd", PASSWD)
-    code = doctor.main([str(path), "--root", str(root), "--user", "nobody", "--json"])
-    found: list[dict[str, str]] = json.loads(capsys.readouterr().out)
-    return code, [row for row in found if row["level"] != "ok"]
 
 
 def can0(root: Path, state: str = "ERROR-ACTIVE", bitrate: int = 500_000, flags: str = "0x40081") -> None:
@@ -301,111 +275,3 @@ def test_without_a_scenario_nothing_is_a_problem(board: Path, capsys: pytest.Cap
     lines = capsys.readouterr().out.splitlines()
     assert sum(line.startswith("note") for line in lines) == 7
     assert not [line for line in lines if line.startswith("problem")]
-
-
-def test_the_login_prompt_of_jetsons(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    root = build("jetson_nano", tmp_path / "root")
-    (root / "dev/ttyTHS1").chmod(0o666)
-    code, found = examine(root, capsys)
-    assert code == 1
-    (problem,) = [row for row in found if row["level"] == "problem"]
-    assert problem["remedy"] == "sudo systemctl disable --now nvgetty.service"
-
-
-@pytest.mark.parametrize(
-    ("ports", "remedy"),
-    [
-        (("dev/ttyTHS0",), 'there is /dev/ttyTHS0: [link] port = "/dev/ttyTHS0" (pins 8 and 10'),
-        (("dev/ttyS0",), "see: sudo dmesg | grep tty (pins 8 and 10"),
-    ],
-)
-def test_a_jetson_without_the_port(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], ports: tuple[str, ...], remedy: str
-) -> None:
-    """With JetPack 5 the port has another name; to end the login prompt would not make one."""
-    root = build("jetson_orin_nano_jetpack5", tmp_path / "root")
-    for port in (*ports, "etc/systemd/system/multi-user.target.wants/nvgetty.service"):
-        plant(root, port, "")
-    code, found = examine(root, capsys)
-    assert code == 1
-    (problem,) = [row for row in found if row["level"] == "problem"]
-    assert problem["text"] == "/dev/ttyTHS1 is not there"
-    assert problem["remedy"].startswith(remedy)
-    assert "with JetPack 5 it is /dev/ttyTHS0" in problem["remedy"]
-    assert "systemctl" not in problem["remedy"]
-
-
-def test_a_user_whom_only_the_recorded_machine_has(board: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    port = board / "dev/ttyS0"
-    port.chmod(0o660)
-    plant(board, "etc/passwd", f"pi-of-the-board:x:4242:{port.stat().st_gid}::/:/bin/sh\n")
-    assert doctor.main(["--root", str(board), "--user", "pi-of-the-board"]) == 0
-    assert "/dev/serial0 (/dev/ttyS0), pi-of-the-board may open it" in capsys.readouterr().out
-
-
-def test_an_adapter_that_is_not_there(board: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    def remedy() -> str:
-        (problem,) = [row for row in examine(board, capsys, text)[1] if row["level"] == "problem"]
-        return problem["remedy"]
-
-    text = SERIAL + '[link]\nport = "/dev/ttyUSB0"\n'
-    assert remedy() == "connect it; see: ls /dev/serial/by-id/"
-    plant(board, "dev/ttyUSB1", "")
-    assert remedy() == 'there is /dev/ttyUSB1: [link] port = "/dev/ttyUSB1"'
-
-
-def test_a_laptops_powersave_is_no_fault(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """intel_pstate's powersave follows the load."""
-    root = build("laptop", tmp_path / "root")
-    _, found = examine(root, capsys, SERIAL.replace('stm32 = "device"', ""))
-    assert "governor" not in {row["topic"] for row in found}
-
-
-def test_a_step_shorter_than_recommended(board: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    _, found = examine(board, capsys, SERIAL.replace("[slave]", '[slave]\nstep = "1 ms"'))
-    assert found[0]["topic"] == "step"
-    assert "1 ms is shorter than the 2.5 ms" in found[0]["text"]
-
-
-def test_who_may_open_what(tmp_path: Path) -> None:
-    path = tmp_path / "tty"
-    path.touch()
-    owner = path.stat()
-    mine, friend, other = User("a", owner.st_uid, ()), User("b", 4242, (owner.st_gid,)), User("c", 4242, (4242,))
-    for mode, allowed in ((0o600, (True, False, False)), (0o660, (True, True, False)), (0o666, (True, True, True))):
-        path.chmod(mode)
-        expected = allowed if owner.st_uid else (True, *allowed[1:])
-        assert tuple(may_open(path.stat(), user) for user in (mine, friend, other)) == expected
-    path.chmod(0o066)
-    assert may_open(path.stat(), mine) == (owner.st_uid == 0)  # the owner's own bits count, not the group's
-
-
-def test_the_ports_and_processes_of_this_machine() -> None:
-    """The same readers on the living kernel, against a socket of ours."""
-    with socket.socket() as listener:
-        listener.bind(("127.0.0.1", 0))
-        listener.listen()
-        port = listener.getsockname()[1]
-        taken = doctor_network.listeners(Tree("/"))
-        inode = Path(f"/proc/self/fd/{listener.fileno()}").readlink()
-        assert f"socket:[{taken[port]}]" == str(inode)
-    assert port not in doctor_network.listeners(Tree("/"))
-
-
-def test_a_port_held_by_a_living_process() -> None:
-    master, slave = pty.openpty()
-    name = os.ttyname(slave)
-    os.close(slave)
-    code = f"import os, sys; fd = os.open({name!r}, os.O_RDWR | os.O_NOCTTY); print(flush=True); sys.stdin.read()"
-    with subprocess.Popen([sys.executable, "-c", code], stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
-        assert process.stdout
-        process.stdout.readline()
-        scenario = load_scenario("paper_field")
-        scenario = scenario._replace(link=scenario.link._replace(port=name))
-        case = Case(Tree("/"), load_board("raspberry_pi_4b"), scenario, doctor.find_user(Tree("/"), None))
-        (found,) = doctor_links.holders(case)
-        assert f"{name} is open in process {process.pid}, {sys.executable}" in found.text
-        assert process.stdin
-        process.stdin.close()
-    assert not [row for row in doctor_links.holders(case) if row.level != "note"]
-    os.close(master)

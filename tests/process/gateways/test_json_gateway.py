@@ -6,89 +6,24 @@ import shutil
 import signal
 import socket
 import subprocess
-import threading
-import time
-from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-import hil
 from hil.client.fleet import Fleet
-from hil.client.vehicle_handle import Vehicle
 from hil.common.errors import NetworkError
 from hil.gateways.access import Access, token_path
-from hil.gateways.json_connection import LONGEST_LINE, SOCKET_OPTIONS, Connection
 from hil.gateways.json_requests import COMMANDS
-from hil.gateways.json_server import MAX_CONNECTIONS, JsonGateway
-from tests.support.processes import ROOT, Program, free_port, wait_for, write_scenario
+from hil.gateways.json_server import JsonGateway
+from tests.support.json_client import Client, client, fleet, gateway, own_state
+from tests.support.processes import ROOT, Program, free_port, wait_for
+
+__all__ = ["client", "fleet", "gateway", "own_state"]  # the fixtures
+
 
 MATLAB = ROOT / "hil" / "gateways" / "matlab"
-Message = dict[str, Any]
-
-
-@pytest.fixture(scope="module")
-def fleet(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Fleet]:
-    folder = tmp_path_factory.mktemp("slave")
-    scenario, port = write_scenario(folder)
-    with Program(folder, "slave", scenario) as slave:
-        slave.expect("ready")
-        with hil.connect(f"tcp/127.0.0.1:{port}") as fleet:
-            yield fleet
-
-
-@pytest.fixture(autouse=True)
-def _own_state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
-
-
-@pytest.fixture
-def gateway(fleet: Fleet) -> Iterator[JsonGateway]:
-    with JsonGateway(fleet, "127.0.0.1", 0) as gateway:
-        yield gateway
-
-
-class Client:
-    """A program with a socket."""
-
-    def __init__(self, gateway: JsonGateway) -> None:
-        self.socket = socket.create_connection(("127.0.0.1", gateway.port), timeout=60)
-        self._lines = self.socket.makefile("rb")
-        self.samples: list[Message] = []
-
-    def close(self) -> None:
-        self._lines.close()
-        self.socket.close()
-
-    def __enter__(self) -> "Client":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
-    def read(self) -> Message:
-        message: Message = json.loads(self._lines.readline())
-        return message
-
-    def send(self, line: bytes) -> Message:
-        """A line, and its answer; samples that come in between are kept."""
-        self.socket.sendall(line + b"\n")
-        while "ok" not in (message := self.read()):
-            self.samples.append(message)
-        return message
-
-    def ask(self, **request: object) -> Message:
-        return self.send(json.dumps(request).encode())
-
-
-@pytest.fixture
-def client(gateway: JsonGateway) -> Iterator[Client]:
-    client = Client(gateway)
-    with client:
-        assert client.ask(do="login", token=gateway.access.token)["ok"]
-        yield client
 
 
 def test_questions_and_commands(client: Client, fleet: Fleet) -> None:
@@ -221,124 +156,6 @@ def test_a_token_that_cannot_be_written_is_only_shown(tmp_path: Path, monkeypatc
     assert access.path == ""
     assert access.admits(access.token)
     access.close()
-
-
-def test_so_many_connections_and_no_more(gateway: JsonGateway) -> None:
-    clients = [Client(gateway) for _ in range(MAX_CONNECTIONS)]
-    try:
-        assert clients[-1].ask(do="vehicles")["ok"]
-        refused = Client(gateway)
-        with refused:
-            assert "32 connections are open already" in refused.read()["error"]
-            assert refused._lines.readline() == b""
-        clients.pop().close()
-        assert wait_for(lambda: not gateway._connections[-1].is_alive)
-        clients.append(Client(gateway))
-        assert clients[-1].ask(do="vehicles")["ok"], "there is room again"
-    finally:
-        for client in clients:
-            client.close()
-
-
-def test_idle_connections_cost_nothing(gateway: JsonGateway) -> None:
-    """By the processor time of their threads, which no other load changes."""
-    clients = [Client(gateway) for _ in range(10)]
-    try:
-        assert all(client.ask(do="vehicles")["ok"] for client in clients)
-        threads = [thread for connection in gateway._connections for thread in connection._threads]
-        clocks = [time.pthread_getcpuclockid(thread.ident) for thread in threads if thread.ident]
-        assert len(clocks) == 20
-        before = sum(map(time.clock_gettime, clocks))
-        time.sleep(1.0)
-        assert sum(map(time.clock_gettime, clocks)) - before < 0.005
-    finally:
-        for client in clients:
-            client.close()
-
-
-def test_a_client_that_falls_silent_drives_no_longer(gateway: JsonGateway, fleet: Fleet) -> None:
-    client = Client(gateway)
-    with client:
-        assert client.ask(do="login", token=gateway.access.token, deadman=0.5)["ok"]
-        assert client.ask(do="drive", surge=0.3)["ok"]
-        (connection,) = gateway._connections
-        assert wait_for(lambda: "no line came for 0.5 s" in connection._stopped)
-        answer = client.ask(do="status")
-        assert (answer["over"], answer["error"]) == (True, "stopped: no line came for 0.5 s, the deadman of this login")
-        assert wait_for(lambda: abs(fleet["uuv1"].state.velocity[0]) < 0.05)
-
-
-def test_a_deadman_that_is_none_is_refused(client: Client, gateway: JsonGateway) -> None:
-    for deadman in (0, -1, 1e9, "soon", None, True):
-        answer = client.ask(do="login", token=gateway.access.token, deadman=deadman)
-        assert "deadman: " in answer["error"], deadman
-
-
-def test_a_client_that_does_not_read_is_given_up(gateway: JsonGateway, fleet: Fleet) -> None:
-    client = Client(gateway)
-    client.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
-    with client:
-        assert client.ask(do="login", token=gateway.access.token)["ok"]
-        assert client.ask(do="drive", surge=0.3)["ok"]
-        (connection,) = gateway._connections
-        with suppress(OSError):  # it hangs up while we still ask
-            for _ in range(100_000):
-                client.socket.sendall(b'{"do": "get", "sensor": "diagnostics"}\n')
-                if not connection.is_alive:
-                    break
-        assert wait_for(lambda: not connection.is_alive)
-        assert wait_for(lambda: abs(fleet["uuv1"].state.velocity[0]) < 0.05)
-
-
-@pytest.mark.parametrize("size", [LONGEST_LINE, LONGEST_LINE + 1, 3 * LONGEST_LINE - 1, 3 * LONGEST_LINE])
-def test_a_line_that_is_too_long_is_answered_once(client: Client, size: int) -> None:
-    """`size` bytes and the newline; the next line is understood."""
-    answer = client.send(b" " * (size - 2) + b"{}")
-    assert (answer["ok"], answer["error"]) == (False, "a line of more than 65536 bytes; send several")
-    assert client.ask(id=1, do="vehicles")["id"] == 1
-
-
-def test_the_longest_line_is_understood(client: Client) -> None:
-    request = b'{"do": "vehicles"}'
-    assert client.send(b" " * (LONGEST_LINE - 1 - len(request)) + request)["ok"]
-
-
-def test_what_nobody_foresaw_is_answered_too(client: Client, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(Vehicle, "release", lambda _: 1 / 0)
-    answer = client.ask(id=3, do="release")
-    monkeypatch.undo()
-    assert answer == {"id": 3, "ok": False, "error": "ZeroDivisionError: division by zero"}
-    assert client.ask(do="vehicles")["ok"], "and the connection goes on"
-
-
-def test_a_vehicle_is_stopped_whatever_ended_the_connection(
-    client: Client, fleet: Fleet, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Also one that was told nothing but nonsense; and one that cannot be told to stop is told nothing more."""
-    stopped: list[Vehicle] = []
-
-    def stop(vehicle: Vehicle) -> None:
-        stopped.append(vehicle)
-        raise NetworkError("gone")
-
-    assert client.ask(do="drive")["ok"]
-    assert fleet["uuv1"]._maneuver
-    monkeypatch.setattr(Vehicle, "stop", stop)
-    monkeypatch.setattr(threading, "excepthook", lambda _: None)
-    monkeypatch.setattr(Connection, "_send", lambda *_: 1 / 0)
-    client.socket.sendall(b"{}\n")
-    assert wait_for(lambda: bool(stopped) and fleet["uuv1"]._maneuver is None)
-    assert stopped == [fleet["uuv1"]]
-
-
-def test_a_connection_is_watched(gateway: JsonGateway, client: Client) -> None:
-    """The kernel's part of it; tests/system/netns lets a machine vanish."""
-    assert client.ask(do="vehicles")["ok"]
-    assert wait_for(lambda: bool(gateway._connections))
-    (connection,) = gateway._connections
-    for level, option, value in SOCKET_OPTIONS:
-        assert connection._socket.getsockopt(level, option) == value
-    assert connection.is_alive
 
 
 def test_what_is_no_number_is_null(client: Client) -> None:

@@ -3,11 +3,9 @@
 What only a real systemd shows is in tests/system/boards/test_whole_board.py.
 """
 
-import json
 import os
 import pwd
 import re
-import resource
 import subprocess
 import sys
 from pathlib import Path
@@ -16,53 +14,33 @@ import pytest
 
 from boards import load_board
 from boards.tree import Tree
-from hil import cli
-from hil.commands.board import service as board_service
 from hil.common.children import python_command
 from hil.common.errors import ConfigError
 from hil.install import check as board_check
 from hil.install import units as board_install
-from hil.install.changes import MANIFEST
-from hil.install.units import CAN_UNIT, LIMITS, MANAGER, MODULE_UNIT, RULES, UNIT, Service
+from hil.install.units import CAN_UNIT, MANAGER, MODULE_UNIT, RULES, UNIT, Service
 from hil.scenario.config import load_scenario
-from tests.process.commands.test_board_command import CAN, KNOWN, SERIAL, files, install, settings
+from tests.support.installed_service import (
+    CAN,
+    KNOWN,
+    PASSWD,
+    SERIAL,
+    files,
+    install,
+    ran,
+    root,
+    scenario,
+    settings,
+    uninstall,
+    values,
+)
 from tests.support.recorded import build, link, plant
 
-PASSWD = "root:x:0:0:root:/root:/bin/bash\nuuv:x:999:999::/var/lib/uuv-hil:/usr/sbin/nologin\n"
-
-
-@pytest.fixture
-def root(tmp_path: Path) -> Path:
-    root = build("raspberry_pi_4b", tmp_path / "root")
-    plant(root, "etc/passwd", PASSWD)
-    return root
-
-
-@pytest.fixture
-def scenario(tmp_path: Path) -> str:
-    path = tmp_path / "mine.toml"
-    path.write_text(SERIAL)
-    return str(path)
-
-
-@pytest.fixture
-def ran(monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """The commands that would be run if it were this machine, in order."""
-    found: list[str] = []
-    monkeypatch.setattr(board_service, "_run", lambda _, commands: found.extend(map(" ".join, commands)))
-    return found
+__all__ = ["ran", "root", "scenario"]  # the fixtures
 
 
 def linked(port: str, more: str = "") -> str:
     return SERIAL + f'[link]\nport = "{port}"\n{more}'
-
-
-def values(root: Path, path: str, key: str) -> list[str]:
-    return [value for _, name, value in settings((root / path[1:]).read_text()) if name == key]
-
-
-def uninstall(root: Path) -> int:
-    return cli.main(["board", "uninstall", "--root", str(root), "--yes"])
 
 
 def test_a_device_that_is_not_there_is_waited_for(root: Path, scenario: str) -> None:
@@ -307,150 +285,6 @@ def test_a_python_that_its_user_cannot_execute(scenario: str, tmp_path: Path, mo
     monkeypatch.setattr("sys.executable", str(closed / "python3"))
     with pytest.raises(ConfigError, match="python3: nobody may not execute it"):
         board_check.check(Tree("/"), service(Path(scenario)))
-
-
-def test_units_end_before_their_files_go(root: Path, scenario: str, ran: list[str]) -> None:
-    Path(scenario).write_text(CAN)
-    assert install(root, scenario, "--yes") == 0
-    assert ran[:2] == ["systemctl daemon-reload", "systemctl enable uuv-hil-can.service uuv-hil.service"]
-    ran.clear()
-    Path(scenario).write_text(SERIAL)
-    assert install(root, scenario, "--yes") == 0
-    gone = "uuv-hil-can.service"
-    assert ran[:2] == [f"systemctl disable --now {gone}", f"systemctl reset-failed {gone}"]
-    assert "systemctl enable uuv-hil.service" in ran
-    ran.clear()
-    assert uninstall(root) == 0
-    assert ran[:2] == ["systemctl disable --now uuv-hil.service", "systemctl reset-failed uuv-hil.service"]
-
-
-def test_a_unit_that_somebody_changed(
-    root: Path, scenario: str, ran: list[str], capsys: pytest.CaptureFixture[str]
-) -> None:
-    """It is ended like the others; it stays, and is known, until somebody takes it away."""
-    assert install(root, scenario, "--yes") == 0
-    plant(root, UNIT[1:], "# mine\n")
-    for _ in range(2):
-        ran.clear()
-        assert uninstall(root) == 0
-        assert f"{UNIT}: changed since it was written; it stays; take it away with: sudo rm {UNIT}" in (
-            capsys.readouterr().out
-        )
-        assert ran[0] == "systemctl disable --now uuv-hil.service"
-    (root / UNIT[1:]).unlink()
-    assert uninstall(root) == 0
-    assert not (root / MANIFEST[1:]).exists()
-    assert uninstall(root) == 2
-    assert "nothing is installed here" in capsys.readouterr().err
-
-
-def test_what_the_service_kept_is_named(root: Path, scenario: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert install(root, scenario, "--yes") == 0
-    (root / "var/lib/uuv-hil").mkdir(parents=True)
-    capsys.readouterr()
-    assert uninstall(root) == 0
-    assert capsys.readouterr().out.endswith("take it away with: sudo rm -r /var/lib/uuv-hil\n")
-    assert (root / "var/lib/uuv-hil").is_dir()
-
-
-def test_folders_that_were_made_go(root: Path, scenario: str) -> None:
-    (root / "etc/udev").mkdir()
-    before = sorted(root.rglob("*"))
-    for text in (CAN, SERIAL):
-        Path(scenario).write_text(text)
-        assert install(root, scenario, "--yes") == 0
-    assert uninstall(root) == 0
-    assert sorted(root.rglob("*")) == before
-
-
-def test_a_file_in_another_encoding(root: Path, scenario: str, capsys: pytest.CaptureFixture[str]) -> None:
-    before = "# für uuv\r\nuuv - rtprio 10\r\n".encode("latin-1")
-    plant(root, LIMITS[1:], "")
-    (root / LIMITS[1:]).write_bytes(before)
-    assert install(root, scenario, "--yes") == 0
-    assert "-# f\ufffdr uuv" in capsys.readouterr().out
-    assert b"memlock" in (root / LIMITS[1:]).read_bytes()
-    assert uninstall(root) == 0
-    assert (root / LIMITS[1:]).read_bytes() == before
-
-
-def test_a_unit_that_is_masked_is_left_alone(root: Path, scenario: str, capsys: pytest.CaptureFixture[str]) -> None:
-    link(root, UNIT[1:], "/dev/null")
-    assert install(root, scenario, "--yes") == 2
-    assert f"{UNIT}: is a link to /dev/null; take that away first" in capsys.readouterr().err
-    assert (root / UNIT[1:]).is_symlink()
-
-
-@pytest.mark.parametrize(
-    ("made", "told"),
-    [
-        (f"{RULES}/", f"{RULES}: is no file"),
-        (f"{MANIFEST}/", f"{MANIFEST}: is no file"),
-        ("/etc/udev", f"/etc/udev: is no folder, where {RULES} belongs"),
-        ("/etc/uuv-hil", f"/etc/uuv-hil: is no folder, where {MANIFEST} belongs"),
-    ],
-)
-def test_files_for_folders(root: Path, scenario: str, capsys: pytest.CaptureFixture[str], made: str, told: str) -> None:
-    plant(root, f"{made[1:]}mine" if made.endswith("/") else made[1:], "")
-    before = sorted(root.rglob("*"))
-    assert install(root, scenario, "--yes") == 2
-    assert re.fullmatch(rf"uuv-hil board: {told}.*; take it away first\n", capsys.readouterr().err)
-    assert sorted(root.rglob("*")) == before
-
-
-@pytest.mark.parametrize(("size", "path"), [(100, MANIFEST), (1500, UNIT)])
-def test_a_full_disk_leaves_everything_as_it_was(
-    root: Path, scenario: str, capsys: pytest.CaptureFixture[str], size: int, path: str
-) -> None:
-    """Full in the first file or in a later one: a disk is as good as full to who may write no longer files."""
-    plant(root, LIMITS[1:], "uuv - rtprio 10\n")
-    before = [(found, found.read_bytes() if found.is_file() else None) for found in sorted(root.rglob("*"))]
-    _, hard = limit = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))
-    try:
-        assert install(root, scenario, "--yes") == 3
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, limit)
-    assert capsys.readouterr().err.startswith(f"uuv-hil board: {path}: cannot be written: File too large; ")
-    assert [(found, found.read_bytes() if found.is_file() else None) for found in sorted(root.rglob("*"))] == before
-    assert uninstall(root) == 2
-    assert "nothing is installed here" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize("text", ["", "{", "null", "[]", '""', '{"a": 3}', '{"a": {}}', '{"a": {"sha256": 1}}'])
-def test_a_damaged_manifest(root: Path, scenario: str, capsys: pytest.CaptureFixture[str], text: str) -> None:
-    plant(root, MANIFEST[1:], text)
-    for code in (install(root, scenario, "--yes"), uninstall(root)):
-        assert code == 2
-    assert capsys.readouterr().err.count(f"{MANIFEST}: is not what was written there; remove it, and the files") == 2
-
-
-def test_a_manifest_of_an_earlier_release(root: Path, scenario: str) -> None:
-    """It told no mode and no owner."""
-    plant(root, LIMITS[1:], "uuv - rtprio 10\n")
-    before = files(root)
-    assert install(root, scenario, "--yes") == 0
-    notes = json.loads((root / MANIFEST[1:]).read_text())
-    told = {path: {key: note[key] for key in ("before", "folders", "sha256")} for path, note in notes.items()}
-    plant(root, MANIFEST[1:], json.dumps(told))
-    assert uninstall(root) == 0
-    assert files(root) == before
-
-
-def test_whose_a_file_was(root: Path, scenario: str) -> None:
-    """And who might read it: nobody may read it in the manifest who could not."""
-    plant(root, LIMITS[1:], "uuv - rtprio 10\n")
-    place, manifest = root / LIMITS[1:], root / MANIFEST[1:]
-    place.chmod(0o600)
-    if os.geteuid() == 0:
-        os.chown(place, 999, 998)
-    before = place.stat()
-    assert install(root, scenario, "--yes") == 0
-    assert (place.stat().st_mode & 0o777, place.stat().st_uid) == (0o644, os.geteuid())
-    assert manifest.stat().st_mode & 0o777 == 0o600
-    assert uninstall(root) == 0
-    after = place.stat()
-    assert (after.st_mode, after.st_uid, after.st_gid) == (before.st_mode, before.st_uid, before.st_gid)
 
 
 def test_a_port_of_the_board_itself(tmp_path: Path) -> None:

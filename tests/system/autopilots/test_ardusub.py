@@ -15,6 +15,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from hil.autopilots.run import AutopilotRun
 from hil.scenario.config import load_scenario
 from sim.vehicle.failures import Failure
+from tests.support.autopilot_dive import ARM, SET_MODE, WORLD, command
 from tests.support.ground_station import GroundStation, Mission, fly
 
 PROGRAM = os.environ.get("UUV_HIL_ARDUSUB", "")
@@ -22,15 +23,6 @@ pytestmark = [
     pytest.mark.skipif(not PROGRAM, reason="UUV_HIL_ARDUSUB does not name ArduSub's SITL program"),
     pytest.mark.timeout(1200),  # six minutes of simulated time, on a machine that others use too
 ]
-WORLD = """
-name = "stream"
-source = "made up"
-extent = [-100.0, 100.0, -100.0, 100.0]
-depth = 30.0
-origin = [50.0, 8.0]
-magnetic_field = [49e-6, 1.15, 0.06]
-current = [0.3, 0.0, 0.0]
-"""
 SCENARIO = """
 vehicle = "{vehicle}"
 world = "{world}"
@@ -49,7 +41,6 @@ drop_out = {drop_out}
 [sensors.altimeter]
 """
 MANUAL, ALT_HOLD, GUIDED, POSHOLD = 19, 2, 4, 16
-ARM, SET_MODE = 400, 176
 
 
 class Dive:
@@ -79,12 +70,7 @@ class Dive:
 
     def command(self, number: int, *parameters: float) -> Mission:
         """Send until it is accepted."""
-        for _ in range(200):
-            self.station.command(number, *parameters)
-            yield 0.5
-            if self.station.acks.get(number) == 0:
-                return
-        raise AssertionError(f"command {number} {parameters}: {self.station.acks}, {self.station.texts[-5:]}")
+        return command(self.station, number, *parameters)
 
     def dive(self, depth: float) -> Mission:
         """Arm, go down by the sticks, and hold depth."""

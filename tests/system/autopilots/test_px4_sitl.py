@@ -9,6 +9,7 @@ import pytest
 
 from hil.autopilots.run import AutopilotRun
 from hil.scenario.config import load_scenario
+from tests.support.autopilot_dive import ARM, SET_MODE, WORLD, command
 from tests.support.ground_station import GroundStation, Mission, fly
 
 BUILD = os.environ.get("UUV_HIL_PX4", "")
@@ -16,15 +17,6 @@ pytestmark = [
     pytest.mark.skipif(not BUILD, reason="UUV_HIL_PX4 does not name PX4's build folder"),
     pytest.mark.timeout(1200),  # minutes of simulated time, on a machine that others use too
 ]
-WORLD = """
-name = "stream"
-source = "made up"
-extent = [-100.0, 100.0, -100.0, 100.0]
-depth = 30.0
-origin = [50.0, 8.0]
-magnetic_field = [49e-6, 1.15, 0.06]
-current = [0.3, 0.0, 0.0]
-"""
 SCENARIO = """
 vehicle = "bluerov2_heavy"
 world = "{world}"
@@ -44,7 +36,6 @@ rate = 50
 rate = 50
 """
 MANUAL, ALTITUDE, POSITION = 1, 2, 3
-ARM, SET_MODE = 400, 176
 
 
 def test_it_holds_depth_and_position_in_a_current(tmp_path: Path) -> None:
@@ -57,37 +48,29 @@ def test_it_holds_depth_and_position_in_a_current(tmp_path: Path) -> None:
     with AutopilotRun(load_scenario(str(path)), print) as run:
         station = GroundStation(("127.0.0.1", 14550), datagrams=True)
 
-        def command(number: int, *parameters: float) -> Mission:
-            for _ in range(100):
-                station.command(number, *parameters)
-                yield 0.5
-                if station.acks.get(number) == 0:
-                    return
-            raise AssertionError(f"command {number} {parameters}: {station.acks}, {station.texts[-5:]}")
-
         def mission() -> Mission:
             yield lambda: "ATTITUDE" in station.latest
             yield 3.0
-            yield from command(SET_MODE, 1, MANUAL, 0)
-            yield from command(ARM, 1)
+            yield from command(station, SET_MODE, 1, MANUAL, 0)
+            yield from command(station, ARM, 1)
             station.sticks = (-500, 0, 500, 0)
             yield lambda: run.simulation.state.position[2] > 3.0
             station.sticks = (0, 0, 500, 0)
             yield 3.0
-            yield from command(SET_MODE, 1, ALTITUDE, 0)
+            yield from command(station, SET_MODE, 1, ALTITUDE, 0)
             yield 15.0
             for _ in range(2400):
                 depths.append(run.simulation.state.position[2])
                 yield 0.05
-            yield from command(SET_MODE, 1, MANUAL, 0)
+            yield from command(station, SET_MODE, 1, MANUAL, 0)
             yield 4.0  # PX4 takes as its set-point a position of the mode before, which it refreshes every 2 s
-            yield from command(SET_MODE, 1, POSITION, 0)
+            yield from command(station, SET_MODE, 1, POSITION, 0)
             yield 30.0
             for _ in range(600):
                 north, east, _ = run.simulation.state.position
                 places.append((north, east))
                 yield 0.05
-            yield from command(ARM, 0)
+            yield from command(station, ARM, 0)
             yield 0.5
 
         try:

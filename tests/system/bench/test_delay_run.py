@@ -8,102 +8,24 @@ import subprocess
 import threading
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import pytest
 
 from hil.bench import delay_report, delay_run
-from hil.bench.delay_report import draw, text
-from hil.bench.delay_run import HOPS, Plan, Result, first_motion, measure, pooled, wire_ms
+from hil.bench.delay_report import draw
+from hil.bench.delay_run import HOPS, Plan, Result, first_motion, measure, pooled
 from hil.bench.harness import Bench, Process, program
 from hil.bench.record import Record
 from hil.cli import main
 from hil.client.client import VehicleClient
-from hil.client.delay import DelayMeter, find_doubts
+from hil.client.delay import DelayMeter
 from hil.commands.bench import delay as bench_delay
 from hil.common.clock import NS_PER_S, from_wall_ns, now_ns
 from hil.common.errors import ConfigError, NetworkError
-from hil.links.address import wire_kind
-from hil.links.wires.faults import Faults
-from hil.ros.diagnostics import Diagnostics
-from hil.scenario.config import load_scenario
 from tests.support.busy import retried_when_busy
-from tests.support.diagnostics import reported
+from tests.support.delay_results import MS, meter, some_result
 from tests.support.processes import wait_for
-
-MS = 1_000_000
-
-
-def meter(offset: int, same_clock: bool, network: int = MS // 2, count: int = 60, back: int = MS // 2) -> DelayMeter:
-    """Commands to a slave whose clock is `offset` ns ahead."""
-    found = DelayMeter()
-    found.same_clock = same_clock
-    for number in range(count):
-        published = number * 50 * MS
-        received = published + network + offset
-        taken, computed, written, applied = (received + us * 1000 for us in (20, 100, 150, 160))
-        sent = applied + 20_000
-        instants = [number, published, received, taken, written, applied, computed]
-        found.add(instants, sent, sent - offset + back)
-    return found
-
-
-def some_result(delay: list[float], **changes: Any) -> Result:
-    """A run at 20 Hz that found these delays (ms), its floor 0.05 ms."""
-    hops = {name: [value / len(HOPS) for value in delay] for name in HOPS}
-    at_s = [number / 20 for number in range(len(delay))]
-    found = Result(delay, at_s, hops, [4.0] * 9, [0.06] * 9, [0.05] * 9, 0.0, len(delay), 20.0, 0.0, 0.0, [])
-    return found._replace(**changes)
-
-
-def test_right_clocks_are_trusted() -> None:
-    assert find_doubts(meter(0, same_clock=True)) == []
-    assert find_doubts(meter(7_000 * MS, same_clock=False, network=MS // 10, back=MS // 10)) == []
-
-
-@pytest.mark.parametrize("offset", [-3_600_000 * MS, -5 * MS, 5 * MS, 3_600_000 * MS])
-def test_one_machine_whose_clock_was_set_between_two_starts_has_the_measured_offset(offset: int) -> None:
-    """Both processes share a boot, and yet not a wall clock: each took its own at its start."""
-    shifted = meter(offset, same_clock=True, network=MS // 10, back=MS // 10)
-    assert all(abs(total - 260_000) < MS // 5 for total in shifted.totals_ns())
-    assert abs(shifted.offset_ns()[0] - offset) < MS // 5
-    assert find_doubts(shifted) == []
-
-
-def test_one_clock_that_seems_to_be_off_within_the_error_is_one() -> None:
-    lopsided = meter(0, same_clock=True, network=2 * MS, back=MS // 10)
-    assert lopsided.offset_ns() == (0, 0)
-    assert set(lopsided.totals_ns()) == {2_160_000}
-
-
-def test_an_offset_that_is_not_known_well_enough_is_said() -> None:
-    found = find_doubts(meter(3 * MS, same_clock=False, network=MS, back=30 * MS))
-    assert any("known only to" in words for words in found)
-
-
-def test_a_clock_that_is_set_meanwhile_is_noticed() -> None:
-    found = meter(0, same_clock=False)
-    late = meter(900 * MS, same_clock=False, count=70)
-    for sample in late.samples[60:]:
-        published, received = sample.published_ns, sample.published_ns + sample.hops[0]
-        sent = received + 180_000
-        instants = [1, published, received, received + 20_000, received + 150_000, received + 160_000]
-        found.add(instants, sent, sent - 900 * MS + MS // 2)
-    assert any("a clock was set" in words for words in find_doubts(found))
-
-
-def test_no_answer_is_no_result() -> None:
-    assert find_doubts(DelayMeter()) == ["no command was answered by the STM32"]
-
-
-def test_text_leaves_out_what_too_few_commands_cannot_tell() -> None:
-    result = some_result([0.7] * 200, warnings=["a clock"])
-    lines = text({"case": result}).splitlines()
-    assert lines[2].split() == [
-        "case", "200/200", "0.700", "0.700", "0.700", "-", "0.700", "0.050", "0.650", "0.060", "0.050", "4.0",
-    ]  # fmt: skip
-    assert "0.100 (14%)" in text({"case": result})
-    assert lines[-1] == "WARNING, case: a clock"
 
 
 def test_motion_is_what_leaves_the_line() -> None:
@@ -182,72 +104,6 @@ def test_what_cannot_be_meant(options: list[str], words: str, capsys: pytest.Cap
     assert words in capsys.readouterr().err
 
 
-def on(port: str) -> Diagnostics:
-    """What a slave reports whose link is there."""
-    return reported(link_port=port, link_wire=wire_kind(port))
-
-
-def test_the_time_on_the_line() -> None:
-    """115200 bit/s, ten bits a byte; the answer counts where it has to be heard."""
-    scenario = load_scenario("paper_field")
-    paced = scenario._replace(link=scenario.link._replace(faults=Faults(baud=115_200)))
-    assert wire_ms(scenario, on("/dev/pts/0")) == 0.0
-    command = wire_ms(paced, reported())
-    assert command == pytest.approx(22 * 10 / 115.2)
-    assert wire_ms(scenario, on("/dev/ttyUSB0")) == command
-    assert wire_ms(paced._replace(stm32="native"), reported()) > 2 * command
-    assert wire_ms(paced._replace(stm32="unicorn"), reported()) == command
-
-
-def test_on_its_line_mavlink_is_the_packet_of_pulses_alone() -> None:
-    """The host asks for arming beside it until the device has said that it is: SERVO_OUTPUT_RAW has 28 bytes here."""
-    scenario = load_scenario("paper_field")
-    link = scenario.link._replace(protocol="mavlink", faults=Faults(baud=115_200))
-    assert wire_ms(scenario._replace(link=link), reported()) == pytest.approx(28 * 10 / 115.2)
-    assert wire_ms(scenario._replace(link=link, stm32="native"), reported()) == pytest.approx(2 * 28 * 10 / 115.2)
-
-
-@pytest.mark.parametrize(("protocol", "bits"), [("vesc", 6 * (67 + 32)), ("dronecan", 2 * 67 + 64 + 56)])
-def test_a_command_on_a_can_bus_takes_the_bits_of_all_its_frames(
-    protocol: Literal["vesc", "dronecan"], bits: int
-) -> None:
-    """VESC: a frame of 4 bytes a thruster. DroneCAN: 6 x 14 bits and the checksum, with two tails in two frames."""
-    scenario = load_scenario("paper_field")
-    link = scenario.link._replace(protocol=protocol, port="can:virtual:bits", faults=Faults(baud=500_000))
-    paced = scenario._replace(link=link)
-    assert wire_ms(paced, reported()) == pytest.approx(bits / 500)
-    assert wire_ms(paced._replace(stm32="process"), reported()) > 2 * wire_ms(paced, reported())
-
-
-def test_a_slave_elsewhere_tells_its_line_itself() -> None:
-    """The scenario here may say another protocol, another baud, an STM32 that is in the slave."""
-    here = load_scenario("paper_field")
-
-    def there(port: str) -> Diagnostics:
-        said = on(port)
-        said.link_protocol, said.link_baud, said.pwm_us = "mavlink", 57_600, (1500,) * 6
-        return said
-
-    assert wire_ms(here, there("/dev/ttyAMA0"), elsewhere=True) == pytest.approx(2 * 28 * 10 / 57.6)
-    assert wire_ms(here, there("rs485:/dev/serial0"), elsewhere=True) > 0.0
-    paced = here._replace(link=here.link._replace(faults=Faults(baud=9600)))
-    assert wire_ms(paced, there("/dev/ttyAMA0"), elsewhere=True) == pytest.approx(2 * 28 * 10 / 57.6)
-    for port in ("/dev/pts/3", "tcp://127.0.0.1:5760", "can:socketcan:can0"):
-        assert wire_ms(paced, there(port), elsewhere=True) == 0.0
-    assert wire_ms(paced, reported(), elsewhere=True) == 0.0
-
-
-def test_what_could_not_be_had_is_said_and_not_made_up() -> None:
-    """No echo: no floor. Nothing answered by UDP: not 0."""
-    none = text({"case": some_result([0.7] * 20, udp=[], tcp=[])})
-    assert none.splitlines()[2].split()[7:] == ["-", "-", "-", "-", "4.0"]
-    assert "no floor" in none
-    assert "uuv-hil bench echo" in none
-    deaf = text({"case": some_result([0.7] * 20, udp=[])}).splitlines()[2].split()
-    assert deaf[7:] == ["0.050", "0.650", "-", "0.050", "4.0"]
-    assert "nan" not in text({"case": some_result([])})
-
-
 def test_runs_are_pooled_and_told_apart() -> None:
     runs = [some_result([0.7] * 4), some_result([0.9] * 3, sent=4, rate=18.0, warnings=["late"])]
     both = pooled(runs)
@@ -255,39 +111,6 @@ def test_runs_are_pooled_and_told_apart() -> None:
     assert both.at_s == sorted(both.at_s)
     assert (both.sent, both.warnings, len(both.hops["wire"])) == (8, ["run 2: late"], 7)
     assert pooled(runs[:1]) == runs[0]
-
-
-def doubts(result: Result, plan: Plan = Plan(), losses: int = 0, paced: bool = False) -> list[str]:
-    return list(delay_run._doubts(result, plan, None, None, losses, paced))
-
-
-def test_what_was_not_as_asked_is_said() -> None:
-    assert doubts(some_result([0.7] * 20, rate=20.9)) == []
-    assert "5 of 25 commands were not answered" in doubts(some_result([0.7] * 20, sent=25))[0]
-    assert "at 150.0 Hz instead of 200" in doubts(some_result([0.7] * 20, rate=150.0), Plan(rate=200.0))[0]
-    assert "gone 2 times" in doubts(some_result([0.7] * 20), losses=2)[0]
-    assert doubts(some_result([0.7], rate=float("nan"))) == []
-    assert doubts(some_result([0.7] * 20, motion=[]), Plan(steps=1)) == [], "the first step does not count"
-    assert "3 of 9 steps in surge did not show" in doubts(some_result([0.7] * 20, motion=[4.0] * 6))[0]
-
-
-def test_a_line_that_is_quicker_than_its_bits_is_said_unless_it_is_ours() -> None:
-    on_line = some_result([0.7] * 20, hops={name: [0.7 if name == "STM32" else 0.0] * 20 for name in HOPS})
-    assert "baud is not what" in doubts(on_line._replace(wire=1.9))[0]
-    assert doubts(on_line._replace(wire=1.9), paced=True) == []
-    assert doubts(on_line._replace(wire=0.7001)) == [], "no baud is wrong by so little"
-
-
-def test_the_wire_has_its_bits_also_those_that_left_during_the_write() -> None:
-    """Here the write ends 50 us after the encoder began, and the pulses are there after 10 more."""
-    heard = meter(0, same_clock=True)
-    spans = [(sample.published_ns, sample.published_ns + 1000) for sample in heard.samples]
-    whole = delay_run._result(heard, spans, [], None, 0.0)
-    assert (whole.hops["link encode"][0], whole.hops["STM32"][0]) == pytest.approx((0.05, 0.01))
-    for wire, expected in ((0.005, (0.05, 0.005, 0.005)), (0.04, (0.02, 0.04, 0.0)), (0.2, (0.0, 0.06, 0.0))):
-        found = delay_run._result(heard, spans, [], None, wire)
-        assert [found.hops[hop][0] for hop in ("link encode", "wire", "STM32")] == pytest.approx(expected)
-        assert found.delay == whole.delay
 
 
 class Commanded:

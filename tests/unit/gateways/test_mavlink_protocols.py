@@ -7,21 +7,12 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from hil.gateways.mavlink.flight.mission_flight import COMPLETE
 from hil.gateways.mavlink.flight.modes import Mode
 from hil.gateways.mavlink.protocols import ftp
 from hil.gateways.mavlink.protocols.parameters import GATEWAY, ParameterTable
 from hil.gateways.mavlink.protocols.streams import DEFAULT_HZ
-from hil.scenario.mavlink_records import Mavlink
-from tests.support.mavlink_vehicle import Bench, Partner
-
-ACCEPTED, UNSUPPORTED, DENIED = (
-    dialect.MAV_RESULT_ACCEPTED,
-    dialect.MAV_RESULT_UNSUPPORTED,
-    dialect.MAV_RESULT_DENIED,
-)
-LOCAL = dialect.MAV_FRAME_LOCAL_NED
-HOME_ROW = (0, 16, 0.0, 0.0, 0.0)
+from tests.support.mavlink_missions import ACCEPTED, DENIED, HOME_ROW, UNSUPPORTED, upload_mission
+from tests.support.mavlink_vehicle import Bench
 
 
 def test_every_command_is_acknowledged() -> None:
@@ -95,159 +86,6 @@ def test_parameters_are_stored_and_a_broken_file_is_named(tmp_path: Path) -> Non
     assert (table["WP_RADIUS"], table["WP_SPEED"], len(table.faults)) == (3.0, 0.5, 2)
     Path(path).write_text("not toml", encoding="utf-8")
     assert "defaults are used" in ParameterTable(path).faults[0]
-
-
-def _upload(partner: Partner, rows: list[tuple[Any, ...]], count: int | None = None) -> int | None:
-    """Upload items (frame, command, x, y, z, and four parameters); return the MAV_MISSION_RESULT."""
-    partner.send(dialect.MAVLink_mission_count_message(1, 1, len(rows) if count is None else count, 0))
-    while requests := partner.take("MISSION_REQUEST_INT"):
-        frame, command, x, y, z, *params = rows[requests[-1].seq]
-        four = [*params, *[0.0] * (4 - len(params))]
-        partner.send(
-            dialect.MAVLink_mission_item_int_message(
-                1, 1, requests[-1].seq, frame, command, 0, 1, *four, round(x * 1e4), round(y * 1e4), z
-            )
-        )
-    acks = partner.take("MISSION_ACK")
-    return acks[0].type if acks else None
-
-
-def test_a_mission_goes_up_and_comes_down_again() -> None:
-    bench = Bench()
-    rows = [HOME_ROW, (LOCAL, 16, 5.0, 0.0, 3.0), (LOCAL, 16, 5.0, -5.0, 3.0, 2.0), (LOCAL, 20, 0.0, 0.0, 0.0)]
-    assert _upload(bench.partner, rows) == dialect.MAV_MISSION_ACCEPTED
-    bench.partner.send(dialect.MAVLink_mission_request_list_message(1, 1, 0))
-    assert bench.partner.take("MISSION_COUNT")[0].count == 4
-    for index in range(4):
-        bench.partner.send(dialect.MAVLink_mission_request_int_message(1, 1, index, 0))
-    items = bench.partner.take("MISSION_ITEM_INT")
-    assert [item.seq for item in items] == [0, 1, 2, 3]
-    assert (items[2].x, items[2].y, items[2].z, items[2].param1) == (50_000, -50_000, 3.0, 2.0)
-    assert (items[0].x, items[0].y) == (round(45e7), round(10e7))  # item 0 is home, wherever the upload had it
-    bench.partner.send(dialect.MAVLink_mission_request_message(1, 1, 1, 0))
-    assert bench.partner.take("MISSION_ITEM")[0].x == pytest.approx(5.0)
-
-
-def test_item_zero_is_a_waypoint_for_a_generic_autopilot() -> None:
-    bench = Bench(Mavlink(autopilot="generic"))
-    assert _upload(bench.partner, [(LOCAL, 16, 5.0, 0.0, 3.0)]) == dialect.MAV_MISSION_ACCEPTED
-    assert bench.core.flight.current == 0
-    assert bench.partner.command(dialect.MAV_CMD_MISSION_START) == ACCEPTED
-
-
-@pytest.mark.parametrize(
-    ("row", "result"),
-    [
-        ((LOCAL, 22, 0.0, 0.0, 0.0), dialect.MAV_MISSION_UNSUPPORTED),
-        ((10, 16, 0.0, 0.0, 0.0), dialect.MAV_MISSION_UNSUPPORTED_FRAME),
-        ((6, 16, 99e3, 0.0, 0.0), dialect.MAV_MISSION_INVALID_PARAM5_X),
-        ((LOCAL, 16, 0.0, 0.0, float("nan")), dialect.MAV_MISSION_INVALID),
-        ((LOCAL, 177, 0.0, 0.0, 0.0, 9.0, 1.0), dialect.MAV_MISSION_INVALID_PARAM1),
-        ((LOCAL, 178, 0.0, 0.0, 0.0, 0.0, float("nan")), dialect.MAV_MISSION_INVALID_PARAM2),
-    ],
-)
-def test_items_that_cannot_be_flown_are_refused(row: tuple[Any, ...], result: int) -> None:
-    bench = Bench()
-    rows = [HOME_ROW, row]
-    assert _upload(bench.partner, rows) == result
-    assert bench.core.flight.total == 0
-
-
-def test_places_on_the_earth_need_an_origin() -> None:
-    bench = Bench(origin=None)
-    rows = [HOME_ROW, (6, 16, 45e3, 10e3, -2.0)]
-    assert _upload(bench.partner, rows) == dialect.MAV_MISSION_INVALID_PARAM5_X
-    bench.partner.send(dialect.MAVLink_set_gps_global_origin_message(1, round(45e7), round(10e7), 0))
-    assert _upload(bench.partner, rows) == dialect.MAV_MISSION_ACCEPTED
-
-
-def test_an_upload_that_stalls_is_asked_for_and_then_given_up() -> None:
-    bench = Bench()
-    bench.partner.send(dialect.MAVLink_mission_count_message(1, 1, 2, 0))
-    assert len(bench.partner.take("MISSION_REQUEST_INT")) == 1
-    bench.run(2.0)
-    assert 3 <= len(bench.partner.take("MISSION_REQUEST_INT")) <= 5
-    bench.run(3.0)
-    assert [ack.type for ack in bench.partner.take("MISSION_ACK")] == [dialect.MAV_MISSION_OPERATION_CANCELLED]
-    assert _upload(bench.partner, [HOME_ROW]) == dialect.MAV_MISSION_ACCEPTED
-
-
-def test_what_missions_do_not_have_is_answered() -> None:
-    bench = Bench()
-    other = bench.add_partner(system=254)
-    send, take = bench.partner.send, bench.partner.take
-    for kind, count in ((0, 1), (1, 0), (2, 0)):  # home, no fence, no rally points
-        send(dialect.MAVLink_mission_request_list_message(1, 1, kind))
-        assert take("MISSION_COUNT")[0].count == count
-    send(dialect.MAVLink_mission_request_int_message(1, 1, 0, 0))
-    assert len(take("MISSION_ITEM_INT")) == 1
-    send(dialect.MAVLink_mission_request_message(1, 1, 1, 0))
-    assert take("MISSION_ACK")[0].type == dialect.MAV_MISSION_INVALID_SEQUENCE
-    send(dialect.MAVLink_mission_count_message(1, 1, 3, dialect.MAV_MISSION_TYPE_FENCE))
-    assert take("MISSION_ACK")[0].type == dialect.MAV_MISSION_UNSUPPORTED
-    send(dialect.MAVLink_mission_count_message(1, 1, 60_000, 0))
-    assert take("MISSION_ACK")[0].type == dialect.MAV_MISSION_NO_SPACE
-    send(dialect.MAVLink_mission_count_message(1, 1, 2, 0))
-    other.send(dialect.MAVLink_mission_count_message(1, 1, 2, 0))
-    assert other.take("MISSION_ACK")[0].type == dialect.MAV_MISSION_DENIED
-
-
-def test_a_mission_is_flown_item_by_item() -> None:
-    bench = Bench()
-    rows = [
-        HOME_ROW,
-        (LOCAL, 16, 3.0, 0.0, 3.0),
-        (LOCAL, 178, 0.0, 0.0, 0.0, 1.0, 1.0),
-        (LOCAL, 16, 3.0, 3.0, 3.0, 1.0),
-        (LOCAL, 177, 0.0, 0.0, 0.0, 1.0, 1.0),
-        (LOCAL, 201, 0.0, 0.0, 0.0),
-        (LOCAL, 20, 0.0, 0.0, 0.0),
-    ]
-    assert _upload(bench.partner, rows) == dialect.MAV_MISSION_ACCEPTED
-    bench.arm(Mode.AUTO)
-    bench.run(120.0)
-    reached = [message.seq for message in bench.partner.take("MISSION_ITEM_REACHED")]
-    assert reached == [1, 3, 1, 3, 6]
-    assert bench.core.flight.status == COMPLETE
-    assert abs(bench.vehicle.north) < 0.6
-    assert abs(bench.vehicle.depth - 0.2) < 0.5
-    assert "mission complete" in bench.partner.texts()
-    assert bench.partner.take("MISSION_CURRENT")[-1].mission_state == COMPLETE
-
-
-def test_a_mission_pauses_goes_on_and_jumps() -> None:
-    bench = Bench()
-    rows = [HOME_ROW, (LOCAL, 16, 50.0, 0.0, 3.0), (LOCAL, 16, 0.0, 5.0, 3.0)]
-    _upload(bench.partner, rows)
-    bench.arm(Mode.AUTO)
-    bench.run(4.0)
-    assert bench.partner.command(dialect.MAV_CMD_DO_PAUSE_CONTINUE, 0) == ACCEPTED
-    bench.run(5.0)
-    held = bench.vehicle.north
-    assert 1.0 < held < 4.0
-    bench.run(5.0)
-    assert bench.vehicle.north == pytest.approx(held, abs=0.05)
-    assert bench.partner.command(dialect.MAV_CMD_DO_PAUSE_CONTINUE, 1) == ACCEPTED
-    bench.partner.send(dialect.MAVLink_mission_set_current_message(1, 1, 2))
-    assert bench.partner.take("MISSION_CURRENT")[-1].seq == 2
-    bench.run(60.0)
-    assert abs(bench.vehicle.east - 5.0) < 0.6
-    assert bench.partner.command(dialect.MAV_CMD_DO_SET_MISSION_CURRENT, 77) == DENIED
-
-
-def test_auto_needs_a_mission() -> None:
-    bench = Bench()
-    assert bench.partner.command(dialect.MAV_CMD_DO_SET_MODE, 1, Mode.AUTO) != ACCEPTED
-    bench.run(0.1)
-    assert "no mission" in bench.partner.texts()
-
-
-def test_jumps_for_ever_do_not_hang() -> None:
-    bench = Bench()
-    _upload(bench.partner, [HOME_ROW, (LOCAL, 201, 0, 0, 0.0), (LOCAL, 177, 0, 0, 0.0, 1.0, -1.0)])
-    bench.arm(Mode.AUTO)
-    bench.run(1.0)
-    assert bench.core.pilot.armed
 
 
 def _ftp(
@@ -417,7 +255,7 @@ def test_who_may_only_look_changes_nothing() -> None:
     guest.send(dialect.MAVLink_set_mode_message(1, 1, 2))
     guest.send(dialect.MAVLink_param_set_message(1, 1, b"WP_SPEED", 3.0, 9))
     assert guest.take("PARAM_VALUE")[0].param_value == 0.5
-    assert _upload(guest, [HOME_ROW]) == dialect.MAV_MISSION_DENIED
+    assert upload_mission(guest, [HOME_ROW]) == dialect.MAV_MISSION_DENIED
     bench.arm(Mode.GUIDED)
     before = bench.core.pilot.target
     guest.sticks(x=1000)

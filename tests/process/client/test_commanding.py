@@ -1,0 +1,178 @@
+"""Who commands a vehicle through the Python interface, and how a program's end stops it."""
+
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import pytest
+
+import hil
+from hil.client.client import VehicleClient
+from hil.common.errors import NetworkError
+from hil.ros.commands import encode_thrusts
+from tests.support.busy import retried_when_busy
+from tests.support.processes import ROOT, Program, wait_for, write_scenario
+from tests.support.python_api import endpoint, fleet, own_slave, vehicle
+
+__all__ = ["endpoint", "fleet", "own_slave", "vehicle"]  # the fixtures
+
+
+def test_a_vehicle_that_goes_and_comes_back(own_slave: tuple[Program, str], tmp_path: Path) -> None:
+    program, endpoint = own_slave
+    with hil.connect(endpoint) as fleet:
+        vehicle = fleet["uuv1"]
+        told = vehicle.go_to(4.4, 4.2, 2.0)
+        stream = vehicle.samples("imu")
+        program.process.kill()
+        with pytest.raises(NetworkError, match=r"is gone for \d\.\d s.*fleet\.wait_for"):
+            for _ in stream:
+                pass
+        for ask in (lambda: vehicle.imu, vehicle.stop):
+            with pytest.raises(NetworkError, match="is gone for"):
+                ask()
+        assert not vehicle.present
+        assert fleet.names == []
+        program.wait()
+        with Program(tmp_path, "slave", tmp_path / "short.toml") as again:
+            assert fleet.wait_for("uuv1", seconds=60) == [vehicle]
+            assert wait_for(lambda: vehicle.imu.age < 0.5)
+            assert told.wait(60).done, "what it was told is still to be done"
+            assert again.process.poll() is None
+
+
+def test_another_master_commands(own_slave: tuple[Program, str]) -> None:
+    program, endpoint = own_slave
+    with hil.connect(endpoint) as first:
+        first["uuv1"].drive(surge=0.1)
+        program.expect("commands arrive")
+        with hil.connect(endpoint) as second:
+            for _ in range(2):
+                with pytest.raises(NetworkError, match=r"obeys another master.*take_over=True"):
+                    second["uuv1"].drive(surge=-0.3)
+            assert not second["uuv1"].client.has_commanded
+        with hil.connect(endpoint, take_over=True) as third:
+            told = first["uuv1"].go_to(6.0, 6.0, 2.0)
+            third["uuv1"].drive(surge=0.1)
+            with pytest.raises(NetworkError, match="another master"):
+                told.wait(60)
+        with hil.connect(endpoint, observe=True) as watching, pytest.raises(NetworkError, match="observed"):
+            watching["uuv1"].stop()
+
+
+def test_a_master_that_is_taken_over_is_told_so(own_slave: tuple[Program, str]) -> None:
+    """Also of what was done: it is held no more."""
+    program, endpoint = own_slave
+    with hil.connect(endpoint) as first, hil.connect(endpoint, take_over=True) as other:
+        told = first["uuv1"].drive(surge=0.1).wait(60)
+        program.expect("commands arrive")
+        other["uuv1"].drive(surge=-0.1)
+        assert wait_for(lambda: bool(told.error))
+        with pytest.raises(NetworkError, match="another master"):
+            told.wait()
+
+
+@retried_when_busy("a connection, and a command of another process")
+def test_the_first_command_goes_out_at_once(endpoint: str) -> None:
+    """Also right after another master has left, of whom the vehicle's last figures may still speak."""
+    for _ in range(2):
+        with hil.connect(endpoint) as fleet:
+            vehicle = fleet["uuv1"]
+            began = time.monotonic()
+            vehicle.stop()
+            assert time.monotonic() - began < 1.5
+            time.sleep(0.3)  # the vehicle tells who commands
+
+
+def test_a_disarmed_vehicle(own_slave: tuple[Program, str], tmp_path: Path) -> None:
+    _, endpoint = own_slave
+    call = ("topic", "call", "/uuv1/arm", "{data: false}", "--connect", endpoint)
+    with Program(tmp_path, *call) as program:
+        assert program.wait() == 0, program.output
+    with hil.connect(endpoint) as fleet:
+        assert wait_for(lambda: fleet["uuv1"].diagnostics.armed is False)
+        with pytest.raises(NetworkError, match=r"disarmed.*/uuv1/arm"):
+            fleet["uuv1"].stop()
+
+
+def test_software_of_its_own(tmp_path: Path) -> None:
+    scenario, port = write_scenario(tmp_path, top='controller = "external"')
+    with Program(tmp_path, "slave", scenario) as slave:
+        slave.expect("ready")
+        with hil.connect(f"tcp/127.0.0.1:{port}") as fleet:
+            assert fleet["uuv1"].imu.age < 0.2
+            with pytest.raises(NetworkError, match="external"):
+                fleet["uuv1"].stop()
+
+
+def test_the_slave_says_what_it_could_not_obey(own_slave: tuple[Program, str]) -> None:
+    _, endpoint = own_slave
+    with VehicleClient(endpoint, "uuv1") as client:
+        assert client.wait_for_vehicle(60)
+        sent = 0
+
+        def is_told() -> bool:
+            nonlocal sent  # again: what finds others waiting to be sent is dropped
+            sent = client.send("cmd_thrusters", encode_thrusts((1.0,) * 5))
+            return bool(client.diagnostics().commands_fault)
+
+        assert wait_for(is_told)
+        assert client.diagnostics().commands_fault == "cmd_thrusters: 5 thrusts for 6 thrusters"
+        assert 1 <= (client.diagnostics().commands_malformed or 0) <= sent
+
+
+LEAVE = """
+import sys, time
+import hil
+fleet = hil.connect("{endpoint}")
+fleet["uuv1"].push(x=20.0)
+print("pushing", flush=True)
+sys.stdin.readline()
+{ending}
+"""
+
+
+@pytest.mark.parametrize(
+    ("ending", "code"),
+    [("", 0), ("raise ValueError('x')", 1), ("sys.exit(7)", 7), ("while True: time.sleep(0.05)", -signal.SIGINT)],
+)
+def test_however_the_program_ends_the_vehicle_stops(endpoint: str, ending: str, code: int) -> None:
+    with hil.connect(endpoint, observe=True) as watching:
+        vehicle = watching["uuv1"]
+        text = LEAVE.format(endpoint=endpoint, ending=ending)
+        with subprocess.Popen(
+            [sys.executable, "-c", text],
+            cwd=ROOT,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        ) as program:
+            assert program.stdout is not None
+            assert program.stdout.readline() == "pushing\n"
+            assert wait_for(lambda: vehicle.diagnostics.commanded_by != "")
+            if code < 0:
+                program.send_signal(signal.SIGINT)
+            _, said = program.communicate("\n", timeout=60)
+        assert program.returncode == code, said
+        assert wait_for(lambda: vehicle.diagnostics.commanded_by == "")
+        assert wait_for(lambda: set(vehicle.diagnostics.pwm_us or ()) == {1500})
+
+
+def test_closing_ends_the_threads_and_the_iterations(endpoint: str) -> None:
+    before = set(threading.enumerate())
+    fleet = hil.connect(endpoint)
+    vehicle = fleet["uuv1"]
+    stream = vehicle.samples("imu")
+    vehicle.stop()
+    next(stream)
+    fleet.close()
+    fleet.close()
+    assert len(list(stream)) < 256
+    assert wait_for(lambda: set(threading.enumerate()) == before)
+    with pytest.raises(NetworkError, match="connect again"):
+        _ = vehicle.imu
+    with pytest.raises(NetworkError, match="connect again"):
+        fleet["uuv1"]

@@ -1,0 +1,133 @@
+"""Recording under faults: a killed command, a full disk, nobody there, bad command lines."""
+
+import resource
+import signal
+import time
+from pathlib import Path
+
+import pytest
+from rosbags.highlevel import AnyReader
+
+from hil.autonomy.control.controller import VelocityCommand
+from hil.client.client import VehicleClient
+from hil.network.opening import listen
+from hil.recording.mcap_file import Message
+from hil.recording.reader import read_messages
+from hil.recording.recorder import Recorder
+from hil.scenario.records import Recording
+from tests.support.processes import ROOT, Program, free_port, run_here, wait_for
+from tests.support.recorded_dive import command_for, own_recording, recorded_slave
+
+
+def test_a_kill_of_the_command_leaves_a_bag(tmp_path: Path) -> None:
+    scenario, endpoint = recorded_slave(tmp_path)
+    with Program(tmp_path, "record", "--scenario", scenario, "-o", tmp_path / "heard") as record:
+        record.expect("recording")
+        with Program(tmp_path, "slave", scenario) as slave:
+            command_for(endpoint, 1.8)
+            for program in (record, slave):
+                program.process.kill()
+                program.wait()
+    for path in (tmp_path / "heard", own_recording(tmp_path / "recordings")):
+        numbers = [message.sequence for message in read_messages(str(path)) if message.topic == "/uuv1/imu"]
+        assert numbers == list(range(numbers[0], numbers[-1] + 1))
+        assert len(numbers) > 70
+        with AnyReader([path]) as reader:
+            assert sum(connection.topic == "/uuv1/imu" for connection, _, _ in reader.messages()) == len(numbers)
+    with Program(tmp_path, "replay", own_recording(tmp_path / "recordings"), "--check") as check:
+        assert check.wait() == 0, check.output
+
+
+def test_a_vehicle_goes_on_when_its_disk_is_full(tmp_path: Path) -> None:
+    scenario, endpoint = recorded_slave(tmp_path)
+    with Program(tmp_path, "slave", scenario) as slave:
+        slave.expect("ready")
+        limit = 40_000
+        resource.prlimit(slave.process.pid, resource.RLIMIT_FSIZE, (limit, limit))
+        with VehicleClient(endpoint, "uuv1") as client:
+            assert client.wait_for_vehicle(60)
+
+            def command() -> bool:
+                client.command(VelocityCommand(surge=0.5, yaw_rate=0.2))
+                time.sleep(0.05)
+                return "recording into" in slave.output and "ended: File too large" in slave.output
+
+            assert wait_for(command), slave.output
+            steps = client.received["imu"]
+            assert wait_for(lambda: command() and client.received["imu"] > steps + 50)
+            assert client.get("ground_truth").nu[0] == pytest.approx(0.5, abs=0.15)
+        assert slave.stop(signal.SIGTERM) == 0
+    assert "thrusters neutral" in slave.output
+    assert "Traceback" not in slave.output
+    with Program(tmp_path, "replay", own_recording(tmp_path / "recordings"), "--check") as check:
+        assert check.wait() == 0, check.output
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "word"),
+    [
+        (["record", "--connect", "7447"], 2, "tcp/HOST:PORT"),
+        (["record", "--help"], 0, "examples"),
+        (["replay", "nothing.mcap"], 2, "nothing.mcap: no such file"),
+        (["replay", "hil"], 2, "no .mcap file"),
+        (["replay", "README.md", "--check"], 2, "not an MCAP file"),
+        (["replay", "README.md", "--speed", "-1"], 2, "--speed"),
+        (["replay", "--help"], 0, "bit for bit"),
+        (["plot", "README.md"], 2, "not an MCAP file"),
+        (["plot", "--help"], 0, "examples"),
+        (["foxglove", "--help"], 0, "examples"),
+    ],
+)
+def test_the_command_lines(
+    tmp_path: Path, arguments: list[str], code: int, word: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(ROOT)
+    if arguments == ["record", "--connect", "7447"]:
+        arguments = [*arguments, "-o", str(tmp_path / "heard")]
+    found, output = run_here(*arguments)
+    assert found == code, output
+    assert word in output
+
+
+def test_a_recorder_that_refuses_is_one_line(tmp_path: Path) -> None:
+    (tmp_path / "there.mcap").write_text("")
+    with listen(endpoint := f"tcp/127.0.0.1:{free_port()}"):
+        for _ in range(4):  # who had dialled already aborted in one case of two
+            with Program(tmp_path, "record", "--connect", endpoint, "-o", tmp_path) as record:
+                assert record.wait() == 2, record.output
+            (line,) = record.output.strip().splitlines()
+            assert "there is a recording in it already" in line
+
+
+def test_ctrl_c_while_nobody_is_there(tmp_path: Path) -> None:
+    endpoint, port = f"tcp/127.0.0.1:{free_port()}", free_port()
+    for _ in range(3):
+        with Program(tmp_path, "foxglove", "--connect", endpoint, "--listen", port) as live:
+            live.expect("ws://")
+            assert live.stop(signal.SIGINT) == 0, live.output
+        assert len(live.output.strip().splitlines()) == 2, "where it is, and for whom it waits"
+
+
+def test_a_recording_of_nobody_is_an_error(tmp_path: Path) -> None:
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    with Program(tmp_path, "record", "--connect", endpoint, "-o", tmp_path / "heard", "--seconds", "6") as record:
+        record.expect(f"still nobody at {endpoint}; waiting")
+        assert record.wait() == 4, record.output
+    assert f"nothing was recorded: nobody answered at {endpoint}" in record.output
+    assert "none lost" not in record.output
+
+
+def test_a_recording_of_nothing_is_an_error(tmp_path: Path) -> None:
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    what = ["--connect", endpoint, "-o", tmp_path / "heard", "--seconds", "2"]
+    with listen(endpoint), Program(tmp_path, "record", *what) as record:
+        assert record.wait() == 4, record.output
+    assert f"who answers at {endpoint} said nothing" in record.output
+
+
+def test_a_recording_without_a_vehicle_cannot_be_drawn(tmp_path: Path) -> None:
+    with Recorder(str(tmp_path / "bag"), Recording(keep_free=0.0), {}) as recorder:
+        recorder.put(Message("/chat", "std_msgs/msg/String", 1, 1, 1, b"\0\1\0\0\2\0\0\0a\0"))
+    with Program(tmp_path, "plot", tmp_path / "bag") as plot:
+        assert plot.wait() == 2
+    assert "no vehicle in it" in plot.output

@@ -1,0 +1,221 @@
+"""A recording under faults: a torn file, a kill, a full disk, too much at once."""
+
+import json
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from mcap.records import Message as McapMessage
+from mcap.stream_reader import StreamReader
+
+import hil.recording.recorder as recording_module
+from hil.common.errors import ConfigError
+from hil.recording.mcap_file import RecordingFile
+from hil.recording.reader import read_messages
+from hil.recording.recorder import Recorder, new_folder
+from tests.support.busy import retried_when_busy
+from tests.support.processes import ROOT, wait_for
+from tests.support.small_recording import SMALL, by_mcap, by_rosbags, imu
+
+
+def test_a_torn_file_gives_what_is_before_the_tear(tmp_path: Path) -> None:
+    path = tmp_path / "one.mcap"
+    file = RecordingFile(str(path), {"seed": "7"}, {}, "zstd")
+    sent = [imu(number, noise=True) for number in range(1, 800)]
+    for message in sent:
+        file.write(message)
+    file.close()
+    whole, torn = path.read_bytes(), tmp_path / "torn.mcap"
+    chance, most = random.Random(5), 0
+    for _ in range(60):
+        cut = chance.randrange(1500, len(whole))
+        garbage = bytes(chance.randrange(256) for _ in range(chance.choice((0, 4096))))
+        torn.write_bytes(whole[:cut] + garbage)
+        found = list(read_messages(str(torn)))
+        assert found == sent[: len(found)]
+        most = max(most, len(found))
+    assert most > 600
+    for broken in (b"", b"\x89MCAP0\r\n", b"not a recording", whole[:20]):
+        torn.write_bytes(broken)
+        with pytest.raises(ConfigError, match=r"torn\.mcap"):
+            list(read_messages(str(torn)))
+
+
+RECORD = """
+import sys, time
+from hil.scenario.records import Recording
+from hil.recording.recorder import Recorder
+from tests.support.small_recording import imu
+recorder = Recorder(sys.argv[1], Recording(keep_free=0.0), {"seed": "7"})
+began, number = time.monotonic(), 0
+while True:
+    while number < 2000 * (time.monotonic() - began):
+        number += 1
+        recorder.put(imu(number, noise=True))
+        print(number, time.monotonic_ns(), flush=True)
+    time.sleep(0.001)
+"""
+
+
+@retried_when_busy("a process is killed, and others are late")
+def test_kill_takes_at_most_the_last_second(tmp_path: Path) -> None:
+    own = tmp_path / str(time.monotonic_ns())
+    own.mkdir()
+    folder, printed = own / "bag", own / "printed"
+    with printed.open("w") as out:
+        process = subprocess.Popen(
+            [sys.executable, "-c", RECORD, str(folder)],
+            stdout=out,
+            cwd=ROOT,
+            env={**os.environ, "PYTHONPATH": str(ROOT)},
+        )
+    wait_for(lambda: printed.stat().st_size > 100_000)
+    time.sleep(0.4)
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    killed_ns = time.monotonic_ns()
+    rows = [tuple(map(int, line.split())) for line in printed.read_text().splitlines()[:-1]]
+    path = folder / "bag_0.mcap"
+    ours = [message.sequence for message in read_messages(str(path))]
+    assert ours == list(range(1, len(ours) + 1))
+    lost_since = next(at for number, at in rows if number > len(ours))
+    assert 0.0 < (killed_ns - lost_since) / 1e9 < 1.3, "a second, and what it takes to notice"
+    assert [m.sequence for m in by_mcap(path)] == ours, "the library's reader"
+    with path.open("rb") as stream:
+        assert [r.sequence for r in StreamReader(stream).records if isinstance(r, McapMessage)] == ours
+    assert len(by_rosbags(path)) == len(ours), "others' reader, of the file"
+    assert len(by_rosbags(folder)) == len(ours), "and of the folder, whose index was there from the beginning"
+
+
+FILL = """
+import resource, sys, time
+from hil.scenario.records import Recording
+from hil.recording.recorder import Recorder
+from tests.support.small_recording import imu
+resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))
+told = []
+recorder = Recorder(sys.argv[1], Recording(keep_free=0.0), {"seed": "7"}, report=told.append)
+number = 0
+while not told and number < 30_000:
+    number += 1
+    recorder.put(imu(number, noise=True))
+    time.sleep(0.0002)
+recorder.put(imu(0))
+recorder.close()
+print(told == [recorder.failure], recorder.lost, recorder.failure)
+"""
+
+
+def test_a_disk_that_takes_no_more_ends_the_recording_and_nothing_else(tmp_path: Path) -> None:
+    folder = tmp_path / "bag"
+    done = subprocess.run(
+        [sys.executable, "-c", FILL, str(folder)],
+        capture_output=True,
+        text=True,
+        cwd=ROOT,
+        timeout=100,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+    )
+    told, lost, failure = done.stdout.strip().split(" ", 2)
+    assert told == "True", done.stderr
+    assert int(lost) >= 1
+    assert str(folder) in failure
+    assert "File too large" in failure
+    found = [message.sequence for message in by_mcap(folder / "bag_0.mcap")]
+    assert found == list(range(1, len(found) + 1))
+    assert len(found) > 10, "what was written before the last chunk"
+    assert len(by_rosbags(folder)) == len(found)
+
+
+def test_room_is_left_on_the_disk(tmp_path: Path) -> None:
+    told: list[str] = []
+    recorder = Recorder(str(tmp_path / "bag"), SMALL._replace(keep_free=1e7), {}, report=told.append)
+    assert wait_for(lambda: told)
+    recorder.put(imu(1))
+    recorder.close()
+    assert recorder.lost == 1
+    assert "keep_free" in told[0]
+    assert "free some space" in told[0]
+
+
+def test_what_comes_faster_than_the_disk_takes_it_is_counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(recording_module, "MOST_WAITING", 100)
+    monkeypatch.setattr(recording_module, "DRAIN_PERIOD_S", 5.0)
+    with Recorder(str(tmp_path / "bag"), SMALL, {}) as recorder:
+        for number in range(1, 151):
+            recorder.put(imu(number))
+    assert (recorder.written, recorder.lost) == (100, 50)
+
+
+def test_a_clock_before_1970_does_not_end_a_recording(tmp_path: Path) -> None:
+    sent = [imu(1), imu(2)._replace(published_ns=-1), imu(3)]
+    with Recorder(str(tmp_path / "bag"), SMALL, {}) as recorder:
+        for message in sent:
+            recorder.put(message)
+    assert (recorder.written, recorder.failure) == (3, "")
+    found = by_mcap(tmp_path / "bag" / "bag_0.mcap")
+    assert found == [sent[0], sent[1]._replace(published_ns=0), sent[2]]
+
+
+def test_whatever_ends_the_recording_is_told(tmp_path: Path) -> None:
+    told: list[str] = []
+    with Recorder(str(tmp_path / "bag"), SMALL, {}, report=told.append) as recorder:
+        recorder.put(imu(1))
+        assert wait_for((tmp_path / "bag" / "bag_0.mcap").exists)
+        recorder.put(imu(2)._replace(logged_ns=-1))  # which no clock says
+        assert wait_for(lambda: told)
+        recorder.put(imu(3))
+    assert told == [recorder.failure]
+    assert recorder.failure.startswith(f"recording into {tmp_path / 'bag'} ended: error: ")
+    assert recorder.lost == 1
+    assert by_mcap(tmp_path / "bag" / "bag_0.mcap") in ([], [imu(1)]), "whole up to the last flush"
+
+
+def test_a_source_is_asked_until_the_end(tmp_path: Path) -> None:
+    sent = [imu(number, noise=True) for number in range(1, 2001)]
+    portions = [sent[:700], [], sent[700:1990]]
+    with Recorder(str(tmp_path / "bag"), SMALL, {}, source=lambda: portions.pop(0) if portions else []) as recorder:
+        recorder.put(imu(1, "/uuv2/imu"))
+        assert wait_for(lambda: recorder.written == 1991)
+        portions.append(sent[1990:])
+    found = list(read_messages(str(tmp_path / "bag")))
+    assert [message for message in found if message.topic == "/uuv1/imu"] == sent
+    assert [message for message in found if message.topic == "/uuv2/imu"] == [imu(1, "/uuv2/imu")]
+
+
+def test_a_folder_is_used_once(tmp_path: Path) -> None:
+    folder = tmp_path / "bag"
+    Recorder(str(folder), SMALL, {}).close()
+    with pytest.raises(ConfigError, match="choose another"):
+        Recorder(str(folder), SMALL, {})
+    (tmp_path / "file").write_text("")
+    with pytest.raises(ConfigError, match="cannot be made"):
+        Recorder(str(tmp_path / "file"), SMALL, {})
+    Recorder(new_folder("uuv1", str(tmp_path)), SMALL, {}).close()
+
+
+def test_the_recorder_does_not_keep_a_real_time_priority() -> None:
+    """A slave's thread under SCHED_FIFO makes it; writing must not run before the vehicle's loop."""
+    code = """
+import os, sys, threading, time, json
+os.sched_setscheduler(0, os.SCHED_BATCH, os.sched_param(0))
+from hil.scenario.records import Recording
+from hil.recording.recorder import Recorder
+with Recorder(sys.argv[1], Recording(keep_free=0.0), {}) as recorder:
+    time.sleep(0.3)
+    policies = {t.name: os.sched_getscheduler(t.native_id) for t in threading.enumerate()}
+print(json.dumps(policies))
+"""
+    import tempfile
+
+    with tempfile.TemporaryDirectory() as folder:
+        done = subprocess.run(
+            [sys.executable, "-c", code, f"{folder}/bag"], capture_output=True, text=True, cwd=ROOT,
+            env={**os.environ, "PYTHONPATH": str(ROOT)},
+        )  # fmt: skip
+    assert json.loads(done.stdout) == {"MainThread": os.SCHED_BATCH, "recorder": os.SCHED_OTHER}, done.stderr

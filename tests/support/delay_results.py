@@ -1,0 +1,38 @@
+"""Results of delay runs, made up for tests."""
+
+from typing import Any
+
+from hil.bench.delay_run import HOPS, Result
+from hil.client.delay import DelayMeter
+from hil.links.address import wire_kind
+from hil.ros.diagnostics import Diagnostics
+from tests.support.diagnostics import reported
+
+MS = 1_000_000
+
+
+def meter(offset: int, same_clock: bool, network: int = MS // 2, count: int = 60, back: int = MS // 2) -> DelayMeter:
+    """Commands to a slave whose clock is `offset` ns ahead."""
+    found = DelayMeter()
+    found.same_clock = same_clock
+    for number in range(count):
+        published = number * 50 * MS
+        received = published + network + offset
+        taken, computed, written, applied = (received + us * 1000 for us in (20, 100, 150, 160))
+        sent = applied + 20_000
+        instants = [number, published, received, taken, written, applied, computed]
+        found.add(instants, sent, sent - offset + back)
+    return found
+
+
+def some_result(delay: list[float], **changes: Any) -> Result:
+    """A run at 20 Hz that found these delays (ms), its floor 0.05 ms."""
+    hops = {name: [value / len(HOPS) for value in delay] for name in HOPS}
+    at_s = [number / 20 for number in range(len(delay))]
+    found = Result(delay, at_s, hops, [4.0] * 9, [0.06] * 9, [0.05] * 9, 0.0, len(delay), 20.0, 0.0, 0.0, [])
+    return found._replace(**changes)
+
+
+def on(port: str) -> Diagnostics:
+    """What a slave reports whose link is there."""
+    return reported(link_port=port, link_wire=wire_kind(port))

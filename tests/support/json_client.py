@@ -1,0 +1,78 @@
+"""A JSON gateway before a real slave, and a client of it."""
+
+import json
+import socket
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import hil
+from hil.client.fleet import Fleet
+from hil.gateways.json_server import JsonGateway
+from tests.support.processes import Program, write_scenario
+
+Message = dict[str, Any]
+
+
+@pytest.fixture(scope="module")
+def fleet(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Fleet]:
+    folder = tmp_path_factory.mktemp("slave")
+    scenario, port = write_scenario(folder)
+    with Program(folder, "slave", scenario) as slave:
+        slave.expect("ready")
+        with hil.connect(f"tcp/127.0.0.1:{port}") as fleet:
+            yield fleet
+
+
+@pytest.fixture(autouse=True)
+def own_state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+
+
+@pytest.fixture
+def gateway(fleet: Fleet) -> Iterator[JsonGateway]:
+    with JsonGateway(fleet, "127.0.0.1", 0) as gateway:
+        yield gateway
+
+
+class Client:
+    """A program with a socket."""
+
+    def __init__(self, gateway: JsonGateway) -> None:
+        self.socket = socket.create_connection(("127.0.0.1", gateway.port), timeout=60)
+        self._lines = self.socket.makefile("rb")
+        self.samples: list[Message] = []
+
+    def close(self) -> None:
+        self._lines.close()
+        self.socket.close()
+
+    def __enter__(self) -> "Client":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def read(self) -> Message:
+        message: Message = json.loads(self._lines.readline())
+        return message
+
+    def send(self, line: bytes) -> Message:
+        """A line, and its answer; samples that come in between are kept."""
+        self.socket.sendall(line + b"\n")
+        while "ok" not in (message := self.read()):
+            self.samples.append(message)
+        return message
+
+    def ask(self, **request: object) -> Message:
+        return self.send(json.dumps(request).encode())
+
+
+@pytest.fixture
+def client(gateway: JsonGateway) -> Iterator[Client]:
+    client = Client(gateway)
+    with client:
+        assert client.ask(do="login", token=gateway.access.token)["ok"]
+        yield client

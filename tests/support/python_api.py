@@ -1,0 +1,37 @@
+"""A slave, a fleet and a vehicle of the Python interface, for its tests."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+import hil
+from hil.client.fleet import Fleet
+from hil.client.vehicle_handle import Vehicle
+from tests.support.processes import Program, slave_with, write_scenario
+
+
+@pytest.fixture(scope="module")
+def endpoint(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """One slave for all tests that leave it as it was."""
+    with slave_with(tmp_path_factory.mktemp("slave"), "altimeter = { rate = 5 }\nleak = { rate = 2 }") as endpoint:
+        yield endpoint
+
+
+@pytest.fixture
+def fleet(endpoint: str) -> Iterator[Fleet]:
+    with hil.connect(endpoint) as fleet:
+        yield fleet
+
+
+@pytest.fixture
+def vehicle(fleet: Fleet) -> Vehicle:
+    return fleet["uuv1"]
+
+
+@pytest.fixture
+def own_slave(tmp_path: Path) -> Iterator[tuple[Program, str]]:
+    scenario, port = write_scenario(tmp_path)
+    with Program(tmp_path, "slave", scenario) as program:
+        program.expect("ready")
+        yield program, f"tcp/127.0.0.1:{port}"

@@ -1,0 +1,195 @@
+"""Figures of the benchmarks: what is read, counted and told apart, without a slave."""
+
+import mmap
+import os
+import time
+from contextlib import ExitStack
+from math import isnan, nan
+from pathlib import Path
+from random import Random
+
+import pytest
+
+from hil.bench.footer import footer
+from hil.bench.jitter_run import read_cyclictest
+from hil.bench.load_run import Setting, course, difference, groups, of_group, settings
+from hil.bench.processes import read_threads, shares, thread_names
+from hil.bench.record import new_record
+from hil.bench.soak_run import Observation, Outage, Soak, trend
+from hil.bench.stream_run import Listening, Stream, expected, missing
+from hil.cli import main
+from hil.commands.bench import stream as bench_stream
+from hil.commands.bench.soak import judge
+from hil.scenario.config import load_scenario
+from tests.support.bench_figures import threads
+from tests.support.busy import retried_when_busy
+
+CYCLICTEST = """# /dev/cpu_dma_latency set to 0us
+# Histogram
+000009 000000
+000010 000002
+000011 000006
+000050 000002
+# Total: 000000010
+# Min Latencies: 00010
+# Avg Latencies: 00018
+# Max Latencies: 00050
+"""
+
+
+def test_cyclictest_is_read() -> None:
+    late = read_cyclictest(CYCLICTEST)
+    assert late is not None
+    assert late == (11.0, 50.0, 50.0, 50, 18)
+    assert read_cyclictest("policy: fifo: no such thing") is None
+
+
+def test_shares_of_threads() -> None:
+    before = threads({"1/1 main": 1.0, "1/2 rx": 0.5}, 100.0)
+    after = threads({"1/1 main": 1.5, "1/2 rx": 0.5, "1/3 rx": 0.2}, 102.0)
+    assert shares(before, after) == {"1/1 main": 0.25, "1/2 rx": 0.0, "1/3 rx": pytest.approx(0.1)}
+
+
+def test_threads_of_one_name_are_told_apart() -> None:
+    names = thread_names({"1/10 rx", "1/9 rx", "2/11 rx", "1/1 main program"})
+    assert names == {"1/1 main program": "main program", "1/9 rx": "rx", "1/10 rx": "rx #2", "2/11 rx": "rx"}
+
+
+@retried_when_busy("two clocks are read one after the other", attempts=10)
+def test_a_look_at_this_process() -> None:
+    began, spent = time.monotonic(), time.process_time()
+    first = read_threads([os.getpid()])
+    burn = sum(range(30_000_000))
+    second = read_threads([os.getpid(), 2**22 + 1])
+    share = (time.process_time() - spent) / (time.monotonic() - began)  # less than 1 where others are busy
+    assert burn
+    assert sum(shares(first, second).values()) == pytest.approx(share, rel=0.25)
+    assert second.pss_mib > second.private_mib > 5.0
+    assert second.descriptors >= 3
+
+
+def test_a_map_of_a_shared_file_is_no_private_memory(tmp_path: Path) -> None:
+    path = tmp_path / "shared"
+    path.write_bytes(os.urandom(16 << 20))
+    before = read_threads([os.getpid()])
+    with path.open("rb") as file, ExitStack() as stack:
+        maps = [stack.enter_context(mmap.mmap(file.fileno(), 0, prot=mmap.PROT_READ)) for _ in range(2)]
+        assert sum(maps[0][::4096]) == sum(maps[1][::4096])
+        after = read_threads([os.getpid()])
+    assert after.pss_mib - before.pss_mib > 15.0
+    assert after.private_mib - before.private_mib < 3.0
+
+
+def test_what_a_load_is_made_of() -> None:
+    names = [setting.name for setting in settings(("imu", "dvl", "laser"), [100.0], [1, 2])]
+    assert names[0] == "as it is"
+    assert {"without dvl", "without laser", "with gps", "with pressure", "100 Hz", "1 vehicle", "2 vehicles"} < {*names}
+    assert "without imu" not in names, "the controller lives on it"
+    assert names[-1] == "as it is, again"
+    assert [setting.name for setting in settings(None, [], [])] == ["as it is"]
+
+
+def test_a_course_tells_process_from_process() -> None:
+    looks = [
+        threads({"1/1 main": 0.0, "2/2 main": 0.0}, 0.0, p1=10.0, p2=5.0),
+        threads({"1/1 main": 0.5, "2/2 main": 0.1}, 1.0, p1=11.0, p2=5.0),
+        threads({"1/1 main": 0.7, "2/2 main": 0.2, "2/3 rx": 0.3}, 2.0, p1=12.0, p2=6.0),
+    ]
+    found = course(Setting("as it is", {}), looks, {1: "uuv1 slave", 2: "uuv1 STM32"})
+    assert found.cpu == pytest.approx([0.6, 0.6])
+    assert found.memory == [16.0, 18.0]
+    slave, stm32 = found.processes.values()
+    assert slave.cpu == pytest.approx([0.5, 0.2])
+    assert slave.memory == [11.0, 12.0]
+    assert slave.threads == {"main": pytest.approx([0.5, 0.2])}
+    assert stm32.cpu == pytest.approx([0.1, 0.4])
+    assert stm32.threads == {"main": pytest.approx([0.1, 0.1]), "rx": pytest.approx([0.0, 0.3])}
+    assert groups([found]) == ["slave", "STM32"]
+    assert of_group(found, "STM32").memory == [5.0, 6.0]
+    assert of_group(found, "imaging").cpu == []
+
+
+def test_a_difference_is_told_from_noise() -> None:
+    calm, more = [5.0, 5.1, 5.0, 5.1], [6.0, 6.1, 6.0, 6.1]
+    assert difference(more, calm).is_distinct
+    assert difference(more, calm).more == pytest.approx(1.0)
+    assert not difference(more, [4.0, 5.1, 5.0, 6.2]).is_distinct
+    assert not difference(more, calm, [[6.5, 6.6]]).is_distinct, "the same setting once more was as far away"
+
+
+def test_growth_is_told_from_noise() -> None:
+    random = Random(3)
+    at = [10.0 * i for i in range(360)]
+    noise = [random.gauss(20.0, 0.2) for _ in at]
+    slope, interval = trend(at, noise)
+    assert interval.low < 0.0 < interval.high
+    assert abs(slope) < 0.2
+    slope, interval = trend(at, [value + 1e-3 * t / 3.6 for value, t in zip(noise, at, strict=True)])
+    assert interval.low < 1.0 < interval.high
+    assert interval.low > 0.5
+    assert slope == pytest.approx(1.0, abs=0.2)
+    assert isnan(trend([1.0], [1.0])[0])
+
+
+def test_what_a_scenario_sends() -> None:
+    changes = {"sensors.dvl.rate": 4, "sensors.odometry.rate": 50, "sensors.camera": {}, "ros.wrench": 5}
+    found = expected(load_scenario("paper_field", changes))
+    assert found == {
+        "diagnostics": 1.0, "imu": 100.0, "dvl": 4.0, "dvl_twist": 4.0, "altitude": 4.0, "pressure": 20.0,
+        "odom": 50.0, "ground_truth": 20.0, "thruster_wrench": 5.0, "joint_states": 10.0,
+    }  # fmt: skip
+
+
+def test_a_topic_is_not_dead_that_only_one_message_was_due_on(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """But it is where one was due in each of several runs."""
+    silent = Stream("diagnostics", 0.0, 1.0, nan, 0.0, nan, nan, 0.0)
+    heard = Listening([silent, silent._replace(topic="imu", nominal=100.0)], [])
+    monkeypatch.setattr(bench_stream, "_listen", lambda *_: (heard, ()))
+    for repeat, dead in (("1", "imu"), ("3", "diagnostics, imu")):
+        assert main(["bench", "stream", "--seconds", "1", "--repeat", repeat]) == 0
+        assert f"nothing came on {dead}, though a slave of this scenario should" in capsys.readouterr().out
+
+
+def test_what_is_missing_by_the_nominal_rate() -> None:
+    assert missing(599, 100.0, 10.0) == pytest.approx(0.4)
+    assert missing(9, 1.0, 10.0) == 0.0, "one more or less is chance"
+    assert missing(0, 1.0, 1.9) == 0.0, "also where only one was due"
+    assert missing(0, 1.0, 2.0) == 1.0
+    assert isnan(missing(5, float("nan"), 1.0))
+
+
+def looks_of(hours: float, grows_private: float = 0.0, swings: float = 0.0) -> list[Observation]:
+    """A look every minute; MiB an hour of private growth, MiB by which the shared part swings."""
+    random, count = Random(2), round(hours * 60)
+    return [
+        Observation(60.0 * i, 15.0 + swings * (i * 2 > count), 11.0 + grows_private * i / 60 + random.gauss(0.0, 0.05),
+             10, 30, 1.0, 0.0, 0.5)
+        for i in range(count + 1)
+    ]  # fmt: skip
+
+
+def test_a_leak_is_of_private_memory_and_takes_time(capsys: pytest.CaptureFixture[str]) -> None:
+    assert judge(Soak(looks_of(2.0, grows_private=1.0), [], []), 0.5)[0].startswith("memory grows by 1.0")
+    assert judge(Soak(looks_of(2.0, swings=2.0), [], []), 0.5) == [], "the neighbours went"
+    assert "no verdict" not in capsys.readouterr().out
+    assert judge(Soak(looks_of(0.4, grows_private=20.0), [], []), 0.5) == []
+    assert "no verdict on memory: that takes 30 minutes" in capsys.readouterr().out
+
+
+def test_a_silence_and_a_late_return_are_found() -> None:
+    found = judge(Soak(looks_of(0.1), [0.01, 1.2, None], [Outage(36.0, 4.0, "uuv1 did not answer")]), 0.5)
+    assert found == [
+        "a master that came back was not answered (1 of 3 times)",
+        "a return took 1.2 s",
+        "silence from 0.010 h on, for 4.0 s: uuv1 did not answer",
+    ]
+
+
+def test_the_foot_of_a_picture_tells_where_when_and_under_what() -> None:
+    record = new_record("soak", {}, {}, ("limited: 5% of a core",))
+    text = footer(record)
+    assert record.made in text
+    assert os.uname().nodename in text
+    assert "limited: 5% of a core" in text

@@ -1,0 +1,159 @@
+"""What a delay run says of its clocks, of its line, and of what was not as asked."""
+
+from typing import Literal
+
+import pytest
+
+from hil.bench import delay_run
+from hil.bench.delay_report import text
+from hil.bench.delay_run import HOPS, Plan, Result, wire_ms
+from hil.client.delay import DelayMeter, find_doubts
+from hil.links.wires.faults import Faults
+from hil.ros.diagnostics import Diagnostics
+from hil.scenario.config import load_scenario
+from tests.support.delay_results import MS, meter, on, some_result
+from tests.support.diagnostics import reported
+
+
+def test_right_clocks_are_trusted() -> None:
+    assert find_doubts(meter(0, same_clock=True)) == []
+    assert find_doubts(meter(7_000 * MS, same_clock=False, network=MS // 10, back=MS // 10)) == []
+
+
+@pytest.mark.parametrize("offset", [-3_600_000 * MS, -5 * MS, 5 * MS, 3_600_000 * MS])
+def test_one_machine_whose_clock_was_set_between_two_starts_has_the_measured_offset(offset: int) -> None:
+    """Both processes share a boot, and yet not a wall clock: each took its own at its start."""
+    shifted = meter(offset, same_clock=True, network=MS // 10, back=MS // 10)
+    assert all(abs(total - 260_000) < MS // 5 for total in shifted.totals_ns())
+    assert abs(shifted.offset_ns()[0] - offset) < MS // 5
+    assert find_doubts(shifted) == []
+
+
+def test_one_clock_that_seems_to_be_off_within_the_error_is_one() -> None:
+    lopsided = meter(0, same_clock=True, network=2 * MS, back=MS // 10)
+    assert lopsided.offset_ns() == (0, 0)
+    assert set(lopsided.totals_ns()) == {2_160_000}
+
+
+def test_an_offset_that_is_not_known_well_enough_is_said() -> None:
+    found = find_doubts(meter(3 * MS, same_clock=False, network=MS, back=30 * MS))
+    assert any("known only to" in words for words in found)
+
+
+def test_a_clock_that_is_set_meanwhile_is_noticed() -> None:
+    found = meter(0, same_clock=False)
+    late = meter(900 * MS, same_clock=False, count=70)
+    for sample in late.samples[60:]:
+        published, received = sample.published_ns, sample.published_ns + sample.hops[0]
+        sent = received + 180_000
+        instants = [1, published, received, received + 20_000, received + 150_000, received + 160_000]
+        found.add(instants, sent, sent - 900 * MS + MS // 2)
+    assert any("a clock was set" in words for words in find_doubts(found))
+
+
+def test_no_answer_is_no_result() -> None:
+    assert find_doubts(DelayMeter()) == ["no command was answered by the STM32"]
+
+
+def test_text_leaves_out_what_too_few_commands_cannot_tell() -> None:
+    result = some_result([0.7] * 200, warnings=["a clock"])
+    lines = text({"case": result}).splitlines()
+    assert lines[2].split() == [
+        "case", "200/200", "0.700", "0.700", "0.700", "-", "0.700", "0.050", "0.650", "0.060", "0.050", "4.0",
+    ]  # fmt: skip
+    assert "0.100 (14%)" in text({"case": result})
+    assert lines[-1] == "WARNING, case: a clock"
+
+
+def test_the_time_on_the_line() -> None:
+    """115200 bit/s, ten bits a byte; the answer counts where it has to be heard."""
+    scenario = load_scenario("paper_field")
+    paced = scenario._replace(link=scenario.link._replace(faults=Faults(baud=115_200)))
+    assert wire_ms(scenario, on("/dev/pts/0")) == 0.0
+    command = wire_ms(paced, reported())
+    assert command == pytest.approx(22 * 10 / 115.2)
+    assert wire_ms(scenario, on("/dev/ttyUSB0")) == command
+    assert wire_ms(paced._replace(stm32="native"), reported()) > 2 * command
+    assert wire_ms(paced._replace(stm32="unicorn"), reported()) == command
+
+
+def test_on_its_line_mavlink_is_the_packet_of_pulses_alone() -> None:
+    """The host asks for arming beside it until the device has said that it is: SERVO_OUTPUT_RAW has 28 bytes here."""
+    scenario = load_scenario("paper_field")
+    link = scenario.link._replace(protocol="mavlink", faults=Faults(baud=115_200))
+    assert wire_ms(scenario._replace(link=link), reported()) == pytest.approx(28 * 10 / 115.2)
+    assert wire_ms(scenario._replace(link=link, stm32="native"), reported()) == pytest.approx(2 * 28 * 10 / 115.2)
+
+
+@pytest.mark.parametrize(("protocol", "bits"), [("vesc", 6 * (67 + 32)), ("dronecan", 2 * 67 + 64 + 56)])
+def test_a_command_on_a_can_bus_takes_the_bits_of_all_its_frames(
+    protocol: Literal["vesc", "dronecan"], bits: int
+) -> None:
+    """VESC: a frame of 4 bytes a thruster. DroneCAN: 6 x 14 bits and the checksum, with two tails in two frames."""
+    scenario = load_scenario("paper_field")
+    link = scenario.link._replace(protocol=protocol, port="can:virtual:bits", faults=Faults(baud=500_000))
+    paced = scenario._replace(link=link)
+    assert wire_ms(paced, reported()) == pytest.approx(bits / 500)
+    assert wire_ms(paced._replace(stm32="process"), reported()) > 2 * wire_ms(paced, reported())
+
+
+def test_a_slave_elsewhere_tells_its_line_itself() -> None:
+    """The scenario here may say another protocol, another baud, an STM32 that is in the slave."""
+    here = load_scenario("paper_field")
+
+    def there(port: str) -> Diagnostics:
+        said = on(port)
+        said.link_protocol, said.link_baud, said.pwm_us = "mavlink", 57_600, (1500,) * 6
+        return said
+
+    assert wire_ms(here, there("/dev/ttyAMA0"), elsewhere=True) == pytest.approx(2 * 28 * 10 / 57.6)
+    assert wire_ms(here, there("rs485:/dev/serial0"), elsewhere=True) > 0.0
+    paced = here._replace(link=here.link._replace(faults=Faults(baud=9600)))
+    assert wire_ms(paced, there("/dev/ttyAMA0"), elsewhere=True) == pytest.approx(2 * 28 * 10 / 57.6)
+    for port in ("/dev/pts/3", "tcp://127.0.0.1:5760", "can:socketcan:can0"):
+        assert wire_ms(paced, there(port), elsewhere=True) == 0.0
+    assert wire_ms(paced, reported(), elsewhere=True) == 0.0
+
+
+def test_what_could_not_be_had_is_said_and_not_made_up() -> None:
+    """No echo: no floor. Nothing answered by UDP: not 0."""
+    none = text({"case": some_result([0.7] * 20, udp=[], tcp=[])})
+    assert none.splitlines()[2].split()[7:] == ["-", "-", "-", "-", "4.0"]
+    assert "no floor" in none
+    assert "uuv-hil bench echo" in none
+    deaf = text({"case": some_result([0.7] * 20, udp=[])}).splitlines()[2].split()
+    assert deaf[7:] == ["0.050", "0.650", "-", "0.050", "4.0"]
+    assert "nan" not in text({"case": some_result([])})
+
+
+def doubts(result: Result, plan: Plan = Plan(), losses: int = 0, paced: bool = False) -> list[str]:
+    return list(delay_run._doubts(result, plan, None, None, losses, paced))
+
+
+def test_what_was_not_as_asked_is_said() -> None:
+    assert doubts(some_result([0.7] * 20, rate=20.9)) == []
+    assert "5 of 25 commands were not answered" in doubts(some_result([0.7] * 20, sent=25))[0]
+    assert "at 150.0 Hz instead of 200" in doubts(some_result([0.7] * 20, rate=150.0), Plan(rate=200.0))[0]
+    assert "gone 2 times" in doubts(some_result([0.7] * 20), losses=2)[0]
+    assert doubts(some_result([0.7], rate=float("nan"))) == []
+    assert doubts(some_result([0.7] * 20, motion=[]), Plan(steps=1)) == [], "the first step does not count"
+    assert "3 of 9 steps in surge did not show" in doubts(some_result([0.7] * 20, motion=[4.0] * 6))[0]
+
+
+def test_a_line_that_is_quicker_than_its_bits_is_said_unless_it_is_ours() -> None:
+    on_line = some_result([0.7] * 20, hops={name: [0.7 if name == "STM32" else 0.0] * 20 for name in HOPS})
+    assert "baud is not what" in doubts(on_line._replace(wire=1.9))[0]
+    assert doubts(on_line._replace(wire=1.9), paced=True) == []
+    assert doubts(on_line._replace(wire=0.7001)) == [], "no baud is wrong by so little"
+
+
+def test_the_wire_has_its_bits_also_those_that_left_during_the_write() -> None:
+    """Here the write ends 50 us after the encoder began, and the pulses are there after 10 more."""
+    heard = meter(0, same_clock=True)
+    spans = [(sample.published_ns, sample.published_ns + 1000) for sample in heard.samples]
+    whole = delay_run._result(heard, spans, [], None, 0.0)
+    assert (whole.hops["link encode"][0], whole.hops["STM32"][0]) == pytest.approx((0.05, 0.01))
+    for wire, expected in ((0.005, (0.05, 0.005, 0.005)), (0.04, (0.02, 0.04, 0.0)), (0.2, (0.0, 0.06, 0.0))):
+        found = delay_run._result(heard, spans, [], None, wire)
+        assert [found.hops[hop][0] for hop in ("link encode", "wire", "STM32")] == pytest.approx(expected)
+        assert found.delay == whole.delay
