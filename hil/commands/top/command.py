@@ -30,6 +30,7 @@ examples:
   uuv-hil top --connect tcp/pi1:7447 --connect tcp/pi2:7447      several slaves side by side
   uuv-hil top --once --json                                      for a script
   uuv-hil top --prometheus 9747                      also at http://127.0.0.1:9747/metrics
+  uuv-hil top --grafana > dashboard.json             a dashboard of these figures for Grafana
 """
 REDRAW_S = 0.5
 STALE_S = 3.0  # after which figures are old news
@@ -39,6 +40,11 @@ RED, YELLOW, PLAIN = "\x1b[31m", "\x1b[33m", "\x1b[0m"
 def main(arguments: list[str]) -> int:
     """Show until told to stop; the exit code. Raises ConfigError, NetworkError."""
     options = _parser().parse_args(arguments)
+    if options.grafana:
+        from hil.commands.top.grafana import dashboard
+
+        print(dashboard())
+        return 0
     options.once = options.once or options.json
     scenario, endpoints = scenario_and_endpoints(options)
     secure: dict[str, Any] = {"network": scenario.network, "security": scenario.security} if scenario else {}
@@ -75,6 +81,7 @@ def _parser() -> Any:
     parser.add_argument(
         "--prometheus", metavar="[HOST:]PORT", type=serving_address, help="serve the figures to a monitoring system too"
     )
+    parser.add_argument("--grafana", action="store_true", help="print a dashboard for Grafana, and end")
     parser.add_argument("--wait", metavar="S", type=WAIT, default=5.0, help="how long for a slave [%(default)g s]")
     return parser
 
