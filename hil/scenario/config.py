@@ -121,7 +121,8 @@ def load_scenario(name: str, changes: dict[str, Any] | None = None) -> Scenario:
     """Return the scenario at a path ending in `.toml`, or one of the installed ones by its name.
 
     Paths in it (vehicle, world) are relative to the file. `changes` replace values before they are checked:
-    {"master.speed": 0.5}. This process speaks with ROS as the scenario says from then on. Raises ConfigError.
+    {"master.speed": 0.5}; a path among them is looked for in the present folder first. This process speaks with ROS as
+    the scenario says from then on. Raises ConfigError.
     """
     if not name.endswith(".toml") and (os.path.sep in name or os.path.exists(name)):
         names = ", ".join(preset_names(SCENARIOS))
@@ -250,7 +251,8 @@ def _change(table: dict[str, Any], key: str, value: Any, path: str) -> None:
         table = table.setdefault(section, {})
         if not isinstance(table, dict):
             raise ConfigError(f"{path}: {key}: {section!r} is a value, not a table")
-    table[last] = value
+    is_here = isinstance(value, str) and value.endswith((".toml", ".yaml")) and os.path.exists(value)
+    table[last] = os.path.abspath(value) if is_here else value
 
 
 def build_simulation(scenario: Scenario, vehicle: Vehicle, world: World) -> Simulation:

@@ -210,10 +210,8 @@ def test_commands_are_found() -> None:
 
 
 def test_files_are_called_by_what_they_are() -> None:
-    """A scenario is tuned nowhere, and a check needs what only a slave records."""
+    """A scenario is tuned nowhere."""
     lines = [line for page in PAGES for line in page.read_text().splitlines() if line.strip().startswith("uuv-hil ")]
     tuned = [line for line in lines if "uuv-hil tune " in line]
     assert tuned
     assert not any("mine.toml" in line for line in tuned)
-    checks = [line for line in lines if "uuv-hil replay " in line and "--check" in line and "how-to" not in line]
-    assert any("slave = true" in line for line in checks)

@@ -160,14 +160,19 @@ class _Arrivals:
 def _first(session: Session, options: argparse.Namespace, stop_fd: int) -> tuple[_Arrivals, Any]:
     """Return the arrivals of the topic, and the first of them."""
     name = f"/{options.topic.strip('/')}"
-    published = {entity.topic: entity for entity in _entities(session) if entity.kind == "MP"}
+    published = _published(session)
     arrivals = _Arrivals(session, name, name in published and published[name].qos.latched)
     came = arrivals.take(stop_fd, options.wait)
     if not came:
+        published = _published(session)  # there may be more by now
         if name in published:
             raise NetworkError(f"{name} is there, but nothing came on it within {options.wait:g} s")
         raise NetworkError(f"nobody publishes {name}; {_there_is(name, published)}")
     return arrivals, came
+
+
+def _published(session: Session) -> dict[str, Entity]:
+    return {entity.topic: entity for entity in _entities(session) if entity.kind == "MP"}
 
 
 def _there_is(name: str, known: Collection[str]) -> str:

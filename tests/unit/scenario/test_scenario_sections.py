@@ -6,6 +6,7 @@ from typing import Any
 import pytest
 
 from hil.common.errors import ConfigError
+from hil.common.schema import find_preset
 from hil.scenario.config import load_scenario
 
 FLOWN = 'vehicle = "paper_six"\nworld = "pool"\nmaster = {}\n'
@@ -26,3 +27,12 @@ def test_what_the_section_may_be(tmp_path: Path, section: str, options: dict[str
     path = tmp_path / "mine.toml"
     path.write_text(f"{FLOWN}{section}\n")
     assert load_scenario(str(path)).link.options == options
+
+
+def test_a_path_of_the_command_line_is_one_of_the_present_folder(tmp_path: Path, monkeypatch: Any) -> None:
+    """Also for an installed scenario, whose own paths are relative to its file."""
+    (tmp_path / "mine.toml").write_text(Path(find_preset("sim/worlds", "paper_field")).read_text())
+    monkeypatch.chdir(tmp_path)
+    assert load_scenario("paper_field", {"world": "mine.toml"}).world == str(tmp_path / "mine.toml")
+    with pytest.raises(ConfigError, match=r"yours\.toml: no such file"):
+        load_scenario("paper_field", {"world": "yours.toml"})
