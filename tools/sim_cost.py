@@ -1,9 +1,11 @@
 """What one simulated vehicle costs: how much faster than real time it goes, and its share of a core in real time.
 
     python tools/sim_cost.py [--vehicle NAME]
+    python tools/sim_cost.py --table
 
 With IMU, DVL and pressure sensor at their usual rates, every thruster running and every fin turned: at 100 Hz as fast
-as it goes, with the C and without; at 400 Hz in real time. No network, no link. Run it while the machine is quiet.
+as it goes, with the C and without; at 400 Hz in real time. No network, no link. `--table` holds the step of vehicles
+with fins, and of one in waves, against that of a BlueROV2, without sensors. Run it while the machine is quiet.
 """
 
 import argparse
@@ -15,7 +17,9 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).parent.parent))
 
 from hil.common.clock import NS_PER_S, RateKeeper, now_ns
-from sim.environment.world import load_world
+from sim.dynamics import Integrator
+from sim.environment.ocean import Ocean, Waves
+from sim.environment.world import World, load_world
 from sim.native import SWITCH, choose
 from sim.sensors.suite import fit
 from sim.simulation import Simulation
@@ -24,6 +28,19 @@ from sim.vehicle.vehicle import load_vehicle
 SLOW_NS, QUICK_NS = 10_000_000, 2_500_000
 ROUND_STEPS = 5000
 REAL_TIME_S = 10.0
+CALM = World("calm", "made up", (-1000.0, 1000.0, -1000.0, 1000.0), 50.0)
+ROUGH = CALM._replace(ocean=Ocean(waves=Waves(significant_height=1.0, peak_period=6.0)))
+BARE = fit(imu=None, dvl=None, pressure=None, odometry=None, ground_truth=None)
+# vehicle, world, depth in m, step; the first is what the others are held against
+CASES = [
+    ("bluerov2", CALM, 5.0, QUICK_NS),
+    *((name, CALM, 5.0, QUICK_NS) for name in ("remus100", "lauv", "eca_a9", "tethys")),
+    ("bluerov2", ROUGH, 20.0, QUICK_NS),
+    ("bluerov2", ROUGH, 10.0, SLOW_NS),
+    ("bluerov2", ROUGH, 0.1, QUICK_NS),
+    ("bluerov2", ROUGH, 0.1, SLOW_NS),
+]
+CASE_STEPS = 250
 
 
 def new_simulation(name: str, step_ns: int) -> Simulation:
@@ -59,12 +76,44 @@ def real_time_share(name: str) -> float:
     return (time.process_time() - cpu) * NS_PER_S / (now_ns() - began)
 
 
+def case_seconds(case: tuple[str, World, float, int], integrator: Integrator) -> float:
+    """Return seconds a step, of one round from rest."""
+    name, world, depth, step_ns = case
+    vehicle, _ = load_vehicle(name)
+    simulation = Simulation(vehicle, world, BARE, 1, step_ns, (0.0, 0.0, depth), integrator=integrator)
+    pulses = (1500,) * len(vehicle.channels)
+    simulation.step(pulses)
+    began = time.perf_counter()
+    for _ in range(CASE_STEPS):
+        simulation.step(pulses)
+    return (time.perf_counter() - began) / CASE_STEPS
+
+
+def print_table(rounds: int) -> None:
+    """Print microseconds a step of every case and integrator, the best of rounds that take turns."""
+    kinds: list[Integrator] = ["verlet", "rk4"]
+    best = dict.fromkeys(((number, kind) for number in range(len(CASES)) for kind in kinds), float("inf"))
+    for _ in range(rounds):
+        for number, kind in best:
+            best[number, kind] = min(best[number, kind], case_seconds(CASES[number], kind))
+    for number, (name, world, depth, step_ns) in enumerate(CASES):
+        times = "".join(
+            f" {best[number, kind] * 1e6:.2f} | {best[number, kind] / best[0, kind]:.1f} |" for kind in kinds
+        )
+        waves = " in waves" if world is ROUGH else ""
+        print(f"| {name}{waves}, {depth:g} m deep, {NS_PER_S // step_ns} Hz |{times}")
+
+
 def main() -> int:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--vehicle", default="bluerov2_heavy", help="preset or file [%(default)s]")
     parser.add_argument("--rounds", type=int, default=15, help=f"rounds of {ROUND_STEPS} steps [%(default)s]")
+    parser.add_argument("--table", action="store_true", help="the step of several vehicles, calm and in waves")
     options = parser.parse_args()
+    if options.table:
+        print_table(options.rounds)
+        return 0
     print(f"{options.vehicle} with IMU, DVL and pressure sensor")
     for wish in ("", "0"):
         os.environ[SWITCH] = wish

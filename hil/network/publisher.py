@@ -37,7 +37,7 @@ class _Ended:
         """Return that nobody listens."""
         return self
 
-    def put(self, _payload: bytes, attachment: bytes) -> None:
+    def put(self, _payload: bytes, attachment: bytes = b"") -> None:
         """Publish nothing."""
 
     def declare_matching_listener(self, _handler: Any) -> None:

@@ -122,7 +122,7 @@ class Waves(NamedTuple):
     peak, `gamma` how much JONSWAP's peak stands out (1: Pierson-Moskowitz). `direction` (rad from north,
     clockwise) is where the waves travel to, `spread` the standard deviation of the single waves' headings
     about it. The sea is the sum of `components` waves. The motion of the water is computed every `hold` s
-    and kept in between.
+    and goes on linearly in between.
     """
 
     significant_height: Annotated[float, Range(0.0, 20.0, "m")]
@@ -132,7 +132,7 @@ class Waves(NamedTuple):
     direction: Angle = 0.0
     spread: Annotated[float, Range(0.0, 0.8, "rad")] = 0.0
     components: Annotated[int, Range(1, 500)] = 50
-    hold: Annotated[float, Range(0.0, 0.1, "s")] = 0.01
+    hold: Annotated[float, Range(0.0, 0.1, "s")] = 0.025
 
     def validate(self) -> str | None:
         """Return what is wrong between the keys, or None."""

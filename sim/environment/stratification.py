@@ -66,7 +66,7 @@ class WavySurface:
         north, east, depth = position
         if depth >= self._deep:
             return (0.0,) * 6
-        under = depth + self.wave_field.elevation(self._time, north, east)
+        under = depth + self.wave_field.surface(self._time, north, east)
         calm = self._hull.lift(depth, rotation)
         lift, x, y, z = [a - b for a, b in zip(self._hull.lift(under, rotation), calm, strict=True)]
         return lift_wrench((lift, x, y, z), rotation)

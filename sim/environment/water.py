@@ -12,6 +12,7 @@ from sim.rotations import rotate_inverse
 from sim.vehicle.vehicle import Vehicle, displaced_volume
 
 _AT_REST = WaterMotion((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+_FAR_M2 = 0.0625  # m², from where the motion was computed last
 
 
 class FluidMotion:
@@ -42,7 +43,7 @@ class FluidMotion:
         velocity = self.current(time_ns, state.position[2])
         if self._wave_field is None:
             return velocity, wrench
-        orbital, acceleration = self._wave_field.motion(time_ns, state.position)
+        orbital, acceleration, _ = self._wave_field.motion(time_ns, state.position)
         north, east, down = velocity
         a, b, c = rotate_inverse(state.quaternion, acceleration)
         pushed = [force + x * a + y * b + z * c for force, (x, y, z) in zip(wrench, self._mass, strict=True)]
@@ -68,20 +69,31 @@ class FluidMotion:
 
 
 class SampledWaves:
-    """A sea whose motion is computed every `hold` s where the vehicle is then, and kept in between."""
+    """A sea whose motion is computed every `hold` s where the vehicle is then; its velocity grows linearly in between.
+
+    So it is off by about (omega hold)² / 2 of each wave's at most, where one that is kept as it was is by omega hold.
+    It is computed anew where the vehicle is more than 0.25 m away, as one that is put elsewhere.
+    """
 
     def __init__(self, waves: Waves, world: World, seed: int) -> None:
         self._hold_ns = round(waves.hold * 1e9)
         self.wave_field = self._make_wave_field(waves, world, seed)
-        self._due_ns = 0
+        self._due_ns = self._time_ns = 0
+        self._place: Sequence[float] = (0.0, 0.0, 0.0)
         self._motion = _AT_REST
 
     def motion(self, time_ns: int, position: Sequence[float]) -> WaterMotion:
-        """Return the motion of the water at `position` (m, NED), not older than `hold`."""
-        if time_ns >= self._due_ns:
-            self._due_ns = time_ns + self._hold_ns
-            self._motion = self.wave_field.motion(time_ns * 1e-9, *position)
-        return self._motion
+        """Return the motion of the water at `position` (m, NED). The sea's surface is held with it."""
+        north, east, down = (a - b for a, b in zip(position, self._place, strict=True))
+        if time_ns >= self._due_ns or north * north + east * east + down * down > _FAR_M2:
+            self._due_ns, self._time_ns, self._place = time_ns + self._hold_ns, time_ns, tuple(position)
+            time = time_ns * 1e-9
+            self._motion = self.wave_field.motion(time, *position)
+            self.wave_field.hold(time, position[0], position[1], self._motion)
+        later = (time_ns - self._time_ns) * 1e-9
+        velocity, (north, east, down), _ = self._motion
+        grown = velocity[0] + north * later, velocity[1] + east * later, velocity[2] + down * later
+        return self._motion._replace(velocity=grown)
 
     def _make_wave_field(self, waves: Waves, world: World, seed: int) -> WaveField:
         return WaveField(waves, world.depth, world.gravity, seed)

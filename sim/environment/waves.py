@@ -16,7 +16,7 @@ surface: there that at the surface is given. Pressure alone follows the surface 
 """
 
 from itertools import pairwise
-from math import cos, exp, log, pi, sin, sqrt, tanh
+from math import cos, exp, inf, log, pi, sin, sqrt, tanh
 from random import Random
 from typing import NamedTuple
 
@@ -26,6 +26,8 @@ from sim.interpolation import PiecewiseLinear
 # Frequencies from and to, as multiples of the peak's: a thousandth of the energy is above. Cells of the integral
 # for each component: so many that even at the sharpest peak no two components fall into one and beat no more.
 _LOWEST, _HIGHEST, _CELLS = 0.3, 6.0, 40
+# So far from where and when it was sampled, s and m² over the ground, the surface is taken to be a plane that rises.
+_NEAR_S, _NEAR_M2 = 0.2, 1.0
 
 
 class Component(NamedTuple):
@@ -39,14 +41,15 @@ class Component(NamedTuple):
 
 
 class WaterMotion(NamedTuple):
-    """Velocity (m/s) and acceleration (m/s²) of the water, each north, east, down.
+    """Velocity (m/s) and acceleration (m/s²) of the water, each north, east, down, and the surface above it.
 
     The acceleration is that of the bit of water which is there now, dv/dt + (v . grad) v: that it goes in
-    circles is a part of it.
+    circles is a part of it. `surface` is its elevation (m), the rate of that (m/s), and its slopes north and east.
     """
 
     velocity: tuple[float, float, float]
     acceleration: tuple[float, float, float]
+    surface: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
 
 
 def spectral_density(waves: Waves, omega: float) -> float:
@@ -118,6 +121,22 @@ class WaveField:
         self.components = components(waves, depth, gravity, seed)
         self.depth = depth
         self._rows = [_row(component, depth) for component in self.components]
+        self._tangent = (-inf, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)  # time, north, east, and WaterMotion.surface there
+
+    def hold(self, time: float, north: float, east: float, motion: WaterMotion) -> None:
+        """Let `surface` go on from `motion`, which is that of this time (s) and place (m)."""
+        self._tangent = (time, north, east, *motion.surface)
+
+    def surface(self, time: float, north: float, east: float) -> float:
+        """Return `elevation`, near what `hold` was given last by its rate and slopes.
+
+        Off by less than (omega t + k d)² / 2 of the amplitude, t s and d m away, for each wave.
+        """
+        then, at_north, at_east, height, rate, slope_north, slope_east = self._tangent
+        later, away_north, away_east = time - then, north - at_north, east - at_east
+        if not (abs(later) <= _NEAR_S and away_north * away_north + away_east * away_east <= _NEAR_M2):
+            return self.elevation(time, north, east)
+        return height + rate * later + slope_north * away_north + slope_east * away_east
 
     def elevation(self, time: float, north: float, east: float) -> float:
         """Return how far in m the surface is above its mean at `time` s."""
@@ -155,13 +174,18 @@ class WaveField:
         depth = min(max(depth, 0.0), self.depth)
         v_north = v_east = v_down = a_north = a_east = a_down = 0.0
         nn = ne = ee = nd = ed = 0.0  # the gradient of the velocity: symmetric, without a trace
-        for kn, ke, k, omega, phase, speed, echo, to_north, to_east, _ in self._rows:
+        height = rate = slope_north = slope_east = 0.0
+        for kn, ke, k, omega, phase, speed, echo, to_north, to_east, amplitude in self._rows:
             theta = kn * north + ke * east - omega * time + phase
             decay = exp(-k * depth)
             rise = echo / decay if echo else 0.0  # what the seabed sends back; not there in deep water
             level, steep = speed * (decay + rise), speed * (decay - rise)
             cosine, sine = cos(theta), sin(theta)
-            along = level * cosine
+            along, falling = level * cosine, amplitude * sine
+            height += amplitude * cosine
+            rate += omega * falling
+            slope_north -= kn * falling
+            slope_east -= ke * falling
             v_north += along * to_north
             v_east += along * to_east
             v_down -= steep * sine
@@ -178,7 +202,8 @@ class WaveField:
         a_north += v_north * nn + v_east * ne + v_down * nd
         a_east += v_north * ne + v_east * ee + v_down * ed
         a_down += v_north * nd + v_east * ed - v_down * (nn + ee)
-        return WaterMotion((v_north, v_east, v_down), (a_north, a_east, a_down))
+        surface = (height, rate, slope_north, slope_east)
+        return WaterMotion((v_north, v_east, v_down), (a_north, a_east, a_down), surface)
 
 
 def _row(wave: Component, depth: float) -> tuple[float, ...]:

@@ -240,7 +240,7 @@ static void wavy_surface_force(const Force *force, const Body *body, const doubl
             out[i] = 0.0;
         return;
     }
-    hull_lift(body, position[2] + elevation(force->wave_field, force->time, position[0], position[1]), rotation, lift);
+    hull_lift(body, position[2] + surface(force->wave_field, force->time, position[0], position[1]), rotation, lift);
     hull_lift(body, position[2], rotation, calm);
     for (int i = 0; i < 4; i++)
         lift[i] = lift[i] - calm[i];

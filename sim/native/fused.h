@@ -136,8 +136,9 @@ static int fused_flow(FusedStep *fused, const double *rotation)
             return 0;
     }
     if (fused->wave_field != NULL) {
-        const double *motion = wave_field_held(fused->wave_field, fused->time_ns, position), *pull = motion + 3;
-        double body[3];
+        double motion[MOTION], body[3];
+        const double *pull = motion + 3;
+        wave_field_held(fused->wave_field, fused->time_ns, position, motion);
         for (int i = 0; i < 3; i++) {
             fused->flow[i] = fused->flow[i] + motion[i];
             body[i] = rotation[i] * pull[0] + rotation[3 + i] * pull[1] + rotation[6 + i] * pull[2];
@@ -164,7 +165,7 @@ static void fused_immerse(FusedStep *fused)
         return;
     }
     if (fused->wave_field != NULL)
-        depth = depth + elevation(&fused->wave_field->waves, (double)fused->time_ns * 1e-9, position[0], position[1]);
+        depth = depth + surface(&fused->wave_field->waves, (double)fused->time_ns * 1e-9, position[0], position[1]);
     matrix(fused->state->numbers + QUATERNION, rotation);
     for (Py_ssize_t i = 0; i < fused->mixer->count; i++) {
         const double *hub = fused->hubs[i];

@@ -14,21 +14,34 @@ static void *new_copy(const char *numbers, Py_ssize_t bytes)
 
 /* -- WaveField -------------------------------------------------------------------------------------------------------*/
 
+enum { MOTION = 10 };
+
 typedef struct {
     PyObject_HEAD
     Waves waves;
-    long long hold_ns, due_ns;
-    double held[6]; /* the motion of the water that was computed last */
+    long long hold_ns, due_ns, time_ns;
+    double held[MOTION], place[3]; /* the motion of the water that was computed last, and where */
 } WaveField;
 
-/* The motion of the water at `position`, not older than hold_ns, as SampledWaves.motion. */
-static const double *wave_field_held(WaveField *wave_field, long long time_ns, const double *position)
+#define FAR_M2 0.0625
+
+/* SampledWaves.motion */
+static void wave_field_held(WaveField *wave_field, long long time_ns, const double *position, double *motion)
 {
-    if (time_ns >= wave_field->due_ns) {
+    double north = position[0] - wave_field->place[0], east = position[1] - wave_field->place[1], down = position[2] - wave_field->place[2];
+    if (time_ns >= wave_field->due_ns || north * north + east * east + down * down > FAR_M2) {
+        double *tangent = wave_field->waves.tangent, time = (double)time_ns * 1e-9;
         wave_field->due_ns = time_ns + wave_field->hold_ns;
-        water_motion(&wave_field->waves, (double)time_ns * 1e-9, position[0], position[1], position[2], wave_field->held);
+        wave_field->time_ns = time_ns;
+        memcpy(wave_field->place, position, sizeof wave_field->place);
+        water_motion(&wave_field->waves, time, position[0], position[1], position[2], wave_field->held);
+        tangent[0] = time, tangent[1] = position[0], tangent[2] = position[1];
+        memcpy(tangent + 3, wave_field->held + 6, 4 * sizeof(double));
     }
-    return wave_field->held;
+    double later = (double)(time_ns - wave_field->time_ns) * 1e-9;
+    memcpy(motion, wave_field->held, sizeof wave_field->held);
+    for (int i = 0; i < 3; i++)
+        motion[i] = motion[i] + motion[3 + i] * later;
 }
 
 static PyObject *wave_field_new(PyTypeObject *type, PyObject *arguments, PyObject *keywords)
@@ -46,6 +59,7 @@ static PyObject *wave_field_new(PyTypeObject *type, PyObject *arguments, PyObjec
     if (wave_field == NULL)
         return NULL;
     wave_field->waves.depth = depth;
+    wave_field->waves.tangent[0] = -INFINITY;
     wave_field->waves.count = (long)(bytes / (Py_ssize_t)sizeof(Wave));
     wave_field->hold_ns = hold_ns;
     wave_field->waves.waves = new_copy(numbers, bytes);
@@ -68,6 +82,14 @@ static PyObject *wave_field_elevation(PyObject *self, PyObject *arguments)
     return PyFloat_FromDouble(elevation(&((WaveField *)self)->waves, time, north, east));
 }
 
+static PyObject *wave_field_surface(PyObject *self, PyObject *arguments)
+{
+    double time, north, east;
+    if (!PyArg_ParseTuple(arguments, "ddd", &time, &north, &east))
+        return NULL;
+    return PyFloat_FromDouble(surface(&((WaveField *)self)->waves, time, north, east));
+}
+
 static PyObject *wave_field_pressure_depth(PyObject *self, PyObject *arguments)
 {
     double time, north, east, depth;
@@ -78,16 +100,16 @@ static PyObject *wave_field_pressure_depth(PyObject *self, PyObject *arguments)
 
 static PyObject *new_motion(const double *motion)
 {
-    PyObject *velocity = new_number_tuple(motion, 3), *acceleration = new_number_tuple(motion + 3, 3);
-    PyObject *both = velocity && acceleration ? PyTuple_Pack(2, velocity, acceleration) : NULL;
-    Py_XDECREF(velocity);
-    Py_XDECREF(acceleration);
-    return both;
+    PyObject *parts[] = {new_number_tuple(motion, 3), new_number_tuple(motion + 3, 3), new_number_tuple(motion + 6, 4)};
+    PyObject *all = parts[0] && parts[1] && parts[2] ? PyTuple_Pack(3, parts[0], parts[1], parts[2]) : NULL;
+    for (int i = 0; i < 3; i++)
+        Py_XDECREF(parts[i]);
+    return all;
 }
 
 static PyObject *wave_field_motion(PyObject *self, PyObject *arguments)
 {
-    double time, north, east, depth, motion[6];
+    double time, north, east, depth, motion[MOTION];
     if (!PyArg_ParseTuple(arguments, "dddd", &time, &north, &east, &depth))
         return NULL;
     water_motion(&((WaveField *)self)->waves, time, north, east, depth, motion);
@@ -98,19 +120,18 @@ static PyObject *wave_field_held_motion(PyObject *self, PyObject *arguments)
 {
     long long time_ns;
     PyObject *position;
-    double place[3];
+    double place[3], motion[MOTION];
     if (!PyArg_ParseTuple(arguments, "LO", &time_ns, &position) || !read_numbers(position, place, 3))
         return NULL;
-    return new_motion(wave_field_held((WaveField *)self, time_ns, place));
+    wave_field_held((WaveField *)self, time_ns, place, motion);
+    return new_motion(motion);
 }
 
 static PyMethodDef wave_field_methods[] = {
-    {"elevation", wave_field_elevation, METH_VARARGS,
-     "elevation(time, north, east), as of sim.environment.waves.WaveField."},
-    {"pressure_depth", wave_field_pressure_depth, METH_VARARGS,
-     "pressure_depth(time, north, east, depth), as of that WaveField."},
-    {"motion", wave_field_motion, METH_VARARGS,
-     "motion(time, north, east, depth), as of that WaveField: velocity and acceleration."},
+    {"elevation", wave_field_elevation, METH_VARARGS, "elevation(time, north, east), as of sim.environment.waves.WaveField."},
+    {"surface", wave_field_surface, METH_VARARGS, "surface(time, north, east), as of that WaveField, near the last held_motion."},
+    {"pressure_depth", wave_field_pressure_depth, METH_VARARGS, "pressure_depth(time, north, east, depth), as of that WaveField."},
+    {"motion", wave_field_motion, METH_VARARGS, "motion(time, north, east, depth), as of that WaveField: velocity, acceleration, surface."},
     {"held_motion", wave_field_held_motion, METH_VARARGS, "held_motion(time_ns, position), as SampledWaves.motion."},
     {NULL, NULL, 0, NULL},
 };

@@ -17,7 +17,11 @@ typedef struct {
     long count;
     double depth;
     Wave *waves;
+    double tangent[7]; /* WaveField._tangent */
 } Waves;
+
+#define NEAR_S 0.2
+#define NEAR_M2 1.0
 
 static inline double wave_angle(const Wave *wave, double time, double north, double east)
 {
@@ -30,6 +34,16 @@ static double elevation(const Waves *waves, double time, double north, double ea
     for (long i = 0; i < waves->count; i++)
         sum += waves->waves[i].amplitude * cos(wave_angle(&waves->waves[i], time, north, east));
     return sum;
+}
+
+/* WaveField.surface */
+static double surface(const Waves *waves, double time, double north, double east)
+{
+    const double *at = waves->tangent;
+    double later = time - at[0], away_north = north - at[1], away_east = east - at[2];
+    if (!(fabs(later) <= NEAR_S && away_north * away_north + away_east * away_east <= NEAR_M2))
+        return elevation(waves, time, north, east);
+    return at[3] + at[4] * later + at[5] * away_north + at[6] * away_east;
 }
 
 static double pressure_depth(const Waves *waves, double time, double north, double east, double depth)
@@ -45,11 +59,12 @@ static double pressure_depth(const Waves *waves, double time, double north, doub
     return depth + head;
 }
 
-/* Velocity and acceleration of the water, both north, east, down. */
+/* Velocity and acceleration of the water, both north, east, down; then the surface as WaterMotion has it: 10 numbers. */
 static void water_motion(const Waves *waves, double time, double north, double east, double depth, double *out)
 {
     double v_north = 0.0, v_east = 0.0, v_down = 0.0, a_north = 0.0, a_east = 0.0, a_down = 0.0;
     double nn = 0.0, ne = 0.0, ee = 0.0, nd = 0.0, ed = 0.0;
+    double height = 0.0, rate = 0.0, slope_north = 0.0, slope_east = 0.0;
     depth = 0.0 > depth ? 0.0 : depth;
     depth = waves->depth < depth ? waves->depth : depth;
     for (long i = 0; i < waves->count; i++) {
@@ -58,7 +73,11 @@ static void water_motion(const Waves *waves, double time, double north, double e
         double decay = exp(-wave->k * depth);
         double rise = wave->echo != 0.0 ? wave->echo / decay : 0.0;
         double level = wave->speed * (decay + rise), steep = wave->speed * (decay - rise);
-        double cosine = cos(theta), sine = sin(theta), along = level * cosine;
+        double cosine = cos(theta), sine = sin(theta), along = level * cosine, falling = wave->amplitude * sine;
+        height += wave->amplitude * cosine;
+        rate += wave->omega * falling;
+        slope_north -= wave->kn * falling;
+        slope_east -= wave->ke * falling;
         v_north += along * wave->to_north;
         v_east += along * wave->to_east;
         v_down -= steep * sine;
@@ -78,4 +97,5 @@ static void water_motion(const Waves *waves, double time, double north, double e
     a_down += v_north * nd + v_east * ed - v_down * (nn + ee);
     out[0] = v_north, out[1] = v_east, out[2] = v_down;
     out[3] = a_north, out[4] = a_east, out[5] = a_down;
+    out[6] = height, out[7] = rate, out[8] = slope_north, out[9] = slope_east;
 }

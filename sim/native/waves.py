@@ -20,15 +20,19 @@ class NativeWaveField(WaveField):
         self.twin = Twin(pack(f"{len(numbers)}d", *numbers), depth, hold_ns)
 
     def elevation(self, time: float, north: float, east: float) -> float:
-        """As Sea.elevation."""
+        """As WaveField.elevation."""
         return self.twin.elevation(time, north, east)
 
+    def surface(self, time: float, north: float, east: float) -> float:
+        """As WaveField.surface, near the last motion of NativeSampledWaves."""
+        return self.twin.surface(time, north, east)
+
     def pressure_depth(self, time: float, north: float, east: float, depth: float) -> float:
-        """As Sea.pressure_depth."""
+        """As WaveField.pressure_depth."""
         return self.twin.pressure_depth(time, north, east, depth)
 
     def motion(self, time: float, north: float, east: float, depth: float) -> WaterMotion:
-        """As Sea.motion."""
+        """As WaveField.motion."""
         return WaterMotion(*self.twin.motion(time, north, east, depth))
 
 

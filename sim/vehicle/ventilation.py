@@ -46,7 +46,7 @@ class Ventilation:
         """Return the share of each thruster's thrust that is left, for a vehicle there (m, NED) at `time` s."""
         north, east, depth = position
         if self._wave_field is not None:
-            depth += self._wave_field.elevation(time, north, east)
+            depth += self._wave_field.surface(time, north, east)
         a, b, c = down_axis(quaternion)
         return [thrust_share((depth + a * x + b * y + c * z) / radius) for x, y, z, radius in self._hubs]
 

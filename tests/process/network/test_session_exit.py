@@ -140,3 +140,11 @@ def test_a_session_closes_while_other_threads_publish_and_look_for_subscribers()
         for thread in threads:
             thread.join()
     assert not errors, errors
+
+
+def test_what_is_sent_after_the_end_of_a_session_goes_nowhere() -> None:
+    with listen(f"tcp/127.0.0.1:{free_port()}") as session:
+        send, publisher = session.sender("a/key"), session.publisher("uuv1", TOPICS["odom"])
+    send(b"a pong that came late")
+    publisher.put(b"a sample that came late", 1)
+    assert not publisher.check_subscribers()

@@ -13,10 +13,11 @@ import pytest
 from hil.common.schema import preset_names
 from sim.dynamics import Dynamics, Integrator, State
 from sim.environment.ocean import GaussMarkov, Ocean, Waves
+from sim.environment.water import SampledWaves
 from sim.environment.world import World
 from sim.forces import Force
 from sim.native import NativeDynamics
-from sim.native.waves import NativeWaveField
+from sim.native.waves import NativeSampledWaves, NativeWaveField
 from sim.rotations import normalise
 from sim.sensors.suite import fit
 from sim.simulation import Simulation
@@ -202,6 +203,13 @@ def test_a_sea_is_equal(depth: float) -> None:
         assert python.elevation(*place) == c.elevation(*place)
         assert python.pressure_depth(*place, down) == c.pressure_depth(*place, down)
         assert repr(python.motion(*place, down)) == repr(c.motion(*place, down))
+    held, quick = SampledWaves(SWELL, CALM, 4), NativeSampledWaves(SWELL, CALM, 4)
+    for step in range(500):  # a walk, and now and then a jump
+        jump = chance.uniform(-5.0, 5.0) if step % 50 == 0 else 0.0
+        here = (0.004 * step + jump, -0.002 * step, 2.0 + jump * jump)
+        assert repr(held.motion(step * 2_500_000, here)) == repr(quick.motion(step * 2_500_000, here))
+        time, north, east = 0.0025 * step + 0.001, here[0] + 0.003, here[1]
+        assert held.wave_field.surface(time, north, east) == quick.wave_field.surface(time, north, east)
 
 
 @pytest.mark.parametrize("name", preset_names("sim/vehicles"))

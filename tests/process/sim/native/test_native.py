@@ -304,7 +304,7 @@ def test_the_binary_checks_its_parameters() -> None:
             force(kind, bytes(8 * numbers), bytes(32 * servos), None)
     with pytest.raises(ValueError, match="a force of kind 6"):
         force(6, bytes(8), b"", None)
-    with pytest.raises(TypeError, match="a Sea or None"):
+    with pytest.raises(TypeError, match="a WaveField or None"):
         force(6, bytes(8), b"", 3)
 
 

@@ -170,7 +170,7 @@ def test_acceleration_is_that_of_a_bit_of_water(depth: float) -> None:
     wave_field, step = WaveField(SEA._replace(peak_period=4.0), depth, G, 4), 1e-4
     place = (5.0, 6.0, 1.0)
     for time in (0.0, 12.0, 100.0):
-        velocity, acceleration = wave_field.motion(time, *place)
+        velocity, acceleration, _ = wave_field.motion(time, *place)
         ahead = [x + step * v for x, v in zip(place, velocity, strict=True)]
         behind = [x - step * v for x, v in zip(place, velocity, strict=True)]
         later, earlier = (
