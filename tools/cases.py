@@ -14,6 +14,7 @@ import sys
 import tempfile
 from pathlib import Path
 
+import psutil
 from PIL import Image
 
 ROOT = Path(__file__).parent.parent
@@ -24,7 +25,6 @@ from hil.cases.case import CASES  # noqa: E402
 from hil.cases.flights import fly_all  # noqa: E402
 from hil.cases.record import Result  # noqa: E402
 from hil.cases.report import Flights, write_report  # noqa: E402
-from hil.common.process import ram_mib  # noqa: E402
 
 COLOURS = 64
 LEAST_SUCCESS = 0.98
@@ -95,7 +95,9 @@ def head(seeds: int, hil: int) -> str:
     from sim.vehicle.vehicle import load_vehicle
 
     radius = radius_of(load_vehicle("paper_six")[0])
-    return HEAD.format(seeds=seeds, hil=hil, radius=radius, cores=os.cpu_count(), ram=ram_mib() / 1024)
+    return HEAD.format(
+        seeds=seeds, hil=hil, radius=radius, cores=os.cpu_count(), ram=psutil.virtual_memory().total / 2**30
+    )
 
 
 def judge(results: list[Result]) -> list[str]:

@@ -16,9 +16,10 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple, get_args
 
+import psutil
+
 sys.path.insert(0, str(Path(__file__).parent.parent))
 
-from hil.common.process import resident_mib
 from hil.links.contract import Message, Protocol, ThrusterCommand, ThrusterTelemetry
 from hil.links.protocols import ON_CAN, PROTOCOLS, Role, open_protocol
 from hil.links.wires.can_frame import RECORD_SIZE
@@ -64,7 +65,7 @@ def fuzz(kind: str, role: Role, strings: int, seed: int = 1, settings: dict[str,
     unit = RECORD_SIZE if kind in ON_CAN else 1
     faults: list[str] = []
     size = messages = 0
-    held = 0.0
+    held = 0
     slowest = 0.0
     begin = time.perf_counter()
     for number in range(strings):
@@ -81,9 +82,9 @@ def fuzz(kind: str, role: Role, strings: int, seed: int = 1, settings: dict[str,
         slowest = max(slowest, time.thread_time() - at)
         size += len(data)
         if number == strings // 10:
-            held = resident_mib()
+            held = psutil.Process().memory_info().rss
     seconds = time.perf_counter() - begin
-    growth = round((resident_mib() - held) * 2**20)
+    growth = psutil.Process().memory_info().rss - held
     if slowest > SLOWEST_S:
         faults.append(f"one string took {slowest:.3f} s")
     if growth > GROWTH_BYTES:

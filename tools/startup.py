@@ -18,11 +18,12 @@ import tempfile
 import time
 from pathlib import Path
 
+import psutil
+
 ROOT = Path(__file__).parent.parent
 sys.path.insert(0, str(ROOT))
 
 from hil.common.children import module_command, package_environment, start_child  # noqa: E402
-from hil.common.process import pss_mib  # noqa: E402 - works from a bare checkout too
 
 MOST_OF_FLOOR = 0.6
 MOST_MIB = 40.0
@@ -45,7 +46,7 @@ def time_slave(command: list[str]) -> tuple[float, float]:
         assert process.stdout is not None
         line = process.stdout.readline()
         seconds = time.perf_counter() - began
-        memory = pss_mib(process.pid)
+        memory = psutil.Process(process.pid).memory_full_info().pss / 2**20
         process.terminate()
         process.communicate()
     if b"ready" not in line:

@@ -6,11 +6,12 @@ import sys
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
+import psutil
+
 from boards import emulation
 from boards.health import governors, recognise
 from boards.tree import Tree
 from hil import __version__
-from hil.common.process import ram_mib
 
 PACKAGES = ("eclipse-zenoh", "numpy", "pyserial", "python-can", "pymavlink", "unicorn")
 
@@ -26,7 +27,7 @@ def describe(root: str = "/") -> tuple[dict[str, Any], tuple[str, ...]]:
         "cpu": _cpu(tree),
         "cores": os.cpu_count() or 0,
         "usable_cores": len(os.sched_getaffinity(0)),
-        "ram_mib": round(ram_mib()),
+        "ram_mib": round(psutil.virtual_memory().total / 2**20),
         "architecture": kernel.machine,
         "kernel": f"{kernel.sysname} {kernel.release}",
         "system": _system(tree),

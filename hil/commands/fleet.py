@@ -3,10 +3,11 @@
 import json
 import os
 import sys
+from typing import Any
 
 from hil.common.columns import aligned
 from hil.common.errors import ConfigError, DeviceError
-from hil.common.options import add_json, new_parser
+from hil.common.options import add_changes, add_json, changes_of, new_parser
 from hil.common.tables import read_bytes
 from hil.install import fleet
 from hil.scenario.config import load_scenario
@@ -32,14 +33,16 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--on", metavar="NODE=HOST", action="append", default=[], help="up: where a member runs [here]")
     parser.add_argument("--ssh", metavar="COMMAND", default=fleet.SSH, help="up: how hosts are reached [%(default)s]")
     parser.add_argument("--program", metavar="PATH", default="uuv-hil", help="up: this command on hosts [%(default)s]")
+    add_changes(parser)
     add_json(parser)
     options = parser.parse_args(arguments)
     if options.action == "up":
-        hosts = _hosts(options.scenario, options.on)
+        hosts = _hosts(options.scenario, options.on, changes_of(options))
         programs = {host: [options.program] for host in hosts.values()} | {"": [sys.executable, "-m", "hil"]}
         path = os.path.abspath(load_scenario(options.scenario).path)
+        changes = [word for change in options.set for word in ("--set", change)]
         text = read_bytes(path).decode("utf-8-sig")
-        for one in fleet.start(path, text, hosts, programs, options.ssh):
+        for one in fleet.start(path, text, hosts, programs, options.ssh, changes):
             print(f"{one.member}: started{f' on {one.host}' if one.host else ''}, process {one.pid}")
         return 0
     members, ssh = fleet.noted(options.scenario)
@@ -56,9 +59,9 @@ def main(arguments: list[str]) -> int:
     return DeviceError.exit_code if failed else 0
 
 
-def _hosts(name: str, places: list[str]) -> dict[str, str]:
+def _hosts(name: str, places: list[str], changes: dict[str, Any]) -> dict[str, str]:
     """Return member -> host. Raises ConfigError."""
-    scenario = load_scenario(name)
+    scenario = load_scenario(name, changes)
     if not scenario.member:
         raise ConfigError(f"{scenario.path}: has no [[member]], so it is no fleet; start it by: uuv-hil slave {name}")
     hosts = {member.node: "" for member in scenario.member}

@@ -58,8 +58,9 @@ def _parser() -> argparse.ArgumentParser:
         "--area", metavar="S,W,N,E", type=area, help="degrees; --area=-34,... for the south [all that is known]"
     )
     build.add_argument(
-        "--updates", action=argparse.BooleanOptionalAction, default=True, help="apply the .001... beside a chart"
+        "--updates", action=argparse.BooleanOptionalAction, help="apply the .001... beside a chart"
     )
+    parser.set_defaults(updates=True)  # not above: 3.10 would write it into the help
     build.add_argument(
         "--positive",
         choices=("auto", "up", "down"),

@@ -1,10 +1,13 @@
-"""Turn SIGINT, SIGTERM and SIGHUP into a descriptor that a loop can wait on."""
+"""Descriptors that a loop waits on beside its own: of signals that end the process, and of another thread."""
 
 import os
 import signal
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from functools import partial
 from types import FrameType
+
+_ROOM = 4096  # bytes read at a time
 
 
 def stop_signals() -> list[signal.Signals]:
@@ -25,6 +28,54 @@ def every_end_like_ctrl_c() -> Iterator[None]:
             signal.signal(number, handler)
 
 
+class Wakeup:
+    """A descriptor that becomes readable by `set`, from any thread, and stays so until `clear`.
+
+    A pipe; where there is none that does not block (Windows, whose select() takes sockets alone; macOS), two sockets.
+    """
+
+    def __init__(self) -> None:
+        self._write: Callable[[bytes], int]
+        self._read: Callable[[int], bytes]
+        if hasattr(os, "pipe2"):
+            self._fds = os.pipe2(os.O_NONBLOCK | os.O_CLOEXEC)
+            self._read, self._write = partial(os.read, self._fds[0]), partial(os.write, self._fds[1])
+            self._close: list[Callable[[], None]] = [partial(os.close, fd) for fd in self._fds]
+        else:
+            import socket  # only here: it would cost a slave's start 5 ms
+
+            ends = socket.socketpair()
+            for end in ends:
+                end.setblocking(False)
+            self._fds = (ends[0].fileno(), ends[1].fileno())
+            self._read, self._write = ends[0].recv, ends[1].send
+            self._close = [end.close for end in ends]
+
+    def fileno(self) -> int:
+        """Return the descriptor to wait on."""
+        return self._fds[0]
+
+    def writer(self) -> int:
+        """Return the descriptor of which each byte written sets it."""
+        return self._fds[1]
+
+    def set(self) -> None:
+        """Make it readable."""
+        with suppress(BlockingIOError):  # it is full, so readable
+            self._write(b"\0")
+
+    def clear(self) -> None:
+        """Let it be readable no more, if it was."""
+        with suppress(BlockingIOError):
+            while len(self._read(_ROOM)) == _ROOM:
+                pass
+
+    def close(self) -> None:
+        """Close both ends. `set` raises OSError after that."""
+        for close in self._close:
+            close()
+
+
 class StopSignals:
     """Inside the `with`, `stop_signals` only make a descriptor readable: no wait can miss one.
 
@@ -32,17 +83,16 @@ class StopSignals:
     """
 
     def __enter__(self) -> int:
-        self._read_fd, self._write_fd = os.pipe2(os.O_NONBLOCK | os.O_CLOEXEC)
-        self._wakeup_before = signal.set_wakeup_fd(self._write_fd)
+        self._wakeup = Wakeup()
+        self._wakeup_before = signal.set_wakeup_fd(self._wakeup.writer())
         self._before = {number: signal.signal(number, _ignore) for number in stop_signals()}
-        return self._read_fd
+        return self._wakeup.fileno()
 
     def __exit__(self, *_: object) -> None:
         for number, handler in self._before.items():
             signal.signal(number, handler)
         signal.set_wakeup_fd(self._wakeup_before)
-        os.close(self._read_fd)
-        os.close(self._write_fd)
+        self._wakeup.close()
 
 
 def _ignore(_number: int, _frame: FrameType | None) -> None:

@@ -72,12 +72,17 @@ def state_file(scenario: str) -> str:
 
 
 def start(
-    scenario: str, text: str, hosts: Mapping[str, str], programs: Mapping[str, Sequence[str]], ssh: str = SSH
+    scenario: str,
+    text: str,
+    hosts: Mapping[str, str],
+    programs: Mapping[str, Sequence[str]],
+    ssh: str = SSH,
+    words: Sequence[str] = (),
 ) -> list[Started]:
     """Start a slave for each member in `hosts` (member -> host); none is left running if one does not start.
 
     `scenario` is the path of its file, `text` what is in it, which goes to each host. `programs`: host -> the words
-    that stand for `uuv-hil` there.
+    that stand for `uuv-hil` there. `words`: more options of each slave.
 
     Raises ConfigError when the fleet runs already, DeviceError when a host or a member fails.
     """
@@ -89,7 +94,8 @@ def start(
     try:
         for member, host in hosts.items():
             there = os.path.expanduser(f"~/{folder}") if not host else folder
-            command = shlex.join([*programs[host], "slave", f"{member}.toml" if host else scenario, "--member", member])
+            file = f"{member}.toml" if host else scenario
+            command = shlex.join([*programs[host], "slave", file, "--member", member, *words])
             script = START.format(began=BEGAN, folder=there, member=member, command=command)
             pid, began = map(int, _run(host, script, ssh, text).split())
             done.append(Started(member, host, pid, began, there))

@@ -17,7 +17,8 @@ def declare_presence(session: Session, node: str, part: Part, ident: str = "", r
 
     `ident` and `rank`: see `hil.network.tokens.Presence`; by default one of chance and 0.
     """
-    process = f"{os.uname().nodename}:{os.getpid()}"
+    name = os.uname().nodename if hasattr(os, "uname") else os.environ.get("COMPUTERNAME", "")  # Windows has none
+    process = f"{name}:{os.getpid()}"
     return session.declare_token(presence_key(Presence(node, part, rank, ident or os.urandom(16).hex(), process)))
 
 

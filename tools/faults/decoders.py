@@ -16,9 +16,10 @@ from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple, get_args
 
+import psutil
+
 from firmware_stub import build
 from hil.common.errors import HilError
-from hil.common.process import resident_mib
 from hil.common.scratch import ScratchFolder
 from hil.links.contract import Protocol, ThrusterCommand, ThrusterTelemetry
 from hil.links.protocols import PROTOCOLS, Role, open_protocol
@@ -178,7 +179,7 @@ def _refusing(read: Callable[[bytes], Any]) -> Callable[[bytes], object]:
 def feed(name: str, decode: Callable[[bytes], object], sound: bytes, count: int, seed: int) -> Outcome:
     """Give `count` inputs to a decoder; the same seed, the same inputs."""
     rng = random.Random(f"{seed} {name}")
-    began, slowest, held, decoded = time.monotonic(), 0.0, 0.0, 0
+    began, slowest, held, decoded = time.monotonic(), 0.0, 0, 0
     for number in range(count):
         data = _input(rng, sound)
         at = time.thread_time()
@@ -188,8 +189,8 @@ def feed(name: str, decode: Callable[[bytes], object], sound: bytes, count: int,
             return Outcome(name, number, time.monotonic() - began, f"{error!r} of {data.hex()}")
         slowest = max(slowest, time.thread_time() - at)
         if number == count // 10:
-            held = resident_mib()
-    growth = resident_mib() - held
+            held = psutil.Process().memory_info().rss
+    growth = (psutil.Process().memory_info().rss - held) / 2**20
     fault = f"one input took {slowest:.2f} s" if slowest > SLOWEST_S else ""
     fault = fault or (f"memory grew by {growth:.1f} MiB" if growth > GROWTH_MIB else "")
     return Outcome(name, count, time.monotonic() - began, fault, f"{decoded} decoded")

@@ -29,7 +29,7 @@ the same settings, and more: docs/how-to/qgroundcontrol.md.
 
 def main(arguments: list[str]) -> int:
     """Serve until told to stop; the exit code."""
-    if os.sched_getscheduler(0) != os.SCHED_OTHER:  # inherited from a slave: nothing here is as urgent as its loop
+    if hasattr(os, "sched_setscheduler"):  # Linux; inherited from a slave: nothing here is as urgent as its loop
         os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
     options = _parser().parse_args(arguments)
     scenario, endpoints = scenario_and_endpoints(options)

@@ -17,7 +17,7 @@ from hil.common.columns import aligned
 from hil.common.errors import ConfigError, NetworkError
 from hil.common.options import WAIT, Number, add_connect, add_json, add_settings, new_parser, whole
 from hil.common.schema import nearest
-from hil.common.stop import StopSignals
+from hil.common.stop import StopSignals, Wakeup
 from hil.common.text import json_text
 from hil.network import services
 from hil.network.publisher import Publisher
@@ -139,21 +139,21 @@ class _Arrivals:
     """What comes in on a topic: instant, key and payload of each message, for a loop that waits."""
 
     def __init__(self, session: Session, topic: str, latched: bool) -> None:
-        self._event = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
+        self._event = Wakeup()
         self._waiting: deque[tuple[int, str, bytes]] = deque(maxlen=QUEUE)
         session.subscribe_keys(f"{dialect.domain()}/{topic.strip('/')}/*/*", self._deliver, QUEUE, latched)
 
     def _deliver(self, key: str, payload: bytes, _attachment: bytes) -> None:
         self._waiting.append((now_ns(), key, payload))
-        os.eventfd_write(self._event, 1)
+        self._event.set()
 
     def take(self, stop_fd: int, seconds: float) -> list[tuple[int, str, bytes]]:
         """Return what has come by now, or within the time."""
-        ready = select.select((stop_fd, self._event), (), (), seconds)[0]
+        ready = select.select((stop_fd, self._event.fileno()), (), (), seconds)[0]
         if stop_fd in ready:
             raise KeyboardInterrupt
         if ready:
-            os.eventfd_read(self._event)
+            self._event.clear()
         return [self._waiting.popleft() for _ in range(len(self._waiting))]
 
 

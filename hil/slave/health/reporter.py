@@ -15,6 +15,7 @@ from hil.links.contract import PWM_NEUTRAL_US
 from hil.ros.diagnostics import Diagnostics
 from hil.scenario.records import Link
 from hil.slave.contacts import Contacts
+from hil.slave.health import usage
 from hil.slave.health.machine_figures import add_machine_figures
 from hil.slave.log import Log
 from hil.slave.loop import Loop
@@ -101,7 +102,7 @@ class Health:
         self._fixed = _fixed_figures(startup, notes, board, link)
         self._tree, self._board = Tree(), board
         self._recent, self._skipped = RecentLateness(), SkippedSteps()
-        self._memory = process.Memory()
+        self._memory = usage.Memory()
         self._wakeup = log.wakeup  # the inbox's too
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="health", daemon=True)
@@ -121,9 +122,9 @@ class Health:
         loop, figures = self._loop, Diagnostics(self._fixed.raw)
         children = loop.driver.children + (self._imaging.children if self._imaging else ())
         figures.uptime_s = (now_ns() - self._startup["exec"]) / NS_PER_S
-        figures.cpu_s = process.own_cpu_s(children)
+        figures.cpu_s = usage.own_cpu_s(children)
         figures.pss_mib = self._memory.pss_mib(children)
-        figures.rss_mib = process.resident_mib() + sum(map(process.resident_mib, children))
+        figures.rss_mib = usage.resident_mib() + sum(map(usage.resident_mib, children))
         figures.processes = 1 + len(children)
         figures.messages_sent = loop.sample_publisher.sent
         figures.messages_dropped = loop.sample_publisher.dropped
@@ -255,7 +256,7 @@ def _fixed_figures(startup: dict[str, int], notes: list[str], board: "Board | No
     figures.board = board.name if board else own_name()
     figures.boot_id = process.boot_id()
     figures.cores = os.cpu_count() or 1
-    figures.ram_mib = process.ram_mib()
+    figures.ram_mib = usage.ram_mib()
     figures.python = sys.version.split()[0]
     figures.bytecode_compiled = process.bytecode_compiled("hil")
     figures.exec_wall_ns = to_wall_ns(startup["exec"])

@@ -17,13 +17,14 @@ from io import FileIO
 from struct import Struct
 from typing import TYPE_CHECKING, Any
 
-from hil.common import lifeline, process
+from hil.common import lifeline
 from hil.common.clock import NS_PER_S, now_ns
 from hil.common.errors import ConfigError, MissingExtraError
 from hil.ros.diagnostics import Diagnostics
 from hil.ros.graph import Identity
 from hil.scenario.config import Scenario
 from hil.scenario.records import Link
+from hil.slave.health import usage
 from sim.dynamics import State
 from sim.sensors.suite import SensorSpec
 
@@ -118,7 +119,7 @@ class Imaging:
         pid, names = self.pid, self._names
         figures.imaging_pid = pid
         figures.imaging_restarts = self.restarts
-        figures.imaging_cpu_s = process.cpu_s(pid) if pid else 0.0
+        figures.imaging_cpu_s = usage.cpu_s(pid) if pid else 0.0
         figures.imaging_requested = dict(zip(names, self.requested, strict=True))
         figures.imaging_dropped = dict(zip(names, self.dropped, strict=True))
         figures.imaging_took_ms = {name: took_ns / 1e6 for name, took_ns in zip(names, self.took_ns, strict=True)}

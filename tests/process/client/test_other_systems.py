@@ -3,22 +3,28 @@
 A process without those modules and functions imports all of them, flies a simulation, and steers a slave.
 """
 
+import signal
+import socket
 import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 from hil.common.children import ROOT
-from tests.support.processes import Program, write_scenario
+from tests.support.processes import PATIENCE_S, Program, free_port, write_scenario
 
 BLOCK = """
-import importlib, os, pkgutil, select, signal, socket, sys, time
+import functools, importlib, os, pkgutil, select, signal, socket, sys, sysconfig, time
 import zenoh, numpy, psutil  # others' own affair
+socket.socketpair = functools.partial(socket.socketpair, socket.AF_UNIX)  # they have it, of another family
+sysconfig.get_config_vars()  # while this still is Linux
 
 GONE = {"fcntl", "termios", "resource", "pty", "tty", "pwd", "grp", "syslog"}
 NAMES = {
     os: "sched_setscheduler sched_param sched_getaffinity sched_setaffinity SCHED_FIFO SCHED_OTHER SCHED_BATCH pipe2 "
         "eventfd eventfd_read eventfd_write EFD_NONBLOCK EFD_CLOEXEC register_at_fork fork forkpty getuid geteuid "
-        "getgid O_NONBLOCK O_CLOEXEC O_NOFOLLOW statvfs mkfifo openpty",
+        "getgid uname sysconf getloadavg O_NONBLOCK O_CLOEXEC O_NOFOLLOW statvfs mkfifo openpty",
     select: "epoll poll",
     signal: "SIGHUP SIGKILL SIGUSR1 pthread_sigmask pthread_kill sigwait setitimer",
     time: "clock_gettime clock_gettime_ns CLOCK_MONOTONIC CLOCK_BOOTTIME CLOCK_REALTIME",
@@ -57,6 +63,15 @@ with hil.connect(sys.argv[1]) as fleet:
 """
 
 
+# What `uuv-hil` does, in a process without them.
+COMMAND = [
+    sys.executable,
+    "-c",
+    BLOCK + "sys.platform = 'darwin'\ndel os.environ['UUV_HIL_LIFELINE']  # nothing there starts us with one\n"
+    "from hil.cli import main\nsys.exit(main(sys.argv[1:]))",
+]
+
+
 def run(code: str, *arguments: str) -> str:
     command = [sys.executable, "-c", BLOCK + code, *arguments]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
@@ -72,6 +87,43 @@ def test_a_client_without_them_commands_a_slave(tmp_path: Path) -> None:
     scenario, port = write_scenario(tmp_path)
     with Program(tmp_path, "slave", scenario):
         assert run(STEER, f"tcp/127.0.0.1:{port}").startswith("imu ")
+
+
+def test_the_json_gateway_without_them(tmp_path: Path) -> None:
+    scenario, port = write_scenario(tmp_path)
+    with Program(tmp_path, "slave", scenario):
+        words = ("gateway", "--connect", f"tcp/127.0.0.1:{port}", "--listen", f"127.0.0.1:{free_port()}")
+        with Program(tmp_path, *words, command=COMMAND) as gateway:
+            place = gateway.expect(r"JSON at (\S+):(\d+)")
+            gateway.expect("here: uuv1")
+            with socket.create_connection((place[1], int(place[2])), 10) as client, client.makefile() as lines:
+                client.sendall(b'{"do": "vehicles"}\n')
+                assert "uuv1" in lines.readline()
+            assert gateway.stop(signal.SIGINT) in (0, 130), gateway.output
+
+
+def test_the_mavlink_gateway_without_them(tmp_path: Path) -> None:
+    scenario, port = write_scenario(tmp_path)
+    with Program(tmp_path, "slave", scenario), socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as station:
+        station.bind(("127.0.0.1", 0))
+        station.settimeout(PATIENCE_S)
+        place = f"udpout:127.0.0.1:{station.getsockname()[1]}"
+        with Program(
+            tmp_path, "mavlink", "--connect", f"tcp/127.0.0.1:{port}", "--endpoint", place, command=COMMAND
+        ) as gateway:
+            try:
+                packet = station.recv(300)
+            except TimeoutError:
+                pytest.fail(gateway.output)
+            assert packet[0] == 0xFD  # of MAVLink 2
+            assert gateway.stop(signal.SIGINT) in (0, 130), gateway.output
+
+
+def test_a_planner_without_them_flies_a_mission(tmp_path: Path) -> None:
+    scenario, port = write_scenario(tmp_path)
+    words = ("master", scenario, "--connect", f"tcp/127.0.0.1:{port}")
+    with Program(tmp_path, "slave", scenario), Program(tmp_path, *words, command=COMMAND) as master:
+        assert master.wait() == 0, master.output
 
 
 def test_what_is_taken_away_is_missed() -> None:

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from hil.common.children import ROOT
-from tests.process.commands.test_fleet_command import Command
+from tests.system.commands.test_fleet_command import Command
 from tests.support.processes import free_port, wait_for
 
 SSHD = shutil.which("sshd", path=f"{os.environ['PATH']}:/usr/sbin")

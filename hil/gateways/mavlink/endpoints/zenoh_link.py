@@ -6,11 +6,10 @@ mavlink2rest and BlueOS' mavlink-server (src/lib/drivers/zenoh): a header, and a
 
 import json
 import math
-import os
 from collections import deque
-from contextlib import suppress
 from typing import Any
 
+from hil.common.stop import Wakeup
 from hil.gateways.mavlink.endpoints.links import Link, Received
 from hil.network.opening import open_session
 from hil.network.session import Session
@@ -26,7 +25,7 @@ class ZenohLink(Link):
 
     def __init__(self, endpoint: str, session: Session | None = None) -> None:
         self.name = f"zenoh:{endpoint}"
-        self._event = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
+        self._event = Wakeup()
         self._received: deque[bytes] = deque(maxlen=WAITING)
         text = settings("client", (), (endpoint,), Network(mode="routed", router=endpoint), None)
         self._session = session or open_session("dial", endpoint, text)
@@ -35,13 +34,11 @@ class ZenohLink(Link):
 
     def descriptors(self) -> list[int]:
         """Return what is readable while packets wait."""
-        return [self._event]
+        return [self._event.fileno()]
 
     def receive(self, now: int) -> Received:
         """Return the packets that have come."""
-        if self._received:
-            with suppress(BlockingIOError):
-                os.eventfd_read(self._event)
+        self._event.clear()  # before the look: what comes later sets it again
         return [(ADDRESS, self._received.popleft()) for _ in range(len(self._received))]
 
     def send(self, address: Any, data: bytes, message: Any) -> None:
@@ -67,7 +64,7 @@ class ZenohLink(Link):
     def close(self) -> None:
         """Close the session."""
         self._session.close()
-        os.close(self._event)
+        self._event.close()
 
     def _put(self, key: str, payload: bytes) -> None:
         send = self._senders.get(key)
@@ -77,7 +74,7 @@ class ZenohLink(Link):
 
     def _on_packet(self, payload: bytes) -> None:
         self._received.append(payload)
-        os.eventfd_write(self._event, 1)
+        self._event.set()
 
 
 def plain_fields(message: Any) -> dict[str, Any]:

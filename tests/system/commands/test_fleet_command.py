@@ -70,6 +70,17 @@ def test_up_status_down(command: Command) -> None:
     assert command.run("status").returncode == 2
 
 
+def test_keys_are_changed_as_by_other_commands(command: Command) -> None:
+    wrong = command.run("up", "--set", "slave.realtime=7")
+    assert wrong.returncode == 2
+    assert "realtime: expected true or false" in wrong.stderr
+    assert not command.slaves()
+    changes = ("--set", "slave.realtime=false", "--set", "master.speed=0.3")
+    up = command.run("up", *changes)
+    assert up.returncode == 0, up.stderr
+    assert [tuple(slave.cmdline()[-4:]) for slave in command.slaves()] == [changes] * 2
+
+
 def test_none_is_left_when_one_does_not_start(command: Command) -> None:
     """The second host cannot be reached."""
     up = command.run("up", "--on", "uuv2=nobody.invalid", "--ssh", DOWN)

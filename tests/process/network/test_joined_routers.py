@@ -1,0 +1,31 @@
+"""Routers of two sites, joined: who is behind one commands a slave behind the other."""
+
+import signal
+from pathlib import Path
+
+from hil.client.client import VehicleClient
+from hil.network.settings import Network
+from tests.support.processes import Program, command_until, free_port, surge_of, wait_for, write_scenario
+
+
+def test_a_slave_behind_another_router_is_driven(tmp_path: Path) -> None:
+    near, far = (f"tcp/127.0.0.1:{free_port()}" for _ in range(2))
+    plain, _ = write_scenario(tmp_path)
+    plain.write_text(f'{plain.read_text()}\n[network]\nmode = "routed"\nrouter = "{far}"\n')
+    network = Network(mode="routed", router=near)
+    with (
+        # The one that dials is there first: it goes on until the other is there.
+        Program(tmp_path, "router", "--listen", near, "--connect", far) as dialling,
+        VehicleClient(_served(dialling, near), "uuv1", network=network) as client,
+    ):
+        assert not client.received["odom"]
+        with Program(tmp_path, "router", "--listen", far) as router, Program(tmp_path, "slave", plain) as slave:
+            assert wait_for(lambda: client.received["odom"]), f"{router.output}{dialling.output}{slave.output}"
+            assert command_until(lambda: surge_of(client) > 0.05, client)
+            assert router.stop(signal.SIGKILL)
+            assert dialling.process.poll() is None, dialling.output
+
+
+def _served(router: Program, endpoint: str) -> str:
+    router.expect("forwarding between all")
+    return endpoint

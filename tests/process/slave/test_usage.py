@@ -1,0 +1,54 @@
+"""Figures of a process against what the kernel says elsewhere."""
+
+import os
+import subprocess
+import sys
+import time
+
+import pytest
+
+from hil.slave.health import usage
+
+
+def test_memory_grows_with_what_is_touched() -> None:
+    before = usage.pss_mib()
+    held = bytearray(os.urandom(2**20) * 32)
+    grown = usage.pss_mib() - before
+    assert 31 < grown < 40, len(held)
+
+
+def test_memory_that_is_asked_for_often(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is read again when it has changed, and when it has become old."""
+    resident, pss = {"self": 30.0, 7: 5.0}, [20.0, 21.0, 22.0]
+    monkeypatch.setattr(usage, "resident_mib", lambda pid="self": resident[pid])
+    monkeypatch.setattr(usage, "own_pss_mib", lambda children: pss.pop(0))
+    memory = usage.Memory()
+    assert [memory.pss_mib((7,)) for _ in range(5)] == [20.0] * 5
+    resident[7] += 0.05
+    assert memory.pss_mib((7,)) == 20.0
+    resident[7] += 0.05
+    assert [memory.pss_mib((7,)) for _ in range(5)] == [21.0] * 5
+    monkeypatch.setattr(usage.Memory, "OLDEST_S", 0.0)
+    assert memory.pss_mib((7,)) == 22.0
+
+
+def test_resident_memory_holds_all_that_is_shared() -> None:
+    assert usage.pss_mib() < usage.resident_mib() < usage.ram_mib()
+    assert usage.resident_mib(2**22 + 1) == 0.0, "beyond the largest process number there can be"
+
+
+def test_a_process_that_is_gone_costs_nothing() -> None:
+    child = subprocess.Popen([sys.executable, "-c", ""])
+    child.wait()
+    assert usage.pss_mib(child.pid) == 0.0
+    assert usage.cpu_s(child.pid) == 0.0
+
+
+def test_processor_time_of_a_child() -> None:
+    code = "import time\nwhile time.process_time() < 0.3: pass\nprint(flush=True)\ninput()"
+    with subprocess.Popen([sys.executable, "-c", code], stdin=subprocess.PIPE, stdout=subprocess.PIPE) as child:
+        assert child.stdout
+        child.stdout.readline()
+        assert 0.28 <= usage.cpu_s(child.pid) < 1.0
+        assert usage.own_cpu_s((child.pid,)) >= usage.cpu_s(child.pid) + time.process_time() - 0.1
+        child.communicate(b"\n")
