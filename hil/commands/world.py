@@ -57,10 +57,8 @@ def _parser() -> argparse.ArgumentParser:
     build.add_argument(
         "--area", metavar="S,W,N,E", type=area, help="degrees; --area=-34,... for the south [all that is known]"
     )
-    build.add_argument(
-        "--updates", action=argparse.BooleanOptionalAction, help="apply the .001... beside a chart"
-    )
-    parser.set_defaults(updates=True)  # not above: 3.10 would write it into the help
+    build.add_argument("--updates", action=argparse.BooleanOptionalAction, help="apply the .001... beside a chart")
+    build.set_defaults(updates=True)  # not above: 3.10 would write it into the help
     build.add_argument(
         "--positive",
         choices=("auto", "up", "down"),
