@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 from hil.common.children import ROOT
-from tests.system.commands.test_fleet_command import Command
 from tests.support.processes import free_port, wait_for
+from tests.system.commands.test_fleet_command import Command
 
 SSHD = shutil.which("sshd", path=f"{os.environ['PATH']}:/usr/sbin")
 
