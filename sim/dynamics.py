@@ -44,8 +44,9 @@ some need sines and the like: those are the C library's, in Python and in the tw
 
 from collections.abc import Callable, Sequence
 from math import isfinite
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import TYPE_CHECKING, Literal, NamedTuple, get_args
 
+from hil.common.errors import ConfigError
 from hil.common.vectors import Quaternion
 from sim import rotations
 from sim.matrices import inverse, is_diagonal, square, times
@@ -101,7 +102,10 @@ class Forces(NamedTuple):
 
 
 class Dynamics:
-    """The equations of one vehicle in water of `density` kg/m³ under `gravity` m/s², pushed by `forces` too."""
+    """The equations of one vehicle in water of `density` kg/m³ under `gravity` m/s², pushed by `forces` too.
+
+    Raises ConfigError for an integrator that is none.
+    """
 
     def __init__(
         self,
@@ -130,6 +134,8 @@ class Dynamics:
         self._rates = [self._linear[i][i] * self.inverse_mass[i][i] for i in range(6)]
         self._slopes = [2.0 * self._quadratic[i][i] * self.inverse_mass[i][i] for i in range(6)]
         steps: dict[Integrator, Callable[..., None]] = {"verlet": self._verlet, "rk4": self._rk4}
+        if integrator not in get_args(Integrator):
+            raise ConfigError(f"integrator {integrator!r}: there are {' and '.join(steps)}")
         self._integrator = integrator
         self._advance = steps[integrator]
 

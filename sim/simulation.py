@@ -1,10 +1,10 @@
 """One vehicle in one world: pulses in, sensor samples out, each call one step of simulated time."""
 
 from collections.abc import Callable, Sequence
-from math import isfinite
 from typing import TYPE_CHECKING
 
 from hil.common.errors import ConfigError, DivergenceError
+from hil.common.schema import FINITE
 from sim.assembly import (
     make_dynamics,
     make_equipment,
@@ -23,6 +23,7 @@ from sim.run_events import EventLog
 from sim.sensors.odometry import ground_truth
 from sim.sensors.samples import OdometrySample, Sample
 from sim.sensors.suite import Schedule, SensorSet, fit
+from sim.vehicle.thrusters.model import check_pulses
 from sim.vehicle.vehicle import Vehicle, without
 from sim.vehicle.ventilation import Ventilation
 
@@ -37,6 +38,8 @@ if TYPE_CHECKING:
 
 DT_NS = 2_500_000  # 400 Hz
 MIN_DT_NS, MAX_DT_NS = 1_000, 100_000_000
+FARTHEST = 1e6  # m from the origin; doubles there are 0.1 nm apart
+MOST_TURNED = 1e6  # rad; beyond, sine and cosine of a heading say little of it
 
 
 class Simulation:
@@ -66,7 +69,7 @@ class Simulation:
         forces: "Sequence[Force]" = (),
         releases: "Sequence[Release]" = (),
     ) -> None:
-        _require_finite(vehicle, world, dt_ns, position, heading)
+        _require_sound(vehicle, world, seed, dt_ns, position, heading)
         if starts_inside(vehicle, world, position):
             at = ", ".join(f"{x:g}" for x in position)
             raise ConfigError(
@@ -257,10 +260,11 @@ class Simulation:
         return pwm_us[:count]
 
     def _count_thrusters(self, pwm_us: Sequence[int]) -> int:
-        """How many of these pulses, which come first, are the thrusters'. Raises ConfigError if not one a channel."""
+        """How many of these pulses, which come first, are the thrusters'. Raises ConfigError otherwise."""
         channels = len(self.vehicle.channels)
         if len(pwm_us) != channels:
             raise ConfigError(f"{len(pwm_us)} pulses for a vehicle of {channels} channels: give one a channel")
+        check_pulses(pwm_us)
         return len(self.vehicle.thrusters)
 
     def _drop(self, weight: "DropWeight") -> None:
@@ -290,21 +294,31 @@ class Simulation:
         )
 
 
-def _require_finite(vehicle: Vehicle, world: World, dt_ns: int, position: Sequence[float], heading: float) -> None:
+def _require_sound(
+    vehicle: Vehicle, world: World, seed: int, dt_ns: int, position: Sequence[float], heading: float
+) -> None:
     """Raise ConfigError for what no file can hold, but a program may: numbers that are none, an endless step."""
     if not isinstance(dt_ns, int) or not MIN_DT_NS <= dt_ns <= MAX_DT_NS:
-        raise ConfigError(f"dt_ns = {dt_ns:g}: a step takes whole ns, {MIN_DT_NS:,} to {MAX_DT_NS:,} (1 us to 100 ms)")
-    for key, triple in (("position", position), (f"current of {world.name}", world.current)):
-        if len(triple) != 3:
-            raise ConfigError(f"{key}: {len(triple)} numbers: give three, north, east and down")
-    given = {
-        "position": position, "heading": (heading,), f"current of {world.name}": world.current,
-        f"density of {world.name}": (world.density,), f"gravity of {world.name}": (world.gravity,),
-    }  # fmt: skip
-    for key, numbers in given.items():
-        odd = next((x for x in numbers if not isfinite(x)), None)
-        if odd is not None:
-            raise ConfigError(f"{key}: {odd:g} is no number to start from: give finite ones")
+        raise ConfigError(
+            f"dt_ns = {dt_ns!s:.40}: a step takes whole ns, {MIN_DT_NS:,} to {MAX_DT_NS:,}, which is 100 ms"
+        )
+    if not hasattr(seed, "__index__") or isinstance(seed, bool) or seed < 0:
+        raise ConfigError(f"seed = {seed!s:.40}: give a whole number from 0 on")
+    _require_numbers("position", position, FARTHEST, 3)
+    _require_numbers("heading", (heading,), MOST_TURNED, 1)
+    _require_numbers(f"current of {world.name}", world.current, FINITE.high, 3)
+    _require_numbers(f"density of {world.name}", (world.density,), FINITE.high, 1)
+    _require_numbers(f"gravity of {world.name}", (world.gravity,), FINITE.high, 1)
     problem = vehicle.validate()
     if problem:
         raise ConfigError(f"{vehicle.name}: {problem}")
+
+
+def _require_numbers(key: str, numbers: Sequence[float], most: float, count: int) -> None:
+    if not hasattr(numbers, "__len__") or len(numbers) != count:
+        found = len(numbers) if hasattr(numbers, "__len__") else f"{numbers!s:.40}"
+        raise ConfigError(f"{key}: {found} numbers: give three, north, east and down")
+    for number in numbers:
+        if not hasattr(number, "__float__") or not abs(number) <= most:
+            words = "finite ones" if most == FINITE.high else f"finite ones, to {most:,.0f}"
+            raise ConfigError(f"{key}: {number!s:.40} is no number to start from: give {words}")

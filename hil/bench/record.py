@@ -110,19 +110,6 @@ def load(path: str) -> Record:
         raise ConfigError(f"{path}: is not a result of `uuv-hil bench`; write one with --output FILE") from None
 
 
-def check_writable(path: str) -> None:
-    """Raises ConfigError if a file cannot be written, for what takes long before it is."""
-    there = os.path.exists(path)
-    try:
-        os.makedirs(os.path.dirname(os.path.abspath(path)), exist_ok=True)
-        with open(path, "ab"):
-            pass
-        if not there:
-            os.remove(path)
-    except OSError as error:
-        raise _unwritable(path, error) from None
-
-
 def write_text(path: str, text: str) -> None:
     """Write a text file. Raises ConfigError."""
     try:

@@ -18,7 +18,7 @@ def write_changed(name: str, changes: dict[str, Any], path: str) -> None:
 
     Paths in it stay those they were. Raises ConfigError, also when the changed scenario cannot be meant.
     """
-    load_scenario(name)  # so that errors of the original name the original
+    load_scenario(name, None if None in changes.values() else changes)  # so that errors name the original or the change
     source = find_preset(SCENARIOS, name)
     table = read_table(source)
     _make_paths_absolute(table, os.path.dirname(os.path.abspath(source)))

@@ -6,7 +6,6 @@ import time
 from contextlib import ExitStack
 from typing import Any
 
-from hil.bench.record import check_writable
 from hil.cases.simulated import SimulatedVehicle, Watch, fly, showing
 from hil.common.clock import NS_PER_S, RateKeeper, now_ns, seconds_ns
 from hil.common.errors import STOPPED
@@ -42,8 +41,6 @@ def main(arguments: list[str]) -> int:
     add_json(parser)
     parser.add_argument("--view", action="store_true", help="show it in a browser: pause, step, speed")
     options = parser.parse_args(arguments)
-    for path in filter(None, (options.output, options.plot)):
-        check_writable(path)
     if options.plot:
         check_picture(options.plot)
     scenario = load_single(options.scenario, changes_of(options))

@@ -5,7 +5,6 @@ from collections.abc import Callable
 from math import isnan
 
 from hil.autonomy.control.controller import AxisGains, HoldGains
-from hil.bench.record import check_writable
 from hil.common.columns import aligned
 from hil.common.errors import ConfigError
 from hil.common.options import SEED, add_output, add_plot, new_parser
@@ -43,8 +42,6 @@ def main(arguments: list[str]) -> int:
     options = parser.parse_args(arguments)
     _check_output(options.output)
     _check_vehicle(options.vehicle)
-    for path in filter(None, (options.output, options.plot)):
-        check_writable(path)
     if options.plot:
         check_picture(options.plot)
     vehicle, control = load_vehicle(options.vehicle)

@@ -10,6 +10,7 @@ from hil.common.columns import aligned
 from hil.common.errors import ConfigError, MissingExtraError
 from hil.common.options import Number, add_json, add_output, add_plot, area, new_parser
 from hil.common.schema import preset_names
+from hil.common.tables import output_file
 from hil.common.text import json_text
 from sim.environment.world import World, load_world
 
@@ -52,7 +53,7 @@ def _parser() -> argparse.ArgumentParser:
     actions = parser.add_subparsers(metavar="build|show|export|list", required=True)
     build = actions.add_parser("build", help="make a world of charts and soundings")
     build.add_argument("files", metavar="FILE", nargs="+", help=".000 charts, .tif, .bag, .nc, .xyz, .csv; several")
-    add_output(build, "WORLD", "writes WORLD.toml and WORLD.f32", required=True)
+    add_output(build, "WORLD", "writes WORLD.toml and WORLD.f32; makes their folder", required=True)
     build.add_argument("--resolution", metavar="M", type=RESOLUTION, default=5.0, help="of the grid [%(default)g]")
     build.add_argument(
         "--area", metavar="S,W,N,E", type=area, help="degrees; --area=-34,... for the south [all that is known]"
@@ -175,7 +176,7 @@ def _export(options: argparse.Namespace) -> int:
     if (options.depth is not None) != (ending == ".pgm"):
         raise ConfigError("--depth M goes with a map (.pgm), and a map needs it")
     world = load_world(options.world)
-    note = _write(world, options.output, ending, options.resolution, options.depth)
+    note = _write(world, output_file(options.output), ending, options.resolution, options.depth)
     print(f"{options.output}: {note}")
     return 0
 

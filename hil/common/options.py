@@ -16,7 +16,7 @@ from typing import Any, NoReturn
 from hil.common.endpoint import full_endpoint
 from hil.common.errors import EXIT_CODES, ConfigError, HilError
 from hil.common.schema import UNITS, nearest, shortened, with_unit
-from hil.common.tables import settings
+from hil.common.tables import output_file, settings
 
 UNKNOWN = "unrecognized arguments: "  # how argparse begins what it says of words and options that it does not know
 LOCAL_SLAVE = "tcp/127.0.0.1:7447"  # where a slave of this machine listens, unless its scenario says otherwise
@@ -171,8 +171,10 @@ def add_connect(parser: argparse.ArgumentParser, *, lan: bool = False) -> None:
 
 
 def add_output(parser: argparse.ArgumentParser, metavar: str, about: str, *, required: bool = False) -> None:
-    """Add -o and --output, the file or folder that the command writes."""
-    parser.add_argument("-o", "--output", metavar=metavar, help=about, required=required)
+    """Add -o and --output, the file that the command writes, or the folder, which it makes."""
+    kind = OUTPUT_FILE if metavar.startswith("FILE.") else str
+    words = f"{about}; its folder must be there" if kind is OUTPUT_FILE else about
+    parser.add_argument("-o", "--output", metavar=metavar, type=kind, help=words, required=required)
 
 
 def add_json(parser: argparse.ArgumentParser) -> None:
@@ -182,7 +184,7 @@ def add_json(parser: argparse.ArgumentParser) -> None:
 
 def add_plot(parser: argparse.ArgumentParser, about: str) -> None:
     """Add --plot, the picture that the command draws."""
-    parser.add_argument("--plot", metavar="FILE.png", help=about)
+    parser.add_argument("--plot", metavar="FILE.png", type=OUTPUT_FILE, help=about)
 
 
 def add_changes(parser: argparse.ArgumentParser) -> None:
@@ -328,6 +330,7 @@ def checked(convert: Callable[[str], Any]) -> Callable[[str], Any]:
     return call
 
 
+OUTPUT_FILE = checked(output_file)
 ENDPOINT = checked(full_endpoint)  # tcp/HOST:PORT, HOST:PORT or HOST, as tcp/HOST:PORT
 
 

@@ -83,6 +83,27 @@ def _parser() -> ModuleType:
     return parser
 
 
+def output_file(text: str) -> str:
+    """Return the name of a file that can be written, as is found by opening it. Raises ConfigError.
+
+    Its folder must be there: one that is mistyped is not made. A pipe with a name would wait for a reader.
+    """
+    there = os.path.exists(text)
+    try:
+        if there and stat.S_ISFIFO(os.stat(text).st_mode) and not os.path.realpath(text).startswith("/proc/"):
+            raise OSError(0, "it is a pipe")
+        os.close(os.open(text, os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_NONBLOCK, 0o666))
+        if not there:
+            os.remove(text)
+    except (OSError, ValueError) as error:
+        reason = error.strerror if isinstance(error, OSError) else error
+        folder = os.path.dirname(os.path.abspath(text))
+        if not os.path.isdir(folder):
+            reason = f"{folder} is a file" if os.path.exists(folder) else f"there is no folder {folder}"
+        raise ConfigError(f"{text}: cannot be written: {reason}; name a file in a folder of yours") from None
+    return text
+
+
 def settings(texts: Iterable[str], name: str) -> dict[str, Any]:
     """NAME=VALUE texts of the command line's `name` as a table. Raises ConfigError."""
     table = {}

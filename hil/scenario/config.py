@@ -117,19 +117,48 @@ class Scenario(NamedTuple):
         return f"protocol = {link.protocol!r}"
 
 
-def load_scenario(name: str, changes: dict[str, Any] | None = None) -> Scenario:
+def load_scenario(name: str, changes: dict[str, Any] | None = None, given: str = "--set") -> Scenario:
     """Return the scenario at a path ending in `.toml`, or one of the installed ones by its name.
 
     Paths in it (vehicle, world) are relative to the file. `changes` replace values before they are checked:
     {"master.speed": 0.5}; a path among them is looked for in the present folder first. This process speaks with ROS as
-    the scenario says from then on. Raises ConfigError.
+    the scenario says from then on. Raises ConfigError, which names the option by which a change was `given` and its
+    key, where the change is at fault; "": the file alone.
     """
     if not name.endswith(".toml") and (os.path.sep in name or os.path.exists(name)):
         names = ", ".join(preset_names(SCENARIOS))
         raise ConfigError(f"{shortened(name)}: a scenario is a file that ends in .toml, or one of: {names}")
     path = find_preset(SCENARIOS, name)
+    try:
+        scenario = _load(path, changes or {})
+    except ConfigError as error:
+        key = _key_at_fault(path, changes, str(error)) if changes and given else ""
+        if not key:
+            raise
+        raise ConfigError(f"{given} {key}: {str(error).removeprefix(f'{path}: ')}") from None
+    dialect.speak(scenario.ros.domain, scenario.ros.distro)
+    return scenario
+
+
+def _key_at_fault(path: str, changes: dict[str, Any], words: str) -> str:
+    """Return the change without which the scenario has no such error, all of them if it takes several; "" if none."""
+
+    def fails_with(some: dict[str, Any]) -> bool:
+        try:
+            _load(path, some)
+        except ConfigError as error:
+            return str(error) == words
+        return False
+
+    if fails_with({}):
+        return ""
+    alone = [key for key in changes if not fails_with({k: v for k, v in changes.items() if k != key})]
+    return ", ".join(alone or changes)
+
+
+def _load(path: str, changes: dict[str, Any]) -> Scenario:
     table = read_table(path)
-    for key, value in (changes or {}).items():
+    for key, value in changes.items():
         _change(table, key, value, path)
     if "path" in table:
         raise ConfigError(f"{path}: no key 'path'")
@@ -170,7 +199,6 @@ def load_scenario(name: str, changes: dict[str, Any] | None = None) -> Scenario:
     blind = [name for name in FEEDBACK if name not in scenario.sensors]
     if blind and scenario.controller == "builtin":
         raise ConfigError(f"{path}: sensors: the builtin controller needs {blind[0]}: its rate must be above 0")
-    dialect.speak(scenario.ros.domain, scenario.ros.distro)
     return scenario
 
 
@@ -184,12 +212,12 @@ def _check_certificates(scenario: Scenario) -> None:
             raise ConfigError(f"{scenario.path}: {key}: {problem}")
 
 
-def load_single(name: str, changes: dict[str, Any] | None = None, remedy: str = "") -> Scenario:
+def load_single(name: str, changes: dict[str, Any] | None = None, remedy: str = "", given: str = "--set") -> Scenario:
     """Return the same of one vehicle.
 
     Raises ConfigError, also when the scenario is of a fleet, with a `remedy` of its own.
     """
-    scenario = load_scenario(name, changes)
+    scenario = load_scenario(name, changes, given)
     if not scenario.member:
         return scenario
     nodes = [member.node for member in scenario.member]

@@ -58,6 +58,7 @@ def router_settings(endpoint: str, release: Release = "now") -> str:
     if release == "now":
         gossip["target"] = {"router": ["router", "peer"], "peer": ["router"]}
         gossip["autoconnect_strategy"] = {"router": {"to_router": "always", "to_peer": "always"}}
+        table["routing"] = {"router": {"peers_failover_brokering": False}}  # zenoh's own default is on
     return json5({**table, "mode": "router", "listen": {"endpoints": [endpoint]}})
 
 

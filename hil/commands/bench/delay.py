@@ -14,7 +14,7 @@ from hil.bench.record import Figure, new_record
 from hil.commands.bench.options import (
     add_limits,
     add_record,
-    check_outputs,
+    check_plot,
     limits_of,
     save_record,
     show,
@@ -95,7 +95,7 @@ class Case(NamedTuple):
 def main(arguments: list[str]) -> int:
     """Measure and print; 0, or 1 when a limit is broken. Raises HilError."""
     options = _parser().parse_args(arguments)
-    check_outputs(options)
+    check_plot(options)
     cases, echo = _cases(options), options.echo
     given = {key: getattr(options, key) for key in Case._fields if getattr(options, key) is not None}
     changing = [key for key, values in given.items() if len(values) > 1] or list(given)

@@ -13,7 +13,6 @@ from hil.bench.statistics import median
 from hil.commands.bench.options import (
     add_limits,
     add_record,
-    check_outputs,
     limits_of,
     save_record,
     show,
@@ -52,7 +51,6 @@ class Found(NamedTuple):
 def main(arguments: list[str]) -> int:
     """Measure and print; 0, or 1 with --check when cycles are missed. Raises HilError."""
     options = _parser().parse_args(arguments)
-    check_outputs(options)
     rates = options.rates
     limits = limits_of(options)
     limits = limits if limits.cpus else limits._replace(cpus=(_last_cpu(),))

@@ -11,7 +11,7 @@ from hil.bench.statistics import median, spread
 from hil.commands.bench.options import (
     add_limits,
     add_record,
-    check_outputs,
+    check_plot,
     limits_of,
     save_record,
     show,
@@ -46,7 +46,7 @@ FAILED = 1
 def main(arguments: list[str]) -> int:
     """Measure and print; 0, or 1 when a setting could not be measured. Raises HilError."""
     options = _parser().parse_args(arguments)
-    check_outputs(options)
+    check_plot(options)
     plan, left_out = _plan(options)
     courses: list[Course] = []
     endings = PartialFailures()

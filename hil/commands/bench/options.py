@@ -6,12 +6,11 @@ import time
 from typing import Any
 
 from hil.bench.limits import Limits, parse_cpus, parse_memory
-from hil.bench.record import Record, check_writable, save
+from hil.bench.record import Record, save
 from hil.common.options import Share, add_output, checked
 from hil.plots.plotting import check_picture
 
 CPU_SHARE = Share(0.01, 64.0)  # of one core
-OUTPUTS = ("output", "csv", "markdown", "plot")
 PRINT_EVERY_S = 60.0  # where no person watches, such as in a log
 
 
@@ -47,14 +46,9 @@ def limits_of(options: Any) -> Limits:
     return Limits(options.cpus, options.cpu_quota, options.memory)
 
 
-def check_outputs(options: Any) -> None:
-    """That all files which are asked for can be written, before anything is measured.
-
-    Raises ConfigError, MissingExtraError.
-    """
-    for path in filter(None, (getattr(options, name, None) for name in OUTPUTS)):
-        check_writable(path)
-    if getattr(options, "plot", None):
+def check_plot(options: Any) -> None:
+    """That the picture can be drawn if one is asked for. Raises ConfigError, MissingExtraError."""
+    if options.plot:
         check_picture(options.plot)
 
 

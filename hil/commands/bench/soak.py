@@ -11,7 +11,7 @@ from hil.bench.statistics import median
 from hil.commands.bench.options import (
     add_limits,
     add_record,
-    check_outputs,
+    check_plot,
     limits_of,
     save_record,
     show,
@@ -53,7 +53,7 @@ SERIES = (
 def main(arguments: list[str]) -> int:
     """Run and judge; 0, or 1 when something grows, drifts, hangs or does not come back. Raises HilError."""
     options = _parser().parse_args(arguments)
-    check_outputs(options)
+    check_plot(options)
     if options.every >= options.leave_every:
         raise ConfigError("command line: --every must be below --leave-every")
     if options.every >= options.hours * 3600.0:

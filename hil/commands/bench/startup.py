@@ -10,7 +10,6 @@ from hil.bench.statistics import median, spread
 from hil.commands.bench.options import (
     add_limits,
     add_record,
-    check_outputs,
     limits_of,
     save_record,
     show,
@@ -48,7 +47,6 @@ def main(arguments: list[str]) -> int:
     add_limits(parser)
     add_record(parser)
     options = parser.parse_args(arguments)
-    check_outputs(options)
     endings = PartialFailures()
     found, how, labels = _measure(options, endings)
     if not found:

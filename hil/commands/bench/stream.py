@@ -12,7 +12,6 @@ from hil.bench.stream_run import Listener, Listening, Stream, missing
 from hil.commands.bench.options import (
     add_limits,
     add_record,
-    check_outputs,
     limits_of,
     save_record,
     show,
@@ -50,7 +49,6 @@ ROWS: tuple[tuple[str, str, str, float, Better], ...] = (
 def main(arguments: list[str]) -> int:
     """Measure and print; the exit code. Raises HilError."""
     options = _parser().parse_args(arguments)
-    check_outputs(options)
     if options.connect and (options.set or limits_of(options) != Limits()):
         raise ConfigError(
             "command line: --set, --cpus, --cpu-quota and --memory change a slave started here, not --connect; "

@@ -15,14 +15,24 @@ from hil.bench.table.run import Run, figures, fly
 from hil.commands.bench.options import (
     add_limits,
     add_record,
-    check_outputs,
+    check_plot,
     limits_of,
     save_record,
     show,
 )
 from hil.commands.bench.partial_failures import PartialFailures
 from hil.common.errors import ConfigError
-from hil.common.options import DAY_S, ENDPOINT, REPEAT, Number, add_plot, add_scenario, changes_of, new_parser
+from hil.common.options import (
+    DAY_S,
+    ENDPOINT,
+    OUTPUT_FILE,
+    REPEAT,
+    Number,
+    add_plot,
+    add_scenario,
+    changes_of,
+    new_parser,
+)
 from hil.common.process import boot_id
 from hil.common.schema import preset_names
 from hil.ros.diagnostics import Diagnostics, shown
@@ -52,7 +62,7 @@ def main(arguments: list[str]) -> int:
     When a run fails after others, or is stopped, the results of those are reported before the error is raised.
     """
     options = _parser().parse_args(arguments)
-    check_outputs(options)
+    check_plot(options)
     earlier = [column for path in options.against for column in _earlier(path)]
     if options.connect and (options.cpus or options.cpu_quota or options.memory):
         raise ConfigError("command line: --cpus, --cpu-quota and --memory limit a slave started here, not --connect")
@@ -99,8 +109,8 @@ def _parser() -> Any:
     add("--board", metavar="NAME", help="whose budgets [recognised]")
     add_limits(parser)
     add_record(parser)
-    add("--csv", metavar="FILE", help="the table as CSV")
-    add("--markdown", metavar="FILE", help="the table as Markdown")
+    add("--csv", metavar="FILE", type=OUTPUT_FILE, help="the table as CSV")
+    add("--markdown", metavar="FILE", type=OUTPUT_FILE, help="the table as Markdown")
     add_plot(parser, "the table as a picture")
     return parser
 

@@ -8,7 +8,6 @@ import time
 from collections.abc import Sequence
 from contextlib import closing
 
-from hil.bench.record import check_writable
 from hil.cases.simulated import fly
 from hil.commands.campaign.engines import CLUSTERS, Changes, Row, Task, run_here, run_on_cluster
 from hil.commands.campaign.files import collect
@@ -63,9 +62,7 @@ def main(arguments: list[str]) -> int:
             "runs: give fewer, or several campaigns"
         )
     for changes in sets:  # a wrong key shall not cost a campaign
-        load_single(options.scenario, fixed | changes)
-    if options.output:
-        check_writable(options.output)
+        load_single(options.scenario, fixed | changes, given="--set or --vary")
     with every_end_like_ctrl_c():
         rows = run_all(
             options.scenario, [fixed | changes for changes in sets], options.seeds, options.jobs, options.backend

@@ -5,6 +5,7 @@ import os
 from hil.bench.record import write_text
 from hil.common.errors import ConfigError
 from hil.common.options import add_output, new_parser
+from hil.common.tables import output_file
 from hil.common.text import json_text
 from hil.schemas.files import KINDS, schema
 
@@ -34,7 +35,7 @@ def main(arguments: list[str]) -> int:
         if options.output is None:
             print(text, end="")
         else:
-            _write(options.output, text)
+            _write(output_file(options.output), text)
         return 0
     for kind in KINDS:
         _write(os.path.join(options.output, f"{kind}.schema.json"), json_text(schema(kind), indent=2) + "\n")

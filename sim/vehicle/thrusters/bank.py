@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from hil.common.errors import ConfigError
 from sim.matrices import Matrix
-from sim.vehicle.thrusters.model import Thruster, is_pulse
+from sim.vehicle.thrusters.model import Thruster, check_pulses, is_pulse
 from sim.vehicle.vehicle import Vehicle
 
 if TYPE_CHECKING:
@@ -152,7 +152,7 @@ class ThrusterSet:
         failures = self._failures
         if failures is not None:
             pulses = failures.pulses(pulses)
-        if pulses != self._pwm_us:
+        if pulses != self._pwm_us or not pulses:
             self.command(pulses)
         return self._advance(nu_r)
 
@@ -205,5 +205,6 @@ class ThrusterSet:
             raise ConfigError(
                 f"{len(pwm_us)} pulses for a vehicle of {len(self._thrusters)} thrusters: give one a thruster"
             )
+        check_pulses(pwm_us)
         self._targets = [steady[pulse] for steady, pulse in zip(self._steady, pwm_us, strict=True)]
         self._pwm_us = pwm_us

@@ -1,8 +1,10 @@
 """The record of one thruster: position, direction, and the model from pulse to thrust."""
 
-from math import hypot
+from collections.abc import Sequence
+from math import hypot, inf
 from typing import TYPE_CHECKING, Annotated, NamedTuple, Protocol
 
+from hil.common.errors import ConfigError
 from hil.common.schema import Range
 
 if TYPE_CHECKING:
@@ -22,6 +24,16 @@ PULSE_MIN_US, PULSE_MAX_US = 800, 2200
 def is_pulse(pwm_us: float) -> bool:
     """True for what a motor controller or servo takes for a pulse."""
     return PULSE_MIN_US <= pwm_us <= PULSE_MAX_US
+
+
+def check_pulses(pwm_us: Sequence[float]) -> None:
+    """Raise ConfigError for a pulse that is no number. One that is too short or too long is none, and pushes nothing.
+
+    So are those of an autopilot that is not armed.
+    """
+    for channel, pulse in enumerate(pwm_us):
+        if not hasattr(pulse, "__float__") or not abs(pulse) < inf:
+            raise ConfigError(f"pulse {channel} is {pulse!s:.40}: give microseconds, such as 1500")
 
 
 class Curve(Protocol):

@@ -1,6 +1,7 @@
 """Outcomes as a person meets them: what every command that flies says and returns when something went wrong."""
 
 import csv
+import os
 from pathlib import Path
 
 import pytest
@@ -79,6 +80,13 @@ def test_a_campaign_counts_it(
         (["campaign", "paper_field", "-o", "FOLDER"], "cannot be written"),
         (["tune", "paper_six", "-o", "FOLDER/x.png/y.toml"], "cannot be written"),
         (["tune", "paper_six", "--plot", "FOLDER/x.jjj"], "pictures end in"),
+        (["sim", "paper_field", "--fast", "--output", "FOLDER/nope/x.csv"], "there is no folder"),
+        (["sim", "paper_field", "--fast", "--output", "FOLDER/pipe.csv"], "it is a pipe"),
+        (["sim", "paper_field", "--fast", "--plot", "FOLDER/pipe.png"], "it is a pipe"),
+        (["schema", "scenario", "--output", "FOLDER/pipe.json"], "it is a pipe"),
+        (["world", "export", "pool", "FOLDER/pipe.stl"], "it is a pipe"),
+        (["world", "show", "pool", "--output", "FOLDER/pipe.png"], "it is a pipe"),
+        (["vehicle", "paper_six", "--plot", "FOLDER/pipe.png"], "it is a pipe"),
         (["case", "path_planning", "--output", "FOLDER/x.png"], "cannot be made"),
         (["master", "paper_field", "--connect", "tcp/127.0.0.1:1", "--output", "FOLDER/x.png"], "cannot be made"),
         (["demo", "paper_field", "--listen", "tcp/127.0.0.1:PORT", "--output", "FOLDER/x.png"], "cannot be made"),
@@ -92,6 +100,8 @@ def test_where_results_go_is_looked_at_before_the_flight(arguments: list[str], w
     from hil.common.ports import free_ports
 
     (tmp_path / "x.png").write_text("")
+    for ending in ("csv", "png", "json", "stl"):
+        os.mkfifo(tmp_path / f"pipe.{ending}")
     name, *rest = [a.replace("FOLDER", str(tmp_path)).replace("PORT", str(free_ports(1)[0])) for a in arguments]
     with pytest.raises(ConfigError, match=words):
         import_module(COMMANDS[name][0]).main(rest)

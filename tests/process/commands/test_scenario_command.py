@@ -66,6 +66,38 @@ def test_what_a_flight_would_run_into_is_found(
 
 
 @pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ("master.speed=nan", "--set master.speed: master: speed: nan m/s is outside 0.05 to 5 m/s"),
+        ("master.sped=1", "--set master.sped: master: no key 'sped'; did you mean 'speed'?"),
+        ("sensors.imu.rate=-1", "--set sensors.imu.rate: sensors: imu: rate: -1 Hz is outside"),
+        ("seed.x=1", "--set seed.x: seed.x: 'seed' is a value, not a table"),
+        ('network.mode="routed"', '--set network.mode: network: mode = "routed" and router'),
+        ("vehicle=nix", "--set vehicle: vehicle: no vehicle 'nix'"),
+    ],
+)
+@pytest.mark.parametrize("command", [("sim", "--fast"), ("bench", "delay"), ("slave",)], ids=" ".join)
+def test_a_wrong_change_is_named_and_not_the_file(
+    capsys: pytest.CaptureFixture[str], command: tuple[str, ...], change: str, words: str
+) -> None:
+    name = [] if "bench" in command else ["paper_field"]
+    code, _, error = run(capsys, *command, *name, "--set", "master.depth=4", "--set", change)
+    assert code == 2, error
+    assert f": {words}" in error.splitlines()[-1]  # behind the progress of a busy machine
+    assert "paper_field.toml" not in error
+
+
+def test_a_fault_of_the_file_is_no_change_s(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    path = tmp_path / "mine.toml"
+    text = Path(load_scenario("paper_field").path).read_text()
+    path.write_text(text.replace("seed = 1\n", "seed = -5\n"))
+    code, _, error = run(capsys, "sim", str(path), "--set", "stm32=python")
+    assert (code, error) == (2, f"uuv-hil sim: {path}: seed: -5 is outside 0 to 9.22337e+18\n")
+    code, _, error = run(capsys, "campaign", "paper_field", "--vary", "master.speed=0.5,9")
+    assert (code, "--set or --vary master.speed: master: speed: 9 m/s is outside" in error) == (2, True), error
+
+
+@pytest.mark.parametrize(
     ("change", "words"), [("master.sped=1", "did you mean 'speed'"), ("master", "is not NAME=VALUE")]
 )
 def test_what_a_scenario_may_not_say_is_one_line(capsys: pytest.CaptureFixture[str], change: str, words: str) -> None:

@@ -238,3 +238,13 @@ def test_long_examples_are_broken_as_a_shell_reads_them(monkeypatch: pytest.Monk
         "      '{linear: {x: 0.5}}'",
         "      # drive",
     ]
+
+
+def test_every_file_that_is_written_is_tried_first() -> None:
+    """By the metavar of the option, in every command."""
+    written = [
+        option for option in OPTIONS if option.action.dest in ("output", "plot", "csv", "markdown")
+        and str(option.action.metavar).startswith("FILE") and option.action.metavar != "FILE|DIR"
+    ]  # fmt: skip
+    assert len(written) >= 12
+    assert {option.name for option in written if option.action.type is not parser.OUTPUT_FILE} == set()

@@ -8,7 +8,7 @@ import pytest
 
 from hil.common import tables
 from hil.common.errors import ConfigError
-from hil.common.tables import cache_path, read_table
+from hil.common.tables import cache_path, output_file, read_table
 
 
 @pytest.fixture(autouse=True)
@@ -96,3 +96,49 @@ def test_a_file_that_went_is_missed(file: Path) -> None:
     file.unlink()
     with pytest.raises(ConfigError, match="no such file"):
         read_table(str(file))
+
+
+# -- files that are written --------------------------------------------------------------------------------------------
+
+
+def test_an_output_is_tried_and_not_left_behind(tmp_path: Path) -> None:
+    there = tmp_path / "there.json"
+    there.write_text("earlier")
+    assert [output_file(str(path)) for path in (tmp_path / "new.json", there)]
+    assert there.read_text() == "earlier"
+    assert not (tmp_path / "new.json").exists()
+
+
+@pytest.mark.parametrize(
+    ("place", "reason"),
+    [
+        ("folder", "Is a directory"),
+        ("nowhere/a.json", "there is no folder FOLDER/nowhere"),
+        ("nowhere/more/a.json", "there is no folder FOLDER/nowhere/more"),
+        ("file/a.json", "FOLDER/file is a file"),
+        ("pipe.json", "it is a pipe"),
+        ("a\0b", "embedded null byte"),
+    ],
+)
+def test_an_output_that_cannot_be(tmp_path: Path, place: str, reason: str) -> None:
+    """At once, also for a pipe that nobody reads; and no folder is made."""
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "file").write_text("")
+    os.mkfifo(tmp_path / "pipe.json")
+    before = set(tmp_path.iterdir())
+    with pytest.raises(ConfigError) as error:
+        output_file(str(tmp_path / place))
+    reason = reason.replace("FOLDER", str(tmp_path))
+    assert f"cannot be written: {reason}; name a file in a folder of yours" in str(error.value)
+    assert set(tmp_path.iterdir()) == before
+
+
+def test_what_others_read_meanwhile_is_no_such_pipe() -> None:
+    """`>(gzip > flight.csv.gz)` of a shell, and /dev/stdout."""
+    reader, writer = os.pipe()
+    try:
+        assert output_file(f"/proc/self/fd/{writer}")
+        assert output_file("/dev/null")
+    finally:
+        os.close(reader)
+        os.close(writer)
