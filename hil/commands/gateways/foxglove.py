@@ -1,24 +1,32 @@
-"""`uuv-hil foxglove`: show vehicles live in Foxglove: their topics as they are, over a websocket."""
+"""`uuv-hil foxglove`: show vehicles live in Foxglove, and command them from there."""
 
 import select
-from typing import Any
+from contextlib import ExitStack
+from typing import TYPE_CHECKING
 
+import hil
 from hil.commands.listening import scenario_and_endpoints
-from hil.common.errors import MissingExtraError, NetworkError
+from hil.common.errors import MissingExtraError
 from hil.common.options import add_connect, add_settings, new_parser, serving_address
 from hil.common.stop import StopSignals
 from hil.network.settings import Network
-from hil.recording.mcap_file import Message, schema_of
-from hil.ros.topics import TOPICS
+from hil.recording.mcap_file import Message
+from hil.scenario.config import Scenario
+
+if TYPE_CHECKING:
+    from hil.gateways.foxglove.server import FoxgloveServer
 
 EXAMPLES = """\
-Then open Foxglove, "open connection", ws://localhost:8765. The messages are those of ROS 2, byte for byte.
-Its clients only look. Foxglove's library asks for no password and checks no origin: any web page that is open in a
-browser on this machine can look too, and with another --listen everybody who reaches the port.
+Open Foxglove, "open connection", "Foxglove WebSocket", and give the address that this command prints, with its token.
+The messages are those of ROS 2, byte for byte. With --command the panels Teleop, Publish, Service Call and Parameters
+command the vehicles; who has no token can only look. Web pages need the token to look, too.
+With a scenario the 3-D panel also shows its seabed, its obstacles and the vehicle.
 
 examples:
   uuv-hil foxglove --connect tcp/192.168.3.116:7447
-  uuv-hil foxglove --listen 0.0.0.0:9000      for other machines: anyone who reaches it can look
+  uuv-hil foxglove --scenario mine.toml --command
+  uuv-hil foxglove --layout uuv1 > layout.json       a layout with all panels, to import in Foxglove
+  uuv-hil foxglove --listen 0.0.0.0:9000             for other machines: programs that reach it can look
 """
 LISTEN = "127.0.0.1:8765"
 POLL_S = 0.02
@@ -32,86 +40,77 @@ def main(arguments: list[str]) -> int:
     parser.add_argument(
         "--listen", metavar="[HOST:]PORT", type=serving_address, default=LISTEN, help="where to serve [%(default)s]"
     )
+    parser.add_argument("--command", action="store_true", help="let clients with the token command the vehicles")
+    parser.add_argument("--layout", metavar="VEHICLE", help="print a layout for Foxglove, and end")
     options = parser.parse_args(arguments)
+    if options.layout:
+        from hil.gateways.foxglove.layout import layout
+
+        print(layout(options.layout))
+        return 0
     scenario, endpoints = scenario_and_endpoints(options)
-    network, security = (scenario.network, scenario.security) if scenario else (Network(), None)
+    try:
+        from hil.gateways.foxglove.server import FoxgloveServer
+    except ImportError as error:
+        raise MissingExtraError(f"Foxglove needs {error.name}: pip install 'uuv-hil[foxglove]'") from None
     from hil.recording.tap import Tap, save_processor
 
     save_processor()
-    with (
-        StopSignals() as stop_fd,
-        LiveView(*options.listen) as view,
-        Tap(endpoints, network, security) as tap,
-    ):
-        print(f"ws://{options.listen[0]}:{view.port} shows {', '.join(endpoints)}; Ctrl-C ends it", flush=True)
+    network, security = (scenario.network, scenario.security) if scenario else (Network(), None)
+    with StopSignals() as stop_fd, ExitStack() as opened:
+        commanding = None
+        if options.command:
+            from hil.gateways.foxglove.commanding import Commanding
+
+            keys = security.folder("master") if security else ""
+            routed = bool(scenario and scenario.network.mode == "routed")
+            commanding = Commanding(opened.enter_context(hil.connect(*endpoints, routed=routed, keys=keys)))
+        host, port = options.listen
+        server = opened.enter_context(FoxgloveServer(host, port, commanding))
+        tap = opened.enter_context(Tap(endpoints, network, security))
+        address = f"ws://{host}:{server.port}"
+        print(f"{address}/?token={server.access.token} shows {', '.join(endpoints)}; Ctrl-C ends it", flush=True)
         print(f"waiting for a vehicle at {', '.join(endpoints)} (`uuv-hil slave` there)", flush=True)
+        if scenario:
+            _show_scene(server, scenario)
         nodes: set[str] = set()
         while not select.select((stop_fd,), (), (), POLL_S)[0]:
-            for message in tap.take():
-                view.show(message)
-                node = message.topic.split("/")[1]
-                if node not in nodes and message.topic.count("/") > 1:  # /tf and /clock are of no vehicle alone
-                    nodes.add(node)
-                    print(f"here: {node}", flush=True)
+            messages = tap.take()
+            server.show(messages)
+            for message in messages:
+                _greet(server, nodes, message)
+                _show_fan(server, message)
             if text := tap.complaint():
                 print(text, flush=True)
     return 0
 
 
-class LiveView:
-    """A websocket server for Foxglove, with a channel a topic. Use as a context.
-
-    Raises MissingExtraError, and NetworkError when the port is taken.
-    """
-
-    def __init__(self, host: str, port: int) -> None:
-        self._library = _library()
-        self._context = self._library.Context()
-        self._channels: dict[str, Any] = {}
-        self._kept: dict[str, Message] = {}  # by topic the last of a latched topic, for those who come later
-        how = {"host": host, "port": port, "context": self._context, "server_listener": self}
-        try:
-            self._server = self._library.start_server(name="uuv-hil", **how)
-        except (RuntimeError, OSError) as error:
-            raise NetworkError(f"cannot serve at {host}:{port}: {error}; choose another with --listen") from None
-        self.port: int = self._server.port
-
-    def __enter__(self) -> "LiveView":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._server.stop()
-
-    def show(self, message: Message) -> None:
-        """Pass a message on, with the time when it was sent."""
-        channel = self._channels.get(message.topic)
-        if channel is None:
-            encoding, text = schema_of(message.type)
-            schema = self._library.Schema(name=message.type, encoding=encoding, data=text) if text else None
-            channel = self._channels[message.topic] = self._library.Channel(
-                message.topic, schema=schema, message_encoding="cdr", context=self._context
-            )
-        row = TOPICS.get(message.topic) or TOPICS.get(message.topic.rpartition("/")[2])
-        if row and row.qos.latched:
-            self._kept[message.topic] = message
-        channel.log(message.data, log_time=message.published_ns)
-
-    def on_subscribe(self, _client: Any, channel: Any) -> None:
-        """Give a client that comes late what was said last on a latched topic; called by the library's thread."""
-        message = self._kept.get(channel.topic)
-        if message:
-            self._channels[message.topic].log(message.data, log_time=message.published_ns)
-
-    def __getattr__(self, name: str) -> Any:
-        """Whatever else the library tells a listener is nothing to us."""
-        if not name.startswith("on_"):
-            raise AttributeError(name)
-        return lambda *_: None
+def _greet(server: "FoxgloveServer", nodes: set[str], message: Message) -> None:
+    """Say once that a vehicle is there; /tf and /clock are of no vehicle alone."""
+    node = message.topic.split("/")[1]
+    if node not in nodes and message.topic.count("/") > 1:
+        nodes.add(node)
+        print(f"here: {node}", flush=True)
 
 
-def _library() -> Any:
-    try:
-        import foxglove
-    except ImportError:
-        raise MissingExtraError("the live view needs foxglove-sdk: pip install 'uuv-hil[foxglove]'") from None
-    return foxglove
+def _show_scene(server: "FoxgloveServer", scenario: Scenario) -> None:
+    from hil.common.clock import now_ns, to_wall_ns
+    from hil.gateways.foxglove.scene import encode_scene, scene_channel
+    from sim.environment.world import load_world
+    from sim.vehicle.vehicle import load_vehicle
+
+    scene = encode_scene(scenario, load_world(scenario.world), load_vehicle(scenario.vehicle)[0])
+    server.publish(scene_channel(), to_wall_ns(now_ns()), scene, latched=True)
+
+
+def _show_fan(server: "FoxgloveServer", message: Message) -> None:
+    """Publish a sonar's picture as a fan too, while somebody looks."""
+    from hil.gateways.foxglove import scene
+
+    node, _, name = message.topic[1:].partition("/")
+    if name != scene.SONAR_TOPIC:
+        return
+    channel = scene.fan_channel(node)
+    server.offer(channel)
+    if server.is_watched(channel.topic) and (fan := scene.encode_fan(message)):
+        server.publish(channel, message.published_ns, fan)

@@ -26,7 +26,7 @@ class WorldScene:
     def __init__(self, server: Any, world: World) -> None:
         self._scene = server.scene
         self.world = world
-        norths, easts, depths = _nodes(world)
+        norths, easts, depths = nodes(world)
         self.deepest = float(np.nanmax(depths))
         self._draw_seabed(norths, easts, depths)
         self._draw_contours(norths, easts, depths)
@@ -58,16 +58,10 @@ class WorldScene:
     def _draw_seabed(self, norths: Any, easts: Any, depths: Any) -> None:
         import trimesh
 
-        rows, columns = depths.shape
-        grid = np.stack(np.broadcast_arrays(norths[:, None], easts[None, :], depths), axis=2).reshape(-1, 3)
-        index = np.arange(rows * columns).reshape(rows, columns)
-        a, b, c, d = index[:-1, :-1], index[:-1, 1:], index[1:, :-1], index[1:, 1:]
-        faces = np.concatenate([np.stack(corners, axis=2).reshape(-1, 3) for corners in ((a, b, d), (a, d, c))])
-        faces = faces[np.isfinite(grid[faces, 2]).all(axis=1)]
-        shade = np.clip(np.nan_to_num(grid[:, 2:] / max(self.deepest, 0.1)), 0.0, 1.0)
-        grid[:, 2] = np.nan_to_num(grid[:, 2])
+        places, faces = triangles(norths, easts, depths)
+        shade = np.clip(places[:, 2:] / max(self.deepest, 0.1), 0.0, 1.0)
         mesh = trimesh.Trimesh(
-            to_scene(grid), faces, vertex_colors=(SHALLOW + (DEEP - SHALLOW) * shade).astype(np.uint8), process=False
+            to_scene(places), faces, vertex_colors=(SHALLOW + (DEEP - SHALLOW) * shade).astype(np.uint8), process=False
         )
         self._scene.add_mesh_trimesh("/seabed", mesh, cast_shadow=False)
 
@@ -142,14 +136,25 @@ def _length(vectors: Any) -> Any:
     return np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-9)
 
 
-def _nodes(world: World) -> tuple[Any, Any, Any]:
-    """Norths, easts and depths (rows x columns) of the seabed, thinned out so that a browser can turn it."""
+def triangles(norths: Any, easts: Any, depths: Any) -> tuple[Any, Any]:
+    """Return the nodes of the seabed (n x 3, NED, m) and its known triangles (m x 3 numbers of nodes)."""
+    rows, columns = depths.shape
+    places = np.stack(np.broadcast_arrays(norths[:, None], easts[None, :], depths), axis=2).reshape(-1, 3)
+    index = np.arange(rows * columns).reshape(rows, columns)
+    a, b, c, d = index[:-1, :-1], index[:-1, 1:], index[1:, :-1], index[1:, 1:]
+    faces = np.concatenate([np.stack(corners, axis=2).reshape(-1, 3) for corners in ((a, b, d), (a, d, c))])
+    faces = faces[np.isfinite(places[faces, 2]).all(axis=1)]
+    return np.nan_to_num(places), faces
+
+
+def nodes(world: World, most: int = MOST_NODES) -> tuple[Any, Any, Any]:
+    """Norths, easts and depths (rows x columns) of the seabed, thinned out to `most` nodes a side."""
     if world.terrain is None:
         south, north, west, east = world.extent
         return np.array([south, north]), np.array([west, east]), np.full((2, 2), world.depth)
     grid = world.terrain.grid
     depths = np.asarray(world.terrain.depths, dtype=float).reshape(grid.rows, grid.columns)
-    stride = max(1, ceil(max(grid.rows, grid.columns) / MOST_NODES))
+    stride = max(1, ceil(max(grid.rows, grid.columns) / most))
     norths = grid.north_min + grid.resolution * np.arange(grid.rows)
     easts = grid.east_min + grid.resolution * np.arange(grid.columns)
     return norths[::stride], easts[::stride], depths[::stride, ::stride]

@@ -1,52 +1,105 @@
-"""What a web page of any origin can do at Foxglove's bridge: look, as the library checks no origin, and no more."""
+"""Who may look and who may command at the gateway for Foxglove."""
 
 import json
+from collections.abc import Iterator
 from typing import Any
 
-from websockets.sync.client import connect
+import pytest
+from websockets.exceptions import InvalidStatus
+from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Origin, Subprotocol
 
-from hil.commands.gateways.foxglove import EXAMPLES, LiveView
+from hil.gateways.foxglove.server import MOST_CLIENTS, FoxgloveServer
 from hil.recording.mcap_file import Message
-from tests.support.processes import free_port
 
 TIME_NS = 1_700_000_000_000_000_000
 IMU = Message("/uuv1/imu", "sensor_msgs/msg/Imu", 1, TIME_NS, TIME_NS, b"\0\1\0\0")
 PAGE = Origin("https://somewhere.example")
 
 
+@pytest.fixture
+def server() -> Iterator[FoxgloveServer]:
+    with FoxgloveServer("127.0.0.1", 0) as opened:
+        yield opened
+
+
+def opened(server: FoxgloveServer, query: str = "", **options: Any) -> ClientConnection:
+    return connect(f"ws://127.0.0.1:{server.port}/{query}", subprotocols=[Subprotocol("foxglove.sdk.v1")], **options)
+
+
 def messages(socket: Any, last: str) -> list[dict[str, Any]]:
-    """What the server says until a message of that kind."""
+    """What the server sends until a message of that kind."""
     found: list[dict[str, Any]] = []
     while not found or found[-1]["op"] != last:
-        told = socket.recv(30)
-        if isinstance(told, str):
-            found.append(json.loads(told))
+        received = socket.recv(30)
+        if isinstance(received, str):
+            found.append(json.loads(received))
     return found
 
 
-def test_a_page_of_any_origin_can_look() -> None:
-    """If this fails, the library has learnt to refuse: say so in docs/explanation/security.md."""
-    port = free_port()
-    with (
-        LiveView("127.0.0.1", port) as view,
-        connect(f"ws://127.0.0.1:{port}", subprotocols=[Subprotocol("foxglove.sdk.v1")], origin=PAGE) as socket,
-    ):
-        view.show(IMU)
+def test_a_page_needs_the_token_even_to_look(server: FoxgloveServer) -> None:
+    for query in ("", "?token=wrong", "?token="):
+        with pytest.raises(InvalidStatus) as refused:
+            opened(server, query, origin=PAGE)
+        assert refused.value.response.status_code == 403
+    server.show([IMU])
+    with opened(server, f"?token={server.access.token}", origin=PAGE) as socket:
         assert [channel["topic"] for channel in messages(socket, "advertise")[-1]["channels"]] == [IMU.topic]
-    assert "any web page" in EXAMPLES, "and the help says so"
 
 
-def test_a_client_can_only_look() -> None:
-    port = free_port()
-    with (
-        LiveView("127.0.0.1", port) as view,
-        connect(f"ws://127.0.0.1:{port}", subprotocols=[Subprotocol("foxglove.sdk.v1")]) as socket,
-    ):
+def test_who_has_no_token_can_only_look(server: FoxgloveServer) -> None:
+    with opened(server) as socket:
         (info,) = messages(socket, "serverInfo")
-        assert info["capabilities"] == [], "not clientPublish, services, parameters or assets"
+        assert info["capabilities"] == [], "not clientPublish, services or parameters"
         channel = {"id": 7, "topic": "/uuv1/cmd_vel", "encoding": "cdr", "schemaName": "geometry_msgs/msg/Twist"}
-        socket.send(json.dumps({"op": "advertise", "channels": [channel]}))
-        status = messages(socket, "status")[-1]
-        assert "not support" in status["message"] or "clientPublish" in status["message"], status
-        view.show(IMU)
+        for request in (
+            json.dumps({"op": "advertise", "channels": [channel]}),
+            json.dumps({"op": "setParameters", "parameters": [{"name": "/uuv1/gains.surge.p", "value": 1.0}]}),
+            b"\x01\x07\0\0\0" + b"\0" * 52,
+            b"\x02\0\0\0\0\0\0\0\0\x03\0\0\0cdr",
+        ):
+            socket.send(request)
+            assert "token" in messages(socket, "status")[-1]["message"]
+
+
+def test_what_is_no_message_is_answered_and_harms_nobody(server: FoxgloveServer) -> None:
+    with opened(server) as socket:
+        for request in (
+            "{",
+            "[]",
+            '{"op": "subscribe"}',
+            '{"op": "subscribe", "subscriptions": [{"id": -1}]}',
+            b"\xff",
+        ):
+            socket.send(request)
+            assert messages(socket, "status")[-1]["level"] == 2
+        server.show([IMU])
+        assert messages(socket, "advertise")
+
+
+def test_there_are_only_so_many_clients(server: FoxgloveServer) -> None:
+    sockets = [opened(server) for _ in range(MOST_CLIENTS)]
+    for socket in sockets:
+        messages(socket, "serverInfo")
+    with opened(server) as late:
+        assert late.recv_events is not None
+        with pytest.raises(Exception, match="32 clients are here already"):
+            late.recv(30)
+    for socket in sockets:
+        socket.close()
+
+
+def test_a_client_that_does_not_read_loses_old_messages_and_holds_up_nobody(server: FoxgloveServer) -> None:
+    picture = IMU._replace(topic="/uuv1/camera/image_raw", type="sensor_msgs/msg/Image", data=bytes(4 << 20))
+    server.show([picture])
+    with opened(server, max_size=None, max_queue=1) as slow, opened(server, max_size=None) as other:
+        for socket in (slow, other):
+            number = messages(socket, "advertise")[-1]["channels"][0]["id"]
+            socket.send(json.dumps({"op": "subscribe", "subscriptions": [{"id": 1, "channelId": number}]}))
+            socket.ping().wait(30)
+        for _ in range(30):  # 120 MB, of which the slow client's queue holds 32
+            server.show([picture])
+            while not isinstance(other.recv(60), bytes):
+                pass
+        # Now it reads, and is told.
+        assert "dropped" in messages(slow, "status")[-1]["message"]

@@ -5,23 +5,22 @@ import json
 from websockets.sync.client import connect
 from websockets.typing import Subprotocol
 
-from hil.commands.gateways.foxglove import LiveView
+from hil.gateways.foxglove.server import FoxgloveServer
 from hil.recording.mcap_file import Message
-from tests.support.processes import free_port
 
 TIME_NS = 1_700_000_000_000_000_000
 STATIC = Message("/tf_static", "tf2_msgs/msg/TFMessage", 1, TIME_NS, TIME_NS, b"\0\1\0\0\0\0\0\0")
 IMU = Message("/uuv1/imu", "sensor_msgs/msg/Imu", 1, TIME_NS, TIME_NS, b"\0\1\0\0old")
 
 
-def heard(port: int, later: LiveView) -> dict[int, bytes]:
+def received(port: int, later: FoxgloveServer) -> dict[int, bytes]:
     """The payloads that a client gets by its subscriptions, of which 0 is of the transforms and 1 of the imu."""
     with connect(f"ws://127.0.0.1:{port}", subprotocols=[Subprotocol("foxglove.sdk.v1")]) as socket:
         channels: dict[str, int] = {}
         while len(channels) < 2:
-            told = socket.recv(30)
-            if isinstance(told, str) and json.loads(told)["op"] == "advertise":
-                channels |= {channel["topic"]: channel["id"] for channel in json.loads(told)["channels"]}
+            message = socket.recv(30)
+            if isinstance(message, str) and json.loads(message)["op"] == "advertise":
+                channels |= {channel["topic"]: channel["id"] for channel in json.loads(message)["channels"]}
         wanted = [{"id": 0, "channelId": channels[STATIC.topic]}, {"id": 1, "channelId": channels[IMU.topic]}]
         socket.send(json.dumps({"op": "subscribe", "subscriptions": wanted}))
         found: dict[int, bytes] = {}
@@ -29,7 +28,7 @@ def heard(port: int, later: LiveView) -> dict[int, bytes]:
             data = socket.recv(30)
             if isinstance(data, bytes) and data[0] == 1:  # opcode, subscription, time, payload
                 found.setdefault(int.from_bytes(data[1:5], "little"), data[13:])
-        later.show(IMU._replace(data=b"\0\1\0\0new"))
+        later.show([IMU._replace(data=b"\0\1\0\0new")])
         while 1 not in found:
             data = socket.recv(30)
             if isinstance(data, bytes) and data[0] == 1:
@@ -38,9 +37,7 @@ def heard(port: int, later: LiveView) -> dict[int, bytes]:
 
 
 def test_transforms_that_were_said_once_reach_who_comes_later() -> None:
-    port = free_port()
-    with LiveView("127.0.0.1", port) as view:
-        view.show(STATIC)
-        view.show(IMU)
+    with FoxgloveServer("127.0.0.1", 0) as view:
+        view.show([STATIC, IMU])
         for _ in range(2):  # one after the other
-            assert heard(port, view) == {0: STATIC.data, 1: b"\0\1\0\0new"}, "and what is said often is not repeated"
+            assert received(view.port, view) == {0: STATIC.data, 1: b"\0\1\0\0new"}, "what comes often is not repeated"

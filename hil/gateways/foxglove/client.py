@@ -1,0 +1,229 @@
+"""One client of the Foxglove server: its subscriptions, what it may do, and what waits to be sent to it."""
+
+import asyncio
+from collections import deque
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from aiohttp import WSMsgType, web
+
+from hil.common.errors import HilError
+from hil.gateways.foxglove.commanding import Commanding
+from hil.gateways.foxglove.protocol import (
+    CDR,
+    ERROR,
+    WARNING,
+    Channel,
+    ClientMessage,
+    ServiceRequest,
+    decode_binary,
+    decode_text,
+    encode_channel,
+    encode_message,
+    encode_response,
+    encode_text,
+)
+
+MOST_BYTES = 32 << 20  # that wait for a client; beyond it the oldest messages are dropped
+MOST_SUBSCRIPTIONS = 1000
+NO_TOKEN = "to command, open the address with the token that `uuv-hil foxglove --command` printed"
+
+Latched = Callable[[int], tuple[int, bytes] | None]
+
+
+class Client:
+    """Talks with one client over `socket`, in the thread of the server's loop.
+
+    `commanding` is None for one that may only look; `latched` gives the last message of a latched channel.
+    """
+
+    def __init__(self, socket: web.WebSocketResponse, commanding: Commanding | None, latched: Latched) -> None:
+        self._socket = socket
+        self._commanding = commanding
+        self._latched = latched
+        self._subscriptions: dict[int, int] = {}  # channel -> subscription
+        self._topics: dict[int, tuple[str, str]] = {}  # channel of the client -> topic and encoding
+        self._services: list[tuple[str, str]] = []
+        self._waiting: deque[str | bytes] = deque()
+        self._bytes = 0
+        self._wake = asyncio.Event()
+        self._tasks: set[asyncio.Task[None]] = set()
+        self.dropped = 0
+        capabilities = ["clientPublish", "services", "parameters"] if commanding else []
+        self._put(
+            encode_text("serverInfo", name="uuv-hil", capabilities=capabilities, supportedEncodings=[CDR], metadata={})
+        )
+
+    def has_subscribed(self, channel: int | None) -> bool:
+        """Whether the client wants the messages of a channel."""
+        return channel in self._subscriptions
+
+    def advertise(self, channels: Mapping[int, Channel]) -> None:
+        """Name channels to the client."""
+        if channels:
+            self._put(encode_text("advertise", channels=[encode_channel(*each) for each in channels.items()]))
+
+    def send_message(self, channel: int, time_ns: int, data: bytes) -> None:
+        """Send a message of a channel, if the client wants it."""
+        subscription = self._subscriptions.get(channel)
+        if subscription is not None:
+            self._put(encode_message(subscription, time_ns, data))
+
+    async def serve(self) -> None:
+        """Send and receive until the client goes."""
+        self._start(self._write())
+        if self._commanding:
+            self._start(self._advertise_services())
+        try:
+            async for message in self._socket:
+                if message.type is WSMsgType.TEXT:
+                    await self._on_text(message.data)
+                elif message.type is WSMsgType.BINARY:
+                    await self._on_binary(message.data)
+        finally:
+            for task in self._tasks:
+                task.cancel()
+
+    def _start(self, work: Any) -> None:
+        task = asyncio.get_running_loop().create_task(work)
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
+
+    def _put(self, message: str | bytes) -> None:
+        self._waiting.append(message)
+        self._bytes += len(message)
+        while self._bytes > MOST_BYTES and isinstance(self._waiting[0], bytes) and len(self._waiting) > 1:
+            self._bytes -= len(self._waiting.popleft())
+            self.dropped += 1
+        self._wake.set()
+
+    def _report(self, text: str, level: int = ERROR) -> None:
+        self._put(encode_text("status", level=level, message=text))
+
+    async def _write(self) -> None:
+        """Send what waits; a client that does not read holds up nobody but itself."""
+        reported = 0
+        while True:
+            await self._wake.wait()
+            self._wake.clear()
+            while self._waiting:
+                message = self._waiting.popleft()
+                self._bytes -= len(message)
+                if isinstance(message, str):
+                    await self._socket.send_str(message)
+                else:
+                    await self._socket.send_bytes(message)
+            if self.dropped != reported:
+                reported = self.dropped
+                self._report(f"{reported} messages dropped so far: this connection is too slow for them", WARNING)
+
+    async def _on_text(self, text: str) -> None:
+        message = decode_text(text)
+        if message is None:
+            self._report("not a message of Foxglove's websocket protocol")
+            return
+        try:
+            await self._do(message)
+        except (KeyError, TypeError, ValueError, AttributeError):
+            self._report(f"{message['op']}: its fields are not those of Foxglove's websocket protocol")
+        except HilError as error:
+            self._report(str(error))
+
+    async def _do(self, message: Mapping[str, Any]) -> None:
+        match message["op"]:
+            case "subscribe":
+                for each in message["subscriptions"]:
+                    self._subscribe(int(each["id"]), int(each["channelId"]))
+            case "unsubscribe":
+                gone = set(message["subscriptionIds"])
+                self._subscriptions = {key: value for key, value in self._subscriptions.items() if value not in gone}
+            case "advertise" | "unadvertise" | "getParameters" | "setParameters" if self._commanding is None:
+                self._report(NO_TOKEN)
+            case "advertise":
+                for each in message["channels"][:MOST_SUBSCRIPTIONS]:
+                    self._topics[int(each["id"])] = str(each["topic"]), str(each["encoding"])
+            case "unadvertise":
+                for number in message["channelIds"]:
+                    self._topics.pop(int(number), None)
+            case "getParameters":
+                self._start(self._send_parameters([str(name) for name in message["parameterNames"]], message.get("id")))
+            case "setParameters":
+                values = {str(each["name"]): each.get("value") for each in message["parameters"]}
+                self._start(self._set_parameters(values, message.get("id")))
+
+    def _subscribe(self, subscription: int, channel: int) -> None:
+        if len(self._subscriptions) >= MOST_SUBSCRIPTIONS or not 0 <= subscription < 1 << 32:
+            self._report(f"no more than {MOST_SUBSCRIPTIONS} subscriptions, numbered with 32 bits")
+            return
+        self._subscriptions[channel] = subscription
+        last = self._latched(channel)
+        if last:
+            self.send_message(channel, *last)
+
+    async def _on_binary(self, data: bytes) -> None:
+        message = decode_binary(data)
+        if message is None:
+            self._report("not a binary message of Foxglove's websocket protocol")
+        elif self._commanding is None:
+            self._report(NO_TOKEN)
+        elif isinstance(message, ClientMessage):
+            await self._publish(self._commanding, message)
+        else:
+            self._start(self._call(self._commanding, message))
+
+    async def _publish(self, commanding: Commanding, message: ClientMessage) -> None:
+        topic, encoding = self._topics.get(message.channel, ("", ""))
+        if encoding != CDR:
+            self._report(f"channel {message.channel} is not advertised with the encoding {CDR}")
+            return
+        try:
+            await asyncio.to_thread(commanding.publish, topic, message.data)
+        except HilError as error:
+            self._report(str(error))
+
+    async def _advertise_services(self) -> None:
+        """Name the services of vehicles as they come."""
+        while self._commanding:
+            found = await asyncio.to_thread(self._commanding.services)
+            new = [service for service in sorted(found.items()) if service not in self._services]
+            if new:
+                first = len(self._services)
+                self._services += new
+                described = [self._commanding.describe(*service) for service in new]
+                numbered = [{"id": first + place, **each} for place, each in enumerate(described)]
+                self._put(encode_text("advertiseServices", services=numbered))
+            await asyncio.sleep(2.0)
+
+    async def _call(self, commanding: Commanding, request: ServiceRequest) -> None:
+        try:
+            if request.service >= len(self._services) or request.encoding != CDR:
+                raise ValueError(f"no service {request.service} with the encoding {request.encoding!r}")
+            name, kind = self._services[request.service]
+            answer = await asyncio.to_thread(commanding.call, name, kind, request.data)
+        except (HilError, ValueError) as error:
+            failure = {"serviceId": request.service, "callId": request.call, "message": str(error)}
+            self._put(encode_text("serviceCallFailure", **failure))
+        else:
+            self._put(encode_response(request, answer))
+
+    async def _send_parameters(self, names: list[str], request_id: Any) -> None:
+        assert self._commanding
+        try:
+            values = await asyncio.to_thread(self._commanding.parameters, names)
+        except HilError as error:
+            self._report(str(error))
+            return
+        more = {} if request_id is None else {"id": request_id}
+        listed = [
+            {"name": name, "value": value} | ({"type": "float64"} if isinstance(value, float) else {})
+            for name, value in values.items()
+        ]
+        self._put(encode_text("parameterValues", parameters=listed, **more))
+
+    async def _set_parameters(self, values: Mapping[str, Any], request_id: Any) -> None:
+        assert self._commanding
+        try:
+            await asyncio.to_thread(self._commanding.set_parameters, values)
+        except HilError as error:
+            self._report(str(error))
+        await self._send_parameters(list(values), request_id)

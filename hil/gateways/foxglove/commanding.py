@@ -1,0 +1,116 @@
+"""What a Foxglove client with the token may do: publish commands, call services, read and set parameters."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from hil.client.fleet import Fleet
+from hil.client.vehicle_handle import Vehicle
+from hil.common.errors import ConfigError, NetworkError
+from hil.gateways.foxglove.protocol import CDR
+from hil.network.services import call
+from hil.recording.mcap_file import schema_of
+from hil.ros import graph
+from hil.ros import message as ros_message
+from hil.ros.topics import TOPICS
+
+LARGEST = 8192  # bytes of a command or a request
+AT_ONCE = 30  # parameters of one request
+FIELDS = {1: "bool_value", 2: "integer_value", 3: "double_value", 4: "string_value"}  # rcl_interfaces/ParameterType
+BOOL, _, DOUBLE, STRING = FIELDS
+
+
+class Commanding:
+    """Commands the vehicles of `fleet` in the name of a client. Methods wait for the vehicle; they raise HilError.
+
+    Nothing is repeated: when a client publishes no more, the vehicle's deadman sets its thrusters to neutral.
+    """
+
+    def __init__(self, fleet: Fleet) -> None:
+        self._fleet = fleet
+
+    def publish(self, topic: str, data: bytes) -> None:
+        """Send a command, CDR, on a topic such as "/uuv1/cmd_vel"."""
+        _, node, name = [*topic.split("/", 2), "", ""][:3]
+        row = TOPICS.get(name)
+        if row is None or not row.from_master:
+            names = ", ".join(name for name, row in TOPICS.items() if row.from_master)
+            raise ConfigError(f"{topic!r}: a vehicle takes commands on /NAME/ with {names}")
+        if len(data) > LARGEST:
+            raise ConfigError(f"{topic}: {len(data)} bytes; a command has at most {LARGEST}")
+        vehicle = self._vehicle(node)
+        reason = vehicle.client.unavailable_reason()
+        if reason:
+            raise NetworkError(reason)
+        vehicle.client.send(name, data)
+
+    def services(self) -> dict[str, str]:
+        """Return the services that vehicles answer now, and their types."""
+        found: dict[str, str] = {}
+        for name in self._fleet.names[:1]:  # all are on one session
+            keys = self._vehicle(name).client.session.tokens(graph.ALL)
+            entities = [entity for key in keys if (entity := graph.read_token(key))]
+            found |= {entity.topic: entity.type for entity in entities if entity.kind == "SS"}
+        return {name: kind for name, kind in found.items() if schema_of(f"{kind}_Request")[0]}
+
+    def describe(self, name: str, kind: str) -> dict[str, Any]:
+        """Return a service as `advertiseServices` has it."""
+        halves: dict[str, Any] = {}
+        for half in ("Request", "Response"):
+            encoding, text = schema_of(f"{kind}_{half}")
+            halves[half.lower()] = {
+                "encoding": CDR,
+                "schemaName": f"{kind}_{half}",
+                "schemaEncoding": encoding,
+                "schema": text.decode(),
+            }
+        return {"name": name, "type": kind, **halves}
+
+    def call(self, name: str, kind: str, request: bytes) -> bytes:
+        """Call a service with a request in CDR; its response in CDR."""
+        if len(request) > LARGEST:
+            raise ConfigError(f"{name}: {len(request)} bytes; a request has at most {LARGEST}")
+        values = ros_message.decode(f"{kind}_Request", request)
+        if values is None:
+            raise ConfigError(f"{name}: the request is not a {kind}_Request")
+        vehicle = self._vehicle(name.split("/")[1])
+        return ros_message.encode(f"{kind}_Response", call(vehicle.client.session, name, kind, values))
+
+    def parameters(self, names: Sequence[str] = ()) -> dict[str, Any]:
+        """Return parameters as "/uuv1/gains.surge.p" and values; all without `names`."""
+        found: dict[str, Any] = {}
+        for node in self._fleet.names:
+            vehicle = self._vehicle(node)
+            listed = self._ask(vehicle, "list_parameters", {"prefixes": [], "depth": 0})["result"]["names"]
+            wanted = [name for name in listed if not names or f"/{node}/{name}" in names]
+            for start in range(0, len(wanted), AT_ONCE):
+                chunk = wanted[start : start + AT_ONCE]
+                values = self._ask(vehicle, "get_parameters", {"names": chunk})["values"]
+                pairs = zip(chunk, values, strict=False)
+                found |= {f"/{node}/{name}": value[FIELDS[value["type"]]] for name, value in pairs if value["type"]}
+        return found
+
+    def set_parameters(self, values: Mapping[str, Any]) -> None:
+        """Set parameters by their names as above. Raises ConfigError with the reason of the first that is refused."""
+        for name, value in values.items():
+            _, node, plain = [*name.split("/", 2), "", ""][:3]
+            request = {"parameters": [{"name": plain, "value": _typed(name, value)}]}
+            result = self._ask(self._vehicle(node), "set_parameters", request)["results"][0]
+            if not result["successful"]:
+                raise ConfigError(f"{name}: {result['reason']}")
+
+    def _ask(self, vehicle: Vehicle, name: str, request: Mapping[str, Any]) -> Any:
+        kind = "rcl_interfaces/srv/" + "".join(word.capitalize() for word in name.split("_"))
+        return call(vehicle.client.session, f"/{vehicle.name}/{name}", kind, request)
+
+    def _vehicle(self, node: str) -> Vehicle:
+        if node not in self._fleet.names:
+            raise NetworkError(f"no vehicle is called {node!r}; here: {', '.join(self._fleet.names) or 'none'}")
+        return self._fleet.wait_for(node, seconds=2.0)[0]
+
+
+def _typed(name: str, value: Any) -> dict[str, Any]:
+    """Return a value as a ParameterValue. Numbers are sent as floats, which all numbers of a slave are."""
+    for kinds, kind in (((bool,), BOOL), ((int, float), DOUBLE), ((str,), STRING)):
+        if isinstance(value, kinds):
+            return {"type": kind, FIELDS[kind]: float(value) if kind == DOUBLE else value}
+    raise ConfigError(f"{name}: expected a number or a text")

@@ -1,0 +1,92 @@
+"""A layout for Foxglove in which all panels are of one vehicle: to import, for live data and recordings alike."""
+
+import json
+from typing import Any
+
+GREEN, BLUE, ORANGE = "#16a34a", "#2563eb", "#ea580c"
+MESSAGES_OF_PLOTS = {
+    "depth": (("odom.pose.pose.position.z", "z (up, m)"), ("altitude.range", "altitude (m)")),
+    "speed": (("odom.twist.twist.linear.x", "surge (m/s)"), ("cmd_vel.linear.x", "commanded (m/s)")),
+    "thrusts": (("joint_states.effort[:]{all}", "thrust (N)"),),
+    "battery": (("battery.voltage", "voltage (V)"), ("battery.current", "current (A)")),
+}
+
+
+def layout(node: str, frame_prefix: str = "") -> str:
+    """Return the layout of the vehicle called `node` as the JSON that Foxglove imports."""
+    panels: dict[str, Any] = {
+        "3D!scene": _three_d(node, f"{frame_prefix}base_link"),
+        "Image!camera": _image(f"/{node}/camera/image_raw/compressed"),
+        "Image!sonar": _image(f"/{node}/forward_sonar/fan"),
+        "Teleop!stick": _teleop(node),
+        "CallService!arm": {"serviceName": f"/{node}/arm", "requestPayload": '{"data": true}', "layout": "vertical"},
+        "Parameters!gains": {"title": "Parameters"},
+        "DiagnosticSummary!health": {"minLevel": 0, "topicToRender": "/diagnostics", "hardwareIdFilter": ""},
+        **{f"Plot!{name}": _plot(node, curves) for name, curves in MESSAGES_OF_PLOTS.items()},
+    }
+    left = _split("column", "3D!scene", _split("row", "Image!camera", "Image!sonar"), 65)
+    plots = _split("column", _split("row", "Plot!depth", "Plot!speed"), _split("row", "Plot!thrusts", "Plot!battery"))
+    acts = _split("row", _split("column", "Teleop!stick", "CallService!arm", 65), "Parameters!gains")
+    right = _split("column", plots, _split("row", acts, "DiagnosticSummary!health", 65), 55)
+    return json.dumps(
+        {
+            "configById": panels,
+            "globalVariables": {},
+            "userNodes": {},
+            "playbackConfig": {"speed": 1},
+            "layout": _split("row", left, right, 55),
+        },
+        indent=2,
+    )
+
+
+def topics_of(node: str) -> set[str]:
+    """Return the topics that the layout shows."""
+    plotted = {path.partition(".")[0] for curves in MESSAGES_OF_PLOTS.values() for path, _ in curves}
+    shown = {*plotted, "laser", "profiler", "camera/image_raw/compressed", "forward_sonar/fan"}
+    return {f"/{node}/{name}" for name in shown}
+
+
+def _split(direction: str, first: Any, second: Any, percent: int = 50) -> dict[str, Any]:
+    return {"direction": direction, "first": first, "second": second, "splitPercentage": percent}
+
+
+def _three_d(node: str, frame: str) -> dict[str, Any]:
+    visible = {"visible": True}
+    points = {**visible, "pointSize": 4, "colorMode": "flat"}
+    return {
+        "followTf": frame,
+        "followMode": "follow-position",
+        "cameraState": {"distance": 12, "phi": 55, "thetaOffset": 45, "targetOffset": [0, 0, 0], "fovy": 45},
+        "scene": {"backgroundColor": "#0b1622"},
+        "transforms": {},
+        "topics": {
+            "/scene": visible, f"/{node}/laser": {**points, "flatColor": ORANGE},
+            f"/{node}/profiler": {**points, "flatColor": GREEN}, f"/{node}/odom": visible,
+        },
+        "layers": {"grid": {"layerId": "foxglove.Grid", "visible": True, "size": 100, "divisions": 20}},
+    }  # fmt: skip
+
+
+def _image(topic: str) -> dict[str, Any]:
+    return {"imageMode": {"imageTopic": topic}}
+
+
+def _plot(node: str, curves: tuple[tuple[str, str], ...]) -> dict[str, Any]:
+    colours = BLUE, ORANGE
+    paths = [
+        {"value": f"/{node}/{path}", "label": label, "enabled": True, "timestampMethod": "receiveTime", "color": colour}
+        for (path, label), colour in zip(curves, colours, strict=False)
+    ]
+    return {"paths": paths, "showLegend": True, "legendDisplay": "top", "isSynced": True, "followingViewWidth": 60}
+
+
+def _teleop(node: str) -> dict[str, Any]:
+    buttons = (
+        ("up", "linear-x", 0.4),
+        ("down", "linear-x", -0.4),
+        ("left", "angular-z", 0.5),
+        ("right", "angular-z", -0.5),
+    )
+    fields = {f"{name}Button": {"field": field, "value": value} for name, field, value in buttons}
+    return {"topic": f"/{node}/cmd_vel", "publishRate": 20, **fields}
