@@ -1,11 +1,12 @@
 """Foxglove's websocket protocol: bytes as its specification has them, and whatever comes off the wire."""
 
 from struct import pack
+from typing import Any
 
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hil.gateways.foxglove.layout import layout, topics_of
+from hil.gateways.foxglove.layout import MESSAGES_OF_PLOTS, layout, topics_of
 from hil.gateways.foxglove.protocol import (
     ClientMessage,
     ServiceRequest,
@@ -14,6 +15,8 @@ from hil.gateways.foxglove.protocol import (
     encode_message,
     encode_response,
 )
+from hil.ros import message as ros_message
+from hil.ros.topics import TOPICS
 
 
 def test_binary_messages_are_those_of_the_specification() -> None:
@@ -45,3 +48,13 @@ def test_the_layout_names_the_topics_of_its_vehicle() -> None:
     text = layout("uuv7")
     assert all(topic in text for topic in topics_of("uuv7"))
     assert "/uuv1/" not in text
+
+
+def test_the_layout_plots_fields_that_messages_have() -> None:
+    for curves in MESSAGES_OF_PLOTS.values():
+        for path, _ in curves:
+            name, *fields = path.replace("[:]{all}", "").split(".")
+            message: Any = ros_message.empty(TOPICS[name].type)
+            for field in fields:
+                message = message[field]
+    assert topics_of("uuv1") - {topic.full_name("uuv1") for topic in TOPICS.values()} == {"/uuv1/forward_sonar/fan"}
