@@ -54,7 +54,7 @@ def _write_dialect(path: str) -> None:
     ElementTree.SubElement(root, "dialect").text = "0"
     enums, messages = ElementTree.SubElement(root, "enums"), ElementTree.SubElement(root, "messages")
     for definitions in map(_definitions, DEFINITIONS):
-        enums.extend(filter(_keep_entries, definitions.iter("enum")))
+        enums.extend(filter(_drop_unused, definitions.iter("enum")))
         messages.extend(message for message in definitions.iter("message") if message.get("name") in MESSAGES)
     ElementTree.ElementTree(root).write(path)
 
@@ -65,7 +65,7 @@ def _definitions(name: str) -> ElementTree.Element:
     return ElementTree.parse(os.path.join(os.path.dirname(pymavlink.__file__), "dialects", "v20", name)).getroot()
 
 
-def _keep_entries(enum: ElementTree.Element) -> bool:
+def _drop_unused(enum: ElementTree.Element) -> bool:
     """Drop the entries that the firmware does not use; return whether any is left."""
     for entry in enum.findall("entry"):
         if entry.get("name") not in ENTRIES:

@@ -192,7 +192,7 @@ class UnicornEnd:
         """
         passed_ns = now_ns - self._serviced_ns if self._serviced_ns >= 0 else 0
         self._serviced_ns = now_ns
-        data = self._take()
+        data = self._next_input()
         if data:
             self._hand_over(data)
         self.board.run_until(self.board.now_ns + min(max(passed_ns, 0), self.PATIENCE_NS))
@@ -206,7 +206,7 @@ class UnicornEnd:
         self.board.reset()
         self.wire.close()
 
-    def _take(self) -> bytes:
+    def _next_input(self) -> bytes:
         """Return the next bytes for the board, whole records on CAN."""
         if len(self._held) < self.AT_ONCE:
             self._held += self.wire.read()

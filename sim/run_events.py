@@ -86,9 +86,9 @@ class EventLog:
         self._events.append(RunEvent(kind, since_ns, until_ns - since_ns, (north, east, depth), what))
 
     def fresh(self) -> list[RunEvent]:
-        """Those that began to be noted since this was asked last."""
-        found, self._returned = self._events[self._returned :], len(self._events)
-        return found
+        """Return the events that have been added since the last call."""
+        events, self._returned = self._events[self._returned :], len(self._events)
+        return events
 
     def events(self) -> tuple[RunEvent, ...]:
         """Return all of them, in the order in which they began to be noted."""

@@ -147,7 +147,7 @@ class Simulation:
         """Let the drop weight `name` go. Raises ConfigError if it is not there, or no more."""
         if self.equipment is None:
             raise ConfigError(f"release: {self.vehicle.name} has no drop weight {name!r}, nor any other")
-        self._drop(self.equipment.take(name))
+        self._drop(self.equipment.remove_weight(name))
 
     def forces(self) -> Forces:
         """The forces on it now, term by term, under the thrust, in the water and with the contact of the last step.

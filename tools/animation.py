@@ -20,7 +20,7 @@ from PIL import Image
 
 from hil.charts.dive.dive import Wish, prepare_dive
 from hil.charts.dive.report import MARK, draw_camera, draw_seabed, draw_sonar
-from hil.charts.dive.watch import DiveWatch, Look
+from hil.charts.dive.watch import DiveWatch, Observation
 from hil.common.children import module_command, package_environment, start_child
 from hil.common.errors import MissionError
 from hil.common.palette import TRACK
@@ -38,7 +38,7 @@ COLOURS = 96
 MOST_BYTES = 3_000_000
 
 
-def fly(chart: str, folder: str) -> tuple[Scenario, list[Look]]:
+def fly(chart: str, folder: str) -> tuple[Scenario, list[Observation]]:
     """Fly one dive over `chart`; the scenario, and what was seen once a second. Raises HilError."""
     path = prepare_dive(chart, Wish(), folder)
     scenario = load_scenario(path)
@@ -47,27 +47,27 @@ def fly(chart: str, folder: str) -> tuple[Scenario, list[Look]]:
             module_command("hil.cli", "demo", path, "--output", folder), environment=package_environment()
         )
         while demo.poll() is None:
-            watch.look()
-    if demo.returncode or not watch.looks:
+            watch.observe()
+    if demo.returncode or not watch.observations:
         raise MissionError(f"the dive ended with exit code {demo.returncode}; see {folder}/slave.log")
-    return scenario, watch.looks
+    return scenario, watch.observations
 
 
-def frame(plt: Any, world: World, looks: Sequence[Look], number: int) -> Image.Image:
+def frame(plt: Any, world: World, observations: Sequence[Observation], number: int) -> Image.Image:
     """Return the picture of one instant: map, camera, sonar."""
-    look, track = looks[number], np.array([look.truth.position[:2] for look in looks])
+    observation, track = observations[number], np.array([each.truth.position[:2] for each in observations])
     figure, (left, middle, right) = plt.subplots(1, 3, figsize=SIZE, layout="constrained", width_ratios=(1.0, 1.2, 1.6))
     draw_seabed(left, world, track)
     left.plot(track[: number + 1, 1], track[: number + 1, 0], color=TRACK, linewidth=2)
     left.plot(*track[number, ::-1], "o", color=MARK, markeredgecolor="black", markersize=7)
     left.set(xticks=[], yticks=[])
     left.set_title("chart, and the true track", fontsize=9)
-    draw_camera(middle, look.camera)
+    draw_camera(middle, observation.camera)
     middle.set_title("camera", fontsize=9)
-    draw_sonar(right, look.sonar)
+    draw_sonar(right, observation.sonar)
     right.set(xlabel="", ylabel="")
     right.tick_params(labelsize=7)
-    right.set_title(f"forward-looking sonar (m), {look.time:3.0f} s", fontsize=9)
+    right.set_title(f"forward-looking sonar (m), {observation.time:3.0f} s", fontsize=9)
     drawn = BytesIO()
     figure.savefig(drawn, dpi=DPI)
     plt.close(figure)
@@ -94,10 +94,10 @@ def main() -> int:
     parser.add_argument("--output", type=Path, default=OUTPUT, metavar="FILE", help="[%(default)s]")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
-        scenario, looks = fly(options.chart, folder)
+        scenario, observations = fly(options.chart, folder)
         world, plt = load_world(scenario.world), pyplot()
-        chosen = np.linspace(0, len(looks) - 1, min(FRAMES, len(looks)), dtype=int)
-        save([frame(plt, world, looks, int(number)) for number in chosen], options.output)
+        chosen = np.linspace(0, len(observations) - 1, min(FRAMES, len(observations)), dtype=int)
+        save([frame(plt, world, observations, int(number)) for number in chosen], options.output)
     print(options.output)
     return 0
 

@@ -29,7 +29,7 @@ COLOURS = 256  # of a palette: a third of the size
 PATIENCE_MS = 240_000
 
 
-def take(address: str, scheme: Scheme, seconds: float) -> Path:
+def take_pictures(address: str, scheme: Scheme, seconds: float) -> Path:
     """Take one picture `seconds` after the scene was drawn; its file."""
     from PIL import Image
     from playwright.sync_api import sync_playwright
@@ -68,7 +68,7 @@ def fly_and_take(scenario: str, speed: float, scheme: Scheme, seconds: float) ->
             found = re.search(r"http://\S+", demo.stdout.readline())
             assert found, "the demo has no view"
             try:
-                return take(found[0], scheme, seconds)
+                return take_pictures(found[0], scheme, seconds)
             finally:
                 demo.terminate()
                 demo.communicate()

@@ -76,7 +76,7 @@ class Core:
             self._engine.lift_mask()  # programs check for work, and sleep, with interrupts off
         for _ in range(TURNS):
             if self._nvic.urgent:
-                self._take()
+                self._take_exception()
             reason = self._engine.run(instructions)
             self._handle_stop(reason)
             if self.sleeping or reason == EXHAUSTED or self._chip.reset_by:
@@ -103,7 +103,7 @@ class Core:
             return self._nvic.next_priority >= 0
         return bool(registers.basepri) and self._nvic.next_priority >= registers.basepri
 
-    def _take(self) -> None:
+    def _take_exception(self) -> None:
         """Take the next exception, unless it is masked."""
         registers = self._engine.registers()
         if self._is_masked(registers):

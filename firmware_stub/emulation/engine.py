@@ -183,7 +183,7 @@ class Engine:
         except DeviceError as error:
             self._break(f"read {size} bytes: {error}")
         except BaseException as error:  # noqa: BLE001 - `run` raises it
-            self._keep(error)
+            self._store_error(error)
         return 0
 
     def _store(self, _: Any, offset: int, size: int, value: int, base: int) -> None:
@@ -194,7 +194,7 @@ class Engine:
         except DeviceError as error:
             self._break(f"wrote 0x{value:x}: {error}")
         except BaseException as error:  # noqa: BLE001 - `run` raises it
-            self._keep(error)
+            self._store_error(error)
 
     def _stop_after_store(self) -> None:
         """Stop behind the store (Unicorn by itself would repeat it). If it does more, run on to the next stop."""
@@ -234,7 +234,7 @@ class Engine:
         self._fault = fault
         self._uc.emu_stop()
 
-    def _keep(self, error: BaseException) -> None:
+    def _store_error(self, error: BaseException) -> None:
         self._raised = error
         self._uc.emu_stop()
 

@@ -101,7 +101,7 @@ def run(setting: Setting, scenario: str, seconds: float, limits: Limits, watch: 
             for client in clients:
                 client.command(VelocityCommand(surge=0.3))
 
-        def look_at_all() -> Threads:
+        def read_all() -> Threads:
             for client, slave in there:
                 check_there(client, slave)
             for client, slave in there:
@@ -109,14 +109,14 @@ def run(setting: Setting, scenario: str, seconds: float, limits: Limits, watch: 
             return read_threads(list(names))
 
         _pace(EVERY_S, command)  # the first second is that of the start
-        looks = [look_at_all()]
-        while len(looks) <= max(round(seconds / EVERY_S), 1):
+        readings = [read_all()]
+        while len(readings) <= max(round(seconds / EVERY_S), 1):
             _pace(EVERY_S, command)
-            looks.append(look_at_all())
-            watch((len(looks) - 1) * EVERY_S / seconds)
+            readings.append(read_all())
+            watch((len(readings) - 1) * EVERY_S / seconds)
         for client, slave in there:
             check_end(client, slave)
-        return course(setting, looks, names)._replace(labels=benches[0].labels)
+        return course(setting, readings, names)._replace(labels=benches[0].labels)
 
 
 def _name(slave: Process, prefix: str, names: dict[int, str]) -> None:
@@ -135,17 +135,17 @@ def _pace(seconds: float, command: Callable[[], None]) -> None:
         time.sleep(1.0 / COMMAND_HZ)
 
 
-def course(setting: Setting, looks: list[Threads], names: dict[int, str]) -> Course:
+def course(setting: Setting, readings: list[Threads], names: dict[int, str]) -> Course:
     """Return what the processes called so used between the looks."""
-    steps = [shares(before, after) for before, after in pairwise(looks)]
-    threads = thread_names({key for each in looks for key in each.cpu_s})
+    steps = [shares(before, after) for before, after in pairwise(readings)]
+    threads = thread_names({key for each in readings for key in each.cpu_s})
     processes: dict[str, Cost] = {}
     for pid, name in names.items():
         own = {key: thread for key, thread in threads.items() if key.startswith(f"{pid}/")}
         cost = {thread: [step.get(key, 0.0) for step in steps] for key, thread in own.items()}
-        memory = [each.memory[pid].pss_mib if pid in each.memory else 0.0 for each in looks[1:]]
+        memory = [each.memory[pid].pss_mib if pid in each.memory else 0.0 for each in readings[1:]]
         processes[name] = Cost([sum(step.get(key, 0.0) for key in own) for step in steps], memory, cost)
-    return Course(setting, [sum(step.values()) for step in steps], [each.pss_mib for each in looks[1:]], processes)
+    return Course(setting, [sum(step.values()) for step in steps], [each.pss_mib for each in readings[1:]], processes)
 
 
 class Difference(NamedTuple):

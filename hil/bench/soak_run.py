@@ -30,7 +30,7 @@ DRAWS = 1000
 
 
 class Observation(NamedTuple):
-    """One look at the slave: `at_s` since the start, threads, descriptors, what it says of itself.
+    """One reading of the slave: `at_s` since the start, threads, descriptors, what it says of itself.
 
     Memory (MiB) is the proportional set size, `private` of it what no other process has a share in. What it says of
     itself is nan while it says nothing.
@@ -55,18 +55,18 @@ class Outage(NamedTuple):
 
 
 class Soak(NamedTuple):
-    """All looks, how long (s) each return of the master took until data flowed, None where they never did; silences.
+    """All readings; how long (s) each return of the master took until data flowed, None for never; silences.
 
     The master's first coming, when the slave starts, is no return.
     """
 
-    looks: list[Observation]
+    observations: list[Observation]
     returns: list[float | None]
     silences: list[Outage]
 
 
 class Soaking:
-    """A slave of `bench` under command. `watch` gets each look; it ends when `stop_fd` becomes readable."""
+    """A slave of `bench` under command. `watch` gets each reading; it ends when `stop_fd` becomes readable."""
 
     def __init__(self, bench: Bench, every: float, watch: Callable[[Observation], None], stop_fd: int = -1) -> None:
         self._bench, self._every, self._watch, self._stop_fd = bench, every, watch, stop_fd
@@ -115,7 +115,7 @@ class Soaking:
         return None
 
     def _stay(self, client: VehicleClient, end: float) -> None:
-        """Command until `end`, or until told to stop, and look now and then."""
+        """Command until `end`, or until a stop is requested, and read the state now and then."""
         due = time.monotonic() + self._every
         while time.monotonic() < end and self._slave.running and not self._pause(1.0 / COMMAND_HZ):
             client.command(VelocityCommand(surge=0.2, yaw_rate=0.2))
@@ -124,11 +124,11 @@ class Soaking:
             self._add_silence(absent or wait_for_silence(client), 0.0 if there else client.contact.silence_s)
             if time.monotonic() >= due:
                 due += self._every
-                self._soak.looks.append(self._observe(client))
-                self._watch(self._soak.looks[-1])
+                self._soak.observations.append(self._observe(client))
+                self._watch(self._soak.observations[-1])
 
     def _observe(self, client: VehicleClient) -> Observation:
-        """As it is now."""
+        """Return the present state of the slave."""
         seen, diagnostics = read_threads(self._slave.family()), Diagnostics() if self._quiet else client.diagnostics()
         delays = sorted(client.delays.totals_ns(200)) if diagnostics else []
         return Observation(

@@ -30,7 +30,7 @@ Reached = Callable[[State], bool]
 
 
 class Action:
-    """Something the vehicle is doing. `done` says whether it has come to what was asked; it then goes on holding that.
+    """An action of the vehicle. `done` is true once it has reached its goal, which it then holds.
 
     It is over without being done when the vehicle was told something else, or with an error when the vehicle did not
     obey or stayed away: `wait` raises it. One that is done may get an error too: then the vehicle holds it no more.
@@ -45,7 +45,7 @@ class Action:
 
     @property
     def over(self) -> bool:
-        """Whether it is done or will never be; `error` then says why not, if there is a reason."""
+        """Whether it is done or failed; `error` is the reason for a failure, if one is known."""
         return self._over.is_set()
 
     def step(self, client: VehicleClient, state: State) -> None:
@@ -109,7 +109,7 @@ def hold_pose(pose: PoseCommand, tolerance: float) -> Action:
 
 
 class _Run:
-    """A trajectory that is being run over, by the vehicle's clock; at its end the pose is held."""
+    """A trajectory in progress, by the vehicle's clock; the vehicle holds the pose at its end."""
 
     def __init__(self, trajectory: Trajectory, limits: Limits, tolerance: float) -> None:
         self._trajectory = trajectory
@@ -142,7 +142,7 @@ def run_trajectory(trajectory: Trajectory, limits: Limits, tolerance: float) -> 
 
 
 def pursue(points: "list[Position]", speed: float, lookahead: float, tolerance: float) -> Action:
-    """Sail along `points` (m, NED) as a vehicle with fins has to: ahead, by turning; done at the last within tolerance.
+    """Follow `points` (m, NED) ahead, by turning, as a vehicle with fins has to; done within `tolerance` of the last.
 
     The depth changes evenly along the way.
     """
@@ -173,4 +173,4 @@ def _depths(points: "list[Position]") -> Callable[[float], float]:
 
 
 def _ignore(_sequence: int) -> None:
-    """What was sent has a number, which nobody asks for."""
+    """Drop the sequence number of what was sent."""

@@ -48,7 +48,7 @@ class Stamped(NamedTuple):
 
 
 class _FirstSample(NamedTuple):
-    """The first message of a publisher: whose, when it was sent by the vehicle's clock, and when it came by ours."""
+    """The first message of a publisher, with the times of sending (vehicle's clock) and of reception (ours)."""
 
     gid: bytes
     sent_wall_ns: int
@@ -208,7 +208,7 @@ class VehicleClient:
         return self._first_sample.is_set()
 
     def first_sample_ns(self, exec_wall_ns: int) -> int | None:
-        """When (ns since 1970, ours) the first sample of a slave came that was started at `exec_wall_ns` (its clock).
+        """Return when (ns since 1970, our clock) the first sample of a slave started at `exec_wall_ns` came.
 
         None: none yet. Samples that a slave sent before it ended and was restarted do not count.
         """
@@ -226,7 +226,7 @@ class VehicleClient:
 
     @property
     def in_doubt(self) -> bool:
-        """Whether it has named another master, who may have left since: its next diagnostics tell."""
+        """Whether it has named another master; that one may have left since, which its next diagnostics report."""
         return not self._rank and (self._named_before or 0 < self._named_other < HOLDS_ON)
 
     def unavailable_reason(self) -> str:

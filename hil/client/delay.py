@@ -20,7 +20,7 @@ class Sample(NamedTuple):
 
     @property
     def total_ns(self) -> int:
-        """From the master's publish until the STM32 had applied the pulse widths."""
+        """Time (ns) from the master's publish until the STM32 has applied the pulse widths."""
         return sum(self.hops)
 
 
@@ -40,7 +40,7 @@ def quantiles(values_ns: list[int]) -> Quantiles:
 
 
 class DelayMeter:
-    """Collects traces. Every trace is also a clock exchange: sent, received there, sent back, received here.
+    """Collect traces. Every trace is also a clock exchange: sent, received there, sent back, received here.
 
     On one machine the two clocks are one and the offset is 0. Across machines `clock` estimates it from these
     exchanges and from others that are added to it; each delay is corrected by the offset of its own instant. Its
@@ -122,7 +122,7 @@ def find_doubts(meter: DelayMeter) -> list[str]:
 
 
 def doubts_of(clock: ClockOffset, same_clock: bool, at_ns: int, middle_ns: float) -> list[str]:
-    """Why what was taken between another process's instants and ours is not to be trusted, as far as clocks tell.
+    """Return why durations between another process's clock and ours cannot be trusted; empty if they can.
 
     at_ns: when it was looked at (wall, by ours); middle_ns: the median of what was found.
     """

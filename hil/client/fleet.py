@@ -108,11 +108,11 @@ class Fleet:
         return iter(self.vehicles.values())
 
     def __getitem__(self, name: str) -> Vehicle:
-        """The vehicle of that name, which is waited for. Raises NetworkError if it does not come."""
+        """Return the vehicle of that name; wait for it. Raises NetworkError if it does not appear."""
         return self.wait_for(name, seconds=self._wait)[0]
 
     def wait_for(self, *names: str, seconds: float = 30.0) -> list[Vehicle]:
-        """These vehicles, once each is there and has sent its state. Raises NetworkError after `seconds`."""
+        """Return these vehicles once each is present and has sent its state. Raises NetworkError after `seconds`."""
         deadline = time.monotonic() + seconds
         with self._changed:
             self._require_open()

@@ -52,7 +52,7 @@ class Status(NamedTuple):
 
 
 class HealthWatch:
-    """Receive the diagnostics of all slaves of a session. It ends with the session."""
+    """Receive the diagnostics of all slaves of a session, until the session ends."""
 
     def __init__(self, session: Session) -> None:
         self._statuses: dict[str, Status] = {}
@@ -63,18 +63,18 @@ class HealthWatch:
         session.subscribe_keys(f"{dialect.domain()}/*/diagnostics/*/*", self._deliver, QUEUE)
 
     def statuses(self) -> list[Status]:
-        """Of all that were ever heard, by name."""
+        """Return the status of every slave that has sent diagnostics, by name."""
         with self._lock:
             found = [status._replace(present=bool(self._present.get(name))) for name, status in self._statuses.items()]
         return sorted(found)
 
     def without_answer(self) -> list[str]:
-        """Slaves that are present but have sent no diagnostics yet."""
+        """Return the slaves that are present but have sent no diagnostics yet."""
         with self._lock:
             return sorted(name for name, there in self._present.items() if there and name not in self._statuses)
 
     def mixed(self) -> dict[str, int]:
-        """Names that several slaves have, whose figures nobody can tell apart, and how many have each."""
+        """Return the names that several slaves share, and how many share each: their figures cannot be told apart."""
         with self._lock:
             return {name: len(there) for name, there in sorted(self._present.items()) if len(there) > 1}
 
@@ -98,7 +98,7 @@ class HealthWatch:
 
 
 class Unanswered:
-    """Which of the `endpoints` that a session dials nobody answers at: asked in a thread while a slave may be missing.
+    """Find the `endpoints` that do not answer, in a thread, while a slave may be missing.
 
     `folder` has our certificates ("": none), `routed`: the endpoint is a router's; `lines` are one each, with what
     stands in the way. It ends with the session.
@@ -123,7 +123,7 @@ class Unanswered:
         self.lines = [f"nobody at {endpoint}: {fault.text}" for endpoint, fault in faults if fault]
 
     def _reached(self, endpoint: str) -> bool:
-        """As far as links tell, which have ports and addresses but no names."""
+        """Return the endpoints that links lead to; links carry ports and addresses but no names."""
         ports = [split_endpoint(one)[2] for one in self._endpoints]
         port = split_endpoint(endpoint)[2]
         return ports.count(port) == 1 and self._session.has_dialled(port)

@@ -89,7 +89,7 @@ class LivenessMonitor:
             self._withdraw()
 
     def sent_ns(self, their_wall_ns: int, received_ns: int) -> int:
-        """A wall instant of the vehicle by our monotonic clock, no later than `received_ns`, which it is if unknown."""
+        """Convert a wall time of the vehicle to our monotonic clock; at most `received_ns`, and that if unknown."""
         received_wall_ns = to_wall_ns(received_ns)
         if self.same_clock and self._clock.may_be_zero(received_wall_ns):
             return min(from_wall_ns(their_wall_ns), received_ns)
@@ -98,7 +98,7 @@ class LivenessMonitor:
 
     @property
     def rivals(self) -> str:
-        """The slaves that share the node's name, where there are several; "" for one.
+        """Return the slaves that share the node's name, as text; "" for a single one.
 
         One that was started again is not one of two: it has a little more than the lease until the old one is gone.
         """
@@ -137,7 +137,7 @@ class LivenessMonitor:
         return is_closing
 
     def _pause(self) -> float:
-        """Until the next ping; no longer than patience lasts."""
+        """Wait until the next ping, at most until the timeout."""
         if not self.known.is_set():
             return FIRST_PERIOD_S
         left = self._patience_s - (now_ns() - self._received_ns) / NS_PER_S

@@ -15,7 +15,7 @@ LONGEST_PAUSE_NS = 60 * NS_PER_S  # between two attempts to mend it
 
 
 class StallDetector:
-    """Judges counts of answers and samples, at instants (monotonic ns) that the caller gives, some times a second.
+    """Compare counts of answers and samples several times a second, at times (monotonic ns) that the caller gives.
 
     A stall is that answers came, or there was a link, and no sample for two leases (of `lease` s) and three of the
     gaps that are usual between samples. `attempts` counts how often it was told since the last sample; each takes

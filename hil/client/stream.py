@@ -11,7 +11,7 @@ POLL_S = 0.1  # how often one who waits looks whether the vehicle is still there
 
 
 class Stream:
-    """Gives each sample that comes from now on. At most `depth` wait; beyond it the oldest go, and count as `dropped`.
+    """Yield each sample from now on. At most `depth` wait; beyond it the oldest are discarded and counted in `dropped`.
 
     `check` is called while nothing comes, with the seconds since something did; it raises when nothing will.
     """

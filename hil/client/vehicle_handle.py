@@ -193,7 +193,7 @@ class Vehicle(VehicleState):
         return new
 
     def _lasting_reason(self) -> str:
-        """Why it does not obey, once it had the time to tell: the master that it named may stay, or have just left."""
+        """Return why it refuses commands, once that has lasted: the master that it named may have just left."""
         client = self.client
         deadline = time.monotonic() + (0.0 if client.has_commanded else REPORTED_WITHIN_S)
         while (client.refusal() or client.in_doubt or not client.diagnostics()) and time.monotonic() < deadline:

@@ -89,10 +89,10 @@ def _dive(options: argparse.Namespace) -> int:
     scenario = load_scenario(path)
     require_free(endpoint)
     with view_process([path], endpoint, options.view), DiveWatch(scenario) as watch:
-        code = _run([path], endpoint, folder, watch.look)
+        code = _run([path], endpoint, folder, watch.observe)
     from hil.charts.dive.report import write_report
 
-    files = write_report(folder, scenario, watch.looks, watch.figures())
+    files = write_report(folder, scenario, watch.observations, watch.figures())
     print(f"what it saw: {files[-1]}")
     return code
 
@@ -126,8 +126,8 @@ def require_free(endpoint: str, routed: bool = False) -> None:
             ) from None
 
 
-def _run(scenario: list[str], endpoint: str, folder: str, look: Callable[[], None]) -> int:
-    """Run both processes with the words `scenario`; the master's exit code. `look` is called often meanwhile."""
+def _run(scenario: list[str], endpoint: str, folder: str, observe: Callable[[], None]) -> int:
+    """Run both processes with the words `scenario`; the master's exit code. `observe` is called often meanwhile."""
     log_path = os.path.join(folder, "slave.log")
     with StopSignals() as stop_fd, open(log_path, "w", encoding="utf-8") as log:
         master, ready_fd = _start_master(scenario, endpoint, folder)
@@ -137,7 +137,7 @@ def _run(scenario: list[str], endpoint: str, folder: str, look: Callable[[], Non
                 return master.wait(GRACE_S)
             print(f"starting the slave (its log: {log_path})", flush=True)
             slave = _start_slave(scenario, endpoint, log)
-            return _watch(master, slave, stop_fd, log_path, look)
+            return _watch(master, slave, stop_fd, log_path, observe)
         finally:
             for process in (master, slave):
                 if process:
@@ -177,10 +177,10 @@ def _watch(
     slave: subprocess.Popen[bytes],
     stop_fd: int,
     log_path: str,
-    look: Callable[[], None],
+    observe: Callable[[], None],
 ) -> int:
     while master.poll() is None:
-        look()
+        observe()
         if select.select((stop_fd,), (), (), 0.1)[0]:
             raise KeyboardInterrupt
         if slave.poll() is not None and master.poll() is None:

@@ -45,12 +45,12 @@ def main(arguments: list[str]) -> int:
         for one in fleet.start(path, text, hosts, programs, options.ssh, changes):
             print(f"{one.member}: started{f' on {one.host}' if one.host else ''}, process {one.pid}")
         return 0
-    members, ssh = fleet.noted(options.scenario)
+    members, ssh = fleet.load_started(options.scenario)
     if options.action == "down":
         shown = fleet.stop(options.scenario, members, ssh)
         failed = [one for one in shown if one.state == "unreachable"]
     else:
-        shown = fleet.look(members, ssh)
+        shown = fleet.query_states(members, ssh)
         failed = [one for one in shown if one.state != "running"]
     if options.json:
         print(json.dumps([one._asdict() for one in shown]))

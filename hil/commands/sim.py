@@ -75,7 +75,7 @@ def _fly(
         from hil.plots.force_log import Flight
 
         flight = Flight(simulation)
-        watches.append(lambda vehicle: flight.note(vehicle.simulation))
+        watches.append(lambda vehicle: flight.record(vehicle.simulation))
     began, began_cpu = time.monotonic(), time.process_time()
     outcome = None
     try:

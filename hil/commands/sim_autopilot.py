@@ -33,7 +33,7 @@ def fly_autopilot(scenario: Scenario, options: Namespace) -> int:
             from hil.plots.force_log import Flight
 
             flight = Flight(run.simulation)
-            watches.append(lambda run: flight.note(run.simulation))
+            watches.append(lambda run: flight.record(run.simulation))
         began = time.monotonic()
         interrupted = False
         try:

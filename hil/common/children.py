@@ -80,7 +80,7 @@ def foreign_command(*command: str) -> list[str]:
 
 
 def package_environment() -> dict[str, str]:
-    """This process's environment, and in it where our packages are if they are not installed."""
+    """Return this process's environment, with the path of our packages if they are not installed."""
     if os.path.basename(ROOT) in _INSTALLED:
         return dict(os.environ)
     return {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, (ROOT, os.environ.get("PYTHONPATH"))))}
@@ -88,7 +88,7 @@ def package_environment() -> dict[str, str]:
 
 @contextmanager
 def worker_options() -> Iterator[dict[str, Any]]:
-    """Options of `joblib.Parallel`, used inside, with which the processes of loky end with this one.
+    """Provide options of `joblib.Parallel` with which the processes of loky end with this one.
 
     These look for modules in the current folder no more than our own programs do; but under Python 3.10, which cannot
     be told so, until they have taken over this process's `sys.path`.
@@ -105,14 +105,14 @@ def worker_options() -> Iterator[dict[str, Any]]:
 
 
 def _path(process: str) -> str:
-    """Of the pipe's read end, as another process sees it."""
+    """Return the path of the pipe's read end, as another process sees it."""
     if not _pipe:
         _pipe.extend(os.pipe2(os.O_CLOEXEC))
     return f"/proc/{process}/fd/{_pipe[0]}"
 
 
 def _let_go() -> None:
-    """In a process forked without an exec: its parent's children are not to live as long as it does."""
+    """Close the parent's lifelines in a process forked without an exec."""
     while _pipe:
         os.close(_pipe.pop())
 

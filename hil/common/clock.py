@@ -115,7 +115,7 @@ class Histogram:
 
 
 class RateKeeper:
-    """Says how many periods are due, on an absolute schedule that never drifts.
+    """Count the periods that are due, on an absolute schedule that never drifts.
 
     A loop that comes late catches up, but not by more than `most_due` periods at once: what is beyond
     is skipped and counted in `skipped`.
@@ -146,7 +146,7 @@ class RateKeeper:
 
     @property
     def lateness(self) -> Histogram:
-        """How late each period was noticed (ns). The reader counts them: the loop has no time for it.
+        """Return how late each period was noticed (ns). The reader counts them: the loop has no time for it.
 
         Where nobody asks for long, the loop counts what is more than `MOST_FRESH`.
         """
@@ -213,7 +213,7 @@ LOOP_PRIORITY = 40  # SCHED_FIFO, below the kernel's interrupt threads (50)
 
 
 def schedule_fifo(priority: int) -> str:
-    """Real-time scheduling for this thread and those it makes from now on; a line that says whether it holds."""
+    """Give this thread and the threads it starts real-time scheduling; return a line that says whether that worked."""
     try:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
     except PermissionError:

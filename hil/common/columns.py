@@ -13,7 +13,7 @@ LEAST = 6  # letters; a column is never made narrower
 def aligned(
     rows: Sequence[Sequence[str]], right: bool = False, rule: bool = False, indent: str = "", width: int = 0
 ) -> list[str]:
-    """`rows` of equally many cells as lines, cells at their left or, as numbers like it, at their right.
+    """Return `rows` of equally many cells as lines; each cell is aligned left or, for numbers, right.
 
     With `rule` a line of dashes comes below the first row. What does not print in a cell is replaced. No line is longer
     than `width` letters, 0: the terminal's, or 80 where the output is no terminal; longer cells go on in the next line.

@@ -6,7 +6,7 @@ DEFAULT_PORT = 7447
 
 
 def split_endpoint(endpoint: str) -> tuple[str, str, int]:
-    """Scheme, host and port of an endpoint: "tcp/HOST:PORT", "tls/HOST:PORT", or without scheme or port.
+    """Return scheme, host and port of an endpoint: "tcp/HOST:PORT", "tls/HOST:PORT", or without scheme or port.
 
     The scheme is tcp and the port DEFAULT_PORT where they are left out; an IPv6 address stands in brackets. A port
     needs its neighbour, so the last one is none. Raises NetworkError when it is none of these.

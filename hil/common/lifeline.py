@@ -32,7 +32,7 @@ def die_with_parent() -> None:
 
 
 def describe_end(number: int, descriptor: int) -> str:
-    """Return what VARIABLE says to a child that will have this descriptor under that number."""
+    """Return the text of VARIABLE for a child that inherits this descriptor under that number."""
     return f"{number}:{os.fstat(descriptor).st_ino}"
 
 
@@ -68,7 +68,7 @@ def die_with(path: str) -> None:
 
 
 def main(command: list[str]) -> None:
-    """Become another program, which ends with the parent too. Exits with NO_PROGRAM if there is no such program."""
+    """Replace this process by another program, which ends with the parent; exit with NO_PROGRAM if there is none."""
     die_with_parent()
     for ignored in (signal.SIGPIPE, signal.SIGXFSZ):  # by the interpreter, which would be inherited
         signal.signal(ignored, signal.SIG_DFL)

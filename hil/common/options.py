@@ -28,7 +28,7 @@ HOST = re.compile(r"(?=.{1,253}\Z)[A-Za-z0-9_]([A-Za-z0-9_-]{0,62})(\.[A-Za-z0-9
 
 
 class HelpFormatter(argparse.HelpFormatter):
-    """Wraps the paragraphs of a text to the terminal; its indented lines stay lines, such as those of examples."""
+    """Wrap the paragraphs of a text to the terminal; keep its indented lines, such as those of examples."""
 
     def _format_usage(self, *arguments: Any) -> str:
         """Return the usage; argparse leaves a group of options that exclude each other on one line."""
@@ -97,7 +97,7 @@ class Parser(argparse.ArgumentParser):
         )
 
     def _print_message(self, message: str, file: Any = None) -> None:
-        """Print, and let a disk that is full be an error: argparse passes over it."""
+        """Print, and raise on a full disk, which argparse ignores."""
         (file or sys.stdout).write(message)
 
     def _unknown(self, words: str) -> str:

@@ -26,7 +26,7 @@ _here = _OfThread()
 
 @contextmanager
 def refusing(why: str) -> Iterator[None]:
-    """Inside, no class is loaded in this thread: the ConfigError that says so names it, and ends with `why`."""
+    """Refuse to load classes in this thread inside the `with`: ConfigError names the class and ends with `why`."""
     before, _here.refusal = _here.refusal, why
     try:
         yield

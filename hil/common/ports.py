@@ -22,7 +22,7 @@ def free_ports(count: int) -> list[int]:
 
 @cache
 def _own_block(pid: int) -> tuple[int, "cycle[int]"]:
-    """Reserve a block for this process, by a name of Linux that one at a time can have; all ports if none is left."""
+    """Reserve a block of ports for this process by an abstract socket name; return all ports if none is left."""
     blocks = list(range(_FIRST, _END, _BLOCK))
     for first in SystemRandom().sample(blocks, len(blocks)):
         holder = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)

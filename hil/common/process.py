@@ -4,7 +4,7 @@ import os
 
 
 def boot_id() -> str:
-    """Names this boot of this machine: processes that see the same one share a clock."""
+    """Return the identifier of this boot; processes that see the same one share a clock."""
     try:
         with open("/proc/sys/kernel/random/boot_id", encoding="utf-8") as file:
             return file.read().strip()
@@ -15,7 +15,7 @@ def boot_id() -> str:
 
 
 def bytecode_compiled(package: str) -> bool:
-    """Whether every module of an imported package that is loaded came from compiled bytecode on disk, or from C."""
+    """Return whether every loaded module came from compiled bytecode on disk, or from C."""
     import sys
 
     modules = [m for name, m in sys.modules.items() if name == package or name.startswith(package + ".")]

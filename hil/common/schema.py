@@ -60,7 +60,7 @@ def load(path: str, record: type[Record]) -> Record:
 
 
 def parse(table: dict[str, Any], record: type[Record], where: str) -> Record:
-    """`table` as a `record`; `where` (file and section) opens every error message."""
+    """Return `table` as a `record`; `where` (file and section) begins every error message."""
     annotations, defaults = _fields(record)
     for key in table:
         if key not in annotations:

@@ -59,7 +59,7 @@ class ScratchFolder:
 
 
 def lock_unused(path: str) -> int | None:
-    """The locked descriptor of a folder of this user's that no process has locked, to be closed; None if there is one.
+    """Lock a folder of this user and return its descriptor, to be closed; None if another process holds it.
 
     Raises OSError if it cannot be opened, or is no folder.
     """
@@ -95,7 +95,7 @@ def _remove(path: str) -> None:
 
 
 def _lock(folder: int, wait: bool) -> None:
-    """Raises BlockingIOError without `wait` when another process has it."""
+    """Lock it. Raises BlockingIOError without `wait` when another process holds it."""
     import fcntl  # not on Windows, where importing this file must do no harm
 
     fcntl.flock(folder, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))

@@ -25,7 +25,7 @@ def wall_offset_ns() -> int:
 
 
 class Stamps:
-    """The epoch, `epoch_ns`, and those that were.
+    """The present epoch, `epoch_ns`, and the earlier ones.
 
     `offset_ns` is what the wall clock is ahead of the monotonic one by what the epoch was made with; `found_ns` what
     the clock watch has found since, which the loop takes up.
@@ -45,7 +45,7 @@ class Stamps:
         return time_ns + (held[0] if held else self._older[-1][1])
 
     def begin(self, time_ns: int, epoch_ns: int) -> None:
-        """From this simulation time on, what was measured there not included, another epoch holds."""
+        """Use another epoch for what is measured after this simulation time."""
         if time_ns > self._since_ns:  # else nothing was measured in the one that ends
             self._older = ((self._since_ns, self.epoch_ns), *self._older)[:_KEPT]
         self.epoch_ns, self._since_ns = epoch_ns, time_ns

@@ -11,7 +11,7 @@ _ROOM = 4096  # bytes read at a time
 
 
 def stop_signals() -> list[signal.Signals]:
-    """What ends a process: also that its terminal has gone, unless whoever started it had that ignored (nohup)."""
+    """Return the signals that end a process; SIGHUP too, unless the parent had it ignored (nohup)."""
     hung_up = getattr(signal, "SIGHUP", None)  # Windows has none
     others = [] if hung_up is None or signal.getsignal(hung_up) is signal.SIG_IGN else [hung_up]
     return [signal.SIGINT, signal.SIGTERM, *others]
@@ -77,7 +77,7 @@ class Wakeup:
 
 
 class StopSignals:
-    """Inside the `with`, `stop_signals` only make a descriptor readable: no wait can miss one.
+    """Let `stop_signals` only make a descriptor readable inside the `with`: no wait can miss one.
 
     The value of the `with` is that descriptor; it stays readable from the first signal on.
     """
@@ -96,4 +96,4 @@ class StopSignals:
 
 
 def _ignore(_number: int, _frame: FrameType | None) -> None:
-    """The interpreter has written to the descriptor already."""
+    """Do nothing: the interpreter has written to the descriptor already."""

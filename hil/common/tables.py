@@ -105,7 +105,7 @@ def output_file(text: str) -> str:
 
 
 def settings(texts: Iterable[str], name: str) -> dict[str, Any]:
-    """NAME=VALUE texts of the command line's `name` as a table. Raises ConfigError."""
+    """Return the NAME=VALUE texts of the option `name` as a table. Raises ConfigError."""
     table = {}
     for text in texts:
         key, equals, value = text.partition("=")

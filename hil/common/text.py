@@ -8,7 +8,7 @@ ELLIPSIS = "..."
 
 
 def clean(text: str, most: int = LONGEST) -> str:
-    """`text` on one line of at most `most` characters, with "?" for what does not print, such as escape sequences."""
+    """Return `text` on one line of at most `most` characters, with "?" for what does not print."""
     if len(text) > most:
         text = text[: most - len(ELLIPSIS)] + ELLIPSIS
     return text if text.isprintable() else "".join([c if c.isprintable() else "?" for c in text])

@@ -36,7 +36,7 @@ class Change(NamedTuple):
     owner: tuple[int, int] = SAME
 
 
-class Note(NamedTuple):
+class ManifestEntry(NamedTuple):
     """What the manifest says of a file: what was written, what was `before`, and folders that were made for it."""
 
     sha256: str
@@ -83,10 +83,10 @@ def plan_install(tree: Tree, texts: dict[str, str]) -> Plan:
 
 def plan_uninstall(tree: Tree) -> Plan:
     """Return what takes away all that the manifest names. Raises ConfigError when nothing is installed."""
-    notes = _manifest(tree)
-    if notes is None:
+    entries = _manifest(tree)
+    if entries is None:
         raise ConfigError(f"nothing is installed here: there is no {MANIFEST}")
-    return _plan_removal(tree, notes)
+    return _plan_removal(tree, entries)
 
 
 def show(change: Change) -> str:
@@ -101,16 +101,17 @@ def show(change: Change) -> str:
 
 def carry_out(tree: Tree, plan: Plan) -> None:
     """Do it. Call `check_permission` before. Raises DeviceError when a file cannot be written."""
-    notes = _manifest(tree) or {}
-    done = dict(notes)
+    entries = _manifest(tree) or {}
+    done = dict(entries)
     for change in plan.written:
-        first = notes.get(change.path) or _note(tree, change)  # what was there before is that of the first time
+        # what was there before is that of the first time
+        first = entries.get(change.path) or _manifest_entry(tree, change)
         done[change.path] = first._replace(sha256=_digest(change.after or ""))
-    folders = {os.path.dirname(MANIFEST), *(folder for note in done.values() for folder in note.folders)}
+    folders = {os.path.dirname(MANIFEST), *(folder for entry in done.values() for folder in entry.folders)}
     try:
         record = [_record(done)] if plan.written else []
         _put(tree, [*record, *plan.changes])  # the record first: what follows can be undone
-        left = {path: note for path, note in done.items() if _read(tree, path) != note.before}
+        left = {path: entry for path, entry in done.items() if _read(tree, path) != entry.before}
         if left != done or not left:
             with suppress(DeviceError):  # a record that names too much does no harm
                 _put(tree, [_record(left)])
@@ -132,14 +133,14 @@ def check_permission(tree: Tree, plan: Plan) -> None:
             )
 
 
-def _plan_removal(tree: Tree, notes: dict[str, Note]) -> Plan:
+def _plan_removal(tree: Tree, entries: dict[str, ManifestEntry]) -> Plan:
     removed, changed = [], []
-    for path, note in notes.items():
+    for path, entry in entries.items():
         now = _read(tree, path)
-        if now == note.before:
+        if now == entry.before:
             continue  # never written, as the installation ended before; or somebody put it back
-        if now is None or _digest(now) == note.sha256:
-            removed.append(Change(path, note.before, now, note.mode, note.owner))
+        if now is None or _digest(now) == entry.sha256:
+            removed.append(Change(path, entry.before, now, entry.mode, entry.owner))
         else:
             changed.append(path)
     return Plan(removed=tuple(removed), changed=tuple(changed))
@@ -154,13 +155,13 @@ def _check_folder(tree: Tree, path: str) -> None:
         raise ConfigError(f"{folder}: is no folder, where {path} belongs; take it away first")
 
 
-def _note(tree: Tree, change: Change) -> Note:
+def _manifest_entry(tree: Tree, change: Change) -> ManifestEntry:
     """Return what the manifest says of a file before it is written for the first time."""
-    note = Note("", change.before, tuple(_missing_folders(tree, change.path)))
+    entry = ManifestEntry("", change.before, tuple(_missing_folders(tree, change.path)))
     if change.before is None:
-        return note
+        return entry
     found = os.stat(tree.path(change.path))
-    return note._replace(mode=stat.S_IMODE(found.st_mode), owner=(found.st_uid, found.st_gid))
+    return entry._replace(mode=stat.S_IMODE(found.st_mode), owner=(found.st_uid, found.st_gid))
 
 
 def _missing_folders(tree: Tree, path: str) -> list[str]:
@@ -171,7 +172,7 @@ def _missing_folders(tree: Tree, path: str) -> list[str]:
     return missing
 
 
-def _manifest(tree: Tree) -> dict[str, Note] | None:
+def _manifest(tree: Tree) -> dict[str, ManifestEntry] | None:
     """Return what is installed; None if there is no manifest.
 
     Raises ConfigError when it is not what was written there.
@@ -181,22 +182,22 @@ def _manifest(tree: Tree) -> dict[str, Note] | None:
         return None
     try:
         table = json.loads(text)
-        entries = {
-            path: {key: value for key, value in note.items() if value is not None} for path, note in table.items()
+        values = {
+            path: {key: value for key, value in entry.items() if value is not None} for path, entry in table.items()
         }
-        return {path: parse(note, Note, MANIFEST) for path, note in entries.items()}
+        return {path: parse(entry, ManifestEntry, MANIFEST) for path, entry in values.items()}
     except (ValueError, AttributeError, ConfigError):
         remedy = "remove it, and the files that this finds: grep -rl 'uuv-hil board install' /etc"
         raise ConfigError(f"{MANIFEST}: is not what was written there; {remedy}") from None
 
 
-def _record(notes: dict[str, Note]) -> Change:
+def _record(entries: dict[str, ManifestEntry]) -> Change:
     """Return the manifest, for nobody to read who could not read what it says was there before."""
-    text = json.dumps({path: note._asdict() for path, note in notes.items()}, indent=1, sort_keys=True) + "\n"
+    text = json.dumps({path: entry._asdict() for path, entry in entries.items()}, indent=1, sort_keys=True) + "\n"
     mode = MODE
-    for note in notes.values():
-        mode &= note.mode | 0o600
-    return Change(MANIFEST, text if notes else None, None, mode)
+    for entry in entries.values():
+        mode &= entry.mode | 0o600
+    return Change(MANIFEST, text if entries else None, None, mode)
 
 
 def _read(tree: Tree, path: str) -> str | None:

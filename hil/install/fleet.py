@@ -99,8 +99,8 @@ def start(
             script = START.format(began=BEGAN, folder=there, member=member, command=command)
             pid, began = map(int, _run(host, script, ssh, text).split())
             done.append(Started(member, host, pid, began, there))
-            _note(path, done, ssh)
-        for shown in look(done, ssh):
+            _save_started(path, done, ssh)
+        for shown in query_states(done, ssh):
             if shown.state != "running":
                 place = f" on {shown.host}" if shown.host else ""
                 raise DeviceError(f"{shown.member}{place} {shown.state}: {shown.last or 'it said nothing'}")
@@ -110,7 +110,7 @@ def start(
     return done
 
 
-def noted(scenario: str) -> tuple[list[Started], str]:
+def load_started(scenario: str) -> tuple[list[Started], str]:
     """Return what was started, and the command for ssh. Raises ConfigError when nothing was, or the note is damaged."""
     path = state_file(scenario)
     try:
@@ -123,32 +123,32 @@ def noted(scenario: str) -> tuple[list[Started], str]:
         raise ConfigError(f"{path}: is not what was written there; end the slaves by hand and remove it") from None
 
 
-def look(members: Sequence[Started], ssh: str) -> list[Shown]:
+def query_states(members: Sequence[Started], ssh: str) -> list[Shown]:
     """Return the state of each."""
-    found = []
+    shown = []
     for one in members:
         try:
             state, _, last = _run(one.host, _filled(STATUS, one), ssh).partition("\n")
-            found.append(Shown(one.member, one.host, state, last.strip()))
+            shown.append(Shown(one.member, one.host, state, last.strip()))
         except DeviceError as error:
-            found.append(Shown(one.member, one.host, "unreachable", str(error)))
-    return found
+            shown.append(Shown(one.member, one.host, "unreachable", str(error)))
+    return shown
 
 
 def stop(scenario: str, members: Sequence[Started], ssh: str) -> list[Shown]:
     """End them: SIGTERM, and after GRACE_S SIGKILL. Those that cannot be reached stay noted."""
-    found, left = [], []
+    shown, left = [], []
     for one in members:
         try:
-            found.append(Shown(one.member, one.host, _run(one.host, _filled(STOP, one), ssh).strip(), ""))
+            shown.append(Shown(one.member, one.host, _run(one.host, _filled(STOP, one), ssh).strip(), ""))
         except DeviceError as error:
-            found.append(Shown(one.member, one.host, "unreachable", str(error)))
+            shown.append(Shown(one.member, one.host, "unreachable", str(error)))
             left.append(one)
     if left:
-        _note(state_file(scenario), left, ssh)
+        _save_started(state_file(scenario), left, ssh)
     elif os.path.exists(state_file(scenario)):
         os.unlink(state_file(scenario))
-    return found
+    return shown
 
 
 def _filled(script: str, one: Started) -> str:
@@ -170,7 +170,7 @@ def _run(host: str, script: str, ssh: str, text: str = "") -> str:
     return done.stdout
 
 
-def _note(path: str, members: Sequence[Started], ssh: str) -> None:
+def _save_started(path: str, members: Sequence[Started], ssh: str) -> None:
     try:
         os.makedirs(os.path.dirname(path), mode=0o700, exist_ok=True)
         with open(f"{path}.new", "w", encoding="utf-8") as file:

@@ -28,7 +28,7 @@ class Progress:
         self._period_s = TERMINAL_PERIOD_S if self._terminal else LINE_PERIOD_S
         self._next_s = 0.0
         self._open_line = False
-        self._noted_s = -LINE_PERIOD_S
+        self._printed_s = -LINE_PERIOD_S
 
     def print_line(self, text: str) -> None:
         """Print a line."""
@@ -51,8 +51,8 @@ class Progress:
     def print_limited(self, text: str) -> None:
         """Print a line, at most one a second."""
         now = time.monotonic()
-        if now - self._noted_s > 1.0:
-            self._noted_s = now
+        if now - self._printed_s > 1.0:
+            self._printed_s = now
             self.print_line(text)
 
     def show(self, elapsed: float, truth: OdometrySample, share: float, client: VehicleClient) -> None:

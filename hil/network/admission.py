@@ -1,7 +1,7 @@
 """Let few connections wait at a TLS listener.
 
 The library accepts all connections that wait, and then fails those without a handshake one by one, with a pause of
-100 ms after each (eclipse-zenoh/zenoh#2685): a thousand of them, which take a stranger without a certificate some
+100 ms after each (eclipse-zenoh/zenoh#2685): a thousand of them, which take a client without a certificate some
 seconds, keep everybody out for two minutes and hold a thousand descriptors. What the kernel lets wait is ours to say:
 with a queue of one the library gets no more of them in a pause than it fails behind it.
 """

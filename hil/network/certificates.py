@@ -35,7 +35,7 @@ def new_authority() -> Pair:
 
 
 def new_machine(authority: Pair, name: str, hosts: list[str], days: int) -> Pair:
-    """A machine called `name`, which others dial as one of `hosts`; it may dial and be dialled for `days` from today.
+    """Return the pair of a machine `name`, dialled as one of `hosts`, valid for `days` from today.
 
     Raises ConfigError when a host can be none, or the authority cannot be read.
     """

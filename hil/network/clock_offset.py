@@ -35,7 +35,7 @@ class _Point(NamedTuple):
 
 
 class ClockOffset:
-    """Estimates the other clock minus ours. Times are integer nanoseconds, each of the clock that read it.
+    """Estimate the other clock minus ours. Times are integer nanoseconds, each of the clock that read it.
 
     `history` is how many seconds are kept. `malformed` counts exchanges that cannot have been, `steps` how often
     a clock was set. Threads may add and ask at once.

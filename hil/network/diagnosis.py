@@ -118,7 +118,7 @@ def _without(connection: socket.socket) -> Fault | None:
 
 
 def _shake(context: ssl.SSLContext, connection: socket.socket, host: str) -> None:
-    """The handshake, and what follows it: a refusal of our certificate comes after our last word (RFC 8446, 4.4).
+    """Do the TLS handshake, then wait: a refusal of our certificate comes after it (RFC 8446, 4.4).
 
     The peer that accepts us waits for our first message, and closes the connection after its own limit for opening a
     link.

@@ -75,8 +75,8 @@ def open_session(action: str, name: str, text: str, has_pairs: bool = False, dia
 def _reason(text: str) -> str:
     if "Address already in use" in text:
         return (
-            f"{_taken(text)} is in use: by another slave or router, or by ROS 2's rmw_zenohd, whose port is 7447 too; "
-            "end that, or choose another with --listen"
+            f"{_taken_port(text)} is in use: by another slave or router, or by ROS 2's rmw_zenohd, whose port is 7447 "
+            "too; end that, or choose another with --listen"
         )
     if "Cannot assign requested address" in text or "os error 99" in text:
         return "this machine does not have that address"
@@ -89,7 +89,7 @@ def _reason(text: str) -> str:
     return text.partition(" at /")[0]  # without the place in the library's source
 
 
-def _taken(text: str) -> str:
+def _taken_port(text: str) -> str:
     """Return which port the library could not have, by what it says of it."""
     address = text.partition("bound to ")[2].partition(": ")[0].partition("?")[0].partition("#")[0]
     port = address.rpartition(":")[2]

@@ -28,13 +28,13 @@ _PRIORITIES: dict[Priority, zenoh.Priority] = {
 
 
 class _Ended:
-    """Takes the place of a publisher of a session that is closed: publishes nothing, and nobody listens."""
+    """Stand-in for a publisher of a closed session: it publishes nothing and has no subscribers."""
 
     matching = False
 
     @property
     def matching_status(self) -> "_Ended":
-        """Return that nobody listens."""
+        """Return false: there are no subscribers."""
         return self
 
     def put(self, _payload: bytes, attachment: bytes = b"") -> None:
@@ -45,7 +45,7 @@ class _Ended:
 
 
 class Declared:
-    """Something that is declared on the library's session, and again on each that takes its place.
+    """A declaration on the library's session, repeated on each session that replaces it.
 
     `current` is what the library gave for it; it lives as long as this does.
     """
@@ -59,7 +59,7 @@ class Declared:
         self.current = self._declare(session)
 
     def end_publishing(self) -> None:
-        """Undeclare it if it is a publisher; nothing is published with it any more."""
+        """Undeclare it if it is a publisher; it publishes nothing from then on."""
         if not hasattr(self.current, "put") or isinstance(self.current, _Ended):
             return
         publisher, self.current = self.current, _Ended()  # who publishes does not come to it any more

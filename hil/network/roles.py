@@ -75,7 +75,7 @@ def open_router_session(
 ) -> Session:
     """Open the session of a router at `endpoint`, which forwards between all that connect. Raises NetworkError.
 
-    `others`: endpoints of further routers; it forwards to whoever is behind them, and dials them until they are there.
+    `others`: endpoints of further routers; it forwards to all that is behind them, and dials them until they are there.
     """
     session = _open("listen on", endpoint, settings("router", (endpoint,), others, network, security))
     if security:

@@ -171,15 +171,17 @@ class Session:
         channel = self._declare(lambda session: declare(session, keys, zenoh.handlers.RingChannel(depth)))
         self._read(channel, lambda sample: deliver(str(sample.key_expr), *_content(sample)), f"reader {keys}")
 
-    def answer_queries(self, key: str, take: Callable[[zenoh.Query], None]) -> None:
-        """Call `take` for each query of `key`, in a thread of the library: it must be quick and must not raise."""
+    def answer_queries(self, key: str, handler: Callable[[zenoh.Query], None]) -> None:
+        """Call `handler` for each query of `key`, in a thread of the library: it must be quick and must not raise."""
         self._declare(
-            lambda session: session.declare_queryable(key, zenoh.handlers.Callback(take, indirect=False), complete=True)
+            lambda session: session.declare_queryable(
+                key, zenoh.handlers.Callback(handler, indirect=False), complete=True
+            )
         )
 
-    def answer(self, keys: str, take: Callable[[zenoh.Query], None]) -> None:
-        """Call `take` for each query of `keys`, otherwise like `receive`; of many at once the youngest are dropped."""
-        queue = self._shared_worker().open_queue(take, ASKING)
+    def answer(self, keys: str, handler: Callable[[zenoh.Query], None]) -> None:
+        """Call `handler` for each query of `keys`, otherwise like `receive`; the youngest of too many are dropped."""
+        queue = self._shared_worker().open_queue(handler, ASKING)
         self._declare(lambda session: session.declare_queryable(keys, queue.callback))
 
     def ask(
@@ -190,7 +192,7 @@ class Session:
         attachment: bytes | None = None,
         refused: Callable[[str], None] | None = None,
     ) -> Iterator[tuple[str, bytes, bytes]]:
-        """Key, payload and attachment of each answer to a query that comes within the time.
+        """Return key, payload and attachment of each answer to a query that comes within the time.
 
         `refused` is called with the reason, by each who says that there will be none.
         """
@@ -275,7 +277,7 @@ class Session:
         return not (self._is_open or self._closed.is_set())
 
     def links(self) -> list[tuple[str, str, str]]:
-        """Of each link the identity of the peer, and the addresses, ours and theirs."""
+        """Return of each link the identity of the peer and both addresses, ours and the peer's."""
         return [(str(link.zid), link.src, link.dst) for link in self._session.info.links()]
 
     def free_links(self) -> None:
@@ -361,6 +363,6 @@ def _deliver(sample: zenoh.Sample, deliver: Deliver) -> None:
 
 
 def _content(sample: zenoh.Sample) -> tuple[bytes, bytes]:
-    """Payload and attachment."""
+    """Return payload and attachment."""
     attachment = sample.attachment
     return sample.payload.to_bytes(), attachment.to_bytes() if attachment is not None else b""

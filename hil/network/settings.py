@@ -64,7 +64,7 @@ class Network(NamedTuple):
 
 
 def endpoints(endpoint: str, secure: bool = False, one: bool = False) -> list[str]:
-    """The two links of an endpoint "tcp/HOST:PORT": urgent traffic on PORT, the rest on PORT + 1; or `one` for all.
+    """Return the two links of "tcp/HOST:PORT": urgent traffic on PORT, the rest on PORT + 1; or `one` for all.
 
     With `secure` they are TLS, whatever the scheme says. Raises NetworkError when the endpoint is not of this form,
     ConfigError when it asks for TLS without certificates.
@@ -167,7 +167,7 @@ def _mode(role: Role, network: Network) -> str:
 
 
 def _gossip(role: Role, security: "Security | None") -> dict[str, Any]:
-    """Settings of gossip: tell those who connect to us about each other, so that they connect directly.
+    """Return the settings of gossip, by which our clients learn about each other and connect directly.
 
     ROS 2 contexts need it: their messages go from one to the other, and through no router. None of ours ever dials
     whose addresses it gets. Under TLS gossip is off: who may not listen must not learn who is there, and what goes past
@@ -195,7 +195,7 @@ def save_threads(pictures: bool) -> None:
 
 
 def json5(value: Any) -> str:
-    """Plain values as JSON5; the json module would cost 2 ms of every start."""
+    """Return plain values as JSON5; the json module would cost 2 ms of every start."""
     if isinstance(value, dict):
         return "{" + ",".join([f"{key!r}:{json5(item)}" for key, item in value.items()]) + "}"
     if isinstance(value, (list, tuple)):

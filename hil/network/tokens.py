@@ -1,4 +1,4 @@
-"""Network keys that are our own, beside those of ROS 2: presence tokens and the clock exchange."""
+"""Network keys of this project besides those of ROS 2: presence tokens and the clock exchange."""
 
 from struct import Struct
 from typing import Any, Literal, NamedTuple
@@ -57,7 +57,7 @@ def last_key(node: str, topic: str) -> str:
 
 
 def clock_keys(node: str) -> tuple[str, str, str]:
-    """Where anyone asks a node for its time, where it answers, and where masters ask it and tell how the answer came.
+    """Return the keys of a node's clock exchange: requests, answers, and the masters' requests and reports.
 
     By the last it judges how old their commands are, so it is only for those who may command, and no others who ask
     stand in their way.
@@ -74,7 +74,7 @@ def read_clock(layout: Struct, payload: bytes) -> tuple[Any, ...] | None:
 
 
 def _plain(text: str, most: int = _LONGEST_NAME) -> str:
-    """`text` with what may not stand in a key replaced, and cut; others may have written anything, of any length."""
+    """Return `text`, which others wrote, with the characters that a key forbids replaced, and cut."""
     return "".join([c if c.isascii() and (c.isalnum() or c in "._-:") else "_" for c in text[:most]]) or "_"
 
 

@@ -39,7 +39,7 @@ class UnreadLinks:
     def __init__(self, lease: float, has_pairs: bool = False) -> None:
         self._has_pairs = has_pairs
         self._patience_ns = round(LEASES * lease * NS_PER_S)
-        self._looked_ns = 0  # monotonic
+        self._checked_ns = 0  # monotonic
         self._unread: dict[Pair, tuple[int, int]] = {}  # how much was read, and for how long that stands
         self._pairs: set[str] = set()  # peers that had two links
         self._halves: dict[str, int] = {}  # those of them that have one, and for how long
@@ -48,9 +48,9 @@ class UnreadLinks:
     def mend(self, session: Session) -> bool:
         """Cut the links of a session with each peer of which one is not read or lost; whether there was one."""
         now = now_ns()
-        if now - self._looked_ns < CHECK_NS:
+        if now - self._checked_ns < CHECK_NS:
             return False
-        passed_ns, self._looked_ns = min(now - self._looked_ns, LONGEST_CHECK_NS), now
+        passed_ns, self._checked_ns = min(now - self._checked_ns, LONGEST_CHECK_NS), now
         found = session.links()
         links = [(peer, (_port(ours), _port(theirs))) for peer, ours, theirs in found]
         stuck = self.find_unread(passed_ns, read_progress({pair for _, pair in links}))
@@ -88,7 +88,7 @@ class UnreadLinks:
 
 
 def read_progress(pairs: Collection[Pair]) -> dict[Pair, int]:
-    """Of each of this process's connections with such ports on which bytes wait: how many were read so far.
+    """Return how many bytes were read so far from each of this process's connections on which bytes wait.
 
     Only Linux tells; elsewhere none is found.
     """
@@ -110,6 +110,6 @@ def read_progress(pairs: Collection[Pair]) -> dict[Pair, int]:
 
 
 def _port(locator: str) -> int:
-    """That of "tcp/HOST:PORT?..."; 0 if it has none."""
+    """Return the port of "tcp/HOST:PORT?..."; 0 if it has none."""
     port = locator.partition("?")[0].partition("#")[0].rpartition(":")[2]
     return int(port) if port.isdecimal() else 0

@@ -37,7 +37,7 @@ class Flight:
         self._touched_ns = -PERIOD_NS
         self._blows: list[int] = []  # the rows in which it hits something
 
-    def note(self, simulation: Simulation) -> None:
+    def record(self, simulation: Simulation) -> None:
         """Take down what there is now, if it is time, or if it touches something that it did not just now."""
         now, hits = simulation.time_ns, False
         if simulation.touching:

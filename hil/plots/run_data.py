@@ -64,11 +64,11 @@ def collect(messages: Iterable[Message], path: str) -> dict[str, VehicleData]:
     for message in messages:
         first_ns = first_ns or message.logged_ns
         node, _, name = message.topic.strip("/").rpartition("/")
-        take = _TAKERS.get(name)
-        if node and take and len(message.data) <= LONGEST:
+        handle = _HANDLERS.get(name)
+        if node and handle and len(message.data) <= LONGEST:
             if node not in found and len(found) >= MOST_VEHICLES:
                 raise ConfigError(f"{path}: more than {MOST_VEHICLES} vehicles are in it, which no figure can show")
-            take(found.setdefault(node, VehicleData()), message, (message.logged_ns - first_ns) / NS_PER_S)
+            handle(found.setdefault(node, VehicleData()), message, (message.logged_ns - first_ns) / NS_PER_S)
     for data in found.values():
         data.pulses = _steps(
             data.pulses, max((rows[-1][0] for rows in (data.true, data.commands) if rows), default=0.0)
@@ -76,31 +76,31 @@ def collect(messages: Iterable[Message], path: str) -> dict[str, VehicleData]:
     return found
 
 
-def _take_true(data: VehicleData, message: Message, time: float) -> None:
+def _add_true(data: VehicleData, message: Message, time: float) -> None:
     sample = ros.decode_odometry(message.data)
     if sample:
         data.true.append((time, *_state(sample)))
 
 
-def _take_measured(data: VehicleData, message: Message, time: float) -> None:
+def _add_measured(data: VehicleData, message: Message, time: float) -> None:
     sample = ros.decode_odometry(message.data)
     if sample:
         data.measured.append((time, *_state(sample)))
 
 
-def _take_command(data: VehicleData, message: Message, time: float) -> None:
+def _add_command(data: VehicleData, message: Message, time: float) -> None:
     twist = ros.decode_twist(message.data)
     if twist:
         data.commands.append((time, *twist[0], twist[1][2]))
 
 
-def _take_pulses(data: VehicleData, message: Message, time: float) -> None:
+def _add_pulses(data: VehicleData, message: Message, time: float) -> None:
     values = ros.decode_int64_array(message.data)
     if values:
         data.pulses.append((time, *map(float, values[1:])))
 
 
-def _take_diagnostics(data: VehicleData, message: Message, time: float) -> None:
+def _add_diagnostics(data: VehicleData, message: Message, time: float) -> None:
     """The pulses of once a second, where the recording is not the slave's own."""
     statuses = ros.decode_diagnostics(message.data)
     figures = Diagnostics(statuses[0][3] if statuses else {})
@@ -110,7 +110,7 @@ def _take_diagnostics(data: VehicleData, message: Message, time: float) -> None:
     data.events = events_since(figures.run_event_list or (), message.published_ns - round(time * NS_PER_S))
 
 
-def _take_trace(data: VehicleData, message: Message, time: float) -> None:
+def _add_trace(data: VehicleData, message: Message, time: float) -> None:
     instants = ros.decode_int64_array(message.data)
     if instants and len(instants) in INSTANTS:
         data.delays.add(list(instants), message.published_ns, message.logged_ns)
@@ -133,11 +133,11 @@ def _steps(rows: list[Row], end: float) -> list[Row]:
     return [*kept, (max(end, kept[-1][0]), *kept[-1][1:])]
 
 
-_TAKERS = {
-    "ground_truth": _take_true,
-    "odom": _take_measured,
-    "cmd_vel": _take_command,
-    PULSES.name: _take_pulses,
-    "diagnostics": _take_diagnostics,
-    "trace": _take_trace,
+_HANDLERS = {
+    "ground_truth": _add_true,
+    "odom": _add_measured,
+    "cmd_vel": _add_command,
+    PULSES.name: _add_pulses,
+    "diagnostics": _add_diagnostics,
+    "trace": _add_trace,
 }

@@ -123,7 +123,7 @@ class Tap:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def take(self) -> list[Message]:
+    def receive(self) -> list[Message]:
         """Return what has come since the last call, in the order it came."""
         messages = []
         for line in tuple(self._lines):

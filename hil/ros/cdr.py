@@ -17,11 +17,11 @@ T = TypeVar("T")
 
 
 class MalformedError(Exception):
-    """A payload that cannot be the message it is taken for. Goes no further than `tolerant`."""
+    """A payload that is not a valid message of its type. `tolerant` catches it."""
 
 
 def tolerant(decode: Callable[[bytes], T]) -> Callable[[bytes], T | None]:
-    """`decode`, giving None for a payload that ends early or contradicts itself instead of raising."""
+    """Return `decode` with None for a payload that ends early or contradicts itself, instead of MalformedError."""
 
     def decode_or_none(data: bytes) -> T | None:
         try:
@@ -47,7 +47,7 @@ class Layout:
         self._named: dict[tuple[str, ...], tuple[Struct, tuple[Any, ...]]] = {}
 
     def struct(self, *lengths: int) -> Struct:
-        """The message whose strings take `lengths` bytes; with too few of them, up to the next string's length."""
+        """Return the Struct of a message whose strings take `lengths` bytes; with fewer, up to the next length."""
         found = self._structs.get(lengths)
         if found is None:
             if len(self._structs) >= _MOST_COMPILED:
@@ -94,7 +94,7 @@ class Layout:
 
 
 class Writer:
-    """Builds a message field by field; `data` is what has been written."""
+    """Build a message field by field; `data` is what has been written."""
 
     def __init__(self) -> None:
         self.data = bytearray(HEADER)
@@ -119,7 +119,7 @@ class Writer:
 
 
 class Reader:
-    """Takes a message apart field by field. Every method raises MalformedError; use under `tolerant`."""
+    """Read a message field by field. Every method raises MalformedError; use under `tolerant`."""
 
     def __init__(self, data: bytes) -> None:
         check_header(data)
@@ -171,13 +171,13 @@ def text(raw: bytes) -> str:
 
 
 def check_header(data: bytes) -> None:
-    """Raises MalformedError unless `data` begins as little-endian plain CDR."""
+    """Check that `data` begins as little-endian plain CDR. Raises MalformedError."""
     if data[:2] != HEADER[:2] or len(data) < len(HEADER):
         raise MalformedError("not little-endian CDR")
 
 
 def diagonal(size: int, first: float, last: float, third: float | None = None) -> bytes:
-    """The bytes of a size x size covariance matrix: `first` on axes 0 to 2 of its diagonal, `last` on the others.
+    """Return the bytes of a size x size covariance matrix: `first` on axes 0 to 2 of its diagonal, `last` on the rest.
 
     Axis 2 has `third` if that is given.
     """

@@ -60,7 +60,7 @@ class Figure(Generic[T]):
 
     @property
     def base_factor(self) -> float:
-        """What a value is multiplied by to be in the base unit: seconds, bytes, hertz."""
+        """Return the factor from this unit to the base unit: seconds, bytes, hertz."""
         return _FACTORS.get(self.unit, 1.0)
 
 
@@ -146,7 +146,7 @@ class Diagnostics:
         return bool(self.raw)
 
     def __getitem__(self, name: str) -> Any:
-        """The value of a figure by its name, None if it was not reported. Raises KeyError for a name that is none."""
+        """Return the value of a figure, None if it was not reported. Raises KeyError for an unknown name."""
         return self.FIGURES[name].read(self)
 
     def __setitem__(self, name: str, value: Any) -> None:

@@ -18,7 +18,7 @@ _chosen: tuple[int, Distro] = (FROM_ENVIRONMENT, "jazzy")
 
 
 def speak(domain: int = FROM_ENVIRONMENT, distro: Distro = "jazzy") -> None:
-    """Settle it for this process. Raises ConfigError when the environment decides, and says no domain."""
+    """Set domain and release for this process. Raises ConfigError when the environment gives no valid domain."""
     global _chosen  # noqa: PLW0603 - one for the process, see above
     _chosen = domain if domain >= 0 else _from_environment(), distro
 

@@ -32,7 +32,7 @@ _NINE, _THIRTY_SIX = Struct("<9d"), Struct("<36d")
 def encode_dvl(
     sample: DvlSample, frame: str = "dvl_transducer_link", variance: float = 0.0, mode: int = BOTTOM
 ) -> bytes:
-    """marine_acoustic_msgs/Dvl. `mode`: over what.
+    """Return marine_acoustic_msgs/Dvl. `mode`: bottom or water.
 
     `variance`: of the velocity, (m/s)², where the sample has no covariance itself; 0 is sent as -1, "not known".
 
@@ -51,7 +51,7 @@ def encode_dvl(
 
 @tolerant
 def decode_dvl(data: bytes) -> DvlSample:
-    """Velocity along FRD, altitude, and whether it is locked: it is while a beam is good."""
+    """Return velocity along FRD, altitude, and whether at least one beam is locked."""
     time_ns, (_, _, u, v, w, _, altitude, _, _, beams, *_) = unpack_stamped(_DVL, data)
     return DvlSample(time_ns, (u, v, w), altitude, beams > 0 and isfinite(u + v + w))
 

@@ -33,7 +33,7 @@ _ATTACHMENT = Struct("<qqB16s")
 
 
 class Attachment(NamedTuple):
-    """What rmw_zenoh adds to every message: its number from its publisher `gid`, and when it was sent (ns, wall)."""
+    """Attachment of rmw_zenoh to a message: sequence number, time of sending (ns, wall), publisher `gid`."""
 
     sequence: int
     time_ns: int

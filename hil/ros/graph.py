@@ -111,7 +111,7 @@ def read_qos(text: str) -> Qos | None:
 
 
 def ros_name(dds: str) -> str:
-    """sensor_msgs/msg/Imu of sensor_msgs::msg::dds_::Imu_; empty if it is no such name."""
+    """Return sensor_msgs/msg/Imu for sensor_msgs::msg::dds_::Imu_; empty for any other form."""
     parts = dds.split("::")
     if len(parts) != 4 or parts[2] != "dds_" or not parts[3].endswith("_"):
         return ""
@@ -119,11 +119,11 @@ def ros_name(dds: str) -> str:
 
 
 class Declarer(Protocol):
-    """What a node needs of the session."""
+    """The part of the session that a node needs."""
 
     @property
     def zid(self) -> str:
-        """Its identity on the network."""
+        """Identity of the session on the network."""
 
     def declare_token(self, key: str) -> Callable[[], None]:
         """Declare a liveliness token, which lives until what this gives is called, or the session lost."""
@@ -148,29 +148,29 @@ class Node:
 
     @property
     def identity(self) -> Identity:
-        """Which node it is."""
+        """Identity of the node in the graph."""
         return self._node.session, self._node.node_id
 
     def leave(self) -> None:
-        """Be there no more, nor its endpoints."""
+        """Withdraw the node and its endpoints."""
         for withdraw in self._withdraw:
             withdraw()
         self._withdraw.clear()
 
     def publishes(self, topic: Topic, owner: str) -> None:
-        """It publishes this topic of the node `owner`, which may be itself."""
+        """Declare that it publishes this topic of the node `owner`, which may be itself."""
         self._endpoint("MP", topic.full_name(owner), topic.type, topic.qos)
 
     def subscribes(self, topic: Topic, owner: str) -> None:
-        """It subscribes to this topic of the node `owner`."""
+        """Declare that it subscribes to this topic of the node `owner`."""
         self._endpoint("MS", topic.full_name(owner), topic.type, topic.qos)
 
     def serves(self, name: str, type_name: str) -> None:
-        """It answers calls of the service of that whole name."""
+        """Declare that it serves the service of that full name."""
         self._endpoint("SS", name, type_name, SERVICE_QOS)
 
     def calls(self, name: str, type_name: str) -> None:
-        """It calls that service."""
+        """Declare that it is a client of the service of that full name."""
         self._endpoint("SC", name, type_name, SERVICE_QOS)
 
     def _endpoint(self, kind: Kind, name: str, type_name: str, qos: Qos) -> None:

@@ -41,7 +41,7 @@ class Picture(NamedTuple):
 
 
 class Pinhole(NamedTuple):
-    """What a CameraInfo says of a camera: its pinhole, and how the lens distorts that."""
+    """Intrinsics in a CameraInfo: the pinhole, and the distortion of the lens."""
 
     time_ns: int
     width: int
@@ -244,7 +244,7 @@ def _bytes(writer: Writer, data: bytes) -> None:
 
 
 def _ping(writer: Writer, sample: SonarImageSample | SideScanSample, beams: int) -> None:
-    """PingInfo: what is sent is as high as a beam, what is heard as wide."""
+    """Write a PingInfo: the transmit beam has the height of a beam, the receive beam its width."""
     writer.numbers("f", sample.frequency, sample.sound_speed)
     for width in (sample.beam_height, sample.beam_width):
         writer.numbers("I", beams)
@@ -252,7 +252,7 @@ def _ping(writer: Writer, sample: SonarImageSample | SideScanSample, beams: int)
 
 
 def _read_ping(reader: Reader) -> tuple[float, float, float, float]:
-    """Frequency, speed of sound, height and width of the first beam."""
+    """Return frequency, speed of sound, height and width of the first beam."""
     frequency, speed = reader.numbers("f", 2)
     heights = reader.numbers("f", reader.count())
     widths = reader.numbers("f", reader.count())

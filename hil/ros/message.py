@@ -81,7 +81,7 @@ def _write_array(writer: Writer, field: Field, value: Any, path: str) -> None:
 
 
 def _raw(field: Field, value: Any) -> bytes | None:
-    """The bytes of a buffer that holds numbers as they travel (all our machines are little-endian), else None."""
+    """Return the bytes of a buffer of numbers in the wire's byte order (little-endian), else None."""
     code = PRIMITIVES.get(field.type)
     if not code:
         return None
@@ -125,7 +125,7 @@ def _write_primitives(writer: Writer, kind: str, values: Collection[Any], path: 
 
 
 def _fits(kind: str, value: Any) -> bool:
-    """Whether it is of the right sort: `struct` takes any value for a bool ("off" as true), and true for the number 1.
+    """Return whether a value has the type: `struct` takes any value for a bool ("off" as true), and true for 1.
 
     0 and 1 are bools too, as ROS's own tools have it.
     """

@@ -13,7 +13,7 @@ from sim.sensors.extra_samples import RangeSample
 
 
 class Message(NamedTuple):
-    """Who said it, and what."""
+    """Sender and payload of a message."""
 
     sender: str
     payload: bytes

@@ -137,7 +137,7 @@ def sample_topics(name: str) -> tuple[str, ...]:
 
 
 def is_picture(topic: str) -> bool:
-    """Whether a node's topic has pictures: its name has parts, so that who asks for all topics is spared them."""
+    """Return whether a node's topic carries pictures; a subscription to all topics leaves them out."""
     return "/" in topic[1:]
 
 

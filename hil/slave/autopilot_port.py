@@ -25,7 +25,7 @@ CHECK_NS = 50 * NS_PER_MS
 
 
 class AutopilotPort:
-    """One autopilot, opened and where the scenario says so started. Raises ConfigError, DeviceError.
+    """One autopilot: opened, and started if the scenario says so. Raises ConfigError, DeviceError.
 
     `delay` counts ns from the arrival of outputs to the instant at which the STM32 applied their pulse widths.
     """

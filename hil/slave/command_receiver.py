@@ -62,7 +62,7 @@ class AgeFilter:
         self._since = self._agreed = 0  # when it was first and last seen
 
     def age_ns(self, sent_wall_ns: int, received_wall_ns: int) -> int:
-        """Age of a message (ns) beyond that of the fastest one so far."""
+        """Return the age of a message (ns) beyond that of the fastest one so far."""
         difference = received_wall_ns - sent_wall_ns
         if self._least is None:
             self._least = difference
@@ -101,7 +101,7 @@ class _Sender:
 
 
 class CommandReceiver:
-    """Holds the newest command; `fileno` becomes readable when there is one.
+    """Store the newest command; `fileno` becomes readable when there is one.
 
     `clocks` and `ranks`, by sender, are filled in by `hil.slave.contacts`; a sender without them (a ROS 2 node) is
     judged by its fastest message and has rank 0. `master` is who is obeyed, b"" at first; `wakeup` is set when that

@@ -34,7 +34,7 @@ PINGS_A_S = 200  # that are answered of all but masters: so many observers, and 
 
 
 class Contacts:
-    """Keeps an command_receiver informed about its senders, and those about the vehicle.
+    """Track presence and clocks of the senders of a command receiver, and announce the vehicle to them.
 
     `conflict` is set where another slave of this name was there first: then this process gets SIGTERM.
     """
@@ -81,7 +81,7 @@ class Contacts:
             self._report("a link was open and not read, or lost: its master has to connect again")
 
     def add_figures(self, figures: Diagnostics) -> None:
-        """For the diagnostics: who is there, who is obeyed, and how that one's clock runs against ours."""
+        """Add the masters present, the active master, and the offset of its clock to the diagnostics."""
         command_receiver = self._command_receiver
         masters = list(self._there["master"].values())
         if self._security:
@@ -117,7 +117,7 @@ class Contacts:
             self._on_master(presence, alive)
 
     def _on_slave(self, presence: Presence, alive: bool) -> None:
-        """Another slave of our name: one master would command both, so the newcomer ends."""
+        """Handle another slave of our name: one master would command both, so the newer one ends."""
         if not alive:
             self._twins.discard(presence.ident)
         elif presence.ident != self._ident and len(self._twins) < MOST_THERE:
@@ -160,7 +160,7 @@ class Contacts:
             self._send_time(ping[0], ping[1], received_ns)
 
     def _on_masters_ping(self, payload: bytes) -> None:
-        """It asks too, or ends the exchange that our answer began."""
+        """Answer a master's ping, or finish the exchange that our answer began."""
         received_ns = to_wall_ns(now_ns())
         ping = self._read(payload)
         if ping:

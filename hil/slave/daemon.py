@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 def run(
     scenario: Scenario, board: "Board | None", network: Listening, startup: dict[str, int], notes: list[str]
 ) -> None:
-    """Be the slave until SIGINT or SIGTERM.
+    """Run the slave until SIGINT or SIGTERM.
 
     `network` is the session being opened. `startup` are instants (monotonic ns) of the start so far,
     "exec" among them; more are added here. `notes` say what was settled about real time so far.
@@ -42,34 +42,34 @@ def run(
     with ExitStack() as stack:
         stop_fd = stack.enter_context(StopSignals())
         stack.callback(log.flush)
-        imaging = _imaging(scenario, log.say)
+        imaging = _imaging(scenario, log.write_line)
         if imaging:
             scenario = imaging.scenario
         loop = _assemble(scenario, board, network, stack, log, startup)
         loop.begin()
         startup["ready"] = now_ns()
-        log.say(_ready(scenario, loop, startup))
+        log.write_line(_ready(scenario, loop, startup))
         log.flush()
         from hil.slave.notify import notify  # the vehicle is ready before these are loaded
 
         notify("READY=1")
         notes = [*notes, *_settle_realtime(scenario)]
         for note in notes:
-            log.say(note)
+            log.write_line(note)
         from hil.slave.contacts import Contacts
         from hil.slave.health.reporter import Health
         from hil.slave.ros_node import RosNode
 
         board, session = board or _recognised(), network.session()
-        loop.ros = RosNode(session, scenario, loop, log.say)
+        loop.ros = RosNode(session, scenario, loop, log.write_line)
         stack.callback(loop.ros.close)
         loop.sample_publisher.declare(fitted.sensor.topic for fitted in scenario.sensors.values())
         ends = session, scenario.slave.node, loop.command_receiver, loop.sample_publisher
-        contacts = Contacts(*ends, log.say, scenario.security, scenario.network.lease)
+        contacts = Contacts(*ends, log.write_line, scenario.security, scenario.network.lease)
         if scenario.network.router:
             from hil.slave.router_watch import watch_router
 
-            watch_router(session, scenario.network.router, scenario.security, log.say)
+            watch_router(session, scenario.network.router, scenario.security, log.write_line)
         if imaging:
             imaging.start(loop.sample_publisher.stamps, loop.sample_publisher.graph.identity)
             stack.callback(imaging.close)
@@ -82,12 +82,14 @@ def run(
             try:
                 loop.run(stop_fd)
                 notify("STOPPING=1")
-                log.say("stopping")
+                log.write_line("stopping")
                 if contacts.conflict:
                     raise contacts.conflict
             finally:
                 neutral = stop_thrusters(loop.driver, loop.next_sequence())
-                log.say("thrusters neutral" if neutral else "WARNING: the STM32 did not confirm neutral thrusters")
+                log.write_line(
+                    "thrusters neutral" if neutral else "WARNING: the STM32 did not confirm neutral thrusters"
+                )
 
 
 def _settle_realtime(scenario: Scenario) -> list[str]:
@@ -124,7 +126,7 @@ def _assemble(
     log: Log,
     startup: dict[str, int],
 ) -> Loop:
-    slave, report = scenario.slave, log.say
+    slave, report = scenario.slave, log.write_line
     vehicle, control = load_vehicle(scenario.vehicle)
     world = load_world(scenario.world)
     simulation = build_simulation(scenario, vehicle, world)

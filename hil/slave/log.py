@@ -14,7 +14,7 @@ WINDOW_NS = 10 * NS_PER_S
 
 
 class Log:
-    """Lines for a person, on standard error. `say` only stores a line; `flush` writes it.
+    """Log lines on standard error. `write_line` only stores a line; `flush` writes it.
 
     Writing may block (a slow terminal, a full disk); storing never does. `wakeup` is set when a line waits.
     What others on the network can cause is bounded: characters that do not print are replaced, long lines are cut, and
@@ -29,7 +29,7 @@ class Log:
         self._noting = threading.Lock()  # several threads do
         self.wakeup = threading.Event()
 
-    def say(self, text: str) -> None:
+    def write_line(self, text: str) -> None:
         """Store a line with its time since the start."""
         now = now_ns()
         with self._noting:

@@ -158,7 +158,7 @@ class Loop:
         self.stamp(instant_ns + self.sample_publisher.stamps.offset_ns - self.simulation.time_ns)
 
     def stamp(self, epoch_ns: int) -> None:
-        """From the next step on simulation time 0 is that time (ns since 1970), see `hil.common.stamps`."""
+        """Set simulation time 0 to this time (ns since 1970) from the next step on, see `hil.common.stamps`."""
         self.sample_publisher.stamps.begin(self.simulation.time_ns, epoch_ns)
 
     def advance(self, steps: int) -> None:

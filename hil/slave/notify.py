@@ -31,7 +31,7 @@ class Heartbeat:
         self._seen = -1
 
     def beat(self, progress: int) -> None:
-        """`progress` is any number that changes as long as all is well."""
+        """Notify systemd if `progress` has changed; it is any number that changes while the loop runs."""
         if progress != self._seen:
             self._seen = progress
             notify("WATCHDOG=1")

@@ -15,7 +15,7 @@ may be left out:
     ros2 param set /uuv1 failures.bow 'kind = off'
     ros2 param set /uuv1 failures.bow '""'
 
-What is set replaces what was wrong before, at once. What is read is what is wrong now, whoever said so: a parameter,
+A set value replaces the failures before it, at once. A read value is the present failure, whatever set it: a parameter,
 the thruster's service, a scenario. The services are those of rclcpp's nodes; values that cannot be are refused with the
 reason. Not there: the topic /parameter_events.
 """
@@ -133,7 +133,7 @@ class Parameters:
         return {name: (f"rcl_interfaces/srv/{kind}", answer) for name, (kind, answer) in answers.items()}
 
     def _list(self, request: Message) -> dict[str, Any]:
-        """As rclcpp does: a depth counts the parts of a name behind the prefix."""
+        """List parameters as rclcpp does: the depth counts the parts of a name behind the prefix."""
         prefixes, depth = request["prefixes"][:MOST], request["depth"]
         names = [name for name in [*self._thrusters, *self._gains.names()] if _is_below(name, prefixes, depth)]
         parents = dict.fromkeys([name.rpartition(".")[0] for name in names])
@@ -204,7 +204,7 @@ def read_failures(text: str, thruster: str, where: str) -> list[Failure]:
 
 
 def failures_text(failures: Sequence[Failure]) -> str:
-    """Failures of one thruster as `read_failures` reads them."""
+    """Return the failures of one thruster as `read_failures` reads them."""
     return "; ".join([_failure_text(failure) for failure in failures])
 
 
@@ -241,7 +241,7 @@ def _failure_text(failure: Failure) -> str:
 
 
 def _is_below(name: str, prefixes: Sequence[str], depth: int) -> bool:
-    """If a parameter is among those of these prefixes (none: of all), so many parts deep."""
+    """Return whether a parameter is below one of the prefixes (none: all), at most `depth` parts deep."""
     if not prefixes:
         return depth == _RECURSIVE or name.count(".") < depth
     for prefix in prefixes:

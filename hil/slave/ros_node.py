@@ -33,7 +33,7 @@ HEADS = {
 
 
 class RosNode:
-    """Speaks for a running loop, which waits on `fileno`, and calls `serve`, and `tick` when `due_ns` has come."""
+    """ROS 2 node of a running loop, which waits on `fileno`, calls `serve`, and `tick` when `due_ns` has come."""
 
     def __init__(self, session: Session, scenario: Scenario, loop: Loop, report: Callable[[str], None]) -> None:
         settings, node = scenario.ros, scenario.slave.node
@@ -91,7 +91,7 @@ class RosNode:
 
 
 class _Due:
-    """When something of `rate` Hz is due; never at 0."""
+    """When a task of `rate` Hz is due; never for 0."""
 
     def __init__(self, rate: float) -> None:
         self._period_ns = period_ns(rate) if rate else 0
@@ -106,7 +106,7 @@ class _Due:
 
 
 def static_transforms(suite: SensorSet, settings: Ros, time_ns: int) -> list[Transform]:
-    """From map to odom, which are one as no drift of the navigation is known, and from base_link to each sensor."""
+    """Return the transforms from map to odom (identity: no drift is modelled) and from base_link to each sensor."""
     prefix = settings.frame_prefix
     base = f"{prefix}base_link"
     frames = [mounted(time_ns, "map", f"{prefix}odom", (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))]

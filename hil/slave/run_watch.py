@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 class RunWatch:
-    """Looks at a vehicle every PERIOD_NS of its time, from the loop; contacts are noted by the simulation itself.
+    """Check a vehicle for events every PERIOD_NS of its time, from the loop; the simulation records contacts.
 
     What it finds is in the `events` of the simulation, and `report` gets a line when one begins. A depth is judged by
     what was asked of the vehicle itself: of one that is moved by velocities, as by `uuv-hil master`, the master knows.

@@ -71,7 +71,7 @@ def fail_thruster(loop: Loop, name: str, failing: bool) -> str:
 
 
 def set_pose(loop: Loop, node: str, request: Message, report: Report) -> dict[str, Any]:
-    """simulation_interfaces/SetEntityState: pose in the world ENU, velocity along it, acceleration left out."""
+    """Handle simulation_interfaces/SetEntityState: pose and velocity in the world ENU; acceleration is ignored."""
     state, entity, frame = request["state"], request["entity"], request["state"]["header"]["frame_id"]
     if entity not in ("", node):
         return _result(_NOT_FOUND, f"no entity {entity!r}; there is: {node}")

@@ -10,7 +10,7 @@ if TYPE_CHECKING:
 
 
 class PoseSetpoint(NamedTuple):
-    """Go to a pose (NED) and stay."""
+    """A pose (NED) to reach and hold."""
 
     pose: "PoseCommand"
 
@@ -21,14 +21,14 @@ class PoseSetpoint(NamedTuple):
 
 
 class WrenchSetpoint(NamedTuple):
-    """Push with X Y Z (N) and K M N (N m) along FRD, as far as the thrusters can."""
+    """A wrench X Y Z (N) and K M N (N m) along FRD, within what the thrusters can do."""
 
     wrench: tuple[float, float, float, float, float, float]
     depth: None = None
 
 
 class ThrustSetpoint(NamedTuple):
-    """Let each thruster push with so many N, as far as it can."""
+    """A thrust (N) of each thruster, within its limits."""
 
     thrusts: Sequence[float]
     depth: None = None

@@ -38,7 +38,7 @@ def spawn(arguments: Sequence[str], environment: Mapping[str, str], ends: Sequen
 
 
 def _texts(words: Sequence[str]) -> "ctypes.Array[ctypes.c_char_p]":
-    """As C has them, with a null at the end."""
+    """Return an array of C strings that ends with a null pointer."""
     return (ctypes.c_char_p * (len(words) + 1))(*map(os.fsencode, words), None)
 
 

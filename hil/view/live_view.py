@@ -58,15 +58,15 @@ class LiveView:
         else:
             server.scene.add_grid("/grid", 100.0, 100.0)
         thrusters = [thruster.name for vehicle in list(shown.vehicles.values())[:1] for thruster in vehicle.thrusters]
-        self._acts = ActsPanel(server, self._panels.acts, self._vehicle, self._panels.note, thrusters)
+        self._acts = ActsPanel(server, self._panels.acts, self._vehicle, self._panels.add_log_line, thrusters)
         self._playback = PlaybackPanel(server, source.playback) if source.playback else None
         self._drawn: dict[str, VehicleScene] = {}
         self._steering: dict[str, Steering] = {}
         self._waterfalls: dict[str, pictures.Waterfall] = {}
         self._frames = 0
         self._last_place: tuple[float, ...] | None = None
-        server.on_client_connect(self._look)
-        self._panels.camera.on_update(lambda _: self._look_all())
+        server.on_client_connect(self._place_camera)
+        self._panels.camera.on_update(lambda _: self._place_cameras())
         self._front = Front(host, port, self._scene.port, self._scene.secret, token, self._on_stick, tls)
         self.port = self._front.port
 
@@ -89,7 +89,7 @@ class LiveView:
         names = self._source.names
         self._panels.choose_from(names)
         for line in self._source.log_lines():
-            self._panels.note(line)
+            self._panels.add_log_line(line)
         self._source.show_pictures(bool(self._panels.pictures.value) and self.viewers > 0)
         self._frames += 1
         if not self.viewers and self._frames % TRACK_EVERY:
@@ -153,11 +153,11 @@ class LiveView:
         if self._playback:
             self._playback.update()
 
-    def _look_all(self) -> None:
+    def _place_cameras(self) -> None:
         for client in self._server.get_clients().values():
-            self._look(client)
+            self._place_camera(client)
 
-    def _look(self, client: Any) -> None:
+    def _place_camera(self, client: Any) -> None:
         """Place a browser's camera as chosen."""
         place = self._drawn[self._name].place if self._name in self._drawn else (0.0, 0.0, 0.0)
         if self._panels.camera.value == "top":
@@ -201,7 +201,7 @@ class LiveView:
             text = self._act(vehicle, message) or reason
             if not reason:
                 if name not in self._steering:
-                    self._steering[name] = Steering(vehicle, self._panels.note)
+                    self._steering[name] = Steering(vehicle, self._panels.add_log_line)
                 text = text or self._steering[name].update(person, dict(message))
         return {
             "vehicles": names, "text": text or "ready", "may_stop": bool(vehicle) and present,
@@ -214,10 +214,10 @@ class LiveView:
         for name in wanted if isinstance(wanted, list) else ():
             try:
                 if name in ("stop", "disarm"):
-                    self._panels.note(f"{vehicle.name}: {acts.arm(vehicle, False)}")
+                    self._panels.add_log_line(f"{vehicle.name}: {acts.arm(vehicle, False)}")
                 elif name == "arm":
-                    self._panels.note(f"{vehicle.name}: {acts.arm(vehicle, True)}")
+                    self._panels.add_log_line(f"{vehicle.name}: {acts.arm(vehicle, True)}")
             except HilError as error:
-                self._panels.note(f"{vehicle.name}: {name}: {error}")
+                self._panels.add_log_line(f"{vehicle.name}: {name}: {error}")
                 return f"{name}: {error}"
         return ""

@@ -66,7 +66,7 @@ class Equipment:
         """True if a weight goes at a set time."""
         return bool(self._releases)
 
-    def take(self, name: str) -> DropWeight:
+    def remove_weight(self, name: str) -> DropWeight:
         """Return the weight `name`, which is aboard no more. Raises ConfigError if it was not."""
         self._known(name)
         if name not in self.aboard:

@@ -96,7 +96,7 @@ class PointVehicle:
         self.values[name] = value
         self.settled.append((name, ""))
 
-    def take_settled(self) -> list[tuple[str, str]]:
+    def pop_settled(self) -> list[tuple[str, str]]:
         settled, self.settled = self.settled, []
         return settled
 

@@ -203,11 +203,11 @@ def missed(column: Column, budgets: Budgets) -> list[str]:
     return [
         _miss(row, column, limits[row.name])
         for row in ROWS
-        if row.name in limits and not _keeps(row, column, limits[row.name])
+        if row.name in limits and not _is_within(row, column, limits[row.name])
     ]
 
 
-def _keeps(row: Row, column: Column, limit: float) -> bool:
+def _is_within(row: Row, column: Column, limit: float) -> bool:
     figure = column.figures.get(row.name)
     return figure is not None and figure.median <= limit and not column.doubts(row)
 

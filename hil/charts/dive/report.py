@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from hil.charts.dive.watch import Look
+from hil.charts.dive.watch import Observation
 from hil.charts.grid import grid_of, write_file
 from hil.charts.picture import LAND, hillshade
 from hil.common.errors import MissionError
@@ -26,27 +26,37 @@ MARK, MEASURED = "#facc15", "#1d4ed8"
 AROUND = 40.0  # m of the map around the track
 
 
-def write_report(folder: str, scenario: Scenario, looks: Sequence[Look], health: Diagnostics) -> list[str]:
+def write_report(
+    folder: str, scenario: Scenario, observations: Sequence[Observation], health: Diagnostics
+) -> list[str]:
     """Draw the pictures and write report.md and report.html into `folder`; all files.
 
     Raises MissionError when nothing was seen, ConfigError, MissingExtraError.
     """
-    if not looks:
+    if not observations:
         raise MissionError("the vehicle has sent no pictures, so there is nothing to report; see slave.log")
     plt = pyplot()
     world = load_world(scenario.world)
-    chosen = [looks[int(index)] for index in np.linspace(0, len(looks) - 1, min(FRAMES, len(looks)))]
+    chosen = [
+        observations[int(index)] for index in np.linspace(0, len(observations) - 1, min(FRAMES, len(observations)))
+    ]
     figures = {
-        "map": (_map(plt, world, scenario, looks, chosen), "The track over the seabed, lit from the north-west."),
-        "altitude": (_altitude(plt, world, looks), "Seabed and vehicle from the side, and what the altimeter said."),
+        "map": (
+            _map(plt, world, scenario, observations, chosen),
+            "The track over the seabed, lit from the north-west.",
+        ),
+        "altitude": (
+            _altitude(plt, world, observations),
+            "Seabed and vehicle from the side, and what the altimeter said.",
+        ),
         "camera": (_camera(plt, world, chosen), "The camera, at the places marked on the map."),
-        "sonar": (_sonar(plt, looks), "The forward-looking sonar, seen from above; ahead is up."),
-        "laser": (_laser(plt, looks), "What the laser met, all scans together, and the one that met most."),
+        "sonar": (_sonar(plt, observations), "The forward-looking sonar, seen from above; ahead is up."),
+        "laser": (_laser(plt, observations), "What the laser met, all scans together, and the one that met most."),
     }
     files = []
     for name, (figure, _) in figures.items():
         files.append(save_figure(figure, os.path.join(folder, f"{name}.png")))
-    rows = _figures(world, scenario, looks, health)
+    rows = _figures(world, scenario, observations, health)
     captions = [(f"{name}.png", caption) for name, (_, caption) in figures.items()]
     for ending, text in ((".md", _markdown), (".html", _html)):
         files.append(os.path.join(folder, f"report{ending}"))
@@ -54,11 +64,16 @@ def write_report(folder: str, scenario: Scenario, looks: Sequence[Look], health:
     return files
 
 
-def _figures(world: World, scenario: Scenario, looks: Sequence[Look], health: Diagnostics) -> list[tuple[str, str]]:
-    beds = [_bed(world, look) - look.truth.position[2] for look in looks]
+def _figures(
+    world: World, scenario: Scenario, observations: Sequence[Observation], health: Diagnostics
+) -> list[tuple[str, str]]:
+    beds = [_bed(world, observation) - observation.truth.position[2] for observation in observations]
     rows = [
         ("chart", world.source),
-        ("seen for", f"{looks[-1].time:.0f} s over {_travelled(looks):.0f} m at {scenario.master.depth:g} m"),
+        (
+            "seen for",
+            f"{observations[-1].time:.0f} s over {_travelled(observations):.0f} m at {scenario.master.depth:g} m",
+        ),
         ("altitude", f"{min(beds):.1f} to {max(beds):.1f} m"),
     ]
     for name in ("camera", "forward_sonar"):
@@ -69,17 +84,19 @@ def _figures(world: World, scenario: Scenario, looks: Sequence[Look], health: Di
     return [*rows, ("loop late, 99 %", f"{shown(health.lateness_p99_us, '.0f')} us")]
 
 
-def _travelled(looks: Sequence[Look]) -> float:
-    places = np.array([look.truth.position[:2] for look in looks])
+def _travelled(observations: Sequence[Observation]) -> float:
+    places = np.array([observation.truth.position[:2] for observation in observations])
     return float(np.hypot(*np.diff(places, axis=0).T).sum())
 
 
-def _bed(world: World, look: Look) -> float:
-    return world.seabed(*look.truth.position[:2])
+def _bed(world: World, observation: Observation) -> float:
+    return world.seabed(*observation.truth.position[:2])
 
 
-def _map(plt: Any, world: World, scenario: Scenario, looks: Sequence[Look], chosen: Sequence[Look]) -> Any:
-    track = np.array([look.truth.position[:2] for look in looks])
+def _map(
+    plt: Any, world: World, scenario: Scenario, observations: Sequence[Observation], chosen: Sequence[Observation]
+) -> Any:
+    track = np.array([observation.truth.position[:2] for observation in observations])
     figure, axes = plt.subplots(figsize=(11, 8), layout="constrained")
     image, lines = draw_seabed(axes, world, track)
     axes.clabel(lines, fontsize=7, fmt="%.3g m")
@@ -88,8 +105,8 @@ def _map(plt: Any, world: World, scenario: Scenario, looks: Sequence[Look], chos
     draw_goal(axes, scenario)
     for pile in world.cylinder:
         axes.add_patch(plt.Circle((pile.east, pile.north), pile.radius, color=OBSTACLE))
-    for number, look in enumerate(chosen, 1):
-        _number(axes, look.truth.position[1], look.truth.position[0], number)
+    for number, observation in enumerate(chosen, 1):
+        _number(axes, observation.truth.position[1], observation.truth.position[0], number)
     axes.set(xlabel="east (m)", ylabel="north (m)", title=scenario.description)
     figure.colorbar(image, ax=axes, label="depth (m)", shrink=0.8, location="left").ax.invert_yaxis()
     add_legend(axes)
@@ -127,16 +144,20 @@ def _number(axes: Any, x: float, y: float, number: int) -> None:
     )  # fmt: skip
 
 
-def _altitude(plt: Any, world: World, looks: Sequence[Look]) -> Any:
-    times = [look.time for look in looks]
-    depths = [look.truth.position[2] for look in looks]
-    beds = [_bed(world, look) for look in looks]
+def _altitude(plt: Any, world: World, observations: Sequence[Observation]) -> Any:
+    times = [observation.time for observation in observations]
+    depths = [observation.truth.position[2] for observation in observations]
+    beds = [_bed(world, observation) for observation in observations]
     figure, axes = plt.subplots(figsize=(10, 4.5), layout="constrained")
     bottom = max(beds) + 1.5
     axes.fill_between(times, beds, bottom, color="#d6bf8f", label="seabed below the vehicle")
     axes.plot(times, beds, color="#5b4a25", linewidth=1.2)
     axes.plot(times, depths, color=TRACK, linewidth=2, label="vehicle")
-    measured = [(look.time, look.truth.position[2] + look.altitude) for look in looks if isfinite(look.altitude)]
+    measured = [
+        (observation.time, observation.truth.position[2] + observation.altitude)
+        for observation in observations
+        if isfinite(observation.altitude)
+    ]
     if measured:
         axes.plot(*zip(*measured, strict=True), ".", color=MEASURED, markersize=5, label="altimeter")
     axes.set(xlabel="time (s)", ylabel="depth (m)", ylim=(bottom, 0.0), xlim=(times[0], times[-1] + 1e-9))
@@ -151,25 +172,25 @@ def draw_camera(axes: Any, picture: Any) -> None:
     axes.axis("off")
 
 
-def _camera(plt: Any, world: World, chosen: Sequence[Look]) -> Any:
+def _camera(plt: Any, world: World, chosen: Sequence[Observation]) -> Any:
     figure, panels = plt.subplots(2, 3, figsize=(11, 6.2), layout="constrained")
     for axes in panels.flat:
         axes.axis("off")
-    for number, (axes, look) in enumerate(zip(panels.flat, chosen, strict=False), 1):
-        draw_camera(axes, look.camera)
-        altitude = _bed(world, look) - look.truth.position[2]
-        axes.set_title(f"{number}: {look.time:.0f} s, {altitude:.1f} m above the bed", fontsize=10)
+    for number, (axes, observation) in enumerate(zip(panels.flat, chosen, strict=False), 1):
+        draw_camera(axes, observation.camera)
+        altitude = _bed(world, observation) - observation.truth.position[2]
+        axes.set_title(f"{number}: {observation.time:.0f} s, {altitude:.1f} m above the bed", fontsize=10)
     return figure
 
 
-def _sonar(plt: Any, looks: Sequence[Look]) -> Any:
+def _sonar(plt: Any, observations: Sequence[Observation]) -> Any:
     """Those of either half of the dive on which most stands out, on their fan."""
     figure, panels = plt.subplots(1, 2, figsize=(12, 4.3), layout="constrained")
-    middle = (len(looks) + 1) // 2
-    for axes, half in zip(panels, (looks[:middle], looks[middle:] or looks), strict=True):
-        look = max(half, key=lambda look: float(_echoes(look.sonar).std()))
-        draw_sonar(axes, look.sonar)
-        axes.set_title(f"at {look.time:.0f} s", fontsize=10)
+    middle = (len(observations) + 1) // 2
+    for axes, half in zip(panels, (observations[:middle], observations[middle:] or observations), strict=True):
+        observation = max(half, key=lambda observation: float(_echoes(observation.sonar).std()))
+        draw_sonar(axes, observation.sonar)
+        axes.set_title(f"at {observation.time:.0f} s", fontsize=10)
     return figure
 
 
@@ -195,15 +216,15 @@ def _edges(middles: Any) -> Any:
     return np.concatenate([[middles[0] - half[0]], middles[:-1] + half, [middles[-1] + half[-1]]])
 
 
-def _laser(plt: Any, looks: Sequence[Look]) -> Any:
+def _laser(plt: Any, observations: Sequence[Observation]) -> Any:
     figure, (world, body) = plt.subplots(1, 2, figsize=(12, 5.6), layout="constrained")
-    track = np.array([look.truth.position[:2] for look in looks])
-    for look in looks:
-        north, east = _met(look)
+    track = np.array([observation.truth.position[:2] for observation in observations])
+    for observation in observations:
+        north, east = _met(observation)
         world.plot(east, north, ".", color=MEASURED, markersize=2)
     world.plot(track[:, 1], track[:, 0], color=TRACK, linewidth=1.5)
     world.set(aspect="equal", xlabel="east (m)", ylabel="north (m)", title="all scans")
-    best = max(looks, key=lambda look: sum(map(isfinite, look.laser.ranges)))
+    best = max(observations, key=lambda observation: sum(map(isfinite, observation.laser.ranges)))
     laser = best.laser
     angles = laser.angle_min + laser.angle_increment * np.arange(len(laser.ranges))
     ranges = np.array(laser.ranges)
@@ -220,10 +241,10 @@ def _laser(plt: Any, looks: Sequence[Look]) -> Any:
     return figure
 
 
-def _met(look: Look) -> tuple[list[float], list[float]]:
+def _met(observation: Observation) -> tuple[list[float], list[float]]:
     """North and east of what one scan met, the vehicle being about level."""
-    yaw, (north, east, _) = to_euler(look.truth.orientation)[2], look.truth.position
-    laser = look.laser
+    yaw, (north, east, _) = to_euler(observation.truth.orientation)[2], observation.truth.position
+    laser = observation.laser
     found = [(r, yaw + laser.angle_min + i * laser.angle_increment) for i, r in enumerate(laser.ranges) if isfinite(r)]
     return [north + r * cos(a) for r, a in found], [east + r * sin(a) for r, a in found]
 

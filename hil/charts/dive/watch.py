@@ -13,7 +13,7 @@ CAMERA, SONAR = "camera/image_raw", "forward_sonar/image"
 SEEN = ("ground_truth", "altimeter", "laser", CAMERA, SONAR)
 
 
-class Look(NamedTuple):
+class Observation(NamedTuple):
     """One instant: s since the first, where the vehicle truly was, its altimeter (m), and its newest pictures."""
 
     time: float
@@ -25,7 +25,7 @@ class Look(NamedTuple):
 
 
 class DiveWatch:
-    """An observer of the vehicle of `scenario`. Use as a context; `looks` are what it has seen. Raises NetworkError."""
+    """An observer of the vehicle of `scenario`, with its `observations`. Use as a context. Raises NetworkError."""
 
     def __init__(self, scenario: Scenario) -> None:
         slave = scenario.slave
@@ -38,7 +38,7 @@ class DiveWatch:
             topics=SEEN,
         )
         self._due_ns = self._began_ns = 0
-        self.looks: list[Look] = []
+        self.observations: list[Observation] = []
 
     def __enter__(self) -> "DiveWatch":
         return self
@@ -46,7 +46,7 @@ class DiveWatch:
     def __exit__(self, *_: object) -> None:
         self._client.close()
 
-    def look(self) -> None:
+    def observe(self) -> None:
         """Keep what there is now, if it is time."""
         latest, now = self._client.latest, now_ns()
         if now < self._due_ns or not all(topic in latest for topic in SEEN):
@@ -54,8 +54,8 @@ class DiveWatch:
         self._began_ns = self._began_ns or now
         self._due_ns = now + PERIOD_NS
         truth, altimeter, laser, camera, sonar = (latest[topic].value for topic in SEEN)
-        self.looks.append(
-            Look((now - self._began_ns) / NS_PER_S, truth, altimeter.distance, laser, camera, sonar)
+        self.observations.append(
+            Observation((now - self._began_ns) / NS_PER_S, truth, altimeter.distance, laser, camera, sonar)
         )  # fmt: skip
 
     def figures(self) -> Diagnostics:

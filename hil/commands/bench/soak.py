@@ -37,7 +37,7 @@ EVERY = Number(0.2, 1e6, "s")
 LEAK = Number(0.0, 1e6, "MiB")
 LATE_S = 1.0  # a return that takes longer is reported
 LEAK_AFTER_S = 1800.0  # before, caches and buffers that fill once look like one
-# What the record and the picture have: a field of Look, what it is called, its unit, whether it is in the picture.
+# What the record and the picture have: a field of Observation, what it is called, its unit, whether it is in the picture.
 SERIES = (
     ("private", "private memory", "MiB", True),
     ("memory", "memory", "MiB", False),
@@ -57,19 +57,19 @@ def main(arguments: list[str]) -> int:
     if options.every >= options.leave_every:
         raise ConfigError("command line: --every must be below --leave-every")
     if options.every >= options.hours * 3600.0:
-        raise ConfigError("command line: nothing is looked at in --hours so short; give a shorter --every")
+        raise ConfigError("command line: --hours ends before the first reading; give a shorter --every")
     with StopSignals() as stop_fd, Bench(options.scenario, changes_of(options), limits_of(options)) as bench:
-        found = Soaking(bench, options.every, _show, stop_fd).run(options.hours * 3600.0, options.leave_every)
+        soak = Soaking(bench, options.every, _show, stop_fd).run(options.hours * 3600.0, options.leave_every)
         labels = bench.labels
     show("")
-    if not found.looks and not found.silences:
-        print("ended before the first look")
+    if not soak.observations and not soak.silences:
+        print("ended before the first reading")
         return STOPPED
-    findings = judge(found, options.leak)
-    record = _record(found, findings, options, labels)
+    findings = judge(soak, options.leak)
+    record = _record(soak, findings, options, labels)
     save_record(record, options)
     if options.plot:
-        _draw(found, record, options.plot)
+        _draw(soak, record, options.plot)
     return FOUND if findings else 0
 
 
@@ -78,7 +78,7 @@ def _parser() -> Any:
     add_scenario(parser)
     add = parser.add_argument
     add("--hours", type=HOURS, default=1.0, metavar="H", help="[%(default)s]")
-    add("--every", type=EVERY, default=10.0, metavar="S", help="between looks [%(default)s]")
+    add("--every", type=EVERY, default=10.0, metavar="S", help="between readings [%(default)s]")
     add(
         "--leave-every",
         type=EVERY,
@@ -93,50 +93,54 @@ def _parser() -> Any:
     return parser
 
 
-def _show(look: Observation) -> None:
+def _show(observation: Observation) -> None:
     show(
-        f"{look.at_s / 3600.0:.2f} h: {look.private:.2f} MiB, {look.threads} threads, {look.descriptors} descriptors, "
-        f"{look.steps_skipped:.0f} steps skipped, delay p50 {look.delay_p50_ms:.2f} ms"
+        f"{observation.at_s / 3600.0:.2f} h: {observation.private:.2f} MiB, {observation.threads} threads, "
+        f"{observation.descriptors} descriptors, "
+        f"{observation.steps_skipped:.0f} steps skipped, delay p50 {observation.delay_p50_ms:.2f} ms"
     )
 
 
-def judge(found: Soak, leak: float) -> list[str]:
+def judge(soak: Soak, leak: float) -> list[str]:
     """Print what came out; the findings that are bad."""
-    looks = found.looks[len(found.looks) // 10 :]
-    print(f"{looks[-1].at_s / 3600.0 if looks else 0.0:.3f} h, {len(found.looks)} looks")
-    bad = _judge_looks(looks, leak) if looks else []
-    bad += _judge_returns(found.returns)
-    for at_s, seconds, reason in found.silences:
+    observations = soak.observations[len(soak.observations) // 10 :]
+    print(f"{observations[-1].at_s / 3600.0 if observations else 0.0:.3f} h, {len(soak.observations)} readings")
+    bad = _judge_observations(observations, leak) if observations else []
+    bad += _judge_returns(soak.returns)
+    for at_s, seconds, reason in soak.silences:
         bad.append(f"silence from {at_s / 3600.0:.3f} h on, for {seconds:.1f} s: {reason}")
     for text in bad:
         print(f"FOUND: {text}")
     return bad
 
 
-def _judge_looks(looks: list[Observation], leak: float) -> list[str]:
-    first, last = looks[0], looks[-1]
-    bad = _judge_memory(looks, leak)
+def _judge_observations(observations: list[Observation], leak: float) -> list[str]:
+    first, last = observations[0], observations[-1]
+    bad = _judge_memory(observations, leak)
     print(f"threads {first.threads} -> {last.threads}, descriptors {first.descriptors} -> {last.descriptors}")
     if last.descriptors > first.descriptors + 5:
         bad.append(f"descriptors grow from {first.descriptors} to {last.descriptors}")
     factors, skipped = (
-        measured([getattr(look, name) for look in looks]) for name in ("real_time_factor", "steps_skipped")
+        measured([getattr(observation, name) for observation in observations])
+        for name in ("real_time_factor", "steps_skipped")
     )
     if factors:
         print(f"real-time factor {factors[-1]:.4f}, {skipped[-1]:.0f} steps skipped")
         if abs(factors[-1] - 1.0) > 1e-3:
             bad.append(f"time drifts: the real-time factor is {factors[-1]:.4f}")
-    delays = measured([look.delay_p50_ms for look in looks])
+    delays = measured([observation.delay_p50_ms for observation in observations])
     print(f"command delay p50: median {median(delays):.3f} ms, at most {max(delays, default=nan):.3f} ms")
     return bad
 
 
-def _judge_memory(looks: list[Observation], leak: float) -> list[str]:
+def _judge_memory(observations: list[Observation], leak: float) -> list[str]:
     """By what is the slave's alone: its share of the rest changes with the other processes that use it."""
-    first, last = looks[0], looks[-1]
-    slope, interval = trend([look.at_s for look in looks], [look.private for look in looks])
+    first, last = observations[0], observations[-1]
+    slope, interval = trend(
+        [observation.at_s for observation in observations], [observation.private for observation in observations]
+    )
     if isnan(slope):
-        print("memory: too few looks for a line")
+        print("memory: too few readings for a line")
         return []
     print(f"memory of its own: {first.private:.2f} -> {last.private:.2f} MiB; {slope:+.3f} MiB an hour "
           f"({interval.low:+.3f} to {interval.high:+.3f}); in all {last.memory:.2f} MiB")  # fmt: skip
@@ -158,27 +162,27 @@ def _judge_returns(returns: list[float | None]) -> list[str]:
     return bad + ([f"a return took {slowest:.1f} s"] if slowest > LATE_S else [])
 
 
-def _record(found: Soak, findings: list[str], options: Any, labels: tuple[str, ...]) -> Record:
+def _record(soak: Soak, findings: list[str], options: Any, labels: tuple[str, ...]) -> Record:
     figures: dict[str, Figure] = {}
     for field, name, unit, _ in SERIES:
-        values = [float(getattr(look, field)) for look in found.looks]
+        values = [float(getattr(observation, field)) for observation in soak.observations]
         figures[name] = Figure(values, unit, "lower" if unit in ("MiB", "ms") else "", (len(values),))
-    figures["return"] = Figure([seconds for seconds in found.returns if seconds is not None], "s")
+    figures["return"] = Figure([seconds for seconds in soak.returns if seconds is not None], "s")
     settings = {key: getattr(options, key) for key in ("scenario", "set", "hours", "every", "leave_every", "leak")}
-    details = {"found": findings, "silences": [silence._asdict() for silence in found.silences]}
+    details = {"found": findings, "silences": [silence._asdict() for silence in soak.silences]}
     return new_record("soak", settings, figures, labels, details)
 
 
-def _draw(found: Soak, record: Record, path: str) -> None:
+def _draw(soak: Soak, record: Record, path: str) -> None:
     plt = pyplot()
     drawn = [row for row in SERIES if row[3]]
     figure, panels = plt.subplots(len(drawn), 1, figsize=(10, 11), layout="constrained", sharex=True)
-    hours = [look.at_s / 3600.0 for look in found.looks]
+    hours = [observation.at_s / 3600.0 for observation in soak.observations]
     for panel, (field, name, unit, _) in zip(panels, drawn, strict=True):
-        panel.plot(hours, [getattr(look, field) for look in found.looks])
+        panel.plot(hours, [getattr(observation, field) for observation in soak.observations])
         panel.set(ylabel=f"{name} ({unit})" if unit not in ("", "steps") else name)
         panel.ticklabel_format(axis="y", useOffset=False)
-        for at_s, seconds, _ in found.silences:
+        for at_s, seconds, _ in soak.silences:
             panel.axvspan(at_s / 3600.0, (at_s + seconds) / 3600.0, color="C3", alpha=0.2)
     panels[-1].set(xlabel="time (h)")
     figure.supxlabel(footer(record), fontsize="x-small", color="0.4")

@@ -52,7 +52,7 @@ def main(arguments: list[str]) -> int:
     tap = Tap(endpoints, network, security)
     require_library()  # before there is a folder
     folder = options.output or new_folder(scenario.slave.node if scenario else "record", recording.folder)
-    recorder = Recorder(folder, recording, about, files, source=tap.take)  # it may refuse: before anybody is dialled
+    recorder = Recorder(folder, recording, about, files, source=tap.receive)  # it may refuse: before anybody is dialled
     with StopSignals() as stop_fd, tap, recorder:
         print(f"recording {', '.join(endpoints)} into {folder}; Ctrl-C ends it", flush=True)
         _wait(recorder, tap, options.seconds, stop_fd)

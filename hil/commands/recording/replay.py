@@ -126,18 +126,18 @@ def _command(options: argparse.Namespace, stop_fd: int) -> int:
     with VehicleClient(options.connect, node, network=network, security=security, topics=topics) as client:
         if not client.wait_for_vehicle(options.wait or 10.0):
             raise NetworkError(f"no vehicle {node!r} answered at {options.connect}; start it: uuv-hil slave")
-        strayed = _Strayed(client, node)
-        seconds = pace(read_messages(options.recording), options.speed or 1.0, stop_fd, strayed.take)
-    if not strayed.commands:
+        comparison = _TrackComparison(client, node)
+        seconds = pace(read_messages(options.recording), options.speed or 1.0, stop_fd, comparison.add)
+    if not comparison.commands:
         raise ConfigError(f"{options.recording}: no commands for {node} in it")
     print(
-        f"{strayed.commands} commands of {seconds:.1f} s sent; the vehicle was at most {strayed.most:.2f} m and at the "
-        f"end {strayed.last:.2f} m from where it was in the recording"
+        f"{comparison.commands} commands of {seconds:.1f} s sent; the vehicle was at most {comparison.most:.2f} m and "
+        f"at the end {comparison.last:.2f} m from where it was in the recording"
     )
     return 0
 
 
-class _Strayed:
+class _TrackComparison:
     """Commands out, positions in: recorded ones beside those of the vehicle now."""
 
     def __init__(self, client: "VehicleClient", node: str) -> None:
@@ -145,7 +145,7 @@ class _Strayed:
         self.commands = 0
         self.most = self.last = 0.0
 
-    def take(self, message: Message) -> None:
+    def add(self, message: Message) -> None:
         """Send it if it is a command; if it says where the vehicle was, compare."""
         name = message.topic.removeprefix(f"/{self._node}/")
         if name in COMMANDS:

@@ -147,7 +147,7 @@ class _Arrivals:
         self._waiting.append((now_ns(), key, payload))
         self._event.set()
 
-    def take(self, stop_fd: int, seconds: float) -> list[tuple[int, str, bytes]]:
+    def receive(self, stop_fd: int, seconds: float) -> list[tuple[int, str, bytes]]:
         """Return what has come by now, or within the time."""
         ready = select.select((stop_fd, self._event.fileno()), (), (), seconds)[0]
         if stop_fd in ready:
@@ -162,7 +162,7 @@ def _first(session: Session, options: argparse.Namespace, stop_fd: int) -> tuple
     name = f"/{options.topic.strip('/')}"
     published = _published(session)
     arrivals = _Arrivals(session, name, name in published and published[name].qos.latched)
-    came = arrivals.take(stop_fd, options.wait)
+    came = arrivals.receive(stop_fd, options.wait)
     if not came:
         published = _published(session)  # there may be more by now
         if name in published:
@@ -188,7 +188,7 @@ def _echo(session: Session, options: argparse.Namespace, stop_fd: int) -> None:
             shown += 1
             if shown == options.count:
                 return
-        came = arrivals.take(stop_fd, 1.0)
+        came = arrivals.receive(stop_fd, 1.0)
 
 
 def _message(key: str, payload: bytes, as_json: bool) -> list[str]:
@@ -211,7 +211,7 @@ def _hz(session: Session, options: argparse.Namespace, stop_fd: int) -> None:
             print(json_text(rate(instants)._asdict()) if options.json else rate_line(instants), flush=True)
         if ended:
             return
-        came = arrivals.take(stop_fd, 1.0)
+        came = arrivals.receive(stop_fd, 1.0)
 
 
 class Rate(NamedTuple):

@@ -67,20 +67,20 @@ class _Flow:
         """Return a mapping in braces."""
         found: dict[str, Any] = {}
         self._expect("{")
-        while not self._take("}"):
+        while not self._skip_mark("}"):
             key = self._scalar(plain=True)
             self._expect(":")
             found[str(key)] = self._value()
-            if not self._take(",") and self._peek() != "}":
+            if not self._skip_mark(",") and self._peek() != "}":
                 raise self.error("expected , or }")
         return found
 
     def _list(self) -> list[Any]:
         found = []
         self._expect("[")
-        while not self._take("]"):
+        while not self._skip_mark("]"):
             found.append(self._value())
-            if not self._take(",") and self._peek() != "]":
+            if not self._skip_mark(",") and self._peek() != "]":
                 raise self.error("expected , or ]")
         return found
 
@@ -128,13 +128,13 @@ class _Flow:
             self._at += 1
         return self._text[self._at : self._at + 1]
 
-    def _take(self, mark: str) -> bool:
+    def _skip_mark(self, mark: str) -> bool:
         found = self._peek() == mark
         self._at += found
         return found
 
     def _expect(self, mark: str) -> None:
-        if not self._take(mark):
+        if not self._skip_mark(mark):
             raise self.error(f"expected {mark}")
 
 

@@ -92,7 +92,7 @@ class Dispatcher:
     def tick(self, now: int, wall_ns: int) -> None:
         """Send each peer what is due, and all what is new. To be called behind `Core.tick`."""
         core = self.core
-        for name, reason in core.port.take_settled():
+        for name, reason in core.port.pop_settled():
             self._broadcast(core.parameters.value_of(name))
             if reason:
                 core.texts.append((4, reason))
@@ -318,14 +318,14 @@ class Dispatcher:
 
     def _local_target(self, _: Peer, packet: Any, now: int) -> None:
         if self.core.snapshot and not self.stale:
-            self._take_target(lambda state: local_target(packet, state), now)
+            self._set_target(lambda state: local_target(packet, state), now)
 
     def _global_target(self, _: Peer, packet: Any, now: int) -> None:
         core = self.core
         if core.snapshot and not self.stale:
-            self._take_target(lambda state: global_target(packet, state, core.origin, core.home[2]), now)
+            self._set_target(lambda state: global_target(packet, state, core.origin, core.home[2]), now)
 
-    def _take_target(self, read: Callable[[Any], Any], now: int) -> None:
+    def _set_target(self, read: Callable[[Any], Any], now: int) -> None:
         core = self.core
         assert core.snapshot
         try:

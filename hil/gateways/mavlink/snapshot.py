@@ -71,5 +71,5 @@ class VehiclePort(Protocol):
     def set_parameter(self, name: str, value: float) -> None:
         """Begin to set one of them; `parameters` has its value when that is done."""
 
-    def take_settled(self) -> list[tuple[str, str]]:
+    def pop_settled(self) -> list[tuple[str, str]]:
         """Return the parameters that were set since the last call, or could not be: name, and why not."""

@@ -115,7 +115,7 @@ class NetworkVehicle:
 
         self._do(set_one)
 
-    def take_settled(self) -> list[tuple[str, str]]:
+    def pop_settled(self) -> list[tuple[str, str]]:
         """Return the parameters that were set since the last call, or could not be."""
         settled = []
         while self._settled:
@@ -146,11 +146,11 @@ class NetworkVehicle:
             while self._jobs:
                 self._attempt(self._jobs.popleft())
             if self._client.contact.present:
-                self._attempt(self._look)
+                self._attempt(self._refresh)
             self._wake.wait(REFRESH_S if self._is_known else 0.1)
             self._wake.clear()
 
-    def _look(self) -> None:
+    def _refresh(self) -> None:
         try:
             self._sensors = frozenset(self._client.offers())
             self._parameters.refresh()

@@ -88,7 +88,7 @@ def _block(name: str) -> tuple[str, str]:
 
 @cache
 def _package(package: str) -> dict[str, tuple[str, str]]:
-    """By type its hash and text."""
+    """Return hash and text of each type of a package."""
     path = os.path.join(_FOLDER, f"{package}.msg")
     if not package.isidentifier() or not os.path.exists(path):
         return {}

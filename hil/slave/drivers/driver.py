@@ -126,7 +126,7 @@ class ThrusterDriver(ABC):
 
     @property
     def deadline_ns(self) -> int:
-        """When (monotonic ns) `service` has to be called even if no byte came."""
+        """Return when (monotonic ns) `service` has to be called even if no byte came."""
         return self._check_ns if self.lost else self._due_ns()
 
     def service(self, now: int) -> list[ThrusterTelemetry]:

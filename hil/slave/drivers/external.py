@@ -36,7 +36,7 @@ class ExternalDriver(ThrusterDriver):
     host: ThrusterLink
 
     def applied_ns(self, telemetry: ThrusterTelemetry, now: int) -> int:
-        """Received, minus the age the STM32 gives."""
+        """Return the time of reception minus the age that the STM32 reports."""
         return now - telemetry.age_us * NS_PER_US
 
     def _attach(self, ends: Ends) -> None:
@@ -45,7 +45,7 @@ class ExternalDriver(ThrusterDriver):
         self._received_ns = now_ns()
 
     def _due_ns(self) -> int:
-        """When its silence has to be noticed, or the protocol has something to say."""
+        """When (monotonic ns) its timeout ends, or the protocol has something to send."""
         return min(self._received_ns + self._watchdog_ns, self.host.deadline_ns)
 
     def _exchange(self, now: int) -> list[ThrusterTelemetry]:

@@ -45,7 +45,7 @@ def network_bytes(tree: Tree) -> tuple[int, int]:
 
 
 def _memory_available_kib(tree: Tree) -> int:
-    """0 where it is not told."""
+    """Return the available memory (KiB); 0 where the kernel does not report it."""
     for line in tree.text("/proc/meminfo").splitlines():
         name, _, value = line.partition(":")
         if name == "MemAvailable":

@@ -45,21 +45,21 @@ class RecentLateness:
 
     def __init__(self) -> None:
         self._bins = Histogram().bins
-        self._looked_ns = 0
+        self._computed_ns = 0
         self._recent = Histogram()
 
     def add_figures(self, figures: Diagnostics, lateness: Histogram, now: int) -> None:
-        """Of the cycles since the last look; asked again within RECENT_NS of that, the same (`now`: monotonic ns)."""
-        if now - self._looked_ns >= RECENT_NS:
+        """Add the lateness of the cycles since the last call; within RECENT_NS of it the same (`now`: ns)."""
+        if now - self._computed_ns >= RECENT_NS:
             self._recent = lateness.since(self._bins)
-            self._bins, self._looked_ns = list(lateness.bins), now
+            self._bins, self._computed_ns = list(lateness.bins), now
         figures.lateness_recent_p50_us = self._recent.quantile(0.5) / NS_PER_US
         figures.lateness_recent_p99_us = self._recent.quantile(0.99) / NS_PER_US
         figures.lateness_recent_max_us = self._recent.maximum / NS_PER_US
 
 
 class SkippedSteps:
-    """Says in the log that the loop came so late that it skipped steps: at once, then at most once a minute."""
+    """Report in the log that the loop skipped steps because it was late: at once, then at most once a minute."""
 
     def __init__(self) -> None:
         self._reported = 0
@@ -78,7 +78,7 @@ class SkippedSteps:
 
 
 class Health:
-    """Writes the log and publishes a diagnostic status, when there is news and once a second.
+    """Write the log and publish the diagnostics, on each new log line and once a second.
 
     `startup` are monotonic instants by name, "exec" first. Use as a context: leaving it says the last word.
     """
@@ -154,7 +154,7 @@ class Health:
         figures.steps_skipped = schedule.skipped
 
     def _add_run_events(self, figures: Diagnostics) -> None:
-        """What went wrong so far, as the clock of the wall has it."""
+        """Add the events of the run so far, with wall times."""
         log = self._loop.simulation.events
         epoch_ns = to_wall_ns(now_ns()) - self._loop.simulation.time_ns
         figures.run_events = len(log) + log.dropped
@@ -226,7 +226,7 @@ class Health:
             schedule = self._loop.schedule
             skipped = self._skipped.line(schedule.skipped, schedule.lateness.maximum, now_ns())
             if skipped:
-                self._log.say(skipped)
+                self._log.write_line(skipped)
             self._log.flush()
             heart.beat(self._loop.schedule.due_total)
             self._publish()
@@ -239,10 +239,10 @@ class Health:
         """Take up a wall clock that was set: the stamps follow at the next step."""
         set_by_ns = self._loop.sample_publisher.stamps.check_clock(wall_offset_ns())
         if set_by_ns:
-            self._log.say(f"the machine's clock was set by {set_by_ns / NS_PER_S:+.3f} s: stamps follow it")
+            self._log.write_line(f"the machine's clock was set by {set_by_ns / NS_PER_S:+.3f} s: stamps follow it")
 
     def _add_labels(self) -> None:
-        """What makes the figures of this machine stand for something else; asked for when the start is over."""
+        """Add the labels that limit what this machine's figures mean; called after the start."""
         from boards.emulation import labels
 
         found = labels(self._tree, os.uname().machine)

@@ -30,7 +30,7 @@ _FARTHEST = 1e5  # m
 
 
 class Neighbours:
-    """All members of `scenario` but its own, each a `vehicle` with a state, by the name of its node."""
+    """The other members of `scenario`: each a `vehicle` with a state, by the name of its node."""
 
     def __init__(self, scenario: Scenario, vehicle: Vehicle) -> None:
         self._scenario = scenario
@@ -47,7 +47,7 @@ class Neighbours:
                 sensor.add(self._solid, state)
 
     def subscribe(self) -> AbstractContextManager[Any]:
-        """Listen from now on until this is left. Raises NetworkError when there is no router where one is needed."""
+        """Subscribe to their states until the context is left. Raises NetworkError when a needed router is missing."""
         network = self._scenario.network
         if self._scenario.security or not self.states:
             return nullcontext()

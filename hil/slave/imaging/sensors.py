@@ -70,7 +70,7 @@ class Imaging:
         self._thread: threading.Thread | None = None
 
     def start(self, stamps: "Stamps", node: Identity) -> None:
-        """Begin; `stamps` says the time of the pictures, `node` whose they are."""
+        """Start the process; `stamps` gives the time of the pictures, `node` publishes them."""
         self._stamps = stamps
         setup = pickle.dumps((self._true, node))
         begin = len(setup).to_bytes(4, "little") + setup
@@ -111,7 +111,7 @@ class Imaging:
 
     @property
     def children(self) -> tuple[int, ...]:
-        """The process, while there is one."""
+        """The imaging process, while there is one."""
         return (self.pid,) if self.pid else ()
 
     def add_figures(self, figures: Diagnostics) -> None:
@@ -160,7 +160,7 @@ class Imaging:
             self.restarts += 1
 
     def _live(self, begin: bytes) -> tuple[str, int]:
-        """One process from its start to its end; how it ended, in words and as its exit code."""
+        """Run one process from start to end; return how it ended, as text and as exit code."""
         from hil.common.children import module_command, open_lifeline  # the vehicle is ready before these are loaded
         from hil.slave.spawn import spawn
 
@@ -210,7 +210,7 @@ class _Asking:
     number: int
 
     def __init__(self, *_: object) -> None:
-        """Nothing to prepare."""
+        """Do nothing: the imaging process makes the sensor."""
 
     def sample(self, time_ns: int, state: State) -> None:
         """Request a sample; the imaging process publishes it."""

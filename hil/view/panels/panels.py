@@ -97,7 +97,7 @@ class Panels:
         if figures:
             self._health.content = _table(health_rows(figures), "the slave, once a second")
 
-    def note(self, line: str) -> None:
+    def add_log_line(self, line: str) -> None:
         """Add a line to the log."""
         self.log.append(line)
         self._log.content = "".join(_text(line) for line in reversed(self.log))

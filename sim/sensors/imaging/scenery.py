@@ -123,12 +123,12 @@ def _grain(seen: Seen) -> Pixels:
     for node, deviation in _SCALES:
         # A pixel sees the mean of the grain within it: of noise whose size falls with 1 / frequency, this much is left.
         left = np.float32(deviation) / np.maximum(np.float32(1.0), seen.footprint / np.float32(8.0 * node))
-        tone += left * _looked_up(u / np.float32(node), v / np.float32(node))
+        tone += left * _interpolate_grain(u / np.float32(node), v / np.float32(node))
     bounded: Pixels = np.maximum(tone, np.float32(0.1))
     return bounded
 
 
-def _looked_up(u: Pixels, v: Pixels) -> Pixels:
+def _interpolate_grain(u: Pixels, v: Pixels) -> Pixels:
     """Return the grain between its nodes, bilinear."""
     whole_u, whole_v = np.floor(u), np.floor(v)
     a, b = u - whole_u, v - whole_v

@@ -23,7 +23,7 @@ def collect(tap: Tap, enough: Callable[[list[Message]], object], seconds: float 
     messages: list[Message] = []
 
     def poll() -> object:
-        messages.extend(tap.take())
+        messages.extend(tap.receive())
         return enough(messages)
 
     wait_for(poll, seconds)
@@ -73,7 +73,7 @@ def test_latched_topics_come_late_but_once() -> None:
             tf.put(b"after", 8)
             heard += collect(tap, lambda messages: messages)
             time.sleep(0.2)
-            heard += tap.take()
+            heard += tap.receive()
     assert [(message.topic, message.sequence, message.data) for message in heard] == [
         ("/tf_static", 1, b"before"),
         ("/tf_static", 2, b"after"),
@@ -186,7 +186,7 @@ def test_closing_does_not_wait_for_an_endpoint_that_is_not_there() -> None:
     def comes_and_goes() -> None:
         began = time.monotonic()
         with Tap([f"tcp/127.0.0.1:{free_port()}"]) as tap:
-            assert tap.take() == []
+            assert tap.receive() == []
         assert time.monotonic() - began < 1.0
 
     retry_when_busy(comes_and_goes, "a session is opened and closed")

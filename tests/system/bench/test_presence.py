@@ -123,13 +123,13 @@ def test_a_soak_finds_a_slave_that_hangs(victim: Victim) -> None:
     assert 0.5 < at_s < 4.0
     assert at_s + seconds == pytest.approx(5.0, abs=1.0)
     assert reason == "uuv1 did not answer"
-    assert found.looks[-1].real_time_factor != found.looks[-1].real_time_factor, "nobody knows"
+    assert found.observations[-1].real_time_factor != found.observations[-1].real_time_factor, "nobody knows"
 
 
 def test_a_soak_finds_a_slave_that_ends(victim: Victim) -> None:
     found = soak(victim, signal.SIGKILL, 60.0, 60.0)
     assert found.silences[-1].reason.startswith("the slave was ended by signal 9 (KILL)")
-    assert len(found.looks) >= 3
+    assert len(found.observations) >= 3
 
 
 @pytest.mark.parametrize("leave_every", [1.5, 60.0])
@@ -138,7 +138,7 @@ def test_a_soak_whose_slave_hangs_can_be_ended(leave_every: float, victim: Victi
     began = time.monotonic()
     found = soak(victim, signal.SIGSTOP, 60.0, leave_every, stop_after_s=2.5)
     assert time.monotonic() - began < 9.0  # start, three looks, 2.5 s and one
-    assert len(found.looks) >= 3
+    assert len(found.observations) >= 3
     assert len(found.silences) == 1
 
 

@@ -27,8 +27,8 @@ def test_text_of_others_is_cleaned(text: str, shown: str) -> None:
 
 def test_a_line_of_the_log_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
     written = Log("slave")
-    written.say("master evil\n[    0.000] slave: ready\x1b]0;owned\x07 is there")
-    written.say("y" * 5000)
+    written.write_line("master evil\n[    0.000] slave: ready\x1b]0;owned\x07 is there")
+    written.write_line("y" * 5000)
     written.flush()
     first, second = capsys.readouterr().err.splitlines()
     assert first.endswith("slave: master evil?[    0.000] slave: ready?]0;owned? is there")
@@ -40,13 +40,13 @@ def test_a_flood_of_lines_is_counted(monkeypatch: pytest.MonkeyPatch, capsys: py
     monkeypatch.setattr(log, "now_ns", lambda: now[0])
     written = Log("slave")
     for number in range(5000):
-        written.say(f"line {number}")
+        written.write_line(f"line {number}")
     written.flush()
     assert len(capsys.readouterr().err.splitlines()) == log.MOST_LINES
     now[0] += log.WINDOW_NS + 1
     written.flush()
     assert "4000 lines left out: more than 1000 in 10 s" in capsys.readouterr().err
-    written.say("calm again")
+    written.write_line("calm again")
     written.flush()
     assert capsys.readouterr().err.splitlines()[0].endswith("calm again")
 

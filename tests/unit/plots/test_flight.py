@@ -20,7 +20,7 @@ def flown() -> Flight:
     flight = Flight(simulation)
     for _ in range(801):
         simulation.step(PULSES)
-        flight.note(simulation)
+        flight.record(simulation)
     return flight
 
 
@@ -52,7 +52,7 @@ def test_in_contact_the_forces_still_add_up_to_mass_times_acceleration(tmp_path:
     for _ in range(400 * 6):
         simulation.step((1650, 1650, 1500, 1500, 1500, 1500))
         before = len(flight.rows)
-        flight.note(simulation)
+        flight.record(simulation)
         felt += [list(simulation.state.nu_dot)] * (len(flight.rows) - before)
     rows = rows_of(flight, tmp_path / "flight.csv")
     mass = mass_matrix(vehicle)
