@@ -147,7 +147,7 @@ def make_caster(geometry: "Geometry") -> "Callable[..., None] | None":
 
 
 def make_moving_water(vehicle: Vehicle, world: World, seed: int) -> "FluidMotion | None":
-    """What moves the water besides the steady current; None if nothing does, and then nothing is loaded for it."""
+    """Return the motion of the water besides the steady current; None without any, and then nothing is loaded."""
     if not (world.ocean and world.ocean.moves):
         return None
     from sim.environment.water import FluidMotion

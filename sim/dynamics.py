@@ -83,7 +83,7 @@ class State:
 
 
 class Forces(NamedTuple):
-    """What acts on a vehicle, term by term: force (N) and moment (N m) about the origin along the body axes.
+    """Forces on a vehicle, term by term: force (N) and moment (N m) about the origin along the body axes.
 
     `coriolis` is that of rigid body and added mass, less what `munk_share` takes away; `others` that of everything in
     `sim.forces`, `contact` that of obstacles and seabed (sim/environment/collision.py); `total`, the sum of the
@@ -151,7 +151,7 @@ class Dynamics:
     def acceleration(
         self, depth: float, rotation: Rotation, nu: Sequence[float], wrench: Sequence[float], current: Sequence[float]
     ) -> list[float]:
-        """nu' (m/s², rad/s², body axes) at `depth` m of the origin and attitude `rotation`, body to world."""
+        """Return nu' (m/s², rad/s², body axes) at `depth` m of the origin and attitude `rotation`, body to world."""
         xx, xy, xz, yx, yy, yz, zx, zy, zz = rotation
         north, east, down = current
         water_u = xx * north + yx * east + zx * down
@@ -211,7 +211,7 @@ class Dynamics:
         wrench: Sequence[float],
         current: Sequence[float],
     ) -> Sequence[float]:
-        """`wrench` with that of all other forces added."""
+        """Return `wrench` plus that of all other forces."""
         nu_r = through_water(rotation, nu, current)
         for force in self.others:
             added = force.wrench(position, rotation, nu_r)
@@ -338,7 +338,7 @@ def _over_ground(rotation: Rotation, nu: Sequence[float]) -> tuple[float, float,
 
 
 def through_water(rotation: Rotation, nu: Sequence[float], current: Sequence[float]) -> list[float]:
-    """nu_r, the velocity through water that flows with `current` (m/s, NED), of a body that moves with `nu`."""
+    """Return nu_r, the velocity through water that flows with `current` (m/s, NED), of a body that moves with `nu`."""
     xx, xy, xz, yx, yy, yz, zx, zy, zz = rotation
     north, east, down = current
     u, v, w, p, q, r = nu

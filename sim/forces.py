@@ -36,7 +36,7 @@ class Force(Protocol):
 
 
 def lift_wrench(lift: Lift, rotation: Rotation) -> tuple[float, float, float, float, float, float]:
-    """`lift` as force (N) and moment (N m) about the origin along the body axes, at this attitude (body to world)."""
+    """Return `lift` as force (N) and moment (N m) about the origin along the body axes; attitude is body to world."""
     force, x, y, z = lift
     _, _, _, _, _, _, zx, zy, zz = rotation
     return -force * zx, -force * zy, -force * zz, z * zy - y * zz, x * zz - z * zx, y * zx - x * zy

@@ -12,7 +12,7 @@ Entry = Annotated[float, Range(-1e10, 1e10)]
 
 
 def square(values: Sequence[float], size: int) -> Matrix:
-    """`size` numbers as a diagonal matrix, or `size` x `size` numbers row after row as a full one."""
+    """Return `size` numbers as a diagonal matrix, or `size` x `size` numbers row after row as a full one."""
     if len(values) == size:
         return [[values[i] if i == j else 0.0 for j in range(size)] for i in range(size)]
     return [list(values[i * size : (i + 1) * size]) for i in range(size)]
@@ -36,7 +36,7 @@ def product(a: Matrix, b: Matrix) -> Matrix:
 
 
 def total(a: Matrix, b: Matrix, scale: float = 1.0) -> Matrix:
-    """a + scale b."""
+    """Return a + scale b."""
     return [[x + scale * y for x, y in zip(*rows, strict=True)] for rows in zip(a, b, strict=True)]
 
 

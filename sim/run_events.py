@@ -40,7 +40,7 @@ class RunEvent(NamedTuple):
 
     @property
     def name(self) -> str:
-        """What happened, in a few words."""
+        """The event in a few words."""
         name = self.kind.replace("_", " ")
         if not self.what:
             return name

@@ -102,7 +102,7 @@ class Simulation:
 
     @property
     def contacts(self) -> int:
-        """How often the vehicle has touched something."""
+        """Number of contacts of the vehicle so far."""
         return self._contact.count
 
     @property
@@ -126,7 +126,7 @@ class Simulation:
 
     @property
     def battery(self) -> "BatteryState | None":
-        """What a battery monitor would read now; None if the vehicle has none."""
+        """Present reading of a battery monitor; None if the vehicle has none."""
         return self._thrusters.battery
 
     def fail(self, *failures: "Failure") -> None:

@@ -37,7 +37,7 @@ from hil.common.columns import aligned  # noqa: E402
 from hil.ros.diagnostics import or_nan  # noqa: E402
 
 AGREES = 0.05
-# Where the vehicle is, or was truly: to what else is on the way before it (transforms, last samples), nobody listens.
+# Odometry or ground truth: what comes before it on the connection (transforms, last samples) is not measured.
 SAMPLE = re.compile(rb"(?:odom|map)\0+\n\0{3}base_link\0")
 NOTIFY = f"uuv-hil-outside-{os.getpid()}"
 MARKER = b"a command goes out now"
@@ -60,7 +60,7 @@ class Packet(NamedTuple):
 
 
 class Memory(NamedTuple):
-    """Of a process, MiB: its PSS as the kernel and as `ps` tells it, its RSS by `ps`; and when (ns since 1970)."""
+    """Memory of a process in MiB: PSS by the kernel and by `ps`, RSS by `ps`; and the time (ns since 1970)."""
 
     time_ns: int
     pss: float
@@ -84,7 +84,7 @@ class Row(NamedTuple):
 
 
 def capture() -> None:
-    """Be the process that listens on the loopback; prints what passed when its standard input ends."""
+    """Capture packets of the loopback; print them when standard input ends."""
     found: list[Packet] = []
     with socket.socket(socket.AF_PACKET, socket.SOCK_RAW, socket.htons(ETH_P_IP)) as wire:
         wire.setsockopt(socket.SOL_SOCKET, SO_TIMESTAMPNS, 1)
@@ -163,7 +163,7 @@ class Witness:
         self._watched = pids
 
     def share(self, pid: int, begin: int, end: int) -> float:
-        """Of a core, by the scheduler, between two wall instants."""
+        """Return the share of a core, by the scheduler, between two wall instants."""
         inside = [row for row in self.cpu[pid] if begin <= row[0] <= end]
         (first, before), (last, after) = inside[0], inside[-1]
         return (after - before) / (last - first)
@@ -307,7 +307,7 @@ def commands(seconds: float) -> list[Row]:
 
 
 def _delays(packets: list[Packet], sent: set[Packet], port: int) -> list[int]:
-    """From the last mark before a command until the STM32's answer to the frame that it brought about."""
+    """Return the times from the last mark before a command until the STM32's answer to the frame that it caused."""
     found, marked, commanded, framed = [], 0, False, False
     for packet in packets:
         if packet.marker:

@@ -69,7 +69,7 @@ def open_ours(endpoint: str, answers: bool) -> tuple[Callable[[str, Callable[[by
 
 
 def open_bare(endpoint: str, answers: bool) -> tuple[Callable[[str, Callable[[bytes], None]], None], dict[str, Put]]:
-    """The same as zenoh has it without any setting but where to connect, and no memory shared, as between machines."""
+    """Return the same from zenoh sessions with default settings, without shared memory, as between machines."""
     import zenoh
 
     config = zenoh.Config()

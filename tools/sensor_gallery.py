@@ -2,7 +2,7 @@
 
     python -m tools.sensor_gallery [--out docs/reference] [--only NAME ...]
 
-The texts are those of the sensors' own source, the numbers their defaults, the pictures simulated anew. Needs what
+The texts are those of the sensors' own source, the numbers their defaults, the pictures simulated again. Needs what
 `pip install -e '.[dev]'` brings.
 """
 

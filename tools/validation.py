@@ -2,7 +2,7 @@
 
     python tools/validation.py [--out docs/explanation] [--only NAME ...]
 
-Every figure is computed anew; each says which test holds it, and a figure beyond that test's bound ends the run
+Every figure is computed again; each says which test holds it, and a figure beyond that test's bound ends the run
 with exit code 1. The set-ups and others' formulas are those of the tests. Needs what `pip install -e '.[dev]'` brings.
 """
 
@@ -46,7 +46,7 @@ COLOURS = 64
 HEAD = """\
 # How the simulator stands beside others' numbers and beside theory
 
-Made by `python tools/validation.py`, which computes every figure anew. Blue lines are this simulator, black dots what
+Made by `python tools/validation.py`, which computes every figure again. Blue lines are this simulator, black dots what
 it is held against, and red a formula of others that does not hold. Each figure is held by the test that is named,
 with the bound that is given. The tool needs the tests and what they need: `pip install -e '.[dev]'`.
 

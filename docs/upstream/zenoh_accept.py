@@ -2,8 +2,8 @@
 
     python zenoh_accept.py [--connections 1113] [--seconds 12] [--hold] [--backlog 0]
 
-Needs eclipse-zenoh and openssl. `--hold`: the connections are not closed. `--backlog N`: the listening socket is told
-to let so many wait that were not accepted, by listen(2) once more. The attacker comes from 127.0.0.2, has no
+Needs eclipse-zenoh and openssl. `--hold`: the connections are not closed. `--backlog N`: the listening socket gets
+a queue of so many connections by a second listen(2). The attacker comes from 127.0.0.2, has no
 certificate and sends no byte.
 """
 

@@ -137,7 +137,7 @@ class Chip:
         peripheral.write(offset, value)
 
     def _lay_out(self) -> dict[int, tuple[Peripheral, int, int, int]]:
-        """By number of the block: what is there, where it begins, and its clock's register and bit."""
+        """Return each block by number: its device, base address, and its clock's register and bit."""
         debug = Peripheral()  # trace, cycle counter: plain registers
         blocks: dict[int, tuple[Peripheral, int, int, int]] = {}
         blocks |= dict.fromkeys(_numbers(CORE_REGISTERS, CORE_REGISTERS_SIZE), (debug, CORE_REGISTERS, 0, 0))

@@ -30,7 +30,7 @@ class Rcc(Peripheral):
         self._measure()
 
     def reset_by(self, causes: int) -> None:
-        """As after a reset; `causes` are added to the flags of CSR, which outlive it."""
+        """Reset; add `causes` to the flags of CSR, which survive it."""
         flags = self.words.get(CSR, 0) & 0xFE00_0000
         super().reset()
         self.words[CSR] = flags | causes | PIN_RESET  # every reset pulls the pin: RM0090 6.1.1
@@ -65,7 +65,7 @@ class Rcc(Peripheral):
         self.apb2_hz, self.apb2_timer_hz = self._bus_hz(ppre2)
 
     def _bus_hz(self, prescaler: int) -> tuple[int, int]:
-        """Of a bus, and of the timers on it, which run at twice that unless it is undivided."""
+        """Return the clock of a bus, and of its timers, which run at twice that unless it is undivided."""
         if prescaler < 4:
             return self.core_hz, self.core_hz
         hz = self.core_hz >> prescaler - 3

@@ -34,7 +34,7 @@ class SystemControl(Peripheral):
         self.reset()
 
     def reset(self) -> None:
-        """As after a reset of the chip."""
+        """Reset to the state after a reset of the chip."""
         super().reset()
         self._restart(0)
 

@@ -49,7 +49,7 @@ class Timer(Peripheral):
         self.reset()
 
     def reset(self) -> None:
-        """As after a reset of the chip: stopped."""
+        """Reset to the state after a reset of the chip: stopped."""
         super().reset()
         self.words[ARR] = self._mask
         self._restart(0)
@@ -80,7 +80,7 @@ class Timer(Peripheral):
         return self.words.get(offset, 0)
 
     def write(self, offset: int, value: int) -> None:
-        """What changes the counting goes on from the present count."""
+        """Write a register; a change of the counting continues from the present count."""
         if offset == SR:
             self._notice_updates()
             self.words[SR] = self.words.get(SR, 0) & value

@@ -48,7 +48,7 @@ class Usart(Peripheral):
         self.reset()
 
     def reset(self) -> None:
-        """As after a reset of the chip. What is on the line stays there."""
+        """Reset to the state after a reset of the chip. Bytes on the line stay there."""
         super().reset()
         self._data = 0  # the data register, as read
         self._clears = False  # the status was read: reading the data clears ORE and IDLE

@@ -134,7 +134,7 @@ class ArduPilot(Autopilot):
         return False
 
     def _count_packet(self, count: int, now: int) -> bool:
-        """Note one packet; return whether its outputs are new."""
+        """Count one packet; return whether its outputs are new."""
         self._received_ns = now
         self._waiting = True
         step = (count - self._count) % WRAP

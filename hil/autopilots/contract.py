@@ -24,7 +24,7 @@ Report = Callable[[str], None]
 
 
 class Outputs(NamedTuple):
-    """What an autopilot wants of its output channels.
+    """The outputs that an autopilot requests.
 
     `pwm_us` are pulse widths in microseconds, one an output channel of the autopilot; 0 is no output. `armed` is None
     where the interface does not say. `received_ns` (monotonic) is when they came in.

@@ -51,7 +51,7 @@ class Motor(NamedTuple):
 
 
 class MotorMap:
-    """From the outputs of an autopilot to the pulse widths of a vehicle with so many channels.
+    """Convert the outputs of an autopilot to the pulse widths of a vehicle with so many channels.
 
     `frame` is the name of the frame. Channels that no motor drives are neutral.
     """

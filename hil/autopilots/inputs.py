@@ -21,7 +21,7 @@ LEAST_IMU_HZ = 50.0
 
 
 class SensorInputs:
-    """What each sensor said last. A sensor that is not fitted, or whose samples are lost, keeps its last value.
+    """Last sample of each sensor. A sensor that is not fitted, or whose samples are lost, keeps its last value.
 
     `fresh` holds the topics that have had a sample since the caller cleared it. Positions are NED in m. Raises
     ConfigError for a vehicle without an IMU, or one that is too slow for any estimator.

@@ -27,7 +27,7 @@ class MotorOutputs:
     def __init__(self, motor_map: MotorMap, silence_ns: int, name: str, report: Report) -> None:
         self.map = motor_map
         self.silences = 0
-        self.outputs: tuple[int, ...] = ()  # as they came, for whoever shows lights, gripper and camera mount
+        self.outputs: tuple[int, ...] = ()  # as received, to display lights, gripper and camera mount
         self._silence_ns, self._name, self._report = silence_ns, name, report
         self._pulses = Pulses(motor_map.neutral, False)
         self._received_ns = 0

@@ -49,7 +49,7 @@ class Px4(Autopilot):
         self._forget()
 
     def _forget(self) -> None:
-        """Begin anew with an autopilot that has just come."""
+        """Reset the state for an autopilot that has just connected."""
         self._stream = MavlinkStream(SYSTEM, COMPONENT, self._counters)
         self._due_ns = self._truth_ns = self._beat_ns = 0  # of simulation time
         self._locked = self._awaiting = self._stalled = self._has_beaten = False
@@ -171,7 +171,7 @@ class Px4(Autopilot):
             self._report(f"{self.name}: PX4 has connected; it boots for about 7 s of simulated time")
         else:
             self._awaiting = False
-            self._report(f"{self.name}: PX4 has gone; it does not connect again by itself: start it anew")
+            self._report(f"{self.name}: PX4 has gone; it does not connect again by itself: restart it")
         self._complained_ns = now_ns()
 
     def _handle_message(self, message: Any, now: int) -> Outputs | None:
@@ -187,7 +187,7 @@ class Px4(Autopilot):
             self.figures.resets += 1
             self._report(
                 f"{self.name}: its time goes back by {(self._actuator_us - message.time_usec) / 1e6:.3f} s: "
-                "it has started anew"
+                "it has restarted"
             )
         elif message.time_usec == self._actuator_us:
             self.figures.duplicates += 1

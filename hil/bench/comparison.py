@@ -97,14 +97,14 @@ def _differs(name: str, before: Any, after: Any) -> list[str]:
 
 
 def _format_value(value: Any) -> str:
-    """In words; of governors, which are counted, their names and numbers."""
+    """Return a value as text; of governors, which are counted, names and numbers."""
     if isinstance(value, dict):
         value = ", ".join(f"{key} ({number})" for key, number in value.items())
     return str(value or "none")
 
 
 def _number(value: Any) -> float:
-    """nan for what is none: it differs from nothing."""
+    """Return a value as a number; nan, which differs from nothing, for what is none."""
     return value if isinstance(value, float) else nan
 
 

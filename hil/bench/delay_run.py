@@ -54,7 +54,7 @@ Echo = tuple[str, int, int]  # host, UDP port, TCP port of a `hil.bench.floors.n
 
 
 class Result(NamedTuple):
-    """What came of it, in ms; `hops` and `delay` one a command, `at_s` when it was published.
+    """Result of one run in ms; `hops` and `delay` have one value a command, `at_s` is when it was published.
 
     `udp` and `tcp` are empty where there is no echo beside the slave. `wire` is what no command undercuts on the line:
     its bits, see `wire_ms`, or what a QEMU takes at the quickest. `rate` is that of the commands as they were sent, Hz.
@@ -222,7 +222,7 @@ def _command(
 
 
 def _motion(client: Observer, slave: Process | None, steps: int) -> list[float]:
-    """From the publish of a step in surge until the first acceleration that shows it is here, ms."""
+    """Return the time (ms) from the publish of a step in surge until the first acceleration that shows it arrives."""
     found, began = [], now_ns()
     for number in range(steps):
         check_there(client, slave)

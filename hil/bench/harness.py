@@ -86,7 +86,7 @@ class Process:
 
     @property
     def output(self) -> str:
-        """All it has said so far."""
+        """All output of the process so far."""
         with open(self.log, encoding="utf-8", errors="replace") as file:
             return file.read()
 
@@ -97,7 +97,7 @@ class Process:
 
     @property
     def ending(self) -> str:
-        """How it ended, and what it said last: to be put behind its name."""
+        """Return how it ended and its last output, to be put behind its name."""
         code = self._process.poll()
         if code is None:
             how = "is still running"
@@ -201,7 +201,7 @@ class Bench:
 
     @property
     def labels(self) -> tuple[str, ...]:
-        """What figures of this place have to say of themselves."""
+        """Return the labels of figures that are measured here."""
         limits, by = self._confinement.limits, self._confinement.by
         cached = "files in the page cache not counted" if limits.memory_mib else ""
         how = ", ".join(filter(None, (by, cached, "no real-time scheduling" if limits.cpu_share else "")))
@@ -263,7 +263,7 @@ class Bench:
 
 
 def await_vehicle(client: VehicleClient, slave: Process | None = None, seconds: float = READY_S) -> None:
-    """Until its first sample and its figures of health are here. Raises NetworkError."""
+    """Wait for its first sample and its diagnostics. Raises NetworkError."""
     deadline = now_ns() + round(seconds * NS_PER_S)
     while not (client.wait_for_vehicle(0.05) and client.diagnostics() and not client.in_doubt):
         if slave and not slave.running:

@@ -53,7 +53,7 @@ class Lateness(NamedTuple):
 
 
 class Cycles(NamedTuple):
-    """What one slave's loop did at `rate` Hz: lateness, share of cycles within 2 ms, steps skipped, drift.
+    """One slave's loop at `rate` Hz: lateness, share of cycles within 2 ms, steps skipped, drift.
 
     `drift` is how much simulated and real time differ at the end, in steps: what the schedule has not caught up.
     """
@@ -71,7 +71,7 @@ def changes_for(rate: float) -> dict[str, Any]:
 
 
 def slave_loop(bench: Bench, seconds: float, watch: Callable[[float], None] = lambda _: None) -> Cycles:
-    """Of the slave of `bench`, which runs so long with a master that commands it; `watch` gets the share that is done.
+    """Measure the loop of the slave of `bench` under commands; `watch` gets the share that is done.
 
     Raises NetworkError when it ends or hangs.
     """

@@ -51,7 +51,7 @@ class Limits(NamedTuple):
 
     @property
     def label(self) -> str:
-        """In words; empty without limits."""
+        """The limits as text; empty without limits."""
         words = []
         if self.cpus:
             words.append(f"processor {','.join(map(str, self.cpus))} only")
@@ -143,7 +143,7 @@ class Confinement:
         return group
 
     def _request_scope(self) -> None:
-        """Each process gets a scope of its own. What it lacks there systemd does not say: see for ourselves."""
+        """Run each process in its own systemd scope; test one, as systemd does not report missing controllers."""
         self.by = "systemd"
         manager = () if os.geteuid() == 0 else ("--user",)
         options = [word for name in _properties(self.limits) for word in ("-p", name)]
@@ -210,7 +210,7 @@ def _remove_abandoned(folder: str) -> None:
 
 
 def _remove(group: str) -> None:
-    """What is in it is killed; a group that outlives even that costs nothing."""
+    """Remove a group and kill its processes; a group that outlives even that costs nothing."""
     deadline = time.monotonic() + REMOVAL_S
     while os.path.isdir(group) and time.monotonic() < deadline:
         try:

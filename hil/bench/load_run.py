@@ -31,7 +31,7 @@ class Setting(NamedTuple):
 
 
 class Cost(NamedTuple):
-    """Of one process, a value a second: CPU (share of a core), memory (MiB), and the CPU of each of its threads."""
+    """Cost of one process, a value a second: CPU (share of a core), memory (MiB), CPU of each of its threads."""
 
     cpu: list[float]
     memory: list[float]
@@ -149,7 +149,7 @@ def course(setting: Setting, readings: list[Threads], names: dict[int, str]) -> 
 
 
 class Difference(NamedTuple):
-    """How much more a figure is than another, and how much comes and goes by itself: less than that is noise."""
+    """Difference of two figures, and their noise: a smaller difference is none."""
 
     more: float
     noise: float

@@ -23,7 +23,7 @@ CALM_PULSES, WIDEST = 1500, 200  # us: pulses differ from command to command, so
 
 
 class Plan(NamedTuple):
-    """What is tested: who answers, over which link, how often, for how long.
+    """Settings of a loopback test: device, link, rate and duration.
 
     stm32: one of hil.slave.drivers.driver's, or "jumper" for a wire that leads straight back. rate: commands a second,
     0 for the next one as soon as the last is answered. spin: whether commands are armed; a disarmed one moves nothing.
@@ -39,7 +39,7 @@ class Plan(NamedTuple):
 
 
 class Result(NamedTuple):
-    """What came of it. Times are in ms; `wire_ms` is nan where the line has no speed of its own."""
+    """Result of a loopback test. Times are in ms; `wire_ms` is nan where the line has no speed."""
 
     port: str
     sent: int
@@ -64,7 +64,7 @@ class Result(NamedTuple):
 
     @property
     def bytes_per_second(self) -> tuple[float, float]:
-        """What went out and what came in."""
+        """Bytes per second sent and received."""
         return self.counters["bytes_out"] / self.seconds, self.counters["bytes_in"] / self.seconds
 
 

@@ -16,7 +16,7 @@ BACK_S = 2.0  # that it may need to answer once more at the end
 
 
 def wait_for_silence(client: VehicleClient, slave: Process | None = None, patience: float = PATIENCE_S) -> str:
-    """What says that the vehicle is gone or hangs: ended, or silent for longer than `patience` s; "" if nothing does.
+    """Return why the vehicle counts as lost: ended, or silent for longer than `patience` s; "" if it is present.
 
     Silent is one that answers no comparing of clocks, and one that tells nothing more of its health.
     """
@@ -32,14 +32,14 @@ def wait_for_silence(client: VehicleClient, slave: Process | None = None, patien
 
 
 def check_there(client: VehicleClient, slave: Process | None = None) -> None:
-    """Raises NetworkError when `silence` has something to say."""
+    """Check that the vehicle is present. Raises NetworkError."""
     reason = wait_for_silence(client, slave)
     if reason:
         raise NetworkError(reason)
 
 
 def check_end(client: VehicleClient, slave: Process | None = None) -> None:
-    """That it was there to the end: it answers now, or soon. Raises NetworkError."""
+    """Check that the vehicle was present to the end: it answers now, or soon. Raises NetworkError."""
     deadline = time.monotonic() + BACK_S
     while not client.contact.present and time.monotonic() < deadline:
         time.sleep(0.05)

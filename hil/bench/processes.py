@@ -10,7 +10,7 @@ import psutil
 
 
 class Memory(NamedTuple):
-    """Of one process or several, MiB: with its share of what others use too, and what is its own alone."""
+    """Memory of processes in MiB: proportional set size, and private memory."""
 
     pss_mib: float
     private_mib: float
@@ -31,12 +31,12 @@ class Threads(NamedTuple):
 
     @property
     def private_mib(self) -> float:
-        """What is theirs alone: it does not move when others come or go that use the same files."""
+        """Private memory of all (MiB): it does not change with other processes that use the same files."""
         return sum(each.private_mib for each in self.memory.values())
 
 
 def read_threads(pids: list[int]) -> Threads:
-    """As they are now; what has ended is left out."""
+    """Read the present figures of all threads; those that have ended are left out."""
     cpu: dict[str, float] = {}
     memory: dict[int, Memory] = {}
     descriptors = 0

@@ -33,7 +33,7 @@ class Figure(NamedTuple):
 
     @property
     def median(self) -> float:
-        """Its middle; nan without values."""
+        """Median of the values; nan without values."""
         return median(self.values)
 
     @property
@@ -44,7 +44,7 @@ class Figure(NamedTuple):
 
     @property
     def finite(self) -> "Figure":
-        """The same without the values that could not be had (nan), and without runs that gave no other."""
+        """Return the figure without nan values, and without runs that gave no other."""
         counts = (sum(map(isfinite, run)) for run in self.by_run)
         return self._replace(values=list(filter(isfinite, self.values)), runs=tuple(filter(None, counts)))
 
@@ -130,7 +130,7 @@ def _summary(figure: Figure) -> dict[str, float]:
 
 
 def _figure(row: dict[str, Any]) -> Figure:
-    """Raises ValueError and others."""
+    """Return one figure of a record. Raises ValueError and others."""
     values, runs = row["values"], tuple(row.get("runs", ()))
     if not all(type(value) in (int, float) and isfinite(value) for value in values):
         raise ValueError("values")
@@ -142,7 +142,7 @@ def _figure(row: dict[str, Any]) -> Figure:
 
 
 def _check(record: Record) -> None:
-    """Raises ValueError."""
+    """Check the types of a record. Raises ValueError."""
     tables = (record.settings, record.details, record.machine)
     if not all(isinstance(table, dict) for table in tables):
         raise ValueError("settings, details, machine")

@@ -143,7 +143,7 @@ class Soaking:
         )
 
     def _add_silence(self, reason: str, already_s: float) -> None:
-        """That the slave is silent now, and has been for so long; "" if it is not."""
+        """Add a silence of the slave that has lasted for so long; return it as text, "" if there is none."""
         at_s, silences = time.monotonic() - self._began, self._soak.silences
         if reason and not self._quiet:
             silences.append(Outage(at_s - already_s, already_s, reason))

@@ -36,7 +36,7 @@ class Start(NamedTuple):
 
     @property
     def total(self) -> float:
-        """Until the first sample at the master."""
+        """Time until the first sample at the master."""
         return self.ends[AT_MASTER]
 
     def phases(self) -> dict[str, float]:
@@ -97,7 +97,7 @@ def files_of_a_start(bench: Bench) -> list[str]:
 
 
 def _modules(text: str) -> set[str]:
-    """Of what `python -v` says: "# code object from '...'", "# ... matches ...", "... loaded from '...'"."""
+    """Return the files of `python -v`: "# code object from '...'", "# ... matches ...", "... loaded from '...'"."""
     quoted = re.findall(r"(?:from|loaded from) '(/[^']+)'", text)
     compared = re.findall(r"# (/\S+) matches (/\S+)", text)
     return {*quoted, *(path for pair in compared for path in pair)}

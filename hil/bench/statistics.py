@@ -77,7 +77,7 @@ def _drawn(values: Sequence[float], source: random.Random) -> list[float]:
 
 
 def _drawn_by_block(values: Sequence[float], source: random.Random) -> list[float]:
-    """As many, in blocks of neighbours, round from the last to the first (Politis and Romano 1992)."""
+    """Resample in blocks of neighbours, the first following the last (Politis and Romano 1992)."""
     length = ceil(sqrt(len(values)))
     ring = [*values, *values[: length - 1]]
     starts = source.choices(range(len(values)), k=ceil(len(values) / length))

@@ -41,14 +41,14 @@ class Stream(NamedTuple):
 
 
 class Listening(NamedTuple):
-    """What came in one run, by topic, and why its ages are not to be trusted."""
+    """Messages of one run by topic, and the reasons to doubt their ages."""
 
     streams: list[Stream]
     warnings: list[str]
 
 
 class _Seen:
-    """What came on one topic, by publisher."""
+    """Messages of one topic, by publisher."""
 
     def __init__(self) -> None:
         self.numbers: dict[bytes, tuple[int, int]] = {}  # publisher -> first and last sequence number
@@ -115,7 +115,7 @@ class Listener:
         seen.stamps.append((stamp.time_ns, received_ns))
 
     def _ages(self, seen: _Seen) -> list[float]:
-        """From publish to receipt, ms, as the clocks have it: below zero where one of them is wrong."""
+        """Return the ages from publish to receipt in ms by the clocks; negative where one of them is wrong."""
         delays, same = self.client.delays, self.client.contact.same_clock
         if not same and not delays.clock.exchanges:
             return []

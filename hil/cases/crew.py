@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 class Crew:
-    """`uuv-hil ...` for each of `programs` (a name and its arguments), in processes that end with the `with`.
+    """Processes of `uuv-hil`, one for each of `programs` (name and arguments), which end with the `with`.
 
     What one says goes into NAME.log in `folder`. Ctrl-C in the terminal reaches only the process that started them.
     """

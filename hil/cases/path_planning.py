@@ -52,7 +52,7 @@ class PathPlanning(SingleCase):
         return changes, {}
 
     def optimum(self, scenario: Scenario, plan: Plan) -> float:
-        """From start to goal past all that stands there, on the map or not."""
+        """Return the shortest path from start to goal past all obstacles, on the map or not."""
         start, goal = (scenario.start.north, scenario.start.east), scenario.master.goal or (0.0, 0.0)
         return shortest(plan.world, plan.brief.vehicle, scenario.master.depth, (start, goal))
 

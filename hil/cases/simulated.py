@@ -92,7 +92,7 @@ def fly(
 
 
 def showing(planner: Planner, show: Callable[[str], None]) -> Watch:
-    """Tells `show` every now and then how far the flight is."""
+    """Report the progress of the flight to `show` at intervals."""
     steps = 0
 
     def watch(vehicle: SimulatedVehicle) -> None:

@@ -117,7 +117,7 @@ def shortest(world: World, vehicle: Vehicle, depth: float, places: Sequence[Poin
 
 
 def _simulate(scenario: Scenario, plan: Plan, folder: str, show: Callable[[str], None]) -> Measured:
-    """In this process and simulated time."""
+    """Fly in this process, in simulated time."""
     vehicle = SimulatedVehicle(scenario, plan.world)
     meter = EnergyMeter(plan.brief.vehicle)
     with _Notes(folder, meter, lambda: (vehicle.pwm_us, vehicle.samples.get("battery"))) as track:
@@ -126,7 +126,7 @@ def _simulate(scenario: Scenario, plan: Plan, folder: str, show: Callable[[str],
 
 
 def _fly_slave(scenario: Scenario, plan: Plan, folder: str, show: Callable[[str], None]) -> Measured:
-    """With a slave in a process of its own; this process is its master."""
+    """Fly with a slave in another process; this process is its master."""
     meter = EnergyMeter(plan.brief.vehicle)
     node, network = scenario.slave.node, scenario.network
     topics = *topics_of(plan.planner), "battery"

@@ -18,7 +18,7 @@ class Slaves(Crew):
         super().__init__({f"slave{n}": ["slave", scenario] for n, scenario in enumerate(scenarios, 1)}, folder)
 
     def wait(self, clients: Sequence[VehicleClient], seconds: float = READY_S) -> None:
-        """Until every vehicle has sent samples and figures of health. Raises NetworkError if one does not."""
+        """Wait until every vehicle has sent samples and diagnostics. Raises NetworkError if one does not."""
         deadline = time.monotonic() + seconds
         while not all(client.has_samples and client.diagnostics() for client in clients):
             self.check()

@@ -75,7 +75,7 @@ def limits_at(survey: Survey, points: Array) -> tuple[Array, Array]:
 
 
 def clamp(depths: Array, bounds: Bounds, allowance: Array) -> Array:
-    """`depths` held between the limits: never above the shoal one, below the deep one only by `allowance` m."""
+    """Return `depths` within the limits: never above the shoal limit, at most `allowance` m below the deep limit."""
     return np.maximum(np.minimum(depths, bounds.high + allowance), bounds.low)
 
 

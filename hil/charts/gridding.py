@@ -70,7 +70,7 @@ class Surface:
         return np.where(weights > 0.0, total / np.where(weights > 0.0, weights, 1.0), np.nan)
 
     def held_out(self, folds: Indices) -> Array:
-        """What the surface would be at each data point without all points of its fold; nan where the fold is < 0.
+        """Return the surface at each data point fitted without the points of its fold; nan where the fold is < 0.
 
         Exact and as cheap as one fit: blocks of a system's inverse tell the errors that leaving out its unknowns
         would make (Rippa, Adv. Comput. Math. 11, 1999, for one point; the same elimination for several).

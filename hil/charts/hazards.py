@@ -31,7 +31,7 @@ LEAST_HEIGHT = 1.0  # m above the bed of what is only known to be there
 
 
 class Placed(NamedTuple):
-    """What became of hazards: obstacles for a world, and the grid with areas risen."""
+    """Result of placing hazards: obstacles for a world, and the grid with risen areas."""
 
     grid: Grid
     cylinders: tuple[Cylinder, ...]

@@ -22,7 +22,7 @@ MOST_PIXELS = 2200  # along a side
 
 
 class Marks(NamedTuple):
-    """What is drawn on top: soundings (n, 3), charted contours, shore lines and bridges, all north, east in m."""
+    """Overlay of the map: soundings (n, 3), charted contours, shore lines and bridges, all north, east in m."""
 
     soundings: Array = np.empty((0, 3))
     contours: tuple[tuple[Array, float], ...] = ()
@@ -62,7 +62,7 @@ def draw(
 
 
 def _size(wide: float, high: float) -> tuple[float, float]:
-    """Of the figure in inches: the map's longer side is 11, and there is room for its scales."""
+    """Return the size of the figure in inches: the map's longer side is 11, plus room for its scales."""
     inch = 11.0 / max(wide, high)
     return max(5.0, wide * inch + 2.2), max(4.0, high * inch + 1.2)
 
@@ -139,7 +139,7 @@ def _draw_soundings(axes: Any, soundings: Array) -> None:
 
 
 def _draw_obstacles(axes: Any, cylinders: tuple[Cylinder, ...], boxes: tuple[Box, ...]) -> None:
-    """In their true size, and a cross that is seen however small they are."""
+    """Draw obstacles in true size, each with a cross that stays visible."""
     from matplotlib.patches import Circle, Rectangle
 
     for pile in cylinders:

@@ -92,5 +92,5 @@ def _site(middle: Point, course: float, length: float, depth: float) -> Site:
 
 
 def _rounded(depth: float) -> float:
-    """To half a metre, never deeper."""
+    """Round up to half a metre, never deeper."""
     return float(np.floor(2.0 * depth) / 2.0)

@@ -68,9 +68,9 @@ class VehicleClient:
 
     `where` is the endpoint of the slave or of a router, or a session that several clients share. A `part` of
     "observer" never commands. A master of higher `rank` (0 to 9) takes the vehicle over from another. `report` gets a
-    line when the vehicle comes and goes; the session finds it again by itself. `heard` gets each message that is kept,
+    line when the vehicle comes and goes; the session reconnects by itself. `on_sample` gets each stored message,
     and may be called in several threads. `topics` are those it listens to from the beginning, `watch` adds others; what
-    nobody listens to is not sent.
+    has no subscriber is not sent.
 
     `latest` holds the newest message of each topic, in NED and FRD; `received` counts them; `malformed`
     counts what could not be decoded; `delays` measures the newest commands; `contact` knows whether the vehicle is

@@ -118,7 +118,7 @@ def _report_vehicles(seconds: float) -> str:
 
 
 def _wait(client: VehicleClient, seconds: float, stop_fd: int, progress: Progress, scenario: Scenario) -> None:
-    """Until the vehicle has sent a sample and its figures of health, and is ours to command."""
+    """Wait until the vehicle has sent a sample and its diagnostics, and accepts our commands."""
     began = now_ns()
     is_reported = False
     while not (client.has_samples and client.diagnostics() and not client.in_doubt):

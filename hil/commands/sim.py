@@ -107,7 +107,7 @@ def _show(opened: ExitStack, scenario: Scenario, vehicle: SimulatedVehicle) -> W
 
 
 def _draw_field(axes: Any, scenario: Scenario, plan: Plan, outcome: Outcome | None) -> None:
-    """What the vehicle was among, where it was to go, and where something went wrong."""
+    """Draw obstacles, goal and the places of events."""
     from hil.plots import run_picture as picture
 
     picture.draw_world(axes, plan.world)
@@ -117,7 +117,7 @@ def _draw_field(axes: Any, scenario: Scenario, plan: Plan, outcome: Outcome | No
 
 
 def _pace(step_ns: int) -> Watch:
-    """Holds each step back until its time has come."""
+    """Delay each step until its time has come."""
     schedule = RateKeeper(step_ns, now_ns())
     ahead = 0
 

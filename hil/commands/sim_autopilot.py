@@ -85,7 +85,7 @@ def _showing(line: ProgressLine) -> Any:
 
 
 def _pacing(step_ns: int) -> Any:
-    """Holds each step back until its time has come; what is late is caught up."""
+    """Delay each step until its time has come; catch up with late ones."""
     schedule: RateKeeper | None = None
     ahead = 0
 

@@ -22,7 +22,7 @@ Ctrl-C and SIGTERM end it with the thrusters neutral.
 
 
 class Options(NamedTuple):
-    """What the command line says."""
+    """Options of the command line."""
 
     scenario: str
     listen: str | None = None

@@ -107,7 +107,7 @@ def _check_vehicle(name: str) -> None:
 
 
 def _progress(count: int) -> Callable[[str], None]:
-    """Tells on a terminal which of `count` axes is being flown."""
+    """Return a function that shows on a terminal which of `count` axes is being tuned."""
     done = 0
 
     def report_axis(axis: str) -> None:

@@ -23,7 +23,7 @@ class Finding(NamedTuple):
 
 
 class User(NamedTuple):
-    """Who is to run the slave."""
+    """The user that runs the slave."""
 
     name: str
     uid: int
@@ -39,7 +39,7 @@ class Account(NamedTuple):
 
 
 class Case(NamedTuple):
-    """What is looked at. Without a scenario nothing is needed, so that nothing is a problem."""
+    """Subject of the checks. Without a scenario nothing is needed, so that nothing is a problem."""
 
     tree: Tree
     board: Board | None
@@ -48,7 +48,7 @@ class Case(NamedTuple):
 
     @property
     def severity(self) -> Level:
-        """Of what a run cannot do without."""
+        """Severity of a finding that a run cannot do without."""
         return "problem" if self.scenario else "note"
 
     @property

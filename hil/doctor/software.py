@@ -92,13 +92,13 @@ def _fault(topic: str, check: Callable[[], object], path: str) -> Finding | None
 
 
 def _assemble(scenario: Scenario) -> None:
-    """Raises HilError when a slave would end before it opens a device; of a fleet any."""
+    """Assemble the slaves up to their devices. Raises HilError when one would end before."""
     for each in [as_member(scenario, member.node) for member in scenario.member] or [scenario]:
         assemble(each)
 
 
 def _open_protocols(scenario: Scenario) -> None:
-    """Raises ConfigError or MissingExtraError when an end of the link that is ours would not open."""
+    """Open our ends of the link. Raises ConfigError or MissingExtraError."""
     from hil.links.protocols import Role
     from hil.slave.drivers.ends import end_protocol
     from sim.vehicle.vehicle import load_vehicle
@@ -110,7 +110,7 @@ def _open_protocols(scenario: Scenario) -> None:
 
 
 def _require_room(recording: Recording, user: User) -> None:
-    """Raises ConfigError or MissingExtraError when the slave is to record and could not. Nothing is made."""
+    """Check that a slave that records can do so. Raises ConfigError or MissingExtraError."""
     if not recording.slave:
         return
     from hil.recording.mcap_writer import require_library
@@ -140,7 +140,7 @@ def may_write(folder: str, user: User) -> bool:
 
 
 def _plan(scenario: Scenario) -> None:
-    """Raises HilError when the master would find no way. Without numpy this is no machine for masters."""
+    """Plan the mission's path. Raises HilError when there is none. Without numpy this machine runs no master."""
     led = scenario.planner or scenario.master.goal  # else it is flown from Python, or by ROS
     if not led or scenario.member or scenario.controller == "external" or find_spec("numpy") is None:
         return
@@ -215,7 +215,7 @@ def bytecode(root: str) -> Finding:
 
 
 def _is_compiled(source: str) -> bool:
-    """By the header of the cached file: flags, then time and size of the source (PEP 552)."""
+    """Return whether a module is compiled, by the header of its cached file: flags, time and size (PEP 552)."""
     try:
         with open(cache_from_source(source), "rb") as file:
             header = file.read(16)

@@ -37,7 +37,7 @@ class Change(NamedTuple):
 
 
 class ManifestEntry(NamedTuple):
-    """What the manifest says of a file: what was written, what was `before`, and folders that were made for it."""
+    """Entry of a file in the manifest: what was written, what was `before`, and folders that were made for it."""
 
     sha256: str
     before: str | None = None
@@ -47,7 +47,7 @@ class ManifestEntry(NamedTuple):
 
 
 class Plan(NamedTuple):
-    """What is to be done: files to be `written`, files of before to be put back or `removed`.
+    """Changes to make: files to be `written`, and files to be restored or `removed`.
 
     `changed` are the paths of what somebody has changed since it was written: they stay.
     """
@@ -58,7 +58,7 @@ class Plan(NamedTuple):
 
     @property
     def changes(self) -> tuple[Change, ...]:
-        """All of them."""
+        """All changes, in order."""
         return self.written + self.removed
 
 
@@ -122,7 +122,7 @@ def carry_out(tree: Tree, plan: Plan) -> None:
 
 
 def check_permission(tree: Tree, plan: Plan) -> None:
-    """Raises DeviceError unless all can be written, folders made where they are missing."""
+    """Check that all files can be written and missing folders made. Raises DeviceError."""
     for path in (*(change.path for change in plan.changes), MANIFEST):
         place = tree.path(path)
         while not os.path.exists(place):
@@ -147,7 +147,7 @@ def _plan_removal(tree: Tree, entries: dict[str, ManifestEntry]) -> Plan:
 
 
 def _check_folder(tree: Tree, path: str) -> None:
-    """Raises ConfigError unless the folder of a file is there or can be made."""
+    """Check that the folder of a file exists or can be made. Raises ConfigError."""
     folder = os.path.dirname(path)
     while not os.path.lexists(tree.entry(folder)):
         folder = os.path.dirname(folder)
@@ -156,7 +156,7 @@ def _check_folder(tree: Tree, path: str) -> None:
 
 
 def _manifest_entry(tree: Tree, change: Change) -> ManifestEntry:
-    """Return what the manifest says of a file before it is written for the first time."""
+    """Return the manifest's entry of a file that is written for the first time."""
     entry = ManifestEntry("", change.before, tuple(_missing_folders(tree, change.path)))
     if change.before is None:
         return entry

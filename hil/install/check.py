@@ -45,7 +45,7 @@ def assemble(scenario: Scenario) -> None:
 
 
 def check(tree: Tree, service: Service) -> None:
-    """Raises HilError unless the service's slave would start here, but for devices and the network.
+    """Check that the service's slave would start here, apart from devices and network. Raises HilError.
 
     Of another machine's files only the scenario itself can be looked at.
     """
@@ -82,7 +82,7 @@ def _check_as_user(service: Service) -> None:
 
 
 def main(name: str, listen: str, member: str, *changes: str) -> None:
-    """In a process of the service's user: ends it with the reason on standard error."""
+    """Run the check in a process of the service's user; exit with the reason on standard error."""
     try:
         assemble(read(name, listen, member, changes))
     except HilError as error:

@@ -56,7 +56,7 @@ class Started(NamedTuple):
 
 
 class Shown(NamedTuple):
-    """What is known of a member: "running", "ended" or "unreachable", and the last line of its log."""
+    """State of a member: "running", "ended" or "unreachable", and the last line of its log."""
 
     member: str
     host: str
@@ -111,7 +111,7 @@ def start(
 
 
 def load_started(scenario: str) -> tuple[list[Started], str]:
-    """Return what was started, and the command for ssh. Raises ConfigError when nothing was, or the note is damaged."""
+    """Return what was started, and the command for ssh. Raises ConfigError when nothing was, or the file is damaged."""
     path = state_file(scenario)
     try:
         with open(path, encoding="utf-8") as file:

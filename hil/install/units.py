@@ -42,7 +42,7 @@ DEVICE = re.compile(r"/dev/[A-Za-z0-9_#+:=@./-]+")  # as udev makes them, withou
 
 
 class Service(NamedTuple):
-    """What the service is to run: the slave of `scenario` as `user`, listening at `listen` or where that says."""
+    """Settings of the service: the slave of `scenario` as `user`, listening at `listen` or where that says."""
 
     scenario: Scenario
     name: str  # as it was given
@@ -211,7 +211,7 @@ def python_path() -> str:
 
 
 def escape_word(text: str) -> str:
-    """Return a word or path as a unit has to have it, see systemd.syntax(7); in commands $ is $$ on top of that.
+    """Return a word or path escaped for a unit, see systemd.syntax(7); in commands $ becomes $$ too.
 
     Raises ConfigError for characters that no unit can have.
     """

@@ -37,7 +37,7 @@ Report = Callable[[str], None]
 
 
 def run(scenario: Scenario, which: str, stop_fd: int, report: Report, wait: float = 60.0) -> None:
-    """Be the planner of the member `which` until `stop_fd` becomes readable.
+    """Run the planner of the member `which` until `stop_fd` becomes readable.
 
     Waits up to `wait` s for the vehicle. Raises ConfigError, NetworkError, and MissionError if something of
     sim/run_events.py befell the vehicle that the scenario does not allow.

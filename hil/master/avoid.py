@@ -65,7 +65,7 @@ class Sight:
         self.plans = 0
 
     def begin(self, here: Point, goal: Point) -> None:
-        """From here to another goal (m north, m east). Raises MissionError if the map shows no way."""
+        """Plan from here to another goal (m north, m east). Raises MissionError if the map shows no path."""
         if self.guide:
             self._map = self.guide.map.grid
         self.guide = Guide(self._map, here, goal, self._settings, self._search)
@@ -84,7 +84,9 @@ class Sight:
 
 
 class Avoid(Planner):
-    """To the scenario's goal. `[planner.vfh]` has the keys of hil.autonomy.paths.vfh.VfhSettings but for the radius."""
+    """Planner that avoids obstacles on the path to the scenario's goal.
+
+    `[planner.vfh]` has the keys of hil.autonomy.paths.vfh.VfhSettings but for the radius."""
 
     def __init__(self, vfh: dict[str, Any] | None = None, **keys: Any) -> None:
         self._settings = parse(keys, AvoidSettings, "Avoid")

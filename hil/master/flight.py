@@ -92,7 +92,7 @@ class Outcome(NamedTuple):
 
     @property
     def summary(self) -> str:
-        """How far it went and how well it kept to its path, in words, without what does not apply."""
+        """Distance and deviation from the path as text, without what does not apply."""
         reason = (
             (self.travelled, "{:.1f} m travelled"),
             (self.path_length, "on a path of {:.1f} m"),
@@ -241,7 +241,7 @@ class _Spread:
 
 
 def held(command: VelocityCommand, odometry: OdometrySample) -> VelocityCommand:
-    """`command` with the velocities that lead to its depth (m) and heading (rad), where it asks for them."""
+    """Return `command` with the velocities that lead to its depth (m) and heading (rad), if it has any."""
     _, _, depth = odometry.position
     if command.depth is not None:
         navigation = Navigation(odometry.orientation, odometry.nu[3:], odometry.nu[:3], depth)

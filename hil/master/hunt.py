@@ -26,7 +26,7 @@ LONGEST_STEP_S = 0.5  # that the plan's clock goes on at once, after whatever ho
 
 
 class _StoredReport(NamedTuple):
-    """What a neighbour said of itself at `time` (s after the start), and how fast it moved (m/s north, m/s east)."""
+    """A neighbour's report at `time` (s after the start), with its velocity (m/s north, m/s east)."""
 
     report: Report
     velocity: Vector
@@ -36,7 +36,7 @@ class _StoredReport(NamedTuple):
 class HuntPlanner(Planner):
     """Vehicle `number` (from 0) of the scenario's members.
 
-    `heard` counts the reports taken in, `beyond` those that came from out of range, `malformed` those that were none.
+    `received` counts the accepted reports, `beyond` those that came from out of range, `malformed` undecodable ones.
     Raises ConfigError, MissionError.
     """
 
@@ -132,7 +132,7 @@ class HuntPlanner(Planner):
             self._reports[node] = _StoredReport(Report(sample.position[:2], sample.clock_ns / NS_PER_S), velocity, time)
 
     def _present(self, node: str) -> Report:
-        """What `node` said, it and its clock gone on since: else the age of reports would slow everybody down."""
+        """Return the report of `node`, extrapolated to now: else the age of reports would slow the formation down."""
         report, velocity, time = self._reports[node]
         age = self._time - time
         north, east = report.position

@@ -88,7 +88,7 @@ def _thickness(obstacle: Obstacle) -> float:
 
 
 def _separation(obstacle: Obstacle, north: Array, east: Array) -> Array:
-    """As the obstacle's own `separation`, at arrays of places."""
+    """Return the obstacle's `separation` at arrays of places."""
     if isinstance(obstacle, Cylinder):
         return np.asarray(np.hypot(north - obstacle.north, east - obstacle.east) - obstacle.radius)
     if isinstance(obstacle, Box):

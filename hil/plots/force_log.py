@@ -38,7 +38,7 @@ class Flight:
         self._blows: list[int] = []  # the rows in which it hits something
 
     def record(self, simulation: Simulation) -> None:
-        """Take down what there is now, if it is time, or if it touches something that it did not just now."""
+        """Record the present state if the period has passed, or at a new contact."""
         now, hits = simulation.time_ns, False
         if simulation.touching:
             hits, self._touched_ns = now - self._touched_ns > PERIOD_NS, now

@@ -96,7 +96,7 @@ class _Repetition:
         return Verdict(compared, self._steps, "")
 
     def _check_number(self, message: Message) -> None:
-        """Nothing of the recording may be missing."""
+        """Check that no message of the recording is missing."""
         last = self._numbers.get(message.topic, 0)
         self._numbers[message.topic] = message.sequence
         if message.sequence == last + 1:
@@ -133,7 +133,7 @@ class _Repetition:
             self._step()
 
     def _next(self, message: Message) -> tuple[str, bytes]:
-        """Return what the sensors say next that the slave recorded too."""
+        """Return the next repeated sample of a topic that the slave recorded."""
         limit = self._steps + round(LONGEST_SILENCE_S * 1e9) // self._step_ns
         while not self._repeated and self._steps < limit:
             self._step()

@@ -36,7 +36,7 @@ class Message(NamedTuple):
 
 
 class TopicCount(NamedTuple):
-    """How many messages a topic has."""
+    """Number of messages of a topic."""
 
     topic: str
     type: str
@@ -44,7 +44,7 @@ class TopicCount(NamedTuple):
 
 
 class FileSummary(NamedTuple):
-    """What a file holds: the instants of its first and last message (ns since 1970; 0 and 0: none)."""
+    """Summary of a file: the instants of its first and last message (ns since 1970; 0 and 0: none)."""
 
     path: str
     size: int
@@ -75,7 +75,7 @@ class RecordingFile:
 
     @property
     def topics(self) -> int:
-        """How many there are so far."""
+        """Topics with their message counts so far."""
         return len(self._writer.channels)
 
     def write(self, message: Message) -> None:
@@ -137,7 +137,7 @@ def qos_profile(topic: str) -> str:
 
 
 class _Stream:
-    """What the library writes, kept until `commit` writes it at once, with an end behind it."""
+    """Buffer of what the library writes, until `commit` writes it at once, with an end behind it."""
 
     def __init__(self, path: str) -> None:
         self._descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o644)

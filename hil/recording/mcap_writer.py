@@ -21,7 +21,7 @@ _INDEX = Struct("<BQHI")  # 7, length, channel, bytes of the entries, which are 
 
 
 class Output(Protocol):
-    """Where the bytes go."""
+    """Output of the writer."""
 
     def write(self, data: bytes) -> None:
         """Take them, at the end of what was taken before."""
@@ -216,7 +216,7 @@ class McapWriter:
 
 
 def require_library() -> None:
-    """Raises MissingExtraError if what reads and writes these files is not installed; it is not loaded yet."""
+    """Check, without loading it, that the MCAP library is installed. Raises MissingExtraError."""
     from importlib.util import find_spec
 
     if find_spec("mcap") is None:

@@ -17,7 +17,7 @@ MOST_ATTACHMENTS = 64  # ours has three; each is a file of a scenario
 
 
 class About(NamedTuple):
-    """What stands at the beginning of a recording: `facts` of the run, and files by their names. Empty: not ours."""
+    """Head of a recording: `facts` of the run, and files by their names. Empty: not ours."""
 
     facts: dict[str, str]
     attachments: dict[str, str]

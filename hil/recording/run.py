@@ -19,7 +19,7 @@ REFUSAL = (
 
 
 class Run(NamedTuple):
-    """What was run."""
+    """The run of a recording."""
 
     scenario: Scenario
     vehicle: Vehicle

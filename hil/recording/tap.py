@@ -93,7 +93,7 @@ class _Line:
 
 
 class Tap:
-    """What comes at `endpoints`, and what was said before on latched topics. Use as a context: within it, it listens.
+    """Subscribe to all topics at `endpoints`, with the last messages of latched topics. Use as a context.
 
     An endpoint that is not there yet, or goes away, is waited for. `missed` counts what was sent and did not come,
     by the gaps in the numbers of each publisher. Raises NetworkError when an endpoint cannot be meant.
@@ -137,7 +137,7 @@ class Tap:
         return messages
 
     def complaint(self) -> str:
-        """That somebody has not been there yet, whenever it is time to say so; else empty."""
+        """Return which endpoints have not answered yet, if a report is due; else empty."""
         missing = [endpoint for endpoint in self._settings if endpoint not in self.connected]
         if not missing or now_ns() < self._complaint_ns:
             return ""

@@ -12,7 +12,7 @@ def requested_speed(scenario: Scenario) -> tuple[str, float]:
 
 
 def attitude_warning(scenario: Scenario, vehicle: Vehicle | None = None) -> str | None:
-    """What to say of a scenario that asks for more speed than its vehicle's model holds its attitude at; None if not.
+    """Return a warning if the scenario's speed exceeds what its vehicle's model holds its attitude at; else None.
 
     `vehicle` is the scenario's, loaded here if left out. Raises ConfigError.
     """

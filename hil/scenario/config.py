@@ -106,7 +106,7 @@ class Scenario(NamedTuple):
         return None
 
     def _unsupported_link(self) -> str:
-        """Return what of the link the firmware in C has not learnt."""
+        """Return the part of [link] that the firmware in C does not support; empty if it supports all."""
         link = self.link
         if self.stm32 not in ("native", "unicorn", "qemu"):
             return ""
@@ -203,7 +203,7 @@ def _load(path: str, changes: dict[str, Any]) -> Scenario:
 
 
 def _check_certificates(scenario: Scenario) -> None:
-    """Raises ConfigError for an endpoint with TLS in a scenario without [security]."""
+    """Check that a scenario with a TLS endpoint has [security]. Raises ConfigError."""
     named = {"slave: listen": scenario.slave.listen, "network: router": scenario.network.router}
     for number, member in enumerate(scenario.member):
         named |= {f"member[{number}]: listen": member.listen, f"member[{number}]: agent": member.agent}
@@ -228,7 +228,7 @@ def load_single(name: str, changes: dict[str, Any] | None = None, remedy: str = 
 
 
 def with_port(scenario: Scenario, port: str) -> Scenario:
-    """`scenario` with its thruster link at that address. Raises ConfigError."""
+    """Return `scenario` with its thruster link at that address. Raises ConfigError."""
     changed = scenario._replace(link=scenario.link._replace(port=port))
     problem = changed.link.validate()
     if problem:

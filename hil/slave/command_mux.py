@@ -37,7 +37,7 @@ class CommandMux:
         return value
 
     def combine(self, topic: str, value: Any, now: int) -> Setpoint:
-        """Return the command that the vehicle obeys after what was heard on a topic `now` (monotonic ns)."""
+        """Return the vehicle's command after a message on a topic at `now` (monotonic ns)."""
         if topic == "cmd_pose":
             return PoseSetpoint(value)
         if topic == "cmd_wrench":

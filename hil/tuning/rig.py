@@ -42,13 +42,13 @@ class Recorder:
         self._axis = -1
 
     def nudge(self, axis: int, push: float) -> None:
-        """From now on `axis` (0 to 5) has what it last had, plus `push` (N or N m), whatever the controller says."""
+        """Hold `axis` (0 to 5) at its last output plus `push` (N or N m) from now on, without the controller."""
         self._axis = axis
         self._added = tuple([push if number == axis else 0.0 for number in range(6)])  # type: ignore[assignment]
         self._held = self.last
 
     def reset(self) -> None:
-        """As the other one does."""
+        """Reset the controller."""
         self._controller.reset()
 
     def update(

@@ -35,7 +35,7 @@ AXES = {
 
 
 class Figures(NamedTuple):
-    """What a step response is worth.
+    """Figures of a step response.
 
     `rise` s from 10 to 90 %; `overshoot` beyond the target as a share of the step; `settling` s until it stays
     within 5 %; `steady` the mean error of the last quarter, in the axis' unit. nan where it never gets there. `cost` s

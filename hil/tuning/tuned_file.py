@@ -11,7 +11,7 @@ from sim.vehicle.vehicle import Vehicle
 
 
 def control_text(gains: Gains) -> str:
-    """`gains` as a [control] table; of a loop what differs from the defaults of its record, and always its p."""
+    """Return `gains` as a [control] table; of a loop what differs from the defaults of its record, and always its p."""
     rows = [f"{key} = {{ {_inline(row)} }}" for key, row in gains._asdict().items()]
     return "\n".join(["[control]", *rows, ""])
 
@@ -45,7 +45,7 @@ def write_tuned(source: str, vehicle: Vehicle, gains: Gains, note: str, output: 
 
 
 def _without_gains(text: str) -> str:
-    """`text` less [control] and the tables of its gains; comments just above it go with it."""
+    """Return `text` without [control], the tables of its gains, and the comments just above it."""
     kept: list[str] = []
     own = {"[control]", *(f"[control.{key}]" for key in Gains._fields)}
     dropping = False

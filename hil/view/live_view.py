@@ -29,7 +29,7 @@ CAMERAS = {"camera/image_raw/compressed": "camera", "camera/image_raw": "camera"
 
 
 class Shown(NamedTuple):
-    """What is known of a run from its scenario; None and empty where there is none."""
+    """Data of a run from its scenario; None and empty without one."""
 
     world: World | None = None
     vehicles: Mapping[str, VehicleFile] = {}
@@ -81,11 +81,11 @@ class LiveView:
 
     @property
     def viewers(self) -> int:
-        """How many browsers look."""
+        """Number of connected browsers."""
         return self._scene.viewers
 
     def update(self) -> None:
-        """Draw the newest samples of all vehicles; while nobody looks, twice a second, for the tracks."""
+        """Draw the newest samples of all vehicles; without a browser, twice a second, for the tracks."""
         names = self._source.names
         self._panels.choose_from(names)
         for line in self._source.log_lines():

@@ -4,7 +4,7 @@
 def francois_garrison(
     frequency: float, temperature: float = 10.0, salinity: float = 35.0, depth: float = 10.0, acidity: float = 8.0
 ) -> float:
-    """dB/m at a frequency (Hz) in water of a temperature (deg C), salinity (PSU), depth (m) and pH.
+    """Return dB/m at a frequency (Hz) in water of a temperature (deg C), salinity (PSU), depth (m) and pH.
 
     Francois & Garrison 1982 (J. Acoust. Soc. Am. 72(6):1879): boric acid, magnesium sulphate, and water itself; 5 %
     off at most between 10 and 500 kHz, and above that water alone matters. Fresh water is salinity 0.

@@ -58,7 +58,7 @@ class Footprint:
         return down + self._half_height <= self._shallowest
 
     def deepest(self, position: Sequence[float], most: float = inf) -> tuple[float, Vector3]:
-        """How far the disc is in the seabed where it is in deepest (m, across it), and the seabed's normal there.
+        """Return the greatest depth of the disc in the seabed (m, across it), and the seabed's normal there.
 
         What is in by more than `most` m has come into a step, and does not count. -inf if nothing counts.
         """
@@ -85,7 +85,7 @@ class Footprint:
 
 
 class Contact:
-    """Keeps one vehicle out of one world. `touching` tells the last step, `count` the blows so far.
+    """Contact of one vehicle with one world. `touching` is that of the last step, `count` the contacts so far.
 
     `what` names the thing that it touched last, `impulse` (N s, body axes) is what that gave in the last step in which
     it touched something. `inverse_mass` is the inverse of M = M_RB + M_A, 6x6; it changes with what the vehicle drops.
@@ -153,7 +153,7 @@ class Contact:
         self._last = tuple(state.position)
 
     def _step_back(self, footprint: Footprint, state: State, last: Sequence[float], share: float) -> None:
-        """To where it was in north, in east or in both: whichever comes first out of the step."""
+        """Move back in north, in east or in both: the first that leaves the obstacle."""
         north, east, down = state.position
         for place in ((last[0], east, down), (north, last[1], down), (last[0], last[1], down)):
             if not footprint.is_in_step(place, share):

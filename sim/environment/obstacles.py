@@ -16,7 +16,7 @@ Separation = tuple[float, float, float]
 
 
 class Obstacle(Protocol):
-    """What every obstacle answers."""
+    """Interface of every obstacle."""
 
     @property
     def top(self) -> float:
@@ -24,7 +24,7 @@ class Obstacle(Protocol):
 
     @property
     def label(self) -> str:
-        """What to call it: its name, or what and where it is."""
+        """Name for messages: its own, or its kind and place."""
 
     def separation(self, north: float, east: float) -> Separation:
         """Return how far its side is from the point (m, NED), and the way out."""
@@ -42,7 +42,7 @@ class Cylinder(NamedTuple):
 
     @property
     def label(self) -> str:
-        """What to call it."""
+        """Name for messages."""
         return self.name or f"the pile at ({self.north:g}, {self.east:g})"
 
     def separation(self, north: float, east: float) -> Separation:
@@ -71,7 +71,7 @@ class Box(NamedTuple):
 
     @property
     def label(self) -> str:
-        """What to call it."""
+        """Name for messages."""
         return self.name or f"the block at ({self.north:g}, {self.east:g})"
 
     def separation(self, north: float, east: float) -> Separation:

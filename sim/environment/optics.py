@@ -91,7 +91,7 @@ def decode(picture: NDArray[np.uint8]) -> NDArray[np.float32]:
 
 
 def encode(radiance: NDArray[Any]) -> NDArray[np.uint8]:
-    """sRGB bytes of linear radiances; what is above 1 is white."""
+    """Return sRGB bytes of linear radiances; above 1 is white."""
     grey: NDArray[np.uint8] = _GREY[(np.clip(radiance, 0.0, 1.0) * np.float32(_STEPS)).astype(np.uint16)]
     return grey
 

@@ -33,7 +33,7 @@ def distance_to_shallows(terrain: Terrain, north: float, east: float, depth: flo
 
 
 def _nearest(terrain: Terrain, north: float, east: float, depth: float, within: float) -> float:
-    """As above, over the cells that come within `within` m."""
+    """Return the nearest shallow place of the cells within `within` m."""
     if terrain.shallowest(north, east, within) > depth:
         return inf
     place, least = terrain.coordinates(north, east), inf
@@ -82,7 +82,7 @@ def _to_side(place: Place, start: Place, end: Place) -> float:
 
 
 def _to_edge(terrain: Terrain, north: float, east: float) -> float:
-    """From a place on the grid to its edge, m."""
+    """Return the distance (m) from a place on the grid to its edge."""
     grid: Grid = terrain.grid
     x, y = terrain.coordinates(north, east)
     return grid.resolution * min(x, y, grid.rows - 1 - x, grid.columns - 1 - y)

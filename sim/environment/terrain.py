@@ -56,7 +56,7 @@ class Terrain:
         self.scale = 1.0 / grid.resolution
 
     def depth(self, north: float, east: float) -> float:
-        """Of the seabed at a place, in m."""
+        """Return the depth (m) of the seabed at a place."""
         corners = self._corners(north, east)
         if corners is None:
             return self.outside

@@ -10,7 +10,7 @@ Count = Annotated[int, Range(2, 100_000)]
 
 
 class Grid(NamedTuple):
-    """Where the nodes are: the first one (m), their distance (m) to north and east, and how many there are."""
+    """Nodes of a grid: the first one (m), their distance (m) to north and east, and how many there are."""
 
     north_min: Edge
     east_min: Edge

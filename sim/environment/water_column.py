@@ -28,11 +28,11 @@ class WaterColumn:
             self._pressures.append(self.pressure(depth))
 
     def density(self, depth: float) -> float:
-        """kg/m³ at `depth` m."""
+        """Return the density (kg/m³) at `depth` m."""
         return self._density(depth)[0]
 
     def sound_speed(self, depth: float) -> float:
-        """m/s at `depth` m: 1500 where the profile says nothing."""
+        """Return the speed of sound (m/s) at `depth` m: 1500 without a profile."""
         return self._sound(depth)[0]
 
     def pressure(self, depth: float) -> float:

@@ -115,7 +115,7 @@ def _frequencies(waves: Waves) -> list[float]:
 
 
 class WaveField:
-    """The sea of `waves` over a flat seabed at `depth` m under `gravity` m/s²."""
+    """An irregular sea of `waves` over a flat seabed at `depth` m under `gravity` m/s²."""
 
     def __init__(self, waves: Waves, depth: float, gravity: float, seed: int) -> None:
         self.components = components(waves, depth, gravity, seed)

@@ -58,7 +58,7 @@ def packet_arrives(errors: float, size: int, draw: float) -> bool:
 
 
 def quality(errors: float) -> float:
-    """q of a share of wrong bits, the ratio of signal to noise in amplitude; the inverse of ½ exp(-½ q²)."""
+    """Return q, the amplitude ratio of signal to noise, of a share of wrong bits; the inverse of ½ exp(-½ q²)."""
     return sqrt(-2.0 * log(2.0 * max(errors, 1e-300))) if errors < 0.5 else 0.0
 
 
@@ -67,5 +67,5 @@ def _light(distance: float, attenuation: float) -> float:
 
 
 def _quality_at_reach() -> float:
-    """q where half the packets of 128 bytes are whole."""
+    """Return q where half the packets of 128 bytes are whole."""
     return quality(1.0 - 0.5 ** (1.0 / _REFERENCE_BITS))

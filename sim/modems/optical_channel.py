@@ -20,7 +20,7 @@ _UNSEEN = 0.4  # of the bits wrong: no light to speak of
 
 
 class Pose(NamedTuple):
-    """Where a vehicle is (NED, m), and its attitude (body to world)."""
+    """Position (NED, m) and attitude (body to world) of a vehicle."""
 
     position: Vector3
     orientation: Quaternion
@@ -75,7 +75,7 @@ class OpticalChannel:
 
 
 def _heads(pose: Pose) -> list[Vector3]:
-    """Return where its heads look: unit vectors, NED."""
+    """Return the directions of its heads: unit vectors, NED."""
     turns = [2.0 * pi * number / HEADS for number in range(HEADS)]
     return [rotate(pose.orientation, (cos(turn), sin(turn), 0.0)) for turn in turns]
 

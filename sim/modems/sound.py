@@ -11,7 +11,7 @@ _NEAR = 1.0  # m: what a source level refers to; nearer than that nothing is los
 
 
 def thorp_absorption(frequency: float) -> float:
-    """dB/m at a frequency (Hz): Thorp's formula (J. Acoust. Soc. Am. 42, 1967), as Brekhovskikh & Lysanov print it.
+    """Return dB/m at a frequency (Hz): Thorp's formula (J. Acoust. Soc. Am. 42, 1967), as in Brekhovskikh & Lysanov.
 
     The constants were read in ns-3 (uan-prop-model-thorp.cc), which takes them from 400 Hz on. Sea water of about 4 °C,
     up to some 50 kHz (commonly given; not read in a source); above that it is used for want of a simple one that is
@@ -22,7 +22,7 @@ def thorp_absorption(frequency: float) -> float:
 
 
 def transmission_loss(distance: float, frequency: float, spreading: float) -> float:
-    """What is lost over a way (m), dB: `spreading` 2 for spheres, 1 for cylinders, 1.5 between; and absorption."""
+    """Return the loss (dB) over a distance (m): absorption, and `spreading` 2 spherical, 1 cylindrical."""
     path_length = max(distance, _NEAR)
     return 10.0 * spreading * log10(path_length) + thorp_absorption(frequency) * (path_length - _NEAR)
 

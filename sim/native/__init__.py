@@ -85,23 +85,23 @@ class NativeThrusterSet(ThrusterSet):
 
     @property
     def thrusts(self) -> list[float]:
-        """As the one it stands for."""
+        """See ThrusterSet."""
         return self.mixer.pushes if self.works else self._thrusts
 
     def immerse(self, shares: Sequence[float] | None) -> None:
-        """As the one it stands for."""
+        """See ThrusterSet."""
         super().immerse(shares)
         self.mixer.immerse([1.0] * len(self._thrusters) if shares is None else shares)
 
     def fail(self, failures: "Iterable[Failure]") -> None:
-        """As the one it stands for."""
+        """See ThrusterSet."""
         if self.works:  # until now
             self._steps, self._shares = self.mixer.steps, self.mixer.shares
             self._lagged, self._thrusts = self.mixer.thrusts, self.mixer.pushes
         super().fail(failures)
 
     def command(self, pwm_us: tuple[int, ...]) -> None:
-        """As the one it stands for."""
+        """See ThrusterSet."""
         super().command(pwm_us)
         self.mixer.aim(self._targets)
 
@@ -121,7 +121,7 @@ class NativeErrorBank(ErrorBank):
         self.errors = Errors(pack(f"{len(numbers)}d", *numbers), pack("625I", *key), second)
 
     def measure(self, true: Sequence[float]) -> list[float]:
-        """As the one it stands for."""
+        """See ErrorBank."""
         return self.errors.measure(true)
 
 

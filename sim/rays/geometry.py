@@ -11,7 +11,7 @@ NOTHING, SEABED = -1, 0  # objects; the solids follow from 1
 
 
 class Geometry(NamedTuple):
-    """All that rays meet: the seabed, flat at `depth` m where there is no terrain, and solids with their meshes."""
+    """All that rays can hit: the seabed, flat at `depth` m where there is no terrain, and solids with meshes."""
 
     terrain: "Terrain | None"
     depth: float
@@ -21,7 +21,7 @@ class Geometry(NamedTuple):
 
 
 class Hits(NamedTuple):
-    """What each ray met: how far (m, inf for nothing), where (NED, m), the surface's unit normal there, and what.
+    """Hit of each ray: distance (m, inf for none), place (NED, m), the surface's unit normal there, and the object.
 
     Three numbers a ray in `points` and `normals`, nan for nothing. An object is NOTHING, SEABED or a number of the
     scene. Arrays of doubles (of a PictureScene numpy's of 32-bit floats) and of 32-bit integers; numpy.asarray takes

@@ -59,7 +59,7 @@ class PictureScene(RayScene):
     def hits(
         self, origin: Sequence[float], directions: Any, reach: float, rotation: Sequence[float] = ALONG_AXES
     ) -> Hits:
-        """As RayScene's, in arrays of 32-bit floats; `directions` must be those of the camera's pixels.
+        """See RayScene.hits, in arrays of 32-bit floats; `directions` must be those of the camera's pixels.
 
         Raises ConfigError where more of a terrain is within `reach` than a texture takes.
         """
@@ -80,7 +80,7 @@ class PictureScene(RayScene):
         return Hits(distances, points.T, found[:, :3], objects)
 
     def _draw(self, geometry: Geometry, at: Floats, turned: Floats, reach: float) -> None:
-        """What is seen from `at` into both pictures of the frame; `turned` is the camera's axes in the world's."""
+        """Draw the view from `at` into both pictures of the frame; `turned` is the camera's axes in the world's."""
         context = self._context
         for program in (self._planes, self._seabed, self._solid, self._mesh):
             program["rotation"], program["reach"] = tuple(turned.T.ravel()), reach

@@ -69,7 +69,7 @@ class RayScene:
         reach: float,
         rotation: Sequence[float] = ALONG_AXES,
     ) -> Hits:
-        """As `ranges`, and where each ray ended, on what, and how that lies."""
+        """Return `ranges`, and for each ray its end, the object there and the object's normal."""
         rays = _doubles(directions)
         count = len(rays) // 3
         found = Hits(

@@ -17,7 +17,7 @@ from sim.rays.tree import NODE, TRIANGLE
 
 
 class Hit(NamedTuple):
-    """How far (m), on what, and where on it."""
+    """Distance (m), object, and place on it."""
 
     distance: float
     object: int
@@ -225,7 +225,7 @@ def _intersect_triangle(corner: Sequence[float], at: Vector3, along: Vector3) ->
 
 
 def _triangle_normal(triangles: Sequence[float], number: int, along: Vector3) -> Vector3:
-    """Of a triangle, towards where the ray came from."""
+    """Return a triangle's normal, towards the origin of the ray."""
     _, _, _, ex, ey, ez, fx, fy, fz = triangles[number * TRIANGLE : (number + 1) * TRIANGLE]
     x, y, z = _unit(ey * fz - ez * fy, ez * fx - ex * fz, ex * fy - ey * fx)
     return (-x, -y, -z) if x * along[0] + y * along[1] + z * along[2] > 0.0 else (x, y, z)

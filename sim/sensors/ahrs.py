@@ -78,7 +78,7 @@ class Ahrs:
         return ImuSample(time_ns, attitude, (p, q, r), (x, y, z))
 
     def _correct(self, attitude: Quaternion, force: Vector3, field: Vector3) -> Quaternion:
-        """`attitude` a little nearer to what the plumb line and the magnetic field say."""
+        """Return `attitude` corrected a little by the measured gravity and magnetic field."""
         down = rotate_inverse(attitude, (0.0, 0.0, 1.0))
         tilt = self._level_share / sqrt(sum([f * f for f in force]) or 1.0)
         north, east, _ = rotate(attitude, field)

@@ -33,11 +33,11 @@ class Mounting(NamedTuple):
 
     @property
     def quaternion(self) -> Quaternion:
-        """From the sensor's axes to the body's."""
+        """Quaternion from the sensor's axes to the body's."""
         return from_euler(*self.orientation)
 
     def attitude(self, state: State) -> Quaternion:
-        """From the sensor's axes to the world's."""
+        """Return the quaternion from the sensor's axes to the world's."""
         return multiply(state.quaternion, self.quaternion)
 
     def place(self, state: State) -> Vector3:

@@ -69,7 +69,7 @@ class GroundTruth:
 
 
 def ground_truth(time_ns: int, state: State) -> OdometrySample:
-    """`state` as a sample."""
+    """Return `state` as a sample."""
     north, east, down = state.position
     w, x, y, z = state.quaternion
     u, v, heave, p, q, r = state.nu

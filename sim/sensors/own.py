@@ -25,7 +25,7 @@ Values = Mapping[str, Any]
 
 
 class OwnSensor(Protocol):
-    """What the class has to have besides `message`, the ROS type of what it sends: "sensor_msgs/msg/Temperature".
+    """Members of the class besides `message`, the ROS type of its messages: "sensor_msgs/msg/Temperature".
 
     An object is made for each simulation. It must depend on nothing but what it is given, or a run cannot be
     repeated: all chance comes from `random`.
@@ -61,7 +61,7 @@ class OwnModel(NamedTuple):
 
 
 class OwnKind:
-    """In place of a sensor's class: makes one that goes out as `topic`, in messages of the type `message`."""
+    """Factory of a user's sensor that publishes messages of the type `message` on `topic`."""
 
     offloaded = False
     Model = OwnModel

@@ -68,7 +68,7 @@ class OdometrySample(NamedTuple):
 
 
 class Sample(Protocol):
-    """What any sensor sends: a record."""
+    """Sample of any sensor: a record."""
 
     @property
     def time_ns(self) -> int:
@@ -76,7 +76,7 @@ class Sample(Protocol):
 
 
 class Scene(Protocol):
-    """What there is for a sensor to look at. The simulation is one."""
+    """Surroundings that sensors measure. The simulation is one."""
 
     state: State
     vehicle: "Vehicle"
@@ -95,7 +95,7 @@ class Scene(Protocol):
 
     @property
     def contacts(self) -> int:
-        """How often it has touched something so far."""
+        """Number of contacts so far."""
 
     @property
     def battery(self) -> "BatteryState | None":
@@ -103,7 +103,7 @@ class Scene(Protocol):
 
 
 class Sensor(Protocol):
-    """What the simulation asks of a sensor.
+    """Interface of a sensor to the simulation.
 
     `Model` is the record of its keys, one of them its `rate` in Hz; `topic` what its samples go out as. A sensor
     whose samples travel before they arrive, each for a time of its own, says how long the last one does as `delay_ns`,

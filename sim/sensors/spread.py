@@ -17,7 +17,7 @@ Spread = tuple[float, ...]
 
 
 def spreads(suite: SensorSet, world: World) -> Mapping[str, Spread]:
-    """By the topic of a sensor its variances, in the units and the order of its message; absent where there are none.
+    """Return each sensor's variances by topic, in units and order of its message; absent where there are none.
 
     imu and ahrs: roll and pitch, yaw (rad²), angular velocity (rad²/s²), acceleration (m²/s⁴). odom: horizontal
     position, depth (m²), attitude (rad²), velocity (m²/s²), angular velocity. magnetometer: x and y, z (T²). Others:
@@ -33,7 +33,7 @@ def _imu(model: Any, _: World) -> Spread:
 
 
 def _ahrs(model: Any, world: World) -> Spread:
-    """Of the attitude what the filter leaves of the errors of what it is fed with, while the vehicle rests.
+    """Return the variances of the attitude: the errors of the inputs after the filter, while the vehicle rests.
 
     A share of the tilt that the accelerometer shows, and of the heading that the magnetometer shows, is taken up each
     period: constant errors pass whole, white noise by share / (2 - share); the gyros' constant error stands for the

@@ -178,7 +178,7 @@ class Slot:
 
     @property
     def delay_ns(self) -> int:
-        """How long after its instant the last sample arrives."""
+        """Delay (ns) from the instant of the last sample to its arrival."""
         return self._latency_ns + int(getattr(self.sensor, "delay_ns", 0))
 
     def drops(self) -> bool:

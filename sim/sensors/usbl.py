@@ -74,7 +74,7 @@ class Usbl:
         return self._column.sound_speed(0.5 * (place[2] + self._station[2])) if self._column else SOUND_SPEED
 
     def _covariance(self, line: Vector3, distance: float) -> Covariance:
-        """Of the position in m²: the range's along the line of sight, the angles' across it."""
+        """Return the covariance of the position in m²: the range's along the line of sight, the angles' across it."""
         across = self._angle_variance * distance * distance
         along = self._range_variance - across
         x, y, z = line

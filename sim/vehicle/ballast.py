@@ -76,7 +76,7 @@ class Bladder:
             self._pwm_us = pwm_us
 
     def begin(self, time_ns: int) -> None:
-        """Nothing changes with time but the volume."""
+        """Do nothing: only the volume changes with time."""
 
     def wrench(self, position: Sequence[float], rotation: Rotation, nu_r: Sequence[float]) -> Wrench:
         """Return its lift (N, N m, body axes about the origin)."""

@@ -51,7 +51,7 @@ class Battery(NamedTuple):
 
 
 class BatteryState(NamedTuple):
-    """What a battery monitor reads: volts at the terminals, amperes drawn, Ah used, fraction left, switched off."""
+    """Reading of a battery monitor: volts at the terminals, amperes drawn, Ah used, fraction left, switched off."""
 
     voltage: float
     current: float
@@ -80,7 +80,7 @@ class BatteryPack:
 
     @property
     def state(self) -> BatteryState:
-        """What it does now."""
+        """Present state of the battery."""
         return BatteryState(self._voltage, self._current, self._used, self._fraction, self._off)
 
     def step(self, volts: Sequence[float], amperes: Sequence[float], dt: float) -> tuple[int, float]:

@@ -44,7 +44,7 @@ class Lift(NamedTuple):
 
     @property
     def polar(self) -> Polar:
-        """Its coefficients."""
+        """Coefficients of the body."""
         slope, induced = slope_and_induced(self.lift_slope, self.induced_drag, self.aspect_ratio, self.oswald)
         return Polar(slope, self.stall_angle, self.stall_width, self.parasitic_drag, induced, 0.0)
 
@@ -59,7 +59,7 @@ class HullLift:
         self._position = lift.position
 
     def begin(self, time_ns: int) -> None:
-        """Nothing changes with time."""
+        """Do nothing: the force does not change with time."""
 
     def wrench(self, position: Sequence[float], rotation: Rotation, nu_r: Sequence[float]) -> Wrench:
         """Lift and drag (N, N m, body axes) at `nu_r` (m/s, rad/s) through the water."""
@@ -121,7 +121,7 @@ class CrossFlowDrag:
         self._deep = 0.5 * density * strip * (flow.width or width)
 
     def begin(self, time_ns: int) -> None:
-        """Nothing changes with time."""
+        """Do nothing: the force does not change with time."""
 
     def wrench(self, position: Sequence[float], rotation: Rotation, nu_r: Sequence[float]) -> Wrench:
         """Return the drag of all strips (N, N m, body axes) at `nu_r` (m/s, rad/s) through the water."""
@@ -155,7 +155,7 @@ class SpeedDamping:
         self._matrix: Matrix = square(values, 6)
 
     def begin(self, time_ns: int) -> None:
-        """Nothing changes with time."""
+        """Do nothing: the force does not change with time."""
 
     def wrench(self, position: Sequence[float], rotation: Rotation, nu_r: Sequence[float]) -> Wrench:
         """Return the damping (N, N m, body axes) at `nu_r` (m/s, rad/s) through the water."""
@@ -186,7 +186,7 @@ class SlowDamping:
         self._fading = fading
 
     def begin(self, time_ns: int) -> None:
-        """Nothing changes with time."""
+        """Do nothing: the force does not change with time."""
 
     def wrench(self, position: Sequence[float], rotation: Rotation, nu_r: Sequence[float]) -> Wrench:
         """Return the damping (N, N m, body axes) at `nu_r` (m/s, rad/s) through the water."""

@@ -16,7 +16,7 @@ _KEYS = {"efficiency": "efficiency", "stuck": "pwm_us", "delayed": "delay", "noi
 
 
 class Failure(NamedTuple):
-    """What happens to the thruster named `thruster` at `time` s of simulated time.
+    """Failure of the thruster named `thruster` at `time` s of simulated time.
 
     off: no output. efficiency: thrust times `efficiency`. stuck: runs at `pwm_us`, or if 0 at the pulse it then
     has. delayed: pulses act `delay` later. noisy: thrust times 1 + noise of standard deviation `noise`, of 50 ms
@@ -44,7 +44,7 @@ class Failure(NamedTuple):
 
 
 class _Faults:
-    """What is wrong with one thruster now."""
+    """Present faults of one thruster."""
 
     __slots__ = ("delayed", "efficiency", "known", "noise", "off", "offset", "random", "stuck_us")
 
@@ -53,7 +53,7 @@ class _Faults:
         self.repair()
 
     def repair(self) -> None:
-        """Nothing is wrong."""
+        """Remove all faults."""
         self.known: dict[Kind, Failure] = {}
         self.off = False
         self.efficiency = 1.0

@@ -58,7 +58,7 @@ class Polar(NamedTuple):
 
 
 def lift_slope(aspect_ratio: float) -> float:
-    """dC_L/d(alpha) per rad of a wing of low aspect ratio (Helmbold 1942; Beard & McLain 2012, section 4.2.3)."""
+    """Return dC_L/d(alpha) per rad of a wing of low aspect ratio (Helmbold 1942; Beard & McLain 2012, 4.2.3)."""
     return pi * aspect_ratio / (1.0 + sqrt(1.0 + 0.25 * aspect_ratio * aspect_ratio))
 
 
@@ -112,7 +112,7 @@ class Fin(NamedTuple):
 
     @property
     def polar(self) -> Polar:
-        """Its coefficients."""
+        """Coefficients of the fin."""
         slope, induced = slope_and_induced(self.lift_slope, self.induced_drag, self.aspect_ratio, self.oswald)
         return Polar(
             slope, self.stall_angle, self.stall_width, self.parasitic_drag, induced, self.broadside_drag
@@ -179,7 +179,7 @@ class FinSet:
             self._pwm_us = pwm_us
 
     def begin(self, time_ns: int) -> None:
-        """Nothing changes with time but the angles."""
+        """Do nothing: only the angles change with time."""
 
     def wrench(self, position: Sequence[float], rotation: Rotation, nu_r: Sequence[float]) -> Wrench:
         """Return the sum of all fins (N, N m, body axes about the origin) at `nu_r` (m/s, rad/s) through the water."""

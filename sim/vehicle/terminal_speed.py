@@ -15,7 +15,7 @@ _MOST_ASTRAY = 0.01
 
 
 class Reach(NamedTuple):
-    """What the thrusters can do along one axis, each number for the positive way, then for the negative way.
+    """Capability of the thrusters along one axis: each number in the positive, then in the negative direction.
 
     `force` is in N (surge, sway, heave) or N m, `speed` in m/s or rad/s, both signed along the FRD body
     axes. Both forces are 0 where the thrusters cannot push along this axis without pushing elsewhere.

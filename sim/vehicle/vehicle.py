@@ -99,7 +99,7 @@ class Vehicle(NamedTuple):
 
     @property
     def channels(self) -> tuple[str, ...]:
-        """Whose pulse each output of the STM32 is: thrusters, then fins, buoyancy engine, drop weights."""
+        """Names of the STM32's outputs in order: thrusters, then fins, buoyancy engine, drop weights."""
         engine = ("buoyancy engine",) if self.buoyancy_engine else ()
         thrusters, fins = [t.name for t in self.thrusters], [fin.name for fin in self.fins]
         return (*thrusters, *fins, *engine, *(weight.name for weight in self.drop_weights))
@@ -203,7 +203,7 @@ def load_vehicle(name_or_path: str) -> tuple[Vehicle, dict[str, Any]]:
 
 
 def with_equipment(vehicle: Vehicle, tables: dict[str, Any], where: str) -> Vehicle:
-    """`vehicle` with what these tables of its file `where` describe, keys as in EQUIPMENT. Raises ConfigError."""
+    """Return `vehicle` with the equipment that these tables of its file `where` describe. Raises ConfigError."""
     from sim.vehicle.equipment_keys import EquipmentKeys
 
     vehicle = vehicle._replace(**parse(tables, EquipmentKeys, where)._asdict())
@@ -214,7 +214,7 @@ def with_equipment(vehicle: Vehicle, tables: dict[str, Any], where: str) -> Vehi
 
 
 def _with_battery(vehicle: Vehicle, table: Any, path: str) -> Vehicle:
-    """`vehicle` with the battery of its TOML table. Raises ConfigError."""
+    """Return `vehicle` with the battery of its TOML table. Raises ConfigError."""
     from sim.vehicle.battery import Battery
     from sim.vehicle.thrusters.curves import T200
 
@@ -269,7 +269,7 @@ def displaced_volume(vehicle: Vehicle, density: float) -> float:
 
 
 def without(vehicle: Vehicle, weight: "DropWeight", density: float) -> Vehicle:
-    """`vehicle` after it has dropped `weight`, a point mass, in water of `density` kg/m³.
+    """Return `vehicle` after it has dropped `weight`, a point mass, in water of `density` kg/m³.
 
     Mass, volume, both centres and the inertia about the new centre of gravity change; how the water moves along does
     not. A vehicle that was trimmed to weigh nothing is so no more.

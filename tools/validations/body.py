@@ -39,7 +39,7 @@ class WrongSign:
         self._twice = 2.0 * sway_mass
 
     def begin(self, time_ns: int) -> None:
-        """Nothing changes with time."""
+        """Do nothing: the force does not change with time."""
 
     def wrench(self, position: Sequence[float], rotation: Rotation, nu_r: Sequence[float]) -> list[float]:
         """The difference."""

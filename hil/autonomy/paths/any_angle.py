@@ -116,7 +116,7 @@ class Sight:
         return self._walk(here, along, across, ahead, lateral)
 
     def _walk(self, origin: int, along: int, across: int, ahead: int, lateral: int) -> bool:
-        """From `origin`, `along` cells in steps of `ahead` and meanwhile `across` (fewer) in steps of `lateral`."""
+        """Check `along` cells from `origin` in steps of `ahead`, and `across` (fewer) in steps of `lateral`."""
         clear, step = self._clear, 0
         while step < along:
             # between this column of cells and the next the line is this far aside, in halves of 1 / along

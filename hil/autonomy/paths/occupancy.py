@@ -139,7 +139,7 @@ class OccupancyGrid:
         )
 
     def _strip_is_free(self, north: float, east: float, d_north: float, d_east: float) -> bool:
-        """As `line_is_free`, in cells: between two crossings of grid lines the line is in one cell."""
+        """Return `line_is_free` in cells: between two crossings of grid lines the line is in one cell."""
         cuts = np.sort(np.concatenate(([0.0, 1.0], _crossings(north, d_north), _crossings(east, d_east))))
         middles = 0.5 * (cuts[1:] + cuts[:-1])
         rows = np.floor(north + middles * d_north).astype(np.intp)

@@ -52,7 +52,7 @@ def _await_listener(publisher: zenoh.Publisher) -> None:
 
 
 def main(arguments: list[str]) -> None:
-    """Be it once; exits with a message when nobody comes."""
+    """Run the bare slave once; exit with a message when no master connects."""
     die_with_parent()
     endpoint, step_ns, rate, seconds, realtime = arguments
     save_threads(pictures=False)  # as a slave

@@ -92,7 +92,7 @@ def columns_of(record: Record, title: str = "") -> list[Column]:
 
 
 def _column(record: Record, slave: str, figures: dict[str, Figure], title: str) -> Column:
-    """That of the slave at an endpoint, or of the one here (""). A record describes the machine of its master."""
+    """Return the column of the slave at an endpoint, "" for the local one; a record describes its master's machine."""
     detail = record.details.get(slave or HERE, {})
     master = f"{record.machine.get('cpu') or 'unknown processor'}, {record.machine.get('cores', '?')} cores"
     diagnostics = Diagnostics(detail.get("slave"))

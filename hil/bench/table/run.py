@@ -50,7 +50,7 @@ ROWS = (
 
 
 class Run(NamedTuple):
-    """What one repetition gave: the value of each row, what the slave told of itself, `warnings` of wrong clocks."""
+    """Result of one repetition: the value of each row, the slave's diagnostics, `warnings` of wrong clocks."""
 
     values: dict[str, float]
     slave: Diagnostics

@@ -102,7 +102,7 @@ class _Seen:
         return Diagnostics(statuses[0][3] if statuses else {})
 
     def age_s(self, topic: str) -> float:
-        """For how long nothing has come."""
+        """Time (s) since the last message."""
         return (now_ns() - self.received_ns[topic]) / NS_PER_S
 
 
@@ -119,7 +119,7 @@ class _Observer:
         self._started_ns = now_ns()
 
     def follow(self, stop_fd: int) -> Costs:
-        """To the end of the hunt."""
+        """Follow the hunt to its end."""
         self._until_complete(stop_fd)
         before = self._cpu()
         began = now_ns()
@@ -184,7 +184,7 @@ class _Observer:
 
 
 def _from(event: RunEvent, began_ns: int) -> RunEvent:
-    """`event` with times from `began_ns` on; what was there before has begun then."""
+    """Return `event` with times from `began_ns` on; earlier ones begin at 0."""
     start, end = (max(instant - began_ns, 0) for instant in (event.start_ns, event.end_ns))
     return event._replace(start_ns=start, duration_ns=end - start)
 
@@ -199,6 +199,6 @@ def _open_modems(session: Session, scenario: Scenario) -> "ModemNetwork | None":
 
 
 def _pause(stop_fd: int, until_ns: int) -> None:
-    """Until then. Raises KeyboardInterrupt when told to stop."""
+    """Wait until then. Raises KeyboardInterrupt when a stop is requested."""
     if select.select((stop_fd,), (), (), max(until_ns - now_ns(), 0) / NS_PER_S)[0]:
         raise KeyboardInterrupt

@@ -47,11 +47,11 @@ class SimulatedHunt:
 
     @property
     def energy(self) -> float:
-        """What all thrusters have taken, J."""
+        """Energy (J) that all thrusters have used."""
         return sum(meter.joules for meter in self._meters)
 
     def run(self) -> None:
-        """Until the watch says that it is over."""
+        """Run until the hunt is over."""
         while not self._watch.reason:
             self.step()
 
@@ -86,7 +86,7 @@ class SimulatedHunt:
         self._watch.add_row(HuntRow(self.time, positions, tuple([planner.clock for planner in self.planners])))
 
     def _exchange(self) -> None:
-        """What each has to say, to all others."""
+        """Deliver the report of each vehicle to all others."""
         for sender, speaker in zip(self.nodes, self.planners, strict=True):
             report = speaker.report()
             for node, planner in zip(self.nodes, self.planners, strict=True):
@@ -94,7 +94,7 @@ class SimulatedHunt:
                     planner.on_report(sender, report, self.time)
 
     def _exchange_by_modem(self, modem: Modem, channel: Channel, now: int) -> None:
-        """Who has its turn sends; who has heard a message to its end takes it in."""
+        """Let the vehicle in turn send by modem; deliver the messages that have arrived completely."""
         for number, due_ns in enumerate(self._turns_due_ns):
             if now >= due_ns:
                 self._turns_due_ns[number] = self._turns[number].after(now)

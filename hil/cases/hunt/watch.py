@@ -52,7 +52,7 @@ class HuntOutcome(NamedTuple):
 
 
 class HuntWatch:
-    """Takes in rows, keeps them, and says when it is over; `show` gets a few words with each.
+    """Store the rows of a hunt and decide when it is over; `show` gets a short text with each.
 
     Raises ConfigError, MissionError.
     """

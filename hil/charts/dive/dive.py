@@ -72,7 +72,7 @@ time_limit = {limit:.0f}
 
 
 class Wish(NamedTuple):
-    """What a person asks of a dive: places (latitude and longitude in degrees), depth and length in m."""
+    """Request of a dive: places (latitude and longitude in degrees), depth and length in m."""
 
     start: Point | None = None
     goal: Point | None = None

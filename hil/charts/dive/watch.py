@@ -47,7 +47,7 @@ class DiveWatch:
         self._client.close()
 
     def observe(self) -> None:
-        """Keep what there is now, if it is time."""
+        """Store the newest samples if the period has passed."""
         latest, now = self._client.latest, now_ns()
         if now < self._due_ns or not all(topic in latest for topic in SEEN):
             return

@@ -132,7 +132,7 @@ def _ask_process(path: str, updates: bool) -> bytes:
 
 
 def _check_updates(path: str, applied: int) -> None:
-    """Raises ConfigError if a later update than `applied` lies beside the cell, or one before it is missing."""
+    """Check that no update after `applied` lies beside the cell and none before it is missing. Raises ConfigError."""
     stem, folder = os.path.basename(path)[:-4], os.path.dirname(path) or "."
     pattern = re.compile(re.escape(stem) + r"\.(\d{3})")
     later = {int(match[1]) for name in os.listdir(folder) if (match := pattern.fullmatch(name))}

@@ -44,7 +44,7 @@ class Hazard(NamedTuple):
 
 
 class Survey(NamedTuple):
-    """All of it.
+    """Soundings, contours, shore lines, areas and hazards of a survey.
 
     `soundings`: (n, 3) north, east, depth in m. `guides`: the same for places on contours, `shore` lines to draw.
     `sheets` go from the coarsest to the finest. `reach`: how far in m the bed is known around soundings where no

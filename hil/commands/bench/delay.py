@@ -174,7 +174,7 @@ def _cases(options: Any) -> list[Case]:
 
 
 def _check_elsewhere(options: Any, cases: list[Case]) -> None:
-    """That nothing is asked of a slave elsewhere which nobody there would hear of. Raises ConfigError."""
+    """Check that no option concerns a slave elsewhere, which would not get it. Raises ConfigError."""
     if limits_of(options) != Limits() or any((options.protocol, options.stm32, options.baud, options.port)):
         raise ConfigError(
             "command line: --connect is measured as it is: without limits, --protocol, --stm32, --baud, --port"
@@ -207,7 +207,7 @@ def _measure(case: Case, options: Any, echo: Echo | None) -> tuple[Result, tuple
 
 
 def _changes(case: Case, options: Any) -> dict[str, Any]:
-    """Of the scenario. Its accelerometer is made perfect, so that the first motion can be told from noise."""
+    """Return the changes to the scenario: without accelerometer errors, so that the first motion is detectable."""
     changes: dict[str, Any] = {f"sensors.imu.{name}": {} for name in ("attitude", "angular_velocity", "acceleration")}
     if case.rate > 100.0:
         changes["network.command_rate"] = 2.0 * case.rate
@@ -270,7 +270,7 @@ def _figures(runs: list[Result]) -> dict[str, Figure]:
 
 
 def _details(run: Result) -> dict[str, Any]:
-    """Of one run: commands sent and answered, their rate in Hz, and what the floor has beside bare TCP in ms.
+    """Return details of one run: commands sent and answered, their rate in Hz, and the floor above bare TCP in ms.
 
     Then the clocks' offset in ms, what it is known to, and when each command of the figures was published, in s.
     """

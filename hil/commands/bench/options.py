@@ -15,7 +15,7 @@ PRINT_EVERY_S = 60.0  # where no person watches, such as in a log
 
 
 def add_limits(parser: argparse.ArgumentParser) -> None:
-    """What makes a laptop stand for a small board."""
+    """Add the options that limit a laptop to the resources of a small board."""
     limits = parser.add_argument_group("less than the machine has, for the slave; results are labelled")
     limits.add_argument(
         "--cpus", metavar="LIST", type=checked(parse_cpus), default=(), help="these processors only: 0 or 0,2 or 0-3"

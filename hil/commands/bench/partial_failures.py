@@ -18,7 +18,7 @@ class PartialFailures:
 
     @contextmanager
     def caught(self) -> Iterator[None]:
-        """What is raised inside only ends the `with`."""
+        """Store what is raised inside; it only ends the `with`."""
         try:
             yield
         except (HilError, KeyboardInterrupt) as error:
@@ -31,7 +31,7 @@ class PartialFailures:
 
     @property
     def labels(self) -> tuple[str, ...]:
-        """What figures have to say of themselves: they are not all that was asked for."""
+        """Return the labels of figures that are incomplete."""
         return tuple(
             f"RUN FAILED: {place}: {error}" if isinstance(error, HilError) else f"STOPPED: {place}"
             for place, error in self._found

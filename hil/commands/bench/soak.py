@@ -37,7 +37,7 @@ EVERY = Number(0.2, 1e6, "s")
 LEAK = Number(0.0, 1e6, "MiB")
 LATE_S = 1.0  # a return that takes longer is reported
 LEAK_AFTER_S = 1800.0  # before, caches and buffers that fill once look like one
-# What the record and the picture have: a field of Observation, what it is called, its unit, whether it is in the picture.
+# Figures of the record and the picture: a field of Observation, title, unit, whether it is in the picture.
 SERIES = (
     ("private", "private memory", "MiB", True),
     ("memory", "memory", "MiB", False),
@@ -134,7 +134,7 @@ def _judge_observations(observations: list[Observation], leak: float) -> list[st
 
 
 def _judge_memory(observations: list[Observation], leak: float) -> list[str]:
-    """By what is the slave's alone: its share of the rest changes with the other processes that use it."""
+    """Judge the slave's private memory: its share of the rest changes with other processes."""
     first, last = observations[0], observations[-1]
     slope, interval = trend(
         [observation.at_s for observation in observations], [observation.private for observation in observations]

@@ -67,7 +67,7 @@ def main(arguments: list[str]) -> int:
 
 
 def _measure(options: Any, endings: PartialFailures) -> tuple[dict[str, Series], list[str], tuple[str, ...]]:
-    """By kind of start, those that there are; how cold was made; labels."""
+    """Measure each kind of start; return the figures, how the cold start was made, and labels."""
     rows: dict[str, list[Row]] = {}
     labels: tuple[str, ...] = ()
     words = ""

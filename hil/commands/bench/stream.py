@@ -128,7 +128,7 @@ def _dead(streams: list[Stream], seconds: float) -> bool:
 
 
 def _values(streams: list[Stream], field: str) -> list[float]:
-    """That field of each run, but for those where it could not be had."""
+    """Return that field of each run that has it."""
     return [value for value in (getattr(stream, field) for stream in streams) if not isnan(value)]
 
 

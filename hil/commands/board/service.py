@@ -86,7 +86,7 @@ def units(paths: Sequence[str]) -> list[str]:
 
 
 def check_user(tree: Tree, user: str) -> None:
-    """Raises ConfigError for root and for users the machine does not have."""
+    """Check that a user exists and is not root. Raises ConfigError."""
     if user in ("root", "0") or not NAME.fullmatch(user):
         raise ConfigError(
             f"--user: {user!r} cannot be meant: name the user that the slave is to run as; it needs no root"

@@ -39,7 +39,7 @@ Result = tuple[int, Row]
 
 
 def run_here(run: Run, scenario: str, tasks: Sequence[Task], jobs: int, backend: str) -> Generator[Result, None, None]:
-    """By joblib's `backend`, in so many processes. Raises MissingExtraError, ConfigError."""
+    """Run the tasks by joblib's `backend`, in so many processes. Raises MissingExtraError, ConfigError."""
     try:
         import joblib
     except ImportError:
@@ -82,7 +82,7 @@ def run_on_cluster(
 
 
 class _Engine(NamedTuple):
-    """What is needed of a cluster: `wait` gives those that are done, and the others."""
+    """The part of a cluster that a campaign needs: `wait` returns the finished tasks and the others."""
 
     share: Callable[[Bundle], Any]
     submit: Callable[..., Any]
@@ -173,7 +173,7 @@ def _processes(jobs: int) -> int:
 
 
 def _check_there(backend: str, variable: str, address: str, remedy: str) -> None:
-    """That somebody answers at the address of a scheduler. Raises NetworkError at once; their own words take minutes.
+    """Check that a scheduler answers at its address. Raises NetworkError at once; the library's error takes minutes.
 
     Raises ConfigError for what is no address.
     """

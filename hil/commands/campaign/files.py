@@ -25,7 +25,7 @@ WITH_PATHS = (".toml", ".yaml")  # files that may name others
 
 
 class Bundle(NamedTuple):
-    """What a worker needs besides this project: `scenario` as it was named, `files` by their absolute paths.
+    """Files that a worker needs besides this project: `scenario` as it was named, `files` by their absolute paths.
 
     `modules` are names of modules of the user's own, and `folders` where they are found. `version` is ours.
     """
@@ -38,13 +38,13 @@ class Bundle(NamedTuple):
 
     @property
     def digest(self) -> str:
-        """What two bundles of the same content have in common."""
+        """Digest of the content; equal for bundles of equal content."""
         parts = [self.scenario, *[f"{path}\0{hashlib.sha256(data).hexdigest()}" for path, data in self.files.items()]]
         return hashlib.sha256("\0".join([*parts, *self.modules, *self.folders]).encode()).hexdigest()
 
 
 def collect(scenario: str, sets: Sequence[Mapping[str, Any]]) -> Bundle:
-    """All that the runs of a scenario with any of these changes read, but for what is installed. Raises HilError.
+    """Collect all files that runs of a scenario with these changes read, except installed ones. Raises HilError.
 
     Found by building each vehicle, and looking at which files are opened: whatever kind of file a scenario, a vehicle
     or a world comes to name, it is among them.
@@ -95,7 +95,7 @@ class Unpacked(NamedTuple):
 
 
 class _Kept:
-    """What this process has unpacked."""
+    """Bundles that this process has unpacked."""
 
     digest = ""
     unpacked: Unpacked | None = None
@@ -142,7 +142,7 @@ def _moved(data: bytes, files: Mapping[str, bytes], root: str) -> bytes:
 
 
 def _build(name: str, changes: dict[str, Any]) -> None:
-    """All that a run makes before it flies, but for the plan."""
+    """Build all parts of a run except the plan."""
     scenario = load_scenario(name, changes)
     vehicle, control = load_vehicle(scenario.vehicle)
     world = load_world(scenario.world)

@@ -83,7 +83,7 @@ def _why_nothing(endpoints: list[str], tap: "Tap") -> str:
 
 
 def _wait(recorder: Recorder, tap: "Tap", seconds: float | None, stop_fd: int) -> None:
-    """Until it is time to end, and say meanwhile how it goes."""
+    """Wait until the end, and report the progress."""
     end = now_ns() + seconds_ns(seconds) if seconds else None
     reported_ns = now_ns()
     while not (recorder.failure or (end and now_ns() > end) or select.select((stop_fd,), (), (), POLL_S)[0]):

@@ -138,7 +138,7 @@ def _command(options: argparse.Namespace, stop_fd: int) -> int:
 
 
 class _TrackComparison:
-    """Commands out, positions in: recorded ones beside those of the vehicle now."""
+    """Comparison of the recorded track with that of a vehicle that gets the recorded commands."""
 
     def __init__(self, client: "VehicleClient", node: str) -> None:
         self._client, self._node = client, node
@@ -146,7 +146,7 @@ class _TrackComparison:
         self.most = self.last = 0.0
 
     def add(self, message: Message) -> None:
-        """Send it if it is a command; if it says where the vehicle was, compare."""
+        """Send a command; compare a recorded position with the present one."""
         name = message.topic.removeprefix(f"/{self._node}/")
         if name in COMMANDS:
             self._client.send(name, message.data)

@@ -95,7 +95,7 @@ def _session(endpoints: list[str], secure: dict[str, Any]) -> Session:
 
 
 def _wait(watch: HealthWatch, unanswered: Unanswered, endpoints: list[str], seconds: float, stop_fd: int) -> None:
-    """Until the first slave has spoken. Raises NetworkError if none does."""
+    """Wait for the first diagnostics of a slave. Raises NetworkError if none come."""
     deadline = now_ns() + seconds_ns(seconds)
     while not watch.statuses():
         _pause(stop_fd, 0.05)
@@ -107,7 +107,7 @@ def _wait(watch: HealthWatch, unanswered: Unanswered, endpoints: list[str], seco
 
 
 def _settle(watch: HealthWatch, seconds: float, stop_fd: int) -> None:
-    """Until each has spoken twice, so that paces are known; some may stay silent."""
+    """Wait until each slave has sent two diagnostics, so that rates are known; some may stay silent."""
     deadline = now_ns() + seconds_ns(seconds)
     while now_ns() < deadline and (watch.without_answer() or not all(status.paces for status in watch.statuses())):
         _pause(stop_fd, 0.05)
@@ -145,7 +145,7 @@ def _remarks(watch: HealthWatch, unanswered: Unanswered) -> list[str]:
 
 
 def fitting(lines: list[str], room: int, last: int) -> list[str]:
-    """As many as there is room for, among them the `last` ones, and how many are missing."""
+    """Return the lines that fit, with the `last` ones among them, and how many are missing."""
     if len(lines) <= room:
         return lines
     kept = max(room - last - 1, 0)

@@ -136,7 +136,7 @@ def _nodes(entities: Sequence[Entity], name: tuple[str, str], kind: graph.Kind) 
 
 
 class _Arrivals:
-    """What comes in on a topic: instant, key and payload of each message, for a loop that waits."""
+    """Received messages of a topic, with instant, key and payload, for a loop that waits."""
 
     def __init__(self, session: Session, topic: str, latched: bool) -> None:
         self._event = Wakeup()
@@ -215,7 +215,7 @@ def _hz(session: Session, options: argparse.Namespace, stop_fd: int) -> None:
 
 
 class Rate(NamedTuple):
-    """How often messages came. Without two of them there is no rate."""
+    """Rate of messages; there is none before the second one."""
 
     messages: int
     rate_hz: float | None = None

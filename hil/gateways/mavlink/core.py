@@ -54,7 +54,7 @@ class Core:
         home = self._home_item if self.is_ardupilot else None
         self.missions = MissionProtocol(self._on_new_mission, lambda: self.origin, home)
         self.parameters = ParameterProtocol(table)
-        self._arming: list[tuple[int, Settled]] = []  # until when, and who is told
+        self._arming: list[tuple[int, Settled]] = []  # deadline, and the callback that gets the result
         self._sent_ns = self._seen_ns = 0
         self._urgent = False
         self._gcs_ns: int | None = None  # last heartbeat of a ground station
@@ -75,7 +75,7 @@ class Core:
         self.home, self._has_home = place, True
 
     def on_ground_station_heartbeat(self, now: int) -> None:
-        """Note the heartbeat of a ground station."""
+        """Record the time of a ground station's heartbeat."""
         self._gcs_ns = now
         if self._gcs_lost:
             self._gcs_lost = False

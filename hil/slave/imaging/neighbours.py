@@ -1,6 +1,6 @@
 """Place the other vehicles of a fleet as solid hulls in front of imaging sensors, where their slaves report them.
 
-They are heard on their topic `ground_truth`, over the router if there is one, else from each slave; between two words
+Their states come on the topic `ground_truth`, over the router if there is one, else from each slave; between two words
 they go on as they went. Who says nothing for a while is not to be seen. Only the process of the pictures knows them:
 what the loop senses for itself (laser, profiler, scanning sonar) is the world alone, as a run is repeated from what its
 slave was told. Not modelled: that vehicles bump into each other. Under TLS none is heard, as a slave then obeys and

@@ -104,7 +104,7 @@ class Panels:
 
 
 def _set_theme(gui: Any, dark: bool) -> None:
-    """Of all browsers of this view; without viser's button that shares a page over the internet."""
+    """Set the theme of all browsers of this view; without viser's button that shares a page over the internet."""
     gui.configure_theme(show_share_button=False, show_logo=False, control_width="large", dark_mode=dark)
 
 

@@ -9,7 +9,7 @@ from hil.ros.encoders import swap_attitude
 
 
 def to_scene(points: Any) -> Any:
-    """n x 3 places NED (m) in the axes of the scene."""
+    """Return n x 3 places NED (m) in the axes of the scene."""
     north, east, down = np.asarray(points, float).reshape(-1, 3).T
     return np.stack([east, north, -down], axis=1)
 
@@ -21,7 +21,7 @@ def from_scene(point: Sequence[float]) -> tuple[float, float, float]:
 
 
 def to_body(points: Any) -> Any:
-    """n x 3 places along FRD in the axes of a vehicle of the scene."""
+    """Return n x 3 places along FRD in the axes of a vehicle of the scene."""
     x, y, z = np.asarray(points, float).reshape(-1, 3).T
     return np.stack([x, -y, -z], axis=1)
 

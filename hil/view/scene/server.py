@@ -60,6 +60,6 @@ class SceneServer:
 
     @property
     def viewers(self) -> int:
-        """How many browsers look."""
+        """Number of connected browsers."""
         with self._turn:
             return len(self._viewers)

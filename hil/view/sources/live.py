@@ -81,7 +81,7 @@ class LiveSource:
         return None if self._observe else self._known[name]
 
     def delays_ms(self, name: str) -> tuple[list[float], dict[str, float]]:
-        """Return the delays of the newest commands, whoever sent them.
+        """Return the delays of the newest commands of all masters.
 
         Their first hop is between the clocks of the master and of the slave; where these are of two machines, the
         offset is that which the slave measured.

@@ -97,7 +97,7 @@ class RecordedSource:
         """Pictures of a recording are always there."""
 
     def log_lines(self) -> list[str]:
-        """Nothing happens but what was recorded."""
+        """Return no lines: a recording has no log."""
         return []
 
     @property

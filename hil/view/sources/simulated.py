@@ -38,7 +38,7 @@ class SimulatedSource:
         return [self._name]
 
     def is_present(self, _name: str) -> bool:
-        """It always is."""
+        """Return true: a simulated vehicle is always present."""
         return True
 
     def latest(self, _name: str) -> Mapping[str, Any]:

@@ -15,7 +15,7 @@ SET_BOOL, TRIGGER, SET_STATE = (
 
 
 def arm(vehicle: Vehicle, on: bool) -> str:
-    """Arm, or disarm: thrusters neutral, no commands taken, whoever sends them. Raises NetworkError."""
+    """Arm or disarm; disarmed, thrusters are neutral and every command is refused. Raises NetworkError."""
     return _answer(_call(vehicle, "arm", SET_BOOL, {"data": on}))
 
 

@@ -66,7 +66,7 @@ class Stick:
         self._held = False
 
     def command(self, now_ns: int) -> StickCommand | None:
-        """Return what is wanted now; None while the switch is not held, or nothing was heard for 0.3 s."""
+        """Return the requested command; None while the switch is not held, or without a message for 0.3 s."""
         if now_ns - self._received_ns > SILENT_AFTER_NS:
             self._held = False
         return self._command if self._held else None

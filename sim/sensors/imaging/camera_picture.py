@@ -47,7 +47,7 @@ class Eye:
         self._scenery.add(self._rays.add(solid, state))
 
     def render(self, time_ns: int, state: State) -> tuple[NDArray[np.float32], Floats, NDArray[np.int32]]:
-        """For each pixel the radiance (n x 3) that comes to the lens, range (m, inf for nothing) and object."""
+        """Return for each pixel the radiance (n x 3) at the lens, range (m, inf for nothing) and object."""
         place = self._mounting.place(state)
         count = len(self._directions)
         if place[2] <= 0.0 or submersion(self._scene, time_ns, place) <= 0.0:
@@ -79,7 +79,7 @@ class Eye:
 
 
 class Development:
-    """From radiances to bytes: vignetting, exposure, noise, sRGB; and the errors of depth."""
+    """Conversion of radiances to bytes: vignetting, exposure, noise, sRGB; and the errors of depth."""
 
     def __init__(self, model: CameraModel, axial: Floats, seed: int, topic: str) -> None:
         self._model, self._axial = model, axial

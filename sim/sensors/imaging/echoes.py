@@ -35,7 +35,7 @@ HALF_POWER = 0.4429464  # sinc² is a half there, in units of its first null
 
 
 class Aperture(NamedTuple):
-    """Where a sonar looks: `beams` x `rays`, unit vectors in its axes.
+    """Directions of a sonar: `beams` x `rays` unit vectors in its axes.
 
     `directions` are the middles of the patches, `edges` (one more a beam) what parts them, `weights` b² dO.
     """
@@ -46,7 +46,7 @@ class Aperture(NamedTuple):
 
 
 class Echoes(NamedTuple):
-    """For each ray the range in m of its patch's middle, nearest and farthest edge, and echo / source."""
+    """Echo of each ray: range (m) of its patch's middle, nearest and farthest edge, and echo / source."""
 
     ranges: Floats
     near: Floats

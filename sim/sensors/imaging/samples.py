@@ -86,7 +86,7 @@ class SideScanSample(NamedTuple):
 
 
 def need_numpy(sensor: str) -> None:
-    """Raises MissingExtraError where a `sensor` cannot make its pictures."""
+    """Check that numpy, which a `sensor` needs for its pictures, is installed. Raises MissingExtraError."""
     from importlib.util import find_spec
 
     if find_spec("numpy") is None:

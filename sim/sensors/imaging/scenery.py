@@ -28,7 +28,7 @@ _SCALES = ((0.01, 0.45), (0.089, 0.35))  # m from node to node, and standard dev
 
 
 class Seen(NamedTuple):
-    """What n rays met, and how, in m, NED: for nothing points and normals are 0 and ranges inf.
+    """Hits of n rays in m, NED; without a hit point and normal are 0 and the range is inf.
 
     `points` and `normals` are three rows of n; `facing` is the cosine of incidence; `footprint` how far apart
     neighbouring rays are there.
@@ -57,7 +57,7 @@ class Scenery:
         self._colours = np.insert(self._colours, number, _PAINTS[(number - 2) % len(_PAINTS)], axis=0)
 
     def radiance(self, seen: Seen, light: Rgb, lamps: float, attenuation: Rgb) -> Pixels:
-        """n x 3: of each thing in daylight of which `light` is left, and in lamps beside the camera.
+        """Return the radiance (n x 3) of each hit in daylight, of which `light` is left, and in lamps at the camera.
 
         `lamps` is what a white surface 1 m before them would send back; their light is weakened on its way by
         `attenuation` (1/m). One colour lies after the other in memory, which is quick.

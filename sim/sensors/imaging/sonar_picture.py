@@ -41,12 +41,12 @@ class _Levels(Protocol):
 
 
 def encoding(model: _Levels) -> Encoding:
-    """Of what `Picture` makes."""
+    """Encoding of the picture."""
     return "float32" if model.ground_truth else "uint8"
 
 
 class RangeScale:
-    """How a device that counts time, with a speed of sound of its own, sees all ranges of a ping.
+    """Scale of all ranges of a ping by a device that measures time and assumes its own speed of sound.
 
     Not modelled: how the speed changes along the way; that at the sonar counts.
     """

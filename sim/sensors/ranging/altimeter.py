@@ -63,7 +63,7 @@ class Altimeter:
         return RangeSample(time_ns, measured, self._limits)
 
     def _distance(self, time_ns: int, state: State) -> float:
-        """To what there is along the beam in m; inf if there is nothing within reach."""
+        """Return the distance (m) along the beam; inf if there is nothing within reach."""
         place = self._mounting.place(state)
         if submersion(self._scene, time_ns, place) <= 0.0:
             return inf

@@ -22,7 +22,7 @@ _A_LITTLE = 1e-6
 
 
 class _Fit(NamedTuple):
-    """What a set of beams say together.
+    """Solution of a set of beams.
 
     The beams, zero where not locked, and the 3 x 4 that turns speeds along them into the velocity by least squares; the
     covariance of that velocity, and the variance of the altitude over level ground.
@@ -136,14 +136,14 @@ def _janus(tilt: float) -> list[Vector3]:
 
 
 def _share_of_altitude(beams: Matrix, number: int) -> float:
-    """How much the altitude over level ground grows with the length of one beam: found by making it a little longer."""
+    """Return the derivative of the altitude over level ground by the length of one beam, numerically."""
     level = [1.0 / z if z else 0.0 for _, _, z in beams]
     longer = [length + _A_LITTLE * (at == number) for at, length in enumerate(level)]
     return (_distance_to_plane(beams, longer) - _distance_to_plane(beams, level)) / _A_LITTLE
 
 
 def _distance_to_plane(beams: Matrix, ranges: Sequence[float]) -> float:
-    """From the origin to the plane n p = 1 that fits the ends of the beams by least squares, in m: 1 / |n|.
+    """Return the distance (m) from the origin to the plane n p = 1 fitted to the ends of the beams: 1 / |n|.
 
     `beams` are unit vectors, `ranges` in m. The normal equations of three unknowns, by Cramer's rule: a beam that is
     zero adds nothing to them.

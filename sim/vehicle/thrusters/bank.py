@@ -33,7 +33,7 @@ def steady_thrust(thruster: Thruster, pwm_us: int) -> float:
 
 
 def pulse_finder(thruster: Thruster) -> Callable[[float], int]:
-    """What gives the pulse in microseconds whose steady thrust is nearest a thrust in N.
+    """Return a function that gives the pulse (us) whose steady thrust is nearest a thrust (N).
 
     Neutral for 0, clamped to the range. Any other thrust gets a pulse at or beyond the edge of the dead band, so that
     none of the pulse range is spent where nothing moves. What does not change is computed here, once.
@@ -136,7 +136,7 @@ class ThrusterSet:
         self._shares = shares
 
     def failures(self, name: str) -> "tuple[Failure, ...]":
-        """What is wrong with the thruster `name` now."""
+        """Return the present faults of the thruster `name`."""
         return self._failures.of(name) if self._failures else ()
 
     def step(
@@ -176,7 +176,7 @@ class ThrusterSet:
         return x, y, z, k, m, n
 
     def numbers(self) -> list[float]:
-        """All that a step without failures uses but the state, in a row: what the C twin is made of."""
+        """Return all constants of a step without failures, in a row: the C twin is made of them."""
         rows = zip(self._gains, self._columns, self._wrench_columns, self._advances, strict=True)
         still = [0.0] * 5
         lists = [
@@ -191,7 +191,7 @@ class ThrusterSet:
         return [thrust + gain * (target - thrust) for thrust, target, gain in rows]
 
     def _lose_to_water(self, nu_r: Sequence[float]) -> list[float]:
-        """What is left of the thrusts (N) at `nu_r` (m/s, rad/s) through the water."""
+        """Return the thrusts (N) that are left at `nu_r` (m/s, rad/s) through the water."""
         u, v, w, p, q, r = nu_r
         thrusts = list(self._lagged)
         for i, (curve, (a, b, c, d, e, f)) in enumerate(zip(self._advances, self._wrench_columns, strict=True)):

@@ -116,7 +116,7 @@ class _Braked:
         return self._towards(speed, wanted, self._dt)
 
     def _towards(self, speed: float, wanted: float, time: float) -> float:
-        """For a wanted speed of 0 or more. First the rotor may have to stop."""
+        """Step towards a requested speed of 0 or more. The rotor may have to stop first."""
         if speed < 0.0:
             c = wanted * (self._k1 + self._k2 * wanted)
             stop = self._stopping_time(-speed, c)
@@ -184,7 +184,7 @@ class _PiRotor:
 
 
 def _waves(square: float, shift: float, time: float) -> tuple[float, float]:
-    """exp(shift t) times cosh(w t) and times sinh(w t) / w, with w² = `square`: cos and sin where it is negative."""
+    """Return exp(shift t) times cosh(w t) and times sinh(w t) / w, w² = `square`: cos, sin where it is negative."""
     if square > 0.0:
         root = sqrt(square)
         up, down = exp((shift + root) * time), exp((shift - root) * time)

@@ -104,7 +104,7 @@ class Thruster(NamedTuple):
         return None
 
     def deflection(self, pwm_us: float) -> float:
-        """How far a pulse is from the dead band's edge to the end of its range: -1 to 1, beyond counts as the end."""
+        """Return the position of a pulse from the dead band's edge to the end of its range: -1 to 1, clamped."""
         offset = pwm_us - self.pwm_neutral_us
         beyond = abs(offset) - self.dead_band_us
         if beyond <= 0.0:
@@ -121,7 +121,7 @@ class Thruster(NamedTuple):
         return round(neutral + (max(-1.0, deflection) * (neutral - self.pwm_min_us - dead_band) - dead_band))
 
     def clamp(self, thrust: float) -> float:
-        """`thrust` (N) within what the thruster can give."""
+        """Return `thrust` (N) within the limits of the thruster."""
         return max(-self.max_reverse, min(self.max_forward, thrust))
 
     def span(self, side: float) -> float:

@@ -16,7 +16,7 @@ Rows = tuple[list[float], list[float], list[float]]
 
 
 class Performance(NamedTuple):
-    """What one T200 does: thrust (N, negative in reverse), current (A), power taken (W), speed (rev/min)."""
+    """Operating point of one T200: thrust (N, negative in reverse), current (A), power taken (W), speed (rev/min)."""
 
     thrust: float
     current: float

@@ -8,7 +8,7 @@ from sim.vehicle.thrusters.model import Thruster
 
 
 def with_models(thruster: Thruster, tables: dict[str, Any], where: str) -> Thruster:
-    """`thruster` with the `curve` and `dynamics` of its TOML table. Raises ConfigError.
+    """Return `thruster` with the `curve` and `dynamics` of its TOML table. Raises ConfigError.
 
     The models are loaded here, when a vehicle uses one: most do without.
     """

@@ -221,7 +221,7 @@ def _gazebo_water(element: Element, path: str) -> dict[str, Any]:
 
 
 def _uuv_water(link: Element, path: str) -> dict[str, Any]:
-    """uuv_simulator: added mass positive, damping negative, each as 6 or 36 numbers."""
+    """Return the water keys of uuv_simulator: added mass positive, damping negative, each as 6 or 36 numbers."""
     model = link.find("hydrodynamic_model")
     found: dict[str, Any] = {}
     for key, sign in (("added_mass", 1.0), ("linear_damping", -1.0), ("quadratic_damping", -1.0)):

@@ -8,7 +8,7 @@ _IDENTITY = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
 
 
 class Pose(NamedTuple):
-    """Where a frame is in the base link's: `rotation` 3x3 from it to the base, `position` in m."""
+    """Pose of a frame in the base link's: `rotation` 3x3 from it to the base, `position` in m."""
 
     rotation: Matrix = _IDENTITY
     position: tuple[float, ...] = (0.0, 0.0, 0.0)

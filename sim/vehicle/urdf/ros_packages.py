@@ -39,7 +39,7 @@ def _parents(path: str) -> Iterator[str]:
 
 
 def _below(top: str, seen: set[str]) -> Iterator[str]:
-    """`top` and the folders in it, level after level, without those in `seen`."""
+    """Yield `top` and the folders in it, level after level, without those in `seen`."""
     waiting = deque([top])
     while waiting and len(seen) < _MOST_FOLDERS:
         folder = waiting.popleft()

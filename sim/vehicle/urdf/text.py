@@ -77,7 +77,7 @@ def numbers_of(text: str, path: str, *counts: int) -> list[float]:
 
 
 def number_of(text: str, path: str) -> float:
-    """`text` as a finite number. Raises ConfigError."""
+    """Return `text` as a finite number. Raises ConfigError."""
     try:
         number = float(text)
     except ValueError:

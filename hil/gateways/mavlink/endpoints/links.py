@@ -108,7 +108,7 @@ class UdpOut(Link):
 
 
 class UdpIn(Link):
-    """Receives from whoever sends, and sends to those until they are silent. Raises NetworkError for a taken port."""
+    """Receive from all senders, and send to each until it is silent. Raises NetworkError for a taken port."""
 
     def __init__(self, host: str, port: int) -> None:
         self.name = f"udpin:{host}:{port}"

@@ -54,11 +54,11 @@ class ZenohLink(Link):
             self._put(f"{key}/{name}", json.dumps(value).encode())
 
     def partners(self) -> list[Any]:
-        """Return the one that there is: whoever reads the keys."""
+        """Return the only peer: all that read the keys."""
         return [ADDRESS]
 
     def is_local(self, address: Any) -> bool:
-        """Return false: whoever reaches the router may be behind it."""
+        """Return false: anyone who reaches the router may be behind it."""
         return False
 
     def close(self) -> None:

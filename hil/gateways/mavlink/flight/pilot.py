@@ -47,12 +47,12 @@ class Pilot:
 
     @property
     def timeout_ns(self) -> int:
-        """For how long sticks count, ns."""
+        """Time (ns) for which a stick position stays valid."""
         return seconds_ns(self._parameters["FS_PILOT_TOUT"])
 
     @property
     def place(self) -> guidance.Point | None:
-        """Where it is steering to (m, NED), if anywhere."""
+        """Place (m, NED) that it steers to; None without one."""
         return self.target.place if self.target and self.mode in (Mode.GUIDED, Mode.AUTO) else None
 
     def arm(self) -> None:

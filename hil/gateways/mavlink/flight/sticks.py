@@ -24,7 +24,7 @@ CENTRED = Sticks()
 
 
 class Joystick:
-    """Holds the newest sticks. Of several senders the first one counts until it has been silent for `timeout_ns`.
+    """Store the newest sticks. Of several senders the first one counts until it has been silent for `timeout_ns`.
 
     Counts packets of others (`refused`) and those that waited too long before they were read (`stale`).
     """

@@ -23,7 +23,7 @@ LOCAL_FRAMES = (dialect.MAV_FRAME_LOCAL_NED, dialect.MAV_FRAME_LOCAL_OFFSET_NED,
 
 
 class Target(NamedTuple):
-    """What companion software asks for: a `place` (m, NED) or a velocity (m/s, FRD), each with heading or turn rate."""
+    """Request of companion software: a `place` (m, NED) or a velocity (m/s, FRD), each with heading or turn rate."""
 
     place: Point | None = None
     velocity: tuple[float, float, float] | None = None
