@@ -21,8 +21,10 @@ def main(arguments: list[str]) -> int:
     """Lead the vehicle until told to stop; the exit code. Raises MissionError if something went wrong with it."""
     parser = new_parser("agent", __doc__, EXAMPLES)
     add_scenario(parser, None)
-    parser.add_argument("--member", metavar="NAME", default="", help="which vehicle, by its node or its number")
-    parser.add_argument("--wait", metavar="S", type=WAIT, default=60.0, help="how long to wait for it [%(default)s s]")
+    parser.add_argument("--member", metavar="NAME", default="", help="vehicle of the fleet, by node name or number")
+    parser.add_argument(
+        "--wait", metavar="S", type=WAIT, default=60.0, help="time to wait for the vehicle [%(default)s s]"
+    )
     options = parser.parse_args(arguments)
     scenario = load_scenario(options.scenario, changes_of(options))
     with StopSignals() as stop_fd:

@@ -30,7 +30,7 @@ def main(arguments: list[str]) -> int:
     from argcomplete.shell_integration import shellcode
 
     parser = new_parser("completion", __doc__, EXAMPLES)
-    parser.add_argument("shell", choices=SHELLS, help="whose script to print")
+    parser.add_argument("shell", choices=SHELLS, help="shell to print the script for")
     options = parser.parse_args(arguments)
     print(shellcode(["uuv-hil"], shell=options.shell))
     return 0

@@ -45,15 +45,17 @@ def main(arguments: list[str]) -> int:
     add_output(parser, "DIR", "where to put the results [runs/SCENARIO-TIME]")
     parser.add_argument("--view", action="store_true", help="show it in a browser while it flies")
     parser.add_argument(
-        "--listen", metavar="ENDPOINT", type=ENDPOINT, help="of its slave, tcp/ADDRESS:PORT [the scenario's]"
+        "--listen", metavar="ENDPOINT", type=ENDPOINT, help="endpoint of its slave, tcp/ADDRESS:PORT [the scenario's]"
     )
     over = parser.add_argument_group("over a seabed of your own")
     over.add_argument("--world", metavar="CHART.000", help="a chart, soundings, or a world's .toml or name")
     over.add_argument("--start", metavar="LAT,LON", type=place, help="degrees, with --goal [where there is relief]")
-    over.add_argument("--goal", metavar="LAT,LON", type=place, help="in sight of it: the way is planned")
-    over.add_argument("--depth", metavar="M", type=DEPTH, help="how deep to dive [over the highest place of the way]")
+    over.add_argument("--goal", metavar="LAT,LON", type=place, help="goal of the dive; the path to it is planned")
     over.add_argument(
-        "--length", metavar="M", type=LENGTH, default=70.0, help="of the way if none is given [%(default)g]"
+        "--depth", metavar="M", type=DEPTH, help="depth of the dive [above the highest place of the path]"
+    )
+    over.add_argument(
+        "--length", metavar="M", type=LENGTH, default=70.0, help="length of the path without --goal [%(default)g]"
     )
     options = parser.parse_args(arguments)
     if options.world:

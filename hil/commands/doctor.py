@@ -60,11 +60,13 @@ def _parser() -> argparse.ArgumentParser:
     add_scenario(parser, None, optional=True)
     parser.add_argument("--board", metavar="NAME", help="the single-board computer this is [recognised]")
     parser.add_argument(
-        "--listen", metavar="ENDPOINT", type=ENDPOINT, help="where masters are to connect [the scenario's]"
+        "--listen", metavar="ENDPOINT", type=ENDPOINT, help="endpoint that masters connect to [the scenario's]"
     )
-    parser.add_argument("--port", metavar="ADDRESS", help="of the thruster link [the scenario's]")
-    parser.add_argument("--user", metavar="NAME", help="who is to run it [you]")
-    parser.add_argument("--root", metavar="PATH", default="/", help="where the machine's /proc and /sys are [/]")
+    parser.add_argument("--port", metavar="ADDRESS", help="address of the thruster link [the scenario's]")
+    parser.add_argument("--user", metavar="NAME", help="user that runs the slave [you]")
+    parser.add_argument(
+        "--root", metavar="PATH", default="/", help="folder that holds the machine's /proc and /sys [/]"
+    )
     add_json(parser)
     return parser
 

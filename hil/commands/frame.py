@@ -58,15 +58,15 @@ def _parser() -> argparse.ArgumentParser:
     what = parser.add_subparsers(dest="what", required=True, metavar="list | check")
     what.add_parser("list", help="list the frames")
     check = what.add_parser("check", help="explain a frame file, or bytes by it")
-    check.add_argument("file", metavar="NAME|FILE", help="a frame there is, or a .toml file")
+    check.add_argument("file", metavar="NAME|FILE", help="an installed frame, or a .toml file")
     check.add_argument(
         "hex", metavar="HEX", nargs="*", help="bytes, with or without spaces, commas and 0x; - reads the standard input"
     )
     check.add_argument(
-        "--thrusters", metavar="N", type=CHANNELS, help="how many there are [6, or what the frame carries]"
+        "--thrusters", metavar="N", type=CHANNELS, help="number of thrusters [6, or what the frame carries]"
     )
-    check.add_argument("--rate", metavar="HZ", type=RATE, default=50.0, help="of the messages [50]")
-    check.add_argument("--role", choices=["host", "device"], help="decode only what this end hears [both]")
+    check.add_argument("--rate", metavar="HZ", type=RATE, default=50.0, help="rate of the messages, Hz [50]")
+    check.add_argument("--role", choices=["host", "device"], help="decode only what this end receives [both]")
     return parser
 
 

@@ -27,11 +27,11 @@ examples:
 def main(arguments: list[str]) -> int:
     """Make an authority, or one machine's certificates; the exit code."""
     parser = new_parser("keys", __doc__, EXAMPLES)
-    parser.add_argument("--dir", metavar="DIR", default="keys", help="where all folders are [%(default)s]")
+    parser.add_argument("--dir", metavar="DIR", default="keys", help="folder of all keys [%(default)s]")
     actions = parser.add_subparsers(dest="action", metavar="init|add", required=True)
     actions.add_parser("init", help="make the authority")
     add = actions.add_parser("add", help="make certificates for a machine")
-    add.add_argument("name", metavar="NAME", help="what the machine is called in may_command and may_listen")
+    add.add_argument("name", metavar="NAME", help="name of the machine in may_command and may_listen")
     add.add_argument(
         "--host",
         metavar="HOST",
@@ -40,7 +40,7 @@ def main(arguments: list[str]) -> int:
         default=[],
         help="an address or name that others dial; repeatable",
     )
-    add.add_argument("--days", metavar="N", type=DAYS, default=730, help="how long they hold from today [%(default)s]")
+    add.add_argument("--days", metavar="N", type=DAYS, default=730, help="days of validity from today [%(default)s]")
     options = parser.parse_args(arguments)
     try:
         import cryptography  # noqa: F401 - told here, before anything is written

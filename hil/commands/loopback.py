@@ -73,18 +73,29 @@ def _parser() -> Any:
         metavar="BIT/S",
         type=BITRATE,
         default=1_000_000,
-        help="of a CAN bus, bit/s, where it is ours to set [%(default)s]",
+        help="speed of a CAN bus that this program sets up, bit/s [%(default)s]",
     )
     add("--channels", type=CHANNELS, default=6, metavar="N", help="number of thrusters [%(default)s]")
     add("--rate", type=RATE, default=50.0, metavar="HZ", help="commands a second; 0: one at a time [%(default)s]")
-    add("--seconds", type=SECONDS, default=5.0, metavar="S", help="how long [%(default)s]")
+    add("--seconds", type=SECONDS, default=5.0, metavar="S", help="duration of the test [%(default)s]")
     fault = "baud, drop, corrupt, delay ... on our end"
     add("--fault", "--faults", action="append", default=[], metavar="NAME=VALUE", help=fault)
-    add("--seed", type=SEED, default=1, metavar="N", help="of the faults [%(default)s]")
+    add("--seed", type=SEED, default=1, metavar="N", help="seed of the faults [%(default)s]")
     add("--spin", action="store_true", help="arm a real STM32: its thrusters will turn")
-    add("--max-loss", type=Share(), default=0.0, metavar="SHARE", help="commands without an answer [%(default)s]")
-    add("--max-errors", type=ERRORS, default=0, metavar="N", help="damaged frames [%(default)s]")
-    add("--max-p99", metavar="TIME", type=LIMIT, help='round trip of 99 %% of the answered, such as "5 ms" [any]')
+    add(
+        "--max-loss",
+        type=Share(),
+        default=0.0,
+        metavar="SHARE",
+        help="limit of commands without an answer [%(default)s]",
+    )
+    add("--max-errors", type=ERRORS, default=0, metavar="N", help="limit of damaged frames [%(default)s]")
+    add(
+        "--max-p99",
+        metavar="TIME",
+        type=LIMIT,
+        help='limit of the round trip of 99 %% of the answered commands, such as "5 ms" [none]',
+    )
     add_json(parser)
     return parser
 

@@ -55,7 +55,9 @@ def main(arguments: list[str]) -> int:
     )
     parser.add_argument("--view", action="store_true", help="show it in a browser while it flies")
     parser.add_argument("--take-over", action="store_true", help="command even if another master does already")
-    parser.add_argument("--wait", metavar="S", type=WAIT, default=60.0, help="how long to wait for it [%(default)s s]")
+    parser.add_argument(
+        "--wait", metavar="S", type=WAIT, default=60.0, help="time to wait for the vehicle [%(default)s s]"
+    )
     add_output(parser, "DIR", "where to put the results [runs/SCENARIO-TIME]")
     parser.add_argument(
         "--ready-fd", metavar="N", type=DESCRIPTOR, help="write a line to this descriptor when dialling"

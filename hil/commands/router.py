@@ -28,7 +28,7 @@ def main(arguments: list[str]) -> int:
     """Forward until SIGINT or SIGTERM; the exit code."""
     parser = new_parser("router", __doc__, EXAMPLES)
     parser.add_argument(
-        "--listen", metavar="ENDPOINT", type=ENDPOINT, default=LOCAL_SLAVE, help="where to serve [%(default)s]"
+        "--listen", metavar="ENDPOINT", type=ENDPOINT, default=LOCAL_SLAVE, help="endpoint to listen on [%(default)s]"
     )
     add_settings(parser)
     parser.add_argument(

@@ -34,8 +34,8 @@ def main(arguments: list[str]) -> int:
     """Fly one mission in simulated time; the exit code."""
     parser = new_parser("sim", __doc__, EXAMPLES)
     add_scenario(parser)
-    parser.add_argument("--fast", action="store_true", help="as fast as it goes, instead of in real time")
-    parser.add_argument("--seed", type=SEED, metavar="N", help="instead of the scenario's")
+    parser.add_argument("--fast", action="store_true", help="run as fast as possible instead of in real time")
+    parser.add_argument("--seed", type=SEED, metavar="N", help="value instead of the scenario's")
     add_output(parser, "FILE.csv", "state, thrusts and every force, 20 times a second")
     add_plot(parser, "draw the same")
     add_json(parser)

@@ -56,13 +56,18 @@ def _parse(arguments: list[str]) -> Options:
     parser = new_parser("slave", __doc__, EXAMPLES)
     add_scenario(parser)
     parser.add_argument(
-        "--listen", metavar="ENDPOINT", type=ENDPOINT, help="where masters connect, tcp/ADDRESS:PORT [the scenario's]"
+        "--listen",
+        metavar="ENDPOINT",
+        type=ENDPOINT,
+        help="endpoint that masters connect to, tcp/ADDRESS:PORT [the scenario's]",
     )
     parser.add_argument(
         "--board", metavar="NAME", help="the single-board computer this is [recognised by its device tree]"
     )
-    parser.add_argument("--port", metavar="ADDRESS", help="of the thruster link: /dev/ttyUSB0, pty:/tmp/name, can:...")
-    parser.add_argument("--member", metavar="NAME", default="", help="which vehicle of a fleet this is, or its number")
+    parser.add_argument(
+        "--port", metavar="ADDRESS", help="address of the thruster link: /dev/ttyUSB0, pty:/tmp/name, can:..."
+    )
+    parser.add_argument("--member", metavar="NAME", default="", help="vehicle of the fleet, by name or number")
     found = vars(parser.parse_args(arguments))
     return Options(**{**found, "set": tuple(found["set"])})
 

@@ -34,9 +34,9 @@ def main(arguments: list[str]) -> int:
     parser = new_parser("tune", __doc__, EXAMPLES)
     parser.add_argument("vehicle", metavar="VEHICLE", help="a preset, or a .toml file")
     parser.add_argument(
-        "--axis", action="append", choices=list(AXES), help="only this one; again for more [all its thrusters drive]"
+        "--axis", action="append", choices=list(AXES), help="axis to tune; repeatable [all that its thrusters drive]"
     )
-    parser.add_argument("--seed", type=SEED, default=1, metavar="N", help="of the sensors' noise [1]")
+    parser.add_argument("--seed", type=SEED, default=1, metavar="N", help="seed of the sensors' noise [1]")
     add_output(parser, "FILE.toml", "the vehicle with the new gains")
     add_plot(parser, "draw the responses")
     options = parser.parse_args(arguments)

@@ -64,9 +64,11 @@ def _parser() -> argparse.ArgumentParser:
         "--positive",
         choices=("auto", "up", "down"),
         default="auto",
-        help="what soundings and rasters count as positive [%(default)s]",
+        help="positive direction of soundings and rasters [%(default)s]",
     )
-    build.add_argument("--reach", metavar="M", type=REACH, help="how far from loose soundings the bed is known")
+    build.add_argument(
+        "--reach", metavar="M", type=REACH, help="distance from single soundings up to which the bed counts as known"
+    )
     add_plot(build, "draw it with soundings and contours")
     add_json(build)
     build.set_defaults(run=_build)

@@ -36,12 +36,22 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("before", metavar="A.json", help="the result before a change")
     parser.add_argument("after", metavar="B.json", help="the result after it")
     parser.add_argument(
-        "--least", type=Share(0.0, 0.99), default="5%", metavar="SHARE", help="a difference that matters [%(default)s]"
+        "--least",
+        type=Share(0.0, 0.99),
+        default="5%",
+        metavar="SHARE",
+        help="least difference that counts [%(default)s]",
     )
     parser.add_argument(
-        "--confidence", type=Share(0.5, 0.9999), default="95%", metavar="SHARE", help="of the intervals [%(default)s]"
+        "--confidence",
+        type=Share(0.5, 0.9999),
+        default="95%",
+        metavar="SHARE",
+        help="confidence of the intervals [%(default)s]",
     )
-    parser.add_argument("--fail-on-regression", action="store_true", help="exit code 1 when a figure is really worse")
+    parser.add_argument(
+        "--fail-on-regression", action="store_true", help="exit with code 1 when a figure is significantly worse"
+    )
     add_json(parser)
     options = parser.parse_args(arguments)
     least, confidence = options.least, options.confidence

@@ -21,7 +21,7 @@ def main(arguments: list[str]) -> int:
         metavar="ADDRESS",
         type=host,
         default="127.0.0.1",
-        help="of this machine, to be reached at [%(default)s]",
+        help="address of this machine to listen on [%(default)s]",
     )
     options = parser.parse_args(arguments)
     with StopSignals() as stop_fd:

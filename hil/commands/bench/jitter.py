@@ -88,8 +88,8 @@ def _parser() -> Any:
     parser = new_parser("bench jitter", __doc__, EXAMPLES)
     add_scenario(parser)
     add = parser.add_argument
-    add("--rates", default="250,400,1000", metavar="LIST", type=RATES, help="in Hz [%(default)s]")
-    add("--seconds", type=SECONDS, default=20.0, metavar="S", help="for each [%(default)s]")
+    add("--rates", default="250,400,1000", metavar="LIST", type=RATES, help="loop rates in Hz [%(default)s]")
+    add("--seconds", type=SECONDS, default=20.0, metavar="S", help="duration of each run [%(default)s]")
     add("--repeat", type=REPEAT, default=1, metavar="N", help="whole runs, each with new slaves [%(default)s]")
     add("--check", action="store_true", help="whether 99 %% of the cycles are within 2 ms")
     add_limits(parser)

@@ -81,7 +81,7 @@ def _parser() -> Any:
     add("--each-sensor", action="store_true", help="also with each sensor more, and each one less")
     add("--rates", default=(), metavar="LIST", type=RATES, help="also with the loop at these, Hz")
     add("--vehicles", default=(), metavar="LIST", type=VEHICLES, help="also with so many slaves at once")
-    add("--seconds", type=SECONDS, default=10.0, metavar="S", help="for each [%(default)s]")
+    add("--seconds", type=SECONDS, default=10.0, metavar="S", help="duration of each run [%(default)s]")
     add_limits(parser)
     add_record(parser)
     add_plot(parser, "CPU and memory over time")

@@ -18,21 +18,21 @@ def add_limits(parser: argparse.ArgumentParser) -> None:
     """Add the options that limit a laptop to the resources of a small board."""
     limits = parser.add_argument_group("less than the machine has, for the slave; results are labelled")
     limits.add_argument(
-        "--cpus", metavar="LIST", type=checked(parse_cpus), default=(), help="these processors only: 0 or 0,2 or 0-3"
+        "--cpus", metavar="LIST", type=checked(parse_cpus), default=(), help="processors to use: 0 or 0,2 or 0-3"
     )
     limits.add_argument(
         "--cpu-quota",
         metavar="SHARE",
         type=CPU_SHARE,
         default=0.0,
-        help="so much of one core: 25%%; without real-time scheduling",
+        help="share of one core: 25%%; disables real-time scheduling",
     )
     limits.add_argument(
         "--memory",
         metavar="SIZE",
         type=checked(parse_memory),
         default=0.0,
-        help="so much memory: 512M, 1G; without cached files",
+        help="memory limit: 512M, 1G; cached files not included",
     )
 
 

@@ -86,7 +86,7 @@ def _parser() -> Any:
     parser = new_parser("bench stream", __doc__, EXAMPLES)
     add_scenario(parser)
     add = parser.add_argument
-    add("--connect", metavar="ENDPOINT", type=ENDPOINT, help="a slave elsewhere [one is started here]")
+    add("--connect", metavar="ENDPOINT", type=ENDPOINT, help="endpoint of a running slave [one is started here]")
     add("--seconds", type=SECONDS, default=10.0, metavar="S", help="[%(default)s]")
     add("--repeat", type=REPEAT, default=1, metavar="N", help="whole runs, each with a slave of its own [%(default)s]")
     add_limits(parser)

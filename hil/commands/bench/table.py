@@ -100,13 +100,13 @@ def _parser() -> Any:
         default=[],
         metavar="ENDPOINT",
         type=ENDPOINT,
-        help="a slave elsewhere; may be given several times",
+        help="endpoint of a running slave; repeatable",
     )
     add("--repeat", type=REPEAT, default=5, metavar="N", help="repetitions [%(default)s]")
-    add("--seconds", type=SECONDS, default=10.0, metavar="S", help="of flight in each [%(default)s]")
-    add("--against", action="append", default=[], metavar="FILE", help="an earlier record beside it")
-    add("--check", action="store_true", help="against the budgets of the board")
-    add("--board", metavar="NAME", help="whose budgets [recognised]")
+    add("--seconds", type=SECONDS, default=10.0, metavar="S", help="duration of each flight [%(default)s]")
+    add("--against", action="append", default=[], metavar="FILE", help="show an earlier record beside it")
+    add("--check", action="store_true", help="check against the budgets of the board")
+    add("--board", metavar="NAME", help="board whose budgets count [recognised]")
     add_limits(parser)
     add_record(parser)
     add("--csv", metavar="FILE", type=OUTPUT_FILE, help="the table as CSV")

@@ -64,14 +64,18 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("action", nargs="?", choices=tuple(OPTIONS), default="show", help="[show]")
     add_scenario(parser, None, optional=True)
     parser.add_argument("--board", metavar="NAME", help="show, install: the single-board computer this is [recognised]")
-    parser.add_argument("--root", metavar="PATH", default="/", help="where the machine's /proc, /sys, /etc are [/]")
-    add_json(parser)
-    parser.add_argument("--sources", action="store_true", help="show: also where each of it was read")
-    parser.add_argument("--user", metavar="NAME", help="install: who runs the slave [who called sudo]")
     parser.add_argument(
-        "--listen", metavar="ENDPOINT", type=ENDPOINT, help="install: where masters connect [the scenario's]"
+        "--root", metavar="PATH", default="/", help="folder that holds the machine's /proc, /sys, /etc [/]"
     )
-    parser.add_argument("--member", metavar="NAME", help="install: which vehicle of a fleet this is, or its number")
+    add_json(parser)
+    parser.add_argument(
+        "--sources", action="store_true", help="show: also print the file that each value was read from"
+    )
+    parser.add_argument("--user", metavar="NAME", help="install: user that runs the slave [the one who called sudo]")
+    parser.add_argument(
+        "--listen", metavar="ENDPOINT", type=ENDPOINT, help="install: endpoint that masters connect to [the scenario's]"
+    )
+    parser.add_argument("--member", metavar="NAME", help="install: vehicle of the fleet, by name or number")
     parser.add_argument("--dry-run", action="store_true", help="install, uninstall: only show what would change")
     parser.add_argument("--yes", action="store_true", help="install, uninstall: do not ask")
     return parser

@@ -49,8 +49,8 @@ def _parser() -> argparse.ArgumentParser:
     shown.add_argument("scenario", metavar="SCENARIO", help="a .toml file, or the name of an installed scenario")
     new = actions.add_parser("new", help="copy an installed one to a file of your own")
     new.add_argument("file", metavar="FILE.toml", help="the new file")
-    new.add_argument("--copy", metavar="NAME", default="paper_field", help="what to copy [%(default)s]")
-    checked = actions.add_parser("check", help="find what is wrong in a scenario without flying it")
+    new.add_argument("--copy", metavar="NAME", default="paper_field", help="installed scenario to copy [%(default)s]")
+    checked = actions.add_parser("check", help="check a scenario without flying it")
     add_scenario(checked, None)
     add_json(checked)
     return parser

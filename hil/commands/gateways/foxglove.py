@@ -38,7 +38,11 @@ def main(arguments: list[str]) -> int:
     add_connect(parser)
     add_settings(parser)
     parser.add_argument(
-        "--listen", metavar="[HOST:]PORT", type=serving_address, default=LISTEN, help="where to serve [%(default)s]"
+        "--listen",
+        metavar="[HOST:]PORT",
+        type=serving_address,
+        default=LISTEN,
+        help="address to listen on [%(default)s]",
     )
     parser.add_argument("--command", action="store_true", help="let clients with the token command the vehicles")
     parser.add_argument("--layout", metavar="VEHICLE", help="print a layout for Foxglove, and end")

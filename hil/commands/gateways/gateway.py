@@ -34,12 +34,12 @@ def main(arguments: list[str]) -> int:
         metavar="[HOST:]PORT",
         type=serving_address,
         default="127.0.0.1:7450",
-        help="where to serve [%(default)s]",
+        help="address to listen on [%(default)s]",
     )
     parser.add_argument("--routed", action="store_true", help="ENDPOINT is that of a router")
     parser.add_argument("--keys", metavar="FOLDER", default="", help="this machine's certificates")
-    parser.add_argument("--take-over", action="store_true", help="command even if another master does already")
-    parser.add_argument("--matlab", action="store_true", help="say where uuv_hil.m is")
+    parser.add_argument("--take-over", action="store_true", help="take over from a master that commands already")
+    parser.add_argument("--matlab", action="store_true", help="print the path of uuv_hil.m")
     options = parser.parse_args(arguments)
     if options.matlab:
         print(os.path.join(os.path.dirname(os.path.abspath(hil.__file__)), "gateways", "matlab"))

@@ -83,21 +83,21 @@ def _parser() -> argparse.ArgumentParser:
         metavar="MAVLINK",
         type=checked(_endpoint),
         action="append",
-        help="where MAVLink is spoken; may be given several times [udpout:127.0.0.1:14550, tcpin:127.0.0.1:5760]",
+        help="MAVLink endpoint; repeatable [udpout:127.0.0.1:14550, tcpin:127.0.0.1:5760]",
     )
-    parser.add_argument("--vehicle", metavar="NAME", default="", help="which vehicle [the scenario's, or uuv1]")
+    parser.add_argument("--vehicle", metavar="NAME", default="", help="vehicle [the scenario's, or uuv1]")
     parser.add_argument(
         "--system", metavar="N", type=whole(1, 250), help="MAVLink system id [the stored SYSID_THISMAV, or 1]"
     )
     parser.add_argument(
-        "--commands-from", choices=("localhost", "network"), help="which machines may command [localhost]"
+        "--commands-from", choices=("localhost", "network"), help="machines that may command [localhost]"
     )
     parser.add_argument(
         "--video-port", metavar="PORT", type=PORT, help="port of the camera's picture, MJPEG over HTTP; 0: none [0]"
     )
     parser.add_argument("--logs", metavar="FOLDER", help="folder that MAVFTP offers [recordings]")
     parser.add_argument("--parameters", metavar="FILE", help="file of stored parameters [one of this user's]")
-    parser.add_argument("--take-over", action="store_true", help="command even if another master does already")
+    parser.add_argument("--take-over", action="store_true", help="take over from a master that commands already")
     return parser
 
 

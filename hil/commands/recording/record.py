@@ -40,7 +40,7 @@ def main(arguments: list[str]) -> int:
     add_connect(parser)
     add_settings(parser)
     add_output(parser, "DIR", "a folder for the recording [recordings/NAME-TIME]")
-    parser.add_argument("--seconds", metavar="S", type=SECONDS, help="for how long [until Ctrl-C]")
+    parser.add_argument("--seconds", metavar="S", type=SECONDS, help="duration [until Ctrl-C]")
     options = parser.parse_args(arguments)
     scenario, endpoints = scenario_and_endpoints(options)
     recording = scenario.recording if scenario else Recording()

@@ -45,13 +45,15 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("recording", metavar="FILE", help="an .mcap file, or the folder of a recording")
     way = parser.add_mutually_exclusive_group()
     way.add_argument(
-        "--listen", metavar="ENDPOINT", type=ENDPOINT, default=LISTEN, help="play it to those who dial [%(default)s]"
+        "--listen", metavar="ENDPOINT", type=ENDPOINT, default=LISTEN, help="publish it at this endpoint [%(default)s]"
     )
     way.add_argument("--connect", metavar="ENDPOINT", type=ENDPOINT, help="send its commands to this slave")
     way.add_argument("--check", action="store_true", help="repeat it without network and clock")
     way.add_argument("--view", action="store_true", help="show it in a browser")
-    parser.add_argument("--speed", metavar="X", type=SPEED, default=1.0, help="times as fast; 0: at once [%(default)g]")
-    parser.add_argument("--wait", metavar="S", type=WAIT, default=0.0, help="for somebody to listen, at most so long")
+    parser.add_argument(
+        "--speed", metavar="X", type=SPEED, default=1.0, help="speed factor; 0: as fast as possible [%(default)g]"
+    )
+    parser.add_argument("--wait", metavar="S", type=WAIT, default=0.0, help="time to wait for a subscriber")
     parser.add_argument("--own-classes", action="store_true", help="load the classes it names; only if you trust it")
     options = parser.parse_args(arguments)
     if options.check:

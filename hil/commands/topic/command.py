@@ -70,12 +70,12 @@ def _parser() -> argparse.ArgumentParser:
     actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
     list_ = actions.add_parser("list", help="list topics and services, their types, and whose they are")
     echo = actions.add_parser("echo", help="print what is published")
-    hz = actions.add_parser("hz", help="measure how often messages come")
-    pub = actions.add_parser("pub", help="publish a message again and again")
+    hz = actions.add_parser("hz", help="measure the rate of messages")
+    pub = actions.add_parser("pub", help="publish a message repeatedly")
     call = actions.add_parser("call", help="call a service")
     for action in (echo, hz, pub):
         action.add_argument("topic", metavar="TOPIC", help="its whole name, such as /uuv1/imu")
-        action.add_argument("-n", "--count", metavar="N", type=COUNT, help="end after so many messages")
+        action.add_argument("-n", "--count", metavar="N", type=COUNT, help="exit after this number of messages")
     pub.add_argument("type", metavar="TYPE", help="such as geometry_msgs/msg/Twist")
     pub.add_argument("values", metavar="VALUES", nargs="?", default="", help="fields that are not 0")
     pub.add_argument("--rate", metavar="HZ", type=RATE, help="messages a second [the topic's own, or 1]")
@@ -84,7 +84,7 @@ def _parser() -> argparse.ArgumentParser:
     for action in (list_, echo, hz, pub, call):
         add_connect(action)
         add_settings(action)
-        action.add_argument("--wait", metavar="S", type=WAIT, default=5.0, help="how long for it [%(default)g s]")
+        action.add_argument("--wait", metavar="S", type=WAIT, default=5.0, help="time to wait for it [%(default)g s]")
     for action in (list_, echo, hz, call):
         add_json(action)
     return parser

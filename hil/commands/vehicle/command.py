@@ -52,7 +52,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("vehicle", metavar="NAME|FILE", nargs="?", help="a preset, or a .toml file")
     add_plot(parser, "draw it from three sides, with its top speeds")
     add_json(parser)
-    parser.add_argument("--density", metavar="KG/M3", type=DENSITY, default=1000.0, help="of the water [1000]")
+    parser.add_argument("--density", metavar="KG/M3", type=DENSITY, default=1000.0, help="density of the water [1000]")
     parser.add_argument("--import", metavar="MODEL.urdf", dest="urdf", help="make a vehicle file of a URDF")
     parser.add_argument("--add", metavar="FILE.toml", help="with --import: keys that the URDF lacks, and [[fins]]")
     parser.add_argument(

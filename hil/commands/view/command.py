@@ -31,7 +31,7 @@ def main(arguments: list[str]) -> int:
         metavar="[HOST:]PORT",
         type=serving_address,
         default="127.0.0.1:7480",
-        help="where to serve [%(default)s]",
+        help="address to listen on [%(default)s]",
     )
     parser.add_argument("--observe", action="store_true", help="never command a vehicle")
     parser.add_argument("--routed", action="store_true", help="ENDPOINT is that of a router")

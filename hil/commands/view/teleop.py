@@ -37,9 +37,9 @@ def main(arguments: list[str]) -> int:
     parser = new_parser("teleop", __doc__, EXAMPLES)
     add_connect(parser, lan=True)
     add_settings(parser)
-    parser.add_argument("--vehicle", metavar="NAME", help="which of several [the first]")
+    parser.add_argument("--vehicle", metavar="NAME", help="vehicle to steer [the first]")
     parser.add_argument("--gamepad", action="store_true", help="steer with the first gamepad of this machine")
-    parser.add_argument("--take-over", action="store_true", help="command even if another master does already")
+    parser.add_argument("--take-over", action="store_true", help="take over from a master that commands already")
     options = parser.parse_args(arguments)
     scenario, endpoints = scenario_and_endpoints(options)
     pad = Gamepad() if options.gamepad else None
