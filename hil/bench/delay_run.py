@@ -24,7 +24,7 @@ from hil.scenario.config import Scenario
 from hil.scenario.records import Link
 from sim.vehicle.vehicle import load_vehicle
 
-HOPS = ("publish", "network", "inbox", "control", "link encode", "wire", "STM32")
+HOPS = ("publish", "network", "queue", "control", "link encode", "wire", "STM32")
 COMMAND_BYTES = 52 + 33  # geometry_msgs/Twist in CDR, and what rmw_zenoh adds to it
 IN_SLAVE = ("python", "unicorn")  # kinds of STM32 that run in the slave's process
 WARM_UP = 20  # commands that are not counted: arming, first samples

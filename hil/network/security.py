@@ -20,8 +20,8 @@ _LOOKING_ON = [presence_keys("*", "observer"), _GRAPH]  # who listens is no mast
 _LAST = [last_key("*", "*"), "**/@adv/**"]  # the second is that of latched ROS 2 topics
 _ASK = ["declare_subscriber", "declare_liveliness_subscriber", "liveliness_query"]
 _BE_THERE = ["liveliness_token"]
-_TELL = ["put", "delete", "reply", "declare_queryable", "liveliness_token", "declare_subscriber"]
-_ALL = sorted({*_ASK, *_BE_THERE, *_TELL, "query"})
+_DELIVER = ["put", "delete", "reply", "declare_queryable", "liveliness_token", "declare_subscriber"]
+_ALL = sorted({*_ASK, *_BE_THERE, *_DELIVER, "query"})
 
 
 class Security(NamedTuple):
@@ -81,23 +81,23 @@ def access(security: Security) -> dict[str, Any]:
     commands = [f"*/*/{topic.name}/*/*" for topic in TOPICS.values() if topic.from_master]
     rules = [
         _rule("ask", "ingress", _ASK, _EVERYTHING),
-        _rule("hear", "egress", _TELL, _EVERYTHING),
+        _rule("receive", "egress", _DELIVER, _EVERYTHING),
         _rule("ask the last state", "ingress", ["query"], _LAST),
         _rule("ask the time", "ingress", ["put"], [ping]),
-        _rule("look on", "ingress", _BE_THERE, _LOOKING_ON),
-        _rule("be a master", "ingress", _BE_THERE, _EVERYTHING),
+        _rule("watch presence", "ingress", _BE_THERE, _LOOKING_ON),
+        _rule("declare a master", "ingress", _BE_THERE, _EVERYTHING),
         _rule("command", "ingress", ["put"], [*commands, masters_ping]),
         _rule("call services", "ingress", ["query"], _EVERYTHING),
-        _rule("say", "ingress", _ALL, _EVERYTHING),
-        _rule("be asked", "egress", _ALL, _EVERYTHING),
+        _rule("send all", "ingress", _ALL, _EVERYTHING),
+        _rule("receive all", "egress", _ALL, _EVERYTHING),
     ]
     vehicles = [security.name("slave")] + ([security.name("router")] if security.router else [])
-    listen = ["ask", "hear", "ask the last state", "ask the time", "look on"]
+    listen = ["ask", "receive", "ask the last state", "ask the time", "watch presence"]
     return _table(
         rules,
-        _party("commanders", list(security.may_command), [*listen, "be a master", "command", "call services"]),
+        _party("commanders", list(security.may_command), [*listen, "declare a master", "command", "call services"]),
         _party("listeners", list(security.may_listen), listen),
-        _party("vehicles", vehicles, ["say", "be asked"]),
+        _party("vehicles", vehicles, ["send all", "receive all"]),
     )
 
 
@@ -111,19 +111,19 @@ def planner_access(security: Security) -> dict[str, Any]:
     rules = [
         _rule("ask", "ingress", _ASK, _EVERYTHING),
         _rule("ask others", "egress", _ASK, _EVERYTHING),
-        _rule("look on", "ingress", _BE_THERE, _LOOKING_ON),
-        _rule("be seen", "egress", _BE_THERE, [_GRAPH]),
-        _rule("hear reports", "egress", ["put"], reports),
+        _rule("watch presence", "ingress", _BE_THERE, _LOOKING_ON),
+        _rule("show presence", "egress", _BE_THERE, [_GRAPH]),
+        _rule("receive reports", "egress", ["put"], reports),
         _rule("report", "ingress", ["put"], reports),
-        _rule("say", "ingress", _ALL, _EVERYTHING),
-        _rule("be asked", "egress", _ALL, _EVERYTHING),
+        _rule("send all", "ingress", _ALL, _EVERYTHING),
+        _rule("receive all", "egress", _ALL, _EVERYTHING),
     ]
-    listen = ["ask", "look on", "be seen", "hear reports"]
+    listen = ["ask", "watch presence", "show presence", "receive reports"]
     return _table(
         rules,
         _party("planners", list(security.may_command), [*listen, "ask others", "report"]),
         _party("listeners", list(security.may_listen), listen),
-        _party("vehicles", [security.name("slave")], ["say", "be asked"]),
+        _party("vehicles", [security.name("slave")], ["send all", "receive all"]),
     )
 
 

@@ -97,7 +97,7 @@ class SlaveRecorder:
 
     def sample_publisher(self, *arguments: Any, **options: Any) -> SamplePublisher:
         """Return an sample_publisher that is recorded."""
-        sample_publisher = _RecordedOutbox(*arguments, **options)
+        sample_publisher = _RecordedSamplePublisher(*arguments, **options)
         sample_publisher.recorder = self
         return sample_publisher
 
@@ -120,7 +120,7 @@ def open_recorder(
     return recorder
 
 
-class _RecordedOutbox(SamplePublisher):
+class _RecordedSamplePublisher(SamplePublisher):
     sends_all = True
     recorder: SlaveRecorder
 

@@ -31,7 +31,7 @@ _PUSH, _PUSH_TIME, _TILT_TIME = 0.3, 0.8, 0.3
 _RATES = (0.3, 0.3)  # rad/s of yaw or tilt, m/s of depth: where a push has said enough
 _HOLD_TOP = 0.5  # of the top speed: more than that no hold asks for
 
-Tell = Callable[[str], None]
+ReportText = Callable[[str], None]
 
 
 class Tuned(NamedTuple):
@@ -73,7 +73,7 @@ class Tuner:
         """Return the axes that this vehicle's thrusters drive."""
         return [axis for axis in AXES if self._reach[AXES[axis].loop].driven]
 
-    def tune(self, axes: Sequence[str], report: Tell = lambda text: None) -> list[Tuned]:
+    def tune(self, axes: Sequence[str], report: ReportText = lambda text: None) -> list[Tuned]:
         """Return each of `axes` in turn, inner loops first; `control` and `gains` then hold what was found.
 
         `report` hears what is being done. Raises ConfigError for an axis that the thrusters do not drive.

@@ -18,7 +18,7 @@ from sim.sensors.error import ErrorModel, ErrorProcess, sensor_random
 
 NS = 1_000_000_000
 RECEIVED = "heard"  # so far
-_UNHEARD = 1e-3  # of the noise: what is weaker disturbs nobody
+_NEGLIGIBLE = 1e-3  # of the noise: what is weaker disturbs nobody
 
 
 class AcousticModem(NamedTuple):
@@ -154,7 +154,7 @@ class AcousticChannel:
             loss = transmission_loss(path.length, modem.frequency, modem.spreading)
             loss += path.surface * modem.surface_loss + path.bottom * modem.bottom_loss
             received = power(modem.source_level - loss)
-            if received < _UNHEARD * self._noise and path.surface + path.bottom:
+            if received < _NEGLIGIBLE * self._noise and path.surface + path.bottom:
                 continue
             late = round(path.length / speed * NS)
             direct = not path.surface + path.bottom

@@ -85,7 +85,7 @@ class ControllerContract(ABC):
         for call in calls:
             assert used.update(*call) == new.update(*call)
 
-    def test_it_pushes_where_it_is_told_to_go(self) -> None:
+    def test_it_pushes_towards_its_setpoint(self) -> None:
         rest = self.make().update(VelocityCommand(), AT_REST, DT)
         for axis, sign in self.pushes:
             command = VelocityCommand(*(sign * 0.3 if number == axis else 0.0 for number in range(3)))

@@ -258,7 +258,7 @@ class LinkContract(WireContract):
                 else:
                     assert getattr(got, field) == getattr(wanted, field), field
 
-    def test_nothing_is_heard_on_a_quiet_link(self, ends: Ends) -> None:
+    def test_nothing_is_received_on_a_quiet_link(self, ends: Ends) -> None:
         for link in ends:
             assert link.receive() == []
 

@@ -159,7 +159,7 @@ class _Watch:
     is_set = False
 
     @classmethod
-    def note(cls, event: str, arguments: tuple[Any, ...]) -> None:
+    def record_open(cls, event: str, arguments: tuple[Any, ...]) -> None:
         if event == "open" and cls.paths is not None and isinstance(arguments[0], str):
             cls.paths.add(os.path.abspath(arguments[0]))
 
@@ -168,7 +168,7 @@ class _Watch:
 def _opened_files() -> Iterator[set[str]]:
     """The absolute paths of all files that are opened inside; what is kept parsed is read again there."""
     if not _Watch.is_set:
-        sys.addaudithook(_Watch.note)
+        sys.addaudithook(_Watch.record_open)
         _Watch.is_set = True
     before = os.environ.get("XDG_CACHE_HOME")
     with ScratchFolder("parsed") as scratch:

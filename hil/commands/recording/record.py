@@ -31,7 +31,7 @@ examples:
 """
 POLL_S = 0.1
 SECONDS = Number(0.001, YEAR_S, "s")
-SAY_PERIOD_NS = NS_PER_S
+REPORT_PERIOD_NS = NS_PER_S
 
 
 def main(arguments: list[str]) -> int:
@@ -89,7 +89,7 @@ def _wait(recorder: Recorder, tap: "Tap", seconds: float | None, stop_fd: int) -
     while not (recorder.failure or (end and now_ns() > end) or select.select((stop_fd,), (), (), POLL_S)[0]):
         if text := tap.complaint():
             print(("\r\x1b[K" if sys.stdout.isatty() else "") + text, flush=True)
-        if sys.stdout.isatty() and now_ns() - reported_ns > SAY_PERIOD_NS:
+        if sys.stdout.isatty() and now_ns() - reported_ns > REPORT_PERIOD_NS:
             reported_ns = now_ns()
             print(f"\r{recorder.written} messages, {len(tap.connected)} connected", end="\x1b[K", flush=True)
     if sys.stdout.isatty():

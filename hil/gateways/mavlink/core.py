@@ -19,7 +19,7 @@ from hil.gateways.mavlink.telemetry import Context, place_e7
 from hil.scenario.mavlink_records import Mavlink
 from sim.sensors.geodesy import TangentPlane
 
-GONE_NS = 3 * NS_PER_S  # a vehicle that is away for longer is disarmed
+LOST_NS = 3 * NS_PER_S  # a vehicle that is away for longer is disarmed
 DRIVE_NS = NS_PER_S // 20  # between two commands to the vehicle
 URGENT_NS = NS_PER_S // 100  # the same, where a stick has moved
 ARMING_NS = 9 * NS_PER_S // 5  # that the slave may take to say that it obeys
@@ -138,7 +138,7 @@ class Core:
         if snapshot:
             self._seen_ns = now
             self._find_places(snapshot)
-        elif self.pilot.armed and now - self._seen_ns > GONE_NS:
+        elif self.pilot.armed and now - self._seen_ns > LOST_NS:
             self.texts.append((CRITICAL, "the vehicle is gone"))
             self.disarm()
         self._refusal = self.port.refusal() if snapshot else ""

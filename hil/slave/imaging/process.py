@@ -117,7 +117,7 @@ def _serve(scenario: Scenario, node: Identity, answers: int, stop_fd: int) -> No
                 if number not in outlets or sample_publisher.has_subscribers(outlets[number]):
                     began = now_ns()
                     studio.neighbours.place(began)
-                    messages = list(studio.encode(studio.take(number, time_ns, moving), epoch_ns))
+                    messages = list(studio.encode(studio.take_sample(number, time_ns, moving), epoch_ns))
                     due_ns = instant_ns + studio.delay_ns(number)
                     delayed += [(due_ns, message) for message in messages]
                     if messages:  # a sample may be lost on its way
@@ -167,7 +167,7 @@ class Studio:
         for slot in self._slots:
             self.neighbours.stand_before(slot.sensor)
 
-    def take(self, number: int, time_ns: int, moving: list[float]) -> tuple[str, Sample] | None:
+    def take_sample(self, number: int, time_ns: int, moving: list[float]) -> tuple[str, Sample] | None:
         """Return the sample of a sensor, with its name: None if there is none, or it is lost on its way.
 
         `moving` is position, quaternion, nu and its rate of change.

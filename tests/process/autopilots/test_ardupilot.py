@@ -114,7 +114,7 @@ def test_a_resent_packet_is_answered_again_and_not_a_step(tmp_path: Path) -> Non
         peer.close()
 
 
-def test_an_autopilot_that_starts_anew_begins_at_time_zero(tmp_path: Path) -> None:
+def test_an_autopilot_that_starts_again_begins_at_time_zero(tmp_path: Path) -> None:
     with bench(tmp_path) as b:
         peer = ArdupilotPeer(b.port)
         b.steps(405)

@@ -133,7 +133,7 @@ def test_gps_has_a_fix_at_the_surface_only(tmp_path: Path) -> None:
             peer.close()
 
 
-def test_a_px4_that_stalls_and_one_that_leaves_are_told_apart(tmp_path: Path) -> None:
+def test_a_px4_that_stalls_and_one_that_leaves_are_distinguished(tmp_path: Path) -> None:
     with bench(tmp_path) as b:
         peer = Px4Peer(b.port)
         peer.answer(peer.sensor(), ())

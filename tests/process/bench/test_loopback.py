@@ -73,7 +73,7 @@ def test_p99_of_a_hundred_round_trips_is_no_maximum() -> None:
 
 
 @retried_when_busy("delays of another thread or process")
-def test_what_a_bad_line_does_is_told_and_breaks_limits(capsys: pytest.CaptureFixture[str]) -> None:
+def test_what_a_bad_line_does_is_reported_and_breaks_limits(capsys: pytest.CaptureFixture[str]) -> None:
     code, found = loopback(capsys, "--fault", "drop=0.2", "--fault", 'delay="20 ms"', "--max-p99", "10 ms")
     assert code == 1
     assert 0.1 < found["loss"] < 0.7  # both ways

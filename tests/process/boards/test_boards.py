@@ -82,7 +82,7 @@ def test_what_a_serial_port_needs_makes_it_be_there(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", REAL)
-def test_the_clock_of_the_processor_is_told(name: str) -> None:
+def test_the_clock_of_the_processor_is_reported(name: str) -> None:
     assert re.search(r", [0-9.]+ GHz", boards.load_board(name).cpu)
 
 

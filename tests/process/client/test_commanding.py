@@ -62,7 +62,7 @@ def test_another_master_commands(own_slave: tuple[Program, str]) -> None:
             watching["uuv1"].stop()
 
 
-def test_a_master_that_is_taken_over_is_told_so(own_slave: tuple[Program, str]) -> None:
+def test_a_master_that_is_taken_over_learns_it(own_slave: tuple[Program, str]) -> None:
     """Also of what was done: it is held no more."""
     program, endpoint = own_slave
     with hil.connect(endpoint) as first, hil.connect(endpoint, take_over=True) as other:

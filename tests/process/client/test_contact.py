@@ -82,7 +82,7 @@ def test_a_master_tells_how_each_answer_came(ends: tuple[Vehicle, Session], part
         assert any(asked <= came <= sent and asked + vehicle.ahead_ns <= answered for asked, *_ in vehicle.asked)
 
 
-def test_a_master_that_is_heard_as_one_asks_where_others_do_not(ends: tuple[Vehicle, Session]) -> None:
+def test_a_master_known_as_one_asks_where_others_do_not(ends: tuple[Vehicle, Session]) -> None:
     vehicle, session = ends
     contact, _ = begin(session, "master")
     assert wait_for(lambda: contact.reported)

@@ -111,7 +111,7 @@ def test_planners_say_what_they_use() -> None:
     ("subscriptions", "words"),
     [("imu", r"expected a tuple of topics, such as \('imu',\)"), (("lasser",), "no topic 'lasser'.*laser")],
 )
-def test_what_is_no_topic_is_told(subscriptions: str | tuple[str, ...], words: str) -> None:
+def test_what_is_no_topic_is_reported(subscriptions: str | tuple[str, ...], words: str) -> None:
     planner = Curious()
     planner.subscriptions = subscriptions
     with pytest.raises(ConfigError, match=f"Curious: subscriptions.*{words}"):

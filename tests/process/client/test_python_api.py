@@ -154,7 +154,7 @@ def test_asyncio(endpoint: str) -> None:
         ),
     ],
 )
-def test_what_cannot_be_meant_is_told(vehicle: Vehicle, tell: Callable[[Vehicle], object], words: str) -> None:
+def test_what_cannot_be_meant_is_reported(vehicle: Vehicle, tell: Callable[[Vehicle], object], words: str) -> None:
     with pytest.raises(ConfigError) as caught:
         tell(vehicle)
     assert words in str(caught.value)
@@ -236,7 +236,7 @@ def test_through_a_router(tmp_path: Path) -> None:
                 assert wait_for(lambda: fleet["uuv1"].state.velocity[0] > 0.1)
 
 
-def test_a_router_is_told_from_a_slave(tmp_path: Path) -> None:
+def test_a_router_is_distinguished_from_a_slave(tmp_path: Path) -> None:
     """Who dials it as if it were a slave hears how to; a slave whose router is down, what to start."""
     port = free_port()
     scenario, _ = write_scenario(tmp_path)

@@ -61,7 +61,7 @@ class WithoutSamples(Relay):
         self._buffers[far] = data
 
 
-def test_samples_come_again_and_commands_arrive_after_the_session_was_opened_anew(tmp_path: Path) -> None:
+def test_samples_come_again_and_commands_arrive_after_the_session_was_opened_again(tmp_path: Path) -> None:
     scenario, port = write_scenario(tmp_path)
     reports: list[str] = []
     with (

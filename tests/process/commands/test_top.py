@@ -87,7 +87,7 @@ def test_an_endpoint_that_nobody_answers_from_is_named(slave: int, tmp_path: Pat
     assert "nobody at" not in top.output
 
 
-def test_two_slaves_of_one_name_are_told(slave: int, tmp_path: Path) -> None:
+def test_two_slaves_of_one_name_are_reported(slave: int, tmp_path: Path) -> None:
     path, port = write_scenario(tmp_path)
     with Program(tmp_path, "slave", path) as other:
         other.expect("ready")
@@ -97,7 +97,7 @@ def test_two_slaves_of_one_name_are_told(slave: int, tmp_path: Path) -> None:
     assert "2 slaves are called uuv1, and their figures are mixed" in top.output
 
 
-def test_what_does_not_fit_the_window_is_told_and_remarks_stay() -> None:
+def test_what_does_not_fit_the_window_is_reported_and_remarks_stay() -> None:
     lines = [*map(str, range(10)), "remark"]
     assert fitting(lines, 11, 1) == lines
     assert fitting(lines, 8, 1) == ["0", "1", "2", "3", "4", "5", "... 4 more lines in a higher window", "remark"]
@@ -110,7 +110,7 @@ def test_a_wait_that_is_none(seconds: str, capsys: pytest.CaptureFixture[str]) -
     assert f"--wait: expected a number from 0 to 86400 s, found '{seconds}'" in capsys.readouterr().err
 
 
-def test_nobody_is_told(tmp_path: Path) -> None:
+def test_nobody_is_reported(tmp_path: Path) -> None:
     with Program(tmp_path, "top", "--connect", f"tcp/127.0.0.1:{free_port()}", "--once", "--wait", "0.5") as top:
         assert top.process.wait(60) == 4, top.output
     assert "is `uuv-hil slave` running there" in top.output
@@ -126,7 +126,7 @@ def test_prometheus_at_an_address_of_version_six() -> None:
 
 
 @pytest.mark.parametrize("where", ["here", "127.0.0.1:99999"])
-def test_a_wrong_address_is_told(where: str, tmp_path: Path) -> None:
+def test_a_wrong_address_is_reported(where: str, tmp_path: Path) -> None:
     with Program(tmp_path, "top", "--prometheus", where) as top:
         assert top.process.wait(60) != 0
     assert "expected [HOST:]PORT" in top.output
@@ -158,7 +158,7 @@ def test_prometheus_of_a_real_slave_and_when_it_is_gone(tmp_path: Path) -> None:
     assert "Traceback" not in top.output
 
 
-def test_every_figure_of_the_table_is_told_by_a_slave(slave: int) -> None:
+def test_every_figure_of_the_table_is_reported_by_a_slave(slave: int) -> None:
     with open_master_session(f"tcp/127.0.0.1:{slave}") as session:
         watch = HealthWatch(session)
         assert wait_for(lambda: [status for status in watch.statuses() if status.paces])

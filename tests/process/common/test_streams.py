@@ -128,7 +128,7 @@ def test_a_fleet_is_named_where_one_vehicle_is_flown(command: list[str], capsys:
         ("[link]", '[link]\nframe = "aa5"', "link.frame: no frame 'aa5'; did you mean 'aa55'?"),
     ],
 )
-def test_what_a_scenario_names_is_told_by_its_file_and_key(
+def test_what_a_scenario_names_is_reported_by_its_file_and_key(
     old: str, new: str, words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     from tests.support.processes import write_scenario

@@ -167,7 +167,7 @@ def test_a_frame_that_cannot_carry_so_many_thrusters(tmp_path: Path) -> None:
     assert re.search(rf"frame {re.escape(str(frame))} carries 4 thrusters, not 6", err)
 
 
-def test_serve_ends_when_told_and_reports(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_serve_ends_on_request_and_reports(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("firmware_stub.serve.REPORT_PERIOD_NS", 30_000_000)
     with nothing_leaks():
         wire = PtyWire()

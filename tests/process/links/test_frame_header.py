@@ -29,7 +29,7 @@ def test_the_header_is_what_the_frame_file_says() -> None:
     assert (done.returncode, done.stderr) == (0, "")
 
 
-def test_a_header_that_is_not_up_to_date_is_told(tmp_path: Path) -> None:
+def test_a_header_that_is_not_up_to_date_is_reported(tmp_path: Path) -> None:
     for folder in ("tools", "hil", "firmware_stub"):
         shutil.copytree(ROOT / folder, tmp_path / folder, ignore=shutil.ignore_patterns("__pycache__", "images"))
     frame = tmp_path / "firmware_stub" / "frames" / "uuv_hil.toml"

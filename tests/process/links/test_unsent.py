@@ -309,7 +309,7 @@ def test_the_slowest_part_of_a_link_counts() -> None:
     assert line_speed(parse_address("pty:"), 9600, 500_000) == (0, "")
 
 
-def test_a_wire_that_is_gone_is_told_by_the_write(link: ThrusterLink) -> None:
+def test_a_wire_that_is_gone_is_reported_by_the_write(link: ThrusterLink) -> None:
     device = PtyWire()
     wire = PtyHostWire(device.path)
     gone = ThrusterLink(wire, open_protocol("frame", "host", 6))

@@ -229,7 +229,7 @@ may_listen = ["viewer"]
 """
 
 
-def test_the_refused_master_is_told_why(tmp_path: Path) -> None:
+def test_the_refused_master_learns_why(tmp_path: Path) -> None:
     init(str(tmp_path / "keys"))
     for name in ("uuv1", "laptop", "viewer", "stranger"):
         add_machine(str(tmp_path / "keys"), name, [])

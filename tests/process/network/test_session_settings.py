@@ -37,19 +37,19 @@ def test_an_endpoint_is_two_links_by_priority() -> None:
 
 
 @pytest.mark.parametrize("endpoint", ["7447", "udp/1.2.3.4:7447", "tcp/:7447", "tcp/h:65535", "tcp/h:0", "tcp/h:x", ""])
-def test_what_is_no_endpoint_is_told(endpoint: str) -> None:
+def test_what_is_no_endpoint_is_reported(endpoint: str) -> None:
     with pytest.raises(NetworkError, match="tcp/HOST:PORT"):
         open_master_session(endpoint)
 
 
-def test_an_unknown_host_is_told_with_the_remedy() -> None:
+def test_an_unknown_host_is_reported_with_the_remedy() -> None:
     with pytest.raises(NetworkError, match=r"^cannot listen on tcp/no\.such\.invalid:7447: .* give its address$"):
         listen("tcp/no.such.invalid:7447")
 
 
 @pytest.mark.skipif(not shutil.which("setpriv"), reason="util-linux's setpriv is not installed")
 @pytest.mark.skipif(os.geteuid() != 0, reason="only root can give the right to such ports away")
-def test_a_port_that_only_root_may_have_is_told_with_the_remedy() -> None:
+def test_a_port_that_only_root_may_have_is_reported_with_the_remedy() -> None:
     code = 'from hil.network.opening import listen; listen("tcp/127.0.0.1:81")'
     unprivileged = ["setpriv", "--bounding-set=-net_bind_service", "--inh-caps=-net_bind_service"]
     done = subprocess.run([*unprivileged, sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT)

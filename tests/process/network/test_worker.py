@@ -43,7 +43,7 @@ def test_beyond_the_rate_items_are_lost_until_the_second_is_over(monkeypatch: py
     assert full.lost == 1, "what finds no room is counted too"
 
 
-def test_what_raises_loses_its_item_and_is_told_once(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_raises_loses_its_item_and_is_reported_once(monkeypatch: pytest.MonkeyPatch) -> None:
     worker, used, told = WorkerThread(), list[float](), list[threading.ExceptHookArgs]()
     monkeypatch.setattr(threading, "excepthook", told.append)
     divide = worker.open_queue(lambda number: used.append(1 / number)).put

@@ -162,7 +162,7 @@ def test_a_clock_before_1970_does_not_end_a_recording(tmp_path: Path) -> None:
     assert found == [sent[0], sent[1]._replace(published_ns=0), sent[2]]
 
 
-def test_whatever_ends_the_recording_is_told(tmp_path: Path) -> None:
+def test_whatever_ends_the_recording_is_reported(tmp_path: Path) -> None:
     told: list[str] = []
     with Recorder(str(tmp_path / "bag"), SMALL, {}, report=told.append) as recorder:
         recorder.put(imu(1))

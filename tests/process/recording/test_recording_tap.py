@@ -102,7 +102,7 @@ def test_one_topic_of_two_vehicles() -> None:
     assert tap.missed == 0
 
 
-def test_topics_of_one_publisher_are_told_apart() -> None:
+def test_topics_of_one_publisher_are_distinguished() -> None:
     """All commands of a master have one gid; each topic counts its own."""
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     with listen(endpoint) as slave, Tap([endpoint]) as tap:

@@ -58,7 +58,7 @@ def test_the_scenario_s_domain_comes_before_the_environment_s(tmp_path: Path, mo
 
 
 @pytest.mark.parametrize("text", ["x", "-1", "233", "1" * 5000, "1.5"])
-def test_no_domain_in_the_environment_is_told(text: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_no_domain_in_the_environment_is_reported(text: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("ROS_DOMAIN_ID", text)
     scenario = scenario_with(tmp_path, "")
     with pytest.raises(ConfigError, match=r"ROS_DOMAIN_ID: .* 0 to 232"):
@@ -67,7 +67,7 @@ def test_no_domain_in_the_environment_is_told(text: str, tmp_path: Path, monkeyp
 
 
 @pytest.mark.parametrize("text", ["domain = 233", "domain = 1.5", 'distro = "foxy"'])
-def test_no_domain_and_no_release_in_the_scenario_is_told(text: str, tmp_path: Path) -> None:
+def test_no_domain_and_no_release_in_the_scenario_is_reported(text: str, tmp_path: Path) -> None:
     scenario = scenario_with(tmp_path, f"[ros]\n{text}\n")
     with pytest.raises(ConfigError, match="ros: d"):
         load_scenario(scenario)
@@ -96,7 +96,7 @@ def test_humble_s_range_has_no_variance() -> None:
     assert [ros_sensors.decode_distance(data) for data in (new[1], old[1])] == [depth] * 2
 
 
-def test_a_slave_of_another_domain_is_heard_there_and_nowhere_else(tmp_path: Path) -> None:
+def test_a_slave_of_another_domain_is_received_there_and_nowhere_else(tmp_path: Path) -> None:
     path, port = write_scenario(tmp_path)
     path.write_text(path.read_text() + '[ros]\ndistro = "humble"\n')
     heard: dict[str, int] = {}

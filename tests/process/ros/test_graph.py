@@ -211,7 +211,7 @@ def test_masters_and_observers_are_nodes_too_while_they_are_there(routed: bool) 
         clients[2].close()
 
 
-def test_a_visitor_is_told_that_nobody_is_there() -> None:
+def test_a_client_learns_that_nobody_is_there() -> None:
     endpoint, tries = f"tcp/127.0.0.1:{free_port()}", list[float]()
     with pytest.raises(NetworkError, match=f"nobody answered at {endpoint} within 0.2 s; is `uuv-hil slave` running"):
         open_client_session(endpoint, seconds=0.2, pause=lambda: tries.append(time.monotonic()))

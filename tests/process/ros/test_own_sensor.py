@@ -173,7 +173,7 @@ def test_a_planner_gets_it_in_simulated_time_and_over_the_network(where: Path) -
         ("[sensors.mine]\nrate = 1", 'one of your own needs class = "module:Class"'),
     ],
 )
-def test_what_is_wrong_is_told(where: Path, section: str, words: str) -> None:
+def test_what_is_wrong_is_reported(where: Path, section: str, words: str) -> None:
     path, _ = scenario_with(where, section)
     with pytest.raises(ConfigError, match=re.escape(words)):
         load_scenario(str(path))

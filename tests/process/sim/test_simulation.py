@@ -79,7 +79,7 @@ def test_rates_do_not_drift() -> None:
                       "ground_truth": 400}  # fmt: skip
 
 
-def test_it_goes_where_it_is_told() -> None:
+def test_it_goes_where_it_is_commanded() -> None:
     """Forward at heading 90 deg is east; both verticals push down; the left bank turns it to starboard."""
     simulation = Simulation(VEHICLE, FIELD, position=(0.0, 0.0, 3.0), heading=1.5707963)
     for _ in range(800):

@@ -109,7 +109,7 @@ def test_an_observer_with_a_masters_ident_does_not_stand_for_it(slave: Slave) ->
     assert slave.said.commander == name
 
 
-def test_of_very_many_masters_only_some_are_told(slave: Slave) -> None:
+def test_of_very_many_masters_only_some_are_reported(slave: Slave) -> None:
     """A stranger announces thousands: neither the log nor the table of ranks grows with them."""
     reported: list[str] = []
     slave.contacts._report = reported.append

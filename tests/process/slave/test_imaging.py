@@ -142,7 +142,7 @@ def test_stamps_are_those_of_the_simulation(watched: VehicleClient) -> None:
     assert figures.imaging_restarts == 0
 
 
-def test_a_killed_process_is_told_and_started_again(slave: tuple[Program, VehicleClient]) -> None:
+def test_a_killed_process_is_reported_and_started_again(slave: tuple[Program, VehicleClient]) -> None:
     program, client = slave
     assert wait_for(lambda: has_all(client)), client.received
     kills = itertools.count(1)
@@ -258,14 +258,14 @@ def start_with_pillow(folder: Path, text: str) -> Program:
     return start(folder, environment={"PYTHONPATH": str(package.parent)})[0]
 
 
-def test_what_cannot_be_mended_is_told_once(tmp_path: Path) -> None:
+def test_what_cannot_be_mended_is_reported_once(tmp_path: Path) -> None:
     with start_with_pillow(tmp_path, "raise ImportError") as program:
         program.expect(r"no pictures: pictures as JPEG need Pillow: pip install 'uuv-hil\[imaging\]'")
         assert program.process.poll() is None
         assert "ended" not in program.output
 
 
-def test_why_it_ended_is_told_and_it_is_started_less_and_less_often(tmp_path: Path) -> None:
+def test_why_it_ended_is_reported_and_it_is_started_less_and_less_often(tmp_path: Path) -> None:
     with start_with_pillow(tmp_path, "raise RuntimeError('no lens')") as program:
         for pause in ("0.5", "1"):
             program.expect(

@@ -190,7 +190,7 @@ def test_between_two_words_it_goes_on_and_then_it_is_gone(scenario: Scenario) ->
         {"orientation": (np.nan, 0.0, 0.0, 0.0)}, {"nu": (np.inf, 0.0, 0.0, 0.0, 0.0, 0.0)},
     ],
 )  # fmt: skip
-def test_what_no_vehicle_can_say_is_not_heard(scenario: Scenario, changes: dict[str, Any]) -> None:
+def test_what_no_vehicle_can_say_is_not_received(scenario: Scenario, changes: dict[str, Any]) -> None:
     heard = Heard(scenario, load_vehicle(scenario.vehicle)[0])
     heard.hear_from("two", SAMPLE._replace(**changes), NS_PER_S)
     heard.place(NS_PER_S)

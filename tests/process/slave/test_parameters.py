@@ -234,7 +234,7 @@ def test_what_the_service_says_is_read_too(asker: Asker) -> None:
     assert asker.get("failures.front_right") == ""
 
 
-def test_they_are_told_recorded_and_repeated_to_the_bit(flown: Flown, asker: Asker) -> None:
+def test_they_are_reported_recorded_and_repeated_to_the_bit(flown: Flown, asker: Asker) -> None:
     """The last that is done to this slave: all kinds while it is driven, then its recording is flown again."""
     kinds = (
         "kind = efficiency, efficiency = 0.3", "kind = stuck, pwm_us = 1700", "kind = delayed, delay = 50 ms",

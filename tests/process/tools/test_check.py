@@ -31,7 +31,7 @@ def outcome(folder: Path, *files: str, jobs: str = "0") -> tuple[list[str], list
     return check.run_tests(["."], ["-n", jobs], folder)
 
 
-def test_a_test_that_fails_once_passes_and_is_told(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+def test_a_test_that_fails_once_passes_and_is_reported(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     failed, passed_alone = outcome(tmp_path, BY_CHANCE, FINE, jobs="1")
     assert (failed, passed_alone) == ([], ["test_0.py::test_by_chance"])
     assert "1 failed beside others; once more, alone:\n  test_0.py::test_by_chance" in capfd.readouterr().out

@@ -50,7 +50,7 @@ def test_shares_of_threads() -> None:
     assert shares(before, after) == {"1/1 main": 0.25, "1/2 rx": 0.0, "1/3 rx": pytest.approx(0.1)}
 
 
-def test_threads_of_one_name_are_told_apart() -> None:
+def test_threads_of_one_name_are_distinguished() -> None:
     names = thread_names({"1/10 rx", "1/9 rx", "2/11 rx", "1/1 main program"})
     assert names == {"1/1 main program": "main program", "1/9 rx": "rx", "1/10 rx": "rx #2", "2/11 rx": "rx"}
 
@@ -109,7 +109,7 @@ def test_a_course_tells_process_from_process() -> None:
     assert of_group(found, "imaging").cpu == []
 
 
-def test_a_difference_is_told_from_noise() -> None:
+def test_a_difference_is_distinguished_from_noise() -> None:
     calm, more = [5.0, 5.1, 5.0, 5.1], [6.0, 6.1, 6.0, 6.1]
     assert difference(more, calm).is_distinct
     assert difference(more, calm).more == pytest.approx(1.0)
@@ -117,7 +117,7 @@ def test_a_difference_is_told_from_noise() -> None:
     assert not difference(more, calm, [[6.5, 6.6]]).is_distinct, "the same setting once more was as far away"
 
 
-def test_growth_is_told_from_noise() -> None:
+def test_growth_is_distinguished_from_noise() -> None:
     random = Random(3)
     at = [10.0 * i for i in range(360)]
     noise = [random.gauss(20.0, 0.2) for _ in at]

@@ -233,7 +233,7 @@ def test_bad_input_is_named(words: list[str], text: str, capsys: pytest.CaptureF
     assert text in capsys.readouterr().err
 
 
-def test_what_was_measured_before_an_interrupt_is_told(tmp_path: Path) -> None:
+def test_what_was_measured_before_an_interrupt_is_reported(tmp_path: Path) -> None:
     words = ("bench", "table", "--seconds", "1", "--repeat", "99", "--output", str(tmp_path / "table.json"))
     with Program(tmp_path, *words, environment={"TMPDIR": str(tmp_path)}) as program:
         assert wait_for(lambda: len(list(tmp_path.glob("uuv-hil-scratch-bench-*/slave-*.log"))) >= 3, 60)

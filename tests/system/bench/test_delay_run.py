@@ -104,7 +104,7 @@ def test_what_cannot_be_meant(options: list[str], words: str, capsys: pytest.Cap
     assert words in capsys.readouterr().err
 
 
-def test_runs_are_pooled_and_told_apart() -> None:
+def test_runs_are_pooled_and_distinguished() -> None:
     runs = [some_result([0.7] * 4), some_result([0.9] * 3, sent=4, rate=18.0, warnings=["late"])]
     both = pooled(runs)
     assert both.delay == [0.7] * 4 + [0.9] * 3

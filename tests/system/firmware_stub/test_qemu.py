@@ -144,7 +144,7 @@ class TestQemu:
 
 @pytest.mark.qemu
 @pytest.mark.skipif(not shutil.which(PROGRAM), reason=f"needs {PROGRAM}")
-def test_what_qemu_has_against_the_image_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_qemu_has_against_the_image_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(qemu, "IMAGE", "/no/such/image.bin")
     with nothing_leaks(), pytest.raises(DeviceError, match=r"did not come up: .*/no/such/image\.bin"):
         QemuStm32()

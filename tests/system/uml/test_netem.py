@@ -147,7 +147,7 @@ def test_a_black_hole_downward(bench: Bench) -> None:
 
 
 @retried_when_busy(LATE)
-def test_a_stream_whose_peer_vanishes_ends_and_can_be_opened_anew() -> None:
+def test_a_stream_whose_peer_vanishes_ends_and_can_be_opened_again() -> None:
     """TCP over a cable that is out: both ends give up in `PEER_TIMEOUT_S`, the STM32 has stopped long before."""
     with benched("tcp") as made:
         made.run(0.3)

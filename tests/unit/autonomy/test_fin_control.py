@@ -40,7 +40,7 @@ def test_four_fins_make_any_small_moment(name: str) -> None:
         assert made[3:] == pytest.approx(wanted[3:], rel=1e-4)
 
 
-def test_what_cannot_be_had_is_told() -> None:
+def test_what_cannot_be_had_is_reported() -> None:
     fins = load_vehicle("remus100")[0].fins
     matrix = fin_matrix(fins, 1025.0)
     allocator = FinAllocator(matrix, [fin.max_deflection for fin in fins], 0.5)
@@ -61,7 +61,7 @@ def navigation(u: float, pitch: float = 0.0, w: float = 0.0) -> Navigation:
     return Navigation(from_euler(0.0, pitch, 0.0), (0.0, 0.0, 0.0), (u, 0.0, w), 10.0)
 
 
-def test_it_keeps_moving_while_it_steers_and_stops_when_told() -> None:
+def test_it_keeps_moving_while_it_steers_and_stops_on_request() -> None:
     going = controller().update(VelocityCommand(surge=0.1, yaw_rate=0.1), navigation(0.3), 0.02)
     least = controller().update(VelocityCommand(surge=0.6, yaw_rate=0.1), navigation(0.3), 0.02)
     stopping = controller().update(VelocityCommand(), navigation(0.3), 0.02)

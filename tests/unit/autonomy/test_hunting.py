@@ -115,7 +115,7 @@ REPORTS = st.lists(
 
 
 @given(st.lists(st.tuples(st.floats(-2.0, 10.0), st.floats(-2.0, 10.0), REPORTS, st.floats(0.0, 1.0)), max_size=12))
-def test_whatever_is_heard_the_clock_goes_on_and_the_speed_is_kept(
+def test_whatever_is_received_the_clock_goes_on_and_the_speed_is_kept(
     steps: list[tuple[float, float, list[Report], float]],
 ) -> None:
     hunter = Hunter(plan_of("line"), 1, FIELDS, BERTH)

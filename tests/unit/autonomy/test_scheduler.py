@@ -69,7 +69,7 @@ def test_the_three_tasks_and_home() -> None:
     assert spent["done"] / SECOND == pytest.approx(54.6 + 30 + 50.3 + 20 + 48.4, abs=10.0)
 
 
-def test_an_empty_battery_interrupts_and_the_task_is_begun_anew() -> None:
+def test_an_empty_battery_interrupts_and_the_task_is_begun_again() -> None:
     world = World(Scheduler(MISSION), drain=0.008)
     world.signals["battery"] = 0.9  # below 0.3 after 75 s, at work far out
     world.run()

@@ -337,7 +337,7 @@ def test_a_waypoint_file_as_csv(tmp_path: Any) -> None:
         ("", r"way\.csv: a path needs at least two"),
     ],
 )
-def test_a_wrong_csv_is_told_by_its_line(text: str, message: str, tmp_path: Any) -> None:
+def test_a_wrong_csv_is_reported_by_its_line(text: str, message: str, tmp_path: Any) -> None:
     with pytest.raises((ConfigError, MissionError), match=message):
         read_waypoints(write(os.path.join(tmp_path, "way.csv"), text))
 

@@ -218,7 +218,7 @@ def damage(path: str, key: str, value: object, *way: str) -> None:
     Path(path).write_text(json.dumps(root))
 
 
-def test_files_from_before_runs_were_told(tmp_path: Path) -> None:
+def test_files_from_before_runs_were_reported(tmp_path: Path) -> None:
     path = write(tmp_path / "a.json", x=Figure([1.0, 2.0], "s"))
     table = json.loads(Path(path).read_text())
     del table["figures"]["x"]["runs"]

@@ -132,7 +132,7 @@ def test_a_slave_that_ran_before_has_no_startup_time() -> None:
     assert json.loads(json.dumps(table.to_json(result, OUTCOME)))["table"]["startup_s"] is None
 
 
-def test_a_slave_that_was_started_anew_has_no_share_of_a_core() -> None:
+def test_a_slave_that_was_started_again_has_no_share_of_a_core() -> None:
     """Its processor time begins again at 0: the difference would be less than nothing."""
     result = build(exec_wall_ns=1_050_000_000)
     assert math.isnan(result.slave_cpu_core)

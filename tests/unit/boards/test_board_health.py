@@ -101,7 +101,7 @@ def test_the_kernels_alarm_when_the_firmware_is_not_asked(tmp_path: Path) -> Non
 
 
 @pytest.mark.parametrize("soc", ["soc/soc:firmware", "soc@107c000000/soc@107c000000:firmware"])  # the latter of a Pi 5
-def test_what_the_kernel_heard_when_the_firmware_is_not_asked(tmp_path: Path, soc: str) -> None:
+def test_the_log_of_the_kernel_when_the_firmware_is_not_asked(tmp_path: Path, soc: str) -> None:
     tree = tree_of("raspberry_pi_4b", tmp_path)
     board, received = recognise(tree), f"sys/devices/platform/{soc}/get_throttled"
     assert not throttling(tree, board, ask_firmware=False).known

@@ -119,7 +119,7 @@ def test_what_a_vehicle_says_of_itself_is_wrong_by_zero_mean_noise_of_its_own() 
             assert abs(statistics.correlation(errors, others)) < 0.08
 
 
-def test_nobody_sets_out_before_all_next_to_it_are_heard() -> None:
+def test_nobody_sets_out_before_all_neighbours_have_reported() -> None:
     simulated, watch = hunt("diamond")
     modem, simulated.planners[2].report = simulated.planners[2].report, lambda: b""  # type: ignore[method-assign]
     run(simulated, 5.0)

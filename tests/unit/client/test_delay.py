@@ -24,7 +24,7 @@ def test_one_clock() -> None:
 
 
 @pytest.mark.parametrize("offset", [0, 5_000 * MS, -90_000 * MS])
-def test_two_clocks_are_told_apart_from_delay(offset: int) -> None:
+def test_two_clocks_are_distinguished_from_delay(offset: int) -> None:
     generator = random.Random(1)
     meter = DelayMeter()
     meter.same_clock = False

@@ -86,7 +86,7 @@ def test_the_one_wrong_byte_is_named(capsys: pytest.CaptureFixture[str]) -> None
     assert "right if byte 6 (flags) were 0x01, not 0x03" in text
 
 
-def test_noise_cuts_and_strangers(capsys: pytest.CaptureFixture[str]) -> None:
+def test_noise_cuts_and_unknown_senders(capsys: pytest.CaptureFixture[str]) -> None:
     protocol = opened("uuv_hil")
     good = protocol.encode(ThrusterCommand(9, True, (1500,)))
     unknown = bytes.fromhex("a5 5a 03 7f 01 02 03 74 08")

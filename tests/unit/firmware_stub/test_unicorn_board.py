@@ -50,7 +50,7 @@ def test_it_starts_neutral_and_reports_each_20_ms(board: UnicornBoard) -> None:
 
 
 @pytest.mark.parametrize("channels", [1, 4, 5, 8])
-def test_it_drives_as_many_thrusters_as_it_is_told(channels: int) -> None:
+def test_it_drives_as_many_thrusters_as_configured(channels: int) -> None:
     board = UnicornBoard(IMAGE, channels)
     board.transmitted()
     pulses = tuple(1200 + 50 * i for i in range(channels))

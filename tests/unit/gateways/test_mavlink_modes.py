@@ -242,7 +242,7 @@ def test_a_vehicle_that_is_gone_has_no_heartbeat_and_is_disarmed() -> None:
     assert not bench.core.pilot.armed
 
 
-def test_a_leak_is_told_and_brings_it_up_if_asked_for() -> None:
+def test_a_leak_is_reported_and_brings_it_up_if_asked_for() -> None:
     bench = Bench()
     bench.table.set("FS_LEAK_ENABLE", 2)
     bench.arm(Mode.ALT_HOLD)

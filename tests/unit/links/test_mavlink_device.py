@@ -150,7 +150,7 @@ def test_a_command_to_everyone_is_for_us_too(ground: Ground) -> None:
 
 
 @pytest.mark.parametrize("request_version", [(512, 148.0), (520, 1.0)])
-def test_the_version_is_told(ground: Ground, request_version: tuple[int, float]) -> None:
+def test_the_version_is_reported(ground: Ground, request_version: tuple[int, float]) -> None:
     answers = ground.say(ground.long(*request_version))
     (version,) = [m for m in answers if m.get_type() == "AUTOPILOT_VERSION"]
     assert version.capabilities & dialect.MAV_PROTOCOL_CAPABILITY_MAVLINK2

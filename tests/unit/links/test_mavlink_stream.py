@@ -78,7 +78,7 @@ def test_a_claimed_length_holds_back_nothing() -> None:
     assert counters.dropped_bytes == len(header)
 
 
-def test_a_damaged_packet_is_counted_and_the_next_one_heard() -> None:
+def test_a_damaged_packet_is_counted_and_the_next_one_received() -> None:
     whole = b"".join(packets(3))
     second = len(packets(1)[0])
     for at in range(second + 10, second + 20):

@@ -107,7 +107,7 @@ def test_the_table_is_that_of_either_modem() -> None:
         ({"modem": 3}, "modem: expected a table"),
     ],
 )
-def test_what_is_wrong_is_told(changes: dict[str, object], words: str) -> None:
+def test_what_is_wrong_is_reported(changes: dict[str, object], words: str) -> None:
     with pytest.raises(ConfigError, match=words):
         modem_of(load_scenario(SCENARIO, changes))
 

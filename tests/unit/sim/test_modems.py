@@ -87,7 +87,7 @@ def test_a_modem_sends_one_message_at_a_time_and_none_that_is_too_long() -> None
     assert (channel.counts["busy"], channel.counts["too_long"]) == (1, 1)
 
 
-def test_of_two_that_collide_the_first_is_heard_and_disturbed() -> None:
+def test_of_two_that_collide_the_first_is_received_and_disturbed() -> None:
     places = {"near": (0.0, 0.0, 5.0), "ear": (30.0, 0.0, 5.0), "far": (900.0, 0.0, 5.0)}
     channel = AcousticChannel(EXACT, 50.0, seed=1)
     channel.send(0, "near", b"x" * 16, places)
@@ -112,7 +112,7 @@ def test_a_longer_message_that_came_first_keeps_the_receiver() -> None:
     assert channel.counts["collided"] == 1
 
 
-def test_too_far_is_not_heard() -> None:
+def test_too_far_is_not_received() -> None:
     channel = AcousticChannel(EXACT, 50.0, seed=1)
     channel.send(0, "a", b"x", {"a": (0.0, 0.0, 5.0), "b": (20_000.0, 0.0, 5.0)})
     assert run(channel, 30.0) == []

@@ -38,7 +38,7 @@ def test_order(begin: int, sent_before: int) -> None:
 
 
 @pytest.mark.parametrize("counted", [2, 500, 40_000, 65_000])
-def test_an_stm32_that_begins_anew(counted: int) -> None:
+def test_an_stm32_that_begins_again(counted: int) -> None:
     newest = report(7000, counted)
     assert not is_overtaken(STARTED, newest), "it has counted nothing and is disarmed"
     assert not is_overtaken(report(7001, 1), newest)

@@ -87,7 +87,7 @@ def test_an_imu_that_sits_askew_tells_of_the_vehicle() -> None:
         (VelocityCommand(yaw_rate=0.4), 5),
     ],
 )
-def test_the_vehicle_does_what_it_is_told(wanted: VelocityCommand, axis: int) -> None:
+def test_the_vehicle_does_what_is_commanded(wanted: VelocityCommand, axis: int) -> None:
     pilot = new_pilot(10_000)
     simulation = Simulation(VEHICLE, WORLD, seed=3, position=(0.0, 0.0, 2.0))
     pulses: tuple[int, ...] = NEUTRAL

@@ -76,7 +76,7 @@ def test_a_vehicle_upside_down_has_capsized(watched: Watched) -> None:
     assert watched.run(0.1) == ["capsize"]
 
 
-def test_a_touch_between_two_looks_is_told(watched: Watched) -> None:
+def test_a_touch_between_two_looks_is_reported(watched: Watched) -> None:
     """Contacts are noted by the step, and said at the next look."""
     watched.simulation.state.position = [4.0, 4.0, WORLD.depth - 0.5 * VEHICLE.dimensions[2] - 1e-4]
     watched.simulation.state.nu = [0.0, 0.0, 0.3, 0.0, 0.0, 0.0]

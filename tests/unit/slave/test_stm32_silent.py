@@ -69,7 +69,7 @@ class Bed:
 
 
 @pytest.mark.usefixtures("still")
-def test_silence_is_told_once_and_its_end_too() -> None:
+def test_silence_is_reported_once_and_its_end_too() -> None:
     bed = Bed()
     for began in (0.0, 10.0):
         bed.driver.send(COMMAND)

@@ -119,7 +119,7 @@ def test_they_go_soon_where_nobody_listens_to_samples(bed: Bed) -> None:
     assert bed.told() == [1]
 
 
-def test_the_last_is_told_at_the_end(bed: Bed) -> None:
+def test_the_last_is_reported_at_the_end(bed: Bed) -> None:
     bed.obey(1)
     stop = os.eventfd(1)
     bed.loop.run(stop)

@@ -31,7 +31,7 @@ STANDS_NS = 10**12  # for the pilot no time passes: a command holds for as long 
 VEHICLES = sorted(path.stem for path in (ROOT / "sim" / "vehicles").glob("*.toml"))
 
 
-class SilentOutbox:
+class SilentSamplePublisher:
     """Nobody listens."""
 
     published = 0
@@ -74,7 +74,7 @@ class Vehicle:
         pilot = build_pilot(scenario, vehicle, control, world)
         driver = open_driver("python", scenario.link, len(vehicle.channels), True, 1, print)
         self.command_receiver = CommandReceiver(10**9, 10**9, 1000.0)
-        sample_publisher: Any = SilentOutbox()
+        sample_publisher: Any = SilentSamplePublisher()
         self.loop = Loop(
             self.simulation, driver, pilot, self.command_receiver, sample_publisher, STEP_NS, 20_000_000, print
         )

@@ -39,7 +39,7 @@ def test_they_have_help(
     assert words in capsys.readouterr().out
 
 
-def test_the_table_counts_those_who_could_have_heard() -> None:
+def test_the_table_counts_those_who_could_have_received() -> None:
     outcome, counts = modem_hunts.hunt({"master.time_limit": 6.0})
     assert counts["delivered"] == 3 * counts["sent"] - 3 or counts["delivered"] == 3 * counts["sent"]
     text = modem_hunts.row("mine", [outcome, outcome], Counter(sent=10, delivered=15, deaf=6, unheard=9))

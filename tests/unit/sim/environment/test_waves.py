@@ -231,7 +231,7 @@ def test_far_below_short_waves() -> None:
     assert any(wave_field.motion(1.0, 0.0, 0.0, 0.0).velocity)
 
 
-def test_waves_travel_where_they_are_told() -> None:
+def test_waves_travel_in_their_direction() -> None:
     """A crest seen at one place is seen k / omega later further on, towards east."""
     wave_field = WaveField(Waves(0.5, 7.0, direction=pi / 2.0, components=1), 50.0, G, 1)
     wave = wave_field.components[0]

@@ -251,7 +251,7 @@ def test_out_of_the_water_there_is_nothing() -> None:
     assert not image(forward(FLAT).sample(0, State((0.0, 0.0, -0.5)))).any()
 
 
-def test_what_stands_out_of_the_water_is_not_heard() -> None:
+def test_what_stands_out_of_the_water_is_not_received() -> None:
     """A tall wall is heard up to the surface only: its upper patches would come earlier from deeper down."""
     model = TRUE._replace(beams=1, sector=radians(1.0), rays=200)
     shallow = forward(facing_wall(20.0), model).sample(0, State((0.0, 0.0, 1.0)))

@@ -171,7 +171,7 @@ FIN = """<link name="hydra/fin0"/><joint name="f" type="revolute">
 </robot>"""
 
 
-def test_fins_are_told_and_those_given_are_kept(tmp_path: Path) -> None:
+def test_fins_are_reported_and_those_given_are_kept(tmp_path: Path) -> None:
     """Each by its name, with what it takes to write it down; the file that is written holds what was given."""
     text = (VECTORS / "hydra.urdf").read_text().replace("</robot>", FIN).encode()
     path = str(VECTORS / "hydra.urdf")

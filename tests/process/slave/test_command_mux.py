@@ -104,7 +104,7 @@ def test_silence_ends_every_kind(bench: Bench) -> None:
         assert bench.pilot.deadman_trips == trips
 
 
-def test_after_an_open_loop_the_controller_begins_anew(bench: Bench) -> None:
+def test_after_an_open_loop_the_controller_begins_again(bench: Bench) -> None:
     """Integrals from before do not push for what is not asked any more."""
     bench.fly(3.0, cmd_vel=twist(surge=0.6))
     bench.fly(6.0, cmd_wrench=encode_wrench(0, (0.0,) * 6))
@@ -144,7 +144,7 @@ def test_what_cannot_be_meant_is_counted_and_harmless(bench: Bench, topic: str, 
     assert bench.command_receiver.master == b""
 
 
-def test_the_wrong_number_of_thrusts_is_told(bench: Bench) -> None:
+def test_the_wrong_number_of_thrusts_is_reported(bench: Bench) -> None:
     bench.tell("cmd_thrusters", encode_thrusts((1.0,) * 5))
     assert bench.command_receiver.fault == "cmd_thrusters: 5 thrusts for 6 thrusters"
 

@@ -190,7 +190,7 @@ def test_a_flood_of_who_is_refused_neither_hides_the_master_nor_replaces_it(
 
 
 @pytest.mark.parametrize("gid", [GID, OTHER], ids=["master", "other"])
-def test_in_a_crowd_silence_proves_nothing(command_receiver: CommandReceiver, clock: Clock, gid: bytes) -> None:
+def test_under_overload_silence_proves_nothing(command_receiver: CommandReceiver, clock: Clock, gid: bytes) -> None:
     """Whether the master is silent, or all it says is lost among thousands of others."""
     command_receiver.ranks[OTHER] = 0
     clock.deliver(command_receiver, 1)
@@ -205,7 +205,7 @@ def test_in_a_crowd_silence_proves_nothing(command_receiver: CommandReceiver, cl
     assert command_receiver.master == gid
 
 
-def test_who_repeats_its_commands_as_a_planner_does_is_no_crowd(
+def test_who_repeats_its_commands_as_a_planner_does_is_no_overload(
     command_receiver: CommandReceiver, clock: Clock
 ) -> None:
     clock.deliver(command_receiver, 1)
@@ -224,7 +224,7 @@ def test_who_is_refused_is_not_read(command_receiver: CommandReceiver) -> None:
     assert (command_receiver.refused, command_receiver.malformed) == (1, 1), "a stranger may have a topic of its own"
 
 
-def test_a_stranger_who_is_refused_makes_nobody_forgotten(command_receiver: CommandReceiver, clock: Clock) -> None:
+def test_a_refused_sender_makes_nobody_forgotten(command_receiver: CommandReceiver, clock: Clock) -> None:
     for sequence in range(1, 40):
         assert clock.deliver(command_receiver, sequence)
         clock.wait(50)

@@ -1,0 +1,51 @@
+"""The words of the code: names use the terms of the field, not the metaphors that stood here before."""
+
+import ast
+import re
+from collections.abc import Iterator
+
+from tools.rooms import ROOT
+
+METAPHORS = {
+    "anew", "befell", "berth", "breath", "crowd", "errand", "errands", "inbox", "misfit", "outbox", "reckon",
+    "reckoned", "stranger", "strangers", "telegram", "visitor",
+}  # fmt: skip
+# Good in the sentence that is a test's name, but too vague for what a function does or a variable holds.
+VAGUE = {
+    "beside", "gone", "hear", "heard", "said", "say", "says", "sea", "tell", "tells", "told", "unheard", "unspoken",
+    "whoever", "whom", "whose",
+}  # fmt: skip
+WITH_OBJECT = {"keep", "look", "note", "take"}  # verbs that say too little alone
+FILE_METHODS = {("hil/recording/mcap_file.py", "tell"), ("hil/recording/mcap_writer.py", "tell")}  # of Python's files
+
+
+def _names(tree: ast.AST) -> Iterator[tuple[bool, str]]:
+    """Yield each name that is defined, and whether it is that of a function."""
+    for node in ast.walk(tree):
+        if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef)):
+            yield not isinstance(node, ast.ClassDef), node.name
+        elif isinstance(node, ast.arg):
+            yield False, node.arg
+        elif isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
+            yield False, node.id
+        elif isinstance(node, ast.Attribute) and isinstance(node.ctx, ast.Store):
+            yield False, node.attr
+
+
+def _words(name: str) -> set[str]:
+    return {word.lower() for word in re.findall(r"[A-Z]?[a-z0-9]+|[A-Z]+", name)}
+
+
+def test_names_are_free_of_the_old_words() -> None:
+    """Files, classes, functions, arguments, variables and attributes; of tests without the vague words."""
+    found = []
+    for room in ("hil", "sim", "boards", "firmware_stub", "tools", "tests"):
+        old = METAPHORS if room == "tests" else METAPHORS | VAGUE
+        for path in sorted((ROOT / room).rglob("*.py")):
+            where = path.relative_to(ROOT).as_posix()
+            found += [where] if _words(path.stem) & old else []
+            for is_function, name in _names(ast.parse(path.read_text(encoding="utf-8"))):
+                is_alone = room != "tests" and is_function and name.strip("_") in WITH_OBJECT
+                if (_words(name) & old or is_alone) and (where, name) not in FILE_METHODS:
+                    found.append(f"{where}: {name}")
+    assert not found, "\n".join(found)
