@@ -47,12 +47,12 @@ def _open(endpoint: str) -> zenoh.Session:
     return zenoh.open(zenoh.Config.from_json5(settings("client", (), (endpoint,), Network(), None)))
 
 
-def _say_so() -> None:
+def _report_ready() -> None:
     print("attacking", flush=True)
 
 
 def _subscriptions(endpoint: str) -> None:
-    _say_so()
+    _report_ready()
     while True:
         with suppress(zenoh.ZError), _open(endpoint) as session:
             held = [session.declare_subscriber(f"0/{NODE}/x{i}/**", zenoh.handlers.RingChannel(1)) for i in range(MANY)]
@@ -62,7 +62,7 @@ def _subscriptions(endpoint: str) -> None:
 
 def _tokens(endpoint: str) -> None:
     with _open(endpoint) as session:
-        _say_so()
+        _report_ready()
         held = []
         for i in range(MANY):
             with suppress(zenoh.ZError):
@@ -84,7 +84,7 @@ def _not_a_number(endpoint: str) -> None:
     with _open(endpoint) as session:
         send = {topic: _sender(session, topic) for topic in COMMANDS}
         gid, sequence = os.urandom(16), 0
-        _say_so()
+        _report_ready()
         while True:
             for value in bad:
                 sequence += 1
@@ -102,13 +102,13 @@ def _replay(endpoint: str) -> None:
         key = key_of(TOPICS["cmd_thrusters"], NODE)
         channel = session.declare_subscriber(key, zenoh.handlers.RingChannel(64))
         time.sleep(0.4)
-        heard = []
+        received = []
         while sample := channel.try_recv():
-            heard.append((sample.payload.to_bytes(), sample.attachment.to_bytes() if sample.attachment else b""))
+            received.append((sample.payload.to_bytes(), sample.attachment.to_bytes() if sample.attachment else b""))
         publisher = session.declare_publisher(key, express=True)
-        print(f"attacking with {len(heard)} commands", flush=True)
+        print(f"attacking with {len(received)} commands", flush=True)
         while True:
-            for payload, attachment in heard:
+            for payload, attachment in received:
                 publisher.put(payload, attachment=attachment)
                 time.sleep(0.005)
             time.sleep(0.01)
@@ -120,7 +120,7 @@ def _ports(endpoint: str) -> tuple[tuple[str, int], tuple[str, int]]:
 
 
 def _connections(endpoint: str) -> None:
-    _say_so()
+    _report_ready()
     while True:
         for place in _ports(endpoint):
             with suppress(OSError), socket.create_connection(place, 1.0):
@@ -130,7 +130,7 @@ def _connections(endpoint: str) -> None:
 
 def _bytes(endpoint: str) -> None:
     noise = random.Random(1)
-    _say_so()
+    _report_ready()
     while True:
         for place in _ports(endpoint):
             with suppress(OSError), socket.create_connection(place, 1.0) as end:

@@ -42,7 +42,7 @@ def _signal(name: str, number: int) -> Callable[[Rig], None]:
     return send
 
 
-def _start_slave_anew(rig: Rig) -> None:
+def _restart_slave(rig: Rig) -> None:
     """As its service manager does."""
     rig.processes.pop("slave").wait(10.0)
     rig.start_slave()
@@ -51,7 +51,7 @@ def _start_slave_anew(rig: Rig) -> None:
 def _pause_stm32(rig: Rig) -> None:
     rig.signal_stm32(signal.SIGSTOP)
     time.sleep(PAUSE_S)
-    rig.tell("silent")
+    rig.instruct("silent")
     time.sleep(rig.link.limit_s)
 
 
@@ -66,9 +66,9 @@ FAULTS = (
           hold_s=RESET_S),
     Fault("process", "STM32 stopped for 2 s", _pause_stm32, _signal("stm32", signal.SIGCONT), links=IN_PROCESSES,
           hold_s=0.0, after_mend=True),
-    Fault("process", "slave killed", _signal("slave", signal.SIGKILL), _start_slave_anew, links=LINKS, hold_s=0.2,
+    Fault("process", "slave killed", _signal("slave", signal.SIGKILL), _restart_slave, links=LINKS, hold_s=0.2,
           quick=True),
-    Fault("process", "slave told to end", _signal("slave", signal.SIGTERM), _start_slave_anew, links=LINKS, hold_s=0.2),
+    Fault("process", "slave told to end", _signal("slave", signal.SIGTERM), _restart_slave, links=LINKS, hold_s=0.2),
     Fault("process", "slave stopped for 2 s", _signal("slave", signal.SIGSTOP), _signal("slave", signal.SIGCONT),
           links=LINKS, hold_s=PAUSE_S),
 )  # fmt: skip

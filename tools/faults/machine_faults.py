@@ -116,9 +116,9 @@ def _with_clock(process: str, step_s: int) -> Callable[[Rig], None]:
 
 def _check_planner(rig: Rig) -> None:
     """What the planner's side says of the vehicle: a wrong clock must not make it look gone."""
-    rig.tell("astern")
+    rig.instruct("astern")
     rig.await_pins("astern", START_S)
-    rig.tell("ask")
+    rig.instruct("ask")
     line = rig.processes["planner"].expect("figures", 10.0)
     figures = json.loads(line.partition(" ")[2])
     if figures["problem"] or not figures["present"]:

@@ -25,7 +25,7 @@ def measure(rig: Rig, fault: Fault) -> Row:
     """Strike `rig`, which works, with the fault, and mend it; what was measured, judged."""
     problems: list[str] = []
     logs = _Logs(rig)
-    rig.tell("ahead")
+    rig.instruct("ahead")
     if rig.await_pins("ahead", BEGIN_S) != rig.await_pins("ahead", 0.0):
         problems.append("the vehicle did not obey before the fault")
     time.sleep(0.1)
@@ -38,15 +38,15 @@ def measure(rig: Rig, fault: Fault) -> Row:
             if fault.steady and rig.pins.executed("neutral", began):
                 problems.append("the outputs fell to neutral under the planner's commands")
             began = time.monotonic()
-            rig.tell("silent")
+            rig.instruct("silent")
         neutral_s = nan if fault.after_mend else rig.await_pins("neutral", LONG_S) - began
-        rig.tell("silent" if fault.after_mend else "astern")
+        rig.instruct("silent" if fault.after_mend else "astern")
         time.sleep(fault.hold_s)
         repaired = time.monotonic()
         fault.mend(rig)
         if fault.after_mend:
             neutral_s = max(0.0, rig.await_pins("neutral", LONG_S) - repaired)
-            rig.tell("astern")
+            rig.instruct("astern")
         recovery_s = rig.await_pins("astern", 2.0 * RECOVERY_S) - repaired
     except HilError as error:
         problems.append(str(error))

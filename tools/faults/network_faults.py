@@ -39,10 +39,10 @@ def _unblock_and_cut(rig: Rig) -> None:
     relay.mend()
 
 
-def _start_planner_anew(rig: Rig) -> None:
+def _restart_planner(rig: Rig) -> None:
     rig.end("planner")
     rig.start_planner("planner")
-    rig.tell("astern")
+    rig.instruct("astern")
 
 
 FAULTS = (
@@ -53,7 +53,7 @@ FAULTS = (
     Fault("network", "nothing reaches the planner", _block("from target"), _unblock_and_cut, cuts=False,
           hold_s=PAUSE_S),
     Fault("network", "300 ms late", _delay(DELAY_S), _delay(0.0), cuts=False, extra_s=DELAY_S),
-    Fault("process", "planner killed", lambda rig: rig.signal("planner", signal.SIGKILL), _start_planner_anew,
+    Fault("process", "planner killed", lambda rig: rig.signal("planner", signal.SIGKILL), _restart_planner,
           hold_s=0.0),
     Fault("process", "planner stopped for 2 s", lambda rig: rig.signal("planner", signal.SIGSTOP),
           lambda rig: rig.signal("planner", signal.SIGCONT), hold_s=PAUSE_S),

@@ -29,10 +29,10 @@ def _second_planner(rig: Rig) -> None:
     """It commands astern while the first commands ahead; then both are silent."""
     rig.start_planner("second")
     began = rig.pause(0.0)
-    rig.tell("astern", "second")
+    rig.instruct("astern", "second")
     rig.pause(1.0)
     rig.foreign = rig.pins.executed("astern", began)
-    rig.tell("silent", "second")
+    rig.instruct("silent", "second")
     rig.pause(0.2)
 
 

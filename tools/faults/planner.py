@@ -39,7 +39,7 @@ def main(endpoint: str, descriptor: int, node: str = "uuv1", scenario: str = "")
                     return
                 *words, text = (text + data).split("\n")
                 if "ask" in words:
-                    _tell(client)
+                    _report_state(client)
                 wish = next((word for word in reversed(words) if word != "ask"), wish)
             if wish != "silent":
                 with suppress(NetworkError):  # two of its name
@@ -51,7 +51,7 @@ def _command(client: VehicleClient, wish: str) -> None:
     client.send("cmd_thrusters", encode_thrusts([thrust] * THRUSTERS))
 
 
-def _tell(client: VehicleClient) -> None:
+def _report_state(client: VehicleClient) -> None:
     """Whether the vehicle is there as the Python interface has it, and the slave's figures."""
     try:
         client.get("ground_truth")

@@ -171,8 +171,8 @@ class Rig:
         self.start_stm32()
         self.line.find_far()
 
-    def tell(self, word: str, name: str = "planner") -> None:
-        """Tell a planner: ahead, astern, silent, ask."""
+    def instruct(self, word: str, name: str = "planner") -> None:
+        """Send a planner a word: ahead, astern, silent, ask."""
         if name == "planner" and word != "ask":
             if word != "ahead" and self._wish == "ahead":
                 self.ahead_until_s = time.monotonic()

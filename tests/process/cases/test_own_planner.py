@@ -54,9 +54,7 @@ def test_it_flies_in_simulated_time_and_over_the_network(tmp_path: Path, scenari
     assert outcome["least_clearance"] > 0.3
 
 
-def test_what_is_wrong_with_a_planner_is_reported(
-    tmp_path: Path, scenario: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_mistakes_of_a_planner_are_reported(tmp_path: Path, scenario: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.syspath_prepend(str(tmp_path))
     name = str(scenario)
     assert fly(load_scenario(name), prepare(load_scenario(name)))[0].reason == "there"

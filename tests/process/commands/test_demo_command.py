@@ -67,8 +67,8 @@ def test_a_slave_that_runs_already_is_left_alone(tmp_path: Path) -> None:
     scenario, _ = write_scenario(tmp_path)
     scenario.write_text(scenario.read_text().replace("goal = [8, 7]", "goal = [5.5, 5]"))
     folder = tmp_path / "run"
-    with Program(tmp_path, "slave", scenario) as stranger:
-        stranger.expect("ready")
+    with Program(tmp_path, "slave", scenario) as outsider:
+        outsider.expect("ready")
         with Program(tmp_path, "demo", scenario, "--output", folder) as demo:
             assert demo.wait() == 4, demo.output
         (line,) = demo.output.strip().splitlines()
@@ -78,8 +78,8 @@ def test_a_slave_that_runs_already_is_left_alone(tmp_path: Path) -> None:
         assert "goal reached" in demo.output
         assert "to the first sample" in " ".join(demo.output.split())
         assert "thrusters armed" in (folder / "slave.log").read_text()
-        assert stranger.stop(signal.SIGTERM) == 0
-    assert "thrusters armed" not in stranger.output
+        assert outsider.stop(signal.SIGTERM) == 0
+    assert "thrusters armed" not in outsider.output
 
 
 def test_no_table_when_its_slave_fails(tmp_path: Path) -> None:

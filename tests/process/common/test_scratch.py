@@ -57,10 +57,10 @@ def test_what_is_in_use_or_of_others_stays(tmp_path: Path, monkeypatch: pytest.M
     (tmp_path / f"{PREFIX}file").write_text("")
     with ScratchFolder("one", str(tmp_path)) as one, ScratchFolder("two", str(tmp_path)):
         assert os.path.exists(one.path)
-    stranger = tmp_path / f"{PREFIX}stranger"
-    stranger.mkdir()
+    outsider = tmp_path / f"{PREFIX}stranger"
+    outsider.mkdir()
     with monkeypatch.context() as patch:
-        patch.setattr(os, "geteuid", lambda: stranger.stat().st_uid + 1)
+        patch.setattr(os, "geteuid", lambda: outsider.stat().st_uid + 1)
         ScratchFolder("three", str(tmp_path)).close()
     assert {path.name for path in tmp_path.iterdir()} == {
         "mine", f"{PREFIX}link", f"{PREFIX}file", f"{PREFIX}stranger"

@@ -216,13 +216,13 @@ def test_a_recording_of_another_user(tmp_path: Path) -> None:
     """By the folder's mode; nothing is made."""
     folder = tmp_path / "closed"
     folder.mkdir(mode=0o755)
-    stranger = User("stranger", 4711, (4711,))
+    outsider = User("stranger", 4711, (4711,))
     scenario = load_scenario("paper_field", {"recording.slave": True, "recording.folder": str(folder / "a" / "b")})
-    (found,) = doctor_software.start(scenario, stranger)
+    (found,) = doctor_software.start(scenario, outsider)
     assert (found.level, found.topic) == ("problem", "recording")
     assert f"no permission for stranger in {folder}" in found.text
     folder.chmod(0o777)
-    assert [found.level for found in doctor_software.start(scenario, stranger)] == ["ok"]
+    assert [found.level for found in doctor_software.start(scenario, outsider)] == ["ok"]
     assert list(folder.iterdir()) == []
 
 

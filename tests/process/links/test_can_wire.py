@@ -241,8 +241,8 @@ class TestPythonCan:
             wire.write(pack_frame(STANDARD))
             assert frame_of(other.recv(2.0)) == STANDARD
             other.recv(0)
-            with socket.socket(type=socket.SOCK_DGRAM) as stranger:
-                stranger.sendto(b"no frame at all", (GROUP, 43113))
+            with socket.socket(type=socket.SOCK_DGRAM) as outsider:
+                outsider.sendto(b"no frame at all", (GROUP, 43113))
             other.send(message(STANDARD))  # the very frame that it has just sent itself
             assert list(unpack_frames(read_bytes(wire, 16))) == [STANDARD]
         wire.close()

@@ -87,9 +87,9 @@ def test_presence_is_for_those_who_may_listen(slave: tuple[Session, str, list[st
     _, endpoint, _ = slave
     with (
         open_master_session(endpoint, security=security(keys, "viewer")) as viewer,
-        open_master_session(endpoint, security=security(keys, "stranger")) as stranger,
+        open_master_session(endpoint, security=security(keys, "stranger")) as outsider,
     ):
-        seen, unseen = meets(viewer), meets(stranger)
+        seen, unseen = meets(viewer), meets(outsider)
         assert wait_for(lambda: [presence.part for presence in seen]) == ["slave"]
         assert not unseen
 
@@ -144,10 +144,10 @@ def test_everyone_with_a_certificate_may_listen(keys: Path) -> None:
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     with (
         listen(endpoint, security=security(keys, may_listen=("*",))) as slave,
-        open_master_session(endpoint, security=security(keys, "stranger")) as stranger,
+        open_master_session(endpoint, security=security(keys, "stranger")) as outsider,
     ):
         declare_presence(slave, "uuv1", "slave")
-        seen = meets(stranger)
+        seen = meets(outsider)
         assert wait_for(lambda: seen)
 
 

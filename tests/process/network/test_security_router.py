@@ -96,9 +96,9 @@ def test_who_may_listen_only_listens(site: Site) -> None:
 
 
 def test_whom_nobody_names_gets_nothing(site: Site) -> None:
-    with site.client("keys/stranger") as stranger:
-        assert not stranger.wait_for_vehicle(1.0)
-        assert not stranger.contact.present
+    with site.client("keys/stranger") as outsider:
+        assert not outsider.wait_for_vehicle(1.0)
+        assert not outsider.contact.present
 
 
 def test_tokens_pass_for_those_who_may_listen(site: Site) -> None:

@@ -201,10 +201,10 @@ def test_one_session_for_several_vehicles(tmp_path: Path) -> None:
 
 def test_a_command_for_the_future_or_without_sense_changes_nothing(slave: tuple[Program, str]) -> None:
     _, endpoint = slave
-    with VehicleClient(endpoint, "uuv1") as client, open_master_session(endpoint) as stranger:
+    with VehicleClient(endpoint, "uuv1") as client, open_master_session(endpoint) as outsider:
         assert client.wait_for_vehicle(60)
         command(0.3, client)
-        forged = stranger.publisher("uuv1", TOPICS["cmd_vel"])
+        forged = outsider.publisher("uuv1", TOPICS["cmd_vel"])
         future = ros.encode_twist((9, 0, 0), (0, 0, 0)), 1 << 62
         for payload, wall_ns in (future, (b"", 0), (b"x" * 100_000, 0), (b"\xff" * 52, 0)):
             before = figure(client, "commands_refused")

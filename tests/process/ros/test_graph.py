@@ -187,7 +187,7 @@ def test_masters_and_observers_are_nodes_too_while_they_are_there(routed: bool) 
         open_router_session(endpoint) if routed else nullcontext(),
         listen(own, network) as slave,
         open_master_session(endpoint, network=network) as ours,
-        open_client_session(endpoint, network, seconds=3.0) as visitor,
+        open_client_session(endpoint, network, seconds=3.0) as guest,
     ):
         Node(slave, "uuv1").subscribes(TOPICS["cmd_vel"], "uuv1")
         vehicle = {("NN", "/uuv1", ""), ("MS", "/uuv1", "/uuv1/cmd_vel")}
@@ -202,12 +202,12 @@ def test_masters_and_observers_are_nodes_too_while_they_are_there(routed: bool) 
             ("MP", "/uuv1_master", "/uuv1/cmd_vel"),
             ("NN", "/uuv2_observer", ""),
         }
-        assert wait_for(lambda: seen(visitor) == vehicle | others | third), seen(visitor)
-        found = [e for key in visitor.tokens(graph.ALL) if (e := read_token(key)) and e.session == ours.zid]
+        assert wait_for(lambda: seen(guest) == vehicle | others | third), seen(guest)
+        found = [e for key in guest.tokens(graph.ALL) if (e := read_token(key)) and e.session == ours.zid]
         assert len({e.ident for e in found}) == len(found) == 5, "one session, so all have numbers of their own"
         for client in clients[:2]:
             client.close()
-        assert wait_for(lambda: seen(visitor) == vehicle | third), seen(visitor)
+        assert wait_for(lambda: seen(guest) == vehicle | third), seen(guest)
         clients[2].close()
 
 

@@ -90,7 +90,7 @@ class Run:
         time.sleep(max(began + fault.seconds - time.monotonic(), 0))
         ended = time.monotonic()
         fault.end(self)
-        if fault.starts_anew:
+        if fault.restarts:
             self.slave_said.first("ready", ended, 60)
             ended = time.monotonic()
         after_fault = ended - began
@@ -116,7 +116,7 @@ class Fault(NamedTuple):
     seconds: float
     slave_sees: bool = True
     master_sees: bool = True
-    starts_anew: bool = False
+    restarts: bool = False
     routed: bool = False
 
 
@@ -128,7 +128,7 @@ FAULTS = {
     "cable out 3 s": Fault(
         lambda run: run.network.set_cable("slave", False), lambda run: run.network.set_cable("slave", True), 3
     ),
-    "slave killed": Fault(lambda run: run.slave.kill(), Run.start_slave, 1, slave_sees=False, starts_anew=True),
+    "slave killed": Fault(lambda run: run.slave.kill(), Run.start_slave, 1, slave_sees=False, restarts=True),
     "slave stopped 3 s": Fault(
         lambda run: run.slave.send_signal(signal.SIGSTOP),
         lambda run: run.slave.send_signal(signal.SIGCONT),

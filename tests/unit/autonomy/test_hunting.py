@@ -13,7 +13,7 @@ from hil.common.errors import MissionError
 
 FIELDS = FieldSettings()
 RING = 1.5
-BERTH = 0.5  # 0.38 m x 0.30 m vehicles need 0.49 m from middle to middle
+SEPARATION = 0.5  # 0.38 m x 0.30 m vehicles need 0.49 m from middle to middle
 STEP, LAG = 0.25, 0.3
 
 
@@ -26,9 +26,9 @@ class Hunt:
 
     def __init__(self, name: str, seed: int, deviation: float = 0.05, fields: FieldSettings = FIELDS) -> None:
         self.plan = plan_of(name)
-        self.hunters = [Hunter(self.plan, number, fields, BERTH) for number in range(4)]
+        self.hunters = [Hunter(self.plan, number, fields, SEPARATION) for number in range(4)]
         self.positions = list(self.plan.starts)
-        self.referee = Referee(self.plan, Criteria(BERTH))
+        self.referee = Referee(self.plan, Criteria(SEPARATION))
         self._velocities: list[Vector] = [(0.0, 0.0)] * 4
         self._noise = LocalisationNoise(deviation, seed)
 
@@ -58,7 +58,7 @@ def test_fifty_seeds_surround_the_target_without_collision(name: str, batch: int
         hunt = Hunt(name, seed)
         found = hunt.run(1.3 * hunt.plan.duration + 10.0)
         assert found.success, (seed, found)
-        assert found.separation > 3.0 * BERTH  # far from a collision at any time
+        assert found.separation > 3.0 * SEPARATION  # far from a collision at any time
         assert found.formation_error < 0.3
         assert found.largest_gap < math.radians(100.0)
 
@@ -97,7 +97,7 @@ def test_all_wait_for_one_who_is_held_up() -> None:
 
 def test_a_deaf_vehicle_goes_by_its_own_clock() -> None:
     """Reports from beyond the range, their clocks far behind, change nothing; the same from within hold it back."""
-    alone, far, near = (Hunter(plan_of("diamond"), 0, FIELDS, BERTH) for _ in range(3))
+    alone, far, near = (Hunter(plan_of("diamond"), 0, FIELDS, SEPARATION) for _ in range(3))
     here = FORMATIONS["diamond"][0]
     for _ in range(20):
         wanted = alone.update(here, [], STEP)
@@ -118,7 +118,7 @@ REPORTS = st.lists(
 def test_whatever_is_received_the_clock_goes_on_and_the_speed_is_kept(
     steps: list[tuple[float, float, list[Report], float]],
 ) -> None:
-    hunter = Hunter(plan_of("line"), 1, FIELDS, BERTH)
+    hunter = Hunter(plan_of("line"), 1, FIELDS, SEPARATION)
     for north, east, reports, dt in steps:
         before = hunter.clock
         wanted = hunter.update((north, east), reports, dt)
@@ -129,7 +129,7 @@ def test_whatever_is_received_the_clock_goes_on_and_the_speed_is_kept(
 def test_a_clock_that_stands_holds_its_place() -> None:
     """With no time to go on, and at the end of the plan, the place does not move and neither does who is there."""
     plan = plan_of("diamond")
-    hunter = Hunter(plan, 2, FIELDS, BERTH)
+    hunter = Hunter(plan, 2, FIELDS, SEPARATION)
     assert hunter.update(plan.starts[2], [], 0.0) == (0.0, 0.0)
     hunter.clock = plan.duration
     assert hunter.update(plan.place(2, plan.duration), [], STEP) == pytest.approx((0.0, 0.0), abs=1e-9)
@@ -141,8 +141,8 @@ def test_a_clock_that_stands_holds_its_place() -> None:
 
 def test_the_bow_turns_to_the_target() -> None:
     plan = plan_of("diamond")
-    hunter = Hunter(plan, 0, FIELDS, BERTH)
-    north, east = Hunter(plan, 0, FIELDS, BERTH).update(FORMATIONS["diamond"][0], [], STEP)
+    hunter = Hunter(plan, 0, FIELDS, SEPARATION)
+    north, east = Hunter(plan, 0, FIELDS, SEPARATION).update(FORMATIONS["diamond"][0], [], STEP)
     command = hunter.command(FORMATIONS["diamond"][0], math.pi / 2.0, [], STEP)
     assert (command.surge, command.sway) == pytest.approx((east, -north))
     assert command.yaw_rate == pytest.approx(math.atan2(6.0, 0.5) - math.pi / 2.0)
@@ -151,7 +151,7 @@ def test_the_bow_turns_to_the_target() -> None:
 def test_a_referee_by_hand() -> None:
     """Three on the ring, the fourth 0.5 m outside of it, two of them 0.4 m apart once."""
     plan = plan_of("diamond")
-    referee = Referee(plan, Criteria(BERTH))
+    referee = Referee(plan, Criteria(SEPARATION))
     referee.watch([(0.0, 0.0), (0.0, 0.4), (3.0, 0.0), (6.0, 0.0)], plan.duration)
     ends = [(6.5, 8.0), (5.0, 9.5), (3.5, 8.0), (5.0, 6.0)]
     found = referee.judge(ends)

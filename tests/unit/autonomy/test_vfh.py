@@ -46,7 +46,7 @@ def test_open_water_leads_straight_to_the_target() -> None:
     assert command.yaw_rate == pytest.approx(0.3)
 
 
-def test_an_obstacle_is_widened_by_the_berth() -> None:
+def test_an_obstacle_is_widened_by_the_safety_distance() -> None:
     """At 1 m by 30 degrees to both sides: sectors from 330 to 30 degrees; its magnitude is 1 - 1/16."""
     vfh = Vfh(SETTINGS)
     vfh.steer(echo(0, 1.0 - 1e-9), 0.0, 0.0)

@@ -25,7 +25,7 @@ speeds = st.floats(-2.5, 2.5)
 
 
 @given(st.tuples(metres, metres, st.floats(0.0, 6500.0)), st.tuples(speeds, speeds), st.integers(0, 2**31))
-def test_a_telegram_is_sixteen_bytes_to_a_centimetre(
+def test_a_report_is_sixteen_bytes_to_a_centimetre(
     position: tuple[float, float, float], velocity: tuple[float, float], ms: int
 ) -> None:
     data = encode_report(ModemReport(position, velocity, ms * MS))
@@ -38,7 +38,7 @@ def test_a_telegram_is_sixteen_bytes_to_a_centimetre(
     assert back.clock_ns == ms * MS
 
 
-def test_a_telegram_byte_by_byte() -> None:
+def test_a_report_byte_by_byte() -> None:
     data = encode_report(ModemReport((1.0, -2.0, 3.0), (0.4, -0.4), 1500 * MS))
     assert data == bytes.fromhex("64000000 38ffffff 1e00 14 ec dc050000")
 
