@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 from hil.common.schema import FINITE, UNITS, Range
 from hil.common.text import json_value
-from hil.schemas.meanings import meaning_of
+from hil.schemas.meanings import meaning_of, unit_of
 
 Schema = dict[str, Any]
 PLAIN = {str: {"type": "string"}, bool: {"type": "boolean"}, int: {"type": "integer"}, float: {"type": "number"}}
@@ -58,8 +58,16 @@ class Converter:
         for key, annotation in record.__annotations__.items():
             schema = shown[key] if key in shown else self.of(annotation)
             if schema is not None:
-                found[key] = _described(schema, meaning_of(record, key), record._field_defaults.get(key))
+                unit = unit_of(record, key) or _unit(annotation)
+                meaning = meaning_of(record, key) + (f" Unit: {unit}." if unit not in ("", "-") else "")
+                found[key] = _described(schema, meaning, record._field_defaults.get(key))
         return found
+
+
+def _unit(annotation: Any) -> str:
+    """Return the unit of the range of an annotation, or of the numbers of an array; "" of any other."""
+    own = [extra.unit for extra in getattr(annotation, "__metadata__", ()) if isinstance(extra, Range)]
+    return next(filter(None, [*own, *map(_unit, get_args(annotation))]), "")
 
 
 def _described(schema: Schema, meaning: str, default: Any) -> Schema:

@@ -1,11 +1,13 @@
 """What each key of each file means, record by record."""
 
+import re
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 from hil.common.tables import read_table
 
+_UNIT = re.compile(r"\[([^\]]+)\] (?!\()")
 MEANINGS = Path(__file__).parent / "meanings.toml"
 
 
@@ -16,7 +18,17 @@ def meanings() -> dict[str, dict[str, str]]:
 
 
 def meaning_of(record: Any, key: str) -> str:
-    """Return what a key of a record means. Raises KeyError for a key without a meaning."""
+    """Return what a key of a record means, without its unit. Raises KeyError for a key without a meaning."""
+    return _UNIT.sub("", _text(record, key))
+
+
+def unit_of(record: Any, key: str) -> str:
+    """Return the unit of a number whose schema names none: "-" for a pure number, "" where nothing is said."""
+    found = _UNIT.match(_text(record, key))
+    return found[1] if found else ""
+
+
+def _text(record: Any, key: str) -> str:
     own = meanings().get(record.__name__, {})
     if key not in own and key not in meanings()["common"]:
         raise KeyError(f"{record.__name__}.{key} has no meaning: write it into {MEANINGS}")

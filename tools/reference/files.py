@@ -64,7 +64,7 @@ def scenario() -> str:
         **{key: f"tables, [`{key}`](#{key})" for key in config.MANY},
         "sensors": "tables, [`sensors.NAME`](sensor_keys.md)",
         **{key: f"table, [`{key}`](#{key})" for key in TABLES},
-    })  # fmt: skip
+    }, defaults={"sensors": "[the usual](sensor_keys.md)", "planner": "`Follow`"})  # fmt: skip
     sections = [
         top,
         Section("slave", records.Slave),
@@ -73,7 +73,10 @@ def scenario() -> str:
         Section("planner", AvoidSettings, "`class` names the planner, `\"module:Class\"`. Its other keys are the "
                 "class's own. `hil.master.follow:Follow` is the default and has none. These are the keys of "
                 "`hil.master.avoid:Avoid` and `hil.master.tasks:Tasks`.", shown={"search": "text"}),
-        Section("planner.vfh", VfhSettings, "Settings of VFH+ for `Avoid` and `Tasks`."),
+        Section(
+            "planner.vfh", VfhSettings, "Settings of VFH+ for `Avoid` and `Tasks`.",
+            defaults={"radius": "the vehicle's"},
+        ),
         Section("planner.mission", Mission, "The tasks of `hil.master.tasks:Tasks`.", shown={
             "task": "tables, [`planner.mission.task`](#plannermissiontask)"}),
         Section("planner.mission.task", Task),

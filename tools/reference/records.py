@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from typing import Annotated, Any, Literal, NamedTuple, Union, get_args, get_origin
 
 from hil.common.schema import FINITE, Range
-from hil.schemas.meanings import meaning_of
+from hil.schemas.meanings import meaning_of, unit_of
 
 HEAD = "| key | type | unit | default | range | meaning |\n|---|---|---|---|---|---|\n"
 PLAIN = {str: "text", bool: "true or false", float: "number", int: "whole number", Any: "any"}
@@ -14,7 +14,8 @@ PLAIN = {str: "text", bool: "true or false", float: "number", int: "whole number
 class Section(NamedTuple):
     """One table of a page: its title, the record, and what stands above it.
 
-    `hidden` keys are no part of the file. `shown` says how the types of keys are written that other code reads.
+    `hidden` keys are no part of the file. `shown` says how the types of keys are written that other code reads,
+    `defaults` what other code fills in.
     """
 
     title: str
@@ -22,6 +23,7 @@ class Section(NamedTuple):
     text: str = ""
     hidden: tuple[str, ...] = ()
     shown: dict[str, str] = {}  # noqa: RUF012 - never changed
+    defaults: dict[str, str] = {}  # noqa: RUF012 - never changed
 
 
 class Kind(NamedTuple):
@@ -46,9 +48,10 @@ def _rows(section: Section) -> Iterator[str]:
         if key in section.hidden:
             continue
         kind = kind_of(annotation) if key not in section.shown else Kind(section.shown[key])
-        default = _default(record, key)
+        default = section.defaults.get(key) or _default(record, key)
         meaning = meaning_of(record, key)
-        yield f"| `{key}` | {kind.type} | {kind.unit} | {default} | {kind.range} | {meaning} |\n"
+        unit = kind.unit or (unit_of(record, key) if "number" in kind.type else "")
+        yield f"| `{key}` | {kind.type} | {unit} | {default} | {kind.range} | {meaning} |\n"
 
 
 def _default(record: Any, key: str) -> str:
@@ -56,8 +59,10 @@ def _default(record: Any, key: str) -> str:
     if key not in defaults:
         return "**required**"
     value = defaults[key]
-    if value is None or value in ((), "") or (hasattr(value, "items") and not value) or _is_record(value):
-        return ""
+    if _is_record(value):
+        return "see there"
+    if value is None or value in ((), "") or (hasattr(value, "items") and not value):
+        return "none"
     return f"`{toml(value)}`"
 
 
@@ -99,11 +104,21 @@ def _array(items: tuple[Any, ...]) -> Kind:
     if first.inner:
         return Kind(f"tables, [{first.inner.__name__}](#{anchor(first.inner.__name__)})", inner=first.inner)
     many = "" if items[-1] is Ellipsis else f"{len(items)} "
+    if first.type.startswith("array of "):
+        return first._replace(type=f"array of {many}{first.type.replace('array', 'arrays', 1)}")
     return first._replace(type=f"array of {many}{first.type}{'' if first.type == 'text' else 's'}")
 
 
 def _range(limit: Range) -> str:
-    return "" if limit is FINITE else f"{limit.low:.9g} to {limit.high:.9g}"
+    return "" if limit is FINITE else f"{_end(limit.low)} to {_end(limit.high)}"
+
+
+def _end(value: float) -> str:
+    """Return one end of a range; the largest whole numbers as powers of two."""
+    powers = [bits for bits in (31, 32, 63, 64) if abs(value) in (2**bits, 2**bits - 1)]
+    if not powers:
+        return f"{value:.9g}"
+    return f"{'-' * (value < 0)}2^{powers[0]}{' - 1' * (abs(value) == 2 ** powers[0] - 1)}"
 
 
 def anchor(title: str) -> str:

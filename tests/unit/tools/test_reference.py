@@ -1,5 +1,6 @@
 """The reference pages are those of the code, and every key of every file has a meaning."""
 
+import re
 from pathlib import Path
 
 import pytest
@@ -33,6 +34,21 @@ def test_every_meaning_belongs_to_a_key(monkeypatch: pytest.MonkeyPatch) -> None
             assert record in fields, f"no page shows {record}"
             assert set(keys) <= fields[record], f"{record} has no such keys: {set(keys) - fields[record]}"
     assert set(meanings()["common"]) <= set.union(*fields.values())
+
+
+ROWS = re.compile(
+    r"^\| `(?P<key>\w+)` \| (?P<type>.*?) \| (?P<unit>.*?) \| (?P<default>.*?) \| .*? \| (?P<meaning>.*) \|$", re.M
+)
+
+
+@pytest.mark.parametrize("name", files.PAGES)
+def test_no_key_lacks_a_unit_a_default_or_a_meaning(name: str) -> None:
+    rows = list(ROWS.finditer(files.PAGES[name]()))
+    assert len(rows) > 20
+    for row in rows:
+        assert row["meaning"].endswith((".", ")")), row[0]
+        assert row["default"], row[0]
+        assert row["unit"] or "number" not in row["type"], f"{row[0]}: write its unit into hil/schemas/meanings.toml"
 
 
 def test_every_command_is_on_the_page() -> None:
