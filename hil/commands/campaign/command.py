@@ -95,7 +95,7 @@ def run_one(scenario_name: str, changes: Changes, seed: int) -> Row:
     """One run: its parameters, its outcome, and why it failed if it did. Never raises an error of ours."""
     row: Row = {**changes, "seed": seed, "success": False, "reached": False, "reason": ""}
     try:
-        scenario = load_scenario(scenario_name, {**changes, "seed": seed})
+        scenario = load_scenario(scenario_name, {**changes, "seed": seed}, given="--set or --vary")
         outcome, _ = fly(scenario, prepare(scenario))
     except HilError as error:
         return row | {"reason": str(error)}

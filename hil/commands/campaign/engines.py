@@ -197,5 +197,5 @@ def _run_named(run: Run, scenario: str, task: Task) -> Result:
 def _run_unpacked(run: Run, bundle: Bundle, task: Task) -> Result:
     """On a worker: the scenario's files are put where they can be read."""
     unpacked = unpack(bundle)
-    row = run(unpacked.scenario, task.changes, task.seed)
-    return task.place, row | {"reason": unpacked.as_named(row["reason"])}
+    row = run(unpacked.scenario, unpacked.moved(task.changes), task.seed)
+    return task.place, row | task.changes | {"reason": unpacked.as_named(row["reason"])}

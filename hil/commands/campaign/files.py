@@ -27,7 +27,8 @@ WITH_PATHS = (".toml", ".yaml")  # files that may name others
 class Bundle(NamedTuple):
     """Files that a worker needs besides this project: `scenario` as it was named, `files` by their absolute paths.
 
-    `modules` are names of modules of the user's own, and `folders` where they are found. `version` is ours.
+    `modules` are names of modules of the user's own, and `folders` where they are found. `version` is ours. Names of
+    files are those of the folder `here`, where the bundle was made.
     """
 
     scenario: str
@@ -35,12 +36,22 @@ class Bundle(NamedTuple):
     modules: tuple[str, ...]
     folders: tuple[str, ...]
     version: str
+    here: str
 
     @property
     def digest(self) -> str:
         """Digest of the content; equal for bundles of equal content."""
-        parts = [self.scenario, *[f"{path}\0{hashlib.sha256(data).hexdigest()}" for path, data in self.files.items()]]
+        parts = [
+            self.scenario,
+            self.here,
+            *[f"{path}\0{hashlib.sha256(data).hexdigest()}" for path, data in self.files.items()],
+        ]
         return hashlib.sha256("\0".join([*parts, *self.modules, *self.folders]).encode()).hexdigest()
+
+    def place(self, name: str) -> str:
+        """Return the absolute path of a file that goes along, by its name `here`; "" if none does."""
+        path = os.path.normpath(os.path.join(self.here, name))
+        return path if path in self.files else ""
 
 
 def collect(scenario: str, sets: Sequence[Mapping[str, Any]]) -> Bundle:
@@ -60,7 +71,7 @@ def collect(scenario: str, sets: Sequence[Mapping[str, Any]]) -> Bundle:
             with open(path, "rb") as file:
                 files[path] = file.read()
     folders = [folder for folder in map(os.path.abspath, sys.path) if any(p.startswith(f"{folder}/") for p in paths)]
-    return Bundle(scenario, files, tuple(own), tuple(folders) if own else (), __version__)
+    return Bundle(scenario, files, tuple(own), tuple(folders) if own else (), __version__, os.getcwd())
 
 
 def unpack(bundle: Bundle) -> "Unpacked":
@@ -87,11 +98,16 @@ class Unpacked(NamedTuple):
 
     root: str
     scenario: str
-    named: str
+    bundle: Bundle
+
+    def moved(self, changes: Mapping[str, Any]) -> dict[str, Any]:
+        """Return changes of the scenario, in which files that came along have the paths where they are now."""
+        places = {key: self.bundle.place(value) if isinstance(value, str) else "" for key, value in changes.items()}
+        return {key: self.root + places[key] if places[key] else value for key, value in changes.items()}
 
     def as_named(self, text: str) -> str:
         """Return a message with the paths that the user knows."""
-        return text.replace(self.scenario, self.named).replace(self.root, "")
+        return text.replace(self.scenario, self.bundle.scenario).replace(self.root, "")
 
 
 class _Kept:
@@ -129,8 +145,8 @@ def _write(bundle: Bundle) -> Unpacked:
     _Kept.modules = bundle.modules
     _Kept.folders = tuple([root + folder for folder in bundle.folders])
     sys.path[:0] = _Kept.folders
-    path = os.path.abspath(bundle.scenario)
-    return Unpacked(root, root + path if path in bundle.files else bundle.scenario, bundle.scenario)
+    path = bundle.place(bundle.scenario)
+    return Unpacked(root, root + path if path else bundle.scenario, bundle)
 
 
 def _moved(data: bytes, files: Mapping[str, bytes], root: str) -> bytes:

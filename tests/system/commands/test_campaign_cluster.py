@@ -121,9 +121,30 @@ def test_what_goes_wrong_on_a_worker_names_the_users_files(tmp_path: Path) -> No
     scenario = write_own(folder, "campaign_own_wrong")
     bundle, _ = sent(folder, scenario)
     with importing(folder):
-        here = run_one(str(scenario), {"master.depth": "deep"}, 1)
-    _, there = _run_unpacked(run_one, bundle, Task(0, {"master.depth": "deep"}, 1))
-    assert str(scenario) in there["reason"]
+        here = run_one(str(scenario), {"vehicle": "gone.toml"}, 1)
+    _, there = _run_unpacked(run_one, bundle, Task(0, {"vehicle": "gone.toml"}, 1))
+    assert there["reason"] == f"--set or --vary vehicle: vehicle: {folder}/gone.toml: no such file"
+    assert repr(there) == repr(here)
+
+
+@pytest.mark.usefixtures("plain_imports")
+def test_names_are_those_of_the_folder_where_the_campaign_was_started(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of the scenario, and of what is changed in it; a worker runs in another folder."""
+    folder = tmp_path / "user"
+    write_own(folder, "campaign_own_relative")
+    shutil.move(folder / "mine.toml", folder / "six.toml")  # only the change names it
+    changes = {"vehicle": "six.toml"}
+    monkeypatch.chdir(folder)
+    with importing(folder):
+        bundle = collect("short.toml", [changes])
+        here = run_one("short.toml", changes, 3)
+    (tmp_path / "elsewhere").mkdir()
+    monkeypatch.chdir(tmp_path / "elsewhere")
+    shutil.rmtree(folder)
+    _, there = _run_unpacked(run_one, bundle, Task(0, changes, 3))
+    assert here["reason"] == "far enough"
     assert repr(there) == repr(here)
 
 
