@@ -14,8 +14,6 @@ from sim.sensors.magnetometer import earth_field
 from sim.sensors.mounting import Mounting
 from sim.sensors.pressure import STANDARD_ATMOSPHERE
 
-GAUSS = 1e4  # a tesla
-HECTOPASCAL = 100.0  # Pa
 AT_REST: Vector3 = (0.0, 0.0, -9.80665)
 LEAST_IMU_HZ = 50.0
 

@@ -16,7 +16,6 @@ KNOWN = {
     "telemetry": (*COMMON, *REPORTED),
     "other": ("length", "count", "pad"),
 }
-SLIP_END, SLIP_ESCAPE = 0xC0, 0xDB
 
 
 def load_layout(path: str) -> FrameLayout:

@@ -1,6 +1,6 @@
 """Steering laws of the modes: from what is to be held or reached to a command of the vehicle. Without state of time."""
 
-from math import atan2, cos, degrees, dist, hypot, radians, sin
+from math import atan2, cos, dist, hypot, radians, sin
 
 from hil.autonomy.control.controller import HoldGains, VelocityCommand, wrap
 from hil.autonomy.control.position import approach
@@ -113,11 +113,6 @@ def in_body(north: float, east: float, heading: float) -> tuple[float, float]:
 def in_world(ahead: float, right: float, heading: float) -> tuple[float, float]:
     """Return what is to north and east of a level vector ahead and to starboard."""
     return ahead * cos(heading) - right * sin(heading), ahead * sin(heading) + right * cos(heading)
-
-
-def heading_degrees(heading: float) -> float:
-    """Return a heading in degrees, 0 to 360."""
-    return degrees(heading) % 360.0
 
 
 def _down(state: State) -> float:
