@@ -36,7 +36,7 @@ READ_ONLY = '[recording]\nslave = true\nfolder = "/sys/uuv-hil"\n[slave]\nlisten
 SLAVE = ("slave", "{file}")
 BUILD = ("world", "build", "-o", "{folder}/built", "{file}")
 BAD_FILES = (
-    BadFile("scenario that is no TOML", "not valid TOML", ".toml", lambda r: b"vehicle = [\n", SLAVE),
+    BadFile("scenario that is not TOML", "not valid TOML", ".toml", lambda r: b"vehicle = [\n", SLAVE),
     BadFile("scenario of random bytes", "not UTF-8 text", ".toml", lambda r: r.randbytes(4096), SLAVE),
     BadFile(
         "scenario nested 20,000 deep",
@@ -56,12 +56,12 @@ BAD_FILES = (
         "scenario, 50 commands/s on 9600 Bd", "faults.baud: 9600", ".toml", lambda r: f"{HEAD}{SLOW}".encode(), SLAVE
     ),
     BadFile(
-        "recording where nobody can write", "cannot be made", ".toml", lambda r: f"{HEAD}{READ_ONLY}".encode(), SLAVE
+        "recording in a read-only folder", "cannot be made", ".toml", lambda r: f"{HEAD}{READ_ONLY}".encode(), SLAVE
     ),
     BadFile("chart of random bytes", "not an ISO 8211", ".000", lambda r: r.randbytes(65_536), BUILD),
     BadFile("chart cut short", "cut off", ".000", lambda r: b"009623LE1 0900201 ! 3404", BUILD),
     BadFile("GeoTIFF of random bytes", "cannot be read", ".tif", lambda r: b"II*\0" + r.randbytes(65_536), BUILD),
-    BadFile("soundings that are no numbers", "columns", ".xyz", lambda r: b"1 2 three\n" * 100, BUILD),
+    BadFile("soundings that are not numbers", "columns", ".xyz", lambda r: b"1 2 three\n" * 100, BUILD),
     BadFile(
         "recording of random bytes",
         "not an MCAP",

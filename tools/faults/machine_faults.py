@@ -126,17 +126,17 @@ def _check_planner(rig: Rig) -> None:
 
 
 FAULTS = (
-    Fault("disk", "no file can grow", lambda rig: _limit(rig, resource.RLIMIT_FSIZE, 0),
+    Fault("disk", "file size limit reached", lambda rig: _limit(rig, resource.RLIMIT_FSIZE, 0),
           lambda rig: _unlimit(rig, resource.RLIMIT_FSIZE), cuts=False, hold_s=1.5, quick=True),
     Fault("disk", "full", _fill, _free, cuts=False, hold_s=1.5, unavailable=_needs_disk),
-    Fault("memory", "none left for the slave", _no_more_memory, lambda rig: _unlimit(rig, resource.RLIMIT_AS),
+    Fault("memory", "limit of the slave reached", _no_more_memory, lambda rig: _unlimit(rig, resource.RLIMIT_AS),
           cuts=False, steady=False),
-    Fault("clock", "slave started anew, 1 h behind", _with_clock("slave", -HOUR_S), _check_planner, hold_s=0.0,
+    Fault("clock", "slave restarted, 1 h behind", _with_clock("slave", -HOUR_S), _check_planner, hold_s=0.0,
           unavailable=_needs_compiler),
-    Fault("clock", "slave started anew, clock set", _with_clock("slave", 0), _check_planner, hold_s=0.0,
+    Fault("clock", "slave restarted, clock set", _with_clock("slave", 0), _check_planner, hold_s=0.0,
           unavailable=_needs_compiler),
-    Fault("clock", "planner started anew, 1 h ahead", _with_clock("planner", HOUR_S), _check_planner, hold_s=0.0,
+    Fault("clock", "planner restarted, 1 h ahead", _with_clock("planner", HOUR_S), _check_planner, hold_s=0.0,
           unavailable=_needs_compiler),
-    Fault("clock", "planner started anew, clock set", _with_clock("planner", 0), _check_planner, hold_s=0.0,
+    Fault("clock", "planner restarted, clock set", _with_clock("planner", 0), _check_planner, hold_s=0.0,
           unavailable=_needs_compiler),
 )  # fmt: skip

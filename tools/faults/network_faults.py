@@ -55,6 +55,6 @@ FAULTS = (
     Fault("network", "300 ms late", _delay(DELAY_S), _delay(0.0), cuts=False, extra_s=DELAY_S),
     Fault("process", "planner killed", lambda rig: rig.signal("planner", signal.SIGKILL), _restart_planner,
           hold_s=0.0),
-    Fault("process", "planner stopped for 2 s", lambda rig: rig.signal("planner", signal.SIGSTOP),
+    Fault("process", "planner paused for 2 s", lambda rig: rig.signal("planner", signal.SIGSTOP),
           lambda rig: rig.signal("planner", signal.SIGCONT), hold_s=PAUSE_S),
 )  # fmt: skip

@@ -40,8 +40,8 @@ FAULTS = (
     Fault("peer", "a second planner", _second_planner, lambda rig: rig.end("second"), cuts=False),
     Fault("peer", "5,000 subscriptions", _attack("subscriptions", FLOOD_S), _end_attack, cuts=False, extra_s=LATE_S),
     Fault("peer", "5,000 tokens", _attack("tokens", FLOOD_S), _end_attack, cuts=False, extra_s=LATE_S),
-    Fault("peer", "commands not a number", _attack("not_a_number"), _end_attack, cuts=False, quick=True),
+    Fault("peer", "commands that are not finite", _attack("not_a_number"), _end_attack, cuts=False, quick=True),
     Fault("peer", "the planner's commands replayed", _attack("replay"), _end_attack, cuts=False),
     Fault("peer", "connections closed at once", _attack("connections"), _end_attack, cuts=False),
-    Fault("peer", "bytes that are no zenoh", _attack("bytes"), _end_attack, cuts=False),
+    Fault("peer", "bytes that are not zenoh", _attack("bytes"), _end_attack, cuts=False),
 )
