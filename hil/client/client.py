@@ -98,6 +98,7 @@ class VehicleClient:
         self._watched: set[str] = set()
         self._watching = threading.Lock()  # two who want the same topic at once must not get it twice
         self.delays = DelayMeter()
+        self._senders: dict[str, bytes] = {}  # by topic, whose the newest message is
         self._first_samples: dict[str, _FirstSample] = {}  # by topic, each of the newest life of the vehicle
         self._first_sample = threading.Event()
         self._rank = rank
@@ -286,6 +287,10 @@ class VehicleClient:
             return
         self.received[topic] = self.received.get(topic, 0) + 1
         self.contact.samples += topic not in URGENT
+        if self._senders.get(topic, stamp.gid) != stamp.gid:  # by what was measured of another it may seem old
+            self._senders.clear()
+            self.contact.forget_clock()
+        self._senders[topic] = stamp.gid
         if topic == "trace":
             self.delays.add(value, stamp.time_ns, to_wall_ns(received_ns))
             return

@@ -91,10 +91,16 @@ class LivenessMonitor:
     def sent_ns(self, their_wall_ns: int, received_ns: int) -> int:
         """Convert a wall time of the vehicle to our monotonic clock; at most `received_ns`, and that if unknown."""
         received_wall_ns = to_wall_ns(received_ns)
-        if self.same_clock and self._clock.may_be_zero(received_wall_ns):
-            return min(from_wall_ns(their_wall_ns), received_ns)
         estimate = self._clock.at(received_wall_ns)
-        return min(from_wall_ns(their_wall_ns - estimate.offset_ns), received_ns) if estimate else received_ns
+        if estimate is None:
+            return received_ns
+        is_same = self.same_clock and self._clock.may_be_zero(received_wall_ns)
+        return min(from_wall_ns(their_wall_ns - (0 if is_same else estimate.offset_ns)), received_ns)
+
+    def forget_clock(self) -> None:
+        """Compare the clocks again: the vehicle's process is another one, and its wall clock may be too."""
+        self._clock.forget()
+        self.known.clear()
 
     @property
     def rivals(self) -> str:

@@ -2,9 +2,9 @@
 
 import json
 import os
-import sys
 from typing import Any
 
+from hil.common.children import module_command
 from hil.common.columns import aligned
 from hil.common.errors import ConfigError, DeviceError
 from hil.common.options import add_changes, add_json, changes_of, new_parser
@@ -38,7 +38,7 @@ def main(arguments: list[str]) -> int:
     options = parser.parse_args(arguments)
     if options.action == "up":
         hosts = _hosts(options.scenario, options.on, changes_of(options))
-        programs = {host: [options.program] for host in hosts.values()} | {"": [sys.executable, "-m", "hil"]}
+        programs = {host: [options.program] for host in hosts.values()} | {"": module_command("hil")}
         path = os.path.abspath(load_scenario(options.scenario).path)
         changes = [word for change in options.set for word in ("--set", change)]
         text = read_bytes(path).decode("utf-8-sig")

@@ -31,7 +31,9 @@ class Access:
 
     def admits(self, token: object) -> bool:
         """Return whether that is the token; takes equally long whatever it is."""
-        return isinstance(token, str) and secrets.compare_digest(token.encode(), self.token.encode())
+        return isinstance(token, str) and secrets.compare_digest(
+            token.encode(errors="surrogatepass"), self.token.encode()
+        )
 
     def close(self) -> None:
         """Remove the file, unless another gateway has written its own there since."""

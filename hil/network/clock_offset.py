@@ -69,6 +69,11 @@ class ClockOffset:
             self._add_point(point)
             self._best = self._best_of(self._points, self._points[-1].time_ns)
 
+    def forget(self) -> None:
+        """Drop all exchanges: the other clock is that of another process from now on."""
+        with self._lock:
+            self._points, self._best, self._drift, self._drift_error = [], None, 0.0, MOST_DRIFT
+
     def at(self, time_ns: int) -> Estimate | None:
         """Return the offset at an instant of our clock; None before the first exchange."""
         best, points = self._best, self._points

@@ -7,6 +7,7 @@ token, and no page of another origin.
 
 import asyncio
 import json
+import logging
 import secrets
 import threading
 from collections.abc import Awaitable, Callable, Mapping
@@ -16,6 +17,7 @@ from ssl import SSLContext
 from typing import Any
 
 from aiohttp import ClientSession, WSMsgType, web
+from aiohttp.http_exceptions import HttpProcessingError
 
 from hil.common.errors import NetworkError
 
@@ -23,6 +25,8 @@ COOKIE = "uuv_hil_view"
 SECRET_HEADER = "X-Uuv-Hil-Secret"
 MOST_STICK_BYTES = 4096  # of one message of the stick
 MOST_CLIENTS = 32
+MOST_CONNECTIONS = 256  # at once: a browser has some for the page, the stick and the scene
+TOKEN_WITHIN_S = 10.0  # a connection on which nobody has shown the token by then is closed
 LARGEST_MESSAGE = 256 << 20  # of the scene, towards the browser
 
 StickMessage = Mapping[str, Any]
@@ -51,6 +55,8 @@ class Front:
         self._scene = f"http://127.0.0.1:{scene_port}"
         self._secret, self._token, self._on_stick = secret, token, on_stick
         self._clients = 0
+        self._admitted: set[asyncio.Protocol] = set()  # open connections on which the token was shown
+        self._listener: asyncio.Server | None = None
         self._loop = asyncio.new_event_loop()
         self._runner: web.AppRunner | None = None
         try:
@@ -77,13 +83,31 @@ class Front:
         app.router.add_get("/", self._page)
         app.router.add_get("/stick", self._stick)
         app.router.add_get("/scene{path:(/.*)?}", self._pass_on)
-        self._runner = web.AppRunner(app, access_log=None, shutdown_timeout=1.0)
+        self._runner = web.AppRunner(app, access_log=None, shutdown_timeout=1.0, logger=_logger())
         await self._runner.setup()
-        site = web.TCPSite(self._runner, host, port, ssl_context=tls)
-        await site.start()
-        return int(self._runner.addresses[0][1])
+        self._listener = await self._loop.create_server(self._accept, host, port, ssl=tls)
+        return int(self._listener.sockets[0].getsockname()[1])
+
+    def _accept(self) -> asyncio.BaseProtocol:
+        """Return what serves a new connection: aiohttp's own, unless too many are open."""
+        assert self._runner
+        server = self._runner.server
+        assert server
+        opened = {connection for connection in server.connections if connection.transport}
+        self._admitted &= opened
+        if len(opened) >= MOST_CONNECTIONS:
+            return _Refusal()
+        connection = server()
+        self._loop.call_later(TOKEN_WITHIN_S, self._close_unless_admitted, connection)
+        return connection
+
+    def _close_unless_admitted(self, connection: web.RequestHandler) -> None:
+        if connection not in self._admitted:
+            connection.force_close()
 
     async def _stop(self) -> None:
+        if self._listener:
+            self._listener.close()
         if self._runner:
             await self._runner.cleanup()
         rest = asyncio.all_tasks() - {asyncio.current_task()}  # of browsers that were still there
@@ -99,9 +123,12 @@ class Front:
             raise web.HTTPForbidden(text="this page is not of the live view\n")
         given = request.query.get("token", "")
         known = request.cookies.get(self._cookie, "")
+        if self._is_token(given) or self._is_token(known):
+            self._admitted.add(request.protocol)
         if self._is_token(given):
-            answer: web.StreamResponse
-            answer = web.HTTPFound("/") if request.path == "/" else await handler(request)
+            answer: web.StreamResponse = web.Response(status=302, headers={"Location": "/"})
+            if request.path != "/":
+                answer = await handler(request)
             if not answer.prepared:
                 answer.set_cookie(self._cookie, given, httponly=True, samesite="Strict", secure=request.secure)
             return answer
@@ -117,7 +144,7 @@ class Front:
         return f"{COOKIE}_{self.port}"  # browsers do not tell the ports of a host apart
 
     def _is_token(self, text: str) -> bool:
-        return secrets.compare_digest(text.encode(), self._token.encode())
+        return secrets.compare_digest(text.encode(errors="surrogatepass"), self._token.encode())
 
     async def _page(self, _: web.Request) -> web.Response:
         text = files("hil.view").joinpath("page.html").read_text(encoding="utf-8")
@@ -164,6 +191,20 @@ class Front:
             await _first_done(_pump(outside, inside), _pump(inside, outside))
         await outside.close()
         return outside
+
+
+class _Refusal(asyncio.Protocol):
+    """Closes a connection at once."""
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        transport.close()
+
+
+def _logger() -> logging.Logger:
+    """Return a log of our own mistakes: bytes that are not HTTP are a stranger's, and would fill it with tracebacks."""
+    logger = logging.getLogger(__name__)
+    logger.addFilter(lambda record: not (record.exc_info and isinstance(record.exc_info[1], HttpProcessingError)))
+    return logger
 
 
 async def _pump(source: Any, sink: Any) -> None:

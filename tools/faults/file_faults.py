@@ -47,7 +47,11 @@ BAD_FILES = (
     ),
     BadFile("scenario with inf", "deadman: inf", ".toml", lambda r: f"{HEAD}[slave]\ndeadman = inf\n".encode(), SLAVE),
     BadFile(
-        "scenario, number of 100,000 digits", "100000 digits", ".toml", lambda r: b"seed = " + b"9" * 100_000, SLAVE
+        "scenario, number of 100,000 digits",
+        "more than 4300 digits",
+        ".toml",
+        lambda r: b"seed = " + b"9" * 100_000,
+        SLAVE,
     ),
     BadFile(
         "scenario with an unknown key", "deadmen", ".toml", lambda r: f"{HEAD}[slave]\ndeadmen = 1\n".encode(), SLAVE

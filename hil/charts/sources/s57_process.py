@@ -16,7 +16,7 @@ from typing import Any
 from hil.common.lifeline import die_with_parent
 
 MEMORY_BYTES = 2 << 30  # of address space: a chart of 5 MB takes a tenth
-CPU_SECONDS = 60
+CPU_SECONDS = 30
 # Object classes that shape a seabed or stand on it, and their attributes (S-57 appendix A).
 OBJECTS = (
     "BRIDGE", "CAUSWY", "COALNE", "DAMCON", "DEPARE", "DEPCNT", "DRGARE", "FLODOC", "HULKES", "LNDARE", "MORFAC",

@@ -11,12 +11,14 @@ from hil.client.client import VehicleClient
 from hil.client.liveness import LivenessMonitor
 from hil.common.clock import NS_PER_S, now_ns, to_wall_ns
 from hil.common.errors import NetworkError
+from hil.common.process import boot_id
 from hil.network.clock_offset import ClockOffset
 from hil.network.opening import listen
 from hil.network.presence import declare_presence
 from hil.network.roles import open_master_session
 from hil.network.session import Session
 from hil.network.tokens import PING, PONG, Part, clock_keys
+from hil.ros.encoders import encode_diagnostics, pack_attachment
 from tests.support.processes import free_port, wait_for
 
 GID = b"m" * 16
@@ -127,6 +129,32 @@ def test_an_instant_of_a_slave_that_started_before_the_clock_was_set(offset_s: i
     clock.add(to_wall_ns(received) - 200_000, sent_wall - 100_000, sent_wall - 90_000, to_wall_ns(received))
     age_ns = received - contact.sent_ns(sent_wall, received)
     assert 0 <= age_ns <= 200_000
+
+
+@pytest.mark.parametrize("is_here", [True, False], ids=["one machine", "two machines"])
+def test_a_restarted_vehicle_with_another_clock_is_not_gone(ends: tuple[Vehicle, Session], is_here: bool) -> None:
+    """Its first messages come before the clocks have been compared again."""
+    _, session = ends
+    values = {"boot_id": boot_id() if is_here else "another"}
+    with VehicleClient(session, "uuv1", part="observer") as client:
+
+        def compare(ahead_ns: int) -> None:
+            asked = to_wall_ns(now_ns())
+            client.delays.clock.add(asked - 200_000, asked - 100_000 + ahead_ns, asked - 90_000 + ahead_ns, asked)
+
+        def deliver(gid: bytes, ahead_ns: int) -> float:
+            sent_ns = to_wall_ns(now_ns()) + ahead_ns
+            payload = encode_diagnostics(sent_ns, [("slave", 0, "running", values)])
+            client._deliver("diagnostics", payload, pack_attachment(1, sent_ns, gid))
+            return client.latest["diagnostics"].age_s
+
+        before_ns, behind_ns = 0 if is_here else 5 * NS_PER_S, -3600 * NS_PER_S
+        compare(before_ns)
+        assert 0 <= deliver(b"a" * 16, before_ns) < 1
+        assert 0 <= deliver(b"b" * 16, behind_ns) < 1, "the clocks have not been compared again"
+        compare(behind_ns)
+        assert 0 <= deliver(b"b" * 16, behind_ns) < 1
+        assert 2 < deliver(b"b" * 16, behind_ns - 3 * NS_PER_S) < 4, "what is old is known as old"
 
 
 def test_two_slaves_of_one_name_are_not_commanded(ends: tuple[Vehicle, Session]) -> None:

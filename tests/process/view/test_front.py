@@ -1,0 +1,88 @@
+"""The live view's web server against who has no token."""
+
+import http.client
+import socket
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack
+from typing import Any
+
+import pytest
+
+from hil.view import front
+from hil.view.front import Front
+from tests.support.processes import free_port, wait_for
+
+TOKEN = "a-token"
+
+
+@pytest.fixture
+def served(monkeypatch: pytest.MonkeyPatch) -> Iterator[Front]:
+    monkeypatch.setattr(front, "TOKEN_WITHIN_S", 1.0)
+    monkeypatch.setattr(front, "MOST_CONNECTIONS", 8)
+    with Front("127.0.0.1", 0, free_port(), "secret", TOKEN, answer_stick) as served:
+        yield served
+
+
+def answer_stick(_: int, __: Mapping[str, Any] | None) -> Mapping[str, Any]:
+    return {}
+
+
+def connect(served: Front) -> socket.socket:
+    return socket.create_connection(("127.0.0.1", served.port), 30)
+
+
+def is_closed(connection: socket.socket) -> bool:
+    """Whether the other end has closed it; what it says before that is read."""
+    connection.setblocking(False)
+    try:
+        while connection.recv(4096):
+            pass
+    except BlockingIOError:
+        return False
+    except ConnectionError:
+        pass
+    return True
+
+
+def status(served: Front, path: str) -> int:
+    with ExitStack() as stack:
+        connection = http.client.HTTPConnection("127.0.0.1", served.port, timeout=30)
+        stack.callback(connection.close)
+        connection.request("GET", path)
+        return connection.getresponse().status
+
+
+def test_connections_without_the_token_are_few_and_do_not_stay(served: Front) -> None:
+    with ExitStack() as stack:
+        silent = [stack.enter_context(connect(served)) for _ in range(40)]
+        assert wait_for(lambda: sum(map(is_closed, silent)) >= 32), "all but eight at once"
+        assert wait_for(lambda: all(map(is_closed, silent))), "and the others soon"
+        assert status(served, f"/?token={TOKEN}") == 302
+
+
+def test_a_connection_on_which_a_wrong_token_was_shown_does_not_stay(served: Front) -> None:
+    with connect(served) as refused:
+        refused.sendall(b"GET /?token=wrong HTTP/1.1\r\nHost: x\r\n\r\n")
+        assert wait_for(lambda: is_closed(refused))
+
+
+def test_a_connection_with_the_token_stays(served: Front) -> None:
+    request = f"GET /?token={TOKEN} HTTP/1.1\r\nHost: x\r\n\r\n".encode()
+    with connect(served) as admitted, connect(served) as silent:
+        admitted.sendall(request)
+        assert wait_for(lambda: is_closed(silent))
+        admitted.settimeout(30)
+        admitted.sendall(request)
+        assert admitted.recv(4096).startswith(b"HTTP/1.1 302")
+
+
+@pytest.mark.parametrize("token", ["%ff", "%ed%a0%80", "", "a-token-and-more"])
+def test_any_other_token_is_refused(served: Front, token: str) -> None:
+    assert status(served, f"/?token={token}") == 403
+
+
+def test_bytes_that_are_not_http_leave_no_traceback(served: Front, caplog: pytest.LogCaptureFixture) -> None:
+    with connect(served) as stranger:
+        stranger.sendall(b"GET /?token=\xc3\xa9 HTTP/1.1\r\nHost: x\r\n\r\n")
+        assert wait_for(lambda: is_closed(stranger))
+    assert caplog.records == []
