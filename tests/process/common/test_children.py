@@ -1,6 +1,7 @@
 """Children end with their parents, whatever ends those."""
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -233,3 +234,12 @@ def test_it_is_the_process_that_counts_and_not_one_descriptor() -> None:
     finally:
         child.kill()
         child.wait()
+
+
+def test_every_interpreter_that_is_started_ignores_the_current_folder() -> None:
+    """`python -m` looks for modules in the current folder first: only `hil.common.children` writes such a command."""
+    written = re.compile(r'sys\.executable, "-[cm]"')
+    folders = [Path(ROOT) / name for name in ("hil", "sim", "boards", "firmware_stub")]
+    paths = [path for folder in folders for path in folder.rglob("*.py") if path.name != "children.py"]
+    assert len(paths) > 300
+    assert not [path for path in paths if written.search(path.read_text(encoding="utf-8"))]
