@@ -82,7 +82,7 @@ def test_any_other_token_is_refused(served: Front, token: str) -> None:
 
 
 def test_bytes_that_are_not_http_leave_no_traceback(served: Front, caplog: pytest.LogCaptureFixture) -> None:
-    with connect(served) as stranger:
-        stranger.sendall(b"GET /?token=\xc3\xa9 HTTP/1.1\r\nHost: x\r\n\r\n")
-        assert wait_for(lambda: is_closed(stranger))
+    with connect(served) as outsider:
+        outsider.sendall(b"GET /?token=\xc3\xa9 HTTP/1.1\r\nHost: x\r\n\r\n")
+        assert wait_for(lambda: is_closed(outsider))
     assert caplog.records == []
