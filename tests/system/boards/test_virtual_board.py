@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.support.documents import blocks
 from tests.support.emulated import built_board
 from tests.support.processes import ROOT, free_port, wait_for
 from tools.virtual_board.board import VirtualBoard
@@ -122,6 +123,18 @@ def test_doctor_knows_where_it_is(board: VirtualBoard) -> None:
     lines = {line.split()[1]: line for line in done.stdout.splitlines()}
     assert "C, " in lines["step"]
     assert "could not be tried" not in lines["scheduling"], "another process in there can be started"
+
+
+def test_a_board_of_ones_own_is_described(board: VirtualBoard, tmp_path: Path) -> None:
+    """The steps of the tutorial that need a board's own processor, with its file."""
+    described, *_ = blocks("toml", page=ROOT / "docs" / "tutorials" / "own_board.md")
+    file = tmp_path / "orange_pi_5.toml"
+    file.write_text(described.text)
+    assert "generic_arm64" in run(board.command("-m", "hil.cli", "board", "list"))
+    assert run(board.command("-m", "hil.cli", "board")).startswith("an arm64 machine")
+    shown = run(board.command("-m", "hil.cli", "board", "--board", str(file)))
+    assert shown.startswith("Orange Pi 5\n")
+    assert "budgets: start 1 s, memory 40 MiB" in shown
 
 
 @pytest.fixture
