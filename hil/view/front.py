@@ -201,7 +201,7 @@ class _Refusal(asyncio.Protocol):
 
 
 def _logger() -> logging.Logger:
-    """Return a log of our own mistakes: bytes that are not HTTP are an outsider's, and would fill it with tracebacks."""
+    """Return a log of our own mistakes: bytes that are not HTTP would fill it with tracebacks."""
     logger = logging.getLogger(__name__)
     logger.addFilter(lambda record: not (record.exc_info and isinstance(record.exc_info[1], HttpProcessingError)))
     return logger

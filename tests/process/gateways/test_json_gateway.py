@@ -113,6 +113,13 @@ def test_the_connection_ends_at_what_is_not_json(client: Client, fleet: Fleet, l
     assert fleet["uuv1"]._maneuver is None or fleet["uuv1"].state.velocity[0] < 0.05
 
 
+@pytest.mark.parametrize("token", ["\ud800", "\xff", "", 7, None, ["a"], {}])
+def test_what_is_not_the_token_is_refused(gateway: JsonGateway, token: object) -> None:
+    assert not gateway.access.admits(token)
+    with Client(gateway) as outsider:
+        assert "not the token" in outsider.ask(do="login", token=token)["error"]
+
+
 @pytest.mark.parametrize("login", [{}, {"token": ""}, {"token": "x" * 32}, {"token": None}, {"token": ["a"]}])
 def test_nobody_commands_without_the_token(gateway: JsonGateway, login: dict[str, Any]) -> None:
     client = Client(gateway)
