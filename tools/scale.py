@@ -19,6 +19,7 @@ import psutil
 from hil.client.client import VehicleClient
 from hil.common.children import module_command, package_environment, start_child
 from hil.common.ports import free_ports
+from hil.network.roles import open_master_session
 from hil.network.settings import Network
 
 HEADER = (
@@ -50,7 +51,7 @@ class Use(NamedTuple):
     resident: list[int]
 
 
-def measure(slaves: int, routers: int, seconds: float) -> str:
+def measure(slaves: int, routers: int, seconds: float, sessions: str) -> str:
     """Return a row of the table. Raises HilError when a slave cannot be reached."""
     with ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
@@ -62,8 +63,9 @@ def measure(slaves: int, routers: int, seconds: float) -> str:
             commands.append(["slave", str(path), "--listen", f"tcp/127.0.0.1:{port}"])
         processes = [start(stack, words) for words in commands]
         network = Network(mode="routed", router=ends[-1])
+        shared = stack.enter_context(open_master_session(ends[-1], network=network)) if sessions == "one" else ends[-1]
         clients = [
-            stack.enter_context(VehicleClient(ends[-1], f"uuv{n}", part="observer", network=network, topics=TOPICS))
+            stack.enter_context(VehicleClient(shared, f"uuv{n}", part="observer", network=network, topics=TOPICS))
             for n in range(slaves)
         ]
         end = time.monotonic() + 20.0 + slaves
@@ -91,8 +93,8 @@ def start(stack: ExitStack, words: list[str]) -> psutil.Process:
     """Return a command of ours as a process, which ends with the stack."""
     quiet = subprocess.DEVNULL
     child = start_child(module_command("hil", *words), environment=package_environment(), stdout=quiet, stderr=quiet)
-    stack.callback(child.wait, 10.0)
-    stack.callback(child.terminate)
+    stack.callback(child.wait)
+    stack.callback(child.kill)  # many that end in good order at once take minutes
     return psutil.Process(child.pid)
 
 
@@ -112,12 +114,15 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--slaves", type=int, nargs="+", default=[1, 2, 4, 8, 16, 32, 64])
     parser.add_argument("--routers", type=int, nargs="+", choices=(1, 2), default=[1, 2])
     parser.add_argument("--seconds", type=float, default=10.0)
+    parser.add_argument(
+        "--sessions", choices=("one", "each"), default="one", help="of the observer: one, or one each vehicle"
+    )
     options = parser.parse_args(arguments)
     load = os.getloadavg()[0]
     print(f"{os.cpu_count()} processors, load before: {load:.1f}\n\n{HEADER}\n|{'---|' * HEADER.count(' | ')}---|")
     for routers in options.routers:
         for slaves in options.slaves:
-            print(measure(slaves, routers, options.seconds), flush=True)
+            print(measure(slaves, routers, options.seconds, options.sessions), flush=True)
     return 0
 
 

@@ -15,7 +15,7 @@ from hil.common.errors import DeviceError
 from tools.virtual_board.commands import TO_BUILD, do, missing
 
 PROJECT = Path(__file__).parent.parent.parent
-SUITE, MIRROR = "bookworm", "http://deb.debian.org/debian"
+SUITE = "bookworm"  # from the mirror that debootstrap takes by itself
 # The board's Python on this machine. A script, so that a program in there can start another one by sys.executable.
 WRAPPER = """\
 #!/bin/sh
@@ -24,9 +24,10 @@ export PYTHONSAFEPATH=1  # what is installed, not what lies in the present folde
 export {mark}=qemu-aarch64
 exec qemu-aarch64 -cpu {processor} -L '{root}' -0 "$0" '{root}/{python}' "$@"
 """
-PACKAGES = "python3,systemd-sysv,udev,kmod,iproute2,linux-image-arm64"
+PACKAGES = "python3,python3-venv,systemd-sysv,udev,kmod,iproute2,linux-image-arm64"
 MERGED = ("bin", "sbin", "lib")  # of /, which are links into /usr
 PYTHON = "usr/bin/python3.11"
+VENV = "usr/lib/python3.11/ensurepip"  # boards that were made before have none
 PROCESSOR = "cortex-a72"  # of a Raspberry Pi 4B; qemu's own default sends numpy the slowest way there is
 PYTHON_THERE = "/usr/bin/python3"
 WHEELS = ("manylinux_2_28_aarch64", "manylinux2014_aarch64", "linux_aarch64")
@@ -49,7 +50,7 @@ class VirtualBoard:
         if missing_tools:
             raise DeviceError(f"no virtual board can be built here; {missing_tools}")
         os.makedirs(self.folder, exist_ok=True)
-        if not os.path.exists(os.path.join(self.root, PYTHON)):
+        if not all(os.path.exists(os.path.join(self.root, path)) for path in (PYTHON, VENV)):
             self._make_root()
         with tempfile.TemporaryDirectory(dir=self.folder) as scratch:
             self._install(scratch, packages)
@@ -72,12 +73,13 @@ class VirtualBoard:
             fetched, unpacked = os.path.join(scratch, "fetched"), os.path.join(scratch, "root")
             # Its second stage, under emulation, takes longer than all the rest; nothing of it is needed here.
             do("debootstrap", "--download-only", "--arch=arm64", "--variant=minbase", f"--include={PACKAGES}", SUITE,
-               fetched, MIRROR)  # fmt: skip
+               fetched)  # fmt: skip
             for name in MERGED:
                 os.makedirs(os.path.join(unpacked, "usr", name))
                 os.symlink(f"usr/{name}", os.path.join(unpacked, name))
             for package in sorted(glob.glob(os.path.join(fetched, "var/cache/apt/archives/*.deb"))):
                 _unpack(package, unpacked)
+            shutil.rmtree(self.root, ignore_errors=True)
             os.rename(unpacked, self.root)
 
     def _install(self, scratch: str, packages: Sequence[str]) -> None:

@@ -1,0 +1,28 @@
+#!/bin/sh
+# Install the slave on this board as a service that starts with it. One command, on the board:
+#
+#     sudo sh install.sh uuv_hil-VERSION-...whl SCENARIO --user NAME [other options of `uuv-hil board install`]
+#
+# The first word is whatever pip takes: a wheel, a folder, a name with a version. It goes into an environment of its own,
+# and can be repeated for a newer one. Remove all: sudo uuv-hil board uninstall && sudo rm -r /opt/uuv-hil-venv \
+# /usr/local/bin/uuv-hil
+set -eu
+
+folder=${UUV_HIL_FOLDER:-/opt/uuv-hil-venv}
+if [ $# -lt 2 ]; then
+  sed -n '2,/^set/s/^# \{0,1\}//p' "$0" >&2
+  exit 2
+fi
+package=$1 scenario=$2
+shift 2
+python3 -c 'import sys; sys.exit(sys.version_info < (3, 10))' ||
+  { echo "install.sh: Python 3.10 or later is needed" >&2; exit 5; }
+python3 -c 'import ensurepip, venv' 2>/dev/null ||
+  { echo "install.sh: no virtual environments: apt install python3-venv" >&2; exit 5; }
+test -x "$folder/bin/pip" || python3 -m venv "$folder"
+"$folder/bin/pip" install --quiet --disable-pip-version-check --upgrade "$package"
+"$folder/bin/python" -m compileall -q "$folder/lib" || true # others' files may not compile; ours do
+ln -sf "$folder/bin/uuv-hil" /usr/local/bin/uuv-hil
+"$folder/bin/uuv-hil" board install "$scenario" --yes "$@"
+systemctl restart uuv-hil
+systemctl --no-pager --lines=0 status uuv-hil

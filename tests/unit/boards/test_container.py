@@ -1,0 +1,54 @@
+"""The compose file: each command is one that the project understands, and they find each other."""
+
+import argparse
+import shlex
+from pathlib import Path
+from typing import Any
+
+import pytest
+from ruamel.yaml import YAML
+
+from hil.cli import COMMANDS
+from hil.commands.completion import find_parser
+from hil.common.options import changes_of
+from hil.scenario.config import load_scenario
+
+FOLDER = Path(__file__).parents[3] / "boards" / "container"
+SERVICES: dict[str, dict[str, Any]] = YAML(typ="safe").load(FOLDER / "compose.yaml")["services"]
+
+
+def read(service: str) -> tuple[str, argparse.Namespace]:
+    """The command's name, and its options as its own parser reads them; it ends the test at a wrong word."""
+    name, *words = shlex.split(SERVICES[service]["command"])
+    return name, find_parser(COMMANDS[name][0]).parse_args(words)
+
+
+@pytest.mark.parametrize("service", SERVICES)
+def test_the_command_is_understood(service: str) -> None:
+    name, options = read(service)
+    assert name == service
+    if getattr(options, "scenario", None):
+        network = load_scenario(options.scenario, changes_of(options)).network
+        assert name == "view" or (network.mode, network.router) == ("routed", "tcp/router:7447")
+
+
+def test_all_dial_the_router_at_its_port() -> None:
+    router = read("router")[1].listen
+    assert router == "tcp/0.0.0.0:7447"
+    for service in ("master", "view"):
+        assert read(service)[1].connect in ("tcp/router:7447", ["tcp/router:7447"])
+    assert read("view")[1].routed
+
+
+def test_nothing_is_published_but_the_view_and_that_to_this_machine() -> None:
+    assert {name: service["ports"] for name, service in SERVICES.items() if "ports" in service} == {
+        "view": ["127.0.0.1:7480:7480"]
+    }
+    assert str(read("view")[1].listen) in ("0.0.0.0:7480", "('0.0.0.0', 7480)")
+
+
+def test_every_folder_of_the_package_is_in_the_image() -> None:
+    text = (FOLDER / "Containerfile").read_text()
+    for folder in ("hil", "sim", "boards", "firmware_stub"):
+        assert f"COPY {folder} /src/{folder}\n" in text
+    assert (FOLDER / SERVICES["slave"]["build"]["context"] / SERVICES["slave"]["build"]["dockerfile"]).exists()
