@@ -1,0 +1,68 @@
+"""`boards/install.sh` on a whole emulated board: from a wheel to a running service, by one command.
+
+It takes some minutes, and is skipped unless it is asked for:
+
+    pytest -m board
+"""
+
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from hil.common.children import ROOT
+from tests.support.emulated import built_board
+from tools.virtual_board.board import WHEELS
+from tools.virtual_board.commands import TO_BOOT, missing
+from tools.virtual_board.system import Booted
+
+pytestmark = [
+    pytest.mark.board,
+    pytest.mark.timeout(3600),
+    pytest.mark.skipif(bool(missing(TO_BOOT)), reason=missing(TO_BOOT)),
+]
+
+# The board has no way to a package index: wheels lie in a folder, which is all that pip is told otherwise.
+JOB = r"""
+set -e
+mount -t tmpfs -o size=600M tmpfs /opt/venvs
+echo 'pilot:x:1000:1000::/tmp:/bin/sh' >>/etc/passwd
+echo 'pilot:x:1000:' >>/etc/group
+unset PYTHONPATH
+export PIP_NO_INDEX=1 PIP_FIND_LINKS=/opt/uuv-hil/wheels UUV_HIL_FOLDER=/opt/venvs/uuv-hil
+sh /opt/uuv-hil/boards/install.sh /opt/uuv-hil/wheels/uuv_hil-*.whl paper_field --user pilot
+until journalctl -u uuv-hil | grep -q ready; do sleep 1; done
+echo "service: $(systemctl is-active uuv-hil) $(systemctl is-enabled uuv-hil)"
+echo "from: $(tr '\0' ' ' </proc/$(systemctl show -P MainPID uuv-hil)/cmdline)"
+/usr/local/bin/uuv-hil board uninstall --yes | tail -1
+"""
+
+
+@pytest.fixture(autouse=True)
+def asked_for(request: pytest.FixtureRequest) -> None:
+    """Skips what nobody asked for."""
+    if "board" not in str(request.config.option.markexpr):
+        pytest.skip("boots a whole emulated board: pytest -m board")
+
+
+def test_one_command_leaves_a_service() -> None:
+    board = built_board()
+    wheels = Path(board.site) / "wheels"
+    shutil.rmtree(wheels, ignore_errors=True)
+    pip = [sys.executable, "-m", "pip", "--quiet", "--disable-pip-version-check"]
+    cross = ["env", "CC=aarch64-linux-gnu-gcc", "_PYTHON_HOST_PLATFORM=linux-aarch64", "UUV_HIL_NATIVE=1"]
+    subprocess.run([*cross, *pip, "wheel", "--no-deps", "--no-build-isolation", "-w", wheels, ROOT], check=True)
+    platforms = [word for name in WHEELS for word in ("--platform", name)]
+    needed = ["eclipse-zenoh", "pyserial", "psutil"]
+    there = ["--python-version", "3.11", "--abi", "cp311", "--abi", "abi3", "--abi", "none"]
+    subprocess.run([*pip, "download", *platforms, *there, "--only-binary=:all:", "-d", wheels, *needed], check=True)
+    (Path(board.root) / "opt" / "venvs").mkdir(parents=True, exist_ok=True)
+    try:
+        with Booted(board, JOB) as booted:
+            booted.wait(1800.0)
+    finally:
+        shutil.rmtree(wheels)
+    assert "service: active enabled" in booted.output, booted.output
+    assert "from: /opt/venvs/uuv-hil/bin/" in booted.output, booted.output
