@@ -8,24 +8,43 @@ from pathlib import Path
 
 import pytest
 
+from tests.support.browser import open_page
 from tests.support.processes import ROOT
 
+pytestmark = pytest.mark.timeout(600)
 pytest.importorskip("material", reason="the documentation needs the extra docs")
 
 
-def test_the_site_builds_and_reads_offline(tmp_path: Path) -> None:
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of the built site."""
+    folder = tmp_path_factory.mktemp("site")
     done = subprocess.run(
-        [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(tmp_path)],
-        cwd=ROOT, env={**os.environ, "NO_MKDOCS_2_WARNING": "1"}, capture_output=True, text=True, timeout=110,
+        [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(folder)],
+        cwd=ROOT, env={**os.environ, "NO_MKDOCS_2_WARNING": "1"}, capture_output=True, text=True, timeout=400,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
-    pages = list(tmp_path.rglob("*.html"))
+    return folder
+
+
+def test_no_page_loads_from_elsewhere(site: Path) -> None:
+    pages = list(site.rglob("*.html"))
     assert len(pages) > 30
     for page in pages:
         text = page.read_text(encoding="utf-8")
         loaded = re.findall(r"<(?:script|link|img|iframe)\b[^>]*?(?:src|href)=\"?(https?:[^\"\s>]+)", text)
         assert not loaded, f"{page.name} loads {loaded}"
-    assert (tmp_path / "search" / "search_index.js").stat().st_size > 100_000
-    assert "../javascripts/iframe-worker.js" in (tmp_path / "tutorials" / "first_flight.html").read_text(
-        encoding="utf-8"
-    )
+    assert (site / "search" / "search_index.js").stat().st_size > 100_000
+    assert "../javascripts/iframe-worker.js" in (site / "tutorials" / "first_flight.html").read_text(encoding="utf-8")
+
+
+def test_pages_that_are_opened_as_files_are_searched(site: Path) -> None:
+    """In a real browser, and without a word to another host."""
+    with open_page() as seen:
+        seen.page.goto((site / "tutorials" / "first_flight.html").as_uri())
+        seen.page.locator(".md-search__input").first.click(force=True)
+        seen.page.keyboard.type("deadman")
+        seen.page.locator(".md-search-result__item").first.wait_for(state="attached")
+        found = seen.page.locator(".md-search-result__item h1, .md-search-result__item h2").all_inner_texts()
+        assert "Diagnostics" in found
+        assert seen.hosts <= {""}, "nothing is asked of another host"
