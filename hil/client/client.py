@@ -12,6 +12,7 @@ from hil.common.clock import NS_PER_S, now_ns, to_wall_ns
 from hil.common.errors import NetworkError
 from hil.common.process import boot_id
 from hil.network.presence import fetch_last
+from hil.network.publisher import Publisher
 from hil.network.roles import open_master_session
 from hil.network.security import Security
 from hil.network.session import Session
@@ -114,6 +115,7 @@ class VehicleClient:
         self.dialled_wall_ns = to_wall_ns(now_ns())
         self._commands = self.session.publisher(node, TOPICS["cmd_vel"])
         self._publishers = {"cmd_vel": self._commands}
+        self._others: dict[str, Publisher] = {}  # of what is no command
         self.contact = LivenessMonitor(self.session, node, self.delays.clock, self._fetch_last, report, network.lease)
         self.watch(*topics, *OWN)
         self.contact.begin(part, self._commands.gid, rank)
@@ -167,6 +169,14 @@ class VehicleClient:
             publisher.gid = self._commands.gid  # by which the slave knows that they are of one master
             self._graph.publishes(TOPICS[topic], self.node)
         return publisher.put(payload, to_wall_ns(now_ns()))
+
+    def publish(self, topic: str, payload: bytes) -> None:
+        """Publish a message that is no command on a topic of the vehicle, for those who look on."""
+        publisher = self._others.get(topic)
+        if publisher is None:
+            publisher = self._others[topic] = self.session.publisher(self.node, TOPICS[topic])
+            self._graph.publishes(TOPICS[topic], self.node)
+        publisher.put(payload, to_wall_ns(now_ns()))
 
     def watch(self, *topics: str) -> None:
         """Subscribe to these topics too. Pictures ("camera/image_raw") are only received if named."""

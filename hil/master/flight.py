@@ -145,6 +145,7 @@ class Flight:
 
     def __init__(self, scenario: Scenario, plan: Plan) -> None:
         self.planner = plan.planner
+        self.depth = scenario.master.depth
         self.reason = ""
         self._master = scenario.master
         self._world = plan.world

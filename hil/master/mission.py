@@ -6,7 +6,7 @@ from typing import Any
 
 from hil.autonomy.control.controller import VelocityCommand
 from hil.client.client import VehicleClient
-from hil.common.clock import NS_PER_S, RateKeeper, now_ns, seconds_ns
+from hil.common.clock import NS_PER_S, RateKeeper, now_ns, seconds_ns, to_wall_ns
 from hil.common.errors import NetworkError
 from hil.master.flight import Flight, Outcome
 from hil.master.progress import Progress
@@ -18,7 +18,8 @@ GIVE_UP_AFTER_S = 10.0
 FINAL_FIGURES_S = 3.0  # that the vehicle's figures of the time after the flight are waited for; they come every second
 POLL_S = 0.02
 STOPPED = "stopped by the user"
-_NOT_SENSED = ("ground_truth", "diagnostics", "cmd_vel")
+_NOT_SENSED = ("ground_truth", "diagnostics", "cmd_vel", "plan")
+PLAN_PERIOD_S = 1.0  # of telling others the planned path again, for those who come later
 
 
 class Mission:
@@ -38,6 +39,7 @@ class Mission:
         self._track = track
         self._progress = progress
         self._losses = client.contact.losses
+        self._planned: tuple[float, Any] = -PLAN_PERIOD_S, None  # when the path was published, and that path
         self._odometry_s = 0.0  # when the last odometry was sent, from the start
 
     def fly(self, stop_fd: int) -> Outcome:
@@ -102,8 +104,19 @@ class Mission:
         command = self._flight.command(elapsed, self._samples(), truth.value)
         self._client.command(command)
         self._track.row(elapsed, truth.value, odometry.value, command)
+        self._publish_plan(elapsed)
         self._progress.show(elapsed, truth.value, self._flight.planner.progress, self._client)
         return self._flight.reason
+
+    def _publish_plan(self, elapsed: float) -> None:
+        """Publish the planner's path for those who look on: at once when it is a new one."""
+        published_s, published = self._planned
+        path = self._flight.planner.path
+        if path and (path is not published or elapsed - published_s >= PLAN_PERIOD_S):
+            from hil.ros.plan import encode_plan
+
+            self._planned = elapsed, path
+            self._client.publish("plan", encode_plan(to_wall_ns(now_ns()), path, self._flight.depth))
 
     def _miss_odometry(self, elapsed: float) -> None:
         """Report missing odometry. Raises NetworkError when it stays missing."""

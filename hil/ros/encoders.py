@@ -318,5 +318,6 @@ _ELSEWHERE = {
     **dict.fromkeys(("/tf", "/tf_static", "/clock", "thruster_wrench"), "frames"),
     "joint_states": "joints",
     "formation": "formation",
+    "plan": "plan",
     **dict.fromkeys(("modem_tx", "modem_rx", "modem_range"), "modem"),
 }

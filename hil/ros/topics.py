@@ -81,6 +81,7 @@ TOPICS = {
         Topic(
             "formation", "trajectory_msgs/msg/MultiDOFJointTrajectoryPoint", 10, "data", express=True, from_master=True
         ),
+        Topic("plan", "nav_msgs/msg/Path", 1, "data", from_master=True),
         Topic("modem_tx", "std_msgs/msg/UInt8MultiArray", 1, "data", from_master=True),
         Topic("modem_rx", "std_msgs/msg/UInt8MultiArray", 3, "data", from_master=True),
         Topic("modem_range", "sensor_msgs/msg/Range", 3, "data", from_master=True),

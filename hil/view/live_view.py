@@ -61,6 +61,7 @@ class LiveView:
         self._acts = ActsPanel(server, self._panels.acts, self._vehicle, self._panels.add_log_line, thrusters)
         self._playback = PlaybackPanel(server, source.playback) if source.playback else None
         self._drawn: dict[str, VehicleScene] = {}
+        self._plans: dict[str, Any] = {}
         self._steering: dict[str, Steering] = {}
         self._waterfalls: dict[str, pictures.Waterfall] = {}
         self._frames = 0
@@ -117,11 +118,19 @@ class LiveView:
             drawn = self._drawn[name] = VehicleScene(self._server, name, file)
         latest = self._source.latest(name)
         drawn.move(latest)
+        self._draw_plan(name, latest.get("plan"))
         if self._frames % TRACK_EVERY == 0:
             drawn.draw_tracks()
         if self._frames % PANEL_EVERY == 0:
             drawn.draw_scans(latest)
             self._draw_pictures(name, drawn, latest)
+
+    def _draw_plan(self, name: str, plan: Any) -> None:
+        """Draw the path that the planner of a vehicle has published, in place of the one known at the start."""
+        if self._world and plan and plan != self._plans.get(name):
+            self._plans[name] = plan
+            alone = len(self._shown.vehicles) <= 1
+            self._world.draw_path(plan, self._shown.depth, "path" if alone else f"path/{name}")
 
     def _draw_pictures(self, name: str, drawn: VehicleScene, latest: Mapping[str, Any]) -> None:
         for topic, title in CAMERAS.items():

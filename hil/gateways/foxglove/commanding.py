@@ -11,7 +11,7 @@ from hil.network.services import call
 from hil.recording.mcap_file import schema_of
 from hil.ros import graph
 from hil.ros import message as ros_message
-from hil.ros.topics import TOPICS
+from hil.ros.topics import COMMANDS
 
 LARGEST = 8192  # bytes of a command or a request
 AT_ONCE = 30  # parameters of one request
@@ -31,10 +31,8 @@ class Commanding:
     def publish(self, topic: str, data: bytes) -> None:
         """Send a command, CDR, on a topic such as "/uuv1/cmd_vel"."""
         _, node, name = [*topic.split("/", 2), "", ""][:3]
-        row = TOPICS.get(name)
-        if row is None or not row.from_master:
-            names = ", ".join(name for name, row in TOPICS.items() if row.from_master)
-            raise ConfigError(f"{topic!r}: a vehicle takes commands on /NAME/ with {names}")
+        if name not in COMMANDS:
+            raise ConfigError(f"{topic!r}: a vehicle takes commands on /NAME/ with {', '.join(COMMANDS)}")
         if len(data) > LARGEST:
             raise ConfigError(f"{topic}: {len(data)} bytes; a command has at most {LARGEST}")
         vehicle = self._vehicle(node)

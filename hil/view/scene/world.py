@@ -41,13 +41,13 @@ class WorldScene:
         """Depth of the seabed at a place (m)."""
         return self.world.seabed(north, east)
 
-    def draw_path(self, path: Sequence[Sequence[float]], depth: float) -> None:
-        """Draw the planned path: places (m, NED), or on the level at `depth`."""
+    def draw_path(self, path: Sequence[Sequence[float]], depth: float, name: str = "path") -> None:
+        """Draw a planned path: places (m, NED), or on the level at `depth`. It replaces one of the same name."""
         points = [(point[0], point[1], point[2] if len(point) > 2 else depth) for point in path]
         if len(points) > 1:
             lines = to_scene(points)
             segments = np.stack([lines[:-1], lines[1:]], axis=1)
-            self._scene.add_line_segments("/path", segments, colours.PATH, thickness=3.0, thickness_units="screen")
+            self._scene.add_line_segments(f"/{name}", segments, colours.PATH, thickness=3.0, thickness_units="screen")
 
     def draw_goal(self, north: float, east: float, depth: float) -> None:
         """Draw where the mission is to go."""

@@ -1,0 +1,37 @@
+"""The planned path as nav_msgs/Path."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hil.ros import message as ros_message
+from hil.ros.plan import MOST_POINTS, TYPE, decode_plan, encode_plan
+
+PLACES = st.tuples(*[st.floats(-1e4, 1e4)] * 3)
+
+
+@given(st.lists(PLACES, max_size=20))
+def test_a_path_comes_back_as_it_was(path: list[tuple[float, float, float]]) -> None:
+    assert decode_plan(encode_plan(0, path, 2.0)) == tuple(path)
+
+
+def test_places_of_two_numbers_are_at_the_depth_and_axes_are_those_of_ros() -> None:
+    data = encode_plan(1_500_000_000, [(1.0, 2.0), (3.0, 4.0)], 5.0)
+    assert decode_plan(data) == ((1.0, 2.0, 5.0), (3.0, 4.0, 5.0))
+    message = ros_message.decode(TYPE, data)
+    assert message
+    assert message["header"] == {"stamp": {"sec": 1, "nanosec": 500_000_000}, "frame_id": "map"}
+    assert message["poses"][0]["pose"]["position"] == {"x": 2.0, "y": 1.0, "z": -5.0}
+
+
+def test_a_long_path_is_thinned_out_to_its_end() -> None:
+    path = [(float(number), 0.0) for number in range(3 * MOST_POINTS)]
+    places = decode_plan(encode_plan(0, path, 1.0))
+    assert places
+    assert len(places) <= MOST_POINTS
+    assert (places[0][0], places[-1][0]) == (0.0, path[-1][0])
+
+
+@pytest.mark.parametrize("data", [b"", b"\0\1\0\0", encode_plan(0, [(1.0, 2.0)], 3.0)[:-3]])
+def test_what_is_no_path_is_none(data: bytes) -> None:
+    assert decode_plan(data) is None
