@@ -79,7 +79,7 @@ def main(arguments: list[str]) -> int:
             _show_scene(server, scenario)
         nodes: set[str] = set()
         while not select.select((stop_fd,), (), (), POLL_S)[0]:
-            messages = tap.take()
+            messages = tap.receive()
             server.show(messages)
             for message in messages:
                 _greet(server, nodes, message)

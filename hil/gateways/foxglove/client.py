@@ -135,8 +135,8 @@ class Client:
                 for each in message["subscriptions"]:
                     self._subscribe(int(each["id"]), int(each["channelId"]))
             case "unsubscribe":
-                gone = set(message["subscriptionIds"])
-                self._subscriptions = {key: value for key, value in self._subscriptions.items() if value not in gone}
+                ended = set(message["subscriptionIds"])
+                self._subscriptions = {key: value for key, value in self._subscriptions.items() if value not in ended}
             case "advertise" | "unadvertise" | "getParameters" | "setParameters" if self._commanding is None:
                 self._report(NO_TOKEN)
             case "advertise":
