@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 # By default one thread of the library polls and wakes another for each message; so one does both.
 ONE_THREAD = "(app: (worker_threads: 1), rx: (handover: app), net: (handover: app), tx: (handover: app))"
 DEPTH = 1 << 14  # messages of one endpoint that may wait; beyond it the oldest are dropped, and counted as missed
+MOST_NAMES = 4096  # publishers, keys and topics that are remembered; the oldest is forgotten: anybody can make names
 LINKS = 64  # news of links that may wait
 RETRY_S = 0.2
 PATIENCE_NS = 5 * NS_PER_S  # until it is said first that somebody is not there
@@ -77,7 +78,7 @@ class _Line:
         publisher, through which nothing is ever said, tells the other end a number for the key, which then comes in
         place of the text: 100 bytes less of 240.
         """
-        if key not in self._known:
+        if key not in self._known and len(self._known) < MOST_NAMES:
             self._known[key] = self.session.declare_keyexpr(key), self.session.declare_publisher(key)
 
     def close(self) -> None:
@@ -186,6 +187,8 @@ class Tap:
     def _meet(self, line: _Line, key: str, sequence: int, gid: bytes) -> _Publisher | None:
         topic = self._topic(key)
         line.learn(key)
+        while len(self._publishers) >= MOST_NAMES:
+            del self._publishers[next(iter(self._publishers))]
         self._publishers[gid, key] = publisher = _Publisher(*topic, sequence - 1) if topic else None
         return publisher
 

@@ -167,7 +167,7 @@ def test_who_is_not_there_is_named_once_in_a_while(monkeypatch: pytest.MonkeyPat
         assert tap.complaint() == "", "not again for a minute"
         with listen(ends[1]):
             assert wait_for(lambda: len(tap.connected) == 2)
-        monkeypatch.setattr(tap, "_say_ns", 0)
+        monkeypatch.setattr(tap, "_complaint_ns", 0)
         assert tap.complaint() == ""
 
 
@@ -215,3 +215,18 @@ def test_no_publisher_is_left_in_a_closed_session() -> None:
         assert left.was_open
         assert not line._known
         assert line.session.is_closed()
+
+
+def test_names_that_others_make_up_are_not_remembered_without_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(recording_tap, "MOST_NAMES", 8)
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    with listen(endpoint) as slave, Tap([endpoint]) as tap:
+        publishers = [slave.publisher(f"uuv{number}", TOPICS["imu"]) for number in range(40)]
+        assert wait_for(lambda: tap.connected)
+        assert met(slave.watch_keys("0/uuv1/imu/**"))
+        for publisher in publishers:
+            publisher.put(b"imu", time.time_ns())
+        received = collect(tap, lambda messages: len({message.topic for message in messages}) == len(publishers))
+        assert len({message.topic for message in received}) == len(publishers), "each is recorded"
+        assert len(tap._publishers) <= 8
+        assert all(len(line._known) <= 8 for line in tap._lines)
