@@ -6,6 +6,7 @@ it waits, or a condition to wait for; the ground station is polled meanwhile.
 
 import contextlib
 import socket
+import time
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -115,20 +116,40 @@ class GroundStation:
 
 def fly(run: AutopilotRun, station: GroundStation, mission: Mission, limit: float) -> None:
     """Step the run until the mission is over; fails when simulated time is beyond `limit` s."""
-    wait: Wait = 0.0
+    turns = _Turns(station, mission, limit)
     due = 0.0
     while True:
         run.step()
         now = run.simulation.time_ns / 1e9
-        if now < due:
-            continue
-        due = now + POLL_S
-        station.poll(now)
-        assert now < limit, f"{now:.1f} s: still waiting; texts: {station.texts[-5:]}"
+        if now >= due:
+            due = now + POLL_S
+            if turns.is_over(now):
+                return
+
+
+def fly_live(station: GroundStation, mission: Mission, limit: float) -> None:
+    """Fly by the clock an autopilot whose vehicle is another process; fails after `limit` s."""
+    turns, began = _Turns(station, mission, limit), time.monotonic()
+    while not turns.is_over(time.monotonic() - began):
+        time.sleep(POLL_S)
+
+
+class _Turns:
+    """A mission and what it waits for."""
+
+    def __init__(self, station: GroundStation, mission: Mission, limit: float) -> None:
+        self._station, self._mission, self._limit = station, mission, limit
+        self._wait: Wait = 0.0
+
+    def is_over(self, now: float) -> bool:
+        """Poll the ground station; go on with the mission when what it waits for has come true."""
+        self._station.poll(now)
+        assert now < self._limit, f"{now:.1f} s: still waiting; texts: {self._station.texts[-5:]}"
+        wait = self._wait
         if wait() if callable(wait) else now >= wait:
             try:
-                wait = next(mission)
+                wait = next(self._mission)
             except StopIteration:
-                return
-            if not callable(wait):
-                wait += now
+                return True
+            self._wait = wait if callable(wait) else now + wait
+        return False

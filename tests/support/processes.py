@@ -164,3 +164,9 @@ def wait_for(condition: Callable[[], T | None], seconds: float = PATIENCE_S) -> 
         if value or time.monotonic() > deadline:
             return value
         time.sleep(0.02)
+
+
+def children_of(pid: int) -> list[int]:
+    """The processes that any thread of that one has started."""
+    files = Path(f"/proc/{pid}/task").glob("*/children")
+    return [int(child) for file in files for child in file.read_text().split()]

@@ -13,7 +13,7 @@ import pytest
 from hil.client.client import VehicleClient
 from hil.common.ports import free_ports
 from tests.support.ardupilot_peer import ArdupilotPeer
-from tests.support.processes import Program, free_port, wait_for
+from tests.support.processes import Program, children_of, free_port, wait_for
 
 SCENARIO = """
 vehicle = "bluerov2"
@@ -107,19 +107,10 @@ def test_its_outputs_reach_the_stm32(tmp_path: Path, stm32: str) -> None:
 def test_an_stm32_that_is_killed_comes_back_under_the_autopilot(tmp_path: Path) -> None:
     with flown(tmp_path, "process") as (slave, _, client):
         reported(client, lambda found: found.pwm_us == AHEAD)
-        stm32 = [int(pid) for pid in children_of(slave.process.pid)]
+        stm32 = children_of(slave.process.pid)
         assert stm32
         for pid in stm32:
             os.kill(pid, signal.SIGKILL)
         slave.expect("thruster link lost")
         slave.expect("thruster link back")
         reported(client, lambda found: found.pwm_us == AHEAD and found.link_losses >= 1)
-
-
-def children_of(pid: int) -> list[str]:
-    return Path(f"/proc/{pid}/task/{pid}/children").read_text().split() + [
-        child
-        for task in Path(f"/proc/{pid}/task").iterdir()
-        if task.name != str(pid)
-        for child in (task / "children").read_text().split()
-    ]
