@@ -30,7 +30,8 @@ class Security(NamedTuple):
     `slave`, `master` and `router` are folders that `uuv-hil keys add NAME` made, each only on its own machine; their
     last part is the name in the certificate. Machines named in `may_command` command; those in `may_listen` get what
     the vehicle says ("*": every machine with a certificate); all others get nothing. A master's ident is not bound to
-    a name: a machine that may command can also do so in another's place.
+    a name: a machine that may command can also do so in another's place. `vehicles` names the machines of further
+    slaves, for a router that forwards those of several.
     """
 
     slave: str
@@ -38,6 +39,7 @@ class Security(NamedTuple):
     may_command: tuple[str, ...]
     may_listen: tuple[str, ...] = ()
     router: str = ""
+    vehicles: tuple[str, ...] = ()
 
     def resolve_paths(self, folder: str) -> "Security":
         """Return the same with its folders found from `folder`, that of the scenario."""
@@ -91,7 +93,7 @@ def access(security: Security) -> dict[str, Any]:
         _rule("send all", "ingress", _ALL, _EVERYTHING),
         _rule("receive all", "egress", _ALL, _EVERYTHING),
     ]
-    vehicles = [security.name("slave")] + ([security.name("router")] if security.router else [])
+    vehicles = [security.name("slave"), *security.vehicles] + ([security.name("router")] if security.router else [])
     listen = ["ask", "receive", "ask the last state", "ask the time", "watch presence"]
     return _table(
         rules,

@@ -48,6 +48,9 @@ class Contact:
     losses = 0
     samples = 0
 
+    def forget_clock(self) -> None:
+        """Another slave has come."""
+
 
 class Vehicle:
     """What a mission asks of its client: a vehicle that goes where it is told to, at once."""
@@ -59,6 +62,7 @@ class Vehicle:
         self.contact = Contact()
         self.latest: dict[str, Stamped] = {}
         self.commands: list[VelocityCommand] = []
+        self.published: list[tuple[int, str]] = []
         self.events: tuple[RunEvent, ...] = ()
         self.reason = ""
         self.delays = self
@@ -85,6 +89,9 @@ class Vehicle:
 
     def command(self, command: VelocityCommand) -> None:
         self.commands.append(command)
+
+    def publish(self, topic: str, payload: bytes) -> None:
+        self.published.append((self.clock.now, topic))
 
 
 @pytest.fixture
@@ -210,6 +217,7 @@ def receiver() -> VehicleClient:
     """A client that was never connected: what comes is given to it."""
     client = VehicleClient.__new__(VehicleClient)
     client.received, client.latest, client.malformed = {}, {}, 0
+    client._senders = {}
     client._first_samples, client._first_sample = {}, threading.Event()
     client._on_sample = lambda *_: None
     client.contact = Contact()  # type: ignore[assignment]  # a stand-in
@@ -231,3 +239,25 @@ def test_start_up_is_measured_by_the_first_sample_of_that_slave(clock: Clock) ->
                 client._deliver(topic, ros.encode_odometry(sample), stamp)
     assert client.first_sample_ns(exec_wall_ns[b"b"]) == exec_wall_ns[b"b"] + NS_PER_S // 10
     assert client.first_sample_ns(exec_wall_ns[b"b"] + NS_PER_S) is None, "a third one has said nothing yet"
+
+
+def test_others_are_told_the_path_at_once_and_then_once_a_second(
+    fly: Callable[[], Outcome], vehicle: Vehicle, clock: Clock, plan: Plan
+) -> None:
+    """And at once again when it is a new one."""
+    began = clock.now
+
+    def at_each() -> None:
+        vehicle.sense()
+        if clock.now - began > 2.4e9 and plan.planner.path is path:
+            plan.planner.path = [*path]
+        if clock.now - began > 4e9:
+            vehicle.reason = "enough"
+
+    path = plan.planner.path
+    clock.at_each = at_each
+    with pytest.raises(NetworkError, match="enough"):
+        fly()
+    assert {topic for _, topic in vehicle.published} == {"plan"}
+    instants = [(now - began) / NS_PER_S for now, _ in vehicle.published]
+    assert [round(instant, 1) for instant in instants] == pytest.approx([0.1, 1.1, 2.1, 2.5, 3.5], abs=0.1)

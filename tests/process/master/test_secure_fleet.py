@@ -136,6 +136,39 @@ def test_vehicles_and_planners_with_a_key_each_hunt_under_tls(keys: Path, tmp_pa
             assert int(agent.expect(r"reports: (\d+) heard")[1]) > 0, agent.output
 
 
+def test_a_fleet_under_tls_hunts_behind_a_router(keys: Path, tmp_path: Path) -> None:
+    """Each vehicle has a key of its own, which the router knows by `vehicles`."""
+    vehicles = [f"behind{number}" for number in (1, 2, 3)]
+    for name in (*vehicles, "hub"):
+        add_machine(str(keys), name, [])
+    router = f"tcp/127.0.0.1:{free_port()}"
+    changes = {
+        "member": members_on_free_ports("target_hunting")[:3],
+        "network.mode": "routed",
+        "network.router": router,
+        "security.slave": str(keys / vehicles[0]),
+        "security.vehicles": vehicles[1:],
+        "security.master": str(keys / PLANNERS[0]),
+        "security.router": str(keys / "hub"),
+        "security.may_command": list(PLANNERS),
+    }
+    scenario = write_variant("target_hunting", str(tmp_path), changes)
+    with ExitStack() as stack:
+        hub = stack.enter_context(Program(tmp_path, "router", "--scenario", scenario, "--listen", router))
+        hub.expect("forwarding")
+        agents = []
+        for member, vehicle, planner in zip(load_scenario(scenario).member, vehicles, PLANNERS, strict=True):
+            own = "--set", f'security.slave="{keys / vehicle}"', "--set", f'security.master="{keys / planner}"'
+            stack.enter_context(Program(tmp_path, "slave", scenario, "--member", member.node, *own))
+            agents.append(stack.enter_context(Program(tmp_path, "agent", scenario, "--member", member.node, *own)))
+        for agent in agents:
+            agent.expect(r"[1-9]\d*% of the plan")
+        for agent in agents:
+            agent.process.send_signal(signal.SIGINT)
+        for agent in agents:
+            assert int(agent.expect(r"reports: (\d+) heard")[1]) > 0, agent.output
+
+
 def test_a_modem_has_no_security(keys: Path, tmp_path: Path) -> None:
     changes = {
         "security.slave": str(keys / "uuv"),
