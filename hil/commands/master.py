@@ -9,7 +9,7 @@ from hil.client.client import VehicleClient
 from hil.commands.view.opening import view_process
 from hil.common.clock import NS_PER_S, now_ns
 from hil.common.endpoint import no_certificates
-from hil.common.errors import ConfigError, MissingExtraError, NetworkError
+from hil.common.errors import STOPPED, ConfigError, MissingExtraError, NetworkError
 from hil.common.options import (
     DESCRIPTOR,
     WAIT,
@@ -22,6 +22,7 @@ from hil.common.options import (
 )
 from hil.common.stop import StopSignals
 from hil.master.flight import Flight, Outcome, Plan, prepare, require_success
+from hil.master.mission import STOPPED as INTERRUPTED
 from hil.master.mission import Mission
 from hil.master.planner import topics_of
 from hil.master.progress import Progress
@@ -87,6 +88,8 @@ def main(arguments: list[str]) -> int:
         _wait(client, options.wait, stop_fd, progress, scenario)
         outcome, result = _fly(scenario, plan, client, folder, progress, stop_fd)
     _report(scenario, plan, outcome, result, folder, progress)
+    if outcome.reason == INTERRUPTED and not outcome.faults:
+        return STOPPED
     require_success(outcome)
     return 0
 

@@ -264,6 +264,18 @@ def test_a_whole_mission_is_the_same_in_c_to_the_bit(tmp_path: Path) -> None:
     assert final_state(tmp_path, scenario, 5, native=True) == final_state(tmp_path, scenario, 5, native=False)
 
 
+def test_ctrl_c_ends_a_planner_with_the_code_of_the_help(tmp_path: Path) -> None:
+    scenario, port = write_scenario(tmp_path)
+    with Program(tmp_path, "slave", scenario) as slave:
+        slave.expect("ready")
+        with Program(
+            tmp_path, "master", scenario, "--connect", f"127.0.0.1:{port}", "--output", tmp_path / "m"
+        ) as master:
+            master.expect(r"\d+ %|\d+%")
+            assert master.stop(signal.SIGINT) == 130, master.output
+    assert "stopped by the user" in master.output
+
+
 def test_ctrl_c_ends_the_demo(tmp_path: Path) -> None:
     scenario, _ = write_scenario(tmp_path)
     folder = tmp_path / "run"
