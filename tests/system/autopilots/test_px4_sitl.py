@@ -1,14 +1,21 @@
-"""The real PX4, where UUV_HIL_PX4 names its build folder: it arms, obeys the sticks, holds depth and position."""
+"""The real PX4, where UUV_HIL_PX4 names its build folder: it arms, obeys, holds depth and position, survives.
+
+Everything happens in simulated time, in lockstep: how fast it goes depends on the machine, what happens does not.
+"""
 
 import os
 import time
-from math import hypot
+from collections.abc import Iterator
+from itertools import pairwise
+from math import cos, hypot, sin
 from pathlib import Path
 
 import pytest
+from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from hil.autopilots.run import AutopilotRun
 from hil.scenario.config import load_scenario
+from sim.vehicle.failures import Failure
 from tests.support.autopilot_dive import ARM, SET_MODE, WORLD, command
 from tests.support.ground_station import GroundStation, Mission, fly
 
@@ -35,53 +42,157 @@ rate = 50
 [sensors.odometry]
 rate = 50
 """
-MANUAL, ALTITUDE, POSITION = 1, 2, 3
+MANUAL, ALTITUDE, POSITION, OFFBOARD = 1, 2, 3, 6
+MODE_AGES_S = 4.0  # PX4 takes as its set-point a position of the mode before, which it refreshes every 2 s
 
 
-def test_it_holds_depth_and_position_in_a_current(tmp_path: Path) -> None:
-    world, path = tmp_path / "stream.toml", tmp_path / "dive.toml"
-    world.write_text(WORLD)
-    path.write_text(SCENARIO.format(world=world, build=BUILD))
-    depths: list[float] = []
-    places: list[tuple[float, float]] = []
-    began = time.monotonic()
-    with AutopilotRun(load_scenario(str(path)), print) as run:
-        station = GroundStation(("127.0.0.1", 14550), datagrams=True)
+class Dive:
+    """One PX4 with its vehicle and a ground station."""
 
-        def mission() -> Mission:
-            yield lambda: "ATTITUDE" in station.latest
-            yield 3.0
-            yield from command(station, SET_MODE, 1, MANUAL, 0)
-            yield from command(station, ARM, 1)
-            station.sticks = (-500, 0, 500, 0)
-            yield lambda: run.simulation.state.position[2] > 3.0
-            station.sticks = (0, 0, 500, 0)
-            yield 3.0
-            yield from command(station, SET_MODE, 1, ALTITUDE, 0)
+    def __init__(self, folder: Path) -> None:
+        world, path = folder / "stream.toml", folder / "dive.toml"
+        world.write_text(WORLD)
+        path.write_text(SCENARIO.format(world=world, build=BUILD))
+        self.run = AutopilotRun(load_scenario(str(path)), print)
+        self.station = GroundStation(("127.0.0.1", 14550), datagrams=True)
+        self.locked = 0.0, 0.0  # simulated and real time at which it was ready
+
+    def close(self) -> None:
+        self.station.close()
+        simulated, real = self.run.simulation.time_ns / 1e9 - self.locked[0], time.monotonic() - self.locked[1]
+        print(f"{simulated:.0f} s of lockstep in {real:.1f} s: {simulated / real:.1f} times real time")
+        self.run.__exit__()
+
+    @property
+    def position(self) -> list[float]:
+        return list(self.run.simulation.state.position)
+
+    def mode(self, main: int) -> Mission:
+        yield from command(self.station, SET_MODE, 1, main, 0)
+
+    def dive(self, depth: float, mode: int) -> Mission:
+        """Arm, go down by the sticks, and hold that mode."""
+        yield lambda: "ATTITUDE" in self.station.latest
+        self.locked = self.run.simulation.time_ns / 1e9, time.monotonic()
+        yield 3.0
+        yield from self.mode(MANUAL)
+        yield from command(self.station, ARM, 1)
+        self.station.sticks = (-500, 0, 500, 0)
+        yield lambda: self.position[2] > depth
+        self.station.sticks = (0, 0, 500, 0)
+        yield MODE_AGES_S
+        yield from self.mode(mode)
+        yield 15.0
+
+    def watch(self, seconds: float, places: list[list[float]]) -> Mission:
+        """Note the position twenty times a second."""
+        for _ in range(round(20 * seconds)):
+            places.append(self.position)
+            yield 0.05
+
+
+@pytest.fixture
+def dive(tmp_path: Path) -> Iterator[Dive]:
+    made = Dive(tmp_path)
+    yield made
+    made.close()
+
+
+def test_it_holds_depth_and_position_in_a_current(dive: Dive) -> None:
+    deep: list[list[float]] = []
+    places: list[list[float]] = []
+
+    def mission() -> Mission:
+        yield from dive.dive(3.0, ALTITUDE)
+        yield from dive.watch(120.0, deep)
+        yield from dive.mode(MANUAL)
+        yield MODE_AGES_S
+        yield from dive.mode(POSITION)
+        yield 30.0
+        yield from dive.watch(30.0, places)
+        yield from command(dive.station, ARM, 0)
+        yield 0.5
+
+    fly(dive.run, dive.station, mission(), 500.0)
+    depths = [place[2] for place in deep]
+    spread = max(hypot(n - places[0][0], e - places[0][1]) for n, e, _ in places)
+    print(f"depth {min(depths):.3f} to {max(depths):.3f} m; in 30 s of POSITION {spread:.2f} m away")
+    middle = 0.5 * (min(depths) + max(depths))
+    assert max(depths) - middle < 0.1
+    assert spread < 0.5
+    assert set(dive.run.pwm_us) == {1500}
+
+
+def test_it_drives_a_square_in_position_mode(dive: Dive) -> None:
+    """The sticks move the set-point at 0.5 m/s: each leg of 5 m takes 10 s of a full stick."""
+    ahead, right = (1000, 0, 500, 0), (0, 1000, 500, 0)
+    astern, left = (-1000, 0, 500, 0), (0, -1000, 500, 0)
+    corners: list[list[float]] = []
+
+    def mission() -> Mission:
+        yield from dive.dive(3.0, POSITION)
+        yield 15.0
+        corners.append(dive.position)
+        for sticks in (ahead, right, astern, left):
+            dive.station.sticks = sticks
+            yield 10.0
+            dive.station.sticks = (0, 0, 500, 0)
             yield 15.0
-            for _ in range(2400):
-                depths.append(run.simulation.state.position[2])
-                yield 0.05
-            yield from command(station, SET_MODE, 1, MANUAL, 0)
-            yield 4.0  # PX4 takes as its set-point a position of the mode before, which it refreshes every 2 s
-            yield from command(station, SET_MODE, 1, POSITION, 0)
-            yield 30.0
-            for _ in range(600):
-                north, east, _ = run.simulation.state.position
-                places.append((north, east))
-                yield 0.05
-            yield from command(station, ARM, 0)
-            yield 0.5
+            corners.append(dive.position)
 
-        try:
-            fly(run, station, mission(), 500.0)
-        finally:
-            station.close()
-            simulated = run.simulation.time_ns / 1e9
-            print(f"{simulated:.0f} s simulated: {simulated / (time.monotonic() - began):.1f} times real time")
-        spread = max(hypot(n - places[0][0], e - places[0][1]) for n, e in places)
-        print(f"depth {min(depths):.3f} to {max(depths):.3f} m; in 30 s of POSITION {spread:.2f} m away")
-        middle = 0.5 * (min(depths) + max(depths))
-        assert max(depths) - middle < 0.1
-        assert spread < 0.5
-        assert set(run.pwm_us) == {1500}
+    fly(dive.run, dive.station, mission(), 500.0)
+    print("corners", [[round(value, 2) for value in corner] for corner in corners])
+    legs = [hypot(b[0] - a[0], b[1] - a[1]) for a, b in pairwise(corners)]
+    assert all(4.0 < leg < 6.0 for leg in legs)
+    assert hypot(corners[4][0] - corners[0][0], corners[4][1] - corners[0][1]) < 1.0
+    assert hypot(corners[2][0] - corners[0][0], corners[2][1] - corners[0][1]) > 5.5  # the diagonal: no line
+    assert max(corner[2] for corner in corners) - min(corner[2] for corner in corners) < 0.3
+
+
+def test_it_survives_a_thruster_that_fails(dive: Dive) -> None:
+    places: list[list[float]] = []
+
+    def mission() -> Mission:
+        yield from dive.dive(3.0, ALTITUDE)
+        dive.run.simulation.fail(Failure("vertical_front_right", "off"))
+        yield 20.0
+        yield from dive.watch(60.0, places)
+
+    fly(dive.run, dive.station, mission(), 400.0)
+    depths = [place[2] for place in places]
+    print(f"one vertical thruster off: depth {min(depths):.3f} to {max(depths):.3f} m")
+    assert max(depths) - min(depths) < 0.4
+    assert min(depths) > 2.0
+
+
+def test_it_obeys_attitude_and_thrust_in_offboard(dive: Dive) -> None:
+    """PX4's underwater controllers take no position over MAVLink in OFFBOARD, but an attitude and a thrust."""
+    began: list[float] = []
+    heading = 0.0
+
+    def say() -> None:
+        quaternion = (cos(heading / 2.0), 0.0, 0.0, sin(heading / 2.0))
+        ignored = dialect.ATTITUDE_TARGET_TYPEMASK_BODY_ROLL_RATE_IGNORE
+        ignored |= dialect.ATTITUDE_TARGET_TYPEMASK_BODY_PITCH_RATE_IGNORE
+        ignored |= dialect.ATTITUDE_TARGET_TYPEMASK_BODY_YAW_RATE_IGNORE
+        dive.station.send(dialect.MAVLink_set_attitude_target_message(0, 1, 1, ignored, quaternion, 0, 0, 0, 0.3))
+
+    def mission() -> Mission:
+        nonlocal heading
+        yield from dive.dive(3.0, ALTITUDE)
+        dive.station.every = say
+        yield 2.0
+        yield from dive.mode(OFFBOARD)
+        yield 5.0
+        began.extend(dive.position)
+        yield 10.0
+        began.extend(dive.position)
+        heading = 1.5708
+        yield 10.0
+        began.extend(dive.position)
+        yield 10.0
+
+    fly(dive.run, dive.station, mission(), 400.0)
+    print("offboard", [round(value, 2) for value in [*began, *dive.position]], dive.station.texts[-5:])
+    assert began[3] - began[0] > 2.0
+    assert dive.position[1] - began[7] > 2.0
