@@ -17,6 +17,7 @@ SPAN_US = 400  # from neutral to a control of 1 or -1
 ACCELEROMETER, GYROSCOPE, MAGNETOMETER, BAROMETER = 0x007, 0x038, 0x1C0, 0x1A00
 ARMED, LOCKSTEP = 0x80, 0x01
 UNKNOWN_16 = 0xFFFF
+RC_CHANNELS, FULL_STRENGTH = 18, 254
 STANDARD_HPA = 1013.25
 BOX_TEMPERATURE = 20.0  # degC; of sensors in the vehicle's hull
 LOCAL_NED, BODY_FRD = 1, 12  # MAV_FRAME
@@ -98,6 +99,12 @@ def truth_state(time_us: int, truth: OdometrySample, velocity: Sequence[float], 
         time_us, list(truth.orientation), *truth.nu[3:], round(1e7 * latitude), round(1e7 * longitude),
         round(1000.0 * altitude), north, east, down, 0, 0, *milli_g,
     )  # fmt: skip
+
+
+def receiver(time_us: int, pulses_us: Sequence[int]) -> Any:
+    """Return a RC_CHANNELS with these pulse widths (us): the message of a receiver that PX4's simulator link reads."""
+    channels = [*pulses_us, *[UNKNOWN_16] * (RC_CHANNELS - len(pulses_us))]
+    return dialect.MAVLink_rc_channels_message(time_us // 1000 & 0xFFFF_FFFF, len(pulses_us), *channels, FULL_STRENGTH)
 
 
 def pulses_of(controls: Sequence[float]) -> tuple[int, ...]:

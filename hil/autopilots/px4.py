@@ -24,6 +24,7 @@ from sim.sensors.samples import OdometrySample
 SYSTEM, COMPONENT = 1, 200
 CLOCK_START_US = 1_000_000  # PX4 takes 0 for no time
 TRUTH_PERIOD_NS = NS_PER_S // 50
+RC_PERIOD_NS = NS_PER_S // 50
 BEAT_NS = NS_PER_S
 BEAT_LOST_NS = 3 * NS_PER_S  # a board that sends nothing for so long has gone
 UNREADABLE_BYTES = 2000  # that make no packet, before the baud rate is doubted
@@ -39,6 +40,7 @@ class Px4(Autopilot):
         self.lockstep = settings.lockstep and self.is_sitl
         self.figures = Figures()
         self._inputs, self._report = inputs, report
+        self._rc = settings.rc if self.is_sitl else ()  # a board has a receiver of its own
         self._wire = open_address(address, "device", settings.baud)
         self.name = f"PX4 on {self._wire.name}"
         self._baud = settings.baud
@@ -51,7 +53,7 @@ class Px4(Autopilot):
     def _forget(self) -> None:
         """Reset the state for an autopilot that has just connected."""
         self._stream = MavlinkStream(SYSTEM, COMPONENT, self._counters)
-        self._due_ns = self._truth_ns = self._beat_ns = 0  # of simulation time
+        self._due_ns = self._truth_ns = self._rc_ns = self._beat_ns = 0  # of simulation time
         self._locked = self._awaiting = self._stalled = self._has_beaten = False
         self._beat_received_ns = 0
         self._actuator_us = -1
@@ -226,6 +228,9 @@ class Px4(Autopilot):
             self._truth_ns = time_ns + TRUTH_PERIOD_NS
             place = inputs.plane.geodetic(truth.position)
             messages.append(hil.truth_state(time_us, truth, velocity, inputs.acceleration, place))
+        if self._rc and time_ns >= self._rc_ns:
+            self._rc_ns = time_ns + RC_PERIOD_NS
+            messages.append(hil.receiver(time_us, self._rc))
         if not self._has_beaten or time_ns >= self._beat_ns:
             self._beat_ns = time_ns + BEAT_NS
             kind, autopilot = dialect.MAV_TYPE_GENERIC, dialect.MAV_AUTOPILOT_INVALID

@@ -51,7 +51,7 @@ class AutopilotRun:
         self.is_dry = False  # outputs are taken, and the thrusters stay neutral
         self.round_trip = Histogram()  # ns, from a state that was sent to the outputs that answer it
         self._sent_ns = 0  # of the state that is not answered; 0 if there is none
-        self._due_ns = now_ns()
+        self._due_ns = self._checked_ns = now_ns()
 
     def __enter__(self) -> "AutopilotRun":
         return self
@@ -95,7 +95,7 @@ class AutopilotRun:
 
     def _await(self, is_ready: Callable[[], bool]) -> None:
         """Take outputs until `is_ready`."""
-        began = self._checked_ns = now_ns()
+        began = now_ns()
         while True:
             outputs = self.autopilot.receive(now_ns())
             if outputs:
@@ -103,13 +103,13 @@ class AutopilotRun:
                 if self._sent_ns:
                     self.round_trip.add(outputs.received_ns - self._sent_ns)
                     self._sent_ns = 0
-            if is_ready():
-                break
             now = now_ns()
-            if now - self._checked_ns > CHECK_NS:
+            if now - self._checked_ns > CHECK_NS:  # also where no step waits for so long
                 self._checked_ns = now
                 self.autopilot.check(now)
                 self._check_program(now - began)
+            if is_ready():
+                break
             patience = self.autopilot.patience_ns() if self.autopilot.lockstep else self._due_ns - now
             select.select([self.autopilot.fileno()], [], [], max(0, min(patience, CHECK_NS)) / NS_PER_S)
         # In lockstep no simulated time passes while the autopilot is silent, so that its last outputs hold.

@@ -21,7 +21,7 @@ class AutopilotSettings(NamedTuple):
     `instance` shifts the ports. `address` is where we listen (udp://, tcp://) or the device of a board, left out the
     interface's own on this machine; `baud` is that of a serial device. With `lockstep` simulated time waits for the
     autopilot. `silence` without outputs turns the thrusters to neutral. `rate` is that of PX4's HIL_SENSOR. `rc` are
-    pulse widths of a receiver's channels (ArduPilot).
+    pulse widths of a receiver's channels (ArduPilot, PX4's SITL).
     """
 
     program: str = ""
@@ -45,7 +45,7 @@ class AutopilotSettings(NamedTuple):
             except ConfigError as error:
                 return f"{key}: {error}"
         if len(self.rc) > 12:
-            return f"rc: {len(self.rc)} channels, and ArduPilot takes 12"
+            return f"rc: {len(self.rc)} channels, and an autopilot takes 12"
         return None
 
     def own_address(self, controller: str) -> str:

@@ -15,6 +15,7 @@ from hil.common.errors import DeviceError
 from hil.common.ports import free_ports
 from hil.scenario.config import load_scenario
 from tests.support.ardupilot_peer import ArdupilotPeer
+from tests.support.processes import wait_for
 
 SCENARIO = """
 vehicle = "bluerov2"
@@ -143,6 +144,17 @@ def test_a_second_autopilot_is_ignored_and_reported(tmp_path: Path) -> None:
         assert b.run.pwm_us == AHEAD
         assert "a second autopilot sends from port" in b.reports[-1]
         other.close()
+        peer.close()
+
+
+def test_nobody_is_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("hil.autopilots.ardupilot.ABSENT_NS", 200_000_000)
+    with bench(tmp_path) as b:
+        b.steps(1)
+        assert wait_for(lambda: any("no servo packet yet: start ArduSub" in report for report in b.reports))
+        peer = ArdupilotPeer(b.port)
+        peer.step(*AHEAD)  # and then it goes on
+        b.join()
         peer.close()
 
 

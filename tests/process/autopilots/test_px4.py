@@ -133,6 +133,25 @@ def test_gps_has_a_fix_at_the_surface_only(tmp_path: Path) -> None:
             peer.close()
 
 
+def test_a_receivers_channels_go_along(tmp_path: Path) -> None:
+    with bench(tmp_path) as b:
+        peer = Px4Peer(b.port)
+        for _ in range(20):
+            peer.answer(peer.sensor(), ())
+        assert "RC_CHANNELS" not in peer.received
+        peer.close()
+    port = free_ports(1)[0]
+    with bench(tmp_path, f'address = "tcp://127.0.0.1:{port}"\nrc = [1600, 1400]'):
+        peer = Px4Peer(port)
+        for _ in range(50):
+            peer.answer(peer.sensor(), ())
+        channels = peer.last["RC_CHANNELS"]
+        assert (channels.chancount, channels.chan1_raw, channels.chan2_raw) == (2, 1600, 1400)
+        assert channels.chan3_raw == channels.chan18_raw == 65_535  # unused
+        assert 8 <= peer.received["RC_CHANNELS"] <= 12  # 50 Hz
+        peer.close()
+
+
 def test_a_px4_that_stalls_and_one_that_leaves_are_distinguished(tmp_path: Path) -> None:
     with bench(tmp_path) as b:
         peer = Px4Peer(b.port)
@@ -209,4 +228,36 @@ def test_a_board_on_a_serial_line_is_flown_by_the_clock(tmp_path: Path) -> None:
             assert time.monotonic() < deadline
         assert "HIL_SENSOR" in board.received
         assert b.run.motors.silences >= 1
+    board.close()
+
+
+@pytest.fixture
+def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is missed for ten seconds is reported after a fifth of one."""
+    monkeypatch.setattr("hil.autopilots.px4.ABSENT_NS", 200_000_000)
+
+
+@pytest.mark.usefixtures("impatient")
+def test_nobody_is_there(tmp_path: Path) -> None:
+    with bench(tmp_path) as b:
+        b.wait_report("nobody has connected: start PX4's SITL")
+
+
+@pytest.mark.usefixtures("impatient")
+def test_a_board_is_diagnosed_step_by_step(tmp_path: Path) -> None:
+    """Nothing comes; then what a wrong baud rate makes of it; then heartbeats, and no outputs."""
+    board = Board()
+    words = "no heartbeat: check the cable", r"a wrong baud rate (921600)", "but no HIL_ACTUATOR_CONTROLS"
+    with bench(tmp_path, autopilot=f'address = "{board.path}"') as b:
+        b.wait_report(words[0])
+        assert not b.run.autopilot.connected
+        os.write(board.end, bytes(range(256)) * 10)
+        b.wait_report(words[1])
+        deadline = time.monotonic() + 30
+        while not any(words[2] in report for report in b.reports):
+            board.send(dialect.MAVLink_heartbeat_message(12, dialect.MAV_AUTOPILOT_PX4, 0, 0, 4, 3))
+            board.read()
+            time.sleep(0.02)
+            assert time.monotonic() < deadline, b.reports
+        assert b.run.pwm_us == (1500,) * 8
     board.close()

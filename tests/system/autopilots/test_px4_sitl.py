@@ -35,6 +35,7 @@ depth = 0
 step = 0.004
 [autopilot]
 program = "{build}"
+{autopilot}
 [sensors.imu]
 rate = 250
 [sensors.pressure]
@@ -49,10 +50,10 @@ MODE_AGES_S = 4.0  # PX4 takes as its set-point a position of the mode before, w
 class Dive:
     """One PX4 with its vehicle and a ground station."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, autopilot: str = "") -> None:
         world, path = folder / "stream.toml", folder / "dive.toml"
         world.write_text(WORLD)
-        path.write_text(SCENARIO.format(world=world, build=BUILD))
+        path.write_text(SCENARIO.format(world=world, build=BUILD, autopilot=autopilot))
         self.run = AutopilotRun(load_scenario(str(path)), print)
         self.station = GroundStation(("127.0.0.1", 14550), datagrams=True)
         self.locked = 0.0, 0.0  # simulated and real time at which it was ready
@@ -163,6 +164,20 @@ def test_it_survives_a_thruster_that_fails(dive: Dive) -> None:
     print(f"one vertical thruster off: depth {min(depths):.3f} to {max(depths):.3f} m")
     assert max(depths) - min(depths) < 0.4
     assert min(depths) > 2.0
+
+
+def test_it_has_a_receiver(tmp_path: Path) -> None:
+    dive = Dive(tmp_path, "rc = [1510, 1520, 1530, 1540, 1550]")
+
+    def mission() -> Mission:
+        yield lambda: "RC_CHANNELS" in dive.station.latest
+
+    try:
+        fly(dive.run, dive.station, mission(), 60.0)
+    finally:
+        dive.close()
+    channels = dive.station.latest["RC_CHANNELS"]
+    assert (channels.chancount, channels.chan1_raw, channels.chan5_raw) == (5, 1510, 1550)
 
 
 def test_it_obeys_attitude_and_thrust_in_offboard(dive: Dive) -> None:
