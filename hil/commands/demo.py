@@ -12,7 +12,7 @@ from importlib.util import find_spec
 
 from hil.commands.view.opening import view_process
 from hil.common.children import module_command, package_environment, start_child
-from hil.common.clock import now_ns
+from hil.common.clock import NS_PER_S, now_ns
 from hil.common.endpoint import no_certificates, split_endpoint
 from hil.common.errors import ConfigError, MissingExtraError, NetworkError
 from hil.common.options import ENDPOINT, Number, add_output, add_scenario, changes_of, new_parser, place, scenario_words
@@ -34,6 +34,7 @@ examples:
 A chart's folder of results also has report.md, report.html and what the vehicle saw.
 """
 GRACE_S = 10.0
+FIRST_SIGHT_S = 60  # that pictures are waited for after a short dive: a busy board draws the first ones late
 DEPTH = Number(0.0, 11_000.0, "m")
 LENGTH = Number(1.0, 100_000.0, "m")
 
@@ -73,7 +74,7 @@ def main(arguments: list[str]) -> int:
     folder = make_folder(options.output) if options.output else new_folder(options.scenario)
     words = scenario_words(options)
     with view_process(words, endpoint, options.view):
-        return _run(words, endpoint, folder, lambda: None)
+        return _run(words, endpoint, folder, lambda: True)
 
 
 def _dive(options: argparse.Namespace) -> int:
@@ -128,8 +129,11 @@ def require_free(endpoint: str, routed: bool = False) -> None:
             ) from None
 
 
-def _run(scenario: list[str], endpoint: str, folder: str, observe: Callable[[], None]) -> int:
-    """Run both processes with the words `scenario`; the master's exit code. `observe` is called often meanwhile."""
+def _run(scenario: list[str], endpoint: str, folder: str, observe: Callable[[], bool]) -> int:
+    """Run both processes with the words `scenario`; the master's exit code.
+
+    `observe` is called often meanwhile, and returns whether anything was seen yet. The slave is ended once it was.
+    """
     log_path = os.path.join(folder, "slave.log")
     with StopSignals() as stop_fd, open(log_path, "w", encoding="utf-8") as log:
         master, ready_fd = _start_master(scenario, endpoint, folder)
@@ -179,7 +183,7 @@ def _watch(
     slave: subprocess.Popen[bytes],
     stop_fd: int,
     log_path: str,
-    observe: Callable[[], None],
+    observe: Callable[[], bool],
 ) -> int:
     while master.poll() is None:
         observe()
@@ -192,6 +196,10 @@ def _watch(
             with open(log_path, encoding="utf-8", errors="replace") as log:
                 last = (log.read().strip().splitlines() or ["no message"])[-1]
             raise NetworkError(f"the slave ended with exit code {slave.returncode}: {last}")
+    deadline_ns = now_ns() + FIRST_SIGHT_S * NS_PER_S
+    while master.returncode == 0 and not observe() and now_ns() < deadline_ns:
+        if select.select((stop_fd,), (), (), 0.1)[0]:
+            raise KeyboardInterrupt
     return master.returncode
 
 

@@ -46,17 +46,18 @@ class DiveWatch:
     def __exit__(self, *_: object) -> None:
         self._client.close()
 
-    def observe(self) -> None:
-        """Store the newest samples if the period has passed."""
+    def observe(self) -> bool:
+        """Store the newest samples if the period has passed; return whether there are any."""
         latest, now = self._client.latest, now_ns()
         if now < self._due_ns or not all(topic in latest for topic in SEEN):
-            return
+            return bool(self.observations)
         self._began_ns = self._began_ns or now
         self._due_ns = now + PERIOD_NS
         truth, altimeter, laser, camera, sonar = (latest[topic].value for topic in SEEN)
         self.observations.append(
             Observation((now - self._began_ns) / NS_PER_S, truth, altimeter.distance, laser, camera, sonar)
         )  # fmt: skip
+        return True
 
     def figures(self) -> Diagnostics:
         """Return the slave's figures of health, as it last told them."""

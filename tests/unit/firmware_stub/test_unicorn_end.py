@@ -126,14 +126,13 @@ def test_a_flood_is_taken_in_portions(bench: Bench) -> None:
     taken = bench.send(random.Random(4).randbytes(3500) + bytes(300) + command(9))
     assert taken == UnicornEnd.AT_ONCE
     assert bench.end.deadline_ns == bench.now_ns, "there is more"
-    services = 0
-    while bench.end.deadline_ns == bench.now_ns:
+    services, ends = 0, time.monotonic() + 60.0  # the kernel hands a flood over in its own time
+    while bench.end.pwm_us != list(FULL) and time.monotonic() < ends:
         bench.now_ns += MS // 10
         bench.end.service(bench.now_ns)
         services += 1
-    assert services >= 3500 // UnicornEnd.AT_ONCE
-    bench.pass_time(10)
     assert bench.end.pwm_us == list(FULL)
+    assert services >= 3500 // UnicornEnd.AT_ONCE
 
 
 def test_closing_stops_the_thrusters() -> None:
