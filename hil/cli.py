@@ -63,6 +63,16 @@ COMMANDS = {
     "doctor": ("hil.commands.doctor", "check whether this machine can run a scenario, and what to change"),
 }
 
+# heading of the help -> its commands
+GROUPS = {
+    "fly": ("demo", "sim", "slave", "master", "agent", "channel", "fleet", "router", "view", "teleop"),
+    "describe what flies": ("scenario", "vehicle", "world", "frame", "schema"),
+    "record and look": ("record", "replay", "plot", "top", "topic"),
+    "connect other software": ("autopilot", "mavlink", "gateway", "foxglove"),
+    "measure and repeat": ("bench", "loopback", "campaign", "case", "tune"),
+    "set up a machine": ("doctor", "board", "stm32", "keys", "completion"),
+}
+
 # package as it is imported -> the extra of pyproject.toml that installs it
 EXTRAS = {
     "numpy": "master",
@@ -166,14 +176,15 @@ def _run(name: str, arguments: list[str]) -> int:
 def _help() -> str:
     from hil.common.columns import aligned
 
-    rows = "\n".join(aligned([(name, text) for name, (_, text) in COMMANDS.items()], indent="  "))
+    width = max(map(len, COMMANDS))
+    rows = ""
+    for heading, names in GROUPS.items():
+        lines = aligned([(name.ljust(width), COMMANDS[name][1]) for name in names], indent="  ")
+        rows += "\n".join(["", f"{heading}:", *lines, ""])
     return f"""usage: uuv-hil COMMAND [OPTIONS]
 
 Hardware-in-the-loop bridge and simulator for unmanned underwater vehicles.
-
-commands:
 {rows}
-
 examples:
   uuv-hil demo                                           all on this machine
   uuv-hil slave paper_field --listen tcp/0.0.0.0:7447    on the board

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from hil.cli import COMMANDS, main
+from hil.cli import COMMANDS, GROUPS, main
 from hil.commands.bench.command import BENCHMARKS
 from hil.commands.completion import find_parser
 from hil.common.errors import EXIT_CODES
@@ -172,3 +172,11 @@ def test_json_for_other_programs(command: str) -> None:
 def test_json_of_subcommands(action: str) -> None:
     (parser,) = [parser for parser in LEAVES if parser.prog == f"uuv-hil {action}"]
     assert "--json" in options(parser)
+
+
+def test_the_help_names_each_command_once(capsys: pytest.CaptureFixture[str]) -> None:
+    assert sorted(name for names in GROUPS.values() for name in names) == sorted(COMMANDS)
+    assert main([]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert all(sum(line.startswith(f"  {name} ") for line in lines) == 1 for name in COMMANDS)
+    assert max(map(len, lines)) <= 80
