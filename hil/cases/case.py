@@ -5,6 +5,7 @@ from collections.abc import Callable, Sequence
 from importlib import import_module
 
 from hil.cases.record import Mode, Run
+from hil.cases.viewer import Viewer
 from hil.common.errors import ConfigError
 from hil.common.schema import nearest
 
@@ -33,6 +34,7 @@ class Case(ABC):
     criterion: str
     method: str = ""
     show: Callable[[str], None] = staticmethod(lambda text: None)  # what gets a text again and again, how far it is
+    viewer: Viewer = Viewer()
 
     @abstractmethod
     def fly(self, mode: Mode, seed: int, folder: str) -> Run:

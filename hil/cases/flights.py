@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 
 from hil.cases.case import find_case
 from hil.cases.record import Mode, Run
+from hil.cases.viewer import Viewer
 from hil.common.children import worker_options
 from hil.common.errors import MissingExtraError
 from hil.common.streams import ProgressLine
@@ -14,34 +15,48 @@ from hil.master.recorder import make_folder
 Show = Callable[[str], None]
 
 
-def fly_all(name: str, folder: str, seeds: Sequence[int], hil_seeds: Sequence[int] = (), jobs: int = -1) -> list[Run]:
+def fly_all(
+    name: str,
+    folder: str,
+    seeds: Sequence[int],
+    hil_seeds: Sequence[int] = (),
+    jobs: int = -1,
+    viewer: Viewer | None = None,
+) -> list[Run]:
     """Return the flights of a case, SIL first; each leaves its files in a folder of its own below `folder`.
+
+    With a `viewer` they are flown one after the other.
 
     Raises MissingExtraError, and what `Case.fly` raises.
     """
     line = ProgressLine()
-    runs = _simulate(name, folder, seeds, jobs, line)
+    runs = _simulate(name, folder, seeds, 1 if viewer else jobs, line, viewer)
     for number, seed in enumerate(hil_seeds, 1):
-        runs.append(
-            fly_one(name, "hil", seed, folder, _titled(line, f"{name}: HIL flight {number} of {len(hil_seeds)}"))
-        )
+        show = _titled(line, f"{name}: HIL flight {number} of {len(hil_seeds)}")
+        runs.append(fly_one(name, "hil", seed, folder, show, viewer))
     line.clear()
     return runs
 
 
-def fly_one(name: str, mode: Mode, seed: int, folder: str, show: Show | None = None) -> Run:
+def fly_one(
+    name: str, mode: Mode, seed: int, folder: str, show: Show | None = None, viewer: Viewer | None = None
+) -> Run:
     """One flight of the case called `name`; `show` gets a text again and again that says how far it is."""
     case = find_case(name)
     if show:
         case.show = show
+    if viewer:
+        case.viewer = viewer
     return case.fly(mode, seed, make_folder(os.path.join(folder, f"{name}-{mode}-{seed:03}")))
 
 
-def _simulate(name: str, folder: str, seeds: Sequence[int], jobs: int, line: ProgressLine) -> list[Run]:
+def _simulate(
+    name: str, folder: str, seeds: Sequence[int], jobs: int, line: ProgressLine, viewer: Viewer | None
+) -> list[Run]:
     if len(seeds) == 1 or jobs == 1:
         titles = [f"{name}: SIL flight {number} of {len(seeds)}" for number in range(1, len(seeds) + 1)]
         pairs = zip(seeds, titles, strict=True)
-        return [fly_one(name, "sil", seed, folder, _titled(line, title)) for seed, title in pairs]
+        return [fly_one(name, "sil", seed, folder, _titled(line, title), viewer) for seed, title in pairs]
     try:
         import joblib
     except ImportError:

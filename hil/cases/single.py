@@ -17,6 +17,7 @@ from hil.cases.record import Mode, Result, Run, read_track
 from hil.cases.simulated import SimulatedVehicle, fly, showing
 from hil.cases.slaves import Slaves
 from hil.cases.variant import Table, write_variant
+from hil.cases.viewer import Viewer
 from hil.client.client import VehicleClient
 from hil.client.delay import quantiles
 from hil.common.ports import free_ports
@@ -68,7 +69,7 @@ class SingleCase(Case):
         scenario = load_scenario(file)
         plan = prepare(scenario)
         path = tuple(plan.planner.path)
-        measured = (_simulate if mode == "sil" else _fly_slave)(scenario, plan, folder, self.show)
+        measured = (_simulate if mode == "sil" else _fly_slave)(scenario, plan, folder, self.show, self.viewer)
         track = read_track(folder, scenario.slave.node, path)
         return Run(self._result(mode, seed, scenario, plan, measured), (track,), file)
 
@@ -116,22 +117,26 @@ def shortest(world: World, vehicle: Vehicle, depth: float, places: Sequence[Poin
     return sum(path_length(plan_any_angle(inflated, a, b)) for a, b in pairwise(places))
 
 
-def _simulate(scenario: Scenario, plan: Plan, folder: str, show: Callable[[str], None]) -> Measured:
+def _simulate(scenario: Scenario, plan: Plan, folder: str, show: Callable[[str], None], viewer: Viewer) -> Measured:
     """Fly in this process, in simulated time."""
     vehicle = SimulatedVehicle(scenario, plan.world)
     meter = EnergyMeter(plan.brief.vehicle)
-    with _Notes(folder, meter, lambda: (vehicle.pwm_us, vehicle.samples.get("battery"))) as track:
-        outcome, _ = fly(scenario, plan, vehicle, [showing(plan.planner, show)], track)
+    with (
+        viewer.show_simulated(scenario, {scenario.slave.node: vehicle}) as shown,
+        _Notes(folder, meter, lambda: (vehicle.pwm_us, vehicle.samples.get("battery"))) as track,
+    ):
+        outcome, _ = fly(scenario, plan, vehicle, [showing(plan.planner, show), shown], track)
     return Measured(outcome, meter.joules)
 
 
-def _fly_slave(scenario: Scenario, plan: Plan, folder: str, show: Callable[[str], None]) -> Measured:
+def _fly_slave(scenario: Scenario, plan: Plan, folder: str, show: Callable[[str], None], viewer: Viewer) -> Measured:
     """Fly with a slave in another process; this process is its master."""
     meter = EnergyMeter(plan.brief.vehicle)
     node, network = scenario.slave.node, scenario.network
     topics = *topics_of(plan.planner), "battery"
     progress = Progress(os.path.join(folder, "master.log"), show)
     with (
+        viewer.show_slaves(scenario),
         StopSignals() as stop_fd,
         Slaves([scenario.path], folder) as slaves,
         VehicleClient(scenario.slave.listen, node, network=network, topics=topics) as client,

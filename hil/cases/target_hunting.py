@@ -15,6 +15,7 @@ from hil.cases.hunt.watch import HuntOutcome, HuntWatch
 from hil.cases.record import Mode, Result, Run, Track
 from hil.cases.single import radius_of
 from hil.cases.variant import Table, write_variant
+from hil.cases.viewer import Viewer
 from hil.client.delay import quantiles
 from hil.common.ports import free_ports
 from hil.master.hunt import HuntPlanner
@@ -56,7 +57,7 @@ class TargetHunting(Case):
         file = write_variant(self.scenario, folder, {"seed": seed, **members})
         scenario = load_scenario(file)
         watch = HuntWatch(scenario, self.show)
-        figures = (_simulate if mode == "sil" else _fly_processes)(scenario, folder, watch)
+        figures = (_simulate if mode == "sil" else _fly_processes)(scenario, folder, watch, self.viewer)
         write_rows(os.path.join(folder, "track.csv"), scenario, watch)
         return Run(self._result(mode, seed, scenario, watch.outcome(), figures), tracks_of(scenario, watch), file)
 
@@ -137,15 +138,17 @@ def members_on_free_ports(scenario: str) -> list[Table]:
     ]
 
 
-def _simulate(scenario: Scenario, folder: str, watch: HuntWatch) -> dict[str, float]:
+def _simulate(scenario: Scenario, folder: str, watch: HuntWatch, viewer: Viewer) -> dict[str, float]:
     hunt = SimulatedHunt(scenario, watch)
-    hunt.run()
+    with viewer.show_simulated(scenario, dict(zip(hunt.nodes, hunt.vehicles, strict=True))) as shown:
+        hunt.run(shown)
     messages = _messages(hunt.channel.counts if hunt.channel else {})
     return {"energy": hunt.energy, "planner_cpu": hunt.planner_cpu_s / hunt.time, **messages}
 
 
-def _fly_processes(scenario: Scenario, folder: str, watch: HuntWatch) -> dict[str, float]:
-    costs = processes.fly(scenario, folder, watch)
+def _fly_processes(scenario: Scenario, folder: str, watch: HuntWatch, viewer: Viewer) -> dict[str, float]:
+    with viewer.show_slaves(scenario):
+        costs = processes.fly(scenario, folder, watch)
     delay = quantiles(costs.delays_ns)
     return {
         "energy": costs.energy,

@@ -51,7 +51,8 @@ def _find_vehicles(seconds: float) -> list[str]:
 class Fleet:
     """The vehicles of one session, by name: fleet["uuv1"]. Use as a context, with `with` or `async with`.
 
-    Leaving it, or the end of the program, brings those to a standstill that were told anything.
+    `endpoints`, `network` and `security` say how it is connected. Leaving it, or the end of the program, brings those
+    to a standstill that were told anything.
     """
 
     def __init__(
@@ -62,9 +63,9 @@ class Fleet:
         wait: float,
     ) -> None:
         self._session = session
-        self._endpoints = endpoints
+        self.endpoints = endpoints
         self._how = how
-        self._security = how[3]
+        self.network, self.security = how[2:]
         self._wait = wait
         self._there: dict[str, set[str]] = {}  # by name, which of its slaves
         self._known: dict[str, Vehicle] = {}
@@ -178,11 +179,11 @@ class Fleet:
         from hil.network.diagnosis import why_not  # only on the way to an error
 
         reasons, routed = [], self._how[2].mode == "routed"
-        for endpoint in self._endpoints:
-            folder = self._security.folder("master") if self._security else ""
+        for endpoint in self.endpoints:
+            folder = self.security.folder("master") if self.security else ""
             fault = why_not(endpoint, folder, routed, self._session)
             reasons.append(f"{endpoint}: {fault.text}" if fault else f"{endpoint} answers, but no vehicle does")
         return "; ".join(reasons)
 
     def _rights(self) -> str:
-        return ": its may_listen does not name this machine" if self._security else ""
+        return ": its may_listen does not name this machine" if self.security else ""

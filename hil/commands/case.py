@@ -6,6 +6,7 @@ from hil.cases import table
 from hil.cases.case import CASES, find_case
 from hil.cases.flights import fly_all
 from hil.cases.report import Flights, write_report
+from hil.commands.view.flights import FlightViewer
 from hil.common.errors import MissingExtraError
 from hil.common.options import JOBS, MOST_SEEDS, SEEDS, add_output, new_parser, whole
 from hil.common.stop import every_end_like_ctrl_c
@@ -24,6 +25,7 @@ examples:
   uuv-hil case path_planning
   uuv-hil case path_planning_unknown --seeds 50
   uuv-hil case task_scheduling --hil                    one flight each, side by side
+  uuv-hil case target_hunting --view                    a fleet in a browser
   uuv-hil case all --seeds 50 --hil 2 --output runs/all
 
 DIR then holds report.md with its pictures, results.json and results.csv, and a folder for every flight.
@@ -41,15 +43,17 @@ def main(arguments: list[str]) -> int:
         "--hil", type=HIL_SEEDS, nargs="?", const=1, default=0, metavar="N", help="and seeds 1 to N in HIL [1]"
     )
     parser.add_argument("--jobs", type=JOBS, default=-1, metavar="N", help="simulations at once [all cores]")
+    parser.add_argument("--view", action="store_true", help="show each flight in a browser, one after the other")
     add_output(parser, "DIR", "where to put the results [runs/NAME-TIME]")
     options = parser.parse_args(arguments)
     names = list(CASES) if options.name == "all" else [find_case(options.name).name]
     folder = make_folder(options.output) if options.output else new_folder(options.name)
     flights: Flights = {}
     seeds, hil_seeds = range(1, options.seeds + 1), range(1, options.hil + 1)
+    viewer = FlightViewer() if options.view else None
     with every_end_like_ctrl_c():
         for name in names:
-            flights[name] = fly_all(name, folder, seeds, hil_seeds, options.jobs)
+            flights[name] = fly_all(name, folder, seeds, hil_seeds, options.jobs, viewer)
     return _report(flights, folder)
 
 

@@ -73,7 +73,7 @@ def main(arguments: list[str]) -> int:
     require_free(endpoint, routed=scenario.network.mode == "routed")
     folder = make_folder(options.output) if options.output else new_folder(options.scenario)
     words = scenario_words(options)
-    with view_process(words, endpoint, options.view):
+    with view_process(words, [endpoint], options.view):
         return _run(words, endpoint, folder, lambda: True)
 
 
@@ -91,7 +91,7 @@ def _dive(options: argparse.Namespace) -> int:
     path = prepare_dive(options.world, wish, folder)
     scenario = load_scenario(path)
     require_free(endpoint)
-    with view_process([path], endpoint, options.view), DiveWatch(scenario) as watch:
+    with view_process([path], [endpoint], options.view), DiveWatch(scenario) as watch:
         code = _run([path], endpoint, folder, watch.observe)
     from hil.charts.dive.report import write_report
 

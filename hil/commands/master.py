@@ -77,7 +77,7 @@ def main(arguments: list[str]) -> int:
     where = options.connect if options.connect != "lan" else _report_vehicles(options.wait)
     words = scenario_words(options)
     with (
-        view_process(words, where, options.view),
+        view_process(words, [where], options.view),
         StopSignals() as stop_fd,
         _client(where, scenario, plan, int(options.take_over), progress) as client,
     ):

@@ -98,12 +98,9 @@ def _fly(
 
 def _show(opened: ExitStack, scenario: Scenario, vehicle: SimulatedVehicle) -> Watch:
     """Show the flight in a browser; its time is that of the view."""
-    from hil.commands.view.opening import open_view, shown_of
-    from hil.view.sources.simulated import SimulatedSource
+    from hil.commands.view.flights import FlightViewer
 
-    source = SimulatedSource(scenario.slave.node, vehicle)
-    view = opened.enter_context(open_view(source, shown_of(scenario)))
-    return source.pace(view.update, time.sleep)
+    return opened.enter_context(FlightViewer().show_simulated(scenario, {scenario.slave.node: vehicle}))
 
 
 def _draw_field(axes: Any, scenario: Scenario, plan: Plan, outcome: Outcome | None) -> None:

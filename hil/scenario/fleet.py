@@ -33,6 +33,15 @@ def as_member(scenario: Scenario, which: str) -> Scenario:
     )
 
 
+def endpoints_of(scenario: Scenario) -> list[str]:
+    """Return where all of its vehicles, and planners of a fleet, are reached: its router, or each by itself."""
+    if scenario.network.mode == "routed":
+        return [scenario.network.router]
+    if not scenario.member:
+        return [scenario.slave.listen]
+    return [endpoint for member in scenario.member for endpoint in (member.listen, member.agent)]
+
+
 def hunting_of(scenario: Scenario) -> Hunting:
     """Return the [hunting] section. Raises ConfigError if there is none."""
     if scenario.hunting is None:

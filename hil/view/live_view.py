@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from ssl import SSLContext
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from hil.client.vehicle_handle import Vehicle
@@ -11,6 +12,9 @@ from hil.view.panels import instruments, pictures
 from hil.view.panels.acts import ActsPanel
 from hil.view.panels.panels import Panels
 from hil.view.panels.playback import PlaybackPanel
+from hil.view.panels.recording import RecordingPanel
+from hil.view.scene.fleet import FleetScene, Hunt
+from hil.view.scene.sensors import SensorScene
 from hil.view.scene.server import SceneServer
 from hil.view.scene.vehicle import VehicleScene
 from hil.view.scene.world import WorldScene
@@ -18,6 +22,7 @@ from hil.view.sources.source import Source
 from hil.view.teleop import acts
 from hil.view.teleop.steering import Steering
 from sim.environment.world import World
+from sim.sensors.suite import SensorSet
 from sim.vehicle.vehicle import Vehicle as VehicleFile
 
 PERIOD_S = 0.05  # of the scene
@@ -36,7 +41,8 @@ class Shown(NamedTuple):
     path: Sequence[Sequence[float]] = ()
     depth: float = 0.0
     goal: tuple[float, float] | None = None
-    camera_fov: float = 1.4  # rad, of the camera's frustum on the level
+    sensors: SensorSet = MappingProxyType({})  # of each vehicle
+    hunt: Hunt | None = None
 
 
 class LiveView:
@@ -49,7 +55,7 @@ class LiveView:
         self._scene = SceneServer()
         server = self._server = self._scene.server
         server.scene.set_up_direction("+z")
-        self._panels = Panels(server, source.names)
+        self._panels = Panels(server, source.names, shown.hunt is not None)
         self._world = WorldScene(server, shown.world) if shown.world else None
         if self._world:
             self._world.draw_path(shown.path, shown.depth)
@@ -57,8 +63,10 @@ class LiveView:
                 self._world.draw_goal(*shown.goal, shown.depth)
         else:
             server.scene.add_grid("/grid", 100.0, 100.0)
+        self._fleet = FleetScene(server, shown.hunt, self._world) if shown.hunt and self._world else None
         thrusters = [thruster.name for vehicle in list(shown.vehicles.values())[:1] for thruster in vehicle.thrusters]
         self._acts = ActsPanel(server, self._panels.acts, self._vehicle, self._panels.add_log_line, thrusters)
+        self._recording = RecordingPanel(server, self._panels.acts, source.recorder, self._panels.add_log_line)
         self._playback = PlaybackPanel(server, source.playback) if source.playback else None
         self._drawn: dict[str, VehicleScene] = {}
         self._plans: dict[str, Any] = {}
@@ -98,8 +106,14 @@ class LiveView:
         with self._server.atomic():
             for name in names:
                 self._draw_vehicle(name)
-            if self._frames % PANEL_EVERY == 0 and self._name in names:
-                self._draw_panels(self._name)
+            if self._frames % PANEL_EVERY == 0:
+                self._recording.update()
+                if self._fleet:
+                    there = [name for name in names if self._source.is_present(name)]
+                    places = {name: self._drawn[name].place for name in there if self._drawn[name].is_placed}
+                    self._fleet.draw({name: self._source.latest(name) for name in there}, places)
+                if self._name in names:
+                    self._draw_panels(self._name)
         if self._panels.camera.value == "follow":
             self._follow()
 
@@ -115,15 +129,15 @@ class LiveView:
         if drawn is None:
             vehicles = self._shown.vehicles
             file = vehicles.get(name) or next(iter(vehicles.values()), None)
-            drawn = self._drawn[name] = VehicleScene(self._server, name, file)
+            drawn = self._drawn[name] = VehicleScene(self._server, name, file, self._shown.sensors)
         latest = self._source.latest(name)
         drawn.move(latest)
         self._draw_plan(name, latest.get("plan"))
         if self._frames % TRACK_EVERY == 0:
             drawn.draw_tracks()
         if self._frames % PANEL_EVERY == 0:
-            drawn.draw_scans(latest)
-            self._draw_pictures(name, drawn, latest)
+            drawn.sensors.draw_scans(latest)
+            self._draw_pictures(name, drawn.sensors, latest)
 
     def _draw_plan(self, name: str, plan: Any) -> None:
         """Draw the path that the planner of a vehicle has published, in place of the one known at the start."""
@@ -132,16 +146,16 @@ class LiveView:
             alone = len(self._shown.vehicles) <= 1
             self._world.draw_path(plan, self._shown.depth, "path" if alone else f"path/{name}")
 
-    def _draw_pictures(self, name: str, drawn: VehicleScene, latest: Mapping[str, Any]) -> None:
+    def _draw_pictures(self, name: str, sensors: SensorScene, latest: Mapping[str, Any]) -> None:
         for topic, title in CAMERAS.items():
             if topic in latest and (picture := pictures.camera_picture(latest[topic])) is not None:
-                drawn.draw_camera(picture, self._shown.camera_fov)
+                sensors.draw_camera(picture)
                 if name == self._name:
                     self._panels.show_picture(title, picture)
                 break
         if sonar := latest.get("forward_sonar/image"):
             altitude = latest["altitude"].distance if "altitude" in latest else 0.0
-            drawn.draw_sonar(*pictures.fan_points(sonar, altitude))
+            sensors.draw_sonar(*pictures.fan_points(sonar, altitude, sensors.mounting("forward_sonar")))
             if name == self._name:
                 self._panels.show_picture("forward sonar, ahead is up", pictures.fan_picture(sonar))
         if (ping := latest.get("side_scan/image")) and name == self._name:

@@ -1,6 +1,7 @@
 """A browser's place taken by an HTTP client: the page, the stick's websocket, the scene's websocket."""
 
 import asyncio
+import ssl
 from collections.abc import Awaitable, Callable
 from typing import Any, TypeVar
 
@@ -8,14 +9,16 @@ import aiohttp
 import viser
 
 T = TypeVar("T")
-ADDRESS = r"watch at (http://\S+/)\?token=(\S+)"
+ADDRESS = r"watch at (https?://\S+/)\?token=(\S+)"
 
 
-def with_session(work: Callable[[aiohttp.ClientSession], Awaitable[T]]) -> T:
-    """Run `work` with a client that keeps cookies."""
+def with_session(work: Callable[[aiohttp.ClientSession], Awaitable[T]], tls: ssl.SSLContext | bool = True) -> T:
+    """Run `work` with a client that keeps cookies; `tls` says whom it trusts."""
 
     async def run() -> T:
-        async with aiohttp.ClientSession(cookie_jar=aiohttp.CookieJar(unsafe=True)) as client:
+        async with aiohttp.ClientSession(
+            cookie_jar=aiohttp.CookieJar(unsafe=True), connector=aiohttp.TCPConnector(ssl=tls)
+        ) as client:
             found = await work(client)
         await asyncio.sleep(0.1)  # what aiohttp needs to close its connections
         return found
@@ -33,3 +36,15 @@ async def scene_bytes(client: aiohttp.ClientSession, address: str) -> int:
     async with client.ws_connect(f"{address}scene", protocols=[f"viser-v{viser.__version__}"]) as scene:
         message = await scene.receive(timeout=30.0)
         return len(message.data) if message.type is aiohttp.WSMsgType.BINARY else 0
+
+
+async def offered(client: aiohttp.ClientSession, address: str) -> list[str]:
+    """Return the vehicles that the page offers, once there are any."""
+    async with client.ws_connect(f"{address}stick") as socket:
+        for _ in range(600):
+            await socket.send_json(stick(vehicle=""))
+            names = (await socket.receive_json(timeout=30.0)).get("vehicles")
+            if names:
+                return [str(name) for name in names]
+            await asyncio.sleep(0.05)
+    return []

@@ -21,6 +21,7 @@ from hil.network.session import Session
 from hil.ros import encoders as ros
 from hil.ros.diagnostics import Diagnostics, or_nan
 from hil.scenario.config import Scenario
+from hil.scenario.fleet import endpoints_of
 from sim.run_events import RunEvent
 from sim.vehicle.vehicle import load_vehicle
 
@@ -56,13 +57,11 @@ def fly(scenario: Scenario, folder: str, watch: HuntWatch) -> Costs:
     """
     slaves = {f"slave_{m.node}": ["slave", scenario.path, "--member", m.node] for m in scenario.member}
     agents = {f"agent_{m.node}": ["agent", scenario.path, "--member", m.node] for m in scenario.member}
-    endpoints = [endpoint for member in scenario.member for endpoint in (member.listen, member.agent)]
-    routed = scenario.network.mode == "routed"
     with (
         StopSignals() as stop_fd,
         Crew(slaves, folder) as vehicles,
         Crew(agents, folder) as planners,
-        open_master_session(*([scenario.network.router] if routed else endpoints), network=scenario.network) as session,
+        open_master_session(*endpoints_of(scenario), network=scenario.network) as session,
     ):
         return _Observer(scenario, session, vehicles, planners, watch).follow(stop_fd)
 

@@ -5,6 +5,7 @@ or come as the modems of the scenario let them.
 """
 
 import time
+from collections.abc import Callable
 
 from hil.autonomy.control.controller import VelocityCommand
 from hil.cases.energy import EnergyMeter
@@ -13,6 +14,7 @@ from hil.cases.simulated import SimulatedVehicle
 from hil.common.clock import NS_PER_S, seconds_ns
 from hil.master.flight import held
 from hil.master.hunt import HuntPlanner
+from hil.ros.formation import FormationSample
 from hil.scenario.config import Scenario
 from hil.scenario.fleet import as_member, hunting_of
 from hil.scenario.modem import Channel, TdmaSchedule, open_channel
@@ -50,10 +52,11 @@ class SimulatedHunt:
         """Energy (J) that all thrusters have used."""
         return sum(meter.joules for meter in self._meters)
 
-    def run(self) -> None:
-        """Run until the hunt is over."""
+    def run(self, after_step: Callable[[SimulatedVehicle], None] = lambda _: None) -> None:
+        """Run until the hunt is over; `after_step` is called with the first vehicle."""
         while not self._watch.reason:
             self.step()
+            after_step(self.vehicles[0])
 
     def step(self) -> None:
         """One step of all vehicles, and what falls due after it."""
@@ -76,7 +79,9 @@ class SimulatedHunt:
             command = planner.command(self.time, vehicle.samples)
             self.planner_cpu_s += time.thread_time() - began
             assert isinstance(command, VelocityCommand)
-            vehicle.command(held(command, vehicle.samples[ODOMETRY]))
+            seen = vehicle.samples[ODOMETRY]
+            vehicle.command(held(command, seen))
+            vehicle.samples["formation"] = FormationSample(seen.position, seen.orientation, seconds_ns(planner.clock))
             meter.add(self.time, vehicle.pwm_us)
         truths = [vehicle.simulation.truth() for vehicle in self.vehicles]
         for number, (vehicle, truth) in enumerate(zip(self.vehicles, truths, strict=True)):

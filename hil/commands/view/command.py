@@ -4,6 +4,7 @@ import select
 
 from hil.commands.listening import scenario_and_endpoints
 from hil.commands.view.opening import open_view, shown_of
+from hil.commands.view.tls import page_tls
 from hil.common.clock import NS_PER_S, RateKeeper, now_ns, seconds_ns
 from hil.common.options import add_connect, add_settings, new_parser, serving_address
 from hil.common.stop import StopSignals
@@ -17,6 +18,7 @@ examples:
   uuv-hil view --scenario paper_field                  with the map of its world
   uuv-hil view --connect tcp/192.168.3.116:7447        one elsewhere
   uuv-hil view --listen 0.0.0.0:7480                   for browsers of other machines, who need the token
+  uuv-hil view --listen 0.0.0.0:7480 --cert cert.pem --key key.pem      encrypted
   uuv-hil view --observe                               to look only
 """
 
@@ -36,6 +38,8 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--observe", action="store_true", help="never command a vehicle")
     parser.add_argument("--routed", action="store_true", help="ENDPOINT is that of a router")
     parser.add_argument("--keys", metavar="FOLDER", default="", help="this machine's certificates")
+    parser.add_argument("--cert", metavar="FILE", default="", help="certificate of the page, which is then encrypted")
+    parser.add_argument("--key", metavar="FILE", default="", help="its private key")
     parser.add_argument("--no-browser", action="store_true", help="print the address, but open no browser")
     options = parser.parse_args(arguments)
     scenario, endpoints = scenario_and_endpoints(options)
@@ -43,11 +47,12 @@ def main(arguments: list[str]) -> int:
     from hil.view.sources.live import LiveSource
 
     keys = options.keys or (scenario.security.folder("master") if scenario and scenario.security else "")
+    tls = page_tls(options.listen[0], options.cert, options.key, keys)
     routed = options.routed or bool(scenario and scenario.network.mode == "routed")
     with (
         StopSignals() as stop_fd,
-        LiveSource(endpoints, observe=options.observe, routed=routed, keys=keys) as source,
-        open_view(source, shown_of(scenario), options.listen, not options.no_browser) as view,
+        LiveSource(endpoints, observe=options.observe, routed=routed, keys=keys, scenario=scenario) as source,
+        open_view(source, shown_of(scenario), options.listen, not options.no_browser, tls=tls) as view,
     ):
         schedule = RateKeeper(seconds_ns(PERIOD_S), now_ns())
         while not select.select((stop_fd,), (), (), max(schedule.deadline_ns - now_ns(), 0) / NS_PER_S)[0]:

@@ -8,32 +8,53 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
+from hil.commands.view.tls import is_local
 from hil.common.children import module_command, package_environment, start_child
 from hil.common.errors import HilError, NetworkError
 from hil.scenario.config import Scenario
 
 if TYPE_CHECKING:
+    from ssl import SSLContext
+
     from hil.view.live_view import LiveView, Shown
+    from hil.view.scene.fleet import Hunt
     from hil.view.sources.source import Source
 
 DEFAULT_PLACE = "127.0.0.1", 7480
+UNENCRYPTED = (
+    "the view listens beyond this machine without encryption: who reads this network gets the token, and "
+    "with it the vehicle; give --cert and --key, or a scenario with [security]"
+)
+
+
+def new_token() -> str:
+    """Return what nobody guesses."""
+    return secrets.token_urlsafe(18)
 
 
 @contextmanager
 def open_view(
-    source: "Source", shown: "Shown", place: tuple[str, int] = DEFAULT_PLACE, browser: bool = True
+    source: "Source",
+    shown: "Shown",
+    place: tuple[str, int] = DEFAULT_PLACE,
+    browser: bool = True,
+    token: str = "",
+    tls: "SSLContext | None" = None,
 ) -> Iterator["LiveView"]:
     """Serve a live view at `place` (host, port), print its address, and open it in a browser if there is a screen.
 
-    Raises NetworkError, MissingExtraError.
+    `token` is what a browser has to know, a new one if left out. What leaves this machine without `tls` can be read on
+    the way: it is said. Raises NetworkError, MissingExtraError.
     """
     from hil.view.live_view import LiveView
 
     host, port = place
-    token = secrets.token_urlsafe(18)
-    with LiveView(source, shown, host, port, token) as view:
+    token = token or new_token()
+    with LiveView(source, shown, host, port, token, tls) as view:
         seen = "127.0.0.1" if host in ("0.0.0.0", "::") else host
-        address = f"http://{seen}:{view.port}/?token={token}"
+        address = f"{'https' if tls else 'http'}://{seen}:{view.port}/?token={token}"
+        if tls is None and not is_local(host):
+            print(f"WARNING: {UNENCRYPTED}", file=sys.stderr, flush=True)
         print(f"watch at {address}", flush=True)
         if browser and (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
             import webbrowser
@@ -62,21 +83,35 @@ def shown_of(scenario: Scenario | None) -> "Shown":
             path = prepare(scenario).planner.path
         except HilError as error:  # what cannot be planned is shown without a path
             print(f"no path is shown: {error}", file=sys.stderr, flush=True)
-    return Shown(load_world(scenario.world), vehicles, tuple(path), scenario.master.depth, goal)
+    depth = scenario.master.depth
+    world, sensors = load_world(scenario.world), scenario.sensors
+    return Shown(world, vehicles, tuple(path), depth, goal, sensors, _hunt_of(scenario))
+
+
+def _hunt_of(scenario: Scenario) -> "Hunt | None":
+    """Return what is shown of a fleet's hunt; None without one."""
+    if scenario.hunting is None:
+        return None
+    from hil.scenario.fleet import hunt_plan
+    from hil.view.scene.fleet import Hunt
+
+    nodes = tuple([member.node for member in scenario.member])
+    reach = scenario.hunting.fields.communication_range
+    return Hunt(nodes, hunt_plan(scenario), reach, scenario.master.depth)
 
 
 @contextmanager
-def view_process(scenario: Sequence[str], endpoint: str, wanted: bool) -> Iterator[None]:
-    """Serve a view of a slave in a process of its own, if it is `wanted`; print where to watch once it can be.
+def view_process(scenario: Sequence[str], endpoints: Sequence[str], wanted: bool) -> Iterator[None]:
+    """Serve a view of the slaves at `endpoints` in a process of its own, if it is `wanted`.
 
-    `scenario` are the words of a command that name it. Raises NetworkError when the view cannot start.
+    It prints where to watch once that can be. `scenario` are the words of a command that name it. Raises
+    NetworkError when the view cannot start.
     """
     if not wanted:
         yield
         return
-    command = module_command(
-        "hil.cli", "view", "--scenario", *scenario, "--connect", endpoint, "--listen", "127.0.0.1:0"
-    )
+    dialled = [word for endpoint in endpoints for word in ("--connect", endpoint)]
+    command = module_command("hil.cli", "view", "--scenario", *scenario, *dialled, "--listen", "127.0.0.1:0")
     process = start_child(command, environment=package_environment(), stdout=subprocess.PIPE, text=True)
     assert process.stdout
     try:
@@ -88,3 +123,4 @@ def view_process(scenario: Sequence[str], endpoint: str, wanted: bool) -> Iterat
     finally:
         process.terminate()
         process.wait()
+        process.stdout.close()

@@ -1,6 +1,7 @@
 """The panels beside the scene: instruments, pictures, the thruster link, acts, the log."""
 
 from collections import deque
+from collections.abc import Iterable
 from html import escape
 from typing import Any
 
@@ -17,7 +18,7 @@ STYLE = "font-family:system-ui,sans-serif;font-size:12px;line-height:1.45"
 class Panels:
     """The panels of one view. `server` is a viser.ViserServer, `names` the vehicles that can be chosen."""
 
-    def __init__(self, server: Any, names: list[str]) -> None:
+    def __init__(self, server: Any, names: list[str], is_fleet: bool = False) -> None:
         self._gui = gui = server.gui
         self.log = deque[str](maxlen=LOG_LINES)
         self.vehicle = gui.add_dropdown("vehicle", tuple(names) or ("-",))
@@ -28,7 +29,7 @@ class Panels:
         tabs = gui.add_tab_group()
         with tabs.add_tab("Vehicle"):
             self._instruments = gui.add_html("<p>waiting for a vehicle</p>")
-            self._legend = gui.add_html(_legend())
+            gui.add_html(_legend(colours.LEGEND + (colours.FLEET_LEGEND if is_fleet else ())))
         with tabs.add_tab("Pictures"):
             self.pictures = gui.add_checkbox("receive pictures", False, hint="they are only sent while somebody looks")
             self._images: dict[str, Any] = {}
@@ -145,10 +146,10 @@ def _text(line: str) -> str:
     return f'<p style="{STYLE};margin:3px 8px">{escape(line)}</p>'
 
 
-def _legend() -> str:
+def _legend(entries: Iterable[tuple[str, colours.RGB]]) -> str:
     spots = "".join(
         f'<span style="display:inline-block;margin-right:10px"><span style="color:{colours.css(colour)}">&#9644;</span>'
         f" {name}</span> "
-        for name, colour in colours.LEGEND
+        for name, colour in entries
     )
     return f'<p style="{STYLE};margin:3px 8px">{spots}</p>'

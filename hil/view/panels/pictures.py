@@ -6,7 +6,9 @@ from typing import Any
 
 import numpy as np
 
+from sim.rotations import matrix
 from sim.sensors.imaging.samples import SideScanSample, SonarImageSample
+from sim.sensors.mounting import Mounting
 
 FAN_SIZE = 360  # pixels of the radius
 WATERFALL = 240  # pings of a side scan that are shown
@@ -53,19 +55,25 @@ def fan_picture(sample: SonarImageSample) -> Any:
     return picture
 
 
-def fan_points(sample: SonarImageSample, altitude: float) -> tuple[Any, Any]:
-    """Return places (FRD, m) on a level bed `altitude` m below, and the strength of the echo from each.
+def fan_points(sample: SonarImageSample, altitude: float, mounting: Mounting = Mounting()) -> tuple[Any, Any]:
+    """Return places (FRD of the vehicle, m) on a level bed `altitude` m below, and the strength of the echo from each.
 
-    Echoes from nearer than the bed are put on the level of the vehicle.
+    A picture does not tell how far up or down an echo came from. Those from nearer than the bed are put into the
+    plane of the sonar's fan.
     """
     echoes = strengths(sample)
     step = max(1, round((echoes.size / MOST_ECHOES) ** 0.5))
     echoes = echoes[::step, ::step]
     ranges = (sample.first_range + (np.arange(sample.bins) + 0.5) * sample.range_step)[::step, None]
     beams = np.array(sample.beams)[None, ::step]
-    below = np.where(ranges > altitude, altitude, 0.0)
-    level = np.sqrt(np.maximum(ranges**2 - below**2, 0.0))
-    places = np.stack(np.broadcast_arrays(level * np.cos(beams), level * np.sin(beams), below), axis=2)
+    turn = np.array(matrix(mounting.quaternion)).reshape(3, 3)
+    along = np.stack([np.cos(beams), np.sin(beams), np.zeros_like(beams)], axis=2) @ turn.T
+    level = along * (1.0, 1.0, 0.0)
+    level /= np.maximum(np.linalg.norm(level, axis=2, keepdims=True), 1e-9)
+    below = max(altitude - mounting.position[2], 0.0)
+    reach = np.sqrt(np.maximum(ranges**2 - below**2, 0.0))[..., None]
+    on_bed = level * reach + (0.0, 0.0, below)
+    places = np.where(ranges[..., None] > below, on_bed, along * ranges[..., None]) + mounting.position
     strong = echoes > 0.08
     return places[strong], echoes[strong]
 

@@ -17,7 +17,7 @@ class PlaybackPanel:
         with gui.add_folder("time"):
             self._pause = gui.add_button("pause")
             step = gui.add_button("one step")
-            speed = gui.add_dropdown("times as fast", SPEEDS, "1")
+            speed = gui.add_dropdown("times as fast", SPEEDS, initial_value="1")
             self._clock = gui.add_text("seconds", "0.0", disabled=True)
             self._slider = (
                 gui.add_slider("at (s)", 0.0, max(playback.duration, 0.1), 0.1, 0.0) if playback.duration else None

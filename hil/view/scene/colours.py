@@ -20,10 +20,13 @@ CURRENT: RGB = (14, 165, 233)
 LASER: RGB = (239, 68, 68)
 PROFILER: RGB = (16, 185, 129)
 SONAR: RGB = (245, 158, 11)
+LINK: RGB = (22, 163, 74)
+PLACE: RGB = (217, 70, 239)
 WATER: RGB = (56, 132, 200)
 CONTOUR: RGB = (20, 40, 60)
 LEGEND = (("planned path", PATH), ("track", TRACK), ("track by navigation", NAVIGATION), ("goal", GOAL),
           ("obstacle", OBSTACLE), ("thrust", THRUST), ("current", CURRENT))  # fmt: skip
+FLEET_LEGEND = (("in range of each other", LINK), ("place in the formation", PLACE))
 
 
 def css(colour: RGB) -> str:

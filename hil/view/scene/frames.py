@@ -26,6 +26,12 @@ def to_body(points: Any) -> Any:
     return np.stack([x, -y, -z], axis=1)
 
 
+def body_attitude(quaternion: Sequence[float]) -> tuple[float, float, float, float]:
+    """The attitude (w, x, y, z) of a sensor in FRD as that along the axes of a vehicle of the scene."""
+    w, x, y, z = quaternion
+    return w, x, -y, -z
+
+
 def attitude(quaternion: Sequence[float]) -> tuple[float, float, float, float]:
     """The attitude (w, x, y, z), FRD to NED, as that of a vehicle in the scene."""
     return swap_attitude(quaternion)

@@ -1,4 +1,4 @@
-"""One vehicle in the scene: its shape, thrusts, tracks, and what its sensors see."""
+"""One vehicle in the scene: its shape, thrusts and tracks."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -7,7 +7,9 @@ import numpy as np
 
 from hil.view.scene import colours
 from hil.view.scene.frames import attitude, to_body, to_scene
+from hil.view.scene.sensors import SensorScene
 from hil.view.scene.world import arrows
+from sim.sensors.suite import SensorSet
 from sim.vehicle.vehicle import Vehicle
 
 TRACK_STEP = 0.1  # m between two points of a track
@@ -45,16 +47,17 @@ class Track:
 class VehicleScene:
     """A vehicle that is drawn as its file says: box or mesh, thrusters, axes. `server` is a viser.ViserServer.
 
-    Without `vehicle` it is a box of a metre.
+    Without `vehicle` it is a box of a metre. `sensors` draws what it sees with those of `carried`.
     """
 
-    def __init__(self, server: Any, name: str, vehicle: Vehicle | None) -> None:
+    def __init__(self, server: Any, name: str, vehicle: Vehicle | None, carried: SensorSet) -> None:
         self._scene = server.scene
         self._vehicle = vehicle
         self._root = f"/vehicles/{name}"
-        self.place = np.zeros(3)
+        self.place, self.is_placed = np.zeros(3), False
         self._frame = self._scene.add_frame(self._root, axes_length=AXES, axes_radius=0.01)
         self._scene.add_label(f"{self._root}/name", name, position=(0.0, 0.0, 0.8), anchor="bottom-center")
+        self.sensors = SensorScene(self._scene, self._root, carried)
         self._draw_shape()
         self._thrusts: Any = None
         self._track = Track(self._scene, f"/tracks/{name}/true", colours.TRACK)
@@ -66,6 +69,7 @@ class VehicleScene:
         if state is None:
             return
         self.place = to_scene([state.position])[0]
+        self.is_placed = True
         self._frame.position, self._frame.wxyz = self.place, attitude(state.orientation)
         self._track.add(self.place)
         if "ground_truth" in latest and "odom" in latest:
@@ -77,32 +81,6 @@ class VehicleScene:
         """Show where it has been."""
         self._track.draw()
         self._navigation.draw()
-
-    def draw_scans(self, latest: Mapping[str, Any]) -> None:
-        """Show the points of laser and profiler, in the axes of the vehicle."""
-        for topic, colour, points in (
-            ("laser", colours.LASER, _laser_points), ("profiler", colours.PROFILER, _profiler_points)
-        ):  # fmt: skip
-            scan = latest.get(topic)
-            if scan is not None and len(found := points(scan)):
-                self._scene.add_point_cloud(
-                    f"{self._root}/{topic}", to_body(found), colour, point_size=0.06, point_shape="circle"
-                )
-
-    def draw_camera(self, picture: Any, horizontal_fov: float) -> None:
-        """Show the camera's frustum with its picture (height x width x 3)."""
-        height, width = picture.shape[:2]
-        vertical = 2.0 * np.arctan(np.tan(0.5 * horizontal_fov) * height / width)
-        self._scene.add_camera_frustum(
-            f"{self._root}/camera", float(vertical), width / height, scale=0.6, image=picture,
-            wxyz=(0.5, -0.5, 0.5, -0.5), position=(0.3, 0.0, 0.0), color=colours.SONAR,
-        )  # fmt: skip
-
-    def draw_sonar(self, points: Any, strengths: Any) -> None:
-        """Show the fan of the forward sonar: places along FRD (m), and strengths from 0 to 1."""
-        shade = np.clip(strengths, 0.0, 1.0)[:, None]
-        tint = (np.array(colours.SONAR) * shade).astype(np.uint8)
-        self._scene.add_point_cloud(f"{self._root}/sonar", to_body(points), tint, point_size=0.08)
 
     def _draw_shape(self) -> None:
         vehicle = self._vehicle
@@ -157,20 +135,3 @@ def _turn_up_to(along: Any) -> tuple[float, float, float, float]:
         return 0.0, 1.0, 0.0, 0.0
     w = float(np.sqrt(0.5 * (1.0 + z)))
     return w, -y / (2.0 * w), x / (2.0 * w), 0.0
-
-
-def _laser_points(scan: Any) -> Any:
-    """Places (FRD, m) where the beams of a level fan end; angles count to port in ROS, to starboard here."""
-    return _fan(scan, lambda r, a: (r * np.cos(a), r * np.sin(a), np.zeros_like(r)))
-
-
-def _profiler_points(scan: Any) -> Any:
-    """Places (FRD, m) where the beams of a fan across the vehicle end; 0 is straight down."""
-    return _fan(scan, lambda r, a: (np.zeros_like(r), r * np.sin(a), r * np.cos(a)))
-
-
-def _fan(scan: Any, place: Any) -> Any:
-    ranges = np.asarray(scan.ranges, float)
-    angles = scan.angle_min + scan.angle_increment * np.arange(len(ranges))
-    there = np.isfinite(ranges)
-    return np.stack(place(ranges[there], angles[there]), axis=1)

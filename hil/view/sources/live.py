@@ -8,12 +8,14 @@ from typing import Any
 import hil
 from hil.client.delay import HOPS, DelayMeter
 from hil.client.fleet import Fleet
-from hil.client.samples import aged
 from hil.client.vehicle_handle import Vehicle
 from hil.common.errors import NetworkError
 from hil.common.quantiles import quantile
 from hil.ros.diagnostics import Diagnostics
 from hil.ros.topics import ALL
+from hil.scenario.config import Scenario
+from hil.view.sources.recording import ViewRecorder
+from hil.view.sources.source import shown_value
 
 PICTURES = ("camera/image_raw/compressed", "camera/image_raw", "forward_sonar/image", "side_scan/image")
 NEWEST = 400  # commands whose delays are shown: the last 20 s of a master that sends 20 a second
@@ -23,18 +25,26 @@ LOG_LINES = 200
 class LiveSource:
     """The vehicles at some endpoints. Use as a context. Pictures come over a session of their own, while wanted.
 
-    With `observe` no vehicle is ever commanded; `keys` is this machine's folder of certificates. Raises NetworkError.
+    With `observe` no vehicle is ever commanded; `keys` is this machine's folder of certificates; recordings are made
+    as the `scenario` says. Raises NetworkError.
     """
 
     playback = None
 
     def __init__(
-        self, endpoints: Sequence[str], *, observe: bool = False, routed: bool = False, keys: str = ""
+        self,
+        endpoints: Sequence[str],
+        *,
+        observe: bool = False,
+        routed: bool = False,
+        keys: str = "",
+        scenario: Scenario | None = None,
     ) -> None:
         self._endpoints = endpoints
         self._routed, self._keys = routed, keys
         self._observe = observe
         self._fleet = self._connect(observe)
+        self.recorder = ViewRecorder(self._fleet.endpoints, self._fleet.network, self._fleet.security, scenario)
         self._pictures: Fleet | None = None
         self._known: dict[str, Vehicle] = {}
         self._present: dict[str, bool] = {}
@@ -45,6 +55,7 @@ class LiveSource:
         return self
 
     def __exit__(self, *_: object) -> None:
+        self.recorder.stop()
         self.show_pictures(False)
         self._fleet.close()
 
@@ -70,7 +81,7 @@ class LiveSource:
         if pictures and name in pictures.names:
             newest = dict(pictures[name].client.latest)
             stamped |= {topic: newest[topic] for topic in PICTURES if topic in newest}
-        return {topic: each.value if topic in PICTURES else aged(topic, each) for topic, each in stamped.items()}
+        return {topic: each.value if topic in PICTURES else shown_value(topic, each) for topic, each in stamped.items()}
 
     def diagnostics(self, name: str) -> Diagnostics:
         """Return the figures of health."""

@@ -5,7 +5,6 @@ from collections.abc import Mapping
 from typing import Any
 
 from hil.client.client import Stamped
-from hil.client.samples import aged
 from hil.common.clock import NS_PER_S, now_ns
 from hil.common.errors import ConfigError
 from hil.recording.reader import read_messages
@@ -13,6 +12,7 @@ from hil.ros import encoders as ros
 from hil.ros.diagnostics import Diagnostics
 from hil.ros.topics import is_picture
 from hil.view.sources.paced_time import PacedTime
+from hil.view.sources.source import shown_value
 
 LARGEST = 2 << 30  # bytes of messages that are held at once
 
@@ -43,6 +43,8 @@ class _Column:
 
 class RecordedSource:
     """The vehicles of a recording (a file or a folder). Raises ConfigError, MissingExtraError."""
+
+    recorder = None
 
     def __init__(self, path: str) -> None:
         self._columns: dict[str, dict[str, _Column]] = {}
@@ -76,7 +78,7 @@ class RecordedSource:
         for topic, column in self._columns[name].items():
             value = column.at(topic, self._now_ns)
             if value is not None and topic not in ("diagnostics", "trace"):
-                found[topic] = value if is_picture(topic) else aged(topic, Stamped(value, now_ns(), now_ns()))
+                found[topic] = value if is_picture(topic) else shown_value(topic, Stamped(value, now_ns(), now_ns()))
         return found
 
     def diagnostics(self, name: str) -> Diagnostics:

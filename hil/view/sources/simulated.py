@@ -26,26 +26,29 @@ class SimulatedVehicle(Protocol):
 
 
 class SimulatedSource:
-    """The vehicle `name` of a simulation."""
+    """The vehicles of a simulation, by name; all have the same time."""
 
-    def __init__(self, name: str, vehicle: SimulatedVehicle) -> None:
-        self._name, self._vehicle = name, vehicle
+    recorder = None
+
+    def __init__(self, vehicles: Mapping[str, SimulatedVehicle]) -> None:
+        self._vehicles = vehicles
         self.playback = PacedTime()
 
     @property
     def names(self) -> list[str]:
-        """The one vehicle."""
-        return [self._name]
+        """Names of its vehicles."""
+        return sorted(self._vehicles)
 
     def is_present(self, _name: str) -> bool:
         """Return true: a simulated vehicle is always present."""
         return True
 
-    def latest(self, _name: str) -> Mapping[str, Any]:
+    def latest(self, name: str) -> Mapping[str, Any]:
         """Return the newest sample of each sensor, the truth, and the thrusts."""
-        simulation = self._vehicle.simulation
+        vehicle = self._vehicles[name]
+        simulation = vehicle.simulation
         found: dict[str, Any] = {"ground_truth": State(*simulation.truth())}
-        for topic, sample in self._vehicle.samples.items():
+        for topic, sample in vehicle.samples.items():
             if topic == "camera":
                 picture = Picture(sample.time_ns, sample.width, sample.height, "rgb8", sample.rgb)
                 found["camera/image_raw"] = picture
@@ -57,11 +60,11 @@ class SimulatedSource:
         found["joint_states"] = JointStates(simulation.time_ns, names, tuple(simulation.thrusts))
         return found
 
-    def diagnostics(self, _name: str) -> Diagnostics:
+    def diagnostics(self, name: str) -> Diagnostics:
         """Return the pulse widths: a simulation without a slave has no other figures of health."""
-        figures = Diagnostics()
-        figures.pwm_us = tuple(self._vehicle.pwm_us)
-        figures.contacts = self._vehicle.simulation.contacts
+        figures, vehicle = Diagnostics(), self._vehicles[name]
+        figures.pwm_us = tuple(vehicle.pwm_us)
+        figures.contacts = vehicle.simulation.contacts
         return figures
 
     def vehicle(self, _name: str) -> None:
@@ -83,13 +86,13 @@ class SimulatedSource:
         """Return what holds each step of a flight until its instant, and calls `update` 20 times a second meanwhile."""
         due_ns = 0
 
-        def step(_vehicle: Any) -> None:
+        def step(vehicle: Any) -> None:
             nonlocal due_ns
             while True:
                 if now_ns() >= due_ns:
                     due_ns = now_ns() + UPDATE_NS
                     update()
-                if self.playback.time * NS_PER_S >= self._vehicle.simulation.time_ns:
+                if self.playback.time * NS_PER_S >= vehicle.simulation.time_ns:
                     return
                 wait(WAIT_S)
 

@@ -3,10 +3,14 @@
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, Protocol
 
+from hil.client.samples import aged
+
 if TYPE_CHECKING:
+    from hil.client.client import Stamped
     from hil.client.vehicle_handle import Vehicle
     from hil.ros.diagnostics import Diagnostics
     from hil.view.sources.paced_time import PacedTime
+    from hil.view.sources.recording import ViewRecorder
 
 
 class Source(Protocol):
@@ -15,6 +19,10 @@ class Source(Protocol):
     @property
     def playback(self) -> "PacedTime | None":
         """Return the time that can be paused and sped up; None of vehicles that live in real time."""
+
+    @property
+    def recorder(self) -> "ViewRecorder | None":
+        """Return what records the vehicles when a person asks for it; None where there is nothing to record."""
 
     @property
     def names(self) -> list[str]:
@@ -40,3 +48,9 @@ class Source(Protocol):
 
     def log_lines(self) -> list[str]:
         """Return what happened since the last call, a line each."""
+
+
+def shown_value(topic: str, stamped: "Stamped") -> Any:
+    """Return a sample as its record with an age, and a message that is no record, such as a plan, as it is."""
+    value = aged(topic, stamped)
+    return stamped.value if value is stamped else value

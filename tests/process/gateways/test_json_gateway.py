@@ -178,7 +178,7 @@ def test_the_place_may_be_taken(gateway: JsonGateway, fleet: Fleet) -> None:
 
 
 def test_the_command(fleet: Fleet, tmp_path: Path) -> None:
-    port, endpoint = free_port(), fleet._endpoints[0]
+    port, endpoint = free_port(), fleet.endpoints[0]
     with Program(tmp_path, "gateway", "--connect", endpoint, "--listen", f"127.0.0.1:{port}") as program:
         program.expect(f"lines of JSON at 127.0.0.1:{port}")
         program.expect(f"(in {token_path(port)})")

@@ -17,20 +17,7 @@ from sim.environment.terrain_grid import Grid
 from sim.environment.world import World
 from sim.rotations import from_euler, rotate
 from sim.sensors.imaging.samples import SideScanSample, SonarImageSample
-
-
-class Recorder:
-    """Takes the place of viser's scene: keeps what it was told to add."""
-
-    def __init__(self) -> None:
-        self.added: dict[str, tuple[str, tuple[Any, ...], dict[str, Any]]] = {}
-        self.scene = self
-
-    def __getattr__(self, kind: str) -> Any:
-        def add(name: str, *arguments: Any, **options: Any) -> None:
-            self.added[name] = kind, arguments, options
-
-        return add
+from tests.unit.view.scene_recorder import Recorder
 
 
 def test_places_and_attitudes_of_the_scene() -> None:

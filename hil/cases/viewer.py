@@ -1,0 +1,24 @@
+"""What shows the flights of a case while they are flown."""
+
+from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager, nullcontext
+from typing import TYPE_CHECKING, Any
+
+from hil.scenario.config import Scenario
+
+if TYPE_CHECKING:
+    from hil.cases.simulated import SimulatedVehicle
+
+
+class Viewer:
+    """Shows nothing; a command that shows flights gives a case one that does."""
+
+    def show_simulated(
+        self, _scenario: Scenario, _vehicles: "Mapping[str, SimulatedVehicle]"
+    ) -> AbstractContextManager[Callable[[Any], None]]:
+        """Show `_vehicles`, by name, of a flight in simulated time; what is to be called after each of its steps."""
+        return nullcontext(lambda _: None)
+
+    def show_slaves(self, _scenario: Scenario) -> AbstractContextManager[None]:
+        """Show the slaves of a flight over the network: where its scenario says that they listen."""
+        return nullcontext()

@@ -1,0 +1,39 @@
+"""The live view of flights: of `sim`, and of a case."""
+
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from typing import Any
+
+from hil.cases.simulated import SimulatedVehicle
+from hil.cases.viewer import Viewer
+from hil.commands.view.opening import new_token, open_view, shown_of, view_process
+from hil.scenario.config import Scenario
+from hil.scenario.fleet import endpoints_of
+
+
+class FlightViewer(Viewer):
+    """Shows each flight in a view of its own, and prints where to watch it.
+
+    A page of one simulated flight goes on with the next: they have one token.
+    """
+
+    def __init__(self) -> None:
+        self._token = new_token()
+
+    @contextmanager
+    def show_simulated(
+        self, scenario: Scenario, vehicles: Mapping[str, SimulatedVehicle]
+    ) -> Iterator[Callable[[Any], None]]:
+        """Show a flight whose time is that of the view: it can be paused, stepped and sped up."""
+        from hil.view.sources.simulated import SimulatedSource
+
+        source = SimulatedSource(vehicles)
+        with open_view(source, shown_of(scenario), token=self._token) as view:
+            yield source.pace(view.update, time.sleep)
+
+    @contextmanager
+    def show_slaves(self, scenario: Scenario) -> Iterator[None]:
+        """Show a flight over the network, from a process of its own."""
+        with view_process([scenario.path], endpoints_of(scenario), True):
+            yield

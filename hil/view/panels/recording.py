@@ -1,0 +1,60 @@
+"""The button that starts and ends a recording."""
+
+import threading
+from collections.abc import Callable
+from typing import Any, Protocol
+
+from hil.common.errors import HilError
+
+START, STOP = "start recording", "stop recording"
+NOTHING_TO_RECORD = "only vehicles on the network are recorded here: this is a recording, or a simulation"
+
+
+class CanRecord(Protocol):
+    """What records: hil.view.sources.recording.ViewRecorder."""
+
+    @property
+    def state(self) -> str:
+        """How it goes; "" while it does not record."""
+
+    def start(self) -> str:
+        """Begin; where it goes."""
+
+    def stop(self) -> str:
+        """End; where it is."""
+
+
+class RecordingPanel:
+    """The button; greyed with the reason where nothing `can_record`. `report` gets the outcome."""
+
+    def __init__(
+        self, server: Any, container: Any, can_record: CanRecord | None, report: Callable[[str], None]
+    ) -> None:
+        self._recorder, self._report = can_record, report
+        with container, server.gui.add_folder("recording"):
+            self._button = server.gui.add_button(
+                START, disabled=can_record is None, hint=NOTHING_TO_RECORD if can_record is None else None
+            )
+            self._state = server.gui.add_markdown(NOTHING_TO_RECORD if can_record is None else "")
+        self._button.on_click(lambda _: threading.Thread(target=self._toggle, name="recording", daemon=True).start())
+
+    def update(self) -> None:
+        """Show how it goes."""
+        if self._recorder is None:
+            return
+        state = self._recorder.state
+        if state:
+            self._state.content = state
+        label = STOP if state else START
+        if self._button.label != label:
+            self._button.label = label
+
+    def _toggle(self) -> None:
+        """Start or end it; in a thread of its own, for both may wait for the network."""
+        assert self._recorder
+        try:
+            text = self._recorder.stop() if self._recorder.state else self._recorder.start()
+        except HilError as error:
+            text = str(error)
+        self._state.content = text
+        self._report(text)

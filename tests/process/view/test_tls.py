@@ -1,0 +1,59 @@
+"""The page of the live view behind certificates."""
+
+import ssl
+from pathlib import Path
+
+import aiohttp
+import pytest
+
+from hil.commands.keys import add_machine, init
+from tests.support.processes import Program, free_port, run_here, write_scenario
+from tests.support.view_client import ADDRESS, offered, with_session
+
+pytest.importorskip("viser", reason="the live view needs the extra view")
+
+
+def machine(folder: Path) -> Path:
+    """A folder with the certificates of the machine 127.0.0.1."""
+    init(str(folder))
+    add_machine(str(folder), "bench", ["127.0.0.1"])
+    return folder / "bench"
+
+
+def test_page_stick_and_scene_come_encrypted(tmp_path: Path) -> None:
+    keys = machine(tmp_path / "keys")
+    scenario, _ = write_scenario(tmp_path)
+    words = ("--cert", keys / "cert.pem", "--key", keys / "key.pem", "--listen", "127.0.0.1:0", "--no-browser")
+    with Program(tmp_path, "slave", scenario), Program(tmp_path, "view", "--scenario", scenario, *words) as view:
+        address, token = view.expect(ADDRESS).groups()
+        assert address.startswith("https://")
+        trusting = ssl.create_default_context(cafile=str(keys / "ca.pem"))
+
+        async def look(client: aiohttp.ClientSession) -> list[str]:
+            async with client.get(f"{address}?token={token}") as page:
+                assert "STOP" in await page.text()
+            return await offered(client, address)
+
+        assert with_session(look, trusting) == ["uuv1"]
+
+
+def test_elsewhere_without_certificates_it_warns(tmp_path: Path) -> None:
+    words = ("--connect", f"tcp/127.0.0.1:{free_port()}", "--listen", "0.0.0.0:0", "--no-browser")
+    with Program(tmp_path, "view", *words) as view:
+        view.expect(ADDRESS)
+        view.expect("WARNING: the view listens beyond this machine without encryption")
+
+
+@pytest.mark.parametrize(
+    ("words", "reason"),
+    [
+        (("--cert", "cert.pem"), "--cert and --key go together"),
+        (("--cert", "none.pem", "--key", "none.pem"), "cannot be read"),
+        (("--cert", __file__, "--key", __file__), "not a certificate and its private key"),
+    ],
+)
+def test_certificates_that_are_none_are_one_line(words: tuple[str, ...], reason: str) -> None:
+    code, output = run_here("view", *words)
+    assert code == 2
+    assert reason in output
+    assert "Traceback" not in output

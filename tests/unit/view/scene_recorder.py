@@ -1,0 +1,31 @@
+"""Takes the place of viser."""
+
+from typing import Any
+
+
+class Handle:
+    """What was added; `removed` once it is gone."""
+
+    def __init__(self) -> None:
+        self.removed = False
+
+    def remove(self) -> None:
+        """Take it out of the scene."""
+        self.removed = True
+
+
+class Recorder:
+    """A scene that keeps what it was told to add, by name: kind, arguments, options."""
+
+    def __init__(self) -> None:
+        self.added: dict[str, tuple[str, tuple[Any, ...], dict[str, Any]]] = {}
+        self.handles: dict[str, Handle] = {}
+        self.scene = self
+
+    def __getattr__(self, kind: str) -> Any:
+        def add(name: str, *arguments: Any, **options: Any) -> Handle:
+            self.added[name] = kind, arguments, options
+            self.handles[name] = Handle()
+            return self.handles[name]
+
+        return add

@@ -1,0 +1,96 @@
+"""The button that starts and ends a recording."""
+
+import threading
+from contextlib import nullcontext
+from typing import Any
+
+import pytest
+
+from hil.common.errors import ConfigError
+from hil.view.panels.recording import NOTHING_TO_RECORD, START, STOP, RecordingPanel
+
+
+class Control:
+    """Takes the place of a button or a text of viser."""
+
+    def __init__(self, text: str, disabled: bool = False, hint: str | None = None) -> None:
+        self.label = self.content = text
+        self.disabled, self.hint = disabled, hint
+        self.click: Any = None
+
+    def on_click(self, act: Any) -> None:
+        self.click = act
+
+
+class Server:
+    """Takes the place of viser."""
+
+    def __init__(self) -> None:
+        self.gui = self
+        self.controls: list[Control] = []
+
+    def add_folder(self, _: str) -> Any:
+        return nullcontext()
+
+    def add_button(self, text: str, **options: Any) -> Control:
+        return self._add(Control(text, **options))
+
+    def add_markdown(self, text: str) -> Control:
+        return self._add(Control(text))
+
+    def _add(self, control: Control) -> Control:
+        self.controls.append(control)
+        return control
+
+
+class Recording:
+    """Takes the place of what records."""
+
+    state, fails = "", False
+
+    def start(self) -> str:
+        if self.fails:
+            raise ConfigError("disk full")
+        self.state = "0 messages into there"
+        return "recording into there"
+
+    def stop(self) -> str:
+        self.state = ""
+        return "7 messages recorded: there"
+
+
+@pytest.fixture(autouse=True)
+def at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let threads run when they start."""
+
+    class Thread:
+        def __init__(self, target: Any, **_: Any) -> None:
+            self.start = target
+
+    monkeypatch.setattr(threading, "Thread", Thread)
+
+
+def test_it_starts_says_where_and_ends() -> None:
+    server, recorder, told = Server(), Recording(), list[str]()
+    panel = RecordingPanel(server, nullcontext(), recorder, told.append)
+    button, text = server.controls
+    assert (button.label, button.disabled) == (START, False)
+    button.click(None)
+    panel.update()
+    assert button.label == STOP
+    assert text.content == "0 messages into there"
+    button.click(None)
+    panel.update()
+    assert button.label == START
+    assert text.content == "7 messages recorded: there"
+    recorder.fails = True
+    button.click(None)
+    assert told == ["recording into there", "7 messages recorded: there", "disk full"]
+
+
+def test_where_nothing_can_be_recorded_it_is_grey_and_says_why() -> None:
+    server = Server()
+    RecordingPanel(server, nullcontext(), None, print).update()
+    button, text = server.controls
+    assert button.disabled
+    assert button.hint == text.content == NOTHING_TO_RECORD
