@@ -14,6 +14,7 @@ from hil.common.quantiles import quantile
 from hil.ros.diagnostics import Diagnostics
 from hil.ros.topics import ALL
 from hil.scenario.config import Scenario
+from hil.view.sources.plans import Plans
 from hil.view.sources.recording import ViewRecorder
 from hil.view.sources.source import shown_value
 
@@ -44,7 +45,9 @@ class LiveSource:
         self._routed, self._keys = routed, keys
         self._observe = observe
         self._fleet = self._connect(observe)
-        self.recorder = ViewRecorder(self._fleet.endpoints, self._fleet.network, self._fleet.security, scenario)
+        how = self._fleet.endpoints, self._fleet.network, self._fleet.security
+        self.recorder = ViewRecorder(*how, scenario)
+        self._plans = Plans(*how)
         self._pictures: Fleet | None = None
         self._known: dict[str, Vehicle] = {}
         self._present: dict[str, bool] = {}
@@ -52,10 +55,12 @@ class LiveSource:
         self._turn = threading.Lock()
 
     def __enter__(self) -> "LiveSource":
+        self._plans.__enter__()
         return self
 
     def __exit__(self, *_: object) -> None:
         self.recorder.stop()
+        self._plans.__exit__()
         self.show_pictures(False)
         self._fleet.close()
 
@@ -81,7 +86,10 @@ class LiveSource:
         if pictures and name in pictures.names:
             newest = dict(pictures[name].client.latest)
             stamped |= {topic: newest[topic] for topic in PICTURES if topic in newest}
-        return {topic: each.value if topic in PICTURES else shown_value(topic, each) for topic, each in stamped.items()}
+        plan = {"plan": self._plans.latest[name]} if name in self._plans.latest else {}
+        return plan | {
+            topic: each.value if topic in PICTURES else shown_value(topic, each) for topic, each in stamped.items()
+        }
 
     def diagnostics(self, name: str) -> Diagnostics:
         """Return the figures of health."""
