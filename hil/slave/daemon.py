@@ -74,10 +74,7 @@ def run(
             imaging.start(loop.sample_publisher.stamps, loop.sample_publisher.graph.identity)
             stack.callback(imaging.close)
         if scenario.mavlink and scenario.mavlink.start:
-            from hil.slave.spawn import start_program  # a process of its own: the slave stays as it is
-
-            at = "--connect", scenario.slave.listen, "--vehicle", scenario.slave.node
-            stack.callback(start_program("mavlink", scenario.path, *at))
+            stack.callback(_start_mavlink(scenario))
         with Health(loop, log, startup, notes, board, scenario.link, contacts, imaging):
             try:
                 loop.run(stop_fd)
@@ -90,6 +87,14 @@ def run(
                 log.write_line(
                     "thrusters neutral" if neutral else "WARNING: the STM32 did not confirm neutral thrusters"
                 )
+
+
+def _start_mavlink(scenario: Scenario) -> Callable[[], None]:
+    """Start the MAVLink vehicle in a process of its own, so that the slave stays as it is; return what ends it."""
+    from hil.slave.spawn import start_program
+
+    at = "--connect", scenario.slave.listen, "--vehicle", scenario.slave.node
+    return start_program("mavlink", scenario.path, *at)
 
 
 def _settle_realtime(scenario: Scenario) -> list[str]:

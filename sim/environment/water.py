@@ -72,7 +72,7 @@ class SampledWaves:
     """A sea whose motion is computed every `hold` s where the vehicle is then; its velocity grows linearly in between.
 
     So it is off by about (omega hold)² / 2 of each wave's at most, where one that is kept as it was is by omega hold.
-    It is computed anew where the vehicle is more than 0.25 m away, as one that is put elsewhere.
+    It is computed again where the vehicle is more than 0.25 m away, as one that is put elsewhere.
     """
 
     def __init__(self, waves: Waves, world: World, seed: int) -> None:

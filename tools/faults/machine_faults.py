@@ -81,7 +81,7 @@ def _limit(rig: Rig, which: int, most: int) -> None:
 
 
 def _unlimit(rig: Rig, which: int) -> None:
-    """The limit goes; a slave that has ended for it starts anew, as its service manager sees to."""
+    """The limit goes; a slave that has ended for it restarts, as its service manager sees to."""
     if rig.processes["slave"].running:
         resource.prlimit(rig.processes["slave"].pid, which, ENDLESS)
     else:
@@ -99,7 +99,7 @@ def _no_more_memory(rig: Rig) -> None:
 
 
 def _with_clock(process: str, step_s: int) -> Callable[[Rig], None]:
-    """Starts that process anew with its wall clock wrong by so much."""
+    """Restart that process with its wall clock wrong by so much."""
 
     def start(rig: Rig) -> None:
         preload = {"LD_PRELOAD": str(rig.folder / WRONG_CLOCK), "CLOCK_STEP_S": str(step_s)}

@@ -1,7 +1,7 @@
 """The websocket server for Foxglove: channels out, and what clients with the token publish, call and set, in.
 
 Its own code and not Foxglove's SDK, because the SDK can refuse neither pages of other origins nor clients without a
-token, and whoever reaches its port could command a vehicle.
+token: everyone who reaches its port could command a vehicle.
 """
 
 import asyncio

@@ -110,7 +110,7 @@ class TerminalWire(DescriptorWire):
 
     @property
     def terminal(self) -> int:
-        """Descriptor of the terminal itself, for whoever wants to read less than all; -1 once closed."""
+        """Descriptor of the terminal itself, for readers of less than all; -1 once closed."""
         return self._fd
 
     def read(self) -> bytes:
