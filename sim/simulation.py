@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 from hil.common.errors import ConfigError, DivergenceError
-from hil.common.schema import FINITE
+from sim.arguments import require_events, require_numbers, require_parts, require_wrenches
 from sim.assembly import (
     make_dynamics,
     make_equipment,
@@ -37,9 +37,6 @@ if TYPE_CHECKING:
     from sim.vehicle.failures import Failure
 
 DT_NS = 2_500_000  # 400 Hz
-MIN_DT_NS, MAX_DT_NS = 1_000, 100_000_000
-FARTHEST = 1e6  # m from the origin; doubles there are 0.1 nm apart
-MOST_TURNED = 1e6  # rad; beyond, sine and cosine of a heading say little of it
 
 
 class Simulation:
@@ -69,7 +66,9 @@ class Simulation:
         forces: "Sequence[Force]" = (),
         releases: "Sequence[Release]" = (),
     ) -> None:
-        _require_sound(vehicle, world, seed, dt_ns, position, heading)
+        require_parts(vehicle, world, sensors)
+        require_numbers(vehicle, world, seed, dt_ns, position, heading)
+        require_events(failures, forces, releases)
         if starts_inside(vehicle, world, position):
             at = ", ".join(f"{x:g}" for x in position)
             raise ConfigError(
@@ -132,8 +131,9 @@ class Simulation:
     def fail(self, *failures: "Failure") -> None:
         """Let thrusters fail, each at its time; one whose time has passed fails with the next step.
 
-        Raises ConfigError for an unknown thruster.
+        Raises ConfigError for an unknown thruster, or what is no Failure.
         """
+        require_events(failures)
         if self._coast:  # thrusters that may fail are moved on apart from the rest, from now on
             self._wrench, self._flow = self._coast.wrench, self._coast.flow
             self._coast, self._advance, self._aired = None, self._term_by_term, True
@@ -168,12 +168,18 @@ class Simulation:
     def step(self, pwm_us: Sequence[int]) -> list[tuple[str, Sample]]:
         """Advance by one step under these pulses (us, one a channel); the samples that fell due, by topic.
 
-        Raises DivergenceError when the state would not be finite any more; it stays the last one that was.
+        Raises DivergenceError when the state would not be finite any more; it stays the last one that was. Raises
+        ConfigError for pulses that are none, or a force of a user's own that returns no wrench.
         """
         try:
             before = self._advance(pwm_us)
         except FloatingPointError:
             raise self._divergence() from None
+        except (TypeError, ValueError):
+            if not hasattr(pwm_us, "__len__"):
+                raise ConfigError(f"pwm_us = {pwm_us!s:.40}: give a list of pulses, one a channel") from None
+            require_wrenches(self._own_forces, self.state)
+            raise
         if before is not None:
             self._resolve_collision(before)
         self.time_ns += self._dt_ns
@@ -292,33 +298,3 @@ class Simulation:
         return self._thrusters.step(
             pwm_us, [speed - flow for speed, flow in zip(state.nu, (*water, 0.0, 0.0, 0.0), strict=True)]
         )
-
-
-def _require_sound(
-    vehicle: Vehicle, world: World, seed: int, dt_ns: int, position: Sequence[float], heading: float
-) -> None:
-    """Raise ConfigError for what no file can hold, but a program may: numbers that are none, an endless step."""
-    if not isinstance(dt_ns, int) or not MIN_DT_NS <= dt_ns <= MAX_DT_NS:
-        raise ConfigError(
-            f"dt_ns = {dt_ns!s:.40}: a step takes whole ns, {MIN_DT_NS:,} to {MAX_DT_NS:,}, which is 100 ms"
-        )
-    if not hasattr(seed, "__index__") or isinstance(seed, bool) or seed < 0:
-        raise ConfigError(f"seed = {seed!s:.40}: give a whole number from 0 on")
-    _require_numbers("position", position, FARTHEST, 3)
-    _require_numbers("heading", (heading,), MOST_TURNED, 1)
-    _require_numbers(f"current of {world.name}", world.current, FINITE.high, 3)
-    _require_numbers(f"density of {world.name}", (world.density,), FINITE.high, 1)
-    _require_numbers(f"gravity of {world.name}", (world.gravity,), FINITE.high, 1)
-    problem = vehicle.validate()
-    if problem:
-        raise ConfigError(f"{vehicle.name}: {problem}")
-
-
-def _require_numbers(key: str, numbers: Sequence[float], most: float, count: int) -> None:
-    if not hasattr(numbers, "__len__") or len(numbers) != count:
-        found = len(numbers) if hasattr(numbers, "__len__") else f"{numbers!s:.40}"
-        raise ConfigError(f"{key}: {found} numbers: give three, north, east and down")
-    for number in numbers:
-        if not hasattr(number, "__float__") or not abs(number) <= most:
-            words = "finite ones" if most == FINITE.high else f"finite ones, to {most:,.0f}"
-            raise ConfigError(f"{key}: {number!s:.40} is no number to start from: give {words}")

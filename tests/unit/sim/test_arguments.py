@@ -1,0 +1,88 @@
+"""A program that gives a simulation what is of another type gets one error that names it."""
+
+from math import nan
+from typing import Any
+
+import pytest
+
+from hil.common.errors import ConfigError
+from sim.dynamics import Integrator
+from sim.environment.world import load_world
+from sim.simulation import Simulation
+from sim.vehicle.failures import Failure
+from sim.vehicle.vehicle import load_vehicle
+
+SIX, _ = load_vehicle("paper_six")
+NAME = SIX.thrusters[0].name
+POOL = load_world("pool")
+PLACE, NEUTRAL = (4.0, 4.0, 2.0), [1500] * 6
+BAD_KIND: Any = "bad"
+TEXT: Any = "x"
+NUMBER: Any = 3
+NO_SPECS: list[Any] = [5, {}, None]
+
+
+class NoWrench:
+    """A force that returns what is no wrench."""
+
+    def __init__(self, returned: Any) -> None:
+        self._returned = returned
+
+    def begin(self, time_ns: int) -> None:
+        pass
+
+    def wrench(self, *_: object) -> Any:
+        return self._returned
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        *[({"vehicle": given}, "vehicle = .*: give a Vehicle") for given in ("paper_six", None)],
+        *[({"world": given}, "world = .*: give a World") for given in ("pool", None)],
+        *[({"sensors": given}, "sensors = .*: give SensorSpec by name") for given in (5, "imu", ["imu"])],
+        *[({"sensors": {"imu": given}}, "sensors: imu is .*: give a SensorSpec") for given in NO_SPECS],
+        *[({"forces": given}, "forces = .*: give a list of objects") for given in (5, "x", NoWrench(None), {"x": 1})],
+        *[({"forces": [given]}, r"forces\[0\] is .*: give an object with begin") for given in ("x", 5, NoWrench)],
+        *[
+            ({"failures": given}, "failures = .*: give a list of Failure records")
+            for given in (5, "off", Failure(NAME, "off"))
+        ],
+        *[({"failures": [given]}, r"failures\[0\] is .*: give a Failure") for given in ("off", (NAME, "off"))],
+        ({"failures": [Failure(NAME, BAD_KIND)]}, r"failures\[0\]: kind: 'bad' is not one of off"),
+        ({"failures": [Failure(NAME, "efficiency", efficiency=nan)]}, r"failures\[0\]: efficiency: nan"),
+        ({"failures": [Failure(NAME, "off", time=TEXT)]}, r"failures\[0\]: time: "),
+        ({"failures": [Failure(NUMBER, "off")]}, r"failures\[0\]: thruster: expected text"),
+        *[({"releases": given}, "releases = .*: give a list of Release records") for given in (5, "x")],
+        ({"releases": ["x"]}, r"releases\[0\] is x: give a Release"),
+    ],
+)
+def test_a_simulation_refuses_other_types(arguments: dict[str, Any], words: str) -> None:
+    given = {"vehicle": SIX, "world": POOL, "position": PLACE, **arguments}
+    with pytest.raises(ConfigError, match=f"^{words}"):
+        Simulation(**given)
+
+
+def test_a_failure_of_another_type_is_refused_in_flight_too() -> None:
+    simulation = Simulation(SIX, POOL, {}, position=PLACE)
+    off: Any = "off"
+    with pytest.raises(ConfigError, match=r"failures\[0\] is off: give a Failure"):
+        simulation.fail(off)
+
+
+@pytest.mark.parametrize("may_fail", [False, True], ids=["sound", "failing"])
+@pytest.mark.parametrize("pulses", [5, None, 1500.0])
+def test_pulses_that_are_no_list_are_refused(pulses: Any, may_fail: bool) -> None:
+    simulation = Simulation(SIX, POOL, {}, position=PLACE)
+    if may_fail:
+        simulation.fail()
+    with pytest.raises(ConfigError, match=rf"pwm_us = {pulses}: give a list of pulses"):
+        simulation.step(pulses)
+
+
+@pytest.mark.parametrize("integrator", ["verlet", "rk4"])
+@pytest.mark.parametrize("returned", [None, (1.0, 2.0), ("x",) * 6, (0.0,) * 7])
+def test_a_force_that_returns_no_wrench_is_named(returned: Any, integrator: Integrator) -> None:
+    simulation = Simulation(SIX, POOL, {}, position=PLACE, forces=[NoWrench(returned)], integrator=integrator)
+    with pytest.raises(ConfigError, match=r"^the force .*:NoWrench returned .*: a wrench is six numbers"):
+        simulation.step(NEUTRAL)
