@@ -172,9 +172,13 @@ def add_connect(parser: argparse.ArgumentParser, *, lan: bool = False) -> None:
 
 def add_output(parser: argparse.ArgumentParser, metavar: str, about: str, *, required: bool = False) -> None:
     """Add -o and --output, the file that the command writes, or the folder, which it makes."""
-    kind = OUTPUT_FILE if metavar.startswith("FILE.") else str
-    words = f"{about}; its folder must be there" if kind is OUTPUT_FILE else about
-    parser.add_argument("-o", "--output", metavar=metavar, type=kind, help=words, required=required)
+    add = add_file if metavar.startswith("FILE.") else argparse.ArgumentParser.add_argument
+    add(parser, "-o", "--output", metavar=metavar, help=about, required=required)
+
+
+def add_file(parser: argparse.ArgumentParser, *names: str, help: str, **settings: Any) -> None:  # noqa: A002
+    """Add an option of these `names`: a file that the command writes, in a folder that is there."""
+    parser.add_argument(*names, type=OUTPUT_FILE, help=f"{help}; its folder must be there", **settings)
 
 
 def add_json(parser: argparse.ArgumentParser) -> None:
@@ -184,7 +188,7 @@ def add_json(parser: argparse.ArgumentParser) -> None:
 
 def add_plot(parser: argparse.ArgumentParser, about: str) -> None:
     """Add --plot, the picture that the command draws."""
-    parser.add_argument("--plot", metavar="FILE.png", type=OUTPUT_FILE, help=about)
+    add_file(parser, "--plot", metavar="FILE.png", help=about)
 
 
 def add_changes(parser: argparse.ArgumentParser) -> None:

@@ -25,9 +25,9 @@ from hil.common.errors import ConfigError
 from hil.common.options import (
     DAY_S,
     ENDPOINT,
-    OUTPUT_FILE,
     REPEAT,
     Number,
+    add_file,
     add_plot,
     add_scenario,
     changes_of,
@@ -109,8 +109,8 @@ def _parser() -> Any:
     add("--board", metavar="NAME", help="board whose budgets count [recognised]")
     add_limits(parser)
     add_record(parser)
-    add("--csv", metavar="FILE", type=OUTPUT_FILE, help="the table as CSV")
-    add("--markdown", metavar="FILE", type=OUTPUT_FILE, help="the table as Markdown")
+    add_file(parser, "--csv", metavar="FILE", help="the table as CSV")
+    add_file(parser, "--markdown", metavar="FILE", help="the table as Markdown")
     add_plot(parser, "the table as a picture")
     return parser
 

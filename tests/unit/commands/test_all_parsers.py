@@ -11,7 +11,7 @@ from hil.cli import COMMANDS, GROUPS, main
 from hil.commands.bench.command import BENCHMARKS
 from hil.commands.completion import find_parser
 from hil.common.errors import EXIT_CODES
-from hil.common.options import subparsers
+from hil.common.options import OUTPUT_FILE, subparsers
 
 MODULES = [module for name, (module, _) in COMMANDS.items() if name != "bench"]
 MODULES += [module for module, _ in BENCHMARKS.values()]
@@ -68,6 +68,14 @@ def test_a_help_fits_a_terminal(parser: argparse.ArgumentParser, monkeypatch: py
     text = parser.format_help()
     assert [line for line in text.splitlines() if len(line) > 80] == []
     assert " ".join(text.split()).endswith(" ".join(EXIT_CODES.split())), "the exit codes are in every help"
+
+
+@each
+def test_a_file_that_is_written_says_that_its_folder_must_exist(parser: argparse.ArgumentParser) -> None:
+    for name, option in options(parser).items():
+        is_checked = option.type is OUTPUT_FILE
+        assert str(option.help).endswith("; its folder must be there") == is_checked, name
+        assert is_checked or name not in ("--plot", "--csv", "--markdown")
 
 
 @pytest.mark.parametrize("words", [["--help"], ["help"], ["bench", "--help"]])
