@@ -92,9 +92,8 @@ class Loop:
         self._controlled_ns = 0
         self._computed_ns = 0
         self._control_due_ns = 0
-        self._sent = False
         self._neutral = (PWM_NEUTRAL_US,) * len(driver.pwm_us)
-        self.pwm_us = driver.pwm_us  # which change only when the driver is serviced
+        self.pwm_us = driver.pwm_us  # a step knows it again at a glance
         self._link_due_ns = 0  # when the driver has to be serviced even if nothing came
         self._link_fds = driver.descriptors
         self._stopping_ns = 0  # when the deadman tripped, until the STM32 has confirmed that the thrusters are neutral
@@ -132,8 +131,8 @@ class Loop:
                 self._serve_autopilot(autopilot, now)
             if now >= self._control_due_ns and self.pilot:
                 self._control(self.pilot, now)
-            if self._sent or now >= self._link_due_ns or (ready and any(fd in ready for fd in link_fds)):
-                self._service_link(now_ns())  # the answer to a command just sent may be there already
+            if now >= self._link_due_ns or (ready and any(fd in ready for fd in link_fds)):
+                self._service_link(now_ns())
             if now >= schedule.deadline_ns:
                 self.advance_to(now)
             if ready and self.ros and ros_fd in ready:
@@ -234,18 +233,21 @@ class Loop:
         command, tripped = pilot.update(now, max(dt_ns, 1000) / NS_PER_S)
         self._computed_ns = now_ns()
         self.driver.send(command)
-        self._sent = True
+        self._follow_driver()
         if tripped:
             self._report("deadman: no command in time, stopping the thrusters")
             self._stopping_ns = now
         return command.sequence
 
+    def _follow_driver(self) -> None:
+        """Take over from the driver what sending or a service may have changed."""
+        driver = self.driver
+        self._link_due_ns, self._link_fds, self.pwm_us = driver.deadline_ns, driver.descriptors, driver.pwm_us
+
     def _service_link(self, now: int) -> None:
-        self._sent = False
         received = self.driver.service(now)
         now = now_ns() if received else now  # reading takes its time, and what was read is as old as that
-        self._link_due_ns, self._link_fds = self.driver.deadline_ns, self.driver.descriptors
-        self.pwm_us = self.driver.pwm_us  # a step knows it again at a glance
+        self._follow_driver()
         for telemetry in received:
             if self._newest is None or not is_overtaken(telemetry, self._newest):
                 self._apply_telemetry(telemetry)

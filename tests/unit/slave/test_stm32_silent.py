@@ -171,3 +171,17 @@ def test_commands_without_an_answer_are_counted_and_forgotten(loop: Loop, capsys
     assert loop._awaited == {}
     assert loop.driver.is_silent
     assert "the STM32 has not answered for 0.5 s" in capsys.readouterr().out
+
+
+@pytest.mark.usefixtures("still")
+def test_a_link_lost_with_a_command_is_waited_on_no_more(loop: Loop) -> None:
+    """Its descriptors may be those of something else by the next wait."""
+    assert loop.driver.host
+    assert loop._link_fds
+    loop.pwm_us = (1600,) * 6
+    loop.driver.host.wire.close()
+    loop._apply_command(now_ns())
+    assert loop.driver.lost
+    assert loop._link_fds == []
+    assert loop.pwm_us == NEUTRAL
+    assert loop._link_due_ns == loop.driver.deadline_ns
