@@ -22,6 +22,7 @@ python3 -c 'import ensurepip, venv' 2>/dev/null ||
 test -x "$folder/bin/pip" || python3 -m venv "$folder"
 "$folder/bin/pip" install --quiet --disable-pip-version-check --upgrade "$package"
 "$folder/bin/python" -m compileall -q "$folder/lib" || true # others' files may not compile; ours do
+mkdir -p /usr/local/bin
 ln -sf "$folder/bin/uuv-hil" /usr/local/bin/uuv-hil
 "$folder/bin/uuv-hil" board install "$scenario" --yes "$@"
 systemctl restart uuv-hil

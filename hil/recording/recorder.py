@@ -1,9 +1,9 @@
 """Record without blocking the caller: a thread of its own writes the messages.
 
-A recording is a folder of MCAP files with an index, and as such a bag of rosbag2. Once a second what came in goes to
-disk. A file that has grown to its limit is closed and the next one begun; when all together reach theirs, the oldest
-go. If the disk fills up or fails, or anything else goes wrong, recording ends with a word about it, and nothing else
-does.
+A recording is a folder of MCAP files with an index, and as such a bag of rosbag2. Within a second what came in goes to
+disk, in the order of its log times: readers want that of a file that a crash left without an index. A file that has
+grown to its limit is closed and the next one begun; when all together reach theirs, the oldest go. If the disk fills up
+or fails, or anything else goes wrong, recording ends with a word about it, and nothing else does.
 """
 
 import os
@@ -12,9 +12,10 @@ import time
 from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from operator import attrgetter
 
 from hil import __version__
-from hil.common.clock import NS_PER_S, now_ns
+from hil.common.clock import NS_PER_S, now_ns, to_wall_ns
 from hil.common.errors import ConfigError
 from hil.common.process import boot_id
 from hil.common.schema import find_preset
@@ -25,7 +26,8 @@ from hil.scenario.config import Scenario
 from hil.scenario.records import Recording
 
 DRAIN_PERIOD_S = 0.1
-FLUSH_PERIOD_NS = NS_PER_S
+FLUSH_PERIOD_NS = 8 * NS_PER_S // 10  # with the time that messages are held, what a crash loses is below a second
+HOLD_NS = NS_PER_S // 10  # longer than a message takes from its log time to the recorder
 MOST_WAITING = 100_000  # messages; a disk that is busy for ten seconds loses none of ten vehicles'
 MOST_WAITING_BYTES = 1 << 28  # which matters for pictures
 _MIB = 1 << 20
@@ -33,6 +35,7 @@ _FULL = 0.85  # of a file's limit: its index comes on top of it
 
 Report = Callable[[str], None]
 Source = Callable[[], Sequence[Message]]
+_log_time = attrgetter("logged_ns")
 
 
 def new_folder(name: str, root: str = "runs") -> str:
@@ -83,6 +86,7 @@ class Recorder:
         self._report = report
         self._source = source
         self._waiting: deque[Message] = deque()
+        self._held: list[Message] = []
         self._put = self._drained = 0  # bytes
         self._counting = threading.Lock()  # of `lost` and `_put`, and that nothing waits once recording has failed
         self._closed: list[FileSummary] = []
@@ -123,20 +127,26 @@ class Recorder:
             os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))  # not that of a real-time thread that made us
             while not self._stop.wait(DRAIN_PERIOD_S):
                 self._drain(now_ns())
-            self._drain(now_ns())
+            self._drain(now_ns(), hold_ns=0)
             self._finish()
         except OSError as error:
             self._fail(f"{error.strerror}; free some space, or record less")
         except Exception as error:  # noqa: BLE001 - of which nobody would hear: a thread dies in silence
             self._fail(f"{type(error).__name__}: {error}; that is a fault of uuv-hil, please report it")
 
-    def _drain(self, now: int) -> None:
+    def _drain(self, now: int, hold_ns: int = HOLD_NS) -> None:
         if self._file is None:
             self._begin()
         waiting = [self._waiting.popleft() for _ in range(len(self._waiting))]
-        self._write(waiting)
         self._drained += sum([len(message.data) for message in waiting])
-        self._write(self._source())
+        messages = sorted([*self._held, *waiting, *self._source()], key=_log_time)
+        newest = to_wall_ns(now) - hold_ns
+        due: list[Message] = []
+        self._held = []
+        for message in messages:  # what is far ahead has the time of a clock that was set: nothing to wait for
+            held = hold_ns and 0 < message.logged_ns - newest < NS_PER_S
+            (self._held if held else due).append(message)
+        self._write(due)
         if now >= self._flush_due_ns and self._file:
             self._flush_due_ns = now + FLUSH_PERIOD_NS
             self._file.flush()
@@ -192,7 +202,7 @@ class Recorder:
     def _fail(self, why: str) -> None:
         with self._counting:
             self.failure = f"recording into {self.folder} ended: {why}"
-            self.lost += len(self._waiting)
+            self.lost += len(self._waiting) + len(self._held)
             self._waiting.clear()
         with suppress(Exception):  # the disk is full for the index too: the one there is lists this file already
             if self._file:

@@ -156,7 +156,7 @@ class Follower:
         words = line.removesuffix("&").split()[1:]
         names = [word for word in words if word == "--view"] + [" ".join(words[:2]), words[0]]
         name = next((n for n in names if n in UNTIL_CTRL_C), "")
-        endless = name and not {"--count", "--once", "--matlab", "--json"} & set(words)
+        endless = name and not {"--count", "--once", "--matlab", "--json", "--grafana", "--layout"} & set(words)
         command = ["bash", "-c", f'exec {sys.executable} -m hil "$@"'.replace('"$@"', line.removeprefix("uuv-hil "))]
         path = os.pathsep.join([str(self.cwd), str(ROOT)])
         environment = {**package_environment(), "COLUMNS": "80", "PYTHONPATH": path}

@@ -14,6 +14,7 @@ TYPED = {
     "docs/how-to/ardusub.md": 1, "docs/how-to/campaigns.md": 4, "docs/how-to/certificates.md": 6,
     "docs/how-to/charts.md": 0, "docs/how-to/continuous_integration.md": 5, "docs/how-to/control.md": 2,
     "docs/how-to/disturbances.md": 4, "docs/how-to/editor.md": 1, "docs/how-to/fleets.md": 3,
+    "docs/how-to/foxglove.md": 4,
     "docs/how-to/imaging.md": 5, "docs/how-to/live_view.md": 5, "docs/how-to/matlab.md": 3,
     "docs/how-to/pixhawk.md": 0, "docs/how-to/px4.md": 0, "docs/how-to/qgroundcontrol.md": 4,
     "docs/how-to/record.md": 6, "docs/how-to/ros2.md": 0,
@@ -21,7 +22,10 @@ TYPED = {
 
 
 # Pages whose programs another test runs.
-ELSEWHERE = {"docs/how-to/python.md": "tests/process/client/test_python_docs.py"}
+ELSEWHERE = {
+    "docs/how-to/python.md": "tests/process/client/test_python_docs.py",
+    "docs/how-to/install.md": "tests/system/boards/test_install_script.py",  # what CI's machine can install
+}
 
 
 @pytest.mark.timeout(1200)

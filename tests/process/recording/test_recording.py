@@ -250,3 +250,20 @@ def test_sequence_numbers_wrap_as_the_format_has_them(tmp_path: Path) -> None:
     file.write(imu(1)._replace(sequence=(1 << 32) + 3))
     file.close()
     assert next(read_messages(str(tmp_path / "one.mcap"))).sequence == 3
+
+
+def test_a_file_without_an_index_is_in_the_order_of_its_log_times(tmp_path: Path) -> None:
+    """As rosbags reads it: a recorder that was killed leaves such a file, and messages come by several ways."""
+    began = time.time_ns()
+    with Recorder(str(tmp_path / "bag"), SMALL, {}) as recorder:
+        for number in range(0, 60, 2):
+            early, late = (imu(n)._replace(logged_ns=began + 20_000_000 * n) for n in (number, number + 1))
+            recorder.put(late)
+            time.sleep(max(0.0, (late.logged_ns - time.time_ns()) / 1e9))
+            recorder.put(early)
+        left = tmp_path / "left.mcap"
+        left.write_bytes((tmp_path / "bag" / "bag_0.mcap").read_bytes())
+    with left.open("rb") as file:
+        times = [record.log_time for record in StreamReader(file).records if isinstance(record, McapMessage)]
+    assert len(times) > 20
+    assert times == sorted(times)

@@ -3,6 +3,7 @@
 import os
 import random
 import socket
+import time
 from collections.abc import Iterator
 
 import pytest
