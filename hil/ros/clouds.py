@@ -2,12 +2,10 @@
 
 from typing import NamedTuple
 
-from hil.ros import message as ros_message
-from hil.ros.message import Message
+from hil.ros.message import Message, decode, encode, header, time_of
 
 _TYPE = "sensor_msgs/msg/PointCloud2"
 _FLOAT32 = 7  # of PointField
-_NS_PER_S = 1_000_000_000
 _FIELDS = [
     {"name": name, "offset": 4 * number, "datatype": _FLOAT32, "count": 1}
     for number, name in enumerate(("x", "y", "z", "rgb"))
@@ -42,20 +40,17 @@ def coloured(points: bytes, rgb: bytes) -> bytes:
 
 def encode_cloud(cloud: Cloud, frame: str = "camera_optical_frame") -> bytes:
     """Return the message."""
-    seconds, ns = divmod(cloud.time_ns, _NS_PER_S)
-    header = {"stamp": {"sec": seconds, "nanosec": ns}, "frame_id": frame}
+    head = header(cloud.time_ns, frame)
     size = {"height": cloud.height, "width": cloud.width, "point_step": _STEP, "row_step": _STEP * cloud.width}
-    return ros_message.encode(_TYPE, {"header": header, **size, "fields": _FIELDS, "data": cloud.data})
+    return encode(_TYPE, {"header": head, **size, "fields": _FIELDS, "data": cloud.data})
 
 
 def decode_cloud(data: bytes) -> Cloud | None:
     """Return a cloud of these fields, without gaps between its points; None for any other."""
-    message = ros_message.decode(_TYPE, data)
+    message = decode(_TYPE, data)
     if message is None or not _is_ours(message):
         return None
-    stamp = message["header"]["stamp"]
-    time_ns = stamp["sec"] * _NS_PER_S + stamp["nanosec"]
-    return Cloud(time_ns, message["width"], message["height"], message["data"])
+    return Cloud(time_of(message), message["width"], message["height"], message["data"])
 
 
 def _is_ours(message: Message) -> bool:

@@ -12,8 +12,9 @@ from typing import Any, NamedTuple
 
 from hil.common.errors import MissingExtraError
 from hil.ros import encoders as ros
-from hil.ros.cdr import MalformedError, Reader, Writer, tolerant
+from hil.ros.cdr import MalformedError, tolerant
 from hil.ros.clouds import Cloud, coloured, decode_cloud, encode_cloud
+from hil.ros.message import Message, encode, header, read, time_of
 from sim.sensors.imaging.samples import (
     CameraSample,
     Distortion,
@@ -23,7 +24,9 @@ from sim.sensors.imaging.samples import (
     SonarImageSample,
 )
 
-_NS_PER_S = 1_000_000_000
+_IMAGE, _COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
+_CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
+_SONAR, _SIDE_SCAN = "marine_acoustic_msgs/msg/ProjectedSonarImage", "marine_acoustic_msgs/msg/RawSonarImage"
 _UPRIGHT = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
 _TYPE_CODES: dict[Encoding, int] = {"uint8": 0, "float32": 8}  # of SonarImageData
 _ENCODINGS: dict[int, Encoding] = {code: encoding for encoding, code in _TYPE_CODES.items()}
@@ -52,41 +55,31 @@ class Pinhole(NamedTuple):
 
 def encode_image(picture: Picture, frame: str = "camera_optical_frame") -> bytes:
     """sensor_msgs/Image of a picture with no gaps between its rows."""
-    writer = _stamped(picture.time_ns, frame)
-    writer.numbers("I", picture.height, picture.width)
-    writer.string(picture.encoding)
-    writer.numbers("B", 0)  # little-endian
-    writer.numbers("I", picture.width * _PIXEL[picture.encoding])
-    _bytes(writer, picture.data)
-    return bytes(writer.data)
+    size = {"height": picture.height, "width": picture.width, "step": picture.width * _PIXEL[picture.encoding]}
+    head = header(picture.time_ns, frame)
+    return encode(_IMAGE, {"header": head, **size, "encoding": picture.encoding, "data": picture.data})
 
 
 @tolerant
 def decode_image(data: bytes) -> Picture:
     """Return a picture of one of the encodings that are sent here, without gaps between its rows."""
-    reader, time_ns = _begin(data)
-    height, width = reader.numbers("I", 2)
-    encoding = reader.string()
-    (_big_endian,), (step,) = reader.numbers("B"), reader.numbers("I")
-    pixels = reader.raw(reader.count())
-    if step != width * _PIXEL.get(encoding, 0) or len(pixels) != step * height:
+    message = read(_IMAGE, data)
+    height, width, encoding, pixels = [message[key] for key in ("height", "width", "encoding", "data")]
+    if message["step"] != width * _PIXEL.get(encoding, 0) or len(pixels) != message["step"] * height:
         raise MalformedError("not a picture of its size")
-    return Picture(time_ns, width, height, encoding, pixels)
+    return Picture(time_of(message), width, height, encoding, pixels)
 
 
 def encode_compressed(time_ns: int, jpeg: bytes, frame: str = "camera_optical_frame") -> bytes:
     """sensor_msgs/CompressedImage."""
-    writer = _stamped(time_ns, frame)
-    writer.string("jpeg")
-    _bytes(writer, jpeg)
-    return bytes(writer.data)
+    return encode(_COMPRESSED, {"header": header(time_ns, frame), "format": "jpeg", "data": jpeg})
 
 
 @tolerant
 def decode_compressed(data: bytes) -> Picture:
     """Return the compressed picture as it is, of width and height 0."""
-    reader, time_ns = _begin(data)
-    return Picture(time_ns, 0, 0, reader.string(), reader.raw(reader.count()))
+    message = read(_COMPRESSED, data)
+    return Picture(time_of(message), 0, 0, message["format"], message["data"])
 
 
 def jpeg(sample: CameraSample, quality: int) -> bytes:
@@ -107,31 +100,21 @@ def jpeg(sample: CameraSample, quality: int) -> bytes:
 def encode_camera_info(pinhole: Pinhole, frame: str = "camera_optical_frame") -> bytes:
     """sensor_msgs/CameraInfo; a picture that is put right has the same pinhole."""
     time_ns, width, height, (fx, fy, cx, cy), distortion = pinhole
-    writer = _stamped(time_ns, frame)
-    writer.numbers("I", height, width)
-    writer.string("plumb_bob")
-    writer.numbers("I", len(distortion))
-    writer.numbers("d", *distortion, fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0, *_UPRIGHT)
-    writer.numbers("d", fx, 0.0, cx, 0.0, 0.0, fy, cy, 0.0, 0.0, 0.0, 1.0, 0.0)
-    writer.numbers("I", 0, 0, 0, 0, 0, 0)  # no binning, and all of the picture
-    writer.numbers("B", 0)
-    return bytes(writer.data)
+    matrix = fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0
+    projection = fx, 0.0, cx, 0.0, 0.0, fy, cy, 0.0, 0.0, 0.0, 1.0, 0.0
+    lens = {"distortion_model": "plumb_bob", "d": distortion, "k": matrix, "r": _UPRIGHT, "p": projection}
+    return encode(_CAMERA_INFO, {"header": header(time_ns, frame), "height": height, "width": width, **lens})
 
 
 @tolerant
 def decode_camera_info(data: bytes) -> Pinhole:
     """Return the pinhole and a distortion of five numbers; rectification and region are left."""
-    reader, time_ns = _begin(data)
-    height, width = reader.numbers("I", 2)
-    reader.string()
-    if reader.count() != 5:
+    message = read(_CAMERA_INFO, data)
+    if len(message["d"]) != 5:
         raise MalformedError("another distortion")
-    k1, k2, p1, p2, k3 = reader.numbers("d", 5)
-    fx, _, cx, _, fy, cy, _, _, _ = reader.numbers("d", 9)
-    reader.numbers("d", 9 + 12)
-    reader.numbers("I", 6)
-    reader.numbers("B")
-    return Pinhole(time_ns, width, height, Intrinsics(fx, fy, cx, cy), (k1, k2, p1, p2, k3))
+    fx, _, cx, _, fy, cy, _, _, _ = message["k"]
+    intrinsics = Intrinsics(fx, fy, cx, cy)
+    return Pinhole(time_of(message), message["width"], message["height"], intrinsics, message["d"])
 
 
 def camera_messages(sample: CameraSample, prefix: str, images: str = "raw", quality: int = 80) -> ros.Encoded:
@@ -156,32 +139,28 @@ def camera_messages(sample: CameraSample, prefix: str, images: str = "raw", qual
 
 def encode_sonar(sample: SonarImageSample, frame: str = "forward_sonar_fan") -> bytes:
     """marine_acoustic_msgs/ProjectedSonarImage."""
-    writer = _stamped(sample.time_ns, frame)
-    _ping(writer, sample, len(sample.beams))
-    writer.numbers("I", len(sample.beams))
-    writer.numbers("d", *[x for angle in sample.beams for x in (0.0, sin(angle), cos(angle))])
-    writer.numbers("I", sample.bins)
-    writer.numbers("f", *[sample.first_range + (i + 0.5) * sample.range_step for i in range(sample.bins)])
-    _echoes(writer, sample.encoding, len(sample.beams), sample.intensities)
-    return bytes(writer.data)
+    beams = len(sample.beams)
+    return encode(_SONAR, {
+        "header": header(sample.time_ns, frame), "ping_info": _ping(sample, beams),
+        "beam_directions": [{"y": sin(angle), "z": cos(angle)} for angle in sample.beams],
+        "ranges": [sample.first_range + (i + 0.5) * sample.range_step for i in range(sample.bins)],
+        "image": _echoes(sample.encoding, beams, sample.intensities),
+    })  # fmt: skip
 
 
 @tolerant
 def decode_sonar(data: bytes) -> SonarImageSample:
     """Return the picture, of a device with evenly spaced ranges."""
-    reader, time_ns = _begin(data)
-    frequency, speed, height, width = _read_ping(reader)
-    directions = reader.numbers("d", 3 * reader.count())
-    ranges = reader.numbers("f", reader.count())
+    message = read(_SONAR, data)
+    ranges = message["ranges"]
     step = (ranges[-1] - ranges[0]) / (len(ranges) - 1) if len(ranges) > 1 else 0.0
-    beams = tuple([atan2(y, z) for y, z in zip(directions[1::3], directions[2::3], strict=True)])
-    encoding, count, echoes = _read_echoes(reader)
+    beams = tuple([atan2(direction["y"], direction["z"]) for direction in message["beam_directions"]])
+    encoding, count, echoes = _read_echoes(message["image"])
     if count != len(beams) or len(echoes) != count * len(ranges) * (4 if encoding == "float32" else 1):
         raise MalformedError("not a picture of its size")
     first = ranges[0] - 0.5 * step if ranges else 0.0
-    return SonarImageSample(
-        time_ns, beams, len(ranges), first, step, frequency, speed, width, height, encoding, echoes
-    )  # fmt: skip
+    ping = _read_ping(message["ping_info"])
+    return SonarImageSample(time_of(message), beams, len(ranges), first, step, *ping, encoding, echoes)
 
 
 def encode_side_scan(sample: SideScanSample, frame: str = "side_scan_link") -> bytes:
@@ -192,84 +171,51 @@ def encode_side_scan(sample: SideScanSample, frame: str = "side_scan_link") -> b
     code = "B" if sample.encoding == "uint8" else "f"
     both = array(code, bytes(len(sample.port) + len(sample.starboard)))
     both[0::2], both[1::2] = array(code, sample.port), array(code, sample.starboard)
-    writer = _stamped(sample.time_ns, frame)
-    _ping(writer, sample, 2)
-    writer.numbers("f", 0.5 * sample.sound_speed / sample.range_step)  # samples a second
-    writer.numbers("I", sample.bins, 0)
-    for angles in ((0.0, 0.0), (0.0, 0.0), (-0.5 * pi, 0.5 * pi)):  # delays, and where it sends and listens
-        writer.numbers("I", 2)
-        writer.numbers("f", *angles)
-    _echoes(writer, sample.encoding, 2, both.tobytes())
-    return bytes(writer.data)
+    port_and_starboard = -0.5 * pi, 0.5 * pi
+    return encode(_SIDE_SCAN, {
+        "header": header(sample.time_ns, frame), "ping_info": _ping(sample, 2),
+        "sample_rate": 0.5 * sample.sound_speed / sample.range_step, "samples_per_beam": sample.bins,
+        "tx_delays": (0.0, 0.0), "tx_angles": (0.0, 0.0), "rx_angles": port_and_starboard,
+        "image": _echoes(sample.encoding, 2, both.tobytes()),
+    })  # fmt: skip
 
 
 @tolerant
 def decode_side_scan(data: bytes) -> SideScanSample:
     """Return the ping; its altitude is inf, as it does not travel."""
-    reader, time_ns = _begin(data)
-    frequency, speed, height, width = _read_ping(reader)
-    (rate,), (bins, _) = reader.numbers("f"), reader.numbers("I", 2)
-    for _ in range(3):
-        reader.numbers("f", reader.count())
-    encoding, count, echoes = _read_echoes(reader)
+    message = read(_SIDE_SCAN, data)
+    rate, bins = message["sample_rate"], message["samples_per_beam"]
+    encoding, count, echoes = _read_echoes(message["image"])
     both = array("B" if encoding == "uint8" else "f")
     if count != 2 or len(echoes) != 2 * bins * both.itemsize or rate <= 0.0:
         raise MalformedError("not two sides of as many samples")
     both.frombytes(echoes)
     sides = both[0::2].tobytes(), both[1::2].tobytes()
-    step = 0.5 * speed / rate
-    return SideScanSample(time_ns, bins, step, frequency, speed, width, height, inf, encoding, *sides)
+    ping = _read_ping(message["ping_info"])
+    return SideScanSample(time_of(message), bins, 0.5 * ping[1] / rate, *ping, inf, encoding, *sides)
 
 
-def _stamped(time_ns: int, frame: str) -> Writer:
-    """Return a message with its std_msgs/Header."""
-    writer = Writer()
-    writer.numbers("i", time_ns // _NS_PER_S)
-    writer.numbers("I", time_ns % _NS_PER_S)
-    writer.string(frame)
-    return writer
+def _ping(sample: SonarImageSample | SideScanSample, beams: int) -> Message:
+    """Return a PingInfo: the transmit beam has the height of a beam, the receive beam its width."""
+    widths = {"tx_beamwidths": [sample.beam_height] * beams, "rx_beamwidths": [sample.beam_width] * beams}
+    return {"frequency": sample.frequency, "sound_speed": sample.sound_speed, **widths}
 
 
-def _begin(data: bytes) -> tuple[Reader, int]:
-    """Return a reader behind the header, and the time of that."""
-    reader = Reader(data)
-    (seconds,), (ns,) = reader.numbers("i"), reader.numbers("I")
-    reader.string()
-    return reader, seconds * _NS_PER_S + ns
-
-
-def _bytes(writer: Writer, data: bytes) -> None:
-    writer.numbers("I", len(data))
-    writer.raw(data)
-
-
-def _ping(writer: Writer, sample: SonarImageSample | SideScanSample, beams: int) -> None:
-    """Write a PingInfo: the transmit beam has the height of a beam, the receive beam its width."""
-    writer.numbers("f", sample.frequency, sample.sound_speed)
-    for width in (sample.beam_height, sample.beam_width):
-        writer.numbers("I", beams)
-        writer.numbers("f", *[width] * beams)
-
-
-def _read_ping(reader: Reader) -> tuple[float, float, float, float]:
+def _read_ping(ping: Message) -> tuple[float, float, float, float]:
     """Return frequency, speed of sound, height and width of the first beam."""
-    frequency, speed = reader.numbers("f", 2)
-    heights = reader.numbers("f", reader.count())
-    widths = reader.numbers("f", reader.count())
-    return frequency, speed, heights[0] if heights else 0.0, widths[0] if widths else 0.0
+    height, width = [ping[key][0] if ping[key] else 0.0 for key in ("tx_beamwidths", "rx_beamwidths")]
+    return ping["frequency"], ping["sound_speed"], height, width
 
 
-def _echoes(writer: Writer, encoding: Encoding, beams: int, data: bytes) -> None:
-    writer.numbers("B", 0)  # little-endian
-    writer.numbers("I", _TYPE_CODES[encoding], beams)
-    _bytes(writer, data)
+def _echoes(encoding: Encoding, beams: int, data: bytes) -> Message:
+    """Return little-endian SonarImageData."""
+    return {"dtype": _TYPE_CODES[encoding], "beam_count": beams, "data": data}
 
 
-def _read_echoes(reader: Reader) -> tuple[Encoding, int, bytes]:
-    (big_endian,), (code, beams) = reader.numbers("B"), reader.numbers("I", 2)
-    if big_endian or code not in _ENCODINGS:
+def _read_echoes(image: Message) -> tuple[Encoding, int, bytes]:
+    if image["is_bigendian"] or image["dtype"] not in _ENCODINGS:
         raise MalformedError("no numbers that are sent here")
-    return _ENCODINGS[code], beams, reader.raw(reader.count())
+    return _ENCODINGS[image["dtype"]], image["beam_count"], image["data"]
 
 
 ENCODERS: dict[str, ros.Encoder] = {

@@ -2,10 +2,11 @@
 
 from typing import NamedTuple
 
-from hil.ros.cdr import MalformedError, Reader, Writer, tolerant
+from hil.ros.cdr import MalformedError, tolerant
 from hil.ros.encoders import Decoder, Encoder
+from hil.ros.message import encode, header, read, time_of
 
-_NS_PER_S = 1_000_000_000
+_TYPE = "sensor_msgs/msg/JointState"
 
 
 class JointStates(NamedTuple):
@@ -17,33 +18,17 @@ class JointStates(NamedTuple):
 
 
 def encode_joints(states: JointStates) -> bytes:
-    """sensor_msgs/JointState without positions and velocities."""
-    writer = Writer()
-    seconds, nanoseconds = divmod(states.time_ns, _NS_PER_S)
-    writer.numbers("i", seconds)
-    writer.numbers("I", nanoseconds)
-    writer.string("")  # of no frame
-    writer.numbers("I", len(states.names))
-    for name in states.names:
-        writer.string(name)
-    writer.numbers("I", 0, 0, len(states.efforts))
-    writer.numbers("d", *states.efforts)
-    return bytes(writer.data)
+    """sensor_msgs/JointState of no frame, without positions and velocities."""
+    return encode(_TYPE, {"header": header(states.time_ns), "name": states.names, "effort": states.efforts})
 
 
 @tolerant
 def decode_joints(data: bytes) -> JointStates:
     """Return the joints of a message. One whose names and efforts differ in number counts as malformed."""
-    reader = Reader(data)
-    (seconds,), (nanoseconds,) = reader.numbers("i"), reader.numbers("I")
-    reader.string()
-    names = tuple([reader.string() for _ in range(reader.count())])
-    for _ in ("position", "velocity"):
-        reader.numbers("d", reader.count())
-    efforts = tuple(reader.numbers("d", reader.count()))
-    if len(efforts) != len(names):
+    message = read(_TYPE, data)
+    if len(message["effort"]) != len(message["name"]):
         raise MalformedError("not an effort for each joint")
-    return JointStates(seconds * _NS_PER_S + nanoseconds, names, efforts)
+    return JointStates(time_of(message), tuple(message["name"]), message["effort"])
 
 
 ENCODERS: dict[str, Encoder] = {}  # no sensor sends them

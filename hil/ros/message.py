@@ -16,6 +16,7 @@ from hil.ros.cdr import MalformedError, Reader, Writer, tolerant
 from hil.ros.types import PRIMITIVES, Field, definition
 
 Message = dict[str, Any]
+_NS_PER_S = 1_000_000_000
 _WANTED = {"string": "a text", "bool": "true or false"}  # of any other primitive, a number
 
 
@@ -34,7 +35,24 @@ def encode(type_name: str, values: Mapping[str, Any]) -> bytes:
 def decode(type_name: str, data: bytes) -> Message | None:
     """Return the fields of a payload; None if it is malformed. Raises ConfigError for an unknown type."""
     definition(type_name)
-    return tolerant(lambda payload: _read(Reader(payload), type_name))(data)
+    return tolerant(lambda payload: read(type_name, payload))(data)
+
+
+def read(type_name: str, data: bytes) -> Message:
+    """Return the fields of a payload. Raises MalformedError; use under `tolerant`."""
+    return _read(Reader(data), type_name)
+
+
+def header(time_ns: int, frame: str = "") -> Message:
+    """Return a std_msgs/Header of this time (ns) and frame."""
+    seconds, nanoseconds = divmod(time_ns, _NS_PER_S)
+    return {"stamp": {"sec": seconds, "nanosec": nanoseconds}, "frame_id": frame}
+
+
+def time_of(message: Message) -> int:
+    """Return the time (ns) in the header of a message."""
+    stamp = message["header"]["stamp"]
+    return int(stamp["sec"] * _NS_PER_S + stamp["nanosec"])
 
 
 def empty(type_name: str) -> Message:
@@ -89,6 +107,8 @@ def _raw(field: Field, value: Any) -> bytes | None:
         view = memoryview(value)
     except TypeError:
         return None
+    if isinstance(value, bytes):  # of a picture: one copy less
+        return value
     return view.tobytes() if view.itemsize == 1 or view.format.lstrip("<=@") == code else None
 
 

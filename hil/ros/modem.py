@@ -6,10 +6,13 @@ the sender of the last message heard is, as the frame's name says.
 
 from typing import NamedTuple
 
-from hil.ros.cdr import MalformedError, Reader, Writer, tolerant
+from hil.ros.cdr import MalformedError, tolerant
 from hil.ros.encoders import Decoder, Encoder
+from hil.ros.message import encode, read
 from hil.ros.sensors import decode_distance, encode_distance
 from sim.sensors.extra_samples import RangeSample
+
+_TYPE = "std_msgs/msg/UInt8MultiArray"
 
 
 class Message(NamedTuple):
@@ -22,23 +25,18 @@ class Message(NamedTuple):
 def encode_message(message: Message) -> bytes:
     """std_msgs/UInt8MultiArray of one dimension."""
     size = len(message.payload)
-    writer = Writer()
-    writer.numbers("I", 1)
-    writer.string(message.sender)
-    writer.numbers("I", size, size, 0, size)
-    writer.raw(message.payload)
-    return bytes(writer.data)
+    dimension = {"label": message.sender, "size": size, "stride": size}
+    return encode(_TYPE, {"layout": {"dim": [dimension]}, "data": message.payload})
 
 
 @tolerant
 def decode_message(data: bytes) -> Message:
     """Sender and payload. Another number of dimensions counts as malformed."""
-    reader = Reader(data)
-    if reader.count() != 1:
+    message = read(_TYPE, data)
+    dimensions = message["layout"]["dim"]
+    if len(dimensions) != 1:
         raise MalformedError("not one dimension")
-    sender = reader.string()
-    reader.numbers("I", 3)
-    return Message(sender, reader.raw(reader.count()))
+    return Message(dimensions[0]["label"], message["data"])
 
 
 def encode_range(time_ns: int, sender: str, distance: float, reach: float) -> bytes:

@@ -1,7 +1,7 @@
 """Topics and messages of a user's own sensors, made from their definitions."""
 
 from collections.abc import Iterable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from hil.common.errors import ConfigError
 from hil.ros import encoders as ros
@@ -14,7 +14,6 @@ if TYPE_CHECKING:
     from sim.sensors.suite import SensorSet
 
 HEADER = "std_msgs/msg/Header"
-_NS_PER_S = 1_000_000_000
 _ours = frozenset(TOPICS)
 
 
@@ -47,8 +46,7 @@ def _encoder(name: str, kind: str, place: str) -> ros.Encoder:
     def encode(sample: OwnSample, prefix: str) -> Iterable[tuple[str, bytes]]:
         values = dict(sample.values)
         if stamped and "header" not in values:
-            seconds, ns = divmod(sample.time_ns, _NS_PER_S)
-            values["header"] = {"stamp": {"sec": seconds, "nanosec": ns}, "frame_id": f"{prefix}{name}_link"}
+            values["header"] = ros_message.header(sample.time_ns, f"{prefix}{name}_link")
         try:
             return [(name, ros_message.encode(kind, values))]
         except ConfigError as error:
@@ -64,8 +62,7 @@ def _decoder(kind: str) -> ros.Decoder:
         values = ros_message.decode(kind, data)
         if values is None:
             return None
-        stamp: dict[str, Any] = values["header"]["stamp"] if stamped else {"sec": 0, "nanosec": 0}
-        return OwnSample(stamp["sec"] * _NS_PER_S + stamp["nanosec"], values)
+        return OwnSample(ros_message.time_of(values) if stamped else 0, values)
 
     return decode
 

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from hil.common.vectors import Vector3
 from hil.ros.cdr import MalformedError, tolerant
 from hil.ros.encoders import Decoder, Encoder, swap_world
-from hil.ros.message import decode, encode
+from hil.ros.message import encode, header, read
 
 TYPE = "nav_msgs/msg/Path"
 FRAME = "map"
@@ -16,20 +16,19 @@ def encode_plan(time_ns: int, path: Sequence[Sequence[float]], depth: float) -> 
     """Return a nav_msgs/Path of places (m, NED); of two numbers they are at `depth`."""
     while len(path) > MOST_POINTS:
         path = [*path[:-1:2], path[-1]]
-    stamp = dict(zip(("sec", "nanosec"), divmod(time_ns, 1_000_000_000), strict=True))
-    header = {"stamp": stamp, "frame_id": FRAME}
+    head = header(time_ns, FRAME)
     poses = []
     for place in path:
         x, y, z = swap_world((place[0], place[1], place[2] if len(place) > 2 else depth))
-        poses.append({"header": header, "pose": {"position": {"x": x, "y": y, "z": z}}})
-    return encode(TYPE, {"header": header, "poses": poses})
+        poses.append({"header": head, "pose": {"position": {"x": x, "y": y, "z": z}}})
+    return encode(TYPE, {"header": head, "poses": poses})
 
 
 @tolerant
 def decode_plan(data: bytes) -> tuple[Vector3, ...]:
     """Return the places of a nav_msgs/Path, m, NED."""
-    message = decode(TYPE, data)
-    if message is None or len(message["poses"]) > MOST_POINTS:
+    message = read(TYPE, data)
+    if len(message["poses"]) > MOST_POINTS:
         raise MalformedError("not a path")
     places = [pose["pose"]["position"] for pose in message["poses"]]
     return tuple([swap_world((place["x"], place["y"], place["z"])) for place in places])

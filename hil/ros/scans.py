@@ -6,11 +6,12 @@ starboard, z astern of the sensor.
 """
 
 from hil.ros import encoders as ros
-from hil.ros.cdr import Reader, Writer, tolerant
+from hil.ros.cdr import tolerant
+from hil.ros.message import encode, header, read, time_of
 from hil.ros.sensors import decode_distance, encode_distance
 from sim.sensors.extra_samples import LaserSample
 
-_NS_PER_S = 1_000_000_000
+_TYPE = "sensor_msgs/msg/LaserScan"
 
 
 def encode_scan(sample: LaserSample, frame: str = "laser_link") -> bytes:
@@ -40,27 +41,17 @@ def decode_profile(data: bytes) -> LaserSample:
 
 
 def _encode(sample: LaserSample, frame: str) -> bytes:
-    seconds, ns = divmod(sample.time_ns, _NS_PER_S)
-    last = sample.angle_min + (len(sample.ranges) - 1) * sample.angle_increment
-    writer = Writer()
-    writer.numbers("i", seconds)
-    writer.numbers("I", ns)
-    writer.string(frame)
-    writer.numbers("f", sample.angle_min, last, sample.angle_increment, 0.0, 0.0, *sample.limits)
-    writer.numbers("I", len(sample.ranges))
-    writer.numbers("f", *sample.ranges)
-    writer.numbers("I", 0)  # no intensities
-    return bytes(writer.data)
+    first, increment, (near, far) = sample.angle_min, sample.angle_increment, sample.limits
+    last = first + (len(sample.ranges) - 1) * increment
+    angles = {"angle_min": first, "angle_max": last, "angle_increment": increment}
+    distances = {"range_min": near, "range_max": far, "ranges": sample.ranges}
+    return encode(_TYPE, {"header": header(sample.time_ns, frame), **angles, **distances})
 
 
 def _decode(data: bytes) -> LaserSample:
-    reader = Reader(data)
-    (seconds,), (ns,) = reader.numbers("i"), reader.numbers("I")
-    reader.string()
-    first, _, increment, _, _, near, far = reader.numbers("f", 7)
-    ranges = reader.numbers("f", reader.count())
-    reader.numbers("f", reader.count())  # intensities
-    return LaserSample(seconds * _NS_PER_S + ns, first, increment, ranges, (near, far))
+    scan = read(_TYPE, data)
+    limits = scan["range_min"], scan["range_max"]
+    return LaserSample(time_of(scan), scan["angle_min"], scan["angle_increment"], scan["ranges"], limits)
 
 
 ENCODERS: dict[str, ros.Encoder] = {

@@ -5,8 +5,9 @@ from math import isfinite, nan
 from struct import Struct
 
 from hil.ros import encoders as ros
-from hil.ros.cdr import HEADER, Layout, Reader, Writer, diagonal, tolerant
+from hil.ros.cdr import HEADER, Layout, diagonal, tolerant
 from hil.ros.encoders import NO_DATA, pack_stamped, swap_body, swap_world, unpack_stamped
+from hil.ros.message import encode, header, read, time_of
 from sim.sensors.extra_samples import (
     BatterySample,
     FieldSample,
@@ -25,6 +26,7 @@ _DISCHARGING, _NOT_CHARGING = 2, 3
 _GOOD, _DEAD = 1, 3
 _LITHIUM_ION = 2
 
+_BATTERY = "sensor_msgs/msg/BatteryState"
 _BOOL = Layout("B")
 _FIELD = Layout("i I string 3d 72s")
 _FIX_LAYOUT = Layout("i I string b H 3d 72s B")
@@ -137,36 +139,21 @@ def _swap_covariance(of: Covariance) -> Covariance:
 
 def encode_battery(sample: BatterySample, frame: str = "battery_link") -> bytes:
     """sensor_msgs/BatteryState: current is negative, as it discharges; health is "dead" once it has switched off."""
-    seconds, ns = divmod(sample.time_ns, 1_000_000_000)
-    fraction = sample.charge / sample.capacity
-    writer = Writer()
-    writer.numbers("i", seconds)
-    writer.numbers("I", ns)
-    writer.string(frame)
-    writer.numbers(
-        "f", sample.voltage, nan, -sample.current, sample.charge, sample.capacity, sample.capacity, fraction
-    )  # fmt: skip
     status, health = (_NOT_CHARGING, _DEAD) if sample.cut_off else (_DISCHARGING, _GOOD)
-    writer.numbers("B", status, health, _LITHIUM_ION, True)
-    writer.numbers("I", 0, 0)  # cells: neither voltages nor temperatures
-    writer.string("")
-    writer.string("")
-    return bytes(writer.data)
+    charge = {"charge": sample.charge, "capacity": sample.capacity, "design_capacity": sample.capacity}
+    supply = {"power_supply_status": status, "power_supply_health": health, "power_supply_technology": _LITHIUM_ION}
+    return encode(_BATTERY, {
+        "header": header(sample.time_ns, frame), "voltage": sample.voltage, "temperature": nan,
+        "current": -sample.current, **charge, "percentage": sample.charge / sample.capacity, **supply, "present": True,
+    })  # fmt: skip
 
 
 @tolerant
 def decode_battery(data: bytes) -> BatterySample:
     """Return the battery; its cells, place and number are left."""
-    reader = Reader(data)
-    (seconds,), (ns,) = reader.numbers("i"), reader.numbers("I")
-    reader.string()
-    voltage, _, current, charge, capacity, _, _ = reader.numbers("f", 7)
-    _, health, _, _ = reader.numbers("B", 4)
-    for _ in range(2):
-        reader.numbers("f", reader.count())
-    for _ in range(2):
-        reader.string()
-    return BatterySample(seconds * 1_000_000_000 + ns, voltage, -current, charge, capacity, health == _DEAD)
+    message = read(_BATTERY, data)
+    voltage, current, charge, capacity = [message[key] for key in ("voltage", "current", "charge", "capacity")]
+    return BatterySample(time_of(message), voltage, -current, charge, capacity, message["power_supply_health"] == _DEAD)
 
 
 def _framed(topic: str, encode: Callable[..., bytes]) -> ros.Encoder:
