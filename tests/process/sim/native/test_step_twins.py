@@ -188,7 +188,7 @@ def test_wrong_pulses_and_failures_are_refused_alike(monkeypatch: pytest.MonkeyP
     for simulation in ride.both:
         with pytest.raises(ConfigError, match="5 pulses for a vehicle of 8 thrusters"):
             simulation.step([1500] * 5)
-        with pytest.raises(TypeError):
+        with pytest.raises(ConfigError, match="pwm_us = 1500: give a list of pulses"):
             simulation.step(1500)  # type: ignore[arg-type]
         with pytest.raises(ConfigError, match="no thruster 'nose'"):
             simulation.fail(Failure("nose", "off"))
