@@ -51,15 +51,8 @@ def decode_servos(packet: bytes) -> ServoPacket | None:
     if layout is None:
         return None
     magic, packed = layout
-    found, rate, count, *pwm_us = packed.unpack(packet)
-    return ServoPacket(rate, count, tuple(pwm_us)) if found == magic else None
-
-
-def encode_servos(packet: ServoPacket) -> bytes:
-    """Return the servo packet with these 16 or 32 outputs, as ArduPilot sends it."""
-    _, packed = _LAYOUTS[8 + 2 * len(packet.pwm_us)]
-    magic = MAGIC_16 if len(packet.pwm_us) == 16 else MAGIC_32
-    return packed.pack(magic, packet.frame_rate, packet.frame_count, *packet.pwm_us)
+    packet_magic, rate, count, *pwm_us = packed.unpack(packet)
+    return ServoPacket(rate, count, tuple(pwm_us)) if packet_magic == magic else None
 
 
 def encode_state(state: JsonState) -> bytes:

@@ -111,13 +111,12 @@ class Vehicle(VehicleState):
         lookahead: float = 0.0,
         tolerance: float = 0.3,
     ) -> Action:
-        """Follow a way and stay at its end; done within `tolerance` m and rad of it.
+        """Follow a path and stay at its end; done within `tolerance` m and rad of it.
 
-        `way`: points (m, NED), which it goes to first and from one to the next, round the corners with `smooth`; the
-        path of a waypoint file; a curve (hil.autonomy.paths.curves); or a trajectory, whose speed it then has. Up to
-        `speed`
-        m/s, and within `limits`. With a `lookahead` (m) points are followed by pure pursuit, as a vehicle with fins
-        has to. Raises ConfigError, MissionError when the way breaks a limit.
+        `path`: points (m, NED), which it goes to first and from one to the next, round the corners with `smooth`; the
+        path of a waypoint file; a curve (hil.autonomy.paths: curves, spline, dubins); or a trajectory, whose speed it
+        then has. Up to `speed` m/s, and within `limits`. With a `lookahead` (m) points are followed by pure pursuit, as
+        a vehicle with fins has to. Raises ConfigError, MissionError when the path breaks a limit.
         """
         if isinstance(path, Trajectory):
             return self._start_action(maneuver.run_trajectory(path, limits, tolerance))

@@ -18,7 +18,7 @@ def encode_scan(sample: LaserSample, frame: str = "laser_link") -> bytes:
     """Return a fan about the sensor's z axis."""
     last = sample.angle_min + (len(sample.ranges) - 1) * sample.angle_increment
     turned = sample._replace(angle_min=-last, ranges=sample.ranges[::-1])
-    return _encode(turned, frame)
+    return encode_profile(turned, frame)
 
 
 @tolerant
@@ -31,21 +31,17 @@ def decode_scan(data: bytes) -> LaserSample:
 
 def encode_profile(sample: LaserSample, frame: str = "profiler_scan") -> bytes:
     """Return a fan about the sensor's x axis."""
-    return _encode(sample, frame)
+    first, increment, (near, far) = sample.angle_min, sample.angle_increment, sample.limits
+    last = first + (len(sample.ranges) - 1) * increment
+    angles = {"angle_min": first, "angle_max": last, "angle_increment": increment}
+    distances = {"range_min": near, "range_max": far, "ranges": sample.ranges}
+    return encode(_TYPE, {"header": header(sample.time_ns, frame), **angles, **distances})
 
 
 @tolerant
 def decode_profile(data: bytes) -> LaserSample:
     """Return the fan as the sensor gave it."""
     return _decode(data)
-
-
-def _encode(sample: LaserSample, frame: str) -> bytes:
-    first, increment, (near, far) = sample.angle_min, sample.angle_increment, sample.limits
-    last = first + (len(sample.ranges) - 1) * increment
-    angles = {"angle_min": first, "angle_max": last, "angle_increment": increment}
-    distances = {"range_min": near, "range_max": far, "ranges": sample.ranges}
-    return encode(_TYPE, {"header": header(sample.time_ns, frame), **angles, **distances})
 
 
 def _decode(data: bytes) -> LaserSample:

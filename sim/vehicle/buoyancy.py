@@ -32,7 +32,6 @@ class Hull:
             (x + i * along, y + j * across, z + k * up) for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)
         ]  # fmt: skip
         self.full = density * gravity * displaced_volume(vehicle, density)
-        self.half_column = up
         self._share = self.full / len(self.points)
         self._filling = 0.5 / up
         self._submerged: Lift = (self.full, self.full * x, self.full * y, self.full * z)

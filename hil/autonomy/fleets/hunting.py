@@ -19,13 +19,6 @@ from hil.autonomy.control.controller import VelocityCommand, wrap
 from hil.autonomy.fleets.formation import Body, FieldSettings, Vector, formation_error, resultant, separation
 from hil.common.errors import MissionError
 
-# The source paper's starts, its x and y taken as north and east.
-FORMATIONS: dict[str, tuple[Vector, ...]] = {
-    "line": ((0.0, 0.0), (3.0, 0.0), (6.0, 0.0), (9.0, 0.0)),
-    "diamond": ((4.5, 2.0), (3.0, 1.0), (6.0, 1.0), (4.5, 0.0)),
-}
-TARGET: Vector = (5.0, 8.0)
-
 _KEEP_OFF = 1.2  # the approach ends where the first place is so many ring radii from the target
 _WAIT = 0.5  # 1/s: how much a clock slows for each second that a neighbour's is behind
 _LAG = 0.3  # m behind its place at which a vehicle's clock goes at half its pace

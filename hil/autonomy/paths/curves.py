@@ -2,9 +2,8 @@
 
 Everything that is made of circles and straight lines is a `Chain` of `Piece`s: a straight line, a circle, a helix,
 a Dubins path (`hil.autonomy.paths.dubins`). A spline (`hil.autonomy.paths.spline`) passes smoothly through given
-points. World
-frame NED: headings in rad from north, clockwise seen from above; a slope is the angle of the curve down from the
-horizontal, so that diving is positive.
+points. World frame NED: headings in rad from north, clockwise seen from above; a slope is the angle of the curve down
+from the horizontal, so that diving is positive.
 """
 
 from bisect import bisect_right

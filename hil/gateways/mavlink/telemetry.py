@@ -226,7 +226,7 @@ def navigation(s: Snapshot, c: Context) -> Any:
     bearing = round(_degrees(math.atan2(right, ahead)))
     distance = _clip(math.hypot(ahead, right), U16)
     return dialect.MAVLink_nav_controller_output_message(
-        _signed_degrees(s.state.roll), _signed_degrees(s.state.pitch), bearing, bearing, distance,
+        math.degrees(s.state.roll), math.degrees(s.state.pitch), bearing, bearing, distance,
         s.state.position[2] - depth, 0.0, 0.0,
     )  # fmt: skip
 
@@ -254,10 +254,6 @@ def _ned(s: Snapshot) -> tuple[float, float, float]:
 
 def _degrees(radians: float) -> float:
     return math.degrees(radians) % 360.0
-
-
-def _signed_degrees(radians: float) -> float:
-    return math.degrees(radians)
 
 
 def _clip(value: float, most: int) -> int:

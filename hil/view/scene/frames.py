@@ -5,8 +5,6 @@ from typing import Any
 
 import numpy as np
 
-from hil.ros.encoders import swap_attitude
-
 
 def to_scene(points: Any) -> Any:
     """Return n x 3 places NED (m) in the axes of the scene."""
@@ -30,8 +28,3 @@ def body_attitude(quaternion: Sequence[float]) -> tuple[float, float, float, flo
     """The attitude (w, x, y, z) of a sensor in FRD as that along the axes of a vehicle of the scene."""
     w, x, y, z = quaternion
     return w, x, -y, -z
-
-
-def attitude(quaternion: Sequence[float]) -> tuple[float, float, float, float]:
-    """The attitude (w, x, y, z), FRD to NED, as that of a vehicle in the scene."""
-    return swap_attitude(quaternion)

@@ -5,8 +5,9 @@ from typing import Any
 
 import numpy as np
 
+from hil.ros.encoders import swap_attitude
 from hil.view.scene import colours
-from hil.view.scene.frames import attitude, to_body, to_scene
+from hil.view.scene.frames import to_body, to_scene
 from hil.view.scene.sensors import SensorScene
 from hil.view.scene.world import arrows
 from sim.sensors.suite import SensorSet
@@ -70,7 +71,7 @@ class VehicleScene:
             return
         self.place = to_scene([state.position])[0]
         self.is_placed = True
-        self._frame.position, self._frame.wxyz = self.place, attitude(state.orientation)
+        self._frame.position, self._frame.wxyz = self.place, swap_attitude(state.orientation)
         self._track.add(self.place)
         if "ground_truth" in latest and "odom" in latest:
             self._navigation.add(to_scene([latest["odom"].position])[0])

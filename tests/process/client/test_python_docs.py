@@ -38,13 +38,20 @@ def test_the_complete_program(endpoint: str) -> None:
     assert "no 'gps'" in last
 
 
+def test_the_program_that_follows_a_dubins_path(endpoint: str) -> None:
+    length, arrival = run(PROGRAMS[1], endpoint)
+    assert re.fullmatch(r"\d\.\d m in [1-3] pieces", length)
+    assert float(length.split()[0]) >= 2.0, "no shorter than the straight line"
+    assert 1.7 <= float(arrival.removeprefix("arrived ").removesuffix(" m east")) <= 2.3  # done within 0.3 m
+
+
 def test_the_asyncio_program(endpoint: str) -> None:
-    pressures = [float(line.removesuffix(" Pa")) for line in run(PROGRAMS[1], endpoint)]
+    pressures = [float(line.removesuffix(" Pa")) for line in run(PROGRAMS[2], endpoint)]
     assert pressures[0] - pressures[-1] > 1500, "0.3 m up are 3 kPa less, and 0.1 m are enough"
 
 
-def test_both_programs_are_there() -> None:
-    assert len(PROGRAMS) == 2
+def test_all_programs_are_there() -> None:
+    assert len(PROGRAMS) == 3
 
 
 def test_how_it_begins(endpoint: str) -> None:

@@ -7,9 +7,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hil.autonomy.fleets.formation import FieldSettings, Vector, separation
-from hil.autonomy.fleets.hunting import FORMATIONS, TARGET, Criteria, Hunter, HuntPlan, Judgement, Referee, Report
+from hil.autonomy.fleets.hunting import Criteria, Hunter, HuntPlan, Judgement, Referee, Report
 from hil.autonomy.fleets.localisation_noise import LocalisationNoise
 from hil.common.errors import MissionError
+from tests.support.paper_hunt import FORMATIONS, TARGET
 
 FIELDS = FieldSettings()
 RING = 1.5

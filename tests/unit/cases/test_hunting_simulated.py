@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from hil.autonomy.fleets.formation import separation
-from hil.autonomy.fleets.hunting import FORMATIONS, TARGET, HuntPlan
+from hil.autonomy.fleets.hunting import HuntPlan
 from hil.cases.hunt.simulated import SimulatedHunt
 from hil.cases.hunt.watch import HuntRow, HuntWatch, shortest_paths
 from hil.cases.target_hunting import TargetHunting, TargetHuntingDiamond
@@ -15,6 +15,7 @@ from hil.ros.formation import decode_formation
 from hil.scenario.config import load_scenario
 from hil.scenario.fleet import hunt_plan
 from sim.sensors.samples import ODOMETRY, OdometrySample
+from tests.support.paper_hunt import FORMATIONS, TARGET
 
 SCENARIOS = {"line": "target_hunting", "diamond": "target_hunting_diamond"}
 

@@ -8,30 +8,31 @@ from random import Random
 import pytest
 
 from hil.autonomy.fleets.formation import Body, FieldSettings, attraction, communication, repulsion
-from hil.autonomy.fleets.hunting import FORMATIONS, TARGET
 from hil.bench.table.hil_table import PAPER_BOARDS
 from hil.scenario.config import load_scenario
 from sim.environment.world import load_world
 from sim.sensors.error import ErrorModel, ErrorProcess
 from sim.vehicle.vehicle import load_vehicle
 from tests.support.four_vectored import four_vectored
+from tests.support.paper_hunt import FORMATIONS, TARGET
 
 PAGE = Path(__file__).parents[3] / "docs/explanation/reference_platform.md"
-LINE = ((0.0, 0.0), (3.0, 0.0), (6.0, 0.0), (9.0, 0.0))
-DIAMOND = ((4.5, 2.0), (3.0, 1.0), (6.0, 1.0), (4.5, 0.0))
 STATIONS = {"charging": (5.0, 5.0), "acquisition": (53.0, 13.0), "transmission": (15.0, 46.0)}
 
 
 @pytest.mark.parametrize(
     ("name", "starts"),
-    [("target_hunting", LINE), ("target_hunting_acoustic", LINE), ("target_hunting_diamond", DIAMOND)],
+    [
+        ("target_hunting", FORMATIONS["line"]),
+        ("target_hunting_acoustic", FORMATIONS["line"]),
+        ("target_hunting_diamond", FORMATIONS["diamond"]),
+    ],
 )
 def test_formations_and_target(name: str, starts: tuple[tuple[float, float], ...]) -> None:
     scenario = load_scenario(name)
     assert tuple((member.north, member.east) for member in scenario.member) == starts
     assert scenario.hunting is not None
-    assert tuple(scenario.hunting.target) == TARGET == (5.0, 8.0)
-    assert (FORMATIONS["line"], FORMATIONS["diamond"]) == (LINE, DIAMOND)
+    assert tuple(scenario.hunting.target) == TARGET
     assert load_world(scenario.world).extent == (-1.0, 11.0, -1.0, 11.0)
 
 

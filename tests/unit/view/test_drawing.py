@@ -7,6 +7,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
+from hil.ros.encoders import swap_attitude
 from hil.ros.images import Picture
 from hil.view.panels import instruments, pictures
 from hil.view.scene import frames
@@ -25,9 +26,9 @@ def test_places_and_attitudes_of_the_scene() -> None:
     assert frames.from_scene((2.0, 1.0, -3.0)) == (1.0, 2.0, 3.0)
     attitude = from_euler(0.1, 0.2, 0.5 * pi)
     ahead = frames.to_scene([rotate(attitude, (1.0, 0.0, 0.0))])[0]
-    assert rotate(frames.attitude(attitude), (1.0, 0.0, 0.0)) == pytest.approx(ahead)
+    assert rotate(swap_attitude(attitude), (1.0, 0.0, 0.0)) == pytest.approx(ahead)
     starboard = frames.to_scene([rotate(attitude, (0.0, 1.0, 0.0))])[0]
-    assert rotate(frames.attitude(attitude), frames.to_body([(0.0, 1.0, 0.0)])[0]) == pytest.approx(starboard)
+    assert rotate(swap_attitude(attitude), frames.to_body([(0.0, 1.0, 0.0)])[0]) == pytest.approx(starboard)
 
 
 def relief(rows: int, columns: int) -> Terrain:

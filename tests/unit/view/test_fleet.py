@@ -5,13 +5,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hil.autonomy.fleets.hunting import FORMATIONS, TARGET, HuntPlan
+from hil.autonomy.fleets.hunting import HuntPlan
 from hil.client.client import Stamped
 from hil.ros.formation import FormationSample
 from hil.view.scene.fleet import FleetScene, Hunt
 from hil.view.scene.world import WorldScene
 from hil.view.sources.source import shown_value
 from sim.environment.world import World
+from tests.support.paper_hunt import FORMATIONS, TARGET
 from tests.unit.view.scene_recorder import Recorder
 
 NODES = ("a", "b", "c", "d")

@@ -28,7 +28,8 @@ def energy(dynamics: Dynamics, state: State) -> float:
     """Kinetic, of the weight, and of the water pushed aside: the integral of the lift of each point over its depth."""
     zx, zy, zz = rotations.matrix(state.quaternion)[6:]
     hull = dynamics.hull
-    h, share = hull.half_column, hull.full / len(hull.points)
+    heights, share = [z for _, _, z in hull.points], hull.full / len(hull.points)
+    h = 0.5 * (max(heights) - min(heights))  # half the height of a point's column
     lifted = 0.0
     for x, y, z in hull.points:
         depth = state.position[2] + zx * x + zy * y + zz * z
