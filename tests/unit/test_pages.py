@@ -1,4 +1,4 @@
-"""Links inside the repository lead to files, and their anchors to headings."""
+"""Links inside the repository lead to files, their anchors to headings; prose is narrow and tells no history."""
 
 import re
 import unicodedata
@@ -10,6 +10,11 @@ import pytest
 ROOT = Path(__file__).parents[2]
 PAGES = [*ROOT.glob("*.md"), *sorted((ROOT / "docs").rglob("*.md"))]
 FENCED = re.compile(r"^```.*?^```", re.DOTALL | re.MULTILINE)
+GENERATED = re.compile(r"(?i:made by) `python|^`python tools/\w+\.py` makes this page", re.MULTILINE)
+WIDTH = 120
+# A page says what is, and not what was before it: a reader of today cannot check the rest.
+HISTORY = re.compile(r"\b(was once|were once|no longer has|has been fixed|until recently|since then|instead of before)\b")
+NAMED_FILE = re.compile(r"`((?:tests|tools|hil|sim|boards|firmware_stub)/[\w/]+\.(?:py|toml|c|h))[`:]")
 
 
 def links(page: Path) -> list[str]:
@@ -46,3 +51,29 @@ def test_every_page_is_in_the_navigation() -> None:
     named = set(re.findall(r": ([\w/-]+\.md)$", text, flags=re.MULTILINE))
     pages = {page.relative_to(ROOT / "docs").as_posix() for page in (ROOT / "docs").rglob("*.md")}
     assert named == {page for page in pages if not page.startswith("upstream/")}
+
+
+def prose(page: Path) -> list[str]:
+    """The lines of a page that a person wraps: no code, no table, no picture."""
+    lines = FENCED.sub("", page.read_text(encoding="utf-8")).splitlines()
+    return [line for line in lines if not line.startswith(("|", "    ", "![", "[!["))]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())
+def test_prose_is_narrow_and_tells_no_history(page: Path) -> None:
+    lines = prose(page)
+    is_by_hand = not GENERATED.search("\n".join(lines[:12]))
+    assert not [line for line in lines if is_by_hand and len(line) > WIDTH]
+    assert page.name == "CHANGELOG.md" or not [line for line in lines if HISTORY.search(line)]
+
+
+def test_generated_pages_are_recognised() -> None:
+    found = {page.stem for page in PAGES if GENERATED.search("\n".join(prose(page)[:12]))}
+    assert {"cases", "validation", "scenario", "vehicle", "sensors"} <= found
+    assert not found & {"benchmark", "reliability", "security", "links", "tests", "README"}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())
+def test_files_that_a_page_names_exist(page: Path) -> None:
+    for named in NAMED_FILE.findall(page.read_text(encoding="utf-8")):
+        assert (ROOT / named).is_file() or Path(named).stem.isupper(), f"{page.name}: {named}"
