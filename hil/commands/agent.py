@@ -1,6 +1,7 @@
 """`uuv-hil agent`: plan for one vehicle of a fleet, beside its neighbours' planners."""
 
-from hil.common.options import WAIT, add_scenario, changes_of, new_parser
+from hil.commands.listening import add_wait
+from hil.common.options import add_member, add_scenario, changes_of, new_parser
 from hil.common.stop import StopSignals
 from hil.master.agent import run
 from hil.scenario.config import load_scenario
@@ -21,10 +22,8 @@ def main(arguments: list[str]) -> int:
     """Lead the vehicle until told to stop; the exit code. Raises MissionError if something went wrong with it."""
     parser = new_parser("agent", __doc__, EXAMPLES)
     add_scenario(parser, None)
-    parser.add_argument("--member", metavar="NAME", default="", help="vehicle of the fleet, by node name or number")
-    parser.add_argument(
-        "--wait", metavar="S", type=WAIT, default=60.0, help="time to wait for the vehicle [%(default)s s]"
-    )
+    add_member(parser)
+    add_wait(parser, 60.0)
     options = parser.parse_args(arguments)
     scenario = load_scenario(options.scenario, changes_of(options))
     with StopSignals() as stop_fd:

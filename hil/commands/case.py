@@ -8,7 +8,7 @@ from hil.cases.flights import fly_all
 from hil.cases.report import Flights, write_report
 from hil.commands.view.flights import FlightViewer
 from hil.common.errors import MissingExtraError
-from hil.common.options import JOBS, MOST_SEEDS, SEEDS, add_output, new_parser, whole
+from hil.common.options import JOBS, MOST_SEEDS, SEEDS, add_output, add_view, new_parser, whole
 from hil.common.stop import every_end_like_ctrl_c
 from hil.master.recorder import make_folder
 from hil.recording.recorder import new_folder
@@ -43,7 +43,7 @@ def main(arguments: list[str]) -> int:
         "--hil", type=HIL_SEEDS, nargs="?", const=1, default=0, metavar="N", help="and seeds 1 to N in HIL [1]"
     )
     parser.add_argument("--jobs", type=JOBS, default=-1, metavar="N", help="simulations at once [all cores]")
-    parser.add_argument("--view", action="store_true", help="show each flight in a browser, one after the other")
+    add_view(parser, "show each flight in a browser, one after the other")
     add_output(parser, "DIR", "where to put the results [runs/NAME-TIME]")
     options = parser.parse_args(arguments)
     names = list(CASES) if options.name == "all" else [find_case(options.name).name]

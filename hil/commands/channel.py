@@ -2,6 +2,7 @@
 
 import select
 
+from hil.commands.listening import is_routed
 from hil.common.clock import NS_PER_S, now_ns
 from hil.common.errors import ConfigError
 from hil.common.options import add_scenario, changes_of, new_parser
@@ -35,7 +36,7 @@ def main(arguments: list[str]) -> int:
     if scenario.security:
         raise ConfigError(f"{scenario.path}: the simulated acoustic channel has no [security]: leave it out")
     modem = modem_of(scenario)
-    routed = scenario.network.mode == "routed"
+    routed = is_routed(scenario)
     ends = [end for member in scenario.member for end in (member.listen, member.agent)]
     began = now_ns()
     with (

@@ -10,12 +10,23 @@ import sys
 from collections.abc import Callable
 from importlib.util import find_spec
 
+from hil.commands.listening import is_routed
 from hil.commands.view.opening import view_process
 from hil.common.children import module_command, package_environment, start_child
 from hil.common.clock import NS_PER_S, now_ns
 from hil.common.endpoint import no_certificates, split_endpoint
 from hil.common.errors import ConfigError, MissingExtraError, NetworkError
-from hil.common.options import ENDPOINT, Number, add_output, add_scenario, changes_of, new_parser, place, scenario_words
+from hil.common.options import (
+    Number,
+    add_listen,
+    add_output,
+    add_scenario,
+    add_view,
+    changes_of,
+    new_parser,
+    place,
+    scenario_words,
+)
 from hil.common.ports import free_ports
 from hil.common.stop import StopSignals
 from hil.master.recorder import make_folder
@@ -44,10 +55,8 @@ def main(arguments: list[str]) -> int:
     parser = new_parser("demo", __doc__, EXAMPLES)
     add_scenario(parser)
     add_output(parser, "DIR", "where to put the results [runs/SCENARIO-TIME]")
-    parser.add_argument("--view", action="store_true", help="show it in a browser while it flies")
-    parser.add_argument(
-        "--listen", metavar="ENDPOINT", type=ENDPOINT, help="endpoint of its slave, tcp/ADDRESS:PORT [the scenario's]"
-    )
+    add_view(parser)
+    add_listen(parser)
     over = parser.add_argument_group("over a seabed of your own")
     over.add_argument("--world", metavar="CHART.000", help="a chart, soundings, or a world's .toml or name")
     over.add_argument("--start", metavar="LAT,LON", type=place, help="degrees, with --goal [where there is relief]")
@@ -70,7 +79,7 @@ def main(arguments: list[str]) -> int:
     endpoint = options.listen or scenario.slave.listen
     if not scenario.security and (problem := no_certificates(endpoint)):
         raise ConfigError(f"--listen: {problem}")
-    require_free(endpoint, routed=scenario.network.mode == "routed")
+    require_free(endpoint, routed=is_routed(scenario))
     folder = make_folder(options.output) if options.output else new_folder(options.scenario)
     words = scenario_words(options)
     with view_process(words, [endpoint], options.view):

@@ -10,7 +10,7 @@ from boards import load_board
 from boards.health import recognise
 from boards.tree import Tree
 from hil.common.errors import ConfigError
-from hil.common.options import ENDPOINT, add_json, add_scenario, changes_of, new_parser
+from hil.common.options import add_board, add_json, add_listen, add_scenario, changes_of, new_parser
 from hil.doctor import board as doctor_board
 from hil.doctor import links as doctor_links
 from hil.doctor import network as doctor_network
@@ -58,10 +58,8 @@ def main(arguments: list[str]) -> int:
 def _parser() -> argparse.ArgumentParser:
     parser = new_parser("doctor", __doc__, EXAMPLES)
     add_scenario(parser, None, optional=True)
-    parser.add_argument("--board", metavar="NAME", help="the single-board computer this is [recognised]")
-    parser.add_argument(
-        "--listen", metavar="ENDPOINT", type=ENDPOINT, help="endpoint that masters connect to [the scenario's]"
-    )
+    add_board(parser)
+    add_listen(parser)
     parser.add_argument("--port", metavar="ADDRESS", help="address of the thruster link [the scenario's]")
     parser.add_argument("--user", metavar="NAME", help="user that runs the slave [you]")
     parser.add_argument(

@@ -1,9 +1,55 @@
-"""Find the endpoints that a command connects to, and the scenario if one is given."""
+"""How a command reaches vehicles: the options that say so, and what follows from them and the scenario."""
 
-from typing import Any
+import argparse
+from typing import Any, NamedTuple
 
-from hil.common.options import LOCAL_SLAVE, changes_of
+from hil.common.options import ENDPOINT, LOCAL_SLAVE, WAIT, add_changes, changes_of, endpoint_or_lan
 from hil.scenario.config import Scenario, load_scenario, load_single
+
+
+class Reach(NamedTuple):
+    """How a fleet is reached: `hil.connect(*endpoints, routed=..., keys=...)`; `keys` is a folder, or ""."""
+
+    endpoints: list[str]
+    routed: bool
+    keys: str
+
+
+def add_fleet(parser: argparse.ArgumentParser) -> None:
+    """Add the options of a command that is the master of all vehicles it reaches; `reach_of` reads them."""
+    add_connect(parser, lan=True)
+    add_settings(parser)
+    parser.add_argument("--routed", action="store_true", help="ENDPOINT is that of a router")
+    parser.add_argument("--keys", metavar="FOLDER", default="", help="this machine's certificates")
+
+
+def add_settings(parser: argparse.ArgumentParser) -> None:
+    """Add --scenario and --set, for a command that flies nothing and needs only how the network is set up."""
+    about = "whose [network] and [security] hold, and where its vehicle listens"
+    parser.add_argument("--scenario", metavar="SCENARIO", help=about)
+    add_changes(parser)
+
+
+def add_connect(parser: argparse.ArgumentParser, *, lan: bool = False) -> None:
+    """Add --connect, which may be given several times; with `lan` also the word "lan".
+
+    `scenario_and_endpoints` finds its default.
+    """
+    peer = f"a slave or a router, HOST:PORT{', or lan' if lan else ''}"
+    about = f"{peer}; may be given several times [the scenario's, else {LOCAL_SLAVE}]"
+    kind = endpoint_or_lan if lan else ENDPOINT
+    parser.add_argument("--connect", metavar="ENDPOINT", type=kind, action="append", help=about)
+
+
+def add_take_over(parser: argparse.ArgumentParser) -> None:
+    """Add --take-over: whether this master commands in place of another."""
+    parser.add_argument("--take-over", action="store_true", help="take over from a master that commands already")
+
+
+def add_wait(parser: argparse.ArgumentParser, default: float, what: str = "the vehicle") -> None:
+    """Add --wait, how long (s) the command waits for `what`."""
+    about = f"time to wait for {what} [%(default)g s]"
+    parser.add_argument("--wait", metavar="S", type=WAIT, default=default, help=about)
 
 
 def scenario_and_endpoints(options: Any) -> tuple[Scenario | None, list[str]]:
@@ -24,3 +70,19 @@ def scenario_and_endpoints(options: Any) -> tuple[Scenario | None, list[str]]:
         ends = " ".join([f"--connect {member.listen}" for member in scenario.member])
         load_single(name, remedy=f"and each vehicle has an endpoint of its own: name those to listen to, {ends}")
     return scenario, [scenario.slave.listen]
+
+
+def reach_of(options: Any) -> tuple[Scenario | None, Reach]:
+    """Return the scenario and how its fleet is reached, by the options of `add_fleet`. Raises ConfigError."""
+    scenario, endpoints = scenario_and_endpoints(options)
+    return scenario, Reach(endpoints, options.routed or is_routed(scenario), options.keys or keys_of(scenario))
+
+
+def is_routed(scenario: Scenario | None) -> bool:
+    """Return whether the scenario's vehicles are reached through a router."""
+    return bool(scenario and scenario.network.mode == "routed")
+
+
+def keys_of(scenario: Scenario | None) -> str:
+    """Return the folder of a master's certificates; "" where the scenario asks for none."""
+    return scenario.security.folder("master") if scenario and scenario.security else ""

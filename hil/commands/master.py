@@ -6,15 +6,16 @@ import select
 
 from hil.bench.table import hil_table as table
 from hil.client.client import VehicleClient
+from hil.commands.listening import add_take_over, add_wait, is_routed, keys_of
 from hil.commands.view.opening import view_process
 from hil.common.clock import NS_PER_S, now_ns
 from hil.common.endpoint import no_certificates
 from hil.common.errors import STOPPED, ConfigError, MissingExtraError, NetworkError
 from hil.common.options import (
     DESCRIPTOR,
-    WAIT,
     add_output,
     add_scenario,
+    add_view,
     changes_of,
     endpoint_or_lan,
     new_parser,
@@ -54,11 +55,9 @@ def main(arguments: list[str]) -> int:
     parser.add_argument(
         "--connect", metavar="ENDPOINT", type=endpoint_or_lan, required=True, help="slave or router, HOST:PORT; or lan"
     )
-    parser.add_argument("--view", action="store_true", help="show it in a browser while it flies")
-    parser.add_argument("--take-over", action="store_true", help="command even if another master does already")
-    parser.add_argument(
-        "--wait", metavar="S", type=WAIT, default=60.0, help="time to wait for the vehicle [%(default)s s]"
-    )
+    add_view(parser)
+    add_take_over(parser)
+    add_wait(parser, 60.0)
     add_output(parser, "DIR", "where to put the results [runs/SCENARIO-TIME]")
     parser.add_argument(
         "--ready-fd", metavar="N", type=DESCRIPTOR, help="write a line to this descriptor when dialling"
@@ -153,8 +152,7 @@ def _why_silent(client: VehicleClient, scenario: Scenario) -> str:
     from hil.network.diagnosis import why_not
 
     security = scenario.security
-    routed = scenario.network.mode == "routed"
-    fault = why_not(client.endpoint, security.folder("master") if security else "", routed, client.session)
+    fault = why_not(client.endpoint, keys_of(scenario), is_routed(scenario), client.session)
     if fault and fault.lasting:
         raise NetworkError(f"{client.endpoint}: {fault.text}")
     if fault:

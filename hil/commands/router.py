@@ -2,7 +2,8 @@
 
 import select
 
-from hil.common.options import ENDPOINT, LOCAL_SLAVE, add_settings, changes_of, new_parser
+from hil.commands.listening import add_settings
+from hil.common.options import ENDPOINT, LOCAL_SLAVE, changes_of, new_parser
 from hil.common.stop import StopSignals
 from hil.network.roles import open_router_session
 from hil.network.settings import Network

@@ -9,7 +9,7 @@ from typing import Any
 from hil.cases.simulated import SimulatedVehicle, Watch, fly, showing
 from hil.common.clock import NS_PER_S, RateKeeper, now_ns, seconds_ns
 from hil.common.errors import STOPPED
-from hil.common.options import SEED, add_json, add_output, add_plot, add_scenario, changes_of, new_parser
+from hil.common.options import SEED, add_json, add_output, add_plot, add_scenario, add_view, changes_of, new_parser
 from hil.common.streams import ProgressLine
 from hil.common.text import json_text
 from hil.master.flight import Outcome, Plan, prepare, require_success
@@ -39,7 +39,7 @@ def main(arguments: list[str]) -> int:
     add_output(parser, "FILE.csv", "state, thrusts and every force, 20 times a second")
     add_plot(parser, "draw the same")
     add_json(parser)
-    parser.add_argument("--view", action="store_true", help="show it in a browser: pause, step, speed")
+    add_view(parser, "show it in a browser: pause, step, speed")
     options = parser.parse_args(arguments)
     if options.plot:
         check_picture(options.plot)

@@ -51,23 +51,16 @@ def _quick(arguments: list[str]) -> Options | None:
 
 
 def _parse(arguments: list[str]) -> Options:
-    from hil.common.options import ENDPOINT, add_scenario, new_parser
+    from hil.common.options import add_board, add_listen, add_member, add_scenario, new_parser
 
     parser = new_parser("slave", __doc__, EXAMPLES)
     add_scenario(parser)
-    parser.add_argument(
-        "--listen",
-        metavar="ENDPOINT",
-        type=ENDPOINT,
-        help="endpoint that masters connect to, tcp/ADDRESS:PORT [the scenario's]",
-    )
-    parser.add_argument(
-        "--board", metavar="NAME", help="the single-board computer this is [recognised by its device tree]"
-    )
+    add_listen(parser)
+    add_board(parser)
     parser.add_argument(
         "--port", metavar="ADDRESS", help="address of the thruster link: /dev/ttyUSB0, pty:/tmp/name, can:..."
     )
-    parser.add_argument("--member", metavar="NAME", default="", help="vehicle of the fleet, by name or number")
+    add_member(parser)
     found = vars(parser.parse_args(arguments))
     return Options(**{**found, "set": tuple(found["set"])})
 

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 from hil.common.columns import aligned
 from hil.common.errors import ConfigError, MissingExtraError
-from hil.common.options import Number, add_json, add_output, add_plot, area, new_parser
-from hil.common.schema import preset_names
+from hil.common.options import Number, add_json, add_output, add_plot, new_parser, place
+from hil.common.schema import preset_names, shortened
 from hil.common.tables import output_file
 from hil.common.text import json_text
 from sim.environment.world import World, load_world
@@ -73,14 +73,12 @@ def _parser() -> argparse.ArgumentParser:
     add_json(build)
     build.set_defaults(run=_build)
     show = actions.add_parser("show", help="draw a world")
-    show.add_argument("world", metavar="NAME|FILE.toml", help="an installed world, or a .toml file")
+    _add_world(show)
     add_output(show, "FILE.png", "the picture [NAME.png]")
-    show.add_argument("--resolution", metavar="M", type=RESOLUTION, help="[the world's own]")
     show.set_defaults(run=_show)
     export = actions.add_parser("export", help="write a world as a file of other programs")
-    export.add_argument("world", metavar="NAME|FILE.toml", help="an installed world, or a .toml file")
+    _add_world(export)
     export.add_argument("output", metavar="OUT.pgm|.tif|.stl|.glb|.sdf", help="the file to write; its ending says what")
-    export.add_argument("--resolution", metavar="M", type=RESOLUTION, help="[the world's own]")
     export.add_argument("--depth", metavar="M", type=DEPTH, help="for a .pgm: how far down a vehicle reaches")
     export.set_defaults(run=_export)
     listing = actions.add_parser("list", help="list the worlds")
@@ -88,6 +86,12 @@ def _parser() -> argparse.ArgumentParser:
     add_json(listing)
     listing.set_defaults(run=_list)
     return parser
+
+
+def _add_world(parser: argparse.ArgumentParser) -> None:
+    """Add the world, and --resolution, what its grid is drawn or written with."""
+    parser.add_argument("world", metavar="NAME|FILE.toml", help="an installed world, or a .toml file")
+    parser.add_argument("--resolution", metavar="M", type=RESOLUTION, help="[the world's own]")
 
 
 def _build(options: argparse.Namespace) -> int:
@@ -243,3 +247,16 @@ def _described(name: str, world: World) -> dict[str, Any]:
         "grid": world.terrain.grid.resolution if world.terrain else None,
         "obstacles": len(world.cylinder) + len(world.box),
     }
+
+
+def area(text: str) -> tuple[float, float, float, float]:
+    """Return south, west, north and east (degrees) of S,W,N,E, which grow."""
+    words = text.split(",")
+    try:
+        (south, west), (north, east) = place(",".join(words[:2])), place(",".join(words[2:]))
+        if south < north and west < east:
+            return south, west, north, east
+    except argparse.ArgumentTypeError:
+        pass
+    wish = "SOUTH,WEST,NORTH,EAST in degrees, south to north and west to east growing"
+    raise argparse.ArgumentTypeError(f"expected {wish}, found {shortened(text)}")

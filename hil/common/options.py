@@ -152,24 +152,6 @@ def add_scenario(
     add_changes(parser)
 
 
-def add_settings(parser: argparse.ArgumentParser) -> None:
-    """Add --scenario and --set, for a command that flies nothing and needs only how the network is set up."""
-    about = "whose [network] and [security] hold, and where its vehicle listens"
-    parser.add_argument("--scenario", metavar="SCENARIO", help=about)
-    add_changes(parser)
-
-
-def add_connect(parser: argparse.ArgumentParser, *, lan: bool = False) -> None:
-    """Add --connect, which may be given several times; with `lan` also the word "lan".
-
-    `hil.commands.listening` finds its default.
-    """
-    peer = f"a slave or a router, HOST:PORT{', or lan' if lan else ''}"
-    about = f"{peer}; may be given several times [the scenario's, else {LOCAL_SLAVE}]"
-    kind = endpoint_or_lan if lan else ENDPOINT
-    parser.add_argument("--connect", metavar="ENDPOINT", type=kind, action="append", help=about)
-
-
 def add_output(parser: argparse.ArgumentParser, metavar: str, about: str, *, required: bool = False) -> None:
     """Add -o and --output, the file that the command writes, or the folder, which it makes."""
     add = add_file if metavar.startswith("FILE.") else argparse.ArgumentParser.add_argument
@@ -189,6 +171,33 @@ def add_json(parser: argparse.ArgumentParser) -> None:
 def add_plot(parser: argparse.ArgumentParser, about: str) -> None:
     """Add --plot, the picture that the command draws."""
     add_file(parser, "--plot", metavar="FILE.png", help=about)
+
+
+def add_listen(parser: argparse.ArgumentParser, of: str = "") -> None:
+    """Add --listen, where a slave listens; `of` names the actions that read it."""
+    about = f"{of}endpoint that masters connect to, tcp/ADDRESS:PORT [the scenario's]"
+    parser.add_argument("--listen", metavar="ENDPOINT", type=ENDPOINT, help=about)
+
+
+def add_serving(parser: argparse.ArgumentParser, default: str) -> None:
+    """Add --listen, where something other than a slave is served; `serving_address` reads it."""
+    about = "address to listen on [%(default)s]"
+    parser.add_argument("--listen", metavar="[HOST:]PORT", type=serving_address, default=default, help=about)
+
+
+def add_view(parser: argparse.ArgumentParser, about: str = "show it in a browser while it flies") -> None:
+    """Add --view, which shows what the command does in the live view."""
+    parser.add_argument("--view", action="store_true", help=about)
+
+
+def add_board(parser: argparse.ArgumentParser, of: str = "") -> None:
+    """Add --board, the single-board computer; `of` names the actions that read it."""
+    parser.add_argument("--board", metavar="NAME", help=f"{of}the single-board computer this is [recognised]")
+
+
+def add_member(parser: argparse.ArgumentParser, of: str = "") -> None:
+    """Add --member, one vehicle of a fleet; `of` names the actions that read it."""
+    parser.add_argument("--member", metavar="NAME", default="", help=f"{of}vehicle of the fleet, by name or number")
 
 
 def add_changes(parser: argparse.ArgumentParser) -> None:
@@ -377,19 +386,6 @@ def place(text: str) -> tuple[float, float]:
             f"expected LAT,LON in degrees, such as 59.603,-151.412, found {shortened(text)}"
         )
     return LATITUDE(words[0]), LONGITUDE(words[1])
-
-
-def area(text: str) -> tuple[float, float, float, float]:
-    """Return south, west, north and east (degrees) of S,W,N,E, which grow."""
-    words = text.split(",")
-    try:
-        (south, west), (north, east) = place(",".join(words[:2])), place(",".join(words[2:]))
-        if south < north and west < east:
-            return south, west, north, east
-    except argparse.ArgumentTypeError:
-        pass
-    wish = "SOUTH,WEST,NORTH,EAST in degrees, south to north and west to east growing"
-    raise argparse.ArgumentTypeError(f"expected {wish}, found {shortened(text)}")
 
 
 def _plain(value: float) -> str:

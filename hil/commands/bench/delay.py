@@ -13,7 +13,9 @@ from hil.bench.limits import Limits
 from hil.bench.record import Figure, new_record
 from hil.commands.bench.options import (
     add_limits,
-    add_record,
+    add_repeat,
+    add_results,
+    add_seconds,
     check_plot,
     limits_of,
     save_record,
@@ -22,12 +24,9 @@ from hil.commands.bench.options import (
 from hil.commands.bench.partial_failures import PartialFailures
 from hil.common.errors import ConfigError
 from hil.common.options import (
-    DAY_S,
     ENDPOINT,
-    REPEAT,
     List,
     Number,
-    add_plot,
     add_scenario,
     changes_of,
     host,
@@ -60,7 +59,6 @@ examples:
 """
 LIMIT_BROKEN = 1
 ECHO_PORT = whole(1, 65_535)
-SECONDS = Number(0.1, DAY_S, "s")
 STEPS = whole(0, 1000)
 LIMIT = Number(-1e6, 1e6, "ms")  # what is above the floor may be below it
 PROTOCOLS = List(one_of("frame", "mavlink", "dronecan", "vesc"))
@@ -149,17 +147,16 @@ def _parser() -> Any:
     add("--load", metavar="LIST", type=LOADS, help="number of busy processes beside it [0]")
     add("--payload", metavar="LIST", type=PAYLOADS, help="extra bytes on the network with each command [0]")
     add("--port", metavar="ADDRESS", help="address of the thruster link")
-    add("--seconds", type=SECONDS, default=10.0, metavar="S", help="duration of each configuration [%(default)s]")
+    add_seconds(parser, 10.0, "configuration", least=0.1)
     add("--steps", type=STEPS, default=11, metavar="N", help="steps in surge, for the delay until motion [%(default)s]")
-    add("--repeat", type=REPEAT, default=1, metavar="N", help="repetitions, each with new processes [%(default)s]")
+    add_repeat(parser, 1, "repetitions, each with new processes")
     add("--connect", metavar="ENDPOINT", type=ENDPOINT, help="endpoint of a running slave, used as it is")
     add("--echo", metavar="HOST:UDP:TCP", type=_echo, help="endpoint of `uuv-hil bench echo` on the slave's machine")
     add("--most-p50", type=LIMIT, metavar="MS", help="limit of the median")
     add("--most-p99", type=LIMIT, metavar="MS", help="limit of 99 of 100 commands")
     add("--most-over-floor", type=LIMIT, metavar="MS", help="limit of the median above the floor")
     add_limits(parser)
-    add_record(parser)
-    add_plot(parser, "histogram, time series and hops")
+    add_results(parser, "histogram, time series and hops")
     return parser
 
 

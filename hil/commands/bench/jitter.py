@@ -12,14 +12,16 @@ from hil.bench.record import Figure, new_record
 from hil.bench.statistics import median
 from hil.commands.bench.options import (
     add_limits,
-    add_record,
+    add_repeat,
+    add_results,
+    add_seconds,
     limits_of,
     save_record,
     show,
 )
 from hil.commands.bench.partial_failures import PartialFailures
 from hil.common.columns import aligned
-from hil.common.options import DAY_S, REPEAT, List, Number, add_scenario, changes_of, new_parser
+from hil.common.options import List, Number, add_scenario, changes_of, new_parser
 
 EXAMPLES = f"""\
 For each rate, one after the other on the same processor: cyclictest (rt-tests, where it is installed), the slave's loop
@@ -36,7 +38,6 @@ examples:
 """
 WITHIN = 0.99
 MISSED = 1
-SECONDS = Number(1.0, DAY_S, "s")
 RATES = List(Number(50.0, 5000.0, "Hz"))
 
 
@@ -89,11 +90,11 @@ def _parser() -> Any:
     add_scenario(parser)
     add = parser.add_argument
     add("--rates", default="250,400,1000", metavar="LIST", type=RATES, help="loop rates in Hz [%(default)s]")
-    add("--seconds", type=SECONDS, default=20.0, metavar="S", help="duration of each run [%(default)s]")
-    add("--repeat", type=REPEAT, default=1, metavar="N", help="whole runs, each with new slaves [%(default)s]")
+    add_seconds(parser, 20.0, "run")
+    add_repeat(parser, 1, "whole runs, each with new slaves")
     add("--check", action="store_true", help="whether 99 %% of the cycles are within 2 ms")
     add_limits(parser)
-    add_record(parser)
+    add_results(parser)
     return parser
 
 

@@ -10,7 +10,8 @@ from hil.bench.record import Figure, Record, new_record
 from hil.bench.statistics import median, spread
 from hil.commands.bench.options import (
     add_limits,
-    add_record,
+    add_results,
+    add_seconds,
     check_plot,
     limits_of,
     save_record,
@@ -19,7 +20,7 @@ from hil.commands.bench.options import (
 from hil.commands.bench.partial_failures import PartialFailures
 from hil.common.columns import aligned
 from hil.common.errors import ConfigError, HilError, NetworkError
-from hil.common.options import DAY_S, List, Number, add_plot, add_scenario, changes_of, new_parser, whole
+from hil.common.options import List, Number, add_scenario, changes_of, new_parser, whole
 from hil.plots.plotting import pyplot, save_figure
 
 EXAMPLES = """\
@@ -34,7 +35,6 @@ examples:
   uuv-hil bench load --rates 100,400,1000 --vehicles 1,2,4 --plot load.png --output load.json
 """
 MOST_VEHICLES = 64
-SECONDS = Number(2.0, DAY_S, "s")
 RATES = List(Number(50.0, 5000.0, "Hz"))
 VEHICLES = List(whole(1, MOST_VEHICLES))
 MOST_PROCESSES = 12  # of a setting that are shown; the record has all
@@ -81,10 +81,9 @@ def _parser() -> Any:
     add("--each-sensor", action="store_true", help="also with each sensor more, and each one less")
     add("--rates", default=(), metavar="LIST", type=RATES, help="also with the loop at these, Hz")
     add("--vehicles", default=(), metavar="LIST", type=VEHICLES, help="also with so many slaves at once")
-    add("--seconds", type=SECONDS, default=10.0, metavar="S", help="duration of each run [%(default)s]")
+    add_seconds(parser, 10.0, "run", least=2.0)
     add_limits(parser)
-    add_record(parser)
-    add_plot(parser, "CPU and memory over time")
+    add_results(parser, "CPU and memory over time")
     return parser
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from hil.bench.limits import Limits, parse_cpus, parse_memory
 from hil.bench.record import Record, save
-from hil.common.options import Share, add_output, checked
+from hil.common.options import DAY_S, REPEAT, Number, Share, add_output, add_plot, checked
 from hil.plots.plotting import check_picture
 
 CPU_SHARE = Share(0.01, 64.0)  # of one core
@@ -36,9 +36,22 @@ def add_limits(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def add_record(parser: argparse.ArgumentParser) -> None:
-    """Add --output, where the record goes."""
+def add_results(parser: argparse.ArgumentParser, picture: str = "") -> None:
+    """Add --output, where the record goes, and --plot if there is a `picture`; `check_plot` and `save_record` read."""
     add_output(parser, "FILE.json", "write the record, for `uuv-hil bench compare` and --against")
+    if picture:
+        add_plot(parser, picture)
+
+
+def add_seconds(parser: argparse.ArgumentParser, default: float, of: str, least: float = 1.0) -> None:
+    """Add --seconds, the duration of each `of`, from `least` s on."""
+    kind, about = Number(least, DAY_S, "s"), f"duration of each {of} [%(default)s]"
+    parser.add_argument("--seconds", type=kind, default=default, metavar="S", help=about)
+
+
+def add_repeat(parser: argparse.ArgumentParser, default: int, what: str) -> None:
+    """Add --repeat, how often it is measured; `what` is repeated."""
+    parser.add_argument("--repeat", type=REPEAT, default=default, metavar="N", help=f"{what} [%(default)s]")
 
 
 def limits_of(options: Any) -> Limits:

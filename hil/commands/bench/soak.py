@@ -10,14 +10,14 @@ from hil.bench.soak_run import Observation, Soak, Soaking, measured, trend
 from hil.bench.statistics import median
 from hil.commands.bench.options import (
     add_limits,
-    add_record,
+    add_results,
     check_plot,
     limits_of,
     save_record,
     show,
 )
 from hil.common.errors import STOPPED, ConfigError
-from hil.common.options import Number, add_plot, add_scenario, changes_of, new_parser
+from hil.common.options import Number, add_scenario, changes_of, new_parser
 from hil.common.stop import StopSignals
 from hil.plots.plotting import pyplot, save_figure
 
@@ -88,8 +88,7 @@ def _parser() -> Any:
     )
     add("--leak", type=LEAK, default=0.5, metavar="MIB", help="growth an hour that is one [%(default)s]")
     add_limits(parser)
-    add_record(parser)
-    add_plot(parser, "memory, delay and time over the run")
+    add_results(parser, "memory, delay and time over the run")
     return parser
 
 

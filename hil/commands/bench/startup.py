@@ -9,14 +9,15 @@ from hil.bench.startup_run import AT_MASTER, PHASES, coldness, files_of_a_start,
 from hil.bench.statistics import median, spread
 from hil.commands.bench.options import (
     add_limits,
-    add_record,
+    add_repeat,
+    add_results,
     limits_of,
     save_record,
     show,
 )
 from hil.commands.bench.partial_failures import PartialFailures
 from hil.common.columns import aligned
-from hil.common.options import REPEAT, Number, add_scenario, changes_of, new_parser
+from hil.common.options import Number, add_scenario, changes_of, new_parser
 
 EXAMPLES = """\
 The slave and the interpreters start in turn. Warm: all files are in memory, from a start before. Cold: they have been
@@ -40,12 +41,12 @@ def main(arguments: list[str]) -> int:
     """Measure and print; 0, or 1 when a limit is broken. Raises HilError."""
     parser = new_parser("bench startup", __doc__, EXAMPLES)
     add_scenario(parser)
-    parser.add_argument("--repeat", type=REPEAT, default=10, metavar="N", help="starts of each kind [%(default)s]")
+    add_repeat(parser, 10, "starts of each kind")
     parser.add_argument("--warm-only", action="store_true", help="leave the cold starts out")
     parser.add_argument("--drop-caches", action="store_true", help="cold: drop all caches of the machine, as root")
     parser.add_argument("--most", type=MOST, metavar="S", help="limit of a warm start, until the first sample")
     add_limits(parser)
-    add_record(parser)
+    add_results(parser)
     options = parser.parse_args(arguments)
     endings = PartialFailures()
     found, how, labels = _measure(options, endings)

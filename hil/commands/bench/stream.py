@@ -11,7 +11,9 @@ from hil.bench.statistics import median
 from hil.bench.stream_run import Listener, Listening, Stream, missing
 from hil.commands.bench.options import (
     add_limits,
-    add_record,
+    add_repeat,
+    add_results,
+    add_seconds,
     limits_of,
     save_record,
     show,
@@ -19,7 +21,7 @@ from hil.commands.bench.options import (
 from hil.commands.bench.partial_failures import PartialFailures
 from hil.common.columns import aligned
 from hil.common.errors import ConfigError
-from hil.common.options import DAY_S, ENDPOINT, REPEAT, Number, add_scenario, changes_of, new_parser
+from hil.common.options import ENDPOINT, add_scenario, changes_of, new_parser
 from hil.scenario.config import load_single
 
 EXAMPLES = """\
@@ -35,7 +37,6 @@ examples:
   uuv-hil bench stream --repeat 5 --output today.json            enough for `uuv-hil bench compare`
 """
 # What goes into the record: a field of Stream, what it is called there, its unit, what makes it that, which is better.
-SECONDS = Number(1.0, DAY_S, "s")
 ROWS: tuple[tuple[str, str, str, float, Better], ...] = (
     ("rate", "rate", "Hz", 1.0, "higher"),
     ("loss", "loss", "%", 100.0, "lower"),
@@ -87,10 +88,10 @@ def _parser() -> Any:
     add_scenario(parser)
     add = parser.add_argument
     add("--connect", metavar="ENDPOINT", type=ENDPOINT, help="endpoint of a running slave [one is started here]")
-    add("--seconds", type=SECONDS, default=10.0, metavar="S", help="[%(default)s]")
-    add("--repeat", type=REPEAT, default=1, metavar="N", help="whole runs, each with a slave of its own [%(default)s]")
+    add_seconds(parser, 10.0, "run")
+    add_repeat(parser, 1, "whole runs, each with a slave of its own")
     add_limits(parser)
-    add_record(parser)
+    add_results(parser)
     return parser
 
 

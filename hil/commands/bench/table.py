@@ -14,7 +14,9 @@ from hil.bench.table.hil_table import PAPER_NOTE
 from hil.bench.table.run import Run, figures, fly
 from hil.commands.bench.options import (
     add_limits,
-    add_record,
+    add_repeat,
+    add_results,
+    add_seconds,
     check_plot,
     limits_of,
     save_record,
@@ -23,12 +25,9 @@ from hil.commands.bench.options import (
 from hil.commands.bench.partial_failures import PartialFailures
 from hil.common.errors import ConfigError
 from hil.common.options import (
-    DAY_S,
     ENDPOINT,
-    REPEAT,
-    Number,
+    add_board,
     add_file,
-    add_plot,
     add_scenario,
     changes_of,
     new_parser,
@@ -52,7 +51,6 @@ examples:
   uuv-hil bench table --output today.json --against yesterday.json --plot table.png
 """
 BUDGET_MISSED = 1
-SECONDS = Number(1.0, DAY_S, "s")
 OF_SLAVE_ALONE = ("slave.", "stm32", "link.", "sensors.")  # keys of a scenario that say nothing to its master
 
 
@@ -102,16 +100,15 @@ def _parser() -> Any:
         type=ENDPOINT,
         help="endpoint of a running slave; repeatable",
     )
-    add("--repeat", type=REPEAT, default=5, metavar="N", help="repetitions [%(default)s]")
-    add("--seconds", type=SECONDS, default=10.0, metavar="S", help="duration of each flight [%(default)s]")
+    add_repeat(parser, 5, "repetitions")
+    add_seconds(parser, 10.0, "flight")
     add("--against", action="append", default=[], metavar="FILE", help="show an earlier record beside it")
     add("--check", action="store_true", help="check against the budgets of the board")
-    add("--board", metavar="NAME", help="board whose budgets count [recognised]")
+    add_board(parser)
     add_limits(parser)
-    add_record(parser)
+    add_results(parser, "the table as a picture")
     add_file(parser, "--csv", metavar="FILE", help="the table as CSV")
     add_file(parser, "--markdown", metavar="FILE", help="the table as Markdown")
-    add_plot(parser, "the table as a picture")
     return parser
 
 

@@ -9,7 +9,7 @@ from boards.health import Throttling, governors, recognise, temperature, throttl
 from boards.tree import Tree, architecture
 from hil.common.columns import aligned
 from hil.common.errors import ConfigError
-from hil.common.options import ENDPOINT, add_json, add_scenario, new_parser
+from hil.common.options import add_board, add_json, add_listen, add_member, add_scenario, new_parser
 from hil.common.schema import preset_names
 
 EXAMPLES = """\
@@ -63,7 +63,7 @@ def _parser() -> argparse.ArgumentParser:
     parser = new_parser("board", __doc__, EXAMPLES)
     parser.add_argument("action", nargs="?", choices=tuple(OPTIONS), default="show", help="[show]")
     add_scenario(parser, None, optional=True)
-    parser.add_argument("--board", metavar="NAME", help="show, install: the single-board computer this is [recognised]")
+    add_board(parser, "show, install: ")
     parser.add_argument(
         "--root", metavar="PATH", default="/", help="folder that holds the machine's /proc, /sys, /etc [/]"
     )
@@ -72,10 +72,8 @@ def _parser() -> argparse.ArgumentParser:
         "--sources", action="store_true", help="show: also print the file that each value was read from"
     )
     parser.add_argument("--user", metavar="NAME", help="install: user that runs the slave [the one who called sudo]")
-    parser.add_argument(
-        "--listen", metavar="ENDPOINT", type=ENDPOINT, help="install: endpoint that masters connect to [the scenario's]"
-    )
-    parser.add_argument("--member", metavar="NAME", help="install: vehicle of the fleet, by name or number")
+    add_listen(parser, "install: ")
+    add_member(parser, "install: ")
     parser.add_argument("--dry-run", action="store_true", help="install, uninstall: only show what would change")
     parser.add_argument("--yes", action="store_true", help="install, uninstall: do not ask")
     return parser

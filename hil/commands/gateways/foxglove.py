@@ -5,9 +5,9 @@ from contextlib import ExitStack
 from typing import TYPE_CHECKING
 
 import hil
-from hil.commands.listening import scenario_and_endpoints
+from hil.commands.listening import add_connect, add_settings, is_routed, keys_of, scenario_and_endpoints
 from hil.common.errors import MissingExtraError
-from hil.common.options import add_connect, add_settings, new_parser, serving_address
+from hil.common.options import add_serving, new_parser
 from hil.common.stop import StopSignals
 from hil.network.settings import Network
 from hil.recording.mcap_file import Message
@@ -37,13 +37,7 @@ def main(arguments: list[str]) -> int:
     parser = new_parser("foxglove", __doc__, EXAMPLES)
     add_connect(parser)
     add_settings(parser)
-    parser.add_argument(
-        "--listen",
-        metavar="[HOST:]PORT",
-        type=serving_address,
-        default=LISTEN,
-        help="address to listen on [%(default)s]",
-    )
+    add_serving(parser, LISTEN)
     parser.add_argument("--command", action="store_true", help="let clients with the token command the vehicles")
     parser.add_argument("--layout", metavar="VEHICLE", help="print a layout for Foxglove, and end")
     options = parser.parse_args(arguments)
@@ -66,8 +60,7 @@ def main(arguments: list[str]) -> int:
         if options.command:
             from hil.gateways.foxglove.commanding import Commanding
 
-            keys = security.folder("master") if security else ""
-            routed = bool(scenario and scenario.network.mode == "routed")
+            keys, routed = keys_of(scenario), is_routed(scenario)
             commanding = Commanding(opened.enter_context(hil.connect(*endpoints, routed=routed, keys=keys)))
         host, port = options.listen
         server = opened.enter_context(FoxgloveServer(host, port, commanding))

@@ -4,8 +4,8 @@ import os
 import select
 
 import hil
-from hil.commands.listening import scenario_and_endpoints
-from hil.common.options import add_connect, add_settings, new_parser, serving_address
+from hil.commands.listening import add_fleet, add_take_over, reach_of
+from hil.common.options import add_serving, new_parser
 from hil.common.stop import StopSignals
 from hil.gateways.json_server import JsonGateway
 
@@ -27,26 +27,15 @@ this user reads.
 def main(arguments: list[str]) -> int:
     """Serve until told to stop; the exit code."""
     parser = new_parser("gateway", __doc__, EXAMPLES)
-    add_connect(parser, lan=True)
-    add_settings(parser)
-    parser.add_argument(
-        "--listen",
-        metavar="[HOST:]PORT",
-        type=serving_address,
-        default="127.0.0.1:7450",
-        help="address to listen on [%(default)s]",
-    )
-    parser.add_argument("--routed", action="store_true", help="ENDPOINT is that of a router")
-    parser.add_argument("--keys", metavar="FOLDER", default="", help="this machine's certificates")
-    parser.add_argument("--take-over", action="store_true", help="take over from a master that commands already")
+    add_fleet(parser)
+    add_serving(parser, "127.0.0.1:7450")
+    add_take_over(parser)
     parser.add_argument("--matlab", action="store_true", help="print the path of uuv_hil.m")
     options = parser.parse_args(arguments)
     if options.matlab:
         print(os.path.join(os.path.dirname(os.path.abspath(hil.__file__)), "gateways", "matlab"))
         return 0
-    scenario, endpoints = scenario_and_endpoints(options)
-    keys = options.keys or (scenario.security.folder("master") if scenario and scenario.security else "")
-    routed = options.routed or bool(scenario and scenario.network.mode == "routed")
+    _, (endpoints, routed, keys) = reach_of(options)
     host, port = options.listen
     with (
         StopSignals() as stop_fd,

@@ -5,8 +5,8 @@ import os
 from contextlib import ExitStack
 
 from hil.client.client import Stamped, VehicleClient
-from hil.commands.listening import scenario_and_endpoints
-from hil.common.options import PORT, add_connect, add_scenario, checked, new_parser, whole
+from hil.commands.listening import add_connect, add_take_over, scenario_and_endpoints
+from hil.common.options import PORT, add_scenario, checked, new_parser, whole
 from hil.common.stop import StopSignals
 from hil.network.roles import open_master_session
 from hil.network.settings import Network
@@ -97,7 +97,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--logs", metavar="FOLDER", help="folder that MAVFTP offers [recordings]")
     parser.add_argument("--parameters", metavar="FILE", help="file of stored parameters [one of this user's]")
-    parser.add_argument("--take-over", action="store_true", help="take over from a master that commands already")
+    add_take_over(parser)
     return parser
 
 

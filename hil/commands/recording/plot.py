@@ -2,6 +2,7 @@
 
 import os
 
+from hil.commands.recording.options import add_recording
 from hil.common.options import add_output, new_parser
 
 EXAMPLES = """\
@@ -20,9 +21,8 @@ to load one is to run it: that is refused unless --own-classes is given, for you
 def main(arguments: list[str]) -> int:
     """Draw; the exit code."""
     parser = new_parser("plot", __doc__, EXAMPLES)
-    parser.add_argument("recording", metavar="FILE", help="an .mcap file, or the folder of a recording")
+    add_recording(parser)
     add_output(parser, "DIR", "a folder for the pictures [that of the recording]")
-    parser.add_argument("--own-classes", action="store_true", help="load the classes it names; only if you trust it")
     options = parser.parse_args(arguments)
     from hil.plots.run_plots import plot_recording
 

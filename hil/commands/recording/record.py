@@ -5,10 +5,10 @@ import select
 import sys
 from typing import TYPE_CHECKING
 
-from hil.commands.listening import scenario_and_endpoints
+from hil.commands.listening import add_connect, add_settings, scenario_and_endpoints
 from hil.common.clock import NS_PER_S, now_ns, seconds_ns
 from hil.common.errors import DeviceError, NetworkError
-from hil.common.options import YEAR_S, Number, add_connect, add_output, add_settings, new_parser
+from hil.common.options import YEAR_S, Number, add_output, new_parser
 from hil.common.stop import StopSignals
 from hil.network.settings import Network
 from hil.recording.mcap_writer import require_library

@@ -5,9 +5,11 @@ import select
 from math import dist
 from typing import TYPE_CHECKING
 
+from hil.commands.listening import add_wait
+from hil.commands.recording.options import add_recording
 from hil.common.clock import NS_PER_S, now_ns
 from hil.common.errors import STOPPED, ConfigError, MissionError, NetworkError
-from hil.common.options import ENDPOINT, WAIT, Number, new_parser
+from hil.common.options import ENDPOINT, Number, new_parser
 from hil.common.stop import StopSignals
 from hil.recording.mcap_file import Message
 from hil.recording.reader import read_about, read_messages
@@ -42,7 +44,7 @@ SPEED = Number(0.001, 1000.0, also=(0,))
 def main(arguments: list[str]) -> int:
     """Replay in one of the three ways; the exit code."""
     parser = new_parser("replay", __doc__, EXAMPLES)
-    parser.add_argument("recording", metavar="FILE", help="an .mcap file, or the folder of a recording")
+    add_recording(parser)
     way = parser.add_mutually_exclusive_group()
     way.add_argument(
         "--listen", metavar="ENDPOINT", type=ENDPOINT, default=LISTEN, help="publish it at this endpoint [%(default)s]"
@@ -53,8 +55,7 @@ def main(arguments: list[str]) -> int:
     parser.add_argument(
         "--speed", metavar="X", type=SPEED, default=1.0, help="speed factor; 0: as fast as possible [%(default)g]"
     )
-    parser.add_argument("--wait", metavar="S", type=WAIT, default=0.0, help="time to wait for a subscriber")
-    parser.add_argument("--own-classes", action="store_true", help="load the classes it names; only if you trust it")
+    add_wait(parser, 0.0, "a subscriber")
     options = parser.parse_args(arguments)
     if options.check:
         return _check(options.recording, options.own_classes)

@@ -8,11 +8,11 @@ from contextlib import ExitStack, suppress
 from typing import Any
 
 from hil.client.health_watch import HealthWatch, Status, Unanswered
-from hil.commands.listening import scenario_and_endpoints
+from hil.commands.listening import add_connect, add_settings, add_wait, keys_of, scenario_and_endpoints
 from hil.common.clock import now_ns, seconds_ns
 from hil.common.columns import aligned
 from hil.common.errors import NetworkError
-from hil.common.options import WAIT, add_connect, add_json, add_settings, new_parser, serving_address
+from hil.common.options import add_json, new_parser, serving_address
 from hil.common.stop import StopSignals
 from hil.common.text import json_text
 from hil.network.roles import open_client_session, open_master_session
@@ -50,9 +50,8 @@ def main(arguments: list[str]) -> int:
     secure: dict[str, Any] = {"network": scenario.network, "security": scenario.security} if scenario else {}
     with StopSignals() as stop_fd, _session(endpoints, secure) as session, ExitStack() as stack:
         watch = HealthWatch(session)
-        security = scenario.security if scenario else None
         routed = bool(scenario and scenario.network.router)
-        unanswered = Unanswered(session, watch, endpoints, security.folder("master") if security else "", routed)
+        unanswered = Unanswered(session, watch, endpoints, keys_of(scenario), routed)
         if options.prometheus:
             from hil.commands.top.prometheus import Endpoint
 
@@ -82,7 +81,7 @@ def _parser() -> Any:
         "--prometheus", metavar="[HOST:]PORT", type=serving_address, help="serve the figures to a monitoring system too"
     )
     parser.add_argument("--grafana", action="store_true", help="print a dashboard for Grafana, and end")
-    parser.add_argument("--wait", metavar="S", type=WAIT, default=5.0, help="how long for a slave [%(default)g s]")
+    add_wait(parser, 5.0, "a slave")
     return parser
 
 

@@ -10,12 +10,12 @@ from collections.abc import Callable, Collection, Sequence
 from contextlib import suppress
 from typing import Any, NamedTuple
 
-from hil.commands.listening import scenario_and_endpoints
+from hil.commands.listening import add_connect, add_settings, add_wait, scenario_and_endpoints
 from hil.commands.topic.text import lines, parse_values
 from hil.common.clock import NS_PER_S, RateKeeper, now_ns, seconds_ns, to_wall_ns
 from hil.common.columns import aligned
 from hil.common.errors import ConfigError, NetworkError
-from hil.common.options import WAIT, Number, add_connect, add_json, add_settings, new_parser, whole
+from hil.common.options import Number, add_json, new_parser, whole
 from hil.common.schema import nearest
 from hil.common.stop import StopSignals, Wakeup
 from hil.common.text import json_text
@@ -84,7 +84,7 @@ def _parser() -> argparse.ArgumentParser:
     for action in (list_, echo, hz, pub, call):
         add_connect(action)
         add_settings(action)
-        action.add_argument("--wait", metavar="S", type=WAIT, default=5.0, help="time to wait for it [%(default)g s]")
+        add_wait(action, 5.0, "it")
     for action in (list_, echo, hz, call):
         add_json(action)
     return parser

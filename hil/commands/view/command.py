@@ -2,11 +2,11 @@
 
 import select
 
-from hil.commands.listening import scenario_and_endpoints
+from hil.commands.listening import add_fleet, reach_of
 from hil.commands.view.opening import open_view, shown_of
 from hil.commands.view.tls import page_tls
 from hil.common.clock import NS_PER_S, RateKeeper, now_ns, seconds_ns
-from hil.common.options import add_connect, add_settings, new_parser, serving_address
+from hil.common.options import add_serving, new_parser
 from hil.common.stop import StopSignals
 
 EXAMPLES = """\
@@ -26,29 +26,18 @@ examples:
 def main(arguments: list[str]) -> int:
     """Show until told to stop; the exit code."""
     parser = new_parser("view", __doc__, EXAMPLES)
-    add_connect(parser, lan=True)
-    add_settings(parser)
-    parser.add_argument(
-        "--listen",
-        metavar="[HOST:]PORT",
-        type=serving_address,
-        default="127.0.0.1:7480",
-        help="address to listen on [%(default)s]",
-    )
+    add_fleet(parser)
+    add_serving(parser, "127.0.0.1:7480")
     parser.add_argument("--observe", action="store_true", help="never command a vehicle")
-    parser.add_argument("--routed", action="store_true", help="ENDPOINT is that of a router")
-    parser.add_argument("--keys", metavar="FOLDER", default="", help="this machine's certificates")
     parser.add_argument("--cert", metavar="FILE", default="", help="certificate of the page, which is then encrypted")
     parser.add_argument("--key", metavar="FILE", default="", help="its private key")
     parser.add_argument("--no-browser", action="store_true", help="print the address, but open no browser")
     options = parser.parse_args(arguments)
-    scenario, endpoints = scenario_and_endpoints(options)
+    scenario, (endpoints, routed, keys) = reach_of(options)
     from hil.view.live_view import PERIOD_S
     from hil.view.sources.live import LiveSource
 
-    keys = options.keys or (scenario.security.folder("master") if scenario and scenario.security else "")
     tls = page_tls(options.listen[0], options.cert, options.key, keys)
-    routed = options.routed or bool(scenario and scenario.network.mode == "routed")
     with (
         StopSignals() as stop_fd,
         LiveSource(endpoints, observe=options.observe, routed=routed, keys=keys, scenario=scenario) as source,

@@ -10,10 +10,10 @@ from contextlib import contextmanager
 
 import hil
 from hil.client.vehicle_handle import Vehicle
-from hil.commands.listening import scenario_and_endpoints
+from hil.commands.listening import add_fleet, add_take_over, reach_of
 from hil.common.clock import now_ns
 from hil.common.errors import ConfigError, HilError
-from hil.common.options import add_connect, add_settings, new_parser
+from hil.common.options import new_parser
 from hil.common.stop import StopSignals
 from hil.common.streams import ProgressLine
 from hil.view.teleop import acts
@@ -35,16 +35,13 @@ examples:
 def main(arguments: list[str]) -> int:
     """Steer until Ctrl-C; the exit code."""
     parser = new_parser("teleop", __doc__, EXAMPLES)
-    add_connect(parser, lan=True)
-    add_settings(parser)
+    add_fleet(parser)
     parser.add_argument("--vehicle", metavar="NAME", help="vehicle to steer [the first]")
     parser.add_argument("--gamepad", action="store_true", help="steer with the first gamepad of this machine")
-    parser.add_argument("--take-over", action="store_true", help="take over from a master that commands already")
+    add_take_over(parser)
     options = parser.parse_args(arguments)
-    scenario, endpoints = scenario_and_endpoints(options)
+    _, (endpoints, routed, keys) = reach_of(options)
     pad = Gamepad() if options.gamepad else None
-    keys = scenario.security.folder("master") if scenario and scenario.security else ""
-    routed = bool(scenario and scenario.network.mode == "routed")
     with (
         StopSignals() as stop_fd,
         hil.connect(*endpoints, routed=routed, keys=keys, take_over=options.take_over) as fleet,

@@ -1,18 +1,22 @@
 """One option has one name, one meaning and one default in every command, and every help fits a terminal."""
 
 import argparse
+import ast
 import re
 from collections import defaultdict
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 
+import hil.commands
 from hil.cli import COMMANDS, GROUPS, main
 from hil.commands.bench.command import BENCHMARKS
 from hil.commands.completion import find_parser
 from hil.common.errors import EXIT_CODES
 from hil.common.options import OUTPUT_FILE, subparsers
 
+FOLDER = Path(hil.commands.__file__).parent
 MODULES = [module for name, (module, _) in COMMANDS.items() if name != "bench"]
 MODULES += [module for module, _ in BENCHMARKS.values()]
 # What an option may not be called, and what it is called.
@@ -136,6 +140,21 @@ def test_one_meaning_of_one_name() -> None:
     for name in ALLOWED:
         several.pop(name, None)
     assert not several
+
+
+def test_one_definition_of_one_option() -> None:
+    """What several commands offer under one name and with one meaning is written once, in a function that adds it."""
+    places: dict[tuple[str, str], list[str]] = defaultdict(list)
+    for path in sorted(FOLDER.rglob("*.py")):
+        for call in ast.walk(ast.parse(path.read_text())):
+            if not (isinstance(call, ast.Call) and ast.unparse(call.func).rpartition(".")[2].startswith("add")):
+                continue
+            names = [word.value for word in call.args if isinstance(word, ast.Constant) and str(word.value)[:2] == "--"]
+            texts = [ast.unparse(keyword.value) for keyword in call.keywords if keyword.arg == "help"]
+            if names and texts:
+                places[str(names[0]), texts[0]].append(f"{path.name}:{call.lineno}")
+    assert len(places) > 100
+    assert {option: where for option, where in places.items() if len(where) > 1} == {}
 
 
 # Lists of values in a benchmark that measures every combination, where another command has one value.

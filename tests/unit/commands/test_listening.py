@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from hil.commands.listening import scenario_and_endpoints
+from hil.commands.listening import Reach, add_connect, add_fleet, add_settings, reach_of, scenario_and_endpoints
 from hil.common.errors import ConfigError
-from hil.common.options import LOCAL_SLAVE, add_connect, add_settings, new_parser
+from hil.common.options import LOCAL_SLAVE, new_parser
 from tests.support.processes import write_scenario
 
 ROUTER = '[network]\nmode = "routed"\nrouter = "tcp/127.0.0.1:7448"\n'
@@ -44,3 +44,21 @@ def test_what_is_named_is_dialled(tmp_path: Path) -> None:
 def test_a_fleet_without_a_router_names_the_endpoints_of_its_vehicles() -> None:
     with pytest.raises(ConfigError, match="--connect"):
         endpoints_of("--scenario", "target_hunting")
+
+
+def reach(*words: str) -> Reach:
+    parser = new_parser("x", "", "")
+    add_fleet(parser)
+    return reach_of(parser.parse_args(words))[1]
+
+
+def test_a_fleet_is_reached_by_the_options_or_else_by_the_scenario(tmp_path: Path) -> None:
+    path, port = scenario(tmp_path, '[security]\nslave = "keys/rov"\nmaster = "keys/base"\nmay_command = ["base"]\n')
+    assert reach() == Reach([LOCAL_SLAVE], routed=False, keys="")
+    assert reach("--routed", "--keys", "mine") == Reach([LOCAL_SLAVE], routed=True, keys="mine")
+    own = reach("--scenario", path)
+    assert (own.endpoints, own.routed) == ([f"tcp/127.0.0.1:{port}"], False)
+    assert own.keys == str(tmp_path / "keys" / "base")
+    assert reach("--scenario", path, "--keys", "mine").keys == "mine"
+    routed, _ = scenario(tmp_path, ROUTER)
+    assert reach("--scenario", routed) == Reach(["tcp/127.0.0.1:7448"], routed=True, keys="")

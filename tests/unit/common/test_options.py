@@ -10,6 +10,7 @@ import pytest
 
 from hil import cli
 from hil.commands.bench import command as bench
+from hil.commands.world import area
 from hil.common import options as parser
 from hil.common.options import List, Number, Parser, Share, new_parser, subparsers
 
@@ -183,7 +184,7 @@ def test_what_is_meant(kind: Any, text: str, value: Any) -> None:
         (parser.host, "x" * 300),
         (parser.place, "91,0"),
         (parser.place, "nan,0"),
-        (parser.area, "1,2,1,3"),
+        (area, "1,2,1,3"),
         (List(parser.whole(0, 9), most=2), "1,2,3"),
     ],
 )
