@@ -24,7 +24,7 @@ def main(arguments: list[str]) -> int:
     """Do one of the three; the exit code."""
     parser = new_parser("autopilot", __doc__, EXAMPLES)
     parser.add_argument(
-        "what", choices=("motors", "link", "parameters"), metavar="motors|link|parameters", help="action, see below"
+        "what", choices=("motors", "link", "parameters"), metavar="ACTION", help="motors, link or parameters; see below"
     )
     parser.add_argument("scenario", metavar="SCENARIO", help="a .toml file, or the name of an installed scenario")
     parser.add_argument(

@@ -55,7 +55,7 @@ def main(arguments: list[str]) -> int:
 
 def _parser() -> argparse.ArgumentParser:
     parser = new_parser("frame", __doc__, EXAMPLES)
-    what = parser.add_subparsers(dest="what", required=True, metavar="list | check")
+    what = parser.add_subparsers(dest="what", required=True, metavar="ACTION")
     what.add_parser("list", help="list the frames")
     check = what.add_parser("check", help="explain a frame file, or bytes by it")
     check.add_argument("file", metavar="NAME|FILE", help="an installed frame, or a .toml file")

@@ -28,7 +28,7 @@ def main(arguments: list[str]) -> int:
     """Make an authority, or one machine's certificates; the exit code."""
     parser = new_parser("keys", __doc__, EXAMPLES)
     parser.add_argument("--dir", metavar="DIR", default="keys", help="folder of all keys [%(default)s]")
-    actions = parser.add_subparsers(dest="action", metavar="init|add", required=True)
+    actions = parser.add_subparsers(dest="action", metavar="ACTION", required=True)
     actions.add_parser("init", help="make the authority")
     add = actions.add_parser("add", help="make certificates for a machine")
     add.add_argument("name", metavar="NAME", help="name of the machine in may_command and may_listen")

@@ -86,3 +86,10 @@ def is_routed(scenario: Scenario | None) -> bool:
 def keys_of(scenario: Scenario | None) -> str:
     """Return the folder of a master's certificates; "" where the scenario asks for none."""
     return scenario.security.folder("master") if scenario and scenario.security else ""
+
+
+def presence(names: list[str], endpoints: list[str]) -> str:
+    """Return which vehicles are there, or who is waited for and where, as a line."""
+    if names:
+        return f"here: {', '.join(names)}"
+    return f"no vehicle at {', '.join(endpoints)} yet; waiting for one (`uuv-hil slave` there)"

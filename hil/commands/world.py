@@ -50,7 +50,7 @@ def main(arguments: list[str]) -> int:
 
 def _parser() -> argparse.ArgumentParser:
     parser = new_parser("world", __doc__, EXAMPLES)
-    actions = parser.add_subparsers(metavar="build|show|export|list", required=True)
+    actions = parser.add_subparsers(metavar="ACTION", required=True)
     build = actions.add_parser("build", help="make a world of charts and soundings")
     build.add_argument("files", metavar="FILE", nargs="+", help=".000 charts, .tif, .bag, .nc, .xyz, .csv; several")
     add_output(build, "WORLD", "writes WORLD.toml and WORLD.f32; makes their folder", required=True)

@@ -104,7 +104,9 @@ class Parser(argparse.ArgumentParser):
         known = [name for parser in (self, *subparsers(self).values()) for name in parser._option_string_actions]
         first = words.split(" ", maxsplit=1)[0]
         if first.startswith("-"):
-            return f"no option {shortened(first)}{nearest(first.partition('=')[0], known)}"
+            name = first.partition("=")[0]  # one that another subcommand has is not what was meant, nor any one letter
+            meant = nearest(name, [one for one in known if one.startswith("--") and one != name])
+            return f"no option {shortened(first)}{meant if name.startswith('--') else ''}"
         return f"too many words: {shortened(words)}"
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:

@@ -135,7 +135,7 @@ def load_scenario(name: str, changes: dict[str, Any] | None = None, given: str =
         key = _key_at_fault(path, changes, str(error)) if changes and given else ""
         if not key:
             raise
-        raise ConfigError(f"{given} {key}: {str(error).removeprefix(f'{path}: ')}") from None
+        raise ConfigError(f"{given} {key}: {_without(key, str(error).removeprefix(f'{path}: '))}") from None
     dialect.speak(scenario.ros.domain, scenario.ros.distro)
     return scenario
 
@@ -154,6 +154,14 @@ def _key_at_fault(path: str, changes: dict[str, Any], words: str) -> str:
         return ""
     alone = [key for key in changes if not fails_with({k: v for k, v in changes.items() if k != key})]
     return ", ".join(alone or changes)
+
+
+def _without(key: str, words: str) -> str:
+    """Return an error's words without the sections of `key`, which stands before them already."""
+    words = words.removeprefix(f"{key}: ")
+    for part in key.split("."):
+        words = words.removeprefix(f"{part}: ")
+    return words
 
 
 def _load(path: str, changes: dict[str, Any]) -> Scenario:

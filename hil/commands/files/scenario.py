@@ -2,7 +2,6 @@
 
 import argparse
 import json
-import os
 from typing import Any
 
 from hil.common.columns import aligned
@@ -42,7 +41,7 @@ def main(arguments: list[str]) -> int:
 
 def _parser() -> argparse.ArgumentParser:
     parser = new_parser("scenario", __doc__, EXAMPLES)
-    actions = parser.add_subparsers(dest="action", metavar="list | show | new | check", required=True)
+    actions = parser.add_subparsers(dest="action", metavar="ACTION", required=True)
     listed = actions.add_parser("list", help="list the installed scenarios")
     add_json(listed)
     shown = actions.add_parser("show", help="print the file of one, with its comments")
@@ -103,7 +102,9 @@ def _new(path: str, name: str) -> int:
         raise ConfigError(f"{path}: is there already; choose another name") from None
     except OSError as error:
         raise ConfigError(f"{path}: {error.strerror}") from None
-    print(f"{path}: a copy of {name}; next: uuv-hil scenario check {path}, then uuv-hil sim {path} --fast")
+    fleet = load_scenario(name).member
+    flight = f"fleet up {path}" if fleet else f"sim {path} --fast"
+    print(f"{path}: a copy of {name}; next: uuv-hil scenario check {path}, then uuv-hil {flight}")
     return 0
 
 
@@ -117,5 +118,5 @@ def _check(name: str, changes: dict[str, Any], as_json: bool) -> int:
     elif found:
         print("\n".join([f"{finding.level}: {finding.text}" for finding in found]))
     else:
-        print(f"{os.path.relpath(scenario.path)}: no problem found")
+        print(f"{name}: no problem found")
     return PROBLEM if any(finding.level == "problem" for finding in found) else 0

@@ -4,7 +4,7 @@ import os
 import select
 
 import hil
-from hil.commands.listening import add_fleet, add_take_over, reach_of
+from hil.commands.listening import add_fleet, add_take_over, presence, reach_of
 from hil.common.options import add_serving, new_parser
 from hil.common.stop import StopSignals
 from hil.gateways.json_server import JsonGateway
@@ -51,10 +51,3 @@ def main(arguments: list[str]) -> int:
                 names = fleet.names
                 print(presence(names, endpoints), flush=True)
     return 0
-
-
-def presence(names: list[str], endpoints: list[str]) -> str:
-    """Return which vehicles are there, or who is waited for and where, as a line."""
-    if names:
-        return f"here: {', '.join(names)}"
-    return f"no vehicle at {', '.join(endpoints)} yet; waiting for one (`uuv-hil slave` there)"

@@ -5,7 +5,7 @@ import os
 from contextlib import ExitStack
 
 from hil.client.client import Stamped, VehicleClient
-from hil.commands.listening import add_connect, add_take_over, scenario_and_endpoints
+from hil.commands.listening import add_connect, add_take_over, presence, scenario_and_endpoints
 from hil.common.options import PORT, add_scenario, checked, new_parser, whole
 from hil.common.stop import StopSignals
 from hil.network.roles import open_master_session
@@ -56,7 +56,7 @@ def main(arguments: list[str]) -> int:
         )  # fmt: skip
         if video:
             video.on_viewer = lambda: client.watch(PICTURES)
-        port = stack.enter_context(NetworkVehicle(client))
+        port = stack.enter_context(NetworkVehicle(client, _print))
         table = ParameterTable(
             settings.parameters or parameter_file(node), port.parameters, port.set_parameter, defaults_of(scenario)
         )
@@ -70,6 +70,7 @@ def main(arguments: list[str]) -> int:
             f"MAVLink system {settings.system} is {node} at {', '.join(endpoints)}: {link_names}; Ctrl-C ends it",
             flush=True,
         )
+        print(presence([], endpoints), flush=True)
         gateway.run(stop_fd)
     return 0
 

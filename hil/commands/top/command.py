@@ -102,7 +102,7 @@ def _wait(watch: HealthWatch, unanswered: Unanswered, endpoints: list[str], seco
             unanswered.check_endpoints()
             missing = f"no slave at {', '.join(endpoints)} told of its health within {seconds:g} s"
             remedy = "is `uuv-hil slave` running there, with --listen on an address this machine reaches?"
-            raise NetworkError("; ".join([missing, *unanswered.lines, remedy]))
+            raise NetworkError("; ".join([missing, *(unanswered.lines or [remedy])]))
 
 
 def _settle(watch: HealthWatch, seconds: float, stop_fd: int) -> None:

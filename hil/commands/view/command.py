@@ -2,7 +2,7 @@
 
 import select
 
-from hil.commands.listening import add_fleet, reach_of
+from hil.commands.listening import add_fleet, presence, reach_of
 from hil.commands.view.opening import open_view, shown_of
 from hil.commands.view.tls import page_tls
 from hil.common.clock import NS_PER_S, RateKeeper, now_ns, seconds_ns
@@ -44,7 +44,11 @@ def main(arguments: list[str]) -> int:
         open_view(source, shown_of(scenario), options.listen, not options.no_browser, tls=tls) as view,
     ):
         schedule = RateKeeper(seconds_ns(PERIOD_S), now_ns())
+        here: list[str] | None = None
         while not select.select((stop_fd,), (), (), max(schedule.deadline_ns - now_ns(), 0) / NS_PER_S)[0]:
             if schedule.due(now_ns()):
                 view.update()
+                if (names := [name for name in source.names if source.is_present(name)]) != here:
+                    here = names
+                    print(presence(here, endpoints), flush=True)
     return 0

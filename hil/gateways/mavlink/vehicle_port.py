@@ -24,10 +24,13 @@ REFRESH_S = 5.0  # between two looks at what the slave has: sensors, parameters
 
 
 class NetworkVehicle:
-    """One vehicle by its client. Use as a context; leaving it ends the thread, not the client."""
+    """One vehicle by its client. Use as a context; leaving it ends the thread, not the client.
 
-    def __init__(self, client: VehicleClient) -> None:
-        self._client = client
+    `report` gets a line when the vehicle is there for the first time.
+    """
+
+    def __init__(self, client: VehicleClient, report: Callable[[str], None] = lambda _: None) -> None:
+        self._client, self._report = client, report
         self._parameters = SlaveParameters(client.session, client.node)
         self._jobs: deque[Callable[[], None]] = deque()
         self._wake = threading.Event()
@@ -142,11 +145,15 @@ class NetworkVehicle:
 
     def _work(self) -> None:
         """Do what waits for answers, and look every now and then at what the slave has."""
+        was_here = False
         while not self._ending.is_set():
             while self._jobs:
                 self._attempt(self._jobs.popleft())
             if self._client.contact.present:
                 self._attempt(self._refresh)
+                if not was_here:
+                    was_here = True
+                    self._report(f"here: {self._client.node}")
             self._wake.wait(REFRESH_S if self._is_known else 0.1)
             self._wake.clear()
 

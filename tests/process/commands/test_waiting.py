@@ -2,6 +2,8 @@
 
 from pathlib import Path
 
+import pytest
+
 from tests.support.processes import Program, free_port, write_scenario
 
 
@@ -22,6 +24,19 @@ def test_gateway_and_foxglove_say_whom_they_wait_for(tmp_path: Path) -> None:
                 pub.expect(r"nobody subscribes to /uuv1/cmd_vell yet; .*did you mean '/uuv1/cmd_vel'\?")
                 pub.expect("publishing geometry_msgs/msg/Twist")
         gateway.expect("no vehicle at .* yet[^$]*no vehicle at")
+
+
+@pytest.mark.parametrize(
+    "command", [("mavlink", "--endpoint", "udpin:127.0.0.1:0"), ("view", "--listen", "0", "--no-browser")], ids=" ".join
+)
+def test_mavlink_and_the_view_say_whom_they_wait_for(tmp_path: Path, command: tuple[str, ...]) -> None:
+    path, port = write_scenario(tmp_path)
+    where = f"127.0.0.1:{port}"
+    with Program(tmp_path, *command, "--connect", where) as program:
+        program.expect(f"no vehicle at tcp/{where} yet; waiting for one")
+        assert "here: uuv1" not in program.output
+        with Program(tmp_path, "slave", path):
+            program.expect("here: uuv1")
 
 
 def test_a_free_place_is_not_waited_for_by_a_wrong_port(tmp_path: Path) -> None:

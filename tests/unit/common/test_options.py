@@ -19,7 +19,7 @@ TEXTS = {
     "SCENARIO", "NAME", "DIR", "FOLDER", "FILE", "PATH", "WORLD", "VEHICLE", "TYPE", "VALUES", "TOPIC", "SERVICE",
     "HEX", "ADDRESS", "KEY=VALUE", "NAME=VALUE", "KEY=A,B,...", "NAME|FILE", "NAME|FILE.toml", "CHART.000",
     "MODEL.urdf", "FILE.csv", "FILE.png", "FILE.toml", "FILE.json", "A.json", "B.json", "OUT.pgm|.tif|.stl|.glb|.sdf",
-    "init|add", "KIND", "FILE|DIR", "NODE=HOST", "COMMAND", "build|show|export|list", "list | check", "ACTION",
+    "KIND", "FILE|DIR", "NODE=HOST", "COMMAND", "ACTION",
 }  # fmt: skip
 VALUES = ["nan", "inf", "-inf", "-1", "0", "1e12", "x", "", "9" * 5000, "0x10", "1_0", "½", "1e400", "5 kg"]
 
@@ -227,6 +227,20 @@ def test_did_you_mean(words: list[str], meant: str, capsys: pytest.CaptureFixtur
     (line,) = capsys.readouterr().err.splitlines()
     assert f"did you mean '{meant}'?" in line
     assert len(re.findall("uuv-hil", line.partition("; see ")[0])) == 1, "a prefix twice"
+
+
+@pytest.mark.parametrize(
+    ("words", "line"),
+    [
+        (["world", "export", "pool", "-o", "x.sdf"], "no option '-o'; see"),  # another subcommand has it
+        (["sim", "-q"], "no option '-q'; see"),
+        (["world", "shwo"], "ACTION: 'shwo' is not one of build, show, export, list; did you mean 'show'?; see"),
+        (["keys", "ad"], "ACTION: 'ad' is not one of init, add; did you mean 'add'?; see"),
+    ],
+)
+def test_what_is_not_known_is_named_once(words: list[str], line: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(words) == 2
+    assert capsys.readouterr().err.startswith(f"uuv-hil {words[0]}: {line}")
 
 
 def test_long_examples_are_broken_as_a_shell_reads_them(monkeypatch: pytest.MonkeyPatch) -> None:
