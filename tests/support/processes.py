@@ -6,9 +6,11 @@ import re
 import subprocess
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, redirect_stderr, redirect_stdout
+from contextlib import contextmanager, redirect_stderr, redirect_stdout, suppress
 from pathlib import Path
 from typing import TypeVar
+
+import psutil
 
 from hil.autonomy.control.controller import VelocityCommand
 from hil.cli import main
@@ -166,7 +168,20 @@ def wait_for(condition: Callable[[], T | None], seconds: float = PATIENCE_S) -> 
         time.sleep(0.02)
 
 
-def children_of(pid: int) -> list[int]:
-    """The processes that any thread of that one has started."""
-    files = Path(f"/proc/{pid}/task").glob("*/children")
-    return [int(child) for file in files for child in file.read_text().split()]
+def children_of(pid: int, recursive: bool = False) -> list[int]:
+    """The processes that any thread of that one has started; with `recursive` also what those have started."""
+    return [child.pid for child in psutil.Process(pid).children(recursive)]
+
+
+def is_running(pid: int) -> bool:
+    """Whether the process has not ended: one whose parent has not asked how it ended has."""
+    with suppress(psutil.NoSuchProcess):
+        return psutil.Process(pid).status() not in (psutil.STATUS_ZOMBIE, psutil.STATUS_DEAD)
+    return False
+
+
+def command_line(pid: int) -> str:
+    """Its words with spaces between; empty once it has ended."""
+    with suppress(psutil.Error):
+        return " ".join(psutil.Process(pid).cmdline())
+    return ""

@@ -11,32 +11,16 @@ import pytest
 
 from hil.commands.demo import require_free
 from hil.common.scratch import ScratchFolder
-from tests.support.processes import Program, wait_for, write_scenario
+from tests.support.processes import Program, children_of, command_line, is_running, wait_for, write_scenario
 
 PATIENCE_S = 60.0
 CAMERA = "[sensors.camera]\nwidth = 16\nheight = 16\nrate = 2\n"
 HOSTILE = "select", "numpy", "joblib", "tempfile", "hashlib"
 
 
-def parents() -> dict[int, int]:
-    """The parent of each living process."""
-    found = {}
-    for pid in filter(str.isdigit, os.listdir("/proc")):
-        try:
-            state, parent, *_ = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
-        except (FileNotFoundError, ProcessLookupError):
-            continue
-        if state != "Z":
-            found[int(pid)] = int(parent)
-    return found
-
-
 def descendants(pid: int) -> list[int]:
-    """All that a process has started, and they."""
-    found, tree = [pid], parents()
-    for ancestor in found:
-        found += [child for child, parent in tree.items() if parent == ancestor]
-    return found[1:]
+    """All that a process has started, and they, without those that have ended."""
+    return [child for child in children_of(pid, recursive=True) if is_running(child)]
 
 
 def kill(program: Program, least: int) -> None:
@@ -45,9 +29,9 @@ def kill(program: Program, least: int) -> None:
     assert len(family) >= least, program.output
     program.process.kill()
     try:
-        assert wait_for(lambda: not set(family) & set(parents()), PATIENCE_S)
+        assert wait_for(lambda: not any(map(is_running, family)), PATIENCE_S)
     finally:
-        for pid in set(family) & set(parents()):
+        for pid in filter(is_running, family):
             os.kill(pid, signal.SIGKILL)
 
 
@@ -109,14 +93,7 @@ def test_runs_on_all_cores(tmp_path: Path, name: str) -> None:
 
 def workers(program: Program) -> list[int]:
     """Those of joblib's processes that have begun to work, so that they belong to the program."""
-    return [pid for pid in descendants(program.process.pid) if b"LokyProcess" in _read(f"/proc/{pid}/cmdline")]
-
-
-def _read(path: str) -> bytes:
-    try:
-        return Path(path).read_bytes()
-    except (FileNotFoundError, ProcessLookupError):
-        return b""
+    return [pid for pid in descendants(program.process.pid) if "LokyProcess" in command_line(pid)]
 
 
 COMMANDS = {

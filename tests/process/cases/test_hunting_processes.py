@@ -6,6 +6,7 @@ import signal
 from collections.abc import Iterator
 from pathlib import Path
 
+import psutil
 import pytest
 
 from hil.cases.crew import Crew
@@ -16,7 +17,7 @@ from hil.cases.target_hunting import members_on_free_ports
 from hil.cases.variant import write_variant
 from hil.common.errors import NetworkError
 from hil.scenario.config import Scenario, load_scenario
-from tests.support.processes import Program, wait_for
+from tests.support.processes import Program, command_line, wait_for
 
 STARTS = ((6.2, 7.1), (3.0, 6.4), (3.0, 3.6), (6.2, 2.9))  # half round the target already, 2.4 m from it
 
@@ -44,7 +45,7 @@ def crews(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[Crew]]:
     monkeypatch.setattr(processes, "Crew", Noted)
     yield found
     assert [len(crew.pids) for crew in found] == [4, 4]
-    assert not [pid for crew in found for pid in crew.pids if os.path.exists(f"/proc/{pid}")]
+    assert not [pid for crew in found for pid in crew.pids if psutil.pid_exists(pid)]
 
 
 def test_four_slaves_and_four_planners_surround_the_target(
@@ -94,14 +95,7 @@ def test_ctrl_c_ends_all(tmp_path: Path) -> None:
         hil = folder / "target_hunting-hil-001"
         log = hil / "slave_uuv4.log"
         assert wait_for(lambda: log.exists() and "commands arrive" in log.read_text()), case.output
-        mine = [pid for pid in os.listdir("/proc") if pid.isdigit() and str(hil) in _command_line(pid)]
+        mine = [pid for pid in psutil.pids() if str(hil) in command_line(pid)]
         assert len(mine) == 8
         assert case.stop(signal.SIGINT) == 130
-        assert not [pid for pid in mine if os.path.exists(f"/proc/{pid}")]
-
-
-def _command_line(pid: str) -> str:
-    try:
-        return Path(f"/proc/{pid}/cmdline").read_text().replace("\0", " ")
-    except OSError:  # it has ended meanwhile
-        return ""
+        assert not [pid for pid in mine if psutil.pid_exists(pid)]

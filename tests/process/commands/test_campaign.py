@@ -3,14 +3,16 @@
 import csv
 import os
 import signal
+from contextlib import suppress
 from pathlib import Path
 
+import psutil
 import pytest
 
 from hil.cli import main
 from hil.commands.campaign import command as campaign
 from hil.common.errors import ConfigError
-from tests.support.processes import Program, wait_for, write_scenario
+from tests.support.processes import Program, command_line, wait_for, write_scenario
 
 
 def test_combinations() -> None:
@@ -109,10 +111,8 @@ def check_workers_end(tmp_path: Path, name: str, number: int) -> None:
 def workers(program: Program) -> list[str]:
     """The command lines of joblib's processes in the program's session, those that have ended left out."""
     found = []
-    for pid in filter(str.isdigit, os.listdir("/proc")):
-        try:
-            if os.getsid(int(pid)) == program.process.pid:
-                found.append(Path(f"/proc/{pid}/cmdline").read_text())
-        except OSError:  # it has ended meanwhile
-            continue
+    for pid in psutil.pids():
+        with suppress(ProcessLookupError):  # it has ended meanwhile
+            if os.getsid(pid) == program.process.pid:
+                found.append(command_line(pid))
     return [line for line in found if "LokyProcess" in line]

@@ -11,7 +11,7 @@ import pytest
 
 from hil.commands.demo import require_free
 from hil.common.errors import NetworkError
-from tests.support.processes import Program, free_port, wait_for, write_scenario
+from tests.support.processes import Program, children_of, command_line, free_port, wait_for, write_scenario
 
 
 @contextmanager
@@ -95,7 +95,5 @@ def test_no_table_when_its_slave_fails(tmp_path: Path) -> None:
 
 
 def slave_of(demo: Program) -> int:
-    pid = demo.process.pid
-    children = Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
-    (slave,) = (child for child in children if b"\0slave\0" in Path(f"/proc/{child}/cmdline").read_bytes())
-    return int(slave)
+    (slave,) = (child for child in children_of(demo.process.pid) if " slave " in command_line(child))
+    return slave

@@ -24,6 +24,7 @@ def test_the_installed_scenarios_are_listed_and_none_has_a_problem(capsys: pytes
     listed = json.loads(output)
     assert [row["name"] for row in listed] == preset_names(SCENARIOS)
     assert {row["name"]: row["vehicles"] for row in listed}["target_hunting"] == 4
+    assert all("paper" not in row["description"] for row in listed), "who reads the list knows of no paper"
     for row in listed:
         assert run(capsys, "scenario", "check", row["name"], "--json") == (0, "[]\n", "")
 

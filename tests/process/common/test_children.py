@@ -9,11 +9,12 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+import psutil
 import pytest
 
 from hil.common import lifeline
 from hil.common.children import ROOT, foreign_command, module_command, open_lifeline, package_environment, start_child
-from tests.support.processes import wait_for
+from tests.support.processes import is_running, wait_for
 
 PATIENCE_S = 30.0
 
@@ -27,20 +28,12 @@ time.sleep(600)
 ENDLESS = "import time; from hil.common.lifeline import die_with_parent; die_with_parent(); time.sleep(600)"
 
 
-def is_there(pid: int) -> bool:
-    """Whether the process runs: it may have ended and nobody has asked how."""
-    try:
-        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
-    except FileNotFoundError:
-        return False
-
-
 @pytest.fixture
 def ended() -> Iterator[list[int]]:
     """Processes that are ended in any case."""
     pids: list[int] = []
     yield pids
-    for pid in filter(is_there, pids):
+    for pid in filter(is_running, pids):
         os.kill(pid, signal.SIGKILL)
 
 
@@ -76,7 +69,7 @@ def test_a_child_ends_with_its_parent_and_not_before(way: str, ended: list[int])
         ended += [parent.pid, child]
         group = wait_for(lambda: [pid for pid in group_of(child) if command_of(pid) == "sleep"] or is_ours(child))
         assert group, "it has not come up"
-        assert is_there(child)
+        assert is_running(child)
         ended += group_of(child)
         parent.kill()
         assert wait_for(lambda: not group_of(child), PATIENCE_S)
@@ -95,20 +88,15 @@ def is_ours(pid: int) -> list[int]:
 def group_of(leader: int) -> list[int]:
     """The living processes of a group."""
     found = []
-    for pid in map(int, filter(str.isdigit, os.listdir("/proc"))):
-        try:
-            if os.getpgid(pid) == leader and is_there(pid):
+    for pid in psutil.pids():
+        with suppress(ProcessLookupError):
+            if os.getpgid(pid) == leader and is_running(pid):
                 found.append(pid)
-        except ProcessLookupError:
-            continue
     return found
 
 
 def command_of(pid: int) -> str:
-    try:
-        return Path(f"/proc/{pid}/comm").read_text().strip()
-    except FileNotFoundError:
-        return ""
+    return psutil.Process(pid).name() if psutil.pid_exists(pid) else ""
 
 
 def test_a_parent_that_ended_before_the_child_could_ask(tmp_path: Path, ended: list[int]) -> None:
@@ -121,9 +109,9 @@ def test_a_parent_that_ended_before_the_child_could_ask(tmp_path: Path, ended: l
         ended += [parent.pid, child]
         parent.kill()
         parent.wait()
-        assert is_there(child), "it does not know yet"
+        assert is_running(child), "it does not know yet"
         gate.write_text("go")
-        assert wait_for(lambda: not is_there(child), PATIENCE_S)
+        assert wait_for(lambda: not is_running(child), PATIENCE_S)
     assert int((tmp_path / "late").read_text()) != parent.pid
 
 
@@ -219,7 +207,7 @@ for child in started: print(child.pid)
         ended += [parent.pid, *children]
         assert wait_for(lambda: all(command_of(child) == "sleep" for child in children), PATIENCE_S)
         parent.kill()
-        assert wait_for(lambda: not any(map(is_there, children)), PATIENCE_S)
+        assert wait_for(lambda: not any(map(is_running, children)), PATIENCE_S)
 
 
 def test_it_is_the_process_that_counts_and_not_one_descriptor() -> None:
@@ -230,7 +218,7 @@ def test_it_is_the_process_that_counts_and_not_one_descriptor() -> None:
     os.close(end)
     try:
         assert wait_for(lambda: command_of(child.pid) == "sleep", PATIENCE_S)
-        assert is_there(child.pid)
+        assert is_running(child.pid)
     finally:
         child.kill()
         child.wait()

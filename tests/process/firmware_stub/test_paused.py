@@ -6,6 +6,7 @@ import signal
 import time
 from pathlib import Path
 
+import psutil
 import pytest
 
 from hil.common.clock import now_ns
@@ -41,8 +42,8 @@ def test_old_commands_are_thrown_away(kind: str, wire: str, tmp_path: Path) -> N
         assert wait_for(obeys)
         os.kill(driver.children[0], signal.SIGSTOP)
         try:
-            stat = Path(f"/proc/{driver.children[0]}/stat")
-            assert wait_for(lambda: stat.read_text().rpartition(")")[2].split()[0] == "T")
+            stm32 = psutil.Process(driver.children[0])
+            assert wait_for(lambda: stm32.status() == psutil.STATUS_STOPPED)
             reports(driver)
             for _ in range(20):
                 command(MEANWHILE)

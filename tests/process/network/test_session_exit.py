@@ -1,12 +1,12 @@
 """A process with an open session ends when it should: normally, by an exception, by sys.exit, by a signal."""
 
-import os
 import signal
 import subprocess
 import sys
 import threading
 from pathlib import Path
 
+import psutil
 import pytest
 
 from hil.network.opening import listen
@@ -62,8 +62,8 @@ def test_ctrl_c_ends_it() -> None:
 def test_closing_leaves_no_thread_and_no_descriptor(tmp_path: Path) -> None:
     text = (
         OPEN.format(port=free_port())
-        + "import os\nbefore = len(os.listdir('/proc/self/fd'))\nclient.close(); session.close()\n"
-        + "print(threading.enumerate(), len(os.listdir('/proc/self/fd')) < before)"
+        + "import psutil\nbefore = psutil.Process().num_fds()\nclient.close(); session.close()\n"
+        + "print(threading.enumerate(), psutil.Process().num_fds() < before)"
     )
     done = subprocess.run([sys.executable, "-c", text], cwd=ROOT, capture_output=True, text=True, timeout=60)
     assert "MainThread" in done.stdout
@@ -78,20 +78,20 @@ def test_the_router_ends_cleanly(tmp_path: Path, number: int) -> None:
         router.expect("forwarding")
         assert router.stop(number) == 0
     assert "Traceback" not in router.output
-    assert wait_for(lambda: not os.path.exists(f"/proc/{router.process.pid}"))
+    assert wait_for(lambda: not psutil.pid_exists(router.process.pid))
 
 
 def test_sessions_that_published_leave_no_memory_behind() -> None:
     """A publisher that is declared when its session is closed keeps the whole session, 30 kB, in the library."""
     text = """
 from ctypes import CDLL
+import psutil
 from hil.network.roles import open_master_session
 from hil.ros.topics import TOPICS
 
 def private_kib():
     CDLL(None).malloc_trim(0)
-    lines = open("/proc/self/smaps_rollup").read().splitlines()
-    return sum(int(line.split()[1]) for line in lines if line.startswith("Private_"))
+    return psutil.Process().memory_full_info().uss / 1024
 
 def grown(again, count):
     before = private_kib()

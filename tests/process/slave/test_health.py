@@ -8,6 +8,7 @@ import tty
 from contextlib import suppress
 from pathlib import Path
 
+import psutil
 import pytest
 
 from boards.emulation import labels
@@ -78,12 +79,11 @@ def test_no_thread_of_ours_has_a_lower_class_of_scheduling_than_the_loop(tmp_pat
 
         def classes() -> dict[int, int]:
             """Of each thread that runs our code: the library names its own otherwise."""
-            ours = Path(f"/proc/{pid}/comm").read_text()
-            found = {}
-            for task in Path(f"/proc/{pid}/task").iterdir():
-                with suppress(OSError):  # it has just ended
-                    if (task / "comm").read_text() == ours:
-                        found[int(task.name)] = os.sched_getscheduler(int(task.name))
+            process, found = psutil.Process(pid), {}
+            for thread, *_ in process.threads():
+                with suppress(psutil.Error, OSError):  # it has just ended
+                    if psutil.Process(thread).name() == process.name():
+                        found[thread] = os.sched_getscheduler(thread)
             return found
 
         assert wait_for(lambda: len(classes()) >= 4 and len(set(classes().values())) == 1), classes()

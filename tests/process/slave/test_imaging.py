@@ -20,7 +20,7 @@ from hil.recording.reader import read_messages
 from hil.ros.diagnostics import Diagnostics, or_nan
 from sim.environment.world import load_world
 from tests.support.busy import retry_when_busy
-from tests.support.processes import ROOT, Program, wait_for, write_scenario
+from tests.support.processes import ROOT, Program, is_running, wait_for, write_scenario
 
 WIDTH, HEIGHT = 64, 48
 SENSORS = f"""
@@ -69,14 +69,6 @@ def watched(tmp_path_factory: pytest.TempPathFactory) -> Iterator[VehicleClient]
 
 def has_all(client: VehicleClient) -> bool:
     return all(client.received[topic] > 2 for topic in PICTURES)
-
-
-def alive(pid: int) -> bool:
-    """A process that has ended and waits for its parent to notice is not."""
-    try:
-        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] not in ("Z", "X")
-    except OSError:
-        return False
 
 
 def imaging_pid(client: VehicleClient) -> int:
@@ -229,10 +221,10 @@ def takes(client: VehicleClient, seconds: float) -> float:
 def test_it_ends_with_the_slave(slave: tuple[Program, VehicleClient], number: int) -> None:
     program, client = slave
     pid = imaging_pid(client)
-    assert alive(pid)
+    assert is_running(pid)
     code = program.stop(number)
     assert code == (-9 if number == signal.SIGKILL else 0)
-    assert wait_for(lambda: not alive(pid))
+    assert wait_for(lambda: not is_running(pid))
     assert "Traceback" not in program.output
     assert "the imaging process ended" not in program.output
 

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import psutil
 import pytest
 
 from firmware_stub.build import native_compiler
@@ -58,7 +59,7 @@ class Vehicle:
     def stm32(self) -> list[int]:
         """The processes of the slave that are not ArduSub."""
         pids = children_of(self.slave.process.pid)
-        return [pid for pid in pids if os.path.realpath(f"/proc/{pid}/exe") != os.path.realpath(PROGRAM)]
+        return [pid for pid in pids if psutil.Process(pid).exe() != os.path.realpath(PROGRAM)]
 
     def dive(self, depth: float) -> Mission:
         """Arm, go down by the sticks, and hold depth."""

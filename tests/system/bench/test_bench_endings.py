@@ -12,6 +12,7 @@ from itertools import count
 from pathlib import Path
 from typing import NamedTuple
 
+import psutil
 import pytest
 
 from hil.bench.record import load
@@ -75,15 +76,8 @@ of_each = pytest.mark.parametrize("case", CASES, ids=[case.words[0] for case in 
 
 def of_folder(folder: Path) -> list[int]:
     """The processes that have it for temporary files, as a benchmark's have from it."""
-    return [int(path.parent.name) for path in Path("/proc").glob("[0-9]*/environ") if f"TMPDIR={folder}" in text(path)]
-
-
-def text(environment: Path) -> str:
-    """Of a process; empty when that is gone or another user's."""
-    try:
-        return environment.read_text(errors="replace")
-    except OSError:
-        return ""
+    own = ((process.pid, process.info["environ"] or {}) for process in psutil.process_iter(["environ"]))
+    return [pid for pid, variables in own if variables.get("TMPDIR", "").startswith(str(folder))]
 
 
 def shown(terminal: int, words: str) -> bool:

@@ -8,7 +8,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from multiprocessing import get_context
 from pathlib import Path
 
@@ -20,7 +20,7 @@ from hil.commands.campaign.engines import Task, _run_unpacked
 from hil.commands.campaign.files import Bundle, collect, unpack
 from hil.common.errors import ConfigError
 from hil.common.schema import preset_folder
-from tests.support.processes import ROOT, Program, free_port, wait_for, write_scenario
+from tests.support.processes import ROOT, Program, children_of, free_port, is_running, wait_for, write_scenario
 
 ENGINES = ("dask", "ray")
 NO_CLUSTER = {"DASK_SCHEDULER_ADDRESS": "", "RAY_ADDRESS": ""}
@@ -278,27 +278,9 @@ def test_nothing_of_a_cluster_outlives_the_command(engine: str, tmp_path: Path) 
     arguments = ("campaign", "paper_field", "--vary", "master.time_limit=2", "--seeds", "10000", "--jobs", "2")
     with Program(tmp_path, *arguments, "--backend", engine, environment=NO_CLUSTER) as program:
         assert wait_for(lambda: "/10000" in program.output, START_S), program.output
-        others = family(program.process.pid) - {program.process.pid}
+        others = children_of(program.process.pid, recursive=True)
         assert len(others) >= 2
         program.process.send_signal(signal.SIGTERM)
         assert program.wait(60) == 130, program.output
     assert "Traceback" not in program.output, program.output
     assert wait_for(lambda: not [pid for pid in others if is_running(pid)], 30), others
-
-
-def family(pid: int) -> set[int]:
-    """A process and all that descend from it."""
-    found, parents = {pid}, {}
-    for entry in filter(str.isdigit, os.listdir("/proc")):
-        with suppress(OSError):
-            parents[int(entry)] = int(Path(f"/proc/{entry}/stat").read_text().rpartition(")")[2].split()[1])
-    while more := {child for child, parent in parents.items() if parent in found} - found:
-        found |= more
-    return found
-
-
-def is_running(pid: int) -> bool:
-    """Whether it has not ended, or is a zombie."""
-    with suppress(OSError):
-        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
-    return False

@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import psutil
 import pytest
 
 from firmware_stub import qemu
@@ -39,7 +40,7 @@ def stm32(cpu: int) -> Iterator[QemuStm32]:
         stm32 = QemuStm32(8, 0.2, cpu)
         yield stm32
         stm32.close()
-    assert not os.path.exists(f"/proc/{stm32.pid}")
+    assert not psutil.pid_exists(stm32.pid)
 
 
 def wait(link: ThrusterLink, wanted: Callable[[ThrusterTelemetry], bool]) -> ThrusterTelemetry:

@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import psutil
 import pytest
 
 from firmware_stub import child
@@ -28,7 +29,7 @@ from hil.slave.drivers.ends import Ends
 from hil.slave.drivers.external import ExternalDriver
 from tests.support.bench_link import BenchLink
 from tests.support.link_contract import nothing_leaks
-from tests.support.processes import wait_for
+from tests.support.processes import children_of, wait_for
 
 COMMAND = ThrusterCommand(1, True, (1600,) * 6)
 AT_ONCE_S = 1.5  # for what takes some microseconds; what waits for the other end waits 2 s at least, or for ever
@@ -41,16 +42,12 @@ PROCESSES = [
 ]  # fmt: skip
 
 
-def children() -> set[str]:
-    return {pid for file in Path("/proc/self/task").glob("*/children") for pid in file.read_text().split()}
-
-
 @pytest.fixture(autouse=True)
 def _nothing_left() -> Iterator[None]:
-    before = children()  # other tests may leave helpers of libraries
+    before = set(children_of(os.getpid()))  # other tests may leave helpers of libraries
     with nothing_leaks():
         yield
-    assert children() <= before
+    assert set(children_of(os.getpid())) <= before
 
 
 @pytest.fixture(autouse=True)
@@ -187,7 +184,7 @@ def test_a_process_that_is_stopped_is_killed(kind: str, monkeypatch: pytest.Monk
     (pid,) = driver.children
     os.kill(pid, signal.SIGSTOP)
     driver.close()
-    assert not Path(f"/proc/{pid}").exists()
+    assert not psutil.pid_exists(pid)
 
 
 @pytest.mark.parametrize("kind", PROCESSES)

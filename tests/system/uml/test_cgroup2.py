@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import psutil
 import pytest
 
 from hil.bench.limits import ROOT, Confinement, Limits
@@ -126,7 +127,7 @@ def test_nothing_is_left_when_it_is_left() -> None:
         assert wait_for(lambda: len(members(group)) == 2)
         (child,) = members(group) - {process.pid}
     assert process.wait(60) == -signal.SIGKILL
-    assert wait_for(lambda: not os.path.exists(f"/proc/{child}"))
+    assert wait_for(lambda: not psutil.pid_exists(child))
     assert os.listdir(ROOT) == before
 
 
