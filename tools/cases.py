@@ -1,4 +1,4 @@
-"""Fly the source paper's cases and write docs/explanation/cases.md with its pictures.
+"""Fly the reference platform's cases and write docs/explanation/cases.md with its pictures.
 
     python tools/cases.py [--out docs/explanation] [--seeds 50] [--hil 1] [--only NAME ...]
 

@@ -5,7 +5,7 @@
     heading ──P──> turn rate ┐
     roll, pitch ──P──────────┴─> p q r ──PID──> angular acceleration ── x inertia ──> K M N
 
-The shape is that of the source paper ("Modular UUV Simulation Platform", Sensors 2022, 22(20), 8043)
+The shape is that of the reference platform ("Modular UUV Simulation Platform", Sensors 2022, 22(20), 8043)
 (position, velocity, attitude, angular rate; P, PI, PD or PID an axis); the position loop is the planner's.
 All loops work in accelerations, so that one set of gains serves vehicles of any size: the vehicle's own
 inertia, rigid plus added, turns them into newtons. Weight, buoyancy, drag and Coriolis forces are not fed

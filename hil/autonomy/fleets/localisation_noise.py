@@ -1,8 +1,9 @@
 """Random errors of measured positions, to test formations with.
 
-`LocalisationNoise` is what a formation is tried with: zero-mean Gaussian errors, each axis by itself. The source paper
-prints for its eq. (10) a function of Gaussian shape with the sign of its exponent turned round, which is no error: it
-is never below its amplitude and grows without bound. Bias and drift are those of the sensors, not modelled here.
+`LocalisationNoise` gives zero-mean Gaussian errors, each axis by itself. The paper of the reference platform (Zhang et
+al. 2022) prints for its eq. (10) a function of Gaussian shape with the sign of its exponent turned round. That is no
+error: it is never below its amplitude and grows without bound. Bias and drift are those of the sensors, not modelled
+here.
 """
 
 from random import Random

@@ -7,7 +7,7 @@ least turning circle cannot reach are masked; of the openings that are left the 
 Two things differ. A sector takes the magnitude of the nearest obstacle in it where the paper adds up the cells of a
 grid: the thresholds are then distances, the same for any number of beams, and one beam on a thin post is enough. And
 the speed falls with the water ahead and with the turn to make, which VFH+ leaves open; the vehicle stops where no
-direction is free. (The source paper's own rule for the speed could not be compared.)
+direction is free. (The reference platform's own rule for the speed could not be compared.)
 
 All in the level plane. Headings and sectors in rad from north, clockwise seen from above; a scan's angles from the
 bow, starboard positive. Currents are not modelled.

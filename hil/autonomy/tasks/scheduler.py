@@ -12,10 +12,9 @@ A mission is a list of tasks, in Python or in a TOML file:
     urgent = true
     repeat = true
 
-Out of it comes a chart (`hil.autonomy.tasks.statechart`) like the source paper's template in Stateflow: idle, each
-task with
-its parts travel and work, home, done. Of the tasks that are ready the one of highest priority is next, of equals the
-nearest. An urgent one interrupts those of lower priority, which are restarted later.
+The result is a chart (`hil.autonomy.tasks.statechart`) like the reference platform's template in Stateflow: idle, each
+task with its parts travel and work, home, done. Of the tasks that are ready the one of highest priority is next, of
+equals the nearest. An urgent one interrupts those of lower priority, which are restarted later.
 """
 
 from collections.abc import Mapping, Sequence
