@@ -5,12 +5,13 @@ Vectors are along FRD or NED and in SI units, as the records say (sim.sensors.sa
 """
 
 from math import asin, atan2, hypot
-from typing import Any, NamedTuple
+from typing import Any
 
 from hil.autonomy.control.controller import clamp, down_in_body, heading_of
 from hil.client.client import Stamped
 from hil.common.clock import NS_PER_S, now_ns
 from hil.common.vectors import Vector3
+from hil.ros.dvl import AltitudeSample
 from sim.sensors import extra_samples as extra
 from sim.sensors.samples import DvlSample, ImuSample, OdometrySample, PressureSample
 
@@ -80,13 +81,6 @@ class Pressure(PressureSample, Aged):
 
 class Distance(extra.RangeSample, Aged):
     """A distance (m) and the reach of the device."""
-
-
-class AltitudeSample(NamedTuple):
-    """Distance to the seabed in m, inf if there is none within reach."""
-
-    time_ns: int
-    distance: float
 
 
 class Altitude(AltitudeSample, Aged):

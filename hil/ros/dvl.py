@@ -2,6 +2,7 @@
 
 from math import atan2, hypot, inf, isfinite, nan
 from struct import Struct
+from typing import NamedTuple
 
 from hil.ros.cdr import Layout, diagonal, tolerant
 from hil.ros.encoders import (
@@ -27,6 +28,13 @@ _BEAMS = 4
 _NO_BEAMS = (0.0,) * 32  # their vectors, ranges, variances, qualities, speeds and variances: flagged as not valid
 _FLOAT64 = Struct("<d")
 _NINE, _THIRTY_SIX = Struct("<9d"), Struct("<36d")
+
+
+class AltitudeSample(NamedTuple):
+    """Distance to the seabed in m, inf if there is none within reach."""
+
+    time_ns: int
+    distance: float
 
 
 def encode_dvl(
@@ -97,10 +105,10 @@ def encode_range(
 
 
 @tolerant
-def decode_range(data: bytes) -> tuple[int, float]:
-    """Time (ns) and range (m); reads the message of Jazzy and the shorter one of Humble."""
+def decode_range(data: bytes) -> AltitudeSample:
+    """Return the distance to the seabed; reads the message of Jazzy and the shorter one of Humble."""
     time_ns, (_, _, _, _, distance) = unpack_stamped(RANGE_HUMBLE, data)
-    return time_ns, distance
+    return AltitudeSample(time_ns, distance)
 
 
 def _encode_all(sample: DvlSample, prefix: str) -> Encoded:

@@ -16,7 +16,6 @@ from hil.ros.topics import ALL
 from hil.scenario.config import Scenario
 from hil.view.sources.plans import Plans
 from hil.view.sources.recording import ViewRecorder
-from hil.view.sources.source import shown_value
 
 PICTURES = ("camera/image_raw/compressed", "camera/image_raw", "forward_sonar/image", "side_scan/image")
 NEWEST = 400  # commands whose delays are shown: the last 20 s of a master that sends 20 a second
@@ -80,16 +79,14 @@ class LiveSource:
 
     def latest(self, name: str) -> Mapping[str, Any]:
         """Return the newest value of each topic."""
+        plan = {"plan": self._plans.latest[name]} if name in self._plans.latest else {}
         stamped = dict(self._known[name].client.latest)
         with self._turn:
             pictures = self._pictures
         if pictures and name in pictures.names:
             newest = dict(pictures[name].client.latest)
             stamped |= {topic: newest[topic] for topic in PICTURES if topic in newest}
-        plan = {"plan": self._plans.latest[name]} if name in self._plans.latest else {}
-        return plan | {
-            topic: each.value if topic in PICTURES else shown_value(topic, each) for topic, each in stamped.items()
-        }
+        return plan | {topic: each.value for topic, each in stamped.items()}
 
     def diagnostics(self, name: str) -> Diagnostics:
         """Return the figures of health."""

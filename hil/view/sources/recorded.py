@@ -4,15 +4,12 @@ from bisect import bisect_right
 from collections.abc import Mapping
 from typing import Any
 
-from hil.client.client import Stamped
-from hil.common.clock import NS_PER_S, now_ns
+from hil.common.clock import NS_PER_S
 from hil.common.errors import ConfigError
 from hil.recording.reader import read_messages
 from hil.ros import encoders as ros
 from hil.ros.diagnostics import Diagnostics
-from hil.ros.topics import is_picture
 from hil.view.sources.paced_time import PacedTime
-from hil.view.sources.source import shown_value
 
 LARGEST = 2 << 30  # bytes of messages that are held at once
 
@@ -74,12 +71,9 @@ class RecordedSource:
 
     def latest(self, name: str) -> Mapping[str, Any]:
         """Return the newest sample of each topic at this instant."""
-        found = {}
-        for topic, column in self._columns[name].items():
-            value = column.at(topic, self._now_ns)
-            if value is not None and topic not in ("diagnostics", "trace"):
-                found[topic] = value if is_picture(topic) else shown_value(topic, Stamped(value, now_ns(), now_ns()))
-        return found
+        now_ns = self._now_ns
+        values = {topic: column.at(topic, now_ns) for topic, column in self._columns[name].items()}
+        return {topic: value for topic, value in values.items() if value is not None}
 
     def diagnostics(self, name: str) -> Diagnostics:
         """Return the figures of health at this instant."""

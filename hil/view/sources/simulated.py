@@ -1,12 +1,12 @@
 """Samples of a simulation in this process, for the live view; its time can be paused, stepped and sped up."""
 
 from collections.abc import Callable, Mapping
+from math import inf
 from typing import Any, Protocol
 
-from hil.client.client import Stamped
-from hil.client.samples import State, aged
 from hil.common.clock import NS_PER_S, now_ns
 from hil.ros.diagnostics import Diagnostics
+from hil.ros.dvl import AltitudeSample
 from hil.ros.images import Picture
 from hil.ros.joints import JointStates
 from hil.view.sources.paced_time import PacedTime
@@ -47,18 +47,20 @@ class SimulatedSource:
         """Return the newest sample of each sensor, the truth, and the thrusts."""
         vehicle = self._vehicles[name]
         simulation = vehicle.simulation
-        found: dict[str, Any] = {"ground_truth": State(*simulation.truth())}
+        newest: dict[str, Any] = {"ground_truth": simulation.truth()}
         for topic, sample in vehicle.samples.items():
             if topic == "camera":
                 picture = Picture(sample.time_ns, sample.width, sample.height, "rgb8", sample.rgb)
-                found["camera/image_raw"] = picture
+                newest["camera/image_raw"] = picture
             elif topic in RENAMED:
-                found[RENAMED[topic]] = sample
+                newest[RENAMED[topic]] = sample
             else:
-                found[topic] = aged(topic, Stamped(sample, now_ns(), now_ns()))
+                newest[topic] = sample
+                if topic == "dvl":  # what the slave publishes of it as a topic of its own
+                    newest["altitude"] = AltitudeSample(sample.time_ns, sample.altitude if sample.locked else inf)
         names = tuple([thruster.name for thruster in simulation.vehicle.thrusters])
-        found["joint_states"] = JointStates(simulation.time_ns, names, tuple(simulation.thrusts))
-        return found
+        newest["joint_states"] = JointStates(simulation.time_ns, names, tuple(simulation.thrusts))
+        return newest
 
     def diagnostics(self, name: str) -> Diagnostics:
         """Return the pulse widths: a simulation without a slave has no other figures of health."""

@@ -3,10 +3,7 @@
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, Protocol
 
-from hil.client.samples import aged
-
 if TYPE_CHECKING:
-    from hil.client.client import Stamped
     from hil.client.vehicle_handle import Vehicle
     from hil.ros.diagnostics import Diagnostics
     from hil.view.sources.paced_time import PacedTime
@@ -32,7 +29,7 @@ class Source(Protocol):
         """Whether samples of that vehicle come."""
 
     def latest(self, name: str) -> Mapping[str, Any]:
-        """Return the newest sample of each topic (hil.client.samples), of pictures the message: NED, FRD, SI units."""
+        """Return the newest message of each topic, as its decoder in hil.ros returns it: NED, FRD, SI units."""
 
     def diagnostics(self, name: str) -> "Diagnostics":
         """Return the figures of health; empty before the first."""
@@ -48,9 +45,3 @@ class Source(Protocol):
 
     def log_lines(self) -> list[str]:
         """Return what happened since the last call, a line each."""
-
-
-def shown_value(topic: str, stamped: "Stamped") -> Any:
-    """Return a sample as its record with an age, and a message that is no record, such as a plan, as it is."""
-    value = aged(topic, stamped)
-    return stamped.value if value is stamped else value

@@ -6,11 +6,9 @@ import numpy as np
 import pytest
 
 from hil.autonomy.fleets.hunting import HuntPlan
-from hil.client.client import Stamped
 from hil.ros.formation import FormationSample
 from hil.view.scene.fleet import FleetScene, Hunt
 from hil.view.scene.world import WorldScene
-from hil.view.sources.source import shown_value
 from sim.environment.world import World
 from tests.support.paper_hunt import FORMATIONS, TARGET
 from tests.unit.view.scene_recorder import Recorder
@@ -67,6 +65,6 @@ def test_places_go_with_the_clock_that_each_reports(recorder: Recorder, fleet: F
 
 def test_a_plan_that_comes_is_drawn_in_place_of_the_last(recorder: Recorder, world: WorldScene) -> None:
     world.draw_path([(0.0, 0.0), (1.0, 1.0)], 2.0)
-    plan = shown_value("plan", Stamped(((0.0, 0.0, 1.0), (3.0, 4.0, 1.0), (5.0, 5.0, 1.0)), 1, 2))
+    plan = ((0.0, 0.0, 1.0), (3.0, 4.0, 1.0), (5.0, 5.0, 1.0))
     world.draw_path(plan, 2.0)
     assert recorder.added["/path"][1][0][:, 1].tolist() == [[4.0, 3.0, -1.0], [5.0, 5.0, -1.0]]

@@ -1,0 +1,57 @@
+"""A sample is shown alike whether it comes from a simulation, a recording or the network."""
+
+from math import inf
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from hil.cases.simulated import SimulatedVehicle
+from hil.common.clock import NS_PER_S
+from hil.recording.mcap_file import Message
+from hil.ros import encoders as ros
+from hil.scenario.config import load_scenario
+from hil.view.panels.instruments import reading
+from hil.view.sources import recorded
+from hil.view.sources.recorded import RecordedSource
+from hil.view.sources.simulated import SimulatedSource
+from sim.sensors.samples import DvlSample, OdometrySample
+
+LOCKED = DvlSample(5, (0.1, 0.0, 0.0), 4.0, locked=True)
+PLACE = OdometrySample(7, (1.0, 2.0, 3.0), (1.0, 0.0, 0.0, 0.0), (0.5, 0.0, 0.0, 0.0, 0.0, 0.0))
+
+
+@pytest.fixture
+def vehicle() -> Any:
+    simulation = SimulatedVehicle(load_scenario("paper_field")).simulation
+    return SimpleNamespace(simulation=simulation, samples={"dvl": LOCKED, "odom": PLACE}, pwm_us=(1500,) * 8)
+
+
+def recording(monkeypatch: pytest.MonkeyPatch, samples: dict[str, Any]) -> RecordedSource:
+    """A recording of these samples as the slave encodes them."""
+    encoded = [pair for topic, sample in samples.items() for pair in ros.encoder(topic)(sample, "")]
+    messages = [
+        Message(f"/uuv1/{topic}", "", number, number, number, data) for number, (topic, data) in enumerate(encoded, 1)
+    ]
+    monkeypatch.setattr(recorded, "read_messages", lambda _: iter(messages))
+    source = RecordedSource("dive.mcap")
+    source.playback.seek(len(messages) / NS_PER_S)
+    return source
+
+
+def test_a_recording_shows_what_the_simulation_showed(vehicle: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    simulated = SimulatedSource({"uuv1": vehicle}).latest("uuv1")
+    replayed = recording(monkeypatch, vehicle.samples).latest("uuv1")
+    for topic in ("odom", "dvl", "altitude"):
+        assert type(simulated[topic]) is type(replayed[topic]), topic
+    assert simulated["altitude"] == replayed["altitude"] == (5, 4.0)
+    shown, again = (reading(newest, (), ()) for newest in (simulated, replayed))
+    assert shown
+    assert again
+    assert shown[:6] == pytest.approx(again[:6])
+    assert (shown.depth, shown.altitude, shown.speed) == (3.0, 4.0, 0.5)
+
+
+def test_a_simulated_log_without_lock_knows_no_bed(vehicle: Any) -> None:
+    vehicle.samples["dvl"] = LOCKED._replace(locked=False)
+    assert SimulatedSource({"uuv1": vehicle}).latest("uuv1")["altitude"].distance == inf
