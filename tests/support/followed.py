@@ -190,6 +190,14 @@ class Follower:
         self.steps.append(Step("python", done.stdout))
 
 
+def follow(page: str, folder: Path, least: int) -> None:
+    """Follow a page in this folder; at least so many of its commands are typed."""
+    with Follower(page, folder) as follower:
+        follower.follow()
+        print(*(f"not typed: {line}: {reason}" for line, reason in follower.skipped), sep="\n")
+        assert len(follower.steps) >= least, [step.line for step in follower.steps]
+
+
 def expected_code(words: list[str]) -> tuple[int, ...]:
     """The exit codes of a command that a page shows: what a check finds is what the page is about."""
     if "--import" in words:
