@@ -1,7 +1,10 @@
 """Measure how many slaves this machine and its routers carry: `python -m tools.scale`, which prints a Markdown table.
 
 N slaves run on this machine and dial a router; a client behind the same router, or behind a second one joined with it,
-listens to the state of each for some seconds. Rates depend on what else the machine does; memory does not.
+listens to the state of each for some seconds. Rates and ages depend on what else the machine does; memory does not.
+
+"lost" is the share of the samples, from a vehicle's first to its last by their stamps, that did not arrive: those that
+the network dropped, and those that a late slave skipped. "age" is the time from publish to receipt.
 """
 
 import argparse
@@ -11,20 +14,23 @@ import sys
 import tempfile
 import time
 from contextlib import ExitStack
+from math import nan
 from pathlib import Path
 from typing import NamedTuple
 
 import psutil
 
-from hil.client.client import VehicleClient
+from hil.client.client import Stamped, VehicleClient
 from hil.common.children import module_command, package_environment, start_child
+from hil.common.clock import NS_PER_MS, NS_PER_S
 from hil.common.ports import free_ports
+from hil.common.quantiles import quantile
 from hil.network.roles import open_master_session
 from hil.network.settings import Network
 
 HEADER = (
-    "| slaves | routers | found | state, Hz each | CPU a slave, % | CPU a router, % | RSS a slave, MiB |"
-    " RSS a router, MiB |"
+    "| slaves | routers | sessions | found | state, Hz each | lost, % | age 50 %, ms | age 99 %, ms | CPU a slave, % |"
+    " CPU a router, % | RSS a slave, MiB | RSS a router, MiB |"
 )
 SCENARIO = """\
 vehicle = "paper_six"
@@ -41,12 +47,34 @@ goal = [2.0, 2.0]
 depth = "1 m"
 """
 TOPICS = ("odom",)
+PERIOD_NS = NS_PER_S // 20  # of odometry
+
+
+class Received:
+    """The state messages of one vehicle: their stamps in simulation time (ns), and their ages (ms)."""
+
+    def __init__(self) -> None:
+        self.stamps: list[int] = []
+        self.ages: list[float] = []
+
+    def add(self, topic: str, sample: Stamped) -> None:
+        """Count a message, in the network's thread."""
+        if topic in TOPICS:
+            self.stamps.append(sample.value.time_ns)
+            self.ages.append((sample.received_ns - sample.sent_ns) / NS_PER_MS)
+
+    def clear(self) -> None:
+        """Count from here on. A message that comes meanwhile is counted or not."""
+        self.stamps, self.ages = [], []
+
+    def sent(self) -> int:
+        """Return how many there were from the first to the last that came."""
+        return round((self.stamps[-1] - self.stamps[0]) / PERIOD_NS) + 1 if self.stamps else 0
 
 
 class Use(NamedTuple):
-    """What has been used so far: state messages of each slave, CPU s and resident bytes of each process."""
+    """What has been used so far: CPU s and resident bytes of each process."""
 
-    received: list[int]
     cpu: list[float]
     resident: list[int]
 
@@ -64,24 +92,29 @@ def measure(slaves: int, routers: int, seconds: float, sessions: str) -> str:
         processes = [start(stack, words) for words in commands]
         network = Network(mode="routed", router=ends[-1])
         shared = stack.enter_context(open_master_session(ends[-1], network=network)) if sessions == "one" else ends[-1]
-        clients = [
-            stack.enter_context(VehicleClient(shared, f"uuv{n}", part="observer", network=network, topics=TOPICS))
-            for n in range(slaves)
-        ]
+        received = [Received() for _ in range(slaves)]
+        for n, own in enumerate(received):
+            stack.enter_context(
+                VehicleClient(shared, f"uuv{n}", part="observer", network=network, topics=TOPICS, on_sample=own.add)
+            )
         end = time.monotonic() + 20.0 + slaves
-        while time.monotonic() < end and not all(client.received["odom"] for client in clients):
+        while time.monotonic() < end and not all(own.stamps for own in received):
             time.sleep(0.2)
-        first, begun = use(clients, processes), time.monotonic()
+        for own in received:
+            own.clear()
+        first, begun = use(processes), time.monotonic()
         time.sleep(seconds)
-        last, took = use(clients, processes), time.monotonic() - begun
+        last, took = use(processes), time.monotonic() - begun
     cpu = [100.0 * (b - a) / took for a, b in zip(first.cpu, last.cpu, strict=True)]
-    gained = [b - a for a, b in zip(first.received, last.received, strict=True)]
+    ages = sorted(age for own in received for age in own.ages)
+    sent = sum(own.sent() for own in received)
     figures = (
-        sum(gained) / took / slaves, sum(cpu[routers:]) / slaves, sum(cpu[:routers]) / routers,
+        len(ages) / took / slaves, 100.0 * (1.0 - len(ages) / sent) if sent else nan,
+        quantile(ages, 0.5), quantile(ages, 0.99), sum(cpu[routers:]) / slaves, sum(cpu[:routers]) / routers,
         sum(last.resident[routers:]) / slaves / 2**20, sum(last.resident[:routers]) / routers / 2**20,
     )  # fmt: skip
-    found = sum(count > 0 for count in gained)
-    return f"| {slaves} | {routers} | {found} | " + " | ".join(f"{figure:.1f}" for figure in figures) + " |"
+    found = sum(bool(own.stamps) for own in received)
+    return f"| {slaves} | {routers} | {sessions} | {found} | " + " | ".join(f"{value:.1f}" for value in figures) + " |"
 
 
 def _joined(ends: list[str], end: str) -> list[str]:
@@ -98,14 +131,10 @@ def start(stack: ExitStack, words: list[str]) -> psutil.Process:
     return psutil.Process(child.pid)
 
 
-def use(clients: list[VehicleClient], processes: list[psutil.Process]) -> Use:
+def use(processes: list[psutil.Process]) -> Use:
     """Return what has been used so far."""
     times = [process.cpu_times() for process in processes]
-    return Use(
-        [client.received["odom"] for client in clients],
-        [time.user + time.system for time in times],
-        [process.memory_info().rss for process in processes],
-    )
+    return Use([each.user + each.system for each in times], [process.memory_info().rss for process in processes])
 
 
 def main(arguments: list[str]) -> int:
