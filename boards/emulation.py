@@ -15,19 +15,19 @@ ELF_MACHINES = {0x03: "i686", 0x28: "armv7l", 0x3E: "x86_64", 0xB7: "aarch64", 0
 
 def labels(tree: Tree, architecture: str) -> tuple[str, ...]:
     """Return the labels of a machine's measured figures; `architecture` is its kernel's name for it (uname)."""
-    found, processors = [], tree.text("/proc/cpuinfo")
+    texts, processors = [], tree.text("/proc/cpuinfo")
     mark, real = _mark(tree), _host_architecture(tree)
     if mark:
-        found.append(f"emulated: {mark}")
+        texts.append(f"emulated: {mark}")
     elif real and WIDER.get(real, real) != WIDER.get(architecture, architecture):
-        found.append(f"emulated: {architecture} on {real}")
+        texts.append(f"emulated: {architecture} on {real}")
     if "User Mode Linux" in processors:
-        found.append("emulated: User Mode Linux")
+        texts.append("emulated: User Mode Linux")
     if " hypervisor" in processors:
-        found.append("virtual machine")
-    if not found and _is_qemu(tree):
-        found.append("emulated, or a virtual machine: QEMU")
-    return tuple(found)
+        texts.append("virtual machine")
+    if not texts and _is_qemu(tree):
+        texts.append("emulated, or a virtual machine: QEMU")
+    return tuple(texts)
 
 
 def _mark(tree: Tree) -> str:

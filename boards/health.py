@@ -33,20 +33,20 @@ class Throttling(NamedTuple):
 
 def recognise(tree: Tree) -> Board | None:
     """Return the board of a machine, else the generic one of its architecture; None for other architectures."""
-    found = detect(tree.root)
+    board = detect(tree.root)
     generic = GENERIC.get(architecture(tree))
-    return found or (load_board(generic) if generic else None)
+    return board or (load_board(generic) if generic else None)
 
 
 def temperatures(tree: Tree) -> dict[str, float]:
     """Return °C by thermal zone. Zones that are off or make no sense (-256 on Jetsons) are left out."""
-    found: dict[str, float] = {}
+    by_zone: dict[str, float] = {}
     for zone in tree.names(THERMAL):
         if zone.startswith("thermal_zone"):
             value = tree.number(f"{THERMAL}/{zone}/temp")
             if value is not None and -40_000 < value < 150_000:
-                found[tree.text(f"{THERMAL}/{zone}/type") or zone] = value / 1000.0
-    return found
+                by_zone[tree.text(f"{THERMAL}/{zone}/type") or zone] = value / 1000.0
+    return by_zone
 
 
 def temperature(tree: Tree, board: Board | None = None) -> float | None:
@@ -54,11 +54,11 @@ def temperature(tree: Tree, board: Board | None = None) -> float | None:
 
     The PMIC zone of Jetsons is a constant and left out.
     """
-    found = temperatures(tree)
+    by_zone = temperatures(tree)
     for zone in board.thermal_zones if board else ():
-        if zone in found:
-            return found[zone]
-    return max((value for zone, value in found.items() if not zone.startswith("PMIC")), default=None)
+        if zone in by_zone:
+            return by_zone[zone]
+    return max((value for zone, value in by_zone.items() if not zone.startswith("PMIC")), default=None)
 
 
 def throttling(tree: Tree, board: Board | None = None, ask_firmware: bool = True) -> Throttling:
@@ -95,12 +95,12 @@ def _bits_of_the_kernel(tree: Tree) -> int | None:
 
 def governors(tree: Tree) -> dict[str, int]:
     """Return the number of processors by frequency governor; empty where the kernel does not set the frequency."""
-    found: dict[str, int] = {}
+    counts: dict[str, int] = {}
     for name in tree.names(CPUS):
         governor = tree.text(f"{CPUS}/{name}/cpufreq/scaling_governor") if name[3:].isdigit() else ""
         if governor:
-            found[governor] = found.get(governor, 0) + 1
-    return found
+            counts[governor] = counts.get(governor, 0) + 1
+    return counts
 
 
 def _firmware_bits(answer: str | None) -> int | None:

@@ -76,14 +76,14 @@ class Tree:
 
         Only root may look into the processes of other users.
         """
-        found = []
+        processes = []
         for pid in filter(str.isdecimal, self.names("/proc")):
             folder = f"/proc/{pid}/fd"
             if self.live and int(pid) == os.getpid():
                 continue
             if any(self.link(f"{folder}/{descriptor}") == target for descriptor in self.names(folder)):
-                found.append((int(pid), self.text(f"/proc/{pid}/cmdline").replace("\0", " ") or "unknown"))
-        return found
+                processes.append((int(pid), self.text(f"/proc/{pid}/cmdline").replace("\0", " ") or "unknown"))
+        return processes
 
     def run(self, *command: str) -> str | None:
         """Return the standard output of a command; None if it is missing, fails, or takes over 5 s."""

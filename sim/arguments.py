@@ -95,8 +95,8 @@ def _listed(key: str, given: Any, what: str) -> Sequence[Any]:
 
 def _require_vector(key: str, numbers: Sequence[float], most: float, count: int) -> None:
     if not hasattr(numbers, "__len__") or len(numbers) != count:
-        found = len(numbers) if hasattr(numbers, "__len__") else f"{numbers!s:.40}"
-        raise ConfigError(f"{key}: {found} numbers: give three, north, east and down")
+        given = len(numbers) if hasattr(numbers, "__len__") else f"{numbers!s:.40}"
+        raise ConfigError(f"{key}: {given} numbers: give three, north, east and down")
     for number in numbers:
         if not hasattr(number, "__float__") or not abs(number) <= most:
             words = "finite ones" if most == FINITE.high else f"finite ones, to {most:,.0f}"

@@ -166,7 +166,7 @@ class Core:
         self._engine.leave((*frame[:-1], status & ~FRAME_IS_ALIGNED), sp)
 
     def _find(self, address: int, size: int) -> tuple[mmap, int]:
-        found = self._memory.find(address, size)
-        if found is None:
+        place = self._memory.find(address, size)
+        if place is None:
             raise self._engine.failure(f"has no memory at 0x{address & 0xFFFF_FFFF:08x}")
-        return found
+        return place

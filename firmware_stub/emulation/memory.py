@@ -48,17 +48,17 @@ class Memory:
 
     def word(self, address: int) -> int:
         """Return the 32 bits there, 0 where no memory is."""
-        found = self.find(address, 4)
-        word: int = _WORD.unpack_from(*found)[0] if found else 0
+        place = self.find(address, 4)
+        word: int = _WORD.unpack_from(*place)[0] if place else 0
         return word
 
     def code(self, address: int, size: int) -> bytes:
         """Return up to that many bytes of a program."""
-        found = self.find(address, 2)
-        return found[0][found[1] : found[1] + size] if found else b""
+        place = self.find(address, 2)
+        return place[0][place[1] : place[1] + size] if place else b""
 
     def places(self) -> list[tuple[int, int, int, int]]:
         """Return start, size and rights of each region, and its address in this process; the flash is also at 0."""
         here = [addressof(c_char.from_buffer(piece)) for _, _, piece in self.pieces]
-        found = [(*region, place) for region, place in zip(REGIONS, here, strict=True)]
-        return [*found, (0, FLASH_SIZE, READ | EXECUTE, here[0])]
+        regions = [(*region, place) for region, place in zip(REGIONS, here, strict=True)]
+        return [*regions, (0, FLASH_SIZE, READ | EXECUTE, here[0])]

@@ -28,19 +28,19 @@ def read_parameters(path: str) -> dict[str, float]:
             lines = file.read().splitlines()
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigError(f"{path}: cannot be read: {error}") from None
-    found = {}
+    parameters = {}
     for number, line in enumerate(lines, 1):
         words = line.partition("#")[0].replace(",", " ").split()
         if not words:
             continue
         try:
             name, value = words
-            found[name] = float(value)
+            parameters[name] = float(value)
         except ValueError:
             raise ConfigError(f"{path}: line {number}: expected NAME VALUE, found {line.strip()!r}") from None
         if not name.replace("_", "").isalnum() or len(name) > 16:
             raise ConfigError(f"{path}: line {number}: {name!r} is no name of a parameter")
-    return found
+    return parameters
 
 
 def parameter_file(settings: AutopilotSettings, controller: str, vehicle: Vehicle) -> str:
@@ -73,18 +73,18 @@ def px4_geometry(vehicle: Vehicle, motors: MotorMap) -> Parameters:
     """Return PX4's control allocation for the motors: places in m from the body origin, and directions (FRD)."""
     if len(vehicle.thrusters) > MOST_ROTORS:
         raise ConfigError(f"{vehicle.name}: {len(vehicle.thrusters)} thrusters, and PX4 allocates to {MOST_ROTORS}")
-    found: dict[str, float] = {"CA_AIRFRAME": UNDERWATER_VEHICLE, "CA_ROTOR_COUNT": len(vehicle.thrusters)}
-    found["CA_R_REV"] = (1 << len(vehicle.thrusters)) - 1  # all turn both ways
+    parameters: dict[str, float] = {"CA_AIRFRAME": UNDERWATER_VEHICLE, "CA_ROTOR_COUNT": len(vehicle.thrusters)}
+    parameters["CA_R_REV"] = (1 << len(vehicle.thrusters)) - 1  # all turn both ways
     for output, channel, sign in motors.motors:
         if channel >= len(vehicle.thrusters):
             continue
         thruster = vehicle.thrusters[channel]
         for axis, place, along in zip("XYZ", thruster.position, thruster.unit_direction, strict=True):
-            found[f"CA_ROTOR{output}_P{axis}"] = round(place, 5)
-            found[f"CA_ROTOR{output}_A{axis}"] = round(sign * along, 5) + 0.0
-        found[f"CA_ROTOR{output}_KM"] = 0.0
-        found[f"PWM_MAIN_FUNC{output + 1}"] = MOTOR_1 + output
-    return found
+            parameters[f"CA_ROTOR{output}_P{axis}"] = round(place, 5)
+            parameters[f"CA_ROTOR{output}_A{axis}"] = round(sign * along, 5) + 0.0
+        parameters[f"CA_ROTOR{output}_KM"] = 0.0
+        parameters[f"PWM_MAIN_FUNC{output + 1}"] = MOTOR_1 + output
+    return parameters
 
 
 def format_parameters(parameters: Parameters) -> str:

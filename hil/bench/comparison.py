@@ -57,20 +57,20 @@ def difference(name: str, before: Figure, after: Figure, least: float, confidenc
 
 def unlike(before: Record, after: Record) -> list[str]:
     """Return what makes the two hard to compare: another machine, in another state, other labels, other settings."""
-    found = []
+    differences = []
     if before.kind != after.kind:
-        found.append(f"results of different benchmarks: {before.kind} and {after.kind}")
+        differences.append(f"results of different benchmarks: {before.kind} and {after.kind}")
     for key in ("name", "cpu", "cores", "usable_cores", "kernel", "python", "governors"):
-        found += _differs(f"{key} of the machine", before.machine.get(key), after.machine.get(key))
+        differences += _differs(f"{key} of the machine", before.machine.get(key), after.machine.get(key))
     loads = _number(before.machine.get("load")), _number(after.machine.get("load"))
     if abs(loads[0] - loads[1]) >= LOADED:
-        found.append(f"load of the machine: {loads[0]:.1f} and {loads[1]:.1f}")
+        differences.append(f"load of the machine: {loads[0]:.1f} and {loads[1]:.1f}")
     packages = _table(before.machine.get("packages")), _table(after.machine.get("packages"))
     for name in sorted({*packages[0], *packages[1]}):
-        found += _differs(name, packages[0].get(name), packages[1].get(name))
-    found += _differs("labels", ", ".join(before.labels), ", ".join(after.labels))
+        differences += _differs(name, packages[0].get(name), packages[1].get(name))
+    differences += _differs("labels", ", ".join(before.labels), ", ".join(after.labels))
     keys = [key for key in {*before.settings, *after.settings} if before.settings.get(key) != after.settings.get(key)]
-    return [*found, *([f"settings differ: {', '.join(sorted(keys))}"] if keys else [])]
+    return [*differences, *([f"settings differ: {', '.join(sorted(keys))}"] if keys else [])]
 
 
 def _figure(record: Record, name: str) -> Figure:

@@ -223,7 +223,7 @@ def _command(
 
 def _motion(client: Observer, slave: Process | None, steps: int) -> list[float]:
     """Return the time (ms) from the publish of a step in surge until the first acceleration that shows it arrives."""
-    found, began = [], now_ns()
+    delays, began = [], now_ns()
     for number in range(steps):
         check_there(client, slave)
         sign = 1.0 if number % 2 else -1.0
@@ -232,8 +232,8 @@ def _motion(client: Observer, slave: Process | None, steps: int) -> list[float]:
         wait_ns(began + round((number + 1) * STEP_S * NS_PER_S))  # not by `sent`: what it is late by would add up
         first = first_motion(list(client.surge), _applied_ns(client.delays, sent), sign)
         if first and number:  # the first step is from rest
-            found.append((first - sent) / NS_PER_MS)
-    return found
+            delays.append((first - sent) / NS_PER_MS)
+    return delays
 
 
 def _applied_ns(meter: DelayMeter, sent: int) -> int:

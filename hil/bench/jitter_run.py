@@ -100,8 +100,8 @@ def bare_loop(bench: Bench, seconds: float) -> Lateness:
     code, output = _run(bench, "bare-loop", python_command("-c", BARE, *words))
     if code:
         raise NetworkError(f"the bare loop failed: {output}")
-    found = json.loads(output.splitlines()[-1])
-    return Lateness(*[found[name] / 1000.0 for name in ("p50", "p99", "p999", "max")])
+    lateness = json.loads(output.splitlines()[-1])
+    return Lateness(*[lateness[name] / 1000.0 for name in ("p50", "p99", "p999", "max")])
 
 
 def cyclictest(bench: Bench, seconds: float) -> Lateness | None:

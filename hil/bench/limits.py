@@ -242,16 +242,16 @@ def parse_memory(text: str) -> float:
 
 def parse_cpus(text: str) -> tuple[int, ...]:
     """Processor numbers: "0", "0,2", "0-3". Raises ConfigError."""
-    found: set[int] = set()
+    cpus: set[int] = set()
     try:
         for part in text.split(","):
             first, dash, last = part.partition("-")
-            found.update(range(int(first), min(int(last if dash else first), MOST_CPUS) + 1))
+            cpus.update(range(int(first), min(int(last if dash else first), MOST_CPUS) + 1))
     except ValueError:
-        found = set()
-    if not found:
+        cpus = set()
+    if not cpus:
         raise ConfigError(f"expected numbers of processors, such as 0 or 0,2 or 0-3, found {text[:40]!r}")
-    return tuple(sorted(found))
+    return tuple(sorted(cpus))
 
 
 def _write(path: str, text: str) -> None:

@@ -63,13 +63,13 @@ def thread_names(keys: set[str]) -> dict[str, str]:
 
     keys: "process id/thread id name".
     """
-    found: dict[str, str] = {}
+    names: dict[str, str] = {}
     seen: dict[tuple[str, str], int] = {}
     for key in sorted(keys, key=_ids):
         pid, name = key.partition("/")[0], key.partition(" ")[2]
         number = seen[pid, name] = seen.get((pid, name), 0) + 1
-        found[key] = f"{name} #{number}" if number > 1 else name
-    return found
+        names[key] = f"{name} #{number}" if number > 1 else name
+    return names
 
 
 def role(pid: int, slave: int) -> str:
@@ -122,17 +122,17 @@ def mapped_files(pid: int) -> set[str]:
 
 
 def _memory(process: psutil.Process) -> Memory:
-    found = process.memory_full_info()
-    return Memory(found.pss / 2**20, found.uss / 2**20)
+    memory = process.memory_full_info()
+    return Memory(memory.pss / 2**20, memory.uss / 2**20)
 
 
 def _threads(process: psutil.Process) -> dict[str, float]:
-    found = {}
+    seconds = {}
     for thread in process.threads():
         with suppress(psutil.Error):  # it has ended meanwhile
             name = psutil.Process(thread.id).name()  # a thread has an entry of its own below /proc
-            found[f"{process.pid}/{thread.id} {name}"] = thread.user_time + thread.system_time
-    return found
+            seconds[f"{process.pid}/{thread.id} {name}"] = thread.user_time + thread.system_time
+    return seconds
 
 
 def _ids(key: str) -> tuple[int, int]:

@@ -62,10 +62,10 @@ def start(bench: Bench) -> Start:
 
 def floors() -> dict[str, str]:
     """Return what interpreters run for comparison, by its name; a slave does without numpy, and so may this machine."""
-    found = {"bare interpreter": "pass"}
+    programs = {"bare interpreter": "pass"}
     if find_spec("numpy"):
-        found["numpy and zenoh"] = "import numpy, zenoh"
-    return found
+        programs["numpy and zenoh"] = "import numpy, zenoh"
+    return programs
 
 
 def time_floor(bench: Bench, code: str) -> float:
@@ -83,17 +83,17 @@ def time_floor(bench: Bench, code: str) -> float:
 
 def files_of_a_start(bench: Bench) -> list[str]:
     """The files that the slave and the floors read: modules as the interpreter tells of them, and what is mapped."""
-    found: set[str] = set()
+    files: set[str] = set()
     with bench.client() as client:
         slave = bench.start_slave(environment={"PYTHONVERBOSE": "1"})
         await_vehicle(client, slave)
-        found |= mapped_files(slave.pid)
+        files |= mapped_files(slave.pid)
         slave.stop()
-        found |= _modules(slave.output)
+        files |= _modules(slave.output)
     for code in floors().values():
         done = subprocess.run(python_command("-v", "-c", code), capture_output=True, text=True, check=True, cwd=ROOT)
-        found |= _modules(done.stderr)
-    return sorted(path for path in found if os.path.isfile(path) and not path.startswith(("/dev/", "/proc/")))
+        files |= _modules(done.stderr)
+    return sorted(path for path in files if os.path.isfile(path) and not path.startswith(("/dev/", "/proc/")))
 
 
 def _modules(text: str) -> set[str]:

@@ -138,24 +138,26 @@ class Listener:
         """
         clock, at_ns = self.client.delays.clock, to_wall_ns(now_ns())
         negative = sum(age < 0.0 for age in ages)
-        found = [f"{negative} of {len(ages)} messages came before they were sent: a clock is wrong"] if negative else []
+        doubts = []
+        if negative:
+            doubts.append(f"{negative} of {len(ages)} messages came before they were sent: a clock is wrong")
         if not clock.at(at_ns):
-            found.append("the clocks could not be compared")
+            doubts.append("the clocks could not be compared")
         middle_ns = quantile(sorted(ages), 0.5) * NS_PER_MS
-        return found + doubts_of(clock, self.client.contact.same_clock, at_ns, middle_ns)
+        return doubts + doubts_of(clock, self.client.contact.same_clock, at_ns, middle_ns)
 
 
 def expected(scenario: Scenario) -> dict[str, float]:
     """Return the topics that a slave of the scenario sends by itself, but for pictures, and how often each, Hz."""
-    found = {"diagnostics": TOPICS["diagnostics"].rate_hz}
+    rates = {"diagnostics": TOPICS["diagnostics"].rate_hz}
     for name, fitted in scenario.sensors.items():
         if not fitted.offloaded:
-            found |= dict.fromkeys(SENSOR_TOPICS.get(name, (name,)), fitted.model.rate)
+            rates |= dict.fromkeys(SENSOR_TOPICS.get(name, (name,)), fitted.model.rate)
     if scenario.ros.wrench:
-        found["thruster_wrench"] = scenario.ros.wrench
+        rates["thruster_wrench"] = scenario.ros.wrench
     if scenario.ros.joints:
-        found["joint_states"] = scenario.ros.joints
-    return {topic: rate for topic, rate in found.items() if not is_picture(topic)}
+        rates["joint_states"] = scenario.ros.joints
+    return {topic: rate for topic, rate in rates.items() if not is_picture(topic)}
 
 
 def missing(messages: int, nominal: float, seconds: float) -> float:

@@ -63,8 +63,8 @@ def _table(reverse: bool) -> tuple[list[float], list[float]]:
     """Growing thrusts (N) and what they take (W)."""
     thrusts, watts = [0.0], [0.0]
     for offset in range(5, 405, 5):
-        found = performance(1500 - offset if reverse else 1500 + offset, REFERENCE_V)
-        if abs(found.thrust) > thrusts[-1]:
-            thrusts.append(abs(found.thrust))
-            watts.append(found.power)
+        point = performance(1500 - offset if reverse else 1500 + offset, REFERENCE_V)
+        if abs(point.thrust) > thrusts[-1]:
+            thrusts.append(abs(point.thrust))
+            watts.append(point.power)
     return thrusts, watts

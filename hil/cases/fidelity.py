@@ -48,11 +48,11 @@ def distances(points: Sequence[Point], track: Track) -> NDArray[np.float64]:
     places = np.array(track.points)
     starts, legs = places[:-1], np.diff(places, axis=0)
     squares = np.maximum(np.sum(legs * legs, axis=1), 1e-12)  # where it stood still
-    found = np.empty(len(points))
+    nearest = np.empty(len(points))
     for number, point in enumerate(points):
         shares = np.clip(np.sum((point - starts) * legs, axis=1) / squares, 0.0, 1.0)
-        found[number] = np.min(np.linalg.norm(point - starts - shares[:, None] * legs, axis=1))
-    return found
+        nearest[number] = np.min(np.linalg.norm(point - starts - shares[:, None] * legs, axis=1))
+    return nearest
 
 
 ROWS = (
@@ -67,7 +67,7 @@ ROWS = (
 
 def rows(sil: Run, hil: Run) -> list[list[str]]:
     """Side by side for a report: SIL, HIL and the difference, the heads of the columns first."""
-    found = compare(sil, hil)
+    differences = compare(sil, hil)
     a, b = sil.result, hil.result
     both = {
         "length": (f"{a.path_length:.2f} m", f"{b.path_length:.2f} m"),
@@ -80,6 +80,6 @@ def rows(sil: Run, hil: Run) -> list[list[str]]:
         head,
         *(
             [name, *both.get(name, ("", "")), form.format(value)]
-            for (name, form), value in zip(ROWS, found, strict=True)
+            for (name, form), value in zip(ROWS, differences, strict=True)
         ),
     ]

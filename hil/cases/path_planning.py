@@ -93,14 +93,14 @@ class PathPlanningUnknown(PathPlanning):
 
 def hidden_piles(world: World, path: Sequence[Point], ends: Sequence[Point], random: Random) -> list[Table]:
     """Piles that no map shows, three of five on `path` and the others within 4 m of it, all passable."""
-    found: list[Table] = []
+    piles: list[Table] = []
     for _ in range(10_000):
-        if len(found) == PILES:
-            return found
-        place, radius = _random_point_near(path, 0.4 if len(found) < 3 else 4.0, random), random.uniform(*PILE_RADIUS_M)
-        gap = min([world.clearance(*place), *(dist(place, (p["north"], p["east"])) - p["radius"] for p in found)])
+        if len(piles) == PILES:
+            return piles
+        place, radius = _random_point_near(path, 0.4 if len(piles) < 3 else 4.0, random), random.uniform(*PILE_RADIUS_M)
+        gap = min([world.clearance(*place), *(dist(place, (p["north"], p["east"])) - p["radius"] for p in piles)])
         if gap - radius >= GAP_M and all(dist(place, end) > radius + CLEAR_M for end in ends):
-            found.append({"north": place[0], "east": place[1], "radius": radius, "hidden": True})
+            piles.append({"north": place[0], "east": place[1], "radius": radius, "hidden": True})
     raise ConfigError(f"{world.name} has no room for {PILES} piles beside the path")
 
 

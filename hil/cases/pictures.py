@@ -105,9 +105,9 @@ def draw_seeds(title: str, results: Sequence[Result], path: str) -> None:
     figure.suptitle(f"{title}: {good} of {len(results)} flights succeed")
     for axes, (name, value) in zip(panels, SPREAD, strict=True):
         for mode, colour in COLOURS.items():
-            found = [(r.seed, value(r)) for r in results if r.mode == mode and isfinite(value(r))]
-            if found:
-                seeds, values = zip(*found, strict=True)
+            dots = [(r.seed, value(r)) for r in results if r.mode == mode and isfinite(value(r))]
+            if dots:
+                seeds, values = zip(*dots, strict=True)
                 axes.plot(seeds, values, "o" if mode == "sil" else "x", color=colour, markersize=4, label=mode.upper())
         failed = [(r.seed, value(r)) for r in results if not r.success and isfinite(value(r))]
         for seed, at in failed:

@@ -50,16 +50,16 @@ def _row(results: Sequence[Result]) -> list[str]:
 
 
 def _spread(values: Sequence[float], digits: int) -> str:
-    found = [value for value in values if isfinite(value)]
-    if not found:
+    finite = [value for value in values if isfinite(value)]
+    if not finite:
         return "-"
-    spread = f" ± {stdev(found):.{digits}f}" if len(found) > 1 else ""
-    return f"{fmean(found):.{digits}f}{spread}"
+    spread = f" ± {stdev(finite):.{digits}f}" if len(finite) > 1 else ""
+    return f"{fmean(finite):.{digits}f}{spread}"
 
 
 def _worst(values: Sequence[float], choose: Callable[[Iterable[float]], float], form: str) -> str:
-    found = [value for value in values if isfinite(value)]
-    return form.format(choose(found)) if found else "-"
+    finite = [value for value in values if isfinite(value)]
+    return form.format(choose(finite)) if finite else "-"
 
 
 def render(results: Sequence[Result]) -> str:

@@ -77,9 +77,9 @@ def tasks_of(planner: Planner) -> Tasks:
 
 def visit_orders(mission: Mission) -> list[list[Point]]:
     """Return the places of the tasks in every order in which each comes after all that it needs."""
-    found = []
+    orders = []
     for order in permutations(mission.task):
         names = [task.name for task in order]
         if all(names.index(other) < place for place, task in enumerate(order) for other in task.needs):
-            found.append([task.at for task in order])
-    return found
+            orders.append([task.at for task in order])
+    return orders

@@ -151,11 +151,11 @@ def _linear(soundings: Array, folds: Indices) -> Array:
     from scipy.interpolate import LinearNDInterpolator
     from scipy.spatial import QhullError
 
-    found = np.full(len(soundings), np.nan)
+    estimates = np.full(len(soundings), np.nan)
     for fold in np.unique(folds[folds >= 0]):
         out, rest = folds == fold, soundings[folds != fold]
         try:
-            found[out] = LinearNDInterpolator(rest[:, :2], rest[:, 2])(soundings[out, :2])
+            estimates[out] = LinearNDInterpolator(rest[:, :2], rest[:, 2])(soundings[out, :2])
         except QhullError:  # all in one line
             continue
-    return found
+    return estimates

@@ -141,14 +141,14 @@ class _Layer:
         return [edge for feature in self._cell.select(*kinds) for edge in self._edges(feature)]
 
     def _areas(self) -> list[DepthArea]:
-        found = []
+        areas = []
         for feature in self._cell.select("DEPARE", "DRGARE"):
             low, high = feature.number("DRVAL1"), feature.number("DRVAL2")
             if feature.is_area:
-                found.append(DepthArea(
+                areas.append(DepthArea(
                     self._edges(feature), -np.inf if low is None else low, np.inf if high is None else high
                 ))  # fmt: skip
-        return found
+        return areas
 
     def _bounded(self, kind: str) -> list[Edges]:
         return [self._edges(feature) for feature in self._cell.select(kind) if feature.is_area]

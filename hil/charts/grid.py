@@ -57,9 +57,9 @@ class Grid(NamedTuple):
         (i, j), (u, v) = cell.T, (scaled - cell).T
         d = self.depths
         with np.errstate(invalid="ignore"):  # nan
-            found = (1 - u) * ((1 - v) * d[i, j] + v * d[i, j + 1]) + u * ((1 - v) * d[i + 1, j] + v * d[i + 1, j + 1])
+            depth = (1 - u) * ((1 - v) * d[i, j] + v * d[i, j + 1]) + u * ((1 - v) * d[i + 1, j] + v * d[i + 1, j + 1])
         outside = ((scaled < 0.0) | (scaled > (rows - 1, columns - 1))).any(axis=1)
-        return np.where(outside, np.nan, found)
+        return np.where(outside, np.nan, depth)
 
 
 def grid_of(world: World, resolution: float | None = None) -> Grid:
@@ -76,8 +76,8 @@ def grid_of(world: World, resolution: float | None = None) -> Grid:
     if terrain is None:
         return flat
     places = np.meshgrid(flat.north, flat.east, indexing="ij")
-    found = grid_of(world).at(np.column_stack([axis.ravel() for axis in places]))
-    return flat._replace(depths=found.reshape(rows, columns).astype(np.float32))
+    sampled = grid_of(world).at(np.column_stack([axis.ravel() for axis in places]))
+    return flat._replace(depths=sampled.reshape(rows, columns).astype(np.float32))
 
 
 def write_file(path: str, data: bytes) -> None:

@@ -138,11 +138,11 @@ class _Fit:
         for start in range(0, len(nodes), CHUNK):
             chunk = self._scaled(nodes[start : start + CHUNK])
             squares = _squares(chunk, self._points)
-            found = [
+            surfaces = [
                 kernel(squares) @ solution[: len(self._points)] + _tail(kernel, chunk) @ solution[len(self._points) :]
                 for kernel, solution in zip(self._kernels, solved, strict=True)
             ]
-            parts.append(np.mean(found, axis=0))
+            parts.append(np.mean(surfaces, axis=0))
         return np.concatenate(parts)
 
     def without(self, folds: Indices) -> Array:

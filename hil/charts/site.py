@@ -44,15 +44,15 @@ def sites(grid: Grid, length: float, depth: float | None = None) -> Iterator[Sit
     middles = np.column_stack([grid.north[rows], grid.east[columns]])
     judged = [_judge(grid, middles, pi * i / COURSES, length, depth) for i in range(COURSES)]
     scores, depths = (np.concatenate(each) for each in zip(*judged, strict=True))
-    found: list[Point] = []
+    chosen: list[Point] = []
     for index in np.argsort(-scores):
-        if not np.isfinite(scores[index]) or len(found) == TRIES:
+        if not np.isfinite(scores[index]) or len(chosen) == TRIES:
             break
         north, east = middles[index % len(middles)]
-        if all(hypot(north - n, east - e) > APART for n, e in found):
-            found.append((float(north), float(east)))
-            yield _site(found[-1], pi * int(index // len(middles)) / COURSES, length, float(depths[index]))
-    if not found:
+        if all(hypot(north - n, east - e) > APART for n, e in chosen):
+            chosen.append((float(north), float(east)))
+            yield _site(chosen[-1], pi * int(index // len(middles)) / COURSES, length, float(depths[index]))
+    if not chosen:
         deep = f" at {depth:g} m" if depth is not None else ""
         raise ConfigError(f"no straight way of {length:g} m{deep} in known water here; try --depth or --length")
 

@@ -112,13 +112,13 @@ def find_doubts(meter: DelayMeter) -> list[str]:
     """
     if not meter.samples:
         return ["no command was answered by the STM32"]
-    found = []
+    doubts = []
     totals, network = meter.totals_ns(), meter.hop_ns(0)
     negative = sum(total < 0 or hop < 0 for total, hop in zip(totals, network, strict=False))  # one may come meanwhile
     if negative:
-        found.append(f"{negative} of {len(totals)} commands arrived before they were sent: a clock is wrong")
+        doubts.append(f"{negative} of {len(totals)} commands arrived before they were sent: a clock is wrong")
     middle_ns = quantile(sorted(totals), 0.5)
-    return found + doubts_of(meter.clock, meter.same_clock, meter.samples[-1].published_ns, middle_ns)
+    return doubts + doubts_of(meter.clock, meter.same_clock, meter.samples[-1].published_ns, middle_ns)
 
 
 def doubts_of(clock: ClockOffset, same_clock: bool, at_ns: int, middle_ns: float) -> list[str]:
@@ -126,12 +126,12 @@ def doubts_of(clock: ClockOffset, same_clock: bool, at_ns: int, middle_ns: float
 
     at_ns: when it was looked at (wall, by ours); middle_ns: the median of what was found.
     """
-    found, estimate = [], clock.at(at_ns)
+    doubts, estimate = [], clock.at(at_ns)
     if estimate:
         off, uncertainty = estimate.offset_ns / 1e6, estimate.uncertainty_ns / 1e6
         is_one = same_clock and clock.may_be_zero(at_ns)
         if not is_one and estimate.uncertainty_ns > UNSURE * abs(middle_ns):
-            found.append(f"the clocks' offset of {off:.3f} ms is known only to +-{uncertainty:.3f} ms")
+            doubts.append(f"the clocks' offset of {off:.3f} ms is known only to +-{uncertainty:.3f} ms")
     if clock.steps:
-        found.append(f"a clock was set {clock.steps} times meanwhile")
-    return found
+        doubts.append(f"a clock was set {clock.steps} times meanwhile")
+    return doubts

@@ -26,26 +26,26 @@ def connect(*endpoints: str, take_over: bool, observe: bool, routed: bool, keys:
     """See `hil.connect`."""
     if not endpoints:
         raise NetworkError('connect to whom? Give an endpoint, "tcp/HOST:PORT", or "lan"')
-    found = [
+    dialled = [
         place for endpoint in endpoints for place in (_find_vehicles(wait) if endpoint == EVERYWHERE else [endpoint])
     ]
     security = Security(slave="", master=keys, may_command=()) if keys else None
-    network = Network(mode="routed", router=found[0]) if routed else Network()
-    session = open_master_session(*found, network=network, security=security)
+    network = Network(mode="routed", router=dialled[0]) if routed else Network()
+    session = open_master_session(*dialled, network=network, security=security)
     how: How = ("observer" if observe else "master", int(take_over), network, security)
-    return Fleet(session, tuple(found), how, wait)
+    return Fleet(session, tuple(dialled), how, wait)
 
 
 def _find_vehicles(seconds: float) -> list[str]:
     from hil.network.discovery import find  # most know where their vehicles are
 
-    found = find(seconds)
-    if not found:
+    answered = find(seconds)
+    if not answered:
         raise NetworkError(
             f"nobody answered by multicast within {seconds:g} s; the slave's scenario needs discovery = true in its "
             "[network] section and an address of this network in listen; an endpoint, tcp/ADDRESS:PORT, always works"
         )
-    return found
+    return answered
 
 
 class Fleet:
@@ -120,13 +120,13 @@ class Fleet:
             here = self._changed.wait_for(lambda: set(names) <= set(self.names), max(0.0, deadline - time.monotonic()))
             if not here:
                 raise NetworkError(self._missing(next(name for name in names if name not in self.names), seconds))
-            found = [self._handle(name) for name in names]
-        for vehicle in found:
+            vehicles = [self._handle(name) for name in names]
+        for vehicle in vehicles:
             while not (vehicle.present and "odom" in vehicle.client.latest and vehicle.diagnostics):
                 if time.monotonic() > deadline:
                     raise NetworkError(f"{vehicle.name} is there, but it says nothing{self._rights()}")
                 time.sleep(0.005)
-        return found
+        return vehicles
 
     async def find(self, *names: str, seconds: float = 30.0) -> list[Vehicle]:
         """`wait_for` for asyncio."""

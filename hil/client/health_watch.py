@@ -65,8 +65,8 @@ class HealthWatch:
     def statuses(self) -> list[Status]:
         """Return the status of every slave that has sent diagnostics, by name."""
         with self._lock:
-            found = [status._replace(present=bool(self._present.get(name))) for name, status in self._statuses.items()]
-        return sorted(found)
+            present = {name: bool(self._present.get(name)) for name in self._statuses}
+            return sorted([status._replace(present=present[name]) for name, status in self._statuses.items()])
 
     def without_answer(self) -> list[str]:
         """Return the slaves that are present but have sent no diagnostics yet."""

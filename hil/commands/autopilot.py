@@ -69,18 +69,18 @@ def _motors(scenario: Scenario, vehicle: Vehicle) -> int:
 def _link(scenario: Scenario, seconds: float) -> int:
     from hil.autopilots.link_test import measure_link
 
-    found = measure_link(scenario, seconds, lambda text: print(text, flush=True))
-    print(f"states sent {found.states}, outputs {found.outputs}, lost {found.lost}, malformed {found.malformed}")
+    result = measure_link(scenario, seconds, lambda text: print(text, flush=True))
+    print(f"states sent {result.states}, outputs {result.outputs}, lost {result.lost}, malformed {result.malformed}")
     print(
-        f"round trip: median {found.round_trip_p50_ms:.2f} ms, 99 % {found.round_trip_p99_ms:.2f} ms, "
-        f"at most {found.round_trip_max_ms:.2f} ms; jitter {found.jitter_ms:.2f} ms"
+        f"round trip: median {result.round_trip_p50_ms:.2f} ms, 99 % {result.round_trip_p99_ms:.2f} ms, "
+        f"at most {result.round_trip_max_ms:.2f} ms; jitter {result.jitter_ms:.2f} ms"
     )
-    print(f"outputs {found.output_rate:.0f} Hz, {found.speed:.2f} times real time")
-    if found.line_rate:
-        print(f"the line carries at most {found.line_rate:.0f} HIL_SENSOR a second")
-    if not found.outputs:
+    print(f"outputs {result.output_rate:.0f} Hz, {result.speed:.2f} times real time")
+    if result.line_rate:
+        print(f"the line carries at most {result.line_rate:.0f} HIL_SENSOR a second")
+    if not result.outputs:
         raise DeviceError("no outputs came: the autopilot does not answer")
-    if found.round_trip_p50_ms > SLOW_MS:
+    if result.round_trip_p50_ms > SLOW_MS:
         print(f"WARNING: a round trip above {SLOW_MS:g} ms: the autopilot's estimator sees old values")
     return 0
 

@@ -45,14 +45,14 @@ def main(arguments: list[str]) -> int:
         raise ConfigError(f"--root: {options.root}: no such folder")
     board = load_board(options.board) if options.board else recognise(tree)
     case = Case(tree, board, _scenario(options), find_user(tree, options.user))
-    found = []
+    reported = []
     for finding in findings(case):
-        found.append(finding)
+        reported.append(finding)
         if not options.json:
             print(line(finding), flush=True)
     if options.json:
-        print(json.dumps([finding._asdict() for finding in found]))
-    return int(any(finding.level == "problem" for finding in found))
+        print(json.dumps([finding._asdict() for finding in reported]))
+    return int(any(finding.level == "problem" for finding in reported))
 
 
 def _parser() -> argparse.ArgumentParser:

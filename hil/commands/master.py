@@ -109,11 +109,11 @@ def _report_vehicles(seconds: float) -> str:
     """Return the endpoint of the slave that multicast finds. Raises NetworkError when nobody does, or several do."""
     from hil.network.discovery import find
 
-    found = find(seconds)
-    if len(found) == 1:
-        return found[0]
-    if found:
-        raise NetworkError(f"several answer in this network: {', '.join(found)}; choose one with --connect")
+    endpoints = find(seconds)
+    if len(endpoints) == 1:
+        return endpoints[0]
+    if endpoints:
+        raise NetworkError(f"several answer in this network: {', '.join(endpoints)}; choose one with --connect")
     raise NetworkError(
         f"nobody answered by multicast within {seconds:g} s; the slave's scenario needs discovery = true in its "
         "[network] section and an address of this network in listen; many access points block multicast: --connect "

@@ -47,8 +47,8 @@ def main(arguments: list[str]) -> int:
         print(f"forwarding between all who dial {options.listen}", flush=True)
         known: list[str] = []
         while not select.select((stop_fd,), (), (), 0.5)[0]:
-            found = session.others()
-            if found != known:
-                known = found
+            connected = session.others()
+            if connected != known:
+                known = connected
                 print(f"connected: {', '.join(known) or 'nobody'}", flush=True)
     return 0

@@ -61,8 +61,8 @@ def _parse(arguments: list[str]) -> Options:
         "--port", metavar="ADDRESS", help="address of the thruster link: /dev/ttyUSB0, pty:/tmp/name, can:..."
     )
     add_member(parser)
-    found = vars(parser.parse_args(arguments))
-    return Options(**{**found, "set": tuple(found["set"])})
+    values = vars(parser.parse_args(arguments))
+    return Options(**{**values, "set": tuple(values["set"])})
 
 
 def _run(options: Options, startup: dict[str, int]) -> None:

@@ -47,8 +47,8 @@ def main(arguments: list[str]) -> int:
     vehicle, control = load_vehicle(options.vehicle)
     tuner = Tuner(options.vehicle, vehicle, control, options.seed)
     axes = options.axis or tuner.axes()
-    found = tuner.tune(axes, _progress(len(set(axes))))
-    print(report(found))
+    tuned = tuner.tune(axes, _progress(len(set(axes))))
+    print(report(tuned))
     note = "Gains (hil/autonomy/control/controller.py) found by step responses of this model: uuv-hil tune."
     if options.output:
         from hil.tuning.tuned_file import write_tuned
@@ -58,21 +58,21 @@ def main(arguments: list[str]) -> int:
     if options.plot:
         from hil.tuning.picture import draw
 
-        draw(f"{vehicle.name}: step responses", found, options.plot)
+        draw(f"{vehicle.name}: step responses", tuned, options.plot)
     return 0
 
 
-def report(found: list[Tuned]) -> str:
+def report(results: list[Tuned]) -> str:
     """Return the table before and after, the processes, and the gains."""
-    rows = [HEADER, *(row for tuned in found for row in _rows(tuned))]
+    rows = [HEADER, *(row for tuned in results for row in _rows(tuned))]
     processes: list[tuple[str, ...]] = [("axis", "slope", "damping", "delay")]
     processes += [
         (tuned.axis, f"{slope:.2f}", f"{damping:.2f} 1/s", f"{delay * 1e3:.0f} ms")
-        for tuned in found
+        for tuned in results
         for slope, damping, delay in (tuned.process,)
     ]
-    gains = [f"{key} = {{ {_gain(row)} }}" for tuned in found if tuned.better for key, row in tuned.gains.items()]
-    proposal = ["[control]", *gains] if gains else ["no better gains found: it keeps those it has"]
+    gains = [f"{key} = {{ {_gain(row)} }}" for tuned in results if tuned.better for key, row in tuned.gains.items()]
+    proposal = ["[control]", *gains] if gains else ["no better gains results: it keeps those it has"]
     return "\n".join([*aligned(rows), "", *aligned(processes), "", *proposal])
 
 

@@ -100,11 +100,11 @@ class Histogram:
 
     def since(self, bins: list[int]) -> "Histogram":
         """Return what was counted after its `bins` were these; the greatest of it is known to its bin."""
-        found = Histogram()
-        found.bins = [now - before for now, before in zip(self.bins, bins, strict=True)]
-        last = max((index for index, number in enumerate(found.bins) if number), default=0)
-        found.maximum = min(self._upper_edge(last), self.maximum)
-        return found
+        newer = Histogram()
+        newer.bins = [now - before for now, before in zip(self.bins, bins, strict=True)]
+        last = max((index for index, number in enumerate(newer.bins) if number), default=0)
+        newer.maximum = min(self._upper_edge(last), self.maximum)
+        return newer
 
     @staticmethod
     def _upper_edge(index: int) -> int:

@@ -66,7 +66,7 @@ def _find(name: str, where: str) -> Any:
     if os.getcwd() not in sys.path:
         sys.path.append(os.getcwd())
     try:
-        found = getattr(import_module(module), attribute)
+        plugin = getattr(import_module(module), attribute)
     except ImportError as error:
         remedy = "it has to be on PYTHONPATH" if getattr(error, "name", None) == module else "mend its imports"
         raise ConfigError(f"{where}: {module} cannot be imported: {error}; {remedy}") from error
@@ -75,7 +75,7 @@ def _find(name: str, where: str) -> Any:
     except AttributeError:
         raise ConfigError(f"{where}: {module} has no {attribute!r}") from None
     loaded.add(module)
-    return found
+    return plugin
 
 
 def _methods(contract: type) -> list[str]:

@@ -47,18 +47,18 @@ def read_bytes(path: str, largest: int = LARGEST) -> bytes:
 def check_file(path: str, largest: int) -> Stamp:
     """Return the stamp of a regular file of at most `largest` bytes. Raises ConfigError for anything else."""
     try:
-        found = os.stat(path)
+        status = os.stat(path)
     except FileNotFoundError:
         raise ConfigError(f"{path}: no such file") from None
     except (OSError, ValueError) as error:  # a path with a 0 in it is a ValueError
         raise ConfigError(f"{path}: cannot be read: {getattr(error, 'strerror', error)}") from None
-    if stat.S_ISDIR(found.st_mode):
+    if stat.S_ISDIR(status.st_mode):
         raise ConfigError(f"{path}: is a folder, not a file")
-    if not stat.S_ISREG(found.st_mode):  # a pipe would be waited for, a device never ends
+    if not stat.S_ISREG(status.st_mode):  # a pipe would be waited for, a device never ends
         raise ConfigError(f"{path}: is no regular file")
-    if found.st_size > largest:
-        raise ConfigError(f"{path}: has {found.st_size >> 20} MiB; such a file has at most {largest >> 20} MiB")
-    return found.st_mtime_ns, found.st_size
+    if status.st_size > largest:
+        raise ConfigError(f"{path}: has {status.st_size >> 20} MiB; such a file has at most {largest >> 20} MiB")
+    return status.st_mtime_ns, status.st_size
 
 
 def value_of(text: str) -> Any:
@@ -204,12 +204,12 @@ def _prune(folder: str) -> None:
         kept = [
             (entry.path, entry.stat()) for entry in entries if entry.is_file() and not entry.name.startswith(PROGRAM)
         ]
-    size = sum(found.st_size for _, found in kept)
+    size = sum(status.st_size for _, status in kept)
     if len(kept) <= MOST_KEPT and size <= MOST_KEPT_BYTES:
         return
     kept.sort(key=lambda file: file[1].st_mtime_ns, reverse=True)
     size = 0
-    for number, (path, found) in enumerate(kept):
-        size += found.st_size
+    for number, (path, status) in enumerate(kept):
+        size += status.st_size
         if number >= MOST_KEPT // 2 or size > MOST_KEPT_BYTES // 2:
             os.unlink(path)

@@ -56,15 +56,15 @@ def rates(case: Case) -> Iterator[Finding]:
 
 def governor(case: Case) -> Iterator[Finding]:
     """Yield how the processor's clock is governed: one that wakes up slowly makes the loop late."""
-    found = governors(case.tree)
-    if not found:
+    counts = governors(case.tree)
+    if not counts:
         return
-    text = ", ".join(f"{name} on {count} processors" for name, count in found.items())
+    text = ", ".join(f"{name} on {count} processors" for name, count in counts.items())
     active = case.tree.text("/sys/devices/system/cpu/cpu0/cpufreq/scaling_driver") in ACTIVE_DRIVERS
-    if set(found) == {"performance"} or (active and set(found) <= {"performance", "powersave"}):
+    if set(counts) == {"performance"} or (active and set(counts) <= {"performance", "powersave"}):
         yield Finding("ok", "governor", text)
         return
-    slow = "powersave" in found
+    slow = "powersave" in counts
     remedy = "echo performance | sudo tee /sys/devices/system/cpu/cpu*/cpufreq/scaling_governor (it takes more power)"
     meaning = "the clock stays at its lowest" if slow else "the clock follows the load, late"
     yield Finding(case.severity if slow else "note", "governor", f"{text}: {meaning}", remedy)
@@ -138,13 +138,13 @@ def clock(case: Case) -> Iterator[Finding]:
 
 def process_limits(text: str) -> dict[str, float]:
     """Name -> soft limit of a process, by the text of its /proc/PID/limits."""
-    found = {}
+    limits = {}
     for line in text.splitlines():
         value = line[26:].split()
         limit = float("inf") if value[:1] == ["unlimited"] else number(value[0]) if value else None
         if limit is not None:
-            found[line[:26].strip()] = limit
-    return found
+            limits[line[:26].strip()] = limit
+    return limits
 
 
 def _process(case: Case) -> str | None:

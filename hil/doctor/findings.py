@@ -82,12 +82,12 @@ def grant(case: Case) -> str:
     return "uuv-hil board install grants it to the service and its user; for a shell: see /etc/security/limits.d"
 
 
-def may_open(found: os.stat_result, user: User) -> bool:
+def may_open(status: os.stat_result, user: User) -> bool:
     """Return whether `user` may read and write a file, by its mode; root may all."""
     if user.uid == 0:
         return True
-    shift = 6 if found.st_uid == user.uid else 3 if found.st_gid in user.groups else 0
-    return found.st_mode >> shift & 6 == 6
+    shift = 6 if status.st_uid == user.uid else 3 if status.st_gid in user.groups else 0
+    return status.st_mode >> shift & 6 == 6
 
 
 def as_user(user: User) -> list[str] | None:

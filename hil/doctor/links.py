@@ -21,12 +21,12 @@ def ports(case: Case) -> Iterator[Finding]:
         return
     real = tree.resolve(device)
     name = device if real == device else f"{device} ({real})"
-    found = _status(tree, real)
-    if found is None:
+    status = _status(tree, real)
+    if status is None:
         yield Finding(case.severity, "serial port", f"{name} is not there", _instead(case, device, real))
-    elif not may_open(found, case.user):
-        remedy = permission(tree, found, case.user)
-        mode = f"{stat.filemode(found.st_mode)}, user {found.st_uid}, group {found.st_gid}"
+    elif not may_open(status, case.user):
+        remedy = permission(tree, status, case.user)
+        mode = f"{stat.filemode(status.st_mode)}, user {status.st_uid}, group {status.st_gid}"
         yield Finding(case.severity, "serial port", f"{name}: no permission for {case.user.name} ({mode})", remedy)
     else:
         yield Finding("ok", "serial port", f"{name}, {case.user.name} may open it")
@@ -122,19 +122,19 @@ def _can_details(tree: Tree, name: str, rate: int, up: str) -> Iterator[Finding]
     if kind and kind != "can":
         yield Finding("ok", "CAN", f"{name} is up, {kind}: no wire, no bit rate")
         return
-    found, state = _table(data, "bittiming").get("bitrate"), data.get("state")
-    if found is None or state is None:
+    bitrate, state = _table(data, "bittiming").get("bitrate"), data.get("state")
+    if bitrate is None or state is None:
         yield Finding("note", "CAN", f"{name} is up; bit rate and state cannot be told", "sudo apt install iproute2")
-    if found not in (None, rate):
-        remedy = f"sudo ip link set {name} down; {up}; or [link] bitrate = {found}"
-        yield Finding("problem", "CAN", f"{name} runs at {found} bit/s, the scenario says {rate}", remedy)
+    if bitrate not in (None, rate):
+        remedy = f"sudo ip link set {name} down; {up}; or [link] bitrate = {bitrate}"
+        yield Finding("problem", "CAN", f"{name} runs at {bitrate} bit/s, the scenario says {rate}", remedy)
     if state not in (None, "ERROR-ACTIVE"):
         remedy = "both ends at one bit rate, CAN-H and CAN-L not swapped, 120 ohms at either end, the STM32 powered"
         # Not in one with the bit rate: a driver that cannot (gs_usb) refuses the whole command, and nothing is up.
         again = f"sudo ip link set {name} down; sudo ip link set {name} type can restart-ms 100 (not every driver can)"
         remedy += f"; then {again}; {up}" if state == "BUS-OFF" else ""
         yield Finding("problem", "CAN", f"{name} is in the state {state}", remedy)
-    if found == rate and state == "ERROR-ACTIVE":
+    if bitrate == rate and state == "ERROR-ACTIVE":
         yield Finding("ok", "CAN", f"{name} is up at {rate} bit/s, {state}")
 
 
@@ -144,13 +144,13 @@ def _table(value: Any, key: str) -> dict[str, Any]:
     return inner if isinstance(inner, dict) else {}
 
 
-def permission(tree: Tree, found: os.stat_result, user: User) -> str:
+def permission(tree: Tree, status: os.stat_result, user: User) -> str:
     """Return what lets `user` open a device: its own group where that may read and write, else the rule for udev.
 
     Not the group of root, and so not that of a device that only root's group may open.
     """
     names = {row.number: row.name for row in accounts(tree, "/etc/group")}
-    group = names.get(found.st_gid, "") if found.st_gid and found.st_mode >> 3 & 6 == 6 else ""
+    group = names.get(status.st_gid, "") if status.st_gid and status.st_mode >> 3 & 6 == 6 else ""
     join = f"sudo usermod -aG {group or 'dialout'} {user.name}, then log in again"
     return join if group else f"uuv-hil board install gives it to the group dialout, by a rule for udev; {join}"
 

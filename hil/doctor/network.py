@@ -52,12 +52,12 @@ def wlan(case: Case) -> Iterator[Finding]:
 
 def listeners(tree: Tree) -> dict[int, str]:
     """TCP port that somebody listens on -> inode of the socket."""
-    found = {}
+    inodes = {}
     for table in ("/proc/net/tcp", "/proc/net/tcp6"):
         for line in tree.text(table).splitlines()[1:]:
             fields = line.split()
             if len(fields) > 9 and fields[3] == LISTENING:
                 port = hexadecimal(fields[1].rpartition(":")[2])
                 if port is not None:
-                    found[port] = fields[9]
-    return found
+                    inodes[port] = fields[9]
+    return inodes

@@ -134,9 +134,9 @@ def may_write(folder: str, user: User) -> bool:
     """Return whether `user` may make files in a folder: of others by its mode, root may everywhere."""
     if user.uid in (0, os.getuid()):
         return os.access(folder, os.W_OK | os.X_OK)
-    found = os.stat(folder)
-    shift = 6 if found.st_uid == user.uid else 3 if found.st_gid in user.groups else 0
-    return found.st_mode >> shift & 3 == 3
+    status = os.stat(folder)
+    shift = 6 if status.st_uid == user.uid else 3 if status.st_gid in user.groups else 0
+    return status.st_mode >> shift & 3 == 3
 
 
 def _plan(scenario: Scenario) -> None:
@@ -219,11 +219,11 @@ def _is_compiled(source: str) -> bool:
     try:
         with open(cache_from_source(source), "rb") as file:
             header = file.read(16)
-        found = os.stat(source)
+        status = os.stat(source)
     except OSError:
         return False
     flags, time_s, size = (int.from_bytes(header[i : i + 4], "little") for i in (4, 8, 12))
-    return bool(flags) or (time_s, size) == (int(found.st_mtime) & 0xFFFFFFFF, found.st_size & 0xFFFFFFFF)
+    return bool(flags) or (time_s, size) == (int(status.st_mtime) & 0xFFFFFFFF, status.st_size & 0xFFFFFFFF)
 
 
 def granted(case: Case) -> Iterator[Finding]:

@@ -212,10 +212,10 @@ class Connection:
         name = request.pop("vehicle", "")
         if name:
             return self._fleet[str(name)]
-        found = self._fleet.vehicles
-        if len(found) > 1:
-            raise ConfigError(f"vehicle: name one of {', '.join(found)}")
-        return next(iter(found.values()))
+        vehicles = self._fleet.vehicles
+        if len(vehicles) > 1:
+            raise ConfigError(f"vehicle: name one of {', '.join(vehicles)}")
+        return next(iter(vehicles.values()))
 
     def _send_samples(self) -> None:
         """Send what was subscribed to, each at its rate, and stop vehicles whose client is silent.

@@ -160,8 +160,8 @@ def _manifest_entry(tree: Tree, change: Change) -> ManifestEntry:
     entry = ManifestEntry("", change.before, tuple(_missing_folders(tree, change.path)))
     if change.before is None:
         return entry
-    found = os.stat(tree.path(change.path))
-    return entry._replace(mode=stat.S_IMODE(found.st_mode), owner=(found.st_uid, found.st_gid))
+    status = os.stat(tree.path(change.path))
+    return entry._replace(mode=stat.S_IMODE(status.st_mode), owner=(status.st_uid, status.st_gid))
 
 
 def _missing_folders(tree: Tree, path: str) -> list[str]:

@@ -55,18 +55,18 @@ class Service(NamedTuple):
 
 def texts(tree: Tree, service: Service, board: Board | None) -> dict[str, str]:
     """Path -> what it is to hold. Raises ConfigError when a name cannot stand in a unit or a rule."""
-    found = {UNIT: unit(tree, service, board), RULES: rules(tree, service, board), LIMITS: limits(service)}
+    files = {UNIT: unit(tree, service, board), RULES: rules(tree, service, board), LIMITS: limits(service)}
     if _can(service.scenario):
         module = can_module(service.scenario, board)
-        found[CAN_UNIT] = can_unit(service.scenario, module)
+        files[CAN_UNIT] = can_unit(service.scenario, module)
         if module:
-            found[MODULE_UNIT] = _fill("systemd/uuv-hil-module.service", {"module": module})
+            files[MODULE_UNIT] = _fill("systemd/uuv-hil-module.service", {"module": module})
     if ports := reachable_ports(service):
-        found[FIREWALL] = _fill("systemd/firewall.nft", {"ports": ", ".join(map(str, ports))})
-        found[FIREWALL_UNIT] = _fill("systemd/uuv-hil-firewall.service", {"nft": NFT, "rules": FIREWALL})
+        files[FIREWALL] = _fill("systemd/firewall.nft", {"ports": ", ".join(map(str, ports))})
+        files[FIREWALL_UNIT] = _fill("systemd/uuv-hil-firewall.service", {"nft": NFT, "rules": FIREWALL})
     if tree.exists(os.path.dirname(MANAGER)):
-        found[MANAGER] = _fill("systemd/networkmanager.conf", {})
-    return found
+        files[MANAGER] = _fill("systemd/networkmanager.conf", {})
+    return files
 
 
 def reachable_ports(service: Service) -> tuple[int, ...]:
@@ -192,8 +192,8 @@ def waits_for_network(service: Service) -> bool:
 
 def systemd_version(tree: Tree) -> int | None:
     """Return the version of the machine's systemd; None if it cannot be told."""
-    found = re.match(r"systemd (\d+)", tree.run("systemctl", "--version") or "")
-    return int(found[1]) if found else None
+    version = re.match(r"systemd (\d+)", tree.run("systemctl", "--version") or "")
+    return int(version[1]) if version else None
 
 
 def command(service: Service) -> list[str]:
@@ -230,7 +230,7 @@ def prose(text: str) -> str:
 
 def escaped(text: str) -> str:
     """Return a part of a path as the name of a unit has it, see systemd-escape(1)."""
-    return re.sub(r"[^A-Za-z0-9:_.]", lambda found: f"\\x{ord(found[0]):02x}", text)
+    return re.sub(r"[^A-Za-z0-9:_.]", lambda match: f"\\x{ord(match[0]):02x}", text)
 
 
 def _devices(scenario: Scenario, kinds: tuple[str, ...]) -> list[str]:
@@ -256,5 +256,5 @@ def _fill(template: str, values: dict[str, str]) -> str:
     """Return a file of boards/ with every @name@ replaced."""
     with open(os.path.join(preset_folder(FOLDER), template), encoding="utf-8") as file:
         text = file.read()
-    text = re.sub(r"@([a-z_]+)@", lambda found: values[found[1]], text)
+    text = re.sub(r"@([a-z_]+)@", lambda match: values[match[1]], text)
     return re.sub(r"[ \t]+$", "", re.sub(r"\n{3,}", "\n\n", text), flags=re.MULTILINE)

@@ -94,12 +94,12 @@ def hold_position(here: Point, heading: float, place: Point) -> VelocityCommand:
 
 def signals_of(samples: Samples) -> Mapping[str, float]:
     """Return what tasks may wait for, of those sensors that the vehicle has."""
-    found: dict[str, float] = {"depth": samples["odom"].position[2]}
+    signals: dict[str, float] = {"depth": samples["odom"].position[2]}
     battery, dvl, leak = samples.get("battery"), samples.get("dvl"), samples.get("leak")
     if battery:
-        found |= {"battery": battery.charge / battery.capacity, "voltage": battery.voltage}
+        signals |= {"battery": battery.charge / battery.capacity, "voltage": battery.voltage}
     if dvl and dvl.locked:
-        found["altitude"] = dvl.altitude
+        signals["altitude"] = dvl.altitude
     if leak:
-        found["leak"] = float(leak.on)
-    return found
+        signals["leak"] = float(leak.on)
+    return signals

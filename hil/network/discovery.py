@@ -15,7 +15,7 @@ URGENT = "?prio=1-3"  # as in hil.network.settings
 
 def find(seconds: float) -> list[str]:
     """Return the endpoints that have answered within the time: at once when the first has, and what came with it."""
-    found: dict[str, None] = {}
+    endpoints: dict[str, None] = {}
     config = zenoh.Config.from_json5(json5({"scouting": {"multicast": {"enabled": True}}}))
     scout = zenoh.scout(zenoh.handlers.FifoChannel(64), what="peer|router", config=config)
     deadline = time.monotonic() + seconds
@@ -27,9 +27,9 @@ def find(seconds: float) -> list[str]:
                 continue
             urgent = [locator for locator in hello.locators if locator.endswith(URGENT)]  # a slave's, of its two links
             ours = [locator.removesuffix(URGENT) for locator in urgent or hello.locators]
-            if ours and not found:
+            if ours and not endpoints:
                 deadline = min(deadline, time.monotonic() + 0.1)  # for others that answer the same question
-            found |= dict.fromkeys(ours)
+            endpoints |= dict.fromkeys(ours)
     finally:
         scout.stop()  # type: ignore[no-untyped-call]
-    return sorted(found)
+    return sorted(endpoints)

@@ -51,10 +51,10 @@ class UnreadLinks:
         if now - self._checked_ns < CHECK_NS:
             return False
         passed_ns, self._checked_ns = min(now - self._checked_ns, LONGEST_CHECK_NS), now
-        found = session.links()
-        links = [(peer, (_port(ours), _port(theirs))) for peer, ours, theirs in found]
+        connections = session.links()
+        links = [(peer, (_port(ours), _port(theirs))) for peer, ours, theirs in connections]
         stuck = self.find_unread(passed_ns, read_progress({pair for _, pair in links}))
-        peers = self.find_halves(passed_ns, [peer for peer, _, theirs in found if _IS_HALF in theirs])
+        peers = self.find_halves(passed_ns, [peer for peer, _, theirs in connections if _IS_HALF in theirs])
         peers |= {peer for peer, pair in links if pair in stuck}
         cut({pair for peer, pair in links if peer in peers})
         return bool(peers)
@@ -82,9 +82,9 @@ class UnreadLinks:
         halves = [peer for peer in self._pairs if counts[peer] == 1]
         self._halves = {peer: self._halves[peer] + passed_ns if peer in self._halves else 0 for peer in halves}
         patience_ns = min(self._patience_ns << min(self._cuts, 10), max(self._patience_ns, LONGEST_PATIENCE_NS))
-        found = {peer for peer, lasted_ns in self._halves.items() if lasted_ns >= patience_ns}
-        self._cuts += bool(found)
-        return found
+        overdue = {peer for peer, lasted_ns in self._halves.items() if lasted_ns >= patience_ns}
+        self._cuts += bool(overdue)
+        return overdue
 
 
 def read_progress(pairs: Collection[Pair]) -> dict[Pair, int]:
@@ -97,7 +97,7 @@ def read_progress(pairs: Collection[Pair]) -> dict[Pair, int]:
     from fcntl import ioctl
     from termios import FIONREAD
 
-    found = {}
+    progress = {}
     for pair, end in network_sockets():
         if pair not in pairs:
             continue
@@ -105,8 +105,8 @@ def read_progress(pairs: Collection[Pair]) -> dict[Pair, int]:
             info = end.getsockopt(_TCP, _TCP_INFO, _TCP_INFO_SIZE)
             waiting = int.from_bytes(ioctl(end.fileno(), FIONREAD, bytes(4)), "little")
             if waiting and len(info) == _TCP_INFO_SIZE:  # the kernel is not older than 4.1
-                found[pair] = unpack_from("<Q", info, _BYTES_RECEIVED)[0] - waiting
-    return found
+                progress[pair] = unpack_from("<Q", info, _BYTES_RECEIVED)[0] - waiting
+    return progress
 
 
 def _port(locator: str) -> int:

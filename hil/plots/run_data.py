@@ -59,21 +59,21 @@ def collect(messages: Iterable[Message], path: str) -> dict[str, VehicleData]:
 
     Raises ConfigError if there are more than MOST_VEHICLES.
     """
-    found: dict[str, VehicleData] = {}
+    vehicles: dict[str, VehicleData] = {}
     first_ns = 0
     for message in messages:
         first_ns = first_ns or message.logged_ns
         node, _, name = message.topic.strip("/").rpartition("/")
         handle = _HANDLERS.get(name)
         if node and handle and len(message.data) <= LONGEST:
-            if node not in found and len(found) >= MOST_VEHICLES:
+            if node not in vehicles and len(vehicles) >= MOST_VEHICLES:
                 raise ConfigError(f"{path}: more than {MOST_VEHICLES} vehicles are in it, which no figure can show")
-            handle(found.setdefault(node, VehicleData()), message, (message.logged_ns - first_ns) / NS_PER_S)
-    for data in found.values():
+            handle(vehicles.setdefault(node, VehicleData()), message, (message.logged_ns - first_ns) / NS_PER_S)
+    for data in vehicles.values():
         data.pulses = _steps(
             data.pulses, max((rows[-1][0] for rows in (data.true, data.commands) if rows), default=0.0)
         )
-    return found
+    return vehicles
 
 
 def _add_true(data: VehicleData, message: Message, time: float) -> None:

@@ -39,14 +39,14 @@ VIEWS = (
 )
 
 
-def draw(vehicle: Vehicle, found: tuple[Reach, ...], path: str) -> None:
+def draw(vehicle: Vehicle, reaches: tuple[Reach, ...], path: str) -> None:
     """Draw `vehicle` and what it can do into the image file `path`. Raises MissingExtraError, ConfigError."""
     plt = pyplot()
     figure, axes = plt.subplots(2, 2, figsize=(12, 10), layout="constrained")
     try:
         for view, place in zip(VIEWS, axes.flat, strict=False):
             _draw_view(place, vehicle, view)
-        _draw_speeds(axes[1][1], found)
+        _draw_speeds(axes[1][1], reaches)
         figure.suptitle(f"{vehicle.name}: {vehicle.mass:g} kg, {_parts(vehicle)}", fontsize=15)
         _name_thrusters(figure, vehicle)
         figure.savefig(path, dpi=110)
@@ -159,9 +159,9 @@ def _draw_thruster(axes: Any, vehicle: Vehicle, view: View, number: int, reach: 
         )
 
 
-def _draw_speeds(axes: Any, found: tuple[Reach, ...]) -> None:
+def _draw_speeds(axes: Any, reaches: tuple[Reach, ...]) -> None:
     """Bars for the four axes a pilot commands, m/s and rad/s on one scale."""
-    shown = [reach for reach in found if reach.axis in ("surge", "sway", "heave", "yaw")]
+    shown = [reach for reach in reaches if reach.axis in ("surge", "sway", "heave", "yaw")]
     ticks = {"surge": ("ahead", "astern"), "sway": ("starboard", "port"), "heave": ("down", "up"),
              "yaw": ("to starboard", "to port")}  # fmt: skip
     names, speeds, units = [], [], []

@@ -48,19 +48,19 @@ def read_about(path: str) -> About:
     require_library()
     from mcap.records import Attachment, Chunk, Metadata
 
-    found = About({}, {})
+    about = About({}, {})
     for record in _records(recording_files(path)[0], emit_chunks=True):
         if isinstance(record, Metadata) and record.name == "uuv_hil":
-            found.facts.update(record.metadata)
+            about.facts.update(record.metadata)
         elif isinstance(record, Attachment):
-            if len(record.data) > LARGEST or len(found.attachments) >= MOST_ATTACHMENTS:
+            if len(record.data) > LARGEST or len(about.attachments) >= MOST_ATTACHMENTS:
                 raise ConfigError(
                     f"{path}: more than {MOST_ATTACHMENTS} files are attached, or one of more than {LARGEST >> 20} MiB"
                 )
-            found.attachments[record.name] = record.data.decode(errors="replace")
+            about.attachments[record.name] = record.data.decode(errors="replace")
         elif isinstance(record, Chunk):  # all of it comes before the first message
             break
-    return found
+    return about
 
 
 def _number(name: str) -> tuple[int, str]:

@@ -48,12 +48,12 @@ class Layout:
 
     def struct(self, *lengths: int) -> Struct:
         """Return the Struct of a message whose strings take `lengths` bytes; with fewer, up to the next length."""
-        found = self._structs.get(lengths)
-        if found is None:
+        compiled = self._structs.get(lengths)
+        if compiled is None:
             if len(self._structs) >= _MOST_COMPILED:
                 self._structs.clear()
-            found = self._structs[lengths] = Struct(self._format(lengths))
-        return found
+            compiled = self._structs[lengths] = Struct(self._format(lengths))
+        return compiled
 
     def named(self, names: tuple[str, ...]) -> tuple[Struct, tuple[Any, ...]]:
         """Return the message with these strings, and the values that they are in it."""
@@ -64,8 +64,8 @@ class Layout:
                 self._named.clear()
             raw = [zero_terminated(name) for name in names]
             strings = tuple([value for name in raw for value in (len(name), name)])
-            found = self._named[names] = self.struct(*map(len, raw)), strings
-            return found
+            compiled = self._named[names] = self.struct(*map(len, raw)), strings
+            return compiled
 
     def unpack(self, data: bytes) -> tuple[Any, ...]:
         """Return the values of a payload, `HEADER` first. Raises MalformedError; use under `tolerant`."""
@@ -192,8 +192,8 @@ def diagonal(size: int, first: float, last: float, third: float | None = None) -
             values[axis * (size + 1)] = first if axis < 3 else last
         if third is not None:
             values[2 * (size + 1)] = third
-        found = _diagonals[key] = pack(f"<{size * size}d", *values)
-        return found
+        packed = _diagonals[key] = pack(f"<{size * size}d", *values)
+        return packed
 
 
 _diagonals: dict[tuple[int, float, float, float | None], bytes] = {}

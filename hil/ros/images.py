@@ -121,20 +121,22 @@ def camera_messages(sample: CameraSample, prefix: str, images: str = "raw", qual
     """Return all messages of one picture: `images` is "raw", "jpeg" or "both". Raises MissingExtraError."""
     frame, shape = f"{prefix}camera_optical_frame", (sample.time_ns, sample.width, sample.height)
     info = encode_camera_info(Pinhole(*shape, sample.intrinsics, sample.distortion), frame)
-    found = [("camera/camera_info", info)]
+    messages = [("camera/camera_info", info)]
     if images != "jpeg":
-        found.append(("camera/image_raw", encode_image(Picture(*shape, "rgb8", sample.rgb), frame)))
+        messages.append(("camera/image_raw", encode_image(Picture(*shape, "rgb8", sample.rgb), frame)))
     if images != "raw":
-        found.append(("camera/image_raw/compressed", encode_compressed(sample.time_ns, jpeg(sample, quality), frame)))
+        messages.append(
+            ("camera/image_raw/compressed", encode_compressed(sample.time_ns, jpeg(sample, quality), frame))
+        )
     if sample.depth is not None:
-        found.append(("camera/depth/camera_info", info))
-        found.append(("camera/depth/image_raw", encode_image(Picture(*shape, "32FC1", sample.depth), frame)))
+        messages.append(("camera/depth/camera_info", info))
+        messages.append(("camera/depth/image_raw", encode_image(Picture(*shape, "32FC1", sample.depth), frame)))
     if sample.points is not None:
         cloud = Cloud(*shape, coloured(sample.points, sample.rgb))
-        found.append(("camera/depth/points", encode_cloud(cloud, frame)))
+        messages.append(("camera/depth/points", encode_cloud(cloud, frame)))
     if sample.labels is not None:
-        found.append(("camera/labels", encode_image(Picture(*shape, "32SC1", sample.labels), frame)))
-    return found
+        messages.append(("camera/labels", encode_image(Picture(*shape, "32SC1", sample.labels), frame)))
+    return messages
 
 
 def encode_sonar(sample: SonarImageSample, frame: str = "forward_sonar_fan") -> bytes:

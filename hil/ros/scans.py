@@ -24,9 +24,9 @@ def encode_scan(sample: LaserSample, frame: str = "laser_link") -> bytes:
 @tolerant
 def decode_scan(data: bytes) -> LaserSample:
     """Return the fan as the sensor gave it; times within it and intensities are left."""
-    found = _decode(data)
-    last = found.angle_min + (len(found.ranges) - 1) * found.angle_increment
-    return found._replace(angle_min=-last, ranges=found.ranges[::-1])
+    scan = _decode(data)
+    last = scan.angle_min + (len(scan.ranges) - 1) * scan.angle_increment
+    return scan._replace(angle_min=-last, ranges=scan.ranges[::-1])
 
 
 def encode_profile(sample: LaserSample, frame: str = "profiler_scan") -> bytes:

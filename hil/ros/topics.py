@@ -149,9 +149,9 @@ def hash_of(type_name: str) -> str:
     """
     if dialect.is_humble():
         return dialect.NO_HASH
-    found = TYPE_HASHES.get(type_name)
-    if found is None:
+    digest = TYPE_HASHES.get(type_name)
+    if digest is None:
         from hil.ros import types  # what the vehicle says stands above
 
-        found = types.type_hash(type_name)
-    return found
+        digest = types.type_hash(type_name)
+    return digest

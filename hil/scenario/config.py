@@ -310,9 +310,9 @@ def build_simulation(scenario: Scenario, vehicle: Vehicle, world: World) -> Simu
 
 def _file(key: str, name: str, path: str) -> str:
     """Return what the scenario at `path` names: a preset that there is, or a file beside it. Raises ConfigError."""
-    found = _relative(name, os.path.dirname(path))
-    find_preset(FOLDERS[key], found, f"{path}: {key}")
-    return found
+    resolved = _relative(name, os.path.dirname(path))
+    find_preset(FOLDERS[key], resolved, f"{path}: {key}")
+    return resolved
 
 
 def _relative(name: str, folder: str, ending: str = ".toml") -> str:

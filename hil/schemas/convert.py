@@ -54,14 +54,14 @@ class Converter:
     def keys(self, record: Any, shown: Mapping[str, Schema | None] | None = None) -> dict[str, Schema]:
         """Return the schemas of a record's keys: those of `shown` as they stand there, without those that are None."""
         shown = shown or {}
-        found: dict[str, Schema] = {}
+        schemas: dict[str, Schema] = {}
         for key, annotation in record.__annotations__.items():
             schema = shown[key] if key in shown else self.of(annotation)
             if schema is not None:
                 unit = unit_of(record, key) or _unit(annotation)
                 meaning = meaning_of(record, key) + (f" Unit: {unit}." if unit not in ("", "-") else "")
-                found[key] = _described(schema, meaning, record._field_defaults.get(key))
-        return found
+                schemas[key] = _described(schema, meaning, record._field_defaults.get(key))
+        return schemas
 
 
 def _unit(annotation: Any) -> str:
@@ -94,8 +94,8 @@ def number(kind: type, limit: Range) -> Schema:
 
 def table(keys: dict[str, Schema], needed: list[str] | None = None, others: Any = False) -> Schema:
     """Return the schema of a table with these keys; `others` is that of all further keys, False: there are none."""
-    found: Schema = {"type": "object", "properties": keys, "additionalProperties": others}
-    return found | ({"required": needed} if needed else {})
+    schema: Schema = {"type": "object", "properties": keys, "additionalProperties": others}
+    return schema | ({"required": needed} if needed else {})
 
 
 def tables(row: Schema) -> Schema:

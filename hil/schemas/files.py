@@ -71,14 +71,14 @@ def _scenario_keys(converter: Converter) -> dict[str, Schema]:
 
 def _sections(converter: Converter) -> dict[str, Schema | None]:
     """Return the schemas of the sections that a scenario reads by a record of theirs when it has them."""
-    found: dict[str, Schema | None] = {}
+    sections: dict[str, Schema | None] = {}
     for name, place in config.LAZY.items():
         module, _, attribute = place.partition(":")
         record = getattr(import_module(module), attribute)
         if hasattr(record, "_fields") and "." not in name:
             row = converter.reference(record)
-            found[name] = tables(row) if name in config.MANY else row
-    return found
+            sections[name] = tables(row) if name in config.MANY else row
+    return sections
 
 
 def _modem(converter: Converter, kind: str, record: Any) -> Schema:
@@ -87,12 +87,12 @@ def _modem(converter: Converter, kind: str, record: Any) -> Schema:
 
 
 def _sensors(converter: Converter, own: Schema) -> Schema:
-    found = {}
+    sections = {}
     for name in SENSORS:
         device = {"type": "string", "description": f"One that can be bought: {', '.join(preset_names(DEVICES))}."}
         keys = converter.keys(load_sensor(name).Model) | converter.keys(Mounting)
-        found[name] = table(keys | {"device": device})
-    return table(found, others=own)
+        sections[name] = table(keys | {"device": device})
+    return table(sections, others=own)
 
 
 def _vehicle(converter: Converter) -> Schema:

@@ -24,8 +24,8 @@ def meaning_of(record: Any, key: str) -> str:
 
 def unit_of(record: Any, key: str) -> str:
     """Return the unit of a number whose schema names none: "-" for a pure number, "" where nothing is said."""
-    found = _UNIT.match(_text(record, key))
-    return found[1] if found else ""
+    match = _UNIT.match(_text(record, key))
+    return match[1] if match else ""
 
 
 def _text(record: Any, key: str) -> str:

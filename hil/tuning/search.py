@@ -84,11 +84,11 @@ class Tuner:
                     f"{self._name}: its thrusters do not drive {axis}; they drive: {', '.join(self.axes())}"
                 )
         old = dict(self.control)
-        found = []
+        tuned = []
         for axis in (axis for axis in AXES if axis in axes):
             report(axis)
-            found.append(self._tune_axis(axis, old))
-        return found
+            tuned.append(self._tune_axis(axis, old))
+        return tuned
 
     def _tune_axis(self, axis: str, old: dict[str, Any]) -> Tuned:
         size = step_size(axis, self._reach[AXES[axis].loop])
@@ -121,15 +121,15 @@ class Tuner:
         """Gains by their keys, for a closed loop of `closed` delays."""
         loop = AXES[axis].loop
         time = (closed + 1.0) * process.delay
-        found: dict[str, AxisGains | HoldGains] = {}
+        proposed: dict[str, AxisGains | HoldGains] = {}
         for key in self._keys(axis):
             present = getattr(self.gains, key)
             if isinstance(present, HoldGains):
                 top = _HOLD_TOP * min(self._reach[loop].speed[0], -self._reach[loop].speed[1])
-                found[key] = HoldGains(_short(min(20.0, 1.0 / (4.0 * time))), _short(min(present.limit, top)))
+                proposed[key] = HoldGains(_short(min(20.0, 1.0 / (4.0 * time))), _short(min(present.limit, top)))
             else:
-                found[key] = present._replace(**self._pi(process, time, self._force(loop) / self._inertia[loop]))
-        return found
+                proposed[key] = present._replace(**self._pi(process, time, self._force(loop) / self._inertia[loop]))
+        return proposed
 
     def _pi(self, process: Process, time: float, most: float) -> dict[str, float]:
         p = min(100.0, 1.0 / (process.slope * time))

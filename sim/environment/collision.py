@@ -63,7 +63,7 @@ class Footprint:
         What is in by more than `most` m has come into a step, and does not count. -inf if nothing counts.
         """
         depths = [self._depth(position, place) for place in self._places]
-        return max([found for found in depths if found[0] <= most], default=(-inf, (0.0, 0.0, -1.0)))
+        return max([touch for touch in depths if touch[0] <= most], default=(-inf, (0.0, 0.0, -1.0)))
 
     def sunk(self, position: Sequence[float]) -> float:
         """Return how far straight up in m the disc would have to go to be free; negative if it is."""

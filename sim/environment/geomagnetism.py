@@ -55,6 +55,6 @@ def field_at(latitude: float, longitude: float, altitude: float = 0.0, year: flo
     model = GeoMag()
     first, last = model.life_span
     time = 0.5 * (first + last) if year is None else min(max(year, first), last)
-    found = model.calculate(glat=latitude, glon=longitude, alt=altitude / 1000.0, time=time)
-    angles = found.f * 1e-9, radians(found.i), radians(found.d)
+    field = model.calculate(glat=latitude, glon=longitude, alt=altitude / 1000.0, time=time)
+    angles = field.f * 1e-9, radians(field.i), radians(field.d)
     return MagneticField(angles, model.model, time)

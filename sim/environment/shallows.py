@@ -49,10 +49,10 @@ def _cells(terrain: Terrain, place: Place, reach: float) -> Iterator[list[Corner
     for row in range(max(floor(place[0] - reach), 0), min(ceil(place[0] + reach), grid.rows - 1)):
         for column in range(max(floor(place[1] - reach), 0), min(ceil(place[1] + reach), grid.columns - 1)):
             around = ((row, column), (row, column + 1), (row + 1, column + 1), (row + 1, column))
-            found = [(float(i), float(j), depths[i * grid.columns + j]) for i, j in around]
-            if any(isnan(corner[2]) for corner in found):
-                found = [(i, j, NO_DATA) for i, j, _ in found]
-            yield found
+            corners = [(float(i), float(j), depths[i * grid.columns + j]) for i, j in around]
+            if any(isnan(corner[2]) for corner in corners):
+                corners = [(i, j, NO_DATA) for i, j, _ in corners]
+            yield corners
 
 
 def _shallow_part(corners: list[Corner], depth: float) -> list[Place]:

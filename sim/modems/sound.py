@@ -62,12 +62,12 @@ def paths(level_distance: float, source_depth: float, receiver_depth: float, dep
     By image sources (Jensen et al., Computational Ocean Acoustics, 2.4.4): the source is mirrored at surface and
     bottom in turn. The shortest is first.
     """
-    found = [
+    arrivals = [
         Path(hypot(level_distance, image - receiver_depth), surface, bottom)
         for image, surface, bottom in _images(source_depth, depth, bounces)
         if surface + bottom <= bounces
     ]
-    return sorted(found)
+    return sorted(arrivals)
 
 
 def _images(source: float, depth: float, bounces: int) -> Iterator[tuple[float, int, int]]:

@@ -69,15 +69,15 @@ class PictureScene(RayScene):
             return super().hits(origin, directions, reach, rotation)
         turned = np.array(rotation).reshape(3, 3)
         self._draw(geometry, at, turned, reach)
-        found: Any = np.empty((self._toward.shape[1], 4), np.float32)
-        objects: Any = np.empty(len(found), np.int32)
-        self._frame.read_into(found, components=4, attachment=0, dtype="f4")
+        drawn: Any = np.empty((self._toward.shape[1], 4), np.float32)
+        objects: Any = np.empty(len(drawn), np.int32)
+        self._frame.read_into(drawn, components=4, attachment=0, dtype="f4")
         self._frame.read_into(objects, components=1, attachment=1, dtype="i4")
-        distances = found[:, 3].copy()
+        distances = drawn[:, 3].copy()
         points: Any = turned.astype(np.float32) @ self._toward
         points *= np.where(objects == NOTHING, np.float32(np.nan), distances)
         points += at.astype(np.float32)[:, None]
-        return Hits(distances, points.T, found[:, :3], objects)
+        return Hits(distances, points.T, drawn[:, :3], objects)
 
     def _draw(self, geometry: Geometry, at: Floats, turned: Floats, reach: float) -> None:
         """Draw the view from `at` into both pictures of the frame; `turned` is the camera's axes in the world's."""
@@ -195,10 +195,10 @@ def window(terrain: Terrain, outside: float, rows: Integers, columns: Integers) 
     """Return the depths (m) at these nodes, `outside` beyond the grid, nan without data."""
     grid = terrain.grid
     depths = np.asarray(terrain.depths).reshape(grid.rows, grid.columns)
-    found: Floats = depths[np.ix_(rows.clip(0, grid.rows - 1), columns.clip(0, grid.columns - 1))].astype(np.float64)
-    found[(rows < 0) | (rows >= grid.rows)] = outside
-    found[:, (columns < 0) | (columns >= grid.columns)] = outside
-    return found
+    nodes: Floats = depths[np.ix_(rows.clip(0, grid.rows - 1), columns.clip(0, grid.columns - 1))].astype(np.float64)
+    nodes[(rows < 0) | (rows >= grid.rows)] = outside
+    nodes[:, (columns < 0) | (columns >= grid.columns)] = outside
+    return nodes
 
 
 def columns_without_data(unknown: NDArray[np.bool_], north: Floats, east: Floats, far: float) -> Floats:

@@ -72,12 +72,12 @@ class RayScene:
         """Return `ranges`, and for each ray its end, the object there and the object's normal."""
         rays = _doubles(directions)
         count = len(rays) // 3
-        found = Hits(
+        hits = Hits(
             array("d", bytes(8 * count)), array("d", bytes(24 * count)), array("d", bytes(24 * count)),
             array("i", bytes(4 * count)),
         )  # fmt: skip
-        self._cast(origin, rays, reach, rotation, found.distances, found)
-        return found
+        self._cast(origin, rays, reach, rotation, hits.distances, hits)
+        return hits
 
     def _cast(
         self,

@@ -187,7 +187,7 @@ def _unit(x: float, y: float, z: float) -> Vector3:
 
 def _intersect_mesh(geometry: Geometry, root: int, at: Vector3, along: Vector3, reach: float) -> tuple[float, int]:
     nodes, triangles = geometry.nodes, geometry.triangles
-    best, found, waiting = inf, 0, [root]
+    best, nearest, waiting = inf, 0, [root]
     while waiting:
         place = waiting.pop() * NODE
         near, far = 0.0, min(reach, best)
@@ -201,8 +201,8 @@ def _intersect_mesh(geometry: Geometry, root: int, at: Vector3, along: Vector3, 
         for number in range(first, first + count):
             distance = _intersect_triangle(triangles[number * TRIANGLE : (number + 1) * TRIANGLE], at, along)
             if distance < best and distance <= reach:
-                best, found = distance, number
-    return best, found
+                best, nearest = distance, number
+    return best, nearest
 
 
 def _intersect_triangle(corner: Sequence[float], at: Vector3, along: Vector3) -> float:

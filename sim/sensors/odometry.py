@@ -47,8 +47,8 @@ class Odometry:
 
     def sample(self, time_ns: int, state: State) -> OdometrySample:
         """Return the solution for `state`; attitude errors are small turns about the body axes."""
-        found = self._errors.measure((*state.position, 0.0, 0.0, 0.0, *state.nu))
-        north, east, down, a, b, c, u, v, w, p, q, r = found
+        measured = self._errors.measure((*state.position, 0.0, 0.0, 0.0, *state.nu))
+        north, east, down, a, b, c, u, v, w, p, q, r = measured
         return OdometrySample(
             time_ns, (north, east, down), integrate(state.quaternion, (a, b, c), 1.0), (u, v, w, p, q, r)
         )

@@ -65,8 +65,8 @@ class Usbl:
             return None
         self.delay_ns = round(distance / self._sound_speed(place) * 1e9)
         line = (x / distance, y / distance, z / distance)
-        found = _turned(line, up, starboard)
-        north, east, down = [start + measured * along for start, along in zip(self._station, found, strict=True)]
+        direction = _turned(line, up, starboard)
+        north, east, down = [start + measured * along for start, along in zip(self._station, direction, strict=True)]
         return PositionSample(time_ns, (north, east, down), self._covariance(line, distance))
 
     def _sound_speed(self, place: Vector3) -> float:

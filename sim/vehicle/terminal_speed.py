@@ -58,7 +58,7 @@ def reaches(vehicle: Vehicle, inverse: Matrix, density: float = 1000.0, gravity:
     matrix = wrench_matrix(vehicle)
     linear, quadratic = square(vehicle.linear_damping, 6), square(vehicle.quadratic_damping, 6)
     sinks = (vehicle.mass - density * displaced_volume(vehicle, density)) * gravity
-    found = []
+    reached = []
     for axis, name in enumerate(AXES):
         shares = [row[axis] for row in inverse]
         ahead, astern = _most(vehicle, matrix, shares, axis)
@@ -69,8 +69,8 @@ def reaches(vehicle: Vehicle, inverse: Matrix, density: float = 1000.0, gravity:
             terminal_speed(ahead + own_weight, losses[0], drag),
             terminal_speed(astern + own_weight, losses[1], drag),
         )
-        found.append(Reach(name, (ahead, astern), speeds if ahead else (0.0, 0.0)))
-    return tuple(found)
+        reached.append(Reach(name, (ahead, astern), speeds if ahead else (0.0, 0.0)))
+    return tuple(reached)
 
 
 def _most(vehicle: Vehicle, matrix: Matrix, thrusts: list[float], axis: int) -> tuple[float, float]:

@@ -193,12 +193,12 @@ class Referee:
         around = sorted(positions, key=lambda position: _polar(plan.target, position)[1])
         right = 2.0 * plan.ring * sin(pi / len(positions))
         spacing_error = max(abs(dist(a, b) / right - 1.0) for a, b in pairwise([*around, around[0]]))
-        found = self._separation, self._formation_error, ring_error, max(gaps), spacing_error
+        figures = self._separation, self._formation_error, ring_error, max(gaps), spacing_error
         most = criteria._replace(ring=criteria.ring * plan.ring)
-        within = [value <= limit for value, limit in zip(found[1:], most[1:], strict=True)]
-        met = found[0] > criteria.separation, *within
+        within = [value <= limit for value, limit in zip(figures[1:], most[1:], strict=True)]
+        met = figures[0] > criteria.separation, *within
         failures = tuple(name for name, ok in zip(Criteria._fields, met, strict=True) if not ok)
-        return Judgement(*found, failures)
+        return Judgement(*figures, failures)
 
 
 def _polar(target: Vector, position: Vector) -> tuple[float, float]:

@@ -31,8 +31,8 @@ def plan_any_angle(grid: OccupancyGrid, start: Point, goal: Point) -> list[Point
     """
     known = smooth(grid, plan(grid, start, goal))
     cells = _Search(~grid.cells, grid.cell(start), grid.cell(goal)).run()
-    found = smooth(grid, without_repeats([start, *map(grid.centre, cells), goal]))
-    return min(found, known, key=path_length)
+    direct = smooth(grid, without_repeats([start, *map(grid.centre, cells), goal]))
+    return min(direct, known, key=path_length)
 
 
 class _Search:
@@ -58,9 +58,9 @@ class _Search:
             if cell == self._target:
                 return self._straightened([self._jumps.cell(index) for index in trace(self._parents, cell)])
             for direction in ALL_DIRECTIONS:
-                found = self._jumps.next(cell, direction)
-                if found and found not in self._closed and self._reach(found, cell):
-                    heapq.heappush(queue, (self._costs[found] + self._distance(found, self._target), found))
+                next_cell = self._jumps.next(cell, direction)
+                if next_cell and next_cell not in self._closed and self._reach(next_cell, cell):
+                    heapq.heappush(queue, (self._costs[next_cell] + self._distance(next_cell, self._target), next_cell))
 
     def _straightened(self, cells: list[Cell]) -> list[Cell]:
         """Return the cells without turns that a straight line can replace: parents were chosen by one check each."""
@@ -70,18 +70,18 @@ class _Search:
                 end - 1,
                 *(i for i in range(max(0, end - _AHEAD), end - 1) if self._sight.is_free(cells[i], cell)),
             ]
-            found = [(lengths[i] + dist(cells[i], cell), i) for i in choices]
-            lengths.append(min(found)[0])
-            before.append(min(found)[1])
+            candidates = [(lengths[i] + dist(cells[i], cell), i) for i in choices]
+            lengths.append(min(candidates)[0])
+            before.append(min(candidates)[1])
         return [cells[i] for i in trace(dict(enumerate(before)), len(cells) - 1)]
 
-    def _reach(self, found: int, cell: int) -> bool:
+    def _reach(self, to: int, cell: int) -> bool:
         """Assume that `found` can be seen from the parent of `cell`; return whether that is the best path so far."""
         parent = self._parents[cell]
-        cost = self._costs[parent] + self._distance(parent, found)
-        if cost >= self._costs.get(found, inf):
+        cost = self._costs[parent] + self._distance(parent, to)
+        if cost >= self._costs.get(to, inf):
             return False
-        self._costs[found], self._parents[found], self._came_from[found] = cost, parent, cell
+        self._costs[to], self._parents[to], self._came_from[to] = cost, parent, cell
         return True
 
     def _settle(self, cell: int) -> None:

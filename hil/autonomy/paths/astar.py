@@ -135,12 +135,12 @@ def _search(free: NDArray[np.bool_], start: Cell, goal: Cell) -> list[Cell] | No
             continue
         closed.add(cell)
         for direction in directions:
-            found = jumps.next(cell, direction)
-            reached = costs[cell] + _octile(cell, found, width)
-            if found and reached < costs.get(found, inf):
-                costs[found] = reached
-                parents[found] = cell
-                heapq.heappush(queue, (reached + _octile(found, target, width), found, _ONWARD[direction]))
+            next_cell = jumps.next(cell, direction)
+            reached = costs[cell] + _octile(cell, next_cell, width)
+            if next_cell and reached < costs.get(next_cell, inf):
+                costs[next_cell] = reached
+                parents[next_cell] = cell
+                heapq.heappush(queue, (reached + _octile(next_cell, target, width), next_cell, _ONWARD[direction]))
     return None
 
 
@@ -219,8 +219,8 @@ def _next_turns(free: NDArray[np.bool_], index: NDArray[np.int32], goal: int) ->
     stops = np.where(turn | wall, columns, columns[-1])
     at_or_after = np.minimum.accumulate(stops[:, ::-1], axis=1)[:, ::-1]
     after = np.append(at_or_after[:, 1:], at_or_after[:, -1:], axis=1)
-    found: NDArray[np.int32] = np.take_along_axis(index * turn, after, axis=1)
-    return found
+    turns: NDArray[np.int32] = np.take_along_axis(index * turn, after, axis=1)
+    return turns
 
 
 def _ahead(cells: NDArray[np.bool_], rows: int, columns: int) -> NDArray[np.bool_]:

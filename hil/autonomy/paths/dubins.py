@@ -61,14 +61,14 @@ def _laid_out(start: Pose, pieces: list[tuple[float, float]], slope: float) -> C
 def _shortest(heading: float, end_heading: float, north: float, east: float) -> tuple[Lengths, Lengths]:
     """Return the best word: turn of each piece (1 to starboard, -1 to port, 0 straight) and its length, in radii."""
     distance, course = hypot(north, east), atan2(east, north)
-    found: list[tuple[Lengths, Lengths]] = []
+    candidates: list[tuple[Lengths, Lengths]] = []
     for side in (1.0, -1.0):  # what begins to port is the mirror image of what begins to starboard
         a, b = side * (heading - course), side * (end_heading - course)
         for (first, second, third), word in _WORDS:
             lengths = word(a, b, distance)
             if lengths is not None:
-                found.append(((side * first, side * second, side * third), lengths))
-    return min(found, key=lambda candidate: sum(candidate[1]))
+                candidates.append(((side * first, side * second, side * third), lengths))
+    return min(candidates, key=lambda candidate: sum(candidate[1]))
 
 
 def _same_turns(a: float, b: float, distance: float) -> Lengths | None:

@@ -142,7 +142,7 @@ class _Path:
 
     def nearest(self, point: Point, low: float, high: float) -> tuple[float, float]:
         """Return the place between `low` and `high` nearest to `point`, and its distance to starboard of it."""
-        found, least, side = low, float("inf"), 1.0
+        best, least, side = low, float("inf"), 1.0
         for leg in self._legs:
             if leg.begins > high or leg.ends < low:
                 continue
@@ -152,5 +152,5 @@ class _Path:
             distance = dist(point, leg.at(along))
             if distance < least:
                 starboard = east * leg.direction[0] - north * leg.direction[1]
-                found, least, side = along, distance, 1.0 if starboard >= 0.0 else -1.0
-        return found, side * least
+                best, least, side = along, distance, 1.0 if starboard >= 0.0 else -1.0
+        return best, side * least

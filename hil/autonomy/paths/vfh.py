@@ -158,17 +158,17 @@ class Vfh:
         closed = [blocked or masked for blocked, masked in zip(self.blocked, self.masked, strict=True)]
         if not any(closed):
             return [target]
-        found: list[float] = []
+        headings: list[float] = []
         for first, count in _openings(closed):
             low, span = (first - 0.5) * self._width, count * self._width
             if span <= self._settings.wide:
-                found.append(wrap(low + 0.5 * span))
+                headings.append(wrap(low + 0.5 * span))
                 continue
             half = 0.5 * self._settings.wide
-            found += [wrap(low + half), wrap(low + span - half)]
+            headings += [wrap(low + half), wrap(low + span - half)]
             if half <= (target - low) % (2.0 * pi) <= span - half:
-                found.append(wrap(target))
-        return found
+                headings.append(wrap(target))
+        return headings
 
     def _cost(self, candidate: float, heading: float, target: float) -> float:
         settings = self._settings

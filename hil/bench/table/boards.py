@@ -69,12 +69,12 @@ def ratios(column: Column, board: str) -> str:
     if theirs is None or column.labels:
         return ""
     reference = paper()[theirs]
-    found = [
+    texts = [
         f"{row.title} {reference.figures[row.name].median / column.figures[row.name].median:.1f} x less"
         for row in ROWS
         if row.name in DRAWN and _is_comparable(row, column)
     ]
-    return f"{column.title} against {reference.title}: {', '.join(found)}" if found else ""
+    return f"{column.title} against {reference.title}: {', '.join(texts)}" if texts else ""
 
 
 def _is_comparable(row: Row, column: Column) -> bool:
@@ -84,11 +84,11 @@ def _is_comparable(row: Row, column: Column) -> bool:
 
 def columns_of(record: Record, title: str = "") -> list[Column]:
     """Return the columns of one record of `bench table`; `title` stands before each slave's name."""
-    found: dict[str, dict[str, Figure]] = {}
+    by_slave: dict[str, dict[str, Figure]] = {}
     for name, figure in record.figures.items():
         row, _, slave = name.partition(" @ ")
-        found.setdefault(slave, {})[row] = figure
-    return [_column(record, slave, figures, title) for slave, figures in found.items()]
+        by_slave.setdefault(slave, {})[row] = figure
+    return [_column(record, slave, figures, title) for slave, figures in by_slave.items()]
 
 
 def _column(record: Record, slave: str, figures: dict[str, Figure], title: str) -> Column:
@@ -174,14 +174,14 @@ def _draw_row(panel: Any, row: Row, columns: Sequence[Column]) -> None:
     panel.grid(axis="x", alpha=0.3)
     shown = []
     for place, column in enumerate(columns):
-        found = column.figures.get(row.name)
+        figure = column.figures.get(row.name)
         number = _number(row, column)
-        if found and found.median > 0.0:
-            middle = found.median
-            ends = [[middle - found.at(0.25)], [found.at(0.75) - middle]]
+        if figure and figure.median > 0.0:
+            middle = figure.median
+            ends = [[middle - figure.at(0.25)], [figure.at(0.75) - middle]]
             panel.errorbar(middle, place, xerr=ends, fmt="o", color=f"C{place % 10}", capsize=3)
             label = {"xy": (middle, place), "xytext": (0, 5), "textcoords": "offset points", "ha": "center"}
-            shown += [value for value in (found.at(0.25), found.at(0.75)) if value > 0.0]
+            shown += [value for value in (figure.at(0.25), figure.at(0.75)) if value > 0.0]
         else:  # a logarithmic scale has no place for it
             label = {"xy": (0.02, place), "xycoords": panel.get_yaxis_transform(), "va": "center"}
         panel.annotate(number or "not measured", fontsize="small", **label)
@@ -217,9 +217,9 @@ def _miss(row: Row, column: Column, limit: float) -> str:
     budget = f"{row.form.format(limit)} {row.unit}"
     if figure is None or not figure.values:
         return f"{row.title}: not measured, the budget is {budget}"
-    found = f"{row.title}: {row.form.format(figure.median)} {row.unit}"
+    measured = f"{row.title}: {row.form.format(figure.median)} {row.unit}"
     doubts = column.doubts(row)
-    return f"{found} is not to be trusted: {doubts[0]}" if doubts else f"{found}, the budget is {budget}"
+    return f"{measured} is not to be trusted: {doubts[0]}" if doubts else f"{measured}, the budget is {budget}"
 
 
 def _cells(columns: Sequence[Column]) -> list[list[str]]:

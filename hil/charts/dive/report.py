@@ -245,8 +245,8 @@ def _met(observation: Observation) -> tuple[list[float], list[float]]:
     """North and east of what one scan met, the vehicle being about level."""
     yaw, (north, east, _) = to_euler(observation.truth.orientation)[2], observation.truth.position
     laser = observation.laser
-    found = [(r, yaw + laser.angle_min + i * laser.angle_increment) for i, r in enumerate(laser.ranges) if isfinite(r)]
-    return [north + r * cos(a) for r, a in found], [east + r * sin(a) for r, a in found]
+    echoes = [(r, yaw + laser.angle_min + i * laser.angle_increment) for i, r in enumerate(laser.ranges) if isfinite(r)]
+    return [north + r * cos(a) for r, a in echoes], [east + r * sin(a) for r, a in echoes]
 
 
 def _markdown(title: str, rows: Sequence[tuple[str, str]], pictures: Sequence[tuple[str, str]]) -> str:

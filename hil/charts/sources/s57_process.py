@@ -63,13 +63,13 @@ def _read_updated(path: str) -> tuple[dict[str, Any], bytes]:
         cell = _numbered(path, str(dataset["DSID_EDTN"]), _update_of(dataset), folder)
         _set_options("APPLY")
         try:
-            found = _read(cell)
+            contents = _read(cell)
         except Exception as error:  # noqa: BLE001 - as in main
             raise _UpdateError(str(error).replace(cell, path)) from None
     for warning in caught:
         if str(warning.message).startswith(UNFIT):
             raise _UpdateError(str(warning.message))
-    return found
+    return contents
 
 
 def _set_options(updates: str) -> None:

@@ -56,34 +56,34 @@ def main(arguments: list[str]) -> int:
     options = parser.parse_args(arguments)
     least, confidence = options.least, options.confidence
     before, after = load(options.before), load(options.after)
-    found = compare(before, after, least, confidence)
-    if not found and before.kind != after.kind:
+    differences = compare(before, after, least, confidence)
+    if not differences and before.kind != after.kind:
         kinds = f"{options.before} is of `bench {before.kind}`, {options.after} of `bench {after.kind}`"
         raise ConfigError(f"{kinds}: they have no figure in common")
-    if not found:
+    if not differences:
         raise ConfigError(f"{options.before} and {options.after} have no figure in common")
     warnings = unlike(before, after)
-    print(json_text(_record(found, warnings), indent=1) if options.json else _text(found, confidence))
+    print(json_text(_record(differences, warnings), indent=1) if options.json else _text(differences, confidence))
     for warning in warnings:
         print(f"not alike: {warning}", file=sys.stderr)
-    worse = any(one.verdict == "worse" for one in found)
+    worse = any(one.verdict == "worse" for one in differences)
     return REGRESSION if worse and options.fail_on_regression else 0
 
 
-def _text(found: list[Difference], confidence: float) -> str:
+def _text(differences: list[Difference], confidence: float) -> str:
     rows = [["figure", "before", "after", "ratio", f"{confidence:.0%} interval", ""]]
-    for one in found:
+    for one in differences:
         interval = f"{one.interval.low:.3f} to {one.interval.high:.3f}"
         values = (f"{value:.4g} {one.unit}" for value in (one.before, one.after))
         ratio = [f"{one.ratio:.3f}", interval] if isfinite(one.interval.low) else ["-", "-"]
         rows.append([one.name, *values, *ratio, one.verdict])
-    counts = Counter(one.verdict for one in found)
+    counts = Counter(one.verdict for one in differences)
     lines = [*aligned(rows, rule=True), *(text for verdict, text in UNSURE.items() if counts[verdict])]
     unsure = sum(counts[verdict] for verdict in UNSURE)
     undecided = f", {unsure} not to be told" if unsure else ""
-    return "\n".join([*lines, f"{counts['worse']} worse, {counts['better']} better{undecided}, of {len(found)}"])
+    return "\n".join([*lines, f"{counts['worse']} worse, {counts['better']} better{undecided}, of {len(differences)}"])
 
 
-def _record(found: list[Difference], warnings: list[str]) -> Any:
-    rows = [one._asdict() | {"interval": list(one.interval)} for one in found]
+def _record(differences: list[Difference], warnings: list[str]) -> Any:
+    rows = [one._asdict() | {"interval": list(one.interval)} for one in differences]
     return {"differences": rows, "not_alike": warnings}

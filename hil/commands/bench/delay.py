@@ -117,12 +117,12 @@ def main(arguments: list[str]) -> int:
 
 def _report(runs: dict[str, list[Result]], labels: tuple[str, ...], options: Any) -> list[str]:
     """Print, write, draw; the limits that are broken. Raises ConfigError."""
-    results = {name: pooled(found) for name, found in runs.items()}
+    results = {name: pooled(repeats) for name, repeats in runs.items()}
     print(delay_report.text(results))
-    figures = {f"{row} [{name}]": figure for name, found in runs.items() for row, figure in _figures(found).items()}
+    figures = {f"{row} [{name}]": figure for name, repeats in runs.items() for row, figure in _figures(repeats).items()}
     details = {
-        name: {"warnings": results[name].warnings, "runs": [_details(result) for result in found]}
-        for name, found in runs.items()
+        name: {"warnings": results[name].warnings, "runs": [_details(result) for result in repeats]}
+        for name, repeats in runs.items()
     }
     settings = {key: value for key, value in vars(options).items() if key not in ("json", "png")}
     record = new_record("delay", settings, figures, labels, details)
@@ -256,13 +256,13 @@ def _figures(runs: list[Result]) -> dict[str, Figure]:
     }
     return {
         name: Figure(
-            [value for values in found for value in values],
+            [value for values in of_runs for value in values],
             "ms",
             "" if name in ("udp floor", "tcp floor", "hop wire") else "lower",
-            tuple(map(len, found)),
+            tuple(map(len, of_runs)),
         )
-        for name, found in series.items()
-        if any(found) or name == "delay"  # what was not asked for is no figure
+        for name, of_runs in series.items()
+        if any(of_runs) or name == "delay"  # what was not asked for is no figure
     }
 
 

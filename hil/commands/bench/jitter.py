@@ -55,7 +55,7 @@ def main(arguments: list[str]) -> int:
     rates = options.rates
     limits = limits_of(options)
     limits = limits if limits.cpus else limits._replace(cpus=(_last_cpu(),))
-    found: dict[float, list[Found]] = {}
+    by_rate: dict[float, list[Found]] = {}
     labels: tuple[str, ...] = ()
     endings = PartialFailures()
     with endings.caught(), ExitStack() as stack:
@@ -65,20 +65,22 @@ def main(arguments: list[str]) -> int:
             for rate, bench in zip(rates, benches, strict=True):
                 endings.place = f"run {number + 1} of {options.repeat}: {rate:g} Hz"
                 run = _measure(bench, options.seconds, endings.place)
-                found.setdefault(rate, []).append(run)
+                by_rate.setdefault(rate, []).append(run)
     show("")
-    if not found:
+    if not by_rate:
         endings.raise_first()
-    print("\n".join(_table(found)))
+    print("\n".join(_table(by_rate)))
     if options.repeat > 1:
         print(f"medians of {endings.most(options.repeat)} runs")
     print(f"pinned to processor {','.join(map(str, limits.cpus))}; behind: cycles that the schedule lacks at the end")
     print(NOTE)
     options_used = {key: getattr(options, key) for key in ("scenario", "set", "seconds", "repeat")}
-    figures = {name: figure for rate, runs in found.items() for name, figure in _figures(f"{rate:g} Hz", runs).items()}
+    figures = {
+        name: figure for rate, runs in by_rate.items() for name, figure in _figures(f"{rate:g} Hz", runs).items()
+    }
     options_used |= {"rates": rates, "cpus": limits.cpus}
     save_record(new_record("jitter", options_used, figures, (*labels, *endings.labels)), options)
-    kept = all(run.slave.within >= WITHIN for runs in found.values() for run in runs)
+    kept = all(run.slave.within >= WITHIN for runs in by_rate.values() for run in runs)
     if options.check and not kept:
         print(f"MISSED: less than {WITHIN:.0%} of the cycles were within 2 ms")
     endings.raise_first()
@@ -116,10 +118,10 @@ def _measure(bench: Bench, seconds: float, place: str) -> Found:
     return Found(kernel, bare, slave_loop(bench, seconds, watch))
 
 
-def _table(found: dict[float, list[Found]]) -> list[str]:
+def _table(by_rate: dict[float, list[Found]]) -> list[str]:
     """Medians over the runs."""
     rows = [["", "late p50 us", "p99", "p99.9", "max", "within 2 ms", "skipped", "behind"]]
-    for rate, runs in found.items():
+    for rate, runs in by_rate.items():
         name = f"{rate:g} Hz"
         kernels = [run.kernel for run in runs if run.kernel]
         if kernels:
@@ -144,7 +146,7 @@ def _cells(late: list[Lateness]) -> list[str]:
 def _figures(name: str, runs: list[Found]) -> dict[str, Figure]:
     """Return a value for each run, which is a start of the slave."""
     slaves, kernels = [run.slave for run in runs], [run.kernel for run in runs if run.kernel]
-    found = {
+    figures = {
         "slave p50": Figure([each.late.p50 for each in slaves], "us"),
         "slave p99": Figure([each.late.p99 for each in slaves], "us"),
         "slave p99.9": Figure([each.late.p999 for each in slaves], "us"),
@@ -155,10 +157,10 @@ def _figures(name: str, runs: list[Found]) -> dict[str, Figure]:
         "bare p99": Figure([run.bare.p99 for run in runs], "us", ""),
     }
     if kernels:
-        found["cyclictest mean"] = Figure([each.mean for each in kernels], "us", "")
+        figures["cyclictest mean"] = Figure([each.mean for each in kernels], "us", "")
         ratios = [run.slave.late.p50 / run.kernel.mean for run in runs if run.kernel and run.kernel.mean]
-        found["slave p50 over cyclictest mean"] = Figure(ratios, "ratio")
-    return {f"{name} {row}": each._replace(runs=(1,) * len(each.values)) for row, each in found.items()}
+        figures["slave p50 over cyclictest mean"] = Figure(ratios, "ratio")
+    return {f"{name} {row}": each._replace(runs=(1,) * len(each.values)) for row, each in figures.items()}
 
 
 def _last_cpu() -> int:

@@ -132,12 +132,12 @@ def _table(courses: list[Course]) -> list[str]:
 
 def _cells(values: list[float], base: list[float], again: list[list[float]], factor: float = 1.0) -> list[str]:
     """Median, spread, and what it is more than `base`."""
-    found = difference(values, base, again)
-    more = f"{factor * found.more:+.2f}"
+    change = difference(values, base, again)
+    more = f"{factor * change.more:+.2f}"
     return [
         f"{factor * median(values):.2f}",
         f"{factor * spread(values):.2f}",
-        more if found.is_distinct else f"({more})",
+        more if change.is_distinct else f"({more})",
     ]
 
 

@@ -49,17 +49,17 @@ def main(arguments: list[str]) -> int:
     add_results(parser)
     options = parser.parse_args(arguments)
     endings = PartialFailures()
-    found, how, labels = _measure(options, endings)
-    if not found:
+    by_kind, how, labels = _measure(options, endings)
+    if not by_kind:
         endings.raise_first()
-    print(_text(found))
+    print(_text(by_kind))
     print(f"medians of {endings.most(options.repeat)} starts each, (range of the middle half); ms")
     for line in how:
         print(line)
-    figures = {f"{row} [{kind}]": Figure(v, "ms") for kind, rows in found.items() for row, v in rows.items()}
+    figures = {f"{row} [{kind}]": Figure(v, "ms") for kind, rows in by_kind.items() for row, v in rows.items()}
     settings = {key: getattr(options, key) for key in ("scenario", "set", "repeat", "drop_caches")}
     save_record(new_record("startup", settings, figures, (*labels, *endings.labels), {"cold": how}), options)
-    took = median(found["warm"]["all"]) / 1e3
+    took = median(by_kind["warm"]["all"]) / 1e3
     broken = options.most is not None and not took <= options.most
     if broken:
         print(f"LIMIT BROKEN: a warm start takes {took:.3f} s, above {options.most:g} s")
@@ -87,8 +87,8 @@ def _measure(options: Any, endings: PartialFailures) -> tuple[dict[str, Series],
                 row = _start(bench, before)
                 rows.setdefault(kind, []).append(row)
     show("")
-    found = {kind: {name: [row[name] for row in of_kind] for name in of_kind[0]} for kind, of_kind in rows.items()}
-    return found, [f"cold: {words}"] if "cold" in found else [], labels
+    by_kind = {kind: {name: [row[name] for row in of_kind] for name in of_kind[0]} for kind, of_kind in rows.items()}
+    return by_kind, [f"cold: {words}"] if "cold" in by_kind else [], labels
 
 
 def _start(bench: Bench, before: Callable[[], None]) -> Row:
@@ -107,10 +107,10 @@ def _leave() -> None:
     """Warm: nothing is dropped."""
 
 
-def _text(found: dict[str, Series]) -> str:
-    names = list(next(iter(found.values())))
-    rows = [["phase", *found]]
-    rows += [[name, *(_cell(series[name]) for series in found.values())] for name in names]
+def _text(by_kind: dict[str, Series]) -> str:
+    names = list(next(iter(by_kind.values())))
+    rows = [["phase", *by_kind]]
+    rows += [[name, *(_cell(series[name]) for series in by_kind.values())] for name in names]
     return "\n".join(aligned(rows, rule=True))
 
 

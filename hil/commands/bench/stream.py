@@ -115,11 +115,11 @@ def _listen(options: Any, place: str) -> tuple[Listening, tuple[str, ...]]:
 
 
 def _by_topic(runs: list[Listening]) -> dict[str, list[Stream]]:
-    found: dict[str, list[Stream]] = {}
+    by_topic: dict[str, list[Stream]] = {}
     for received in runs:
         for stream in received.streams:
-            found.setdefault(stream.topic, []).append(stream)
-    return dict(sorted(found.items()))
+            by_topic.setdefault(stream.topic, []).append(stream)
+    return dict(sorted(by_topic.items()))
 
 
 def _dead(streams: list[Stream], seconds: float) -> bool:
@@ -149,11 +149,11 @@ def _table(streams: dict[str, list[Stream]]) -> list[str]:
 
 def _figures(streams: dict[str, list[Stream]], elsewhere: bool) -> dict[str, Figure]:
     """Return a value for each run, which is a start of the slave unless that is `elsewhere`."""
-    found: dict[str, Figure] = {}
+    figures: dict[str, Figure] = {}
     for topic, of_runs in streams.items():
         for field, name, unit, factor, better in ROWS:
             values = [factor * value for value in _values(of_runs, field)]
             if values:
                 runs = (len(values),) if elsewhere else (1,) * len(values)
-                found[f"{topic} {name}"] = Figure(values, unit, better, runs)
-    return found
+                figures[f"{topic} {name}"] = Figure(values, unit, better, runs)
+    return figures

@@ -115,7 +115,7 @@ def _parser() -> Any:
 def _measure(options: Any, endings: PartialFailures) -> Record:
     """Return the record. What ended the runs of a slave before their time is raised when there is none at all."""
     changes = {"recording.master": False, **changes_of(options), "master.time_limit": options.seconds}
-    found: dict[str, Figure] = {}
+    measured: dict[str, Figure] = {}
     details: dict[str, Any] = {}
     labels: list[str] = []
     for endpoint in options.connect or [""]:
@@ -128,7 +128,7 @@ def _measure(options: Any, endings: PartialFailures) -> Record:
         show("")
         if runs:
             labels += labels_of(runs[-1].slave) if endpoint else ()
-            found |= {f"{row} @ {endpoint}" if endpoint else row: figure for row, figure in figures(runs).items()}
+            measured |= {f"{row} @ {endpoint}" if endpoint else row: figure for row, figure in figures(runs).items()}
             details[name] = {
                 "slave": runs[-1].slave.raw,
                 "notes": sorted({text for run in runs for text in run.notes}),
@@ -136,10 +136,10 @@ def _measure(options: Any, endings: PartialFailures) -> Record:
             }
         if endings.stopped:
             break
-    if not found:
+    if not measured:
         endings.raise_first()
     settings = {key: getattr(options, key) for key in ("scenario", "set", "connect", "repeat", "seconds")}
-    return new_record("table", settings, found, dict.fromkeys((*labels, *endings.labels)), details)
+    return new_record("table", settings, measured, dict.fromkeys((*labels, *endings.labels)), details)
 
 
 def _repeat(bench: Bench, times: int, endpoint: str, runs: list[Run], endings: PartialFailures) -> None:
@@ -222,22 +222,22 @@ def _board(options: Any) -> Board | None:
         return load_board(options.board)
     if options.connect or not options.check:
         return None
-    found = recognise(Tree())
-    if found is None:
+    board = recognise(Tree())
+    if board is None:
         raise ConfigError(f"no budgets for this machine; {_remedy()}")
-    return found
+    return board
 
 
 def _board_of(endpoint: str, slave: Diagnostics) -> Board:
     """Return the board that a slave says it is, or this machine's where it runs here. Raises ConfigError."""
     name = slave.board or ""
     boards = map(load_board, preset_names("boards"))
-    found = next((board for board in boards if board.name == name), None)
-    if found is None and slave.boot_id == boot_id():
-        found = recognise(Tree())
-    if found is None:
+    named = next((board for board in boards if board.name == name), None)
+    if named is None and slave.boot_id == boot_id():
+        named = recognise(Tree())
+    if named is None:
         raise ConfigError(f"no budgets for {endpoint}, which says that its board is {name!r}; {_remedy()}")
-    return found
+    return named
 
 
 def _remedy() -> str:

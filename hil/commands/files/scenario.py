@@ -112,11 +112,11 @@ def _check(name: str, changes: dict[str, Any], as_json: bool) -> int:
     from hil.doctor.scenario import check_scenario
 
     scenario = load_scenario(name, changes)
-    found = list(check_scenario(scenario))
+    findings = list(check_scenario(scenario))
     if as_json:
-        print(json.dumps([finding._asdict() for finding in found]))
-    elif found:
-        print("\n".join([f"{finding.level}: {finding.text}" for finding in found]))
+        print(json.dumps([finding._asdict() for finding in findings]))
+    elif findings:
+        print("\n".join([f"{finding.level}: {finding.text}" for finding in findings]))
     else:
         print(f"{name}: no problem found")
-    return PROBLEM if any(finding.level == "problem" for finding in found) else 0
+    return PROBLEM if any(finding.level == "problem" for finding in findings) else 0

@@ -65,24 +65,24 @@ class _Flow:
 
     def mapping(self) -> dict[str, Any]:
         """Return a mapping in braces."""
-        found: dict[str, Any] = {}
+        fields: dict[str, Any] = {}
         self._expect("{")
         while not self._skip_mark("}"):
             key = self._scalar(plain=True)
             self._expect(":")
-            found[str(key)] = self._value()
+            fields[str(key)] = self._value()
             if not self._skip_mark(",") and self._peek() != "}":
                 raise self.error("expected , or }")
-        return found
+        return fields
 
     def _list(self) -> list[Any]:
-        found = []
+        items = []
         self._expect("[")
         while not self._skip_mark("]"):
-            found.append(self._value())
+            items.append(self._value())
             if not self._skip_mark(",") and self._peek() != "]":
                 raise self.error("expected , or ]")
-        return found
+        return items
 
     def _value(self) -> Any:
         first = self._peek()
@@ -117,11 +117,11 @@ class _Flow:
             raise self.error(error.msg) from None
 
     def _match(self, pattern: re.Pattern[str]) -> str:
-        found = pattern.match(self._text, self._at)
-        if found is None:
+        match = pattern.match(self._text, self._at)
+        if match is None:
             raise self.error("expected a value")
-        self._at = found.end()
-        return found.group()
+        self._at = match.end()
+        return match.group()
 
     def _peek(self) -> str:
         while self._text[self._at : self._at + 1].isspace():
@@ -129,9 +129,9 @@ class _Flow:
         return self._text[self._at : self._at + 1]
 
     def _skip_mark(self, mark: str) -> bool:
-        found = self._peek() == mark
-        self._at += found
-        return found
+        is_there = self._peek() == mark
+        self._at += is_there
+        return is_there
 
     def _expect(self, mark: str) -> None:
         if not self._skip_mark(mark):
@@ -154,21 +154,21 @@ def plain_value(word: str) -> Any:
 
 def lines(message: Mapping[str, Any], indent: str = "") -> list[str]:
     """Return a message as lines of YAML; long arrays are cut short."""
-    found = []
+    text_lines = []
     for name, value in message.items():
         if isinstance(value, Mapping):
-            found += [f"{indent}{name}:", *lines(value, f"{indent}  ")]
+            text_lines += [f"{indent}{name}:", *lines(value, f"{indent}  ")]
         elif isinstance(value, list) and value and isinstance(value[0], Mapping):
-            found.append(f"{indent}{name}:")
+            text_lines.append(f"{indent}{name}:")
             long = len(value) > MOST_MESSAGES
             for item in value[: FEW_MESSAGES if long else None]:
                 first, *others = lines(item, f"{indent}  ")
-                found += [f"{indent}- {first.strip()}", *others]
+                text_lines += [f"{indent}- {first.strip()}", *others]
             if long:
-                found.append(f"{indent}- ... ({len(value)} in all)")
+                text_lines.append(f"{indent}- ... ({len(value)} in all)")
         else:
-            found.append(f"{indent}{name}: {_shown(value)}")
-    return found
+            text_lines.append(f"{indent}{name}: {_shown(value)}")
+    return text_lines
 
 
 def _shown(value: Any) -> str:

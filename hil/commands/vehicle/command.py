@@ -67,11 +67,11 @@ def listing() -> str:
     rows: list[tuple[str, ...]] = [("preset", "mass", "thrusters", "surge", "level up to", "cannot drive")]
     for name in preset_names("sim/vehicles"):
         vehicle, _ = load_vehicle(name)
-        found = top(vehicle)
+        reaches = top(vehicle)
         rows.append((
-            name, f"{vehicle.mass:.4g} kg", _drives(vehicle), f"{found[0].speed[0]:.2f} m/s",
+            name, f"{vehicle.mass:.4g} kg", _drives(vehicle), f"{reaches[0].speed[0]:.2f} m/s",
             f"{vehicle.attitude_limit_speed:g} m/s" if vehicle.attitude_limit_speed else "-",
-            ", ".join(reach.axis for reach in found if not reach.driven) or "-",
+            ", ".join(reach.axis for reach in reaches if not reach.driven) or "-",
         ))  # fmt: skip
     return _columns(rows)
 
@@ -85,8 +85,8 @@ def describe(vehicle: Vehicle, density: float = 1000.0) -> str:
     """Everything there is to say of `vehicle` in water of `density` kg/m³, as text for a terminal."""
     matrix = wrench_matrix(vehicle)
     _, rank = pseudo_inverse(matrix)
-    found = top(vehicle, density)
-    idle = [reach.axis for reach in found if not reach.driven]
+    reaches = top(vehicle, density)
+    idle = [reach.axis for reach in reaches if not reach.driven]
     names = [thruster.name for thruster in vehicle.thrusters]
     equipment = [f"{title}\n{_columns(rows)}" for title, rows in _equipment(vehicle)]
     parts = [
@@ -100,7 +100,7 @@ def describe(vehicle: Vehicle, density: float = 1000.0) -> str:
         + "\n"
         + _columns([("", *names), *_number_rows(list("XYZKMN"), matrix)]),
         "one axis at a time, thrusters within their limits (roll and pitch: against damping alone)\n"
-        + _columns(_reach_rows(found)),
+        + _columns(_reach_rows(reaches)),
     ]
     return "\n\n".join(parts)
 
@@ -108,7 +108,7 @@ def describe(vehicle: Vehicle, density: float = 1000.0) -> str:
 def to_json(vehicle: Vehicle, density: float = 1000.0) -> dict[str, Any]:
     """Return the same as plain values: the vehicle's own keys, and what follows from them."""
     matrix = wrench_matrix(vehicle)
-    found = top(vehicle, density)
+    reaches = top(vehicle, density)
     return {
         **vehicle._asdict(),
         **{key: [row._asdict() for row in getattr(vehicle, key)] for key in ("thrusters", "fins", "drop_weights")},
@@ -117,8 +117,8 @@ def to_json(vehicle: Vehicle, density: float = 1000.0) -> dict[str, Any]:
         "net_weight": net_weight(vehicle, density),
         "wrench_matrix": matrix,
         "rank": pseudo_inverse(matrix)[1],
-        "reach": {reach.axis: {"force": reach.force, "speed": _finite(reach.speed)} for reach in found},
-        "not_driven": [reach.axis for reach in found if not reach.driven],
+        "reach": {reach.axis: {"force": reach.force, "speed": _finite(reach.speed)} for reach in reaches},
+        "not_driven": [reach.axis for reach in reaches if not reach.driven],
     }
 
 
@@ -187,9 +187,9 @@ def _plain(record: Any) -> dict[str, Any] | None:
     return record._asdict() if record else None
 
 
-def _reach_rows(found: tuple[Reach, ...]) -> list[tuple[str, ...]]:
+def _reach_rows(reaches: tuple[Reach, ...]) -> list[tuple[str, ...]]:
     rows: list[tuple[str, ...]] = [("axis", "force +", "force -", "speed +", "speed -")]
-    for reach in found:
+    for reach in reaches:
         if not reach.driven:
             rows.append((reach.axis, "-", "-", "-", "-"))
             continue

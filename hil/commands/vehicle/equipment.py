@@ -11,13 +11,13 @@ Table = list[tuple[str, ...]]
 def tables(vehicle: Vehicle) -> list[tuple[str, Table]]:
     """Titles and rows, of what there is."""
     channels: Table = [(str(number), name) for number, name in enumerate(vehicle.channels, 1)]
-    found: list[tuple[str, Table]] = [
+    sections: list[tuple[str, Table]] = [
         ("hull", _hull(vehicle)),
         (f"fins: {len(vehicle.fins)} (m, FRD)", _fins(vehicle)),
         ("ballast", _ballast(vehicle)),
         (f"channels: {len(channels)}, in the order of their pulses", channels),
     ]
-    return [(title, rows) for title, rows in found if rows]
+    return [(title, rows) for title, rows in sections if rows]
 
 
 def _hull(vehicle: Vehicle) -> Table:

@@ -67,8 +67,8 @@ def _package_index(path: str) -> dict[str, ModuleType]:
 
     package, packages = ModuleType("ament_index_python"), ModuleType("ament_index_python.packages")
     for module in (package, packages):
-        found: Any = module
-        found.get_package_share_directory = share
-        found.PackageNotFoundError = LookupError
+        stand_in: Any = module
+        stand_in.get_package_share_directory = share
+        stand_in.PackageNotFoundError = LookupError
     package.packages = packages  # type: ignore[attr-defined]
     return {"ament_index_python": package, "ament_index_python.packages": packages}

@@ -184,8 +184,8 @@ class Client:
     async def _advertise_services(self) -> None:
         """Name the services of vehicles as they come."""
         while self._commanding:
-            found = await asyncio.to_thread(self._commanding.services)
-            new = [service for service in sorted(found.items()) if service not in self._services]
+            services = await asyncio.to_thread(self._commanding.services)
+            new = [service for service in sorted(services.items()) if service not in self._services]
             if new:
                 first = len(self._services)
                 self._services += new

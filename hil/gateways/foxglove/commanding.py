@@ -43,12 +43,12 @@ class Commanding:
 
     def services(self) -> dict[str, str]:
         """Return the services that vehicles answer now, and their types."""
-        found: dict[str, str] = {}
+        types: dict[str, str] = {}
         for name in self._fleet.names[:1]:  # all are on one session
             keys = self._vehicle(name).client.session.tokens(graph.ALL)
             entities = [entity for key in keys if (entity := graph.read_token(key))]
-            found |= {entity.topic: entity.type for entity in entities if entity.kind == "SS"}
-        return {name: kind for name, kind in found.items() if schema_of(f"{kind}_Request")[0]}
+            types |= {entity.topic: entity.type for entity in entities if entity.kind == "SS"}
+        return {name: kind for name, kind in types.items() if schema_of(f"{kind}_Request")[0]}
 
     def describe(self, name: str, kind: str) -> dict[str, Any]:
         """Return a service as `advertiseServices` has it."""
@@ -75,7 +75,7 @@ class Commanding:
 
     def parameters(self, names: Sequence[str] = ()) -> dict[str, Any]:
         """Return parameters as "/uuv1/gains.surge.p" and values; all without `names`."""
-        found: dict[str, Any] = {}
+        by_name: dict[str, Any] = {}
         for node in self._fleet.names:
             vehicle = self._vehicle(node)
             listed = self._ask(vehicle, "list_parameters", {"prefixes": [], "depth": 0})["result"]["names"]
@@ -84,8 +84,8 @@ class Commanding:
                 chunk = wanted[start : start + AT_ONCE]
                 values = self._ask(vehicle, "get_parameters", {"names": chunk})["values"]
                 pairs = zip(chunk, values, strict=False)
-                found |= {f"/{node}/{name}": value[FIELDS[value["type"]]] for name, value in pairs if value["type"]}
-        return found
+                by_name |= {f"/{node}/{name}": value[FIELDS[value["type"]]] for name, value in pairs if value["type"]}
+        return by_name
 
     def set_parameters(self, values: Mapping[str, Any]) -> None:
         """Set parameters by their names as above. Raises ConfigError with the reason of the first that is refused."""

@@ -46,13 +46,13 @@ class SlaveParameters:
             values |= dict(zip(chunk, answers, strict=False))
         self._thrusters = [name for name in names if name.startswith("failures.")]
         self._names = {short: name for name in names if (short := short_name(name))}
-        found = {short: values[name]["double_value"] for short, name in self._names.items() if name in values}
+        fetched = {short: values[name]["double_value"] for short, name in self._names.items() if name in values}
         for number, name in enumerate(self._thrusters, 1):
             text = values[name]["string_value"] if name in values else ""
             kind, value = read_failure(text)
-            found[f"FAIL{number}_KIND"] = float(kind)
-            found[f"FAIL{number}_VALUE"] = value if kind > 1 else self._wished.get(f"FAIL{number}_VALUE", 0.0)
-        self.values = found
+            fetched[f"FAIL{number}_KIND"] = float(kind)
+            fetched[f"FAIL{number}_VALUE"] = value if kind > 1 else self._wished.get(f"FAIL{number}_VALUE", 0.0)
+        self.values = fetched
 
     def set(self, name: str, value: float) -> str:
         """Set one; return why it was not set, "" if it was."""

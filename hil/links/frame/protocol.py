@@ -151,8 +151,8 @@ _compiled: dict[tuple[str, int, int], _Compiled] = {}
 def _compile(path: str) -> _Compiled:
     """Return the frame of the file at `path`; both ends of a link in one process share it. Raises ConfigError."""
     try:
-        found = os.stat(path)
-        key = (path, found.st_mtime_ns, found.st_size)
+        status = os.stat(path)
+        key = (path, status.st_mtime_ns, status.st_size)
     except OSError:  # `load_layout` reports it
         key = (path, 0, 0)
     if key not in _compiled:

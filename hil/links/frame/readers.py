@@ -116,9 +116,9 @@ class SyncReader(Reader):
     def _find_sync(self, buffer: bytes, position: int) -> int:
         """Return where the next frame may begin: at a sync, or at a part of one that ends the buffer."""
         sync = self.sync
-        found = buffer.find(sync, position)
-        if found >= 0:
-            return found
+        index = buffer.find(sync, position)
+        if index >= 0:
+            return index
         for start in range(max(position, len(buffer) - len(sync) + 1), len(buffer)):
             if sync.startswith(buffer[start:]):
                 return start

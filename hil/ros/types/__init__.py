@@ -58,8 +58,8 @@ def definition(name: str) -> Definition:
     if "/srv/" in name and half in ("Request", "Response"):
         text = _block(service)[1].split("---\n")[half == "Response"]
         return Definition(name, "", _fields(name, text), text)
-    found, text = _block(name)
-    return Definition(name, found, _fields(name, text), text)
+    digest, text = _block(name)
+    return Definition(name, digest, _fields(name, text), text)
 
 
 def full_text(name: str) -> str:
@@ -94,12 +94,12 @@ def _package(package: str) -> dict[str, tuple[str, str]]:
         return {}
     with open(path, encoding="utf-8") as file:
         blocks = file.read().split("=== ")[1:]
-    found = {}
+    by_name = {}
     for block in blocks:
         head, _, text = block.partition("\n")
         name, _, digest = head.partition(" ")
-        found[name] = (digest, text)
-    return found
+        by_name[name] = (digest, text)
+    return by_name
 
 
 def _fields(owner: str, text: str) -> tuple[Field, ...]:

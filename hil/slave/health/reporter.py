@@ -245,9 +245,9 @@ class Health:
         """Add the labels that limit what this machine's figures mean; called after the start."""
         from boards.emulation import labels
 
-        found = labels(self._tree, os.uname().machine)
-        if found:
-            self._fixed.labels = found
+        texts = labels(self._tree, os.uname().machine)
+        if texts:
+            self._fixed.labels = texts
 
 
 def _fixed_figures(startup: dict[str, int], notes: list[str], board: "Board | None", link: Link) -> Diagnostics:

@@ -88,13 +88,13 @@ def _interruptible() -> None:
 
 
 def _read_exactly(count: int) -> bytes:
-    found = b""
-    while len(found) < count:
-        data = os.read(IN, count - len(found))
+    received = b""
+    while len(received) < count:
+        data = os.read(IN, count - len(received))
         if not data:
             raise EOFError
-        found += data
-    return found
+        received += data
+    return received
 
 
 def _serve(scenario: Scenario, node: Identity, answers: int, stop_fd: int) -> None:

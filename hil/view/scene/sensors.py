@@ -32,9 +32,9 @@ class SensorScene:
             ("laser", colours.LASER, _laser_points), ("profiler", colours.PROFILER, _profiler_points)
         ):  # fmt: skip
             scan = latest.get(topic)
-            if scan is not None and len(found := points(scan)):
+            if scan is not None and len(places := points(scan)):
                 self._scene.add_point_cloud(
-                    f"{self._seat(topic)}/points", to_body(found), colour, point_size=0.06, point_shape="circle"
+                    f"{self._seat(topic)}/points", to_body(places), colour, point_size=0.06, point_shape="circle"
                 )
 
     def draw_camera(self, picture: Any) -> None:

@@ -75,8 +75,8 @@ class WorldScene:
         lines = contour_generator(easts, norths, np.ma.masked_invalid(depths))
         for number in range(ceil(least / step), int(most // step) + 1):
             level = number * step
-            found: Any = lines.lines(level)
-            parts = [np.stack([line[:-1], line[1:]], axis=1) for line in found if len(line) > 1]
+            contours: Any = lines.lines(level)
+            parts = [np.stack([line[:-1], line[1:]], axis=1) for line in contours if len(line) > 1]
             if parts:
                 flat = np.concatenate(parts)
                 heights = np.full((*flat.shape[:2], 1), -level + 0.02)

@@ -67,8 +67,8 @@ class Eye:
         """Return where a picture's depths (see CameraSample) are in the sensor's axes, nan where they are inf."""
         ahead = np.frombuffer(depth, np.float32).copy()
         ahead[np.isinf(ahead)] = np.nan
-        found: bytes = (self._toward * (ahead / self.axial)[:, None]).tobytes()
-        return found
+        places: bytes = (self._toward * (ahead / self.axial)[:, None]).tobytes()
+        return places
 
     def _around(self, depth: float) -> Water:
         """Return the water at a depth in m."""

@@ -122,9 +122,9 @@ def _mass(robot: Element, poses: dict[str, Pose], path: str) -> dict[str, Any]:
     for part_mass, position, own in parts:
         lever = cross_matrix([a - b for a, b in zip(position, centre, strict=True)])
         inertia = total(total(inertia, own), product(lever, lever), -part_mass)  # parallel axes
-    found: dict[str, Any] = {"mass": mass, "center_of_gravity": to_frd(centre)}
+    keys: dict[str, Any] = {"mass": mass, "center_of_gravity": to_frd(centre)}
     given = any(x for _, _, own in parts for row in own for x in row)
-    return found | {"inertia": to_frd_matrix(inertia)} if given else found
+    return keys | {"inertia": to_frd_matrix(inertia)} if given else keys
 
 
 class _Mass(NamedTuple):
@@ -150,20 +150,20 @@ def _turned(inertia: Matrix, rotation: Matrix) -> Matrix:
 def _thrusters(robot: Element, poses: dict[str, Pose], path: str, notes: list[str]) -> list[dict[str, Any]]:
     """Return a thruster for each thruster plugin; failing those, for each turning joint of a link called so."""
     joints = {joint.get("name", ""): joint for joint in robot.findall("joint")}
-    found = []
+    thrusters = []
     for plugin in robot.iter("plugin"):
         name = child_text(plugin, "jointName", "joint_name")
         if "thruster" not in plugin.get("filename", "") or not name:
             continue
         if name not in joints:
             raise ConfigError(f"{path}: a thruster plugin names the joint {name!r}, which is not there")
-        found.append(_thruster_pose(joints[name], poses, path) | _thruster_limits(plugin, path))
-    if not found:
+        thrusters.append(_thruster_pose(joints[name], poses, path) | _thruster_limits(plugin, path))
+    if not thrusters:
         turning = [joint for joint in joints.values() if joint.get("type") == "continuous"]
         named = [joint for joint in turning if "thruster" in _target(joint, "child")]
-        found = [_thruster_pose(joint, poses, path) for joint in named]
-        notes += ["No thruster plugin: every turning joint of a link named thruster is one."] if found else []
-    return found
+        thrusters = [_thruster_pose(joint, poses, path) for joint in named]
+        notes += ["No thruster plugin: every turning joint of a link named thruster is one."] if thrusters else []
+    return thrusters
 
 
 def _thruster_pose(joint: Element, poses: dict[str, Pose], path: str) -> dict[str, Any]:
@@ -181,23 +181,23 @@ def _thruster_pose(joint: Element, poses: dict[str, Pose], path: str) -> dict[st
 def _thruster_limits(plugin: Element, path: str) -> dict[str, float]:
     most, least = child_text(plugin, "thrust_max", "max_thrust_cmd"), child_text(plugin, "thrust_min", "min_thrust_cmd")
     lag = plugin.findtext("dynamics/timeConstant")
-    found = {"max_forward": most, "max_reverse": least, "time_constant": lag}
-    return {key: abs(number_of(text, path)) for key, text in found.items() if text is not None}
+    texts = {"max_forward": most, "max_reverse": least, "time_constant": lag}
+    return {key: abs(number_of(text, path)) for key, text in texts.items() if text is not None}
 
 
 def _water(robot: Element, path: str) -> dict[str, Any]:
     """Return what the tags of a simulator say of volume, box, added mass and damping."""
-    found: dict[str, Any] = {}
+    keys: dict[str, Any] = {}
     for inertial in robot.iter("inertial"):
         added = inertial.find("fluid_added_mass")
         if added is not None:
-            found["added_mass"] = to_frd_matrix(_fluid_added_mass(added, path))
+            keys["added_mass"] = to_frd_matrix(_fluid_added_mass(added, path))
     for element in robot.iter():
         if element.tag == "hydrodynamics" or "hydrodynamics" in element.get("filename", ""):
-            found = _gazebo_water(element, path) | found
+            keys = _gazebo_water(element, path) | keys
         elif element.tag == "link" and element.find("hydrodynamic_model") is not None:
-            found |= _uuv_water(element, path)
-    return found
+            keys |= _uuv_water(element, path)
+    return keys
 
 
 def _fluid_added_mass(added: Element, path: str) -> Matrix:
@@ -212,33 +212,33 @@ def _fluid_added_mass(added: Element, path: str) -> Matrix:
 def _gazebo_water(element: Element, path: str) -> dict[str, Any]:
     """Stability derivatives by Fossen's names, negative where they brake; a kind not there at all is left out."""
     forms = {"added_mass": "{0}Dot{1}", "linear_damping": "{0}{1}", "quadratic_damping": "{0}{1}abs{1}"}
-    found = {}
+    keys = {}
     for key, form in forms.items():
         texts = [[element.findtext(form.format(row, column)) for column in _COLUMNS] for row in _ROWS]
         if any(text is not None for row in texts for text in row):
-            found[key] = to_frd_matrix([[-number_of(text or "0", path) for text in row] for row in texts])
-    return found
+            keys[key] = to_frd_matrix([[-number_of(text or "0", path) for text in row] for row in texts])
+    return keys
 
 
 def _uuv_water(link: Element, path: str) -> dict[str, Any]:
     """Return the water keys of uuv_simulator: added mass positive, damping negative, each as 6 or 36 numbers."""
     model = link.find("hydrodynamic_model")
-    found: dict[str, Any] = {}
+    keys: dict[str, Any] = {}
     for key, sign in (("added_mass", 1.0), ("linear_damping", -1.0), ("quadratic_damping", -1.0)):
         text = model.findtext(key) if model is not None else None
         if text is not None:
             numbers = [sign * number for number in numbers_of(text, path, 6, 36)]
-            found[key] = to_frd_matrix(square(numbers, 6))
+            keys[key] = to_frd_matrix(square(numbers, 6))
     box = [link.findtext(f"box/{side}") for side in ("length", "width", "height")]
     if None not in box:
-        found["dimensions"] = [number_of(text or "", path) for text in box]
+        keys["dimensions"] = [number_of(text or "", path) for text in box]
     volume, centre = link.findtext("volume"), link.findtext("center_of_buoyancy")
     if volume is not None:
-        found["volume"] = number_of(volume, path)
+        keys["volume"] = number_of(volume, path)
     if centre is not None:
-        found["center_of_buoyancy"] = to_frd(numbers_of(centre, path, 3))
-    found["neutral"] = (link.findtext("neutrally_buoyant") or "0").strip() in ("1", "true")
-    return found
+        keys["center_of_buoyancy"] = to_frd(numbers_of(centre, path, 3))
+    keys["neutral"] = (link.findtext("neutrally_buoyant") or "0").strip() in ("1", "true")
+    return keys
 
 
 def _meshes(robot: Element, poses: dict[str, Pose], path: str) -> Iterator[Mesh]:

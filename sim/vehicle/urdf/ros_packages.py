@@ -59,7 +59,7 @@ def _below(top: str, seen: set[str]) -> Iterator[str]:
 def _package_name(folder: str) -> str:
     try:
         with open(os.path.join(folder, "package.xml"), encoding="utf-8") as file:
-            found = re.search(r"<name>\s*([^<\s]+)\s*</name>", file.read())
-            return found[1] if found else os.path.basename(folder)
+            match = re.search(r"<name>\s*([^<\s]+)\s*</name>", file.read())
+            return match[1] if match else os.path.basename(folder)
     except (OSError, UnicodeDecodeError):
         return os.path.basename(folder)

@@ -59,8 +59,8 @@ def to_frd_matrix(matrix: Matrix) -> list[float]:
 
 def attribute(element: Element, child: str, name: str, default: str = "") -> str:
     """Return the attribute `name` of the child element `child`, or `default`."""
-    found = element.find(child)
-    return default if found is None else found.get(name, default)
+    inner = element.find(child)
+    return default if inner is None else inner.get(name, default)
 
 
 def child_text(element: Element, *names: str) -> str | None:
@@ -105,7 +105,8 @@ def find_mesh(name: str, path: str) -> str:
             if os.path.exists(os.path.join(folder, inside)):
                 return os.path.join(folder, inside)
             folder = os.path.dirname(folder)
-        found = find_package(package, path)
-        return os.path.join(found, inside) if found and os.path.exists(os.path.join(found, inside)) else name
+        package_folder = find_package(package, path)
+        mesh = os.path.join(package_folder, inside) if package_folder else ""
+        return mesh if os.path.exists(mesh) else name
     plain_name = name.removeprefix("file://")
     return plain_name if os.path.isabs(plain_name) else os.path.join(os.path.dirname(os.path.abspath(path)), plain_name)

@@ -58,7 +58,7 @@ class LogProtocol:
 
     def _logs(self) -> list[tuple[float, int, str]]:
         """Return time of change (s), size (bytes) and path of each file, oldest first."""
-        found = []
+        logs = []
         if self._folder:
             for folder, folders, names in os.walk(self._folder):
                 folders.sort()
@@ -66,10 +66,10 @@ class LogProtocol:
                     path = os.path.join(folder, name)
                     with suppress(OSError):
                         if not os.path.islink(path):
-                            found.append((os.path.getmtime(path), os.path.getsize(path), path))
-                if len(found) > MOST_LOGS:
+                            logs.append((os.path.getmtime(path), os.path.getsize(path), path))
+                if len(logs) > MOST_LOGS:
                     break
-        return sorted(found)[-MOST_LOGS:]
+        return sorted(logs)[-MOST_LOGS:]
 
 
 def _read(path: str, number: int, offset: int, count: int) -> Iterator[Any]:

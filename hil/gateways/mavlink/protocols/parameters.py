@@ -101,8 +101,8 @@ class ParameterTable:
 
     def value(self, name: str) -> float | None:
         """Return the value of any parameter, None if there is none of that name."""
-        found = self._values.get(name)
-        return self._slave().get(name) if found is None else found
+        own = self._values.get(name)
+        return self._slave().get(name) if own is None else own
 
     def set(self, name: str, value: float) -> str:
         """Set a parameter, or begin to; return why that cannot be, "" if it can."""
