@@ -72,7 +72,7 @@ def report(results: list[Tuned]) -> str:
         for slope, damping, delay in (tuned.process,)
     ]
     gains = [f"{key} = {{ {_gain(row)} }}" for tuned in results if tuned.better for key, row in tuned.gains.items()]
-    proposal = ["[control]", *gains] if gains else ["no better gains results: it keeps those it has"]
+    proposal = ["[control]", *gains] if gains else ["no better gains found: it keeps those it has"]
     return "\n".join([*aligned(rows), "", *aligned(processes), "", *proposal])
 
 
