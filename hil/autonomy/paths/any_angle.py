@@ -76,7 +76,7 @@ class _Search:
         return [cells[i] for i in trace(dict(enumerate(before)), len(cells) - 1)]
 
     def _reach(self, to: int, cell: int) -> bool:
-        """Assume that the cell `to` can be seen from the parent of `cell`; return whether that is the best path so far."""
+        """Assume that `to` can be seen from the parent of `cell`; return whether that is the best path so far."""
         parent = self._parents[cell]
         cost = self._costs[parent] + self._distance(parent, to)
         if cost >= self._costs.get(to, inf):
