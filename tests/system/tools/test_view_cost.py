@@ -1,0 +1,19 @@
+"""The tool that measures what the live view costs sees the vehicle move in each of its viewers' rounds."""
+
+import sys
+
+import pytest
+
+from tools import view_cost
+
+
+def test_all_rounds_are_measured(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.setattr(sys, "argv", ["view_cost.py", "--seconds", "2"])
+    monkeypatch.setattr(view_cost, "SETTLE_S", 1.0)
+    monkeypatch.setattr(view_cost, "MOST_LATENCY_MS", 1e4)  # this machine may be busy
+    assert view_cost.main() == 0
+    rows = [line.split() for line in capsys.readouterr().out.splitlines()[1:]]
+    assert [row[0] for row in rows] == ["no", "0", "1", "10"], rows
+    assert [float(row[-1]) > 0.0 for row in rows] == [False, False, True, True]
+    for row in rows[2:]:
+        assert 0.0 < float(row[-3]) <= float(row[-2])
