@@ -13,9 +13,9 @@ from hil.scenario.config import load_scenario
 from hil.scenario.modem import modem_of
 
 EXAMPLES = """\
-A fleet whose scenario has a [modem] talks by sound or light instead of the network. This process stands in for the
-sea: it knows where all vehicles truly are, and lets each hear what reaches it. It dials all slaves and agents, on
-whatever machines they are. Ctrl-C ends it.
+The agents of a fleet whose scenario has a [modem] report by sound or light instead of the network. This process
+simulates the water: it receives the true positions of all vehicles, and delivers each message to those it reaches. It
+dials all slaves and agents, on whatever machines they are. Ctrl-C ends it.
 
 examples:
   uuv-hil slave target_hunting_acoustic --member uuv1 &      and so on, one a vehicle

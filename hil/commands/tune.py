@@ -17,7 +17,7 @@ from sim.vehicle.vehicle import load_vehicle
 
 EXAMPLES = """\
 Each axis that the thrusters drive is pushed, its lag and delay are read from how it answers, gains are computed and
-flown. Where they do no better than those it has, these stay. The table tells of a step of each axis before and
+flown. Where they do no better than those it has, these stay. The table shows a step of each axis before and
 after: the size, the rise from 10 to 90 %, overshoot, settling to 5 %, and the error that stays.
 
 examples:

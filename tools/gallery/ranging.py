@@ -83,8 +83,8 @@ def profiler(figure: Figure) -> None:
 
 
 def echosounder(figure: Figure) -> None:
-    """Over the world `ridge` from south to north, 3 m deep at 1 m/s. The beam of 25 deg hears the nearest thing within
-    it, so that over the flanks it measures less than the water straight below, the more the steeper it is."""
+    """Over the world `ridge` from south to north, 3 m deep at 1 m/s. The beam of 25 deg measures the nearest thing
+    within it, so that over the flanks it measures less than the water straight below, the more the steeper it is."""
     world = load_world("ridge")
     scene, axes = looking(world), figure.add_subplot()
     norths = np.arange(-75.0, 75.0, 0.1)

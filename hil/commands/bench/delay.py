@@ -43,8 +43,8 @@ Options that take LIST measure every combination: --baud 0,115200 --load 0,2 are
 the link as a UART of that speed would; 0 lets it run as it is. The floor is bare UDP and TCP between the same
 machines in the same seconds, and the frame's time on its line.
 
-For a slave elsewhere, let `uuv-hil bench echo` run beside it and name its ports, or there is no floor, and nobody to
-send a payload to.
+For a slave elsewhere, start `uuv-hil bench echo` beside it and name its ports. There is no floor
+without it, and --payload needs it.
 
 To compare two versions of a program, --repeat 5: two starts of one program differ too.
 

@@ -5,7 +5,7 @@ from hil.common.options import host, new_parser
 from hil.common.stop import StopSignals
 
 EXAMPLES = """\
-It prints what `uuv-hil bench delay --echo` wants to be told, and ends with Ctrl-C. Anyone who reaches it gets back
+It prints the value for `uuv-hil bench delay --echo`, and ends with Ctrl-C. Anyone who reaches it gets back
 what he sends: run it while you measure.
 
 examples:

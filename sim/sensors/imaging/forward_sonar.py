@@ -27,7 +27,7 @@ class ForwardSonarModel(NamedTuple):
     1 uPa behind the beam former, in the band. `seabed_strength` and `object_strength` are 10 lg mu in dB. `looks`:
     see sim.sensors.imaging.echoes.speckled. `side_lobes` dB, 0 for none: how far below a beam's own echo the sum of
     all others'
-    at its range is heard. `error` is that of all ranges.
+    at its range is received. `error` is that of all ranges.
 
     The picture: amplitudes to the power of `contrast`; white is the echo of seabed right across a beam, `gain` dB more
     is brighter; `tvg` is the share of the losses by range that the device makes good (1: all). With `ground_truth` it

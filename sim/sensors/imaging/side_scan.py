@@ -58,7 +58,7 @@ class SideScan:
 
     The receiver makes a picture by placing the pings one below the other. Not modelled: what sim.sensors.imaging.echoes
     leaves out,
-    how beams spread as a real array's do within its near field, what one side hears of the other.
+    how beams spread as a real array's do within its near field, what one side receives of the other.
     """
 
     Model = SideScanModel
