@@ -72,7 +72,8 @@ class Simulation:
         if starts_inside(vehicle, world, position):
             at = ", ".join(f"{x:g}" for x in position)
             raise ConfigError(
-                f"{vehicle.name} cannot start at ({at}) m: an obstacle or the seabed of {world.name} is there"
+                f"{vehicle.name} cannot start at ({at}) m: an obstacle or the seabed of {world.name} is there; "
+                "move the start"
             )
         self.vehicle = vehicle
         self.world = world

@@ -72,7 +72,10 @@ def ardusub_frame(motors: MotorMap) -> Parameters:
 def px4_geometry(vehicle: Vehicle, motors: MotorMap) -> Parameters:
     """Return PX4's control allocation for the motors: places in m from the body origin, and directions (FRD)."""
     if len(vehicle.thrusters) > MOST_ROTORS:
-        raise ConfigError(f"{vehicle.name}: {len(vehicle.thrusters)} thrusters, and PX4 allocates to {MOST_ROTORS}")
+        raise ConfigError(
+            f"{vehicle.name}: {len(vehicle.thrusters)} thrusters, and PX4 allocates to {MOST_ROTORS}; "
+            "give the vehicle file fewer"
+        )
     parameters: dict[str, float] = {"CA_AIRFRAME": UNDERWATER_VEHICLE, "CA_ROTOR_COUNT": len(vehicle.thrusters)}
     parameters["CA_R_REV"] = (1 << len(vehicle.thrusters)) - 1  # all turn both ways
     for output, channel, sign in motors.motors:

@@ -151,7 +151,9 @@ class Confinement:
         try:
             seen = subprocess.run(self.command(["sh", "-c", LOOK]), capture_output=True, text=True, check=False)
         except OSError as error:
-            raise ConfigError(f"--cpu-quota, --memory: {error.strerror}: systemd-run") from None
+            raise ConfigError(
+                f"--cpu-quota, --memory: systemd-run: {error.strerror}; be root, or install systemd"
+            ) from None
         if seen.returncode:
             reason = (seen.stderr.strip().splitlines() or ["systemd starts no scope"])[-1]
             raise ConfigError(f"--cpu-quota, --memory: {reason}; {LINGER}")

@@ -97,7 +97,9 @@ class Listener:
         ages = {topic: sorted(self._ages(self._seen[topic])) for topic in topics if topic in self._seen}
         streams = [self._stream(topic, ages.get(topic, [])) for topic in topics]
         if not ages:
-            raise NetworkError(f"nothing came from {self.client.node} at {self.client.endpoint}")
+            raise NetworkError(
+                f"nothing came from {self.client.node} at {self.client.endpoint}; start it: uuv-hil slave"
+            )
         lost = self.client.contact.losses - losses
         warnings = [f"the vehicle was out of reach meanwhile (times: {lost})"] if lost else []
         return Listening(streams, warnings + self._doubts([age for own in ages.values() for age in own]))

@@ -88,7 +88,9 @@ def _axes(extent: Extent, resolution: float) -> tuple[Array, Array]:
     first = [int(np.ceil(low / resolution - 1e-9)) for low in (extent[0], extent[2])]
     rows, columns = (int(np.floor(extent[k + 1] / resolution + 1e-9)) - first[k // 2] + 1 for k in (0, 2))
     if rows < 2 or columns < 2:
-        raise ConfigError(f"--resolution: {resolution:g} m is larger than the area")
+        raise ConfigError(
+            f"--resolution: {resolution:g} m is larger than the area: take a finer one, or a larger --area"
+        )
     if rows * columns > MOST_NODES:
         raise ConfigError(
             f"--resolution: {resolution:g} m makes {rows} x {columns} nodes, more than {MOST_NODES}: "

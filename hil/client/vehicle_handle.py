@@ -144,7 +144,9 @@ class Vehicle(VehicleState):
         """Let each thruster push with so many N, in the order of the vehicle file, each as far as it can."""
         count = self.diagnostics.thrusters
         if count is not None and len(newtons) != count:
-            raise ConfigError(f"{self.name} has {count} thrusters, and {len(newtons)} thrusts were given")
+            raise ConfigError(
+                f"{self.name} has {count} thrusters, and {len(newtons)} thrusts were given; give one for each"
+            )
         for number, value in enumerate(newtons, 1):
             self._check(f"thruster {number}", value, MOST_FORCE, "N")
         return self._start_action(maneuver.repeat("cmd_thrusters", encode_thrusts(newtons)))

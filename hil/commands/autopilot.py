@@ -79,7 +79,10 @@ def _link(scenario: Scenario, seconds: float) -> int:
     if result.line_rate:
         print(f"the line carries at most {result.line_rate:.0f} HIL_SENSOR a second")
     if not result.outputs:
-        raise DeviceError("no outputs came: the autopilot does not answer")
+        raise DeviceError(
+            f"{scenario.path}: no outputs came: the autopilot does not answer; start it, and let it reach the address "
+            "of [autopilot]"
+        )
     if result.round_trip_p50_ms > SLOW_MS:
         print(f"WARNING: a round trip above {SLOW_MS:g} ms: the autopilot's estimator sees old values")
     return 0

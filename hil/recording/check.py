@@ -14,7 +14,7 @@ from hil.common.stamps import Stamps
 from hil.recording.events import EVENTS, decode_event, repeat
 from hil.recording.mcap_file import EPOCHS, PULSES, Message
 from hil.recording.reader import About, read_about, read_messages
-from hil.recording.run import read_run
+from hil.recording.run import require_run
 from hil.ros import encoders as ros
 from hil.ros.topics import TOPICS
 from hil.scenario.config import build_simulation
@@ -49,9 +49,7 @@ class _Repetition:
     """The second run, as far as it has come."""
 
     def __init__(self, about: About, path: str, own_classes: bool) -> None:
-        run = read_run(about, path, own_classes)
-        if run is None:
-            raise ConfigError(f"{path}: the recording does not say which scenario it is of")
+        run = require_run(about, path, own_classes)
         self._path = path
         seen = {
             name: fitted for name, fitted in run.scenario.sensors.items() if not fitted.offloaded
@@ -92,7 +90,7 @@ class _Repetition:
                     return Verdict(compared, self._steps, self._difference(message, expected))
                 compared += 1
         if not compared:
-            raise ConfigError(f"{self._path}: there is nothing to compare in it")
+            raise ConfigError(f"{self._path}: no samples to compare are in it; record a longer run")
         return Verdict(compared, self._steps, "")
 
     def _check_number(self, message: Message) -> None:

@@ -53,7 +53,7 @@ def repeat(event: dict[str, Any], simulation: Simulation) -> None:
             state.nu_dot = [0.0] * 6
         simulation.fail(*[Failure(**failure) for failure in event.get("fail", ())])
     except (TypeError, ValueError):
-        raise ConfigError(f"the recorded event {event} is damaged") from None
+        raise ConfigError(f"the recorded event {event} is damaged; repeat another recording") from None
 
 
 def _encode(event: dict[str, Any]) -> bytes:

@@ -46,6 +46,14 @@ def read_run(about: About, path: str, own_classes: bool = False) -> Run | None:
             raise ConfigError(f"{path}: what it says of its run cannot be read: {error}") from None
 
 
+def require_run(about: About, path: str, own_classes: bool = False) -> Run:
+    """Return what `read_run` does; raise ConfigError if nothing stands in the recording."""
+    run = read_run(about, path, own_classes)
+    if run is None:
+        raise ConfigError(f"{path}: the recording does not say which scenario it is of; record with --scenario")
+    return run
+
+
 def _read(path: str, facts: dict[str, str]) -> Run:
     # The frame is of its link alone, which a recording does without.
     changes: dict[str, Any] = {"vehicle": "vehicle.toml", "world": "world.toml", "link.frame": "uuv_hil"}

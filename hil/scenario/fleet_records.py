@@ -67,5 +67,5 @@ def read_members(tables: list[dict[str, Any]], where: str) -> tuple[Member, ...]
         values = [getattr(member, key) for member in members]
         twice = next((value for value in values if values.count(value) > 1), None)
         if twice is not None:
-            raise ConfigError(f"{where}: {key}: two members have {twice!r}")
+            raise ConfigError(f"{where}: {key}: two members have {twice!r}; give each its own")
     return members

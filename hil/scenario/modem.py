@@ -34,7 +34,8 @@ def modem_of(scenario: Scenario) -> Modem:
     airtime = modem.model.airtime_ns(_REPORT.size) / NS_PER_S
     if 0.0 < modem.slot < airtime:
         raise ConfigError(
-            f"{scenario.path}: modem: slot: a report of {_REPORT.size} bytes takes {airtime:.3g} s, more than a slot"
+            f"{scenario.path}: modem: slot: a report of {_REPORT.size} bytes takes {airtime:.3g} s, more than a slot; "
+            "lengthen slot"
         )
     frame = modem.slot * len(scenario.member)
     if hunting.report_timeout < 2.0 * frame:

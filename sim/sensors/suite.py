@@ -164,7 +164,9 @@ class Slot:
     def __init__(self, name: str, fitted: SensorSpec, scene: Scene, seed: int, dt_ns: int) -> None:
         self.period_ns = period_ns(fitted.model.rate)
         if self.period_ns < dt_ns:
-            raise ConfigError(f"sensor {name!r}: its rate is above {1e9 / dt_ns:g} Hz, the rate of the simulation")
+            raise ConfigError(
+                f"sensor {name!r}: its rate is above {1e9 / dt_ns:g} Hz, the rate of the simulation; lower it"
+            )
         if fitted.offloaded:
             _require_numpy(name)
         self.sensor = fitted.sensor(fitted.model, fitted.mounting, seed, scene)

@@ -193,7 +193,10 @@ class OccupancyGrid:
         except (KeyError, ValueError) as error:
             raise ConfigError(f"{path}: not a map of map_server: {clean(str(error))}") from None
         if yaw != 0.0 or not FINEST <= resolution <= COARSEST:
-            raise ConfigError(f"{path}: a turned map or a resolution of {resolution} m cannot be used")
+            raise ConfigError(
+                f"{path}: a turned map or a resolution of {resolution} m cannot be used; give an origin without a turn "
+                f"and a resolution of {FINEST:g} to {COARSEST:g} m"
+            )
         if not (abs(north) <= FARTHEST and abs(east) <= FARTHEST and 0.0 <= threshold <= 1.0):
             raise ConfigError(f"{path}: an origin beyond {FARTHEST:g} m or a free_thresh that is no share: {threshold}")
         occupancy = (image if negate else 255.0 - image) / 255.0

@@ -175,5 +175,6 @@ def _check(mission: Mission, where: str) -> None:
     while left:
         waiting = [task for task in left if any(other.name in task.needs for other in left)]
         if len(waiting) == len(left):
-            raise ConfigError(f"{where}: tasks need each other: {', '.join(task.name for task in left)}")
+            names_left = ", ".join(task.name for task in left)
+            raise ConfigError(f"{where}: tasks need each other: {names_left}; take a need of one away")
         left = waiting

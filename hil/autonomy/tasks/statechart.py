@@ -136,7 +136,7 @@ def _check(initial: str, states: Sequence[State], transitions: Sequence[Transiti
     names = [state.name for state in states]
     for state in states:
         if names.count(state.name) > 1:
-            raise ConfigError(f"{where}: two states are named {state.name!r}")
+            raise ConfigError(f"{where}: two states are named {state.name!r}; rename one")
     named = [initial, *(t.source for t in transitions), *(t.target for t in transitions)]
     named += [name for state in states for name in (state.parent, state.initial) if name]
     for name in named:
@@ -154,7 +154,7 @@ def _check_family(state: State, states: Mapping[str, State], where: str) -> None
     above, seen = state.parent, {state.name}
     while above:
         if above in seen:
-            raise ConfigError(f"{where}: the state {state.name!r} is part of itself")
+            raise ConfigError(f"{where}: the state {state.name!r} is part of itself; give it another parent, or none")
         seen.add(above)
         above = states[above].parent
     parts = [part.name for part in states.values() if part.parent == state.name]

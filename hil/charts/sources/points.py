@@ -67,7 +67,7 @@ def read_points(path: str, positive: Positive = "auto") -> Points:
     lines = _lines(path)
     head = next(lines, None)
     if head is None:
-        raise ConfigError(f"{path}: no soundings in it")
+        raise ConfigError(f"{path}: no soundings in it: a line has longitude, latitude and depth")
     separator = next((mark for mark in ",;\t" if mark in head), None)
     names = _cells(head, separator)
     has_names = not all(map(_is_number, names))
@@ -75,7 +75,7 @@ def read_points(path: str, positive: Positive = "auto") -> Points:
     rows = _numbers(lines if has_names else chain([head], lines), separator, (first, second, third), path, has_names)
     rows = rows[np.isfinite(rows).all(axis=1)]
     if not len(rows):
-        raise ConfigError(f"{path}: no soundings in it")
+        raise ConfigError(f"{path}: no soundings in it: a line has longitude, latitude and depth")
     _check_degrees(rows, geographic, path)
     return Points(os.path.basename(path), rows[:, 1::-1], downwards(rows[:, 2], positive), geographic)
 

@@ -61,7 +61,7 @@ def _read(path: str, source: Any, area: Box | None, positive: Positive) -> Point
     known = ~np.ma.getmaskarray(band) & np.isfinite(np.ma.getdata(band))
     at_row, at_column = np.nonzero(known)
     if not len(at_row):
-        raise ConfigError(f"{path}: not one pixel with a depth in it")
+        raise ConfigError(f"{path}: not one pixel with a depth in it: take another file, or move the area with --area")
     x = source.transform.c + source.transform.a * (columns[0] + (at_column + 0.5) * wide / shape[1])
     y = source.transform.f + source.transform.e * (rows[0] + (at_row + 0.5) * high / shape[0])
     if source.crs is not None:
@@ -89,7 +89,7 @@ def _window(path: str, source: Any, area: Box | None) -> tuple[tuple[int, int], 
     columns = _clipped((west - place.c) / place.a, (east - place.c) / place.a, source.width)
     rows = _clipped((south - place.f) / place.e, (north - place.f) / place.e, source.height)
     if rows[0] >= rows[1] or columns[0] >= columns[1]:
-        raise ConfigError(f"{path}: no pixel of it is in the area")
+        raise ConfigError(f"{path}: no pixel of it is in the area: move or widen it with --area")
     return rows, columns
 
 

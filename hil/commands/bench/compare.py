@@ -59,9 +59,11 @@ def main(arguments: list[str]) -> int:
     differences = compare(before, after, least, confidence)
     if not differences and before.kind != after.kind:
         kinds = f"{options.before} is of `bench {before.kind}`, {options.after} of `bench {after.kind}`"
-        raise ConfigError(f"{kinds}: they have no figure in common")
+        raise ConfigError(f"{kinds}: they have no figure in common; give two results of one benchmark")
     if not differences:
-        raise ConfigError(f"{options.before} and {options.after} have no figure in common")
+        raise ConfigError(
+            f"{options.before} and {options.after} have no figure in common; measure both with the same options"
+        )
     warnings = unlike(before, after)
     print(json_text(_record(differences, warnings), indent=1) if options.json else _text(differences, confidence))
     for warning in warnings:

@@ -13,11 +13,10 @@ from hil.common.options import ENDPOINT, Number, new_parser
 from hil.common.stop import StopSignals
 from hil.recording.mcap_file import Message
 from hil.recording.reader import read_about, read_messages
-from hil.recording.run import read_run
+from hil.recording.run import read_run, require_run
 from hil.ros import dialect
 from hil.ros import encoders as ros
 from hil.ros.topics import COMMANDS
-from hil.scenario.config import Scenario
 
 if TYPE_CHECKING:
     from hil.client.client import VehicleClient
@@ -123,7 +122,7 @@ def _command(options: argparse.Namespace, stop_fd: int) -> int:
     from hil.client.client import VehicleClient
     from hil.recording.player import pace
 
-    scenario = _scenario(options.recording, options.own_classes)
+    scenario = require_run(read_about(options.recording), options.recording, options.own_classes).scenario
     node = scenario.slave.node
     network, security, topics = scenario.network, scenario.security, ("ground_truth",)
     with VehicleClient(options.connect, node, network=network, security=security, topics=topics) as client:
@@ -132,7 +131,7 @@ def _command(options: argparse.Namespace, stop_fd: int) -> int:
         comparison = _TrackComparison(client, node)
         seconds = pace(read_messages(options.recording), options.speed or 1.0, stop_fd, comparison.add)
     if not comparison.commands:
-        raise ConfigError(f"{options.recording}: no commands for {node} in it")
+        raise ConfigError(f"{options.recording}: no commands for {node} in it; record a flight with a master")
     print(
         f"{comparison.commands} commands of {seconds:.1f} s sent; the vehicle was at most {comparison.most:.2f} m and "
         f"at the end {comparison.last:.2f} m from where it was in the recording"
@@ -159,10 +158,3 @@ class _TrackComparison:
             if then and now:
                 self.last = dist(then.position, now.value.position)
                 self.most = max(self.most, self.last)
-
-
-def _scenario(path: str, own_classes: bool) -> Scenario:
-    run = read_run(read_about(path), path, own_classes)
-    if run is None:
-        raise ConfigError(f"{path}: the recording does not say which scenario it is of")
-    return run.scenario

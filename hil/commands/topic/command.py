@@ -166,7 +166,7 @@ def _first(session: Session, options: argparse.Namespace, stop_fd: int) -> tuple
     if not came:
         published = _published(session)  # there may be more by now
         if name in published:
-            raise NetworkError(f"{name} is there, but nothing came on it within {options.wait:g} s")
+            raise NetworkError(f"{name} is there, but nothing came on it within {options.wait:g} s; raise --wait")
         raise NetworkError(f"nobody publishes {name}; {_there_is(name, published)}")
     return arrivals, came
 

@@ -97,7 +97,7 @@ def _link_poses(robot: Element, path: str) -> dict[str, Pose]:
         chain = []
         while link not in poses:
             if link in chain or link not in joints:
-                raise ConfigError(f"{path}: link {link!r} does not hang on {roots[0]!r}")
+                raise ConfigError(f"{path}: link {link!r} does not hang on {roots[0]!r}; join them by joints")
             chain.append(link)
             link = _target(joints[link], "parent")
         for below in reversed(chain):

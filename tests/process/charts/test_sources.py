@@ -58,7 +58,7 @@ def test_packed_text_metres_and_signs(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("text", "said"), [
-    ("", "no soundings in it"),
+    ("", "no soundings in it: a line has longitude, latitude and depth"),
     ("lon,lat,depth\n", "no soundings in it"),
     ("lon,lat,colour\n1,2,3\n", "names the columns lon, lat, colour: longitude, latitude"),
     ("1,2,3\n1,2\n", "no sounding in row 2: '1,2'"),
@@ -245,7 +245,7 @@ def test_a_geotiff_of_ours_comes_back(tmp_path: Path) -> None:
     hole = np.column_stack(centre.to_local(*geographic(np.array([160.0]), np.array([160.0]))))
     assert np.isnan(built.placed.grid.at(hole)).all()
     assert len(read_raster(str(path), Box(54.0, 9.998, 54.001, 10.0)).depths) < 200
-    with pytest.raises(ConfigError, match="no pixel of it is in the area"):
+    with pytest.raises(ConfigError, match="no pixel of it is in the area: move or widen"):
         read_raster(str(path), Box(60.0, 10.0, 60.1, 10.1))
 
 

@@ -90,7 +90,7 @@ def test_what_cannot_be_meant(arguments: list[str], said: str) -> None:
 def test_too_fine_and_too_coarse(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"--resolution: 0.1 m makes .* nodes, more than"):
         command.main(["build", chart(tmp_path), "-o", str(tmp_path / "w"), "--resolution", "0.1"])
-    with pytest.raises(ConfigError, match="--resolution: 5000 m is larger than the area"):
+    with pytest.raises(ConfigError, match="--resolution: 5000 m is larger than the area: take a finer one"):
         command.main(["build", chart(tmp_path), "-o", str(tmp_path / "w"), "--resolution", "5000"])
 
 

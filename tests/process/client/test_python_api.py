@@ -143,7 +143,7 @@ def test_asyncio(endpoint: str) -> None:
         (lambda v: v.hold_depth(1e5), "depth: 100000"),
         (lambda v: v.go_to(nan, 0.0, 1.0), "north: nan"),
         (lambda v: v.push(k=1e9), "k: 1e+09 is not between -1e+06 and 1e+06 N m"),
-        (lambda v: v.thrust(1.0, 2.0), "has 6 thrusters, and 2 thrusts were given"),
+        (lambda v: v.thrust(1.0, 2.0), "has 6 thrusters, and 2 thrusts were given; give one for each"),
         (lambda v: v.thrust(nan, 0, 0, 0, 0, 0), "thruster 1: nan"),
         (lambda v: v.follow([(1.0, 2.0)]), "(north, east, depth)"),
         (lambda v: v.follow("nowhere.toml"), "nowhere.toml"),

@@ -154,7 +154,7 @@ def rewritten(path: Path, folder: Path, change: dict[str, str], keep: range, fli
         ({}, range(10**6), 20, 6, ["does something else", "/uuv1/"]),
         ({}, range(100, 10**6), 0, 2, ["its beginning is missing", "total_size"]),
         ({}, range(10**6), 0, 0, ["the same bit for bit"]),
-        ({"step_ns": "2500000"}, range(3), 0, 2, ["nothing to compare"]),
+        ({"step_ns": "2500000"}, range(3), 0, 2, ["no samples to compare"]),
     ],
 )
 def test_the_check_says_what_is_wrong(

@@ -75,7 +75,7 @@ def test_one_vehicle_has_no_members() -> None:
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"node": "a"}, "node: two members have 'a'"),
+        ({"node": "a"}, "node: two members have 'a'; give each its own"),
         ({"port": 7447}, "listen: two members have"),
         ({"agent": 7467}, "agent: two members have"),
         ({"node": "1a"}, r"member\[1\]: node: '1a' must be letters"),

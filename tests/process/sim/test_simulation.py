@@ -127,7 +127,7 @@ def test_the_accelerometer_feels_a_blow() -> None:
 
 
 def test_what_cannot_be() -> None:
-    with pytest.raises(ConfigError, match="paper_six cannot start at"):
+    with pytest.raises(ConfigError, match=r"paper_six cannot start at .*; move the start"):
         Simulation(VEHICLE, FIELD, position=(6.5, 7.5, 3.0))
     with pytest.raises(ConfigError, match="'imu': its rate is above 400 Hz"):
         Simulation(VEHICLE, FIELD, fit(imu=ImuModel(rate=500.0)))

@@ -155,10 +155,10 @@ GO = Transition("a", "c", event="go")
     [
         ("x", STATES, [GO], "no state 'x'"),
         ("a", STATES, [Transition("a", "bb", event="go")], "no state 'bb'; did you mean 'b'"),
-        ("a", [*STATES, State("c")], [GO], "two states are named 'c'"),
+        ("a", [*STATES, State("c")], [GO], "two states are named 'c'; rename one"),
         ("a", [State("a"), State("b", "a")], [], r"'a' needs one of its own parts as its initial one: \['b'\]"),
         ("a", [State("a", initial="c"), State("b", "a"), State("c")], [], "needs one of its own parts"),
-        ("a", [State("a", "b", "b"), State("b", "a", "a")], [], "is part of itself"),
+        ("a", [State("a", "b", "b"), State("b", "a", "a")], [], "is part of itself; give it another parent"),
         ("a", STATES, [Transition("a", "c")], "needs an event, when or after"),
         ("a", STATES, [Transition("a", "c", when="battery is low")], "chart: transition from 'a': 'battery is"),
         ("a", STATES, [Transition("a", "c", when="battery < low")], "is no comparison"),

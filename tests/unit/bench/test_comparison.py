@@ -271,7 +271,7 @@ def test_results_of_different_benchmarks(tmp_path: Path, capsys: pytest.CaptureF
     other = write(tmp_path / "b.json", "delay", b=Figure([1.0], "s"))
     assert main(["bench", "compare", one, other]) == 2
     assert "a.json is of `bench table`, " in (said := capsys.readouterr().err)
-    assert "b.json of `bench delay`: they have no figure in common" in said
+    assert "b.json of `bench delay`: they have no figure in common; give two results of one benchmark" in said
 
 
 def test_what_cannot_be_compared(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

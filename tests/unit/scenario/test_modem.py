@@ -102,7 +102,7 @@ def test_the_table_is_that_of_either_modem() -> None:
         ({"modem.kind": "radio"}, "--set modem.kind: 'radio' is not one of acoustic, optical"),
         ({"modem.bitrate": 3}, "--set modem.bitrate: no key 'bitrate'; did you mean 'bit_rate'"),
         ({"modem.reach": 3.0}, "--set modem.reach: no key 'reach'"),
-        ({"modem.slot": 0.2}, "a report of 16 bytes takes 0.23 s, more than a slot"),
+        ({"modem.slot": 0.2}, "a report of 16 bytes takes 0.23 s, more than a slot; lengthen slot"),
         ({"hunting.report_timeout": 1.5}, "report_timeout must be at least 2 s"),
         ({"modem": 3}, "modem: expected a table"),
     ],
