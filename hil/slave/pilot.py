@@ -7,6 +7,7 @@ from hil.autonomy.control.allocation import Allocator
 from hil.autonomy.control.controller import (
     NO_RESIDUAL,
     CascadedController,
+    Drag,
     Gains,
     Navigation,
     VelocityCommand,
@@ -20,6 +21,7 @@ from hil.links.contract import PWM_NEUTRAL_US, ThrusterCommand
 from hil.scenario.config import Scenario
 from hil.slave.setpoints import PoseSetpoint, Setpoint, WrenchSetpoint
 from sim.environment.world import World
+from sim.matrices import square
 from sim.rotations import multiply, rotate
 from sim.sensors.mounting import Mounting
 from sim.vehicle.thrusters.bank import pulse_finder, wrench_matrix
@@ -58,6 +60,14 @@ def _other_family(vehicle: Vehicle, control: dict[str, Any], gains: Gains, world
     return make_controller(family, control, gains, plant_of(vehicle, world.density, world.gravity), where)
 
 
+def _drags(vehicle: Vehicle) -> list[Drag]:
+    """Return the drag along surge and sway; none where more than the two dampings makes it."""
+    if vehicle.fins or vehicle.lift or vehicle.cross_flow or vehicle.forward_speed_damping or vehicle.fading_damping:
+        return []
+    linear, quadratic = square(vehicle.linear_damping, 6), square(vehicle.quadratic_damping, 6)
+    return [Drag(linear[axis][axis], quadratic[axis][axis]) for axis in (0, 1)]
+
+
 class Pilot:
     """Controller, allocation and thruster curves of one vehicle, with the deadman in front.
 
@@ -77,7 +87,7 @@ class Pilot:
         mass = mass_matrix(vehicle)
         x, y, z, k, m, n = (mass[axis][axis] for axis in range(6))
         self._inertia = x, y, z, k, m, n
-        self.controller: Controller = CascadedController(gains, self._inertia)
+        self.controller: Controller = CascadedController(gains, self._inertia, _drags(vehicle))
         self._pulse_finders = [pulse_finder(thruster) for thruster in vehicle.thrusters]
         self._allocator = Allocator(
             wrench_matrix(vehicle, torque=False),  # which the roll loop meets, not a trade of thrust against roll

@@ -9,9 +9,12 @@ The shape is that of the reference platform ("Modular UUV Simulation Platform", 
 (position, velocity, attitude, angular rate; P, PI, PD or PID an axis); the position loop is the planner's.
 All loops work in accelerations, so that one set of gains serves vehicles of any size: the vehicle's own
 inertia, rigid plus added, turns them into newtons. Weight, buoyancy, drag and Coriolis forces are not fed
-forward: the integrators find them. Other laws behind the same call: `hil.autonomy.control.families`.
+forward: the integrators find them. Those of surge and sway hold no more than the vehicle's drag can be, so that
+one that an obstacle stops does not go on pushing. Other laws behind the same call: `hil.autonomy.control.families`.
 """
 
+from collections.abc import Sequence
+from itertools import zip_longest
 from math import asin, atan2, cos, inf, pi, sin
 from typing import Annotated, NamedTuple
 
@@ -32,7 +35,8 @@ class AxisGains(NamedTuple):
 
     `p` in 1/s, `i` in 1/s², `d` without unit; `feedforward` in 1/s multiplies the commanded rate (linear
     damping over inertia is a good value); `filter` is the time constant of the derivative's low-pass, s; `slew` is
-    the most that the output changes in a second, m/s³ or rad/s³.
+    the most that the output changes in a second, m/s³ or rad/s³. Of surge and sway the integral is at most the drag
+    at the commanded speed and a `current` (m/s) against it.
     """
 
     p: Annotated[float, Range(0.0, 100.0)]
@@ -42,6 +46,18 @@ class AxisGains(NamedTuple):
     feedforward: Annotated[float, Range(0.0, 100.0)] = 0.0
     filter: Annotated[float, Range(0.0, 1.0, "s")] = 0.02
     slew: Annotated[float, Range(0.01, inf)] = inf
+    current: Annotated[float, Range(0.0, 10.0, "m/s")] = 1.0
+
+
+class Drag(NamedTuple):
+    """Drag of a vehicle along one axis: `linear` in N s/m, `quadratic` in N s²/m²."""
+
+    linear: float
+    quadratic: float
+
+    def at(self, speed: float) -> float:
+        """Return the drag (N) at a `speed` of at least 0 m/s."""
+        return speed * (self.linear + self.quadratic * speed)
 
 
 class HoldGains(NamedTuple):
@@ -98,15 +114,19 @@ class Navigation(NamedTuple):
 class CascadedController:
     """Cascade from a `VelocityCommand` to a wrench, one call a control period.
 
-    `inertia` is the diagonal of rigid-body plus added mass: kg for X Y Z, kg m² for K M N. Coupling between
+    `inertia` is the diagonal of rigid-body plus added mass: kg for X Y Z, kg m² for K M N. `drags` of surge and sway
+    bound the integrals of these loops; without them the limit of the loop alone does. Coupling between
     the axes is not modelled. On a vehicle that cannot roll or pitch by its thrusters these moments are
     computed all the same and are left to the allocator to drop.
     """
 
-    def __init__(self, gains: Gains, inertia: Wrench) -> None:
+    def __init__(self, gains: Gains, inertia: Wrench, drags: Sequence[Drag] = ()) -> None:
         self._gains = gains
         self._inertia = inertia
-        self._loops = [_Loop(axis) for axis in gains[:6]]
+        per_mass = [
+            Drag(linear / mass, quadratic / mass) for (linear, quadratic), mass in zip(drags, inertia, strict=False)
+        ]
+        self._loops = [_Loop(axis, drag) for axis, drag in zip_longest(gains[:6], per_mass)]
         self._pitch = 0.0  # rad, what it holds
 
     @property
@@ -188,9 +208,10 @@ def heave_for_depth(depth: float, navigation: Navigation, hold: HoldGains) -> fl
 class _Loop:
     """PID loop with the derivative taken on the measurement and anti-windup."""
 
-    __slots__ = ("_behind", "_gains", "_integral", "_last", "_output", "_slope")
+    __slots__ = ("_behind", "_drag", "_gains", "_integral", "_last", "_output", "_slope")
 
-    def __init__(self, gains: AxisGains) -> None:
+    def __init__(self, gains: AxisGains, drag: Drag | None) -> None:
+        self._drag = drag if drag and any(drag) else None  # over inertia; without any it is not known
         self.set_gains(gains)
         self.reset()
 
@@ -204,7 +225,7 @@ class _Loop:
         self._last: float | None = None
 
     def update(self, target: float, measured: float, dt: float, residual: float) -> float:
-        p, i, d, limit, feedforward, time_constant, slew = self._gains
+        p, i, d, limit, feedforward, time_constant, slew, current = self._gains
         if not (abs(measured) < ABSURD and abs(target) < ABSURD):  # without a measurement the integral holds
             return self._slewed(self._integral, dt)
         error = target - measured
@@ -219,6 +240,8 @@ class _Loop:
             or self._behind * error > 0.0
         ):
             self._integral = clamp(integral, limit)
+        if self._drag:
+            self._integral = clamp(self._integral, self._drag.at(abs(target) + current))
         output = clamp(wanted + self._integral, limit)
         return output if slew == inf else self._slewed(output, dt)
 
@@ -230,7 +253,7 @@ class _Loop:
         return self._slope
 
     def _slewed(self, output: float, dt: float) -> float:
-        most = self._gains[-1] * dt
+        most = self._gains[6] * dt
         self._output, before = min(max(output, self._output - most), self._output + most), output
         self._behind = before - self._output
         return self._output

@@ -10,6 +10,7 @@ from hil.autonomy.control.controller import (
     NO_RESIDUAL,
     AxisGains,
     CascadedController,
+    Drag,
     Gains,
     HoldGains,
     Navigation,
@@ -276,6 +277,39 @@ def test_on_a_vehicle_that_cannot_pitch_the_rest_works_and_nothing_winds_up() ->
     assert history[-1].depth == pytest.approx(6.0, abs=0.03)
     assert history[-1].velocity[0] == pytest.approx(0.4, abs=0.02)
     assert plant.applied[4] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_vehicle_at_a_wall_pushes_no_harder_than_its_drag_can_be() -> None:
+    """Its integral holds the drag at the commanded speed and a current; stopped, that in the current alone."""
+    drag, gains = Drag(12.0, 40.0), Gains()
+    controller = CascadedController(gains, INERTIA, [drag, drag])
+
+    def push(surge: float, seconds: float) -> float:
+        for _ in range(round(seconds / DT)):
+            wrench = controller.update(VelocityCommand(surge=surge), AT_REST, DT)
+        return wrench[0]
+
+    proportional = gains.surge.p * 0.3 * INERTIA[0]
+    assert push(0.3, 60.0) == pytest.approx(proportional + drag.at(0.3 + gains.surge.current))
+    assert push(0.0, DT) == pytest.approx(drag.at(gains.surge.current))
+    backwards = [push(-0.3, DT) for _ in range(round(2.0 / DT))]
+    assert backwards[round(1.0 / DT)] < 0.0
+    unbounded = CascadedController(gains, INERTIA, [Drag(0.0, 0.0)] * 2)
+    for _ in range(round(60.0 / DT)):
+        wrench = unbounded.update(VelocityCommand(surge=0.3), AT_REST, DT)
+    assert wrench[0] == pytest.approx(gains.surge.limit * INERTIA[0], rel=0.01)
+
+
+def test_a_vehicle_holds_its_place_in_the_current_of_its_gains() -> None:
+    """The bound leaves the integral all that a current of this speed takes."""
+    drag, current = Drag(12.0, 40.0), 1.0
+    controller, speed = CascadedController(Gains(), INERTIA, [drag, drag]), 0.0
+    for _ in range(round(30.0 / DT)):
+        navigation = AT_REST._replace(velocity=(speed, 0.0, 0.0))
+        x = controller.update(VelocityCommand(), navigation, DT)[0]
+        relative = speed + current
+        speed += (x - drag.at(abs(relative)) * (1.0 if relative > 0.0 else -1.0)) / INERTIA[0] * DT
+    assert abs(speed) < 0.01
 
 
 def test_a_weak_vehicle_recovers_quickly_from_a_command_beyond_its_power() -> None:

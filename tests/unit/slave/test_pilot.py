@@ -4,7 +4,7 @@ from math import pi
 
 import pytest
 
-from hil.autonomy.control.controller import Gains, VelocityCommand
+from hil.autonomy.control.controller import Gains, Navigation, VelocityCommand
 from hil.common.clock import NS_PER_MS
 from hil.common.schema import parse
 from hil.slave.pilot import ATMOSPHERE_PA, Pilot
@@ -102,3 +102,16 @@ def test_the_vehicle_does_what_is_commanded(wanted: VelocityCommand, axis: int) 
     assert nu[axis] == pytest.approx(target[axis], abs=0.05)
     others = [abs(nu[i]) for i in (0, 1, 2, 5) if i != axis]
     assert max(others) < 0.06
+
+
+@pytest.mark.parametrize("name", ["paper_six", "paper_seven", "bluerov2"])
+def test_a_vehicle_that_a_wall_stopped_pushes_no_harder_than_a_current_would(name: str) -> None:
+    """Once it is told to stop there: its speed is then as commanded, and no error lessens the integral."""
+    vehicle, control = load_vehicle(name)
+    gains = parse(control, Gains, "control")
+    controller = Pilot(vehicle, gains, WORLD.density * WORLD.gravity, NS_PER_MS).controller
+    at_wall = Navigation((1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 5.0)
+    for command in [VelocityCommand(surge=0.3)] * 2000 + [VelocityCommand()]:
+        wrench = controller.update(command, at_wall, 0.02)
+    speed = gains.surge.current
+    assert wrench[0] == pytest.approx(vehicle.linear_damping[0] * speed + vehicle.quadratic_damping[0] * speed**2)
