@@ -148,3 +148,21 @@ def test_a_vehicle_with_little_inertia_flies_at_the_longest_step() -> None:
             pulses = [random.randint(1100, 1900) for _ in vehicle.channels]
         simulation.step(pulses)
         assert sqrt(sum(x * x for x in simulation.state.nu)) < 4.0
+
+
+@pytest.mark.parametrize("dt_ns", [10_000_000, 2_500_000])
+def test_thrust_comes_half_a_step_early_and_no_more(dt_ns: int) -> None:
+    """What the thrusters' docstring says: ahead by the speed times dt / 2, which no longer grows at top speed."""
+
+    def flight(dt_ns: int, seconds: float) -> tuple[float, float]:
+        run = Simulation(
+            load_vehicle("paper_six")[0], load_world("open_water"), {}, dt_ns=dt_ns, position=(0.0, 0.0, 10.0)
+        )
+        for _ in range(round(seconds * 1e9) // dt_ns):
+            run.step([1650] * 4 + [1500] * 2)
+        truth = run.truth()
+        return truth.position[0], truth.nu[0]
+
+    for seconds in (1.0, 4.0):
+        (far, speed), (exact, _) = flight(dt_ns, seconds), flight(156_250, seconds)
+        assert far - exact == pytest.approx(speed * dt_ns * 1e-9 / 2.0, rel=0.1)
