@@ -85,7 +85,7 @@ class Row(NamedTuple):
 
 def capture() -> None:
     """Capture packets of the loopback; print them when standard input ends."""
-    found: list[Packet] = []
+    packets: list[Packet] = []
     with socket.socket(socket.AF_PACKET, socket.SOCK_RAW, socket.htons(ETH_P_IP)) as wire:
         wire.setsockopt(socket.SOL_SOCKET, SO_TIMESTAMPNS, 1)
         wire.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 24)
@@ -101,8 +101,8 @@ def capture() -> None:
                 continue
             packet = _packet(data, ancillary) if address[2] != PACKET_OUTGOING else None
             if packet:
-                found.append(packet)
-    print(json.dumps(found), flush=True)
+                packets.append(packet)
+    print(json.dumps(packets), flush=True)
 
 
 def _await_end(ended: threading.Event) -> None:
@@ -308,7 +308,7 @@ def commands(seconds: float) -> list[Row]:
 
 def _delays(packets: list[Packet], sent: set[Packet], port: int) -> list[int]:
     """Return the times from the last mark before a command until the STM32's answer to the frame that it caused."""
-    found, marked, commanded, framed = [], 0, False, False
+    delays, marked, commanded, framed = [], 0, False, False
     for packet in packets:
         if packet.marker:
             marked, commanded, framed = packet.time_ns, False, False
@@ -317,9 +317,9 @@ def _delays(packets: list[Packet], sent: set[Packet], port: int) -> list[int]:
         elif commanded and packet.target == port:
             framed = True
         elif framed and packet.source == port:
-            found.append(packet.time_ns - marked)
+            delays.append(packet.time_ns - marked)
             marked, commanded, framed = 0, False, False
-    return found
+    return delays
 
 
 def main() -> int:

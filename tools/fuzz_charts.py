@@ -189,7 +189,7 @@ def main() -> int:
     import pyogrio  # noqa: F401 - loaded once, for all copies
     import shapely  # noqa: F401
 
-    found: Counter[str] = Counter()
+    verdicts: Counter[str] = Counter()
     slowest = 0.0
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "C.000"
@@ -202,15 +202,15 @@ def main() -> int:
             if of_update:
                 path.with_suffix(".001").write_bytes(mutated(update, chance))
             verdict, seconds = examine(str(path))
-            found[verdict] += 1
+            verdicts[verdict] += 1
             slowest = max(slowest, seconds)
             if verdict not in ("read", "refused"):
                 shutil.copytree(folder, Path(options.keep) / str(number), dirs_exist_ok=True)
                 print(f"{number}: {verdict}, kept in {options.keep}/{number}", flush=True)
     most = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
-    print(", ".join([f"{count} {verdict}" for verdict, count in sorted(found.items())]), end="")
+    print(", ".join([f"{count} {verdict}" for verdict, count in sorted(verdicts.items())]), end="")
     print(f" of {options.count}; slowest {slowest:.2f} s, most memory {most:.0f} MiB")
-    return int(bool(found.keys() - {"read", "refused"}))
+    return int(bool(verdicts.keys() - {"read", "refused"}))
 
 
 if __name__ == "__main__":

@@ -48,13 +48,13 @@ def main() -> int:
     """Fuzz each end of each protocol asked for; the exit code."""
     options = _parser().parse_args()
     settings = dict(pair.split("=", 1) for pair in options.set)
-    found = False
+    any_fault = False
     for kind in options.protocol or PROTOCOLS:
         for role in get_args(Role):
             result = fuzz(kind, role, options.strings, options.seed, settings)
-            found |= bool(result.faults)
+            any_fault |= bool(result.faults)
             print(report(result), flush=True)
-    return int(found)
+    return int(any_fault)
 
 
 def fuzz(kind: str, role: Role, strings: int, seed: int = 1, settings: dict[str, str] | None = None) -> Result:

@@ -62,28 +62,28 @@ def room(module: str) -> str:
 @cache
 def imports(path: Path) -> set[str]:
     """Return the dotted names that a file imports, at the top, lazily, and for annotations."""
-    found: set[str] = set()
+    names: set[str] = set()
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
-            found |= {alias.name for alias in node.names}
+            names |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom) and node.module:
-            found |= {f"{node.module}.{alias.name}" for alias in node.names}
-    return found
+            names |= {f"{node.module}.{alias.name}" for alias in node.names}
+    return names
 
 
 @cache
 def graph() -> dict[str, set[str]]:
     """Return module -> the modules of ours that it imports."""
     known = dict(modules())
-    found: dict[str, set[str]] = {}
+    edges: dict[str, set[str]] = {}
     for module, path in known.items():
-        found[module] = set()
+        edges[module] = set()
         for name in imports(path):
             while name and name not in known:
                 name = name.rpartition(".")[0]
             if name and name != module and name != "hil":
-                found[module].add(name)
-    return found
+                edges[module].add(name)
+    return edges
 
 
 def arrows() -> set[tuple[str, str]]:
@@ -96,20 +96,20 @@ def circles() -> list[list[str]]:
     """Return the sets of modules that import each other round in a circle, each sorted."""
     edges = graph()
     reached = {module: _reached(module, edges) for module in edges}
-    found = {
+    components = {
         tuple(sorted({module} | {other for other in reached[module] if module in reached[other]})) for module in edges
     }
-    return sorted(list(members) for members in found if len(members) > 1)
+    return sorted(list(members) for members in components if len(members) > 1)
 
 
 def _reached(start: str, edges: dict[str, set[str]]) -> set[str]:
-    found: set[str] = set()
+    reached: set[str] = set()
     waiting = [start]
     while waiting:
-        new = edges[waiting.pop()] - found
-        found |= new
+        new = edges[waiting.pop()] - reached
+        reached |= new
         waiting.extend(new)
-    return found
+    return reached
 
 
 WIDTH, HEIGHT, GAP, MARGIN = 168, 52, 10, 70
@@ -139,13 +139,13 @@ def draw() -> str:
 
 def _badges(way: list[str], corners: Mapping[str, tuple[float, float]], kind: str, shift: float) -> list[str]:
     """Return a numbered circle for each room of a way, `shift` px left of the room's right edge."""
-    found = []
+    elements = []
     for number, name in enumerate(way, 1):
         right, top = corners[name]
         place = f'x="{right - shift:g}" y="{top + 18:g}"'
-        found.append(f'<circle cx="{right - shift:g}" cy="{top + 14:g}" r="10" class="{kind}"/>')
-        found.append(f'<text {place} text-anchor="middle" class="number">{number}</text>')
-    return found
+        elements.append(f'<circle cx="{right - shift:g}" cy="{top + 14:g}" r="10" class="{kind}"/>')
+        elements.append(f'<text {place} text-anchor="middle" class="number">{number}</text>')
+    return elements
 
 
 def _head(width: int, height: int) -> str:

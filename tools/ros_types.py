@@ -96,13 +96,13 @@ def definitions_of_rosbags(package: str) -> dict[str, str]:
     """Return the definitions of a package's messages, by name."""
     typesys = importlib.import_module("rosbags.typesys")
     store = typesys.get_typestore(typesys.Stores.ROS2_JAZZY)
-    found = {}
+    licences = {}
     for name in sorted(name for name in store.fielddefs if name.startswith(f"{package}/msg/")):
         text, _ = store.generate_msgdef(name, ros_version=2)
         own = text.partition("=" * 80)[0].strip()
         own = "\n".join(DEFAULTS.get((name, line), line) for line in own.splitlines())
-        found[name] = f"{own}\n" if own and PLACEHOLDER.name not in own else ""
-    return found
+        licences[name] = f"{own}\n" if own and PLACEHOLDER.name not in own else ""
+    return licences
 
 
 def services_here(package: str) -> dict[str, str]:

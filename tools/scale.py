@@ -113,8 +113,8 @@ def measure(slaves: int, routers: int, seconds: float, sessions: str) -> str:
         quantile(ages, 0.5), quantile(ages, 0.99), sum(cpu[routers:]) / slaves, sum(cpu[:routers]) / routers,
         sum(last.resident[routers:]) / slaves / 2**20, sum(last.resident[:routers]) / routers / 2**20,
     )  # fmt: skip
-    found = sum(bool(own.stamps) for own in received)
-    return f"| {slaves} | {routers} | {sessions} | {found} | " + " | ".join(f"{value:.1f}" for value in figures) + " |"
+    alive = sum(bool(own.stamps) for own in received)
+    return f"| {slaves} | {routers} | {sessions} | {alive} | " + " | ".join(f"{value:.1f}" for value in figures) + " |"
 
 
 def _joined(ends: list[str], end: str) -> list[str]:

@@ -65,10 +65,10 @@ def fly_and_take(scenario: str, speed: float, scheme: Scheme, seconds: float) ->
         command += ["--set", f"master.speed={speed}", "--listen", f"tcp/127.0.0.1:{free_ports(1)[0]}"]
         with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True) as demo:
             assert demo.stdout
-            found = re.search(r"http://\S+", demo.stdout.readline())
-            assert found, "the demo has no view"
+            address = re.search(r"http://\S+", demo.stdout.readline())
+            assert address, "the demo has no view"
             try:
-                return take_pictures(found[0], scheme, seconds)
+                return take_pictures(address[0], scheme, seconds)
             finally:
                 demo.terminate()
                 demo.communicate()

@@ -109,18 +109,18 @@ def main(arguments: list[str] | None = None) -> None:
     options = parser.parse_args(arguments)
     chosen = [sheet for sheet in SHEETS if not options.only or sheet.name in options.only]
     (options.out / "validation").mkdir(parents=True, exist_ok=True)
-    found = {}
+    by_sheet = {}
     for sheet in chosen:
         start = time.perf_counter()
-        found[sheet] = draw(sheet, options.out / "validation" / f"{sheet.name}.png")
+        by_sheet[sheet] = draw(sheet, options.out / "validation" / f"{sheet.name}.png")
         print(f"{sheet.name} ({time.perf_counter() - start:.1f} s)", flush=True)
-        for finding in found[sheet]:
+        for finding in by_sheet[sheet]:
             print(f"  {'' if finding.holds else 'BEYOND: '}{finding.what}: {finding.found}, bound {finding.bound}")
-    beyond = sum(not finding.holds for findings in found.values() for finding in findings)
+    beyond = sum(not finding.holds for findings in by_sheet.values() for finding in findings)
     if beyond:
         sys.exit(f"{beyond} beyond the bounds: no page is written")
     if not options.only:
-        (options.out / "validation.md").write_text(page(found), encoding="utf-8")
+        (options.out / "validation.md").write_text(page(by_sheet), encoding="utf-8")
 
 
 if __name__ == "__main__":

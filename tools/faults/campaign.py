@@ -44,7 +44,7 @@ class Plan(NamedTuple):
 
 def plans(choose: Choose, thorough: bool, quick: bool) -> list[Plan]:
     """Return all that `choose` takes by its name, "room fault link"."""
-    found = []
+    plans = []
     for group in GROUPS:
         for link in LINKS:
             if (link.thorough and not thorough) or (quick and link not in QUICK_LINKS):
@@ -52,8 +52,8 @@ def plans(choose: Choose, thorough: bool, quick: bool) -> list[Plan]:
             faults = [f for f in group.faults if link in f.links and (f.quick or not quick)]
             faults = [f for f in faults if choose(f"{f.room} {f.name} {link.name}")]
             if faults:
-                found.append(Plan(link, tuple(faults), group))
-    return found
+                plans.append(Plan(link, tuple(faults), group))
+    return plans
 
 
 def bad_files(choose: Choose, quick: bool) -> tuple[BadFile, ...]:

@@ -144,20 +144,23 @@ def network_decoders() -> Mapping[str, tuple[Callable[[bytes], object], bytes]]:
         "cmd_depth": encode_number(3.0),
         "cmd_thrusters": encode_thrusts([1.0] * 6),
     }
-    found: dict[str, tuple[Callable[[bytes], object], bytes]] = {}
+    decoders: dict[str, tuple[Callable[[bytes], object], bytes]] = {}
     for topic in TOPICS:
         decode = ros.decoder(topic)
         if decode:
-            found[f"topic {topic}"] = decode, sound.get(topic) or ros_message.encode(TOPICS[topic].type, {})
+            decoders[f"topic {topic}"] = decode, sound.get(topic) or ros_message.encode(TOPICS[topic].type, {})
     for name in ("std_srvs/srv/SetBool_Request", "rcl_interfaces/srv/SetParameters_Request"):
-        found[name] = _decoder_of(name, ros_message.decode), ros_message.encode(name, {})
-    found["attachment"] = ros.unpack_attachment, ros.pack_attachment(1, 2, bytes(16))
-    found["ping"] = (lambda data: read_clock(PING, data)), bytes(PING.size)
-    found["pong"] = (lambda data: read_clock(PONG, data)), bytes(PONG.size)
-    found["presence"] = (lambda data: read_presence(data.decode("latin-1"))), b"uuv_hil/uuv1/alive/master/0/0a/laptop:1"
-    found["modem report"] = decode_report, bytes(range(24))
-    found["gateway request"] = _refusing(read_request), b'{"id": 1, "do": "command", "surge": 0.1}'
-    return found
+        decoders[name] = _decoder_of(name, ros_message.decode), ros_message.encode(name, {})
+    decoders["attachment"] = ros.unpack_attachment, ros.pack_attachment(1, 2, bytes(16))
+    decoders["ping"] = (lambda data: read_clock(PING, data)), bytes(PING.size)
+    decoders["pong"] = (lambda data: read_clock(PONG, data)), bytes(PONG.size)
+    decoders["presence"] = (
+        (lambda data: read_presence(data.decode("latin-1"))),
+        b"uuv_hil/uuv1/alive/master/0/0a/laptop:1",
+    )
+    decoders["modem report"] = decode_report, bytes(range(24))
+    decoders["gateway request"] = _refusing(read_request), b'{"id": 1, "do": "command", "surge": 0.1}'
+    return decoders
 
 
 def _decoder_of(name: str, decode: Callable[[str, bytes], object]) -> Callable[[bytes], object]:

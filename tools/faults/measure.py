@@ -103,25 +103,25 @@ def _leaked(rig: Rig, descriptors: int, files: set[str]) -> str:
     """Return what there is now and was not before: descriptors of the slave, processes of those that ended, files."""
     deadline = time.monotonic() + LEAK_S
     while True:
-        found = []
+        leftovers = []
         more = rig.descriptors - descriptors
         if descriptors and more > SPARE:
-            found.append(f"{more} descriptors")
+            leftovers.append(f"{more} descriptors")
         if strays := _strays(rig):
-            found.append(f"processes {' '.join(map(str, strays))}")
+            leftovers.append(f"processes {' '.join(map(str, strays))}")
         if rest := _files(rig) - files:
-            found.append(f"files {' '.join(sorted(rest))}")
-        if not found or time.monotonic() > deadline:
-            return ", ".join(found)
+            leftovers.append(f"files {' '.join(sorted(rest))}")
+        if not leftovers or time.monotonic() > deadline:
+            return ", ".join(leftovers)
         time.sleep(0.1)
 
 
 def _strays(rig: Rig) -> list[int]:
     """Processes that have a file of the rig in their command line and are none of it."""
     ours = {process.pid for process in rig.processes.values()} | {rig.stm32.pid if rig.stm32 else 0, os.getpid()}
-    found = []
+    pids = []
     for process in psutil.process_iter(["cmdline", "ppid"]):
         named = any(str(rig.folder) in word for word in process.info["cmdline"] or ())
         if named and process.pid not in ours and process.info["ppid"] not in ours:
-            found.append(process.pid)
-    return found
+            pids.append(process.pid)
+    return pids

@@ -22,12 +22,12 @@ PLACE = at(20.0, -8.0, 3.0, heading=30.0)
 
 def _points(sample: LaserSample) -> "np.ndarray[tuple[int, int], np.dtype[np.float64]]":
     """Starboard and ahead of each beam that met something."""
-    found = []
+    points = []
     for i, distance in enumerate(sample.ranges):
         angle = sample.angle_min + i * sample.angle_increment
         if isfinite(distance):
-            found.append((distance * sin(angle), distance * cos(angle)))
-    return np.array(found)
+            points.append((distance * sin(angle), distance * cos(angle)))
+    return np.array(points)
 
 
 def laser(figure: Figure) -> None:
@@ -104,13 +104,13 @@ def dvl(figure: Figure) -> None:
     state, tilt = at(0.0, 0.0, 12.0, heading=45.0), DvlModel().tilt
     angles = [pi / 4.0 + i * pi / 2.0 for i in range(4)]
     beams = [(sin(tilt) * cos(a), sin(tilt) * sin(a), cos(tilt)) for a in angles]
-    found = RayScene(world).ranges(state.position, np.array(beams).ravel(), 75.0, matrix(state.quaternion))
+    ranges = RayScene(world).ranges(state.position, np.array(beams).ravel(), 75.0, matrix(state.quaternion))
     side_panel, above = figure.subplots(1, 2)
     aheads = np.linspace(-8.0, 8.0, 50)
     course = rotate(state.quaternion, (1.0, 0.0, 0.0))
     seabed = [world.seabed(a * course[0], a * course[1]) for a in aheads]
     side_panel.plot(aheads, seabed, color=SOFT, linewidth=2.0, label="seabed")
-    for angle, (x, y, z), distance in zip(angles, beams, found, strict=True):
+    for angle, (x, y, z), distance in zip(angles, beams, ranges, strict=True):
         ahead, lateral = distance * x, distance * y
         side_panel.plot((0.0, ahead), (12.0, 12.0 + distance * z), color=INK, linewidth=0.8)
         above.plot((0.0, lateral), (0.0, ahead), color=INK, linewidth=0.8)

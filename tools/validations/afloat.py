@@ -46,7 +46,7 @@ def _period(depths: list[float]) -> float:
 def _bobbing(trace: Axes, periods: Axes) -> list[Finding]:
     masses = [0.0, 9.24, 20.0, 40.0, 60.0]
     runs = {added: _bob(added) for added in masses}
-    found = {added: _period(depths) for added, depths in runs.items()}
+    measured = {added: _period(depths) for added, depths in runs.items()}
     for added, color in ((9.24, SHADES[0]), (60.0, SHADES[2])):
         ours(trace, [i * DT for i in range(2501)], [1e3 * z for z in runs[added][:2501]], f"ours, {added:g} kg", color)
         times = [0.05 * i for i in range(51)]
@@ -54,10 +54,10 @@ def _bobbing(trace: Axes, periods: Axes) -> list[Finding]:
         theirs(trace, times, cosine, "theory" if added == 60.0 else "_")
     trace.set_ylim(-24.0, 40.0)
     label(trace, "time (s)", "depth (mm)", "bobbing, by added mass", legend="upper right")
-    ours(periods, masses, list(found.values()))
+    ours(periods, masses, list(measured.values()))
     theirs(periods, masses, [_theory(added) for added in masses], "theory", size=8.0)
     label(periods, "added mass (kg)", "period (s)")
-    away = max(abs(found[added] / _theory(added) - 1.0) for added in (0.0, 9.24, 60.0))
+    away = max(abs(measured[added] / _theory(added) - 1.0) for added in (0.0, 9.24, 60.0))
     test = "unit/sim/vehicle/test_buoyancy.py::test_bobbing_period"
     return [below("bobbing: period away from theory (share)", away, 1e-4, test)]
 

@@ -102,8 +102,8 @@ def numbers(state: State) -> dict[str, float]:
 def furthest(name: str, flown: list[tuple[float, dict[str, float]]]) -> float:
     """The largest difference of all twelve numbers, each second."""
     worst = 0.0
-    for (_, found), row in zip(flown[::10], reference(name), strict=True):
-        for key, value in found.items():
+    for (_, values), row in zip(flown[::10], reference(name), strict=True):
+        for key, value in values.items():
             off = value - float(row[key])
             if key in ("phi", "theta", "psi"):
                 worst = max(worst, abs((off + pi) % (2.0 * pi) - pi))

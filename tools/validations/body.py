@@ -138,9 +138,9 @@ def added_mass(panels: Sequence[Axes]) -> list[Finding]:
     red = {added: _explicit(10.0, added, 15) for added in (14.57, 60.0)}
     for added, style in ((14.57, "--"), (60.0, "-")):
         wrong(acceleration, steps, red[added], f"as a force, {added:g} kg", style)
-    found, speeds = _pushed()
+    accelerations, speeds = _pushed()
     acceleration.set_yscale("log")
-    ours(acceleration, steps, found[:15], "ours, 60 kg")
+    ours(acceleration, steps, accelerations[:15], "ours, 60 kg")
     theirs(acceleration, [1], [10.0 / 70.0], "theory: 10 N / 70 kg", size=9.0)
     label(acceleration, "step", "size of the acceleration (m/s²)", legend="upper left")
     ours(speed, [0.01 * i for i in range(1, 1501)], speeds)
@@ -149,7 +149,7 @@ def added_mass(panels: Sequence[Axes]) -> list[Finding]:
     label(speed, "time (s)", "speed ahead (m/s)", legend="lower right")
     test = "unit/sim/test_dynamics.py::test_added_mass_six_times_the_mass_is_stable"
     return [
-        near("acceleration of the first step", found[0], 10.0 / 70.0, test, "m/s²", rel=1e-3),
+        near("acceleration of the first step", accelerations[0], 10.0 / 70.0, test, "m/s²", rel=1e-3),
         below("largest speed in 30 s of pushes on all axes", _largest_speed(), 1.0, test, "m/s"),
         above("as a force, 14.57 kg: largest acceleration in 1 s", max(_explicit(10.0, 14.57, 100)), 1e6, test, "m/s²"),
     ]
@@ -173,12 +173,12 @@ def _heavy_water() -> Dynamics:
 
 
 def _pushed() -> tuple[list[float], list[float]]:
-    dynamics, state, found, speeds = _heavy_water(), State((0.0, 0.0, DEEP)), [], []
+    dynamics, state, accelerations, speeds = _heavy_water(), State((0.0, 0.0, DEEP)), [], []
     for _ in range(1500):
         dynamics.step(state, (10.0, 0.0, 0.0, 0.0, 0.0, 0.0), STILL, 0.01)
-        found.append(state.nu_dot[0])
+        accelerations.append(state.nu_dot[0])
         speeds.append(state.nu[0])
-    return found, speeds
+    return accelerations, speeds
 
 
 def _largest_speed() -> float:

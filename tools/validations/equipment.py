@@ -32,9 +32,9 @@ def fins(panels: Sequence[Axes]) -> list[Finding]:
 def _polar(axes: Axes) -> list[Finding]:
     polar = RUDDER.polar
     angles = [0.005 * i for i in range(315)]
-    found = [polar.at(angle) for angle in angles]
-    ours(axes, [degrees(a) for a in angles], [lift for lift, _ in found], "ours, lift", SHADES[0])
-    ours(axes, [degrees(a) for a in angles], [drag for _, drag in found], "ours, drag", SHADES[2])
+    coefficients = [polar.at(angle) for angle in angles]
+    ours(axes, [degrees(a) for a in angles], [lift for lift, _ in coefficients], "ours, lift", SHADES[0])
+    ours(axes, [degrees(a) for a in angles], [drag for _, drag in coefficients], "ours, drag", SHADES[2])
     wing, plate = [0.05 * i for i in range(7)], [0.5 + 0.05 * i for i in range(22)]
     lift = [polar.lift_slope * a for a in wing] + [0.5 * BROADSIDE * sin(2.0 * a) for a in plate]
     drag = [0.01 + (polar.lift_slope * a) ** 2 / (pi * 0.9 * 2.0) for a in wing]
@@ -99,11 +99,11 @@ def _lift(axes: Axes) -> list[Finding]:
     for values, name in zip(zip(*expected, strict=True), ("theory, before stall", "_"), strict=True):
         theirs(axes, [degrees(a) for a in dots], values, name)
     label(axes, "angle of the flow (deg)", "force (N)", "hull lift", legend="upper left")
-    found, (up, drag) = _hull_force(0.1), _hull_theory(0.1)
+    force, (up, drag) = _hull_force(0.1), _hull_theory(0.1)
     test = f"{FILE}::test_hull_lift_at_an_angle"
     return [
-        near("lift of the hull at 0.1 rad", found[0], up, test, "N", rel=1e-6),
-        near("its drag", found[1], drag, test, "N", rel=1e-6),
+        near("lift of the hull at 0.1 rad", force[0], up, test, "N", rel=1e-6),
+        near("its drag", force[1], drag, test, "N", rel=1e-6),
     ]
 
 
@@ -126,10 +126,10 @@ def _munk(axes: Axes) -> Finding:
     sways, worst = [0.05 * i for i in range(9)], 0.0
     for share, color in zip((1.0, 0.4, 0.0), SHADES, strict=False):
         dynamics = Dynamics(vehicle._replace(munk_share=(1.0, share, share)), RHO, 9.8)
-        found = [_moment_to_broadside(dynamics, 1.5, sway) for sway in sways]
+        moments = [_moment_to_broadside(dynamics, 1.5, sway) for sway in sways]
         theory = [share * ideal * 1.5 * sway for sway in sways]
-        worst = max(worst, *(abs(a - b) / (ideal * 1.5 * sways[-1]) for a, b in zip(found, theory, strict=True)))
-        ours(axes, sways, found, f"ours, share {share:g}", color)
+        worst = max(worst, *(abs(a - b) / (ideal * 1.5 * sways[-1]) for a, b in zip(moments, theory, strict=True)))
+        ours(axes, sways, moments, f"ours, share {share:g}", color)
         theirs(axes, sways, theory, "theory" if share == 0.0 else "_")
     label(axes, "sway at 1.5 m/s ahead (m/s)", "moment to broadside (N m)", "Munk moment", legend="upper left")
     test = "unit/sim/test_dynamics.py::test_munk_moment_goes_with_its_share"

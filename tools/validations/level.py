@@ -25,7 +25,7 @@ def level_flight(panels: Sequence[Axes]) -> list[Finding]:
         speeds = [share * top_speed(name) for share in SHARES]
         flown = [fly_level(name, speed, OPEN if vehicle.fins else FIELD, 120.0) for speed in speeds]
         panel = panels[1 if vehicle.attitude_limit_speed else 0]
-        panel.plot(speeds, [max(0.1, found.tilt) for found in flown], "o-", markersize=3, label=name)
+        panel.plot(speeds, [max(0.1, run.tilt) for run in flown], "o-", markersize=3, label=name)
         findings.append(_finding(name, vehicle.attitude_limit_speed, bool(vehicle.fins), flown))
     for panel, title in zip(panels, ("up to the top speed", "published sets to the letter"), strict=True):
         panel.set_yscale("log")
@@ -37,19 +37,19 @@ def level_flight(panels: Sequence[Axes]) -> list[Finding]:
 
 
 def _finding(name: str, limit: float | None, swims: bool, flown: list[LevelFlight]) -> Finding:
-    pitch, roll = (", ".join(f"{getattr(found, key):.1f}" for found in flown) for key in ("pitch", "roll"))
+    pitch, roll = (", ".join(f"{getattr(run, key):.1f}" for run in flown) for key in ("pitch", "roll"))
     top = top_speed(name)
     what = f"{name}, top speed {top:.2f} m/s"
-    found = f"pitch {pitch}°; roll {roll}°"
+    angles = f"pitch {pitch}°; roll {roll}°"
     worst = max(one.tilt for one in flown)
     if limit:
         test = TEST.format("test_the_file_says_up_to_which_speed_a_published_set_is_level")
-        return Finding(what, found, f"level to {limit:g} m/s", test, worst > MOST_TILT)
+        return Finding(what, angles, f"level to {limit:g} m/s", test, worst > MOST_TILT)
     if swims:
         test = TEST.format("test_a_torpedo_keeps_its_attitude_at_its_top_speed")
-        return Finding(what, found, "tilt < 20°", test, worst < 20.0)
+        return Finding(what, angles, "tilt < 20°", test, worst < 20.0)
     test = TEST.format("test_it_is_level_up_to_its_top_speed_in_the_field")
-    return Finding(what, found, f"tilt < {MOST_TILT:g}°", test, worst < MOST_TILT)
+    return Finding(what, angles, f"tilt < {MOST_TILT:g}°", test, worst < MOST_TILT)
 
 
 SHEETS = [Sheet("Level flight", level_flight, size=(9.0, 3.6))]

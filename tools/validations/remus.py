@@ -33,8 +33,8 @@ def _with_their_terms() -> float:
                 held.their_cross_flow(sample.nu_r),
                 held.their_surge_damping(sample.nu, sample.nu_r),
             )
-            found = sample.slope_of(dynamics, wrench)
-            differences = [abs(a - b) / max(1.0, abs(b)) for a, b in zip(found, sample.slope, strict=True)]
+            slope = sample.slope_of(dynamics, wrench)
+            differences = [abs(a - b) / max(1.0, abs(b)) for a, b in zip(slope, sample.slope, strict=True)]
             worst = max(worst, *differences)
     return worst
 
@@ -42,15 +42,15 @@ def _with_their_terms() -> float:
 def _with_ours() -> list[Six]:
     """The derivatives of the samples without a current, all terms ours."""
     assert REMUS.cross_flow
-    fins, found = FinSet(REMUS.fins, 1026.0, 0.01), []
+    fins, slopes = FinSet(REMUS.fins, 1026.0, 0.01), []
     cross = CrossFlowDrag(REMUS.cross_flow, REMUS.dimensions, 1026.0)
     assert REMUS.fading_damping
     forces: list[Force] = [held.hull_of(REMUS), cross, fins, SlowDamping(REMUS.fading_damping)]
     dynamics = Dynamics(REMUS, 1026.0, GRAVITY, forces=forces)
     for sample in SAMPLES[:100]:
         fins.servos.values = [sample.rudder, sample.planes]
-        found.append(sample.slope_of(dynamics, held.our_propeller(sample.n, sample.nu_r)))
-    return found
+        slopes.append(sample.slope_of(dynamics, held.our_propeller(sample.n, sample.nu_r)))
+    return slopes
 
 
 def remus_derivatives(panels: Sequence[Axes]) -> list[Finding]:
@@ -58,12 +58,12 @@ def remus_derivatives(panels: Sequence[Axes]) -> list[Finding]:
     says; with theirs in their place all is the same to the last digits, but for one state of 300 whose water comes from
     behind. With ours the root of the mean square is away from theirs by the shares below: cross-flow drag of sway and
     heave together, where they take each by itself, is most of it. The black line is where both are the same."""
-    found = _with_ours()
+    slopes = _with_ours()
     test = f"{FILE}::test_how_far_our_derivatives_are_from_theirs"
     agree = f"{FILE}::test_all_but_the_five_terms_agree_with_the_derivatives"
     findings = [below("with their five terms in place of ours", _with_their_terms(), 1e-8, agree)]
     for axis, (axes, name, share) in enumerate(zip(panels, AXES, SHARES, strict=True)):
-        x, y = [sample.slope[axis] for sample in SAMPLES[:100]], [row[axis] for row in found]
+        x, y = [sample.slope[axis] for sample in SAMPLES[:100]], [row[axis] for row in slopes]
         ends = [min(x), max(x)]
         axes.plot(x, y, ".", color=OURS, markersize=4, label="ours")
         axes.plot(ends, ends, "k-", linewidth=0.7, label="the same as MSS")

@@ -69,15 +69,15 @@ def _bias(axes: Axes) -> list[Finding]:
 
 
 def _density(axes: Axes) -> Finding:
-    rates, found = [10.0, 30.0, 100.0, 300.0, 1000.0], []
+    rates, deviations = [10.0, 30.0, 100.0, 300.0, 1000.0], []
     for rate in rates:
         values = errors.series(ErrorModel(noise_density=0.3), rate, 300.0)
-        found.append(pstdev(values))
-    axes.loglog(rates, found, "o-", color=OURS, markersize=3, label="ours")
+        deviations.append(pstdev(values))
+    axes.loglog(rates, deviations, "o-", color=OURS, markersize=3, label="ours")
     theirs(axes, rates, [0.3 * sqrt(rate) for rate in rates], "theory: density × √rate", size=3.0)
     ticks(axes.yaxis, (1.0, 2.0, 5.0, 10.0))
     label(axes, "sampling rate (Hz)", "sd of a sample, density 0.3 /√Hz", legend="upper left")
-    away = max(abs(x / (0.3 * sqrt(rate)) - 1.0) for x, rate in zip(found, rates, strict=True))
+    away = max(abs(x / (0.3 * sqrt(rate)) - 1.0) for x, rate in zip(deviations, rates, strict=True))
     test = f"{ERROR}::test_noise_density_is_rate_independent_in_the_mean"
     return below("white noise: sd of a sample away from theory (share)", away, 0.05, test)
 
@@ -92,16 +92,16 @@ def allan(panels: Sequence[Axes]) -> list[Finding]:
     wandering bias of 10 s, and both as in an IMU."""
     white, bias = panels
     taus = [0.04 * 1.5**i for i in range(22)]
-    found = _deviation(ErrorModel(noise_density=DENSITY), taus)
-    ours(white, taus, found)
+    deviations = _deviation(ErrorModel(noise_density=DENSITY), taus)
+    ours(white, taus, deviations)
     theirs(white, taus, [_white(tau) for tau in taus], "theory: N / √τ")
-    away = {"white": [abs(a / _white(tau) - 1.0) for a, tau in zip(found, taus, strict=True) if 0.08 < tau < 11.0]}
+    away = {"white": [abs(a / _white(tau) - 1.0) for a, tau in zip(deviations, taus, strict=True) if 0.08 < tau < 11.0]}
     for density, color, name in ((0.0, SHADES[0], "bias"), (0.05, SHADES[2], "bias and noise")):
-        found = _deviation(ErrorModel(bias=SIZE, bias_time=TIME, noise_density=density), taus)
+        deviations = _deviation(ErrorModel(bias=SIZE, bias_time=TIME, noise_density=density), taus)
         theory = [sqrt(_gauss_markov(tau) ** 2 + density**2 / tau) for tau in taus]
-        ours(bias, taus, found, f"ours, {name}", color)
+        ours(bias, taus, deviations, f"ours, {name}", color)
         theirs(bias, taus, theory, "_" if density else "theory: Gauss-Markov, and N / √τ")
-        away[name] = [abs(a / b - 1.0) for a, b, tau in zip(found, theory, taus, strict=True) if 0.5 < tau < 60.0]
+        away[name] = [abs(a / b - 1.0) for a, b, tau in zip(deviations, theory, taus, strict=True) if 0.5 < tau < 60.0]
     for axes in panels:
         axes.loglog()
     label(white, "averaging time τ (s)", "Allan deviation (rad/s)", "white noise", legend="upper right")
@@ -141,9 +141,9 @@ def dvl(panels: Sequence[Axes]) -> list[Finding]:
     log = _log()
     tilts = [radians(0.5 * i) for i in range(61)]
     red = [_mean_slant(log, _tilted(tilt, 0.0)) for tilt in tilts]
-    found = [log.sample(0, _tilted(tilt, 0.0)).altitude for tilt in tilts]
+    altitudes = [log.sample(0, _tilted(tilt, 0.0)).altitude for tilt in tilts]
     wrong(axes, [degrees(tilt) for tilt in tilts], red, "mean slant range (uuv_simulator)")
-    ours(axes, [degrees(tilt) for tilt in tilts], found, "ours, altitude")
+    ours(axes, [degrees(tilt) for tilt in tilts], altitudes, "ours, altitude")
     theirs(axes, [degrees(tilt) for tilt in tilts[::4]], [20.0] * 16, "true height")
     slant = 20.0 / cos(radians(25.0))
     axes.axhline(slant, color="k", linestyle=":", linewidth=0.8, label="20 m / cos 25°")

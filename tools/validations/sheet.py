@@ -59,8 +59,8 @@ def near(
     """Something that has to be `expected`, to a share of `rel` or to `within`, in its unit."""
     most = max(rel * abs(expected), within)
     margin = _text(within, unit) if within else f"{100.0 * rel:g} %"
-    found = _text(value, unit, 4)
-    return Finding(what, found, f"{_text(expected, unit, 4)} ± {margin}", test, abs(value - expected) <= most)
+    shown = _text(value, unit, 4)
+    return Finding(what, shown, f"{_text(expected, unit, 4)} ± {margin}", test, abs(value - expected) <= most)
 
 
 def _text(value: float, unit: str, digits: int = 3) -> str:

@@ -26,9 +26,9 @@ def t200(panels: Sequence[Axes]) -> list[Finding]:
     held_out = curves.official()
     for volts, color in zip((10, 14, 16, 20), reversed(SHADES), strict=True):
         pulses = list(range(1100, 1901, 2))
-        found = [performance(pulse, volts) for pulse in pulses]
-        ours(thrust, pulses, [p.thrust for p in found], f"ours, {volts} V", color)
-        ours(current, pulses, [p.current for p in found], f"ours, {volts} V", color)
+        performances = [performance(pulse, volts) for pulse in pulses]
+        ours(thrust, pulses, [p.thrust for p in performances], f"ours, {volts} V", color)
+        ours(current, pulses, [p.current for p in performances], f"ours, {volts} V", color)
         points = sorted(pulse for v, pulse in held_out if v == volts)[::4]
         name = "held-out points" if volts == 20 else "_"
         theirs(thrust, points, [held_out[volts, pulse][0] for pulse in points], name)
@@ -41,11 +41,11 @@ def t200(panels: Sequence[Axes]) -> list[Finding]:
 def _t200_findings(held_out: dict[tuple[int, int], tuple[float, float, float, float]]) -> list[Finding]:
     square = share = amperes = 0.0
     for (volts, pulse), truth in held_out.items():
-        found = performance(pulse, volts)
+        point = performance(pulse, volts)
         full = max(abs(x[0]) for (v, _), x in held_out.items() if v == volts)
-        square += (found.thrust - truth[0]) ** 2 / len(held_out)
-        share = max(share, abs(found.thrust - truth[0]) / full)
-        amperes = max(amperes, abs(found.current - truth[1]))
+        square += (point.thrust - truth[0]) ** 2 / len(held_out)
+        share = max(share, abs(point.thrust - truth[0]) / full)
+        amperes = max(amperes, abs(point.current - truth[1]))
     test = f"{CURVES}::test_t200_against_held_out_points"
     return [
         below(f"thrust at {len(held_out)} held-out points, root mean square", sqrt(square), 0.2, test, "N"),
@@ -68,11 +68,11 @@ def _remus_propeller(axes: Axes) -> Finding:
     speeds, worst = [0.1 * i for i in range(31)], 0.0
     for n, color in zip((10.0, 17.0, 25.0), reversed(SHADES), strict=False):
         ahead = [[speed, 0.0, 0.0, 0.0, 0.0, 0.0] for speed in speeds]
-        found = [remus.our_propeller(n, nu)[0] for nu in ahead]
+        thrusts = [remus.our_propeller(n, nu)[0] for nu in ahead]
         expected = [remus.their_propeller(n, nu)[0] for nu in ahead]
-        ours(axes, speeds, found, f"ours, {n:g} rev/s", color)
+        ours(axes, speeds, thrusts, f"ours, {n:g} rev/s", color)
         theirs(axes, speeds[::3], expected[::3], "MSS" if n == 25.0 else "_")
-        worst = max(worst, *(abs(a / b - 1.0) for a, b in zip(found, expected, strict=True)))
+        worst = max(worst, *(abs(a / b - 1.0) for a, b in zip(thrusts, expected, strict=True)))
     label(axes, "speed ahead (m/s)", "thrust (N)", "REMUS 100", legend="upper right")
     test = "unit/sim/test_remus.py::test_each_of_our_terms_is_theirs_where_they_mean_the_same"
     return below("REMUS 100's propeller ahead, away from MSS (share)", worst, 1e-12, test)
@@ -83,15 +83,15 @@ def _open_water(axes: Axes) -> Finding:
     thrusters = make_thrusters(load_vehicle("paper_six")[0]._replace(thrusters=(thruster,)), 0.01)
     worst, diameter = 0.0, 0.076
     for pulse, n, kt, color in ((1900, 58.9, 0.43, SHADES[0]), (1100, -58.9, 0.34, SHADES[2])):
-        ratios, found, expected = [], [], []
+        ratios, coefficients, expected = [], [], []
         for step in range(-8, 17):
             u, r = 0.2 * step, 0.03 * step
             thrusters.step((pulse,), (u, 9.0, 9.0, 0.0, 0.0, r))
             ratios.append((u - r) / (n * diameter))
-            found.append(thrusters.thrusts[0] / (1025.0 * diameter**4 * n * abs(n)))
+            coefficients.append(thrusters.thrusts[0] / (1025.0 * diameter**4 * n * abs(n)))
             expected.append(kt - 0.5 * ratios[-1])
-        worst = max(worst, *(abs(a / b - 1.0) for a, b in zip(found, expected, strict=True)))
-        ours(axes, ratios, found, "ours, forward" if n > 0.0 else "ours, reverse", color)
+        worst = max(worst, *(abs(a / b - 1.0) for a, b in zip(coefficients, expected, strict=True)))
+        ours(axes, ratios, coefficients, "ours, forward" if n > 0.0 else "ours, reverse", color)
         theirs(axes, ratios[::2], expected[::2], "KT0 - α J" if n > 0.0 else "_")
     label(axes, "advance ratio J", "thrust coefficient KT", "0.076 m, 58.9 rev/s")
     return below("thrust coefficient away from KT0 - alpha J (share)", worst, 1e-6, f"{CURVES}::test_advance_speed")

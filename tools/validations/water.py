@@ -49,8 +49,8 @@ def currents(panels: Sequence[Axes]) -> list[Finding]:
 def _sizes(axes: Axes) -> list[Finding]:
     red = {dt: flows.gazebo_spread(0.1, 0.1, dt) for dt in (0.001, 0.003, 0.01, 0.03, 0.1)}
     seconds = {0.001: 300.0, 0.01: 1500.0, 0.1: 1500.0}
-    found = {dt: pstdev(_path(dt, time)) for dt, time in seconds.items()}
-    for sizes, color, name in ((red, WRONG, "uuv_simulator, DAVE"), (found, OURS, "ours")):
+    measured = {dt: pstdev(_path(dt, time)) for dt, time in seconds.items()}
+    for sizes, color, name in ((red, WRONG, "uuv_simulator, DAVE"), (measured, OURS, "ours")):
         axes.loglog([1e3 * dt for dt in sizes], list(sizes.values()), "o-", color=color, markersize=3, label=name)
     theirs(axes, [1.0, 3.0, 10.0, 30.0, 100.0], [flows.SD] * 5, "asked for, ours")
     axes.set_ylim(0.1, 5.0)
@@ -60,8 +60,8 @@ def _sizes(axes: Axes) -> list[Finding]:
     test = f"{CURRENTS}::test_the_formula_of_others_depends_on_the_step_and_forgets_its_mean"
     own = f"{CURRENTS}::test_a_wandering_current_keeps_its_mean_and_size_at_every_step"
     return [
-        near("wandering current: sd at 10 ms", found[0.01], flows.SD, own, "m/s", rel=0.07),
-        near("sd at 100 ms", found[0.1], flows.SD, own, "m/s", rel=0.07),
+        near("wandering current: sd at 10 ms", measured[0.01], flows.SD, own, "m/s", rel=0.07),
+        near("sd at 100 ms", measured[0.1], flows.SD, own, "m/s", rel=0.07),
         near("others' formula: sd at 1 ms", red[0.001], 2.04, test, "m/s", rel=0.005),
         near("the same at 100 ms", red[0.1], 0.205, test, "m/s", rel=0.005),
     ]
@@ -98,9 +98,9 @@ def _tide(axes: Axes) -> list[Finding]:
         return velocity[0] * cos(angle) + velocity[1] * sin(angle)
 
     levels = [0.6 * cos(radians(TIDAL_SPEEDS["M2"] * hour)) for hour in hours]
-    found = [along(current(round(hour * flows.HOUR), 0.0), heading) for hour in hours]
+    speeds = [along(current(round(hour * flows.HOUR), 0.0), heading) for hour in hours]
     wrong(axes, hours, [along(flows.dave_tide(level, 255.0, 69.0), heading) for level in levels], "DAVE")
-    ours(axes, hours, found)
+    ours(axes, hours, speeds)
     theirs(axes, hours[::3], levels[::3], "M2, 0.6 m/s")
     axes.set_ylim(-0.7, 1.0)
     label(axes, "time (h)", "along the flood (m/s)", legend="upper right")
@@ -224,13 +224,13 @@ def _orbits(axes: Axes) -> list[Finding]:
     for depth, deepest, color in ((4000.0, 25.0, SHADES[0]), (5.0, 5.0, SHADES[2])):
         wave_field = swell.single(depth)
         places = [deepest * i / 25.0 for i in range(26)]
-        found = [swell.orbit(wave_field, z) for z in places]
+        orbits = [swell.orbit(wave_field, z) for z in places]
         theory = [_airy(wave_field, z) for z in places]
-        differences = [dist(f, t) for f, t in zip(found, theory, strict=True)]
+        differences = [dist(f, t) for f, t in zip(orbits, theory, strict=True)]
         worst.append(max(differences) / theory[0][0])
         name = "deep" if depth > 100.0 else "5 m"
-        axes.plot([h for h, _ in found], places, color=color, label=f"ours, {name}, level")
-        axes.plot([v for _, v in found], places, "--", color=color, label=f"ours, {name}, upright")
+        axes.plot([h for h, _ in orbits], places, color=color, label=f"ours, {name}, level")
+        axes.plot([v for _, v in orbits], places, "--", color=color, label=f"ours, {name}, upright")
         theirs(axes, [h for h, _ in theory[::2]], places[::2], "_")
         theirs(axes, [v for _, v in theory[::2]], places[::2], "Airy" if depth < 100.0 else "_")
     axes.invert_yaxis()

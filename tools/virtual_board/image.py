@@ -142,16 +142,16 @@ def _below(folder: str, prefix: str) -> Iterator[tuple[str, str]]:
 
 
 def _write(file: BinaryIO, number: int, name: str, place: str) -> None:
-    found = os.lstat(place)
+    status = os.lstat(place)
     data = b""
-    if stat.S_ISLNK(found.st_mode):
+    if stat.S_ISLNK(status.st_mode):
         data = os.readlink(place).encode()
-    elif stat.S_ISREG(found.st_mode):
+    elif stat.S_ISREG(status.st_mode):
         with open(place, "rb") as source:
             data = source.read()
-    elif not stat.S_ISDIR(found.st_mode):
+    elif not stat.S_ISDIR(status.st_mode):
         return
-    _record(file, number, found.st_mode, name, data, int(found.st_mtime))
+    _record(file, number, status.st_mode, name, data, int(status.st_mtime))
 
 
 def _add(file: BinaryIO, name: str, data: bytes, mode: int = 0o644, link: bool = False) -> None:
